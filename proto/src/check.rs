@@ -1,0 +1,313 @@
+//! Conversions that refuse what a simulation must never see: NaN, infinities,
+//! quaternions that are not of unit length, missing parts.
+
+use crate::v1;
+
+/// What is wrong with a message.
+#[derive(Debug, thiserror::Error, PartialEq)]
+pub enum Invalid {
+    /// A required part is absent.
+    #[error("{0} is missing")]
+    Missing(&'static str),
+    /// A number is NaN or infinite.
+    #[error("{what} is {value}, expected a finite number")]
+    NotFinite {
+        /// The field.
+        what: &'static str,
+        /// The number.
+        value: f64,
+    },
+    /// A quaternion is not of unit length.
+    #[error("{what} has norm {norm:.6}, expected a unit quaternion (1 ± 0.001)")]
+    NotUnit {
+        /// The field.
+        what: &'static str,
+        /// Its norm.
+        norm: f64,
+    },
+    /// A number lies outside its range.
+    #[error("{what} is {value}, expected {low} to {high}")]
+    OutOfRange {
+        /// The field.
+        what: &'static str,
+        /// The number.
+        value: f64,
+        /// Least value.
+        low: f64,
+        /// Greatest value.
+        high: f64,
+    },
+    /// A list has another length.
+    #[error("{what} has {got} values, expected {expected}")]
+    Length {
+        /// The field.
+        what: &'static str,
+        /// Number of values.
+        got: usize,
+        /// Expected number.
+        expected: usize,
+    },
+    /// A word is not known.
+    #[error("{what} is {value:?}: {expected}")]
+    Word {
+        /// The field.
+        what: &'static str,
+        /// The word.
+        value: String,
+        /// What would be right.
+        expected: &'static str,
+    },
+}
+
+/// Allowed deviation of a quaternion's norm from 1.
+pub const UNIT_TOLERANCE: f64 = 1e-3;
+
+/// Checks that a number is finite.
+///
+/// # Errors
+/// [`Invalid::NotFinite`].
+pub fn finite(what: &'static str, value: f64) -> Result<f64, Invalid> {
+    if value.is_finite() {
+        Ok(value)
+    } else {
+        Err(Invalid::NotFinite { what, value })
+    }
+}
+
+/// Checks that a number is finite and within `low..=high`.
+///
+/// # Errors
+/// [`Invalid::NotFinite`] or [`Invalid::OutOfRange`].
+pub fn within(what: &'static str, value: f64, low: f64, high: f64) -> Result<f64, Invalid> {
+    finite(what, value)?;
+    if (low..=high).contains(&value) {
+        Ok(value)
+    } else {
+        Err(Invalid::OutOfRange {
+            what,
+            value,
+            low,
+            high,
+        })
+    }
+}
+
+/// Reads a vector as `[x, y, z]`.
+///
+/// # Errors
+/// [`Invalid`] when it is absent or not finite.
+pub fn vector(what: &'static str, v: Option<&v1::Vector3>) -> Result<[f64; 3], Invalid> {
+    let v = v.ok_or(Invalid::Missing(what))?;
+    Ok([finite(what, v.x)?, finite(what, v.y)?, finite(what, v.z)?])
+}
+
+/// Reads a quaternion as `[x, y, z, w]`, normalised.
+///
+/// # Errors
+/// [`Invalid`] when it is absent, not finite or not of unit length.
+pub fn quaternion(what: &'static str, q: Option<&v1::Quaternion>) -> Result<[f64; 4], Invalid> {
+    let q = q.ok_or(Invalid::Missing(what))?;
+    let q = [
+        finite(what, q.x)?,
+        finite(what, q.y)?,
+        finite(what, q.z)?,
+        finite(what, q.w)?,
+    ];
+    let norm = q.iter().map(|c| c * c).sum::<f64>().sqrt();
+    if (norm - 1.0).abs() > UNIT_TOLERANCE {
+        return Err(Invalid::NotUnit { what, norm });
+    }
+    // A quaternion that is already of unit length keeps its bits, so that a
+    // pose survives a round trip through a message exactly.
+    Ok(if (norm - 1.0).abs() < 1e-12 {
+        q
+    } else {
+        q.map(|c| c / norm)
+    })
+}
+
+/// Reads a pose as position and quaternion `([x, y, z], [x, y, z, w])`.
+///
+/// # Errors
+/// [`Invalid`] when a part is absent, not finite or not of unit length.
+pub fn pose(what: &'static str, p: Option<&v1::Pose>) -> Result<([f64; 3], [f64; 4]), Invalid> {
+    let p = p.ok_or(Invalid::Missing(what))?;
+    Ok((
+        vector(what, p.position.as_ref())?,
+        quaternion(what, p.orientation.as_ref())?,
+    ))
+}
+
+/// Checks a list of finite numbers of a given length.
+///
+/// # Errors
+/// [`Invalid::Length`] or [`Invalid::NotFinite`].
+pub fn list<const N: usize>(what: &'static str, values: &[f64]) -> Result<[f64; N], Invalid> {
+    let list: [f64; N] = values.try_into().map_err(|_| Invalid::Length {
+        what,
+        got: values.len(),
+        expected: N,
+    })?;
+    for v in list {
+        finite(what, v)?;
+    }
+    Ok(list)
+}
+
+/// Checks every number of a command: finite, sensible ranges, unit quaternions.
+/// Ranges are wide; the robot's own limits are applied later by saturation.
+///
+/// # Errors
+/// [`Invalid`] that names the field.
+pub fn command(c: &v1::Command) -> Result<(), Invalid> {
+    use v1::arm_command::Target;
+    if let Some(arm) = &c.arm {
+        match arm.target.as_ref().ok_or(Invalid::Missing("arm target"))? {
+            Target::Joints(j) => {
+                for v in list::<6>("arm joint position", &j.position)? {
+                    within("arm joint position", v, -100.0, 100.0)?;
+                }
+            }
+            Target::Pose(p) => {
+                frame(p.frame)?;
+                pose("arm pose", p.pose.as_ref())?;
+            }
+            Target::Twist(t) => {
+                frame(t.frame)?;
+                let twist = t.twist.as_ref().ok_or(Invalid::Missing("arm twist"))?;
+                for v in vector("arm linear velocity", twist.linear.as_ref())? {
+                    within("arm linear velocity", v, -10.0, 10.0)?;
+                }
+                for v in vector("arm angular velocity", twist.angular.as_ref())? {
+                    within("arm angular velocity", v, -20.0, 20.0)?;
+                }
+            }
+            Target::Step(s) => {
+                frame(s.frame)?;
+                for v in vector("arm step translation", s.translation.as_ref())? {
+                    within("arm step translation", v, -1.0, 1.0)?;
+                }
+                for v in vector("arm step rotation", s.rotation.as_ref())? {
+                    within("arm step rotation", v, -3.2, 3.2)?;
+                }
+            }
+            Target::Hold(_) => {}
+        }
+    }
+    if let Some(base) = &c.base {
+        within("base linear speed", base.linear, -5.0, 5.0)?;
+        within("base turn rate", base.angular, -10.0, 10.0)?;
+    }
+    if let Some(gripper) = &c.gripper {
+        use v1::gripper_command::Target;
+        match gripper
+            .target
+            .as_ref()
+            .ok_or(Invalid::Missing("gripper target"))?
+        {
+            Target::Opening(m) => within("gripper opening", *m, 0.0, 0.085)?,
+            Target::Knuckle(q) => within("gripper knuckle angle", *q, 0.0, 0.8)?,
+        };
+        within("gripper force", gripper.max_force, 0.0, 235.0)?;
+    }
+    v1::Phase::try_from(c.phase).map_err(|_| Invalid::Word {
+        what: "phase",
+        value: c.phase.to_string(),
+        expected: "a value of wheelarm.v1.Phase",
+    })?;
+    Ok(())
+}
+
+fn frame(value: i32) -> Result<v1::CommandFrame, Invalid> {
+    v1::CommandFrame::try_from(value).map_err(|_| Invalid::Word {
+        what: "command frame",
+        value: value.to_string(),
+        expected: "a value of wheelarm.v1.CommandFrame",
+    })
+}
+
+/// Checks the label of an episode: it becomes a file name.
+///
+/// # Errors
+/// [`Invalid::Word`].
+pub fn label(text: &str) -> Result<(), Invalid> {
+    let fits = (1..=100).contains(&text.len())
+        && !text.starts_with('.')
+        && text
+            .bytes()
+            .all(|b| b.is_ascii_alphanumeric() || matches!(b, b'-' | b'_' | b'.'));
+    if fits {
+        Ok(())
+    } else {
+        Err(Invalid::Word {
+            what: "label",
+            value: text.to_owned(),
+            expected: "1 to 100 letters, digits, `-`, `_` or `.`, not starting with `.`, because it names the file",
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn pose_of(q: [f64; 4]) -> v1::Pose {
+        v1::Pose {
+            position: Some(v1::Vector3 {
+                x: 1.0,
+                y: 2.0,
+                z: 3.0,
+            }),
+            orientation: Some(v1::Quaternion {
+                x: q[0],
+                y: q[1],
+                z: q[2],
+                w: q[3],
+            }),
+        }
+    }
+
+    #[test]
+    fn a_pose_survives_a_round_trip_exactly() {
+        let q = [0.5, -0.5, 0.5, 0.5];
+        assert_eq!(pose("p", Some(&pose_of(q))), Ok(([1.0, 2.0, 3.0], q)));
+    }
+
+    #[test]
+    fn quaternions_that_are_not_of_unit_length_are_refused() {
+        for q in [[0.0; 4], [0.0, 0.0, 0.0, 1.1], [f64::NAN, 0.0, 0.0, 1.0]] {
+            assert!(pose("p", Some(&pose_of(q))).is_err(), "{q:?} was taken");
+        }
+    }
+
+    #[test]
+    fn commands_with_nan_or_wrong_lengths_are_refused() {
+        let joints = |position| v1::Command {
+            arm: Some(v1::ArmCommand {
+                target: Some(v1::arm_command::Target::Joints(v1::JointTarget {
+                    position,
+                })),
+            }),
+            ..Default::default()
+        };
+        assert!(command(&joints(vec![0.0; 6])).is_ok());
+        assert!(command(&joints(vec![0.0; 5])).is_err());
+        assert!(command(&joints(vec![f64::NAN; 6])).is_err());
+        let base = v1::Command {
+            base: Some(v1::BaseCommand {
+                linear: f64::INFINITY,
+                angular: 0.0,
+            }),
+            ..Default::default()
+        };
+        assert!(command(&base).is_err());
+    }
+
+    #[test]
+    fn labels_cannot_leave_the_folder() {
+        assert!(label("pick_mustard-01").is_ok());
+        for bad in ["", "../x", "a/b", ".hidden", "ä", &"x".repeat(101)] {
+            assert!(label(bad).is_err(), "{bad:?} was taken");
+        }
+    }
+}

@@ -1,0 +1,217 @@
+//! Every key expression of a server, in one place.
+//!
+//! `{sim}` names a server, so that many share one network.
+//!
+//! | key | message | direction |
+//! |---|---|---|
+//! | `wheelarm/{sim}/alive` | liveliness token | server |
+//! | `wheelarm/{sim}/command` | `Command` | commander → server |
+//! | `wheelarm/{sim}/refusal` | `Refusal` | server → commanders |
+//! | `wheelarm/{sim}/stream/{name}` | see `names::STREAMS` | server → all |
+//! | `wheelarm/{sim}/camera/{name}` | `CameraFrame` | server → all |
+//! | `wheelarm/{sim}/episode/start` | `EpisodeStarted` | server → all |
+//! | `wheelarm/{sim}/episode/stop` | `EpisodeStopped` | server → all |
+//! | `wheelarm/{sim}/recorder/{name}` | `RecorderStatus` | recorder → server |
+//! | `wheelarm/{sim}/recorder/{name}/alive` | liveliness token | recorder |
+//! | `wheelarm/{sim}/query/{name}` | see [`Query`] | query |
+//!
+//! A query answers either its reply message or, as an error reply, `Failure`.
+
+/// First chunk of every key.
+pub const PREFIX: &str = "wheelarm";
+
+/// Name that a server takes when none is given.
+pub const DEFAULT_SIM: &str = "sim";
+
+/// Queries that a server answers.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Query {
+    /// No payload → `Status`.
+    Status,
+    /// No payload → `SceneReply`.
+    Scene,
+    /// No payload → `TaskList`.
+    Tasks,
+    /// `ReachRequest` → `ReachReply`.
+    Reach,
+    /// `ResetRequest` → `ResetReply`.
+    Reset,
+    /// No payload → `Ack`.
+    Pause,
+    /// No payload → `Ack`.
+    Resume,
+    /// `EpisodeStartRequest` → `EpisodeStarted`.
+    EpisodeStart,
+    /// `EpisodeStopRequest` → `EpisodeStopped`.
+    EpisodeStop,
+    /// No payload → `SnapshotReply` of the running episode's first tick.
+    Snapshot,
+    /// No payload → `Ack`; the server ends.
+    Shutdown,
+}
+
+impl Query {
+    /// Every query.
+    pub const ALL: [Self; 11] = [
+        Self::Status,
+        Self::Scene,
+        Self::Tasks,
+        Self::Reach,
+        Self::Reset,
+        Self::Pause,
+        Self::Resume,
+        Self::EpisodeStart,
+        Self::EpisodeStop,
+        Self::Snapshot,
+        Self::Shutdown,
+    ];
+
+    /// Last chunk of the key.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Status => "status",
+            Self::Scene => "scene",
+            Self::Tasks => "tasks",
+            Self::Reach => "reach",
+            Self::Reset => "reset",
+            Self::Pause => "pause",
+            Self::Resume => "resume",
+            Self::EpisodeStart => "episode_start",
+            Self::EpisodeStop => "episode_stop",
+            Self::Snapshot => "snapshot",
+            Self::Shutdown => "shutdown",
+        }
+    }
+}
+
+/// The keys of one server.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Keys {
+    sim: String,
+}
+
+/// A server name that cannot stand in a key.
+#[derive(Debug, thiserror::Error, PartialEq, Eq)]
+#[error(
+    "server name {0:?} must be 1 to 64 letters, digits, `-` or `_` (it stands in a key expression)"
+)]
+pub struct BadName(pub String);
+
+/// Checks a name that stands in a key: 1 to 64 letters, digits, `-`, `_`.
+///
+/// # Errors
+/// [`BadName`] when it has another length or character.
+pub fn check_name(name: &str) -> Result<(), BadName> {
+    let fits = (1..=64).contains(&name.len())
+        && name
+            .bytes()
+            .all(|b| b.is_ascii_alphanumeric() || b == b'-' || b == b'_');
+    if fits {
+        Ok(())
+    } else {
+        Err(BadName(name.to_owned()))
+    }
+}
+
+impl Keys {
+    /// Keys of the server `sim`.
+    ///
+    /// # Errors
+    /// [`BadName`] when the name cannot stand in a key expression.
+    pub fn new(sim: &str) -> Result<Self, BadName> {
+        check_name(sim)?;
+        Ok(Self {
+            sim: sim.to_owned(),
+        })
+    }
+
+    /// The server's name.
+    #[must_use]
+    pub fn sim(&self) -> &str {
+        &self.sim
+    }
+
+    fn key(&self, rest: &str) -> String {
+        format!("{PREFIX}/{}/{rest}", self.sim)
+    }
+
+    /// Liveliness token of the server.
+    #[must_use]
+    pub fn alive(&self) -> String {
+        self.key("alive")
+    }
+
+    /// Commands of every commander.
+    #[must_use]
+    pub fn command(&self) -> String {
+        self.key("command")
+    }
+
+    /// Refused commands.
+    #[must_use]
+    pub fn refusal(&self) -> String {
+        self.key("refusal")
+    }
+
+    /// One state stream.
+    #[must_use]
+    pub fn stream(&self, name: &str) -> String {
+        self.key(&format!("stream/{name}"))
+    }
+
+    /// One camera.
+    #[must_use]
+    pub fn camera(&self, name: &str) -> String {
+        self.key(&format!("camera/{name}"))
+    }
+
+    /// Start of an episode.
+    #[must_use]
+    pub fn episode_start(&self) -> String {
+        self.key("episode/start")
+    }
+
+    /// End of an episode.
+    #[must_use]
+    pub fn episode_stop(&self) -> String {
+        self.key("episode/stop")
+    }
+
+    /// Status of one recorder; `*` for all.
+    #[must_use]
+    pub fn recorder(&self, name: &str) -> String {
+        self.key(&format!("recorder/{name}"))
+    }
+
+    /// Liveliness token of one recorder; `*` for all.
+    #[must_use]
+    pub fn recorder_alive(&self, name: &str) -> String {
+        self.key(&format!("recorder/{name}/alive"))
+    }
+
+    /// A query.
+    #[must_use]
+    pub fn query(&self, query: Query) -> String {
+        self.key(&format!("query/{}", query.name()))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn keys_of_two_servers_differ() {
+        let a = Keys::new("a").unwrap();
+        assert_eq!(a.stream("imu"), "wheelarm/a/stream/imu");
+        assert_ne!(a.command(), Keys::new("b").unwrap().command());
+    }
+
+    #[test]
+    fn names_that_would_break_a_key_are_refused() {
+        for bad in ["", "a/b", "*", "a b", "ü", &"x".repeat(65)] {
+            assert!(Keys::new(bad).is_err(), "{bad:?} was taken");
+        }
+    }
+}

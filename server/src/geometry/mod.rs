@@ -1,0 +1,93 @@
+//! Shapes and triangle meshes: plain data that scene, robot, physics and
+//! cameras share. Nothing here knows how a shape collides or is drawn.
+
+use nalgebra::Isometry3;
+
+/// A solid or a surface in its own frame, metres. Axes of symmetry are z.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Shape {
+    /// Box with half extents along x, y, z.
+    Cuboid { half: [f64; 3] },
+    /// Box with rounded edges; `half` includes the rounding `radius`.
+    RoundedCuboid { half: [f64; 3], radius: f64 },
+    /// Cylinder about z, centred.
+    Cylinder { radius: f64, half_height: f64 },
+    /// Capsule about z, centred; `half_height` is that of the cylindrical part.
+    Capsule { radius: f64, half_height: f64 },
+    /// Ball.
+    Sphere { radius: f64 },
+    /// Truncated cone about z, centred.
+    Frustum {
+        bottom_radius: f64,
+        top_radius: f64,
+        half_height: f64,
+    },
+    /// Open cup about z standing on z = 0: collides as wall pieces and a floor.
+    Cup {
+        bottom_radius: f64,
+        top_radius: f64,
+        height: f64,
+        wall: f64,
+    },
+    /// Surface of revolution about z through `[radius, z]` points; drawn only.
+    Lathe { profile: Vec<[f64; 2]> },
+    /// Mesh file (OBJ or glTF) below the assets folder; collides as its convex hull.
+    Mesh { path: String, scale: f64 },
+}
+
+/// A shape at a place.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Part {
+    /// Pose of the shape in its body (body_from_shape).
+    pub pose: Isometry3<f64>,
+    /// The shape.
+    pub shape: Shape,
+}
+
+/// Triangles with normals and texture coordinates.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct TriMesh {
+    /// Vertex positions, metres.
+    pub positions: Vec<[f32; 3]>,
+    /// Unit normals, one per vertex.
+    pub normals: Vec<[f32; 3]>,
+    /// Texture coordinates, one per vertex; one unit is one metre of surface.
+    pub uvs: Vec<[f32; 2]>,
+    /// Vertex indices, three per triangle, counter-clockwise from outside.
+    pub indices: Vec<u32>,
+}
+
+/// What a surface looks like. Colours are sRGB, 0 to 1.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Material {
+    /// Name in assets/materials.
+    pub name: String,
+    /// Base colour, sRGB.
+    pub color: [f32; 3],
+    /// Roughness, 0 (mirror) to 1.
+    pub roughness: f32,
+    /// 0 dielectric, 1 metal.
+    pub metallic: f32,
+    /// Light given off, as a fraction of the base colour.
+    pub emission: f32,
+    /// Procedural texture that multiplies the colour.
+    pub texture: Option<Texture>,
+}
+
+/// A procedural texture, 512 x 512.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Texture {
+    /// Pattern name: `planks`, `tiles`, `plaster`, `wood`, `fabric`, `marble`, `label`, ….
+    pub pattern: String,
+    /// Metres of surface that one repetition covers.
+    pub metres: f32,
+}
+
+/// A part that is drawn.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Visual {
+    /// Place and shape.
+    pub part: Part,
+    /// Look.
+    pub material: Material,
+}

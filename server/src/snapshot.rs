@@ -1,0 +1,84 @@
+//! The state after a step, as plain data that sensors and tasks read.
+
+use nalgebra::{Isometry3, Vector3};
+use wheelarm_proto::stamp_nanos;
+
+/// State of the simulation after one physics tick. Never changed afterwards.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Snapshot {
+    /// Physics tick, 240 per second.
+    pub tick: u64,
+    /// Joints in the order of `RobotModel::joints` (all of them, mimic joints included).
+    pub joints: Vec<JointState>,
+    /// Links in the order of `RobotModel::links`.
+    pub links: Vec<BodyState>,
+    /// Objects in the order of `Scene::objects`.
+    pub objects: Vec<BodyState>,
+    /// Touching pairs that involve the robot or an object, summed per pair.
+    pub contacts: Vec<Contact>,
+    /// Oddities that were met in this step; empty when all is well.
+    pub anomalies: Vec<Anomaly>,
+}
+
+impl Snapshot {
+    /// Simulation time in nanoseconds.
+    #[must_use]
+    pub fn stamp_nanos(&self) -> u64 {
+        stamp_nanos(self.tick)
+    }
+}
+
+/// One joint.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct JointState {
+    /// Radians (unwrapped) or metres.
+    pub position: f64,
+    /// rad/s or m/s.
+    pub velocity: f64,
+    /// Torque of the drive, N·m, or force, N.
+    pub effort: f64,
+}
+
+/// One rigid body or frame.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct BodyState {
+    /// Pose of the body's frame in `house` (world_from_body).
+    pub pose: Isometry3<f64>,
+    /// Velocity of the frame's origin in `house`, m/s.
+    pub linear: Vector3<f64>,
+    /// Angular velocity in `house`, rad/s.
+    pub angular: Vector3<f64>,
+}
+
+/// A body that can touch another.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum BodyRef {
+    /// Index into `RobotModel::links`.
+    Link(usize),
+    /// Index into `Scene::objects`.
+    Object(usize),
+    /// Index into `Scene::furniture`.
+    Furniture(usize),
+}
+
+/// A touching pair, summed over its points.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Contact {
+    /// First body.
+    pub first: BodyRef,
+    /// Second body.
+    pub second: BodyRef,
+    /// Mean contact point in `house`, metres.
+    pub point: Vector3<f64>,
+    /// Force on the second body in `house`, N, averaged over the last step.
+    pub force: Vector3<f64>,
+}
+
+/// Something that a simulation should not meet; reported, never a panic.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Anomaly {
+    /// A body's state is not finite.
+    NotFinite(BodyRef),
+    /// An object left the house.
+    Escaped(BodyRef),
+}
