@@ -1,6 +1,8 @@
 //! The robot as a model: URDF, kinematics and control laws. Pure: no physics,
 //! no drawing, no network.
 
+pub mod control;
+
 use nalgebra::{Isometry3, Matrix3, Point3, Unit, Vector3};
 
 use crate::geometry::{Part, Visual};

@@ -90,3 +90,14 @@ pub struct RoomCamera {
     /// Horizontal field of view, radians.
     pub horizontal_fov: f64,
 }
+
+/// What was drawn for one object, in the order of `Scene::objects`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Placement {
+    /// world_from_object at the start.
+    pub pose: Isometry3<f64>,
+    /// kg; the inertia scales with it.
+    pub mass: f64,
+    /// Coulomb friction coefficient.
+    pub friction: f64,
+}
