@@ -1,0 +1,400 @@
+//! The robot in the engine: one multibody for chair, arm and gripper, the
+//! wheels on impulse joints (a fifth cheaper, same behaviour), couplings for
+//! the linkage of the gripper.
+
+use nalgebra::{Isometry3, UnitQuaternion, Vector3};
+use rapier3d::dynamics::{Multibody, MultibodyDofCoupling, MultibodyIndex, MultibodyLink};
+use rapier3d::prelude::{
+    ActiveHooks, CoefficientCombineRule, ColliderBuilder, GenericJoint, GenericJointBuilder, Group,
+    ImpulseJointHandle, InteractionGroups, InteractionTestMode, JointAxesMask, JointAxis,
+    PhysicsWorld, RigidBodyBuilder, RigidBodyHandle,
+};
+
+use super::WorldError;
+use super::contact::tag;
+use super::convert::{from_pose, mass_properties, pose, real};
+use super::shape::solids;
+use super::tree::{Tree, TreeJoint, TreePart};
+use crate::robot::{JointKind, RobotModel};
+use crate::snapshot::BodyRef;
+
+/// Collision group of everything that is not the robot.
+pub(super) const SCENE_GROUP: Group = Group::GROUP_32;
+/// Collision group of the chair; the arm's groups follow by depth.
+const CHAIR_BIT: u32 = 1;
+/// Links of the arm at least this many joints from its base may touch the chair.
+const CHAIR_CLEAR: u32 = 2;
+/// Links of the arm this many joints apart may touch each other.
+const ARM_CLEAR: u32 = 4;
+
+/// Friction of the robot's shell (painted metal and plastic; a guess).
+const SHELL_FRICTION: f32 = 0.5;
+/// Friction of the driven wheels: rubber, the larger coefficient counts.
+const TYRE_FRICTION: f32 = 1.0;
+/// Friction of the front omni wheels, the smaller coefficient counts: they
+/// roll forward as wheels and slip sideways on their rollers.
+const ROLLER_FRICTION: f32 = 0.02;
+/// Reflected inertia of the gripper's motor at a crank, kg·m² (MuJoCo Menagerie, robotiq_2f85).
+const CRANK_ARMATURE: f32 = 0.005;
+
+/// What a collider of the robot is made of.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Surface {
+    /// Plain shell.
+    Shell,
+    /// Driven wheel.
+    Tyre,
+    /// Front wheel.
+    Roller,
+    /// Silicone pad of a finger: it takes the coefficient of what it touches,
+    /// because the coefficient of an object is that against the pads.
+    Pad,
+}
+
+/// How a joint of the robot lives in the engine.
+#[derive(Clone, Copy, Debug)]
+enum Attachment {
+    /// Link of the multibody.
+    Multibody(usize),
+    /// Impulse joint (wheels).
+    Impulse(ImpulseJointHandle),
+}
+
+/// The robot's bodies and joints in the engine.
+#[derive(Clone, Debug)]
+pub(super) struct RobotBody {
+    /// The folded model.
+    pub tree: Tree,
+    /// Engine bodies, in the order of `tree.bodies`.
+    pub handles: Vec<RigidBodyHandle>,
+    attachments: Vec<Option<Attachment>>,
+    multibody: Option<MultibodyIndex>,
+}
+
+impl RobotBody {
+    /// Puts a robot into the engine with its root at `start` and the joint positions `q(joint)`.
+    ///
+    /// `surface(link)` says what a link is made of; joints that move a wheel
+    /// become impulse joints.
+    pub(super) fn insert(
+        physics: &mut PhysicsWorld,
+        model: &RobotModel,
+        start: &Isometry3<f64>,
+        q: impl Fn(usize) -> f64,
+        surface: impl Fn(usize) -> Surface,
+    ) -> Result<Self, WorldError> {
+        let tree = Tree::new(model)?;
+        let depths = arm_depths(model);
+        let mut frames: Vec<Isometry3<f64>> = Vec::new();
+        let mut handles = Vec::new();
+        for body in &tree.bodies {
+            let frame = match &body.joint {
+                None => *start,
+                Some(j) => {
+                    let joint = &model.joints[j.joint];
+                    let turn = joint.origin.inverse() * joint.transform(q(j.joint));
+                    frames[j.parent] * j.origin * turn
+                }
+            };
+            frames.push(frame);
+            let handle = physics.insert_body(
+                RigidBodyBuilder::dynamic()
+                    .pose(pose(&frame))
+                    .can_sleep(false)
+                    .additional_mass_properties(mass_properties(&body.mass)),
+            );
+            handles.push(handle);
+            for TreePart { link, part, pad } in &body.parts {
+                let solids = solids(part).map_err(|problem| WorldError::Shape {
+                    body: model.links[*link].name.clone(),
+                    problem,
+                })?;
+                let surface = if *pad { Surface::Pad } else { surface(*link) };
+                for (body_from_solid, shape) in solids {
+                    let collider = ColliderBuilder::new(shape)
+                        .position(body_from_solid)
+                        .density(0.0)
+                        .collision_groups(groups(depths[*link]))
+                        .user_data(tag(BodyRef::Link(*link)));
+                    physics.insert_collider(made_of(surface, collider), Some(handle));
+                }
+            }
+        }
+
+        let mut attachments = vec![None; tree.bodies.len()];
+        let mut multibody = None;
+        for (index, body) in tree.bodies.iter().enumerate() {
+            let Some(joint) = &body.joint else { continue };
+            let data = joint_data(model, joint);
+            let (parent, child) = (handles[joint.parent], handles[index]);
+            if matches!(surface(body.link), Surface::Tyre | Surface::Roller) {
+                attachments[index] = Some(Attachment::Impulse(
+                    physics.insert_impulse_joint(parent, child, data),
+                ));
+            } else if let Some(handle) = physics.insert_multibody_joint(parent, child, data) {
+                if let Some((_, id)) = physics.multibody_joints.get(handle) {
+                    attachments[index] = Some(Attachment::Multibody(id));
+                }
+                multibody = physics
+                    .multibody_joints
+                    .rigid_body_link(child)
+                    .map(|link| link.multibody);
+            }
+        }
+        let mut robot = Self {
+            tree,
+            handles,
+            attachments,
+            multibody,
+        };
+        robot.set_positions(physics, &q);
+        robot.couple(physics, model);
+        Ok(robot)
+    }
+
+    /// Gives the multibody its joint positions, no damping, and the cranks their armature.
+    fn set_positions(&mut self, physics: &mut PhysicsWorld, q: &impl Fn(usize) -> f64) {
+        let ids: Vec<(usize, usize)> = self.multibody_links().collect();
+        let Some(multibody) = self
+            .multibody
+            .and_then(|index| physics.multibody_joints.get_multibody_mut(index))
+        else {
+            return;
+        };
+        multibody.forward_kinematics(&physics.bodies, true);
+        let mut displacement = vec![0.0; multibody.ndofs()];
+        for &(body, link) in &ids {
+            let (Some(joint), Some(link)) = (&self.tree.bodies[body].joint, multibody.link(link))
+            else {
+                continue;
+            };
+            displacement[link.assembly_id()] = real(q(joint.joint));
+        }
+        multibody.apply_displacements(&displacement);
+        multibody.forward_kinematics(&physics.bodies, false);
+        multibody.update_rigid_bodies(&mut physics.bodies, true);
+        multibody.damping_mut().fill(0.0);
+    }
+
+    /// Couples joints that follow another one. Where the followed joint is also
+    /// followed by the joint's own parent, the coupling goes to that parent: a
+    /// finger tip follows its own crank.
+    fn couple(&mut self, physics: &mut PhysicsWorld, model: &RobotModel) {
+        let mut couplings = Vec::new();
+        let mut cranks = Vec::new();
+        for (body, link) in self.multibody_links() {
+            let Some(joint) = &self.tree.bodies[body].joint else {
+                continue;
+            };
+            let Some((master, multiplier, offset)) = model.joints[joint.joint].mimic else {
+                continue;
+            };
+            let parent_joint = self.tree.bodies[joint.parent].joint.map(|j| j.joint);
+            let parent_mimic = parent_joint.and_then(|j| model.joints[j].mimic);
+            let (leader, coeff, offset) = match (parent_joint, parent_mimic) {
+                (Some(parent), Some((m, k, o))) if m == master && k != 0.0 => {
+                    (parent, multiplier / k, offset - multiplier * o / k)
+                }
+                _ => (master, multiplier, offset),
+            };
+            let Some(leader_body) = self.tree.body_moved_by(leader) else {
+                continue;
+            };
+            let Some(Attachment::Multibody(leader_link)) = self.attachments[leader_body] else {
+                continue;
+            };
+            if parent_joint != Some(leader) {
+                cranks.extend([leader_link, link]);
+            }
+            couplings.push(MultibodyDofCoupling {
+                link1: leader_link,
+                dof1: 0,
+                axis1: JointAxis::AngX as usize,
+                link2: link,
+                dof2: 0,
+                axis2: JointAxis::AngX as usize,
+                coeff: real(coeff),
+                offset: real(offset),
+            });
+        }
+        let Some(multibody) = self
+            .multibody
+            .and_then(|index| physics.multibody_joints.get_multibody_mut(index))
+        else {
+            return;
+        };
+        for link in cranks {
+            if let Some(dof) = multibody.link(link).map(MultibodyLink::assembly_id) {
+                multibody.armature_mut()[dof] = CRANK_ARMATURE;
+            }
+        }
+        for coupling in couplings {
+            multibody.add_dof_coupling(coupling);
+        }
+    }
+
+    fn multibody_links(&self) -> impl Iterator<Item = (usize, usize)> + '_ {
+        self.attachments
+            .iter()
+            .enumerate()
+            .filter_map(|(body, a)| match a {
+                Some(Attachment::Multibody(link)) => Some((body, *link)),
+                _ => None,
+            })
+    }
+
+    fn multibody<'a>(&self, physics: &'a PhysicsWorld) -> Option<&'a Multibody> {
+        physics.multibody_joints.get_multibody(self.multibody?)
+    }
+
+    /// Data of the joint that moves a body.
+    pub(super) fn joint<'a>(
+        &self,
+        physics: &'a PhysicsWorld,
+        body: usize,
+    ) -> Option<&'a GenericJoint> {
+        match self.attachments[body]? {
+            Attachment::Multibody(link) => {
+                Some(&self.multibody(physics)?.link(link)?.joint().data)
+            }
+            Attachment::Impulse(handle) => Some(&physics.impulse_joints.get(handle)?.data),
+        }
+    }
+
+    /// Data of the joint that moves a body, to set its motor.
+    pub(super) fn joint_mut<'a>(
+        &self,
+        physics: &'a mut PhysicsWorld,
+        body: usize,
+    ) -> Option<&'a mut GenericJoint> {
+        match self.attachments[body]? {
+            Attachment::Multibody(link) => {
+                let multibody = physics.multibody_joints.get_multibody_mut(self.multibody?)?;
+                Some(&mut multibody.link_mut(link)?.joint.data)
+            }
+            Attachment::Impulse(handle) => {
+                Some(&mut physics.impulse_joints.get_mut(handle, false)?.data)
+            }
+        }
+    }
+
+    /// Position (rad; wheels within ±π) and velocity (rad/s) of the joint that moves a body.
+    pub(super) fn joint_state(&self, physics: &PhysicsWorld, body: usize) -> (f64, f64) {
+        match self.attachments[body] {
+            Some(Attachment::Multibody(link)) => self
+                .multibody(physics)
+                .and_then(|mb| {
+                    let link = mb.link(link)?;
+                    let q = link.joint().coords()[JointAxis::AngX as usize];
+                    let v = mb.joint_velocity(link)[0];
+                    Some((f64::from(q), f64::from(v)))
+                })
+                .unwrap_or_default(),
+            Some(Attachment::Impulse(handle)) => physics
+                .impulse_joints
+                .get(handle)
+                .map(|joint| {
+                    let (parent, child) = (&physics.bodies[joint.body1()], &physics.bodies[joint.body2()]);
+                    let parent_from_joint = parent.position() * joint.data.local_frame1;
+                    let child_from_joint = child.position() * joint.data.local_frame2;
+                    let turned = parent_from_joint.inv_mul(&child_from_joint).rotation;
+                    let mut angle = 2.0 * f64::from(turned.x).atan2(f64::from(turned.w));
+                    angle -= std::f64::consts::TAU * (angle / std::f64::consts::TAU).round();
+                    let axis = parent_from_joint.rotation * rapier3d::math::Vector::X;
+                    let speed = (child.angvel() - parent.angvel()).dot(axis);
+                    (angle, f64::from(speed))
+                })
+                .unwrap_or_default(),
+            None => (0.0, 0.0),
+        }
+    }
+
+    /// Pose of a body's frame in `house`.
+    pub(super) fn frame(&self, physics: &PhysicsWorld, body: usize) -> Isometry3<f64> {
+        from_pose(physics.bodies[self.handles[body]].position())
+    }
+
+    /// Normalises the rotation of the free root, which the engine never does.
+    pub(super) fn normalise_root(&self, physics: &mut PhysicsWorld) {
+        let Some(root) = physics.bodies.get_mut(self.handles[0]) else {
+            return;
+        };
+        let rotation = root.rotation().normalize();
+        root.set_rotation(rotation, false);
+    }
+}
+
+fn joint_data(model: &RobotModel, tree_joint: &TreeJoint) -> GenericJoint {
+    let joint = &model.joints[tree_joint.joint];
+    let joint_from_x = UnitQuaternion::rotation_between_axis(&Vector3::x_axis(), &joint.axis)
+        .unwrap_or_else(|| {
+            UnitQuaternion::from_axis_angle(&Vector3::z_axis(), std::f64::consts::PI)
+        });
+    let joint_from_x = Isometry3::from_parts(nalgebra::Translation3::identity(), joint_from_x);
+    let mut data = GenericJointBuilder::new(JointAxesMask::LOCKED_REVOLUTE_AXES)
+        .local_frame1(pose(&(tree_joint.origin * joint_from_x)))
+        .local_frame2(pose(&joint_from_x))
+        .contacts_enabled(false);
+    if joint.kind == JointKind::Revolute && joint.mimic.is_none() {
+        data = data.limits(
+            JointAxis::AngX,
+            [real(joint.limits.lower), real(joint.limits.upper)],
+        );
+    }
+    data.build()
+}
+
+/// Number of moving joints between the arm's base and each link; `None` on the chair.
+fn arm_depths(model: &RobotModel) -> Vec<Option<u32>> {
+    let mut depths = vec![None; model.links.len()];
+    for (index, link) in model.links.iter().enumerate() {
+        if link.name == model.settings.arm_base_link {
+            depths[index] = Some(0);
+        } else if let Some(joint) = index.checked_sub(1).map(|j| &model.joints[j]) {
+            let moves = u32::from(joint.kind != JointKind::Fixed);
+            depths[index] = depths[joint.parent].map(|d: u32| d + moves);
+        }
+    }
+    depths
+}
+
+/// Collision groups of a link: everything of the scene, and those parts of
+/// the robot itself that can be reached.
+fn groups(depth: Option<u32>) -> InteractionGroups {
+    const DEEPEST: u32 = 15;
+    let arm_bit = |d: u32| CHAIR_BIT << (1 + d.min(DEEPEST));
+    let (own, others) = match depth {
+        None => (
+            CHAIR_BIT,
+            (CHAIR_CLEAR..=DEEPEST).map(arm_bit).fold(0, |a, b| a | b),
+        ),
+        Some(depth) => {
+            let chair = if depth >= CHAIR_CLEAR { CHAIR_BIT } else { 0 };
+            let arm = (0..=DEEPEST)
+                .filter(|d| d.abs_diff(depth) >= ARM_CLEAR)
+                .map(arm_bit)
+                .fold(0, |a, b| a | b);
+            (arm_bit(depth), chair | arm)
+        }
+    };
+    InteractionGroups::new(
+        Group::from_bits_truncate(own),
+        Group::from_bits_truncate(others) | SCENE_GROUP,
+        InteractionTestMode::And,
+    )
+}
+
+fn made_of(surface: Surface, collider: ColliderBuilder) -> ColliderBuilder {
+    let (friction, rule) = match surface {
+        Surface::Shell => (SHELL_FRICTION, CoefficientCombineRule::Average),
+        Surface::Tyre => (TYRE_FRICTION, CoefficientCombineRule::Max),
+        Surface::Roller => (ROLLER_FRICTION, CoefficientCombineRule::Min),
+        Surface::Pad => (1.0, CoefficientCombineRule::Multiply),
+    };
+    let collider = collider.friction(friction).friction_combine_rule(rule);
+    if surface == Surface::Pad {
+        collider.active_hooks(ActiveHooks::MODIFY_SOLVER_CONTACTS)
+    } else {
+        collider
+    }
+}
