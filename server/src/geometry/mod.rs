@@ -1,6 +1,11 @@
 //! Shapes and triangle meshes: plain data that scene, robot, physics and
 //! cameras share. Nothing here knows how a shape collides or is drawn.
 
+mod load;
+mod load_normals;
+pub mod mesh;
+mod mesh_revolve;
+
 use nalgebra::{Isometry3, Vector3};
 
 /// A solid or a surface in its own frame, metres. Axes of symmetry are z.
