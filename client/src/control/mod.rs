@@ -135,6 +135,7 @@ pub fn start_episode(
             instruction: args.instruction.clone(),
             require_recorders: args.require_recorders,
             commander: args.commander.clone(),
+            ..Default::default()
         },
     )
 }

@@ -8,6 +8,7 @@ use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
 use wheelarm_proto::PHYSICS_HZ;
 
+use crate::robot::ImuSettings;
 use crate::snapshot::BodyState;
 
 /// Standard gravity used by the simulation, m/s².
@@ -20,6 +21,22 @@ pub struct Noise {
     pub angular: f64,
     /// Of each axis of the specific force, m/s².
     pub linear: f64,
+    /// Of the orientation about each axis, rad.
+    pub orientation: f64,
+}
+
+impl Noise {
+    /// From the densities of a robot description: a sample of white noise of
+    /// density d at f Hz has the deviation d·√f.
+    #[must_use]
+    pub fn from_settings(settings: &ImuSettings) -> Self {
+        let root = (PHYSICS_HZ as f64).sqrt();
+        Self {
+            angular: settings.gyro_noise * root,
+            linear: settings.acceleration_noise * root,
+            orientation: settings.orientation_noise,
+        }
+    }
 }
 
 /// One measurement, in the IMU link unless said otherwise.
@@ -75,6 +92,9 @@ impl Imu {
                 sample.angular_velocity[axis] += noise.angular * normal(&mut rng);
                 sample.linear_acceleration[axis] += noise.linear * normal(&mut rng);
             }
+            let mut turn = || noise.orientation * normal(&mut rng);
+            let turn = Vector3::new(turn(), turn(), turn());
+            sample.orientation *= UnitQuaternion::from_scaled_axis(turn);
         }
         sample
     }
@@ -114,7 +134,7 @@ mod tests {
 
     #[test]
     fn noise_has_the_stated_deviation_and_follows_the_seed() {
-        let noise = Some(Noise { angular: 0.01, linear: 0.1 });
+        let noise = Some(Noise { angular: 0.01, linear: 0.1, orientation: 0.001 });
         let run = |seed| {
             let mut imu = Imu::new(seed);
             (0..4000).map(|t| imu.measure(t, &still(), noise)).collect::<Vec<_>>()

@@ -144,9 +144,7 @@ impl Engine {
     fn reach(&self, request: v1::ReachRequest) -> Result<v1::ReachReply, String> {
         let pose = convert::isometry("pose", request.pose.as_ref()).map_err(|e| e.to_string())?;
         let guess = self.sim.control().arm_position();
-        let solved = ArmKinematics::new(self.sim.model())
-            .map_err(|e| e.to_string())?
-            .solve(&pose, &guess);
+        let solved = ArmKinematics::new(self.sim.model()).solve(&pose, &guess);
         let header = Some(self.stamp());
         Ok(match solved {
             Ok(solution) => v1::ReachReply {
@@ -167,11 +165,19 @@ impl Engine {
     fn snapshot(&self) -> Result<v1::SnapshotReply, String> {
         let episode = self.episode.as_ref().ok_or("no episode is running")?;
         let scenario = self.sim.scenario();
-        let assets = scene::asset_texts(self.sim.assets(), scenario)
-            .map_err(|e| e.to_string())?
-            .into_iter()
-            .map(|(path, text)| v1::AssetText { path, text })
-            .collect();
+        let read = |path: String| {
+            let text = std::fs::read_to_string(self.sim.assets().join(&path)).unwrap_or_default();
+            v1::AssetText { path, text }
+        };
+        let robot = format!("robots/{}", scenario.robot);
+        let mut assets = vec![read(format!("{robot}/robot.toml"))];
+        assets.push(read(format!("{robot}/{}", self.sim.model().settings.urdf)));
+        if !scenario.task.is_empty() {
+            assets.push(read(format!("tasks/{}.toml", scenario.task)));
+        }
+        let scene = scene::asset_texts(self.sim.assets(), &scenario.scene);
+        let scene = scene.map_err(|e| e.to_string())?;
+        assets.extend(scene.into_iter().map(|a| v1::AssetText { path: a.path, text: a.text }));
         Ok(v1::SnapshotReply {
             header: episode.started.header.clone(),
             snapshot: episode.snapshot.clone(),

@@ -170,7 +170,7 @@ impl Simulation {
     /// Reads the sensors that are due at the present tick.
     fn sense(&mut self, step: &mut Step) {
         let tick = self.snapshot.tick;
-        let noise = self.scenario.imu_noise.then_some(self.model.settings.imu_noise);
+        let noise = self.scenario.imu_noise.then(|| imu::Noise::from_settings(&self.model.settings.imu));
         let sample = self.imu.measure(tick, &self.snapshot.links[self.indices.imu], noise);
         if self.schedules.imu.due(tick) {
             step.imu.push(sample);
