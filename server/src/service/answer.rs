@@ -170,8 +170,10 @@ impl Engine {
             v1::AssetText { path, text }
         };
         let robot = format!("robots/{}", scenario.robot);
-        let mut assets = vec![read(format!("{robot}/robot.toml"))];
-        assets.push(read(format!("{robot}/{}", self.sim.model().settings.urdf)));
+        let mut assets: Vec<_> = robot_files(&self.sim.assets().join(&robot))
+            .into_iter()
+            .map(|file| read(format!("{robot}/{file}")))
+            .collect();
         if !scenario.task.is_empty() {
             assets.push(read(format!("tasks/{}.toml", scenario.task)));
         }
@@ -185,6 +187,16 @@ impl Engine {
             instances: self.instances(),
         })
     }
+}
+
+/// The URDF and TOML files of a robot folder, by name.
+fn robot_files(folder: &std::path::Path) -> Vec<String> {
+    let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
+    let names = entries.filter_map(|e| e.file_name().into_string().ok());
+    let mut names: Vec<_> =
+        names.filter(|n| n.ends_with(".urdf") || n.ends_with(".toml")).collect();
+    names.sort();
+    names
 }
 
 fn decode<M: Message + Default>(payload: &[u8]) -> Result<M, String> {
