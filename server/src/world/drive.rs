@@ -12,11 +12,14 @@ use wheelarm_proto::names::JOINT_NAMES;
 
 use super::WorldError;
 use super::body::{RobotBody, Surface};
-use super::convert::{from_vector, real};
+use super::convert::{from_vector, real, vector};
+use super::wheels::Wheels;
 use crate::robot::RobotModel;
 use crate::robot::control::Targets;
 
-/// Velocity gain of a driven wheel, N·m·s/rad: 30 N·m at an error of 0.04 m/s.
+/// Gains of a driven wheel, N·m/rad and N·m·s/rad: the cap of 30 N·m is
+/// reached 4 mm behind the led position or at an error of 0.04 m/s.
+const WHEEL_STIFFNESS: f64 = 1000.0;
 const WHEEL_DAMPING: f64 = 100.0;
 /// Gains of each crank of the gripper, N·m/rad and N·m·s/rad: the cap of 60 N
 /// is reached 0.02 rad behind the target; near critical damping with the armature.
@@ -115,14 +118,24 @@ impl Drives {
     }
 
     /// Sets all motors for the coming tick.
-    pub(super) fn drive(&self, physics: &mut PhysicsWorld, robot: &RobotBody, targets: &Targets) {
-        for (wheel, speed) in self.wheels.into_iter().zip(targets.wheel_velocity) {
-            let gains = Gains {
-                stiffness: 0.0,
-                damping: WHEEL_DAMPING,
-                torque: self.wheel_torque,
-            };
-            set_motor(physics, robot, wheel, 0.0, speed, gains);
+    pub(super) fn drive(
+        &self,
+        physics: &mut PhysicsWorld,
+        robot: &RobotBody,
+        wheels: &mut Wheels,
+        targets: &Targets,
+    ) {
+        let gains = Gains {
+            stiffness: WHEEL_STIFFNESS,
+            damping: WHEEL_DAMPING,
+            torque: self.wheel_torque,
+        };
+        let dt = f64::from(physics.integration_parameters.dt);
+        let leads = wheels.lead(targets.wheel_velocity, dt, gains.torque / gains.stiffness);
+        for i in 0..2 {
+            let (angle, _) = robot.joint_state(physics, self.wheels[i]);
+            let (position, speed) = (angle + leads[i], targets.wheel_velocity[i]);
+            set_motor(physics, robot, self.wheels[i], position, speed, gains);
         }
         for i in 0..6 {
             let gains = self.arm_gains[i];
@@ -179,7 +192,7 @@ impl Drives {
         let turn = robot.tree.bodies[self.cranks[0].body]
             .joint
             .map_or_else(nalgebra::UnitQuaternion::identity, |j| j.origin.rotation);
-        super::convert::vector(&(turn * Vector3::z()))
+        vector(&(turn * Vector3::z()))
     }
 }
 

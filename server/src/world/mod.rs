@@ -15,6 +15,7 @@ mod shape;
 mod stage;
 mod state;
 mod tree;
+mod wheels;
 
 #[cfg(test)]
 mod laws;
@@ -35,6 +36,7 @@ use drive::Drives;
 use grip::GripFriction;
 use stage::Stage;
 use tree::Place;
+use wheels::Wheels;
 
 /// Gravity along -z, m/s².
 pub const GRAVITY: f64 = 9.81;
@@ -112,9 +114,7 @@ pub struct World {
     robot: RobotBody,
     drives: Drives,
     targets: Targets,
-    /// Unwrapped angles of the four wheels, in the order of `JOINT_NAMES`.
-    wheel_angles: [f64; 4],
-    wheels: [Option<usize>; 4],
+    wheels: Wheels,
     tick: u64,
     fingerprint: u64,
 }
@@ -145,10 +145,7 @@ impl World {
             drive::surface(model, link)
         })?;
         let drives = Drives::new(model, &robot)?;
-        let wheels = std::array::from_fn(|i| {
-            let joint = model.joint(JOINT_NAMES[i])?;
-            robot.tree.body_moved_by(joint)
-        });
+        let wheels = Wheels::new(model, &robot)?;
         let grip = GripFriction::new(physics.integration_parameters.dt);
         let mut world = Self {
             physics,
@@ -165,7 +162,6 @@ impl World {
                 knuckle_velocity: 0.0,
                 pad_force: model.settings.gripper.force,
             },
-            wheel_angles: [0.0; 4],
             wheels,
             tick: 0,
             fingerprint: 0,
@@ -200,12 +196,13 @@ impl World {
     pub fn step(&mut self) {
         if self.tick.is_multiple_of(PHYSICS_HZ) {
             self.robot.normalise_root(&mut self.physics);
+            self.wheels.take_turns_out(&mut self.physics, &self.robot);
         }
         self.drives
-            .drive(&mut self.physics, &self.robot, &self.targets);
+            .drive(&mut self.physics, &self.robot, &mut self.wheels, &self.targets);
         self.grip.begin_tick();
         self.physics.step_with_events(&self.grip, &());
-        self.count_wheel_turns();
+        self.wheels.roll(&self.physics, &self.robot);
         self.tick += 1;
     }
 
@@ -251,25 +248,13 @@ impl World {
         }
     }
 
-    fn count_wheel_turns(&mut self) {
-        for (angle, body) in self.wheel_angles.iter_mut().zip(self.wheels) {
-            let Some(body) = body else { continue };
-            let (now, _) = self.robot.joint_state(&self.physics, body);
-            let turns = ((*angle - now) / std::f64::consts::TAU).round();
-            *angle = now + turns * std::f64::consts::TAU;
-        }
-    }
-
     fn joints(&self) -> Vec<JointState> {
         let mut states = vec![JointState::default(); self.model.joints.len()];
         for (body, tree_body) in self.robot.tree.bodies.iter().enumerate() {
             let Some(joint) = tree_body.joint.map(|j| j.joint) else {
                 continue;
             };
-            let (mut position, velocity) = self.robot.joint_state(&self.physics, body);
-            if let Some(wheel) = self.wheels.iter().position(|w| *w == Some(body)) {
-                position = self.wheel_angles[wheel];
-            }
+            let (position, velocity) = self.robot.joint_state(&self.physics, body);
             let motor = self
                 .robot
                 .joint(&self.physics, body)
@@ -281,7 +266,9 @@ impl World {
             };
         }
         for place in &self.robot.tree.places {
-            let Place::Posed(joint) = *place else { continue };
+            let Place::Parallel(joint) = *place else {
+                continue;
+            };
             if let Some((master, multiplier, offset)) = self.model.joints[joint].mimic {
                 states[joint] = JointState {
                     position: states[master].position * multiplier + offset,
@@ -290,6 +277,8 @@ impl World {
                 };
             }
         }
+        self.wheels
+            .write(&self.physics, &self.robot, &mut states);
         states
     }
 
@@ -301,7 +290,7 @@ impl World {
                     let frame = self.robot.frame(&self.physics, body);
                     self.body_state(self.robot.handles[body], frame * body_from_link)
                 }
-                Place::Posed(joint) => {
+                Place::Rolling(joint) | Place::Parallel(joint) => {
                     let parent = links[self.model.joints[joint].parent];
                     self.posed(joint, &parent, &joints[joint])
                 }

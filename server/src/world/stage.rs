@@ -15,8 +15,10 @@ use super::shape::solids;
 use crate::scene::{Body, Placement, Scene};
 use crate::snapshot::{Anomaly, BodyRef};
 
-/// How far beyond the furniture an object counts as escaped, metres.
+/// How far beyond the furniture, sideways and down, an object counts as escaped, metres.
 const ESCAPE_MARGIN: f64 = 1.0;
+/// The same upwards, where there may be no ceiling, metres.
+const ESCAPE_HEIGHT: f64 = 4.0;
 
 /// What stands in the home.
 #[derive(Clone, Debug)]
@@ -67,9 +69,10 @@ impl Stage {
             objects.push(handle);
         }
         let margin = Vector3::repeat(ESCAPE_MARGIN);
+        let height = Vector3::new(ESCAPE_MARGIN, ESCAPE_MARGIN, ESCAPE_HEIGHT);
         Ok(Self {
             objects,
-            bounds: (bounds.0 - margin, bounds.1 + margin),
+            bounds: (bounds.0 - margin, bounds.1 + height),
         })
     }
 
@@ -90,7 +93,8 @@ impl Stage {
         }
         let p = frame.translation.vector;
         let inside = (0..3).all(|i| (self.bounds.0[i]..=self.bounds.1[i]).contains(&p[i]));
-        (!inside).then_some(Anomaly::Escaped(body))
+        let object = matches!(body, BodyRef::Object(_));
+        (object && !inside).then_some(Anomaly::Escaped(body))
     }
 }
 

@@ -14,6 +14,7 @@ struct Written<'a> {
     tick: u64,
     targets: Targets,
     wheel_angles: [f64; 4],
+    wheel_leads: [f64; 2],
     bristles: Bristles,
     physics: &'a PhysicsWorld,
 }
@@ -25,6 +26,7 @@ struct Read {
     tick: u64,
     targets: Targets,
     wheel_angles: [f64; 4],
+    wheel_leads: [f64; 2],
     bristles: Bristles,
     physics: PhysicsWorld,
 }
@@ -38,7 +40,8 @@ impl World {
             fingerprint: self.fingerprint,
             tick: self.tick,
             targets: self.targets,
-            wheel_angles: self.wheel_angles,
+            wheel_angles: self.wheels.angles,
+            wheel_leads: self.wheels.led,
             bristles: self.grip.state(),
             physics: &self.physics,
         };
@@ -61,7 +64,8 @@ impl World {
         }
         self.tick = read.tick;
         self.targets = read.targets;
-        self.wheel_angles = read.wheel_angles;
+        self.wheels.angles = read.wheel_angles;
+        self.wheels.led = read.wheel_leads;
         self.grip.restore(read.bristles);
         self.physics = read.physics;
         Ok(())

@@ -1,9 +1,11 @@
 //! The robot's links folded into the bodies that really move.
 //!
 //! Links joined by fixed joints are one body: masses are composed exactly,
-//! collision parts move along. Links that only follow others for display (the
-//! inner knuckles of the gripper, the closed side of a parallelogram) are posed
-//! by forward kinematics; their mass rides on the end effector's body.
+//! collision parts move along. Two kinds of links are posed by forward
+//! kinematics only. The front omni wheels roll forward and slip sideways
+//! without friction: they slide with the chassis and turn as far as they
+//! travelled. The inner knuckles of the gripper are the closed side of a
+//! parallelogram; their mass rides on the hand and they touch nothing.
 
 use nalgebra::Isometry3;
 use wheelarm_proto::names::JOINT_NAMES;
@@ -13,8 +15,10 @@ use super::mass::Mass;
 use crate::geometry::Part;
 use crate::robot::{Joint, JointKind, PAD, RobotModel};
 
-/// Joints whose child links are posed, not simulated.
-const POSED_JOINTS: [&str; 2] = [JOINT_NAMES[10], JOINT_NAMES[11]];
+/// Joints of the front wheels.
+const ROLLING_JOINTS: [&str; 2] = [JOINT_NAMES[2], JOINT_NAMES[3]];
+/// Joints of the inner knuckles.
+const PARALLEL_JOINTS: [&str; 2] = [JOINT_NAMES[10], JOINT_NAMES[11]];
 
 /// The bodies of a robot; index 0 is the root. Parents stand before children.
 #[derive(Clone, Debug)]
@@ -65,8 +69,10 @@ pub(super) struct TreeJoint {
 pub(super) enum Place {
     /// Rigidly in a body: `(body, body_from_link)`.
     InBody(usize, Isometry3<f64>),
-    /// Posed by the joint of this index from its parent link.
-    Posed(usize),
+    /// Front wheel: posed by this joint from its parent link.
+    Rolling(usize),
+    /// Inner knuckle: posed by this joint from its parent link.
+    Parallel(usize),
 }
 
 impl Tree {
@@ -88,18 +94,18 @@ impl Tree {
         }
         let at_zero = model.link_poses(&vec![0.0; model.joints.len()]);
         let carrier = model.link(&model.settings.end_effector_link).unwrap_or(0);
+        let frame_in = |tree: &Self, carrier: usize, index: usize| {
+            let body = tree.body_of(carrier).unwrap_or(0);
+            let frame = at_zero[tree.bodies[body].link];
+            (body, frame.inv_mul(&at_zero[index]))
+        };
         for (index, link) in model.links.iter().enumerate() {
             let (body, body_from_link) = match tree.places[index] {
                 Place::InBody(body, body_from_link) => (body, body_from_link),
-                Place::Posed(_) => match tree.places[carrier] {
-                    Place::InBody(body, _) => {
-                        let frame = at_zero[tree.bodies[body].link];
-                        (body, frame.inv_mul(&at_zero[index]))
-                    }
-                    Place::Posed(_) => (0, at_zero[index]),
-                },
+                Place::Rolling(joint) => frame_in(&tree, model.joints[joint].parent, index),
+                Place::Parallel(_) => frame_in(&tree, carrier, index),
             };
-            let posed = matches!(tree.places[index], Place::Posed(_));
+            let touches = !matches!(tree.places[index], Place::Parallel(_));
             let body = &mut tree.bodies[body];
             if let Some(inertial) = &link.inertial {
                 let own = Mass {
@@ -109,7 +115,7 @@ impl Tree {
                 };
                 body.mass = body.mass.plus(&own.seen_from(&body_from_link));
             }
-            if !posed {
+            if touches {
                 body.parts.extend(link.collision.iter().map(|collider| TreePart {
                     link: index,
                     part: Part {
@@ -142,8 +148,11 @@ impl Tree {
                 joint: joint.name.clone(),
             });
         }
-        if POSED_JOINTS.contains(&joint.name.as_str()) {
-            return Ok(Place::Posed(index));
+        if ROLLING_JOINTS.contains(&joint.name.as_str()) {
+            return Ok(Place::Rolling(index));
+        }
+        if PARALLEL_JOINTS.contains(&joint.name.as_str()) {
+            return Ok(Place::Parallel(index));
         }
         let Place::InBody(parent, body_from_parent) = self.places[joint.parent] else {
             return Err(WorldError::JointOrder {
@@ -177,7 +186,7 @@ impl Tree {
     pub(super) fn body_of(&self, link: usize) -> Option<usize> {
         match self.places[link] {
             Place::InBody(body, _) => Some(body),
-            Place::Posed(_) => None,
+            Place::Rolling(_) | Place::Parallel(_) => None,
         }
     }
 

@@ -1,6 +1,7 @@
 //! Laws of mechanics that the world keeps, on small scenes made in code.
 
 mod robot;
+mod scene;
 
 use std::path::Path;
 
