@@ -5,6 +5,10 @@ mod load;
 mod load_normals;
 pub mod mesh;
 mod mesh_revolve;
+pub mod texture;
+mod texture_labels;
+mod texture_noise;
+mod texture_surfaces;
 
 use nalgebra::Isometry3;
 
