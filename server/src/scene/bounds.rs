@@ -51,8 +51,8 @@ impl Bounds {
     }
 }
 
-/// Bounds of a part of a body at `pose`; `None` for meshes, whose vertices the
-/// body keeps beside its parts.
+/// Bounds of a part of a body at `pose`; `None` for meshes, which touch as the
+/// hulls that the body keeps beside its parts.
 fn of_part(pose: &Isometry3<f64>, part: &Part) -> Option<Bounds> {
     let at = pose * part.pose;
     let around = |extent: Vector3<f64>, offset: Vector3<f64>| {
@@ -110,7 +110,7 @@ impl Body {
     #[must_use]
     pub fn collision_bounds(&self, pose: &Isometry3<f64>) -> Option<Bounds> {
         let parts = self.collision.iter().filter_map(|part| of_part(pose, part));
-        let meshes = Bounds::of_points(self.mesh_points.iter().map(|p| pose * p));
+        let meshes = Bounds::of_points(self.hulls.iter().flatten().map(|p| pose * p));
         parts.chain(meshes).reduce(|a, b| a.union(&b))
     }
 

@@ -152,7 +152,7 @@ impl Scene {
                 "it is a Coulomb coefficient",
             )?,
             collision: parts.collision,
-            mesh_points: parts.mesh_points,
+            hulls: parts.hulls,
             visual: parts.visual,
             grasps: Vec::new(),
         });

@@ -6,27 +6,7 @@ use std::path::Path;
 use super::error::{Place, SceneError};
 use super::file::{MaterialEntry, MaterialFile};
 use super::load;
-use crate::geometry::{Material, Texture};
-
-/// Patterns that the cameras can draw.
-pub(super) const PATTERNS: [&str; 16] = [
-    "planks",
-    "tiles",
-    "plaster",
-    "wood",
-    "fabric",
-    "marble",
-    "checker",
-    "brushed",
-    "leaves",
-    "books",
-    "stripes",
-    "label_mustard",
-    "label_soup",
-    "label_crackers",
-    "label_meat",
-    "label_coke",
-];
+use crate::geometry::{Material, Texture, texture};
 
 /// Every material below `assets/materials`, in the order of their names.
 pub(super) fn library(assets: &Path) -> Result<BTreeMap<String, Material>, SceneError> {
@@ -61,20 +41,21 @@ fn material(place: &Place, name: &str, entry: &MaterialEntry) -> Result<Material
             .within(value, 0.0, high, "", "it is a fraction")
             .map(|v| v as f32)
     };
-    let texture = match &entry.texture {
+    let picture = match &entry.texture {
         None => None,
-        Some(texture) => {
+        Some(entry) => {
             let place = place.key("texture");
-            if !PATTERNS.contains(&texture.pattern.as_str()) {
+            if texture::names().all(|name| name != entry.pattern) {
+                let known: Vec<_> = texture::names().collect();
                 return Err(place.key("pattern").wrong(
-                    format!("{:?}", texture.pattern),
-                    format!("one of {}", PATTERNS.join(", ")),
+                    format!("{:?}", entry.pattern),
+                    format!("one of {}", known.join(", ")),
                     "use a pattern that the cameras know, or leave the texture out",
                 ));
             }
             Some(Texture {
-                pattern: texture.pattern.clone(),
-                metres: place.key("metres").length(texture.metres)? as f32,
+                pattern: entry.pattern.clone(),
+                metres: place.key("metres").length(entry.metres)? as f32,
             })
         }
     };
@@ -84,7 +65,7 @@ fn material(place: &Place, name: &str, entry: &MaterialEntry) -> Result<Material
         roughness: fraction("roughness", entry.roughness, 1.0)?,
         metallic: fraction("metallic", entry.metallic, 1.0)?,
         emission: fraction("emission", entry.emission, 4.0)?,
-        texture,
+        texture: picture,
     })
 }
 

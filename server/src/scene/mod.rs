@@ -9,7 +9,6 @@ mod error;
 mod file;
 mod load;
 mod material;
-mod mesh;
 mod object;
 mod part;
 
@@ -53,11 +52,11 @@ pub struct Body {
     pub mass: Option<MassProperties>,
     /// Coulomb friction coefficient (combined with the other body's by average).
     pub friction: f64,
-    /// Shapes that touch.
+    /// Shapes that touch; never `Shape::Mesh` or `Shape::Lathe`.
     pub collision: Vec<Part>,
-    /// Vertices of the colliding `Shape::Mesh` parts in the body frame: their
-    /// extent for placement. Empty when there are none.
-    pub mesh_points: Vec<Point3<f64>>,
+    /// Colliding mesh files: each touches as the convex hull of these vertices,
+    /// metres in the body frame.
+    pub hulls: Vec<Vec<Point3<f64>>>,
     /// Shapes that are drawn.
     pub visual: Vec<Visual>,
     /// How the end effector can take it.

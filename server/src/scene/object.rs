@@ -34,7 +34,7 @@ pub(super) fn read(reader: &Reader<'_>, kind: &str) -> Result<Body, SceneError> 
         mass: None,
         friction,
         collision: parts.collision,
-        mesh_points: parts.mesh_points,
+        hulls: parts.hulls,
         visual: parts.visual,
         grasps: Vec::new(),
     };

@@ -7,8 +7,7 @@ use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion};
 
 use super::error::{Place, SceneError};
 use super::file::PartEntry;
-use super::mesh;
-use crate::geometry::{Material, Part, Shape, Visual};
+use crate::geometry::{self, Material, Part, Shape, Visual};
 
 /// What is needed to read parts.
 pub(super) struct Reader<'a> {
@@ -20,8 +19,20 @@ pub(super) struct Reader<'a> {
 #[derive(Default)]
 pub(super) struct Parts {
     pub collision: Vec<Part>,
-    pub mesh_points: Vec<Point3<f64>>,
+    pub hulls: Vec<Vec<Point3<f64>>>,
     pub visual: Vec<Visual>,
+}
+
+impl Parts {
+    /// Adds a part that touches: a mesh by its vertices, others by their shape.
+    fn collide(&mut self, part: Part, vertices: &[Point3<f64>]) {
+        if vertices.is_empty() {
+            self.collision.push(part);
+        } else {
+            let hull = vertices.iter().map(|p| part.pose * p).collect();
+            self.hulls.push(hull);
+        }
+    }
 }
 
 impl Reader<'_> {
@@ -53,8 +64,7 @@ impl Reader<'_> {
                     shape: shape.clone(),
                 };
                 if collides && collision.is_none() {
-                    all.mesh_points.extend(vertices.iter().map(|p| pose * p));
-                    all.collision.push(part.clone());
+                    all.collide(part.clone(), &vertices);
                 }
                 if entry.draw.unwrap_or(true) {
                     let material = self.material(&place, entry, material)?;
@@ -80,11 +90,8 @@ impl Reader<'_> {
                 ));
             }
             for pose in poses(&place, entry)? {
-                all.mesh_points.extend(vertices.iter().map(|p| pose * p));
-                all.collision.push(Part {
-                    pose,
-                    shape: shape.clone(),
-                });
+                let shape = shape.clone();
+                all.collide(Part { pose, shape }, &vertices);
             }
         }
         Ok(all)
@@ -221,9 +228,17 @@ impl Reader<'_> {
                 "0.001 for a mesh in millimetres, 1 for metres",
             )?;
             let path = place.key("path");
-            vertices = mesh::vertices(&path, self.assets, &mesh.path)?
+            let read = geometry::mesh::load(&self.assets.join(&mesh.path)).map_err(|error| {
+                path.wrong(
+                    format!("{:?}, which cannot be used ({error})", mesh.path),
+                    "an OBJ, glTF or GLB file below the assets folder",
+                    format!("put it at {}", self.assets.join(&mesh.path).display()),
+                )
+            })?;
+            vertices = read
+                .positions
                 .into_iter()
-                .map(|v| Point3::from(v) * scale)
+                .map(|v| Point3::from(v.map(|c| f64::from(c) * scale)))
                 .collect();
             let largest =
                 super::Bounds::of_points(vertices.iter().copied()).map_or(0.0, |b| b.size().max());
