@@ -269,6 +269,7 @@ impl Link {
         Ok(Commander {
             publisher,
             commander: commander.to_owned(),
+            run_id: run_id(),
             sequence: 0,
         })
     }
@@ -369,7 +370,18 @@ fn config(endpoint: &str, timeout_secs: f64) -> Config {
 pub struct Commander {
     publisher: zenoh::pubsub::Publisher<'static>,
     commander: String,
+    run_id: String,
     sequence: u64,
+}
+
+/// A name for this commander's life, so that it may count from 0 again after
+/// a restart: 16 hexadecimal digits.
+fn run_id() -> String {
+    use std::hash::{BuildHasher, Hasher};
+    // The standard library keys its hasher at random.
+    let mut hasher = std::hash::RandomState::new().build_hasher();
+    hasher.write_u32(std::process::id());
+    format!("{:016x}", hasher.finish())
 }
 
 impl Commander {
@@ -383,6 +395,7 @@ impl Commander {
         mut command: v1::Command,
     ) -> Result<(), LinkError> {
         command.header = Some(v1::Header {
+            run_id: self.run_id.clone(),
             sequence: self.sequence,
             ..clock.clone()
         });

@@ -8,6 +8,8 @@ use std::process::ExitCode;
 use clap::{Parser, Subcommand};
 use wheelarm_client::control::{self, EpisodeCommand, ResetArgs};
 use wheelarm_client::link::{ConnectArgs, Link};
+use wheelarm_client::operate::operator::Outcome;
+use wheelarm_client::operate::run::{self as operate, OperateArgs};
 use wheelarm_proto::keys::Query;
 
 /// Clients of the WheelArm simulator.
@@ -35,6 +37,8 @@ enum Command {
     /// Starts or ends an episode.
     #[command(subcommand)]
     Episode(EpisodeCommand),
+    /// Does a task with the scripted operator.
+    Operate(OperateArgs),
     /// Ends the server.
     Shutdown,
     /// Any other word X runs the program `wheelarm-X`.
@@ -73,8 +77,31 @@ fn run(cli: Cli) -> anyhow::Result<ExitCode> {
         Command::Pause => control::acknowledge(&link()?, Query::Pause)?,
         Command::Resume => control::acknowledge(&link()?, Query::Resume)?,
         Command::Episode(command) => control::episode(&link()?, command)?,
+        Command::Operate(args) => return run_operator(&link()?, args),
         Command::Shutdown => control::acknowledge(&link()?, Query::Shutdown)?,
         Command::External(words) => return control::run_external(words),
     }
     Ok(ExitCode::SUCCESS)
+}
+
+fn run_operator(link: &Link, args: &OperateArgs) -> anyhow::Result<ExitCode> {
+    let mut phase = String::new();
+    let report = operate::run(link, args, &mut |progress| {
+        if progress.phase != phase {
+            progress.phase.clone_into(&mut phase);
+            println!("{:7.2} s  {phase}", progress.time);
+        }
+        for note in progress.notes {
+            println!("{:7.2} s  {note}", progress.time);
+        }
+    })?;
+    if let Outcome::Failure(why) = &report.outcome {
+        println!("gave up: {why}");
+    }
+    print!("{}", control::evaluation_lines(&report.evaluation));
+    Ok(if report.succeeded() {
+        ExitCode::SUCCESS
+    } else {
+        ExitCode::FAILURE
+    })
 }

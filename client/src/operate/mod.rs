@@ -9,5 +9,9 @@ pub mod ground;
 pub mod observation;
 pub mod operator;
 pub mod route;
+pub mod run;
 pub mod scene;
 pub mod tool_path;
+
+#[cfg(test)]
+mod toy;

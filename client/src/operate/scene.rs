@@ -356,9 +356,9 @@ mod tests {
         };
         scene.furniture[0].pose.translation.z = 0.79;
         let objects = [Isometry3::identity()];
-        // Tool z along +x, tool x along -y, tool y up.
+        // Tool z along +x, tool x along y, tool y up.
         let rotation =
-            UnitQuaternion::from_basis_unchecked(&[-Vector3::y(), Vector3::z(), Vector3::x()]);
+            UnitQuaternion::from_basis_unchecked(&[Vector3::y(), Vector3::z(), Vector3::x()]);
         let tool = |x: f64| Isometry3::from_parts(Translation3::new(x, 0.0, 0.9), rotation);
         let free = |scene: &SceneModel, except| {
             scene.hand_is_free(&tool(-0.24), &tool(-0.12), &objects, except, 0.005)
