@@ -23,10 +23,12 @@ const KEPT_LINES: usize = 30;
 /// What to simulate, in words that `wheelarm-server` takes.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct ServerOptions {
-    /// Scene, task.
+    /// Scene below assets/scenes.
     pub scene: String,
     /// Task below assets/tasks; empty for none.
     pub task: String,
+    /// Robot below assets/robots.
+    pub robot: String,
     /// Seed of every random choice.
     pub seed: u64,
     /// `lock-step`, `real-time` or `fast`.
@@ -255,6 +257,8 @@ fn arguments(options: &ServerOptions, sim: &str) -> Vec<OsString> {
         &options.scene,
         "--task",
         &options.task,
+        "--robot",
+        &options.robot,
         "--seed",
         &options.seed.to_string(),
         "--quality",
@@ -305,23 +309,66 @@ pub fn free_label(folder: &Path, label: &str) -> String {
         .unwrap_or_else(|| label.to_owned())
 }
 
-/// State of the recorder `name` with respect to an episode.
+/// Longest time from the end of an episode to its finished file.
+const FINISH: Duration = Duration::from_secs(120);
+
+/// Starts a recorder called `name` that writes into `out`.
 ///
 /// # Errors
-/// When the server does not answer.
-pub fn recorder(
+/// When it cannot be started.
+pub fn start_recorder(connect: &ConnectArgs, out: &Path, name: &str) -> anyhow::Result<Program> {
+    Program::start(
+        "wheelarm",
+        [
+            "--connect".as_ref(),
+            connect.connect.as_ref(),
+            "--sim".as_ref(),
+            connect.sim.as_ref(),
+            "record".as_ref(),
+            "--out".as_ref(),
+            out.as_os_str(),
+            "--name".as_ref(),
+            name.as_ref(),
+        ],
+    )
+}
+
+/// Waits until the recorder `name` has finished the file of an episode.
+///
+/// # Errors
+/// When the recording failed, the recorder ended or takes too long.
+pub fn finished(
     link: &Link,
     name: &str,
     episode: u64,
-) -> anyhow::Result<Option<v1::RecorderStatus>> {
-    let status: v1::Status = link.ask(Query::Status)?;
-    Ok(status.recorders.into_iter().find(|recorder| {
-        recorder.recorder == name
-            && recorder
-                .header
-                .as_ref()
-                .is_some_and(|header| header.episode == episode)
-    }))
+    recorder: &mut Program,
+) -> anyhow::Result<v1::RecorderStatus> {
+    let deadline = Instant::now() + FINISH;
+    loop {
+        let status: v1::Status = link.ask(Query::Status)?;
+        let ours = status.recorders.into_iter().find(|recorder| {
+            let header = recorder.header.as_ref();
+            recorder.recorder == name && header.is_some_and(|h| h.episode == episode)
+        });
+        if let Some(status) = ours {
+            match status.state() {
+                v1::RecorderState::Finished => return Ok(status),
+                v1::RecorderState::Failed => bail!("the recording failed: {}", status.message),
+                _ => {}
+            }
+        }
+        if let Some(status) = recorder.ended()? {
+            bail!("the recorder ended ({status}):\n{}", recorder.messages());
+        }
+        if Instant::now() > deadline {
+            bail!(
+                "the recorder did not finish within {:.0} s:\n{}",
+                FINISH.as_secs_f64(),
+                recorder.messages()
+            );
+        }
+        std::thread::sleep(Duration::from_millis(50));
+    }
 }
 
 #[cfg(test)]

@@ -9,21 +9,21 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
 
-use anyhow::{Context, bail};
+use anyhow::Context;
 use clap::{Args, ValueEnum};
 use indicatif::{ProgressBar, ProgressStyle};
 use wheelarm_proto::keys::Query;
 use wheelarm_proto::v1;
 
-use crate::link::{ConnectArgs, Link};
+use crate::link::Link;
 use crate::local::{self, LocalServer, Program, ServerOptions};
-use crate::operate::run::{self as operate, OperateArgs, Progress, Report};
+use crate::operate::run::{self as operate, OperateArgs, Progress};
 use summary::Summary;
 
 /// Name of the demo's recorder.
 const RECORDER: &str = "demo";
-/// Longest time from the end of an episode to its finished file.
-const FINISH: Duration = Duration::from_secs(120);
+/// Longest time for drawing a contact sheet.
+const SHEET: Duration = Duration::from_secs(120);
 
 /// Options of `wheelarm demo`.
 #[derive(Args, Clone, Debug)]
@@ -139,6 +139,7 @@ fn one(args: &DemoArgs, seed: u64) -> anyhow::Result<Summary> {
     let server = LocalServer::start(&ServerOptions {
         scene: args.scene.clone(),
         task: args.task.clone(),
+        robot: "wheelarm".to_owned(),
         seed,
         pacing: "lock-step",
         cameras: vec![camera("gen3"), camera("wheelchair")],
@@ -147,7 +148,7 @@ fn one(args: &DemoArgs, seed: u64) -> anyhow::Result<Summary> {
     })?;
     let link = server.link()?;
     let status: v1::Status = link.ask(Query::Status)?;
-    let mut recorder = start_recorder(server.connect(), &args.out)?;
+    let mut recorder = local::start_recorder(server.connect(), &args.out, RECORDER)?;
     let label = local::free_label(&args.out, &format!("{}-seed{seed}", args.task));
     let work = OperateArgs {
         label: Some(label.clone()),
@@ -171,7 +172,8 @@ fn one(args: &DemoArgs, seed: u64) -> anyhow::Result<Summary> {
             )
         })?;
     bar.set_message(format!("seed {seed}: finishing the file"));
-    let recorded = finished(&link, &report, &mut recorder)?;
+    let episode = report.started.header.as_ref().map_or(0, |h| h.episode);
+    let recorded = local::finished(&link, RECORDER, episode, &mut recorder)?;
     let wall = begun.elapsed();
     drop(recorder);
     server.stop(link)?;
@@ -220,53 +222,6 @@ impl Watch<'_> {
     }
 }
 
-fn start_recorder(connect: &ConnectArgs, out: &Path) -> anyhow::Result<Program> {
-    Program::start(
-        "wheelarm",
-        [
-            "--connect".as_ref(),
-            connect.connect.as_ref(),
-            "--sim".as_ref(),
-            connect.sim.as_ref(),
-            "record".as_ref(),
-            "--out".as_ref(),
-            out.as_os_str(),
-            "--name".as_ref(),
-            RECORDER.as_ref(),
-        ],
-    )
-}
-
-/// Waits until the recorder has finished the episode's file.
-fn finished(
-    link: &Link,
-    report: &Report,
-    recorder: &mut Program,
-) -> anyhow::Result<v1::RecorderStatus> {
-    let episode = report.started.header.as_ref().map_or(0, |h| h.episode);
-    let deadline = Instant::now() + FINISH;
-    loop {
-        if let Some(status) = local::recorder(link, RECORDER, episode)? {
-            match status.state() {
-                v1::RecorderState::Finished => return Ok(status),
-                v1::RecorderState::Failed => bail!("the recording failed: {}", status.message),
-                _ => {}
-            }
-        }
-        if let Some(status) = recorder.ended()? {
-            bail!("the recorder ended ({status}):\n{}", recorder.messages());
-        }
-        if Instant::now() > deadline {
-            bail!(
-                "the recorder did not finish within {:.0} s:\n{}",
-                FINISH.as_secs_f64(),
-                recorder.messages()
-            );
-        }
-        std::thread::sleep(Duration::from_millis(50));
-    }
-}
-
 /// Draws the contact sheet; its path.
 fn sheet(file: &Path) -> anyhow::Result<Option<PathBuf>> {
     let picture = file.with_extension("png");
@@ -279,7 +234,7 @@ fn sheet(file: &Path) -> anyhow::Result<Option<PathBuf>> {
             picture.as_os_str(),
         ],
     )?;
-    let status = program.wait(FINISH)?;
+    let status = program.wait(SHEET)?;
     if !status.success() {
         eprintln!("no contact sheet ({status}):\n{}", program.messages());
         return Ok(None);
