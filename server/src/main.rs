@@ -147,7 +147,7 @@ async fn main() -> anyhow::Result<()> {
     if args.list_adapters {
         let adapters = Renderer::adapters();
         if adapters.is_empty() {
-            bail!(wheelarm_server::sensors::camera::NO_ADAPTER);
+            bail!(wheelarm_server::sensors::camera::RenderError::NoDriver);
         }
         for adapter in adapters {
             println!("{adapter}");

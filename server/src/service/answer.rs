@@ -8,9 +8,11 @@ use super::engine::{Engine, Request};
 use super::render::RenderThread;
 use super::{convert, lock};
 use crate::geometry::bounds;
-use crate::robot::kinematics::ArmKinematics;
 use crate::scene::Body;
 use crate::{scene, tasks};
+
+/// Where the arm stands among the recorded joints.
+const ARM_JOINTS: std::ops::Range<usize> = 4..10;
 
 impl Engine {
     /// Answers one query; a refused one gets a `Failure` with the cure.
@@ -131,7 +133,7 @@ impl Engine {
         let tasks = tasks
             .into_iter()
             .map(|t| v1::TaskInfo {
-                predicates: t.predicate_texts(),
+                predicates: t.conditions.iter().map(|c| c.predicate.label()).collect(),
                 name: t.name,
                 activity: t.activity,
                 area: t.area,
@@ -143,8 +145,9 @@ impl Engine {
 
     fn reach(&self, request: v1::ReachRequest) -> Result<v1::ReachReply, String> {
         let pose = convert::isometry("pose", request.pose.as_ref()).map_err(|e| e.to_string())?;
-        let guess = self.sim.control().arm_position();
-        let solved = ArmKinematics::new(self.sim.model()).solve(&pose, &guess);
+        let joints = self.sim.recorded_joints();
+        let guess = std::array::from_fn(|i| joints[ARM_JOINTS.start + i].position);
+        let solved = self.sim.control().kinematics().solve(&pose, &guess);
         let header = Some(self.stamp());
         Ok(match solved {
             Ok(solution) => v1::ReachReply {

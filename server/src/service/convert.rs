@@ -7,7 +7,7 @@ use wheelarm_proto::v1;
 
 use crate::robot::RobotModel;
 use crate::robot::control::{
-    ArmIntent, BaseIntent, ControlInput, GripperIntent, IntentFrame, gripper,
+    ArmIntent, BaseIntent, ControlInput, GripperIntent, GripperMap, IntentFrame,
 };
 use crate::scene::Placement;
 use crate::sensors::frames::RelativeState;
@@ -81,14 +81,17 @@ fn frame_to(frame: IntentFrame) -> i32 {
 ///
 /// # Errors
 /// [`Invalid`] when a part is missing after all.
-pub fn control_input(command: &v1::Command) -> Result<ControlInput, Invalid> {
+pub fn control_input(
+    command: &v1::Command,
+    map: &GripperMap,
+) -> Result<ControlInput, Invalid> {
     Ok(ControlInput {
         arm: command.arm.as_ref().map(arm_intent).transpose()?,
         base: command
             .base
             .as_ref()
             .map(|b| BaseIntent { linear: b.linear, angular: b.angular }),
-        gripper: command.gripper.as_ref().map(gripper_intent).transpose()?,
+        gripper: command.gripper.as_ref().map(|g| gripper_intent(g, map)).transpose()?,
     })
 }
 
@@ -117,16 +120,17 @@ fn arm_intent(arm: &v1::ArmCommand) -> Result<ArmIntent, Invalid> {
     })
 }
 
-fn gripper_intent(command: &v1::GripperCommand) -> Result<GripperIntent, Invalid> {
+fn gripper_intent(
+    command: &v1::GripperCommand,
+    map: &GripperMap,
+) -> Result<GripperIntent, Invalid> {
     use v1::gripper_command::Target;
     let target = command.target.as_ref().ok_or(Invalid::Missing("gripper target"))?;
     let knuckle = match target {
-        Target::Opening(metres) => gripper::knuckle_from_opening(*metres),
+        Target::Opening(metres) => map.knuckle(*metres),
         Target::Knuckle(radians) => *radians,
     };
-    let max_force =
-        if command.max_force > 0.0 { command.max_force } else { gripper::DEFAULT_FORCE };
-    Ok(GripperIntent { knuckle, max_force })
+    Ok(GripperIntent { knuckle, max_force: command.max_force })
 }
 
 /// The input of a control tick as the groups of a command: what a replay sends.
@@ -169,7 +173,7 @@ pub fn evaluation(e: &tasks::Evaluation) -> v1::Evaluation {
         header: None,
         success: e.success,
         done: e.done,
-        failure: e.failure.clone(),
+        failure: e.failure.map(|f| f.to_string()).unwrap_or_default(),
         conditions: e
             .conditions
             .iter()

@@ -9,7 +9,7 @@ use std::collections::BTreeMap;
 use wheelarm_proto::{Message, check, v1};
 
 use super::convert;
-use crate::robot::control::{ArmIntent, BaseIntent, ControlInput};
+use crate::robot::control::{ArmIntent, BaseIntent, ControlInput, GripperMap};
 
 /// Age of the newest chair or twist command at which braking starts, s.
 pub const STALE_SECS: f64 = 0.25;
@@ -71,8 +71,9 @@ struct Active {
 }
 
 /// The gate.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 pub struct Inbox {
+    gripper: GripperMap,
     listening: Listening,
     commanders: BTreeMap<String, Commander>,
     seen: u64,
@@ -87,6 +88,24 @@ pub struct Inbox {
 }
 
 impl Inbox {
+    /// A gate for a robot with this gripper.
+    #[must_use]
+    pub fn new(gripper: GripperMap) -> Self {
+        Self {
+            gripper,
+            listening: Listening::default(),
+            commanders: BTreeMap::new(),
+            seen: 0,
+            pending: Vec::new(),
+            answers: BTreeMap::new(),
+            next_tick: 0,
+            base: Active::default(),
+            twist: Active::default(),
+            refused: 0,
+            phase: (0, String::new()),
+        }
+    }
+
     /// Starts listening anew: pending commands are dropped.
     pub fn listen(&mut self, listening: Listening, next_tick: u64) {
         self.listening = listening;
@@ -225,7 +244,7 @@ impl Inbox {
         let mut taken = Taken::default();
         for command in &commands {
             // Checked when it came in, so that nothing can be missing here.
-            let Ok(input) = convert::control_input(command) else { continue };
+            let Ok(input) = convert::control_input(command, &self.gripper) else { continue };
             taken.input.arm = input.arm.or(taken.input.arm);
             taken.input.base = input.base.or(taken.input.base);
             taken.input.gripper = input.gripper.or(taken.input.gripper);
@@ -275,13 +294,19 @@ mod tests {
         }
     }
 
+    fn inbox() -> Inbox {
+        let assets = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../assets");
+        let model = crate::robot::RobotModel::load(&assets, "wheelarm").expect("the robot");
+        Inbox::new(GripperMap::new(&model))
+    }
+
     fn accept(inbox: &mut Inbox, command: &v1::Command) -> Result<(), Refused> {
         inbox.accept(&command.encode_to_vec())
     }
 
     #[test]
     fn a_chair_command_brakes_when_it_is_a_quarter_of_a_second_old() {
-        let mut inbox = Inbox::default();
+        let mut inbox = inbox();
         accept(&mut inbox, &drive(1, 0.4)).unwrap();
         assert_eq!(inbox.take(0, 0.0).input.base.unwrap().linear, 0.4);
         assert!(inbox.take(4, 0.24).input.base.is_none());
@@ -292,7 +317,7 @@ mod tests {
 
     #[test]
     fn old_repeated_and_foreign_commands_are_refused_with_a_reason() {
-        let mut inbox = Inbox::default();
+        let mut inbox = inbox();
         accept(&mut inbox, &drive(5, 0.1)).unwrap();
         for (command, word) in [
             (drive(5, 0.2), "sequence"),
@@ -312,7 +337,7 @@ mod tests {
 
     #[test]
     fn lock_step_waits_for_the_answer_to_its_own_tick() {
-        let mut inbox = Inbox::default();
+        let mut inbox = inbox();
         let listening = Listening { commander: Some("me".into()), ..Default::default() };
         inbox.listen(listening, 100);
         assert!(!inbox.answered(100));
@@ -328,7 +353,7 @@ mod tests {
 
     #[test]
     fn a_restarted_commander_may_count_from_zero_again() {
-        let mut inbox = Inbox::default();
+        let mut inbox = inbox();
         accept(&mut inbox, &drive(1000, 0.1)).unwrap();
         let mut again = drive(0, 0.2);
         again.header.as_mut().unwrap().run_id = "new".into();
@@ -337,7 +362,7 @@ mod tests {
 
     #[test]
     fn a_flood_costs_no_memory_and_the_newest_counts() {
-        let mut inbox = Inbox::default();
+        let mut inbox = inbox();
         for i in 1..10_000 {
             accept(&mut inbox, &drive(i, (i % 7) as f64 * 0.01)).unwrap();
         }

@@ -32,6 +32,7 @@ use self::outbox::Outbox;
 use self::recorders::Recorders;
 use self::signal::Signal;
 use crate::sensors::camera::RenderError;
+use crate::robot::control::GripperMap;
 use crate::sim::{SimError, Simulation};
 
 /// What a service needs to know beside the simulation.
@@ -108,7 +109,7 @@ pub async fn run(
     let run_id = session::run_id();
     let shared = Arc::new(Shared {
         outbox: Arc::new(Outbox::new(session.clone(), keys.clone(), run_id.clone())),
-        inbox: Mutex::default(),
+        inbox: Mutex::new(Inbox::new(GripperMap::new(sim.model()))),
         refusals: Mutex::default(),
         recorders: Mutex::default(),
         signal: Arc::default(),

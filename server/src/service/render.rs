@@ -10,7 +10,7 @@ use std::thread::JoinHandle;
 
 use wheelarm_proto::v1;
 
-use super::convert;
+use super::{ServiceError, convert};
 use super::outbox::Outbox;
 use super::signal::Signal;
 use crate::robot::RobotModel;
@@ -54,7 +54,7 @@ impl Setup {
             .scenario
             .cameras
             .iter()
-            .map(|c| CameraSpec::named(&self.model, &self.scene, &c.name, c.size))
+            .map(|c| self.camera(&c.name, c.size))
             .collect::<Result<Vec<_>, _>>()?;
         let quality = match self.scenario.quality {
             sim::Quality::Fast => Quality::Fast,
@@ -66,17 +66,34 @@ impl Setup {
     }
 }
 
+impl Setup {
+    fn camera(&self, name: &str, size: [u32; 2]) -> Result<CameraSpec, RenderError> {
+        if name == "room" {
+            return Ok(CameraSpec::room(&self.scene, size));
+        }
+        let cameras = &self.model.settings.cameras;
+        let mount = cameras.iter().find(|c| c.name == name).ok_or_else(|| {
+            let known: Vec<_> = cameras.iter().map(|c| c.name.as_str()).collect();
+            RenderError::BadCamera {
+                camera: name.to_owned(),
+                reason: format!("it is unknown; there are {}, room", known.join(", ")),
+            }
+        })?;
+        CameraSpec::on_robot(&self.model, mount, size)
+    }
+}
+
 impl RenderThread {
     /// Starts drawing for a simulation; waits until the renderer stands.
     ///
     /// # Errors
-    /// [`RenderError`] with the cure, for example when there is no Vulkan driver.
+    /// [`ServiceError`] with the cure, for example when there is no Vulkan driver.
     pub fn start(
         sim: &Simulation,
         adapter: Option<&str>,
         outbox: Arc<Outbox>,
         signal: Arc<Signal>,
-    ) -> Result<Self, RenderError> {
+    ) -> Result<Self, ServiceError> {
         let setup = Setup {
             scene: sim.scene().clone(),
             model: sim.model().clone(),
@@ -110,10 +127,10 @@ impl RenderThread {
                 }
             })
         };
-        let thread = thread.map_err(|e| RenderError::Thread(e.to_string()))?;
+        let thread = thread.map_err(|e| ServiceError::Thread(format!("for cameras: {e}")))?;
         let (adapter, instances) = standing
             .recv()
-            .map_err(|_| RenderError::Thread("it ended while starting".to_owned()))??;
+            .map_err(|_| ServiceError::Thread("for cameras ended early".to_owned()))??;
         let instances = instances
             .into_iter()
             .map(|(id, name)| v1::Instance { id: u32::from(id), name })

@@ -17,12 +17,12 @@ pub use state::StateError;
 
 use crate::robot::control::{ControlInput, RobotControl, Targets};
 use crate::robot::{RobotError, RobotModel};
-use crate::scene::{Scene, SceneError};
+use crate::scene::{Body, Placement, Scene, SceneError};
 use crate::sensors::frames::{self, RelativeState};
 use crate::sensors::imu::{self, Imu};
 use crate::sensors::odometry::Odometry;
 use crate::snapshot::{BodyRef, Snapshot};
-use crate::tasks::{self, Evaluation, Evaluator, TaskError, TaskSpec};
+use crate::tasks::{self, Draw, Evaluation, Evaluator, TaskSpec};
 use crate::world::{World, WorldError};
 
 /// What can be wrong when a simulation is set up.
@@ -34,12 +34,9 @@ pub enum SimError {
     /// The robot description.
     #[error(transparent)]
     Robot(#[from] RobotError),
-    /// The scene.
+    /// The scene or the task.
     #[error(transparent)]
     Scene(#[from] SceneError),
-    /// The task.
-    #[error(transparent)]
-    Task(#[from] TaskError),
     /// The physics.
     #[error(transparent)]
     World(#[from] WorldError),
@@ -116,10 +113,6 @@ impl Simulation {
         let task = match scenario.task.as_str() {
             "" => None,
             name => Some(TaskSpec::load(assets, name)?),
-        };
-        let scene = match &task {
-            Some(task) => tasks::select_objects(task, scene)?,
-            None => scene,
         };
         draw_open_values(&mut scenario, &scene, task.as_ref())?;
         let placements: Vec<_> = scenario.objects.iter().map(|(_, p)| *p).collect();
@@ -314,8 +307,8 @@ fn draw_open_values(
         });
     }
     let drawn = match task {
-        Some(task) => tasks::draw(task, scene, scenario.seed)?,
-        None => tasks::defaults(scene),
+        Some(task) => tasks::draw(task, scene, scenario.seed),
+        None => undisturbed(scene),
     };
     let given = std::mem::take(&mut scenario.objects);
     scenario.objects = scene
@@ -333,6 +326,20 @@ fn draw_open_values(
         scenario.instruction = drawn.instruction;
     }
     Ok(())
+}
+
+/// Everything at its place in the scene.
+fn undisturbed(scene: &Scene) -> Draw {
+    let placement = |object: &Body| Placement {
+        pose: object.pose,
+        mass: object.mass.map_or(0.0, |m| m.mass),
+        friction: object.friction,
+    };
+    Draw {
+        placements: scene.objects.iter().map(placement).collect(),
+        start: scene.start,
+        instruction: String::new(),
+    }
 }
 
 impl Indices {

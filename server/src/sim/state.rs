@@ -92,7 +92,8 @@ impl Simulation {
         self.snapshot = std::sync::Arc::<Snapshot>::new(self.world.snapshot());
         if let (Some(evaluator), Some(state)) = (&mut self.evaluator, stored.evaluator) {
             evaluator.restore(state);
-            self.evaluation = evaluator.last().clone();
+            // A copy looks once more at the same state; the judge itself must not.
+            self.evaluation = evaluator.clone().update(&self.snapshot);
         }
         Ok(())
     }

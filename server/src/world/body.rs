@@ -11,19 +11,22 @@ use nalgebra::{Isometry3, UnitQuaternion, Vector3};
 use rapier3d::dynamics::{Multibody, MultibodyDofCoupling, MultibodyIndex, MultibodyLink};
 use rapier3d::prelude::{
     ActiveHooks, CoefficientCombineRule, ColliderBuilder, GenericJoint, GenericJointBuilder, Group,
-    InteractionGroups, InteractionTestMode, JointAxesMask, JointAxis,
-    PhysicsWorld, RigidBodyBuilder, RigidBodyHandle,
+    InteractionGroups, InteractionTestMode, JointAxesMask, JointAxis, PhysicsWorld,
+    RigidBodyBuilder, RigidBodyHandle,
 };
 
 use super::WorldError;
 use super::contact::tag;
-use super::convert::{from_pose, mass_properties, pose, real};
+use super::convert::{from_pose, mass_properties, pose, real, vector};
 use super::shape::solids;
 use super::tree::{Tree, TreeJoint, TreePart};
+use crate::geometry::Shape;
 use crate::robot::{JointKind, RobotModel};
 use crate::snapshot::BodyRef;
 
-/// Collision group of everything that is not the robot.
+/// Collision group of the floor.
+pub(super) const FLOOR_GROUP: Group = Group::GROUP_31;
+/// Collision group of everything else that is not the robot.
 pub(super) const SCENE_GROUP: Group = Group::GROUP_32;
 /// Collision group of the chair; the arm's groups follow by depth.
 const CHAIR_BIT: u32 = 1;
@@ -53,6 +56,33 @@ pub(super) enum Surface {
     /// Silicone pad of a finger: it takes the coefficient of what it touches,
     /// because the coefficient of an object is that against the pads.
     Pad,
+}
+
+impl Surface {
+    /// Wheels meet the floor in one point, under their middle: a cylinder's
+    /// line of contact scrubs when it turns and moves the effective track.
+    fn rolls(self) -> bool {
+        matches!(self, Self::Tyre | Self::Roller)
+    }
+
+    /// The collider with this surface and no mass of its own.
+    fn coat(self, collider: ColliderBuilder) -> ColliderBuilder {
+        let (friction, rule) = match self {
+            Self::Shell => (SHELL_FRICTION, CoefficientCombineRule::Average),
+            Self::Tyre => (TYRE_FRICTION, CoefficientCombineRule::Max),
+            Self::Roller => (ROLLER_FRICTION, CoefficientCombineRule::Min),
+            Self::Pad => (1.0, CoefficientCombineRule::Multiply),
+        };
+        let collider = collider
+            .density(0.0)
+            .friction(friction)
+            .friction_combine_rule(rule);
+        if self == Self::Pad {
+            collider.active_hooks(ActiveHooks::MODIFY_SOLVER_CONTACTS)
+        } else {
+            collider
+        }
+    }
 }
 
 /// The robot's bodies and joints in the engine.
@@ -105,13 +135,25 @@ impl RobotBody {
                     problem,
                 })?;
                 let surface = if *pad { Surface::Pad } else { surface(*link) };
+                let mut touching = groups(depths[*link]);
+                if let (true, Shape::Cylinder { radius, .. }) = (surface.rolls(), &part.shape) {
+                    let on_floor = InteractionGroups {
+                        filter: FLOOR_GROUP,
+                        ..touching
+                    };
+                    touching.filter -= FLOOR_GROUP;
+                    let ball = ColliderBuilder::ball(real(*radius))
+                        .translation(vector(&part.pose.translation.vector))
+                        .collision_groups(on_floor)
+                        .user_data(tag(BodyRef::Link(*link)));
+                    physics.insert_collider(surface.coat(ball), Some(handle));
+                }
                 for (body_from_solid, shape) in solids {
                     let collider = ColliderBuilder::new(shape)
                         .position(body_from_solid)
-                        .density(0.0)
-                        .collision_groups(groups(depths[*link]))
+                        .collision_groups(touching)
                         .user_data(tag(BodyRef::Link(*link)));
-                    physics.insert_collider(made_of(surface, collider), Some(handle));
+                    physics.insert_collider(surface.coat(collider), Some(handle));
                 }
             }
         }
@@ -232,7 +274,9 @@ impl RobotBody {
         physics: &'a mut PhysicsWorld,
         body: usize,
     ) -> Option<&'a mut GenericJoint> {
-        let multibody = physics.multibody_joints.get_multibody_mut(self.multibody?)?;
+        let multibody = physics
+            .multibody_joints
+            .get_multibody_mut(self.multibody?)?;
         Some(&mut multibody.link_mut(self.links[body])?.joint.data)
     }
 
@@ -332,22 +376,7 @@ fn groups(depth: Option<u32>) -> InteractionGroups {
     };
     InteractionGroups::new(
         Group::from_bits_truncate(own),
-        Group::from_bits_truncate(others) | SCENE_GROUP,
+        Group::from_bits_truncate(others) | SCENE_GROUP | FLOOR_GROUP,
         InteractionTestMode::And,
     )
-}
-
-fn made_of(surface: Surface, collider: ColliderBuilder) -> ColliderBuilder {
-    let (friction, rule) = match surface {
-        Surface::Shell => (SHELL_FRICTION, CoefficientCombineRule::Average),
-        Surface::Tyre => (TYRE_FRICTION, CoefficientCombineRule::Max),
-        Surface::Roller => (ROLLER_FRICTION, CoefficientCombineRule::Min),
-        Surface::Pad => (1.0, CoefficientCombineRule::Multiply),
-    };
-    let collider = collider.friction(friction).friction_combine_rule(rule);
-    if surface == Surface::Pad {
-        collider.active_hooks(ActiveHooks::MODIFY_SOLVER_CONTACTS)
-    } else {
-        collider
-    }
 }

@@ -9,6 +9,9 @@ use super::convert::from_vector;
 use crate::snapshot::{BodyRef, Contact};
 
 const KINDS: u32 = 32;
+/// Points that share one friction constraint and hold its impulse, between free
+/// bodies; contacts of the robot's multibody have one constraint per point.
+const POINTS_PER_FRICTION: usize = 4;
 
 /// Number that a collider carries, so that a contact knows its body.
 pub(super) fn tag(body: BodyRef) -> u128 {
@@ -57,14 +60,20 @@ pub(super) fn contacts(physics: &PhysicsWorld) -> Vec<Contact> {
         let (first, second) = if a <= b { (a, b) } else { (b, a) };
         let rolls = matches!(
             (first, second),
-            (BodyRef::Link(_), BodyRef::Furniture(0)) | (BodyRef::Furniture(_), BodyRef::Furniture(_))
+            (BodyRef::Link(_), BodyRef::Furniture(0))
+                | (BodyRef::Furniture(_), BodyRef::Furniture(_))
         );
         if rolls {
             continue;
         }
         for manifold in pair.solver_manifolds() {
             let sign = if a <= b { 1.0 } else { -1.0 };
-            add(sums.entry((first, second)).or_default(), physics, manifold, sign);
+            let drags = match first {
+                BodyRef::Link(_) => 1,
+                _ => POINTS_PER_FRICTION,
+            };
+            let sum = sums.entry((first, second)).or_default();
+            add(sum, physics, manifold, sign, drags);
         }
     }
     sums.into_iter()
@@ -79,28 +88,35 @@ pub(super) fn contacts(physics: &PhysicsWorld) -> Vec<Contact> {
 }
 
 /// Adds the force on the manifold's second body, times `sign`.
-fn add(sum: &mut Sum, physics: &PhysicsWorld, manifold: &ContactManifold, sign: f64) {
+fn add(
+    sum: &mut Sum,
+    physics: &PhysicsWorld,
+    manifold: &ContactManifold,
+    sign: f64,
+    points_per_friction: usize,
+) {
     let dt = f64::from(physics.integration_parameters.dt);
     #[allow(clippy::cast_precision_loss, reason = "a few substeps")]
     let substep = dt / physics.integration_parameters.num_solver_iterations as f64;
     let normal = from_vector(manifold.data.normal);
-    for contact in &manifold.data.solver_contacts {
-        let index = contact.contact_indices()[0] as usize;
-        let Some(point) = manifold.points.get(index) else {
+    for (index, contact) in manifold.data.solver_contacts.iter().enumerate() {
+        let Some(point) = manifold.points.get(contact.contact_indices()[0] as usize) else {
             continue;
         };
         // The normal impulse is summed over the substeps; of the friction the
         // engine keeps the world vector of the last substep only.
         let push = f64::from(point.data.impulse) / dt;
-        if push <= 0.0 {
-            continue;
+        if index.is_multiple_of(points_per_friction) {
+            let drag = from_vector(point.data.warmstart_tangent_world) / substep;
+            sum.force -= drag * sign;
         }
-        let drag = from_vector(point.data.warmstart_tangent_world) / substep;
-        let (p1, p2) = manifold
-            .data
-            .solver_contact_world_points(contact, &physics.bodies);
-        sum.force += (normal * push - drag) * sign;
-        sum.weighted_point += from_vector((p1 + p2) * 0.5) * push;
-        sum.weight += push;
+        if push > 0.0 {
+            let (p1, p2) = manifold
+                .data
+                .solver_contact_world_points(contact, &physics.bodies);
+            sum.force += normal * push * sign;
+            sum.weighted_point += from_vector((p1 + p2) * 0.5) * push;
+            sum.weight += push;
+        }
     }
 }

@@ -141,7 +141,14 @@ impl Drives {
             let gains = self.arm_gains[i];
             let lift = self.gravity_torque(physics, robot, i) / gains.stiffness;
             let position = targets.arm_position[i] + lift;
-            set_motor(physics, robot, self.arm[i], position, targets.arm_velocity[i], gains);
+            set_motor(
+                physics,
+                robot,
+                self.arm[i],
+                position,
+                targets.arm_velocity[i],
+                gains,
+            );
         }
         let force = targets.pad_force.clamp(0.0, self.max_pad_force);
         for crank in self.cranks {
@@ -163,7 +170,11 @@ impl Drives {
             return 0.0;
         };
         let engine_body = &physics.bodies[robot.handles[body]];
-        let pivot = from_vector(engine_body.position().transform_point(data.local_frame2.translation));
+        let pivot = from_vector(
+            engine_body
+                .position()
+                .transform_point(data.local_frame2.translation),
+        );
         let axis = engine_body.rotation() * data.local_frame2.rotation * rapier3d::math::Vector::X;
         let axis = from_vector(axis);
         let gravity = from_vector(physics.gravity);

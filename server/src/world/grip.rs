@@ -67,7 +67,10 @@ impl GripFriction {
 
     /// Call before each tick: forgets the pairs that came apart.
     pub(super) fn begin_tick(&mut self) {
-        let bristles = self.bristles.get_mut().unwrap_or_else(PoisonError::into_inner);
+        let bristles = self
+            .bristles
+            .get_mut()
+            .unwrap_or_else(PoisonError::into_inner);
         bristles.tick += 1;
         let last = bristles.tick - 1;
         bristles.pairs.retain(|_, b| b.touched >= last);
@@ -83,7 +86,10 @@ impl GripFriction {
 
     /// Takes over a saved state.
     pub(super) fn restore(&mut self, state: Bristles) {
-        *self.bristles.get_mut().unwrap_or_else(PoisonError::into_inner) = state;
+        *self
+            .bristles
+            .get_mut()
+            .unwrap_or_else(PoisonError::into_inner) = state;
     }
 }
 
@@ -98,10 +104,7 @@ impl PhysicsHooks for GripFriction {
         if manifold.solver_contacts.is_empty() {
             return;
         }
-        let mut bristles = self
-            .bristles
-            .lock()
-            .unwrap_or_else(PoisonError::into_inner);
+        let mut bristles = self.bristles.lock().unwrap_or_else(PoisonError::into_inner);
         let tick = bristles.tick;
         let now = house_from_first.inv_mul(&house_from_second);
         let bristle = bristles

@@ -59,7 +59,11 @@ impl Mass {
             && self.mass.is_finite()
             && self.com.coords.iter().all(|x| x.is_finite())
             && self.inertia.iter().all(|x| x.is_finite())
-            && self.inertia.symmetric_eigenvalues().iter().all(|&e| e > 0.0)
+            && self
+                .inertia
+                .symmetric_eigenvalues()
+                .iter()
+                .all(|&e| e > 0.0)
     }
 }
 

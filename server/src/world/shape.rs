@@ -78,7 +78,10 @@ pub(super) fn solids(part: &Part) -> Result<Vec<Solid>, String> {
             top_radius,
             half_height,
         } => {
-            positive("radii and half height", &[*bottom_radius, *top_radius, *half_height])?;
+            positive(
+                "radii and half height",
+                &[*bottom_radius, *top_radius, *half_height],
+            )?;
             let mut points = ring(FRUSTUM_SIDES, *bottom_radius, -half_height);
             points.extend(ring(FRUSTUM_SIDES, *top_radius, *half_height));
             at(&part.pose, hull(&points)?)
@@ -89,12 +92,12 @@ pub(super) fn solids(part: &Part) -> Result<Vec<Solid>, String> {
             height,
             wall,
         } => cup(&part.pose, [*bottom_radius, *top_radius], *height, *wall),
-        Shape::Lathe { .. } => {
-            Err("a surface of revolution is drawn only; give collision parts of other shapes".into())
-        }
-        Shape::Mesh { path, .. } => {
-            Err(format!("mesh {path} cannot collide yet; give collision parts of other shapes"))
-        }
+        Shape::Lathe { .. } => Err(
+            "a surface of revolution is drawn only; give collision parts of other shapes".into(),
+        ),
+        Shape::Mesh { path, .. } => Err(format!(
+            "mesh {path} cannot collide yet; give collision parts of other shapes"
+        )),
     }
 }
 

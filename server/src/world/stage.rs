@@ -7,7 +7,7 @@ use rapier3d::prelude::{
 };
 
 use super::WorldError;
-use super::body::SCENE_GROUP;
+use super::body::{FLOOR_GROUP, SCENE_GROUP};
 use super::contact::tag;
 use super::convert::{mass_properties, pose, real};
 use super::mass::Mass;
@@ -44,9 +44,14 @@ impl Stage {
             });
         }
         for (index, body) in scene.furniture.iter().enumerate() {
-            let handle =
-                physics.insert_body(RigidBodyBuilder::fixed().pose(pose(&body.pose)));
-            insert_parts(physics, body, handle, body.friction, BodyRef::Furniture(index))?;
+            let handle = physics.insert_body(RigidBodyBuilder::fixed().pose(pose(&body.pose)));
+            insert_parts(
+                physics,
+                body,
+                handle,
+                body.friction,
+                BodyRef::Furniture(index),
+            )?;
         }
         let mut bounds = (Point3::from([f64::MAX; 3]), Point3::from([f64::MIN; 3]));
         for (_, collider) in physics.colliders.iter() {
@@ -65,7 +70,13 @@ impl Stage {
                     .can_sleep(false)
                     .additional_mass_properties(mass_properties(&mass)),
             );
-            insert_parts(physics, body, handle, placement.friction, BodyRef::Object(index))?;
+            insert_parts(
+                physics,
+                body,
+                handle,
+                placement.friction,
+                BodyRef::Object(index),
+            )?;
             objects.push(handle);
         }
         let margin = Vector3::repeat(ESCAPE_MARGIN);
@@ -125,6 +136,10 @@ fn insert_parts(
     friction: f64,
     reference: BodyRef,
 ) -> Result<(), WorldError> {
+    let group = match reference {
+        BodyRef::Furniture(0) => FLOOR_GROUP,
+        _ => SCENE_GROUP,
+    };
     for part in &body.collision {
         let solids = solids(part).map_err(|problem| WorldError::Shape {
             body: body.name.clone(),
@@ -137,7 +152,7 @@ fn insert_parts(
                     .density(0.0)
                     .friction(real(friction))
                     .collision_groups(InteractionGroups::new(
-                        SCENE_GROUP,
+                        group,
                         Group::ALL,
                         InteractionTestMode::And,
                     ))

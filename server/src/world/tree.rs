@@ -116,14 +116,15 @@ impl Tree {
                 body.mass = body.mass.plus(&own.seen_from(&body_from_link));
             }
             if touches {
-                body.parts.extend(link.collision.iter().map(|collider| TreePart {
-                    link: index,
-                    part: Part {
-                        pose: body_from_link * collider.part.pose,
-                        shape: collider.part.shape.clone(),
-                    },
-                    pad: collider.name == PAD,
-                }));
+                body.parts
+                    .extend(link.collision.iter().map(|collider| TreePart {
+                        link: index,
+                        part: Part {
+                            pose: body_from_link * collider.part.pose,
+                            shape: collider.part.shape.clone(),
+                        },
+                        pad: collider.name == PAD,
+                    }));
             }
         }
         for body in &tree.bodies {

@@ -6,7 +6,7 @@ use bytes::Bytes;
 use nalgebra::{Isometry3, Point3};
 use wgpu::util::DeviceExt;
 
-use super::adapter::{self, AdapterInfo, AdapterKind};
+use super::adapter::{self, AdapterInfo};
 use super::buffers::{Batch, Body, Buffers};
 use super::pipelines::{DEPTH, Pipelines, Tier};
 use super::readback::Layout;

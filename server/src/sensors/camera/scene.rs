@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Arc;
 
-use nalgebra::Isometry3;
+use nalgebra::{Isometry3, Point3};
 
 use super::RenderError;
 use crate::geometry::mesh::{Detail, build_detail};
@@ -58,8 +58,8 @@ pub struct RenderScene {
     pub objects: usize,
 }
 
-/// Furniture longer than this and reaching this high is part of the building, metres.
-const BUILDING_SIDE: f64 = 2.3;
+/// Furniture that reaches this high is part of the building, metres.
+const BUILDING_HEIGHT: f64 = 2.3;
 
 impl RenderScene {
     /// Meshes of a robot in a home; mesh files are looked up below `assets`.
@@ -140,9 +140,8 @@ impl RenderScene {
             };
             let (mesh, coarse) = (get(Detail::Full)?, get(Detail::Coarse)?);
             let body_from_mesh = body * visual.part.pose;
-            let building = binding == Binding::World && is_building(&mesh, &body_from_mesh);
             self.items.push(RenderItem {
-                casts_shadow: !building && visual.material.emission < 0.5,
+                casts_shadow: visual.material.emission < 0.5,
                 mesh,
                 coarse,
                 material: visual.material.clone(),
@@ -151,28 +150,27 @@ impl RenderScene {
                 instance,
             });
         }
+        let first = self.items.len() - visuals.len();
+        if binding == Binding::World && is_building(&self.items[first..]) {
+            for item in &mut self.items[first..] {
+                item.casts_shadow = false;
+            }
+        }
         Ok(())
     }
 }
 
-/// Walls, floors and ceilings: they reach a storey up, lie flat on the ground
-/// or hang above it. The sun shines through them, as through a doll's house.
-fn is_building(mesh: &TriMesh, world_from_mesh: &Isometry3<f64>) -> bool {
-    let (low, high) = bounds(mesh, world_from_mesh);
-    high[2] > BUILDING_SIDE || high[2] < 0.05
-}
-
-fn bounds(mesh: &TriMesh, world_from_mesh: &Isometry3<f64>) -> ([f64; 3], [f64; 3]) {
-    let mut low = [f64::INFINITY; 3];
-    let mut high = [f64::NEG_INFINITY; 3];
-    for p in &mesh.positions {
-        let q = world_from_mesh * nalgebra::Point3::from(p.map(f64::from));
-        for k in 0..3 {
-            low[k] = low[k].min(q[k]);
-            high[k] = high[k].max(q[k]);
-        }
-    }
-    (low, high)
+/// Walls, floors and ceilings: they reach a storey up or lie flat on the
+/// ground. The sun shines through them, as into a doll's house.
+fn is_building(items: &[RenderItem]) -> bool {
+    let highest = items
+        .iter()
+        .flat_map(|item| {
+            let up = |p: &[f32; 3]| (item.body_from_mesh * Point3::from(p.map(f64::from))).z;
+            item.mesh.positions.iter().map(up)
+        })
+        .fold(f64::NEG_INFINITY, f64::max);
+    !(0.05..BUILDING_HEIGHT).contains(&highest)
 }
 
 /// Meshes with texture coordinates in repetitions, one per shape and texture.

@@ -142,7 +142,11 @@ fn the_same_commands_give_the_same_bits_also_from_a_saved_state() {
     let (mut first, _, _) = robot_alone();
     run(&mut first, 0.0, 1.0);
     let saved = first.save();
-    assert!(saved.len() > 1000 && saved.len() < 200_000, "{}", saved.len());
+    assert!(
+        saved.len() > 1000 && saved.len() < 200_000,
+        "{}",
+        saved.len()
+    );
     let at_save = first.hash();
     run(&mut first, 1.0, 2.0);
 

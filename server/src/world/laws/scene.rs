@@ -82,9 +82,20 @@ fn a_block_slides_beyond_the_friction_angle_only() {
     let slide = |angle: f64| {
         let tilt = Isometry3::rotation(Vector3::y() * angle);
         let half = [2.0, 1.0, 0.1];
-        let slope = body("slope", tilt * at(0.0, 0.0, -0.1), 0.5, Shape::Cuboid { half });
+        let slope = body(
+            "slope",
+            tilt * at(0.0, 0.0, -0.1),
+            0.5,
+            Shape::Cuboid { half },
+        );
         let half = [0.05, 0.05, 0.03];
-        let mut block = object("block", tilt * at(0.0, 0.0, 0.03), 0.4, half, Shape::Cuboid { half });
+        let mut block = object(
+            "block",
+            tilt * at(0.0, 0.0, 0.03),
+            0.4,
+            half,
+            Shape::Cuboid { half },
+        );
         block.friction = 0.5;
         let (mut physics, stage) = stage(vec![slope], vec![block]);
         run(&mut physics, 0.5);
@@ -94,10 +105,13 @@ fn a_block_slides_beyond_the_friction_angle_only() {
         run(&mut physics, 0.5);
         let late = tilt.inverse() * place(&physics, stage.objects[0]);
         let v1 = f64::from(physics.bodies[stage.objects[0]].linvel().length());
-        (late.translation.x - early.translation.x, (v1 - v0) / 0.5, force)
+        (
+            late.translation.x - early.translation.x,
+            (v1 - v0) / 0.5,
+            force,
+        )
     };
     let limit = 0.5f64.atan();
-    for d in [-0.1,-0.05,-0.02,-0.01,0.0,0.01,0.02,0.05,0.1] { let a: f64=limit+d; let (m,acc,f)=slide(a); println!("{d} moved {m:.5} acc {acc:.4} expected {:.4} {:?}", GRAVITY*(a.sin()-0.5*a.cos()), f.first().map(|f| f.force)); }
     let (moved, _, force) = slide(limit - 0.02);
     assert!(moved.abs() < 1e-3, "{moved}");
     // At rest the slope carries the block: force on the second body, here the slope.
@@ -105,12 +119,18 @@ fn a_block_slides_beyond_the_friction_angle_only() {
     assert_eq!(force[0].first, BodyRef::Object(0));
     assert_eq!(force[0].second, BodyRef::Furniture(0));
     let weight = Vector3::new(0.0, 0.0, -0.4 * GRAVITY);
-    assert!((force[0].force - weight).norm() < 0.02 * weight.norm(), "{force:?}");
+    assert!(
+        (force[0].force - weight).norm() < 0.02 * weight.norm(),
+        "{force:?}"
+    );
 
     let angle: f64 = limit + 0.1;
     let (_, acceleration, _) = slide(angle);
     let expected = GRAVITY * (angle.sin() - 0.5 * angle.cos());
-    assert!((acceleration / expected - 1.0).abs() < 0.02, "{acceleration} {expected}");
+    assert!(
+        (acceleration / expected - 1.0).abs() < 0.02,
+        "{acceleration} {expected}"
+    );
 }
 
 #[test]
@@ -118,25 +138,70 @@ fn objects_on_a_table_stay_where_they_stand() {
     let top = TABLE_TOP;
     let half = [0.036, 0.082, 0.1065];
     let round = [0.048, 0.029, 0.08];
-    let cup = Shape::Cup { bottom_radius: 0.030, top_radius: 0.039, height: 0.105, wall: 0.003 };
+    let cup = Shape::Cup {
+        bottom_radius: 0.030,
+        top_radius: 0.039,
+        height: 0.105,
+        wall: 0.003,
+    };
     let objects = vec![
-        object("can", at(0.3, -0.6, top + 0.051), 0.349, [0.034, 0.034, 0.051],
-            Shape::Cylinder { radius: 0.0339, half_height: 0.051 }),
-        object("box", at(0.3, -0.2, top + half[2]), 0.411, half, Shape::Cuboid { half }),
-        object("bottle", at(0.3, 0.2, top + round[2]), 0.603, round,
-            Shape::RoundedCuboid { half: round, radius: 0.01 }),
+        object(
+            "can",
+            at(0.3, -0.6, top + 0.051),
+            0.349,
+            [0.034, 0.034, 0.051],
+            Shape::Cylinder {
+                radius: 0.0339,
+                half_height: 0.051,
+            },
+        ),
+        object(
+            "box",
+            at(0.3, -0.2, top + half[2]),
+            0.411,
+            half,
+            Shape::Cuboid { half },
+        ),
+        object(
+            "bottle",
+            at(0.3, 0.2, top + round[2]),
+            0.603,
+            round,
+            Shape::RoundedCuboid {
+                half: round,
+                radius: 0.01,
+            },
+        ),
         object("cup", at(0.3, 0.6, top), 0.08, [0.035, 0.035, 0.0525], cup),
-        object("cone", at(0.6, 0.0, top + 0.05), 0.3, [0.03, 0.03, 0.05],
-            Shape::Frustum { bottom_radius: 0.04, top_radius: 0.02, half_height: 0.05 }),
+        object(
+            "cone",
+            at(0.6, 0.0, top + 0.05),
+            0.3,
+            [0.03, 0.03, 0.05],
+            Shape::Frustum {
+                bottom_radius: 0.04,
+                top_radius: 0.02,
+                half_height: 0.05,
+            },
+        ),
     ];
     let (mut physics, stage) = stage(vec![floor(), table(0.0)], objects.clone());
     run(&mut physics, 10.0);
     for (handle, object) in stage.objects.iter().zip(&objects) {
         let moved = object.pose.inverse() * place(&physics, *handle);
         let (distance, angle) = (moved.translation.vector.norm(), moved.rotation.angle());
-        println!("{}: {:.4} mm {:.4} deg", object.name, distance * 1e3, angle.to_degrees());
+        println!(
+            "{}: {:.4} mm {:.4} deg",
+            object.name,
+            distance * 1e3,
+            angle.to_degrees()
+        );
         assert!(distance < 1e-3, "{} crept {distance} m", object.name);
-        assert!(angle < 1f64.to_radians(), "{} turned {angle} rad", object.name);
+        assert!(
+            angle < 1f64.to_radians(),
+            "{} turned {angle} rad",
+            object.name
+        );
     }
     let carried: f64 = contacts(&physics).iter().map(|c| c.force.z).sum();
     let weight = -GRAVITY * (0.349 + 0.411 + 0.603 + 0.08 + 0.3);
