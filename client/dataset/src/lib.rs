@@ -9,5 +9,8 @@ pub mod columns;
 pub mod compress;
 pub mod coverage;
 pub mod depth;
+pub mod finish;
+mod hdf;
 pub mod log;
+pub mod scenario_text;
 pub mod writer;

@@ -20,7 +20,7 @@ use crossbeam_channel::Sender;
 use prost::Message;
 use wheelarm_proto::{names, v1};
 
-use crate::columns::header_of;
+use crate::columns;
 use crate::depth::DepthFormat;
 use crate::log::{Appender, Closing, Kind, LogError, LogFile, Preamble, RecordHeader};
 
@@ -267,7 +267,8 @@ impl EpisodeWriter {
             let record = record_header(Kind::Camera, slot.number, &header);
             (header, Work::Camera(record, Box::new(frame)))
         } else {
-            let header = header_of(&payload).map_err(|e| malformed(e.to_string()))?;
+            columns::check(stream, &payload).map_err(|e| malformed(e.to_string()))?;
+            let header = columns::header_of(&payload).map_err(|e| malformed(e.to_string()))?;
             let record = record_header(Kind::State, slot.number, &header);
             (header, Work::State(record, payload))
         };
