@@ -12,5 +12,6 @@ pub mod depth;
 pub mod finish;
 mod hdf;
 pub mod log;
+pub mod read;
 pub mod scenario_text;
 pub mod writer;

@@ -54,12 +54,10 @@ impl Account {
         }
         let default = Closing::default();
         let closing = scan.closing.as_ref().unwrap_or(&default);
-        let manifest: Option<BTreeMap<&str, &v1::StreamCount>> = closing.stopped.as_ref().map(|s| {
-            s.manifest
-                .iter()
-                .map(|c| (c.stream.as_str(), c))
-                .collect()
-        });
+        let manifest: Option<BTreeMap<&str, &v1::StreamCount>> = closing
+            .stopped
+            .as_ref()
+            .map(|s| s.manifest.iter().map(|c| (c.stream.as_str(), c)).collect());
         let sent_again: BTreeMap<&str, u64> = closing
             .recovered
             .iter()

@@ -50,7 +50,12 @@ impl Phases {
             return None;
         }
         let number = now.0.to_string();
-        let row = Row::new(sample.header, "phase", "phase", &format!("{number} {}", now.1));
+        let row = Row::new(
+            sample.header,
+            "phase",
+            "phase",
+            &format!("{number} {}", now.1),
+        );
         self.last = Some(now);
         Some(row)
     }

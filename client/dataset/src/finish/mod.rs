@@ -126,9 +126,7 @@ pub fn finish(log: &Path, out: Option<&Path>) -> Result<Finished, FinishError> {
         let _ = std::fs::remove_file(&temporary);
         return Err(problem);
     }
-    let bytes = std::fs::metadata(&temporary)
-        .map_err(io(&temporary))?
-        .len();
+    let bytes = std::fs::metadata(&temporary).map_err(io(&temporary))?.len();
     match place::place(&temporary, &target) {
         Ok(()) => {}
         Err(problem) if problem.kind() == std::io::ErrorKind::AlreadyExists => {
@@ -224,7 +222,11 @@ fn write(path: &Path, scan: &Scan, account: &Account) -> Result<(), FinishError>
         rows.push(Row::new(stopped.header.clone(), "episode", "stopped", text));
     }
     let events = events::write(&file, rows)?;
-    if let Some(a) = account.streams.iter().find(|a| a.stream == names::EVENT_STREAM) {
+    if let Some(a) = account
+        .streams
+        .iter()
+        .find(|a| a.stream == names::EVENT_STREAM)
+    {
         root::account(&file.group("events")?, a)?;
     }
     counts.insert("events".to_owned(), events);

@@ -45,7 +45,14 @@ pub(super) fn attributes(
         .text("run_id", &header.run_id)?
         .set("episode", header.episode)?
         .set("first_tick", header.tick)?
-        .text("depth_unit", if preamble.depth_millimetres { "mm" } else { "m" })?;
+        .text(
+            "depth_unit",
+            if preamble.depth_millimetres {
+                "mm"
+            } else {
+                "m"
+            },
+        )?;
 
     at.set("complete", account.complete())?
         .set("partial", !account.complete())?
@@ -66,7 +73,10 @@ pub(super) fn attributes(
 
     // Without an evaluation nobody knows whether the task succeeded.
     at.set("success", evaluation.is_some_and(|e| e.success))?
-        .text("failure_reason", evaluation.map_or("", |e| e.failure.as_str()))?;
+        .text(
+            "failure_reason",
+            evaluation.map_or("", |e| e.failure.as_str()),
+        )?;
     if let Some(evaluation) = evaluation {
         at.set("task_seconds", evaluation.elapsed)?;
         let mut named = BTreeSet::new();
@@ -75,7 +85,10 @@ pub(super) fn attributes(
                 continue;
             }
             at.set(&format!("condition {}", condition.name), condition.holds)?
-                .set(&format!("condition value {}", condition.name), condition.value)?;
+                .set(
+                    &format!("condition value {}", condition.name),
+                    condition.value,
+                )?;
         }
     }
     Ok(())
@@ -138,7 +151,10 @@ pub(super) fn initial_state(file: &File, preamble: &Preamble) -> hdf5::Result<()
     let instances = group.create_group("instances")?;
     let ids: Vec<u32> = state.instances.iter().map(|i| i.id).collect();
     let names: Vec<&str> = state.instances.iter().map(|i| i.name.as_str()).collect();
-    let data = instances.new_dataset::<u32>().shape([ids.len()]).create("id")?;
+    let data = instances
+        .new_dataset::<u32>()
+        .shape([ids.len()])
+        .create("id")?;
     if !ids.is_empty() {
         data.write(&ids)?;
     }

@@ -15,7 +15,13 @@ use crate::log::{CameraParts, Entry, Scan};
 use super::FinishError;
 
 const fn number(name: &'static str, unit: &'static str) -> ColumnInfo {
-    ColumnInfo { name, unit, frame: "", axes: &[], kind: Kind::U64 }
+    ColumnInfo {
+        name,
+        unit,
+        frame: "",
+        axes: &[],
+        kind: Kind::U64,
+    }
 }
 
 /// What every stream has: when a sample was taken, and which one it is.
@@ -29,7 +35,9 @@ const INTRINSICS: ColumnInfo = ColumnInfo {
     name: "intrinsics",
     unit: "pixels",
     frame: "",
-    axes: &[Axis::Components(&["width", "height", "fx", "fy", "cx", "cy"])],
+    axes: &[Axis::Components(&[
+        "width", "height", "fx", "fy", "cx", "cy",
+    ])],
     kind: Kind::F64,
 };
 
@@ -74,13 +82,14 @@ pub(super) fn state(
     let mut irregular = 0;
     for entry in entries {
         let payload = scan.payload(entry)?;
-        let (cells, regular) = stream
-            .extract(&payload, context)
-            .map_err(|e| FinishError::Content {
-                stream: stream.name().to_owned(),
-                sequence: entry.header.sequence,
-                reason: e.to_string(),
-            })?;
+        let (cells, regular) =
+            stream
+                .extract(&payload, context)
+                .map_err(|e| FinishError::Content {
+                    stream: stream.name().to_owned(),
+                    sequence: entry.header.sequence,
+                    reason: e.to_string(),
+                })?;
         irregular += usize::from(!regular);
         let h = &entry.header;
         let head = header_cells(h.stamp_nanos, h.sequence, h.tick);
@@ -106,7 +115,12 @@ pub(super) fn camera(
     let context = Context::default();
     let mut columns = Vec::new();
     for column in HEADER_COLUMNS.iter().chain([&INTRINSICS, &CAMERA_POSE]) {
-        columns.push(ColumnWriter::create(group, column, &context, entries.len())?);
+        columns.push(ColumnWriter::create(
+            group,
+            column,
+            &context,
+            entries.len(),
+        )?);
     }
     let mut pictures = None;
     for (index, entry) in entries.iter().enumerate() {
@@ -128,10 +142,20 @@ pub(super) fn camera(
         pictures.ids.write(index, parts.ids)?;
 
         let h = &entry.header;
-        let numbers = [f64::from(i.width), f64::from(i.height), i.fx, i.fy, i.cx, i.cy];
+        let numbers = [
+            f64::from(i.width),
+            f64::from(i.height),
+            i.fx,
+            i.fy,
+            i.cx,
+            i.cy,
+        ];
         let cells = header_cells(h.stamp_nanos, h.sequence, h.tick)
             .into_iter()
-            .chain([Cell::F64(numbers.to_vec()), Cell::F64(pose(meta.pose.as_ref()))]);
+            .chain([
+                Cell::F64(numbers.to_vec()),
+                Cell::F64(pose(meta.pose.as_ref())),
+            ]);
         for (column, cell) in columns.iter_mut().zip(cells) {
             column.push(cell, &mut deflate)?;
         }
@@ -164,7 +188,9 @@ impl Pictures {
                 let d = Chunked::create::<f32>(group, "depth", count, &[h, w], 1, shuffle)?;
                 describe(d.dataset(), "m")?;
                 let note = "+inf where nothing is hit";
-                Attributes::of(d.dataset()).set("scale", 1.0)?.text("note", note)?;
+                Attributes::of(d.dataset())
+                    .set("scale", 1.0)?
+                    .text("note", note)?;
                 d
             }
             DepthFormat::Millimetres => {
@@ -173,26 +199,35 @@ impl Pictures {
                 Attributes::of(d.dataset())
                     .set("scale", 0.001)?
                     .set("invalid", 0_u16)?
-                    .text("note", &format!("metres = value * scale; {MILLIMETRES_NOTE}"))?;
+                    .text(
+                        "note",
+                        &format!("metres = value * scale; {MILLIMETRES_NOTE}"),
+                    )?;
                 d
             }
         };
         let ids = Chunked::create::<u8>(group, "ids", count, &[h, w], 1, Filters::Deflate)?;
-        describe(ids.dataset(), "1 (instance id, 0 where nothing is hit; /initial_state/instances)")?;
+        describe(
+            ids.dataset(),
+            "1 (instance id, 0 where nothing is hit; /initial_state/instances)",
+        )?;
         Ok(Self { rgb, depth, ids })
     }
 }
 
 fn describe(data: &Dataset, units: &str) -> hdf5::Result<()> {
-    Attributes::of(data)
-        .text("units", units)?
-        .text("frame", "row-major from the top left; depth along the optical axis")?;
+    Attributes::of(data).text("units", units)?.text(
+        "frame",
+        "row-major from the top left; depth along the optical axis",
+    )?;
     Ok(())
 }
 
 fn pose(pose: Option<&v1::Pose>) -> Vec<f64> {
     let position = pose.and_then(|p| p.position).map(|v| [v.x, v.y, v.z]);
-    let orientation = pose.and_then(|p| p.orientation).map(|q| [q.x, q.y, q.z, q.w]);
+    let orientation = pose
+        .and_then(|p| p.orientation)
+        .map(|q| [q.x, q.y, q.z, q.w]);
     let position = position.unwrap_or([f64::NAN; 3]);
     let orientation = orientation.unwrap_or([f64::NAN; 4]);
     position.into_iter().chain(orientation).collect()
@@ -211,7 +246,12 @@ pub(super) fn unknown(group: &Group, scan: &Scan, entries: &[&Entry]) -> Result<
     let context = Context::default();
     let mut columns = Vec::new();
     for column in HEADER_COLUMNS.iter().chain([&MESSAGE]) {
-        columns.push(ColumnWriter::create(group, column, &context, entries.len())?);
+        columns.push(ColumnWriter::create(
+            group,
+            column,
+            &context,
+            entries.len(),
+        )?);
     }
     for entry in entries {
         let h = &entry.header;

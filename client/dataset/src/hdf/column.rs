@@ -123,11 +123,7 @@ impl ColumnWriter {
 }
 
 impl Numbers {
-    fn row(
-        &mut self,
-        bytes: impl Iterator<Item = u8>,
-        deflate: &mut Deflate,
-    ) -> hdf5::Result<()> {
+    fn row(&mut self, bytes: impl Iterator<Item = u8>, deflate: &mut Deflate) -> hdf5::Result<()> {
         self.buffer.extend(bytes);
         self.filled += 1;
         // Rows of a wrong width would shift all later ones.
@@ -171,8 +167,14 @@ fn numbers<T: H5Type>(
 ) -> hdf5::Result<(Target, Dataset)> {
     let element = size_of::<T>();
     if width == 0 {
-        let all: Vec<usize> = std::iter::once(count).chain(shape.iter().copied()).collect();
-        let data = group.new_dataset::<T>().no_chunk().shape(all).create(name)?;
+        let all: Vec<usize> = std::iter::once(count)
+            .chain(shape.iter().copied())
+            .collect();
+        let data = group
+            .new_dataset::<T>()
+            .no_chunk()
+            .shape(all)
+            .create(name)?;
         return Ok((Target::Nothing, data));
     }
     let rows = (CHUNK_BYTES / (width * element)).clamp(1, CHUNK_ROWS);
