@@ -1,1 +1,8 @@
+//! The thin clients of WheelArm.
+//!
+//! Everything here speaks to a server through messages only; no client shares
+//! memory, files or code with it.
 
+pub mod control;
+pub mod link;
+pub mod operate;

@@ -1,11 +1,20 @@
 //! The robot as a model: URDF, kinematics and control laws. Pure: no physics,
 //! no drawing, no network.
 
-pub mod control;
+mod load;
+mod settings;
 
-use nalgebra::{Isometry3, Matrix3, Point3, Unit, Vector3};
+pub mod control;
+pub mod kinematics;
+
+use nalgebra::{Isometry3, Matrix3, Point3, Translation3, Unit, UnitQuaternion, Vector3};
 
 use crate::geometry::{Part, Visual};
+
+pub use load::RobotError;
+pub use settings::{
+    ArmSettings, CameraMount, DriveSettings, GripperSettings, ImuSettings, Settings,
+};
 
 /// A robot read from a URDF and its `robot.toml`.
 #[derive(Clone, Debug, PartialEq)]
@@ -18,6 +27,46 @@ pub struct RobotModel {
     pub settings: Settings,
 }
 
+impl RobotModel {
+    /// Index of a link.
+    #[must_use]
+    pub fn link(&self, name: &str) -> Option<usize> {
+        self.links.iter().position(|link| link.name == name)
+    }
+
+    /// Index of a joint.
+    #[must_use]
+    pub fn joint(&self, name: &str) -> Option<usize> {
+        self.joints.iter().position(|joint| joint.name == name)
+    }
+
+    /// Joints from `ancestor` down to `link`, in this order; `None` when `link`
+    /// does not hang below `ancestor`.
+    #[must_use]
+    pub fn chain(&self, ancestor: usize, link: usize) -> Option<Vec<usize>> {
+        let mut joints = Vec::new();
+        let mut at = link;
+        while at != ancestor {
+            let joint = at.checked_sub(1)?;
+            joints.push(joint);
+            at = self.joints[joint].parent;
+        }
+        joints.reverse();
+        Some(joints)
+    }
+
+    /// Poses of all links in the root frame (root_from_link), in the order of
+    /// `links`, from the positions of all joints.
+    #[must_use]
+    pub fn link_poses(&self, positions: &[f64]) -> Vec<Isometry3<f64>> {
+        let mut poses = vec![Isometry3::identity(); self.links.len()];
+        for (joint, &position) in self.joints.iter().zip(positions) {
+            poses[joint.child] = poses[joint.parent] * joint.transform(position);
+        }
+        poses
+    }
+}
+
 /// A link.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Link {
@@ -26,10 +75,22 @@ pub struct Link {
     /// Mass properties; `None` for massless frames.
     pub inertial: Option<Inertial>,
     /// Shapes that touch, in the link frame.
-    pub collision: Vec<Part>,
+    pub collision: Vec<Collider>,
     /// Shapes that are drawn, in the link frame.
     pub visual: Vec<Visual>,
 }
+
+/// A shape of a link that touches. The flat faces of the fingers are named [`PAD`].
+#[derive(Clone, Debug, PartialEq)]
+pub struct Collider {
+    /// Name, unique on its link.
+    pub name: String,
+    /// Place and shape in the link frame.
+    pub part: Part,
+}
+
+/// Name of the collider on each finger tip whose flat face grips.
+pub const PAD: &str = "pad";
 
 /// Mass properties of a link.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -76,6 +137,26 @@ pub struct Joint {
     pub mimic: Option<(usize, f64, f64)>,
 }
 
+impl Joint {
+    /// parent_from_child at a position, rad or m.
+    #[must_use]
+    pub fn transform(&self, position: f64) -> Isometry3<f64> {
+        match self.kind {
+            JointKind::Fixed => self.origin,
+            JointKind::Revolute | JointKind::Continuous => {
+                self.origin
+                    * Isometry3::from_parts(
+                        Translation3::identity(),
+                        UnitQuaternion::from_axis_angle(&self.axis, position),
+                    )
+            }
+            JointKind::Prismatic => {
+                self.origin * Translation3::from(self.axis.into_inner() * position)
+            }
+        }
+    }
+}
+
 /// Limits of a joint.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Limits {
@@ -87,46 +168,4 @@ pub struct Limits {
     pub velocity: f64,
     /// Greatest torque or force, N·m or N.
     pub effort: f64,
-}
-
-/// Numbers of `robot.toml`.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Settings {
-    /// Cameras on the robot.
-    pub cameras: Vec<CameraMount>,
-    /// IMU link name.
-    pub imu_link: String,
-    /// Link of the recorded end effector.
-    pub end_effector_link: String,
-    /// Link of the arm's base.
-    pub arm_base_link: String,
-    /// Distance from the end effector frame to the grasp point along z, metres.
-    pub tool_length: f64,
-    /// Home position of the six arm joints, radians.
-    pub home: [f64; 6],
-    /// Wheel radius for drive and odometry, metres.
-    pub wheel_radius: f64,
-    /// Distance between the driven wheels for drive and odometry, metres.
-    pub track: f64,
-    /// Footprint in `wheelchair_root`: x min, x max, y min, y max, metres.
-    pub footprint: [f64; 4],
-}
-
-/// A camera on a link.
-#[derive(Clone, Debug, PartialEq)]
-pub struct CameraMount {
-    /// Name: `gen3`, `wheelchair`.
-    pub name: String,
-    /// Link that carries it.
-    pub link: String,
-    /// link_from_optical.
-    pub pose: Isometry3<f64>,
-    /// Picture size for which the intrinsics hold, pixels.
-    pub size: [u32; 2],
-    /// Focal lengths, pixels.
-    pub focal: [f64; 2],
-    /// Principal point, pixels from the top left corner.
-    pub principal: [f64; 2],
-    /// Near and far plane, metres.
-    pub range: [f64; 2],
 }

@@ -1,0 +1,407 @@
+//! URDF and `robot.toml` become a validated [`RobotModel`].
+//!
+//! All doubt ends here: what loads has every joint and link that the rest of
+//! the server names, sane limits and possible inertias.
+
+mod elements;
+
+use std::path::{Path, PathBuf};
+
+use wheelarm_proto::names::{FRAMES, JOINT_NAMES};
+
+use super::kinematics::ARM_JOINTS;
+use super::settings::{File, Settings};
+use super::{Joint, JointKind, Link, PAD, RobotModel};
+use crate::geometry::Shape;
+
+/// Why a robot did not load.
+#[derive(Debug, thiserror::Error)]
+pub enum RobotError {
+    /// A file cannot be read.
+    #[error("cannot read {path}: {source}; is the assets folder complete?")]
+    Read {
+        /// File.
+        path: PathBuf,
+        /// Cause.
+        source: std::io::Error,
+    },
+    /// `robot.toml` is malformed.
+    #[error("{path}: {source}")]
+    Toml {
+        /// File.
+        path: PathBuf,
+        /// Cause, with line and column.
+        source: Box<toml::de::Error>,
+    },
+    /// The URDF is malformed.
+    #[error("{path}: {source}")]
+    Urdf {
+        /// File.
+        path: PathBuf,
+        /// Cause.
+        source: Box<urdf_rs::UrdfError>,
+    },
+    /// Something that the server names is not there.
+    #[error("{path} has no {kind} `{name}`, which {user}; add it")]
+    Missing {
+        /// File.
+        path: PathBuf,
+        /// `link`, `joint`, `collision element`, ….
+        kind: &'static str,
+        /// Name.
+        name: String,
+        /// Who needs it.
+        user: &'static str,
+    },
+    /// Something is there that cannot be.
+    #[error("{path}: {object}: {found}, expected {expected}")]
+    Invalid {
+        /// File.
+        path: PathBuf,
+        /// Link, joint or setting.
+        object: String,
+        /// What was found.
+        found: String,
+        /// What would be right.
+        expected: String,
+    },
+}
+
+impl RobotModel {
+    /// Reads and checks `robots/NAME/robot.toml` below the assets folder and
+    /// the URDF beside it.
+    ///
+    /// # Errors
+    /// A [`RobotError`] that names the file, the object, what was found and
+    /// what would be right.
+    pub fn load(assets_dir: &Path, name: &str) -> Result<RobotModel, RobotError> {
+        let folder = format!("robots/{name}");
+        let toml_path = assets_dir.join(&folder).join("robot.toml");
+        let text = read(&toml_path)?;
+        let file: File = toml::from_str(&text).map_err(|source| RobotError::Toml {
+            path: toml_path.clone(),
+            source: Box::new(source),
+        })?;
+        if file.name != name {
+            return Err(RobotError::Invalid {
+                path: toml_path,
+                object: "name".to_owned(),
+                found: file.name,
+                expected: format!("the folder's name, {name}"),
+            });
+        }
+        let urdf_path = assets_dir.join(&folder).join(&file.urdf);
+        let text = read(&urdf_path)?;
+        let robot = urdf_rs::read_from_string(&text).map_err(|source| RobotError::Urdf {
+            path: urdf_path.clone(),
+            source: Box::new(source),
+        })?;
+        let reader = Reader {
+            assets_dir,
+            folder: &folder,
+            urdf: &urdf_path,
+            toml: &toml_path,
+            file: &file,
+            robot: &robot,
+        };
+        reader.model()
+    }
+}
+
+fn read(path: &Path) -> Result<String, RobotError> {
+    std::fs::read_to_string(path).map_err(|source| RobotError::Read {
+        path: path.to_owned(),
+        source,
+    })
+}
+
+/// The two files while they are turned into a model.
+struct Reader<'a> {
+    assets_dir: &'a Path,
+    folder: &'a str,
+    urdf: &'a Path,
+    toml: &'a Path,
+    file: &'a File,
+    robot: &'a urdf_rs::Robot,
+}
+
+impl Reader<'_> {
+    fn invalid(&self, object: String, found: String, expected: &str) -> RobotError {
+        RobotError::Invalid {
+            path: self.urdf.to_owned(),
+            object,
+            found,
+            expected: expected.to_owned(),
+        }
+    }
+
+    fn model(&self) -> Result<RobotModel, RobotError> {
+        let settings = self.file.settings();
+        if let Some((object, found, expected)) = settings.fault() {
+            return Err(RobotError::Invalid {
+                path: self.toml.to_owned(),
+                object,
+                found: found.to_string(),
+                expected: expected.to_owned(),
+            });
+        }
+        let (links, joints) = self.tree()?;
+        let mut model = RobotModel {
+            links,
+            joints,
+            settings,
+        };
+        self.resolve_mimics(&mut model)?;
+        self.check_names(&model)?;
+        self.check_masses(&model)?;
+        Ok(model)
+    }
+
+    /// Links and joints with parents before children, in the order of the file.
+    fn tree(&self) -> Result<(Vec<Link>, Vec<Joint>), RobotError> {
+        let robot = self.robot;
+        let is_child = |name: &str| robot.joints.iter().any(|joint| joint.child.link == name);
+        let roots: Vec<&str> = robot
+            .links
+            .iter()
+            .map(|link| link.name.as_str())
+            .filter(|name| !is_child(name))
+            .collect();
+        let root_name = FRAMES[0].link;
+        if roots != [root_name] {
+            return Err(self.invalid(
+                "root link".to_owned(),
+                roots.join(", "),
+                &format!("exactly one, {root_name}"),
+            ));
+        }
+        let find = |name: &str| {
+            robot
+                .links
+                .iter()
+                .find(|link| link.name == name)
+                .ok_or_else(|| self.missing("link", name, "a joint names"))
+        };
+        let mut links = vec![self.link(find(root_name)?)?];
+        let mut joints = Vec::new();
+        // Depth first: the stack holds (parent index, joint).
+        let below = |parent: usize, name: &str| {
+            robot
+                .joints
+                .iter()
+                .rev()
+                .filter(|joint| joint.parent.link == name)
+                .map(|joint| (parent, joint))
+                .collect::<Vec<_>>()
+        };
+        let mut stack = below(0, root_name);
+        while let Some((parent, joint)) = stack.pop() {
+            let child = links.len();
+            links.push(self.link(find(&joint.child.link)?)?);
+            joints.push(self.joint(joint, parent, child)?);
+            if links.len() > robot.links.len() {
+                return Err(self.invalid(
+                    format!("link {}", joint.child.link),
+                    "two parent joints".to_owned(),
+                    "one",
+                ));
+            }
+            stack.extend(below(child, &joint.child.link));
+        }
+        if links.len() != robot.links.len() {
+            return Err(self.invalid(
+                "joints".to_owned(),
+                format!(
+                    "{} of {} links hang from {root_name}",
+                    links.len(),
+                    robot.links.len()
+                ),
+                "all, without a loop",
+            ));
+        }
+        Ok((links, joints))
+    }
+
+    fn missing(&self, kind: &'static str, name: &str, user: &'static str) -> RobotError {
+        RobotError::Missing {
+            path: self.urdf.to_owned(),
+            kind,
+            name: name.to_owned(),
+            user,
+        }
+    }
+
+    fn resolve_mimics(&self, model: &mut RobotModel) -> Result<(), RobotError> {
+        for joint in &self.robot.joints {
+            let Some(mimic) = &joint.mimic else { continue };
+            let index = |name: &str| {
+                model
+                    .joint(name)
+                    .ok_or_else(|| self.missing("joint", name, "a mimic element names"))
+            };
+            let (follower, leader) = (index(&joint.name)?, index(&mimic.joint)?);
+            model.joints[follower].mimic = Some((
+                leader,
+                mimic.multiplier.unwrap_or(1.0),
+                mimic.offset.unwrap_or(0.0),
+            ));
+        }
+        for joint in &model.joints {
+            let chained = joint
+                .mimic
+                .is_some_and(|(leader, ..)| model.joints[leader].mimic.is_some());
+            if chained {
+                return Err(self.invalid(
+                    format!("joint {}", joint.name),
+                    "a mimic of a mimic".to_owned(),
+                    "a mimic of a joint that moves by itself",
+                ));
+            }
+        }
+        Ok(())
+    }
+
+    /// Everything that the server names by name is there, once.
+    fn check_names(&self, model: &RobotModel) -> Result<(), RobotError> {
+        for name in JOINT_NAMES {
+            let Some(joint) = model.joint(name) else {
+                return Err(self.missing("joint", name, "is recorded"));
+            };
+            if model.joints[joint].kind == JointKind::Fixed {
+                return Err(self.invalid(
+                    format!("joint {name}"),
+                    "type fixed".to_owned(),
+                    "a joint that moves",
+                ));
+            }
+        }
+        for frame in FRAMES {
+            for link in [frame.parent, frame.link] {
+                if link != "house" && model.link(link).is_none() {
+                    return Err(self.missing("link", link, "is recorded"));
+                }
+            }
+        }
+        let Settings {
+            cameras,
+            imu_link,
+            end_effector_link,
+            arm_base_link,
+            ..
+        } = &model.settings;
+        let named = cameras.iter().map(|camera| &camera.link).chain([
+            imu_link,
+            end_effector_link,
+            arm_base_link,
+        ]);
+        for link in named {
+            if model.link(link).is_none() {
+                return Err(self.missing("link", link, "robot.toml names"));
+            }
+        }
+        self.check_arm(model)?;
+        for side in ["left", "right"] {
+            let name = format!("robotiq_85_{side}_finger_tip_joint");
+            let has_pad = model.joint(&name).is_some_and(|joint| {
+                let tip = &model.links[model.joints[joint].child];
+                tip.collision.iter().any(|collider| {
+                    collider.name == PAD && matches!(collider.part.shape, Shape::Cuboid { .. })
+                })
+            });
+            if !has_pad {
+                return Err(self.missing(
+                    "box collision element",
+                    PAD,
+                    "grips, on both finger tips",
+                ));
+            }
+        }
+        let repeated = |names: Vec<&String>| {
+            names
+                .iter()
+                .enumerate()
+                .find(|(i, name)| names[..*i].contains(name))
+                .map(|(_, name)| (*name).clone())
+        };
+        let twice = repeated(model.joints.iter().map(|joint| &joint.name).collect())
+            .or_else(|| repeated(model.links.iter().map(|link| &link.name).collect()));
+        match twice {
+            Some(name) => Err(self.invalid(name, "two of this name".to_owned(), "one")),
+            None => Ok(()),
+        }
+    }
+
+    /// From the arm's base to the end effector: joint_1 to joint_6 in this
+    /// order, and nothing else that moves.
+    fn check_arm(&self, model: &RobotModel) -> Result<(), RobotError> {
+        let settings = &model.settings;
+        let link = |name: &str| model.link(name).unwrap_or_default();
+        let (base, hand) = (
+            link(&settings.arm_base_link),
+            link(&settings.end_effector_link),
+        );
+        let moving: Vec<&str> = model
+            .chain(base, hand)
+            .unwrap_or_default()
+            .iter()
+            .map(|&joint| &model.joints[joint])
+            .filter(|joint| joint.kind != JointKind::Fixed)
+            .map(|joint| joint.name.as_str())
+            .collect();
+        let turning = ARM_JOINTS.iter().all(|name| {
+            model
+                .joint(name)
+                .is_some_and(|joint| model.joints[joint].kind != JointKind::Prismatic)
+        });
+        if moving != ARM_JOINTS || !turning {
+            return Err(self.invalid(
+                format!(
+                    "chain from {} to {}",
+                    settings.arm_base_link, settings.end_effector_link
+                ),
+                moving.join(", "),
+                &format!("the turning joints {}", ARM_JOINTS.join(", ")),
+            ));
+        }
+        for (i, name) in ARM_JOINTS.iter().enumerate() {
+            let limits = model.joints[model.joint(name).unwrap_or_default()].limits;
+            let home = settings.home[i];
+            if !(limits.lower <= home && home <= limits.upper) {
+                return Err(RobotError::Invalid {
+                    path: self.toml.to_owned(),
+                    object: format!("home of {name}"),
+                    found: home.to_string(),
+                    expected: format!("{} to {} rad", limits.lower, limits.upper),
+                });
+            }
+        }
+        Ok(())
+    }
+
+    /// What hangs below a moving joint weighs something.
+    fn check_masses(&self, model: &RobotModel) -> Result<(), RobotError> {
+        let mut mass: Vec<f64> = model
+            .links
+            .iter()
+            .map(|link| link.inertial.map_or(0.0, |inertial| inertial.mass))
+            .collect();
+        for joint in model.joints.iter().rev() {
+            let below = mass[joint.child];
+            if joint.kind != JointKind::Fixed && below == 0.0 {
+                return Err(self.invalid(
+                    format!("link {}", model.links[joint.child].name),
+                    "no mass at or below a joint that moves".to_owned(),
+                    "an inertial element",
+                ));
+            }
+            // Mass behind a fixed joint belongs to the parent.
+            if joint.kind == JointKind::Fixed {
+                mass[joint.parent] += below;
+            }
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests;

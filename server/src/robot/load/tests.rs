@@ -1,0 +1,148 @@
+//! The robot that ships loads and says what its makers say; a broken one is
+//! refused with the reason.
+
+use std::path::{Path, PathBuf};
+
+use nalgebra::{Point3, Vector3};
+
+use super::*;
+
+fn assets() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../assets")
+}
+
+#[test]
+fn masses_add_up_to_the_catalogue() {
+    let model = RobotModel::load(&assets(), "wheelarm").unwrap();
+    let mass = |names: &dyn Fn(&str) -> bool| -> f64 {
+        model
+            .links
+            .iter()
+            .filter(|link| names(&link.name))
+            .filter_map(|link| link.inertial.map(|inertial| inertial.mass))
+            .sum()
+    };
+    let gripper = mass(&|name| name.starts_with("robotiq_85_"));
+    assert!((gripper - 0.92086).abs() < 1e-4, "gripper {gripper} kg");
+    let chair = mass(&|name| name.ends_with("_wheel") || name == "wheelchair_root");
+    assert!((chair - 52.0).abs() < 1e-9, "chair {chair} kg");
+    let start = model.link("base_link").unwrap();
+    let arm: f64 = mass(&|name| {
+        let link = model.link(name).unwrap();
+        model.chain(start, link).is_some() && !name.starts_with("robotiq_85_")
+    });
+    assert!((arm - 7.1221).abs() < 1e-9, "arm {arm} kg");
+}
+
+#[test]
+fn frames_stand_where_the_mounting_says() {
+    let model = RobotModel::load(&assets(), "wheelarm").unwrap();
+    let poses = model.link_poses(&vec![0.0; model.joints.len()]);
+    let at = |name: &str| poses[model.link(name).unwrap()];
+    let base = at("base_link");
+    assert!((base.translation.vector - Vector3::new(0.42, 0.36, 0.55)).norm() < 1e-12);
+    assert!(
+        (base * Vector3::x() + Vector3::x()).norm() < 1e-12,
+        "yaw 180"
+    );
+    // The chair camera looks forward and 30 degrees down, upright.
+    let camera = at("wheelchair_camera_frame");
+    assert!((camera.translation.vector - Vector3::new(-0.05, 0.0, 1.35)).norm() < 1e-12);
+    let (sin, cos) = 30f64.to_radians().sin_cos();
+    assert!((camera * Vector3::z() - Vector3::new(cos, 0.0, -sin)).norm() < 1e-12);
+    assert!((camera * Vector3::x() + Vector3::y()).norm() < 1e-12);
+    // The inner knuckles' other pins lie on the gripper's base at every angle.
+    let hand = model.link("robotiq_85_base_link").unwrap();
+    for knuckle in [0.0, 0.3, 0.7929] {
+        let leader = model.joint("robotiq_85_left_knuckle_joint").unwrap();
+        let positions: Vec<f64> = model
+            .joints
+            .iter()
+            .enumerate()
+            .map(|(i, joint)| match joint.mimic {
+                Some((_, factor, offset)) => factor * knuckle + offset,
+                None if i == leader => knuckle,
+                None => 0.0,
+            })
+            .collect();
+        let poses = model.link_poses(&positions);
+        for (side, sign) in [("left", 1.0), ("right", -1.0)] {
+            let link = model
+                .link(&format!("robotiq_85_{side}_inner_knuckle_link"))
+                .unwrap();
+            let pin = poses[hand].inverse()
+                * poses[link]
+                * Point3::new(-sign * 0.0371575, 0.0, -0.04342168);
+            assert!((pin - Point3::new(sign * 0.0127, 0.0, 0.06142)).norm() < 1e-9);
+        }
+    }
+}
+
+#[test]
+fn broken_robots_are_refused_with_the_reason() {
+    let folder = tempfile_folder("broken");
+    let source = assets().join("robots/wheelarm");
+    let toml = std::fs::read_to_string(source.join("robot.toml"))
+        .unwrap()
+        .replace("name = \"wheelarm\"", "name = \"broken\"");
+    let urdf = std::fs::read_to_string(source.join("wheelarm.urdf")).unwrap();
+    copy_folder(&source.join("meshes"), &folder.join("robots/broken/meshes"));
+    let attempt = |toml: &str, urdf: &str| {
+        let robot = folder.join("robots/broken");
+        std::fs::create_dir_all(&robot).unwrap();
+        std::fs::write(robot.join("robot.toml"), toml).unwrap();
+        std::fs::write(robot.join("wheelarm.urdf"), urdf).unwrap();
+        RobotModel::load(&folder, "broken")
+    };
+    let refused = |toml: &str, urdf: &str, words: &[&str]| {
+        let text = attempt(toml, urdf).unwrap_err().to_string();
+        for word in words {
+            assert!(text.contains(word), "{text:?} lacks {word:?}");
+        }
+    };
+    attempt(&toml, &urdf).unwrap();
+    refused(
+        &toml,
+        &urdf.replace("\"joint_3\"", "\"elbow\""),
+        &["no joint `joint_3`", "wheelarm.urdf"],
+    );
+    refused(
+        &toml,
+        &urdf.replace("lower=\"-2.24\"", "lower=\"2.5\""),
+        &["joint joint_2", "2.5", "lower below upper"],
+    );
+    refused(
+        &toml,
+        &urdf.replace("ixx=\"0.046752\"", "ixx=\"-0.046752\""),
+        &["link bicep_link", "positive definite"],
+    );
+    refused(
+        &toml,
+        &urdf.replace("name=\"pad\"", "name=\"pads\""),
+        &["collision element `pad`"],
+    );
+    refused(
+        &toml.replace("track = 0.496", "track = -0.496"),
+        &urdf,
+        &["drive.track", "-0.496", "greater than 0"],
+    );
+    std::fs::remove_dir_all(&folder).unwrap();
+}
+
+fn tempfile_folder(name: &str) -> PathBuf {
+    let folder = std::env::temp_dir().join(format!("wheelarm-{name}-{}", std::process::id()));
+    let _ = std::fs::remove_dir_all(&folder);
+    std::fs::create_dir_all(folder.join("robots").join(name)).unwrap();
+    folder
+}
+
+fn copy_folder(from: &Path, to: &Path) {
+    let Ok(entries) = std::fs::read_dir(from) else {
+        return;
+    };
+    std::fs::create_dir_all(to).unwrap();
+    for entry in entries {
+        let path = entry.unwrap().path();
+        std::fs::copy(&path, to.join(path.file_name().unwrap())).unwrap();
+    }
+}

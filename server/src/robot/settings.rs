@@ -1,0 +1,295 @@
+//! Numbers of `robot.toml`: what a URDF cannot say about a robot.
+//!
+//! Read and checked once at load; nothing here is computed from the URDF.
+
+use std::collections::BTreeMap;
+
+use nalgebra::Isometry3;
+use serde::Deserialize;
+
+/// Numbers of `robot.toml`.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Settings {
+    /// Cameras on the robot.
+    pub cameras: Vec<CameraMount>,
+    /// IMU link name.
+    pub imu_link: String,
+    /// Noise of the IMU.
+    pub imu: ImuSettings,
+    /// Link of the recorded end effector.
+    pub end_effector_link: String,
+    /// Link of the arm's base.
+    pub arm_base_link: String,
+    /// Distance from the end effector frame to the grasp point along z, metres.
+    pub tool_length: f64,
+    /// Home position of the six arm joints, radians.
+    pub home: [f64; 6],
+    /// Wheel radius for drive and odometry, metres.
+    pub wheel_radius: f64,
+    /// Distance between the driven wheels for drive and odometry, metres.
+    pub track: f64,
+    /// Footprint in `wheelchair_root`: x min, x max, y min, y max, metres.
+    pub footprint: [f64; 4],
+    /// Speeds and accelerations of the chair.
+    pub drive: DriveSettings,
+    /// Gains and limits of the arm.
+    pub arm: ArmSettings,
+    /// Limits of the gripper.
+    pub gripper: GripperSettings,
+}
+
+/// A camera on a link.
+#[derive(Clone, Debug, PartialEq)]
+pub struct CameraMount {
+    /// Name: `gen3`, `wheelchair`.
+    pub name: String,
+    /// Link that carries it.
+    pub link: String,
+    /// link_from_optical.
+    pub pose: Isometry3<f64>,
+    /// Picture size for which the intrinsics hold, pixels.
+    pub size: [u32; 2],
+    /// Focal lengths, pixels.
+    pub focal: [f64; 2],
+    /// Principal point, pixels from the top left corner.
+    pub principal: [f64; 2],
+    /// Near and far plane, metres.
+    pub range: [f64; 2],
+}
+
+/// White noise of the IMU, applied only when a scenario asks for it.
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ImuSettings {
+    /// Density of the acceleration noise, m/s²/√Hz.
+    pub acceleration_noise: f64,
+    /// Density of the angular velocity noise, rad/s/√Hz.
+    pub gyro_noise: f64,
+    /// Standard deviation of the orientation per sample, rad.
+    pub orientation_noise: f64,
+}
+
+/// Speed profile of the chair. Decelerations apply when a speed falls.
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct DriveSettings {
+    /// m/s².
+    pub forward_acceleration: f64,
+    /// m/s².
+    pub forward_deceleration: f64,
+    /// m/s².
+    pub backward_acceleration: f64,
+    /// m/s².
+    pub backward_deceleration: f64,
+    /// rad/s².
+    pub turn_acceleration: f64,
+    /// rad/s².
+    pub turn_deceleration: f64,
+    /// Greatest forward speed of a command, m/s.
+    pub forward_speed: f64,
+    /// Greatest backward speed of a command, m/s, positive.
+    pub backward_speed: f64,
+    /// Greatest turn rate of a command, rad/s.
+    pub turn_speed: f64,
+    /// Forward speed that is never exceeded, m/s.
+    pub hard_forward_speed: f64,
+    /// Backward speed that is never exceeded, m/s, positive.
+    pub hard_backward_speed: f64,
+    /// Turn rate that is never exceeded, rad/s.
+    pub hard_turn_speed: f64,
+    /// Torque cap of each driven wheel, N·m.
+    pub wheel_torque: f64,
+}
+
+/// Gains and limits of the arm beyond those of the URDF.
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ArmSettings {
+    /// Position gains of joint_1 to joint_6, N·m/rad.
+    pub stiffness: [f64; 6],
+    /// Velocity gains of joint_1 to joint_6, N·m·s/rad.
+    pub damping: [f64; 6],
+    /// Joint acceleration, rad/s².
+    pub acceleration: f64,
+    /// Speed of the grasp point, m/s.
+    pub tool_speed: f64,
+    /// Turn rate of the end effector, rad/s.
+    pub tool_turn_rate: f64,
+}
+
+/// Limits of the gripper beyond those of the URDF.
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct GripperSettings {
+    /// Greatest knuckle angle that is commanded, rad.
+    pub closed: f64,
+    /// Knuckle speed, rad/s.
+    pub speed: f64,
+    /// Knuckle acceleration, rad/s².
+    pub acceleration: f64,
+    /// Force cap at each pad when none is asked, N.
+    pub force: f64,
+    /// Greatest force cap at each pad, N.
+    pub max_force: f64,
+}
+
+/// Look of a material beside its colour in the URDF.
+#[derive(Clone, Copy, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Surface {
+    /// 0 (mirror) to 1.
+    pub roughness: f32,
+    /// 0 dielectric, 1 metal.
+    pub metallic: f32,
+}
+
+/// `robot.toml` as it stands in the file.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct File {
+    pub name: String,
+    pub urdf: String,
+    arm_base_link: String,
+    end_effector_link: String,
+    tool_length: f64,
+    home: [f64; 6],
+    footprint: [f64; 4],
+    drive: DriveTable,
+    arm: ArmSettings,
+    gripper: GripperSettings,
+    imu: ImuTable,
+    #[serde(default)]
+    camera: Vec<CameraTable>,
+    #[serde(default)]
+    pub material: BTreeMap<String, Surface>,
+}
+
+#[derive(Debug, Deserialize)]
+struct DriveTable {
+    wheel_radius: f64,
+    track: f64,
+    #[serde(flatten)]
+    drive: DriveSettings,
+}
+
+#[derive(Debug, Deserialize)]
+struct ImuTable {
+    link: String,
+    #[serde(flatten)]
+    imu: ImuSettings,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct CameraTable {
+    name: String,
+    link: String,
+    size: [u32; 2],
+    focal: [f64; 2],
+    principal: [f64; 2],
+    range: [f64; 2],
+}
+
+impl File {
+    /// What of the file stays with the model.
+    pub(super) fn settings(&self) -> Settings {
+        Settings {
+            cameras: self
+                .camera
+                .iter()
+                .map(|camera| CameraMount {
+                    name: camera.name.clone(),
+                    link: camera.link.clone(),
+                    pose: Isometry3::identity(),
+                    size: camera.size,
+                    focal: camera.focal,
+                    principal: camera.principal,
+                    range: camera.range,
+                })
+                .collect(),
+            imu_link: self.imu.link.clone(),
+            imu: self.imu.imu,
+            end_effector_link: self.end_effector_link.clone(),
+            arm_base_link: self.arm_base_link.clone(),
+            tool_length: self.tool_length,
+            home: self.home,
+            wheel_radius: self.drive.wheel_radius,
+            track: self.drive.track,
+            footprint: self.footprint,
+            drive: self.drive.drive,
+            arm: self.arm,
+            gripper: self.gripper,
+        }
+    }
+}
+
+impl Settings {
+    /// The first number that makes no sense: its name and what it must be.
+    pub(super) fn fault(&self) -> Option<(String, f64, &'static str)> {
+        let drive = &self.drive;
+        let positive = [
+            ("tool_length", self.tool_length),
+            ("drive.wheel_radius", self.wheel_radius),
+            ("drive.track", self.track),
+            ("drive.forward_acceleration", drive.forward_acceleration),
+            ("drive.forward_deceleration", drive.forward_deceleration),
+            ("drive.backward_acceleration", drive.backward_acceleration),
+            ("drive.backward_deceleration", drive.backward_deceleration),
+            ("drive.turn_acceleration", drive.turn_acceleration),
+            ("drive.turn_deceleration", drive.turn_deceleration),
+            ("drive.forward_speed", drive.forward_speed),
+            ("drive.backward_speed", drive.backward_speed),
+            ("drive.turn_speed", drive.turn_speed),
+            ("drive.hard_forward_speed", drive.hard_forward_speed),
+            ("drive.hard_backward_speed", drive.hard_backward_speed),
+            ("drive.hard_turn_speed", drive.hard_turn_speed),
+            ("drive.wheel_torque", drive.wheel_torque),
+            ("arm.acceleration", self.arm.acceleration),
+            ("arm.tool_speed", self.arm.tool_speed),
+            ("arm.tool_turn_rate", self.arm.tool_turn_rate),
+            ("gripper.closed", self.gripper.closed),
+            ("gripper.speed", self.gripper.speed),
+            ("gripper.acceleration", self.gripper.acceleration),
+            ("gripper.force", self.gripper.force),
+            ("gripper.max_force", self.gripper.max_force),
+        ];
+        let gains = (0..6).flat_map(|i| {
+            [
+                (format!("arm.stiffness[{i}]"), self.arm.stiffness[i]),
+                (format!("arm.damping[{i}]"), self.arm.damping[i]),
+            ]
+        });
+        let optics = self.cameras.iter().flat_map(|camera| {
+            let name = &camera.name;
+            [
+                (format!("camera {name}: focal[0]"), camera.focal[0]),
+                (format!("camera {name}: focal[1]"), camera.focal[1]),
+                (format!("camera {name}: size[0]"), f64::from(camera.size[0])),
+                (format!("camera {name}: size[1]"), f64::from(camera.size[1])),
+                (format!("camera {name}: range[0]"), camera.range[0]),
+                (
+                    format!("camera {name}: range[1] - range[0]"),
+                    camera.range[1] - camera.range[0],
+                ),
+            ]
+        });
+        let not_negative = [
+            ("imu.acceleration_noise", self.imu.acceleration_noise),
+            ("imu.gyro_noise", self.imu.gyro_noise),
+            ("imu.orientation_noise", self.imu.orientation_noise),
+        ];
+        positive
+            .into_iter()
+            .map(|(name, value)| (name.to_owned(), value))
+            .chain(gains)
+            .chain(optics)
+            .find(|(_, value)| !(value.is_finite() && *value > 0.0))
+            .map(|(name, value)| (name, value, "greater than 0"))
+            .or_else(|| {
+                not_negative
+                    .into_iter()
+                    .find(|(_, value)| !(value.is_finite() && *value >= 0.0))
+                    .map(|(name, value)| (name.to_owned(), value, "0 or more"))
+            })
+    }
+}
