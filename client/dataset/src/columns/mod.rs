@@ -165,6 +165,11 @@ pub trait Stream: Send + Sync {
     fn name(&self) -> &'static str;
     /// Its columns in order.
     fn columns(&self) -> Vec<ColumnInfo>;
+    /// Whether the payload is this stream's message.
+    ///
+    /// # Errors
+    /// When it is not.
+    fn check(&self, payload: &[u8]) -> Result<(), prost::DecodeError>;
     /// Takes one sample apart. The flag is false when a list had another
     /// length than its column; it is then cut or filled with NaN or 0.
     ///
@@ -205,6 +210,10 @@ impl<M: Message + Default + 'static> Stream for Table<M> {
                 },
             })
             .collect()
+    }
+
+    fn check(&self, payload: &[u8]) -> Result<(), prost::DecodeError> {
+        M::decode(payload).map(drop)
     }
 
     fn extract(
@@ -261,4 +270,19 @@ pub fn header_of(payload: &[u8]) -> Result<v1::Header, prost::DecodeError> {
         header: Option<v1::Header>,
     }
     Ok(HeaderOnly::decode(payload)?.header.unwrap_or_default())
+}
+
+/// Whether a payload is a message of `stream`; streams that this version does
+/// not know are taken as they come.
+///
+/// # Errors
+/// When it is not.
+pub fn check(stream: &str, payload: &[u8]) -> Result<(), prost::DecodeError> {
+    if stream == names::EVENT_STREAM {
+        return v1::Event::decode(payload).map(drop);
+    }
+    match streams().into_iter().find(|s| s.name() == stream) {
+        Some(table) => table.check(payload),
+        None => Ok(()),
+    }
 }

@@ -32,7 +32,13 @@ const fn f64s<M>(
     axes: &'static [Axis],
     get: fn(&M, &Context, &mut Vec<f64>),
 ) -> Column<M> {
-    Column { name, unit, frame, axes, values: Values::F64(get) }
+    Column {
+        name,
+        unit,
+        frame,
+        axes,
+        values: Values::F64(get),
+    }
 }
 
 const fn u64s<M>(
@@ -40,7 +46,13 @@ const fn u64s<M>(
     unit: &'static str,
     get: fn(&M, &Context, &mut Vec<u64>),
 ) -> Column<M> {
-    Column { name, unit, frame: "", axes: &[], values: Values::U64(get) }
+    Column {
+        name,
+        unit,
+        frame: "",
+        axes: &[],
+        values: Values::U64(get),
+    }
 }
 
 const fn flags<M>(
@@ -48,11 +60,23 @@ const fn flags<M>(
     axes: &'static [Axis],
     get: fn(&M, &Context, &mut Vec<u8>),
 ) -> Column<M> {
-    Column { name, unit: "1", frame: "", axes, values: Values::Flag(get) }
+    Column {
+        name,
+        unit: "1",
+        frame: "",
+        axes,
+        values: Values::Flag(get),
+    }
 }
 
 const fn text<M>(name: &'static str, get: fn(&M) -> String) -> Column<M> {
-    Column { name, unit: "1", frame: "", axes: &[], values: Values::Text(get) }
+    Column {
+        name,
+        unit: "1",
+        frame: "",
+        axes: &[],
+        values: Values::Text(get),
+    }
 }
 
 const fn message<M>() -> Column<M> {
@@ -68,36 +92,74 @@ const fn message<M>() -> Column<M> {
 static JOINT_STATE: Table<v1::JointState> = Table {
     stream: "joint_state",
     columns: &[
-        f64s("position", "rad", "", &[Axis::Joints], |m, _, o| o.extend(&m.position)),
-        f64s("velocity", "rad/s", "", &[Axis::Joints], |m, _, o| o.extend(&m.velocity)),
-        f64s("effort", "N.m", "", &[Axis::Joints], |m, _, o| o.extend(&m.effort)),
+        f64s("position", "rad", "", &[Axis::Joints], |m, _, o| {
+            o.extend(&m.position)
+        }),
+        f64s("velocity", "rad/s", "", &[Axis::Joints], |m, _, o| {
+            o.extend(&m.velocity)
+        }),
+        f64s("effort", "N.m", "", &[Axis::Joints], |m, _, o| {
+            o.extend(&m.effort)
+        }),
     ],
 };
 
 static POSE_SET: Table<v1::PoseSet> = Table {
     stream: "pose",
     columns: &[
-        f64s("pose", POSE_UNIT, FRAMES_FRAME, &[Axis::Frames, POSE], |m, _, o| {
-            m.frames.iter().for_each(|f| take::pose(f.pose.as_ref(), o));
-        }),
-        f64s("twist", TWIST_UNIT, FRAMES_FRAME, &[Axis::Frames, TWIST], |m, _, o| {
-            m.frames.iter().for_each(|f| take::twist(f.twist.as_ref(), o));
-        }),
+        f64s(
+            "pose",
+            POSE_UNIT,
+            FRAMES_FRAME,
+            &[Axis::Frames, POSE],
+            |m, _, o| {
+                m.frames.iter().for_each(|f| take::pose(f.pose.as_ref(), o));
+            },
+        ),
+        f64s(
+            "twist",
+            TWIST_UNIT,
+            FRAMES_FRAME,
+            &[Axis::Frames, TWIST],
+            |m, _, o| {
+                m.frames
+                    .iter()
+                    .for_each(|f| take::twist(f.twist.as_ref(), o));
+            },
+        ),
     ],
 };
 
 static IMU: Table<v1::Imu> = Table {
     stream: "imu",
     columns: &[
-        f64s("orientation", "1", "imu_link in house", &[QUATERNION], |m, _, o| {
-            take::quaternion(m.orientation.as_ref(), o);
-        }),
-        f64s("angular_velocity", "rad/s", "imu_link", &[XYZ], |m, _, o| {
-            take::vector(m.angular_velocity.as_ref(), o);
-        }),
-        f64s("linear_acceleration", "m/s^2", "imu_link", &[XYZ], |m, _, o| {
-            take::vector(m.linear_acceleration.as_ref(), o);
-        }),
+        f64s(
+            "orientation",
+            "1",
+            "imu_link in house",
+            &[QUATERNION],
+            |m, _, o| {
+                take::quaternion(m.orientation.as_ref(), o);
+            },
+        ),
+        f64s(
+            "angular_velocity",
+            "rad/s",
+            "imu_link",
+            &[XYZ],
+            |m, _, o| {
+                take::vector(m.angular_velocity.as_ref(), o);
+            },
+        ),
+        f64s(
+            "linear_acceleration",
+            "m/s^2",
+            "imu_link",
+            &[XYZ],
+            |m, _, o| {
+                take::vector(m.linear_acceleration.as_ref(), o);
+            },
+        ),
     ],
 };
 
@@ -115,40 +177,74 @@ static CLOCK: Table<v1::Clock> = Table {
 static ODOMETRY: Table<v1::Odometry> = Table {
     stream: "odometry",
     columns: &[
-        f64s("pose", POSE_UNIT, "wheelchair_root where the odometry started", &[POSE], |m, _, o| {
-            take::pose(m.pose.as_ref(), o);
-        }),
-        f64s("twist", TWIST_UNIT, "wheelchair_root", &[TWIST], |m, _, o| {
-            take::twist(m.twist.as_ref(), o);
-        }),
+        f64s(
+            "pose",
+            POSE_UNIT,
+            "wheelchair_root where the odometry started",
+            &[POSE],
+            |m, _, o| {
+                take::pose(m.pose.as_ref(), o);
+            },
+        ),
+        f64s(
+            "twist",
+            TWIST_UNIT,
+            "wheelchair_root",
+            &[TWIST],
+            |m, _, o| {
+                take::twist(m.twist.as_ref(), o);
+            },
+        ),
     ],
 };
 
 static COMMAND: Table<v1::CommandLog> = Table {
     stream: "command",
     columns: &[
-        text("commander", |m| m.command.as_ref().map_or_else(String::new, |c| c.commander.clone())),
-        u64s("command_sequence", "1 (the commander's own sequence number)", |m, _, o| {
-            let header = m.command.as_ref().and_then(|c| c.header.as_ref());
-            o.push(header.map_or(0, |h| h.sequence));
+        text("commander", |m| {
+            m.command
+                .as_ref()
+                .map_or_else(String::new, |c| c.commander.clone())
         }),
+        u64s(
+            "command_sequence",
+            "1 (the commander's own sequence number)",
+            |m, _, o| {
+                let header = m.command.as_ref().and_then(|c| c.header.as_ref());
+                o.push(header.map_or(0, |h| h.sequence));
+            },
+        ),
         u64s("answers_tick", "ticks of 1/240 s", |m, _, o| {
             o.push(m.command.as_ref().map_or(0, |c| c.answers_tick));
         }),
-        text("arm_kind", |m| take::arm_kind(m.command.as_ref().and_then(|c| c.arm.as_ref()))),
-        text("arm_frame", |m| take::arm_frame(m.command.as_ref().and_then(|c| c.arm.as_ref()))),
-        f64s("arm", ARM_UNIT, "named by arm_frame", &[ARM_VALUES], |m, _, o| {
-            take::arm_values(m.command.as_ref().and_then(|c| c.arm.as_ref()), o);
+        text("arm_kind", |m| {
+            take::arm_kind(m.command.as_ref().and_then(|c| c.arm.as_ref()))
         }),
+        text("arm_frame", |m| {
+            take::arm_frame(m.command.as_ref().and_then(|c| c.arm.as_ref()))
+        }),
+        f64s(
+            "arm",
+            ARM_UNIT,
+            "named by arm_frame",
+            &[ARM_VALUES],
+            |m, _, o| {
+                take::arm_values(m.command.as_ref().and_then(|c| c.arm.as_ref()), o);
+            },
+        ),
         f64s("base", BASE_UNIT, "wheelchair_root", &[BASE], |m, _, o| {
             take::base(m.command.as_ref().and_then(|c| c.base.as_ref()), o);
         }),
         f64s("gripper", GRIPPER_UNIT, "", &[GRIPPER], |m, _, o| {
             take::gripper(m.command.as_ref().and_then(|c| c.gripper.as_ref()), o);
         }),
-        text("phase", |m| take::phase(m.command.as_ref().map_or(0, |c| c.phase))),
+        text("phase", |m| {
+            take::phase(m.command.as_ref().map_or(0, |c| c.phase))
+        }),
         text("phase_name", |m| {
-            m.command.as_ref().map_or_else(String::new, |c| c.phase_name.clone())
+            m.command
+                .as_ref()
+                .map_or_else(String::new, |c| c.phase_name.clone())
         }),
         message(),
     ],
@@ -157,20 +253,38 @@ static COMMAND: Table<v1::CommandLog> = Table {
 static APPLIED: Table<v1::Applied> = Table {
     stream: "applied",
     columns: &[
-        f64s("joint_position", "rad", "", &[ARM], |m, _, o| o.extend(&m.joint_position)),
-        f64s("joint_velocity", "rad/s", "", &[ARM], |m, _, o| o.extend(&m.joint_velocity)),
-        f64s("wheel_velocity", "rad/s", "", &[WHEELS], |m, _, o| o.extend(&m.wheel_velocity)),
-        f64s("knuckle", "rad", "", &[], |m, _, o| o.push(m.knuckle)),
-        f64s("desired_pose", POSE_UNIT, "base_link", &[POSE], |m, _, o| {
-            take::pose(m.desired_pose.as_ref(), o);
+        f64s("joint_position", "rad", "", &[ARM], |m, _, o| {
+            o.extend(&m.joint_position)
         }),
+        f64s("joint_velocity", "rad/s", "", &[ARM], |m, _, o| {
+            o.extend(&m.joint_velocity)
+        }),
+        f64s("wheel_velocity", "rad/s", "", &[WHEELS], |m, _, o| {
+            o.extend(&m.wheel_velocity)
+        }),
+        f64s("knuckle", "rad", "", &[], |m, _, o| o.push(m.knuckle)),
+        f64s(
+            "desired_pose",
+            POSE_UNIT,
+            "base_link",
+            &[POSE],
+            |m, _, o| {
+                take::pose(m.desired_pose.as_ref(), o);
+            },
+        ),
         flags("stale", &[], |m, _, o| o.push(u8::from(m.stale))),
         text("arm_problem", |m| m.arm_problem.clone()),
         text("arm_kind", |m| take::arm_kind(m.arm.as_ref())),
         text("arm_frame", |m| take::arm_frame(m.arm.as_ref())),
-        f64s("arm", ARM_UNIT, "named by arm_frame", &[ARM_VALUES], |m, _, o| {
-            take::arm_values(m.arm.as_ref(), o);
-        }),
+        f64s(
+            "arm",
+            ARM_UNIT,
+            "named by arm_frame",
+            &[ARM_VALUES],
+            |m, _, o| {
+                take::arm_values(m.arm.as_ref(), o);
+            },
+        ),
         f64s("base", BASE_UNIT, "wheelchair_root", &[BASE], |m, _, o| {
             take::base(m.base.as_ref(), o);
         }),
@@ -184,20 +298,36 @@ static APPLIED: Table<v1::Applied> = Table {
 static OBJECT_POSE: Table<v1::ObjectPoses> = Table {
     stream: "object_pose",
     columns: &[
-        f64s("pose", POSE_UNIT, "house", &[Axis::Objects, POSE], |m, _, o| {
-            m.pose.iter().for_each(|p| take::pose(Some(p), o));
-        }),
-        f64s("twist", TWIST_UNIT, "house", &[Axis::Objects, TWIST], |m, _, o| {
-            m.twist.iter().for_each(|t| take::twist(Some(t), o));
-        }),
+        f64s(
+            "pose",
+            POSE_UNIT,
+            "house",
+            &[Axis::Objects, POSE],
+            |m, _, o| {
+                m.pose.iter().for_each(|p| take::pose(Some(p), o));
+            },
+        ),
+        f64s(
+            "twist",
+            TWIST_UNIT,
+            "house",
+            &[Axis::Objects, TWIST],
+            |m, _, o| {
+                m.twist.iter().for_each(|t| take::twist(Some(t), o));
+            },
+        ),
     ],
 };
 
 static CONTACT: Table<v1::Contacts> = Table {
     stream: "contact",
     columns: &[
-        f64s("pad_force", "N (normal force)", "", &[PADS], |m, _, o| o.extend(&m.pad_force)),
-        u64s("count", "1 (touching pairs)", |m, _, o| o.push(m.contacts.len() as u64)),
+        f64s("pad_force", "N (normal force)", "", &[PADS], |m, _, o| {
+            o.extend(&m.pad_force)
+        }),
+        u64s("count", "1 (touching pairs)", |m, _, o| {
+            o.push(m.contacts.len() as u64)
+        }),
         text("pairs", take::pairs),
         f64s("point", "m", "house", &[Axis::Contacts, XYZ], |m, _, o| {
             let start = o.len();
@@ -206,13 +336,19 @@ static CONTACT: Table<v1::Contacts> = Table {
             }
             o.resize(start + 3 * MAX_CONTACTS, f64::NAN);
         }),
-        f64s("force", "N (on the second body)", "house", &[Axis::Contacts, XYZ], |m, _, o| {
-            let start = o.len();
-            for c in m.contacts.iter().take(MAX_CONTACTS) {
-                take::vector(c.force.as_ref(), o);
-            }
-            o.resize(start + 3 * MAX_CONTACTS, f64::NAN);
-        }),
+        f64s(
+            "force",
+            "N (on the second body)",
+            "house",
+            &[Axis::Contacts, XYZ],
+            |m, _, o| {
+                let start = o.len();
+                for c in m.contacts.iter().take(MAX_CONTACTS) {
+                    take::vector(c.force.as_ref(), o);
+                }
+                o.resize(start + 3 * MAX_CONTACTS, f64::NAN);
+            },
+        ),
     ],
 };
 
@@ -265,7 +401,11 @@ static PHASE: Table<v1::PhaseSample> = Table {
 
 static STATE_HASH: Table<v1::StateHash> = Table {
     stream: "state_hash",
-    columns: &[u64s("hash", "1 (64-bit hash of the whole state)", |m, _, o| o.push(m.hash))],
+    columns: &[u64s(
+        "hash",
+        "1 (64-bit hash of the whole state)",
+        |m, _, o| o.push(m.hash),
+    )],
 };
 
 /// Every state stream that a file can hold, in the order of
@@ -289,12 +429,22 @@ pub fn streams() -> [&'static dyn Stream; 12] {
 }
 
 const fn event(name: &'static str, unit: &'static str, kind: Kind) -> ColumnInfo {
-    ColumnInfo { name, unit, frame: "", axes: &[], kind }
+    ColumnInfo {
+        name,
+        unit,
+        frame: "",
+        axes: &[],
+        kind,
+    }
 }
 
 /// Columns of `/events`, whose rows come from several sources.
 pub const EVENT_COLUMNS: [ColumnInfo; 3] = [
-    event("source", "1 (`event`, `phase` or `episode`: the stream it came from)", Kind::Text),
+    event(
+        "source",
+        "1 (`event`, `phase` or `episode`: the stream it came from)",
+        Kind::Text,
+    ),
     event("kind", "1", Kind::Text),
     event("text", "1", Kind::Text),
 ];
@@ -302,7 +452,9 @@ pub const EVENT_COLUMNS: [ColumnInfo; 3] = [
 /// Cells of one row of `/events`.
 #[must_use]
 pub fn event_cells(source: &str, kind: &str, text: &str) -> Vec<Cell> {
-    [source, kind, text].map(|s| Cell::Text(s.to_owned())).to_vec()
+    [source, kind, text]
+        .map(|s| Cell::Text(s.to_owned()))
+        .to_vec()
 }
 
 #[cfg(test)]

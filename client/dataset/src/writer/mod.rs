@@ -20,7 +20,7 @@ use crossbeam_channel::Sender;
 use prost::Message;
 use wheelarm_proto::{names, v1};
 
-use crate::columns::header_of;
+use crate::columns;
 use crate::depth::DepthFormat;
 use crate::log::{Appender, Closing, Kind, LogError, LogFile, Preamble, RecordHeader};
 
@@ -140,7 +140,10 @@ impl EpisodeWriter {
         options: &WriterOptions,
     ) -> Result<Self, WriteError> {
         wheelarm_proto::check::label(&started.label)?;
-        let (file, log) = (file_path(dir, &started.label), log_path(dir, &started.label));
+        let (file, log) = (
+            file_path(dir, &started.label),
+            log_path(dir, &started.label),
+        );
         let io = |source| LogError::Io {
             path: log.display().to_string(),
             source,
@@ -158,7 +161,15 @@ impl EpisodeWriter {
             other => other?,
         };
         let syncing = handle.try_clone().map_err(io)?;
-        match Self::over(handle, Some(syncing), log.clone(), file, started, snapshot, options) {
+        match Self::over(
+            handle,
+            Some(syncing),
+            log.clone(),
+            file,
+            started,
+            snapshot,
+            options,
+        ) {
             Ok(writer) => Ok(writer),
             Err(problem) => {
                 // The preamble did not fit: nothing was acknowledged.
@@ -199,7 +210,11 @@ impl EpisodeWriter {
             .enumerate()
             .filter_map(|(i, name)| {
                 let camera = name.starts_with("camera/");
-                let slot = Slot { number: u16::try_from(i).ok()?, camera, size: None };
+                let slot = Slot {
+                    number: u16::try_from(i).ok()?,
+                    camera,
+                    size: None,
+                };
                 Some((name, slot))
             })
             .collect();
@@ -224,7 +239,9 @@ impl EpisodeWriter {
         let sync = syncing.map(|syncing| {
             let (sync, done) = crossbeam_channel::bounded(0);
             let told = progress.clone();
-            handles.push(std::thread::spawn(move || threads::sync(&syncing, &done, &told)));
+            handles.push(std::thread::spawn(move || {
+                threads::sync(&syncing, &done, &told)
+            }));
             sync
         });
         Ok(Self {
@@ -267,7 +284,8 @@ impl EpisodeWriter {
             let record = record_header(Kind::Camera, slot.number, &header);
             (header, Work::Camera(record, Box::new(frame)))
         } else {
-            let header = header_of(&payload).map_err(|e| malformed(e.to_string()))?;
+            columns::check(stream, &payload).map_err(|e| malformed(e.to_string()))?;
+            let header = columns::header_of(&payload).map_err(|e| malformed(e.to_string()))?;
             let record = record_header(Kind::State, slot.number, &header);
             (header, Work::State(record, payload))
         };
@@ -281,12 +299,17 @@ impl EpisodeWriter {
 
     fn send(&mut self, bytes: usize, work: Work) {
         self.budget.take(bytes);
-        let job = Job { ticket: self.next, bytes, work };
+        let job = Job {
+            ticket: self.next,
+            bytes,
+            work,
+        };
         self.next += 1;
         if let Some(queue) = &self.queue
             && queue.send(job).is_err()
         {
-            self.progress.fail("the compression threads are gone".into());
+            self.progress
+                .fail("the compression threads are gone".into());
         }
     }
 
@@ -347,7 +370,11 @@ impl EpisodeWriter {
         self.queue = None;
         // Workers and log writer first: the last sync must come after them.
         let sync = self.sync.take();
-        let last = if sync.is_some() { self.threads.pop() } else { None };
+        let last = if sync.is_some() {
+            self.threads.pop()
+        } else {
+            None
+        };
         for thread in self.threads.drain(..) {
             if thread.join().is_err() {
                 self.progress.fail("a recorder thread panicked".into());
@@ -394,14 +421,13 @@ fn record_header(kind: Kind, stream: u16, header: &v1::Header) -> RecordHeader {
 /// Largest picture side, pixels; keeps every length far below 4 GiB.
 const MAX_SIDE: u32 = 8192;
 
-fn check_frame(
-    frame: &v1::CameraFrame,
-    first: Option<(u32, u32)>,
-) -> Result<(u32, u32), String> {
+fn check_frame(frame: &v1::CameraFrame, first: Option<(u32, u32)>) -> Result<(u32, u32), String> {
     let intrinsics = frame.intrinsics.ok_or("it has no intrinsics")?;
     let (w, h) = (intrinsics.width, intrinsics.height);
     if !(1..=MAX_SIDE).contains(&w) || !(1..=MAX_SIDE).contains(&h) {
-        return Err(format!("it is {w}x{h}, expected 1 to {MAX_SIDE} pixels each way"));
+        return Err(format!(
+            "it is {w}x{h}, expected 1 to {MAX_SIDE} pixels each way"
+        ));
     }
     if let Some((fw, fh)) = first
         && (w, h) != (fw, fh)

@@ -150,8 +150,8 @@ fn flush<F: LogFile>(
 pub(super) fn sync(file: &File, done: &Receiver<()>, progress: &Arc<Progress>) {
     let mut synced = 0;
     loop {
-        let last = done.recv_timeout(SYNC_PERIOD)
-            != Err(crossbeam_channel::RecvTimeoutError::Timeout);
+        let last =
+            done.recv_timeout(SYNC_PERIOD) != Err(crossbeam_channel::RecvTimeoutError::Timeout);
         let written = progress.acknowledged.load(Ordering::Acquire);
         if written != synced || last {
             if let Err(problem) = file.sync_data() {
