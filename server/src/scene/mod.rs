@@ -1,8 +1,24 @@
 //! What stands in the home: TOML files below `assets/` become validated types.
 //!
-//! Data only: no physics, no drawing, no network.
+//! Data only: no physics, no drawing, no network. Whatever a user can get wrong
+//! in a file is refused here, with the file, the key, both values and the cure;
+//! nothing behind this module checks the scene again.
 
-use nalgebra::{Isometry3, Matrix3, Point3};
+mod bounds;
+mod error;
+mod file;
+mod load;
+mod material;
+mod object;
+mod part;
+
+pub use bounds::Bounds;
+pub(crate) use error::Place;
+pub use error::SceneError;
+pub use load::{AssetText, asset_texts};
+pub(crate) use load::{names, parse, provenance};
+
+use nalgebra::{Isometry3, Matrix3, Point3, Vector3};
 
 use crate::geometry::{Part, Visual};
 
@@ -15,6 +31,8 @@ pub struct Scene {
     pub furniture: Vec<Body>,
     /// Bodies that move freely.
     pub objects: Vec<Body>,
+    /// Where things can be put.
+    pub surfaces: Vec<Surface>,
     /// Light.
     pub lighting: Lighting,
     /// Where the chair starts: pose of `wheelchair_root` in `house`.
@@ -36,12 +54,31 @@ pub struct Body {
     pub mass: Option<MassProperties>,
     /// Coulomb friction coefficient (combined with the other body's by average).
     pub friction: f64,
-    /// Shapes that touch.
+    /// Shapes that touch; never `Shape::Mesh` or `Shape::Lathe`.
     pub collision: Vec<Part>,
+    /// Colliding mesh files: each touches as the convex hull of these vertices,
+    /// metres in the body frame.
+    pub hulls: Vec<Vec<Point3<f64>>>,
     /// Shapes that are drawn.
     pub visual: Vec<Visual>,
     /// How the end effector can take it.
     pub grasps: Vec<Grasp>,
+}
+
+/// A level part of furniture that carries things and is approached from one side.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Surface {
+    /// Index into `Scene::furniture`.
+    pub furniture: usize,
+    /// Name within the furniture, for example `top`.
+    pub name: String,
+    /// world_from_edge: origin in the middle of the edge from which it is
+    /// approached, x inwards, z up.
+    pub edge: Isometry3<f64>,
+    /// Extent inwards from the edge, metres.
+    pub depth: f64,
+    /// Extent along the edge, metres.
+    pub width: f64,
 }
 
 /// Mass properties of a free body.
@@ -60,8 +97,8 @@ pub struct MassProperties {
 pub struct Grasp {
     /// Name, for example `side`.
     pub name: String,
-    /// Grasp point in the object's frame: z is the approach direction of the
-    /// tool, x the direction along which the fingers close.
+    /// Where the tool's grasp point goes, in the object's frame: z is the
+    /// approach direction of the tool, x the direction in which the fingers close.
     pub pose: Isometry3<f64>,
     /// Distance between the pads at the grasp, metres.
     pub width: f64,
@@ -101,3 +138,39 @@ pub struct Placement {
     /// Coulomb friction coefficient.
     pub friction: f64,
 }
+
+impl Scene {
+    /// Furniture of this name.
+    #[must_use]
+    pub fn furniture_named(&self, name: &str) -> Option<usize> {
+        self.furniture.iter().position(|body| body.name == name)
+    }
+
+    /// Object of this name.
+    #[must_use]
+    pub fn object_named(&self, name: &str) -> Option<usize> {
+        self.objects.iter().position(|body| body.name == name)
+    }
+
+    /// Surface `surface` of `furniture`, or its first one without a name.
+    #[must_use]
+    pub fn surface_named(&self, furniture: &str, surface: Option<&str>) -> Option<&Surface> {
+        let furniture = self.furniture_named(furniture)?;
+        self.surfaces
+            .iter()
+            .find(|s| s.furniture == furniture && surface.is_none_or(|name| s.name == name))
+    }
+}
+
+impl Surface {
+    /// world_from_body of something that stands on the surface: `inwards` from
+    /// the approach edge, `along` from its middle, turned by `yaw` against the
+    /// inward direction.
+    #[must_use]
+    pub fn standing(&self, inwards: f64, along: f64, yaw: f64) -> Isometry3<f64> {
+        self.edge * Isometry3::new(Vector3::new(inwards, along, 0.0), Vector3::z() * yaw)
+    }
+}
+
+#[cfg(test)]
+pub(crate) mod tests;

@@ -1,0 +1,126 @@
+//! Milliseconds per pair of robot cameras with the whole home, pictures read
+//! back into memory. The arm, the chair and an object move in every pair.
+//!
+//! `render_bench [--assets DIR] [--pairs N] [--width W] [--height H]
+//! [--quality fast|standard|high] [--adapter NAME]`
+
+use std::path::PathBuf;
+use std::time::Instant;
+
+use anyhow::{Result, bail};
+use clap::Parser;
+use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
+use wheelarm_server::robot::RobotModel;
+use wheelarm_server::scene::Scene;
+use wheelarm_server::sensors::camera::{CameraSpec, Quality, RenderScene, Renderer};
+use wheelarm_server::snapshot::{BodyState, JointState, Snapshot};
+
+#[derive(Parser)]
+struct Options {
+    /// Folder with robots, scenes, objects and materials.
+    #[arg(long, default_value = "assets")]
+    assets: PathBuf,
+    /// Pairs that count; five more warm up.
+    #[arg(long, default_value_t = 60)]
+    pairs: usize,
+    /// Pixels.
+    #[arg(long, default_value_t = 1280)]
+    width: u32,
+    /// Pixels.
+    #[arg(long, default_value_t = 720)]
+    height: u32,
+    /// fast, standard or high.
+    #[arg(long, default_value = "standard")]
+    quality: String,
+    /// Part of an adapter's name.
+    #[arg(long)]
+    adapter: Option<String>,
+}
+
+fn main() -> Result<()> {
+    let options = Options::parse();
+    let quality = match options.quality.as_str() {
+        "fast" => Quality::Fast,
+        "standard" => Quality::Standard,
+        "high" => Quality::High,
+        other => bail!("quality is '{other}', expected fast, standard or high"),
+    };
+    let robot = RobotModel::load(&options.assets, "wheelarm")?;
+    let scene = Scene::load(&options.assets, "home")?;
+    let started = Instant::now();
+    let render_scene = RenderScene::new(&robot, &scene, &options.assets)?;
+    let cameras = CameraSpec::all(&robot, &scene, [options.width, options.height])?;
+    let mut renderer = Renderer::new(
+        &render_scene,
+        &cameras[..2],
+        quality,
+        options.adapter.as_deref(),
+    )?;
+    let triangles: usize = render_scene.items.iter().map(|i| i.mesh.indices.len() / 3).sum();
+    println!(
+        "{}\n{triangles} triangles, {} meshes, {} bodies, ready after {:.2} s",
+        renderer.adapter(),
+        render_scene.items.len(),
+        render_scene.instances.len(),
+        started.elapsed().as_secs_f64()
+    );
+
+    let mut times = Vec::with_capacity(options.pairs);
+    let mut bytes = 0;
+    for pair in 0..options.pairs + 5 {
+        let snapshot = moving(&robot, &scene, pair as f64 * 0.1);
+        let before = Instant::now();
+        let frames = renderer.render(&snapshot, &[0, 1])?;
+        let taken = before.elapsed().as_secs_f64() * 1e3;
+        bytes = frames.iter().map(|f| f.rgb.len() + f.depth.len() + f.ids.len()).sum();
+        if pair >= 5 {
+            times.push(taken);
+        }
+    }
+    times.sort_by(f64::total_cmp);
+    let (least, median) = (times[0], times[times.len() / 2]);
+    println!(
+        "two cameras {}x{}, {} quality, {:.1} MB per pair: min {least:.1} ms ({:.1} pairs/s), \
+         median {median:.1} ms ({:.1} pairs/s)",
+        options.width,
+        options.height,
+        options.quality,
+        bytes as f64 * 1e-6,
+        1e3 / least,
+        1e3 / median
+    );
+    Ok(())
+}
+
+/// Driving from the start to the coffee table within 6 s, the arm waving.
+fn moving(robot: &RobotModel, scene: &Scene, time: f64) -> Snapshot {
+    let along = (time / 6.0).min(1.0);
+    let root = Isometry3::from_parts(
+        Translation3::new(-6.635 - 1.2 * along, 3.389 - 1.4 * along, 0.0),
+        UnitQuaternion::from_euler_angles(0.0, 0.0, -std::f64::consts::FRAC_PI_2 * (1.0 + along)),
+    );
+    let mut positions = vec![0.0; robot.joints.len()];
+    for (i, joint) in robot.joints.iter().enumerate() {
+        let number = joint.name.strip_prefix("joint_").and_then(|n| n.parse::<usize>().ok());
+        if let Some(angle) = number.and_then(|n| robot.settings.home.get(n - 1)) {
+            positions[i] = angle + 0.15 * (time + i as f64).sin();
+        }
+    }
+    let body = |pose| BodyState {
+        pose,
+        linear: Vector3::zeros(),
+        angular: Vector3::zeros(),
+    };
+    let mut objects: Vec<BodyState> = scene.objects.iter().map(|o| body(o.pose)).collect();
+    if let Some(first) = objects.first_mut() {
+        first.pose.translation.z += 0.05 * time.sin().abs();
+    }
+    Snapshot {
+        tick: 0,
+        joints: vec![JointState::default(); robot.joints.len()],
+        links: robot.link_poses(&positions).iter().map(|p| body(root * p)).collect(),
+        objects,
+        contacts: Vec::new(),
+        anomalies: Vec::new(),
+    }
+}

@@ -1,0 +1,323 @@
+//! Mesh files: OBJ as it is (z up), glTF turned from its y up. Geometry only:
+//! materials, animations and skins of the file are left aside.
+
+use std::fs;
+use std::io::BufReader;
+use std::path::Path;
+
+use nalgebra::{Matrix4, Point3, Vector3};
+
+use super::TriMesh;
+use super::load_normals::{box_uvs, crease_normals};
+use super::mesh::{MAX_TRIANGLES, MeshError, drop_slivers};
+
+/// Reads an OBJ, glTF or GLB file: all its objects together, metres, z up.
+///
+/// Missing normals are made with edges sharp above 40 degrees, missing texture
+/// coordinates by projection along the largest part of the normal.
+///
+/// # Errors
+/// When the file cannot be read or parsed, has no triangles, too many, or a
+/// position that is not finite.
+pub fn load(path: &Path) -> Result<TriMesh, MeshError> {
+    let extension = path
+        .extension()
+        .map(|e| e.to_string_lossy().to_ascii_lowercase())
+        .unwrap_or_default();
+    let soup = match extension.as_str() {
+        "obj" => load_obj(path)?,
+        "gltf" | "glb" => load_gltf(path)?,
+        _ => {
+            return Err(MeshError::UnknownFormat {
+                path: path.to_owned(),
+                extension,
+            });
+        }
+    };
+    finish(path, soup)
+}
+
+/// Triangles as they come; `normals` and `uvs` are empty or as long as `positions`.
+#[derive(Default)]
+struct Soup {
+    positions: Vec<[f32; 3]>,
+    normals: Vec<[f32; 3]>,
+    uvs: Vec<[f32; 2]>,
+    indices: Vec<u32>,
+    lacks_normals: bool,
+    lacks_uvs: bool,
+}
+
+impl Soup {
+    /// Appends one object; what it lacks is noted and made for the whole file later.
+    fn append(
+        &mut self,
+        positions: impl Iterator<Item = [f32; 3]>,
+        normals: Option<Vec<[f32; 3]>>,
+        uvs: Option<Vec<[f32; 2]>>,
+        indices: impl Iterator<Item = u32>,
+    ) {
+        let first = self.positions.len();
+        self.positions.extend(positions);
+        let count = self.positions.len() - first;
+        match normals.filter(|n| n.len() == count) {
+            Some(normals) => self.normals.extend(normals),
+            None => {
+                self.normals.extend(std::iter::repeat_n([0.0; 3], count));
+                self.lacks_normals = true;
+            }
+        }
+        match uvs.filter(|u| u.len() == count) {
+            Some(uvs) => self.uvs.extend(uvs),
+            None => {
+                self.uvs.extend(std::iter::repeat_n([0.0; 2], count));
+                self.lacks_uvs = true;
+            }
+        }
+        self.indices.extend(indices.map(|i| i + first as u32));
+    }
+}
+
+fn unreadable(path: &Path, error: &std::io::Error) -> MeshError {
+    MeshError::Unreadable {
+        path: path.to_owned(),
+        reason: error.to_string(),
+    }
+}
+
+fn malformed(path: &Path, reason: impl Into<String>) -> MeshError {
+    MeshError::Malformed {
+        path: path.to_owned(),
+        reason: reason.into(),
+    }
+}
+
+fn load_obj(path: &Path) -> Result<Soup, MeshError> {
+    let file = fs::File::open(path).map_err(|e| unreadable(path, &e))?;
+    let options = tobj::LoadOptions {
+        single_index: true,
+        triangulate: true,
+        ignore_points: true,
+        ignore_lines: true,
+    };
+    let no_materials = |_: &Path| Ok((Vec::new(), Default::default()));
+    let (models, _) = tobj::load_obj_buf(&mut BufReader::new(file), &options, no_materials)
+        .map_err(|e| malformed(path, format!("not a valid OBJ file ({e})")))?;
+    let mut soup = Soup::default();
+    for model in models {
+        let mesh = model.mesh;
+        let (points, _) = mesh.positions.as_chunks::<3>();
+        let (normals, _) = mesh.normals.as_chunks::<3>();
+        let (uvs, _) = mesh.texcoords.as_chunks::<2>();
+        soup.append(
+            points.iter().copied(),
+            Some(normals.to_vec()),
+            Some(uvs.to_vec()),
+            mesh.indices.iter().copied(),
+        );
+    }
+    Ok(soup)
+}
+
+fn load_gltf(path: &Path) -> Result<Soup, MeshError> {
+    let bytes = fs::read(path).map_err(|e| unreadable(path, &e))?;
+    let gltf::Gltf { document, blob } = gltf::Gltf::from_slice(&bytes)
+        .map_err(|e| malformed(path, format!("not a valid glTF file ({e})")))?;
+    let mut blob = blob;
+    let buffers = document
+        .buffers()
+        .map(|buffer| {
+            let data = match buffer.source() {
+                gltf::buffer::Source::Bin => blob
+                    .take()
+                    .ok_or_else(|| malformed(path, "names a binary chunk that it does not have"))?,
+                gltf::buffer::Source::Uri(uri) => read_uri(path, uri)?,
+            };
+            if data.len() < buffer.length() {
+                return Err(malformed(
+                    path,
+                    format!(
+                        "buffer {} has {} bytes, expected {}",
+                        buffer.index(),
+                        data.len(),
+                        buffer.length()
+                    ),
+                ));
+            }
+            Ok(data)
+        })
+        .collect::<Result<Vec<_>, _>>()?;
+
+    // glTF has y up: (x, y, z) becomes (x, -z, y).
+    let z_up_from_y_up = Matrix4::new(
+        1.0, 0.0, 0.0, 0.0, //
+        0.0, 0.0, -1.0, 0.0, //
+        0.0, 1.0, 0.0, 0.0, //
+        0.0, 0.0, 0.0, 1.0,
+    );
+    let scene = document
+        .default_scene()
+        .or_else(|| document.scenes().next())
+        .ok_or_else(|| MeshError::Empty {
+            path: path.to_owned(),
+        })?;
+    let mut soup = Soup::default();
+    let mut pending: Vec<_> = scene.nodes().map(|n| (n, z_up_from_y_up)).collect();
+    pending.reverse();
+    while let Some((node, world_from_parent)) = pending.pop() {
+        let columns = node.transform().matrix();
+        let local = Matrix4::from_fn(|row, column| columns[column][row]);
+        let world_from_node = world_from_parent * local;
+        if let Some(mesh) = node.mesh() {
+            for primitive in mesh.primitives() {
+                add_primitive(path, &mut soup, &primitive, &buffers, &world_from_node)?;
+            }
+        }
+        let children: Vec<_> = node.children().map(|c| (c, world_from_node)).collect();
+        pending.extend(children.into_iter().rev());
+    }
+    Ok(soup)
+}
+
+fn add_primitive(
+    path: &Path,
+    soup: &mut Soup,
+    primitive: &gltf::Primitive<'_>,
+    buffers: &[Vec<u8>],
+    world_from_node: &Matrix4<f32>,
+) -> Result<(), MeshError> {
+    if primitive.mode() != gltf::mesh::Mode::Triangles {
+        return Ok(());
+    }
+    let reader = primitive.reader(|b| buffers.get(b.index()).map(Vec::as_slice));
+    let positions: Vec<[f32; 3]> = reader
+        .read_positions()
+        .ok_or_else(|| malformed(path, "a primitive has no positions"))?
+        .map(|p| world_from_node.transform_point(&Point3::from(p)).into())
+        .collect();
+    let turn = world_from_node.fixed_view::<3, 3>(0, 0).into_owned();
+    let normal_turn = turn
+        .try_inverse()
+        .ok_or_else(|| malformed(path, "a node scales a direction to nothing"))?
+        .transpose();
+    let normals = reader.read_normals().map(|normals| {
+        normals
+            .map(|n| (normal_turn * Vector3::from(n)).normalize().into())
+            .collect()
+    });
+    let uvs = reader
+        .read_tex_coords(0)
+        .map(|uvs| uvs.into_f32().collect::<Vec<_>>());
+    let mut indices: Vec<u32> = match reader.read_indices() {
+        Some(indices) => indices.into_u32().collect(),
+        None => (0..positions.len() as u32).collect(),
+    };
+    indices.truncate(indices.len() / 3 * 3);
+    if turn.determinant() < 0.0 {
+        for triangle in indices.as_chunks_mut::<3>().0 {
+            triangle.swap(1, 2);
+        }
+    }
+    soup.append(positions.into_iter(), normals, uvs, indices.into_iter());
+    Ok(())
+}
+
+/// Bytes of a buffer: beside the file, or within it as base64.
+fn read_uri(path: &Path, uri: &str) -> Result<Vec<u8>, MeshError> {
+    if let Some(data) = uri.strip_prefix("data:") {
+        let (_, text) = data
+            .split_once(";base64,")
+            .ok_or_else(|| malformed(path, "a data URI is not base64"))?;
+        return decode_base64(text)
+            .ok_or_else(|| malformed(path, "a data URI is not valid base64"));
+    }
+    let beside = path.with_file_name(uri);
+    fs::read(&beside).map_err(|e| unreadable(&beside, &e))
+}
+
+fn decode_base64(text: &str) -> Option<Vec<u8>> {
+    let mut bytes = Vec::with_capacity(text.len() * 3 / 4);
+    let (mut held, mut bits) = (0u32, 0);
+    for c in text
+        .bytes()
+        .filter(|c| !c.is_ascii_whitespace() && *c != b'=')
+    {
+        let value = match c {
+            b'A'..=b'Z' => c - b'A',
+            b'a'..=b'z' => c - b'a' + 26,
+            b'0'..=b'9' => c - b'0' + 52,
+            b'+' | b'-' => 62,
+            b'/' | b'_' => 63,
+            _ => return None,
+        };
+        held = held << 6 | u32::from(value);
+        bits += 6;
+        if bits >= 8 {
+            bits -= 8;
+            bytes.push((held >> bits) as u8);
+        }
+    }
+    Some(bytes)
+}
+
+fn finish(path: &Path, soup: Soup) -> Result<TriMesh, MeshError> {
+    let count = soup.indices.len() / 3;
+    if count == 0 {
+        return Err(MeshError::Empty {
+            path: path.to_owned(),
+        });
+    }
+    if count > MAX_TRIANGLES {
+        return Err(MeshError::TooManyTriangles {
+            path: path.to_owned(),
+            count,
+        });
+    }
+    if let Some((vertex, &position)) = soup
+        .positions
+        .iter()
+        .enumerate()
+        .find(|(_, p)| p.iter().any(|x| !x.is_finite()))
+    {
+        return Err(MeshError::NotFinite {
+            path: path.to_owned(),
+            vertex,
+            position,
+        });
+    }
+    if let Some(index) = soup
+        .indices
+        .iter()
+        .find(|i| **i as usize >= soup.positions.len())
+    {
+        return Err(malformed(
+            path,
+            format!("names vertex {index}, it has only {}", soup.positions.len()),
+        ));
+    }
+    let bad_normal = |n: &[f32; 3]| {
+        let square: f32 = n.iter().map(|x| x * x).sum();
+        !(square > 0.25 && square < 4.0)
+    };
+    let lacks_normals = soup.lacks_normals || soup.normals.iter().any(bad_normal);
+    let lacks_uvs = soup.lacks_uvs || soup.uvs.iter().flatten().any(|x| !x.is_finite());
+    let mut mesh = TriMesh {
+        positions: soup.positions,
+        normals: soup.normals,
+        uvs: soup.uvs,
+        indices: soup.indices,
+    };
+    drop_slivers(&mut mesh);
+    if mesh.indices.is_empty() {
+        return Err(MeshError::Empty {
+            path: path.to_owned(),
+        });
+    }
+    if lacks_normals {
+        mesh = crease_normals(&mesh);
+    }
+    if lacks_uvs {
+        box_uvs(&mut mesh);
+    }
+    Ok(mesh)
+}

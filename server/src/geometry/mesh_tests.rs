@@ -1,0 +1,257 @@
+//! Laws of every mesh: closed, right side out, the right volume, unit normals.
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::Path;
+
+use nalgebra::Vector3;
+
+use super::super::{Shape, TriMesh};
+use super::{Detail, MeshError, build, build_detail, load};
+
+fn volume(mesh: &TriMesh) -> f64 {
+    let point = |i: u32| Vector3::from(mesh.positions[i as usize]).cast::<f64>();
+    mesh.indices
+        .chunks_exact(3)
+        .map(|t| point(t[0]).dot(&point(t[1]).cross(&point(t[2]))) / 6.0)
+        .sum()
+}
+
+/// Every edge is met once in each direction: no hole, no flipped triangle.
+fn is_closed(mesh: &TriMesh) -> bool {
+    let key = |i: u32| mesh.positions[i as usize].map(|x| (f64::from(x) * 1e6).round() as i64);
+    let mut edges: BTreeMap<_, i32> = BTreeMap::new();
+    for t in mesh.indices.chunks_exact(3) {
+        for (a, b) in [(t[0], t[1]), (t[1], t[2]), (t[2], t[0])] {
+            *edges.entry((key(a), key(b))).or_default() += 1;
+            *edges.entry((key(b), key(a))).or_default() -= 1;
+        }
+    }
+    edges.values().all(|&n| n == 0)
+}
+
+#[test]
+fn every_shape_is_a_closed_solid_of_the_right_volume() {
+    use std::f64::consts::PI;
+    let frustum = |a: f64, b: f64, h: f64| PI * h * (a * a + a * b + b * b) / 3.0;
+    let shapes = [
+        (
+            Shape::Cuboid {
+                half: [0.1, 0.2, 0.3],
+            },
+            0.048,
+        ),
+        (
+            Shape::RoundedCuboid {
+                half: [0.1, 0.2, 0.3],
+                radius: 0.02,
+            },
+            // Core, six slabs, twelve quarter cylinders, one ball.
+            0.16 * 0.36 * 0.56
+                + 2.0 * 0.02 * (0.16 * 0.36 + 0.16 * 0.56 + 0.36 * 0.56)
+                + PI * 0.02f64.powi(2) * (0.16 + 0.36 + 0.56)
+                + 4.0 / 3.0 * PI * 0.02f64.powi(3),
+        ),
+        (
+            Shape::Cylinder {
+                radius: 0.1,
+                half_height: 0.2,
+            },
+            PI * 0.01 * 0.4,
+        ),
+        (
+            Shape::Capsule {
+                radius: 0.1,
+                half_height: 0.2,
+            },
+            PI * 0.01 * 0.4 + 4.0 / 3.0 * PI * 0.001,
+        ),
+        (Shape::Sphere { radius: 0.1 }, 4.0 / 3.0 * PI * 0.001),
+        (
+            Shape::Frustum {
+                bottom_radius: 0.1,
+                top_radius: 0.0,
+                half_height: 0.1,
+            },
+            frustum(0.1, 0.0, 0.2),
+        ),
+        (
+            Shape::Cup {
+                bottom_radius: 0.03,
+                top_radius: 0.039,
+                height: 0.105,
+                wall: 0.003,
+            },
+            frustum(0.03, 0.039, 0.105) - frustum(0.027, 0.036, 0.102),
+        ),
+        (
+            // From the top down and open: turned and closed.
+            Shape::Lathe {
+                profile: vec![[0.02, 0.3], [0.05, 0.1], [0.05, 0.0]],
+            },
+            frustum(0.05, 0.02, 0.2) + PI * 0.0025 * 0.1,
+        ),
+        (
+            // A ring that never meets the axis.
+            Shape::Lathe {
+                profile: vec![[0.2, 0.0], [0.3, 0.0], [0.3, 0.1], [0.2, 0.1], [0.2, 0.0]],
+            },
+            PI * 0.05 * 0.1,
+        ),
+    ];
+    for (shape, expected) in shapes {
+        for (detail, tolerance) in [(Detail::Full, 0.03), (Detail::Coarse, 0.13)] {
+            let mesh = build_detail(&shape, Path::new("."), detail).unwrap();
+            assert!(is_closed(&mesh), "{shape:?} {detail:?} has a hole");
+            let found = volume(&mesh);
+            assert!(
+                (found / expected - 1.0).abs() < tolerance,
+                "{shape:?} {detail:?}: volume {found}, expected {expected}"
+            );
+            for t in mesh.indices.chunks_exact(3) {
+                let [a, b, c] =
+                    [t[0], t[1], t[2]].map(|i| Vector3::from(mesh.positions[i as usize]));
+                let face = (b - a).cross(&(c - a)).normalize();
+                for &i in t {
+                    let n = Vector3::from(mesh.normals[i as usize]);
+                    assert!((n.norm() - 1.0).abs() < 1e-4, "{shape:?}: normal {n:?}");
+                    assert!(
+                        n.dot(&face) > 0.5,
+                        "{shape:?}: normal {n:?} on face {face:?}"
+                    );
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn texture_coordinates_of_flat_faces_are_metres() {
+    let mesh = build(
+        &Shape::Cuboid {
+            half: [0.1, 0.2, 0.3],
+        },
+        Path::new("."),
+    )
+    .unwrap();
+    for t in mesh.indices.chunks_exact(3) {
+        let [p, q] = [t[0], t[1]].map(|i| Vector3::from(mesh.positions[i as usize]));
+        let [u, v] = [t[0], t[1]].map(|i| mesh.uvs[i as usize]);
+        let distance = (u[0] - v[0]).hypot(u[1] - v[1]);
+        assert!(((p - q).norm() - distance).abs() < 1e-6);
+    }
+}
+
+#[test]
+fn impossible_sizes_are_refused_with_both_values() {
+    let shape = Shape::RoundedCuboid {
+        half: [0.1, 0.2, 0.05],
+        radius: 0.06,
+    };
+    let text = build(&shape, Path::new(".")).unwrap_err().to_string();
+    assert!(text.contains("0.06") && text.contains("0.05"), "{text}");
+    for bad in [
+        Shape::Sphere { radius: f64::NAN },
+        Shape::Cuboid {
+            half: [0.1, 0.0, 0.1],
+        },
+        Shape::Lathe {
+            profile: vec![[0.1, 0.0]],
+        },
+        Shape::Cup {
+            bottom_radius: 0.03,
+            top_radius: 0.03,
+            height: 0.1,
+            wall: 0.03,
+        },
+    ] {
+        assert!(
+            matches!(build(&bad, Path::new(".")), Err(MeshError::BadShape { .. })),
+            "{bad:?}"
+        );
+    }
+}
+
+const CUBE: &str = "o a\nv 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv 0 0 1\nv 1 0 1\nv 1 1 1\nv 0 1 1\n\
+    f 4 3 2 1\nf 5 6 7 8\nf 1 2 6 5\nf 2 3 7 6\nf 3 4 8 7\nf 4 1 5 8\n";
+
+#[test]
+fn an_obj_file_without_normals_gets_sharp_ones() {
+    let dir = tempfile_dir("obj");
+    fs::write(dir.join("cube.obj"), CUBE).unwrap();
+    let shape = Shape::Mesh {
+        path: "cube.obj".into(),
+        scale: 0.5,
+    };
+    let mesh = build(&shape, &dir).unwrap();
+    assert!((volume(&mesh) - 0.125).abs() < 1e-6);
+    assert!(is_closed(&mesh));
+    let axis = |n: &[f32; 3]| n.iter().filter(|x| x.abs() > 0.999).count() == 1;
+    assert!(mesh.normals.iter().all(axis));
+    fs::remove_dir_all(dir).unwrap();
+}
+
+#[test]
+fn a_gltf_file_is_turned_from_y_up_and_placed_by_its_nodes() {
+    // One triangle (0,0,0) (1,0,0) (0,1,0) in a node moved by (0, 2, 0).
+    let mut bytes = Vec::new();
+    for x in [0f32, 0., 0., 1., 0., 0., 0., 1., 0.] {
+        bytes.extend(x.to_le_bytes());
+    }
+    let dir = tempfile_dir("gltf");
+    fs::write(dir.join("t.bin"), &bytes).unwrap();
+    let text = r#"{"asset":{"version":"2.0"},"scene":0,"scenes":[{"nodes":[0]}],
+        "nodes":[{"mesh":0,"translation":[0,2,0]}],
+        "meshes":[{"primitives":[{"attributes":{"POSITION":0}}]}],
+        "accessors":[{"bufferView":0,"componentType":5126,"count":3,"type":"VEC3","min":[0,0,0],"max":[1,1,0]}],
+        "bufferViews":[{"buffer":0,"byteLength":36}],"buffers":[{"byteLength":36,"uri":"t.bin"}]}"#;
+    fs::write(dir.join("t.gltf"), text).unwrap();
+    let base64 = text.replace(
+        "t.bin",
+        "data:application/octet-stream;base64,AAAAAAAAAAAAAAAAAACAPwAAAAAAAAAAAAAAAAAAgD8AAAAA",
+    );
+    fs::write(dir.join("inside.gltf"), base64).unwrap();
+    let mesh = load(&dir.join("t.gltf")).unwrap();
+    assert_eq!(mesh, load(&dir.join("inside.gltf")).unwrap());
+    assert_eq!(mesh.positions, [[0., 0., 2.], [1., 0., 2.], [0., 0., 3.]]);
+    for n in &mesh.normals {
+        assert!((n[1] + 1.0).abs() < 1e-6, "{n:?}");
+    }
+    fs::remove_dir_all(dir).unwrap();
+}
+
+#[test]
+fn unusable_files_are_named_with_the_reason() {
+    let dir = tempfile_dir("bad");
+    let cases: [(&str, &str, &str); 5] = [
+        (
+            "nan.obj",
+            "v nan 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n",
+            "not finite",
+        ),
+        ("points.obj", "v 0 0 0\nv 1 0 0\n", "no triangles"),
+        ("index.obj", "v 0 0 0\nv 1 0 0\nf 1 2 9\n", "index.obj"),
+        ("broken.gltf", "{", "not a valid glTF"),
+        ("part.stl", "solid", "expected obj, gltf or glb"),
+    ];
+    for (name, text, expected) in cases {
+        fs::write(dir.join(name), text).unwrap();
+        let error = load(&dir.join(name)).unwrap_err().to_string();
+        assert!(
+            error.contains(name) && error.contains(expected),
+            "{name}: {error}"
+        );
+    }
+    let error = load(&dir.join("missing.obj")).unwrap_err().to_string();
+    assert!(
+        error.contains("missing.obj") && error.contains("cannot be read"),
+        "{error}"
+    );
+    fs::remove_dir_all(dir).unwrap();
+}
+
+fn tempfile_dir(name: &str) -> std::path::PathBuf {
+    let dir = std::env::temp_dir().join(format!("wheelarm-mesh-{name}-{}", std::process::id()));
+    fs::create_dir_all(&dir).unwrap();
+    dir
+}

@@ -1,0 +1,239 @@
+//! How the TOML files look: one struct per table, nothing checked but the keys.
+//!
+//! Lengths are metres, angles degrees (keys ending in `_deg`), masses kg.
+
+use std::collections::BTreeMap;
+
+use serde::Deserialize;
+
+/// `assets/scenes/NAME.toml`.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct SceneFile {
+    pub origin: String,
+    pub license: String,
+    pub light: LightEntry,
+    pub room_camera: RoomCameraEntry,
+    pub start: StartEntry,
+    #[serde(default)]
+    pub furniture: Vec<FurnitureEntry>,
+    #[serde(default)]
+    pub object: Vec<ObjectEntry>,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct LightEntry {
+    pub sun_direction: [f64; 3],
+    pub sun: [f64; 3],
+    pub sky: [f64; 3],
+    pub ground: [f64; 3],
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct RoomCameraEntry {
+    pub at: [f64; 3],
+    pub look_at: [f64; 3],
+    pub horizontal_fov_deg: f64,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct StartEntry {
+    pub at: [f64; 2],
+    pub yaw_deg: f64,
+}
+
+/// One `[[furniture]]`.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct FurnitureEntry {
+    pub name: String,
+    #[serde(default)]
+    pub area: String,
+    pub at: [f64; 3],
+    #[serde(default)]
+    pub yaw_deg: f64,
+    /// Coulomb coefficient.
+    pub friction: Option<f64>,
+    /// Material of the parts that name none.
+    pub material: Option<String>,
+    /// Takes parts, collision, friction and area of an earlier entry.
+    pub like: Option<String>,
+    #[serde(default)]
+    pub parts: Vec<PartEntry>,
+    /// When given, these collide and the parts are only drawn.
+    pub collision: Option<Vec<PartEntry>>,
+    #[serde(default)]
+    pub surfaces: Vec<SurfaceEntry>,
+}
+
+/// One shape; exactly one of the shape keys must be there.
+#[derive(Clone, Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct PartEntry {
+    /// Whole lengths along x, y, z.
+    #[serde(rename = "box")]
+    pub cuboid: Option<[f64; 3]>,
+    pub rounded_box: Option<RoundedBoxEntry>,
+    pub cylinder: Option<RoundEntry>,
+    /// `height` is the whole length, caps included.
+    pub capsule: Option<RoundEntry>,
+    pub sphere: Option<SphereEntry>,
+    pub frustum: Option<FrustumEntry>,
+    pub cup: Option<CupEntry>,
+    /// `[radius, z]` points from bottom to top; drawn only.
+    pub lathe: Option<Vec<[f64; 2]>>,
+    pub mesh: Option<MeshEntry>,
+    /// Place in the body.
+    pub at: Option<[f64; 3]>,
+    /// Several places: one copy each.
+    pub places: Option<Vec<[f64; 3]>>,
+    /// Roll, pitch, yaw: turns about the fixed axes x, then y, then z.
+    pub rpy_deg: Option<[f64; 3]>,
+    pub material: Option<String>,
+    /// Collides only.
+    pub draw: Option<bool>,
+    /// Drawn only.
+    pub collide: Option<bool>,
+}
+
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct RoundedBoxEntry {
+    pub size: [f64; 3],
+    pub radius: f64,
+}
+
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct RoundEntry {
+    pub radius: f64,
+    pub height: f64,
+}
+
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct SphereEntry {
+    pub radius: f64,
+}
+
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct FrustumEntry {
+    pub bottom_radius: f64,
+    pub top_radius: f64,
+    pub height: f64,
+}
+
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct CupEntry {
+    pub bottom_radius: f64,
+    pub top_radius: f64,
+    pub height: f64,
+    pub wall: f64,
+}
+
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct MeshEntry {
+    /// OBJ, glTF or GLB below the assets folder.
+    pub path: String,
+    /// Metres per unit of the file.
+    #[serde(default = "one")]
+    pub scale: f64,
+}
+
+fn one() -> f64 {
+    1.0
+}
+
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct SurfaceEntry {
+    pub name: String,
+    /// Middle of the approach edge in the furniture's frame.
+    pub edge: [f64; 3],
+    /// Direction from the edge inwards.
+    pub inwards_deg: f64,
+    pub depth: f64,
+    pub width: f64,
+}
+
+/// One `[[object]]` of a scene: which object file, and its default place.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct ObjectEntry {
+    pub name: String,
+    /// Name of the file in assets/objects; the object's name when absent.
+    pub kind: Option<String>,
+    /// Furniture and surface it stands on.
+    pub on: String,
+    pub surface: Option<String>,
+    /// Distance from the approach edge inwards, and along the edge from its middle.
+    pub at: [f64; 2],
+    #[serde(default)]
+    pub yaw_deg: f64,
+}
+
+/// `assets/objects/NAME.toml`.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct ObjectFile {
+    pub origin: String,
+    pub license: String,
+    pub mass: f64,
+    #[serde(default)]
+    pub com: [f64; 3],
+    /// Ixx, Iyy, Izz about the centre of mass along the body's axes.
+    pub inertia: [f64; 3],
+    pub friction: f64,
+    pub material: Option<String>,
+    pub parts: Vec<PartEntry>,
+    pub collision: Option<Vec<PartEntry>>,
+    #[serde(default)]
+    pub grasps: Vec<GraspEntry>,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct GraspEntry {
+    pub name: String,
+    pub point: [f64; 3],
+    pub approach: [f64; 3],
+    pub closing: [f64; 3],
+    pub width: f64,
+    #[serde(default)]
+    pub symmetric: bool,
+}
+
+/// `assets/materials/*.toml`.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct MaterialFile {
+    pub origin: String,
+    pub license: String,
+    pub material: BTreeMap<String, MaterialEntry>,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct MaterialEntry {
+    /// sRGB as `#rrggbb`.
+    pub color: String,
+    pub roughness: f64,
+    #[serde(default)]
+    pub metallic: f64,
+    #[serde(default)]
+    pub emission: f64,
+    pub texture: Option<TextureEntry>,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct TextureEntry {
+    pub pattern: String,
+    pub metres: f64,
+}

@@ -1,0 +1,409 @@
+//! Reading a scene from the assets folder, and which texts it was made of.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use nalgebra::{Isometry3, Matrix3, Point3, Rotation3, UnitQuaternion, Vector3};
+use serde::de::DeserializeOwned;
+
+use super::error::{Place, SceneError};
+use super::file::{FurnitureEntry, LightEntry, ObjectEntry, RoomCameraEntry, SceneFile};
+use super::part::Reader;
+use super::{Body, Lighting, RoomCamera, Scene, Surface, material, object};
+
+impl Scene {
+    /// Reads `assets/scenes/NAME.toml` with its materials, objects and meshes.
+    ///
+    /// # Errors
+    /// When a file is missing or something in it cannot be.
+    pub fn load(assets: &Path, name: &str) -> Result<Self, SceneError> {
+        let path = format!("scenes/{name}.toml");
+        let file: SceneFile = parse(assets, &path)?;
+        let place = Place::file(&path);
+        provenance(&place, &file.origin, &file.license)?;
+        let materials = material::library(assets)?;
+        let reader = Reader {
+            assets,
+            materials: &materials,
+        };
+        let mut scene = Self {
+            name: name.to_owned(),
+            furniture: Vec::new(),
+            objects: Vec::new(),
+            surfaces: Vec::new(),
+            lighting: lighting(&place.key("light"), &file.light)?,
+            start: {
+                let place = place.key("start");
+                let [x, y] = file.start.at;
+                let at = place.key("at").position([x, y, 0.0])?;
+                Isometry3::new(at.into(), yaw(&place, file.start.yaw_deg)?)
+            },
+            room_camera: room_camera(&place.key("room_camera"), &file.room_camera)?,
+        };
+        let mut entries: BTreeMap<&str, &FurnitureEntry> = BTreeMap::new();
+        for entry in &file.furniture {
+            let place = place.entry("furniture", &entry.name);
+            unused_name(&place, &scene, &entry.name)?;
+            scene.add_furniture(&reader, &place, &entries, entry)?;
+            entries.insert(&entry.name, entry);
+        }
+        if scene
+            .furniture
+            .first()
+            .is_none_or(|body| body.name != "floor")
+        {
+            let first = scene.furniture.first().map_or("nothing", |b| &b.name);
+            return Err(place.key("furniture").wrong(
+                format!("a list that begins with {first:?}"),
+                "\"floor\" as the first entry",
+                "move the floor to the top",
+            ));
+        }
+        for entry in &file.object {
+            let place = place.entry("object", &entry.name);
+            unused_name(&place, &scene, &entry.name)?;
+            scene.add_object(&reader, &place, entry)?;
+        }
+        Ok(scene)
+    }
+
+    fn add_furniture(
+        &mut self,
+        reader: &Reader<'_>,
+        place: &Place,
+        earlier: &BTreeMap<&str, &FurnitureEntry>,
+        entry: &FurnitureEntry,
+    ) -> Result<(), SceneError> {
+        let model = match &entry.like {
+            None => entry,
+            Some(like) => {
+                if !entry.parts.is_empty() || entry.collision.is_some() {
+                    return Err(place.key("like").wrong(
+                        format!("{like:?} beside parts of its own"),
+                        "one of them",
+                        "remove `parts` and `collision`, or `like`",
+                    ));
+                }
+                *earlier.get(like.as_str()).ok_or_else(|| {
+                    place.key("like").wrong(
+                        format!("{like:?}"),
+                        "the name of furniture further up that has parts",
+                        "correct the name or move the entry down",
+                    )
+                })?
+            }
+        };
+        if model.parts.is_empty() {
+            return Err(place.key("parts").wrong(
+                "empty",
+                "at least one shape",
+                "add parts, or `like` with the name of furniture that has parts",
+            ));
+        }
+        let material = entry.material.as_deref().or(model.material.as_deref());
+        let parts = reader.body(place, material, &model.parts, model.collision.as_deref())?;
+        let friction = entry.friction.or(model.friction).unwrap_or(0.6);
+        let pose = Isometry3::new(
+            place.key("at").position(entry.at)?.into(),
+            yaw(place, entry.yaw_deg)?,
+        );
+        for (i, surface) in entry
+            .surfaces
+            .iter()
+            .chain(
+                (entry.like.is_some())
+                    .then_some(&model.surfaces)
+                    .into_iter()
+                    .flatten(),
+            )
+            .enumerate()
+        {
+            let place = place.entry("surfaces", i);
+            let edge = place.key("edge").position(surface.edge)?;
+            let turn = place.key("inwards_deg").within(
+                surface.inwards_deg,
+                -360.0,
+                360.0,
+                "degrees",
+                "angles are degrees",
+            )?;
+            self.surfaces.push(Surface {
+                furniture: self.furniture.len(),
+                name: surface.name.clone(),
+                edge: pose * Isometry3::new(edge.into(), Vector3::z() * turn.to_radians()),
+                depth: place.key("depth").length(surface.depth)?,
+                width: place.key("width").length(surface.width)?,
+            });
+        }
+        self.furniture.push(Body {
+            name: entry.name.clone(),
+            area: if entry.area.is_empty() {
+                model.area.clone()
+            } else {
+                entry.area.clone()
+            },
+            pose,
+            mass: None,
+            friction: place.key("friction").within(
+                friction,
+                0.0,
+                2.0,
+                "",
+                "it is a Coulomb coefficient",
+            )?,
+            collision: parts.collision,
+            hulls: parts.hulls,
+            visual: parts.visual,
+            grasps: Vec::new(),
+        });
+        Ok(())
+    }
+
+    fn add_object(
+        &mut self,
+        reader: &Reader<'_>,
+        place: &Place,
+        entry: &ObjectEntry,
+    ) -> Result<(), SceneError> {
+        let kind = entry.kind.as_deref().unwrap_or(&entry.name);
+        let known = names(reader.assets, "objects")?;
+        if !known.iter().any(|name| name == kind) {
+            return Err(place.key("kind").wrong(
+                format!("{kind:?}"),
+                format!("one of {}", known.join(", ")),
+                "correct the name or add the object in assets/objects",
+            ));
+        }
+        let surface = self.surface(place, &entry.on, entry.surface.as_deref())?;
+        let [inwards, along] = entry.at;
+        let on = place.key("at");
+        let cure = "objects stand on the surface: inwards from its edge, along from its middle";
+        on.within(inwards, 0.0, surface.depth, "m inwards", cure)?;
+        let half = surface.width / 2.0;
+        on.within(along, -half, half, "m along the edge", cure)?;
+        let body = object::read(reader, kind)?;
+        let area = self.furniture[surface.furniture].area.clone();
+        let lift = Isometry3::translation(0.0, 0.0, body.standing_height());
+        let pose = surface.standing(inwards, along, yaw(place, entry.yaw_deg)?.z) * lift;
+        self.objects.push(Body {
+            name: entry.name.clone(),
+            area,
+            pose,
+            ..body
+        });
+        Ok(())
+    }
+
+    /// The surface that a file names, or which there are.
+    pub(crate) fn surface(
+        &self,
+        place: &Place,
+        furniture: &str,
+        surface: Option<&str>,
+    ) -> Result<&Surface, SceneError> {
+        self.surface_named(furniture, surface).ok_or_else(|| {
+            let known: Vec<_> = self
+                .surfaces
+                .iter()
+                .map(|s| format!("{} {}", self.furniture[s.furniture].name, s.name))
+                .collect();
+            place.key("on").wrong(
+                format!("{:?}", format!("{furniture} {}", surface.unwrap_or(""))),
+                format!("one of {}", known.join(", ")),
+                "correct the names or give the furniture a surface",
+            )
+        })
+    }
+}
+
+/// A text of the assets that a scenario uses.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct AssetText {
+    /// Path below the assets folder, with `/`.
+    pub path: String,
+    /// The whole text.
+    pub text: String,
+}
+
+/// The texts behind a scene, for the recording: the scene, every material file,
+/// every object it names, every mesh in text form; in the order of their paths.
+///
+/// # Errors
+/// As [`Scene::load`].
+pub fn asset_texts(assets: &Path, name: &str) -> Result<Vec<AssetText>, SceneError> {
+    let scene = Scene::load(assets, name)?;
+    let path = format!("scenes/{name}.toml");
+    let file: SceneFile = parse(assets, &path)?;
+    let mut paths = vec![path];
+    paths.extend(
+        names(assets, "materials")?
+            .iter()
+            .map(|name| format!("materials/{name}.toml")),
+    );
+    paths.extend(file.object.iter().map(|entry| {
+        let kind = entry.kind.as_deref().unwrap_or(&entry.name);
+        format!("objects/{kind}.toml")
+    }));
+    let bodies = scene.furniture.iter().chain(&scene.objects);
+    paths.extend(bodies.flat_map(mesh_paths).filter(|path| {
+        let path = path.to_ascii_lowercase();
+        path.ends_with(".obj") || path.ends_with(".gltf")
+    }));
+    paths.sort();
+    paths.dedup();
+    paths
+        .into_iter()
+        .map(|path| {
+            Ok(AssetText {
+                text: read(assets, &path)?,
+                path,
+            })
+        })
+        .collect()
+}
+
+fn mesh_paths(body: &Body) -> impl Iterator<Item = String> {
+    let drawn = body.visual.iter().map(|visual| &visual.part);
+    body.collision
+        .iter()
+        .chain(drawn)
+        .filter_map(|part| match &part.shape {
+            crate::geometry::Shape::Mesh { path, .. } => Some(path.clone()),
+            _ => None,
+        })
+}
+
+/// Names (without `.toml`) of the files in a folder of the assets, sorted.
+pub(crate) fn names(assets: &Path, folder: &str) -> Result<Vec<String>, SceneError> {
+    let full = assets.join(folder);
+    let unreadable = |source| SceneError::Read {
+        path: full.clone(),
+        source,
+        cure: "start from the folder that holds `assets`, or name it".to_owned(),
+    };
+    let mut names = Vec::new();
+    for entry in std::fs::read_dir(&full).map_err(unreadable)? {
+        let path: PathBuf = entry.map_err(unreadable)?.path();
+        if path.extension().is_some_and(|e| e == "toml")
+            && let Some(stem) = path.file_stem().and_then(|s| s.to_str())
+        {
+            names.push(stem.to_owned());
+        }
+    }
+    names.sort();
+    Ok(names)
+}
+
+/// The text of an asset.
+pub(crate) fn read(assets: &Path, path: &str) -> Result<String, SceneError> {
+    let full = assets.join(path);
+    std::fs::read_to_string(&full).map_err(|source| {
+        let folder = path.split('/').next().unwrap_or(path);
+        let known = names(assets, folder).unwrap_or_default().join(", ");
+        SceneError::Read {
+            path: full,
+            source,
+            cure: format!("{folder} there are: {known}"),
+        }
+    })
+}
+
+/// An asset as its file type.
+pub(crate) fn parse<T: DeserializeOwned>(assets: &Path, path: &str) -> Result<T, SceneError> {
+    toml::from_str(&read(assets, path)?).map_err(|source| SceneError::Parse {
+        file: path.to_owned(),
+        source: Box::new(source),
+        cure: "correct the key or the value at the mark".to_owned(),
+    })
+}
+
+/// Every asset says where it comes from and what may be done with it.
+pub(crate) fn provenance(place: &Place, origin: &str, license: &str) -> Result<(), SceneError> {
+    for (key, text) in [("origin", origin), ("license", license)] {
+        if text.trim().is_empty() {
+            return Err(place.key(key).wrong(
+                "empty",
+                "where the asset comes from and its licence",
+                "for example origin = \"drawn for WheelArm\", license = \"Apache-2.0\"",
+            ));
+        }
+    }
+    Ok(())
+}
+
+fn unused_name(place: &Place, scene: &Scene, name: &str) -> Result<(), SceneError> {
+    let taken = scene.furniture_named(name).is_some() || scene.object_named(name).is_some();
+    if taken || name.trim().is_empty() {
+        return Err(place.key("name").wrong(
+            format!("{name:?}"),
+            "a name of its own",
+            "every body of the scene has another name",
+        ));
+    }
+    Ok(())
+}
+
+/// A turn about z as a rotation vector.
+fn yaw(place: &Place, degrees: f64) -> Result<Vector3<f64>, SceneError> {
+    let degrees =
+        place
+            .key("yaw_deg")
+            .within(degrees, -360.0, 360.0, "degrees", "angles are degrees")?;
+    Ok(Vector3::z() * degrees.to_radians())
+}
+
+fn lighting(place: &Place, entry: &LightEntry) -> Result<Lighting, SceneError> {
+    let direction = Vector3::from(entry.sun_direction);
+    let towards = place.key("sun_direction");
+    if direction.norm() < 1e-6 || direction.z <= 0.0 {
+        return Err(towards.wrong(
+            format!("{:?}", entry.sun_direction),
+            "a direction towards the sun, z above 0",
+            "the light comes from above",
+        ));
+    }
+    let color = |key: &str, rgb: [f64; 3]| {
+        for value in rgb {
+            place
+                .key(key)
+                .within(value, 0.0, 50.0, "", "linear RGB times intensity")?;
+        }
+        Ok::<_, SceneError>(rgb.map(|v| v as f32))
+    };
+    Ok(Lighting {
+        sun_direction: direction.normalize().cast::<f32>().into(),
+        sun: color("sun", entry.sun)?,
+        sky: color("sky", entry.sky)?,
+        ground: color("ground", entry.ground)?,
+    })
+}
+
+fn room_camera(place: &Place, entry: &RoomCameraEntry) -> Result<RoomCamera, SceneError> {
+    let at = Point3::from(place.key("at").position(entry.at)?);
+    let target = Point3::from(place.key("look_at").position(entry.look_at)?);
+    let z = target - at;
+    let x = z.cross(&Vector3::z());
+    if x.norm() < 1e-6 {
+        return Err(place.key("look_at").wrong(
+            format!("{:?}", entry.look_at),
+            format!("a point not straight above or below at {:?}", entry.at),
+            "move one of them sideways",
+        ));
+    }
+    let (x, z) = (x.normalize(), z.normalize());
+    let axes = Matrix3::from_columns(&[x, z.cross(&x), z]);
+    let fov = place.key("horizontal_fov_deg").within(
+        entry.horizontal_fov_deg,
+        5.0,
+        150.0,
+        "degrees",
+        "angles are degrees",
+    )?;
+    Ok(RoomCamera {
+        pose: Isometry3::from_parts(
+            at.into(),
+            UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(axes)),
+        ),
+        horizontal_fov: fov.to_radians(),
+    })
+}

@@ -1,0 +1,86 @@
+//! Materials: every file in `assets/materials`, by name.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use super::error::{Place, SceneError};
+use super::file::{MaterialEntry, MaterialFile};
+use super::load;
+use crate::geometry::{Material, Texture, texture};
+
+/// Every material below `assets/materials`, in the order of their names.
+pub(super) fn library(assets: &Path) -> Result<BTreeMap<String, Material>, SceneError> {
+    let mut all: BTreeMap<String, (String, Material)> = BTreeMap::new();
+    for name in load::names(assets, "materials")? {
+        let path = format!("materials/{name}.toml");
+        let file: MaterialFile = load::parse(assets, &path)?;
+        let place = Place::file(&path);
+        load::provenance(&place, &file.origin, &file.license)?;
+        for (name, entry) in file.material {
+            let place = place.key("material").key(&name);
+            let material = material(&place, &name, &entry)?;
+            if let Some((other, _)) = all.insert(name.clone(), (path.clone(), material)) {
+                return Err(place.wrong(
+                    format!("defined again in {path}"),
+                    format!("only the one of {other}"),
+                    "rename or remove one of them",
+                ));
+            }
+        }
+    }
+    Ok(all
+        .into_iter()
+        .map(|(name, (_, material))| (name, material))
+        .collect())
+}
+
+fn material(place: &Place, name: &str, entry: &MaterialEntry) -> Result<Material, SceneError> {
+    let fraction = |key: &str, value: f64, high: f64| {
+        place
+            .key(key)
+            .within(value, 0.0, high, "", "it is a fraction")
+            .map(|v| v as f32)
+    };
+    let picture = match &entry.texture {
+        None => None,
+        Some(entry) => {
+            let place = place.key("texture");
+            if texture::names().all(|name| name != entry.pattern) {
+                let known: Vec<_> = texture::names().collect();
+                return Err(place.key("pattern").wrong(
+                    format!("{:?}", entry.pattern),
+                    format!("one of {}", known.join(", ")),
+                    "use a pattern that the cameras know, or leave the texture out",
+                ));
+            }
+            Some(Texture {
+                pattern: entry.pattern.clone(),
+                metres: place.key("metres").length(entry.metres)? as f32,
+            })
+        }
+    };
+    Ok(Material {
+        name: name.to_owned(),
+        color: color(&place.key("color"), &entry.color)?,
+        roughness: fraction("roughness", entry.roughness, 1.0)?,
+        metallic: fraction("metallic", entry.metallic, 1.0)?,
+        emission: fraction("emission", entry.emission, 4.0)?,
+        texture: picture,
+    })
+}
+
+fn color(place: &Place, text: &str) -> Result<[f32; 3], SceneError> {
+    let wrong = || {
+        place.wrong(
+            format!("{text:?}"),
+            "\"#rrggbb\" in sRGB",
+            "write six hexadecimal digits, for example \"#c8a27a\"",
+        )
+    };
+    let digits = text.strip_prefix('#').ok_or_else(wrong)?;
+    if digits.len() != 6 {
+        return Err(wrong());
+    }
+    let value = u32::from_str_radix(digits, 16).map_err(|_| wrong())?;
+    Ok([16, 8, 0].map(|shift| ((value >> shift) & 0xff) as f32 / 255.0))
+}

@@ -1,0 +1,143 @@
+//! Objects: `assets/objects/NAME.toml` becomes a body that moves freely.
+
+use nalgebra::{Isometry3, Matrix3, Point3, Rotation3, Translation3, UnitQuaternion, Vector3};
+
+use super::error::{Place, SceneError};
+use super::file::{GraspEntry, ObjectFile};
+use super::load;
+use super::part::Reader;
+use super::{Body, Grasp, MassProperties};
+
+/// Stroke of the gripper, metres (Robotiq 2F-85).
+const STROKE: f64 = 0.085;
+
+/// Reads one object; it stands at the origin and has no area yet.
+pub(super) fn read(reader: &Reader<'_>, kind: &str) -> Result<Body, SceneError> {
+    let path = format!("objects/{kind}.toml");
+    let file: ObjectFile = load::parse(reader.assets, &path)?;
+    let place = Place::file(&path);
+    load::provenance(&place, &file.origin, &file.license)?;
+    let parts = reader.body(
+        &place,
+        file.material.as_deref(),
+        &file.parts,
+        file.collision.as_deref(),
+    )?;
+    let friction =
+        place
+            .key("friction")
+            .within(file.friction, 0.0, 2.0, "", "it is a Coulomb coefficient")?;
+    let mut body = Body {
+        name: kind.to_owned(),
+        area: String::new(),
+        pose: Isometry3::identity(),
+        mass: None,
+        friction,
+        collision: parts.collision,
+        hulls: parts.hulls,
+        visual: parts.visual,
+        grasps: Vec::new(),
+    };
+    body.mass = Some(mass(&place, &file, &body)?);
+    for (i, entry) in file.grasps.iter().enumerate() {
+        body.grasps.push(grasp(&place.entry("grasps", i), entry)?);
+    }
+    Ok(body)
+}
+
+/// Checks mass, centre and inertia against the size of the collision shapes.
+fn mass(place: &Place, file: &ObjectFile, body: &Body) -> Result<MassProperties, SceneError> {
+    let Some(bounds) = body.collision_bounds(&Isometry3::identity()) else {
+        return Err(place.key("collision").wrong(
+            "empty",
+            "at least one shape that touches",
+            "let a part collide or list shapes under `collision`",
+        ));
+    };
+    let mass = place.key("mass").within(
+        file.mass,
+        0.001,
+        100.0,
+        "kg",
+        "masses are kilograms: 603 g is 0.603",
+    )?;
+    let com = Point3::from(place.key("com").position(file.com)?);
+    if (0..3).any(|i| com[i] < bounds.min[i] || com[i] > bounds.max[i]) {
+        return Err(place.key("com").wrong(
+            format!("{:?}", file.com),
+            format!(
+                "a point inside the collision shapes, {:.3?} to {:.3?} m",
+                bounds.min.coords.as_slice(),
+                bounds.max.coords.as_slice()
+            ),
+            "give the centre of mass in the object's own frame",
+        ));
+    }
+    // No mass can lie further out than the farthest corner of the bounds.
+    let reach = (bounds.max - com).abs().sup(&(bounds.min - com).abs());
+    let [xx, yy, zz] = file.inertia;
+    for (i, moment) in [xx, yy, zz].into_iter().enumerate() {
+        let (a, b) = (reach[(i + 1) % 3], reach[(i + 2) % 3]);
+        place.key("inertia").within(
+            moment,
+            1e-9,
+            mass * (a * a + b * b),
+            "kg·m²",
+            "inertia is about the centre of mass, in kg·m²: mass and size bound it",
+        )?;
+    }
+    if xx > yy + zz || yy > zz + xx || zz > xx + yy {
+        return Err(place.key("inertia").wrong(
+            format!("{:?} kg·m²", file.inertia),
+            "no moment greater than the sum of the two others",
+            "no body has such an inertia: compute it again",
+        ));
+    }
+    Ok(MassProperties {
+        mass,
+        com,
+        inertia: Matrix3::from_diagonal(&Vector3::new(xx, yy, zz)),
+    })
+}
+
+fn grasp(place: &Place, entry: &GraspEntry) -> Result<Grasp, SceneError> {
+    let unit = |key: &str, v: [f64; 3]| {
+        let v = Vector3::from(v);
+        if (v.norm() - 1.0).abs() < 1e-3 {
+            Ok(v.normalize())
+        } else {
+            Err(place.key(key).wrong(
+                format!("{:?} of length {:.3}", v.as_slice(), v.norm()),
+                "a direction of length 1",
+                "give a unit vector in the object's frame",
+            ))
+        }
+    };
+    let z = unit("approach", entry.approach)?;
+    let x = unit("closing", entry.closing)?;
+    if x.dot(&z).abs() > 1e-3 {
+        return Err(place.key("closing").wrong(
+            format!("{:?}", entry.closing),
+            format!("a direction perpendicular to approach {:?}", entry.approach),
+            "fingers close across the approach direction",
+        ));
+    }
+    let x = (x - z * x.dot(&z)).normalize();
+    let axes = Matrix3::from_columns(&[x, z.cross(&x), z]);
+    let turn = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(axes));
+    Ok(Grasp {
+        name: entry.name.clone(),
+        pose: Isometry3::from_parts(
+            Translation3::from(place.key("point").position(entry.point)?),
+            turn,
+        ),
+        width: place.key("width").within(
+            entry.width,
+            0.001,
+            STROKE,
+            "m",
+            "the fingers open 85 mm: choose a narrower place",
+        )?,
+        symmetric: entry.symmetric,
+    })
+}

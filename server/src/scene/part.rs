@@ -1,0 +1,304 @@
+//! Parts: one entry of a file becomes shapes that are drawn and shapes that touch.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion};
+
+use super::error::{Place, SceneError};
+use super::file::PartEntry;
+use crate::geometry::{self, Material, Part, Shape, Visual};
+
+/// What is needed to read parts.
+pub(super) struct Reader<'a> {
+    pub assets: &'a Path,
+    pub materials: &'a BTreeMap<String, Material>,
+}
+
+/// The shapes of a body.
+#[derive(Default)]
+pub(super) struct Parts {
+    pub collision: Vec<Part>,
+    pub hulls: Vec<Vec<Point3<f64>>>,
+    pub visual: Vec<Visual>,
+}
+
+impl Parts {
+    /// Adds a part that touches: a mesh by its vertices, others by their shape.
+    fn collide(&mut self, part: Part, vertices: &[Point3<f64>]) {
+        if vertices.is_empty() {
+            self.collision.push(part);
+        } else {
+            let hull = vertices.iter().map(|p| part.pose * p).collect();
+            self.hulls.push(hull);
+        }
+    }
+}
+
+impl Reader<'_> {
+    /// Reads `parts`, and `collision` in place of what the parts would collide as.
+    pub(super) fn body(
+        &self,
+        place: &Place,
+        material: Option<&str>,
+        parts: &[PartEntry],
+        collision: Option<&[PartEntry]>,
+    ) -> Result<Parts, SceneError> {
+        let mut all = Parts::default();
+        for (i, entry) in parts.iter().enumerate() {
+            let place = place.entry("parts", i);
+            let (shape, vertices) = self.shape(&place, entry)?;
+            let collides = entry
+                .collide
+                .unwrap_or(!matches!(shape, Shape::Lathe { .. }));
+            if collides && matches!(shape, Shape::Lathe { .. }) {
+                return Err(place.key("collide").wrong(
+                    "true for a lathe",
+                    "a lathe that is only drawn",
+                    "leave `collide` out and give simple shapes under `collision`",
+                ));
+            }
+            for pose in poses(&place, entry)? {
+                let part = Part {
+                    pose,
+                    shape: shape.clone(),
+                };
+                if collides && collision.is_none() {
+                    all.collide(part.clone(), &vertices);
+                }
+                if entry.draw.unwrap_or(true) {
+                    let material = self.material(&place, entry, material)?;
+                    all.visual.push(Visual { part, material });
+                }
+            }
+        }
+        for (i, entry) in collision.unwrap_or(&[]).iter().enumerate() {
+            let place = place.entry("collision", i);
+            let (shape, vertices) = self.shape(&place, entry)?;
+            if matches!(shape, Shape::Lathe { .. }) {
+                return Err(place.key("lathe").wrong(
+                    "a lathe",
+                    "a shape that can collide",
+                    "use cylinder, frustum, cup or box",
+                ));
+            }
+            if entry.material.is_some() || entry.draw.is_some() || entry.collide.is_some() {
+                return Err(place.wrong(
+                    "given with material, draw or collide",
+                    "only a shape and its place",
+                    "collision shapes are never drawn: remove these keys",
+                ));
+            }
+            for pose in poses(&place, entry)? {
+                let shape = shape.clone();
+                all.collide(Part { pose, shape }, &vertices);
+            }
+        }
+        Ok(all)
+    }
+
+    fn material(
+        &self,
+        place: &Place,
+        entry: &PartEntry,
+        of_body: Option<&str>,
+    ) -> Result<Material, SceneError> {
+        let place = place.key("material");
+        let Some(name) = entry.material.as_deref().or(of_body) else {
+            return Err(place.wrong(
+                "absent",
+                "a material",
+                "name one here or for the whole body, or set draw = false",
+            ));
+        };
+        self.materials.get(name).cloned().ok_or_else(|| {
+            let known: Vec<_> = self.materials.keys().map(String::as_str).collect();
+            place.wrong(
+                format!("{name:?}"),
+                format!("one of {}", known.join(", ")),
+                "correct the name or add the material in assets/materials",
+            )
+        })
+    }
+
+    /// The shape, and its vertices in metres when it is a mesh.
+    fn shape(
+        &self,
+        place: &Place,
+        entry: &PartEntry,
+    ) -> Result<(Shape, Vec<Point3<f64>>), SceneError> {
+        let mut found = Vec::new();
+        if let Some(size) = entry.cuboid {
+            let half = halves(&place.key("box"), size)?;
+            found.push(Shape::Cuboid { half });
+        }
+        if let Some(rounded) = &entry.rounded_box {
+            let place = place.key("rounded_box");
+            let half = halves(&place.key("size"), rounded.size)?;
+            let least = half.into_iter().fold(f64::INFINITY, f64::min);
+            let radius = place.key("radius").within(
+                rounded.radius,
+                0.0002,
+                least,
+                "m",
+                "the rounding is at most half of the shortest side",
+            )?;
+            found.push(Shape::RoundedCuboid { half, radius });
+        }
+        if let Some(round) = &entry.cylinder {
+            let place = place.key("cylinder");
+            found.push(Shape::Cylinder {
+                radius: place.key("radius").length(round.radius)?,
+                half_height: place.key("height").length(round.height)? / 2.0,
+            });
+        }
+        if let Some(round) = &entry.capsule {
+            let place = place.key("capsule");
+            let radius = place.key("radius").length(round.radius)?;
+            let height = place.key("height").within(
+                round.height,
+                2.0 * radius,
+                20.0,
+                "m",
+                "the height of a capsule includes both caps",
+            )?;
+            found.push(Shape::Capsule {
+                radius,
+                half_height: height / 2.0 - radius,
+            });
+        }
+        if let Some(sphere) = &entry.sphere {
+            let place = place.key("sphere").key("radius");
+            found.push(Shape::Sphere {
+                radius: place.length(sphere.radius)?,
+            });
+        }
+        if let Some(frustum) = &entry.frustum {
+            let place = place.key("frustum");
+            found.push(Shape::Frustum {
+                bottom_radius: place.key("bottom_radius").length(frustum.bottom_radius)?,
+                top_radius: place.key("top_radius").length(frustum.top_radius)?,
+                half_height: place.key("height").length(frustum.height)? / 2.0,
+            });
+        }
+        if let Some(cup) = &entry.cup {
+            let place = place.key("cup");
+            let bottom_radius = place.key("bottom_radius").length(cup.bottom_radius)?;
+            let top_radius = place.key("top_radius").length(cup.top_radius)?;
+            let height = place.key("height").length(cup.height)?;
+            let wall = place.key("wall").within(
+                cup.wall,
+                0.0005,
+                bottom_radius.min(height).min(top_radius) / 2.0,
+                "m",
+                "the wall is thinner than half of the radius",
+            )?;
+            found.push(Shape::Cup {
+                bottom_radius,
+                top_radius,
+                height,
+                wall,
+            });
+        }
+        if let Some(profile) = &entry.lathe {
+            let place = place.key("lathe");
+            for &[radius, z] in profile {
+                place.within(radius, 0.0, 20.0, "m", "points are [radius, z] in metres")?;
+                place.within(z, -20.0, 20.0, "m", "points are [radius, z] in metres")?;
+            }
+            if profile.len() < 2 {
+                return Err(place.wrong(
+                    format!("a profile of {} points", profile.len()),
+                    "at least 2 points",
+                    "give [radius, z] points from bottom to top",
+                ));
+            }
+            found.push(Shape::Lathe {
+                profile: profile.clone(),
+            });
+        }
+        let mut vertices = Vec::new();
+        if let Some(mesh) = &entry.mesh {
+            let place = place.key("mesh");
+            let scale = place.key("scale").within(
+                mesh.scale,
+                1e-4,
+                1e3,
+                "m per unit",
+                "0.001 for a mesh in millimetres, 1 for metres",
+            )?;
+            let path = place.key("path");
+            let read = geometry::mesh::load(&self.assets.join(&mesh.path)).map_err(|error| {
+                path.wrong(
+                    format!("{:?}, which cannot be used ({error})", mesh.path),
+                    "an OBJ, glTF or GLB file below the assets folder",
+                    format!("put it at {}", self.assets.join(&mesh.path).display()),
+                )
+            })?;
+            vertices = read
+                .positions
+                .into_iter()
+                .map(|v| Point3::from(v.map(|c| f64::from(c) * scale)))
+                .collect();
+            let largest =
+                super::Bounds::of_points(vertices.iter().copied()).map_or(0.0, |b| b.size().max());
+            path.within(
+                largest,
+                0.002,
+                20.0,
+                "m in its longest direction",
+                "set `scale` to metres per unit, 0.001 for millimetres",
+            )?;
+            found.push(Shape::Mesh {
+                path: mesh.path.clone(),
+                scale,
+            });
+        }
+        match (found.pop(), found.len()) {
+            (Some(shape), 0) => Ok((shape, vertices)),
+            (one, others) => Err(place.wrong(
+                format!("a part with {} shapes", others + usize::from(one.is_some())),
+                "exactly one of box, rounded_box, cylinder, capsule, sphere, frustum, cup, \
+                 lathe, mesh",
+                "write one entry per shape",
+            )),
+        }
+    }
+}
+
+fn halves(place: &Place, size: [f64; 3]) -> Result<[f64; 3], SceneError> {
+    for length in size {
+        place.length(length)?;
+    }
+    Ok(size.map(|length| length / 2.0))
+}
+
+fn poses(place: &Place, entry: &PartEntry) -> Result<Vec<Isometry3<f64>>, SceneError> {
+    let [roll, pitch, yaw] = entry.rpy_deg.unwrap_or_default();
+    for angle in [roll, pitch, yaw] {
+        place
+            .key("rpy_deg")
+            .within(angle, -360.0, 360.0, "degrees", "angles are degrees")?;
+    }
+    let turn =
+        UnitQuaternion::from_euler_angles(roll.to_radians(), pitch.to_radians(), yaw.to_radians());
+    let places = match (&entry.at, &entry.places) {
+        (Some(_), Some(_)) => {
+            return Err(place.wrong(
+                "a part with both `at` and `places`",
+                "one of them",
+                "`at` is one place, `places` a list of them",
+            ));
+        }
+        (Some(at), None) => vec![*at],
+        (None, Some(places)) => places.clone(),
+        (None, None) => vec![[0.0; 3]],
+    };
+    places
+        .into_iter()
+        .map(|at| {
+            let at = place.key("at").position(at)?;
+            Ok(Isometry3::from_parts(Translation3::from(at), turn))
+        })
+        .collect()
+}

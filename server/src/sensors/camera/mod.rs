@@ -1,0 +1,57 @@
+//! Cameras: colour, depth in metres and instance ids, drawn headless with
+//! Vulkan. The only folder that names wgpu. Reads snapshots, changes nothing.
+//!
+//! All cameras of a tick go to the adapter in one submission. On one adapter
+//! the same snapshot gives the same bytes; adapters differ in single bits.
+
+mod adapter;
+mod buffers;
+mod error;
+mod mapping;
+mod pipelines;
+mod readback;
+mod renderer;
+pub mod scene;
+mod shadow;
+pub mod spec;
+mod target;
+mod view;
+
+use bytes::Bytes;
+use nalgebra::Isometry3;
+
+pub use adapter::{AdapterInfo, AdapterKind};
+pub use error::RenderError;
+pub use renderer::Renderer;
+pub use scene::{Binding, RenderItem, RenderScene};
+pub use spec::{CameraSpec, Intrinsics};
+
+/// How much work goes into a picture; recorded with the data.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Quality {
+    /// No shadows.
+    Fast,
+    /// Shadows.
+    #[default]
+    Standard,
+    /// Soft shadows, four samples per pixel.
+    High,
+}
+
+/// What one camera saw.
+#[derive(Clone, Debug)]
+pub struct Frame {
+    /// Index into the renderer's cameras.
+    pub camera: usize,
+    /// Lens.
+    pub intrinsics: Intrinsics,
+    /// Pose of the camera in `house` when the picture was taken.
+    pub world_from_optical: Isometry3<f64>,
+    /// sRGB, height x width x 3 bytes, rows from the top.
+    pub rgb: Bytes,
+    /// Metres along the optical axis, height x width little-endian f32;
+    /// `+inf` where nothing is within the camera's range.
+    pub depth: Bytes,
+    /// Instance ids, height x width bytes; 0 where nothing is hit.
+    pub ids: Bytes,
+}

@@ -1,0 +1,279 @@
+//! Shader variants and the layouts that they share.
+
+use super::Quality;
+
+/// Linear values come out of the shader with the display's gamma already in.
+pub(super) const COLOR: wgpu::TextureFormat = wgpu::TextureFormat::Rgba8Unorm;
+/// Depth of pictures (reversed) and of the shadow map.
+pub(super) const DEPTH: wgpu::TextureFormat = wgpu::TextureFormat::Depth32Float;
+/// Ids when they do not travel in the alpha byte.
+pub(super) const IDS: wgpu::TextureFormat = wgpu::TextureFormat::R8Unorm;
+
+const STRIDE: u64 = std::mem::size_of::<super::buffers::Vertex>() as u64;
+
+/// How a quality tier is drawn.
+#[derive(Clone, Copy)]
+pub(super) struct Tier {
+    /// Side of the shadow map, texels; 1 without shadows.
+    pub(super) shadow_size: u32,
+    shadow_taps: u32,
+    /// Colour samples per pixel.
+    pub(super) samples: u32,
+}
+
+impl Tier {
+    pub(super) fn of(quality: Quality) -> Self {
+        let tier = |shadow_size, shadow_taps, samples| Self {
+            shadow_size,
+            shadow_taps,
+            samples,
+        };
+        match quality {
+            Quality::Fast => tier(1, 0, 1),
+            Quality::Standard => tier(2048, 1, 1),
+            Quality::High => tier(4096, 9, 4),
+        }
+    }
+
+    pub(super) fn has_shadows(self) -> bool {
+        self.shadow_taps > 0
+    }
+
+    /// Ids and depth come from a pass of their own, without averaging.
+    pub(super) fn separate_ids(self) -> bool {
+        self.samples > 1
+    }
+}
+
+/// All pipelines of a renderer.
+pub(super) struct Pipelines {
+    /// Group 0: camera, bodies, materials, pictures.
+    pub(super) scene_layout: wgpu::BindGroupLayout,
+    /// Group 1: shadow map.
+    pub(super) shadow_layout: wgpu::BindGroupLayout,
+    pub(super) plain: wgpu::RenderPipeline,
+    pub(super) textured: wgpu::RenderPipeline,
+    pub(super) caster: wgpu::RenderPipeline,
+    /// Depth and ids only.
+    pub(super) outline: Option<wgpu::RenderPipeline>,
+}
+
+impl Pipelines {
+    pub(super) fn new(device: &wgpu::Device, tier: Tier) -> Self {
+        let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
+            label: Some("shader.wgsl"),
+            source: wgpu::ShaderSource::Wgsl(include_str!("shader.wgsl").into()),
+        });
+        let scene_layout = scene_layout(device);
+        let shadow_layout = shadow_layout(device);
+        let layout = |groups: &[Option<&wgpu::BindGroupLayout>]| {
+            device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
+                label: None,
+                bind_group_layouts: groups,
+                immediate_size: 0,
+            })
+        };
+        let full = layout(&[Some(&scene_layout), Some(&shadow_layout)]);
+        let short = layout(&[Some(&scene_layout)]);
+
+        let constants = |textured: bool| {
+            [
+                ("TEXTURED", f64::from(u8::from(textured))),
+                ("SHADOW_TAPS", f64::from(tier.shadow_taps)),
+                ("ID_IN_ALPHA", f64::from(u8::from(!tier.separate_ids()))),
+            ]
+        };
+        let make = |textured: bool| {
+            pipeline(
+                device,
+                &module,
+                &Stage {
+                    layout: &full,
+                    vertex: "surface",
+                    attributes: &SURFACE,
+                    fragment: Some(("shade", COLOR)),
+                    constants: &constants(textured),
+                    samples: tier.samples,
+                    shadow: false,
+                },
+            )
+        };
+        let place = |vertex, fragment, shadow| {
+            pipeline(
+                device,
+                &module,
+                &Stage {
+                    layout: &short,
+                    vertex,
+                    attributes: &PLACE,
+                    fragment,
+                    constants: &[],
+                    samples: 1,
+                    shadow,
+                },
+            )
+        };
+        Self {
+            plain: make(false),
+            textured: make(true),
+            caster: place("caster", None, true),
+            outline: tier
+                .separate_ids()
+                .then(|| place("outline", Some(("identify", IDS)), false)),
+            scene_layout,
+            shadow_layout,
+        }
+    }
+}
+
+const fn attribute(
+    format: wgpu::VertexFormat,
+    offset: u64,
+    shader_location: u32,
+) -> wgpu::VertexAttribute {
+    wgpu::VertexAttribute {
+        format,
+        offset,
+        shader_location,
+    }
+}
+
+const SURFACE: [wgpu::VertexAttribute; 4] = [
+    attribute(wgpu::VertexFormat::Float32x3, 0, 0),
+    attribute(wgpu::VertexFormat::Snorm16x2, 12, 1),
+    attribute(wgpu::VertexFormat::Float32x2, 16, 2),
+    attribute(wgpu::VertexFormat::Uint32, 24, 3),
+];
+
+const PLACE: [wgpu::VertexAttribute; 2] = [
+    attribute(wgpu::VertexFormat::Float32x3, 0, 0),
+    attribute(wgpu::VertexFormat::Uint32, 24, 3),
+];
+
+struct Stage<'a> {
+    layout: &'a wgpu::PipelineLayout,
+    vertex: &'a str,
+    attributes: &'a [wgpu::VertexAttribute],
+    fragment: Option<(&'a str, wgpu::TextureFormat)>,
+    constants: &'a [(&'a str, f64)],
+    samples: u32,
+    /// Depth grows away from the sun; otherwise it is reversed.
+    shadow: bool,
+}
+
+fn pipeline(
+    device: &wgpu::Device,
+    module: &wgpu::ShaderModule,
+    stage: &Stage<'_>,
+) -> wgpu::RenderPipeline {
+    let options = wgpu::PipelineCompilationOptions {
+        constants: stage.constants,
+        ..Default::default()
+    };
+    let targets = stage.fragment.map(|(_, format)| {
+        [Some(wgpu::ColorTargetState {
+            format,
+            blend: None,
+            write_mask: wgpu::ColorWrites::ALL,
+        })]
+    });
+    let (compare, bias) = if stage.shadow {
+        let bias = wgpu::DepthBiasState {
+            constant: 2,
+            slope_scale: 1.5,
+            clamp: 0.0,
+        };
+        (wgpu::CompareFunction::Less, bias)
+    } else {
+        (wgpu::CompareFunction::GreaterEqual, Default::default())
+    };
+    device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
+        label: Some(stage.vertex),
+        layout: Some(stage.layout),
+        vertex: wgpu::VertexState {
+            module,
+            entry_point: Some(stage.vertex),
+            compilation_options: options.clone(),
+            buffers: &[Some(wgpu::VertexBufferLayout {
+                array_stride: STRIDE,
+                step_mode: wgpu::VertexStepMode::Vertex,
+                attributes: stage.attributes,
+            })],
+        },
+        primitive: wgpu::PrimitiveState {
+            cull_mode: Some(wgpu::Face::Back),
+            ..Default::default()
+        },
+        depth_stencil: Some(wgpu::DepthStencilState {
+            format: DEPTH,
+            depth_write_enabled: Some(true),
+            depth_compare: Some(compare),
+            stencil: Default::default(),
+            bias,
+        }),
+        multisample: wgpu::MultisampleState {
+            count: stage.samples,
+            ..Default::default()
+        },
+        fragment: stage.fragment.zip(targets.as_ref()).map(|((entry, _), targets)| {
+            wgpu::FragmentState {
+                module,
+                entry_point: Some(entry),
+                compilation_options: options.clone(),
+                targets,
+            }
+        }),
+        multiview_mask: None,
+        cache: None,
+    })
+}
+
+fn scene_layout(device: &wgpu::Device) -> wgpu::BindGroupLayout {
+    let buffer = |ty| wgpu::BindingType::Buffer {
+        ty,
+        has_dynamic_offset: false,
+        min_binding_size: None,
+    };
+    let storage = buffer(wgpu::BufferBindingType::Storage { read_only: true });
+    let types = [
+        buffer(wgpu::BufferBindingType::Uniform),
+        storage,
+        storage,
+        wgpu::BindingType::Texture {
+            sample_type: wgpu::TextureSampleType::Float { filterable: true },
+            view_dimension: wgpu::TextureViewDimension::D2Array,
+            multisampled: false,
+        },
+        wgpu::BindingType::Sampler(wgpu::SamplerBindingType::Filtering),
+    ];
+    group_layout(device, &types)
+}
+
+fn shadow_layout(device: &wgpu::Device) -> wgpu::BindGroupLayout {
+    let types = [
+        wgpu::BindingType::Texture {
+            sample_type: wgpu::TextureSampleType::Depth,
+            view_dimension: wgpu::TextureViewDimension::D2,
+            multisampled: false,
+        },
+        wgpu::BindingType::Sampler(wgpu::SamplerBindingType::Comparison),
+    ];
+    group_layout(device, &types)
+}
+
+fn group_layout(device: &wgpu::Device, types: &[wgpu::BindingType]) -> wgpu::BindGroupLayout {
+    let entries: Vec<_> = types
+        .iter()
+        .enumerate()
+        .map(|(i, &ty)| wgpu::BindGroupLayoutEntry {
+            binding: i as u32,
+            visibility: wgpu::ShaderStages::VERTEX_FRAGMENT,
+            ty,
+            count: None,
+        })
+        .collect();
+    device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
+        label: None,
+        entries: &entries,
+    })
+}

@@ -1,0 +1,110 @@
+//! From textures to bytes: copies with padded rows, unpacked on the CPU.
+
+use bytes::Bytes;
+
+use super::target::Target;
+
+/// Bytes of the planes of one camera in its read buffer.
+#[derive(Clone, Copy)]
+pub(super) struct Layout {
+    width: usize,
+    height: usize,
+    /// Bytes per row of four-byte pixels, padded to what copies want.
+    row: usize,
+    /// Bytes per row of one-byte ids when they have a plane of their own.
+    id_row: Option<usize>,
+}
+
+impl Layout {
+    pub(super) fn of(target: &Target) -> Self {
+        let padded =
+            |bytes: u32| bytes.next_multiple_of(wgpu::COPY_BYTES_PER_ROW_ALIGNMENT) as usize;
+        let lens = &target.spec.intrinsics;
+        Self {
+            width: lens.width as usize,
+            height: lens.height as usize,
+            row: padded(lens.width * 4),
+            id_row: target.ids.as_ref().map(|_| padded(lens.width)),
+        }
+    }
+
+    fn plane(self) -> usize {
+        self.row * self.height
+    }
+
+    pub(super) fn bytes(self) -> u64 {
+        (2 * self.plane() + self.id_row.unwrap_or(0) * self.height) as u64
+    }
+
+    /// Appends the copies of a camera's textures to its read buffer.
+    pub(super) fn copy(
+        self,
+        encoder: &mut wgpu::CommandEncoder,
+        target: &Target,
+        buffer: &wgpu::Buffer,
+    ) {
+        let mut plane = |texture: &wgpu::Texture, aspect, offset: usize, row: usize| {
+            encoder.copy_texture_to_buffer(
+                wgpu::TexelCopyTextureInfo {
+                    texture,
+                    mip_level: 0,
+                    origin: wgpu::Origin3d::ZERO,
+                    aspect,
+                },
+                wgpu::TexelCopyBufferInfo {
+                    buffer,
+                    layout: wgpu::TexelCopyBufferLayout {
+                        offset: offset as u64,
+                        bytes_per_row: Some(row as u32),
+                        rows_per_image: Some(self.height as u32),
+                    },
+                },
+                texture.size(),
+            );
+        };
+        let all = wgpu::TextureAspect::All;
+        plane(&target.color.texture, all, 0, self.row);
+        let depth = wgpu::TextureAspect::DepthOnly;
+        plane(&target.depth.texture, depth, self.plane(), self.row);
+        if let (Some(ids), Some(row)) = (&target.ids, self.id_row) {
+            plane(&ids.texture, all, 2 * self.plane(), row);
+        }
+    }
+
+    /// Colour, depth in metres and ids from the bytes of a read buffer.
+    pub(super) fn unpack(self, bytes: &[u8], [near, far]: [f64; 2]) -> [Bytes; 3] {
+        let pixels = self.width * self.height;
+        let mut rgb = vec![0u8; pixels * 3];
+        let mut depth = vec![0u8; pixels * 4];
+        let mut ids = vec![0u8; pixels];
+        let (near, far) = (near as f32, far as f32);
+        let (colors, depths) = bytes.split_at(self.plane());
+        for y in 0..self.height {
+            let line = |width: usize| y * self.width * width..(y + 1) * self.width * width;
+            let source = &colors[y * self.row..][..self.width * 4];
+            let (source, _) = source.as_chunks::<4>();
+            let (target, _) = rgb[line(3)].as_chunks_mut::<3>();
+            for (to, from) in target.iter_mut().zip(source) {
+                *to = [from[0], from[1], from[2]];
+            }
+            match self.id_row {
+                None => {
+                    for (to, from) in ids[line(1)].iter_mut().zip(source) {
+                        *to = from[3];
+                    }
+                }
+                Some(row) => ids[line(1)]
+                    .copy_from_slice(&bytes[2 * self.plane() + y * row..][..self.width]),
+            }
+            let source = &depths[y * self.row..][..self.width * 4];
+            let (source, _) = source.as_chunks::<4>();
+            let (target, _) = depth[line(4)].as_chunks_mut::<4>();
+            for (to, from) in target.iter_mut().zip(source) {
+                // Reversed depth is near / z, 0 where nothing was drawn.
+                let z = near / f32::from_ne_bytes(*from);
+                *to = (if z > far { f32::INFINITY } else { z }).to_le_bytes();
+            }
+        }
+        [rgb, depth, ids].map(Bytes::from)
+    }
+}

@@ -1,0 +1,203 @@
+//! What is drawn: triangles, looks and what they move with. No GPU yet.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+use std::sync::Arc;
+
+use nalgebra::{Isometry3, Point3};
+
+use super::RenderError;
+use crate::geometry::mesh::{Detail, build_detail};
+use crate::geometry::{Material, Shape, TriMesh, Visual, texture};
+use crate::robot::RobotModel;
+use crate::scene::{Lighting, Scene};
+
+/// What a mesh or a camera moves with.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Binding {
+    /// Nothing: `house`.
+    World,
+    /// Index into `RobotModel::links` and `Snapshot::links`.
+    Link(usize),
+    /// Index into `Scene::objects` and `Snapshot::objects`.
+    Object(usize),
+}
+
+/// A mesh that is drawn.
+#[derive(Clone, Debug)]
+pub struct RenderItem {
+    /// Triangles; texture coordinates count repetitions of the texture.
+    pub mesh: Arc<TriMesh>,
+    /// Fewer triangles of the same shape, for shadows and far away.
+    pub coarse: Arc<TriMesh>,
+    /// Look.
+    pub material: Material,
+    /// What it moves with.
+    pub binding: Binding,
+    /// Place on its body; world_from_mesh for [`Binding::World`].
+    pub body_from_mesh: Isometry3<f64>,
+    /// Instance id, 1 to 255.
+    pub instance: u8,
+    /// Throws a shadow. Walls and floors do not: the sun reaches every room.
+    pub casts_shadow: bool,
+}
+
+/// Everything that the cameras see.
+#[derive(Clone, Debug)]
+pub struct RenderScene {
+    /// Meshes, those of one instance side by side.
+    pub items: Vec<RenderItem>,
+    /// Light.
+    pub lighting: Lighting,
+    /// Legend of the ids: objects, then links, then furniture; bodies without
+    /// visuals have none. 0 is where nothing is hit.
+    pub instances: Vec<(u8, String)>,
+    /// Links that a snapshot must have.
+    pub links: usize,
+    /// Objects that a snapshot must have.
+    pub objects: usize,
+}
+
+/// Furniture that reaches this high is part of the building, metres.
+const BUILDING_HEIGHT: f64 = 2.3;
+
+impl RenderScene {
+    /// Meshes of a robot in a home; mesh files are looked up below `assets`.
+    ///
+    /// # Errors
+    /// When a mesh or a texture cannot be made, or more than 255 bodies are drawn.
+    pub fn new(robot: &RobotModel, scene: &Scene, assets: &Path) -> Result<Self, RenderError> {
+        let drawn = |visuals: &[Visual]| !visuals.is_empty();
+        let counts = [
+            scene.objects.iter().filter(|o| drawn(&o.visual)).count(),
+            robot.links.iter().filter(|l| drawn(&l.visual)).count(),
+            scene.furniture.iter().filter(|f| drawn(&f.visual)).count(),
+        ];
+        if counts.iter().sum::<usize>() > 255 {
+            return Err(RenderError::TooManyInstances {
+                objects: counts[0],
+                links: counts[1],
+                furniture: counts[2],
+            });
+        }
+        let mut built = Self {
+            items: Vec::new(),
+            lighting: scene.lighting,
+            instances: Vec::new(),
+            links: robot.links.len(),
+            objects: scene.objects.len(),
+        };
+        let mut meshes = MeshCache {
+            assets,
+            known: BTreeMap::new(),
+        };
+        for (i, object) in scene.objects.iter().enumerate() {
+            let at = (Binding::Object(i), Isometry3::identity());
+            built.add_body(&object.name, &object.visual, at, &mut meshes)?;
+        }
+        for (i, link) in robot.links.iter().enumerate() {
+            let at = (Binding::Link(i), Isometry3::identity());
+            built.add_body(&link.name, &link.visual, at, &mut meshes)?;
+        }
+        for body in &scene.furniture {
+            let at = (Binding::World, body.pose);
+            built.add_body(&body.name, &body.visual, at, &mut meshes)?;
+        }
+        Ok(built)
+    }
+
+    fn add_body(
+        &mut self,
+        name: &str,
+        visuals: &[Visual],
+        (binding, body): (Binding, Isometry3<f64>),
+        meshes: &mut MeshCache<'_>,
+    ) -> Result<(), RenderError> {
+        if visuals.is_empty() {
+            return Ok(());
+        }
+        let instance = self.instances.len() as u8 + 1;
+        self.instances.push((instance, name.to_owned()));
+        for (index, visual) in visuals.iter().enumerate() {
+            if let Some(t) = &visual.material.texture
+                && !texture::names().any(|n| n == t.pattern)
+            {
+                return Err(RenderError::UnknownPattern {
+                    body: name.to_owned(),
+                    index,
+                    pattern: t.pattern.clone(),
+                    known: texture::names().collect::<Vec<_>>().join(", "),
+                });
+            }
+            let mut get = |detail| {
+                meshes
+                    .get(&visual.part.shape, &visual.material, detail)
+                    .map_err(|source| RenderError::Mesh {
+                        body: name.to_owned(),
+                        index,
+                        source,
+                    })
+            };
+            let (mesh, coarse) = (get(Detail::Full)?, get(Detail::Coarse)?);
+            let body_from_mesh = body * visual.part.pose;
+            self.items.push(RenderItem {
+                casts_shadow: visual.material.emission < 0.5,
+                mesh,
+                coarse,
+                material: visual.material.clone(),
+                binding,
+                body_from_mesh,
+                instance,
+            });
+        }
+        let first = self.items.len() - visuals.len();
+        if binding == Binding::World && is_building(&self.items[first..]) {
+            for item in &mut self.items[first..] {
+                item.casts_shadow = false;
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Walls, floors and ceilings: they reach a storey up or lie flat on the
+/// ground. The sun shines through them, as into a doll's house.
+fn is_building(items: &[RenderItem]) -> bool {
+    let highest = items
+        .iter()
+        .flat_map(|item| {
+            let up = |p: &[f32; 3]| (item.body_from_mesh * Point3::from(p.map(f64::from))).z;
+            item.mesh.positions.iter().map(up)
+        })
+        .fold(f64::NEG_INFINITY, f64::max);
+    !(0.05..BUILDING_HEIGHT).contains(&highest)
+}
+
+/// Meshes with texture coordinates in repetitions, one per shape and texture.
+struct MeshCache<'a> {
+    assets: &'a Path,
+    known: BTreeMap<String, Arc<TriMesh>>,
+}
+
+impl MeshCache<'_> {
+    fn get(
+        &mut self,
+        shape: &Shape,
+        material: &Material,
+        detail: Detail,
+    ) -> Result<Arc<TriMesh>, crate::geometry::mesh::MeshError> {
+        let file = matches!(shape, Shape::Mesh { .. });
+        let detail = if file { Detail::Full } else { detail };
+        let key = format!("{shape:?} {:?} {detail:?}", material.texture);
+        if let Some(mesh) = self.known.get(&key) {
+            return Ok(mesh.clone());
+        }
+        let mut mesh = build_detail(shape, self.assets, detail)?;
+        if let Some(t) = &material.texture {
+            super::mapping::fit(&mut mesh, shape, t);
+        }
+        let mesh = Arc::new(mesh);
+        self.known.insert(key, mesh.clone());
+        Ok(mesh)
+    }
+}

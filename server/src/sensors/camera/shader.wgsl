@@ -1,0 +1,171 @@
+// Forward shading, one light with a shadow map, light from above and below.
+// What a pixel needs of its body and material arrives as flat varyings: on a
+// CPU adapter a buffer load per pixel costs more than the interpolation.
+
+override TEXTURED: bool = false;
+// Shadow map look-ups per pixel: 0, 1 or 9.
+override SHADOW_TAPS: u32 = 1u;
+// The alpha byte holds the instance id; not when samples are averaged.
+override ID_IN_ALPHA: bool = true;
+
+struct Camera {
+    clip_from_world: mat4x4<f32>,
+    shadow_from_world: mat4x4<f32>,
+    eye: vec4<f32>,
+    sun_direction: vec4<f32>,
+    sun: vec4<f32>,
+    sky: vec4<f32>,
+    ground: vec4<f32>,
+    // Size of a shadow texel in the map and in the world.
+    shadow_texel: vec4<f32>,
+}
+
+// Rows of world_from_body; id and openness of the surroundings.
+struct Body { x: vec4<f32>, y: vec4<f32>, z: vec4<f32>, more: vec4<f32> }
+// Linear colour and roughness; metallic, emission, texture layer.
+struct Material { color: vec4<f32>, more: vec4<f32> }
+
+@group(0) @binding(0) var<uniform> camera: Camera;
+@group(0) @binding(1) var<storage, read> bodies: array<Body>;
+@group(0) @binding(2) var<storage, read> materials: array<Material>;
+@group(0) @binding(3) var pictures: texture_2d_array<f32>;
+@group(0) @binding(4) var repeating: sampler;
+@group(1) @binding(0) var shadow_map: texture_depth_2d;
+@group(1) @binding(1) var shadow_sampler: sampler_comparison;
+
+struct Vertex {
+    @location(0) position: vec3<f32>,
+    // Octahedral.
+    @location(1) normal: vec2<f32>,
+    @location(2) uv: vec2<f32>,
+    // Body: 8 bits, openness: 8 bits, material: 16 bits.
+    @location(3) packed: u32,
+}
+
+struct Varying {
+    @builtin(position) @invariant clip: vec4<f32>,
+    @location(0) normal: vec3<f32>,
+    // From the surface to the eye; openness.
+    @location(1) view: vec4<f32>,
+    @location(2) uv: vec2<f32>,
+    @location(3) shadow: vec3<f32>,
+    @location(4) @interpolate(flat) color: vec4<f32>,
+    @location(5) @interpolate(flat) more: vec4<f32>,
+}
+
+fn to_world(body: u32, p: vec3<f32>) -> vec3<f32> {
+    let q = vec4(p, 1.0);
+    return vec3(dot(bodies[body].x, q), dot(bodies[body].y, q), dot(bodies[body].z, q));
+}
+
+fn decode(n: vec2<f32>) -> vec3<f32> {
+    var v = vec3(n, 1.0 - abs(n.x) - abs(n.y));
+    let t = max(-v.z, 0.0);
+    v.x += select(t, -t, v.x >= 0.0);
+    v.y += select(t, -t, v.y >= 0.0);
+    return normalize(v);
+}
+
+@vertex fn surface(v: Vertex) -> Varying {
+    let body = v.packed & 0xffu;
+    let material = v.packed >> 16u;
+    let world = to_world(body, v.position);
+    let n = decode(v.normal);
+    let b = bodies[body];
+    let normal = vec3(dot(b.x.xyz, n), dot(b.y.xyz, n), dot(b.z.xyz, n));
+
+    var out: Varying;
+    out.clip = camera.clip_from_world * vec4(world, 1.0);
+    out.normal = normal;
+    out.view = vec4(camera.eye.xyz - world, f32((v.packed >> 8u) & 0xffu) * (1.0 / 255.0) * b.more.y);
+    out.uv = v.uv;
+    // Looked up a little outside the surface, more where the light grazes it.
+    let slope = 1.0 - abs(dot(normal, camera.sun_direction.xyz));
+    let outside = world + normal * (camera.shadow_texel.y * (0.6 + 1.8 * slope));
+    let s = camera.shadow_from_world * vec4(outside, 1.0);
+    out.shadow = vec3(s.xy * vec2(0.5, -0.5) + 0.5, s.z);
+    let m = materials[material];
+    out.color = m.color;
+    out.more = vec4(m.more.xyz, b.more.x);
+    return out;
+}
+
+struct Place { @location(0) position: vec3<f32>, @location(3) packed: u32 }
+
+@vertex fn caster(v: Place) -> @builtin(position) vec4<f32> {
+    return camera.shadow_from_world * vec4(to_world(v.packed & 0xffu, v.position), 1.0);
+}
+
+struct Identified {
+    @builtin(position) @invariant clip: vec4<f32>,
+    @location(0) @interpolate(flat) id: f32,
+}
+
+@vertex fn outline(v: Place) -> Identified {
+    let body = v.packed & 0xffu;
+    return Identified(camera.clip_from_world * vec4(to_world(body, v.position), 1.0), bodies[body].more.x);
+}
+
+@fragment fn identify(v: Identified) -> @location(0) vec4<f32> {
+    return vec4(v.id);
+}
+
+fn lit(at: vec3<f32>) -> f32 {
+    if SHADOW_TAPS == 0u {
+        return 1.0;
+    }
+    if SHADOW_TAPS == 1u {
+        return textureSampleCompareLevel(shadow_map, shadow_sampler, at.xy, at.z);
+    }
+    var sum = 0.0;
+    for (var i = -1; i <= 1; i++) {
+        for (var j = -1; j <= 1; j++) {
+            let offset = vec2(f32(i), f32(j)) * (1.5 * camera.shadow_texel.x);
+            sum += textureSampleCompareLevel(shadow_map, shadow_sampler, at.xy + offset, at.z);
+        }
+    }
+    return sum * (1.0 / 9.0);
+}
+
+// Filmic curve with the display's gamma in it (Hejl and Burgess-Dawson, 2010),
+// with a longer toe.
+fn display(c: vec3<f32>) -> vec3<f32> {
+    return (c * (6.2 * c + 0.5)) / (c * (6.2 * c + 1.7) + 0.06);
+}
+
+@fragment fn shade(v: Varying) -> @location(0) vec4<f32> {
+    var base = v.color.rgb;
+    if TEXTURED {
+        let picture = textureSample(pictures, repeating, v.uv, i32(v.more.z)).rgb;
+        base *= picture * picture;
+    }
+    let metallic = v.more.x;
+    let roughness = v.color.a;
+    let n = normalize(v.normal);
+    let view = normalize(v.view.xyz);
+    let sun = camera.sun_direction.xyz;
+    let half_way = normalize(view + sun);
+    let nl = max(dot(n, sun), 0.0);
+    let nh = max(dot(n, half_way), 0.0);
+    let nv = max(dot(n, view), 0.0);
+    let vh = max(dot(view, half_way), 0.1);
+
+    // GGX with the visibility and Fresnel terms fitted together (Karis 2013, mobile).
+    let f0 = mix(vec3(0.04), base, metallic);
+    let a = roughness * roughness;
+    let d = nh * nh * (a * a - 1.0) + 1.0;
+    let glint = a * a / (d * d * vh * vh * (a * 4.0 + 2.0));
+    let matte = base * (1.0 - metallic);
+    let direct = (matte + f0 * glint) * (nl * lit(v.shadow));
+
+    // The room around: brighter above than below, mirrored by smooth surfaces.
+    let up = 2.0 * nv * n.z - view.z;
+    let facing = 1.0 - nv;
+    let mirror = f0 + (1.0 - roughness) * (facing * facing * facing * facing * 0.5);
+    let around = mix(camera.ground.rgb, camera.sky.rgb, 0.5 + 0.5 * n.z);
+    let mirrored = mix(camera.ground.rgb, camera.sky.rgb, clamp(0.5 + up * (1.1 - 0.6 * roughness), 0.0, 1.2));
+    let ambient = (matte * around + mirror * mirrored) * v.view.w;
+
+    let c = direct * camera.sun.rgb + ambient + base * v.more.y;
+    return vec4(display(c), select(1.0, v.more.w, ID_IN_ALPHA));
+}

@@ -1,0 +1,78 @@
+//! What one camera draws into.
+
+use super::pipelines::{COLOR, DEPTH, IDS, Tier};
+use super::spec::CameraSpec;
+
+/// Textures of one camera.
+pub(super) struct Target {
+    pub(super) spec: CameraSpec,
+    pub(super) color: Picture,
+    pub(super) depth: Picture,
+    /// Several samples per pixel: colour and depth.
+    pub(super) samples: Option<[wgpu::TextureView; 2]>,
+    /// When ids do not travel in the alpha byte.
+    pub(super) ids: Option<Picture>,
+    pub(super) uniform: wgpu::Buffer,
+}
+
+/// A texture and the view of all of it.
+pub(super) struct Picture {
+    pub(super) texture: wgpu::Texture,
+    pub(super) view: wgpu::TextureView,
+}
+
+/// Bytes of the camera's uniform block.
+pub(super) const UNIFORM_BYTES: u64 = (16 + 16 + 6 * 4) * 4;
+
+impl Target {
+    pub(super) fn new(device: &wgpu::Device, spec: CameraSpec, tier: Tier) -> Self {
+        let size = [spec.intrinsics.width, spec.intrinsics.height];
+        let read = wgpu::TextureUsages::RENDER_ATTACHMENT
+            | wgpu::TextureUsages::COPY_SRC
+            | wgpu::TextureUsages::TEXTURE_BINDING;
+        let inner = wgpu::TextureUsages::RENDER_ATTACHMENT;
+        let samples = (tier.samples > 1).then(|| {
+            [COLOR, DEPTH].map(|f| picture(device, size, f, tier.samples, inner).view)
+        });
+        Self {
+            color: picture(device, size, COLOR, 1, read),
+            depth: picture(device, size, DEPTH, 1, read),
+            samples,
+            ids: tier
+                .separate_ids()
+                .then(|| picture(device, size, IDS, 1, read)),
+            uniform: device.create_buffer(&wgpu::BufferDescriptor {
+                label: Some(&spec.name),
+                size: UNIFORM_BYTES,
+                usage: wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST,
+                mapped_at_creation: false,
+            }),
+            spec,
+        }
+    }
+}
+
+pub(super) fn picture(
+    device: &wgpu::Device,
+    [width, height]: [u32; 2],
+    format: wgpu::TextureFormat,
+    sample_count: u32,
+    usage: wgpu::TextureUsages,
+) -> Picture {
+    let texture = device.create_texture(&wgpu::TextureDescriptor {
+        label: None,
+        size: wgpu::Extent3d {
+            width,
+            height,
+            depth_or_array_layers: 1,
+        },
+        mip_level_count: 1,
+        sample_count,
+        dimension: wgpu::TextureDimension::D2,
+        format,
+        usage,
+        view_formats: &[],
+    });
+    let view = texture.create_view(&Default::default());
+    Picture { texture, view }
+}
