@@ -4,6 +4,8 @@
 //! memory, files or code with it.
 
 pub mod control;
+pub mod demo;
 pub mod link;
+pub mod local;
 pub mod operate;
 pub mod record;

@@ -7,6 +7,7 @@ use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
 use wheelarm_client::control::{self, EpisodeCommand, ResetArgs};
+use wheelarm_client::demo::{self, DemoArgs};
 use wheelarm_client::link::{ConnectArgs, Link};
 use wheelarm_client::operate::operator::Outcome;
 use wheelarm_client::operate::run::{self as operate, OperateArgs};
@@ -39,6 +40,8 @@ enum Command {
     Episode(EpisodeCommand),
     /// Does a task with the scripted operator.
     Operate(OperateArgs),
+    /// Records an episode with a server, a recorder and the operator of its own.
+    Demo(DemoArgs),
     /// Ends the server.
     Shutdown,
     /// Any other word X runs the program `wheelarm-X`.
@@ -77,6 +80,7 @@ fn run(cli: Cli) -> anyhow::Result<ExitCode> {
         Command::Pause => control::acknowledge(&link()?, Query::Pause)?,
         Command::Resume => control::acknowledge(&link()?, Query::Resume)?,
         Command::Episode(command) => control::episode(&link()?, command)?,
+        Command::Demo(args) => return demo::run(args),
         Command::Operate(args) => return run_operator(&link()?, args),
         Command::Shutdown => control::acknowledge(&link()?, Query::Shutdown)?,
         Command::External(words) => return control::run_external(words),
