@@ -8,3 +8,4 @@ pub mod demo;
 pub mod link;
 pub mod local;
 pub mod operate;
+pub mod replay;
