@@ -95,15 +95,15 @@ impl fmt::Display for Unreachable {
                 }
                 write!(
                     out,
-                    "; closest is {:.3} m and {:.1}° off",
-                    self.position_error,
+                    "; closest is {:.1} mm and {:.2}° off",
+                    self.position_error * 1e3,
                     self.rotation_error.to_degrees()
                 )
             }
             Reason::NoSolution => write!(
                 out,
-                "unreachable: no joint positions found; closest is {:.3} m and {:.1}° off",
-                self.position_error,
+                "unreachable: no joint positions found; closest is {:.1} mm and {:.2}° off",
+                self.position_error * 1e3,
                 self.rotation_error.to_degrees()
             ),
             Reason::Jump(joint, angle) => write!(

@@ -115,11 +115,12 @@ impl ArmKinematics {
     /// base_from_end_effector.
     #[must_use]
     pub fn forward(&self, joints: &[f64; 6]) -> Isometry3<f64> {
-        let mut pose = self.zero;
-        for (screw, angle) in self.screws.iter().zip(joints) {
-            pose *= screw.exponential(*angle);
-        }
-        pose
+        // Multiplied in the order of `forward_and_jacobian`: the same bits.
+        let joints = self.screws.iter().zip(joints).rev();
+        self.zero
+            * joints.fold(Isometry3::identity(), |beyond, (screw, angle)| {
+                screw.exponential(*angle) * beyond
+            })
     }
 
     /// Body Jacobian, 6x6, rows `[angular; linear]`: columns are the end
