@@ -9,3 +9,4 @@ pub mod link;
 pub mod local;
 pub mod operate;
 pub mod record;
+pub mod replay;

@@ -11,6 +11,7 @@ use wheelarm_client::demo::{self, DemoArgs};
 use wheelarm_client::link::{ConnectArgs, Link};
 use wheelarm_client::operate::operator::Outcome;
 use wheelarm_client::operate::run::{self as operate, OperateArgs};
+use wheelarm_client::replay::{self, ReplayArgs};
 use wheelarm_proto::keys::Query;
 
 /// Clients of the WheelArm simulator.
@@ -42,6 +43,8 @@ enum Command {
     Operate(OperateArgs),
     /// Records an episode with a server, a recorder and the operator of its own.
     Demo(DemoArgs),
+    /// Does a recorded episode again, bit by bit, and can record it anew.
+    Replay(ReplayArgs),
     /// Ends the server.
     Shutdown,
     /// Any other word X runs the program `wheelarm-X`.
@@ -81,6 +84,7 @@ fn run(cli: Cli) -> anyhow::Result<ExitCode> {
         Command::Resume => control::acknowledge(&link()?, Query::Resume)?,
         Command::Episode(command) => control::episode(&link()?, command)?,
         Command::Demo(args) => return demo::run(args),
+        Command::Replay(args) => return replay::run(args),
         Command::Operate(args) => return run_operator(&link()?, args),
         Command::Shutdown => control::acknowledge(&link()?, Query::Shutdown)?,
         Command::External(words) => return control::run_external(words),
