@@ -65,6 +65,8 @@ pub struct RouteStyle {
 
 /// Seconds lost by stopping between rolling and turning on the spot.
 const STOP_COST: f64 = 1.5;
+/// Seconds that a change of curvature counts: fewer bends look and track better.
+const BEND_COST: f64 = 0.3;
 /// Cell of the search, metres.
 const CELL: f64 = 0.1;
 /// Headings of the search.
@@ -297,7 +299,13 @@ fn price(
             (Some(Piece::Roll { length: a, .. }), Piece::Roll { length: b, .. }) => a * b < 0.0,
             (None, _) => false,
         };
-        cost += piece.cost() + if stops { STOP_COST } else { 0.0 };
+        let bends = match (previous, piece) {
+            (Some(Piece::Roll { curvature: a, .. }), Piece::Roll { curvature: b, .. }) => a != *b,
+            _ => false,
+        };
+        cost += piece.cost()
+            + if stops { STOP_COST } else { 0.0 }
+            + if bends { BEND_COST } else { 0.0 };
         pose = piece.after(&pose, 1.0);
         previous = Some(*piece);
     }
