@@ -127,7 +127,8 @@ fn gripper_intent(
     use v1::gripper_command::Target;
     let target = command.target.as_ref().ok_or(Invalid::Missing("gripper target"))?;
     let knuckle = match target {
-        Target::Opening(metres) => map.knuckle(*metres),
+        // The linkage opens a hair less than the 0.085 m that may be asked.
+        Target::Opening(metres) => map.knuckle(*metres).max(0.0),
         Target::Knuckle(radians) => *radians,
     };
     Ok(GripperIntent { knuckle, max_force: command.max_force })
