@@ -10,7 +10,7 @@ use super::drive::{Drive, DriveLimits};
 use super::grasp::{self, Approach, GraspStyle, Reach};
 use super::ground::{Ground, Pose2};
 use super::observation::Observation;
-use super::route::{self, Piece, RouteStyle};
+use super::route::{self, Piece, Route, RouteStyle};
 use super::scene::{SceneModel, write_pose};
 use super::tool_path::{ToolPath, distance};
 
@@ -99,8 +99,10 @@ const ATTEMPTS: usize = 3;
 const STOPS: usize = 4;
 /// Places that are checked for reach and route per stop.
 const PLACES: usize = 80;
-/// Straight way before a stop, metres; the first that has a route is taken.
-const STRAIGHTS: [f64; 3] = [0.35, 0.2, 0.05];
+/// Straight ways before a stop that are tried, metres.
+const STRAIGHTS: [f64; 3] = [0.35, 0.2, 0.08];
+/// Radii of arcs that are tried, as shares of the style's.
+const ARCS: [f64; 2] = [1.0, 0.75];
 /// A fully opened gripper, metres.
 const OPEN: f64 = 0.085;
 /// The hand counts as arrived within this, metres and radians.
@@ -380,17 +382,32 @@ impl Operator {
         )))
     }
 
-    /// A route whose last part is straight, so that the chair arrives aligned.
+    /// The quickest route whose last part is straight, so that the chair
+    /// arrives aligned, with wide or with tight arcs.
     fn route(&self, ground: &Ground, start: Pose2, goal: Pose2) -> Option<Vec<Piece>> {
-        STRAIGHTS.into_iter().find_map(|length| {
+        let mut best: Option<Route> = None;
+        for length in STRAIGHTS {
             let before = goal.rolled(-length, 0.0);
-            let mut route = route::find(ground, start, before, &self.style.route)?;
-            route.push(Piece::Roll {
-                length,
-                curvature: 0.0,
-            });
-            Some(route)
-        })
+            for tightness in ARCS {
+                let style = RouteStyle {
+                    radius: self.style.route.radius * tightness,
+                    ..self.style.route
+                };
+                let Some(mut route) = route::find(ground, start, before, &style) else {
+                    continue;
+                };
+                route.pieces.push(Piece::Roll {
+                    length,
+                    curvature: 0.0,
+                });
+                // A long straight part aligns better than a short one.
+                route.cost += length / self.style.drive.speed - 4.0 * length;
+                if best.as_ref().is_none_or(|best| route.cost < best.cost) {
+                    best = Some(route);
+                }
+            }
+        }
+        best.map(|route| route.pieces)
     }
 
     fn drive(&mut self, seen: &Observation, drive: &Drive, begun: f64) -> Act {

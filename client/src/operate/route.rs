@@ -110,9 +110,18 @@ impl Ord for Candidate {
     }
 }
 
+/// A way of the chair and the rough seconds that it takes.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Route {
+    /// Pieces in their order.
+    pub pieces: Vec<Piece>,
+    /// Seconds, with a charge for stops and bends.
+    pub cost: f64,
+}
+
 /// Finds a short route from `start` to `goal`; `None` when there is none.
 #[must_use]
-pub fn find(ground: &Ground, start: Pose2, goal: Pose2, style: &RouteStyle) -> Option<Vec<Piece>> {
+pub fn find(ground: &Ground, start: Pose2, goal: Pose2, style: &RouteStyle) -> Option<Route> {
     // A stop, or the place where the chair stands, may leave less room than is liked.
     let margin = [style.margin, style.margin / 2.0, 0.0]
         .into_iter()
@@ -129,7 +138,10 @@ pub fn find(ground: &Ground, start: Pose2, goal: Pose2, style: &RouteStyle) -> O
     let mut open = BinaryHeap::from([Candidate { rank: 0.0, node: 0 }]);
     while let Some(Candidate { node: at, .. }) = open.pop() {
         if nodes[at].is_goal {
-            return Some(collect(&nodes, at));
+            return Some(Route {
+                pieces: collect(&nodes, at),
+                cost: nodes[at].cost,
+            });
         }
         if nodes.len() > LIMIT {
             return None;
@@ -369,7 +381,7 @@ mod tests {
 
     /// Follows a route and asserts that it is free and ends at the goal.
     fn check(ground: &Ground, goal: Pose2) -> Vec<Piece> {
-        let route = find(ground, START, goal, &STYLE).unwrap();
+        let route = find(ground, START, goal, &STYLE).unwrap().pieces;
         let mut pose = START;
         for piece in &route {
             for i in 0..=20 {
