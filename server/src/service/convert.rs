@@ -127,8 +127,9 @@ fn gripper_intent(
     use v1::gripper_command::Target;
     let target = command.target.as_ref().ok_or(Invalid::Missing("gripper target"))?;
     let knuckle = match target {
-        // The linkage opens a hair less than the 0.085 m that may be asked.
-        Target::Opening(metres) => map.knuckle(*metres).max(0.0),
+        // The linkage opens a hair less than the 0.085 m that may be asked, and
+        // closes at a hair more than the 0.8 rad that may be.
+        Target::Opening(metres) => map.knuckle(*metres).clamp(0.0, 0.8),
         Target::Knuckle(radians) => *radians,
     };
     Ok(GripperIntent { knuckle, max_force: command.max_force })
