@@ -145,7 +145,9 @@ fn gripper_intent(
         .as_ref()
         .ok_or(Invalid::Missing("gripper target"))?;
     let knuckle = match target {
-        Target::Opening(metres) => map.knuckle(*metres),
+        // The linkage opens a hair less than the 0.085 m that may be asked, and
+        // closes at a hair more than the 0.8 rad that may be.
+        Target::Opening(metres) => map.knuckle(*metres).clamp(0.0, 0.8),
         Target::Knuckle(radians) => *radians,
     };
     Ok(GripperIntent {
