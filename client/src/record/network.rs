@@ -30,6 +30,10 @@ const CORE_PERIOD: Duration = Duration::from_millis(50);
 const QUERY_TIMEOUT: Duration = Duration::from_secs(10);
 
 /// What callbacks put into the queue: undecoded.
+#[allow(
+    clippy::large_enum_variant,
+    reason = "one such message per episode; samples are the small ones"
+)]
 enum Raw {
     Stream(String, ZBytes),
     Camera(String, ZBytes),
