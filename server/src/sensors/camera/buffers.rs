@@ -27,11 +27,55 @@ pub(super) struct GpuMaterial {
     more: [f32; 4],
 }
 
-/// Triangles of a body that are drawn together, textured ones apart from plain ones.
+/// How a pixel of a material is computed, cheapest first.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Finish {
+    pub(super) textured: bool,
+    /// Highlights and mirrored surroundings; others are lit at their vertices.
+    pub(super) glossy: bool,
+}
+
+impl Finish {
+    /// All, in drawing order.
+    pub(super) const ALL: [Self; 4] = [
+        Self {
+            textured: false,
+            glossy: true,
+        },
+        Self {
+            textured: false,
+            glossy: false,
+        },
+        Self {
+            textured: true,
+            glossy: true,
+        },
+        Self {
+            textured: true,
+            glossy: false,
+        },
+    ];
+
+    fn of(material: &Material, all_glossy: bool) -> Self {
+        Self {
+            textured: material.texture.is_some(),
+            glossy: all_glossy
+                || material.metallic > MATTE_METALLIC
+                || material.roughness < MATTE_ROUGHNESS,
+        }
+    }
+}
+
+/// Rougher surfaces show no highlight worth its pixels.
+const MATTE_ROUGHNESS: f32 = 0.4;
+/// Less metallic surfaces mirror nothing worth seeing.
+const MATTE_METALLIC: f32 = 0.2;
+
+/// Triangles of a body that are drawn together, those of one finish.
 #[derive(Clone, Debug)]
 pub(super) struct Batch {
     pub(super) body: usize,
-    pub(super) textured: bool,
+    pub(super) finish: Finish,
     /// Indices at full detail.
     pub(super) full: Range<u32>,
     /// Indices for far away.
@@ -46,8 +90,17 @@ pub(super) struct Batch {
 pub(super) struct Body {
     pub(super) binding: Binding,
     pub(super) instance: u8,
-    /// Indices of what throws a shadow, at coarse detail.
-    pub(super) casters: Vec<Range<u32>>,
+    /// What throws a shadow.
+    pub(super) casters: Vec<Caster>,
+}
+
+/// Triangles that throw a shadow, at coarse detail.
+#[derive(Clone, Debug)]
+pub(super) struct Caster {
+    pub(super) indices: Range<u32>,
+    /// Ball around it in the frame of its body.
+    pub(super) centre: Point3<f64>,
+    pub(super) radius: f64,
 }
 
 /// All of it.
@@ -62,7 +115,8 @@ pub(super) struct Buffers {
 }
 
 impl Buffers {
-    pub(super) fn new(scene: &RenderScene) -> Self {
+    /// `all_glossy` computes highlights on every surface.
+    pub(super) fn new(scene: &RenderScene, all_glossy: bool) -> Self {
         let mut built = Self {
             vertices: Vec::new(),
             indices: Vec::new(),
@@ -72,16 +126,15 @@ impl Buffers {
             batches: Vec::new(),
         };
         let mut known: Vec<Material> = Vec::new();
-        let same = |a: &RenderItem, b: &RenderItem| {
-            a.instance == b.instance && a.binding == b.binding
-        };
+        let same =
+            |a: &RenderItem, b: &RenderItem| a.instance == b.instance && a.binding == b.binding;
         for items in scene.items.chunk_by(same) {
             let body = built.bodies.len();
             let mut casters = Vec::new();
-            for textured in [false, true] {
+            for finish in Finish::ALL {
                 let mut chosen: Vec<&RenderItem> = items
                     .iter()
-                    .filter(|i| i.material.texture.is_some() == textured)
+                    .filter(|i| Finish::of(&i.material, all_glossy) == finish)
                     .collect();
                 if chosen.is_empty() {
                     continue;
@@ -106,13 +159,17 @@ impl Buffers {
                     }
                 }
                 let end = built.indices.len() as u32;
-                if caster_end > middle {
-                    casters.push(middle..caster_end);
-                }
                 let (centre, radius) = ball(&built.vertices[first_vertex..]);
+                if caster_end > middle {
+                    casters.push(Caster {
+                        indices: middle..caster_end,
+                        centre,
+                        radius,
+                    });
+                }
                 built.batches.push(Batch {
                     body,
-                    textured,
+                    finish,
                     full: start..middle,
                     coarse: middle..end,
                     centre,
@@ -148,7 +205,12 @@ impl Buffers {
         }
         known.push(material.clone());
         self.materials.push(GpuMaterial {
-            color: [color[0], color[1], color[2], material.roughness.clamp(0.12, 1.0)],
+            color: [
+                color[0],
+                color[1],
+                color[2],
+                material.roughness.clamp(0.12, 1.0),
+            ],
             more: [
                 material.metallic.clamp(0.0, 1.0),
                 material.emission.max(0.0),
@@ -206,7 +268,11 @@ fn octahedral(n: [f64; 3]) -> [i16; 2] {
 
 /// Ball about the middle of the bounding box.
 fn ball(vertices: &[Vertex]) -> (Point3<f64>, f64) {
-    let points = || vertices.iter().map(|v| Point3::from(v.position.map(f64::from)));
+    let points = || {
+        vertices
+            .iter()
+            .map(|v| Point3::from(v.position.map(f64::from)))
+    };
     let low = points().fold(Point3::from([f64::INFINITY; 3]), |a, b| a.inf(&b));
     let high = points().fold(Point3::from([f64::NEG_INFINITY; 3]), |a, b| a.sup(&b));
     let centre = nalgebra::center(&low, &high);

@@ -31,9 +31,8 @@ impl Target {
             | wgpu::TextureUsages::COPY_SRC
             | wgpu::TextureUsages::TEXTURE_BINDING;
         let inner = wgpu::TextureUsages::RENDER_ATTACHMENT;
-        let samples = (tier.samples > 1).then(|| {
-            [COLOR, DEPTH].map(|f| picture(device, size, f, tier.samples, inner).view)
-        });
+        let samples = (tier.samples > 1)
+            .then(|| [COLOR, DEPTH].map(|f| picture(device, size, f, tier.samples, inner).view));
         Self {
             color: picture(device, size, COLOR, 1, read),
             depth: picture(device, size, DEPTH, 1, read),
@@ -75,4 +74,23 @@ pub(super) fn picture(
     });
     let view = texture.create_view(&Default::default());
     Picture { texture, view }
+}
+
+pub(super) fn depth_attachment(
+    view: &wgpu::TextureView,
+    load: wgpu::LoadOp<f32>,
+    keep: bool,
+) -> wgpu::RenderPassDepthStencilAttachment<'_> {
+    wgpu::RenderPassDepthStencilAttachment {
+        view,
+        depth_ops: Some(wgpu::Operations {
+            load,
+            store: if keep {
+                wgpu::StoreOp::Store
+            } else {
+                wgpu::StoreOp::Discard
+            },
+        }),
+        stencil_ops: None,
+    }
 }
