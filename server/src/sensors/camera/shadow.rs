@@ -23,8 +23,7 @@ type Rectangle = [u32; 4];
 
 impl ShadowMap {
     pub(super) fn new(device: &wgpu::Device, sun: SunView, size: u32) -> Self {
-        let usage =
-            wgpu::TextureUsages::RENDER_ATTACHMENT | wgpu::TextureUsages::TEXTURE_BINDING;
+        let usage = wgpu::TextureUsages::RENDER_ATTACHMENT | wgpu::TextureUsages::TEXTURE_BINDING;
         Self {
             picture: picture(device, [size; 2], DEPTH, 1, usage),
             sun,
@@ -155,7 +154,11 @@ impl SunView {
 
         let towards = Vector3::from(scene.lighting.sun_direction.map(f64::from));
         let towards = towards.try_normalize(1e-6).unwrap_or(Vector3::z());
-        let helper = if towards.z.abs() > 0.99 { Vector3::y() } else { Vector3::z() };
+        let helper = if towards.z.abs() > 0.99 {
+            Vector3::y()
+        } else {
+            Vector3::z()
+        };
         let right = helper.cross(&towards).normalize();
         let up = towards.cross(&right);
         let axes = [right, up, -towards];
