@@ -127,12 +127,13 @@ struct MatteVarying {
     var out: MatteVarying;
     out.clip = camera.clip_from_world * vec4(lit.world, 1.0);
     out.light = vec4(
-        around * (lit.openness * 1.04) + m.more.y,
-        max(dot(lit.normal, camera.sun_direction.xyz), 0.0) * 1.04,
+        around * lit.openness + m.more.y,
+        max(dot(lit.normal, camera.sun_direction.xyz), 0.0),
     );
     out.uv = v.uv;
     out.shadow = lit.shadow;
-    out.color = vec4(m.color.rgb, bodies[body].more.x);
+    // Rough surfaces still mirror a little of what is around.
+    out.color = vec4(m.color.rgb + 0.03, bodies[body].more.x);
     out.layer = m.more.z;
     return out;
 }
