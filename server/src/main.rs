@@ -1,1 +1,267 @@
-fn main() {}
+//! `wheelarm-server`: parses and wires; the library runs.
+
+use std::net::TcpListener;
+use std::path::PathBuf;
+
+use anyhow::{Context, bail};
+use clap::{Parser, ValueEnum};
+use wheelarm_proto::keys::{self, Keys};
+use wheelarm_server::sensors::camera::Renderer;
+use wheelarm_server::service::{self, Options};
+use wheelarm_server::sim::{CameraSetting, Pacing, Quality, Scenario, Simulation};
+use wheelarm_server::tasks;
+
+/// Headless simulation of a wheelchair with a robotic arm in a home.
+///
+/// Publishes sensor streams over Zenoh and takes protobuf commands. Prints one
+/// line `ready ENDPOINT sim=NAME` when it serves. Listens on 127.0.0.1 unless
+/// told otherwise; from another machine connect through an SSH tunnel.
+#[derive(Parser, Debug)]
+#[command(version)]
+struct Args {
+    /// Name of this server, so that several can share one network.
+    #[arg(long, default_value = keys::DEFAULT_SIM)]
+    sim: String,
+    /// Endpoint to listen on; port 0 takes a free one. May be repeated.
+    #[arg(long, default_value = "tcp/127.0.0.1:7447")]
+    listen: Vec<String>,
+    /// Endpoint of a Zenoh router to connect to. May be repeated.
+    #[arg(long)]
+    connect: Vec<String>,
+    /// Announces the server by multicast on the local network.
+    #[arg(long)]
+    multicast: bool,
+    /// How simulation time passes.
+    #[arg(long, value_enum, default_value = "real-time")]
+    pacing: PacingArg,
+    /// Scene below assets/scenes.
+    #[arg(long, default_value = "home")]
+    scene: String,
+    /// Task below assets/tasks; an empty name for none.
+    #[arg(long, default_value = "pick_mustard")]
+    task: String,
+    /// Seed of every random choice.
+    #[arg(long, default_value_t = 0)]
+    seed: u64,
+    /// Robot below assets/robots.
+    #[arg(long, default_value = "wheelarm")]
+    robot: String,
+    /// Assets folder.
+    #[arg(long, env = "WHEELARM_ASSETS")]
+    assets: Option<PathBuf>,
+    /// Camera as NAME=WIDTHxHEIGHT@HZ (gen3, wheelchair, room). May be
+    /// repeated; the robot's two at 1280x720@10 without it.
+    #[arg(long, value_parser = camera)]
+    camera: Vec<CameraSetting>,
+    /// Physics only: no pictures, no graphics driver needed.
+    #[arg(long)]
+    no_cameras: bool,
+    /// Work per picture.
+    #[arg(long, value_enum, default_value = "standard")]
+    quality: QualityArg,
+    /// Graphics adapter by a part of its name (see --list-adapters).
+    #[arg(long)]
+    adapter: Option<String>,
+    /// Rate of the state streams, Hz; divides 60.
+    #[arg(long, default_value_t = 60.0)]
+    state_rate: f64,
+    /// Rate of the IMU, Hz; divides 240.
+    #[arg(long, default_value_t = 240.0)]
+    imu_rate: f64,
+    /// Adds the noise of the robot description to the IMU.
+    #[arg(long)]
+    imu_noise: bool,
+    /// Prints the tasks and ends.
+    #[arg(long)]
+    list_tasks: bool,
+    /// Prints the graphics adapters and ends.
+    #[arg(long)]
+    list_adapters: bool,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum PacingArg {
+    RealTime,
+    LockStep,
+    Fast,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum QualityArg {
+    Fast,
+    Standard,
+    High,
+}
+
+fn camera(text: &str) -> Result<CameraSetting, String> {
+    let parse = || {
+        let (name, rest) = text.split_once('=')?;
+        let (size, rate) = rest.split_once('@').unwrap_or((rest, "10"));
+        let (width, height) = size.split_once('x')?;
+        Some(CameraSetting {
+            name: name.to_owned(),
+            size: [width.parse().ok()?, height.parse().ok()?],
+            rate_hz: rate.parse().ok()?,
+        })
+    };
+    parse().ok_or_else(|| {
+        format!("{text:?} is not NAME=WIDTHxHEIGHT@HZ, for example gen3=1280x720@10")
+    })
+}
+
+/// The assets folder: as told, in the working directory, or beside the
+/// checkout that the program was built in.
+fn assets(told: Option<PathBuf>) -> anyhow::Result<PathBuf> {
+    if let Some(told) = told {
+        if !told.join("scenes").is_dir() {
+            bail!(
+                "{} holds no folder `scenes`; name the assets folder of WheelArm",
+                told.display()
+            );
+        }
+        return Ok(told);
+    }
+    let program = std::env::current_exe().unwrap_or_default();
+    let beside = program
+        .ancestors()
+        .skip(1)
+        .map(|folder| folder.join("assets"));
+    std::iter::once(PathBuf::from("assets"))
+        .chain(beside)
+        .find(|folder| folder.join("scenes").is_dir())
+        .context("no assets folder found; name it with --assets DIR or WHEELARM_ASSETS")
+}
+
+/// Replaces port 0 of a TCP endpoint by a free one.
+fn concrete(endpoint: &str) -> anyhow::Result<String> {
+    let Some(address) = endpoint
+        .strip_prefix("tcp/")
+        .and_then(|a| a.strip_suffix(":0"))
+    else {
+        return Ok(endpoint.to_owned());
+    };
+    let listener = TcpListener::bind((address, 0))
+        .with_context(|| format!("cannot listen on {address}; is it an address of this host?"))?;
+    Ok(format!("tcp/{address}:{}", listener.local_addr()?.port()))
+}
+
+fn main() -> anyhow::Result<()> {
+    let args = Args::parse();
+    with_runtime_folder();
+    tokio::runtime::Runtime::new()?.block_on(serve(args))
+}
+
+/// Graphics drivers complain on stderr when `XDG_RUNTIME_DIR` is unset, as it
+/// is in containers and batch jobs: this program then starts itself again with
+/// a private folder. Where that fails, the complaint is all that happens.
+fn with_runtime_folder() {
+    use std::os::unix::fs::DirBuilderExt;
+    use std::os::unix::process::CommandExt;
+    const NAME: &str = "XDG_RUNTIME_DIR";
+    if std::env::var_os(NAME).is_some() {
+        return;
+    }
+    let folder = std::env::temp_dir().join(format!("wheelarm-{}", std::process::id()));
+    let made = std::fs::DirBuilder::new().mode(0o700).create(&folder);
+    if let (Ok(()), Ok(program)) = (made, std::env::current_exe()) {
+        let _ = std::process::Command::new(program)
+            .args(std::env::args_os().skip(1))
+            .env(NAME, &folder)
+            .exec();
+    }
+}
+
+async fn serve(args: Args) -> anyhow::Result<()> {
+    tracing_subscriber::fmt()
+        .with_writer(std::io::stderr)
+        .with_env_filter(
+            tracing_subscriber::EnvFilter::try_from_default_env()
+                .unwrap_or_else(|_| "warn,wheelarm_server=info,zenoh=error".into()),
+        )
+        .init();
+    if args.list_adapters {
+        let adapters = Renderer::adapters();
+        if adapters.is_empty() {
+            bail!(wheelarm_server::sensors::camera::RenderError::NoDriver);
+        }
+        for adapter in adapters {
+            println!("{adapter}");
+        }
+        return Ok(());
+    }
+    let assets = assets(args.assets)?;
+    if args.list_tasks {
+        for task in tasks::list(&assets)? {
+            println!(
+                "{:<20} {:<16} {:<14} {}",
+                task.name,
+                task.activity,
+                task.area,
+                task.instructions.first().map_or("", String::as_str)
+            );
+        }
+        return Ok(());
+    }
+    let keys = Keys::new(&args.sim)?;
+    let mut scenario = Scenario {
+        scene: args.scene,
+        task: args.task,
+        seed: args.seed,
+        robot: args.robot,
+        state_rate_hz: args.state_rate,
+        imu_rate_hz: args.imu_rate,
+        imu_noise: args.imu_noise,
+        pacing: match args.pacing {
+            PacingArg::RealTime => Pacing::RealTime,
+            PacingArg::LockStep => Pacing::LockStep,
+            PacingArg::Fast => Pacing::Fast,
+        },
+        quality: match args.quality {
+            QualityArg::Fast => Quality::Fast,
+            QualityArg::Standard => Quality::Standard,
+            QualityArg::High => Quality::High,
+        },
+        ..Scenario::default()
+    };
+    if !args.camera.is_empty() {
+        scenario.cameras = args.camera;
+    }
+    if args.no_cameras {
+        scenario.cameras.clear();
+    }
+    let pacing = scenario.pacing;
+    let sim = Simulation::new(&assets, scenario)?;
+    let listen = args
+        .listen
+        .iter()
+        .map(|e| concrete(e))
+        .collect::<anyhow::Result<Vec<_>>>()?;
+    let session = service::session::open(&listen, &args.connect, args.multicast, pacing)
+        .with_context(|| {
+            format!("cannot listen on {}; is another server running there? Choose another port with --listen tcp/127.0.0.1:PORT", listen.join(", "))
+        })?;
+    let endpoint = listen.first().cloned().unwrap_or_default();
+    let options = Options {
+        keys,
+        adapter: args.adapter,
+        no_cameras: args.no_cameras,
+    };
+    let name = args.sim;
+    let ready = move || println!("ready {endpoint} sim={name}");
+    service::run(session, sim, options, ready, interrupted()).await?;
+    Ok(())
+}
+
+/// Resolves on Ctrl-C or SIGTERM.
+async fn interrupted() {
+    use tokio::signal::unix::{SignalKind, signal};
+    match signal(SignalKind::terminate()) {
+        Ok(mut terminate) => tokio::select! {
+            _ = tokio::signal::ctrl_c() => {}
+            _ = terminate.recv() => {}
+        },
+        Err(_) => {
+            let _ = tokio::signal::ctrl_c().await;
+        }
+    }
+}

@@ -1,1 +1,19 @@
+//! Episode files of WheelArm: the write-ahead log that a recorder appends to,
+//! the HDF5 file that is made of it, reading and showing such files.
+//!
+//! No transport in here: a recorder hands over messages as bytes. A file is
+//! either complete and says so, or says what it lacks; an existing file is
+//! never overwritten. All calls into HDF5 take one lock, inside `hdf5`.
 
+pub mod columns;
+pub mod compress;
+pub mod coverage;
+pub mod depth;
+pub mod finish;
+mod hdf;
+pub mod info;
+pub mod log;
+pub mod read;
+pub mod scenario_text;
+pub mod sheet;
+pub mod writer;

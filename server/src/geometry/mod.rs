@@ -10,7 +10,7 @@ mod texture_labels;
 mod texture_noise;
 mod texture_surfaces;
 
-use nalgebra::Isometry3;
+use nalgebra::{Isometry3, Vector3};
 
 /// A solid or a surface in its own frame, metres. Axes of symmetry are z.
 #[derive(Clone, Debug, PartialEq)]
@@ -99,4 +99,56 @@ pub struct Visual {
     pub part: Part,
     /// Look.
     pub material: Material,
+}
+
+/// Axis-aligned bounds of a shape in its own frame: centre and half extents,
+/// metres. `None` for meshes, whose size is in their file.
+#[must_use]
+pub fn bounds(shape: &Shape) -> Option<(Vector3<f64>, Vector3<f64>)> {
+    let centred = |x, y, z| Some((Vector3::zeros(), Vector3::new(x, y, z)));
+    let standing = |r: f64, low: f64, high: f64| {
+        let (centre, half) = ((low + high) / 2.0, (high - low) / 2.0);
+        Some((Vector3::new(0.0, 0.0, centre), Vector3::new(r, r, half)))
+    };
+    match shape {
+        Shape::Cuboid { half } | Shape::RoundedCuboid { half, .. } => {
+            centred(half[0], half[1], half[2])
+        }
+        Shape::Cylinder {
+            radius,
+            half_height,
+        } => centred(*radius, *radius, *half_height),
+        Shape::Capsule {
+            radius,
+            half_height,
+        } => centred(*radius, *radius, half_height + radius),
+        Shape::Sphere { radius } => centred(*radius, *radius, *radius),
+        Shape::Frustum {
+            bottom_radius,
+            top_radius,
+            half_height,
+        } => {
+            let radius = bottom_radius.max(*top_radius);
+            centred(radius, radius, *half_height)
+        }
+        Shape::Cup {
+            bottom_radius,
+            top_radius,
+            height,
+            ..
+        } => standing(bottom_radius.max(*top_radius), 0.0, *height),
+        Shape::Lathe { profile } => {
+            let fold = |f: fn(f64, f64) -> f64, i: usize, from: f64| {
+                profile.iter().map(|p| p[i]).fold(from, f)
+            };
+            let low = fold(f64::min, 1, f64::INFINITY);
+            let high = fold(f64::max, 1, f64::NEG_INFINITY);
+            if low > high {
+                None
+            } else {
+                standing(fold(f64::max, 0, 0.0), low, high)
+            }
+        }
+        Shape::Mesh { .. } => None,
+    }
 }

@@ -5,6 +5,7 @@ mod load;
 mod settings;
 
 pub mod control;
+pub mod kinematics;
 
 use nalgebra::{Isometry3, Matrix3, Point3, Translation3, Unit, UnitQuaternion, Vector3};
 

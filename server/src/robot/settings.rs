@@ -85,6 +85,10 @@ pub struct DriveSettings {
     pub turn_acceleration: f64,
     /// rad/s².
     pub turn_deceleration: f64,
+    /// Least deceleration when the command is to stand still, m/s².
+    pub stop_deceleration: f64,
+    /// Least turn deceleration when the command is to stand still, rad/s².
+    pub stop_turn_deceleration: f64,
     /// Greatest forward speed of a command, m/s.
     pub forward_speed: f64,
     /// Greatest backward speed of a command, m/s, positive.
@@ -115,6 +119,10 @@ pub struct ArmSettings {
     pub tool_speed: f64,
     /// Turn rate of the end effector, rad/s.
     pub tool_turn_rate: f64,
+    /// Acceleration of the end effector along lines and twists, m/s².
+    pub tool_acceleration: f64,
+    /// Turn acceleration of the end effector along lines and twists, rad/s².
+    pub tool_turn_acceleration: f64,
 }
 
 /// Limits of the gripper beyond those of the URDF.
@@ -237,6 +245,8 @@ impl Settings {
             ("drive.backward_deceleration", drive.backward_deceleration),
             ("drive.turn_acceleration", drive.turn_acceleration),
             ("drive.turn_deceleration", drive.turn_deceleration),
+            ("drive.stop_deceleration", drive.stop_deceleration),
+            ("drive.stop_turn_deceleration", drive.stop_turn_deceleration),
             ("drive.forward_speed", drive.forward_speed),
             ("drive.backward_speed", drive.backward_speed),
             ("drive.turn_speed", drive.turn_speed),
@@ -247,6 +257,11 @@ impl Settings {
             ("arm.acceleration", self.arm.acceleration),
             ("arm.tool_speed", self.arm.tool_speed),
             ("arm.tool_turn_rate", self.arm.tool_turn_rate),
+            ("arm.tool_acceleration", self.arm.tool_acceleration),
+            (
+                "arm.tool_turn_acceleration",
+                self.arm.tool_turn_acceleration,
+            ),
             ("gripper.closed", self.gripper.closed),
             ("gripper.speed", self.gripper.speed),
             ("gripper.acceleration", self.gripper.acceleration),

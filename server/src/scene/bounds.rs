@@ -114,6 +114,13 @@ impl Body {
         parts.chain(meshes).reduce(|a, b| a.union(&b))
     }
 
+    /// Height of the frame above what the body stands on, metres.
+    #[must_use]
+    pub fn standing_height(&self) -> f64 {
+        self.collision_bounds(&Isometry3::identity())
+            .map_or(0.0, |bounds| -bounds.min.z)
+    }
+
     /// Radius about the body's z axis within which it collides, metres.
     #[must_use]
     pub fn footprint_radius(&self) -> f64 {

@@ -183,10 +183,7 @@ impl Scene {
         on.within(along, -half, half, "m along the edge", cure)?;
         let body = object::read(reader, kind)?;
         let area = self.furniture[surface.furniture].area.clone();
-        let lowest = body
-            .collision_bounds(&Isometry3::identity())
-            .map_or(0.0, |bounds| bounds.min.z);
-        let lift = Isometry3::translation(0.0, 0.0, -lowest);
+        let lift = Isometry3::translation(0.0, 0.0, body.standing_height());
         let pose = surface.standing(inwards, along, yaw(place, entry.yaw_deg)?.z) * lift;
         self.objects.push(Body {
             name: entry.name.clone(),

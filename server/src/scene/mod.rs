@@ -13,8 +13,10 @@ mod object;
 mod part;
 
 pub use bounds::Bounds;
+pub(crate) use error::Place;
 pub use error::SceneError;
 pub use load::{AssetText, asset_texts};
+pub(crate) use load::{names, parse, provenance};
 
 use nalgebra::{Isometry3, Matrix3, Point3, Vector3};
 
@@ -171,4 +173,4 @@ impl Surface {
 }
 
 #[cfg(test)]
-mod tests;
+pub(crate) mod tests;

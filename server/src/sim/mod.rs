@@ -1,1 +1,408 @@
-//! (being built)
+//! The simulation: control → world → sensors → task, one control tick a step.
+//!
+//! No I/O after loading, no wall clock, no network: the same scenario and the
+//! same inputs give the same bits.
+
+mod scenario;
+mod state;
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use nalgebra::Isometry3;
+use wheelarm_proto::{PHYSICS_HZ, names};
+
+pub use scenario::{CameraSetting, MAX_SIZE, Pacing, Quality, Scenario, ScenarioError, Schedules};
+pub use state::StateError;
+
+use crate::robot::control::{ControlInput, RobotControl, Targets};
+use crate::robot::{RobotError, RobotModel};
+use crate::scene::{Body, Placement, Scene, SceneError};
+use crate::sensors::frames::{self, RelativeState};
+use crate::sensors::imu::{self, Imu};
+use crate::sensors::odometry::Odometry;
+use crate::snapshot::{BodyRef, Snapshot};
+use crate::tasks::{self, Draw, Evaluation, Evaluator, TaskSpec};
+use crate::world::{World, WorldError};
+
+/// What can be wrong when a simulation is set up.
+#[derive(Debug, thiserror::Error)]
+pub enum SimError {
+    /// The scenario.
+    #[error(transparent)]
+    Scenario(#[from] ScenarioError),
+    /// The robot description.
+    #[error(transparent)]
+    Robot(#[from] RobotError),
+    /// The scene or the task.
+    #[error(transparent)]
+    Scene(#[from] SceneError),
+    /// The physics.
+    #[error(transparent)]
+    World(#[from] WorldError),
+    /// A stored state.
+    #[error(transparent)]
+    State(#[from] StateError),
+    /// A link that the sensors need.
+    #[error("the robot has no link {0:?}; the sensors need it, so add it to the URDF")]
+    Link(String),
+    /// A joint that is recorded.
+    #[error(
+        "the robot has no joint {0:?}; it is one of the 16 recorded joints, so add it to the URDF"
+    )]
+    Joint(String),
+    /// A placement of the scenario.
+    #[error("the scenario places {name:?}, but scene {scene:?} has the objects {known}")]
+    Object {
+        /// The object.
+        name: String,
+        /// The scene.
+        scene: String,
+        /// The objects that there are.
+        known: String,
+    },
+}
+
+/// Where the recorded joints and frames stand in the model.
+#[derive(Clone, Debug, PartialEq)]
+struct Indices {
+    joints: [usize; 16],
+    /// `(parent link or world, link)` per recorded frame.
+    frames: [(Option<usize>, usize); 7],
+    imu: usize,
+    pads: [Option<usize>; 2],
+}
+
+/// A running simulation.
+pub struct Simulation {
+    assets: PathBuf,
+    scenario: Scenario,
+    schedules: Schedules,
+    model: RobotModel,
+    scene: Scene,
+    task: Option<TaskSpec>,
+    indices: Indices,
+    control: RobotControl,
+    world: World,
+    imu: Imu,
+    odometry: Odometry,
+    evaluator: Option<Evaluator>,
+    evaluation: Evaluation,
+    snapshot: Arc<Snapshot>,
+}
+
+/// What one control tick produced.
+#[derive(Debug)]
+pub struct Step {
+    /// Targets of the first of its physics ticks, as applied.
+    pub applied: Targets,
+    /// IMU measurements that fell due, oldest first.
+    pub imu: Vec<imu::Sample>,
+    /// Cameras (indices into the scenario's list) that fell due, with the
+    /// state they see, oldest first.
+    pub frames: Vec<(Arc<Snapshot>, Vec<usize>)>,
+}
+
+impl Simulation {
+    /// Loads everything that a scenario names and draws what it leaves open.
+    ///
+    /// # Errors
+    /// [`SimError`] that names the file or field and the cure.
+    pub fn new(assets: &Path, mut scenario: Scenario) -> Result<Self, SimError> {
+        let schedules = scenario.schedules()?;
+        let model = RobotModel::load(assets, &scenario.robot)?;
+        let scene = Scene::load(assets, &scenario.scene)?;
+        let task = match scenario.task.as_str() {
+            "" => None,
+            name => Some(TaskSpec::load(assets, name)?),
+        };
+        draw_open_values(&mut scenario, &scene, task.as_ref())?;
+        let placements: Vec<_> = scenario.objects.iter().map(|(_, p)| *p).collect();
+        let start = scenario.start.unwrap_or(scene.start);
+        let indices = Indices::find(&model)?;
+        let control = RobotControl::new(&model);
+        let world = World::new(&model, &scene, &placements, &start, &model.settings.home)?;
+        let snapshot = Arc::new(world.snapshot());
+        let mut evaluator = task
+            .as_ref()
+            .map(|t| Evaluator::new(t, &scene, &model))
+            .transpose()?;
+        let evaluation = evaluator
+            .as_mut()
+            .map(|e| e.update(&snapshot))
+            .unwrap_or_default();
+        let mut sim = Self {
+            assets: assets.to_owned(),
+            imu: Imu::new(scenario.seed),
+            odometry: Odometry::new(model.settings.wheel_radius, model.settings.track),
+            scenario,
+            schedules,
+            model,
+            scene,
+            task,
+            indices,
+            control,
+            world,
+            evaluator,
+            evaluation,
+            snapshot,
+        };
+        sim.update_odometry();
+        Ok(sim)
+    }
+
+    /// Advances by one control tick (4 physics ticks).
+    pub fn step(&mut self, input: &ControlInput) -> Step {
+        let targets = self.control.update(input, &self.snapshot);
+        let mut step = Step {
+            applied: targets[0],
+            imu: Vec::new(),
+            frames: Vec::new(),
+        };
+        for target in &targets {
+            self.world.apply(target);
+            self.world.step();
+            self.snapshot = Arc::new(self.world.snapshot());
+            self.sense(&mut step);
+        }
+        self.update_odometry();
+        if let Some(evaluator) = &mut self.evaluator {
+            self.evaluation = evaluator.update(&self.snapshot);
+        }
+        step
+    }
+
+    /// Reads the sensors that are due at the present tick.
+    fn sense(&mut self, step: &mut Step) {
+        let tick = self.snapshot.tick;
+        let noise = self
+            .scenario
+            .imu_noise
+            .then(|| imu::Noise::from_settings(&self.model.settings.imu));
+        let sample = self
+            .imu
+            .measure(tick, &self.snapshot.links[self.indices.imu], noise);
+        if self.schedules.imu.due(tick) {
+            step.imu.push(sample);
+        }
+        let due = self.cameras_due(tick);
+        if !due.is_empty() {
+            step.frames.push((Arc::clone(&self.snapshot), due));
+        }
+    }
+
+    fn cameras_due(&self, tick: u64) -> Vec<usize> {
+        let cameras = self.schedules.cameras.iter().enumerate();
+        cameras
+            .filter(|(_, c)| c.due(tick))
+            .map(|(i, _)| i)
+            .collect()
+    }
+
+    fn update_odometry(&mut self) {
+        let [left, right] = [0, 1].map(|i| self.snapshot.joints[self.indices.joints[i]]);
+        self.odometry.update(
+            [left.position, right.position],
+            [left.velocity, right.velocity],
+        );
+    }
+
+    /// The state at the present tick.
+    #[must_use]
+    pub fn snapshot(&self) -> &Arc<Snapshot> {
+        &self.snapshot
+    }
+
+    /// Pictures that are due at the present tick, for the start of an episode.
+    #[must_use]
+    pub fn frames_now(&self) -> Vec<(Arc<Snapshot>, Vec<usize>)> {
+        let due = self.cameras_due(self.snapshot.tick);
+        if due.is_empty() {
+            Vec::new()
+        } else {
+            vec![(Arc::clone(&self.snapshot), due)]
+        }
+    }
+
+    /// Whether the state streams are due at the present tick.
+    #[must_use]
+    pub fn state_due(&self) -> bool {
+        self.schedules.state.due(self.snapshot.tick)
+    }
+
+    /// Hash over the whole state; `Some` once per simulated second.
+    #[must_use]
+    pub fn hash_due(&self) -> Option<u64> {
+        self.snapshot
+            .tick
+            .is_multiple_of(PHYSICS_HZ)
+            .then(|| self.world.hash())
+    }
+
+    /// The scenario, with everything that was drawn.
+    #[must_use]
+    pub fn scenario(&self) -> &Scenario {
+        &self.scenario
+    }
+
+    /// The robot.
+    #[must_use]
+    pub fn model(&self) -> &RobotModel {
+        &self.model
+    }
+
+    /// The home.
+    #[must_use]
+    pub fn scene(&self) -> &Scene {
+        &self.scene
+    }
+
+    /// The task, if there is one.
+    #[must_use]
+    pub fn task(&self) -> Option<&TaskSpec> {
+        self.task.as_ref()
+    }
+
+    /// The assets folder.
+    #[must_use]
+    pub fn assets(&self) -> &Path {
+        &self.assets
+    }
+
+    /// The robot's control, for what it publishes.
+    #[must_use]
+    pub fn control(&self) -> &RobotControl {
+        &self.control
+    }
+
+    /// Odometry at the present tick.
+    #[must_use]
+    pub fn odometry(&self) -> &Odometry {
+        &self.odometry
+    }
+
+    /// State of the task at the present tick.
+    #[must_use]
+    pub fn evaluation(&self) -> &Evaluation {
+        &self.evaluation
+    }
+
+    /// The 16 recorded joints, in the order of `names::JOINT_NAMES`.
+    #[must_use]
+    pub fn recorded_joints(&self) -> [crate::snapshot::JointState; 16] {
+        self.indices.joints.map(|j| self.snapshot.joints[j])
+    }
+
+    /// The recorded frames, in the order of `names::FRAMES`.
+    #[must_use]
+    pub fn recorded_frames(&self) -> [RelativeState; 7] {
+        self.indices.frames.map(|(parent, link)| {
+            let link = &self.snapshot.links[link];
+            match parent {
+                Some(parent) => frames::relative(&self.snapshot.links[parent], link),
+                None => frames::in_world(link),
+            }
+        })
+    }
+
+    /// Normal force at the left and the right finger tip, N.
+    #[must_use]
+    pub fn pad_forces(&self) -> [f64; 2] {
+        self.indices.pads.map(|pad| {
+            let Some(pad) = pad.map(BodyRef::Link) else {
+                return 0.0;
+            };
+            let touching = self.snapshot.contacts.iter();
+            touching
+                .filter(|c| c.first == pad || c.second == pad)
+                .map(|c| c.force.norm())
+                .sum()
+        })
+    }
+}
+
+/// Fills in placements, start pose and instruction that the scenario leaves open.
+fn draw_open_values(
+    scenario: &mut Scenario,
+    scene: &Scene,
+    task: Option<&TaskSpec>,
+) -> Result<(), SimError> {
+    if let Some((name, _)) = scenario
+        .objects
+        .iter()
+        .find(|(n, _)| !scene.objects.iter().any(|o| o.name == *n))
+    {
+        let known: Vec<_> = scene.objects.iter().map(|o| o.name.as_str()).collect();
+        return Err(SimError::Object {
+            name: name.clone(),
+            scene: scene.name.clone(),
+            known: known.join(", "),
+        });
+    }
+    let drawn = match task {
+        Some(task) => tasks::draw(task, scene, scenario.seed),
+        None => undisturbed(scene),
+    };
+    let given = std::mem::take(&mut scenario.objects);
+    scenario.objects = scene
+        .objects
+        .iter()
+        .zip(drawn.placements)
+        .map(|(object, placement)| {
+            let given = given.iter().find(|(name, _)| *name == object.name);
+            (object.name.clone(), given.map_or(placement, |(_, p)| *p))
+        })
+        .collect();
+    let start: Isometry3<f64> = scenario.start.unwrap_or(drawn.start);
+    scenario.start = Some(start);
+    if scenario.instruction.is_empty() {
+        scenario.instruction = drawn.instruction;
+    }
+    Ok(())
+}
+
+/// Everything at its place in the scene.
+fn undisturbed(scene: &Scene) -> Draw {
+    let placement = |object: &Body| Placement {
+        pose: object.pose,
+        mass: object.mass.map_or(0.0, |m| m.mass),
+        friction: object.friction,
+    };
+    Draw {
+        placements: scene.objects.iter().map(placement).collect(),
+        start: scene.start,
+        instruction: String::new(),
+    }
+}
+
+impl Indices {
+    fn find(model: &RobotModel) -> Result<Self, SimError> {
+        let link = |name: &str| model.links.iter().position(|l| l.name == name);
+        let need = |name: &str| link(name).ok_or_else(|| SimError::Link(name.to_owned()));
+        let mut joints = [0; 16];
+        for (slot, name) in joints.iter_mut().zip(names::JOINT_NAMES) {
+            *slot = model
+                .joints
+                .iter()
+                .position(|j| j.name == name)
+                .ok_or_else(|| SimError::Joint(name.to_owned()))?;
+        }
+        let mut found = [(None, 0); 7];
+        for (slot, frame) in found.iter_mut().zip(names::FRAMES) {
+            let parent = match frame.parent {
+                "house" => None,
+                parent => Some(need(parent)?),
+            };
+            *slot = (parent, need(frame.link)?);
+        }
+        Ok(Self {
+            joints,
+            frames: found,
+            imu: need(&model.settings.imu_link)?,
+            pads: [
+                link("robotiq_85_left_finger_tip_link"),
+                link("robotiq_85_right_finger_tip_link"),
+            ],
+        })
+    }
+}

@@ -1,1 +1,18 @@
-//! (being built)
+//! Tasks: what is asked, where things start, and whether it was done.
+//!
+//! `spec` reads `assets/tasks/NAME.toml`, `draw` chooses one start from a seed,
+//! `evaluate` judges snapshots by the `predicate`s of the file. Nothing here
+//! moves anything; the same seed and the same snapshots give the same answers.
+
+mod draw;
+mod evaluate;
+mod file;
+mod predicate;
+mod spec;
+#[cfg(test)]
+mod tests;
+
+pub use draw::{Draw, draw};
+pub use evaluate::{Condition, Evaluation, Evaluator, EvaluatorState, Failure};
+pub use predicate::Predicate;
+pub use spec::{ConditionSpec, FailureSpec, PlaceSpec, Range, StartSpec, TaskSpec, list};

@@ -1,7 +1,145 @@
 //! Control laws: intent in, joint targets out.
+//!
+//! Open loop and deterministic: the targets follow from the intents alone (and
+//! from the chair's pose, when an intent is given in the house). All that
+//! changes is one [`ControlState`], which is saved with the world.
+
+mod arm;
+mod base;
+mod gripper;
+mod profile;
 
 use nalgebra::{Isometry3, Vector3};
 use serde::{Deserialize, Serialize};
+use wheelarm_proto::{PHYSICS_HZ, TICKS_PER_CONTROL};
+
+use self::arm::ArmControl;
+pub use self::arm::{ArmState, Motion, Velocity};
+pub use self::base::{BaseState, DriveGeometry};
+pub use self::gripper::{GripperMap, GripperState};
+use super::{DriveSettings, GripperSettings, RobotModel};
+use crate::snapshot::Snapshot;
+
+/// Physics ticks of one control tick.
+pub const TICKS: usize = TICKS_PER_CONTROL as usize;
+
+/// Turns intents into targets.
+#[derive(Clone, Debug, PartialEq)]
+pub struct RobotControl {
+    arm: ArmControl,
+    drive: DriveSettings,
+    wheels: DriveGeometry,
+    gripper: GripperSettings,
+    state: ControlState,
+}
+
+/// All that changes in the control, bit by bit.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ControlState {
+    /// Arm.
+    pub arm: ArmState,
+    /// Chair.
+    pub base: BaseState,
+    /// Gripper.
+    pub gripper: GripperState,
+}
+
+impl RobotControl {
+    /// At rest in the home position, the gripper open.
+    #[must_use]
+    pub fn new(model: &RobotModel) -> RobotControl {
+        RobotControl::at(model, &model.settings.home)
+    }
+
+    /// At rest at given positions of joint_1 to joint_6, rad, the gripper open.
+    #[must_use]
+    pub fn at(model: &RobotModel, joints: &[f64; 6]) -> RobotControl {
+        let arm = ArmControl::new(model);
+        let state = ControlState {
+            arm: arm.at_rest(joints),
+            base: BaseState::default(),
+            gripper: GripperState::new(&model.settings.gripper),
+        };
+        RobotControl {
+            arm,
+            drive: model.settings.drive,
+            wheels: DriveGeometry::new(&model.settings),
+            gripper: model.settings.gripper,
+            state,
+        }
+    }
+
+    /// One control tick: takes what is newly asked and returns the targets of
+    /// the physics ticks up to the next one. Numbers that are not finite are
+    /// not taken.
+    pub fn update(&mut self, input: &ControlInput, snapshot: &Snapshot) -> [Targets; TICKS] {
+        let ControlState { arm, base, gripper } = &mut self.state;
+        if let Some(intent) = input.arm.as_ref().filter(|intent| intent.is_finite()) {
+            self.arm.take(arm, intent, snapshot);
+        }
+        if let Some(intent) = &input.base
+            && intent.linear.is_finite()
+            && intent.angular.is_finite()
+        {
+            base.take(intent, &self.drive);
+        }
+        if let Some(intent) = &input.gripper
+            && intent.knuckle.is_finite()
+            && intent.max_force.is_finite()
+        {
+            gripper.take(intent, &self.gripper);
+        }
+        let dt = 1.0 / PHYSICS_HZ as f64;
+        std::array::from_fn(|_| {
+            self.arm.advance(arm, dt);
+            base.advance(&self.drive, dt);
+            gripper.advance(&self.gripper, dt);
+            Targets {
+                arm_position: arm.position,
+                arm_velocity: arm.velocity,
+                wheel_velocity: self.wheels.wheel_speeds(&base.now),
+                knuckle_position: gripper.position,
+                knuckle_velocity: gripper.velocity,
+                pad_force: gripper.force,
+            }
+        })
+    }
+
+    /// base_from_end_effector that the arm is to reach, in `base_link`.
+    #[must_use]
+    pub fn desired_pose(&self) -> Isometry3<f64> {
+        self.state.arm.desired
+    }
+
+    /// Why the last arm intent is not followed, or not wholly.
+    #[must_use]
+    pub fn arm_problem(&self) -> Option<&str> {
+        self.state.arm.problem.as_deref()
+    }
+
+    /// Velocity that the wheels are commanded to now.
+    #[must_use]
+    pub fn base_velocity_command(&self) -> BaseIntent {
+        self.state.base.now
+    }
+
+    /// All that changes.
+    #[must_use]
+    pub fn state(&self) -> &ControlState {
+        &self.state
+    }
+
+    /// Goes on from a state that another run has saved.
+    pub fn restore(&mut self, state: ControlState) {
+        self.state = state;
+    }
+
+    /// Kinematics of the arm, for queries.
+    #[must_use]
+    pub fn kinematics(&self) -> &super::kinematics::ArmKinematics {
+        &self.arm.kinematics
+    }
+}
 
 /// What is newly asked at one control tick. Absent groups stay as they are.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -30,7 +168,7 @@ pub enum IntentFrame {
 /// What is asked of the arm.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub enum ArmIntent {
-    /// joint_1 to joint_6, rad.
+    /// joint_1 to joint_6, rad, absolute: continuous joints are not wrapped.
     Joints([f64; 6]),
     /// End effector pose in `frame`.
     Pose {
@@ -54,8 +192,30 @@ pub enum ArmIntent {
     Hold,
 }
 
+impl ArmIntent {
+    fn is_finite(&self) -> bool {
+        let vector = |vector: &Vector3<f64>| vector.iter().all(|part| part.is_finite());
+        match self {
+            ArmIntent::Joints(joints) => joints.iter().all(|joint| joint.is_finite()),
+            ArmIntent::Pose { pose, .. } => {
+                vector(&pose.translation.vector)
+                    && pose.rotation.coords.iter().all(|part| part.is_finite())
+            }
+            ArmIntent::Twist {
+                linear, angular, ..
+            } => vector(linear) && vector(angular),
+            ArmIntent::Step {
+                translation,
+                rotation,
+                ..
+            } => vector(translation) && vector(rotation),
+            ArmIntent::Hold => true,
+        }
+    }
+}
+
 /// What is asked of the chair, in `wheelchair_root`.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct BaseIntent {
     /// Forward speed, m/s.
     pub linear: f64,
@@ -66,9 +226,10 @@ pub struct BaseIntent {
 /// What is asked of the gripper.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct GripperIntent {
-    /// Knuckle angle, rad, 0 (open) to 0.8; openings in metres are mapped first.
+    /// Knuckle angle, rad, 0 (open) to 0.7929; openings in metres are mapped
+    /// first, by [`GripperMap::knuckle`].
     pub knuckle: f64,
-    /// Force cap at each pad, N.
+    /// Force cap at each pad, N; 0 takes the default.
     pub max_force: f64,
 }
 
@@ -88,3 +249,6 @@ pub struct Targets {
     /// Cap of the force at each pad, N.
     pub pad_force: f64,
 }
+
+#[cfg(test)]
+mod tests;

@@ -3,6 +3,8 @@
 
 use std::path::{Path, PathBuf};
 
+use nalgebra::{Point3, Vector3};
+
 use super::*;
 
 fn assets() -> PathBuf {

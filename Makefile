@@ -1,0 +1,34 @@
+# make demo    records one episode of the mustard task and shows pictures of it
+# make test    format, lints, documentation and all tests, as CI runs them
+# make bench   step, kinematics, cameras and recording beside their references
+
+CARGO ?= cargo
+OUT ?= data/demo
+SEED ?= 0
+export WHEELARM_PYTHON ?= $(CURDIR)/.venv/bin/python
+
+.PHONY: all build demo test bench clean
+all: build
+
+build:
+	scripts/setup.sh
+	$(CARGO) build --release --workspace --bins
+
+demo: build
+	target/release/wheelarm demo --seed $(SEED) --out $(OUT)
+
+test:
+	scripts/setup.sh python numpy h5py
+	$(CARGO) fmt --all --check
+	$(CARGO) clippy --release --workspace --all-targets -- -D warnings
+	RUSTDOCFLAGS="-D warnings" $(CARGO) doc --release --workspace --no-deps
+	$(CARGO) build --release --workspace --bins
+	$(CARGO) test --release --workspace
+
+bench:
+	scripts/setup.sh python numpy h5py mujoco
+	$(CARGO) build --release --workspace --bins --examples
+	tests/bench.sh
+
+clean:
+	$(CARGO) clean

@@ -1,0 +1,436 @@
+//! A made-up episode for tests, the benchmark and the contact sheet: every
+//! stream, two cameras, numbers from a seeded generator. No simulation.
+
+#![allow(dead_code, reason = "each user takes what it needs")]
+
+pub mod smooth;
+
+use bytes::Bytes;
+use wheelarm_proto::{Message, names, stamp_nanos, v1};
+
+/// A generator of numbers that need not be good, only repeatable.
+pub struct Random(pub u64);
+
+impl Random {
+    pub fn bits(&mut self) -> u64 {
+        // splitmix64
+        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let mut z = self.0;
+        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        z ^ (z >> 31)
+    }
+
+    pub fn below(&mut self, n: u64) -> u64 {
+        self.bits() % n
+    }
+
+    /// Any f64 there is, among them NaN with payloads, infinities, -0.
+    pub fn wild(&mut self) -> f64 {
+        match self.below(8) {
+            0 => f64::from_bits(self.bits()),
+            1 => -0.0,
+            2 => f64::NAN,
+            3 => f64::INFINITY,
+            _ => (self.bits() >> 11) as f64 / (1_u64 << 53) as f64 * 20.0 - 10.0,
+        }
+    }
+
+    pub fn list(&mut self, n: usize) -> Vec<f64> {
+        (0..n).map(|_| self.wild()).collect()
+    }
+
+    fn vector(&mut self) -> v1::Vector3 {
+        let [x, y, z] = [self.wild(), self.wild(), self.wild()];
+        v1::Vector3 { x, y, z }
+    }
+
+    fn quaternion(&mut self) -> v1::Quaternion {
+        let [x, y, z, w] = [self.wild(), self.wild(), self.wild(), self.wild()];
+        v1::Quaternion { x, y, z, w }
+    }
+
+    pub fn pose(&mut self) -> v1::Pose {
+        v1::Pose {
+            position: (self.below(9) > 0).then(|| self.vector()),
+            orientation: (self.below(9) > 0).then(|| self.quaternion()),
+        }
+    }
+
+    pub fn twist(&mut self) -> v1::Twist {
+        v1::Twist {
+            linear: Some(self.vector()),
+            angular: Some(self.vector()),
+        }
+    }
+
+    pub fn word(&mut self) -> String {
+        const WORDS: [&str; 6] = [
+            "",
+            "mustard",
+            "zeiß µ 灰色",
+            "a/b",
+            "line\nbreak",
+            "pad left",
+        ];
+        WORDS[self.below(6) as usize].to_owned()
+    }
+
+    fn arm(&mut self) -> v1::ArmCommand {
+        use v1::arm_command::Target;
+        let frame = self.below(5) as i32;
+        let target = match self.below(6) {
+            0 => Some(Target::Joints(v1::JointTarget {
+                position: self.list(6),
+            })),
+            1 => Some(Target::Pose(v1::CartesianTarget {
+                frame,
+                pose: Some(self.pose()),
+            })),
+            2 => Some(Target::Twist(v1::CartesianTwist {
+                frame,
+                twist: Some(self.twist()),
+            })),
+            3 => Some(Target::Step(v1::CartesianStep {
+                frame,
+                translation: Some(self.vector()),
+                rotation: Some(self.vector()),
+            })),
+            4 => Some(Target::Hold(true)),
+            _ => None,
+        };
+        v1::ArmCommand { target }
+    }
+
+    fn gripper(&mut self) -> v1::GripperCommand {
+        use v1::gripper_command::Target;
+        let target = match self.below(3) {
+            0 => Some(Target::Opening(self.wild())),
+            1 => Some(Target::Knuckle(self.wild())),
+            _ => None,
+        };
+        v1::GripperCommand {
+            target,
+            max_force: self.wild(),
+        }
+    }
+
+    fn base(&mut self) -> v1::BaseCommand {
+        v1::BaseCommand {
+            linear: self.wild(),
+            angular: self.wild(),
+        }
+    }
+
+    /// A message of `stream` with wild numbers.
+    pub fn message(&mut self, stream: &str, header: v1::Header, objects: usize) -> Vec<u8> {
+        let header = Some(header);
+        match stream {
+            "joint_state" => v1::JointState {
+                header,
+                position: self.list(16),
+                velocity: self.list(16),
+                effort: self.list(16),
+            }
+            .encode_to_vec(),
+            "pose" => v1::PoseSet {
+                header,
+                frames: (0..7)
+                    .map(|_| v1::FramePose {
+                        pose: (self.below(9) > 0).then(|| self.pose()),
+                        twist: (self.below(9) > 0).then(|| self.twist()),
+                    })
+                    .collect(),
+            }
+            .encode_to_vec(),
+            "imu" => v1::Imu {
+                header,
+                orientation: Some(self.quaternion()),
+                angular_velocity: Some(self.vector()),
+                linear_acceleration: Some(self.vector()),
+            }
+            .encode_to_vec(),
+            "clock" => v1::Clock {
+                header,
+                real_time_factor: self.wild(),
+            }
+            .encode_to_vec(),
+            "odometry" => v1::Odometry {
+                header,
+                pose: Some(self.pose()),
+                twist: Some(self.twist()),
+            }
+            .encode_to_vec(),
+            "command" => v1::CommandLog {
+                header,
+                command: (self.below(9) > 0).then(|| v1::Command {
+                    header: Some(v1::Header {
+                        sequence: self.bits(),
+                        ..Default::default()
+                    }),
+                    commander: self.word(),
+                    answers_tick: self.bits(),
+                    arm: (self.below(3) > 0).then(|| self.arm()),
+                    base: (self.below(3) > 0).then(|| self.base()),
+                    gripper: (self.below(3) > 0).then(|| self.gripper()),
+                    phase: self.below(6) as i32,
+                    phase_name: self.word(),
+                }),
+            }
+            .encode_to_vec(),
+            "applied" => v1::Applied {
+                header,
+                arm: (self.below(3) > 0).then(|| self.arm()),
+                base: (self.below(3) > 0).then(|| self.base()),
+                gripper: (self.below(3) > 0).then(|| self.gripper()),
+                joint_position: self.list(6),
+                joint_velocity: self.list(6),
+                wheel_velocity: self.list(2),
+                knuckle: self.wild(),
+                desired_pose: (self.below(4) > 0).then(|| self.pose()),
+                stale: self.below(2) == 0,
+                arm_problem: self.word(),
+            }
+            .encode_to_vec(),
+            "object_pose" => v1::ObjectPoses {
+                header,
+                pose: (0..objects).map(|_| self.pose()).collect(),
+                twist: (0..objects).map(|_| self.twist()).collect(),
+            }
+            .encode_to_vec(),
+            "contact" => v1::Contacts {
+                header,
+                pad_force: self.list(2),
+                contacts: (0..self.below(18))
+                    .map(|_| v1::Contact {
+                        first: self.word(),
+                        second: self.word(),
+                        point: Some(self.vector()),
+                        force: Some(self.vector()),
+                    })
+                    .collect(),
+            }
+            .encode_to_vec(),
+            "evaluation" => v1::Evaluation {
+                header,
+                success: self.below(2) == 0,
+                done: self.below(2) == 0,
+                failure: self.word(),
+                conditions: (0..self.below(4))
+                    .map(|i| v1::Condition {
+                        name: format!("condition {i}, 0.{i} m"),
+                        holds: self.below(2) == 0,
+                        value: self.wild(),
+                        required: self.below(2) == 0,
+                    })
+                    .collect(),
+                elapsed: self.wild(),
+            }
+            .encode_to_vec(),
+            "phase" => v1::PhaseSample {
+                header,
+                phase: self.below(5) as i32,
+                name: self.word(),
+            }
+            .encode_to_vec(),
+            "state_hash" => v1::StateHash {
+                header,
+                hash: self.bits(),
+            }
+            .encode_to_vec(),
+            _ => v1::Event {
+                header,
+                kind: self.word(),
+                text: self.word(),
+            }
+            .encode_to_vec(),
+        }
+    }
+}
+
+/// Opens an episode `label` with all streams, cameras `gen3` and `wheelchair`.
+pub fn started(label: &str) -> v1::EpisodeStarted {
+    let camera = |name: &str| v1::CameraSetting {
+        name: name.into(),
+        width: 1280,
+        height: 720,
+        rate_hz: 10.0,
+    };
+    v1::EpisodeStarted {
+        header: Some(header(0, 0)),
+        label: label.into(),
+        instruction: "Turn right, go to the coffee table, and pick up the mustard".into(),
+        scenario: Some(v1::Scenario {
+            scene: "home".into(),
+            task: "pick_mustard".into(),
+            seed: 7,
+            robot: "whill_gen3".into(),
+            cameras: vec![camera("gen3"), camera("wheelchair")],
+            state_rate_hz: 60.0,
+            imu_rate_hz: 240.0,
+            pacing: v1::Pacing::LockStep.into(),
+            quality: v1::RenderQuality::Standard.into(),
+            objects: vec![v1::ObjectPlacement {
+                name: "mustard".into(),
+                pose: Some(v1::Pose {
+                    position: Some(v1::Vector3 {
+                        x: -8.95,
+                        y: 1.9,
+                        z: 0.81,
+                    }),
+                    orientation: Some(v1::Quaternion {
+                        x: 0.0,
+                        y: 0.0,
+                        z: 0.0,
+                        w: 1.0,
+                    }),
+                }),
+                mass: 0.6,
+                friction: 0.8,
+            }],
+            ..Default::default()
+        }),
+        activity: "pick up".into(),
+        area: "coffee_table".into(),
+        streams: names::STREAMS.iter().map(|&s| s.to_owned()).collect(),
+        cameras: vec!["gen3".into(), "wheelchair".into()],
+        adapter: "made up".into(),
+        version: "0.1.0".into(),
+        objects: ["mustard", "tomato_soup", "crackers"]
+            .map(String::from)
+            .to_vec(),
+    }
+}
+
+/// What replay would start from.
+pub fn snapshot() -> v1::SnapshotReply {
+    v1::SnapshotReply {
+        header: Some(header(0, 0)),
+        snapshot: Bytes::from(
+            (0..75_000_u32)
+                .map(|i| (i * i >> 7) as u8)
+                .collect::<Vec<_>>(),
+        ),
+        assets: vec![
+            v1::AssetText {
+                path: "scenes/home.toml".into(),
+                text: "# a home\n".into(),
+            },
+            v1::AssetText {
+                path: "tasks/pick_mustard.toml".into(),
+                text: "# a task µ\n".into(),
+            },
+        ],
+        instances: vec![
+            v1::Instance {
+                id: 1,
+                name: "floor".into(),
+            },
+            v1::Instance {
+                id: 2,
+                name: "mustard".into(),
+            },
+        ],
+    }
+}
+
+/// Header of episode 3.
+pub fn header(sequence: u64, tick: u64) -> v1::Header {
+    v1::Header {
+        run_id: "run".into(),
+        episode: 3,
+        sequence,
+        stamp_nanos: stamp_nanos(tick),
+        tick,
+    }
+}
+
+/// A camera frame of any size; `picture` fills in colour, depth and id by pixel.
+pub fn frame(
+    camera: &str,
+    header: v1::Header,
+    (width, height): (u32, u32),
+    mut picture: impl FnMut(u32, u32) -> ([u8; 3], f32, u8),
+) -> v1::CameraFrame {
+    let pixels = (width * height) as usize;
+    let (mut rgb, mut depth, mut ids) = (
+        Vec::with_capacity(3 * pixels),
+        Vec::with_capacity(4 * pixels),
+        Vec::with_capacity(pixels),
+    );
+    for y in 0..height {
+        for x in 0..width {
+            let (colour, metres, id) = picture(x, y);
+            rgb.extend(colour);
+            depth.extend(metres.to_le_bytes());
+            ids.push(id);
+        }
+    }
+    v1::CameraFrame {
+        header: Some(header),
+        camera: camera.into(),
+        intrinsics: Some(v1::Intrinsics {
+            width,
+            height,
+            fx: 1297.7,
+            fy: 1297.7,
+            cx: f64::from(width) / 2.0,
+            cy: f64::from(height) / 2.0,
+        }),
+        pose: Some(v1::Pose {
+            position: Some(v1::Vector3 {
+                x: 1.0,
+                y: 2.0,
+                z: 3.0,
+            }),
+            orientation: Some(v1::Quaternion {
+                x: 0.0,
+                y: 0.0,
+                z: 0.0,
+                w: 1.0,
+            }),
+        }),
+        rgb: rgb.into(),
+        depth: depth.into(),
+        ids: ids.into(),
+    }
+}
+
+/// Closes the episode with the manifest `counts` (stream, first, count).
+pub fn stopped(tick: u64, counts: &[(String, u64, u64)]) -> v1::EpisodeStopped {
+    v1::EpisodeStopped {
+        header: Some(header(0, tick)),
+        discard: false,
+        evaluation: Some(v1::Evaluation {
+            header: Some(header(0, tick)),
+            success: true,
+            done: true,
+            conditions: vec![
+                v1::Condition {
+                    name: "lifted(mustard, 0.10 m)".into(),
+                    holds: true,
+                    value: 0.13,
+                    required: true,
+                },
+                v1::Condition {
+                    name: "held(mustard)".into(),
+                    holds: true,
+                    value: 1.0,
+                    required: true,
+                },
+            ],
+            elapsed: stamp_nanos(tick) as f64 * 1e-9,
+            failure: String::new(),
+        }),
+        manifest: counts
+            .iter()
+            .map(|(stream, first, count)| v1::StreamCount {
+                stream: stream.clone(),
+                first: *first,
+                last: first + count.saturating_sub(1),
+                count: *count,
+            })
+            .collect(),
+        wall_seconds: 12.5,
+    }
+}

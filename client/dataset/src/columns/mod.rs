@@ -1,0 +1,288 @@
+//! What every stream becomes in a file: one declarative table, [`streams`].
+//!
+//! A column names one dataset: its unit, its frame, its trailing axes and how
+//! its numbers are taken from a message. Numbers are stored as they came: f64
+//! bit by bit, stamps and sequences as u64, text as UTF-8. Values that a
+//! message does not carry are NaN. Nothing here knows HDF5.
+
+mod table;
+mod values;
+
+pub use table::{EVENT_COLUMNS, event_cells, streams};
+
+use prost::Message;
+use wheelarm_proto::{names, v1};
+
+/// A trailing axis of a dataset; the first axis is always the sample.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Axis {
+    /// The 16 recorded joints.
+    Joints,
+    /// The seven recorded frames.
+    Frames,
+    /// The objects of the scene, as the episode's start names them.
+    Objects,
+    /// The conditions of the task.
+    Conditions,
+    /// The strongest contacts, at most [`MAX_CONTACTS`].
+    Contacts,
+    /// Entries with fixed names.
+    Names(&'static [&'static str]),
+    /// Components of a vector.
+    Components(&'static [&'static str]),
+}
+
+/// Contacts that one sample can hold.
+pub const MAX_CONTACTS: usize = 16;
+
+/// Names that only the episode itself knows.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Context {
+    /// Object names in the order of `ObjectPoses`.
+    pub objects: Vec<String>,
+    /// Condition names in the order in which they first appeared.
+    pub conditions: Vec<String>,
+}
+
+impl Axis {
+    /// Number of entries.
+    #[must_use]
+    pub fn len(self, context: &Context) -> usize {
+        match self {
+            Self::Joints => names::JOINT_NAMES.len(),
+            Self::Frames => names::FRAMES.len(),
+            Self::Objects => context.objects.len(),
+            Self::Conditions => context.conditions.len(),
+            Self::Contacts => MAX_CONTACTS,
+            Self::Names(n) | Self::Components(n) => n.len(),
+        }
+    }
+
+    /// Name of the attribute that lists the entries, and the entries.
+    #[must_use]
+    pub fn labels(self, context: &Context) -> Option<(&'static str, Vec<String>)> {
+        let owned = |list: &[&str]| list.iter().map(|&s| s.to_owned()).collect();
+        match self {
+            Self::Joints => Some(("names", owned(&names::JOINT_NAMES))),
+            Self::Frames => Some((
+                "names",
+                names::FRAMES.iter().map(|f| f.name.to_owned()).collect(),
+            )),
+            Self::Objects => Some(("names", context.objects.clone())),
+            Self::Conditions => Some(("names", context.conditions.clone())),
+            Self::Contacts => None,
+            Self::Names(n) => Some(("names", owned(n))),
+            Self::Components(n) => Some(("components", owned(n))),
+        }
+    }
+}
+
+/// How a column's values are taken from a message.
+pub enum Values<M> {
+    /// 64-bit floating point numbers.
+    F64(fn(&M, &Context, &mut Vec<f64>)),
+    /// 64-bit unsigned integers.
+    U64(fn(&M, &Context, &mut Vec<u64>)),
+    /// Truth values, stored as 0 and 1.
+    Flag(fn(&M, &Context, &mut Vec<u8>)),
+    /// One text per sample.
+    Text(fn(&M) -> String),
+    /// The message itself as it was encoded; replay reads this.
+    Message,
+}
+
+/// Type of a column's elements.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Kind {
+    /// 64-bit floating point.
+    F64,
+    /// 64-bit unsigned integer.
+    U64,
+    /// 8-bit unsigned integer, 0 or 1.
+    Flag,
+    /// UTF-8 of variable length.
+    Text,
+    /// Bytes of variable length.
+    Bytes,
+}
+
+/// One dataset of a stream.
+pub struct Column<M> {
+    name: &'static str,
+    unit: &'static str,
+    frame: &'static str,
+    axes: &'static [Axis],
+    values: Values<M>,
+}
+
+/// What a column is, without the message type.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct ColumnInfo {
+    /// Dataset name.
+    pub name: &'static str,
+    /// Unit; `1` for none.
+    pub unit: &'static str,
+    /// Frame of the numbers; empty where there is none.
+    pub frame: &'static str,
+    /// Trailing axes.
+    pub axes: &'static [Axis],
+    /// Element type.
+    pub kind: Kind,
+}
+
+impl ColumnInfo {
+    /// Lengths of the trailing axes.
+    #[must_use]
+    pub fn shape(&self, context: &Context) -> Vec<usize> {
+        self.axes.iter().map(|a| a.len(context)).collect()
+    }
+
+    /// Elements per sample.
+    #[must_use]
+    pub fn width(&self, context: &Context) -> usize {
+        self.shape(context).iter().product()
+    }
+}
+
+/// One sample's values of one column.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Cell {
+    /// Numbers.
+    F64(Vec<f64>),
+    /// Integers.
+    U64(Vec<u64>),
+    /// Truth values.
+    Flag(Vec<u8>),
+    /// Text.
+    Text(String),
+    /// Bytes.
+    Bytes(Vec<u8>),
+}
+
+/// One stream's table with its message type erased.
+pub trait Stream: Send + Sync {
+    /// Name of the stream.
+    fn name(&self) -> &'static str;
+    /// Its columns in order.
+    fn columns(&self) -> Vec<ColumnInfo>;
+    /// Whether the payload is this stream's message.
+    ///
+    /// # Errors
+    /// When it is not.
+    fn check(&self, payload: &[u8]) -> Result<(), prost::DecodeError>;
+    /// Takes one sample apart. The flag is false when a list had another
+    /// length than its column; it is then cut or filled with NaN or 0.
+    ///
+    /// # Errors
+    /// When the payload is not the stream's message.
+    fn extract(
+        &self,
+        payload: &[u8],
+        context: &Context,
+    ) -> Result<(Vec<Cell>, bool), prost::DecodeError>;
+}
+
+/// The columns of one stream.
+pub struct Table<M: 'static> {
+    stream: &'static str,
+    columns: &'static [Column<M>],
+}
+
+impl<M: Message + Default + 'static> Stream for Table<M> {
+    fn name(&self) -> &'static str {
+        self.stream
+    }
+
+    fn columns(&self) -> Vec<ColumnInfo> {
+        self.columns
+            .iter()
+            .map(|c| ColumnInfo {
+                name: c.name,
+                unit: c.unit,
+                frame: c.frame,
+                axes: c.axes,
+                kind: match c.values {
+                    Values::F64(_) => Kind::F64,
+                    Values::U64(_) => Kind::U64,
+                    Values::Flag(_) => Kind::Flag,
+                    Values::Text(_) => Kind::Text,
+                    Values::Message => Kind::Bytes,
+                },
+            })
+            .collect()
+    }
+
+    fn check(&self, payload: &[u8]) -> Result<(), prost::DecodeError> {
+        M::decode(payload).map(drop)
+    }
+
+    fn extract(
+        &self,
+        payload: &[u8],
+        context: &Context,
+    ) -> Result<(Vec<Cell>, bool), prost::DecodeError> {
+        let message = M::decode(payload)?;
+        let mut regular = true;
+        let cells = self
+            .columns
+            .iter()
+            .map(|column| {
+                let width = column.axes.iter().map(|a| a.len(context)).product();
+                match column.values {
+                    Values::F64(get) => {
+                        let mut out = Vec::with_capacity(width);
+                        get(&message, context, &mut out);
+                        regular &= out.len() == width;
+                        out.resize(width, f64::NAN);
+                        Cell::F64(out)
+                    }
+                    Values::U64(get) => {
+                        let mut out = Vec::with_capacity(width);
+                        get(&message, context, &mut out);
+                        regular &= out.len() == width;
+                        out.resize(width, 0);
+                        Cell::U64(out)
+                    }
+                    Values::Flag(get) => {
+                        let mut out = Vec::with_capacity(width);
+                        get(&message, context, &mut out);
+                        regular &= out.len() == width;
+                        out.resize(width, 0);
+                        Cell::Flag(out)
+                    }
+                    Values::Text(get) => Cell::Text(get(&message)),
+                    Values::Message => Cell::Bytes(payload.to_vec()),
+                }
+            })
+            .collect();
+        Ok((cells, regular))
+    }
+}
+
+/// Header of any message of the package: it stands first in every one.
+///
+/// # Errors
+/// When the bytes are no message.
+pub fn header_of(payload: &[u8]) -> Result<v1::Header, prost::DecodeError> {
+    #[derive(Clone, PartialEq, Message)]
+    struct HeaderOnly {
+        #[prost(message, optional, tag = "1")]
+        header: Option<v1::Header>,
+    }
+    Ok(HeaderOnly::decode(payload)?.header.unwrap_or_default())
+}
+
+/// Whether a payload is a message of `stream`; streams that this version does
+/// not know are taken as they come.
+///
+/// # Errors
+/// When it is not.
+pub fn check(stream: &str, payload: &[u8]) -> Result<(), prost::DecodeError> {
+    if stream == names::EVENT_STREAM {
+        return v1::Event::decode(payload).map(drop);
+    }
+    match streams().into_iter().find(|s| s.name() == stream) {
+        Some(table) => table.check(payload),
+        None => Ok(()),
+    }
+}

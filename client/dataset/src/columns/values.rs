@@ -1,0 +1,125 @@
+//! Numbers out of messages. A part that is absent becomes NaN, so that it can
+//! never be mistaken for a zero.
+
+use wheelarm_proto::v1;
+
+pub(super) fn vector(v: Option<&v1::Vector3>, out: &mut Vec<f64>) {
+    match v {
+        Some(v) => out.extend([v.x, v.y, v.z]),
+        None => out.extend([f64::NAN; 3]),
+    }
+}
+
+pub(super) fn quaternion(q: Option<&v1::Quaternion>, out: &mut Vec<f64>) {
+    match q {
+        Some(q) => out.extend([q.x, q.y, q.z, q.w]),
+        None => out.extend([f64::NAN; 4]),
+    }
+}
+
+pub(super) fn pose(p: Option<&v1::Pose>, out: &mut Vec<f64>) {
+    vector(p.and_then(|p| p.position.as_ref()), out);
+    quaternion(p.and_then(|p| p.orientation.as_ref()), out);
+}
+
+pub(super) fn twist(t: Option<&v1::Twist>, out: &mut Vec<f64>) {
+    vector(t.and_then(|t| t.linear.as_ref()), out);
+    vector(t.and_then(|t| t.angular.as_ref()), out);
+}
+
+/// Name of what an arm command asks; empty without one.
+pub(super) fn arm_kind(arm: Option<&v1::ArmCommand>) -> String {
+    use v1::arm_command::Target;
+    match arm.and_then(|a| a.target.as_ref()) {
+        None => "",
+        Some(Target::Joints(_)) => "joints",
+        Some(Target::Pose(_)) => "pose",
+        Some(Target::Twist(_)) => "twist",
+        Some(Target::Step(_)) => "step",
+        Some(Target::Hold(_)) => "hold",
+    }
+    .to_owned()
+}
+
+/// Frame of a Cartesian arm command; empty for others.
+pub(super) fn arm_frame(arm: Option<&v1::ArmCommand>) -> String {
+    use v1::arm_command::Target;
+    let frame = match arm.and_then(|a| a.target.as_ref()) {
+        Some(Target::Pose(t)) => t.frame,
+        Some(Target::Twist(t)) => t.frame,
+        Some(Target::Step(t)) => t.frame,
+        _ => return String::new(),
+    };
+    match v1::CommandFrame::try_from(frame) {
+        Ok(v1::CommandFrame::Unspecified | v1::CommandFrame::BaseLink) => "base_link",
+        Ok(v1::CommandFrame::EndEffector) => "robotiq_85_base_link",
+        Ok(v1::CommandFrame::Wheelchair) => "wheelchair_root",
+        Ok(v1::CommandFrame::House) => "house",
+        Err(_) => "unknown",
+    }
+    .to_owned()
+}
+
+/// The numbers of an arm command, seven places: joints fill six, a pose seven,
+/// a twist or a step six; the rest is NaN.
+pub(super) fn arm_values(arm: Option<&v1::ArmCommand>, out: &mut Vec<f64>) {
+    use v1::arm_command::Target;
+    let start = out.len();
+    match arm.and_then(|a| a.target.as_ref()) {
+        Some(Target::Joints(j)) => out.extend(j.position.iter().take(7)),
+        Some(Target::Pose(p)) => pose(p.pose.as_ref(), out),
+        Some(Target::Twist(t)) => twist(t.twist.as_ref(), out),
+        Some(Target::Step(s)) => {
+            vector(s.translation.as_ref(), out);
+            vector(s.rotation.as_ref(), out);
+        }
+        Some(Target::Hold(_)) | None => {}
+    }
+    out.resize(start + 7, f64::NAN);
+}
+
+pub(super) fn base(base: Option<&v1::BaseCommand>, out: &mut Vec<f64>) {
+    match base {
+        Some(b) => out.extend([b.linear, b.angular]),
+        None => out.extend([f64::NAN; 2]),
+    }
+}
+
+/// Opening in metres, knuckle angle in radians, force cap in newtons.
+pub(super) fn gripper(gripper: Option<&v1::GripperCommand>, out: &mut Vec<f64>) {
+    use v1::gripper_command::Target;
+    let target = gripper.and_then(|g| g.target.as_ref());
+    out.push(match target {
+        Some(Target::Opening(m)) => *m,
+        _ => f64::NAN,
+    });
+    out.push(match target {
+        Some(Target::Knuckle(q)) => *q,
+        _ => f64::NAN,
+    });
+    out.push(gripper.map_or(f64::NAN, |g| g.max_force));
+}
+
+/// Touching pairs as a JSON list of two names each.
+pub(super) fn pairs(contacts: &v1::Contacts) -> String {
+    let list: Vec<[&str; 2]> = contacts
+        .contacts
+        .iter()
+        .take(super::MAX_CONTACTS)
+        .map(|c| [c.first.as_str(), c.second.as_str()])
+        .collect();
+    serde_json::json!(list).to_string()
+}
+
+/// Name of a phase, lower case.
+pub(super) fn phase(value: i32) -> String {
+    match v1::Phase::try_from(value) {
+        Ok(v1::Phase::Unspecified) => "",
+        Ok(v1::Phase::Navigating) => "navigating",
+        Ok(v1::Phase::Reaching) => "reaching",
+        Ok(v1::Phase::Grasping) => "grasping",
+        Ok(v1::Phase::Retracting) => "retracting",
+        Err(_) => "unknown",
+    }
+    .to_owned()
+}

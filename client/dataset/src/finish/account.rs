@@ -1,0 +1,131 @@
+//! What an episode should hold, what it holds, and what that makes it.
+
+use std::collections::BTreeMap;
+
+use wheelarm_proto::v1;
+
+use crate::coverage::Coverage;
+use crate::log::{Closing, Scan};
+
+/// One stream's account.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct StreamAccount {
+    /// Stream name; cameras as `camera/NAME`.
+    pub stream: String,
+    /// Samples that the server published, by its manifest; without a manifest
+    /// those between the first and the last one received.
+    pub expected: u64,
+    /// Samples in the file.
+    pub received: u64,
+    /// `expected` that are not in the file.
+    pub missed: u64,
+    /// Samples that arrived late because they were sent again.
+    pub recovered: u64,
+}
+
+/// The account of a whole episode.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Account {
+    /// One entry per stream, in the order of the log's streams.
+    pub streams: Vec<StreamAccount>,
+    /// Why the file is partial; empty when it is complete.
+    pub problems: Vec<String>,
+}
+
+impl Account {
+    /// The manifest came and everything in it is there.
+    #[must_use]
+    pub fn complete(&self) -> bool {
+        self.problems.is_empty()
+    }
+
+    /// Sum over the streams.
+    #[must_use]
+    pub fn total(&self, of: impl Fn(&StreamAccount) -> u64) -> u64 {
+        self.streams.iter().map(of).sum()
+    }
+
+    /// The account of a log.
+    #[must_use]
+    pub fn of(scan: &Scan) -> Self {
+        let mut seen = vec![Coverage::default(); scan.preamble.streams.len()];
+        for entry in &scan.entries {
+            seen[usize::from(entry.header.stream)].insert(entry.header.sequence);
+        }
+        let default = Closing::default();
+        let closing = scan.closing.as_ref().unwrap_or(&default);
+        let manifest: Option<BTreeMap<&str, &v1::StreamCount>> = closing
+            .stopped
+            .as_ref()
+            .map(|s| s.manifest.iter().map(|c| (c.stream.as_str(), c)).collect());
+        let sent_again: BTreeMap<&str, u64> = closing
+            .recovered
+            .iter()
+            .map(|r| (r.stream.as_str(), r.count))
+            .collect();
+
+        let mut problems = Vec::new();
+        if let Some(damage) = &scan.damage {
+            problems.push(format!("{} bytes of the log are lost: {damage}", scan.lost));
+        }
+        if scan.closing.is_none() {
+            problems.push("the recorder ended before it closed the log".to_owned());
+        }
+        if !closing.reason.is_empty() {
+            problems.push(closing.reason.clone());
+        }
+        if scan.closing.is_some() && manifest.is_none() {
+            problems.push("the server's manifest did not come".to_owned());
+        }
+        let mut streams = Vec::new();
+        for (name, seen) in scan.preamble.streams.iter().zip(&seen) {
+            let listed = manifest.as_ref().map(|m| m.get(name.as_str()));
+            let expected = match listed {
+                Some(Some(count)) => count.count,
+                // A stream that the manifest leaves out published nothing.
+                Some(None) => 0,
+                None => seen.received() + seen.gaps(),
+            };
+            let there = match listed {
+                Some(Some(count)) if count.count > 0 => seen.within(count.first, count.last),
+                Some(_) => 0,
+                None => seen.received(),
+            };
+            let account = StreamAccount {
+                stream: name.clone(),
+                expected,
+                received: seen.received(),
+                missed: expected.saturating_sub(there),
+                recovered: sent_again.get(name.as_str()).copied().unwrap_or(0),
+            };
+            if account.missed > 0 {
+                problems.push(format!(
+                    "{name}: {} of {expected} samples are missing",
+                    account.missed
+                ));
+            }
+            if account.received > there {
+                problems.push(format!(
+                    "{name}: {} samples are there that the manifest does not list",
+                    account.received - there
+                ));
+            }
+            streams.push(account);
+        }
+        for (name, count) in manifest.iter().flatten() {
+            if count.count > 0 && !scan.preamble.streams.iter().any(|s| s == name) {
+                problems.push(format!(
+                    "{name}: {} samples were published that the start of the episode did not announce",
+                    count.count
+                ));
+                streams.push(StreamAccount {
+                    stream: (*name).to_owned(),
+                    expected: count.count,
+                    missed: count.count,
+                    ..Default::default()
+                });
+            }
+        }
+        Self { streams, problems }
+    }
+}

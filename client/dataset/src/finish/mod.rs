@@ -1,0 +1,305 @@
+//! From a log to an episode file: written beside its final name, checked,
+//! synced, put in place without ever replacing a file; only then the log goes.
+
+mod account;
+mod events;
+mod place;
+mod root;
+mod streams;
+
+pub use account::{Account, StreamAccount};
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use prost::Message;
+use wheelarm_proto::{names, v1};
+
+use crate::columns::{self, Context};
+use crate::depth::DepthFormat;
+use crate::hdf::Attributes;
+use crate::log::{LogError, Scan, scan};
+use crate::writer::file_path;
+
+use events::{Phases, Row};
+
+/// A finished file.
+#[derive(Clone, Debug)]
+pub struct Finished {
+    /// Where it is.
+    pub path: PathBuf,
+    /// Its size, bytes.
+    pub bytes: u64,
+    /// What it holds and lacks.
+    pub account: Account,
+}
+
+/// Why no file was made. The log stays.
+#[derive(Debug, thiserror::Error)]
+pub enum FinishError {
+    /// The log cannot be read.
+    #[error(transparent)]
+    Log(#[from] LogError),
+    /// The final name is taken.
+    #[error(
+        "{path} exists already and is never overwritten; the recording is still in {log}: move the file away or give another folder with --out, then `wheelarm dataset recover {log}`"
+    )]
+    Exists {
+        /// The final name.
+        path: PathBuf,
+        /// The log.
+        log: PathBuf,
+    },
+    /// A file cannot be written, for example because the disk is full.
+    #[error(
+        "{path} cannot be written: {source}; the recording is still in {log}, `wheelarm dataset recover {log}` tries again"
+    )]
+    Io {
+        /// The file.
+        path: PathBuf,
+        /// The log.
+        log: PathBuf,
+        /// The reason.
+        source: std::io::Error,
+    },
+    /// HDF5 refused something.
+    #[error("HDF5: {0}")]
+    Hdf5(#[from] hdf5::Error),
+    /// A sample in the log is not what its stream carries.
+    #[error("{stream}, sample {sequence}: {reason}")]
+    Content {
+        /// The stream.
+        stream: String,
+        /// Sequence number of the sample.
+        sequence: u64,
+        /// What is wrong.
+        reason: String,
+    },
+    /// The written file does not hold what the log holds.
+    #[error("{dataset} has {got} samples in the written file, expected {expected}")]
+    Verify {
+        /// The dataset.
+        dataset: String,
+        /// Samples found.
+        got: usize,
+        /// Samples in the log.
+        expected: usize,
+    },
+}
+
+/// Makes the episode file of a log, in `out` or else beside the log.
+///
+/// # Errors
+/// [`FinishError`]; the log stays and nothing half-written is left behind.
+pub fn finish(log: &Path, out: Option<&Path>) -> Result<Finished, FinishError> {
+    let scan = scan(log)?;
+    scan.lock()?;
+    let label = scan.preamble.started.as_ref().map_or("", |s| &s.label);
+    if let Err(invalid) = wheelarm_proto::check::label(label) {
+        return Err(LogError::NoLog {
+            path: log.display().to_string(),
+            reason: invalid.to_string(),
+        }
+        .into());
+    }
+    let beside = log.parent().unwrap_or(Path::new("."));
+    let target = file_path(out.unwrap_or(beside), label);
+    let io = |path: &Path| {
+        let (path, log) = (path.to_owned(), log.to_owned());
+        move |source| FinishError::Io { path, log, source }
+    };
+    let exists = || FinishError::Exists {
+        path: target.clone(),
+        log: log.to_owned(),
+    };
+    if let Some(out) = out {
+        std::fs::create_dir_all(out).map_err(io(out))?;
+    }
+    if target.exists() {
+        return Err(exists());
+    }
+
+    let temporary = target.with_extension("h5.tmp");
+    let account = Account::of(&scan);
+    let written = write(&temporary, &scan, &account);
+    if let Err(problem) = written {
+        let _ = std::fs::remove_file(&temporary);
+        return Err(problem);
+    }
+    let bytes = std::fs::metadata(&temporary).map_err(io(&temporary))?.len();
+    match place::place(&temporary, &target) {
+        Ok(()) => {}
+        Err(problem) if problem.kind() == std::io::ErrorKind::AlreadyExists => {
+            let _ = std::fs::remove_file(&temporary);
+            return Err(exists());
+        }
+        Err(problem) => {
+            let _ = std::fs::remove_file(&temporary);
+            return Err(io(&target)(problem));
+        }
+    }
+    // The file is safe. A log that cannot be removed costs only space.
+    if let Err(problem) = std::fs::remove_file(log).and_then(|()| place::sync_folder(log)) {
+        tracing::warn!(log = %log.display(), %problem, "the log of a finished file stays behind");
+    }
+    Ok(Finished {
+        path: target,
+        bytes,
+        account,
+    })
+}
+
+fn write(path: &Path, scan: &Scan, account: &Account) -> Result<(), FinishError> {
+    let started = scan.preamble.started.clone().unwrap_or_default();
+    let evaluation_stream = index(scan, "evaluation");
+    let last = last_evaluation(scan, evaluation_stream)?;
+    let context = Context {
+        objects: started.objects.clone(),
+        conditions: conditions(scan, evaluation_stream)?,
+    };
+    let file = hdf5::File::create(path)?;
+    root::attributes(&file, scan, account, last.as_ref(), &context)?;
+    root::scenario(&file, scan)?;
+    root::initial_state(&file, &scan.preamble)?;
+
+    let group = file.create_group("streams")?;
+    let cameras = group.create_group("camera")?;
+    let depth = if scan.preamble.depth_millimetres {
+        DepthFormat::Millimetres
+    } else {
+        DepthFormat::Metres
+    };
+    let mut counts = BTreeMap::new();
+    let mut rows = vec![Row::new(
+        started.header.clone(),
+        "episode",
+        "started",
+        &started.label,
+    )];
+    rows.push(Row::new(
+        started.header.clone(),
+        "episode",
+        "instruction",
+        &started.instruction,
+    ));
+    for (number, name) in scan.preamble.streams.iter().enumerate() {
+        let samples = streams::samples(scan, number);
+        if name == names::EVENT_STREAM {
+            for entry in &samples {
+                rows.extend(Row::event(&scan.payload(entry)?));
+            }
+            continue;
+        }
+        if name == "phase" {
+            let mut phases = Phases::default();
+            for entry in &samples {
+                rows.extend(phases.changed(&scan.payload(entry)?));
+            }
+        }
+        let stream = if let Some(camera) = name.strip_prefix("camera/") {
+            let stream = cameras.create_group(camera)?;
+            streams::camera(&stream, camera, depth, scan, &samples)?;
+            stream
+        } else {
+            let stream = group.create_group(name)?;
+            match columns::streams().into_iter().find(|s| s.name() == name) {
+                Some(table) => {
+                    let irregular = streams::state(&stream, table, &context, scan, &samples)?;
+                    Attributes::of(&stream).set("irregular_samples", irregular as u64)?;
+                }
+                None => streams::unknown(&stream, scan, &samples)?,
+            }
+            stream
+        };
+        counts.insert(format!("streams/{name}"), samples.len());
+        if let Some(account) = account.streams.iter().find(|a| a.stream == *name) {
+            root::account(&stream, account)?;
+        }
+    }
+    if let Some(stopped) = scan.closing.as_ref().and_then(|c| c.stopped.as_ref()) {
+        let success = stopped.evaluation.as_ref().is_some_and(|e| e.success);
+        let text = if success { "success" } else { "no success" };
+        rows.push(Row::new(stopped.header.clone(), "episode", "stopped", text));
+    }
+    let events = events::write(&file, rows)?;
+    if let Some(a) = account
+        .streams
+        .iter()
+        .find(|a| a.stream == names::EVENT_STREAM)
+    {
+        root::account(&file.group("events")?, a)?;
+    }
+    counts.insert("events".to_owned(), events);
+    drop((group, cameras));
+    file.flush()?;
+    file.close()?;
+    verify(path, &counts)
+}
+
+/// Opens the written file again and compares every dataset's length.
+fn verify(path: &Path, counts: &BTreeMap<String, usize>) -> Result<(), FinishError> {
+    let file = hdf5::File::open(path)?;
+    for (name, &expected) in counts {
+        for data in file.group(name)?.datasets()? {
+            let samples = data.shape().first().copied().unwrap_or(0);
+            // Pictures have one chunk per sample; one that was not written
+            // would read as zeros.
+            let chunks = match data.chunk() {
+                Some(chunk) if chunk.len() > 2 && chunk[0] == 1 => data.num_chunks(),
+                _ => None,
+            };
+            for got in [Some(samples), chunks].into_iter().flatten() {
+                if got != expected {
+                    return Err(FinishError::Verify {
+                        dataset: data.name(),
+                        got,
+                        expected,
+                    });
+                }
+            }
+        }
+    }
+    Ok(())
+}
+
+fn index(scan: &Scan, stream: &str) -> Option<usize> {
+    scan.preamble.streams.iter().position(|s| s == stream)
+}
+
+/// The task's state at the end: by the server's closing message, or else by
+/// the last sample.
+fn last_evaluation(
+    scan: &Scan,
+    stream: Option<usize>,
+) -> Result<Option<v1::Evaluation>, FinishError> {
+    let closing = scan.closing.as_ref().and_then(|c| c.stopped.as_ref());
+    if let Some(evaluation) = closing.and_then(|s| s.evaluation.clone()) {
+        return Ok(Some(evaluation));
+    }
+    let Some(stream) = stream else {
+        return Ok(None);
+    };
+    let Some(last) = streams::samples(scan, stream).pop() else {
+        return Ok(None);
+    };
+    Ok(v1::Evaluation::decode(scan.payload(last)?.as_slice()).ok())
+}
+
+/// Names of all conditions in the order in which they first appear.
+fn conditions(scan: &Scan, stream: Option<usize>) -> Result<Vec<String>, FinishError> {
+    let mut out: Vec<String> = Vec::new();
+    let Some(stream) = stream else {
+        return Ok(out);
+    };
+    for entry in streams::samples(scan, stream) {
+        let Ok(sample) = v1::Evaluation::decode(scan.payload(entry)?.as_slice()) else {
+            continue;
+        };
+        for condition in sample.conditions {
+            if !out.contains(&condition.name) {
+                out.push(condition.name);
+            }
+        }
+    }
+    Ok(out)
+}

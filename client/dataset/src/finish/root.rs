@@ -1,0 +1,162 @@
+//! Root attributes, `/scenario` and `/initial_state`.
+
+use std::collections::BTreeSet;
+
+use hdf5::{File, Group};
+use prost::Message;
+use wheelarm_proto::v1;
+
+use crate::columns::Context;
+use crate::hdf::{self, Attributes};
+use crate::log::{Preamble, Scan};
+use crate::scenario_text::{pacing, quality, scenario_json};
+
+use super::account::{Account, StreamAccount};
+
+/// Sets everything that describes the episode as a whole.
+pub(super) fn attributes(
+    file: &File,
+    scan: &Scan,
+    account: &Account,
+    evaluation: Option<&v1::Evaluation>,
+    context: &Context,
+) -> hdf5::Result<()> {
+    let preamble = &scan.preamble;
+    let started = preamble.started.clone().unwrap_or_default();
+    let scenario = started.scenario.clone().unwrap_or_default();
+    let header = started.header.clone().unwrap_or_default();
+    let stopped = scan.closing.as_ref().and_then(|c| c.stopped.as_ref());
+    let at = Attributes::of(file);
+    at.text("format", "wheelarm episode")?
+        .text("schema_version", wheelarm_proto::SCHEMA_VERSION)?
+        .text("label", &started.label)?
+        .text("instruction", &started.instruction)?
+        .text("task", &scenario.task)?
+        .text("activity", &started.activity)?
+        .text("area", &started.area)?
+        .text("scene", &scenario.scene)?
+        .set("seed", scenario.seed)?
+        .text("pacing", pacing(scenario.pacing))?
+        .text("quality", quality(scenario.quality))?
+        .text("adapter", &started.adapter)?
+        .text("server_version", &started.version)?
+        .text("recorder", &preamble.recorder)?
+        .text("recorder_version", &preamble.software)?
+        .text("run_id", &header.run_id)?
+        .set("episode", header.episode)?
+        .set("first_tick", header.tick)?
+        .text(
+            "depth_unit",
+            if preamble.depth_millimetres {
+                "mm"
+            } else {
+                "m"
+            },
+        )?;
+
+    at.set("complete", account.complete())?
+        .set("partial", !account.complete())?
+        .texts("problems", &account.problems)?
+        .set("samples_expected", account.total(|s| s.expected))?
+        .set("samples_received", account.total(|s| s.received))?
+        .set("samples_missed", account.total(|s| s.missed))?
+        .set("samples_recovered", account.total(|s| s.recovered))?
+        .texts("objects", &context.objects)?;
+    let cameras: Vec<String> = started.cameras.clone();
+    at.texts("cameras", &cameras)?;
+    if let Some(stopped) = stopped {
+        at.set("wall_seconds", stopped.wall_seconds)?;
+        if let Some(last) = &stopped.header {
+            at.set("last_tick", last.tick)?;
+        }
+    }
+
+    // Without an evaluation nobody knows whether the task succeeded.
+    at.set("success", evaluation.is_some_and(|e| e.success))?
+        .text(
+            "failure_reason",
+            evaluation.map_or("", |e| e.failure.as_str()),
+        )?;
+    if let Some(evaluation) = evaluation {
+        at.set("task_seconds", evaluation.elapsed)?;
+        let mut named = BTreeSet::new();
+        for condition in &evaluation.conditions {
+            if !named.insert(&condition.name) {
+                continue;
+            }
+            at.set(&format!("condition {}", condition.name), condition.holds)?
+                .set(
+                    &format!("condition value {}", condition.name),
+                    condition.value,
+                )?;
+        }
+    }
+    Ok(())
+}
+
+/// Sets one stream's account on its group.
+pub(super) fn account(group: &Group, stream: &StreamAccount) -> hdf5::Result<()> {
+    Attributes::of(group)
+        .set("expected", stream.expected)?
+        .set("received", stream.received)?
+        .set("missed", stream.missed)?
+        .set("recovered", stream.recovered)?;
+    Ok(())
+}
+
+/// Writes `/scenario`.
+pub(super) fn scenario(file: &File, scan: &Scan) -> hdf5::Result<()> {
+    let group = file.create_group("scenario")?;
+    let started = scan.preamble.started.clone().unwrap_or_default();
+    let scenario = started.scenario.clone().unwrap_or_default();
+    hdf::bytes(&group, "message", &scenario.encode_to_vec())?;
+    let text = format!("{:#}", scenario_json(&scenario));
+    hdf::text(&group, "text", &text)?;
+    Attributes::of(&group)
+        .text("message", "wheelarm.v1.Scenario")?
+        .text("scene", &scenario.scene)?
+        .text("task", &scenario.task)?
+        .text("robot", &scenario.robot)?
+        .set("seed", scenario.seed)?
+        .set("state_rate_hz", scenario.state_rate_hz)?
+        .set("imu_rate_hz", scenario.imu_rate_hz)?
+        .set("imu_noise", scenario.imu_noise)?;
+    hdf::bytes(&group, "episode_started", &started.encode_to_vec())?;
+    if let Some(stopped) = scan.closing.as_ref().and_then(|c| c.stopped.as_ref()) {
+        hdf::bytes(&group, "episode_stopped", &stopped.encode_to_vec())?;
+    }
+    Ok(())
+}
+
+/// Writes `/initial_state`.
+pub(super) fn initial_state(file: &File, preamble: &Preamble) -> hdf5::Result<()> {
+    let group = file.create_group("initial_state")?;
+    let default = v1::SnapshotReply::default();
+    let state = preamble.snapshot.as_ref().unwrap_or(&default);
+    let header = state.header.clone().unwrap_or_default();
+    hdf::bytes(&group, "snapshot", &state.snapshot)?;
+    Attributes::of(&group)
+        .text("run_id", &header.run_id)?
+        .set("episode", header.episode)?
+        .set("sequence", header.sequence)?
+        .set("stamp_nanos", header.stamp_nanos)?
+        .set("tick", header.tick)?;
+
+    let assets = group.create_group("assets")?;
+    let paths: Vec<&str> = state.assets.iter().map(|a| a.path.as_str()).collect();
+    let texts: Vec<&str> = state.assets.iter().map(|a| a.text.as_str()).collect();
+    hdf::texts(&assets, "path", &paths)?;
+    hdf::texts(&assets, "text", &texts)?;
+
+    let instances = group.create_group("instances")?;
+    let ids: Vec<u32> = state.instances.iter().map(|i| i.id).collect();
+    let names: Vec<&str> = state.instances.iter().map(|i| i.name.as_str()).collect();
+    let data = instances
+        .new_dataset::<u32>()
+        .shape([ids.len()])
+        .create("id")?;
+    if !ids.is_empty() {
+        data.write(&ids)?;
+    }
+    hdf::texts(&instances, "name", &names)
+}

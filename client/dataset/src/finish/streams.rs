@@ -1,0 +1,268 @@
+//! From the log's samples to `/streams`: columns of numbers, pictures.
+
+use std::collections::BTreeMap;
+
+use hdf5::{Dataset, Group};
+use prost::Message;
+use wheelarm_proto::v1;
+
+use crate::columns::{Axis, Cell, ColumnInfo, Context, Kind, Stream};
+use crate::compress::Deflate;
+use crate::depth::{DepthFormat, MILLIMETRES_NOTE};
+use crate::hdf::{Attributes, Chunked, ColumnWriter, Filters};
+use crate::log::{CameraParts, Entry, Scan};
+
+use super::FinishError;
+
+const fn number(name: &'static str, unit: &'static str) -> ColumnInfo {
+    ColumnInfo {
+        name,
+        unit,
+        frame: "",
+        axes: &[],
+        kind: Kind::U64,
+    }
+}
+
+/// What every stream has: when a sample was taken, and which one it is.
+pub(super) const HEADER_COLUMNS: [ColumnInfo; 3] = [
+    number("stamp_nanos", "ns of simulation time"),
+    number("sequence", "1 (counts up by one per sample and run)"),
+    number("tick", "ticks of 1/240 s"),
+];
+
+const INTRINSICS: ColumnInfo = ColumnInfo {
+    name: "intrinsics",
+    unit: "pixels",
+    frame: "",
+    axes: &[Axis::Components(&[
+        "width", "height", "fx", "fy", "cx", "cy",
+    ])],
+    kind: Kind::F64,
+};
+
+const CAMERA_POSE: ColumnInfo = ColumnInfo {
+    name: "pose",
+    unit: "m (x y z), 1 (unit quaternion x y z w)",
+    frame: "optical frame (z forward, x right, y down) in house",
+    axes: &[Axis::Components(&["x", "y", "z", "qx", "qy", "qz", "qw"])],
+    kind: Kind::F64,
+};
+
+pub(super) fn header_cells(stamp_nanos: u64, sequence: u64, tick: u64) -> [Cell; 3] {
+    [stamp_nanos, sequence, tick].map(|v| Cell::U64(vec![v]))
+}
+
+/// Samples of one stream in the order of their sequence numbers, each once.
+pub(super) fn samples<'a>(scan: &'a Scan, stream: usize) -> Vec<&'a Entry> {
+    let by_sequence: BTreeMap<u64, &'a Entry> = scan
+        .entries
+        .iter()
+        .rev()
+        .filter(|e| usize::from(e.header.stream) == stream)
+        .map(|e| (e.header.sequence, e))
+        .collect();
+    by_sequence.into_values().collect()
+}
+
+/// Writes a state stream and returns the number of irregular samples, whose
+/// lists had another length than their columns.
+pub(super) fn state(
+    group: &Group,
+    stream: &dyn Stream,
+    context: &Context,
+    scan: &Scan,
+    entries: &[&Entry],
+) -> Result<usize, FinishError> {
+    let mut deflate = Deflate::default();
+    let mut columns = Vec::new();
+    for column in HEADER_COLUMNS.iter().chain(&stream.columns()) {
+        columns.push(ColumnWriter::create(group, column, context, entries.len())?);
+    }
+    let mut irregular = 0;
+    for entry in entries {
+        let payload = scan.payload(entry)?;
+        let (cells, regular) =
+            stream
+                .extract(&payload, context)
+                .map_err(|e| FinishError::Content {
+                    stream: stream.name().to_owned(),
+                    sequence: entry.header.sequence,
+                    reason: e.to_string(),
+                })?;
+        irregular += usize::from(!regular);
+        let h = &entry.header;
+        let head = header_cells(h.stamp_nanos, h.sequence, h.tick);
+        for (column, cell) in columns.iter_mut().zip(head.into_iter().chain(cells)) {
+            column.push(cell, &mut deflate)?;
+        }
+    }
+    for column in columns {
+        column.finish(&mut deflate)?;
+    }
+    Ok(irregular)
+}
+
+/// Writes a camera's pictures chunk by chunk as they stand in the log.
+pub(super) fn camera(
+    group: &Group,
+    name: &str,
+    depth: DepthFormat,
+    scan: &Scan,
+    entries: &[&Entry],
+) -> Result<(), FinishError> {
+    let mut deflate = Deflate::default();
+    let context = Context::default();
+    let mut columns = Vec::new();
+    for column in HEADER_COLUMNS.iter().chain([&INTRINSICS, &CAMERA_POSE]) {
+        columns.push(ColumnWriter::create(
+            group,
+            column,
+            &context,
+            entries.len(),
+        )?);
+    }
+    let mut pictures = None;
+    for (index, entry) in entries.iter().enumerate() {
+        let bad = |reason: &str| FinishError::Content {
+            stream: format!("camera/{name}"),
+            sequence: entry.header.sequence,
+            reason: reason.to_owned(),
+        };
+        let payload = scan.payload(entry)?;
+        let parts = CameraParts::parse(&payload).ok_or_else(|| bad("its parts do not add up"))?;
+        let meta = v1::CameraFrame::decode(parts.meta).map_err(|e| bad(&e.to_string()))?;
+        let i = meta.intrinsics.ok_or_else(|| bad("it has no intrinsics"))?;
+        let pictures = match &pictures {
+            Some(p) => p,
+            None => pictures.insert(Pictures::create(group, depth, entries.len(), &i)?),
+        };
+        pictures.rgb.write(index, parts.rgb)?;
+        pictures.depth.write(index, parts.depth)?;
+        pictures.ids.write(index, parts.ids)?;
+
+        let h = &entry.header;
+        let numbers = [
+            f64::from(i.width),
+            f64::from(i.height),
+            i.fx,
+            i.fy,
+            i.cx,
+            i.cy,
+        ];
+        let cells = header_cells(h.stamp_nanos, h.sequence, h.tick)
+            .into_iter()
+            .chain([
+                Cell::F64(numbers.to_vec()),
+                Cell::F64(pose(meta.pose.as_ref())),
+            ]);
+        for (column, cell) in columns.iter_mut().zip(cells) {
+            column.push(cell, &mut deflate)?;
+        }
+    }
+    for column in columns {
+        column.finish(&mut deflate)?;
+    }
+    Ok(())
+}
+
+struct Pictures {
+    rgb: Chunked,
+    depth: Chunked,
+    ids: Chunked,
+}
+
+impl Pictures {
+    fn create(
+        group: &Group,
+        format: DepthFormat,
+        count: usize,
+        intrinsics: &v1::Intrinsics,
+    ) -> hdf5::Result<Self> {
+        let (h, w) = (intrinsics.height as usize, intrinsics.width as usize);
+        let rgb = Chunked::create::<u8>(group, "rgb", count, &[h, w, 3], 1, Filters::Deflate)?;
+        describe(rgb.dataset(), "1 (0 to 255, sRGB)")?;
+        let shuffle = Filters::ShuffleDeflate;
+        let depth = match format {
+            DepthFormat::Metres => {
+                let d = Chunked::create::<f32>(group, "depth", count, &[h, w], 1, shuffle)?;
+                describe(d.dataset(), "m")?;
+                let note = "+inf where nothing is hit";
+                Attributes::of(d.dataset())
+                    .set("scale", 1.0)?
+                    .text("note", note)?;
+                d
+            }
+            DepthFormat::Millimetres => {
+                let d = Chunked::create::<u16>(group, "depth", count, &[h, w], 1, shuffle)?;
+                describe(d.dataset(), "mm")?;
+                Attributes::of(d.dataset())
+                    .set("scale", 0.001)?
+                    .set("invalid", 0_u16)?
+                    .text(
+                        "note",
+                        &format!("metres = value * scale; {MILLIMETRES_NOTE}"),
+                    )?;
+                d
+            }
+        };
+        let ids = Chunked::create::<u8>(group, "ids", count, &[h, w], 1, Filters::Deflate)?;
+        describe(
+            ids.dataset(),
+            "1 (instance id, 0 where nothing is hit; /initial_state/instances)",
+        )?;
+        Ok(Self { rgb, depth, ids })
+    }
+}
+
+fn describe(data: &Dataset, units: &str) -> hdf5::Result<()> {
+    Attributes::of(data).text("units", units)?.text(
+        "frame",
+        "row-major from the top left; depth along the optical axis",
+    )?;
+    Ok(())
+}
+
+fn pose(pose: Option<&v1::Pose>) -> Vec<f64> {
+    let position = pose.and_then(|p| p.position).map(|v| [v.x, v.y, v.z]);
+    let orientation = pose
+        .and_then(|p| p.orientation)
+        .map(|q| [q.x, q.y, q.z, q.w]);
+    let position = position.unwrap_or([f64::NAN; 3]);
+    let orientation = orientation.unwrap_or([f64::NAN; 4]);
+    position.into_iter().chain(orientation).collect()
+}
+
+/// Writes a stream that this version does not know: its messages as they came.
+pub(super) fn unknown(group: &Group, scan: &Scan, entries: &[&Entry]) -> Result<(), FinishError> {
+    const MESSAGE: ColumnInfo = ColumnInfo {
+        name: "message",
+        unit: "protobuf bytes of package wheelarm.v1",
+        frame: "",
+        axes: &[],
+        kind: Kind::Bytes,
+    };
+    let mut deflate = Deflate::default();
+    let context = Context::default();
+    let mut columns = Vec::new();
+    for column in HEADER_COLUMNS.iter().chain([&MESSAGE]) {
+        columns.push(ColumnWriter::create(
+            group,
+            column,
+            &context,
+            entries.len(),
+        )?);
+    }
+    for entry in entries {
+        let h = &entry.header;
+        let message = Cell::Bytes(scan.payload(entry)?);
+        let cells = header_cells(h.stamp_nanos, h.sequence, h.tick);
+        for (column, cell) in columns.iter_mut().zip(cells.into_iter().chain([message])) {
+            column.push(cell, &mut deflate)?;
+        }
+    }
+    for column in columns {
+        column.finish(&mut deflate)?;
+    }
+    Ok(())
+}

@@ -1,0 +1,73 @@
+//! The few ways in which this crate writes HDF5: compressed chunks written
+//! directly, columns of rows, texts, attributes. The only module with calls
+//! into the C library that the `hdf5` crate does not wrap.
+
+mod attributes;
+mod chunks;
+mod column;
+
+pub use attributes::Attributes;
+pub use chunks::{Chunked, Filters};
+pub use column::ColumnWriter;
+
+use hdf5::Group;
+use hdf5::types::{VarLenArray, VarLenUnicode};
+
+/// Rows of one chunk of a state stream.
+pub const CHUNK_ROWS: usize = 1024;
+/// Greatest chunk of a state stream, bytes.
+const CHUNK_BYTES: usize = 1 << 20;
+
+/// UTF-8 of variable length; NUL, which HDF5 takes for the end, becomes U+FFFD.
+#[must_use]
+pub fn unicode(text: &str) -> VarLenUnicode {
+    text.replace('\0', "\u{fffd}")
+        .parse()
+        .unwrap_or_else(|_| VarLenUnicode::new())
+}
+
+/// Writes a list of texts as a dataset.
+///
+/// # Errors
+/// Those of HDF5.
+pub fn texts<S: AsRef<str>>(group: &Group, name: &str, list: &[S]) -> hdf5::Result<()> {
+    let list: Vec<VarLenUnicode> = list.iter().map(|s| unicode(s.as_ref())).collect();
+    let data = group
+        .new_dataset::<VarLenUnicode>()
+        .shape([list.len()])
+        .create(name)?;
+    if !list.is_empty() {
+        data.write(&list)?;
+    }
+    Ok(())
+}
+
+/// Writes one text as a scalar dataset.
+///
+/// # Errors
+/// Those of HDF5.
+pub fn text(group: &Group, name: &str, value: &str) -> hdf5::Result<()> {
+    let data = group.new_dataset::<VarLenUnicode>().create(name)?;
+    data.write_scalar(&unicode(value))
+}
+
+/// Writes bytes as a compressed dataset.
+///
+/// # Errors
+/// Those of HDF5.
+pub fn bytes(group: &Group, name: &str, value: &[u8]) -> hdf5::Result<()> {
+    if value.is_empty() {
+        group.new_dataset::<u8>().shape([0]).create(name)?;
+        return Ok(());
+    }
+    let data = group
+        .new_dataset::<u8>()
+        .chunk(value.len().min(CHUNK_BYTES))
+        .deflate(crate::compress::LEVEL)
+        .shape([value.len()])
+        .create(name)?;
+    data.write(value)
+}
+
+/// Bytes of variable length, one list per sample.
+pub type Blob = VarLenArray<u8>;

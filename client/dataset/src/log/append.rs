@@ -1,0 +1,134 @@
+//! Appending: a record is in the log entirely or not at all.
+
+use std::fs::File;
+use std::io::{self, Write};
+use std::path::Path;
+
+use prost::Message;
+
+use super::format::{FILE_MAGIC, Preamble};
+use super::{LogError, MAX_PAYLOAD};
+
+/// A file to which a log is appended. Tests put a full disk here.
+pub trait LogFile: Send {
+    /// Appends all bytes with `write(2)`.
+    ///
+    /// # Errors
+    /// Those of the file, for example a full disk.
+    fn append(&mut self, bytes: &[u8]) -> io::Result<()>;
+    /// Cuts the file to `length` bytes.
+    ///
+    /// # Errors
+    /// Those of the file.
+    fn truncate(&mut self, length: u64) -> io::Result<()>;
+}
+
+impl LogFile for File {
+    fn append(&mut self, bytes: &[u8]) -> io::Result<()> {
+        self.write_all(bytes)
+    }
+
+    fn truncate(&mut self, length: u64) -> io::Result<()> {
+        self.set_len(length)
+    }
+}
+
+/// Creates the file of a log and locks it; an existing file is refused.
+///
+/// # Errors
+/// [`LogError::Io`].
+pub(crate) fn create_file(path: &Path) -> Result<File, LogError> {
+    let io = |source| LogError::Io {
+        path: path.display().to_string(),
+        source,
+    };
+    let file = File::options()
+        .append(true)
+        .create_new(true)
+        .open(path)
+        .map_err(io)?;
+    // File systems without locks still record; two recorders cannot meet here,
+    // because `create_new` lets only one of them in.
+    if let Err(problem) = file.try_lock() {
+        tracing::debug!(path = %path.display(), %problem, "the log cannot be locked");
+    }
+    Ok(file)
+}
+
+/// Appends records and keeps the log valid when an append fails.
+pub struct Appender<F> {
+    file: F,
+    good: u64,
+    failure: Option<String>,
+}
+
+impl<F: LogFile> Appender<F> {
+    /// Writes the preamble.
+    ///
+    /// # Errors
+    /// Those of the file.
+    pub fn start(mut file: F, preamble: &Preamble) -> io::Result<Self> {
+        let body = preamble.encode_to_vec();
+        let length = u32::try_from(body.len())
+            .ok()
+            .filter(|&n| n as usize <= MAX_PAYLOAD)
+            .ok_or_else(|| {
+                io::Error::new(
+                    io::ErrorKind::InvalidInput,
+                    format!(
+                        "snapshot and assets have {} bytes, at most {MAX_PAYLOAD} fit",
+                        body.len()
+                    ),
+                )
+            })?;
+        let mut head = FILE_MAGIC.to_vec();
+        head.extend(length.to_le_bytes());
+        head.extend(crc32fast::hash(&body).to_le_bytes());
+        head.extend(body);
+        file.append(&head)?;
+        Ok(Self {
+            file,
+            good: head.len() as u64,
+            failure: None,
+        })
+    }
+
+    /// Appends whole records. When it returns Ok they are acknowledged: they
+    /// survive the death of this process.
+    ///
+    /// # Errors
+    /// The first failure cuts the log back to the last good record; from then
+    /// on every append fails with the same words.
+    pub fn append(&mut self, records: &[u8]) -> Result<(), String> {
+        if let Some(failure) = &self.failure {
+            return Err(failure.clone());
+        }
+        match self.file.append(records) {
+            Ok(()) => {
+                self.good += records.len() as u64;
+                Ok(())
+            }
+            Err(problem) => {
+                let mut words = format!(
+                    "cannot append to the log after {} good bytes: {problem}",
+                    self.good
+                );
+                if problem.kind() == io::ErrorKind::StorageFull {
+                    words.push_str("; free space on the disk, then `wheelarm dataset recover LOG` keeps what was acknowledged");
+                }
+                // A torn record at the end does no harm: the reader stops there.
+                if let Err(cut) = self.file.truncate(self.good) {
+                    words.push_str(&format!(" (and it could not be cut back: {cut})"));
+                }
+                self.failure = Some(words.clone());
+                Err(words)
+            }
+        }
+    }
+
+    /// Length of the good part, bytes.
+    #[must_use]
+    pub fn length(&self) -> u64 {
+        self.good
+    }
+}

@@ -1,0 +1,48 @@
+//! Write-ahead log of one episode: already compressed chunks, each with its
+//! length and CRC-32. What was appended survives the death of the process;
+//! what was synced survives the loss of power. Knows neither HDF5 nor threads.
+//!
+//! ```text
+//! file    magic[8] · length u32 · crc32 u32 · Preamble (protobuf) · record*
+//! record  magic u32 · crc32 u32 · kind u8 · 0 u8 · stream u16 · length u32
+//!         · sequence u64 · stamp_nanos u64 · tick u64 · payload[length]
+//! ```
+//! All numbers are little-endian; a record's CRC covers everything after it.
+
+mod append;
+mod format;
+mod scan;
+
+pub(crate) use append::create_file;
+pub use append::{Appender, LogFile};
+pub use format::{
+    CameraParts, Closing, Kind, MAX_PAYLOAD, Preamble, RECORD_HEADER, RecordHeader, Recovered,
+    begin_record, finish_record,
+};
+pub use scan::{Entry, Scan, scan};
+
+/// What is wrong with a log.
+#[derive(Debug, thiserror::Error)]
+pub enum LogError {
+    /// The file cannot be read or written.
+    #[error("log {path}: {source}")]
+    Io {
+        /// The file.
+        path: String,
+        /// The reason.
+        source: std::io::Error,
+    },
+    /// The file is no log, or its beginning is damaged.
+    #[error("{path} is no WheelArm log: {reason}")]
+    NoLog {
+        /// The file.
+        path: String,
+        /// What was found.
+        reason: String,
+    },
+    /// A recorder still writes to it.
+    #[error(
+        "log {0} is being written by a recorder; wait until it has finished, or stop that recorder"
+    )]
+    InUse(String),
+}

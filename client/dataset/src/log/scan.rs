@@ -1,0 +1,196 @@
+//! Reading a log that may end anywhere: the valid prefix is kept, the rest is
+//! told. Nothing in here panics, whatever the bytes.
+
+use std::fs::File;
+use std::io::{BufReader, Read};
+use std::os::unix::fs::FileExt;
+use std::path::{Path, PathBuf};
+
+use prost::Message;
+
+use super::format::{FILE_MAGIC, parse_header};
+use super::{Closing, Kind, LogError, MAX_PAYLOAD, Preamble, RECORD_HEADER, RecordHeader};
+
+/// One record of a log.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Entry {
+    /// Its header.
+    pub header: RecordHeader,
+    /// Where its payload begins in the file, bytes.
+    pub offset: u64,
+    /// Length of its payload, bytes.
+    pub length: usize,
+}
+
+/// The index of a log.
+#[derive(Debug)]
+pub struct Scan {
+    file: File,
+    path: PathBuf,
+    /// What stands first.
+    pub preamble: Preamble,
+    /// Samples in the order in which they were written.
+    pub entries: Vec<Entry>,
+    /// The last record, when the log was closed in order.
+    pub closing: Option<Closing>,
+    /// Length of the valid prefix, bytes.
+    pub good: u64,
+    /// Bytes behind it that are lost.
+    pub lost: u64,
+    /// Why reading stopped there; `None` when nothing is lost.
+    pub damage: Option<String>,
+}
+
+impl Scan {
+    /// Reads a record's payload.
+    ///
+    /// # Errors
+    /// [`LogError::Io`].
+    pub fn payload(&self, entry: &Entry) -> Result<Vec<u8>, LogError> {
+        let mut out = vec![0; entry.length];
+        self.file
+            .read_exact_at(&mut out, entry.offset)
+            .map_err(|source| LogError::Io {
+                path: self.path.display().to_string(),
+                source,
+            })?;
+        Ok(out)
+    }
+
+    /// Takes the log for this process alone; another recorder or a second
+    /// `recover` is refused.
+    ///
+    /// # Errors
+    /// [`LogError::InUse`].
+    pub fn lock(&self) -> Result<(), LogError> {
+        match self.file.try_lock() {
+            Err(std::fs::TryLockError::WouldBlock) => {
+                Err(LogError::InUse(self.path.display().to_string()))
+            }
+            // File systems without locks: nothing to hold.
+            Err(std::fs::TryLockError::Error(_)) | Ok(()) => Ok(()),
+        }
+    }
+
+    /// Path of the log.
+    #[must_use]
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+}
+
+/// Reads the index of a log and checks every record.
+///
+/// # Errors
+/// [`LogError::NoLog`] when the beginning is not readable; damage behind it is
+/// no error but told in [`Scan::damage`].
+pub fn scan(path: &Path) -> Result<Scan, LogError> {
+    let io = |source| LogError::Io {
+        path: path.display().to_string(),
+        source,
+    };
+    let no_log = |reason: String| LogError::NoLog {
+        path: path.display().to_string(),
+        reason,
+    };
+    let file = File::open(path).map_err(io)?;
+    let total = file.metadata().map_err(io)?.len();
+    let mut input = BufReader::with_capacity(1 << 18, file.try_clone().map_err(io)?);
+
+    let mut head = [0; 16];
+    input
+        .read_exact(&mut head)
+        .map_err(|_| no_log(format!("it has {total} bytes, a log has at least 16")))?;
+    if &head[..8] != FILE_MAGIC {
+        return Err(no_log(format!("it begins with {:?}", &head[..8])));
+    }
+    let length = u32::from_le_bytes([head[8], head[9], head[10], head[11]]) as usize;
+    let crc = u32::from_le_bytes([head[12], head[13], head[14], head[15]]);
+    if length > MAX_PAYLOAD || 16 + length as u64 > total {
+        return Err(no_log(format!(
+            "its preamble should have {length} bytes, the file has {total}"
+        )));
+    }
+    let mut body = vec![0; length];
+    input.read_exact(&mut body).map_err(io)?;
+    if crc32fast::hash(&body) != crc {
+        return Err(no_log("the checksum of its preamble is wrong".into()));
+    }
+    let preamble = Preamble::decode(body.as_slice()).map_err(|e| no_log(e.to_string()))?;
+
+    let mut out = Scan {
+        file,
+        path: path.to_owned(),
+        preamble,
+        entries: Vec::new(),
+        closing: None,
+        good: 16 + length as u64,
+        lost: 0,
+        damage: None,
+    };
+    out.damage = records(&mut input, total, &mut out).err();
+    out.lost = total.saturating_sub(out.good);
+    Ok(out)
+}
+
+/// Reads records up to the end or the first bad one, which it describes.
+fn records(input: &mut impl Read, total: u64, out: &mut Scan) -> Result<(), String> {
+    let mut block = vec![0; 1 << 16];
+    while out.good < total && out.closing.is_none() {
+        let at = out.good;
+        let mut head = [0; RECORD_HEADER];
+        input
+            .read_exact(&mut head)
+            .map_err(|_| format!("the record at byte {at} is cut off within its header"))?;
+        let raw = parse_header(&head)
+            .ok_or_else(|| format!("no record begins at byte {at} (damaged header)"))?;
+        let offset = at + RECORD_HEADER as u64;
+        if offset + raw.length as u64 > total {
+            return Err(format!(
+                "the record at byte {at} should have {} bytes, {} follow",
+                raw.length,
+                total.saturating_sub(offset)
+            ));
+        }
+        let mut crc = crc32fast::Hasher::new();
+        crc.update(&head[8..]);
+        let mut closing = Vec::new();
+        let mut rest = raw.length;
+        while rest > 0 {
+            let piece = &mut block[..rest.min(1 << 16)];
+            input
+                .read_exact(piece)
+                .map_err(|e| format!("the record at byte {at} cannot be read: {e}"))?;
+            crc.update(piece);
+            if raw.header.kind == Kind::Closing {
+                closing.extend_from_slice(piece);
+            }
+            rest -= piece.len();
+        }
+        if crc.finalize() != raw.crc {
+            return Err(format!("the checksum of the record at byte {at} is wrong"));
+        }
+        if raw.header.kind == Kind::Closing {
+            let message = Closing::decode(closing.as_slice())
+                .map_err(|e| format!("the closing record at byte {at} is no message: {e}"))?;
+            out.closing = Some(message);
+        } else if usize::from(raw.header.stream) >= out.preamble.streams.len() {
+            return Err(format!(
+                "the record at byte {at} names stream {} of {}",
+                raw.header.stream,
+                out.preamble.streams.len()
+            ));
+        } else {
+            out.entries.push(Entry {
+                header: raw.header,
+                offset,
+                length: raw.length,
+            });
+        }
+        out.good = offset + raw.length as u64;
+    }
+    if out.good < total {
+        return Err("bytes follow the closing record".to_owned());
+    }
+    Ok(())
+}

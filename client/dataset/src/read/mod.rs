@@ -1,0 +1,440 @@
+//! Reading an episode file: what it says of itself, the streams as arrays, the
+//! messages that replay needs, the pictures.
+
+mod camera;
+
+pub use camera::{Camera, Frame};
+
+use std::path::{Path, PathBuf};
+
+use hdf5::types::VarLenUnicode;
+use hdf5::{Dataset, Group, H5Type, Location};
+use ndarray::ArrayD;
+use prost::Message;
+use wheelarm_proto::v1;
+
+use crate::finish::StreamAccount;
+use crate::hdf::Blob;
+
+/// Why an episode file cannot be read.
+#[derive(Debug, thiserror::Error)]
+pub enum ReadError {
+    /// The file is no episode.
+    #[error("{path} is no WheelArm episode: {reason}")]
+    NoEpisode {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong.
+        reason: String,
+    },
+    /// Something in it is absent or has another type.
+    #[error("{path}: {what}: {source}")]
+    Hdf5 {
+        /// The file.
+        path: PathBuf,
+        /// What was looked for.
+        what: String,
+        /// The reason.
+        source: hdf5::Error,
+    },
+    /// Stored bytes are not the message that they should be.
+    #[error("{path}: {what}: {source}")]
+    Message {
+        /// The file.
+        path: PathBuf,
+        /// What was looked for.
+        what: String,
+        /// The reason.
+        source: prost::DecodeError,
+    },
+}
+
+/// What a file says of itself.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Summary {
+    /// Label of the episode.
+    pub label: String,
+    /// Instruction sentence.
+    pub instruction: String,
+    /// Task, activity and area.
+    pub task: [String; 3],
+    /// Seed of the scenario.
+    pub seed: u64,
+    /// The task succeeded.
+    pub success: bool,
+    /// Why it failed; empty when it did not.
+    pub failure_reason: String,
+    /// Conditions with their state and measured value at the end.
+    pub conditions: Vec<(String, bool, f64)>,
+    /// Everything that was published is there.
+    pub complete: bool,
+    /// Why not.
+    pub problems: Vec<String>,
+    /// One account per stream.
+    pub streams: Vec<StreamAccount>,
+    /// First and last simulation time of any stream, nanoseconds.
+    pub span_nanos: (u64, u64),
+    /// Wall seconds that the episode took.
+    pub wall_seconds: Option<f64>,
+    /// Server version, adapter, recorder, recorder version, quality, pacing.
+    pub origin: [String; 6],
+    /// Unit of the depth pictures.
+    pub depth_unit: String,
+    /// Version of the layout.
+    pub schema_version: String,
+}
+
+/// An open episode file.
+#[derive(Debug)]
+pub struct Episode {
+    file: hdf5::File,
+    path: PathBuf,
+}
+
+impl Episode {
+    /// Opens a file and checks that it is an episode.
+    ///
+    /// # Errors
+    /// [`ReadError::NoEpisode`].
+    pub fn open(path: &Path) -> Result<Self, ReadError> {
+        let no_episode = |reason: String| ReadError::NoEpisode {
+            path: path.to_owned(),
+            reason,
+        };
+        let file = hdf5::File::open(path).map_err(|e| no_episode(e.to_string()))?;
+        let episode = Self {
+            file,
+            path: path.to_owned(),
+        };
+        let format = text(&episode.file, "format").unwrap_or_default();
+        let version = text(&episode.file, "schema_version").unwrap_or_default();
+        if format != "wheelarm episode" {
+            return Err(no_episode(format!(
+                "its attribute `format` is {format:?}, expected \"wheelarm episode\""
+            )));
+        }
+        if version != wheelarm_proto::SCHEMA_VERSION {
+            return Err(no_episode(format!(
+                "its layout has version {version:?}, this program reads {:?}",
+                wheelarm_proto::SCHEMA_VERSION
+            )));
+        }
+        Ok(episode)
+    }
+
+    /// Path of the file.
+    #[must_use]
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// What the file says of itself.
+    ///
+    /// # Errors
+    /// When an attribute is absent.
+    pub fn summary(&self) -> Result<Summary, ReadError> {
+        let at: &Location = &self.file;
+        let told = |name: &str| text(at, name).map_err(|e| self.hdf5(name, e));
+        let mut conditions = Vec::new();
+        for name in at.attr_names().map_err(|e| self.hdf5("attributes", e))? {
+            if let Some(condition) = name.strip_prefix("condition ")
+                && let Ok(holds) = number::<bool>(at, &name)
+            {
+                let value = number(at, &format!("condition value {condition}"));
+                conditions.push((condition.to_owned(), holds, value.unwrap_or(f64::NAN)));
+            }
+        }
+        let mut span = (u64::MAX, 0);
+        let mut streams = Vec::new();
+        for name in self.streams()? {
+            let group = self.group(&name)?;
+            let stamps = self.u64s(&name, "stamp_nanos")?;
+            if let (Some(first), Some(last)) = (stamps.first(), stamps.last()) {
+                span = (span.0.min(*first), span.1.max(*last));
+            }
+            let count = |what: &str| number::<u64>(&group, what).unwrap_or(0);
+            streams.push(StreamAccount {
+                expected: count("expected"),
+                received: count("received"),
+                missed: count("missed"),
+                recovered: count("recovered"),
+                stream: name,
+            });
+        }
+        if span.0 > span.1 {
+            span = (0, 0);
+        }
+        Ok(Summary {
+            label: told("label")?,
+            instruction: told("instruction")?,
+            task: [told("task")?, told("activity")?, told("area")?],
+            seed: number(at, "seed").map_err(|e| self.hdf5("seed", e))?,
+            success: number(at, "success").map_err(|e| self.hdf5("success", e))?,
+            failure_reason: told("failure_reason")?,
+            conditions,
+            complete: number(at, "complete").map_err(|e| self.hdf5("complete", e))?,
+            problems: texts(at, "problems").map_err(|e| self.hdf5("problems", e))?,
+            streams,
+            span_nanos: span,
+            wall_seconds: number(at, "wall_seconds").ok(),
+            origin: [
+                told("server_version")?,
+                told("adapter")?,
+                told("recorder")?,
+                told("recorder_version")?,
+                told("quality")?,
+                told("pacing")?,
+            ],
+            depth_unit: told("depth_unit")?,
+            schema_version: told("schema_version")?,
+        })
+    }
+
+    /// Names of all streams; cameras as `camera/NAME`, events as `event`.
+    ///
+    /// # Errors
+    /// When the file has no streams.
+    pub fn streams(&self) -> Result<Vec<String>, ReadError> {
+        let group = self.file.group("streams");
+        let names = group
+            .and_then(|g| g.member_names())
+            .map_err(|e| self.hdf5("streams", e))?;
+        let mut out: Vec<String> = names.into_iter().filter(|n| n != "camera").collect();
+        out.push("event".to_owned());
+        out.extend(self.cameras()?.into_iter().map(|c| format!("camera/{c}")));
+        Ok(out)
+    }
+
+    /// Names of the cameras.
+    ///
+    /// # Errors
+    /// When the file has no camera group.
+    pub fn cameras(&self) -> Result<Vec<String>, ReadError> {
+        self.file
+            .group("streams/camera")
+            .and_then(|g| g.member_names())
+            .map_err(|e| self.hdf5("streams/camera", e))
+    }
+
+    /// A camera's pictures.
+    ///
+    /// # Errors
+    /// When there is no such camera.
+    pub fn camera(&self, name: &str) -> Result<Camera, ReadError> {
+        Camera::open(self, name)
+    }
+
+    /// The message that opened the episode.
+    ///
+    /// # Errors
+    /// When it is absent.
+    pub fn started(&self) -> Result<v1::EpisodeStarted, ReadError> {
+        self.message("scenario/episode_started")
+    }
+
+    /// The message that closed the episode; `None` when it never came.
+    ///
+    /// # Errors
+    /// When it is there but not readable.
+    pub fn stopped(&self) -> Result<Option<v1::EpisodeStopped>, ReadError> {
+        let path = "scenario/episode_stopped";
+        if self.file.link_exists(path) {
+            self.message(path).map(Some)
+        } else {
+            Ok(None)
+        }
+    }
+
+    /// The scenario with the drawn values.
+    ///
+    /// # Errors
+    /// When it is absent.
+    pub fn scenario(&self) -> Result<v1::Scenario, ReadError> {
+        self.message("scenario/message")
+    }
+
+    /// What replay starts from, with asset files and the legend of the ids.
+    ///
+    /// # Errors
+    /// When it is absent.
+    pub fn snapshot(&self) -> Result<v1::SnapshotReply, ReadError> {
+        let group = self
+            .file
+            .group("initial_state")
+            .map_err(|e| self.hdf5("initial_state", e))?;
+        let count = |n: &str| number::<u64>(&group, n).map_err(|e| self.hdf5(n, e));
+        let header = v1::Header {
+            run_id: text(&group, "run_id").map_err(|e| self.hdf5("run_id", e))?,
+            episode: count("episode")?,
+            sequence: count("sequence")?,
+            stamp_nanos: count("stamp_nanos")?,
+            tick: count("tick")?,
+        };
+        let list = |path: &str| self.texts_at(&format!("initial_state/{path}"));
+        let ids = self.raw::<u32>("initial_state/instances/id")?;
+        Ok(v1::SnapshotReply {
+            header: Some(header),
+            snapshot: self.raw::<u8>("initial_state/snapshot")?.into(),
+            assets: list("assets/path")?
+                .into_iter()
+                .zip(list("assets/text")?)
+                .map(|(path, text)| v1::AssetText { path, text })
+                .collect(),
+            instances: ids
+                .into_iter()
+                .zip(list("instances/name")?)
+                .map(|(id, name)| v1::Instance { id, name })
+                .collect(),
+        })
+    }
+
+    /// What the robot was told, by control tick: exactly the messages that the
+    /// server published.
+    ///
+    /// # Errors
+    /// When the stream is absent.
+    pub fn applied(&self) -> Result<Vec<v1::Applied>, ReadError> {
+        self.messages("applied")
+    }
+
+    /// Commands as they were sent and accepted.
+    ///
+    /// # Errors
+    /// When the stream is absent.
+    pub fn commands(&self) -> Result<Vec<v1::CommandLog>, ReadError> {
+        self.messages("command")
+    }
+
+    /// State hashes with their ticks.
+    ///
+    /// # Errors
+    /// When the stream is absent.
+    pub fn state_hashes(&self) -> Result<Vec<(u64, u64)>, ReadError> {
+        let ticks = self.u64s("state_hash", "tick")?;
+        Ok(ticks
+            .into_iter()
+            .zip(self.u64s("state_hash", "hash")?)
+            .collect())
+    }
+
+    /// A column of 64-bit numbers, first axis = sample.
+    ///
+    /// # Errors
+    /// When it is absent.
+    pub fn f64s(&self, stream: &str, column: &str) -> Result<ArrayD<f64>, ReadError> {
+        let data = self.column(stream, column)?;
+        data.read_dyn()
+            .map_err(|e| self.hdf5(&format!("{stream}/{column}"), e))
+    }
+
+    /// A column of unsigned integers with one value per sample.
+    ///
+    /// # Errors
+    /// When it is absent.
+    pub fn u64s(&self, stream: &str, column: &str) -> Result<Vec<u64>, ReadError> {
+        self.raw(&place(stream, column))
+    }
+
+    /// A column of truth values, all axes in one list.
+    ///
+    /// # Errors
+    /// When it is absent.
+    pub fn flags(&self, stream: &str, column: &str) -> Result<Vec<bool>, ReadError> {
+        let raw: Vec<u8> = self.raw(&place(stream, column))?;
+        Ok(raw.into_iter().map(|b| b != 0).collect())
+    }
+
+    /// A column of texts.
+    ///
+    /// # Errors
+    /// When it is absent.
+    pub fn texts(&self, stream: &str, column: &str) -> Result<Vec<String>, ReadError> {
+        self.texts_at(&place(stream, column))
+    }
+
+    /// Entries of a column's named axis (attribute `names`).
+    ///
+    /// # Errors
+    /// When it has none.
+    pub fn names(&self, stream: &str, column: &str) -> Result<Vec<String>, ReadError> {
+        let data = self.column(stream, column)?;
+        texts(&data, "names").map_err(|e| self.hdf5("names", e))
+    }
+
+    fn messages<M: Message + Default>(&self, stream: &str) -> Result<Vec<M>, ReadError> {
+        let path = place(stream, "message");
+        let raw: Vec<Blob> = self.raw(&path)?;
+        raw.iter()
+            .map(|bytes| M::decode(bytes.as_slice()).map_err(|e| self.decode(&path, e)))
+            .collect()
+    }
+
+    fn message<M: Message + Default>(&self, path: &str) -> Result<M, ReadError> {
+        let raw: Vec<u8> = self.raw(path)?;
+        M::decode(raw.as_slice()).map_err(|e| self.decode(path, e))
+    }
+
+    fn raw<T: H5Type>(&self, path: &str) -> Result<Vec<T>, ReadError> {
+        self.file
+            .dataset(path)
+            .and_then(|d| d.read_raw())
+            .map_err(|e| self.hdf5(path, e))
+    }
+
+    fn texts_at(&self, path: &str) -> Result<Vec<String>, ReadError> {
+        let raw: Vec<VarLenUnicode> = self.raw(path)?;
+        Ok(raw.iter().map(|s| s.as_str().to_owned()).collect())
+    }
+
+    fn group(&self, stream: &str) -> Result<Group, ReadError> {
+        let path = group_path(stream);
+        self.file.group(&path).map_err(|e| self.hdf5(&path, e))
+    }
+
+    fn column(&self, stream: &str, column: &str) -> Result<Dataset, ReadError> {
+        let path = place(stream, column);
+        self.file.dataset(&path).map_err(|e| self.hdf5(&path, e))
+    }
+
+    fn hdf5(&self, what: &str, source: hdf5::Error) -> ReadError {
+        ReadError::Hdf5 {
+            path: self.path.clone(),
+            what: what.to_owned(),
+            source,
+        }
+    }
+
+    fn decode(&self, what: &str, source: prost::DecodeError) -> ReadError {
+        ReadError::Message {
+            path: self.path.clone(),
+            what: what.to_owned(),
+            source,
+        }
+    }
+}
+
+fn group_path(stream: &str) -> String {
+    if stream == wheelarm_proto::names::EVENT_STREAM {
+        "events".to_owned()
+    } else {
+        format!("streams/{stream}")
+    }
+}
+
+fn place(stream: &str, column: &str) -> String {
+    format!("{}/{column}", group_path(stream))
+}
+
+fn text(at: &Location, name: &str) -> hdf5::Result<String> {
+    let value: VarLenUnicode = at.attr(name)?.read_scalar()?;
+    Ok(value.as_str().to_owned())
+}
+
+fn texts(at: &Location, name: &str) -> hdf5::Result<Vec<String>> {
+    let list: Vec<VarLenUnicode> = at.attr(name)?.read_raw()?;
+    Ok(list.iter().map(|s| s.as_str().to_owned()).collect())
+}
+
+fn number<T: H5Type>(at: &Location, name: &str) -> hdf5::Result<T> {
+    at.attr(name)?.read_scalar()
+}

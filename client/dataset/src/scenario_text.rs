@@ -1,0 +1,63 @@
+//! The scenario as readable JSON, for people and for tools without protobuf.
+
+use serde_json::{Value, json};
+use wheelarm_proto::v1;
+
+/// The scenario with units in its keys.
+#[must_use]
+pub fn scenario_json(s: &v1::Scenario) -> Value {
+    json!({
+        "scene": s.scene,
+        "task": s.task,
+        "seed": s.seed,
+        "robot": s.robot,
+        "instruction": s.instruction,
+        "pacing": pacing(s.pacing),
+        "quality": quality(s.quality),
+        "state_rate_hz": s.state_rate_hz,
+        "imu_rate_hz": s.imu_rate_hz,
+        "imu_noise": s.imu_noise,
+        "cameras": s.cameras.iter().map(|c| json!({
+            "name": c.name,
+            "width_pixels": c.width,
+            "height_pixels": c.height,
+            "rate_hz": c.rate_hz,
+        })).collect::<Vec<_>>(),
+        "objects": s.objects.iter().map(|o| json!({
+            "name": o.name,
+            "pose_in_house": o.pose.as_ref().map(pose),
+            "mass_kg": o.mass,
+            "friction": o.friction,
+        })).collect::<Vec<_>>(),
+        "start_of_wheelchair_root_in_house": s.start.as_ref().map(pose),
+    })
+}
+
+fn pose(p: &v1::Pose) -> Value {
+    json!({
+        "position_m": p.position.map(|v| [v.x, v.y, v.z]),
+        "quaternion_xyzw": p.orientation.map(|q| [q.x, q.y, q.z, q.w]),
+    })
+}
+
+/// Name of a pacing.
+#[must_use]
+pub fn pacing(value: i32) -> &'static str {
+    match v1::Pacing::try_from(value) {
+        Ok(v1::Pacing::Unspecified | v1::Pacing::RealTime) => "real_time",
+        Ok(v1::Pacing::LockStep) => "lock_step",
+        Ok(v1::Pacing::Fast) => "fast",
+        Err(_) => "unknown",
+    }
+}
+
+/// Name of a quality tier.
+#[must_use]
+pub fn quality(value: i32) -> &'static str {
+    match v1::RenderQuality::try_from(value) {
+        Ok(v1::RenderQuality::Unspecified | v1::RenderQuality::Standard) => "standard",
+        Ok(v1::RenderQuality::Fast) => "fast",
+        Ok(v1::RenderQuality::High) => "high",
+        Err(_) => "unknown",
+    }
+}

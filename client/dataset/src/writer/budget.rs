@@ -1,0 +1,37 @@
+//! A bound in bytes on what waits between the threads.
+
+use std::sync::{Condvar, Mutex, PoisonError};
+
+/// Counts bytes in flight; taking waits until there is room.
+pub(super) struct Budget {
+    limit: usize,
+    used: Mutex<usize>,
+    freed: Condvar,
+}
+
+impl Budget {
+    pub fn new(limit: usize) -> Self {
+        Self {
+            limit,
+            used: Mutex::new(0),
+            freed: Condvar::new(),
+        }
+    }
+
+    /// Takes `bytes`, waiting for room. One item greater than the whole budget
+    /// is let through when nothing else waits.
+    pub fn take(&self, bytes: usize) {
+        let used = self.used.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut used = self
+            .freed
+            .wait_while(used, |used| *used > 0 && *used + bytes > self.limit)
+            .unwrap_or_else(PoisonError::into_inner);
+        *used += bytes;
+    }
+
+    pub fn give(&self, bytes: usize) {
+        let mut used = self.used.lock().unwrap_or_else(PoisonError::into_inner);
+        *used = used.saturating_sub(bytes);
+        self.freed.notify_all();
+    }
+}

@@ -1,0 +1,89 @@
+//! From a message to a record: what the compression workers do.
+
+use prost::Message;
+use wheelarm_proto::v1;
+
+use crate::compress::Deflate;
+use crate::depth::{DepthFormat, to_millimetres};
+use crate::log::{Kind, RecordHeader, begin_record, finish_record};
+
+/// One worker's buffers.
+pub(super) struct Encoder {
+    deflate: Deflate,
+    millimetres: Vec<u8>,
+    depth: DepthFormat,
+}
+
+impl Encoder {
+    pub fn new(depth: DepthFormat) -> Self {
+        Self {
+            deflate: Deflate::default(),
+            millimetres: Vec::new(),
+            depth,
+        }
+    }
+
+    /// Record of a state sample: the message as it came.
+    pub fn state(&self, header: &RecordHeader, payload: &[u8]) -> Vec<u8> {
+        let mut out = begin_record(payload.len());
+        out.extend_from_slice(payload);
+        finish_record(&mut out, header);
+        out
+    }
+
+    /// Record of a camera frame: three compressed pictures.
+    pub fn camera(&mut self, header: &RecordHeader, frame: &v1::CameraFrame) -> Vec<u8> {
+        let meta = v1::CameraFrame {
+            header: frame.header.clone(),
+            camera: frame.camera.clone(),
+            intrinsics: frame.intrinsics,
+            pose: frame.pose,
+            ..Default::default()
+        };
+        let mut out = begin_record(frame.rgb.len() + frame.depth.len() / 2);
+        part(&mut out, |out| {
+            out.extend(meta.encode_to_vec());
+        });
+        part(&mut out, |out| {
+            self.deflate.append(&frame.rgb, 1, out);
+        });
+        part(&mut out, |out| match self.depth {
+            DepthFormat::Metres => {
+                self.deflate.append(&frame.depth, 4, out);
+            }
+            DepthFormat::Millimetres => {
+                to_millimetres(&frame.depth, &mut self.millimetres);
+                self.deflate.append(&self.millimetres, 2, out);
+            }
+        });
+        part(&mut out, |out| {
+            self.deflate.append(&frame.ids, 1, out);
+        });
+        finish_record(&mut out, header);
+        out
+    }
+}
+
+/// Record that closes a log.
+pub(super) fn closing(closing: &crate::log::Closing) -> Vec<u8> {
+    let mut out = begin_record(0);
+    out.extend(closing.encode_to_vec());
+    let header = RecordHeader {
+        kind: Kind::Closing,
+        stream: 0,
+        sequence: 0,
+        stamp_nanos: 0,
+        tick: 0,
+    };
+    finish_record(&mut out, &header);
+    out
+}
+
+fn part(out: &mut Vec<u8>, fill: impl FnOnce(&mut Vec<u8>)) {
+    let at = out.len();
+    out.extend([0; 4]);
+    fill(out);
+    // Pictures are bounded far below 4 GiB by the check of their size.
+    let length = u32::try_from(out.len() - at - 4).unwrap_or(u32::MAX);
+    out[at..at + 4].copy_from_slice(&length.to_le_bytes());
+}

@@ -1,0 +1,448 @@
+//! [`EpisodeWriter`]: samples in, acknowledged records in a log out.
+//!
+//! A queue bounded in bytes, two compression workers, one log writer. Records
+//! are appended in the order in which the samples were offered. Nothing in
+//! here knows the transport or HDF5.
+
+mod budget;
+mod encode;
+mod threads;
+
+use std::collections::BTreeMap;
+use std::fs::File;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::Ordering;
+use std::thread::JoinHandle;
+
+use bytes::Bytes;
+use crossbeam_channel::Sender;
+use prost::Message;
+use wheelarm_proto::{names, v1};
+
+use crate::columns;
+use crate::depth::DepthFormat;
+use crate::log::{Appender, Closing, Kind, LogError, LogFile, Preamble, RecordHeader};
+
+use budget::Budget;
+use encode::Encoder;
+use threads::{Job, Progress, Work};
+
+/// How an episode is written.
+#[derive(Clone, Debug)]
+pub struct WriterOptions {
+    /// How depth is stored.
+    pub depth: DepthFormat,
+    /// Name of the recorder, stored in the file.
+    pub recorder: String,
+    /// Compression threads; 2 keep up with two cameras at 1280x720 and 15 Hz.
+    pub workers: usize,
+    /// Bytes that may wait between the threads, about ten frames of two
+    /// cameras at 1280x720.
+    pub queue_bytes: usize,
+}
+
+impl Default for WriterOptions {
+    fn default() -> Self {
+        Self {
+            depth: DepthFormat::Metres,
+            recorder: "recorder".into(),
+            workers: 2,
+            queue_bytes: 128 << 20,
+        }
+    }
+}
+
+/// Why a sample or a whole episode is not written.
+#[derive(Debug, thiserror::Error)]
+pub enum WriteError {
+    /// The final file exists.
+    #[error(
+        "{0} exists already and is never overwritten; choose another label or folder, or move the file away"
+    )]
+    Exists(PathBuf),
+    /// A log of the same name exists.
+    #[error(
+        "{0} is the log of an unfinished recording; `wheelarm dataset recover {0}` turns it into a file, or another recorder is writing it just now"
+    )]
+    Unfinished(PathBuf),
+    /// The episode has a label that cannot name a file, or no header.
+    #[error(transparent)]
+    Invalid(#[from] wheelarm_proto::check::Invalid),
+    /// The log cannot be created.
+    #[error(transparent)]
+    Log(#[from] LogError),
+    /// A sample is not what its stream should carry.
+    #[error("a sample of {stream} is refused: {reason}")]
+    Malformed {
+        /// The stream.
+        stream: String,
+        /// What is wrong.
+        reason: String,
+    },
+    /// The log failed earlier; what was acknowledged is kept.
+    #[error("{0}")]
+    Failed(String),
+}
+
+/// What a sample said of itself when it was taken.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Taken {
+    /// Sequence number.
+    pub sequence: u64,
+    /// Simulation time, nanoseconds.
+    pub stamp_nanos: u64,
+    /// Physics tick.
+    pub tick: u64,
+}
+
+/// Writes one episode into its log.
+pub struct EpisodeWriter {
+    log: PathBuf,
+    file: PathBuf,
+    streams: BTreeMap<String, Slot>,
+    next: u64,
+    queue: Option<Sender<Job>>,
+    sync: Option<Sender<()>>,
+    budget: Arc<Budget>,
+    progress: Arc<Progress>,
+    threads: Vec<JoinHandle<()>>,
+}
+
+struct Slot {
+    number: u16,
+    camera: bool,
+    /// Picture size of the first frame; all others must have it.
+    size: Option<(u32, u32)>,
+}
+
+/// Where the file of an episode will be: `LABEL.h5`.
+#[must_use]
+pub fn file_path(dir: &Path, label: &str) -> PathBuf {
+    dir.join(format!("{label}.h5"))
+}
+
+/// Where its log is until then: `LABEL.h5.wal`.
+#[must_use]
+pub fn log_path(dir: &Path, label: &str) -> PathBuf {
+    dir.join(format!("{label}.h5.wal"))
+}
+
+impl EpisodeWriter {
+    /// Opens the log of an episode in `dir`, which is created if needed.
+    ///
+    /// # Errors
+    /// When the file or its log exists, or cannot be created.
+    pub fn open(
+        dir: &Path,
+        started: &v1::EpisodeStarted,
+        snapshot: &v1::SnapshotReply,
+        options: &WriterOptions,
+    ) -> Result<Self, WriteError> {
+        wheelarm_proto::check::label(&started.label)?;
+        let (file, log) = (
+            file_path(dir, &started.label),
+            log_path(dir, &started.label),
+        );
+        let io = |source| LogError::Io {
+            path: log.display().to_string(),
+            source,
+        };
+        std::fs::create_dir_all(dir).map_err(io)?;
+        if file.exists() {
+            return Err(WriteError::Exists(file));
+        }
+        let handle = match crate::log::create_file(&log) {
+            Err(LogError::Io { source, .. })
+                if source.kind() == std::io::ErrorKind::AlreadyExists =>
+            {
+                return Err(WriteError::Unfinished(log));
+            }
+            other => other?,
+        };
+        let syncing = handle.try_clone().map_err(io)?;
+        match Self::over(
+            handle,
+            Some(syncing),
+            log.clone(),
+            file,
+            started,
+            snapshot,
+            options,
+        ) {
+            Ok(writer) => Ok(writer),
+            Err(problem) => {
+                // The preamble did not fit: nothing was acknowledged.
+                let _ = std::fs::remove_file(&log);
+                Err(problem)
+            }
+        }
+    }
+
+    /// Writes into any log file; `open` is what a recorder calls.
+    ///
+    /// # Errors
+    /// When the preamble cannot be written.
+    pub fn over<F: LogFile + 'static>(
+        log_file: F,
+        syncing: Option<File>,
+        log: PathBuf,
+        file: PathBuf,
+        started: &v1::EpisodeStarted,
+        snapshot: &v1::SnapshotReply,
+        options: &WriterOptions,
+    ) -> Result<Self, WriteError> {
+        let names = stream_names(started);
+        let preamble = Preamble {
+            started: Some(started.clone()),
+            snapshot: Some(snapshot.clone()),
+            recorder: options.recorder.clone(),
+            software: env!("CARGO_PKG_VERSION").to_owned(),
+            depth_millimetres: options.depth == DepthFormat::Millimetres,
+            streams: names.clone(),
+        };
+        let appender = Appender::start(log_file, &preamble).map_err(|source| LogError::Io {
+            path: log.display().to_string(),
+            source,
+        })?;
+        let streams = names
+            .into_iter()
+            .enumerate()
+            .filter_map(|(i, name)| {
+                let camera = name.starts_with("camera/");
+                let slot = Slot {
+                    number: u16::try_from(i).ok()?,
+                    camera,
+                    size: None,
+                };
+                Some((name, slot))
+            })
+            .collect();
+
+        let budget = Arc::new(Budget::new(options.queue_bytes));
+        let progress = Arc::new(Progress::default());
+        let (queue, jobs) = crossbeam_channel::unbounded();
+        let (to_log, records) = crossbeam_channel::unbounded();
+        let mut handles = Vec::new();
+        for _ in 0..options.workers.max(1) {
+            let (jobs, to_log) = (jobs.clone(), to_log.clone());
+            let encoder = Encoder::new(options.depth);
+            handles.push(std::thread::spawn(move || {
+                threads::compress(&jobs, &to_log, encoder);
+            }));
+        }
+        drop(to_log);
+        let (shared, told) = (budget.clone(), progress.clone());
+        handles.push(std::thread::spawn(move || {
+            threads::append(&records, appender, &shared, &told);
+        }));
+        let sync = syncing.map(|syncing| {
+            let (sync, done) = crossbeam_channel::bounded(0);
+            let told = progress.clone();
+            handles.push(std::thread::spawn(move || {
+                threads::sync(&syncing, &done, &told)
+            }));
+            sync
+        });
+        Ok(Self {
+            log,
+            file,
+            streams,
+            next: 0,
+            queue: Some(queue),
+            sync,
+            budget,
+            progress,
+            threads: handles,
+        })
+    }
+
+    /// Takes one sample of `stream` (`camera/NAME` for a camera). Waits while
+    /// the queue is full; that wait is what holds a lock-step server back.
+    ///
+    /// # Errors
+    /// [`WriteError::Malformed`] refuses this sample alone;
+    /// [`WriteError::Failed`] every one from now on.
+    pub fn offer(&mut self, stream: &str, payload: Bytes) -> Result<Taken, WriteError> {
+        if let Some(failure) = self.progress.failure() {
+            return Err(WriteError::Failed(failure));
+        }
+        let malformed = |reason: String| WriteError::Malformed {
+            stream: stream.to_owned(),
+            reason,
+        };
+        let slot = self
+            .streams
+            .get_mut(stream)
+            .ok_or_else(|| malformed("the episode does not announce this stream".into()))?;
+        let bytes = payload.len();
+        let (header, work) = if slot.camera {
+            let frame = v1::CameraFrame::decode(payload).map_err(|e| malformed(e.to_string()))?;
+            let size = check_frame(&frame, slot.size).map_err(malformed)?;
+            slot.size = Some(size);
+            let header = frame.header.clone().unwrap_or_default();
+            let record = record_header(Kind::Camera, slot.number, &header);
+            (header, Work::Camera(record, Box::new(frame)))
+        } else {
+            columns::check(stream, &payload).map_err(|e| malformed(e.to_string()))?;
+            let header = columns::header_of(&payload).map_err(|e| malformed(e.to_string()))?;
+            let record = record_header(Kind::State, slot.number, &header);
+            (header, Work::State(record, payload))
+        };
+        self.send(bytes, work);
+        Ok(Taken {
+            sequence: header.sequence,
+            stamp_nanos: header.stamp_nanos,
+            tick: header.tick,
+        })
+    }
+
+    fn send(&mut self, bytes: usize, work: Work) {
+        self.budget.take(bytes);
+        let job = Job {
+            ticket: self.next,
+            bytes,
+            work,
+        };
+        self.next += 1;
+        if let Some(queue) = &self.queue
+            && queue.send(job).is_err()
+        {
+            self.progress
+                .fail("the compression threads are gone".into());
+        }
+    }
+
+    /// Samples that are in the log by now.
+    #[must_use]
+    pub fn acknowledged(&self) -> u64 {
+        self.progress.acknowledged.load(Ordering::Acquire)
+    }
+
+    /// Bytes of the log by now.
+    #[must_use]
+    pub fn log_bytes(&self) -> u64 {
+        self.progress.log_bytes.load(Ordering::Acquire)
+    }
+
+    /// Why writing failed, if it did.
+    #[must_use]
+    pub fn failure(&self) -> Option<String> {
+        self.progress.failure()
+    }
+
+    /// Path of the log.
+    #[must_use]
+    pub fn log(&self) -> &Path {
+        &self.log
+    }
+
+    /// Path that the finished file will have.
+    #[must_use]
+    pub fn file(&self) -> &Path {
+        &self.file
+    }
+
+    /// Writes the closing record, waits for everything to be on the disk and
+    /// returns the log's path.
+    ///
+    /// # Errors
+    /// [`WriteError::Failed`]; what was acknowledged stays in the log.
+    pub fn close(mut self, closing: Closing) -> Result<PathBuf, WriteError> {
+        self.send(0, Work::Closing(Box::new(closing)));
+        self.end();
+        match self.progress.failure() {
+            Some(failure) => Err(WriteError::Failed(failure)),
+            None => Ok(self.log.clone()),
+        }
+    }
+
+    /// Throws the episode away: ends the threads and deletes the log.
+    ///
+    /// # Errors
+    /// When the log cannot be deleted.
+    pub fn discard(mut self) -> std::io::Result<()> {
+        self.end();
+        std::fs::remove_file(&self.log)
+    }
+
+    fn end(&mut self) {
+        self.queue = None;
+        // Workers and log writer first: the last sync must come after them.
+        let sync = self.sync.take();
+        let last = if sync.is_some() {
+            self.threads.pop()
+        } else {
+            None
+        };
+        for thread in self.threads.drain(..) {
+            if thread.join().is_err() {
+                self.progress.fail("a recorder thread panicked".into());
+            }
+        }
+        drop(sync);
+        if let Some(thread) = last
+            && thread.join().is_err()
+        {
+            self.progress.fail("the sync thread panicked".into());
+        }
+    }
+}
+
+impl Drop for EpisodeWriter {
+    fn drop(&mut self) {
+        self.end();
+    }
+}
+
+/// Streams of an episode in the order of their record numbers.
+fn stream_names(started: &v1::EpisodeStarted) -> Vec<String> {
+    let mut out: Vec<String> = Vec::new();
+    let cameras = started.cameras.iter().map(|c| format!("camera/{c}"));
+    let event = std::iter::once(names::EVENT_STREAM.to_owned());
+    for name in started.streams.iter().cloned().chain(event).chain(cameras) {
+        if !out.contains(&name) {
+            out.push(name);
+        }
+    }
+    out
+}
+
+fn record_header(kind: Kind, stream: u16, header: &v1::Header) -> RecordHeader {
+    RecordHeader {
+        kind,
+        stream,
+        sequence: header.sequence,
+        stamp_nanos: header.stamp_nanos,
+        tick: header.tick,
+    }
+}
+
+/// Largest picture side, pixels; keeps every length far below 4 GiB.
+const MAX_SIDE: u32 = 8192;
+
+fn check_frame(frame: &v1::CameraFrame, first: Option<(u32, u32)>) -> Result<(u32, u32), String> {
+    let intrinsics = frame.intrinsics.ok_or("it has no intrinsics")?;
+    let (w, h) = (intrinsics.width, intrinsics.height);
+    if !(1..=MAX_SIDE).contains(&w) || !(1..=MAX_SIDE).contains(&h) {
+        return Err(format!(
+            "it is {w}x{h}, expected 1 to {MAX_SIDE} pixels each way"
+        ));
+    }
+    if let Some((fw, fh)) = first
+        && (w, h) != (fw, fh)
+    {
+        return Err(format!("it is {w}x{h}, the first picture was {fw}x{fh}"));
+    }
+    let pixels = w as usize * h as usize;
+    for (what, got, expected) in [
+        ("rgb", frame.rgb.len(), 3 * pixels),
+        ("depth", frame.depth.len(), 4 * pixels),
+        ("ids", frame.ids.len(), pixels),
+    ] {
+        if got != expected {
+            return Err(format!("{what} has {got} bytes, {w}x{h} needs {expected}"));
+        }
+    }
+    Ok((w, h))
+}

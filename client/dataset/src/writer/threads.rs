@@ -1,0 +1,166 @@
+//! The threads behind an `EpisodeWriter`: compression workers, one log writer
+//! that restores the order of arrival, one that syncs about every 200 ms.
+
+use std::collections::BTreeMap;
+use std::fs::File;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::Duration;
+
+use bytes::Bytes;
+use crossbeam_channel::{Receiver, Sender};
+use wheelarm_proto::v1;
+
+use super::budget::Budget;
+use super::encode::{self, Encoder};
+use crate::log::{Appender, Closing, LogFile, RecordHeader};
+
+/// Pause between two group syncs.
+const SYNC_PERIOD: Duration = Duration::from_millis(200);
+/// Small records are written together up to this size, bytes.
+const GROUP: usize = 1 << 16;
+
+/// One piece of work, numbered in the order of arrival.
+pub(super) struct Job {
+    pub ticket: u64,
+    pub bytes: usize,
+    pub work: Work,
+}
+
+pub(super) enum Work {
+    State(RecordHeader, Bytes),
+    Camera(RecordHeader, Box<v1::CameraFrame>),
+    Closing(Box<Closing>),
+}
+
+/// A record that is ready to be appended.
+pub(super) struct Record {
+    pub ticket: u64,
+    pub bytes: usize,
+    pub data: Vec<u8>,
+}
+
+/// What the threads tell the writer.
+#[derive(Default)]
+pub(super) struct Progress {
+    /// Records that are in the log.
+    pub acknowledged: AtomicU64,
+    /// Bytes of the log.
+    pub log_bytes: AtomicU64,
+    failed: AtomicBool,
+    failure: Mutex<Option<String>>,
+}
+
+impl Progress {
+    pub fn fail(&self, words: String) {
+        self.failure
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner)
+            .get_or_insert(words);
+        self.failed.store(true, Ordering::Release);
+    }
+
+    /// Words of the first failure, if there was one.
+    pub fn failure(&self) -> Option<String> {
+        if !self.failed.load(Ordering::Acquire) {
+            return None;
+        }
+        self.failure
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner)
+            .clone()
+    }
+}
+
+/// Compresses until the queue is closed.
+pub(super) fn compress(jobs: &Receiver<Job>, records: &Sender<Record>, mut encoder: Encoder) {
+    for job in jobs {
+        let data = match job.work {
+            Work::State(header, payload) => encoder.state(&header, &payload),
+            Work::Camera(header, frame) => encoder.camera(&header, &frame),
+            Work::Closing(message) => encode::closing(&message),
+        };
+        let record = Record {
+            ticket: job.ticket,
+            bytes: job.bytes,
+            data,
+        };
+        if records.send(record).is_err() {
+            return;
+        }
+    }
+}
+
+/// Appends in the order of the tickets until the workers are gone.
+pub(super) fn append<F: LogFile>(
+    records: &Receiver<Record>,
+    mut log: Appender<F>,
+    budget: &Budget,
+    progress: &Progress,
+) {
+    let mut waiting = BTreeMap::new();
+    let mut next = 0;
+    let mut group = Vec::new();
+    let mut grouped = (0, 0);
+    while let Ok(record) = records.recv() {
+        waiting.insert(record.ticket, record);
+        while let Ok(record) = records.try_recv() {
+            waiting.insert(record.ticket, record);
+        }
+        while let Some(record) = waiting.remove(&next) {
+            next += 1;
+            grouped.0 += 1;
+            grouped.1 += record.bytes;
+            if group.is_empty() && record.data.len() >= GROUP {
+                group = record.data;
+            } else {
+                group.extend_from_slice(&record.data);
+            }
+            if group.len() >= GROUP {
+                flush(&mut log, &mut group, &mut grouped, budget, progress);
+            }
+        }
+        flush(&mut log, &mut group, &mut grouped, budget, progress);
+    }
+}
+
+fn flush<F: LogFile>(
+    log: &mut Appender<F>,
+    group: &mut Vec<u8>,
+    grouped: &mut (u64, usize),
+    budget: &Budget,
+    progress: &Progress,
+) {
+    if grouped.0 == 0 {
+        return;
+    }
+    match log.append(group) {
+        Ok(()) => {
+            progress.acknowledged.fetch_add(grouped.0, Ordering::AcqRel);
+            progress.log_bytes.store(log.length(), Ordering::Release);
+        }
+        Err(words) => progress.fail(words),
+    }
+    budget.give(grouped.1);
+    group.clear();
+    *grouped = (0, 0);
+}
+
+/// Syncs in groups until `done` is closed, and a last time then.
+pub(super) fn sync(file: &File, done: &Receiver<()>, progress: &Arc<Progress>) {
+    let mut synced = 0;
+    loop {
+        let last =
+            done.recv_timeout(SYNC_PERIOD) != Err(crossbeam_channel::RecvTimeoutError::Timeout);
+        let written = progress.acknowledged.load(Ordering::Acquire);
+        if written != synced || last {
+            if let Err(problem) = file.sync_data() {
+                progress.fail(format!("cannot sync the log to the disk: {problem}"));
+            }
+            synced = written;
+        }
+        if last {
+            return;
+        }
+    }
+}

@@ -1,0 +1,456 @@
+//! Laws of episode files: every number survives bit by bit, a log that ends
+//! anywhere gives its valid prefix, a full disk loses nothing acknowledged,
+//! nothing is ever overwritten, and h5py reads it all.
+
+#[path = "../examples/synthetic/mod.rs"]
+mod synthetic;
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use bytes::Bytes;
+use synthetic::Random;
+use wheelarm_dataset::columns::{Cell, Context, Kind, streams};
+use wheelarm_dataset::depth::DepthFormat;
+use wheelarm_dataset::finish::{FinishError, finish};
+use wheelarm_dataset::log::{Closing, LogFile, scan};
+use wheelarm_dataset::read::Episode;
+use wheelarm_dataset::writer::{EpisodeWriter, WriteError, WriterOptions, log_path};
+use wheelarm_proto::{Message, names, v1};
+
+const SIZE: (u32, u32) = (32, 20);
+
+/// Everything that was offered to a writer, by stream in order.
+type Offered = BTreeMap<String, Vec<Bytes>>;
+
+fn camera_frame(r: &mut Random, camera: &str, sequence: u64) -> Bytes {
+    let header = synthetic::header(sequence, 24 * sequence);
+    let frame = synthetic::frame(camera, header, SIZE, |x, y| {
+        let depth = match (x + y) % 7 {
+            0 => f32::INFINITY,
+            _ => 0.5 + (r.below(1000) as f32) * 0.01,
+        };
+        ([x as u8, y as u8, r.below(256) as u8], depth, (x % 3) as u8)
+    });
+    Bytes::from(frame.encode_to_vec())
+}
+
+/// Offers `samples` of every stream, mixed, with sequence numbers from 100.
+fn offer_all(writer: &mut EpisodeWriter, seed: u64, samples: u64) -> Offered {
+    let mut r = Random(seed);
+    let mut offered = Offered::new();
+    for i in 0..samples {
+        for stream in names::STREAMS.iter().chain([&names::EVENT_STREAM]) {
+            let header = synthetic::header(100 + i, 4 * i);
+            let payload = Bytes::from(r.message(stream, header, 3));
+            writer.offer(stream, payload.clone()).unwrap();
+            offered
+                .entry((*stream).to_owned())
+                .or_default()
+                .push(payload);
+        }
+        if i % 6 == 0 {
+            for camera in ["gen3", "wheelchair"] {
+                let payload = camera_frame(&mut r, camera, i / 6);
+                let stream = format!("camera/{camera}");
+                writer.offer(&stream, payload.clone()).unwrap();
+                offered.entry(stream).or_default().push(payload);
+            }
+        }
+    }
+    offered
+}
+
+fn manifest(offered: &Offered) -> Vec<(String, u64, u64)> {
+    let first = |s: &str| if s.starts_with("camera/") { 0 } else { 100 };
+    offered
+        .iter()
+        .map(|(s, list)| (s.clone(), first(s), list.len() as u64))
+        .collect()
+}
+
+fn closing(offered: &Offered) -> Closing {
+    Closing {
+        stopped: Some(synthetic::stopped(600, &manifest(offered))),
+        ..Default::default()
+    }
+}
+
+fn record(dir: &Path, label: &str, options: &WriterOptions, samples: u64) -> (PathBuf, Offered) {
+    let started = synthetic::started(label);
+    let mut writer = EpisodeWriter::open(dir, &started, &synthetic::snapshot(), options).unwrap();
+    let offered = offer_all(&mut writer, 1, samples);
+    let log = writer.close(closing(&offered)).unwrap();
+    (log, offered)
+}
+
+fn bits(values: &[f64]) -> Vec<u64> {
+    values.iter().map(|v| v.to_bits()).collect()
+}
+
+#[test]
+fn every_stream_survives_the_file_bit_by_bit() {
+    let dir = tempfile::tempdir().unwrap();
+    // More samples than one chunk has rows.
+    let (log, offered) = record(dir.path(), "exact", &WriterOptions::default(), 1100);
+    let finished = finish(&log, None).unwrap();
+    assert!(
+        finished.account.complete(),
+        "{:?}",
+        finished.account.problems
+    );
+    assert!(!log.exists());
+
+    let episode = Episode::open(&finished.path).unwrap();
+    let context = Context {
+        objects: synthetic::started("").objects,
+        conditions: episode.names("evaluation", "condition_holds").unwrap(),
+    };
+    assert_eq!(context.conditions.len(), 3);
+    for stream in streams() {
+        let name = stream.name();
+        let rows: Vec<Vec<Cell>> = offered[name]
+            .iter()
+            .map(|p| stream.extract(p, &context).unwrap().0)
+            .collect();
+        for (c, column) in stream.columns().into_iter().enumerate() {
+            let cells = rows.iter().map(|row| &row[c]);
+            let what = format!("{name}/{}", column.name);
+            match column.kind {
+                Kind::F64 => {
+                    let all: Vec<f64> = cells
+                        .flat_map(|c| match c {
+                            Cell::F64(v) => v.clone(),
+                            _ => Vec::new(),
+                        })
+                        .collect();
+                    let read = episode.f64s(name, column.name).unwrap();
+                    assert_eq!(read.shape()[0], 1100, "{what}");
+                    assert_eq!(bits(read.as_slice().unwrap()), bits(&all), "{what}");
+                }
+                Kind::U64 => {
+                    let all: Vec<u64> = cells
+                        .flat_map(|c| match c {
+                            Cell::U64(v) => v.clone(),
+                            _ => Vec::new(),
+                        })
+                        .collect();
+                    assert_eq!(episode.u64s(name, column.name).unwrap(), all, "{what}");
+                }
+                Kind::Flag => {
+                    let all: Vec<bool> = cells
+                        .flat_map(|c| match c {
+                            Cell::Flag(v) => v.iter().map(|&b| b != 0).collect(),
+                            _ => Vec::new(),
+                        })
+                        .collect();
+                    assert_eq!(episode.flags(name, column.name).unwrap(), all, "{what}");
+                }
+                Kind::Text => {
+                    let all: Vec<String> = cells
+                        .map(|c| match c {
+                            Cell::Text(v) => v.clone(),
+                            _ => String::new(),
+                        })
+                        .collect();
+                    assert_eq!(episode.texts(name, column.name).unwrap(), all, "{what}");
+                }
+                Kind::Bytes => {}
+            }
+        }
+        let sequences: Vec<u64> = (100..1200).collect();
+        assert_eq!(episode.u64s(name, "sequence").unwrap(), sequences);
+    }
+    // What replay reads are the very messages.
+    let sent: Vec<Vec<u8>> = offered["applied"].iter().map(|p| p.to_vec()).collect();
+    let read: Vec<Vec<u8>> = episode
+        .applied()
+        .unwrap()
+        .iter()
+        .map(Message::encode_to_vec)
+        .collect();
+    assert_eq!(read, sent);
+    assert_eq!(episode.state_hashes().unwrap().len(), 1100);
+    assert_eq!(episode.snapshot().unwrap(), synthetic::snapshot());
+    assert_eq!(episode.started().unwrap(), synthetic::started("exact"));
+    assert_eq!(
+        episode.scenario().unwrap(),
+        synthetic::started("exact").scenario.unwrap()
+    );
+    let events = episode.texts("event", "source").unwrap();
+    assert_eq!(events.iter().filter(|s| *s == "event").count(), 1100);
+
+    for camera in ["gen3", "wheelchair"] {
+        let sent = &offered[&format!("camera/{camera}")];
+        let read = episode.camera(camera).unwrap();
+        assert_eq!(read.len(), sent.len());
+        for (i, payload) in sent.iter().enumerate() {
+            let sent = v1::CameraFrame::decode(payload.clone()).unwrap();
+            let frame = read.frame(&episode, i).unwrap();
+            let depth: Vec<u8> = frame.depth.iter().flat_map(|d| d.to_le_bytes()).collect();
+            assert_eq!(frame.rgb, sent.rgb);
+            assert_eq!(depth, sent.depth);
+            assert_eq!(frame.ids, sent.ids);
+            assert_eq!(Some(frame.intrinsics), sent.intrinsics);
+            assert_eq!(frame.pose, [1.0, 2.0, 3.0, 0.0, 0.0, 0.0, 1.0]);
+        }
+    }
+    let summary = episode.summary().unwrap();
+    assert!(summary.complete && summary.success);
+    assert_eq!(summary.conditions.len(), 2);
+}
+
+#[test]
+fn a_log_that_ends_or_breaks_anywhere_gives_its_valid_prefix() {
+    let dir = tempfile::tempdir().unwrap();
+    let (log, _) = record(dir.path(), "whole", &WriterOptions::default(), 13);
+    let whole = std::fs::read(&log).unwrap();
+    let full = scan(&log).unwrap();
+    assert!(full.damage.is_none() && full.closing.is_some());
+    let ends: Vec<u64> = full
+        .entries
+        .iter()
+        .map(|e| e.offset + e.length as u64)
+        .collect();
+    let first = full.entries[0].offset - 40;
+
+    let broken = dir.path().join("broken.wal");
+    let mut r = Random(5);
+    for case in 0..300 {
+        let mut bytes = whole.clone();
+        let at = r.below(whole.len() as u64);
+        if case % 2 == 0 {
+            bytes.truncate(at as usize);
+        } else {
+            bytes[at as usize] ^= 1 << r.below(8);
+        }
+        std::fs::write(&broken, &bytes).unwrap();
+        if at < first {
+            assert!(scan(&broken).is_err(), "a damaged preamble was taken");
+            continue;
+        }
+        let kept = scan(&broken).unwrap();
+        let expected = ends.iter().filter(|&&end| end <= at).count();
+        assert_eq!(kept.entries[..], full.entries[..expected], "cut at {at}");
+        assert_eq!(kept.good + kept.lost, bytes.len() as u64);
+        assert_eq!(kept.closing, None);
+        // A cut between two records loses nothing that the file could show.
+        assert_eq!(kept.damage.is_some(), kept.lost > 0);
+    }
+}
+
+#[test]
+fn recovery_of_a_torn_log_gives_a_valid_partial_file() {
+    let dir = tempfile::tempdir().unwrap();
+    let (log, _) = record(dir.path(), "torn", &WriterOptions::default(), 13);
+    let whole = std::fs::read(&log).unwrap();
+    std::fs::write(&log, &whole[..whole.len() * 2 / 3]).unwrap();
+    let kept = scan(&log).unwrap().entries.len() as u64;
+    let out = dir.path().join("elsewhere");
+    let finished = finish(&log, Some(&out)).unwrap();
+    assert_eq!(finished.path, out.join("torn.h5"));
+    assert!(!finished.account.complete());
+    assert_eq!(finished.account.total(|s| s.received), kept);
+    let summary = Episode::open(&finished.path).unwrap().summary().unwrap();
+    assert!(!summary.complete);
+    assert!(summary.problems.len() >= 2, "{:?}", summary.problems);
+}
+
+#[test]
+fn missing_samples_make_the_file_partial_and_are_counted() {
+    let dir = tempfile::tempdir().unwrap();
+    let started = synthetic::started("gap");
+    let mut writer = EpisodeWriter::open(
+        dir.path(),
+        &started,
+        &synthetic::snapshot(),
+        &WriterOptions::default(),
+    )
+    .unwrap();
+    let mut r = Random(2);
+    // 5 is missing, 7 comes late, 8 comes twice.
+    for sequence in [3, 4, 6, 8, 8, 7] {
+        let payload = r.message("imu", synthetic::header(sequence, sequence), 0);
+        writer.offer("imu", payload.into()).unwrap();
+    }
+    let counts = [("imu".to_owned(), 3, 7)];
+    let log = writer
+        .close(Closing {
+            stopped: Some(synthetic::stopped(9, &counts)),
+            ..Default::default()
+        })
+        .unwrap();
+    let finished = finish(&log, None).unwrap();
+    let imu = finished
+        .account
+        .streams
+        .iter()
+        .find(|s| s.stream == "imu")
+        .unwrap();
+    // 5 and 9, which the manifest lists and which never came.
+    assert_eq!((imu.expected, imu.received, imu.missed), (7, 5, 2));
+    let episode = Episode::open(&finished.path).unwrap();
+    assert_eq!(episode.u64s("imu", "sequence").unwrap(), [3, 4, 6, 7, 8]);
+    assert!(!episode.summary().unwrap().complete);
+}
+
+#[test]
+fn an_existing_file_is_never_overwritten() {
+    let dir = tempfile::tempdir().unwrap();
+    let (log, _) = record(dir.path(), "twice", &WriterOptions::default(), 3);
+    let started = synthetic::started("twice");
+    let open = || {
+        EpisodeWriter::open(
+            dir.path(),
+            &started,
+            &synthetic::snapshot(),
+            &WriterOptions::default(),
+        )
+    };
+    assert!(matches!(open(), Err(WriteError::Unfinished(_))));
+
+    // The file appears between the start and the end of a recording.
+    let file = dir.path().join("twice.h5");
+    std::fs::write(&file, "mine").unwrap();
+    assert!(matches!(
+        finish(&log, None),
+        Err(FinishError::Exists { .. })
+    ));
+    assert_eq!(std::fs::read(&file).unwrap(), b"mine");
+    assert!(log.exists(), "the log must stay");
+    assert!(matches!(open(), Err(WriteError::Exists(_))));
+
+    std::fs::remove_file(&file).unwrap();
+    assert!(finish(&log, None).unwrap().account.complete());
+    let names: Vec<_> = std::fs::read_dir(dir.path())
+        .unwrap()
+        .map(|e| e.unwrap().file_name())
+        .collect();
+    assert_eq!(names, ["twice.h5"], "nothing else may be left behind");
+}
+
+/// A disk with room for `left` bytes; it writes what fits, as disks do.
+struct FullDisk {
+    file: std::fs::File,
+    left: usize,
+}
+
+impl LogFile for FullDisk {
+    fn append(&mut self, bytes: &[u8]) -> std::io::Result<()> {
+        let fits = bytes.len().min(self.left);
+        self.left -= fits;
+        self.file.append(&bytes[..fits])?;
+        if fits < bytes.len() {
+            return Err(std::io::ErrorKind::StorageFull.into());
+        }
+        Ok(())
+    }
+
+    fn truncate(&mut self, length: u64) -> std::io::Result<()> {
+        self.file.truncate(length)
+    }
+}
+
+#[test]
+fn a_full_disk_keeps_what_was_acknowledged_and_says_so() {
+    let dir = tempfile::tempdir().unwrap();
+    let started = synthetic::started("full");
+    let log = log_path(dir.path(), "full");
+    let file = std::fs::File::options()
+        .append(true)
+        .create_new(true)
+        .open(&log)
+        .unwrap();
+    let disk = FullDisk {
+        file,
+        left: 200_000,
+    };
+    let mut writer = EpisodeWriter::over(
+        disk,
+        None,
+        log.clone(),
+        dir.path().join("full.h5"),
+        &started,
+        &synthetic::snapshot(),
+        &WriterOptions::default(),
+    )
+    .unwrap();
+    let mut r = Random(3);
+    let problem = (0..)
+        .find_map(|i| {
+            let payload = r.message("applied", synthetic::header(i, i), 0);
+            writer.offer("applied", payload.into()).err()
+        })
+        .unwrap();
+    assert!(problem.to_string().contains("free space"), "{problem}");
+    let acknowledged = writer.acknowledged();
+    assert!(writer.close(Closing::default()).is_err());
+
+    let kept = scan(&log).unwrap();
+    assert!(acknowledged > 10);
+    assert_eq!(kept.entries.len() as u64, acknowledged);
+    assert_eq!(kept.lost, 0, "the torn record must be cut off");
+    let finished = finish(&log, None).unwrap();
+    assert!(!finished.account.complete());
+    assert_eq!(finished.account.total(|s| s.received), acknowledged);
+}
+
+#[test]
+fn depth_in_millimetres_is_the_rounded_depth_in_metres() {
+    let dir = tempfile::tempdir().unwrap();
+    let options = WriterOptions {
+        depth: DepthFormat::Millimetres,
+        ..Default::default()
+    };
+    let (log, offered) = record(dir.path(), "mm", &options, 7);
+    let episode = Episode::open(&finish(&log, None).unwrap().path).unwrap();
+    let camera = episode.camera("gen3").unwrap();
+    for (i, payload) in offered["camera/gen3"].iter().enumerate() {
+        let sent = v1::CameraFrame::decode(payload.clone()).unwrap();
+        let read = camera.frame(&episode, i).unwrap();
+        for (bytes, &metres) in sent.depth.chunks_exact(4).zip(&read.depth) {
+            let exact = f32::from_le_bytes(bytes.try_into().unwrap());
+            let same = exact.is_infinite() && metres.is_infinite();
+            assert!(same || (exact - metres).abs() <= 5.1e-4, "{exact} {metres}");
+        }
+    }
+    assert_eq!(episode.summary().unwrap().depth_unit, "mm");
+}
+
+#[test]
+fn samples_of_the_wrong_kind_are_refused_and_do_no_harm() {
+    let dir = tempfile::tempdir().unwrap();
+    let mut writer = EpisodeWriter::open(
+        dir.path(),
+        &synthetic::started("bad"),
+        &synthetic::snapshot(),
+        &WriterOptions::default(),
+    )
+    .unwrap();
+    let mut r = Random(4);
+    let good = camera_frame(&mut r, "gen3", 0);
+    assert!(
+        writer
+            .offer("camera/gen3", good.slice(..good.len() - 1))
+            .is_err()
+    );
+    let cut = v1::CameraFrame {
+        rgb: Bytes::from_static(b"short"),
+        ..v1::CameraFrame::decode(good.clone()).unwrap()
+    };
+    assert!(
+        writer
+            .offer("camera/gen3", cut.encode_to_vec().into())
+            .is_err()
+    );
+    assert!(
+        writer
+            .offer("imu", Bytes::from_static(b"\xff\xff"))
+            .is_err()
+    );
+    assert!(writer.offer("nobody", Bytes::new()).is_err());
+    writer.offer("camera/gen3", good).unwrap();
+    let log = writer.close(Closing::default()).unwrap();
+    assert_eq!(scan(&log).unwrap().entries.len(), 1);
+    assert!(!finish(&log, None).unwrap().account.complete());
+}

@@ -1,0 +1,49 @@
+//! `wheelarm X` runs `wheelarm-X` when X is not built in, as cargo does.
+
+use std::ffi::OsString;
+use std::path::{Path, PathBuf};
+use std::process::{Command, ExitCode};
+
+use anyhow::{Context, bail};
+
+/// Finds a program beside this one, else on PATH.
+#[must_use]
+pub fn find_program(name: &str) -> Option<PathBuf> {
+    let file = format!("{name}{}", std::env::consts::EXE_SUFFIX);
+    let beside = std::env::current_exe()
+        .ok()
+        .and_then(|path| path.parent().map(Path::to_path_buf));
+    let path = std::env::var_os("PATH").unwrap_or_default();
+    beside
+        .into_iter()
+        .chain(std::env::split_paths(&path))
+        .map(|folder| folder.join(&file))
+        .find(|program| program.is_file())
+}
+
+/// Runs an external subcommand and passes its exit code on.
+///
+/// # Errors
+/// When there is no such program or it cannot be started.
+pub fn run_external(words: &[OsString]) -> anyhow::Result<ExitCode> {
+    let Some((name, arguments)) = words.split_first() else {
+        bail!("no subcommand given");
+    };
+    let name = name.to_string_lossy();
+    let program = format!("wheelarm-{name}");
+    let Some(path) = find_program(&program) else {
+        bail!(
+            "`wheelarm {name}` is not built in, and no `{program}` lies beside this program or on PATH; see `wheelarm --help`"
+        );
+    };
+    let status = Command::new(&path)
+        .args(arguments)
+        .status()
+        .with_context(|| format!("starting {}", path.display()))?;
+    Ok(ExitCode::from(
+        status
+            .code()
+            .and_then(|code| u8::try_from(code).ok())
+            .unwrap_or(1),
+    ))
+}

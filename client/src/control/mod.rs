@@ -1,0 +1,167 @@
+//! The small commands: one query each, its answer printed.
+
+mod external;
+mod print;
+
+use clap::{Args, Subcommand};
+use wheelarm_proto::keys::Query;
+use wheelarm_proto::v1;
+
+use crate::link::{Link, LinkError};
+
+pub use external::{find_program, run_external};
+pub use print::{episode_line, evaluation_lines};
+
+/// Options of `wheelarm reset`.
+#[derive(Args, Clone, Debug, Default)]
+pub struct ResetArgs {
+    /// Scene; the one in force when absent.
+    #[arg(long)]
+    pub scene: Option<String>,
+    /// Task; the one in force when absent.
+    #[arg(long)]
+    pub task: Option<String>,
+    /// Seed of every random choice.
+    #[arg(long)]
+    pub seed: Option<u64>,
+    /// Instruction sentence; drawn from the task's by seed when absent.
+    #[arg(long)]
+    pub instruction: Option<String>,
+}
+
+/// `wheelarm episode …`.
+#[derive(Subcommand, Clone, Debug)]
+pub enum EpisodeCommand {
+    /// Starts an episode; connected recorders open a file.
+    Start(EpisodeStartArgs),
+    /// Ends the running episode; recorders finish their files.
+    Stop(EpisodeStopArgs),
+}
+
+/// Options of `wheelarm episode start`.
+#[derive(Args, Clone, Debug)]
+pub struct EpisodeStartArgs {
+    /// Label: letters, digits, `-`, `_`, `.`; names the file.
+    #[arg(long)]
+    pub label: String,
+    /// Instruction sentence, stored exactly; the scenario's when absent.
+    #[arg(long, default_value = "")]
+    pub instruction: String,
+    /// Recorders that must be ready before time goes on.
+    #[arg(long, default_value_t = 0, value_name = "N")]
+    pub require_recorders: u32,
+    /// In lock-step: the commander that the simulation waits for.
+    #[arg(long, default_value = "")]
+    pub commander: String,
+}
+
+/// Options of `wheelarm episode stop`.
+#[derive(Args, Clone, Copy, Debug)]
+pub struct EpisodeStopArgs {
+    /// Recorders throw the episode away.
+    #[arg(long)]
+    pub discard: bool,
+}
+
+/// Prints what the server does.
+///
+/// # Errors
+/// [`LinkError`].
+pub fn status(link: &Link) -> Result<(), LinkError> {
+    let status: v1::Status = link.ask(Query::Status)?;
+    print!("{}", print::status_text(link.keys().sim(), &status));
+    Ok(())
+}
+
+/// Prints the tasks that the server knows.
+///
+/// # Errors
+/// [`LinkError`].
+pub fn tasks(link: &Link) -> Result<(), LinkError> {
+    let list: v1::TaskList = link.ask(Query::Tasks)?;
+    print!("{}", print::tasks_text(&list));
+    Ok(())
+}
+
+/// Sets up a new scenario: the one in force with what `args` names replaced.
+///
+/// The places drawn for the old seed or task do not survive it.
+///
+/// # Errors
+/// [`LinkError`].
+pub fn reset(link: &Link, args: &ResetArgs) -> Result<v1::Scenario, LinkError> {
+    let status: v1::Status = link.ask(Query::Status)?;
+    let mut scenario = status.scenario.unwrap_or_default();
+    if let Some(scene) = &args.scene {
+        scenario.scene.clone_from(scene);
+    }
+    if let Some(task) = &args.task {
+        scenario.task.clone_from(task);
+    }
+    if let Some(seed) = args.seed {
+        scenario.seed = seed;
+    }
+    scenario.instruction = args.instruction.clone().unwrap_or_default();
+    scenario.objects.clear();
+    scenario.start = None;
+    let request = v1::ResetRequest {
+        scenario: Some(scenario),
+        snapshot: bytes::Bytes::new(),
+    };
+    let reply: v1::ResetReply = link.query(Query::Reset, &request)?;
+    Ok(reply.scenario.unwrap_or_default())
+}
+
+/// Asks `query`, which is only acknowledged.
+///
+/// # Errors
+/// [`LinkError`].
+pub fn acknowledge(link: &Link, query: Query) -> Result<(), LinkError> {
+    link.ask::<v1::Ack>(query).map(|_| ())
+}
+
+/// Starts an episode.
+///
+/// # Errors
+/// [`LinkError`].
+pub fn start_episode(
+    link: &Link,
+    args: &EpisodeStartArgs,
+) -> Result<v1::EpisodeStarted, LinkError> {
+    link.query(
+        Query::EpisodeStart,
+        &v1::EpisodeStartRequest {
+            label: args.label.clone(),
+            instruction: args.instruction.clone(),
+            require_recorders: args.require_recorders,
+            commander: args.commander.clone(),
+            ..Default::default()
+        },
+    )
+}
+
+/// Ends the running episode.
+///
+/// # Errors
+/// [`LinkError`].
+pub fn stop_episode(link: &Link, discard: bool) -> Result<v1::EpisodeStopped, LinkError> {
+    link.query(Query::EpisodeStop, &v1::EpisodeStopRequest { discard })
+}
+
+/// Runs `wheelarm episode …` and prints the result.
+///
+/// # Errors
+/// [`LinkError`].
+pub fn episode(link: &Link, command: &EpisodeCommand) -> Result<(), LinkError> {
+    match command {
+        EpisodeCommand::Start(args) => {
+            let started = start_episode(link, args)?;
+            println!("started {}", episode_line(&started));
+        }
+        EpisodeCommand::Stop(args) => {
+            let stopped = stop_episode(link, args.discard)?;
+            print!("{}", print::stopped_text(&stopped));
+        }
+    }
+    Ok(())
+}

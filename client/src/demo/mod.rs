@@ -1,0 +1,256 @@
+//! `wheelarm demo`: a server, a recorder and the operator on loopback in
+//! lock-step; then the episode's file, its pictures and what came of it.
+//!
+//! The demo uses only what every user has: the three programs and the link.
+
+mod summary;
+
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+use std::time::{Duration, Instant};
+
+use anyhow::Context;
+use clap::{Args, ValueEnum};
+use indicatif::{ProgressBar, ProgressStyle};
+use wheelarm_proto::keys::Query;
+use wheelarm_proto::v1;
+
+use crate::link::Link;
+use crate::local::{self, LocalServer, Program, ServerOptions};
+use crate::operate::run::{self as operate, OperateArgs, Progress};
+use summary::Summary;
+
+/// Name of the demo's recorder.
+const RECORDER: &str = "demo";
+/// Longest time for drawing a contact sheet.
+const SHEET: Duration = Duration::from_secs(120);
+
+/// Options of `wheelarm demo`.
+#[derive(Args, Clone, Debug)]
+pub struct DemoArgs {
+    /// Seed of the scenario.
+    #[arg(long, default_value_t = 0)]
+    pub seed: u64,
+    /// Several seeds, `FIRST..LAST` without the last, for example `0..10`.
+    #[arg(long, value_parser = seed_range, value_name = "A..B", conflicts_with = "seed")]
+    pub seeds: Option<(u64, u64)>,
+    /// Folder for the files.
+    #[arg(long, default_value = "data/demo")]
+    pub out: PathBuf,
+    /// Task.
+    #[arg(long, default_value = "pick_mustard")]
+    pub task: String,
+    /// Scene.
+    #[arg(long, default_value = "home")]
+    pub scene: String,
+    /// Picture width, pixels.
+    #[arg(long, default_value_t = 1280)]
+    pub width: u32,
+    /// Picture height, pixels.
+    #[arg(long, default_value_t = 720)]
+    pub height: u32,
+    /// Pictures per simulated second of each camera; divides 240.
+    #[arg(long, default_value_t = 10.0)]
+    pub rate: f64,
+    /// Work per picture.
+    #[arg(long, value_enum, default_value = "standard")]
+    pub quality: QualityArg,
+    /// Assets folder; the server looks for it when absent.
+    #[arg(long, env = "WHEELARM_ASSETS")]
+    pub assets: Option<PathBuf>,
+    /// No contact sheet.
+    #[arg(long)]
+    pub no_sheet: bool,
+}
+
+/// Work per picture.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum QualityArg {
+    /// No shadows.
+    Fast,
+    /// One shadow map.
+    Standard,
+    /// Multisampling and soft shadows.
+    High,
+}
+
+impl QualityArg {
+    /// The word that the server takes.
+    #[must_use]
+    pub fn word(self) -> &'static str {
+        match self {
+            Self::Fast => "fast",
+            Self::Standard => "standard",
+            Self::High => "high",
+        }
+    }
+}
+
+fn seed_range(text: &str) -> Result<(u64, u64), String> {
+    text.split_once("..")
+        .and_then(|(a, b)| Some((a.parse().ok()?, b.parse().ok()?)))
+        .filter(|(a, b)| a < b)
+        .ok_or_else(|| format!("{text:?} is not FIRST..LAST, for example 0..10"))
+}
+
+/// Runs the demo for every seed. Success only when every task succeeded and
+/// every recording is complete; a recording with loss is exit code 3.
+///
+/// # Errors
+/// When a program cannot be started or stops answering.
+pub fn run(args: &DemoArgs) -> anyhow::Result<ExitCode> {
+    let (first, end) = args.seeds.unwrap_or((args.seed, args.seed + 1));
+    std::fs::create_dir_all(&args.out)
+        .with_context(|| format!("making the folder {}", args.out.display()))?;
+    let mut done = Vec::new();
+    for seed in first..end {
+        let summary = one(args, seed)?;
+        print!("{summary}");
+        done.push(summary);
+    }
+    if done.len() > 1 {
+        let good = done.iter().filter(|summary| summary.is_good()).count();
+        println!(
+            "{good} of {} episodes succeeded and are complete",
+            done.len()
+        );
+        for summary in done.iter().filter(|summary| !summary.is_good()) {
+            println!("  not seed {}: {}", summary.seed, summary.problem());
+        }
+    }
+    Ok(if done.iter().all(Summary::is_good) {
+        ExitCode::SUCCESS
+    } else if done.iter().all(|summary| summary.report.succeeded()) {
+        ExitCode::from(3)
+    } else {
+        ExitCode::FAILURE
+    })
+}
+
+/// Records one episode.
+fn one(args: &DemoArgs, seed: u64) -> anyhow::Result<Summary> {
+    let begun = Instant::now();
+    let bar = ProgressBar::new_spinner().with_style(ProgressStyle::with_template(
+        "{spinner} {elapsed_precise} {msg}",
+    )?);
+    bar.enable_steady_tick(Duration::from_millis(120));
+    bar.set_message(format!("seed {seed}: starting the server"));
+    let camera = |name: &str| format!("{name}={}x{}@{}", args.width, args.height, args.rate);
+    let server = LocalServer::start(&ServerOptions {
+        scene: args.scene.clone(),
+        task: args.task.clone(),
+        robot: "wheelarm".to_owned(),
+        seed,
+        pacing: "lock-step",
+        cameras: vec![camera("gen3"), camera("wheelchair")],
+        quality: args.quality.word().to_owned(),
+        assets: args.assets.clone(),
+    })?;
+    let link = server.link()?;
+    let status: v1::Status = link.ask(Query::Status)?;
+    let mut recorder = local::start_recorder(server.connect(), &args.out, RECORDER)?;
+    let label = local::free_label(&args.out, &format!("{}-seed{seed}", args.task));
+    let work = OperateArgs {
+        label: Some(label.clone()),
+        require_recorders: 1,
+        ..OperateArgs::default()
+    };
+    bar.set_message(format!("seed {seed}: {}", status.adapter));
+    let mut watch = Watch {
+        bar: &bar,
+        link: &link,
+        seed,
+        asked: Instant::now(),
+        frames: 0,
+    };
+    let report =
+        operate::run(&link, &work, &mut |progress| watch.show(progress)).with_context(|| {
+            format!(
+                "the server said:\n{}the recorder said:\n{}",
+                server.messages(),
+                recorder.messages()
+            )
+        })?;
+    bar.set_message(format!("seed {seed}: finishing the file"));
+    let episode = report.started.header.as_ref().map_or(0, |h| h.episode);
+    let recorded = local::finished(&link, RECORDER, episode, &mut recorder)?;
+    let wall = begun.elapsed();
+    drop(recorder);
+    server.stop(link)?;
+    let sheet = if args.no_sheet || recorded.path.is_empty() {
+        None
+    } else {
+        bar.set_message(format!("seed {seed}: drawing the contact sheet"));
+        sheet(Path::new(&recorded.path))?
+    };
+    bar.finish_and_clear();
+    Ok(Summary {
+        seed,
+        report,
+        recorded,
+        adapter: status.adapter,
+        wall,
+        sheet,
+    })
+}
+
+/// Shows how it goes.
+struct Watch<'a> {
+    bar: &'a ProgressBar,
+    link: &'a Link,
+    seed: u64,
+    asked: Instant,
+    frames: u64,
+}
+
+impl Watch<'_> {
+    fn show(&mut self, progress: &Progress<'_>) {
+        for note in progress.notes {
+            self.bar
+                .println(format!("  {:6.1} s  {note}", progress.time));
+        }
+        if self.asked.elapsed() > Duration::from_millis(500) {
+            self.asked = Instant::now();
+            if let Ok(status) = self.link.ask::<v1::Status>(Query::Status) {
+                self.frames = status.recorders.iter().map(|r| r.accepted_frames).sum();
+            }
+        }
+        self.bar.set_message(format!(
+            "seed {}: {:5.1} s simulated, {:<11} {:4} pictures, {:.2}x real time",
+            self.seed, progress.time, progress.phase, self.frames, progress.factor
+        ));
+    }
+}
+
+/// Draws the contact sheet; its path.
+fn sheet(file: &Path) -> anyhow::Result<Option<PathBuf>> {
+    let picture = file.with_extension("png");
+    let mut program = Program::start(
+        "wheelarm-dataset",
+        [
+            "sheet".as_ref(),
+            file.as_os_str(),
+            "--out".as_ref(),
+            picture.as_os_str(),
+        ],
+    )?;
+    let status = program.wait(SHEET)?;
+    if !status.success() || !picture.is_file() {
+        eprintln!("no contact sheet ({status}):\n{}", program.messages());
+        return Ok(None);
+    }
+    Ok(Some(picture))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn seed_ranges_are_read_and_wrong_ones_refused() {
+        assert_eq!(seed_range("0..10"), Ok((0, 10)));
+        for bad in ["", "3", "3..3", "4..2", "a..b"] {
+            assert!(seed_range(bad).is_err(), "{bad:?} was taken");
+        }
+    }
+}

@@ -1,0 +1,125 @@
+//! What came of a demo, for people.
+
+use std::fmt;
+use std::path::PathBuf;
+use std::time::Duration;
+
+use wheelarm_proto::v1;
+
+use crate::control::evaluation_lines;
+use crate::operate::operator::Outcome;
+use crate::operate::run::Report;
+
+/// What came of one episode.
+#[derive(Clone, Debug)]
+pub struct Summary {
+    /// Seed of the scenario.
+    pub seed: u64,
+    /// What the operator and the task say.
+    pub report: Report,
+    /// What the recorder says.
+    pub recorded: v1::RecorderStatus,
+    /// Graphics adapter.
+    pub adapter: String,
+    /// From the start of the server to the finished file.
+    pub wall: Duration,
+    /// Contact sheet, if it was drawn.
+    pub sheet: Option<PathBuf>,
+}
+
+impl Summary {
+    /// The task succeeded and the recording is complete.
+    #[must_use]
+    pub fn is_good(&self) -> bool {
+        self.report.succeeded() && self.recorded.complete && self.recorded.missed == 0
+    }
+
+    /// Why it is not good.
+    #[must_use]
+    pub fn problem(&self) -> String {
+        match &self.report.outcome {
+            Outcome::Failure(why) => why.clone(),
+            Outcome::Success if !self.report.evaluation.success => {
+                "the task's conditions no longer held at the end".to_owned()
+            }
+            Outcome::Success => format!(
+                "{} samples are missing {}",
+                self.recorded.missed, self.recorded.message
+            ),
+        }
+    }
+
+    /// Simulated seconds of the episode.
+    fn simulated(&self) -> f64 {
+        let stamp = |header: Option<&v1::Header>| header.map_or(0, |h| h.stamp_nanos);
+        let begun = stamp(self.report.started.header.as_ref());
+        let ended = stamp(self.report.stopped.as_ref().and_then(|s| s.header.as_ref()));
+        ended.saturating_sub(begun) as f64 * 1e-9
+    }
+}
+
+impl fmt::Display for Summary {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let simulated = self.simulated().max(1e-9);
+        writeln!(
+            f,
+            "seed {}: {:?}",
+            self.seed, self.report.started.instruction
+        )?;
+        if !self.is_good() {
+            writeln!(f, "  NOT GOOD: {}", self.problem())?;
+        }
+        f.write_str(&evaluation_lines(&self.report.evaluation))?;
+        let stopped = self.report.stopped.clone().unwrap_or_default();
+        let mut pictures = 0;
+        for stream in &stopped.manifest {
+            if stream.stream.starts_with("camera/") {
+                pictures += stream.count;
+            }
+            writeln!(
+                f,
+                "  {:>7} {:<20} {:7.2} per simulated s",
+                stream.count,
+                stream.stream,
+                stream.count as f64 / simulated
+            )?;
+        }
+        let wall = stopped.wall_seconds.max(1e-9);
+        writeln!(
+            f,
+            "  pictures    {pictures}, each colour, depth and ids, {:.1} per wall second on {}",
+            pictures as f64 / wall,
+            if self.adapter.is_empty() {
+                "no adapter"
+            } else {
+                &self.adapter
+            }
+        )?;
+        writeln!(
+            f,
+            "  missed      {} ({})",
+            self.recorded.missed,
+            if self.recorded.complete {
+                "complete"
+            } else {
+                "NOT complete"
+            }
+        )?;
+        let bytes = std::fs::metadata(&self.recorded.path).map_or(0, |m| m.len());
+        writeln!(
+            f,
+            "  file        {} ({:.1} MB)",
+            self.recorded.path,
+            bytes as f64 * 1e-6
+        )?;
+        if let Some(sheet) = &self.sheet {
+            writeln!(f, "  sheet       {}", sheet.display())?;
+        }
+        writeln!(
+            f,
+            "  time        {simulated:.1} s simulated in {wall:.1} s ({:.2}x real time), {:.1} s with start and file",
+            simulated / wall,
+            self.wall.as_secs_f64()
+        )
+    }
+}

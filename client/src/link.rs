@@ -1,0 +1,675 @@
+//! The connection to a server: one zenoh session, typed queries, commands and
+//! streams.
+//!
+//! Nothing here knows what is simulated. No zenoh callback works: samples go
+//! undecoded into one queue, in the order in which they arrived.
+
+use std::time::{Duration, Instant};
+
+use clap::Args;
+use crossbeam_channel::{Receiver, RecvTimeoutError};
+use wheelarm_proto::keys::{self, BadName, Keys, Query};
+use wheelarm_proto::{Message, names, v1};
+use zenoh::bytes::ZBytes;
+use zenoh::qos::{CongestionControl, Priority};
+use zenoh::{Config, Session, Wait};
+
+/// Where a server listens when nothing else is said.
+pub const DEFAULT_ENDPOINT: &str = "tcp/127.0.0.1:7447";
+
+/// Which server to speak to.
+#[derive(Args, Clone, Debug)]
+pub struct ConnectArgs {
+    /// Endpoint of the server, for example `tcp/127.0.0.1:7447`.
+    #[arg(long, global = true, env = "WHEELARM_CONNECT", default_value = DEFAULT_ENDPOINT)]
+    pub connect: String,
+    /// Name of the server; many can share one network.
+    #[arg(long, global = true, env = "WHEELARM_SIM", default_value = keys::DEFAULT_SIM)]
+    pub sim: String,
+    /// Longest wait for the connection, seconds.
+    #[arg(long, global = true, default_value_t = 5.0, value_name = "SECONDS")]
+    pub connect_timeout: f64,
+}
+
+/// What can go wrong between a client and a server.
+#[derive(Debug, thiserror::Error)]
+pub enum LinkError {
+    /// The server's name cannot stand in a key.
+    #[error(transparent)]
+    Name(#[from] BadName),
+    /// Nobody listens.
+    #[error(
+        "no server answers at {endpoint} (waited {seconds:.1} s): start one with `wheelarm-server`, or name its address with --connect ({cause})"
+    )]
+    NoServer {
+        /// Where it was looked for.
+        endpoint: String,
+        /// How long.
+        seconds: f64,
+        /// The transport's own words.
+        cause: String,
+    },
+    /// Somebody listens, but under another name.
+    #[error(
+        "a server answers at {endpoint}, but none is named {sim:?} (found: {found}): choose one with --sim"
+    )]
+    OtherName {
+        /// Where it was looked for.
+        endpoint: String,
+        /// The wanted name.
+        sim: String,
+        /// Names that are there.
+        found: String,
+    },
+    /// The server did not answer a query in time.
+    #[error("the server {sim:?} did not answer `{query}` within {seconds:.0} s")]
+    Silent {
+        /// Server name.
+        sim: String,
+        /// Query name.
+        query: &'static str,
+        /// How long.
+        seconds: f64,
+    },
+    /// The server answered that it will not.
+    #[error("the server refused `{query}`: {message}")]
+    Refused {
+        /// Query name.
+        query: &'static str,
+        /// The server's words.
+        message: String,
+    },
+    /// A message could not be read.
+    #[error("{what} cannot be read ({cause}): client and server differ in version?")]
+    Garbled {
+        /// Which message.
+        what: String,
+        /// The decoder's words.
+        cause: wheelarm_proto::DecodeError,
+    },
+    /// The transport failed.
+    #[error("{operation} failed: {cause}")]
+    Transport {
+        /// What was tried.
+        operation: &'static str,
+        /// The transport's words.
+        cause: String,
+    },
+}
+
+fn transport(operation: &'static str) -> impl Fn(zenoh::Error) -> LinkError {
+    move |cause| LinkError::Transport {
+        operation,
+        cause: words(&cause),
+    }
+}
+
+/// The transport's words without the place in its source.
+fn words(error: &zenoh::Error) -> String {
+    let text = error.to_string();
+    text.split(" at /").next().unwrap_or(&text).to_owned()
+}
+
+/// An open connection to one server.
+#[derive(Clone)]
+pub struct Link {
+    session: Session,
+    keys: Keys,
+    endpoint: String,
+}
+
+impl Link {
+    /// Connects and makes sure that the named server is alive.
+    ///
+    /// # Errors
+    /// [`LinkError::NoServer`] when nobody listens until the wait is over,
+    /// [`LinkError::OtherName`] when the server has another name.
+    pub fn open(args: &ConnectArgs) -> Result<Self, LinkError> {
+        let keys = Keys::new(&args.sim)?;
+        let deadline = Instant::now() + Duration::from_secs_f64(args.connect_timeout.max(0.1));
+        let session = zenoh::open(config(&args.connect, args.connect_timeout))
+            .wait()
+            .map_err(|cause| LinkError::NoServer {
+                endpoint: args.connect.clone(),
+                seconds: args.connect_timeout,
+                cause: words(&cause),
+            })?;
+        let link = Self {
+            session,
+            keys,
+            endpoint: args.connect.clone(),
+        };
+        link.wait_alive(deadline)?;
+        Ok(link)
+    }
+
+    /// Waits until the liveliness token of the named server is seen.
+    fn wait_alive(&self, deadline: Instant) -> Result<(), LinkError> {
+        loop {
+            let found = self.alive_sims()?;
+            if found.iter().any(|name| name == self.keys.sim()) {
+                return Ok(());
+            }
+            if Instant::now() >= deadline {
+                return Err(LinkError::OtherName {
+                    endpoint: self.endpoint.clone(),
+                    sim: self.keys.sim().to_owned(),
+                    found: if found.is_empty() {
+                        "none".to_owned()
+                    } else {
+                        found.join(", ")
+                    },
+                });
+            }
+            std::thread::sleep(Duration::from_millis(50));
+        }
+    }
+
+    /// Names of the servers that are alive on this network.
+    fn alive_sims(&self) -> Result<Vec<String>, LinkError> {
+        let replies = self
+            .session
+            .liveliness()
+            .get(format!("{}/*/alive", keys::PREFIX))
+            .timeout(Duration::from_secs(1))
+            .wait()
+            .map_err(transport("asking for the servers"))?;
+        let mut sims: Vec<String> = replies
+            .into_iter()
+            .filter_map(|reply| {
+                let sample = reply.into_result().ok()?;
+                Some(sample.key_expr().as_str().split('/').nth(1)?.to_owned())
+            })
+            .collect();
+        sims.sort();
+        sims.dedup();
+        Ok(sims)
+    }
+
+    /// The session, for clients with keys of their own.
+    #[must_use]
+    pub fn session(&self) -> &Session {
+        &self.session
+    }
+
+    /// The server's keys.
+    #[must_use]
+    pub fn keys(&self) -> &Keys {
+        &self.keys
+    }
+
+    /// Asks a query without payload.
+    ///
+    /// # Errors
+    /// As [`Link::query`].
+    pub fn ask<R: Message + Default>(&self, query: Query) -> Result<R, LinkError> {
+        self.query_bytes(query, Vec::new())
+    }
+
+    /// Asks a query and waits for the typed reply.
+    ///
+    /// # Errors
+    /// [`LinkError::Refused`] with the server's words, [`LinkError::Silent`]
+    /// when it does not answer.
+    pub fn query<R: Message + Default>(
+        &self,
+        query: Query,
+        request: &impl Message,
+    ) -> Result<R, LinkError> {
+        self.query_bytes(query, request.encode_to_vec())
+    }
+
+    fn query_bytes<R: Message + Default>(
+        &self,
+        query: Query,
+        request: Vec<u8>,
+    ) -> Result<R, LinkError> {
+        let patience = patience(query);
+        let replies = self
+            .session
+            .get(self.keys.query(query))
+            .payload(request)
+            .priority(Priority::InteractiveHigh)
+            .express(true)
+            .timeout(patience)
+            .wait()
+            .map_err(transport("sending a query"))?;
+        let silent = || LinkError::Silent {
+            sim: self.keys.sim().to_owned(),
+            query: query.name(),
+            seconds: patience.as_secs_f64(),
+        };
+        let reply = replies.recv().map_err(|_| silent())?;
+        match reply.result() {
+            Ok(sample) => decode(sample.payload(), query.name()),
+            Err(error) => match decode::<v1::Failure>(error.payload(), query.name()) {
+                Ok(failure) if !failure.message.is_empty() => Err(LinkError::Refused {
+                    query: query.name(),
+                    message: failure.message,
+                }),
+                // The transport itself reports a timeout as an error reply.
+                _ => Err(silent()),
+            },
+        }
+    }
+
+    /// Opens the channel for commands under the name `commander`.
+    ///
+    /// # Errors
+    /// [`LinkError::Transport`].
+    pub fn commander(&self, commander: &str) -> Result<Commander, LinkError> {
+        let publisher = self
+            .session
+            .declare_publisher(self.keys.command())
+            .congestion_control(CongestionControl::Block)
+            .priority(Priority::RealTime)
+            .express(true)
+            .wait()
+            .map_err(transport("opening the command channel"))?;
+        Ok(Commander {
+            publisher,
+            commander: commander.to_owned(),
+            run_id: run_id(),
+            sequence: 0,
+        })
+    }
+
+    /// Subscribes to streams; their samples come out of one queue.
+    ///
+    /// # Errors
+    /// [`LinkError::Transport`].
+    pub fn streams(&self, streams: &[Stream]) -> Result<Streams, LinkError> {
+        let (sender, receiver) = crossbeam_channel::unbounded();
+        let mut subscribers = Vec::new();
+        for stream in streams {
+            let (stream, sender) = (*stream, sender.clone());
+            let subscriber = self
+                .session
+                .declare_subscriber(stream.key(&self.keys))
+                .callback(move |sample| {
+                    // A closed queue means that nobody reads any more.
+                    let _ = sender.send((stream, sample.payload().clone()));
+                })
+                .wait()
+                .map_err(transport("subscribing"))?;
+            subscribers.push(subscriber);
+        }
+        Ok(Streams {
+            receiver,
+            _subscribers: subscribers,
+        })
+    }
+
+    /// Closes the connection.
+    ///
+    /// # Errors
+    /// [`LinkError::Transport`].
+    pub fn close(self) -> Result<(), LinkError> {
+        self.session
+            .close()
+            .wait()
+            .map_err(transport("closing the connection"))
+    }
+}
+
+/// Longest wait for an answer: a reset loads a scene and may build pipelines,
+/// an episode waits for its recorders.
+fn patience(query: Query) -> Duration {
+    Duration::from_secs(match query {
+        Query::Reset | Query::EpisodeStart | Query::EpisodeStop => 120,
+        _ => 20,
+    })
+}
+
+fn decode<M: Message + Default>(payload: &ZBytes, what: &str) -> Result<M, LinkError> {
+    M::decode(payload.to_bytes().as_ref()).map_err(|cause| LinkError::Garbled {
+        what: format!("`{what}`"),
+        cause,
+    })
+}
+
+/// Client mode, no scouting: a client speaks to the one server it was told.
+fn config(endpoint: &str, timeout_secs: f64) -> Config {
+    let timeout_ms = (timeout_secs.max(0.1) * 1e3).round();
+    let settings = [
+        ("mode", "\"client\"".to_owned()),
+        (
+            "connect/endpoints",
+            serde_json::json!([endpoint]).to_string(),
+        ),
+        ("connect/timeout_ms", timeout_ms.to_string()),
+        ("connect/exit_on_failure", "true".to_owned()),
+        (
+            "connect/retry",
+            serde_json::json!({
+                "period_init_ms": 100,
+                "period_max_ms": 500,
+                "period_increase_factor": 2,
+            })
+            .to_string(),
+        ),
+        ("scouting/multicast/enabled", "false".to_owned()),
+        ("scouting/gossip/enabled", "false".to_owned()),
+        // A camera-sized message may wait 50 ms for room before it is dropped.
+        (
+            "transport/link/tx/queue/congestion_control/drop/wait_before_drop",
+            "50000".to_owned(),
+        ),
+    ];
+    let mut config = Config::default();
+    for (key, value) in settings {
+        if let Err(error) = config.insert_json5(key, &value) {
+            // Only a wrong endpoint can get here; opening then names it.
+            tracing::warn!("setting {key} = {value} was not taken: {error}");
+        }
+    }
+    config
+}
+
+/// Sends commands; their sequence numbers count up from 0.
+pub struct Commander {
+    publisher: zenoh::pubsub::Publisher<'static>,
+    commander: String,
+    run_id: String,
+    sequence: u64,
+}
+
+/// A name for this commander's life, so that it may count from 0 again after
+/// a restart: 16 hexadecimal digits.
+fn run_id() -> String {
+    use std::hash::{BuildHasher, Hasher};
+    // The standard library keys its hasher at random.
+    let mut hasher = std::hash::RandomState::new().build_hasher();
+    hasher.write_u32(std::process::id());
+    format!("{:016x}", hasher.finish())
+}
+
+impl Commander {
+    /// Sends `command` as the answer to the control tick of `clock`.
+    ///
+    /// # Errors
+    /// [`LinkError::Transport`].
+    pub fn answer(
+        &mut self,
+        clock: &v1::Header,
+        mut command: v1::Command,
+    ) -> Result<(), LinkError> {
+        command.header = Some(v1::Header {
+            run_id: self.run_id.clone(),
+            sequence: self.sequence,
+            ..clock.clone()
+        });
+        command.commander.clone_from(&self.commander);
+        command.answers_tick = clock.tick;
+        self.sequence += 1;
+        self.publisher
+            .put(command.encode_to_vec())
+            .wait()
+            .map_err(transport("sending a command"))
+    }
+
+    /// Number of commands sent.
+    #[must_use]
+    pub fn sent(&self) -> u64 {
+        self.sequence
+    }
+}
+
+/// What a client can subscribe to with [`Link::streams`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Stream {
+    /// `joint_state`.
+    JointState,
+    /// `pose`.
+    Pose,
+    /// `odometry`.
+    Odometry,
+    /// `object_pose`.
+    ObjectPose,
+    /// `contact`.
+    Contact,
+    /// `evaluation`.
+    Evaluation,
+    /// `applied`.
+    Applied,
+    /// `state_hash`.
+    StateHash,
+    /// `event`.
+    Event,
+    /// `clock`.
+    Clock,
+    /// Refused commands.
+    Refusal,
+    /// End of an episode.
+    EpisodeStop,
+}
+
+impl Stream {
+    /// The key under which `keys` publishes it.
+    #[must_use]
+    pub fn key(self, keys: &Keys) -> String {
+        match self {
+            Self::Refusal => keys.refusal(),
+            Self::EpisodeStop => keys.episode_stop(),
+            Self::Event => keys.stream(names::EVENT_STREAM),
+            stream => keys.stream(stream.name()),
+        }
+    }
+
+    /// Name of the stream.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::JointState => "joint_state",
+            Self::Pose => "pose",
+            Self::Odometry => "odometry",
+            Self::ObjectPose => "object_pose",
+            Self::Contact => "contact",
+            Self::Evaluation => "evaluation",
+            Self::Applied => "applied",
+            Self::StateHash => "state_hash",
+            Self::Event => names::EVENT_STREAM,
+            Self::Clock => "clock",
+            Self::Refusal => "refusal",
+            Self::EpisodeStop => "episode_stop",
+        }
+    }
+
+    fn read(self, payload: &ZBytes) -> Result<Received, LinkError> {
+        let what = self.name();
+        Ok(match self {
+            Self::JointState => Received::JointState(decode(payload, what)?),
+            Self::Pose => Received::Pose(decode(payload, what)?),
+            Self::Odometry => Received::Odometry(decode(payload, what)?),
+            Self::ObjectPose => Received::ObjectPose(decode(payload, what)?),
+            Self::Contact => Received::Contact(decode(payload, what)?),
+            Self::Evaluation => Received::Evaluation(decode(payload, what)?),
+            Self::Applied => Received::Applied(decode(payload, what)?),
+            Self::StateHash => Received::StateHash(decode(payload, what)?),
+            Self::Event => Received::Event(decode(payload, what)?),
+            Self::Clock => Received::Clock(decode(payload, what)?),
+            Self::Refusal => Received::Refusal(decode(payload, what)?),
+            Self::EpisodeStop => Received::EpisodeStop(Box::new(decode(payload, what)?)),
+        })
+    }
+}
+
+/// One decoded sample.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Received {
+    /// `joint_state`.
+    JointState(v1::JointState),
+    /// `pose`.
+    Pose(v1::PoseSet),
+    /// `odometry`.
+    Odometry(v1::Odometry),
+    /// `object_pose`.
+    ObjectPose(v1::ObjectPoses),
+    /// `contact`.
+    Contact(v1::Contacts),
+    /// `evaluation`.
+    Evaluation(v1::Evaluation),
+    /// `applied`.
+    Applied(v1::Applied),
+    /// `state_hash`.
+    StateHash(v1::StateHash),
+    /// `event`.
+    Event(v1::Event),
+    /// `clock`.
+    Clock(v1::Clock),
+    /// Refused command.
+    Refusal(v1::Refusal),
+    /// End of an episode.
+    EpisodeStop(Box<v1::EpisodeStopped>),
+}
+
+/// Subscribed streams in one queue, in the order of arrival.
+pub struct Streams {
+    receiver: Receiver<(Stream, ZBytes)>,
+    _subscribers: Vec<zenoh::pubsub::Subscriber<()>>,
+}
+
+impl Streams {
+    /// The next sample, or `None` when nothing came for `patience`.
+    ///
+    /// # Errors
+    /// [`LinkError::Garbled`].
+    pub fn next(&self, patience: Duration) -> Result<Option<Received>, LinkError> {
+        match self.receiver.recv_timeout(patience) {
+            Ok((stream, payload)) => stream.read(&payload).map(Some),
+            Err(RecvTimeoutError::Timeout | RecvTimeoutError::Disconnected) => Ok(None),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A free loopback endpoint.
+    fn free_endpoint() -> String {
+        let port = std::net::TcpListener::bind("127.0.0.1:0")
+            .and_then(|listener| listener.local_addr())
+            .map(|address| address.port())
+            .unwrap();
+        format!("tcp/127.0.0.1:{port}")
+    }
+
+    fn args(endpoint: &str, sim: &str) -> ConnectArgs {
+        ConnectArgs {
+            connect: endpoint.to_owned(),
+            sim: sim.to_owned(),
+            connect_timeout: 2.0,
+        }
+    }
+
+    /// A peer that listens, as a server does.
+    fn listen(endpoint: &str) -> Session {
+        let mut config = Config::default();
+        for (key, value) in [
+            ("mode", "\"peer\"".to_owned()),
+            ("listen/endpoints", format!("[\"{endpoint}\"]")),
+            ("scouting/multicast/enabled", "false".to_owned()),
+        ] {
+            config.insert_json5(key, &value).unwrap();
+        }
+        zenoh::open(config).wait().unwrap()
+    }
+
+    #[test]
+    fn without_a_server_the_error_names_the_cure() {
+        let mut args = args(&free_endpoint(), "sim");
+        args.connect_timeout = 0.3;
+        let error = Link::open(&args).err().unwrap().to_string();
+        assert!(error.contains("wheelarm-server"), "{error}");
+        assert!(error.contains(&args.connect), "{error}");
+    }
+
+    #[test]
+    fn replies_failures_names_and_order_get_through() {
+        let endpoint = free_endpoint();
+        let server = listen(&endpoint);
+        let keys = Keys::new("a").unwrap();
+        let _token = server
+            .liveliness()
+            .declare_token(keys.alive())
+            .wait()
+            .unwrap();
+        let pause_key = keys.query(Query::Pause);
+        let _queries = server
+            .declare_queryable(format!("{}/a/query/*", keys::PREFIX))
+            .callback(move |query| {
+                if query.key_expr().as_str() == pause_key {
+                    let failure = v1::Failure {
+                        header: None,
+                        message: "no episode runs".to_owned(),
+                    };
+                    query.reply_err(failure.encode_to_vec()).wait().unwrap();
+                } else {
+                    let status = v1::Status {
+                        version: "7".to_owned(),
+                        ..Default::default()
+                    };
+                    query
+                        .reply(query.key_expr().clone(), status.encode_to_vec())
+                        .wait()
+                        .unwrap();
+                }
+            })
+            .wait()
+            .unwrap();
+
+        // A command is answered by one joint state and a clock, in this order.
+        let answer = server.clone();
+        let (joints, clock) = (keys.stream("joint_state"), keys.stream("clock"));
+        let _commands = server
+            .declare_subscriber(keys.command())
+            .callback(move |sample| {
+                let command: v1::Command = decode(sample.payload(), "command").unwrap();
+                let header = command.header;
+                let state = v1::JointState {
+                    header: header.clone(),
+                    ..Default::default()
+                };
+                answer.put(&joints, state.encode_to_vec()).wait().unwrap();
+                let tick = v1::Clock {
+                    header,
+                    ..Default::default()
+                };
+                answer.put(&clock, tick.encode_to_vec()).wait().unwrap();
+            })
+            .wait()
+            .unwrap();
+
+        let other = Link::open(&args(&endpoint, "b")).err().unwrap().to_string();
+        assert!(other.contains("found: a"), "{other}");
+
+        let link = Link::open(&args(&endpoint, "a")).unwrap();
+        let status: v1::Status = link.ask(Query::Status).unwrap();
+        assert_eq!(status.version, "7");
+        let refused = link.ask::<v1::Ack>(Query::Pause).err().unwrap().to_string();
+        assert!(refused.contains("no episode runs"), "{refused}");
+
+        let streams = link.streams(&[Stream::JointState, Stream::Clock]).unwrap();
+        let mut commander = link.commander("test").unwrap();
+        for sequence in 0..50 {
+            commander
+                .answer(&v1::Header::default(), v1::Command::default())
+                .unwrap();
+            for _ in 0..2 {
+                let got = streams.next(Duration::from_secs(5)).unwrap();
+                assert!(got.is_some(), "nothing came for command {sequence}");
+            }
+        }
+        commander
+            .answer(&v1::Header::default(), v1::Command::default())
+            .unwrap();
+        let first = streams.next(Duration::from_secs(5)).unwrap();
+        let second = streams.next(Duration::from_secs(5)).unwrap();
+        let Some(Received::JointState(state)) = first else {
+            panic!("the joint state must come first, got {first:?}");
+        };
+        assert_eq!(state.header.unwrap().sequence, 50);
+        assert!(matches!(second, Some(Received::Clock(_))), "{second:?}");
+    }
+}

@@ -1,0 +1,399 @@
+//! Programs that a command starts beside itself: a server on a free loopback
+//! port, a recorder, the dataset tools. They end with the command.
+
+use std::collections::VecDeque;
+use std::ffi::{OsStr, OsString};
+use std::io::{BufRead, BufReader, Read};
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, ExitStatus, Stdio};
+use std::sync::mpsc::{self, Receiver};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::{Duration, Instant};
+
+use anyhow::{Context, bail};
+use wheelarm_proto::keys::Query;
+use wheelarm_proto::v1;
+
+use crate::control::{acknowledge, find_program};
+use crate::link::{ConnectArgs, Link};
+
+/// Lines of a program's messages that are kept for an error.
+const KEPT_LINES: usize = 30;
+
+/// What to simulate, in words that `wheelarm-server` takes.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct ServerOptions {
+    /// Scene below assets/scenes.
+    pub scene: String,
+    /// Task below assets/tasks; empty for none.
+    pub task: String,
+    /// Robot below assets/robots.
+    pub robot: String,
+    /// Seed of every random choice.
+    pub seed: u64,
+    /// `lock-step`, `real-time` or `fast`.
+    pub pacing: &'static str,
+    /// Cameras as `NAME=WIDTHxHEIGHT@HZ`; none: physics only.
+    pub cameras: Vec<String>,
+    /// `fast`, `standard` or `high`.
+    pub quality: String,
+    /// Assets folder; the server looks for it when absent.
+    pub assets: Option<PathBuf>,
+}
+
+/// A child process whose messages are kept; it is killed when dropped.
+pub struct Program {
+    name: String,
+    child: Child,
+    lines: Arc<Mutex<VecDeque<String>>>,
+}
+
+impl Program {
+    /// Starts `name`, found beside this program or on PATH.
+    ///
+    /// # Errors
+    /// When it is not there or does not start.
+    pub fn start<S: AsRef<OsStr>>(
+        name: &str,
+        arguments: impl IntoIterator<Item = S>,
+    ) -> anyhow::Result<Self> {
+        let path = find_program(name).with_context(|| {
+            format!("`{name}` lies neither beside this program nor on PATH; build the workspace first: cargo build --release --workspace")
+        })?;
+        let mut child = Command::new(&path)
+            .args(arguments)
+            .stdin(Stdio::null())
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped())
+            .spawn()
+            .with_context(|| format!("starting {}", path.display()))?;
+        let lines = Arc::default();
+        if let Some(stderr) = child.stderr.take() {
+            keep_lines(stderr, &lines, None);
+        }
+        Ok(Self {
+            name: name.to_owned(),
+            child,
+            lines,
+        })
+    }
+
+    /// Its standard output, line by line; the newest are kept as well.
+    fn output(&mut self) -> Receiver<String> {
+        let (sender, receiver) = mpsc::channel();
+        if let Some(stdout) = self.child.stdout.take() {
+            keep_lines(stdout, &self.lines, Some(sender));
+        }
+        receiver
+    }
+
+    /// How it ended, if it has.
+    ///
+    /// # Errors
+    /// When the operating system does not tell.
+    pub fn ended(&mut self) -> anyhow::Result<Option<ExitStatus>> {
+        self.child
+            .try_wait()
+            .with_context(|| format!("watching `{}`", self.name))
+    }
+
+    /// Waits for its end, at most `patience`.
+    ///
+    /// # Errors
+    /// When it takes longer.
+    pub fn wait(&mut self, patience: Duration) -> anyhow::Result<ExitStatus> {
+        let deadline = Instant::now() + patience;
+        loop {
+            if let Some(status) = self.ended()? {
+                return Ok(status);
+            }
+            if Instant::now() > deadline {
+                bail!(
+                    "`{}` did not end within {:.0} s",
+                    self.name,
+                    patience.as_secs_f64()
+                );
+            }
+            std::thread::sleep(Duration::from_millis(20));
+        }
+    }
+
+    /// Its last messages.
+    #[must_use]
+    pub fn messages(&self) -> String {
+        let lines = self.lines.lock().unwrap_or_else(PoisonError::into_inner);
+        lines
+            .iter()
+            .map(|line| format!("  {line}\n"))
+            .collect::<String>()
+    }
+}
+
+impl Drop for Program {
+    fn drop(&mut self) {
+        // It may have ended by itself.
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}
+
+fn keep_lines(
+    source: impl Read + Send + 'static,
+    lines: &Arc<Mutex<VecDeque<String>>>,
+    copy: Option<mpsc::Sender<String>>,
+) {
+    let lines = Arc::clone(lines);
+    std::thread::spawn(move || {
+        for line in BufReader::new(source).lines().map_while(Result::ok) {
+            if let Some(copy) = &copy {
+                // Nobody may be listening any more.
+                let _ = copy.send(line.clone());
+            }
+            let mut kept = lines.lock().unwrap_or_else(PoisonError::into_inner);
+            if kept.len() == KEPT_LINES {
+                kept.pop_front();
+            }
+            kept.push_back(line);
+        }
+    });
+}
+
+/// A server of this command's own.
+pub struct LocalServer {
+    program: Program,
+    connect: ConnectArgs,
+}
+
+/// Longest time until a server is ready: it may build its pipelines on a CPU.
+const READY: Duration = Duration::from_secs(180);
+
+impl LocalServer {
+    /// Starts `wheelarm-server` on a free loopback port and waits until it serves.
+    ///
+    /// # Errors
+    /// With the server's own words when it ends instead.
+    pub fn start(options: &ServerOptions) -> anyhow::Result<Self> {
+        // Several may run on one host, so the name is the process's own.
+        let sim = format!("local-{}", std::process::id());
+        let mut program = Program::start("wheelarm-server", arguments(options, &sim))?;
+        let output = program.output();
+        let deadline = Instant::now() + READY;
+        let endpoint = loop {
+            match output.recv_timeout(Duration::from_millis(100)) {
+                Ok(line) => {
+                    if let Some(endpoint) = ready_endpoint(&line) {
+                        break endpoint;
+                    }
+                }
+                Err(_) => {
+                    if let Some(status) = program.ended()? {
+                        bail!(
+                            "wheelarm-server ended while starting ({status}):\n{}",
+                            program.messages()
+                        );
+                    }
+                    if Instant::now() > deadline {
+                        bail!(
+                            "wheelarm-server was not ready within {:.0} s:\n{}",
+                            READY.as_secs_f64(),
+                            program.messages()
+                        );
+                    }
+                }
+            }
+        };
+        Ok(Self {
+            program,
+            connect: ConnectArgs {
+                connect: endpoint,
+                sim,
+                connect_timeout: 10.0,
+            },
+        })
+    }
+
+    /// How to reach it.
+    #[must_use]
+    pub fn connect(&self) -> &ConnectArgs {
+        &self.connect
+    }
+
+    /// Opens a connection to it.
+    ///
+    /// # Errors
+    /// With the server's last messages.
+    pub fn link(&self) -> anyhow::Result<Link> {
+        Link::open(&self.connect)
+            .with_context(|| format!("the server said:\n{}", self.program.messages()))
+    }
+
+    /// The server's last messages.
+    #[must_use]
+    pub fn messages(&self) -> String {
+        self.program.messages()
+    }
+
+    /// Asks it to end and waits for that.
+    ///
+    /// # Errors
+    /// When it does not end.
+    pub fn stop(mut self, link: Link) -> anyhow::Result<()> {
+        acknowledge(&link, Query::Shutdown)?;
+        // A client that goes first leaves no half-open connection behind.
+        link.close()?;
+        self.program.wait(Duration::from_secs(20)).map(|_| ())
+    }
+}
+
+fn arguments(options: &ServerOptions, sim: &str) -> Vec<OsString> {
+    let mut arguments: Vec<OsString> = [
+        "--sim",
+        sim,
+        "--listen",
+        "tcp/127.0.0.1:0",
+        "--pacing",
+        options.pacing,
+        "--scene",
+        &options.scene,
+        "--task",
+        &options.task,
+        "--robot",
+        &options.robot,
+        "--seed",
+        &options.seed.to_string(),
+        "--quality",
+        &options.quality,
+    ]
+    .map(OsString::from)
+    .to_vec();
+    if options.cameras.is_empty() {
+        arguments.push("--no-cameras".into());
+    }
+    for camera in &options.cameras {
+        arguments.extend(["--camera".into(), camera.into()]);
+    }
+    if let Some(assets) = &options.assets {
+        arguments.extend(["--assets".into(), assets.into()]);
+    }
+    arguments
+}
+
+/// Endpoint of the line `ready ENDPOINT sim=NAME`.
+fn ready_endpoint(line: &str) -> Option<String> {
+    line.strip_prefix("ready ")?
+        .split_whitespace()
+        .next()
+        .map(str::to_owned)
+}
+
+/// A label that names no file in `folder` yet: `label`, `label-2`, `label-3` …
+#[must_use]
+pub fn free_label(folder: &Path, label: &str) -> String {
+    let taken = |label: &str| {
+        // Any file of that stem counts: an episode, a log, a sheet.
+        std::fs::read_dir(folder).is_ok_and(|entries| {
+            entries.flatten().any(|entry| {
+                let name = entry.file_name();
+                let name = name.to_string_lossy();
+                name.strip_prefix(label)
+                    .is_some_and(|rest| rest.is_empty() || rest.starts_with('.'))
+            })
+        })
+    };
+    (1..)
+        .map(|number| match number {
+            1 => label.to_owned(),
+            _ => format!("{label}-{number}"),
+        })
+        .find(|label| !taken(label))
+        .unwrap_or_else(|| label.to_owned())
+}
+
+/// Longest time from the end of an episode to its finished file.
+const FINISH: Duration = Duration::from_secs(120);
+
+/// Starts a recorder called `name` that writes into `out`.
+///
+/// # Errors
+/// When it cannot be started.
+pub fn start_recorder(connect: &ConnectArgs, out: &Path, name: &str) -> anyhow::Result<Program> {
+    Program::start(
+        "wheelarm",
+        [
+            "--connect".as_ref(),
+            connect.connect.as_ref(),
+            "--sim".as_ref(),
+            connect.sim.as_ref(),
+            "record".as_ref(),
+            "--out".as_ref(),
+            out.as_os_str(),
+            "--name".as_ref(),
+            name.as_ref(),
+        ],
+    )
+}
+
+/// Waits until the recorder `name` has finished the file of an episode.
+///
+/// # Errors
+/// When the recording failed, the recorder ended or takes too long.
+pub fn finished(
+    link: &Link,
+    name: &str,
+    episode: u64,
+    recorder: &mut Program,
+) -> anyhow::Result<v1::RecorderStatus> {
+    let deadline = Instant::now() + FINISH;
+    loop {
+        let status: v1::Status = link.ask(Query::Status)?;
+        let ours = status.recorders.into_iter().find(|recorder| {
+            let header = recorder.header.as_ref();
+            recorder.recorder == name && header.is_some_and(|h| h.episode == episode)
+        });
+        if let Some(status) = ours {
+            match status.state() {
+                v1::RecorderState::Finished => return Ok(status),
+                v1::RecorderState::Failed => bail!("the recording failed: {}", status.message),
+                _ => {}
+            }
+        }
+        if let Some(status) = recorder.ended()? {
+            bail!("the recorder ended ({status}):\n{}", recorder.messages());
+        }
+        if Instant::now() > deadline {
+            bail!(
+                "the recorder did not finish within {:.0} s:\n{}",
+                FINISH.as_secs_f64(),
+                recorder.messages()
+            );
+        }
+        std::thread::sleep(Duration::from_millis(50));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_taken_name_gets_a_number() {
+        let folder = std::env::temp_dir().join(format!("wheelarm-labels-{}", std::process::id()));
+        std::fs::create_dir_all(&folder).unwrap();
+        assert_eq!(free_label(&folder, "a-seed1"), "a-seed1");
+        for name in ["a-seed1.h5", "a-seed1-2.sheet.png", "a-seed10.h5"] {
+            std::fs::write(folder.join(name), "").unwrap();
+        }
+        let free = (free_label(&folder, "a-seed1"), free_label(&folder, "a"));
+        std::fs::remove_dir_all(&folder).unwrap();
+        assert_eq!(free, ("a-seed1-3".to_owned(), "a".to_owned()));
+    }
+
+    #[test]
+    fn the_ready_line_names_the_endpoint() {
+        assert_eq!(
+            ready_endpoint("ready tcp/127.0.0.1:40123 sim=local-7").as_deref(),
+            Some("tcp/127.0.0.1:40123")
+        );
+        assert_eq!(ready_endpoint("already there"), None);
+    }
+}

@@ -1,0 +1,231 @@
+//! The chair on the floor: its outline against the outlines of what stands
+//! there. Plane geometry only; nothing moves here.
+
+use std::f64::consts::{PI, TAU};
+
+/// A place of the chair: `wheelchair_root` in `house`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Pose2 {
+    /// Metres in `house`.
+    pub x: f64,
+    /// Metres in `house`.
+    pub y: f64,
+    /// Direction of the chair's x axis in `house`, radians.
+    pub heading: f64,
+}
+
+impl Pose2 {
+    /// The point `(forward, left)` of the chair in `house`, metres.
+    #[must_use]
+    pub fn point(&self, forward: f64, left: f64) -> [f64; 2] {
+        let (sin, cos) = self.heading.sin_cos();
+        [
+            self.x + forward * cos - left * sin,
+            self.y + forward * sin + left * cos,
+        ]
+    }
+
+    /// `other` seen from this pose: forward, left, turn.
+    #[must_use]
+    pub fn to(&self, other: &Self) -> [f64; 3] {
+        let (sin, cos) = self.heading.sin_cos();
+        let (dx, dy) = (other.x - self.x, other.y - self.y);
+        [
+            dx * cos + dy * sin,
+            -dx * sin + dy * cos,
+            wrap(other.heading - self.heading),
+        ]
+    }
+
+    /// The pose after rolling `length` metres on a circle of `curvature` 1/m
+    /// (positive to the left; 0 is straight; negative lengths roll back).
+    #[must_use]
+    pub fn rolled(&self, length: f64, curvature: f64) -> Self {
+        let turn = length * curvature;
+        // Chord of the arc; the limit for small turns is the length itself.
+        let chord = if turn.abs() < 1e-6 {
+            length
+        } else {
+            2.0 / curvature * (turn / 2.0).sin()
+        };
+        let middle = self.heading + turn / 2.0;
+        Self {
+            x: self.x + chord * middle.cos(),
+            y: self.y + chord * middle.sin(),
+            heading: wrap(self.heading + turn),
+        }
+    }
+
+    /// The pose after turning on the spot.
+    #[must_use]
+    pub fn turned(&self, angle: f64) -> Self {
+        Self {
+            heading: wrap(self.heading + angle),
+            ..*self
+        }
+    }
+
+    /// Distance of the origins, metres.
+    #[must_use]
+    pub fn distance(&self, other: &Self) -> f64 {
+        (other.x - self.x).hypot(other.y - self.y)
+    }
+}
+
+/// An angle within -π to π.
+#[must_use]
+pub fn wrap(angle: f64) -> f64 {
+    let wrapped = (angle + PI).rem_euclid(TAU) - PI;
+    if wrapped == -PI { PI } else { wrapped }
+}
+
+/// A rectangle on the floor.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Rectangle {
+    /// Middle in `house`, metres.
+    pub centre: [f64; 2],
+    /// Half of the length and of the width, metres.
+    pub half: [f64; 2],
+    /// Unit vector along the length.
+    pub along: [f64; 2],
+}
+
+impl Rectangle {
+    /// Radius of the circle around it, metres.
+    #[must_use]
+    pub fn radius(&self) -> f64 {
+        self.half[0].hypot(self.half[1])
+    }
+
+    /// Whether two rectangles overlap (separating axes).
+    #[must_use]
+    pub fn overlaps(&self, other: &Self) -> bool {
+        let between = [
+            other.centre[0] - self.centre[0],
+            other.centre[1] - self.centre[1],
+        ];
+        let reach = self.radius() + other.radius();
+        if between[0] * between[0] + between[1] * between[1] > reach * reach {
+            return false;
+        }
+        let across = |v: [f64; 2]| [-v[1], v[0]];
+        let dot = |a: [f64; 2], b: [f64; 2]| a[0] * b[0] + a[1] * b[1];
+        let extent = |r: &Self, axis: [f64; 2]| {
+            r.half[0] * dot(r.along, axis).abs() + r.half[1] * dot(across(r.along), axis).abs()
+        };
+        [
+            self.along,
+            across(self.along),
+            other.along,
+            across(other.along),
+        ]
+        .into_iter()
+        .all(|axis| dot(between, axis).abs() <= extent(self, axis) + extent(other, axis))
+    }
+}
+
+/// The outline of the chair in `wheelchair_root`, metres.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Outline {
+    /// x min, x max, y min, y max.
+    pub sides: [f64; 4],
+}
+
+impl Outline {
+    /// The outline at a pose, grown by `margin` on every side.
+    #[must_use]
+    pub fn at(&self, pose: &Pose2, margin: f64) -> Rectangle {
+        let [back, front, right, left] = self.sides;
+        Rectangle {
+            centre: pose.point((back + front) / 2.0, (right + left) / 2.0),
+            half: [(front - back) / 2.0 + margin, (left - right) / 2.0 + margin],
+            along: [pose.heading.cos(), pose.heading.sin()],
+        }
+    }
+}
+
+/// What the chair must not touch.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Ground {
+    /// Outline of the chair without what sticks out above table height.
+    pub low: Outline,
+    /// Outline with the arm, for obstacles that reach above the tables.
+    pub high: Outline,
+    /// Obstacles below the arm.
+    pub low_obstacles: Vec<Rectangle>,
+    /// Obstacles that the arm could touch, too.
+    pub tall_obstacles: Vec<Rectangle>,
+}
+
+impl Ground {
+    /// Whether the chair with `margin` around it touches nothing at `pose`.
+    #[must_use]
+    pub fn is_free(&self, pose: &Pose2, margin: f64) -> bool {
+        let low = self.low.at(pose, margin);
+        let high = self.high.at(pose, margin);
+        !self.low_obstacles.iter().any(|o| o.overlaps(&low))
+            && !self.tall_obstacles.iter().any(|o| o.overlaps(&high))
+    }
+
+    /// Box around all obstacles: x min, x max, y min, y max, metres.
+    #[must_use]
+    pub fn bounds(&self) -> [f64; 4] {
+        let start = [
+            f64::INFINITY,
+            f64::NEG_INFINITY,
+            f64::INFINITY,
+            f64::NEG_INFINITY,
+        ];
+        self.low_obstacles
+            .iter()
+            .chain(&self.tall_obstacles)
+            .fold(start, |b, o| {
+                let r = o.radius();
+                [
+                    b[0].min(o.centre[0] - r),
+                    b[1].max(o.centre[0] + r),
+                    b[2].min(o.centre[1] - r),
+                    b[3].max(o.centre[1] + r),
+                ]
+            })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn rectangle(centre: [f64; 2], half: [f64; 2], yaw: f64) -> Rectangle {
+        Rectangle {
+            centre,
+            half,
+            along: [yaw.cos(), yaw.sin()],
+        }
+    }
+
+    #[test]
+    fn turned_rectangles_overlap_only_where_they_do() {
+        let unit = rectangle([0.0, 0.0], [0.5, 0.5], 0.0);
+        let turned = |x: f64| rectangle([x, 0.0], [0.5, 0.5], PI / 4.0);
+        // The corner of the turned one lies 0.7071 from its middle.
+        assert!(unit.overlaps(&turned(1.2)));
+        assert!(!unit.overlaps(&turned(1.21)));
+        // Beside each other's corners: the boxes around them overlap, they do not.
+        let corner = rectangle([0.95, 0.95], [0.5, 0.5], PI / 4.0);
+        assert!(!unit.overlaps(&corner));
+    }
+
+    #[test]
+    fn rolling_a_quarter_circle_ends_beside() {
+        let start = Pose2 {
+            x: 1.0,
+            y: 2.0,
+            heading: 0.0,
+        };
+        let end = start.rolled(PI / 2.0 * 0.8, -1.0 / 0.8);
+        assert!((end.x - 1.8).abs() < 1e-9 && (end.y - 1.2).abs() < 1e-9);
+        assert!((end.heading + PI / 2.0).abs() < 1e-9);
+        let back = end.rolled(-PI / 2.0 * 0.8, -1.0 / 0.8);
+        assert!(back.distance(&start) < 1e-9);
+    }
+}

@@ -1,0 +1,181 @@
+//! What the operator sees: the newest sample of every stream it needs, taken
+//! together at each clock.
+
+use nalgebra::Isometry3;
+use wheelarm_proto::check::Invalid;
+use wheelarm_proto::{names, v1};
+
+use super::ground::Pose2;
+use super::scene::read_pose;
+use crate::link::{Received, Stream};
+
+/// Streams that make up an observation; the clock comes last.
+pub const STREAMS: [Stream; 6] = [
+    Stream::JointState,
+    Stream::Pose,
+    Stream::ObjectPose,
+    Stream::Contact,
+    Stream::Evaluation,
+    Stream::Applied,
+];
+
+/// State of the world at one control tick.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Observation {
+    /// Seconds of simulation time.
+    pub time: f64,
+    /// `wheelchair_root` in `house`.
+    pub house_from_chair: Isometry3<f64>,
+    /// Speed of the chair along the floor, m/s, and turn rate, rad/s.
+    pub chair_speed: [f64; 2],
+    /// End effector in `base_link`.
+    pub base_from_tool: Isometry3<f64>,
+    /// Where the server wants the end effector to be, in `base_link`.
+    pub base_from_desired: Option<Isometry3<f64>>,
+    /// Empty, or why the arm does not follow.
+    pub arm_problem: String,
+    /// Left knuckle, rad.
+    pub knuckle: f64,
+    /// Normal force at the left and the right pad, N.
+    pub pad_force: [f64; 2],
+    /// Objects in `house`.
+    pub objects: Vec<Isometry3<f64>>,
+    /// All required conditions hold.
+    pub success: bool,
+    /// The task is over.
+    pub done: bool,
+    /// Why it failed.
+    pub failure: String,
+}
+
+impl Observation {
+    /// The chair on the floor.
+    #[must_use]
+    pub fn chair(&self) -> Pose2 {
+        let forward = self.house_from_chair.rotation * nalgebra::Vector3::x();
+        Pose2 {
+            x: self.house_from_chair.translation.x,
+            y: self.house_from_chair.translation.y,
+            heading: forward.y.atan2(forward.x),
+        }
+    }
+}
+
+/// Collects samples until a clock completes them.
+#[derive(Clone, Debug, Default)]
+pub struct Collector {
+    joints: Option<v1::JointState>,
+    poses: Option<v1::PoseSet>,
+    objects: Option<v1::ObjectPoses>,
+    contacts: Option<v1::Contacts>,
+    evaluation: Option<v1::Evaluation>,
+    applied: Option<v1::Applied>,
+}
+
+/// Place of a name in one of the contract's lists.
+const fn frame_index(name: &str) -> usize {
+    let mut i = 0;
+    while i < names::FRAMES.len() {
+        if same(names::FRAMES[i].name, name) {
+            return i;
+        }
+        i += 1;
+    }
+    panic!("no such frame in the contract");
+}
+
+const fn joint_index(name: &str) -> usize {
+    let mut i = 0;
+    while i < names::JOINT_NAMES.len() {
+        if same(names::JOINT_NAMES[i], name) {
+            return i;
+        }
+        i += 1;
+    }
+    panic!("no such joint in the contract");
+}
+
+const fn same(a: &str, b: &str) -> bool {
+    let (a, b) = (a.as_bytes(), b.as_bytes());
+    if a.len() != b.len() {
+        return false;
+    }
+    let mut i = 0;
+    while i < a.len() {
+        if a[i] != b[i] {
+            return false;
+        }
+        i += 1;
+    }
+    true
+}
+
+// Found while compiling, so a change of the contract cannot go unseen.
+const CHAIR: usize = frame_index("wheelchair");
+const TOOL: usize = frame_index("end_effector");
+const KNUCKLE: usize = joint_index("robotiq_85_left_knuckle_joint");
+
+impl Collector {
+    /// Takes a sample; others than those of [`STREAMS`] are left alone.
+    pub fn take(&mut self, sample: Received) {
+        match sample {
+            Received::JointState(s) => self.joints = Some(s),
+            Received::Pose(s) => self.poses = Some(s),
+            Received::ObjectPose(s) => self.objects = Some(s),
+            Received::Contact(s) => self.contacts = Some(s),
+            Received::Evaluation(s) => self.evaluation = Some(s),
+            Received::Applied(s) => self.applied = Some(s),
+            _ => {}
+        }
+    }
+
+    /// The observation at a clock; `None` until every needed stream has come.
+    ///
+    /// # Errors
+    /// [`Invalid`] when a pose or a list is not as the contract says.
+    pub fn observe(&self, stamp_nanos: u64) -> Result<Option<Observation>, Invalid> {
+        let (Some(joints), Some(poses), Some(objects)) = (&self.joints, &self.poses, &self.objects)
+        else {
+            return Ok(None);
+        };
+        let frame = |index: usize| poses.frames.get(index).cloned().unwrap_or_default();
+        let twist = frame(CHAIR).twist.unwrap_or_default();
+        let linear = twist.linear.unwrap_or_default();
+        let evaluation = self.evaluation.clone().unwrap_or_default();
+        let pads = self.contacts.as_ref().map_or(&[][..], |c| &c.pad_force);
+        let desired = self
+            .applied
+            .as_ref()
+            .and_then(|applied| applied.desired_pose.as_ref())
+            .map(|pose| read_pose("desired pose", Some(pose)))
+            .transpose()?;
+        Ok(Some(Observation {
+            time: stamp_nanos as f64 * 1e-9,
+            house_from_chair: read_pose("pose of the chair", frame(CHAIR).pose.as_ref())?,
+            chair_speed: [
+                linear.x.hypot(linear.y),
+                twist.angular.unwrap_or_default().z,
+            ],
+            base_from_tool: read_pose("pose of the end effector", frame(TOOL).pose.as_ref())?,
+            base_from_desired: desired,
+            arm_problem: self
+                .applied
+                .as_ref()
+                .map(|applied| applied.arm_problem.clone())
+                .unwrap_or_default(),
+            knuckle: joints.position.get(KNUCKLE).copied().unwrap_or(0.0),
+            pad_force: [
+                pads.first().copied().unwrap_or(0.0),
+                pads.get(1).copied().unwrap_or(0.0),
+            ],
+            objects: objects
+                .pose
+                .iter()
+                .map(|pose| read_pose("pose of an object", Some(pose)))
+                .collect::<Result<_, _>>()?,
+            success: evaluation.success,
+            done: evaluation.done,
+            failure: evaluation.failure,
+        }))
+    }
+}

@@ -1,0 +1,293 @@
+//! The operator at work over the network: streams in, commands out.
+
+use std::time::Duration;
+
+use clap::Args;
+use nalgebra::Isometry3;
+use wheelarm_proto::check::Invalid;
+use wheelarm_proto::keys::Query;
+use wheelarm_proto::v1;
+
+use super::grasp::Reach;
+use super::observation::{self, Collector};
+use super::operator::{Operator, Outcome, Style};
+use super::scene::{SceneModel, write_pose};
+use crate::control::{self, EpisodeStartArgs, ResetArgs};
+use crate::link::{Link, LinkError, Received, Stream};
+
+/// Options of `wheelarm operate`.
+#[derive(Args, Clone, Debug)]
+pub struct OperateArgs {
+    /// Task; the one in force when absent, else the scenario is reset to it.
+    #[arg(long)]
+    pub task: Option<String>,
+    /// Label of the episode; task and seed when absent.
+    #[arg(long)]
+    pub label: Option<String>,
+    /// Instruction sentence; the scenario's when absent.
+    #[arg(long, default_value = "")]
+    pub instruction: String,
+    /// Recorders that must be ready before time goes on.
+    #[arg(long, default_value_t = 0, value_name = "N")]
+    pub require_recorders: u32,
+    /// Name under which the operator commands.
+    #[arg(long, default_value = "operator")]
+    pub commander: String,
+    /// Seed of the operator's habits; the scenario's when absent.
+    #[arg(long)]
+    pub style_seed: Option<u64>,
+}
+
+impl Default for OperateArgs {
+    fn default() -> Self {
+        Self {
+            task: None,
+            label: None,
+            instruction: String::new(),
+            require_recorders: 0,
+            commander: "operator".to_owned(),
+            style_seed: None,
+        }
+    }
+}
+
+/// Why the operator could not work.
+#[derive(Debug, thiserror::Error)]
+pub enum OperateError {
+    /// The connection.
+    #[error(transparent)]
+    Link(#[from] LinkError),
+    /// A message is not as the contract says.
+    #[error("a message of the server is wrong: {0}")]
+    Message(#[from] Invalid),
+    /// The scene cannot be worked with.
+    #[error("{0}")]
+    Scene(String),
+    /// The episode ended under the operator's hands.
+    #[error("the episode was ended by somebody else")]
+    Ended,
+    /// Nothing came for a long time.
+    #[error("the server sent nothing for {0:.0} s; it waits for: {1}")]
+    Silent(f64, String),
+}
+
+/// How it goes.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Progress<'a> {
+    /// Simulated seconds since the episode began.
+    pub time: f64,
+    /// Fine name of the phase.
+    pub phase: &'a str,
+    /// Simulated seconds per wall second.
+    pub factor: f64,
+    /// What happened, in words.
+    pub notes: &'a [String],
+}
+
+/// How it went.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Report {
+    /// The operator's own word.
+    pub outcome: Outcome,
+    /// The episode.
+    pub started: v1::EpisodeStarted,
+    /// Its end; absent when the episode was somebody else's and goes on.
+    pub stopped: Option<v1::EpisodeStopped>,
+    /// Last evaluation of the task.
+    pub evaluation: v1::Evaluation,
+    /// Control ticks answered.
+    pub ticks: u64,
+}
+
+impl Report {
+    /// The operator is content and the task agrees.
+    #[must_use]
+    pub fn succeeded(&self) -> bool {
+        self.outcome == Outcome::Success && self.evaluation.success
+    }
+}
+
+/// Silence after which the operator asks what the server waits for.
+const PATIENCE: Duration = Duration::from_secs(1);
+/// Silence after which it gives up, in units of [`PATIENCE`].
+const GIVE_UP: u32 = 60;
+
+/// Does the task: joins the running episode, or starts one and stops it.
+///
+/// # Errors
+/// [`OperateError`]; a task that was tried and failed is a [`Report`].
+pub fn run(
+    link: &Link,
+    args: &OperateArgs,
+    progress: &mut dyn FnMut(&Progress<'_>),
+) -> Result<Report, OperateError> {
+    let mut wanted = observation::STREAMS.to_vec();
+    wanted.extend([Stream::Clock, Stream::Refusal, Stream::EpisodeStop]);
+    let streams = link.streams(&wanted)?;
+    let status: v1::Status = link.ask(Query::Status)?;
+    let mut scenario = status.scenario.clone().unwrap_or_default();
+    if let (Some(task), None) = (&args.task, &status.episode)
+        && *task != scenario.task
+    {
+        let reset = ResetArgs {
+            task: Some(task.clone()),
+            ..ResetArgs::default()
+        };
+        scenario = control::reset(link, &reset)?;
+    }
+    let model = SceneModel::read(&link.ask(Query::Scene)?)?;
+    let style = Style::new(args.style_seed.unwrap_or(scenario.seed));
+    let mut operator = Operator::new(model, style).map_err(OperateError::Scene)?;
+    let mut commander = link.commander(&args.commander)?;
+    let (started, is_ours) = match status.episode {
+        Some(running) => (running, false),
+        None => (start(link, args, &scenario)?, true),
+    };
+    let first = started.header.clone().unwrap_or_default();
+
+    let mut collector = Collector::default();
+    let mut reach = RemoteReach { link, error: None };
+    let mut answered: Option<u64> = None;
+    let mut silent = 0;
+    let mut evaluation = v1::Evaluation::default();
+    let outcome = loop {
+        let clock = match streams.next(PATIENCE)? {
+            Some(Received::Clock(clock)) => clock,
+            Some(Received::EpisodeStop(stopped)) => {
+                let episode = stopped.header.as_ref().map_or(0, |h| h.episode);
+                if episode == first.episode {
+                    return Err(OperateError::Ended);
+                }
+                continue;
+            }
+            Some(Received::Refusal(refusal)) => {
+                if refusal.commander == args.commander {
+                    tracing::warn!("command {} refused: {}", refusal.sequence, refusal.reason);
+                }
+                continue;
+            }
+            Some(sample) => {
+                if let Received::Evaluation(sample) = &sample {
+                    evaluation.clone_from(sample);
+                }
+                collector.take(sample);
+                continue;
+            }
+            None => {
+                silent += 1;
+                let status: v1::Status = link.ask(Query::Status)?;
+                if status.episode.is_none() {
+                    return Err(OperateError::Ended);
+                }
+                if silent > GIVE_UP && !status.paused {
+                    let seconds = PATIENCE.as_secs_f64() * f64::from(silent);
+                    return Err(OperateError::Silent(seconds, status.waiting_for));
+                }
+                // A lost clock must not stop the world: the state that is
+                // there is answered.
+                let header = status.header.unwrap_or_default();
+                if answered == Some(header.tick) || status.paused {
+                    continue;
+                }
+                v1::Clock {
+                    header: Some(header),
+                    real_time_factor: status.real_time_factor,
+                }
+            }
+        };
+        let header = clock.header.unwrap_or_default();
+        let is_new = answered.is_none_or(|last| header.tick > last);
+        if header.episode != first.episode || !is_new {
+            continue;
+        }
+        silent = 0;
+        let Some(seen) = collector.observe(header.stamp_nanos)? else {
+            commander.answer(&header, v1::Command::default())?;
+            answered = Some(header.tick);
+            continue;
+        };
+        let act = operator.step(&seen, &mut reach);
+        if let Some(error) = reach.error.take() {
+            return Err(error.into());
+        }
+        tracing::debug!(
+            "{:.3} s {}: chair {:?} at {:?}, knuckle {:.3} rad, pads {:.1?} N, \
+             object in hand {:?}, base {:?}, {}",
+            seen.time,
+            act.name,
+            seen.chair(),
+            seen.chair_speed,
+            seen.knuckle,
+            seen.pad_force,
+            operator.target_in_hand(&seen),
+            act.base,
+            seen.arm_problem,
+        );
+        commander.answer(&header, operator.command(&act))?;
+        answered = Some(header.tick);
+        let notes = operator.notes();
+        progress(&Progress {
+            time: header.stamp_nanos.saturating_sub(first.stamp_nanos) as f64 * 1e-9,
+            phase: act.name,
+            factor: clock.real_time_factor,
+            notes: &notes,
+        });
+        if let Some(outcome) = act.outcome {
+            break outcome;
+        }
+    };
+    let stopped = is_ours
+        .then(|| control::stop_episode(link, false))
+        .transpose()?;
+    if let Some(last) = stopped.as_ref().and_then(|s| s.evaluation.clone()) {
+        evaluation = last;
+    }
+    Ok(Report {
+        outcome,
+        started,
+        stopped,
+        evaluation,
+        ticks: commander.sent(),
+    })
+}
+
+fn start(
+    link: &Link,
+    args: &OperateArgs,
+    scenario: &v1::Scenario,
+) -> Result<v1::EpisodeStarted, LinkError> {
+    control::start_episode(
+        link,
+        &EpisodeStartArgs {
+            label: args
+                .label
+                .clone()
+                .unwrap_or_else(|| format!("{}-seed{}", scenario.task, scenario.seed)),
+            instruction: args.instruction.clone(),
+            require_recorders: args.require_recorders,
+            commander: args.commander.clone(),
+        },
+    )
+}
+
+/// Asks the server's kinematics.
+struct RemoteReach<'a> {
+    link: &'a Link,
+    error: Option<LinkError>,
+}
+
+impl Reach for RemoteReach<'_> {
+    fn reach(&mut self, base_from_tool: &Isometry3<f64>) -> Option<[f64; 6]> {
+        let request = v1::ReachRequest {
+            pose: Some(write_pose(base_from_tool)),
+        };
+        match self.link.query::<v1::ReachReply>(Query::Reach, &request) {
+            Ok(reply) if reply.reachable => reply.joints.as_slice().try_into().ok(),
+            Ok(_) => None,
+            Err(error) => {
+                self.error.get_or_insert(error);
+                None
+            }
+        }
+    }
+}

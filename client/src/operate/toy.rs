@@ -1,0 +1,284 @@
+//! A toy world without physics, to test the operator's logic: the chair obeys
+//! its profile, the hand its targets, and what is in the closed hand follows.
+
+use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
+
+use super::grasp::{Reach, standing};
+use super::ground::Pose2;
+use super::observation::Observation;
+use super::operator::{Act, Operator, Outcome, Style};
+use super::scene::{Block, Grasp, Item, SceneModel};
+
+const DT: f64 = 1.0 / 60.0;
+const TABLE: f64 = 0.81;
+
+/// The reach of the arm as a shell around its shoulder (facts: robot.md 3).
+struct Shell {
+    /// Greatest distance of the end effector from the shoulder, metres.
+    longest: f64,
+}
+
+impl Reach for Shell {
+    fn reach(&mut self, base_from_tool: &Isometry3<f64>) -> Option<[f64; 6]> {
+        let shoulder = Vector3::new(0.0, -0.005, 0.285);
+        let length = (base_from_tool.translation.vector - shoulder).norm();
+        (0.40..self.longest).contains(&length).then_some([0.0; 6])
+    }
+}
+
+struct Toy {
+    scene: SceneModel,
+    chair: Pose2,
+    speed: [f64; 2],
+    base_from_tool: Isometry3<f64>,
+    target: Isometry3<f64>,
+    opening: f64,
+    wanted: f64,
+    objects: Vec<Isometry3<f64>>,
+    held: Option<Isometry3<f64>>,
+    /// Grips that fail before one holds.
+    clumsy: usize,
+    time: f64,
+    held_for: f64,
+    arm: Shell,
+}
+
+fn block(at: [f64; 3], half: [f64; 3]) -> Block {
+    Block {
+        pose: Isometry3::translation(at[0], at[1], at[2]),
+        half: half.into(),
+    }
+}
+
+fn home_scene() -> SceneModel {
+    let bottle_half = [0.048, 0.029, 0.0955];
+    // Approach along +x of the bottle, closing along its y.
+    let grasp = UnitQuaternion::from_basis_unchecked(&[Vector3::y(), Vector3::z(), Vector3::x()]);
+    SceneModel {
+        furniture: vec![
+            block([-7.0, 3.0, -0.05], [5.0, 4.0, 0.05]),
+            block([-8.95, 1.90, 0.79], [0.40, 1.10, 0.02]),
+            block([-11.6, 3.0, 1.3], [0.1, 4.0, 1.3]),
+            block([-2.4, 3.0, 1.3], [0.1, 4.0, 1.3]),
+            block([-7.0, -0.6, 1.3], [5.0, 0.1, 1.3]),
+            block([-7.0, 6.9, 1.3], [5.0, 0.1, 1.3]),
+            // A sofa that leaves a lane.
+            block([-6.0, 1.2, 0.4], [0.45, 0.9, 0.4]),
+        ],
+        items: vec![
+            Item {
+                name: "mustard".to_owned(),
+                blocks: vec![block([0.0; 3], bottle_half)],
+            },
+            Item {
+                name: "soup".to_owned(),
+                blocks: vec![block([0.0; 3], [0.034, 0.034, 0.051])],
+            },
+        ],
+        grasps: [1.0, -1.0]
+            .map(|side: f64| Grasp {
+                object: 0,
+                name: "side".to_owned(),
+                object_from_grasp: Isometry3::from_parts(
+                    Translation3::identity(),
+                    UnitQuaternion::from_axis_angle(
+                        &Vector3::z_axis(),
+                        if side > 0.0 {
+                            0.0
+                        } else {
+                            std::f64::consts::PI
+                        },
+                    ) * grasp,
+                ),
+                width: 0.058,
+                symmetric: false,
+            })
+            .to_vec(),
+        target: Some(0),
+        chair_from_base: Isometry3::from_parts(
+            Translation3::new(0.42, 0.36, 0.55),
+            UnitQuaternion::from_axis_angle(&Vector3::z_axis(), std::f64::consts::PI),
+        ),
+        tool_length: 0.12,
+        footprint: [-0.19, 0.79, -0.30, 0.41],
+    }
+}
+
+impl Toy {
+    fn new(bottle: [f64; 2], yaw: f64, soup: [f64; 2], clumsy: usize) -> Self {
+        let lying = |at: [f64; 2], height: f64, yaw: f64| {
+            Isometry3::from_parts(
+                Translation3::new(at[0], at[1], TABLE + height),
+                UnitQuaternion::from_axis_angle(&Vector3::z_axis(), yaw),
+            )
+        };
+        // The seed's home: tool along -x of `base_link`, camera above.
+        let home = Isometry3::from_parts(
+            Translation3::new(-0.346, 0.001, 0.546),
+            UnitQuaternion::from_basis_unchecked(&[-Vector3::y(), Vector3::z(), -Vector3::x()]),
+        );
+        Self {
+            scene: home_scene(),
+            chair: Pose2 {
+                x: -6.635,
+                y: 3.389,
+                heading: -std::f64::consts::FRAC_PI_2,
+            },
+            speed: [0.0; 2],
+            base_from_tool: home,
+            target: home,
+            opening: 0.085,
+            wanted: 0.085,
+            objects: vec![lying(bottle, 0.0955, yaw), lying(soup, 0.051, 0.0)],
+            held: None,
+            clumsy,
+            time: 0.0,
+            held_for: 0.0,
+            arm: Shell { longest: 0.87 },
+        }
+    }
+
+    fn house_from_tool(&self) -> Isometry3<f64> {
+        standing(&self.chair) * self.scene.chair_from_base * self.base_from_tool
+    }
+
+    /// The bottle lies between the open fingers.
+    fn around(&self) -> bool {
+        let grasp = self.house_from_tool() * Translation3::new(0.0, 0.0, self.scene.tool_length);
+        let off = grasp.inverse_transform_point(&Point3::from(self.objects[0].translation.vector));
+        off.x.abs() < 0.012 && off.y.abs() < 0.03 && off.z.abs() < 0.03
+    }
+
+    fn observe(&self) -> Observation {
+        let gripped = self.held.is_some();
+        let raised = self.objects[0].translation.z - (TABLE + 0.0955);
+        Observation {
+            time: self.time,
+            house_from_chair: standing(&self.chair),
+            chair_speed: self.speed,
+            base_from_tool: self.base_from_tool,
+            base_from_desired: Some(self.target),
+            arm_problem: String::new(),
+            knuckle: 0.8 * (1.0 - self.opening / 0.085),
+            pad_force: if gripped { [30.0, 30.0] } else { [0.0, 0.0] },
+            objects: self.objects.clone(),
+            success: raised > 0.1 && self.held_for > 1.0,
+            done: false,
+            failure: String::new(),
+        }
+    }
+
+    fn apply(&mut self, act: &Act) {
+        let [v, w] = act.base.unwrap_or([0.0; 2]);
+        self.speed[0] += (v - self.speed[0]).clamp(-1.25 * DT, 0.23 * DT);
+        self.speed[1] += (w - self.speed[1]).clamp(-0.79 * DT, 0.79 * DT);
+        self.chair = self
+            .chair
+            .turned(self.speed[1] * DT)
+            .rolled(self.speed[0] * DT, 0.0);
+        if let Some(pose) = act.tool {
+            self.target = pose;
+        }
+        // At most 0.5 m/s, as the server allows.
+        let way = self.target.translation.vector - self.base_from_tool.translation.vector;
+        let share = (0.5 * DT / way.norm().max(1e-9)).min(1.0);
+        self.base_from_tool = self.base_from_tool.lerp_slerp(&self.target, share);
+        self.wanted = act.opening.unwrap_or(self.wanted);
+        let blocked = self.around() && self.wanted < 0.058;
+        let stop = if blocked { 0.058 } else { 0.0 };
+        let step = (self.wanted.max(stop) - self.opening).clamp(-0.1 * DT, 0.1 * DT);
+        self.opening += step;
+        if blocked && self.opening <= 0.058 + 1e-9 && self.held.is_none() {
+            self.held = Some(self.house_from_tool().inv_mul(&self.objects[0]));
+        }
+        if self.wanted > 0.058 {
+            self.held = None;
+        }
+        // A clumsy grip lets go while it is lifted.
+        let raised = self.objects[0].translation.z - (TABLE + 0.0955);
+        if self.held.is_some() && raised > 0.03 && self.clumsy > 0 {
+            self.clumsy -= 1;
+            self.held = None;
+            self.objects[0].translation.z = TABLE + 0.0955;
+            self.opening = 0.0;
+        }
+        if let Some(held) = self.held {
+            self.objects[0] = self.house_from_tool() * held;
+            self.held_for += DT;
+        } else {
+            self.held_for = 0.0;
+        }
+        self.time += DT;
+    }
+
+    /// Runs to the end; every pose on the way must be free of collisions.
+    fn run(mut self, seed: u64) -> (Outcome, f64, Vec<String>) {
+        let mut operator = Operator::new(self.scene.clone(), Style::new(seed)).unwrap();
+        let mut notes = Vec::new();
+        loop {
+            let seen = self.observe();
+            let act = operator.step(&seen, &mut self.arm);
+            notes.extend(operator.notes());
+            if let Some(outcome) = act.outcome {
+                return (outcome, self.time, notes);
+            }
+            self.apply(&act);
+            let ground = self.scene.ground(&self.objects);
+            assert!(
+                ground.is_free(&self.chair, 0.0),
+                "the chair touches something at {:?}",
+                self.chair
+            );
+            let hand = self.house_from_tool();
+            let near = self.around() || self.held.is_some() || act.name != "reaching";
+            assert!(
+                self.scene
+                    .hand_is_free(&hand, &hand, &self.objects, near.then_some(0), -0.005),
+                "the hand touches something at {hand:?} while {}",
+                act.name
+            );
+            assert!(self.time < 200.0, "no end, {notes:?}");
+        }
+    }
+}
+
+#[test]
+fn the_bottle_is_taken_wherever_the_task_may_put_it() {
+    for (seed, bottle, yaw, soup) in [
+        (0, [-8.80, 2.10], 0.0, [-8.85, 1.80]),
+        (1, [-8.72, 1.40], 0.4, [-8.75, 1.62]),
+        (2, [-8.90, 2.60], -0.5, [-8.70, 2.35]),
+        (3, [-8.78, 1.90], 2.9, [-8.80, 2.16]),
+    ] {
+        let (outcome, time, notes) = Toy::new(bottle, yaw, soup, 0).run(seed);
+        assert_eq!(outcome, Outcome::Success, "seed {seed}: {notes:?}");
+        assert!(time < 60.0, "seed {seed} took {time:.1} s");
+    }
+}
+
+#[test]
+fn a_slip_is_noticed_and_the_third_attempt_is_the_last() {
+    let place = |clumsy| Toy::new([-8.80, 2.10], 0.1, [-8.85, 1.80], clumsy);
+    let (outcome, _, notes) = place(2).run(5);
+    assert_eq!(outcome, Outcome::Success, "{notes:?}");
+    assert_eq!(
+        notes.iter().filter(|note| note.contains("slipped")).count(),
+        2
+    );
+    let (outcome, _, _) = place(3).run(5);
+    let Outcome::Failure(why) = outcome else {
+        panic!("three slips cannot succeed");
+    };
+    assert!(why.contains("3 attempts"), "{why}");
+}
+
+#[test]
+fn a_bottle_out_of_reach_is_given_up_with_a_reason() {
+    let mut toy = Toy::new([-8.80, 2.10], 0.0, [-8.85, 1.50], 0);
+    toy.arm.longest = 0.45;
+    let (outcome, _, _) = toy.run(6);
+    let Outcome::Failure(why) = outcome else {
+        panic!("a short arm cannot take it");
+    };
+    assert!(why.contains("mustard") && why.contains("reach"), "{why}");
+}

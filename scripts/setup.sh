@@ -1,0 +1,55 @@
+#!/usr/bin/env bash
+# Installs what WheelArm needs beside Rust, or prints the exact line that does.
+#   scripts/setup.sh          system packages (HDF5, Vulkan loader and a CPU driver)
+#   scripts/setup.sh python   also .venv with the Python packages named after it
+set -euo pipefail
+cd "$(dirname "$0")/.."
+
+missing=()
+need() { # package, test command
+    local package=$1
+    shift
+    "$@" >/dev/null 2>&1 || missing+=("$package")
+}
+have_lib() { ldconfig -p | grep -q "$1"; }
+have_icd() { compgen -G '/usr/share/vulkan/icd.d/*.json' || compgen -G '/etc/vulkan/icd.d/*.json'; }
+need build-essential cc --version
+need pkg-config pkg-config --version
+need libhdf5-dev pkg-config --exists hdf5
+need libvulkan1 have_lib libvulkan.so.1
+need mesa-vulkan-drivers have_icd
+if [ "${1:-}" = python ]; then
+    need python3-venv python3 -c 'import venv, ensurepip'
+fi
+if [ ${#missing[@]} -gt 0 ]; then
+    line="apt-get install -y ${missing[*]}"
+    if ! command -v apt-get >/dev/null; then
+        echo "missing: ${missing[*]} (Debian names); install them with this system's package manager" >&2
+        exit 1
+    elif [ "$(id -u)" = 0 ]; then
+        echo "installing ${missing[*]}"
+        apt-get update -qq
+        DEBIAN_FRONTEND=noninteractive apt-get install -y -qq "${missing[@]}" >/dev/null
+    elif sudo -n true 2>/dev/null; then
+        echo "installing ${missing[*]}"
+        sudo -n apt-get update -qq
+        sudo -n env DEBIAN_FRONTEND=noninteractive apt-get install -y -qq "${missing[@]}" >/dev/null
+    else
+        echo "missing system packages; run this once, then try again:" >&2
+        echo "    sudo apt-get update && sudo $line" >&2
+        exit 1
+    fi
+fi
+if ! command -v cargo >/dev/null; then
+    echo "Rust is missing; install it once with" >&2
+    echo "    curl --proto '=https' --tlsv1.2 -sSf https://sh.rustup.rs | sh" >&2
+    exit 1
+fi
+if [ "${1:-}" = python ]; then
+    shift
+    [ -x .venv/bin/python ] || python3 -m venv .venv
+    for package in "$@"; do
+        .venv/bin/python -c "import ${package%%=*}" 2>/dev/null ||
+            .venv/bin/python -m pip install --quiet --disable-pip-version-check "$package"
+    done
+fi

@@ -1,0 +1,132 @@
+//! The gripper: the exact map between knuckle angle and opening, and the
+//! knuckle's speed profile.
+
+use serde::{Deserialize, Serialize};
+
+use super::GripperIntent;
+use super::profile::{stopping_speed, towards};
+use crate::geometry::Shape;
+use crate::robot::{GripperSettings, PAD, RobotModel};
+
+/// Geometry of the parallelogram fingers, from the URDF.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct GripperMap {
+    /// Knuckle pin from the middle of the gripper, m.
+    pin: f64,
+    /// Knuckle pin to tip pin at angle 0: outwards and along the tool, m.
+    crank: [f64; 2],
+    /// Tip pin inwards to the pad's face, m.
+    pad: f64,
+}
+
+impl GripperMap {
+    /// From the left finger's joints and pad; `RobotModel::load` has checked
+    /// that they are there.
+    #[must_use]
+    pub fn new(model: &RobotModel) -> GripperMap {
+        let joint = |name: &str| model.joint(name).unwrap_or_default();
+        let hand = model
+            .link(&model.settings.end_effector_link)
+            .unwrap_or_default();
+        let knuckle = joint("robotiq_85_left_knuckle_joint");
+        let tip = joint("robotiq_85_left_finger_tip_joint");
+        let poses = model.link_poses(&vec![0.0; model.joints.len()]);
+        let in_hand = |joint: usize| {
+            poses[hand]
+                .inv_mul(&poses[model.joints[joint].child])
+                .translation
+                .vector
+        };
+        let (knuckle_in_hand, tip_in_hand) = (in_hand(knuckle), in_hand(tip));
+        let pad = model.links[model.joints[tip].child]
+            .collision
+            .iter()
+            .find(|collider| collider.name == PAD)
+            .map_or(0.0, |collider| match collider.part.shape {
+                Shape::Cuboid { half } => half[0] - collider.part.pose.translation.x,
+                _ => -collider.part.pose.translation.x,
+            });
+        GripperMap {
+            pin: knuckle_in_hand.x,
+            crank: [
+                tip_in_hand.x - knuckle_in_hand.x,
+                tip_in_hand.z - knuckle_in_hand.z,
+            ],
+            pad,
+        }
+    }
+
+    /// Distance between the pads, m, at a knuckle angle, rad.
+    #[must_use]
+    pub fn opening(&self, knuckle: f64) -> f64 {
+        let (sin, cos) = knuckle.sin_cos();
+        2.0 * (self.pin + self.crank[0] * cos - self.crank[1] * sin - self.pad)
+    }
+
+    /// Knuckle angle, rad, at which the pads are `opening` m apart; the angle
+    /// of the nearest opening that the linkage has.
+    #[must_use]
+    pub fn knuckle(&self, opening: f64) -> f64 {
+        let [out, along] = self.crank;
+        let cosine = (opening / 2.0 - self.pin + self.pad) / out.hypot(along);
+        cosine.clamp(-1.0, 1.0).acos() - along.atan2(out)
+    }
+
+    /// Way of each pad per knuckle angle, m/rad; a force of F at each pad takes
+    /// F times this at each knuckle, N·m.
+    #[must_use]
+    pub fn lever(&self, knuckle: f64) -> f64 {
+        let (sin, cos) = knuckle.sin_cos();
+        self.crank[0] * sin + self.crank[1] * cos
+    }
+}
+
+/// Where the knuckle is and should be.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct GripperState {
+    /// Asked knuckle angle, rad.
+    pub goal: f64,
+    /// Commanded knuckle angle now, rad.
+    pub position: f64,
+    /// Its speed, rad/s.
+    pub velocity: f64,
+    /// Cap of the force at each pad, N.
+    pub force: f64,
+}
+
+impl GripperState {
+    /// Open and at rest.
+    pub(super) fn new(settings: &GripperSettings) -> GripperState {
+        GripperState {
+            goal: 0.0,
+            position: 0.0,
+            velocity: 0.0,
+            force: settings.force,
+        }
+    }
+
+    /// Takes a new intent, cut to the limits.
+    pub(super) fn take(&mut self, intent: &GripperIntent, settings: &GripperSettings) {
+        self.goal = intent.knuckle.clamp(0.0, settings.closed);
+        self.force = if intent.max_force > 0.0 {
+            intent.max_force.min(settings.max_force)
+        } else {
+            settings.force
+        };
+    }
+
+    /// One step towards the goal.
+    pub(super) fn advance(&mut self, settings: &GripperSettings, dt: f64) {
+        let way = self.goal - self.position;
+        let speed = stopping_speed(way.abs(), settings.acceleration, dt).min(settings.speed);
+        let room = |distance: f64| stopping_speed(distance, settings.acceleration, dt);
+        // A turned command may not carry the knuckle past its range.
+        self.velocity = towards(
+            self.velocity,
+            speed.copysign(way),
+            settings.acceleration * dt,
+        )
+        .clamp(-room(self.position), room(settings.closed - self.position));
+        self.position = (self.position + self.velocity * dt).clamp(0.0, settings.closed);
+    }
+}

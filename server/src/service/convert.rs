@@ -1,0 +1,356 @@
+//! Between the messages of the contract and the types of the core. Everything
+//! that enters goes through `wheelarm_proto::check` first.
+
+use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion, Vector3};
+use wheelarm_proto::check::{self, Invalid};
+use wheelarm_proto::v1;
+
+use crate::robot::RobotModel;
+use crate::robot::control::{
+    ArmIntent, BaseIntent, ControlInput, GripperIntent, GripperMap, IntentFrame,
+};
+use crate::scene::Placement;
+use crate::sensors::frames::RelativeState;
+use crate::sim::{CameraSetting, Pacing, Quality, Scenario};
+use crate::snapshot::{BodyRef, BodyState};
+use crate::tasks;
+
+/// A vector as a message.
+pub fn vector(v: &Vector3<f64>) -> v1::Vector3 {
+    v1::Vector3 {
+        x: v.x,
+        y: v.y,
+        z: v.z,
+    }
+}
+
+/// A rotation as a message.
+pub fn quaternion(q: &UnitQuaternion<f64>) -> v1::Quaternion {
+    v1::Quaternion {
+        x: q.i,
+        y: q.j,
+        z: q.k,
+        w: q.w,
+    }
+}
+
+/// A pose as a message.
+pub fn pose(p: &Isometry3<f64>) -> v1::Pose {
+    v1::Pose {
+        position: Some(vector(&p.translation.vector)),
+        orientation: Some(quaternion(&p.rotation)),
+    }
+}
+
+/// A twist as a message.
+pub fn twist(linear: &Vector3<f64>, angular: &Vector3<f64>) -> v1::Twist {
+    v1::Twist {
+        linear: Some(vector(linear)),
+        angular: Some(vector(angular)),
+    }
+}
+
+/// A checked pose; bits are kept where the quaternion is already of unit length.
+pub fn isometry(what: &'static str, p: Option<&v1::Pose>) -> Result<Isometry3<f64>, Invalid> {
+    let ([x, y, z], [i, j, k, w]) = check::pose(what, p)?;
+    let rotation = UnitQuaternion::new_unchecked(Quaternion::new(w, i, j, k));
+    Ok(Isometry3::from_parts(Translation3::new(x, y, z), rotation))
+}
+
+/// One recorded frame as a message.
+pub fn frame_pose(state: &RelativeState) -> v1::FramePose {
+    v1::FramePose {
+        pose: Some(pose(&state.pose)),
+        twist: Some(twist(&state.linear, &state.angular)),
+    }
+}
+
+/// Velocity of a body as a message.
+pub fn body_twist(state: &BodyState) -> v1::Twist {
+    twist(&state.linear, &state.angular)
+}
+
+fn frame_from(value: i32) -> IntentFrame {
+    match v1::CommandFrame::try_from(value) {
+        Ok(v1::CommandFrame::EndEffector) => IntentFrame::EndEffector,
+        Ok(v1::CommandFrame::Wheelchair) => IntentFrame::Wheelchair,
+        Ok(v1::CommandFrame::House) => IntentFrame::House,
+        _ => IntentFrame::ArmBase,
+    }
+}
+
+fn frame_to(frame: IntentFrame) -> i32 {
+    let frame = match frame {
+        IntentFrame::ArmBase => v1::CommandFrame::BaseLink,
+        IntentFrame::EndEffector => v1::CommandFrame::EndEffector,
+        IntentFrame::Wheelchair => v1::CommandFrame::Wheelchair,
+        IntentFrame::House => v1::CommandFrame::House,
+    };
+    frame as i32
+}
+
+/// Reads the groups of a command that has passed `check::command`.
+///
+/// # Errors
+/// [`Invalid`] when a part is missing after all.
+pub fn control_input(command: &v1::Command, map: &GripperMap) -> Result<ControlInput, Invalid> {
+    Ok(ControlInput {
+        arm: command.arm.as_ref().map(arm_intent).transpose()?,
+        base: command.base.as_ref().map(|b| BaseIntent {
+            linear: b.linear,
+            angular: b.angular,
+        }),
+        gripper: command
+            .gripper
+            .as_ref()
+            .map(|g| gripper_intent(g, map))
+            .transpose()?,
+    })
+}
+
+fn arm_intent(arm: &v1::ArmCommand) -> Result<ArmIntent, Invalid> {
+    use v1::arm_command::Target;
+    Ok(
+        match arm.target.as_ref().ok_or(Invalid::Missing("arm target"))? {
+            Target::Joints(j) => ArmIntent::Joints(check::list("arm joint position", &j.position)?),
+            Target::Pose(p) => ArmIntent::Pose {
+                frame: frame_from(p.frame),
+                pose: isometry("arm pose", p.pose.as_ref())?,
+            },
+            Target::Twist(t) => {
+                let twist = t.twist.as_ref().ok_or(Invalid::Missing("arm twist"))?;
+                ArmIntent::Twist {
+                    frame: frame_from(t.frame),
+                    linear: check::vector("arm linear velocity", twist.linear.as_ref())?.into(),
+                    angular: check::vector("arm angular velocity", twist.angular.as_ref())?.into(),
+                }
+            }
+            Target::Step(s) => ArmIntent::Step {
+                frame: frame_from(s.frame),
+                translation: check::vector("arm step translation", s.translation.as_ref())?.into(),
+                rotation: check::vector("arm step rotation", s.rotation.as_ref())?.into(),
+            },
+            Target::Hold(_) => ArmIntent::Hold,
+        },
+    )
+}
+
+fn gripper_intent(
+    command: &v1::GripperCommand,
+    map: &GripperMap,
+) -> Result<GripperIntent, Invalid> {
+    use v1::gripper_command::Target;
+    let target = command
+        .target
+        .as_ref()
+        .ok_or(Invalid::Missing("gripper target"))?;
+    let knuckle = match target {
+        // The linkage opens a hair less than the 0.085 m that may be asked, and
+        // closes at a hair more than the 0.8 rad that may be.
+        Target::Opening(metres) => map.knuckle(*metres).clamp(0.0, 0.8),
+        Target::Knuckle(radians) => *radians,
+    };
+    Ok(GripperIntent {
+        knuckle,
+        max_force: command.max_force,
+    })
+}
+
+/// The input of a control tick as the groups of a command: what a replay sends.
+pub fn applied_groups(
+    input: &ControlInput,
+) -> (
+    Option<v1::ArmCommand>,
+    Option<v1::BaseCommand>,
+    Option<v1::GripperCommand>,
+) {
+    let base = input.base.map(|b| v1::BaseCommand {
+        linear: b.linear,
+        angular: b.angular,
+    });
+    let gripper = input.gripper.map(|g| v1::GripperCommand {
+        target: Some(v1::gripper_command::Target::Knuckle(g.knuckle)),
+        max_force: g.max_force,
+    });
+    (input.arm.as_ref().map(arm_command), base, gripper)
+}
+
+fn arm_command(intent: &ArmIntent) -> v1::ArmCommand {
+    use v1::arm_command::Target;
+    let target = match intent {
+        ArmIntent::Joints(q) => Target::Joints(v1::JointTarget {
+            position: q.to_vec(),
+        }),
+        ArmIntent::Pose { frame, pose: p } => Target::Pose(v1::CartesianTarget {
+            frame: frame_to(*frame),
+            pose: Some(pose(p)),
+        }),
+        ArmIntent::Twist {
+            frame,
+            linear,
+            angular,
+        } => Target::Twist(v1::CartesianTwist {
+            frame: frame_to(*frame),
+            twist: Some(twist(linear, angular)),
+        }),
+        ArmIntent::Step {
+            frame,
+            translation,
+            rotation,
+        } => Target::Step(v1::CartesianStep {
+            frame: frame_to(*frame),
+            translation: Some(vector(translation)),
+            rotation: Some(vector(rotation)),
+        }),
+        ArmIntent::Hold => Target::Hold(true),
+    };
+    v1::ArmCommand {
+        target: Some(target),
+    }
+}
+
+/// State of the task as a message, without header.
+pub fn evaluation(e: &tasks::Evaluation) -> v1::Evaluation {
+    v1::Evaluation {
+        header: None,
+        success: e.success,
+        done: e.done,
+        failure: e.failure.map(|f| f.to_string()).unwrap_or_default(),
+        conditions: e
+            .conditions
+            .iter()
+            .map(|c| v1::Condition {
+                name: c.name.clone(),
+                holds: c.holds,
+                value: c.value,
+                required: c.required,
+            })
+            .collect(),
+        elapsed: e.elapsed,
+    }
+}
+
+/// Name of a body for people.
+pub fn body_name(body: BodyRef, model: &RobotModel, scene: &crate::scene::Scene) -> String {
+    let name = match body {
+        BodyRef::Link(i) => model.links.get(i).map(|l| &l.name),
+        BodyRef::Object(i) => scene.objects.get(i).map(|b| &b.name),
+        BodyRef::Furniture(i) => scene.furniture.get(i).map(|b| &b.name),
+    };
+    name.cloned().unwrap_or_default()
+}
+
+/// A scenario as a message.
+pub fn scenario(s: &Scenario) -> v1::Scenario {
+    v1::Scenario {
+        scene: s.scene.clone(),
+        task: s.task.clone(),
+        seed: s.seed,
+        robot: s.robot.clone(),
+        cameras: s
+            .cameras
+            .iter()
+            .map(|c| v1::CameraSetting {
+                name: c.name.clone(),
+                width: c.size[0],
+                height: c.size[1],
+                rate_hz: c.rate_hz,
+            })
+            .collect(),
+        state_rate_hz: s.state_rate_hz,
+        imu_rate_hz: s.imu_rate_hz,
+        pacing: match s.pacing {
+            Pacing::RealTime => v1::Pacing::RealTime,
+            Pacing::LockStep => v1::Pacing::LockStep,
+            Pacing::Fast => v1::Pacing::Fast,
+        } as i32,
+        quality: match s.quality {
+            Quality::Fast => v1::RenderQuality::Fast,
+            Quality::Standard => v1::RenderQuality::Standard,
+            Quality::High => v1::RenderQuality::High,
+        } as i32,
+        imu_noise: s.imu_noise,
+        objects: s
+            .objects
+            .iter()
+            .map(|(name, p)| v1::ObjectPlacement {
+                name: name.clone(),
+                pose: Some(pose(&p.pose)),
+                mass: p.mass,
+                friction: p.friction,
+            })
+            .collect(),
+        start: s.start.as_ref().map(pose),
+        instruction: s.instruction.clone(),
+    }
+}
+
+/// Applies a scenario message over the scenario in force: empty fields keep
+/// their values, except that a new task, scene or seed draws anew.
+///
+/// # Errors
+/// [`Invalid`] that names the field.
+pub fn scenario_over(now: &Scenario, asked: &v1::Scenario) -> Result<Scenario, Invalid> {
+    let mut s = now.clone();
+    let word = |new: &str, old: &mut String| {
+        if !new.is_empty() {
+            new.clone_into(old);
+        }
+    };
+    word(&asked.scene, &mut s.scene);
+    word(&asked.task, &mut s.task);
+    word(&asked.robot, &mut s.robot);
+    s.seed = asked.seed;
+    s.instruction.clone_from(&asked.instruction);
+    s.imu_noise = asked.imu_noise;
+    if asked.state_rate_hz != 0.0 {
+        s.state_rate_hz = check::finite("state_rate_hz", asked.state_rate_hz)?;
+    }
+    if asked.imu_rate_hz != 0.0 {
+        s.imu_rate_hz = check::finite("imu_rate_hz", asked.imu_rate_hz)?;
+    }
+    if !asked.cameras.is_empty() {
+        s.cameras = asked
+            .cameras
+            .iter()
+            .map(|c| CameraSetting {
+                name: c.name.clone(),
+                size: [c.width, c.height],
+                rate_hz: c.rate_hz,
+            })
+            .collect();
+    }
+    match v1::RenderQuality::try_from(asked.quality) {
+        Ok(v1::RenderQuality::Unspecified) => {}
+        Ok(v1::RenderQuality::Fast) => s.quality = Quality::Fast,
+        Ok(v1::RenderQuality::Standard) => s.quality = Quality::Standard,
+        Ok(v1::RenderQuality::High) => s.quality = Quality::High,
+        Err(_) => {
+            return Err(Invalid::Word {
+                what: "quality",
+                value: asked.quality.to_string(),
+                expected: "a value of wheelarm.v1.RenderQuality",
+            });
+        }
+    }
+    s.start = asked
+        .start
+        .as_ref()
+        .map(|p| isometry("start", Some(p)))
+        .transpose()?;
+    s.objects = asked
+        .objects
+        .iter()
+        .map(|o| {
+            Ok((
+                o.name.clone(),
+                Placement {
+                    pose: isometry("object pose", o.pose.as_ref())?,
+                    mass: check::within("object mass", o.mass, 1e-4, 1e3)?,
+                    friction: check::within("object friction", o.friction, 0.0, 10.0)?,
+                },
+            ))
+        })
+        .collect::<Result<_, Invalid>>()?;
+    Ok(s)
+}

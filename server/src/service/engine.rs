@@ -1,0 +1,437 @@
+//! The simulation thread: waits for what the pacing asks for, steps, publishes.
+
+use std::sync::Arc;
+use std::sync::atomic::Ordering;
+use std::sync::mpsc::Receiver;
+use std::time::{Duration, Instant};
+
+use wheelarm_proto::keys::Query;
+use wheelarm_proto::{names, v1};
+
+use super::episode::{Episode, Stage};
+use super::inbox::Listening;
+use super::pace::Pace;
+use super::render::RenderThread;
+use super::{Options, Refused, ServiceError, Shared, convert, lock, publish};
+use crate::sim::{Pacing, Scenario, Simulation};
+use crate::snapshot::{Anomaly, Snapshot};
+
+/// Pictures that may be published beyond what the slowest recorder accepted.
+const CREDIT_WINDOW: u64 = 8;
+
+/// How long an announced episode waits for its recorders, s.
+const RECORDER_SECS: u64 = 30;
+
+/// Longest sleep of the loop, so that a lost wake-up costs little.
+const NAP: Duration = Duration::from_millis(50);
+
+/// A query with its kind.
+pub struct Request {
+    /// Kind.
+    pub query: Query,
+    /// The query to answer.
+    pub asked: zenoh::query::Query,
+}
+
+/// The simulation thread.
+pub struct Engine {
+    pub(super) sim: Simulation,
+    pub(super) shared: Arc<Shared>,
+    queue: Receiver<Request>,
+    pub(super) options: Options,
+    pub(super) render: Option<RenderThread>,
+    pub(super) episode: Option<Episode>,
+    pub(super) paused: bool,
+    pub(super) waiting_for: String,
+    pub(super) pace: Pace,
+    episodes: u64,
+    started: Instant,
+    seen_anomalies: Vec<Anomaly>,
+}
+
+impl Engine {
+    /// Sets up the cameras and declares the streams.
+    ///
+    /// # Errors
+    /// [`ServiceError`], for example when there is no Vulkan driver.
+    pub fn new(
+        sim: Simulation,
+        shared: Arc<Shared>,
+        queue: Receiver<Request>,
+        options: Options,
+    ) -> Result<Self, ServiceError> {
+        let mut engine = Self {
+            pace: Pace::new(sim.scenario().pacing),
+            sim,
+            shared,
+            queue,
+            options,
+            render: None,
+            episode: None,
+            paused: false,
+            waiting_for: String::new(),
+            episodes: 0,
+            started: Instant::now(),
+            seen_anomalies: Vec::new(),
+        };
+        engine.start_cameras()?;
+        engine.listen(Listening::default());
+        Ok(engine)
+    }
+
+    fn start_cameras(&mut self) -> Result<(), ServiceError> {
+        self.render = None;
+        if !self.camera_names().is_empty() {
+            let render = RenderThread::start(
+                &self.sim,
+                self.options.adapter.as_deref(),
+                Arc::clone(&self.shared.outbox),
+                Arc::clone(&self.shared.signal),
+            )?;
+            tracing::info!("cameras on {}", render.adapter);
+            self.render = Some(render);
+        }
+        Ok(self.shared.outbox.declare(&self.camera_names())?)
+    }
+
+    /// Cameras that are drawn.
+    pub(super) fn camera_names(&self) -> Vec<String> {
+        if self.options.no_cameras {
+            return Vec::new();
+        }
+        let cameras = self.sim.scenario().cameras.iter();
+        cameras
+            .filter(|c| c.rate_hz > 0.0)
+            .map(|c| c.name.clone())
+            .collect()
+    }
+
+    pub(super) fn episode_number(&self) -> u64 {
+        self.episode.as_ref().map_or(0, |e| e.number)
+    }
+
+    fn listen(&self, listening: Listening) {
+        lock(&self.shared.inbox).listen(listening, self.sim.snapshot().tick);
+    }
+
+    /// Runs until told to stop; a running episode is closed, not discarded.
+    pub fn run(mut self) {
+        self.publish_state();
+        while !self.shared.stop.load(Ordering::Acquire) {
+            while let Ok(request) = self.queue.try_recv() {
+                self.answer(request);
+            }
+            self.publish_refusals();
+            match self.next() {
+                Next::Step => self.step(),
+                Next::Wait(how_long) => self.shared.signal.wait(how_long.min(NAP)),
+            }
+        }
+        if self.episode.is_some() {
+            self.stop_episode(false);
+        }
+    }
+
+    /// Decides whether the next control tick may be taken.
+    fn next(&mut self) -> Next {
+        self.waiting_for.clear();
+        if let Some(failure) = self.render.as_ref().and_then(RenderThread::failure) {
+            self.waiting_for = format!("the cameras, which failed: {failure}");
+            return Next::Wait(NAP);
+        }
+        if self.paused {
+            return Next::Wait(NAP);
+        }
+        let lock_step = self.sim.scenario().pacing == Pacing::LockStep;
+        let Some(episode) = &self.episode else {
+            if lock_step {
+                "an episode (lock-step time stands still between episodes)"
+                    .clone_into(&mut self.waiting_for);
+                return Next::Wait(NAP);
+            }
+            return self.pace.wait().map_or(Next::Step, Next::Wait);
+        };
+        if episode.stage == Stage::Waiting {
+            return self.wait_for_recorders();
+        }
+        if lock_step {
+            if let Some(recorder) = self.recorder_without_credit() {
+                self.waiting_for = format!("recorder {recorder}");
+                return Next::Wait(NAP);
+            }
+            if !lock(&self.shared.inbox).answered(self.sim.snapshot().tick) {
+                "the commander".clone_into(&mut self.waiting_for);
+                return Next::Wait(NAP);
+            }
+        }
+        self.pace.wait().map_or(Next::Step, Next::Wait)
+    }
+
+    fn wait_for_recorders(&mut self) -> Next {
+        let Some(episode) = &mut self.episode else {
+            return Next::Wait(NAP);
+        };
+        let (ready, failed) = {
+            let recorders = lock(&self.shared.recorders);
+            let run = &self.shared.run_id;
+            (
+                recorders.ready(run, episode.number),
+                recorders.failed(run, episode.number),
+            )
+        };
+        if ready.len() >= episode.required {
+            episode.participants = ready;
+            episode.stage = Stage::Running;
+            episode.running_since = Instant::now();
+            self.pace.restart();
+            self.publish_state();
+            let frames = self.sim.frames_now();
+            self.draw(frames);
+            return Next::Wait(Duration::ZERO);
+        }
+        let (have, need) = (ready.len(), episode.required);
+        let mut text = format!("recorders: {have} of {need} ready");
+        for (name, reason) in &failed {
+            text.push_str(&format!("; {name} failed: {reason}"));
+        }
+        let too_long = episode.since.elapsed() > Duration::from_secs(RECORDER_SECS);
+        if !failed.is_empty() || too_long {
+            let text = format!("episode ended before it began, {text}");
+            self.event("note", &text);
+            self.stop_episode(true);
+        }
+        self.waiting_for = text;
+        Next::Wait(NAP)
+    }
+
+    fn recorder_without_credit(&self) -> Option<String> {
+        let (render, episode) = (self.render.as_ref()?, self.episode.as_ref()?);
+        let published = render.drawn() - episode.frames_before;
+        let recorders = lock(&self.shared.recorders);
+        let (name, accepted) =
+            recorders.slowest(&self.shared.run_id, episode.number, &episode.participants)?;
+        (published >= accepted + CREDIT_WINDOW).then_some(name)
+    }
+
+    fn step(&mut self) {
+        let tick = self.sim.snapshot().tick;
+        let now = match self.sim.scenario().pacing {
+            Pacing::RealTime => self.started.elapsed().as_secs_f64(),
+            Pacing::LockStep | Pacing::Fast => self.sim.snapshot().stamp_nanos() as f64 * 1e-9,
+        };
+        let taken = lock(&self.shared.inbox).take(tick, now);
+        let step = self.sim.step(&taken.input);
+        self.pace.tick();
+        let episode = self.episode_number();
+        let outbox = Arc::clone(&self.shared.outbox);
+        publish::applied(&outbox, episode, tick, taken, &step.applied, &self.sim);
+        publish::imu(&outbox, episode, &step.imu);
+        self.publish_state();
+        self.publish_anomalies();
+        self.draw(step.frames);
+    }
+
+    fn publish_state(&self) {
+        let inbox = lock(&self.shared.inbox);
+        let (phase, name) = inbox.phase();
+        let phase = (phase, name.to_owned());
+        drop(inbox);
+        publish::state(
+            &self.shared.outbox,
+            self.episode_number(),
+            &self.sim,
+            (phase.0, &phase.1),
+            self.pace.factor(),
+        );
+    }
+
+    fn draw(&self, frames: Vec<(Arc<Snapshot>, Vec<usize>)>) {
+        if let Some(render) = &self.render {
+            for (snapshot, cameras) in frames {
+                render.draw(snapshot, cameras, self.episode_number());
+            }
+        }
+    }
+
+    pub(super) fn event(&self, kind: &str, text: &str) {
+        tracing::info!("{kind}: {text}");
+        let event = v1::Event {
+            header: None,
+            kind: kind.to_owned(),
+            text: text.to_owned(),
+        };
+        let tick = self.sim.snapshot().tick;
+        self.shared
+            .outbox
+            .state(names::EVENT_STREAM, self.episode_number(), tick, event);
+    }
+
+    fn publish_anomalies(&mut self) {
+        for anomaly in self.sim.snapshot().anomalies.clone() {
+            if !self.seen_anomalies.contains(&anomaly) {
+                let (what, body) = match anomaly {
+                    Anomaly::NotFinite(body) => ("is not finite", body),
+                    Anomaly::Escaped(body) => ("left the house", body),
+                };
+                let name = convert::body_name(body, self.sim.model(), self.sim.scene());
+                self.event("anomaly", &format!("the state of {name} {what}"));
+                self.seen_anomalies.push(anomaly);
+            }
+        }
+    }
+
+    fn publish_refusals(&self) {
+        let refusals = std::mem::take(&mut *lock(&self.shared.refusals));
+        let (episode, tick) = (self.episode_number(), self.sim.snapshot().tick);
+        for Refused {
+            commander,
+            sequence,
+            reason,
+        } in refusals
+        {
+            self.event(
+                "refused",
+                &format!("command {sequence} of {commander:?}: {reason}"),
+            );
+            let refusal = v1::Refusal {
+                header: None,
+                commander,
+                sequence,
+                reason,
+            };
+            self.shared.outbox.refusal(episode, tick, refusal);
+        }
+    }
+
+    /// Announces an episode; simulation time goes on when its recorders are ready.
+    pub(super) fn start_episode(
+        &mut self,
+        request: v1::EpisodeStartRequest,
+    ) -> Result<v1::EpisodeStarted, String> {
+        if let Some(running) = &self.episode {
+            let label = &running.started.label;
+            return Err(format!("episode {label:?} is running; stop it first"));
+        }
+        wheelarm_proto::check::label(&request.label).map_err(|e| e.to_string())?;
+        let lock_step = self.sim.scenario().pacing == Pacing::LockStep;
+        if lock_step && wheelarm_proto::keys::check_name(&request.commander).is_err() {
+            return Err(
+                "in lock-step the simulation waits for one commander: name it \
+                        (1 to 64 letters, digits, `-` or `_`)"
+                    .to_owned(),
+            );
+        }
+        self.episodes += 1;
+        let number = self.episodes;
+        let scenario = self.sim.scenario();
+        let task = self.sim.task();
+        let instruction = match request.instruction.as_str() {
+            "" => scenario.instruction.clone(),
+            given => given.to_owned(),
+        };
+        let tick = self.sim.snapshot().tick;
+        let started = v1::EpisodeStarted {
+            header: Some(self.shared.outbox.header(number, tick)),
+            label: request.label,
+            instruction,
+            scenario: Some(convert::scenario(scenario)),
+            activity: task.map(|t| t.activity.clone()).unwrap_or_default(),
+            area: task.map(|t| t.area.clone()).unwrap_or_default(),
+            streams: names::STREAMS.iter().map(|s| (*s).to_owned()).collect(),
+            cameras: self.camera_names(),
+            adapter: self
+                .render
+                .as_ref()
+                .map(|r| r.adapter.clone())
+                .unwrap_or_default(),
+            version: env!("CARGO_PKG_VERSION").to_owned(),
+            objects: self
+                .sim
+                .scene()
+                .objects
+                .iter()
+                .map(|o| o.name.clone())
+                .collect(),
+        };
+        if let Some(render) = &self.render {
+            render.drain();
+        }
+        self.episode = Some(Episode {
+            number,
+            started: started.clone(),
+            snapshot: self.sim.save().into(),
+            stage: Stage::Waiting,
+            required: request.require_recorders as usize,
+            participants: Vec::new(),
+            since: Instant::now(),
+            running_since: Instant::now(),
+            frames_before: self.render.as_ref().map_or(0, RenderThread::drawn),
+        });
+        let commander = lock_step.then_some(request.commander);
+        self.listen(Listening {
+            episode: number,
+            commander,
+            replay: request.replay,
+        });
+        self.seen_anomalies.clear();
+        self.shared.outbox.episode_start(tick, started.clone());
+        Ok(started)
+    }
+
+    /// Closes the running episode and publishes its manifest.
+    pub(super) fn stop_episode(&mut self, discard: bool) -> Option<v1::EpisodeStopped> {
+        if let Some(render) = &self.render {
+            render.drain();
+        }
+        let episode = self.episode.take()?;
+        let tick = self.sim.snapshot().tick;
+        let stopped = v1::EpisodeStopped {
+            header: Some(self.shared.outbox.header(episode.number, tick)),
+            discard,
+            evaluation: Some(convert::evaluation(self.sim.evaluation())),
+            manifest: self
+                .shared
+                .outbox
+                .manifest(episode.number, &self.camera_names()),
+            wall_seconds: episode.running_since.elapsed().as_secs_f64(),
+        };
+        self.shared.outbox.episode_stop(tick, stopped.clone());
+        self.listen(Listening::default());
+        self.pace.restart();
+        Some(stopped)
+    }
+
+    /// Replaces the simulation.
+    pub(super) fn reset(&mut self, scenario: Scenario, snapshot: &[u8]) -> Result<(), String> {
+        if self.episode.is_some() {
+            return Err("an episode is running; stop it before a reset".to_owned());
+        }
+        let same_cameras = scenario.cameras == self.sim.scenario().cameras
+            && scenario.scene == self.sim.scenario().scene
+            && scenario.robot == self.sim.scenario().robot
+            && scenario.task == self.sim.scenario().task
+            && scenario.quality == self.sim.scenario().quality;
+        let assets = self.sim.assets().to_owned();
+        let mut sim = Simulation::new(&assets, scenario).map_err(|e| e.to_string())?;
+        if !snapshot.is_empty() {
+            sim.restore(snapshot).map_err(|e| e.to_string())?;
+        }
+        let before = std::mem::replace(&mut self.sim, sim);
+        if !same_cameras && let Err(e) = self.start_cameras() {
+            self.sim = before;
+            self.start_cameras()
+                .map_err(|again| format!("{e}; then {again}"))?;
+            return Err(e.to_string());
+        }
+        self.listen(Listening::default());
+        self.seen_anomalies.clear();
+        self.pace.restart();
+        self.publish_state();
+        Ok(())
+    }
+}
+
+enum Next {
+    Step,
+    Wait(Duration),
+}

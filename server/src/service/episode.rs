@@ -1,0 +1,38 @@
+//! One episode: from its announcement to its manifest.
+
+use std::time::Instant;
+
+use bytes::Bytes;
+use wheelarm_proto::v1;
+
+/// Where an episode stands.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Stage {
+    /// Announced; time stands still until the recorders are ready.
+    Waiting,
+    /// Time goes on.
+    Running,
+}
+
+/// A running episode.
+#[derive(Debug)]
+pub struct Episode {
+    /// Number, counting from 1 in one run.
+    pub number: u64,
+    /// Announcement.
+    pub started: v1::EpisodeStarted,
+    /// State at the first tick.
+    pub snapshot: Bytes,
+    /// Stage.
+    pub stage: Stage,
+    /// Recorders that must be ready.
+    pub required: usize,
+    /// Recorders that were ready when time went on.
+    pub participants: Vec<String>,
+    /// Wall time of the announcement.
+    pub since: Instant,
+    /// Wall time when simulation time went on.
+    pub running_since: Instant,
+    /// Pictures published before the episode.
+    pub frames_before: u64,
+}

@@ -1,0 +1,282 @@
+//! Publishes what leaves the server and counts it: every stream has its own
+//! sequence numbers, and an episode ends with a manifest of them.
+
+use std::collections::BTreeMap;
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::Duration;
+
+use wheelarm_proto::keys::Keys;
+use wheelarm_proto::{Message, names, stamp_nanos, v1};
+use zenoh::qos::{CongestionControl, Priority};
+use zenoh::{Session, Wait};
+use zenoh_ext::{AdvancedPublisher, AdvancedPublisherBuilderExt, CacheConfig, MissDetectionConfig};
+
+/// A message with a header.
+pub trait Stamped: Message {
+    /// Sets the header.
+    fn set_header(&mut self, header: v1::Header);
+}
+
+macro_rules! stamped {
+    ($($name:ident),*) => {
+        $(impl Stamped for v1::$name {
+            fn set_header(&mut self, header: v1::Header) { self.header = Some(header); }
+        })*
+    };
+}
+stamped!(
+    JointState,
+    PoseSet,
+    Imu,
+    Clock,
+    Odometry,
+    Applied,
+    CommandLog,
+    ObjectPoses,
+    Contacts,
+    Evaluation,
+    PhaseSample,
+    StateHash,
+    Event,
+    CameraFrame,
+    Refusal,
+    EpisodeStarted,
+    EpisodeStopped
+);
+
+/// How a stream travels.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Class {
+    State,
+    Camera,
+    Protocol,
+}
+
+#[derive(Clone, Copy, Debug, Default)]
+struct Counter {
+    next: u64,
+    episode: u64,
+    first: u64,
+    count: u64,
+}
+
+struct Stream {
+    publisher: AdvancedPublisher<'static>,
+    counter: Counter,
+}
+
+/// The way out.
+pub struct Outbox {
+    session: Session,
+    keys: Keys,
+    run_id: String,
+    streams: Mutex<BTreeMap<String, Arc<Mutex<Stream>>>>,
+}
+
+impl Outbox {
+    /// An outbox for one run of one server.
+    #[must_use]
+    pub fn new(session: Session, keys: Keys, run_id: String) -> Self {
+        Self {
+            session,
+            keys,
+            run_id,
+            streams: Mutex::default(),
+        }
+    }
+
+    /// A header without sequence number, for answers.
+    #[must_use]
+    pub fn header(&self, episode: u64, tick: u64) -> v1::Header {
+        v1::Header {
+            run_id: self.run_id.clone(),
+            episode,
+            sequence: 0,
+            stamp_nanos: stamp_nanos(tick),
+            tick,
+        }
+    }
+
+    /// Declares every state stream and the given cameras, so that subscribers
+    /// find them before the first sample.
+    ///
+    /// # Errors
+    /// The transport's error.
+    pub fn declare(&self, cameras: &[String]) -> zenoh::Result<()> {
+        for name in names::STREAMS.iter().chain([&names::EVENT_STREAM]) {
+            self.stream(name, self.keys.stream(name), Class::State)?;
+        }
+        for name in cameras {
+            self.stream(
+                &format!("camera/{name}"),
+                self.keys.camera(name),
+                Class::Camera,
+            )?;
+        }
+        self.stream("episode/start", self.keys.episode_start(), Class::Protocol)?;
+        self.stream("episode/stop", self.keys.episode_stop(), Class::Protocol)?;
+        self.stream("refusal", self.keys.refusal(), Class::Protocol)?;
+        Ok(())
+    }
+
+    fn stream(&self, name: &str, key: String, class: Class) -> zenoh::Result<Arc<Mutex<Stream>>> {
+        let mut streams = self.streams.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(stream) = streams.get(name) {
+            return Ok(Arc::clone(stream));
+        }
+        let (priority, express, cache) = match class {
+            Class::State => (Priority::InteractiveHigh, true, 1200),
+            Class::Camera => (Priority::DataLow, false, 6),
+            Class::Protocol => (Priority::InteractiveHigh, true, 8),
+        };
+        let publisher = self
+            .session
+            .declare_publisher(key)
+            .congestion_control(CongestionControl::Drop)
+            .priority(priority)
+            .express(express)
+            .cache(CacheConfig::default().max_samples(cache))
+            .sample_miss_detection(
+                MissDetectionConfig::default().heartbeat(Duration::from_millis(500)),
+            )
+            .publisher_detection()
+            .wait()?;
+        let stream = Arc::new(Mutex::new(Stream {
+            publisher,
+            counter: Counter::default(),
+        }));
+        streams.insert(name.to_owned(), Arc::clone(&stream));
+        Ok(stream)
+    }
+
+    /// Publishes a sample of a state stream.
+    pub fn state(&self, name: &str, episode: u64, tick: u64, message: impl Stamped) {
+        self.publish(
+            name,
+            self.keys.stream(name),
+            Class::State,
+            episode,
+            tick,
+            message,
+        );
+    }
+
+    /// Publishes a picture.
+    pub fn camera(&self, name: &str, episode: u64, tick: u64, message: v1::CameraFrame) {
+        let key = self.keys.camera(name);
+        self.publish(
+            &format!("camera/{name}"),
+            key,
+            Class::Camera,
+            episode,
+            tick,
+            message,
+        );
+    }
+
+    /// Publishes the start of an episode.
+    pub fn episode_start(&self, tick: u64, message: v1::EpisodeStarted) {
+        let episode = message.header.as_ref().map_or(0, |h| h.episode);
+        let key = self.keys.episode_start();
+        self.publish(
+            "episode/start",
+            key,
+            Class::Protocol,
+            episode,
+            tick,
+            message,
+        );
+    }
+
+    /// Publishes the end of an episode.
+    pub fn episode_stop(&self, tick: u64, message: v1::EpisodeStopped) {
+        let episode = message.header.as_ref().map_or(0, |h| h.episode);
+        let key = self.keys.episode_stop();
+        self.publish("episode/stop", key, Class::Protocol, episode, tick, message);
+    }
+
+    /// Publishes why a command was not taken.
+    pub fn refusal(&self, episode: u64, tick: u64, message: v1::Refusal) {
+        self.publish(
+            "refusal",
+            self.keys.refusal(),
+            Class::Protocol,
+            episode,
+            tick,
+            message,
+        );
+    }
+
+    fn publish(
+        &self,
+        name: &str,
+        key: String,
+        class: Class,
+        episode: u64,
+        tick: u64,
+        mut message: impl Stamped,
+    ) {
+        let stream = match self.stream(name, key, class) {
+            Ok(stream) => stream,
+            Err(e) => {
+                tracing::error!("cannot publish {name}: {e}");
+                return;
+            }
+        };
+        let mut stream = stream.lock().unwrap_or_else(PoisonError::into_inner);
+        let counter = &mut stream.counter;
+        if counter.episode != episode {
+            *counter = Counter {
+                episode,
+                first: counter.next,
+                count: 0,
+                next: counter.next,
+            };
+        }
+        let sequence = counter.next;
+        counter.next += 1;
+        counter.count += 1;
+        message.set_header(v1::Header {
+            sequence,
+            ..self.header(episode, tick)
+        });
+        if let Err(e) = stream.publisher.put(message.encode_to_vec()).wait() {
+            tracing::error!("cannot publish {name}: {e}");
+        }
+    }
+
+    /// What every stream published in `episode`, streams without samples included.
+    #[must_use]
+    pub fn manifest(&self, episode: u64, cameras: &[String]) -> Vec<v1::StreamCount> {
+        let streams = self.streams.lock().unwrap_or_else(PoisonError::into_inner);
+        let state = names::STREAMS
+            .iter()
+            .chain([&names::EVENT_STREAM])
+            .map(|s| (*s).to_owned());
+        let cameras = cameras.iter().map(|c| format!("camera/{c}"));
+        state
+            .chain(cameras)
+            .map(|name| {
+                let counter = streams
+                    .get(&name)
+                    .map(|s| s.lock().unwrap_or_else(PoisonError::into_inner).counter)
+                    .unwrap_or_default();
+                let counter = if counter.episode == episode {
+                    counter
+                } else {
+                    Counter {
+                        first: counter.next,
+                        next: counter.next,
+                        ..Counter::default()
+                    }
+                };
+                v1::StreamCount {
+                    stream: name,
+                    first: counter.first,
+                    last: counter.next.saturating_sub(1),
+                    count: counter.count,
+                }
+            })
+            .collect()
+    }
+}

@@ -1,0 +1,222 @@
+//! Turns the state at a control tick into messages.
+
+use wheelarm_proto::v1;
+
+use super::convert;
+use super::inbox::Taken;
+use super::outbox::Outbox;
+use crate::robot::control::Targets;
+use crate::sensors::imu;
+use crate::sim::Simulation;
+
+/// Most contacts of one sample.
+const MAX_CONTACTS: usize = 16;
+
+/// Publishes the accepted commands and what was applied at `tick`.
+pub fn applied(
+    outbox: &Outbox,
+    episode: u64,
+    tick: u64,
+    taken: Taken,
+    targets: &Targets,
+    sim: &Simulation,
+) {
+    let (arm, base, gripper) = convert::applied_groups(&taken.input);
+    let control = sim.control();
+    outbox.state(
+        "applied",
+        episode,
+        tick,
+        v1::Applied {
+            header: None,
+            arm,
+            base,
+            gripper,
+            joint_position: targets.arm_position.to_vec(),
+            joint_velocity: targets.arm_velocity.to_vec(),
+            wheel_velocity: targets.wheel_velocity.to_vec(),
+            knuckle: targets.knuckle_position,
+            desired_pose: Some(convert::pose(&control.desired_pose())),
+            stale: taken.stale,
+            arm_problem: control.arm_problem().unwrap_or_default().to_owned(),
+        },
+    );
+    for command in taken.commands {
+        let log = v1::CommandLog {
+            header: None,
+            command: Some(command),
+        };
+        outbox.state("command", episode, tick, log);
+    }
+}
+
+/// Publishes IMU measurements.
+pub fn imu(outbox: &Outbox, episode: u64, samples: &[imu::Sample]) {
+    for sample in samples {
+        outbox.state(
+            "imu",
+            episode,
+            sample.tick,
+            v1::Imu {
+                header: None,
+                orientation: Some(convert::quaternion(&sample.orientation)),
+                angular_velocity: Some(convert::vector(&sample.angular_velocity)),
+                linear_acceleration: Some(convert::vector(&sample.linear_acceleration)),
+            },
+        );
+    }
+}
+
+/// Publishes the state streams of the present tick; `clock` comes last, so
+/// that whoever sees it has seen everything.
+pub fn state(
+    outbox: &Outbox,
+    episode: u64,
+    sim: &Simulation,
+    phase: (i32, &str),
+    real_time_factor: f64,
+) {
+    let tick = sim.snapshot().tick;
+    let put = Put {
+        outbox,
+        episode,
+        tick,
+    };
+    if sim.state_due() {
+        put.joints(sim);
+        put.poses(sim);
+        put.objects(sim);
+        put.contacts(sim);
+        outbox.state(
+            "evaluation",
+            episode,
+            tick,
+            convert::evaluation(sim.evaluation()),
+        );
+        let (phase, name) = phase;
+        let sample = v1::PhaseSample {
+            header: None,
+            phase,
+            name: name.to_owned(),
+        };
+        outbox.state("phase", episode, tick, sample);
+    }
+    if let Some(hash) = sim.hash_due() {
+        outbox.state(
+            "state_hash",
+            episode,
+            tick,
+            v1::StateHash { header: None, hash },
+        );
+    }
+    outbox.state(
+        "clock",
+        episode,
+        tick,
+        v1::Clock {
+            header: None,
+            real_time_factor,
+        },
+    );
+}
+
+struct Put<'a> {
+    outbox: &'a Outbox,
+    episode: u64,
+    tick: u64,
+}
+
+impl Put<'_> {
+    fn joints(&self, sim: &Simulation) {
+        let joints = sim.recorded_joints();
+        let message = v1::JointState {
+            header: None,
+            position: joints.iter().map(|j| j.position).collect(),
+            velocity: joints.iter().map(|j| j.velocity).collect(),
+            effort: joints.iter().map(|j| j.effort).collect(),
+        };
+        self.outbox
+            .state("joint_state", self.episode, self.tick, message);
+    }
+
+    fn poses(&self, sim: &Simulation) {
+        let frames = sim
+            .recorded_frames()
+            .iter()
+            .map(convert::frame_pose)
+            .collect();
+        let message = v1::PoseSet {
+            header: None,
+            frames,
+        };
+        self.outbox.state("pose", self.episode, self.tick, message);
+        let odometry = sim.odometry();
+        let (half_sin, half_cos) = (odometry.heading / 2.0).sin_cos();
+        let message = v1::Odometry {
+            header: None,
+            pose: Some(v1::Pose {
+                position: Some(v1::Vector3 {
+                    x: odometry.position[0],
+                    y: odometry.position[1],
+                    z: 0.0,
+                }),
+                orientation: Some(v1::Quaternion {
+                    x: 0.0,
+                    y: 0.0,
+                    z: half_sin,
+                    w: half_cos,
+                }),
+            }),
+            twist: Some(v1::Twist {
+                linear: Some(v1::Vector3 {
+                    x: odometry.linear,
+                    y: 0.0,
+                    z: 0.0,
+                }),
+                angular: Some(v1::Vector3 {
+                    x: 0.0,
+                    y: 0.0,
+                    z: odometry.angular,
+                }),
+            }),
+        };
+        self.outbox
+            .state("odometry", self.episode, self.tick, message);
+    }
+
+    fn objects(&self, sim: &Simulation) {
+        let objects = &sim.snapshot().objects;
+        let message = v1::ObjectPoses {
+            header: None,
+            pose: objects.iter().map(|o| convert::pose(&o.pose)).collect(),
+            twist: objects.iter().map(convert::body_twist).collect(),
+        };
+        self.outbox
+            .state("object_pose", self.episode, self.tick, message);
+    }
+
+    fn contacts(&self, sim: &Simulation) {
+        let mut contacts = sim.snapshot().contacts.clone();
+        contacts.sort_by(|a, b| {
+            let strength = b.force.norm().total_cmp(&a.force.norm());
+            strength.then_with(|| (a.first, a.second).cmp(&(b.first, b.second)))
+        });
+        let name = |body| convert::body_name(body, sim.model(), sim.scene());
+        let message = v1::Contacts {
+            header: None,
+            pad_force: sim.pad_forces().to_vec(),
+            contacts: contacts
+                .iter()
+                .take(MAX_CONTACTS)
+                .map(|c| v1::Contact {
+                    first: name(c.first),
+                    second: name(c.second),
+                    point: Some(convert::vector(&c.point)),
+                    force: Some(convert::vector(&c.force)),
+                })
+                .collect(),
+        };
+        self.outbox
+            .state("contact", self.episode, self.tick, message);
+    }
+}

@@ -1,0 +1,257 @@
+//! The render thread: draws the pictures that fall due and publishes them.
+//! Its queue is short and blocking, so that no picture is ever skipped; the
+//! simulation slows down instead.
+
+use std::path::PathBuf;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::mpsc::{self, Receiver, SyncSender};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::thread::JoinHandle;
+
+use wheelarm_proto::v1;
+
+use super::outbox::Outbox;
+use super::signal::Signal;
+use super::{ServiceError, convert};
+use crate::robot::RobotModel;
+use crate::scene::Scene;
+use crate::sensors::camera::{CameraSpec, Frame, Quality, RenderError, RenderScene, Renderer};
+use crate::sim::{self, Scenario, Simulation};
+use crate::snapshot::Snapshot;
+
+/// Batches that may wait to be drawn.
+const QUEUE: usize = 2;
+
+enum Job {
+    Draw {
+        snapshot: Arc<Snapshot>,
+        cameras: Vec<usize>,
+        episode: u64,
+    },
+    Drain(SyncSender<()>),
+}
+
+/// Handle of the render thread; ends with it.
+pub struct RenderThread {
+    jobs: Option<SyncSender<Job>>,
+    thread: Option<JoinHandle<()>>,
+    drawn: Arc<AtomicU64>,
+    failed: Arc<Mutex<Option<String>>>,
+    /// Graphics adapter, driver and type.
+    pub adapter: String,
+    /// Legend of the instance ids.
+    pub instances: Vec<v1::Instance>,
+}
+
+struct Setup {
+    scene: Scene,
+    model: RobotModel,
+    assets: PathBuf,
+    scenario: Scenario,
+    adapter: Option<String>,
+}
+
+impl Setup {
+    fn renderer(&self) -> Result<(Renderer, RenderScene), RenderError> {
+        let scene = RenderScene::new(&self.model, &self.scene, &self.assets)?;
+        let cameras = self
+            .scenario
+            .cameras
+            .iter()
+            .map(|c| self.camera(&c.name, c.size))
+            .collect::<Result<Vec<_>, _>>()?;
+        let quality = match self.scenario.quality {
+            sim::Quality::Fast => Quality::Fast,
+            sim::Quality::Standard => Quality::Standard,
+            sim::Quality::High => Quality::High,
+        };
+        let renderer = Renderer::new(&scene, &cameras, quality, self.adapter.as_deref())?;
+        Ok((renderer, scene))
+    }
+}
+
+impl Setup {
+    fn camera(&self, name: &str, size: [u32; 2]) -> Result<CameraSpec, RenderError> {
+        if name == "room" {
+            return Ok(CameraSpec::room(&self.scene, size));
+        }
+        let cameras = &self.model.settings.cameras;
+        let mount = cameras.iter().find(|c| c.name == name).ok_or_else(|| {
+            let known: Vec<_> = cameras.iter().map(|c| c.name.as_str()).collect();
+            RenderError::BadCamera {
+                camera: name.to_owned(),
+                reason: format!("it is unknown; there are {}, room", known.join(", ")),
+            }
+        })?;
+        CameraSpec::on_robot(&self.model, mount, size)
+    }
+}
+
+impl RenderThread {
+    /// Starts drawing for a simulation; waits until the renderer stands.
+    ///
+    /// # Errors
+    /// [`ServiceError`] with the cure, for example when there is no Vulkan driver.
+    pub fn start(
+        sim: &Simulation,
+        adapter: Option<&str>,
+        outbox: Arc<Outbox>,
+        signal: Arc<Signal>,
+    ) -> Result<Self, ServiceError> {
+        let setup = Setup {
+            scene: sim.scene().clone(),
+            model: sim.model().clone(),
+            assets: sim.assets().to_owned(),
+            scenario: sim.scenario().clone(),
+            adapter: adapter.map(str::to_owned),
+        };
+        let names: Vec<String> = setup
+            .scenario
+            .cameras
+            .iter()
+            .map(|c| c.name.clone())
+            .collect();
+        let (jobs, queue) = mpsc::sync_channel(QUEUE);
+        let (ready, standing) = mpsc::sync_channel(1);
+        let drawn = Arc::new(AtomicU64::new(0));
+        let failed = Arc::new(Mutex::new(None));
+        let thread = {
+            let (drawn, failed) = (Arc::clone(&drawn), Arc::clone(&failed));
+            std::thread::Builder::new()
+                .name("render".to_owned())
+                .spawn(move || {
+                    let mut renderer = match setup.renderer() {
+                        Ok((renderer, scene)) => {
+                            let adapter = renderer.adapter().to_string();
+                            let _ = ready.send(Ok((adapter, scene.instances)));
+                            renderer
+                        }
+                        Err(e) => {
+                            let _ = ready.send(Err(e));
+                            return;
+                        }
+                    };
+                    let outcome = draw(&mut renderer, &queue, &names, &outbox, &signal, &drawn);
+                    if let Err(e) = outcome {
+                        *failed.lock().unwrap_or_else(PoisonError::into_inner) =
+                            Some(e.to_string());
+                        signal.raise();
+                    }
+                })
+        };
+        let thread = thread.map_err(|e| ServiceError::Thread(format!("for cameras: {e}")))?;
+        let (adapter, instances) = standing
+            .recv()
+            .map_err(|_| ServiceError::Thread("for cameras ended early".to_owned()))??;
+        let instances = instances
+            .into_iter()
+            .map(|(id, name)| v1::Instance {
+                id: u32::from(id),
+                name,
+            })
+            .collect();
+        Ok(Self {
+            jobs: Some(jobs),
+            thread: Some(thread),
+            drawn,
+            failed,
+            adapter,
+            instances,
+        })
+    }
+
+    /// Queues pictures; waits while the queue is full.
+    pub fn draw(&self, snapshot: Arc<Snapshot>, cameras: Vec<usize>, episode: u64) {
+        if let Some(jobs) = &self.jobs {
+            let _ = jobs.send(Job::Draw {
+                snapshot,
+                cameras,
+                episode,
+            });
+        }
+    }
+
+    /// Waits until everything queued has been published.
+    pub fn drain(&self) {
+        let (done, wait) = mpsc::sync_channel(1);
+        if let Some(jobs) = &self.jobs
+            && jobs.send(Job::Drain(done)).is_ok()
+        {
+            let _ = wait.recv();
+        }
+    }
+
+    /// Pictures published since the start.
+    #[must_use]
+    pub fn drawn(&self) -> u64 {
+        self.drawn.load(Ordering::Acquire)
+    }
+
+    /// Why the thread stopped drawing, if it did.
+    #[must_use]
+    pub fn failure(&self) -> Option<String> {
+        self.failed
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner)
+            .clone()
+    }
+}
+
+impl Drop for RenderThread {
+    fn drop(&mut self) {
+        self.jobs.take();
+        if let Some(thread) = self.thread.take() {
+            let _ = thread.join();
+        }
+    }
+}
+
+fn draw(
+    renderer: &mut Renderer,
+    queue: &Receiver<Job>,
+    names: &[String],
+    outbox: &Outbox,
+    signal: &Signal,
+    drawn: &AtomicU64,
+) -> Result<(), RenderError> {
+    while let Ok(job) = queue.recv() {
+        match job {
+            Job::Draw {
+                snapshot,
+                cameras,
+                episode,
+            } => {
+                for frame in renderer.render(&snapshot, &cameras)? {
+                    let name = &names[frame.camera];
+                    outbox.camera(name, episode, snapshot.tick, message(name, frame));
+                    drawn.fetch_add(1, Ordering::AcqRel);
+                }
+                signal.raise();
+            }
+            Job::Drain(done) => {
+                let _ = done.send(());
+            }
+        }
+    }
+    Ok(())
+}
+
+fn message(name: &str, frame: Frame) -> v1::CameraFrame {
+    let i = frame.intrinsics;
+    v1::CameraFrame {
+        header: None,
+        camera: name.to_owned(),
+        intrinsics: Some(v1::Intrinsics {
+            width: i.width,
+            height: i.height,
+            fx: i.fx,
+            fy: i.fy,
+            cx: i.cx,
+            cy: i.cy,
+        }),
+        pose: Some(convert::pose(&frame.world_from_optical)),
+        rgb: frame.rgb.into(),
+        depth: frame.depth.into(),
+        ids: frame.ids.into(),
+    }
+}

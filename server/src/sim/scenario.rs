@@ -1,0 +1,212 @@
+//! `Scenario`: the only way to say what is simulated.
+
+use nalgebra::Isometry3;
+use wheelarm_proto::{CONTROL_HZ, PHYSICS_HZ};
+
+use crate::scene::Placement;
+use crate::sensors::{BadRate, Schedule};
+
+/// How simulation time relates to wall time.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Pacing {
+    /// One simulated second per second, slower where the host cannot keep up.
+    RealTime,
+    /// Waits for the commander at every control tick and for the recorders' credit.
+    LockStep,
+    /// As fast as it goes.
+    Fast,
+}
+
+/// How much work goes into a picture.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Quality {
+    /// No shadows.
+    Fast,
+    /// One shadow map.
+    Standard,
+    /// Multisampling and soft shadows.
+    High,
+}
+
+/// One camera of a scenario.
+#[derive(Clone, Debug, PartialEq)]
+pub struct CameraSetting {
+    /// `gen3`, `wheelchair` or `room`.
+    pub name: String,
+    /// Width and height, pixels.
+    pub size: [u32; 2],
+    /// Pictures per simulated second, Hz; divides 240; 0 is off.
+    pub rate_hz: f64,
+}
+
+/// What is simulated.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Scenario {
+    /// Scene below assets/scenes.
+    pub scene: String,
+    /// Task below assets/tasks; empty for none.
+    pub task: String,
+    /// Seed of every random choice.
+    pub seed: u64,
+    /// Robot below assets/robots.
+    pub robot: String,
+    /// Cameras.
+    pub cameras: Vec<CameraSetting>,
+    /// Rate of the state streams, Hz; divides 60.
+    pub state_rate_hz: f64,
+    /// Rate of the IMU, Hz; divides 240.
+    pub imu_rate_hz: f64,
+    /// Pacing.
+    pub pacing: Pacing,
+    /// Picture quality.
+    pub quality: Quality,
+    /// Adds noise to the IMU.
+    pub imu_noise: bool,
+    /// Placements by object name; empty: drawn from the seed.
+    pub objects: Vec<(String, Placement)>,
+    /// world_from_wheelchair_root at the start; `None`: drawn.
+    pub start: Option<Isometry3<f64>>,
+    /// Instruction sentence; empty: one of the task's.
+    pub instruction: String,
+}
+
+/// Greatest width or height of a picture, pixels.
+pub const MAX_SIZE: u32 = 4096;
+
+impl Default for Scenario {
+    /// The home with the mustard task and both robot cameras at 1280x720, 10 Hz.
+    fn default() -> Self {
+        let camera = |name: &str| CameraSetting {
+            name: name.to_owned(),
+            size: [1280, 720],
+            rate_hz: 10.0,
+        };
+        Self {
+            scene: "home".to_owned(),
+            task: "pick_mustard".to_owned(),
+            seed: 0,
+            robot: "wheelarm".to_owned(),
+            cameras: vec![camera("gen3"), camera("wheelchair")],
+            state_rate_hz: CONTROL_HZ as f64,
+            imu_rate_hz: PHYSICS_HZ as f64,
+            pacing: Pacing::RealTime,
+            quality: Quality::Standard,
+            imu_noise: false,
+            objects: Vec::new(),
+            start: None,
+            instruction: String::new(),
+        }
+    }
+}
+
+/// A scenario that cannot be simulated.
+#[derive(Debug, thiserror::Error, PartialEq)]
+pub enum ScenarioError {
+    /// A rate.
+    #[error(transparent)]
+    Rate(#[from] BadRate),
+    /// A picture size.
+    #[error("camera {camera:?} is {width}x{height}, expected 16 to {MAX_SIZE} pixels each way")]
+    Size {
+        /// The camera.
+        camera: String,
+        /// Pixels.
+        width: u32,
+        /// Pixels.
+        height: u32,
+    },
+    /// The same camera twice.
+    #[error("camera {0:?} is named twice; name each camera once")]
+    Twice(String),
+    /// A name that could leave the assets folder.
+    #[error("{what} name {name:?} must be 1 to 64 letters, digits, `-` or `_`")]
+    Name {
+        /// Scene, task or robot.
+        what: &'static str,
+        /// The name.
+        name: String,
+    },
+}
+
+/// When each sensor of a scenario is due.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Schedules {
+    /// Cameras, in the scenario's order.
+    pub cameras: Vec<Schedule>,
+    /// State streams.
+    pub state: Schedule,
+    /// IMU.
+    pub imu: Schedule,
+}
+
+impl Scenario {
+    /// Checks names, rates and sizes and returns the due times.
+    ///
+    /// # Errors
+    /// [`ScenarioError`] that names the field and what would be right.
+    pub fn schedules(&self) -> Result<Schedules, ScenarioError> {
+        for (what, name, optional) in [
+            ("scene", &self.scene, false),
+            ("task", &self.task, true),
+            ("robot", &self.robot, false),
+        ] {
+            let empty_is_fine = optional && name.is_empty();
+            if !empty_is_fine && wheelarm_proto::keys::check_name(name).is_err() {
+                return Err(ScenarioError::Name {
+                    what,
+                    name: name.clone(),
+                });
+            }
+        }
+        let mut cameras = Vec::new();
+        for (i, camera) in self.cameras.iter().enumerate() {
+            if self.cameras[..i].iter().any(|c| c.name == camera.name) {
+                return Err(ScenarioError::Twice(camera.name.clone()));
+            }
+            let [width, height] = camera.size;
+            if !(16..=MAX_SIZE).contains(&width) || !(16..=MAX_SIZE).contains(&height) {
+                return Err(ScenarioError::Size {
+                    camera: camera.name.clone(),
+                    width,
+                    height,
+                });
+            }
+            let what = format!("camera {}", camera.name);
+            cameras.push(Schedule::new(&what, camera.rate_hz, PHYSICS_HZ)?);
+        }
+        Ok(Schedules {
+            cameras,
+            state: Schedule::new("state streams", self.state_rate_hz, CONTROL_HZ)?,
+            imu: Schedule::new("IMU", self.imu_rate_hz, PHYSICS_HZ)?,
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn scenarios_that_cannot_run_say_why() {
+        assert!(Scenario::default().schedules().is_ok());
+        let mut twice = Scenario::default();
+        twice.cameras[1].name = "gen3".into();
+        assert_eq!(twice.schedules(), Err(ScenarioError::Twice("gen3".into())));
+        let mut rate = Scenario::default();
+        rate.cameras[0].rate_hz = 7.0;
+        assert!(
+            rate.schedules()
+                .unwrap_err()
+                .to_string()
+                .contains("divides 240")
+        );
+        let outside = Scenario {
+            task: "../secret".into(),
+            ..Scenario::default()
+        };
+        assert!(outside.schedules().is_err());
+        let mut size = Scenario::default();
+        size.cameras[0].size = [0, 720];
+        assert!(size.schedules().is_err());
+    }
+}

@@ -1,0 +1,66 @@
+//! How a task file looks; nothing checked but the keys.
+//!
+//! Lengths are metres, times seconds, angles degrees (keys ending in `_deg`).
+
+use serde::Deserialize;
+
+use super::predicate::Predicate;
+
+/// `assets/tasks/NAME.toml`.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct TaskFile {
+    pub origin: String,
+    pub license: String,
+    pub scene: String,
+    pub activity: String,
+    pub area: String,
+    pub target: String,
+    pub instructions: Vec<String>,
+    pub time_limit: f64,
+    pub start: StartEntry,
+    #[serde(default)]
+    pub place: Vec<PlaceEntry>,
+    pub condition: Vec<ConditionEntry>,
+    pub failure: FailureEntry,
+}
+
+/// Where the chair starts: ranges, least and greatest value.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct StartEntry {
+    pub x: [f64; 2],
+    pub y: [f64; 2],
+    pub yaw_deg: [f64; 2],
+}
+
+/// Where one object starts: ranges in the frame of the surface's approach edge.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct PlaceEntry {
+    pub object: String,
+    pub on: String,
+    pub surface: Option<String>,
+    /// From the edge inwards.
+    pub inwards: [f64; 2],
+    /// Along the edge from its middle.
+    pub along: [f64; 2],
+    /// Turn against the inward direction.
+    pub yaw_deg: [f64; 2],
+    pub mass: Option<[f64; 2]>,
+    pub friction: Option<[f64; 2]>,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct ConditionEntry {
+    pub required: bool,
+    pub predicate: Predicate,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct FailureEntry {
+    pub drop: f64,
+    pub tilt_deg: f64,
+}

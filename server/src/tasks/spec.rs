@@ -1,0 +1,316 @@
+//! A task as read from `assets/tasks/NAME.toml`, checked against its scene.
+
+use std::path::Path;
+
+use super::draw::clearance_of;
+use super::file::{PlaceEntry, TaskFile};
+use super::predicate::Predicate;
+use crate::scene::{Place, Scene, SceneError, names, parse, provenance};
+
+/// What is asked, where things may start, and when it is done.
+#[derive(Clone, Debug, PartialEq)]
+pub struct TaskSpec {
+    /// Name of the file below assets/tasks.
+    pub name: String,
+    /// Activity of daily living: `serve`, `organize`.
+    pub activity: String,
+    /// Area of the home where it happens.
+    pub area: String,
+    /// Scene below assets/scenes.
+    pub scene: String,
+    /// Object that the task is about.
+    pub target: String,
+    /// Sentences that ask for it; a draw takes one.
+    pub instructions: Vec<String>,
+    /// Simulated seconds after which it has failed.
+    pub time_limit: f64,
+    /// Where the chair starts.
+    pub start: StartSpec,
+    /// Where objects start; those not listed stand at their place in the scene.
+    pub places: Vec<PlaceSpec>,
+    /// What must hold, or is reported.
+    pub conditions: Vec<ConditionSpec>,
+    /// When the target counts as lost.
+    pub failure: FailureSpec,
+}
+
+/// A closed range of numbers.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Range {
+    /// Least.
+    pub min: f64,
+    /// Greatest.
+    pub max: f64,
+}
+
+impl Range {
+    /// Whether a number lies inside, rounding aside.
+    #[must_use]
+    pub fn contains(&self, value: f64) -> bool {
+        value >= self.min - 1e-9 && value <= self.max + 1e-9
+    }
+}
+
+/// Ranges of the chair's start: pose of `wheelchair_root` in `house`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct StartSpec {
+    /// Metres.
+    pub x: Range,
+    /// Metres.
+    pub y: Range,
+    /// Radians.
+    pub yaw: Range,
+}
+
+/// Ranges of one object's start, in the frame of the surface's approach edge.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PlaceSpec {
+    /// Object.
+    pub object: String,
+    /// Furniture that carries it.
+    pub on: String,
+    /// Surface of the furniture; the first one when absent.
+    pub surface: Option<String>,
+    /// From the edge inwards, metres.
+    pub inwards: Range,
+    /// Along the edge from its middle, metres.
+    pub along: Range,
+    /// Turn against the inward direction, radians.
+    pub yaw: Range,
+    /// kg; the object's own when absent.
+    pub mass: Option<Range>,
+    /// Coulomb coefficient; the object's own when absent.
+    pub friction: Option<Range>,
+}
+
+/// A condition of the task.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ConditionSpec {
+    /// What must be true.
+    pub predicate: Predicate,
+    /// Needed for success, or only reported.
+    pub required: bool,
+}
+
+/// When the target counts as dropped or tipped.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FailureSpec {
+    /// Metres below its start, or above it for having been lifted.
+    pub drop: f64,
+    /// Lean from how it stood while not held, radians.
+    pub tilt: f64,
+}
+
+/// Every task below `assets/tasks`, by name.
+///
+/// # Errors
+/// When one of them cannot be used.
+pub fn list(assets: &Path) -> Result<Vec<TaskSpec>, SceneError> {
+    names(assets, "tasks")?
+        .iter()
+        .map(|name| TaskSpec::load(assets, name))
+        .collect()
+}
+
+impl TaskSpec {
+    /// Reads `assets/tasks/NAME.toml` and checks it against its scene.
+    ///
+    /// # Errors
+    /// When a file is missing or something in it cannot be.
+    pub fn load(assets: &Path, name: &str) -> Result<Self, SceneError> {
+        let path = format!("tasks/{name}.toml");
+        let file: TaskFile = parse(assets, &path)?;
+        let place = Place::file(&path);
+        provenance(&place, &file.origin, &file.license)?;
+        let scene = Scene::load(assets, &file.scene)?;
+        known_object(&place.key("target"), &scene, &file.target)?;
+        if !scene.furniture.iter().any(|body| body.area == file.area) || file.area.is_empty() {
+            let mut areas: Vec<_> = scene.furniture.iter().map(|b| b.area.as_str()).collect();
+            areas.sort_unstable();
+            areas.dedup();
+            areas.retain(|area| !area.is_empty());
+            return Err(place.key("area").wrong(
+                format!("{:?}", file.area),
+                format!("one of {}", areas.join(", ")),
+                "use an area of the scene's furniture",
+            ));
+        }
+        if file.instructions.is_empty() || file.instructions.iter().any(|s| s.trim().is_empty()) {
+            return Err(place.key("instructions").wrong(
+                format!("{:?}", file.instructions),
+                "at least one sentence, none empty",
+                "write what a person would ask for",
+            ));
+        }
+        let start = place.key("start");
+        let spec = Self {
+            name: name.to_owned(),
+            activity: file.activity,
+            area: file.area,
+            scene: file.scene,
+            target: file.target,
+            instructions: file.instructions,
+            time_limit: place.key("time_limit").within(
+                file.time_limit,
+                1.0,
+                3600.0,
+                "s",
+                "times are simulated seconds",
+            )?,
+            start: StartSpec {
+                x: range(&start.key("x"), file.start.x, -50.0, 50.0, "m")?,
+                y: range(&start.key("y"), file.start.y, -50.0, 50.0, "m")?,
+                yaw: angles(&start.key("yaw_deg"), file.start.yaw_deg)?,
+            },
+            places: file
+                .place
+                .iter()
+                .map(|entry| read_place(&place.entry("place", &entry.object), &scene, entry))
+                .collect::<Result<_, _>>()?,
+            conditions: file
+                .condition
+                .into_iter()
+                .map(|entry| ConditionSpec {
+                    predicate: entry.predicate,
+                    required: entry.required,
+                })
+                .collect(),
+            failure: FailureSpec {
+                drop: place.key("failure.drop").within(
+                    file.failure.drop,
+                    0.005,
+                    1.0,
+                    "m",
+                    "lengths are metres",
+                )?,
+                tilt: place
+                    .key("failure.tilt_deg")
+                    .within(
+                        file.failure.tilt_deg,
+                        5.0,
+                        180.0,
+                        "degrees",
+                        "angles are degrees",
+                    )?
+                    .to_radians(),
+            },
+        };
+        spec.check_conditions(&place, &scene)?;
+        spec.check_room(&place, &scene)?;
+        Ok(spec)
+    }
+
+    /// Where errors about this task stand.
+    pub(super) fn place(&self) -> Place {
+        Place::file(&format!("tasks/{}.toml", self.name))
+    }
+
+    fn check_conditions(&self, place: &Place, scene: &Scene) -> Result<(), SceneError> {
+        if !self.conditions.iter().any(|c| c.required) {
+            return Err(place.key("condition").wrong(
+                format!("a list of {} without a required one", self.conditions.len()),
+                "at least one condition with required = true",
+                "say what success is",
+            ));
+        }
+        for condition in &self.conditions {
+            let place = place.entry("condition", condition.predicate.label());
+            for object in condition.predicate.objects() {
+                known_object(&place.key("object"), scene, object)?;
+            }
+            for (key, value, unit, most) in condition.predicate.thresholds() {
+                place
+                    .key(key)
+                    .within(value, 0.0, most, unit, "thresholds are SI: m, s, N, rad")?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Refuses ranges in which the objects find no room.
+    fn check_room(&self, place: &Place, scene: &Scene) -> Result<(), SceneError> {
+        let worst = (0..8)
+            .map(|seed| clearance_of(self, scene, seed))
+            .fold(f64::INFINITY, f64::min);
+        if worst < 0.0 {
+            return Err(place.key("place").wrong(
+                format!("so tight that objects overlap by {:.0} mm", -worst * 1000.0),
+                "ranges with room for all objects and the gripper",
+                "widen the ranges or move other objects of the scene away",
+            ));
+        }
+        Ok(())
+    }
+}
+
+fn read_place(place: &Place, scene: &Scene, entry: &PlaceEntry) -> Result<PlaceSpec, SceneError> {
+    known_object(place, scene, &entry.object)?;
+    let surface = scene.surface(place, &entry.on, entry.surface.as_deref())?;
+    let half = surface.width / 2.0;
+    let (inwards, along) = (place.key("inwards"), place.key("along"));
+    Ok(PlaceSpec {
+        object: entry.object.clone(),
+        on: entry.on.clone(),
+        surface: entry.surface.clone(),
+        inwards: range(&inwards, entry.inwards, 0.0, surface.depth, "m")?,
+        along: range(&along, entry.along, -half, half, "m")?,
+        yaw: angles(&place.key("yaw_deg"), entry.yaw_deg)?,
+        mass: entry
+            .mass
+            .map(|mass| range(&place.key("mass"), mass, 0.001, 100.0, "kg"))
+            .transpose()?,
+        friction: entry
+            .friction
+            .map(|friction| range(&place.key("friction"), friction, 0.0, 2.0, ""))
+            .transpose()?,
+    })
+}
+
+fn known_object(place: &Place, scene: &Scene, name: &str) -> Result<(), SceneError> {
+    if scene.object_named(name).is_some() {
+        return Ok(());
+    }
+    let known: Vec<_> = scene.objects.iter().map(|o| o.name.as_str()).collect();
+    Err(place.wrong(
+        format!("{name:?}"),
+        format!("one of {}", known.join(", ")),
+        format!(
+            "correct the name or add the object to scenes/{}.toml",
+            scene.name
+        ),
+    ))
+}
+
+fn range(
+    place: &Place,
+    [min, max]: [f64; 2],
+    low: f64,
+    high: f64,
+    unit: &str,
+) -> Result<Range, SceneError> {
+    for value in [min, max] {
+        place.within(
+            value,
+            low,
+            high,
+            unit,
+            "give [least, greatest] within these",
+        )?;
+    }
+    if min > max {
+        return Err(place.wrong(
+            format!("[{min}, {max}]"),
+            "[least, greatest]",
+            "swap the two",
+        ));
+    }
+    Ok(Range { min, max })
+}
+
+fn angles(place: &Place, degrees: [f64; 2]) -> Result<Range, SceneError> {
+    let range = range(place, degrees, -360.0, 360.0, "degrees")?;
+    Ok(Range {
+        min: range.min.to_radians(),
+        max: range.max.to_radians(),
+    })
+}

@@ -1,0 +1,122 @@
+//! Who touches whom, and how hard.
+
+use std::collections::BTreeMap;
+
+use nalgebra::Vector3;
+use rapier3d::prelude::{ContactManifold, PhysicsWorld};
+
+use super::convert::from_vector;
+use crate::snapshot::{BodyRef, Contact};
+
+const KINDS: u32 = 32;
+/// Points that share one friction constraint and hold its impulse, between free
+/// bodies; contacts of the robot's multibody have one constraint per point.
+const POINTS_PER_FRICTION: usize = 4;
+
+/// Number that a collider carries, so that a contact knows its body.
+pub(super) fn tag(body: BodyRef) -> u128 {
+    let (kind, index) = match body {
+        BodyRef::Link(i) => (0, i),
+        BodyRef::Object(i) => (1, i),
+        BodyRef::Furniture(i) => (2, i),
+    };
+    (kind << KINDS) | (index as u128)
+}
+
+/// Body of a collider's number.
+pub(super) fn body_of(tag: u128) -> BodyRef {
+    #[allow(
+        clippy::cast_possible_truncation,
+        reason = "it was an index before it was a tag"
+    )]
+    let index = (tag & ((1 << KINDS) - 1)) as usize;
+    match tag >> KINDS {
+        0 => BodyRef::Link(index),
+        1 => BodyRef::Object(index),
+        _ => BodyRef::Furniture(index),
+    }
+}
+
+/// Sum over the points of a pair.
+#[derive(Default)]
+struct Sum {
+    force: Vector3<f64>,
+    weighted_point: Vector3<f64>,
+    weight: f64,
+}
+
+/// The pairs that touch with force: the robot with anything but the floor,
+/// objects with objects and furniture. Sorted by pair.
+pub(super) fn contacts(physics: &PhysicsWorld) -> Vec<Contact> {
+    let mut sums: BTreeMap<(BodyRef, BodyRef), Sum> = BTreeMap::new();
+    for pair in physics.narrow_phase.contact_pairs() {
+        let (Some(a), Some(b)) = (
+            physics.colliders.get(pair.collider1),
+            physics.colliders.get(pair.collider2),
+        ) else {
+            continue;
+        };
+        let (a, b) = (body_of(a.user_data), body_of(b.user_data));
+        let (first, second) = if a <= b { (a, b) } else { (b, a) };
+        let rolls = matches!(
+            (first, second),
+            (BodyRef::Link(_), BodyRef::Furniture(0))
+                | (BodyRef::Furniture(_), BodyRef::Furniture(_))
+        );
+        if rolls {
+            continue;
+        }
+        for manifold in pair.solver_manifolds() {
+            let sign = if a <= b { 1.0 } else { -1.0 };
+            let drags = match first {
+                BodyRef::Link(_) => 1,
+                _ => POINTS_PER_FRICTION,
+            };
+            let sum = sums.entry((first, second)).or_default();
+            add(sum, physics, manifold, sign, drags);
+        }
+    }
+    sums.into_iter()
+        .filter(|(_, sum)| sum.weight > 0.0)
+        .map(|((first, second), sum)| Contact {
+            first,
+            second,
+            point: sum.weighted_point / sum.weight,
+            force: sum.force,
+        })
+        .collect()
+}
+
+/// Adds the force on the manifold's second body, times `sign`.
+fn add(
+    sum: &mut Sum,
+    physics: &PhysicsWorld,
+    manifold: &ContactManifold,
+    sign: f64,
+    points_per_friction: usize,
+) {
+    let dt = f64::from(physics.integration_parameters.dt);
+    #[allow(clippy::cast_precision_loss, reason = "a few substeps")]
+    let substep = dt / physics.integration_parameters.num_solver_iterations as f64;
+    let normal = from_vector(manifold.data.normal);
+    for (index, contact) in manifold.data.solver_contacts.iter().enumerate() {
+        let Some(point) = manifold.points.get(contact.contact_indices()[0] as usize) else {
+            continue;
+        };
+        // The normal impulse is summed over the substeps; of the friction the
+        // engine keeps the world vector of the last substep only.
+        let push = f64::from(point.data.impulse) / dt;
+        if index.is_multiple_of(points_per_friction) {
+            let drag = from_vector(point.data.warmstart_tangent_world) / substep;
+            sum.force -= drag * sign;
+        }
+        if push > 0.0 {
+            let (p1, p2) = manifold
+                .data
+                .solver_contact_world_points(contact, &physics.bodies);
+            sum.force += normal * push * sign;
+            sum.weighted_point += from_vector((p1 + p2) * 0.5) * push;
+            sum.weight += push;
+        }
+    }
+}

@@ -1,0 +1,250 @@
+//! The motors: what turns `Targets` into torques.
+//!
+//! All motors are implicit springs with a torque cap, solved with the
+//! contacts, which is what keeps them stable on links of 2 g·m². Gravity is
+//! compensated by moving the target of an arm joint by `tau_g / kp`; the
+//! compensation knows the arm and the gripper, not what it holds.
+
+use nalgebra::Vector3;
+use rapier3d::dynamics::{JointMotor, MotorModel};
+use rapier3d::prelude::{JointAxis, PhysicsWorld};
+use wheelarm_proto::names::JOINT_NAMES;
+
+use super::WorldError;
+use super::body::{RobotBody, Surface};
+use super::convert::{from_vector, real, vector};
+use super::wheels::Wheels;
+use crate::robot::RobotModel;
+use crate::robot::control::Targets;
+
+/// Gains of a driven wheel, N·m/rad and N·m·s/rad: the cap of 30 N·m is
+/// reached 4 mm behind the led position or at an error of 0.04 m/s.
+const WHEEL_STIFFNESS: f64 = 1000.0;
+const WHEEL_DAMPING: f64 = 100.0;
+/// Gains of each crank of the gripper, N·m/rad and N·m·s/rad: the cap of 60 N
+/// is reached 0.02 rad behind the target; near critical damping with the armature.
+const CRANK_STIFFNESS: f64 = 200.0;
+const CRANK_DAMPING: f64 = 3.0;
+
+/// Which body each motor moves, and how strongly.
+#[derive(Clone, Debug)]
+pub(super) struct Drives {
+    wheels: [usize; 2],
+    wheel_torque: f64,
+    arm: [usize; 6],
+    arm_gains: [Gains; 6],
+    /// Bodies that each arm joint carries.
+    carried: [Vec<usize>; 6],
+    /// Left and right crank and finger tip, with the sign of their angle.
+    cranks: [Crank; 2],
+    hand: usize,
+    max_pad_force: f64,
+}
+
+#[derive(Clone, Copy, Debug)]
+struct Gains {
+    stiffness: f64,
+    damping: f64,
+    torque: f64,
+}
+
+#[derive(Clone, Copy, Debug)]
+struct Crank {
+    body: usize,
+    tip: usize,
+    sign: f64,
+}
+
+/// What the wheels of a model are made of, for `RobotBody::insert`.
+pub(super) fn surface(model: &RobotModel, link: usize) -> Surface {
+    let Some(joint) = link.checked_sub(1).map(|j| &model.joints[j].name) else {
+        return Surface::Shell;
+    };
+    if JOINT_NAMES[0..2].contains(&joint.as_str()) {
+        Surface::Tyre
+    } else if JOINT_NAMES[2..4].contains(&joint.as_str()) {
+        Surface::Roller
+    } else {
+        Surface::Shell
+    }
+}
+
+impl Drives {
+    /// Finds the joints by their names.
+    pub(super) fn new(model: &RobotModel, robot: &RobotBody) -> Result<Self, WorldError> {
+        let body = |name: &str| {
+            model
+                .joint(name)
+                .and_then(|j| robot.tree.body_moved_by(j))
+                .ok_or_else(|| WorldError::MissingJoint {
+                    joint: name.to_owned(),
+                })
+        };
+        let mut arm = [0; 6];
+        for (slot, name) in arm.iter_mut().zip(&JOINT_NAMES[4..10]) {
+            *slot = body(name)?;
+        }
+        let arm_gains = std::array::from_fn(|i| {
+            let joint = robot.tree.bodies[arm[i]].joint.map_or(0, |j| j.joint);
+            Gains {
+                stiffness: model.settings.arm.stiffness[i],
+                damping: model.settings.arm.damping[i],
+                torque: model.joints[joint].limits.effort,
+            }
+        });
+        let carried = arm.map(|root| carried_by(robot, root));
+        let left = body(JOINT_NAMES[13])?;
+        Ok(Self {
+            wheels: [body(JOINT_NAMES[0])?, body(JOINT_NAMES[1])?],
+            wheel_torque: model.settings.drive.wheel_torque,
+            arm,
+            arm_gains,
+            carried,
+            cranks: [
+                Crank {
+                    body: left,
+                    tip: body(JOINT_NAMES[12])?,
+                    sign: 1.0,
+                },
+                Crank {
+                    body: body(JOINT_NAMES[15])?,
+                    tip: body(JOINT_NAMES[14])?,
+                    sign: -1.0,
+                },
+            ],
+            hand: robot.tree.bodies[left].joint.map_or(0, |j| j.parent),
+            max_pad_force: model.settings.gripper.max_force,
+        })
+    }
+
+    /// Sets all motors for the coming tick.
+    pub(super) fn drive(
+        &self,
+        physics: &mut PhysicsWorld,
+        robot: &RobotBody,
+        wheels: &mut Wheels,
+        targets: &Targets,
+    ) {
+        let gains = Gains {
+            stiffness: WHEEL_STIFFNESS,
+            damping: WHEEL_DAMPING,
+            torque: self.wheel_torque,
+        };
+        let dt = f64::from(physics.integration_parameters.dt);
+        let leads = wheels.lead(targets.wheel_velocity, dt, gains.torque / gains.stiffness);
+        for i in 0..2 {
+            let (angle, _) = robot.joint_state(physics, self.wheels[i]);
+            let (position, speed) = (angle + leads[i], targets.wheel_velocity[i]);
+            set_motor(physics, robot, self.wheels[i], position, speed, gains);
+        }
+        for i in 0..6 {
+            let gains = self.arm_gains[i];
+            let lift = self.gravity_torque(physics, robot, i) / gains.stiffness;
+            let position = targets.arm_position[i] + lift;
+            set_motor(
+                physics,
+                robot,
+                self.arm[i],
+                position,
+                targets.arm_velocity[i],
+                gains,
+            );
+        }
+        let force = targets.pad_force.clamp(0.0, self.max_pad_force);
+        for crank in self.cranks {
+            let gains = Gains {
+                stiffness: CRANK_STIFFNESS,
+                damping: CRANK_DAMPING,
+                torque: force * self.lever(physics, robot, crank),
+            };
+            let position = crank.sign * targets.knuckle_position;
+            let speed = crank.sign * targets.knuckle_velocity;
+            set_motor(physics, robot, crank.body, position, speed, gains);
+        }
+    }
+
+    /// Torque that holds an arm joint against the weight of what it carries of the robot, N·m.
+    fn gravity_torque(&self, physics: &PhysicsWorld, robot: &RobotBody, joint: usize) -> f64 {
+        let body = self.arm[joint];
+        let Some(data) = robot.joint(physics, body) else {
+            return 0.0;
+        };
+        let engine_body = &physics.bodies[robot.handles[body]];
+        let pivot = from_vector(
+            engine_body
+                .position()
+                .transform_point(data.local_frame2.translation),
+        );
+        let axis = engine_body.rotation() * data.local_frame2.rotation * rapier3d::math::Vector::X;
+        let axis = from_vector(axis);
+        let gravity = from_vector(physics.gravity);
+        let moment: Vector3<f64> = self.carried[joint]
+            .iter()
+            .map(|&b| {
+                let com = from_vector(physics.bodies[robot.handles[b]].center_of_mass());
+                (com - pivot).cross(&(gravity * robot.tree.bodies[b].mass.mass))
+            })
+            .sum();
+        -axis.dot(&moment)
+    }
+
+    /// How far a pad closes per radian of its crank, metres: the height of the
+    /// finger tip's pivot above the crank's, along the hand.
+    fn lever(&self, physics: &PhysicsWorld, robot: &RobotBody, crank: Crank) -> f64 {
+        let hand = &physics.bodies[robot.handles[self.hand]];
+        let approach = hand.rotation() * self.approach(robot);
+        let rise = physics.bodies[robot.handles[crank.tip]].translation()
+            - physics.bodies[robot.handles[crank.body]].translation();
+        f64::from(rise.dot(approach)).abs()
+    }
+
+    /// Direction in which the hand points, in its body's frame.
+    fn approach(&self, robot: &RobotBody) -> rapier3d::math::Vector {
+        let turn = robot.tree.bodies[self.cranks[0].body]
+            .joint
+            .map_or_else(nalgebra::UnitQuaternion::identity, |j| j.origin.rotation);
+        vector(&(turn * Vector3::z()))
+    }
+}
+
+/// Bodies from `root` outwards.
+fn carried_by(robot: &RobotBody, root: usize) -> Vec<usize> {
+    let mut bodies = vec![root];
+    for (index, body) in robot.tree.bodies.iter().enumerate().skip(root + 1) {
+        if body.joint.is_some_and(|j| bodies.contains(&j.parent)) {
+            bodies.push(index);
+        }
+    }
+    bodies
+}
+
+fn set_motor(
+    physics: &mut PhysicsWorld,
+    robot: &RobotBody,
+    body: usize,
+    position: f64,
+    speed: f64,
+    gains: Gains,
+) {
+    let Some(joint) = robot.joint_mut(physics, body) else {
+        return;
+    };
+    joint.set_motor_model(JointAxis::AngX, MotorModel::ForceBased);
+    joint.set_motor(
+        JointAxis::AngX,
+        real(position),
+        real(speed),
+        real(gains.stiffness),
+        real(gains.damping),
+    );
+    joint.set_motor_max_force(JointAxis::AngX, real(gains.torque));
+}
+
+/// Torque of a motor at a joint position and velocity, N·m. The engine does
+/// not report it; this is its own law at the state after the tick.
+pub(super) fn effort(motor: &JointMotor, position: f64, velocity: f64) -> f64 {
+    let cap = f64::from(motor.max_force);
+    let pull = f64::from(motor.stiffness) * (f64::from(motor.target_pos) - position)
+        + f64::from(motor.damping) * (f64::from(motor.target_vel) - velocity);
+    pull.clamp(-cap, cap)
+}

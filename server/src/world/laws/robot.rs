@@ -1,0 +1,164 @@
+//! The robot: it stands, drives straight, turns true, holds its arm; the same
+//! commands give the same bits.
+
+use std::f64::consts::FRAC_PI_2;
+
+use wheelarm_proto::names::JOINT_NAMES;
+
+use super::*;
+
+/// Rate of wheels that go a distance: a ramp up, a plateau, a ramp down, as a
+/// share of the plateau at time `t` of `total`.
+fn trapezoid(t: f64, ramp: f64, total: f64) -> f64 {
+    (t / ramp).min((total - t) / ramp).clamp(0.0, 1.0)
+}
+
+/// Arm targets that move all joints at once, within their speed limits.
+fn wave(home: [f64; 6], t: f64) -> Targets {
+    let mut targets = hold(home);
+    let amplitude = [0.35, 0.2, 0.25, 0.3, 0.3, 0.24];
+    let rate = [3.0, 2.5, 3.5, 4.0, 3.0, 5.0];
+    for i in 0..6 {
+        let (a, w) = (amplitude[i], rate[i]);
+        // A smooth start: the wave's strength grows over the first second.
+        let (s, ds) = if t < 1.0 {
+            (t * t * (3.0 - 2.0 * t), 6.0 * t * (1.0 - t))
+        } else {
+            (1.0, 0.0)
+        };
+        targets.arm_position[i] += a * s * (w * t).sin();
+        targets.arm_velocity[i] = a * (s * w * (w * t).cos() + ds * (w * t).sin());
+    }
+    targets
+}
+
+fn arm_error(world: &World, model: &RobotModel, target: &[f64; 6]) -> f64 {
+    let snapshot = world.snapshot();
+    let errors = JOINT_NAMES[4..10].iter().zip(target).map(|(name, q)| {
+        let joint = model.joint(name).expect("arm joint");
+        (snapshot.joints[joint].position - q).abs()
+    });
+    errors.fold(0.0, f64::max)
+}
+
+#[test]
+fn the_chair_stands_level_and_still_and_the_arm_holds() {
+    let (mut world, targets, start) = robot_alone();
+    let model = model();
+    seconds(&mut world, 10.0, |_, _| {});
+    let snapshot = world.snapshot();
+    let moved = start.inverse() * snapshot.links[0].pose;
+    assert!(moved.translation.vector.norm() < 1e-3, "{moved}");
+    assert!(moved.rotation.angle() < 1e-3, "{moved}");
+    assert!(snapshot.links[0].linear.norm() < 1e-3);
+    assert!(arm_error(&world, &model, &targets.arm_position) < 0.005);
+    assert!(snapshot.anomalies.is_empty());
+    assert!(snapshot.contacts.is_empty(), "{:?}", snapshot.contacts);
+    // The drive of joint 2 carries the arm and the gripper (facts: 6.53 N·m at home).
+    let joint_2 = snapshot.joints[model.joint("joint_2").expect("joint_2")];
+    assert!((joint_2.effort - 6.53).abs() < 0.05, "{}", joint_2.effort);
+}
+
+#[test]
+fn links_are_where_the_kinematics_put_them() {
+    let (mut world, targets, _) = robot_alone();
+    let model = model();
+    let mut worst: f64 = 0.0;
+    let mut tracking: f64 = 0.0;
+    seconds(&mut world, 3.0, |world, t| {
+        let mut now = wave(targets.arm_position, t);
+        now.wheel_velocity = [1.0 * t, 0.5 * t];
+        now.knuckle_position = 0.2 * t;
+        now.knuckle_velocity = 0.2;
+        tracking = tracking.max(arm_error(world, &model, &now.arm_position));
+        world.apply(&now);
+        if world.tick().is_multiple_of(48) {
+            let snapshot = world.snapshot();
+            let positions: Vec<f64> = snapshot.joints.iter().map(|j| j.position).collect();
+            let root = snapshot.links[0].pose;
+            for (pose, link) in model.link_poses(&positions).iter().zip(&snapshot.links) {
+                let error = (root * pose).inverse() * link.pose;
+                worst = worst.max(error.translation.vector.norm());
+                worst = worst.max(error.rotation.angle());
+            }
+        }
+    });
+    assert!(worst < 1e-4, "links off by {worst} m or rad");
+    assert!(tracking < 0.02, "arm lags by {tracking} rad");
+}
+
+#[test]
+fn driving_a_metre_is_a_metre() {
+    let (mut world, mut targets, start) = robot_alone();
+    let model = model();
+    // 0.5 m/s with ramps of 0.5 s: 2 s on the ground line, 1 m less the ramps.
+    let (speed, ramp, total) = (0.5, 0.5, 2.5);
+    seconds(&mut world, 3.0, |world, t| {
+        let rate = speed * trapezoid(t, ramp, total) / model.settings.wheel_radius;
+        targets.wheel_velocity = [rate; 2];
+        world.apply(&targets);
+    });
+    let snapshot = world.snapshot();
+    let moved = start.inverse() * snapshot.links[0].pose;
+    let p = moved.translation.vector;
+    assert!((p.x - 1.0).abs() < 0.005, "{p}");
+    assert!(p.y.abs() < 0.005 && p.z.abs() < 0.002, "{p}");
+    assert!(moved.rotation.angle() < 0.005, "{}", moved.rotation.angle());
+    for name in &JOINT_NAMES[0..4] {
+        let angle = snapshot.joints[model.joint(name).expect("wheel")].position;
+        let rolled = angle * model.settings.wheel_radius;
+        assert!((rolled - p.x).abs() < 0.005, "{name} {rolled}");
+    }
+}
+
+#[test]
+fn a_quarter_turn_is_a_quarter_turn() {
+    let (mut world, mut targets, start) = robot_alone();
+    let model = model();
+    let (rate, ramp) = (1.0, 0.5);
+    let total = FRAC_PI_2 / rate + ramp;
+    seconds(&mut world, 3.0, |world, t| {
+        let spin = rate * trapezoid(t, ramp, total);
+        let wheel = spin * model.settings.track / 2.0 / model.settings.wheel_radius;
+        targets.wheel_velocity = [-wheel, wheel];
+        world.apply(&targets);
+    });
+    let moved = start.inverse() * world.snapshot().links[0].pose;
+    let (_, _, yaw) = moved.rotation.euler_angles();
+    assert!((yaw - FRAC_PI_2).abs() < 0.01, "{yaw}");
+    assert!(moved.translation.vector.norm() < 0.005, "{moved}");
+}
+
+#[test]
+fn the_same_commands_give_the_same_bits_also_from_a_saved_state() {
+    let run = |world: &mut World, from: f64, to: f64| {
+        let home = model().settings.home;
+        seconds(world, to - from, |world, t| {
+            let mut targets = wave(home, from + t);
+            targets.wheel_velocity = [2.0, 1.0];
+            world.apply(&targets);
+        });
+    };
+    let (mut first, _, _) = robot_alone();
+    run(&mut first, 0.0, 1.0);
+    let saved = first.save();
+    assert!(
+        saved.len() > 1000 && saved.len() < 200_000,
+        "{}",
+        saved.len()
+    );
+    let at_save = first.hash();
+    run(&mut first, 1.0, 2.0);
+
+    let (mut second, _, _) = robot_alone();
+    run(&mut second, 0.0, 2.0);
+    assert_eq!(first.hash(), second.hash());
+
+    let (mut third, _, _) = robot_alone();
+    third.restore(&saved).expect("its own state");
+    assert_eq!(third.hash(), at_save);
+    run(&mut third, 1.0, 2.0);
+    assert_eq!(first.hash(), third.hash());
+    assert_eq!(first.snapshot(), third.snapshot());
+    assert!(third.restore(&saved[..100]).is_err());
+}

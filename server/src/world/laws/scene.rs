@@ -1,0 +1,209 @@
+//! Objects and furniture, without the robot.
+
+use rapier3d::prelude::{PhysicsWorld, RigidBodyHandle};
+
+use super::super::contact::contacts;
+use super::super::convert::{from_pose, from_vector, vector};
+use super::super::stage::Stage;
+use super::super::{GRAVITY, engine};
+use super::*;
+use crate::snapshot::BodyRef;
+
+fn stage(furniture: Vec<Body>, objects: Vec<Body>) -> (PhysicsWorld, Stage) {
+    let (scene, placements) = scene(furniture, objects);
+    let mut physics = engine();
+    let stage = Stage::insert(&mut physics, &scene, &placements).expect("a stage");
+    (physics, stage)
+}
+
+fn run(physics: &mut PhysicsWorld, seconds: f64) {
+    for _ in 0..(seconds * 240.0).round() as usize {
+        physics.step();
+    }
+}
+
+fn place(physics: &PhysicsWorld, handle: RigidBodyHandle) -> Isometry3<f64> {
+    from_pose(physics.bodies[handle].position())
+}
+
+fn ball(name: &str, pose: Isometry3<f64>, mass: f64) -> Body {
+    object(name, pose, mass, [0.05; 3], Shape::Sphere { radius: 0.05 })
+}
+
+#[test]
+fn a_ball_falls_as_galileo_says() {
+    let (mut physics, stage) = stage(vec![], vec![ball("ball", at(-9.0, 3.0, 10.0), 0.3)]);
+    run(&mut physics, 1.0);
+    let fallen = 10.0 - place(&physics, stage.objects[0]).translation.z;
+    // The integrator is symplectic Euler with substeps of 1/960 s.
+    let expected = 0.5 * GRAVITY * (1.0 + 1.0 / 960.0);
+    assert!((fallen - expected).abs() < 1e-3, "{fallen} {expected}");
+    let speed = physics.bodies[stage.objects[0]].linvel().z;
+    assert!((f64::from(speed) + GRAVITY).abs() < 1e-4, "{speed}");
+}
+
+#[test]
+fn a_collision_keeps_momentum() {
+    let balls = vec![
+        ball("light", at(-0.3, 0.01, 0.0), 0.2),
+        ball("heavy", at(0.0, 0.0, 0.0), 0.5),
+    ];
+    let (mut physics, stage) = stage(vec![], balls);
+    physics.gravity = rapier3d::math::Vector::ZERO;
+    physics.bodies[stage.objects[0]].set_linvel(vector(&Vector3::new(1.0, 0.0, 0.0)), true);
+    let momenta = |physics: &PhysicsWorld| {
+        let mut linear = Vector3::zeros();
+        let mut angular = Vector3::zeros();
+        for handle in &stage.objects {
+            let body = &physics.bodies[*handle];
+            let p = from_vector(body.linvel()) * f64::from(body.mass());
+            let spin = body.mass_properties().local_mprops.principal_inertia().x;
+            linear += p;
+            angular += from_vector(body.translation()).cross(&p)
+                + from_vector(body.angvel()) * f64::from(spin);
+        }
+        (linear, angular)
+    };
+    physics.step();
+    let before = momenta(&physics);
+    run(&mut physics, 0.6);
+    let after = momenta(&physics);
+    let struck = physics.bodies[stage.objects[1]].linvel().x;
+    assert!(struck > 0.1, "they met: {struck}");
+    assert!((after.0 - before.0).norm() < 1e-5, "{before:?} {after:?}");
+    // Friction acts at one point in space on both, up to the depth of the dent.
+    assert!((after.1 - before.1).norm() < 1e-4, "{before:?} {after:?}");
+}
+
+/// A box on a slope, the friction 0.5 of both: it stays below the friction
+/// angle and slides beyond it with the acceleration g (sin a - mu cos a).
+#[test]
+fn a_block_slides_beyond_the_friction_angle_only() {
+    let slide = |angle: f64| {
+        let tilt = Isometry3::rotation(Vector3::y() * angle);
+        let half = [2.0, 1.0, 0.1];
+        let slope = body(
+            "slope",
+            tilt * at(0.0, 0.0, -0.1),
+            0.5,
+            Shape::Cuboid { half },
+        );
+        let half = [0.05, 0.05, 0.03];
+        let mut block = object(
+            "block",
+            tilt * at(0.0, 0.0, 0.03),
+            0.4,
+            half,
+            Shape::Cuboid { half },
+        );
+        block.friction = 0.5;
+        let (mut physics, stage) = stage(vec![slope], vec![block]);
+        run(&mut physics, 0.5);
+        let early = tilt.inverse() * place(&physics, stage.objects[0]);
+        let force = contacts(&physics);
+        let v0 = f64::from(physics.bodies[stage.objects[0]].linvel().length());
+        run(&mut physics, 0.5);
+        let late = tilt.inverse() * place(&physics, stage.objects[0]);
+        let v1 = f64::from(physics.bodies[stage.objects[0]].linvel().length());
+        (
+            late.translation.x - early.translation.x,
+            (v1 - v0) / 0.5,
+            force,
+        )
+    };
+    let limit = 0.5f64.atan();
+    let (moved, _, force) = slide(limit - 0.02);
+    assert!(moved.abs() < 1e-3, "{moved}");
+    // At rest the slope carries the block: force on the second body, here the slope.
+    assert_eq!(force.len(), 1);
+    assert_eq!(force[0].first, BodyRef::Object(0));
+    assert_eq!(force[0].second, BodyRef::Furniture(0));
+    let weight = Vector3::new(0.0, 0.0, -0.4 * GRAVITY);
+    assert!(
+        (force[0].force - weight).norm() < 0.02 * weight.norm(),
+        "{force:?}"
+    );
+
+    let angle: f64 = limit + 0.1;
+    let (_, acceleration, _) = slide(angle);
+    let expected = GRAVITY * (angle.sin() - 0.5 * angle.cos());
+    assert!(
+        (acceleration / expected - 1.0).abs() < 0.02,
+        "{acceleration} {expected}"
+    );
+}
+
+#[test]
+fn objects_on_a_table_stay_where_they_stand() {
+    let top = TABLE_TOP;
+    let half = [0.036, 0.082, 0.1065];
+    let round = [0.048, 0.029, 0.08];
+    let cup = Shape::Cup {
+        bottom_radius: 0.030,
+        top_radius: 0.039,
+        height: 0.105,
+        wall: 0.003,
+    };
+    let objects = vec![
+        object(
+            "can",
+            at(0.3, -0.6, top + 0.051),
+            0.349,
+            [0.034, 0.034, 0.051],
+            Shape::Cylinder {
+                radius: 0.0339,
+                half_height: 0.051,
+            },
+        ),
+        object(
+            "box",
+            at(0.3, -0.2, top + half[2]),
+            0.411,
+            half,
+            Shape::Cuboid { half },
+        ),
+        object(
+            "bottle",
+            at(0.3, 0.2, top + round[2]),
+            0.603,
+            round,
+            Shape::RoundedCuboid {
+                half: round,
+                radius: 0.01,
+            },
+        ),
+        object("cup", at(0.3, 0.6, top), 0.08, [0.035, 0.035, 0.0525], cup),
+        object(
+            "cone",
+            at(0.6, 0.0, top + 0.05),
+            0.3,
+            [0.03, 0.03, 0.05],
+            Shape::Frustum {
+                bottom_radius: 0.04,
+                top_radius: 0.02,
+                half_height: 0.05,
+            },
+        ),
+    ];
+    let (mut physics, stage) = stage(vec![floor(), table(0.0)], objects.clone());
+    run(&mut physics, 10.0);
+    for (handle, object) in stage.objects.iter().zip(&objects) {
+        let moved = object.pose.inverse() * place(&physics, *handle);
+        let (distance, angle) = (moved.translation.vector.norm(), moved.rotation.angle());
+        println!(
+            "{}: {:.4} mm {:.4} deg",
+            object.name,
+            distance * 1e3,
+            angle.to_degrees()
+        );
+        assert!(distance < 1e-3, "{} crept {distance} m", object.name);
+        assert!(
+            angle < 1f64.to_radians(),
+            "{} turned {angle} rad",
+            object.name
+        );
+    }
+    let carried: f64 = contacts(&physics).iter().map(|c| c.force.z).sum();
+    let weight = -GRAVITY * (0.349 + 0.411 + 0.603 + 0.08 + 0.3);
+    assert!((carried / weight - 1.0).abs() < 0.02, "{carried} {weight}");
+}

@@ -1,0 +1,165 @@
+//! How a shape of `geometry` collides.
+//!
+//! Shapes with an axis have it along z; the engine's stand along y. Curved
+//! walls become polygons of equal cross section.
+
+use std::f64::consts::{FRAC_PI_2, TAU};
+
+use nalgebra::{Isometry3, Point3, Vector3};
+use rapier3d::math::{Pose, Vector};
+use rapier3d::prelude::SharedShape;
+
+use super::convert::{point, pose, real};
+use crate::geometry::{Part, Shape};
+
+/// Sides of the polygon that stands for a truncated cone.
+const FRUSTUM_SIDES: usize = 24;
+/// Wall pieces of a cup: fewer make the wall's corners stand out, more cost time.
+const CUP_SIDES: usize = 16;
+/// The wall of a cup begins this far above its foot, so that only the floor
+/// of the cup carries it, metres.
+const CUP_FOOT: f64 = 0.002;
+
+/// A shape as the engine wants it, with its pose in the body.
+pub(super) type Solid = (Pose, SharedShape);
+
+/// The solids of a part; an error says what is wrong with it.
+pub(super) fn solids(part: &Part) -> Result<Vec<Solid>, String> {
+    let at = |body_from_shape: &Isometry3<f64>, shape| Ok(vec![(pose(body_from_shape), shape)]);
+    match &part.shape {
+        Shape::Cuboid { half } => {
+            positive("half extents", half)?;
+            at(
+                &part.pose,
+                SharedShape::cuboid(real(half[0]), real(half[1]), real(half[2])),
+            )
+        }
+        Shape::RoundedCuboid { half, radius } => {
+            let core = half.map(|h| h - radius);
+            positive("half extents less the radius", &core)?;
+            positive("radius", &[*radius])?;
+            at(
+                &part.pose,
+                SharedShape::round_cuboid(
+                    real(core[0]),
+                    real(core[1]),
+                    real(core[2]),
+                    real(*radius),
+                ),
+            )
+        }
+        Shape::Cylinder {
+            radius,
+            half_height,
+        } => {
+            positive("radius and half height", &[*radius, *half_height])?;
+            let z_from_y = Isometry3::rotation(Vector3::x() * FRAC_PI_2);
+            at(
+                &(part.pose * z_from_y),
+                SharedShape::cylinder(real(*half_height), real(*radius)),
+            )
+        }
+        Shape::Capsule {
+            radius,
+            half_height,
+        } => {
+            positive("radius and half height", &[*radius, *half_height])?;
+            at(
+                &part.pose,
+                SharedShape::capsule_z(real(*half_height), real(*radius)),
+            )
+        }
+        Shape::Sphere { radius } => {
+            positive("radius", &[*radius])?;
+            at(&part.pose, SharedShape::ball(real(*radius)))
+        }
+        Shape::Frustum {
+            bottom_radius,
+            top_radius,
+            half_height,
+        } => {
+            positive(
+                "radii and half height",
+                &[*bottom_radius, *top_radius, *half_height],
+            )?;
+            let mut points = ring(FRUSTUM_SIDES, *bottom_radius, -half_height);
+            points.extend(ring(FRUSTUM_SIDES, *top_radius, *half_height));
+            at(&part.pose, hull(&points)?)
+        }
+        Shape::Cup {
+            bottom_radius,
+            top_radius,
+            height,
+            wall,
+        } => cup(&part.pose, [*bottom_radius, *top_radius], *height, *wall),
+        Shape::Lathe { .. } => Err(
+            "a surface of revolution is drawn only; give collision parts of other shapes".into(),
+        ),
+        Shape::Mesh { path, .. } => Err(format!(
+            "mesh {path} has no vertices here; a scene gives its hulls, a robot collides as solids"
+        )),
+    }
+}
+
+/// A convex solid through points in the body frame, metres.
+pub(super) fn hull_of(points: &[Point3<f64>]) -> Result<Solid, String> {
+    let points: Vec<Vector> = points.iter().map(point).collect();
+    Ok((Pose::IDENTITY, hull(&points)?))
+}
+
+/// A cup: a floor and a ring of wall pieces.
+fn cup(
+    body_from_cup: &Isometry3<f64>,
+    [bottom, top]: [f64; 2],
+    height: f64,
+    wall: f64,
+) -> Result<Vec<Solid>, String> {
+    positive("radii, height and wall", &[bottom, top, height, wall])?;
+    positive(
+        "radii and height less the wall",
+        &[bottom - wall, top - wall, height - wall],
+    )?;
+    let place = pose(body_from_cup);
+    let radius = |z: f64| bottom + (top - bottom) * z / height;
+    let mut floor = ring(CUP_SIDES, bottom, 0.0);
+    floor.extend(ring(CUP_SIDES, radius(wall), wall));
+    let mut solids = vec![(place, hull(&floor)?)];
+
+    let foot = CUP_FOOT.min(wall);
+    let rings = [
+        ring(CUP_SIDES, radius(foot), foot),
+        ring(CUP_SIDES, radius(foot) - wall, foot),
+        ring(CUP_SIDES, top, height),
+        ring(CUP_SIDES, top - wall, height),
+    ];
+    for i in 0..CUP_SIDES {
+        let j = (i + 1) % CUP_SIDES;
+        let corners: Vec<Vector> = rings.iter().flat_map(|r| [r[i], r[j]]).collect();
+        solids.push((place, hull(&corners)?));
+    }
+    Ok(solids)
+}
+
+/// Corners of a regular polygon whose area is that of the circle.
+fn ring(sides: usize, radius: f64, z: f64) -> Vec<Vector> {
+    #[allow(clippy::cast_precision_loss, reason = "a few sides")]
+    let step = TAU / sides as f64;
+    let corner = radius * (step / step.sin()).sqrt();
+    #[allow(clippy::cast_precision_loss, reason = "a few sides")]
+    (0..sides)
+        .map(|i| step * i as f64)
+        .map(|a| Vector::new(real(corner * a.cos()), real(corner * a.sin()), real(z)))
+        .collect()
+}
+
+fn hull(points: &[Vector]) -> Result<SharedShape, String> {
+    SharedShape::convex_hull(points).ok_or_else(|| "its points have no convex hull".into())
+}
+
+fn positive(what: &str, values: &[f64]) -> Result<(), String> {
+    if values.iter().all(|v| v.is_finite() && *v > 0.0) {
+        Ok(())
+    } else {
+        Err(format!("{what} must be positive, got {values:?}"))
+    }
+}

@@ -1,0 +1,111 @@
+//! Saving, restoring and hashing a world.
+
+use rapier3d::prelude::PhysicsWorld;
+use serde::{Deserialize, Serialize};
+
+use super::grip::Bristles;
+use super::{World, WorldError};
+use crate::robot::control::Targets;
+
+/// Everything that a tick changes, to be written.
+#[derive(Serialize)]
+struct Written<'a> {
+    fingerprint: u64,
+    tick: u64,
+    targets: Targets,
+    wheel_angles: [f64; 4],
+    wheel_leads: [f64; 2],
+    bristles: Bristles,
+    physics: &'a PhysicsWorld,
+}
+
+/// The same, read.
+#[derive(Deserialize)]
+struct Read {
+    fingerprint: u64,
+    tick: u64,
+    targets: Targets,
+    wheel_angles: [f64; 4],
+    wheel_leads: [f64; 2],
+    bristles: Bristles,
+    physics: PhysicsWorld,
+}
+
+impl World {
+    /// The whole state. A world made from the same scenario continues from it
+    /// with identical bits.
+    #[must_use]
+    pub fn save(&self) -> Vec<u8> {
+        let written = Written {
+            fingerprint: self.fingerprint,
+            tick: self.tick,
+            targets: self.targets,
+            wheel_angles: self.wheels.angles,
+            wheel_leads: self.wheels.led,
+            bristles: self.grip.state(),
+            physics: &self.physics,
+        };
+        // Writing to memory fails for types that cannot be written at all,
+        // which the tests would show.
+        postcard::to_stdvec(&written).unwrap_or_default()
+    }
+
+    /// Takes over a saved state.
+    ///
+    /// # Errors
+    /// When the bytes are no saved state, or that of another world.
+    pub fn restore(&mut self, bytes: &[u8]) -> Result<(), WorldError> {
+        let read: Read = postcard::from_bytes(bytes)?;
+        if read.fingerprint != self.fingerprint {
+            return Err(WorldError::OtherWorld {
+                expected: self.fingerprint,
+                found: read.fingerprint,
+            });
+        }
+        self.tick = read.tick;
+        self.targets = read.targets;
+        self.wheels.angles = read.wheel_angles;
+        self.wheels.led = read.wheel_leads;
+        self.grip.restore(read.bristles);
+        self.physics = read.physics;
+        Ok(())
+    }
+
+    /// Hash of all poses, velocities and bristles (FNV-1a over their bits).
+    #[must_use]
+    pub fn hash(&self) -> u64 {
+        let mut hash = Fnv::default();
+        hash.add(&self.tick.to_le_bytes());
+        for (_, body) in self.physics.bodies.iter() {
+            let (t, r) = (body.translation(), body.rotation());
+            let (v, w) = (body.linvel(), body.angvel());
+            for x in [
+                t.x, t.y, t.z, r.x, r.y, r.z, r.w, v.x, v.y, v.z, w.x, w.y, w.z,
+            ] {
+                hash.add(&x.to_bits().to_le_bytes());
+            }
+        }
+        for bits in self.grip.state().bits() {
+            hash.add(&bits.to_le_bytes());
+        }
+        hash.0
+    }
+}
+
+/// FNV-1a, 64 bits.
+struct Fnv(u64);
+
+impl Default for Fnv {
+    fn default() -> Self {
+        Self(0xcbf2_9ce4_8422_2325)
+    }
+}
+
+impl Fnv {
+    fn add(&mut self, bytes: &[u8]) {
+        for byte in bytes {
+            self.0 ^= u64::from(*byte);
+            self.0 = self.0.wrapping_mul(0x0000_0100_0000_01b3);
+        }
+    }
+}

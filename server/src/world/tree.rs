@@ -1,0 +1,230 @@
+//! The robot's links folded into the bodies that really move.
+//!
+//! Links joined by fixed joints are one body: masses are composed exactly,
+//! collision parts move along. Two kinds of links are posed by forward
+//! kinematics only. The front omni wheels roll forward and slip sideways
+//! without friction: they slide with the chassis and turn as far as they
+//! travelled. The inner knuckles of the gripper are the closed side of a
+//! parallelogram; their mass rides on the hand and they touch nothing.
+
+use nalgebra::Isometry3;
+use wheelarm_proto::names::JOINT_NAMES;
+
+use super::WorldError;
+use super::mass::Mass;
+use crate::geometry::Part;
+use crate::robot::{Joint, JointKind, PAD, RobotModel};
+
+/// Joints of the front wheels.
+const ROLLING_JOINTS: [&str; 2] = [JOINT_NAMES[2], JOINT_NAMES[3]];
+/// Joints of the inner knuckles.
+const PARALLEL_JOINTS: [&str; 2] = [JOINT_NAMES[10], JOINT_NAMES[11]];
+
+/// The bodies of a robot; index 0 is the root. Parents stand before children.
+#[derive(Clone, Debug)]
+pub(super) struct Tree {
+    /// Bodies.
+    pub bodies: Vec<TreeBody>,
+    /// Where each link of the model is.
+    pub places: Vec<Place>,
+    /// Frame of body 0 in the root link.
+    pub root_from_body: Isometry3<f64>,
+}
+
+/// One body.
+#[derive(Clone, Debug)]
+pub(super) struct TreeBody {
+    /// Link whose frame is the body's frame; the root body's frame is moved to
+    /// its centre of mass.
+    pub link: usize,
+    /// Mass of all links in it.
+    pub mass: Mass,
+    /// Collision parts in the body's frame.
+    pub parts: Vec<TreePart>,
+    /// How it hangs on its parent; `None` for the root.
+    pub joint: Option<TreeJoint>,
+}
+
+/// A collision part of a body.
+#[derive(Clone, Debug)]
+pub(super) struct TreePart {
+    /// Link that it belongs to.
+    pub link: usize,
+    /// Place and shape in the body's frame.
+    pub part: Part,
+    /// Whether it is the pad of a finger.
+    pub pad: bool,
+}
+
+/// The joint between a body and its parent.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct TreeJoint {
+    /// Index into `RobotModel::joints`.
+    pub joint: usize,
+    /// Index of the parent body.
+    pub parent: usize,
+    /// parent_from_joint at zero.
+    pub origin: Isometry3<f64>,
+}
+
+/// Where a link is.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Place {
+    /// Rigidly in a body: `(body, body_from_link)`.
+    InBody(usize, Isometry3<f64>),
+    /// Front wheel: posed by this joint from its parent link.
+    Rolling(usize),
+    /// Inner knuckle: posed by this joint from its parent link.
+    Parallel(usize),
+}
+
+impl Tree {
+    /// Folds a model.
+    pub(super) fn new(model: &RobotModel) -> Result<Self, WorldError> {
+        let root = TreeBody {
+            link: 0,
+            mass: Mass::none(),
+            parts: Vec::new(),
+            joint: None,
+        };
+        let mut tree = Self {
+            bodies: vec![root],
+            places: vec![Place::InBody(0, Isometry3::identity())],
+            root_from_body: Isometry3::identity(),
+        };
+        for (index, joint) in model.joints.iter().enumerate() {
+            let place = tree.place(model, index, joint)?;
+            tree.places.push(place);
+        }
+        let at_zero = model.link_poses(&vec![0.0; model.joints.len()]);
+        let carrier = model.link(&model.settings.end_effector_link).unwrap_or(0);
+        let frame_in = |tree: &Self, carrier: usize, index: usize| {
+            let body = tree.body_of(carrier).unwrap_or(0);
+            let frame = at_zero[tree.bodies[body].link];
+            (body, frame.inv_mul(&at_zero[index]))
+        };
+        for (index, link) in model.links.iter().enumerate() {
+            let (body, body_from_link) = match tree.places[index] {
+                Place::InBody(body, body_from_link) => (body, body_from_link),
+                Place::Rolling(joint) => frame_in(&tree, model.joints[joint].parent, index),
+                Place::Parallel(_) => frame_in(&tree, carrier, index),
+            };
+            let touches = !matches!(tree.places[index], Place::Parallel(_));
+            let body = &mut tree.bodies[body];
+            if let Some(inertial) = &link.inertial {
+                let own = Mass {
+                    mass: inertial.mass,
+                    com: inertial.com,
+                    inertia: inertial.inertia,
+                };
+                body.mass = body.mass.plus(&own.seen_from(&body_from_link));
+            }
+            if touches {
+                body.parts
+                    .extend(link.collision.iter().map(|collider| TreePart {
+                        link: index,
+                        part: Part {
+                            pose: body_from_link * collider.part.pose,
+                            shape: collider.part.shape.clone(),
+                        },
+                        pad: collider.name == PAD,
+                    }));
+            }
+        }
+        for body in &tree.bodies {
+            if !body.mass.is_physical() {
+                return Err(WorldError::Mass {
+                    body: model.links[body.link].name.clone(),
+                    mass: body.mass.mass,
+                });
+            }
+        }
+        tree.centre_root();
+        Ok(tree)
+    }
+
+    /// Moves the frame of the root body to its centre of mass. The engine
+    /// integrates the free root as if its origin were its centre of mass; in
+    /// another frame a turning chair would slide sideways.
+    fn centre_root(&mut self) {
+        let root_from_body =
+            Isometry3::from(nalgebra::Translation3::from(self.bodies[0].mass.com.coords));
+        let body_from_root = root_from_body.inverse();
+        let root = &mut self.bodies[0];
+        root.mass = root.mass.seen_from(&body_from_root);
+        for part in &mut root.parts {
+            part.part.pose = body_from_root * part.part.pose;
+        }
+        for body in &mut self.bodies {
+            if let Some(joint) = body.joint.as_mut().filter(|j| j.parent == 0) {
+                joint.origin = body_from_root * joint.origin;
+            }
+        }
+        for place in &mut self.places {
+            if let Place::InBody(0, body_from_link) = place {
+                *body_from_link = body_from_root * *body_from_link;
+            }
+        }
+        self.root_from_body = root_from_body;
+    }
+
+    fn place(
+        &mut self,
+        model: &RobotModel,
+        index: usize,
+        joint: &Joint,
+    ) -> Result<Place, WorldError> {
+        if joint.child != index + 1 || joint.parent > index {
+            return Err(WorldError::JointOrder {
+                joint: joint.name.clone(),
+            });
+        }
+        if ROLLING_JOINTS.contains(&joint.name.as_str()) {
+            return Ok(Place::Rolling(index));
+        }
+        if PARALLEL_JOINTS.contains(&joint.name.as_str()) {
+            return Ok(Place::Parallel(index));
+        }
+        let Place::InBody(parent, body_from_parent) = self.places[joint.parent] else {
+            return Err(WorldError::JointOrder {
+                joint: joint.name.clone(),
+            });
+        };
+        let origin = body_from_parent * joint.origin;
+        match joint.kind {
+            JointKind::Fixed => Ok(Place::InBody(parent, origin)),
+            JointKind::Revolute | JointKind::Continuous => {
+                self.bodies.push(TreeBody {
+                    link: joint.child,
+                    mass: Mass::none(),
+                    parts: Vec::new(),
+                    joint: Some(TreeJoint {
+                        joint: index,
+                        parent,
+                        origin,
+                    }),
+                });
+                Ok(Place::InBody(self.bodies.len() - 1, Isometry3::identity()))
+            }
+            JointKind::Prismatic => Err(WorldError::JointKind {
+                joint: joint.name.clone(),
+                link: model.links[joint.child].name.clone(),
+            }),
+        }
+    }
+
+    /// Body that holds a link; posed links have none.
+    pub(super) fn body_of(&self, link: usize) -> Option<usize> {
+        match self.places[link] {
+            Place::InBody(body, _) => Some(body),
+            Place::Rolling(_) | Place::Parallel(_) => None,
+        }
+    }
+
+    /// Body moved by a joint of the model, if it moves one.
+    pub(super) fn body_moved_by(&self, joint: usize) -> Option<usize> {
+        self.bodies
+            .iter()
+            .position(|b| b.joint.is_some_and(|j| j.joint == joint))
+    }
+}

@@ -1,0 +1,114 @@
+//! Angles of the wheels, counted in double precision over any distance.
+
+use std::f64::consts::TAU;
+
+use nalgebra::{Isometry3, Vector3};
+use rapier3d::prelude::PhysicsWorld;
+use wheelarm_proto::names::JOINT_NAMES;
+
+use super::WorldError;
+use super::body::RobotBody;
+use super::convert::{from_vector, vector};
+use crate::robot::RobotModel;
+use crate::snapshot::JointState;
+
+/// The four wheels, in the order of `JOINT_NAMES`: two driven, two rolling.
+#[derive(Clone, Debug)]
+pub(super) struct Wheels {
+    /// Unwrapped angles, rad.
+    pub angles: [f64; 4],
+    /// Angles that the driven wheels are led to, rad.
+    pub led: [f64; 2],
+    joints: [usize; 4],
+    /// Bodies of the driven wheels.
+    driven: [usize; 2],
+    /// Frames of the front wheels in the root body, and their axes there.
+    front: [(Isometry3<f64>, Vector3<f64>); 2],
+    radius: f64,
+}
+
+impl Wheels {
+    /// Finds the wheels by the names of their joints.
+    pub(super) fn new(model: &RobotModel, robot: &RobotBody) -> Result<Self, WorldError> {
+        let missing = |i: usize| WorldError::MissingJoint {
+            joint: JOINT_NAMES[i].to_owned(),
+        };
+        let joint = |i: usize| model.joint(JOINT_NAMES[i]).ok_or_else(|| missing(i));
+        let body = |i: usize| {
+            let body = robot.tree.body_moved_by(joint(i)?);
+            body.ok_or_else(|| missing(i))
+        };
+        let frames = model.link_poses(&vec![0.0; model.joints.len()]);
+        let front = |i: usize| {
+            let joint = &model.joints[joint(i)?];
+            let frame = robot.tree.root_from_body.inv_mul(&frames[joint.child]);
+            Ok::<_, WorldError>((frame, frame * joint.axis.into_inner()))
+        };
+        Ok(Self {
+            angles: [0.0; 4],
+            led: [0.0; 2],
+            joints: [joint(0)?, joint(1)?, joint(2)?, joint(3)?],
+            driven: [body(0)?, body(1)?],
+            front: [front(2)?, front(3)?],
+            radius: model.settings.wheel_radius,
+        })
+    }
+
+    /// Leads the driven wheels on by a tick at the asked rates, rad/s, but by at
+    /// most `leash` rad ahead of where they are. Returns the lead, rad: a wheel
+    /// that is asked to stand is held in place like one with its brake on.
+    pub(super) fn lead(&mut self, rates: [f64; 2], dt: f64, leash: f64) -> [f64; 2] {
+        std::array::from_fn(|i| {
+            let lead = self.led[i] + rates[i] * dt - self.angles[i];
+            let lead = lead.clamp(-leash, leash);
+            self.led[i] = self.angles[i] + lead;
+            lead
+        })
+    }
+
+    /// Counts what the wheels turned in the tick that just ended.
+    pub(super) fn roll(&mut self, physics: &PhysicsWorld, robot: &RobotBody) {
+        for (angle, &body) in self.angles.iter_mut().zip(&self.driven) {
+            let (now, _) = robot.joint_state(physics, body);
+            *angle = now + ((*angle - now) / TAU).round() * TAU;
+        }
+        let dt = f64::from(physics.integration_parameters.dt);
+        for i in 0..2 {
+            self.angles[2 + i] += self.front_speed(physics, robot, i) * dt;
+        }
+    }
+
+    /// Rate of a front wheel, rad/s: it rolls forward without slip.
+    fn front_speed(&self, physics: &PhysicsWorld, robot: &RobotBody, i: usize) -> f64 {
+        let (root_from_wheel, axis) = self.front[i];
+        let root = &physics.bodies[robot.handles[0]];
+        let centre = root
+            .position()
+            .transform_point(vector(&root_from_wheel.translation.vector));
+        let forward = axis.cross(&Vector3::z());
+        let forward = from_vector(root.rotation() * vector(&forward));
+        from_vector(root.velocity_at_point(centre)).dot(&forward) / self.radius
+    }
+
+    /// Takes whole turns out of the engine's angles of the driven wheels.
+    pub(super) fn take_turns_out(&self, physics: &mut PhysicsWorld, robot: &RobotBody) {
+        for &body in &self.driven {
+            robot.take_turns_out(physics, body);
+        }
+    }
+
+    /// Writes positions of all wheels and velocities of the front ones.
+    pub(super) fn write(
+        &self,
+        physics: &PhysicsWorld,
+        robot: &RobotBody,
+        states: &mut [JointState],
+    ) {
+        for (i, &joint) in self.joints.iter().enumerate() {
+            states[joint].position = self.angles[i];
+            if i >= 2 {
+                states[joint].velocity = self.front_speed(physics, robot, i - 2);
+            }
+        }
+    }
+}

@@ -1,0 +1,246 @@
+//! Nothing that a client sends can harm a server: it is refused with a reason,
+//! counted, and simulation goes on.
+
+use std::time::Duration;
+
+use wheelarm_proto::keys::{Keys, Query};
+use wheelarm_proto::{Message, v1};
+use wheelarm_tests::{Server, printed};
+use zenoh::{Session, Wait};
+
+const WAIT: Duration = Duration::from_secs(20);
+
+fn session(server: &Server) -> Session {
+    let mut config = zenoh::Config::default();
+    for (key, value) in [
+        ("mode", "\"client\"".to_owned()),
+        ("scouting/multicast/enabled", "false".to_owned()),
+        ("connect/endpoints", format!("[\"{}\"]", server.endpoint)),
+    ] {
+        config.insert_json5(key, &value).expect("a valid setting");
+    }
+    zenoh::open(config)
+        .wait()
+        .expect("a session with the server")
+}
+
+fn ask<R: Message + Default>(
+    session: &Session,
+    keys: &Keys,
+    query: Query,
+    payload: Vec<u8>,
+) -> Result<R, String> {
+    let replies = session
+        .get(keys.query(query))
+        .payload(payload)
+        .timeout(WAIT)
+        .wait()
+        .expect("a query");
+    let reply = replies.recv().expect("an answer");
+    match reply.result() {
+        Ok(sample) => Ok(R::decode(&*sample.payload().to_bytes()).expect("a readable answer")),
+        Err(error) => {
+            let failure = v1::Failure::decode(&*error.payload().to_bytes());
+            Err(failure.expect("a Failure").message)
+        }
+    }
+}
+
+fn drive(sequence: u64, linear: f64) -> v1::Command {
+    v1::Command {
+        header: Some(v1::Header {
+            sequence,
+            run_id: "test".into(),
+            ..Default::default()
+        }),
+        commander: "tester".into(),
+        base: Some(v1::BaseCommand {
+            linear,
+            angular: 0.0,
+        }),
+        ..Default::default()
+    }
+}
+
+#[test]
+fn hostile_messages_are_refused_counted_and_survived() {
+    let mut server = Server::start("gate", &["--no-cameras"]).expect("a server");
+    let session = session(&server);
+    let keys = Keys::new("gate").expect("a name");
+    let refusals = session
+        .declare_subscriber(keys.refusal())
+        .wait()
+        .expect("a subscriber");
+    let send = |bytes: Vec<u8>| session.put(keys.command(), bytes).wait().expect("a put");
+    std::thread::sleep(Duration::from_millis(300));
+    send(drive(1, 0.2).encode_to_vec());
+    let hostile = [
+        (vec![0xff; 64], "not a wheelarm.v1.Command"),
+        (vec![0; 1 << 20], "at most"),
+        (drive(2, f64::NAN).encode_to_vec(), "finite"),
+        (drive(2, f64::INFINITY).encode_to_vec(), "finite"),
+        (drive(2, 1e300).encode_to_vec(), "expected"),
+        (drive(1, 0.2).encode_to_vec(), "sequence"),
+        (
+            {
+                let mut wrong = drive(9, 0.2);
+                wrong.header.as_mut().expect("a header").episode = 77;
+                wrong.encode_to_vec()
+            },
+            "episode",
+        ),
+    ];
+    for (bytes, reason) in &hostile {
+        send(bytes.clone());
+        let sample = refusals
+            .recv_timeout(WAIT)
+            .expect("no error")
+            .expect("a refusal");
+        let refusal = v1::Refusal::decode(&*sample.payload().to_bytes()).expect("a Refusal");
+        assert!(
+            refusal.reason.contains(reason),
+            "{:?} lacks {reason:?}",
+            refusal.reason
+        );
+    }
+    let status: v1::Status = ask(&session, &keys, Query::Status, vec![]).expect("a status");
+    assert_eq!(status.refused, hostile.len() as u64);
+    assert!(server.alive());
+}
+
+#[test]
+fn queries_with_rubbish_get_an_answer_that_names_the_cure() {
+    let mut server = Server::start("rubbish", &["--no-cameras"]).expect("a server");
+    let session = session(&server);
+    let keys = Keys::new("rubbish").expect("a name");
+    let rubbish = vec![0xff; 32];
+    for query in [
+        Query::Reset,
+        Query::EpisodeStart,
+        Query::EpisodeStop,
+        Query::Reach,
+    ] {
+        let answer: Result<v1::Ack, String> = ask(&session, &keys, query, rubbish.clone());
+        assert!(answer.expect_err("a failure").contains("cannot be read"));
+    }
+    let reset = |scenario: v1::Scenario| {
+        let request = v1::ResetRequest {
+            scenario: Some(scenario),
+            ..Default::default()
+        };
+        let answer: Result<v1::ResetReply, String> =
+            ask(&session, &keys, Query::Reset, request.encode_to_vec());
+        answer
+    };
+    let unknown = reset(v1::Scenario {
+        task: "fly_to_mars".into(),
+        ..Default::default()
+    });
+    let text = unknown.expect_err("a failure");
+    assert!(
+        text.contains("fly_to_mars") && text.contains("pick_mustard"),
+        "{text}"
+    );
+    let outside = reset(v1::Scenario {
+        scene: "../../etc".into(),
+        ..Default::default()
+    });
+    assert!(outside.expect_err("a failure").contains("scene"));
+    let damaged = v1::ResetRequest {
+        snapshot: vec![7; 100].into(),
+        ..Default::default()
+    };
+    let answer: Result<v1::ResetReply, String> =
+        ask(&session, &keys, Query::Reset, damaged.encode_to_vec());
+    assert!(answer.expect_err("a failure").contains("stored state"));
+    assert!(server.alive());
+    let start = v1::EpisodeStartRequest {
+        label: "../x".into(),
+        ..Default::default()
+    };
+    let answer: Result<v1::EpisodeStarted, String> =
+        ask(&session, &keys, Query::EpisodeStart, start.encode_to_vec());
+    assert!(answer.expect_err("a failure").contains("label"));
+}
+
+#[test]
+fn a_chair_whose_operator_falls_silent_brakes_to_rest() {
+    let server = Server::start("silent", &["--no-cameras"]).expect("a server");
+    let session = session(&server);
+    let keys = Keys::new("silent").expect("a name");
+    let odometry = session
+        .declare_subscriber(keys.stream("odometry"))
+        .wait()
+        .expect("a stream");
+    let put = |command: v1::Command| {
+        session
+            .put(keys.command(), command.encode_to_vec())
+            .wait()
+            .expect("a put");
+    };
+    let speed = || {
+        let sample = odometry
+            .recv_timeout(WAIT)
+            .expect("no error")
+            .expect("odometry");
+        let sample = v1::Odometry::decode(&*sample.payload().to_bytes()).expect("Odometry");
+        let stamp = sample.header.expect("a header").stamp_nanos;
+        (
+            stamp,
+            sample.twist.expect("a twist").linear.expect("linear").x,
+        )
+    };
+    let mut sequence = 0;
+    let mut fastest = 0.0_f64;
+    while fastest < 0.25 {
+        sequence += 1;
+        assert!(sequence < 2000, "the chair never got going: {fastest} m/s");
+        put(drive(sequence, 0.3));
+        fastest = speed().1;
+    }
+    let (last_command, _) = speed();
+    let mut at_rest = None;
+    for _ in 0..600 {
+        let (stamp, speed) = speed();
+        if speed.abs() < 0.005 && at_rest.is_none() {
+            at_rest = Some(stamp);
+        }
+    }
+    let at_rest = at_rest.expect("the chair never came to rest");
+    // Simulation time passes no faster than wall time here, so this bound holds
+    // on any machine: 0.7 s and some control ticks.
+    let seconds = (at_rest - last_command) as f64 * 1e-9;
+    assert!(
+        seconds <= 0.8,
+        "at rest {seconds:.3} s after the last command"
+    );
+}
+
+#[test]
+fn a_second_server_of_the_same_name_is_told_so() {
+    let server = Server::start("twin", &["--no-cameras"]).expect("a server");
+    let error = Server::start("twin", &["--no-cameras", "--connect", &server.endpoint])
+        .expect_err("a refusal");
+    assert!(error.to_string().contains("already"), "{error}");
+    let status = server.client(&["status"]).expect("a client");
+    assert!(status.status.success(), "{}", printed(&status));
+}
+
+#[test]
+fn without_a_vulkan_driver_the_server_names_the_cure() {
+    let program = wheelarm_tests::program("wheelarm-server").expect("the server");
+    let output = std::process::Command::new(program)
+        .args(["--listen", "tcp/127.0.0.1:0", "--sim", "nodriver"])
+        .arg("--assets")
+        .arg(wheelarm_tests::root().join("assets"))
+        .env("VK_DRIVER_FILES", "nowhere.json")
+        .env("VK_ICD_FILENAMES", "nowhere.json")
+        .output()
+        .expect("a process");
+    let text = printed(&output);
+    assert!(!output.status.success());
+    assert!(
+        text.contains("mesa-vulkan-drivers") && text.contains("--no-cameras"),
+        "{text}"
+    );
+}
