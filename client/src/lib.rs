@@ -8,3 +8,5 @@ pub mod demo;
 pub mod link;
 pub mod local;
 pub mod operate;
+pub mod record;
+pub mod replay;

@@ -9,8 +9,10 @@ use clap::{Parser, Subcommand};
 use wheelarm_client::control::{self, EpisodeCommand, ResetArgs};
 use wheelarm_client::demo::{self, DemoArgs};
 use wheelarm_client::link::{ConnectArgs, Link};
+use wheelarm_client::record::{self, RecordArgs};
 use wheelarm_client::operate::operator::Outcome;
 use wheelarm_client::operate::run::{self as operate, OperateArgs};
+use wheelarm_client::replay::{self, ReplayArgs};
 use wheelarm_proto::keys::Query;
 
 /// Clients of the WheelArm simulator.
@@ -38,10 +40,14 @@ enum Command {
     /// Starts or ends an episode.
     #[command(subcommand)]
     Episode(EpisodeCommand),
+    /// Records episodes, one HDF5 file each, until it is interrupted.
+    Record(RecordArgs),
     /// Does a task with the scripted operator.
     Operate(OperateArgs),
     /// Records an episode with a server, a recorder and the operator of its own.
     Demo(DemoArgs),
+    /// Does a recorded episode again, bit by bit, and can record it anew.
+    Replay(ReplayArgs),
     /// Ends the server.
     Shutdown,
     /// Any other word X runs the program `wheelarm-X`.
@@ -80,12 +86,33 @@ fn run(cli: Cli) -> anyhow::Result<ExitCode> {
         Command::Pause => control::acknowledge(&link()?, Query::Pause)?,
         Command::Resume => control::acknowledge(&link()?, Query::Resume)?,
         Command::Episode(command) => control::episode(&link()?, command)?,
+        Command::Record(args) => return record_episodes(&link()?, args),
         Command::Demo(args) => return demo::run(args),
+        Command::Replay(args) => return replay::run(args),
         Command::Operate(args) => return run_operator(&link()?, args),
         Command::Shutdown => control::acknowledge(&link()?, Query::Shutdown)?,
         Command::External(words) => return control::run_external(words),
     }
     Ok(ExitCode::SUCCESS)
+}
+
+fn record_episodes(link: &Link, args: &RecordArgs) -> anyhow::Result<ExitCode> {
+    let runtime = tokio::runtime::Runtime::new()?;
+    let session = link.session().clone();
+    let interrupted = async {
+        use tokio::signal::unix::{SignalKind, signal};
+        match signal(SignalKind::terminate()) {
+            Ok(mut terminate) => tokio::select! {
+                _ = tokio::signal::ctrl_c() => {}
+                _ = terminate.recv() => {}
+            },
+            Err(_) => {
+                let _ = tokio::signal::ctrl_c().await;
+            }
+        }
+    };
+    let recording = record::run(session, link.keys().clone(), args.clone(), interrupted);
+    Ok(ExitCode::from(runtime.block_on(recording)?.exit_code()))
 }
 
 fn run_operator(link: &Link, args: &OperateArgs) -> anyhow::Result<ExitCode> {

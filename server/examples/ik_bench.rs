@@ -3,6 +3,7 @@
 //!
 //! `cargo run --release -p wheelarm-server --example ik_bench`
 
+use std::f64::consts::PI;
 use std::path::Path;
 use std::time::Instant;
 
@@ -25,15 +26,10 @@ fn main() -> anyhow::Result<()> {
     let (mut solved, mut first, mut worst) = (0, 0, [0.0_f64; 2]);
     let mut iterations = Vec::with_capacity(POSES);
     for _ in 0..POSES {
-        let mut joints = [0.0; 6];
-        for i in 0..6 {
-            let half_turn = std::f64::consts::PI;
-            let (lower, upper) = (
-                arm.lower()[i].max(-half_turn),
-                arm.upper()[i].min(half_turn),
-            );
-            joints[i] = random.random_range(lower..upper);
-        }
+        let joints: [f64; 6] = std::array::from_fn(|i| {
+            let (lower, upper) = (arm.lower()[i].max(-PI), arm.upper()[i].min(PI));
+            random.random_range(lower..upper)
+        });
         let target = arm.forward(&joints);
         let begin = Instant::now();
         let answer = arm.solve(&target, &model.settings.home);

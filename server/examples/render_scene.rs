@@ -67,13 +67,12 @@ fn main() -> Result<()> {
     }
     let started = Instant::now();
     let render_scene = RenderScene::new(&robot, &scene, &options.assets)?;
-    let triangles: usize = render_scene.items.iter().map(|i| i.mesh.indices.len() / 3).sum();
-    let mut renderer = Renderer::new(
-        &render_scene,
-        &cameras,
-        quality,
-        options.adapter.as_deref(),
-    )?;
+    let triangles: usize = render_scene
+        .items
+        .iter()
+        .map(|i| i.mesh.indices.len() / 3)
+        .sum();
+    let mut renderer = Renderer::new(&render_scene, &cameras, quality, options.adapter.as_deref())?;
     println!(
         "{}\n{} meshes, {triangles} triangles, {} ids, ready after {:.2} s",
         renderer.adapter(),
@@ -91,7 +90,10 @@ fn main() -> Result<()> {
     );
     let at_table = snapshot(&robot, &scene, &table, &home);
     let all: Vec<usize> = (0..cameras.len()).collect();
-    for (place, snapshot, chosen) in [("start", &at_start, &all[..2]), ("table", &at_table, &all[..])] {
+    for (place, snapshot, chosen) in [
+        ("start", &at_start, &all[..2]),
+        ("table", &at_table, &all[..]),
+    ] {
         for frame in renderer.render(snapshot, chosen)? {
             let name = format!("{place}_{}", cameras[frame.camera].name);
             save(&options.out, &name, &frame)?;
@@ -116,19 +118,20 @@ fn looking(eye: [f64; 3], target: [f64; 3]) -> Isometry3<f64> {
     let x = z.cross(&Vector3::z()).normalize();
     let y = z.cross(&x);
     let turn = Rotation3::from_basis_unchecked(&[x, y, z]);
-    Isometry3::from_parts(eye.coords.into(), UnitQuaternion::from_rotation_matrix(&turn))
+    Isometry3::from_parts(
+        eye.coords.into(),
+        UnitQuaternion::from_rotation_matrix(&turn),
+    )
 }
 
 /// Everything at rest, the chair at `root`, the arm at `arm`.
-fn snapshot(
-    robot: &RobotModel,
-    scene: &Scene,
-    root: &Isometry3<f64>,
-    arm: &[f64; 6],
-) -> Snapshot {
+fn snapshot(robot: &RobotModel, scene: &Scene, root: &Isometry3<f64>, arm: &[f64; 6]) -> Snapshot {
     let mut positions = vec![0.0; robot.joints.len()];
     for (i, joint) in robot.joints.iter().enumerate() {
-        let number = joint.name.strip_prefix("joint_").and_then(|n| n.parse::<usize>().ok());
+        let number = joint
+            .name
+            .strip_prefix("joint_")
+            .and_then(|n| n.parse::<usize>().ok());
         if let Some(angle) = number.and_then(|n| arm.get(n - 1)) {
             positions[i] = *angle;
         }
@@ -141,7 +144,11 @@ fn snapshot(
     Snapshot {
         tick: 0,
         joints: vec![JointState::default(); robot.joints.len()],
-        links: robot.link_poses(&positions).iter().map(|p| body(root * p)).collect(),
+        links: robot
+            .link_poses(&positions)
+            .iter()
+            .map(|p| body(root * p))
+            .collect(),
         objects: scene.objects.iter().map(|o| body(o.pose)).collect(),
         contacts: Vec::new(),
         anomalies: Vec::new(),
@@ -168,7 +175,11 @@ fn depth_color(z: f32) -> [u8; 3] {
     }
     let t = 1.0 / (1.0 + z / 1.5);
     let byte = |x: f32| (x.clamp(0.0, 1.0) * 255.0) as u8;
-    [byte(1.6 * t - 0.1), byte(1.3 * t), byte(0.75 - 0.9 * (t - 0.35).abs() * 1.6)]
+    [
+        byte(1.6 * t - 0.1),
+        byte(1.3 * t),
+        byte(0.75 - 0.9 * (t - 0.35).abs() * 1.6),
+    ]
 }
 
 fn id_color(id: u8) -> [u8; 3] {
@@ -176,7 +187,11 @@ fn id_color(id: u8) -> [u8; 3] {
         return [0; 3];
     }
     let hash = u32::from(id).wrapping_mul(0x9E37_79B1);
-    [(hash >> 24) as u8 | 32, (hash >> 16) as u8 | 32, (hash >> 8) as u8 | 32]
+    [
+        (hash >> 24) as u8 | 32,
+        (hash >> 16) as u8 | 32,
+        (hash >> 8) as u8 | 32,
+    ]
 }
 
 fn write_png(path: &Path, [width, height]: [u32; 2], rgb: &[u8]) -> Result<()> {

@@ -14,7 +14,8 @@ pub struct Deflate {
 impl Default for Deflate {
     fn default() -> Self {
         Self {
-            deflate: Compressor::new(CompressionLvl::fastest()),
+            // `fastest()` is level 0, which only stores.
+            deflate: Compressor::new(CompressionLvl::new(i32::from(LEVEL)).unwrap_or_default()),
             shuffled: Vec::new(),
         }
     }

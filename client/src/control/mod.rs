@@ -106,7 +106,7 @@ pub fn reset(link: &Link, args: &ResetArgs) -> Result<v1::Scenario, LinkError> {
     scenario.start = None;
     let request = v1::ResetRequest {
         scenario: Some(scenario),
-        snapshot: Vec::new().into(),
+        snapshot: bytes::Bytes::new(),
     };
     let reply: v1::ResetReply = link.query(Query::Reset, &request)?;
     Ok(reply.scenario.unwrap_or_default())

@@ -16,7 +16,7 @@ use crate::control::{self, EpisodeStartArgs, ResetArgs};
 use crate::link::{Link, LinkError, Received, Stream};
 
 /// Options of `wheelarm operate`.
-#[derive(Args, Clone, Debug, Default)]
+#[derive(Args, Clone, Debug)]
 pub struct OperateArgs {
     /// Task; the one in force when absent, else the scenario is reset to it.
     #[arg(long)]
@@ -36,6 +36,19 @@ pub struct OperateArgs {
     /// Seed of the operator's habits; the scenario's when absent.
     #[arg(long)]
     pub style_seed: Option<u64>,
+}
+
+impl Default for OperateArgs {
+    fn default() -> Self {
+        Self {
+            task: None,
+            label: None,
+            instruction: String::new(),
+            require_recorders: 0,
+            commander: "operator".to_owned(),
+            style_seed: None,
+        }
+    }
 }
 
 /// Why the operator could not work.

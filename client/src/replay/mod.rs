@@ -113,7 +113,11 @@ pub fn run(args: &ReplayArgs) -> anyhow::Result<ExitCode> {
         println!(
             "recorded {} ({}, {} missed)",
             recorded.path,
-            if recorded.complete { "complete" } else { "NOT complete" },
+            if recorded.complete {
+                "complete"
+            } else {
+                "NOT complete"
+            },
             recorded.missed
         );
         if code == ExitCode::SUCCESS && !(recorded.complete && recorded.missed == 0) {

@@ -12,7 +12,7 @@ pub(super) struct Script {
     pub label: String,
     pub instruction: String,
     pub scenario: v1::Scenario,
-    pub snapshot: Vec<u8>,
+    pub snapshot: bytes::Bytes,
     pub first_tick: u64,
     pub last_tick: u64,
     /// State hashes by tick.
@@ -45,7 +45,7 @@ impl Script {
             label: started.label.clone(),
             instruction: started.instruction.clone(),
             scenario: episode.scenario()?,
-            snapshot: snapshot.snapshot.to_vec(),
+            snapshot: snapshot.snapshot,
             first_tick: header.tick,
             last_tick,
             hashes: episode.state_hashes()?,

@@ -1,6 +1,8 @@
-//! The home as shipped: budgets, supports, lanes.
+//! The home as shipped: budgets, lanes, origins; and what broken files say.
 
 use std::path::PathBuf;
+
+use nalgebra::{Point2, Vector2};
 
 use super::*;
 use crate::geometry::mesh;
@@ -16,19 +18,303 @@ pub(crate) fn home() -> Scene {
 }
 
 #[test]
+fn every_object_file_loads_and_every_asset_names_origin_and_licence() {
+    for folder in ["scenes", "objects", "materials", "tasks"] {
+        let names = names(&assets(), folder).unwrap();
+        assert!(!names.is_empty());
+        for name in names {
+            let text = std::fs::read_to_string(assets().join(format!("{folder}/{name}.toml")));
+            let table: toml::Table = text.unwrap().parse().unwrap();
+            for key in ["origin", "license"] {
+                let value = table.get(key).and_then(toml::Value::as_str).unwrap_or("");
+                assert!(value.len() > 5, "{folder}/{name}.toml: {key}");
+            }
+        }
+    }
+    let materials = material::library(&assets()).unwrap();
+    for kind in names(&assets(), "objects").unwrap() {
+        let reader = part::Reader {
+            assets: &assets(),
+            materials: &materials,
+        };
+        let body = object::read(&reader, &kind).unwrap_or_else(|error| panic!("{error}"));
+        assert!(
+            body.standing_height().abs() < 1e-9,
+            "{kind} stands on z = 0"
+        );
+    }
+}
+
+#[test]
+fn the_recorded_texts_are_the_files_in_use() {
+    let texts = asset_texts(&assets(), "home").unwrap();
+    let paths: Vec<_> = texts.iter().map(|text| text.path.as_str()).collect();
+    for path in [
+        "materials/home.toml",
+        "objects/mustard.toml",
+        "scenes/home.toml",
+    ] {
+        assert!(paths.contains(&path), "{paths:?}");
+    }
+    assert!(texts.iter().all(|text| text.text.contains("license")));
+}
+
+#[test]
 fn the_home_stays_within_the_budget_of_triangles_and_ids() {
     let scene = home();
-    let mut total = 0;
-    for body in scene.furniture.iter().chain(&scene.objects) {
-        let triangles: usize = body
-            .visual
-            .iter()
-            .map(|v| mesh::build(&v.part.shape, &assets()).unwrap().indices.len() / 3)
-            .sum();
-        println!("{:20} {triangles}", body.name);
-        total += triangles;
-    }
-    println!("total {total}");
+    let count = |body: &Body| -> usize {
+        let triangles = |v: &Visual| {
+            let built = mesh::build(&v.part.shape, &assets());
+            built
+                .unwrap_or_else(|error| panic!("{error}"))
+                .indices
+                .len()
+                / 3
+        };
+        body.visual.iter().map(triangles).sum()
+    };
+    let bodies = scene.furniture.iter().chain(&scene.objects);
+    let total: usize = bodies.map(count).sum();
+    println!("{total} triangles");
     assert!(total <= 60_000, "{total} triangles");
     assert!(scene.furniture.len() + scene.objects.len() <= 200);
+}
+
+/// A disc of 1.2 m in diameter moves from the start to in front of every area.
+#[test]
+fn lanes_are_wide_enough_for_the_chair_to_reach_every_area() {
+    let scene = home();
+    let obstacles: Vec<_> = scene.furniture[1..]
+        .iter()
+        .flat_map(|body| {
+            body.collision.iter().filter_map(|part| {
+                let mut piece = body.clone();
+                piece.collision = vec![part.clone()];
+                piece.collision_bounds(&body.pose)
+            })
+        })
+        .filter(|bounds| bounds.min.z < 1.1)
+        .collect();
+    let free = |p: Point2<f64>| {
+        obstacles.iter().all(|b| {
+            let x = (b.min.x - p.x).max(p.x - b.max.x).max(0.0);
+            let y = (b.min.y - p.y).max(p.y - b.max.y).max(0.0);
+            x.hypot(y) >= 0.6
+        })
+    };
+    const CELL: f64 = 0.05;
+    let cell = |p: Point2<f64>| ((p.x / CELL).round() as i64, (p.y / CELL).round() as i64);
+    let start = cell(scene.start.translation.vector.xy().into());
+    let mut reached = std::collections::BTreeSet::from([start]);
+    let mut open = vec![start];
+    while let Some((x, y)) = open.pop() {
+        for next in [(x + 1, y), (x - 1, y), (x, y + 1), (x, y - 1)] {
+            let at = Point2::new(next.0 as f64 * CELL, next.1 as f64 * CELL);
+            let inside = (-11.5..-2.5).contains(&at.x) && (-0.3..6.5).contains(&at.y);
+            if inside && free(at) && reached.insert(next) {
+                open.push(next);
+            }
+        }
+    }
+    for area in ["coffee_table", "kitchen_table", "shelf", "workstation"] {
+        let surface = scene
+            .surfaces
+            .iter()
+            .find(|s| scene.furniture[s.furniture].area == area)
+            .unwrap_or_else(|| panic!("{area} has no surface"));
+        let out = surface.edge.rotation * -Vector3::x();
+        let stop = surface.edge.translation.vector.xy() + Vector2::new(out.x, out.y) * 0.75;
+        assert!(reached.contains(&cell(stop.into())), "{area} at {stop:?}");
+    }
+}
+
+#[test]
+fn mesh_files_touch_as_their_hull_unless_shapes_are_given() {
+    let folder = Copy::new("hull");
+    let tetrahedron =
+        "v 0 0 0\nv 100 0 0\nv 0 100 0\nv 0 0 100\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n";
+    folder.write("meshes/wedge.obj", tetrahedron);
+    let parts =
+        "parts = [{ mesh = { path = \"meshes/wedge.obj\", scale = 0.001 }, material = \"oak\" }]";
+    let rest =
+        "mass = 0.1\ncom = [0.02, 0.02, 0.02]\ninertia = [1e-4, 1e-4, 1e-4]\nfriction = 0.5\n";
+    let head = "origin = \"a test\"\nlicense = \"Apache-2.0\"\n";
+    folder.write("objects/mustard.toml", &format!("{head}{rest}{parts}\n"));
+    let scene = Scene::load(&folder.0, "home").unwrap_or_else(|error| panic!("{error}"));
+    let body = &scene.objects[scene.object_named("mustard").unwrap()];
+    assert_eq!((body.collision.len(), body.hulls.len()), (0, 1));
+    let size = body
+        .collision_bounds(&Isometry3::identity())
+        .unwrap()
+        .size();
+    assert!((size - Vector3::repeat(0.1)).norm() < 1e-6, "{size:?}");
+    let texts = asset_texts(&folder.0, "home").unwrap();
+    assert!(texts.iter().any(|t| t.path == "meshes/wedge.obj"));
+
+    let given = "collision = [{ box = [0.1, 0.1, 0.1], at = [0.05, 0.05, 0.05] }]\n";
+    folder.write(
+        "objects/mustard.toml",
+        &format!("{head}{rest}{parts}\n{given}"),
+    );
+    let scene = Scene::load(&folder.0, "home").unwrap_or_else(|error| panic!("{error}"));
+    let body = &scene.objects[scene.object_named("mustard").unwrap()];
+    assert_eq!((body.collision.len(), body.hulls.len()), (1, 0));
+}
+
+/// A copy of the assets in which one thing is broken.
+pub(crate) struct Copy(pub(crate) PathBuf);
+
+impl Copy {
+    pub(crate) fn new(name: &str) -> Self {
+        let root = std::env::temp_dir().join(format!("wheelarm-{name}-{}", std::process::id()));
+        for folder in ["scenes", "objects", "materials", "tasks", "meshes"] {
+            std::fs::create_dir_all(root.join(folder)).unwrap();
+            for name in names(&assets(), folder).unwrap_or_default() {
+                let path = format!("{folder}/{name}.toml");
+                std::fs::copy(assets().join(&path), root.join(&path)).unwrap();
+            }
+        }
+        Self(root)
+    }
+
+    pub(crate) fn write(&self, path: &str, text: &str) {
+        std::fs::write(self.0.join(path), text).unwrap();
+    }
+
+    /// Replaces the first `from`, which must be there.
+    pub(crate) fn edit(&self, path: &str, from: &str, to: &str) {
+        let text = std::fs::read_to_string(self.0.join(path)).unwrap();
+        assert!(text.contains(from), "{path} has no {from:?}");
+        self.write(path, &text.replacen(from, to, 1));
+    }
+}
+
+impl Drop for Copy {
+    fn drop(&mut self) {
+        // Left behind when it cannot be removed: it is in the temporary folder.
+        let _ = std::fs::remove_dir_all(&self.0);
+    }
+}
+
+#[test]
+fn broken_files_are_refused_with_file_key_values_and_cure() {
+    const OBJECT: &str = "objects/mustard.toml";
+    const SCENE: &str = "scenes/home.toml";
+    const MATERIALS: &str = "materials/home.toml";
+    // File, what is replaced, by what, and what the message must contain.
+    let cases: [(&str, &str, &str, &[&str]); 16] = [
+        (
+            OBJECT,
+            "mass = 0.603",
+            "mass = 603",
+            &["mass is 603 kg", "0.001 to 100", "kilograms"],
+        ),
+        (
+            OBJECT,
+            "mass = 0.603",
+            "weight = 0.603",
+            &["unknown field `weight`"],
+        ),
+        (
+            OBJECT,
+            "friction = 0.6",
+            "friction = \"high\"",
+            &["friction", "invalid type"],
+        ),
+        (
+            OBJECT,
+            "size = [0.096,",
+            "size = [96.0,",
+            &["parts[0].rounded_box.size", "96 m", "metres"],
+        ),
+        (
+            OBJECT,
+            "radius = 0.018",
+            "radius = 0.040",
+            &["radius is 0.04 m", "half of the shortest"],
+        ),
+        (
+            OBJECT,
+            "mustard_label",
+            "ketchup",
+            &["material is \"ketchup\"", "one of", "oak", "add"],
+        ),
+        (
+            OBJECT,
+            "rounded_box =",
+            "pyramid =",
+            &["unknown field `pyramid`", "rounded_box"],
+        ),
+        (
+            OBJECT,
+            "inertia = [2.01e-3,",
+            "inertia = [2.01,",
+            &["inertia is 2.01", "mass and size"],
+        ),
+        (
+            OBJECT,
+            "com = [0.0, 0.0, 0.085]",
+            "com = [0.0, 0.0, 85.0]",
+            &["com is 85 m"],
+        ),
+        (
+            OBJECT,
+            "closing = [0, 1, 0]",
+            "closing = [1, 0, 0]",
+            &["closing", "perpendicular"],
+        ),
+        (
+            OBJECT,
+            "width = 0.058",
+            "width = 0.095",
+            &["grasps[0].width is 0.095 m", "85 mm"],
+        ),
+        (
+            OBJECT,
+            "{ rounded_box",
+            "{ mesh = { path = \"meshes/no.obj\" }, rounded_box",
+            &["meshes/no.obj", "put it at"],
+        ),
+        (
+            SCENE,
+            "name = \"tomato_soup\"\non",
+            "name = \"pea_soup\"\non",
+            &["\"pea_soup\"", "crackers", "assets/objects"],
+        ),
+        (
+            SCENE,
+            "like = \"chair_1\"",
+            "like = \"chair_9\"",
+            &["furniture[chair_2].like is \"chair_9\""],
+        ),
+        (
+            SCENE,
+            "on = \"coffee_table\"",
+            "on = \"cofee_table\"",
+            &["object[mustard].on", "coffee_table top"],
+        ),
+        (
+            MATERIALS,
+            "pattern = \"planks\"",
+            "pattern = \"lava\"",
+            &["material.parquet.texture.pattern is \"lava\"", "planks"],
+        ),
+    ];
+    for (i, (file, from, to, expected)) in cases.into_iter().enumerate() {
+        let folder = Copy::new(&format!("broken{i}"));
+        folder.edit(file, from, to);
+        let error = match Scene::load(&folder.0, "home") {
+            Ok(_) => panic!("{to} in {file} was taken"),
+            Err(error) => error.to_string(),
+        };
+        assert!(error.contains(file), "{error}");
+        for part in expected {
+            assert!(error.contains(part), "{part:?} is missing in: {error}");
+        }
+    }
+    let missing = Scene::load(&assets(), "castle").unwrap_err().to_string();
+    assert!(
+        missing.contains("castle") && missing.contains("home"),
+        "{missing}"
+    );
 }

@@ -337,3 +337,56 @@ fn a_restored_evaluator_goes_on_as_if_never_interrupted() {
     }
     assert!(stage.run(0.0).success);
 }
+
+#[test]
+fn broken_tasks_are_refused_with_key_values_and_cure() {
+    let cases: [(&str, &str, &[&str]); 7] = [
+        (
+            "target = \"mustard\"",
+            "target = \"ketchup\"",
+            &["target is \"ketchup\"", "grey_cup"],
+        ),
+        (
+            "area = \"coffee_table\"",
+            "area = \"attic\"",
+            &["area is \"attic\"", "coffee_table"],
+        ),
+        (
+            "time_limit = 90.0",
+            "time_limit = -1",
+            &["time_limit is -1 s"],
+        ),
+        (
+            "inwards = [0.10, 0.40]",
+            "inwards = [0.10, 1.40]",
+            &["place[mustard].inwards is 1.4 m", "0 to 0.8"],
+        ),
+        (
+            "along = [-0.60, 0.60]",
+            "along = [0.60, -0.60]",
+            &["along is [0.6, -0.6]", "swap"],
+        ),
+        (
+            "predicate.lifted_and_held",
+            "predicate.levitating",
+            &["levitating", "lifted_and_held"],
+        ),
+        (
+            "along = [-0.85, 0.85]\nyaw_deg = [60, 120]",
+            "along = [1.09, 1.10]\nyaw_deg = [60, 120]",
+            &["place is", "overlap", "widen"],
+        ),
+    ];
+    for (i, (from, to, expected)) in cases.into_iter().enumerate() {
+        let folder = crate::scene::tests::Copy::new(&format!("task{i}"));
+        folder.edit("tasks/pick_mustard.toml", from, to);
+        let error = match TaskSpec::load(&folder.0, "pick_mustard") {
+            Ok(_) => panic!("{to} was taken"),
+            Err(error) => error.to_string(),
+        };
+        assert!(error.contains("tasks/pick_mustard.toml"), "{error}");
+        for part in expected {
+            assert!(error.contains(part), "{part:?} is missing in: {error}");
+        }
+    }
+}

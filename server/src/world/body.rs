@@ -114,7 +114,7 @@ impl RobotBody {
         let mut handles = Vec::new();
         for body in &tree.bodies {
             let frame = match &body.joint {
-                None => *start,
+                None => start * tree.root_from_body,
                 Some(j) => {
                     let joint = &model.joints[j.joint];
                     let turn = joint.origin.inverse() * joint.transform(q(j.joint));

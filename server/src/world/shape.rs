@@ -5,11 +5,11 @@
 
 use std::f64::consts::{FRAC_PI_2, TAU};
 
-use nalgebra::{Isometry3, Vector3};
+use nalgebra::{Isometry3, Point3, Vector3};
 use rapier3d::math::{Pose, Vector};
 use rapier3d::prelude::SharedShape;
 
-use super::convert::{pose, real};
+use super::convert::{point, pose, real};
 use crate::geometry::{Part, Shape};
 
 /// Sides of the polygon that stands for a truncated cone.
@@ -96,9 +96,15 @@ pub(super) fn solids(part: &Part) -> Result<Vec<Solid>, String> {
             "a surface of revolution is drawn only; give collision parts of other shapes".into(),
         ),
         Shape::Mesh { path, .. } => Err(format!(
-            "mesh {path} cannot collide yet; give collision parts of other shapes"
+            "mesh {path} has no vertices here; a scene gives its hulls, a robot collides as solids"
         )),
     }
+}
+
+/// A convex solid through points in the body frame, metres.
+pub(super) fn hull_of(points: &[Point3<f64>]) -> Result<Solid, String> {
+    let points: Vec<Vector> = points.iter().map(point).collect();
+    Ok((Pose::IDENTITY, hull(&points)?))
 }
 
 /// A cup: a floor and a ring of wall pieces.

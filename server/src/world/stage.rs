@@ -11,7 +11,7 @@ use super::body::{FLOOR_GROUP, SCENE_GROUP};
 use super::contact::tag;
 use super::convert::{mass_properties, pose, real};
 use super::mass::Mass;
-use super::shape::solids;
+use super::shape::{hull_of, solids};
 use crate::scene::{Body, Placement, Scene};
 use crate::snapshot::{Anomaly, BodyRef};
 
@@ -140,26 +140,31 @@ fn insert_parts(
         BodyRef::Furniture(0) => FLOOR_GROUP,
         _ => SCENE_GROUP,
     };
+    let refuse = |problem| WorldError::Shape {
+        body: body.name.clone(),
+        problem,
+    };
+    let mut all = Vec::new();
     for part in &body.collision {
-        let solids = solids(part).map_err(|problem| WorldError::Shape {
-            body: body.name.clone(),
-            problem,
-        })?;
-        for (body_from_solid, shape) in solids {
-            physics.insert_collider(
-                ColliderBuilder::new(shape)
-                    .position(body_from_solid)
-                    .density(0.0)
-                    .friction(real(friction))
-                    .collision_groups(InteractionGroups::new(
-                        group,
-                        Group::ALL,
-                        InteractionTestMode::And,
-                    ))
-                    .user_data(tag(reference)),
-                Some(handle),
-            );
-        }
+        all.extend(solids(part).map_err(refuse)?);
+    }
+    for points in &body.hulls {
+        all.push(hull_of(points).map_err(refuse)?);
+    }
+    for (body_from_solid, shape) in all {
+        physics.insert_collider(
+            ColliderBuilder::new(shape)
+                .position(body_from_solid)
+                .density(0.0)
+                .friction(real(friction))
+                .collision_groups(InteractionGroups::new(
+                    group,
+                    Group::ALL,
+                    InteractionTestMode::And,
+                ))
+                .user_data(tag(reference)),
+            Some(handle),
+        );
     }
     Ok(())
 }

@@ -27,12 +27,15 @@ pub(super) struct Tree {
     pub bodies: Vec<TreeBody>,
     /// Where each link of the model is.
     pub places: Vec<Place>,
+    /// Frame of body 0 in the root link.
+    pub root_from_body: Isometry3<f64>,
 }
 
 /// One body.
 #[derive(Clone, Debug)]
 pub(super) struct TreeBody {
-    /// Link whose frame is the body's frame.
+    /// Link whose frame is the body's frame; the root body's frame is moved to
+    /// its centre of mass.
     pub link: usize,
     /// Mass of all links in it.
     pub mass: Mass,
@@ -87,6 +90,7 @@ impl Tree {
         let mut tree = Self {
             bodies: vec![root],
             places: vec![Place::InBody(0, Isometry3::identity())],
+            root_from_body: Isometry3::identity(),
         };
         for (index, joint) in model.joints.iter().enumerate() {
             let place = tree.place(model, index, joint)?;
@@ -135,7 +139,33 @@ impl Tree {
                 });
             }
         }
+        tree.centre_root();
         Ok(tree)
+    }
+
+    /// Moves the frame of the root body to its centre of mass. The engine
+    /// integrates the free root as if its origin were its centre of mass; in
+    /// another frame a turning chair would slide sideways.
+    fn centre_root(&mut self) {
+        let root_from_body =
+            Isometry3::from(nalgebra::Translation3::from(self.bodies[0].mass.com.coords));
+        let body_from_root = root_from_body.inverse();
+        let root = &mut self.bodies[0];
+        root.mass = root.mass.seen_from(&body_from_root);
+        for part in &mut root.parts {
+            part.part.pose = body_from_root * part.part.pose;
+        }
+        for body in &mut self.bodies {
+            if let Some(joint) = body.joint.as_mut().filter(|j| j.parent == 0) {
+                joint.origin = body_from_root * joint.origin;
+            }
+        }
+        for place in &mut self.places {
+            if let Place::InBody(0, body_from_link) = place {
+                *body_from_link = body_from_root * *body_from_link;
+            }
+        }
+        self.root_from_body = root_from_body;
     }
 
     fn place(

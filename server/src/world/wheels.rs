@@ -22,7 +22,7 @@ pub(super) struct Wheels {
     joints: [usize; 4],
     /// Bodies of the driven wheels.
     driven: [usize; 2],
-    /// Frames of the front wheels in the root, and their axes there.
+    /// Frames of the front wheels in the root body, and their axes there.
     front: [(Isometry3<f64>, Vector3<f64>); 2],
     radius: f64,
 }
@@ -41,7 +41,7 @@ impl Wheels {
         let frames = model.link_poses(&vec![0.0; model.joints.len()]);
         let front = |i: usize| {
             let joint = &model.joints[joint(i)?];
-            let frame = frames[joint.child];
+            let frame = robot.tree.root_from_body.inv_mul(&frames[joint.child]);
             Ok::<_, WorldError>((frame, frame * joint.axis.into_inner()))
         };
         Ok(Self {

@@ -13,38 +13,20 @@
 //!   within the limits and without jumps;
 //! - else: joints interpolate to the solution that turns them least.
 
+mod cartesian;
+mod line;
+mod twist;
+
 use nalgebra::{Isometry3, Matrix6, Translation3, UnitQuaternion, Vector3, Vector6};
 use serde::{Deserialize, Serialize};
 
+pub use self::cartesian::Velocity;
 use super::profile::stopping_speed;
 use super::{ArmIntent, IntentFrame};
-use crate::robot::kinematics::screw::rotation_vector;
 use crate::robot::kinematics::{ARM_JOINTS, ArmKinematics};
 use crate::robot::{ArmSettings, RobotModel};
 use crate::snapshot::Snapshot;
 
-/// Distance, m, and angle, rad, up to which joints interpolate to a pose.
-const NEAR: (f64, f64) = (0.05, 0.2);
-/// Greatest joint change to a near pose, rad.
-const NEAR_CHANGE: f64 = 0.4;
-/// Spacing of the samples that check a line, m and rad.
-const SAMPLE: (f64, f64) = (0.02, 0.1);
-/// Greatest joint change between two samples, rad.
-const SAMPLE_CHANGE: f64 = 0.35;
-/// From the end of a line, m and rad, on which joints interpolate to land exactly.
-const LANDING: (f64, f64) = (0.01, 0.05);
-/// Steps that a line may stand still before joints interpolate instead: 0.25 s.
-const STALL_STEPS: u32 = 60;
-/// Length that makes a radian comparable with a metre, m: about half the arm.
-const LENGTH: f64 = 0.3;
-/// Damping of Cartesian speeds: below this singular value a direction is given up.
-const DAMPING: f64 = 0.005;
-/// Singular value below which a twist towards a singularity is slowed, m/rad.
-const NEARLY_SINGULAR: f64 = 0.033;
-/// Rate at which a twist's motion returns to its target, 1/s.
-const RETURN_RATE: f64 = 20.0;
-/// Distance, m, and angle, rad, by which a twist's target may lead the arm.
-const LEAD: (f64, f64) = (0.02, 0.1);
 /// Share of the tool speed that is planned; the rest covers the change of the
 /// Jacobian while the joints brake.
 const TOOL_SHARE: f64 = 0.93;
@@ -72,10 +54,10 @@ pub enum Motion {
     Twist {
         /// The twist turns with the end effector.
         in_tool: bool,
-        /// Asked: m/s and rad/s, along the base's or the tool's axes.
-        wanted: (Vector3<f64>, Vector3<f64>),
-        /// Ramped up so far, the same units and axes.
-        now: (Vector3<f64>, Vector3<f64>),
+        /// Asked, along the base's or the tool's axes.
+        wanted: Velocity,
+        /// Ramped up so far, along the same axes.
+        now: Velocity,
     },
 }
 
@@ -181,10 +163,10 @@ impl ArmControl {
                     self.base_from(frame, &Isometry3::identity(), snapshot)
                         .rotation
                 };
-                let wanted = (
-                    cut(axes * linear, self.settings.tool_speed),
-                    cut(axes * angular, self.settings.tool_turn_rate),
-                );
+                let velocity = Velocity { linear, angular };
+                let wanted = velocity
+                    .turned(&axes)
+                    .cut(self.settings.tool_speed, self.settings.tool_turn_rate);
                 // Its own problem lasts until the arm follows again.
                 if matches!(state.motion, Motion::Twist { .. }) {
                     state.problem = problem;
@@ -210,108 +192,6 @@ impl ArmControl {
                 .get(self.base_link)
                 .map_or_else(Isometry3::identity, |base| base.pose.inverse()),
         }
-    }
-
-    /// Chooses the motion to a pose. An unreachable one brings the arm to rest.
-    fn reach(&self, state: &mut ArmState, goal: &Isometry3<f64>) {
-        let present = self.kinematics.forward(&state.position);
-        let (distance, angle) = apart(&present, goal);
-        let near = distance <= NEAR.0 && angle <= NEAR.1;
-        let near_joints = near
-            .then(|| {
-                self.kinematics
-                    .solve_local(goal, &state.position, NEAR_CHANGE)
-                    .ok()
-            })
-            .flatten();
-        let motion = if let Some(solution) = near_joints {
-            Ok(Motion::Joints {
-                goal: solution.joints,
-            })
-        } else if let Some(joints) = self.end_of_line(&state.position, &present, goal) {
-            Ok(Motion::Line {
-                goal: *goal,
-                joints,
-                still: 0,
-            })
-        } else {
-            self.kinematics
-                .solve_nearest(goal, &state.position)
-                .map(|solution| Motion::Joints {
-                    goal: solution.joints,
-                })
-        };
-        match motion {
-            Ok(motion) => {
-                state.motion = motion;
-                state.desired = *goal;
-            }
-            Err(unreachable) => {
-                state.motion = Motion::Hold;
-                state.problem = Some(unreachable.to_string());
-            }
-        }
-    }
-
-    /// Joint positions at the end of the straight line to `goal`, when the arm
-    /// can follow it all the way.
-    fn end_of_line(
-        &self,
-        from: &[f64; 6],
-        present: &Isometry3<f64>,
-        goal: &Isometry3<f64>,
-    ) -> Option<[f64; 6]> {
-        let (distance, angle) = apart(present, goal);
-        let samples = (distance / SAMPLE.0).max(angle / SAMPLE.1).ceil().max(1.0);
-        if samples > 500.0 {
-            return None;
-        }
-        let way = goal.translation.vector - present.translation.vector;
-        let turn = rotation_vector(&present.rotation.rotation_to(&goal.rotation));
-        let mut joints = *from;
-        for i in 1..=samples as usize {
-            let part = i as f64 / samples;
-            let pose = Isometry3::from_parts(
-                Translation3::from(present.translation.vector + way * part),
-                UnitQuaternion::from_scaled_axis(turn * part) * present.rotation,
-            );
-            joints = self
-                .kinematics
-                .solve_local(&pose, &joints, SAMPLE_CHANGE)
-                .ok()?
-                .joints;
-        }
-        Some(joints)
-    }
-
-    /// Starts or changes a twist without a jump in speed.
-    fn twist(&self, state: &mut ArmState, in_tool: bool, wanted: (Vector3<f64>, Vector3<f64>)) {
-        let now = match state.motion {
-            Motion::Twist {
-                in_tool: before,
-                now,
-                ..
-            } if before == in_tool => now,
-            _ => {
-                let (pose, jacobian) = self.kinematics.forward_and_jacobian(&state.position);
-                let speed = jacobian * Vector6::from(state.velocity);
-                let tool = (
-                    speed.fixed_rows::<3>(3).into_owned(),
-                    speed.fixed_rows::<3>(0).into_owned(),
-                );
-                state.desired = pose;
-                if in_tool {
-                    tool
-                } else {
-                    (pose.rotation * tool.0, pose.rotation * tool.1)
-                }
-            }
-        };
-        state.motion = Motion::Twist {
-            in_tool,
-            wanted,
-            now,
-        };
     }
 
     /// One step of `dt` seconds.
@@ -346,168 +226,6 @@ impl ArmControl {
         }
         let rate = stopping_speed(longest, self.settings.acceleration, dt) / longest;
         way.map(|part| part * rate)
-    }
-
-    /// Joint speeds that move the end effector straight to a goal.
-    fn along_line(
-        &self,
-        state: &mut ArmState,
-        pose: &Isometry3<f64>,
-        jacobian: &Matrix6<f64>,
-        (goal, joints, still): (Isometry3<f64>, [f64; 6], u32),
-        dt: f64,
-    ) -> [f64; 6] {
-        let way = goal.translation.vector - pose.translation.vector;
-        let turn = rotation_vector(&pose.rotation.rotation_to(&goal.rotation));
-        let (distance, angle) = (way.norm(), turn.norm());
-        let fastest = state
-            .velocity
-            .iter()
-            .fold(0.0_f64, |most, speed| most.max(speed.abs()));
-        let still = if fastest < 1e-3 { still + 1 } else { 0 };
-        if (distance < LANDING.0 && angle < LANDING.1) || still > STALL_STEPS {
-            state.motion = Motion::Joints { goal: joints };
-            return self.towards_joints(&state.position, &joints, dt);
-        }
-        state.motion = Motion::Line {
-            goal,
-            joints,
-            still,
-        };
-        let settings = &self.settings;
-        let linear = stopping_speed(distance, settings.tool_acceleration, dt)
-            .min(settings.tool_speed)
-            / distance.max(1e-9);
-        let angular = stopping_speed(angle, settings.tool_turn_acceleration, dt)
-            .min(settings.tool_turn_rate)
-            / angle.max(1e-9);
-        let rate = linear.min(angular);
-        joint_speeds(
-            &weighted(jacobian),
-            &weighted_twist(pose, &(way * rate), &(turn * rate)),
-        )
-    }
-
-    /// Joint speeds that follow a twist; its target moves on.
-    fn by_twist(
-        &self,
-        state: &mut ArmState,
-        pose: &Isometry3<f64>,
-        jacobian: &Matrix6<f64>,
-        (in_tool, wanted, now): (
-            bool,
-            (Vector3<f64>, Vector3<f64>),
-            (Vector3<f64>, Vector3<f64>),
-        ),
-        dt: f64,
-    ) -> [f64; 6] {
-        let settings = &self.settings;
-        let (linear, angular) = now;
-        // What an arm that cannot follow has been asked is forgotten at once.
-        let forget = |now: Vector3<f64>, wanted: Vector3<f64>| {
-            now.zip_map(
-                &wanted,
-                |now, wanted| if now * wanted < 0.0 { 0.0 } else { now },
-            )
-        };
-        let now = if state.problem.is_some() {
-            (forget(linear, wanted.0), forget(angular, wanted.1))
-        } else {
-            now
-        };
-        let now = (
-            now.0 + cut(wanted.0 - now.0, settings.tool_acceleration * dt),
-            now.1 + cut(wanted.1 - now.1, settings.tool_turn_acceleration * dt),
-        );
-        state.motion = Motion::Twist {
-            in_tool,
-            wanted,
-            now,
-        };
-        let (linear, angular) = if in_tool {
-            let axes = state.desired.rotation;
-            (axes * now.0, axes * now.1)
-        } else {
-            now
-        };
-        let target = Isometry3::from_parts(
-            Translation3::from(state.desired.translation.vector + linear * dt),
-            UnitQuaternion::from_scaled_axis(angular * dt) * state.desired.rotation,
-        );
-        let lag = target.translation.vector - pose.translation.vector;
-        let turn = rotation_vector(&pose.rotation.rotation_to(&target.rotation));
-        // The target waits for an arm that cannot follow.
-        let (held_lag, held_turn) = (cut(lag, LEAD.0), cut(turn, LEAD.1));
-        let held = held_lag != lag || held_turn != turn;
-        state.desired = Isometry3::from_parts(
-            Translation3::from(pose.translation.vector + held_lag),
-            UnitQuaternion::new_normalize(
-                (UnitQuaternion::from_scaled_axis(held_turn) * pose.rotation).into_inner(),
-            ),
-        );
-        if !held {
-            state.problem = None;
-        } else if state.problem.is_none() {
-            state.problem = Some(self.hindrance(&state.position));
-        }
-        let twist = weighted_twist(
-            pose,
-            &(linear + held_lag * RETURN_RATE),
-            &(angular + held_turn * RETURN_RATE),
-        );
-        self.away_from_singularity(&state.position, &weighted(jacobian), twist)
-    }
-
-    /// Joint speeds for a twist that brake towards a singularity, so that the
-    /// elbow or the wrist comes to rest before it would turn over. Only the
-    /// part of the twist that the singularity concerns is slowed, and nothing
-    /// on the way out.
-    fn away_from_singularity(
-        &self,
-        position: &[f64; 6],
-        weighted_jacobian: &Matrix6<f64>,
-        twist: Vector6<f64>,
-    ) -> [f64; 6] {
-        let speeds = joint_speeds(weighted_jacobian, &twist);
-        let (value, direction) = slowest(weighted_jacobian);
-        let fastest = speeds
-            .iter()
-            .fold(0.0_f64, |most, speed| most.max(speed.abs()));
-        if value >= NEARLY_SINGULAR || fastest == 0.0 {
-            return speeds;
-        }
-        let ahead: [f64; 6] = std::array::from_fn(|i| position[i] + speeds[i] * 0.01 / fastest);
-        let ahead = weighted(&self.kinematics.jacobian_body(&ahead));
-        if slowest(&ahead).0 >= value {
-            return speeds;
-        }
-        // From the limits, joint speeds fall like those of a braking joint.
-        let excess = (0..6)
-            .map(|i| speeds[i].abs() / self.kinematics.speed()[i])
-            .fold(1.0, f64::max);
-        let twist = twist / excess;
-        let left = value / NEARLY_SINGULAR;
-        let part = left.sqrt().min(3.0 * left);
-        // The rest is slowed by its share, so that the arm does not slide off.
-        let along = direction.dot(&twist);
-        let rest = 1.0 - (along.abs() / twist.norm()) * (1.0 - part);
-        let slowed = twist * rest - direction * (along * (rest - part));
-        joint_speeds(weighted_jacobian, &slowed)
-    }
-
-    /// Why a twist is not followed.
-    fn hindrance(&self, position: &[f64; 6]) -> String {
-        let (lower, upper) = (self.kinematics.lower(), self.kinematics.upper());
-        let at_limit =
-            (0..6).find(|&i| position[i] - lower[i] < 0.01 || upper[i] - position[i] < 0.01);
-        match at_limit {
-            Some(i) => format!(
-                "the twist is not followed: {} is at its limit, {:.4} rad",
-                ARM_JOINTS[i], position[i]
-            ),
-            None => "the twist is not followed: the arm is stretched or its wrist is straight"
-                .to_owned(),
-        }
     }
 
     /// Moves the joint speeds towards the wanted ones within all limits, and
@@ -554,68 +272,4 @@ impl ArmControl {
         let linear = twist.fixed_rows::<3>(3).into_owned();
         (linear + angular.cross(&Vector3::new(0.0, 0.0, self.tool_length))).norm()
     }
-}
-
-/// Distance, m, and angle, rad, between two poses.
-fn apart(one: &Isometry3<f64>, other: &Isometry3<f64>) -> (f64, f64) {
-    (
-        (other.translation.vector - one.translation.vector).norm(),
-        rotation_vector(&one.rotation.rotation_to(&other.rotation)).norm(),
-    )
-}
-
-/// The vector, shortened to `longest`.
-fn cut(vector: Vector3<f64>, longest: f64) -> Vector3<f64> {
-    let length = vector.norm();
-    if length > longest {
-        vector * (longest / length)
-    } else {
-        vector
-    }
-}
-
-/// Body Jacobian with its angular rows in metres, so that all rows compare.
-fn weighted(jacobian: &Matrix6<f64>) -> Matrix6<f64> {
-    let mut weighted = *jacobian;
-    for column in 0..6 {
-        for row in 0..3 {
-            weighted[(row, column)] *= LENGTH;
-        }
-    }
-    weighted
-}
-
-/// A velocity along the base's axes as a twist in the end effector's frame,
-/// weighted like the Jacobian.
-fn weighted_twist(
-    pose: &Isometry3<f64>,
-    linear: &Vector3<f64>,
-    angular: &Vector3<f64>,
-) -> Vector6<f64> {
-    let linear = pose.rotation.inverse_transform_vector(linear);
-    let angular = pose.rotation.inverse_transform_vector(angular) * LENGTH;
-    Vector6::new(
-        angular.x, angular.y, angular.z, linear.x, linear.y, linear.z,
-    )
-}
-
-/// Joint speeds for a weighted twist, by damped least squares.
-fn joint_speeds(weighted: &Matrix6<f64>, twist: &Vector6<f64>) -> [f64; 6] {
-    let normal = weighted.tr_mul(weighted) + Matrix6::identity() * (DAMPING * DAMPING);
-    // Positive definite by the damping.
-    match normal.cholesky() {
-        Some(factors) => factors.solve(&weighted.tr_mul(twist)).into(),
-        None => [0.0; 6],
-    }
-}
-
-/// Least singular value of a weighted Jacobian, m/rad, and the direction of
-/// twist that it makes slow.
-fn slowest(weighted: &Matrix6<f64>) -> (f64, Vector6<f64>) {
-    let eigen = (weighted * weighted.transpose()).symmetric_eigen();
-    let (index, value) = eigen.eigenvalues.argmin();
-    (
-        value.max(0.0).sqrt(),
-        eigen.eigenvectors.column(index).into_owned(),
-    )
 }

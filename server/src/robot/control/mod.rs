@@ -14,7 +14,7 @@ use serde::{Deserialize, Serialize};
 use wheelarm_proto::{PHYSICS_HZ, TICKS_PER_CONTROL};
 
 use self::arm::ArmControl;
-pub use self::arm::{ArmState, Motion};
+pub use self::arm::{ArmState, Motion, Velocity};
 pub use self::base::{BaseState, DriveGeometry};
 pub use self::gripper::{GripperMap, GripperState};
 use super::{DriveSettings, GripperSettings, RobotModel};

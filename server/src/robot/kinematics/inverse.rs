@@ -29,7 +29,7 @@ const ITERATIONS: usize = 60;
 /// Iterations without progress after which an attempt ends.
 const PATIENCE: usize = 8;
 /// Attempts after the first.
-const RESTARTS: usize = 100;
+const RESTARTS: usize = 40;
 
 /// Starts that `solve_nearest` tries beside those of `solve`.
 const STARTS: usize = 32;
@@ -397,8 +397,8 @@ impl ArmKinematics {
 
     /// Puts limited joints into their ranges.
     pub(in crate::robot) fn clamp(&self, joints: &mut [f64; 6]) {
-        for i in 0..6 {
-            joints[i] = joints[i].clamp(self.lower[i], self.upper[i]);
+        for (joint, (lower, upper)) in joints.iter_mut().zip(self.lower.iter().zip(&self.upper)) {
+            *joint = joint.clamp(*lower, *upper);
         }
     }
 

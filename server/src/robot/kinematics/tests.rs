@@ -1,6 +1,7 @@
 //! Laws of the kinematics, against the chained URDF transforms and the table
 //! of the maker's named poses.
 
+use std::f64::consts::{FRAC_PI_2, PI};
 use std::path::Path;
 
 use nalgebra::{Quaternion, UnitQuaternion};
@@ -17,12 +18,10 @@ fn model() -> RobotModel {
 
 /// In-limit joint positions; continuous joints within half a turn.
 fn random_joints(arm: &ArmKinematics, random: &mut ChaCha8Rng) -> [f64; 6] {
-    let mut joints = [0.0; 6];
-    for i in 0..6 {
-        let (lower, upper) = (arm.lower[i].max(-3.14159), arm.upper[i].min(3.14159));
-        joints[i] = random.random_range(lower..upper);
-    }
-    joints
+    std::array::from_fn(|i| {
+        let (lower, upper) = (arm.lower[i].max(-PI), arm.upper[i].min(PI));
+        random.random_range(lower..upper)
+    })
 }
 
 /// End effector in the arm's base by chaining the URDF's transforms.
@@ -80,17 +79,17 @@ fn named_poses_of_the_maker_are_met() {
     let table = [
         ([0.0; 6], [0.0, 0.00135, 1.17662], [0.0, 0.0, 1.0, 0.0]),
         (
-            [0.0, 0.261, 2.27, 0.0, -0.43, -1.5708],
+            [0.0, 0.261, 2.27, 0.0, -0.43, -FRAC_PI_2],
             [-0.34631, 0.00135, 0.54616],
             [0.50205, -0.50205, -0.49794, 0.49795],
         ),
         (
-            [0.0, 0.261, -2.27, 0.0, 0.96, 1.5708],
+            [0.0, 0.261, -2.27, 0.0, 0.96, FRAC_PI_2],
             [0.45349, 0.00135, 0.42333],
             [0.50005, 0.50005, 0.49995, 0.49995],
         ),
         (
-            [0.0, -0.35, -2.54, 0.0, -0.87, 1.5708],
+            [0.0, -0.35, -2.54, 0.0, -0.87, FRAC_PI_2],
             [0.12906, 0.00135, 0.32060],
             [0.70652, 0.70652, 0.02884, 0.02884],
         ),
@@ -124,7 +123,7 @@ fn inverse_after_forward_reaches_the_pose_within_the_limits() {
             let position = solution.joints[i];
             assert!(arm.lower[i] <= position && position <= arm.upper[i]);
             let turns = (position - model.settings.home[i]).abs();
-            assert!(arm.lower[i].is_finite() || turns < std::f64::consts::PI + 1e-9);
+            assert!(arm.lower[i].is_finite() || turns < PI + 1e-9);
         }
         solved += 1;
     }

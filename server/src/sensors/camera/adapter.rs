@@ -41,7 +41,11 @@ impl fmt::Display for AdapterInfo {
             AdapterKind::Other => "other",
             AdapterKind::Cpu => "CPU",
         };
-        write!(f, "{} [{kind}, {}, {}]", self.name, self.driver, self.backend)
+        write!(
+            f,
+            "{} [{kind}, {}, {}]",
+            self.name, self.driver, self.backend
+        )
     }
 }
 
@@ -49,7 +53,9 @@ impl AdapterInfo {
     fn of(adapter: &wgpu::Adapter) -> Self {
         let info = adapter.get_info();
         Self {
-            driver: format!("{} {}", info.driver, info.driver_info).trim().to_owned(),
+            driver: format!("{} {}", info.driver, info.driver_info)
+                .trim()
+                .to_owned(),
             kind: match info.device_type {
                 wgpu::DeviceType::DiscreteGpu => AdapterKind::DiscreteGpu,
                 wgpu::DeviceType::IntegratedGpu => AdapterKind::IntegratedGpu,

@@ -72,9 +72,8 @@ impl Buffers {
             batches: Vec::new(),
         };
         let mut known: Vec<Material> = Vec::new();
-        let same = |a: &RenderItem, b: &RenderItem| {
-            a.instance == b.instance && a.binding == b.binding
-        };
+        let same =
+            |a: &RenderItem, b: &RenderItem| a.instance == b.instance && a.binding == b.binding;
         for items in scene.items.chunk_by(same) {
             let body = built.bodies.len();
             let mut casters = Vec::new();
@@ -148,7 +147,12 @@ impl Buffers {
         }
         known.push(material.clone());
         self.materials.push(GpuMaterial {
-            color: [color[0], color[1], color[2], material.roughness.clamp(0.12, 1.0)],
+            color: [
+                color[0],
+                color[1],
+                color[2],
+                material.roughness.clamp(0.12, 1.0),
+            ],
             more: [
                 material.metallic.clamp(0.0, 1.0),
                 material.emission.max(0.0),
@@ -206,7 +210,11 @@ fn octahedral(n: [f64; 3]) -> [i16; 2] {
 
 /// Ball about the middle of the bounding box.
 fn ball(vertices: &[Vertex]) -> (Point3<f64>, f64) {
-    let points = || vertices.iter().map(|v| Point3::from(v.position.map(f64::from)));
+    let points = || {
+        vertices
+            .iter()
+            .map(|v| Point3::from(v.position.map(f64::from)))
+    };
     let low = points().fold(Point3::from([f64::INFINITY; 3]), |a, b| a.inf(&b));
     let high = points().fold(Point3::from([f64::NEG_INFINITY; 3]), |a, b| a.sup(&b));
     let centre = nalgebra::center(&low, &high);

@@ -215,14 +215,15 @@ fn pipeline(
             count: stage.samples,
             ..Default::default()
         },
-        fragment: stage.fragment.zip(targets.as_ref()).map(|((entry, _), targets)| {
-            wgpu::FragmentState {
+        fragment: stage
+            .fragment
+            .zip(targets.as_ref())
+            .map(|((entry, _), targets)| wgpu::FragmentState {
                 module,
                 entry_point: Some(entry),
                 compilation_options: options.clone(),
                 targets,
-            }
-        }),
+            }),
         multiview_mask: None,
         cache: None,
     })

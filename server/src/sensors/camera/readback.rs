@@ -93,8 +93,9 @@ impl Layout {
                         *to = from[3];
                     }
                 }
-                Some(row) => ids[line(1)]
-                    .copy_from_slice(&bytes[2 * self.plane() + y * row..][..self.width]),
+                Some(row) => {
+                    ids[line(1)].copy_from_slice(&bytes[2 * self.plane() + y * row..][..self.width])
+                }
             }
             let source = &depths[y * self.row..][..self.width * 4];
             let (source, _) = source.as_chunks::<4>();

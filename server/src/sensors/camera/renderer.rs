@@ -106,15 +106,14 @@ impl Renderer {
             adapter: info.name.clone(),
             reason,
         };
-        let (device, queue) =
-            pollster::block_on(chosen.request_device(&wgpu::DeviceDescriptor {
-                required_limits: wgpu::Limits {
-                    max_buffer_size: chosen.limits().max_buffer_size,
-                    ..Default::default()
-                },
+        let (device, queue) = pollster::block_on(chosen.request_device(&wgpu::DeviceDescriptor {
+            required_limits: wgpu::Limits {
+                max_buffer_size: chosen.limits().max_buffer_size,
                 ..Default::default()
-            }))
-            .map_err(|e| fail(e.to_string()))?;
+            },
+            ..Default::default()
+        }))
+        .map_err(|e| fail(e.to_string()))?;
         let failure = Arc::new(Mutex::new(None));
         device.on_uncaptured_error(Arc::new({
             let failure = failure.clone();
@@ -398,12 +397,7 @@ impl Renderer {
         block
     }
 
-    fn draw_shadow(
-        &mut self,
-        encoder: &mut wgpu::CommandEncoder,
-        camera: usize,
-        rows: &[BodyRow],
-    ) {
+    fn draw_shadow(&mut self, encoder: &mut wgpu::CommandEncoder, camera: usize, rows: &[BodyRow]) {
         let bodies = &self.geometry.bodies;
         let casters = || (0..bodies.len()).filter(|&b| !bodies[b].casters.is_empty());
         let places: Vec<BodyRow> = casters().map(|b| rows[b]).collect();
@@ -665,7 +659,11 @@ fn upload_pictures(
     let bytes: Vec<u8> = if none {
         vec![255; 4]
     } else {
-        painted.into_iter().flat_map(|p| p.levels).flatten().collect()
+        painted
+            .into_iter()
+            .flat_map(|p| p.levels)
+            .flatten()
+            .collect()
     };
     let texture = device.create_texture_with_data(
         queue,

@@ -46,7 +46,11 @@ impl SunView {
 
         let towards = Vector3::from(scene.lighting.sun_direction.map(f64::from));
         let towards = towards.try_normalize(1e-6).unwrap_or(Vector3::z());
-        let helper = if towards.z.abs() > 0.99 { Vector3::y() } else { Vector3::z() };
+        let helper = if towards.z.abs() > 0.99 {
+            Vector3::y()
+        } else {
+            Vector3::z()
+        };
         let right = helper.cross(&towards).normalize();
         let up = towards.cross(&right);
         let axes = [right, up, -towards];

@@ -31,9 +31,8 @@ impl Target {
             | wgpu::TextureUsages::COPY_SRC
             | wgpu::TextureUsages::TEXTURE_BINDING;
         let inner = wgpu::TextureUsages::RENDER_ATTACHMENT;
-        let samples = (tier.samples > 1).then(|| {
-            [COLOR, DEPTH].map(|f| picture(device, size, f, tier.samples, inner).view)
-        });
+        let samples = (tier.samples > 1)
+            .then(|| [COLOR, DEPTH].map(|f| picture(device, size, f, tier.samples, inner).view));
         Self {
             color: picture(device, size, COLOR, 1, read),
             depth: picture(device, size, DEPTH, 1, read),

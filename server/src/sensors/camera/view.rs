@@ -52,7 +52,8 @@ impl View {
     /// Distance from the eye to the nearest point of a ball, `None` when it is out of view.
     pub(super) fn distance(&self, centre: &Point3<f64>, radius: f64) -> Option<f64> {
         let c = self.optical_from_world * centre;
-        let visible = c.z + radius > self.near && self.sides.iter().all(|n| n.dot(&c.coords) > -radius);
+        let visible =
+            c.z + radius > self.near && self.sides.iter().all(|n| n.dot(&c.coords) > -radius);
         visible.then(|| c.coords.norm() - radius)
     }
 }

@@ -1,5 +1,6 @@
 //! Laws of mechanics that the world keeps, on small scenes made in code.
 
+mod grip;
 mod robot;
 mod scene;
 
@@ -36,6 +37,7 @@ fn body(name: &str, pose: Isometry3<f64>, friction: f64, shape: Shape) -> Body {
             pose: Isometry3::identity(),
             shape,
         }],
+        hulls: Vec::new(),
         visual: Vec::new(),
         grasps: Vec::new(),
     }
@@ -83,6 +85,7 @@ fn scene(furniture: Vec<Body>, objects: Vec<Body>) -> (Scene, Vec<Placement>) {
         name: "laws".into(),
         furniture,
         objects,
+        surfaces: Vec::new(),
         lighting: Lighting {
             sun_direction: [0.0, 0.0, 1.0],
             sun: [1.0; 3],

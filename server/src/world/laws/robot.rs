@@ -125,8 +125,8 @@ fn a_quarter_turn_is_a_quarter_turn() {
     });
     let moved = start.inverse() * world.snapshot().links[0].pose;
     let (_, _, yaw) = moved.rotation.euler_angles();
-    assert!((yaw - FRAC_PI_2).abs() < 0.02, "{yaw}");
-    assert!(moved.translation.vector.norm() < 0.02, "{moved}");
+    assert!((yaw - FRAC_PI_2).abs() < 0.01, "{yaw}");
+    assert!(moved.translation.vector.norm() < 0.005, "{moved}");
 }
 
 #[test]

@@ -1,0 +1,505 @@
+//! What a recorder does with every message, without a network and without a
+//! clock of its own: inputs and the time go in, outputs come out.
+
+use std::collections::VecDeque;
+use std::path::PathBuf;
+use std::time::{Duration, Instant};
+
+use bytes::Bytes;
+use wheelarm_dataset::columns::header_of;
+use wheelarm_dataset::writer::{WriterOptions, file_path};
+use wheelarm_proto::v1;
+
+use super::episode::{Accepted, Recording, Report};
+
+/// Longest wait for samples that the manifest lists.
+pub const MANIFEST_PATIENCE: Duration = Duration::from_secs(10);
+/// Pause before the snapshot is asked for again.
+const SNAPSHOT_RETRY: Duration = Duration::from_secs(2);
+/// Longest wait for the snapshot.
+const SNAPSHOT_PATIENCE: Duration = Duration::from_secs(30);
+/// Bytes of samples kept while their episode is not open yet.
+const EARLY_BYTES: usize = 256 << 20;
+
+/// What reaches a recorder.
+#[derive(Clone, Debug)]
+pub enum Input {
+    /// An episode begins, or runs already when the recorder joins.
+    Started(v1::EpisodeStarted),
+    /// The answer to [`Output::AskSnapshot`].
+    Snapshot(Result<v1::SnapshotReply, String>),
+    /// A sample of a stream (`camera/NAME` for a camera).
+    Sample {
+        /// Stream name.
+        stream: String,
+        /// The encoded message.
+        payload: Bytes,
+    },
+    /// The episode ends.
+    Stopped(v1::EpisodeStopped),
+    /// The server was asked at `asked` and runs this episode (none is 0).
+    Running {
+        /// When it was asked.
+        asked: Instant,
+        /// Run of the server.
+        run_id: String,
+        /// Episode number.
+        episode: u64,
+    },
+    /// The server's liveliness token is gone.
+    ServerLost,
+    /// The recorder is to end.
+    Shutdown,
+}
+
+/// What a recorder wants done.
+#[derive(Clone, Debug)]
+pub enum Output {
+    /// Ask the server for the snapshot of the running episode.
+    AskSnapshot,
+    /// Publish this status now, and again from time to time.
+    Status(v1::RecorderStatus),
+    /// An episode is in its file.
+    Finished(Report),
+    /// An episode could not be recorded.
+    Failed(String),
+    /// An episode was thrown away, as its operator wished.
+    Discarded(String),
+}
+
+/// The state of a recorder.
+pub struct RecorderCore {
+    dir: PathBuf,
+    options: WriterOptions,
+    stage: Stage,
+    early: Early,
+    /// Run and number of the episode that was dealt with last.
+    last: Option<(String, u64)>,
+    status: v1::RecorderStatus,
+    out: Vec<Output>,
+}
+
+enum Stage {
+    Idle,
+    /// Waiting for the snapshot.
+    Opening {
+        started: Box<v1::EpisodeStarted>,
+        since: Instant,
+        asked: Instant,
+        stopped: Option<Box<v1::EpisodeStopped>>,
+    },
+    Recording(Box<Recording>),
+    /// The end was told; samples that are still under way may come.
+    Stopping {
+        recording: Box<Recording>,
+        stopped: Option<Box<v1::EpisodeStopped>>,
+        deadline: Instant,
+    },
+}
+
+/// Samples that came before their episode was open.
+#[derive(Default)]
+struct Early {
+    samples: VecDeque<(v1::Header, String, Bytes)>,
+    bytes: usize,
+}
+
+fn id(header: Option<&v1::Header>) -> (String, u64) {
+    header.map_or_else(Default::default, |h| (h.run_id.clone(), h.episode))
+}
+
+impl RecorderCore {
+    /// A recorder that writes into `dir`.
+    #[must_use]
+    pub fn new(dir: PathBuf, options: WriterOptions) -> Self {
+        let status = v1::RecorderStatus {
+            header: Some(v1::Header::default()),
+            recorder: options.recorder.clone(),
+            state: v1::RecorderState::Idle.into(),
+            ..Default::default()
+        };
+        Self {
+            dir,
+            options,
+            stage: Stage::Idle,
+            early: Early::default(),
+            last: None,
+            status,
+            out: Vec::new(),
+        }
+    }
+
+    /// The newest status.
+    #[must_use]
+    pub fn status(&self) -> &v1::RecorderStatus {
+        &self.status
+    }
+
+    /// Takes one input.
+    pub fn handle(&mut self, input: Input, now: Instant) -> Vec<Output> {
+        match input {
+            Input::Started(started) => self.started(started, now),
+            Input::Snapshot(reply) => self.snapshot(reply, now),
+            Input::Sample { stream, payload } => self.sample(stream, payload),
+            Input::Stopped(stopped) => self.stopped(stopped, now),
+            Input::Running {
+                asked,
+                run_id,
+                episode,
+            } => self.running(asked, &(run_id, episode), now),
+            Input::ServerLost => self.end("the server went away before the episode ended"),
+            Input::Shutdown => self.end("the recorder was stopped before the episode ended"),
+        }
+        self.settle(now);
+        std::mem::take(&mut self.out)
+    }
+
+    /// Lets time pass: deadlines and repeated questions.
+    pub fn tick(&mut self, now: Instant) -> Vec<Output> {
+        if let Stage::Opening { since, asked, .. } = &mut self.stage {
+            if now.duration_since(*since) > SNAPSHOT_PATIENCE {
+                self.fail("the server did not answer the query `snapshot`, without which an episode cannot be replayed".into());
+            } else if now.duration_since(*asked) > SNAPSHOT_RETRY {
+                *asked = now;
+                self.out.push(Output::AskSnapshot);
+            }
+        }
+        self.settle(now);
+        std::mem::take(&mut self.out)
+    }
+
+    /// Run and number of the episode at hand.
+    fn current(&self) -> Option<(String, u64)> {
+        let started = match &self.stage {
+            Stage::Idle => return None,
+            Stage::Opening { started, .. } => started,
+            Stage::Recording(r) | Stage::Stopping { recording: r, .. } => &r.started,
+        };
+        Some(id(started.header.as_ref()))
+    }
+
+    fn started(&mut self, started: v1::EpisodeStarted, now: Instant) {
+        let new = id(started.header.as_ref());
+        // An answer to a question that was asked before the episode ended
+        // may arrive after it.
+        let not_new = |known: &(String, u64)| known.0 == new.0 && known.1 >= new.1;
+        if self.current().is_some_and(|c| not_new(&c)) || self.last.as_ref().is_some_and(not_new) {
+            return;
+        }
+        self.end("the next episode began before the end of this one was told");
+        self.status = v1::RecorderStatus {
+            header: started.header.clone(),
+            recorder: self.options.recorder.clone(),
+            state: v1::RecorderState::Idle.into(),
+            ..Default::default()
+        };
+        let file = file_path(&self.dir, &started.label);
+        self.stage = Stage::Opening {
+            started: Box::new(started),
+            since: now,
+            asked: now,
+            stopped: None,
+        };
+        if file.exists() {
+            // Told at once, so that nobody waits for a snapshot in vain.
+            self.fail(format!(
+                "{} exists already and is never overwritten; choose another label or folder, or move the file away",
+                file.display()
+            ));
+            return;
+        }
+        self.out.push(Output::AskSnapshot);
+    }
+
+    fn snapshot(&mut self, reply: Result<v1::SnapshotReply, String>, now: Instant) {
+        let Stage::Opening { started, .. } = &self.stage else {
+            return;
+        };
+        let reply = match reply {
+            Ok(reply) => reply,
+            Err(words) => {
+                tracing::warn!("no snapshot yet: {words}");
+                return;
+            }
+        };
+        let (wanted, got) = (id(started.header.as_ref()), id(reply.header.as_ref()));
+        if wanted != got {
+            tracing::warn!(
+                "the snapshot is of episode {}, wanted {}; asking again",
+                got.1,
+                wanted.1
+            );
+            return;
+        }
+        let Stage::Opening {
+            started, stopped, ..
+        } = std::mem::replace(&mut self.stage, Stage::Idle)
+        else {
+            return;
+        };
+        let label = started.label.clone();
+        match Recording::open(&self.dir, *started, &reply, &self.options, now) {
+            Ok(recording) => {
+                self.status.state = v1::RecorderState::Ready.into();
+                self.stage = Stage::Recording(Box::new(recording));
+                self.publish();
+                for (header, stream, payload) in self.early.take() {
+                    self.take(&header, &stream, payload);
+                }
+                if let Some(stopped) = stopped {
+                    self.stopped(*stopped, now);
+                }
+            }
+            Err(problem) => {
+                self.last = Some(wanted);
+                self.fail_with(format!("episode {label:?}: {problem}"));
+            }
+        }
+    }
+
+    fn sample(&mut self, stream: String, payload: Bytes) {
+        let header = match header_of(&payload) {
+            Ok(header) => header,
+            Err(problem) => {
+                tracing::warn!("a sample of {stream} cannot be read: {problem}");
+                return;
+            }
+        };
+        if header.episode == 0 {
+            return;
+        }
+        let of = (header.run_id.clone(), header.episode);
+        match &self.stage {
+            Stage::Recording(_) | Stage::Stopping { .. } if self.current() == Some(of.clone()) => {
+                self.take(&header, &stream, payload);
+            }
+            // Streams have different priorities: samples may overtake the
+            // message that opens their episode.
+            _ if self.last.as_ref() != Some(&of) => self.early.keep(header, stream, payload),
+            _ => {}
+        }
+    }
+
+    /// Takes a sample of the episode at hand; those of others are left out.
+    fn take(&mut self, header: &v1::Header, stream: &str, payload: Bytes) {
+        if self.current() != Some(id(Some(header))) {
+            return;
+        }
+        let (Stage::Recording(recording) | Stage::Stopping { recording, .. }) = &mut self.stage
+        else {
+            return;
+        };
+        match recording.take(stream, header.sequence, payload) {
+            Ok(Accepted::Frame) => {
+                self.status.accepted_frames = recording.accepted;
+                self.publish();
+            }
+            Ok(Accepted::State | Accepted::Not) => {}
+            Err(words) => {
+                let log = recording.log().display().to_string();
+                self.fail(format!("{words}; the log is {log}"));
+            }
+        }
+    }
+
+    fn stopped(&mut self, stopped: v1::EpisodeStopped, now: Instant) {
+        let of = id(stopped.header.as_ref());
+        if self.current() != Some(of) {
+            return;
+        }
+        match std::mem::replace(&mut self.stage, Stage::Idle) {
+            Stage::Idle => {}
+            Stage::Opening {
+                started,
+                since,
+                asked,
+                ..
+            } => {
+                self.stage = Stage::Opening {
+                    started,
+                    since,
+                    asked,
+                    stopped: Some(Box::new(stopped)),
+                };
+            }
+            Stage::Recording(recording) | Stage::Stopping { recording, .. } => {
+                if stopped.discard {
+                    self.discard(*recording);
+                    return;
+                }
+                self.stage = Stage::Stopping {
+                    recording,
+                    stopped: Some(Box::new(stopped)),
+                    deadline: now + MANIFEST_PATIENCE,
+                };
+            }
+        }
+    }
+
+    /// The end of an episode may get lost: then the server's own word counts.
+    fn running(&mut self, asked: Instant, now_runs: &(String, u64), now: Instant) {
+        let Stage::Recording(recording) = &self.stage else {
+            return;
+        };
+        if recording.since >= asked || id(recording.started.header.as_ref()) == *now_runs {
+            return;
+        }
+        let Stage::Recording(recording) = std::mem::replace(&mut self.stage, Stage::Idle) else {
+            return;
+        };
+        self.stage = Stage::Stopping {
+            recording,
+            stopped: None,
+            deadline: now + MANIFEST_PATIENCE,
+        };
+    }
+
+    /// Finishes an episode whose samples are all there or overdue.
+    fn settle(&mut self, now: Instant) {
+        let Stage::Stopping {
+            recording,
+            stopped,
+            deadline,
+        } = &self.stage
+        else {
+            return;
+        };
+        let all = stopped.as_ref().is_some_and(|s| recording.satisfies(s));
+        if !all && now < *deadline {
+            return;
+        }
+        let Stage::Stopping {
+            recording, stopped, ..
+        } = std::mem::replace(&mut self.stage, Stage::Idle)
+        else {
+            return;
+        };
+        let reason = if stopped.is_some() {
+            String::new()
+        } else {
+            "the message that ends the episode did not come".to_owned()
+        };
+        self.finish(*recording, stopped.map(|s| *s), reason);
+    }
+
+    /// Closes whatever is open, early.
+    fn end(&mut self, reason: &str) {
+        match std::mem::replace(&mut self.stage, Stage::Idle) {
+            Stage::Idle => {}
+            Stage::Opening { started, .. } => {
+                self.last = Some(id(started.header.as_ref()));
+                self.fail_with(format!("episode {:?}: {reason}", started.label));
+            }
+            Stage::Recording(recording) => self.finish(*recording, None, reason.to_owned()),
+            Stage::Stopping {
+                recording, stopped, ..
+            } => {
+                // The manifest is here: it says itself whether anything lacks.
+                let reason = if stopped.is_some() { "" } else { reason };
+                self.finish(*recording, stopped.map(|s| *s), reason.to_owned());
+            }
+        }
+    }
+
+    fn finish(
+        &mut self,
+        recording: Recording,
+        stopped: Option<v1::EpisodeStopped>,
+        reason: String,
+    ) {
+        self.last = Some(id(recording.started.header.as_ref()));
+        self.early.forget(self.last.as_ref());
+        self.follow(&recording);
+        match recording.finish(stopped, reason) {
+            Ok(report) => {
+                self.status.state = v1::RecorderState::Finished.into();
+                self.status.path = report.path.display().to_string();
+                self.status.complete = report.complete;
+                self.status.missed = report.missed;
+                self.status.message = report.problems.join("; ");
+                self.out.push(Output::Status(self.status.clone()));
+                self.out.push(Output::Finished(report));
+            }
+            Err(words) => self.fail_with(words),
+        }
+    }
+
+    fn discard(&mut self, recording: Recording) {
+        self.last = Some(id(recording.started.header.as_ref()));
+        self.early.forget(self.last.as_ref());
+        self.follow(&recording);
+        let label = recording.started.label.clone();
+        let message = match recording.discard() {
+            Ok(()) => "discarded".to_owned(),
+            Err(problem) => format!("discarded, but its log cannot be deleted: {problem}"),
+        };
+        self.status.state = v1::RecorderState::Finished.into();
+        self.status.message = message;
+        self.out.push(Output::Status(self.status.clone()));
+        self.out.push(Output::Discarded(label));
+    }
+
+    /// Gives up the episode at hand. Dropping the writer keeps its log.
+    fn fail(&mut self, words: String) {
+        self.last = self.current();
+        self.stage = Stage::Idle;
+        self.fail_with(words);
+    }
+
+    fn fail_with(&mut self, words: String) {
+        self.early.forget(self.last.as_ref());
+        self.status.state = v1::RecorderState::Failed.into();
+        self.status.message.clone_from(&words);
+        self.out.push(Output::Status(self.status.clone()));
+        self.out.push(Output::Failed(words));
+    }
+
+    /// Publishes readiness and credit.
+    fn publish(&mut self) {
+        if let Stage::Recording(recording) | Stage::Stopping { recording, .. } = &self.stage {
+            self.status.missed = recording.missed();
+            if let (Some(header), Some(newest)) = (&mut self.status.header, recording.newest) {
+                header.sequence = newest.sequence;
+                header.stamp_nanos = newest.stamp_nanos;
+                header.tick = newest.tick;
+            }
+        }
+        self.out.push(Output::Status(self.status.clone()));
+    }
+
+    /// Brings the status up to the newest sample.
+    fn follow(&mut self, recording: &Recording) {
+        self.status.accepted_frames = recording.accepted;
+        self.status.missed = recording.missed();
+        if let (Some(header), Some(newest)) = (&mut self.status.header, recording.newest) {
+            header.sequence = newest.sequence;
+            header.stamp_nanos = newest.stamp_nanos;
+            header.tick = newest.tick;
+        }
+    }
+}
+
+impl Early {
+    fn keep(&mut self, header: v1::Header, stream: String, payload: Bytes) {
+        // A full store drops the newest; the manifest then shows them missing.
+        if self.bytes + payload.len() <= EARLY_BYTES {
+            self.bytes += payload.len();
+            self.samples.push_back((header, stream, payload));
+        }
+    }
+
+    /// Lets go of the samples of one episode.
+    fn forget(&mut self, of: Option<&(String, u64)>) {
+        self.samples
+            .retain(|(header, ..)| Some(&id(Some(header))) != of);
+        self.bytes = self.samples.iter().map(|(_, _, p)| p.len()).sum();
+    }
+
+    fn take(&mut self) -> VecDeque<(v1::Header, String, Bytes)> {
+        self.bytes = 0;
+        std::mem::take(&mut self.samples)
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,290 @@
+//! A recorder fed by hand: every way in which an episode can go.
+
+use std::path::Path;
+
+use super::*;
+use wheelarm_dataset::read::Episode;
+use wheelarm_proto::{Message, stamp_nanos};
+
+fn header(episode: u64, sequence: u64, tick: u64) -> v1::Header {
+    v1::Header {
+        run_id: "run".into(),
+        episode,
+        sequence,
+        stamp_nanos: stamp_nanos(tick),
+        tick,
+    }
+}
+
+fn started(episode: u64, label: &str) -> v1::EpisodeStarted {
+    v1::EpisodeStarted {
+        header: Some(header(episode, 0, 0)),
+        label: label.into(),
+        streams: vec!["imu".into(), "state_hash".into()],
+        cameras: vec!["gen3".into()],
+        ..Default::default()
+    }
+}
+
+fn snapshot(episode: u64) -> Input {
+    Input::Snapshot(Ok(v1::SnapshotReply {
+        header: Some(header(episode, 0, 0)),
+        snapshot: Bytes::from_static(b"state"),
+        ..Default::default()
+    }))
+}
+
+fn hash(episode: u64, sequence: u64) -> Input {
+    let message = v1::StateHash {
+        header: Some(header(episode, sequence, sequence)),
+        hash: sequence * 7,
+    };
+    Input::Sample {
+        stream: "state_hash".into(),
+        payload: message.encode_to_vec().into(),
+    }
+}
+
+fn picture(episode: u64, sequence: u64) -> Input {
+    let message = v1::CameraFrame {
+        header: Some(header(episode, sequence, 24 * sequence)),
+        camera: "gen3".into(),
+        intrinsics: Some(v1::Intrinsics {
+            width: 4,
+            height: 2,
+            ..Default::default()
+        }),
+        rgb: vec![9; 24].into(),
+        depth: vec![0; 32].into(),
+        ids: vec![1; 8].into(),
+        ..Default::default()
+    };
+    Input::Sample {
+        stream: "camera/gen3".into(),
+        payload: message.encode_to_vec().into(),
+    }
+}
+
+fn stopped(episode: u64, hashes: u64, pictures: u64) -> v1::EpisodeStopped {
+    let count = |stream: &str, count: u64| v1::StreamCount {
+        stream: stream.into(),
+        first: 0,
+        last: count.saturating_sub(1),
+        count,
+    };
+    v1::EpisodeStopped {
+        header: Some(header(episode, 0, 480)),
+        manifest: vec![
+            count("state_hash", hashes),
+            count("camera/gen3", pictures),
+            count("imu", 0),
+        ],
+        ..Default::default()
+    }
+}
+
+/// A core in a folder of its own, with a clock that the test moves.
+struct Bench {
+    core: RecorderCore,
+    dir: tempfile::TempDir,
+    now: Instant,
+}
+
+impl Bench {
+    fn new() -> Self {
+        let dir = tempfile::tempdir().unwrap();
+        let options = WriterOptions {
+            recorder: "r".into(),
+            ..Default::default()
+        };
+        Self {
+            core: RecorderCore::new(dir.path().to_owned(), options),
+            dir,
+            now: Instant::now(),
+        }
+    }
+
+    fn feed(&mut self, input: Input) -> Vec<Output> {
+        self.core.handle(input, self.now)
+    }
+
+    fn wait(&mut self, time: Duration) -> Vec<Output> {
+        self.now += time;
+        self.core.tick(self.now)
+    }
+
+    fn state(&self) -> v1::RecorderState {
+        self.core.status().state()
+    }
+
+    fn open(&mut self, episode: u64, label: &str) {
+        let out = self.feed(Input::Started(started(episode, label)));
+        assert!(matches!(out[..], [Output::AskSnapshot]), "{out:?}");
+        self.feed(snapshot(episode));
+        assert_eq!(self.state(), v1::RecorderState::Ready);
+    }
+
+    fn files(&self) -> Vec<String> {
+        let mut names: Vec<String> = std::fs::read_dir(self.dir.path())
+            .unwrap()
+            .map(|e| e.unwrap().file_name().into_string().unwrap())
+            .collect();
+        names.sort();
+        names
+    }
+}
+
+fn report(out: &[Output]) -> &Report {
+    out.iter()
+        .find_map(|o| match o {
+            Output::Finished(report) => Some(report),
+            _ => None,
+        })
+        .unwrap_or_else(|| panic!("nothing was finished: {out:?}"))
+}
+
+fn hashes(path: &Path) -> Vec<(u64, u64)> {
+    Episode::open(path).unwrap().state_hashes().unwrap()
+}
+
+#[test]
+fn samples_that_overtake_the_start_are_kept_and_credit_counts_pictures() {
+    let mut b = Bench::new();
+    b.feed(hash(1, 0));
+    b.feed(picture(1, 0));
+    b.feed(Input::Started(started(1, "a")));
+    b.feed(hash(1, 1));
+    let out = b.feed(snapshot(1));
+    let credit: Vec<u64> = out
+        .iter()
+        .filter_map(|o| match o {
+            Output::Status(s) => Some(s.accepted_frames),
+            _ => None,
+        })
+        .collect();
+    assert_eq!(credit, [0, 1], "readiness, then one picture");
+    assert_eq!(b.feed(picture(1, 1)).len(), 1, "credit after each picture");
+    assert!(b.feed(picture(1, 1)).is_empty(), "a double is no credit");
+    // One sample is still under way when the end is told.
+    let out = b.feed(Input::Stopped(stopped(1, 3, 2)));
+    assert!(out.is_empty(), "it must wait for the manifest: {out:?}");
+    let out = b.feed(hash(1, 2));
+    let done = report(&out);
+    assert!(done.complete, "{:?}", done.problems);
+    assert_eq!((done.frames, done.samples, done.missed), (2, 5, 0));
+    assert_eq!(hashes(&done.path), [(0, 0), (1, 7), (2, 14)]);
+    assert_eq!(b.core.status().state(), v1::RecorderState::Finished);
+    assert_eq!(b.core.status().accepted_frames, 2);
+    assert!(b.core.status().complete);
+    assert_eq!(b.files(), ["a.h5"]);
+}
+
+#[test]
+fn what_never_comes_is_waited_for_a_while_and_then_counted() {
+    let mut b = Bench::new();
+    b.open(1, "gap");
+    b.feed(hash(1, 0));
+    b.feed(hash(1, 3));
+    assert_eq!(b.feed(picture(1, 0)).len(), 1);
+    assert_eq!(b.core.status().missed, 2);
+    b.feed(Input::Stopped(stopped(1, 5, 1)));
+    assert!(b.wait(MANIFEST_PATIENCE / 2).is_empty());
+    let out = b.wait(MANIFEST_PATIENCE);
+    assert_eq!((report(&out).complete, report(&out).missed), (false, 3));
+    assert_eq!(b.core.status().missed, 3);
+}
+
+#[test]
+fn an_existing_file_fails_before_time_goes_on() {
+    let mut b = Bench::new();
+    let file = b.dir.path().join("mine.h5");
+    std::fs::write(&file, "mine").unwrap();
+    let out = b.feed(Input::Started(started(1, "mine")));
+    assert!(matches!(out[..], [Output::Status(_), Output::Failed(_)]));
+    assert_eq!(b.state(), v1::RecorderState::Failed);
+    assert!(b.core.status().message.contains("choose another label"));
+    b.feed(snapshot(1));
+    b.feed(picture(1, 0));
+    b.feed(Input::Stopped(stopped(1, 0, 1)));
+    assert_eq!(std::fs::read(&file).unwrap(), b"mine");
+    assert_eq!(b.files(), ["mine.h5"]);
+    // The next episode is recorded as if nothing had been.
+    b.open(2, "next");
+    b.feed(hash(2, 0));
+    let out = b.feed(Input::Stopped(stopped(2, 1, 0)));
+    assert!(report(&out).complete);
+}
+
+#[test]
+fn a_discarded_episode_leaves_nothing() {
+    let mut b = Bench::new();
+    b.open(1, "bad");
+    b.feed(hash(1, 0));
+    let discard = v1::EpisodeStopped {
+        discard: true,
+        ..stopped(1, 1, 0)
+    };
+    let out = b.feed(Input::Stopped(discard));
+    assert!(matches!(out[..], [Output::Status(_), Output::Discarded(_)]));
+    assert!(b.files().is_empty(), "{:?}", b.files());
+    b.open(2, "bad");
+}
+
+#[test]
+fn an_early_end_leaves_a_partial_file_that_says_why() {
+    for (input, words) in [
+        (Input::ServerLost, "server went away"),
+        (Input::Shutdown, "recorder was stopped"),
+        (
+            Input::Started(started(2, "next")),
+            "next episode began before",
+        ),
+    ] {
+        let mut b = Bench::new();
+        b.open(1, "cut");
+        b.feed(hash(1, 0));
+        let out = b.feed(input);
+        let done = report(&out);
+        assert!(!done.complete);
+        assert!(done.problems[0].contains(words), "{:?}", done.problems);
+        assert_eq!(hashes(&done.path), [(0, 0)]);
+    }
+}
+
+#[test]
+fn a_lost_end_is_noticed_by_asking_the_server() {
+    let mut b = Bench::new();
+    let before = b.now;
+    b.now += Duration::from_secs(1);
+    b.open(1, "lost");
+    b.feed(hash(1, 0));
+    let running = |asked, episode| Input::Running {
+        asked,
+        run_id: "run".into(),
+        episode,
+    };
+    // An answer from before the start says nothing about this episode.
+    b.feed(running(before, 0));
+    b.now += Duration::from_secs(1);
+    b.feed(running(b.now, 1));
+    assert!(b.wait(2 * MANIFEST_PATIENCE).is_empty());
+    b.feed(running(b.now, 0));
+    let out = b.wait(MANIFEST_PATIENCE);
+    assert!(!report(&out).complete);
+    // A late answer that still names the finished episode starts nothing.
+    assert!(b.feed(Input::Started(started(1, "lost"))).is_empty());
+}
+
+#[test]
+fn the_snapshot_is_asked_for_until_it_comes_or_the_episode_fails() {
+    let mut b = Bench::new();
+    b.feed(Input::Started(started(1, "slow")));
+    b.feed(Input::Snapshot(Err("no route".into())));
+    let again = b.wait(SNAPSHOT_RETRY + Duration::from_millis(1));
+    assert!(matches!(again[..], [Output::AskSnapshot]));
+    b.feed(snapshot(7));
+    assert_eq!(b.state(), v1::RecorderState::Idle, "of another episode");
+    let out = b.wait(SNAPSHOT_PATIENCE);
+    assert!(matches!(out.last(), Some(Output::Failed(_))), "{out:?}");
+    assert_eq!(b.state(), v1::RecorderState::Failed);
+}

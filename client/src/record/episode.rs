@@ -1,0 +1,183 @@
+//! One episode while it is recorded: its writer, and which samples are there.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+use bytes::Bytes;
+use wheelarm_dataset::coverage::Coverage;
+use wheelarm_dataset::finish::{FinishError, finish};
+use wheelarm_dataset::log::{Closing, Recovered};
+use wheelarm_dataset::writer::{EpisodeWriter, Taken, WriteError, WriterOptions};
+use wheelarm_proto::v1;
+
+/// What became of one episode.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Report {
+    /// Label of the episode.
+    pub label: String,
+    /// The file.
+    pub path: PathBuf,
+    /// Its size, bytes.
+    pub bytes: u64,
+    /// It holds everything that was published.
+    pub complete: bool,
+    /// Why not.
+    pub problems: Vec<String>,
+    /// Camera frames in it, of all cameras.
+    pub frames: u64,
+    /// Samples in it, frames included.
+    pub samples: u64,
+    /// Samples that were published and are not in it.
+    pub missed: u64,
+}
+
+/// An episode that is being recorded.
+pub(super) struct Recording {
+    pub started: v1::EpisodeStarted,
+    pub since: Instant,
+    /// Camera frames accepted: the credit.
+    pub accepted: u64,
+    /// Newest sample accepted.
+    pub newest: Option<Taken>,
+    writer: EpisodeWriter,
+    seen: BTreeMap<String, Coverage>,
+}
+
+/// What became of an offered sample.
+pub(super) enum Accepted {
+    Frame,
+    State,
+    /// It is there already, or it was refused and is missing from now on.
+    Not,
+}
+
+impl Recording {
+    pub fn open(
+        dir: &Path,
+        started: v1::EpisodeStarted,
+        snapshot: &v1::SnapshotReply,
+        options: &WriterOptions,
+        now: Instant,
+    ) -> Result<Self, WriteError> {
+        let writer = EpisodeWriter::open(dir, &started, snapshot, options)?;
+        Ok(Self {
+            started,
+            since: now,
+            accepted: 0,
+            newest: None,
+            writer,
+            seen: BTreeMap::new(),
+        })
+    }
+
+    /// Takes one sample of this episode.
+    ///
+    /// # Errors
+    /// The words of the log's failure.
+    pub fn take(
+        &mut self,
+        stream: &str,
+        sequence: u64,
+        payload: Bytes,
+    ) -> Result<Accepted, String> {
+        let seen = self.seen.entry(stream.to_owned()).or_default();
+        // Recovery and history may deliver a sample twice.
+        if seen.within(sequence, sequence) > 0 {
+            return Ok(Accepted::Not);
+        }
+        match self.writer.offer(stream, payload) {
+            Ok(taken) => {
+                seen.insert(sequence);
+                self.newest = Some(match self.newest {
+                    Some(newest) if newest.tick > taken.tick => newest,
+                    _ => taken,
+                });
+                if stream.starts_with("camera/") {
+                    self.accepted += 1;
+                    return Ok(Accepted::Frame);
+                }
+                Ok(Accepted::State)
+            }
+            Err(WriteError::Failed(words)) => Err(words),
+            Err(problem) => {
+                tracing::warn!("{problem}");
+                Ok(Accepted::Not)
+            }
+        }
+    }
+
+    /// Samples missing between those that came.
+    pub fn missed(&self) -> u64 {
+        self.seen.values().map(Coverage::gaps).sum()
+    }
+
+    /// Whether everything that the manifest lists has come.
+    pub fn satisfies(&self, stopped: &v1::EpisodeStopped) -> bool {
+        stopped.manifest.iter().all(|c| {
+            let there = self.seen.get(&c.stream);
+            c.count == 0 || there.is_some_and(|s| s.within(c.first, c.last) >= c.count)
+        })
+    }
+
+    pub fn log(&self) -> &Path {
+        self.writer.log()
+    }
+
+    pub fn discard(self) -> std::io::Result<()> {
+        self.writer.discard()
+    }
+
+    /// Closes the log and makes the file.
+    ///
+    /// # Errors
+    /// Why there is no file, with the cure; the log stays.
+    pub fn finish(
+        self,
+        stopped: Option<v1::EpisodeStopped>,
+        reason: String,
+    ) -> Result<Report, String> {
+        let recovered = self
+            .seen
+            .iter()
+            .filter(|(_, seen)| seen.late() > 0)
+            .map(|(stream, seen)| Recovered {
+                stream: stream.clone(),
+                count: seen.late(),
+            })
+            .collect();
+        let closing = Closing {
+            stopped,
+            reason,
+            recovered,
+        };
+        let log = self.writer.log().to_owned();
+        let label = self.started.label.clone();
+        self.writer.close(closing).map_err(|e| e.to_string())?;
+        let finished = finish(&log, None).map_err(|problem| match problem {
+            // These name the log and the cure already.
+            FinishError::Exists { .. } | FinishError::Io { .. } => problem.to_string(),
+            other => format!(
+                "{other}; the recording is still in {}, `wheelarm dataset recover {}` tries again",
+                log.display(),
+                log.display()
+            ),
+        })?;
+        let account = &finished.account;
+        Ok(Report {
+            label,
+            bytes: finished.bytes,
+            complete: account.complete(),
+            problems: account.problems.clone(),
+            frames: account
+                .streams
+                .iter()
+                .filter(|s| s.stream.starts_with("camera/"))
+                .map(|s| s.received)
+                .sum(),
+            samples: account.total(|s| s.received),
+            missed: account.total(|s| s.missed),
+            path: finished.path,
+        })
+    }
+}
