@@ -3,6 +3,8 @@
 
 #![allow(dead_code, reason = "each user takes what it needs")]
 
+pub mod smooth;
+
 use bytes::Bytes;
 use wheelarm_proto::{Message, names, stamp_nanos, v1};
 

@@ -1,0 +1,102 @@
+//! How fast an episode with two RGB-D cameras at 1280x720 is written: frames
+//! per second (a frame is a pair of pictures with depth and ids) until every
+//! byte is in the log, and until the HDF5 file is finished; bytes per frame.
+//!
+//! `cargo run --release --example record_bench -- [FRAMES] [f32|u16] [DIR]`
+
+mod synthetic;
+
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+use bytes::Bytes;
+use wheelarm_dataset::depth::DepthFormat;
+use wheelarm_dataset::finish::finish;
+use wheelarm_dataset::log::Closing;
+use wheelarm_dataset::writer::{EpisodeWriter, WriterOptions};
+use wheelarm_proto::{Message, v1};
+
+const SIZE: (u32, u32) = (1280, 720);
+const DISTINCT: u64 = 6;
+
+fn main() -> anyhow::Result<()> {
+    let args: Vec<String> = std::env::args().skip(1).collect();
+    let frames: u64 = args.first().map_or(Ok(60), |n| n.parse())?;
+    let depth = match args.get(1).map(String::as_str) {
+        Some("u16") => DepthFormat::Millimetres,
+        _ => DepthFormat::Metres,
+    };
+    let dir = args.get(2).map_or_else(std::env::temp_dir, PathBuf::from);
+    let label = format!("record_bench_{}", std::process::id());
+
+    // Pictures are drawn before the clock starts.
+    let pairs: Vec<[v1::CameraFrame; 2]> = (0..DISTINCT).map(pair).collect();
+    let raw: usize = pairs[0]
+        .iter()
+        .map(|f| f.rgb.len() + f.depth.len() + f.ids.len())
+        .sum();
+
+    let baseline = raw_disk(&dir, &pairs, frames)?;
+    let options = WriterOptions { depth, ..Default::default() };
+    let started = synthetic::started(&label);
+    let mut writer = EpisodeWriter::open(&dir, &started, &synthetic::snapshot(), &options)?;
+    let clock = Instant::now();
+    for i in 0..frames {
+        for frame in &pairs[(i % DISTINCT) as usize] {
+            let frame = v1::CameraFrame {
+                header: Some(synthetic::header(i, 24 * i)),
+                ..frame.clone()
+            };
+            let stream = format!("camera/{}", frame.camera);
+            writer.offer(&stream, Bytes::from(frame.encode_to_vec()))?;
+        }
+    }
+    let cameras = ["camera/gen3", "camera/wheelchair"];
+    let counts = cameras.map(|c| (c.to_owned(), 0, frames));
+    let stopped = Some(synthetic::stopped(24 * frames, &counts));
+    let log = writer.close(Closing { stopped, ..Default::default() })?;
+    let logged = clock.elapsed().as_secs_f64();
+    let finished = finish(&log, None)?;
+    let whole = clock.elapsed().as_secs_f64();
+    anyhow::ensure!(finished.account.complete(), "{:?}", finished.account.problems);
+
+    let rate = frames as f64;
+    println!("frames                   {frames} pairs of 1280x720 RGB, depth ({depth:?}), ids");
+    println!("raw bytes per frame      {:.2} MB", raw as f64 / 1e6);
+    println!("file bytes per frame     {:.2} MB", finished.bytes as f64 / rate / 1e6);
+    println!("until durable in the log {:.1} frames/s", rate / logged);
+    println!("until the file is there  {:.1} frames/s", rate / whole);
+    println!("raw write and sync       {:.1} frames/s (same bytes, uncompressed)", rate / baseline);
+    std::fs::remove_file(&finished.path)?;
+    Ok(())
+}
+
+fn pair(i: u64) -> [v1::CameraFrame; 2] {
+    let s = i as f64 / DISTINCT as f64;
+    let picture = |camera: &str, view| {
+        synthetic::smooth::picture(camera, synthetic::header(0, 0), SIZE, view)
+    };
+    [
+        picture("gen3", ([1.2 + s, 0.4, 1.2], 0.1, 0.25)),
+        picture("wheelchair", ([-2.0 + s, 1.0 - s, 1.5], -0.3 * s, 0.3)),
+    ]
+}
+
+/// Writes the uncompressed bytes with one sync at the end; seconds.
+fn raw_disk(dir: &Path, pairs: &[[v1::CameraFrame; 2]], frames: u64) -> anyhow::Result<f64> {
+    let path = dir.join(format!("record_bench_raw_{}", std::process::id()));
+    let mut file = std::fs::File::create(&path)?;
+    let clock = Instant::now();
+    for i in 0..frames {
+        for frame in &pairs[(i % DISTINCT) as usize] {
+            file.write_all(&frame.rgb)?;
+            file.write_all(&frame.depth)?;
+            file.write_all(&frame.ids)?;
+        }
+    }
+    file.sync_all()?;
+    let seconds = clock.elapsed().as_secs_f64();
+    std::fs::remove_file(&path)?;
+    Ok(seconds)
+}

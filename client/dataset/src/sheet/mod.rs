@@ -1,0 +1,278 @@
+//! The contact sheet: one PNG that shows what an episode is like. Pictures of
+//! every camera with depth over time, then plots of the movement.
+
+mod mount;
+mod picture;
+mod plots;
+mod style;
+
+use std::path::Path;
+
+use plotters::coord::Shift;
+use plotters::prelude::*;
+use plotters::style::text_anchor::{HPos, Pos, VPos};
+
+use crate::read::{Episode, Frame, ReadError, Summary};
+use picture::Canvas;
+use style::{
+    AMBER, COLUMNS, GAP, GREEN, GREY, GUTTER, HEADER, INK, MARGIN, PAPER, PLOTS, RED, TIMES,
+    WIDTH, text,
+};
+
+type Area<'a> = DrawingArea<BitMapBackend<'a>, Shift>;
+type DrawError = DrawingAreaErrorKind<<BitMapBackend<'static> as DrawingBackend>::ErrorType>;
+
+/// Why there is no sheet.
+#[derive(Debug, thiserror::Error)]
+pub enum SheetError {
+    /// The episode cannot be read.
+    #[error(transparent)]
+    Read(#[from] ReadError),
+    /// The drawing library failed.
+    #[error("the sheet cannot be drawn: {0}")]
+    Draw(#[from] DrawError),
+    /// The fonts in this program are not readable.
+    #[error("the built-in fonts cannot be used")]
+    Fonts,
+    /// The PNG cannot be written.
+    #[error("{path} cannot be written: {source}")]
+    Write {
+        /// The file.
+        path: String,
+        /// The reason.
+        source: png::EncodingError,
+    },
+}
+
+/// One camera's pictures at the times of the columns.
+struct Strip {
+    camera: String,
+    frames: Vec<Frame>,
+    range: (f32, f32),
+}
+
+/// Draws the sheet of an episode into `out`.
+///
+/// # Errors
+/// [`SheetError`].
+pub fn sheet(episode: &Episode, out: &Path) -> Result<(), SheetError> {
+    if !style::register() {
+        return Err(SheetError::Fonts);
+    }
+    let summary = episode.summary()?;
+    let start = summary.span_nanos.0;
+    let times = times(episode, &summary)?;
+    let mut strips = Vec::new();
+    for camera in episode.cameras()? {
+        strips.push(strip(episode, &camera, &times)?);
+    }
+
+    let columns = COLUMNS as i32;
+    let tile = (WIDTH as i32 - 2 * MARGIN - GUTTER - (columns - 1) * GAP) / columns;
+    let heights: Vec<i32> = strips
+        .iter()
+        .map(|s| s.frames.first().map_or(40, |f| tile * f.height as i32 / f.width as i32))
+        .collect();
+    let pictures: i32 = heights.iter().map(|h| 2 * (h + GAP) + GAP).sum();
+    let height = HEADER + TIMES + pictures + PLOTS + MARGIN;
+    let mut canvas = Canvas::new(WIDTH as usize, height as usize, PAPER.rgb());
+
+    let mut rows = Vec::new();
+    let mut y = HEADER + TIMES;
+    for (strip, &h) in strips.iter().zip(&heights) {
+        for (i, frame) in strip.frames.iter().enumerate() {
+            let x = (MARGIN + GUTTER + i as i32 * (tile + GAP)) as usize;
+            let (w, h) = (tile as usize, h as usize);
+            canvas.put(&picture::colour(frame, w, h), x, y as usize);
+            let below = y as usize + h + GAP as usize;
+            canvas.put(&picture::depth(frame, strip.range, w, h), x, below);
+        }
+        if !strip.frames.is_empty() {
+            bar(&mut canvas, MARGIN + GUTTER - 34, y + h + GAP, h);
+        }
+        rows.push((y, h));
+        y += 2 * (h + GAP) + GAP;
+    }
+
+    {
+        let size = (WIDTH, height as u32);
+        let root = BitMapBackend::with_buffer(&mut canvas.pixels, size).into_drawing_area();
+        header(&root, &summary)?;
+        let seconds: Vec<f64> = times.iter().map(|&t| (t - start) as f64 * 1e-9).collect();
+        let phases = plots::phases_at(episode, start, &seconds);
+        for (i, (t, phase)) in seconds.iter().zip(phases).enumerate() {
+            let x = MARGIN + GUTTER + i as i32 * (tile + GAP);
+            let at = (x, HEADER + 22);
+            root.draw(&Text::new(format!("{t:.2} s"), at, text(24, INK)))?;
+            let right = text(20, GREY).pos(Pos::new(HPos::Right, VPos::Top));
+            root.draw(&Text::new(phase, (x + tile, HEADER + 25), right))?;
+        }
+        for (strip, &(y, h)) in strips.iter().zip(&rows) {
+            labels(&root, strip, y, h)?;
+        }
+        let plot_area = root.clone().shrink(
+            (MARGIN - 10, y + 6),
+            (WIDTH - 2 * MARGIN as u32 + 20, PLOTS as u32),
+        );
+        plots::draw(episode, &plot_area, start)?;
+        root.present()?;
+    }
+    write(&canvas, out).map_err(|source| SheetError::Write {
+        path: out.display().to_string(),
+        source,
+    })
+}
+
+/// Times of the columns, nanoseconds, spread over the whole episode.
+fn times(episode: &Episode, summary: &Summary) -> Result<Vec<u64>, ReadError> {
+    let mut best: Vec<u64> = Vec::new();
+    for camera in episode.cameras()? {
+        let camera = episode.camera(&camera)?;
+        if camera.len() > best.len() {
+            best = camera.stamps().to_vec();
+        }
+    }
+    if best.is_empty() {
+        let (first, last) = summary.span_nanos;
+        let step = (last - first) / (COLUMNS as u64 - 1);
+        return Ok((0..COLUMNS as u64).map(|i| first + i * step).collect());
+    }
+    let columns = best.len().min(COLUMNS);
+    let last = best.len() - 1;
+    let spread = |i: usize| best[if columns > 1 { i * last / (columns - 1) } else { 0 }];
+    Ok((0..columns).map(spread).collect())
+}
+
+fn strip(episode: &Episode, name: &str, times: &[u64]) -> Result<Strip, ReadError> {
+    let camera = episode.camera(name)?;
+    let mut frames = Vec::new();
+    if !camera.is_empty() {
+        for &time in times {
+            let nearest = camera
+                .stamps()
+                .iter()
+                .enumerate()
+                .min_by_key(|(_, s)| s.abs_diff(time))
+                .map_or(0, |(i, _)| i);
+            frames.push(camera.frame(episode, nearest)?);
+        }
+    }
+    let range = picture::depth_range(&frames);
+    Ok(Strip {
+        camera: name.to_owned(),
+        frames,
+        range,
+    })
+}
+
+fn header(root: &Area<'_>, summary: &Summary) -> Result<(), SheetError> {
+    let title = if summary.instruction.is_empty() {
+        &summary.label
+    } else {
+        &summary.instruction
+    };
+    root.draw(&Text::new(title.clone(), (MARGIN, 34), text(50, INK)))?;
+    let x = badge(
+        root,
+        MARGIN,
+        if summary.success { "SUCCESS" } else { "NOT SUCCEEDED" },
+        if summary.success { GREEN } else { RED },
+    )?;
+    let x = badge(
+        root,
+        x,
+        if summary.complete { "COMPLETE" } else { "PARTIAL" },
+        if summary.complete { GREEN } else { AMBER },
+    )?;
+    let (first, last) = summary.span_nanos;
+    let [task, ..] = &summary.task;
+    let missed: u64 = summary.streams.iter().map(|s| s.missed).sum();
+    let facts = format!(
+        "{}   ·   task {task}, seed {}   ·   {:.1} s   ·   {missed} samples missed   ·   {}",
+        summary.label,
+        summary.seed,
+        (last - first) as f64 * 1e-9,
+        summary.origin[1],
+    );
+    root.draw(&Text::new(facts, (x + 14, 107), text(25, GREY)))?;
+
+    let mut x = MARGIN;
+    for (name, holds, value) in &summary.conditions {
+        let colour = if *holds { GREEN } else { RED };
+        root.draw(&Circle::new((x + 8, 166), 7, colour.filled()))?;
+        let words = format!("{name}: {value:.3}");
+        root.draw(&Text::new(words.clone(), (x + 24, 154), text(22, INK)))?;
+        x += 24 + width(&words, 22)? + 36;
+    }
+    if !summary.failure_reason.is_empty() {
+        let words = summary.failure_reason.clone();
+        root.draw(&Text::new(words, (x, 154), text(22, RED)))?;
+    }
+    Ok(())
+}
+
+/// A coloured label; returns where the next one may stand.
+fn badge(root: &Area<'_>, x: i32, words: &str, colour: RGBColor) -> Result<i32, SheetError> {
+    let w = width(words, 24)?;
+    let corners = [(x, 100), (x + w + 28, 138)];
+    root.draw(&Rectangle::new(corners, colour.filled()))?;
+    root.draw(&Text::new(
+        words.to_owned(),
+        (x + 14, 107),
+        text(24, WHITE),
+    ))?;
+    Ok(x + w + 28 + 12)
+}
+
+fn width(words: &str, size: u32) -> Result<i32, SheetError> {
+    let font = ("sans-serif", size).into_font();
+    let (w, _) = font.box_size(words).map_err(|_| SheetError::Fonts)?;
+    Ok(w as i32)
+}
+
+fn labels(root: &Area<'_>, strip: &Strip, y: i32, h: i32) -> Result<(), SheetError> {
+    root.draw(&Text::new(strip.camera.clone(), (MARGIN, y), text(28, INK)))?;
+    if strip.frames.is_empty() {
+        let x = MARGIN + GUTTER;
+        root.draw(&Text::new("no pictures", (x, y), text(24, GREY)))?;
+        return Ok(());
+    }
+    root.draw(&Text::new("colour", (MARGIN, y + 34), text(20, GREY)))?;
+    let below = y + h + GAP;
+    root.draw(&Text::new("depth", (MARGIN, below), text(20, GREY)))?;
+    let (near, far) = strip.range;
+    // The upper number stands below the word `depth`.
+    for (metres, vertical, at) in [
+        (near, VPos::Top, below + 26),
+        (far, VPos::Bottom, below + h),
+    ] {
+        let style = text(18, GREY).pos(Pos::new(HPos::Right, vertical));
+        let words = format!("{metres:.2} m");
+        root.draw(&Text::new(words, (MARGIN + GUTTER - 42, at), style))?;
+    }
+    Ok(())
+}
+
+/// The colour bar of a depth row: near above, far below.
+fn bar(canvas: &mut Canvas, x: i32, y: i32, h: i32) {
+    let mut column = Canvas::new(18, h.max(1) as usize, (0, 0, 0));
+    for row in 0..column.height {
+        let share = row as f32 / column.height as f32;
+        let colour = picture::shade(share, (0.0, 1.0));
+        for k in 0..column.width {
+            let at = 3 * (row * column.width + k);
+            column.pixels[at..at + 3].copy_from_slice(&colour);
+        }
+    }
+    canvas.put(&column, x as usize, y as usize);
+}
+
+fn write(canvas: &Canvas, out: &Path) -> Result<(), png::EncodingError> {
+    let file = std::io::BufWriter::new(std::fs::File::create(out)?);
+    let mut encoder = png::Encoder::new(file, canvas.width as u32, canvas.height as u32);
+    encoder.set_color(png::ColorType::Rgb);
+    encoder.set_depth(png::BitDepth::Eight);
+    let mut writer = encoder.write_header()?;
+    writer.write_image_data(&canvas.pixels)?;
+    writer.finish()
+}

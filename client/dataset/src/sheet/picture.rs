@@ -1,0 +1,138 @@
+//! Pictures made small, depth made visible.
+
+use crate::read::Frame;
+
+/// An RGB8 canvas.
+pub struct Canvas {
+    pub width: usize,
+    pub height: usize,
+    pub pixels: Vec<u8>,
+}
+
+impl Canvas {
+    pub fn new(width: usize, height: usize, colour: (u8, u8, u8)) -> Self {
+        let pixels = [colour.0, colour.1, colour.2].repeat(width * height);
+        Self {
+            width,
+            height,
+            pixels,
+        }
+    }
+
+    /// Copies a picture with its upper left corner at (x, y), cut at the edges.
+    pub fn put(&mut self, picture: &Self, x: usize, y: usize) {
+        let columns = picture.width.min(self.width.saturating_sub(x));
+        for row in 0..picture.height.min(self.height.saturating_sub(y)) {
+            let to = 3 * ((y + row) * self.width + x);
+            let from = 3 * row * picture.width;
+            self.pixels[to..to + 3 * columns]
+                .copy_from_slice(&picture.pixels[from..from + 3 * columns]);
+        }
+    }
+}
+
+/// Source rows or columns that one target row or column averages.
+fn span(target: usize, targets: usize, sources: usize) -> std::ops::Range<usize> {
+    let start = target * sources / targets;
+    let end = ((target + 1) * sources).div_ceil(targets);
+    start..end.clamp(start + 1, sources.max(start + 1))
+}
+
+/// The colour picture, averaged down to `width` x `height`.
+pub fn colour(frame: &Frame, width: usize, height: usize) -> Canvas {
+    let mut out = Canvas::new(width, height, (0, 0, 0));
+    for y in 0..height {
+        for x in 0..width {
+            let mut sum = [0_u32; 3];
+            let mut count = 0;
+            for sy in span(y, height, frame.height) {
+                for sx in span(x, width, frame.width) {
+                    let at = 3 * (sy * frame.width + sx);
+                    for (s, &v) in sum.iter_mut().zip(&frame.rgb[at..at + 3]) {
+                        *s += u32::from(v);
+                    }
+                    count += 1;
+                }
+            }
+            for (k, s) in sum.iter().enumerate() {
+                out.pixels[3 * (y * width + x) + k] = (s / count) as u8;
+            }
+        }
+    }
+    out
+}
+
+/// The depth picture: near is warm, far is cold, nothing is dark grey.
+pub fn depth(frame: &Frame, range: (f32, f32), width: usize, height: usize) -> Canvas {
+    let mut out = Canvas::new(width, height, (58, 60, 64));
+    for y in 0..height {
+        for x in 0..width {
+            // The nearest surface of the block keeps thin things visible.
+            let mut nearest = f32::INFINITY;
+            for sy in span(y, height, frame.height) {
+                for sx in span(x, width, frame.width) {
+                    nearest = nearest.min(frame.depth[sy * frame.width + sx]);
+                }
+            }
+            if nearest.is_finite() {
+                let at = 3 * (y * width + x);
+                out.pixels[at..at + 3].copy_from_slice(&shade(nearest, range));
+            }
+        }
+    }
+    out
+}
+
+/// Colour of a depth in metres within the range (near, far).
+pub fn shade(metres: f32, (near, far): (f32, f32)) -> [u8; 3] {
+    turbo(1.0 - (metres - near) / (far - near).max(1e-6))
+}
+
+/// The range of depth that the frames show, without the outermost 2 %.
+pub fn depth_range(frames: &[Frame]) -> (f32, f32) {
+    let mut all: Vec<f32> = frames
+        .iter()
+        .flat_map(|f| f.depth.iter().step_by(53))
+        .copied()
+        .filter(|d| d.is_finite())
+        .collect();
+    if all.is_empty() {
+        return (0.0, 1.0);
+    }
+    all.sort_by(f32::total_cmp);
+    let at = |share: f32| all[((all.len() - 1) as f32 * share) as usize];
+    (at(0.02), at(0.98).max(at(0.02) + 0.01))
+}
+
+/// Google's Turbo colour map by its published polynomial, 0 blue to 1 red.
+fn turbo(x: f32) -> [u8; 3] {
+    const R: [f32; 6] = [
+        0.135_721_4,
+        4.615_392_6,
+        -42.660_32,
+        132.131_08,
+        -152.942_4,
+        59.286_38,
+    ];
+    const G: [f32; 6] = [
+        0.091_402_61,
+        2.194_188_4,
+        4.842_966_5,
+        -14.185_033,
+        4.277_298_6,
+        2.829_566,
+    ];
+    const B: [f32; 6] = [
+        0.106_673_3,
+        12.641_946,
+        -60.582_05,
+        110.362_77,
+        -89.903_11,
+        27.348_25,
+    ];
+    let x = x.clamp(0.0, 1.0);
+    [R, G, B].map(|c| {
+        let v = c.iter().rev().fold(0.0, |sum, k| sum * x + k);
+        (v * 255.0).round().clamp(0.0, 255.0) as u8
+    })
+}

@@ -1,0 +1,347 @@
+//! The four plots: top view, joints, gripper with phases, speed of the chair.
+
+use plotters::coord::Shift;
+use plotters::prelude::*;
+use plotters::style::text_anchor::{HPos, Pos, VPos};
+
+use super::mount::{Plane, arm_mount};
+use super::style::{
+    AMBER, BLUE, COLUMNS, FAINT, GREY, INK, LINES, ORANGE, phase_colour, text,
+};
+use super::{Area, DrawError, SheetError};
+use crate::read::{Episode, ReadError};
+
+/// A line over time: its name and (seconds, value).
+struct Line {
+    name: String,
+    points: Vec<(f64, f64)>,
+}
+
+/// Draws all plots side by side.
+pub fn draw(episode: &Episode, area: &Area<'_>, start: u64) -> Result<(), SheetError> {
+    let (left, rest) = area.split_horizontally(560);
+    let rest = rest.split_evenly((1, 3));
+    top_view(episode, &left)?;
+    joints(episode, &rest[0], start)?;
+    gripper(episode, &rest[1], start)?;
+    speed(episode, &rest[2], start)?;
+    Ok(())
+}
+
+fn seconds(episode: &Episode, stream: &str, start: u64) -> Result<Vec<f64>, ReadError> {
+    let stamps = episode.u64s(stream, "stamp_nanos")?;
+    Ok(stamps
+        .iter()
+        .map(|&s| (s as f64 - start as f64) * 1e-9)
+        .collect())
+}
+
+/// One number per sample out of a column: element `at` of each sample.
+fn series(
+    episode: &Episode,
+    stream: &str,
+    column: &str,
+    at: usize,
+) -> Result<Vec<f64>, ReadError> {
+    let all = episode.f64s(stream, column)?;
+    let samples = all.shape().first().copied().unwrap_or(0).max(1);
+    let width = (all.len() / samples).max(1);
+    Ok(all.iter().skip(at).step_by(width).copied().collect())
+}
+
+fn line(
+    episode: &Episode,
+    (stream, column, at): (&str, &str, usize),
+    name: &str,
+    start: u64,
+) -> Result<Line, ReadError> {
+    let times = seconds(episode, stream, start)?;
+    let values = series(episode, stream, column, at)?;
+    let points = times.into_iter().zip(values);
+    Ok(Line {
+        name: name.to_owned(),
+        points: points.filter(|p| p.1.is_finite()).collect(),
+    })
+}
+
+fn joints(episode: &Episode, area: &Area<'_>, start: u64) -> Result<(), SheetError> {
+    let names = episode.names("joint_state", "position")?;
+    let mut lines = Vec::new();
+    for (i, name) in names.iter().enumerate() {
+        if name.starts_with("joint_") {
+            lines.push(line(episode, ("joint_state", "position", i), name, start)?);
+        }
+    }
+    over_time(area, "Arm joints, rad", &lines, &[]).map_err(Into::into)
+}
+
+fn gripper(episode: &Episode, area: &Area<'_>, start: u64) -> Result<(), SheetError> {
+    let names = episode.names("joint_state", "position")?;
+    let mut lines = Vec::new();
+    let knuckle = "robotiq_85_left_knuckle_joint";
+    if let Some(i) = names.iter().position(|n| n == knuckle) {
+        let column = ("joint_state", "position", i);
+        lines.push(line(episode, column, "knuckle, rad", start)?);
+    }
+    for (i, side) in ["left", "right"].iter().enumerate() {
+        let name = format!("{side} pad, 100 N");
+        let mut force = line(episode, ("contact", "pad_force", i), &name, start)?;
+        force.points.iter_mut().for_each(|p| p.1 *= 0.01);
+        lines.push(force);
+    }
+    let phases = phases(episode, start)?;
+    over_time(area, "Gripper and phase", &lines, &phases).map_err(Into::into)
+}
+
+fn speed(episode: &Episode, area: &Area<'_>, start: u64) -> Result<(), SheetError> {
+    let lines = [
+        line(episode, ("odometry", "twist", 0), "forward, m/s", start)?,
+        line(episode, ("odometry", "twist", 5), "turn, rad/s", start)?,
+    ];
+    over_time(area, "Speed of the chair", &lines, &[]).map_err(Into::into)
+}
+
+/// Stretches of one phase: label, name, begin and end in seconds.
+type Stretch = (u64, String, f64, f64);
+
+fn phases(episode: &Episode, start: u64) -> Result<Vec<Stretch>, ReadError> {
+    let times = seconds(episode, "phase", start)?;
+    let labels = episode.u64s("phase", "label")?;
+    let names = episode.texts("phase", "phase")?;
+    let mut out: Vec<Stretch> = Vec::new();
+    for ((t, label), name) in times.into_iter().zip(labels).zip(names) {
+        match out.last_mut() {
+            Some(last) if last.0 == label => last.3 = t,
+            Some(last) => {
+                last.3 = t;
+                out.push((label, name, t, t));
+            }
+            None => out.push((label, name, t, t)),
+        }
+    }
+    Ok(out)
+}
+
+/// The phase at each of some times, for the heads of the columns.
+pub fn phases_at(episode: &Episode, start: u64, times: &[f64]) -> Vec<String> {
+    let stretches = phases(episode, start).unwrap_or_default();
+    let at = |t: f64| {
+        let hit = stretches.iter().rev().find(|s| s.2 <= t + 1e-9);
+        hit.map_or_else(String::new, |s| s.1.clone())
+    };
+    times.iter().take(COLUMNS).map(|&t| at(t)).collect()
+}
+
+fn range(values: impl Iterator<Item = f64>, pad: f64) -> (f64, f64) {
+    let (low, high) = values.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| {
+        (l.min(v), h.max(v))
+    });
+    if low > high {
+        return (0.0, 1.0);
+    }
+    let room = ((high - low) * pad).max(0.02);
+    (low - room, high + room)
+}
+
+fn over_time(
+    area: &Area<'_>,
+    title: &str,
+    lines: &[Line],
+    phases: &[Stretch],
+) -> Result<(), DrawError> {
+    let times = lines.iter().flat_map(|l| l.points.iter().map(|p| p.0));
+    let (_, end) = range(times.chain(phases.iter().map(|p| p.3)), 0.0);
+    let end = end.max(0.1);
+    let values = lines.iter().flat_map(|l| l.points.iter().map(|p| p.1));
+    let (low, high) = range(values, 0.08);
+    // Room above the lines for the legend and the names of the phases.
+    let high = high + (high - low) * 0.22;
+    let mut chart = ChartBuilder::on(area)
+        .caption(title, text(26, INK))
+        .margin(10)
+        .margin_right(22)
+        .x_label_area_size(50)
+        .y_label_area_size(62)
+        .build_cartesian_2d(0.0..end, low..high)?;
+    for (label, _, from, to) in phases {
+        let band = Rectangle::new([(*from, low), (*to, high)], phase_colour(*label).filled());
+        chart.draw_series(std::iter::once(band))?;
+    }
+    chart
+        .configure_mesh()
+        .bold_line_style(FAINT)
+        .light_line_style(TRANSPARENT)
+        .axis_style(GREY)
+        .x_labels(7)
+        .y_labels(7)
+        .x_label_formatter(&|v| format!("{v:.0}"))
+        .y_label_formatter(&|v| format!("{v:.1}"))
+        .label_style(text(19, GREY))
+        .x_desc("seconds")
+        .axis_desc_style(text(20, GREY))
+        .draw()?;
+    for (i, l) in lines.iter().enumerate() {
+        let colour = LINES[i % LINES.len()];
+        let series = LineSeries::new(l.points.iter().copied(), colour.stroke_width(3));
+        chart.draw_series(series)?;
+    }
+    let area = chart.plotting_area();
+    for (_, name, from, to) in phases {
+        // A name wider than its stretch would run into the next one.
+        let room = (to - from) / end * f64::from(area.dim_in_pixel().0);
+        if name.len() as f64 * 9.0 < room {
+            let centre = Pos::new(HPos::Center, VPos::Top);
+            let at = (0.5 * (from + to), high - (high - low) * 0.13);
+            area.draw(&Text::new(name.clone(), at, text(18, INK).pos(centre)))?;
+        }
+    }
+    legend(&area.strip_coord_spec(), lines)
+}
+
+/// Names of the lines in a row along the upper edge.
+fn legend(area: &DrawingArea<BitMapBackend<'_>, Shift>, lines: &[Line]) -> Result<(), DrawError> {
+    let mut x = 12;
+    for (i, l) in lines.iter().enumerate() {
+        let colour = LINES[i % LINES.len()];
+        let mark = PathElement::new([(x, 18), (x + 20, 18)], colour.stroke_width(4));
+        area.draw(&mark)?;
+        let middle = Pos::new(HPos::Left, VPos::Center);
+        area.draw(&Text::new(
+            l.name.clone(),
+            (x + 26, 18),
+            text(18, INK).pos(middle),
+        ))?;
+        x += 26 + 9 * i32::try_from(l.name.len()).unwrap_or(0) + 14;
+    }
+    Ok(())
+}
+
+/// Yaw of a quaternion x y z w.
+fn yaw(q: [f64; 4]) -> f64 {
+    let [x, y, z, w] = q;
+    (2.0 * (w * z + x * y)).atan2(1.0 - 2.0 * (y * y + z * z))
+}
+
+fn top_view(episode: &Episode, area: &Area<'_>) -> Result<(), SheetError> {
+    let pose = |frame: usize| -> Result<Vec<Vec<f64>>, ReadError> {
+        (0..7)
+            .map(|k| series(episode, "pose", "pose", 7 * frame + k))
+            .collect()
+    };
+    let (chair, tip) = (pose(0)?, pose(6)?);
+    let mount = arm_mount(&episode.snapshot()?.assets);
+    let chairs: Vec<Plane> = (0..chair[0].len())
+        .map(|i| Plane {
+            x: chair[0][i],
+            y: chair[1][i],
+            yaw: yaw([chair[3][i], chair[4][i], chair[5][i], chair[6][i]]),
+        })
+        .filter(|p| p.x.is_finite() && p.y.is_finite() && p.yaw.is_finite())
+        .collect();
+    let mut tips = Vec::new();
+    if let Some(mount) = mount
+        && chairs.len() == tip[0].len()
+    {
+        for (i, chair) in chairs.iter().enumerate() {
+            let (x, y) = mount.point(tip[0][i], tip[1][i]);
+            tips.push(chair.point(x, y));
+        }
+    }
+    let objects = episode.names("object_pose", "pose")?;
+    let mut places = Vec::new();
+    for (k, name) in objects.iter().enumerate() {
+        let x = series(episode, "object_pose", "pose", 7 * k)?;
+        let y = series(episode, "object_pose", "pose", 7 * k + 1)?;
+        if let (Some(&x), Some(&y)) = (x.first(), y.first()) {
+            places.push((name.clone(), (x, y)));
+        }
+    }
+    draw_top(area, &chairs, &tips, &places).map_err(Into::into)
+}
+
+/// Outline of the chair from above, front at +x, metres in `wheelchair_root`.
+const OUTLINE: [(f64, f64); 6] = [
+    (-0.25, -0.28),
+    (0.62, -0.28),
+    (0.78, 0.0),
+    (0.62, 0.28),
+    (-0.25, 0.28),
+    (-0.25, -0.28),
+];
+
+fn draw_top(
+    area: &Area<'_>,
+    chairs: &[Plane],
+    tips: &[(f64, f64)],
+    objects: &[(String, (f64, f64))],
+) -> Result<(), DrawError> {
+    let around = |p: &Plane| OUTLINE.map(|(x, y)| p.point(x, y));
+    let ends: Vec<(f64, f64)> = [chairs.first(), chairs.last()]
+        .into_iter()
+        .flatten()
+        .flat_map(around)
+        .collect();
+    let finite = |p: &&(f64, f64)| p.0.is_finite() && p.1.is_finite();
+    let all: Vec<(f64, f64)> = chairs
+        .iter()
+        .map(|c| (c.x, c.y))
+        .chain(ends)
+        .chain(tips.iter().filter(finite).copied())
+        .chain(objects.iter().map(|o| &o.1).filter(finite).copied())
+        .collect();
+    let (x0, x1) = range(all.iter().map(|p| p.0), 0.08);
+    let (y0, y1) = range(all.iter().map(|p| p.1), 0.08);
+    // One metre is as long to the right as upwards.
+    let (w, h) = area.dim_in_pixel();
+    let (w, h) = (f64::from(w) - 92.0, f64::from(h) - 110.0);
+    let scale = ((x1 - x0) / w).max((y1 - y0) / h);
+    let (cx, cy) = (0.5 * (x0 + x1), 0.5 * (y0 + y1));
+    let (rx, ry) = (0.5 * scale * w, 0.5 * scale * h);
+    let mut chart = ChartBuilder::on(area)
+        .caption("Seen from above", text(26, INK))
+        .margin(10)
+        .x_label_area_size(50)
+        .y_label_area_size(62)
+        .build_cartesian_2d(cx - rx..cx + rx, cy - ry..cy + ry)?;
+    chart
+        .configure_mesh()
+        .bold_line_style(FAINT)
+        .light_line_style(TRANSPARENT)
+        .axis_style(GREY)
+        .x_labels(6)
+        .y_labels(6)
+        .label_style(text(19, GREY))
+        .x_label_formatter(&|v| format!("{v:.1}"))
+        .y_label_formatter(&|v| format!("{v:.1}"))
+        .x_desc("house x, m")
+        .axis_desc_style(text(20, GREY))
+        .draw()?;
+    for (place, colour) in [(chairs.first(), GREY), (chairs.last(), BLUE)] {
+        if let Some(place) = place {
+            let outline = PathElement::new(around(place), colour.stroke_width(2));
+            chart.draw_series(std::iter::once(outline))?;
+        }
+    }
+    let path = chairs.iter().map(|c| (c.x, c.y));
+    chart.draw_series(LineSeries::new(path, BLUE.stroke_width(4)))?;
+    let path = tips.iter().filter(finite).copied();
+    chart.draw_series(LineSeries::new(path, ORANGE.stroke_width(3)))?;
+    for (name, at) in objects {
+        let dot = EmptyElement::at(*at)
+            + Circle::new((0, 0), 6, AMBER.filled())
+            + Text::new(name.clone(), (10, -9), text(18, INK));
+        chart.draw_series(std::iter::once(dot))?;
+    }
+    let lines = [("chair", BLUE), ("end effector", ORANGE)];
+    let area = chart.plotting_area().strip_coord_spec();
+    for (i, (name, colour)) in lines.into_iter().enumerate() {
+        let x = 12 + 90 * i32::try_from(i).unwrap_or(0);
+        area.draw(&PathElement::new(
+            [(x, 18), (x + 20, 18)],
+            colour.stroke_width(4),
+        ))?;
+        let middle = Pos::new(HPos::Left, VPos::Center);
+        area.draw(&Text::new(name, (x + 26, 18), text(18, INK).pos(middle)))?;
+    }
+    Ok(())
+}

@@ -1,0 +1,64 @@
+//! Colours, fonts and measures of the sheet, in pixels.
+
+use plotters::style::{FontStyle, IntoFont, RGBColor, TextStyle, register_font};
+
+pub const WIDTH: u32 = 2240;
+pub const MARGIN: i32 = 48;
+/// Left of the pictures: what the row shows.
+pub const GUTTER: i32 = 128;
+pub const GAP: i32 = 8;
+pub const HEADER: i32 = 196;
+pub const TIMES: i32 = 54;
+pub const PLOTS: i32 = 520;
+pub const COLUMNS: usize = 8;
+
+pub const PAPER: RGBColor = RGBColor(250, 250, 248);
+pub const INK: RGBColor = RGBColor(28, 32, 38);
+pub const GREY: RGBColor = RGBColor(108, 114, 122);
+pub const FAINT: RGBColor = RGBColor(222, 224, 226);
+pub const GREEN: RGBColor = RGBColor(28, 135, 84);
+pub const RED: RGBColor = RGBColor(192, 57, 43);
+pub const AMBER: RGBColor = RGBColor(190, 120, 10);
+
+pub const BLUE: RGBColor = RGBColor(31, 103, 180);
+pub const ORANGE: RGBColor = RGBColor(222, 100, 20);
+/// Distinct colours of lines (Okabe and Ito's palette, yellow left out).
+pub const LINES: [RGBColor; 6] = [
+    RGBColor(0, 114, 178),
+    RGBColor(213, 94, 0),
+    RGBColor(0, 158, 115),
+    RGBColor(204, 121, 167),
+    RGBColor(86, 180, 233),
+    RGBColor(90, 90, 90),
+];
+
+/// Background of a phase by its number.
+pub fn phase_colour(label: u64) -> RGBColor {
+    match label {
+        1 => RGBColor(221, 234, 248),
+        2 => RGBColor(253, 235, 214),
+        3 => RGBColor(250, 219, 216),
+        4 => RGBColor(216, 240, 226),
+        _ => PAPER,
+    }
+}
+
+/// Makes the fonts known to plotters; doing it again does no harm.
+pub fn register() -> bool {
+    register_font(
+        "sans-serif",
+        FontStyle::Normal,
+        epaint_default_fonts::UBUNTU_LIGHT,
+    )
+    .and(register_font(
+        "monospace",
+        FontStyle::Normal,
+        epaint_default_fonts::HACK_REGULAR,
+    ))
+    .is_ok()
+}
+
+/// Text in the sheet's font.
+pub fn text(size: u32, colour: RGBColor) -> TextStyle<'static> {
+    ("sans-serif", size).into_font().color(&colour)
+}

@@ -1,0 +1,125 @@
+"""Reads an episode file with plain h5py, knowing nothing but the layout.
+
+Usage: check_episode.py FILE [EXPECTED.json]
+Exits with 0 when everything in the file is readable and consistent. With a
+second argument, numbers in the file are compared with those in the JSON file:
+{"dataset path": {"shape": [...], "sum": number, "first": [...]}}.
+"""
+
+import json
+import sys
+
+import h5py
+import numpy as np
+
+ROOT = [
+    "format", "schema_version", "label", "instruction", "task", "activity",
+    "area", "seed", "success", "failure_reason", "complete", "partial",
+    "problems", "samples_expected", "samples_received", "samples_missed",
+    "samples_recovered", "server_version", "recorder_version", "adapter",
+    "quality", "pacing", "depth_unit", "run_id", "episode",
+]
+STREAMS = {
+    "joint_state": {"position": (16,), "velocity": (16,), "effort": (16,)},
+    "pose": {"pose": (7, 7), "twist": (7, 6)},
+    "imu": {"orientation": (4,), "angular_velocity": (3,), "linear_acceleration": (3,)},
+    "clock": {"real_time_factor": ()},
+    "odometry": {"pose": (7,), "twist": (6,)},
+    "applied": {"joint_position": (6,), "wheel_velocity": (2,), "message": ()},
+    "command": {"arm": (7,), "base": (2,), "gripper": (3,), "message": ()},
+    "contact": {"pad_force": (2,), "point": (16, 3), "force": (16, 3)},
+    "evaluation": {"success": (), "elapsed": ()},
+    "phase": {"label": (), "phase": (), "name": ()},
+    "state_hash": {"hash": ()},
+}
+problems = []
+
+
+def check(condition, words):
+    if not condition:
+        problems.append(words)
+
+
+def dataset(data, count):
+    """One dataset: length, attributes, filters; reads every byte of it."""
+    name = data.name
+    check(data.shape[0] == count, f"{name} has {data.shape[0]} samples, expected {count}")
+    check("units" in data.attrs, f"{name} has no units")
+    check("frame" in data.attrs, f"{name} has no frame")
+    check(data.compression in ("gzip", None), f"{name} needs {data.compression}")
+    if data.shape[0] == 0 or 0 in data.shape:
+        return
+    if len(data.shape) > 2 and data.chunks is not None and data.chunks[0] == 1:
+        for i in range(data.shape[0]):
+            data[i]
+    else:
+        data[...]
+
+
+def group(g):
+    stamps = g["stamp_nanos"][...]
+    sequence = g["sequence"][...]
+    check(stamps.dtype == np.uint64, f"{g.name}/stamp_nanos is {stamps.dtype}")
+    check(bool(np.all(sequence[1:] > sequence[:-1])), f"{g.name}: sequence does not rise")
+    check(bool(np.all(stamps[1:] >= stamps[:-1])), f"{g.name}: stamps go back")
+    for key in ("expected", "received", "missed", "recovered"):
+        check(key in g.attrs, f"{g.name} has no attribute {key}")
+    check(int(g.attrs["received"]) == len(stamps), f"{g.name}: received is not the length")
+    for data in g.values():
+        dataset(data, len(stamps))
+    return len(stamps)
+
+
+def main():
+    file = h5py.File(sys.argv[1], "r")
+    for name in ROOT:
+        check(name in file.attrs, f"no root attribute {name}")
+    check(isinstance(file.attrs["label"], str), "label is no str")
+    check(isinstance(file.attrs["complete"], np.bool_), "complete is no bool")
+    received = 0
+    for name, columns in STREAMS.items():
+        g = file["streams"][name]
+        received += group(g)
+        for column, shape in columns.items():
+            check(g[column].shape[1:] == shape, f"{g[column].name} has shape {g[column].shape}")
+    objects = file["streams/object_pose"]
+    received += group(objects)
+    check(objects["pose"].shape[1:] == (len(objects["pose"].attrs["names"]), 7), "object poses")
+    for g in file["streams/camera"].values():
+        received += group(g)
+        if len(g["stamp_nanos"]):
+            n, h, w, c = g["rgb"].shape
+            check(c == 3 and g["rgb"].dtype == np.uint8, f"{g.name}/rgb")
+            check(g["depth"].shape == (n, h, w), f"{g.name}/depth")
+            check(g["depth"].dtype in (np.float32, np.uint16), f"{g.name}/depth")
+            check(g["ids"].shape == (n, h, w) and g["ids"].dtype == np.uint8, f"{g.name}/ids")
+            check(g["intrinsics"].shape == (n, 6) and g["pose"].shape == (n, 7), g.name)
+    events = file["events"]
+    for data in events.values():
+        dataset(data, len(events["tick"]))
+    kinds = [k.decode() for k in events["kind"][...]]
+    check(kinds[0] == "started", f"the first event is {kinds[:1]}")
+    received += sum(s == b"event" for s in events["source"][...])
+    check(int(file.attrs["samples_received"]) == received, "samples_received is not the sum")
+    json.loads(file["scenario/text"][()])
+    check(len(file["scenario/message"]) > 0, "no scenario message")
+    initial = file["initial_state"]
+    check(initial["snapshot"].dtype == np.uint8, "the snapshot is no bytes")
+    check(len(initial["assets/path"]) == len(initial["assets/text"]), "assets")
+    check(len(initial["instances/id"]) == len(initial["instances/name"]), "instances")
+
+    if len(sys.argv) > 2:
+        with open(sys.argv[2], encoding="utf-8") as text:
+            expected = json.load(text)
+        for path, told in expected.items():
+            data = file[path][...]
+            check(list(data.shape) == told["shape"], f"{path} has shape {data.shape}")
+            total = int(data.astype(np.uint64).sum() % 2**53)
+            check(total == told["sum"], f"{path} sums to {total}, expected {told['sum']}")
+    for problem in problems:
+        print(problem)
+    return 1 if problems else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
