@@ -33,8 +33,6 @@ pub struct Course {
     pub placements: Vec<Placement>,
     /// world_from_root of the standing chair.
     pub start: Isometry3<f64>,
-    /// Index of the bottle.
-    pub bottle: usize,
     /// End effector around the bottle, in `house`.
     at: Isometry3<f64>,
 }
@@ -90,7 +88,6 @@ impl Course {
             scene,
             placements,
             start,
-            bottle,
             at,
         })
     }

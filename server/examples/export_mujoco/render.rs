@@ -79,7 +79,7 @@ pub fn export(out: &Path, assets: &Path, pairs: usize) -> Result<()> {
     writeln!(
         xml,
         "</asset>\n<worldbody>\n<light directional=\"true\" pos=\"{}\" dir=\"{}\" diffuse=\"{}\" specular=\"0.2 0.2 0.2\"/>",
-        numbers([-7.0 + 10.0 * sun[0], 3.0 + 10.0 * sun[1], 10.0 * sun[2]]),
+        numbers([-7.5 + 2.0 * sun[0], 2.5 + 2.0 * sun[1], 2.0 * sun[2]]),
         numbers(sun.map(|c| -c)),
         numbers(drawn.lighting.sun.map(|c| (0.3 * c).min(1.0)))
     )?;

@@ -310,7 +310,8 @@ impl Mjcf {
             if let Some((leader, multiplier, offset)) = joint.mimic {
                 writeln!(
                     xml,
-                    "<joint joint1=\"{}\" joint2=\"{}\" polycoef=\"{offset} {multiplier} 0 0 0\"/>",
+                    "<joint joint1=\"{}\" joint2=\"{}\" polycoef=\"{offset} {multiplier} 0 0 0\" \
+                     solref=\"0.0084 1\" solimp=\"0.99 0.999 0.001\"/>",
                     joint.name, robot.joints[leader].name
                 )?;
             }
