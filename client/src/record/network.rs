@@ -157,7 +157,9 @@ pub async fn run_with(
         }
     }
     if thread.join().is_err() {
-        bail!("the recorder's thread panicked; a log it left is kept, see `wheelarm dataset recover`");
+        bail!(
+            "the recorder's thread panicked; a log it left is kept, see `wheelarm dataset recover`"
+        );
     }
     Ok(summary)
 }

@@ -27,11 +27,43 @@ pub(super) struct GpuMaterial {
     more: [f32; 4],
 }
 
-/// Triangles of a body that are drawn together, textured ones apart from plain ones.
+/// How a pixel of a material is computed, cheapest first.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Finish {
+    pub(super) textured: bool,
+    /// Highlights and mirrored surroundings; others are lit at their vertices.
+    pub(super) glossy: bool,
+}
+
+impl Finish {
+    /// All, in drawing order.
+    pub(super) const ALL: [Self; 4] = [
+        Self { textured: false, glossy: true },
+        Self { textured: false, glossy: false },
+        Self { textured: true, glossy: true },
+        Self { textured: true, glossy: false },
+    ];
+
+    fn of(material: &Material, all_glossy: bool) -> Self {
+        Self {
+            textured: material.texture.is_some(),
+            glossy: all_glossy
+                || material.metallic > MATTE_METALLIC
+                || material.roughness < MATTE_ROUGHNESS,
+        }
+    }
+}
+
+/// Rougher surfaces show no highlight worth its pixels.
+const MATTE_ROUGHNESS: f32 = 0.4;
+/// Less metallic surfaces mirror nothing worth seeing.
+const MATTE_METALLIC: f32 = 0.2;
+
+/// Triangles of a body that are drawn together, those of one finish.
 #[derive(Clone, Debug)]
 pub(super) struct Batch {
     pub(super) body: usize,
-    pub(super) textured: bool,
+    pub(super) finish: Finish,
     /// Indices at full detail.
     pub(super) full: Range<u32>,
     /// Indices for far away.
@@ -46,8 +78,17 @@ pub(super) struct Batch {
 pub(super) struct Body {
     pub(super) binding: Binding,
     pub(super) instance: u8,
-    /// Indices of what throws a shadow, at coarse detail.
-    pub(super) casters: Vec<Range<u32>>,
+    /// What throws a shadow.
+    pub(super) casters: Vec<Caster>,
+}
+
+/// Triangles that throw a shadow, at coarse detail.
+#[derive(Clone, Debug)]
+pub(super) struct Caster {
+    pub(super) indices: Range<u32>,
+    /// Ball around it in the frame of its body.
+    pub(super) centre: Point3<f64>,
+    pub(super) radius: f64,
 }
 
 /// All of it.
@@ -62,7 +103,8 @@ pub(super) struct Buffers {
 }
 
 impl Buffers {
-    pub(super) fn new(scene: &RenderScene) -> Self {
+    /// `all_glossy` computes highlights on every surface.
+    pub(super) fn new(scene: &RenderScene, all_glossy: bool) -> Self {
         let mut built = Self {
             vertices: Vec::new(),
             indices: Vec::new(),
@@ -77,10 +119,10 @@ impl Buffers {
         for items in scene.items.chunk_by(same) {
             let body = built.bodies.len();
             let mut casters = Vec::new();
-            for textured in [false, true] {
+            for finish in Finish::ALL {
                 let mut chosen: Vec<&RenderItem> = items
                     .iter()
-                    .filter(|i| i.material.texture.is_some() == textured)
+                    .filter(|i| Finish::of(&i.material, all_glossy) == finish)
                     .collect();
                 if chosen.is_empty() {
                     continue;
@@ -105,13 +147,17 @@ impl Buffers {
                     }
                 }
                 let end = built.indices.len() as u32;
-                if caster_end > middle {
-                    casters.push(middle..caster_end);
-                }
                 let (centre, radius) = ball(&built.vertices[first_vertex..]);
+                if caster_end > middle {
+                    casters.push(Caster {
+                        indices: middle..caster_end,
+                        centre,
+                        radius,
+                    });
+                }
                 built.batches.push(Batch {
                     body,
-                    textured,
+                    finish,
                     full: start..middle,
                     coarse: middle..end,
                     centre,

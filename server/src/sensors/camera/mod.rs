@@ -7,7 +7,9 @@
 mod adapter;
 mod buffers;
 mod error;
+mod geometry;
 mod mapping;
+mod patterns;
 mod pipelines;
 mod readback;
 mod renderer;
