@@ -16,8 +16,6 @@ os.environ.setdefault("MUJOCO_GL", "egl")
 import mujoco
 import numpy as np
 
-from figures import figure
-
 WIDTH, HEIGHT, CAMERAS, WARM = 1280, 720, 2, 3
 folder, mode = Path(sys.argv[1]), sys.argv[2]
 model = mujoco.MjModel.from_xml_path(str(folder / "render.xml"))
@@ -98,6 +96,3 @@ print(
     f"{model.nmesh} meshes, {model.ngeom} geoms: min {times.min():.1f} ms, median "
     f"{np.median(times):.1f} ms, {process:.1f} ms of CPU"
 )
-figure(f"mujoco_{mode}_min_ms", times.min())
-figure(f"mujoco_{mode}_median_ms", np.median(times))
-figure(f"mujoco_{mode}_cpu_ms", process)

@@ -13,8 +13,6 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
-from figures import figure
-
 folder = Path(sys.argv[1])
 model = mujoco.MjModel.from_xml_path(str(folder / "step.xml"))
 data = mujoco.MjData(model)
@@ -40,7 +38,3 @@ print(
     f"{model.nbody} bodies, {model.nv} degrees of freedom, {contacts / len(times):.0f} contacts\n"
     f"at the end the bottle is {bottle[2]:.2f} m high, {reach:.2f} m from the bracelet"
 )
-figure("mujoco_step_median_us", np.median(times))
-figure("mujoco_step_mean_us", times.mean())
-figure("mujoco_step_bottle_height_m", bottle[2])
-figure("mujoco_step_reach_m", reach)
