@@ -20,6 +20,7 @@ fn main() -> Result<()> {
     let mut control = course.control();
     let mut stepping = Vec::with_capacity(CONTROL_TICKS as usize * 4);
     let (mut controlling, mut looking, mut contacts) = (0.0, 0.0, 0);
+    let processor = cpu_seconds();
     for control_tick in 0..CONTROL_TICKS {
         let begin = Instant::now();
         let snapshot = world.snapshot();
@@ -36,6 +37,7 @@ fn main() -> Result<()> {
         }
     }
     let ticks = stepping.len() as f64;
+    let processor = (cpu_seconds() - processor) / ticks * 1e6;
     let mean = stepping.iter().sum::<f64>() / ticks;
     stepping.sort_by(f64::total_cmp);
     let at = |fraction: f64| stepping[((ticks - 1.0) * fraction) as usize];
@@ -52,6 +54,7 @@ fn main() -> Result<()> {
     let reach = (bottle - state.links[hand].pose.translation.vector).norm();
     println!(
         "physics, {ticks} ticks of 1/240 s: median {:.1} µs (mean {mean:.1}, least {:.1}, 95 % {:.1}, greatest {:.0})\n\
+         processor time {processor:.1} µs per tick with control and snapshots\n\
          snapshot {:.1} µs, control {:.1} µs per control tick; {:.1} touching pairs\n\
          at the end the bottle is {:.2} m high, {:.2} m from the hand",
         at(0.5),
@@ -65,4 +68,11 @@ fn main() -> Result<()> {
         reach,
     );
     Ok(())
+}
+
+/// Processor time of this thread; 0 where the system does not say.
+fn cpu_seconds() -> f64 {
+    let stat = std::fs::read_to_string("/proc/thread-self/schedstat").unwrap_or_default();
+    let nanos = stat.split(' ').next().and_then(|n| n.parse::<f64>().ok());
+    nanos.unwrap_or(0.0) * 1e-9
 }
