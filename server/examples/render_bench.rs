@@ -56,7 +56,11 @@ fn main() -> Result<()> {
         quality,
         options.adapter.as_deref(),
     )?;
-    let triangles: usize = render_scene.items.iter().map(|i| i.mesh.indices.len() / 3).sum();
+    let triangles: usize = render_scene
+        .items
+        .iter()
+        .map(|i| i.mesh.indices.len() / 3)
+        .sum();
     println!(
         "{}\n{triangles} triangles, {} meshes, {} bodies, ready after {:.2} s",
         renderer.adapter(),
@@ -73,7 +77,10 @@ fn main() -> Result<()> {
         let before = Instant::now();
         let frames = renderer.render(&snapshot, &[0, 1])?;
         let taken = before.elapsed().as_secs_f64() * 1e3;
-        bytes = frames.iter().map(|f| f.rgb.len() + f.depth.len() + f.ids.len()).sum();
+        bytes = frames
+            .iter()
+            .map(|f| f.rgb.len() + f.depth.len() + f.ids.len())
+            .sum();
         if pair == 4 {
             cpu = cpu_seconds();
         }
@@ -119,7 +126,10 @@ fn moving(robot: &RobotModel, scene: &Scene, time: f64) -> Snapshot {
     );
     let mut positions = vec![0.0; robot.joints.len()];
     for (i, joint) in robot.joints.iter().enumerate() {
-        let number = joint.name.strip_prefix("joint_").and_then(|n| n.parse::<usize>().ok());
+        let number = joint
+            .name
+            .strip_prefix("joint_")
+            .and_then(|n| n.parse::<usize>().ok());
         if let Some(angle) = number.and_then(|n| robot.settings.home.get(n - 1)) {
             positions[i] = angle + 0.15 * (time + i as f64).sin();
         }
@@ -136,7 +146,11 @@ fn moving(robot: &RobotModel, scene: &Scene, time: f64) -> Snapshot {
     Snapshot {
         tick: 0,
         joints: vec![JointState::default(); robot.joints.len()],
-        links: robot.link_poses(&positions).iter().map(|p| body(root * p)).collect(),
+        links: robot
+            .link_poses(&positions)
+            .iter()
+            .map(|p| body(root * p))
+            .collect(),
         objects,
         contacts: Vec::new(),
         anomalies: Vec::new(),

@@ -46,7 +46,10 @@ fn main() -> anyhow::Result<()> {
         .sum();
 
     let baseline = raw_disk(&dir, &pairs, frames)?;
-    let options = WriterOptions { depth, ..Default::default() };
+    let options = WriterOptions {
+        depth,
+        ..Default::default()
+    };
     let started = synthetic::started(&label);
     let mut writer = EpisodeWriter::open(&dir, &started, &synthetic::snapshot(), &options)?;
     let clock = Instant::now();
@@ -63,19 +66,32 @@ fn main() -> anyhow::Result<()> {
     let cameras = ["camera/gen3", "camera/wheelchair"];
     let counts = cameras.map(|c| (c.to_owned(), 0, frames));
     let stopped = Some(synthetic::stopped(24 * frames, &counts));
-    let log = writer.close(Closing { stopped, ..Default::default() })?;
+    let log = writer.close(Closing {
+        stopped,
+        ..Default::default()
+    })?;
     let logged = clock.elapsed().as_secs_f64();
     let finished = finish(&log, None)?;
     let whole = clock.elapsed().as_secs_f64();
-    anyhow::ensure!(finished.account.complete(), "{:?}", finished.account.problems);
+    anyhow::ensure!(
+        finished.account.complete(),
+        "{:?}",
+        finished.account.problems
+    );
 
     let rate = frames as f64;
     println!("frames                   {frames} pairs of 1280x720 RGB, depth ({depth:?}), ids");
     println!("raw bytes per frame      {:.2} MB", raw as f64 / 1e6);
-    println!("file bytes per frame     {:.2} MB", finished.bytes as f64 / rate / 1e6);
+    println!(
+        "file bytes per frame     {:.2} MB",
+        finished.bytes as f64 / rate / 1e6
+    );
     println!("until durable in the log {:.1} frames/s", rate / logged);
     println!("until the file is there  {:.1} frames/s", rate / whole);
-    println!("raw write and sync       {:.1} frames/s (same bytes, uncompressed)", rate / baseline);
+    println!(
+        "raw write and sync       {:.1} frames/s (same bytes, uncompressed)",
+        rate / baseline
+    );
     std::fs::remove_file(&finished.path)?;
     Ok(())
 }

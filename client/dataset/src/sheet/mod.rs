@@ -15,8 +15,8 @@ use plotters::style::text_anchor::{HPos, Pos, VPos};
 use crate::read::{Episode, Frame, ReadError, Summary};
 use picture::Canvas;
 use style::{
-    AMBER, COLUMNS, GAP, GREEN, GREY, GUTTER, HEADER, INK, MARGIN, PAPER, PLOTS, RED, TIMES,
-    WIDTH, text,
+    AMBER, COLUMNS, GAP, GREEN, GREY, GUTTER, HEADER, INK, MARGIN, PAPER, PLOTS, RED, TIMES, WIDTH,
+    text,
 };
 
 type Area<'a> = DrawingArea<BitMapBackend<'a>, Shift>;
@@ -71,7 +71,11 @@ pub fn sheet(episode: &Episode, out: &Path) -> Result<(), SheetError> {
     let tile = (WIDTH as i32 - 2 * MARGIN - GUTTER - (columns - 1) * GAP) / columns;
     let heights: Vec<i32> = strips
         .iter()
-        .map(|s| s.frames.first().map_or(40, |f| tile * f.height as i32 / f.width as i32))
+        .map(|s| {
+            s.frames
+                .first()
+                .map_or(40, |f| tile * f.height as i32 / f.width as i32)
+        })
         .collect();
     let pictures: i32 = heights.iter().map(|h| 2 * (h + GAP) + GAP).sum();
     let height = HEADER + TIMES + pictures + PLOTS + MARGIN;
@@ -139,7 +143,13 @@ fn times(episode: &Episode, summary: &Summary) -> Result<Vec<u64>, ReadError> {
     }
     let columns = best.len().min(COLUMNS);
     let last = best.len() - 1;
-    let spread = |i: usize| best[if columns > 1 { i * last / (columns - 1) } else { 0 }];
+    let spread = |i: usize| {
+        best[if columns > 1 {
+            i * last / (columns - 1)
+        } else {
+            0
+        }]
+    };
     Ok((0..columns).map(spread).collect())
 }
 
@@ -175,13 +185,21 @@ fn header(root: &Area<'_>, summary: &Summary) -> Result<(), SheetError> {
     let x = badge(
         root,
         MARGIN,
-        if summary.success { "SUCCESS" } else { "NOT SUCCEEDED" },
+        if summary.success {
+            "SUCCESS"
+        } else {
+            "NOT SUCCEEDED"
+        },
         if summary.success { GREEN } else { RED },
     )?;
     let x = badge(
         root,
         x,
-        if summary.complete { "COMPLETE" } else { "PARTIAL" },
+        if summary.complete {
+            "COMPLETE"
+        } else {
+            "PARTIAL"
+        },
         if summary.complete { GREEN } else { AMBER },
     )?;
     let (first, last) = summary.span_nanos;
@@ -216,11 +234,7 @@ fn badge(root: &Area<'_>, x: i32, words: &str, colour: RGBColor) -> Result<i32, 
     let w = width(words, 24)?;
     let corners = [(x, 100), (x + w + 28, 138)];
     root.draw(&Rectangle::new(corners, colour.filled()))?;
-    root.draw(&Text::new(
-        words.to_owned(),
-        (x + 14, 107),
-        text(24, WHITE),
-    ))?;
+    root.draw(&Text::new(words.to_owned(), (x + 14, 107), text(24, WHITE)))?;
     Ok(x + w + 28 + 12)
 }
 

@@ -5,9 +5,7 @@ use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 
 use super::mount::{Plane, arm_mount};
-use super::style::{
-    AMBER, BLUE, COLUMNS, FAINT, GREY, INK, LINES, ORANGE, phase_colour, text,
-};
+use super::style::{AMBER, BLUE, COLUMNS, FAINT, GREY, INK, LINES, ORANGE, phase_colour, text};
 use super::{Area, DrawError, SheetError};
 use crate::read::{Episode, ReadError};
 
@@ -37,12 +35,7 @@ fn seconds(episode: &Episode, stream: &str, start: u64) -> Result<Vec<f64>, Read
 }
 
 /// One number per sample out of a column: element `at` of each sample.
-fn series(
-    episode: &Episode,
-    stream: &str,
-    column: &str,
-    at: usize,
-) -> Result<Vec<f64>, ReadError> {
+fn series(episode: &Episode, stream: &str, column: &str, at: usize) -> Result<Vec<f64>, ReadError> {
     let all = episode.f64s(stream, column)?;
     let samples = all.shape().first().copied().unwrap_or(0).max(1);
     let width = (all.len() / samples).max(1);

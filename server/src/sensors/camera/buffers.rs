@@ -38,10 +38,22 @@ pub(super) struct Finish {
 impl Finish {
     /// All, in drawing order.
     pub(super) const ALL: [Self; 4] = [
-        Self { textured: false, glossy: true },
-        Self { textured: false, glossy: false },
-        Self { textured: true, glossy: true },
-        Self { textured: true, glossy: false },
+        Self {
+            textured: false,
+            glossy: true,
+        },
+        Self {
+            textured: false,
+            glossy: false,
+        },
+        Self {
+            textured: true,
+            glossy: true,
+        },
+        Self {
+            textured: true,
+            glossy: false,
+        },
     ];
 
     fn of(material: &Material, all_glossy: bool) -> Self {

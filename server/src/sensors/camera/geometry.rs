@@ -84,7 +84,14 @@ impl Geometry {
                 let distance = view.distance(&centre, batch.radius)?;
                 let late = if batch.radius > 1.5 { 100.0 } else { 0.0 };
                 let coarse = distance > view.focal * COARSE_BELOW;
-                Some((distance + late, Seen { finish: batch.finish, batch, coarse }))
+                Some((
+                    distance + late,
+                    Seen {
+                        finish: batch.finish,
+                        batch,
+                        coarse,
+                    },
+                ))
             })
             .collect();
         seen.sort_by(|a, b| a.0.total_cmp(&b.0));
@@ -104,4 +111,3 @@ pub(super) fn body_row(pose: &Isometry3<f64>, instance: u8) -> BodyRow {
     row[13] = 1.0;
     row
 }
-

@@ -45,7 +45,11 @@ pub(super) fn upload(
     let bytes: Vec<u8> = if none {
         vec![255; 4]
     } else {
-        painted.into_iter().flat_map(|p| p.levels).flatten().collect()
+        painted
+            .into_iter()
+            .flat_map(|p| p.levels)
+            .flatten()
+            .collect()
     };
     let texture = device.create_texture_with_data(
         queue,

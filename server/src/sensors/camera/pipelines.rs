@@ -215,7 +215,11 @@ fn pipeline(
             module,
             entry_point: Some(stage.vertex),
             compilation_options: options.clone(),
-            buffers: if stage.attributes.is_empty() { &[] } else { &layouts },
+            buffers: if stage.attributes.is_empty() {
+                &[]
+            } else {
+                &layouts
+            },
         },
         primitive: wgpu::PrimitiveState {
             cull_mode: Some(wgpu::Face::Back),

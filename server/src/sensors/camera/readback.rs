@@ -126,7 +126,10 @@ const REMEMBERED: usize = 4;
 impl Memory {
     fn take(&mut self, sizes: [usize; 3]) -> [BytesMut; 3] {
         let free = |frame: &[Bytes; 3]| {
-            frame.iter().zip(sizes).all(|(b, size)| b.is_unique() && b.len() == size)
+            frame
+                .iter()
+                .zip(sizes)
+                .all(|(b, size)| b.is_unique() && b.len() == size)
         };
         if let Some(i) = self.given.iter().position(free) {
             let frame = self.given.swap_remove(i).map(Bytes::try_into_mut);

@@ -88,15 +88,14 @@ impl Renderer {
             adapter: info.name.clone(),
             reason,
         };
-        let (device, queue) =
-            pollster::block_on(chosen.request_device(&wgpu::DeviceDescriptor {
-                required_limits: wgpu::Limits {
-                    max_buffer_size: chosen.limits().max_buffer_size,
-                    ..Default::default()
-                },
+        let (device, queue) = pollster::block_on(chosen.request_device(&wgpu::DeviceDescriptor {
+            required_limits: wgpu::Limits {
+                max_buffer_size: chosen.limits().max_buffer_size,
                 ..Default::default()
-            }))
-            .map_err(|e| fail(e.to_string()))?;
+            },
+            ..Default::default()
+        }))
+        .map_err(|e| fail(e.to_string()))?;
         let failure = Arc::new(Mutex::new(None));
         device.on_uncaptured_error(Arc::new({
             let failure = failure.clone();
@@ -428,7 +427,11 @@ impl Renderer {
                         store: wgpu::StoreOp::Store,
                     },
                 })],
-                depth_stencil_attachment: Some(depth_attachment(&target.depth.view, FARTHEST, true)),
+                depth_stencil_attachment: Some(depth_attachment(
+                    &target.depth.view,
+                    FARTHEST,
+                    true,
+                )),
                 ..Default::default()
             });
             pass.set_pipeline(pipeline);
@@ -475,4 +478,3 @@ fn bind(
         entries: &entries,
     })
 }
-

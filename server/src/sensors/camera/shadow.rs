@@ -23,8 +23,7 @@ type Rectangle = [u32; 4];
 
 impl ShadowMap {
     pub(super) fn new(device: &wgpu::Device, sun: SunView, size: u32) -> Self {
-        let usage =
-            wgpu::TextureUsages::RENDER_ATTACHMENT | wgpu::TextureUsages::TEXTURE_BINDING;
+        let usage = wgpu::TextureUsages::RENDER_ATTACHMENT | wgpu::TextureUsages::TEXTURE_BINDING;
         Self {
             picture: picture(device, [size; 2], DEPTH, 1, usage),
             sun,

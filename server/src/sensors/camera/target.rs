@@ -94,4 +94,3 @@ pub(super) fn depth_attachment(
         stencil_ops: None,
     }
 }
-
