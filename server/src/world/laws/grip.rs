@@ -1,53 +1,54 @@
 //! The gripper: what it holds, and when it lets slip.
 
 use super::*;
+use crate::snapshot::BodyRef;
 
-/// Joint rates at which the arm waves, rad/s, and how far, rad.
-const RATE: [f64; 6] = [3.0, 2.5, 3.5, 4.0, 3.0, 5.0];
-const REACH: [f64; 6] = [0.35, 0.2, 0.25, 0.3, 0.3, 0.24];
+/// Half extents of a mustard bottle: 0.603 kg, 58 mm between the pads.
+const BOTTLE: [f64; 3] = [0.048, 0.029, 0.08];
+const MASS: f64 = 0.603;
+const FRICTION: f64 = 0.6;
 
 struct Grasp {
     world: World,
+    model: RobotModel,
     targets: Targets,
     hand: usize,
-    home: [f64; 6],
 }
 
-/// The robot at home, its pads around an object that stands on a pedestal.
-fn around(shape: Shape, half: [f64; 3], mass: f64, friction: f64) -> Grasp {
+/// The robot at home holds a bottle, its pads closed with a force of `force`
+/// N; the pedestal that carried the bottle until then is gone.
+fn grasp(shape: Shape, force: f64) -> Grasp {
     let model = model();
     let home = model.settings.home;
-    let arm: Vec<f64> = (0..model.joints.len())
-        .map(|j| {
-            let name = &model.joints[j].name;
-            wheelarm_proto::names::JOINT_NAMES[4..10]
-                .iter()
-                .position(|n| n == name)
-                .map_or(0.0, |i| home[i])
-        })
-        .collect();
-    let hand = model.link(&model.settings.end_effector_link).expect("hand");
-    // In the middle of the pads.
-    let grasp = model.link_poses(&arm)[hand] * at(0.0, 0.0, 0.137);
-    let p = grasp.translation.vector;
-    let pedestal = [0.03, 0.03, (p.z - half[2]) / 2.0];
-    let pedestal = body(
-        "pedestal",
-        at(p.x, p.y, pedestal[2]),
-        0.6,
-        Shape::Cuboid { half: pedestal },
-    );
-    let mut thing = object("thing", at(p.x, p.y, p.z), mass, half, shape);
-    thing.friction = friction;
-    let (scene, placements) = scene(vec![floor(), pedestal], vec![thing]);
-    let world =
-        World::new(&model, &scene, &placements, &Isometry3::identity(), &home).expect("a world");
-    Grasp {
+    let hand = model
+        .link(&model.settings.end_effector_link)
+        .expect("the hand");
+    let (world, targets, _) = robot_alone();
+    let pads = world.snapshot().links[hand].pose * at(0.0, 0.0, 0.137);
+    let start = world.snapshot().links[0].pose;
+
+    let upright = Isometry3::from_parts(pads.translation, start.rotation);
+    let mut bottle = object("bottle", upright, MASS, BOTTLE, shape);
+    bottle.friction = FRICTION;
+    let height = (pads.translation.z - BOTTLE[2]) / 2.0;
+    let half = [0.03, 0.03, height];
+    let under = at(pads.translation.x, pads.translation.y, height);
+    let pedestal = body("pedestal", under, 0.6, Shape::Cuboid { half });
+    let (scene, placements) = scene(vec![floor(), pedestal], vec![bottle]);
+    let world = World::new(&model, &scene, &placements, &start, &home).expect("a world");
+    let mut grasp = Grasp {
         world,
-        targets: hold(home),
+        model,
+        targets,
         hand,
-        home,
-    }
+    };
+    grasp.close(force);
+    let bodies = &mut grasp.world.physics.bodies;
+    let fixed: Vec<_> = bodies.iter().filter(|(_, b)| b.is_fixed()).collect();
+    let pedestal = fixed[1].0;
+    bodies[pedestal].set_enabled(false);
+    seconds(&mut grasp.world, 0.2, |_, _| {});
+    grasp
 }
 
 impl Grasp {
@@ -59,80 +60,102 @@ impl Grasp {
             targets.knuckle_velocity = if 0.5 * t < 0.7929 { 0.5 } else { 0.0 };
             world.apply(targets);
         });
+        self.targets.knuckle_velocity = 0.0;
     }
 
-    fn hand_from_thing(&self) -> Isometry3<f64> {
-        let s = self.world.snapshot();
-        s.links[self.hand].pose.inverse() * s.objects[0].pose
+    fn hand_from_bottle(&self) -> Isometry3<f64> {
+        let snapshot = self.world.snapshot();
+        snapshot.links[self.hand].pose.inverse() * snapshot.objects[0].pose
     }
 
-    fn wave(&mut self, from: f64, duration: f64) {
-        let (home, targets) = (self.home, &mut self.targets);
-        seconds(&mut self.world, duration, |world, t| {
-            let t = from + t;
-            let s = t.min(1.0);
-            for i in 0..6 {
-                let (a, w) = (REACH[i], RATE[i]);
-                targets.arm_position[i] = home[i] + a * s * (w * t).sin();
-                let ds = if t < 1.0 { (w * t).sin() } else { 0.0 };
-                targets.arm_velocity[i] = a * (s * w * (w * t).cos() + ds);
-            }
-            // The first half second lifts straight off the pedestal.
-            world.apply(targets);
-        });
+    fn pad_forces(&self) -> Vec<f64> {
+        let snapshot = self.world.snapshot();
+        let on_bottle = |c: &&crate::snapshot::Contact| {
+            matches!(c.first, BodyRef::Link(_)) && c.second == BodyRef::Object(0)
+        };
+        let hand = snapshot.links[self.hand].pose.rotation;
+        let closing = hand * Vector3::x();
+        let pads = snapshot.contacts.iter().filter(on_bottle);
+        pads.map(|c| c.force.dot(&closing).abs()).collect()
     }
 }
 
 #[test]
-fn probe_grip() {
-    let half = [0.048, 0.029, 0.08];
-    let shapes = [
-        ("rounded", Shape::RoundedCuboid { half, radius: 0.01 }),
-        ("box", Shape::Cuboid { half }),
-        (
-            "cylinder",
-            Shape::Cylinder {
-                radius: 0.033,
-                half_height: 0.08,
-            },
-        ),
-    ];
-    for (name, shape) in shapes {
-        for force in [20.0, 60.0, 235.0] {
-            let mut g = around(shape.clone(), half, 0.603, 0.6);
-            let before = g.hand_from_thing();
-            g.close(force);
-            let rest = g.hand_from_thing();
-            let s = g.world.snapshot();
-            let n: Vec<String> = s
-                .contacts
-                .iter()
-                .map(|c| format!("{:?}-{:?} {:.1}", c.first, c.second, c.force.norm()))
-                .collect();
-            let moved = (before.inverse() * rest).translation.vector;
-            let q: Vec<f64> = model()
-                .joints
-                .iter()
-                .zip(&s.joints)
-                .filter(|(j, _)| j.name.contains("85") && j.name.contains("knuckle_joint"))
-                .map(|(_, s)| s.position)
-                .collect();
-            println!(
-                "{name} {force}: closing moved {:.2?} mm, knuckles {:.4?} {:?}",
-                moved.as_slice().iter().map(|x| x * 1e3).collect::<Vec<_>>(),
-                q,
-                n
-            );
-            for k in 0..4 {
-                g.wave(5.0 * f64::from(k), 5.0);
-                let drift = rest.inverse() * g.hand_from_thing();
-                print!(
-                    "   {:.3} mm {:.3} deg",
-                    drift.translation.vector.norm() * 1e3,
-                    drift.rotation.angle().to_degrees()
-                );
-            }
-            println!(" {:?}", g.world.snapshot().anomalies);
+fn the_pads_press_as_hard_as_asked() {
+    for force in [20.0, 60.0, 235.0] {
+        let grasp = grasp(Shape::Cuboid { half: BOTTLE }, force);
+        let pads = grasp.pad_forces();
+        assert_eq!(pads.len(), 2, "{pads:?}");
+        for pad in pads {
+            assert!((pad / force - 1.0).abs() < 0.05, "{pad} N, asked {force} N");
         }
     }
+}
+
+/// Shortened from the 60 s of `examples/step_bench.rs grasp` to 10 s for each shape.
+#[test]
+fn a_waved_bottle_stays_in_the_hand() {
+    let half = BOTTLE;
+    let shapes = [
+        Shape::RoundedCuboid { half, radius: 0.01 },
+        Shape::Cylinder {
+            radius: 0.033,
+            half_height: half[2],
+        },
+    ];
+    for shape in shapes {
+        let mut grasp = grasp(shape.clone(), 60.0);
+        let rest = grasp.hand_from_bottle();
+        let home = grasp.model.settings.home;
+        let mut worst: f64 = 0.0;
+        let closed = grasp.targets;
+        for second in 0..10 {
+            seconds(&mut grasp.world, 1.0, |world, t| {
+                let wave = robot::wave(home, f64::from(second) + t);
+                world.apply(&Targets {
+                    arm_position: wave.arm_position,
+                    arm_velocity: wave.arm_velocity,
+                    ..closed
+                });
+            });
+            let drift = rest.inverse() * grasp.hand_from_bottle();
+            worst = worst.max(drift.translation.vector.norm());
+        }
+        assert!(worst < 0.5e-3, "{shape:?} drifts by {worst} m");
+    }
+}
+
+/// Two pads carry the weight up to 2 mu F.
+#[test]
+fn a_bottle_slips_at_the_coulomb_limit() {
+    let limit = MASS * super::super::GRAVITY / (2.0 * FRICTION);
+    for (share, slips) in [(0.8, true), (1.25, false)] {
+        let mut grasp = grasp(Shape::Cuboid { half: BOTTLE }, 60.0);
+        let rest = grasp.hand_from_bottle();
+        grasp.targets.pad_force = share * limit;
+        grasp.world.apply(&grasp.targets);
+        seconds(&mut grasp.world, 2.0, |_, _| {});
+        let slip = (rest.inverse() * grasp.hand_from_bottle())
+            .translation
+            .vector
+            .norm();
+        if slips {
+            assert!(slip > 0.05, "holds at {share} of the limit: {slip} m");
+        } else {
+            assert!(slip < 0.5e-3, "slips at {share} of the limit: {slip} m");
+        }
+    }
+}
+
+/// What is held stays held through a saved state, to the bit.
+#[test]
+fn a_grasp_survives_saving() {
+    let mut first = grasp(Shape::Cuboid { half: BOTTLE }, 60.0);
+    let mut second = grasp(Shape::Cuboid { half: BOTTLE }, 20.0);
+    let saved = first.world.save();
+    second.world.restore(&saved).expect("the same world");
+    for world in [&mut first.world, &mut second.world] {
+        seconds(world, 0.5, |_, _| {});
+    }
+    assert_eq!(first.world.hash(), second.world.hash());
 }

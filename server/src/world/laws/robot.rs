@@ -14,7 +14,7 @@ fn trapezoid(t: f64, ramp: f64, total: f64) -> f64 {
 }
 
 /// Arm targets that move all joints at once, within their speed limits.
-fn wave(home: [f64; 6], t: f64) -> Targets {
+pub(super) fn wave(home: [f64; 6], t: f64) -> Targets {
     let mut targets = hold(home);
     let amplitude = [0.35, 0.2, 0.25, 0.3, 0.3, 0.24];
     let rate = [3.0, 2.5, 3.5, 4.0, 3.0, 5.0];
