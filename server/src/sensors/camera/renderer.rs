@@ -3,20 +3,20 @@
 use std::sync::{Arc, Mutex, PoisonError};
 
 use bytes::Bytes;
-use nalgebra::{Isometry3, Point3};
+use nalgebra::Isometry3;
 use wgpu::util::DeviceExt;
 
 use super::adapter::{self, AdapterInfo};
-use super::buffers::{Batch, Body, Buffers};
-use super::pipelines::{DEPTH, Pipelines, Tier};
-use super::readback::Layout;
+use super::buffers::{Buffers, Finish};
+use super::geometry::{BodyRow, Geometry, Seen, body_row};
+use super::pipelines::{Pipelines, Tier};
+use super::readback::{Layout, Memory};
 use super::scene::{Binding, RenderScene};
-use super::shadow::SunView;
+use super::shadow::{ShadowMap, SunView};
 use super::spec::CameraSpec;
-use super::target::{Picture, Target, picture};
+use super::target::{Target, depth_attachment};
 use super::view::{View, columns};
-use super::{Frame, Quality, RenderError};
-use crate::geometry::texture;
+use super::{Frame, Quality, RenderError, patterns};
 use crate::scene::Lighting;
 use crate::snapshot::Snapshot;
 
@@ -37,36 +37,18 @@ pub struct Renderer {
     /// Links and objects that a snapshot must have.
     expected: [usize; 2],
     read: Vec<wgpu::Buffer>,
+    memory: Vec<Memory>,
     pending: Option<Pending>,
 }
 
-/// The scene on the adapter.
-struct Geometry {
-    vertices: wgpu::Buffer,
-    indices: wgpu::Buffer,
-    body_rows: wgpu::Buffer,
-    bodies: Vec<Body>,
-    batches: Vec<Batch>,
-}
-
-struct ShadowMap {
-    picture: Picture,
-    sun: SunView,
-    /// Rows of the casters when the map was drawn.
-    drawn_for: Vec<BodyRow>,
-}
-
-/// World_from_body as rows; id, openness.
-type BodyRow = [f32; 16];
+/// Reversed depth where nothing is hit.
+const FARTHEST: wgpu::LoadOp<f32> = wgpu::LoadOp::Clear(0.0);
 
 /// Submitted, not yet read.
 struct Pending {
     submission: wgpu::SubmissionIndex,
     cameras: Vec<(usize, Isometry3<f64>)>,
 }
-
-/// Coarse triangles serve where 5 mm are less than a pixel.
-const COARSE_BELOW: f64 = 0.005;
 
 impl Renderer {
     /// All Vulkan adapters of this machine.
@@ -124,7 +106,7 @@ impl Renderer {
         }));
 
         let tier = Tier::of(quality);
-        let buffers = Buffers::new(scene);
+        let buffers = Buffers::new(scene, tier.all_glossy);
         let pipelines = Pipelines::new(&device, tier);
         let sun = SunView::new(scene, &buffers, tier.shadow_size);
         let geometry = Geometry::upload(&device, &buffers);
@@ -133,19 +115,13 @@ impl Renderer {
             contents: bytemuck::cast_slice(&buffers.materials),
             usage: wgpu::BufferUsages::STORAGE,
         });
-        let pictures = upload_pictures(&device, &queue, &buffers.patterns);
-        let shadow_picture = picture(
-            &device,
-            [tier.shadow_size; 2],
-            DEPTH,
-            1,
-            wgpu::TextureUsages::RENDER_ATTACHMENT | wgpu::TextureUsages::TEXTURE_BINDING,
-        );
+        let pictures = patterns::upload(&device, &queue, &buffers.patterns);
+        let shadow = ShadowMap::new(&device, sun, tier.shadow_size);
         let targets: Vec<Target> = cameras
             .iter()
             .map(|spec| Target::new(&device, spec.clone(), tier))
             .collect();
-        let [repeating, comparing] = samplers(&device);
+        let [repeating, comparing] = patterns::samplers(&device);
         let scene_groups = targets
             .iter()
             .map(|target| {
@@ -166,7 +142,7 @@ impl Renderer {
             &device,
             &pipelines.shadow_layout,
             &[
-                wgpu::BindingResource::TextureView(&shadow_picture.view),
+                wgpu::BindingResource::TextureView(&shadow.picture.view),
                 wgpu::BindingResource::Sampler(&comparing),
             ],
         );
@@ -182,11 +158,7 @@ impl Renderer {
             })
             .collect();
         let renderer = Self {
-            shadow: ShadowMap {
-                picture: shadow_picture,
-                sun,
-                drawn_for: Vec::new(),
-            },
+            shadow,
             lighting: scene.lighting,
             expected: [scene.links, scene.objects],
             info,
@@ -199,6 +171,7 @@ impl Renderer {
             targets,
             scene_groups,
             shadow_group,
+            memory: cameras.iter().map(|_| Memory::default()).collect(),
             read,
             pending: None,
         };
@@ -275,7 +248,9 @@ impl Renderer {
                 .write_buffer(&self.targets[c].uniform, 0, bytemuck::cast_slice(&block));
         }
         if let (true, Some(&first)) = (self.tier.has_shadows(), cameras.first()) {
-            self.draw_shadow(&mut encoder, first, &rows);
+            let group = &self.scene_groups[first];
+            self.shadow
+                .draw(&mut encoder, &self.pipelines, group, &self.geometry, &poses);
         }
         for (&c, view) in cameras.iter().zip(&views) {
             let seen = self.geometry.seen(view, &poses);
@@ -309,15 +284,21 @@ impl Renderer {
             })
             .map_err(|e| self.failed(e.to_string()))?;
         self.check_failure()?;
+        let mut memory: Vec<Memory> = pending
+            .cameras
+            .iter()
+            .map(|&(c, _)| std::mem::take(&mut self.memory[c]))
+            .collect();
         let unpacked = std::thread::scope(|scope| {
             let jobs: Vec<_> = pending
                 .cameras
                 .iter()
-                .map(|&(c, _)| {
+                .zip(&mut memory)
+                .map(|(&(c, _), memory)| {
                     let (target, buffer) = (&self.targets[c], &self.read[c]);
                     scope.spawn(move || -> Result<[Bytes; 3], String> {
                         let mapped = buffer.get_mapped_range(..).map_err(|e| e.to_string())?;
-                        Ok(Layout::of(target).unpack(&mapped, target.spec.range))
+                        Ok(Layout::of(target).unpack(&mapped, target.spec.range, memory))
                     })
                 })
                 .collect();
@@ -328,6 +309,9 @@ impl Renderer {
                 })
                 .collect::<Vec<_>>()
         });
+        for (&(c, _), memory) in pending.cameras.iter().zip(memory) {
+            self.memory[c] = memory;
+        }
         let mut frames = Vec::with_capacity(unpacked.len());
         for (&(camera, world_from_optical), bytes) in pending.cameras.iter().zip(unpacked) {
             self.read[camera].unmap();
@@ -397,30 +381,6 @@ impl Renderer {
         block
     }
 
-    fn draw_shadow(&mut self, encoder: &mut wgpu::CommandEncoder, camera: usize, rows: &[BodyRow]) {
-        let bodies = &self.geometry.bodies;
-        let casters = || (0..bodies.len()).filter(|&b| !bodies[b].casters.is_empty());
-        let places: Vec<BodyRow> = casters().map(|b| rows[b]).collect();
-        if !self.shadow.drawn_for.is_empty() && self.shadow.drawn_for == places {
-            return;
-        }
-        let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
-            label: Some("shadow"),
-            depth_stencil_attachment: Some(depth_attachment(&self.shadow.picture.view, 1.0, true)),
-            ..Default::default()
-        });
-        pass.set_pipeline(&self.pipelines.caster);
-        pass.set_bind_group(0, &self.scene_groups[camera], &[]);
-        self.geometry.set(&mut pass);
-        for b in casters() {
-            for range in &bodies[b].casters {
-                pass.draw_indexed(range.clone(), 0, 0..1);
-            }
-        }
-        drop(pass);
-        self.shadow.drawn_for = places;
-    }
-
     fn draw_camera(&self, encoder: &mut wgpu::CommandEncoder, camera: usize, seen: &[Seen<'_>]) {
         let target = &self.targets[camera];
         let (view, resolve, depth) = match &target.samples {
@@ -442,18 +402,15 @@ impl Renderer {
                     },
                 },
             })],
-            depth_stencil_attachment: Some(depth_attachment(depth, 0.0, resolve.is_none())),
+            depth_stencil_attachment: Some(depth_attachment(depth, FARTHEST, resolve.is_none())),
             ..Default::default()
         });
         pass.set_bind_group(0, &self.scene_groups[camera], &[]);
         pass.set_bind_group(1, &self.shadow_group, &[]);
         self.geometry.set(&mut pass);
-        for (textured, pipeline) in [
-            (false, &self.pipelines.plain),
-            (true, &self.pipelines.textured),
-        ] {
+        for (finish, pipeline) in Finish::ALL.iter().zip(&self.pipelines.surfaces) {
             pass.set_pipeline(pipeline);
-            for s in seen.iter().filter(|s| s.batch.textured == textured) {
+            for s in seen.iter().filter(|s| s.finish == *finish) {
                 pass.draw_indexed(s.indices(), 0, 0..1);
             }
         }
@@ -470,7 +427,11 @@ impl Renderer {
                         store: wgpu::StoreOp::Store,
                     },
                 })],
-                depth_stencil_attachment: Some(depth_attachment(&target.depth.view, 0.0, true)),
+                depth_stencil_attachment: Some(depth_attachment(
+                    &target.depth.view,
+                    FARTHEST,
+                    true,
+                )),
                 ..Default::default()
             });
             pass.set_pipeline(pipeline);
@@ -483,76 +444,6 @@ impl Renderer {
     }
 }
 
-/// A batch in view.
-struct Seen<'a> {
-    batch: &'a Batch,
-    coarse: bool,
-}
-
-impl Seen<'_> {
-    fn indices(&self) -> std::ops::Range<u32> {
-        if self.coarse {
-            self.batch.coarse.clone()
-        } else {
-            self.batch.full.clone()
-        }
-    }
-}
-
-impl Geometry {
-    fn upload(device: &wgpu::Device, buffers: &Buffers) -> Self {
-        let filled = |label, contents: &[u8], usage| {
-            device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
-                label: Some(label),
-                contents,
-                usage,
-            })
-        };
-        Self {
-            vertices: filled(
-                "vertices",
-                bytemuck::cast_slice(&buffers.vertices),
-                wgpu::BufferUsages::VERTEX,
-            ),
-            indices: filled(
-                "indices",
-                bytemuck::cast_slice(&buffers.indices),
-                wgpu::BufferUsages::INDEX,
-            ),
-            body_rows: device.create_buffer(&wgpu::BufferDescriptor {
-                label: Some("bodies"),
-                size: (buffers.bodies.len().max(1) * std::mem::size_of::<BodyRow>()) as u64,
-                usage: wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST,
-                mapped_at_creation: false,
-            }),
-            bodies: buffers.bodies.clone(),
-            batches: buffers.batches.clone(),
-        }
-    }
-
-    fn set(&self, pass: &mut wgpu::RenderPass<'_>) {
-        pass.set_vertex_buffer(0, self.vertices.slice(..));
-        pass.set_index_buffer(self.indices.slice(..), wgpu::IndexFormat::Uint32);
-    }
-
-    /// Batches in view, near ones first; large ones (walls, floor) last, they are mostly hidden.
-    fn seen(&self, view: &View, poses: &[Isometry3<f64>]) -> Vec<Seen<'_>> {
-        let mut seen: Vec<(f64, Seen<'_>)> = self
-            .batches
-            .iter()
-            .filter_map(|batch| {
-                let centre: Point3<f64> = poses[batch.body] * batch.centre;
-                let distance = view.distance(&centre, batch.radius)?;
-                let late = if batch.radius > 1.5 { 100.0 } else { 0.0 };
-                let coarse = distance > view.focal * COARSE_BELOW;
-                Some((distance + late, Seen { batch, coarse }))
-            })
-            .collect();
-        seen.sort_by(|a, b| a.0.total_cmp(&b.0));
-        seen.into_iter().map(|(_, s)| s).collect()
-    }
-}
-
 fn world_from(binding: Binding, snapshot: &Snapshot) -> Isometry3<f64> {
     match binding {
         Binding::World => Isometry3::identity(),
@@ -561,63 +452,11 @@ fn world_from(binding: Binding, snapshot: &Snapshot) -> Isometry3<f64> {
     }
 }
 
-fn body_row(pose: &Isometry3<f64>, instance: u8) -> BodyRow {
-    let m = pose.to_homogeneous();
-    let mut row = [0.0; 16];
-    for r in 0..3 {
-        for c in 0..4 {
-            row[4 * r + c] = m[(r, c)] as f32;
-        }
-    }
-    row[12] = f32::from(instance) / 255.0;
-    row[13] = 1.0;
-    row
-}
-
-fn depth_attachment(
-    view: &wgpu::TextureView,
-    clear: f32,
-    keep: bool,
-) -> wgpu::RenderPassDepthStencilAttachment<'_> {
-    wgpu::RenderPassDepthStencilAttachment {
-        view,
-        depth_ops: Some(wgpu::Operations {
-            load: wgpu::LoadOp::Clear(clear),
-            store: if keep {
-                wgpu::StoreOp::Store
-            } else {
-                wgpu::StoreOp::Discard
-            },
-        }),
-        stencil_ops: None,
-    }
-}
-
 /// Sky where nothing is hit, as the shader would show it; id 0.
 fn background(light: &Lighting) -> wgpu::Color {
     let show = |c: f32| f64::from((c * (6.2 * c + 0.5)) / (c * (6.2 * c + 1.7) + 0.06));
     let [r, g, b] = light.sky.map(|c| show(c * 1.5));
     wgpu::Color { r, g, b, a: 0.0 }
-}
-
-fn samplers(device: &wgpu::Device) -> [wgpu::Sampler; 2] {
-    let linear = wgpu::FilterMode::Linear;
-    [
-        device.create_sampler(&wgpu::SamplerDescriptor {
-            address_mode_u: wgpu::AddressMode::Repeat,
-            address_mode_v: wgpu::AddressMode::Repeat,
-            mag_filter: linear,
-            min_filter: linear,
-            mipmap_filter: wgpu::MipmapFilterMode::Nearest,
-            ..Default::default()
-        }),
-        device.create_sampler(&wgpu::SamplerDescriptor {
-            mag_filter: linear,
-            min_filter: linear,
-            compare: Some(wgpu::CompareFunction::LessEqual),
-            ..Default::default()
-        }),
-    ]
 }
 
 fn bind(
@@ -637,55 +476,5 @@ fn bind(
         label: None,
         layout,
         entries: &entries,
-    })
-}
-
-fn upload_pictures(
-    device: &wgpu::Device,
-    queue: &wgpu::Queue,
-    patterns: &[String],
-) -> wgpu::TextureView {
-    let painted: Vec<_> = std::thread::scope(|scope| {
-        let jobs: Vec<_> = patterns
-            .iter()
-            .map(|name| scope.spawn(|| texture::paint(name)))
-            .collect();
-        jobs.into_iter()
-            .filter_map(|job| job.join().ok().flatten())
-            .collect()
-    });
-    let none = patterns.is_empty();
-    let side = if none { 1 } else { texture::SIZE as u32 };
-    let bytes: Vec<u8> = if none {
-        vec![255; 4]
-    } else {
-        painted
-            .into_iter()
-            .flat_map(|p| p.levels)
-            .flatten()
-            .collect()
-    };
-    let texture = device.create_texture_with_data(
-        queue,
-        &wgpu::TextureDescriptor {
-            label: Some("patterns"),
-            size: wgpu::Extent3d {
-                width: side,
-                height: side,
-                depth_or_array_layers: patterns.len().max(1) as u32,
-            },
-            mip_level_count: if none { 1 } else { texture::LEVELS as u32 },
-            sample_count: 1,
-            dimension: wgpu::TextureDimension::D2,
-            format: wgpu::TextureFormat::Rgba8Unorm,
-            usage: wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::COPY_DST,
-            view_formats: &[],
-        },
-        wgpu::util::TextureDataOrder::LayerMajor,
-        &bytes,
-    );
-    texture.create_view(&wgpu::TextureViewDescriptor {
-        dimension: Some(wgpu::TextureViewDimension::D2Array),
-        ..Default::default()
     })
 }
