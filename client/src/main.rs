@@ -9,9 +9,9 @@ use clap::{Parser, Subcommand};
 use wheelarm_client::control::{self, EpisodeCommand, ResetArgs};
 use wheelarm_client::demo::{self, DemoArgs};
 use wheelarm_client::link::{ConnectArgs, Link};
-use wheelarm_client::record::{self, RecordArgs};
 use wheelarm_client::operate::operator::Outcome;
 use wheelarm_client::operate::run::{self as operate, OperateArgs};
+use wheelarm_client::record::{self, RecordArgs};
 use wheelarm_client::replay::{self, ReplayArgs};
 use wheelarm_proto::keys::Query;
 

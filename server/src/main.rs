@@ -104,7 +104,9 @@ fn camera(text: &str) -> Result<CameraSetting, String> {
             rate_hz: rate.parse().ok()?,
         })
     };
-    parse().ok_or_else(|| format!("{text:?} is not NAME=WIDTHxHEIGHT@HZ, for example gen3=1280x720@10"))
+    parse().ok_or_else(|| {
+        format!("{text:?} is not NAME=WIDTHxHEIGHT@HZ, for example gen3=1280x720@10")
+    })
 }
 
 /// The assets folder: as told, in the working directory, or beside the
@@ -112,12 +114,18 @@ fn camera(text: &str) -> Result<CameraSetting, String> {
 fn assets(told: Option<PathBuf>) -> anyhow::Result<PathBuf> {
     if let Some(told) = told {
         if !told.join("scenes").is_dir() {
-            bail!("{} holds no folder `scenes`; name the assets folder of WheelArm", told.display());
+            bail!(
+                "{} holds no folder `scenes`; name the assets folder of WheelArm",
+                told.display()
+            );
         }
         return Ok(told);
     }
     let program = std::env::current_exe().unwrap_or_default();
-    let beside = program.ancestors().skip(1).map(|folder| folder.join("assets"));
+    let beside = program
+        .ancestors()
+        .skip(1)
+        .map(|folder| folder.join("assets"));
     std::iter::once(PathBuf::from("assets"))
         .chain(beside)
         .find(|folder| folder.join("scenes").is_dir())
@@ -126,7 +134,10 @@ fn assets(told: Option<PathBuf>) -> anyhow::Result<PathBuf> {
 
 /// Replaces port 0 of a TCP endpoint by a free one.
 fn concrete(endpoint: &str) -> anyhow::Result<String> {
-    let Some(address) = endpoint.strip_prefix("tcp/").and_then(|a| a.strip_suffix(":0")) else {
+    let Some(address) = endpoint
+        .strip_prefix("tcp/")
+        .and_then(|a| a.strip_suffix(":0"))
+    else {
         return Ok(endpoint.to_owned());
     };
     let listener = TcpListener::bind((address, 0))
@@ -134,9 +145,33 @@ fn concrete(endpoint: &str) -> anyhow::Result<String> {
     Ok(format!("tcp/{address}:{}", listener.local_addr()?.port()))
 }
 
-#[tokio::main]
-async fn main() -> anyhow::Result<()> {
+fn main() -> anyhow::Result<()> {
     let args = Args::parse();
+    with_runtime_folder();
+    tokio::runtime::Runtime::new()?.block_on(serve(args))
+}
+
+/// Graphics drivers complain on stderr when `XDG_RUNTIME_DIR` is unset, as it
+/// is in containers and batch jobs: this program then starts itself again with
+/// a private folder. Where that fails, the complaint is all that happens.
+fn with_runtime_folder() {
+    use std::os::unix::fs::DirBuilderExt;
+    use std::os::unix::process::CommandExt;
+    const NAME: &str = "XDG_RUNTIME_DIR";
+    if std::env::var_os(NAME).is_some() {
+        return;
+    }
+    let folder = std::env::temp_dir().join(format!("wheelarm-{}", std::process::id()));
+    let made = std::fs::DirBuilder::new().mode(0o700).create(&folder);
+    if let (Ok(()), Ok(program)) = (made, std::env::current_exe()) {
+        let _ = std::process::Command::new(program)
+            .args(std::env::args_os().skip(1))
+            .env(NAME, &folder)
+            .exec();
+    }
+}
+
+async fn serve(args: Args) -> anyhow::Result<()> {
     tracing_subscriber::fmt()
         .with_writer(std::io::stderr)
         .with_env_filter(
@@ -157,8 +192,13 @@ async fn main() -> anyhow::Result<()> {
     let assets = assets(args.assets)?;
     if args.list_tasks {
         for task in tasks::list(&assets)? {
-            println!("{:<20} {:<16} {:<14} {}", task.name, task.activity, task.area,
-                task.instructions.first().map_or("", String::as_str));
+            println!(
+                "{:<20} {:<16} {:<14} {}",
+                task.name,
+                task.activity,
+                task.area,
+                task.instructions.first().map_or("", String::as_str)
+            );
         }
         return Ok(());
     }
@@ -191,13 +231,21 @@ async fn main() -> anyhow::Result<()> {
     }
     let pacing = scenario.pacing;
     let sim = Simulation::new(&assets, scenario)?;
-    let listen = args.listen.iter().map(|e| concrete(e)).collect::<anyhow::Result<Vec<_>>>()?;
+    let listen = args
+        .listen
+        .iter()
+        .map(|e| concrete(e))
+        .collect::<anyhow::Result<Vec<_>>>()?;
     let session = service::session::open(&listen, &args.connect, args.multicast, pacing)
         .with_context(|| {
             format!("cannot listen on {}; is another server running there? Choose another port with --listen tcp/127.0.0.1:PORT", listen.join(", "))
         })?;
     let endpoint = listen.first().cloned().unwrap_or_default();
-    let options = Options { keys, adapter: args.adapter, no_cameras: args.no_cameras };
+    let options = Options {
+        keys,
+        adapter: args.adapter,
+        no_cameras: args.no_cameras,
+    };
     let name = args.sim;
     let ready = move || println!("ready {endpoint} sim={name}");
     service::run(session, sim, options, ready, interrupted()).await?;

@@ -12,7 +12,11 @@ use anyhow::{Context, bail};
 /// Root of the workspace.
 #[must_use]
 pub fn root() -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).ancestors().nth(1).unwrap_or(Path::new(".")).to_owned()
+    Path::new(env!("CARGO_MANIFEST_DIR"))
+        .ancestors()
+        .nth(1)
+        .unwrap_or(Path::new("."))
+        .to_owned()
 }
 
 /// A program of the workspace, built with the same profile as this test.
@@ -26,7 +30,10 @@ pub fn program(name: &str) -> anyhow::Result<PathBuf> {
     if path.is_file() {
         Ok(path)
     } else {
-        bail!("{} is missing; run `make test`, which builds the programs first", path.display())
+        bail!(
+            "{} is missing; run `make test`, which builds the programs first",
+            path.display()
+        )
     }
 }
 
@@ -61,12 +68,19 @@ impl Server {
                 let _ = sender.send(line);
             }
         });
-        let mut server = Self { child, endpoint: String::new(), sim: sim.to_owned() };
+        let mut server = Self {
+            child,
+            endpoint: String::new(),
+            sim: sim.to_owned(),
+        };
         loop {
             match lines.recv_timeout(Duration::from_secs(60)) {
                 Ok(line) => {
                     if let Some(rest) = line.strip_prefix("ready ") {
-                        rest.split(' ').next().unwrap_or_default().clone_into(&mut server.endpoint);
+                        rest.split(' ')
+                            .next()
+                            .unwrap_or_default()
+                            .clone_into(&mut server.endpoint);
                         server.drain_errors();
                         return Ok(server);
                     }

@@ -8,7 +8,9 @@ mod synthetic;
 use std::path::PathBuf;
 
 fn main() -> anyhow::Result<()> {
-    let dir = std::env::args().nth(1).map_or_else(|| PathBuf::from("data"), PathBuf::from);
+    let dir = std::env::args()
+        .nth(1)
+        .map_or_else(|| PathBuf::from("data"), PathBuf::from);
     let log = synthetic::smooth::record(&dir, "made_up", 20, (640, 360))?;
     let finished = wheelarm_dataset::finish::finish(&log, None)?;
     println!("{}", finished.path.display());

@@ -25,7 +25,10 @@ pub fn info(episode: &Episode) -> Result<String, ReadError> {
     line("size", &format!("{:.1} MB", bytes as f64 / 1e6));
     line("label", &s.label);
     line("instruction", &s.instruction);
-    line("task", &format!("{task} ({activity}, {area}), seed {}", s.seed));
+    line(
+        "task",
+        &format!("{task} ({activity}, {area}), seed {}", s.seed),
+    );
     line("success", if s.success { "yes" } else { "no" });
     line("failure", &s.failure_reason);
     for (name, holds, value) in &s.conditions {
@@ -41,8 +44,14 @@ pub fn info(episode: &Episode) -> Result<String, ReadError> {
     for problem in &s.problems {
         line("", problem);
     }
-    line("server", &format!("{server}, {adapter}, quality {quality}, pacing {pacing}"));
-    line("recorder", &format!("{recorder}, version {recorder_version}"));
+    line(
+        "server",
+        &format!("{server}, {adapter}, quality {quality}, pacing {pacing}"),
+    );
+    line(
+        "recorder",
+        &format!("{recorder}, version {recorder_version}"),
+    );
     line("depth", &s.depth_unit);
     let _ = writeln!(
         out,

@@ -32,7 +32,10 @@ fn plain_h5py_reads_every_dataset_and_finds_the_same_pixels() {
     let dir = tempfile::tempdir().unwrap();
     for depth in [DepthFormat::Metres, DepthFormat::Millimetres] {
         let label = format!("h5py_{depth:?}");
-        let options = WriterOptions { depth, ..Default::default() };
+        let options = WriterOptions {
+            depth,
+            ..Default::default()
+        };
         let mut writer = EpisodeWriter::open(
             dir.path(),
             &synthetic::started(&label),
@@ -68,9 +71,18 @@ fn plain_h5py_reads_every_dataset_and_finds_the_same_pixels() {
             .chain(["camera/gen3", "camera/wheelchair"].map(|c| (c.to_owned(), 0, 4)))
             .collect();
         let stopped = Some(synthetic::stopped(280, &counts));
-        let log = writer.close(Closing { stopped, ..Default::default() }).unwrap();
+        let log = writer
+            .close(Closing {
+                stopped,
+                ..Default::default()
+            })
+            .unwrap();
         let finished = finish(&log, None).unwrap();
-        assert!(finished.account.complete(), "{:?}", finished.account.problems);
+        assert!(
+            finished.account.complete(),
+            "{:?}",
+            finished.account.problems
+        );
 
         let expected = serde_json::json!({
             "streams/camera/gen3/rgb": {"shape": [4, 54, 96, 3], "sum": sums[0]},
@@ -78,8 +90,8 @@ fn plain_h5py_reads_every_dataset_and_finds_the_same_pixels() {
         });
         let json = dir.path().join("expected.json");
         std::fs::write(&json, expected.to_string()).unwrap();
-        let script = Path::new(env!("CARGO_MANIFEST_DIR"))
-            .join("../../tests/python/check_episode.py");
+        let script =
+            Path::new(env!("CARGO_MANIFEST_DIR")).join("../../tests/python/check_episode.py");
         let output = Command::new(&python)
             .arg(script)
             .arg(&finished.path)

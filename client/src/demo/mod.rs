@@ -235,7 +235,7 @@ fn sheet(file: &Path) -> anyhow::Result<Option<PathBuf>> {
         ],
     )?;
     let status = program.wait(SHEET)?;
-    if !status.success() {
+    if !status.success() || !picture.is_file() {
         eprintln!("no contact sheet ({status}):\n{}", program.messages());
         return Ok(None);
     }

@@ -41,12 +41,15 @@ pub struct Drive {
 const PAUSE: f64 = 0.25;
 /// Step of the speed profile, metres.
 const STEP: f64 = 0.01;
-/// The chair needs about this long to follow a change of turn rate, seconds.
-const PREVIEW: f64 = 0.25;
+/// The chair's turn acceleration needs about this long for the change of turn
+/// rate at the ends of an arc, seconds. The turn rate that is fed forward is
+/// the mean over this window around the present, shifted by the chair's lag.
+const RAMP: f64 = 0.6;
+const LAG: f64 = 0.05;
 /// Gains of the tracking law (Kanayama et al. 1990): 1/s, 1/m², 1/m.
 const GAIN_ALONG: f64 = 1.0;
-const GAIN_ACROSS: f64 = 4.0;
-const GAIN_HEADING: f64 = 3.0;
+const GAIN_ACROSS: f64 = 8.0;
+const GAIN_HEADING: f64 = 5.0;
 /// Heading gain while turning on the spot, 1/s.
 const GAIN_TURN: f64 = 2.0;
 
@@ -212,14 +215,10 @@ impl Drive {
     #[must_use]
     pub fn command(&self, time: f64, pose: &Pose2) -> [f64; 2] {
         let now = self.reference(time);
-        let soon = self.reference(time + PREVIEW);
+        let before = self.reference(time + LAG - RAMP / 2.0);
+        let after = self.reference(time + LAG + RAMP / 2.0);
+        let feed = wrap(after.pose.heading - before.pose.heading) / RAMP;
         let [along, across, turn] = pose.to(&now.pose);
-        // The preview helps while rolling; a turn on the spot tracks its angle.
-        let feed = if now.speed.abs() > 0.05 && soon.speed.abs() > 0.05 {
-            soon.turn_rate
-        } else {
-            now.turn_rate
-        };
         let speed = now.speed * turn.cos() + GAIN_ALONG * along;
         let turn_rate = feed
             + now.speed * GAIN_ACROSS * across

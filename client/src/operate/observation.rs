@@ -36,8 +36,6 @@ pub struct Observation {
     pub arm_problem: String,
     /// Left knuckle, rad.
     pub knuckle: f64,
-    /// Left knuckle, rad/s.
-    pub knuckle_speed: f64,
     /// Normal force at the left and the right pad, N.
     pub pad_force: [f64; 2],
     /// Objects in `house`.
@@ -166,7 +164,6 @@ impl Collector {
                 .map(|applied| applied.arm_problem.clone())
                 .unwrap_or_default(),
             knuckle: joints.position.get(KNUCKLE).copied().unwrap_or(0.0),
-            knuckle_speed: joints.velocity.get(KNUCKLE).copied().unwrap_or(0.0),
             pad_force: [
                 pads.first().copied().unwrap_or(0.0),
                 pads.get(1).copied().unwrap_or(0.0),

@@ -8,8 +8,9 @@ use wheelarm_proto::v1::{self, Phase};
 
 use super::drive::{Drive, DriveLimits};
 use super::grasp::{self, Approach, GraspStyle, Reach};
+use super::ground::{Ground, Pose2};
 use super::observation::Observation;
-use super::route::{self, RouteStyle};
+use super::route::{self, Piece, Route, RouteStyle};
 use super::scene::{SceneModel, write_pose};
 use super::tool_path::{ToolPath, distance};
 
@@ -98,6 +99,10 @@ const ATTEMPTS: usize = 3;
 const STOPS: usize = 4;
 /// Places that are checked for reach and route per stop.
 const PLACES: usize = 80;
+/// Straight ways before a stop that are tried, metres.
+const STRAIGHTS: [f64; 3] = [0.35, 0.2, 0.08];
+/// Radii of arcs that are tried, as shares of the style's.
+const ARCS: [f64; 2] = [1.0, 0.75];
 /// A fully opened gripper, metres.
 const OPEN: f64 = 0.085;
 /// The hand counts as arrived within this, metres and radians.
@@ -106,6 +111,11 @@ const ARRIVED: [f64; 2] = [0.006, 0.03];
 const ARRIVAL_TIME: f64 = 2.5;
 /// A pad touches from this force, N.
 const TOUCH: f64 = 2.0;
+/// The knuckle stands still within this, radians. Its angle counts and not its
+/// speed, which a stiff contact shakes.
+const STILL: f64 = 0.006;
+/// A grip is firm after the knuckle has stood still this long, seconds.
+const FIRM: f64 = 0.3;
 /// The object has slipped when it moved this far in the hand, metres.
 const SLIP: f64 = 0.03;
 /// Longest time to wait for the task's conditions at the end, seconds.
@@ -132,7 +142,7 @@ enum Stage {
         doing: Doing,
     },
     /// Closes the gripper.
-    Close { begun: f64, firm_since: Option<f64> },
+    Close { begun: f64, still: Still },
     /// Waits for the task's conditions.
     Hold {
         since: f64,
@@ -142,6 +152,13 @@ enum Stage {
     Open { since: f64 },
     /// Over.
     Over,
+}
+
+/// Where the knuckle was when it last moved.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Still {
+    knuckle: f64,
+    since: f64,
 }
 
 /// What a movement of the hand is for.
@@ -246,7 +263,7 @@ impl Operator {
             Stage::Rest { since } => self.rest(seen, since),
             Stage::Aim => self.aim(seen, reach),
             Stage::Move { path, begun, doing } => self.follow(seen, &path, begun, doing),
-            Stage::Close { begun, firm_since } => self.close(seen, begun, firm_since),
+            Stage::Close { begun, still } => self.close(seen, begun, still),
             Stage::Hold {
                 since,
                 success_since,
@@ -312,7 +329,7 @@ impl Operator {
         let ways = grasp::approaches(&self.scene, self.target, &seen.objects, style);
         let docks = grasp::docks(&self.scene, &ground, &chair, &ways, style);
         let mut reasons = [0_usize; 2];
-        let mut last_refused: Option<super::ground::Pose2> = None;
+        let mut last_refused: Option<Pose2> = None;
         let mut looked = 0;
         for dock in &docks {
             if looked == PLACES {
@@ -336,7 +353,7 @@ impl Operator {
                 last_refused = Some(dock.chair);
                 continue;
             }
-            let Some(route) = route::find(&ground, chair, dock.chair, &self.style.route) else {
+            let Some(route) = self.route(&ground, chair, dock.chair) else {
                 reasons[1] += 1;
                 last_refused = Some(dock.chair);
                 continue;
@@ -363,6 +380,34 @@ impl Operator {
             reasons[0],
             reasons[1]
         )))
+    }
+
+    /// The quickest route whose last part is straight, so that the chair
+    /// arrives aligned, with wide or with tight arcs.
+    fn route(&self, ground: &Ground, start: Pose2, goal: Pose2) -> Option<Vec<Piece>> {
+        let mut best: Option<Route> = None;
+        for length in STRAIGHTS {
+            let before = goal.rolled(-length, 0.0);
+            for tightness in ARCS {
+                let style = RouteStyle {
+                    radius: self.style.route.radius * tightness,
+                    ..self.style.route
+                };
+                let Some(mut route) = route::find(ground, start, before, &style) else {
+                    continue;
+                };
+                route.pieces.push(Piece::Roll {
+                    length,
+                    curvature: 0.0,
+                });
+                // A long straight part aligns better than a short one.
+                route.cost += length / self.style.drive.speed - 4.0 * length;
+                if best.as_ref().is_none_or(|best| route.cost < best.cost) {
+                    best = Some(route);
+                }
+            }
+        }
+        best.map(|route| route.pieces)
     }
 
     fn drive(&mut self, seen: &Observation, drive: &Drive, begun: f64) -> Act {
@@ -515,7 +560,10 @@ impl Operator {
                 self.height = seen.objects[self.target].translation.z;
                 self.stage = Stage::Close {
                     begun: seen.time,
-                    firm_since: None,
+                    still: Still {
+                        knuckle: seen.knuckle,
+                        since: seen.time,
+                    },
                 };
             }
             Doing::Lifting => {
@@ -537,20 +585,22 @@ impl Operator {
         }
     }
 
-    fn close(&mut self, seen: &Observation, begun: f64, firm_since: Option<f64>) -> Act {
+    fn close(&mut self, seen: &Observation, begun: f64, mut still: Still) -> Act {
         let mut act = self.act(Phase::Grasping, "closing");
         // The cap on the force stops the fingers at the object.
-        if begun == seen.time || seen.time - begun < 0.05 {
+        if seen.time - begun < 0.05 {
             act.opening = Some(0.0);
         }
-        let both = seen.pad_force.iter().all(|force| *force > TOUCH);
-        let firm = both && seen.knuckle_speed.abs() < 0.02;
-        let firm_since = firm.then(|| firm_since.unwrap_or(seen.time));
-        self.stage = Stage::Close { begun, firm_since };
-        if firm_since.is_some_and(|since| seen.time - since > 0.3) {
-            let house_from_tool =
-                seen.house_from_chair * self.scene.chair_from_base * seen.base_from_tool;
-            self.tool_from_object = Some(house_from_tool.inv_mul(&seen.objects[self.target]));
+        let touching = seen.pad_force.iter().all(|force| *force > TOUCH);
+        if !touching || (seen.knuckle - still.knuckle).abs() > STILL {
+            still = Still {
+                knuckle: seen.knuckle,
+                since: seen.time,
+            };
+        }
+        self.stage = Stage::Close { begun, still };
+        if seen.time - still.since > FIRM {
+            self.tool_from_object = Some(self.target_in_hand(seen));
             let up = seen
                 .house_from_chair
                 .rotation
@@ -569,13 +619,18 @@ impl Operator {
         act
     }
 
+    /// The object in the end effector's frame.
+    #[must_use]
+    pub fn target_in_hand(&self, seen: &Observation) -> Isometry3<f64> {
+        let house_from_tool =
+            seen.house_from_chair * self.scene.chair_from_base * seen.base_from_tool;
+        house_from_tool.inv_mul(&seen.objects[self.target])
+    }
+
     /// Why the object is no longer held; `None` while it is.
     fn slipped(&self, seen: &Observation) -> Option<String> {
         let held = self.tool_from_object?;
-        let house_from_tool =
-            seen.house_from_chair * self.scene.chair_from_base * seen.base_from_tool;
-        let now = house_from_tool.inv_mul(&seen.objects[self.target]);
-        let moved = distance(&held, &now);
+        let moved = distance(&held, &self.target_in_hand(seen));
         (moved > SLIP).then(|| format!("the object slipped {:.0} mm in the hand", moved * 1e3))
     }
 

@@ -65,6 +65,8 @@ pub struct RouteStyle {
 
 /// Seconds lost by stopping between rolling and turning on the spot.
 const STOP_COST: f64 = 1.5;
+/// Seconds that a change of curvature counts: fewer bends look and track better.
+const BEND_COST: f64 = 0.3;
 /// Cell of the search, metres.
 const CELL: f64 = 0.1;
 /// Headings of the search.
@@ -108,9 +110,18 @@ impl Ord for Candidate {
     }
 }
 
+/// A way of the chair and the rough seconds that it takes.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Route {
+    /// Pieces in their order.
+    pub pieces: Vec<Piece>,
+    /// Seconds, with a charge for stops and bends.
+    pub cost: f64,
+}
+
 /// Finds a short route from `start` to `goal`; `None` when there is none.
 #[must_use]
-pub fn find(ground: &Ground, start: Pose2, goal: Pose2, style: &RouteStyle) -> Option<Vec<Piece>> {
+pub fn find(ground: &Ground, start: Pose2, goal: Pose2, style: &RouteStyle) -> Option<Route> {
     // A stop, or the place where the chair stands, may leave less room than is liked.
     let margin = [style.margin, style.margin / 2.0, 0.0]
         .into_iter()
@@ -127,7 +138,10 @@ pub fn find(ground: &Ground, start: Pose2, goal: Pose2, style: &RouteStyle) -> O
     let mut open = BinaryHeap::from([Candidate { rank: 0.0, node: 0 }]);
     while let Some(Candidate { node: at, .. }) = open.pop() {
         if nodes[at].is_goal {
-            return Some(collect(&nodes, at));
+            return Some(Route {
+                pieces: collect(&nodes, at),
+                cost: nodes[at].cost,
+            });
         }
         if nodes.len() > LIMIT {
             return None;
@@ -297,7 +311,13 @@ fn price(
             (Some(Piece::Roll { length: a, .. }), Piece::Roll { length: b, .. }) => a * b < 0.0,
             (None, _) => false,
         };
-        cost += piece.cost() + if stops { STOP_COST } else { 0.0 };
+        let bends = match (previous, piece) {
+            (Some(Piece::Roll { curvature: a, .. }), Piece::Roll { curvature: b, .. }) => a != *b,
+            _ => false,
+        };
+        cost += piece.cost()
+            + if stops { STOP_COST } else { 0.0 }
+            + if bends { BEND_COST } else { 0.0 };
         pose = piece.after(&pose, 1.0);
         previous = Some(*piece);
     }
@@ -361,7 +381,7 @@ mod tests {
 
     /// Follows a route and asserts that it is free and ends at the goal.
     fn check(ground: &Ground, goal: Pose2) -> Vec<Piece> {
-        let route = find(ground, START, goal, &STYLE).unwrap();
+        let route = find(ground, START, goal, &STYLE).unwrap().pieces;
         let mut pose = START;
         for piece in &route {
             for i in 0..=20 {

@@ -210,6 +210,19 @@ pub fn run(
         if let Some(error) = reach.error.take() {
             return Err(error.into());
         }
+        tracing::debug!(
+            "{:.3} s {}: chair {:?} at {:?}, knuckle {:.3} rad, pads {:.1?} N, \
+             object in hand {:?}, base {:?}, {}",
+            seen.time,
+            act.name,
+            seen.chair(),
+            seen.chair_speed,
+            seen.knuckle,
+            seen.pad_force,
+            operator.target_in_hand(&seen),
+            act.base,
+            seen.arm_problem,
+        );
         commander.answer(&header, operator.command(&act))?;
         answered = Some(header.tick);
         let notes = operator.notes();

@@ -160,11 +160,6 @@ impl Toy {
             base_from_desired: Some(self.target),
             arm_problem: String::new(),
             knuckle: 0.8 * (1.0 - self.opening / 0.085),
-            knuckle_speed: if (self.opening - self.wanted).abs() < 1e-9 || gripped {
-                0.0
-            } else {
-                0.5
-            },
             pad_force: if gripped { [30.0, 30.0] } else { [0.0, 0.0] },
             objects: self.objects.clone(),
             success: raised > 0.1 && self.held_for > 1.0,

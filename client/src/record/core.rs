@@ -23,6 +23,10 @@ const EARLY_BYTES: usize = 256 << 20;
 
 /// What reaches a recorder.
 #[derive(Clone, Debug)]
+#[allow(
+    clippy::large_enum_variant,
+    reason = "one such message per episode; samples are the small ones"
+)]
 pub enum Input {
     /// An episode begins, or runs already when the recorder joins.
     Started(v1::EpisodeStarted),

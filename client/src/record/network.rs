@@ -30,6 +30,10 @@ const CORE_PERIOD: Duration = Duration::from_millis(50);
 const QUERY_TIMEOUT: Duration = Duration::from_secs(10);
 
 /// What callbacks put into the queue: undecoded.
+#[allow(
+    clippy::large_enum_variant,
+    reason = "one such message per episode; samples are the small ones"
+)]
 enum Raw {
     Stream(String, ZBytes),
     Camera(String, ZBytes),
@@ -157,7 +161,9 @@ pub async fn run_with(
         }
     }
     if thread.join().is_err() {
-        bail!("the recorder's thread panicked; a log it left is kept, see `wheelarm dataset recover`");
+        bail!(
+            "the recorder's thread panicked; a log it left is kept, see `wheelarm dataset recover`"
+        );
     }
     Ok(summary)
 }

@@ -114,25 +114,40 @@ pub fn bounds(shape: &Shape) -> Option<(Vector3<f64>, Vector3<f64>)> {
         Shape::Cuboid { half } | Shape::RoundedCuboid { half, .. } => {
             centred(half[0], half[1], half[2])
         }
-        Shape::Cylinder { radius, half_height } => centred(*radius, *radius, *half_height),
-        Shape::Capsule { radius, half_height } => {
-            centred(*radius, *radius, half_height + radius)
-        }
+        Shape::Cylinder {
+            radius,
+            half_height,
+        } => centred(*radius, *radius, *half_height),
+        Shape::Capsule {
+            radius,
+            half_height,
+        } => centred(*radius, *radius, half_height + radius),
         Shape::Sphere { radius } => centred(*radius, *radius, *radius),
-        Shape::Frustum { bottom_radius, top_radius, half_height } => {
+        Shape::Frustum {
+            bottom_radius,
+            top_radius,
+            half_height,
+        } => {
             let radius = bottom_radius.max(*top_radius);
             centred(radius, radius, *half_height)
         }
-        Shape::Cup { bottom_radius, top_radius, height, .. } => {
-            standing(bottom_radius.max(*top_radius), 0.0, *height)
-        }
+        Shape::Cup {
+            bottom_radius,
+            top_radius,
+            height,
+            ..
+        } => standing(bottom_radius.max(*top_radius), 0.0, *height),
         Shape::Lathe { profile } => {
             let fold = |f: fn(f64, f64) -> f64, i: usize, from: f64| {
                 profile.iter().map(|p| p[i]).fold(from, f)
             };
             let low = fold(f64::min, 1, f64::INFINITY);
             let high = fold(f64::max, 1, f64::NEG_INFINITY);
-            if low > high { None } else { standing(fold(f64::max, 0, 0.0), low, high) }
+            if low > high {
+                None
+            } else {
+                standing(fold(f64::max, 0, 0.0), low, high)
+            }
         }
         Shape::Mesh { .. } => None,
     }

@@ -18,7 +18,11 @@ pub struct RelativeState {
 /// Pose and twist in the world, unchanged.
 #[must_use]
 pub fn in_world(child: &BodyState) -> RelativeState {
-    RelativeState { pose: child.pose, linear: child.linear, angular: child.angular }
+    RelativeState {
+        pose: child.pose,
+        linear: child.linear,
+        angular: child.angular,
+    }
 }
 
 /// Pose and twist of `child` relative to the moving `parent`.

@@ -64,7 +64,11 @@ impl Imu {
     /// An IMU whose noise follows from `seed`.
     #[must_use]
     pub fn new(seed: u64) -> Self {
-        Self { last_velocity: None, noise_draws: 0, seed }
+        Self {
+            last_velocity: None,
+            noise_draws: 0,
+            seed,
+        }
     }
 
     /// Measures the link's state at `tick`. Call it once per tick: the
@@ -79,8 +83,7 @@ impl Imu {
             tick,
             orientation: link.pose.rotation,
             angular_velocity: imu_from_world * link.angular,
-            linear_acceleration: imu_from_world
-                * (acceleration + Vector3::new(0.0, 0.0, GRAVITY)),
+            linear_acceleration: imu_from_world * (acceleration + Vector3::new(0.0, 0.0, GRAVITY)),
         };
         if let Some(noise) = noise {
             // One generator per sample, keyed by the count, so that the state
@@ -134,16 +137,30 @@ mod tests {
 
     #[test]
     fn noise_has_the_stated_deviation_and_follows_the_seed() {
-        let noise = Some(Noise { angular: 0.01, linear: 0.1, orientation: 0.001 });
+        let noise = Some(Noise {
+            angular: 0.01,
+            linear: 0.1,
+            orientation: 0.001,
+        });
         let run = |seed| {
             let mut imu = Imu::new(seed);
-            (0..4000).map(|t| imu.measure(t, &still(), noise)).collect::<Vec<_>>()
+            (0..4000)
+                .map(|t| imu.measure(t, &still(), noise))
+                .collect::<Vec<_>>()
         };
         let samples = run(7);
         assert_eq!(samples, run(7));
         assert_ne!(samples, run(8));
         let n = samples.len() as f64;
-        let variance = samples.iter().map(|s| s.angular_velocity.x.powi(2)).sum::<f64>() / n;
-        assert!((variance.sqrt() - 0.01).abs() < 0.001, "deviation {}", variance.sqrt());
+        let variance = samples
+            .iter()
+            .map(|s| s.angular_velocity.x.powi(2))
+            .sum::<f64>()
+            / n;
+        assert!(
+            (variance.sqrt() - 0.01).abs() < 0.001,
+            "deviation {}",
+            variance.sqrt()
+        );
     }
 }

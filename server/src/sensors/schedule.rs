@@ -30,7 +30,11 @@ impl Schedule {
     /// # Errors
     /// [`BadRate`] when it does not.
     pub fn new(what: &str, rate: f64, base: u64) -> Result<Self, BadRate> {
-        let bad = || BadRate { what: what.to_owned(), rate, base };
+        let bad = || BadRate {
+            what: what.to_owned(),
+            rate,
+            base,
+        };
         if rate == 0.0 {
             return Ok(Self { period: 0 });
         }
@@ -41,7 +45,9 @@ impl Schedule {
         if !base.is_multiple_of(rate_hz) {
             return Err(bad());
         }
-        Ok(Self { period: PHYSICS_HZ / rate_hz })
+        Ok(Self {
+            period: PHYSICS_HZ / rate_hz,
+        })
     }
 
     /// Whether a sample is due at this tick.

@@ -20,9 +20,15 @@ impl Engine {
         let payload = request.asked.payload().map(|p| p.to_bytes().into_owned());
         let answer = self.reply(request.query, payload.as_deref().unwrap_or_default());
         let outcome = match answer {
-            Ok(bytes) => request.asked.reply(request.asked.key_expr().clone(), bytes).wait(),
+            Ok(bytes) => request
+                .asked
+                .reply(request.asked.key_expr().clone(), bytes)
+                .wait(),
             Err(message) => {
-                let failure = v1::Failure { header: Some(self.stamp()), message };
+                let failure = v1::Failure {
+                    header: Some(self.stamp()),
+                    message,
+                };
                 request.asked.reply_err(failure.encode_to_vec()).wait()
             }
         };
@@ -32,7 +38,9 @@ impl Engine {
     }
 
     fn stamp(&self) -> v1::Header {
-        self.shared.outbox.header(self.episode_number(), self.sim.snapshot().tick)
+        self.shared
+            .outbox
+            .header(self.episode_number(), self.sim.snapshot().tick)
     }
 
     fn reply(&mut self, query: Query, payload: &[u8]) -> Result<Vec<u8>, String> {
@@ -48,12 +56,19 @@ impl Engine {
                 let scenario = convert::scenario_over(now, &asked).map_err(|e| e.to_string())?;
                 self.reset(scenario, &request.snapshot)?;
                 let scenario = Some(convert::scenario(self.sim.scenario()));
-                v1::ResetReply { header: Some(self.stamp()), scenario }.encode_to_vec()
+                v1::ResetReply {
+                    header: Some(self.stamp()),
+                    scenario,
+                }
+                .encode_to_vec()
             }
             Query::Pause | Query::Resume => {
                 self.paused = query == Query::Pause;
                 self.pace.restart();
-                self.event(if self.paused { "paused" } else { "resumed" }, "by a client");
+                self.event(
+                    if self.paused { "paused" } else { "resumed" },
+                    "by a client",
+                );
                 self.ack()
             }
             Query::EpisodeStart => self.start_episode(decode(payload)?)?.encode_to_vec(),
@@ -64,14 +79,19 @@ impl Engine {
             }
             Query::Snapshot => self.snapshot()?.encode_to_vec(),
             Query::Shutdown => {
-                self.shared.stop.store(true, std::sync::atomic::Ordering::Release);
+                self.shared
+                    .stop
+                    .store(true, std::sync::atomic::Ordering::Release);
                 self.ack()
             }
         })
     }
 
     fn ack(&self) -> Vec<u8> {
-        v1::Ack { header: Some(self.stamp()) }.encode_to_vec()
+        v1::Ack {
+            header: Some(self.stamp()),
+        }
+        .encode_to_vec()
     }
 
     fn status(&self) -> v1::Status {
@@ -81,7 +101,11 @@ impl Engine {
             header: Some(self.stamp()),
             version: env!("CARGO_PKG_VERSION").to_owned(),
             scenario: Some(convert::scenario(self.sim.scenario())),
-            adapter: self.render.as_ref().map(|r| r.adapter.clone()).unwrap_or_default(),
+            adapter: self
+                .render
+                .as_ref()
+                .map(|r| r.adapter.clone())
+                .unwrap_or_default(),
             paused: self.paused,
             real_time_factor: self.pace.factor(),
             episode: self.episode.as_ref().map(|e| e.started.clone()),
@@ -109,7 +133,11 @@ impl Engine {
             header: Some(self.stamp()),
             bodies: furniture.chain(objects).collect(),
             grasps: grasps.collect(),
-            target: self.sim.task().map(|t| t.target.clone()).unwrap_or_default(),
+            target: self
+                .sim
+                .task()
+                .map(|t| t.target.clone())
+                .unwrap_or_default(),
             instances: self.instances(),
             objects: scene.objects.iter().map(|o| o.name.clone()).collect(),
             arm_mount: self.arm_mount().map(|p| convert::pose(&p)),
@@ -120,12 +148,18 @@ impl Engine {
 
     fn arm_mount(&self) -> Option<nalgebra::Isometry3<f64>> {
         let (model, snapshot) = (self.sim.model(), self.sim.snapshot());
-        let base = model.links.iter().position(|l| l.name == model.settings.arm_base_link)?;
+        let base = model
+            .links
+            .iter()
+            .position(|l| l.name == model.settings.arm_base_link)?;
         Some(snapshot.links[0].pose.inverse() * snapshot.links[base].pose)
     }
 
     fn instances(&self) -> Vec<v1::Instance> {
-        self.render.as_ref().map(|r: &RenderThread| r.instances.clone()).unwrap_or_default()
+        self.render
+            .as_ref()
+            .map(|r: &RenderThread| r.instances.clone())
+            .unwrap_or_default()
     }
 
     fn tasks(&self) -> Result<v1::TaskList, String> {
@@ -140,7 +174,10 @@ impl Engine {
                 instructions: t.instructions,
             })
             .collect();
-        Ok(v1::TaskList { header: Some(self.stamp()), tasks })
+        Ok(v1::TaskList {
+            header: Some(self.stamp()),
+            tasks,
+        })
     }
 
     fn reach(&self, request: v1::ReachRequest) -> Result<v1::ReachReply, String> {
@@ -182,7 +219,10 @@ impl Engine {
         }
         let scene = scene::asset_texts(self.sim.assets(), &scenario.scene);
         let scene = scene.map_err(|e| e.to_string())?;
-        assets.extend(scene.into_iter().map(|a| v1::AssetText { path: a.path, text: a.text }));
+        assets.extend(scene.into_iter().map(|a| v1::AssetText {
+            path: a.path,
+            text: a.text,
+        }));
         Ok(v1::SnapshotReply {
             header: episode.started.header.clone(),
             snapshot: episode.snapshot.clone(),
@@ -196,8 +236,9 @@ impl Engine {
 fn robot_files(folder: &std::path::Path) -> Vec<String> {
     let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
     let names = entries.filter_map(|e| e.file_name().into_string().ok());
-    let mut names: Vec<_> =
-        names.filter(|n| n.ends_with(".urdf") || n.ends_with(".toml")).collect();
+    let mut names: Vec<_> = names
+        .filter(|n| n.ends_with(".urdf") || n.ends_with(".toml"))
+        .collect();
     names.sort();
     names
 }
@@ -209,7 +250,11 @@ fn decode<M: Message + Default>(payload: &[u8]) -> Result<M, String> {
 /// A body with the boxes of its collision shapes: in `house` for furniture, in
 /// the body's own frame for objects.
 fn body(body: &Body, fixed: bool) -> v1::SceneBody {
-    let world_from_body = if fixed { body.pose } else { nalgebra::Isometry3::identity() };
+    let world_from_body = if fixed {
+        body.pose
+    } else {
+        nalgebra::Isometry3::identity()
+    };
     let boxes = body
         .collision
         .iter()
@@ -222,6 +267,10 @@ fn body(body: &Body, fixed: bool) -> v1::SceneBody {
             })
         })
         .collect();
-    v1::SceneBody { name: body.name.clone(), fixed, boxes, area: body.area.clone() }
+    v1::SceneBody {
+        name: body.name.clone(),
+        fixed,
+        boxes,
+        area: body.area.clone(),
+    }
 }
-

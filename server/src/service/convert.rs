@@ -17,12 +17,21 @@ use crate::tasks;
 
 /// A vector as a message.
 pub fn vector(v: &Vector3<f64>) -> v1::Vector3 {
-    v1::Vector3 { x: v.x, y: v.y, z: v.z }
+    v1::Vector3 {
+        x: v.x,
+        y: v.y,
+        z: v.z,
+    }
 }
 
 /// A rotation as a message.
 pub fn quaternion(q: &UnitQuaternion<f64>) -> v1::Quaternion {
-    v1::Quaternion { x: q.i, y: q.j, z: q.k, w: q.w }
+    v1::Quaternion {
+        x: q.i,
+        y: q.j,
+        z: q.k,
+        w: q.w,
+    }
 }
 
 /// A pose as a message.
@@ -35,7 +44,10 @@ pub fn pose(p: &Isometry3<f64>) -> v1::Pose {
 
 /// A twist as a message.
 pub fn twist(linear: &Vector3<f64>, angular: &Vector3<f64>) -> v1::Twist {
-    v1::Twist { linear: Some(vector(linear)), angular: Some(vector(angular)) }
+    v1::Twist {
+        linear: Some(vector(linear)),
+        angular: Some(vector(angular)),
+    }
 }
 
 /// A checked pose; bits are kept where the quaternion is already of unit length.
@@ -81,43 +93,46 @@ fn frame_to(frame: IntentFrame) -> i32 {
 ///
 /// # Errors
 /// [`Invalid`] when a part is missing after all.
-pub fn control_input(
-    command: &v1::Command,
-    map: &GripperMap,
-) -> Result<ControlInput, Invalid> {
+pub fn control_input(command: &v1::Command, map: &GripperMap) -> Result<ControlInput, Invalid> {
     Ok(ControlInput {
         arm: command.arm.as_ref().map(arm_intent).transpose()?,
-        base: command
-            .base
+        base: command.base.as_ref().map(|b| BaseIntent {
+            linear: b.linear,
+            angular: b.angular,
+        }),
+        gripper: command
+            .gripper
             .as_ref()
-            .map(|b| BaseIntent { linear: b.linear, angular: b.angular }),
-        gripper: command.gripper.as_ref().map(|g| gripper_intent(g, map)).transpose()?,
+            .map(|g| gripper_intent(g, map))
+            .transpose()?,
     })
 }
 
 fn arm_intent(arm: &v1::ArmCommand) -> Result<ArmIntent, Invalid> {
     use v1::arm_command::Target;
-    Ok(match arm.target.as_ref().ok_or(Invalid::Missing("arm target"))? {
-        Target::Joints(j) => ArmIntent::Joints(check::list("arm joint position", &j.position)?),
-        Target::Pose(p) => ArmIntent::Pose {
-            frame: frame_from(p.frame),
-            pose: isometry("arm pose", p.pose.as_ref())?,
-        },
-        Target::Twist(t) => {
-            let twist = t.twist.as_ref().ok_or(Invalid::Missing("arm twist"))?;
-            ArmIntent::Twist {
-                frame: frame_from(t.frame),
-                linear: check::vector("arm linear velocity", twist.linear.as_ref())?.into(),
-                angular: check::vector("arm angular velocity", twist.angular.as_ref())?.into(),
+    Ok(
+        match arm.target.as_ref().ok_or(Invalid::Missing("arm target"))? {
+            Target::Joints(j) => ArmIntent::Joints(check::list("arm joint position", &j.position)?),
+            Target::Pose(p) => ArmIntent::Pose {
+                frame: frame_from(p.frame),
+                pose: isometry("arm pose", p.pose.as_ref())?,
+            },
+            Target::Twist(t) => {
+                let twist = t.twist.as_ref().ok_or(Invalid::Missing("arm twist"))?;
+                ArmIntent::Twist {
+                    frame: frame_from(t.frame),
+                    linear: check::vector("arm linear velocity", twist.linear.as_ref())?.into(),
+                    angular: check::vector("arm angular velocity", twist.angular.as_ref())?.into(),
+                }
             }
-        }
-        Target::Step(s) => ArmIntent::Step {
-            frame: frame_from(s.frame),
-            translation: check::vector("arm step translation", s.translation.as_ref())?.into(),
-            rotation: check::vector("arm step rotation", s.rotation.as_ref())?.into(),
+            Target::Step(s) => ArmIntent::Step {
+                frame: frame_from(s.frame),
+                translation: check::vector("arm step translation", s.translation.as_ref())?.into(),
+                rotation: check::vector("arm step rotation", s.rotation.as_ref())?.into(),
+            },
+            Target::Hold(_) => ArmIntent::Hold,
         },
-        Target::Hold(_) => ArmIntent::Hold,
-    })
+    )
 }
 
 fn gripper_intent(
@@ -125,20 +140,34 @@ fn gripper_intent(
     map: &GripperMap,
 ) -> Result<GripperIntent, Invalid> {
     use v1::gripper_command::Target;
-    let target = command.target.as_ref().ok_or(Invalid::Missing("gripper target"))?;
+    let target = command
+        .target
+        .as_ref()
+        .ok_or(Invalid::Missing("gripper target"))?;
     let knuckle = match target {
-        Target::Opening(metres) => map.knuckle(*metres),
+        // The linkage opens a hair less than the 0.085 m that may be asked, and
+        // closes at a hair more than the 0.8 rad that may be.
+        Target::Opening(metres) => map.knuckle(*metres).clamp(0.0, 0.8),
         Target::Knuckle(radians) => *radians,
     };
-    Ok(GripperIntent { knuckle, max_force: command.max_force })
+    Ok(GripperIntent {
+        knuckle,
+        max_force: command.max_force,
+    })
 }
 
 /// The input of a control tick as the groups of a command: what a replay sends.
 pub fn applied_groups(
     input: &ControlInput,
-) -> (Option<v1::ArmCommand>, Option<v1::BaseCommand>, Option<v1::GripperCommand>) {
-    let base =
-        input.base.map(|b| v1::BaseCommand { linear: b.linear, angular: b.angular });
+) -> (
+    Option<v1::ArmCommand>,
+    Option<v1::BaseCommand>,
+    Option<v1::GripperCommand>,
+) {
+    let base = input.base.map(|b| v1::BaseCommand {
+        linear: b.linear,
+        angular: b.angular,
+    });
     let gripper = input.gripper.map(|g| v1::GripperCommand {
         target: Some(v1::gripper_command::Target::Knuckle(g.knuckle)),
         max_force: g.max_force,
@@ -149,22 +178,35 @@ pub fn applied_groups(
 fn arm_command(intent: &ArmIntent) -> v1::ArmCommand {
     use v1::arm_command::Target;
     let target = match intent {
-        ArmIntent::Joints(q) => Target::Joints(v1::JointTarget { position: q.to_vec() }),
-        ArmIntent::Pose { frame, pose: p } => {
-            Target::Pose(v1::CartesianTarget { frame: frame_to(*frame), pose: Some(pose(p)) })
-        }
-        ArmIntent::Twist { frame, linear, angular } => Target::Twist(v1::CartesianTwist {
+        ArmIntent::Joints(q) => Target::Joints(v1::JointTarget {
+            position: q.to_vec(),
+        }),
+        ArmIntent::Pose { frame, pose: p } => Target::Pose(v1::CartesianTarget {
+            frame: frame_to(*frame),
+            pose: Some(pose(p)),
+        }),
+        ArmIntent::Twist {
+            frame,
+            linear,
+            angular,
+        } => Target::Twist(v1::CartesianTwist {
             frame: frame_to(*frame),
             twist: Some(twist(linear, angular)),
         }),
-        ArmIntent::Step { frame, translation, rotation } => Target::Step(v1::CartesianStep {
+        ArmIntent::Step {
+            frame,
+            translation,
+            rotation,
+        } => Target::Step(v1::CartesianStep {
             frame: frame_to(*frame),
             translation: Some(vector(translation)),
             rotation: Some(vector(rotation)),
         }),
         ArmIntent::Hold => Target::Hold(true),
     };
-    v1::ArmCommand { target: Some(target) }
+    v1::ArmCommand {
+        target: Some(target),
+    }
 }
 
 /// State of the task as a message, without header.
@@ -291,7 +333,11 @@ pub fn scenario_over(now: &Scenario, asked: &v1::Scenario) -> Result<Scenario, I
             });
         }
     }
-    s.start = asked.start.as_ref().map(|p| isometry("start", Some(p))).transpose()?;
+    s.start = asked
+        .start
+        .as_ref()
+        .map(|p| isometry("start", Some(p)))
+        .transpose()?;
     s.objects = asked
         .objects
         .iter()

@@ -100,7 +100,10 @@ impl Engine {
             return Vec::new();
         }
         let cameras = self.sim.scenario().cameras.iter();
-        cameras.filter(|c| c.rate_hz > 0.0).map(|c| c.name.clone()).collect()
+        cameras
+            .filter(|c| c.rate_hz > 0.0)
+            .map(|c| c.name.clone())
+            .collect()
     }
 
     pub(super) fn episode_number(&self) -> u64 {
@@ -165,11 +168,16 @@ impl Engine {
     }
 
     fn wait_for_recorders(&mut self) -> Next {
-        let Some(episode) = &mut self.episode else { return Next::Wait(NAP) };
+        let Some(episode) = &mut self.episode else {
+            return Next::Wait(NAP);
+        };
         let (ready, failed) = {
             let recorders = lock(&self.shared.recorders);
             let run = &self.shared.run_id;
-            (recorders.ready(run, episode.number), recorders.failed(run, episode.number))
+            (
+                recorders.ready(run, episode.number),
+                recorders.failed(run, episode.number),
+            )
         };
         if ready.len() >= episode.required {
             episode.participants = ready;
@@ -247,9 +255,15 @@ impl Engine {
 
     pub(super) fn event(&self, kind: &str, text: &str) {
         tracing::info!("{kind}: {text}");
-        let event = v1::Event { header: None, kind: kind.to_owned(), text: text.to_owned() };
+        let event = v1::Event {
+            header: None,
+            kind: kind.to_owned(),
+            text: text.to_owned(),
+        };
         let tick = self.sim.snapshot().tick;
-        self.shared.outbox.state(names::EVENT_STREAM, self.episode_number(), tick, event);
+        self.shared
+            .outbox
+            .state(names::EVENT_STREAM, self.episode_number(), tick, event);
     }
 
     fn publish_anomalies(&mut self) {
@@ -269,9 +283,22 @@ impl Engine {
     fn publish_refusals(&self) {
         let refusals = std::mem::take(&mut *lock(&self.shared.refusals));
         let (episode, tick) = (self.episode_number(), self.sim.snapshot().tick);
-        for Refused { commander, sequence, reason } in refusals {
-            self.event("refused", &format!("command {sequence} of {commander:?}: {reason}"));
-            let refusal = v1::Refusal { header: None, commander, sequence, reason };
+        for Refused {
+            commander,
+            sequence,
+            reason,
+        } in refusals
+        {
+            self.event(
+                "refused",
+                &format!("command {sequence} of {commander:?}: {reason}"),
+            );
+            let refusal = v1::Refusal {
+                header: None,
+                commander,
+                sequence,
+                reason,
+            };
             self.shared.outbox.refusal(episode, tick, refusal);
         }
     }
@@ -288,9 +315,11 @@ impl Engine {
         wheelarm_proto::check::label(&request.label).map_err(|e| e.to_string())?;
         let lock_step = self.sim.scenario().pacing == Pacing::LockStep;
         if lock_step && wheelarm_proto::keys::check_name(&request.commander).is_err() {
-            return Err("in lock-step the simulation waits for one commander: name it \
+            return Err(
+                "in lock-step the simulation waits for one commander: name it \
                         (1 to 64 letters, digits, `-` or `_`)"
-                .to_owned());
+                    .to_owned(),
+            );
         }
         self.episodes += 1;
         let number = self.episodes;
@@ -310,9 +339,19 @@ impl Engine {
             area: task.map(|t| t.area.clone()).unwrap_or_default(),
             streams: names::STREAMS.iter().map(|s| (*s).to_owned()).collect(),
             cameras: self.camera_names(),
-            adapter: self.render.as_ref().map(|r| r.adapter.clone()).unwrap_or_default(),
+            adapter: self
+                .render
+                .as_ref()
+                .map(|r| r.adapter.clone())
+                .unwrap_or_default(),
             version: env!("CARGO_PKG_VERSION").to_owned(),
-            objects: self.sim.scene().objects.iter().map(|o| o.name.clone()).collect(),
+            objects: self
+                .sim
+                .scene()
+                .objects
+                .iter()
+                .map(|o| o.name.clone())
+                .collect(),
         };
         if let Some(render) = &self.render {
             render.drain();
@@ -329,7 +368,11 @@ impl Engine {
             frames_before: self.render.as_ref().map_or(0, RenderThread::drawn),
         });
         let commander = lock_step.then_some(request.commander);
-        self.listen(Listening { episode: number, commander, replay: request.replay });
+        self.listen(Listening {
+            episode: number,
+            commander,
+            replay: request.replay,
+        });
         self.seen_anomalies.clear();
         self.shared.outbox.episode_start(tick, started.clone());
         Ok(started)
@@ -346,7 +389,10 @@ impl Engine {
             header: Some(self.shared.outbox.header(episode.number, tick)),
             discard,
             evaluation: Some(convert::evaluation(self.sim.evaluation())),
-            manifest: self.shared.outbox.manifest(episode.number, &self.camera_names()),
+            manifest: self
+                .shared
+                .outbox
+                .manifest(episode.number, &self.camera_names()),
             wall_seconds: episode.running_since.elapsed().as_secs_f64(),
         };
         self.shared.outbox.episode_stop(tick, stopped.clone());
@@ -373,7 +419,8 @@ impl Engine {
         let before = std::mem::replace(&mut self.sim, sim);
         if !same_cameras && let Err(e) = self.start_cameras() {
             self.sim = before;
-            self.start_cameras().map_err(|again| format!("{e}; then {again}"))?;
+            self.start_cameras()
+                .map_err(|again| format!("{e}; then {again}"))?;
             return Err(e.to_string());
         }
         self.listen(Listening::default());

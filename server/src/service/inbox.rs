@@ -142,7 +142,11 @@ impl Inbox {
     }
 
     fn try_accept(&mut self, bytes: &[u8]) -> Result<(), Refused> {
-        let nobody = |reason| Refused { commander: String::new(), sequence: 0, reason };
+        let nobody = |reason| Refused {
+            commander: String::new(),
+            sequence: 0,
+            reason,
+        };
         if bytes.len() > MAX_BYTES {
             return Err(nobody(format!(
                 "command has {} bytes, at most {MAX_BYTES} are taken",
@@ -182,7 +186,8 @@ impl Inbox {
                 return Err(refuse(format!("more than {MAX_AHEAD} commands ahead")));
             }
         }
-        self.check_sequence(&command.commander, &header).map_err(refuse)?;
+        self.check_sequence(&command.commander, &header)
+            .map_err(refuse)?;
         if command.phase != 0 {
             self.phase = (command.phase, command.phase_name.chars().take(64).collect());
         }
@@ -222,7 +227,11 @@ impl Inbox {
         }
         self.commanders.insert(
             name.to_owned(),
-            Commander { run_id: header.run_id.clone(), last_sequence: header.sequence, seen },
+            Commander {
+                run_id: header.run_id.clone(),
+                last_sequence: header.sequence,
+                seen,
+            },
         );
         Ok(())
     }
@@ -244,7 +253,9 @@ impl Inbox {
         let mut taken = Taken::default();
         for command in &commands {
             // Checked when it came in, so that nothing can be missing here.
-            let Ok(input) = convert::control_input(command, &self.gripper) else { continue };
+            let Ok(input) = convert::control_input(command, &self.gripper) else {
+                continue;
+            };
             taken.input.arm = input.arm.or(taken.input.arm);
             taken.input.base = input.base.or(taken.input.base);
             taken.input.gripper = input.gripper.or(taken.input.gripper);
@@ -270,7 +281,10 @@ impl Inbox {
         let stale = |group: &Active| group.since.is_some_and(|since| now - since >= STALE_SECS);
         if stale(&self.base) {
             self.base.since = None;
-            taken.input.base = Some(BaseIntent { linear: 0.0, angular: 0.0 });
+            taken.input.base = Some(BaseIntent {
+                linear: 0.0,
+                angular: 0.0,
+            });
             taken.stale = true;
         }
         if stale(&self.twist) {
@@ -287,9 +301,16 @@ mod tests {
 
     fn drive(sequence: u64, linear: f64) -> v1::Command {
         v1::Command {
-            header: Some(v1::Header { sequence, run_id: "r".into(), ..Default::default() }),
+            header: Some(v1::Header {
+                sequence,
+                run_id: "r".into(),
+                ..Default::default()
+            }),
             commander: "me".into(),
-            base: Some(v1::BaseCommand { linear, angular: 0.0 }),
+            base: Some(v1::BaseCommand {
+                linear,
+                angular: 0.0,
+            }),
             ..Default::default()
         }
     }
@@ -322,7 +343,13 @@ mod tests {
         for (command, word) in [
             (drive(5, 0.2), "sequence"),
             (drive(4, 0.2), "sequence"),
-            (v1::Command { commander: "a/b".into(), ..drive(6, 0.2) }, "commander"),
+            (
+                v1::Command {
+                    commander: "a/b".into(),
+                    ..drive(6, 0.2)
+                },
+                "commander",
+            ),
             (drive(6, f64::NAN), "finite"),
             (drive(6, 1e9), "expected"),
         ] {
@@ -338,14 +365,36 @@ mod tests {
     #[test]
     fn lock_step_waits_for_the_answer_to_its_own_tick() {
         let mut inbox = inbox();
-        let listening = Listening { commander: Some("me".into()), ..Default::default() };
+        let listening = Listening {
+            commander: Some("me".into()),
+            ..Default::default()
+        };
         inbox.listen(listening, 100);
         assert!(!inbox.answered(100));
-        let early = v1::Command { answers_tick: 96, ..drive(1, 0.1) };
-        assert!(accept(&mut inbox, &early).unwrap_err().reason.contains("tick"));
-        let other = v1::Command { commander: "other".into(), answers_tick: 100, ..drive(1, 0.1) };
+        let early = v1::Command {
+            answers_tick: 96,
+            ..drive(1, 0.1)
+        };
+        assert!(
+            accept(&mut inbox, &early)
+                .unwrap_err()
+                .reason
+                .contains("tick")
+        );
+        let other = v1::Command {
+            commander: "other".into(),
+            answers_tick: 100,
+            ..drive(1, 0.1)
+        };
         assert!(accept(&mut inbox, &other).is_err());
-        accept(&mut inbox, &v1::Command { answers_tick: 100, ..drive(2, 0.1) }).unwrap();
+        accept(
+            &mut inbox,
+            &v1::Command {
+                answers_tick: 100,
+                ..drive(2, 0.1)
+            },
+        )
+        .unwrap();
         assert!(inbox.answered(100));
         assert_eq!(inbox.take(100, 0.0).commands.len(), 1);
         assert!(!inbox.answered(104));

@@ -31,8 +31,8 @@ use self::inbox::{Inbox, Refused};
 use self::outbox::Outbox;
 use self::recorders::Recorders;
 use self::signal::Signal;
-use crate::sensors::camera::RenderError;
 use crate::robot::control::GripperMap;
+use crate::sensors::camera::RenderError;
 use crate::sim::{SimError, Simulation};
 
 /// What a service needs to know beside the simulation.
@@ -143,7 +143,12 @@ pub async fn run(
             .liveliness()
             .declare_subscriber(keys.recorder_alive("*"))
             .callback(move |sample| {
-                let name = sample.key_expr().as_str().rsplit('/').nth(1).map(str::to_owned);
+                let name = sample
+                    .key_expr()
+                    .as_str()
+                    .rsplit('/')
+                    .nth(1)
+                    .map(str::to_owned);
                 if let (SampleKind::Delete, Some(name)) = (sample.kind(), name) {
                     lock(&shared.recorders).lost(&name);
                     shared.signal.raise();
@@ -182,7 +187,9 @@ pub async fn run(
     }
     shared.stop.store(true, Ordering::Release);
     shared.signal.raise();
-    thread.join().map_err(|_| ServiceError::Thread("panicked; please report it".to_owned()))
+    thread
+        .join()
+        .map_err(|_| ServiceError::Thread("panicked; please report it".to_owned()))
 }
 
 impl Shared {

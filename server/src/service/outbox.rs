@@ -9,9 +9,7 @@ use wheelarm_proto::keys::Keys;
 use wheelarm_proto::{Message, names, stamp_nanos, v1};
 use zenoh::qos::{CongestionControl, Priority};
 use zenoh::{Session, Wait};
-use zenoh_ext::{
-    AdvancedPublisher, AdvancedPublisherBuilderExt, CacheConfig, MissDetectionConfig,
-};
+use zenoh_ext::{AdvancedPublisher, AdvancedPublisherBuilderExt, CacheConfig, MissDetectionConfig};
 
 /// A message with a header.
 pub trait Stamped: Message {
@@ -27,8 +25,22 @@ macro_rules! stamped {
     };
 }
 stamped!(
-    JointState, PoseSet, Imu, Clock, Odometry, Applied, CommandLog, ObjectPoses, Contacts,
-    Evaluation, PhaseSample, StateHash, Event, CameraFrame, Refusal, EpisodeStarted,
+    JointState,
+    PoseSet,
+    Imu,
+    Clock,
+    Odometry,
+    Applied,
+    CommandLog,
+    ObjectPoses,
+    Contacts,
+    Evaluation,
+    PhaseSample,
+    StateHash,
+    Event,
+    CameraFrame,
+    Refusal,
+    EpisodeStarted,
     EpisodeStopped
 );
 
@@ -65,7 +77,12 @@ impl Outbox {
     /// An outbox for one run of one server.
     #[must_use]
     pub fn new(session: Session, keys: Keys, run_id: String) -> Self {
-        Self { session, keys, run_id, streams: Mutex::default() }
+        Self {
+            session,
+            keys,
+            run_id,
+            streams: Mutex::default(),
+        }
     }
 
     /// A header without sequence number, for answers.
@@ -90,7 +107,11 @@ impl Outbox {
             self.stream(name, self.keys.stream(name), Class::State)?;
         }
         for name in cameras {
-            self.stream(&format!("camera/{name}"), self.keys.camera(name), Class::Camera)?;
+            self.stream(
+                &format!("camera/{name}"),
+                self.keys.camera(name),
+                Class::Camera,
+            )?;
         }
         self.stream("episode/start", self.keys.episode_start(), Class::Protocol)?;
         self.stream("episode/stop", self.keys.episode_stop(), Class::Protocol)?;
@@ -120,27 +141,51 @@ impl Outbox {
             )
             .publisher_detection()
             .wait()?;
-        let stream = Arc::new(Mutex::new(Stream { publisher, counter: Counter::default() }));
+        let stream = Arc::new(Mutex::new(Stream {
+            publisher,
+            counter: Counter::default(),
+        }));
         streams.insert(name.to_owned(), Arc::clone(&stream));
         Ok(stream)
     }
 
     /// Publishes a sample of a state stream.
     pub fn state(&self, name: &str, episode: u64, tick: u64, message: impl Stamped) {
-        self.publish(name, self.keys.stream(name), Class::State, episode, tick, message);
+        self.publish(
+            name,
+            self.keys.stream(name),
+            Class::State,
+            episode,
+            tick,
+            message,
+        );
     }
 
     /// Publishes a picture.
     pub fn camera(&self, name: &str, episode: u64, tick: u64, message: v1::CameraFrame) {
         let key = self.keys.camera(name);
-        self.publish(&format!("camera/{name}"), key, Class::Camera, episode, tick, message);
+        self.publish(
+            &format!("camera/{name}"),
+            key,
+            Class::Camera,
+            episode,
+            tick,
+            message,
+        );
     }
 
     /// Publishes the start of an episode.
     pub fn episode_start(&self, tick: u64, message: v1::EpisodeStarted) {
         let episode = message.header.as_ref().map_or(0, |h| h.episode);
         let key = self.keys.episode_start();
-        self.publish("episode/start", key, Class::Protocol, episode, tick, message);
+        self.publish(
+            "episode/start",
+            key,
+            Class::Protocol,
+            episode,
+            tick,
+            message,
+        );
     }
 
     /// Publishes the end of an episode.
@@ -152,7 +197,14 @@ impl Outbox {
 
     /// Publishes why a command was not taken.
     pub fn refusal(&self, episode: u64, tick: u64, message: v1::Refusal) {
-        self.publish("refusal", self.keys.refusal(), Class::Protocol, episode, tick, message);
+        self.publish(
+            "refusal",
+            self.keys.refusal(),
+            Class::Protocol,
+            episode,
+            tick,
+            message,
+        );
     }
 
     fn publish(
@@ -174,12 +226,20 @@ impl Outbox {
         let mut stream = stream.lock().unwrap_or_else(PoisonError::into_inner);
         let counter = &mut stream.counter;
         if counter.episode != episode {
-            *counter = Counter { episode, first: counter.next, count: 0, next: counter.next };
+            *counter = Counter {
+                episode,
+                first: counter.next,
+                count: 0,
+                next: counter.next,
+            };
         }
         let sequence = counter.next;
         counter.next += 1;
         counter.count += 1;
-        message.set_header(v1::Header { sequence, ..self.header(episode, tick) });
+        message.set_header(v1::Header {
+            sequence,
+            ..self.header(episode, tick)
+        });
         if let Err(e) = stream.publisher.put(message.encode_to_vec()).wait() {
             tracing::error!("cannot publish {name}: {e}");
         }
@@ -189,7 +249,10 @@ impl Outbox {
     #[must_use]
     pub fn manifest(&self, episode: u64, cameras: &[String]) -> Vec<v1::StreamCount> {
         let streams = self.streams.lock().unwrap_or_else(PoisonError::into_inner);
-        let state = names::STREAMS.iter().chain([&names::EVENT_STREAM]).map(|s| (*s).to_owned());
+        let state = names::STREAMS
+            .iter()
+            .chain([&names::EVENT_STREAM])
+            .map(|s| (*s).to_owned());
         let cameras = cameras.iter().map(|c| format!("camera/{c}"));
         state
             .chain(cameras)
@@ -201,7 +264,11 @@ impl Outbox {
                 let counter = if counter.episode == episode {
                     counter
                 } else {
-                    Counter { first: counter.next, next: counter.next, ..Counter::default() }
+                    Counter {
+                        first: counter.next,
+                        next: counter.next,
+                        ..Counter::default()
+                    }
                 };
                 v1::StreamCount {
                     stream: name,

@@ -23,12 +23,20 @@ impl Pace {
     #[must_use]
     pub fn new(pacing: Pacing) -> Self {
         let now = Instant::now();
-        Self { pacing, next: now, window: (now, 0), factor: 0.0 }
+        Self {
+            pacing,
+            next: now,
+            window: (now, 0),
+            factor: 0.0,
+        }
     }
 
     /// Starts anew after a pause.
     pub fn restart(&mut self) {
-        *self = Self { factor: self.factor, ..Self::new(self.pacing) };
+        *self = Self {
+            factor: self.factor,
+            ..Self::new(self.pacing)
+        };
     }
 
     /// How long to wait before the next control tick; `None` when it is due.

@@ -42,7 +42,10 @@ pub fn applied(
         },
     );
     for command in taken.commands {
-        let log = v1::CommandLog { header: None, command: Some(command) };
+        let log = v1::CommandLog {
+            header: None,
+            command: Some(command),
+        };
         outbox.state("command", episode, tick, log);
     }
 }
@@ -74,21 +77,47 @@ pub fn state(
     real_time_factor: f64,
 ) {
     let tick = sim.snapshot().tick;
-    let put = Put { outbox, episode, tick };
+    let put = Put {
+        outbox,
+        episode,
+        tick,
+    };
     if sim.state_due() {
         put.joints(sim);
         put.poses(sim);
         put.objects(sim);
         put.contacts(sim);
-        outbox.state("evaluation", episode, tick, convert::evaluation(sim.evaluation()));
+        outbox.state(
+            "evaluation",
+            episode,
+            tick,
+            convert::evaluation(sim.evaluation()),
+        );
         let (phase, name) = phase;
-        let sample = v1::PhaseSample { header: None, phase, name: name.to_owned() };
+        let sample = v1::PhaseSample {
+            header: None,
+            phase,
+            name: name.to_owned(),
+        };
         outbox.state("phase", episode, tick, sample);
     }
     if let Some(hash) = sim.hash_due() {
-        outbox.state("state_hash", episode, tick, v1::StateHash { header: None, hash });
+        outbox.state(
+            "state_hash",
+            episode,
+            tick,
+            v1::StateHash { header: None, hash },
+        );
     }
-    outbox.state("clock", episode, tick, v1::Clock { header: None, real_time_factor });
+    outbox.state(
+        "clock",
+        episode,
+        tick,
+        v1::Clock {
+            header: None,
+            real_time_factor,
+        },
+    );
 }
 
 struct Put<'a> {
@@ -106,12 +135,20 @@ impl Put<'_> {
             velocity: joints.iter().map(|j| j.velocity).collect(),
             effort: joints.iter().map(|j| j.effort).collect(),
         };
-        self.outbox.state("joint_state", self.episode, self.tick, message);
+        self.outbox
+            .state("joint_state", self.episode, self.tick, message);
     }
 
     fn poses(&self, sim: &Simulation) {
-        let frames = sim.recorded_frames().iter().map(convert::frame_pose).collect();
-        let message = v1::PoseSet { header: None, frames };
+        let frames = sim
+            .recorded_frames()
+            .iter()
+            .map(convert::frame_pose)
+            .collect();
+        let message = v1::PoseSet {
+            header: None,
+            frames,
+        };
         self.outbox.state("pose", self.episode, self.tick, message);
         let odometry = sim.odometry();
         let (half_sin, half_cos) = (odometry.heading / 2.0).sin_cos();
@@ -123,14 +160,28 @@ impl Put<'_> {
                     y: odometry.position[1],
                     z: 0.0,
                 }),
-                orientation: Some(v1::Quaternion { x: 0.0, y: 0.0, z: half_sin, w: half_cos }),
+                orientation: Some(v1::Quaternion {
+                    x: 0.0,
+                    y: 0.0,
+                    z: half_sin,
+                    w: half_cos,
+                }),
             }),
             twist: Some(v1::Twist {
-                linear: Some(v1::Vector3 { x: odometry.linear, y: 0.0, z: 0.0 }),
-                angular: Some(v1::Vector3 { x: 0.0, y: 0.0, z: odometry.angular }),
+                linear: Some(v1::Vector3 {
+                    x: odometry.linear,
+                    y: 0.0,
+                    z: 0.0,
+                }),
+                angular: Some(v1::Vector3 {
+                    x: 0.0,
+                    y: 0.0,
+                    z: odometry.angular,
+                }),
             }),
         };
-        self.outbox.state("odometry", self.episode, self.tick, message);
+        self.outbox
+            .state("odometry", self.episode, self.tick, message);
     }
 
     fn objects(&self, sim: &Simulation) {
@@ -140,7 +191,8 @@ impl Put<'_> {
             pose: objects.iter().map(|o| convert::pose(&o.pose)).collect(),
             twist: objects.iter().map(convert::body_twist).collect(),
         };
-        self.outbox.state("object_pose", self.episode, self.tick, message);
+        self.outbox
+            .state("object_pose", self.episode, self.tick, message);
     }
 
     fn contacts(&self, sim: &Simulation) {
@@ -164,6 +216,7 @@ impl Put<'_> {
                 })
                 .collect(),
         };
-        self.outbox.state("contact", self.episode, self.tick, message);
+        self.outbox
+            .state("contact", self.episode, self.tick, message);
     }
 }

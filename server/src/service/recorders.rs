@@ -37,7 +37,9 @@ impl Recorders {
     fn of_episode(&self, run_id: &str, episode: u64) -> impl Iterator<Item = &v1::RecorderStatus> {
         let run_id = run_id.to_owned();
         self.known.values().filter(move |s| {
-            s.header.as_ref().is_some_and(|h| h.episode == episode && h.run_id == run_id)
+            s.header
+                .as_ref()
+                .is_some_and(|h| h.episode == episode && h.run_id == run_id)
         })
     }
 
@@ -82,7 +84,11 @@ mod tests {
 
     fn status(name: &str, episode: u64, accepted: u64) -> v1::RecorderStatus {
         v1::RecorderStatus {
-            header: Some(v1::Header { run_id: "r".into(), episode, ..Default::default() }),
+            header: Some(v1::Header {
+                run_id: "r".into(),
+                episode,
+                ..Default::default()
+            }),
             recorder: name.into(),
             state: v1::RecorderState::Ready as i32,
             accepted_frames: accepted,
@@ -98,9 +104,15 @@ mod tests {
         recorders.update(status("old", 1, 0));
         recorders.update(status("guest", 2, 1));
         let participants = ["a".to_owned(), "b".to_owned(), "old".to_owned()];
-        assert_eq!(recorders.slowest("r", 2, &participants), Some(("b".into(), 7)));
+        assert_eq!(
+            recorders.slowest("r", 2, &participants),
+            Some(("b".into(), 7))
+        );
         recorders.lost("b");
-        assert_eq!(recorders.slowest("r", 2, &participants), Some(("a".into(), 10)));
+        assert_eq!(
+            recorders.slowest("r", 2, &participants),
+            Some(("a".into(), 10))
+        );
         assert_eq!(recorders.ready("r", 1), ["old"]);
         assert!(recorders.ready("other run", 2).is_empty());
     }

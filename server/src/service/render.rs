@@ -10,9 +10,9 @@ use std::thread::JoinHandle;
 
 use wheelarm_proto::v1;
 
-use super::{ServiceError, convert};
 use super::outbox::Outbox;
 use super::signal::Signal;
+use super::{ServiceError, convert};
 use crate::robot::RobotModel;
 use crate::scene::Scene;
 use crate::sensors::camera::{CameraSpec, Frame, Quality, RenderError, RenderScene, Renderer};
@@ -23,7 +23,11 @@ use crate::snapshot::Snapshot;
 const QUEUE: usize = 2;
 
 enum Job {
-    Draw { snapshot: Arc<Snapshot>, cameras: Vec<usize>, episode: u64 },
+    Draw {
+        snapshot: Arc<Snapshot>,
+        cameras: Vec<usize>,
+        episode: u64,
+    },
     Drain(SyncSender<()>),
 }
 
@@ -101,31 +105,39 @@ impl RenderThread {
             scenario: sim.scenario().clone(),
             adapter: adapter.map(str::to_owned),
         };
-        let names: Vec<String> = setup.scenario.cameras.iter().map(|c| c.name.clone()).collect();
+        let names: Vec<String> = setup
+            .scenario
+            .cameras
+            .iter()
+            .map(|c| c.name.clone())
+            .collect();
         let (jobs, queue) = mpsc::sync_channel(QUEUE);
         let (ready, standing) = mpsc::sync_channel(1);
         let drawn = Arc::new(AtomicU64::new(0));
         let failed = Arc::new(Mutex::new(None));
         let thread = {
             let (drawn, failed) = (Arc::clone(&drawn), Arc::clone(&failed));
-            std::thread::Builder::new().name("render".to_owned()).spawn(move || {
-                let mut renderer = match setup.renderer() {
-                    Ok((renderer, scene)) => {
-                        let adapter = renderer.adapter().to_string();
-                        let _ = ready.send(Ok((adapter, scene.instances)));
-                        renderer
+            std::thread::Builder::new()
+                .name("render".to_owned())
+                .spawn(move || {
+                    let mut renderer = match setup.renderer() {
+                        Ok((renderer, scene)) => {
+                            let adapter = renderer.adapter().to_string();
+                            let _ = ready.send(Ok((adapter, scene.instances)));
+                            renderer
+                        }
+                        Err(e) => {
+                            let _ = ready.send(Err(e));
+                            return;
+                        }
+                    };
+                    let outcome = draw(&mut renderer, &queue, &names, &outbox, &signal, &drawn);
+                    if let Err(e) = outcome {
+                        *failed.lock().unwrap_or_else(PoisonError::into_inner) =
+                            Some(e.to_string());
+                        signal.raise();
                     }
-                    Err(e) => {
-                        let _ = ready.send(Err(e));
-                        return;
-                    }
-                };
-                let outcome = draw(&mut renderer, &queue, &names, &outbox, &signal, &drawn);
-                if let Err(e) = outcome {
-                    *failed.lock().unwrap_or_else(PoisonError::into_inner) = Some(e.to_string());
-                    signal.raise();
-                }
-            })
+                })
         };
         let thread = thread.map_err(|e| ServiceError::Thread(format!("for cameras: {e}")))?;
         let (adapter, instances) = standing
@@ -133,15 +145,29 @@ impl RenderThread {
             .map_err(|_| ServiceError::Thread("for cameras ended early".to_owned()))??;
         let instances = instances
             .into_iter()
-            .map(|(id, name)| v1::Instance { id: u32::from(id), name })
+            .map(|(id, name)| v1::Instance {
+                id: u32::from(id),
+                name,
+            })
             .collect();
-        Ok(Self { jobs: Some(jobs), thread: Some(thread), drawn, failed, adapter, instances })
+        Ok(Self {
+            jobs: Some(jobs),
+            thread: Some(thread),
+            drawn,
+            failed,
+            adapter,
+            instances,
+        })
     }
 
     /// Queues pictures; waits while the queue is full.
     pub fn draw(&self, snapshot: Arc<Snapshot>, cameras: Vec<usize>, episode: u64) {
         if let Some(jobs) = &self.jobs {
-            let _ = jobs.send(Job::Draw { snapshot, cameras, episode });
+            let _ = jobs.send(Job::Draw {
+                snapshot,
+                cameras,
+                episode,
+            });
         }
     }
 
@@ -164,7 +190,10 @@ impl RenderThread {
     /// Why the thread stopped drawing, if it did.
     #[must_use]
     pub fn failure(&self) -> Option<String> {
-        self.failed.lock().unwrap_or_else(PoisonError::into_inner).clone()
+        self.failed
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner)
+            .clone()
     }
 }
 
@@ -187,7 +216,11 @@ fn draw(
 ) -> Result<(), RenderError> {
     while let Ok(job) = queue.recv() {
         match job {
-            Job::Draw { snapshot, cameras, episode } => {
+            Job::Draw {
+                snapshot,
+                cameras,
+                episode,
+            } => {
                 for frame in renderer.render(&snapshot, &cameras)? {
                     let name = &names[frame.camera];
                     outbox.camera(name, episode, snapshot.tick, message(name, frame));

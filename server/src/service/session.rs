@@ -18,9 +18,9 @@ pub fn open(
 ) -> Result<Session, super::ServiceError> {
     let mut config = Config::default();
     let mut set = |key: &str, value: String| {
-        config.insert_json5(key, &value).map_err(|e| {
-            super::ServiceError::Zenoh(format!("setting {key} to {value}: {e}"))
-        })
+        config
+            .insert_json5(key, &value)
+            .map_err(|e| super::ServiceError::Zenoh(format!("setting {key} to {value}: {e}")))
     };
     let list = |endpoints: &[String]| {
         let quoted: Vec<_> = endpoints.iter().map(|e| format!("{e:?}")).collect();
@@ -36,10 +36,17 @@ pub fn open(
     set("connect/timeout_ms", "5000".to_owned())?;
     // A camera message waits for room instead of being dropped after 1 ms. In
     // lock-step the simulation waits anyway, so it may wait long.
-    let wait_micros = if pacing == Pacing::LockStep { 5_000_000 } else { 50_000 };
+    let wait_micros = if pacing == Pacing::LockStep {
+        5_000_000
+    } else {
+        50_000
+    };
     let drop = "transport/link/tx/queue/congestion_control/drop";
     set(&format!("{drop}/wait_before_drop"), wait_micros.to_string())?;
-    set(&format!("{drop}/max_wait_before_drop_fragments"), wait_micros.to_string())?;
+    set(
+        &format!("{drop}/max_wait_before_drop_fragments"),
+        wait_micros.to_string(),
+    )?;
     Ok(zenoh::open(config).wait()?)
 }
 

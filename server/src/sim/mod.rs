@@ -47,7 +47,9 @@ pub enum SimError {
     #[error("the robot has no link {0:?}; the sensors need it, so add it to the URDF")]
     Link(String),
     /// A joint that is recorded.
-    #[error("the robot has no joint {0:?}; it is one of the 16 recorded joints, so add it to the URDF")]
+    #[error(
+        "the robot has no joint {0:?}; it is one of the 16 recorded joints, so add it to the URDF"
+    )]
     Joint(String),
     /// A placement of the scenario.
     #[error("the scenario places {name:?}, but scene {scene:?} has the objects {known}")]
@@ -121,8 +123,14 @@ impl Simulation {
         let control = RobotControl::new(&model);
         let world = World::new(&model, &scene, &placements, &start, &model.settings.home)?;
         let snapshot = Arc::new(world.snapshot());
-        let mut evaluator = task.as_ref().map(|t| Evaluator::new(t, &scene, &model)).transpose()?;
-        let evaluation = evaluator.as_mut().map(|e| e.update(&snapshot)).unwrap_or_default();
+        let mut evaluator = task
+            .as_ref()
+            .map(|t| Evaluator::new(t, &scene, &model))
+            .transpose()?;
+        let evaluation = evaluator
+            .as_mut()
+            .map(|e| e.update(&snapshot))
+            .unwrap_or_default();
         let mut sim = Self {
             assets: assets.to_owned(),
             imu: Imu::new(scenario.seed),
@@ -146,7 +154,11 @@ impl Simulation {
     /// Advances by one control tick (4 physics ticks).
     pub fn step(&mut self, input: &ControlInput) -> Step {
         let targets = self.control.update(input, &self.snapshot);
-        let mut step = Step { applied: targets[0], imu: Vec::new(), frames: Vec::new() };
+        let mut step = Step {
+            applied: targets[0],
+            imu: Vec::new(),
+            frames: Vec::new(),
+        };
         for target in &targets {
             self.world.apply(target);
             self.world.step();
@@ -163,8 +175,13 @@ impl Simulation {
     /// Reads the sensors that are due at the present tick.
     fn sense(&mut self, step: &mut Step) {
         let tick = self.snapshot.tick;
-        let noise = self.scenario.imu_noise.then(|| imu::Noise::from_settings(&self.model.settings.imu));
-        let sample = self.imu.measure(tick, &self.snapshot.links[self.indices.imu], noise);
+        let noise = self
+            .scenario
+            .imu_noise
+            .then(|| imu::Noise::from_settings(&self.model.settings.imu));
+        let sample = self
+            .imu
+            .measure(tick, &self.snapshot.links[self.indices.imu], noise);
         if self.schedules.imu.due(tick) {
             step.imu.push(sample);
         }
@@ -176,13 +193,18 @@ impl Simulation {
 
     fn cameras_due(&self, tick: u64) -> Vec<usize> {
         let cameras = self.schedules.cameras.iter().enumerate();
-        cameras.filter(|(_, c)| c.due(tick)).map(|(i, _)| i).collect()
+        cameras
+            .filter(|(_, c)| c.due(tick))
+            .map(|(i, _)| i)
+            .collect()
     }
 
     fn update_odometry(&mut self) {
         let [left, right] = [0, 1].map(|i| self.snapshot.joints[self.indices.joints[i]]);
-        self.odometry
-            .update([left.position, right.position], [left.velocity, right.velocity]);
+        self.odometry.update(
+            [left.position, right.position],
+            [left.velocity, right.velocity],
+        );
     }
 
     /// The state at the present tick.
@@ -195,7 +217,11 @@ impl Simulation {
     #[must_use]
     pub fn frames_now(&self) -> Vec<(Arc<Snapshot>, Vec<usize>)> {
         let due = self.cameras_due(self.snapshot.tick);
-        if due.is_empty() { Vec::new() } else { vec![(Arc::clone(&self.snapshot), due)] }
+        if due.is_empty() {
+            Vec::new()
+        } else {
+            vec![(Arc::clone(&self.snapshot), due)]
+        }
     }
 
     /// Whether the state streams are due at the present tick.
@@ -207,7 +233,10 @@ impl Simulation {
     /// Hash over the whole state; `Some` once per simulated second.
     #[must_use]
     pub fn hash_due(&self) -> Option<u64> {
-        self.snapshot.tick.is_multiple_of(PHYSICS_HZ).then(|| self.world.hash())
+        self.snapshot
+            .tick
+            .is_multiple_of(PHYSICS_HZ)
+            .then(|| self.world.hash())
     }
 
     /// The scenario, with everything that was drawn.
@@ -280,7 +309,9 @@ impl Simulation {
     #[must_use]
     pub fn pad_forces(&self) -> [f64; 2] {
         self.indices.pads.map(|pad| {
-            let Some(pad) = pad.map(BodyRef::Link) else { return 0.0 };
+            let Some(pad) = pad.map(BodyRef::Link) else {
+                return 0.0;
+            };
             let touching = self.snapshot.contacts.iter();
             touching
                 .filter(|c| c.first == pad || c.second == pad)
@@ -296,8 +327,10 @@ fn draw_open_values(
     scene: &Scene,
     task: Option<&TaskSpec>,
 ) -> Result<(), SimError> {
-    if let Some((name, _)) =
-        scenario.objects.iter().find(|(n, _)| !scene.objects.iter().any(|o| o.name == *n))
+    if let Some((name, _)) = scenario
+        .objects
+        .iter()
+        .find(|(n, _)| !scene.objects.iter().any(|o| o.name == *n))
     {
         let known: Vec<_> = scene.objects.iter().map(|o| o.name.as_str()).collect();
         return Err(SimError::Object {
@@ -366,7 +399,10 @@ impl Indices {
             joints,
             frames: found,
             imu: need(&model.settings.imu_link)?,
-            pads: [link("robotiq_85_left_finger_tip_link"), link("robotiq_85_right_finger_tip_link")],
+            pads: [
+                link("robotiq_85_left_finger_tip_link"),
+                link("robotiq_85_right_finger_tip_link"),
+            ],
         })
     }
 }

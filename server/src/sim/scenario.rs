@@ -152,7 +152,10 @@ impl Scenario {
         ] {
             let empty_is_fine = optional && name.is_empty();
             if !empty_is_fine && wheelarm_proto::keys::check_name(name).is_err() {
-                return Err(ScenarioError::Name { what, name: name.clone() });
+                return Err(ScenarioError::Name {
+                    what,
+                    name: name.clone(),
+                });
             }
         }
         let mut cameras = Vec::new();
@@ -162,7 +165,11 @@ impl Scenario {
             }
             let [width, height] = camera.size;
             if !(16..=MAX_SIZE).contains(&width) || !(16..=MAX_SIZE).contains(&height) {
-                return Err(ScenarioError::Size { camera: camera.name.clone(), width, height });
+                return Err(ScenarioError::Size {
+                    camera: camera.name.clone(),
+                    width,
+                    height,
+                });
             }
             let what = format!("camera {}", camera.name);
             cameras.push(Schedule::new(&what, camera.rate_hz, PHYSICS_HZ)?);
@@ -187,8 +194,16 @@ mod tests {
         assert_eq!(twice.schedules(), Err(ScenarioError::Twice("gen3".into())));
         let mut rate = Scenario::default();
         rate.cameras[0].rate_hz = 7.0;
-        assert!(rate.schedules().unwrap_err().to_string().contains("divides 240"));
-        let outside = Scenario { task: "../secret".into(), ..Scenario::default() };
+        assert!(
+            rate.schedules()
+                .unwrap_err()
+                .to_string()
+                .contains("divides 240")
+        );
+        let outside = Scenario {
+            task: "../secret".into(),
+            ..Scenario::default()
+        };
         assert!(outside.schedules().is_err());
         let mut size = Scenario::default();
         size.cameras[0].size = [0, 720];

@@ -83,7 +83,10 @@ impl Simulation {
         let scenario = &self.scenario;
         let expected = name(&scenario.scene, &scenario.task, &scenario.robot);
         if found != expected {
-            return Err(StateError::Scenario { stored: found, expected });
+            return Err(StateError::Scenario {
+                stored: found,
+                expected,
+            });
         }
         self.world.restore(&stored.world)?;
         self.control.restore(stored.control);

@@ -19,7 +19,9 @@ fn session(server: &Server) -> Session {
     ] {
         config.insert_json5(key, &value).expect("a valid setting");
     }
-    zenoh::open(config).wait().expect("a session with the server")
+    zenoh::open(config)
+        .wait()
+        .expect("a session with the server")
 }
 
 fn ask<R: Message + Default>(
@@ -28,8 +30,12 @@ fn ask<R: Message + Default>(
     query: Query,
     payload: Vec<u8>,
 ) -> Result<R, String> {
-    let replies =
-        session.get(keys.query(query)).payload(payload).timeout(WAIT).wait().expect("a query");
+    let replies = session
+        .get(keys.query(query))
+        .payload(payload)
+        .timeout(WAIT)
+        .wait()
+        .expect("a query");
     let reply = replies.recv().expect("an answer");
     match reply.result() {
         Ok(sample) => Ok(R::decode(&*sample.payload().to_bytes()).expect("a readable answer")),
@@ -42,9 +48,16 @@ fn ask<R: Message + Default>(
 
 fn drive(sequence: u64, linear: f64) -> v1::Command {
     v1::Command {
-        header: Some(v1::Header { sequence, run_id: "test".into(), ..Default::default() }),
+        header: Some(v1::Header {
+            sequence,
+            run_id: "test".into(),
+            ..Default::default()
+        }),
         commander: "tester".into(),
-        base: Some(v1::BaseCommand { linear, angular: 0.0 }),
+        base: Some(v1::BaseCommand {
+            linear,
+            angular: 0.0,
+        }),
         ..Default::default()
     }
 }
@@ -54,7 +67,10 @@ fn hostile_messages_are_refused_counted_and_survived() {
     let mut server = Server::start("gate", &["--no-cameras"]).expect("a server");
     let session = session(&server);
     let keys = Keys::new("gate").expect("a name");
-    let refusals = session.declare_subscriber(keys.refusal()).wait().expect("a subscriber");
+    let refusals = session
+        .declare_subscriber(keys.refusal())
+        .wait()
+        .expect("a subscriber");
     let send = |bytes: Vec<u8>| session.put(keys.command(), bytes).wait().expect("a put");
     std::thread::sleep(Duration::from_millis(300));
     send(drive(1, 0.2).encode_to_vec());
@@ -76,9 +92,16 @@ fn hostile_messages_are_refused_counted_and_survived() {
     ];
     for (bytes, reason) in &hostile {
         send(bytes.clone());
-        let sample = refusals.recv_timeout(WAIT).expect("no error").expect("a refusal");
+        let sample = refusals
+            .recv_timeout(WAIT)
+            .expect("no error")
+            .expect("a refusal");
         let refusal = v1::Refusal::decode(&*sample.payload().to_bytes()).expect("a Refusal");
-        assert!(refusal.reason.contains(reason), "{:?} lacks {reason:?}", refusal.reason);
+        assert!(
+            refusal.reason.contains(reason),
+            "{:?} lacks {reason:?}",
+            refusal.reason
+        );
     }
     let status: v1::Status = ask(&session, &keys, Query::Status, vec![]).expect("a status");
     assert_eq!(status.refused, hostile.len() as u64);
@@ -91,27 +114,50 @@ fn queries_with_rubbish_get_an_answer_that_names_the_cure() {
     let session = session(&server);
     let keys = Keys::new("rubbish").expect("a name");
     let rubbish = vec![0xff; 32];
-    for query in [Query::Reset, Query::EpisodeStart, Query::EpisodeStop, Query::Reach] {
+    for query in [
+        Query::Reset,
+        Query::EpisodeStart,
+        Query::EpisodeStop,
+        Query::Reach,
+    ] {
         let answer: Result<v1::Ack, String> = ask(&session, &keys, query, rubbish.clone());
         assert!(answer.expect_err("a failure").contains("cannot be read"));
     }
     let reset = |scenario: v1::Scenario| {
-        let request = v1::ResetRequest { scenario: Some(scenario), ..Default::default() };
+        let request = v1::ResetRequest {
+            scenario: Some(scenario),
+            ..Default::default()
+        };
         let answer: Result<v1::ResetReply, String> =
             ask(&session, &keys, Query::Reset, request.encode_to_vec());
         answer
     };
-    let unknown = reset(v1::Scenario { task: "fly_to_mars".into(), ..Default::default() });
+    let unknown = reset(v1::Scenario {
+        task: "fly_to_mars".into(),
+        ..Default::default()
+    });
     let text = unknown.expect_err("a failure");
-    assert!(text.contains("fly_to_mars") && text.contains("pick_mustard"), "{text}");
-    let outside = reset(v1::Scenario { scene: "../../etc".into(), ..Default::default() });
+    assert!(
+        text.contains("fly_to_mars") && text.contains("pick_mustard"),
+        "{text}"
+    );
+    let outside = reset(v1::Scenario {
+        scene: "../../etc".into(),
+        ..Default::default()
+    });
     assert!(outside.expect_err("a failure").contains("scene"));
-    let damaged = v1::ResetRequest { snapshot: vec![7; 100].into(), ..Default::default() };
+    let damaged = v1::ResetRequest {
+        snapshot: vec![7; 100].into(),
+        ..Default::default()
+    };
     let answer: Result<v1::ResetReply, String> =
         ask(&session, &keys, Query::Reset, damaged.encode_to_vec());
     assert!(answer.expect_err("a failure").contains("stored state"));
     assert!(server.alive());
-    let start = v1::EpisodeStartRequest { label: "../x".into(), ..Default::default() };
+    let start = v1::EpisodeStartRequest {
+        label: "../x".into(),
+        ..Default::default()
+    };
     let answer: Result<v1::EpisodeStarted, String> =
         ask(&session, &keys, Query::EpisodeStart, start.encode_to_vec());
     assert!(answer.expect_err("a failure").contains("label"));
@@ -122,15 +168,27 @@ fn a_chair_whose_operator_falls_silent_brakes_to_rest() {
     let server = Server::start("silent", &["--no-cameras"]).expect("a server");
     let session = session(&server);
     let keys = Keys::new("silent").expect("a name");
-    let odometry = session.declare_subscriber(keys.stream("odometry")).wait().expect("a stream");
+    let odometry = session
+        .declare_subscriber(keys.stream("odometry"))
+        .wait()
+        .expect("a stream");
     let put = |command: v1::Command| {
-        session.put(keys.command(), command.encode_to_vec()).wait().expect("a put");
+        session
+            .put(keys.command(), command.encode_to_vec())
+            .wait()
+            .expect("a put");
     };
     let speed = || {
-        let sample = odometry.recv_timeout(WAIT).expect("no error").expect("odometry");
+        let sample = odometry
+            .recv_timeout(WAIT)
+            .expect("no error")
+            .expect("odometry");
         let sample = v1::Odometry::decode(&*sample.payload().to_bytes()).expect("Odometry");
         let stamp = sample.header.expect("a header").stamp_nanos;
-        (stamp, sample.twist.expect("a twist").linear.expect("linear").x)
+        (
+            stamp,
+            sample.twist.expect("a twist").linear.expect("linear").x,
+        )
     };
     let mut sequence = 0;
     let mut fastest = 0.0_f64;
@@ -152,7 +210,10 @@ fn a_chair_whose_operator_falls_silent_brakes_to_rest() {
     // Simulation time passes no faster than wall time here, so this bound holds
     // on any machine: 0.7 s and some control ticks.
     let seconds = (at_rest - last_command) as f64 * 1e-9;
-    assert!(seconds <= 0.8, "at rest {seconds:.3} s after the last command");
+    assert!(
+        seconds <= 0.8,
+        "at rest {seconds:.3} s after the last command"
+    );
 }
 
 #[test]
@@ -178,5 +239,8 @@ fn without_a_vulkan_driver_the_server_names_the_cure() {
         .expect("a process");
     let text = printed(&output);
     assert!(!output.status.success());
-    assert!(text.contains("mesa-vulkan-drivers") && text.contains("--no-cameras"), "{text}");
+    assert!(
+        text.contains("mesa-vulkan-drivers") && text.contains("--no-cameras"),
+        "{text}"
+    );
 }

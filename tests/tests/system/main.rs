@@ -1,5 +1,6 @@
 //! System tests: a real server process and real client processes over
 //! loopback, and the rules that the compiler cannot see.
 
+mod episode;
 mod gate;
 mod tidy;

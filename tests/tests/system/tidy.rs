@@ -5,7 +5,10 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 fn root() -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("the workspace").to_owned()
+    Path::new(env!("CARGO_MANIFEST_DIR"))
+        .parent()
+        .expect("the workspace")
+        .to_owned()
 }
 
 fn files(folder: &Path, ending: &str, found: &mut Vec<PathBuf>) {
@@ -31,14 +34,18 @@ fn code(path: &Path) -> Vec<(usize, String)> {
     let text = fs::read_to_string(path).expect("a readable source file");
     let lines = text.lines().enumerate();
     lines
-        .map(|(i, line)| (i + 1, line.split("//").next().unwrap_or_default().to_owned()))
+        .map(|(i, line)| {
+            (
+                i + 1,
+                line.split("//").next().unwrap_or_default().to_owned(),
+            )
+        })
         .collect()
 }
 
 fn names(line: &str, crate_name: &str) -> bool {
-    line.split(|c: char| !(c.is_alphanumeric() || c == '_' || c == ':')).any(|word| {
-        word == crate_name || word.starts_with(&format!("{crate_name}::"))
-    })
+    line.split(|c: char| !(c.is_alphanumeric() || c == '_' || c == ':'))
+        .any(|word| word == crate_name || word.starts_with(&format!("{crate_name}::")))
 }
 
 /// `(crate, the only places below server/src that may name it)`.
@@ -55,7 +62,11 @@ fn the_walls_of_the_architecture_stand() {
     let source = root().join("server/src");
     let mut breaches = Vec::new();
     for path in list("server/src", ".rs") {
-        let place = path.strip_prefix(&source).expect("below src").to_string_lossy().into_owned();
+        let place = path
+            .strip_prefix(&source)
+            .expect("below src")
+            .to_string_lossy()
+            .into_owned();
         for (line, text) in code(&path) {
             for (name, allowed) in WALLS {
                 let inside = allowed.iter().any(|a| place.starts_with(a));
@@ -69,22 +80,45 @@ fn the_walls_of_the_architecture_stand() {
             }
         }
     }
-    assert!(breaches.is_empty(), "walls are broken:\n{}", breaches.join("\n"));
+    assert!(
+        breaches.is_empty(),
+        "walls are broken:\n{}",
+        breaches.join("\n")
+    );
 }
 
 #[test]
 fn no_client_depends_on_the_server() {
     for manifest in list("client", "Cargo.toml") {
         let text = fs::read_to_string(&manifest).expect("a manifest");
-        assert!(!text.contains("wheelarm-server"), "{} names the server", manifest.display());
+        assert!(
+            !text.contains("wheelarm-server"),
+            "{} names the server",
+            manifest.display()
+        );
     }
 }
 
 #[test]
 fn every_message_field_says_its_unit() {
     let units = [
-        "metres", "m/s", "rad", "N", "kg", "Hz", "pixels", "no unit", "ticks", "nanoseconds",
-        " s.", " s,", "count", "bytes", "SI", "unit of the field", "0 to 255",
+        "metres",
+        "m/s",
+        "rad",
+        "N",
+        "kg",
+        "Hz",
+        "pixels",
+        "no unit",
+        "ticks",
+        "nanoseconds",
+        " s.",
+        " s,",
+        "count",
+        "bytes",
+        "SI",
+        "unit of the field",
+        "0 to 255",
     ];
     let mut bare = Vec::new();
     for path in list("proto/wheelarm", ".proto") {
@@ -98,12 +132,19 @@ fn every_message_field_says_its_unit() {
                 continue;
             }
             let declares = line.ends_with(';') && line.contains(" = ");
-            let value_of_enum = !line.contains(' ') || line.chars().next().is_some_and(char::is_uppercase)
-                && line.split(' ').next().is_some_and(|w| w.to_uppercase() == w);
+            let value_of_enum = !line.contains(' ')
+                || line.chars().next().is_some_and(char::is_uppercase)
+                    && line
+                        .split(' ')
+                        .next()
+                        .is_some_and(|w| w.to_uppercase() == w);
             let message = line.split(' ').next().is_some_and(|w| {
                 w.chars().next().is_some_and(char::is_uppercase) && w.to_uppercase() != w
             }) || line.starts_with("repeated ")
-                && line.split(' ').nth(1).is_some_and(|w| w.chars().next().is_some_and(char::is_uppercase));
+                && line
+                    .split(' ')
+                    .nth(1)
+                    .is_some_and(|w| w.chars().next().is_some_and(char::is_uppercase));
             let exempt = line.starts_with("syntax") || line.starts_with("package") || value_of_enum;
             if declares && !exempt {
                 let typed_parts = message && !comment.is_empty();
@@ -121,19 +162,30 @@ fn every_message_field_says_its_unit() {
 fn nothing_names_a_path_of_one_machine() {
     let mut found = Vec::new();
     for (folder, ending) in [
-        ("server", ".rs"), ("client", ".rs"), ("proto", ".rs"), ("assets", ".toml"),
-        ("scripts", ".sh"), ("tests", ".py"),
+        ("server", ".rs"),
+        ("client", ".rs"),
+        ("proto", ".rs"),
+        ("assets", ".toml"),
+        ("scripts", ".sh"),
+        ("tests", ".py"),
     ] {
         let mut paths = Vec::new();
         files(&root().join(folder), ending, &mut paths);
         for path in paths {
             let text = fs::read_to_string(&path).unwrap_or_default();
             for (i, line) in text.lines().enumerate() {
-                if ["/home/", "/root/", "/work/"].iter().any(|p| line.contains(p)) {
+                if ["/home/", "/root/", "/work/"]
+                    .iter()
+                    .any(|p| line.contains(p))
+                {
                     found.push(format!("{}:{}", path.display(), i + 1));
                 }
             }
         }
     }
-    assert!(found.is_empty(), "paths of one machine:\n{}", found.join("\n"));
+    assert!(
+        found.is_empty(),
+        "paths of one machine:\n{}",
+        found.join("\n")
+    );
 }

@@ -15,8 +15,18 @@ fn room(eye: [f64; 3], direction: [f64; 3], forward: f64) -> ([u8; 3], f32, u8) 
     const BOXES: [Solid; 5] = [
         ([2.0, -0.4, 0.70], [2.8, 1.8, 0.81], [150.0, 104.0, 66.0], 2),
         ([2.1, -0.3, 0.0], [2.2, -0.2, 0.7], [90.0, 62.0, 40.0], 2),
-        ([2.30, 0.50, 0.81], [2.36, 0.57, 1.0], [232.0, 190.0, 30.0], 3),
-        ([2.40, 0.85, 0.81], [2.47, 0.92, 0.91], [190.0, 40.0, 40.0], 4),
+        (
+            [2.30, 0.50, 0.81],
+            [2.36, 0.57, 1.0],
+            [232.0, 190.0, 30.0],
+            3,
+        ),
+        (
+            [2.40, 0.85, 0.81],
+            [2.47, 0.92, 0.91],
+            [190.0, 40.0, 40.0],
+            4,
+        ),
         ([3.2, -2.2, 0.0], [3.7, 2.4, 0.9], [92.0, 104.0, 122.0], 5),
     ];
     let mut best = (f64::INFINITY, [0.0; 3], 0, 0);
@@ -25,14 +35,21 @@ fn room(eye: [f64; 3], direction: [f64; 3], forward: f64) -> ([u8; 3], f32, u8) 
         let t = (wall - eye[axis]) / direction[axis];
         if t > 1e-6 && t < best.0 {
             let floor = axis == 2 && direction[axis] < 0.0;
-            let colour = if floor { [168.0, 132.0, 96.0] } else { [214.0, 208.0, 196.0] };
+            let colour = if floor {
+                [168.0, 132.0, 96.0]
+            } else {
+                [214.0, 208.0, 196.0]
+            };
             best = (t, colour, axis, 1);
         }
     }
     for (low, high, colour, id) in BOXES {
         let (mut enter, mut leave, mut face) = (0.0, f64::INFINITY, 0);
         for k in 0..3 {
-            let (a, b) = ((low[k] - eye[k]) / direction[k], (high[k] - eye[k]) / direction[k]);
+            let (a, b) = (
+                (low[k] - eye[k]) / direction[k],
+                (high[k] - eye[k]) / direction[k],
+            );
             if a.min(b) > enter {
                 (enter, face) = (a.min(b), k);
             }
@@ -49,7 +66,11 @@ fn room(eye: [f64; 3], direction: [f64; 3], forward: f64) -> ([u8; 3], f32, u8) 
     let p: Vec<f64> = (0..3).map(|k| eye[k] + t * direction[k]).collect();
     let light = [0.78, 0.88, 1.0][face] * (1.0 - 0.04 * t);
     let grain = ((p[0] * 37.0).sin() * (p[1] * 41.0).cos() * (p[2] * 29.0 + 1.0).cos()) * 6.0;
-    let plank = if face == 2 && (p[1] * 5.0).fract().abs() < 0.05 { -18.0 } else { 0.0 };
+    let plank = if face == 2 && (p[1] * 5.0).fract().abs() < 0.05 {
+        -18.0
+    } else {
+        0.0
+    };
     let rgb = colour.map(|c: f64| (c * light + grain + plank).clamp(0.0, 255.0) as u8);
     (rgb, (t * forward) as f32, id)
 }
@@ -65,7 +86,10 @@ pub fn picture(
     let focal = 0.6 * w;
     let ((sy, cy), (sp, cp)) = (yaw.sin_cos(), pitch.sin_cos());
     super::frame(camera, header, size, |x, y| {
-        let (u, v) = ((f64::from(x) - w / 2.0) / focal, (h / 2.0 - f64::from(y)) / focal);
+        let (u, v) = (
+            (f64::from(x) - w / 2.0) / focal,
+            (h / 2.0 - f64::from(y)) / focal,
+        );
         let norm = (1.0 + u * u + v * v).sqrt();
         let (ahead, left, up) = (cp + v * sp, -u, v * cp - sp);
         let direction = [
@@ -79,7 +103,12 @@ pub fn picture(
 
 fn quaternion(yaw: f64) -> v1::Quaternion {
     let (z, w) = (0.5 * yaw).sin_cos();
-    v1::Quaternion { x: 0.0, y: 0.0, z, w }
+    v1::Quaternion {
+        x: 0.0,
+        y: 0.0,
+        z,
+        w,
+    }
 }
 
 fn pose(x: f64, y: f64, z: f64, yaw: f64) -> Option<v1::Pose> {
@@ -120,7 +149,11 @@ pub fn tick(index: u64, seconds: f64, sequence: u64) -> Vec<(&'static str, Vec<u
     let twist = |x, w| {
         Some(v1::Twist {
             linear: Some(v1::Vector3 { x, y: 0.0, z: 0.0 }),
-            angular: Some(v1::Vector3 { x: 0.0, y: 0.0, z: w }),
+            angular: Some(v1::Vector3 {
+                x: 0.0,
+                y: 0.0,
+                z: w,
+            }),
         })
     };
     let frames = (0..7)
@@ -148,14 +181,25 @@ pub fn tick(index: u64, seconds: f64, sequence: u64) -> Vec<(&'static str, Vec<u
             }
             .encode_to_vec(),
         ),
-        ("pose", v1::PoseSet { header: head(), frames }.encode_to_vec()),
+        (
+            "pose",
+            v1::PoseSet {
+                header: head(),
+                frames,
+            }
+            .encode_to_vec(),
+        ),
         (
             "imu",
             v1::Imu {
                 header: head(),
                 orientation: Some(quaternion(yaw)),
                 angular_velocity: zero(),
-                linear_acceleration: Some(v1::Vector3 { x: 0.0, y: 0.0, z: 9.81 }),
+                linear_acceleration: Some(v1::Vector3 {
+                    x: 0.0,
+                    y: 0.0,
+                    z: 9.81,
+                }),
             }
             .encode_to_vec(),
         ),
@@ -190,10 +234,21 @@ pub fn tick(index: u64, seconds: f64, sequence: u64) -> Vec<(&'static str, Vec<u
         ),
         (
             "phase",
-            v1::PhaseSample { header: head(), phase: phase.into(), name: String::new() }
-                .encode_to_vec(),
+            v1::PhaseSample {
+                header: head(),
+                phase: phase.into(),
+                name: String::new(),
+            }
+            .encode_to_vec(),
         ),
-        ("clock", v1::Clock { header: head(), real_time_factor: 1.0 }.encode_to_vec()),
+        (
+            "clock",
+            v1::Clock {
+                header: head(),
+                real_time_factor: 1.0,
+            }
+            .encode_to_vec(),
+        ),
     ]
 }
 
@@ -211,7 +266,10 @@ pub fn record(
     const URDF: &str = r#"<robot><joint name="m"><parent link="wheelchair_root"/>
         <child link="base_link"/><origin xyz="0.42 0.36 0.55" rpy="0 0 3.14159265"/></joint></robot>"#;
     let mut snapshot = super::snapshot();
-    snapshot.assets.push(v1::AssetText { path: "robots/r/robot.urdf".into(), text: URDF.into() });
+    snapshot.assets.push(v1::AssetText {
+        path: "robots/r/robot.urdf".into(),
+        text: URDF.into(),
+    });
     let started = super::started(label);
     let mut writer = EpisodeWriter::open(dir, &started, &snapshot, &WriterOptions::default())?;
     let mut counts = std::collections::BTreeMap::new();
@@ -237,7 +295,10 @@ pub fn record(
             offer(&mut writer, "camera/gen3", wrist.encode_to_vec())?;
         }
     }
-    let counts: Vec<_> = counts.into_iter().map(|(stream, n)| (stream, 0, n)).collect();
+    let counts: Vec<_> = counts
+        .into_iter()
+        .map(|(stream, n)| (stream, 0, n))
+        .collect();
     let closing = Closing {
         stopped: Some(super::stopped(240 * seconds, &counts)),
         ..Default::default()

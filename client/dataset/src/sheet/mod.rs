@@ -15,8 +15,7 @@ use plotters::prelude::*;
 use crate::read::{Episode, Frame, ReadError, Summary};
 use picture::Canvas;
 use style::{
-    AMBER, COLUMNS, GAP, GREEN, GREY, GUTTER, HEADER, INK, MARGIN, PAPER, PLOTS, RED, TIMES,
-    WIDTH,
+    AMBER, COLUMNS, GAP, GREEN, GREY, GUTTER, HEADER, INK, MARGIN, PAPER, PLOTS, RED, TIMES, WIDTH,
 };
 
 type Area<'a> = DrawingArea<BitMapBackend<'a>, Shift>;
@@ -71,7 +70,11 @@ pub fn sheet(episode: &Episode, out: &Path) -> Result<(), SheetError> {
     let tile = (WIDTH as i32 - 2 * MARGIN - GUTTER - (columns - 1) * GAP) / columns;
     let heights: Vec<i32> = strips
         .iter()
-        .map(|s| s.frames.first().map_or(40, |f| tile * f.height as i32 / f.width as i32))
+        .map(|s| {
+            s.frames
+                .first()
+                .map_or(40, |f| tile * f.height as i32 / f.width as i32)
+        })
         .collect();
     let pictures: i32 = heights.iter().map(|h| 2 * (h + GAP) + GAP).sum();
     let height = HEADER + TIMES + pictures + PLOTS + MARGIN;
@@ -137,7 +140,13 @@ fn times(episode: &Episode, summary: &Summary) -> Result<Vec<u64>, ReadError> {
     }
     let columns = best.len().min(COLUMNS);
     let last = best.len() - 1;
-    let spread = |i: usize| best[if columns > 1 { i * last / (columns - 1) } else { 0 }];
+    let spread = |i: usize| {
+        best[if columns > 1 {
+            i * last / (columns - 1)
+        } else {
+            0
+        }]
+    };
     Ok((0..columns).map(spread).collect())
 }
 
@@ -173,13 +182,21 @@ fn header(root: &Area<'_>, summary: &Summary) -> Result<(), SheetError> {
     let x = badge(
         root,
         MARGIN,
-        if summary.success { "SUCCESS" } else { "NOT SUCCEEDED" },
+        if summary.success {
+            "SUCCESS"
+        } else {
+            "NOT SUCCEEDED"
+        },
         if summary.success { GREEN } else { RED },
     )?;
     let x = badge(
         root,
         x,
-        if summary.complete { "COMPLETE" } else { "PARTIAL" },
+        if summary.complete {
+            "COMPLETE"
+        } else {
+            "PARTIAL"
+        },
         if summary.complete { GREEN } else { AMBER },
     )?;
     let (first, last) = summary.span_nanos;

@@ -3,9 +3,7 @@
 use plotters::prelude::*;
 
 use super::mount::{Plane, arm_mount};
-use super::style::{
-    AMBER, BLUE, COLUMNS, FAINT, GREY, INK, LINES, ORANGE, phase_colour, text,
-};
+use super::style::{AMBER, BLUE, COLUMNS, FAINT, GREY, INK, LINES, ORANGE, phase_colour, text};
 use super::{Area, DrawError, SheetError, label};
 use crate::read::{Episode, ReadError};
 
@@ -35,12 +33,7 @@ fn seconds(episode: &Episode, stream: &str, start: u64) -> Result<Vec<f64>, Read
 }
 
 /// One number per sample out of a column: element `at` of each sample.
-fn series(
-    episode: &Episode,
-    stream: &str,
-    column: &str,
-    at: usize,
-) -> Result<Vec<f64>, ReadError> {
+fn series(episode: &Episode, stream: &str, column: &str, at: usize) -> Result<Vec<f64>, ReadError> {
     let all = episode.f64s(stream, column)?;
     let samples = all.shape().first().copied().unwrap_or(0).max(1);
     let width = (all.len() / samples).max(1);
@@ -67,7 +60,12 @@ fn joints(episode: &Episode, area: &Area<'_>, start: u64) -> Result<(), SheetErr
     let mut lines = Vec::new();
     for (i, name) in names.iter().enumerate() {
         if let Some(number) = name.strip_prefix("joint_") {
-            lines.push(line(episode, ("joint_state", "position", i), number, start)?);
+            lines.push(line(
+                episode,
+                ("joint_state", "position", i),
+                number,
+                start,
+            )?);
         }
     }
     over_time(area, "Arm joints 1 to 6, rad", &lines, &[]).map_err(Into::into)

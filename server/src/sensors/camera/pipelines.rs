@@ -1,6 +1,7 @@
 //! Shader variants and the layouts that they share.
 
 use super::Quality;
+use super::buffers::Finish;
 
 /// Linear values come out of the shader with the display's gamma already in.
 pub(super) const COLOR: wgpu::TextureFormat = wgpu::TextureFormat::Rgba8Unorm;
@@ -19,6 +20,8 @@ pub(super) struct Tier {
     shadow_taps: u32,
     /// Colour samples per pixel.
     pub(super) samples: u32,
+    /// Highlights on rough surfaces too.
+    pub(super) all_glossy: bool,
 }
 
 impl Tier {
@@ -27,6 +30,7 @@ impl Tier {
             shadow_size,
             shadow_taps,
             samples,
+            all_glossy: samples > 1,
         };
         match quality {
             Quality::Fast => tier(1, 0, 1),
@@ -51,9 +55,12 @@ pub(super) struct Pipelines {
     pub(super) scene_layout: wgpu::BindGroupLayout,
     /// Group 1: shadow map.
     pub(super) shadow_layout: wgpu::BindGroupLayout,
-    pub(super) plain: wgpu::RenderPipeline,
-    pub(super) textured: wgpu::RenderPipeline,
+    /// In the order of [`Finish::ALL`].
+    pub(super) surfaces: [wgpu::RenderPipeline; 8],
+    /// Draws what throws a shadow.
     pub(super) caster: wgpu::RenderPipeline,
+    /// Clears a part of the shadow map.
+    pub(super) erase: wgpu::RenderPipeline,
     /// Depth and ids only.
     pub(super) outline: Option<wgpu::RenderPipeline>,
 }
@@ -76,50 +83,49 @@ impl Pipelines {
         let full = layout(&[Some(&scene_layout), Some(&shadow_layout)]);
         let short = layout(&[Some(&scene_layout)]);
 
-        let constants = |textured: bool| {
-            [
-                ("TEXTURED", f64::from(u8::from(textured))),
+        let surface = |finish: Finish| {
+            let (vertex, fragment) = if finish.glossy {
+                ("surface", "shade")
+            } else {
+                ("matte_surface", "matte_shade")
+            };
+            let constants = [
+                ("TEXTURED", f64::from(u8::from(finish.textured))),
+                ("SUNNY", f64::from(u8::from(finish.sunny))),
                 ("SHADOW_TAPS", f64::from(tier.shadow_taps)),
                 ("ID_IN_ALPHA", f64::from(u8::from(!tier.separate_ids()))),
-            ]
+            ];
+            let stage = Stage {
+                layout: &full,
+                vertex,
+                attributes: &SURFACE,
+                fragment: Some((fragment, COLOR)),
+                constants: &constants,
+                samples: tier.samples,
+                depth: DepthUse::Reversed,
+            };
+            pipeline(device, &module, &stage)
         };
-        let make = |textured: bool| {
-            pipeline(
-                device,
-                &module,
-                &Stage {
-                    layout: &full,
-                    vertex: "surface",
-                    attributes: &SURFACE,
-                    fragment: Some(("shade", COLOR)),
-                    constants: &constants(textured),
-                    samples: tier.samples,
-                    shadow: false,
-                },
-            )
-        };
-        let place = |vertex, fragment, shadow| {
-            pipeline(
-                device,
-                &module,
-                &Stage {
-                    layout: &short,
-                    vertex,
-                    attributes: &PLACE,
-                    fragment,
-                    constants: &[],
-                    samples: 1,
-                    shadow,
-                },
-            )
+        let place = |vertex, attributes, fragment, depth| {
+            let stage = Stage {
+                layout: &short,
+                vertex,
+                attributes,
+                fragment,
+                constants: &[],
+                samples: 1,
+                depth,
+            };
+            pipeline(device, &module, &stage)
         };
         Self {
-            plain: make(false),
-            textured: make(true),
-            caster: place("caster", None, true),
-            outline: tier
-                .separate_ids()
-                .then(|| place("outline", Some(("identify", IDS)), false)),
+            surfaces: Finish::ALL.map(surface),
+            caster: place("caster", &PLACE, None, DepthUse::Shadow),
+            erase: place("erase", &[], None, DepthUse::Erase),
+            outline: tier.separate_ids().then(|| {
+                let fragment = Some(("identify", IDS));
+                place("outline", &PLACE, fragment, DepthUse::Reversed)
+            }),
             scene_layout,
             shadow_layout,
         }
@@ -157,8 +163,17 @@ struct Stage<'a> {
     fragment: Option<(&'a str, wgpu::TextureFormat)>,
     constants: &'a [(&'a str, f64)],
     samples: u32,
-    /// Depth grows away from the sun; otherwise it is reversed.
-    shadow: bool,
+    depth: DepthUse,
+}
+
+#[derive(Clone, Copy)]
+enum DepthUse {
+    /// Near is 1, nothing is 0.
+    Reversed,
+    /// Grows away from the sun.
+    Shadow,
+    /// Overwrites the shadow map.
+    Erase,
 }
 
 fn pipeline(
@@ -177,16 +192,23 @@ fn pipeline(
             write_mask: wgpu::ColorWrites::ALL,
         })]
     });
-    let (compare, bias) = if stage.shadow {
-        let bias = wgpu::DepthBiasState {
-            constant: 2,
-            slope_scale: 1.5,
-            clamp: 0.0,
-        };
-        (wgpu::CompareFunction::Less, bias)
-    } else {
-        (wgpu::CompareFunction::GreaterEqual, Default::default())
+    let (compare, bias) = match stage.depth {
+        DepthUse::Reversed => (wgpu::CompareFunction::GreaterEqual, Default::default()),
+        DepthUse::Erase => (wgpu::CompareFunction::Always, Default::default()),
+        DepthUse::Shadow => {
+            let bias = wgpu::DepthBiasState {
+                constant: 2,
+                slope_scale: 1.5,
+                clamp: 0.0,
+            };
+            (wgpu::CompareFunction::Less, bias)
+        }
     };
+    let layouts = [Some(wgpu::VertexBufferLayout {
+        array_stride: STRIDE,
+        step_mode: wgpu::VertexStepMode::Vertex,
+        attributes: stage.attributes,
+    })];
     device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
         label: Some(stage.vertex),
         layout: Some(stage.layout),
@@ -194,11 +216,11 @@ fn pipeline(
             module,
             entry_point: Some(stage.vertex),
             compilation_options: options.clone(),
-            buffers: &[Some(wgpu::VertexBufferLayout {
-                array_stride: STRIDE,
-                step_mode: wgpu::VertexStepMode::Vertex,
-                attributes: stage.attributes,
-            })],
+            buffers: if stage.attributes.is_empty() {
+                &[]
+            } else {
+                &layouts
+            },
         },
         primitive: wgpu::PrimitiveState {
             cull_mode: Some(wgpu::Face::Back),

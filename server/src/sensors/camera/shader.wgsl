@@ -3,6 +3,8 @@
 // CPU adapter a buffer load per pixel costs more than the interpolation.
 
 override TEXTURED: bool = false;
+// The sun may reach the surface.
+override SUNNY: bool = true;
 // Shadow map look-ups per pixel: 0, 1 or 9.
 override SHADOW_TAPS: u32 = 1u;
 // The alpha byte holds the instance id; not when samples are averaged.
@@ -66,28 +68,79 @@ fn decode(n: vec2<f32>) -> vec3<f32> {
     return normalize(v);
 }
 
-@vertex fn surface(v: Vertex) -> Varying {
-    let body = v.packed & 0xffu;
-    let material = v.packed >> 16u;
-    let world = to_world(body, v.position);
-    let n = decode(v.normal);
-    let b = bodies[body];
-    let normal = vec3(dot(b.x.xyz, n), dot(b.y.xyz, n), dot(b.z.xyz, n));
+struct Lit {
+    world: vec3<f32>,
+    normal: vec3<f32>,
+    // Where to look in the shadow map.
+    shadow: vec3<f32>,
+    // Share of the surroundings that lights this vertex.
+    openness: f32,
+}
 
-    var out: Varying;
-    out.clip = camera.clip_from_world * vec4(world, 1.0);
-    out.normal = normal;
-    out.view = vec4(camera.eye.xyz - world, f32((v.packed >> 8u) & 0xffu) * (1.0 / 255.0) * b.more.y);
-    out.uv = v.uv;
-    // Looked up a little outside the surface, more where the light grazes it.
-    let slope = 1.0 - abs(dot(normal, camera.sun_direction.xyz));
-    let outside = world + normal * (camera.shadow_texel.y * (0.6 + 1.8 * slope));
+fn place(v: Vertex, body: u32) -> Lit {
+    let b = bodies[body];
+    let n = decode(v.normal);
+    var out: Lit;
+    out.world = to_world(body, v.position);
+    out.normal = vec3(dot(b.x.xyz, n), dot(b.y.xyz, n), dot(b.z.xyz, n));
+    out.openness = f32((v.packed >> 8u) & 0xffu) * (1.0 / 255.0) * b.more.y;
+    // A little outside the surface, more where the light grazes it.
+    let slope = 1.0 - abs(dot(out.normal, camera.sun_direction.xyz));
+    let outside = out.world + out.normal * (camera.shadow_texel.y * (0.6 + 1.8 * slope));
     let s = camera.shadow_from_world * vec4(outside, 1.0);
     out.shadow = vec3(s.xy * vec2(0.5, -0.5) + 0.5, s.z);
-    let m = materials[material];
-    out.color = m.color;
-    out.more = vec4(m.more.xyz, b.more.x);
     return out;
+}
+
+@vertex fn surface(v: Vertex) -> Varying {
+    let body = v.packed & 0xffu;
+    let m = materials[v.packed >> 16u];
+    let lit = place(v, body);
+    var out: Varying;
+    out.clip = camera.clip_from_world * vec4(lit.world, 1.0);
+    out.normal = lit.normal;
+    out.view = vec4(camera.eye.xyz - lit.world, lit.openness);
+    out.uv = v.uv;
+    out.shadow = lit.shadow;
+    out.color = m.color;
+    out.more = vec4(m.more.xyz, bodies[body].more.x);
+    return out;
+}
+
+// Matte surfaces are lit at their vertices; a pixel only looks up picture and shadow.
+struct MatteVarying {
+    @builtin(position) @invariant clip: vec4<f32>,
+    // Light from all around; from the sun when nothing is before it.
+    @location(0) light: vec4<f32>,
+    @location(1) uv: vec2<f32>,
+    @location(2) shadow: vec3<f32>,
+    // Colour and instance id.
+    @location(3) @interpolate(flat) color: vec4<f32>,
+    @location(4) @interpolate(flat) layer: f32,
+}
+
+@vertex fn matte_surface(v: Vertex) -> MatteVarying {
+    let body = v.packed & 0xffu;
+    let m = materials[v.packed >> 16u];
+    let lit = place(v, body);
+    let around = mix(camera.ground.rgb, camera.sky.rgb, 0.5 + 0.5 * lit.normal.z);
+    var out: MatteVarying;
+    out.clip = camera.clip_from_world * vec4(lit.world, 1.0);
+    out.light = vec4(
+        around * lit.openness + m.more.y,
+        max(dot(lit.normal, camera.sun_direction.xyz), 0.0),
+    );
+    out.uv = v.uv;
+    out.shadow = lit.shadow;
+    // Rough surfaces still mirror a little of what is around.
+    out.color = vec4(m.color.rgb + 0.03, bodies[body].more.x);
+    out.layer = m.more.z;
+    return out;
+}
+
+// Far from the sun, over the part of the shadow map that is drawn anew.
+@vertex fn erase(@builtin(vertex_index) i: u32) -> @builtin(position) vec4<f32> {
+    return vec4(f32(i & 1u) * 4.0 - 1.0, f32(i >> 1u) * 4.0 - 1.0, 1.0, 1.0);
 }
 
 struct Place { @location(0) position: vec3<f32>, @location(3) packed: u32 }
@@ -110,7 +163,7 @@ struct Identified {
     return vec4(v.id);
 }
 
-fn lit(at: vec3<f32>) -> f32 {
+fn sunlit(at: vec3<f32>) -> f32 {
     if SHADOW_TAPS == 0u {
         return 1.0;
     }
@@ -133,30 +186,53 @@ fn display(c: vec3<f32>) -> vec3<f32> {
     return (c * (6.2 * c + 0.5)) / (c * (6.2 * c + 1.7) + 0.06);
 }
 
+fn picture(uv: vec2<f32>, layer: f32) -> vec3<f32> {
+    // Stored as square roots.
+    let root = textureSample(pictures, repeating, uv, i32(layer)).rgb;
+    return root * root;
+}
+
+@fragment fn matte_shade(v: MatteVarying) -> @location(0) vec4<f32> {
+    var base = v.color.rgb;
+    if TEXTURED {
+        base *= picture(v.uv, v.layer);
+    }
+    var light = v.light.rgb;
+    if SUNNY {
+        light += camera.sun.rgb * (v.light.a * sunlit(v.shadow));
+    }
+    let c = base * light;
+    return vec4(display(c), select(1.0, v.color.a, ID_IN_ALPHA));
+}
+
 @fragment fn shade(v: Varying) -> @location(0) vec4<f32> {
     var base = v.color.rgb;
     if TEXTURED {
-        let picture = textureSample(pictures, repeating, v.uv, i32(v.more.z)).rgb;
-        base *= picture * picture;
+        base *= picture(v.uv, v.more.z);
     }
     let metallic = v.more.x;
     let roughness = v.color.a;
     let n = normalize(v.normal);
     let view = normalize(v.view.xyz);
     let sun = camera.sun_direction.xyz;
-    let half_way = normalize(view + sun);
     let nl = max(dot(n, sun), 0.0);
-    let nh = max(dot(n, half_way), 0.0);
     let nv = max(dot(n, view), 0.0);
-    let vh = max(dot(view, half_way), 0.1);
-
-    // GGX with the visibility and Fresnel terms fitted together (Karis 2013, mobile).
     let f0 = mix(vec3(0.04), base, metallic);
-    let a = roughness * roughness;
-    let d = nh * nh * (a * a - 1.0) + 1.0;
-    let glint = a * a / (d * d * vh * vh * (a * 4.0 + 2.0));
     let matte = base * (1.0 - metallic);
-    let direct = (matte + f0 * glint) * (nl * lit(v.shadow));
+
+    var direct = vec3(0.0);
+    if SUNNY {
+        // GGX with the visibility and Fresnel terms fitted together (Karis 2013,
+        // mobile). The half vector is (view + sun) / length.
+        let length2 = 2.0 + 2.0 * dot(view, sun);
+        let nh = dot(n, view + sun);
+        let nh2 = nh * nh / max(length2, 0.01);
+        let vh2 = max(0.25 * length2, 0.01);
+        let a = roughness * roughness;
+        let d = nh2 * (a * a - 1.0) + 1.0;
+        let glint = a * a / (d * d * vh2 * (a * 4.0 + 2.0));
+        direct = camera.sun.rgb * (matte + f0 * glint) * (nl * sunlit(v.shadow));
+    }
 
     // The room around: brighter above than below, mirrored by smooth surfaces.
     let up = 2.0 * nv * n.z - view.z;
@@ -166,6 +242,6 @@ fn display(c: vec3<f32>) -> vec3<f32> {
     let mirrored = mix(camera.ground.rgb, camera.sky.rgb, clamp(0.5 + up * (1.1 - 0.6 * roughness), 0.0, 1.2));
     let ambient = (matte * around + mirror * mirrored) * v.view.w;
 
-    let c = direct * camera.sun.rgb + ambient + base * v.more.y;
+    let c = direct + ambient + base * v.more.y;
     return vec4(display(c), select(1.0, v.more.w, ID_IN_ALPHA));
 }

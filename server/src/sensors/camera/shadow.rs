@@ -1,9 +1,117 @@
-//! One shadow map for all cameras, redrawn only when a caster moved.
+//! One shadow map for all cameras. Only the part around casters that moved is
+//! drawn anew; every texel is what a whole new map would hold.
 
-use nalgebra::{Matrix4, Point3, Vector3};
+use nalgebra::{Isometry3, Matrix4, Point3, Vector3};
 
-use super::buffers::Buffers;
+use super::buffers::{Buffers, Caster};
+use super::geometry::Geometry;
+use super::pipelines::{DEPTH, Pipelines};
 use super::scene::{Binding, RenderScene};
+use super::target::{Picture, depth_attachment, picture};
+
+/// The map and what it was drawn for.
+pub(super) struct ShadowMap {
+    pub(super) picture: Picture,
+    pub(super) sun: SunView,
+    size: u32,
+    /// Poses of the bodies when the map was drawn; empty before.
+    drawn_for: Vec<Isometry3<f64>>,
+}
+
+/// Texels `[left, top, right, bottom]`, the last ones not included.
+type Rectangle = [u32; 4];
+
+impl ShadowMap {
+    pub(super) fn new(device: &wgpu::Device, sun: SunView, size: u32) -> Self {
+        let usage = wgpu::TextureUsages::RENDER_ATTACHMENT | wgpu::TextureUsages::TEXTURE_BINDING;
+        Self {
+            picture: picture(device, [size; 2], DEPTH, 1, usage),
+            sun,
+            size,
+            drawn_for: Vec::new(),
+        }
+    }
+
+    /// Brings the map up to date; `group` holds the bodies at `poses`.
+    pub(super) fn draw(
+        &mut self,
+        encoder: &mut wgpu::CommandEncoder,
+        pipelines: &Pipelines,
+        group: &wgpu::BindGroup,
+        geometry: &Geometry,
+        poses: &[Isometry3<f64>],
+    ) {
+        let Some([left, top, right, bottom]) = self.outdated(geometry, poses) else {
+            return;
+        };
+        let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
+            label: Some("shadow"),
+            depth_stencil_attachment: Some(depth_attachment(
+                &self.picture.view,
+                wgpu::LoadOp::Load,
+                true,
+            )),
+            ..Default::default()
+        });
+        pass.set_scissor_rect(left, top, right - left, bottom - top);
+        pass.set_bind_group(0, group, &[]);
+        pass.set_pipeline(&pipelines.erase);
+        pass.draw(0..3, 0..1);
+        pass.set_pipeline(&pipelines.caster);
+        geometry.set(&mut pass);
+        for (body, pose) in geometry.bodies.iter().zip(poses) {
+            for caster in &body.casters {
+                let [l, t, r, b] = self.around(caster, pose);
+                if l < right && r > left && t < bottom && b > top {
+                    pass.draw_indexed(caster.indices.clone(), 0, 0..1);
+                }
+            }
+        }
+        drop(pass);
+        self.drawn_for = poses.to_vec();
+    }
+
+    /// The part of the map that casters left or entered.
+    fn outdated(&self, geometry: &Geometry, poses: &[Isometry3<f64>]) -> Option<Rectangle> {
+        if self.drawn_for.len() != poses.len() {
+            return Some([0, 0, self.size, self.size]);
+        }
+        let mut part: Option<Rectangle> = None;
+        for (i, body) in geometry.bodies.iter().enumerate() {
+            if self.drawn_for[i] == poses[i] {
+                continue;
+            }
+            for caster in &body.casters {
+                for pose in [&self.drawn_for[i], &poses[i]] {
+                    let [l, t, r, b] = self.around(caster, pose);
+                    let [pl, pt, pr, pb] = part.unwrap_or([l, t, r, b]);
+                    part = Some([l.min(pl), t.min(pt), r.max(pr), b.max(pb)]);
+                }
+            }
+        }
+        part.filter(|[l, t, r, b]| l < r && t < b)
+    }
+
+    /// Texels that a caster may cover.
+    fn around(&self, caster: &Caster, pose: &Isometry3<f64>) -> Rectangle {
+        let centre = self.sun.clip_from_world * (pose * caster.centre).to_homogeneous();
+        let half = 0.5 * f64::from(self.size);
+        // The rows of the map are orthogonal, each of one scale.
+        let reach = |row: usize| {
+            let scale = self.sun.clip_from_world.fixed_view::<1, 3>(row, 0).norm();
+            caster.radius * scale * half + 2.0
+        };
+        let texel = |x: f64| x.clamp(0.0, f64::from(self.size)) as u32;
+        let (x, y) = ((1.0 + centre.x) * half, (1.0 - centre.y) * half);
+        let (rx, ry) = (reach(0), reach(1));
+        [
+            texel((x - rx).floor()),
+            texel((y - ry).floor()),
+            texel((x + rx).ceil()),
+            texel((y + ry).ceil()),
+        ]
+    }
+}
 
 /// Where the light looks: world to the map's clip space, and the size of a texel.
 pub(super) struct SunView {

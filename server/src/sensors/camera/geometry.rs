@@ -1,0 +1,113 @@
+//! The scene on the adapter: what is where, and which of it a camera sees.
+
+use nalgebra::{Isometry3, Point3};
+use wgpu::util::DeviceExt;
+
+use super::buffers::{Batch, Body, Buffers, Finish};
+use super::view::View;
+
+/// Triangles of all bodies and the poses of the bodies.
+pub(super) struct Geometry {
+    vertices: wgpu::Buffer,
+    indices: wgpu::Buffer,
+    pub(super) body_rows: wgpu::Buffer,
+    pub(super) bodies: Vec<Body>,
+    batches: Vec<Batch>,
+}
+
+/// World_from_body as rows; id, openness.
+pub(super) type BodyRow = [f32; 16];
+
+/// Coarse triangles serve where 5 mm are less than a pixel.
+const COARSE_BELOW: f64 = 0.005;
+
+/// A batch in view.
+pub(super) struct Seen<'a> {
+    pub(super) finish: Finish,
+    batch: &'a Batch,
+    coarse: bool,
+}
+
+impl Seen<'_> {
+    pub(super) fn indices(&self) -> std::ops::Range<u32> {
+        if self.coarse {
+            self.batch.coarse.clone()
+        } else {
+            self.batch.full.clone()
+        }
+    }
+}
+
+impl Geometry {
+    pub(super) fn upload(device: &wgpu::Device, buffers: &Buffers) -> Self {
+        let filled = |label, contents: &[u8], usage| {
+            device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
+                label: Some(label),
+                contents,
+                usage,
+            })
+        };
+        Self {
+            vertices: filled(
+                "vertices",
+                bytemuck::cast_slice(&buffers.vertices),
+                wgpu::BufferUsages::VERTEX,
+            ),
+            indices: filled(
+                "indices",
+                bytemuck::cast_slice(&buffers.indices),
+                wgpu::BufferUsages::INDEX,
+            ),
+            body_rows: device.create_buffer(&wgpu::BufferDescriptor {
+                label: Some("bodies"),
+                size: (buffers.bodies.len().max(1) * std::mem::size_of::<BodyRow>()) as u64,
+                usage: wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST,
+                mapped_at_creation: false,
+            }),
+            bodies: buffers.bodies.clone(),
+            batches: buffers.batches.clone(),
+        }
+    }
+
+    pub(super) fn set(&self, pass: &mut wgpu::RenderPass<'_>) {
+        pass.set_vertex_buffer(0, self.vertices.slice(..));
+        pass.set_index_buffer(self.indices.slice(..), wgpu::IndexFormat::Uint32);
+    }
+
+    /// Batches in view, near ones first; large ones (walls, floor) last, they are mostly hidden.
+    pub(super) fn seen(&self, view: &View, poses: &[Isometry3<f64>]) -> Vec<Seen<'_>> {
+        let mut seen: Vec<(f64, Seen<'_>)> = self
+            .batches
+            .iter()
+            .filter_map(|batch| {
+                let centre: Point3<f64> = poses[batch.body] * batch.centre;
+                let distance = view.distance(&centre, batch.radius)?;
+                let late = if batch.radius > 1.5 { 100.0 } else { 0.0 };
+                let coarse = distance > view.focal * COARSE_BELOW;
+                Some((
+                    distance + late,
+                    Seen {
+                        finish: batch.finish,
+                        batch,
+                        coarse,
+                    },
+                ))
+            })
+            .collect();
+        seen.sort_by(|a, b| a.0.total_cmp(&b.0));
+        seen.into_iter().map(|(_, s)| s).collect()
+    }
+}
+
+pub(super) fn body_row(pose: &Isometry3<f64>, instance: u8) -> BodyRow {
+    let m = pose.to_homogeneous();
+    let mut row = [0.0; 16];
+    for r in 0..3 {
+        for c in 0..4 {
+            row[4 * r + c] = m[(r, c)] as f32;
+        }
+    }
+    row[12] = f32::from(instance) / 255.0;
+    row[13] = 1.0;
+    row
+}

@@ -1,0 +1,73 @@
+//! Whole episodes: server, operator and recorder as processes, in lock-step.
+
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+use wheelarm_tests::{printed, program, root};
+
+/// Size and rate that keep the software renderer quick.
+const SMALL: [&str; 6] = ["--width", "160", "--height", "96", "--rate", "10"];
+
+fn wheelarm(args: &[&str]) -> Output {
+    Command::new(program("wheelarm").expect("the client"))
+        .args(args)
+        .env("WHEELARM_ASSETS", root().join("assets"))
+        .output()
+        .expect("a process")
+}
+
+fn demo(out: &Path) -> PathBuf {
+    let folder = out.to_string_lossy();
+    let output = wheelarm(&[&["demo", "--seed", "1", "--out", &folder], &SMALL[..]].concat());
+    assert!(output.status.success(), "{}", printed(&output));
+    let text = String::from_utf8_lossy(&output.stdout).into_owned();
+    assert!(text.contains("missed      0 (complete)"), "{text}");
+    let file = std::fs::read_dir(out)
+        .expect("the folder")
+        .flatten()
+        .map(|entry| entry.path())
+        .find(|path| path.extension().is_some_and(|e| e == "h5"));
+    file.expect("an episode file")
+}
+
+/// Runs a Python check of the tests folder; `None` without h5py.
+fn python(script: &str, args: &[&Path]) -> Option<Output> {
+    let python = std::env::var("WHEELARM_PYTHON").unwrap_or_else(|_| "python3".to_owned());
+    let importable = Command::new(&python)
+        .args(["-c", "import h5py, numpy"])
+        .output();
+    if !importable.is_ok_and(|o| o.status.success()) {
+        println!("skipped: {python} cannot import h5py and numpy; `make test` installs them");
+        return None;
+    }
+    let script = root().join("tests/python").join(script);
+    Some(
+        Command::new(python)
+            .arg(script)
+            .args(args)
+            .output()
+            .expect("a process"),
+    )
+}
+
+#[test]
+fn an_episode_is_recorded_whole_repeats_exactly_and_replays_bit_by_bit() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let first = demo(&folder.path().join("first"));
+    let second = demo(&folder.path().join("second"));
+    if let Some(output) = python("check_episode.py", &[&first]) {
+        assert!(output.status.success(), "{}", printed(&output));
+    }
+    if let Some(output) = python("equal_streams.py", &[&first, &second]) {
+        assert!(output.status.success(), "{}", printed(&output));
+    }
+    let replay = wheelarm(&["replay", &first.to_string_lossy()]);
+    assert!(replay.status.success(), "{}", printed(&replay));
+    assert!(
+        printed(&replay).contains("hashes equal"),
+        "{}",
+        printed(&replay)
+    );
+    let info = wheelarm(&["dataset", "info", &first.to_string_lossy()]);
+    assert!(info.status.success(), "{}", printed(&info));
+}
