@@ -42,10 +42,7 @@ fn main() -> Result<()> {
     stepping.sort_by(f64::total_cmp);
     let at = |fraction: f64| stepping[((ticks - 1.0) * fraction) as usize];
     let state = world.snapshot();
-    let bottle = course
-        .scene
-        .object_named("mustard")
-        .context("a bottle")?;
+    let bottle = course.scene.object_named("mustard").context("a bottle")?;
     let bottle = state.objects[bottle].pose.translation.vector;
     let hand = course
         .robot

@@ -1,6 +1,6 @@
 """Runs every measurement in turn with its reference and prints one table.
 
-compare.py [--rounds N] [--demo]
+compare.py [--rounds N] [--no-demo]
 
 Ours and the reference alternate, so that both meet the same machine; of the
 rounds the best counts, which is what disturbs least. CPU time stands beside
@@ -96,7 +96,7 @@ def text(value, unit="", digits=1):
 def main():
     options = argparse.ArgumentParser()
     options.add_argument("--rounds", type=int, default=3)
-    options.add_argument("--demo", action="store_true", help="also the whole demo, about a minute")
+    options.add_argument("--no-demo", action="store_true", help="without the whole demo, which takes a minute or two")
     options = options.parse_args()
     assets = ROOT / "assets"
     with tempfile.TemporaryDirectory(prefix="wheelarm_bench_") as folder:
@@ -209,7 +209,7 @@ def compare(folder, assets, options):
     row("  until durable in its log", text(record.best("log", max)), text(b, "raw disk + fsync"), ratio(record.best("log", max), b), ">= 0.5x")
     a, b = record.best("size"), original.best("size")
     row("  MB per frame", text(a, "", 2), text(b, "original", 2), ratio(a, b), "<= 0.4x")
-    if options.demo:
+    if not options.no_demo:
         rows.append(demo(folder, assets))
 
     widths = [max(len(r[i]) for r in rows) for i in range(5)]
