@@ -1,225 +1,75 @@
-//! Prints what a physics tick costs in the home, and how long a grasp holds.
+//! Microseconds per physics tick of 1/240 s with the settings for data: the
+//! whole robot in the whole home takes a bottle from the table and waves it.
 //!
-//! `cargo run --release -p wheelarm-server --example step_bench` measures the
-//! tick with the robot driving and waving among all objects;
-//! `… --example step_bench -- grasp [SECONDS] [NEWTON]` holds a mustard bottle
-//! and waves it (60 s, 60 N), printing how far it drifts in the hand.
+//! `step_bench [ASSETS]`
 
-use std::path::Path;
+mod course;
+
+use std::path::PathBuf;
 use std::time::Instant;
 
-use anyhow::{Context as _, Result, bail};
-use nalgebra::{Isometry3, Translation3, UnitQuaternion};
-use wheelarm_server::geometry::{Part, Shape};
-use wheelarm_server::robot::RobotModel;
-use wheelarm_server::robot::control::Targets;
-use wheelarm_server::robot::kinematics::ArmKinematics;
-use wheelarm_server::scene::{Placement, Scene};
-use wheelarm_server::snapshot::BodyRef;
-use wheelarm_server::world::World;
-
-const ASSETS: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../assets");
-/// Ticks of one second.
-const SECOND: u64 = 240;
+use anyhow::{Context as _, Result};
+use course::{CONTROL_TICKS, Course};
 
 fn main() -> Result<()> {
-    let model = RobotModel::load(Path::new(ASSETS), "wheelarm").context("loading the robot")?;
-    let scene = Scene::load(Path::new(ASSETS), "home").context("loading the home")?;
-    let arguments: Vec<String> = std::env::args().skip(1).collect();
-    match arguments.first().map(String::as_str) {
-        None => tick(&model, &scene),
-        Some("grasp") => {
-            let number = |i: usize, default: f64| {
-                arguments
-                    .get(i)
-                    .map_or(Ok(default), |text| text.parse::<f64>())
-            };
-            grasp(&model, &scene, number(1, 60.0)?, number(2, 60.0)?)
-        }
-        Some(other) => bail!("unknown mode {other}; give none, or grasp [SECONDS] [NEWTON]"),
-    }
-}
-
-fn placed(scene: &Scene) -> Vec<Placement> {
-    let place = |body: &wheelarm_server::scene::Body| Placement {
-        pose: body.pose,
-        mass: body.mass.map_or(0.0, |m| m.mass),
-        friction: body.friction,
-    };
-    scene.objects.iter().map(place).collect()
-}
-
-/// All joints swing about `middle` within their speed limits.
-fn wave(middle: &[f64; 6], t: f64, targets: &mut Targets) {
-    let reach = [0.35, 0.2, 0.25, 0.3, 0.3, 0.24];
-    let rate = [3.0, 2.5, 3.5, 4.0, 3.0, 5.0];
-    let swell = t.min(1.0);
-    for i in 0..6 {
-        let (a, w) = (reach[i], rate[i]);
-        targets.arm_position[i] = middle[i] + a * swell * (w * t).sin();
-        let start = if t < 1.0 { a * (w * t).sin() } else { 0.0 };
-        targets.arm_velocity[i] = a * swell * w * (w * t).cos() + start;
-    }
-}
-
-fn resting(arm: &[f64; 6]) -> Targets {
-    Targets {
-        arm_position: *arm,
-        arm_velocity: [0.0; 6],
-        wheel_velocity: [0.0; 2],
-        knuckle_position: 0.0,
-        knuckle_velocity: 0.0,
-        pad_force: 60.0,
-    }
-}
-
-fn seconds(tick: u64) -> f64 {
-    tick as f64 / SECOND as f64
-}
-
-fn tick(model: &RobotModel, scene: &Scene) -> Result<()> {
-    let home = model.settings.home;
-    let mut world = World::new(model, scene, &placed(scene), &scene.start, &home)?;
-    let mut targets = resting(&home);
-    let mut micros = Vec::new();
-    let mut snapshots = Vec::new();
-    for second in 0..20 {
+    let assets = std::env::args_os()
+        .nth(1)
+        .map_or_else(|| PathBuf::from("assets"), PathBuf::from);
+    let course = Course::load(&assets)?;
+    let mut world = course.world()?;
+    let mut control = course.control();
+    let mut stepping = Vec::with_capacity(CONTROL_TICKS as usize * 4);
+    let (mut controlling, mut looking, mut contacts) = (0.0, 0.0, 0);
+    let processor = cpu_seconds();
+    for control_tick in 0..CONTROL_TICKS {
         let begin = Instant::now();
-        for tick in 0..SECOND {
-            wave(&home, second as f64 + seconds(tick), &mut targets);
-            targets.wheel_velocity = [1.0, -1.0];
-            world.apply(&targets);
-            world.step();
-        }
-        micros.push(begin.elapsed().as_secs_f64() * 1e6 / SECOND as f64);
-        let begin = Instant::now();
-        for _ in 0..SECOND {
-            std::hint::black_box(world.snapshot());
-        }
-        snapshots.push(begin.elapsed().as_secs_f64() * 1e6 / SECOND as f64);
-    }
-    micros.sort_by(f64::total_cmp);
-    snapshots.sort_by(f64::total_cmp);
-    let (least, median) = (micros[0], micros[micros.len() / 2]);
-    println!(
-        "{} objects, {} pieces of furniture: {least:.0} us per tick at best, {median:.0} in the \
-         middle ({:.1} times real time on one core)",
-        scene.objects.len(),
-        scene.furniture.len(),
-        1e6 / SECOND as f64 / median
-    );
-    let begin = Instant::now();
-    let saved = world.save();
-    println!(
-        "snapshot {:.1} us; saved state {} KB in {:.2} ms; {} anomalies",
-        snapshots[snapshots.len() / 2],
-        saved.len() / 1024,
-        begin.elapsed().as_secs_f64() * 1e3,
-        world.snapshot().anomalies.len()
-    );
-    Ok(())
-}
-
-/// The mustard bottle of the home on a pedestal between the open pads: they
-/// close, the hand lifts it and turns away, then waves it.
-fn grasp(model: &RobotModel, scene: &Scene, duration: f64, force: f64) -> Result<()> {
-    let home = model.settings.home;
-    let mut scene = scene.clone();
-    scene.objects.retain(|o| o.name == "mustard");
-    let bottle = scene.objects.first().context("the home has no mustard")?;
-    let grasp = bottle.grasps.first().context("the mustard has no grasp")?;
-    let hand = model
-        .link(&model.settings.end_effector_link)
-        .context("the robot has no hand")?;
-    let base = model
-        .link(&model.settings.arm_base_link)
-        .context("the robot has no arm base")?;
-    let arm = ArmKinematics::new(model);
-    let root_from_base = model.link_poses(&vec![0.0; model.joints.len()])[base];
-    let house_from_hand = scene.start * root_from_base * arm.forward(&home);
-    let pads = Translation3::new(0.0, 0.0, model.settings.tool_length);
-    // Upright: the hand at home is level to half a degree only.
-    let mut house_from_bottle = house_from_hand * pads * grasp.pose.inverse();
-    let (_, _, yaw) = house_from_bottle.rotation.euler_angles();
-    house_from_bottle.rotation = UnitQuaternion::from_euler_angles(0.0, 0.0, yaw);
-    let foot = house_from_bottle.translation.z - bottle.standing_height();
-    let mut pedestal = scene.furniture[0].clone();
-    pedestal.name = "pedestal".into();
-    let place = house_from_bottle.translation;
-    pedestal.pose = Isometry3::translation(place.x, place.y, foot / 2.0);
-    pedestal.collision = vec![Part {
-        pose: Isometry3::identity(),
-        shape: Shape::Cuboid {
-            half: [0.03, 0.03, foot / 2.0],
-        },
-    }];
-    scene.furniture.push(pedestal);
-    let mut placement = placed(&scene);
-    placement[0].pose = house_from_bottle;
-    let mut world = World::new(model, &scene, &placement, &scene.start, &home)?;
-    let relative = |world: &World| {
         let snapshot = world.snapshot();
-        snapshot.links[hand].pose.inverse() * snapshot.objects[0].pose
-    };
-    let before = relative(&world);
-
-    let mut targets = resting(&home);
-    targets.pad_force = force;
-    for tick in 0..2 * SECOND {
-        let angle = 0.5 * seconds(tick);
-        targets.knuckle_position = angle.min(0.7929);
-        targets.knuckle_velocity = if angle < 0.7929 { 0.5 } else { 0.0 };
-        world.apply(&targets);
-        world.step();
-    }
-    targets.knuckle_velocity = 0.0;
-    let moved = before.inverse() * relative(&world);
-    println!(
-        "closed with {force} N: the bottle moved {:.2} mm, the pads press with {:.1?} N",
-        moved.translation.vector.norm() * 1e3,
-        world
-            .snapshot()
-            .contacts
-            .iter()
-            .filter(|c| matches!(c.first, BodyRef::Link(_)))
-            .map(|c| c.force.norm())
-            .collect::<Vec<_>>()
-    );
-    let held = relative(&world);
-    let mut middle = home;
-    for tick in 1..=2 * SECOND {
-        // Up by 0.15 m in the first second, then aside by 0.8 rad.
-        let (up, aside) = (seconds(tick).min(1.0), (seconds(tick) - 1.0).max(0.0));
-        let wanted = Translation3::new(0.0, 0.0, 0.15 * up) * arm.forward(&home);
-        let solution = arm.solve_local(&wanted, &middle, 0.1);
-        let Ok(solution) = solution else {
-            bail!("the lift is out of reach");
-        };
-        middle = solution.joints;
-        targets.arm_position = middle;
-        targets.arm_position[0] += 0.8 * aside;
-        world.apply(&targets);
-        world.step();
-    }
-    middle = targets.arm_position;
-    let mut worst: f64 = 0.0;
-    for second in 0..duration as u64 {
-        for tick in 0..SECOND {
-            wave(&middle, second as f64 + seconds(tick), &mut targets);
-            world.apply(&targets);
+        looking += begin.elapsed().as_secs_f64();
+        contacts += snapshot.contacts.len();
+        let begin = Instant::now();
+        let targets = control.update(&course.input(control_tick), &snapshot);
+        controlling += begin.elapsed().as_secs_f64();
+        for target in &targets {
+            let begin = Instant::now();
+            world.apply(target);
             world.step();
-        }
-        let drift = held.inverse() * relative(&world);
-        worst = worst.max(drift.translation.vector.norm());
-        if (second + 1) % 10 == 0 {
-            println!(
-                "{:3} s: {:.4} mm, {:.4} degrees, worst {:.4} mm",
-                second + 1,
-                drift.translation.vector.norm() * 1e3,
-                drift.rotation.angle().to_degrees(),
-                worst * 1e3
-            );
+            stepping.push(begin.elapsed().as_secs_f64() * 1e6);
         }
     }
+    let ticks = stepping.len() as f64;
+    let processor = (cpu_seconds() - processor) / ticks * 1e6;
+    let mean = stepping.iter().sum::<f64>() / ticks;
+    stepping.sort_by(f64::total_cmp);
+    let at = |fraction: f64| stepping[((ticks - 1.0) * fraction) as usize];
+    let state = world.snapshot();
+    let bottle = course.scene.object_named("mustard").context("a bottle")?;
+    let bottle = state.objects[bottle].pose.translation.vector;
+    let hand = course
+        .robot
+        .link(&course.robot.settings.end_effector_link)
+        .unwrap_or(0);
+    let reach = (bottle - state.links[hand].pose.translation.vector).norm();
+    println!(
+        "physics, {ticks} ticks of 1/240 s: median {:.1} µs (mean {mean:.1}, least {:.1}, 95 % {:.1}, greatest {:.0})\n\
+         processor time {processor:.1} µs per tick with control and snapshots\n\
+         snapshot {:.1} µs, control {:.1} µs per control tick; {:.1} touching pairs\n\
+         at the end the bottle is {:.2} m high, {:.2} m from the hand",
+        at(0.5),
+        at(0.0),
+        at(0.95),
+        at(1.0),
+        looking / CONTROL_TICKS as f64 * 1e6,
+        controlling / CONTROL_TICKS as f64 * 1e6,
+        contacts as f64 / CONTROL_TICKS as f64,
+        bottle.z,
+        reach,
+    );
     Ok(())
+}
+
+/// Processor time of this thread; 0 where the system does not say.
+fn cpu_seconds() -> f64 {
+    let stat = std::fs::read_to_string("/proc/thread-self/schedstat").unwrap_or_default();
+    let nanos = stat.split(' ').next().and_then(|n| n.parse::<f64>().ok());
+    nanos.unwrap_or(0.0) * 1e-9
 }

@@ -2,7 +2,10 @@
 //! per second (a frame is a pair of pictures with depth and ids) until every
 //! byte is in the log, and until the HDF5 file is finished; bytes per frame.
 //!
-//! `cargo run --release --example record_bench -- [FRAMES] [f32|u16] [DIR]`
+//! `cargo run --release --example record_bench -- [FRAMES] [f32|u16] [DIR] [PICTURES]`
+//!
+//! PICTURES is a `frames.bin` of the server's example `dump_frames`; without it
+//! the pictures are of a made-up room.
 
 mod synthetic;
 
@@ -19,6 +22,7 @@ use wheelarm_proto::{Message, v1};
 
 const SIZE: (u32, u32) = (1280, 720);
 const DISTINCT: u64 = 6;
+const PIXELS: usize = SIZE.0 as usize * SIZE.1 as usize;
 
 fn main() -> anyhow::Result<()> {
     let args: Vec<String> = std::env::args().skip(1).collect();
@@ -31,7 +35,11 @@ fn main() -> anyhow::Result<()> {
     let label = format!("record_bench_{}", std::process::id());
 
     // Pictures are drawn before the clock starts.
-    let pairs: Vec<[v1::CameraFrame; 2]> = (0..DISTINCT).map(pair).collect();
+    let pairs: Vec<[v1::CameraFrame; 2]> = match args.get(3) {
+        Some(path) => dumped(Path::new(path))?,
+        None => (0..DISTINCT).map(pair).collect(),
+    };
+    let distinct = pairs.len() as u64;
     let raw: usize = pairs[0]
         .iter()
         .map(|f| f.rgb.len() + f.depth.len() + f.ids.len())
@@ -46,7 +54,7 @@ fn main() -> anyhow::Result<()> {
     let mut writer = EpisodeWriter::open(&dir, &started, &synthetic::snapshot(), &options)?;
     let clock = Instant::now();
     for i in 0..frames {
-        for frame in &pairs[(i % DISTINCT) as usize] {
+        for frame in &pairs[(i % distinct) as usize] {
             let frame = v1::CameraFrame {
                 header: Some(synthetic::header(i, 24 * i)),
                 ..frame.clone()
@@ -99,13 +107,41 @@ fn pair(i: u64) -> [v1::CameraFrame; 2] {
     ]
 }
 
+/// Pictures of the home: colour, depth and ids of both cameras, one after the other.
+fn dumped(path: &Path) -> anyhow::Result<Vec<[v1::CameraFrame; 2]>> {
+    let bytes = Bytes::from(std::fs::read(path)?);
+    let frame = 8 * PIXELS;
+    anyhow::ensure!(
+        !bytes.is_empty() && bytes.len().is_multiple_of(2 * frame),
+        "{} has {} bytes, expected a multiple of {}",
+        path.display(),
+        bytes.len(),
+        2 * frame
+    );
+    let picture = |camera: &str, from: usize| v1::CameraFrame {
+        rgb: bytes.slice(from..from + 3 * PIXELS),
+        depth: bytes.slice(from + 3 * PIXELS..from + 7 * PIXELS),
+        ids: bytes.slice(from + 7 * PIXELS..from + frame),
+        ..synthetic::smooth::picture(
+            camera,
+            synthetic::header(0, 0),
+            SIZE,
+            ([0.0, 0.0, 1.0], 0.0, 0.0),
+        )
+    };
+    Ok((0..bytes.len())
+        .step_by(2 * frame)
+        .map(|from| [picture("gen3", from), picture("wheelchair", from + frame)])
+        .collect())
+}
+
 /// Writes the uncompressed bytes with one sync at the end; seconds.
 fn raw_disk(dir: &Path, pairs: &[[v1::CameraFrame; 2]], frames: u64) -> anyhow::Result<f64> {
     let path = dir.join(format!("record_bench_raw_{}", std::process::id()));
     let mut file = std::fs::File::create(&path)?;
     let clock = Instant::now();
     for i in 0..frames {
-        for frame in &pairs[(i % DISTINCT) as usize] {
+        for frame in &pairs[i as usize % pairs.len()] {
             file.write_all(&frame.rgb)?;
             file.write_all(&frame.depth)?;
             file.write_all(&frame.ids)?;

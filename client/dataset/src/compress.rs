@@ -9,6 +9,9 @@ pub const LEVEL: u8 = 1;
 pub struct Deflate {
     deflate: Compressor,
     shuffled: Vec<u8>,
+    /// Room for one stream; kept, because fresh memory of that size costs more
+    /// than the copy out of it.
+    stream: Vec<u8>,
 }
 
 impl Default for Deflate {
@@ -17,6 +20,7 @@ impl Default for Deflate {
             // `fastest()` is level 0, which only stores.
             deflate: Compressor::new(CompressionLvl::new(i32::from(LEVEL)).unwrap_or_default()),
             shuffled: Vec::new(),
+            stream: Vec::new(),
         }
     }
 }
@@ -31,16 +35,17 @@ impl Deflate {
         } else {
             bytes
         };
-        let start = out.len();
         let bound = self.deflate.zlib_compress_bound(source.len());
-        out.resize(start + bound, 0);
-        // The bound leaves no room for an error; if there ever was one, the
-        // stream would be empty and the verification of the file would say so.
+        if self.stream.len() < bound {
+            self.stream.resize(bound, 0);
+        }
+        // With this much room it cannot fail; an empty stream would be no
+        // picture, and whoever reads the file would be told.
         let length = self
             .deflate
-            .zlib_compress(source, &mut out[start..])
+            .zlib_compress(source, &mut self.stream)
             .unwrap_or(0);
-        out.truncate(start + length);
+        out.extend_from_slice(&self.stream[..length]);
         length
     }
 }
@@ -49,7 +54,7 @@ impl Deflate {
 /// Bytes behind the last whole element stay at the end.
 fn shuffle(bytes: &[u8], element: usize, out: &mut Vec<u8>) {
     let count = bytes.len() / element;
-    out.clear();
+    // Every byte is written below, so that what is there may stay.
     out.resize(bytes.len(), 0);
     let whole = count * element;
     match element {

@@ -104,8 +104,10 @@ pub fn run(args: &ReplayArgs) -> anyhow::Result<ExitCode> {
     let started: v1::EpisodeStarted = link
         .query(Query::EpisodeStart, &request)
         .with_context(|| server.messages())?;
-    let mut comparison = feed(&link, &streams, &script, &started)?;
-    control::stop_episode(&link, false)?;
+    let fed = feed(&link, &streams, &script, &started);
+    // A replay that broke off is not worth a file.
+    control::stop_episode(&link, fed.is_err())?;
+    let mut comparison = fed?;
     let mut code = comparison.report();
     if let Some(recorder) = &mut recorder {
         let number = started.header.as_ref().map_or(0, |header| header.episode);

@@ -61,7 +61,7 @@ fn head(solid: &mut Solid, frame: &Isometry3<f64>, radius: f64, outer: f64, inne
     if sense < 0.0 {
         profile.reverse();
     }
-    solid.turn(frame, &profile, 32);
+    solid.turn(frame, &profile, 28);
 }
 
 pub fn meshes() -> Vec<Named> {
@@ -79,7 +79,7 @@ pub fn meshes() -> Vec<Named> {
         [0.0465, 0.115],
         [0.0460, 0.150],
     ];
-    shell.turn(&origin, &foot, 32);
+    shell.turn(&origin, &foot, 28);
     let mut dark = Solid::default();
     dark.band(&origin, 0.0455, [0.149, 0.1575]);
     // Connectors at the back of the base.
@@ -97,7 +97,7 @@ pub fn meshes() -> Vec<Named> {
         [-0.105, -0.020, 0.0455, 0.0280, 2.4],
         [-0.12838, -0.0285, 0.0450, 0.0190, 2.8],
     ]);
-    shell.loft(&neck, 32);
+    shell.loft(&neck, 24);
     head(
         &mut shell,
         &axis(0.0, -0.12838, true),
@@ -131,7 +131,7 @@ pub fn meshes() -> Vec<Named> {
         ],
         -1.0,
     );
-    shell.loft(&tube, 28);
+    shell.loft(&tube, 24);
     head(&mut shell, &axis(0.0, 0.0, false), 0.0458, -0.0528, 0.0100);
     head(
         &mut shell,
@@ -161,7 +161,7 @@ pub fn meshes() -> Vec<Named> {
         ],
         1.0,
     );
-    shell.loft(&tube, 28);
+    shell.loft(&tube, 24);
     head(&mut shell, &axis(0.0, 0.0, false), 0.0458, -0.0559, -0.0040);
     let mut dark = Solid::default();
     dark.band(&axis(0.0, 0.0, false), 0.0452, [-0.0045, -0.0002]);
@@ -178,7 +178,7 @@ pub fn meshes() -> Vec<Named> {
         [-0.075, 0.014, 0.0348, 0.0290, 2.2],
         [-0.10593, 0.0285, 0.0345, 0.0200, 2.8],
     ]);
-    shell.loft(&neck, 28);
+    shell.loft(&neck, 24);
     head(
         &mut shell,
         &axis(0.0, -0.10593, true),
@@ -203,7 +203,7 @@ pub fn meshes() -> Vec<Named> {
         ],
         1.0,
     );
-    shell.loft(&neck, 28);
+    shell.loft(&neck, 24);
     head(&mut shell, &axis(0.0, 0.0, false), 0.0350, -0.0533, -0.0040);
     let mut dark = Solid::default();
     dark.band(&axis(0.0, 0.0, false), 0.0345, [-0.0045, -0.0002]);

@@ -191,7 +191,7 @@ fn wheels(out: &mut Vec<Named>) {
         [0.1080, 0.0250],
         [0.0960, 0.0230],
     ];
-    tyre.turn(&hub, &profile, 48);
+    tyre.turn(&hub, &profile, 40);
     out.push(("rear_tyre", "tyre", tyre));
 
     let mut rim = Solid::default();
@@ -218,9 +218,9 @@ fn wheels(out: &mut Vec<Named>) {
 
     // Omni wheel: two rows of barrels whose axes run around the wheel.
     let mut rollers = Solid::default();
-    let (count, thick) = (10, 0.0165);
+    let (count, thick) = (12, 0.0140);
     for row in 0..2 {
-        let y = if row == 0 { -0.0125 } else { 0.0125 };
+        let y = if row == 0 { -0.0120 } else { 0.0120 };
         for i in 0..count {
             let turn = TAU * (f64::from(i) + 0.5 * f64::from(row)) / f64::from(count);
             let frame = Isometry3::rotation(Vector3::new(0.0, turn, 0.0))
@@ -229,18 +229,17 @@ fn wheels(out: &mut Vec<Named>) {
                     UnitQuaternion::identity(),
                 );
             let profile = [
-                [0.0095, -0.032],
-                [0.0140, -0.020],
-                [thick, 0.0],
-                [0.0140, 0.020],
-                [0.0095, 0.032],
+                [0.0085, -0.028],
+                [thick, -0.010],
+                [thick, 0.010],
+                [0.0085, 0.028],
             ];
-            rollers.turn(&frame, &profile, 10);
+            rollers.turn(&frame, &profile, 8);
         }
     }
     out.push(("omni_rollers", "tyre", rollers));
     let mut disc = Solid::default();
-    disc.cylinder(&hub, 0.106, [-0.0235, 0.0235], 0.004);
+    disc.cylinder(&hub, 0.110, [-0.0235, 0.0235], 0.004);
     out.push(("omni_disc", "chair_body", disc));
     let mut cap = Solid::default();
     cap.cylinder(&hub, 0.060, [-0.0260, 0.0260], 0.004);

@@ -81,7 +81,9 @@ impl Solid {
             [radius - 0.3 * bevel, high - 0.3 * bevel],
             [radius - bevel, high],
         ];
-        self.turn(frame, &profile, 28);
+        // Small ones need fewer sides.
+        let sides = if radius < 0.01 { 12 } else { 24 };
+        self.turn(frame, &profile, sides);
     }
 
     /// Band around a cylinder: a ring without visible ends.
@@ -106,12 +108,12 @@ impl Solid {
             ring(0.3 * edge, z - 0.3 * edge),
             ring(edge, z),
         ];
-        self.loft(&rings, 20);
+        self.loft(&rings, 16);
     }
 
     /// Plate around two pins along y: `[x, z, radius]` each, between two y.
     pub fn strap(&mut self, pins: [[f64; 3]; 2], y: [f64; 2]) {
-        const HALF: usize = 7;
+        const HALF: usize = 5;
         let [[x0, z0, r0], [x1, z1, r1]] = pins;
         let direction = (z1 - z0).atan2(x1 - x0);
         let arc = |x: f64, z: f64, r: f64, from: f64| {

@@ -142,13 +142,25 @@ pub struct GripperSettings {
 }
 
 /// Look of a material beside its colour in the URDF.
-#[derive(Clone, Copy, Debug, Deserialize)]
+#[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Surface {
     /// 0 (mirror) to 1.
     pub roughness: f32,
     /// 0 dielectric, 1 metal.
     pub metallic: f32,
+    /// Pattern that multiplies the colour.
+    pub texture: Option<SurfaceTexture>,
+}
+
+/// Texture of a material.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct SurfaceTexture {
+    /// Pattern name.
+    pub pattern: String,
+    /// Metres of surface that one repetition covers.
+    pub metres: f32,
 }
 
 /// `robot.toml` as it stands in the file.

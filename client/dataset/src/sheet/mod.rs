@@ -1,6 +1,7 @@
 //! The contact sheet: one PNG that shows what an episode is like. Pictures of
 //! every camera with depth over time, then plots of the movement.
 
+mod label;
 mod mount;
 mod picture;
 mod plots;
@@ -10,13 +11,11 @@ use std::path::Path;
 
 use plotters::coord::Shift;
 use plotters::prelude::*;
-use plotters::style::text_anchor::{HPos, Pos, VPos};
 
 use crate::read::{Episode, Frame, ReadError, Summary};
 use picture::Canvas;
 use style::{
     AMBER, COLUMNS, GAP, GREEN, GREY, GUTTER, HEADER, INK, MARGIN, PAPER, PLOTS, RED, TIMES, WIDTH,
-    text,
 };
 
 type Area<'a> = DrawingArea<BitMapBackend<'a>, Shift>;
@@ -105,11 +104,9 @@ pub fn sheet(episode: &Episode, out: &Path) -> Result<(), SheetError> {
         let seconds: Vec<f64> = times.iter().map(|&t| (t - start) as f64 * 1e-9).collect();
         let phases = plots::phases_at(episode, start, &seconds);
         for (i, (t, phase)) in seconds.iter().zip(phases).enumerate() {
-            let x = MARGIN + GUTTER + i as i32 * (tile + GAP);
-            let at = (x, HEADER + 22);
-            root.draw(&Text::new(format!("{t:.2} s"), at, text(24, INK)))?;
-            let right = text(20, GREY).pos(Pos::new(HPos::Right, VPos::Top));
-            root.draw(&Text::new(phase, (x + tile, HEADER + 25), right))?;
+            let (x, y) = (MARGIN + GUTTER + i as i32 * (tile + GAP), HEADER + 34);
+            let w = label::left(&root, &format!("{t:.2} s"), (x, y), 24, INK)?;
+            label::left(&root, &phase, (x + w + 12, y), 20, GREY)?;
         }
         for (strip, &(y, h)) in strips.iter().zip(&rows) {
             labels(&root, strip, y, h)?;
@@ -181,7 +178,7 @@ fn header(root: &Area<'_>, summary: &Summary) -> Result<(), SheetError> {
     } else {
         &summary.instruction
     };
-    root.draw(&Text::new(title.clone(), (MARGIN, 34), text(50, INK)))?;
+    label::left(root, title, (MARGIN, 54), 50, INK)?;
     let x = badge(
         root,
         MARGIN,
@@ -212,58 +209,42 @@ fn header(root: &Area<'_>, summary: &Summary) -> Result<(), SheetError> {
         (last - first) as f64 * 1e-9,
         summary.origin[1],
     );
-    root.draw(&Text::new(facts, (x + 14, 107), text(25, GREY)))?;
+    label::left(root, &facts, (x + 14, 119), 25, GREY)?;
 
-    let mut x = MARGIN;
+    let (mut x, y) = (MARGIN, 168);
     for (name, holds, value) in &summary.conditions {
         let colour = if *holds { GREEN } else { RED };
-        root.draw(&Circle::new((x + 8, 166), 7, colour.filled()))?;
+        root.draw(&Circle::new((x + 8, y + 1), 7, colour.filled()))?;
         let words = format!("{name}: {value:.3}");
-        root.draw(&Text::new(words.clone(), (x + 24, 154), text(22, INK)))?;
-        x += 24 + width(&words, 22)? + 36;
+        x += 26 + label::left(root, &words, (x + 26, y), 22, INK)? + 36;
     }
-    if !summary.failure_reason.is_empty() {
-        let words = summary.failure_reason.clone();
-        root.draw(&Text::new(words, (x, 154), text(22, RED)))?;
-    }
+    label::left(root, &summary.failure_reason, (x, y), 22, RED)?;
     Ok(())
 }
 
 /// A coloured label; returns where the next one may stand.
 fn badge(root: &Area<'_>, x: i32, words: &str, colour: RGBColor) -> Result<i32, SheetError> {
-    let w = width(words, 24)?;
-    let corners = [(x, 100), (x + w + 28, 138)];
+    let w = label::width(words, 22) + 32;
+    let corners = [(x, 100), (x + w, 138)];
     root.draw(&Rectangle::new(corners, colour.filled()))?;
-    root.draw(&Text::new(words.to_owned(), (x + 14, 107), text(24, WHITE)))?;
-    Ok(x + w + 28 + 12)
-}
-
-fn width(words: &str, size: u32) -> Result<i32, SheetError> {
-    let font = ("sans-serif", size).into_font();
-    let (w, _) = font.box_size(words).map_err(|_| SheetError::Fonts)?;
-    Ok(w as i32)
+    label::centre(root, words, (x + w / 2, 119), 22, WHITE)?;
+    Ok(x + w + 12)
 }
 
 fn labels(root: &Area<'_>, strip: &Strip, y: i32, h: i32) -> Result<(), SheetError> {
-    root.draw(&Text::new(strip.camera.clone(), (MARGIN, y), text(28, INK)))?;
+    label::left(root, &strip.camera, (MARGIN, y + 16), 27, INK)?;
     if strip.frames.is_empty() {
-        let x = MARGIN + GUTTER;
-        root.draw(&Text::new("no pictures", (x, y), text(24, GREY)))?;
+        let at = (MARGIN + GUTTER, y + 16);
+        label::left(root, "no pictures", at, 24, GREY)?;
         return Ok(());
     }
-    root.draw(&Text::new("colour", (MARGIN, y + 34), text(20, GREY)))?;
+    label::left(root, "colour", (MARGIN, y + 48), 20, GREY)?;
     let below = y + h + GAP;
-    root.draw(&Text::new("depth", (MARGIN, below), text(20, GREY)))?;
+    label::left(root, "depth", (MARGIN, below + 12), 20, GREY)?;
+    let x = MARGIN + GUTTER - 42;
     let (near, far) = strip.range;
-    // The upper number stands below the word `depth`.
-    for (metres, vertical, at) in [
-        (near, VPos::Top, below + 26),
-        (far, VPos::Bottom, below + h),
-    ] {
-        let style = text(18, GREY).pos(Pos::new(HPos::Right, vertical));
-        let words = format!("{metres:.2} m");
-        root.draw(&Text::new(words, (MARGIN + GUTTER - 42, at), style))?;
-    }
+    label::right(root, &format!("{near:.1} m"), (x, below + 40), 18, GREY)?;
+    label::right(root, &format!("{far:.1} m"), (x, below + h - 10), 18, GREY)?;
     Ok(())
 }
 

@@ -1,12 +1,10 @@
 //! The four plots: top view, joints, gripper with phases, speed of the chair.
 
-use plotters::coord::Shift;
 use plotters::prelude::*;
-use plotters::style::text_anchor::{HPos, Pos, VPos};
 
 use super::mount::{Plane, arm_mount};
 use super::style::{AMBER, BLUE, COLUMNS, FAINT, GREY, INK, LINES, ORANGE, phase_colour, text};
-use super::{Area, DrawError, SheetError};
+use super::{Area, DrawError, SheetError, label};
 use crate::read::{Episode, ReadError};
 
 /// A line over time: its name and (seconds, value).
@@ -61,11 +59,16 @@ fn joints(episode: &Episode, area: &Area<'_>, start: u64) -> Result<(), SheetErr
     let names = episode.names("joint_state", "position")?;
     let mut lines = Vec::new();
     for (i, name) in names.iter().enumerate() {
-        if name.starts_with("joint_") {
-            lines.push(line(episode, ("joint_state", "position", i), name, start)?);
+        if let Some(number) = name.strip_prefix("joint_") {
+            lines.push(line(
+                episode,
+                ("joint_state", "position", i),
+                number,
+                start,
+            )?);
         }
     }
-    over_time(area, "Arm joints, rad", &lines, &[]).map_err(Into::into)
+    over_time(area, "Arm joints 1 to 6, rad", &lines, &[]).map_err(Into::into)
 }
 
 fn gripper(episode: &Episode, area: &Area<'_>, start: u64) -> Result<(), SheetError> {
@@ -149,6 +152,7 @@ fn over_time(
     let (low, high) = range(values, 0.08);
     // Room above the lines for the legend and the names of the phases.
     let high = high + (high - low) * 0.22;
+    let decimals = if high - low < 1.5 { 2 } else { 1 };
     let mut chart = ChartBuilder::on(area)
         .caption(title, text(26, INK))
         .margin(10)
@@ -168,7 +172,7 @@ fn over_time(
         .x_labels(7)
         .y_labels(7)
         .x_label_formatter(&|v| format!("{v:.0}"))
-        .y_label_formatter(&|v| format!("{v:.1}"))
+        .y_label_formatter(&|v| format!("{v:.decimals$}"))
         .label_style(text(19, GREY))
         .x_desc("seconds")
         .axis_desc_style(text(20, GREY))
@@ -178,35 +182,26 @@ fn over_time(
         let series = LineSeries::new(l.points.iter().copied(), colour.stroke_width(3));
         chart.draw_series(series)?;
     }
-    let area = chart.plotting_area();
+    let plot = chart.plotting_area();
+    let pixels = |p: (f64, f64)| {
+        let at = plot.map_coordinate(&p);
+        let (x0, y0) = plot.get_base_pixel();
+        (at.0 - x0, at.1 - y0)
+    };
+    let flat = plot.strip_coord_spec();
     for (_, name, from, to) in phases {
+        let (left, right) = (pixels((*from, high)).0, pixels((*to, high)).0);
         // A name wider than its stretch would run into the next one.
-        let room = (to - from) / end * f64::from(area.dim_in_pixel().0);
-        if name.len() as f64 * 9.0 < room {
-            let centre = Pos::new(HPos::Center, VPos::Top);
-            let at = (0.5 * (from + to), high - (high - low) * 0.13);
-            area.draw(&Text::new(name.clone(), at, text(18, INK).pos(centre)))?;
+        if label::width(name, 17) < right - left {
+            label::centre(&flat, name, ((left + right) / 2, 52), 17, INK)?;
         }
     }
-    legend(&area.strip_coord_spec(), lines)
-}
-
-/// Names of the lines in a row along the upper edge.
-fn legend(area: &DrawingArea<BitMapBackend<'_>, Shift>, lines: &[Line]) -> Result<(), DrawError> {
-    let mut x = 12;
-    for (i, l) in lines.iter().enumerate() {
-        let colour = LINES[i % LINES.len()];
-        let mark = PathElement::new([(x, 18), (x + 20, 18)], colour.stroke_width(4));
-        area.draw(&mark)?;
-        let middle = Pos::new(HPos::Left, VPos::Center);
-        area.draw(&Text::new(
-            l.name.clone(),
-            (x + 26, 18),
-            text(18, INK).pos(middle),
-        ))?;
-        x += 26 + 9 * i32::try_from(l.name.len()).unwrap_or(0) + 14;
-    }
-    Ok(())
+    let entries: Vec<(&str, RGBColor)> = lines
+        .iter()
+        .zip(LINES.iter().cycle())
+        .map(|(l, c)| (l.name.as_str(), *c))
+        .collect();
+    label::legend(&flat, (12, 20), &entries)
 }
 
 /// Yaw of a quaternion x y z w.
@@ -325,16 +320,7 @@ fn draw_top(
             + Text::new(name.clone(), (10, -9), text(18, INK));
         chart.draw_series(std::iter::once(dot))?;
     }
-    let lines = [("chair", BLUE), ("end effector", ORANGE)];
-    let area = chart.plotting_area().strip_coord_spec();
-    for (i, (name, colour)) in lines.into_iter().enumerate() {
-        let x = 12 + 90 * i32::try_from(i).unwrap_or(0);
-        area.draw(&PathElement::new(
-            [(x, 18), (x + 20, 18)],
-            colour.stroke_width(4),
-        ))?;
-        let middle = Pos::new(HPos::Left, VPos::Center);
-        area.draw(&Text::new(name, (x + 26, 18), text(18, INK).pos(middle)))?;
-    }
-    Ok(())
+    let flat = chart.plotting_area().strip_coord_spec();
+    let entries = [("chair", BLUE), ("end effector", ORANGE)];
+    label::legend(&flat, (12, 20), &entries)
 }

@@ -12,6 +12,8 @@ pub(super) struct Encoder {
     deflate: Deflate,
     millimetres: Vec<u8>,
     depth: DepthFormat,
+    /// Length of the last picture record, the best guess for the next one.
+    last: usize,
 }
 
 impl Encoder {
@@ -20,6 +22,7 @@ impl Encoder {
             deflate: Deflate::default(),
             millimetres: Vec::new(),
             depth,
+            last: 0,
         }
     }
 
@@ -40,7 +43,7 @@ impl Encoder {
             pose: frame.pose,
             ..Default::default()
         };
-        let mut out = begin_record(frame.rgb.len() + frame.depth.len() / 2);
+        let mut out = begin_record(self.last + self.last / 8);
         part(&mut out, |out| {
             out.extend(meta.encode_to_vec());
         });
@@ -60,6 +63,7 @@ impl Encoder {
             self.deflate.append(&frame.ids, 1, out);
         });
         finish_record(&mut out, header);
+        self.last = out.len();
         out
     }
 }

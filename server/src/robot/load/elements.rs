@@ -5,7 +5,7 @@ use std::path::Path;
 use nalgebra::{Cholesky, Isometry3, Matrix3, Point3, Translation3, Unit, UnitQuaternion, Vector3};
 
 use super::{Reader, RobotError};
-use crate::geometry::{Material, Part, Shape, Visual};
+use crate::geometry::{Material, Part, Shape, Texture, Visual};
 use crate::robot::{Collider, Inertial, Joint, JointKind, Limits, Link};
 
 impl Reader<'_> {
@@ -196,18 +196,19 @@ impl Reader<'_> {
                 ));
             }
         };
-        let (roughness, metallic) = self
-            .file
-            .material
-            .get(name)
-            .map_or((0.6, 0.0), |surface| (surface.roughness, surface.metallic));
+        let surface = self.file.material.get(name);
         Ok(Material {
             name: name.to_owned(),
             color: [red as f32, green as f32, blue as f32],
-            roughness,
-            metallic,
+            roughness: surface.map_or(0.6, |surface| surface.roughness),
+            metallic: surface.map_or(0.0, |surface| surface.metallic),
             emission: 0.0,
-            texture: None,
+            texture: surface
+                .and_then(|surface| surface.texture.as_ref())
+                .map(|texture| Texture {
+                    pattern: texture.pattern.clone(),
+                    metres: texture.metres,
+                }),
         })
     }
 

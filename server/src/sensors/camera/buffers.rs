@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use nalgebra::{Isometry3, Point3};
+use nalgebra::{Point3, Vector3};
 
 use super::scene::{Binding, RenderItem, RenderScene};
 use crate::geometry::{Material, TriMesh, texture};
@@ -27,42 +27,40 @@ pub(super) struct GpuMaterial {
     more: [f32; 4],
 }
 
-/// How a pixel of a material is computed, cheapest first.
+/// How a pixel is computed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Finish {
     pub(super) textured: bool,
     /// Highlights and mirrored surroundings; others are lit at their vertices.
     pub(super) glossy: bool,
+    /// May be lit by the sun; others never move and look away from it.
+    pub(super) sunny: bool,
 }
 
 impl Finish {
     /// All, in drawing order.
-    pub(super) const ALL: [Self; 4] = [
-        Self {
-            textured: false,
-            glossy: true,
-        },
-        Self {
+    pub(super) const ALL: [Self; 8] = {
+        let mut all = [Self {
             textured: false,
             glossy: false,
-        },
-        Self {
-            textured: true,
-            glossy: true,
-        },
-        Self {
-            textured: true,
-            glossy: false,
-        },
-    ];
-
-    fn of(material: &Material, all_glossy: bool) -> Self {
-        Self {
-            textured: material.texture.is_some(),
-            glossy: all_glossy
-                || material.metallic > MATTE_METALLIC
-                || material.roughness < MATTE_ROUGHNESS,
+            sunny: false,
+        }; 8];
+        let mut i = 0;
+        while i < 8 {
+            all[i].textured = i & 4 != 0;
+            all[i].glossy = i & 2 == 0;
+            all[i].sunny = i & 1 == 0;
+            i += 1;
         }
+        all
+    };
+
+    /// Are items of `material` drawn with it?
+    fn suits(self, material: &Material, all_glossy: bool) -> bool {
+        let glossy = all_glossy
+            || material.metallic > MATTE_METALLIC
+            || material.roughness < MATTE_ROUGHNESS;
+        self.textured == material.texture.is_some() && self.glossy == glossy
     }
 }
 
@@ -115,7 +113,7 @@ pub(super) struct Buffers {
 }
 
 impl Buffers {
-    /// `all_glossy` computes highlights on every surface.
+    /// With `all_glossy` highlights are computed on every surface.
     pub(super) fn new(scene: &RenderScene, all_glossy: bool) -> Self {
         let mut built = Self {
             vertices: Vec::new(),
@@ -134,33 +132,40 @@ impl Buffers {
             for finish in Finish::ALL {
                 let mut chosen: Vec<&RenderItem> = items
                     .iter()
-                    .filter(|i| Finish::of(&i.material, all_glossy) == finish)
+                    .filter(|i| finish.suits(&i.material, all_glossy))
                     .collect();
-                if chosen.is_empty() {
-                    continue;
-                }
                 // Casters first, so that their part is one range.
                 chosen.sort_by_key(|i| !i.casts_shadow);
                 let materials: Vec<u32> = chosen
                     .iter()
                     .map(|item| built.material(&mut known, &item.material))
                     .collect();
+                let sun = Vector3::from(scene.lighting.sun_direction);
+                let belongs = |item: &RenderItem, normals: [Vector3<f32>; 3]| {
+                    let sunny =
+                        item.binding != Binding::World || normals.iter().any(|n| n.dot(&sun) > 0.0);
+                    sunny == finish.sunny
+                };
                 let first_vertex = built.vertices.len();
                 let start = built.indices.len() as u32;
                 for (item, &material) in chosen.iter().zip(&materials) {
-                    built.append(&item.mesh, &item.body_from_mesh, body, material);
+                    built.append(item, &item.mesh, body, material, &belongs);
                 }
                 let middle = built.indices.len() as u32;
+                if middle == start {
+                    continue;
+                }
+                let (centre, radius) = ball(&built.vertices[first_vertex..]);
                 let mut caster_end = middle;
                 for (item, &material) in chosen.iter().zip(&materials) {
-                    built.append(&item.coarse, &item.body_from_mesh, body, material);
+                    built.append(item, &item.coarse, body, material, &belongs);
                     if item.casts_shadow {
                         caster_end = built.indices.len() as u32;
                     }
                 }
                 let end = built.indices.len() as u32;
-                let (centre, radius) = ball(&built.vertices[first_vertex..]);
-                if caster_end > middle {
+                // What looks away from the sun lies behind what looks at it.
+                if finish.sunny && caster_end > middle {
                     casters.push(Caster {
                         indices: middle..caster_end,
                         centre,
@@ -221,26 +226,42 @@ impl Buffers {
         known.len() as u32 - 1
     }
 
+    /// Appends the triangles that belong, by the normals of their corners.
     fn append(
         &mut self,
+        item: &RenderItem,
         mesh: &TriMesh,
-        body_from_mesh: &Isometry3<f64>,
         body: usize,
         material: u32,
+        belongs: &dyn Fn(&RenderItem, [Vector3<f32>; 3]) -> bool,
     ) {
-        let first = self.vertices.len() as u32;
+        let turn = item.body_from_mesh.rotation;
+        let normals: Vec<Vector3<f64>> = mesh
+            .normals
+            .iter()
+            .map(|n| turn * Vector3::from(n.map(f64::from)))
+            .collect();
         let packed = body as u32 | 255 << 8 | material << 16;
-        for ((p, n), uv) in mesh.positions.iter().zip(&mesh.normals).zip(&mesh.uvs) {
-            let position = body_from_mesh * Point3::from(p.map(f64::from));
-            let normal = body_from_mesh.rotation * nalgebra::Vector3::from(n.map(f64::from));
-            self.vertices.push(Vertex {
-                position: position.coords.cast::<f32>().into(),
-                normal: octahedral(normal.into()),
-                uv: *uv,
-                packed,
-            });
+        let mut moved: Vec<Option<u32>> = vec![None; mesh.positions.len()];
+        for triangle in mesh.indices.as_chunks::<3>().0 {
+            let corners = triangle.map(|i| i as usize);
+            if !belongs(item, corners.map(|i| normals[i].cast())) {
+                continue;
+            }
+            for i in corners {
+                let index = *moved[i].get_or_insert_with(|| {
+                    let p = Point3::from(mesh.positions[i].map(f64::from));
+                    self.vertices.push(Vertex {
+                        position: (item.body_from_mesh * p).coords.cast::<f32>().into(),
+                        normal: octahedral(normals[i].into()),
+                        uv: mesh.uvs[i],
+                        packed,
+                    });
+                    self.vertices.len() as u32 - 1
+                });
+                self.indices.push(index);
+            }
         }
-        self.indices.extend(mesh.indices.iter().map(|i| i + first));
     }
 }
 

@@ -28,6 +28,11 @@ pub use renderer::Renderer;
 pub use scene::{Binding, RenderItem, RenderScene};
 pub use spec::{CameraSpec, Intrinsics};
 
+/// Environment variable and value that keep Mesa's loader layer from looking for
+/// a desktop and complaining that `XDG_RUNTIME_DIR` is not set. To be set for
+/// the process by whoever starts it; harmless everywhere.
+pub const QUIET_LOADER: (&str, &str) = ("NODEVICE_SELECT", "1");
+
 /// How much work goes into a picture; recorded with the data.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Quality {
@@ -57,3 +62,6 @@ pub struct Frame {
     /// Instance ids, height x width bytes; 0 where nothing is hit.
     pub ids: Bytes,
 }
+
+#[cfg(test)]
+mod tests;

@@ -56,7 +56,7 @@ pub(super) struct Pipelines {
     /// Group 1: shadow map.
     pub(super) shadow_layout: wgpu::BindGroupLayout,
     /// In the order of [`Finish::ALL`].
-    pub(super) surfaces: [wgpu::RenderPipeline; 4],
+    pub(super) surfaces: [wgpu::RenderPipeline; 8],
     /// Draws what throws a shadow.
     pub(super) caster: wgpu::RenderPipeline,
     /// Clears a part of the shadow map.
@@ -91,6 +91,7 @@ impl Pipelines {
             };
             let constants = [
                 ("TEXTURED", f64::from(u8::from(finish.textured))),
+                ("SUNNY", f64::from(u8::from(finish.sunny))),
                 ("SHADOW_TAPS", f64::from(tier.shadow_taps)),
                 ("ID_IN_ALPHA", f64::from(u8::from(!tier.separate_ids()))),
             ];

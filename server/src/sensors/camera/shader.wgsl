@@ -3,6 +3,8 @@
 // CPU adapter a buffer load per pixel costs more than the interpolation.
 
 override TEXTURED: bool = false;
+// The sun may reach the surface.
+override SUNNY: bool = true;
 // Shadow map look-ups per pixel: 0, 1 or 9.
 override SHADOW_TAPS: u32 = 1u;
 // The alpha byte holds the instance id; not when samples are averaged.
@@ -125,12 +127,13 @@ struct MatteVarying {
     var out: MatteVarying;
     out.clip = camera.clip_from_world * vec4(lit.world, 1.0);
     out.light = vec4(
-        around * (lit.openness * 1.04) + m.more.y,
-        max(dot(lit.normal, camera.sun_direction.xyz), 0.0) * 1.04,
+        around * lit.openness + m.more.y,
+        max(dot(lit.normal, camera.sun_direction.xyz), 0.0),
     );
     out.uv = v.uv;
     out.shadow = lit.shadow;
-    out.color = vec4(m.color.rgb, bodies[body].more.x);
+    // Rough surfaces still mirror a little of what is around.
+    out.color = vec4(m.color.rgb + 0.03, bodies[body].more.x);
     out.layer = m.more.z;
     return out;
 }
@@ -194,7 +197,11 @@ fn picture(uv: vec2<f32>, layer: f32) -> vec3<f32> {
     if TEXTURED {
         base *= picture(v.uv, v.layer);
     }
-    let c = base * (v.light.rgb + camera.sun.rgb * (v.light.a * sunlit(v.shadow)));
+    var light = v.light.rgb;
+    if SUNNY {
+        light += camera.sun.rgb * (v.light.a * sunlit(v.shadow));
+    }
+    let c = base * light;
     return vec4(display(c), select(1.0, v.color.a, ID_IN_ALPHA));
 }
 
@@ -208,19 +215,24 @@ fn picture(uv: vec2<f32>, layer: f32) -> vec3<f32> {
     let n = normalize(v.normal);
     let view = normalize(v.view.xyz);
     let sun = camera.sun_direction.xyz;
-    let half_way = normalize(view + sun);
     let nl = max(dot(n, sun), 0.0);
-    let nh = max(dot(n, half_way), 0.0);
     let nv = max(dot(n, view), 0.0);
-    let vh = max(dot(view, half_way), 0.1);
-
-    // GGX with the visibility and Fresnel terms fitted together (Karis 2013, mobile).
     let f0 = mix(vec3(0.04), base, metallic);
-    let a = roughness * roughness;
-    let d = nh * nh * (a * a - 1.0) + 1.0;
-    let glint = a * a / (d * d * vh * vh * (a * 4.0 + 2.0));
     let matte = base * (1.0 - metallic);
-    let direct = (matte + f0 * glint) * (nl * sunlit(v.shadow));
+
+    var direct = vec3(0.0);
+    if SUNNY {
+        // GGX with the visibility and Fresnel terms fitted together (Karis 2013,
+        // mobile). The half vector is (view + sun) / length.
+        let length2 = 2.0 + 2.0 * dot(view, sun);
+        let nh = dot(n, view + sun);
+        let nh2 = nh * nh / max(length2, 0.01);
+        let vh2 = max(0.25 * length2, 0.01);
+        let a = roughness * roughness;
+        let d = nh2 * (a * a - 1.0) + 1.0;
+        let glint = a * a / (d * d * vh2 * (a * 4.0 + 2.0));
+        direct = camera.sun.rgb * (matte + f0 * glint) * (nl * sunlit(v.shadow));
+    }
 
     // The room around: brighter above than below, mirrored by smooth surfaces.
     let up = 2.0 * nv * n.z - view.z;
@@ -230,6 +242,6 @@ fn picture(uv: vec2<f32>, layer: f32) -> vec3<f32> {
     let mirrored = mix(camera.ground.rgb, camera.sky.rgb, clamp(0.5 + up * (1.1 - 0.6 * roughness), 0.0, 1.2));
     let ambient = (matte * around + mirror * mirrored) * v.view.w;
 
-    let c = direct * camera.sun.rgb + ambient + base * v.more.y;
+    let c = direct + ambient + base * v.more.y;
     return vec4(display(c), select(1.0, v.more.w, ID_IN_ALPHA));
 }

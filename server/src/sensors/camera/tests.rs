@@ -1,0 +1,432 @@
+//! Laws of the pictures, on whatever Vulkan adapter there is.
+
+use std::path::Path;
+use std::sync::Arc;
+
+use nalgebra::{Isometry3, Point3, Rotation3, Translation3, UnitQuaternion, Vector3};
+
+use super::*;
+use crate::geometry::mesh::build;
+use crate::geometry::{Material, Shape, Texture};
+use crate::robot::RobotModel;
+use crate::scene::{Lighting, Scene};
+use crate::snapshot::{BodyState, Snapshot};
+
+const LIGHT: Lighting = Lighting {
+    sun_direction: [0.0, 0.6, 0.8],
+    sun: [2.5, 2.5, 2.5],
+    sky: [0.5, 0.5, 0.5],
+    ground: [0.3, 0.3, 0.3],
+};
+
+fn item(shape: &Shape, color: [f32; 3], binding: Binding, at: [f64; 3], id: u8) -> RenderItem {
+    let mesh = Arc::new(build(shape, Path::new(".")).unwrap());
+    RenderItem {
+        coarse: mesh.clone(),
+        mesh,
+        material: Material {
+            name: String::new(),
+            color,
+            roughness: 0.8,
+            metallic: 0.0,
+            emission: 0.0,
+            texture: None,
+        },
+        binding,
+        body_from_mesh: Translation3::from(at).into(),
+        instance: id,
+        casts_shadow: true,
+    }
+}
+
+fn scene(items: Vec<RenderItem>, objects: usize) -> RenderScene {
+    RenderScene {
+        instances: items.iter().map(|i| (i.instance, String::new())).collect(),
+        items,
+        lighting: LIGHT,
+        links: 0,
+        objects,
+    }
+}
+
+fn snapshot(objects: &[[f64; 3]]) -> Snapshot {
+    let body = |at: &[f64; 3]| BodyState {
+        pose: Translation3::from(*at).into(),
+        linear: Vector3::zeros(),
+        angular: Vector3::zeros(),
+    };
+    Snapshot {
+        tick: 0,
+        joints: Vec::new(),
+        links: Vec::new(),
+        objects: objects.iter().map(body).collect(),
+        contacts: Vec::new(),
+        anomalies: Vec::new(),
+    }
+}
+
+/// world_from_optical: at `eye`, looking at `target`, upright.
+fn looking(eye: [f64; 3], target: [f64; 3]) -> Isometry3<f64> {
+    let eye = Point3::from(eye);
+    let z = (Point3::from(target) - eye).normalize();
+    let x = z.cross(&Vector3::z()).normalize();
+    let turn = Rotation3::from_basis_unchecked(&[x, z.cross(&x), z]);
+    let turn = UnitQuaternion::from_rotation_matrix(&turn);
+    Isometry3::from_parts(eye.coords.into(), turn)
+}
+
+fn camera(mount: Isometry3<f64>, intrinsics: Intrinsics) -> CameraSpec {
+    CameraSpec {
+        name: "test".into(),
+        binding: Binding::World,
+        mount,
+        intrinsics,
+        range: [0.05, 20.0],
+    }
+}
+
+/// `None`, with the reason printed, only where there is no Vulkan driver.
+fn renderer(scene: &RenderScene, cameras: &[CameraSpec], quality: Quality) -> Option<Renderer> {
+    match Renderer::new(scene, cameras, quality, None) {
+        Ok(renderer) => Some(renderer),
+        Err(reason @ RenderError::NoDriver) => {
+            eprintln!("skipped: {reason}");
+            None
+        }
+        Err(other) => panic!("{other}"),
+    }
+}
+
+fn depth(frame: &Frame) -> Vec<f32> {
+    let (numbers, _) = frame.depth.as_chunks::<4>();
+    numbers.iter().map(|b| f32::from_le_bytes(*b)).collect()
+}
+
+#[test]
+fn depth_is_metres_along_the_optical_axis() {
+    let half = Shape::Cuboid { half: [0.5; 3] };
+    let scene = scene(
+        vec![item(&half, [0.8; 3], Binding::Object(0), [0.0; 3], 7)],
+        1,
+    );
+    // Padded rows: neither 225 x 4 nor 225 is a multiple of 256.
+    let lens = Intrinsics::centred([225, 127], 1.2);
+    let eye = camera(looking([0.0; 3], [1.0, 0.0, 0.0]), lens);
+    for quality in [Quality::Fast, Quality::Standard, Quality::High] {
+        let Some(mut renderer) = renderer(&scene, std::slice::from_ref(&eye), quality) else {
+            return;
+        };
+        for distance in [0.7, 2.0, 9.0] {
+            let frame = &renderer
+                .render(&snapshot(&[[distance + 0.5, 0.1, 0.0]]), &[0])
+                .unwrap()[0];
+            let z = depth(frame);
+            assert_eq!(z.len(), 225 * 127);
+            assert_eq!(frame.rgb.len(), 225 * 127 * 3);
+            let seen: Vec<usize> = (0..z.len()).filter(|&i| frame.ids[i] == 7).collect();
+            assert!(!seen.is_empty());
+            for i in 0..z.len() {
+                match frame.ids[i] {
+                    7 => assert!(
+                        (f64::from(z[i]) - distance).abs() < 1e-3,
+                        "{} at {distance}",
+                        z[i]
+                    ),
+                    0 => assert_eq!(z[i], f32::INFINITY),
+                    other => panic!("id {other} belongs to nothing"),
+                }
+            }
+            // The face covers the pixels whose centres fall on it.
+            let on_face = |i: usize| {
+                let u = (i % 225) as f64 + 0.5;
+                let v = (i / 225) as f64 + 0.5;
+                // x of the camera is -y of the world.
+                let y = -(u - lens.cx) / lens.fx * distance;
+                let x = (v - lens.cy) / lens.fy * distance;
+                (y - 0.1).abs() < 0.5 && x.abs() < 0.5
+            };
+            assert_eq!(seen.len(), (0..z.len()).filter(|&i| on_face(i)).count());
+        }
+        let far = &renderer
+            .render(&snapshot(&[[25.0, 0.0, 0.0]]), &[0])
+            .unwrap()[0];
+        assert!(far.ids.contains(&7), "beyond the range it is still drawn");
+        assert!(depth(far).iter().all(|z| *z == f32::INFINITY));
+    }
+}
+
+#[test]
+fn a_point_lands_where_the_intrinsics_say() {
+    let points = [
+        [2.0, 0.3, 0.2],
+        [3.0, -0.8, 0.5],
+        [2.5, 0.9, -0.6],
+        [4.0, 0.0, 0.0],
+    ];
+    let ball = Shape::Sphere { radius: 0.03 };
+    let items = (0..points.len())
+        .map(|i| item(&ball, [0.5; 3], Binding::Object(i), [0.0; 3], 100 + i as u8))
+        .collect();
+    let scene = scene(items, points.len());
+    let lens = Intrinsics {
+        width: 300,
+        height: 200,
+        fx: 260.0,
+        fy: 240.0,
+        cx: 121.3,
+        cy: 132.8,
+    };
+    let pose = looking([-0.5, 0.1, 0.3], [3.0, 0.2, 0.0]);
+    let Some(mut renderer) = renderer(&scene, &[camera(pose, lens)], Quality::Standard) else {
+        return;
+    };
+    let frame = &renderer.render(&snapshot(&points), &[0]).unwrap()[0];
+    assert!((frame.world_from_optical.to_homogeneous() - pose.to_homogeneous()).norm() < 1e-12);
+    for (i, point) in points.iter().enumerate() {
+        let p = pose.inverse() * Point3::from(*point);
+        let (u, v) = (lens.fx * p.x / p.z + lens.cx, lens.fy * p.y / p.z + lens.cy);
+        let id = 100 + i as u8;
+        let (mut count, mut sum_u, mut sum_v) = (0.0, 0.0, 0.0);
+        for (k, found) in frame.ids.iter().enumerate() {
+            if *found == id {
+                count += 1.0;
+                sum_u += (k % 300) as f64 + 0.5;
+                sum_v += (k / 300) as f64 + 0.5;
+            }
+        }
+        assert_eq!(frame.ids[v as usize * 300 + u as usize], id);
+        assert!(
+            (sum_u / count - u).abs() < 0.35,
+            "u {} expected {u}",
+            sum_u / count
+        );
+        assert!(
+            (sum_v / count - v).abs() < 0.35,
+            "v {} expected {v}",
+            sum_v / count
+        );
+    }
+}
+
+/// A floor with a floating box whose shadow falls away from the sun.
+fn floor_and_box() -> RenderScene {
+    let floor = Shape::Cuboid {
+        half: [2.0, 2.0, 0.05],
+    };
+    let cube = Shape::Cuboid { half: [0.3; 3] };
+    let mut items = vec![
+        item(&cube, [0.9, 0.1, 0.1], Binding::Object(0), [0.0; 3], 1),
+        item(&floor, [0.8; 3], Binding::World, [0.0, 0.0, -0.05], 2),
+    ];
+    items[1].material.texture = Some(Texture {
+        pattern: "planks".into(),
+        metres: 1.0,
+    });
+    scene(items, 1)
+}
+
+#[test]
+fn light_and_shadow_fall_where_the_sun_says() {
+    let lens = Intrinsics::centred([160, 120], 1.0);
+    let pose = looking([3.5, 0.0, 2.5], [0.0, 0.0, 0.2]);
+    let mean = |frame: &Frame, at: [f64; 3]| {
+        let p = pose.inverse() * Point3::from(at);
+        let (u, v) = (lens.fx * p.x / p.z + lens.cx, lens.fy * p.y / p.z + lens.cy);
+        let mut sum = [0.0; 3];
+        for dy in -2..=2 {
+            for dx in -2..=2 {
+                let i = (v as i32 + dy) * 160 + u as i32 + dx;
+                for (k, sum) in sum.iter_mut().enumerate() {
+                    *sum += f64::from(frame.rgb[i as usize * 3 + k]) / 25.0;
+                }
+            }
+        }
+        sum
+    };
+    for quality in [Quality::Fast, Quality::Standard, Quality::High] {
+        let Some(mut renderer) = renderer(&floor_and_box(), &[camera(pose, lens)], quality) else {
+            return;
+        };
+        let frame = &renderer
+            .render(&snapshot(&[[0.0, 0.0, 0.8]]), &[0])
+            .unwrap()[0];
+        // The sun stands at +y, 0.8 m of height shift the shadow by 0.6 m to -y.
+        let (shade, sunny) = (mean(frame, [0.0, -0.6, 0.0]), mean(frame, [0.0, 0.9, 0.0]));
+        assert!(
+            sunny.iter().all(|c| (120.0..250.0).contains(c)),
+            "sunlit floor {sunny:?}"
+        );
+        if quality == Quality::Fast {
+            assert!(
+                shade[1] > 0.8 * sunny[1],
+                "{quality:?}: {shade:?} {sunny:?}"
+            );
+        } else {
+            assert!(
+                shade[1] < 0.7 * sunny[1],
+                "{quality:?}: {shade:?} {sunny:?}"
+            );
+            assert!(shade[1] > 30.0, "shade is not black: {shade:?}");
+        }
+        let top = mean(frame, [0.0, 0.0, 1.1]);
+        assert!(top[0] > 2.0 * top[1], "the box is red: {top:?}");
+    }
+}
+
+#[test]
+fn the_same_snapshot_gives_the_same_bytes_whatever_was_drawn_before() {
+    let cameras = [
+        camera(
+            looking([2.5, 1.0, 1.5], [0.0; 3]),
+            Intrinsics::centred([200, 120], 1.1),
+        ),
+        camera(
+            looking([-2.0, 0.5, 2.0], [0.0; 3]),
+            Intrinsics::centred([97, 61], 0.9),
+        ),
+    ];
+    let scene = floor_and_box();
+    let Some(mut first) = renderer(&scene, &cameras, Quality::Standard) else {
+        return;
+    };
+    let here = snapshot(&[[0.2, 0.1, 0.6]]);
+    let there = snapshot(&[[-0.9, 0.4, 0.35]]);
+    let bytes = |frames: Vec<Frame>| -> Vec<_> {
+        frames
+            .into_iter()
+            .map(|f| (f.rgb.to_vec(), f.depth.to_vec(), f.ids.to_vec()))
+            .collect()
+    };
+    let once = bytes(first.render(&here, &[0, 1]).unwrap());
+    let moved = bytes(first.render(&there, &[0, 1]).unwrap());
+    assert_ne!(once, moved);
+    // Frames that are kept are not written over.
+    let kept = first.render(&here, &[0, 1]).unwrap();
+    let again = first.render(&there, &[0, 1]).unwrap();
+    assert_eq!(bytes(kept), once);
+    assert_eq!(bytes(again), moved);
+    // One camera alone, another renderer: no difference.
+    assert_eq!(bytes(first.render(&here, &[1]).unwrap())[0], once[1]);
+    let mut second = renderer(&scene, &cameras, Quality::Standard).unwrap();
+    assert_eq!(bytes(second.render(&there, &[0, 1]).unwrap()), moved);
+}
+
+#[test]
+fn ids_of_the_home_follow_the_legend() {
+    let assets = Path::new(env!("CARGO_MANIFEST_DIR")).join("../assets");
+    let robot = RobotModel::load(&assets, "wheelarm").unwrap();
+    let home = Scene::load(&assets, "home").unwrap();
+    let scene = RenderScene::new(&robot, &home, &assets).unwrap();
+    for (i, object) in home.objects.iter().enumerate() {
+        assert_eq!(scene.instances[i], (i as u8 + 1, object.name.clone()));
+    }
+    let names = |from: &str| scene.instances.iter().position(|(_, n)| n == from);
+    assert!(names("floor") > names("base_link") && names("base_link") >= Some(home.objects.len()));
+
+    // Every object is seen from 0.6 m above it, by its own id.
+    let cameras: Vec<_> = home
+        .objects
+        .iter()
+        .map(|o| {
+            let p = o.pose.translation;
+            let eye = [p.x + 0.1, p.y, p.z + 0.6];
+            camera(
+                looking(eye, [p.x, p.y, p.z]),
+                Intrinsics::centred([64, 48], 0.8),
+            )
+        })
+        .collect();
+    let Some(mut renderer) = renderer(&scene, &cameras, Quality::Fast) else {
+        return;
+    };
+    let rest = BodyState {
+        // Out of the way.
+        pose: Translation3::new(0.0, 0.0, -50.0).into(),
+        linear: Vector3::zeros(),
+        angular: Vector3::zeros(),
+    };
+    let mut snapshot = snapshot(&vec![[0.0; 3]; home.objects.len()]);
+    snapshot.links = vec![rest; robot.links.len()];
+    for (body, object) in snapshot.objects.iter_mut().zip(&home.objects) {
+        body.pose = object.pose;
+    }
+    let all: Vec<usize> = (0..cameras.len()).collect();
+    for frame in renderer.render(&snapshot, &all).unwrap() {
+        let id = scene.instances[frame.camera].0;
+        assert_eq!(
+            frame.ids[24 * 64 + 32],
+            id,
+            "{}",
+            home.objects[frame.camera].name
+        );
+    }
+}
+
+#[test]
+fn requests_that_cannot_be_are_refused_by_name() {
+    let scene = floor_and_box();
+    let lens = Intrinsics::centred([32, 32], 1.0);
+    let good = camera(Isometry3::identity(), lens);
+    let Some(mut ready) = renderer(&scene, std::slice::from_ref(&good), Quality::Fast) else {
+        return;
+    };
+    let text = |r: Result<Vec<Frame>, RenderError>| r.unwrap_err().to_string();
+    let one = snapshot(&[[0.0; 3]]);
+    assert!(text(ready.render(&one, &[3])).contains("camera 3"));
+    assert!(text(ready.render(&snapshot(&[]), &[0])).contains("0 objects"));
+    assert!(ready.render(&one, &[0]).is_ok());
+    assert!(ready.render(&one, &[]).unwrap().is_empty());
+
+    let cameras = std::slice::from_ref(&good);
+    let error = Renderer::new(&scene, cameras, Quality::Fast, Some("no such card"));
+    let error = error.err().unwrap().to_string();
+    assert!(error.contains("no such card"), "{error}");
+    assert!(error.contains(&Renderer::adapters()[0].name), "{error}");
+
+    let mut bad = good.clone();
+    bad.intrinsics.fx = 0.0;
+    bad.name = "wrist".into();
+    let error = Renderer::new(&scene, &[bad], Quality::Fast, None)
+        .err()
+        .unwrap()
+        .to_string();
+    assert!(
+        error.contains("wrist") && error.contains("focal length"),
+        "{error}"
+    );
+    let mut bad = good;
+    bad.binding = Binding::Object(1);
+    let error = Renderer::new(&scene, &[bad], Quality::Fast, None)
+        .err()
+        .unwrap()
+        .to_string();
+    assert!(error.contains("body 1, there are 1"), "{error}");
+}
+
+#[test]
+fn a_lens_scales_with_the_width_and_keeps_its_middle() {
+    let lens = Intrinsics {
+        width: 1280,
+        height: 720,
+        fx: 1297.7,
+        fy: 1297.7,
+        cx: 620.9,
+        cy: 238.3,
+    };
+    let half = lens.resized([640, 360]);
+    assert_eq!(
+        (half.fx, half.cx, half.cy),
+        (1297.7 / 2.0, 620.9 / 2.0, 238.3 / 2.0)
+    );
+    // A square picture sees as wide, and higher by equal parts above and below.
+    let square = lens.resized([640, 640]);
+    assert_eq!((square.fx, square.cx), (half.fx, half.cx));
+    assert!((square.cy - half.cy - 140.0).abs() < 1e-9);
+}
+
+#[test]
+fn the_renderer_can_move_to_a_thread_of_its_own() {
+    fn is_send<T: Send>() {}
+    is_send::<Renderer>();
+    is_send::<Frame>();
+}

@@ -1,0 +1,16 @@
+#!/usr/bin/env bash
+# Measures step, inverse kinematics, cameras and recording, each beside its
+# reference, and prints one table. `make bench` builds and installs first.
+#   tests/bench.sh [--rounds N] [--no-demo]
+set -euo pipefail
+cd "$(dirname "$0")/.."
+python=${WHEELARM_PYTHON:-.venv/bin/python}
+if ! "$python" -c 'import numpy' 2>/dev/null; then
+    echo "the references need Python packages; run: scripts/setup.sh python numpy h5py mujoco" >&2
+    exit 1
+fi
+# MuJoCo draws headless through EGL; the rest runs without.
+if ! ldconfig -p | grep -q libEGL.so.1; then
+    echo "MuJoCo's pictures will be skipped; to have them: sudo apt-get install -y libegl1 libgl1-mesa-dri" >&2
+fi
+exec "$python" tests/bench/compare.py "$@"

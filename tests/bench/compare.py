@@ -1,0 +1,244 @@
+"""Runs every measurement in turn with its reference and prints one table.
+
+compare.py [--rounds N] [--no-demo]
+
+Ours and the reference alternate, so that both meet the same machine; of the
+rounds the best counts, which is what disturbs least. CPU time stands beside
+wall time where it differs. A measurement that cannot run is 'skipped' with the
+reason; the exit code is 1 when one of ours cannot.
+"""
+
+import argparse
+import os
+import re
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[2]
+HERE = ROOT / "tests" / "bench"
+RELEASE = ROOT / "target" / "release"
+NUMBER = r"([0-9.]+)"
+
+
+class Skipped(Exception):
+    """A measurement that could not run."""
+
+
+def run(*command, timeout=600):
+    """Output of a program."""
+    words = [str(word) for word in command]
+    environment = dict(os.environ, MUJOCO_GL="egl", MESA_DEBUG="silent")
+    environment.setdefault("XDG_RUNTIME_DIR", tempfile.gettempdir())
+    try:
+        done = subprocess.run(
+            words, cwd=ROOT, env=environment, capture_output=True, text=True, timeout=timeout
+        )
+    except (OSError, subprocess.TimeoutExpired) as problem:
+        raise Skipped(str(problem)) from problem
+    if done.returncode != 0:
+        lines = (done.stderr or done.stdout).strip().splitlines()
+        raise Skipped(f"exit {done.returncode}: {lines[-1] if lines else 'no message'}")
+    return done.stdout
+
+
+def example(name, *arguments):
+    return run(RELEASE / "examples" / name, *arguments)
+
+
+def python(name, *arguments):
+    return run(sys.executable, HERE / name, *arguments)
+
+
+def find(pattern, text):
+    """The number of a pattern; `#` stands for it."""
+    found = re.search(pattern.replace("#", NUMBER), text)
+    if not found:
+        raise Skipped(f"its output has no {pattern!r}")
+    return float(found[1])
+
+
+class Measurement:
+    """A program and the figures in its output, over rounds."""
+
+    def __init__(self, name, program, **patterns):
+        self.name, self.program, self.patterns = name, program, patterns
+        self.rounds, self.problem = [], None
+
+    def measure(self):
+        if self.problem:
+            return
+        try:
+            text = self.program()
+            self.rounds.append({k: find(p, text) for k, p in self.patterns.items()})
+            shown = ", ".join(f"{k} {v:g}" for k, v in self.rounds[-1].items())
+            print(f"  {self.name:<34} {shown}", flush=True)
+        except Skipped as problem:
+            self.problem = str(problem)
+            print(f"  {self.name:<34} skipped: {problem}", flush=True)
+
+    def best(self, figure, choose=min):
+        """The best of the rounds; `None` when it was skipped."""
+        return choose(r[figure] for r in self.rounds) if self.rounds else None
+
+
+def ratio(ours, reference, inverse=False):
+    if ours is None or not reference:
+        return None
+    return reference / ours if inverse else ours / reference
+
+
+def text(value, unit="", digits=1):
+    return "skipped" if value is None else f"{value:.{digits}f} {unit}".strip()
+
+
+def main():
+    options = argparse.ArgumentParser()
+    options.add_argument("--rounds", type=int, default=3)
+    options.add_argument("--no-demo", action="store_true", help="without the whole demo, which takes a minute or two")
+    options = options.parse_args()
+    assets = ROOT / "assets"
+    with tempfile.TemporaryDirectory(prefix="wheelarm_bench_") as folder:
+        folder = Path(folder)
+        return compare(folder, assets, options)
+
+
+def compare(folder, assets, options):
+    pictures = folder / "frames.bin"
+    print(f"{os.cpu_count()} cores, load {os.getloadavg()[0]:.1f}; best of {options.rounds} rounds")
+    try:
+        example("export_mujoco", folder, assets, 40)
+        example("dump_frames", folder, assets, 40)
+    except Skipped as problem:
+        print(f"the scene cannot be exported: {problem}")
+        return 1
+
+    render = dict(least=r"min # ms", median=r"median # ms")
+    ik = Measurement(
+        "inverse kinematics",
+        lambda: example("ik_bench", assets),
+        solved=r"solved to 1e-6 +# %",
+        median=r"time, median +# µs",
+    )
+    step = Measurement(
+        "step",
+        lambda: example("step_bench", assets),
+        median=r"median # µs",
+        cpu=r"processor time # µs",
+        height=r"bottle is # m high",
+    )
+    step_mujoco = {
+        substeps: Measurement(
+            f"step, MuJoCo, 1/{240 * substeps} s",
+            lambda substeps=substeps: python("step_mujoco.py", folder, substeps),
+            median=r"median # us",
+            cpu=r"processor time # us",
+            height=r"bottle is # m high",
+        )
+        for substeps in (1, 2, 4)
+    }
+    pairs = Measurement(
+        "pictures",
+        lambda: example("render_bench", "--assets", assets, "--pairs", 40),
+        cpu=r"processor time # ms",
+        **render,
+    )
+    plain = Measurement(
+        "pictures without shadows",
+        lambda: example("render_bench", "--assets", assets, "--pairs", 40, "--quality", "fast"),
+        cpu=r"processor time # ms",
+        **render,
+    )
+    mujoco = {
+        mode: Measurement(
+            f"pictures, MuJoCo, {mode}",
+            lambda mode=mode: python("render_mujoco.py", folder, mode),
+            cpu=r", # ms of CPU",
+            **render,
+        )
+        for mode in ("renderer", "single", "plain")
+    }
+    record = Measurement(
+        "recording",
+        lambda: example("record_bench", 60, "f32", folder, pictures),
+        log=r"durable in the log +# frames/s",
+        rate=r"file is there +# frames/s",
+        size=r"file bytes per frame +# MB",
+        disk=r"raw write and sync +# frames/s",
+    )
+    original = Measurement(
+        "recording, h5py as the original",
+        lambda: python("record_h5py.py", pictures, 6, folder),
+        rate=r"file is there +# frames/s",
+        size=r"file bytes per frame +# MB",
+    )
+    ours = [ik, step, pairs, plain, record]
+    for number in range(options.rounds):
+        print(f"round {number + 1}")
+        turns = [ik, step_mujoco[1], step_mujoco[2], step, step_mujoco[4], pairs, mujoco["renderer"], plain]
+        for measurement in [*turns, mujoco["plain"], mujoco["single"], record, original]:
+            measurement.measure()
+
+    rows = [("what", "ours", "reference", "ratio", "goal")]
+
+    def row(what, mine, reference, share, goal):
+        rows.append((what, mine, reference, "" if share is None else f"{share:.2f}x", goal))
+
+    row("IK, median of 10 000 poses", text(ik.best("median"), "us"), "", None, "<= 50 us")
+    row("IK, solved to 1e-6", text(ik.best("solved"), "%", 2), "", None, ">= 99.9 %")
+    # A grasp that slips costs less: the height says who still carries the bottle.
+    for substeps, other in step_mujoco.items():
+        whose = f"MuJoCo, {substeps} x 1/{240 * substeps} s"
+        for figure, label in (("median", "step of 1/240 s, median us"), ("cpu", "    mean us CPU")):
+            a, b = step.best(figure), other.best(figure)
+            row(label, text(a), text(b, whose), ratio(a, b, inverse=True), "")
+        heights = [text(m.best("height"), "m", 2) for m in (step, other)]
+        row("    bottle in its hand is at", *heights, None, "> 0.81 m")
+    for name, mine, modes in (
+        ("pictures", pairs, ("renderer", "single")),
+        ("  without shadows", plain, ("plain",)),
+    ):
+        for mode in modes:
+            other = mujoco[mode]
+            goal = {"renderer": ">= 25/s, >= 1.9x", "single": ">= 1.5x"}.get(mode, ">= 1x")
+            for figure, label in (("least", "pairs/s"), ("cpu", "ms CPU per pair")):
+                a, b = mine.best(figure), other.best(figure)
+                share = ratio(a, b, inverse=True)
+                if figure == "least":
+                    a, b = (None if v is None else 1e3 / v for v in (a, b))
+                what = f"{name}, {label}" if figure == "least" else f"    {label}"
+                row(what, text(a), text(b, f"MuJoCo {mode}"), share, goal if figure == "least" else "")
+    a, b = record.best("rate", max), original.best("rate", max)
+    row("recording, frames/s", text(a), text(b, "original", 2), ratio(a, b), ">= 20x")
+    b = record.best("disk", max)
+    row("  until durable in its log", text(record.best("log", max)), text(b, "raw disk + fsync"), ratio(record.best("log", max), b), ">= 0.5x")
+    a, b = record.best("size"), original.best("size")
+    row("  MB per frame", text(a, "", 2), text(b, "original", 2), ratio(a, b), "<= 0.4x")
+    if not options.no_demo:
+        rows.append(demo(folder, assets))
+
+    widths = [max(len(r[i]) for r in rows) for i in range(5)]
+    print()
+    for i, r in enumerate(rows):
+        print("  ".join(c.ljust(w) for c, w in zip(r, widths)).rstrip())
+        if i == 0:
+            print("  ".join("-" * w for w in widths))
+    for measurement in [ik, step, *step_mujoco.values(), pairs, plain, *mujoco.values(), record, original]:
+        if measurement.problem:
+            print(f"{measurement.name}: skipped, {measurement.problem}")
+    return int(any(m.problem for m in ours))
+
+
+def demo(folder, assets):
+    """The whole loop: simulated over wall time."""
+    try:
+        out = run(RELEASE / "wheelarm", "demo", "--seed", 0, "--no-sheet", "--assets", assets, "--out", folder / "demo")
+        factor = find(r"\(#x real time\)", out)
+        return ("demo, simulated / wall", text(factor, "", 2), "", "", "")
+    except Skipped as problem:
+        return ("demo, simulated / wall", "skipped", f"{problem}"[:60], "", "")
+
+
+if __name__ == "__main__":
+    sys.exit(main())
