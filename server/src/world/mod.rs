@@ -41,6 +41,9 @@ use wheels::Wheels;
 /// Gravity along -z, m/s².
 pub const GRAVITY: f64 = 9.81;
 
+/// No target is as large, rad, rad/s or N.
+const WILD: f64 = 1e4;
+
 /// Why a world cannot be made or restored.
 #[derive(Debug, Error)]
 pub enum WorldError {
@@ -171,9 +174,9 @@ impl World {
     }
 
     /// What the drives follow from the next tick on. A target that is not
-    /// finite is ignored: its group keeps what it had.
+    /// finite or beyond all reason is ignored: its group keeps what it had.
     pub fn apply(&mut self, targets: &Targets) {
-        let finite = |values: &[f64]| values.iter().all(|v| v.is_finite());
+        let finite = |values: &[f64]| values.iter().all(|v| v.abs() < WILD);
         if finite(&targets.arm_position) && finite(&targets.arm_velocity) {
             self.targets.arm_position = targets.arm_position;
             self.targets.arm_velocity = targets.arm_velocity;
