@@ -7,7 +7,7 @@ use rand_chacha::ChaCha8Rng;
 use wheelarm_proto::v1::{self, Phase};
 
 use super::drive::{Drive, DriveLimits};
-use super::grasp::{self, Approach, GraspStyle, Reach};
+use super::grasp::{self, Approach, GraspStyle, HAND_MARGINS, Reach};
 use super::ground::{Ground, Pose2};
 use super::observation::Observation;
 use super::route::{self, Piece, Route, RouteStyle};
@@ -326,8 +326,15 @@ impl Operator {
         let chair = seen.chair();
         let ground = self.scene.ground(&seen.objects);
         let style = &self.style.grasp;
-        let ways = grasp::approaches(&self.scene, self.target, &seen.objects, style);
-        let docks = grasp::docks(&self.scene, &ground, &chair, &ways, style);
+        let mut ways = Vec::new();
+        let mut docks = Vec::new();
+        for margin in HAND_MARGINS {
+            ways = grasp::approaches(&self.scene, self.target, &seen.objects, style, margin);
+            docks = grasp::docks(&self.scene, &ground, &chair, &ways, style);
+            if !docks.is_empty() {
+                break;
+            }
+        }
         let mut reasons = [0_usize; 2];
         let mut last_refused: Option<Pose2> = None;
         let mut looked = 0;
@@ -437,11 +444,17 @@ impl Operator {
     fn aim(&mut self, seen: &Observation, reach: &mut dyn Reach) -> Act {
         let style = self.style;
         let chair = seen.chair();
-        let mut ways = grasp::approaches(&self.scene, self.target, &seen.objects, &style.grasp);
-        ways.sort_by(|a, b| grasp::off_axis(a, &chair).total_cmp(&grasp::off_axis(b, &chair)));
+        let ways = HAND_MARGINS.into_iter().flat_map(|margin| {
+            let objects = &seen.objects;
+            let mut ways =
+                grasp::approaches(&self.scene, self.target, objects, &style.grasp, margin);
+            ways.sort_by(|a, b| grasp::off_axis(a, &chair).total_cmp(&grasp::off_axis(b, &chair)));
+            ways.into_iter().map(move |way| (way, margin))
+        });
+        let ways: Vec<_> = ways.collect();
         let house_from_base = seen.house_from_chair * self.scene.chair_from_base;
         let now = house_from_base * seen.base_from_tool;
-        for way in ways {
+        for (way, margin) in ways {
             if !grasp::can_do(
                 &self.scene,
                 &seen.house_from_chair,
@@ -451,7 +464,8 @@ impl Operator {
             ) {
                 continue;
             }
-            let Some(stops) = self.way_to(&now, &way.before, seen, &house_from_base, reach) else {
+            let Some(stops) = self.way_to(&now, &way.before, seen, &house_from_base, margin, reach)
+            else {
                 continue;
             };
             let base_from_house = house_from_base.inverse();
@@ -476,10 +490,11 @@ impl Operator {
         end: &Isometry3<f64>,
         seen: &Observation,
         house_from_base: &Isometry3<f64>,
+        margin: f64,
         reach: &mut dyn Reach,
     ) -> Option<Vec<Isometry3<f64>>> {
         let free = |a: &Isometry3<f64>, b: &Isometry3<f64>| {
-            self.scene.hand_is_free(a, b, &seen.objects, None, 0.01)
+            self.scene.hand_is_free(a, b, &seen.objects, None, margin)
         };
         let mut reaches =
             |pose: &Isometry3<f64>| reach.reach(&(house_from_base.inverse() * pose)).is_some();

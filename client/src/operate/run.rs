@@ -66,6 +66,9 @@ pub enum OperateError {
     /// The episode ended under the operator's hands.
     #[error("the episode was ended by somebody else")]
     Ended,
+    /// The task was done or lost before.
+    #[error("the task is over already: set it up anew with `wheelarm reset`")]
+    Over,
     /// Nothing came for a long time.
     #[error("the server sent nothing for {0:.0} s; it waits for: {1}")]
     Silent(f64, String),
@@ -134,6 +137,8 @@ pub fn run(
             ..ResetArgs::default()
         };
         scenario = control::reset(link, &reset)?;
+    } else if status.episode.is_none() && status.evaluation.as_ref().is_some_and(|e| e.done) {
+        return Err(OperateError::Over);
     }
     let model = SceneModel::read(&link.ask(Query::Scene)?)?;
     let style = Style::new(args.style_seed.unwrap_or(scenario.seed));
