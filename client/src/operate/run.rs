@@ -10,8 +10,9 @@ use wheelarm_proto::v1;
 
 use super::grasp::Reach;
 use super::observation::{self, Collector};
-use super::operator::{Operator, Outcome, Style};
+use super::operator::{Operator, Outcome};
 use super::scene::{SceneModel, write_pose};
+use super::style::Style;
 use crate::control::{self, EpisodeStartArgs, ResetArgs};
 use crate::link::{Link, LinkError, Received, Stream};
 
