@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # Measures step, inverse kinematics, cameras and recording, each beside its
 # reference, and prints one table. `make bench` builds and installs first.
-#   tests/bench.sh [--rounds N] [--demo]
+#   tests/bench.sh [--rounds N] [--no-demo]
 set -euo pipefail
 cd "$(dirname "$0")/.."
 python=${WHEELARM_PYTHON:-.venv/bin/python}

@@ -4,16 +4,16 @@
 //! `render_bench [--assets DIR] [--pairs N] [--width W] [--height H]
 //! [--quality fast|standard|high] [--adapter NAME]`
 
+mod motion;
+
 use std::path::PathBuf;
 use std::time::Instant;
 
 use anyhow::{Result, bail};
 use clap::Parser;
-use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 use wheelarm_server::robot::RobotModel;
 use wheelarm_server::scene::Scene;
 use wheelarm_server::sensors::camera::{CameraSpec, Quality, RenderScene, Renderer};
-use wheelarm_server::snapshot::{BodyState, JointState, Snapshot};
 
 #[derive(Parser)]
 struct Options {
@@ -73,7 +73,7 @@ fn main() -> Result<()> {
     let mut bytes = 0;
     let mut cpu = 0.0;
     for pair in 0..options.pairs + 5 {
-        let snapshot = moving(&robot, &scene, pair as f64 * 0.1);
+        let snapshot = motion::moving(&robot, &scene, pair as f64 * 0.1);
         let before = Instant::now();
         let frames = renderer.render(&snapshot, &[0, 1])?;
         let taken = before.elapsed().as_secs_f64() * 1e3;
@@ -115,44 +115,4 @@ fn cpu_seconds() -> f64 {
         .filter_map(|t| t.parse::<f64>().ok())
         .sum::<f64>();
     ticks / 100.0
-}
-
-/// Driving from the start to the coffee table within 6 s, the arm waving.
-fn moving(robot: &RobotModel, scene: &Scene, time: f64) -> Snapshot {
-    let along = (time / 6.0).min(1.0);
-    let root = Isometry3::from_parts(
-        Translation3::new(-6.635 - 1.2 * along, 3.389 - 1.4 * along, 0.0),
-        UnitQuaternion::from_euler_angles(0.0, 0.0, -std::f64::consts::FRAC_PI_2 * (1.0 + along)),
-    );
-    let mut positions = vec![0.0; robot.joints.len()];
-    for (i, joint) in robot.joints.iter().enumerate() {
-        let number = joint
-            .name
-            .strip_prefix("joint_")
-            .and_then(|n| n.parse::<usize>().ok());
-        if let Some(angle) = number.and_then(|n| robot.settings.home.get(n - 1)) {
-            positions[i] = angle + 0.15 * (time + i as f64).sin();
-        }
-    }
-    let body = |pose| BodyState {
-        pose,
-        linear: Vector3::zeros(),
-        angular: Vector3::zeros(),
-    };
-    let mut objects: Vec<BodyState> = scene.objects.iter().map(|o| body(o.pose)).collect();
-    if let Some(first) = objects.first_mut() {
-        first.pose.translation.z += 0.05 * time.sin().abs();
-    }
-    Snapshot {
-        tick: 0,
-        joints: vec![JointState::default(); robot.joints.len()],
-        links: robot
-            .link_poses(&positions)
-            .iter()
-            .map(|p| body(root * p))
-            .collect(),
-        objects,
-        contacts: Vec::new(),
-        anomalies: Vec::new(),
-    }
 }
