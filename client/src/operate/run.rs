@@ -10,8 +10,9 @@ use wheelarm_proto::v1;
 
 use super::grasp::Reach;
 use super::observation::{self, Collector};
-use super::operator::{Operator, Outcome, Style};
+use super::operator::{Operator, Outcome};
 use super::scene::{SceneModel, write_pose};
+use super::style::Style;
 use crate::control::{self, EpisodeStartArgs, ResetArgs};
 use crate::link::{Link, LinkError, Received, Stream};
 
@@ -66,6 +67,9 @@ pub enum OperateError {
     /// The episode ended under the operator's hands.
     #[error("the episode was ended by somebody else")]
     Ended,
+    /// The task was done or lost before.
+    #[error("the task is over already: set it up anew with `wheelarm reset`")]
+    Over,
     /// Nothing came for a long time.
     #[error("the server sent nothing for {0:.0} s; it waits for: {1}")]
     Silent(f64, String),
@@ -151,6 +155,8 @@ pub fn run(
             ..ResetArgs::default()
         };
         scenario = control::reset(link, &reset)?;
+    } else if status.episode.is_none() && status.evaluation.as_ref().is_some_and(|e| e.done) {
+        return Err(OperateError::Over);
     }
     let model = SceneModel::read(&link.ask(Query::Scene)?)?;
     let style = Style::new(args.style_seed.unwrap_or(scenario.seed));
