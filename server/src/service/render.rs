@@ -254,8 +254,8 @@ fn message(name: &str, frame: Frame) -> v1::CameraFrame {
             cy: i.cy,
         }),
         pose: Some(convert::pose(&frame.world_from_optical)),
-        rgb: frame.rgb.into(),
-        depth: frame.depth.into(),
-        ids: frame.ids.into(),
+        rgb: frame.rgb,
+        depth: frame.depth,
+        ids: frame.ids,
     }
 }
