@@ -114,7 +114,7 @@ pub(super) fn body_row(pose: &Isometry3<f64>, body: &Body, surroundings: &Surrou
     // Bodies that never move know it for every vertex.
     row[13] = match body.binding {
         Binding::World => 1.0,
-        _ => surroundings.from_above(&(pose * body.centre)) as f32,
+        _ => surroundings.of_body(&(pose * body.centre)) as f32,
     };
     row
 }

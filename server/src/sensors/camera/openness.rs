@@ -111,7 +111,7 @@ impl Surroundings {
     }
 
     /// Share of the light from above that reaches a body that moves.
-    pub(super) fn from_above(&self, p: &Point3<f64>) -> f64 {
+    pub(super) fn of_body(&self, p: &Point3<f64>) -> f64 {
         let start = p + Vector3::z() * (1.5 * CELL);
         let blocked: f64 = self
             .directions
@@ -252,7 +252,7 @@ mod tests {
         pieces.extend(around.cut([a, c, d]));
         assert!(pieces.len() > 20);
         // Every inner edge is met from both sides, the rim once.
-        let mut edges: std::collections::BTreeMap<[[u64; 2]; 2], i32> = BTreeMap::new();
+        let mut edges: std::collections::BTreeMap<[[u64; 2]; 2], i32> = Default::default();
         for piece in &pieces {
             for k in 0..3 {
                 let [p, q] = [piece[k], piece[(k + 1) % 3]]
