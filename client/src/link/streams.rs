@@ -9,7 +9,7 @@ use zenoh::bytes::ZBytes;
 
 use super::{LinkError, decode};
 
-/// What a client can subscribe to with [`super::Link::streams`].
+/// What a client can subscribe to with [`Link::streams`](super::Link::streams).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Stream {
     /// `joint_state`.

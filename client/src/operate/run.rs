@@ -116,6 +116,23 @@ const PATIENCE: Duration = Duration::from_secs(1);
 /// Silence after which it gives up, in units of [`PATIENCE`].
 const GIVE_UP: u32 = 60;
 
+/// Ends the operator's own episode when the operator cannot go on: in
+/// lock-step, time would wait for it for good.
+struct OwnEpisode<'a> {
+    link: &'a Link,
+    open: bool,
+}
+
+impl Drop for OwnEpisode<'_> {
+    fn drop(&mut self) {
+        if self.open
+            && let Err(e) = control::stop_episode(self.link, false)
+        {
+            tracing::warn!("the episode could not be ended: {e}");
+        }
+    }
+}
+
 /// Does the task: joins the running episode, or starts one and stops it.
 ///
 /// # Errors
@@ -150,6 +167,10 @@ pub fn run(
         None => (start(link, args, &scenario)?, true),
     };
     let first = started.header.clone().unwrap_or_default();
+    let mut own = OwnEpisode {
+        link,
+        open: is_ours,
+    };
 
     let mut collector = Collector::default();
     let mut reach = RemoteReach { link, error: None };
@@ -242,6 +263,7 @@ pub fn run(
             break outcome;
         }
     };
+    own.open = false;
     let stopped = is_ours
         .then(|| control::stop_episode(link, false))
         .transpose()?;

@@ -99,6 +99,10 @@ fn letter(c: char) -> &'static [Stroke] {
 }
 
 /// Ink 0 to 1 of a word centred at `(cx, cy)`, its letters `height` high and `width` wide in all.
+#[allow(
+    clippy::too_many_arguments,
+    reason = "a place, a size and a weight of one line of letters"
+)]
 fn word(text: &str, u: f32, v: f32, cx: f32, cy: f32, width: f32, height: f32, weight: f32) -> f32 {
     let count = text.chars().count() as f32;
     let pitch = width / count;

@@ -1,6 +1,7 @@
 //! Laws of mechanics that the world keeps, on small scenes made in code.
 
 mod grip;
+mod pick;
 mod robot;
 mod scene;
 

@@ -162,3 +162,106 @@ fn the_same_commands_give_the_same_bits_also_from_a_saved_state() {
     assert_eq!(first.snapshot(), third.snapshot());
     assert!(third.restore(&saved[..100]).is_err());
 }
+
+#[test]
+fn a_wall_stops_the_chair() {
+    let model = model();
+    let half = [0.1, 2.0, 0.5];
+    let wall = body("wall", at(1.1, 0.0, 0.5), 0.5, Shape::Cuboid { half });
+    let (scene, placements) = scene(vec![floor(), wall], Vec::new());
+    let home = model.settings.home;
+    let start = Isometry3::identity();
+    // The hand reaches further than the chair; fold it back.
+    let arm = [3.0, home[1], home[2], home[3], home[4], home[5]];
+    let mut world = World::new(&model, &scene, &placements, &start, &arm).expect("a world");
+    let mut targets = hold(arm);
+    targets.wheel_velocity = [0.3 / model.settings.wheel_radius; 2];
+    world.apply(&targets);
+    seconds(&mut world, 3.0, |_, _| {});
+    let snapshot = world.snapshot();
+    // The plate of the chair ends at 0.7925 m, the wall begins at 1 m.
+    let gap = 1.0 - 0.7925 - snapshot.links[0].pose.translation.x;
+    assert!(gap.abs() < 0.01, "{gap}");
+    assert!(snapshot.links[0].pose.translation.z.abs() < 0.01);
+    let push: f64 = snapshot.contacts.iter().map(|c| c.force.x).sum();
+    // Two drives of 30 N·m on wheels of 0.1325 m.
+    let thrust = 2.0 * model.settings.drive.wheel_torque / model.settings.wheel_radius;
+    assert!(push > 0.0 && push < 1.1 * thrust, "{push} {thrust}");
+}
+
+/// A double pendulum on a fixed pivot keeps its energy through 5 s of wild motion.
+#[test]
+fn a_double_pendulum_keeps_its_energy() {
+    use super::super::body::{RobotBody, Surface};
+    use super::super::convert::from_vector;
+    use super::super::{GRAVITY, engine};
+    use crate::robot::{Inertial, Joint, JointKind, Limits, Link};
+
+    let mut model = model();
+    let link = |name: &str, mass: f64| Link {
+        name: name.into(),
+        inertial: Some(Inertial {
+            mass,
+            com: Point3::new(0.0, 0.0, -0.2),
+            inertia: Matrix3::from_diagonal(&Vector3::new(0.02, 0.02, 0.001)) * mass,
+        }),
+        collision: Vec::new(),
+        visual: Vec::new(),
+    };
+    let joint = |parent: usize, z: f64| Joint {
+        name: format!("joint {parent}"),
+        kind: JointKind::Continuous,
+        parent,
+        child: parent + 1,
+        origin: at(0.0, 0.0, z),
+        axis: Vector3::y_axis(),
+        limits: Limits {
+            lower: f64::NEG_INFINITY,
+            upper: f64::INFINITY,
+            velocity: 1.0,
+            effort: 1.0,
+        },
+        mimic: None,
+    };
+    model.links = vec![link("pivot", 1.0), link("upper", 1.5), link("lower", 1.0)];
+    model.joints = vec![joint(0, 0.0), joint(1, -0.4)];
+    let mut physics = engine();
+    let swing = |j: usize| [1.3, 0.4][j];
+    let start = at(0.0, 0.0, 2.0);
+    let robot = RobotBody::insert(&mut physics, &model, &start, swing, |_| Surface::Shell)
+        .expect("a pendulum");
+    physics.bodies[robot.handles[0]].set_body_type(rapier3d::prelude::RigidBodyType::Fixed, true);
+    let energy = |physics: &rapier3d::prelude::PhysicsWorld| {
+        robot.handles[1..]
+            .iter()
+            .map(|h| {
+                let body = &physics.bodies[*h];
+                let mass = f64::from(body.mass());
+                let spin = f64::from(body.angvel().y);
+                let height = f64::from(body.center_of_mass().z);
+                0.5 * mass * from_vector(body.linvel()).norm_squared()
+                    + 0.5 * 0.02 * mass * spin * spin
+                    + mass * GRAVITY * height
+            })
+            .sum::<f64>()
+    };
+    physics.step();
+    let before = energy(&physics);
+    // What the swing can turn into motion: from the start down to hanging.
+    let deepest = GRAVITY * (1.5 * (2.0 - 0.2) + 1.0 * (2.0 - 0.6));
+    let swing = before - deepest;
+    let (mut gain, mut loss): (f64, f64) = (0.0, 0.0);
+    let mut lowest: f64 = f64::INFINITY;
+    for _ in 0..(5 * 240) {
+        physics.step();
+        let change = (energy(&physics) - before) / swing;
+        gain = gain.max(change);
+        loss = loss.max(-change);
+        lowest = lowest.min(f64::from(
+            physics.bodies[robot.handles[2]].center_of_mass().z,
+        ));
+    }
+    assert!(lowest < 1.5, "it swung down to {lowest}");
+    // The implicit Coriolis terms take 0.6 % a second out of it, and never give.
+    assert!(gain < 0.005 && loss < 0.05, "gain {gain}, loss {loss}");
+}

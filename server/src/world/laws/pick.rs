@@ -1,0 +1,172 @@
+//! A whole pick: approach, close, lift, wave, with the arm's own kinematics.
+
+use super::*;
+use crate::robot::kinematics::ArmKinematics;
+
+/// Half extents of a mustard bottle: 0.603 kg, 58 mm between the pads.
+const BOTTLE: [f64; 3] = [0.048, 0.029, 0.08];
+
+struct Picker {
+    world: World,
+    arm: ArmKinematics,
+    targets: Targets,
+    base_from_house: Isometry3<f64>,
+    /// Place of the end effector that is asked for, in `house`.
+    hand: Isometry3<f64>,
+}
+
+impl Picker {
+    /// Moves the hand along a straight line in `duration` s, slow at both ends.
+    fn line(&mut self, by: Vector3<f64>, duration: f64) {
+        let from = self.hand;
+        let ticks = (duration * 240.0) as usize;
+        for k in 1..=ticks {
+            let s = k as f64 / ticks as f64;
+            let s = s * s * (3.0 - 2.0 * s);
+            self.hand.translation.vector = from.translation.vector + by * s;
+            let before = self.targets.arm_position;
+            let wanted = self.base_from_house * self.hand;
+            let answer = self.arm.solve_local(&wanted, &before, 0.1);
+            self.targets.arm_position = answer.expect("within reach").joints;
+            let after = self.targets.arm_position;
+            self.targets.arm_velocity = std::array::from_fn(|i| (after[i] - before[i]) * 240.0);
+            self.world.apply(&self.targets);
+            self.world.step();
+        }
+        self.targets.arm_velocity = [0.0; 6];
+        self.world.apply(&self.targets);
+    }
+
+    fn close(&mut self, force: f64) {
+        self.targets.pad_force = force;
+        let mut targets = self.targets;
+        seconds(&mut self.world, 2.0, |world, t| {
+            targets.knuckle_position = (0.5 * t).min(0.7929);
+            targets.knuckle_velocity = if 0.5 * t < 0.7929 { 0.5 } else { 0.0 };
+            world.apply(&targets);
+        });
+        targets.knuckle_velocity = 0.0;
+        self.targets = targets;
+        self.world.apply(&targets);
+    }
+}
+
+#[test]
+fn a_bottle_is_taken_from_a_table_lifted_and_waved() {
+    for force in [20.0, 60.0, 235.0] {
+        let lost = pick(force);
+        assert!(
+            lost.drift < 0.5e-3,
+            "at {force} N it drifts by {} m",
+            lost.drift
+        );
+        assert!(
+            lost.lifted > 0.14,
+            "at {force} N it rises by {} m",
+            lost.lifted
+        );
+    }
+}
+
+struct Outcome {
+    drift: f64,
+    lifted: f64,
+}
+
+fn pick(force: f64) -> Outcome {
+    let model = model();
+    let home = model.settings.home;
+    let stand = at(1.2, 0.36, TABLE_TOP + BOTTLE[2]);
+    let shape = Shape::RoundedCuboid {
+        half: BOTTLE,
+        radius: 0.01,
+    };
+    let bottle = object("bottle", stand, 0.603, BOTTLE, shape);
+    let (scene, placements) = scene(vec![floor(), table(0.9)], vec![bottle]);
+    let start = Isometry3::identity();
+
+    // The hand level, pointing forward, its pads 0.12 m before the bottle.
+    let forward = UnitQuaternion::from_matrix(&Matrix3::new(
+        0.0, 0.0, 1.0, //
+        1.0, 0.0, 0.0, //
+        0.0, 1.0, 0.0,
+    ));
+    let pads = Vector3::new(0.137 + 0.12, 0.0, 0.0);
+    let hand = Isometry3::from_parts(Translation3::from(stand.translation.vector - pads), forward);
+    let arm = ArmKinematics::new(&model);
+    let base = model.link(&model.settings.arm_base_link).expect("arm base");
+    let base_from_house = model.link_poses(&vec![0.0; model.joints.len()])[base].inverse();
+    let joints = arm
+        .solve(&(base_from_house * hand), &home)
+        .expect("within reach")
+        .joints;
+    let world = World::new(&model, &scene, &placements, &start, &joints).expect("a world");
+    let mut picker = Picker {
+        world,
+        arm,
+        targets: hold(joints),
+        base_from_house,
+        hand,
+    };
+
+    let hand_link = model
+        .link(&model.settings.end_effector_link)
+        .expect("the hand");
+    let hand_from_bottle = |world: &World| {
+        let snapshot = world.snapshot();
+        snapshot.links[hand_link].pose.inverse() * snapshot.objects[0].pose
+    };
+    picker.line(Vector3::new(0.12, 0.0, 0.0), 1.0);
+    picker.close(force);
+    picker.line(Vector3::new(0.0, 0.0, 0.15), 1.0);
+    let lifted = picker.world.snapshot().objects[0].pose.translation.z - stand.translation.z;
+    let held = hand_from_bottle(&picker.world);
+    let mut drift: f64 = 0.0;
+    for _ in 0..2 {
+        for by in [[0.0, 0.15, 0.05], [-0.1, -0.3, 0.0], [0.1, 0.15, -0.05]] {
+            picker.line(Vector3::from(by), 0.7);
+            let moved = held.inverse() * hand_from_bottle(&picker.world);
+            drift = drift.max(moved.translation.vector.norm());
+        }
+    }
+    assert!(picker.world.snapshot().anomalies.is_empty());
+    Outcome { drift, lifted }
+}
+
+/// The arm is told to push its hand through the seat of its own chair.
+#[test]
+fn the_arm_does_not_pass_through_the_chair() {
+    let model = model();
+    let arm = ArmKinematics::new(&model);
+    let base = model.link(&model.settings.arm_base_link).expect("arm base");
+    let base_from_root = model.link_poses(&vec![0.0; model.joints.len()])[base].inverse();
+    let down = UnitQuaternion::from_euler_angles(std::f64::consts::PI, 0.0, 0.0);
+    let above = Isometry3::from_parts(Translation3::new(0.2, 0.0, 0.85), down);
+    let joints = arm
+        .solve(&(base_from_root * above), &model.settings.home)
+        .expect("within reach")
+        .joints;
+    let (scene, placements) = scene(vec![floor()], Vec::new());
+    let start = Isometry3::identity();
+    let world = World::new(&model, &scene, &placements, &start, &joints).expect("a world");
+    let mut picker = Picker {
+        world,
+        arm,
+        targets: hold(joints),
+        base_from_house: base_from_root,
+        hand: above,
+    };
+    picker.line(Vector3::new(0.0, 0.0, -0.3), 2.0);
+    seconds(&mut picker.world, 1.0, |_, _| {});
+    let snapshot = picker.world.snapshot();
+    let hand = model
+        .link(&model.settings.end_effector_link)
+        .expect("the hand");
+    // Seat at 0.5325 m; the open finger tips reach 0.1494 m beyond the hand.
+    let tips = snapshot.links[hand].pose * Point3::new(0.0, 0.0, 0.1494);
+    assert!(tips.z > 0.5325 - 0.02, "tips at {}", tips.z);
+    assert!(!snapshot.contacts.is_empty() && snapshot.anomalies.is_empty());
+    for link in &snapshot.links {
+        assert!(link.linear.norm() < 0.05, "still moving: {}", link.linear);
+    }
+}
