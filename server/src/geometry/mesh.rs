@@ -287,7 +287,7 @@ fn capsule_profile(radius: f64, half_height: f64, detail: Detail) -> Profile {
             } else {
                 quarter
             };
-            let r = if angle.abs() > std::f64::consts::FRAC_PI_2 - 1e-5 {
+            let r = if i == if sign < 0.0 { 0 } else { arcs } {
                 0.0
             } else {
                 radius * angle.cos()

@@ -92,7 +92,7 @@ fn the_pads_press_as_hard_as_asked() {
     }
 }
 
-/// Shortened from the 60 s of `examples/step_bench.rs grasp` to 10 s for each shape.
+/// Shortened from the 60 s of `examples/grasp_bench.rs` to 10 s for each shape.
 #[test]
 fn a_waved_bottle_stays_in_the_hand() {
     let half = BOTTLE;
