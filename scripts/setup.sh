@@ -11,7 +11,8 @@ need() { # package, test command
     shift
     "$@" >/dev/null 2>&1 || missing+=("$package")
 }
-have_lib() { ldconfig -p | grep -q "$1"; }
+# No `grep -q`: it would close the pipe early, which pipefail takes for a failure.
+have_lib() { PATH=$PATH:/sbin:/usr/sbin ldconfig -p | grep "$1" >/dev/null; }
 have_icd() { compgen -G '/usr/share/vulkan/icd.d/*.json' || compgen -G '/etc/vulkan/icd.d/*.json'; }
 need build-essential cc --version
 need pkg-config pkg-config --version

@@ -10,7 +10,7 @@ if ! "$python" -c 'import numpy' 2>/dev/null; then
     exit 1
 fi
 # MuJoCo draws headless through EGL; the rest runs without.
-if ! ldconfig -p | grep -q libEGL.so.1; then
+if ! PATH=$PATH:/sbin:/usr/sbin ldconfig -p | grep libEGL.so.1 >/dev/null; then
     echo "MuJoCo's pictures will be skipped; to have them: sudo apt-get install -y libegl1 libgl1-mesa-dri" >&2
 fi
 exec "$python" tests/bench/compare.py "$@"

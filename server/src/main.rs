@@ -155,15 +155,19 @@ fn main() -> anyhow::Result<()> {
 /// is in containers and batch jobs: this program then starts itself again with
 /// a private folder. Where that fails, the complaint is all that happens.
 fn with_runtime_folder() {
-    use std::os::unix::fs::DirBuilderExt;
+    use std::os::unix::fs::{DirBuilderExt, MetadataExt};
     use std::os::unix::process::CommandExt;
     const NAME: &str = "XDG_RUNTIME_DIR";
     if std::env::var_os(NAME).is_some() {
         return;
     }
-    let folder = std::env::temp_dir().join(format!("wheelarm-{}", std::process::id()));
-    let made = std::fs::DirBuilder::new().mode(0o700).create(&folder);
-    if let (Ok(()), Ok(program)) = (made, std::env::current_exe()) {
+    let Ok(user) = std::fs::metadata("/proc/self").map(|m| m.uid()) else {
+        return;
+    };
+    let folder = std::env::temp_dir().join(format!("wheelarm-runtime-{user}"));
+    let _ = std::fs::DirBuilder::new().mode(0o700).create(&folder);
+    let ours = std::fs::metadata(&folder).is_ok_and(|m| m.is_dir() && m.uid() == user);
+    if let (true, Ok(program)) = (ours, std::env::current_exe()) {
         let _ = std::process::Command::new(program)
             .args(std::env::args_os().skip(1))
             .env(NAME, &folder)

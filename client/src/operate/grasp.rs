@@ -46,8 +46,10 @@ pub struct GraspStyle {
     pub lift: f64,
 }
 
-/// Room that the hand keeps from what it must not touch, metres.
-const HAND_MARGIN: f64 = 0.006;
+/// Room that the hand keeps from what it must not touch, metres: the first that
+/// leaves a way is taken. The last one allows for the corners of boxes around
+/// round things.
+pub const HAND_MARGINS: [f64; 3] = [0.006, 0.0, -0.012];
 /// Room that the chair keeps at its stop, metres.
 const DOCK_MARGIN: f64 = 0.045;
 /// Least and greatest distance from the arm's base to the object, metres.
@@ -56,13 +58,15 @@ const DISTANCES: [f64; 2] = [0.60, 0.88];
 /// that the arm would have to fold over.
 const JOINT_CHANGE: f64 = 1.0;
 
-/// Every way to take the target as it lies now, the camera above the hand.
+/// Every way to take the target as it lies now, the camera above the hand,
+/// which keeps `margin` metres from everything else.
 #[must_use]
 pub fn approaches(
     scene: &SceneModel,
     target: usize,
     objects: &[Isometry3<f64>],
     style: &GraspStyle,
+    margin: f64,
 ) -> Vec<Approach> {
     let Some(house_from_object) = objects.get(target) else {
         return Vec::new();
@@ -88,7 +92,7 @@ pub fn approaches(
                     continue;
                 }
                 let before = at * Translation3::new(0.0, 0.0, -style.standoff);
-                if scene.hand_is_free(&before, &at, objects, Some(target), HAND_MARGIN) {
+                if scene.hand_is_free(&before, &at, objects, Some(target), margin) {
                     ways.push(Approach {
                         before,
                         at,

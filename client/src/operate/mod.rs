@@ -11,6 +11,7 @@ pub mod operator;
 pub mod route;
 pub mod run;
 pub mod scene;
+pub mod style;
 pub mod tool_path;
 
 #[cfg(test)]

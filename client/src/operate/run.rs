@@ -10,8 +10,9 @@ use wheelarm_proto::v1;
 
 use super::grasp::Reach;
 use super::observation::{self, Collector};
-use super::operator::{Operator, Outcome, Style};
+use super::operator::{Operator, Outcome};
 use super::scene::{SceneModel, write_pose};
+use super::style::Style;
 use crate::control::{self, EpisodeStartArgs, ResetArgs};
 use crate::link::{Link, LinkError, Received, Stream};
 
@@ -66,6 +67,9 @@ pub enum OperateError {
     /// The episode ended under the operator's hands.
     #[error("the episode was ended by somebody else")]
     Ended,
+    /// The task was done or lost before.
+    #[error("the task is over already: set it up anew with `wheelarm reset`")]
+    Over,
     /// Nothing came for a long time.
     #[error("the server sent nothing for {0:.0} s; it waits for: {1}")]
     Silent(f64, String),
@@ -112,6 +116,23 @@ const PATIENCE: Duration = Duration::from_secs(1);
 /// Silence after which it gives up, in units of [`PATIENCE`].
 const GIVE_UP: u32 = 60;
 
+/// Ends the operator's own episode when the operator cannot go on: in
+/// lock-step, time would wait for it for good.
+struct OwnEpisode<'a> {
+    link: &'a Link,
+    open: bool,
+}
+
+impl Drop for OwnEpisode<'_> {
+    fn drop(&mut self) {
+        if self.open
+            && let Err(e) = control::stop_episode(self.link, false)
+        {
+            tracing::warn!("the episode could not be ended: {e}");
+        }
+    }
+}
+
 /// Does the task: joins the running episode, or starts one and stops it.
 ///
 /// # Errors
@@ -134,6 +155,8 @@ pub fn run(
             ..ResetArgs::default()
         };
         scenario = control::reset(link, &reset)?;
+    } else if status.episode.is_none() && status.evaluation.as_ref().is_some_and(|e| e.done) {
+        return Err(OperateError::Over);
     }
     let model = SceneModel::read(&link.ask(Query::Scene)?)?;
     let style = Style::new(args.style_seed.unwrap_or(scenario.seed));
@@ -144,6 +167,10 @@ pub fn run(
         None => (start(link, args, &scenario)?, true),
     };
     let first = started.header.clone().unwrap_or_default();
+    let mut own = OwnEpisode {
+        link,
+        open: is_ours,
+    };
 
     let mut collector = Collector::default();
     let mut reach = RemoteReach { link, error: None };
@@ -236,6 +263,7 @@ pub fn run(
             break outcome;
         }
     };
+    own.open = false;
     let stopped = is_ours
         .then(|| control::stop_episode(link, false))
         .transpose()?;

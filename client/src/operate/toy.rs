@@ -6,8 +6,9 @@ use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
 use super::grasp::{Reach, standing};
 use super::ground::Pose2;
 use super::observation::Observation;
-use super::operator::{Act, Operator, Outcome, Style};
+use super::operator::{Act, Operator, Outcome};
 use super::scene::{Block, Grasp, Item, SceneModel};
+use super::style::Style;
 
 const DT: f64 = 1.0 / 60.0;
 const TABLE: f64 = 0.81;

@@ -14,6 +14,8 @@ use super::episode::{Accepted, Recording, Report};
 
 /// Longest wait for samples that the manifest lists.
 pub const MANIFEST_PATIENCE: Duration = Duration::from_secs(10);
+/// Longest wait for what a server that went away had sent.
+const FAREWELL_PATIENCE: Duration = Duration::from_secs(2);
 /// Pause before the snapshot is asked for again.
 const SNAPSHOT_RETRY: Duration = Duration::from_secs(2);
 /// Longest wait for the snapshot.
@@ -61,6 +63,8 @@ pub enum Input {
 pub enum Output {
     /// Ask the server for the snapshot of the running episode.
     AskSnapshot,
+    /// Ask the server whether the episode still runs.
+    AskStatus,
     /// Publish this status now, and again from time to time.
     Status(v1::RecorderStatus),
     /// An episode is in its file.
@@ -79,6 +83,8 @@ pub struct RecorderCore {
     early: Early,
     /// Run and number of the episode that was dealt with last.
     last: Option<(String, u64)>,
+    /// Announced while the one before was not finished.
+    next: Option<Box<v1::EpisodeStarted>>,
     status: v1::RecorderStatus,
     out: Vec<Output>,
 }
@@ -128,6 +134,7 @@ impl RecorderCore {
             stage: Stage::Idle,
             early: Early::default(),
             last: None,
+            next: None,
             status,
             out: Vec::new(),
         }
@@ -151,7 +158,7 @@ impl RecorderCore {
                 run_id,
                 episode,
             } => self.running(asked, &(run_id, episode), now),
-            Input::ServerLost => self.end("the server went away before the episode ended"),
+            Input::ServerLost => self.server_lost(now),
             Input::Shutdown => self.end("the recorder was stopped before the episode ended"),
         }
         self.settle(now);
@@ -190,6 +197,15 @@ impl RecorderCore {
         if self.current().is_some_and(|c| not_new(&c)) || self.last.as_ref().is_some_and(not_new) {
             return;
         }
+        // Its pictures may still be under way, for they have a lower priority
+        // than the announcement of the next episode, which waits for us.
+        if let Stage::Stopping {
+            stopped: Some(_), ..
+        } = &self.stage
+        {
+            self.next = Some(Box::new(started));
+            return;
+        }
         self.end("the next episode began before the end of this one was told");
         self.status = v1::RecorderStatus {
             header: started.header.clone(),
@@ -222,7 +238,8 @@ impl RecorderCore {
         let reply = match reply {
             Ok(reply) => reply,
             Err(words) => {
-                tracing::warn!("no snapshot yet: {words}");
+                tracing::debug!("no snapshot yet: {words}");
+                self.out.push(Output::AskStatus);
                 return;
             }
         };
@@ -342,6 +359,16 @@ impl RecorderCore {
 
     /// The end of an episode may get lost: then the server's own word counts.
     fn running(&mut self, asked: Instant, now_runs: &(String, u64), now: Instant) {
+        // The transport may bring an announcement again whose episode is long over.
+        if let Stage::Opening { started, since, .. } = &self.stage {
+            let announced = id(started.header.as_ref());
+            if *since < asked && announced != *now_runs {
+                self.last = Some(announced);
+                self.early.forget(self.last.as_ref());
+                self.stage = Stage::Idle;
+            }
+            return;
+        }
         let Stage::Recording(recording) = &self.stage else {
             return;
         };
@@ -356,6 +383,34 @@ impl RecorderCore {
             stopped: None,
             deadline: now + MANIFEST_PATIENCE,
         };
+    }
+
+    /// What the server sent before it went may still be under way.
+    fn server_lost(&mut self, now: Instant) {
+        match std::mem::replace(&mut self.stage, Stage::Idle) {
+            Stage::Recording(recording) => {
+                self.stage = Stage::Stopping {
+                    recording,
+                    stopped: None,
+                    deadline: now + FAREWELL_PATIENCE,
+                };
+            }
+            Stage::Stopping {
+                recording,
+                stopped,
+                deadline,
+            } => {
+                self.stage = Stage::Stopping {
+                    recording,
+                    stopped,
+                    deadline: deadline.min(now + FAREWELL_PATIENCE),
+                };
+            }
+            stage => {
+                self.stage = stage;
+                self.end("the server went away before the episode ended");
+            }
+        }
     }
 
     /// Finishes an episode whose samples are all there or overdue.
@@ -384,6 +439,9 @@ impl RecorderCore {
             "the message that ends the episode did not come".to_owned()
         };
         self.finish(*recording, stopped.map(|s| *s), reason);
+        if let Some(next) = self.next.take() {
+            self.started(*next, now);
+        }
     }
 
     /// Closes whatever is open, early.

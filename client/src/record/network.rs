@@ -70,7 +70,7 @@ pub async fn run(
         }
         Output::Failed(words) => eprintln!("recording failed: {words}"),
         Output::Discarded(label) => println!("{label}: discarded"),
-        Output::AskSnapshot | Output::Status(_) => {}
+        Output::AskSnapshot | Output::AskStatus | Output::Status(_) => {}
     })
     .await
 }
@@ -135,6 +135,9 @@ pub async fn run_with(
                 match output {
                     Output::AskSnapshot => {
                         tokio::spawn(ask_snapshot(session.clone(), keys.clone(), entrance.clone()));
+                    }
+                    Output::AskStatus => {
+                        tokio::spawn(ask_status(session.clone(), keys.clone(), entrance.clone()));
                     }
                     Output::Status(status) => {
                         latest = status;

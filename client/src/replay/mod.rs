@@ -240,8 +240,6 @@ impl Comparison {
                         wheelarm_proto::stamp_nanos(*tick) as f64 * 1e-9
                     ));
                 }
-                // The first state is published before anybody listens.
-                None if equal == 0 => {}
                 None => return Err(format!("no state hash came for tick {tick}")),
             }
         }
@@ -280,7 +278,8 @@ mod tests {
     #[test]
     fn equal_hashes_are_counted_and_the_first_difference_is_named() {
         assert_eq!(comparison(&[(0, 9), (240, 7), (480, 8)]).outcome(), Ok(3));
-        assert_eq!(comparison(&[(240, 7), (480, 8)]).outcome(), Ok(2));
+        let late = comparison(&[(240, 7), (480, 8)]).outcome();
+        assert!(late.unwrap_err().contains("tick 0"));
         let wrong = comparison(&[(0, 9), (240, 6), (480, 5)]).outcome();
         assert!(wrong.unwrap_err().contains("tick 240"));
         let short = comparison(&[(0, 9), (240, 7)]).outcome();

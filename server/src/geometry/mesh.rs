@@ -287,7 +287,7 @@ fn capsule_profile(radius: f64, half_height: f64, detail: Detail) -> Profile {
             } else {
                 quarter
             };
-            let r = if angle.abs() > 1.57079 {
+            let r = if i == if sign < 0.0 { 0 } else { arcs } {
                 0.0
             } else {
                 radius * angle.cos()

@@ -98,8 +98,22 @@ fn letter(c: char) -> &'static [Stroke] {
     }
 }
 
-/// Ink 0 to 1 of a word centred at `(cx, cy)`, its letters `height` high and `width` wide in all.
-fn word(text: &str, u: f32, v: f32, cx: f32, cy: f32, width: f32, height: f32, weight: f32) -> f32 {
+/// Middle and size of a word.
+struct Place {
+    cx: f32,
+    cy: f32,
+    width: f32,
+    height: f32,
+}
+
+/// Ink 0 to 1 of a word at its place, strokes twice `weight` wide.
+fn word(text: &str, u: f32, v: f32, place: Place, weight: f32) -> f32 {
+    let Place {
+        cx,
+        cy,
+        width,
+        height,
+    } = place;
     let count = text.chars().count() as f32;
     let pitch = width / count;
     let (x, y) = (u - (cx - width * 0.5), v - (cy - height * 0.5));
@@ -111,8 +125,8 @@ fn word(text: &str, u: f32, v: f32, cx: f32, cy: f32, width: f32, height: f32, w
         let left = i as f32 * pitch + pitch * 0.14;
         for stroke in letter(c) {
             for ends in stroke.windows(2) {
-                let place = |p: (f32, f32)| (left + p.0 * pitch * 0.72, p.1 / 1.5 * height);
-                nearest = nearest.min(to_segment((x, y), place(ends[0]), place(ends[1])));
+                let spot = |p: (f32, f32)| (left + p.0 * pitch * 0.72, p.1 / 1.5 * height);
+                nearest = nearest.min(to_segment((x, y), spot(ends[0]), spot(ends[1])));
             }
         }
     }
@@ -164,7 +178,18 @@ pub(super) fn mustard(u: f32, v: f32) -> [f32; 3] {
     c = blend(
         c,
         cream,
-        word("MUSTARD", u, v, 0.5, 0.54, 0.74, 0.17, 0.013),
+        word(
+            "MUSTARD",
+            u,
+            v,
+            Place {
+                cx: 0.5,
+                cy: 0.54,
+                width: 0.74,
+                height: 0.17,
+            },
+            0.013,
+        ),
     );
     c = blend(c, yellow, band(u, 0.25, 0.75) * band(v, 0.395, 0.407));
     let seeds = small_print(u, v, 0.33, 0.67, 0.33, 0.385);
@@ -182,8 +207,38 @@ pub(super) fn soup(u: f32, v: f32) -> [f32; 3] {
     let metal = [0.80, 0.81, 0.83];
     let mut c = blend(cream, red, ramp(0.518, 0.522, v));
     c = blend(c, gold, band(v, 0.505, 0.522));
-    c = blend(c, cream, word("TOMATO", u, v, 0.5, 0.75, 0.72, 0.17, 0.012));
-    c = blend(c, red, word("SOUP", u, v, 0.5, 0.22, 0.56, 0.18, 0.014));
+    c = blend(
+        c,
+        cream,
+        word(
+            "TOMATO",
+            u,
+            v,
+            Place {
+                cx: 0.5,
+                cy: 0.75,
+                width: 0.72,
+                height: 0.17,
+            },
+            0.012,
+        ),
+    );
+    c = blend(
+        c,
+        red,
+        word(
+            "SOUP",
+            u,
+            v,
+            Place {
+                cx: 0.5,
+                cy: 0.22,
+                width: 0.56,
+                height: 0.18,
+            },
+            0.014,
+        ),
+    );
     let disc = ellipse(u, v, 0.5, 0.51, 0.095, 0.10);
     c = blend(c, gold, disc);
     c = blend(
@@ -215,7 +270,18 @@ pub(super) fn crackers(u: f32, v: f32) -> [f32; 3] {
     c = blend(
         c,
         white,
-        word("CRACKERS", u, v, 0.5, 0.78, 0.78, 0.12, 0.011),
+        word(
+            "CRACKERS",
+            u,
+            v,
+            Place {
+                cx: 0.5,
+                cy: 0.78,
+                width: 0.78,
+                height: 0.12,
+            },
+            0.011,
+        ),
     );
     for (x, y, r) in [(0.34, 0.33, 0.19), (0.66, 0.28, 0.19), (0.5, 0.45, 0.19)] {
         let inside = ellipse(u, v, x, y, r, r * 0.78);
@@ -240,7 +306,22 @@ pub(super) fn meat(u: f32, v: f32) -> [f32; 3] {
     let blue = [0.09, 0.22, 0.55];
     let yellow = [0.98, 0.80, 0.16];
     let mut c = scale(blue, mix(0.85, 1.1, v));
-    c = blend(c, yellow, word("MEAT", u, v, 0.5, 0.70, 0.62, 0.24, 0.022));
+    c = blend(
+        c,
+        yellow,
+        word(
+            "MEAT",
+            u,
+            v,
+            Place {
+                cx: 0.5,
+                cy: 0.70,
+                width: 0.62,
+                height: 0.24,
+            },
+            0.022,
+        ),
+    );
     let plate = ellipse(u, v, 0.5, 0.30, 0.36, 0.17);
     c = blend(c, [0.94, 0.92, 0.88], plate);
     let slice = ellipse(u, v, 0.47, 0.31, 0.22, 0.105);
@@ -261,6 +342,21 @@ pub(super) fn coke(u: f32, v: f32) -> [f32; 3] {
     let wave = 0.30 + 0.07 * (std::f32::consts::TAU * u).sin();
     c = blend(c, white, band(v, wave - 0.035, wave + 0.02));
     c = blend(c, white, 0.9 * band(v, wave - 0.062, wave - 0.05));
-    c = blend(c, white, word("COLA", u, v, 0.5, 0.63, 0.66, 0.22, 0.02));
+    c = blend(
+        c,
+        white,
+        word(
+            "COLA",
+            u,
+            v,
+            Place {
+                cx: 0.5,
+                cy: 0.63,
+                width: 0.66,
+                height: 0.22,
+            },
+            0.02,
+        ),
+    );
     blend(c, [0.80, 0.81, 0.83], 1.0 - band(v, 0.025, 0.975))
 }

@@ -18,10 +18,11 @@ fn joint(x: f32, y: f32, width_x: f32, width_y: f32) -> f32 {
 
 /// Rings of wood seen along a board: brightness 0 to 1, grain along u.
 fn grain(u: f32, v: f32, seed: u32) -> f32 {
-    let warp = fractal(u, v, 2, 5, 3, seed);
-    let rings = (std::f32::consts::TAU * (v * 9.0 + warp * 3.2)).sin() * 0.5 + 0.5;
+    let warp = fractal(u, v, 2, 4, 3, seed);
+    let rings = (std::f32::consts::TAU * (v * 11.0 + warp * 1.7)).sin() * 0.5 + 0.5;
+    let streaks = fractal(u, v, 3, 48, 3, seed + 11);
     let fibre = fractal(u, v, 6, 160, 2, seed + 7);
-    0.45 * rings + 0.3 * warp + 0.25 * fibre
+    0.24 * rings + 0.2 * warp + 0.34 * streaks + 0.22 * fibre
 }
 
 /// Floor boards along u, six rows, each with its own tone.
@@ -71,7 +72,7 @@ pub(super) fn plaster(u: f32, v: f32) -> [f32; 3] {
 pub(super) fn wood(u: f32, v: f32) -> [f32; 3] {
     let g = grain(u, v, 71);
     let pores = ramp(0.80, 0.92, noise(u, v, 20, 240, 77)) * 0.10;
-    let tone = 0.97 - 0.27 * g - pores;
+    let tone = 1.0 - 0.30 * g - pores;
     [tone, tone * (0.985 - 0.03 * g), tone * (0.96 - 0.07 * g)]
 }
 

@@ -71,6 +71,11 @@ impl Imu {
         }
     }
 
+    /// Tells the velocity before the first measurement.
+    pub fn prime(&mut self, link: &BodyState) {
+        self.last_velocity = Some(link.linear);
+    }
+
     /// Measures the link's state at `tick`. Call it once per tick: the
     /// acceleration is the velocity's change over the last one.
     pub fn measure(&mut self, tick: u64, link: &BodyState, noise: Option<Noise>) -> Sample {

@@ -9,6 +9,7 @@ use super::render::RenderThread;
 use super::{convert, lock};
 use crate::geometry::bounds;
 use crate::scene::Body;
+use crate::sim::Simulation;
 use crate::{scene, tasks};
 
 /// Where the arm stands among the recorded joints.
@@ -204,32 +205,40 @@ impl Engine {
 
     fn snapshot(&self) -> Result<v1::SnapshotReply, String> {
         let episode = self.episode.as_ref().ok_or("no episode is running")?;
-        let scenario = self.sim.scenario();
-        let read = |path: String| {
-            let text = std::fs::read_to_string(self.sim.assets().join(&path)).unwrap_or_default();
-            v1::AssetText { path, text }
-        };
-        let robot = format!("robots/{}", scenario.robot);
-        let mut assets: Vec<_> = robot_files(&self.sim.assets().join(&robot))
-            .into_iter()
-            .map(|file| read(format!("{robot}/{file}")))
-            .collect();
-        if !scenario.task.is_empty() {
-            assets.push(read(format!("tasks/{}.toml", scenario.task)));
-        }
-        let scene = scene::asset_texts(self.sim.assets(), &scenario.scene);
-        let scene = scene.map_err(|e| e.to_string())?;
-        assets.extend(scene.into_iter().map(|a| v1::AssetText {
-            path: a.path,
-            text: a.text,
-        }));
         Ok(v1::SnapshotReply {
             header: episode.started.header.clone(),
             snapshot: episode.snapshot.clone(),
-            assets,
+            assets: self.asset_texts.clone(),
             instances: self.instances(),
         })
     }
+}
+
+/// The texts of all asset files of a simulation, read when it is set up.
+///
+/// # Errors
+/// When a file cannot be read.
+pub(super) fn asset_texts(sim: &Simulation) -> Result<Vec<v1::AssetText>, String> {
+    let scenario = sim.scenario();
+    let read = |path: String| {
+        let text = std::fs::read_to_string(sim.assets().join(&path))
+            .map_err(|e| format!("assets/{path}: {e}"))?;
+        Ok(v1::AssetText { path, text })
+    };
+    let robot = format!("robots/{}", scenario.robot);
+    let mut texts = robot_files(&sim.assets().join(&robot))
+        .into_iter()
+        .map(|file| read(format!("{robot}/{file}")))
+        .collect::<Result<Vec<_>, String>>()?;
+    if !scenario.task.is_empty() {
+        texts.push(read(format!("tasks/{}.toml", scenario.task))?);
+    }
+    let scene = scene::asset_texts(sim.assets(), &scenario.scene).map_err(|e| e.to_string())?;
+    texts.extend(scene.into_iter().map(|a| v1::AssetText {
+        path: a.path,
+        text: a.text,
+    }));
+    Ok(texts)
 }
 
 /// The URDF and TOML files of a robot folder, by name.

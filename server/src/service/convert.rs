@@ -292,6 +292,14 @@ pub fn scenario(s: &Scenario) -> v1::Scenario {
 /// [`Invalid`] that names the field.
 pub fn scenario_over(now: &Scenario, asked: &v1::Scenario) -> Result<Scenario, Invalid> {
     let mut s = now.clone();
+    let pacing = scenario(now).pacing;
+    if asked.pacing != 0 && asked.pacing != pacing {
+        return Err(Invalid::Word {
+            what: "pacing",
+            value: asked.pacing.to_string(),
+            expected: "the pacing that the server was started with; start another server for another",
+        });
+    }
     let word = |new: &str, old: &mut String| {
         if !new.is_empty() {
             new.clone_into(old);

@@ -1,5 +1,6 @@
 //! The simulation thread: waits for what the pacing asks for, steps, publishes.
 
+use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 use std::sync::mpsc::Receiver;
@@ -12,15 +13,22 @@ use super::episode::{Episode, Stage};
 use super::inbox::Listening;
 use super::pace::Pace;
 use super::render::RenderThread;
-use super::{Options, Refused, ServiceError, Shared, convert, lock, publish};
+use super::{Options, Refused, ServiceError, Shared, answer, convert, lock, publish};
 use crate::sim::{Pacing, Scenario, Simulation};
 use crate::snapshot::{Anomaly, Snapshot};
 
 /// Pictures that may be published beyond what the slowest recorder accepted.
-const CREDIT_WINDOW: u64 = 8;
+/// The transport's cache holds as many of each camera.
+pub(super) const CREDIT_WINDOW: u64 = 8;
 
-/// How long an announced episode waits for its recorders, s.
-const RECORDER_SECS: u64 = 30;
+/// How long an announced episode waits for recorders that are not there, s.
+const ABSENT_SECS: u64 = 30;
+
+/// How long it waits for recorders that are there, but still finish a file, s.
+const PRESENT_SECS: u64 = 600;
+
+/// How long a server that ends waits for its recorders to get the rest, s.
+const FAREWELL_SECS: u64 = 10;
 
 /// Longest sleep of the loop, so that a lost wake-up costs little.
 const NAP: Duration = Duration::from_millis(50);
@@ -47,6 +55,8 @@ pub struct Engine {
     episodes: u64,
     started: Instant,
     seen_anomalies: Vec<Anomaly>,
+    /// Asset files as they were when the simulation was set up.
+    pub(super) asset_texts: Vec<v1::AssetText>,
 }
 
 impl Engine {
@@ -60,7 +70,9 @@ impl Engine {
         queue: Receiver<Request>,
         options: Options,
     ) -> Result<Self, ServiceError> {
+        let asset_texts = answer::asset_texts(&sim).map_err(ServiceError::Assets)?;
         let mut engine = Self {
+            asset_texts,
             pace: Pace::new(sim.scenario().pacing),
             sim,
             shared,
@@ -127,8 +139,24 @@ impl Engine {
                 Next::Wait(how_long) => self.shared.signal.wait(how_long.min(NAP)),
             }
         }
-        if self.episode.is_some() {
+        if let Some(episode) = &self.episode {
+            let (number, participants) = (episode.number, episode.participants.clone());
             self.stop_episode(false);
+            self.wait_for_files(number, &participants);
+        }
+    }
+
+    /// Keeps the session open until the recorders have got the rest.
+    fn wait_for_files(&self, episode: u64, participants: &[String]) {
+        let since = Instant::now();
+        while since.elapsed() < Duration::from_secs(FAREWELL_SECS) {
+            let recorders = lock(&self.shared.recorders);
+            let waiting = recorders.slowest(&self.shared.run_id, episode, participants);
+            drop(recorders);
+            if waiting.is_none() {
+                return;
+            }
+            self.shared.signal.wait(NAP);
         }
     }
 
@@ -154,6 +182,7 @@ impl Engine {
         if episode.stage == Stage::Waiting {
             return self.wait_for_recorders();
         }
+        self.report_lost_recorders();
         if lock_step {
             if let Some(recorder) = self.recorder_without_credit() {
                 self.waiting_for = format!("recorder {recorder}");
@@ -194,7 +223,13 @@ impl Engine {
         for (name, reason) in &failed {
             text.push_str(&format!("; {name} failed: {reason}"));
         }
-        let too_long = episode.since.elapsed() > Duration::from_secs(RECORDER_SECS);
+        let present = lock(&self.shared.recorders).present();
+        let patience = if present >= need {
+            PRESENT_SECS
+        } else {
+            ABSENT_SECS
+        };
+        let too_long = episode.since.elapsed() > Duration::from_secs(patience);
         if !failed.is_empty() || too_long {
             let text = format!("episode ended before it began, {text}");
             self.event("note", &text);
@@ -204,13 +239,24 @@ impl Engine {
         Next::Wait(NAP)
     }
 
+    fn report_lost_recorders(&mut self) {
+        let Some(episode) = &mut self.episode else {
+            return;
+        };
+        let lost = lock(&self.shared.recorders).lost_of(&episode.participants);
+        episode.participants.retain(|name| !lost.contains(name));
+        for name in lost {
+            self.event("note", &format!("recorder {name} was lost in this episode"));
+        }
+    }
+
     fn recorder_without_credit(&self) -> Option<String> {
         let (render, episode) = (self.render.as_ref()?, self.episode.as_ref()?);
         let published = render.drawn() - episode.frames_before;
         let recorders = lock(&self.shared.recorders);
         let (name, accepted) =
             recorders.slowest(&self.shared.run_id, episode.number, &episode.participants)?;
-        (published >= accepted + CREDIT_WINDOW).then_some(name)
+        (published >= accepted.min(published).saturating_add(CREDIT_WINDOW)).then_some(name)
     }
 
     fn step(&mut self) {
@@ -245,11 +291,19 @@ impl Engine {
         );
     }
 
-    fn draw(&self, frames: Vec<(Arc<Snapshot>, Vec<usize>)>) {
-        if let Some(render) = &self.render {
-            for (snapshot, cameras) in frames {
-                render.draw(snapshot, cameras, self.episode_number());
+    fn draw(&mut self, frames: Vec<(Arc<Snapshot>, Vec<usize>)>) {
+        let number = self.episode_number();
+        let Some(render) = &self.render else {
+            return;
+        };
+        for (snapshot, cameras) in frames {
+            if let Some(episode) = &mut self.episode {
+                for &camera in &cameras {
+                    let name = &self.sim.scenario().cameras[camera].name;
+                    *episode.pictures.entry(name.clone()).or_default() += 1;
+                }
             }
+            render.draw(snapshot, cameras, number);
         }
     }
 
@@ -321,6 +375,17 @@ impl Engine {
                     .to_owned(),
             );
         }
+        // In lock-step time waits for every recorder that is there.
+        let required = match lock_step {
+            true => lock(&self.shared.recorders)
+                .present()
+                .max(request.require_recorders as usize),
+            false => request.require_recorders as usize,
+        };
+        lock(&self.shared.recorders).begin();
+        if !request.replay {
+            self.sim.begin_episode();
+        }
         self.episodes += 1;
         let number = self.episodes;
         let scenario = self.sim.scenario();
@@ -361,7 +426,8 @@ impl Engine {
             started: started.clone(),
             snapshot: self.sim.save().into(),
             stage: Stage::Waiting,
-            required: request.require_recorders as usize,
+            required,
+            pictures: BTreeMap::new(),
             participants: Vec::new(),
             since: Instant::now(),
             running_since: Instant::now(),
@@ -385,14 +451,24 @@ impl Engine {
         }
         let episode = self.episode.take()?;
         let tick = self.sim.snapshot().tick;
+        let mut manifest = self
+            .shared
+            .outbox
+            .manifest(episode.number, &self.camera_names());
+        // Pictures that fell due but were never drawn are missing, not absent.
+        for line in &mut manifest {
+            let camera = line.stream.strip_prefix("camera/").unwrap_or_default();
+            let due = episode.pictures.get(camera).copied().unwrap_or_default();
+            if due > line.count {
+                line.count = due;
+                line.last = line.first + due - 1;
+            }
+        }
         let stopped = v1::EpisodeStopped {
             header: Some(self.shared.outbox.header(episode.number, tick)),
             discard,
             evaluation: Some(convert::evaluation(self.sim.evaluation())),
-            manifest: self
-                .shared
-                .outbox
-                .manifest(episode.number, &self.camera_names()),
+            manifest,
             wall_seconds: episode.running_since.elapsed().as_secs_f64(),
         };
         self.shared.outbox.episode_stop(tick, stopped.clone());
@@ -406,7 +482,9 @@ impl Engine {
         if self.episode.is_some() {
             return Err("an episode is running; stop it before a reset".to_owned());
         }
-        let same_cameras = scenario.cameras == self.sim.scenario().cameras
+        let drawing = self.render.as_ref().is_none_or(|r| r.failure().is_none());
+        let same_cameras = drawing
+            && scenario.cameras == self.sim.scenario().cameras
             && scenario.scene == self.sim.scenario().scene
             && scenario.robot == self.sim.scenario().robot
             && scenario.task == self.sim.scenario().task
@@ -416,6 +494,7 @@ impl Engine {
         if !snapshot.is_empty() {
             sim.restore(snapshot).map_err(|e| e.to_string())?;
         }
+        let asset_texts = answer::asset_texts(&sim)?;
         let before = std::mem::replace(&mut self.sim, sim);
         if !same_cameras && let Err(e) = self.start_cameras() {
             self.sim = before;
@@ -423,6 +502,7 @@ impl Engine {
                 .map_err(|again| format!("{e}; then {again}"))?;
             return Err(e.to_string());
         }
+        self.asset_texts = asset_texts;
         self.listen(Listening::default());
         self.seen_anomalies.clear();
         self.pace.restart();

@@ -1,5 +1,6 @@
 //! One episode: from its announcement to its manifest.
 
+use std::collections::BTreeMap;
 use std::time::Instant;
 
 use bytes::Bytes;
@@ -33,6 +34,8 @@ pub struct Episode {
     pub since: Instant,
     /// Wall time when simulation time went on.
     pub running_since: Instant,
+    /// Pictures that fell due in the episode, by camera.
+    pub pictures: BTreeMap<String, u64>,
     /// Pictures published before the episode.
     pub frames_before: u64,
 }

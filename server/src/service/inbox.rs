@@ -6,7 +6,7 @@
 
 use std::collections::BTreeMap;
 
-use wheelarm_proto::{Message, check, v1};
+use wheelarm_proto::{Message, TICKS_PER_CONTROL, check, v1};
 
 use super::convert;
 use crate::robot::control::{ArmIntent, BaseIntent, ControlInput, GripperMap};
@@ -18,7 +18,7 @@ pub const STALE_SECS: f64 = 0.25;
 const MAX_COMMANDERS: usize = 64;
 
 /// How far ahead of the simulation a lock-step commander may answer, control ticks.
-const MAX_AHEAD: usize = 8;
+const MAX_AHEAD: u64 = 8;
 
 /// Largest command message, bytes.
 const MAX_BYTES: usize = 64 * 1024;
@@ -182,15 +182,16 @@ impl Inbox {
                     self.next_tick
                 )));
             }
-            if self.answers.len() >= MAX_AHEAD {
+            let ahead = (tick - self.next_tick) / TICKS_PER_CONTROL;
+            if self.answers.contains_key(&tick) {
+                return Err(refuse(format!("tick {tick} has been answered already")));
+            }
+            if ahead >= MAX_AHEAD {
                 return Err(refuse(format!("more than {MAX_AHEAD} commands ahead")));
             }
         }
         self.check_sequence(&command.commander, &header)
             .map_err(refuse)?;
-        if command.phase != 0 {
-            self.phase = (command.phase, command.phase_name.chars().take(64).collect());
-        }
         if self.listening.commander.is_some() {
             self.answers.insert(command.answers_tick, command);
         } else {
@@ -252,6 +253,10 @@ impl Inbox {
         self.next_tick = tick + 1;
         let mut taken = Taken::default();
         for command in &commands {
+            if command.phase != 0 {
+                let name = command.phase_name.chars().take(64).collect();
+                self.phase = (command.phase, name);
+            }
             // Checked when it came in, so that nothing can be missing here.
             let Ok(input) = convert::control_input(command, &self.gripper) else {
                 continue;

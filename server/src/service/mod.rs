@@ -58,6 +58,9 @@ pub enum ServiceError {
     /// A scenario.
     #[error(transparent)]
     Sim(#[from] SimError),
+    /// An asset file that is to be stored with recordings.
+    #[error("cannot read {0}")]
+    Assets(String),
     /// Another server has this name.
     #[error("a server named {0:?} is already on this network; choose another with --sim NAME")]
     NameTaken(String),

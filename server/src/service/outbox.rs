@@ -126,7 +126,11 @@ impl Outbox {
         }
         let (priority, express, cache) = match class {
             Class::State => (Priority::InteractiveHigh, true, 1200),
-            Class::Camera => (Priority::DataLow, false, 6),
+            Class::Camera => (
+                Priority::DataLow,
+                false,
+                super::engine::CREDIT_WINDOW as usize,
+            ),
             Class::Protocol => (Priority::InteractiveHigh, true, 8),
         };
         let publisher = self

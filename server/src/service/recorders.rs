@@ -1,6 +1,6 @@
 //! What the recorders told: readiness, credit, results.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use wheelarm_proto::{keys, v1};
 
@@ -8,6 +8,8 @@ use wheelarm_proto::{keys, v1};
 #[derive(Debug, Default)]
 pub struct Recorders {
     known: BTreeMap<String, v1::RecorderStatus>,
+    /// Recorders that were lost in the running episode; they hold nobody up again.
+    gone: BTreeSet<String>,
 }
 
 /// How many recorders are remembered.
@@ -16,16 +18,42 @@ const MAX_RECORDERS: usize = 64;
 impl Recorders {
     /// Takes a status message; ones without a usable name are ignored.
     pub fn update(&mut self, status: v1::RecorderStatus) {
-        let fits = keys::check_name(&status.recorder).is_ok();
-        let room = self.known.len() < MAX_RECORDERS || self.known.contains_key(&status.recorder);
-        if fits && room {
-            self.known.insert(status.recorder.clone(), status);
+        if keys::check_name(&status.recorder).is_err() {
+            return;
         }
+        if self.known.len() >= MAX_RECORDERS && !self.known.contains_key(&status.recorder) {
+            // The one that speaks of the oldest episode makes room.
+            let episode = |s: &v1::RecorderStatus| s.header.as_ref().map_or(0, |h| h.episode);
+            let oldest = self.known.values().min_by_key(|s| episode(s));
+            if let Some(name) = oldest.map(|s| s.recorder.clone()) {
+                self.known.remove(&name);
+            }
+        }
+        self.known.insert(status.recorder.clone(), status);
     }
 
     /// Forgets a recorder whose connection ended.
     pub fn lost(&mut self, name: &str) {
         self.known.remove(name);
+        self.gone.insert(name.to_owned());
+    }
+
+    /// An episode begins: everybody may take part.
+    pub fn begin(&mut self) {
+        self.gone.clear();
+    }
+
+    /// Number of recorders that are there.
+    #[must_use]
+    pub fn present(&self) -> usize {
+        self.known.len()
+    }
+
+    /// Participants that were lost since the episode began.
+    #[must_use]
+    pub fn lost_of(&self, participants: &[String]) -> Vec<String> {
+        let lost = participants.iter().filter(|name| self.gone.contains(*name));
+        lost.cloned().collect()
     }
 
     /// All of them.
@@ -72,8 +100,14 @@ impl Recorders {
     ) -> Option<(String, u64)> {
         self.of_episode(run_id, episode)
             .filter(|s| s.state == v1::RecorderState::Ready as i32)
-            .filter(|s| participants.contains(&s.recorder))
-            .map(|s| (s.recorder.clone(), s.accepted_frames))
+            .filter(|s| participants.contains(&s.recorder) && !self.gone.contains(&s.recorder))
+            // A lost picture will never be accepted: it must not stop time.
+            .map(|s| {
+                (
+                    s.recorder.clone(),
+                    s.accepted_frames.saturating_add(s.missed),
+                )
+            })
             .min_by_key(|(_, accepted)| *accepted)
     }
 }

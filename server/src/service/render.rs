@@ -131,12 +131,16 @@ impl RenderThread {
                             return;
                         }
                     };
-                    let outcome = draw(&mut renderer, &queue, &names, &outbox, &signal, &drawn);
-                    if let Err(e) = outcome {
-                        *failed.lock().unwrap_or_else(PoisonError::into_inner) =
-                            Some(e.to_string());
-                        signal.raise();
-                    }
+                    let work = std::panic::AssertUnwindSafe(|| {
+                        draw(&mut renderer, &queue, &names, &outbox, &signal, &drawn)
+                    });
+                    let failure = match std::panic::catch_unwind(work) {
+                        Ok(Ok(())) => return,
+                        Ok(Err(e)) => e.to_string(),
+                        Err(_) => "drawing panicked; please report it".to_owned(),
+                    };
+                    *failed.lock().unwrap_or_else(PoisonError::into_inner) = Some(failure);
+                    signal.raise();
                 })
         };
         let thread = thread.map_err(|e| ServiceError::Thread(format!("for cameras: {e}")))?;
@@ -250,8 +254,8 @@ fn message(name: &str, frame: Frame) -> v1::CameraFrame {
             cy: i.cy,
         }),
         pose: Some(convert::pose(&frame.world_from_optical)),
-        rgb: frame.rgb.into(),
-        depth: frame.depth.into(),
-        ids: frame.ids.into(),
+        rgb: frame.rgb,
+        depth: frame.depth,
+        ids: frame.ids,
     }
 }

@@ -148,7 +148,19 @@ impl Simulation {
             snapshot,
         };
         sim.update_odometry();
+        // The first acceleration needs a velocity to start from.
+        let link = sim.snapshot.links[sim.indices.imu];
+        sim.imu.prime(&link);
         Ok(sim)
+    }
+
+    /// Starts the task anew from the present state: an episode's clock and its
+    /// conditions begin with the episode.
+    pub fn begin_episode(&mut self) {
+        if let Some(evaluator) = &mut self.evaluator {
+            evaluator.reset();
+            self.evaluation = evaluator.update(&self.snapshot);
+        }
     }
 
     /// Advances by one control tick (4 physics ticks).
@@ -305,7 +317,7 @@ impl Simulation {
         })
     }
 
-    /// Normal force at the left and the right finger tip, N.
+    /// Contact force at the left and the right finger tip, normal and friction, N.
     #[must_use]
     pub fn pad_forces(&self) -> [f64; 2] {
         self.indices.pads.map(|pad| {

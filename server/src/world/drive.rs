@@ -132,10 +132,10 @@ impl Drives {
         };
         let dt = f64::from(physics.integration_parameters.dt);
         let leads = wheels.lead(targets.wheel_velocity, dt, gains.torque / gains.stiffness);
-        for i in 0..2 {
-            let (angle, _) = robot.joint_state(physics, self.wheels[i]);
-            let (position, speed) = (angle + leads[i], targets.wheel_velocity[i]);
-            set_motor(physics, robot, self.wheels[i], position, speed, gains);
+        let wheels = self.wheels.into_iter().zip(leads);
+        for ((wheel, lead), speed) in wheels.zip(targets.wheel_velocity) {
+            let (angle, _) = robot.joint_state(physics, wheel);
+            set_motor(physics, robot, wheel, angle + lead, speed, gains);
         }
         for i in 0..6 {
             let gains = self.arm_gains[i];

@@ -62,6 +62,16 @@ impl World {
                 found: read.fingerprint,
             });
         }
+        let same_bodies = self.physics.bodies.iter().map(|(handle, _)| handle);
+        let same_colliders = self.physics.colliders.iter().map(|(handle, _)| handle);
+        if !same_bodies.eq(read.physics.bodies.iter().map(|(handle, _)| handle))
+            || !same_colliders.eq(read.physics.colliders.iter().map(|(handle, _)| handle))
+        {
+            return Err(WorldError::OtherWorld {
+                expected: self.fingerprint,
+                found: !self.fingerprint,
+            });
+        }
         self.tick = read.tick;
         self.targets = read.targets;
         self.wheels.angles = read.wheel_angles;

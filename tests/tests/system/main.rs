@@ -3,4 +3,5 @@
 
 mod episode;
 mod gate;
+mod recorder;
 mod tidy;

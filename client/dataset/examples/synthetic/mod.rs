@@ -308,7 +308,7 @@ pub fn snapshot() -> v1::SnapshotReply {
         header: Some(header(0, 0)),
         snapshot: Bytes::from(
             (0..75_000_u32)
-                .map(|i| (i * i >> 7) as u8)
+                .map(|i| (i.wrapping_mul(i) >> 7) as u8)
                 .collect::<Vec<_>>(),
         ),
         assets: vec![

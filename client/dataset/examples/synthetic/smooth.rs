@@ -140,7 +140,7 @@ pub fn tick(index: u64, seconds: f64, sequence: u64) -> Vec<(&'static str, Vec<u
         _ => v1::Phase::Retracting,
     };
     let mut position = vec![0.0; 16];
-    let home = [0.0, -0.35, 3.14, -2.55, 0.0, -0.87, 1.57];
+    let home = [0.0, -0.35, 3.1, -2.55, 0.0, -0.87, 1.57];
     for (j, p) in position[4..10].iter_mut().enumerate() {
         *p = home[j] + reach * (0.9 - 0.35 * j as f64);
     }

@@ -253,7 +253,7 @@ fn bar(canvas: &mut Canvas, x: i32, y: i32, h: i32) {
     let mut column = Canvas::new(18, h.max(1) as usize, (0, 0, 0));
     for row in 0..column.height {
         let share = row as f32 / column.height as f32;
-        let colour = picture::shade(share, (0.0, 1.0));
+        let colour = picture::shade(share.exp(), (1.0, 1_f32.exp()));
         for k in 0..column.width {
             let at = 3 * (row * column.width + k);
             column.pixels[at..at + 3].copy_from_slice(&colour);

@@ -83,9 +83,11 @@ pub fn depth(frame: &Frame, range: (f32, f32), width: usize, height: usize) -> C
     out
 }
 
-/// Colour of a depth in metres within the range (near, far).
+/// Colour of a depth in metres within the range (near, far), by its logarithm:
+/// a gripper at 0.1 m and a wall at 5 m both keep their structure.
 pub fn shade(metres: f32, (near, far): (f32, f32)) -> [u8; 3] {
-    turbo(1.0 - (metres - near) / (far - near).max(1e-6))
+    let share = (metres / near).ln() / (far / near).ln().max(1e-6);
+    turbo(1.0 - share)
 }
 
 /// The range of depth that the frames show, without the outermost 2 %.
@@ -97,11 +99,12 @@ pub fn depth_range(frames: &[Frame]) -> (f32, f32) {
         .filter(|d| d.is_finite())
         .collect();
     if all.is_empty() {
-        return (0.0, 1.0);
+        return (0.1, 1.0);
     }
     all.sort_by(f32::total_cmp);
     let at = |share: f32| all[((all.len() - 1) as f32 * share) as usize];
-    (at(0.02), at(0.98).max(at(0.02) + 0.01))
+    let near = at(0.02).max(0.01);
+    (near, at(0.98).max(near + 0.01))
 }
 
 /// Google's Turbo colour map by its published polynomial, 0 blue to 1 red.

@@ -172,7 +172,11 @@ fn over_time(
         .x_labels(7)
         .y_labels(7)
         .x_label_formatter(&|v| format!("{v:.0}"))
-        .y_label_formatter(&|v| format!("{v:.decimals$}"))
+        .y_label_formatter(&|v| {
+            // Rounded first: a zero must not read as -0.
+            let unit = 10_f64.powi(decimals as i32);
+            format!("{:.decimals$}", (v * unit).round() / unit + 0.0)
+        })
         .label_style(text(19, GREY))
         .x_desc("seconds")
         .axis_desc_style(text(20, GREY))

@@ -1,9 +1,11 @@
 //! The render scene as vertices, indices, materials and pictures, ready to upload.
 
+use std::collections::BTreeMap;
 use std::ops::Range;
 
 use nalgebra::{Point3, Vector3};
 
+use super::openness::{Corner, Surroundings};
 use super::scene::{Binding, RenderItem, RenderScene};
 use crate::geometry::{Material, TriMesh, texture};
 
@@ -88,6 +90,8 @@ pub(super) struct Batch {
 pub(super) struct Body {
     pub(super) binding: Binding,
     pub(super) instance: u8,
+    /// Middle of its bounding box, in its frame.
+    pub(super) centre: Point3<f64>,
     /// What throws a shadow.
     pub(super) casters: Vec<Caster>,
 }
@@ -114,7 +118,7 @@ pub(super) struct Buffers {
 
 impl Buffers {
     /// With `all_glossy` highlights are computed on every surface.
-    pub(super) fn new(scene: &RenderScene, all_glossy: bool) -> Self {
+    pub(super) fn new(scene: &RenderScene, surroundings: &Surroundings, all_glossy: bool) -> Self {
         let mut built = Self {
             vertices: Vec::new(),
             indices: Vec::new(),
@@ -129,6 +133,7 @@ impl Buffers {
         for items in scene.items.chunk_by(same) {
             let body = built.bodies.len();
             let mut casters = Vec::new();
+            let body_start = built.vertices.len();
             for finish in Finish::ALL {
                 let mut chosen: Vec<&RenderItem> = items
                     .iter()
@@ -149,7 +154,8 @@ impl Buffers {
                 let first_vertex = built.vertices.len();
                 let start = built.indices.len() as u32;
                 for (item, &material) in chosen.iter().zip(&materials) {
-                    built.append(item, &item.mesh, body, material, &belongs);
+                    let packed = body as u32 | material << 16;
+                    built.append(item, &item.mesh, surroundings, packed, &belongs);
                 }
                 let middle = built.indices.len() as u32;
                 if middle == start {
@@ -158,7 +164,8 @@ impl Buffers {
                 let (centre, radius) = ball(&built.vertices[first_vertex..]);
                 let mut caster_end = middle;
                 for (item, &material) in chosen.iter().zip(&materials) {
-                    built.append(item, &item.coarse, body, material, &belongs);
+                    let packed = body as u32 | material << 16;
+                    built.append(item, &item.coarse, surroundings, packed, &belongs);
                     if item.casts_shadow {
                         caster_end = built.indices.len() as u32;
                     }
@@ -184,6 +191,7 @@ impl Buffers {
             built.bodies.push(Body {
                 binding: items[0].binding,
                 instance: items[0].instance,
+                centre: ball(&built.vertices[body_start..]).0,
                 casters,
             });
         }
@@ -231,32 +239,51 @@ impl Buffers {
         &mut self,
         item: &RenderItem,
         mesh: &TriMesh,
-        body: usize,
-        material: u32,
+        surroundings: &Surroundings,
+        packed: u32,
         belongs: &dyn Fn(&RenderItem, [Vector3<f32>; 3]) -> bool,
     ) {
-        let turn = item.body_from_mesh.rotation;
-        let normals: Vec<Vector3<f64>> = mesh
-            .normals
-            .iter()
-            .map(|n| turn * Vector3::from(n.map(f64::from)))
+        let fixed = item.binding == Binding::World && item.material.emission < 0.3;
+        let corners: Vec<Corner> = (0..mesh.positions.len())
+            .map(|i| {
+                let position = item.body_from_mesh * Point3::from(mesh.positions[i].map(f64::from));
+                let normal =
+                    item.body_from_mesh.rotation * Vector3::from(mesh.normals[i].map(f64::from));
+                Corner {
+                    position,
+                    normal,
+                    uv: mesh.uvs[i],
+                    openness: if fixed {
+                        surroundings.of_surface(&position, &normal)
+                    } else {
+                        1.0
+                    },
+                }
+            })
             .collect();
-        let packed = body as u32 | 255 << 8 | material << 16;
-        let mut moved: Vec<Option<u32>> = vec![None; mesh.positions.len()];
-        for triangle in mesh.indices.as_chunks::<3>().0 {
-            let corners = triangle.map(|i| i as usize);
-            if !belongs(item, corners.map(|i| normals[i].cast())) {
+        let triangles = mesh.indices.as_chunks::<3>().0;
+        let mut known = BTreeMap::new();
+        for triangle in triangles {
+            let triangle = triangle.map(|i| corners[i as usize]);
+            if !belongs(item, triangle.map(|corner| corner.normal.cast())) {
                 continue;
             }
-            for i in corners {
-                let index = *moved[i].get_or_insert_with(|| {
-                    let p = Point3::from(mesh.positions[i].map(f64::from));
-                    self.vertices.push(Vertex {
-                        position: (item.body_from_mesh * p).coords.cast::<f32>().into(),
-                        normal: octahedral(normals[i].into()),
-                        uv: mesh.uvs[i],
-                        packed,
-                    });
+            let pieces = if fixed {
+                surroundings.cut(triangle)
+            } else {
+                vec![triangle]
+            };
+            for corner in pieces.iter().flatten() {
+                let openness = (corner.openness.clamp(0.0, 1.0) * 255.0).round() as u32;
+                let vertex = Vertex {
+                    position: corner.position.coords.cast::<f32>().into(),
+                    normal: octahedral(corner.normal.into()),
+                    uv: corner.uv,
+                    packed: packed | openness << 8,
+                };
+                let key: [u32; 7] = bytemuck::cast(vertex);
+                let index = *known.entry(key).or_insert_with(|| {
+                    self.vertices.push(vertex);
                     self.vertices.len() as u32 - 1
                 });
                 self.indices.push(index);

@@ -78,7 +78,7 @@ pub enum RenderError {
     #[error(
         "no Vulkan driver was found, so the cameras cannot be drawn; for drawing on the CPU \
          install it with 'apt-get install libvulkan1 mesa-vulkan-drivers', for a GPU install \
-         its vendor's driver, or run without cameras"
+         its vendor's driver, or run without cameras (--no-cameras)"
     )]
     NoDriver,
     /// No adapter of that name.

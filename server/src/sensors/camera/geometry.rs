@@ -4,6 +4,8 @@ use nalgebra::{Isometry3, Point3};
 use wgpu::util::DeviceExt;
 
 use super::buffers::{Batch, Body, Buffers, Finish};
+use super::openness::Surroundings;
+use super::scene::Binding;
 use super::view::View;
 
 /// Triangles of all bodies and the poses of the bodies.
@@ -99,7 +101,8 @@ impl Geometry {
     }
 }
 
-pub(super) fn body_row(pose: &Isometry3<f64>, instance: u8) -> BodyRow {
+/// What the shader knows of a body at `pose`.
+pub(super) fn body_row(pose: &Isometry3<f64>, body: &Body, surroundings: &Surroundings) -> BodyRow {
     let m = pose.to_homogeneous();
     let mut row = [0.0; 16];
     for r in 0..3 {
@@ -107,7 +110,11 @@ pub(super) fn body_row(pose: &Isometry3<f64>, instance: u8) -> BodyRow {
             row[4 * r + c] = m[(r, c)] as f32;
         }
     }
-    row[12] = f32::from(instance) / 255.0;
-    row[13] = 1.0;
+    row[12] = f32::from(body.instance) / 255.0;
+    // Bodies that never move know it for every vertex.
+    row[13] = match body.binding {
+        Binding::World => 1.0,
+        _ => surroundings.of_body(&(pose * body.centre)) as f32,
+    };
     row
 }

@@ -9,6 +9,7 @@ mod buffers;
 mod error;
 mod geometry;
 mod mapping;
+mod openness;
 mod patterns;
 mod pipelines;
 mod readback;

@@ -9,6 +9,7 @@ use wgpu::util::DeviceExt;
 use super::adapter::{self, AdapterInfo};
 use super::buffers::{Buffers, Finish};
 use super::geometry::{BodyRow, Geometry, Seen, body_row};
+use super::openness::Surroundings;
 use super::pipelines::{Pipelines, Tier};
 use super::readback::{Layout, Memory};
 use super::scene::{Binding, RenderScene};
@@ -29,6 +30,7 @@ pub struct Renderer {
     tier: Tier,
     pipelines: Pipelines,
     geometry: Geometry,
+    surroundings: Surroundings,
     lighting: Lighting,
     shadow: ShadowMap,
     targets: Vec<Target>,
@@ -106,7 +108,8 @@ impl Renderer {
         }));
 
         let tier = Tier::of(quality);
-        let buffers = Buffers::new(scene, tier.all_glossy);
+        let surroundings = Surroundings::new(scene);
+        let buffers = Buffers::new(scene, &surroundings, tier.all_glossy);
         let pipelines = Pipelines::new(&device, tier);
         let sun = SunView::new(scene, &buffers, tier.shadow_size);
         let geometry = Geometry::upload(&device, &buffers);
@@ -160,6 +163,7 @@ impl Renderer {
         let renderer = Self {
             shadow,
             lighting: scene.lighting,
+            surroundings,
             expected: [scene.links, scene.objects],
             info,
             device,
@@ -229,7 +233,7 @@ impl Renderer {
         let rows: Vec<BodyRow> = poses
             .iter()
             .zip(&self.geometry.bodies)
-            .map(|(pose, body)| body_row(pose, body.instance))
+            .map(|(pose, body)| body_row(pose, body, &self.surroundings))
             .collect();
         self.queue
             .write_buffer(&self.geometry.body_rows, 0, bytemuck::cast_slice(&rows));

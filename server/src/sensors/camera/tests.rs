@@ -125,14 +125,14 @@ fn depth_is_metres_along_the_optical_axis() {
             assert_eq!(frame.rgb.len(), 225 * 127 * 3);
             let seen: Vec<usize> = (0..z.len()).filter(|&i| frame.ids[i] == 7).collect();
             assert!(!seen.is_empty());
-            for i in 0..z.len() {
-                match frame.ids[i] {
+            for (&z, &id) in z.iter().zip(&frame.ids) {
+                match id {
                     7 => assert!(
-                        (f64::from(z[i]) - distance).abs() < 1e-3,
+                        (f64::from(z) - distance).abs() < 1e-3,
                         "{} at {distance}",
-                        z[i]
+                        z
                     ),
-                    0 => assert_eq!(z[i], f32::INFINITY),
+                    0 => assert_eq!(z, f32::INFINITY),
                     other => panic!("id {other} belongs to nothing"),
                 }
             }

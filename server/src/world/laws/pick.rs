@@ -28,10 +28,8 @@ impl Picker {
             let wanted = self.base_from_house * self.hand;
             let answer = self.arm.solve_local(&wanted, &before, 0.1);
             self.targets.arm_position = answer.expect("within reach").joints;
-            for i in 0..6 {
-                let change = self.targets.arm_position[i] - before[i];
-                self.targets.arm_velocity[i] = change * 240.0;
-            }
+            let after = self.targets.arm_position;
+            self.targets.arm_velocity = std::array::from_fn(|i| (after[i] - before[i]) * 240.0);
             self.world.apply(&self.targets);
             self.world.step();
         }

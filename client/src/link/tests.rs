@@ -1,0 +1,130 @@
+//! The link against a peer that listens, as a server does.
+
+use super::*;
+
+/// A free loopback endpoint.
+fn free_endpoint() -> String {
+    let port = std::net::TcpListener::bind("127.0.0.1:0")
+        .and_then(|listener| listener.local_addr())
+        .map(|address| address.port())
+        .unwrap();
+    format!("tcp/127.0.0.1:{port}")
+}
+
+fn args(endpoint: &str, sim: &str) -> ConnectArgs {
+    ConnectArgs {
+        connect: endpoint.to_owned(),
+        sim: sim.to_owned(),
+        connect_timeout: 2.0,
+    }
+}
+
+/// A peer that listens, as a server does.
+fn listen(endpoint: &str) -> Session {
+    let mut config = Config::default();
+    for (key, value) in [
+        ("mode", "\"peer\"".to_owned()),
+        ("listen/endpoints", format!("[\"{endpoint}\"]")),
+        ("scouting/multicast/enabled", "false".to_owned()),
+    ] {
+        config.insert_json5(key, &value).unwrap();
+    }
+    zenoh::open(config).wait().unwrap()
+}
+
+#[test]
+fn without_a_server_the_error_names_the_cure() {
+    let mut args = args(&free_endpoint(), "sim");
+    args.connect_timeout = 0.3;
+    let error = Link::open(&args).err().unwrap().to_string();
+    assert!(error.contains("wheelarm-server"), "{error}");
+    assert!(error.contains(&args.connect), "{error}");
+}
+
+#[test]
+fn replies_failures_names_and_order_get_through() {
+    let endpoint = free_endpoint();
+    let server = listen(&endpoint);
+    let keys = Keys::new("a").unwrap();
+    let _token = server
+        .liveliness()
+        .declare_token(keys.alive())
+        .wait()
+        .unwrap();
+    let pause_key = keys.query(Query::Pause);
+    let _queries = server
+        .declare_queryable(format!("{}/a/query/*", keys::PREFIX))
+        .callback(move |query| {
+            if query.key_expr().as_str() == pause_key {
+                let failure = v1::Failure {
+                    header: None,
+                    message: "no episode runs".to_owned(),
+                };
+                query.reply_err(failure.encode_to_vec()).wait().unwrap();
+            } else {
+                let status = v1::Status {
+                    version: "7".to_owned(),
+                    ..Default::default()
+                };
+                query
+                    .reply(query.key_expr().clone(), status.encode_to_vec())
+                    .wait()
+                    .unwrap();
+            }
+        })
+        .wait()
+        .unwrap();
+
+    // A command is answered by one joint state and a clock, in this order.
+    let answer = server.clone();
+    let (joints, clock) = (keys.stream("joint_state"), keys.stream("clock"));
+    let _commands = server
+        .declare_subscriber(keys.command())
+        .callback(move |sample| {
+            let command: v1::Command = decode(sample.payload(), "command").unwrap();
+            let header = command.header;
+            let state = v1::JointState {
+                header: header.clone(),
+                ..Default::default()
+            };
+            answer.put(&joints, state.encode_to_vec()).wait().unwrap();
+            let tick = v1::Clock {
+                header,
+                ..Default::default()
+            };
+            answer.put(&clock, tick.encode_to_vec()).wait().unwrap();
+        })
+        .wait()
+        .unwrap();
+
+    let other = Link::open(&args(&endpoint, "b")).err().unwrap().to_string();
+    assert!(other.contains("found: a"), "{other}");
+
+    let link = Link::open(&args(&endpoint, "a")).unwrap();
+    let status: v1::Status = link.ask(Query::Status).unwrap();
+    assert_eq!(status.version, "7");
+    let refused = link.ask::<v1::Ack>(Query::Pause).err().unwrap().to_string();
+    assert!(refused.contains("no episode runs"), "{refused}");
+
+    let streams = link.streams(&[Stream::JointState, Stream::Clock]).unwrap();
+    let mut commander = link.commander("test").unwrap();
+    for sequence in 0..50 {
+        commander
+            .answer(&v1::Header::default(), v1::Command::default())
+            .unwrap();
+        for _ in 0..2 {
+            let got = streams.next(Duration::from_secs(5)).unwrap();
+            assert!(got.is_some(), "nothing came for command {sequence}");
+        }
+    }
+    commander
+        .answer(&v1::Header::default(), v1::Command::default())
+        .unwrap();
+    let first = streams.next(Duration::from_secs(5)).unwrap();
+    let second = streams.next(Duration::from_secs(5)).unwrap();
+    let Some(Received::JointState(state)) = first else {
+        panic!("the joint state must come first, got {first:?}");
+    };
+    assert_eq!(state.header.unwrap().sequence, 50);
+    assert!(matches!(second, Some(Received::Clock(_))), "{second:?}");
+}

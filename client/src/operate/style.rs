@@ -1,0 +1,62 @@
+//! What differs between one operator and another: speeds, room and habits,
+//! drawn from a seed.
+
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+
+use super::drive::DriveLimits;
+use super::grasp::GraspStyle;
+use super::route::RouteStyle;
+
+/// What differs between one operator and another.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Style {
+    /// Chair.
+    pub drive: DriveLimits,
+    /// Arcs and room of the route.
+    pub route: RouteStyle,
+    /// Hand.
+    pub grasp: GraspStyle,
+    /// Peak speed of the hand in free space, m/s.
+    pub free_speed: f64,
+    /// Peak speed of the hand on its way in, m/s.
+    pub approach_speed: f64,
+    /// Peak speed of the hand with the object, m/s.
+    pub carry_speed: f64,
+    /// The hand goes back by this much with the object, metres.
+    pub retract: f64,
+    /// Force cap at each pad, N.
+    pub force: f64,
+}
+
+impl Style {
+    /// A style drawn from `seed`.
+    #[must_use]
+    pub fn new(seed: u64) -> Self {
+        let mut rng = ChaCha8Rng::seed_from_u64(seed);
+        let mut draw = |low: f64, high: f64| rng.random_range(low..high);
+        Self {
+            drive: DriveLimits {
+                speed: draw(0.42, 0.50),
+                acceleration: draw(0.18, 0.22),
+                braking: draw(0.25, 0.35),
+                turn_rate: draw(0.50, 0.65),
+                turn_acceleration: draw(0.50, 0.65),
+            },
+            route: RouteStyle {
+                radius: draw(0.70, 0.90),
+                margin: 0.05,
+            },
+            grasp: GraspStyle {
+                standoff: draw(0.10, 0.13),
+                distance: draw(0.70, 0.78),
+                lift: draw(0.15, 0.19),
+            },
+            free_speed: draw(0.25, 0.35),
+            approach_speed: draw(0.10, 0.14),
+            carry_speed: draw(0.16, 0.22),
+            retract: draw(0.08, 0.13),
+            force: 40.0,
+        }
+    }
+}

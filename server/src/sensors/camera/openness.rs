@@ -1,0 +1,282 @@
+//! How much of the surroundings reaches a point: corners, niches and the floor
+//! below furniture get less light from all around. Worked out once, at load,
+//! from what never moves, in cells of 8 cm.
+
+use nalgebra::{Point3, Vector3};
+
+use super::scene::{Binding, RenderItem, RenderScene};
+
+/// Side of a cell, metres.
+const CELL: f64 = 0.08;
+/// Occluders further away do not count, metres.
+const REACH: f64 = 1.1;
+/// Darkening where everything is near.
+const STRENGTH: f64 = 0.65;
+/// Most cells along each axis.
+const MOST_CELLS: usize = 256;
+
+/// Cells that hold something, and the directions to look.
+pub(super) struct Surroundings {
+    low: Point3<f64>,
+    count: [usize; 3],
+    filled: Vec<bool>,
+    /// Unit vectors, evenly over the half sphere about z, denser at the pole.
+    directions: Vec<Vector3<f64>>,
+}
+
+impl Surroundings {
+    pub(super) fn new(scene: &RenderScene) -> Self {
+        // What shines of itself (a garden behind the windows) is no part of the house.
+        let fixed = || {
+            let dark = |i: &&RenderItem| i.binding == Binding::World && i.material.emission < 0.3;
+            scene.items.iter().filter(dark)
+        };
+        let mut low = Point3::from([f64::INFINITY; 3]);
+        let mut high = Point3::from([f64::NEG_INFINITY; 3]);
+        for item in fixed() {
+            for p in &item.coarse.positions {
+                let p = item.body_from_mesh * Point3::from(p.map(f64::from));
+                low = low.inf(&p);
+                high = high.sup(&p);
+            }
+        }
+        if fixed().next().is_none() {
+            (low, high) = (Point3::origin(), Point3::origin());
+        }
+        let count = std::array::from_fn(|k| {
+            (((high[k] - low[k]) / CELL).ceil() as usize + 1).clamp(1, MOST_CELLS)
+        });
+        let mut built = Self {
+            low,
+            count,
+            filled: vec![false; count.iter().product()],
+            directions: half_sphere(),
+        };
+        for item in fixed() {
+            for t in item.coarse.indices.as_chunks::<3>().0 {
+                let corners = t.map(|i| {
+                    item.body_from_mesh
+                        * Point3::from(item.coarse.positions[i as usize].map(f64::from))
+                });
+                built.fill(corners);
+            }
+        }
+        built
+    }
+
+    /// Marks the cells of a triangle by points half a cell apart.
+    fn fill(&mut self, [a, b, c]: [Point3<f64>; 3]) {
+        let (e, f) = (b - a, c - a);
+        let longest = e.norm().max(f.norm()).max((c - b).norm());
+        let steps = ((longest / (0.5 * CELL)).ceil() as usize).clamp(1, 2 * MOST_CELLS);
+        for i in 0..=steps {
+            for j in 0..=steps - i {
+                let (s, t) = (i as f64 / steps as f64, j as f64 / steps as f64);
+                if let Some(cell) = self.cell(&(a + e * s + f * t)) {
+                    self.filled[cell] = true;
+                }
+            }
+        }
+    }
+
+    fn cell(&self, p: &Point3<f64>) -> Option<usize> {
+        let mut index = 0;
+        for k in 0..3 {
+            let x = (p[k] - self.low[k]) / CELL;
+            if !(x >= 0.0 && x < self.count[k] as f64) {
+                return None;
+            }
+            index = index * self.count[k] + x as usize;
+        }
+        Some(index)
+    }
+
+    /// Share of the light from all around that reaches a surface, 0 to 1.
+    pub(super) fn of_surface(&self, p: &Point3<f64>, normal: &Vector3<f64>) -> f64 {
+        let helper = if normal.x.abs() < 0.7 {
+            Vector3::x()
+        } else {
+            Vector3::y()
+        };
+        let right = normal.cross(&helper).normalize();
+        let ahead = normal.cross(&right);
+        // Out of the surface's own cells first.
+        let start = p + normal * (1.5 * CELL);
+        let blocked: f64 = self
+            .directions
+            .iter()
+            .map(|d| self.blocked(&start, &(right * d.x + ahead * d.y + normal * d.z)))
+            .sum();
+        1.0 - STRENGTH * blocked / self.directions.len() as f64
+    }
+
+    /// Share of the light from above that reaches a body that moves.
+    pub(super) fn of_body(&self, p: &Point3<f64>) -> f64 {
+        let start = p + Vector3::z() * (1.5 * CELL);
+        let blocked: f64 = self
+            .directions
+            .iter()
+            .map(|d| self.blocked(&start, d))
+            .sum();
+        1.0 - STRENGTH * blocked / self.directions.len() as f64
+    }
+
+    /// 1 when something is right ahead, 0 when nothing is within reach.
+    fn blocked(&self, start: &Point3<f64>, direction: &Vector3<f64>) -> f64 {
+        let mut distance = 0.0;
+        while distance < REACH {
+            match self.cell(&(start + direction * distance)) {
+                None => return 0.0,
+                Some(cell) if self.filled[cell] => return 1.0 - distance / REACH,
+                Some(_) => distance += CELL,
+            }
+        }
+        0.0
+    }
+}
+
+/// Cosine-weighted directions about z: equal areas of the unit disc, lifted.
+fn half_sphere() -> Vec<Vector3<f64>> {
+    const COUNT: usize = 28;
+    let golden = std::f64::consts::PI * (3.0 - 5.0f64.sqrt());
+    (0..COUNT)
+        .map(|i| {
+            let r2 = (i as f64 + 0.5) / COUNT as f64;
+            let (sin, cos) = (i as f64 * golden).sin_cos();
+            Vector3::new(r2.sqrt() * cos, r2.sqrt() * sin, (1.0 - r2).sqrt())
+        })
+        .collect()
+}
+
+/// A corner of a triangle that never moves, in the world.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Corner {
+    pub(super) position: Point3<f64>,
+    pub(super) normal: Vector3<f64>,
+    pub(super) uv: [f32; 2],
+    pub(super) openness: f64,
+}
+
+/// Longer edges are cut in halves, so that light can change along them, metres.
+const LONGEST: f64 = 0.4;
+
+impl Surroundings {
+    /// Pieces of a triangle that never moves. Every edge is cut by its length
+    /// alone, as is the neighbour's: no gaps. What looks out of the house stays whole.
+    pub(super) fn cut(&self, triangle: [Corner; 3]) -> Vec<[Corner; 3]> {
+        let [a, b, c] = &triangle;
+        let middle =
+            Point3::from((a.position.coords + b.position.coords + c.position.coords) / 3.0);
+        if self.cell(&(middle + a.normal * 0.5)).is_none() {
+            return vec![triangle];
+        }
+        let mut pieces = Vec::new();
+        let mut waiting = vec![triangle];
+        while let Some(t) = waiting.pop() {
+            let length = |k: usize| (t[(k + 1) % 3].position - t[k].position).norm();
+            let k = (0..3)
+                .max_by(|&a, &b| length(a).total_cmp(&length(b)))
+                .unwrap_or(0);
+            if length(k) <= LONGEST {
+                pieces.push(t);
+                continue;
+            }
+            let (a, b, c) = (t[k], t[(k + 1) % 3], t[(k + 2) % 3]);
+            let m = self.middle(&a, &b);
+            waiting.extend([[a, m, c], [m, b, c]]);
+        }
+        pieces
+    }
+
+    fn middle(&self, a: &Corner, b: &Corner) -> Corner {
+        let position = nalgebra::center(&a.position, &b.position);
+        let normal = (a.normal + b.normal)
+            .try_normalize(1e-6)
+            .unwrap_or(a.normal);
+        Corner {
+            position,
+            normal,
+            uv: std::array::from_fn(|k| 0.5 * (a.uv[k] + b.uv[k])),
+            openness: self.of_surface(&position, &normal),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn empty() -> Surroundings {
+        Surroundings {
+            low: Point3::new(-2.0, -2.0, -0.5),
+            count: [50, 50, 40],
+            filled: vec![false; 50 * 50 * 40],
+            directions: half_sphere(),
+        }
+    }
+
+    #[test]
+    fn a_wall_darkens_the_floor_beside_it_and_not_further_off() {
+        let mut around = empty();
+        let wall = |y: f64, z: f64| Point3::new(0.5, y, z);
+        around.fill([wall(-1.5, 0.0), wall(1.5, 0.0), wall(1.5, 2.0)]);
+        around.fill([wall(-1.5, 0.0), wall(1.5, 2.0), wall(-1.5, 2.0)]);
+        let floor = |x: f64| around.of_surface(&Point3::new(x, 0.0, 0.0), &Vector3::z());
+        let (near, middle, far) = (floor(0.3), floor(-0.1), floor(-1.5));
+        assert!(
+            near < 0.9 && near < middle && middle < far,
+            "{near} {middle} {far}"
+        );
+        assert!(far > 0.99);
+        assert!((0.35..1.0).contains(&near));
+    }
+
+    #[test]
+    fn pieces_of_neighbours_share_their_corners() {
+        let mut around = empty();
+        let post = |x: f64, z: f64| Point3::new(x, 0.1, z);
+        around.fill([post(0.0, 0.0), post(0.2, 0.0), post(0.1, 0.8)]);
+        let corner = |x: f64, y: f64| Corner {
+            position: Point3::new(x, y, 0.0),
+            normal: Vector3::z(),
+            uv: [x as f32, y as f32],
+            openness: 1.0,
+        };
+        let [a, b, c, d] = [
+            corner(-1.5, -1.5),
+            corner(1.5, -1.5),
+            corner(1.5, 1.5),
+            corner(-1.5, 1.5),
+        ];
+        let mut pieces = around.cut([a, b, c]);
+        pieces.extend(around.cut([a, c, d]));
+        assert!(pieces.len() > 20);
+        // Every inner edge is met from both sides, the rim once.
+        let mut edges: std::collections::BTreeMap<[[u64; 2]; 2], i32> = Default::default();
+        for piece in &pieces {
+            for k in 0..3 {
+                let [p, q] = [piece[k], piece[(k + 1) % 3]]
+                    .map(|c| [c.position.x.to_bits(), c.position.y.to_bits()]);
+                *edges.entry([p, q]).or_default() += 1;
+                *edges.entry([q, p]).or_default() -= 1;
+            }
+        }
+        let on_rim =
+            |[x, y]: [u64; 2]| f64::from_bits(x).abs() == 1.5 || f64::from_bits(y).abs() == 1.5;
+        for ([p, q], open) in edges {
+            assert!(
+                open == 0 || (on_rim(p) && on_rim(q)),
+                "a gap between pieces"
+            );
+        }
+        let area: f64 = pieces
+            .iter()
+            .map(|[a, b, c]| {
+                0.5 * (b.position - a.position)
+                    .cross(&(c.position - a.position))
+                    .norm()
+            })
+            .sum();
+        assert!((area - 9.0).abs() < 1e-9);
+    }
+}

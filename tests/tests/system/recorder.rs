@@ -1,0 +1,185 @@
+//! Recorders that come late, die, come back or run in pairs: nothing that was
+//! acknowledged is lost, and nobody else is disturbed.
+
+use std::io::{BufRead, BufReader};
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Stdio};
+use std::time::{Duration, Instant};
+
+use wheelarm_tests::{Server, printed, program};
+
+/// Small pictures that fall due often.
+const CAMERA: [&str; 4] = ["--camera", "gen3=64x48@30", "--quality", "fast"];
+const PATIENCE: Duration = Duration::from_secs(60);
+
+struct Recorder {
+    child: Child,
+}
+
+impl Recorder {
+    fn start(server: &Server, name: &str, out: &Path, more: &[&str]) -> Self {
+        let child = Command::new(program("wheelarm").expect("the client"))
+            .args(["--connect", &server.endpoint, "--sim", &server.sim])
+            .args(["record", "--name", name, "--out"])
+            .arg(out)
+            .args(more)
+            .stdout(Stdio::piped())
+            .spawn()
+            .expect("a recorder");
+        Self { child }
+    }
+
+    /// Waits until it ends by itself; returns what it printed.
+    fn finish(mut self) -> String {
+        let pipe = self.child.stdout.take().expect("a pipe");
+        let lines: Vec<_> = BufReader::new(pipe).lines().map_while(Result::ok).collect();
+        let status = self.child.wait().expect("an exit status");
+        assert!(status.success(), "{status}: {lines:?}");
+        lines.join("\n")
+    }
+}
+
+impl Drop for Recorder {
+    fn drop(&mut self) {
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}
+
+/// Runs a client command until it succeeds: a recorder needs a moment to connect.
+fn command(server: &Server, args: &[&str]) -> String {
+    let output = server.client(args).expect("a client");
+    assert!(output.status.success(), "{args:?}: {}", printed(&output));
+    printed(&output)
+}
+
+fn wait_for_status(server: &Server, words: &str) {
+    let since = Instant::now();
+    loop {
+        let status = command(server, &["status"]);
+        if status.contains(words) {
+            return;
+        }
+        assert!(since.elapsed() < PATIENCE, "{words:?} never came: {status}");
+        std::thread::sleep(Duration::from_millis(100));
+    }
+}
+
+fn start(server: &Server, label: &str, recorders: &str) {
+    let args = [
+        "episode",
+        "start",
+        "--label",
+        label,
+        "--require-recorders",
+        recorders,
+    ];
+    command(server, &args);
+}
+
+fn info(server: &Server, file: &Path) -> String {
+    let file = file.to_string_lossy();
+    printed(
+        &server
+            .client(&["dataset", "info", &file])
+            .expect("a client"),
+    )
+}
+
+fn logs(folder: &Path) -> Vec<PathBuf> {
+    let entries = std::fs::read_dir(folder).expect("the folder").flatten();
+    let paths = entries.map(|entry| entry.path());
+    paths
+        .filter(|p| p.extension().is_none_or(|e| e != "h5"))
+        .collect()
+}
+
+#[test]
+fn two_recorders_and_a_late_third_each_get_what_they_saw() {
+    let server = Server::start("several", &CAMERA).expect("a server");
+    let folder = tempfile::tempdir().expect("a folder");
+    let out = |name: &str| folder.path().join(name);
+    let first = Recorder::start(&server, "first", &out("first"), &["--episodes", "2"]);
+    let second = Recorder::start(&server, "second", &out("second"), &["--episodes", "2"]);
+    wait_for_status(&server, "second");
+    wait_for_status(&server, "first");
+    start(&server, "one", "2");
+    std::thread::sleep(Duration::from_secs(2));
+    command(&server, &["episode", "stop"]);
+    // At once again: the announcement overtakes pictures of the first episode.
+    start(&server, "two", "2");
+    std::thread::sleep(Duration::from_secs(1));
+    command(&server, &["episode", "stop"]);
+    // Comes after the end of an episode that the transport still remembers.
+    let late = Recorder::start(&server, "late", &out("late"), &["--episodes", "1"]);
+    for (recorder, name) in [(first, "first"), (second, "second")] {
+        let text = recorder.finish();
+        assert_eq!(text.matches(": complete").count(), 2, "{name}: {text}");
+    }
+    wait_for_status(&server, "late");
+    start(&server, "three", "1");
+    std::thread::sleep(Duration::from_secs(1));
+    command(&server, &["episode", "stop"]);
+    let text = late.finish();
+    assert!(text.contains("three.h5: complete"), "{text}");
+    assert!(info(&server, &out("first").join("one.h5")).contains("complete"));
+}
+
+#[test]
+fn a_killed_recorder_leaves_a_log_that_becomes_a_valid_partial_file() {
+    let server = Server::start("killed", &CAMERA).expect("a server");
+    let folder = tempfile::tempdir().expect("a folder");
+    let mut doomed = Recorder::start(&server, "doomed", folder.path(), &[]);
+    wait_for_status(&server, "doomed");
+    start(&server, "cut", "1");
+    std::thread::sleep(Duration::from_secs(2));
+    doomed.child.kill().expect("kill -9");
+    doomed.child.wait().expect("its end");
+    // The server goes on without it.
+    command(&server, &["episode", "stop"]);
+    let logs = logs(folder.path());
+    let [log] = &logs[..] else {
+        panic!("expected one log, found {logs:?}")
+    };
+    let out = folder.path().join("recovered");
+    std::fs::create_dir(&out).expect("a folder");
+    let (log, out_text) = (log.to_string_lossy(), out.to_string_lossy());
+    let recovered = server
+        .client(&["dataset", "recover", &log, "--out", &out_text])
+        .expect("a client");
+    let text = printed(&recovered);
+    assert_eq!(recovered.status.code(), Some(3), "{text}");
+    let file = out.join("cut.h5");
+    assert!(file.is_file(), "{text}");
+    let info = info(&server, &file);
+    assert!(info.to_lowercase().contains("partial"), "{info}");
+}
+
+#[test]
+fn an_existing_recording_is_never_overwritten() {
+    let server = Server::start("taken", &CAMERA).expect("a server");
+    let folder = tempfile::tempdir().expect("a folder");
+    let file = folder.path().join("precious.h5");
+    std::fs::write(&file, "precious").expect("a file");
+    let _recorder = Recorder::start(&server, "careful", folder.path(), &[]);
+    wait_for_status(&server, "careful");
+    start(&server, "precious", "1");
+    wait_for_status(&server, "exists already");
+    assert_eq!(
+        std::fs::read_to_string(&file).expect("the file"),
+        "precious"
+    );
+}
+
+#[test]
+fn a_server_that_is_told_to_end_while_recording_leaves_a_complete_file() {
+    let server = Server::start("ending", &CAMERA).expect("a server");
+    let folder = tempfile::tempdir().expect("a folder");
+    let recorder = Recorder::start(&server, "witness", folder.path(), &["--episodes", "1"]);
+    wait_for_status(&server, "witness");
+    start(&server, "last", "1");
+    std::thread::sleep(Duration::from_secs(1));
+    command(&server, &["shutdown"]);
+    let text = recorder.finish();
+    assert!(text.contains("last.h5: complete"), "{text}");
+}
