@@ -174,7 +174,7 @@ fn nothing_names_a_path_of_one_machine() {
         for path in paths {
             let text = fs::read_to_string(&path).unwrap_or_default();
             for (i, line) in text.lines().enumerate() {
-                if ["/home/", "/root/", "/work/"]
+                if ["/home/", "/root/", "/mnt/"]
                     .iter()
                     .any(|p| line.contains(p))
                 {
