@@ -1,6 +1,6 @@
 //! The state after a step, as plain data that sensors and tasks read.
 
-use nalgebra::{Isometry3, Vector3};
+use nalgebra::{Isometry3, Point3, Vector3};
 use wheelarm_proto::stamp_nanos;
 
 /// State of the simulation after one physics tick. Never changed afterwards.
@@ -14,6 +14,8 @@ pub struct Snapshot {
     pub links: Vec<BodyState>,
     /// Objects in the order of `Scene::objects`.
     pub objects: Vec<BodyState>,
+    /// Skins of the soft objects, by object.
+    pub skins: Vec<SoftSkin>,
     /// Touching pairs that involve the robot or an object, summed per pair.
     pub contacts: Vec<Contact>,
     /// Oddities that were met in this step; empty when all is well.
@@ -48,6 +50,19 @@ pub struct BodyState {
     pub linear: Vector3<f64>,
     /// Angular velocity in `house`, rad/s.
     pub angular: Vector3<f64>,
+}
+
+/// The shape of one soft object.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SoftSkin {
+    /// Index into `Scene::objects`.
+    pub object: usize,
+    /// Vertices in `house`, metres, in the order of `Soft::skin`.
+    pub vertices: Vec<Point3<f32>>,
+    /// Energy of its deformation, J.
+    pub elastic_energy: f64,
+    /// Energy of its motion, J.
+    pub kinetic_energy: f64,
 }
 
 /// A body that can touch another.

@@ -41,6 +41,7 @@ pub fn moving(robot: &RobotModel, scene: &Scene, time: f64) -> Snapshot {
             .map(|p| body(root * p))
             .collect(),
         objects,
+        skins: Vec::new(),
         contacts: Vec::new(),
         anomalies: Vec::new(),
     }

@@ -5,6 +5,8 @@ mod load;
 mod load_normals;
 pub mod mesh;
 mod mesh_revolve;
+pub mod plush;
+pub mod tetrahedra;
 pub mod texture;
 mod texture_labels;
 mod texture_noise;

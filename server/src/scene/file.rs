@@ -191,10 +191,46 @@ pub(super) struct ObjectFile {
     pub inertia: [f64; 3],
     pub friction: f64,
     pub material: Option<String>,
+    #[serde(default)]
     pub parts: Vec<PartEntry>,
     pub collision: Option<Vec<PartEntry>>,
+    /// Makes the object a soft one: its lobes are its shape.
+    pub soft: Option<SoftEntry>,
+    #[serde(default)]
+    pub lobes: Vec<LobeEntry>,
     #[serde(default)]
     pub grasps: Vec<GraspEntry>,
+}
+
+/// What a soft object is made of.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct SoftEntry {
+    /// Pa.
+    pub young_modulus: f64,
+    pub poisson_ratio: f64,
+    /// Seconds.
+    pub damping: f64,
+    pub stuffing_pitch: f64,
+    pub skin_pitch: f64,
+}
+
+/// An ellipsoid of a soft object; each flows into those before it.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct LobeEntry {
+    pub at: [f64; 3],
+    /// Semi-axes.
+    pub radii: [f64; 3],
+    /// Roll, pitch, yaw: turns about the fixed axes x, then y, then z.
+    #[serde(default)]
+    pub rpy_deg: [f64; 3],
+    /// Over which length it flows into the others.
+    pub blend: f64,
+    pub material: String,
+    /// A second one stands on the other side of the plane x = 0.
+    #[serde(default)]
+    pub mirrored: bool,
 }
 
 #[derive(Debug, Deserialize)]

@@ -153,6 +153,7 @@ impl Scene {
             )?,
             collision: parts.collision,
             hulls: parts.hulls,
+            soft: None,
             visual: parts.visual,
             grasps: Vec::new(),
         });

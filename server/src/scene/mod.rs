@@ -11,11 +11,14 @@ mod load;
 mod material;
 mod object;
 mod part;
+mod soft;
 
 pub use bounds::Bounds;
 pub(crate) use error::Place;
 pub use error::SceneError;
 pub use load::{AssetText, asset_texts};
+pub use object::object;
+pub use soft::Soft;
 pub(crate) use load::{names, parse, provenance};
 
 use nalgebra::{Isometry3, Matrix3, Point3, Vector3};
@@ -61,6 +64,9 @@ pub struct Body {
     pub hulls: Vec<Vec<Point3<f64>>>,
     /// Shapes that are drawn.
     pub visual: Vec<Visual>,
+    /// What a soft object is made of. Its `collision` only bounds it at rest:
+    /// what touches is its skin.
+    pub soft: Option<Soft>,
     /// How the end effector can take it.
     pub grasps: Vec<Grasp>,
 }

@@ -1,12 +1,14 @@
 //! Objects: `assets/objects/NAME.toml` becomes a body that moves freely.
 
+use std::path::Path;
+
 use nalgebra::{Isometry3, Matrix3, Point3, Rotation3, Translation3, UnitQuaternion, Vector3};
 
 use super::error::{Place, SceneError};
 use super::file::{GraspEntry, ObjectFile};
 use super::load;
 use super::part::Reader;
-use super::{Body, Grasp, MassProperties};
+use super::{Body, Grasp, MassProperties, material, soft};
 
 /// Stroke of the gripper, metres (Robotiq 2F-85).
 const STROKE: f64 = 0.085;
@@ -35,6 +37,7 @@ pub(super) fn read(reader: &Reader<'_>, kind: &str) -> Result<Body, SceneError> 
         friction,
         collision: parts.collision,
         hulls: parts.hulls,
+        soft: soft::read(reader, &place, &file)?,
         visual: parts.visual,
         grasps: Vec::new(),
     };
@@ -43,6 +46,19 @@ pub(super) fn read(reader: &Reader<'_>, kind: &str) -> Result<Body, SceneError> 
         body.grasps.push(grasp(&place.entry("grasps", i), entry)?);
     }
     Ok(body)
+}
+
+/// Reads `assets/objects/KIND.toml` alone; it stands at the origin.
+///
+/// # Errors
+/// When the file is missing or something in it cannot be.
+pub fn object(assets: &Path, kind: &str) -> Result<Body, SceneError> {
+    let materials = material::library(assets)?;
+    let reader = Reader {
+        assets,
+        materials: &materials,
+    };
+    read(&reader, kind)
 }
 
 /// Checks mass, centre and inertia against the size of the collision shapes.

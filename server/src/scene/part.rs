@@ -111,6 +111,11 @@ impl Reader<'_> {
                 "name one here or for the whole body, or set draw = false",
             ));
         };
+        self.named(&place, name)
+    }
+
+    /// The material of this name, asked for at `place`.
+    pub(super) fn named(&self, place: &Place, name: &str) -> Result<Material, SceneError> {
         self.materials.get(name).cloned().ok_or_else(|| {
             let known: Vec<_> = self.materials.keys().map(String::as_str).collect();
             place.wrong(

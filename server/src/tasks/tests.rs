@@ -145,6 +145,7 @@ impl Stage {
                 .map(|_| rest(Isometry3::identity()))
                 .collect(),
             objects: scene.objects.iter().map(|body| rest(body.pose)).collect(),
+            skins: Vec::new(),
             contacts: Vec::new(),
             anomalies: Vec::new(),
         };

@@ -12,6 +12,7 @@ mod drive;
 mod grip;
 mod mass;
 mod shape;
+mod soft;
 mod stage;
 mod state;
 mod tree;
@@ -33,6 +34,7 @@ use crate::scene::{Placement, Scene};
 use crate::snapshot::{BodyRef, BodyState, JointState, Snapshot};
 use body::RobotBody;
 use drive::Drives;
+use soft::SoftObject;
 use grip::GripFriction;
 use stage::Stage;
 use tree::Place;
@@ -113,6 +115,7 @@ pub struct World {
     physics: PhysicsWorld,
     grip: GripFriction,
     stage: Stage,
+    soft: Vec<SoftObject>,
     model: RobotModel,
     robot: RobotBody,
     drives: Drives,
@@ -138,6 +141,10 @@ impl World {
     ) -> Result<Self, WorldError> {
         let mut physics = engine();
         let stage = Stage::insert(&mut physics, scene, placements)?;
+        let soft = scene.objects.iter().zip(placements).enumerate();
+        let soft = soft
+            .filter_map(|(i, (body, placement))| SoftObject::placed(i, body, placement))
+            .collect();
         let at_start = |joint: usize| {
             JOINT_NAMES[4..10]
                 .iter()
@@ -154,6 +161,7 @@ impl World {
             physics,
             grip,
             stage,
+            soft,
             model: model.clone(),
             robot,
             drives,
@@ -207,10 +215,26 @@ impl World {
             &mut self.wheels,
             &self.targets,
         );
+        self.step_soft();
         self.grip.begin_tick();
         self.physics.step_with_events(&self.grip, &());
         self.wheels.roll(&self.physics, &self.robot);
         self.tick += 1;
+    }
+
+    /// Soft objects go first; what they push with lasts one tick.
+    fn step_soft(&mut self) {
+        if self.soft.is_empty() {
+            return;
+        }
+        for (_, body) in self.physics.bodies.iter_mut() {
+            body.reset_forces(false);
+            body.reset_torques(false);
+        }
+        let h = 1.0 / PHYSICS_HZ as f64;
+        for soft in &mut self.soft {
+            soft.step(&mut self.physics, GRAVITY, h);
+        }
     }
 
     /// Ticks since the start.
@@ -224,7 +248,7 @@ impl World {
     pub fn snapshot(&self) -> Snapshot {
         let joints = self.joints();
         let links = self.links(&joints);
-        let objects: Vec<BodyState> = self
+        let mut objects: Vec<BodyState> = self
             .stage
             .objects
             .iter()
@@ -233,6 +257,9 @@ impl World {
                 self.body_state(handle, frame)
             })
             .collect();
+        for soft in &self.soft {
+            objects[soft.object] = soft.frame();
+        }
         let robot = self
             .robot
             .handles
@@ -250,9 +277,14 @@ impl World {
                 self.stage.anomaly(&self.physics, handle, body, &frame)
             })
             .collect();
+        let mut contacts = contact::contacts(&self.physics);
+        for soft in &self.soft {
+            contacts.extend_from_slice(soft.contacts());
+        }
         Snapshot {
             tick: self.tick,
-            contacts: contact::contacts(&self.physics),
+            skins: self.soft.iter().map(SoftObject::skin).collect(),
+            contacts,
             joints,
             links,
             objects,

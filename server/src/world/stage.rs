@@ -63,6 +63,11 @@ impl Stage {
         }
         let mut objects = Vec::new();
         for (index, (body, placement)) in scene.objects.iter().zip(placements).enumerate() {
+            if body.soft.is_some() {
+                // A soft object moves by itself; the engine keeps its place in the list.
+                objects.push(physics.insert_body(RigidBodyBuilder::fixed()));
+                continue;
+            }
             let mass = placed_mass(body, placement)?;
             let handle = physics.insert_body(
                 RigidBodyBuilder::dynamic()
@@ -98,7 +103,8 @@ impl Stage {
         let engine_body = physics.bodies.get(handle)?;
         let finite = engine_body.position().is_finite()
             && engine_body.linvel().is_finite()
-            && engine_body.angvel().is_finite();
+            && engine_body.angvel().is_finite()
+            && frame.translation.vector.iter().all(|x| x.is_finite());
         if !finite || !engine_body.is_enabled() {
             return Some(Anomaly::NotFinite(body));
         }

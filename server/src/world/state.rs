@@ -4,6 +4,7 @@ use rapier3d::prelude::PhysicsWorld;
 use serde::{Deserialize, Serialize};
 
 use super::grip::Bristles;
+use super::soft::{self, SoftObject};
 use super::{World, WorldError};
 use crate::robot::control::Targets;
 
@@ -16,6 +17,7 @@ struct Written<'a> {
     wheel_angles: [f64; 4],
     wheel_leads: [f64; 2],
     bristles: Bristles,
+    soft: Vec<soft::Saved>,
     physics: &'a PhysicsWorld,
 }
 
@@ -28,6 +30,7 @@ struct Read {
     wheel_angles: [f64; 4],
     wheel_leads: [f64; 2],
     bristles: Bristles,
+    soft: Vec<soft::Saved>,
     physics: PhysicsWorld,
 }
 
@@ -43,6 +46,7 @@ impl World {
             wheel_angles: self.wheels.angles,
             wheel_leads: self.wheels.led,
             bristles: self.grip.state(),
+            soft: self.soft.iter().map(SoftObject::save).collect(),
             physics: &self.physics,
         };
         // Writing to memory fails for types that cannot be written at all,
@@ -65,12 +69,21 @@ impl World {
         let same_bodies = self.physics.bodies.iter().map(|(handle, _)| handle);
         let same_colliders = self.physics.colliders.iter().map(|(handle, _)| handle);
         if !same_bodies.eq(read.physics.bodies.iter().map(|(handle, _)| handle))
+            || read.soft.len() != self.soft.len()
             || !same_colliders.eq(read.physics.colliders.iter().map(|(handle, _)| handle))
         {
             return Err(WorldError::OtherWorld {
                 expected: self.fingerprint,
                 found: !self.fingerprint,
             });
+        }
+        for (soft, saved) in self.soft.iter_mut().zip(read.soft) {
+            if !soft.restore(saved) {
+                return Err(WorldError::OtherWorld {
+                    expected: self.fingerprint,
+                    found: !self.fingerprint,
+                });
+            }
         }
         self.tick = read.tick;
         self.targets = read.targets;
@@ -81,7 +94,7 @@ impl World {
         Ok(())
     }
 
-    /// Hash of all poses, velocities and bristles (FNV-1a over their bits).
+    /// Hash of all poses, velocities, bristles and soft nodes (FNV-1a over their bits).
     #[must_use]
     pub fn hash(&self) -> u64 {
         let mut hash = Fnv::default();
@@ -96,6 +109,9 @@ impl World {
             }
         }
         for bits in self.grip.state().bits() {
+            hash.add(&bits.to_le_bytes());
+        }
+        for bits in self.soft.iter().flat_map(SoftObject::bits) {
             hash.add(&bits.to_le_bytes());
         }
         hash.0

@@ -34,6 +34,7 @@ fn snapshot(model: &RobotModel, house_from_chair: Isometry3<f64>) -> Snapshot {
         joints: Vec::new(),
         links,
         objects: Vec::new(),
+        skins: Vec::new(),
         contacts: Vec::new(),
         anomalies: Vec::new(),
     }

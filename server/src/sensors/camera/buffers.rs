@@ -302,7 +302,7 @@ pub(super) fn linear(c: f32) -> f32 {
 }
 
 /// A unit vector as two 16-bit numbers (Cigolle et al. 2014).
-fn octahedral(n: [f64; 3]) -> [i16; 2] {
+pub(super) fn octahedral(n: [f64; 3]) -> [i16; 2] {
     let sum = n.iter().map(|x| x.abs()).sum::<f64>().max(1e-12);
     let (x, y) = (n[0] / sum, n[1] / sum);
     let sign = |v: f64| if v >= 0.0 { 1.0 } else { -1.0 };

@@ -3,7 +3,7 @@
 use nalgebra::{Isometry3, Point3};
 use wgpu::util::DeviceExt;
 
-use super::buffers::{Batch, Body, Buffers, Finish};
+use super::buffers::{Batch, Body, Buffers, Finish, Vertex};
 use super::openness::Surroundings;
 use super::scene::Binding;
 use super::view::View;
@@ -53,7 +53,7 @@ impl Geometry {
             vertices: filled(
                 "vertices",
                 bytemuck::cast_slice(&buffers.vertices),
-                wgpu::BufferUsages::VERTEX,
+                wgpu::BufferUsages::VERTEX | wgpu::BufferUsages::COPY_DST,
             ),
             indices: filled(
                 "indices",
@@ -69,6 +69,12 @@ impl Geometry {
             bodies: buffers.bodies.clone(),
             batches: buffers.batches.clone(),
         }
+    }
+
+    /// Replaces the vertices from `first` on.
+    pub(super) fn write_vertices(&self, queue: &wgpu::Queue, first: usize, vertices: &[Vertex]) {
+        let offset = (first * std::mem::size_of::<Vertex>()) as u64;
+        queue.write_buffer(&self.vertices, offset, bytemuck::cast_slice(vertices));
     }
 
     pub(super) fn set(&self, pass: &mut wgpu::RenderPass<'_>) {

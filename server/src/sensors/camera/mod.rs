@@ -16,6 +16,7 @@ mod readback;
 mod renderer;
 pub mod scene;
 mod shadow;
+mod soft;
 pub mod spec;
 mod target;
 mod view;

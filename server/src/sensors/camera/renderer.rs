@@ -13,6 +13,7 @@ use super::openness::Surroundings;
 use super::pipelines::{Pipelines, Tier};
 use super::readback::{Layout, Memory};
 use super::scene::{Binding, RenderScene};
+use super::soft::SoftMeshes;
 use super::shadow::{ShadowMap, SunView};
 use super::spec::CameraSpec;
 use super::target::{Target, depth_attachment};
@@ -30,6 +31,7 @@ pub struct Renderer {
     tier: Tier,
     pipelines: Pipelines,
     geometry: Geometry,
+    soft: SoftMeshes,
     surroundings: Surroundings,
     lighting: Lighting,
     shadow: ShadowMap,
@@ -113,6 +115,7 @@ impl Renderer {
         let pipelines = Pipelines::new(&device, tier);
         let sun = SunView::new(scene, &buffers, tier.shadow_size);
         let geometry = Geometry::upload(&device, &buffers);
+        let soft = SoftMeshes::find(scene, &buffers);
         let materials = device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
             label: Some("materials"),
             contents: bytemuck::cast_slice(&buffers.materials),
@@ -172,6 +175,7 @@ impl Renderer {
             tier,
             pipelines,
             geometry,
+            soft,
             targets,
             scene_groups,
             shadow_group,
@@ -237,6 +241,7 @@ impl Renderer {
             .collect();
         self.queue
             .write_buffer(&self.geometry.body_rows, 0, bytemuck::cast_slice(&rows));
+        self.soft.write(&self.queue, &self.geometry, snapshot);
         let views: Vec<View> = cameras
             .iter()
             .map(|&c| {

@@ -8,9 +8,10 @@ use nalgebra::{Isometry3, Point3};
 
 use super::RenderError;
 use crate::geometry::mesh::{Detail, build_detail};
+use crate::geometry::plush::Skin;
 use crate::geometry::{Material, Shape, TriMesh, Visual, texture};
 use crate::robot::RobotModel;
-use crate::scene::{Lighting, Scene};
+use crate::scene::{Body, Lighting, Scene, Soft};
 
 /// What a mesh or a camera moves with.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -56,6 +57,8 @@ pub struct RenderScene {
     pub links: usize,
     /// Objects that a snapshot must have.
     pub objects: usize,
+    /// Soft objects with their skins at rest.
+    pub skins: Vec<(usize, Skin)>,
 }
 
 /// Furniture that reaches this high is part of the building, metres.
@@ -68,8 +71,9 @@ impl RenderScene {
     /// When a mesh or a texture cannot be made, or more than 255 bodies are drawn.
     pub fn new(robot: &RobotModel, scene: &Scene, assets: &Path) -> Result<Self, RenderError> {
         let drawn = |visuals: &[Visual]| !visuals.is_empty();
+        let seen = |object: &&Body| drawn(&object.visual) || object.soft.is_some();
         let counts = [
-            scene.objects.iter().filter(|o| drawn(&o.visual)).count(),
+            scene.objects.iter().filter(seen).count(),
             robot.links.iter().filter(|l| drawn(&l.visual)).count(),
             scene.furniture.iter().filter(|f| drawn(&f.visual)).count(),
         ];
@@ -86,6 +90,7 @@ impl RenderScene {
             instances: Vec::new(),
             links: robot.links.len(),
             objects: scene.objects.len(),
+            skins: Vec::new(),
         };
         let mut meshes = MeshCache {
             assets,
@@ -94,6 +99,9 @@ impl RenderScene {
         for (i, object) in scene.objects.iter().enumerate() {
             let at = (Binding::Object(i), Isometry3::identity());
             built.add_body(&object.name, &object.visual, at, &mut meshes)?;
+            if let Some(soft) = &object.soft {
+                built.add_soft(i, &object.name, soft);
+            }
         }
         for (i, link) in robot.links.iter().enumerate() {
             let at = (Binding::Link(i), Isometry3::identity());
@@ -104,6 +112,38 @@ impl RenderScene {
             built.add_body(&body.name, &body.visual, at, &mut meshes)?;
         }
         Ok(built)
+    }
+
+    /// One mesh per look of the skin.
+    fn add_soft(&mut self, object: usize, name: &str, soft: &Soft) {
+        let skin = soft.skin();
+        let instance = self.instances.len() as u8 + 1;
+        self.instances.push((instance, name.to_owned()));
+        let mut looks: Vec<&Material> = Vec::new();
+        for lobe in &soft.plush.lobes {
+            if !looks.contains(&&lobe.material) {
+                looks.push(&lobe.material);
+            }
+        }
+        for look in looks {
+            let mut mesh = skin.part(|lobe| soft.plush.lobes[lobe].material == *look);
+            if let Some(t) = &look.texture {
+                for uv in &mut mesh.uvs {
+                    *uv = uv.map(|x| x / t.metres.max(1e-3));
+                }
+            }
+            let mesh = Arc::new(mesh);
+            self.items.push(RenderItem {
+                coarse: mesh.clone(),
+                mesh,
+                material: look.clone(),
+                binding: Binding::Object(object),
+                body_from_mesh: Isometry3::identity(),
+                instance,
+                casts_shadow: true,
+            });
+        }
+        self.skins.push((object, skin));
     }
 
     fn add_body(

@@ -45,6 +45,7 @@ fn scene(items: Vec<RenderItem>, objects: usize) -> RenderScene {
         items,
         lighting: LIGHT,
         links: 0,
+        skins: Vec::new(),
         objects,
     }
 }
@@ -60,6 +61,7 @@ fn snapshot(objects: &[[f64; 3]]) -> Snapshot {
         joints: Vec::new(),
         links: Vec::new(),
         objects: objects.iter().map(body).collect(),
+        skins: Vec::new(),
         contacts: Vec::new(),
         anomalies: Vec::new(),
     }

@@ -5,6 +5,7 @@ mod oddities;
 mod pick;
 mod robot;
 mod scene;
+mod soft;
 
 use std::path::Path;
 
@@ -40,6 +41,7 @@ fn body(name: &str, pose: Isometry3<f64>, friction: f64, shape: Shape) -> Body {
             shape,
         }],
         hulls: Vec::new(),
+        soft: None,
         visual: Vec::new(),
         grasps: Vec::new(),
     }

@@ -1,0 +1,286 @@
+//! The soft bear in the world: its weight, the fingers' grip, and saved states.
+
+use rapier3d::prelude::{RigidBodyHandle, RigidBodyType};
+
+use super::super::GRAVITY;
+use super::*;
+use crate::snapshot::{BodyRef, Snapshot};
+
+/// Half extents of a plate that presses the waist: as a finger pad.
+const PLATE: [f64; 3] = [0.0187, 0.004, 0.011];
+/// Height of the waist above the seat, metres.
+const WAIST: f64 = 0.098;
+/// Depth of the waist at rest, metres.
+const DEPTH: f64 = 0.0727;
+
+fn bear(pose: Isometry3<f64>) -> Body {
+    let assets = Path::new(env!("CARGO_MANIFEST_DIR")).join("../assets");
+    let mut bear = crate::scene::object(&assets, "teddy_bear").expect("the bear loads");
+    bear.pose = pose;
+    bear
+}
+
+/// The robot far away, the bear on the table, a plate before and behind it.
+struct Press {
+    world: World,
+    plates: [RigidBodyHandle; 2],
+    weight: f64,
+}
+
+fn press() -> Press {
+    let seat = at(0.3, 0.0, TABLE_TOP);
+    let middle = Vector3::new(0.3, 0.0, TABLE_TOP + WAIST);
+    let plate = |y: f64| {
+        let pose = at(middle.x, middle.y + y, middle.z);
+        let half = PLATE;
+        object("plate", pose, 0.5, half, Shape::Cuboid { half })
+    };
+    let bear = bear(seat);
+    let weight = bear.mass.expect("the bear has mass").mass * GRAVITY;
+    let (scene, placements) = scene(
+        vec![floor(), table(0.0)],
+        vec![bear, plate(0.08), plate(-0.08)],
+    );
+    let model = model();
+    let home = model.settings.home;
+    let mut world =
+        World::new(&model, &scene, &placements, &at(-3.0, 0.0, 0.0), &home).expect("a world");
+    let plates = [world.stage.objects[1], world.stage.objects[2]];
+    for plate in plates {
+        let plate = &mut world.physics.bodies[plate];
+        plate.set_body_type(RigidBodyType::KinematicVelocityBased, true);
+    }
+    Press {
+        world,
+        plates,
+        weight,
+    }
+}
+
+impl Press {
+    fn run(&mut self, secs: f64) {
+        seconds(&mut self.world, secs, |_, _| {});
+    }
+
+    /// Moves the plates for a time, and stops them.
+    fn carry(&mut self, closing: f64, up: f64, secs: f64) {
+        for (plate, side) in self.plates.into_iter().zip([-1.0, 1.0]) {
+            let velocity = Vector3::new(0.0, side * closing, up);
+            let plate = &mut self.world.physics.bodies[plate];
+            plate.set_linvel(super::super::convert::vector(&velocity), true);
+        }
+        self.run(secs);
+        for plate in self.plates {
+            self.world.physics.bodies[plate].set_linvel(rapier3d::math::Vector::ZERO, true);
+        }
+    }
+
+    /// Closes the plates until the waist between them is `width` metres deep.
+    fn close_to(&mut self, width: f64) {
+        let now = self.width();
+        self.carry((now - width) / 2.0 / 0.5, 0.0, 0.5);
+        self.run(0.5);
+    }
+
+    fn width(&self) -> f64 {
+        let y = |i: usize| f64::from(self.world.physics.bodies[self.plates[i]].translation().y);
+        y(0) - y(1) - 2.0 * PLATE[1]
+    }
+
+    /// Force of a body on the bear, N.
+    fn force(&self, of: BodyRef) -> Vector3<f64> {
+        let snapshot = self.world.snapshot();
+        let mut sum = Vector3::zeros();
+        for contact in &snapshot.contacts {
+            if contact.first == BodyRef::Object(0) && contact.second == of {
+                sum -= contact.force;
+            } else if contact.second == BodyRef::Object(0) && contact.first == of {
+                sum += contact.force;
+            }
+        }
+        sum
+    }
+
+    fn plates(&self) -> [Vector3<f64>; 2] {
+        [
+            self.force(BodyRef::Object(1)),
+            self.force(BodyRef::Object(2)),
+        ]
+    }
+
+    fn bear(&self) -> Vector3<f64> {
+        self.world.snapshot().objects[0].pose.translation.vector
+    }
+}
+
+fn fastest(snapshot: &Snapshot) -> f64 {
+    snapshot.objects[0].linear.norm()
+}
+
+#[test]
+fn the_bear_sits_still_and_weighs_what_it_weighs() {
+    let mut press = press();
+    press.run(4.0);
+    let up = press.force(BodyRef::Furniture(1));
+    assert!(
+        (up.z / press.weight - 1.0).abs() < 0.01,
+        "{up} N, weight {} N",
+        press.weight
+    );
+    let first = press.bear();
+    press.run(1.0);
+    let crept = (press.bear() - first).norm();
+    assert!(crept < 1e-4, "crept {crept} m in a second");
+    assert!(fastest(&press.world.snapshot()) < 1e-3);
+    let lean = press.world.snapshot().objects[0].pose.rotation.angle();
+    assert!(lean < 0.1, "leans by {lean} rad");
+}
+
+/// The deeper the plates press, the harder the bear presses back, on both
+/// sides alike; let go, it is as it was.
+#[test]
+fn a_squeezed_bear_presses_back_and_recovers() {
+    let mut press = press();
+    press.run(2.0);
+    let rest = press.world.snapshot().skins[0].vertices.clone();
+    let mut last = 0.0;
+    for width in [0.066, 0.058, 0.050, 0.042] {
+        press.close_to(width);
+        let [a, b] = press.plates().map(|f| f.y.abs());
+        assert!((a / b - 1.0).abs() < 0.25, "{a} N and {b} N at {width} m");
+        assert!(a > last + 0.2, "{a} N at {width} m, {last} N before");
+        last = a;
+    }
+    // Between the bar and the half-space of facts about flat punches.
+    let squeeze = DEPTH - 0.042;
+    let stiffness = last / squeeze;
+    assert!((70.0..600.0).contains(&stiffness), "{stiffness} N/m");
+    press.close_to(0.14);
+    press.run(3.0);
+    let worst = press.world.snapshot().skins[0]
+        .vertices
+        .iter()
+        .zip(&rest)
+        .map(|(now, then)| (now - then).norm())
+        .fold(0.0, f32::max);
+    assert!(worst < 2e-3, "a vertex is {worst} m from where it was");
+}
+
+/// Lifted by two plates, the bear's whole weight hangs on their friction.
+#[test]
+fn lifted_plates_carry_the_weight() {
+    let mut press = press();
+    press.run(1.0);
+    press.close_to(0.048);
+    press.carry(0.0, 0.1, 1.0);
+    press.run(2.0);
+    let [a, b] = press.plates();
+    let carried = a + b;
+    assert_eq!(press.force(BodyRef::Furniture(1)), Vector3::zeros());
+    assert!(
+        (carried.z / press.weight - 1.0).abs() < 0.02,
+        "{carried} N of {} N",
+        press.weight
+    );
+    let first = press.bear();
+    press.run(5.0);
+    let crept = (press.bear() - first).norm();
+    assert!(crept < 1e-3, "crept {crept} m in 5 s");
+}
+
+/// Friction is Coulomb's: with a coefficient below weight / (2 N) the lifted
+/// bear slips out of the plates, above it stays.
+#[test]
+fn the_bear_slips_beyond_the_friction_limit() {
+    for (share, slips) in [(0.8, true), (1.3, false)] {
+        let mut press = press();
+        press.run(1.0);
+        press.close_to(0.048);
+        press.carry(0.0, 0.1, 1.0);
+        press.run(1.0);
+        let normal: f64 = press.plates().iter().map(|f| f.y.abs()).sum();
+        let coefficient = share * press.weight / normal;
+        press.world.soft[0].friction = coefficient;
+        for plate in press.plates {
+            let colliders = press.world.physics.bodies[plate].colliders().to_vec();
+            for collider in colliders {
+                press.world.physics.colliders[collider].set_friction(0.0);
+            }
+        }
+        let first = press.bear().z;
+        press.run(2.0);
+        let slid = first - press.bear().z;
+        if slips {
+            assert!(slid > 0.02, "slid {slid} m at {share} of the limit");
+        } else {
+            assert!(slid < 2e-3, "slid {slid} m at {share} of the limit");
+        }
+    }
+}
+
+/// A box of 100 g on the bear's lap is carried, and the bear's reaction on the
+/// table is the weight of both.
+#[test]
+fn the_bear_carries_a_box() {
+    let half = [0.03, 0.03, 0.02];
+    let load = object(
+        "box",
+        at(0.3, -0.06, TABLE_TOP + 0.11),
+        0.1,
+        half,
+        Shape::Cuboid { half },
+    );
+    let bear = bear(at(0.3, 0.0, TABLE_TOP));
+    let weight = (bear.mass.expect("mass").mass + 0.1) * GRAVITY;
+    let (scene, placements) = scene(vec![floor(), table(0.0)], vec![bear, load]);
+    let model = model();
+    let home = model.settings.home;
+    let mut world =
+        World::new(&model, &scene, &placements, &at(-3.0, 0.0, 0.0), &home).expect("a world");
+    seconds(&mut world, 4.0, |_, _| {});
+    let snapshot = world.snapshot();
+    let speed = snapshot.objects[1].linear.norm();
+    assert!(speed < 5e-3, "the box moves at {speed} m/s");
+    assert!(
+        snapshot.objects[1].pose.translation.z > TABLE_TOP + 0.04,
+        "the box fell off"
+    );
+    let table: f64 = snapshot
+        .contacts
+        .iter()
+        .filter(|c| c.second == BodyRef::Furniture(1) && c.first != BodyRef::Object(1))
+        .map(|c| -c.force.z)
+        .sum();
+    assert!(
+        (table / weight - 1.0).abs() < 0.05,
+        "{table} N on the table, {weight} N of weight"
+    );
+}
+
+#[test]
+fn a_squeezed_bear_survives_saving() {
+    let mut first = press();
+    first.run(0.5);
+    first.close_to(0.05);
+    let saved = first.world.save();
+    let mut second = press();
+    second.run(0.1);
+    second.world.restore(&saved).expect("the same world");
+    for press in [&mut first, &mut second] {
+        press.carry(0.0, 0.1, 0.5);
+    }
+    assert_eq!(first.world.hash(), second.world.hash());
+    assert_eq!(first.world.snapshot().skins, second.world.snapshot().skins);
+}
+
+/// A state that is no number is reported and stays where it is.
+#[test]
+fn a_state_that_is_not_finite_is_reported() {
+    let mut press = press();
+    press.run(0.1);
+    press.world.soft[0].spoil();
+    press.run(0.1);
+    let snapshot = press.world.snapshot();
+    let own = crate::snapshot::Anomaly::NotFinite(BodyRef::Object(0));
+    assert_eq!(snapshot.anomalies, vec![own]);
+}

@@ -1,0 +1,167 @@
+//! Soft objects: stuffing of tetrahedra under a skin that touches the solids.
+//!
+//! A soft object is stepped before the engine: the solids are where they are
+//! and go on as fast as they go, the contact forces act on the soft object at
+//! the end of the tick and, reversed, on the solids during the engine's tick.
+//! Every vertex of the skin is a contact point. No vertex is ever attached.
+
+mod elastic;
+#[cfg(test)]
+mod laws;
+mod motion;
+mod touch;
+mod turn;
+
+use nalgebra::{Isometry3, Matrix3, Point3, Quaternion, Translation3, UnitQuaternion, Vector3};
+use rapier3d::prelude::PhysicsWorld;
+
+pub use elastic::{Elastic, Elasticity};
+pub use motion::State;
+use motion::{Scratch, step};
+use touch::{Bristles, Skin};
+
+use crate::geometry::tetrahedra::Tetrahedra;
+use crate::scene::{Body, Placement};
+use crate::snapshot::{BodyRef, BodyState, Contact, SoftSkin};
+
+/// One soft object of a scene.
+pub(super) struct SoftObject {
+    /// Index into `Scene::objects`.
+    pub object: usize,
+    body: Elastic,
+    skin: Skin,
+    pub friction: f64,
+    state: State,
+    bristles: Bristles,
+    contacts: Vec<Contact>,
+    scratch: Scratch,
+}
+
+/// What a saved world holds of a soft object.
+pub(super) type Saved = (State, Bristles);
+
+impl SoftObject {
+    /// The object at its place; `None` when it is a rigid one.
+    pub(super) fn placed(object: usize, body: &Body, placement: &Placement) -> Option<Self> {
+        let soft = body.soft.as_ref()?;
+        let skin = soft.plush.skin(soft.skin_pitch);
+        let stuffing = Tetrahedra::stuffing(&soft.plush, soft.stuffing_pitch);
+        let material = Elasticity {
+            young_modulus: soft.young_modulus,
+            poisson_ratio: soft.poisson_ratio,
+            damping: soft.damping,
+        };
+        let elastic = Elastic::new(&stuffing, &material, placement.mass);
+        Some(Self {
+            object,
+            state: State::placed(&elastic, &placement.pose),
+            skin: Skin::new(&stuffing, &skin),
+            body: elastic,
+            friction: placement.friction,
+            bristles: Bristles::default(),
+            contacts: Vec::new(),
+            scratch: Scratch::default(),
+        })
+    }
+
+    /// One tick of `h` seconds; pushes the solids that it touches.
+    pub(super) fn step(&mut self, physics: &mut PhysicsWorld, gravity: f64, h: f64) {
+        if !self.state.is_finite() {
+            return;
+        }
+        let near = self.skin.near(
+            &self.state,
+            &self.body,
+            &self.bristles,
+            physics,
+            self.friction,
+            h,
+        );
+        let fall = Vector3::z() * -gravity;
+        let masses = &self.body.masses;
+        let pressed = step(
+            &self.body,
+            &mut self.state,
+            &near.touches,
+            |i| fall * masses[i],
+            &[],
+            h,
+            &mut self.scratch,
+        );
+        self.bristles = near.bristles(&pressed);
+        self.contacts = near.contacts(BodyRef::Object(self.object), &pressed);
+        near.push(physics, &pressed);
+    }
+
+    /// Makes its state no number, to see what happens.
+    #[cfg(test)]
+    pub(super) fn spoil(&mut self) {
+        self.state.velocity[0].x = f64::NAN;
+    }
+
+    /// Its contacts in the last tick.
+    pub(super) fn contacts(&self) -> &[Contact] {
+        &self.contacts
+    }
+
+    /// The frame that fits it best, and its mean motion.
+    pub(super) fn frame(&self) -> BodyState {
+        let [x, y, z, w] = self.state.whole.xyzw();
+        let turn = UnitQuaternion::new_normalize(Quaternion::new(w, x, y, z));
+        let centre = self.body.centre(&self.state.position);
+        let rest = self.body.centre(&self.body.rest);
+        let origin = centre - turn * rest;
+        let mean = self.body.centre(&self.state.velocity);
+        let (mut spin, mut inertia) = (Vector3::zeros(), Matrix3::zeros());
+        for i in 0..self.body.nodes() {
+            let (r, m) = (self.state.position[i] - centre, self.body.masses[i]);
+            spin += r.cross(&(self.state.velocity[i] - mean)) * m;
+            inertia += (Matrix3::identity() * r.norm_squared() - r * r.transpose()) * m;
+        }
+        let angular = inertia.try_inverse().unwrap_or_default() * spin;
+        BodyState {
+            pose: Isometry3::from_parts(Translation3::from(origin), turn),
+            linear: mean + angular.cross(&(origin - centre)),
+            angular,
+        }
+    }
+
+    /// Where its skin is.
+    pub(super) fn skin(&self) -> SoftSkin {
+        let points = self.skin.points(&self.body, &self.state.position);
+        let (elastic_energy, kinetic_energy) = self.state.energy(&self.body);
+        SoftSkin {
+            elastic_energy,
+            kinetic_energy,
+            object: self.object,
+            vertices: points.iter().map(|p| Point3::from(p.cast())).collect(),
+        }
+    }
+
+    /// What the next tick depends on.
+    pub(super) fn save(&self) -> Saved {
+        (self.state.clone(), self.bristles.clone())
+    }
+
+    /// Takes over a saved state; says no when it is of another body.
+    #[must_use]
+    pub(super) fn restore(&mut self, (state, bristles): Saved) -> bool {
+        let fits = state.position.len() == self.state.position.len()
+            && state.velocity.len() == self.state.velocity.len()
+            && state.turns.len() == self.state.turns.len();
+        if fits {
+            self.state = state;
+            self.bristles = bristles;
+            self.contacts.clear();
+        }
+        fits
+    }
+
+    /// Numbers that take part in the state hash.
+    pub(super) fn bits(&self) -> impl Iterator<Item = u64> + '_ {
+        let nodes = self.state.position.iter().chain(&self.state.velocity);
+        let nodes = nodes.flat_map(|v| [v.x, v.y, v.z]);
+        let bristles = self.bristles.numbers();
+        nodes.chain(bristles).map(f64::to_bits)
+    }
+}

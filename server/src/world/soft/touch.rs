@@ -1,0 +1,267 @@
+//! Where the skin of a soft object meets the engine's solids.
+
+use std::collections::BTreeMap;
+
+use nalgebra::{Isometry3, Point3, Vector3};
+use rapier3d::geometry::ColliderHandle;
+use rapier3d::prelude::{PhysicsWorld, RigidBodyHandle};
+use serde::{Deserialize, Serialize};
+
+use super::super::contact::body_of;
+use super::super::convert::{from_pose, from_vector, point as to_engine, vector};
+use super::elastic::Elastic;
+use super::motion::{Pressed, State, Touch};
+use crate::geometry::plush;
+use crate::geometry::tetrahedra::{Embedded, Tetrahedra};
+use crate::snapshot::{BodyRef, Contact};
+
+/// Pressure over depth of the skin's foundation, N/m³: 10 kPa press it in by
+/// 1 mm, so that the stuffing and not the skin gives way.
+const FOUNDATION: f64 = 1e7;
+/// Points nearer than this may touch within a tick, metres.
+const MARGIN: f64 = 0.006;
+
+/// Vertex of the skin, index and generation of a collider.
+type Key = (u32, u32, u32);
+
+/// Where each touching vertex holds on to its solid, in the solid's frame, metres.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub(crate) struct Bristles(BTreeMap<Key, [f64; 3]>);
+
+impl Bristles {
+    /// All their numbers.
+    pub(super) fn numbers(&self) -> impl Iterator<Item = f64> + '_ {
+        self.0.values().flatten().copied()
+    }
+}
+
+/// The skin: its vertices in the stuffing, and the foundation under each.
+#[derive(Clone, Debug)]
+pub(super) struct Skin {
+    places: Vec<Embedded>,
+    stiffness: Vec<f64>,
+}
+
+/// The touches of one tick, with what each touches.
+pub(super) struct Near {
+    pub touches: Vec<Touch>,
+    met: Vec<Met>,
+}
+
+/// What a touch meets.
+struct Met {
+    key: Key,
+    /// Place of the vertex, metres.
+    point: Vector3<f64>,
+    house_from_solid: Isometry3<f64>,
+    body: Option<RigidBodyHandle>,
+    reference: BodyRef,
+}
+
+/// A solid near the soft object.
+struct Solid<'a> {
+    handle: ColliderHandle,
+    collider: &'a rapier3d::prelude::Collider,
+    house_from_solid: Isometry3<f64>,
+    low: Vector3<f64>,
+    high: Vector3<f64>,
+    friction: f64,
+    linear: Vector3<f64>,
+    angular: Vector3<f64>,
+    centre: Vector3<f64>,
+}
+
+impl Skin {
+    pub(super) fn new(stuffing: &Tetrahedra, skin: &plush::Skin) -> Self {
+        Self {
+            places: stuffing.embed(&skin.positions),
+            stiffness: skin.areas().iter().map(|a| a * FOUNDATION).collect(),
+        }
+    }
+
+    /// Where the vertices are with the nodes at positions, or how fast with velocities.
+    pub(super) fn points(&self, body: &Elastic, of: &[Vector3<f64>]) -> Vec<Vector3<f64>> {
+        let point = |e: &Embedded| {
+            let nodes = body.cells[e.cell].nodes.iter().zip(&e.weights);
+            nodes.map(|(i, w)| of[*i] * *w).sum()
+        };
+        self.places.iter().map(point).collect()
+    }
+
+    /// The vertices that may touch a solid within a tick of `h` seconds.
+    pub(super) fn near(
+        &self,
+        state: &State,
+        body: &Elastic,
+        bristles: &Bristles,
+        physics: &PhysicsWorld,
+        friction: f64,
+        h: f64,
+    ) -> Near {
+        let points = self.points(body, &state.position);
+        let fastest = state
+            .velocity
+            .iter()
+            .map(Vector3::norm_squared)
+            .fold(0.0, f64::max)
+            .sqrt();
+        let margin = MARGIN + fastest * h;
+        let mut low = Vector3::repeat(f64::INFINITY);
+        let mut high = -low;
+        for p in &points {
+            low = low.inf(p);
+            high = high.sup(p);
+        }
+        let mut near = Near {
+            touches: Vec::new(),
+            met: Vec::new(),
+        };
+        for solid in solids(physics, &low, &high, margin, friction) {
+            for (i, p) in points.iter().enumerate() {
+                if (0..3).any(|a| p[a] < solid.low[a] || p[a] > solid.high[a]) {
+                    continue;
+                }
+                let Some((gap, normal)) = solid.gap(p, margin) else {
+                    continue;
+                };
+                let (index, generation) = solid.handle.into_raw_parts();
+                let key = (i as u32, index, generation);
+                let anchor = bristles.0.get(&key).map(|local| {
+                    let house = solid.house_from_solid * Point3::from(*local);
+                    house.coords
+                });
+                near.touches.push(Touch {
+                    cell: self.places[i].cell,
+                    weights: self.places[i].weights,
+                    stiffness: self.stiffness[i],
+                    friction: solid.friction,
+                    normal,
+                    gap,
+                    anchor,
+                    solid: solid.linear + solid.angular.cross(&(p - solid.centre)),
+                });
+                near.met.push(Met {
+                    key,
+                    point: *p,
+                    house_from_solid: solid.house_from_solid,
+                    body: solid.collider.parent(),
+                    reference: body_of(solid.collider.user_data),
+                });
+            }
+        }
+        near
+    }
+}
+
+/// The solids whose boxes reach into a box.
+fn solids<'a>(
+    physics: &'a PhysicsWorld,
+    low: &Vector3<f64>,
+    high: &Vector3<f64>,
+    margin: f64,
+    friction: f64,
+) -> Vec<Solid<'a>> {
+    let mut solids = Vec::new();
+    for (handle, collider) in physics.colliders.iter() {
+        let body = collider.parent().map(|b| &physics.bodies[b]);
+        if !collider.is_enabled() || body.is_some_and(|b| !b.is_enabled()) {
+            continue;
+        }
+        let aabb = collider.compute_aabb();
+        let reach = Vector3::repeat(margin);
+        let (from, to) = (
+            from_vector(aabb.mins) - reach,
+            from_vector(aabb.maxs) + reach,
+        );
+        if (0..3).any(|a| high[a] < from[a] || low[a] > to[a]) {
+            continue;
+        }
+        let zero = Vector3::zeros();
+        solids.push(Solid {
+            handle,
+            collider,
+            house_from_solid: from_pose(collider.position()),
+            low: from,
+            high: to,
+            // The plush side decides: the larger coefficient counts.
+            friction: friction.max(f64::from(collider.friction())),
+            linear: body.map_or(zero, |b| from_vector(b.linvel())),
+            angular: body.map_or(zero, |b| from_vector(b.angvel())),
+            centre: body.map_or(zero, |b| from_vector(b.center_of_mass())),
+        });
+    }
+    solids
+}
+
+impl Solid<'_> {
+    /// Signed distance of a point and the direction away from the solid;
+    /// `None` when it is further away than `margin`.
+    fn gap(&self, p: &Vector3<f64>, margin: f64) -> Option<(f64, Vector3<f64>)> {
+        let local = self
+            .house_from_solid
+            .inverse_transform_point(&Point3::from(*p));
+        // Rounded as the engine does, or a point on a face would see no normal.
+        let local = to_engine(&local);
+        let found = self.collider.shape().project_local_point(local, false);
+        let away = from_vector(local - found.point);
+        let distance = away.norm();
+        if !found.is_inside && distance > margin {
+            return None;
+        }
+        let side = if found.is_inside { -1.0 } else { 1.0 };
+        let normal = (away * side).try_normalize(1e-7)?;
+        Some((side * distance, self.house_from_solid.rotation * normal))
+    }
+}
+
+impl Near {
+    /// The bristles after the tick.
+    pub(super) fn bristles(&self, pressed: &[Pressed]) -> Bristles {
+        let held = self.met.iter().zip(pressed).filter_map(|(met, pressed)| {
+            let local = met
+                .house_from_solid
+                .inverse_transform_point(&Point3::from(pressed.anchor?));
+            Some((met.key, local.coords.into()))
+        });
+        Bristles(held.collect())
+    }
+
+    /// The contacts of `own` in the tick, summed per body.
+    pub(super) fn contacts(&self, own: BodyRef, pressed: &[Pressed]) -> Vec<Contact> {
+        let mut sums: BTreeMap<BodyRef, (Vector3<f64>, Vector3<f64>, f64)> = BTreeMap::new();
+        for (met, pressed) in self.met.iter().zip(pressed) {
+            let weight = pressed.force.norm();
+            if weight > 0.0 {
+                let sum = sums.entry(met.reference).or_default();
+                sum.0 += pressed.force;
+                sum.1 += met.point * weight;
+                sum.2 += weight;
+            }
+        }
+        let contact = |(other, (force, point, weight)): (BodyRef, _)| {
+            let point: Vector3<f64> = point;
+            let sign = if other < own { 1.0 } else { -1.0 };
+            Contact {
+                first: other.min(own),
+                second: other.max(own),
+                point: point / weight,
+                force: force * sign,
+            }
+        };
+        sums.into_iter().map(contact).collect()
+    }
+
+    /// Pushes the solids back, for the engine's coming tick.
+    pub(super) fn push(&self, physics: &mut PhysicsWorld, pressed: &[Pressed]) {
+        for (met, pressed) in self.met.iter().zip(pressed) {
+            let Some(handle) = met.body else { continue };
+            if pressed.force == Vector3::zeros() {
+                continue;
+            }
+            let body = &mut physics.bodies[handle];
+            if body.is_dynamic() {
+                body.add_force_at_point(vector(&-pressed.force), vector(&met.point), true);
+            }
+        }
+    }
+}
