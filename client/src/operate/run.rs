@@ -8,7 +8,7 @@ use wheelarm_proto::check::Invalid;
 use wheelarm_proto::keys::Query;
 use wheelarm_proto::v1;
 
-use super::grasp::Reach;
+use super::dock::Reach;
 use super::observation::{self, Collector};
 use super::operator::{Operator, Outcome};
 use super::scene::{SceneModel, write_pose};
@@ -233,7 +233,7 @@ pub fn run(
             answered = Some(header.tick);
             continue;
         };
-        let act = operator.step(&seen, &mut reach);
+        let (act, outcome) = operator.step(&seen, &mut reach);
         if let Some(error) = reach.error.take() {
             return Err(error.into());
         }
@@ -246,7 +246,7 @@ pub fn run(
             seen.chair_speed,
             seen.knuckle,
             seen.pad_force,
-            operator.target_in_hand(&seen),
+            operator.thing_in_hand(&seen),
             act.base,
             seen.arm_problem,
         );
@@ -259,7 +259,7 @@ pub fn run(
             factor: clock.real_time_factor,
             notes: &notes,
         });
-        if let Some(outcome) = act.outcome {
+        if let Some(outcome) = outcome {
             break outcome;
         }
     };

@@ -5,8 +5,18 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 use super::drive::DriveLimits;
-use super::grasp::GraspStyle;
 use super::route::RouteStyle;
+
+/// How the hand takes things.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct GraspStyle {
+    /// The hand starts its straight way in this far before the grasp, metres.
+    pub standoff: f64,
+    /// Distance from the arm's base to the thing on the floor plan, metres.
+    pub distance: f64,
+    /// The thing is raised by this much, metres.
+    pub lift: f64,
+}
 
 /// What differs between one operator and another.
 #[derive(Clone, Copy, Debug, PartialEq)]
