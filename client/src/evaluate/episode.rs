@@ -13,6 +13,9 @@ use crate::local::{self, LocalServer, Program};
 use crate::operate::operator::Outcome;
 use crate::operate::run::{self as operate, OperateArgs};
 
+/// Cameras of a recording when none are named.
+const CAMERAS: [&str; 2] = ["gen3=640x360@10", "wheelchair=640x360@10"];
+
 /// One condition of the task at the end.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Condition {
@@ -92,13 +95,10 @@ impl Worker {
     /// # Errors
     /// When one of them does not start.
     pub fn start(args: &EvaluateArgs, job: &Job, index: usize) -> anyhow::Result<Self> {
-        let cameras = if args.record {
-            vec![
-                "gen3=640x360@10".to_owned(),
-                "wheelchair=640x360@10".to_owned(),
-            ]
-        } else {
-            Vec::new()
+        let cameras = match (args.record, args.camera.is_empty()) {
+            (false, _) => Vec::new(),
+            (true, true) => CAMERAS.map(str::to_owned).to_vec(),
+            (true, false) => args.camera.clone(),
         };
         let server = LocalServer::start(&args.server(&job.task, job.seed, cameras))?;
         let link = server.link()?;

@@ -44,10 +44,13 @@ pub struct EvaluateArgs {
     /// Folder for the results; an interrupted run in it goes on.
     #[arg(long, default_value = "data/evaluate")]
     pub out: PathBuf,
-    /// Records every episode as an HDF5 file into the folder, with both robot
-    /// cameras at 640x360 and 10 Hz.
+    /// Records every episode as an HDF5 file into the folder.
     #[arg(long)]
     pub record: bool,
+    /// Camera of the recordings, `NAME=WIDTHxHEIGHT@HZ`, may be given several
+    /// times; both robot cameras at 640x360@10 when absent.
+    #[arg(long, requires = "record", value_name = "CAMERA")]
+    pub camera: Vec<String>,
     /// No picture of the end of each task.
     #[arg(long)]
     pub no_grid: bool,

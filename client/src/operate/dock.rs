@@ -10,8 +10,13 @@ use super::way::Way;
 
 /// Answers whether the end effector can reach a pose in `base_link`.
 pub trait Reach {
-    /// Joint angles that reach it, radians; `None` when it cannot be reached.
-    fn reach(&mut self, base_from_tool: &Isometry3<f64>) -> Option<[f64; 6]>;
+    /// Joint angles that reach it, radians, found near others if those are
+    /// given and else near the present ones; `None` when it cannot be reached.
+    fn reach(
+        &mut self,
+        base_from_tool: &Isometry3<f64>,
+        near: Option<&[f64; 6]>,
+    ) -> Option<[f64; 6]>;
 }
 
 /// A place to stop for a way of the hand.
@@ -35,8 +40,10 @@ const FURTHEST: f64 = 0.88;
 const STEP: f64 = 0.025;
 /// A hand from above is best this much nearer than a level one, metres.
 const NEARER: f64 = 0.14;
-/// Greatest change of a joint between two poses of a way, radians: more means
-/// that the arm would have to fold over.
+/// Poses of a way are looked at every so many metres.
+const SAMPLE: f64 = 0.10;
+/// Greatest change of a joint between two of them, radians: more means that
+/// the arm would have to fold over.
 const JOINT_CHANGE: f64 = 1.0;
 
 /// Places to stop, best first, the object `distance` metres from the arm's
@@ -92,31 +99,57 @@ pub fn docks(scene: &SceneModel, chair: &Pose2, ways: &[Way], distance: f64) -> 
     docks
 }
 
-/// Whether the arm of a chair at `house_from_chair` reaches all `poses` of the
-/// end effector in `house` one after another without folding over.
+/// Whether the arm, from where it is, reaches all `poses` of the end effector
+/// in `base_link` one after another, on straight lines, without folding over.
 pub fn reaches(
+    base_from_tool: &Isometry3<f64>,
+    poses: &[Isometry3<f64>],
+    reach: &mut dyn Reach,
+) -> bool {
+    // What cannot be reached at all is found out first.
+    if poses.iter().any(|pose| reach.reach(pose, None).is_none()) {
+        return false;
+    }
+    let Some(mut near) = reach.reach(base_from_tool, None) else {
+        return false;
+    };
+    let mut start = *base_from_tool;
+    for pose in poses {
+        let length = (pose.translation.vector - start.translation.vector)
+            .norm()
+            .max(0.3 * start.rotation.angle_to(&pose.rotation));
+        let samples = (length / SAMPLE).ceil().max(1.0) as usize;
+        for sample in 1..=samples {
+            let at = start.lerp_slerp(pose, sample as f64 / samples as f64);
+            let Some(joints) = reach.reach(&at, Some(&near)) else {
+                return false;
+            };
+            let folds = near
+                .iter()
+                .zip(&joints)
+                .any(|(a, b)| wrap(a - b).abs() > JOINT_CHANGE);
+            if folds {
+                return false;
+            }
+            near = joints;
+        }
+        start = *pose;
+    }
+    true
+}
+
+/// Whether the arm of a chair at `house_from_chair` with the end effector at
+/// `base_from_tool` reaches `poses` in `house` one after another.
+pub fn reaches_from(
     scene: &SceneModel,
     house_from_chair: &Isometry3<f64>,
+    base_from_tool: &Isometry3<f64>,
     poses: &[Isometry3<f64>],
     reach: &mut dyn Reach,
 ) -> bool {
     let base_from_house = (house_from_chair * scene.chair_from_base).inverse();
-    let mut last: Option<[f64; 6]> = None;
-    for pose in poses {
-        let Some(joints) = reach.reach(&(base_from_house * pose)) else {
-            return false;
-        };
-        let folds = last.is_some_and(|last| {
-            last.iter()
-                .zip(&joints)
-                .any(|(a, b)| wrap(a - b).abs() > JOINT_CHANGE)
-        });
-        if folds {
-            return false;
-        }
-        last = Some(joints);
-    }
-    true
+    let poses: Vec<_> = poses.iter().map(|pose| base_from_house * pose).collect();
+    reaches(base_from_tool, &poses, reach)
 }
 
 /// `wheelchair_root` in `house` for a place on the floor.

@@ -309,9 +309,14 @@ struct RemoteReach<'a> {
 }
 
 impl Reach for RemoteReach<'_> {
-    fn reach(&mut self, base_from_tool: &Isometry3<f64>) -> Option<[f64; 6]> {
+    fn reach(
+        &mut self,
+        base_from_tool: &Isometry3<f64>,
+        near: Option<&[f64; 6]>,
+    ) -> Option<[f64; 6]> {
         let request = v1::ReachRequest {
             pose: Some(write_pose(base_from_tool)),
+            near: near.map(|joints| joints.to_vec()).unwrap_or_default(),
         };
         match self.link.query::<v1::ReachReply>(Query::Reach, &request) {
             Ok(reply) if reply.reachable => reply.joints.as_slice().try_into().ok(),

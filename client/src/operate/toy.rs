@@ -23,7 +23,11 @@ struct Shell {
 }
 
 impl Reach for Shell {
-    fn reach(&mut self, base_from_tool: &Isometry3<f64>) -> Option<[f64; 6]> {
+    fn reach(
+        &mut self,
+        base_from_tool: &Isometry3<f64>,
+        _near: Option<&[f64; 6]>,
+    ) -> Option<[f64; 6]> {
         let shoulder = Vector3::new(0.0, -0.005, 0.285);
         let length = (base_from_tool.translation.vector - shoulder).norm();
         (0.40..self.longest).contains(&length).then_some([0.0; 6])

@@ -25,8 +25,7 @@ impl Skill for Carry {
             let level = Vector3::new(back.x, back.y, 0.0);
             let way = if level.norm() > 0.5 { level } else { chair };
             let stop = Translation3::from(way.normalize() * now.style.retract) * at;
-            let base_from_house = now.scene.house_from_base(now.seen).inverse();
-            if now.reach.reach(&(base_from_house * stop)).is_none() {
+            if !now.reaches(&[stop]) {
                 return Step::Done;
             }
             self.motion = Some(Motion::new(now, &[(stop, now.style.carry_speed)]));

@@ -70,7 +70,6 @@ fn stops(now: &mut Now<'_>) -> Vec<Isometry3<f64>> {
     if first >= whole {
         return vec![up(whole) * start];
     }
-    let base_from_house = now.scene.house_from_base(now.seen).inverse();
     let back = start.rotation * -Vector3::z();
     let level = Vector3::new(back.x, back.y, 0.0);
     let level = level / level.norm().max(1e-9);
@@ -78,10 +77,7 @@ fn stops(now: &mut Now<'_>) -> Vec<Isometry3<f64>> {
     for out in OUT {
         let drawn = Translation3::from(level * out) * low;
         let raised = up(whole - first) * drawn;
-        let reached = [drawn, raised]
-            .iter()
-            .all(|pose| now.reach.reach(&(base_from_house * pose)).is_some());
-        if reached {
+        if now.reaches(&[low, drawn, raised]) {
             return vec![low, drawn, raised];
         }
     }

@@ -16,7 +16,7 @@ pub mod watch;
 use nalgebra::Isometry3;
 use wheelarm_proto::v1::Phase;
 
-use super::dock::Reach;
+use super::dock::{self, Reach};
 use super::goal::Goal;
 use super::observation::Observation;
 use super::scene::SceneModel;
@@ -147,6 +147,17 @@ impl Now<'_> {
             .base_from_desired
             .unwrap_or(self.seen.base_from_tool);
         self.scene.house_from_base(self.seen) * desired
+    }
+
+    /// Whether the arm, from where the end effector is meant to be, reaches
+    /// `poses` in `house` one after another without folding over.
+    pub fn reaches(&mut self, poses: &[Isometry3<f64>]) -> bool {
+        let tool = self
+            .seen
+            .base_from_desired
+            .unwrap_or(self.seen.base_from_tool);
+        let chair = self.seen.house_from_chair;
+        dock::reaches_from(self.scene, &chair, &tool, poses, self.reach)
     }
 
     /// Leaves a note.

@@ -204,7 +204,8 @@ fn find(now: &mut Now<'_>, purpose: Purpose) -> Result<Drive, String> {
                 looked += 1;
                 tried += 1;
                 let at = dock::standing(&dock.chair);
-                if !dock::reaches(now.scene, &at, poses, now.reach) {
+                let tool = now.seen.base_from_tool;
+                if !dock::reaches_from(now.scene, &at, &tool, poses, now.reach) {
                     reasons[0] += 1;
                     refused.push((dock.chair, dock.way));
                     continue;

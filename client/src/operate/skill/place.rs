@@ -7,7 +7,6 @@ use wheelarm_proto::v1::Phase;
 use super::motion::{Motion, Progress};
 use super::{Act, Now, Skill, Step};
 use crate::operate::clearance::held_balls;
-use crate::operate::dock;
 use crate::operate::goal::Goal;
 use crate::operate::hand::OPEN;
 use crate::operate::way::Way;
@@ -178,10 +177,6 @@ fn choose(now: &mut Now<'_>) -> Option<(Way, Vec<Isometry3<f64>>)> {
     let balls = held_balls(&now.scene.items[item].blocks, &held);
     let mut fallback = None;
     for way in ways(now, &held, width) {
-        let poses = [way.before, way.at];
-        if !dock::reaches(now.scene, &now.seen.house_from_chair, &poses, now.reach) {
-            continue;
-        }
         let around = now
             .scene
             .around(&[start, way.before], now.poses, Some(item));
@@ -192,16 +187,18 @@ fn choose(now: &mut Now<'_>) -> Option<(Way, Vec<Isometry3<f64>>)> {
                 && stops
                     .windows(2)
                     .all(|leg| around.is_free(&balls, &leg[0], &leg[1], 0.0));
-            if is_free {
-                let stops = if height > 0.0 {
-                    &stops[1..]
-                } else {
-                    &stops[3..]
-                };
+            let stops = if height > 0.0 {
+                &stops[1..]
+            } else {
+                &stops[3..]
+            };
+            if is_free && now.reaches(&[stops, &[way.at]].concat()) {
                 return Some((way, stops.to_vec()));
             }
         }
-        fallback.get_or_insert((way, vec![way.before]));
+        if fallback.is_none() && now.reaches(&[way.before, way.at]) {
+            fallback = Some((way, vec![way.before]));
+        }
     }
     fallback
 }

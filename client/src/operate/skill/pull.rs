@@ -6,7 +6,6 @@ use wheelarm_proto::v1::Phase;
 
 use super::motion::{Motion, Progress};
 use super::{Act, Now, Skill, Step};
-use crate::operate::dock;
 use crate::operate::goal::Goal;
 
 /// The slide is drawn further than asked by this much, metres.
@@ -74,10 +73,9 @@ impl Skill for Pull {
                 let axis = now.scene.slides[slide].axis;
                 let pulled =
                     |share: f64| Translation3::from(axis.scale(left.max(0.0) * share)) * start;
-                let share = SHARES.into_iter().find(|share| {
-                    let poses = [start, pulled(share / 2.0), pulled(*share)];
-                    dock::reaches(now.scene, &now.seen.house_from_chair, &poses, now.reach)
-                });
+                let share = SHARES
+                    .into_iter()
+                    .find(|share| now.reaches(&[pulled(*share)]));
                 self.state = match share {
                     Some(share) => {
                         let stop = (pulled(share), 0.7 * now.style.carry_speed);

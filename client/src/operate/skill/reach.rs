@@ -6,7 +6,6 @@ use wheelarm_proto::v1::Phase;
 
 use super::motion::{Motion, Progress};
 use super::{Act, Now, Skill, Step};
-use crate::operate::dock;
 use crate::operate::goal::Goal;
 use crate::operate::ground::wrap;
 use crate::operate::tool_path::distance;
@@ -118,9 +117,6 @@ fn choose(now: &mut Now<'_>) -> Option<(Way, Vec<Isometry3<f64>>)> {
         };
         ways.sort_by(|a, b| rank(a).total_cmp(&rank(b)));
         for way in ways.into_iter().take(LOOKS) {
-            if !can_do(now, &way) {
-                continue;
-            }
             if let Some(stops) = way_to(now, &start, &way, margin) {
                 return Some((way, stops));
             }
@@ -129,8 +125,8 @@ fn choose(now: &mut Now<'_>) -> Option<(Way, Vec<Isometry3<f64>>)> {
     None
 }
 
-/// Whether the arm does the whole way and can raise or pull what it takes.
-fn can_do(now: &mut Now<'_>, way: &Way) -> bool {
+/// Poses after the one before the thing: in, and what comes then.
+fn way_in(now: &Now<'_>, way: &Way) -> [Isometry3<f64>; 2] {
     let further = match now.goal {
         Goal::Lift { .. } | Goal::Put { .. } => {
             Translation3::new(0.0, 0.0, now.style.grasp.lift) * way.at
@@ -140,9 +136,7 @@ fn can_do(now: &mut Now<'_>, way: &Way) -> bool {
             Translation3::from(axis.scale(0.06)) * way.at
         }
     };
-    let middle = way.before.lerp_slerp(&way.at, 0.5);
-    let poses = [way.before, middle, way.at, further];
-    dock::reaches(now.scene, &now.seen.house_from_chair, &poses, now.reach)
+    [way.at, further]
 }
 
 /// Stops of a free way of the hand in `house`: straight, or over the things.
@@ -156,30 +150,20 @@ fn way_to(
     let around = now
         .scene
         .around(&[*start, way.before, above(0.2)], now.poses, None);
-    let free = |stops: &[Isometry3<f64>]| around.hand_is_free(way.opening, stops, margin);
-    let base_from_house = now.scene.house_from_base(now.seen).inverse();
-    if free(&[*start, way.before]) {
-        let middle = start.lerp_slerp(&way.before, 0.5);
-        if now.reach.reach(&(base_from_house * middle)).is_some() {
-            return Some(vec![way.before]);
-        }
+    // Straight, over the things, or first back to where the hand began.
+    let home = now
+        .memory
+        .home
+        .map(|home| now.scene.house_from_base(now.seen) * home);
+    let mut routes = vec![vec![way.before]];
+    routes.extend(OVER.map(|height| vec![above(height), way.before]));
+    if let Some(home) = home {
+        routes.extend(OVER.map(|height| vec![home, above(height), way.before]));
     }
-    for height in OVER {
-        let above = above(height);
-        if free(&[*start, above, way.before])
-            && now.reach.reach(&(base_from_house * above)).is_some()
-        {
-            return Some(vec![above, way.before]);
-        }
-    }
-    // First back to where the hand began, then over the things.
-    let home = now.scene.house_from_base(now.seen) * now.memory.home?;
-    for height in OVER {
-        let above = above(height);
-        if free(&[home, above, way.before]) && now.reach.reach(&(base_from_house * above)).is_some()
-        {
-            return Some(vec![home, above, way.before]);
-        }
-    }
-    None
+    let [at, further] = way_in(now, way);
+    routes.into_iter().find(|stops| {
+        let line = [&[*start], &stops[..]].concat();
+        let reached = [&stops[..], &[at, further]].concat();
+        around.hand_is_free(way.opening, &line, margin) && now.reaches(&reached)
+    })
 }
