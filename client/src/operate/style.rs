@@ -29,6 +29,8 @@ pub struct Style {
     pub grasp: GraspStyle,
     /// Peak speed of the hand in free space, m/s.
     pub free_speed: f64,
+    /// The hand's way in free space is arched by this share of its length.
+    pub arch: f64,
     /// Peak speed of the hand on its way in, m/s.
     pub approach_speed: f64,
     /// Peak speed of the hand with the object, m/s.
@@ -66,6 +68,7 @@ impl Style {
             approach_speed: draw(0.10, 0.14),
             carry_speed: draw(0.16, 0.22),
             retract: draw(0.08, 0.13),
+            arch: draw(0.0, 0.05),
             force: 40.0,
         }
     }

@@ -33,6 +33,12 @@ impl Motion {
     /// with the peak speed of the leg to it, m/s.
     #[must_use]
     pub fn new(now: &Now<'_>, stops: &[(Isometry3<f64>, f64)]) -> Self {
+        Self::arched(now, stops, 0.0)
+    }
+
+    /// The same, each leg arched upwards by the share `arch` of its length.
+    #[must_use]
+    pub fn arched(now: &Now<'_>, stops: &[(Isometry3<f64>, f64)], arch: f64) -> Self {
         let base_from_house = now.scene.house_from_base(now.seen).inverse();
         let stops: Vec<_> = stops
             .iter()
@@ -43,7 +49,7 @@ impl Motion {
             .base_from_desired
             .unwrap_or(now.seen.base_from_tool);
         Self {
-            path: ToolPath::new(start, &stops),
+            path: ToolPath::arched(start, &stops, arch),
             begun: now.seen.time,
         }
     }

@@ -46,7 +46,7 @@ impl Reach {
             .into_iter()
             .map(|pose| (pose, now.style.free_speed))
             .collect();
-        self.state = State::Before(Motion::new(now, &stops));
+        self.state = State::Before(Motion::arched(now, &stops, now.style.arch));
         now.memory.way = Some(way);
         Step::Going(Act {
             opening: Some(way.opening),
