@@ -5,6 +5,7 @@
 
 pub mod control;
 pub mod demo;
+pub mod evaluate;
 pub mod link;
 pub mod local;
 pub mod operate;

@@ -8,6 +8,7 @@ use std::process::ExitCode;
 use clap::{Parser, Subcommand};
 use wheelarm_client::control::{self, EpisodeCommand, ResetArgs};
 use wheelarm_client::demo::{self, DemoArgs};
+use wheelarm_client::evaluate::{self, EvaluateArgs};
 use wheelarm_client::link::{ConnectArgs, Link};
 use wheelarm_client::operate::operator::Outcome;
 use wheelarm_client::operate::run::{self as operate, OperateArgs};
@@ -46,6 +47,8 @@ enum Command {
     Operate(OperateArgs),
     /// Records an episode with a server, a recorder and the operator of its own.
     Demo(DemoArgs),
+    /// Does tasks over many seeds and counts the successes.
+    Evaluate(EvaluateArgs),
     /// Does a recorded episode again, bit by bit, and can record it anew.
     Replay(ReplayArgs),
     /// Ends the server.
@@ -88,6 +91,7 @@ fn run(cli: Cli) -> anyhow::Result<ExitCode> {
         Command::Episode(command) => control::episode(&link()?, command)?,
         Command::Record(args) => return record_episodes(&link()?, args),
         Command::Demo(args) => return demo::run(args),
+        Command::Evaluate(args) => return evaluate::run(args),
         Command::Replay(args) => return replay::run(args),
         Command::Operate(args) => return run_operator(&link()?, args),
         Command::Shutdown => control::acknowledge(&link()?, Query::Shutdown)?,

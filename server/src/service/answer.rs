@@ -247,7 +247,10 @@ impl Engine {
     fn reach(&self, request: v1::ReachRequest) -> Result<v1::ReachReply, String> {
         let pose = convert::isometry("pose", request.pose.as_ref()).map_err(|e| e.to_string())?;
         let joints = self.sim.recorded_joints();
-        let guess = std::array::from_fn(|i| joints[ARM_JOINTS.start + i].position);
+        let guess = match request.near.as_slice() {
+            [] => std::array::from_fn(|i| joints[ARM_JOINTS.start + i].position),
+            near => wheelarm_proto::check::list::<6>("near", near).map_err(|e| e.to_string())?,
+        };
         let solved = self.sim.control().kinematics().solve(&pose, &guess);
         let header = Some(self.stamp());
         Ok(match solved {

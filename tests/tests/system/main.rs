@@ -4,4 +4,5 @@
 mod episode;
 mod gate;
 mod recorder;
+mod tasks;
 mod tidy;
