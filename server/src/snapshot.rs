@@ -55,6 +55,18 @@ pub struct BodyState {
     pub angular: Vector3<f64>,
 }
 
+impl BodyState {
+    /// A body at rest.
+    #[must_use]
+    pub fn resting(pose: Isometry3<f64>) -> Self {
+        Self {
+            pose,
+            linear: Vector3::zeros(),
+            angular: Vector3::zeros(),
+        }
+    }
+}
+
 /// A body that can touch another.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum BodyRef {

@@ -42,7 +42,11 @@ pub fn moving(robot: &RobotModel, scene: &Scene, time: f64) -> Snapshot {
             .collect(),
         objects,
         furniture_joints: Vec::new(),
-        sliding: Vec::new(),
+        sliding: scene
+            .joints
+            .iter()
+            .map(|joint| BodyState::resting(scene.furniture[joint.furniture].pose))
+            .collect(),
         contacts: Vec::new(),
         anomalies: Vec::new(),
     }
