@@ -12,7 +12,7 @@ use crate::operate::ground::{Ground, Pose2};
 use crate::operate::route::{self, Piece, Route, RouteStyle};
 use crate::operate::way::{self, MARGINS, Way};
 
-use super::place;
+use super::{lift, place};
 
 /// Places that are checked for reach and route per stop.
 const PLACES: usize = 120;
@@ -109,34 +109,38 @@ impl Skill for Navigate {
     }
 }
 
-/// Poses of the hand that a place to stop has to reach, in `house`; the best
-/// list first. `None` in the list of things to reach leaves the rest open.
-fn wanted(now: &Now<'_>, way: &Way, purpose: Purpose) -> Vec<Vec<Isometry3<f64>>> {
-    let up = |height: f64| Translation3::new(0.0, 0.0, height);
-    let way_in = vec![way.before, way.before.lerp_slerp(&way.at, 0.5), way.at];
+/// Poses of the hand in `house` that an arm with its base at `house_from_base`
+/// has to reach; the list of which most comes true first.
+fn wanted(
+    now: &Now<'_>,
+    way: &Way,
+    purpose: Purpose,
+    house_from_base: &Isometry3<f64>,
+) -> Vec<Vec<Isometry3<f64>>> {
+    let way_in = [way.before, way.at];
     if purpose == Purpose::Put {
-        return vec![way_in];
+        return vec![way_in.to_vec()];
     }
-    let lift = now.style.grasp.lift;
+    let height = lift::height(now.goal, now.style.grasp.lift);
     let with = |more: &[Isometry3<f64>]| [&way_in[..], more].concat();
+    let raised = lift::ways_up(house_from_base, &way.at, height);
     match now.goal {
         Goal::Lift { .. } => {
-            let raised = up(lift) * way.at;
-            let back = raised * Translation3::new(0.0, 0.0, -now.style.retract);
-            vec![
-                with(&[up(lift / 2.0) * way.at, raised, back]),
-                with(&[up(lift / 2.0) * way.at, raised]),
-            ]
+            let back = Translation3::new(0.0, 0.0, height)
+                * way.at
+                * Translation3::new(0.0, 0.0, -now.style.retract);
+            let mut lists: Vec<_> = raised.iter().map(|up| with(up)).collect();
+            lists.insert(0, [&lists[0][..], &[back]].concat());
+            lists
         }
         Goal::Put { .. } => {
-            let raised = [up(lift / 2.0) * way.at, up(lift) * way.at];
             let held = way.at.inv_mul(&now.thing());
-            let mut lists: Vec<_> = place::ways(now, &held, way.width)
-                .iter()
-                .map(|put| with(&[raised[0], raised[1], put.before, put.at]))
-                .collect();
-            lists.push(with(&raised));
-            lists
+            let puts = place::ways(now, &held, way.width);
+            let both = raised.iter().take(2).flat_map(|up| {
+                puts.iter()
+                    .map(move |put| [&way_in[..], up, &[put.before, put.at]].concat())
+            });
+            both.chain(raised.iter().map(|up| with(up))).collect()
         }
         Goal::Open {
             slide, position, ..
@@ -147,7 +151,7 @@ fn wanted(now: &Now<'_>, way: &Way, purpose: Purpose) -> Vec<Vec<Isometry3<f64>>
                 let way_out = (position + 0.02 - slide_now).max(0.0) * share;
                 Translation3::from(axis.scale(way_out)) * way.at
             };
-            vec![with(&[pulled(0.5), pulled(1.0)]), with(&[pulled(0.3)])]
+            vec![with(&[pulled(1.0)]), with(&[pulled(0.3)])]
         }
     }
 }
@@ -178,8 +182,11 @@ fn find(now: &mut Now<'_>, purpose: Purpose) -> Result<Drive, String> {
             .filter(|dock| ground.is_free(&dock.chair, DOCK_MARGIN))
             .take(20 * PLACES)
             .collect();
-        let lists: Vec<_> = ways.iter().map(|way| wanted(now, way, purpose)).collect();
-        let depth = lists.iter().map(Vec::len).max().unwrap_or(0);
+        let chair_from_base = now.scene.chair_from_base;
+        let depth = free.first().map_or(0, |dock| {
+            let base = dock::standing(&dock.chair) * chair_from_base;
+            wanted(now, &ways[dock.way], purpose, &base).len()
+        });
         // Places from which everything can be done come first.
         for level in 0..depth {
             let mut looked = 0;
@@ -197,13 +204,14 @@ fn find(now: &mut Now<'_>, purpose: Purpose) -> Result<Drive, String> {
                 if refused.iter().any(is_near) {
                     continue;
                 }
-                let list = &lists[dock.way];
-                let Some(poses) = list.get(level) else {
+                let at = dock::standing(&dock.chair);
+                let base = at * chair_from_base;
+                let lists = wanted(now, &ways[dock.way], purpose, &base);
+                let Some(poses) = lists.get(level) else {
                     continue;
                 };
                 looked += 1;
                 tried += 1;
-                let at = dock::standing(&dock.chair);
                 let tool = now.seen.base_from_tool;
                 if !dock::reaches_from(now.scene, &at, &tool, poses, now.reach) {
                     reasons[0] += 1;
