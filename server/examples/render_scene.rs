@@ -150,6 +150,8 @@ fn snapshot(robot: &RobotModel, scene: &Scene, root: &Isometry3<f64>, arm: &[f64
             .map(|p| body(root * p))
             .collect(),
         objects: scene.objects.iter().map(|o| body(o.pose)).collect(),
+        furniture_joints: Vec::new(),
+        sliding: Vec::new(),
         contacts: Vec::new(),
         anomalies: Vec::new(),
     }

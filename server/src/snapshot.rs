@@ -14,6 +14,11 @@ pub struct Snapshot {
     pub links: Vec<BodyState>,
     /// Objects in the order of `Scene::objects`.
     pub objects: Vec<BodyState>,
+    /// Joints of furniture in the order of `Scene::joints`: metres, m/s, and the
+    /// force of their dry friction, N.
+    pub furniture_joints: Vec<JointState>,
+    /// The furniture on these joints.
+    pub sliding: Vec<BodyState>,
     /// Touching pairs that involve the robot or an object, summed per pair.
     pub contacts: Vec<Contact>,
     /// Oddities that were met in this step; empty when all is well.

@@ -41,6 +41,8 @@ pub fn moving(robot: &RobotModel, scene: &Scene, time: f64) -> Snapshot {
             .map(|p| body(root * p))
             .collect(),
         objects,
+        furniture_joints: Vec::new(),
+        sliding: Vec::new(),
         contacts: Vec::new(),
         anomalies: Vec::new(),
     }

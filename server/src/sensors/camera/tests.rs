@@ -60,6 +60,8 @@ fn snapshot(objects: &[[f64; 3]]) -> Snapshot {
         joints: Vec::new(),
         links: Vec::new(),
         objects: objects.iter().map(body).collect(),
+        furniture_joints: Vec::new(),
+        sliding: Vec::new(),
         contacts: Vec::new(),
         anomalies: Vec::new(),
     }
