@@ -16,6 +16,8 @@ use super::{lift, place};
 
 /// Places that are checked for reach and route per stop.
 const PLACES: usize = 120;
+/// Levels of content with a place: all in one go, or only what comes first.
+const LEVELS: usize = 2;
 /// Straight ways before a stop that are tried, metres.
 const STRAIGHTS: [f64; 3] = [0.35, 0.2, 0.08];
 /// Radii of arcs that are tried, as shares of the style's.
@@ -109,38 +111,40 @@ impl Skill for Navigate {
     }
 }
 
-/// Poses of the hand in `house` that an arm with its base at `house_from_base`
-/// has to reach; the list of which most comes true first.
-fn wanted(
-    now: &Now<'_>,
-    way: &Way,
-    purpose: Purpose,
-    house_from_base: &Isometry3<f64>,
-) -> Vec<Vec<Isometry3<f64>>> {
-    let way_in = [way.before, way.at];
+/// What an arm with its base at `house_from_base` has to reach, in `house`.
+struct Wanted {
+    /// The hand's way in.
+    way_in: Vec<Isometry3<f64>>,
+    /// What comes after it: for each level of content, the best first, lists
+    /// of poses of which one has to be reached.
+    then: Vec<Vec<Vec<Isometry3<f64>>>>,
+}
+
+/// What a place to stop is good for.
+fn wanted(now: &Now<'_>, way: &Way, purpose: Purpose, house_from_base: &Isometry3<f64>) -> Wanted {
+    let way_in = vec![way.before, way.at];
     if purpose == Purpose::Put {
-        return vec![way_in.to_vec()];
+        let then = vec![vec![Vec::new()]];
+        return Wanted { way_in, then };
     }
     let height = lift::height(now.goal, now.style.grasp.lift);
-    let with = |more: &[Isometry3<f64>]| [&way_in[..], more].concat();
     let raised = lift::ways_up(house_from_base, &way.at, height);
-    match now.goal {
+    let then = match now.goal {
         Goal::Lift { .. } => {
             let back = Translation3::new(0.0, 0.0, height)
                 * way.at
                 * Translation3::new(0.0, 0.0, -now.style.retract);
-            let mut lists: Vec<_> = raised.iter().map(|up| with(up)).collect();
-            lists.insert(0, [&lists[0][..], &[back]].concat());
-            lists
+            let best = [&raised[0][..], &[back]].concat();
+            vec![vec![best], raised]
         }
         Goal::Put { .. } => {
             let held = way.at.inv_mul(&now.thing());
             let puts = place::ways(now, &held, way.width);
-            let both = raised.iter().take(2).flat_map(|up| {
-                puts.iter()
-                    .map(move |put| [&way_in[..], up, &[put.before, put.at]].concat())
-            });
-            both.chain(raised.iter().map(|up| with(up))).collect()
+            let both = |put: &Way| {
+                let then = |up: &Vec<_>| [&up[..], &[put.before, put.at]].concat();
+                raised.iter().take(2).map(then).collect::<Vec<_>>()
+            };
+            vec![puts.iter().flat_map(both).collect(), raised.clone()]
         }
         Goal::Open {
             slide, position, ..
@@ -151,8 +155,32 @@ fn wanted(
                 let way_out = (position + 0.02 - slide_now).max(0.0) * share;
                 Translation3::from(axis.scale(way_out)) * way.at
             };
-            vec![with(&[pulled(1.0)]), with(&[pulled(0.3)])]
+            vec![vec![vec![pulled(1.0)]], vec![vec![pulled(0.3)]]]
         }
+    };
+    Wanted { way_in, then }
+}
+
+impl Wanted {
+    /// Whether all of a level can be reached by a chair at `house_from_chair`.
+    fn is_reached(
+        &self,
+        level: usize,
+        now: &mut Now<'_>,
+        house_from_chair: &Isometry3<f64>,
+    ) -> bool {
+        let tool = now.seen.base_from_tool;
+        let scene = now.scene;
+        let mut reaches = |poses: &[Isometry3<f64>]| {
+            dock::reaches_from(scene, house_from_chair, &tool, poses, now.reach)
+        };
+        // Most places are out for the way in already.
+        reaches(&self.way_in)
+            && self.then.get(level).is_some_and(|lists| {
+                lists
+                    .iter()
+                    .any(|list| reaches(&[&self.way_in[..], &list[..]].concat()))
+            })
     }
 }
 
@@ -183,12 +211,8 @@ fn find(now: &mut Now<'_>, purpose: Purpose) -> Result<Drive, String> {
             .take(20 * PLACES)
             .collect();
         let chair_from_base = now.scene.chair_from_base;
-        let depth = free.first().map_or(0, |dock| {
-            let base = dock::standing(&dock.chair) * chair_from_base;
-            wanted(now, &ways[dock.way], purpose, &base).len()
-        });
         // Places from which everything can be done come first.
-        for level in 0..depth {
+        for level in 0..LEVELS {
             let mut looked = 0;
             let mut refused: Vec<(Pose2, usize)> = Vec::new();
             for dock in &free {
@@ -206,14 +230,10 @@ fn find(now: &mut Now<'_>, purpose: Purpose) -> Result<Drive, String> {
                 }
                 let at = dock::standing(&dock.chair);
                 let base = at * chair_from_base;
-                let lists = wanted(now, &ways[dock.way], purpose, &base);
-                let Some(poses) = lists.get(level) else {
-                    continue;
-                };
                 looked += 1;
                 tried += 1;
-                let tool = now.seen.base_from_tool;
-                if !dock::reaches_from(now.scene, &at, &tool, poses, now.reach) {
+                let wanted = wanted(now, &ways[dock.way], purpose, &base);
+                if !wanted.is_reached(level, now, &at) {
                     reasons[0] += 1;
                     refused.push((dock.chair, dock.way));
                     continue;

@@ -170,6 +170,6 @@ fn way_to(
         around.hand_is_free(way.opening, &line, margin)
             && then
                 .iter()
-                .any(|then| now.reaches(&[&stops[..], then].concat()))
+                .any(|then| now.reaches(&[&stops[..], &then[..]].concat()))
     })
 }
