@@ -10,6 +10,11 @@ use super::scene::SceneModel;
 
 /// Lower than this is floor, metres.
 const FLOOR: f64 = 0.03;
+/// Foot plate and front wheels go under what is higher than this, metres.
+const FEET: f64 = 0.32;
+/// Where the body of the chair ends in front, without foot plate and wheels:
+/// arm rests and the arm's base, metres before the rear axle.
+const BODY_FRONT: f64 = 0.50;
 /// What reaches above this can touch the arm while it is carried, metres.
 const ARM_HEIGHT: f64 = 0.95;
 /// Nothing of the robot is above this, metres.
@@ -33,10 +38,14 @@ impl SceneModel {
             low: Outline {
                 sides: self.footprint,
             },
+            body: Outline {
+                sides: [back, front.min(BODY_FRONT), right, left],
+            },
             high: Outline {
                 sides: [back, front + HAND_OUT[0], right, left + HAND_OUT[1]],
             },
             low_obstacles: Vec::new(),
+            raised_obstacles: Vec::new(),
             tall_obstacles: Vec::new(),
         };
         let lying = self
@@ -50,6 +59,8 @@ impl SceneModel {
             }
             if high > ARM_HEIGHT {
                 ground.tall_obstacles.push(block.rectangle());
+            } else if low > FEET {
+                ground.raised_obstacles.push(block.rectangle());
             } else {
                 ground.low_obstacles.push(block.rectangle());
             }

@@ -132,6 +132,21 @@ impl SceneModel {
                 blocks: read_blocks(body.map_or(&[], |body| &body.boxes))?,
             });
         }
+        let mut slides = Vec::new();
+        for joint in &reply.joints {
+            let body = reply.bodies.iter().find(|body| body.name == joint.body);
+            let axis = check::vector("axis of a joint", joint.axis.as_ref())?;
+            slides.push(Slide {
+                name: joint.name.clone(),
+                item: items.len(),
+                rest: read_pose("rest pose of a joint", joint.rest.as_ref())?,
+                axis: Unit::new_normalize(axis.into()),
+            });
+            items.push(Item {
+                name: joint.body.clone(),
+                blocks: read_blocks(body.map_or(&[], |body| &body.boxes))?,
+            });
+        }
         let mut grasps = Vec::new();
         for grasp in &reply.grasps {
             let item = items
@@ -160,7 +175,7 @@ impl SceneModel {
         let mut scene = Self {
             furniture,
             items,
-            slides: Vec::new(),
+            slides,
             grasps,
             goal: None,
             chair_from_base: read_pose("arm mount", reply.arm_mount.as_ref())?,

@@ -56,6 +56,9 @@ const LEVEL_LEAN: [f64; 4] = [0.0, 0.25, 0.5, 0.75];
 const TOP_LEAN: [f64; 5] = [0.0, -0.25, -0.5, -0.7, -0.9];
 /// How far a hand that closes upright turns about the bar, radians.
 const UPRIGHT_LEAN: [f64; 3] = [0.0, 0.25, -0.25];
+/// A hand from above starts nearer to the thing by this factor: there is
+/// little room below the shoulder.
+const TOP_STANDOFF: f64 = 0.55;
 /// A handle is what lies this close to the grasp point, metres.
 const HANDLE: f64 = 0.02;
 
@@ -138,6 +141,8 @@ fn nearest(
     let most = hand::pads(grasp.width) + 0.012 - scene.tool_length;
     BACK.iter().filter(|back| **back <= most).find_map(|back| {
         let at = house_from_grasp * leaned * Translation3::new(0.0, 0.0, -scene.tool_length - back);
+        let from_above = (house_from_grasp.rotation * Vector3::z()).z < -0.8;
+        let standoff = standoff * if from_above { TOP_STANDOFF } else { 1.0 };
         let before = at * Translation3::new(0.0, 0.0, -standoff);
         let is_free = around.hand_is_free(grasp.width, &[at], margin)
             && around.hand_is_free(opening, &[before, at], margin);

@@ -6,6 +6,7 @@ use wheelarm_proto::v1::Phase;
 use super::motion::{Motion, Progress};
 use super::{Act, Now, Skill, Step};
 use crate::operate::clearance::held_balls;
+use crate::operate::goal::Goal;
 
 /// Heights to raise by under a board, metres; the style's comes first.
 const LOW: [f64; 5] = [0.13, 0.10, 0.07, 0.04, 0.02];
@@ -15,6 +16,21 @@ const OFF: f64 = 0.012;
 const ROOM: f64 = 0.004;
 /// Distances to draw out from under a board, metres.
 const OUT: [f64; 5] = [0.26, 0.22, 0.18, 0.14, 0.10];
+
+/// The thing is raised straight by this before it goes back as well, metres.
+const FIRST: f64 = 0.05;
+/// How far it may go back towards the arm while it is raised, metres.
+const TOWARDS: [f64; 3] = [0.08, 0.15, 0.22];
+
+/// How far a thing is raised for a goal, metres; what is only moved somewhere
+/// else need not go high.
+#[must_use]
+pub fn height(goal: &Goal, lift: f64) -> f64 {
+    match goal {
+        Goal::Put { .. } => 0.4 * lift,
+        Goal::Lift { .. } | Goal::Open { .. } => lift,
+    }
+}
 
 /// See the module.
 #[derive(Clone, Debug, Default)]
@@ -47,6 +63,25 @@ impl Skill for Lift {
     }
 }
 
+/// Ways to raise what is held at `at` by `height` that an arm with its base at
+/// `house_from_base` may take, the best first: straight up, or a little up and
+/// then up and back towards the arm, which reaches higher there.
+#[must_use]
+pub fn ways_up(
+    house_from_base: &Isometry3<f64>,
+    at: &Isometry3<f64>,
+    height: f64,
+) -> Vec<Vec<Isometry3<f64>>> {
+    let up = Translation3::new(0.0, 0.0, height) * at;
+    let low = Translation3::new(0.0, 0.0, height.min(FIRST)) * at;
+    let to_base = house_from_base.translation.vector - at.translation.vector;
+    let back = Vector3::new(to_base.x, to_base.y, 0.0);
+    let back = back / back.norm().max(1e-9);
+    let mut ways = vec![vec![up]];
+    ways.extend(TOWARDS.map(|by| vec![low, Translation3::from(back * by) * up]));
+    ways
+}
+
 /// Straight up as far as there is room; what is missing after the hand was
 /// drawn back.
 fn stops(now: &mut Now<'_>) -> Vec<Isometry3<f64>> {
@@ -63,12 +98,14 @@ fn stops(now: &mut Now<'_>) -> Vec<Isometry3<f64>> {
         let (from, to) = (up(OFF.min(height)) * start, up(height) * start);
         around.is_free(&balls, &from, &to, ROOM) && around.hand_is_free(width, &[from, to], -ROOM)
     };
-    let whole = now.style.grasp.lift;
-    let Some(first) = [whole].into_iter().chain(LOW).find(|height| free(*height)) else {
-        return vec![up(whole) * start];
-    };
+    let whole = height(now.goal, now.style.grasp.lift);
+    let highest = [whole].into_iter().chain(LOW).find(|height| free(*height));
+    let first = highest.unwrap_or(whole);
     if first >= whole {
-        return vec![up(whole) * start];
+        let base = now.scene.house_from_base(now.seen);
+        let ways = ways_up(&base, &start, whole);
+        let way = ways.iter().find(|way| now.reaches(way));
+        return way.or(ways.first()).cloned().unwrap_or_default();
     }
     let back = start.rotation * -Vector3::z();
     let level = Vector3::new(back.x, back.y, 0.0);

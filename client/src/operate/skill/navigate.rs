@@ -12,10 +12,12 @@ use crate::operate::ground::{Ground, Pose2};
 use crate::operate::route::{self, Piece, Route, RouteStyle};
 use crate::operate::way::{self, MARGINS, Way};
 
-use super::place;
+use super::{lift, place};
 
 /// Places that are checked for reach and route per stop.
 const PLACES: usize = 120;
+/// Levels of content with a place: all in one go, or only what comes first.
+const LEVELS: usize = 2;
 /// Straight ways before a stop that are tried, metres.
 const STRAIGHTS: [f64; 3] = [0.35, 0.2, 0.08];
 /// Radii of arcs that are tried, as shares of the style's.
@@ -109,34 +111,40 @@ impl Skill for Navigate {
     }
 }
 
-/// Poses of the hand that a place to stop has to reach, in `house`; the best
-/// list first. `None` in the list of things to reach leaves the rest open.
-fn wanted(now: &Now<'_>, way: &Way, purpose: Purpose) -> Vec<Vec<Isometry3<f64>>> {
-    let up = |height: f64| Translation3::new(0.0, 0.0, height);
-    let way_in = vec![way.before, way.before.lerp_slerp(&way.at, 0.5), way.at];
+/// What an arm with its base at `house_from_base` has to reach, in `house`.
+struct Wanted {
+    /// The hand's way in.
+    way_in: Vec<Isometry3<f64>>,
+    /// What comes after it: for each level of content, the best first, lists
+    /// of poses of which one has to be reached.
+    then: Vec<Vec<Vec<Isometry3<f64>>>>,
+}
+
+/// What a place to stop is good for.
+fn wanted(now: &Now<'_>, way: &Way, purpose: Purpose, house_from_base: &Isometry3<f64>) -> Wanted {
+    let way_in = vec![way.before, way.at];
     if purpose == Purpose::Put {
-        return vec![way_in];
+        let then = vec![vec![Vec::new()]];
+        return Wanted { way_in, then };
     }
-    let lift = now.style.grasp.lift;
-    let with = |more: &[Isometry3<f64>]| [&way_in[..], more].concat();
-    match now.goal {
+    let height = lift::height(now.goal, now.style.grasp.lift);
+    let raised = lift::ways_up(house_from_base, &way.at, height);
+    let then = match now.goal {
         Goal::Lift { .. } => {
-            let raised = up(lift) * way.at;
-            let back = raised * Translation3::new(0.0, 0.0, -now.style.retract);
-            vec![
-                with(&[up(lift / 2.0) * way.at, raised, back]),
-                with(&[up(lift / 2.0) * way.at, raised]),
-            ]
+            let back = Translation3::new(0.0, 0.0, height)
+                * way.at
+                * Translation3::new(0.0, 0.0, -now.style.retract);
+            let best = [&raised[0][..], &[back]].concat();
+            vec![vec![best], raised]
         }
         Goal::Put { .. } => {
-            let raised = [up(lift / 2.0) * way.at, up(lift) * way.at];
             let held = way.at.inv_mul(&now.thing());
-            let mut lists: Vec<_> = place::ways(now, &held, way.width)
-                .iter()
-                .map(|put| with(&[raised[0], raised[1], put.before, put.at]))
-                .collect();
-            lists.push(with(&raised));
-            lists
+            let puts = place::ways(now, &held, way.width);
+            let both = |put: &Way| {
+                let then = |up: &Vec<_>| [&up[..], &[put.before, put.at]].concat();
+                raised.iter().take(2).map(then).collect::<Vec<_>>()
+            };
+            vec![puts.iter().flat_map(both).collect(), raised.clone()]
         }
         Goal::Open {
             slide, position, ..
@@ -147,8 +155,32 @@ fn wanted(now: &Now<'_>, way: &Way, purpose: Purpose) -> Vec<Vec<Isometry3<f64>>
                 let way_out = (position + 0.02 - slide_now).max(0.0) * share;
                 Translation3::from(axis.scale(way_out)) * way.at
             };
-            vec![with(&[pulled(0.5), pulled(1.0)]), with(&[pulled(0.3)])]
+            vec![vec![vec![pulled(1.0)]], vec![vec![pulled(0.3)]]]
         }
+    };
+    Wanted { way_in, then }
+}
+
+impl Wanted {
+    /// Whether all of a level can be reached by a chair at `house_from_chair`.
+    fn is_reached(
+        &self,
+        level: usize,
+        now: &mut Now<'_>,
+        house_from_chair: &Isometry3<f64>,
+    ) -> bool {
+        let tool = now.seen.base_from_tool;
+        let scene = now.scene;
+        let mut reaches = |poses: &[Isometry3<f64>]| {
+            dock::reaches_from(scene, house_from_chair, &tool, poses, now.reach)
+        };
+        // Most places are out for the way in already.
+        reaches(&self.way_in)
+            && self.then.get(level).is_some_and(|lists| {
+                lists
+                    .iter()
+                    .any(|list| reaches(&[&self.way_in[..], &list[..]].concat()))
+            })
     }
 }
 
@@ -178,10 +210,9 @@ fn find(now: &mut Now<'_>, purpose: Purpose) -> Result<Drive, String> {
             .filter(|dock| ground.is_free(&dock.chair, DOCK_MARGIN))
             .take(20 * PLACES)
             .collect();
-        let lists: Vec<_> = ways.iter().map(|way| wanted(now, way, purpose)).collect();
-        let depth = lists.iter().map(Vec::len).max().unwrap_or(0);
+        let chair_from_base = now.scene.chair_from_base;
         // Places from which everything can be done come first.
-        for level in 0..depth {
+        for level in 0..LEVELS {
             let mut looked = 0;
             let mut refused: Vec<(Pose2, usize)> = Vec::new();
             for dock in &free {
@@ -197,15 +228,12 @@ fn find(now: &mut Now<'_>, purpose: Purpose) -> Result<Drive, String> {
                 if refused.iter().any(is_near) {
                     continue;
                 }
-                let list = &lists[dock.way];
-                let Some(poses) = list.get(level) else {
-                    continue;
-                };
+                let at = dock::standing(&dock.chair);
+                let base = at * chair_from_base;
                 looked += 1;
                 tried += 1;
-                let at = dock::standing(&dock.chair);
-                let tool = now.seen.base_from_tool;
-                if !dock::reaches_from(now.scene, &at, &tool, poses, now.reach) {
+                let wanted = wanted(now, &ways[dock.way], purpose, &base);
+                if !wanted.is_reached(level, now, &at) {
                     reasons[0] += 1;
                     refused.push((dock.chair, dock.way));
                     continue;

@@ -12,7 +12,7 @@ use crate::operate::hand::OPEN;
 use crate::operate::way::Way;
 
 /// The hand comes from this far above, metres.
-const ABOVE: f64 = 0.10;
+const ABOVE: f64 = 0.06;
 /// It lets go this far above the region, metres.
 const DROP: f64 = 0.003;
 /// Turns about the vertical that are tried beside the one in which the thing

@@ -5,7 +5,7 @@ use nalgebra::{Isometry3, Translation3};
 use wheelarm_proto::v1::Phase;
 
 use super::motion::{Motion, Progress};
-use super::{Act, Now, Skill, Step};
+use super::{Act, Now, Skill, Step, lift};
 use crate::operate::goal::Goal;
 use crate::operate::ground::wrap;
 use crate::operate::tool_path::distance;
@@ -125,18 +125,22 @@ fn choose(now: &mut Now<'_>) -> Option<(Way, Vec<Isometry3<f64>>)> {
     None
 }
 
-/// Poses after the one before the thing: in, and what comes then.
-fn way_in(now: &Now<'_>, way: &Way) -> [Isometry3<f64>; 2] {
-    let further = match now.goal {
+/// Poses after the one before the thing: in, and what comes then; several
+/// lists of which one will do.
+fn way_in(now: &Now<'_>, way: &Way) -> Vec<Vec<Isometry3<f64>>> {
+    let then = match now.goal {
         Goal::Lift { .. } | Goal::Put { .. } => {
-            Translation3::new(0.0, 0.0, now.style.grasp.lift) * way.at
+            let height = lift::height(now.goal, now.style.grasp.lift);
+            lift::ways_up(&now.scene.house_from_base(now.seen), &way.at, height)
         }
         Goal::Open { slide, .. } => {
             let axis = now.scene.slides[*slide].axis;
-            Translation3::from(axis.scale(0.06)) * way.at
+            vec![vec![Translation3::from(axis.scale(0.06)) * way.at]]
         }
     };
-    [way.at, further]
+    then.into_iter()
+        .map(|then| [&[way.at], &then[..]].concat())
+        .collect()
 }
 
 /// Stops of a free way of the hand in `house`: straight, or over the things.
@@ -160,10 +164,12 @@ fn way_to(
     if let Some(home) = home {
         routes.extend(OVER.map(|height| vec![home, above(height), way.before]));
     }
-    let [at, further] = way_in(now, way);
+    let then = way_in(now, way);
     routes.into_iter().find(|stops| {
         let line = [&[*start], &stops[..]].concat();
-        let reached = [&stops[..], &[at, further]].concat();
-        around.hand_is_free(way.opening, &line, margin) && now.reaches(&reached)
+        around.hand_is_free(way.opening, &line, margin)
+            && then
+                .iter()
+                .any(|then| now.reaches(&[&stops[..], &then[..]].concat()))
     })
 }
