@@ -6,6 +6,7 @@
 pub mod control;
 pub mod demo;
 pub mod doctor;
+pub mod evaluate;
 pub mod link;
 pub mod local;
 pub mod operate;
