@@ -16,6 +16,11 @@ pub struct Snapshot {
     pub objects: Vec<BodyState>,
     /// Skins of the soft objects, by object.
     pub skins: Vec<SoftSkin>,
+    /// Joints of furniture in the order of `Scene::joints`: metres, m/s, and the
+    /// force of their dry friction, N.
+    pub furniture_joints: Vec<JointState>,
+    /// The furniture on these joints.
+    pub sliding: Vec<BodyState>,
     /// Touching pairs that involve the robot or an object, summed per pair.
     pub contacts: Vec<Contact>,
     /// Oddities that were met in this step; empty when all is well.
@@ -63,6 +68,18 @@ pub struct SoftSkin {
     pub elastic_energy: f64,
     /// Energy of its motion, J.
     pub kinetic_energy: f64,
+}
+
+impl BodyState {
+    /// A body at rest.
+    #[must_use]
+    pub fn resting(pose: Isometry3<f64>) -> Self {
+        Self {
+            pose,
+            linear: Vector3::zeros(),
+            angular: Vector3::zeros(),
+        }
+    }
 }
 
 /// A body that can touch another.

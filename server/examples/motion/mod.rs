@@ -42,6 +42,12 @@ pub fn moving(robot: &RobotModel, scene: &Scene, time: f64) -> Snapshot {
             .collect(),
         objects,
         skins: Vec::new(),
+        furniture_joints: Vec::new(),
+        sliding: scene
+            .joints
+            .iter()
+            .map(|joint| BodyState::resting(scene.furniture[joint.furniture].pose))
+            .collect(),
         contacts: Vec::new(),
         anomalies: Vec::new(),
     }

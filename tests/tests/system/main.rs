@@ -4,4 +4,6 @@
 mod episode;
 mod gate;
 mod recorder;
+mod settle;
+mod tasks;
 mod tidy;

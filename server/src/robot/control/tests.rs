@@ -35,6 +35,8 @@ fn snapshot(model: &RobotModel, house_from_chair: Isometry3<f64>) -> Snapshot {
         links,
         objects: Vec::new(),
         skins: Vec::new(),
+        furniture_joints: Vec::new(),
+        sliding: Vec::new(),
         contacts: Vec::new(),
         anomalies: Vec::new(),
     }

@@ -47,6 +47,7 @@ fn scene(items: Vec<RenderItem>, objects: usize) -> RenderScene {
         links: 0,
         skins: Vec::new(),
         objects,
+        sliding: 0,
     }
 }
 
@@ -62,6 +63,8 @@ fn snapshot(objects: &[[f64; 3]]) -> Snapshot {
         links: Vec::new(),
         objects: objects.iter().map(body).collect(),
         skins: Vec::new(),
+        furniture_joints: Vec::new(),
+        sliding: Vec::new(),
         contacts: Vec::new(),
         anomalies: Vec::new(),
     }
@@ -349,6 +352,9 @@ fn ids_of_the_home_follow_the_legend() {
     };
     let mut snapshot = snapshot(&vec![[0.0; 3]; home.objects.len()]);
     snapshot.links = vec![rest; robot.links.len()];
+    let slides = home.joints.iter();
+    let slides = slides.map(|joint| BodyState::resting(home.furniture[joint.furniture].pose));
+    snapshot.sliding = slides.collect();
     for (body, object) in snapshot.objects.iter_mut().zip(&home.objects) {
         body.pose = object.pose;
     }
