@@ -47,7 +47,7 @@ pub const FRAMES: [Frame; 7] = [
 ];
 
 /// State streams, as in `keys::stream` and in the files; cameras come beside them.
-pub const STREAMS: [&str; 13] = [
+pub const STREAMS: [&str; 14] = [
     "joint_state",
     "pose",
     "imu",
@@ -57,6 +57,7 @@ pub const STREAMS: [&str; 13] = [
     "applied",
     "object_pose",
     "furniture_joint",
+    "deformable",
     "contact",
     "evaluation",
     "phase",

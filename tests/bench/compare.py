@@ -173,11 +173,16 @@ def compare(folder, assets, options):
         rate=r"file is there +# frames/s",
         size=r"file bytes per frame +# MB",
     )
-    ours = [ik, step, pairs, plain, record]
+    bear = Measurement(
+        "the soft bear, one episode",
+        lambda: example("plush_bench", "--assets", assets),
+        cpu=r"; # s of processor",
+    )
+    ours = [ik, step, pairs, plain, record, bear]
     for number in range(options.rounds):
         print(f"round {number + 1}")
         turns = [ik, step_mujoco[1], step_mujoco[2], step, step_mujoco[4], pairs, mujoco["renderer"], plain]
-        for measurement in [*turns, mujoco["plain"], mujoco["single"], record, original]:
+        for measurement in [*turns, mujoco["plain"], mujoco["single"], record, original, bear]:
             measurement.measure()
 
     rows = [("what", "ours", "reference", "ratio", "goal")]
@@ -215,6 +220,8 @@ def compare(folder, assets, options):
     row("  until durable in its log", text(record.best("log", max)), text(b, "raw disk + fsync"), ratio(record.best("log", max), b), ">= 0.5x")
     a, b = record.best("size"), original.best("size")
     row("  MB per frame", text(a, "", 2), text(b, "original", 2), ratio(a, b), "<= 0.4x")
+    cpu = bear.best("cpu")
+    row("bear taken and put back, s/s CPU", text(cpu and 1 / cpu, "", 2), "", None, ">= 0.8")
     if not options.no_demo:
         rows.append(demo(folder, assets))
 
@@ -224,7 +231,7 @@ def compare(folder, assets, options):
         print("  ".join(c.ljust(w) for c, w in zip(r, widths)).rstrip())
         if i == 0:
             print("  ".join("-" * w for w in widths))
-    for measurement in [ik, step, *step_mujoco.values(), pairs, plain, *mujoco.values(), record, original]:
+    for measurement in [ik, step, *step_mujoco.values(), pairs, plain, *mujoco.values(), record, original, bear]:
         if measurement.problem:
             print(f"{measurement.name}: skipped, {measurement.problem}")
     return int(any(m.problem for m in ours))

@@ -105,6 +105,7 @@ fn every_stream_survives_the_file_bit_by_bit() {
     let context = Context {
         objects: synthetic::started("").objects,
         furniture_joints: synthetic::started("").joints,
+        vertices: 4,
         conditions: episode.names("evaluation", "condition_holds").unwrap(),
     };
     assert_eq!(context.conditions.len(), 3);

@@ -308,7 +308,10 @@ impl Operator {
                 .map(|[linear, angular]| v1::BaseCommand { linear, angular }),
             gripper: act.opening.map(|opening| v1::GripperCommand {
                 target: Some(gripper_command::Target::Opening(opening)),
-                max_force: self.style.force,
+                max_force: match self.memory.way.map(|way| way.force) {
+                    Some(force) if force > 0.0 => force,
+                    _ => self.style.force,
+                },
             }),
             phase: act.phase.into(),
             phase_name: act.name.to_owned(),

@@ -44,6 +44,8 @@ pub struct Grasp {
     pub width: f64,
     /// Any turn about the thing's z axis will do.
     pub symmetric: bool,
+    /// Cap of the pads' force, N; 0 leaves it to the style.
+    pub force: f64,
 }
 
 /// Geometry of one scenario.
@@ -163,6 +165,7 @@ impl SceneModel {
                 item_from_grasp: read_pose("grasp pose", grasp.pose.as_ref())?,
                 width: check::within("grasp width", grasp.width, 0.0, 0.085)?,
                 symmetric: grasp.symmetric,
+                force: check::within("grasp force", grasp.force, 0.0, 235.0)?,
             });
         }
         for grasp in grasps.iter().filter(|grasp| grasp.symmetric) {

@@ -101,6 +101,7 @@ fn home_scene() -> SceneModel {
                 ),
                 width: 0.058,
                 symmetric: false,
+                force: 0.0,
             })
             .to_vec(),
         slides: Vec::new(),

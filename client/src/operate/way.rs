@@ -21,6 +21,8 @@ pub struct Way {
     pub opening: f64,
     /// Distance between the pads at the grasp, metres.
     pub width: f64,
+    /// Cap of the pads' force, N; 0 leaves it to the style.
+    pub force: f64,
     /// What it has against it; 0 for a hand that comes as the grasp says.
     pub cost: f64,
 }
@@ -151,6 +153,7 @@ fn nearest(
             at,
             opening,
             width: grasp.width,
+            force: grasp.force,
             cost: (lean / 0.4).powi(2) + back / 0.02 * 0.3,
         })
     })

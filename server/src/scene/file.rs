@@ -270,6 +270,8 @@ pub(super) struct GraspEntry {
     pub width: f64,
     #[serde(default)]
     pub symmetric: bool,
+    /// Cap of the force at each pad, N.
+    pub force: Option<f64>,
 }
 
 /// `assets/materials/*.toml`.

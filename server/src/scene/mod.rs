@@ -17,9 +17,9 @@ pub use bounds::Bounds;
 pub(crate) use error::Place;
 pub use error::SceneError;
 pub use load::{AssetText, asset_texts};
+pub(crate) use load::{names, parse, provenance};
 pub use object::object;
 pub use soft::Soft;
-pub(crate) use load::{names, parse, provenance};
 
 use nalgebra::{Isometry3, Matrix3, Point3, Unit, Vector3};
 
@@ -136,6 +136,8 @@ pub struct Grasp {
     pub width: f64,
     /// Any turn about the object's z axis will do.
     pub symmetric: bool,
+    /// Cap of the force at each pad for what is soft, N; 0 leaves it to whoever grasps.
+    pub force: f64,
 }
 
 /// Light of the scene.

@@ -163,5 +163,12 @@ pub(super) fn grasp(place: &Place, entry: &GraspEntry) -> Result<Grasp, SceneErr
             "the fingers open 85 mm: choose a narrower place",
         )?,
         symmetric: entry.symmetric,
+        force: place.key("force").within(
+            entry.force.unwrap_or(0.0),
+            0.0,
+            235.0,
+            "N",
+            "the gripper presses with up to 235 N",
+        )?,
     })
 }

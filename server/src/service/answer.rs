@@ -187,6 +187,7 @@ impl Engine {
                 pose: Some(convert::pose(&g.pose)),
                 width: g.width,
                 symmetric: g.symmetric,
+                force: g.force,
             })
         });
         v1::SceneReply {

@@ -34,6 +34,7 @@ stamped!(
     CommandLog,
     ObjectPoses,
     FurnitureJoints,
+    Deformable,
     Contacts,
     Evaluation,
     PhaseSample,

@@ -1,6 +1,6 @@
 //! Turns the state at a control tick into messages.
 
-use wheelarm_proto::v1;
+use wheelarm_proto::{PHYSICS_HZ, v1};
 
 use super::convert;
 use super::inbox::Taken;
@@ -8,9 +8,12 @@ use super::outbox::Outbox;
 use crate::robot::control::Targets;
 use crate::sensors::imu;
 use crate::sim::Simulation;
+use crate::snapshot::BodyRef;
 
 /// Most contacts of one sample.
 const MAX_CONTACTS: usize = 16;
+/// Shapes of soft objects per second: 30 kB each.
+const DEFORMABLE_HZ: u64 = 10;
 
 /// Publishes the accepted commands and what was applied at `tick`.
 pub fn applied(
@@ -87,6 +90,7 @@ pub fn state(
         put.poses(sim);
         put.objects(sim);
         put.furniture(sim);
+        put.deformable(sim);
         put.contacts(sim);
         outbox.state(
             "evaluation",
@@ -205,6 +209,26 @@ impl Put<'_> {
         };
         self.outbox
             .state("furniture_joint", self.episode, self.tick, message);
+    }
+
+    /// The first soft object; a scene has one at most.
+    fn deformable(&self, sim: &Simulation) {
+        let snapshot = sim.snapshot();
+        let Some(soft) = snapshot.skins.first() else {
+            return;
+        };
+        if !self.tick.is_multiple_of(PHYSICS_HZ / DEFORMABLE_HZ) {
+            return;
+        }
+        let message = v1::Deformable {
+            header: None,
+            object: convert::body_name(BodyRef::Object(soft.object), sim.model(), sim.scene()),
+            vertex: soft.vertices.iter().flat_map(|p| [p.x, p.y, p.z]).collect(),
+            elastic_energy: soft.elastic_energy,
+            kinetic_energy: soft.kinetic_energy,
+        };
+        self.outbox
+            .state("deformable", self.episode, self.tick, message);
     }
 
     fn contacts(&self, sim: &Simulation) {

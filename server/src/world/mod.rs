@@ -35,8 +35,8 @@ use crate::scene::{Placement, Scene};
 use crate::snapshot::{BodyRef, BodyState, JointState, Snapshot};
 use body::RobotBody;
 use drive::Drives;
-use soft::SoftObject;
 use grip::GripFriction;
+use soft::SoftObject;
 use stage::Stage;
 use tree::Place;
 use wheels::Wheels;
@@ -178,6 +178,7 @@ impl World {
             tick: 0,
             fingerprint: 0,
         };
+        world.settle_soft();
         world.fingerprint = world.hash();
         Ok(world)
     }
@@ -235,6 +236,21 @@ impl World {
         let h = 1.0 / PHYSICS_HZ as f64;
         for soft in &mut self.soft {
             soft.step(&mut self.physics, GRAVITY, h);
+        }
+    }
+
+    /// Lets soft objects sink into what they stand on, before the first tick.
+    fn settle_soft(&mut self) {
+        const TICKS: usize = 300;
+        const KEEP: f64 = 0.97;
+        for _ in 0..TICKS {
+            self.step_soft();
+            for soft in &mut self.soft {
+                soft.calm(KEEP);
+            }
+        }
+        for soft in &mut self.soft {
+            soft.calm(0.0);
         }
     }
 

@@ -118,6 +118,7 @@ fn every_message_field_says_its_unit() {
         "bytes",
         "SI",
         "unit of the field",
+        " J.",
         "0 to 255",
     ];
     let mut bare = Vec::new();

@@ -204,6 +204,14 @@ impl Random {
                 velocity: self.list(2),
             }
             .encode_to_vec(),
+            "deformable" => v1::Deformable {
+                header,
+                object: self.word(),
+                vertex: (0..12).map(|i| i as f32 * 0.125).collect(),
+                elastic_energy: self.wild(),
+                kinetic_energy: self.wild(),
+            }
+            .encode_to_vec(),
             "contact" => v1::Contacts {
                 header,
                 pad_force: self.list(2),

@@ -233,6 +233,17 @@ pub fn tick(index: u64, seconds: f64, sequence: u64) -> Vec<(&'static str, Vec<u
             .encode_to_vec(),
         ),
         (
+            "deformable",
+            v1::Deformable {
+                header: head(),
+                object: "teddy_bear".to_owned(),
+                vertex: vec![0.5; 12],
+                elastic_energy: 0.0,
+                kinetic_energy: 0.0,
+            }
+            .encode_to_vec(),
+        ),
+        (
             "contact",
             v1::Contacts {
                 header: head(),

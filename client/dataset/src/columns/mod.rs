@@ -24,6 +24,8 @@ pub enum Axis {
     Objects,
     /// The joints of the furniture, as the episode's start names them.
     FurnitureJoints,
+    /// The vertices of the soft object's skin.
+    Vertices,
     /// The conditions of the task.
     Conditions,
     /// The strongest contacts, at most [`MAX_CONTACTS`].
@@ -44,6 +46,8 @@ pub struct Context {
     pub objects: Vec<String>,
     /// Names of the furniture's joints in the order of `FurnitureJoints`.
     pub furniture_joints: Vec<String>,
+    /// Vertices of the soft object's skin.
+    pub vertices: usize,
     /// Condition names in the order in which they first appeared.
     pub conditions: Vec<String>,
 }
@@ -57,6 +61,7 @@ impl Axis {
             Self::Frames => names::FRAMES.len(),
             Self::Objects => context.objects.len(),
             Self::FurnitureJoints => context.furniture_joints.len(),
+            Self::Vertices => context.vertices,
             Self::Conditions => context.conditions.len(),
             Self::Contacts => MAX_CONTACTS,
             Self::Names(n) | Self::Components(n) => n.len(),
@@ -76,7 +81,7 @@ impl Axis {
             Self::Objects => Some(("names", context.objects.clone())),
             Self::FurnitureJoints => Some(("names", context.furniture_joints.clone())),
             Self::Conditions => Some(("names", context.conditions.clone())),
-            Self::Contacts => None,
+            Self::Contacts | Self::Vertices => None,
             Self::Names(n) => Some(("names", owned(n))),
             Self::Components(n) => Some(("components", owned(n))),
         }

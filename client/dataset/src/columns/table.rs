@@ -339,6 +339,22 @@ static FURNITURE_JOINT: Table<v1::FurnitureJoints> = Table {
     ],
 };
 
+static DEFORMABLE: Table<v1::Deformable> = Table {
+    stream: "deformable",
+    columns: &[
+        text("object", |m| m.object.clone()),
+        f64s("vertex", "m", "house", &[Axis::Vertices, XYZ], |m, _, o| {
+            o.extend(m.vertex.iter().map(|x| f64::from(*x)));
+        }),
+        f64s("elastic_energy", "J", "", &[], |m, _, o| {
+            o.push(m.elastic_energy);
+        }),
+        f64s("kinetic_energy", "J", "", &[], |m, _, o| {
+            o.push(m.kinetic_energy);
+        }),
+    ],
+};
+
 static CONTACT: Table<v1::Contacts> = Table {
     stream: "contact",
     columns: &[
@@ -431,7 +447,7 @@ static STATE_HASH: Table<v1::StateHash> = Table {
 /// Every state stream that a file can hold, in the order of
 /// `wheelarm_proto::names::STREAMS`.
 #[must_use]
-pub fn streams() -> [&'static dyn Stream; 13] {
+pub fn streams() -> [&'static dyn Stream; 14] {
     [
         &JOINT_STATE,
         &POSE_SET,
@@ -442,6 +458,7 @@ pub fn streams() -> [&'static dyn Stream; 13] {
         &APPLIED,
         &OBJECT_POSE,
         &FURNITURE_JOINT,
+        &DEFORMABLE,
         &CONTACT,
         &EVALUATION,
         &PHASE,

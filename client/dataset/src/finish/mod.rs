@@ -156,6 +156,7 @@ fn write(path: &Path, scan: &Scan, account: &Account) -> Result<(), FinishError>
     let context = Context {
         objects: started.objects.clone(),
         furniture_joints: started.joints.clone(),
+        vertices: vertices(scan, index(scan, "deformable"))?,
         conditions: conditions(scan, evaluation_stream)?,
     };
     let file = hdf5::File::create(path)?;
@@ -284,6 +285,16 @@ fn last_evaluation(
         return Ok(None);
     };
     Ok(v1::Evaluation::decode(scan.payload(last)?.as_slice()).ok())
+}
+
+/// Vertices of the soft object in the first sample that shows it.
+fn vertices(scan: &Scan, stream: Option<usize>) -> Result<usize, FinishError> {
+    let first = stream.and_then(|stream| streams::samples(scan, stream).into_iter().next());
+    let Some(first) = first else {
+        return Ok(0);
+    };
+    let sample = v1::Deformable::decode(scan.payload(first)?.as_slice());
+    Ok(sample.map_or(0, |shape| shape.vertex.len() / 3))
 }
 
 /// Names of all conditions in the order in which they first appear.

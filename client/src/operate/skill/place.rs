@@ -162,6 +162,7 @@ pub fn ways(now: &Now<'_>, tool_from_item: &Isometry3<f64>, width: f64) -> Vec<W
                 at,
                 opening: width,
                 width,
+                force: 0.0,
                 cost: (turn / 0.7).powi(2),
             }
         })

@@ -104,6 +104,13 @@ impl SoftObject {
         &self.contacts
     }
 
+    /// Takes out part of its motion, all of it with `keep` 0.
+    pub(super) fn calm(&mut self, keep: f64) {
+        for v in &mut self.state.velocity {
+            *v *= keep;
+        }
+    }
+
     /// The frame that fits it best, and its mean motion.
     pub(super) fn frame(&self) -> BodyState {
         let [x, y, z, w] = self.state.whole.xyzw();

@@ -17,8 +17,9 @@ use super::turn::Turn;
 const ROUNDS: usize = 4;
 /// Most conjugate-gradient steps of a solution.
 const STEPS: usize = 80;
-/// Error of the velocities at which a solution is good, m/s.
-const GOOD: f64 = 1e-5;
+/// Error of the velocities at which a solution is good, m/s; it weighs the
+/// motion of the whole ten times less than that of a node.
+const GOOD: f64 = 1e-6;
 /// Friction that changes by less than this part has settled.
 const SETTLED: f64 = 0.02;
 
