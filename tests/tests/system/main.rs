@@ -3,5 +3,8 @@
 
 mod episode;
 mod gate;
+mod preview;
 mod recorder;
+mod teleop;
 mod tidy;
+mod watch;
