@@ -6,6 +6,7 @@ use std::ffi::OsString;
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
+use wheelarm_client::collect::{self, CollectArgs};
 use wheelarm_client::control::{self, EpisodeCommand, ResetArgs};
 use wheelarm_client::demo::{self, DemoArgs};
 use wheelarm_client::link::{ConnectArgs, Link};
@@ -46,6 +47,8 @@ enum Command {
     Operate(OperateArgs),
     /// Records an episode with a server, a recorder and the operator of its own.
     Demo(DemoArgs),
+    /// Makes a whole dataset from a plan, on this machine or as a part of many.
+    Collect(CollectArgs),
     /// Does a recorded episode again, bit by bit, and can record it anew.
     Replay(ReplayArgs),
     /// Ends the server.
@@ -88,6 +91,7 @@ fn run(cli: Cli) -> anyhow::Result<ExitCode> {
         Command::Episode(command) => control::episode(&link()?, command)?,
         Command::Record(args) => return record_episodes(&link()?, args),
         Command::Demo(args) => return demo::run(args),
+        Command::Collect(args) => return collect::run(args),
         Command::Replay(args) => return replay::run(args),
         Command::Operate(args) => return run_operator(&link()?, args),
         Command::Shutdown => control::acknowledge(&link()?, Query::Shutdown)?,
