@@ -50,7 +50,8 @@ pub struct EpisodeStartArgs {
     /// Recorders that must be ready before time goes on.
     #[arg(long, default_value_t = 0, value_name = "N")]
     pub require_recorders: u32,
-    /// In lock-step: the commander that the simulation waits for.
+    /// In lock-step: the commander that the simulation waits for; it must hold
+    /// control. Whoever does when absent.
     #[arg(long, default_value = "")]
     pub commander: String,
 }

@@ -34,6 +34,9 @@ pub struct OperateArgs {
     /// Name under which the operator commands.
     #[arg(long, default_value = "operator")]
     pub commander: String,
+    /// Takes control over from whoever holds it.
+    #[arg(long)]
+    pub take: bool,
     /// Seed of the operator's habits; the scenario's when absent.
     #[arg(long)]
     pub style_seed: Option<u64>,
@@ -47,6 +50,7 @@ impl Default for OperateArgs {
             instruction: String::new(),
             require_recorders: 0,
             commander: "operator".to_owned(),
+            take: false,
             style_seed: None,
         }
     }
@@ -161,7 +165,7 @@ pub fn run(
     let model = SceneModel::read(&link.ask(Query::Scene)?)?;
     let style = Style::new(args.style_seed.unwrap_or(scenario.seed));
     let mut operator = Operator::new(model, style).map_err(OperateError::Scene)?;
-    let mut commander = link.commander(&args.commander)?;
+    let mut commander = link.commander(&args.commander, args.take)?;
     let (started, is_ours) = match status.episode {
         Some(running) => (running, false),
         None => (start(link, args, &scenario)?, true),

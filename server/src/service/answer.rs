@@ -1,10 +1,13 @@
 //! Answers the queries of the control plane.
 
-use wheelarm_proto::keys::Query;
+use std::time::Instant;
+
+use wheelarm_proto::keys::{self, Query};
 use wheelarm_proto::{Message, v1};
 use zenoh::Wait;
 
 use super::engine::{Engine, Request};
+use super::inbox::{Granted, Life};
 use super::render::RenderThread;
 use super::{convert, lock};
 use crate::geometry::bounds;
@@ -49,6 +52,7 @@ impl Engine {
             Query::Status => self.status().encode_to_vec(),
             Query::Scene => self.scene().encode_to_vec(),
             Query::Tasks => self.tasks()?.encode_to_vec(),
+            Query::Lease => self.lease(decode(payload)?)?.encode_to_vec(),
             Query::Reach => self.reach(decode(payload)?)?.encode_to_vec(),
             Query::Reset => {
                 let request: v1::ResetRequest = decode(payload)?;
@@ -98,6 +102,7 @@ impl Engine {
     fn status(&self) -> v1::Status {
         let mut evaluation = convert::evaluation(self.sim.evaluation());
         evaluation.header = Some(self.stamp());
+        let held = self.held();
         v1::Status {
             header: Some(self.stamp()),
             version: env!("CARGO_PKG_VERSION").to_owned(),
@@ -114,7 +119,58 @@ impl Engine {
             recorders: lock(&self.shared.recorders).all(),
             refused: lock(&self.shared.inbox).refused(),
             evaluation: Some(evaluation),
+            holder: held.holder,
+            held_seconds: held.held_seconds,
         }
+    }
+
+    /// Who holds control.
+    fn held(&self) -> v1::LeaseReply {
+        let inbox = lock(&self.shared.inbox);
+        let holder = inbox.lease().holder();
+        v1::LeaseReply {
+            header: Some(self.stamp()),
+            holder: holder.map(|h| h.life.name.clone()).unwrap_or_default(),
+            held_seconds: holder.map_or(0.0, |h| h.since.elapsed().as_secs_f64()),
+        }
+    }
+
+    fn lease(&mut self, request: v1::LeaseRequest) -> Result<v1::LeaseReply, String> {
+        let name = request.commander;
+        let run_id = request.header.unwrap_or_default().run_id;
+        for word in [&name, &run_id] {
+            keys::check_name(word).map_err(|_| {
+                format!(
+                    "commander and run id must be 1 to 64 letters, digits, `-` or `_`, not {:?}",
+                    word.chars().take(80).collect::<String>()
+                )
+            })?;
+        }
+        let life = Life {
+            name: name.clone(),
+            run_id,
+        };
+        if request.release {
+            if lock(&self.shared.inbox).release(&life) {
+                self.event("control", &format!("{name:?} gave control back"));
+            }
+            return Ok(self.held());
+        }
+        let granted = lock(&self.shared.inbox).ask(life, request.take, Instant::now())?;
+        match granted {
+            Granted::Already => {}
+            Granted::Free => self.event("control", &format!("{name:?} is in control")),
+            Granted::From(former) => {
+                self.event("control", &format!("{name:?} took control from {former:?}"));
+            }
+            Granted::Unseen => {
+                return Ok(v1::LeaseReply {
+                    header: Some(self.stamp()),
+                    ..Default::default()
+                });
+            }
+        }
+        Ok(self.held())
     }
 
     fn scene(&self) -> v1::SceneReply {

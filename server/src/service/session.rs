@@ -49,13 +49,3 @@ pub fn open(
     )?;
     Ok(zenoh::open(config).wait()?)
 }
-
-/// A name for this run of this process: 16 hexadecimal digits.
-#[must_use]
-pub fn run_id() -> String {
-    use std::hash::{BuildHasher, Hasher};
-    // The standard library's hasher is keyed at random for every process.
-    let mut hasher = std::hash::RandomState::new().build_hasher();
-    hasher.write_u32(std::process::id());
-    format!("{:016x}", hasher.finish())
-}
