@@ -102,7 +102,6 @@ fn run(cli: Cli) -> anyhow::Result<ExitCode> {
 
 fn record_episodes(link: &Link, args: &RecordArgs) -> anyhow::Result<ExitCode> {
     let runtime = tokio::runtime::Runtime::new()?;
-    let session = link.session().clone();
     let interrupted = async {
         use tokio::signal::unix::{SignalKind, signal};
         match signal(SignalKind::terminate()) {
@@ -115,7 +114,7 @@ fn record_episodes(link: &Link, args: &RecordArgs) -> anyhow::Result<ExitCode> {
             }
         }
     };
-    let recording = record::run(session, link.keys().clone(), args.clone(), interrupted);
+    let recording = record::run(link, args.clone(), interrupted);
     Ok(ExitCode::from(runtime.block_on(recording)?.exit_code()))
 }
 

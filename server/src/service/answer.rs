@@ -116,7 +116,7 @@ impl Engine {
             real_time_factor: self.pace.factor(),
             episode: self.episode.as_ref().map(|e| e.started.clone()),
             waiting_for: self.waiting_for.clone(),
-            recorders: lock(&self.shared.recorders).all(),
+            recorders: lock(&self.shared.recorders).all(&self.shared.run_id),
             refused: lock(&self.shared.inbox).refused(),
             evaluation: Some(evaluation),
             holder: held.holder,

@@ -24,8 +24,8 @@ pub(super) const CREDIT_WINDOW: u64 = 8;
 /// How long an announced episode waits for recorders that are not there, s.
 const ABSENT_SECS: u64 = 30;
 
-/// How long it waits for recorders that are there, but still finish a file, s.
-const PRESENT_SECS: u64 = 600;
+/// How long it waits for recorders that are there, but still finish files, s.
+const PRESENT_SECS: u64 = 120;
 
 /// How long a server that ends waits for its recorders to get the rest, s.
 const FAREWELL_SECS: u64 = 10;
