@@ -9,6 +9,7 @@ use std::process::ExitCode;
 use anyhow::Context;
 use clap::{CommandFactory, Parser, Subcommand};
 use clap_complete::Shell;
+use wheelarm_client::collect::{self, CollectArgs};
 use wheelarm_client::control::{self, EpisodeCommand, ResetArgs, manual};
 use wheelarm_client::demo::{self, DemoArgs};
 use wheelarm_client::doctor::{self, DoctorArgs};
@@ -117,6 +118,8 @@ enum Command {
     Demo(DemoArgs),
     /// Does tasks over many seeds and counts the successes.
     Evaluate(EvaluateArgs),
+    /// Makes a whole dataset from a plan, on this machine or as a part of many.
+    Collect(CollectArgs),
     /// Does a recorded episode again, bit by bit, and can record it anew.
     #[command(after_long_help = manual::REPLAY)]
     Replay(ReplayArgs),
@@ -178,6 +181,7 @@ fn run(cli: Cli) -> anyhow::Result<ExitCode> {
         Command::Record(args) => return record_episodes(&link()?, args),
         Command::Demo(args) => return demo::run(args),
         Command::Evaluate(args) => return evaluate::run(args),
+        Command::Collect(args) => return collect::run(args),
         Command::Replay(args) => return replay::run(args),
         Command::Operate(args) => return run_operator(&link()?, args),
         Command::Teleop(args) => return teleop::run(&cli.connect, args),
