@@ -3,7 +3,10 @@
 
 mod episode;
 mod gate;
+mod preview;
 mod recorder;
 mod settle;
 mod tasks;
+mod teleop;
 mod tidy;
+mod watch;
