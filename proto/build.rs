@@ -14,6 +14,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     prost_build::Config::new()
         .bytes([
             ".wheelarm.v1.CameraFrame",
+            ".wheelarm.v1.PreviewFrame",
             ".wheelarm.v1.SnapshotReply.snapshot",
             ".wheelarm.v1.ResetRequest.snapshot",
         ])

@@ -1,9 +1,11 @@
-//! The connection to a server: one zenoh session, typed queries, commands and
-//! streams.
+//! The connection to a server: one zenoh session, typed queries, control and
+//! commands, streams and previews.
 //!
 //! Nothing here knows what is simulated. No zenoh callback works: samples go
 //! undecoded into one queue, in the order in which they arrived.
 
+mod commander;
+mod preview;
 mod streams;
 
 use std::time::{Duration, Instant};
@@ -12,9 +14,11 @@ use clap::Args;
 use wheelarm_proto::keys::{self, BadName, Keys, Query};
 use wheelarm_proto::{Message, v1};
 use zenoh::bytes::ZBytes;
-use zenoh::qos::{CongestionControl, Priority};
+use zenoh::qos::Priority;
 use zenoh::{Config, Session, Wait};
 
+pub use commander::Commander;
+pub use preview::Preview;
 pub use streams::{Received, Stream, Streams};
 
 /// Where a server listens when nothing else is said.
@@ -206,7 +210,34 @@ impl Link {
     /// # Errors
     /// As [`Link::query`].
     pub fn ask<R: Message + Default>(&self, query: Query) -> Result<R, LinkError> {
-        self.query_bytes(query, Vec::new())
+        self.query_bytes(query, Vec::new(), patience(query))
+    }
+
+    /// As [`Link::ask`] with a wait of its own.
+    ///
+    /// # Errors
+    /// As [`Link::query`].
+    pub fn ask_within<R: Message + Default>(
+        &self,
+        query: Query,
+        patience: Duration,
+    ) -> Result<R, LinkError> {
+        self.query_bytes(query, Vec::new(), patience)
+    }
+
+    /// Whether somebody on this network holds a liveliness token.
+    ///
+    /// # Errors
+    /// [`LinkError::Transport`].
+    pub fn is_declared(&self, token: &str) -> Result<bool, LinkError> {
+        let replies = self
+            .session
+            .liveliness()
+            .get(token)
+            .timeout(Duration::from_secs(1))
+            .wait()
+            .map_err(transport("asking for a token"))?;
+        Ok(replies.into_iter().any(|reply| reply.result().is_ok()))
     }
 
     /// Asks a query and waits for the typed reply.
@@ -219,15 +250,28 @@ impl Link {
         query: Query,
         request: &impl Message,
     ) -> Result<R, LinkError> {
-        self.query_bytes(query, request.encode_to_vec())
+        self.query_within(query, request, patience(query))
+    }
+
+    /// As [`Link::query`] with a wait of its own.
+    ///
+    /// # Errors
+    /// As [`Link::query`].
+    pub fn query_within<R: Message + Default>(
+        &self,
+        query: Query,
+        request: &impl Message,
+        patience: Duration,
+    ) -> Result<R, LinkError> {
+        self.query_bytes(query, request.encode_to_vec(), patience)
     }
 
     fn query_bytes<R: Message + Default>(
         &self,
         query: Query,
         request: Vec<u8>,
+        patience: Duration,
     ) -> Result<R, LinkError> {
-        let patience = patience(query);
         let replies = self
             .session
             .get(self.keys.query(query))
@@ -254,27 +298,6 @@ impl Link {
                 _ => Err(silent()),
             },
         }
-    }
-
-    /// Opens the channel for commands under the name `commander`.
-    ///
-    /// # Errors
-    /// [`LinkError::Transport`].
-    pub fn commander(&self, commander: &str) -> Result<Commander, LinkError> {
-        let publisher = self
-            .session
-            .declare_publisher(self.keys.command())
-            .congestion_control(CongestionControl::Block)
-            .priority(Priority::RealTime)
-            .express(true)
-            .wait()
-            .map_err(transport("opening the command channel"))?;
-        Ok(Commander {
-            publisher,
-            commander: commander.to_owned(),
-            run_id: run_id(),
-            sequence: 0,
-        })
     }
 
     /// Subscribes to streams; their samples come out of one queue.
@@ -367,55 +390,6 @@ fn config(endpoint: &str, timeout_secs: f64) -> Config {
         }
     }
     config
-}
-
-/// Sends commands; their sequence numbers count up from 0.
-pub struct Commander {
-    publisher: zenoh::pubsub::Publisher<'static>,
-    commander: String,
-    run_id: String,
-    sequence: u64,
-}
-
-/// A name for this commander's life, so that it may count from 0 again after
-/// a restart: 16 hexadecimal digits.
-fn run_id() -> String {
-    use std::hash::{BuildHasher, Hasher};
-    // The standard library keys its hasher at random.
-    let mut hasher = std::hash::RandomState::new().build_hasher();
-    hasher.write_u32(std::process::id());
-    format!("{:016x}", hasher.finish())
-}
-
-impl Commander {
-    /// Sends `command` as the answer to the control tick of `clock`.
-    ///
-    /// # Errors
-    /// [`LinkError::Transport`].
-    pub fn answer(
-        &mut self,
-        clock: &v1::Header,
-        mut command: v1::Command,
-    ) -> Result<(), LinkError> {
-        command.header = Some(v1::Header {
-            run_id: self.run_id.clone(),
-            sequence: self.sequence,
-            ..clock.clone()
-        });
-        command.commander.clone_from(&self.commander);
-        command.answers_tick = clock.tick;
-        self.sequence += 1;
-        self.publisher
-            .put(command.encode_to_vec())
-            .wait()
-            .map_err(transport("sending a command"))
-    }
-
-    /// Number of commands sent.
-    #[must_use]
-    pub fn sent(&self) -> u64 {
-        self.sequence
-    }
 }
 
 #[cfg(test)]

@@ -9,6 +9,8 @@
 //! | `wheelarm/{sim}/refusal` | `Refusal` | server → commanders |
 //! | `wheelarm/{sim}/stream/{name}` | see `names::STREAMS` | server → all |
 //! | `wheelarm/{sim}/camera/{name}` | `CameraFrame` | server → all |
+//! | `wheelarm/{sim}/preview/{camera}/{level}` | `PreviewFrame` | server → viewers |
+//! | `wheelarm/{sim}/commander/{name}/{run_id}/alive` | liveliness token | commander |
 //! | `wheelarm/{sim}/episode/start` | `EpisodeStarted` | server → all |
 //! | `wheelarm/{sim}/episode/stop` | `EpisodeStopped` | server → all |
 //! | `wheelarm/{sim}/recorder/{name}` | `RecorderStatus` | recorder → server |
@@ -16,6 +18,8 @@
 //! | `wheelarm/{sim}/query/{name}` | see [`Query`] | query |
 //!
 //! A query answers either its reply message or, as an error reply, `Failure`.
+
+use crate::preview::PreviewLevel;
 
 /// First chunk of every key.
 pub const PREFIX: &str = "wheelarm";
@@ -32,6 +36,8 @@ pub enum Query {
     Scene,
     /// No payload → `TaskList`.
     Tasks,
+    /// `LeaseRequest` → `LeaseReply`.
+    Lease,
     /// `ReachRequest` → `ReachReply`.
     Reach,
     /// `ResetRequest` → `ResetReply`.
@@ -52,10 +58,11 @@ pub enum Query {
 
 impl Query {
     /// Every query.
-    pub const ALL: [Self; 11] = [
+    pub const ALL: [Self; 12] = [
         Self::Status,
         Self::Scene,
         Self::Tasks,
+        Self::Lease,
         Self::Reach,
         Self::Reset,
         Self::Pause,
@@ -73,6 +80,7 @@ impl Query {
             Self::Status => "status",
             Self::Scene => "scene",
             Self::Tasks => "tasks",
+            Self::Lease => "lease",
             Self::Reach => "reach",
             Self::Reset => "reset",
             Self::Pause => "pause",
@@ -112,6 +120,16 @@ pub fn check_name(name: &str) -> Result<(), BadName> {
     } else {
         Err(BadName(name.to_owned()))
     }
+}
+
+/// A name for one life of one process, drawn at random: 16 hexadecimal digits.
+#[must_use]
+pub fn run_id() -> String {
+    use std::hash::{BuildHasher, Hasher};
+    // The standard library's hasher is keyed at random.
+    let mut hasher = std::hash::RandomState::new().build_hasher();
+    hasher.write_u32(std::process::id());
+    format!("{:016x}", hasher.finish())
 }
 
 impl Keys {
@@ -166,6 +184,27 @@ impl Keys {
         self.key(&format!("camera/{name}"))
     }
 
+    /// Preview of one camera at one level.
+    #[must_use]
+    pub fn preview(&self, camera: &str, level: PreviewLevel) -> String {
+        self.key(&format!("preview/{camera}/{}", level.name()))
+    }
+
+    /// Liveliness token of one life of one commander; `*` for all.
+    #[must_use]
+    pub fn commander_alive(&self, name: &str, run_id: &str) -> String {
+        self.key(&format!("commander/{name}/{run_id}/alive"))
+    }
+
+    /// Name and run id in a key of [`Keys::commander_alive`].
+    #[must_use]
+    pub fn commander_of(key: &str) -> Option<(String, String)> {
+        let mut chunks = key.rsplit('/').skip(1);
+        let (run_id, name) = (chunks.next()?, chunks.next()?);
+        let fits = check_name(name).is_ok() && check_name(run_id).is_ok();
+        fits.then(|| (name.to_owned(), run_id.to_owned()))
+    }
+
     /// Start of an episode.
     #[must_use]
     pub fn episode_start(&self) -> String {
@@ -206,6 +245,16 @@ mod tests {
         let a = Keys::new("a").unwrap();
         assert_eq!(a.stream("imu"), "wheelarm/a/stream/imu");
         assert_ne!(a.command(), Keys::new("b").unwrap().command());
+    }
+
+    #[test]
+    fn a_commander_is_read_back_from_its_token() {
+        let keys = Keys::new("a").unwrap();
+        let key = keys.commander_alive("anna", "00ff");
+        let read = Keys::commander_of(&key);
+        assert_eq!(read, Some(("anna".to_owned(), "00ff".to_owned())));
+        assert_eq!(Keys::commander_of("alive"), None);
+        assert_ne!(run_id(), run_id());
     }
 
     #[test]

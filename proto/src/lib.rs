@@ -9,6 +9,7 @@
 pub mod check;
 pub mod keys;
 pub mod names;
+pub mod preview;
 mod time;
 
 pub use time::{CONTROL_HZ, PHYSICS_HZ, TICKS_PER_CONTROL, stamp_nanos};

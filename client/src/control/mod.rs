@@ -1,6 +1,7 @@
 //! The small commands: one query each, its answer printed.
 
 mod external;
+pub mod manual;
 mod print;
 
 use clap::{Args, Subcommand};
@@ -50,7 +51,8 @@ pub struct EpisodeStartArgs {
     /// Recorders that must be ready before time goes on.
     #[arg(long, default_value_t = 0, value_name = "N")]
     pub require_recorders: u32,
-    /// In lock-step: the commander that the simulation waits for.
+    /// In lock-step: the commander that the simulation waits for; it must hold
+    /// control. Whoever does when absent.
     #[arg(long, default_value = "")]
     pub commander: String,
 }
@@ -103,6 +105,7 @@ pub fn reset(link: &Link, args: &ResetArgs) -> Result<v1::Scenario, LinkError> {
     }
     scenario.instruction = args.instruction.clone().unwrap_or_default();
     scenario.objects.clear();
+    scenario.target.clear();
     scenario.start = None;
     let request = v1::ResetRequest {
         scenario: Some(scenario),

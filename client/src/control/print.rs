@@ -80,6 +80,13 @@ pub(super) fn status_text(sim: &str, status: &v1::Status) -> String {
             .map_or_else(|| "none runs".to_owned(), episode_line),
     );
     line("waits for", status.waiting_for.clone());
+    line(
+        "control",
+        match status.holder.as_str() {
+            "" => "nobody".to_owned(),
+            holder => format!("{holder:?}, for {:.0} s", status.held_seconds),
+        },
+    );
     line("refused", format!("{} commands", status.refused));
     for recorder in &status.recorders {
         line("recorder", recorder_line(recorder));
@@ -100,6 +107,7 @@ fn recorder_line(recorder: &v1::RecorderStatus) -> String {
             v1::RecorderState::Ready => "recording",
             v1::RecorderState::Finished => "finished",
             v1::RecorderState::Failed => "FAILED",
+            v1::RecorderState::Finishing => "finishing its file",
         },
         recorder.accepted_frames,
         recorder.missed

@@ -51,7 +51,7 @@ fn replies_failures_names_and_order_get_through() {
         .declare_token(keys.alive())
         .wait()
         .unwrap();
-    let pause_key = keys.query(Query::Pause);
+    let (pause_key, lease_key) = (keys.query(Query::Pause), keys.query(Query::Lease));
     let _queries = server
         .declare_queryable(format!("{}/a/query/*", keys::PREFIX))
         .callback(move |query| {
@@ -61,6 +61,17 @@ fn replies_failures_names_and_order_get_through() {
                     message: "no episode runs".to_owned(),
                 };
                 query.reply_err(failure.encode_to_vec()).wait().unwrap();
+            } else if query.key_expr().as_str() == lease_key {
+                let payload = query.payload().unwrap();
+                let request: v1::LeaseRequest = decode(payload, "lease").unwrap();
+                let reply = v1::LeaseReply {
+                    holder: request.commander,
+                    ..Default::default()
+                };
+                query
+                    .reply(query.key_expr().clone(), reply.encode_to_vec())
+                    .wait()
+                    .unwrap();
             } else {
                 let status = v1::Status {
                     version: "7".to_owned(),
@@ -107,7 +118,7 @@ fn replies_failures_names_and_order_get_through() {
     assert!(refused.contains("no episode runs"), "{refused}");
 
     let streams = link.streams(&[Stream::JointState, Stream::Clock]).unwrap();
-    let mut commander = link.commander("test").unwrap();
+    let mut commander = link.commander("test", false).unwrap();
     for sequence in 0..50 {
         commander
             .answer(&v1::Header::default(), v1::Command::default())

@@ -8,7 +8,7 @@ use wheelarm_proto::check::Invalid;
 use wheelarm_proto::keys::Query;
 use wheelarm_proto::v1;
 
-use super::grasp::Reach;
+use super::dock::Reach;
 use super::observation::{self, Collector};
 use super::operator::{Operator, Outcome};
 use super::scene::{SceneModel, write_pose};
@@ -34,6 +34,9 @@ pub struct OperateArgs {
     /// Name under which the operator commands.
     #[arg(long, default_value = "operator")]
     pub commander: String,
+    /// Takes control over from whoever holds it.
+    #[arg(long)]
+    pub take: bool,
     /// Seed of the operator's habits; the scenario's when absent.
     #[arg(long)]
     pub style_seed: Option<u64>,
@@ -47,6 +50,7 @@ impl Default for OperateArgs {
             instruction: String::new(),
             require_recorders: 0,
             commander: "operator".to_owned(),
+            take: false,
             style_seed: None,
         }
     }
@@ -161,7 +165,7 @@ pub fn run(
     let model = SceneModel::read(&link.ask(Query::Scene)?)?;
     let style = Style::new(args.style_seed.unwrap_or(scenario.seed));
     let mut operator = Operator::new(model, style).map_err(OperateError::Scene)?;
-    let mut commander = link.commander(&args.commander)?;
+    let mut commander = link.commander(&args.commander, args.take)?;
     let (started, is_ours) = match status.episode {
         Some(running) => (running, false),
         None => (start(link, args, &scenario)?, true),
@@ -233,7 +237,7 @@ pub fn run(
             answered = Some(header.tick);
             continue;
         };
-        let act = operator.step(&seen, &mut reach);
+        let (act, outcome) = operator.step(&seen, &mut reach);
         if let Some(error) = reach.error.take() {
             return Err(error.into());
         }
@@ -246,7 +250,7 @@ pub fn run(
             seen.chair_speed,
             seen.knuckle,
             seen.pad_force,
-            operator.target_in_hand(&seen),
+            operator.thing_in_hand(&seen),
             act.base,
             seen.arm_problem,
         );
@@ -259,7 +263,7 @@ pub fn run(
             factor: clock.real_time_factor,
             notes: &notes,
         });
-        if let Some(outcome) = act.outcome {
+        if let Some(outcome) = outcome {
             break outcome;
         }
     };
@@ -305,9 +309,14 @@ struct RemoteReach<'a> {
 }
 
 impl Reach for RemoteReach<'_> {
-    fn reach(&mut self, base_from_tool: &Isometry3<f64>) -> Option<[f64; 6]> {
+    fn reach(
+        &mut self,
+        base_from_tool: &Isometry3<f64>,
+        near: Option<&[f64; 6]>,
+    ) -> Option<[f64; 6]> {
         let request = v1::ReachRequest {
             pose: Some(write_pose(base_from_tool)),
+            near: near.map(|joints| joints.to_vec()).unwrap_or_default(),
         };
         match self.link.query::<v1::ReachReply>(Query::Reach, &request) {
             Ok(reply) if reply.reachable => reply.joints.as_slice().try_into().ok(),

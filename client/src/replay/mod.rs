@@ -17,7 +17,7 @@ use wheelarm_proto::keys::Query;
 use wheelarm_proto::v1;
 
 use crate::control;
-use crate::link::{Link, Received, Stream, Streams};
+use crate::link::{Commander, Link, Received, Stream, Streams};
 use crate::local::{self, LocalServer, ServerOptions};
 use script::Script;
 
@@ -90,6 +90,7 @@ pub fn run(args: &ReplayArgs) -> anyhow::Result<ExitCode> {
         Stream::Refusal,
         Stream::EpisodeStop,
     ])?;
+    let mut commander = link.commander(NAME, false)?;
     let label = format!("{}-replay", script.label);
     let request = v1::EpisodeStartRequest {
         label: match &args.out {
@@ -104,7 +105,7 @@ pub fn run(args: &ReplayArgs) -> anyhow::Result<ExitCode> {
     let started: v1::EpisodeStarted = link
         .query(Query::EpisodeStart, &request)
         .with_context(|| server.messages())?;
-    let fed = feed(&link, &streams, &script, &started);
+    let fed = feed(&link, &mut commander, &streams, &script, &started);
     // A replay that broke off is not worth a file.
     control::stop_episode(&link, fed.is_err())?;
     let mut comparison = fed?;
@@ -126,7 +127,7 @@ pub fn run(args: &ReplayArgs) -> anyhow::Result<ExitCode> {
             code = ExitCode::from(3);
         }
     }
-    drop(recorder);
+    drop((recorder, commander));
     server.stop(link)?;
     Ok(code)
 }
@@ -155,12 +156,12 @@ fn reset(link: &Link, script: &Script, cameras: Vec<v1::CameraSetting>) -> anyho
 /// Feeds the commands by tick and collects the hashes.
 fn feed(
     link: &Link,
+    commander: &mut Commander,
     streams: &Streams,
     script: &Script,
     started: &v1::EpisodeStarted,
 ) -> anyhow::Result<Comparison> {
     let number = started.header.as_ref().map_or(0, |header| header.episode);
-    let mut commander = link.commander(NAME)?;
     let mut comparison = Comparison::new(script);
     let mut expected = script.first_tick;
     let begin = v1::Header {

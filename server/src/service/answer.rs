@@ -1,10 +1,13 @@
 //! Answers the queries of the control plane.
 
-use wheelarm_proto::keys::Query;
+use std::time::Instant;
+
+use wheelarm_proto::keys::{self, Query};
 use wheelarm_proto::{Message, v1};
 use zenoh::Wait;
 
 use super::engine::{Engine, Request};
+use super::inbox::{Granted, Life};
 use super::render::RenderThread;
 use super::{convert, lock};
 use crate::geometry::bounds;
@@ -49,6 +52,7 @@ impl Engine {
             Query::Status => self.status().encode_to_vec(),
             Query::Scene => self.scene().encode_to_vec(),
             Query::Tasks => self.tasks()?.encode_to_vec(),
+            Query::Lease => self.lease(decode(payload)?)?.encode_to_vec(),
             Query::Reach => self.reach(decode(payload)?)?.encode_to_vec(),
             Query::Reset => {
                 let request: v1::ResetRequest = decode(payload)?;
@@ -98,6 +102,7 @@ impl Engine {
     fn status(&self) -> v1::Status {
         let mut evaluation = convert::evaluation(self.sim.evaluation());
         evaluation.header = Some(self.stamp());
+        let held = self.held();
         v1::Status {
             header: Some(self.stamp()),
             version: env!("CARGO_PKG_VERSION").to_owned(),
@@ -111,19 +116,73 @@ impl Engine {
             real_time_factor: self.pace.factor(),
             episode: self.episode.as_ref().map(|e| e.started.clone()),
             waiting_for: self.waiting_for.clone(),
-            recorders: lock(&self.shared.recorders).all(),
+            recorders: lock(&self.shared.recorders).all(&self.shared.run_id),
             refused: lock(&self.shared.inbox).refused(),
             evaluation: Some(evaluation),
+            holder: held.holder,
+            held_seconds: held.held_seconds,
+            unix_nanos: super::preview::unix_nanos(),
         }
+    }
+
+    /// Who holds control.
+    fn held(&self) -> v1::LeaseReply {
+        let inbox = lock(&self.shared.inbox);
+        let holder = inbox.lease().holder();
+        v1::LeaseReply {
+            header: Some(self.stamp()),
+            holder: holder.map(|h| h.life.name.clone()).unwrap_or_default(),
+            held_seconds: holder.map_or(0.0, |h| h.since.elapsed().as_secs_f64()),
+        }
+    }
+
+    fn lease(&mut self, request: v1::LeaseRequest) -> Result<v1::LeaseReply, String> {
+        let name = request.commander;
+        let run_id = request.header.unwrap_or_default().run_id;
+        for word in [&name, &run_id] {
+            keys::check_name(word).map_err(|_| {
+                format!(
+                    "commander and run id must be 1 to 64 letters, digits, `-` or `_`, not {:?}",
+                    word.chars().take(80).collect::<String>()
+                )
+            })?;
+        }
+        let life = Life {
+            name: name.clone(),
+            run_id,
+        };
+        if request.release {
+            if lock(&self.shared.inbox).release(&life) {
+                self.event("control", &format!("{name:?} gave control back"));
+            }
+            return Ok(self.held());
+        }
+        let granted = lock(&self.shared.inbox).ask(life, request.take, Instant::now())?;
+        match granted {
+            Granted::Already => {}
+            Granted::Free => self.event("control", &format!("{name:?} is in control")),
+            Granted::From(former) => {
+                self.event("control", &format!("{name:?} took control from {former:?}"));
+            }
+            Granted::Unseen => {
+                return Ok(v1::LeaseReply {
+                    header: Some(self.stamp()),
+                    ..Default::default()
+                });
+            }
+        }
+        Ok(self.held())
     }
 
     fn scene(&self) -> v1::SceneReply {
         let (scene, model) = (self.sim.scene(), self.sim.model());
-        let furniture = scene.furniture.iter().map(|b| body(b, true));
+        let furniture = scene.furniture.iter().enumerate();
+        let furniture = furniture.map(|(i, b)| body(b, scene.joint_of(i).is_none()));
         let objects = scene.objects.iter().map(|b| body(b, false));
-        let grasps = scene.objects.iter().flat_map(|object| {
-            object.grasps.iter().map(|g| v1::GraspFrame {
-                object: object.name.clone(),
+        let grasps = scene.furniture.iter().chain(&scene.objects);
+        let grasps = grasps.flat_map(|body| {
+            body.grasps.iter().map(|g| v1::GraspFrame {
+                object: body.name.clone(),
                 name: g.name.clone(),
                 pose: Some(convert::pose(&g.pose)),
                 width: g.width,
@@ -134,16 +193,21 @@ impl Engine {
             header: Some(self.stamp()),
             bodies: furniture.chain(objects).collect(),
             grasps: grasps.collect(),
-            target: self
-                .sim
-                .task()
-                .map(|t| t.target.clone())
-                .unwrap_or_default(),
+            target: self.sim.scenario().target.clone(),
             instances: self.instances(),
             objects: scene.objects.iter().map(|o| o.name.clone()).collect(),
             arm_mount: self.arm_mount().map(|p| convert::pose(&p)),
             tool_length: model.settings.tool_length,
             footprint: model.settings.footprint.to_vec(),
+            joints: scene
+                .joints
+                .iter()
+                .map(|joint| convert::furniture_joint(joint, scene))
+                .collect(),
+            goal: self.sim.task().map(|task| {
+                let target = &self.sim.scenario().target;
+                convert::goal(&task.goal(), target, scene)
+            }),
         }
     }
 
@@ -184,7 +248,10 @@ impl Engine {
     fn reach(&self, request: v1::ReachRequest) -> Result<v1::ReachReply, String> {
         let pose = convert::isometry("pose", request.pose.as_ref()).map_err(|e| e.to_string())?;
         let joints = self.sim.recorded_joints();
-        let guess = std::array::from_fn(|i| joints[ARM_JOINTS.start + i].position);
+        let guess = match request.near.as_slice() {
+            [] => std::array::from_fn(|i| joints[ARM_JOINTS.start + i].position),
+            near => wheelarm_proto::check::list::<6>("near", near).map_err(|e| e.to_string())?,
+        };
         let solved = self.sim.control().kinematics().solve(&pose, &guess);
         let header = Some(self.stamp());
         Ok(match solved {
@@ -256,8 +323,8 @@ fn decode<M: Message + Default>(payload: &[u8]) -> Result<M, String> {
     M::decode(payload).map_err(|e| format!("the request cannot be read: {e}"))
 }
 
-/// A body with the boxes of its collision shapes: in `house` for furniture, in
-/// the body's own frame for objects.
+/// A body with the boxes of its collision shapes: in `house` for what stays, in
+/// the body's own frame for what moves.
 fn body(body: &Body, fixed: bool) -> v1::SceneBody {
     let world_from_body = if fixed {
         body.pose

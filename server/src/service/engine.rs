@@ -10,10 +10,10 @@ use wheelarm_proto::keys::Query;
 use wheelarm_proto::{names, v1};
 
 use super::episode::{Episode, Stage};
-use super::inbox::Listening;
+use super::inbox::{Listening, Refused};
 use super::pace::Pace;
 use super::render::RenderThread;
-use super::{Options, Refused, ServiceError, Shared, answer, convert, lock, publish};
+use super::{Options, ServiceError, Shared, answer, convert, lock, publish};
 use crate::sim::{Pacing, Scenario, Simulation};
 use crate::snapshot::{Anomaly, Snapshot};
 
@@ -24,8 +24,8 @@ pub(super) const CREDIT_WINDOW: u64 = 8;
 /// How long an announced episode waits for recorders that are not there, s.
 const ABSENT_SECS: u64 = 30;
 
-/// How long it waits for recorders that are there, but still finish a file, s.
-const PRESENT_SECS: u64 = 600;
+/// How long it waits for recorders that are there, but still finish files, s.
+const PRESENT_SECS: u64 = 120;
 
 /// How long a server that ends waits for its recorders to get the rest, s.
 const FAREWELL_SECS: u64 = 10;
@@ -53,7 +53,6 @@ pub struct Engine {
     pub(super) waiting_for: String,
     pub(super) pace: Pace,
     episodes: u64,
-    started: Instant,
     seen_anomalies: Vec<Anomaly>,
     /// Asset files as they were when the simulation was set up.
     pub(super) asset_texts: Vec<v1::AssetText>,
@@ -83,7 +82,6 @@ impl Engine {
             paused: false,
             waiting_for: String::new(),
             episodes: 0,
-            started: Instant::now(),
             seen_anomalies: Vec::new(),
         };
         engine.start_cameras()?;
@@ -134,6 +132,7 @@ impl Engine {
                 self.answer(request);
             }
             self.publish_refusals();
+            self.publish_vanished();
             match self.next() {
                 Next::Step => self.step(),
                 Next::Wait(how_long) => self.shared.signal.wait(how_long.min(NAP)),
@@ -189,7 +188,10 @@ impl Engine {
                 return Next::Wait(NAP);
             }
             if !lock(&self.shared.inbox).answered(self.sim.snapshot().tick) {
-                "the commander".clone_into(&mut self.waiting_for);
+                self.waiting_for = match lock(&self.shared.inbox).lease().holder() {
+                    Some(holder) => format!("the commander {:?}", holder.life.name),
+                    None => "a commander, for nobody holds control".to_owned(),
+                };
                 return Next::Wait(NAP);
             }
         }
@@ -262,7 +264,7 @@ impl Engine {
     fn step(&mut self) {
         let tick = self.sim.snapshot().tick;
         let now = match self.sim.scenario().pacing {
-            Pacing::RealTime => self.started.elapsed().as_secs_f64(),
+            Pacing::RealTime => self.shared.now(),
             Pacing::LockStep | Pacing::Fast => self.sim.snapshot().stamp_nanos() as f64 * 1e-9,
         };
         let taken = lock(&self.shared.inbox).take(tick, now);
@@ -296,7 +298,14 @@ impl Engine {
         let Some(render) = &self.render else {
             return;
         };
-        for (snapshot, cameras) in frames {
+        for (snapshot, mut cameras) in frames {
+            if self.episode.is_none() {
+                // Between episodes only what somebody looks at is drawn.
+                cameras.retain(|&camera| render.is_watched(camera));
+            }
+            if cameras.is_empty() {
+                continue;
+            }
             if let Some(episode) = &mut self.episode {
                 for &camera in &cameras {
                     let name = &self.sim.scenario().cameras[camera].name;
@@ -335,25 +344,36 @@ impl Engine {
     }
 
     fn publish_refusals(&self) {
-        let refusals = std::mem::take(&mut *lock(&self.shared.refusals));
+        let answers = lock(&self.shared.refusals).take(self.shared.now());
         let (episode, tick) = (self.episode_number(), self.sim.snapshot().tick);
-        for Refused {
-            commander,
-            sequence,
-            reason,
-        } in refusals
-        {
-            self.event(
-                "refused",
-                &format!("command {sequence} of {commander:?}: {reason}"),
-            );
+        for (refused, count) in answers {
+            let Refused {
+                commander,
+                sequence,
+                reason,
+            } = refused;
+            let what = match count {
+                1 => format!("command {sequence} of {commander:?}: {reason}"),
+                _ => {
+                    format!("{count} more, the last command {sequence} of {commander:?}: {reason}")
+                }
+            };
+            self.event("refused", &what);
             let refusal = v1::Refusal {
                 header: None,
                 commander,
                 sequence,
                 reason,
+                count,
             };
             self.shared.outbox.refusal(episode, tick, refusal);
+        }
+    }
+
+    fn publish_vanished(&self) {
+        let vanished = std::mem::take(&mut *lock(&self.shared.vanished));
+        for words in vanished {
+            self.event("control", &words);
         }
     }
 
@@ -368,12 +388,8 @@ impl Engine {
         }
         wheelarm_proto::check::label(&request.label).map_err(|e| e.to_string())?;
         let lock_step = self.sim.scenario().pacing == Pacing::LockStep;
-        if lock_step && wheelarm_proto::keys::check_name(&request.commander).is_err() {
-            return Err(
-                "in lock-step the simulation waits for one commander: name it \
-                        (1 to 64 letters, digits, `-` or `_`)"
-                    .to_owned(),
-            );
+        if lock_step {
+            self.check_commander(&request.commander)?;
         }
         // In lock-step time waits for every recorder that is there.
         let required = match lock_step {
@@ -417,6 +433,13 @@ impl Engine {
                 .iter()
                 .map(|o| o.name.clone())
                 .collect(),
+            joints: self
+                .sim
+                .scene()
+                .joints
+                .iter()
+                .map(|j| j.name.clone())
+                .collect(),
         };
         if let Some(render) = &self.render {
             render.drain();
@@ -433,15 +456,32 @@ impl Engine {
             running_since: Instant::now(),
             frames_before: self.render.as_ref().map_or(0, RenderThread::drawn),
         });
-        let commander = lock_step.then_some(request.commander);
         self.listen(Listening {
             episode: number,
-            commander,
+            lock_step,
             replay: request.replay,
         });
         self.seen_anomalies.clear();
         self.shared.outbox.episode_start(tick, started.clone());
         Ok(started)
+    }
+
+    /// In lock-step time waits for whoever holds control; `wanted` must be that one.
+    fn check_commander(&self, wanted: &str) -> Result<(), String> {
+        let inbox = lock(&self.shared.inbox);
+        let holder = inbox.lease().holder().map(|h| h.life.name.as_str());
+        match holder {
+            Some(holder) if wanted.is_empty() || wanted == holder => Ok(()),
+            Some(holder) => Err(format!(
+                "in lock-step the simulation waits for one commander: {wanted:?} is asked for, but \
+                 {holder:?} holds control (query `lease`)"
+            )),
+            None => Err(
+                "in lock-step the simulation waits for one commander, and nobody holds control: \
+                 ask for it first (query `lease`)"
+                    .to_owned(),
+            ),
+        }
     }
 
     /// Closes the running episode and publishes its manifest.
@@ -495,6 +535,11 @@ impl Engine {
             sim.restore(snapshot).map_err(|e| e.to_string())?;
         }
         let asset_texts = answer::asset_texts(&sim)?;
+        let names = |sim: &Simulation| -> Vec<String> {
+            let objects = sim.scene().objects.iter();
+            objects.map(|o| o.name.clone()).collect()
+        };
+        let same_cameras = same_cameras && names(&sim) == names(&self.sim);
         let before = std::mem::replace(&mut self.sim, sim);
         if !same_cameras && let Err(e) = self.start_cameras() {
             self.sim = before;
@@ -503,7 +548,7 @@ impl Engine {
             return Err(e.to_string());
         }
         self.asset_texts = asset_texts;
-        self.listen(Listening::default());
+        lock(&self.shared.inbox).renew(Listening::default(), self.sim.snapshot().tick);
         self.seen_anomalies.clear();
         self.pace.restart();
         self.publish_state();

@@ -1,27 +1,41 @@
-//! The gate: keeps the newest valid command per actuator group and lets
-//! nothing else through. Everything refused is counted and gets its reason.
+//! The gate: keeps the newest valid command per actuator group of the one
+//! commander that holds control and lets nothing else through. Everything
+//! refused is counted and gets its reason.
 //!
 //! Age is wall time in real-time pacing and simulation time otherwise; the
 //! caller passes it in seconds, so that this file knows no clock.
 
+mod lease;
+mod rate;
+
 use std::collections::BTreeMap;
+use std::time::Instant;
 
 use wheelarm_proto::{Message, TICKS_PER_CONTROL, check, v1};
 
+pub use self::lease::{Granted, Lease, Life};
+pub use self::rate::Bucket;
 use super::convert;
 use crate::robot::control::{ArmIntent, BaseIntent, ControlInput, GripperMap};
 
 /// Age of the newest chair or twist command at which braking starts, s.
 pub const STALE_SECS: f64 = 0.25;
 
-/// How many commanders are remembered; the least recently seen is forgotten.
-const MAX_COMMANDERS: usize = 64;
+/// Commands of the holder per second, and at once: several times what the 60
+/// control ticks of a second can use. Not in lock-step, which asks for each.
+const RATE: (f64, f64) = (400.0, 200.0);
 
 /// How far ahead of the simulation a lock-step commander may answer, control ticks.
 const MAX_AHEAD: u64 = 8;
 
 /// Largest command message, bytes.
 const MAX_BYTES: usize = 64 * 1024;
+
+/// A chair that is braked.
+const REST: BaseIntent = BaseIntent {
+    linear: 0.0,
+    angular: 0.0,
+};
 
 /// What one control tick takes from the gate.
 #[derive(Debug, Default)]
@@ -50,17 +64,17 @@ pub struct Refused {
 pub struct Listening {
     /// Running episode; 0 between episodes.
     pub episode: u64,
-    /// Lock-step: the one commander that is waited for.
-    pub commander: Option<String>,
+    /// Every control tick waits for the answer of the commander in control.
+    pub lock_step: bool,
     /// Commands are a replay: no age rule.
     pub replay: bool,
 }
 
-#[derive(Debug)]
-struct Commander {
-    run_id: String,
-    last_sequence: u64,
-    seen: u64,
+/// Groups that are to be stopped at the next control tick.
+#[derive(Clone, Copy, Debug, Default)]
+struct Brake {
+    base: bool,
+    arm: bool,
 }
 
 /// Activity of a group that goes stale.
@@ -75,8 +89,9 @@ struct Active {
 pub struct Inbox {
     gripper: GripperMap,
     listening: Listening,
-    commanders: BTreeMap<String, Commander>,
-    seen: u64,
+    lease: Lease,
+    rate: Bucket,
+    brake: Brake,
     pending: Vec<v1::Command>,
     /// Lock-step: commands by the tick they answer.
     answers: BTreeMap<u64, v1::Command>,
@@ -94,8 +109,9 @@ impl Inbox {
         Self {
             gripper,
             listening: Listening::default(),
-            commanders: BTreeMap::new(),
-            seen: 0,
+            lease: Lease::default(),
+            rate: Bucket::new(RATE.0, RATE.1),
+            brake: Brake::default(),
             pending: Vec::new(),
             answers: BTreeMap::new(),
             next_tick: 0,
@@ -106,8 +122,11 @@ impl Inbox {
         }
     }
 
-    /// Starts listening anew: pending commands are dropped.
+    /// Starts listening anew: pending commands are dropped, and what they had
+    /// set in motion is stopped.
     pub fn listen(&mut self, listening: Listening, next_tick: u64) {
+        self.brake.base |= self.base.since.is_some();
+        self.brake.arm |= self.twist.since.is_some();
         self.listening = listening;
         self.pending.clear();
         self.answers.clear();
@@ -115,6 +134,65 @@ impl Inbox {
         self.base = Active::default();
         self.twist = Active::default();
         self.phase = (0, String::new());
+    }
+
+    /// As [`Inbox::listen`] for another robot, which stands still.
+    pub fn renew(&mut self, listening: Listening, next_tick: u64) {
+        self.listen(listening, next_tick);
+        self.brake = Brake::default();
+    }
+
+    /// Who is in control.
+    #[must_use]
+    pub fn lease(&self) -> &Lease {
+        &self.lease
+    }
+
+    /// A commander's token appeared.
+    pub fn appeared(&mut self, life: Life) {
+        self.lease.appeared(life);
+    }
+
+    /// A commander's token vanished; true when control ended with it.
+    pub fn vanished(&mut self, life: &Life) -> bool {
+        let ended = self.lease.vanished(life);
+        if ended {
+            self.end_control();
+        }
+        ended
+    }
+
+    /// Asks for control, or takes it.
+    ///
+    /// # Errors
+    /// Who has it, and how to get it.
+    pub fn ask(&mut self, life: Life, take: bool, now: Instant) -> Result<Granted, String> {
+        let granted = self.lease.ask(life, take, now)?;
+        if matches!(granted, Granted::From(_)) {
+            self.end_control();
+        }
+        Ok(granted)
+    }
+
+    /// Gives control back; true when `life` had it.
+    pub fn release(&mut self, life: &Life) -> bool {
+        let ended = self.lease.release(life);
+        if ended {
+            self.end_control();
+        }
+        ended
+    }
+
+    /// The chair brakes and the arm holds until somebody commands them.
+    fn end_control(&mut self) {
+        self.pending.clear();
+        self.answers.clear();
+        self.base = Active::default();
+        self.twist = Active::default();
+        self.brake = Brake {
+            base: true,
+            arm: true,
+        };
     }
 
     /// Commands refused so far.
@@ -129,19 +207,19 @@ impl Inbox {
         (self.phase.0, &self.phase.1)
     }
 
-    /// Takes a message from the network.
+    /// Takes a message from the network at `now`, wall time in seconds.
     ///
     /// # Errors
     /// [`Refused`] with the reason; the state is as if it had never come.
-    pub fn accept(&mut self, bytes: &[u8]) -> Result<(), Refused> {
-        let result = self.try_accept(bytes);
+    pub fn accept(&mut self, bytes: &[u8], now: f64) -> Result<(), Refused> {
+        let result = self.try_accept(bytes, now);
         if result.is_err() {
             self.refused += 1;
         }
         result
     }
 
-    fn try_accept(&mut self, bytes: &[u8]) -> Result<(), Refused> {
+    fn try_accept(&mut self, bytes: &[u8], now: f64) -> Result<(), Refused> {
         let nobody = |reason| Refused {
             commander: String::new(),
             sequence: 0,
@@ -164,6 +242,14 @@ impl Inbox {
         wheelarm_proto::keys::check_name(&command.commander).map_err(|_| {
             refuse("commander must be 1 to 64 letters, digits, `-` or `_`".to_owned())
         })?;
+        self.check_control(&command.commander, &header.run_id)
+            .map_err(refuse)?;
+        if !self.listening.lock_step && !self.rate.take(now) {
+            return Err(refuse(format!(
+                "more than {} commands per second; 60 are of use",
+                RATE.0
+            )));
+        }
         check::command(&command).map_err(|e| refuse(e.to_string()))?;
         if header.episode != self.listening.episode {
             return Err(refuse(format!(
@@ -171,10 +257,7 @@ impl Inbox {
                 header.episode, self.listening.episode
             )));
         }
-        if let Some(expected) = &self.listening.commander {
-            if command.commander != *expected {
-                return Err(refuse(format!("this episode is commanded by {expected:?}")));
-            }
+        if self.listening.lock_step {
             let tick = command.answers_tick;
             if tick < self.next_tick {
                 return Err(refuse(format!(
@@ -190,9 +273,8 @@ impl Inbox {
                 return Err(refuse(format!("more than {MAX_AHEAD} commands ahead")));
             }
         }
-        self.check_sequence(&command.commander, &header)
-            .map_err(refuse)?;
-        if self.listening.commander.is_some() {
+        self.check_sequence(header.sequence).map_err(refuse)?;
+        if self.listening.lock_step {
             self.answers.insert(command.answers_tick, command);
         } else {
             // Between two control ticks only the newest of each group counts,
@@ -205,53 +287,50 @@ impl Inbox {
         Ok(())
     }
 
-    fn check_sequence(&mut self, name: &str, header: &v1::Header) -> Result<(), String> {
-        self.seen += 1;
-        let seen = self.seen;
-        if let Some(known) = self.commanders.get_mut(name) {
-            if known.run_id == header.run_id && header.sequence <= known.last_sequence {
-                return Err(format!(
-                    "sequence number {} is not newer than {} (old, repeated or reordered)",
-                    header.sequence, known.last_sequence
-                ));
-            }
-            known.run_id.clone_from(&header.run_id);
-            known.last_sequence = header.sequence;
-            known.seen = seen;
+    fn check_control(&self, name: &str, run_id: &str) -> Result<(), String> {
+        match self.lease.holder().map(|h| &h.life) {
+            Some(life) if life.name == name && life.run_id == run_id => Ok(()),
+            Some(life) if life.name == name => Err(format!(
+                "control is held by another process that is named {name:?} too"
+            )),
+            Some(life) => Err(format!(
+                "control is held by {:?}; take it over with the query `lease`",
+                life.name
+            )),
+            None => Err("nobody holds control; ask for control first (query `lease`)".to_owned()),
+        }
+    }
+
+    fn check_sequence(&mut self, sequence: u64) -> Result<(), String> {
+        let Some(holder) = self.lease.holder_mut() else {
             return Ok(());
+        };
+        if let Some(last) = holder.last_sequence
+            && sequence <= last
+        {
+            return Err(format!(
+                "sequence number {sequence} is not newer than {last} (old, repeated or reordered)"
+            ));
         }
-        if self.commanders.len() >= MAX_COMMANDERS {
-            let oldest = self.commanders.iter().min_by_key(|(_, c)| c.seen);
-            if let Some(name) = oldest.map(|(name, _)| name.clone()) {
-                self.commanders.remove(&name);
-            }
-        }
-        self.commanders.insert(
-            name.to_owned(),
-            Commander {
-                run_id: header.run_id.clone(),
-                last_sequence: header.sequence,
-                seen,
-            },
-        );
+        holder.last_sequence = Some(sequence);
         Ok(())
     }
 
     /// Whether the lock-step commander has answered `tick`.
     #[must_use]
     pub fn answered(&self, tick: u64) -> bool {
-        self.listening.commander.is_none() || self.answers.contains_key(&tick)
+        !self.listening.lock_step || self.answers.contains_key(&tick)
     }
 
     /// Takes what is to be applied at `tick`; `now` is the age clock in seconds.
     pub fn take(&mut self, tick: u64, now: f64) -> Taken {
-        let commands = if self.listening.commander.is_some() {
+        let commands = if self.listening.lock_step {
             self.answers.remove(&tick).into_iter().collect()
         } else {
             std::mem::take(&mut self.pending)
         };
         self.next_tick = tick + 1;
-        let mut taken = Taken::default();
+        let mut taken = self.stopped();
         for command in &commands {
             if command.phase != 0 {
                 let name = command.phase_name.chars().take(64).collect();
@@ -267,6 +346,18 @@ impl Inbox {
         }
         taken.commands = commands;
         self.apply_age(&mut taken, now);
+        taken
+    }
+
+    /// What stops the groups that are to be stopped, once.
+    fn stopped(&mut self) -> Taken {
+        let brake = std::mem::take(&mut self.brake);
+        let mut taken = Taken {
+            stale: brake.base || brake.arm,
+            ..Taken::default()
+        };
+        taken.input.base = brake.base.then_some(REST);
+        taken.input.arm = brake.arm.then_some(ArmIntent::Hold);
         taken
     }
 
@@ -286,10 +377,7 @@ impl Inbox {
         let stale = |group: &Active| group.since.is_some_and(|since| now - since >= STALE_SECS);
         if stale(&self.base) {
             self.base.since = None;
-            taken.input.base = Some(BaseIntent {
-                linear: 0.0,
-                angular: 0.0,
-            });
+            taken.input.base = Some(REST);
             taken.stale = true;
         }
         if stale(&self.twist) {
@@ -301,127 +389,4 @@ impl Inbox {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn drive(sequence: u64, linear: f64) -> v1::Command {
-        v1::Command {
-            header: Some(v1::Header {
-                sequence,
-                run_id: "r".into(),
-                ..Default::default()
-            }),
-            commander: "me".into(),
-            base: Some(v1::BaseCommand {
-                linear,
-                angular: 0.0,
-            }),
-            ..Default::default()
-        }
-    }
-
-    fn inbox() -> Inbox {
-        let assets = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../assets");
-        let model = crate::robot::RobotModel::load(&assets, "wheelarm").expect("the robot");
-        Inbox::new(GripperMap::new(&model))
-    }
-
-    fn accept(inbox: &mut Inbox, command: &v1::Command) -> Result<(), Refused> {
-        inbox.accept(&command.encode_to_vec())
-    }
-
-    #[test]
-    fn a_chair_command_brakes_when_it_is_a_quarter_of_a_second_old() {
-        let mut inbox = inbox();
-        accept(&mut inbox, &drive(1, 0.4)).unwrap();
-        assert_eq!(inbox.take(0, 0.0).input.base.unwrap().linear, 0.4);
-        assert!(inbox.take(4, 0.24).input.base.is_none());
-        let stale = inbox.take(8, 0.25);
-        assert!(stale.stale && stale.input.base.unwrap().linear == 0.0);
-        assert!(!inbox.take(12, 0.5).stale, "braked twice");
-    }
-
-    #[test]
-    fn old_repeated_and_foreign_commands_are_refused_with_a_reason() {
-        let mut inbox = inbox();
-        accept(&mut inbox, &drive(5, 0.1)).unwrap();
-        for (command, word) in [
-            (drive(5, 0.2), "sequence"),
-            (drive(4, 0.2), "sequence"),
-            (
-                v1::Command {
-                    commander: "a/b".into(),
-                    ..drive(6, 0.2)
-                },
-                "commander",
-            ),
-            (drive(6, f64::NAN), "finite"),
-            (drive(6, 1e9), "expected"),
-        ] {
-            let refused = accept(&mut inbox, &command).unwrap_err();
-            assert!(refused.reason.contains(word), "{}", refused.reason);
-        }
-        assert!(inbox.accept(&[0xff; 7]).is_err());
-        assert!(inbox.accept(&vec![0; MAX_BYTES + 1]).is_err());
-        assert_eq!(inbox.refused(), 7);
-        assert_eq!(inbox.take(0, 0.0).input.base.unwrap().linear, 0.1);
-    }
-
-    #[test]
-    fn lock_step_waits_for_the_answer_to_its_own_tick() {
-        let mut inbox = inbox();
-        let listening = Listening {
-            commander: Some("me".into()),
-            ..Default::default()
-        };
-        inbox.listen(listening, 100);
-        assert!(!inbox.answered(100));
-        let early = v1::Command {
-            answers_tick: 96,
-            ..drive(1, 0.1)
-        };
-        assert!(
-            accept(&mut inbox, &early)
-                .unwrap_err()
-                .reason
-                .contains("tick")
-        );
-        let other = v1::Command {
-            commander: "other".into(),
-            answers_tick: 100,
-            ..drive(1, 0.1)
-        };
-        assert!(accept(&mut inbox, &other).is_err());
-        accept(
-            &mut inbox,
-            &v1::Command {
-                answers_tick: 100,
-                ..drive(2, 0.1)
-            },
-        )
-        .unwrap();
-        assert!(inbox.answered(100));
-        assert_eq!(inbox.take(100, 0.0).commands.len(), 1);
-        assert!(!inbox.answered(104));
-    }
-
-    #[test]
-    fn a_restarted_commander_may_count_from_zero_again() {
-        let mut inbox = inbox();
-        accept(&mut inbox, &drive(1000, 0.1)).unwrap();
-        let mut again = drive(0, 0.2);
-        again.header.as_mut().unwrap().run_id = "new".into();
-        accept(&mut inbox, &again).unwrap();
-    }
-
-    #[test]
-    fn a_flood_costs_no_memory_and_the_newest_counts() {
-        let mut inbox = inbox();
-        for i in 1..10_000 {
-            accept(&mut inbox, &drive(i, (i % 7) as f64 * 0.01)).unwrap();
-        }
-        assert!(inbox.pending.len() <= 256);
-        let newest = (9_999 % 7) as f64 * 0.01;
-        assert_eq!(inbox.take(0, 0.0).input.base.unwrap().linear, newest);
-    }
-}
+mod tests;

@@ -11,8 +11,10 @@ mod episode;
 mod inbox;
 mod outbox;
 mod pace;
+mod preview;
 mod publish;
 mod recorders;
+mod refusals;
 mod render;
 pub mod session;
 mod signal;
@@ -20,16 +22,18 @@ mod signal;
 use std::future::Future;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError, mpsc};
+use std::time::Instant;
 
-use wheelarm_proto::keys::{Keys, Query};
+use wheelarm_proto::keys::{self, Keys, Query};
 use wheelarm_proto::{Message, v1};
 use zenoh::sample::SampleKind;
 use zenoh::{Session, Wait};
 
 use self::engine::{Engine, Request};
-use self::inbox::{Inbox, Refused};
+use self::inbox::{Inbox, Life};
 use self::outbox::Outbox;
 use self::recorders::Recorders;
+use self::refusals::Refusals;
 use self::signal::Signal;
 use crate::robot::control::GripperMap;
 use crate::sensors::camera::RenderError;
@@ -79,15 +83,16 @@ impl From<zenoh::Error> for ServiceError {
 struct Shared {
     outbox: Arc<Outbox>,
     inbox: Mutex<Inbox>,
-    refusals: Mutex<Vec<Refused>>,
+    refusals: Mutex<Refusals>,
+    /// What happened to the lease, in words, until the engine tells it.
+    vanished: Mutex<Vec<String>>,
     recorders: Mutex<Recorders>,
     signal: Arc<Signal>,
     run_id: String,
+    /// Zero of the wall clock of the gate.
+    started: Instant,
     stop: AtomicBool,
 }
-
-/// Most refusals that wait to be answered; more are only counted.
-const MAX_REFUSALS: usize = 64;
 
 fn lock<T>(mutex: &Mutex<T>) -> std::sync::MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
@@ -109,14 +114,16 @@ pub async fn run(
     if taken(&session, &keys)? {
         return Err(ServiceError::NameTaken(keys.sim().to_owned()));
     }
-    let run_id = session::run_id();
+    let run_id = keys::run_id();
     let shared = Arc::new(Shared {
         outbox: Arc::new(Outbox::new(session.clone(), keys.clone(), run_id.clone())),
         inbox: Mutex::new(Inbox::new(GripperMap::new(sim.model()))),
         refusals: Mutex::default(),
+        vanished: Mutex::default(),
         recorders: Mutex::default(),
         signal: Arc::default(),
         run_id,
+        started: Instant::now(),
         stop: AtomicBool::new(false),
     });
     let (requests, queue) = mpsc::sync_channel(256);
@@ -126,6 +133,19 @@ pub async fn run(
         session
             .declare_subscriber(keys.command())
             .callback(move |sample| shared.take_command(&sample.payload().to_bytes()))
+            .wait()?
+    };
+    let _commanders = {
+        let shared = Arc::clone(&shared);
+        session
+            .liveliness()
+            .declare_subscriber(keys.commander_alive("*", "*"))
+            .history(true)
+            .callback(move |sample| {
+                if let Some((name, run_id)) = Keys::commander_of(sample.key_expr().as_str()) {
+                    shared.commander(Life { name, run_id }, sample.kind());
+                }
+            })
             .wait()?
     };
     let _statuses = {
@@ -197,14 +217,34 @@ pub async fn run(
 
 impl Shared {
     fn take_command(&self, bytes: &[u8]) {
-        let result = lock(&self.inbox).accept(bytes);
-        if let Err(refused) = result {
-            let mut refusals = lock(&self.refusals);
-            if refusals.len() < MAX_REFUSALS {
-                refusals.push(refused);
+        let now = self.now();
+        let result = lock(&self.inbox).accept(bytes, now);
+        match result {
+            // Lock-step waits for it. Otherwise the loop comes by in time, and
+            // a flood must not keep it busy.
+            Ok(()) => self.signal.raise(),
+            Err(refused) => lock(&self.refusals).push(refused, now),
+        }
+    }
+
+    /// A commander's token appeared or vanished.
+    fn commander(&self, life: Life, kind: SampleKind) {
+        match kind {
+            SampleKind::Put => lock(&self.inbox).appeared(life),
+            SampleKind::Delete => {
+                if lock(&self.inbox).vanished(&life) {
+                    let words =
+                        format!("{:?} vanished: the chair brakes, the arm holds", life.name);
+                    lock(&self.vanished).push(words);
+                    self.signal.raise();
+                }
             }
         }
-        self.signal.raise();
+    }
+
+    /// Wall time since the start, s.
+    fn now(&self) -> f64 {
+        self.started.elapsed().as_secs_f64()
     }
 }
 

@@ -33,6 +33,7 @@ stamped!(
     Applied,
     CommandLog,
     ObjectPoses,
+    FurnitureJoints,
     Contacts,
     Evaluation,
     PhaseSample,
@@ -83,6 +84,34 @@ impl Outbox {
             run_id,
             streams: Mutex::default(),
         }
+    }
+
+    /// The session, for streams that are not counted.
+    #[must_use]
+    pub fn session(&self) -> &Session {
+        &self.session
+    }
+
+    /// The keys.
+    #[must_use]
+    pub fn keys(&self) -> &Keys {
+        &self.keys
+    }
+
+    /// Whether anybody receives a camera's pictures.
+    #[must_use]
+    pub fn is_watched(&self, camera: &str) -> bool {
+        let stream = self
+            .streams
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner)
+            .get(&format!("camera/{camera}"))
+            .cloned();
+        stream.is_some_and(|stream| {
+            let stream = stream.lock().unwrap_or_else(PoisonError::into_inner);
+            let status = stream.publisher.matching_status().wait();
+            status.is_ok_and(|status| status.matching())
+        })
     }
 
     /// A header without sequence number, for answers.

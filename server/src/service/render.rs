@@ -11,6 +11,7 @@ use std::thread::JoinHandle;
 use wheelarm_proto::v1;
 
 use super::outbox::Outbox;
+use super::preview::Previews;
 use super::signal::Signal;
 use super::{ServiceError, convert};
 use crate::robot::RobotModel;
@@ -37,6 +38,9 @@ pub struct RenderThread {
     thread: Option<JoinHandle<()>>,
     drawn: Arc<AtomicU64>,
     failed: Arc<Mutex<Option<String>>>,
+    outbox: Arc<Outbox>,
+    previews: Arc<Previews>,
+    names: Vec<String>,
     /// Graphics adapter, driver and type.
     pub adapter: String,
     /// Legend of the instance ids.
@@ -111,12 +115,15 @@ impl RenderThread {
             .iter()
             .map(|c| c.name.clone())
             .collect();
+        let previews = Arc::new(Previews::start(&outbox, &names)?);
         let (jobs, queue) = mpsc::sync_channel(QUEUE);
         let (ready, standing) = mpsc::sync_channel(1);
         let drawn = Arc::new(AtomicU64::new(0));
         let failed = Arc::new(Mutex::new(None));
         let thread = {
             let (drawn, failed) = (Arc::clone(&drawn), Arc::clone(&failed));
+            let (outbox, previews) = (Arc::clone(&outbox), Arc::clone(&previews));
+            let names = names.clone();
             std::thread::Builder::new()
                 .name("render".to_owned())
                 .spawn(move || {
@@ -132,7 +139,14 @@ impl RenderThread {
                         }
                     };
                     let work = std::panic::AssertUnwindSafe(|| {
-                        draw(&mut renderer, &queue, &names, &outbox, &signal, &drawn)
+                        draw(
+                            &mut renderer,
+                            &queue,
+                            &names,
+                            (&outbox, &previews),
+                            &signal,
+                            &drawn,
+                        )
                     });
                     let failure = match std::panic::catch_unwind(work) {
                         Ok(Ok(())) => return,
@@ -159,9 +173,19 @@ impl RenderThread {
             thread: Some(thread),
             drawn,
             failed,
+            outbox,
+            previews,
+            names,
             adapter,
             instances,
         })
+    }
+
+    /// Whether anybody looks at a camera, by its index in the scenario.
+    #[must_use]
+    pub fn is_watched(&self, camera: usize) -> bool {
+        let name = self.names.get(camera);
+        name.is_some_and(|name| self.previews.is_watched(camera) || self.outbox.is_watched(name))
     }
 
     /// Queues pictures; waits while the queue is full.
@@ -214,7 +238,7 @@ fn draw(
     renderer: &mut Renderer,
     queue: &Receiver<Job>,
     names: &[String],
-    outbox: &Outbox,
+    (outbox, previews): (&Outbox, &Previews),
     signal: &Signal,
     drawn: &AtomicU64,
 ) -> Result<(), RenderError> {
@@ -227,6 +251,7 @@ fn draw(
             } => {
                 for frame in renderer.render(&snapshot, &cameras)? {
                     let name = &names[frame.camera];
+                    previews.offer(&frame, episode, snapshot.tick);
                     outbox.camera(name, episode, snapshot.tick, message(name, frame));
                     drawn.fetch_add(1, Ordering::AcqRel);
                 }

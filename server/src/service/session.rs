@@ -34,10 +34,16 @@ pub fn open(
     set("listen/endpoints", list(listen))?;
     set("connect/endpoints", list(connect))?;
     set("connect/timeout_ms", "5000".to_owned())?;
+    // Nobody is scouted for, so nothing is to be waited for.
+    set(
+        "scouting/delay",
+        if multicast { "500" } else { "0" }.to_owned(),
+    )?;
     // A camera message waits for room instead of being dropped after 1 ms. In
-    // lock-step the simulation waits anyway, so it may wait long.
+    // lock-step the simulation waits anyway, so it may wait long; a receiver
+    // that stands still costs this once, for then it counts as congested.
     let wait_micros = if pacing == Pacing::LockStep {
-        5_000_000
+        1_000_000
     } else {
         50_000
     };
@@ -48,14 +54,4 @@ pub fn open(
         wait_micros.to_string(),
     )?;
     Ok(zenoh::open(config).wait()?)
-}
-
-/// A name for this run of this process: 16 hexadecimal digits.
-#[must_use]
-pub fn run_id() -> String {
-    use std::hash::{BuildHasher, Hasher};
-    // The standard library's hasher is keyed at random for every process.
-    let mut hasher = std::hash::RandomState::new().build_hasher();
-    hasher.write_u32(std::process::id());
-    format!("{:016x}", hasher.finish())
 }

@@ -46,6 +46,29 @@ fn ask<R: Message + Default>(
     }
 }
 
+/// Puts `tester` in control; control lasts as long as the token.
+fn take_control(session: &Session, keys: &Keys) -> zenoh::liveliness::LivelinessToken {
+    let token = session
+        .liveliness()
+        .declare_token(keys.commander_alive("tester", "test"))
+        .wait()
+        .expect("a token");
+    let request = v1::LeaseRequest {
+        header: drive(0, 0.0).header,
+        commander: "tester".into(),
+        ..Default::default()
+    };
+    for _ in 0..200 {
+        let reply: v1::LeaseReply =
+            ask(session, keys, Query::Lease, request.encode_to_vec()).expect("control");
+        if reply.holder == "tester" {
+            return token;
+        }
+        std::thread::sleep(Duration::from_millis(20));
+    }
+    panic!("the server never saw the commander's token");
+}
+
 fn drive(sequence: u64, linear: f64) -> v1::Command {
     v1::Command {
         header: Some(v1::Header {
@@ -71,6 +94,7 @@ fn hostile_messages_are_refused_counted_and_survived() {
         .declare_subscriber(keys.refusal())
         .wait()
         .expect("a subscriber");
+    let _control = take_control(&session, &keys);
     let send = |bytes: Vec<u8>| session.put(keys.command(), bytes).wait().expect("a put");
     std::thread::sleep(Duration::from_millis(300));
     send(drive(1, 0.2).encode_to_vec());
@@ -168,6 +192,7 @@ fn a_chair_whose_operator_falls_silent_brakes_to_rest() {
     let server = Server::start("silent", &["--no-cameras"]).expect("a server");
     let session = session(&server);
     let keys = Keys::new("silent").expect("a name");
+    let _control = take_control(&session, &keys);
     let odometry = session
         .declare_subscriber(keys.stream("odometry"))
         .wait()

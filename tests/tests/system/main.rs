@@ -5,4 +5,6 @@ mod dataset;
 mod episode;
 mod gate;
 mod recorder;
+mod settle;
+mod tasks;
 mod tidy;

@@ -1,6 +1,7 @@
 //! The contact sheet: one PNG that shows what an episode is like. Pictures of
 //! every camera with depth over time, then plots of the movement.
 
+pub mod grid;
 pub(crate) mod label;
 mod mount;
 pub(crate) mod picture;

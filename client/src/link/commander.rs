@@ -1,0 +1,158 @@
+//! Commands and the control that they need: one commander at a time.
+
+use std::time::{Duration, Instant};
+
+use wheelarm_proto::keys::{self, Query};
+use wheelarm_proto::{Message, v1};
+use zenoh::Wait;
+use zenoh::liveliness::LivelinessToken;
+use zenoh::pubsub::Publisher;
+use zenoh::qos::{CongestionControl, Priority};
+
+use super::{Link, LinkError, transport};
+
+/// Longest time until the server has seen this process's token.
+const SEEN: Duration = Duration::from_secs(5);
+
+/// A commander in control; its sequence numbers count up from 0. Control is
+/// given back when it is dropped, and ends by itself with this process.
+pub struct Commander {
+    link: Link,
+    publisher: Publisher<'static>,
+    _token: LivelinessToken,
+    name: String,
+    run_id: String,
+    sequence: u64,
+}
+
+impl Link {
+    /// Asks for control under the name `name`; with `take` it is taken over
+    /// from whoever holds it.
+    ///
+    /// # Errors
+    /// [`LinkError::Refused`] in words that say who holds control and how to
+    /// take it over.
+    pub fn commander(&self, name: &str, take: bool) -> Result<Commander, LinkError> {
+        let run_id = keys::run_id();
+        let publisher = self
+            .session
+            .declare_publisher(self.keys.command())
+            .congestion_control(CongestionControl::Block)
+            .priority(Priority::RealTime)
+            .express(true)
+            .wait()
+            .map_err(transport("opening the command channel"))?;
+        let token = self
+            .session
+            .liveliness()
+            .declare_token(self.keys.commander_alive(name, &run_id))
+            .wait()
+            .map_err(transport("announcing the commander"))?;
+        let commander = Commander {
+            link: self.clone(),
+            publisher,
+            _token: token,
+            name: name.to_owned(),
+            run_id,
+            sequence: 0,
+        };
+        commander.ask(take)?;
+        Ok(commander)
+    }
+}
+
+impl Commander {
+    /// Asks for control again: after it was lost with the connection, or, with
+    /// `take`, to somebody else. Does nothing while it is held.
+    ///
+    /// # Errors
+    /// As [`Link::commander`].
+    pub fn ask(&self, take: bool) -> Result<v1::LeaseReply, LinkError> {
+        let request = self.request(take, false);
+        let deadline = Instant::now() + SEEN;
+        loop {
+            let reply: v1::LeaseReply = self.link.query(Query::Lease, &request)?;
+            if reply.holder == self.name {
+                return Ok(reply);
+            }
+            if Instant::now() > deadline {
+                return Err(LinkError::Refused {
+                    query: Query::Lease.name(),
+                    message: format!(
+                        "the server does not see the token of commander {:?}",
+                        self.name
+                    ),
+                });
+            }
+            std::thread::sleep(Duration::from_millis(20));
+        }
+    }
+
+    /// Sends `command` as the answer to the control tick of `clock`.
+    ///
+    /// # Errors
+    /// [`LinkError::Transport`].
+    pub fn answer(
+        &mut self,
+        clock: &v1::Header,
+        mut command: v1::Command,
+    ) -> Result<(), LinkError> {
+        command.header = Some(v1::Header {
+            run_id: self.run_id.clone(),
+            sequence: self.sequence,
+            ..clock.clone()
+        });
+        command.commander.clone_from(&self.name);
+        command.answers_tick = clock.tick;
+        self.sequence += 1;
+        self.publisher
+            .put(command.encode_to_vec())
+            .wait()
+            .map_err(transport("sending a command"))
+    }
+
+    /// Name under which it commands.
+    #[must_use]
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// Names this process's life, as in the header of its commands.
+    #[must_use]
+    pub fn run_id(&self) -> &str {
+        &self.run_id
+    }
+
+    /// Number of commands sent.
+    #[must_use]
+    pub fn sent(&self) -> u64 {
+        self.sequence
+    }
+
+    fn request(&self, take: bool, release: bool) -> v1::LeaseRequest {
+        v1::LeaseRequest {
+            header: Some(v1::Header {
+                run_id: self.run_id.clone(),
+                ..Default::default()
+            }),
+            commander: self.name.clone(),
+            take,
+            release,
+        }
+    }
+}
+
+impl Drop for Commander {
+    fn drop(&mut self) {
+        // Without an answer control ends with the token, a little later.
+        let request = self.request(false, true);
+        let released = self.link.query_within::<v1::LeaseReply>(
+            Query::Lease,
+            &request,
+            Duration::from_secs(1),
+        );
+        if let Err(problem) = released {
+            tracing::debug!("control was not given back: {problem}");
+        }
+    }
+}

@@ -1,0 +1,174 @@
+//! The gate by hand: who gets through, and what becomes of the rest.
+
+use super::*;
+
+use std::time::Instant;
+
+fn drive(sequence: u64, linear: f64) -> v1::Command {
+    v1::Command {
+        header: Some(v1::Header {
+            sequence,
+            run_id: "r".into(),
+            ..Default::default()
+        }),
+        commander: "me".into(),
+        base: Some(v1::BaseCommand {
+            linear,
+            angular: 0.0,
+        }),
+        ..Default::default()
+    }
+}
+
+fn inbox() -> Inbox {
+    let assets = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../assets");
+    let model = crate::robot::RobotModel::load(&assets, "wheelarm").expect("the robot");
+    let mut inbox = Inbox::new(GripperMap::new(&model));
+    take_control(&mut inbox, "me", "r");
+    inbox
+}
+
+fn life(name: &str, run_id: &str) -> Life {
+    Life {
+        name: name.into(),
+        run_id: run_id.into(),
+    }
+}
+
+fn take_control(inbox: &mut Inbox, name: &str, run_id: &str) {
+    inbox.appeared(life(name, run_id));
+    inbox
+        .ask(life(name, run_id), true, Instant::now())
+        .expect("control");
+}
+
+fn accept(inbox: &mut Inbox, command: &v1::Command) -> Result<(), Refused> {
+    inbox.accept(&command.encode_to_vec(), 0.0)
+}
+
+#[test]
+fn a_chair_command_brakes_when_it_is_a_quarter_of_a_second_old() {
+    let mut inbox = inbox();
+    accept(&mut inbox, &drive(1, 0.4)).unwrap();
+    assert_eq!(inbox.take(0, 0.0).input.base.unwrap().linear, 0.4);
+    assert!(inbox.take(4, 0.24).input.base.is_none());
+    let stale = inbox.take(8, 0.25);
+    assert!(stale.stale && stale.input.base.unwrap().linear == 0.0);
+    assert!(!inbox.take(12, 0.5).stale, "braked twice");
+}
+
+#[test]
+fn old_repeated_and_foreign_commands_are_refused_with_a_reason() {
+    let mut inbox = inbox();
+    accept(&mut inbox, &drive(5, 0.1)).unwrap();
+    for (command, word) in [
+        (drive(5, 0.2), "sequence"),
+        (drive(4, 0.2), "sequence"),
+        (
+            v1::Command {
+                commander: "a/b".into(),
+                ..drive(6, 0.2)
+            },
+            "commander",
+        ),
+        (drive(6, f64::NAN), "finite"),
+        (drive(6, 1e9), "expected"),
+    ] {
+        let refused = accept(&mut inbox, &command).unwrap_err();
+        assert!(refused.reason.contains(word), "{}", refused.reason);
+    }
+    assert!(inbox.accept(&[0xff; 7], 0.0).is_err());
+    assert!(inbox.accept(&vec![0; MAX_BYTES + 1], 0.0).is_err());
+    assert_eq!(inbox.refused(), 7);
+    assert_eq!(inbox.take(0, 0.0).input.base.unwrap().linear, 0.1);
+}
+
+#[test]
+fn lock_step_waits_for_the_answer_to_its_own_tick() {
+    let mut inbox = inbox();
+    let listening = Listening {
+        lock_step: true,
+        ..Default::default()
+    };
+    inbox.listen(listening, 100);
+    assert!(!inbox.answered(100));
+    let early = v1::Command {
+        answers_tick: 96,
+        ..drive(1, 0.1)
+    };
+    assert!(
+        accept(&mut inbox, &early)
+            .unwrap_err()
+            .reason
+            .contains("tick")
+    );
+    let other = v1::Command {
+        commander: "other".into(),
+        answers_tick: 100,
+        ..drive(1, 0.1)
+    };
+    assert!(accept(&mut inbox, &other).is_err());
+    accept(
+        &mut inbox,
+        &v1::Command {
+            answers_tick: 100,
+            ..drive(2, 0.1)
+        },
+    )
+    .unwrap();
+    assert!(inbox.answered(100));
+    assert_eq!(inbox.take(100, 0.0).commands.len(), 1);
+    assert!(!inbox.answered(104));
+}
+
+#[test]
+fn only_the_holder_of_control_is_heard_and_its_end_stops_the_robot() {
+    let mut inbox = inbox();
+    accept(&mut inbox, &drive(1000, 0.4)).unwrap();
+    assert_eq!(inbox.take(0, 0.0).input.base.unwrap().linear, 0.4);
+    // The same name in another process is somebody else.
+    let mut again = drive(0, 0.2);
+    again.header.as_mut().unwrap().run_id = "new".into();
+    let told = accept(&mut inbox, &again).unwrap_err().reason;
+    assert!(told.contains("another process"), "{told}");
+    take_control(&mut inbox, "me", "new");
+    let stopped = inbox.take(4, 0.02);
+    assert!(stopped.stale && stopped.input.base == Some(REST));
+    assert_eq!(stopped.input.arm, Some(ArmIntent::Hold));
+    // The new holder counts from 0, the former is told who holds control.
+    accept(&mut inbox, &again).unwrap();
+    assert!(!inbox.take(8, 0.04).stale, "stopped once is enough");
+    assert!(inbox.vanished(&life("me", "new")));
+    assert!(inbox.take(12, 0.06).stale);
+    let told = accept(&mut inbox, &again).unwrap_err().reason;
+    assert!(told.contains("ask for control first"), "{told}");
+}
+
+#[test]
+fn what_moves_when_an_episode_begins_or_ends_is_stopped() {
+    let mut inbox = inbox();
+    accept(&mut inbox, &drive(1, 0.4)).unwrap();
+    inbox.take(0, 0.0);
+    inbox.listen(Listening::default(), 4);
+    assert_eq!(inbox.take(4, 0.02).input.base, Some(REST));
+    inbox.listen(Listening::default(), 8);
+    assert!(!inbox.take(8, 0.04).stale, "it stands already");
+    accept(&mut inbox, &drive(2, 0.4)).unwrap();
+    inbox.take(12, 0.06);
+    inbox.renew(Listening::default(), 0);
+    assert!(!inbox.take(0, 0.08).stale, "another robot stands");
+}
+
+#[test]
+fn a_flood_costs_no_memory_and_is_cut_to_its_rate() {
+    let mut inbox = inbox();
+    let mut passed = 0;
+    for i in 1..10_000 {
+        let now = i as f64 * 1e-4;
+        let command = drive(i, 0.1).encode_to_vec();
+        passed += u32::from(inbox.accept(&command, now).is_ok());
+    }
+    assert!(inbox.pending.len() <= 256);
+    assert!((590..=610).contains(&passed), "{passed} passed in 1 s");
+    assert_eq!(inbox.refused(), 9_999 - u64::from(passed));
+}

@@ -1,0 +1,325 @@
+//! Compressed pictures for people who watch from afar. A picture is scaled,
+//! encoded and sent only while somebody subscribes to its level, on a thread of
+//! its own: the newest wins, and nothing here ever delays the simulation.
+
+use std::sync::{Arc, Condvar, Mutex, PoisonError};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
+
+use bytes::Bytes;
+use jpeg_encoder::{ColorType, Encoder};
+use wheelarm_proto::preview::PreviewLevel;
+use wheelarm_proto::{Message, v1};
+use zenoh::Wait;
+use zenoh::pubsub::Publisher;
+use zenoh::qos::{CongestionControl, Priority};
+
+use super::outbox::Outbox;
+use super::{ServiceError, lock};
+use crate::sensors::camera::Frame;
+
+/// A picture may come by this share of its period early.
+const EARLY: f64 = 0.2;
+
+/// The preview streams of all cameras.
+pub struct Previews {
+    shared: Arc<Shared>,
+    thread: Option<JoinHandle<()>>,
+}
+
+struct Shared {
+    cameras: Vec<Camera>,
+    waiting: Mutex<Waiting>,
+    changed: Condvar,
+}
+
+/// The newest picture of every camera that is not encoded yet.
+struct Waiting {
+    pictures: Vec<Option<Picture>>,
+    ended: bool,
+}
+
+struct Picture {
+    rgb: Bytes,
+    width: u32,
+    height: u32,
+    header: v1::Header,
+}
+
+struct Camera {
+    name: String,
+    levels: Vec<Level>,
+}
+
+struct Level {
+    level: PreviewLevel,
+    publisher: Publisher<'static>,
+}
+
+impl Level {
+    fn is_watched(&self) -> bool {
+        let status = self.publisher.matching_status().wait();
+        status.is_ok_and(|status| status.matching())
+    }
+}
+
+impl Previews {
+    /// Declares the streams and starts the encoder.
+    ///
+    /// # Errors
+    /// The transport's error, or when no thread can be started.
+    pub fn start(outbox: &Arc<Outbox>, names: &[String]) -> Result<Self, ServiceError> {
+        let mut cameras = Vec::new();
+        for name in names {
+            let mut levels = Vec::new();
+            for level in PreviewLevel::ALL {
+                let publisher = outbox
+                    .session()
+                    .declare_publisher(outbox.keys().preview(name, level))
+                    .congestion_control(CongestionControl::Drop)
+                    .priority(Priority::Background)
+                    .wait()?;
+                levels.push(Level { level, publisher });
+            }
+            cameras.push(Camera {
+                name: name.clone(),
+                levels,
+            });
+        }
+        let shared = Arc::new(Shared {
+            waiting: Mutex::new(Waiting {
+                pictures: names.iter().map(|_| None).collect(),
+                ended: false,
+            }),
+            cameras,
+            changed: Condvar::new(),
+        });
+        let thread = {
+            let (shared, outbox) = (Arc::clone(&shared), Arc::clone(outbox));
+            std::thread::Builder::new()
+                .name("preview".to_owned())
+                .spawn(move || encode(&shared, &outbox))
+                .map_err(|e| ServiceError::Thread(format!("for previews: {e}")))?
+        };
+        Ok(Self {
+            shared,
+            thread: Some(thread),
+        })
+    }
+
+    /// Whether anybody subscribes to a camera, by its index.
+    #[must_use]
+    pub fn is_watched(&self, camera: usize) -> bool {
+        let camera = self.shared.cameras.get(camera);
+        camera.is_some_and(|c| c.levels.iter().any(Level::is_watched))
+    }
+
+    /// Takes a picture if anybody wants it; never waits for the encoder.
+    pub fn offer(&self, frame: &Frame, episode: u64, tick: u64) {
+        if !self.is_watched(frame.camera) {
+            return;
+        }
+        let picture = Picture {
+            rgb: frame.rgb.clone(),
+            width: frame.intrinsics.width,
+            height: frame.intrinsics.height,
+            header: v1::Header {
+                episode,
+                tick,
+                ..Default::default()
+            },
+        };
+        if let Some(slot) = lock(&self.shared.waiting).pictures.get_mut(frame.camera) {
+            *slot = Some(picture);
+        }
+        self.shared.changed.notify_all();
+    }
+}
+
+impl Drop for Previews {
+    fn drop(&mut self) {
+        lock(&self.shared.waiting).ended = true;
+        self.shared.changed.notify_all();
+        if let Some(thread) = self.thread.take() {
+            let _ = thread.join();
+        }
+    }
+}
+
+/// When a level was sent last, and how often.
+#[derive(Clone, Copy, Default)]
+struct Sent {
+    last: Option<Instant>,
+    count: u64,
+}
+
+impl Sent {
+    fn is_due(&self, level: PreviewLevel, now: Instant) -> bool {
+        let (Some(last), Some(hz)) = (self.last, level.rate_hz()) else {
+            return true;
+        };
+        now.duration_since(last) >= Duration::from_secs_f64((1.0 - EARLY) / hz)
+    }
+}
+
+/// The encoder: takes the newest picture of each camera in turn.
+fn encode(shared: &Shared, outbox: &Outbox) {
+    let mut sent: Vec<Vec<Sent>> = shared
+        .cameras
+        .iter()
+        .map(|c| vec![Sent::default(); c.levels.len()])
+        .collect();
+    loop {
+        let pictures = {
+            let waiting = lock(&shared.waiting);
+            let mut waiting = shared
+                .changed
+                .wait_while(waiting, |w| {
+                    !w.ended && w.pictures.iter().all(Option::is_none)
+                })
+                .unwrap_or_else(PoisonError::into_inner);
+            if waiting.ended {
+                return;
+            }
+            waiting
+                .pictures
+                .iter_mut()
+                .map(Option::take)
+                .collect::<Vec<_>>()
+        };
+        for ((camera, sent), picture) in shared.cameras.iter().zip(&mut sent).zip(pictures) {
+            let Some(picture) = picture else { continue };
+            for (level, sent) in camera.levels.iter().zip(sent) {
+                let now = Instant::now();
+                if !sent.is_due(level.level, now) || !level.is_watched() {
+                    continue;
+                }
+                match message(&camera.name, level.level, &picture, outbox, sent.count) {
+                    Ok(message) => {
+                        if let Err(e) = level.publisher.put(message.encode_to_vec()).wait() {
+                            tracing::warn!("cannot send a preview of {}: {e}", camera.name);
+                        }
+                        sent.last = Some(now);
+                        sent.count += 1;
+                    }
+                    Err(e) => tracing::warn!("cannot encode a preview of {}: {e}", camera.name),
+                }
+            }
+        }
+    }
+}
+
+fn message(
+    camera: &str,
+    level: PreviewLevel,
+    picture: &Picture,
+    outbox: &Outbox,
+    sequence: u64,
+) -> Result<v1::PreviewFrame, String> {
+    let (width, height, rgb) = scale(picture, level.width());
+    let side = |n: u32| u16::try_from(n).map_err(|_| format!("{width}x{height} is too large"));
+    let mut jpeg = Vec::new();
+    Encoder::new(&mut jpeg, level.quality())
+        .encode(&rgb, side(width)?, side(height)?, ColorType::Rgb)
+        .map_err(|e| e.to_string())?;
+    Ok(v1::PreviewFrame {
+        header: Some(v1::Header {
+            sequence,
+            ..outbox.header(picture.header.episode, picture.header.tick)
+        }),
+        camera: camera.to_owned(),
+        level: level.name().to_owned(),
+        width,
+        height,
+        jpeg: jpeg.into(),
+        sent_unix_nanos: unix_nanos(),
+    })
+}
+
+/// The wall clock, nanoseconds since 1970; for people and links only.
+pub fn unix_nanos() -> u64 {
+    let since_1970 = SystemTime::now().duration_since(UNIX_EPOCH);
+    since_1970.map_or(0, |t| u64::try_from(t.as_nanos()).unwrap_or(u64::MAX))
+}
+
+/// Scales a picture down to at most `most` pixels of width: every new pixel is
+/// the mean of the box that it covers.
+fn scale(picture: &Picture, most: u32) -> (u32, u32, Bytes) {
+    let (w, h) = (picture.width, picture.height);
+    if w <= most || most == 0 {
+        return (w, h, picture.rgb.clone());
+    }
+    let (width, height) = (most, (h * most / w).max(1));
+    let row = w as usize * 3;
+    let edge =
+        |i: u32, old: u32, new: u32| (u64::from(i) * u64::from(old) / u64::from(new)) as usize;
+    let mut out = Vec::with_capacity(width as usize * height as usize * 3);
+    let mut sums = vec![0_u32; row];
+    for y in 0..height {
+        let (top, bottom) = (edge(y, h, height), edge(y + 1, h, height));
+        sums.fill(0);
+        for line in picture.rgb.chunks_exact(row).take(bottom).skip(top) {
+            for (sum, &value) in sums.iter_mut().zip(line) {
+                *sum += u32::from(value);
+            }
+        }
+        for x in 0..width {
+            let (left, right) = (edge(x, w, width), edge(x + 1, w, width));
+            let count = ((right - left) * (bottom - top)).max(1) as u32;
+            for channel in 0..3 {
+                let sum: u32 = (left..right).map(|i| sums[3 * i + channel]).sum();
+                out.push(((sum + count / 2) / count) as u8);
+            }
+        }
+    }
+    (width, height, out.into())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn picture(width: u32, height: u32, value: impl Fn(u32, u32) -> [u8; 3]) -> Picture {
+        let pixels = (0..height).flat_map(|y| (0..width).map(move |x| (x, y)));
+        Picture {
+            rgb: pixels.flat_map(|(x, y)| value(x, y)).collect(),
+            width,
+            height,
+            header: v1::Header::default(),
+        }
+    }
+
+    #[test]
+    fn a_scaled_picture_is_the_mean_of_its_boxes() {
+        let (w, h, rgb) = scale(&picture(4, 2, |x, _| [(x * 10) as u8, 100, 7]), 2);
+        assert_eq!((w, h), (2, 1));
+        assert_eq!(&rgb[..], [5, 100, 7, 25, 100, 7]);
+        // A size that does not divide still covers everything once.
+        let (w, h, rgb) = scale(&picture(1000, 501, |_, _| [200, 3, 90]), 320);
+        assert_eq!((w, h), (320, 160));
+        assert!(rgb.chunks_exact(3).all(|p| p == [200, 3, 90]));
+        let small = picture(64, 48, |x, y| [x as u8, y as u8, 0]);
+        assert_eq!(scale(&small, 320), (64, 48, small.rgb.clone()));
+    }
+
+    #[test]
+    fn levels_keep_to_their_rates() {
+        let start = Instant::now();
+        for (level, camera_hz, expected) in [
+            (PreviewLevel::Low, 10, 5),
+            (PreviewLevel::Medium, 10, 10),
+            (PreviewLevel::Medium, 30, 10),
+            (PreviewLevel::High, 30, 30),
+        ] {
+            let (mut sent, mut count) = (Sent::default(), 0);
+            for i in 0..10 * camera_hz {
+                let now = start + Duration::from_secs_f64(f64::from(i) / f64::from(camera_hz));
+                if sent.is_due(level, now) {
+                    sent.last = Some(now);
+                    count += 1;
+                }
+            }
+            assert_eq!(count, 10 * expected, "{level:?} of {camera_hz} Hz");
+        }
+    }
+}

@@ -1,0 +1,92 @@
+//! Refused commands on their way to an answer. A flood is not amplified: some
+//! are answered one by one, the rest by one summary per second.
+
+use super::inbox::{Bucket, Refused};
+
+/// Refusals answered one by one, per second and at once.
+const ANSWERED: (f64, f64) = (20.0, 64.0);
+
+/// Pause between two summaries, s.
+const SUMMARY_SECS: f64 = 1.0;
+
+/// A refusal that is to be answered, with the number of commands it speaks of.
+pub type Answer = (Refused, u64);
+
+/// Refusals that wait for their answer.
+#[derive(Debug)]
+pub struct Refusals {
+    bucket: Bucket,
+    waiting: Vec<Answer>,
+    /// The newest of those that are not answered one by one, and their number.
+    withheld: Option<Answer>,
+    summed: f64,
+}
+
+impl Default for Refusals {
+    fn default() -> Self {
+        Self {
+            bucket: Bucket::new(ANSWERED.0, ANSWERED.1),
+            waiting: Vec::new(),
+            withheld: None,
+            summed: 0.0,
+        }
+    }
+}
+
+impl Refusals {
+    /// Adds one; `now` in seconds of a clock that never goes back.
+    pub fn push(&mut self, refused: Refused, now: f64) {
+        if self.bucket.take(now) {
+            self.waiting.push((refused, 1));
+        } else {
+            let before = self.withheld.as_ref().map_or(0, |(_, count)| *count);
+            self.withheld = Some((refused, before + 1));
+        }
+    }
+
+    /// What is to be answered at `now`.
+    pub fn take(&mut self, now: f64) -> Vec<Answer> {
+        let mut answers = std::mem::take(&mut self.waiting);
+        if now - self.summed >= SUMMARY_SECS
+            && let Some(summary) = self.withheld.take()
+        {
+            self.summed = now;
+            answers.push(summary);
+        }
+        answers
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_refusal_is_told_of_and_a_flood_is_summed_up() {
+        let mut refusals = Refusals::default();
+        let (mut answers, mut told) = (0, 0);
+        let mut take = |refusals: &mut Refusals, now| {
+            for (_, count) in refusals.take(now) {
+                answers += 1;
+                told += count;
+            }
+        };
+        let mut sent = 0;
+        for tick in 0..180 {
+            let now = 5.0 + f64::from(tick) / 60.0;
+            for _ in 0..1000 {
+                sent += 1;
+                let refused = Refused {
+                    commander: "flood".into(),
+                    sequence: sent,
+                    reason: "too many".into(),
+                };
+                refusals.push(refused, now);
+            }
+            take(&mut refusals, now);
+        }
+        take(&mut refusals, 20.0);
+        assert_eq!(told, sent);
+        assert!(answers < 64 + 3 * 20 + 6, "{answers} answers");
+    }
+}
