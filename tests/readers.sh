@@ -26,8 +26,8 @@ wheelarm demo --seeds 0..2 --width 320 --height 180 --no-sheet --out data/sessio
 for chapter in lerobot robomimic; do
     echo "== $chapter"
     "$python" "$root/tests/python/guide_blocks.py" "$root/client/guide/$chapter.md" sh | sh -e
-    "$python" "$root/tests/python/guide_blocks.py" "$root/client/guide/$chapter.md" python >"$chapter.py"
-    "$python" "$chapter.py"
+    "$python" "$root/tests/python/guide_blocks.py" "$root/client/guide/$chapter.md" python >"read_$chapter.py"
+    "$python" "read_$chapter.py"
 done
 "$python" -c "import robomimic, pathlib; print(pathlib.Path(robomimic.__file__).parent / 'scripts/get_dataset_info.py')" |
     tail -1 | xargs -I{} "$python" {} --dataset data/robomimic.hdf5 | head -20
