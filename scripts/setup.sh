@@ -49,8 +49,10 @@ fi
 if [ "${1:-}" = python ]; then
     shift
     [ -x .venv/bin/python ] || python3 -m venv .venv
-    for package in "$@"; do
-        .venv/bin/python -c "import ${package%%=*}" 2>/dev/null ||
+    # PACKAGE, or PACKAGE:MODULE where the module has another name.
+    for entry in "$@"; do
+        package=${entry%%:*} module=${entry##*:}
+        .venv/bin/python -c "import ${module%%=*}" 2>/dev/null ||
             .venv/bin/python -m pip install --quiet --disable-pip-version-check "$package"
     done
 fi
