@@ -1,6 +1,7 @@
 //! The small commands: one query each, its answer printed.
 
 mod external;
+pub mod manual;
 mod print;
 
 use clap::{Args, Subcommand};

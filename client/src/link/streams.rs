@@ -28,6 +28,8 @@ pub enum Stream {
     Evaluation,
     /// `applied`.
     Applied,
+    /// `phase`.
+    Phase,
     /// `state_hash`.
     StateHash,
     /// `event`.
@@ -64,6 +66,7 @@ impl Stream {
             Self::Contact => "contact",
             Self::Evaluation => "evaluation",
             Self::Applied => "applied",
+            Self::Phase => "phase",
             Self::StateHash => "state_hash",
             Self::Event => names::EVENT_STREAM,
             Self::Clock => "clock",
@@ -83,6 +86,7 @@ impl Stream {
             Self::Contact => Received::Contact(decode(payload, what)?),
             Self::Evaluation => Received::Evaluation(decode(payload, what)?),
             Self::Applied => Received::Applied(decode(payload, what)?),
+            Self::Phase => Received::Phase(decode(payload, what)?),
             Self::StateHash => Received::StateHash(decode(payload, what)?),
             Self::Event => Received::Event(decode(payload, what)?),
             Self::Clock => Received::Clock(decode(payload, what)?),
@@ -111,6 +115,8 @@ pub enum Received {
     Evaluation(v1::Evaluation),
     /// `applied`.
     Applied(v1::Applied),
+    /// `phase`.
+    Phase(v1::PhaseSample),
     /// `state_hash`.
     StateHash(v1::StateHash),
     /// `event`.

@@ -124,6 +124,7 @@ impl Engine {
             evaluation: Some(evaluation),
             holder: held.holder,
             held_seconds: held.held_seconds,
+            unix_nanos: super::preview::unix_nanos(),
         }
     }
 

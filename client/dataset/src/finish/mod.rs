@@ -3,7 +3,7 @@
 
 mod account;
 mod events;
-mod place;
+pub(crate) mod place;
 mod root;
 mod streams;
 
