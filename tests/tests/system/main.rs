@@ -1,7 +1,14 @@
 //! System tests: a real server process and real client processes over
 //! loopback, and the rules that the compiler cannot see.
 
+mod control;
 mod episode;
+mod faults_disk;
+mod faults_hostile;
+mod faults_link;
+mod faults_recorder;
+mod faults_server;
 mod gate;
+mod mutation;
 mod recorder;
 mod tidy;
