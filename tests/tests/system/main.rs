@@ -11,4 +11,6 @@ mod faults_server;
 mod gate;
 mod mutation;
 mod recorder;
+mod settle;
+mod tasks;
 mod tidy;
