@@ -181,7 +181,8 @@ fn labels_and_instructions_are_refused_or_stored_exactly() {
     });
     let long = "Возьми «горчицу» 🌭, bitte! ".repeat(400);
     let long: String = long.chars().take(10_000).collect();
-    let tricky = "tab\tquote\" back\\slash\nnew line \u{202e}right to left\u{202c} é e\u{301}".to_owned();
+    let tricky =
+        "tab\tquote\" back\\slash\nnew line \u{202e}right to left\u{202c} é e\u{301}".to_owned();
     let ask = |label: &str, instruction: &str| {
         link.query::<v1::EpisodeStarted>(
             Query::EpisodeStart,
