@@ -1,8 +1,8 @@
 //! System tests: a real server process and real client processes over
 //! loopback, and the rules that the compiler cannot see.
 
-mod dataset;
 mod control;
+mod dataset;
 mod episode;
 mod faults_disk;
 mod faults_hostile;
@@ -10,8 +10,8 @@ mod faults_link;
 mod faults_recorder;
 mod faults_server;
 mod gate;
-mod preview;
 mod mutation;
+mod preview;
 mod recorder;
 mod settle;
 mod tasks;
