@@ -213,6 +213,33 @@ impl Link {
         self.query_bytes(query, Vec::new(), patience(query))
     }
 
+    /// As [`Link::ask`] with a wait of its own.
+    ///
+    /// # Errors
+    /// As [`Link::query`].
+    pub fn ask_within<R: Message + Default>(
+        &self,
+        query: Query,
+        patience: Duration,
+    ) -> Result<R, LinkError> {
+        self.query_bytes(query, Vec::new(), patience)
+    }
+
+    /// Whether somebody on this network holds a liveliness token.
+    ///
+    /// # Errors
+    /// [`LinkError::Transport`].
+    pub fn is_declared(&self, token: &str) -> Result<bool, LinkError> {
+        let replies = self
+            .session
+            .liveliness()
+            .get(token)
+            .timeout(Duration::from_secs(1))
+            .wait()
+            .map_err(transport("asking for a token"))?;
+        Ok(replies.into_iter().any(|reply| reply.result().is_ok()))
+    }
+
     /// Asks a query and waits for the typed reply.
     ///
     /// # Errors

@@ -9,9 +9,11 @@ use std::process::ExitCode;
 use anyhow::Context;
 use clap::{CommandFactory, Parser, Subcommand};
 use clap_complete::Shell;
+use wheelarm_client::collect::{self, CollectArgs};
 use wheelarm_client::control::{self, EpisodeCommand, ResetArgs, manual};
 use wheelarm_client::demo::{self, DemoArgs};
 use wheelarm_client::doctor::{self, DoctorArgs};
+use wheelarm_client::evaluate::{self, EvaluateArgs};
 use wheelarm_client::link::{ConnectArgs, Link};
 use wheelarm_client::operate::operator::Outcome;
 use wheelarm_client::operate::run::{self as operate, OperateArgs};
@@ -114,6 +116,10 @@ enum Command {
     /// Records an episode with a server, a recorder and the operator of its own.
     #[command(after_long_help = manual::DEMO)]
     Demo(DemoArgs),
+    /// Does tasks over many seeds and counts the successes.
+    Evaluate(EvaluateArgs),
+    /// Makes a whole dataset from a plan, on this machine or as a part of many.
+    Collect(CollectArgs),
     /// Does a recorded episode again, bit by bit, and can record it anew.
     #[command(after_long_help = manual::REPLAY)]
     Replay(ReplayArgs),
@@ -174,6 +180,8 @@ fn run(cli: Cli) -> anyhow::Result<ExitCode> {
         Command::Episode(command) => control::episode(&link()?, command)?,
         Command::Record(args) => return record_episodes(&link()?, args),
         Command::Demo(args) => return demo::run(args),
+        Command::Evaluate(args) => return evaluate::run(args),
+        Command::Collect(args) => return collect::run(args),
         Command::Replay(args) => return replay::run(args),
         Command::Operate(args) => return run_operator(&link()?, args),
         Command::Teleop(args) => return teleop::run(&cli.connect, args),
@@ -199,7 +207,6 @@ fn write_manual(folder: &Path) -> anyhow::Result<()> {
 
 fn record_episodes(link: &Link, args: &RecordArgs) -> anyhow::Result<ExitCode> {
     let runtime = tokio::runtime::Runtime::new()?;
-    let session = link.session().clone();
     let interrupted = async {
         use tokio::signal::unix::{SignalKind, signal};
         match signal(SignalKind::terminate()) {
@@ -212,7 +219,7 @@ fn record_episodes(link: &Link, args: &RecordArgs) -> anyhow::Result<ExitCode> {
             }
         }
     };
-    let recording = record::run(session, link.keys().clone(), args.clone(), interrupted);
+    let recording = record::run(link, args.clone(), interrupted);
     Ok(ExitCode::from(runtime.block_on(recording)?.exit_code()))
 }
 

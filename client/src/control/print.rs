@@ -107,6 +107,7 @@ fn recorder_line(recorder: &v1::RecorderStatus) -> String {
             v1::RecorderState::Ready => "recording",
             v1::RecorderState::Finished => "finished",
             v1::RecorderState::Failed => "FAILED",
+            v1::RecorderState::Finishing => "finishing its file",
         },
         recorder.accepted_frames,
         recorder.missed

@@ -20,6 +20,8 @@ pub enum Stream {
     Odometry,
     /// `object_pose`.
     ObjectPose,
+    /// `furniture_joint`.
+    FurnitureJoint,
     /// `contact`.
     Contact,
     /// `evaluation`.
@@ -60,6 +62,7 @@ impl Stream {
             Self::Pose => "pose",
             Self::Odometry => "odometry",
             Self::ObjectPose => "object_pose",
+            Self::FurnitureJoint => "furniture_joint",
             Self::Contact => "contact",
             Self::Evaluation => "evaluation",
             Self::Applied => "applied",
@@ -79,6 +82,7 @@ impl Stream {
             Self::Pose => Received::Pose(decode(payload, what)?),
             Self::Odometry => Received::Odometry(decode(payload, what)?),
             Self::ObjectPose => Received::ObjectPose(decode(payload, what)?),
+            Self::FurnitureJoint => Received::FurnitureJoint(decode(payload, what)?),
             Self::Contact => Received::Contact(decode(payload, what)?),
             Self::Evaluation => Received::Evaluation(decode(payload, what)?),
             Self::Applied => Received::Applied(decode(payload, what)?),
@@ -103,6 +107,8 @@ pub enum Received {
     Odometry(v1::Odometry),
     /// `object_pose`.
     ObjectPose(v1::ObjectPoses),
+    /// `furniture_joint`.
+    FurnitureJoint(v1::FurnitureJoints),
     /// `contact`.
     Contact(v1::Contacts),
     /// `evaluation`.

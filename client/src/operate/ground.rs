@@ -104,8 +104,10 @@ impl Rectangle {
             other.centre[0] - self.centre[0],
             other.centre[1] - self.centre[1],
         ];
-        let reach = self.radius() + other.radius();
-        if between[0] * between[0] + between[1] * between[1] > reach * reach {
+        // The squared sum of two radii is at most twice the sum of their squares:
+        // a search asks this often, and a root costs more than all the rest.
+        let squared = |v: [f64; 2]| v[0] * v[0] + v[1] * v[1];
+        if squared(between) > 2.0 * (squared(self.half) + squared(other.half)) {
             return false;
         }
         let across = |v: [f64; 2]| [-v[1], v[0]];
@@ -149,10 +151,14 @@ impl Outline {
 pub struct Ground {
     /// Outline of the chair without what sticks out above table height.
     pub low: Outline,
+    /// Outline without the foot plate and the front wheels, which go under tables.
+    pub body: Outline,
     /// Outline with the arm, for obstacles that reach above the tables.
     pub high: Outline,
     /// Obstacles below the arm.
     pub low_obstacles: Vec<Rectangle>,
+    /// Obstacles below the arm that leave room for the feet, for example table tops.
+    pub raised_obstacles: Vec<Rectangle>,
     /// Obstacles that the arm could touch, too.
     pub tall_obstacles: Vec<Rectangle>,
 }
@@ -162,8 +168,10 @@ impl Ground {
     #[must_use]
     pub fn is_free(&self, pose: &Pose2, margin: f64) -> bool {
         let low = self.low.at(pose, margin);
+        let body = self.body.at(pose, margin);
         let high = self.high.at(pose, margin);
         !self.low_obstacles.iter().any(|o| o.overlaps(&low))
+            && !self.raised_obstacles.iter().any(|o| o.overlaps(&body))
             && !self.tall_obstacles.iter().any(|o| o.overlaps(&high))
     }
 
@@ -178,6 +186,7 @@ impl Ground {
         ];
         self.low_obstacles
             .iter()
+            .chain(&self.raised_obstacles)
             .chain(&self.tall_obstacles)
             .fold(start, |b, o| {
                 let r = o.radius();

@@ -10,7 +10,7 @@ use wheelarm_dataset::columns::header_of;
 use wheelarm_dataset::writer::{WriterOptions, file_path};
 use wheelarm_proto::v1;
 
-use super::episode::{Accepted, Recording, Report};
+use super::episode::{Accepted, EpisodeId, Finishing, Recording, Report, id};
 
 /// Longest wait for samples that the manifest lists.
 pub const MANIFEST_PATIENCE: Duration = Duration::from_secs(10);
@@ -22,6 +22,8 @@ const SNAPSHOT_RETRY: Duration = Duration::from_secs(2);
 const SNAPSHOT_PATIENCE: Duration = Duration::from_secs(30);
 /// Bytes of samples kept while their episode is not open yet.
 const EARLY_BYTES: usize = 256 << 20;
+/// Episodes that may be made into files at the same time; the next one waits.
+const MAX_FINISHING: usize = 2;
 
 /// What reaches a recorder.
 #[derive(Clone, Debug)]
@@ -52,21 +54,32 @@ pub enum Input {
         /// Episode number.
         episode: u64,
     },
-    /// The server's liveliness token is gone.
+    /// The server's liveliness token is gone, or the way to it.
     ServerLost,
+    /// What came of [`Output::Finish`].
+    Done {
+        /// Run and number of the episode.
+        of: (String, u64),
+        /// The file, or why there is none.
+        result: Result<Report, String>,
+    },
     /// The recorder is to end.
     Shutdown,
 }
 
 /// What a recorder wants done.
-#[derive(Clone, Debug)]
+#[derive(Debug)]
 pub enum Output {
     /// Ask the server for the snapshot of the running episode.
     AskSnapshot,
     /// Ask the server whether the episode still runs.
     AskStatus,
-    /// Publish this status now, and again from time to time.
+    /// Publish this status now, and again from time to time; each speaks of the
+    /// episode in its header.
     Status(v1::RecorderStatus),
+    /// Make the file of an episode that is over, aside; [`Input::Done`] brings
+    /// the result.
+    Finish(Box<Finishing>),
     /// An episode is in its file.
     Finished(Report),
     /// An episode could not be recorded.
@@ -86,6 +99,11 @@ pub struct RecorderCore {
     /// Announced while the one before was not finished.
     next: Option<Box<v1::EpisodeStarted>>,
     status: v1::RecorderStatus,
+    /// Last status of the episodes that are being made into files.
+    finishing: Vec<v1::RecorderStatus>,
+    /// Episodes to record, and how many are recorded, lost or under way.
+    limit: Option<u64>,
+    counted: u64,
     out: Vec<Output>,
 }
 
@@ -104,18 +122,21 @@ enum Stage {
         recording: Box<Recording>,
         stopped: Option<Box<v1::EpisodeStopped>>,
         deadline: Instant,
+        /// Why it ends without a manifest.
+        reason: &'static str,
     },
 }
+
+/// The server says that it does not run the episode any more.
+const END_LOST: &str = "the message that ends the episode did not come";
+/// The server, or the way to it, is gone.
+const SERVER_LOST: &str = "the server went away before the episode ended";
 
 /// Samples that came before their episode was open.
 #[derive(Default)]
 struct Early {
     samples: VecDeque<(v1::Header, String, Bytes)>,
     bytes: usize,
-}
-
-fn id(header: Option<&v1::Header>) -> (String, u64) {
-    header.map_or_else(Default::default, |h| (h.run_id.clone(), h.episode))
 }
 
 impl RecorderCore {
@@ -136,8 +157,24 @@ impl RecorderCore {
             last: None,
             next: None,
             status,
+            finishing: Vec::new(),
+            limit: None,
+            counted: 0,
             out: Vec::new(),
         }
+    }
+
+    /// Records at most `limit` episodes; discarded ones do not count.
+    #[must_use]
+    pub fn with_limit(mut self, limit: Option<u64>) -> Self {
+        self.limit = limit;
+        self
+    }
+
+    /// Whether no episode is still to be made into its file.
+    #[must_use]
+    pub fn is_done(&self) -> bool {
+        self.finishing.is_empty()
     }
 
     /// The newest status.
@@ -159,6 +196,7 @@ impl RecorderCore {
                 episode,
             } => self.running(asked, &(run_id, episode), now),
             Input::ServerLost => self.server_lost(now),
+            Input::Done { of, result } => self.done(&of, result, now),
             Input::Shutdown => self.end("the recorder was stopped before the episode ended"),
         }
         self.settle(now);
@@ -199,11 +237,24 @@ impl RecorderCore {
         }
         // Its pictures may still be under way, for they have a lower priority
         // than the announcement of the next episode, which waits for us.
-        if let Stage::Stopping {
-            stopped: Some(_), ..
-        } = &self.stage
-        {
-            self.next = Some(Box::new(started));
+        let busy = self.finishing.len() >= MAX_FINISHING;
+        let under_way = matches!(
+            &self.stage,
+            Stage::Stopping {
+                stopped: Some(_),
+                ..
+            }
+        );
+        if under_way || busy {
+            if let Some(former) = self.next.replace(Box::new(started)) {
+                let new = self.next.as_ref().map(|n| id(n.header.as_ref()));
+                if Some(id(former.header.as_ref())) != new {
+                    self.too_busy(&former);
+                }
+            }
+            return;
+        }
+        if self.limit.is_some_and(|limit| self.counted >= limit) {
             return;
         }
         self.end("the next episode began before the end of this one was told");
@@ -323,8 +374,24 @@ impl RecorderCore {
         }
     }
 
+    /// Episodes come faster than their files can be made.
+    fn too_busy(&mut self, started: &v1::EpisodeStarted) {
+        self.early.forget(Some(&id(started.header.as_ref())));
+        self.out.push(Output::Failed(format!(
+            "episode {:?} ended while {MAX_FINISHING} earlier ones were still being made into files; it is not recorded",
+            started.label
+        )));
+    }
+
     fn stopped(&mut self, stopped: v1::EpisodeStopped, now: Instant) {
         let of = id(stopped.header.as_ref());
+        if let Some(next) = self.next.take_if(|n| id(n.header.as_ref()) == of) {
+            self.last = Some(of);
+            if !stopped.discard {
+                self.too_busy(&next);
+            }
+            return;
+        }
         if self.current() != Some(of) {
             return;
         }
@@ -352,6 +419,7 @@ impl RecorderCore {
                     recording,
                     stopped: Some(Box::new(stopped)),
                     deadline: now + MANIFEST_PATIENCE,
+                    reason: "",
                 };
             }
         }
@@ -372,7 +440,13 @@ impl RecorderCore {
         let Stage::Recording(recording) = &self.stage else {
             return;
         };
-        if recording.since >= asked || id(recording.started.header.as_ref()) == *now_runs {
+        let ours = id(recording.started.header.as_ref());
+        if recording.since >= asked || ours == *now_runs {
+            return;
+        }
+        if ours.0 != now_runs.0 {
+            // Another server has taken its place: nothing more will come.
+            self.server_lost(now);
             return;
         }
         let Stage::Recording(recording) = std::mem::replace(&mut self.stage, Stage::Idle) else {
@@ -382,6 +456,7 @@ impl RecorderCore {
             recording,
             stopped: None,
             deadline: now + MANIFEST_PATIENCE,
+            reason: END_LOST,
         };
     }
 
@@ -393,22 +468,25 @@ impl RecorderCore {
                     recording,
                     stopped: None,
                     deadline: now + FAREWELL_PATIENCE,
+                    reason: SERVER_LOST,
                 };
             }
             Stage::Stopping {
                 recording,
                 stopped,
                 deadline,
+                reason,
             } => {
                 self.stage = Stage::Stopping {
                     recording,
                     stopped,
                     deadline: deadline.min(now + FAREWELL_PATIENCE),
+                    reason,
                 };
             }
             stage => {
                 self.stage = stage;
-                self.end("the server went away before the episode ended");
+                self.end(SERVER_LOST);
             }
         }
     }
@@ -419,6 +497,7 @@ impl RecorderCore {
             recording,
             stopped,
             deadline,
+            ..
         } = &self.stage
         else {
             return;
@@ -428,17 +507,15 @@ impl RecorderCore {
             return;
         }
         let Stage::Stopping {
-            recording, stopped, ..
+            recording,
+            stopped,
+            reason,
+            ..
         } = std::mem::replace(&mut self.stage, Stage::Idle)
         else {
             return;
         };
-        let reason = if stopped.is_some() {
-            String::new()
-        } else {
-            "the message that ends the episode did not come".to_owned()
-        };
-        self.finish(*recording, stopped.map(|s| *s), reason);
+        self.finish(*recording, stopped.map(|s| *s), reason.to_owned());
         if let Some(next) = self.next.take() {
             self.started(*next, now);
         }
@@ -472,17 +549,44 @@ impl RecorderCore {
         self.last = Some(id(recording.started.header.as_ref()));
         self.early.forget(self.last.as_ref());
         self.follow(&recording);
-        match recording.finish(stopped, reason) {
+        self.counted += 1;
+        self.status.state = v1::RecorderState::Finishing.into();
+        self.finishing.push(self.status.clone());
+        self.out.push(Output::Status(self.status.clone()));
+        let finishing = recording.finish(stopped, reason);
+        self.out.push(Output::Finish(Box::new(finishing)));
+    }
+
+    /// An episode is in its file, or will not be.
+    fn done(&mut self, of: &EpisodeId, result: Result<Report, String>, now: Instant) {
+        let place = |s: &v1::RecorderStatus| id(s.header.as_ref()) == *of;
+        let Some(place) = self.finishing.iter().position(place) else {
+            return;
+        };
+        let mut status = self.finishing.remove(place);
+        match &result {
             Ok(report) => {
-                self.status.state = v1::RecorderState::Finished.into();
-                self.status.path = report.path.display().to_string();
-                self.status.complete = report.complete;
-                self.status.missed = report.missed;
-                self.status.message = report.problems.join("; ");
-                self.out.push(Output::Status(self.status.clone()));
-                self.out.push(Output::Finished(report));
+                status.state = v1::RecorderState::Finished.into();
+                status.path = report.path.display().to_string();
+                status.complete = report.complete;
+                status.missed = report.missed;
+                status.message = report.problems.join("; ");
             }
-            Err(words) => self.fail_with(words),
+            Err(words) => {
+                status.state = v1::RecorderState::Failed.into();
+                status.message.clone_from(words);
+            }
+        }
+        if id(self.status.header.as_ref()) == *of {
+            self.status = status.clone();
+        }
+        self.out.push(Output::Status(status));
+        self.out.push(match result {
+            Ok(report) => Output::Finished(report),
+            Err(words) => Output::Failed(words),
+        });
+        if let Some(next) = self.next.take() {
+            self.started(*next, now);
         }
     }
 
@@ -509,6 +613,7 @@ impl RecorderCore {
     }
 
     fn fail_with(&mut self, words: String) {
+        self.counted += 1;
         self.early.forget(self.last.as_ref());
         self.status.state = v1::RecorderState::Failed.into();
         self.status.message.clone_from(&words);

@@ -1,4 +1,5 @@
-//! One episode while it is recorded: its writer, and which samples are there.
+//! One episode while it is recorded, with its writer and which samples are
+//! there, and afterwards, until it is in its file.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -10,6 +11,8 @@ use wheelarm_dataset::finish::{FinishError, finish};
 use wheelarm_dataset::log::{Closing, Recovered};
 use wheelarm_dataset::writer::{EpisodeWriter, Taken, WriteError, WriterOptions};
 use wheelarm_proto::v1;
+
+use super::core::Input;
 
 /// What became of one episode.
 #[derive(Clone, Debug, PartialEq)]
@@ -128,32 +131,71 @@ impl Recording {
         self.writer.discard()
     }
 
-    /// Closes the log and makes the file.
-    ///
-    /// # Errors
-    /// Why there is no file, with the cure; the log stays.
-    pub fn finish(
-        self,
-        stopped: Option<v1::EpisodeStopped>,
-        reason: String,
-    ) -> Result<Report, String> {
-        let recovered = self
-            .seen
-            .iter()
-            .filter(|(_, seen)| seen.late() > 0)
+    /// What is left to do when the episode is over.
+    pub fn finish(self, stopped: Option<v1::EpisodeStopped>, reason: String) -> Finishing {
+        let late = self.seen.iter().filter(|(_, seen)| seen.late() > 0);
+        let recovered = late
             .map(|(stream, seen)| Recovered {
                 stream: stream.clone(),
                 count: seen.late(),
             })
             .collect();
-        let closing = Closing {
-            stopped,
-            reason,
-            recovered,
-        };
+        Finishing {
+            of: id(self.started.header.as_ref()),
+            label: self.started.label,
+            writer: self.writer,
+            closing: Closing {
+                stopped,
+                reason,
+                recovered,
+            },
+        }
+    }
+}
+
+/// Run of a server and number of an episode in it.
+pub(super) type EpisodeId = (String, u64);
+
+pub(super) fn id(header: Option<&v1::Header>) -> EpisodeId {
+    header.map_or_else(Default::default, |h| (h.run_id.clone(), h.episode))
+}
+
+/// An episode that is over: its log is still to be made into the file, which
+/// takes long and needs nothing but the disk.
+pub struct Finishing {
+    of: EpisodeId,
+    label: String,
+    writer: EpisodeWriter,
+    closing: Closing,
+}
+
+impl std::fmt::Debug for Finishing {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let mut debug = f.debug_struct("Finishing");
+        debug.field("label", &self.label).finish_non_exhaustive()
+    }
+}
+
+impl Finishing {
+    /// Closes the log and makes the file; what came of it is the input that
+    /// the recorder waits for.
+    #[must_use]
+    pub fn run(self) -> Input {
+        let of = self.of.clone();
         let log = self.writer.log().to_owned();
-        let label = self.started.label.clone();
-        self.writer.close(closing).map_err(|e| e.to_string())?;
+        let work = std::panic::AssertUnwindSafe(|| self.file());
+        let result = std::panic::catch_unwind(work).unwrap_or_else(|_| {
+            let log = log.display();
+            Err(format!("making the file panicked; please report it. The recording is still in {log}, `wheelarm dataset recover {log}` tries again"))
+        });
+        Input::Done { of, result }
+    }
+
+    fn file(self) -> Result<Report, String> {
+        let log = self.writer.log().to_owned();
+        self.writer
+            .close(self.closing)
+            .map_err(|e| format!("{e}; what was acknowledged is still in {}", log.display()))?;
         let finished = finish(&log, None).map_err(|problem| match problem {
             // These name the log and the cure already.
             FinishError::Exists { .. } | FinishError::Io { .. } => problem.to_string(),
@@ -165,7 +207,7 @@ impl Recording {
         })?;
         let account = &finished.account;
         Ok(Report {
-            label,
+            label: self.label,
             bytes: finished.bytes,
             complete: account.complete(),
             problems: account.problems.clone(),

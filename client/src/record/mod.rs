@@ -3,7 +3,8 @@
 //!
 //! [`RecorderCore`] decides and writes, without a network; `network` moves
 //! messages between it and Zenoh through a queue bounded in bytes. No zenoh
-//! callback works: it moves the sample into that queue.
+//! callback works: it moves the sample into that queue. The file of an episode
+//! is made on a thread of its own, while the next episode is recorded.
 
 mod core;
 mod episode;
@@ -11,7 +12,7 @@ mod network;
 mod queue;
 
 pub use self::core::{Input, Output, RecorderCore};
-pub use self::episode::Report;
+pub use self::episode::{Finishing, Report};
 pub use self::network::{run, run_with};
 
 use std::path::PathBuf;
@@ -51,6 +52,9 @@ pub struct RecordArgs {
     /// How depth is stored.
     #[arg(long, value_enum, default_value_t = Depth::F32)]
     pub depth: Depth,
+    /// Ends when standard input is closed: with the program that started it.
+    #[arg(long, hide = true)]
+    pub end_with_stdin: bool,
     /// Ends after this many episodes; runs until Ctrl-C without it.
     #[arg(long, value_name = "N")]
     pub episodes: Option<u64>,

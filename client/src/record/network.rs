@@ -1,5 +1,6 @@
 //! Zenoh on one side, [`RecorderCore`] on its own thread on the other.
 
+use std::collections::VecDeque;
 use std::future::Future;
 use std::time::{Duration, Instant};
 
@@ -18,12 +19,19 @@ use zenoh_ext::{AdvancedSubscriberBuilderExt, HistoryConfig, RecoveryConfig};
 use super::core::{Input, Output, RecorderCore};
 use super::queue::{Entrance, Exit, queue};
 use super::{ExitSummary, RecordArgs};
+use crate::link::Link;
 
 /// The newest status is published again after this time: a lost one holds
 /// nobody up for longer.
 const STATUS_PERIOD: Duration = Duration::from_millis(500);
 /// The server is asked what it runs after this time.
 const POLL_PERIOD: Duration = Duration::from_secs(5);
+/// A connection that is away for less than this is repaired by the transport,
+/// and what was published meanwhile comes out of the server's cache.
+const AWAY_PATIENCE: Duration = Duration::from_secs(5);
+/// Statuses that are published again: of the newest episode and of those that
+/// became files lately.
+const KEPT_STATUSES: usize = 3;
 /// How often the core looks at its deadlines.
 const CORE_PERIOD: Duration = Duration::from_millis(50);
 /// Longest wait for the answer to a query.
@@ -48,12 +56,11 @@ enum Raw {
 /// # Errors
 /// When the folder cannot be made, the name is taken, or the session fails.
 pub async fn run(
-    session: Session,
-    keys: Keys,
+    link: &Link,
     args: RecordArgs,
     shutdown: impl Future<Output = ()>,
 ) -> anyhow::Result<ExitSummary> {
-    run_with(session, keys, args, shutdown, |output| match output {
+    run_with(link, args, shutdown, |output| match output {
         Output::Finished(r) => {
             let state = if r.complete { "complete" } else { "PARTIAL" };
             let mb = r.bytes as f64 / 1e6;
@@ -70,7 +77,7 @@ pub async fn run(
         }
         Output::Failed(words) => eprintln!("recording failed: {words}"),
         Output::Discarded(label) => println!("{label}: discarded"),
-        Output::AskSnapshot | Output::AskStatus | Output::Status(_) => {}
+        Output::AskSnapshot | Output::AskStatus | Output::Status(_) | Output::Finish(_) => {}
     })
     .await
 }
@@ -80,16 +87,18 @@ pub async fn run(
 /// # Errors
 /// As [`run`].
 pub async fn run_with(
-    session: Session,
-    keys: Keys,
+    link: &Link,
     args: RecordArgs,
     shutdown: impl Future<Output = ()>,
     mut tell: impl FnMut(&Output),
 ) -> anyhow::Result<ExitSummary> {
     check_name(&args.name)?;
+    let (session, keys) = (link.session(), link.keys());
     std::fs::create_dir_all(&args.out)
         .with_context(|| format!("the folder {} cannot be made", args.out.display()))?;
-    if taken(&session, &keys.recorder_alive(&args.name)).await? {
+    let token = keys.recorder_alive(&args.name);
+    let is_taken = aside(link, move |link| link.is_declared(&token)).await?;
+    if is_taken? {
         bail!(
             "a recorder named {:?} is connected to {:?} already; choose another --name",
             args.name,
@@ -101,13 +110,16 @@ pub async fn run_with(
         recorder: args.name.clone(),
         ..Default::default()
     };
-    let core = RecorderCore::new(args.out.clone(), options);
+    let core = RecorderCore::new(args.out.clone(), options).with_limit(args.episodes);
     let first = core.status().clone();
     let (entrance, exit) = queue();
     let (outputs, mut told) = mpsc::unbounded_channel();
-    let thread = std::thread::spawn(move || work(core, &exit, &outputs));
+    let thread = {
+        let entrance = entrance.clone();
+        std::thread::spawn(move || work(core, &exit, &entrance, &outputs))
+    };
 
-    let _subscribers = subscribe(&session, &keys, &entrance).await?;
+    let _subscribers = subscribe(session, keys, &entrance).await?;
     let _token = session
         .liveliness()
         .declare_token(keys.recorder_alive(&args.name))
@@ -121,11 +133,15 @@ pub async fn run_with(
         .await
         .map_err(transport("declaring the status"))?;
 
-    let mut latest = first;
+    let mut statuses = VecDeque::from([first]);
     let mut summary = ExitSummary::default();
     let mut again = tokio::time::interval(STATUS_PERIOD);
     let mut poll = tokio::time::interval(POLL_PERIOD);
     let mut ending = false;
+    let mut connection = Connection::new();
+    let _input = args
+        .end_with_stdin
+        .then(|| end_with_input(entrance.clone()));
     tokio::pin!(shutdown);
     loop {
         tokio::select! {
@@ -134,18 +150,16 @@ pub async fn run_with(
                 tell(&output);
                 match output {
                     Output::AskSnapshot => {
-                        tokio::spawn(ask_snapshot(session.clone(), keys.clone(), entrance.clone()));
+                        ask_snapshot(link, &entrance);
                     }
-                    Output::AskStatus => {
-                        tokio::spawn(ask_status(session.clone(), keys.clone(), entrance.clone()));
-                    }
+                    Output::AskStatus => ask_status(link, &entrance),
                     Output::Status(status) => {
-                        latest = status;
-                        put(&publisher, &latest).await;
+                        put(&publisher, &status).await;
+                        keep(&mut statuses, status);
                     }
                     Output::Finished(report) => summary.finished.push(report),
                     Output::Failed(words) => summary.failed.push(words),
-                    Output::Discarded(_) => {}
+                    Output::Discarded(_) | Output::Finish(_) => {}
                 }
                 let done = (summary.finished.len() + summary.failed.len()) as u64;
                 if !ending && args.episodes.is_some_and(|n| done >= n) {
@@ -153,10 +167,17 @@ pub async fn run_with(
                     entrance.control(Raw::Ready(Input::Shutdown));
                 }
             }
-            _ = again.tick() => put(&publisher, &latest).await,
-            _ = poll.tick(), if !ending => {
-                tokio::spawn(ask_status(session.clone(), keys.clone(), entrance.clone()));
-            }
+            _ = again.tick() => match connection.look(session).await {
+                Seen::There => for status in &statuses {
+                    put(&publisher, status).await;
+                },
+                Seen::Back => ask_status(link, &entrance),
+                // A killed server takes its liveliness token back for nobody
+                // whose only link was the one to it.
+                Seen::Lost => entrance.control(Raw::Ready(Input::ServerLost)),
+                Seen::Away => {}
+            },
+            _ = poll.tick(), if !ending => ask_status(link, &entrance),
             () = &mut shutdown, if !ending => {
                 ending = true;
                 entrance.control(Raw::Ready(Input::Shutdown));
@@ -172,15 +193,21 @@ pub async fn run_with(
 }
 
 /// The recorder's thread: decodes and feeds the core until it is shut down.
-fn work(mut core: RecorderCore, exit: &Exit<Raw>, outputs: &mpsc::UnboundedSender<Output>) {
+fn work(
+    mut core: RecorderCore,
+    exit: &Exit<Raw>,
+    entrance: &Entrance<Raw>,
+    outputs: &mpsc::UnboundedSender<Output>,
+) {
     let mut dropped = 0;
+    let mut ending = false;
     loop {
         let mut out = core.tick(Instant::now());
         let Ok(item) = exit.next(CORE_PERIOD) else {
             return;
         };
         let input = item.and_then(decode);
-        let last = matches!(input, Some(Input::Shutdown));
+        ending |= matches!(input, Some(Input::Shutdown));
         if let Some(input) = input {
             out.extend(core.handle(input, Instant::now()));
         }
@@ -192,11 +219,19 @@ fn work(mut core: RecorderCore, exit: &Exit<Raw>, outputs: &mpsc::UnboundedSende
             dropped = exit.dropped();
         }
         for output in out {
+            let output = match output {
+                Output::Finish(finishing) => {
+                    let entrance = entrance.clone();
+                    std::thread::spawn(move || entrance.control(Raw::Ready(finishing.run())));
+                    continue;
+                }
+                output => output,
+            };
             if outputs.send(output).is_err() {
                 return;
             }
         }
-        if last {
+        if ending && core.is_done() {
             return;
         }
     }
@@ -303,20 +338,72 @@ async fn subscribe(
     Ok(held)
 }
 
-/// Whether somebody holds the token already.
-async fn taken(session: &Session, token: &str) -> anyhow::Result<bool> {
-    let replies = session
-        .liveliness()
-        .get(token)
-        .timeout(Duration::from_secs(1))
-        .await
-        .map_err(transport("asking for other recorders"))?;
-    while let Ok(reply) = replies.recv_async().await {
-        if reply.result().is_ok() {
-            return Ok(true);
+/// Ends the recorder with its standard input: with the program that holds it.
+fn end_with_input(entrance: Entrance<Raw>) -> std::thread::JoinHandle<()> {
+    std::thread::spawn(move || {
+        let _ = std::io::copy(&mut std::io::stdin().lock(), &mut std::io::sink());
+        entrance.control(Raw::Ready(Input::Shutdown));
+    })
+}
+
+/// Whether the way to the server stands.
+struct Connection {
+    since: Option<Instant>,
+    lost: bool,
+}
+
+/// What a look at the connection showed.
+enum Seen {
+    There,
+    /// It is there again.
+    Back,
+    Away,
+    /// It is away for so long that the server must be taken for gone.
+    Lost,
+}
+
+impl Connection {
+    fn new() -> Self {
+        Self {
+            since: None,
+            lost: false,
         }
     }
-    Ok(false)
+
+    async fn look(&mut self, session: &Session) -> Seen {
+        let info = session.info();
+        let there =
+            info.routers_zid().await.next().is_some() || info.peers_zid().await.next().is_some();
+        if there {
+            self.lost = false;
+            return match self.since.take() {
+                Some(_) => Seen::Back,
+                None => Seen::There,
+            };
+        }
+        let since = *self.since.get_or_insert_with(Instant::now);
+        if self.lost || since.elapsed() < AWAY_PATIENCE {
+            return Seen::Away;
+        }
+        self.lost = true;
+        Seen::Lost
+    }
+}
+
+/// Keeps the newest status of each of the last episodes, newest last.
+fn keep(statuses: &mut VecDeque<v1::RecorderStatus>, status: v1::RecorderStatus) {
+    let same = |s: &v1::RecorderStatus| {
+        let (a, b) = (s.header.as_ref(), status.header.as_ref());
+        a.zip(b)
+            .is_some_and(|(a, b)| a.run_id == b.run_id && a.episode == b.episode)
+    };
+    match statuses.iter_mut().find(|s| same(s)) {
+        Some(old) => *old = status,
+        None => statuses.push_back(status),
+    }
+    while statuses.len() > KEPT_STATUSES {
+        statuses.pop_front();
+    }
 }
 
 async fn put(publisher: &zenoh::pubsub::Publisher<'_>, status: &v1::RecorderStatus) {
@@ -325,52 +412,48 @@ async fn put(publisher: &zenoh::pubsub::Publisher<'_>, status: &v1::RecorderStat
     }
 }
 
-async fn ask_snapshot(session: Session, keys: Keys, entrance: Entrance<Raw>) {
-    let reply = ask(&session, keys.query(Query::Snapshot)).await;
-    entrance.control(Raw::Ready(Input::Snapshot(reply)));
+/// Does `work`, which waits for the server, on a thread for waiting.
+fn aside<T: Send + 'static>(
+    link: &Link,
+    work: impl FnOnce(&Link) -> T + Send + 'static,
+) -> tokio::task::JoinHandle<T> {
+    let link = link.clone();
+    tokio::task::spawn_blocking(move || work(&link))
+}
+
+fn ask_snapshot(link: &Link, entrance: &Entrance<Raw>) {
+    let entrance = entrance.clone();
+    aside(link, move |link| {
+        let reply = link.ask_within(Query::Snapshot, QUERY_TIMEOUT);
+        entrance.control(Raw::Ready(Input::Snapshot(
+            reply.map_err(|e| e.to_string()),
+        )));
+    });
 }
 
 /// Learns of an episode that runs already, or of an end that got lost.
-async fn ask_status(session: Session, keys: Keys, entrance: Entrance<Raw>) {
-    let asked = Instant::now();
-    let status: v1::Status = match ask(&session, keys.query(Query::Status)).await {
-        Ok(status) => status,
-        Err(words) => {
-            tracing::debug!("no status: {words}");
-            return;
+fn ask_status(link: &Link, entrance: &Entrance<Raw>) {
+    let entrance = entrance.clone();
+    aside(link, move |link| {
+        let asked = Instant::now();
+        let status: v1::Status = match link.ask_within(Query::Status, QUERY_TIMEOUT) {
+            Ok(status) => status,
+            Err(problem) => {
+                tracing::debug!("no status: {problem}");
+                return;
+            }
+        };
+        let run_id = status.header.map(|h| h.run_id).unwrap_or_default();
+        let number = |s: &v1::EpisodeStarted| s.header.as_ref().map_or(0, |h| h.episode);
+        entrance.control(Raw::Ready(Input::Running {
+            asked,
+            run_id,
+            episode: status.episode.as_ref().map_or(0, number),
+        }));
+        if let Some(started) = status.episode {
+            entrance.control(Raw::Ready(Input::Started(started)));
         }
-    };
-    let run_id = status.header.map(|h| h.run_id).unwrap_or_default();
-    let number = |s: &v1::EpisodeStarted| s.header.as_ref().map_or(0, |h| h.episode);
-    entrance.control(Raw::Ready(Input::Running {
-        asked,
-        run_id,
-        episode: status.episode.as_ref().map_or(0, number),
-    }));
-    if let Some(started) = status.episode {
-        entrance.control(Raw::Ready(Input::Started(started)));
-    }
-}
-
-async fn ask<R: Message + Default>(session: &Session, key: String) -> Result<R, String> {
-    let replies = session
-        .get(&key)
-        .priority(Priority::InteractiveHigh)
-        .express(true)
-        .timeout(QUERY_TIMEOUT)
-        .await
-        .map_err(|e| e.to_string())?;
-    let reply = replies
-        .recv_async()
-        .await
-        .map_err(|_| format!("nobody answers {key}"))?;
-    match reply.result() {
-        Ok(sample) => R::decode(sample.payload().to_bytes().as_ref()).map_err(|e| e.to_string()),
-        Err(error) => {
-            let failure = v1::Failure::decode(error.payload().to_bytes().as_ref());
-            Err(failure.map_or_else(|e| e.to_string(), |f| f.message))
-        }
-    }
+    });
 }
 
 fn transport(operation: &'static str) -> impl Fn(zenoh::Error) -> anyhow::Error {

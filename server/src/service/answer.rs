@@ -18,6 +18,9 @@ use crate::{scene, tasks};
 /// Where the arm stands among the recorded joints.
 const ARM_JOINTS: std::ops::Range<usize> = 4..10;
 
+/// How far a joint may turn from where a solution is looked for nearby, radians.
+const NEAR_CHANGE: f64 = 1.2;
+
 impl Engine {
     /// Answers one query; a refused one gets a `Failure` with the cure.
     pub(super) fn answer(&mut self, request: Request) {
@@ -116,7 +119,7 @@ impl Engine {
             real_time_factor: self.pace.factor(),
             episode: self.episode.as_ref().map(|e| e.started.clone()),
             waiting_for: self.waiting_for.clone(),
-            recorders: lock(&self.shared.recorders).all(),
+            recorders: lock(&self.shared.recorders).all(&self.shared.run_id),
             refused: lock(&self.shared.inbox).refused(),
             evaluation: Some(evaluation),
             holder: held.holder,
@@ -176,11 +179,13 @@ impl Engine {
 
     fn scene(&self) -> v1::SceneReply {
         let (scene, model) = (self.sim.scene(), self.sim.model());
-        let furniture = scene.furniture.iter().map(|b| body(b, true));
+        let furniture = scene.furniture.iter().enumerate();
+        let furniture = furniture.map(|(i, b)| body(b, scene.joint_of(i).is_none()));
         let objects = scene.objects.iter().map(|b| body(b, false));
-        let grasps = scene.objects.iter().flat_map(|object| {
-            object.grasps.iter().map(|g| v1::GraspFrame {
-                object: object.name.clone(),
+        let grasps = scene.furniture.iter().chain(&scene.objects);
+        let grasps = grasps.flat_map(|body| {
+            body.grasps.iter().map(|g| v1::GraspFrame {
+                object: body.name.clone(),
                 name: g.name.clone(),
                 pose: Some(convert::pose(&g.pose)),
                 width: g.width,
@@ -191,16 +196,21 @@ impl Engine {
             header: Some(self.stamp()),
             bodies: furniture.chain(objects).collect(),
             grasps: grasps.collect(),
-            target: self
-                .sim
-                .task()
-                .map(|t| t.target.clone())
-                .unwrap_or_default(),
+            target: self.sim.scenario().target.clone(),
             instances: self.instances(),
             objects: scene.objects.iter().map(|o| o.name.clone()).collect(),
             arm_mount: self.arm_mount().map(|p| convert::pose(&p)),
             tool_length: model.settings.tool_length,
             footprint: model.settings.footprint.to_vec(),
+            joints: scene
+                .joints
+                .iter()
+                .map(|joint| convert::furniture_joint(joint, scene))
+                .collect(),
+            goal: self.sim.task().map(|task| {
+                let target = &self.sim.scenario().target;
+                convert::goal(&task.goal(), target, scene)
+            }),
         }
     }
 
@@ -241,8 +251,18 @@ impl Engine {
     fn reach(&self, request: v1::ReachRequest) -> Result<v1::ReachReply, String> {
         let pose = convert::isometry("pose", request.pose.as_ref()).map_err(|e| e.to_string())?;
         let joints = self.sim.recorded_joints();
-        let guess = std::array::from_fn(|i| joints[ARM_JOINTS.start + i].position);
-        let solved = self.sim.control().kinematics().solve(&pose, &guess);
+        let kinematics = self.sim.control().kinematics();
+        let solved = match request.near.as_slice() {
+            [] => {
+                let now = std::array::from_fn(|i| joints[ARM_JOINTS.start + i].position);
+                kinematics.solve(&pose, &now)
+            }
+            near => {
+                let near = wheelarm_proto::check::list::<6>("near", near);
+                let near = near.map_err(|e| e.to_string())?;
+                kinematics.solve_local(&pose, &near, NEAR_CHANGE)
+            }
+        };
         let header = Some(self.stamp());
         Ok(match solved {
             Ok(solution) => v1::ReachReply {
@@ -313,8 +333,8 @@ fn decode<M: Message + Default>(payload: &[u8]) -> Result<M, String> {
     M::decode(payload).map_err(|e| format!("the request cannot be read: {e}"))
 }
 
-/// A body with the boxes of its collision shapes: in `house` for furniture, in
-/// the body's own frame for objects.
+/// A body with the boxes of its collision shapes: in `house` for what stays, in
+/// the body's own frame for what moves.
 fn body(body: &Body, fixed: bool) -> v1::SceneBody {
     let world_from_body = if fixed {
         body.pose

@@ -7,13 +7,22 @@ use wheelarm_proto::{keys, v1};
 /// Recorders by name.
 #[derive(Debug, Default)]
 pub struct Recorders {
-    known: BTreeMap<String, v1::RecorderStatus>,
+    /// What each told of its last episodes, newest last.
+    known: BTreeMap<String, Vec<v1::RecorderStatus>>,
     /// Recorders that were lost in the running episode; they hold nobody up again.
     gone: BTreeSet<String>,
 }
 
 /// How many recorders are remembered.
 const MAX_RECORDERS: usize = 64;
+
+/// How many episodes of each: the one at hand and those being made into files.
+const MAX_EPISODES: usize = 3;
+
+fn id(status: &v1::RecorderStatus) -> (&str, u64) {
+    let header = status.header.as_ref();
+    header.map_or(("", 0), |h| (&h.run_id, h.episode))
+}
 
 impl Recorders {
     /// Takes a status message; ones without a usable name are ignored.
@@ -23,13 +32,20 @@ impl Recorders {
         }
         if self.known.len() >= MAX_RECORDERS && !self.known.contains_key(&status.recorder) {
             // The one that speaks of the oldest episode makes room.
-            let episode = |s: &v1::RecorderStatus| s.header.as_ref().map_or(0, |h| h.episode);
-            let oldest = self.known.values().min_by_key(|s| episode(s));
-            if let Some(name) = oldest.map(|s| s.recorder.clone()) {
+            let newest = |all: &[v1::RecorderStatus]| all.last().map_or(0, |s| id(s).1);
+            let oldest = self.known.iter().min_by_key(|(_, all)| newest(all));
+            if let Some(name) = oldest.map(|(name, _)| name.clone()) {
                 self.known.remove(&name);
             }
         }
-        self.known.insert(status.recorder.clone(), status);
+        let episodes = self.known.entry(status.recorder.clone()).or_default();
+        match episodes.iter_mut().find(|s| id(s) == id(&status)) {
+            Some(old) => *old = status,
+            None => episodes.push(status),
+        }
+        if episodes.len() > MAX_EPISODES {
+            episodes.remove(0);
+        }
     }
 
     /// Forgets a recorder whose connection ended.
@@ -56,19 +72,28 @@ impl Recorders {
         lost.cloned().collect()
     }
 
-    /// All of them.
+    /// All of them: the newest status of each, after those of episodes of this
+    /// run that are still being made into files or just have been.
     #[must_use]
-    pub fn all(&self) -> Vec<v1::RecorderStatus> {
-        self.known.values().cloned().collect()
+    pub fn all(&self, run_id: &str) -> Vec<v1::RecorderStatus> {
+        let mut all = Vec::new();
+        for episodes in self.known.values() {
+            if let Some((newest, earlier)) = episodes.split_last() {
+                let of_run = earlier.iter().filter(|s| {
+                    let (run, episode) = id(s);
+                    run == run_id && episode > 0
+                });
+                all.extend(of_run.cloned());
+                all.push(newest.clone());
+            }
+        }
+        all
     }
 
     fn of_episode(&self, run_id: &str, episode: u64) -> impl Iterator<Item = &v1::RecorderStatus> {
         let run_id = run_id.to_owned();
-        self.known.values().filter(move |s| {
-            s.header
-                .as_ref()
-                .is_some_and(|h| h.episode == episode && h.run_id == run_id)
-        })
+        let all = self.known.values().flatten();
+        all.filter(move |s| id(s) == (run_id.as_str(), episode))
     }
 
     /// Names of the recorders that are ready for an episode.
@@ -137,6 +162,10 @@ mod tests {
         recorders.update(status("b", 2, 7));
         recorders.update(status("old", 1, 0));
         recorders.update(status("guest", 2, 1));
+        // A file that is finished late does not hide what is recorded now.
+        let mut late = status("a", 1, 99);
+        late.state = v1::RecorderState::Finished as i32;
+        recorders.update(late);
         let participants = ["a".to_owned(), "b".to_owned(), "old".to_owned()];
         assert_eq!(
             recorders.slowest("r", 2, &participants),

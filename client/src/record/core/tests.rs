@@ -105,12 +105,28 @@ impl Bench {
     }
 
     fn feed(&mut self, input: Input) -> Vec<Output> {
-        self.core.handle(input, self.now)
+        let out = self.core.handle(input, self.now);
+        self.make_files(out)
     }
 
     fn wait(&mut self, time: Duration) -> Vec<Output> {
         self.now += time;
-        self.core.tick(self.now)
+        let out = self.core.tick(self.now);
+        self.make_files(out)
+    }
+
+    /// Makes files at once instead of aside; leaves out that they are made.
+    fn make_files(&mut self, mut out: Vec<Output>) -> Vec<Output> {
+        while let Some(place) = out.iter().position(|o| matches!(o, Output::Finish(_))) {
+            let Output::Finish(finishing) = out.remove(place) else {
+                continue;
+            };
+            out.retain(
+                |o| !matches!(o, Output::Status(s) if s.state() == v1::RecorderState::Finishing),
+            );
+            out.extend(self.core.handle(finishing.run(), self.now));
+        }
+        out
     }
 
     fn state(&self) -> v1::RecorderState {
@@ -233,7 +249,7 @@ fn a_discarded_episode_leaves_nothing() {
 #[test]
 fn an_early_end_leaves_a_partial_file_that_says_why() {
     for (input, words) in [
-        (Input::ServerLost, "did not come"),
+        (Input::ServerLost, "server went away"),
         (Input::Shutdown, "recorder was stopped"),
         (
             Input::Started(started(2, "next")),
@@ -289,4 +305,76 @@ fn the_snapshot_is_asked_for_until_it_comes_or_the_episode_fails() {
     let out = b.wait(SNAPSHOT_PATIENCE);
     assert!(matches!(out.last(), Some(Output::Failed(_))), "{out:?}");
     assert_eq!(b.state(), v1::RecorderState::Failed);
+}
+
+#[test]
+fn the_next_episode_begins_while_files_are_made_but_not_without_bound() {
+    let mut b = Bench::new();
+    let mut made = Vec::new();
+    let mut record = |b: &mut Bench, episode: u64| {
+        b.open(episode, &format!("e{episode}"));
+        b.feed(hash(episode, 0));
+        let out = b.core.handle(Input::Stopped(stopped(episode, 1, 0)), b.now);
+        made.extend(out.into_iter().filter_map(|o| match o {
+            Output::Finish(finishing) => Some(finishing),
+            _ => None,
+        }));
+    };
+    record(&mut b, 1);
+    assert_eq!(b.state(), v1::RecorderState::Finishing);
+    record(&mut b, 2);
+    // Two files are being made: the third episode waits, its samples are kept.
+    let out = b.feed(Input::Started(started(3, "e3")));
+    assert!(out.is_empty(), "{out:?}");
+    b.feed(hash(3, 0));
+    let first = made.remove(0).run();
+    let out = b.feed(first);
+    assert!(report(&out).complete);
+    assert!(matches!(
+        out[..],
+        [Output::Status(_), Output::Finished(_), Output::AskSnapshot]
+    ));
+    b.feed(snapshot(3));
+    assert_eq!(b.state(), v1::RecorderState::Ready);
+    let second = made.remove(0).run();
+    let out = b.feed(second);
+    let Output::Status(status) = &out[0] else {
+        panic!("{out:?}")
+    };
+    assert_eq!(status.header.as_ref().unwrap().episode, 2);
+    assert_eq!(b.state(), v1::RecorderState::Ready, "of episode 3");
+    let out = b.feed(Input::Stopped(stopped(3, 1, 0)));
+    assert!(report(&out).complete);
+    assert!(b.core.is_done());
+    assert_eq!(b.files(), ["e1.h5", "e2.h5", "e3.h5"]);
+}
+
+#[test]
+fn a_restarted_server_ends_the_episode_and_its_first_is_taken() {
+    let mut b = Bench::new();
+    b.open(1, "cut");
+    b.feed(hash(1, 0));
+    b.now += Duration::from_secs(1);
+    b.feed(Input::Running {
+        asked: b.now,
+        run_id: "another run".into(),
+        episode: 0,
+    });
+    let out = b.wait(FAREWELL_PATIENCE);
+    assert!(report(&out).problems[0].contains("server went away"));
+    let mut again = started(1, "after");
+    again.header.as_mut().unwrap().run_id = "another run".into();
+    let out = b.feed(Input::Started(again));
+    assert!(matches!(out[..], [Output::AskSnapshot]), "{out:?}");
+}
+
+#[test]
+fn a_recorder_with_a_limit_begins_no_episode_beyond_it() {
+    let mut b = Bench::new();
+    b.core =
+        RecorderCore::new(b.dir.path().to_owned(), WriterOptions::default()).with_limit(Some(1));
+    b.open(1, "one");
+    b.feed(hash(1, 0));
+    b.core.handle(Input::Stopped(stopped(1, 1, 0)), b.now);
+    assert!(b.feed(Input::Started(started(2, "two"))).is_empty());
 }

@@ -401,6 +401,7 @@ fn recorders<'a>(model: &Model, theme: Theme) -> Vec<Line<'a>> {
     let lines = all.iter().map(|recorder| {
         let (word, style) = match recorder.state() {
             v1::RecorderState::Ready => ("recording", theme.good()),
+            v1::RecorderState::Finishing => ("finishing", theme.strong()),
             v1::RecorderState::Finished if recorder.complete => ("complete", theme.good()),
             v1::RecorderState::Finished => ("PARTIAL", theme.bad()),
             v1::RecorderState::Failed => ("FAILED", theme.bad()),
