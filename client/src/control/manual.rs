@@ -115,6 +115,27 @@ pub const DEMO: &str = manual!(
     "\n  WHEELARM_ASSETS   assets folder, as --assets"
 );
 
+/// `wheelarm evaluate`.
+pub const EVALUATE: &str = manual!(
+    "  wheelarm evaluate --task all --seeds 0..50 --jobs 4
+",
+    "  0  every episode of every task succeeded
+  1  one did not, or a program could not be started
+",
+    "\n  WHEELARM_ASSETS   assets folder, as --assets"
+);
+
+/// `wheelarm collect`.
+pub const COLLECT: &str = manual!(
+    "  wheelarm collect assets/campaigns/small.toml --dry-run
+  wheelarm collect assets/campaigns/small.toml --out data/small
+",
+    "  0  the dataset is whole
+  1  failed; started again, it goes on where it was
+  3  episodes are missing
+"
+);
+
 /// `wheelarm replay`.
 pub const REPLAY: &str = manual!(
     "  wheelarm replay data/demo/pick_mustard-seed0.h5
