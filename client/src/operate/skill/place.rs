@@ -51,7 +51,7 @@ impl Place {
 
     fn choose(&mut self, now: &mut Now<'_>) -> Step {
         let Some((way, stops)) = choose(now) else {
-            return Step::Elsewhere("the arm cannot put it down from here".to_owned());
+            return now.elsewhere("the arm cannot put it down from here");
         };
         let stops: Vec<_> = stops
             .into_iter()
