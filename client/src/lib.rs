@@ -6,8 +6,13 @@
 pub mod collect;
 pub mod control;
 pub mod demo;
+pub mod doctor;
+pub mod evaluate;
 pub mod link;
 pub mod local;
 pub mod operate;
+pub mod preview;
 pub mod record;
 pub mod replay;
+pub mod teleop;
+pub mod watch;

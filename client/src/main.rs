@@ -1,24 +1,41 @@
 //! The `wheelarm` program: parses and wires; the library works.
 //!
-//! Exit codes: 0 ok, 1 failed, 3 finished with loss.
+//! Exit codes: 0 ok, 1 failed, 2 wrong command line, 3 finished with loss.
 
 use std::ffi::OsString;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-use clap::{Parser, Subcommand};
+use anyhow::Context;
+use clap::{CommandFactory, Parser, Subcommand};
+use clap_complete::Shell;
 use wheelarm_client::collect::{self, CollectArgs};
-use wheelarm_client::control::{self, EpisodeCommand, ResetArgs};
+use wheelarm_client::control::{self, EpisodeCommand, ResetArgs, manual};
 use wheelarm_client::demo::{self, DemoArgs};
+use wheelarm_client::doctor::{self, DoctorArgs};
+use wheelarm_client::evaluate::{self, EvaluateArgs};
 use wheelarm_client::link::{self, ConnectArgs, Link};
 use wheelarm_client::operate::operator::Outcome;
 use wheelarm_client::operate::run::{self as operate, OperateArgs};
+use wheelarm_client::preview::{self, PreviewArgs};
 use wheelarm_client::record::{self, RecordArgs};
 use wheelarm_client::replay::{self, ReplayArgs};
+use wheelarm_client::teleop::{self, TeleopArgs};
+use wheelarm_client::watch::{self, WatchArgs};
 use wheelarm_proto::keys::Query;
 
-/// Clients of the WheelArm simulator.
+/// Clients of the WheelArm simulator: operate, record, replay, watch.
+///
+/// Every command speaks to one server, which listens on 127.0.0.1 only; from
+/// another machine bring its port near through SSH.
 #[derive(Parser)]
-#[command(name = "wheelarm", version, about, allow_external_subcommands = true)]
+#[command(
+    name = "wheelarm",
+    version,
+    about,
+    allow_external_subcommands = true,
+    after_long_help = manual::WHEELARM
+)]
 struct Cli {
     #[command(flatten)]
     connect: ConnectArgs,
@@ -29,43 +46,115 @@ struct Cli {
 #[derive(Subcommand)]
 enum Command {
     /// Shows what a server does.
+    ///
+    /// Scenario, pacing, episode, who holds control, recorders, refused
+    /// commands and every condition of the task.
+    #[command(after_long_help = manual::STATUS)]
     Status,
     /// Lists the tasks that a server knows.
+    ///
+    /// With their instruction sentences and the conditions of success.
+    #[command(after_long_help = manual::TASKS)]
     Tasks,
     /// Sets up a scenario: scene, task, seed.
+    ///
+    /// What is not named stays as it is; places are drawn anew from the seed.
+    /// Refused while an episode runs.
+    #[command(after_long_help = manual::RESET)]
     Reset(ResetArgs),
     /// Stops simulation time.
+    #[command(after_long_help = manual::PAUSE)]
     Pause,
     /// Lets simulation time go on.
+    #[command(after_long_help = manual::PAUSE)]
     Resume,
     /// Starts or ends an episode.
-    #[command(subcommand)]
+    ///
+    /// Recorders that are connected open a file at the start and finish it at
+    /// the end; with --require-recorders time waits until they are ready.
+    #[command(subcommand, after_long_help = manual::EPISODE)]
     Episode(EpisodeCommand),
     /// Records episodes, one HDF5 file each, until it is interrupted.
+    ///
+    /// Everything goes into a log first: what was acknowledged survives a kill
+    /// or a power cut, and `wheelarm dataset recover` makes a file of it.
+    #[command(after_long_help = manual::RECORD)]
     Record(RecordArgs),
     /// Does a task with the scripted operator.
+    ///
+    /// It drives, grasps and lifts by the same commands as a person, as one
+    /// episode of its own or within the running one.
+    #[command(after_long_help = manual::OPERATE)]
     Operate(OperateArgs),
+    /// Drive chair, arm and gripper by keys.
+    ///
+    /// A terminal program, also over SSH and in tmux. It shows task, episode,
+    /// recorders and link, starts and ends episodes, and serves the cameras as
+    /// a local web page whose address it shows. When the terminal dies the
+    /// chair brakes, the arm holds and control is given back.
+    #[command(after_long_help = manual::TELEOP)]
+    Teleop(TeleopArgs),
+    /// Serves what the cameras see as a local web page.
+    ///
+    /// It shows pictures and state and never commands. Pictures are compressed
+    /// by the server only while a page is open, at a size and rate that the
+    /// link carries.
+    #[command(after_long_help = manual::PREVIEW)]
+    Preview(PreviewArgs),
+    /// Measures every stream: rate, jitter, delay, gaps, bytes.
+    ///
+    /// With episode, recorders and task. `delay+` is the delay over the
+    /// quickest sample of the last seconds: its growth shows a full link.
+    #[command(after_long_help = manual::WATCH)]
+    Watch(WatchArgs),
+    /// Looks for what is missing or wrong, and names the cure.
+    ///
+    /// Driver, programs, versions, HDF5, disk and terminal of this machine;
+    /// port, version, round trip and clock of the server. It changes nothing.
+    #[command(after_long_help = manual::DOCTOR)]
+    Doctor(DoctorArgs),
     /// Records an episode with a server, a recorder and the operator of its own.
+    #[command(after_long_help = manual::DEMO)]
     Demo(DemoArgs),
+    /// Does tasks over many seeds and counts the successes.
+    Evaluate(EvaluateArgs),
     /// Makes a whole dataset from a plan, on this machine or as a part of many.
     Collect(CollectArgs),
     /// Does a recorded episode again, bit by bit, and can record it anew.
+    #[command(after_long_help = manual::REPLAY)]
     Replay(ReplayArgs),
     /// Ends the server.
+    #[command(after_long_help = manual::SHUTDOWN)]
     Shutdown,
+    /// Prints completions for a shell.
+    #[command(after_long_help = manual::COMPLETIONS)]
+    Completions {
+        /// The shell.
+        shell: Shell,
+    },
+    /// Writes man pages, one per command.
+    #[command(after_long_help = manual::MAN)]
+    Man {
+        /// Folder for the pages, for example ~/.local/share/man/man1.
+        dir: PathBuf,
+    },
     /// Any other word X runs the program `wheelarm-X`.
     #[command(external_subcommand)]
     External(Vec<OsString>),
 }
 
 fn main() -> ExitCode {
+    let cli = Cli::parse();
     let filter = tracing_subscriber::EnvFilter::try_from_default_env()
         .unwrap_or_else(|_| tracing_subscriber::EnvFilter::new("warn,zenoh=error"));
-    tracing_subscriber::fmt()
-        .with_env_filter(filter)
-        .with_writer(std::io::stderr)
-        .init();
-    match run(Cli::parse()) {
+    let messages = tracing_subscriber::fmt().with_env_filter(filter);
+    if matches!(cli.command, Command::Teleop(_)) && std::env::var_os("RUST_LOG").is_none() {
+        // They would be written over its screen.
+        messages.with_writer(std::io::sink).init();
+    } else {
+        messages.with_writer(std::io::stderr).init();
+    }
+    match run(cli) {
         Ok(code) => code,
         Err(error) => {
             eprintln!("error: {error:#}");
@@ -91,13 +180,29 @@ fn run(cli: Cli) -> anyhow::Result<ExitCode> {
         Command::Episode(command) => control::episode(&link()?, command)?,
         Command::Record(args) => return record_episodes(&cli.connect, args),
         Command::Demo(args) => return demo::run(args),
+        Command::Evaluate(args) => return evaluate::run(args),
         Command::Collect(args) => return collect::run(args),
         Command::Replay(args) => return replay::run(args),
         Command::Operate(args) => return run_operator(&link()?, args),
+        Command::Teleop(args) => return teleop::run(&cli.connect, args),
+        Command::Preview(args) => return preview::run(&cli.connect, args),
+        Command::Watch(args) => return watch::run(&link()?, args),
+        Command::Doctor(args) => return doctor::run(&cli.connect, args),
         Command::Shutdown => control::acknowledge(&link()?, Query::Shutdown)?,
+        Command::Completions { shell } => {
+            let mut command = Cli::command();
+            clap_complete::generate(*shell, &mut command, "wheelarm", &mut std::io::stdout());
+        }
+        Command::Man { dir } => write_manual(dir)?,
         Command::External(words) => return control::run_external(words),
     }
     Ok(ExitCode::SUCCESS)
+}
+
+fn write_manual(folder: &Path) -> anyhow::Result<()> {
+    std::fs::create_dir_all(folder)
+        .and_then(|()| clap_mangen::generate_to(Cli::command(), folder))
+        .with_context(|| format!("writing man pages into {}", folder.display()))
 }
 
 fn record_episodes(connect: &ConnectArgs, args: &RecordArgs) -> anyhow::Result<ExitCode> {

@@ -47,7 +47,7 @@ pub const FRAMES: [Frame; 7] = [
 ];
 
 /// State streams, as in `keys::stream` and in the files; cameras come beside them.
-pub const STREAMS: [&str; 12] = [
+pub const STREAMS: [&str; 13] = [
     "joint_state",
     "pose",
     "imu",
@@ -56,6 +56,7 @@ pub const STREAMS: [&str; 12] = [
     "command",
     "applied",
     "object_pose",
+    "furniture_joint",
     "contact",
     "evaluation",
     "phase",

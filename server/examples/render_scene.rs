@@ -1,8 +1,11 @@
 //! Draws the home as PNG files: colour, depth and ids of both robot cameras at
 //! the start and at the coffee table, the room camera and free views.
 //!
+//! the start and at the coffee table, the room camera and free views. With
+//! `--task`, what a seed draws for it, the chair parked before its area.
+//!
 //! `render_scene [--assets DIR] [--out DIR] [--width W] [--height H]
-//! [--quality fast|standard|high] [--adapter NAME]`
+//! [--quality fast|standard|high] [--adapter NAME] [--task NAME] [--seed N]`
 
 use std::fs;
 use std::io::BufWriter;
@@ -13,10 +16,12 @@ use anyhow::{Context, Result, bail};
 use clap::Parser;
 use nalgebra::{Isometry3, Point3, Rotation3, Translation3, UnitQuaternion, Vector3};
 use wheelarm_server::robot::RobotModel;
+use wheelarm_server::robot::control::ControlInput;
 use wheelarm_server::scene::Scene;
 use wheelarm_server::sensors::camera::{
     Binding, CameraSpec, Frame, Intrinsics, Quality, RenderScene, Renderer,
 };
+use wheelarm_server::sim::{Scenario, Simulation};
 use wheelarm_server::snapshot::{BodyState, JointState, Snapshot};
 
 #[derive(Parser)]
@@ -42,6 +47,12 @@ struct Options {
     /// Part of an adapter's name.
     #[arg(long)]
     adapter: Option<String>,
+    /// Task whose draw is shown.
+    #[arg(long)]
+    task: Option<String>,
+    /// Seed of the draw.
+    #[arg(long, default_value_t = 0)]
+    seed: u64,
 }
 
 fn main() -> Result<()> {
@@ -54,6 +65,9 @@ fn main() -> Result<()> {
     };
     let robot = RobotModel::load(&options.assets, "wheelarm")?;
     let scene = Scene::load(&options.assets, &options.scene)?;
+    if let Some(task) = &options.task {
+        return draw_task(&options, quality, task);
+    }
     let size = [options.width, options.height];
     let mut cameras = CameraSpec::all(&robot, &scene, size)?;
     for (name, eye, target) in FREE_VIEWS {
@@ -100,6 +114,60 @@ fn main() -> Result<()> {
         }
     }
     println!("pictures are in {}", options.out.display());
+    Ok(())
+}
+
+/// Draws a task's start with the chair before its area, a second after it.
+fn draw_task(options: &Options, quality: Quality, task: &str) -> Result<()> {
+    let scenario = Scenario {
+        task: task.to_owned(),
+        seed: options.seed,
+        cameras: Vec::new(),
+        ..Scenario::default()
+    };
+    let sim = Simulation::new(&options.assets, scenario.clone())?;
+    let area = sim.task().map(|t| t.area.clone()).unwrap_or_default();
+    let surface = sim
+        .scene()
+        .surfaces
+        .iter()
+        .find(|s| sim.scene().furniture[s.furniture].area == area)
+        .context("the area has no surface")?;
+    let chair = surface.edge * Isometry3::translation(-0.90, -0.36, 0.0);
+    let start = Isometry3::from_parts(
+        Translation3::new(chair.translation.x, chair.translation.y, 0.0),
+        chair.rotation,
+    );
+    let eye = surface.edge * Point3::new(-0.55, 0.5, 0.55);
+    let target = surface.edge * Point3::new(0.25, 0.0, 0.0);
+    let mut sim = Simulation::new(
+        &options.assets,
+        Scenario {
+            start: Some(start),
+            ..scenario
+        },
+    )?;
+    for _ in 0..60 {
+        sim.step(&ControlInput::default());
+    }
+    let size = [options.width, options.height];
+    let mut cameras = CameraSpec::all(sim.model(), sim.scene(), size)?;
+    cameras.push(CameraSpec {
+        name: "close".into(),
+        binding: Binding::World,
+        mount: looking(eye.into(), target.into()),
+        intrinsics: Intrinsics::centred(size, 1.2),
+        range: [0.05, 100.0],
+    });
+    let drawn = RenderScene::new(sim.model(), sim.scene(), &options.assets)?;
+    let mut renderer = Renderer::new(&drawn, &cameras, quality, options.adapter.as_deref())?;
+    fs::create_dir_all(&options.out)?;
+    let all: Vec<usize> = (0..cameras.len()).collect();
+    for frame in renderer.render(sim.snapshot(), &all)? {
+        let name = format!("{task}_{}", cameras[frame.camera].name);
+        save(&options.out, &name, &frame)?;
+    }
+    println!("{}", sim.scenario().instruction);
     Ok(())
 }
 
@@ -150,6 +218,12 @@ fn snapshot(robot: &RobotModel, scene: &Scene, root: &Isometry3<f64>, arm: &[f64
             .map(|p| body(root * p))
             .collect(),
         objects: scene.objects.iter().map(|o| body(o.pose)).collect(),
+        furniture_joints: Vec::new(),
+        sliding: scene
+            .joints
+            .iter()
+            .map(|joint| BodyState::resting(scene.furniture[joint.furniture].pose))
+            .collect(),
         contacts: Vec::new(),
         anomalies: Vec::new(),
     }

@@ -14,6 +14,11 @@ pub struct Snapshot {
     pub links: Vec<BodyState>,
     /// Objects in the order of `Scene::objects`.
     pub objects: Vec<BodyState>,
+    /// Joints of furniture in the order of `Scene::joints`: metres, m/s, and the
+    /// force of their dry friction, N.
+    pub furniture_joints: Vec<JointState>,
+    /// The furniture on these joints.
+    pub sliding: Vec<BodyState>,
     /// Touching pairs that involve the robot or an object, summed per pair.
     pub contacts: Vec<Contact>,
     /// Oddities that were met in this step; empty when all is well.
@@ -48,6 +53,18 @@ pub struct BodyState {
     pub linear: Vector3<f64>,
     /// Angular velocity in `house`, rad/s.
     pub angular: Vector3<f64>,
+}
+
+impl BodyState {
+    /// A body at rest.
+    #[must_use]
+    pub fn resting(pose: Isometry3<f64>) -> Self {
+        Self {
+            pose,
+            linear: Vector3::zeros(),
+            angular: Vector3::zeros(),
+        }
+    }
 }
 
 /// A body that can touch another.

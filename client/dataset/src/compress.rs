@@ -16,16 +16,22 @@ pub struct Deflate {
 
 impl Default for Deflate {
     fn default() -> Self {
-        Self {
-            // `fastest()` is level 0, which only stores.
-            deflate: Compressor::new(CompressionLvl::new(i32::from(LEVEL)).unwrap_or_default()),
-            shuffled: Vec::new(),
-            stream: Vec::new(),
-        }
+        Self::at_level(LEVEL)
     }
 }
 
 impl Deflate {
+    /// Compresses at a level from 1 to 12.
+    #[must_use]
+    pub fn at_level(level: u8) -> Self {
+        Self {
+            // `fastest()` is level 0, which only stores.
+            deflate: Compressor::new(CompressionLvl::new(i32::from(level)).unwrap_or_default()),
+            shuffled: Vec::new(),
+            stream: Vec::new(),
+        }
+    }
+
     /// Appends the zlib stream of `bytes` to `out`; `element` > 1 shuffles the
     /// bytes of elements of that size first. Returns the stream's length.
     pub fn append(&mut self, bytes: &[u8], element: usize, out: &mut Vec<u8>) -> usize {

@@ -26,7 +26,8 @@ pub fn to_millimetres(metres: &[u8], out: &mut Vec<u8>) {
     }
 }
 
-fn millimetres(metres: f32) -> u16 {
+/// One depth in millimetres, rounded; 0 where there is none.
+pub(crate) fn millimetres(metres: f32) -> u16 {
     let rounded = (metres * 1000.0).round();
     if metres > 0.0 && rounded <= 65_535.0 {
         // A surface nearer than 0.5 mm must not read as nothing.

@@ -1,19 +1,27 @@
 //! Episode files of WheelArm: the write-ahead log that a recorder appends to,
-//! the HDF5 file that is made of it, reading and showing such files.
+//! the HDF5 file that is made of it, reading, checking and showing such files,
+//! and turning them into what other people's readers load.
 //!
 //! No transport in here: a recorder hands over messages as bytes. A file is
 //! either complete and says so, or says what it lacks; an existing file is
 //! never overwritten. All calls into HDF5 take one lock, inside `hdf5`.
 
+pub mod align;
 pub mod columns;
+pub mod composition;
 pub mod compress;
+pub mod convert;
 pub mod coverage;
 pub mod depth;
 pub mod finish;
 mod hdf;
 pub mod info;
+pub mod label;
 pub mod log;
+pub mod plot;
 pub mod read;
 pub mod scenario_text;
 pub mod sheet;
+pub mod validate;
+pub mod view;
 pub mod writer;

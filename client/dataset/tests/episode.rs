@@ -104,6 +104,7 @@ fn every_stream_survives_the_file_bit_by_bit() {
     let episode = Episode::open(&finished.path).unwrap();
     let context = Context {
         objects: synthetic::started("").objects,
+        furniture_joints: synthetic::started("").joints,
         conditions: episode.names("evaluation", "condition_holds").unwrap(),
     };
     assert_eq!(context.conditions.len(), 3);

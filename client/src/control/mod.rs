@@ -1,6 +1,7 @@
 //! The small commands: one query each, its answer printed.
 
 mod external;
+pub mod manual;
 mod print;
 
 use clap::{Args, Subcommand};
@@ -104,6 +105,7 @@ pub fn reset(link: &Link, args: &ResetArgs) -> Result<v1::Scenario, LinkError> {
     }
     scenario.instruction = args.instruction.clone().unwrap_or_default();
     scenario.objects.clear();
+    scenario.target.clear();
     scenario.start = None;
     let request = v1::ResetRequest {
         scenario: Some(scenario),

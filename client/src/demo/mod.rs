@@ -86,7 +86,8 @@ impl QualityArg {
     }
 }
 
-fn seed_range(text: &str) -> Result<(u64, u64), String> {
+/// Reads `FIRST..LAST`, for example `0..10`.
+pub(crate) fn seed_range(text: &str) -> Result<(u64, u64), String> {
     text.split_once("..")
         .and_then(|(a, b)| Some((a.parse().ok()?, b.parse().ok()?)))
         .filter(|(a, b)| a < b)

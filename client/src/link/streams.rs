@@ -20,12 +20,16 @@ pub enum Stream {
     Odometry,
     /// `object_pose`.
     ObjectPose,
+    /// `furniture_joint`.
+    FurnitureJoint,
     /// `contact`.
     Contact,
     /// `evaluation`.
     Evaluation,
     /// `applied`.
     Applied,
+    /// `phase`.
+    Phase,
     /// `state_hash`.
     StateHash,
     /// `event`.
@@ -58,9 +62,11 @@ impl Stream {
             Self::Pose => "pose",
             Self::Odometry => "odometry",
             Self::ObjectPose => "object_pose",
+            Self::FurnitureJoint => "furniture_joint",
             Self::Contact => "contact",
             Self::Evaluation => "evaluation",
             Self::Applied => "applied",
+            Self::Phase => "phase",
             Self::StateHash => "state_hash",
             Self::Event => names::EVENT_STREAM,
             Self::Clock => "clock",
@@ -76,9 +82,11 @@ impl Stream {
             Self::Pose => Received::Pose(decode(payload, what)?),
             Self::Odometry => Received::Odometry(decode(payload, what)?),
             Self::ObjectPose => Received::ObjectPose(decode(payload, what)?),
+            Self::FurnitureJoint => Received::FurnitureJoint(decode(payload, what)?),
             Self::Contact => Received::Contact(decode(payload, what)?),
             Self::Evaluation => Received::Evaluation(decode(payload, what)?),
             Self::Applied => Received::Applied(decode(payload, what)?),
+            Self::Phase => Received::Phase(decode(payload, what)?),
             Self::StateHash => Received::StateHash(decode(payload, what)?),
             Self::Event => Received::Event(decode(payload, what)?),
             Self::Clock => Received::Clock(decode(payload, what)?),
@@ -99,12 +107,16 @@ pub enum Received {
     Odometry(v1::Odometry),
     /// `object_pose`.
     ObjectPose(v1::ObjectPoses),
+    /// `furniture_joint`.
+    FurnitureJoint(v1::FurnitureJoints),
     /// `contact`.
     Contact(v1::Contacts),
     /// `evaluation`.
     Evaluation(v1::Evaluation),
     /// `applied`.
     Applied(v1::Applied),
+    /// `phase`.
+    Phase(v1::PhaseSample),
     /// `state_hash`.
     StateHash(v1::StateHash),
     /// `event`.

@@ -149,10 +149,14 @@ impl Outline {
 pub struct Ground {
     /// Outline of the chair without what sticks out above table height.
     pub low: Outline,
+    /// Outline without the foot plate and the front wheels, which go under tables.
+    pub body: Outline,
     /// Outline with the arm, for obstacles that reach above the tables.
     pub high: Outline,
     /// Obstacles below the arm.
     pub low_obstacles: Vec<Rectangle>,
+    /// Obstacles below the arm that leave room for the feet, for example table tops.
+    pub raised_obstacles: Vec<Rectangle>,
     /// Obstacles that the arm could touch, too.
     pub tall_obstacles: Vec<Rectangle>,
 }
@@ -162,8 +166,10 @@ impl Ground {
     #[must_use]
     pub fn is_free(&self, pose: &Pose2, margin: f64) -> bool {
         let low = self.low.at(pose, margin);
+        let body = self.body.at(pose, margin);
         let high = self.high.at(pose, margin);
         !self.low_obstacles.iter().any(|o| o.overlaps(&low))
+            && !self.raised_obstacles.iter().any(|o| o.overlaps(&body))
             && !self.tall_obstacles.iter().any(|o| o.overlaps(&high))
     }
 
@@ -178,6 +184,7 @@ impl Ground {
         ];
         self.low_obstacles
             .iter()
+            .chain(&self.raised_obstacles)
             .chain(&self.tall_obstacles)
             .fold(start, |b, o| {
                 let r = o.radius();

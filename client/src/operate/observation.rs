@@ -40,6 +40,8 @@ pub struct Observation {
     pub pad_force: [f64; 2],
     /// Objects in `house`.
     pub objects: Vec<Isometry3<f64>>,
+    /// Positions of the furniture's joints, metres.
+    pub slides: Vec<f64>,
     /// All required conditions hold.
     pub success: bool,
     /// The task is over.
@@ -173,6 +175,7 @@ impl Collector {
                 .iter()
                 .map(|pose| read_pose("pose of an object", Some(pose)))
                 .collect::<Result<_, _>>()?,
+            slides: Vec::new(),
             success: evaluation.success,
             done: evaluation.done,
             failure: evaluation.failure,

@@ -356,10 +356,14 @@ mod tests {
             low: Outline {
                 sides: [-0.19, 0.79, -0.30, 0.41],
             },
+            body: Outline {
+                sides: [-0.19, 0.50, -0.30, 0.41],
+            },
             high: Outline {
                 sides: [-0.19, 0.98, -0.30, 0.46],
             },
             low_obstacles: obstacles,
+            raised_obstacles: Vec::new(),
             tall_obstacles: vec![
                 wall([-11.6, -11.5], [-0.4, 6.6]),
                 wall([-2.5, -2.4], [-0.4, 6.6]),

@@ -8,7 +8,7 @@ use wheelarm_proto::check::Invalid;
 use wheelarm_proto::keys::Query;
 use wheelarm_proto::v1;
 
-use super::grasp::Reach;
+use super::dock::Reach;
 use super::observation::{self, Collector};
 use super::operator::{Operator, Outcome};
 use super::scene::{SceneModel, write_pose};
@@ -237,7 +237,7 @@ pub fn run(
             answered = Some(header.tick);
             continue;
         };
-        let act = operator.step(&seen, &mut reach);
+        let (act, outcome) = operator.step(&seen, &mut reach);
         if let Some(error) = reach.error.take() {
             return Err(error.into());
         }
@@ -250,7 +250,7 @@ pub fn run(
             seen.chair_speed,
             seen.knuckle,
             seen.pad_force,
-            operator.target_in_hand(&seen),
+            operator.thing_in_hand(&seen),
             act.base,
             seen.arm_problem,
         );
@@ -263,7 +263,7 @@ pub fn run(
             factor: clock.real_time_factor,
             notes: &notes,
         });
-        if let Some(outcome) = act.outcome {
+        if let Some(outcome) = outcome {
             break outcome;
         }
     };
@@ -309,9 +309,14 @@ struct RemoteReach<'a> {
 }
 
 impl Reach for RemoteReach<'_> {
-    fn reach(&mut self, base_from_tool: &Isometry3<f64>) -> Option<[f64; 6]> {
+    fn reach(
+        &mut self,
+        base_from_tool: &Isometry3<f64>,
+        near: Option<&[f64; 6]>,
+    ) -> Option<[f64; 6]> {
         let request = v1::ReachRequest {
             pose: Some(write_pose(base_from_tool)),
+            near: near.map(|joints| joints.to_vec()).unwrap_or_default(),
         };
         match self.link.query::<v1::ReachReply>(Query::Reach, &request) {
             Ok(reply) if reply.reachable => reply.joints.as_slice().try_into().ok(),

@@ -5,8 +5,18 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 use super::drive::DriveLimits;
-use super::grasp::GraspStyle;
 use super::route::RouteStyle;
+
+/// How the hand takes things.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct GraspStyle {
+    /// The hand starts its straight way in this far before the grasp, metres.
+    pub standoff: f64,
+    /// Distance from the arm's base to the thing on the floor plan, metres.
+    pub distance: f64,
+    /// The thing is raised by this much, metres.
+    pub lift: f64,
+}
 
 /// What differs between one operator and another.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -19,6 +29,8 @@ pub struct Style {
     pub grasp: GraspStyle,
     /// Peak speed of the hand in free space, m/s.
     pub free_speed: f64,
+    /// The hand's way in free space is arched by this share of its length.
+    pub arch: f64,
     /// Peak speed of the hand on its way in, m/s.
     pub approach_speed: f64,
     /// Peak speed of the hand with the object, m/s.
@@ -56,6 +68,7 @@ impl Style {
             approach_speed: draw(0.10, 0.14),
             carry_speed: draw(0.16, 0.22),
             retract: draw(0.08, 0.13),
+            arch: draw(0.0, 0.05),
             force: 40.0,
         }
     }

@@ -1,5 +1,5 @@
-//! How the hand moves: straight lines between poses, timed so that it starts
-//! and stops gently.
+//! How the hand moves: lines between poses, straight or a little arched, timed
+//! so that it starts and stops gently.
 
 use nalgebra::Isometry3;
 
@@ -16,6 +16,8 @@ struct Leg {
     end: Isometry3<f64>,
     begin: f64,
     seconds: f64,
+    /// Height of the arch over the straight line, metres.
+    rise: f64,
 }
 
 /// Metres that count as much as one radian of turning.
@@ -31,6 +33,12 @@ impl ToolPath {
     /// that leads to it, m/s.
     #[must_use]
     pub fn new(start: Isometry3<f64>, stops: &[(Isometry3<f64>, f64)]) -> Self {
+        Self::arched(start, stops, 0.0)
+    }
+
+    /// The same, each leg arched upwards by the share `arch` of its length.
+    #[must_use]
+    pub fn arched(start: Isometry3<f64>, stops: &[(Isometry3<f64>, f64)], arch: f64) -> Self {
         let mut path = Self {
             legs: Vec::new(),
             end: start,
@@ -45,6 +53,7 @@ impl ToolPath {
                 end: *end,
                 begin,
                 seconds,
+                rise: arch * distance(&path.end, end),
             });
             begin += seconds;
             path.end = *end;
@@ -74,7 +83,10 @@ impl ToolPath {
         let t = ((time - leg.begin) / leg.seconds).clamp(0.0, 1.0);
         // Starts and stops without speed and without acceleration.
         let share = t * t * t * (10.0 - 15.0 * t + 6.0 * t * t);
-        leg.start.lerp_slerp(&leg.end, share)
+        let mut pose = leg.start.lerp_slerp(&leg.end, share);
+        let arch = 4.0 * share * (1.0 - share);
+        pose.translation.z += leg.rise * arch * arch;
+        pose
     }
 }
 

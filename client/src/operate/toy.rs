@@ -3,11 +3,14 @@
 
 use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
 
-use super::grasp::{Reach, standing};
+use super::block::Block;
+use super::dock::{Reach, standing};
+use super::goal::Goal;
 use super::ground::Pose2;
+use super::hand;
 use super::observation::Observation;
 use super::operator::{Act, Operator, Outcome};
-use super::scene::{Block, Grasp, Item, SceneModel};
+use super::scene::{Grasp, Item, SceneModel};
 use super::style::Style;
 
 const DT: f64 = 1.0 / 60.0;
@@ -20,7 +23,11 @@ struct Shell {
 }
 
 impl Reach for Shell {
-    fn reach(&mut self, base_from_tool: &Isometry3<f64>) -> Option<[f64; 6]> {
+    fn reach(
+        &mut self,
+        base_from_tool: &Isometry3<f64>,
+        _near: Option<&[f64; 6]>,
+    ) -> Option<[f64; 6]> {
         let shoulder = Vector3::new(0.0, -0.005, 0.285);
         let length = (base_from_tool.translation.vector - shoulder).norm();
         (0.40..self.longest).contains(&length).then_some([0.0; 6])
@@ -48,6 +55,7 @@ fn block(at: [f64; 3], half: [f64; 3]) -> Block {
     Block {
         pose: Isometry3::translation(at[0], at[1], at[2]),
         half: half.into(),
+        round: false,
     }
 }
 
@@ -78,9 +86,9 @@ fn home_scene() -> SceneModel {
         ],
         grasps: [1.0, -1.0]
             .map(|side: f64| Grasp {
-                object: 0,
+                item: 0,
                 name: "side".to_owned(),
-                object_from_grasp: Isometry3::from_parts(
+                item_from_grasp: Isometry3::from_parts(
                     Translation3::identity(),
                     UnitQuaternion::from_axis_angle(
                         &Vector3::z_axis(),
@@ -95,7 +103,8 @@ fn home_scene() -> SceneModel {
                 symmetric: false,
             })
             .to_vec(),
-        target: Some(0),
+        slides: Vec::new(),
+        goal: Some(Goal::Lift { item: 0 }),
         chair_from_base: Isometry3::from_parts(
             Translation3::new(0.42, 0.36, 0.55),
             UnitQuaternion::from_axis_angle(&Vector3::z_axis(), std::f64::consts::PI),
@@ -145,7 +154,7 @@ impl Toy {
 
     /// The bottle lies between the open fingers.
     fn around(&self) -> bool {
-        let grasp = self.house_from_tool() * Translation3::new(0.0, 0.0, self.scene.tool_length);
+        let grasp = self.house_from_tool() * Translation3::new(0.0, 0.0, hand::pads(self.opening));
         let off = grasp.inverse_transform_point(&Point3::from(self.objects[0].translation.vector));
         off.x.abs() < 0.012 && off.y.abs() < 0.03 && off.z.abs() < 0.03
     }
@@ -163,6 +172,7 @@ impl Toy {
             knuckle: 0.8 * (1.0 - self.opening / 0.085),
             pad_force: if gripped { [30.0, 30.0] } else { [0.0, 0.0] },
             objects: self.objects.clone(),
+            slides: Vec::new(),
             success: raised > 0.1 && self.held_for > 1.0,
             done: false,
             failure: String::new(),
@@ -218,9 +228,9 @@ impl Toy {
         let mut notes = Vec::new();
         loop {
             let seen = self.observe();
-            let act = operator.step(&seen, &mut self.arm);
+            let (act, outcome) = operator.step(&seen, &mut self.arm);
             notes.extend(operator.notes());
-            if let Some(outcome) = act.outcome {
+            if let Some(outcome) = outcome {
                 return (outcome, self.time, notes);
             }
             self.apply(&act);
@@ -234,7 +244,8 @@ impl Toy {
             let near = self.around() || self.held.is_some() || act.name != "reaching";
             assert!(
                 self.scene
-                    .hand_is_free(&hand, &hand, &self.objects, near.then_some(0), -0.005),
+                    .around(&[hand], &self.objects, near.then_some(0))
+                    .hand_is_free(self.opening, &[hand], -0.008),
                 "the hand touches something at {hand:?} while {}",
                 act.name
             );

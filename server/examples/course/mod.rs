@@ -40,7 +40,8 @@ pub struct Course {
 impl Course {
     pub fn load(assets: &Path) -> Result<Self> {
         let robot = RobotModel::load(assets, "wheelarm")?;
-        let scene = Scene::load(assets, "home")?;
+        let mut scene = Scene::load(assets, "home")?;
+        scene.objects.retain(|object| !object.optional);
         let table = scene
             .surface_named("coffee_table", None)
             .context("a coffee table")?;

@@ -103,6 +103,7 @@ pub fn export(out: &Path, assets: &Path, pairs: usize) -> Result<()> {
                 Binding::World => continue,
                 Binding::Link(i) => snapshot.links[i].pose,
                 Binding::Object(i) => snapshot.objects[i].pose,
+                Binding::Sliding(i) => snapshot.sliding[i].pose,
             };
             let q = pose.rotation;
             poses.extend_from_slice(pose.translation.vector.as_slice());

@@ -41,6 +41,12 @@ pub fn moving(robot: &RobotModel, scene: &Scene, time: f64) -> Snapshot {
             .map(|p| body(root * p))
             .collect(),
         objects,
+        furniture_joints: Vec::new(),
+        sliding: scene
+            .joints
+            .iter()
+            .map(|joint| BodyState::resting(scene.furniture[joint.furniture].pose))
+            .collect(),
         contacts: Vec::new(),
         anomalies: Vec::new(),
     }

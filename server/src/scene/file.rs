@@ -67,6 +67,30 @@ pub(super) struct FurnitureEntry {
     pub collision: Option<Vec<PartEntry>>,
     #[serde(default)]
     pub surfaces: Vec<SurfaceEntry>,
+    /// It slides in other furniture.
+    pub slide: Option<SlideEntry>,
+    /// How the end effector can take it, in its own frame; for what slides.
+    #[serde(default)]
+    pub grasps: Vec<GraspEntry>,
+}
+
+/// How furniture slides; its place is that at joint position 0.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct SlideEntry {
+    /// Furniture further up in which it slides and which it does not touch.
+    pub on: String,
+    /// Direction in its own frame.
+    pub axis: [f64; 3],
+    pub travel: f64,
+    pub mass: f64,
+    pub com: [f64; 3],
+    /// Ixx, Iyy, Izz about the centre of mass along its axes.
+    pub inertia: [f64; 3],
+    /// Dry friction, N.
+    pub friction: f64,
+    /// N·s/m.
+    pub damping: f64,
 }
 
 /// One shape; exactly one of the shape keys must be there.
@@ -176,6 +200,9 @@ pub(super) struct ObjectEntry {
     pub at: [f64; 2],
     #[serde(default)]
     pub yaw_deg: f64,
+    /// Only there when a task draws it or a scenario places it.
+    #[serde(default)]
+    pub optional: bool,
 }
 
 /// `assets/objects/NAME.toml`.
@@ -197,7 +224,7 @@ pub(super) struct ObjectFile {
     pub grasps: Vec<GraspEntry>,
 }
 
-#[derive(Debug, Deserialize)]
+#[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct GraspEntry {
     pub name: String,

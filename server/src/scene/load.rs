@@ -3,13 +3,15 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use nalgebra::{Isometry3, Matrix3, Point3, Rotation3, UnitQuaternion, Vector3};
+use nalgebra::{Isometry3, Matrix3, Point3, Rotation3, Unit, UnitQuaternion, Vector3};
 use serde::de::DeserializeOwned;
 
 use super::error::{Place, SceneError};
-use super::file::{FurnitureEntry, LightEntry, ObjectEntry, RoomCameraEntry, SceneFile};
+use super::file::{
+    FurnitureEntry, LightEntry, ObjectEntry, RoomCameraEntry, SceneFile, SlideEntry,
+};
 use super::part::Reader;
-use super::{Body, Lighting, RoomCamera, Scene, Surface, material, object};
+use super::{Body, FurnitureJoint, Lighting, RoomCamera, Scene, Surface, material, object};
 
 impl Scene {
     /// Reads `assets/scenes/NAME.toml` with its materials, objects and meshes.
@@ -31,6 +33,7 @@ impl Scene {
             furniture: Vec::new(),
             objects: Vec::new(),
             surfaces: Vec::new(),
+            joints: Vec::new(),
             lighting: lighting(&place.key("light"), &file.light)?,
             start: {
                 let place = place.key("start");
@@ -135,7 +138,7 @@ impl Scene {
                 width: place.key("width").length(surface.width)?,
             });
         }
-        self.furniture.push(Body {
+        let body = Body {
             name: entry.name.clone(),
             area: if entry.area.is_empty() {
                 model.area.clone()
@@ -154,9 +157,71 @@ impl Scene {
             collision: parts.collision,
             hulls: parts.hulls,
             visual: parts.visual,
-            grasps: Vec::new(),
-        });
+            grasps: entry
+                .grasps
+                .iter()
+                .chain(if entry.like.is_some() {
+                    model.grasps.as_slice()
+                } else {
+                    &[]
+                })
+                .enumerate()
+                .map(|(i, grasp)| object::grasp(&place.entry("grasps", i), grasp))
+                .collect::<Result<_, _>>()?,
+            optional: false,
+        };
+        if let Some(slide) = entry.slide.as_ref().or(model.slide.as_ref()) {
+            let joint = self.slide(&place.key("slide"), &body, slide)?;
+            self.joints.push(joint);
+        }
+        self.furniture.push(body);
         Ok(())
+    }
+
+    /// The joint of furniture that comes next.
+    fn slide(
+        &self,
+        place: &Place,
+        body: &Body,
+        entry: &SlideEntry,
+    ) -> Result<FurnitureJoint, SceneError> {
+        let carrier = self.furniture_named(&entry.on).ok_or_else(|| {
+            place.key("on").wrong(
+                format!("{:?}", entry.on),
+                "the name of furniture further up",
+                "correct the name or move the entry down",
+            )
+        })?;
+        let axis = Unit::try_new(body.pose.rotation * Vector3::from(entry.axis), 1e-3);
+        let axis = axis.ok_or_else(|| {
+            place.key("axis").wrong(
+                format!("{:?}", entry.axis),
+                "a direction",
+                "for example [1, 0, 0]: forward in the furniture's frame",
+            )
+        })?;
+        Ok(FurnitureJoint {
+            name: format!("{}_joint", body.name),
+            furniture: self.furniture.len(),
+            carrier,
+            axis,
+            travel: place.key("travel").length(entry.travel)?,
+            mass: object::mass(place, entry.mass, entry.com, entry.inertia, body)?,
+            friction: place.key("friction").within(
+                entry.friction,
+                0.0,
+                1000.0,
+                "N",
+                "it is a force: a drawer resists with 3 to 8 N",
+            )?,
+            damping: place.key("damping").within(
+                entry.damping,
+                0.0,
+                10_000.0,
+                "N·s/m",
+                "it is a force per speed",
+            )?,
+        })
     }
 
     fn add_object(
@@ -189,6 +254,7 @@ impl Scene {
             name: entry.name.clone(),
             area,
             pose,
+            optional: entry.optional,
             ..body
         });
         Ok(())

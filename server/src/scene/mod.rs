@@ -18,7 +18,7 @@ pub use error::SceneError;
 pub use load::{AssetText, asset_texts};
 pub(crate) use load::{names, parse, provenance};
 
-use nalgebra::{Isometry3, Matrix3, Point3, Vector3};
+use nalgebra::{Isometry3, Matrix3, Point3, Unit, Vector3};
 
 use crate::geometry::{Part, Visual};
 
@@ -33,6 +33,8 @@ pub struct Scene {
     pub objects: Vec<Body>,
     /// Where things can be put.
     pub surfaces: Vec<Surface>,
+    /// Furniture that slides.
+    pub joints: Vec<FurnitureJoint>,
     /// Light.
     pub lighting: Lighting,
     /// Where the chair starts: pose of `wheelchair_root` in `house`.
@@ -63,6 +65,8 @@ pub struct Body {
     pub visual: Vec<Visual>,
     /// How the end effector can take it.
     pub grasps: Vec<Grasp>,
+    /// Only there when a task draws it or a scenario places it; objects only.
+    pub optional: bool,
 }
 
 /// A level part of furniture that carries things and is approached from one side.
@@ -79,6 +83,28 @@ pub struct Surface {
     pub depth: f64,
     /// Extent along the edge, metres.
     pub width: f64,
+}
+
+/// Furniture that slides along an axis, for example a drawer.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FurnitureJoint {
+    /// Unique name, for example `drawer_1_joint`.
+    pub name: String,
+    /// Index into `Scene::furniture` of the body that moves. Its pose there is
+    /// that at joint position 0.
+    pub furniture: usize,
+    /// Index into `Scene::furniture` of what it slides in.
+    pub carrier: usize,
+    /// Direction of growing positions in `house`.
+    pub axis: Unit<Vector3<f64>>,
+    /// Greatest position, metres; the least is 0.
+    pub travel: f64,
+    /// Mass properties of the body that moves.
+    pub mass: MassProperties,
+    /// Dry friction, N.
+    pub friction: f64,
+    /// Viscous friction, N·s/m.
+    pub damping: f64,
 }
 
 /// Mass properties of a free body.
@@ -139,6 +165,18 @@ pub struct Placement {
     pub friction: f64,
 }
 
+impl Placement {
+    /// The body at its place in the scene, as heavy and rough as its file says.
+    #[must_use]
+    pub fn of(body: &Body) -> Self {
+        Self {
+            pose: body.pose,
+            mass: body.mass.map_or(0.0, |mass| mass.mass),
+            friction: body.friction,
+        }
+    }
+}
+
 impl Scene {
     /// Furniture of this name.
     #[must_use]
@@ -152,6 +190,18 @@ impl Scene {
         self.objects.iter().position(|body| body.name == name)
     }
 
+    /// Joint of furniture of this name.
+    #[must_use]
+    pub fn joint_named(&self, name: &str) -> Option<usize> {
+        self.joints.iter().position(|joint| joint.name == name)
+    }
+
+    /// Joint on which furniture moves; `None` when it stays where it is.
+    #[must_use]
+    pub fn joint_of(&self, furniture: usize) -> Option<&FurnitureJoint> {
+        self.joints.iter().find(|j| j.furniture == furniture)
+    }
+
     /// Surface `surface` of `furniture`, or its first one without a name.
     #[must_use]
     pub fn surface_named(&self, furniture: &str, surface: Option<&str>) -> Option<&Surface> {
@@ -163,6 +213,19 @@ impl Scene {
 }
 
 impl Surface {
+    /// world_from_centre: the middle of the surface, x inwards, z up.
+    #[must_use]
+    pub fn centre(&self) -> Isometry3<f64> {
+        self.standing(self.depth / 2.0, 0.0, 0.0)
+    }
+
+    /// Whether a point of `house` lies above or below the surface.
+    #[must_use]
+    pub fn spans(&self, point: &Point3<f64>) -> bool {
+        let on = self.edge.inverse_transform_point(point);
+        (0.0..=self.depth).contains(&on.x) && on.y.abs() <= self.width / 2.0
+    }
+
     /// world_from_body of something that stands on the surface: `inwards` from
     /// the approach edge, `along` from its middle, turned by `yaw` against the
     /// inward direction.

@@ -37,8 +37,9 @@ pub(super) fn read(reader: &Reader<'_>, kind: &str) -> Result<Body, SceneError> 
         hulls: parts.hulls,
         visual: parts.visual,
         grasps: Vec::new(),
+        optional: false,
     };
-    body.mass = Some(mass(&place, &file, &body)?);
+    body.mass = Some(mass(&place, file.mass, file.com, file.inertia, &body)?);
     for (i, entry) in file.grasps.iter().enumerate() {
         body.grasps.push(grasp(&place.entry("grasps", i), entry)?);
     }
@@ -46,7 +47,13 @@ pub(super) fn read(reader: &Reader<'_>, kind: &str) -> Result<Body, SceneError> 
 }
 
 /// Checks mass, centre and inertia against the size of the collision shapes.
-fn mass(place: &Place, file: &ObjectFile, body: &Body) -> Result<MassProperties, SceneError> {
+pub(super) fn mass(
+    place: &Place,
+    mass: f64,
+    com: [f64; 3],
+    inertia: [f64; 3],
+    body: &Body,
+) -> Result<MassProperties, SceneError> {
     let Some(bounds) = body.collision_bounds(&Isometry3::identity()) else {
         return Err(place.key("collision").wrong(
             "empty",
@@ -55,16 +62,17 @@ fn mass(place: &Place, file: &ObjectFile, body: &Body) -> Result<MassProperties,
         ));
     };
     let mass = place.key("mass").within(
-        file.mass,
+        mass,
         0.001,
         100.0,
         "kg",
         "masses are kilograms: 603 g is 0.603",
     )?;
-    let com = Point3::from(place.key("com").position(file.com)?);
+    let given = com;
+    let com = Point3::from(place.key("com").position(com)?);
     if (0..3).any(|i| com[i] < bounds.min[i] || com[i] > bounds.max[i]) {
         return Err(place.key("com").wrong(
-            format!("{:?}", file.com),
+            format!("{given:?}"),
             format!(
                 "a point inside the collision shapes, {:.3?} to {:.3?} m",
                 bounds.min.coords.as_slice(),
@@ -75,7 +83,7 @@ fn mass(place: &Place, file: &ObjectFile, body: &Body) -> Result<MassProperties,
     }
     // No mass can lie further out than the farthest corner of the bounds.
     let reach = (bounds.max - com).abs().sup(&(bounds.min - com).abs());
-    let [xx, yy, zz] = file.inertia;
+    let [xx, yy, zz] = inertia;
     for (i, moment) in [xx, yy, zz].into_iter().enumerate() {
         let (a, b) = (reach[(i + 1) % 3], reach[(i + 2) % 3]);
         place.key("inertia").within(
@@ -88,7 +96,7 @@ fn mass(place: &Place, file: &ObjectFile, body: &Body) -> Result<MassProperties,
     }
     if xx > yy + zz || yy > zz + xx || zz > xx + yy {
         return Err(place.key("inertia").wrong(
-            format!("{:?} kg·m²", file.inertia),
+            format!("{inertia:?} kg·m²"),
             "no moment greater than the sum of the two others",
             "no body has such an inertia: compute it again",
         ));
@@ -100,7 +108,7 @@ fn mass(place: &Place, file: &ObjectFile, body: &Body) -> Result<MassProperties,
     })
 }
 
-fn grasp(place: &Place, entry: &GraspEntry) -> Result<Grasp, SceneError> {
+pub(super) fn grasp(place: &Place, entry: &GraspEntry) -> Result<Grasp, SceneError> {
     let unit = |key: &str, v: [f64; 3]| {
         let v = Vector3::from(v);
         if (v.norm() - 1.0).abs() < 1e-3 {

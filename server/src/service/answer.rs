@@ -121,6 +121,7 @@ impl Engine {
             evaluation: Some(evaluation),
             holder: held.holder,
             held_seconds: held.held_seconds,
+            unix_nanos: super::preview::unix_nanos(),
         }
     }
 
@@ -175,11 +176,13 @@ impl Engine {
 
     fn scene(&self) -> v1::SceneReply {
         let (scene, model) = (self.sim.scene(), self.sim.model());
-        let furniture = scene.furniture.iter().map(|b| body(b, true));
+        let furniture = scene.furniture.iter().enumerate();
+        let furniture = furniture.map(|(i, b)| body(b, scene.joint_of(i).is_none()));
         let objects = scene.objects.iter().map(|b| body(b, false));
-        let grasps = scene.objects.iter().flat_map(|object| {
-            object.grasps.iter().map(|g| v1::GraspFrame {
-                object: object.name.clone(),
+        let grasps = scene.furniture.iter().chain(&scene.objects);
+        let grasps = grasps.flat_map(|body| {
+            body.grasps.iter().map(|g| v1::GraspFrame {
+                object: body.name.clone(),
                 name: g.name.clone(),
                 pose: Some(convert::pose(&g.pose)),
                 width: g.width,
@@ -190,16 +193,21 @@ impl Engine {
             header: Some(self.stamp()),
             bodies: furniture.chain(objects).collect(),
             grasps: grasps.collect(),
-            target: self
-                .sim
-                .task()
-                .map(|t| t.target.clone())
-                .unwrap_or_default(),
+            target: self.sim.scenario().target.clone(),
             instances: self.instances(),
             objects: scene.objects.iter().map(|o| o.name.clone()).collect(),
             arm_mount: self.arm_mount().map(|p| convert::pose(&p)),
             tool_length: model.settings.tool_length,
             footprint: model.settings.footprint.to_vec(),
+            joints: scene
+                .joints
+                .iter()
+                .map(|joint| convert::furniture_joint(joint, scene))
+                .collect(),
+            goal: self.sim.task().map(|task| {
+                let target = &self.sim.scenario().target;
+                convert::goal(&task.goal(), target, scene)
+            }),
         }
     }
 
@@ -240,7 +248,10 @@ impl Engine {
     fn reach(&self, request: v1::ReachRequest) -> Result<v1::ReachReply, String> {
         let pose = convert::isometry("pose", request.pose.as_ref()).map_err(|e| e.to_string())?;
         let joints = self.sim.recorded_joints();
-        let guess = std::array::from_fn(|i| joints[ARM_JOINTS.start + i].position);
+        let guess = match request.near.as_slice() {
+            [] => std::array::from_fn(|i| joints[ARM_JOINTS.start + i].position),
+            near => wheelarm_proto::check::list::<6>("near", near).map_err(|e| e.to_string())?,
+        };
         let solved = self.sim.control().kinematics().solve(&pose, &guess);
         let header = Some(self.stamp());
         Ok(match solved {
@@ -312,8 +323,8 @@ fn decode<M: Message + Default>(payload: &[u8]) -> Result<M, String> {
     M::decode(payload).map_err(|e| format!("the request cannot be read: {e}"))
 }
 
-/// A body with the boxes of its collision shapes: in `house` for furniture, in
-/// the body's own frame for objects.
+/// A body with the boxes of its collision shapes: in `house` for what stays, in
+/// the body's own frame for what moves.
 fn body(body: &Body, fixed: bool) -> v1::SceneBody {
     let world_from_body = if fixed {
         body.pose

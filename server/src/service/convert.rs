@@ -9,7 +9,7 @@ use crate::robot::RobotModel;
 use crate::robot::control::{
     ArmIntent, BaseIntent, ControlInput, GripperIntent, GripperMap, IntentFrame,
 };
-use crate::scene::Placement;
+use crate::scene::{FurnitureJoint, Placement, Scene};
 use crate::sensors::frames::RelativeState;
 use crate::sim::{CameraSetting, Pacing, Quality, Scenario};
 use crate::snapshot::{BodyRef, BodyState};
@@ -231,13 +231,55 @@ pub fn evaluation(e: &tasks::Evaluation) -> v1::Evaluation {
 }
 
 /// Name of a body for people.
-pub fn body_name(body: BodyRef, model: &RobotModel, scene: &crate::scene::Scene) -> String {
+pub fn body_name(body: BodyRef, model: &RobotModel, scene: &Scene) -> String {
     let name = match body {
         BodyRef::Link(i) => model.links.get(i).map(|l| &l.name),
         BodyRef::Object(i) => scene.objects.get(i).map(|b| &b.name),
         BodyRef::Furniture(i) => scene.furniture.get(i).map(|b| &b.name),
     };
     name.cloned().unwrap_or_default()
+}
+
+/// Furniture that slides, as a message.
+pub fn furniture_joint(joint: &FurnitureJoint, scene: &Scene) -> v1::FurnitureJoint {
+    let body = scene.furniture.get(joint.furniture);
+    v1::FurnitureJoint {
+        name: joint.name.clone(),
+        body: body.map(|b| b.name.clone()).unwrap_or_default(),
+        rest: body.map(|b| pose(&b.pose)),
+        axis: Some(vector(&joint.axis)),
+        travel: joint.travel,
+    }
+}
+
+/// What a task asks for, as a message.
+pub fn goal(goal: &tasks::Goal, target: &str, scene: &Scene) -> v1::TaskGoal {
+    let mut message = v1::TaskGoal {
+        target: target.to_owned(),
+        ..v1::TaskGoal::default()
+    };
+    match goal {
+        tasks::Goal::Lift => message.kind = v1::GoalKind::Lift as i32,
+        tasks::Goal::Put { on } => {
+            message.kind = v1::GoalKind::Put as i32;
+            message.region = scene
+                .surface_named(on, None)
+                .map(|surface| v1::BoxGeometry {
+                    pose: Some(pose(&surface.centre())),
+                    half: Some(vector(&nalgebra::Vector3::new(
+                        surface.depth / 2.0,
+                        surface.width / 2.0,
+                        0.0,
+                    ))),
+                });
+        }
+        tasks::Goal::Open { joint, travel } => {
+            message.kind = v1::GoalKind::Open as i32;
+            message.joint.clone_from(joint);
+            message.position = *travel;
+        }
+    }
+    message
 }
 
 /// A scenario as a message.
@@ -282,6 +324,7 @@ pub fn scenario(s: &Scenario) -> v1::Scenario {
             .collect(),
         start: s.start.as_ref().map(pose),
         instruction: s.instruction.clone(),
+        target: s.target.clone(),
     }
 }
 
@@ -310,6 +353,7 @@ pub fn scenario_over(now: &Scenario, asked: &v1::Scenario) -> Result<Scenario, I
     word(&asked.robot, &mut s.robot);
     s.seed = asked.seed;
     s.instruction.clone_from(&asked.instruction);
+    s.target.clone_from(&asked.target);
     s.imu_noise = asked.imu_noise;
     if asked.state_rate_hz != 0.0 {
         s.state_rate_hz = check::finite("state_rate_hz", asked.state_rate_hz)?;

@@ -433,6 +433,13 @@ impl Engine {
                 .iter()
                 .map(|o| o.name.clone())
                 .collect(),
+            joints: self
+                .sim
+                .scene()
+                .joints
+                .iter()
+                .map(|j| j.name.clone())
+                .collect(),
         };
         if let Some(render) = &self.render {
             render.drain();
@@ -528,6 +535,11 @@ impl Engine {
             sim.restore(snapshot).map_err(|e| e.to_string())?;
         }
         let asset_texts = answer::asset_texts(&sim)?;
+        let names = |sim: &Simulation| -> Vec<String> {
+            let objects = sim.scene().objects.iter();
+            objects.map(|o| o.name.clone()).collect()
+        };
+        let same_cameras = same_cameras && names(&sim) == names(&self.sim);
         let before = std::mem::replace(&mut self.sim, sim);
         if !same_cameras && let Err(e) = self.start_cameras() {
             self.sim = before;

@@ -33,6 +33,7 @@ stamped!(
     Applied,
     CommandLog,
     ObjectPoses,
+    FurnitureJoints,
     Contacts,
     Evaluation,
     PhaseSample,

@@ -222,7 +222,6 @@ fn message(
     Encoder::new(&mut jpeg, level.quality())
         .encode(&rgb, side(width)?, side(height)?, ColorType::Rgb)
         .map_err(|e| e.to_string())?;
-    let since_1970 = SystemTime::now().duration_since(UNIX_EPOCH);
     Ok(v1::PreviewFrame {
         header: Some(v1::Header {
             sequence,
@@ -233,8 +232,14 @@ fn message(
         width,
         height,
         jpeg: jpeg.into(),
-        sent_unix_nanos: since_1970.map_or(0, |t| u64::try_from(t.as_nanos()).unwrap_or(u64::MAX)),
+        sent_unix_nanos: unix_nanos(),
     })
+}
+
+/// The wall clock, nanoseconds since 1970; for people and links only.
+pub fn unix_nanos() -> u64 {
+    let since_1970 = SystemTime::now().duration_since(UNIX_EPOCH);
+    since_1970.map_or(0, |t| u64::try_from(t.as_nanos()).unwrap_or(u64::MAX))
 }
 
 /// Scales a picture down to at most `most` pixels of width: every new pixel is

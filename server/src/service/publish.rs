@@ -86,6 +86,7 @@ pub fn state(
         put.joints(sim);
         put.poses(sim);
         put.objects(sim);
+        put.furniture(sim);
         put.contacts(sim);
         outbox.state(
             "evaluation",
@@ -193,6 +194,17 @@ impl Put<'_> {
         };
         self.outbox
             .state("object_pose", self.episode, self.tick, message);
+    }
+
+    fn furniture(&self, sim: &Simulation) {
+        let joints = &sim.snapshot().furniture_joints;
+        let message = v1::FurnitureJoints {
+            header: None,
+            position: joints.iter().map(|j| j.position).collect(),
+            velocity: joints.iter().map(|j| j.velocity).collect(),
+        };
+        self.outbox
+            .state("furniture_joint", self.episode, self.tick, message);
     }
 
     fn contacts(&self, sim: &Simulation) {

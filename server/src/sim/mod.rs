@@ -111,12 +111,12 @@ impl Simulation {
     pub fn new(assets: &Path, mut scenario: Scenario) -> Result<Self, SimError> {
         let schedules = scenario.schedules()?;
         let model = RobotModel::load(assets, &scenario.robot)?;
-        let scene = Scene::load(assets, &scenario.scene)?;
+        let mut scene = Scene::load(assets, &scenario.scene)?;
         let task = match scenario.task.as_str() {
             "" => None,
             name => Some(TaskSpec::load(assets, name)?),
         };
-        draw_open_values(&mut scenario, &scene, task.as_ref())?;
+        draw_open_values(&mut scenario, &mut scene, task.as_ref())?;
         let placements: Vec<_> = scenario.objects.iter().map(|(_, p)| *p).collect();
         let start = scenario.start.unwrap_or(scene.start);
         let indices = Indices::find(&model)?;
@@ -125,7 +125,7 @@ impl Simulation {
         let snapshot = Arc::new(world.snapshot());
         let mut evaluator = task
             .as_ref()
-            .map(|t| Evaluator::new(t, &scene, &model))
+            .map(|t| Evaluator::new(t, &scene, &model, &scenario.target))
             .transpose()?;
         let evaluation = evaluator
             .as_mut()
@@ -333,10 +333,11 @@ impl Simulation {
     }
 }
 
-/// Fills in placements, start pose and instruction that the scenario leaves open.
+/// Fills in placements, target, start pose and instruction that the scenario
+/// leaves open, and takes what is not there out of the scene.
 fn draw_open_values(
     scenario: &mut Scenario,
-    scene: &Scene,
+    scene: &mut Scene,
     task: Option<&TaskSpec>,
 ) -> Result<(), SimError> {
     if let Some((name, _)) = scenario
@@ -360,29 +361,36 @@ fn draw_open_values(
         .objects
         .iter()
         .zip(drawn.placements)
-        .map(|(object, placement)| {
+        .filter_map(|(object, drawn)| {
             let given = given.iter().find(|(name, _)| *name == object.name);
-            (object.name.clone(), given.map_or(placement, |(_, p)| *p))
+            let placement = given.map(|(_, p)| *p).or(drawn)?;
+            Some((object.name.clone(), placement))
         })
         .collect();
+    scene.objects.retain(|object| {
+        scenario
+            .objects
+            .iter()
+            .any(|(name, _)| *name == object.name)
+    });
     let start: Isometry3<f64> = scenario.start.unwrap_or(drawn.start);
     scenario.start = Some(start);
+    if scenario.target.is_empty() {
+        scenario.target = drawn.target;
+    }
     if scenario.instruction.is_empty() {
         scenario.instruction = drawn.instruction;
     }
     Ok(())
 }
 
-/// Everything at its place in the scene.
+/// Everything at its place in the scene, without what is optional.
 fn undisturbed(scene: &Scene) -> Draw {
-    let placement = |object: &Body| Placement {
-        pose: object.pose,
-        mass: object.mass.map_or(0.0, |m| m.mass),
-        friction: object.friction,
-    };
+    let placement = |object: &Body| (!object.optional).then(|| Placement::of(object));
     Draw {
         placements: scene.objects.iter().map(placement).collect(),
         start: scene.start,
+        target: String::new(),
         instruction: String::new(),
     }
 }

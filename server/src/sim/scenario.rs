@@ -68,6 +68,8 @@ pub struct Scenario {
     pub start: Option<Isometry3<f64>>,
     /// Instruction sentence; empty: one of the task's.
     pub instruction: String,
+    /// What the task is about; empty: the task's only target, or drawn.
+    pub target: String,
 }
 
 /// Greatest width or height of a picture, pixels.
@@ -95,6 +97,7 @@ impl Default for Scenario {
             objects: Vec::new(),
             start: None,
             instruction: String::new(),
+            target: String::new(),
         }
     }
 }

@@ -1,29 +1,34 @@
-//! One start of a task from a seed: placements, the chair's pose, the sentence.
+//! One start of a task from a seed: placements, the chair's pose, the target
+//! where there is a choice, the sentence.
 //!
-//! Whole draws are rejected until nothing overlaps and the way of the gripper to
-//! the target is free; the best draw is taken should none do.
+//! Things are placed one after another, each again and again until it keeps
+//! clear of what stands there already and of the gripper's way to the target.
+//! Should one find no room, all begin anew; the best draw is taken if none fits.
 
-use nalgebra::{Isometry3, Point2, Vector2, Vector3};
+use nalgebra::{Isometry3, Vector3};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 
-use super::spec::{Range, TaskSpec};
-use crate::scene::{Body, Bounds, Placement, Scene, Surface};
+use super::room::Room;
+use super::spec::{PlaceSpec, Range, TaskSpec};
+use crate::scene::{Placement, Scene};
 
-/// Draws before the best one is taken.
-const ATTEMPTS: usize = 2000;
-/// Least distance between two objects, metres.
-const GAP: f64 = 0.02;
-/// Half of the width that the open gripper needs on its way to the target, metres.
-const LANE: f64 = 0.09;
+/// Whole draws before the best one is taken.
+const ATTEMPTS: usize = 60;
+/// Places that are tried for one object.
+const TRIES: usize = 60;
+/// Numbers as people say them.
+const ORDINALS: [&str; 6] = ["first", "second", "third", "fourth", "fifth", "sixth"];
 
 /// What was drawn for one episode.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Draw {
-    /// One per entry of `Scene::objects`.
-    pub placements: Vec<Placement>,
+    /// One per entry of `Scene::objects`; `None` for what is not there.
+    pub placements: Vec<Option<Placement>>,
     /// Pose of `wheelchair_root` in `house`.
     pub start: Isometry3<f64>,
+    /// What the task is about.
+    pub target: String,
     /// The sentence.
     pub instruction: String,
 }
@@ -49,17 +54,12 @@ fn draw_with_clearance(spec: &TaskSpec, scene: &Scene, seed: u64) -> (Draw, f64)
         ),
         Vector3::z() * number(&mut random, spec.start.yaw),
     );
-    let whole = Range {
-        min: 0.0,
-        max: spec.instructions.len() as f64,
-    };
-    let chosen = number(&mut random, whole) as usize;
-    let instruction = spec.instructions.get(chosen).cloned().unwrap_or_default();
+    let instruction = one_of(&mut random, &spec.instructions);
+    let target = one_of(&mut random, &spec.targets);
     let room = Room::new(spec, scene);
-    let mut best: Option<(Vec<Placement>, f64)> = None;
+    let mut best: Option<(Vec<Option<Placement>>, f64)> = None;
     for _ in 0..ATTEMPTS {
-        let placements = placements(&mut random, spec, scene);
-        let clearance = room.clearance(&placements);
+        let (placements, clearance) = placements(&mut random, spec, scene, &room, &target);
         if best.as_ref().is_none_or(|(_, most)| clearance > *most) {
             best = Some((placements, clearance));
         }
@@ -68,9 +68,11 @@ fn draw_with_clearance(spec: &TaskSpec, scene: &Scene, seed: u64) -> (Draw, f64)
         }
     }
     let (placements, clearance) = best.unwrap_or_default();
+    let instruction = in_words(&instruction, spec, scene, &placements, &target);
     let draw = Draw {
         placements,
         start,
+        target,
         instruction,
     };
     (draw, clearance)
@@ -82,128 +84,120 @@ fn number(random: &mut ChaCha8Rng, range: Range) -> f64 {
     range.min + (range.max - range.min) * fraction
 }
 
-fn placements(random: &mut ChaCha8Rng, spec: &TaskSpec, scene: &Scene) -> Vec<Placement> {
-    let mut placements: Vec<_> = scene
+fn one_of(random: &mut ChaCha8Rng, choices: &[String]) -> String {
+    let whole = Range {
+        min: 0.0,
+        max: choices.len() as f64,
+    };
+    let chosen = number(random, whole) as usize;
+    choices.get(chosen).cloned().unwrap_or_default()
+}
+
+/// One whole draw, and the least room in it.
+fn placements(
+    random: &mut ChaCha8Rng,
+    spec: &TaskSpec,
+    scene: &Scene,
+    room: &Room<'_>,
+    target: &str,
+) -> (Vec<Option<Placement>>, f64) {
+    let mut placements: Vec<Option<Placement>> = scene
         .objects
         .iter()
-        .map(|body| Placement {
-            pose: body.pose,
-            mass: body.mass.map_or(0.0, |mass| mass.mass),
-            friction: body.friction,
+        .map(|body| {
+            let drawn = spec.places.iter().any(|place| place.object == body.name);
+            (!drawn && !body.optional).then(|| Placement::of(body))
         })
         .collect();
+    let target_place = spec.places.iter().find(|place| place.object == target);
+    let carrier = target_place.and_then(|p| scene.surface_named(&p.on, p.surface.as_deref()));
+    let target = scene.object_named(target).zip(carrier);
+    let mut least = f64::INFINITY;
     for place in &spec.places {
-        let (inwards, along, yaw) = (
-            number(random, place.inwards),
-            number(random, place.along),
-            number(random, place.yaw),
-        );
-        let mass = place.mass.map(|range| number(random, range));
-        let friction = place.friction.map(|range| number(random, range));
         // Both names were checked when the task was read.
         let surface = scene.surface_named(&place.on, place.surface.as_deref());
-        let object = scene.object_named(&place.object);
-        if let (Some(surface), Some(object)) = (surface, object) {
-            let placement = &mut placements[object];
-            let lift = scene.objects[object].standing_height();
-            placement.pose =
-                surface.standing(inwards, along, yaw) * Isometry3::translation(0.0, 0.0, lift);
-            placement.mass = mass.unwrap_or(placement.mass);
-            placement.friction = friction.unwrap_or(placement.friction);
+        let Some((surface, object)) = surface.zip(scene.object_named(&place.object)) else {
+            continue;
+        };
+        let certain = Range { min: 0.0, max: 1.0 };
+        if number(random, certain) >= place.chance {
+            continue;
+        }
+        let mut best: Option<(Placement, f64)> = None;
+        for _ in 0..TRIES {
+            let placement = standing(random, place, scene, object, surface);
+            placements[object] = Some(placement);
+            let clearance = room.clearance(object, surface, &placements, target);
+            if best.as_ref().is_none_or(|(_, most)| clearance > *most) {
+                best = Some((placement, clearance));
+            }
+            if clearance >= 0.0 {
+                break;
+            }
+        }
+        if let Some((placement, clearance)) = best {
+            placements[object] = Some(placement);
+            least = least.min(clearance);
+        }
+        if least < 0.0 {
+            break;
         }
     }
-    placements
+    (placements, least)
 }
 
-/// What objects must keep clear of.
-struct Room<'a> {
-    scene: &'a Scene,
-    /// Radius of each object's footprint.
-    radii: Vec<f64>,
-    furniture: Vec<Bounds>,
-    /// Surface of each placed object.
-    surfaces: Vec<Option<&'a Surface>>,
-    target: Option<usize>,
+fn standing(
+    random: &mut ChaCha8Rng,
+    place: &PlaceSpec,
+    scene: &Scene,
+    object: usize,
+    surface: &crate::scene::Surface,
+) -> Placement {
+    let body = &scene.objects[object];
+    let (inwards, along, yaw) = (
+        number(random, place.inwards),
+        number(random, place.along),
+        number(random, place.yaw),
+    );
+    let usual = Placement::of(body);
+    let lift = Isometry3::translation(0.0, 0.0, body.standing_height());
+    Placement {
+        pose: surface.standing(inwards, along, yaw) * lift,
+        mass: place.mass.map_or(usual.mass, |range| number(random, range)),
+        friction: place
+            .friction
+            .map_or(usual.friction, |range| number(random, range)),
+    }
 }
 
-impl<'a> Room<'a> {
-    fn new(spec: &TaskSpec, scene: &'a Scene) -> Self {
-        let mut surfaces = vec![None; scene.objects.len()];
-        for place in &spec.places {
-            if let Some(object) = scene.object_named(&place.object) {
-                surfaces[object] = scene.surface_named(&place.on, place.surface.as_deref());
-            }
-        }
-        Self {
-            scene,
-            radii: scene.objects.iter().map(Body::footprint_radius).collect(),
-            furniture: scene
-                .furniture
-                .iter()
-                .filter_map(|body| body.collision_bounds(&body.pose))
-                .collect(),
-            surfaces,
-            target: scene.object_named(&spec.target),
-        }
-    }
-
-    /// The least distance that is left anywhere, metres.
-    fn clearance(&self, placements: &[Placement]) -> f64 {
-        let mut least = f64::INFINITY;
-        let centre = |i: usize| Point2::from(placements[i].pose.translation.vector.xy());
-        for (i, surface) in self.surfaces.iter().enumerate() {
-            let Some(surface) = surface else { continue };
-            let on = surface.edge.inverse() * placements[i].pose;
-            let (inwards, along) = (on.translation.x, on.translation.y);
-            let room = inwards
-                .min(surface.depth - inwards)
-                .min(surface.width / 2.0 - along.abs());
-            least = least.min(room - self.radii[i]);
-            let Some(own) = self.scene.objects[i].collision_bounds(&placements[i].pose) else {
-                continue;
-            };
-            for other in &self.furniture {
-                let level = own.max.z.min(other.max.z) - own.min.z.max(other.min.z);
-                if level > 0.001 {
-                    let outside = |k: usize| {
-                        (other.min[k] - centre(i)[k])
-                            .max(centre(i)[k] - other.max[k])
-                            .max(0.0)
-                    };
-                    let distance = outside(0).hypot(outside(1));
-                    least = least.min(distance - self.radii[i] - GAP);
-                }
-            }
-            for j in (0..placements.len()).filter(|&j| j != i) {
-                let distance = (centre(i) - centre(j)).norm();
-                least = least.min(distance - self.radii[i] - self.radii[j] - GAP);
-            }
-        }
-        if let Some(target) = self.target
-            && let Some(way) = self.approach(target, placements)
-        {
-            for j in (0..placements.len()).filter(|&j| j != target) {
-                let to = centre(j) - centre(target);
-                let along = to.dot(&way).clamp(0.0, 1.0);
-                least = least.min((to - way * along).norm() - self.radii[j] - LANE);
-            }
-        }
-        least
-    }
-
-    /// Direction from the target out over the approach edge, along the grasp
-    /// that fits that side best; one metre long.
-    fn approach(&self, target: usize, placements: &[Placement]) -> Option<Vector2<f64>> {
-        let surface = self.surfaces[target]?;
-        let inwards = (surface.edge.rotation * Vector3::x()).xy();
-        self.scene.objects[target]
-            .grasps
-            .iter()
-            .map(|grasp| {
-                let z = placements[target].pose.rotation * grasp.pose.rotation * Vector3::z();
-                if grasp.symmetric { inwards } else { z.xy() }
-            })
-            .max_by(|a, b| a.dot(&inwards).total_cmp(&b.dot(&inwards)))
-            .map(|approach| -approach.normalize())
-    }
+/// The sentence with the target's position among its like, counted by someone
+/// who faces the surface: `{from_left}` and `{from_right}`.
+fn in_words(
+    sentence: &str,
+    spec: &TaskSpec,
+    scene: &Scene,
+    placements: &[Option<Placement>],
+    target: &str,
+) -> String {
+    let surface = spec
+        .places
+        .iter()
+        .find(|place| place.object == target)
+        .and_then(|place| scene.surface_named(&place.on, place.surface.as_deref()));
+    let along = |name: &str| {
+        let placement = placements[scene.object_named(name)?].as_ref()?;
+        Some((surface?.edge.inverse() * placement.pose).translation.y)
+    };
+    let Some(own) = along(target) else {
+        return sentence.to_owned();
+    };
+    let others = || {
+        let others = spec.targets.iter().filter(|name| *name != target);
+        others.filter_map(|name| along(name))
+    };
+    let word = |index: usize| ORDINALS.get(index).copied().unwrap_or("next");
+    // Looking inwards, the left is where `along` grows.
+    sentence
+        .replace("{from_left}", word(others().filter(|y| *y > own).count()))
+        .replace("{from_right}", word(others().filter(|y| *y < own).count()))
 }

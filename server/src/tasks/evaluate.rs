@@ -4,10 +4,12 @@ use nalgebra::Isometry3;
 use serde::{Deserialize, Serialize};
 use wheelarm_proto::PHYSICS_HZ;
 
+use super::context::Context;
+use super::goal::Goal;
 use super::predicate::{Memory, Predicate};
 use super::spec::{FailureSpec, TaskSpec};
 use crate::robot::RobotModel;
-use crate::scene::{Body, Scene, SceneError};
+use crate::scene::{Scene, SceneError, Surface};
 use crate::snapshot::{Anomaly, BodyRef, Snapshot};
 
 /// Joints whose child links carry the pads.
@@ -16,6 +18,9 @@ const PAD_JOINTS: [&str; 2] = [
     "robotiq_85_right_finger_tip_joint",
 ];
 
+/// What moves slower lies still, m/s.
+const REST_SPEED: f64 = 0.02;
+
 /// Judges one episode of a task.
 #[derive(Clone, Debug)]
 pub struct Evaluator {
@@ -23,28 +28,11 @@ pub struct Evaluator {
     failure: FailureSpec,
     time_limit: f64,
     context: Context,
+    /// Surface on which the target starts.
+    carrier: Option<Surface>,
+    /// Furniture on which the target is to end.
+    goal: Option<String>,
     state: EvaluatorState,
-}
-
-/// What predicates know about the world beside the snapshot.
-#[derive(Clone, Debug)]
-pub(super) struct Context {
-    /// Objects of the scene.
-    pub bodies: Vec<Body>,
-    /// Poses in the first snapshot.
-    pub starts: Vec<Isometry3<f64>>,
-    /// Links that carry the pads, left and right.
-    pub pads: [usize; 2],
-    /// Links that roll on the floor.
-    pub wheels: Vec<usize>,
-    /// The target object.
-    pub target: usize,
-}
-
-impl Context {
-    pub(super) fn object(&self, name: &str) -> Option<usize> {
-        self.bodies.iter().position(|body| body.name == name)
-    }
 }
 
 /// All that an evaluator remembers: save it with the world, restore it with it.
@@ -76,6 +64,10 @@ pub enum Failure {
     Tipped,
     /// The time is over.
     Timeout,
+    /// The target rests where no arm gets it.
+    Unreachable,
+    /// The robot hit furniture much too hard.
+    HardCollision,
     /// The simulation lost the target or its state is not finite.
     Lost,
 }
@@ -86,6 +78,8 @@ impl std::fmt::Display for Failure {
             Self::Dropped => "dropped",
             Self::Tipped => "tipped",
             Self::Timeout => "timeout",
+            Self::Unreachable => "unreachable",
+            Self::HardCollision => "hard collision",
             Self::Lost => "lost",
         })
     }
@@ -120,11 +114,17 @@ pub struct Condition {
 }
 
 impl Evaluator {
-    /// A judge for `spec` in `scene` with this robot.
+    /// A judge for `spec` in `scene` with this robot, `target` being the one of
+    /// its targets that was drawn.
     ///
     /// # Errors
-    /// When the robot lacks a joint that conditions need, or the scene an object.
-    pub fn new(spec: &TaskSpec, scene: &Scene, model: &RobotModel) -> Result<Self, SceneError> {
+    /// When the robot lacks a joint that conditions need, or the scene the target.
+    pub fn new(
+        spec: &TaskSpec,
+        scene: &Scene,
+        model: &RobotModel,
+        target: &str,
+    ) -> Result<Self, SceneError> {
         let child = |name: &str| {
             let joint = model.joints.iter().find(|joint| joint.name == name);
             joint.map(|joint| joint.child)
@@ -138,13 +138,25 @@ impl Evaluator {
                 )
             })
         };
-        let target = scene.object_named(&spec.target).ok_or_else(|| {
-            spec.place().key("target").wrong(
-                format!("{:?}", spec.target),
-                format!("an object of the scene {:?}", scene.name),
-                "load the task's own scene",
-            )
-        })?;
+        let object = scene.object_named(target);
+        let known = object.is_some() || scene.furniture_named(target).is_some();
+        if !known || !spec.targets.iter().any(|name| name == target) {
+            return Err(spec.place().key("target").wrong(
+                format!("{target:?}"),
+                format!(
+                    "one of {} in the scene {:?}",
+                    spec.targets.join(", "),
+                    scene.name
+                ),
+                "name one of the task's targets, or none to have it drawn",
+            ));
+        }
+        let others = spec.targets.iter().filter(|name| *name != target);
+        let start = spec.places.iter().find(|place| place.object == target);
+        let surfaces = scene.furniture.iter().filter_map(|body| {
+            let surface = scene.surface_named(&body.name, None)?;
+            Some((body.name.clone(), surface.clone()))
+        });
         let mut evaluator = Self {
             conditions: spec
                 .conditions
@@ -156,6 +168,9 @@ impl Evaluator {
             context: Context {
                 bodies: scene.objects.clone(),
                 starts: Vec::new(),
+                surfaces: surfaces.collect(),
+                joints: scene.joints.iter().map(|j| j.name.clone()).collect(),
+                sliding: scene.joints.iter().map(|j| j.furniture).collect(),
                 pads: [pad(PAD_JOINTS[0])?, pad(PAD_JOINTS[1])?],
                 wheels: model
                     .joints
@@ -163,7 +178,15 @@ impl Evaluator {
                     .filter(|joint| joint.name.ends_with("_wheel_joint"))
                     .map(|joint| joint.child)
                     .collect(),
-                target,
+                target: object,
+                decoys: others.filter_map(|name| scene.object_named(name)).collect(),
+            },
+            carrier: start
+                .and_then(|p| scene.surface_named(&p.on, p.surface.as_deref()))
+                .cloned(),
+            goal: match spec.goal() {
+                Goal::Put { on } => Some(on),
+                Goal::Lift | Goal::Open { .. } => None,
             },
             state: EvaluatorState::default(),
         };
@@ -239,7 +262,21 @@ impl Evaluator {
 
     /// Why the task cannot succeed any more, if so.
     fn failure(&mut self, snapshot: &Snapshot, elapsed: f64) -> Option<Failure> {
-        let target = self.context.target;
+        let of_target = self
+            .context
+            .target
+            .and_then(|target| self.target_failure(target, snapshot));
+        if of_target.is_some() {
+            return of_target;
+        }
+        if self.context.collision_force(snapshot) > self.failure.force {
+            return Some(Failure::HardCollision);
+        }
+        (elapsed >= self.time_limit).then_some(Failure::Timeout)
+    }
+
+    /// What became of the target that ends the task.
+    fn target_failure(&mut self, target: usize, snapshot: &Snapshot) -> Option<Failure> {
         let lost = snapshot.anomalies.iter().any(|anomaly| {
             let (Anomaly::NotFinite(body) | Anomaly::Escaped(body)) = anomaly;
             *body == BodyRef::Object(target)
@@ -249,20 +286,33 @@ impl Evaluator {
         };
         let rise = self.context.rise(target, snapshot);
         let held = self.context.held(target, f64::MIN_POSITIVE, snapshot);
-        let FailureSpec { drop, tilt } = self.failure;
+        let FailureSpec {
+            drop, tilt, reach, ..
+        } = self.failure;
         if rise < -drop {
             return Some(Failure::Dropped);
         }
         if held && rise > drop {
             self.state.was_lifted = true;
         }
-        if !held && self.state.was_lifted && rise < drop {
+        // Put down where it belongs is not dropped.
+        let goal = self.goal.as_deref();
+        let arrived = goal.and_then(|on| self.context.inside(target, state, on, drop));
+        let arrived = arrived.is_some_and(|(_, inside)| inside);
+        if !held && !arrived && self.state.was_lifted && rise < drop {
             return Some(Failure::Dropped);
         }
         if !held && self.context.lean(target, state) > tilt {
             return Some(Failure::Tipped);
         }
-        (elapsed >= self.time_limit).then_some(Failure::Timeout)
+        let rests = state.linear.norm() < REST_SPEED;
+        if let (Some(reach), Some(carrier), true) = (reach, &self.carrier, rests && !held) {
+            let inwards = (carrier.edge.inverse() * state.pose).translation.x;
+            if inwards > reach {
+                return Some(Failure::Unreachable);
+            }
+        }
+        None
     }
 }
 

@@ -15,7 +15,7 @@ pub(super) struct TaskFile {
     pub scene: String,
     pub activity: String,
     pub area: String,
-    pub target: String,
+    pub target: Target,
     pub instructions: Vec<String>,
     pub time_limit: f64,
     pub start: StartEntry,
@@ -23,6 +23,14 @@ pub(super) struct TaskFile {
     pub place: Vec<PlaceEntry>,
     pub condition: Vec<ConditionEntry>,
     pub failure: FailureEntry,
+}
+
+/// What the task is about: one body, or several of which the seed takes one.
+#[derive(Debug, Deserialize)]
+#[serde(untagged)]
+pub(super) enum Target {
+    One(String),
+    OneOf(Vec<String>),
 }
 
 /// Where the chair starts: ranges, least and greatest value.
@@ -49,6 +57,8 @@ pub(super) struct PlaceEntry {
     pub yaw_deg: [f64; 2],
     pub mass: Option<[f64; 2]>,
     pub friction: Option<[f64; 2]>,
+    /// How often it is there at all, 0 to 1.
+    pub chance: Option<f64>,
 }
 
 #[derive(Debug, Deserialize)]
@@ -63,4 +73,8 @@ pub(super) struct ConditionEntry {
 pub(super) struct FailureEntry {
     pub drop: f64,
     pub tilt_deg: f64,
+    /// From the approach edge inwards.
+    pub reach: Option<f64>,
+    /// N.
+    pub force: f64,
 }

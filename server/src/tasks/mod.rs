@@ -4,15 +4,21 @@
 //! `evaluate` judges snapshots by the `predicate`s of the file. Nothing here
 //! moves anything; the same seed and the same snapshots give the same answers.
 
+mod context;
 mod draw;
 mod evaluate;
 mod file;
+mod goal;
 mod predicate;
+#[cfg(test)]
+mod reach_tests;
+mod room;
 mod spec;
 #[cfg(test)]
 mod tests;
 
 pub use draw::{Draw, draw};
 pub use evaluate::{Condition, Evaluation, Evaluator, EvaluatorState, Failure};
+pub use goal::Goal;
 pub use predicate::Predicate;
 pub use spec::{ConditionSpec, FailureSpec, PlaceSpec, Range, StartSpec, TaskSpec, list};

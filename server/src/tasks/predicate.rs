@@ -6,11 +6,13 @@
 //! goes on as if it had not been interrupted. A new predicate is a variant
 //! here, its arm in `measure` and its objects in `objects`.
 
-use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
-use super::evaluate::Context;
-use crate::snapshot::{BodyRef, BodyState, Snapshot};
+use super::context::Context;
+use crate::snapshot::Snapshot;
+
+/// Object name that stands for the target that was drawn.
+pub(super) const TARGET: &str = "target";
 
 /// Something that can be true of the world, with its thresholds.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -25,6 +27,41 @@ pub enum Predicate {
         pad_force: f64,
         secs: f64,
     },
+    /// The object has once been lifted by `height` metres while both pads pressed
+    /// it with at least `pad_force` N. Value: the greatest rise so held, metres.
+    LiftedBefore {
+        object: String,
+        height: f64,
+        pad_force: f64,
+    },
+    /// The object's centre of mass is above the first surface of furniture `on`,
+    /// and its lowest point within `above` metres of it. Value: the distance of
+    /// the centre of mass from the middle of the surface on the floor plan, metres.
+    Inside {
+        object: String,
+        on: String,
+        above: f64,
+    },
+    /// The object leans by no more than `tilt` rad from how it stood. Value: the
+    /// lean, rad.
+    Upright { object: String, tilt: f64 },
+    /// The object moves slower than `speed` m/s and turns slower than `turn_rate`
+    /// rad/s, for `secs` seconds. Value: its speed, m/s.
+    AtRest {
+        object: String,
+        speed: f64,
+        turn_rate: f64,
+        secs: f64,
+    },
+    /// No part of the robot touches the object, for `secs` seconds. Value: the
+    /// force of the robot on it, N.
+    Released { object: String, secs: f64 },
+    /// The joint of furniture is open by at least `travel` metres. Value: its
+    /// position, metres.
+    OpenedBy { joint: String, travel: f64 },
+    /// Of the targets that could have been drawn none but the drawn one was ever
+    /// lifted by `height` metres. Value: the greatest rise of another, metres.
+    CorrectInstance { height: f64 },
     /// The chair moves slower than `speed` m/s and turns slower than `turn_rate`
     /// rad/s. Value: its speed, m/s.
     ChairStopped { speed: f64, turn_rate: f64 },
@@ -59,6 +96,13 @@ impl Predicate {
     pub fn label(&self) -> String {
         match self {
             Self::LiftedAndHeld { object, .. } => format!("lifted_and_held({object})"),
+            Self::LiftedBefore { object, .. } => format!("lifted_before({object})"),
+            Self::Inside { object, on, .. } => format!("inside({object}, {on})"),
+            Self::Upright { object, .. } => format!("upright({object})"),
+            Self::AtRest { object, .. } => format!("at_rest({object})"),
+            Self::Released { object, .. } => format!("released({object})"),
+            Self::OpenedBy { joint, .. } => format!("opened_by({joint})"),
+            Self::CorrectInstance { .. } => "correct_instance".to_owned(),
             Self::ChairStopped { .. } => "chair_stopped".to_owned(),
             Self::NothingKnockedOver { .. } => "nothing_knocked_over".to_owned(),
             Self::NoHardCollision { .. } => "no_hard_collision".to_owned(),
@@ -68,10 +112,33 @@ impl Predicate {
     /// Objects that it names.
     pub(super) fn objects(&self) -> Vec<&str> {
         match self {
-            Self::LiftedAndHeld { object, .. } => vec![object],
-            Self::ChairStopped { .. }
+            Self::LiftedAndHeld { object, .. }
+            | Self::LiftedBefore { object, .. }
+            | Self::Inside { object, .. }
+            | Self::Upright { object, .. }
+            | Self::AtRest { object, .. }
+            | Self::Released { object, .. } => vec![object],
+            Self::OpenedBy { .. }
+            | Self::CorrectInstance { .. }
+            | Self::ChairStopped { .. }
             | Self::NothingKnockedOver { .. }
             | Self::NoHardCollision { .. } => Vec::new(),
+        }
+    }
+
+    /// Furniture on whose surface something is to be.
+    pub(super) fn region(&self) -> Option<&str> {
+        match self {
+            Self::Inside { on, .. } => Some(on),
+            _ => None,
+        }
+    }
+
+    /// Joint of furniture that it names.
+    pub(super) fn joint(&self) -> Option<&str> {
+        match self {
+            Self::OpenedBy { joint, .. } => Some(joint),
+            _ => None,
         }
     }
 
@@ -88,6 +155,27 @@ impl Predicate {
                 ("pad_force", pad_force, "N", 235.0),
                 ("secs", secs, "s", 60.0),
             ],
+            Self::LiftedBefore {
+                height, pad_force, ..
+            } => vec![
+                ("height", height, "m", 2.0),
+                ("pad_force", pad_force, "N", 235.0),
+            ],
+            Self::Inside { above, .. } => vec![("above", above, "m", 1.0)],
+            Self::Upright { tilt, .. } => vec![("tilt", tilt, "rad", std::f64::consts::PI)],
+            Self::AtRest {
+                speed,
+                turn_rate,
+                secs,
+                ..
+            } => vec![
+                ("speed", speed, "m/s", 1.0),
+                ("turn_rate", turn_rate, "rad/s", 10.0),
+                ("secs", secs, "s", 60.0),
+            ],
+            Self::Released { secs, .. } => vec![("secs", secs, "s", 60.0)],
+            Self::OpenedBy { travel, .. } => vec![("travel", travel, "m", 2.0)],
+            Self::CorrectInstance { height } => vec![("height", height, "m", 2.0)],
             Self::ChairStopped { speed, turn_rate } => vec![
                 ("speed", speed, "m/s", 1.0),
                 ("turn_rate", turn_rate, "rad/s", 1.0),
@@ -100,31 +188,109 @@ impl Predicate {
         }
     }
 
-    /// Looks at one snapshot.
+    /// Looks at one snapshot. A predicate about what is not there does not hold.
     pub(super) fn measure(
         &self,
         context: &Context,
         memory: &mut Memory,
         snapshot: &Snapshot,
     ) -> Measure {
-        match self {
+        self.measure_object(context, memory, snapshot)
+            .unwrap_or_else(|| self.measure_all(context, memory, snapshot))
+    }
+
+    /// Predicates about one object; `None` for others and when it is not there.
+    fn measure_object(
+        &self,
+        context: &Context,
+        memory: &mut Memory,
+        snapshot: &Snapshot,
+    ) -> Option<Measure> {
+        let object = context.object(self.objects().first()?)?;
+        let state = snapshot.objects.get(object)?;
+        let tick = snapshot.tick;
+        Some(match self {
             Self::LiftedAndHeld {
-                object,
                 height,
                 pad_force,
                 secs,
+                ..
             } => {
-                let Some(object) = context.object(object) else {
-                    return Measure {
-                        value: 0.0,
-                        holds: false,
-                    };
-                };
                 let rise = context.rise(object, snapshot);
                 let now = rise >= *height && context.held(object, *pad_force, snapshot);
                 Measure {
                     value: rise,
-                    holds: memory.lasted(now, snapshot.tick, *secs),
+                    holds: memory.lasted(now, tick, *secs),
+                }
+            }
+            Self::LiftedBefore {
+                height, pad_force, ..
+            } => {
+                if context.held(object, *pad_force, snapshot) {
+                    memory.worst = memory.worst.max(context.rise(object, snapshot));
+                }
+                Measure {
+                    value: memory.worst,
+                    holds: memory.worst >= *height,
+                }
+            }
+            Self::Inside { on, above, .. } => {
+                let (distance, inside) = context.inside(object, state, on, *above)?;
+                Measure {
+                    value: distance,
+                    holds: inside,
+                }
+            }
+            Self::Upright { tilt, .. } => {
+                let lean = context.lean(object, state);
+                Measure {
+                    value: lean,
+                    holds: lean <= *tilt,
+                }
+            }
+            Self::AtRest {
+                speed,
+                turn_rate,
+                secs,
+                ..
+            } => {
+                let moving = state.linear.norm();
+                let now = moving <= *speed && state.angular.norm() <= *turn_rate;
+                Measure {
+                    value: moving,
+                    holds: memory.lasted(now, tick, *secs),
+                }
+            }
+            Self::Released { secs, .. } => {
+                let force = context.robot_force(object, snapshot);
+                Measure {
+                    value: force.unwrap_or(0.0),
+                    holds: memory.lasted(force.is_none(), tick, *secs),
+                }
+            }
+            _ => return None,
+        })
+    }
+
+    /// Predicates about the robot, furniture or all objects.
+    fn measure_all(&self, context: &Context, memory: &mut Memory, snapshot: &Snapshot) -> Measure {
+        match self {
+            Self::OpenedBy { joint, travel } => {
+                let joint = context.joints.iter().position(|name| name == joint);
+                let state = joint.and_then(|joint| snapshot.furniture_joints.get(joint));
+                let position = state.map_or(0.0, |state| state.position);
+                Measure {
+                    value: position,
+                    holds: position >= *travel,
+                }
+            }
+            Self::CorrectInstance { height } => {
+                for &other in &context.decoys {
+                    memory.worst = memory.worst.max(context.rise(other, snapshot));
+                }
+                Measure {
+                    value: memory.worst,
+                    holds: memory.worst < *height,
                 }
             }
             Self::ChairStopped { speed, turn_rate } => {
@@ -138,7 +304,7 @@ impl Predicate {
             }
             Self::NothingKnockedOver { tilt, drop } => {
                 for (object, state) in snapshot.objects.iter().enumerate() {
-                    if object == context.target {
+                    if Some(object) == context.target {
                         continue;
                     }
                     let fell = context.rise(object, snapshot) < -drop;
@@ -155,16 +321,16 @@ impl Predicate {
                 }
             }
             Self::NoHardCollision { force } => {
-                for contact in &snapshot.contacts {
-                    if context.is_collision(contact.first, contact.second) {
-                        memory.worst = memory.worst.max(contact.force.norm());
-                    }
-                }
+                memory.worst = memory.worst.max(context.collision_force(snapshot));
                 Measure {
                     value: memory.worst,
                     holds: memory.worst <= *force,
                 }
             }
+            _ => Measure {
+                value: 0.0,
+                holds: false,
+            },
         }
     }
 }
@@ -178,58 +344,5 @@ impl Memory {
         }
         let since = *self.since.get_or_insert(tick);
         super::evaluate::seconds(tick.saturating_sub(since)) >= secs
-    }
-}
-
-impl Context {
-    /// How far the object's lowest point is above where it started, metres.
-    pub(super) fn rise(&self, object: usize, snapshot: &Snapshot) -> f64 {
-        let (Some(body), Some(state), Some(start)) = (
-            self.bodies.get(object),
-            snapshot.objects.get(object),
-            self.starts.get(object),
-        ) else {
-            return 0.0;
-        };
-        let bottom = |pose| {
-            body.collision_bounds(pose)
-                .map_or(0.0, |bounds| bounds.min.z)
-        };
-        bottom(&state.pose) - bottom(start)
-    }
-
-    /// Angle between the object's upright axis now and at the start, rad.
-    pub(super) fn lean(&self, object: usize, state: &BodyState) -> f64 {
-        self.starts.get(object).map_or(0.0, |start| {
-            let up = |pose: &nalgebra::Isometry3<f64>| pose.rotation * Vector3::z();
-            up(start).angle(&up(&state.pose))
-        })
-    }
-
-    /// Whether both pads press the object with at least `force` N.
-    pub(super) fn held(&self, object: usize, force: f64, snapshot: &Snapshot) -> bool {
-        self.pads.iter().all(|&pad| {
-            let (pad, object) = (BodyRef::Link(pad), BodyRef::Object(object));
-            snapshot
-                .contacts
-                .iter()
-                .filter(|c| {
-                    (c.first, c.second) == (pad, object) || (c.first, c.second) == (object, pad)
-                })
-                .map(|c| c.force.norm())
-                .sum::<f64>()
-                >= force
-        })
-    }
-
-    /// Whether these two are the robot and furniture, and not a wheel on the floor.
-    fn is_collision(&self, first: BodyRef, second: BodyRef) -> bool {
-        match (first, second) {
-            (BodyRef::Link(link), BodyRef::Furniture(furniture))
-            | (BodyRef::Furniture(furniture), BodyRef::Link(link)) => {
-                furniture != 0 || !self.wheels.contains(&link)
-            }
-            _ => false,
-        }
     }
 }

@@ -3,9 +3,9 @@
 use std::path::Path;
 
 use super::draw::clearance_of;
-use super::file::{PlaceEntry, TaskFile};
-use super::predicate::Predicate;
-use crate::scene::{Place, Scene, SceneError, names, parse, provenance};
+use super::file::{FailureEntry, PlaceEntry, Target, TaskFile};
+use super::predicate::{Predicate, TARGET};
+use crate::scene::{Place, Scene, SceneError, Surface, names, parse, provenance};
 
 /// What is asked, where things may start, and when it is done.
 #[derive(Clone, Debug, PartialEq)]
@@ -18,9 +18,11 @@ pub struct TaskSpec {
     pub area: String,
     /// Scene below assets/scenes.
     pub scene: String,
-    /// Object that the task is about.
-    pub target: String,
-    /// Sentences that ask for it; a draw takes one.
+    /// What the task is about: an object or furniture that slides; a draw
+    /// takes one of them.
+    pub targets: Vec<String>,
+    /// Sentences that ask for it; a draw takes one. `{from_left}` and
+    /// `{from_right}` stand for the target's place among the targets.
     pub instructions: Vec<String>,
     /// Simulated seconds after which it has failed.
     pub time_limit: f64,
@@ -81,6 +83,8 @@ pub struct PlaceSpec {
     pub mass: Option<Range>,
     /// Coulomb coefficient; the object's own when absent.
     pub friction: Option<Range>,
+    /// How often it is there at all, 0 to 1.
+    pub chance: f64,
 }
 
 /// A condition of the task.
@@ -99,6 +103,11 @@ pub struct FailureSpec {
     pub drop: f64,
     /// Lean from how it stood while not held, radians.
     pub tilt: f64,
+    /// At rest further than this inwards from the approach edge no arm gets it,
+    /// metres; `None` where that does not matter.
+    pub reach: Option<f64>,
+    /// The robot pressed furniture harder than this, N.
+    pub force: f64,
 }
 
 /// Every task below `assets/tasks`, by name.
@@ -123,7 +132,25 @@ impl TaskSpec {
         let place = Place::file(&path);
         provenance(&place, &file.origin, &file.license)?;
         let scene = Scene::load(assets, &file.scene)?;
-        known_object(&place.key("target"), &scene, &file.target)?;
+        let targets = match file.target {
+            Target::One(target) => vec![target],
+            Target::OneOf(targets) => targets,
+        };
+        if targets.is_empty() {
+            return Err(place.key("target").wrong(
+                "an empty list",
+                "at least one name",
+                "say what the task is about",
+            ));
+        }
+        for target in &targets {
+            let slides = scene
+                .furniture_named(target)
+                .is_some_and(|body| scene.joint_of(body).is_some());
+            if !slides {
+                known_object(&place.key("target"), &scene, target)?;
+            }
+        }
         if !scene.furniture.iter().any(|body| body.area == file.area) || file.area.is_empty() {
             let mut areas: Vec<_> = scene.furniture.iter().map(|b| b.area.as_str()).collect();
             areas.sort_unstable();
@@ -148,7 +175,7 @@ impl TaskSpec {
             activity: file.activity,
             area: file.area,
             scene: file.scene,
-            target: file.target,
+            targets,
             instructions: file.instructions,
             time_limit: place.key("time_limit").within(
                 file.time_limit,
@@ -175,29 +202,20 @@ impl TaskSpec {
                     required: entry.required,
                 })
                 .collect(),
-            failure: FailureSpec {
-                drop: place.key("failure.drop").within(
-                    file.failure.drop,
-                    0.005,
-                    1.0,
-                    "m",
-                    "lengths are metres",
-                )?,
-                tilt: place
-                    .key("failure.tilt_deg")
-                    .within(
-                        file.failure.tilt_deg,
-                        5.0,
-                        180.0,
-                        "degrees",
-                        "angles are degrees",
-                    )?
-                    .to_radians(),
-            },
+            failure: read_failure(&place.key("failure"), &file.failure)?,
         };
         spec.check_conditions(&place, &scene)?;
         spec.check_room(&place, &scene)?;
         Ok(spec)
+    }
+
+    /// The surface in which the task puts something, if it does.
+    #[must_use]
+    pub fn region<'a>(&self, scene: &'a Scene) -> Option<&'a Surface> {
+        self.conditions
+            .iter()
+            .filter(|condition| condition.required)
+            .find_map(|condition| scene.surface_named(condition.predicate.region()?, None))
     }
 
     /// Where errors about this task stand.
@@ -216,7 +234,22 @@ impl TaskSpec {
         for condition in &self.conditions {
             let place = place.entry("condition", condition.predicate.label());
             for object in condition.predicate.objects() {
-                known_object(&place.key("object"), scene, object)?;
+                if object != TARGET {
+                    known_object(&place.key("object"), scene, object)?;
+                }
+            }
+            if let Some(on) = condition.predicate.region() {
+                scene.surface(&place, on, None)?;
+            }
+            if let Some(joint) = condition.predicate.joint()
+                && scene.joint_named(joint).is_none()
+            {
+                let known: Vec<_> = scene.joints.iter().map(|j| j.name.as_str()).collect();
+                return Err(place.key("joint").wrong(
+                    format!("{joint:?}"),
+                    format!("one of {}", known.join(", ")),
+                    "correct the name or give the furniture a slide",
+                ));
             }
             for (key, value, unit, most) in condition.predicate.thresholds() {
                 place
@@ -243,6 +276,30 @@ impl TaskSpec {
     }
 }
 
+fn read_failure(place: &Place, entry: &FailureEntry) -> Result<FailureSpec, SceneError> {
+    let metres = "lengths are metres";
+    Ok(FailureSpec {
+        drop: place
+            .key("drop")
+            .within(entry.drop, 0.005, 1.0, "m", metres)?,
+        tilt: place
+            .key("tilt_deg")
+            .within(entry.tilt_deg, 5.0, 180.0, "degrees", "angles are degrees")?
+            .to_radians(),
+        reach: entry
+            .reach
+            .map(|reach| place.key("reach").within(reach, 0.05, 5.0, "m", metres))
+            .transpose()?,
+        force: place.key("force").within(
+            entry.force,
+            1.0,
+            1e5,
+            "N",
+            "it is a force that ends the episode, well above that of a hard touch",
+        )?,
+    })
+}
+
 fn read_place(place: &Place, scene: &Scene, entry: &PlaceEntry) -> Result<PlaceSpec, SceneError> {
     known_object(place, scene, &entry.object)?;
     let surface = scene.surface(place, &entry.on, entry.surface.as_deref())?;
@@ -263,6 +320,13 @@ fn read_place(place: &Place, scene: &Scene, entry: &PlaceEntry) -> Result<PlaceS
             .friction
             .map(|friction| range(&place.key("friction"), friction, 0.0, 2.0, ""))
             .transpose()?,
+        chance: place.key("chance").within(
+            entry.chance.unwrap_or(1.0),
+            0.0,
+            1.0,
+            "",
+            "1 is always, 0.5 every other time",
+        )?,
     })
 }
 

@@ -12,6 +12,7 @@ mod drive;
 mod grip;
 mod mass;
 mod shape;
+mod slide;
 mod stage;
 mod state;
 mod tree;
@@ -22,7 +23,7 @@ mod laws;
 
 use nalgebra::{Isometry3, Vector3};
 use rapier3d::dynamics::{FrictionModel, SpringCoefficients};
-use rapier3d::prelude::{IntegrationParameters, PhysicsWorld};
+use rapier3d::prelude::{IntegrationParameters, PhysicsWorld, RigidBodyHandle};
 use thiserror::Error;
 use wheelarm_proto::PHYSICS_HZ;
 use wheelarm_proto::names::JOINT_NAMES;
@@ -224,15 +225,12 @@ impl World {
     pub fn snapshot(&self) -> Snapshot {
         let joints = self.joints();
         let links = self.links(&joints);
-        let objects: Vec<BodyState> = self
-            .stage
-            .objects
-            .iter()
-            .map(|&handle| {
-                let frame = convert::from_pose(self.physics.bodies[handle].position());
-                self.body_state(handle, frame)
-            })
-            .collect();
+        let free_body = |handle: RigidBodyHandle| {
+            let frame = convert::from_pose(self.physics.bodies[handle].position());
+            self.body_state(handle, frame)
+        };
+        let objects: Vec<BodyState> = self.stage.objects.iter().map(|&h| free_body(h)).collect();
+        let slides = &self.stage.slides;
         let robot = self
             .robot
             .handles
@@ -256,6 +254,8 @@ impl World {
             joints,
             links,
             objects,
+            furniture_joints: slides.iter().map(|s| s.state(&self.physics)).collect(),
+            sliding: slides.iter().map(|s| free_body(s.handle)).collect(),
             anomalies,
         }
     }
@@ -312,11 +312,7 @@ impl World {
     }
 
     /// State of a frame that rides on an engine body.
-    fn body_state(
-        &self,
-        handle: rapier3d::prelude::RigidBodyHandle,
-        pose: Isometry3<f64>,
-    ) -> BodyState {
+    fn body_state(&self, handle: RigidBodyHandle, pose: Isometry3<f64>) -> BodyState {
         let body = &self.physics.bodies[handle];
         let angular = convert::from_vector(body.angvel());
         let com = convert::from_vector(body.center_of_mass());

@@ -121,9 +121,16 @@ fn cup(
     )?;
     let place = pose(body_from_cup);
     let radius = |z: f64| bottom + (top - bottom) * z / height;
-    let mut floor = ring(CUP_SIDES, bottom, 0.0);
-    floor.extend(ring(CUP_SIDES, radius(wall), wall));
-    let mut solids = vec![(place, hull(&floor)?)];
+    // A hull's face touches with four neighbouring corners only: on a floor of
+    // sixteen corners a cup would stand on a sliver and wobble.
+    let floor = Part {
+        pose: body_from_cup * Isometry3::translation(0.0, 0.0, wall / 2.0),
+        shape: Shape::Cylinder {
+            radius: bottom,
+            half_height: wall / 2.0,
+        },
+    };
+    let mut solids = self::solids(&floor)?;
 
     let foot = CUP_FOOT.min(wall);
     let rings = [

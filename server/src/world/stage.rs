@@ -12,6 +12,7 @@ use super::contact::tag;
 use super::convert::{mass_properties, pose, real};
 use super::mass::Mass;
 use super::shape::{hull_of, solids};
+use super::slide::Slide;
 use crate::scene::{Body, Placement, Scene};
 use crate::snapshot::{Anomaly, BodyRef};
 
@@ -25,6 +26,8 @@ const ESCAPE_HEIGHT: f64 = 4.0;
 pub(super) struct Stage {
     /// Engine bodies, in the order of `Scene::objects`.
     pub objects: Vec<RigidBodyHandle>,
+    /// Furniture that slides, in the order of `Scene::joints`.
+    pub slides: Vec<Slide>,
     /// Corners of the box that holds everything, metres.
     bounds: (Point3<f64>, Point3<f64>),
 }
@@ -43,8 +46,14 @@ impl Stage {
                 placements: placements.len(),
             });
         }
+        let mut furniture = Vec::new();
         for (index, body) in scene.furniture.iter().enumerate() {
-            let handle = physics.insert_body(RigidBodyBuilder::fixed().pose(pose(&body.pose)));
+            let builder = match scene.joint_of(index) {
+                Some(joint) => Slide::body(joint, body),
+                None => RigidBodyBuilder::fixed().pose(pose(&body.pose)),
+            };
+            let handle = physics.insert_body(builder);
+            furniture.push(handle);
             insert_parts(
                 physics,
                 body,
@@ -53,6 +62,11 @@ impl Stage {
                 BodyRef::Furniture(index),
             )?;
         }
+        let slides = scene.joints.iter().map(|joint| {
+            let at = |i: usize| (furniture[i], &scene.furniture[i].pose);
+            Slide::insert(physics, joint, at(joint.carrier), at(joint.furniture))
+        });
+        let slides = slides.collect();
         let mut bounds = (Point3::from([f64::MAX; 3]), Point3::from([f64::MIN; 3]));
         for (_, collider) in physics.colliders.iter() {
             let aabb = collider.compute_aabb();
@@ -67,7 +81,7 @@ impl Stage {
             let handle = physics.insert_body(
                 RigidBodyBuilder::dynamic()
                     .pose(pose(&placement.pose))
-                    .can_sleep(false)
+                    .can_sleep(true)
                     .additional_mass_properties(mass_properties(&mass)),
             );
             insert_parts(
@@ -83,6 +97,7 @@ impl Stage {
         let height = Vector3::new(ESCAPE_MARGIN, ESCAPE_MARGIN, ESCAPE_HEIGHT);
         Ok(Self {
             objects,
+            slides,
             bounds: (bounds.0 - margin, bounds.1 + height),
         })
     }

@@ -163,7 +163,7 @@ fn a_campaign_that_is_stopped_killed_twice_and_interrupted_ends_complete() {
     for done in [0, 1] {
         let campaign = Campaign::start(&args);
         wait_for("the next episode", || {
-            done_lines(&out).len() == done && at_work(&out)
+            done_lines(&out).len() == done && campaign.at_work(&out)
         });
         campaign.signal("KILL");
         campaign.end();

@@ -6,4 +6,6 @@ mod collect_many;
 mod episode;
 mod gate;
 mod recorder;
+mod settle;
+mod tasks;
 mod tidy;

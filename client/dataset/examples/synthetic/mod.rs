@@ -198,6 +198,12 @@ impl Random {
                 twist: (0..objects).map(|_| self.twist()).collect(),
             }
             .encode_to_vec(),
+            "furniture_joint" => v1::FurnitureJoints {
+                header,
+                position: self.list(2),
+                velocity: self.list(2),
+            }
+            .encode_to_vec(),
             "contact" => v1::Contacts {
                 header,
                 pad_force: self.list(2),
@@ -297,6 +303,9 @@ pub fn started(label: &str) -> v1::EpisodeStarted {
         adapter: "made up".into(),
         version: "0.1.0".into(),
         objects: ["mustard", "tomato_soup", "crackers"]
+            .map(String::from)
+            .to_vec(),
+        joints: ["drawer_1_joint", "drawer_2_joint"]
             .map(String::from)
             .to_vec(),
     }

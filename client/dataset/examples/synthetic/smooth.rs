@@ -224,6 +224,15 @@ pub fn tick(index: u64, seconds: f64, sequence: u64) -> Vec<(&'static str, Vec<u
             .encode_to_vec(),
         ),
         (
+            "furniture_joint",
+            v1::FurnitureJoints {
+                header: head(),
+                position: vec![0.0; 2],
+                velocity: vec![0.0; 2],
+            }
+            .encode_to_vec(),
+        ),
+        (
             "contact",
             v1::Contacts {
                 header: head(),

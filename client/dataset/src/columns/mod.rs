@@ -22,6 +22,8 @@ pub enum Axis {
     Frames,
     /// The objects of the scene, as the episode's start names them.
     Objects,
+    /// The joints of the furniture, as the episode's start names them.
+    FurnitureJoints,
     /// The conditions of the task.
     Conditions,
     /// The strongest contacts, at most [`MAX_CONTACTS`].
@@ -40,6 +42,8 @@ pub const MAX_CONTACTS: usize = 16;
 pub struct Context {
     /// Object names in the order of `ObjectPoses`.
     pub objects: Vec<String>,
+    /// Names of the furniture's joints in the order of `FurnitureJoints`.
+    pub furniture_joints: Vec<String>,
     /// Condition names in the order in which they first appeared.
     pub conditions: Vec<String>,
 }
@@ -52,6 +56,7 @@ impl Axis {
             Self::Joints => names::JOINT_NAMES.len(),
             Self::Frames => names::FRAMES.len(),
             Self::Objects => context.objects.len(),
+            Self::FurnitureJoints => context.furniture_joints.len(),
             Self::Conditions => context.conditions.len(),
             Self::Contacts => MAX_CONTACTS,
             Self::Names(n) | Self::Components(n) => n.len(),
@@ -69,6 +74,7 @@ impl Axis {
                 names::FRAMES.iter().map(|f| f.name.to_owned()).collect(),
             )),
             Self::Objects => Some(("names", context.objects.clone())),
+            Self::FurnitureJoints => Some(("names", context.furniture_joints.clone())),
             Self::Conditions => Some(("names", context.conditions.clone())),
             Self::Contacts => None,
             Self::Names(n) => Some(("names", owned(n))),

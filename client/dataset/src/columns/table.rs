@@ -319,6 +319,26 @@ static OBJECT_POSE: Table<v1::ObjectPoses> = Table {
     ],
 };
 
+static FURNITURE_JOINT: Table<v1::FurnitureJoints> = Table {
+    stream: "furniture_joint",
+    columns: &[
+        f64s(
+            "position",
+            "m or rad",
+            "",
+            &[Axis::FurnitureJoints],
+            |m, _, o| o.extend(&m.position),
+        ),
+        f64s(
+            "velocity",
+            "m/s or rad/s",
+            "",
+            &[Axis::FurnitureJoints],
+            |m, _, o| o.extend(&m.velocity),
+        ),
+    ],
+};
+
 static CONTACT: Table<v1::Contacts> = Table {
     stream: "contact",
     columns: &[
@@ -411,7 +431,7 @@ static STATE_HASH: Table<v1::StateHash> = Table {
 /// Every state stream that a file can hold, in the order of
 /// `wheelarm_proto::names::STREAMS`.
 #[must_use]
-pub fn streams() -> [&'static dyn Stream; 12] {
+pub fn streams() -> [&'static dyn Stream; 13] {
     [
         &JOINT_STATE,
         &POSE_SET,
@@ -421,6 +441,7 @@ pub fn streams() -> [&'static dyn Stream; 12] {
         &COMMAND,
         &APPLIED,
         &OBJECT_POSE,
+        &FURNITURE_JOINT,
         &CONTACT,
         &EVALUATION,
         &PHASE,

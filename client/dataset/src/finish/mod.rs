@@ -3,7 +3,7 @@
 
 mod account;
 mod events;
-mod place;
+pub(crate) mod place;
 mod root;
 mod streams;
 
@@ -155,6 +155,7 @@ fn write(path: &Path, scan: &Scan, account: &Account) -> Result<(), FinishError>
     let last = last_evaluation(scan, evaluation_stream)?;
     let context = Context {
         objects: started.objects.clone(),
+        furniture_joints: started.joints.clone(),
         conditions: conditions(scan, evaluation_stream)?,
     };
     let file = hdf5::File::create(path)?;

@@ -6,7 +6,7 @@ use std::path::Path;
 
 /// Gives the temporary file its final name. Fails with `AlreadyExists` when
 /// the name is taken; then both files stay as they are.
-pub(super) fn place(temporary: &Path, target: &Path) -> io::Result<()> {
+pub(crate) fn place(temporary: &Path, target: &Path) -> io::Result<()> {
     File::open(temporary)?.sync_all()?;
     match std::fs::hard_link(temporary, target) {
         Ok(()) => std::fs::remove_file(temporary)?,
@@ -22,7 +22,7 @@ pub(super) fn place(temporary: &Path, target: &Path) -> io::Result<()> {
 }
 
 /// Makes a new or removed name durable.
-pub(super) fn sync_folder(file: &Path) -> io::Result<()> {
+pub(crate) fn sync_folder(file: &Path) -> io::Result<()> {
     let folder = match file.parent() {
         Some(folder) if !folder.as_os_str().is_empty() => folder,
         _ => Path::new("."),

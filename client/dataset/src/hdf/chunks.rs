@@ -31,6 +31,21 @@ impl Chunked {
         rows: usize,
         filters: Filters,
     ) -> hdf5::Result<Self> {
+        Self::create_at_level::<T>(group, name, count, shape, rows, (filters, compress::LEVEL))
+    }
+
+    /// The same with the level that the file shall name.
+    ///
+    /// # Errors
+    /// Those of HDF5.
+    pub fn create_at_level<T: H5Type>(
+        group: &Group,
+        name: &str,
+        count: usize,
+        shape: &[usize],
+        rows: usize,
+        (filters, level): (Filters, u8),
+    ) -> hdf5::Result<Self> {
         let extents = std::iter::once(Extent::resizable(count))
             .chain(shape.iter().map(|&n| Extent::fixed(n)));
         let chunk: Vec<usize> = std::iter::once(rows).chain(shape.iter().copied()).collect();
@@ -39,13 +54,35 @@ impl Chunked {
             builder = builder.shuffle();
         }
         let data = builder
-            .deflate(compress::LEVEL)
+            .deflate(level)
             .shape(SimpleExtents::new(extents))
             .create(name)?;
         Ok(Self {
             data,
             rows,
             trailing: shape.len(),
+        })
+    }
+
+    /// Creates a list of fixed length with `rows` elements in a chunk.
+    ///
+    /// # Errors
+    /// Those of HDF5.
+    pub fn create_fixed<T: H5Type>(
+        group: &Group,
+        name: &str,
+        count: usize,
+        rows: usize,
+        (filters, level): (Filters, u8),
+    ) -> hdf5::Result<Self> {
+        let mut builder = group.new_dataset::<T>().chunk([rows]);
+        if filters == Filters::ShuffleDeflate {
+            builder = builder.shuffle();
+        }
+        Ok(Self {
+            data: builder.deflate(level).shape([count]).create(name)?,
+            rows,
+            trailing: 0,
         })
     }
 

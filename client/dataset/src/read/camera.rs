@@ -5,6 +5,7 @@ use hdf5::types::{IntSize, TypeDescriptor};
 use ndarray::s;
 use wheelarm_proto::v1;
 
+use super::chunks::ChunkMap;
 use super::{Episode, ReadError, place};
 
 /// One camera of an episode.
@@ -14,6 +15,7 @@ pub struct Camera {
     rgb: Option<Dataset>,
     depth: Option<Dataset>,
     ids: Option<Dataset>,
+    maps: [Option<ChunkMap>; 3],
     millimetres: bool,
     stamps: Vec<u64>,
     sequences: Vec<u64>,
@@ -58,15 +60,19 @@ impl Camera {
             .as_ref()
             .and_then(|d| d.dtype().and_then(|t| t.to_descriptor()).ok())
             == Some(TypeDescriptor::Unsigned(IntSize::U2));
+        let (rgb, ids) = (picture("rgb"), picture("ids"));
+        let map = |d: &Option<Dataset>| d.as_ref().and_then(|d| ChunkMap::new(episode.path(), d));
+        let maps = [map(&rgb), map(&depth), map(&ids)];
         Ok(Self {
+            maps,
             stamps: column("stamp_nanos")?,
             sequences: column("sequence")?,
             ticks: column("tick")?,
             intrinsics: episode.raw(&place(&stream, "intrinsics"))?,
             poses: episode.raw(&place(&stream, "pose"))?,
-            rgb: picture("rgb"),
+            rgb,
             depth,
-            ids: picture("ids"),
+            ids,
             millimetres,
             name: stream,
         })
@@ -90,53 +96,153 @@ impl Camera {
         &self.stamps
     }
 
+    /// Width and height of the pictures, pixels; `None` without any.
+    #[must_use]
+    pub fn size(&self) -> Option<(usize, usize)> {
+        match self.rgb.as_ref()?.shape().as_slice() {
+            [_, height, width, 3] => Some((*width, *height)),
+            _ => None,
+        }
+    }
+
+    /// Whether depth is stored as millimetres.
+    #[must_use]
+    pub fn millimetres(&self) -> bool {
+        self.millimetres
+    }
+
+    /// Name of the camera's stream, `camera/NAME`.
+    #[must_use]
+    pub fn stream(&self) -> &str {
+        &self.name
+    }
+
+    /// The datasets `rgb`, `depth`, `ids` with their chunks, where they are
+    /// stored one picture to a chunk.
+    #[must_use]
+    pub fn picture_chunks(&self) -> Vec<(&'static str, &Dataset, &ChunkMap)> {
+        ["rgb", "depth", "ids"]
+            .into_iter()
+            .zip([&self.rgb, &self.depth, &self.ids])
+            .zip(&self.maps)
+            .filter_map(|((name, data), map)| Some((name, data.as_ref()?, map.as_ref()?)))
+            .collect()
+    }
+
+    fn absent(&self, episode: &Episode, index: usize) -> ReadError {
+        let why = hdf5::Error::Internal("there is no such picture".into());
+        episode.hdf5(&format!("{} frame {index}", self.name), why)
+    }
+
+    /// Little-endian bytes of one picture of `which` (0 rgb, 1 depth, 2 ids).
+    fn bytes(&self, episode: &Episode, which: usize, index: usize) -> Result<Vec<u8>, ReadError> {
+        let failed = |e: hdf5::Error| episode.hdf5(&format!("{} frame {index}", self.name), e);
+        if index >= self.len() {
+            return Err(self.absent(episode, index));
+        }
+        if let Some(map) = &self.maps[which] {
+            let read = map.sample(index);
+            return read.map_err(|e| failed(hdf5::Error::Internal(e.to_string())));
+        }
+        let data = [&self.rgb, &self.depth, &self.ids][which];
+        let data = data.as_ref().ok_or_else(|| self.absent(episode, index))?;
+        Ok(match (which, self.millimetres) {
+            (0, _) => {
+                data.read_slice::<u8, _, ndarray::Ix3>(s![index, .., .., ..])
+                    .map_err(failed)?
+                    .into_raw_vec_and_offset()
+                    .0
+            }
+            (2, _) => {
+                data.read_slice::<u8, _, ndarray::Ix2>(s![index, .., ..])
+                    .map_err(failed)?
+                    .into_raw_vec_and_offset()
+                    .0
+            }
+            (_, true) => data
+                .read_slice::<u16, _, ndarray::Ix2>(s![index, .., ..])
+                .map_err(failed)?
+                .iter()
+                .flat_map(|v| v.to_le_bytes())
+                .collect(),
+            (_, false) => data
+                .read_slice::<f32, _, ndarray::Ix2>(s![index, .., ..])
+                .map_err(failed)?
+                .iter()
+                .flat_map(|v| v.to_le_bytes())
+                .collect(),
+        })
+    }
+
+    /// RGB8 of one picture, row-major from the top left.
+    ///
+    /// # Errors
+    /// When there is no such picture or it cannot be read.
+    pub fn rgb(&self, episode: &Episode, index: usize) -> Result<Vec<u8>, ReadError> {
+        self.bytes(episode, 0, index)
+    }
+
+    /// Depth of one picture, metres along the optical axis; +inf where nothing
+    /// is hit.
+    ///
+    /// # Errors
+    /// When there is no such picture or it cannot be read.
+    pub fn depth(&self, episode: &Episode, index: usize) -> Result<Vec<f32>, ReadError> {
+        let bytes = self.bytes(episode, 1, index)?;
+        Ok(if self.millimetres {
+            let (pairs, _) = bytes.as_chunks::<2>();
+            pairs
+                .iter()
+                .map(|&b| metres(u16::from_le_bytes(b)))
+                .collect()
+        } else {
+            let (fours, _) = bytes.as_chunks::<4>();
+            fours.iter().map(|&b| f32::from_le_bytes(b)).collect()
+        })
+    }
+
+    /// Instance ids of one picture, 0 where nothing is hit.
+    ///
+    /// # Errors
+    /// When there is no such picture or it cannot be read.
+    pub fn ids(&self, episode: &Episode, index: usize) -> Result<Vec<u8>, ReadError> {
+        self.bytes(episode, 2, index)
+    }
+
+    /// Intrinsics of one picture: width, height, fx, fy, cx, cy in pixels.
+    #[must_use]
+    pub fn intrinsics(&self, index: usize) -> [f64; 6] {
+        std::array::from_fn(|k| {
+            self.intrinsics
+                .get(6 * index + k)
+                .copied()
+                .unwrap_or(f64::NAN)
+        })
+    }
+
+    /// Pose of the optical frame in `house`: x y z, qx qy qz qw.
+    #[must_use]
+    pub fn pose(&self, index: usize) -> [f64; 7] {
+        std::array::from_fn(|k| self.poses.get(7 * index + k).copied().unwrap_or(f64::NAN))
+    }
+
     /// Reads frame `index`.
     ///
     /// # Errors
     /// When there is no such frame or it cannot be read.
     pub fn frame(&self, episode: &Episode, index: usize) -> Result<Frame, ReadError> {
-        let failed = |e: hdf5::Error| episode.hdf5(&format!("{} frame {index}", self.name), e);
-        let absent = || failed(hdf5::Error::Internal("there is no such frame".into()));
-        let (Some(rgb), Some(depth), Some(ids)) = (&self.rgb, &self.depth, &self.ids) else {
-            return Err(absent());
-        };
-        if index >= self.len() {
-            return Err(absent());
-        }
+        let (width, height) = self.size().ok_or_else(|| self.absent(episode, index))?;
         let one = |list: &[u64]| list.get(index).copied().unwrap_or(0);
         let i = |k: usize| self.intrinsics.get(6 * index + k).copied().unwrap_or(0.0);
-        let rgb = rgb
-            .read_slice::<u8, _, ndarray::Ix3>(s![index, .., .., ..])
-            .map_err(failed)?;
-        let (height, width, _) = rgb.dim();
-        let depth = if self.millimetres {
-            let raw = depth
-                .read_slice::<u16, _, ndarray::Ix2>(s![index, .., ..])
-                .map_err(failed)?;
-            raw.iter().map(|&mm| metres(mm)).collect()
-        } else {
-            depth
-                .read_slice::<f32, _, ndarray::Ix2>(s![index, .., ..])
-                .map_err(failed)?
-                .into_raw_vec_and_offset()
-                .0
-        };
-        let ids = ids
-            .read_slice::<u8, _, ndarray::Ix2>(s![index, .., ..])
-            .map_err(failed)?;
-        let mut pose = [f64::NAN; 7];
-        for (to, from) in pose.iter_mut().zip(self.poses.iter().skip(7 * index)) {
-            *to = *from;
-        }
         Ok(Frame {
             stamp_nanos: one(&self.stamps),
             sequence: one(&self.sequences),
             tick: one(&self.ticks),
             width,
             height,
-            rgb: rgb.into_raw_vec_and_offset().0,
-            depth,
-            ids: ids.into_raw_vec_and_offset().0,
+            rgb: self.rgb(episode, index)?,
+            depth: self.depth(episode, index)?,
+            ids: self.ids(episode, index)?,
             intrinsics: v1::Intrinsics {
                 width: width as u32,
                 height: height as u32,
@@ -145,7 +251,7 @@ impl Camera {
                 cx: i(4),
                 cy: i(5),
             },
-            pose,
+            pose: self.pose(index),
         })
     }
 }

@@ -2,8 +2,12 @@
 //! messages that replay needs, the pictures.
 
 mod camera;
+mod chunks;
+mod column;
 
 pub use camera::{Camera, Frame};
+pub use chunks::ChunkMap;
+pub use column::{ColumnMeta, ElementKind, Values};
 
 use std::path::{Path, PathBuf};
 

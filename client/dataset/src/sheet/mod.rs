@@ -1,11 +1,14 @@
 //! The contact sheet: one PNG that shows what an episode is like. Pictures of
 //! every camera with depth over time, then plots of the movement.
 
-mod label;
+pub mod grid;
+pub(crate) mod label;
 mod mount;
-mod picture;
-mod plots;
-mod style;
+pub(crate) mod picture;
+pub(crate) mod plots;
+pub(crate) mod style;
+
+pub(crate) use mount::mount_pose;
 
 use std::path::Path;
 
@@ -18,8 +21,9 @@ use style::{
     AMBER, COLUMNS, GAP, GREEN, GREY, GUTTER, HEADER, INK, MARGIN, PAPER, PLOTS, RED, TIMES, WIDTH,
 };
 
-type Area<'a> = DrawingArea<BitMapBackend<'a>, Shift>;
-type DrawError = DrawingAreaErrorKind<<BitMapBackend<'static> as DrawingBackend>::ErrorType>;
+pub(crate) type Area<'a> = DrawingArea<BitMapBackend<'a>, Shift>;
+pub(crate) type DrawError =
+    DrawingAreaErrorKind<<BitMapBackend<'static> as DrawingBackend>::ErrorType>;
 
 /// Why there is no sheet.
 #[derive(Debug, thiserror::Error)]

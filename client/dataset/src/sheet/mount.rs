@@ -25,6 +25,17 @@ struct Joint<'a> {
     parent: &'a str,
     child: &'a str,
     origin: Plane,
+    height: f64,
+    tilted: bool,
+}
+
+/// `base_link` in `wheelchair_root`: x y z, qx qy qz qw; `None` when the mount
+/// is tilted.
+pub fn mount_pose(assets: &[v1::AssetText]) -> Option<[f64; 7]> {
+    let urdf = assets.iter().find(|a| a.path.ends_with(".urdf"))?;
+    let (plane, height, tilted) = chain(&urdf.text)?;
+    let (s, c) = (0.5 * plane.yaw).sin_cos();
+    (!tilted).then_some([plane.x, plane.y, height, 0.0, 0.0, s, c])
 }
 
 /// `base_link` in `wheelchair_root`, seen from above.
@@ -34,6 +45,10 @@ pub fn arm_mount(assets: &[v1::AssetText]) -> Option<Plane> {
 }
 
 fn mount_in(urdf: &str) -> Option<Plane> {
+    chain(urdf).map(|c| c.0)
+}
+
+fn chain(urdf: &str) -> Option<(Plane, f64, bool)> {
     let joints: Vec<Joint<'_>> = urdf
         .split("<joint ")
         .skip(1)
@@ -44,10 +59,11 @@ fn mount_in(urdf: &str) -> Option<Plane> {
         y: 0.0,
         yaw: 0.0,
     };
+    let (mut height, mut tilted) = (0.0, false);
     let mut link = "base_link";
     for _ in 0..=joints.len() {
         if link == "wheelchair_root" {
-            return Some(out);
+            return Some((out, height, tilted));
         }
         let joint = joints.iter().find(|j| j.child == link)?;
         let (x, y) = joint.origin.point(out.x, out.y);
@@ -56,6 +72,8 @@ fn mount_in(urdf: &str) -> Option<Plane> {
             y,
             yaw: out.yaw + joint.origin.yaw,
         };
+        height += joint.height;
+        tilted |= joint.tilted;
         link = joint.parent;
     }
     None
@@ -81,6 +99,8 @@ fn joint(block: &str) -> Option<Joint<'_>> {
             y: at(&xyz, 1),
             yaw: at(&rpy, 2),
         },
+        height: at(&xyz, 2),
+        tilted: at(&rpy, 0).abs() + at(&rpy, 1).abs() > 1e-9,
     })
 }
 

@@ -8,9 +8,9 @@ use super::{Area, DrawError, SheetError, label};
 use crate::read::{Episode, ReadError};
 
 /// A line over time: its name and (seconds, value).
-struct Line {
-    name: String,
-    points: Vec<(f64, f64)>,
+pub struct Line {
+    pub name: String,
+    pub points: Vec<(f64, f64)>,
 }
 
 /// Draws all plots side by side.
@@ -40,7 +40,7 @@ fn series(episode: &Episode, stream: &str, column: &str, at: usize) -> Result<Ve
     Ok(all.iter().skip(at).step_by(width).copied().collect())
 }
 
-fn line(
+pub fn line(
     episode: &Episode,
     (stream, column, at): (&str, &str, usize),
     name: &str,
@@ -98,9 +98,9 @@ fn speed(episode: &Episode, area: &Area<'_>, start: u64) -> Result<(), SheetErro
 }
 
 /// Stretches of one phase: label, name, begin and end in seconds.
-type Stretch = (u64, String, f64, f64);
+pub type Stretch = (u64, String, f64, f64);
 
-fn phases(episode: &Episode, start: u64) -> Result<Vec<Stretch>, ReadError> {
+pub fn phases(episode: &Episode, start: u64) -> Result<Vec<Stretch>, ReadError> {
     let times = seconds(episode, "phase", start)?;
     let labels = episode.u64s("phase", "label")?;
     let names = episode.texts("phase", "phase")?;
@@ -139,7 +139,7 @@ fn range(values: impl Iterator<Item = f64>, pad: f64) -> (f64, f64) {
     (low - room, high + room)
 }
 
-fn over_time(
+pub fn over_time(
     area: &Area<'_>,
     title: &str,
     lines: &[Line],
@@ -209,7 +209,7 @@ fn over_time(
 }
 
 /// Yaw of a quaternion x y z w.
-fn yaw(q: [f64; 4]) -> f64 {
+pub fn yaw(q: [f64; 4]) -> f64 {
     let [x, y, z, w] = q;
     (2.0 * (w * z + x * y)).atan2(1.0 - 2.0 * (y * y + z * z))
 }

@@ -34,6 +34,8 @@ fn snapshot(model: &RobotModel, house_from_chair: Isometry3<f64>) -> Snapshot {
         joints: Vec::new(),
         links,
         objects: Vec::new(),
+        furniture_joints: Vec::new(),
+        sliding: Vec::new(),
         contacts: Vec::new(),
         anomalies: Vec::new(),
     }

@@ -36,8 +36,8 @@ pub struct Renderer {
     targets: Vec<Target>,
     scene_groups: Vec<wgpu::BindGroup>,
     shadow_group: wgpu::BindGroup,
-    /// Links and objects that a snapshot must have.
-    expected: [usize; 2],
+    /// Links, objects and sliding furniture that a snapshot must have.
+    expected: [usize; 3],
     read: Vec<wgpu::Buffer>,
     memory: Vec<Memory>,
     pending: Option<Pending>,
@@ -75,8 +75,9 @@ impl Renderer {
                 Binding::World => usize::MAX,
                 Binding::Link(_) => scene.links,
                 Binding::Object(_) => scene.objects,
+                Binding::Sliding(_) => scene.sliding,
             };
-            if let Binding::Link(i) | Binding::Object(i) = camera.binding
+            if let Binding::Link(i) | Binding::Object(i) | Binding::Sliding(i) = camera.binding
                 && i >= count
             {
                 return Err(RenderError::BadCamera {
@@ -164,7 +165,7 @@ impl Renderer {
             shadow,
             lighting: scene.lighting,
             surroundings,
-            expected: [scene.links, scene.objects],
+            expected: [scene.links, scene.objects, scene.sliding],
             info,
             device,
             queue,
@@ -333,8 +334,12 @@ impl Renderer {
     }
 
     fn check_request(&self, snapshot: &Snapshot, cameras: &[usize]) -> Result<(), RenderError> {
-        let found = [snapshot.links.len(), snapshot.objects.len()];
-        for (kind, k) in [("links", 0), ("objects", 1)] {
+        let found = [
+            snapshot.links.len(),
+            snapshot.objects.len(),
+            snapshot.sliding.len(),
+        ];
+        for (kind, k) in [("links", 0), ("objects", 1), ("pieces of furniture", 2)] {
             if found[k] != self.expected[k] {
                 return Err(RenderError::SnapshotMismatch {
                     kind,
@@ -453,6 +458,7 @@ fn world_from(binding: Binding, snapshot: &Snapshot) -> Isometry3<f64> {
         Binding::World => Isometry3::identity(),
         Binding::Link(i) => snapshot.links[i].pose,
         Binding::Object(i) => snapshot.objects[i].pose,
+        Binding::Sliding(i) => snapshot.sliding[i].pose,
     }
 }
 

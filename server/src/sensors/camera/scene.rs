@@ -21,6 +21,8 @@ pub enum Binding {
     Link(usize),
     /// Index into `Scene::objects` and `Snapshot::objects`.
     Object(usize),
+    /// Index into `Scene::joints` and `Snapshot::sliding`.
+    Sliding(usize),
 }
 
 /// A mesh that is drawn.
@@ -56,6 +58,8 @@ pub struct RenderScene {
     pub links: usize,
     /// Objects that a snapshot must have.
     pub objects: usize,
+    /// Pieces of furniture on joints that a snapshot must have.
+    pub sliding: usize,
 }
 
 /// Furniture that reaches this high is part of the building, metres.
@@ -86,6 +90,7 @@ impl RenderScene {
             instances: Vec::new(),
             links: robot.links.len(),
             objects: scene.objects.len(),
+            sliding: scene.joints.len(),
         };
         let mut meshes = MeshCache {
             assets,
@@ -99,8 +104,12 @@ impl RenderScene {
             let at = (Binding::Link(i), Isometry3::identity());
             built.add_body(&link.name, &link.visual, at, &mut meshes)?;
         }
-        for body in &scene.furniture {
-            let at = (Binding::World, body.pose);
+        for (i, body) in scene.furniture.iter().enumerate() {
+            let joint = scene.joints.iter().position(|j| j.furniture == i);
+            let at = match joint {
+                Some(joint) => (Binding::Sliding(joint), Isometry3::identity()),
+                None => (Binding::World, body.pose),
+            };
             built.add_body(&body.name, &body.visual, at, &mut meshes)?;
         }
         Ok(built)

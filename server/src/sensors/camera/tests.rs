@@ -46,6 +46,7 @@ fn scene(items: Vec<RenderItem>, objects: usize) -> RenderScene {
         lighting: LIGHT,
         links: 0,
         objects,
+        sliding: 0,
     }
 }
 
@@ -60,6 +61,8 @@ fn snapshot(objects: &[[f64; 3]]) -> Snapshot {
         joints: Vec::new(),
         links: Vec::new(),
         objects: objects.iter().map(body).collect(),
+        furniture_joints: Vec::new(),
+        sliding: Vec::new(),
         contacts: Vec::new(),
         anomalies: Vec::new(),
     }
@@ -347,6 +350,9 @@ fn ids_of_the_home_follow_the_legend() {
     };
     let mut snapshot = snapshot(&vec![[0.0; 3]; home.objects.len()]);
     snapshot.links = vec![rest; robot.links.len()];
+    let slides = home.joints.iter();
+    let slides = slides.map(|joint| BodyState::resting(home.furniture[joint.furniture].pose));
+    snapshot.sliding = slides.collect();
     for (body, object) in snapshot.objects.iter_mut().zip(&home.objects) {
         body.pose = object.pose;
     }

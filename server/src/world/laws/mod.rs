@@ -42,6 +42,7 @@ fn body(name: &str, pose: Isometry3<f64>, friction: f64, shape: Shape) -> Body {
         hulls: Vec::new(),
         visual: Vec::new(),
         grasps: Vec::new(),
+        optional: false,
     }
 }
 
@@ -88,6 +89,7 @@ fn scene(furniture: Vec<Body>, objects: Vec<Body>) -> (Scene, Vec<Placement>) {
         furniture,
         objects,
         surfaces: Vec::new(),
+        joints: Vec::new(),
         lighting: Lighting {
             sun_direction: [0.0, 0.0, 1.0],
             sun: [1.0; 3],

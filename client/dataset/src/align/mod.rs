@@ -1,0 +1,393 @@
+//! Every stream at the stamps of one camera: linear for vectors, slerp for
+//! orientations, unwrapped for angles, nearest for everything that does not
+//! move continuously. A row that is not enclosed by samples near enough is
+//! marked, never made up. One column is in memory at a time beside the result.
+
+pub mod accuracy;
+mod file;
+pub mod interpolate;
+#[cfg(test)]
+mod laws;
+
+pub use file::write;
+
+use std::collections::BTreeMap;
+
+use crate::read::{ColumnMeta, ElementKind, Episode, ReadError, Values};
+use interpolate::{Place, linear, nearest, place, slerp, unwrap};
+
+/// The camera whose stamps are the rows, as in the original.
+pub const REFERENCE: &str = "gen3";
+/// Samples may be this many usual distances apart before a row between them
+/// counts as a gap. One lost sample is bridged, two are not.
+const GAP: f64 = 2.5;
+
+/// What is aligned and how strictly.
+#[derive(Clone, Debug)]
+pub struct AlignOptions {
+    /// Camera whose stamps are the rows.
+    pub reference: String,
+    /// Greatest distance of the two samples around a row by stream, seconds;
+    /// 2.5 times the stream's usual distance for streams without an entry.
+    pub limits: BTreeMap<String, f64>,
+}
+
+impl Default for AlignOptions {
+    fn default() -> Self {
+        Self {
+            reference: REFERENCE.to_owned(),
+            limits: BTreeMap::new(),
+        }
+    }
+}
+
+/// How the values of a column are found between samples.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Rule {
+    /// Straight line.
+    Linear,
+    /// Straight line of the unwrapped angle.
+    Angle,
+    /// Position linear, orientation by slerp.
+    Pose,
+    /// Slerp.
+    Quaternion,
+    /// The nearest sample.
+    Nearest,
+}
+
+impl Rule {
+    /// The rule in a word, as files name it.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Linear => "linear",
+            Self::Angle => "linear, unwrapped",
+            Self::Pose => "linear and slerp",
+            Self::Quaternion => "slerp",
+            Self::Nearest => "nearest",
+        }
+    }
+
+    /// The rule of a column by what it says of itself.
+    #[must_use]
+    pub fn of(meta: &ColumnMeta) -> Self {
+        // Commands and lists of contacts jump; between two of them lies nothing.
+        let jumps = match meta.stream.as_str() {
+            "command" | "evaluation" => true,
+            "applied" => matches!(meta.name.as_str(), "arm" | "base" | "gripper"),
+            "contact" => meta.name != "pad_force",
+            _ => false,
+        };
+        if meta.kind != ElementKind::F64 || jumps {
+            Self::Nearest
+        } else if meta.components == ["x", "y", "z", "qx", "qy", "qz", "qw"] {
+            Self::Pose
+        } else if meta.components == ["x", "y", "z", "w"] {
+            Self::Quaternion
+        } else if meta.units == "rad" {
+            Self::Angle
+        } else {
+            Self::Linear
+        }
+    }
+}
+
+/// A column at the rows' stamps.
+#[derive(Clone, Debug)]
+pub struct Signal {
+    /// What the column says of itself; `count` is the number of rows.
+    pub meta: ColumnMeta,
+    /// How its values were found.
+    pub rule: Rule,
+    /// The values; NaN, 0 or empty in rows that are not valid.
+    pub values: Values,
+}
+
+impl Signal {
+    /// The numbers of one row; empty for a column of another kind.
+    #[must_use]
+    pub fn row(&self, index: usize) -> &[f64] {
+        let width = self.meta.width();
+        match &self.values {
+            Values::F64(all) => all.get(index * width..(index + 1) * width).unwrap_or(&[]),
+            _ => &[],
+        }
+    }
+}
+
+/// A stream's share in the alignment.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Coverage {
+    /// First and last stamp, nanoseconds.
+    pub span: (u64, u64),
+    /// Samples.
+    pub samples: usize,
+    /// Age limit, nanoseconds.
+    pub limit: u64,
+    /// Which rows have a value.
+    pub valid: Vec<bool>,
+    /// Distance of every row to its nearest sample, nanoseconds.
+    pub age: Vec<u64>,
+}
+
+/// An episode at the stamps of one camera.
+#[derive(Clone, Debug)]
+pub struct Aligned {
+    /// The camera.
+    pub reference: String,
+    /// Stamps of the rows, nanoseconds of simulation time.
+    pub stamps: Vec<u64>,
+    /// The columns.
+    pub signals: Vec<Signal>,
+    /// By stream: which rows are valid, and why not.
+    pub coverage: BTreeMap<String, Coverage>,
+    /// By camera: the picture of every row.
+    pub frames: BTreeMap<String, Vec<Option<usize>>>,
+}
+
+impl Aligned {
+    /// A column.
+    #[must_use]
+    pub fn signal(&self, stream: &str, column: &str) -> Option<&Signal> {
+        self.signals
+            .iter()
+            .find(|s| s.meta.stream == stream && s.meta.name == column)
+    }
+
+    /// Rows in which all the named streams and all the cameras have a value.
+    #[must_use]
+    pub fn whole_rows(&self, streams: &[&str], cameras: &[String]) -> Vec<usize> {
+        (0..self.stamps.len())
+            .filter(|&row| {
+                let stream = |s: &&str| self.coverage.get(*s).is_some_and(|c| c.valid[row]);
+                let camera = |c: &String| self.frames.get(c).is_some_and(|f| f[row].is_some());
+                streams.iter().all(stream) && cameras.iter().all(camera)
+            })
+            .collect()
+    }
+}
+
+/// Usual distance of two samples, nanoseconds: the median.
+#[must_use]
+pub fn usual_distance(stamps: &[u64]) -> Option<u64> {
+    let mut all: Vec<u64> = stamps
+        .windows(2)
+        .map(|w| w[1].saturating_sub(w[0]))
+        .collect();
+    let middle = all.len() / 2;
+    (!all.is_empty()).then(|| *all.select_nth_unstable(middle).1)
+}
+
+/// Why an episode cannot be aligned.
+#[derive(Debug, thiserror::Error)]
+pub enum AlignError {
+    /// The file.
+    #[error(transparent)]
+    Read(#[from] ReadError),
+    /// The rows.
+    #[error(
+        "{file} has no pictures of the camera {camera:?} to align to; it has {there:?}: choose one with --reference"
+    )]
+    NoReference {
+        /// The file.
+        file: String,
+        /// Camera asked for.
+        camera: String,
+        /// Cameras in the file.
+        there: Vec<String>,
+    },
+    /// Interpolation needs rising stamps.
+    #[error(
+        "{file}: the stamps of {stream} do not rise at sample {sample}; `wheelarm dataset validate` says more"
+    )]
+    Disorder {
+        /// The file.
+        file: String,
+        /// The stream.
+        stream: String,
+        /// First sample that is not later than the one before.
+        sample: usize,
+    },
+}
+
+/// Aligns the streams that `wanted` accepts (all state streams of the file are
+/// offered) and every camera.
+///
+/// # Errors
+/// When the reference camera has no pictures, a column cannot be read, or
+/// stamps do not rise.
+pub fn align(
+    episode: &Episode,
+    options: &AlignOptions,
+    wanted: &dyn Fn(&str) -> bool,
+) -> Result<Aligned, AlignError> {
+    let cameras = episode.cameras()?;
+    let reference = format!("camera/{}", options.reference);
+    let stamps = if cameras.contains(&options.reference) {
+        rising(episode, &reference)?
+    } else {
+        Vec::new()
+    };
+    if stamps.is_empty() {
+        return Err(AlignError::NoReference {
+            file: episode.path().display().to_string(),
+            camera: options.reference.clone(),
+            there: cameras,
+        });
+    }
+    let mut aligned = Aligned {
+        reference: options.reference.clone(),
+        stamps,
+        signals: Vec::new(),
+        coverage: BTreeMap::new(),
+        frames: BTreeMap::new(),
+    };
+    for stream in episode.streams()? {
+        let own = options.limits.get(&stream).copied();
+        if let Some(camera) = stream.strip_prefix("camera/") {
+            let times = rising(episode, &stream)?;
+            let usual = usual_distance(&times).unwrap_or(0);
+            let limit = own.map_or(usual / 2, nanos);
+            let frames = aligned.stamps.iter().map(|&t| nearest(&times, t, limit));
+            aligned.frames.insert(camera.to_owned(), frames.collect());
+        } else if stream != wheelarm_proto::names::EVENT_STREAM && wanted(&stream) {
+            let times = rising(episode, &stream)?;
+            let usual = usual_distance(&times).unwrap_or(0) as f64;
+            let limit = own.map_or((GAP * usual) as u64, nanos);
+            let coverage = cover(&times, &aligned.stamps, limit);
+            for meta in episode.columns(&stream)? {
+                if meta.kind != ElementKind::Other && meta.width() > 0 {
+                    let values = episode.values(&meta)?;
+                    let rule = Rule::of(&meta);
+                    aligned.signals.push(Signal {
+                        values: resample(rule, &meta, values, &times, &aligned.stamps, &coverage),
+                        meta: ColumnMeta {
+                            count: aligned.stamps.len(),
+                            ..meta
+                        },
+                        rule,
+                    });
+                }
+            }
+            aligned.coverage.insert(stream, coverage);
+        }
+    }
+    Ok(aligned)
+}
+
+fn nanos(seconds: f64) -> u64 {
+    (seconds * 1e9) as u64
+}
+
+fn rising(episode: &Episode, stream: &str) -> Result<Vec<u64>, AlignError> {
+    let stamps = episode.stamps(stream)?;
+    match stamps.windows(2).position(|w| w[0] >= w[1]) {
+        None => Ok(stamps),
+        Some(before) => Err(AlignError::Disorder {
+            file: episode.path().display().to_string(),
+            stream: stream.to_owned(),
+            sample: before + 1,
+        }),
+    }
+}
+
+fn cover(times: &[u64], rows: &[u64], limit: u64) -> Coverage {
+    let valid = rows.iter().map(|&t| match place(times, t) {
+        Place::At(_) => true,
+        Place::Between(i, _) => times[i + 1] - times[i] <= limit,
+        Place::Outside => false,
+    });
+    let age = |&t: &u64| nearest(times, t, u64::MAX).map_or(u64::MAX, |i| times[i].abs_diff(t));
+    Coverage {
+        span: (
+            times.first().copied().unwrap_or(0),
+            times.last().copied().unwrap_or(0),
+        ),
+        samples: times.len(),
+        limit,
+        valid: valid.collect(),
+        age: rows.iter().map(age).collect(),
+    }
+}
+
+fn resample(
+    rule: Rule,
+    meta: &ColumnMeta,
+    values: Values,
+    times: &[u64],
+    rows: &[u64],
+    coverage: &Coverage,
+) -> Values {
+    let width = meta.width();
+    let index = |row: usize| nearest(times, rows[row], u64::MAX).filter(|_| coverage.valid[row]);
+    match values {
+        Values::F64(mut all) => {
+            if rule == Rule::Angle {
+                unwrap(&mut all, width);
+            }
+            let mut out = Vec::with_capacity(rows.len() * width);
+            for row in 0..rows.len() {
+                if rule == Rule::Nearest {
+                    match index(row) {
+                        Some(i) => out.extend_from_slice(&all[i * width..(i + 1) * width]),
+                        None => out.extend(std::iter::repeat_n(f64::NAN, width)),
+                    }
+                } else if coverage.valid[row] {
+                    between(rule, &all, width, place(times, rows[row]), &mut out);
+                } else {
+                    out.extend(std::iter::repeat_n(f64::NAN, width));
+                }
+            }
+            Values::F64(out)
+        }
+        Values::U64(all) => Values::U64(pick(&all, width, rows.len(), index)),
+        Values::Flag(all) => Values::Flag(pick(&all, width, rows.len(), index)),
+        Values::Text(all) => Values::Text(pick(&all, width, rows.len(), index)),
+    }
+}
+
+fn pick<T: Clone + Default>(
+    all: &[T],
+    width: usize,
+    rows: usize,
+    index: impl Fn(usize) -> Option<usize>,
+) -> Vec<T> {
+    let mut out = Vec::with_capacity(rows * width);
+    for row in 0..rows {
+        match index(row) {
+            Some(i) => out.extend_from_slice(&all[i * width..(i + 1) * width]),
+            None => out.extend(std::iter::repeat_n(T::default(), width)),
+        }
+    }
+    out
+}
+
+/// Appends the values at a place among samples of `width` numbers.
+pub(crate) fn between(rule: Rule, all: &[f64], width: usize, at: Place, out: &mut Vec<f64>) {
+    let (i, share) = match at {
+        Place::At(i) => return out.extend_from_slice(&all[i * width..(i + 1) * width]),
+        Place::Between(i, share) => (i, share),
+        Place::Outside => return out.extend(std::iter::repeat_n(f64::NAN, width)),
+    };
+    let a = &all[i * width..(i + 1) * width];
+    let b = &all[(i + 1) * width..(i + 2) * width];
+    let (step, turning) = match rule {
+        Rule::Pose => (7, Some(3)),
+        Rule::Quaternion => (4, Some(0)),
+        Rule::Linear | Rule::Angle | Rule::Nearest => (1, None),
+    };
+    for (a, b) in a.chunks_exact(step).zip(b.chunks_exact(step)) {
+        let straight = turning.unwrap_or(step);
+        out.extend(
+            a.iter()
+                .zip(b)
+                .take(straight)
+                .map(|(&x, &y)| linear(x, y, share)),
+        );
+        if turning.is_some() {
+            let four = |s: &[f64]| std::array::from_fn(|k| s[straight + k]);
+            out.extend(slerp(four(a), four(b), share));
+        }
+    }
+}

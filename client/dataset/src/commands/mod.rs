@@ -1,0 +1,216 @@
+//! The subcommands and their options.
+
+mod files;
+mod process;
+
+use std::path::{Path, PathBuf};
+
+use clap::{Args, Parser, Subcommand, ValueEnum};
+use wheelarm_dataset::convert::Size;
+use wheelarm_dataset::finish::finish;
+use wheelarm_dataset::read::Episode;
+use wheelarm_dataset::{info, sheet};
+
+const FINE: u8 = 0;
+const FAILED: u8 = 1;
+const PARTIAL: u8 = 3;
+
+/// Looks at recorded episodes, checks them, and turns them into training data.
+#[derive(Parser)]
+#[command(name = "wheelarm-dataset", version, about)]
+pub struct Cli {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    /// Prints what an episode file holds.
+    Info {
+        /// The episode file.
+        file: PathBuf,
+    },
+    /// Turns the log of an interrupted recording into an episode file.
+    Recover {
+        /// The log, LABEL.h5.wal.
+        log: PathBuf,
+        /// Folder for the file; beside the log without it.
+        #[arg(long, value_name = "DIR")]
+        out: Option<PathBuf>,
+    },
+    /// Draws a contact sheet: both cameras over time, and plots.
+    Sheet {
+        /// The episode file.
+        file: PathBuf,
+        /// The picture; FILE with the ending .png without it.
+        #[arg(long, value_name = "PNG")]
+        out: Option<PathBuf>,
+    },
+    /// Brings every stream onto one camera's stamps, in a file beside the raw one.
+    Align {
+        #[command(flatten)]
+        input: Input,
+        /// Folder for the files LABEL.aligned.h5; beside each recording without it.
+        #[arg(long, value_name = "DIR")]
+        out: Option<PathBuf>,
+        /// Leaves the pictures in the recording.
+        #[arg(long)]
+        no_pictures: bool,
+    },
+    /// Labels the phases 0 to 3 from motion and compares with the operator's.
+    Label {
+        #[command(flatten)]
+        input: Input,
+        /// The table of segments; printed without it.
+        #[arg(long, value_name = "CSV")]
+        out: Option<PathBuf>,
+    },
+    /// Writes what other programs read.
+    Export {
+        #[command(flatten)]
+        input: Input,
+        /// The format.
+        #[arg(long, value_enum)]
+        format: FormatName,
+        /// Folder; for lerobot the data set's folder, for robomimic its file.
+        #[arg(long, value_name = "PATH")]
+        out: PathBuf,
+        /// Size of pictures in lerobot and robomimic, for example 320x180;
+        /// as recorded without it.
+        #[arg(long, value_name = "WxH")]
+        size: Option<Size>,
+    },
+    /// Checks recordings; exit code 3 when one has problems.
+    Validate {
+        #[command(flatten)]
+        input: Files,
+    },
+    /// Prints what a collection holds, per task.
+    Stats {
+        #[command(flatten)]
+        input: Files,
+        /// Also draws it.
+        #[arg(long, value_name = "PNG")]
+        plot: Option<PathBuf>,
+        /// Also writes the table as CSV.
+        #[arg(long, value_name = "CSV")]
+        csv: Option<PathBuf>,
+    },
+    /// Draws LABEL.movement.png and LABEL.synchronisation.png.
+    Plot {
+        #[command(flatten)]
+        input: Input,
+        /// Folder for the pictures; beside each recording without it.
+        #[arg(long, value_name = "DIR")]
+        out: Option<PathBuf>,
+    },
+    /// Makes an HTML page of each episode: playable pictures, depth, plots.
+    View {
+        #[command(flatten)]
+        input: Input,
+        /// Folder for the pages LABEL.html; beside each recording without it.
+        #[arg(long, value_name = "DIR")]
+        out: Option<PathBuf>,
+    },
+}
+
+/// Recordings and how many are worked on at once.
+#[derive(Args)]
+pub struct Files {
+    /// Episode files, or folders with some.
+    #[arg(required = true, value_name = "FILE")]
+    pub files: Vec<PathBuf>,
+    /// Files at once; as many as there are processors without it.
+    #[arg(long, value_name = "N")]
+    pub jobs: Option<usize>,
+}
+
+/// Recordings and how they are aligned and labelled.
+#[derive(Args)]
+pub struct Input {
+    #[command(flatten)]
+    pub files: Files,
+    /// Camera whose stamps are the rows.
+    #[arg(long, default_value = "gen3", value_name = "CAMERA")]
+    pub reference: String,
+    /// Greatest distance of the samples around a row, for example `imu=0.02`;
+    /// 2.5 times a stream's usual distance without it. Can be repeated.
+    #[arg(long = "max-age", value_name = "STREAM=SECONDS", value_parser = files::limit)]
+    pub limits: Vec<(String, f64)>,
+    /// Table of corrected segments, as `label --out` writes it.
+    #[arg(long, value_name = "CSV")]
+    pub corrections: Option<PathBuf>,
+}
+
+/// Formats of `export`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum FormatName {
+    /// The original recorder's HDF5: 60 datasets per sample.
+    WheelarmSim,
+    /// The original's final table of 117 columns, and folders of PNG pictures.
+    Csv,
+    /// LeRobot data set, version 3.0.
+    Lerobot,
+    /// robomimic HDF5 with MimicGen's additions.
+    Robomimic,
+    /// MCAP for Foxglove.
+    Mcap,
+}
+
+/// Runs a command and returns the exit code.
+///
+/// # Errors
+/// What stops the whole command; a single file's problem does not.
+pub fn run(cli: Cli) -> anyhow::Result<u8> {
+    match cli.command {
+        Command::Info { file } => {
+            let episode = Episode::open(&file)?;
+            print!("{}", info::info(&episode)?);
+            Ok(code(episode.summary()?.complete))
+        }
+        Command::Recover { log, out } => recover(&log, out.as_deref()),
+        Command::Sheet { file, out } => {
+            let out = out.unwrap_or_else(|| file.with_extension("png"));
+            sheet::sheet(&Episode::open(&file)?, &out)?;
+            println!("{}", out.display());
+            Ok(FINE)
+        }
+        Command::Align {
+            input,
+            out,
+            no_pictures,
+        } => process::align(&input, out.as_deref(), !no_pictures),
+        Command::Label { input, out } => process::label(&input, out.as_deref()),
+        Command::Export {
+            input,
+            format,
+            out,
+            size,
+        } => process::export(&input, format, &out, size),
+        Command::Validate { input } => process::validate(&input),
+        Command::Stats { input, plot, csv } => {
+            process::stats(&input, plot.as_deref(), csv.as_deref())
+        }
+        Command::Plot { input, out } => process::plot(&input, out.as_deref()),
+        Command::View { input, out } => process::view(&input, out.as_deref()),
+    }
+}
+
+fn recover(log: &Path, out: Option<&Path>) -> anyhow::Result<u8> {
+    let finished = finish(log, out)?;
+    let account = &finished.account;
+    println!(
+        "{}: {} samples of {} streams",
+        finished.path.display(),
+        account.total(|s| s.received),
+        account.streams.len()
+    );
+    for problem in &account.problems {
+        println!("  {problem}");
+    }
+    Ok(code(account.complete()))
+}
+
+fn code(complete: bool) -> u8 {
+    if complete { FINE } else { PARTIAL }
+}

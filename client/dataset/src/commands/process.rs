@@ -1,0 +1,259 @@
+//! The commands that take many recordings.
+
+use std::path::Path;
+
+use wheelarm_dataset::align::{self, accuracy};
+use wheelarm_dataset::convert::batch::{self, each, failures, threads};
+use wheelarm_dataset::convert::csv_table::CsvTable;
+use wheelarm_dataset::convert::lerobot::LeRobot;
+use wheelarm_dataset::convert::mcap_log::McapLog;
+use wheelarm_dataset::convert::robomimic::Robomimic;
+use wheelarm_dataset::convert::wheelarm_sim::WheelarmSim;
+use wheelarm_dataset::convert::{Format, PendingFile, Recording, Size};
+use wheelarm_dataset::label::{self, Agreement, agreement};
+use wheelarm_dataset::read::Episode;
+use wheelarm_dataset::{composition, plot as plots, validate as check, view as pages};
+
+use super::files::{beside, jobs, options, recordings};
+use super::{FAILED, FINE, Files, FormatName, Input, PARTIAL};
+
+/// Boundaries agree when they are this near, seconds.
+const NEAR: f64 = 0.5;
+
+fn code<T>(results: &batch::Results<T>) -> u8 {
+    if failures(results) { FAILED } else { FINE }
+}
+
+pub fn align(input: &Input, out: Option<&Path>, pictures: bool) -> anyhow::Result<u8> {
+    let (files, options) = (recordings(&input.files)?, options(input)?);
+    let bar = batch::bar("pictures");
+    let results = each(&files, jobs(&input.files), |_, file| {
+        let recording = Recording::open(file, &options, &|_| true)?;
+        let pending = PendingFile::new(&beside(file, out, "aligned.h5"))?;
+        let rows = recording.aligned.stamps.len();
+        if pictures {
+            bar.inc_length((rows * recording.cameras.len()) as u64);
+        }
+        let tick = || bar.inc(1);
+        align::write(
+            pending.path(),
+            &recording.episode,
+            &recording.aligned,
+            &recording.labels,
+            pictures,
+            &tick,
+        )?;
+        let path = pending.commit()?;
+        let accuracies = accuracy::accuracy(&recording.episode)?;
+        bar.suspend(|| {
+            println!("{}: {rows} rows", path.display());
+            for (stream, c) in &recording.aligned.coverage {
+                let lost = c.valid.iter().filter(|v| !**v).count();
+                if lost > 0 {
+                    println!(
+                        "  {stream}: {lost} rows have no samples within {:.3} s on both sides",
+                        c.limit as f64 * 1e-9
+                    );
+                }
+            }
+            for accuracy in &accuracies {
+                println!("  {accuracy}");
+            }
+        });
+        Ok(())
+    });
+    bar.finish_and_clear();
+    Ok(code(&results))
+}
+
+pub fn label(input: &Input, out: Option<&Path>) -> anyhow::Result<u8> {
+    let (files, options) = (recordings(&input.files)?, options(input)?);
+    let results = each(&files, jobs(&input.files), |_, file| {
+        let episode = Episode::open(file)?;
+        let summary = episode.summary()?;
+        let start = summary.span_nanos.0;
+        let found = label::segments(&episode)?;
+        let agreement = agreement(&episode, &found)?;
+        let segments = options.corrections.apply(&summary.label, start, found);
+        Ok((summary.label, start, segments, agreement))
+    });
+    let mut table = Vec::new();
+    let mut compared: Vec<Agreement> = Vec::new();
+    for (_, result) in &results {
+        if let Ok((name, start, segments, agreement)) = result {
+            table.push((name.clone(), *start, segments.clone()));
+            if let Some(agreement) = agreement {
+                if !agreement.within(NEAR) {
+                    println!("{name}: {}", disagreement(agreement, *start));
+                }
+                compared.push(agreement.clone());
+            }
+        }
+    }
+    for episode in options.corrections.episodes() {
+        if !table.iter().any(|t| t.0 == episode) {
+            println!("the corrections name {episode:?}, which is not among the files");
+        }
+    }
+    match out {
+        Some(path) => {
+            let pending = PendingFile::new(path)?;
+            label::write(std::fs::File::create_new(pending.path())?, &table)?;
+            println!("{}", pending.commit()?.display());
+        }
+        None => label::write(std::io::stdout().lock(), &table)?,
+    }
+    if !compared.is_empty() {
+        let worst = compared
+            .iter()
+            .filter_map(|a| a.differences.as_ref())
+            .flatten();
+        let worst = worst.fold(0.0_f64, |w, d| w.max(d.abs()));
+        println!(
+            "within {NEAR} s of the operator's phases: {:.1} % of {} episodes (worst boundary of those in the same order {worst:.3} s)",
+            100.0 * label::share_within(&compared, NEAR),
+            compared.len()
+        );
+    }
+    Ok(code(&results))
+}
+
+fn disagreement(a: &Agreement, start: u64) -> String {
+    let list = |all: &[label::Segment]| {
+        let each = all.iter().map(|s| {
+            format!(
+                "{} from {:.2} s",
+                label::NAMES[usize::from(s.label).min(3)],
+                s.from.saturating_sub(start) as f64 * 1e-9
+            )
+        });
+        each.collect::<Vec<_>>().join(", ")
+    };
+    format!("published {}; found {}", list(&a.published), list(&a.found))
+}
+
+pub fn export(
+    input: &Input,
+    name: FormatName,
+    out: &Path,
+    size: Option<Size>,
+) -> anyhow::Result<u8> {
+    let (files, options) = (recordings(&input.files)?, options(input)?);
+    let jobs = jobs(&input.files);
+    // Files at once times threads of one file: as many as there are processors.
+    let inner = (threads() / jobs.min(files.len().max(1))).max(1);
+    let folder = out.to_owned();
+    if size.is_some() && !matches!(name, FormatName::Lerobot | FormatName::Robomimic) {
+        anyhow::bail!("--size is for lerobot and robomimic; this format keeps the recorded size");
+    }
+    let format: Box<dyn Format> = match name {
+        FormatName::WheelarmSim => Box::new(WheelarmSim {
+            out: folder,
+            threads: inner,
+        }),
+        FormatName::Csv => Box::new(CsvTable {
+            out: folder,
+            threads: inner,
+        }),
+        FormatName::Lerobot => Box::new(LeRobot::new(out, size, threads())?),
+        FormatName::Robomimic => Box::new(Robomimic::new(out, size, threads())?),
+        FormatName::Mcap => Box::new(McapLog { out: folder }),
+    };
+    Ok(code(&batch::export(
+        &files,
+        jobs,
+        &options,
+        format.as_ref(),
+    )))
+}
+
+pub fn validate(input: &Files) -> anyhow::Result<u8> {
+    let files = recordings(input)?;
+    let jobs = jobs(input);
+    let inner = (threads() / jobs.min(files.len().max(1))).max(1);
+    let bar = batch::bar("files");
+    bar.set_length(files.len() as u64);
+    let results = each(&files, jobs, |_, file| {
+        let found = check::validate(file, inner);
+        bar.inc(1);
+        found
+    });
+    bar.finish_and_clear();
+    let mut problems = 0;
+    for (file, result) in &results {
+        if let Ok(found) = result {
+            let verdict = if found.problems.is_empty() {
+                "ok"
+            } else {
+                "PROBLEMS"
+            };
+            print!("{}: {verdict}\n{found}", file.display());
+            problems += usize::from(!found.problems.is_empty());
+        }
+    }
+    println!(
+        "{} of {} recordings are fine",
+        results
+            .iter()
+            .filter(|r| r.1.as_ref().is_ok_and(|f| f.problems.is_empty()))
+            .count(),
+        results.len()
+    );
+    Ok(match (failures(&results), problems) {
+        (true, _) => FAILED,
+        (false, 0) => FINE,
+        (false, _) => PARTIAL,
+    })
+}
+
+pub fn stats(input: &Files, plot: Option<&Path>, csv: Option<&Path>) -> anyhow::Result<u8> {
+    let files = recordings(input)?;
+    let results = each(&files, jobs(input), |_, file| composition::figures(file));
+    let figures: Vec<_> = results
+        .iter()
+        .filter_map(|r| r.1.as_ref().ok().cloned())
+        .collect();
+    let rows = composition::gather(&figures);
+    print!("{}", composition::table(&rows));
+    if let Some(path) = plot {
+        composition::plot(&rows, path)?;
+        println!("{}", path.display());
+    }
+    if let Some(path) = csv {
+        let pending = PendingFile::new(path)?;
+        composition::csv(&rows, std::fs::File::create_new(pending.path())?)?;
+        println!("{}", pending.commit()?.display());
+    }
+    Ok(code(&results))
+}
+
+pub fn plot(input: &Input, out: Option<&Path>) -> anyhow::Result<u8> {
+    let (files, options) = (recordings(&input.files)?, options(input)?);
+    let results = each(&files, jobs(&input.files), |_, file| {
+        let episode = Episode::open(file)?;
+        let movement = beside(file, out, "movement.png");
+        plots::movement(&episode, &movement)?;
+        let synchronisation = beside(file, out, "synchronisation.png");
+        plots::synchronisation(&episode, &options.align, &synchronisation)?;
+        println!("{}\n{}", movement.display(), synchronisation.display());
+        Ok(())
+    });
+    Ok(code(&results))
+}
+
+pub fn view(input: &Input, out: Option<&Path>) -> anyhow::Result<u8> {
+    let (files, options) = (recordings(&input.files)?, options(input)?);
+    let jobs = jobs(&input.files);
+    let inner = (threads() / jobs.min(files.len().max(1))).max(1);
+    let bar = batch::bar("rows");
+    let results = each(&files, jobs, |_, file| {
+        let recording = Recording::open(file, &options, &pages::wants)?;
+        bar.inc_length(recording.aligned.stamps.len() as u64);
+        let page = beside(file, out, "html");
+        pages::page(&recording, &page, inner, &|| bar.inc(1))?;
+        bar.suspend(|| println!("{}", page.display()));
+        Ok(())
+    });
+    bar.finish_and_clear();
+    Ok(code(&results))
+}

@@ -1,0 +1,274 @@
+//! What a collection holds, per task: the paper's composition table, as text, as
+//! CSV and as a plot.
+
+use std::collections::BTreeMap;
+use std::fmt::Write as _;
+use std::path::Path;
+
+use plotters::prelude::*;
+
+use crate::align::REFERENCE;
+use crate::label;
+use crate::plot::canvas;
+use crate::read::Episode;
+use crate::sheet::style::{self, BLUE, FAINT, GREY, INK, ORANGE, text};
+
+/// One episode's figures.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Figures {
+    /// Activity, area and task.
+    pub key: [String; 3],
+    /// Pictures of the reference camera: the paper's samples.
+    pub samples: usize,
+    /// Simulated seconds.
+    pub seconds: f64,
+    /// The task succeeded.
+    pub success: bool,
+    /// Everything was recorded.
+    pub complete: bool,
+    /// Seconds of each label.
+    pub phases: [f64; 4],
+    /// Bytes of the file.
+    pub bytes: u64,
+}
+
+/// Figures of all episodes of one task.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Row {
+    /// Episodes.
+    pub trajectories: usize,
+    /// Those that succeeded.
+    pub successes: usize,
+    /// Those that are complete.
+    pub complete: usize,
+    /// Samples.
+    pub samples: usize,
+    /// Simulated seconds: sum, least and greatest.
+    pub seconds: [f64; 3],
+    /// Seconds of each label.
+    pub phases: [f64; 4],
+    /// Bytes.
+    pub bytes: u64,
+}
+
+/// Reads one episode's figures.
+///
+/// # Errors
+/// When the file cannot be read.
+pub fn figures(path: &Path) -> anyhow::Result<Figures> {
+    let episode = Episode::open(path)?;
+    let summary = episode.summary()?;
+    let [task, activity, area] = summary.task.clone();
+    let cameras = episode.cameras()?;
+    let reference = cameras.iter().find(|c| *c == REFERENCE).or(cameras.first());
+    let samples = match reference {
+        Some(camera) => episode.stamps(&format!("camera/{camera}"))?.len(),
+        None => 0,
+    };
+    let (first, last) = summary.span_nanos;
+    let segments = label::segments(&episode)?;
+    let mut phases = [0.0; 4];
+    for (i, s) in segments.iter().enumerate() {
+        let to = segments.get(i + 1).map_or(last, |n| n.from);
+        phases[usize::from(s.label).min(3)] += to.saturating_sub(s.from) as f64 * 1e-9;
+    }
+    Ok(Figures {
+        key: [activity, area, task],
+        samples,
+        seconds: (last - first) as f64 * 1e-9,
+        success: summary.success,
+        complete: summary.complete,
+        phases,
+        bytes: std::fs::metadata(path)?.len(),
+    })
+}
+
+/// Gathers episodes by activity, area and task.
+#[must_use]
+pub fn gather(all: &[Figures]) -> BTreeMap<[String; 3], Row> {
+    let mut out: BTreeMap<[String; 3], Row> = BTreeMap::new();
+    for f in all {
+        let row = out.entry(f.key.clone()).or_default();
+        let first = row.trajectories == 0;
+        row.trajectories += 1;
+        row.successes += usize::from(f.success);
+        row.complete += usize::from(f.complete);
+        row.samples += f.samples;
+        row.seconds = [
+            row.seconds[0] + f.seconds,
+            if first {
+                f.seconds
+            } else {
+                row.seconds[1].min(f.seconds)
+            },
+            row.seconds[2].max(f.seconds),
+        ];
+        row.phases
+            .iter_mut()
+            .zip(f.phases)
+            .for_each(|(a, b)| *a += b);
+        row.bytes += f.bytes;
+    }
+    out
+}
+
+/// The table for people.
+#[must_use]
+pub fn table(rows: &BTreeMap<[String; 3], Row>) -> String {
+    let mut out = String::new();
+    // Writing to a String cannot fail.
+    let _ = writeln!(
+        out,
+        "{:<12} {:<16} {:<26} {:>12} {:>8} {:>9} {:>9} {:>17} {:>24} {:>9}",
+        "activity",
+        "area",
+        "task",
+        "trajectories",
+        "success",
+        "samples",
+        "minutes",
+        "seconds min..max",
+        "nav/reach/grasp/retract",
+        "MB"
+    );
+    let mut whole = Row::default();
+    for ([activity, area, task], r) in rows {
+        line(&mut out, [activity, area, task], r);
+        let least = if whole.trajectories == 0 {
+            r.seconds[1]
+        } else {
+            whole.seconds[1].min(r.seconds[1])
+        };
+        whole = Row {
+            trajectories: whole.trajectories + r.trajectories,
+            successes: whole.successes + r.successes,
+            complete: whole.complete + r.complete,
+            samples: whole.samples + r.samples,
+            seconds: [
+                whole.seconds[0] + r.seconds[0],
+                least,
+                whole.seconds[2].max(r.seconds[2]),
+            ],
+            phases: std::array::from_fn(|k| whole.phases[k] + r.phases[k]),
+            bytes: whole.bytes + r.bytes,
+        };
+    }
+    line(&mut out, ["all", "", ""], &whole);
+    if whole.complete < whole.trajectories {
+        let _ = writeln!(
+            out,
+            "{} episodes are partial",
+            whole.trajectories - whole.complete
+        );
+    }
+    out
+}
+
+fn line(out: &mut String, [activity, area, task]: [&str; 3], r: &Row) {
+    let whole = r.phases.iter().sum::<f64>().max(1e-9);
+    let share = r
+        .phases
+        .map(|p| format!("{:.0}", 100.0 * p / whole))
+        .join("/");
+    let success = format!(
+        "{:.0} %",
+        100.0 * r.successes as f64 / r.trajectories.max(1) as f64
+    );
+    let span = format!("{:.1}..{:.1}", r.seconds[1], r.seconds[2]);
+    let _ = writeln!(
+        out,
+        "{activity:<12} {area:<16} {task:<26} {:>12} {success:>8} {:>9} {:>9.1} {span:>17} {:>24} {:>9.1}",
+        r.trajectories,
+        r.samples,
+        r.seconds[0] / 60.0,
+        format!("{share} %"),
+        r.bytes as f64 / 1e6,
+    );
+}
+
+/// Writes the table as CSV.
+///
+/// # Errors
+/// Those of the writer.
+pub fn csv(rows: &BTreeMap<[String; 3], Row>, to: impl std::io::Write) -> anyhow::Result<()> {
+    let mut table = csv::Writer::from_writer(to);
+    table.write_record([
+        "activity",
+        "area",
+        "task",
+        "trajectories",
+        "successes",
+        "complete",
+        "samples",
+        "seconds",
+        "navigating_seconds",
+        "reaching_seconds",
+        "grasping_seconds",
+        "retracting_seconds",
+        "bytes",
+    ])?;
+    for (key, r) in rows {
+        let numbers = [r.trajectories, r.successes, r.complete, r.samples].map(|n| n.to_string());
+        let seconds = std::iter::once(r.seconds[0])
+            .chain(r.phases)
+            .map(|s| format!("{s:.3}"));
+        let cells = key.iter().cloned().chain(numbers).chain(seconds);
+        table.write_record(cells.chain([r.bytes.to_string()]))?;
+    }
+    table.flush()?;
+    Ok(())
+}
+
+/// Draws trajectories (successes filled) per task as bars.
+///
+/// # Errors
+/// When the picture cannot be written.
+pub fn plot(rows: &BTreeMap<[String; 3], Row>, out: &Path) -> anyhow::Result<()> {
+    anyhow::ensure!(style::register(), "the built-in fonts cannot be used");
+    let n = rows.len().max(1);
+    let most = rows.values().map(|r| r.trajectories).max().unwrap_or(1) as f64;
+    let height = 150 + 46 * n as u32;
+    canvas(out, (1280, height), |root| {
+        let mut chart = ChartBuilder::on(root)
+            .caption("Trajectories per task (filled: succeeded)", text(28, INK))
+            .margin(16)
+            .margin_right(200)
+            .x_label_area_size(44)
+            .y_label_area_size(330)
+            .build_cartesian_2d(0.0..most * 1.05, 0.0..n as f64)?;
+        chart
+            .configure_mesh()
+            .bold_line_style(FAINT)
+            .light_line_style(TRANSPARENT)
+            .axis_style(GREY)
+            .disable_y_mesh()
+            .y_labels(0)
+            .x_labels(8)
+            .x_label_formatter(&|v| format!("{v:.0}"))
+            .label_style(text(19, GREY))
+            .draw()?;
+        for (i, ([activity, _, task], r)) in rows.iter().rev().enumerate() {
+            let (low, high) = (i as f64 + 0.2, i as f64 + 0.8);
+            let bar = |to: f64, filled: bool| {
+                let style: ShapeStyle = if filled {
+                    BLUE.filled()
+                } else {
+                    ORANGE.stroke_width(2)
+                };
+                Rectangle::new([(0.0, low), (to, high)], style)
+            };
+            chart.draw_series([
+                bar(r.successes as f64, true),
+                bar(r.trajectories as f64, false),
+            ])?;
+            let plot = chart.plotting_area();
+            let (x, y) = plot.map_coordinate(&(0.0, i as f64 + 0.62));
+            let name = format!("{task} ({activity})");
+            root.draw(&Text::new(name, (x - 320, y - 6), text(20, INK)))?;
+            let (x, y) = plot.map_coordinate(&(r.trajectories as f64, i as f64 + 0.62));
+            let words = format!("{}, {} samples", r.trajectories, r.samples);
+            root.draw(&Text::new(words, (x + 10, y - 6), text(18, GREY)))?;
+        }
+        Ok(())
+    })
+}

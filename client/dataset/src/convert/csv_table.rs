@@ -1,0 +1,226 @@
+//! The original's final table, 117 columns in its order, and the folders of
+//! numbered pictures beside it.
+//!
+//! Differences that help: velocities are the simulated ones instead of
+//! differences of positions, orientations are interpolated by slerp, and metric
+//! 16-bit depth (millimetres) lies beside the grey pictures.
+
+use std::path::{Path, PathBuf};
+
+use wheelarm_proto::names;
+
+use super::batch::parallel;
+use super::{Format, PendingFolder, Recording, Size, Written, png_depth, png_grey, png_rgb};
+use crate::align::Signal;
+
+/// Writes a folder `LABEL` per episode.
+#[derive(Clone, Debug)]
+pub struct CsvTable {
+    /// Folder of the folders.
+    pub out: PathBuf,
+    /// Threads that compress pictures.
+    pub threads: usize,
+}
+
+/// Streams whose values a row must have.
+const STREAMS: [&str; 3] = ["joint_state", "pose", "imu"];
+/// Rows whose pictures are compressed together.
+const BLOCK: usize = 8;
+
+/// A body of the table: prefix of its columns and index in `names::FRAMES`.
+fn bodies() -> Vec<(String, usize)> {
+    let mut all: Vec<(&str, usize)> = names::FRAMES
+        .iter()
+        .enumerate()
+        .map(|(i, f)| (f.name, i))
+        .collect();
+    // Alphabetical, as the original's; the chair comes last by that too.
+    all.sort_unstable();
+    all.into_iter()
+        .map(|(name, i)| match name {
+            "wheelchair" => ("wheelchair_".to_owned(), i),
+            arm => (format!("robot_arm_{arm}_"), i),
+        })
+        .collect()
+}
+
+/// Names of the 112 values of the state, in the original's order.
+#[must_use]
+pub fn state_columns() -> Vec<String> {
+    let mut out = Vec::new();
+    for parts in [
+        &[
+            "pos_x", "pos_y", "pos_z", "quat_x", "quat_y", "quat_z", "quat_w",
+        ][..],
+        &["vel_x", "vel_y", "vel_z"][..],
+    ] {
+        for (body, _) in bodies() {
+            out.extend(parts.iter().map(|p| format!("{body}{p}")));
+        }
+    }
+    for (sensor, parts) in [
+        ("imu_gyro_", &["x", "y", "z"][..]),
+        ("imu_accel_", &["x", "y", "z"][..]),
+        ("imu_quat_", &["x", "y", "z", "w"][..]),
+    ] {
+        out.extend(parts.iter().map(|p| format!("{sensor}{p}")));
+    }
+    for joint in names::JOINT_NAMES {
+        out.extend(["pos", "vel"].map(|p| format!("{joint}_{p}")));
+    }
+    out
+}
+
+/// Names of all 117 columns.
+#[must_use]
+pub fn columns() -> Vec<String> {
+    let rest = [
+        "sim_time",
+        "instructions",
+        "trial_id",
+        "image_frame_id",
+        "state_labels",
+    ];
+    let mut out = state_columns();
+    out.extend(rest.map(String::from));
+    out
+}
+
+/// The columns that the state is made of.
+pub struct State<'a> {
+    pose: &'a Signal,
+    twist: &'a Signal,
+    gyro: &'a Signal,
+    accel: &'a Signal,
+    quat: &'a Signal,
+    position: &'a Signal,
+    velocity: &'a Signal,
+}
+
+impl<'a> State<'a> {
+    /// Finds them.
+    ///
+    /// # Errors
+    /// When the recording lacks one.
+    pub fn of(recording: &'a Recording) -> anyhow::Result<Self> {
+        Ok(Self {
+            pose: recording.need("pose", "pose")?,
+            twist: recording.need("pose", "twist")?,
+            gyro: recording.need("imu", "angular_velocity")?,
+            accel: recording.need("imu", "linear_acceleration")?,
+            quat: recording.need("imu", "orientation")?,
+            position: recording.need("joint_state", "position")?,
+            velocity: recording.need("joint_state", "velocity")?,
+        })
+    }
+
+    /// The 112 values of a row, in the order of [`state_columns`].
+    #[must_use]
+    pub fn row(&self, row: usize) -> Vec<f64> {
+        let mut out = Vec::with_capacity(112);
+        for (_, i) in bodies() {
+            out.extend_from_slice(&self.pose.row(row)[7 * i..7 * i + 7]);
+        }
+        for (_, i) in bodies() {
+            out.extend_from_slice(&self.twist.row(row)[6 * i..6 * i + 3]);
+        }
+        for signal in [self.gyro, self.accel, self.quat] {
+            out.extend_from_slice(signal.row(row));
+        }
+        for (p, v) in self.position.row(row).iter().zip(self.velocity.row(row)) {
+            out.extend([*p, *v]);
+        }
+        out
+    }
+}
+
+impl Format for CsvTable {
+    fn wants(&self, stream: &str) -> bool {
+        STREAMS.contains(&stream)
+    }
+
+    fn add(&self, recording: &Recording, tick: &(dyn Fn() + Sync)) -> anyhow::Result<Written> {
+        let (rows, notes) = recording.rows(&STREAMS)?;
+        let folder = PendingFolder::new(&self.out.join(&recording.summary.label))?;
+        table(&folder.path().join("final_data.csv"), recording, &rows)?;
+        for (camera, source) in &recording.cameras {
+            let Some((width, height)) = source.size() else {
+                continue;
+            };
+            let size = Size { width, height };
+            for kind in ["rgb", "depth", "depth_mm"] {
+                std::fs::create_dir(folder.path().join(format!("{camera}_{kind}")))?;
+            }
+            for (block, part) in rows.chunks(BLOCK).enumerate() {
+                parallel(part.len(), self.threads, |i| {
+                    let name = format!("frame_{}.png", block * BLOCK + i + 1);
+                    let save = |kind: &str, bytes: Vec<u8>| {
+                        let to = folder.path().join(format!("{camera}_{kind}")).join(&name);
+                        std::fs::write(to, bytes)
+                    };
+                    save("rgb", png_rgb(&recording.rgb(camera, part[i])?, size)?)?;
+                    let depth = recording.depth(camera, part[i])?;
+                    save("depth", png_grey(&depth, size)?)?;
+                    save("depth_mm", png_depth(&depth, size)?)?;
+                    Ok(())
+                })?;
+                if Some(camera) == recording.cameras.keys().next() {
+                    part.iter().for_each(|_| tick());
+                }
+            }
+        }
+        Ok(Written {
+            path: folder.commit()?,
+            samples: rows.len(),
+            notes,
+        })
+    }
+}
+
+fn table(path: &Path, recording: &Recording, rows: &[usize]) -> anyhow::Result<()> {
+    let state = State::of(recording)?;
+    let mut table = csv::Writer::from_path(path)?;
+    table.write_record(columns())?;
+    let stamps = &recording.aligned.stamps;
+    let start = rows.first().map_or(0, |&r| stamps[r]);
+    for (number, &row) in rows.iter().enumerate() {
+        let mut line: Vec<String> = state.row(row).iter().map(f64::to_string).collect();
+        line.push(((stamps[row] - start) as f64 * 1e-9).to_string());
+        line.push(recording.summary.instruction.clone());
+        line.push(recording.number.to_string());
+        line.push((number + 1).to_string());
+        line.push(recording.labels[row].to_string());
+        table.write_record(&line)?;
+    }
+    table.flush()?;
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_columns_stand_where_the_original_has_them() {
+        let all = columns();
+        assert_eq!(all.len(), 117);
+        for (index, name) in [
+            (0, "robot_arm_bicep_pos_x"),
+            (7, "robot_arm_end_effector_pos_x"),
+            (27, "robot_arm_forearm_quat_w"),
+            (42, "wheelchair_pos_x"),
+            (49, "robot_arm_bicep_vel_x"),
+            (69, "wheelchair_vel_z"),
+            (70, "imu_gyro_x"),
+            (79, "imu_quat_w"),
+            (80, "back_left_wheel_joint_pos"),
+            (99, "joint_6_vel"),
+            (106, "robotiq_85_left_knuckle_joint_pos"),
+            (111, "robotiq_85_right_knuckle_joint_vel"),
+            (112, "sim_time"),
+            (116, "state_labels"),
+        ] {
+            assert_eq!(all[index], name);
+        }
+    }
+}

@@ -1,0 +1,205 @@
+//! From recordings to files that other programs read: one [`Recording`] (the
+//! native file, aligned and labelled), one [`Format`] per target. Everything
+//! streams picture by picture; nothing half-made stands under a final name.
+
+mod atomic;
+pub mod batch;
+pub mod csv_table;
+mod image;
+pub mod learning;
+pub mod lerobot;
+pub mod mcap_log;
+pub mod robomimic;
+pub mod wheelarm_sim;
+
+pub use atomic::{PendingFile, PendingFolder};
+pub use image::{Size, png_depth, png_grey, png_rgb, scaled};
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use crate::align::{AlignOptions, Aligned, align};
+use crate::label::{self, Corrections};
+use crate::read::{Camera, Episode, Summary};
+
+/// How recordings are read for any format.
+#[derive(Clone, Debug, Default)]
+pub struct ReadOptions {
+    /// Rows and age limits.
+    pub align: AlignOptions,
+    /// Labels corrected by people.
+    pub corrections: Corrections,
+}
+
+/// An episode, aligned and labelled.
+#[derive(Debug)]
+pub struct Recording {
+    /// The native file.
+    pub episode: Episode,
+    /// What it says of itself.
+    pub summary: Summary,
+    /// Its streams at the reference camera's stamps.
+    pub aligned: Aligned,
+    /// Label 0 to 3 of every row.
+    pub labels: Vec<u8>,
+    /// Its cameras that have pictures.
+    pub cameras: BTreeMap<String, Camera>,
+    /// Its place among the files, from 1: the original's trial number.
+    pub number: usize,
+}
+
+impl Recording {
+    /// Opens a file and aligns the streams that `wanted` accepts.
+    ///
+    /// # Errors
+    /// When it is no episode or cannot be aligned.
+    pub fn open(
+        path: &Path,
+        options: &ReadOptions,
+        wanted: &dyn Fn(&str) -> bool,
+    ) -> anyhow::Result<Self> {
+        let episode = Episode::open(path)?;
+        let summary = episode.summary()?;
+        let aligned = align(&episode, &options.align, wanted)?;
+        let found = label::segments(&episode)?;
+        let start = summary.span_nanos.0;
+        let segments = options.corrections.apply(&summary.label, start, found);
+        let labels = label::at(&segments, &aligned.stamps);
+        let mut cameras = BTreeMap::new();
+        for name in episode.cameras()? {
+            let camera = episode.camera(&name)?;
+            if camera.size().is_some() {
+                cameras.insert(name, camera);
+            }
+        }
+        Ok(Self {
+            episode,
+            summary,
+            aligned,
+            labels,
+            cameras,
+            number: 1,
+        })
+    }
+
+    /// Names of the cameras.
+    #[must_use]
+    pub fn camera_names(&self) -> Vec<String> {
+        self.cameras.keys().cloned().collect()
+    }
+
+    /// A picture of a row.
+    ///
+    /// # Errors
+    /// When the row has none or it cannot be read.
+    pub fn rgb(&self, camera: &str, row: usize) -> anyhow::Result<Vec<u8>> {
+        let (camera, index) = self.picture(camera, row)?;
+        Ok(camera.rgb(&self.episode, index)?)
+    }
+
+    /// Depth of a row, metres.
+    ///
+    /// # Errors
+    /// When the row has none or it cannot be read.
+    pub fn depth(&self, camera: &str, row: usize) -> anyhow::Result<Vec<f32>> {
+        let (camera, index) = self.picture(camera, row)?;
+        Ok(camera.depth(&self.episode, index)?)
+    }
+
+    /// The camera and the number of its picture in a row.
+    ///
+    /// # Errors
+    /// When there is none.
+    pub fn picture(&self, camera: &str, row: usize) -> anyhow::Result<(&Camera, usize)> {
+        let frames = self.aligned.frames.get(camera);
+        match (
+            self.cameras.get(camera),
+            frames.and_then(|f| f.get(row).copied().flatten()),
+        ) {
+            (Some(camera), Some(index)) => Ok((camera, index)),
+            _ => anyhow::bail!(
+                "{}: row {row} has no picture of {camera}",
+                self.summary.label
+            ),
+        }
+    }
+
+    /// A column of the alignment that the format cannot do without.
+    ///
+    /// # Errors
+    /// When the file does not hold it.
+    pub fn need(&self, stream: &str, column: &str) -> anyhow::Result<&crate::align::Signal> {
+        self.aligned.signal(stream, column).ok_or_else(|| {
+            anyhow::anyhow!(
+                "{} has no column {stream}/{column}, which this format needs",
+                self.episode.path().display()
+            )
+        })
+    }
+
+    /// Rows that have all of `streams` and every camera, and words about those
+    /// that do not.
+    ///
+    /// # Errors
+    /// When no row is left.
+    pub fn rows(&self, streams: &[&str]) -> anyhow::Result<(Vec<usize>, Vec<String>)> {
+        let cameras = self.camera_names();
+        let rows = self.aligned.whole_rows(streams, &cameras);
+        let all = self.aligned.stamps.len();
+        let mut notes = Vec::new();
+        if rows.len() < all {
+            notes.push(format!("{} of {all} rows are left out", all - rows.len()));
+            for stream in streams {
+                let lost = self
+                    .aligned
+                    .coverage
+                    .get(*stream)
+                    .map_or(all, |c| c.valid.iter().filter(|v| !**v).count());
+                if lost > 0 {
+                    notes.push(format!("{lost} without {stream}"));
+                }
+            }
+        }
+        if rows.is_empty() {
+            anyhow::bail!(
+                "{}: no row has all of {streams:?} and the cameras {cameras:?}: {}",
+                self.episode.path().display(),
+                notes.join(", ")
+            );
+        }
+        Ok((rows, notes))
+    }
+}
+
+/// What became of one recording.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Written {
+    /// File or folder.
+    pub path: PathBuf,
+    /// Rows, samples or messages.
+    pub samples: usize,
+    /// What a person should know.
+    pub notes: Vec<String>,
+}
+
+/// A target format.
+pub trait Format: Sync {
+    /// Streams that it reads, as [`Recording::open`] aligns them.
+    fn wants(&self, stream: &str) -> bool;
+    /// Whether all recordings become one data set, in their order.
+    fn collects(&self) -> bool {
+        false
+    }
+    /// Takes a recording; `tick` is told of every row.
+    ///
+    /// # Errors
+    /// When it cannot be read or written; nothing of it is left then.
+    fn add(&self, recording: &Recording, tick: &(dyn Fn() + Sync)) -> anyhow::Result<Written>;
+    /// Puts a collected data set in its place; `None` when there is none.
+    ///
+    /// # Errors
+    /// When it cannot be written.
+    fn finish(&self) -> anyhow::Result<Option<Written>> {
+        Ok(None)
+    }
+}

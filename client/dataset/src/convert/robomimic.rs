@@ -1,0 +1,469 @@
+//! A robomimic data set with MimicGen's additions: one HDF5 file of all
+//! episodes, actions normalised to [-1, 1] with the raw ones beside them.
+//!
+//! Pictures are compressed once and written as `obs` of their row and as
+//! `next_obs` of the row before. The file has its final name only when whole.
+
+use std::path::Path;
+use std::sync::Mutex;
+
+use anyhow::Context;
+use hdf5::types::VarLenUnicode;
+use hdf5::{Group, H5Type};
+use serde_json::json;
+
+use super::batch::parallel;
+use super::learning::{self, Learning};
+use super::{Format, PendingFile, Recording, Size, Written, scaled};
+use crate::align::Signal;
+use crate::compress::Deflate;
+use crate::hdf::{Attributes, Chunked, Filters, unicode};
+use crate::label;
+
+/// Pictures that are compressed together.
+const BLOCK: usize = 16;
+/// Every so many episodes one goes to the validation mask.
+const VALIDATION: usize = 10;
+
+/// Writes one file of all episodes.
+pub struct Robomimic {
+    size: Option<Size>,
+    threads: usize,
+    state: Mutex<Set>,
+}
+
+struct Set {
+    pending: Option<PendingFile>,
+    file: Option<hdf5::File>,
+    demos: usize,
+    rows: usize,
+    /// Least and greatest raw value of every action component.
+    range: Option<(Vec<f64>, Vec<f64>)>,
+    environment: Option<serde_json::Value>,
+    /// Cameras with their sizes; every episode has the same.
+    cameras: Vec<(String, Size)>,
+}
+
+impl Robomimic {
+    /// A data set at `out`; pictures are scaled to `size` when it is given.
+    ///
+    /// # Errors
+    /// When `out` exists already or cannot be made.
+    pub fn new(out: &Path, size: Option<Size>, threads: usize) -> anyhow::Result<Self> {
+        let pending = PendingFile::new(out)?;
+        let file = hdf5::File::create_excl(pending.path())?;
+        file.create_group("data")?;
+        Ok(Self {
+            size,
+            threads,
+            state: Mutex::new(Set {
+                pending: Some(pending),
+                file: Some(file),
+                demos: 0,
+                rows: 0,
+                range: None,
+                environment: None,
+                cameras: Vec::new(),
+            }),
+        })
+    }
+}
+
+impl Format for Robomimic {
+    fn wants(&self, stream: &str) -> bool {
+        learning::STREAMS.contains(&stream) || stream == "object_pose"
+    }
+
+    fn collects(&self) -> bool {
+        true
+    }
+
+    fn add(&self, recording: &Recording, tick: &(dyn Fn() + Sync)) -> anyhow::Result<Written> {
+        let (rate, rows, notes) = learning::grid(recording)?;
+        let mut set = self
+            .state
+            .lock()
+            .map_err(|_| anyhow::anyhow!("an earlier episode failed"))?;
+        let cameras: Vec<(String, Size)> = recording
+            .cameras
+            .iter()
+            .filter_map(|(n, c)| c.size().map(|s| (n, s)))
+            .map(|(n, (width, height))| (n.clone(), self.size.unwrap_or(Size { width, height })))
+            .collect();
+        if set.demos > 0 {
+            anyhow::ensure!(
+                set.cameras == cameras,
+                "pictures differ from those of the first episode ({:?}, here {cameras:?}); --size makes sizes equal",
+                set.cameras
+            );
+        }
+        let data = set
+            .file
+            .as_ref()
+            .context("the data set is finished already")?
+            .group("data")?;
+        let name = format!("demo_{}", set.demos);
+        let group = data.create_group(&name)?;
+        let written = self.demo(&group, recording, &rows, &cameras, tick);
+        let (low, high) = match written {
+            Ok(range) => range,
+            Err(problem) => {
+                drop(group);
+                data.unlink(&name)?;
+                return Err(problem);
+            }
+        };
+        set.range = Some(match set.range.take() {
+            None => (low, high),
+            Some((l, h)) => (
+                l.iter().zip(&low).map(|(a, b)| a.min(*b)).collect(),
+                h.iter().zip(&high).map(|(a, b)| a.max(*b)).collect(),
+            ),
+        });
+        set.environment
+            .get_or_insert_with(|| environment(recording, rate));
+        set.cameras = cameras;
+        set.demos += 1;
+        set.rows += rows.len() - 1;
+        Ok(Written {
+            path: Path::new("data").join(name),
+            samples: rows.len() - 1,
+            notes,
+        })
+    }
+
+    fn finish(&self) -> anyhow::Result<Option<Written>> {
+        let mut set = self
+            .state
+            .lock()
+            .map_err(|_| anyhow::anyhow!("an episode failed"))?;
+        anyhow::ensure!(
+            set.demos > 0,
+            "no episode could be taken: there is no data set"
+        );
+        let file = set
+            .file
+            .take()
+            .context("the data set is finished already")?;
+        let (low, high) = set.range.clone().context("a range")?;
+        let data = file.group("data")?;
+        let mut train = Vec::new();
+        let mut valid = Vec::new();
+        for demo in 0..set.demos {
+            let name = format!("demo_{demo}");
+            normalise(&data.group(&name)?, &low, &high)?;
+            let validates = set.demos > 1 && demo % VALIDATION == VALIDATION.min(set.demos) - 1;
+            if validates { &mut valid } else { &mut train }.push(name);
+        }
+        let environment = set.environment.take().context("an environment")?;
+        Attributes::of(&data)
+            .set("total", i64::try_from(set.rows)?)?
+            .text("env_args", &environment.to_string())?
+            .texts("action_names", &learning::action_names())?
+            .texts(
+                "cameras",
+                &set.cameras.iter().map(|c| c.0.clone()).collect::<Vec<_>>(),
+            )?;
+        for (name, values) in [("action_low", &low), ("action_high", &high)] {
+            let attribute = data.new_attr::<f64>().shape([values.len()]).create(name)?;
+            attribute.write(values)?;
+        }
+        let mask = file.create_group("mask")?;
+        crate::hdf::texts(&mask, "train", &train)?;
+        crate::hdf::texts(&mask, "valid", &valid)?;
+        file.flush()?;
+        file.close()?;
+        let pending = set.pending.take().context("a file")?;
+        Ok(Some(Written {
+            path: pending.commit()?,
+            samples: set.rows,
+            notes: Vec::new(),
+        }))
+    }
+}
+
+fn environment(recording: &Recording, rate: u32) -> serde_json::Value {
+    let [task, activity, area] = &recording.summary.task;
+    // Type 2 is "gym": robomimic knows no type for environments of one's own.
+    json!({
+        "env_name": format!("WheelArm-{task}"),
+        "env_version": recording.summary.schema_version,
+        "type": 2,
+        "env_kwargs": {"task": task, "activity": activity, "area": area, "rate_hz": rate,
+            "cameras": recording.camera_names()},
+    })
+}
+
+/// Scales the raw actions into [-1, 1] by the range over the whole set; a
+/// component that never changes becomes 0.
+fn normalise(demo: &Group, low: &[f64], high: &[f64]) -> anyhow::Result<()> {
+    let raw: Vec<f64> = demo.dataset("actions_raw")?.read_raw()?;
+    let width = low.len().max(1);
+    let scaled: Vec<f64> = raw
+        .iter()
+        .enumerate()
+        .map(|(i, v)| {
+            let (l, h) = (low[i % width], high[i % width]);
+            if h > l {
+                ((v - l) / (h - l) * 2.0 - 1.0).clamp(-1.0, 1.0)
+            } else {
+                0.0
+            }
+        })
+        .collect();
+    rows(demo, "actions", &scaled, &[width])
+}
+
+/// Writes a small array whose first axis is the sample.
+fn rows<T: H5Type>(group: &Group, name: &str, all: &[T], shape: &[usize]) -> anyhow::Result<()> {
+    let width: usize = shape.iter().product();
+    let whole: Vec<usize> = std::iter::once(all.len() / width.max(1))
+        .chain(shape.iter().copied())
+        .collect();
+    let data = group.new_dataset::<T>().shape(whole).create(name)?;
+    if !all.is_empty() {
+        data.write_raw(all)?;
+    }
+    Ok(())
+}
+
+type Range = (Vec<f64>, Vec<f64>);
+
+impl Robomimic {
+    /// Writes one episode and returns the range of its raw actions.
+    fn demo(
+        &self,
+        group: &Group,
+        recording: &Recording,
+        all: &[usize],
+        cameras: &[(String, Size)],
+        tick: &(dyn Fn() + Sync),
+    ) -> anyhow::Result<Range> {
+        let learning = Learning::of(recording)?;
+        let here = &all[..all.len() - 1];
+        let next = &all[1..];
+        let n = here.len();
+        let action: Vec<f64> = here.iter().flat_map(|&r| learning.action(r)).collect();
+        let width = learning::action_names().len();
+        rows(group, "actions_raw", &action, &[width])?;
+        let state: Vec<f64> = here.iter().flat_map(|&r| learning.state(r)).collect();
+        rows(group, "states", &state, &[learning::state_names().len()])?;
+        let reward: Vec<f64> = next
+            .iter()
+            .map(|&r| f64::from(u8::from(learning.success(r))))
+            .collect();
+        rows(group, "rewards", &reward, &[])?;
+        let dones: Vec<i64> = (1..=n).map(|i| i64::from(i == n)).collect();
+        rows(group, "dones", &dones, &[])?;
+        let stamps = &recording.aligned.stamps;
+        let time: Vec<f64> = here.iter().map(|&r| stamps[r] as f64 * 1e-9).collect();
+        rows(group, "simulation_time", &time, &[])?;
+        let phase: Vec<i64> = here
+            .iter()
+            .map(|&r| i64::from(recording.labels[r]))
+            .collect();
+        rows(group, "phase", &phase, &[])?;
+        Attributes::of(group)
+            .set("num_samples", i64::try_from(n)?)?
+            .text("label", &recording.summary.label)?
+            .text("instruction", &recording.summary.instruction)?
+            .set("success", recording.summary.success)?;
+
+        let (obs, next_obs) = (group.create_group("obs")?, group.create_group("next_obs")?);
+        for (target, list) in [(&obs, here), (&next_obs, next)] {
+            let gather = |f: &dyn Fn(usize) -> Vec<f64>| {
+                list.iter().flat_map(|&r| f(r)).collect::<Vec<f64>>()
+            };
+            rows(
+                target,
+                "joint_pos",
+                &gather(&|r| learning.joints(r)[..6].to_vec()),
+                &[6],
+            )?;
+            rows(
+                target,
+                "joint_vel",
+                &gather(&|r| learning.speeds(r)[..6].to_vec()),
+                &[6],
+            )?;
+            rows(
+                target,
+                "gripper_qpos",
+                &gather(&|r| learning.joints(r)[6..].to_vec()),
+                &[1],
+            )?;
+            rows(
+                target,
+                "eef_pos",
+                &gather(&|r| learning.effector(r)[..3].to_vec()),
+                &[3],
+            )?;
+            rows(
+                target,
+                "eef_quat",
+                &gather(&|r| learning.effector(r)[3..].to_vec()),
+                &[4],
+            )?;
+            rows(
+                target,
+                "base_pos",
+                &gather(&|r| learning.chair(r)[..3].to_vec()),
+                &[3],
+            )?;
+            rows(
+                target,
+                "base_quat",
+                &gather(&|r| learning.chair(r)[3..].to_vec()),
+                &[4],
+            )?;
+            rows(
+                target,
+                "base_vel",
+                &gather(&|r| learning.chair_speed(r).to_vec()),
+                &[2],
+            )?;
+        }
+        for (number, (camera, size)) in cameras.iter().enumerate() {
+            let name = format!("{camera}_image");
+            let create = |g: &Group| {
+                Chunked::create::<u8>(
+                    g,
+                    &name,
+                    n,
+                    &[size.height, size.width, 3],
+                    1,
+                    Filters::Deflate,
+                )
+            };
+            let (to, to_next) = (create(&obs)?, create(&next_obs)?);
+            for (block, part) in all.chunks(BLOCK).enumerate() {
+                let compressed = parallel(part.len(), self.threads, |i| {
+                    let (source, index) = recording.picture(camera, part[i])?;
+                    let (width, height) = source.size().context("a size")?;
+                    let rgb = source.rgb(&recording.episode, index)?;
+                    let rgb = scaled(rgb, Size { width, height }, *size);
+                    let mut out = Vec::new();
+                    Deflate::default().append(&rgb, 1, &mut out);
+                    Ok(out)
+                })?;
+                for (i, bytes) in compressed.iter().enumerate() {
+                    let row = block * BLOCK + i;
+                    if row < n {
+                        to.write(row, bytes)?;
+                    }
+                    if row > 0 {
+                        to_next.write(row - 1, bytes)?;
+                    }
+                    if number == 0 {
+                        tick();
+                    }
+                }
+            }
+        }
+        datagen(group, recording, &learning, here)?;
+        let column = |c: usize| action.iter().skip(c).step_by(width).copied();
+        Ok((
+            (0..width)
+                .map(|c| column(c).fold(f64::MAX, f64::min))
+                .collect(),
+            (0..width)
+                .map(|c| column(c).fold(f64::MIN, f64::max))
+                .collect(),
+        ))
+    }
+}
+
+/// What MimicGen adds: poses as matrices and signals of finished subtasks.
+fn datagen(
+    group: &Group,
+    recording: &Recording,
+    learning: &Learning<'_>,
+    here: &[usize],
+) -> anyhow::Result<()> {
+    let info = group.create_group("datagen_info")?;
+    let poses = |f: &dyn Fn(usize) -> Vec<f64>| {
+        here.iter()
+            .flat_map(|&r| matrix(&f(r)))
+            .collect::<Vec<f64>>()
+    };
+    rows(
+        &info,
+        "eef_pose",
+        &poses(&|r| learning.effector(r).to_vec()),
+        &[4, 4],
+    )?;
+    let target: &Signal = recording.need("applied", "desired_pose")?;
+    rows(
+        &info,
+        "target_pose",
+        &poses(&|r| target.row(r).to_vec()),
+        &[4, 4],
+    )?;
+    let knuckle: Vec<f64> = here
+        .iter()
+        .map(|&r| learning.action(r).last().copied().unwrap_or(0.0))
+        .collect();
+    rows(&info, "gripper_action", &knuckle, &[1])?;
+    let objects = info.create_group("object_poses")?;
+    if let Some(signal) = recording.aligned.signal("object_pose", "pose") {
+        for (i, name) in signal.meta.names.iter().enumerate() {
+            let one = |r: usize| {
+                signal
+                    .row(r)
+                    .get(7 * i..7 * i + 7)
+                    .unwrap_or(&[f64::NAN; 7])
+                    .to_vec()
+            };
+            rows(&objects, name, &poses(&one), &[4, 4])?;
+        }
+    }
+    let signals = info.create_group("subtask_term_signals")?;
+    for (number, phase) in label::NAMES.iter().enumerate().take(3) {
+        // 1 from the moment the phase is over for the last time.
+        let last = here
+            .iter()
+            .rposition(|&r| usize::from(recording.labels[r]) == number);
+        let over: Vec<i64> = (0..here.len())
+            .map(|i| i64::from(last.is_some_and(|l| i > l)))
+            .collect();
+        rows(&signals, phase, &over, &[])?;
+    }
+    let instruction = group.new_dataset::<VarLenUnicode>().create("instruction")?;
+    instruction.write_scalar(&unicode(&recording.summary.instruction))?;
+    Ok(())
+}
+
+/// The homogeneous matrix of x y z, qx qy qz qw, row by row.
+fn matrix(pose: &[f64]) -> [f64; 16] {
+    let [px, py, pz, x, y, z, w] =
+        std::array::from_fn(|k| pose.get(k).copied().unwrap_or(f64::NAN));
+    [
+        1.0 - 2.0 * (y * y + z * z),
+        2.0 * (x * y - z * w),
+        2.0 * (x * z + y * w),
+        px,
+        2.0 * (x * y + z * w),
+        1.0 - 2.0 * (x * x + z * z),
+        2.0 * (y * z - x * w),
+        py,
+        2.0 * (x * z - y * w),
+        2.0 * (y * z + x * w),
+        1.0 - 2.0 * (x * x + y * y),
+        pz,
+        0.0,
+        0.0,
+        0.0,
+        1.0,
+    ]
+}
+
+#[cfg(test)]
+mod tests {
+    #[test]
+    fn a_quarter_turn_about_z_takes_x_to_y() {
+        let s = 0.5_f64.sqrt();
+        let m = super::matrix(&[1.0, 2.0, 3.0, 0.0, 0.0, s, s]);
+        assert!((m[4] - 1.0).abs() < 1e-12 && m[0].abs() < 1e-12);
+        assert_eq!([m[3], m[7], m[11], m[15]], [1.0, 2.0, 3.0, 1.0]);
+    }
+}

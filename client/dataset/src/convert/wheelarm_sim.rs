@@ -1,0 +1,328 @@
+//! The original recorder's file: one group per sample, 60 datasets each, names,
+//! shapes, types, order and units as its scripts read them.
+//!
+//! Every topic's value is its last sample up to the row's stamp, with its own
+//! stamp, which is what the original recorder kept. Values are not resampled:
+//! the original's scripts do that. Pictures are 64-bit integers, one per byte,
+//! gzip level 4; they are compressed here and written as whole chunks.
+
+use std::path::{Path, PathBuf};
+
+use hdf5::types::VarLenUnicode;
+use hdf5::{Group, H5Type};
+use wheelarm_proto::names;
+
+use super::batch::parallel;
+use super::{Format, PendingFile, Recording, Written};
+use crate::compress::Deflate;
+use crate::hdf::{Chunked, Filters, unicode};
+use crate::read::{Episode, Values};
+
+const LEVEL: u8 = 4;
+
+/// Writes `LABEL.hdf5` per episode.
+#[derive(Clone, Debug)]
+pub struct WheelarmSim {
+    /// Folder of the files.
+    pub out: PathBuf,
+    /// Threads that compress pictures.
+    pub threads: usize,
+}
+
+/// A column with its stamps, read by "last sample up to".
+struct Track {
+    stamps: Vec<u64>,
+    width: usize,
+    values: Vec<f64>,
+}
+
+impl Track {
+    fn read(episode: &Episode, stream: &str, column: &str) -> anyhow::Result<Self> {
+        let metas = episode.columns(stream)?;
+        let meta = metas.iter().find(|m| m.name == column).ok_or_else(|| {
+            anyhow::anyhow!("{} has no {stream}/{column}", episode.path().display())
+        })?;
+        let Values::F64(values) = episode.values(meta)? else {
+            anyhow::bail!("{stream}/{column} holds no numbers");
+        };
+        Ok(Self {
+            stamps: episode.stamps(stream)?,
+            width: meta.width(),
+            values,
+        })
+    }
+
+    /// Stamp in seconds and values of the last sample up to `time`.
+    fn at(&self, time: u64) -> Option<(f64, &[f64])> {
+        let index = self.stamps.partition_point(|&s| s <= time).checked_sub(1)?;
+        let row = self
+            .values
+            .get(index * self.width..(index + 1) * self.width)?;
+        Some((self.stamps[index] as f64 * 1e-9, row))
+    }
+}
+
+struct Tracks {
+    position: Track,
+    velocity: Track,
+    pose: Track,
+    twist: Track,
+    orientation: Track,
+    angular_velocity: Track,
+    linear_acceleration: Track,
+    desired: Track,
+    clock: Vec<u64>,
+}
+
+impl Tracks {
+    fn read(e: &Episode) -> anyhow::Result<Self> {
+        Ok(Self {
+            position: Track::read(e, "joint_state", "position")?,
+            velocity: Track::read(e, "joint_state", "velocity")?,
+            pose: Track::read(e, "pose", "pose")?,
+            twist: Track::read(e, "pose", "twist")?,
+            orientation: Track::read(e, "imu", "orientation")?,
+            angular_velocity: Track::read(e, "imu", "angular_velocity")?,
+            linear_acceleration: Track::read(e, "imu", "linear_acceleration")?,
+            desired: Track::read(e, "applied", "desired_pose")?,
+            clock: e.stamps("clock")?,
+        })
+    }
+
+    /// Whether every topic has spoken by `time`; the desired pose must be one.
+    fn ready(&self, time: u64) -> bool {
+        let all = [
+            &self.position,
+            &self.velocity,
+            &self.pose,
+            &self.twist,
+            &self.orientation,
+            &self.angular_velocity,
+            &self.linear_acceleration,
+        ];
+        all.iter().all(|t| t.at(time).is_some())
+            && self
+                .desired
+                .at(time)
+                .is_some_and(|d| d.1.iter().all(|v| v.is_finite()))
+            && self.clock.first().is_some_and(|&c| c <= time)
+    }
+}
+
+impl Format for WheelarmSim {
+    fn wants(&self, _: &str) -> bool {
+        false
+    }
+
+    fn add(&self, recording: &Recording, tick: &(dyn Fn() + Sync)) -> anyhow::Result<Written> {
+        let name = format!("{}.hdf5", recording.summary.label);
+        let pending = PendingFile::new(&self.out.join(name))?;
+        let tracks = Tracks::read(&recording.episode)?;
+        let cameras: Vec<String> = recording.camera_names();
+        for needed in ["gen3", "wheelchair"] {
+            anyhow::ensure!(
+                cameras.iter().any(|c| c == needed),
+                "the episode has no pictures of the camera {needed:?}, which the original's layout needs"
+            );
+        }
+        let samples = write(pending.path(), recording, &tracks, self.threads, tick)?;
+        let rows = recording.aligned.stamps.len();
+        let mut notes = Vec::new();
+        if samples < rows {
+            notes.push(format!(
+                "{} of {rows} rows are left out: not every topic had spoken",
+                rows - samples
+            ));
+        }
+        Ok(Written {
+            path: pending.commit()?,
+            samples,
+            notes,
+        })
+    }
+}
+
+fn write(
+    path: &Path,
+    recording: &Recording,
+    tracks: &Tracks,
+    threads: usize,
+    tick: &(dyn Fn() + Sync),
+) -> anyhow::Result<usize> {
+    let file = hdf5::File::create_excl(path)?;
+    let data = file.create_group("data")?;
+    let mut number = 0;
+    for (row, &time) in recording.aligned.stamps.iter().enumerate() {
+        tick();
+        let pictures = recording.aligned.frames.values().all(|f| f[row].is_some());
+        if !pictures || !tracks.ready(time) {
+            continue;
+        }
+        number += 1;
+        let group = data.create_group(&number.to_string())?;
+        states(&group, tracks, time)?;
+        text(&group, "instructions", &recording.summary.instruction)?;
+        for camera in ["gen3", "wheelchair"] {
+            let (source, index) = recording.picture(camera, row)?;
+            let stamp = source.stamps()[index] as f64 * 1e-9;
+            let rgb = source.rgb(&recording.episode, index)?;
+            bytes(
+                &group,
+                &format!("processed_data_cameras_rgb_{camera}"),
+                &rgb,
+                threads,
+            )?;
+            scalar(
+                &group,
+                &format!("processed_data_cameras_rgb_{camera}time"),
+                stamp,
+            )?;
+            let depth: Vec<u8> = source
+                .depth(&recording.episode, index)?
+                .iter()
+                .flat_map(|d| d.to_le_bytes())
+                .collect();
+            bytes(
+                &group,
+                &format!("processed_data_cameras_depth_{camera}"),
+                &depth,
+                threads,
+            )?;
+            scalar(
+                &group,
+                &format!("processed_data_cameras_depth_{camera}time"),
+                stamp,
+            )?;
+        }
+    }
+    anyhow::ensure!(number > 0, "no row has every topic");
+    file.flush()?;
+    Ok(number)
+}
+
+fn states(group: &Group, tracks: &Tracks, time: u64) -> anyhow::Result<()> {
+    // `ready` has looked: every track has a sample.
+    let at = |track: &'_ Track| -> (f64, Vec<f64>) {
+        track
+            .at(time)
+            .map_or((f64::NAN, Vec::new()), |(t, v)| (t, v.to_vec()))
+    };
+    let (stamp, position) = at(&tracks.position);
+    let (_, velocity) = at(&tracks.velocity);
+    for (i, joint) in names::JOINT_NAMES.iter().enumerate() {
+        let name = format!("processed_data_joint_state_{joint}");
+        numbers(group, &name, &[stamp, position[i], velocity[i]])?;
+        text(group, &format!("{name}_joint_name"), joint)?;
+    }
+    let (stamp, pose) = at(&tracks.pose);
+    let (_, twist) = at(&tracks.twist);
+    for (i, frame) in names::FRAMES.iter().enumerate() {
+        let name = format!("processed_data_cartesian_pose_{}", frame.name);
+        let row = [&[stamp], &pose[7 * i..7 * i + 7]].concat();
+        numbers(group, &name, &row)?;
+        let name = format!("processed_data_cartesian_velocity_{}", frame.name);
+        let row = [&[stamp], &twist[6 * i..6 * i + 3]].concat();
+        numbers(group, &name, &row)?;
+    }
+    for (name, track) in [
+        ("orientation", &tracks.orientation),
+        ("linear_acceleration", &tracks.linear_acceleration),
+        ("angular_velocity", &tracks.angular_velocity),
+    ] {
+        let (stamp, values) = at(track);
+        let row = [&[stamp][..], &values].concat();
+        numbers(group, &format!("processed_data_imu_{name}"), &row)?;
+    }
+    let clock = tracks
+        .clock
+        .partition_point(|&c| c <= time)
+        .saturating_sub(1);
+    scalar(
+        group,
+        "processed_data_timesteps",
+        tracks.clock[clock] as f64 * 1e-9,
+    )?;
+    let (_, mut desired) = at(&tracks.desired);
+    desired.iter_mut().take(3).for_each(|v| *v *= 1e3);
+    numbers(group, "processed_data_desired_pose", &desired)
+}
+
+fn numbers(group: &Group, name: &str, values: &[f64]) -> anyhow::Result<()> {
+    let data = group
+        .new_dataset::<f64>()
+        .chunk([values.len()])
+        .deflate(LEVEL)
+        .shape([values.len()])
+        .create(name)?;
+    data.write(values)?;
+    Ok(())
+}
+
+fn scalar<T: H5Type>(group: &Group, name: &str, value: T) -> anyhow::Result<()> {
+    group
+        .new_dataset::<T>()
+        .create(name)?
+        .write_scalar(&value)?;
+    Ok(())
+}
+
+fn text(group: &Group, name: &str, value: &str) -> anyhow::Result<()> {
+    let data = group.new_dataset::<VarLenUnicode>().create(name)?;
+    data.write_scalar(&unicode(value))?;
+    Ok(())
+}
+
+/// One 64-bit integer per byte, in chunks of the length that h5py would choose.
+fn bytes(group: &Group, name: &str, all: &[u8], threads: usize) -> anyhow::Result<()> {
+    let chunk = guessed_chunk(all.len());
+    let compressed = parallel(all.len().div_ceil(chunk), threads, |index| {
+        let part = &all[index * chunk..((index + 1) * chunk).min(all.len())];
+        let mut wide: Vec<u8> = Vec::with_capacity(8 * chunk);
+        for &byte in part {
+            wide.extend([byte, 0, 0, 0, 0, 0, 0, 0]);
+        }
+        wide.resize(8 * chunk, 0);
+        let mut out = Vec::new();
+        DEFLATE.with_borrow_mut(|d| d.append(&wide, 1, &mut out));
+        Ok(out)
+    })?;
+    let how = (Filters::Deflate, LEVEL);
+    let data = Chunked::create_fixed::<i64>(group, name, all.len(), chunk, how)?;
+    for (index, part) in compressed.iter().enumerate() {
+        data.write(index, part)?;
+    }
+    Ok(())
+}
+
+thread_local! {
+    static DEFLATE: std::cell::RefCell<Deflate> = std::cell::RefCell::new(Deflate::at_level(LEVEL));
+}
+
+/// The chunk length that h5py guesses for a list of 64-bit integers: halved
+/// until it is near a size that grows slowly with the whole.
+#[must_use]
+pub fn guessed_chunk(length: usize) -> usize {
+    const BASE: f64 = 16.0 * 1024.0;
+    const LEAST: f64 = 8.0 * 1024.0;
+    const MOST: f64 = 1024.0 * 1024.0;
+    let bytes = 8.0 * length.max(1) as f64;
+    let target = (BASE * 2.0_f64.powf((bytes / MOST).log10())).clamp(LEAST, MOST);
+    let mut chunk = length.max(1) as f64;
+    while chunk > 1.0 {
+        let size = 8.0 * chunk;
+        if (size < target || (size - target).abs() / target < 0.5) && size < MOST {
+            break;
+        }
+        chunk = (chunk / 2.0).ceil();
+    }
+    chunk as usize
+}
+
+#[cfg(test)]
+mod tests {
+    #[test]
+    fn chunks_have_the_lengths_of_the_originals_files() {
+        assert_eq!(super::guessed_chunk(2_764_800), 5_400);
+        assert_eq!(super::guessed_chunk(3_686_400), 7_200);
+    }
+}

@@ -1,0 +1,301 @@
+//! Whether a recording is fit for use: counts, order, gaps, numbers that are
+//! none, quaternions, pictures, calibration, hashes. Reads every byte.
+
+use std::fmt;
+use std::io::Read;
+use std::path::Path;
+
+use anyhow::Context;
+use sha2::{Digest, Sha256};
+
+use crate::align::{Rule, usual_distance};
+use crate::convert::batch::parallel;
+use crate::read::{ElementKind, Episode, Values};
+
+/// Samples farther apart than this many usual distances are a gap.
+const GAP: f64 = 1.75;
+/// Norms of quaternions may be off by this.
+const NORM: f64 = 1e-6;
+/// A picture with less contrast than this shows nothing, levels of 255.
+const FLAT: f64 = 1.0;
+/// Hashes are this many ticks apart: one simulated second.
+const HASH_TICKS: u64 = 240;
+
+/// What was found.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Findings {
+    /// What is wrong.
+    pub problems: Vec<String>,
+    /// Figures for people.
+    pub facts: Vec<String>,
+}
+
+impl fmt::Display for Findings {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        for fact in &self.facts {
+            writeln!(f, "  {fact}")?;
+        }
+        for problem in &self.problems {
+            writeln!(f, "  PROBLEM {problem}")?;
+        }
+        Ok(())
+    }
+}
+
+/// Looks at everything in a file.
+///
+/// # Errors
+/// When it is no episode or cannot be read to the end.
+pub fn validate(path: &Path, threads: usize) -> anyhow::Result<Findings> {
+    let episode = Episode::open(path)?;
+    let mut found = Findings::default();
+    let summary = episode.summary()?;
+    if !summary.complete {
+        found.problems.push(format!(
+            "the recording is partial: {}",
+            summary.problems.join("; ")
+        ));
+    }
+    if episode.snapshot()?.snapshot.is_empty() {
+        found
+            .problems
+            .push("the state at the start is absent: it cannot be replayed".into());
+    }
+    for account in &summary.streams {
+        if account.stream != wheelarm_proto::names::EVENT_STREAM {
+            stream(&episode, &account.stream, account.received, &mut found)
+                .with_context(|| account.stream.clone())?;
+        }
+    }
+    for camera in episode.cameras()? {
+        pictures(&episode, &camera, threads, &mut found).with_context(|| camera.clone())?;
+    }
+    hashes(&episode, &mut found)?;
+    checksum(path, &mut found)?;
+    Ok(found)
+}
+
+fn stream(
+    episode: &Episode,
+    name: &str,
+    received: u64,
+    found: &mut Findings,
+) -> anyhow::Result<()> {
+    let stamps = episode.stamps(name)?;
+    let sequence = episode.u64s(name, "sequence")?;
+    let mut wrong = |words: String| found.problems.push(format!("{name}: {words}"));
+    if stamps.len() as u64 != received || sequence.len() != stamps.len() {
+        wrong(format!(
+            "{} stamps and {} sequence numbers, the account says {received}",
+            stamps.len(),
+            sequence.len()
+        ));
+    }
+    if let Some(i) = stamps.windows(2).position(|w| w[0] >= w[1]) {
+        wrong(format!("stamps do not rise at sample {}", i + 1));
+    }
+    let lost: u64 = sequence
+        .windows(2)
+        .map(|w| w[1].saturating_sub(w[0]).saturating_sub(1))
+        .sum();
+    if lost > 0 {
+        wrong(format!("{lost} sequence numbers are missing inside"));
+    }
+    let usual = usual_distance(&stamps).unwrap_or(0);
+    let gaps = stamps
+        .windows(2)
+        .filter(|w| w[1].saturating_sub(w[0]) as f64 > GAP * usual as f64);
+    let widest = gaps.clone().map(|w| w[1] - w[0]).max();
+    if let Some(widest) = widest {
+        wrong(format!(
+            "{} gaps, the widest {:.3} s",
+            gaps.count(),
+            widest as f64 * 1e-9
+        ));
+    }
+    for meta in episode.columns(name)? {
+        if meta.count != stamps.len() {
+            wrong(format!(
+                "{} has {} rows, expected {}",
+                meta.name,
+                meta.count,
+                stamps.len()
+            ));
+        }
+        if meta.units.is_empty() {
+            wrong(format!("{} has no units", meta.name));
+        }
+        if meta.kind != ElementKind::F64 || meta.width() == 0 {
+            continue;
+        }
+        let Values::F64(all) = episode.values(&meta)? else {
+            continue;
+        };
+        let rule = Rule::of(&meta);
+        let bad = all.iter().filter(|v| !v.is_finite()).count();
+        // A command that was not given is NaN; so is a contact that is not there.
+        let optional = matches!(name, "command" | "contact" | "evaluation")
+            || (name == "applied" && (rule == Rule::Nearest || rule == Rule::Pose));
+        if bad > 0 && !optional {
+            wrong(format!("{}: {bad} numbers are not finite", meta.name));
+        }
+        let (step, at) = match rule {
+            Rule::Pose => (7, 3),
+            Rule::Quaternion => (4, 0),
+            _ => continue,
+        };
+        let off = all
+            .chunks_exact(step)
+            .map(|q| (q[at..at + 4].iter().map(|v| v * v).sum::<f64>().sqrt() - 1.0).abs())
+            .filter(|n| n.is_finite())
+            .fold(0.0, f64::max);
+        if off > NORM {
+            wrong(format!(
+                "{}: the norm of a quaternion is off by {off:.2e}",
+                meta.name
+            ));
+        }
+    }
+    Ok(())
+}
+
+/// Figures of one picture.
+struct Figures {
+    mean: f64,
+    contrast: f64,
+    hit: f64,
+    bad_depth: usize,
+}
+
+fn pictures(
+    episode: &Episode,
+    name: &str,
+    threads: usize,
+    found: &mut Findings,
+) -> anyhow::Result<()> {
+    let camera = episode.camera(name)?;
+    if camera.is_empty() {
+        found
+            .problems
+            .push(format!("camera/{name}: there are no pictures"));
+        return Ok(());
+    }
+    let all = parallel(camera.len(), threads, |i| {
+        let rgb = camera.rgb(episode, i)?;
+        let depth = camera.depth(episode, i)?;
+        let n = rgb.len().max(1) as f64;
+        let mean = rgb.iter().map(|&v| f64::from(v)).sum::<f64>() / n;
+        let variance = rgb
+            .iter()
+            .map(|&v| (f64::from(v) - mean).powi(2))
+            .sum::<f64>()
+            / n;
+        let hit = depth.iter().filter(|d| d.is_finite()).count() as f64 / depth.len().max(1) as f64;
+        Ok(Figures {
+            mean,
+            contrast: variance.sqrt(),
+            hit,
+            bad_depth: depth.iter().filter(|d| d.is_nan() || **d < 0.0).count(),
+        })
+    })?;
+    let mut wrong = |words: String| found.problems.push(format!("camera/{name}: {words}"));
+    let flat = all.iter().filter(|f| f.contrast < FLAT).count();
+    if flat > 0 {
+        wrong(format!("{flat} pictures of one colour"));
+    }
+    let bad: usize = all.iter().map(|f| f.bad_depth).sum();
+    if bad > 0 {
+        wrong(format!("{bad} depths are NaN or negative"));
+    }
+    let empty = all.iter().filter(|f| f.hit == 0.0).count();
+    if empty > 0 {
+        wrong(format!("{empty} pictures without any depth"));
+    }
+    let size = camera.size().unwrap_or((0, 0));
+    let first = camera.intrinsics(0);
+    let sane = first[0] as usize == size.0
+        && first[1] as usize == size.1
+        && first[2] > 0.0
+        && first[3] > 0.0
+        && (0.0..=first[0]).contains(&first[4])
+        && (0.0..=first[1]).contains(&first[5]);
+    if !sane {
+        wrong(format!(
+            "calibration {first:?} does not fit pictures of {size:?}"
+        ));
+    }
+    if (1..camera.len()).any(|i| camera.intrinsics(i) != first) {
+        wrong("the calibration changes within the episode".into());
+    }
+    let mean = |f: &dyn Fn(&Figures) -> f64| all.iter().map(f).sum::<f64>() / all.len() as f64;
+    found.facts.push(format!(
+        "camera/{name}: {} pictures of {}x{}, mean level {:.0}, contrast {:.0}, depth at {:.1} % of the pixels",
+        all.len(),
+        size.0,
+        size.1,
+        mean(&|f| f.mean),
+        mean(&|f| f.contrast),
+        100.0 * mean(&|f| f.hit),
+    ));
+    Ok(())
+}
+
+fn hashes(episode: &Episode, found: &mut Findings) -> anyhow::Result<()> {
+    if !episode.has("state_hash") {
+        found
+            .problems
+            .push("there are no state hashes: a replay cannot be checked".into());
+        return Ok(());
+    }
+    let all = episode.state_hashes()?;
+    if all
+        .windows(2)
+        .any(|w| w[1].0.saturating_sub(w[0].0) != HASH_TICKS)
+    {
+        found
+            .problems
+            .push(format!("state hashes are not {HASH_TICKS} ticks apart"));
+    }
+    if all.iter().any(|h| h.1 == 0) {
+        found.problems.push("a state hash is 0".into());
+    }
+    found.facts.push(format!("{} state hashes", all.len()));
+    Ok(())
+}
+
+/// Compares the file with `FILE.sha256` where there is one.
+fn checksum(path: &Path, found: &mut Findings) -> anyhow::Result<()> {
+    let mut digest = Sha256::new();
+    let mut file = std::fs::File::open(path)?;
+    let mut block = vec![0; 1 << 20];
+    loop {
+        let n = file.read(&mut block)?;
+        if n == 0 {
+            break;
+        }
+        digest.update(&block[..n]);
+    }
+    let sum: String = digest
+        .finalize()
+        .iter()
+        .map(|b| format!("{b:02x}"))
+        .collect();
+    let beside = path.with_added_extension("sha256");
+    match std::fs::read_to_string(&beside) {
+        Ok(text) => {
+            let told = text.split_whitespace().next().unwrap_or_default();
+            if told.eq_ignore_ascii_case(&sum) {
+                found
+                    .facts
+                    .push(format!("SHA-256 as in {}", beside.display()));
+            } else {
+                found.problems.push(format!(
+                    "SHA-256 is {sum}, {} says {told}",
+                    beside.display()
+                ));
+            }
+        }
+        Err(_) => found.facts.push(format!("SHA-256 {sum}")),
+    }
+    Ok(())
+}

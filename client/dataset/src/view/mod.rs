@@ -1,0 +1,261 @@
+//! An episode as one HTML page that needs nothing else: pictures and depth that
+//! play, plots with the phases behind them, the instruction, what happened.
+//! Pictures are written one after the other, so that memory stays small.
+
+use std::io::{BufWriter, Write};
+use std::path::Path;
+
+use anyhow::Context;
+use base64::Engine;
+use base64::engine::general_purpose::STANDARD;
+use jpeg_encoder::{ColorType, Encoder};
+use serde_json::{Value, json};
+
+use crate::convert::batch::parallel;
+use crate::convert::{PendingFile, Recording, Size, scaled};
+use crate::label;
+use crate::read::{Camera, Frame};
+use crate::sheet::picture;
+
+const PAGE: &str = include_str!("page.html");
+const DATA: &str = "/*DATA*/null";
+const PICTURES: &str = "<!--PICTURES-->";
+/// Greatest width of a picture on the page, pixels.
+const WIDTH: usize = 480;
+const QUALITY: u8 = 75;
+/// Pictures that are encoded together.
+const BLOCK: usize = 16;
+/// Pictures from which the range of depth is taken.
+const PROBES: usize = 8;
+
+/// Streams that the page shows.
+#[must_use]
+pub fn wants(stream: &str) -> bool {
+    matches!(
+        stream,
+        "joint_state" | "pose" | "imu" | "odometry" | "contact" | "object_pose" | "furniture_joint"
+    )
+}
+
+/// Writes the page; `tick` is told of every row.
+///
+/// # Errors
+/// When pictures cannot be read or the file cannot be written.
+pub fn page(
+    recording: &Recording,
+    out: &Path,
+    threads: usize,
+    tick: &(dyn Fn() + Sync),
+) -> anyhow::Result<()> {
+    let pending = PendingFile::new(out)?;
+    let mut file = BufWriter::new(std::fs::File::create_new(pending.path())?);
+    let (head, rest) = PAGE
+        .split_once(DATA)
+        .context("the page has a place for data")?;
+    let (middle, tail) = rest
+        .split_once(PICTURES)
+        .context("the page has a place for pictures")?;
+    // A "</" inside the data would end the script.
+    let data = data(recording).to_string().replace("</", "<\\/");
+    write!(file, "{head}{data}{middle}")?;
+    for (number, (name, camera)) in recording.cameras.iter().enumerate() {
+        let Some((width, height)) = camera.size() else {
+            continue;
+        };
+        let small = if width > WIDTH {
+            Size {
+                width: WIDTH,
+                height: (height * WIDTH / width).max(1),
+            }
+        } else {
+            Size { width, height }
+        };
+        let range = depth_range(recording, camera)?;
+        let rows: Vec<usize> = (0..recording.aligned.stamps.len()).collect();
+        for block in rows.chunks(BLOCK) {
+            let encoded = parallel(block.len(), threads, |i| {
+                let Ok((_, index)) = recording.picture(name, block[i]) else {
+                    return Ok(None);
+                };
+                let frame = camera.frame(&recording.episode, index)?;
+                let depth = picture::depth(&frame, range, small.width, small.height).pixels;
+                let rgb = scaled(frame.rgb, Size { width, height }, small);
+                Ok(Some([jpeg(&rgb, small)?, jpeg(&depth, small)?]))
+            })?;
+            writeln!(file, "<script>")?;
+            for (row, pictures) in block.iter().zip(encoded) {
+                if let Some([rgb, depth]) = pictures {
+                    let key = serde_json::to_string(name)?.replace("</", "<\\/");
+                    writeln!(file, "picture({key}+\"/rgb\",{row},\"{rgb}\");")?;
+                    writeln!(file, "picture({key}+\"/depth\",{row},\"{depth}\");")?;
+                }
+                if number == 0 {
+                    tick();
+                }
+            }
+            writeln!(file, "</script>")?;
+        }
+    }
+    write!(file, "{tail}")?;
+    file.into_inner()
+        .map_err(std::io::IntoInnerError::into_error)?
+        .sync_all()?;
+    pending.commit()?;
+    Ok(())
+}
+
+fn jpeg(rgb: &[u8], size: Size) -> anyhow::Result<String> {
+    let mut out = Vec::new();
+    Encoder::new(&mut out, QUALITY).encode(
+        rgb,
+        u16::try_from(size.width)?,
+        u16::try_from(size.height)?,
+        ColorType::Rgb,
+    )?;
+    Ok(STANDARD.encode(out))
+}
+
+fn depth_range(recording: &Recording, camera: &Camera) -> anyhow::Result<(f32, f32)> {
+    let step = camera.len().div_ceil(PROBES).max(1);
+    let mut frames: Vec<Frame> = Vec::new();
+    for index in (0..camera.len()).step_by(step) {
+        frames.push(camera.frame(&recording.episode, index)?);
+    }
+    Ok(picture::depth_range(&frames))
+}
+
+fn data(recording: &Recording) -> Value {
+    let aligned = &recording.aligned;
+    let start = aligned.stamps.first().copied().unwrap_or(0);
+    let time: Vec<f64> = aligned
+        .stamps
+        .iter()
+        .map(|&s| (s - start) as f64 * 1e-9)
+        .collect();
+    let s = &recording.summary;
+    let pictures: Vec<Value> = recording
+        .cameras
+        .keys()
+        .flat_map(|c| {
+            ["rgb", "depth"].map(|kind| json!({"key": format!("{c}/{kind}"), "title": format!("{c}, {}", if kind == "rgb" { "colour" } else { "depth (warm is near)" })}))
+        })
+        .collect();
+    let mut facts = vec![
+        ["label".to_owned(), s.label.clone()],
+        [
+            "task".to_owned(),
+            format!("{} ({}, {})", s.task[0], s.task[1], s.task[2]),
+        ],
+    ];
+    for (name, holds, value) in &s.conditions {
+        facts.push([
+            name.clone(),
+            format!(
+                "{} ({value:.4})",
+                if *holds { "holds" } else { "does not hold" }
+            ),
+        ]);
+    }
+    if !s.failure_reason.is_empty() {
+        facts.push(["failure".to_owned(), s.failure_reason.clone()]);
+    }
+    facts.extend(s.problems.iter().map(|p| ["problem".to_owned(), p.clone()]));
+    json!({
+        "label": s.label, "instruction": s.instruction, "success": s.success, "complete": s.complete,
+        "task": s.task[0], "seed": s.seed, "time": time, "labels": recording.labels,
+        "phases": label::NAMES, "pictures": pictures, "plots": plots(recording), "facts": facts,
+    })
+}
+
+fn plots(recording: &Recording) -> Vec<Value> {
+    let aligned = &recording.aligned;
+    let plot = |title: &str, stream: &str, column: &str, parts: &[(usize, String)]| {
+        let signal = aligned.signal(stream, column)?;
+        let values: Vec<Vec<Value>> = parts
+            .iter()
+            .map(|(at, _)| {
+                let one = |row: usize| signal.row(row).get(*at).filter(|v| v.is_finite());
+                // Five digits are enough for the eye and keep the page small.
+                let rounded = |v: &f64| json!((v * 1e5).round() / 1e5);
+                (0..aligned.stamps.len())
+                    .map(|row| one(row).map_or(Value::Null, rounded))
+                    .collect()
+            })
+            .collect();
+        let names: Vec<&str> = parts.iter().map(|p| p.1.as_str()).collect();
+        Some(json!({"title": title, "names": names, "values": values}))
+    };
+    let names_of = |stream: &str, column: &str| {
+        aligned
+            .signal(stream, column)
+            .map(|s| s.meta.names.clone())
+            .unwrap_or_default()
+    };
+    let joints = names_of("joint_state", "position");
+    let some = |wanted: &dyn Fn(&str) -> bool| -> Vec<(usize, String)> {
+        let all = joints.iter().enumerate();
+        all.filter(|(_, n)| wanted(n))
+            .map(|(i, n)| (i, n.clone()))
+            .collect()
+    };
+    let frames = names_of("pose", "pose");
+    let frame = |name: &str| frames.iter().position(|f| f == name).unwrap_or(0);
+    let three = |from: usize| -> Vec<(usize, String)> {
+        ["x", "y", "z"]
+            .iter()
+            .enumerate()
+            .map(|(k, n)| (from + k, (*n).to_owned()))
+            .collect()
+    };
+    let arm = some(&|n| n.starts_with("joint_"));
+    let grip = some(&|n| n.ends_with("_knuckle_joint"));
+    let pads = [(0, "left".to_owned()), (1, "right".to_owned())];
+    let speed = [
+        (0, "forward, m/s".to_owned()),
+        (5, "turn, rad/s".to_owned()),
+    ];
+    let furniture: Vec<(usize, String)> = names_of("furniture_joint", "position")
+        .into_iter()
+        .enumerate()
+        .collect();
+    [
+        plot("Arm joints, rad", "joint_state", "position", &arm),
+        plot(
+            "End effector in base_link, m",
+            "pose",
+            "pose",
+            &three(7 * frame("end_effector")),
+        ),
+        plot(
+            "Chair in house, m",
+            "pose",
+            "pose",
+            &three(7 * frame("wheelchair")),
+        ),
+        plot("Chair's speed", "odometry", "twist", &speed),
+        plot("Gripper, rad", "joint_state", "position", &grip),
+        plot("Force at the finger tips, N", "contact", "pad_force", &pads),
+        plot(
+            "IMU: acceleration, m/s²",
+            "imu",
+            "linear_acceleration",
+            &three(0),
+        ),
+        plot(
+            "IMU: angular velocity, rad/s",
+            "imu",
+            "angular_velocity",
+            &three(0),
+        ),
+        plot(
+            "Furniture joints, m or rad",
+            "furniture_joint",
+            "position",
+            &furniture,
+        )
+        .filter(|_| !furniture.is_empty()),
+    ]
+    .into_iter()
+    .flatten()
+    .collect()
+}

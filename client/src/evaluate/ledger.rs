@@ -1,0 +1,103 @@
+//! The results as they come, one JSON object per line. A line that was cut off
+//! by an interruption is left out, and its episode is done again.
+
+use std::fs::{File, OpenOptions};
+use std::io::{Read, Write};
+use std::path::{Path, PathBuf};
+use std::sync::{Mutex, PoisonError};
+
+use anyhow::Context;
+
+use super::Entry;
+
+/// The file of results.
+pub struct Ledger {
+    path: PathBuf,
+    inner: Mutex<(File, Vec<Entry>)>,
+}
+
+impl Ledger {
+    /// Opens the ledger of a folder, or makes it.
+    ///
+    /// # Errors
+    /// When the file cannot be read or written.
+    pub fn open(folder: &Path) -> anyhow::Result<Self> {
+        let path = folder.join("episodes.jsonl");
+        let context = || format!("opening {}", path.display());
+        let mut file = OpenOptions::new()
+            .create(true)
+            .read(true)
+            .append(true)
+            .open(&path)
+            .with_context(context)?;
+        let mut text = String::new();
+        file.read_to_string(&mut text).with_context(context)?;
+        let entries = text
+            .lines()
+            .filter_map(|line| serde_json::from_str(line).ok())
+            .collect();
+        if !text.is_empty() && !text.ends_with('\n') {
+            file.write_all(b"\n").with_context(context)?;
+        }
+        Ok(Self {
+            path,
+            inner: Mutex::new((file, entries)),
+        })
+    }
+
+    /// Everything that is in it.
+    #[must_use]
+    pub fn entries(&self) -> Vec<Entry> {
+        let inner = self.inner.lock().unwrap_or_else(PoisonError::into_inner);
+        inner.1.clone()
+    }
+
+    /// Appends one result.
+    ///
+    /// # Errors
+    /// When the file cannot be written.
+    pub fn add(&self, entry: &Entry) -> anyhow::Result<()> {
+        let mut line = serde_json::to_string(entry)?;
+        line.push('\n');
+        let mut inner = self.inner.lock().unwrap_or_else(PoisonError::into_inner);
+        // In one piece, so that two processes do not mix their lines.
+        inner
+            .0
+            .write_all(line.as_bytes())
+            .with_context(|| format!("writing {}", self.path.display()))?;
+        inner.1.push(entry.clone());
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_cut_line_is_left_out_and_the_rest_is_kept() {
+        let folder = tempfile::tempdir().unwrap();
+        let entry = |seed| Entry {
+            task: "pick_mustard".to_owned(),
+            seed,
+            success: true,
+            why: String::new(),
+            conditions: Vec::new(),
+            seconds: 16.5,
+            factor: 8.0,
+            hash: "00".to_owned(),
+            notes: Vec::new(),
+        };
+        let ledger = Ledger::open(folder.path()).unwrap();
+        ledger.add(&entry(0)).unwrap();
+        ledger.add(&entry(1)).unwrap();
+        let path = folder.path().join("episodes.jsonl");
+        let text = std::fs::read_to_string(&path).unwrap();
+        std::fs::write(&path, &text[..text.len() - 9]).unwrap();
+        let ledger = Ledger::open(folder.path()).unwrap();
+        assert_eq!(ledger.entries(), [entry(0)]);
+        ledger.add(&entry(2)).unwrap();
+        let again = Ledger::open(folder.path()).unwrap().entries();
+        assert_eq!(again, [entry(0), entry(2)]);
+    }
+}

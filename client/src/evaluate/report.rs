@@ -1,0 +1,186 @@
+//! Rates of success by task and by failed condition.
+
+use std::collections::BTreeMap;
+use std::fmt;
+
+use serde::Serialize;
+
+use super::Entry;
+
+/// What came of one task.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct TaskReport {
+    /// Task.
+    pub task: String,
+    /// Episodes done.
+    pub episodes: usize,
+    /// Episodes that succeeded.
+    pub successes: usize,
+    /// Share of successes; 0 without episodes.
+    pub rate: f64,
+    /// Mean simulated seconds of the successful episodes.
+    pub mean_seconds: f64,
+    /// Simulated seconds per wall second over all episodes.
+    pub factor: f64,
+    /// How often each required condition did not hold at the end.
+    pub failed_conditions: BTreeMap<String, usize>,
+    /// How often each condition that is only reported did not hold.
+    pub reported_conditions: BTreeMap<String, usize>,
+    /// Seeds that failed, with the reason.
+    pub failed_seeds: BTreeMap<u64, String>,
+}
+
+/// What came of all tasks.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Report {
+    /// By task.
+    pub tasks: Vec<TaskReport>,
+    /// All episodes.
+    pub episodes: usize,
+    /// All successes.
+    pub successes: usize,
+}
+
+impl Report {
+    /// Counts the entries of `tasks`.
+    #[must_use]
+    pub fn new(tasks: &[String], entries: &[Entry]) -> Self {
+        let tasks: Vec<TaskReport> = tasks.iter().map(|task| count(task, entries)).collect();
+        Self {
+            episodes: tasks.iter().map(|task| task.episodes).sum(),
+            successes: tasks.iter().map(|task| task.successes).sum(),
+            tasks,
+        }
+    }
+
+    /// The report as JSON.
+    ///
+    /// # Errors
+    /// Never for finite numbers.
+    pub fn json(&self) -> serde_json::Result<String> {
+        serde_json::to_string_pretty(self).map(|text| text + "\n")
+    }
+}
+
+fn count(task: &str, entries: &[Entry]) -> TaskReport {
+    let own: Vec<&Entry> = entries.iter().filter(|entry| entry.task == task).collect();
+    let good: Vec<&&Entry> = own.iter().filter(|entry| entry.success).collect();
+    let mut failed_conditions = BTreeMap::new();
+    let mut reported_conditions = BTreeMap::new();
+    for entry in &own {
+        for condition in entry.conditions.iter().filter(|c| !c.holds) {
+            let counts = if condition.required {
+                &mut failed_conditions
+            } else {
+                &mut reported_conditions
+            };
+            *counts.entry(condition.name.clone()).or_insert(0) += 1;
+        }
+    }
+    let mean = |sum: f64, count: usize| if count == 0 { 0.0 } else { sum / count as f64 };
+    let simulated: f64 = own.iter().map(|entry| entry.seconds).sum();
+    let wall: f64 = own
+        .iter()
+        .map(|entry| entry.seconds / entry.factor.max(1e-9))
+        .sum();
+    TaskReport {
+        task: task.to_owned(),
+        episodes: own.len(),
+        successes: good.len(),
+        rate: mean(good.len() as f64, own.len()),
+        mean_seconds: mean(good.iter().map(|entry| entry.seconds).sum(), good.len()),
+        factor: if wall > 0.0 { simulated / wall } else { 0.0 },
+        failed_conditions,
+        reported_conditions,
+        failed_seeds: own
+            .iter()
+            .filter(|entry| !entry.success)
+            .map(|entry| (entry.seed, entry.why.clone()))
+            .collect(),
+    }
+}
+
+impl fmt::Display for Report {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        writeln!(
+            f,
+            "{:<20} {:>9} {:>6} {:>8} {:>7}",
+            "task", "successes", "rate", "mean", "speed"
+        )?;
+        for task in &self.tasks {
+            writeln!(
+                f,
+                "{:<20} {:>4}/{:<4} {:>5.0} % {:>6.1} s {:>6.1}x",
+                task.task,
+                task.successes,
+                task.episodes,
+                100.0 * task.rate,
+                task.mean_seconds,
+                task.factor
+            )?;
+            for (name, count) in &task.failed_conditions {
+                writeln!(f, "    not {name}: {count}")?;
+            }
+            for (name, count) in &task.reported_conditions {
+                writeln!(f, "    only reported, not {name}: {count}")?;
+            }
+            for (seed, why) in &task.failed_seeds {
+                writeln!(f, "    seed {seed}: {why}")?;
+            }
+        }
+        writeln!(f, "{:<20} {:>4}/{}", "all", self.successes, self.episodes)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::evaluate::episode::Condition;
+
+    #[test]
+    fn rates_count_by_task_and_by_failed_condition() {
+        let entry = |task: &str, seed, success| Entry {
+            task: task.to_owned(),
+            seed,
+            success,
+            why: if success { "" } else { "dropped" }.to_owned(),
+            conditions: vec![
+                Condition {
+                    name: "held".to_owned(),
+                    holds: success,
+                    required: true,
+                    value: 0.0,
+                },
+                Condition {
+                    name: "calm".to_owned(),
+                    holds: false,
+                    required: false,
+                    value: 0.0,
+                },
+            ],
+            seconds: 10.0 + seed as f64,
+            factor: 5.0,
+            hash: String::new(),
+            notes: Vec::new(),
+        };
+        let entries = [
+            entry("a", 0, true),
+            entry("a", 1, false),
+            entry("a", 2, true),
+            entry("b", 0, true),
+        ];
+        let names = ["a", "b", "c"].map(str::to_owned);
+        let report = Report::new(&names, &entries);
+        let [a, b, c] = &report.tasks[..] else {
+            panic!("three tasks");
+        };
+        assert_eq!((a.successes, a.episodes, b.successes), (2, 3, 1));
+        assert!((a.mean_seconds - 11.0).abs() < 1e-12, "{a:?}");
+        assert!((a.factor - 5.0).abs() < 1e-12, "{a:?}");
+        assert_eq!(a.failed_conditions["held"], 1);
+        assert_eq!(a.reported_conditions["calm"], 3);
+        assert_eq!(a.failed_seeds[&1], "dropped");
+        assert_eq!((c.episodes, c.rate), (0, 0.0));
+        assert!(report.to_string().contains("3/4"));
+    }
+}

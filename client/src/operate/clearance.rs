@@ -1,0 +1,259 @@
+//! The two questions that planning asks of the scene: is the floor free for
+//! the chair, is the way of the hand free.
+
+use nalgebra::{Isometry3, Point3, Translation3};
+
+use super::block::Block;
+use super::ground::{Ground, Outline};
+use super::hand::{self, Ball};
+use super::scene::SceneModel;
+
+/// Lower than this is floor, metres.
+const FLOOR: f64 = 0.03;
+/// Foot plate and front wheels go under what is higher than this, metres.
+const FEET: f64 = 0.32;
+/// Where the body of the chair ends in front, without foot plate and wheels:
+/// arm rests and the arm's base, metres before the rear axle.
+const BODY_FRONT: f64 = 0.50;
+/// What reaches above this can touch the arm while it is carried, metres.
+const ARM_HEIGHT: f64 = 0.95;
+/// Nothing of the robot is above this, metres.
+const ROBOT_HEIGHT: f64 = 1.50;
+/// Objects that lie lower than this lie in the chair's way, metres.
+const LOW_OBJECT: f64 = 0.5;
+/// How far hand and fingers stand out of the footprint in front and at the
+/// left when the arm is carried at its home, metres.
+const HAND_OUT: [f64; 2] = [0.19, 0.06];
+/// The hand is looked at every so many metres of its way.
+const STEP: f64 = 0.02;
+/// Nothing of the hand is further from the end effector than this, metres.
+const HAND_REACH: f64 = 0.22;
+
+impl SceneModel {
+    /// What the chair must not touch, with the things where they are.
+    #[must_use]
+    pub fn ground(&self, poses: &[Isometry3<f64>]) -> Ground {
+        let [back, front, right, left] = self.footprint;
+        let mut ground = Ground {
+            low: Outline {
+                sides: self.footprint,
+            },
+            body: Outline {
+                sides: [back, front.min(BODY_FRONT), right, left],
+            },
+            high: Outline {
+                sides: [back, front + HAND_OUT[0], right, left + HAND_OUT[1]],
+            },
+            low_obstacles: Vec::new(),
+            raised_obstacles: Vec::new(),
+            tall_obstacles: Vec::new(),
+        };
+        let lying = self
+            .placed(poses)
+            .map(|(_, block)| block)
+            .filter(|block| block.heights()[0] < LOW_OBJECT);
+        for block in self.furniture.iter().copied().chain(lying) {
+            let [low, high] = block.heights();
+            if high <= FLOOR || low >= ROBOT_HEIGHT {
+                continue;
+            }
+            if high > ARM_HEIGHT {
+                ground.tall_obstacles.push(block.rectangle());
+            } else if low > FEET {
+                ground.raised_obstacles.push(block.rectangle());
+            } else {
+                ground.low_obstacles.push(block.rectangle());
+            }
+        }
+        ground
+    }
+
+    /// Boxes of the things that move, in `house`, with the things' indices.
+    pub fn placed<'a>(
+        &'a self,
+        poses: &'a [Isometry3<f64>],
+    ) -> impl Iterator<Item = (usize, Block)> + 'a {
+        self.items
+            .iter()
+            .zip(poses)
+            .enumerate()
+            .flat_map(|(index, (item, pose))| {
+                item.blocks.iter().map(move |block| (index, block.at(pose)))
+            })
+    }
+
+    /// What stands within `radius` metres of `point`, the thing `except` left out.
+    #[must_use]
+    pub fn near(
+        &self,
+        point: &Point3<f64>,
+        radius: f64,
+        poses: &[Isometry3<f64>],
+        except: Option<usize>,
+    ) -> Surroundings {
+        let others = self
+            .placed(poses)
+            .filter(|(index, _)| Some(*index) != except)
+            .map(|(_, block)| block);
+        Surroundings {
+            blocks: self
+                .furniture
+                .iter()
+                .copied()
+                .chain(others)
+                .filter(|block| block.distance(point) < radius)
+                .collect(),
+        }
+    }
+
+    /// What the hand can meet on straight lines between `stops` in `house`.
+    #[must_use]
+    pub fn around(
+        &self,
+        stops: &[Isometry3<f64>],
+        poses: &[Isometry3<f64>],
+        except: Option<usize>,
+    ) -> Surroundings {
+        let count = stops.len().max(1) as f64;
+        let sum = stops.iter().fold(nalgebra::Vector3::zeros(), |sum, pose| {
+            sum + pose.translation.vector
+        });
+        let middle = Point3::from(sum / count);
+        let radius = stops
+            .iter()
+            .map(|pose| (pose.translation.vector - middle.coords).norm())
+            .fold(0.0, f64::max);
+        self.near(&middle, radius + HAND_REACH + 0.4, poses, except)
+    }
+}
+
+/// Blocks that a hand could touch.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Surroundings {
+    /// In `house`.
+    pub blocks: Vec<Block>,
+}
+
+impl Surroundings {
+    /// Whether `balls` keep `margin` metres from everything while their frame
+    /// goes straight from `start` to `end`, both in `house`.
+    #[must_use]
+    pub fn is_free(
+        &self,
+        balls: &[Ball],
+        start: &Isometry3<f64>,
+        end: &Isometry3<f64>,
+        margin: f64,
+    ) -> bool {
+        let length = (end.translation.vector - start.translation.vector)
+            .norm()
+            .max(0.15 * start.rotation.angle_to(&end.rotation));
+        let steps = (length / STEP).ceil().max(1.0) as usize;
+        (0..=steps).all(|i| {
+            let share = i as f64 / steps as f64;
+            let pose = Isometry3::from_parts(
+                Translation3::from(
+                    start
+                        .translation
+                        .vector
+                        .lerp(&end.translation.vector, share),
+                ),
+                start.rotation.slerp(&end.rotation, share),
+            );
+            let origin = Point3::from(pose.translation.vector);
+            let mut close = self
+                .blocks
+                .iter()
+                .filter(|block| block.distance(&origin) < HAND_REACH + 0.15)
+                .peekable();
+            close.peek().is_none()
+                || close.all(|block| {
+                    balls.iter().all(|ball| {
+                        let point = pose * Point3::from(ball.centre);
+                        block.distance(&point) > ball.radius + margin
+                    })
+                })
+        })
+    }
+
+    /// Whether the hand, open by `opening`, keeps `margin` metres from
+    /// everything on straight lines between `stops`.
+    #[must_use]
+    pub fn hand_is_free(&self, opening: f64, stops: &[Isometry3<f64>], margin: f64) -> bool {
+        let balls = hand::balls(opening);
+        match stops {
+            [only] => self.is_free(&balls, only, only, margin),
+            _ => stops
+                .windows(2)
+                .all(|leg| self.is_free(&balls, &leg[0], &leg[1], margin)),
+        }
+    }
+}
+
+/// Balls around a held thing in the end effector's frame: its corners and the
+/// middles of its blocks.
+#[must_use]
+pub fn held_balls(blocks: &[Block], tool_from_item: &Isometry3<f64>) -> Vec<Ball> {
+    const CORNER: f64 = 0.004;
+    blocks
+        .iter()
+        .flat_map(|block| {
+            let thin = block.half.min();
+            block
+                .corners()
+                .map(|corner| (corner, CORNER))
+                .chain([(Point3::from(block.pose.translation.vector), thin)])
+                .collect::<Vec<_>>()
+        })
+        .map(|(point, radius)| Ball {
+            centre: (tool_from_item * point).coords,
+            radius,
+        })
+        .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::operate::scene::Item;
+    use nalgebra::{UnitQuaternion, Vector3};
+
+    #[test]
+    fn the_hand_fits_around_a_bottle_but_not_through_its_neighbour() {
+        let block = |x: f64, y: f64, z: f64, half: [f64; 3]| Block {
+            pose: Isometry3::translation(x, y, z),
+            half: half.into(),
+            round: false,
+        };
+        let mut scene = SceneModel {
+            furniture: vec![block(0.0, 0.0, 0.79, [2.0, 2.0, 0.02])],
+            items: vec![Item {
+                name: "bottle".to_owned(),
+                blocks: vec![block(0.0, 0.0, 0.9, [0.048, 0.029, 0.09])],
+            }],
+            slides: Vec::new(),
+            grasps: Vec::new(),
+            goal: None,
+            chair_from_base: Isometry3::identity(),
+            tool_length: 0.12,
+            footprint: [0.0; 4],
+        };
+        let poses = [Isometry3::identity()];
+        // Tool z along +x, tool x along y, tool y up.
+        let rotation =
+            UnitQuaternion::from_basis_unchecked(&[Vector3::y(), Vector3::z(), Vector3::x()]);
+        let tool = |x: f64| Isometry3::from_parts(Translation3::new(x, 0.0, 0.9), rotation);
+        let free = |scene: &SceneModel, except| {
+            let stops = [tool(-0.24), tool(-0.13)];
+            scene
+                .around(&stops, &poses, except)
+                .hand_is_free(0.085, &stops, 0.005)
+        };
+        assert!(free(&scene, Some(0)));
+        assert!(!free(&scene, None), "the fingers reach around the bottle");
+        scene
+            .furniture
+            .push(block(0.0, 0.08, 0.9, [0.03, 0.03, 0.05]));
+        assert!(!free(&scene, Some(0)), "a can stands in a finger's way");
+    }
+}

@@ -1,0 +1,162 @@
+//! Where the chair has to stand so that the arm can do its work.
+
+use std::f64::consts::TAU;
+
+use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
+
+use super::ground::{Pose2, wrap};
+use super::scene::SceneModel;
+use super::way::Way;
+
+/// Answers whether the end effector can reach a pose in `base_link`.
+pub trait Reach {
+    /// Joint angles that reach it, radians, found near others if those are
+    /// given and else near the present ones; `None` when it cannot be reached.
+    fn reach(
+        &mut self,
+        base_from_tool: &Isometry3<f64>,
+        near: Option<&[f64; 6]>,
+    ) -> Option<[f64; 6]>;
+}
+
+/// A place to stop for a way of the hand.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Dock {
+    /// The chair.
+    pub chair: Pose2,
+    /// Index of the way that is planned from there.
+    pub way: usize,
+    /// The lower the better.
+    cost: f64,
+}
+
+/// Room that the chair keeps at its stop, metres.
+pub const DOCK_MARGIN: f64 = 0.045;
+/// Least distance from the arm's base to the grasp point on the floor plan, metres.
+const NEAREST: f64 = 0.42;
+/// Greatest distance, metres.
+const FURTHEST: f64 = 0.88;
+/// Step of the distances that are looked at, metres.
+const STEP: f64 = 0.025;
+/// A hand from above is best this much nearer than a level one, metres.
+const NEARER: f64 = 0.14;
+/// Poses of a way are looked at every so many metres.
+const SAMPLE: f64 = 0.10;
+/// Greatest change of a joint between two of them, radians: more means that
+/// the arm would have to fold over.
+const JOINT_CHANGE: f64 = 1.0;
+
+/// Places to stop, best first, the object `distance` metres from the arm's
+/// base where that can be; not yet checked for room, reach or a route.
+#[must_use]
+pub fn docks(scene: &SceneModel, chair: &Pose2, ways: &[Way], distance: f64) -> Vec<Dock> {
+    let arm = scene.chair_from_base.translation;
+    let steps = ((FURTHEST - NEAREST) / STEP).round() as usize;
+    let mut docks = Vec::new();
+    for (index, way) in ways.iter().enumerate() {
+        let point = way.point();
+        let headings: Vec<(f64, f64)> = match way.heading() {
+            Some(direction) => (-6..=6)
+                .map(|i| f64::from(i) * 0.1)
+                .map(|off| (wrap(direction + off), off))
+                .collect(),
+            None => (0..24).map(|i| (TAU * f64::from(i) / 24.0, 0.0)).collect(),
+        };
+        // The steeper the hand, the nearer the chair.
+        let level = (way.at.rotation * Vector3::z()).xy().norm();
+        let liked = distance - NEARER * (1.0 - level);
+        for (heading, off) in headings {
+            let (sin, cos) = heading.sin_cos();
+            for side in -4..=4 {
+                let bearing = f64::from(side) * 0.1;
+                for i in 0..=steps {
+                    let far = NEAREST + STEP * i as f64;
+                    // The object in the chair's frame.
+                    let ahead = arm.x + far * bearing.cos();
+                    let left = arm.y + far * bearing.sin();
+                    let pose = Pose2 {
+                        x: point.x - ahead * cos + left * sin,
+                        y: point.y - ahead * sin - left * cos,
+                        heading,
+                    };
+                    let cost = way.cost
+                        + ((far - liked) / 0.06).powi(2)
+                        + (off / 0.2).powi(2)
+                        + ((bearing - off) / 0.2).powi(2)
+                        + 0.5 * (bearing / 0.2).powi(2)
+                        + 0.5 * pose.distance(chair)
+                        + 0.3 * wrap(heading - chair.heading).abs();
+                    docks.push(Dock {
+                        chair: pose,
+                        way: index,
+                        cost,
+                    });
+                }
+            }
+        }
+    }
+    docks.sort_by(|a, b| a.cost.total_cmp(&b.cost));
+    docks
+}
+
+/// Whether the arm, from where it is, reaches all `poses` of the end effector
+/// in `base_link` one after another, on straight lines, without folding over.
+pub fn reaches(
+    base_from_tool: &Isometry3<f64>,
+    poses: &[Isometry3<f64>],
+    reach: &mut dyn Reach,
+) -> bool {
+    // What cannot be reached at all is found out first.
+    if poses.iter().any(|pose| reach.reach(pose, None).is_none()) {
+        return false;
+    }
+    let Some(mut near) = reach.reach(base_from_tool, None) else {
+        return false;
+    };
+    let mut start = *base_from_tool;
+    for pose in poses {
+        let length = (pose.translation.vector - start.translation.vector)
+            .norm()
+            .max(0.3 * start.rotation.angle_to(&pose.rotation));
+        let samples = (length / SAMPLE).ceil().max(1.0) as usize;
+        for sample in 1..=samples {
+            let at = start.lerp_slerp(pose, sample as f64 / samples as f64);
+            let Some(joints) = reach.reach(&at, Some(&near)) else {
+                return false;
+            };
+            let folds = near
+                .iter()
+                .zip(&joints)
+                .any(|(a, b)| wrap(a - b).abs() > JOINT_CHANGE);
+            if folds {
+                return false;
+            }
+            near = joints;
+        }
+        start = *pose;
+    }
+    true
+}
+
+/// Whether the arm of a chair at `house_from_chair` with the end effector at
+/// `base_from_tool` reaches `poses` in `house` one after another.
+pub fn reaches_from(
+    scene: &SceneModel,
+    house_from_chair: &Isometry3<f64>,
+    base_from_tool: &Isometry3<f64>,
+    poses: &[Isometry3<f64>],
+    reach: &mut dyn Reach,
+) -> bool {
+    let base_from_house = (house_from_chair * scene.chair_from_base).inverse();
+    let poses: Vec<_> = poses.iter().map(|pose| base_from_house * pose).collect();
+    reaches(base_from_tool, &poses, reach)
+}
+
+/// `wheelchair_root` in `house` for a place on the floor.
+#[must_use]
+pub fn standing(pose: &Pose2) -> Isometry3<f64> {
+    Isometry3::from_parts(
+        Translation3::new(pose.x, pose.y, 0.0),
+        UnitQuaternion::from_axis_angle(&Vector3::z_axis(), pose.heading),
+    )
+}

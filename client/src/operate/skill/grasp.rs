@@ -1,0 +1,52 @@
+//! Grasp: closes the gripper until both pads press and the fingers stand still.
+
+use wheelarm_proto::v1::Phase;
+
+use super::{Act, Now, Skill, Step};
+
+/// A pad touches from this force, N.
+const TOUCH: f64 = 2.0;
+/// The knuckle stands still within this, radians. Its angle counts and not its
+/// speed, which a stiff contact shakes.
+const STILL: f64 = 0.006;
+/// A grip is firm after the knuckle has stood still this long, seconds.
+const FIRM: f64 = 0.3;
+/// Closed further than this there is nothing between the pads, radians.
+const EMPTY: f64 = 0.77;
+/// Longest time to close, seconds.
+const LONGEST: f64 = 5.0;
+
+/// See the module.
+#[derive(Clone, Debug, Default)]
+pub struct Grasp {
+    begun: Option<f64>,
+    /// Where the knuckle was when it last moved, and when.
+    still: Option<(f64, f64)>,
+}
+
+impl Skill for Grasp {
+    fn step(&mut self, now: &mut Now<'_>) -> Step {
+        let seen = now.seen;
+        let begun = *self.begun.get_or_insert(seen.time);
+        let mut act = Act::named(Phase::Grasping, "closing");
+        // The cap on the force stops the fingers at the thing.
+        if seen.time - begun < 0.05 {
+            act.opening = Some(0.0);
+        }
+        let touching = seen.pad_force.iter().all(|force| *force > TOUCH);
+        let (knuckle, since) = *self.still.get_or_insert((seen.knuckle, seen.time));
+        if !touching || (seen.knuckle - knuckle).abs() > STILL {
+            self.still = Some((seen.knuckle, seen.time));
+        } else if seen.time - since > FIRM {
+            now.memory.held = Some(now.thing_in_hand());
+            return Step::Done;
+        }
+        if seen.knuckle > EMPTY {
+            return Step::Missed("the fingers closed on nothing".to_owned());
+        }
+        if seen.time - begun > LONGEST {
+            return Step::Missed("the fingers found no firm grip".to_owned());
+        }
+        Step::Going(act)
+    }
+}

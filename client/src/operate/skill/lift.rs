@@ -1,0 +1,122 @@
+//! Lift: raises what is in the hand; out from under a board first, if there is one.
+
+use nalgebra::{Isometry3, Translation3, Vector3};
+use wheelarm_proto::v1::Phase;
+
+use super::motion::{Motion, Progress};
+use super::{Act, Now, Skill, Step};
+use crate::operate::clearance::held_balls;
+use crate::operate::goal::Goal;
+
+/// Heights to raise by under a board, metres; the style's comes first.
+const LOW: [f64; 5] = [0.13, 0.10, 0.07, 0.04, 0.02];
+/// The thing leaves what it stands on by this much before it is looked at, metres.
+const OFF: f64 = 0.012;
+/// Room above while lifting, metres.
+const ROOM: f64 = 0.004;
+/// Distances to draw out from under a board, metres.
+const OUT: [f64; 5] = [0.26, 0.22, 0.18, 0.14, 0.10];
+
+/// The thing is raised straight by this before it goes back as well, metres.
+const FIRST: f64 = 0.05;
+/// How far it may go back towards the arm while it is raised, metres.
+const TOWARDS: [f64; 3] = [0.08, 0.15, 0.22];
+
+/// How far a thing is raised for a goal, metres; what is only moved somewhere
+/// else need not go high.
+#[must_use]
+pub fn height(goal: &Goal, lift: f64) -> f64 {
+    match goal {
+        Goal::Put { .. } => 0.4 * lift,
+        Goal::Lift { .. } | Goal::Open { .. } => lift,
+    }
+}
+
+/// See the module.
+#[derive(Clone, Debug, Default)]
+pub struct Lift {
+    motion: Option<Motion>,
+}
+
+impl Skill for Lift {
+    fn step(&mut self, now: &mut Now<'_>) -> Step {
+        if let Some(why) = now.slipped() {
+            return Step::Missed(why);
+        }
+        if self.motion.is_none() {
+            let stops: Vec<_> = stops(now)
+                .into_iter()
+                .map(|pose| (pose, now.style.carry_speed))
+                .collect();
+            self.motion = Some(Motion::new(now, &stops));
+        }
+        let act = Act::named(Phase::Retracting, "lifting");
+        match self.motion.as_ref().map(|motion| motion.step(now)) {
+            Some(Progress::Moving(tool)) => Step::Going(Act { tool, ..act }),
+            Some(Progress::Late(why)) => {
+                // What it holds is worth more than the exact place.
+                now.note(format!("lifting: {why}"));
+                Step::Done
+            }
+            Some(Progress::Arrived) | None => Step::Done,
+        }
+    }
+}
+
+/// Ways to raise what is held at `at` by `height` that an arm with its base at
+/// `house_from_base` may take, the best first: straight up, or a little up and
+/// then up and back towards the arm, which reaches higher there.
+#[must_use]
+pub fn ways_up(
+    house_from_base: &Isometry3<f64>,
+    at: &Isometry3<f64>,
+    height: f64,
+) -> Vec<Vec<Isometry3<f64>>> {
+    let up = Translation3::new(0.0, 0.0, height) * at;
+    let low = Translation3::new(0.0, 0.0, height.min(FIRST)) * at;
+    let to_base = house_from_base.translation.vector - at.translation.vector;
+    let back = Vector3::new(to_base.x, to_base.y, 0.0);
+    let back = back / back.norm().max(1e-9);
+    let mut ways = vec![vec![up]];
+    ways.extend(TOWARDS.map(|by| vec![low, Translation3::from(back * by) * up]));
+    ways
+}
+
+/// Straight up as far as there is room; what is missing after the hand was
+/// drawn back.
+fn stops(now: &mut Now<'_>) -> Vec<Isometry3<f64>> {
+    let start = now.house_from_desired();
+    let up = |height: f64| Translation3::new(0.0, 0.0, height);
+    let item = now.goal.item();
+    let around = now
+        .scene
+        .around(&[start, up(0.2) * start], now.poses, Some(item));
+    let held = now.memory.held.unwrap_or_else(|| now.thing_in_hand());
+    let balls = held_balls(&now.scene.items[item].blocks, &held);
+    let width = now.memory.way.map_or(0.0, |way| way.width);
+    let free = |height: f64| {
+        let (from, to) = (up(OFF.min(height)) * start, up(height) * start);
+        around.is_free(&balls, &from, &to, ROOM) && around.hand_is_free(width, &[from, to], -ROOM)
+    };
+    let whole = height(now.goal, now.style.grasp.lift);
+    let highest = [whole].into_iter().chain(LOW).find(|height| free(*height));
+    let first = highest.unwrap_or(whole);
+    if first >= whole {
+        let base = now.scene.house_from_base(now.seen);
+        let ways = ways_up(&base, &start, whole);
+        let way = ways.iter().find(|way| now.reaches(way));
+        return way.or(ways.first()).cloned().unwrap_or_default();
+    }
+    let back = start.rotation * -Vector3::z();
+    let level = Vector3::new(back.x, back.y, 0.0);
+    let level = level / level.norm().max(1e-9);
+    let low = up(first) * start;
+    for out in OUT {
+        let drawn = Translation3::from(level * out) * low;
+        let raised = up(whole - first) * drawn;
+        if now.reaches(&[low, drawn, raised]) {
+            return vec![low, drawn, raised];
+        }
+    }
+    vec![low]
+}

@@ -1,0 +1,167 @@
+//! The skills: one small state machine each. A skill sees observations, says
+//! what to do, and ends done, missed or unable. It knows nothing of tasks and
+//! of the skills before or after it, beside what is in the hand.
+
+pub mod carry;
+pub mod grasp;
+pub mod lift;
+pub mod motion;
+pub mod navigate;
+pub mod place;
+pub mod pull;
+pub mod reach;
+pub mod release;
+pub mod watch;
+
+use nalgebra::Isometry3;
+use wheelarm_proto::v1::Phase;
+
+use super::dock::{self, Reach};
+use super::goal::Goal;
+use super::observation::Observation;
+use super::scene::SceneModel;
+use super::style::Style;
+use super::tool_path::distance;
+use super::way::Way;
+
+/// What is done at one control tick.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Act {
+    /// New end effector target in `base_link`, if any.
+    pub tool: Option<Isometry3<f64>>,
+    /// Forward speed, m/s, and turn rate, rad/s, if the chair is commanded.
+    pub base: Option<[f64; 2]>,
+    /// Opening of the gripper, metres, if it changes.
+    pub opening: Option<f64>,
+    /// Phase of the work.
+    pub phase: Phase,
+    /// Its finer name.
+    pub name: &'static str,
+}
+
+impl Act {
+    /// Nothing but the name of what is being done.
+    #[must_use]
+    pub fn named(phase: Phase, name: &'static str) -> Self {
+        Self {
+            tool: None,
+            base: None,
+            opening: None,
+            phase,
+            name,
+        }
+    }
+}
+
+/// What a skill says at one control tick.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Step {
+    /// It is at work.
+    Going(Act),
+    /// It has done its part.
+    Done,
+    /// It did not come out as meant: let go and try again.
+    Missed(String),
+    /// It cannot be done from where the chair stands.
+    Elsewhere(String),
+    /// It cannot be done at all.
+    Impossible(String),
+}
+
+/// A skill at work.
+pub trait Skill: Send {
+    /// Decides what to do at one control tick.
+    fn step(&mut self, now: &mut Now<'_>) -> Step;
+}
+
+/// What a skill works with at one control tick.
+pub struct Now<'a> {
+    /// What stands where.
+    pub scene: &'a SceneModel,
+    /// What is asked.
+    pub goal: &'a Goal,
+    /// Habits.
+    pub style: &'a Style,
+    /// The observation.
+    pub seen: &'a Observation,
+    /// Poses of all things in `house`.
+    pub poses: &'a [Isometry3<f64>],
+    /// The arm's kinematics.
+    pub reach: &'a mut dyn Reach,
+    /// What skills leave for each other.
+    pub memory: &'a mut Memory,
+}
+
+/// What skills leave for each other.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Memory {
+    /// End effector in `base_link` at the start: a safe place for the hand.
+    pub home: Option<Isometry3<f64>>,
+    /// The way that the hand takes.
+    pub way: Option<Way>,
+    /// Ways that did not work, as the end effector in the thing's frame.
+    pub refused: Vec<Isometry3<f64>>,
+    /// The thing in the end effector's frame when the hand was closed.
+    pub held: Option<Isometry3<f64>>,
+    /// The thing in `house` before it was taken.
+    pub rest: Option<Isometry3<f64>>,
+    /// What happened, in words.
+    pub notes: Vec<String>,
+}
+
+/// The thing has slipped when it moved this far in the hand, metres.
+const SLIP: f64 = 0.03;
+
+impl Now<'_> {
+    /// The goal's thing in `house`.
+    #[must_use]
+    pub fn thing(&self) -> Isometry3<f64> {
+        self.poses[self.goal.item()]
+    }
+
+    /// The goal's thing in the end effector's frame.
+    #[must_use]
+    pub fn thing_in_hand(&self) -> Isometry3<f64> {
+        self.scene.house_from_tool(self.seen).inv_mul(&self.thing())
+    }
+
+    /// Why the thing is no longer held; `None` while it is.
+    #[must_use]
+    pub fn slipped(&self) -> Option<String> {
+        let held = self.memory.held?;
+        let moved = distance(&held, &self.thing_in_hand());
+        (moved > SLIP).then(|| {
+            format!(
+                "the {} slipped {:.0} mm in the hand",
+                self.scene.items[self.goal.item()].name,
+                moved * 1e3
+            )
+        })
+    }
+
+    /// Where the server wants the end effector to be, in `house`.
+    #[must_use]
+    pub fn house_from_desired(&self) -> Isometry3<f64> {
+        let desired = self
+            .seen
+            .base_from_desired
+            .unwrap_or(self.seen.base_from_tool);
+        self.scene.house_from_base(self.seen) * desired
+    }
+
+    /// Whether the arm, from where the end effector is meant to be, reaches
+    /// `poses` in `house` one after another without folding over.
+    pub fn reaches(&mut self, poses: &[Isometry3<f64>]) -> bool {
+        let tool = self
+            .seen
+            .base_from_desired
+            .unwrap_or(self.seen.base_from_tool);
+        let chair = self.seen.house_from_chair;
+        dock::reaches_from(self.scene, &chair, &tool, poses, self.reach)
+    }
+
+    /// Leaves a note.
+    pub fn note(&mut self, text: String) {
+        self.memory.notes.push(text);
+    }
+}

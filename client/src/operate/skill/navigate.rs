@@ -1,0 +1,285 @@
+//! Navigate: looks for a place to stop and a way to it, drives there, waits
+//! until the chair is at rest.
+
+use nalgebra::{Isometry3, Translation3};
+use wheelarm_proto::v1::Phase;
+
+use super::{Act, Now, Skill, Step};
+use crate::operate::dock::{self, DOCK_MARGIN};
+use crate::operate::drive::Drive;
+use crate::operate::goal::Goal;
+use crate::operate::ground::{Ground, Pose2};
+use crate::operate::route::{self, Piece, Route, RouteStyle};
+use crate::operate::way::{self, MARGINS, Way};
+
+use super::{lift, place};
+
+/// Places that are checked for reach and route per stop.
+const PLACES: usize = 120;
+/// Levels of content with a place: all in one go, or only what comes first.
+const LEVELS: usize = 2;
+/// Straight ways before a stop that are tried, metres.
+const STRAIGHTS: [f64; 3] = [0.35, 0.2, 0.08];
+/// Radii of arcs that are tried, as shares of the style's.
+const ARCS: [f64; 2] = [1.0, 0.75];
+
+/// What the chair is to stop for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Purpose {
+    /// To take the thing.
+    Take,
+    /// To put down what is in the hand.
+    Put,
+}
+
+#[derive(Clone, Debug)]
+enum State {
+    Plan,
+    Drive { drive: Drive, begun: f64 },
+    Rest { since: f64 },
+}
+
+/// See the module.
+#[derive(Clone, Debug)]
+pub struct Navigate {
+    purpose: Purpose,
+    state: State,
+}
+
+impl Navigate {
+    /// Begins.
+    #[must_use]
+    pub fn new(purpose: Purpose) -> Self {
+        Self {
+            purpose,
+            state: State::Plan,
+        }
+    }
+
+    fn plan(&mut self, now: &mut Now<'_>) -> Step {
+        match find(now, self.purpose) {
+            Ok(drive) => {
+                let stop = drive.goal();
+                now.note(format!(
+                    "drives to ({:.2}, {:.2}) heading {:.0}° in {:.1} s",
+                    stop.x,
+                    stop.y,
+                    stop.heading.to_degrees(),
+                    drive.duration()
+                ));
+                self.state = State::Drive {
+                    drive,
+                    begun: now.seen.time,
+                };
+                Step::Going(Act::named(Phase::Navigating, "planning"))
+            }
+            Err(why) => Step::Impossible(why),
+        }
+    }
+}
+
+impl Skill for Navigate {
+    fn step(&mut self, now: &mut Now<'_>) -> Step {
+        let still = Some([0.0, 0.0]);
+        match &self.state {
+            State::Plan => self.plan(now),
+            State::Drive { drive, begun } => {
+                let time = now.seen.time - begun;
+                let mut act = Act::named(Phase::Navigating, "driving");
+                if time > drive.duration() + 0.3 {
+                    act.base = still;
+                    self.state = State::Rest {
+                        since: now.seen.time,
+                    };
+                } else {
+                    act.base = Some(drive.command(time, &now.seen.chair()));
+                }
+                Step::Going(act)
+            }
+            State::Rest { since } => {
+                let [speed, rate] = now.seen.chair_speed;
+                let waited = now.seen.time - since;
+                if waited > 0.3 && (speed < 0.005 && rate.abs() < 0.01 || waited > 3.0) {
+                    return Step::Done;
+                }
+                Step::Going(Act {
+                    base: still,
+                    ..Act::named(Phase::Navigating, "stopping")
+                })
+            }
+        }
+    }
+}
+
+/// What an arm with its base at `house_from_base` has to reach, in `house`.
+struct Wanted {
+    /// The hand's way in.
+    way_in: Vec<Isometry3<f64>>,
+    /// What comes after it: for each level of content, the best first, lists
+    /// of poses of which one has to be reached.
+    then: Vec<Vec<Vec<Isometry3<f64>>>>,
+}
+
+/// What a place to stop is good for.
+fn wanted(now: &Now<'_>, way: &Way, purpose: Purpose, house_from_base: &Isometry3<f64>) -> Wanted {
+    let way_in = vec![way.before, way.at];
+    if purpose == Purpose::Put {
+        let then = vec![vec![Vec::new()]];
+        return Wanted { way_in, then };
+    }
+    let height = lift::height(now.goal, now.style.grasp.lift);
+    let raised = lift::ways_up(house_from_base, &way.at, height);
+    let then = match now.goal {
+        Goal::Lift { .. } => {
+            let back = Translation3::new(0.0, 0.0, height)
+                * way.at
+                * Translation3::new(0.0, 0.0, -now.style.retract);
+            let best = [&raised[0][..], &[back]].concat();
+            vec![vec![best], raised]
+        }
+        Goal::Put { .. } => {
+            let held = way.at.inv_mul(&now.thing());
+            let puts = place::ways(now, &held, way.width);
+            let both = |put: &Way| {
+                let then = |up: &Vec<_>| [&up[..], &[put.before, put.at]].concat();
+                raised.iter().take(2).map(then).collect::<Vec<_>>()
+            };
+            vec![puts.iter().flat_map(both).collect(), raised.clone()]
+        }
+        Goal::Open {
+            slide, position, ..
+        } => {
+            let slide_now = now.seen.slides.get(*slide).copied().unwrap_or(0.0);
+            let axis = now.scene.slides[*slide].axis;
+            let pulled = |share: f64| {
+                let way_out = (position + 0.02 - slide_now).max(0.0) * share;
+                Translation3::from(axis.scale(way_out)) * way.at
+            };
+            vec![vec![vec![pulled(1.0)]], vec![vec![pulled(0.3)]]]
+        }
+    };
+    Wanted { way_in, then }
+}
+
+impl Wanted {
+    /// Whether all of a level can be reached by a chair at `house_from_chair`.
+    fn is_reached(
+        &self,
+        level: usize,
+        now: &mut Now<'_>,
+        house_from_chair: &Isometry3<f64>,
+    ) -> bool {
+        let tool = now.seen.base_from_tool;
+        let scene = now.scene;
+        let mut reaches = |poses: &[Isometry3<f64>]| {
+            dock::reaches_from(scene, house_from_chair, &tool, poses, now.reach)
+        };
+        // Most places are out for the way in already.
+        reaches(&self.way_in)
+            && self.then.get(level).is_some_and(|lists| {
+                lists
+                    .iter()
+                    .any(|list| reaches(&[&self.way_in[..], &list[..]].concat()))
+            })
+    }
+}
+
+/// The best place to stop and the drive to it.
+fn find(now: &mut Now<'_>, purpose: Purpose) -> Result<Drive, String> {
+    let chair = now.seen.chair();
+    let ground = now.scene.ground(now.poses);
+    let name = &now.scene.items[now.goal.item()].name;
+    let mut tried = 0;
+    let mut reasons = [0_usize; 2];
+    let mut most_ways = 0;
+    for margin in MARGINS {
+        let ways = match purpose {
+            Purpose::Take => {
+                let standoff = now.style.grasp.standoff;
+                way::ways(now.scene, now.goal, now.poses, standoff, margin)
+            }
+            Purpose::Put => {
+                let held = now.memory.held.unwrap_or_else(|| now.thing_in_hand());
+                place::ways(now, &held, now.memory.way.map_or(0.03, |way| way.width))
+            }
+        };
+        most_ways = most_ways.max(ways.len());
+        let docks = dock::docks(now.scene, &chair, &ways, now.style.grasp.distance);
+        let free: Vec<_> = docks
+            .iter()
+            .filter(|dock| ground.is_free(&dock.chair, DOCK_MARGIN))
+            .take(20 * PLACES)
+            .collect();
+        let chair_from_base = now.scene.chair_from_base;
+        // Places from which everything can be done come first.
+        for level in 0..LEVELS {
+            let mut looked = 0;
+            let mut refused: Vec<(Pose2, usize)> = Vec::new();
+            for dock in &free {
+                if looked == PLACES {
+                    break;
+                }
+                // Neighbours of a place that did not do rarely do better.
+                let is_near = |(pose, way): &(Pose2, usize)| {
+                    *way == dock.way
+                        && pose.distance(&dock.chair) < 0.045
+                        && pose.to(&dock.chair)[2].abs() < 0.15
+                };
+                if refused.iter().any(is_near) {
+                    continue;
+                }
+                let at = dock::standing(&dock.chair);
+                let base = at * chair_from_base;
+                looked += 1;
+                tried += 1;
+                let wanted = wanted(now, &ways[dock.way], purpose, &base);
+                if !wanted.is_reached(level, now, &at) {
+                    reasons[0] += 1;
+                    refused.push((dock.chair, dock.way));
+                    continue;
+                }
+                let Some(route) = route_to(&ground, chair, dock.chair, now) else {
+                    reasons[1] += 1;
+                    refused.push((dock.chair, dock.way));
+                    if reasons[1] > 12 {
+                        break;
+                    }
+                    continue;
+                };
+                return Ok(Drive::new(chair, &route, &now.style.drive));
+            }
+        }
+    }
+    Err(format!(
+        "no place to stop for {name:?}: {most_ways} ways to take it, of {tried} places {} out of the arm's reach and {} without a route",
+        reasons[0], reasons[1]
+    ))
+}
+
+/// The quickest route whose last part is straight, so that the chair arrives
+/// aligned, with wide or with tight arcs.
+fn route_to(ground: &Ground, start: Pose2, goal: Pose2, now: &Now<'_>) -> Option<Vec<Piece>> {
+    let mut best: Option<Route> = None;
+    for length in STRAIGHTS {
+        let before = goal.rolled(-length, 0.0);
+        for tightness in ARCS {
+            let style = RouteStyle {
+                radius: now.style.route.radius * tightness,
+                ..now.style.route
+            };
+            let Some(mut route) = route::find(ground, start, before, &style) else {
+                continue;
+            };
+            route.pieces.push(Piece::Roll {
+                length,
+                curvature: 0.0,
+            });
+            // A long straight part aligns better than a short one.
+            route.cost += length / now.style.drive.speed - 4.0 * length;
+            if best.as_ref().is_none_or(|best| route.cost < best.cost) {
+                best = Some(route);
+            }
+        }
+    }
+    best.map(|route| route.pieces)
+}

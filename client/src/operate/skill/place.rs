@@ -1,0 +1,204 @@
+//! Place: carries what is in the hand over the region, lowers it, lets go and
+//! draws the hand back.
+
+use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
+use wheelarm_proto::v1::Phase;
+
+use super::motion::{Motion, Progress};
+use super::{Act, Now, Skill, Step};
+use crate::operate::clearance::held_balls;
+use crate::operate::goal::Goal;
+use crate::operate::hand::OPEN;
+use crate::operate::way::Way;
+
+/// The hand comes from this far above, metres.
+const ABOVE: f64 = 0.06;
+/// It lets go this far above the region, metres.
+const DROP: f64 = 0.003;
+/// Turns about the vertical that are tried beside the one in which the thing
+/// was taken, radians.
+const TURNS: [f64; 9] = [0.0, 0.35, -0.35, 0.7, -0.7, 1.1, -1.1, 1.57, -1.57];
+/// Heights of the way there above the lifted thing, metres.
+const OVER: [f64; 4] = [0.0, 0.05, 0.10, 0.15];
+/// Time for the fingers to open, seconds.
+const OPENING: f64 = 0.8;
+/// The fingers open wider than the thing by this much, metres.
+const ROOM: f64 = 0.03;
+
+#[derive(Clone, Debug)]
+enum State {
+    Choose,
+    Over(Motion, Way),
+    Lower(Motion, Way),
+    Open { since: f64 },
+    Back(Motion),
+}
+
+/// See the module.
+#[derive(Clone, Debug)]
+pub struct Place {
+    state: State,
+}
+
+impl Place {
+    /// Begins.
+    #[must_use]
+    pub fn new() -> Self {
+        Self {
+            state: State::Choose,
+        }
+    }
+
+    fn choose(&mut self, now: &mut Now<'_>) -> Step {
+        let Some((way, stops)) = choose(now) else {
+            return Step::Elsewhere("the arm cannot put it down from here".to_owned());
+        };
+        let stops: Vec<_> = stops
+            .into_iter()
+            .map(|pose| (pose, now.style.carry_speed))
+            .collect();
+        self.state = State::Over(Motion::new(now, &stops), way);
+        Step::Going(Act::named(Phase::Retracting, "carrying"))
+    }
+}
+
+impl Default for Place {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl Skill for Place {
+    fn step(&mut self, now: &mut Now<'_>) -> Step {
+        let holds = matches!(self.state, State::Over(..) | State::Choose);
+        if let (true, Some(why)) = (holds, now.slipped()) {
+            return Step::Missed(why);
+        }
+        match self.state.clone() {
+            State::Choose => self.choose(now),
+            State::Over(motion, way) => match motion.step(now) {
+                Progress::Moving(tool) => Step::Going(Act {
+                    tool,
+                    ..Act::named(Phase::Retracting, "carrying")
+                }),
+                Progress::Late(why) => Step::Missed(format!("carrying: {why}")),
+                Progress::Arrived => {
+                    let stop = (way.at, now.style.approach_speed * 0.7);
+                    self.state = State::Lower(Motion::new(now, &[stop]), way);
+                    Step::Going(Act::named(Phase::Retracting, "placing"))
+                }
+            },
+            State::Lower(motion, way) => match motion.step(now) {
+                Progress::Moving(tool) => Step::Going(Act {
+                    tool,
+                    ..Act::named(Phase::Retracting, "placing")
+                }),
+                // It stands on something a little earlier than was thought.
+                Progress::Late(_) | Progress::Arrived => {
+                    self.state = State::Open {
+                        since: now.seen.time,
+                    };
+                    now.memory.held = None;
+                    Step::Going(Act {
+                        opening: Some(OPEN.min(way.width + ROOM)),
+                        ..Act::named(Phase::Retracting, "letting go")
+                    })
+                }
+            },
+            State::Open { since } => {
+                if now.seen.time - since > OPENING {
+                    let at = now.house_from_desired();
+                    let back = at * Translation3::new(0.0, 0.0, -ABOVE);
+                    let stop = (back, now.style.approach_speed);
+                    self.state = State::Back(Motion::new(now, &[stop]));
+                }
+                Step::Going(Act::named(Phase::Retracting, "letting go"))
+            }
+            State::Back(motion) => match motion.step(now) {
+                Progress::Moving(tool) => Step::Going(Act {
+                    tool,
+                    ..Act::named(Phase::Retracting, "retracting")
+                }),
+                Progress::Late(_) | Progress::Arrived => Step::Done,
+            },
+        }
+    }
+}
+
+/// Ways to put down a thing that sits in the hand as `tool_from_item` says.
+#[must_use]
+pub fn ways(now: &Now<'_>, tool_from_item: &Isometry3<f64>, width: f64) -> Vec<Way> {
+    let Goal::Put { item, region } = now.goal else {
+        return Vec::new();
+    };
+    let blocks = &now.scene.items[*item].blocks;
+    // As it lay before it was taken, or as it lies now.
+    let lying = now.memory.rest.unwrap_or_else(|| now.thing()).rotation;
+    let top = region.pose.translation.z - region.half.z;
+    TURNS
+        .iter()
+        .map(|turn| {
+            let turned = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), *turn) * lying;
+            // The middle of the thing comes over the middle of the region.
+            let (mut low, mut high) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
+            for corner in blocks.iter().flat_map(|block| block.corners()) {
+                let corner: Point3<f64> = turned * corner;
+                for axis in 0..3 {
+                    low[axis] = low[axis].min(corner[axis]);
+                    high[axis] = high[axis].max(corner[axis]);
+                }
+            }
+            let put = Isometry3::from_parts(
+                Translation3::new(
+                    region.pose.translation.x - f64::midpoint(low[0], high[0]),
+                    region.pose.translation.y - f64::midpoint(low[1], high[1]),
+                    top + DROP - low[2],
+                ),
+                turned,
+            );
+            let at = put * tool_from_item.inverse();
+            Way {
+                before: Translation3::new(0.0, 0.0, ABOVE) * at,
+                at,
+                opening: width,
+                width,
+                cost: (turn / 0.7).powi(2),
+            }
+        })
+        .collect()
+}
+
+/// The way to put it down and the stops before it.
+fn choose(now: &mut Now<'_>) -> Option<(Way, Vec<Isometry3<f64>>)> {
+    let start = now.house_from_desired();
+    let item = now.goal.item();
+    let held = now.memory.held.unwrap_or_else(|| now.thing_in_hand());
+    let width = now.memory.way.map_or(0.03, |way| way.width);
+    let balls = held_balls(&now.scene.items[item].blocks, &held);
+    let mut fallback = None;
+    for way in ways(now, &held, width) {
+        let around = now
+            .scene
+            .around(&[start, way.before], now.poses, Some(item));
+        for height in OVER {
+            let up = Translation3::new(0.0, 0.0, height);
+            let stops = [start, up * start, up * way.before, way.before];
+            let is_free = around.hand_is_free(width, &stops, 0.0)
+                && stops
+                    .windows(2)
+                    .all(|leg| around.is_free(&balls, &leg[0], &leg[1], 0.0));
+            let stops = if height > 0.0 {
+                &stops[1..]
+            } else {
+                &stops[3..]
+            };
+            if is_free && now.reaches(&[stops, &[way.at]].concat()) {
+                return Some((way, stops.to_vec()));
+            }
+        }
+        if fallback.is_none() && now.reaches(&[way.before, way.at]) {
+            fallback = Some((way, vec![way.before]));
+        }
+    }
+    fallback
+}

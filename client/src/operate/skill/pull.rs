@@ -1,0 +1,126 @@
+//! Pull: draws a slide open by its handle: with the arm as far as it reaches,
+//! then with the chair.
+
+use nalgebra::Translation3;
+use wheelarm_proto::v1::Phase;
+
+use super::motion::{Motion, Progress};
+use super::{Act, Now, Skill, Step};
+use crate::operate::goal::Goal;
+
+/// The slide is drawn further than asked by this much, metres.
+const MORE: f64 = 0.02;
+/// Shares of the way that are tried with the arm alone.
+const SHARES: [f64; 6] = [1.0, 0.8, 0.6, 0.4, 0.2, 0.1];
+/// The handle has slipped when it moved this far in the hand, metres.
+const SLIP: f64 = 0.02;
+/// Speed of the chair while it pulls, m/s.
+const BACK: f64 = 0.08;
+/// Longest time for the chair to pull, seconds.
+const LONGEST: f64 = 12.0;
+
+#[derive(Clone, Debug)]
+enum State {
+    Choose,
+    Arm(Motion),
+    Chair { since: f64 },
+    Stop { since: f64 },
+}
+
+/// See the module.
+#[derive(Clone, Debug)]
+pub struct Pull {
+    state: State,
+}
+
+impl Pull {
+    /// Begins.
+    #[must_use]
+    pub fn new() -> Self {
+        Self {
+            state: State::Choose,
+        }
+    }
+}
+
+impl Default for Pull {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl Skill for Pull {
+    fn step(&mut self, now: &mut Now<'_>) -> Step {
+        let Goal::Open {
+            slide, position, ..
+        } = *now.goal
+        else {
+            return Step::Impossible("there is nothing to pull".to_owned());
+        };
+        let open = now.seen.slides.get(slide).copied().unwrap_or(0.0);
+        let left = position + MORE - open;
+        let act = Act::named(Phase::Retracting, "pulling");
+        let slipped = now.memory.held.is_some_and(|held| {
+            let moved = held.translation.vector - now.thing_in_hand().translation.vector;
+            moved.norm() > SLIP
+        });
+        if slipped && left > MORE / 2.0 {
+            return Step::Missed(format!("the handle slipped at {open:.3} m"));
+        }
+        match self.state.clone() {
+            State::Choose => {
+                let start = now.house_from_desired();
+                let axis = now.scene.slides[slide].axis;
+                let pulled =
+                    |share: f64| Translation3::from(axis.scale(left.max(0.0) * share)) * start;
+                let share = SHARES
+                    .into_iter()
+                    .find(|share| now.reaches(&[pulled(*share)]));
+                self.state = match share {
+                    Some(share) => {
+                        let stop = (pulled(share), 0.7 * now.style.carry_speed);
+                        State::Arm(Motion::new(now, &[stop]))
+                    }
+                    None => State::Chair {
+                        since: now.seen.time,
+                    },
+                };
+                Step::Going(act)
+            }
+            State::Arm(motion) => match motion.step(now) {
+                Progress::Moving(tool) => Step::Going(Act { tool, ..act }),
+                Progress::Late(_) | Progress::Arrived => {
+                    if left <= MORE / 2.0 {
+                        return Step::Done;
+                    }
+                    self.state = State::Chair {
+                        since: now.seen.time,
+                    };
+                    Step::Going(act)
+                }
+            },
+            State::Chair { since } => {
+                if left <= MORE / 2.0 {
+                    self.state = State::Stop {
+                        since: now.seen.time,
+                    };
+                } else if now.seen.time - since > LONGEST {
+                    return Step::Missed(format!("the slide stays at {open:.3} m"));
+                }
+                Step::Going(Act {
+                    base: Some([-BACK, 0.0]),
+                    ..act
+                })
+            }
+            State::Stop { since } => {
+                if now.seen.time - since > 0.5 {
+                    return Step::Done;
+                }
+                Step::Going(Act {
+                    base: Some([0.0, 0.0]),
+                    ..act
+                })
+            }
+        }
+    }
+}

@@ -1,0 +1,95 @@
+//! Release: opens the gripper, draws the hand back, and brings it home before
+//! another attempt.
+
+use nalgebra::Translation3;
+use wheelarm_proto::v1::Phase;
+
+use super::motion::{Motion, Progress};
+use super::{Act, Now, Skill, Step};
+use crate::operate::hand::OPEN;
+
+/// Longest time for the fingers to open, seconds.
+const LONGEST: f64 = 3.0;
+/// The fingers are open below this angle, radians.
+const OPENED: f64 = 0.05;
+/// How far the hand is drawn back when it stays near, metres.
+const BACK: f64 = 0.08;
+
+/// See the module.
+#[derive(Clone, Debug)]
+pub struct Release {
+    go_home: bool,
+    begun: Option<f64>,
+    motion: Option<Motion>,
+}
+
+impl Release {
+    /// After a miss: back home, to look again.
+    #[must_use]
+    pub fn after_miss() -> Self {
+        Self {
+            go_home: true,
+            begun: None,
+            motion: None,
+        }
+    }
+
+    /// When the work is done: just away from the handle.
+    #[must_use]
+    pub fn let_go() -> Self {
+        Self {
+            go_home: false,
+            ..Self::after_miss()
+        }
+    }
+}
+
+impl Skill for Release {
+    fn step(&mut self, now: &mut Now<'_>) -> Step {
+        let phase = if self.go_home {
+            Phase::Grasping
+        } else {
+            Phase::Retracting
+        };
+        let begun = *self.begun.get_or_insert(now.seen.time);
+        now.memory.held = None;
+        if let Some(motion) = &self.motion {
+            return match motion.step(now) {
+                Progress::Moving(tool) => Step::Going(Act {
+                    tool,
+                    ..Act::named(Phase::Retracting, "retreating")
+                }),
+                Progress::Late(why) => {
+                    now.note(format!("retreating: {why}"));
+                    Step::Done
+                }
+                Progress::Arrived => Step::Done,
+            };
+        }
+        let waited = now.seen.time - begun;
+        if waited < 0.3 || (now.seen.knuckle > OPENED && waited < LONGEST) {
+            return Step::Going(Act {
+                base: Some([0.0, 0.0]),
+                opening: (waited < 0.05).then_some(OPEN),
+                ..Act::named(phase, "opening")
+            });
+        }
+        // Straight back first, so that the fingers leave the thing.
+        let start = now.house_from_desired();
+        let by = if self.go_home {
+            now.style.grasp.standoff
+        } else {
+            BACK
+        };
+        let mut stops = vec![(
+            start * Translation3::new(0.0, 0.0, -by),
+            now.style.approach_speed,
+        )];
+        if let (true, Some(home)) = (self.go_home, now.memory.home) {
+            let home = now.scene.house_from_base(now.seen) * home;
+            stops.push((home, now.style.free_speed));
+        }
+        self.motion = Some(Motion::new(now, &stops));
+        Step::Going(Act::named(Phase::Retracting, "retreating"))
+    }
+}

@@ -1,0 +1,181 @@
+//! The ways in which a hand can come to a thing: every grasp, turned, leaned
+//! and drawn back until nothing is in the way.
+
+use std::f64::consts::{PI, TAU};
+
+use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
+
+use super::clearance::Surroundings;
+use super::goal::Goal;
+use super::hand::{self, OPEN};
+use super::scene::{Grasp, SceneModel};
+
+/// Where and how the hand goes, in `house`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Way {
+    /// End effector before the thing.
+    pub before: Isometry3<f64>,
+    /// End effector around the thing.
+    pub at: Isometry3<f64>,
+    /// Opening of the hand on the way in, metres.
+    pub opening: f64,
+    /// Distance between the pads at the grasp, metres.
+    pub width: f64,
+    /// What it has against it; 0 for a hand that comes as the grasp says.
+    pub cost: f64,
+}
+
+impl Way {
+    /// The grasp point in `house`.
+    #[must_use]
+    pub fn point(&self) -> Point3<f64> {
+        self.at * Point3::new(0.0, 0.0, hand::pads(self.width))
+    }
+
+    /// Direction of the hand on the floor plan, radians; `None` for a hand
+    /// that comes from above.
+    #[must_use]
+    pub fn heading(&self) -> Option<f64> {
+        let forward = self.at.rotation * Vector3::z();
+        (forward.xy().norm() > 0.3).then(|| forward.y.atan2(forward.x))
+    }
+}
+
+/// Room that the hand keeps from what it must not touch, metres: the first
+/// that leaves a way is taken. The last one allows for boxes around round things.
+pub const MARGINS: [f64; 4] = [0.008, 0.004, 0.0, -0.006];
+/// The hand opens wider than the thing by this much where that is possible, metres.
+const ROOM: f64 = 0.034;
+/// Turns of a round thing that are looked at.
+const TURNS: u8 = 24;
+/// A hand may be drawn back from the grasp by this much, metres.
+const BACK: [f64; 6] = [0.0, 0.006, 0.012, 0.018, 0.024, 0.031];
+/// How far a level hand leans forward, radians.
+const LEVEL_LEAN: [f64; 4] = [0.0, 0.25, 0.5, 0.75];
+/// How far a hand from above leans, radians: the camera stays above.
+const TOP_LEAN: [f64; 5] = [0.0, -0.25, -0.5, -0.7, -0.9];
+/// How far a hand that closes upright turns about the bar, radians.
+const UPRIGHT_LEAN: [f64; 3] = [0.0, 0.25, -0.25];
+/// A hand from above starts nearer to the thing by this factor: there is
+/// little room below the shoulder.
+const TOP_STANDOFF: f64 = 0.55;
+/// A handle is what lies this close to the grasp point, metres.
+const HANDLE: f64 = 0.02;
+
+/// Every way to take the goal's thing as it lies now that keeps `margin`
+/// metres from everything else. The hand starts its straight way in
+/// `standoff` metres before the thing.
+#[must_use]
+pub fn ways(
+    scene: &SceneModel,
+    goal: &Goal,
+    poses: &[Isometry3<f64>],
+    standoff: f64,
+    margin: f64,
+) -> Vec<Way> {
+    let Some(house_from_item) = poses.get(goal.item()) else {
+        return Vec::new();
+    };
+    let mut ways = Vec::new();
+    for grasp in scene.grasps.iter().filter(|g| g.item == goal.item()) {
+        let around = surroundings(scene, goal, poses, house_from_item, grasp);
+        let turns = if grasp.symmetric { TURNS } else { 1 };
+        for turn in 0..turns {
+            let turned = UnitQuaternion::from_axis_angle(
+                &Vector3::z_axis(),
+                TAU * f64::from(turn) / f64::from(turns),
+            );
+            // The hand looks the same after half a turn about its own axis.
+            for half in [0.0, PI] {
+                let flipped = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), half);
+                let house_from_grasp = house_from_item * turned * grasp.item_from_grasp * flipped;
+                for lean in leans(&house_from_grasp) {
+                    ways.extend(nearest(
+                        scene,
+                        grasp,
+                        &house_from_grasp,
+                        *lean,
+                        &around,
+                        standoff,
+                        margin,
+                    ));
+                }
+            }
+        }
+    }
+    ways
+}
+
+/// Angles by which a hand may lean about its closing axis at a grasp.
+fn leans(house_from_grasp: &Isometry3<f64>) -> &'static [f64] {
+    let axis = |v: Vector3<f64>| (house_from_grasp.rotation * v).z;
+    let (closing, up, forward) = (axis(Vector3::x()), axis(Vector3::y()), axis(Vector3::z()));
+    if forward < -0.8 {
+        &TOP_LEAN
+    } else if forward > 0.3 {
+        // Not from below.
+        &[]
+    } else if closing.abs() > 0.8 {
+        &UPRIGHT_LEAN
+    } else if up > 0.3 {
+        &LEVEL_LEAN
+    } else {
+        // Not with the camera below the hand.
+        &[]
+    }
+}
+
+/// The way that leans by `lean` and is drawn back as little as possible.
+fn nearest(
+    scene: &SceneModel,
+    grasp: &Grasp,
+    house_from_grasp: &Isometry3<f64>,
+    lean: f64,
+    around: &Surroundings,
+    standoff: f64,
+    margin: f64,
+) -> Option<Way> {
+    let leaned = UnitQuaternion::from_axis_angle(&Vector3::x_axis(), lean);
+    let opening = OPEN.min(grasp.width + ROOM);
+    // The pads must still meet the thing when the hand is drawn back.
+    let most = hand::pads(grasp.width) + 0.012 - scene.tool_length;
+    BACK.iter().filter(|back| **back <= most).find_map(|back| {
+        let at = house_from_grasp * leaned * Translation3::new(0.0, 0.0, -scene.tool_length - back);
+        let from_above = (house_from_grasp.rotation * Vector3::z()).z < -0.8;
+        let standoff = standoff * if from_above { TOP_STANDOFF } else { 1.0 };
+        let before = at * Translation3::new(0.0, 0.0, -standoff);
+        let is_free = around.hand_is_free(grasp.width, &[at], margin)
+            && around.hand_is_free(opening, &[before, at], margin);
+        is_free.then_some(Way {
+            before,
+            at,
+            opening,
+            width: grasp.width,
+            cost: (lean / 0.4).powi(2) + back / 0.02 * 0.3,
+        })
+    })
+}
+
+/// What the hand must not touch at a grasp. An object is in the fingers'
+/// hold; of a slide only the handle is.
+fn surroundings(
+    scene: &SceneModel,
+    goal: &Goal,
+    poses: &[Isometry3<f64>],
+    house_from_item: &Isometry3<f64>,
+    grasp: &Grasp,
+) -> Surroundings {
+    const WIDE: f64 = 0.75;
+    let point = house_from_item * grasp.item_from_grasp * Point3::origin();
+    let item = goal.item();
+    let mut around = scene.near(&point, WIDE, poses, Some(item));
+    if matches!(goal, Goal::Open { .. }) {
+        let front = scene.items[item]
+            .blocks
+            .iter()
+            .map(|block| block.at(house_from_item))
+            .filter(|block| block.distance(&point) > HANDLE);
+        around.blocks.extend(front);
+    }
+    around
+}

@@ -1,0 +1,244 @@
+//! Which preview level a link can carry. Pure: arrivals and time go in.
+//!
+//! A level is left downwards at once when the delay grows over the quickest
+//! picture seen, when pictures are missing, or when the browser cannot show
+//! what comes. It is left upwards after a quiet time, which doubles every time
+//! a step up did not hold.
+
+use wheelarm_proto::preview::PreviewLevel;
+
+/// Time over which a link is judged, s.
+const WINDOW: f64 = 1.5;
+/// Mean growth of the delay that is too much, s.
+const GROWTH: f64 = 0.25;
+/// Share of missing pictures that is too much.
+const MISSED: f64 = 0.15;
+/// Share of pictures that the browser skipped that is too much.
+const SKIPPED: f64 = 0.5;
+/// Pictures below which a window says nothing.
+const ENOUGH: u64 = 3;
+/// Quiet time before a step up, least and greatest, s.
+const QUIET: [f64; 2] = [4.0, 60.0];
+/// A step up that holds this long was right, s.
+const HELD: f64 = 8.0;
+/// The quickest picture is looked for over one to two times this, s.
+const QUICKEST: f64 = 60.0;
+
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+struct Window {
+    began: f64,
+    came: u64,
+    missed: u64,
+    growth: f64,
+    shown: u64,
+    skipped: u64,
+}
+
+/// Chooses the level.
+#[derive(Clone, Debug)]
+pub struct Ladder {
+    level: PreviewLevel,
+    window: Window,
+    next: Option<u64>,
+    /// Quickest picture of this period and of the one before, s.
+    quickest: [f64; 2],
+    period: f64,
+    quiet: f64,
+    changed: f64,
+    went_up: bool,
+    growth: f64,
+}
+
+impl Ladder {
+    /// Begins in the middle.
+    #[must_use]
+    pub fn new(now: f64) -> Self {
+        Self {
+            level: PreviewLevel::Medium,
+            window: Window {
+                began: now,
+                ..Window::default()
+            },
+            next: None,
+            quickest: [f64::INFINITY; 2],
+            period: now,
+            quiet: QUIET[0],
+            changed: now,
+            went_up: false,
+            growth: 0.0,
+        }
+    }
+
+    /// The level that is right now.
+    #[must_use]
+    pub fn level(&self) -> PreviewLevel {
+        self.level
+    }
+
+    /// Growth of the delay over the quickest picture, s, smoothed.
+    #[must_use]
+    pub fn growth(&self) -> f64 {
+        self.growth
+    }
+
+    /// A picture came: its sequence number and its way, which is the time of
+    /// arrival by this host's clock less the time of sending by the server's.
+    pub fn came(&mut self, sequence: u64, way: f64, now: f64) {
+        if now - self.period > QUICKEST {
+            self.quickest = [way, self.quickest[0]];
+            self.period = now;
+        }
+        self.quickest[0] = self.quickest[0].min(way);
+        let growth = way - self.quickest[0].min(self.quickest[1]);
+        self.growth += 0.2 * (growth - self.growth);
+        if let Some(next) = self.next
+            && sequence > next
+        {
+            self.window.missed += sequence - next;
+        }
+        self.next = Some(sequence + 1);
+        self.window.came += 1;
+        self.window.growth += growth;
+    }
+
+    /// The numbers begin anew: another server, or another subscription.
+    pub fn restart(&mut self) {
+        self.next = None;
+    }
+
+    /// A browser took a picture after it had skipped some.
+    pub fn shown(&mut self, skipped: u64) {
+        self.window.shown += 1;
+        self.window.skipped += skipped;
+    }
+
+    /// Judges the window when it is over; the new level when it changes.
+    pub fn decide(&mut self, now: f64) -> Option<PreviewLevel> {
+        if now - self.window.began < WINDOW {
+            return None;
+        }
+        let window = std::mem::replace(
+            &mut self.window,
+            Window {
+                began: now,
+                ..Window::default()
+            },
+        );
+        let share = |part: u64, rest: u64| part as f64 / (part + rest).max(1) as f64;
+        let trouble = window.came + window.missed >= ENOUGH
+            && (window.growth / window.came.max(1) as f64 > GROWTH
+                || share(window.missed, window.came) > MISSED)
+            || window.shown >= ENOUGH && share(window.skipped, window.shown) > SKIPPED;
+        let step = PreviewLevel::ALL.iter().position(|l| *l == self.level)?;
+        if trouble {
+            if self.went_up && now - self.changed < HELD {
+                self.quiet = (2.0 * self.quiet).min(QUIET[1]);
+            }
+            let down = step.checked_sub(1)?;
+            return self.go(down, false, now);
+        }
+        if self.went_up && now - self.changed > HELD {
+            self.went_up = false;
+            self.quiet = QUIET[0];
+        }
+        // Without pictures nothing is known: time may stand still.
+        if window.came == 0 {
+            self.changed = self.changed.max(now - self.quiet);
+            return None;
+        }
+        if now - self.changed >= self.quiet && step + 1 < PreviewLevel::ALL.len() {
+            return self.go(step + 1, true, now);
+        }
+        None
+    }
+
+    fn go(&mut self, step: usize, up: bool, now: f64) -> Option<PreviewLevel> {
+        self.level = *PreviewLevel::ALL.get(step)?;
+        self.changed = now;
+        self.went_up = up;
+        self.next = None;
+        Some(self.level)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A link of some bytes per second with a queue of a second; pictures of
+    /// 8, 35 and 160 kB at 5, 10 and 10 Hz. Returns the levels over time.
+    fn levels(bytes_per_second: impl Fn(f64) -> f64, seconds: f64) -> Vec<PreviewLevel> {
+        let mut ladder = Ladder::new(0.0);
+        let (mut queue, mut sequence, mut levels) = (0.0_f64, 0, Vec::new());
+        let (mut now, mut next) = (0.0, 0.0);
+        while now < seconds {
+            let speed = bytes_per_second(now);
+            queue = (queue - speed * 0.01).max(0.0);
+            if now >= next {
+                let (bytes, rate) = match ladder.level() {
+                    PreviewLevel::Low => (8e3, 5.0),
+                    PreviewLevel::Medium => (35e3, 10.0),
+                    PreviewLevel::High => (160e3, 10.0),
+                };
+                next = now + 1.0 / rate;
+                sequence += 1;
+                if queue < speed {
+                    queue += bytes;
+                    // The clocks of both ends differ by a thousand seconds.
+                    ladder.came(sequence, 1000.0 + queue / speed, now);
+                    ladder.shown(0);
+                }
+            }
+            ladder.decide(now);
+            levels.push(ladder.level());
+            now += 0.01;
+        }
+        levels
+    }
+
+    fn share(levels: &[PreviewLevel], level: PreviewLevel) -> f64 {
+        levels.iter().filter(|l| **l == level).count() as f64 / levels.len() as f64
+    }
+
+    #[test]
+    fn a_fast_link_climbs_to_the_top_and_stays() {
+        let levels = levels(|_| 100e6, 60.0);
+        assert!(share(&levels[1500..], PreviewLevel::High) > 0.99);
+    }
+
+    #[test]
+    fn a_link_of_5_mbit_carries_medium_and_rarely_tries_more() {
+        let levels = levels(|_| 625e3, 240.0);
+        assert!(share(&levels, PreviewLevel::Low) < 0.1);
+        assert!(share(&levels[12_000..], PreviewLevel::Medium) > 0.8);
+    }
+
+    #[test]
+    fn a_link_that_becomes_slow_falls_and_one_that_recovers_climbs() {
+        let speed = |now: f64| {
+            if (30.0..60.0).contains(&now) {
+                60e3
+            } else {
+                50e6
+            }
+        };
+        let levels = levels(speed, 120.0);
+        assert_eq!(levels[2900], PreviewLevel::High);
+        assert_eq!(levels[4500], PreviewLevel::Low);
+        assert_eq!(levels[11_900], PreviewLevel::High);
+    }
+
+    #[test]
+    fn a_browser_that_cannot_follow_gets_smaller_pictures() {
+        let mut ladder = Ladder::new(0.0);
+        for i in 0..60_u64 {
+            let now = i as f64 * 0.1;
+            ladder.came(i, 0.02, now);
+            if i % 4 == 0 {
+                ladder.shown(3);
+            }
+            ladder.decide(now);
+        }
+        assert_eq!(ladder.level(), PreviewLevel::Low);
+    }
+}

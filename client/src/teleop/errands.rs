@@ -1,0 +1,94 @@
+//! Queries that take time, each on a thread of its own.
+
+use wheelarm_proto::keys::Query;
+use wheelarm_proto::v1;
+
+use super::model::{Done, Errand, Start};
+use crate::control::{self, EpisodeStartArgs, ResetArgs};
+use crate::link::{Commander, Link, LinkError};
+
+/// What an errand brought.
+pub enum Brought {
+    /// An answer.
+    Done(Done),
+    /// Control, with the channel for commands.
+    Control(Box<Commander>),
+}
+
+/// Runs an errand and hands over what it brought.
+pub fn run(link: Link, name: String, errand: Errand, bring: impl Fn(Brought) + Send + 'static) {
+    std::thread::spawn(move || {
+        let done = match errand {
+            Errand::Lease { take } => match link.commander(&name, take) {
+                Ok(commander) => {
+                    bring(Brought::Control(Box::new(commander)));
+                    Done::Lease(Ok(()))
+                }
+                Err(error) => Done::Lease(Err(words(&error))),
+            },
+            Errand::Start(args) => Done::Started(start(&link, &name, &args)),
+            Errand::Stop { discard } => Done::Stopped(stop(&link, discard)),
+            Errand::Redo(args) => {
+                let again = stop(&link, true)
+                    .and_then(|_| reset(&link, &ResetArgs::default()))
+                    .and_then(|_| start(&link, &name, &args));
+                Done::Started(again)
+            }
+            Errand::Reset { task, seed } => {
+                let args = ResetArgs {
+                    task: Some(task),
+                    seed: Some(seed),
+                    ..ResetArgs::default()
+                };
+                Done::Reset(reset(&link, &args))
+            }
+            Errand::Pause(pause) => {
+                let query = if pause { Query::Pause } else { Query::Resume };
+                let result = control::acknowledge(&link, query);
+                Done::Paused(result.map(|()| pause).map_err(|e| words(&e)))
+            }
+            Errand::Tasks => {
+                let list = link.ask::<v1::TaskList>(Query::Tasks);
+                Done::Tasks(list.map(|l| l.tasks).map_err(|e| words(&e)))
+            }
+            Errand::Scene => {
+                let scene = link.ask::<v1::SceneReply>(Query::Scene);
+                Done::Scene(scene.map(Box::new).map_err(|e| words(&e)))
+            }
+        };
+        bring(Brought::Done(done));
+    });
+}
+
+/// The server's own words where it refused; else all of it.
+fn words(error: &LinkError) -> String {
+    match error {
+        LinkError::Refused { message, .. } => message.clone(),
+        error => error.to_string(),
+    }
+}
+
+fn start(link: &Link, name: &str, args: &Start) -> Result<Box<v1::EpisodeStarted>, String> {
+    let args = EpisodeStartArgs {
+        label: args.label.clone(),
+        instruction: args.instruction.clone(),
+        require_recorders: args.recorders,
+        commander: name.to_owned(),
+    };
+    control::start_episode(link, &args)
+        .map(Box::new)
+        .map_err(|e| words(&e))
+}
+
+fn stop(link: &Link, discard: bool) -> Result<Box<v1::EpisodeStopped>, String> {
+    control::stop_episode(link, discard)
+        .map(Box::new)
+        .map_err(|e| words(&e))
+}
+
+/// Sets up again; the instruction of the scenario is kept.
+fn reset(link: &Link, args: &ResetArgs) -> Result<Box<v1::Scenario>, String> {
+    control::reset(link, args)
+        .map(Box::new)
+        .map_err(|e| words(&e))
+}

@@ -1,0 +1,257 @@
+//! Episodes and scenarios by keys: start, finish, discard, redo, reset, pause.
+
+use wheelarm_proto::v1;
+
+use super::{CONFIRM, Done, Effect, Errand, Form, Model, Start, Twice};
+
+impl Model {
+    pub(super) fn open_start(&mut self, now: f64) -> Vec<Effect> {
+        if let Some(running) = self.situation.episode() {
+            let label = running.label.clone();
+            self.warn(
+                now,
+                format!("episode {label} runs; → finishes, ← does it again"),
+            );
+            return Vec::new();
+        }
+        let scenario = self.situation.scenario().cloned().unwrap_or_default();
+        let label = if self.start.label.is_empty() {
+            label_of(&scenario)
+        } else {
+            self.start.label.clone()
+        };
+        let instruction = if self.start.instruction.is_empty() {
+            scenario.instruction
+        } else {
+            self.start.instruction.clone()
+        };
+        // Nobody steers while they type.
+        let effects = self.stop_everything(now);
+        self.message = None;
+        self.form = Some(Form::start(&label, &instruction, self.start.recorders));
+        effects
+    }
+
+    pub(super) fn finish(&mut self, now: f64) -> Vec<Effect> {
+        if self.situation.episode().is_none() {
+            self.warn(now, "no episode runs; s starts one");
+            return Vec::new();
+        }
+        let mut effects = self.stop_everything(now);
+        effects.extend(self.errand("finishing", Errand::Stop { discard: false }, now));
+        effects
+    }
+
+    /// Whether this is the second press; says so when it is the first.
+    fn confirmed(&mut self, what: Twice, words: &str, now: f64) -> bool {
+        let again = self
+            .twice
+            .take()
+            .is_some_and(|(asked, at)| asked == what && now - at < CONFIRM);
+        if !again {
+            self.twice = Some((what, now));
+            self.warn(now, words);
+        }
+        again
+    }
+
+    pub(super) fn discard(&mut self, now: f64) -> Vec<Effect> {
+        if self.situation.episode().is_none() {
+            self.warn(now, "no episode runs: nothing to discard");
+            return Vec::new();
+        }
+        if !self.confirmed(Twice::Discard, "d again throws this episode away", now) {
+            return Vec::new();
+        }
+        let mut effects = self.stop_everything(now);
+        effects.extend(self.errand("discarding", Errand::Stop { discard: true }, now));
+        effects
+    }
+
+    pub(super) fn redo(&mut self, now: f64) -> Vec<Effect> {
+        let Some(running) = self.situation.episode() else {
+            self.warn(now, "no episode runs; t sets the scene up, s starts");
+            return Vec::new();
+        };
+        let again = Start {
+            label: running.label.clone(),
+            instruction: running.instruction.clone(),
+            recorders: self.start.recorders,
+        };
+        if !self.confirmed(
+            Twice::Redo,
+            "← again throws this episode away and starts it anew",
+            now,
+        ) {
+            return Vec::new();
+        }
+        let mut effects = self.stop_everything(now);
+        effects.extend(self.errand("starting anew", Errand::Redo(again), now));
+        effects
+    }
+
+    pub(super) fn open_reset(&mut self, now: f64) -> Vec<Effect> {
+        if self.situation.episode().is_some() {
+            self.warn(now, "an episode runs; → finishes it, dd discards it");
+            return Vec::new();
+        }
+        let mut effects = self.stop_everything(now);
+        effects.extend(self.errand("listing the tasks", Errand::Tasks, now));
+        effects
+    }
+
+    pub(super) fn pause(&mut self, now: f64) -> Vec<Effect> {
+        let paused = self.situation.status.as_ref().is_some_and(|s| s.paused);
+        let mut effects = self.stop_everything(now);
+        let word = if paused { "resuming" } else { "pausing" };
+        effects.extend(self.errand(word, Errand::Pause(!paused), now));
+        effects
+    }
+
+    /// Takes what came of an errand.
+    pub fn done(&mut self, done: Done, now: f64) -> Vec<Effect> {
+        if let Done::Lease(result) = done {
+            self.leased(result, now);
+            return Vec::new();
+        }
+        if !matches!(done, Done::Scene(_)) {
+            self.busy = None;
+        }
+        match done {
+            Done::Lease(_) => {}
+            Done::Started(Ok(started)) => {
+                let number = started.header.as_ref().map_or(0, |h| h.episode);
+                self.say(now, format!("episode {number} {} runs", started.label));
+                self.begin(*started);
+            }
+            Done::Stopped(Ok(stopped)) => {
+                self.ended(&stopped, now);
+                if self.leaving {
+                    return vec![Effect::Quit];
+                }
+            }
+            Done::Reset(Ok(scenario)) => {
+                self.say(
+                    now,
+                    format!("set up {} with seed {}", scenario.task, scenario.seed),
+                );
+                self.arm.forget();
+                self.start.label.clear();
+                self.start.instruction.clear();
+                if let Some(status) = &mut self.situation.status {
+                    status.scenario = Some(*scenario);
+                    status.evaluation = None;
+                }
+                self.situation.evaluation = None;
+                if self.settings.target_hint {
+                    return vec![Effect::Errand(Errand::Scene)];
+                }
+            }
+            Done::Paused(Ok(paused)) => {
+                if let Some(status) = &mut self.situation.status {
+                    status.paused = paused;
+                }
+                self.say(
+                    now,
+                    if paused {
+                        "time stands still; p goes on"
+                    } else {
+                        "time goes on"
+                    },
+                );
+            }
+            Done::Tasks(Ok(tasks)) => {
+                let scenario = self.situation.scenario().cloned().unwrap_or_default();
+                self.form = Some(Form::reset(tasks, &scenario.task, scenario.seed));
+            }
+            Done::Scene(Ok(scene)) => self.situation.take_scene(&scene),
+            Done::Started(Err(why))
+            | Done::Stopped(Err(why))
+            | Done::Reset(Err(why))
+            | Done::Paused(Err(why))
+            | Done::Tasks(Err(why))
+            | Done::Scene(Err(why)) => {
+                self.leaving = false;
+                self.warn(now, why.clone());
+                self.situation.note(now, true, why);
+            }
+        }
+        Vec::new()
+    }
+
+    /// The next status is not waited for: commands must carry the number now.
+    fn begin(&mut self, started: v1::EpisodeStarted) {
+        if let Some(header) = &started.header {
+            self.situation.header = header.clone();
+        }
+        self.arm.forget();
+        self.answered = None;
+        if let Some(status) = &mut self.situation.status {
+            status.episode = Some(started);
+        }
+    }
+
+    fn ended(&mut self, stopped: &v1::EpisodeStopped, now: f64) {
+        let evaluation = stopped.evaluation.clone().unwrap_or_default();
+        let result = if evaluation.success {
+            "success".to_owned()
+        } else if evaluation.failure.is_empty() {
+            "not reached".to_owned()
+        } else {
+            format!("failed: {}", evaluation.failure)
+        };
+        let kept = if stopped.discard { "discarded" } else { "kept" };
+        let text = format!("episode {kept}: {result} after {:.1} s", evaluation.elapsed);
+        self.situation.note(now, false, text.clone());
+        self.say(now, text);
+        if !stopped.discard {
+            let label = self.situation.episode().map(|e| e.label.clone());
+            self.start.label = next_label(&label.unwrap_or_default());
+        }
+        if let Some(status) = &mut self.situation.status {
+            status.episode = None;
+        }
+        self.situation.header.episode = 0;
+        self.answer_due = None;
+        self.pending = v1::Command::default();
+    }
+}
+
+/// The label that a scenario suggests.
+fn label_of(scenario: &v1::Scenario) -> String {
+    let task = if scenario.task.is_empty() {
+        "episode"
+    } else {
+        &scenario.task
+    };
+    format!("{task}-seed{}-1", scenario.seed)
+}
+
+/// The label with its last number counted up: a recorder refuses a taken name.
+fn next_label(label: &str) -> String {
+    let digits = label
+        .bytes()
+        .rev()
+        .take_while(u8::is_ascii_digit)
+        .count()
+        .min(9);
+    let (stem, number) = label.split_at(label.len() - digits);
+    match number.parse::<u64>() {
+        Ok(number) => format!("{stem}{}", number + 1),
+        Err(_) if label.is_empty() => String::new(),
+        Err(_) => format!("{label}-2"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn labels_count_up() {
+        assert_eq!(next_label("try-9"), "try-10");
+        assert_eq!(next_label("demo"), "demo-2");
+        assert_eq!(next_label(""), "");
+        assert!(next_label(&"9".repeat(100)).ends_with("1000000000"));
+    }
+}

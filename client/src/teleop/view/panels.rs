@@ -1,0 +1,442 @@
+//! The parts of the screen as lines of text.
+
+use ratatui::text::{Line, Span};
+use wheelarm_proto::v1;
+
+use super::Theme;
+use crate::teleop::arm::{self, label, pointing};
+use crate::teleop::drive::DIRECTIONS;
+use crate::teleop::model::{Control, Model};
+use crate::watch::Connection;
+
+/// Older than this a figure is shown as stale, s.
+const STALE: f64 = 2.0;
+
+fn pair<'a>(name: &'static str, value: impl Into<String>, theme: Theme) -> Line<'a> {
+    Line::from(vec![
+        Span::styled(format!("{name:<9}"), theme.quiet()),
+        Span::raw(value.into()),
+    ])
+}
+
+/// Rows of the header at a width.
+pub fn header_rows(width: u16) -> u16 {
+    if width >= super::WIDE { 1 } else { 2 }
+}
+
+/// The top of the screen: connection, control, pace, address of the page.
+pub fn header<'a>(model: &Model, theme: Theme, now: f64, width: u16) -> Vec<Line<'a>> {
+    let situation = &model.situation;
+    let connection = match &situation.connection {
+        Connection::Opening => Span::styled("○ connecting", theme.warning()),
+        Connection::Open => Span::styled("● connected", theme.good()),
+        Connection::Silent(since) => Span::styled(
+            format!("◌ no answer for {:.1} s", now - since),
+            theme.warning(),
+        ),
+        Connection::Lost(since, _) => Span::styled(
+            format!("○ LINK LOST {:.0} s ago, trying again", now - since),
+            theme.bad(),
+        ),
+    };
+    let control = match &model.control {
+        Control::Ours => Span::styled("control is yours", theme.good()),
+        Control::Held(holder) => Span::styled(format!("{holder} HOLDS CONTROL (!)"), theme.bad()),
+        Control::Asking => Span::styled("asking for control", theme.warning()),
+        Control::None => Span::styled("no control", theme.quiet()),
+    };
+    let paused = situation.status.as_ref().is_some_and(|s| s.paused);
+    let pace = if paused {
+        Span::styled("PAUSED (p)", theme.warning())
+    } else {
+        Span::raw(format!("{:.2}x time", situation.factor))
+    };
+    let gap = || Span::raw("   ");
+    let first = vec![
+        Span::styled("wheelarm", theme.title()),
+        gap(),
+        connection,
+        gap(),
+        control,
+    ];
+    let second = vec![
+        pace,
+        gap(),
+        Span::raw(if model.page.is_empty() {
+            String::new()
+        } else {
+            format!("see {}", model.page)
+        }),
+    ];
+    if header_rows(width) == 1 {
+        let mut line = first;
+        line.push(gap());
+        line.extend(second);
+        vec![Line::from(line)]
+    } else {
+        vec![Line::from(first), Line::from(second)]
+    }
+}
+
+/// The last line: what can be done now.
+pub fn hints<'a>(model: &Model, theme: Theme) -> Line<'a> {
+    let words: &[(&str, &str)] = if model.form.is_some() {
+        &[("Enter", "does it"), ("Tab", "next"), ("Esc", "back")]
+    } else if model.situation.episode().is_some() {
+        &[
+            ("→", "finish"),
+            ("←", "redo"),
+            ("d", "discard"),
+            ("k", "chair stops"),
+            ("Esc", "all stops"),
+            ("?", "keys"),
+            ("Ctrl-C", "leave"),
+        ]
+    } else {
+        &[
+            ("s", "start episode"),
+            ("t", "task and seed"),
+            ("k", "chair stops"),
+            ("Esc", "all stops"),
+            ("?", "keys"),
+            ("Ctrl-C", "leave"),
+        ]
+    };
+    let spans = words.iter().flat_map(|(key, word)| {
+        [
+            Span::styled((*key).to_owned(), theme.key()),
+            Span::raw(format!(" {word}   ")),
+        ]
+    });
+    Line::from(spans.collect::<Vec<_>>())
+}
+
+/// The keys of chair, arm and gripper, with what they do now.
+pub fn controls<'a>(model: &Model, theme: Theme) -> Vec<Line<'a>> {
+    let drive_key = |key: char| {
+        let direction = DIRECTIONS.iter().find(|(k, _)| *k == key).map(|(_, d)| *d);
+        let latched = direction.is_some() && direction == model.drive.direction;
+        let style = if latched {
+            theme.latched()
+        } else {
+            theme.key()
+        };
+        Span::styled(format!(" {key} "), style)
+    };
+    let [linear, angular] = model.drive.speeds;
+    let tool = model.situation.base_from_tool;
+    let arm_key = |(key, axis, sign): (char, usize, f64)| {
+        let word = label(axis, sign, model.arm.turning, tool.as_ref());
+        [
+            Span::styled(format!(" {key} "), theme.key()),
+            Span::raw(format!("{word:<11}")),
+        ]
+    };
+    let pad = |keys: [char; 3], words: Vec<Span<'a>>| {
+        let mut line = vec![Span::raw(" ")];
+        line.extend(keys.map(drive_key));
+        line.push(Span::raw("   "));
+        line.extend(words);
+        Line::from(line)
+    };
+    let keys = |text: &str| Span::styled(text.to_owned(), theme.key());
+    let direction = match model.drive.direction {
+        Some(_) => {
+            let [linear, angular] = model.drive.told();
+            Span::styled(
+                format!("drives {linear:.2} m/s {angular:.2} rad/s"),
+                theme.latched(),
+            )
+        }
+        None => Span::styled("stands", theme.quiet()),
+    };
+    let [translation, rotation] = model.arm.steps;
+    let mode = if model.arm.turning { "TURN" } else { "move" };
+    let step = if model.arm.turning {
+        format!("{rotation:.3} rad")
+    } else {
+        format!("{:.1} mm", translation * 1e3)
+    };
+    let mut lines = vec![
+        Line::from(vec![Span::styled("chair  ", theme.strong()), direction]),
+        pad(
+            ['u', 'i', 'o'],
+            vec![keys("q z"), Span::raw("  both speeds ±10 %")],
+        ),
+        pad(
+            ['j', 'k', 'l'],
+            vec![keys("w x"), Span::raw(format!("  {linear:.2} m/s"))],
+        ),
+        pad(
+            ['m', ',', '.'],
+            vec![keys("e c"), Span::raw(format!("  {angular:.2} rad/s"))],
+        ),
+        Line::default(),
+        Line::from(vec![
+            Span::styled("hand   ", theme.strong()),
+            Span::styled(
+                format!("{mode} {step}"),
+                if model.arm.turning {
+                    theme.latched()
+                } else {
+                    theme.strong()
+                },
+            ),
+            Span::raw("   "),
+            keys("Space"),
+            Span::raw(" move/turn"),
+        ]),
+    ];
+    // Opposite keys stand beside each other: v n, h f, g b.
+    for (first, second) in [(1, 0), (3, 2), (4, 5)] {
+        let mut line = vec![Span::raw(" ")];
+        line.extend(arm_key(arm::KEYS[first]));
+        line.extend(arm_key(arm::KEYS[second]));
+        lines.push(Line::from(line));
+    }
+    lines.push(Line::from(vec![
+        Span::raw("  "),
+        keys("r"),
+        Span::raw(" close gripper   "),
+        keys("y"),
+        Span::raw(" open   "),
+        keys("- ="),
+        Span::raw(" step size"),
+    ]));
+    lines.push(Line::from(vec![
+        Span::raw("  "),
+        keys("a"),
+        Span::raw(" reach shell "),
+        if model.arm.shell {
+            Span::styled("on", theme.warning())
+        } else {
+            Span::raw("off")
+        },
+    ]));
+    lines
+}
+
+/// What happened, newest last.
+pub fn log<'a>(model: &Model, theme: Theme, now: f64, rows: usize) -> Vec<Line<'a>> {
+    let happenings = &model.situation.happenings;
+    let newest = happenings
+        .iter()
+        .skip(happenings.len().saturating_sub(rows));
+    let lines = newest.map(|h| {
+        let style = if h.bad {
+            theme.bad()
+        } else {
+            Default::default()
+        };
+        Line::from(vec![
+            Span::styled(format!("{:>5.0} s ", h.at - now), theme.quiet()),
+            Span::styled(h.text.clone(), style),
+        ])
+    });
+    lines.collect()
+}
+
+/// Episode, task, robot, recorders and link.
+pub fn state<'a>(model: &Model, theme: Theme, now: f64) -> Vec<(&'static str, Vec<Line<'a>>)> {
+    vec![
+        ("episode", episode(model, theme)),
+        ("task", task(model, theme)),
+        ("robot", robot(model, theme)),
+        ("recorders", recorders(model, theme)),
+        ("link", link(model, theme, now)),
+    ]
+}
+
+fn episode<'a>(model: &Model, theme: Theme) -> Vec<Line<'a>> {
+    let situation = &model.situation;
+    let mut lines = Vec::new();
+    match situation.episode() {
+        Some(running) => {
+            let number = running.header.as_ref().map_or(0, |h| h.episode);
+            lines.push(Line::from(vec![
+                Span::styled(format!("RUNS {number} "), theme.good()),
+                Span::raw(format!(
+                    "{}  {:.1} s",
+                    running.label,
+                    situation.episode_clock().unwrap_or_default()
+                )),
+            ]));
+            lines.push(pair("says", running.instruction.clone(), theme));
+        }
+        None => {
+            lines.push(Line::from(Span::styled("none runs", theme.warning())));
+            let says = situation.scenario().map(|s| s.instruction.clone());
+            lines.push(pair("says", says.unwrap_or_default(), theme));
+        }
+    }
+    let waits = situation.status.as_ref().map(|s| s.waiting_for.clone());
+    if let Some(waits) = waits.filter(|w| !w.is_empty()) {
+        lines.push(pair("waits for", waits, theme));
+    }
+    lines
+}
+
+fn task<'a>(model: &Model, theme: Theme) -> Vec<Line<'a>> {
+    let scenario = model.situation.scenario();
+    let name = scenario.map_or_else(String::new, |s| {
+        if s.task.is_empty() {
+            format!("no task in {}", s.scene)
+        } else {
+            format!("{}, seed {}", s.task, s.seed)
+        }
+    });
+    let Some(evaluation) = &model.situation.evaluation else {
+        return vec![Line::from(name)];
+    };
+    let result = if evaluation.success {
+        Span::styled("SUCCESS", theme.good())
+    } else if !evaluation.failure.is_empty() {
+        Span::styled(format!("FAILED: {}", evaluation.failure), theme.bad())
+    } else {
+        Span::raw(format!("{:.1} s", evaluation.elapsed))
+    };
+    let mut lines = vec![Line::from(vec![Span::raw(format!("{name}   ")), result])];
+    for condition in &evaluation.conditions {
+        lines.push(self::condition(condition, theme));
+    }
+    lines
+}
+
+fn condition<'a>(condition: &v1::Condition, theme: Theme) -> Line<'a> {
+    let mark = match (condition.holds, condition.required) {
+        (true, _) => Span::styled(" yes ", theme.good()),
+        (false, true) => Span::styled(" NO  ", theme.bad()),
+        (false, false) => Span::styled(" no  ", theme.warning()),
+    };
+    Line::from(vec![
+        mark,
+        Span::raw(format!("{} ({:.3})", condition.name, condition.value)),
+    ])
+}
+
+fn robot<'a>(model: &Model, theme: Theme) -> Vec<Line<'a>> {
+    let situation = &model.situation;
+    let unknown = || "unknown".to_owned();
+    let [speed, rate] = situation.chair_speed;
+    let chair = situation.chair().map_or_else(unknown, |[x, y, heading]| {
+        format!("x {x:.3}  y {y:.3} m  heading {:.1}°", heading.to_degrees())
+    });
+    let hand = situation
+        .hand()
+        .map_or_else(unknown, |[forward, left, up]| {
+            format!(
+                "forward {forward:.3}  left {left:.3}  up {up:.3} m, points {}",
+                situation.base_from_tool.as_ref().map_or("", pointing)
+            )
+        });
+    let opening = situation.opening();
+    let gripper = opening.map_or_else(unknown, |opening| {
+        let [left, right] = situation.pad_force;
+        format!("open {:.1} mm  pads {left:.1} {right:.1} N", opening * 1e3)
+    });
+    let mut lines = vec![
+        pair("chair", chair, theme),
+        pair(
+            "",
+            format!("speed {speed:.2} m/s  turns {rate:.2} rad/s"),
+            theme,
+        ),
+        pair("hand", hand, theme),
+        pair("gripper", gripper, theme),
+    ];
+    if model.settings.target_hint
+        && let Some(target) = situation.target()
+    {
+        let [ahead, left, up] = target.from_hand;
+        let [x, y, z] = target.place;
+        lines.push(pair(
+            "target",
+            format!(
+                "{} ahead {ahead:.3}  left {left:.3}  up {up:.3} m of the pads",
+                target.name
+            ),
+            theme,
+        ));
+        lines.push(pair(
+            "",
+            format!("at x {x:.3}  y {y:.3}  z {z:.3} m"),
+            theme,
+        ));
+    }
+    lines
+}
+
+fn recorders<'a>(model: &Model, theme: Theme) -> Vec<Line<'a>> {
+    let all = model.situation.status.as_ref().map(|s| &s.recorders);
+    let Some(all) = all.filter(|r| !r.is_empty()) else {
+        return vec![Line::from(Span::styled(
+            "none: nothing is recorded (start `wheelarm record`)",
+            theme.warning(),
+        ))];
+    };
+    let lines = all.iter().map(|recorder| {
+        let (word, style) = match recorder.state() {
+            v1::RecorderState::Ready => ("recording", theme.good()),
+            v1::RecorderState::Finished if recorder.complete => ("complete", theme.good()),
+            v1::RecorderState::Finished => ("PARTIAL", theme.bad()),
+            v1::RecorderState::Failed => ("FAILED", theme.bad()),
+            v1::RecorderState::Idle => ("ready", theme.strong()),
+            v1::RecorderState::Unspecified => ("unknown", theme.warning()),
+        };
+        let missed = if recorder.missed > 0 {
+            theme.bad()
+        } else {
+            Default::default()
+        };
+        let file = recorder.path.rsplit('/').next().unwrap_or_default();
+        let more = if recorder.message.is_empty() {
+            file.to_owned()
+        } else {
+            recorder.message.clone()
+        };
+        Line::from(vec![
+            Span::raw(format!("{:<10} ", recorder.recorder)),
+            Span::styled(format!("{word}  "), style),
+            Span::raw(format!("{} pictures  ", recorder.accepted_frames)),
+            Span::styled(format!("{} missed  ", recorder.missed), missed),
+            Span::raw(more),
+        ])
+    });
+    lines.collect()
+}
+
+fn link<'a>(model: &Model, theme: Theme, now: f64) -> Vec<Line<'a>> {
+    let milliseconds = |seconds: f64| format!("{:.1} ms", seconds * 1e3);
+    let round_trip = model
+        .situation
+        .round_trip
+        .map_or_else(|| "unknown".to_owned(), milliseconds);
+    let echo = match model.echo {
+        Some((delay, at)) if now - at < STALE => milliseconds(delay),
+        Some((delay, at)) => format!("{} ({:.0} s ago)", milliseconds(delay), now - at),
+        None => "nothing sent yet".to_owned(),
+    };
+    let mut lines = vec![pair(
+        "round trip",
+        format!(" {round_trip}   command taken after {echo}"),
+        theme,
+    )];
+    let refused = model.refused;
+    let style = if refused > 0 {
+        theme.warning()
+    } else {
+        Default::default()
+    };
+    let mut line = vec![
+        Span::styled(format!("{:<9}", "refused"), theme.quiet()),
+        Span::styled(format!("{refused} of yours"), style),
+    ];
+    if let Some(status) = &model.situation.status {
+        line.push(Span::raw(format!(", {} in all", status.refused)));
+    }
+    if let Some((at, reason)) = &model.last_refusal {
+        line.push(Span::raw(format!("; {:.0} s ago: {reason}", now - at)));
+    }
+    lines.push(Line::from(line));
+    lines
+}

@@ -1,0 +1,112 @@
+//! What a person reads at several sizes of the terminal.
+
+use ratatui::Terminal;
+use ratatui::backend::TestBackend;
+use wheelarm_proto::v1;
+
+use super::*;
+use crate::teleop::model::{Control, Settings};
+use crate::watch::Connection;
+
+fn model() -> Model {
+    let mut model = Model::new(Settings {
+        commander: "anna".to_owned(),
+        target_hint: true,
+        ..Settings::default()
+    });
+    model.page = "http://127.0.0.1:7450".to_owned();
+    model.situation.connection = Connection::Open;
+    model.control = Control::Ours;
+    let condition = |name: &str, holds, required| v1::Condition {
+        name: name.to_owned(),
+        holds,
+        required,
+        value: 0.25,
+    };
+    let status = v1::Status {
+        scenario: Some(v1::Scenario {
+            scene: "home".to_owned(),
+            task: "pick_mustard".to_owned(),
+            seed: 3,
+            instruction: "Pick up the mustard".to_owned(),
+            ..Default::default()
+        }),
+        recorders: vec![v1::RecorderStatus {
+            recorder: "first".to_owned(),
+            state: v1::RecorderState::Ready.into(),
+            missed: 7,
+            ..Default::default()
+        }],
+        evaluation: Some(v1::Evaluation {
+            conditions: vec![
+                condition("lifted_and_held(mustard)", false, true),
+                condition("chair_stopped", true, true),
+            ],
+            ..Default::default()
+        }),
+        real_time_factor: 1.0,
+        ..Default::default()
+    };
+    model.situation.take_status(status, 0.0123);
+    model
+}
+
+fn screen(model: &Model, width: u16, height: u16) -> String {
+    let mut terminal = Terminal::new(TestBackend::new(width, height)).unwrap();
+    let theme = Theme { colours: true };
+    terminal
+        .draw(|frame| draw(frame, model, theme, 10.0))
+        .unwrap();
+    let buffer = terminal.backend().buffer().clone();
+    let rows = buffer.content().chunks(usize::from(width));
+    rows.map(|row| row.iter().map(|cell| cell.symbol()).collect::<String>() + "\n")
+        .collect()
+}
+
+#[test]
+fn a_wide_terminal_shows_keys_state_and_the_address_of_the_page() {
+    let text = screen(&model(), 120, 36);
+    for words in [
+        "control is yours",
+        "http://127.0.0.1:7450",
+        "pick_mustard, seed 3",
+        "NO  lifted_and_held(mustard)",
+        "yes chair_stopped",
+        "7 missed",
+        "12.3 ms",
+        "forward",
+        "start episode",
+    ] {
+        assert!(text.contains(words), "{words:?} is missing:\n{text}");
+    }
+}
+
+#[test]
+fn a_narrow_terminal_keeps_what_matters() {
+    let text = screen(&model(), 60, 24);
+    for words in ["control is yours", "lifted_and_held", "7 missed", "chair"] {
+        assert!(text.contains(words), "{words:?} is missing:\n{text}");
+    }
+}
+
+#[test]
+fn no_size_of_the_terminal_makes_it_panic() {
+    let mut model = model();
+    for (width, height) in [(1, 1), (5, 3), (20, 50), (300, 2), (95, 10), (96, 10)] {
+        for help in [false, true] {
+            model.help = help;
+            screen(&model, width, height);
+        }
+        model.form = Some(super::super::form::Form::start("a", "b", 1));
+        screen(&model, width, height);
+        model.form = None;
+    }
+}
+
+#[test]
+fn a_lost_link_cannot_be_overlooked() {
+    let mut model = model();
+    model.lost("the server has gone", 7.0);
+    let text = screen(&model, 120, 36);
+    assert!(text.contains("LINK LOST 3 s ago"), "{text}");
+}

@@ -1,0 +1,200 @@
+//! A connection that keeps itself open: it connects, tells what comes, notices
+//! when the server is gone and connects again, until its owner drops it.
+//!
+//! All of it is told in one queue, in the order in which it came.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
+
+use crossbeam_channel::Sender;
+use wheelarm_proto::keys::Query;
+use wheelarm_proto::{Message, v1};
+use zenoh::Wait;
+use zenoh::qos::Priority;
+use zenoh::sample::SampleKind;
+
+use crate::link::{ConnectArgs, Link, LinkError, Received, Stream};
+
+/// Time between two questions for the status.
+const PULSE: Duration = Duration::from_millis(400);
+/// Longest wait for the answer to one.
+const PULSE_PATIENCE: Duration = Duration::from_millis(1500);
+/// The connection is opened anew after this long without any answer.
+const GIVE_UP: Duration = Duration::from_secs(8);
+/// Wait between two attempts to connect.
+const RETRY: Duration = Duration::from_millis(500);
+/// Longest wait for one attempt, s.
+const ATTEMPT_SECS: f64 = 2.0;
+
+/// What a line tells.
+pub enum Heard {
+    /// Connected; the link may be used until [`Heard::Lost`].
+    Connected(Box<Link>),
+    /// A sample.
+    Sample(Box<Received>),
+    /// The server's account of itself, and the round trip it took, s.
+    Status(Box<v1::Status>, f64),
+    /// No answer within the patience; the connection may recover.
+    Silent,
+    /// The connection is gone; it is tried again.
+    Lost(String),
+}
+
+/// A connection that keeps itself open; it ends when dropped.
+pub struct Line {
+    ended: Arc<AtomicBool>,
+    thread: Option<std::thread::JoinHandle<()>>,
+}
+
+impl Line {
+    /// Starts connecting; `tell` makes the owner's event of what is heard.
+    #[must_use]
+    pub fn open<E: Send + 'static>(
+        connect: ConnectArgs,
+        streams: Vec<Stream>,
+        events: Sender<E>,
+        tell: fn(Heard) -> E,
+    ) -> Self {
+        let ended = Arc::new(AtomicBool::new(false));
+        let ours = Arc::clone(&ended);
+        let thread = std::thread::spawn(move || {
+            let send = |heard| {
+                if events.send(tell(heard)).is_err() {
+                    ours.store(true, Ordering::Release);
+                }
+            };
+            keep_open(&connect, &streams, &ours, &send);
+        });
+        Self {
+            ended,
+            thread: Some(thread),
+        }
+    }
+}
+
+impl Drop for Line {
+    fn drop(&mut self) {
+        self.ended.store(true, Ordering::Release);
+        if let Some(thread) = self.thread.take() {
+            // A panic of the thread has been printed already.
+            let _ = thread.join();
+        }
+    }
+}
+
+fn keep_open(
+    connect: &ConnectArgs,
+    streams: &[Stream],
+    ended: &AtomicBool,
+    send: &(dyn Fn(Heard) + Sync),
+) {
+    let attempt = ConnectArgs {
+        connect_timeout: connect.connect_timeout.clamp(0.2, ATTEMPT_SECS),
+        ..connect.clone()
+    };
+    while !ended.load(Ordering::Acquire) {
+        let reason = match Link::open(&attempt) {
+            Ok(link) => match stay(&link, streams, ended, send) {
+                Ok(Some(reason)) => {
+                    close(link);
+                    reason
+                }
+                Ok(None) => {
+                    close(link);
+                    return;
+                }
+                Err(error) => error.to_string(),
+            },
+            Err(error) => error.to_string(),
+        };
+        send(Heard::Lost(reason));
+        std::thread::sleep(RETRY);
+    }
+}
+
+/// Closing waits for the peer, which may be gone: nobody waits for that.
+fn close(link: Link) {
+    std::thread::spawn(move || link.close());
+}
+
+/// Serves one connection; why it is lost, or `None` when the owner ended it.
+fn stay(
+    link: &Link,
+    streams: &[Stream],
+    ended: &AtomicBool,
+    send: &(dyn Fn(Heard) + Sync),
+) -> Result<Option<String>, LinkError> {
+    let samples = link.streams(streams)?;
+    let gone = Arc::new(AtomicBool::new(false));
+    let noted = Arc::clone(&gone);
+    let _alive = link
+        .session()
+        .liveliness()
+        .declare_subscriber(link.keys().alive())
+        .callback(move |sample| {
+            noted.store(sample.kind() == SampleKind::Delete, Ordering::Release);
+        })
+        .wait()
+        .map_err(|cause| LinkError::Transport {
+            operation: "watching the server",
+            cause: cause.to_string(),
+        })?;
+    send(Heard::Connected(Box::new(link.clone())));
+    let closed = AtomicBool::new(false);
+    std::thread::scope(|scope| {
+        scope.spawn(|| {
+            while !closed.load(Ordering::Acquire) {
+                // A sample that cannot be read is told by `wheelarm watch`.
+                if let Ok(Some(sample)) = samples.next(Duration::from_millis(50)) {
+                    send(Heard::Sample(Box::new(sample)));
+                }
+            }
+        });
+        let mut answered = Instant::now();
+        let lost = loop {
+            if ended.load(Ordering::Acquire) {
+                break None;
+            }
+            if gone.load(Ordering::Acquire) {
+                break Some("the server has gone".to_owned());
+            }
+            let asked = Instant::now();
+            match pulse(link) {
+                Some(status) => {
+                    answered = Instant::now();
+                    let round_trip = asked.elapsed().as_secs_f64();
+                    send(Heard::Status(Box::new(status), round_trip));
+                    std::thread::sleep(PULSE.saturating_sub(asked.elapsed()));
+                }
+                None if answered.elapsed() > GIVE_UP => {
+                    break Some(format!(
+                        "no answer for {:.0} s",
+                        answered.elapsed().as_secs_f64()
+                    ));
+                }
+                None => {
+                    send(Heard::Silent);
+                    std::thread::sleep(PULSE.saturating_sub(asked.elapsed()));
+                }
+            }
+        };
+        closed.store(true, Ordering::Release);
+        Ok(lost)
+    })
+}
+
+/// Asks for the status, with less patience than a query of a command has.
+fn pulse(link: &Link) -> Option<v1::Status> {
+    let replies = link
+        .session()
+        .get(link.keys().query(Query::Status))
+        .priority(Priority::InteractiveHigh)
+        .express(true)
+        .timeout(PULSE_PATIENCE)
+        .wait()
+        .ok()?;
+    let reply = replies.recv().ok()?;
+    let sample = reply.into_result().ok()?;
+    v1::Status::decode(&*sample.payload().to_bytes()).ok()
+}

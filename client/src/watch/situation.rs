@@ -1,0 +1,350 @@
+//! The newest of everything that a person at the controls wants to know.
+//!
+//! Pure: samples and the time at which they came go in, nothing is asked of
+//! the network. Times are seconds of a clock that the caller chooses.
+
+use std::collections::VecDeque;
+
+use nalgebra::{Isometry3, Point3, Vector3};
+use wheelarm_proto::{names, v1};
+
+use super::hand;
+use crate::link::Received;
+use crate::operate::scene::read_pose;
+
+/// Newest lines that are kept of what happened.
+const KEPT: usize = 50;
+
+/// How the connection is.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub enum Connection {
+    /// Not connected yet, or no more; why.
+    #[default]
+    Opening,
+    /// The server answers.
+    Open,
+    /// Connected, but nothing has come since this time, s.
+    Silent(f64),
+    /// Lost at this time, s, with the reason. It is tried again by itself.
+    Lost(f64, String),
+}
+
+/// Something that happened.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Happening {
+    /// When, s.
+    pub at: f64,
+    /// It wants attention.
+    pub bad: bool,
+    /// In words.
+    pub text: String,
+}
+
+/// Where the object of the task lies, seen from the hand and from the chair.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Target {
+    /// Its name.
+    pub name: String,
+    /// From the point between the pads: ahead, left and up along the chair's
+    /// axes, m.
+    pub from_hand: [f64; 3],
+    /// Its place in `house`: x, y, z, m.
+    pub place: [f64; 3],
+}
+
+/// What the scene query tells that is needed here.
+#[derive(Clone, Debug, PartialEq)]
+struct Scene {
+    target: String,
+    index: Option<usize>,
+    chair_from_base: Isometry3<f64>,
+    tool_length: f64,
+}
+
+/// The newest of everything.
+#[derive(Clone, Debug, Default)]
+pub struct Situation {
+    /// How the connection is.
+    pub connection: Connection,
+    /// The server's own account, asked regularly.
+    pub status: Option<v1::Status>,
+    /// Round trip of the newest answer, s.
+    pub round_trip: Option<f64>,
+    /// Stamp of the newest tick.
+    pub header: v1::Header,
+    /// Simulated seconds per wall second.
+    pub factor: f64,
+    /// State of the task.
+    pub evaluation: Option<v1::Evaluation>,
+    /// Forward speed of the chair, m/s, and turn rate, rad/s.
+    pub chair_speed: [f64; 2],
+    /// `wheelchair_root` in `house`.
+    pub house_from_chair: Option<Isometry3<f64>>,
+    /// End effector in `base_link`.
+    pub base_from_tool: Option<Isometry3<f64>>,
+    /// What the robot was told at the newest control tick.
+    pub applied: Option<v1::Applied>,
+    /// Left knuckle, rad.
+    pub knuckle: Option<f64>,
+    /// Normal force at the left and the right pad, N.
+    pub pad_force: [f64; 2],
+    /// Finer name of the phase of the work, as the operator tells it.
+    pub phase: String,
+    /// What happened, oldest first.
+    pub happenings: VecDeque<Happening>,
+    scene: Option<Scene>,
+    objects: Vec<Isometry3<f64>>,
+}
+
+fn frame_index(name: &str) -> Option<usize> {
+    names::FRAMES.iter().position(|frame| frame.name == name)
+}
+
+impl Situation {
+    /// Takes a sample; a malformed part of it is left out.
+    pub fn take(&mut self, sample: Received, now: f64) {
+        if matches!(self.connection, Connection::Silent(_)) {
+            self.connection = Connection::Open;
+        }
+        match sample {
+            Received::Clock(clock) => {
+                self.factor = clock.real_time_factor;
+                self.tick(clock.header);
+            }
+            Received::Pose(set) => {
+                let pose = |name| {
+                    let frame = set.frames.get(frame_index(name)?)?;
+                    read_pose("pose", frame.pose.as_ref()).ok()
+                };
+                self.house_from_chair = pose("wheelchair").or(self.house_from_chair);
+                self.base_from_tool = pose("end_effector").or(self.base_from_tool);
+            }
+            Received::JointState(state) => {
+                let name = "robotiq_85_left_knuckle_joint";
+                let index = names::JOINT_NAMES.iter().position(|joint| *joint == name);
+                self.knuckle = index.and_then(|i| state.position.get(i)).copied();
+            }
+            Received::Odometry(odometry) => {
+                let twist = odometry.twist.unwrap_or_default();
+                self.chair_speed = [
+                    twist.linear.unwrap_or_default().x,
+                    twist.angular.unwrap_or_default().z,
+                ];
+            }
+            Received::Evaluation(evaluation) => self.evaluation = Some(evaluation),
+            Received::Applied(applied) => self.applied = Some(applied),
+            Received::Contact(contacts) => {
+                let force = |i: usize| contacts.pad_force.get(i).copied().unwrap_or_default();
+                self.pad_force = [force(0), force(1)];
+            }
+            Received::ObjectPose(objects) => {
+                let poses = objects.pose.iter();
+                self.objects = poses
+                    .filter_map(|pose| read_pose("object pose", Some(pose)).ok())
+                    .collect();
+            }
+            Received::Phase(phase) => self.phase = phase.name,
+            Received::Event(event) => {
+                let bad = matches!(event.kind.as_str(), "refused" | "collision" | "anomaly");
+                self.note(now, bad, format!("{}: {}", event.kind, event.text));
+            }
+            Received::EpisodeStop(stopped) => {
+                let word = if stopped.discard {
+                    "discarded"
+                } else {
+                    "ended"
+                };
+                let number = stopped.header.as_ref().map_or(0, |h| h.episode);
+                self.note(now, false, format!("episode {number} {word}"));
+            }
+            _ => {}
+        }
+    }
+
+    /// Takes the server's own account and the round trip it took, s.
+    pub fn take_status(&mut self, status: v1::Status, round_trip: f64) {
+        self.connection = Connection::Open;
+        self.round_trip = Some(round_trip);
+        self.factor = status.real_time_factor;
+        self.tick(status.header.clone());
+        if self.evaluation.is_none() {
+            self.evaluation.clone_from(&status.evaluation);
+        }
+        self.status = Some(status);
+    }
+
+    /// Takes the newest stamp; another run of the server begins anew.
+    fn tick(&mut self, header: Option<v1::Header>) {
+        let Some(header) = header else { return };
+        let is_new = header.run_id != self.header.run_id || header.tick >= self.header.tick;
+        // A reset turns the tick back within one run, with the status ahead.
+        if is_new || header.episode != self.header.episode || header.tick + 240 < self.header.tick {
+            self.header = header;
+        }
+    }
+
+    /// Takes the scene's layout, for the target hint.
+    pub fn take_scene(&mut self, reply: &v1::SceneReply) {
+        let chair_from_base = read_pose("arm mount", reply.arm_mount.as_ref());
+        self.scene = chair_from_base.ok().map(|chair_from_base| Scene {
+            index: reply.objects.iter().position(|name| *name == reply.target),
+            target: reply.target.clone(),
+            chair_from_base,
+            tool_length: reply.tool_length,
+        });
+    }
+
+    /// Nothing was answered in time.
+    pub fn fall_silent(&mut self, now: f64) {
+        if self.connection == Connection::Open {
+            self.connection = Connection::Silent(now);
+        }
+    }
+
+    /// The connection is gone.
+    pub fn lose(&mut self, now: f64, reason: &str) {
+        if !matches!(self.connection, Connection::Lost(..)) {
+            self.connection = Connection::Lost(now, reason.to_owned());
+            self.note(now, true, format!("connection lost: {reason}"));
+        }
+        self.round_trip = None;
+    }
+
+    /// Keeps a line of what happened; a repeated one is kept once.
+    pub fn note(&mut self, at: f64, bad: bool, text: String) {
+        if self.happenings.back().is_some_and(|last| last.text == text) {
+            self.happenings.pop_back();
+        }
+        if self.happenings.len() == KEPT {
+            self.happenings.pop_front();
+        }
+        self.happenings.push_back(Happening { at, bad, text });
+    }
+
+    /// The running episode.
+    #[must_use]
+    pub fn episode(&self) -> Option<&v1::EpisodeStarted> {
+        self.status.as_ref()?.episode.as_ref()
+    }
+
+    /// The scenario in force.
+    #[must_use]
+    pub fn scenario(&self) -> Option<&v1::Scenario> {
+        self.status.as_ref()?.scenario.as_ref()
+    }
+
+    /// Simulated seconds since the running episode began.
+    #[must_use]
+    pub fn episode_clock(&self) -> Option<f64> {
+        let first = self.episode()?.header.as_ref()?.stamp_nanos;
+        Some(self.header.stamp_nanos.saturating_sub(first) as f64 * 1e-9)
+    }
+
+    /// The chair on the floor: x, y in m and heading in rad, in `house`.
+    #[must_use]
+    pub fn chair(&self) -> Option<[f64; 3]> {
+        let pose = self.house_from_chair?;
+        let forward = pose.rotation * Vector3::x();
+        Some([
+            pose.translation.x,
+            pose.translation.y,
+            forward.y.atan2(forward.x),
+        ])
+    }
+
+    /// The end effector from the arm's base as a person on the chair sees it:
+    /// forward, left and up, m.
+    #[must_use]
+    pub fn hand(&self) -> Option<[f64; 3]> {
+        let tool = self.base_from_tool?.translation;
+        Some(hand::seen_from_the_chair(tool.vector))
+    }
+
+    /// Distance between the pads, m.
+    #[must_use]
+    pub fn opening(&self) -> Option<f64> {
+        self.knuckle.map(hand::opening)
+    }
+
+    /// Where the object of the task lies; `None` unless scene and objects came.
+    #[must_use]
+    pub fn target(&self) -> Option<Target> {
+        let scene = self.scene.as_ref()?;
+        let object = self.objects.get(scene.index?)?;
+        let base_from_house = (self.house_from_chair? * scene.chair_from_base).inverse();
+        let grasp = self.base_from_tool? * Point3::new(0.0, 0.0, scene.tool_length);
+        let place = object.translation.vector;
+        let away = base_from_house * Point3::from(place) - grasp;
+        Some(Target {
+            name: scene.target.clone(),
+            from_hand: hand::seen_from_the_chair(away),
+            place: place.into(),
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_server_that_starts_anew_replaces_the_clock() {
+        let mut situation = Situation::default();
+        let at = |run: &str, tick| {
+            Received::Clock(v1::Clock {
+                header: Some(v1::Header {
+                    run_id: run.to_owned(),
+                    tick,
+                    ..Default::default()
+                }),
+                real_time_factor: 1.0,
+            })
+        };
+        situation.take(at("a", 1000), 0.0);
+        situation.take(at("a", 996), 0.1);
+        assert_eq!(situation.header.tick, 1000, "an overtaken sample");
+        situation.take(at("b", 4), 0.2);
+        assert_eq!(situation.header.tick, 4);
+    }
+
+    #[test]
+    fn the_target_is_told_along_the_axes_of_the_chair() {
+        let mut situation = Situation::default();
+        let pose = |x: f64, y: f64, z: f64| v1::Pose {
+            position: Some(v1::Vector3 { x, y, z }),
+            orientation: Some(v1::Quaternion {
+                w: 1.0,
+                ..Default::default()
+            }),
+        };
+        // The arm's base is turned by half a turn on the chair.
+        let mount = v1::Pose {
+            orientation: Some(v1::Quaternion {
+                z: 1.0,
+                ..Default::default()
+            }),
+            ..pose(0.4, 0.3, 0.5)
+        };
+        situation.take_scene(&v1::SceneReply {
+            target: "mustard".to_owned(),
+            objects: vec!["mustard".to_owned()],
+            arm_mount: Some(mount),
+            ..Default::default()
+        });
+        let mut frames = vec![v1::FramePose::default(); names::FRAMES.len()];
+        frames[0].pose = Some(pose(0.0, 0.0, 0.0));
+        // 0.5 m ahead of the arm's base.
+        frames[6].pose = Some(pose(-0.5, 0.0, 0.0));
+        let header = None;
+        situation.take(Received::Pose(v1::PoseSet { header, frames }), 0.0);
+        let objects = v1::ObjectPoses {
+            pose: vec![pose(1.2, 0.5, 0.6)],
+            ..Default::default()
+        };
+        situation.take(Received::ObjectPose(objects), 0.0);
+        let target = situation.target().unwrap();
+        for (got, expected) in target.from_hand.iter().zip([0.3, 0.2, 0.1]) {
+            assert!((got - expected).abs() < 1e-9, "{:?}", target.from_hand);
+        }
+    }
+}

@@ -1,0 +1,140 @@
+//! What predicates know about the world beside the snapshot, and what they ask it.
+
+use nalgebra::{Isometry3, Point3, Vector3};
+
+use super::predicate::TARGET;
+use crate::scene::{Body, Surface};
+use crate::snapshot::{BodyRef, BodyState, Snapshot};
+
+/// The unchanging side of a task's world.
+#[derive(Clone, Debug)]
+pub(super) struct Context {
+    /// Objects of the scene.
+    pub bodies: Vec<Body>,
+    /// Poses in the first snapshot.
+    pub starts: Vec<Isometry3<f64>>,
+    /// First surface of furniture, by its name.
+    pub surfaces: Vec<(String, Surface)>,
+    /// Joints of furniture.
+    pub joints: Vec<String>,
+    /// Furniture on these joints, by its index.
+    pub sliding: Vec<usize>,
+    /// Links that carry the pads, left and right.
+    pub pads: [usize; 2],
+    /// Links that roll on the floor.
+    pub wheels: Vec<usize>,
+    /// The target, when it is an object.
+    pub target: Option<usize>,
+    /// Objects that could have been the target.
+    pub decoys: Vec<usize>,
+}
+
+impl Context {
+    /// Index of an object, also of the one that is named for what it is here.
+    pub(super) fn object(&self, name: &str) -> Option<usize> {
+        if name == TARGET {
+            return self.target;
+        }
+        self.bodies.iter().position(|body| body.name == name)
+    }
+
+    /// Distance of the object's centre of mass from the middle of a surface on
+    /// the floor plan, metres, and whether it lies on it, its lowest point
+    /// within `above` metres.
+    pub(super) fn inside(
+        &self,
+        object: usize,
+        state: &BodyState,
+        on: &str,
+        above: f64,
+    ) -> Option<(f64, bool)> {
+        let (_, surface) = self.surfaces.iter().find(|(name, _)| name == on)?;
+        let body = self.bodies.get(object)?;
+        let com = body.mass.map_or(Point3::origin(), |mass| mass.com);
+        let com = state.pose * com;
+        let distance = (com - Point3::from(surface.centre().translation.vector))
+            .xy()
+            .norm();
+        let bottom = body.collision_bounds(&state.pose)?.min.z;
+        let level = (bottom - surface.edge.translation.z).abs() <= above;
+        Some((distance, level && surface.spans(&com)))
+    }
+
+    /// Force of the robot on an object, N; `None` when they do not touch.
+    pub(super) fn robot_force(&self, object: usize, snapshot: &Snapshot) -> Option<f64> {
+        let object = BodyRef::Object(object);
+        let mut touching = snapshot
+            .contacts
+            .iter()
+            .filter(|c| match (c.first, c.second) {
+                (BodyRef::Link(_), other) | (other, BodyRef::Link(_)) => other == object,
+                _ => false,
+            })
+            .map(|c| c.force.norm())
+            .peekable();
+        touching.peek()?;
+        Some(touching.sum())
+    }
+
+    /// Greatest force between the robot and furniture, N.
+    pub(super) fn collision_force(&self, snapshot: &Snapshot) -> f64 {
+        let hits = snapshot.contacts.iter();
+        hits.filter(|c| self.is_collision(c.first, c.second))
+            .map(|c| c.force.norm())
+            .fold(0.0, f64::max)
+    }
+
+    /// How far the object's lowest point is above where it started, metres.
+    pub(super) fn rise(&self, object: usize, snapshot: &Snapshot) -> f64 {
+        let (Some(body), Some(state), Some(start)) = (
+            self.bodies.get(object),
+            snapshot.objects.get(object),
+            self.starts.get(object),
+        ) else {
+            return 0.0;
+        };
+        let bottom = |pose| {
+            body.collision_bounds(pose)
+                .map_or(0.0, |bounds| bounds.min.z)
+        };
+        bottom(&state.pose) - bottom(start)
+    }
+
+    /// Angle between the object's upright axis now and at the start, rad.
+    pub(super) fn lean(&self, object: usize, state: &BodyState) -> f64 {
+        self.starts.get(object).map_or(0.0, |start| {
+            let up = |pose: &nalgebra::Isometry3<f64>| pose.rotation * Vector3::z();
+            up(start).angle(&up(&state.pose))
+        })
+    }
+
+    /// Whether both pads press the object with at least `force` N.
+    pub(super) fn held(&self, object: usize, force: f64, snapshot: &Snapshot) -> bool {
+        self.pads.iter().all(|&pad| {
+            let (pad, object) = (BodyRef::Link(pad), BodyRef::Object(object));
+            snapshot
+                .contacts
+                .iter()
+                .filter(|c| {
+                    (c.first, c.second) == (pad, object) || (c.first, c.second) == (object, pad)
+                })
+                .map(|c| c.force.norm())
+                .sum::<f64>()
+                >= force
+        })
+    }
+
+    /// Whether these two are the robot and furniture, and neither a wheel on the
+    /// floor nor a pad on furniture that is there to be pulled.
+    fn is_collision(&self, first: BodyRef, second: BodyRef) -> bool {
+        match (first, second) {
+            (BodyRef::Link(link), BodyRef::Furniture(furniture))
+            | (BodyRef::Furniture(furniture), BodyRef::Link(link)) => {
+                let rolls = furniture == 0 && self.wheels.contains(&link);
+                let pulls = self.sliding.contains(&furniture) && self.pads.contains(&link);
+                !rolls && !pulls
+            }
+            _ => false,
+        }
+    }
+}

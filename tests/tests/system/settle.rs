@@ -1,0 +1,47 @@
+//! Every task's scene is at rest from the first moment on, and stays so.
+
+use wheelarm_server::robot::control::ControlInput;
+use wheelarm_server::sim::{Scenario, Simulation};
+use wheelarm_tests::root;
+
+/// Control ticks in ten seconds.
+const TEN_SECONDS: usize = 600;
+
+#[test]
+fn objects_and_drawers_stay_where_they_were_put() {
+    let assets = root().join("assets");
+    let tasks = wheelarm_server::tasks::list(&assets).unwrap();
+    for task in tasks {
+        let scenario = Scenario {
+            task: task.name.clone(),
+            seed: 5,
+            cameras: Vec::new(),
+            ..Scenario::default()
+        };
+        let mut sim = Simulation::new(&assets, scenario).unwrap();
+        let start = sim.snapshot().clone();
+        let (mut shift, mut turn) = ((0.0, ""), (0.0, ""));
+        for _ in 0..TEN_SECONDS {
+            sim.step(&ControlInput::default());
+            let now = sim.snapshot();
+            assert!(now.anomalies.is_empty(), "{:?}", now.anomalies);
+            let bodies = sim.scene().objects.iter().zip(&start.objects);
+            for ((body, before), after) in bodies.zip(&now.objects) {
+                let moved = before.pose.inverse() * after.pose;
+                let (s, t) = (moved.translation.vector.norm(), moved.rotation.angle());
+                if s > shift.0 {
+                    shift = (s, &body.name);
+                }
+                if t > turn.0 {
+                    turn = (t, &body.name);
+                }
+            }
+            for joint in &now.furniture_joints {
+                assert!(joint.position.abs() < 0.001, "{}: {joint:?}", task.name);
+            }
+        }
+        println!("{}: {shift:?} m, {turn:?} rad", task.name);
+        assert!(shift.0 <= 0.001, "{}: {shift:?} m", task.name);
+        assert!(turn.0 <= 1f64.to_radians(), "{}: {turn:?} rad", task.name);
+    }
+}

@@ -1,0 +1,107 @@
+//! Every task of the library, done by the scripted operator.
+
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+use serde_json::Value;
+use wheelarm_tests::{printed, program, root};
+
+/// The tasks that must be there.
+const TASKS: [&str; 12] = [
+    "open_drawer",
+    "pick_blue_mug",
+    "pick_bowl",
+    "pick_crackers",
+    "pick_glass_bottle",
+    "pick_grey_cup",
+    "pick_meat_can",
+    "pick_mustard",
+    "pick_silver_bottle",
+    "pick_tomato_soup",
+    "place_knife",
+    "select_coke",
+];
+/// The seed that is looked at.
+const SEED: &str = "1..2";
+
+fn wheelarm(args: &[&str]) -> Output {
+    Command::new(program("wheelarm").expect("the client"))
+        .args(args)
+        .env("WHEELARM_ASSETS", root().join("assets"))
+        .output()
+        .expect("a process")
+}
+
+fn evaluate(out: &Path, more: &[&str]) -> Output {
+    let folder = out.to_string_lossy();
+    let own = ["evaluate", "--seeds", SEED, "--jobs", "2", "--no-grid"];
+    wheelarm(&[&own[..], &["--out", &folder], more].concat())
+}
+
+/// The results in a folder, by task.
+fn entries(out: &Path) -> Vec<Value> {
+    let text = std::fs::read_to_string(out.join("episodes.jsonl")).expect("the results");
+    let mut entries: Vec<Value> = text
+        .lines()
+        .map(|line| serde_json::from_str(line).expect("a JSON object"))
+        .collect();
+    entries.sort_by_key(|entry| entry["task"].to_string());
+    entries
+}
+
+fn files(out: &Path) -> Vec<PathBuf> {
+    std::fs::read_dir(out)
+        .expect("the folder")
+        .flatten()
+        .map(|entry| entry.path())
+        .filter(|path| path.extension().is_some_and(|e| e == "h5"))
+        .collect()
+}
+
+#[test]
+fn every_task_is_done_recorded_and_replayed_bit_by_bit() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let out = folder.path().join("all");
+    let small = ["--record", "--camera", "wheelchair=64x48@1"];
+    let output = evaluate(&out, &small);
+    assert!(output.status.success(), "{}", printed(&output));
+    let done = entries(&out);
+    let names: Vec<_> = done.iter().filter_map(|e| e["task"].as_str()).collect();
+    assert_eq!(names, TASKS);
+    for entry in &done {
+        assert_eq!(entry["success"], true, "{entry}");
+    }
+    let recorded = files(&out);
+    assert_eq!(recorded.len(), TASKS.len(), "{recorded:?}");
+    std::thread::scope(|scope| {
+        for half in recorded.chunks(recorded.len().div_ceil(2)) {
+            scope.spawn(move || {
+                for file in half {
+                    let replay = wheelarm(&["replay", &file.to_string_lossy()]);
+                    let text = printed(&replay);
+                    assert!(replay.status.success(), "{}: {text}", file.display());
+                    assert!(text.contains("hashes equal"), "{}: {text}", file.display());
+                }
+            });
+        }
+    });
+
+    // The same episodes again, without recorder and cameras, on a server that
+    // did others before: the same bits. What is done is not done again.
+    let again = folder.path().join("again");
+    let some = ["--task", "pick_bowl,place_knife,open_drawer"];
+    let output = evaluate(&again, &some);
+    assert!(output.status.success(), "{}", printed(&output));
+    let repeated = entries(&again);
+    assert_eq!(repeated.len(), 3);
+    for entry in repeated {
+        let first = done.iter().find(|first| first["task"] == entry["task"]);
+        let first = first.expect("the same task");
+        assert_eq!(first["hash"], entry["hash"], "{first}\n{entry}");
+        assert_eq!(first["seconds"], entry["seconds"]);
+    }
+    let output = evaluate(&again, &some);
+    assert!(output.status.success(), "{}", printed(&output));
+    let text = printed(&output);
+    assert!(text.contains("3 of 3 episodes are in"), "{text}");
+}
