@@ -128,7 +128,7 @@ echo "one-node cluster: $(sinfo --version), $(sinfo -h -o '%n, %c CPUs')"
 out=$work/set
 cd "$work"
 job=$(sbatch --parsable --array=0-$((shards - 1)) --cpus-per-task=1 --mem=0 --time=60 \
-    --signal=B:INT@60 "$OLDPWD/client/cluster/slurm.sbatch" "$plan" "$out")
+    --signal=B:USR1@60 "$OLDPWD/client/cluster/slurm.sbatch" "$plan" "$out")
 cd "$OLDPWD"
 echo "job array $job"
 limit=$((SECONDS + ${WHEELARM_PATIENCE:-3000}))

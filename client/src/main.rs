@@ -119,6 +119,7 @@ enum Command {
     /// Does tasks over many seeds and counts the successes.
     Evaluate(EvaluateArgs),
     /// Makes a whole dataset from a plan, on this machine or as a part of many.
+    #[command(after_long_help = manual::COLLECT)]
     Collect(CollectArgs),
     /// Does a recorded episode again, bit by bit, and can record it anew.
     #[command(after_long_help = manual::REPLAY)]

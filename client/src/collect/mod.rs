@@ -19,6 +19,7 @@ mod plan;
 mod process;
 mod progress;
 mod stop;
+mod watch;
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::num::NonZeroUsize;

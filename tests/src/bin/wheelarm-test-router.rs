@@ -20,9 +20,12 @@ fn main() -> anyhow::Result<()> {
         ("scouting/multicast/enabled", "false".to_owned()),
         // As the guide says for `zenohd`: samples wait for room, where the
         // default drops them after a millisecond.
-        (&format!("{drop}/wait_before_drop"), "5000000".to_owned()),
         (
-            &format!("{drop}/max_wait_before_drop_fragments"),
+            format!("{drop}/wait_before_drop").as_str(),
+            "5000000".to_owned(),
+        ),
+        (
+            format!("{drop}/max_wait_before_drop_fragments").as_str(),
             "5000000".to_owned(),
         ),
     ] {
