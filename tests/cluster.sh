@@ -29,7 +29,7 @@ assert spec["completions"] == int(variables["SHARDS"]), "completions and SHARDS 
 print(f"{path}: valid against Kubernetes {version}; not run on a cluster")
 PYTHON
 else
-    echo "skipped: the schema check of client/cluster/kubernetes.yaml; run: scripts/setup.sh python kubernetes-validate"
+    echo "skipped: the schema check of client/cluster/kubernetes.yaml; run: scripts/setup.sh python kubernetes-validate:kubernetes_validate"
 fi
 
 # Slurm itself.

@@ -55,6 +55,9 @@ pub struct RecordArgs {
     /// How depth is stored.
     #[arg(long, value_enum, default_value_t = Depth::F32)]
     pub depth: Depth,
+    /// Ends when standard input is closed: with the program that started it.
+    #[arg(long, hide = true)]
+    pub end_with_stdin: bool,
     /// Ends after this many episodes, of all servers with `--sim '*'`; runs
     /// until Ctrl-C without it.
     #[arg(long, value_name = "N")]

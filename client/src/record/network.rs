@@ -120,6 +120,9 @@ pub async fn run_with(
     let mut poll = tokio::time::interval(POLL_PERIOD);
     let mut ending = false;
     let mut connection = Connection::new();
+    let _input = args
+        .end_with_stdin
+        .then(|| end_with_input(entrance.clone()));
     tokio::pin!(shutdown);
     loop {
         tokio::select! {
@@ -337,6 +340,14 @@ async fn subscribe(
         .map_err(transport("watching the server"))?;
     held.push(Box::new(alive));
     Ok(held)
+}
+
+/// Ends the recorder with its standard input: with the program that holds it.
+fn end_with_input(entrance: Entrance<Raw>) -> std::thread::JoinHandle<()> {
+    std::thread::spawn(move || {
+        let _ = std::io::copy(&mut std::io::stdin().lock(), &mut std::io::sink());
+        entrance.control(Raw::Ready(Input::Shutdown));
+    })
 }
 
 /// Whether the way to the server stands.

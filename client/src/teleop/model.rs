@@ -176,6 +176,7 @@ pub struct Model {
     /// Lock-step: tick to answer and when, s.
     answer_due: Option<(v1::Header, f64)>,
     answered: Option<u64>,
+    answered_at: f64,
 }
 
 impl Model {
@@ -208,6 +209,7 @@ impl Model {
             pending: v1::Command::default(),
             answer_due: None,
             answered: None,
+            answered_at: f64::NEG_INFINITY,
         }
     }
 
@@ -423,6 +425,8 @@ impl Model {
         if let Some((header, due)) = self.answer_due.take() {
             if now >= due {
                 self.answered = Some(header.tick);
+                // A late answer is not made up for by quicker ones for long.
+                self.answered_at = due.max(now - TICK);
                 let command = std::mem::take(&mut self.pending);
                 effects.push(Effect::Send(Box::new(header), Box::new(command)));
             } else {
@@ -462,8 +466,8 @@ impl Model {
                 let header = clock.header.clone().unwrap_or_default();
                 let is_new = self.answered.is_none_or(|tick| header.tick > tick);
                 if self.lock_step() && is_new && header.episode != 0 {
-                    let last = self.answer_due.as_ref().map_or(now, |(_, due)| due + TICK);
-                    self.answer_due = Some((header, last.clamp(now, now + TICK)));
+                    let due = (self.answered_at + TICK).clamp(now, now + TICK);
+                    self.answer_due = Some((header, due));
                 }
             }
             _ => {}

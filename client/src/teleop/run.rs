@@ -18,7 +18,7 @@ use crate::preview::{self, Page};
 use crate::watch::{Heard, Line};
 
 /// Streams that the screen shows.
-const STREAMS: [Stream; 10] = [
+const STREAMS: [Stream; 11] = [
     Stream::Pose,
     Stream::JointState,
     Stream::Odometry,
@@ -27,6 +27,7 @@ const STREAMS: [Stream; 10] = [
     Stream::Contact,
     Stream::Event,
     Stream::Clock,
+    Stream::Phase,
     Stream::Refusal,
     Stream::EpisodeStop,
 ];

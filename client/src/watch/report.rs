@@ -34,6 +34,7 @@ impl Recorder {
                 v1::RecorderState::Unspecified => "unknown",
                 v1::RecorderState::Idle => "idle",
                 v1::RecorderState::Ready => "ready",
+                v1::RecorderState::Finishing => "finishing its file",
                 v1::RecorderState::Finished => "finished",
                 v1::RecorderState::Failed => "failed",
             },

@@ -3,9 +3,20 @@
 
 mod collect;
 mod collect_many;
+mod control;
+mod dataset;
 mod episode;
+mod faults_disk;
+mod faults_hostile;
+mod faults_link;
+mod faults_recorder;
+mod faults_server;
 mod gate;
+mod mutation;
+mod preview;
 mod recorder;
 mod settle;
 mod tasks;
+mod teleop;
 mod tidy;
+mod watch;

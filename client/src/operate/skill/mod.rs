@@ -160,6 +160,14 @@ impl Now<'_> {
         dock::reaches_from(self.scene, &chair, &tool, poses, self.reach)
     }
 
+    /// The way that was taken is not taken again.
+    pub fn refuse_way(&mut self) {
+        if let Some(way) = self.memory.way {
+            let thing_from_tool = self.thing().inv_mul(&way.at);
+            self.memory.refused.push(thing_from_tool);
+        }
+    }
+
     /// Leaves a note.
     pub fn note(&mut self, text: String) {
         self.memory.notes.push(text);

@@ -162,6 +162,8 @@ pub fn ways(now: &Now<'_>, tool_from_item: &Isometry3<f64>, width: f64) -> Vec<W
                 at,
                 opening: width,
                 width,
+                lean: 0.0,
+                back: 0.0,
                 cost: (turn / 0.7).powi(2),
             }
         })

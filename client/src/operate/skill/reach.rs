@@ -48,6 +48,17 @@ impl Reach {
             .collect();
         self.state = State::Before(Motion::arched(now, &stops, now.style.arch));
         now.memory.way = Some(way);
+        now.note(format!(
+            "comes {}leaning {:.0}°, drawn back {:.0} mm, open {:.0} mm",
+            if way.heading().is_some() {
+                ""
+            } else {
+                "from above, "
+            },
+            way.lean.to_degrees(),
+            way.back * 1e3,
+            way.opening * 1e3
+        ));
         Step::Going(Act {
             opening: Some(way.opening),
             ..Act::named(Phase::Reaching, "reaching")
@@ -74,11 +85,7 @@ impl Skill for Reach {
                 ..Act::named(Phase::Reaching, name)
             }),
             Progress::Late(why) => {
-                // Another way next time.
-                if let Some(way) = now.memory.way {
-                    let refused = now.thing().inv_mul(&way.at);
-                    now.memory.refused.push(refused);
-                }
+                now.refuse_way();
                 Step::Missed(format!("{name}: {why}"))
             }
             Progress::Arrived => match (&self.state, now.memory.way) {
