@@ -13,6 +13,8 @@ use crate::link::{ConnectArgs, Link};
 
 /// How often the server is asked.
 const ASK: Duration = Duration::from_secs(1);
+/// Longest time that one question can take.
+const LONGEST: Duration = Duration::from_secs(25);
 
 /// How an attempt goes, for people.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -34,8 +36,20 @@ pub struct Watch {
 struct Seen {
     wanted: bool,
     tick: u64,
-    moved: Instant,
+    /// When the last answer or its absence was taken in.
+    looked: Instant,
+    /// For how long the tick has not moved.
+    still: Duration,
     waiting_for: String,
+}
+
+impl Seen {
+    /// Takes the time since the last look for standing still. A campaign that
+    /// was suspended as a whole, as schedulers do, has not stood still.
+    fn look(&mut self) {
+        self.still += self.looked.elapsed().min(LONGEST);
+        self.looked = Instant::now();
+    }
 }
 
 impl Watch {
@@ -45,7 +59,8 @@ impl Watch {
         let seen = Arc::new(Mutex::new(Seen {
             wanted: true,
             tick: 0,
-            moved: Instant::now(),
+            looked: Instant::now(),
+            still: Duration::ZERO,
             waiting_for: String::new(),
         }));
         let (told, board) = (Arc::clone(&seen), Arc::clone(board));
@@ -61,18 +76,15 @@ impl Watch {
             };
             let mut open = None;
             while wanted() {
+                if open.is_none() {
+                    open = Link::open(&args).ok();
+                }
+                let ask = |link: &Link| link.ask::<v1::Status>(Query::Status).ok();
                 // A server that does not answer counts as standing still.
-                let link = match open.take() {
-                    Some(link) => link,
-                    None => match Link::open(&args) {
-                        Ok(link) => link,
-                        Err(_) => continue,
-                    },
-                };
-                if let Ok(status) = link.ask::<v1::Status>(Query::Status) {
+                lock(&told).look();
+                if let Some(status) = open.as_ref().and_then(ask) {
                     follow(&status, &told, &board);
                 }
-                open = Some(link);
                 std::thread::sleep(ASK);
             }
             if let Some(link) = open {
@@ -86,8 +98,7 @@ impl Watch {
     /// For how long simulation time has stood still.
     #[must_use]
     pub fn stalled(&self) -> Duration {
-        let seen = lock(&self.seen);
-        seen.moved.elapsed()
+        lock(&self.seen).still
     }
 
     /// Whom the server waits for, as the end of a sentence.
@@ -113,7 +124,7 @@ fn follow(status: &v1::Status, told: &Mutex<Seen>, board: &Board) {
     let mut told = lock(told);
     if tick != told.tick {
         told.tick = tick;
-        told.moved = Instant::now();
+        told.still = Duration::ZERO;
     }
     told.waiting_for.clone_from(&status.waiting_for);
     let Some(started) = &status.episode else {

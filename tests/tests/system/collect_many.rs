@@ -85,6 +85,8 @@ fn one_recorder_writes_every_episode_of_three_servers_behind_a_router() {
             std::thread::sleep(Duration::from_millis(100));
         }
     }
+    // Routers need a moment to agree on the ways to a server that joined.
+    std::thread::sleep(Duration::from_secs(2));
     // All three at the same time, twice, under the same labels.
     for label in ["one", "two"] {
         for server in &servers {
