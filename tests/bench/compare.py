@@ -96,7 +96,7 @@ def text(value, unit="", digits=1):
 def main():
     options = argparse.ArgumentParser()
     options.add_argument("--rounds", type=int, default=3)
-    options.add_argument("--no-demo", action="store_true", help="without the whole demo, which takes a minute or two")
+    options.add_argument("--no-demo", action="store_true", help="without the demo and the campaigns, which take some minutes")
     options = options.parse_args()
     assets = ROOT / "assets"
     with tempfile.TemporaryDirectory(prefix="wheelarm_bench_") as folder:
@@ -222,6 +222,7 @@ def compare(folder, assets, options):
     service_rows(service, row)
     if not options.no_demo:
         rows.append(demo(folder, assets))
+        rows.extend(collection(folder, assets))
 
     widths = [max(len(r[i]) for r in rows) for i in range(5)]
     print()
@@ -292,6 +293,20 @@ def demo(folder, assets):
         return ("demo, simulated / wall", text(factor, "", 2), "", "", "")
     except Skipped as problem:
         return ("demo, simulated / wall", "skipped", f"{problem}"[:60], "", "")
+
+
+def collection(folder, assets):
+    """Whole campaigns: simulated over wall time, summed over the workers."""
+    rows = []
+    for depth, workers, goal in (("f32", 1, ">= 1 on 2 cores"), ("u16", 1, ""), ("f32", 2, "")):
+        what = f"collect, {depth}, {workers} worker{'s' * (workers > 1)}, simulated / wall"
+        try:
+            out = python("collect.py", assets, "--workers", workers, "--depth", depth, "--folder", folder)
+            factor, size = (find(p, out) for p in (r"# x real time summed", r"# MB per picture"))
+            rows.append((what, text(factor, "", 2), f"{size:.2f} MB per picture", "", goal))
+        except Skipped as problem:
+            rows.append((what, "skipped", f"{problem}"[:60], "", goal))
+    return rows
 
 
 if __name__ == "__main__":

@@ -6,22 +6,20 @@
 
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
-use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
 use anyhow::{Context, bail};
 use wheelarm_dataset::read::{Episode as Recording, Summary};
 use wheelarm_dataset::scenario_text::scenario_json;
-use wheelarm_proto::keys::Query;
-use wheelarm_proto::v1;
 
 use super::episode::Episode;
 use super::folder::{Folder, sha256};
 use super::journal::{Done, Failed};
 use super::plan::{Camera, Plan};
 use super::process::{Process, socket_folder, words};
+use super::progress::lock;
 use super::stop::Stop;
-use crate::link::{ConnectArgs, Link};
+use super::watch::{Board, Watch};
 
 /// Longest time until a server is ready: it may build its pipelines on a CPU.
 const READY: Duration = Duration::from_secs(300);
@@ -31,10 +29,8 @@ const STALL: Duration = Duration::from_secs(180);
 const FINISH: Duration = Duration::from_secs(900);
 /// How often the programs are looked at.
 const LOOK: Duration = Duration::from_millis(50);
-/// How often the server is asked how it goes.
-const ASK: Duration = Duration::from_secs(1);
 /// Name of the server, the same in all: each has a network of its own.
-const SIM: &str = "collect";
+pub(super) const SIM: &str = "collect";
 
 /// What every attempt of a campaign needs.
 #[derive(Clone, Debug)]
@@ -59,18 +55,6 @@ pub enum Outcome {
     /// Thrown away because the campaign is to end.
     Stopped,
 }
-
-/// How an attempt goes, for people.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct Progress {
-    /// Simulated seconds.
-    pub seconds: f64,
-    /// What it does, in a word or two.
-    pub doing: String,
-}
-
-/// Where an attempt tells how it goes.
-pub type Board = Arc<Mutex<Progress>>;
 
 /// Makes one attempt; the file lies in the staging folder afterwards.
 ///
@@ -292,7 +276,7 @@ fn reason(summary: &Summary, said: &str) -> String {
 }
 
 fn tell(board: &Board, doing: &str) {
-    let mut progress = board.lock().unwrap_or_else(PoisonError::into_inner);
+    let mut progress = lock(board);
     doing.clone_into(&mut progress.doing);
 }
 
@@ -356,104 +340,4 @@ fn server_arguments(setup: &Setup, episode: &Episode, seed: u64, endpoint: &str)
         all.extend(words(["--adapter", adapter]));
     }
     all
-}
-
-/// Asks the server how it goes, on a thread of its own: an answer that does
-/// not come must not hold up the end of the campaign.
-struct Watch {
-    seen: Arc<Mutex<Seen>>,
-}
-
-struct Seen {
-    wanted: bool,
-    tick: u64,
-    moved: Instant,
-    waiting_for: String,
-}
-
-impl Watch {
-    fn start(endpoint: String, board: &Board) -> Self {
-        let seen = Arc::new(Mutex::new(Seen {
-            wanted: true,
-            tick: 0,
-            moved: Instant::now(),
-            waiting_for: String::new(),
-        }));
-        let (told, board) = (Arc::clone(&seen), Arc::clone(board));
-        std::thread::spawn(move || {
-            let args = ConnectArgs {
-                connect: endpoint,
-                sim: SIM.to_owned(),
-                connect_timeout: 10.0,
-            };
-            let wanted = || {
-                let told = told.lock().unwrap_or_else(PoisonError::into_inner);
-                told.wanted
-            };
-            let mut open = None;
-            while wanted() {
-                // A server that does not answer counts as standing still.
-                let link = match open.take() {
-                    Some(link) => link,
-                    None => match Link::open(&args) {
-                        Ok(link) => link,
-                        Err(_) => continue,
-                    },
-                };
-                if let Ok(status) = link.ask::<v1::Status>(Query::Status) {
-                    follow(&status, &told, &board);
-                }
-                open = Some(link);
-                std::thread::sleep(ASK);
-            }
-            if let Some(link) = open {
-                // The server may be gone already.
-                let _ = link.close();
-            }
-        });
-        Self { seen }
-    }
-
-    fn stalled(&self) -> Duration {
-        let seen = self.seen.lock().unwrap_or_else(PoisonError::into_inner);
-        seen.moved.elapsed()
-    }
-
-    fn waiting_for(&self) -> String {
-        let seen = self.seen.lock().unwrap_or_else(PoisonError::into_inner);
-        if seen.waiting_for.is_empty() {
-            return String::new();
-        }
-        format!("; the server waits for {}", seen.waiting_for)
-    }
-}
-
-impl Drop for Watch {
-    fn drop(&mut self) {
-        self.seen
-            .lock()
-            .unwrap_or_else(PoisonError::into_inner)
-            .wanted = false;
-    }
-}
-
-fn follow(status: &v1::Status, told: &Mutex<Seen>, board: &Board) {
-    let tick = status.header.as_ref().map_or(0, |h| h.tick);
-    let stamp = |header: Option<&v1::Header>| header.map_or(0, |h| h.stamp_nanos);
-    let mut told = told.lock().unwrap_or_else(PoisonError::into_inner);
-    if tick != told.tick {
-        told.tick = tick;
-        told.moved = Instant::now();
-    }
-    told.waiting_for.clone_from(&status.waiting_for);
-    let Some(started) = &status.episode else {
-        return;
-    };
-    let begun = stamp(started.header.as_ref());
-    let seconds = stamp(status.header.as_ref()).saturating_sub(begun) as f64 * 1e-9;
-    let mut progress = board.lock().unwrap_or_else(PoisonError::into_inner);
-    if told.wanted {
-        progress.seconds = seconds;
-        progress.doing = format!("{:.2}x real time", status.real_time_factor);
-    }
 }

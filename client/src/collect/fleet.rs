@@ -2,14 +2,14 @@
 //! programs of its own. Whoever finishes an episode publishes and notes it.
 
 use std::collections::VecDeque;
-use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::sync::{Mutex, PoisonError};
 
 use super::attempt::{Outcome, Setup, attempt};
 use super::capacity::free_disk;
 use super::episode::Episode;
 use super::estimate::bytes;
 use super::journal::{Done, Entry, Journal};
-use super::progress::Show;
+use super::progress::{Show, lock};
 use super::stop::Stop;
 
 /// Runs of the same attempt when its programs break.
@@ -219,8 +219,4 @@ enum Tried {
     Again,
     Broken,
     Stopped,
-}
-
-fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }

@@ -19,6 +19,7 @@ mod plan;
 mod process;
 mod progress;
 mod stop;
+mod watch;
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::num::NonZeroUsize;
@@ -143,6 +144,8 @@ fn collect(
     estimate: &Estimate,
     workers: usize,
 ) -> anyhow::Result<ExitCode> {
+    let stop = Stop::default();
+    stop.listen()?;
     let folder = &setup.folder;
     let mut journal = Journal::open(&folder.journal(), shard)?;
     // Read again under the lock.
@@ -158,8 +161,6 @@ fn collect(
         mine.len(),
         folder.root().display()
     );
-    let stop = Stop::default();
-    stop.listen()?;
     let expected = jobs.iter().map(|job| job.expected).sum();
     let show = Show::new(workers, ledger.done.len(), mine.len(), expected);
     let tally = fleet::work(

@@ -1,13 +1,13 @@
 //! How a campaign goes, on a terminal as bars and in a log as lines.
 
 use std::io::IsTerminal;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
 use indicatif::{MultiProgress, ProgressBar, ProgressDrawTarget, ProgressStyle};
 
-use super::attempt::{Board, Progress};
 use super::estimate::duration;
+use super::watch::{Board, Progress};
 
 /// The whole campaign's bar and one line per worker.
 pub struct Show {
@@ -149,6 +149,7 @@ impl Show {
     }
 }
 
-fn lock<T>(mutex: &Mutex<T>) -> std::sync::MutexGuard<'_, T> {
+/// Locks; what a thread that panicked left is taken as it is.
+pub(super) fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
