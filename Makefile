@@ -1,13 +1,16 @@
 # make demo    records one episode of the mustard task and shows pictures of it
 # make test    format, lints, documentation and all tests, as CI runs them
+# make test-cluster   a campaign on a one-node Slurm cluster in this machine
+# make test-readers   loads exports in lerobot 0.4.4 and robomimic 0.3 (downloads gigabytes)
 # make bench   step, kinematics, cameras and recording beside their references
 
 CARGO ?= cargo
 OUT ?= data/demo
 SEED ?= 0
+PLAN ?= assets/campaigns/small.toml
 export WHEELARM_PYTHON ?= $(CURDIR)/.venv/bin/python
 
-.PHONY: all build demo test bench clean
+.PHONY: all build demo test test-cluster test-readers bench clean
 all: build
 
 build:
@@ -18,12 +21,20 @@ demo: build
 	target/release/wheelarm demo --seed $(SEED) --out $(OUT)
 
 test:
-	scripts/setup.sh python numpy h5py
+	scripts/setup.sh python numpy h5py pyarrow mcap protobuf:google.protobuf foxglove-schemas-protobuf:foxglove_schemas_protobuf
 	$(CARGO) fmt --all --check
 	$(CARGO) clippy --release --workspace --all-targets -- -D warnings
 	RUSTDOCFLAGS="-D warnings" $(CARGO) doc --release --workspace --no-deps
 	$(CARGO) build --release --workspace --bins
 	$(CARGO) test --release --workspace
+
+test-cluster:
+	scripts/setup.sh python kubernetes-validate:kubernetes_validate
+	$(CARGO) build --release --workspace --bins
+	tests/cluster.sh $(PLAN)
+
+test-readers: build
+	tests/readers.sh
 
 bench:
 	scripts/setup.sh python numpy h5py mujoco

@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Measures step, inverse kinematics, cameras and recording, each beside its
-# reference, and prints one table. `make bench` builds and installs first.
+# reference, and prints one table; then the exports of a recording. `make bench` builds and installs first.
 #   tests/bench.sh [--rounds N] [--no-demo]
 set -euo pipefail
 cd "$(dirname "$0")/.."
@@ -13,4 +13,6 @@ fi
 if ! PATH=$PATH:/sbin:/usr/sbin ldconfig -p | grep libEGL.so.1 >/dev/null; then
     echo "MuJoCo's pictures will be skipped; to have them: sudo apt-get install -y libegl1 libgl1-mesa-dri" >&2
 fi
-exec "$python" tests/bench/compare.py "$@"
+"$python" tests/bench/compare.py "$@"
+echo
+"$python" tests/bench/dataset.py

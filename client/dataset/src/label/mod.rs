@@ -9,6 +9,12 @@
 //! - it has closed and the arm starts to move: retracting, which lasts (lifting,
 //!   carrying, placing) until the chair drives or the hand closes again. After
 //!   a drive with a closed hand the arm's motion is retracting, not reaching.
+//!
+//! The paper ends navigating when the chair's speed falls to zero; the scripted
+//! operator publishes reaching about a second later, when the arm moves, and
+//! the rule follows that. It and its thresholds were chosen on episodes of
+//! `pick_mustard` alone; `client/guide/process.md` has the figures, with those
+//! of seeds that were recorded afterwards.
 
 mod agreement;
 mod corrections;
@@ -17,7 +23,7 @@ pub use agreement::{Agreement, agreement, share_within};
 pub use corrections::{Corrections, write};
 
 use crate::align::interpolate::nearest;
-use crate::read::{Episode, ReadError, Values};
+use crate::read::{Episode, ReadError};
 
 /// Names of the labels 0 to 3.
 pub const NAMES: [&str; 4] = ["navigating", "reaching", "grasping", "retracting"];
@@ -104,16 +110,7 @@ pub fn motion(episode: &Episode) -> Result<Motion, ReadError> {
 }
 
 fn numbers(episode: &Episode, stream: &str, column: &str) -> Result<Vec<f64>, ReadError> {
-    let metas = episode.columns(stream)?;
-    match metas.iter().find(|m| m.name == column) {
-        Some(meta) => match episode.values(meta)? {
-            Values::F64(all) => Ok(all),
-            _ => Ok(Vec::new()),
-        },
-        None => episode
-            .f64s(stream, column)
-            .map(|a| a.iter().copied().collect()),
-    }
+    Ok(episode.f64s(stream, column)?.into_raw_vec_and_offset().0)
 }
 
 /// Sets gaps shorter than `gap` nanoseconds between true entries to true.

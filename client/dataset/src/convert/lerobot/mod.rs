@@ -4,6 +4,8 @@
 //! An episode's pictures are encoded into a scratch file first, so that a
 //! recording that turns out unreadable leaves nothing behind in the set.
 
+mod layout;
+mod metadata;
 mod statistics;
 mod table;
 
@@ -14,14 +16,14 @@ use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 
 use anyhow::Context;
-use serde_json::{Value, json};
 
-use self::statistics::{Gathered, NAMES};
-use self::table::{Cells, Element, Field, Table};
+use self::layout::{Layout, image_key};
+use self::metadata::metadata;
+use self::statistics::Gathered;
+use self::table::{Cells, Table};
 use super::batch::parallel;
 use super::learning::{self, Learning};
 use super::{Format, PendingFolder, Recording, Size, Written, png_rgb, scaled};
-use crate::label;
 
 /// Rows that are encoded, and written as one row group, together.
 const BLOCK: usize = 32;
@@ -51,12 +53,6 @@ struct Set {
     episodes: Vec<EpisodeRow>,
     rows: usize,
     statistics: BTreeMap<String, Gathered>,
-}
-
-#[derive(Clone, Debug, PartialEq)]
-struct Layout {
-    rate: u32,
-    cameras: BTreeMap<String, Size>,
 }
 
 struct EpisodeRow {
@@ -104,98 +100,6 @@ impl LeRobot {
                 .map(|(n, c)| (n.clone(), size(c)))
                 .collect(),
         }
-    }
-}
-
-fn image_key(camera: &str) -> String {
-    format!("observation.images.{camera}")
-}
-
-/// Flat features beside state, action and pictures: name, type.
-const FLAT: [(&str, Element); 11] = [
-    ("next.reward", Element::F32),
-    ("next.done", Element::Bool),
-    ("next.success", Element::Bool),
-    ("phase", Element::I64),
-    ("subtask_index", Element::I64),
-    ("simulation_time", Element::F64),
-    ("timestamp", Element::F32),
-    ("frame_index", Element::I64),
-    ("episode_index", Element::I64),
-    ("index", Element::I64),
-    ("task_index", Element::I64),
-];
-
-fn dtype(element: Element) -> &'static str {
-    match element {
-        Element::F32 => "float32",
-        Element::F64 => "float64",
-        Element::I64 => "int64",
-        Element::Bool => "bool",
-        Element::Text => "string",
-        Element::Image => "image",
-    }
-}
-
-impl Layout {
-    fn fields(&self) -> Vec<Field> {
-        let field = |name: String, element, depth| Field {
-            name,
-            element,
-            depth,
-        };
-        let mut out: Vec<Field> = self
-            .cameras
-            .keys()
-            .map(|c| field(image_key(c), Element::Image, 0))
-            .collect();
-        out.push(field("observation.state".into(), Element::F32, 1));
-        out.push(field("action".into(), Element::F32, 1));
-        out.extend(FLAT.map(|(name, element)| field(name.into(), element, 0)));
-        out
-    }
-
-    /// The features as `meta/info.json` lists them.
-    fn features(&self) -> Value {
-        let mut out = serde_json::Map::new();
-        for (camera, size) in &self.cameras {
-            let feature = json!({"dtype": "image", "shape": [size.height, size.width, 3],
-                "names": ["height", "width", "channels"]});
-            out.insert(image_key(camera), feature);
-        }
-        for (name, names) in [
-            ("observation.state", learning::state_names()),
-            ("action", learning::action_names()),
-        ] {
-            let feature = json!({"dtype": "float32", "shape": [names.len()], "names": names});
-            out.insert(name.into(), feature);
-        }
-        for (name, element) in FLAT {
-            let feature = json!({"dtype": dtype(element), "shape": [1], "names": null});
-            out.insert(name.into(), feature);
-        }
-        Value::Object(out)
-    }
-
-    /// The features as Hugging Face's `datasets` writes them into the footer.
-    fn footer(&self) -> String {
-        let mut out = serde_json::Map::new();
-        for camera in self.cameras.keys() {
-            out.insert(image_key(camera), json!({"_type": "Image"}));
-        }
-        let list = |n: usize| json!({"feature": {"dtype": "float32", "_type": "Value"}, "length": n, "_type": "Sequence"});
-        out.insert(
-            "observation.state".into(),
-            list(learning::state_names().len()),
-        );
-        out.insert("action".into(), list(learning::action_names().len()));
-        for (name, element) in FLAT {
-            out.insert(
-                name.into(),
-                json!({"dtype": dtype(element), "_type": "Value"}),
-            );
-        }
-        json!({"info": {"features": out}}).to_string()
     }
 }
 
@@ -451,166 +355,4 @@ fn write_rows(
         set.data.as_mut().context("a data file")?.append(cells)?;
     }
     Ok(gathered)
-}
-
-/// A table of names whose index pandas restores: `name` column, `index` column.
-fn names_table(path: &Path, name: &str, index: &str, names: &[String]) -> anyhow::Result<()> {
-    let column = |name: &str, kind: &str, numpy: &str| json!({"name": name, "field_name": name, "pandas_type": kind, "numpy_type": numpy, "metadata": null});
-    let pandas = json!({
-        "index_columns": [name],
-        "column_indexes": [{"name": null, "field_name": null, "pandas_type": "unicode",
-            "numpy_type": "object", "metadata": {"encoding": "UTF-8"}}],
-        "columns": [column(index, "int64", "int64"), column(name, "unicode", "object")],
-        "creator": {"library": "wheelarm", "version": env!("CARGO_PKG_VERSION")},
-        "pandas_version": "2.2.3",
-    });
-    let field = |name: &str, element| Field {
-        name: name.to_owned(),
-        element,
-        depth: 0,
-    };
-    let fields = vec![field(index, Element::I64), field(name, Element::Text)];
-    let mut table = Table::create(path, fields, &[("pandas", pandas.to_string())])?;
-    let numbers = (0..names.len() as i64).collect();
-    table.append(vec![
-        Cells::I64(vec![], numbers),
-        Cells::Text(names.to_vec()),
-    ])?;
-    table.close()
-}
-
-fn metadata(folder: &Path, set: &Set, layout: &Layout) -> anyhow::Result<()> {
-    let meta = folder.join("meta");
-    std::fs::create_dir_all(&meta)?;
-    names_table(
-        &meta.join("tasks.parquet"),
-        "task",
-        "task_index",
-        &set.tasks,
-    )?;
-    let phases = label::NAMES.map(String::from);
-    names_table(
-        &meta.join("subtasks.parquet"),
-        "subtask",
-        "subtask_index",
-        &phases,
-    )?;
-    let statistics: serde_json::Map<String, Value> = set
-        .statistics
-        .iter()
-        .map(|(name, values)| (name.clone(), values.summary().json()))
-        .collect();
-    let write = |name: &str, value: &Value| std::fs::write(meta.join(name), format!("{value:#}\n"));
-    write("stats.json", &Value::Object(statistics))?;
-    let info = json!({
-        "codebase_version": "v3.0",
-        "robot_type": "whill_gen3",
-        "total_episodes": set.episodes.len(),
-        "total_frames": set.rows,
-        "total_tasks": set.tasks.len(),
-        "chunks_size": FOLDER_FILES,
-        "data_files_size_in_mb": FILE_BYTES >> 20,
-        "video_files_size_in_mb": 200,
-        "fps": layout.rate,
-        "splits": {"train": format!("0:{}", set.episodes.len())},
-        "data_path": "data/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet",
-        "video_path": null,
-        "features": layout.features(),
-    });
-    write("info.json", &info)?;
-    episodes_table(&meta.join("episodes/chunk-000/file-000.parquet"), set)
-}
-
-fn episodes_table(path: &Path, set: &Set) -> anyhow::Result<()> {
-    let mut fields = Vec::new();
-    let mut cells = Vec::new();
-    let mut add = |name: String, element, depth, values| {
-        fields.push(Field {
-            name,
-            element,
-            depth,
-        });
-        cells.push(values);
-    };
-    let all = &set.episodes;
-    let integers = |f: &dyn Fn(usize, &EpisodeRow) -> usize| {
-        let values = all.iter().enumerate().map(|(i, e)| f(i, e) as i64);
-        Cells::I64(vec![], values.collect())
-    };
-    add("episode_index".into(), Element::I64, 0, integers(&|i, _| i));
-    let tasks = all.iter().map(|e| e.task.clone()).collect();
-    add("tasks".into(), Element::Text, 1, Cells::Text(tasks));
-    add("length".into(), Element::I64, 0, integers(&|_, e| e.length));
-    add(
-        "data/chunk_index".into(),
-        Element::I64,
-        0,
-        integers(&|_, e| e.file / FOLDER_FILES),
-    );
-    add(
-        "data/file_index".into(),
-        Element::I64,
-        0,
-        integers(&|_, e| e.file % FOLDER_FILES),
-    );
-    add(
-        "dataset_from_index".into(),
-        Element::I64,
-        0,
-        integers(&|_, e| e.from),
-    );
-    add(
-        "dataset_to_index".into(),
-        Element::I64,
-        0,
-        integers(&|_, e| e.from + e.length),
-    );
-    add(
-        "meta/episodes/chunk_index".into(),
-        Element::I64,
-        0,
-        integers(&|_, _| 0),
-    );
-    add(
-        "meta/episodes/file_index".into(),
-        Element::I64,
-        0,
-        integers(&|_, _| 0),
-    );
-    let labels = all.iter().map(|e| e.label.clone()).collect();
-    add("recording".into(), Element::Text, 0, Cells::Text(labels));
-    let success = all.iter().map(|e| e.success).collect();
-    add("success".into(), Element::Bool, 0, Cells::Bool(success));
-    for feature in set.statistics.keys() {
-        let summaries: Vec<_> = all
-            .iter()
-            .filter_map(|e| e.statistics.get(feature).map(Gathered::summary))
-            .collect();
-        let Some(shape) = summaries.first().map(|s| s.shape.clone()) else {
-            continue;
-        };
-        for (k, name) in NAMES.iter().enumerate() {
-            let values = summaries
-                .iter()
-                .flat_map(|s| s.lists[k].iter().copied())
-                .collect();
-            let name = format!("stats/{feature}/{name}");
-            add(
-                name,
-                Element::F64,
-                shape.len(),
-                Cells::F64(shape.clone(), values),
-            );
-        }
-        let counts = summaries.iter().map(|s| s.count as i64).collect();
-        add(
-            format!("stats/{feature}/count"),
-            Element::I64,
-            1,
-            Cells::I64(vec![1], counts),
-        );
-    }
-    let mut table = Table::create(path, fields, &[])?;
-    table.append(cells)?;
-    table.close()
 }

@@ -1,0 +1,344 @@
+"""Checks exported files with other people's libraries, knowing only the formats.
+
+Usage: check_exports.py FORMAT PATH RECORDING.h5 [RECORDING.h5 …]
+FORMAT is wheelarm-sim, csv, lerobot, robomimic, mcap or aligned; numbers are
+compared with those in the recordings, which are read with h5py alone.
+"""
+
+import csv
+import json
+import sys
+from pathlib import Path
+
+import h5py
+import numpy as np
+
+JOINTS = (
+    [f"{end}_{side}_wheel_joint" for end in ("back", "front") for side in ("left", "right")]
+    + [f"joint_{i}" for i in range(1, 7)]
+    + [
+        "left_inner_knuckle_finger_tip_joint",
+        "right_inner_knuckle_finger_tip_joint",
+        "robotiq_85_left_finger_tip_joint",
+        "robotiq_85_left_knuckle_joint",
+        "robotiq_85_right_finger_tip_joint",
+        "robotiq_85_right_knuckle_joint",
+    ]
+)
+FRAMES = "wheelchair shoulder bicep forearm spherical_wrist_1 spherical_wrist_2 end_effector".split()
+CAMERAS = ("gen3", "wheelchair")
+
+
+def equal(a, b, words, tolerance=0.0):
+    a, b = np.asarray(a), np.asarray(b)
+    assert a.shape == b.shape, f"{words}: shape {a.shape}, expected {b.shape}"
+    worst = np.abs(a.astype(float) - b.astype(float)).max() if a.size else 0.0
+    assert worst <= tolerance, f"{words}: off by {worst}"
+
+
+def at_stamp(stream, stamp):
+    """Index of the sample with exactly this stamp, nanoseconds."""
+    found = np.flatnonzero(stream["stamp_nanos"][...] == stamp)
+    assert len(found) == 1, f"{stream.name}: {len(found)} samples at {stamp}"
+    return int(found[0])
+
+
+def by_label(recordings):
+    return {h5py.File(r).attrs["label"]: h5py.File(r) for r in recordings}
+
+
+def wheelarm_sim(path, recordings):
+    """The table of the original's layout, name by name."""
+    for label, source in by_label(recordings).items():
+        streams = source["streams"]
+        height, width = streams["camera/gen3/rgb"].shape[1:3]
+        with h5py.File(path / f"{label}.hdf5") as file:
+            assert list(file) == ["data"], list(file)
+            assert not file.attrs and not file["data"].attrs
+            names = sorted(file["data"], key=int)
+            assert names == [str(i + 1) for i in range(len(names))]
+            expected = {}
+            for joint in JOINTS:
+                expected[f"processed_data_joint_state_{joint}"] = ((3,), "f8", 4)
+                expected[f"processed_data_joint_state_{joint}_joint_name"] = ((), "str", None)
+            for frame in FRAMES:
+                expected[f"processed_data_cartesian_pose_{frame}"] = ((8,), "f8", 4)
+                expected[f"processed_data_cartesian_velocity_{frame}"] = ((4,), "f8", 4)
+            expected["processed_data_imu_orientation"] = ((5,), "f8", 4)
+            expected["processed_data_imu_linear_acceleration"] = ((4,), "f8", 4)
+            expected["processed_data_imu_angular_velocity"] = ((4,), "f8", 4)
+            for camera in CAMERAS:
+                expected[f"processed_data_cameras_rgb_{camera}"] = ((height * width * 3,), "i8", 4)
+                expected[f"processed_data_cameras_depth_{camera}"] = ((height * width * 4,), "i8", 4)
+                for kind in ("rgb", "depth"):
+                    expected[f"processed_data_cameras_{kind}_{camera}time"] = ((), "f8", None)
+            expected["processed_data_timesteps"] = ((), "f8", None)
+            expected["processed_data_desired_pose"] = ((7,), "f8", 4)
+            expected["instructions"] = ((), "str", None)
+            assert len(expected) == 60
+            for name in names:
+                group = file["data"][name]
+                assert set(group) == set(expected), set(group) ^ set(expected)
+                for key, (shape, kind, level) in expected.items():
+                    data = group[key]
+                    assert data.shape == shape, f"{data.name}: {data.shape}"
+                    if kind == "str":
+                        info = h5py.check_string_dtype(data.dtype)
+                        assert info.encoding == "utf-8" and info.length is None, data.name
+                    else:
+                        assert data.dtype == np.dtype(kind), f"{data.name}: {data.dtype}"
+                    assert data.compression_opts == level, f"{data.name}: {data.compression_opts}"
+                    assert not data.attrs
+            for name in (names[0], names[len(names) // 2], names[-1]):
+                group = file["data"][name]
+                assert group["instructions"][()].decode() == source.attrs["instruction"]
+                for camera in CAMERAS:
+                    pictures = streams[f"camera/{camera}"]
+                    stamp = group[f"processed_data_cameras_rgb_{camera}time"][()]
+                    i = at_stamp(pictures, round(stamp * 1e9))
+                    rgb = group[f"processed_data_cameras_rgb_{camera}"][...].astype(np.uint8)
+                    equal(rgb, pictures["rgb"][i].ravel(), camera)
+                    depth = group[f"processed_data_cameras_depth_{camera}"][...].astype(np.uint8)
+                    metres = depth.view("<f4")
+                    assert np.array_equal(metres, pictures["depth"][i].ravel()), camera
+                for k, joint in enumerate(JOINTS):
+                    stamp, position, velocity = group[f"processed_data_joint_state_{joint}"]
+                    i = at_stamp(streams["joint_state"], round(stamp * 1e9))
+                    row = [streams["joint_state/position"][i, k], streams["joint_state/velocity"][i, k]]
+                    equal([position, velocity], row, joint)
+                    assert group[f"processed_data_joint_state_{joint}_joint_name"][()].decode() == joint
+                for k, frame in enumerate(FRAMES):
+                    pose = group[f"processed_data_cartesian_pose_{frame}"][...]
+                    i = at_stamp(streams["pose"], round(pose[0] * 1e9))
+                    equal(pose[1:], streams["pose/pose"][i, k], frame)
+                    velocity = group[f"processed_data_cartesian_velocity_{frame}"][1:]
+                    equal(velocity, streams["pose/twist"][i, k, :3], frame)
+                wanted = group["processed_data_desired_pose"][...]
+                stamps = streams["applied/stamp_nanos"][...]
+                clock = round(group["processed_data_timesteps"][()] * 1e9)
+                i = int(np.searchsorted(stamps, clock, side="right")) - 1
+                pose = streams["applied/desired_pose"][i]
+                equal(wanted, np.concatenate([pose[:3] * 1e3, pose[3:]]), "desired pose")
+            print(f"{label}: {len(names)} samples of 60 datasets")
+
+
+def png(path_or_bytes):
+    """Size, bits and colour type of a PNG from its header."""
+    data = path_or_bytes if isinstance(path_or_bytes, bytes) else Path(path_or_bytes).read_bytes()
+    assert data[:8] == b"\x89PNG\r\n\x1a\n", "no PNG"
+    return int.from_bytes(data[16:20], "big"), int.from_bytes(data[20:24], "big"), data[24], data[25]
+
+
+def csv_table(path, recordings):
+    bodies = [f"robot_arm_{b}_" for b in sorted(FRAMES) if b != "wheelchair"] + ["wheelchair_"]
+    header = [f"{b}{p}" for b in bodies for p in ("pos_x", "pos_y", "pos_z", "quat_x", "quat_y", "quat_z", "quat_w")]
+    header += [f"{b}vel_{p}" for b in bodies for p in "xyz"]
+    header += [f"imu_gyro_{p}" for p in "xyz"] + [f"imu_accel_{p}" for p in "xyz"] + [f"imu_quat_{p}" for p in "xyzw"]
+    header += [f"{j}_{p}" for j in JOINTS for p in ("pos", "vel")]
+    header += ["sim_time", "instructions", "trial_id", "image_frame_id", "state_labels"]
+    for number, (label, source) in enumerate(by_label(recordings).items(), 1):
+        with open(path / label / "final_data.csv", newline="", encoding="utf-8") as text:
+            rows = list(csv.reader(text))
+        assert rows[0] == header and len(header) == 117
+        state = np.array([[float(v) for v in r[:113]] for r in rows[1:]])
+        assert np.isfinite(state).all()
+        assert {r[113] for r in rows[1:]} == {source.attrs["instruction"]}
+        assert {r[114] for r in rows[1:]} == {str(number)}
+        assert [int(r[115]) for r in rows[1:]] == list(range(1, len(rows)))
+        labels = [int(r[116]) for r in rows[1:]]
+        assert set(labels) <= {0, 1, 2, 3} and labels[0] == 0
+        equal(np.linalg.norm(state[:, 76:80], axis=1), np.ones(len(state)), "norm", 1e-9)
+        streams = source["streams"]
+        stamps = streams["camera/gen3/stamp_nanos"][...][-len(state):]
+        equal(state[:, 112], (stamps - stamps[0]) * 1e-9, "sim_time", 1e-9)
+        for row in (0, len(state) // 2, len(state) - 1):
+            i = at_stamp(streams["joint_state"], stamps[row])
+            equal(state[row, 80:112:2], streams["joint_state/position"][i], "joints", 1e-12)
+            equal(state[row, 42:49], streams["pose/pose"][i, 0], "chair", 1e-12)
+            equal(state[row, 7:14], streams["pose/pose"][i, 6], "end effector", 1e-12)
+        height, width = streams["camera/gen3/rgb"].shape[1:3]
+        for camera in CAMERAS:
+            for kind, bits, colour in (("rgb", 8, 2), ("depth", 8, 0), ("depth_mm", 16, 0)):
+                folder = path / label / f"{camera}_{kind}"
+                assert len(list(folder.iterdir())) == len(state), folder
+                found = png(folder / f"frame_{len(state)}.png")
+                assert found == (width, height, bits, colour), f"{folder}: {found}"
+        print(f"{label}: {len(state)} rows of 117 columns")
+
+
+def lerobot(path, recordings):
+    import pyarrow.parquet as pq
+
+    info = json.loads((path / "meta/info.json").read_text())
+    assert info["codebase_version"] == "v3.0"
+    table = pq.read_table(sorted(path.glob("data/*/*.parquet")))
+    features = info["features"]
+    assert set(table.column_names) == set(features)
+    assert json.loads(table.schema.metadata[b"huggingface"])["info"]["features"].keys() == features.keys()
+    assert table.num_rows == info["total_frames"]
+    column = {name: table[name].to_pylist() for name in table.column_names if "images" not in name}
+    assert column["index"] == list(range(table.num_rows))
+    episodes = pq.read_table(path / "meta/episodes/chunk-000/file-000.parquet").to_pylist()
+    assert len(episodes) == info["total_episodes"] == len(recordings)
+    sources = by_label(recordings)
+    for episode in episodes:
+        rows = range(episode["dataset_from_index"], episode["dataset_to_index"])
+        assert len(rows) == episode["length"]
+        source = sources[episode["recording"]]
+        assert episode["tasks"] == [source.attrs["instruction"]]
+        assert episode["success"] == bool(source.attrs["success"])
+        for frame, row in enumerate(rows):
+            assert column["frame_index"][row] == frame
+            assert column["episode_index"][row] == episode["episode_index"]
+            assert abs(column["timestamp"][row] - frame / info["fps"]) <= 1e-4
+            assert column["next.done"][row] == (frame + 1 == len(rows))
+        streams = source["streams"]
+        for row in (rows[0], rows[len(rows) // 2], rows[-1]):
+            stamp = round(column["simulation_time"][row] * 1e9)
+            i = at_stamp(streams["joint_state"], stamp)
+            state = np.array(column["observation.state"][row])
+            equal(state[:6], streams["joint_state/position"][i, 4:10], "state", 1e-5)
+            equal(state[14:21], streams["pose/pose"][i, 6], "end effector", 1e-5)
+            equal(np.array(column["action"][row])[:6], streams["applied/joint_position"][at_stamp(streams["applied"], stamp)], "action", 1e-5)
+            height, width = streams["camera/gen3/rgb"].shape[1:3]
+            for camera in CAMERAS:
+                picture = table[f"observation.images.{camera}"][row].as_py()
+                assert png(picture["bytes"]) == (width, height, 8, 2)
+    stats = json.loads((path / "meta/stats.json").read_text())
+    state = np.array(column["observation.state"])
+    for name, found in (("min", state.min(0)), ("max", state.max(0)), ("mean", state.mean(0)), ("std", state.std(0))):
+        equal(stats["observation.state"][name], found, name, 1e-9)
+    equal(stats["observation.state"]["q90"], np.quantile(state, 0.9, axis=0), "q90", 1e-9)
+    assert np.array(stats["observation.images.gen3"]["mean"]).shape == (3, 1, 1)
+    tasks = pq.read_table(path / "meta/tasks.parquet")
+    assert json.loads(tasks.schema.metadata[b"pandas"])["index_columns"] == ["task"]
+    print(f"{len(episodes)} episodes, {table.num_rows} rows")
+
+
+def robomimic(path, recordings):
+    with h5py.File(path) as file:
+        data = file["data"]
+        environment = json.loads(data.attrs["env_args"])
+        assert {"env_name", "type", "env_kwargs"} <= set(environment)
+        assert int(data.attrs["total"]) == sum(int(d.attrs["num_samples"]) for d in data.values())
+        masks = [d.decode() for m in ("train", "valid") for d in file[f"mask/{m}"][...]]
+        assert sorted(masks) == sorted(data), masks
+        low, high = data.attrs["action_low"], data.attrs["action_high"]
+        sources = by_label(recordings)
+        assert len(data) == len(sources)
+        for demo in data.values():
+            n = int(demo.attrs["num_samples"])
+            actions = demo["actions"][...]
+            assert actions.shape[0] == n and np.abs(actions).max() <= 1.0
+            moving = high > low
+            raw = (actions[:, moving] + 1) / 2 * (high - low)[moving] + low[moving]
+            equal(raw, demo["actions_raw"][:, moving], "raw actions", 1e-9)
+            for key in demo["obs"]:
+                assert demo["obs"][key].shape == demo["next_obs"][key].shape
+                assert demo["obs"][key].shape[0] == n
+                equal(demo["obs"][key][1:], demo["next_obs"][key][:-1], key)
+            assert demo["obs/gen3_image"].dtype == np.uint8
+            assert demo["dones"][-1] == 1 and demo["dones"][...].sum() == 1
+            pose = demo["datagen_info/eef_pose"][...]
+            turn = pose[:, :3, :3]
+            equal(turn @ np.transpose(turn, (0, 2, 1)), np.broadcast_to(np.eye(3), turn.shape), "rotation", 1e-9)
+            equal(pose[:, :3, 3], demo["obs/eef_pos"][...], "position")
+            source = sources[demo.attrs["label"]]
+            assert set(demo["datagen_info/object_poses"]) == set(source.attrs["objects"])
+            streams = source["streams"]
+            i = at_stamp(streams["joint_state"], round(demo["simulation_time"][n // 2] * 1e9))
+            equal(demo["obs/joint_pos"][n // 2], streams["joint_state/position"][i, 4:10], "joints", 1e-12)
+        print(f"{len(data)} demos, {int(data.attrs['total'])} samples")
+
+
+def mcap(path, recordings):
+    from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
+    from mcap.reader import make_reader
+
+    for label, source in by_label(recordings).items():
+        counts, last, types, first = {}, 0, {}, {}
+        with open(path / f"{label}.mcap", "rb") as stream:
+            for schema, channel, message in make_reader(stream).iter_messages():
+                assert message.log_time >= last, "not in the order of time"
+                last = message.log_time
+                if schema.id not in types:
+                    assert schema.encoding == channel.message_encoding == "protobuf"
+                    pool = descriptor_pool.DescriptorPool()
+                    for file in descriptor_pb2.FileDescriptorSet.FromString(schema.data).file:
+                        pool.Add(file)
+                    found = pool.FindMessageTypeByName(schema.name)
+                    types[schema.id] = message_factory.GetMessageClass(found)
+                counts[channel.topic] = counts.get(channel.topic, 0) + 1
+                decoded = types[schema.id].FromString(message.data)
+                first.setdefault(channel.topic, (message.log_time, decoded))
+        streams = source["streams"]
+        for topic, stream in (
+            ("/joint_states", "joint_state"), ("/tf", "pose"), ("/imu", "imu"), ("/odometry", "odometry"),
+            ("/applied", "applied"), ("/command", "command"), ("/evaluation", "evaluation"),
+            ("/phase", "phase"), ("/tf/objects", "object_pose"),
+            ("/camera/gen3/rgb", "camera/gen3"), ("/camera/wheelchair/depth", "camera/wheelchair"),
+        ):
+            assert counts[topic] == len(streams[stream]["stamp_nanos"]), topic
+        stamp, joints = first["/joint_states"]
+        i = at_stamp(streams["joint_state"], stamp)
+        equal([j.position for j in joints.joints], streams["joint_state/position"][i], "joints")
+        stamp, image = first["/camera/gen3/depth"]
+        i = at_stamp(streams["camera/gen3"], stamp)
+        metres = np.frombuffer(image.data, "<u2").reshape(image.height, image.width) * 1e-3
+        truth = streams["camera/gen3/depth"][i]
+        near = np.isfinite(truth) & (truth < 60)
+        equal(metres[near], truth[near], "depth", 0.000501)
+        assert first["/camera/gen3/rgb"][1].data[:2] == b"\xff\xd8", "no JPEG"
+        parents = {t.child_frame_id: t.parent_frame_id for t in first["/tf"][1].transforms}
+        assert parents["base_link"] == "wheelchair_root" and parents["wheelchair_root"] == "house"
+        print(f"{label}: {sum(counts.values())} messages on {len(counts)} topics, {foxglove(first)} compared with Foxglove's schemas")
+
+
+def foxglove(first):
+    """Compares our messages' fields with Foxglove's published ones."""
+    import importlib
+
+    done = set()
+    for _, message in first.values():
+        name = message.DESCRIPTOR.full_name
+        if not name.startswith("foxglove.") or name in done:
+            continue
+        short = name.split(".")[1]
+        theirs = getattr(importlib.import_module(f"foxglove_schemas_protobuf.{short}_pb2"), short).DESCRIPTOR
+        fields = lambda d: {(f.number, f.name, f.type, f.is_repeated) for f in d.fields}  # noqa: E731
+        assert fields(message.DESCRIPTOR) == fields(theirs), f"{name} differs"
+        done.add(name)
+    return len(done)
+
+
+def aligned(path, recordings):
+    for recording in recordings:
+        source = h5py.File(recording)
+        streams = source["streams"]
+        with h5py.File(path / f"{Path(recording).stem}.aligned.h5") as file:
+            stamps = file["stamp_nanos"][...]
+            equal(stamps, streams["camera/gen3/stamp_nanos"][...], "rows")
+            for name in ("joint_state/position", "pose/pose", "imu/orientation", "imu/linear_acceleration"):
+                stream = name.split("/")[0]
+                found, valid = file["streams"][name][...], file[f"streams/{stream}/valid"][...].astype(bool)
+                assert np.isnan(found[~valid]).all() and np.isfinite(found[valid]).all(), name
+                time = streams[stream]["stamp_nanos"][...]
+                inside = (stamps >= time[0]) & (stamps <= time[-1])
+                assert not valid[~inside].any(), f"{name} is extrapolated"
+                if name in ("joint_state/position", "imu/linear_acceleration"):
+                    truth = np.stack([np.interp(stamps, time, c) for c in streams[name][...].T], axis=1)
+                    equal(found[valid], truth[valid], name, 1e-9)
+            for camera in CAMERAS:
+                for kind in ("rgb", "depth", "ids"):
+                    equal(file[f"streams/camera/{camera}/{kind}"][7], streams[f"camera/{camera}/{kind}"][7], kind)
+        print(f"{Path(recording).stem}: {len(stamps)} rows")
+
+
+FORMATS = {
+    "wheelarm-sim": wheelarm_sim, "csv": csv_table, "lerobot": lerobot,
+    "robomimic": robomimic, "mcap": mcap, "aligned": aligned,
+}
+
+if __name__ == "__main__":
+    np.seterr(invalid="ignore")
+    FORMATS[sys.argv[1]](Path(sys.argv[2]), sys.argv[3:])

@@ -1,0 +1,33 @@
+#!/usr/bin/env bash
+# Records two episodes, exports them, and runs the guide's Python with the real
+# readers: lerobot 0.4.4 and robomimic 0.3.0, in a virtual environment of its
+# own. The first run downloads several gigabytes (torch).
+#   WHEELARM_READERS   the environment, .venv-readers without it
+set -euo pipefail
+cd "$(dirname "$0")/.."
+root=$PWD
+venv=${WHEELARM_READERS:-$root/.venv-readers}
+python=$venv/bin/python
+[ -x "$python" ] || python3 -m venv "$venv"
+has() { "$python" -c "from importlib.metadata import version; import sys; sys.exit(version('$1') != '$2')" 2>/dev/null; }
+pip() { "$python" -m pip install --quiet --disable-pip-version-check "$@"; }
+has lerobot 0.4.4 || pip lerobot==0.4.4
+# Its dependency egl_probe does not build with new versions of CMake.
+has robomimic 0.3.0 || pip --no-deps robomimic==0.3.0
+"$python" -c 'import h5py, tensorboard, tensorboardX, imageio, termcolor, psutil, tqdm' 2>/dev/null ||
+    pip h5py tensorboard tensorboardX imageio termcolor psutil tqdm
+
+folder=$(mktemp -d)
+trap 'rm -rf "$folder"' EXIT
+export PATH=$root/target/release:$PATH WHEELARM_ASSETS=$root/assets
+export HF_HUB_OFFLINE=1 HF_HOME=$folder/hf
+cd "$folder"
+wheelarm demo --seeds 0..2 --width 320 --height 180 --no-sheet --out data/session >/dev/null
+for chapter in lerobot robomimic; do
+    echo "== $chapter"
+    "$python" "$root/tests/python/guide_blocks.py" "$root/client/guide/$chapter.md" sh | sh -e
+    "$python" "$root/tests/python/guide_blocks.py" "$root/client/guide/$chapter.md" python >"read_$chapter.py"
+    "$python" "read_$chapter.py"
+done
+"$python" -c "import robomimic, pathlib; print(pathlib.Path(robomimic.__file__).parent / 'scripts/get_dataset_info.py')" |
+    tail -1 | xargs -I{} "$python" {} --dataset data/robomimic.hdf5 | head -20

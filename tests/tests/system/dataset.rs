@@ -1,0 +1,261 @@
+//! The commands of the guide, run as they stand there, and what they wrote read
+//! by other people's libraries.
+
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output, Stdio};
+use std::time::{Duration, Instant};
+
+use wheelarm_tests::{printed, program, root};
+
+const CHAPTERS: [&str; 4] = ["process.md", "look.md", "lerobot.md", "robomimic.md"];
+
+/// Blocks of one language in a chapter.
+fn blocks(chapter: &str, language: &str) -> Vec<String> {
+    let text =
+        std::fs::read_to_string(root().join("client/guide").join(chapter)).expect("a chapter");
+    text.split("```")
+        .skip(1)
+        .step_by(2)
+        .filter_map(|b| b.strip_prefix(language)?.strip_prefix('\n'))
+        .map(str::to_owned)
+        .collect()
+}
+
+/// Runs a line of shell in `folder` with our programs found first.
+fn shell(folder: &Path, line: &str) -> Output {
+    let programs = program("wheelarm").expect("the client");
+    let mut path = std::ffi::OsString::from(programs.parent().expect("a folder"));
+    path.push(":");
+    path.push(std::env::var_os("PATH").unwrap_or_default());
+    Command::new("sh")
+        .args(["-e", "-c", line])
+        .current_dir(folder)
+        .env("PATH", path)
+        .env("WHEELARM_ASSETS", root().join("assets"))
+        .output()
+        .expect("a shell")
+}
+
+/// The interpreter, if it has the modules.
+fn python(modules: &str) -> Option<String> {
+    let python = std::env::var("WHEELARM_PYTHON").unwrap_or_else(|_| "python3".to_owned());
+    let there = Command::new(&python)
+        .args(["-c", &format!("import {modules}")])
+        .output();
+    if there.is_ok_and(|o| o.status.success()) {
+        return Some(python);
+    }
+    println!("skipped: {python} cannot import {modules}; `make test` installs them");
+    None
+}
+
+fn recordings(folder: &Path) -> Vec<PathBuf> {
+    let mut found: Vec<PathBuf> = std::fs::read_dir(folder)
+        .expect("the recordings")
+        .flatten()
+        .map(|e| e.path())
+        .filter(|p| p.extension().is_some_and(|e| e == "h5"))
+        .collect();
+    found.sort();
+    found
+}
+
+fn check(folder: &Path, format: &str, what: &str, recordings: &[PathBuf], modules: &str) {
+    let Some(python) = python(modules) else {
+        return;
+    };
+    let output = Command::new(python)
+        .arg(root().join("tests/python/check_exports.py"))
+        .args([format, what])
+        .args(recordings)
+        .current_dir(folder)
+        .output()
+        .expect("a process");
+    assert!(output.status.success(), "{format}: {}", printed(&output));
+}
+
+#[test]
+fn the_guides_commands_run_and_other_libraries_read_what_they_write() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let folder = folder.path();
+    for chapter in CHAPTERS {
+        for block in blocks(chapter, "sh") {
+            let output = shell(folder, &block);
+            assert!(
+                output.status.success(),
+                "{chapter}: {block}{}",
+                printed(&output)
+            );
+            if block.contains("dataset label") {
+                let text = printed(&output);
+                assert!(text.contains("phases: 100.0 % of 2 episodes"), "{text}");
+            }
+        }
+    }
+    let all = recordings(&folder.join("data/session"));
+    assert_eq!(all.len(), 2);
+    check(folder, "aligned", "data/aligned", &all, "h5py, numpy");
+    check(folder, "csv", "data/csv", &all, "h5py, numpy");
+    check(folder, "wheelarm-sim", "data/original", &all, "h5py, numpy");
+    check(
+        folder,
+        "robomimic",
+        "data/robomimic.hdf5",
+        &all,
+        "h5py, numpy",
+    );
+    check(
+        folder,
+        "lerobot",
+        "data/lerobot",
+        &all,
+        "h5py, numpy, pyarrow",
+    );
+    let mcap = "h5py, numpy, mcap, google.protobuf, foxglove_schemas_protobuf";
+    check(folder, "mcap", "data/mcap", &all, mcap);
+    if let Some(python) = python("h5py, numpy") {
+        for block in blocks("process.md", "python") {
+            let output = Command::new(&python)
+                .args(["-c", &block])
+                .current_dir(folder)
+                .output();
+            let output = output.expect("a process");
+            assert!(output.status.success(), "{block}{}", printed(&output));
+        }
+    }
+    page_plays(&folder.join("data/pages/pick_mustard-seed0.html"));
+    off_sample_rows(folder);
+    problems(folder, &all);
+}
+
+/// Chromium runs the page's script and finds every picture.
+fn page_plays(page: &Path) {
+    let browsers = ["chromium", "chromium-browser", "google-chrome"];
+    let Some(browser) = browsers.iter().find(|b| {
+        Command::new(b)
+            .arg("--version")
+            .output()
+            .is_ok_and(|o| o.status.success())
+    }) else {
+        println!("skipped: none of {browsers:?} is installed");
+        return;
+    };
+    let output = Command::new(browser)
+        .args(["--headless", "--no-sandbox", "--disable-gpu", "--dump-dom"])
+        .arg(format!("file://{}", page.display()))
+        .output()
+        .expect("a browser");
+    let dom = String::from_utf8_lossy(&output.stdout);
+    let value = |name: &str| -> usize {
+        let at = dom
+            .split(&format!("{name}=\""))
+            .nth(1)
+            .and_then(|r| r.split('"').next());
+        at.and_then(|n| n.parse().ok()).unwrap_or(0)
+    };
+    let (rows, pictures) = (value("data-rows"), value("data-pictures"));
+    assert!(
+        rows > 50 && pictures == 4 * rows,
+        "{rows} rows, {pictures} pictures"
+    );
+    assert!(
+        dom.matches("data:image/jpeg").count() == 4,
+        "four pictures are shown"
+    );
+}
+
+/// At 8 Hz pictures lie between the samples of 60 Hz: there, interpolation is
+/// compared with numpy's.
+fn off_sample_rows(folder: &Path) {
+    let output = shell(
+        folder,
+        "wheelarm demo --seed 2 --width 64 --height 48 --rate 8 --no-sheet --out data/eight\n\
+         wheelarm dataset align data/eight --out data/eight-aligned",
+    );
+    assert!(output.status.success(), "{}", printed(&output));
+    let all = recordings(&folder.join("data/eight"));
+    check(folder, "aligned", "data/eight-aligned", &all, "h5py, numpy");
+}
+
+/// What goes wrong is said, and does not spoil the rest.
+fn problems(folder: &Path, all: &[PathBuf]) {
+    let broken = folder.join("data/broken.h5");
+    std::fs::write(&broken, b"no HDF5").expect("a file");
+    let first = all[0].display();
+    let line = format!(
+        "wheelarm dataset export --format csv {} {first} --out data/rest",
+        broken.display()
+    );
+    let output = shell(folder, &line);
+    assert_eq!(output.status.code(), Some(1), "{}", printed(&output));
+    assert!(
+        printed(&output).contains("broken.h5 is no WheelArm episode"),
+        "{}",
+        printed(&output)
+    );
+    assert!(
+        folder
+            .join("data/rest/pick_mustard-seed0/final_data.csv")
+            .is_file()
+    );
+
+    let again = shell(folder, &line);
+    assert!(
+        printed(&again).contains("never overwritten"),
+        "{}",
+        printed(&again)
+    );
+
+    // Killed in the middle: nothing stands under the final name.
+    let mut child = Command::new(program("wheelarm-dataset").expect("the program"))
+        .args(["export", "--format", "wheelarm-sim", "--out", "data/killed"])
+        .arg(&all[0])
+        .current_dir(folder)
+        .stdout(Stdio::null())
+        .spawn()
+        .expect("a process");
+    let begun = Instant::now();
+    let part =
+        || std::fs::read_dir(folder.join("data/killed")).is_ok_and(|mut d| d.next().is_some());
+    while !part() && begun.elapsed() < Duration::from_secs(60) {
+        std::thread::sleep(Duration::from_millis(5));
+    }
+    child.kill().expect("a kill");
+    child.wait().expect("an end");
+    assert!(!folder.join("data/killed/pick_mustard-seed0.hdf5").exists());
+
+    let Some(python) = python("h5py, numpy") else {
+        return;
+    };
+    let spoil = "import h5py, shutil, sys\n\
+        shutil.copy(sys.argv[1], 'data/spoilt.h5')\n\
+        f = h5py.File('data/spoilt.h5', 'r+')\n\
+        f['streams/joint_state/position'][5, 3] = float('nan')\n\
+        f['streams/pose/pose'][9, 6, 3:] *= 1.01\n\
+        s = f['streams/imu/stamp_nanos']; s[20] = s[19]\n\
+        f['streams/camera/gen3/rgb'][4] = 0\n";
+    let output = Command::new(python)
+        .args(["-c", spoil])
+        .arg(&all[0])
+        .current_dir(folder)
+        .output();
+    let output = output.expect("a process");
+    assert!(output.status.success(), "{}", printed(&output));
+    let output = shell(folder, "wheelarm dataset validate data/spoilt.h5");
+    assert_eq!(output.status.code(), Some(3), "{}", printed(&output));
+    let text = printed(&output);
+    for words in [
+        "joint_state: position: 1 numbers are not finite",
+        "pose: pose: the norm of a quaternion is off by 1.00e-2",
+        "imu: stamps do not rise at sample 20",
+        "camera/gen3: 1 pictures of one colour",
+    ] {
+        assert!(text.contains(words), "{words} is not in {text}");
+    }
+    let output = shell(folder, "wheelarm dataset align data/spoilt.h5");
+    assert!(
+        printed(&output).contains("the stamps of imu do not rise"),
+        "{}",
+        printed(&output)
+    );
+}
