@@ -14,7 +14,8 @@
 //! operator publishes reaching about a second later, when the arm moves, and
 //! the rule follows that. It and its thresholds were chosen on episodes of
 //! `pick_mustard` alone; `client/guide/process.md` has the figures, with those
-//! of seeds that were recorded afterwards.
+//! of seeds and tasks that were recorded afterwards. Known to fail: a hand that
+//! closes a little in the air to take its shape counts as grasping.
 
 mod agreement;
 mod corrections;
