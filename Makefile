@@ -1,14 +1,16 @@
 # make demo    records one episode of the mustard task and shows pictures of it
 # make test    format, lints, documentation and all tests, as CI runs them
+# make test-cluster   a campaign on a one-node Slurm cluster in this machine
 # make test-readers   loads exports in lerobot 0.4.4 and robomimic 0.3 (downloads gigabytes)
 # make bench   step, kinematics, cameras and recording beside their references
 
 CARGO ?= cargo
 OUT ?= data/demo
 SEED ?= 0
+PLAN ?= assets/campaigns/small.toml
 export WHEELARM_PYTHON ?= $(CURDIR)/.venv/bin/python
 
-.PHONY: all build demo test test-readers bench clean
+.PHONY: all build demo test test-cluster test-readers bench clean
 all: build
 
 build:
@@ -25,6 +27,11 @@ test:
 	RUSTDOCFLAGS="-D warnings" $(CARGO) doc --release --workspace --no-deps
 	$(CARGO) build --release --workspace --bins
 	$(CARGO) test --release --workspace
+
+test-cluster:
+	scripts/setup.sh python kubernetes-validate:kubernetes_validate
+	$(CARGO) build --release --workspace --bins
+	tests/cluster.sh $(PLAN)
 
 test-readers: build
 	tests/readers.sh

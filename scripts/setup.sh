@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # Installs what WheelArm needs beside Rust, or prints the exact line that does.
 #   scripts/setup.sh          system packages (HDF5, Vulkan loader and a CPU driver)
-#   scripts/setup.sh python   also .venv with the Python packages named after it
+#   scripts/setup.sh python   also strace, and .venv with the Python packages named after it
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
@@ -21,6 +21,8 @@ need libvulkan1 have_lib libvulkan.so.1
 need mesa-vulkan-drivers have_icd
 if [ "${1:-}" = python ]; then
     need python3-venv python3 -c 'import venv, ensurepip'
+    # The tests kill recorders at chosen system calls with it.
+    need strace strace -V
 fi
 if [ ${#missing[@]} -gt 0 ]; then
     line="apt-get install -y ${missing[*]}"

@@ -3,6 +3,7 @@
 //! Everything here speaks to a server through messages only; no client shares
 //! memory, files or code with it.
 
+pub mod collect;
 pub mod control;
 pub mod demo;
 pub mod doctor;

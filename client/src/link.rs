@@ -30,7 +30,7 @@ pub struct ConnectArgs {
     /// Endpoint of the server, for example `tcp/127.0.0.1:7447`.
     #[arg(long, global = true, env = "WHEELARM_CONNECT", default_value = DEFAULT_ENDPOINT)]
     pub connect: String,
-    /// Name of the server; many can share one network.
+    /// Name of the server; many can share one network. `record` takes `*` for all.
     #[arg(long, global = true, env = "WHEELARM_SIM", default_value = keys::DEFAULT_SIM)]
     pub sim: String,
     /// Longest wait for the connection, seconds.
@@ -117,6 +117,20 @@ fn words(error: &zenoh::Error) -> String {
     text.split(" at /").next().unwrap_or(&text).to_owned()
 }
 
+/// Connects to an endpoint, behind which there may be any servers.
+///
+/// # Errors
+/// [`LinkError::NoServer`] when nobody listens.
+pub fn open_session(args: &ConnectArgs) -> Result<Session, LinkError> {
+    zenoh::open(config(&args.connect, args.connect_timeout))
+        .wait()
+        .map_err(|cause| LinkError::NoServer {
+            endpoint: args.connect.clone(),
+            seconds: args.connect_timeout,
+            cause: words(&cause),
+        })
+}
+
 /// An open connection to one server.
 #[derive(Clone)]
 pub struct Link {
@@ -134,13 +148,7 @@ impl Link {
     pub fn open(args: &ConnectArgs) -> Result<Self, LinkError> {
         let keys = Keys::new(&args.sim)?;
         let deadline = Instant::now() + Duration::from_secs_f64(args.connect_timeout.max(0.1));
-        let session = zenoh::open(config(&args.connect, args.connect_timeout))
-            .wait()
-            .map_err(|cause| LinkError::NoServer {
-                endpoint: args.connect.clone(),
-                seconds: args.connect_timeout,
-                cause: words(&cause),
-            })?;
+        let session = open_session(args)?;
         let link = Self {
             session,
             keys,
@@ -148,6 +156,19 @@ impl Link {
         };
         link.wait_alive(deadline)?;
         Ok(link)
+    }
+
+    /// A link to the server `sim` over a session that stands; whether it is
+    /// alive is not asked.
+    ///
+    /// # Errors
+    /// [`LinkError::Name`].
+    pub fn over(session: Session, endpoint: &str, sim: &str) -> Result<Self, LinkError> {
+        Ok(Self {
+            session,
+            keys: Keys::new(sim)?,
+            endpoint: endpoint.to_owned(),
+        })
     }
 
     /// Waits until the liveliness token of the named server is seen.

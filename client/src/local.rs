@@ -57,12 +57,32 @@ impl Program {
         name: &str,
         arguments: impl IntoIterator<Item = S>,
     ) -> anyhow::Result<Self> {
+        Self::start_with(name, arguments, Stdio::null())
+    }
+
+    /// As [`Program::start`] for a program that ends with its standard input:
+    /// also when this process is killed.
+    ///
+    /// # Errors
+    /// As [`Program::start`].
+    fn start_bound<S: AsRef<OsStr>>(
+        name: &str,
+        arguments: impl IntoIterator<Item = S>,
+    ) -> anyhow::Result<Self> {
+        Self::start_with(name, arguments, Stdio::piped())
+    }
+
+    fn start_with<S: AsRef<OsStr>>(
+        name: &str,
+        arguments: impl IntoIterator<Item = S>,
+        stdin: Stdio,
+    ) -> anyhow::Result<Self> {
         let path = find_program(name).with_context(|| {
             format!("`{name}` lies neither beside this program nor on PATH; build the workspace first: cargo build --release --workspace")
         })?;
         let mut child = Command::new(&path)
             .args(arguments)
-            .stdin(Stdio::null())
+            .stdin(stdin)
             .stdout(Stdio::piped())
             .stderr(Stdio::piped())
             .spawn()
@@ -175,7 +195,7 @@ impl LocalServer {
     pub fn start(options: &ServerOptions) -> anyhow::Result<Self> {
         // Several may run on one host, so the name is the process's own.
         let sim = format!("local-{}", std::process::id());
-        let mut program = Program::start("wheelarm-server", arguments(options, &sim))?;
+        let mut program = Program::start_bound("wheelarm-server", arguments(options, &sim))?;
         let output = program.output();
         let deadline = Instant::now() + READY;
         let endpoint = loop {
@@ -247,6 +267,7 @@ impl LocalServer {
 
 fn arguments(options: &ServerOptions, sim: &str) -> Vec<OsString> {
     let mut arguments: Vec<OsString> = [
+        "--end-with-stdin",
         "--sim",
         sim,
         "--listen",
@@ -317,7 +338,7 @@ const FINISH: Duration = Duration::from_secs(120);
 /// # Errors
 /// When it cannot be started.
 pub fn start_recorder(connect: &ConnectArgs, out: &Path, name: &str) -> anyhow::Result<Program> {
-    Program::start(
+    Program::start_bound(
         "wheelarm",
         [
             "--connect".as_ref(),
@@ -325,6 +346,7 @@ pub fn start_recorder(connect: &ConnectArgs, out: &Path, name: &str) -> anyhow::
             "--sim".as_ref(),
             connect.sim.as_ref(),
             "record".as_ref(),
+            "--end-with-stdin".as_ref(),
             "--out".as_ref(),
             out.as_os_str(),
             "--name".as_ref(),

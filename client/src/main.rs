@@ -9,11 +9,12 @@ use std::process::ExitCode;
 use anyhow::Context;
 use clap::{CommandFactory, Parser, Subcommand};
 use clap_complete::Shell;
+use wheelarm_client::collect::{self, CollectArgs};
 use wheelarm_client::control::{self, EpisodeCommand, ResetArgs, manual};
 use wheelarm_client::demo::{self, DemoArgs};
 use wheelarm_client::doctor::{self, DoctorArgs};
 use wheelarm_client::evaluate::{self, EvaluateArgs};
-use wheelarm_client::link::{ConnectArgs, Link};
+use wheelarm_client::link::{self, ConnectArgs, Link};
 use wheelarm_client::operate::operator::Outcome;
 use wheelarm_client::operate::run::{self as operate, OperateArgs};
 use wheelarm_client::preview::{self, PreviewArgs};
@@ -116,7 +117,11 @@ enum Command {
     #[command(after_long_help = manual::DEMO)]
     Demo(DemoArgs),
     /// Does tasks over many seeds and counts the successes.
+    #[command(after_long_help = manual::EVALUATE)]
     Evaluate(EvaluateArgs),
+    /// Makes a whole dataset from a plan, on this machine or as a part of many.
+    #[command(after_long_help = manual::COLLECT)]
+    Collect(CollectArgs),
     /// Does a recorded episode again, bit by bit, and can record it anew.
     #[command(after_long_help = manual::REPLAY)]
     Replay(ReplayArgs),
@@ -175,9 +180,10 @@ fn run(cli: Cli) -> anyhow::Result<ExitCode> {
         Command::Pause => control::acknowledge(&link()?, Query::Pause)?,
         Command::Resume => control::acknowledge(&link()?, Query::Resume)?,
         Command::Episode(command) => control::episode(&link()?, command)?,
-        Command::Record(args) => return record_episodes(&link()?, args),
+        Command::Record(args) => return record_episodes(&cli.connect, args),
         Command::Demo(args) => return demo::run(args),
         Command::Evaluate(args) => return evaluate::run(args),
+        Command::Collect(args) => return collect::run(args),
         Command::Replay(args) => return replay::run(args),
         Command::Operate(args) => return run_operator(&link()?, args),
         Command::Teleop(args) => return teleop::run(&cli.connect, args),
@@ -201,7 +207,7 @@ fn write_manual(folder: &Path) -> anyhow::Result<()> {
         .with_context(|| format!("writing man pages into {}", folder.display()))
 }
 
-fn record_episodes(link: &Link, args: &RecordArgs) -> anyhow::Result<ExitCode> {
+fn record_episodes(connect: &ConnectArgs, args: &RecordArgs) -> anyhow::Result<ExitCode> {
     let runtime = tokio::runtime::Runtime::new()?;
     let interrupted = async {
         use tokio::signal::unix::{SignalKind, signal};
@@ -215,8 +221,19 @@ fn record_episodes(link: &Link, args: &RecordArgs) -> anyhow::Result<ExitCode> {
             }
         }
     };
-    let recording = record::run(link, args.clone(), interrupted);
-    Ok(ExitCode::from(runtime.block_on(recording)?.exit_code()))
+    let summary = if connect.sim == record::EVERY_SERVER {
+        let session = link::open_session(connect)?;
+        runtime.block_on(record::run_many(
+            &session,
+            &connect.connect,
+            args,
+            interrupted,
+        ))?
+    } else {
+        let link = Link::open(connect)?;
+        runtime.block_on(record::run(&link, args.clone(), interrupted))?
+    };
+    Ok(ExitCode::from(summary.exit_code()))
 }
 
 fn run_operator(link: &Link, args: &OperateArgs) -> anyhow::Result<ExitCode> {

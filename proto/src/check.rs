@@ -247,6 +247,24 @@ pub fn label(text: &str) -> Result<(), Invalid> {
     }
 }
 
+/// Most bytes of an instruction sentence.
+pub const MAX_INSTRUCTION: usize = 64 << 10;
+
+/// Checks an instruction sentence: it is stored exactly, in any script.
+///
+/// # Errors
+/// [`Invalid::Word`].
+pub fn instruction(text: &str) -> Result<(), Invalid> {
+    if text.len() <= MAX_INSTRUCTION && !text.contains('\0') {
+        return Ok(());
+    }
+    Err(Invalid::Word {
+        what: "instruction",
+        value: text.chars().take(40).collect(),
+        expected: "at most 65536 bytes of UTF-8 without NUL characters, which no file could hold",
+    })
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -301,6 +319,14 @@ mod tests {
             ..Default::default()
         };
         assert!(command(&base).is_err());
+    }
+
+    #[test]
+    fn instructions_of_any_script_pass_and_what_cannot_be_stored_does_not() {
+        let long = "Фляга 🍾 ".repeat(1250);
+        assert!(instruction("").is_ok() && instruction(&long).is_ok());
+        assert!(instruction("a\0b").is_err());
+        assert!(instruction(&"x".repeat(MAX_INSTRUCTION + 1)).is_err());
     }
 
     #[test]

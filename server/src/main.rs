@@ -71,6 +71,9 @@ struct Args {
     /// Adds the noise of the robot description to the IMU.
     #[arg(long)]
     imu_noise: bool,
+    /// Ends when standard input is closed: with the program that started it.
+    #[arg(long, hide = true)]
+    end_with_stdin: bool,
     /// Prints the tasks and ends.
     #[arg(long)]
     list_tasks: bool,
@@ -250,14 +253,33 @@ async fn serve(args: Args) -> anyhow::Result<()> {
         adapter: args.adapter,
         no_cameras: args.no_cameras,
     };
-    let name = args.sim;
+    let (name, end_with_stdin) = (args.sim, args.end_with_stdin);
     let ready = move || println!("ready {endpoint} sim={name}");
-    service::run(session, sim, options, ready, interrupted()).await?;
+    service::run(session, sim, options, ready, interrupted(end_with_stdin)).await?;
     Ok(())
 }
 
+/// Resolves on Ctrl-C or SIGTERM, and at the end of standard input if told so.
+async fn interrupted(end_with_stdin: bool) {
+    let (closed, input_closed) = tokio::sync::oneshot::channel();
+    let closed = if end_with_stdin {
+        std::thread::spawn(move || {
+            let _ = std::io::copy(&mut std::io::stdin().lock(), &mut std::io::sink());
+            let _ = closed.send(());
+        });
+        None
+    } else {
+        Some(closed)
+    };
+    tokio::select! {
+        _ = input_closed => {}
+        () = signalled() => {}
+    }
+    drop(closed);
+}
+
 /// Resolves on Ctrl-C or SIGTERM.
-async fn interrupted() {
+async fn signalled() {
     use tokio::signal::unix::{SignalKind, signal};
     match signal(SignalKind::terminate()) {
         Ok(mut terminate) => tokio::select! {

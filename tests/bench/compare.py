@@ -96,7 +96,7 @@ def text(value, unit="", digits=1):
 def main():
     options = argparse.ArgumentParser()
     options.add_argument("--rounds", type=int, default=3)
-    options.add_argument("--no-demo", action="store_true", help="without the whole demo, which takes a minute or two")
+    options.add_argument("--no-demo", action="store_true", help="without the demo and the campaigns, which take some minutes")
     options = options.parse_args()
     assets = ROOT / "assets"
     with tempfile.TemporaryDirectory(prefix="wheelarm_bench_") as folder:
@@ -173,11 +173,15 @@ def compare(folder, assets, options):
         rate=r"file is there +# frames/s",
         size=r"file bytes per frame +# MB",
     )
-    ours = [ik, step, pairs, plain, record]
+    service = {
+        what: Measurement(f"service, {what}", lambda what=what: example("service_bench", what), **patterns)
+        for what, patterns in SERVICE.items()
+    }
+    ours = [ik, step, pairs, plain, record, *service.values()]
     for number in range(options.rounds):
         print(f"round {number + 1}")
         turns = [ik, step_mujoco[1], step_mujoco[2], step, step_mujoco[4], pairs, mujoco["renderer"], plain]
-        for measurement in [*turns, mujoco["plain"], mujoco["single"], record, original]:
+        for measurement in [*turns, mujoco["plain"], mujoco["single"], record, original, *service.values()]:
             measurement.measure()
 
     rows = [("what", "ours", "reference", "ratio", "goal")]
@@ -215,8 +219,10 @@ def compare(folder, assets, options):
     row("  until durable in its log", text(record.best("log", max)), text(b, "raw disk + fsync"), ratio(record.best("log", max), b), ">= 0.5x")
     a, b = record.best("size"), original.best("size")
     row("  MB per frame", text(a, "", 2), text(b, "original", 2), ratio(a, b), "<= 0.4x")
+    service_rows(service, row)
     if not options.no_demo:
         rows.append(demo(folder, assets))
+        rows.extend(collection(folder, assets))
 
     widths = [max(len(r[i]) for r in rows) for i in range(5)]
     print()
@@ -224,10 +230,59 @@ def compare(folder, assets, options):
         print("  ".join(c.ljust(w) for c, w in zip(r, widths)).rstrip())
         if i == 0:
             print("  ".join("-" * w for w in widths))
-    for measurement in [ik, step, *step_mujoco.values(), pairs, plain, *mujoco.values(), record, original]:
+    for measurement in [ik, step, *step_mujoco.values(), pairs, plain, *mujoco.values(), record, original, *service.values()]:
         if measurement.problem:
             print(f"{measurement.name}: skipped, {measurement.problem}")
     return int(any(m.problem for m in ours))
+
+
+SERVICE = {
+    "start": dict(picture=r"first picture after # s", memory=r"memory at most # MB"),
+    "latency": dict(
+        applied=r"real time, command to applied: median # ms",
+        applied_99=r"real time, command to applied: .* p99 # ms",
+        moved=r"real time, command to motion: median # ms",
+        moved_99=r"real time, command to motion: .* p99 # ms",
+        answer=r"lock-step, command to applied: median # ms",
+        answer_99=r"lock-step, command to applied: .* p99 # ms",
+    ),
+    "recorders": dict(
+        one=r"recorders 1: .* # of none",
+        two=r"recorders 2: .* # of none",
+        four=r"recorders 4: .* # of none",
+        cpu_none=r"recorders 0: .* server # s",
+        cpu_four=r"recorders 4: .* server # s",
+    ),
+    "flood": dict(alone=r"control ticks # per s alone", flooded=r"alone, # flooded", sent=r"hostile messages # per s"),
+}
+TICK_MS = 1000 / 60
+
+
+def service_rows(service, row):
+    """Start-up, latency, recorders and the flood, against their goals."""
+    start, latency, recorders, flood = service.values()
+
+    def against(what, measurement, figure, unit, goal, reference):
+        a = measurement.best(figure)
+        row(what, text(a, unit, 2), reference, ratio(a, goal), f"<= {goal:.1f} {unit}")
+
+    against("start to first picture 1280x720", start, "picture", "s", 1.5, "goal")
+    against("  memory at most", start, "memory", "MB", 500.0, "goal")
+    # A command waits for its control tick; in lock-step the tick waits for it.
+    for name, figure, goal, reference in (
+        ("command to applied", "applied", TICK_MS + 2, "control tick + 2 ms"),
+        ("command to motion seen", "moved", TICK_MS + 2, "control tick + 2 ms"),
+        ("command to applied, lock-step", "answer", 2.0, "goal"),
+    ):
+        median = text(latency.best(figure), "ms", 2)
+        against(f"{name}, p99 (p50 {median})", latency, f"{figure}_99", "ms", goal, reference)
+    for count in ("one", "two", "four"):
+        row(f"wall time with {count} recorder(s)", text(recorders.best(count), "x", 2), "none", recorders.best(count), "")
+    a, b = recorders.best("cpu_four"), recorders.best("cpu_none")
+    row("  server's CPU with four", text(a, "s/s", 2), text(b, "s/s without", 2), ratio(a, b), "")
+    a, b = flood.best("flooded", max), flood.best("alone", max)
+    sent = text(flood.best("sent", max), "hostile messages/s", 0)
+    row("control ticks/s in a flood", text(a, "", 2), text(b, "alone", 2), ratio(a, b), f">= 0.99x at {sent}")
 
 
 def demo(folder, assets):
@@ -238,6 +293,20 @@ def demo(folder, assets):
         return ("demo, simulated / wall", text(factor, "", 2), "", "", "")
     except Skipped as problem:
         return ("demo, simulated / wall", "skipped", f"{problem}"[:60], "", "")
+
+
+def collection(folder, assets):
+    """Whole campaigns: simulated over wall time, summed over the workers."""
+    rows = []
+    for depth, workers, goal in (("f32", 1, ">= 1 on 2 cores"), ("u16", 1, ""), ("f32", 2, "")):
+        what = f"collect, {depth}, {workers} worker{'s' * (workers > 1)}, simulated / wall"
+        try:
+            out = python("collect.py", assets, "--workers", workers, "--depth", depth, "--folder", folder)
+            factor, size = (find(p, out) for p in (r"# x real time summed", r"# MB per picture"))
+            rows.append((what, text(factor, "", 2), f"{size:.2f} MB per picture", "", goal))
+        except Skipped as problem:
+            rows.append((what, "skipped", f"{problem}"[:60], "", goal))
+    return rows
 
 
 if __name__ == "__main__":

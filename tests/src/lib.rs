@@ -1,13 +1,35 @@
-//! Shared pieces of the system tests: server processes that end with the test,
-//! and programs of the workspace run to their end.
+//! Shared pieces of the system tests: servers, recorders and operators that end
+//! with the test, and a link that can be slow, frozen or cut.
 
-use std::io::{BufRead, BufReader, Read};
+pub mod decoders;
+pub mod mutate;
+mod operator;
+mod proxy;
+mod recorder;
+mod server;
+
 use std::path::{Path, PathBuf};
-use std::process::{Child, Command, Output, Stdio};
-use std::sync::mpsc;
-use std::time::Duration;
+use std::process::Output;
+use std::time::{Duration, Instant};
 
 use anyhow::{Context, bail};
+
+pub use operator::IdleCommander;
+pub use proxy::{Line, Proxy};
+pub use recorder::Recorder;
+pub use server::Server;
+
+/// Longest wait for anything in a test: far beyond what it takes.
+pub const PATIENCE: Duration = Duration::from_secs(60);
+
+/// Waits until `done` says so; panics with `what` when it takes too long.
+pub fn wait_until(what: &str, mut done: impl FnMut() -> bool) {
+    let since = Instant::now();
+    while !done() {
+        assert!(since.elapsed() < PATIENCE, "waited in vain until {what}");
+        std::thread::sleep(Duration::from_millis(50));
+    }
+}
 
 /// Root of the workspace.
 #[must_use]
@@ -34,101 +56,6 @@ pub fn program(name: &str) -> anyhow::Result<PathBuf> {
             "{} is missing; run `make test`, which builds the programs first",
             path.display()
         )
-    }
-}
-
-/// A server process; killed when dropped.
-#[derive(Debug)]
-pub struct Server {
-    child: Child,
-    /// Endpoint to connect to.
-    pub endpoint: String,
-    /// Name of the server.
-    pub sim: String,
-}
-
-impl Server {
-    /// Starts a server on a free loopback port and waits until it serves.
-    ///
-    /// # Errors
-    /// When it ends early; the error holds what it printed.
-    pub fn start(sim: &str, args: &[&str]) -> anyhow::Result<Self> {
-        let mut child = Command::new(program("wheelarm-server")?)
-            .args(["--sim", sim, "--listen", "tcp/127.0.0.1:0"])
-            .arg("--assets")
-            .arg(root().join("assets"))
-            .args(args)
-            .stdout(Stdio::piped())
-            .stderr(Stdio::piped())
-            .spawn()?;
-        let stdout = child.stdout.take().context("a pipe")?;
-        let (sender, lines) = mpsc::channel();
-        std::thread::spawn(move || {
-            for line in BufReader::new(stdout).lines().map_while(Result::ok) {
-                let _ = sender.send(line);
-            }
-        });
-        let mut server = Self {
-            child,
-            endpoint: String::new(),
-            sim: sim.to_owned(),
-        };
-        loop {
-            match lines.recv_timeout(Duration::from_secs(60)) {
-                Ok(line) => {
-                    if let Some(rest) = line.strip_prefix("ready ") {
-                        rest.split(' ')
-                            .next()
-                            .unwrap_or_default()
-                            .clone_into(&mut server.endpoint);
-                        server.drain_errors();
-                        return Ok(server);
-                    }
-                }
-                Err(_) => {
-                    let _ = server.child.kill();
-                    let mut text = String::new();
-                    if let Some(mut errors) = server.child.stderr.take() {
-                        let _ = errors.read_to_string(&mut text);
-                    }
-                    bail!("the server did not become ready: {text}");
-                }
-            }
-        }
-    }
-
-    /// Keeps the pipe of the log from filling up.
-    fn drain_errors(&mut self) {
-        if let Some(errors) = self.child.stderr.take() {
-            std::thread::spawn(move || {
-                for line in BufReader::new(errors).lines().map_while(Result::ok) {
-                    eprintln!("server: {line}");
-                }
-            });
-        }
-    }
-
-    /// Whether the process still runs.
-    pub fn alive(&mut self) -> bool {
-        matches!(self.child.try_wait(), Ok(None))
-    }
-
-    /// Runs `wheelarm` with this server's endpoint and name.
-    ///
-    /// # Errors
-    /// When the program cannot be started.
-    pub fn client(&self, args: &[&str]) -> anyhow::Result<Output> {
-        Ok(Command::new(program("wheelarm")?)
-            .args(["--connect", &self.endpoint, "--sim", &self.sim])
-            .args(args)
-            .output()?)
-    }
-}
-
-impl Drop for Server {
-    fn drop(&mut self) {
-        let _ = self.child.kill();
-        let _ = self.child.wait();
     }
 }
 

@@ -87,6 +87,7 @@ pub const EPISODE: &str = manual!(
 pub const RECORD: &str = manual!(
     "  wheelarm record --out data/session
   wheelarm record --out data/session --episodes 1 --depth u16
+  wheelarm --connect tcp/router:7447 --sim '*' record --out data/all   every server behind a router
 ",
     "  0  every file is complete
   1  an episode could not be recorded
@@ -111,6 +112,16 @@ pub const DEMO: &str = manual!(
     "  0  every task succeeded and every file is complete
   1  one did not
   3  a file is partial
+",
+    "\n  WHEELARM_ASSETS   assets folder, as --assets"
+);
+
+/// `wheelarm evaluate`.
+pub const EVALUATE: &str = manual!(
+    "  wheelarm evaluate --task all --seeds 0..50 --jobs 4
+",
+    "  0  every episode of every task succeeded
+  1  one did not, or a program could not be started
 ",
     "\n  WHEELARM_ASSETS   assets folder, as --assets"
 );
@@ -208,4 +219,20 @@ pub const SHUTDOWN: &str = manual!(
     "  0  the server ends; a running episode is finished first
   1  no server answered
 "
+);
+
+/// `wheelarm collect`.
+pub const COLLECT: &str = manual!(
+    "  wheelarm collect assets/campaigns/small.toml --dry-run      episodes, samples, disk, time
+  wheelarm collect assets/campaigns/small.toml                makes what is missing
+  wheelarm collect PLAN --out DIR --shard 3/8                 one part of eight
+  wheelarm collect --merge DIR                                joins, checks, lists what is missing
+",
+    "  0  every episode asked for is there
+  1  failed, or ended early; the same command goes on
+  3  episodes are missing
+",
+    "
+  WHEELARM_ASSETS   assets folder, as --assets
+  TMPDIR            folder for the sockets of the workers, /tmp without it"
 );

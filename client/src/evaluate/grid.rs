@@ -1,6 +1,6 @@
-//! The end of one episode of each task as the chair's camera sees it, in one
-//! picture. The episode is done once more for it, with the camera on: the same
-//! bits again.
+//! The end of one episode of each task in one picture: as the chair's camera
+//! sees it and, small in a corner, as the hand's camera does. The episode is
+//! done once more for it, with the cameras on: the same bits again.
 
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -16,10 +16,9 @@ use super::{Entry, EvaluateArgs, Job};
 use crate::local::LocalServer;
 use crate::operate::run::{self as operate, OperateArgs};
 
-/// Camera that takes the pictures.
-const CAMERA: &str = "wheelchair";
-/// Its size, pixels, and rate, Hz.
-const SETTING: &str = "640x360@1";
+/// Cameras that take the pictures, with their sizes, pixels, and rates, Hz:
+/// the large one and the small one.
+const CAMERAS: [(&str, &str); 2] = [("wheelchair", "480x270@1"), ("gen3", "160x90@1")];
 /// Pictures in one row.
 const COLUMNS: usize = 4;
 
@@ -39,12 +38,12 @@ pub fn draw(args: &EvaluateArgs, report: &Report, entries: &[Entry]) -> anyhow::
             task: entry.task.clone(),
             seed: entry.seed,
         };
-        let frame = last_frame(args, &job)?;
-        let intrinsics = frame.intrinsics.clone().unwrap_or_default();
+        let [large, small] = last_frames(args, &job)?;
+        let (width, height) = size(&large);
         cells.push(Cell {
-            width: intrinsics.width as usize,
-            height: intrinsics.height as usize,
-            rgb: frame.rgb.to_vec(),
+            width,
+            height,
+            rgb: inset(&large, &small),
             title: task.task.clone(),
             note: format!(
                 "{} of {}, {:.0} s",
@@ -58,27 +57,82 @@ pub fn draw(args: &EvaluateArgs, report: &Report, entries: &[Entry]) -> anyhow::
     Ok(path)
 }
 
-/// The last picture of an episode.
-fn last_frame(args: &EvaluateArgs, job: &Job) -> anyhow::Result<v1::CameraFrame> {
-    let camera = format!("{CAMERA}={SETTING}");
-    let server = LocalServer::start(&args.server(&job.task, job.seed, vec![camera]))?;
+fn size(frame: &v1::CameraFrame) -> (usize, usize) {
+    let intrinsics = frame.intrinsics.clone().unwrap_or_default();
+    (intrinsics.width as usize, intrinsics.height as usize)
+}
+
+/// The large picture with the small one in its lower right corner.
+fn inset(large: &v1::CameraFrame, small: &v1::CameraFrame) -> Vec<u8> {
+    let mut rgb = large.rgb.to_vec();
+    let ((width, height), (columns, rows)) = (size(large), size(small));
+    if columns > width
+        || rows > height
+        || rgb.len() != 3 * width * height
+        || small.rgb.len() != 3 * columns * rows
+    {
+        return rgb;
+    }
+    for (row, line) in small.rgb.chunks_exact(3 * columns.max(1)).enumerate() {
+        let to = 3 * ((height - rows + row) * width + width - columns);
+        rgb[to..to + line.len()].copy_from_slice(line);
+    }
+    rgb
+}
+
+/// The last pictures of an episode.
+fn last_frames(args: &EvaluateArgs, job: &Job) -> anyhow::Result<[v1::CameraFrame; 2]> {
+    let cameras = CAMERAS.map(|(name, setting)| format!("{name}={setting}"));
+    let server = LocalServer::start(&args.server(&job.task, job.seed, cameras.to_vec()))?;
     let link = server.link()?;
-    let newest: Arc<Mutex<Option<ZBytes>>> = Arc::default();
-    let kept = Arc::clone(&newest);
-    let subscriber = link
-        .session()
-        .declare_subscriber(link.keys().camera(CAMERA))
-        .callback(move |sample| {
-            let mut newest = kept.lock().unwrap_or_else(PoisonError::into_inner);
-            *newest = Some(sample.payload().clone());
-        })
-        .wait()
-        .map_err(|e| anyhow::anyhow!("subscribing to the camera {CAMERA}: {e}"))?;
+    let newest: [Arc<Mutex<Option<ZBytes>>>; 2] = Default::default();
+    let mut subscribers = Vec::new();
+    for ((name, _), newest) in CAMERAS.iter().zip(&newest) {
+        let kept = Arc::clone(newest);
+        let subscriber = link
+            .session()
+            .declare_subscriber(link.keys().camera(name))
+            .callback(move |sample| {
+                let mut newest = kept.lock().unwrap_or_else(PoisonError::into_inner);
+                *newest = Some(sample.payload().clone());
+            })
+            .wait()
+            .map_err(|e| anyhow::anyhow!("subscribing to the camera {name}: {e}"))?;
+        subscribers.push(subscriber);
+    }
     operate::run(&link, &OperateArgs::default(), &mut |_| {})
         .with_context(|| format!("{} seed {}", job.task, job.seed))?;
-    drop(subscriber);
+    drop(subscribers);
     server.stop(link)?;
-    let newest = newest.lock().unwrap_or_else(PoisonError::into_inner).take();
-    let payload = newest.with_context(|| format!("the camera {CAMERA} sent no picture"))?;
-    Ok(v1::CameraFrame::decode(payload.to_bytes().as_ref())?)
+    let frame = |index: usize| -> anyhow::Result<v1::CameraFrame> {
+        let mut newest = newest[index].lock().unwrap_or_else(PoisonError::into_inner);
+        let name = CAMERAS[index].0;
+        let payload = newest.take();
+        let payload = payload.with_context(|| format!("the camera {name} sent no picture"))?;
+        Ok(v1::CameraFrame::decode(payload.to_bytes().as_ref())?)
+    };
+    Ok([frame(0)?, frame(1)?])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_small_picture_stands_in_the_lower_right_corner() {
+        let frame = |width: u32, height: u32, value: u8| v1::CameraFrame {
+            intrinsics: Some(v1::Intrinsics {
+                width,
+                height,
+                ..Default::default()
+            }),
+            rgb: vec![value; (3 * width * height) as usize].into(),
+            ..Default::default()
+        };
+        let rgb = inset(&frame(4, 3, 1), &frame(2, 1, 9));
+        assert_eq!(rgb[..30], [1; 30]);
+        assert_eq!(rgb[30..], [9; 6]);
+        // One that does not fit is left out.
+        assert_eq!(inset(&frame(2, 1, 1), &frame(4, 3, 9)), [1; 6]);
+    }
 }

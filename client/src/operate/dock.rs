@@ -10,8 +10,8 @@ use super::way::Way;
 
 /// Answers whether the end effector can reach a pose in `base_link`.
 pub trait Reach {
-    /// Joint angles that reach it, radians, found near others if those are
-    /// given and else near the present ones; `None` when it cannot be reached.
+    /// Joint angles that reach it, radians: any, or only such as lie near others
+    /// if those are given; `None` when there are none.
     fn reach(
         &mut self,
         base_from_tool: &Isometry3<f64>,
@@ -106,10 +106,6 @@ pub fn reaches(
     poses: &[Isometry3<f64>],
     reach: &mut dyn Reach,
 ) -> bool {
-    // What cannot be reached at all is found out first.
-    if poses.iter().any(|pose| reach.reach(pose, None).is_none()) {
-        return false;
-    }
     let Some(mut near) = reach.reach(base_from_tool, None) else {
         return false;
     };

@@ -104,8 +104,10 @@ impl Rectangle {
             other.centre[0] - self.centre[0],
             other.centre[1] - self.centre[1],
         ];
-        let reach = self.radius() + other.radius();
-        if between[0] * between[0] + between[1] * between[1] > reach * reach {
+        // The squared sum of two radii is at most twice the sum of their squares:
+        // a search asks this often, and a root costs more than all the rest.
+        let squared = |v: [f64; 2]| v[0] * v[0] + v[1] * v[1];
+        if squared(between) > 2.0 * (squared(self.half) + squared(other.half)) {
             return false;
         }
         let across = |v: [f64; 2]| [-v[1], v[0]];

@@ -10,10 +10,11 @@ use super::scene::read_pose;
 use crate::link::{Received, Stream};
 
 /// Streams that make up an observation; the clock comes last.
-pub const STREAMS: [Stream; 6] = [
+pub const STREAMS: [Stream; 7] = [
     Stream::JointState,
     Stream::Pose,
     Stream::ObjectPose,
+    Stream::FurnitureJoint,
     Stream::Contact,
     Stream::Evaluation,
     Stream::Applied,
@@ -69,6 +70,7 @@ pub struct Collector {
     joints: Option<v1::JointState>,
     poses: Option<v1::PoseSet>,
     objects: Option<v1::ObjectPoses>,
+    slides: Option<v1::FurnitureJoints>,
     contacts: Option<v1::Contacts>,
     evaluation: Option<v1::Evaluation>,
     applied: Option<v1::Applied>,
@@ -124,6 +126,7 @@ impl Collector {
             Received::JointState(s) => self.joints = Some(s),
             Received::Pose(s) => self.poses = Some(s),
             Received::ObjectPose(s) => self.objects = Some(s),
+            Received::FurnitureJoint(s) => self.slides = Some(s),
             Received::Contact(s) => self.contacts = Some(s),
             Received::Evaluation(s) => self.evaluation = Some(s),
             Received::Applied(s) => self.applied = Some(s),
@@ -175,7 +178,11 @@ impl Collector {
                 .iter()
                 .map(|pose| read_pose("pose of an object", Some(pose)))
                 .collect::<Result<_, _>>()?,
-            slides: Vec::new(),
+            slides: self
+                .slides
+                .as_ref()
+                .map(|slides| slides.position.clone())
+                .unwrap_or_default(),
             success: evaluation.success,
             done: evaluation.done,
             failure: evaluation.failure,

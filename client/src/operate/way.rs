@@ -21,6 +21,10 @@ pub struct Way {
     pub opening: f64,
     /// Distance between the pads at the grasp, metres.
     pub width: f64,
+    /// How far it leans about its closing axis, radians.
+    pub lean: f64,
+    /// How far it is drawn back from the grasp, metres.
+    pub back: f64,
     /// What it has against it; 0 for a hand that comes as the grasp says.
     pub cost: f64,
 }
@@ -49,7 +53,7 @@ const ROOM: f64 = 0.034;
 /// Turns of a round thing that are looked at.
 const TURNS: u8 = 24;
 /// A hand may be drawn back from the grasp by this much, metres.
-const BACK: [f64; 6] = [0.0, 0.006, 0.012, 0.018, 0.024, 0.031];
+const BACK: [f64; 4] = [0.0, 0.006, 0.012, 0.018];
 /// How far a level hand leans forward, radians.
 const LEVEL_LEAN: [f64; 4] = [0.0, 0.25, 0.5, 0.75];
 /// How far a hand from above leans, radians: the camera stays above.
@@ -138,7 +142,7 @@ fn nearest(
     let leaned = UnitQuaternion::from_axis_angle(&Vector3::x_axis(), lean);
     let opening = OPEN.min(grasp.width + ROOM);
     // The pads must still meet the thing when the hand is drawn back.
-    let most = hand::pads(grasp.width) + 0.012 - scene.tool_length;
+    let most = hand::pads(grasp.width) + 0.005 - scene.tool_length;
     BACK.iter().filter(|back| **back <= most).find_map(|back| {
         let at = house_from_grasp * leaned * Translation3::new(0.0, 0.0, -scene.tool_length - back);
         let from_above = (house_from_grasp.rotation * Vector3::z()).z < -0.8;
@@ -151,6 +155,8 @@ fn nearest(
             at,
             opening,
             width: grasp.width,
+            lean,
+            back: *back,
             cost: (lean / 0.4).powi(2) + back / 0.02 * 0.3,
         })
     })

@@ -19,6 +19,9 @@ const SKIPPED: f64 = 0.5;
 const ENOUGH: u64 = 3;
 /// Quiet time before a step up, least and greatest, s.
 const QUIET: [f64; 2] = [4.0, 60.0];
+/// After a step down the link empties itself for this long, s: nothing that
+/// comes meanwhile tells of the new level.
+const SETTLE: f64 = 2.5;
 /// A step up that holds this long was right, s.
 const HELD: f64 = 8.0;
 /// The quickest picture is looked for over one to two times this, s.
@@ -46,6 +49,7 @@ pub struct Ladder {
     quiet: f64,
     changed: f64,
     went_up: bool,
+    went_down: bool,
     growth: f64,
 }
 
@@ -65,6 +69,7 @@ impl Ladder {
             quiet: QUIET[0],
             changed: now,
             went_up: false,
+            went_down: false,
             growth: 0.0,
         }
     }
@@ -124,6 +129,9 @@ impl Ladder {
                 ..Window::default()
             },
         );
+        if self.went_down && now - self.changed < SETTLE {
+            return None;
+        }
         let share = |part: u64, rest: u64| part as f64 / (part + rest).max(1) as f64;
         let trouble = window.came + window.missed >= ENOUGH
             && (window.growth / window.came.max(1) as f64 > GROWTH
@@ -156,6 +164,7 @@ impl Ladder {
         self.level = *PreviewLevel::ALL.get(step)?;
         self.changed = now;
         self.went_up = up;
+        self.went_down = !up;
         self.next = None;
         Some(self.level)
     }

@@ -10,6 +10,7 @@ pub mod ladder;
 mod serve;
 mod state;
 
+use std::io::Write;
 use std::net::SocketAddr;
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
@@ -115,11 +116,7 @@ pub fn run(connect: &ConnectArgs, args: &PreviewArgs) -> anyhow::Result<ExitCode
     let (link_in, link) = latest::channel(None);
     let (state_in, state) = latest::channel("{}".to_owned());
     let page = runtime.block_on(Page::open(args.page, Source { link, state }))?;
-    println!("page {}", page.address());
-    println!(
-        "on another machine: ssh -N -L {port}:127.0.0.1:{port} HOST, then http://127.0.0.1:{port}",
-        port = page.address.port()
-    );
+    announce(&page).context("writing the page's address")?;
     let (stop, stopped) = unbounded::<()>();
     runtime.spawn(async move {
         interrupted().await;
@@ -170,6 +167,18 @@ pub fn run(connect: &ConnectArgs, args: &PreviewArgs) -> anyhow::Result<ExitCode
     }
     runtime.shutdown_timeout(Duration::from_millis(200));
     Ok(ExitCode::SUCCESS)
+}
+
+/// Says where the page is, also from another machine.
+fn announce(page: &Page) -> std::io::Result<()> {
+    let port = page.address.port();
+    let text = format!(
+        "page {}\non another machine: ssh -N -L {port}:127.0.0.1:{port} HOST, then http://127.0.0.1:{port}\n",
+        page.address()
+    );
+    let mut out = std::io::stdout().lock();
+    out.write_all(text.as_bytes())?;
+    out.flush()
 }
 
 /// Resolves on Ctrl-C, SIGTERM or SIGHUP.

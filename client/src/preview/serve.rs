@@ -30,6 +30,7 @@ use super::feed::Feed;
 const PAGE: &str = include_str!("page.html");
 const STYLE: &str = include_str!("page.css");
 const SCRIPT: &str = include_str!("page.js");
+const ICON: &str = r##"<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 16 16"><circle cx="7" cy="10" r="5" fill="none" stroke="#46c37b" stroke-width="2"/><path d="M7 10V2h6" fill="none" stroke="#dfe6ea" stroke-width="2"/></svg>"##;
 /// Cameras that can be watched at once.
 const FEEDS: usize = 8;
 /// Time between two states although nothing changed: keeps proxies awake.
@@ -175,6 +176,7 @@ impl Site {
             "/" => text("text/html; charset=utf-8", PAGE),
             "/page.css" => text("text/css; charset=utf-8", STYLE),
             "/page.js" => text("text/javascript; charset=utf-8", SCRIPT),
+            "/favicon.ico" => text("image/svg+xml", ICON),
             "/state" => self.states(),
             path => match path.strip_prefix("/camera/") {
                 Some(camera) => self.picture(camera, query).await,

@@ -8,11 +8,13 @@
 
 mod core;
 mod episode;
+mod many;
 mod network;
 mod queue;
 
 pub use self::core::{Input, Output, RecorderCore};
 pub use self::episode::{Finishing, Report};
+pub use self::many::{EVERY_SERVER, run_many};
 pub use self::network::{run, run_with};
 
 use std::path::PathBuf;
@@ -43,7 +45,8 @@ impl From<Depth> for DepthFormat {
 /// Options of a recorder.
 #[derive(Args, Clone, Debug)]
 pub struct RecordArgs {
-    /// Folder for the files; one per episode, named LABEL.h5.
+    /// Folder for the files; one per episode, named LABEL.h5, with
+    /// `--sim '*'` below a folder per server.
     #[arg(long, default_value = "data", value_name = "DIR")]
     pub out: PathBuf,
     /// Name of this recorder; several at one server need different ones.
@@ -52,7 +55,11 @@ pub struct RecordArgs {
     /// How depth is stored.
     #[arg(long, value_enum, default_value_t = Depth::F32)]
     pub depth: Depth,
-    /// Ends after this many episodes; runs until Ctrl-C without it.
+    /// Ends when standard input is closed: with the program that started it.
+    #[arg(long, hide = true)]
+    pub end_with_stdin: bool,
+    /// Ends after this many episodes, of all servers with `--sim '*'`; runs
+    /// until Ctrl-C without it.
     #[arg(long, value_name = "N")]
     pub episodes: Option<u64>,
 }

@@ -60,26 +60,7 @@ pub async fn run(
     args: RecordArgs,
     shutdown: impl Future<Output = ()>,
 ) -> anyhow::Result<ExitSummary> {
-    run_with(link, args, shutdown, |output| match output {
-        Output::Finished(r) => {
-            let state = if r.complete { "complete" } else { "PARTIAL" };
-            let mb = r.bytes as f64 / 1e6;
-            println!(
-                "{}: {state}, {} frames, {} samples, {} missed, {mb:.1} MB",
-                r.path.display(),
-                r.frames,
-                r.samples,
-                r.missed
-            );
-            for problem in &r.problems {
-                println!("  {problem}");
-            }
-        }
-        Output::Failed(words) => eprintln!("recording failed: {words}"),
-        Output::Discarded(label) => println!("{label}: discarded"),
-        Output::AskSnapshot | Output::AskStatus | Output::Status(_) | Output::Finish(_) => {}
-    })
-    .await
+    run_with(link, args, shutdown, print).await
 }
 
 /// As [`run`], telling every output to `tell`.
@@ -139,6 +120,9 @@ pub async fn run_with(
     let mut poll = tokio::time::interval(POLL_PERIOD);
     let mut ending = false;
     let mut connection = Connection::new();
+    let _input = args
+        .end_with_stdin
+        .then(|| end_with_input(entrance.clone()));
     tokio::pin!(shutdown);
     loop {
         tokio::select! {
@@ -187,6 +171,29 @@ pub async fn run_with(
         );
     }
     Ok(summary)
+}
+
+/// Tells people what became of an episode.
+pub(super) fn print(output: &Output) {
+    match output {
+        Output::Finished(r) => {
+            let state = if r.complete { "complete" } else { "PARTIAL" };
+            let mb = r.bytes as f64 / 1e6;
+            println!(
+                "{}: {state}, {} frames, {} samples, {} missed, {mb:.1} MB",
+                r.path.display(),
+                r.frames,
+                r.samples,
+                r.missed
+            );
+            for problem in &r.problems {
+                println!("  {problem}");
+            }
+        }
+        Output::Failed(words) => eprintln!("recording failed: {words}"),
+        Output::Discarded(label) => println!("{label}: discarded"),
+        Output::AskSnapshot | Output::AskStatus | Output::Status(_) | Output::Finish(_) => {}
+    }
 }
 
 /// The recorder's thread: decodes and feeds the core until it is shut down.
@@ -333,6 +340,14 @@ async fn subscribe(
         .map_err(transport("watching the server"))?;
     held.push(Box::new(alive));
     Ok(held)
+}
+
+/// Ends the recorder with its standard input: with the program that holds it.
+fn end_with_input(entrance: Entrance<Raw>) -> std::thread::JoinHandle<()> {
+    std::thread::spawn(move || {
+        let _ = std::io::copy(&mut std::io::stdin().lock(), &mut std::io::sink());
+        entrance.control(Raw::Ready(Input::Shutdown));
+    })
 }
 
 /// Whether the way to the server stands.

@@ -170,12 +170,15 @@ pub struct Model {
     start: Start,
     leaving: bool,
     asked_again: f64,
+    /// When control was given, s.
+    leased_at: f64,
     arm_problem: String,
     /// Lock-step: what the next answer says.
     pending: v1::Command,
     /// Lock-step: tick to answer and when, s.
     answer_due: Option<(v1::Header, f64)>,
     answered: Option<u64>,
+    answered_at: f64,
 }
 
 impl Model {
@@ -204,10 +207,12 @@ impl Model {
             twice: None,
             leaving: false,
             asked_again: f64::NEG_INFINITY,
+            leased_at: f64::NEG_INFINITY,
             arm_problem: String::new(),
             pending: v1::Command::default(),
             answer_due: None,
             answered: None,
+            answered_at: f64::NEG_INFINITY,
         }
     }
 
@@ -371,6 +376,14 @@ impl Model {
             return Vec::new();
         }
         self.busy = Some(word);
+        if matches!(
+            errand,
+            Errand::Start(_) | Errand::Stop { .. } | Errand::Redo(_)
+        ) {
+            // The number of the episode changes: a stop that is said once more
+            // would be for the wrong one.
+            self.drive.forget();
+        }
         vec![Effect::Errand(errand)]
     }
 
@@ -423,6 +436,8 @@ impl Model {
         if let Some((header, due)) = self.answer_due.take() {
             if now >= due {
                 self.answered = Some(header.tick);
+                // A late answer is not made up for by quicker ones for long.
+                self.answered_at = due.max(now - TICK);
                 let command = std::mem::take(&mut self.pending);
                 effects.push(Effect::Send(Box::new(header), Box::new(command)));
             } else {
@@ -462,8 +477,8 @@ impl Model {
                 let header = clock.header.clone().unwrap_or_default();
                 let is_new = self.answered.is_none_or(|tick| header.tick > tick);
                 if self.lock_step() && is_new && header.episode != 0 {
-                    let last = self.answer_due.as_ref().map_or(now, |(_, due)| due + TICK);
-                    self.answer_due = Some((header, last.clamp(now, now + TICK)));
+                    let due = (self.answered_at + TICK).clamp(now, now + TICK);
+                    self.answer_due = Some((header, due));
                 }
             }
             _ => {}

@@ -40,15 +40,15 @@ pub struct Happening {
     pub text: String,
 }
 
-/// Where the object of the task lies, seen from the hand and from the chair.
+/// Where the object of the task is to be taken, seen from the hand.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Target {
     /// Its name.
     pub name: String,
-    /// From the point between the pads: ahead, left and up along the chair's
-    /// axes, m.
+    /// Middle of its grasps from the point between the pads: ahead, left and up
+    /// along the chair's axes, m.
     pub from_hand: [f64; 3],
-    /// Its place in `house`: x, y, z, m.
+    /// The same place in `house`: x, y, z, m.
     pub place: [f64; 3],
 }
 
@@ -57,6 +57,8 @@ pub struct Target {
 struct Scene {
     target: String,
     index: Option<usize>,
+    /// Middle of the grasps in the object's frame, m.
+    grasp: Point3<f64>,
     chair_from_base: Isometry3<f64>,
     tool_length: f64,
 }
@@ -134,7 +136,8 @@ impl Situation {
             Received::Evaluation(evaluation) => self.evaluation = Some(evaluation),
             Received::Applied(applied) => self.applied = Some(applied),
             Received::Contact(contacts) => {
-                let force = |i: usize| contacts.pad_force.get(i).copied().unwrap_or_default();
+                // Without the sign of a zero.
+                let force = |i: usize| contacts.pad_force.get(i).map_or(0.0, |f| f + 0.0);
                 self.pad_force = [force(0), force(1)];
             }
             Received::ObjectPose(objects) => {
@@ -186,9 +189,16 @@ impl Situation {
     /// Takes the scene's layout, for the target hint.
     pub fn take_scene(&mut self, reply: &v1::SceneReply) {
         let chair_from_base = read_pose("arm mount", reply.arm_mount.as_ref());
+        let ours = reply.grasps.iter().filter(|g| g.object == reply.target);
+        let points: Vec<Vector3<f64>> = ours
+            .filter_map(|g| read_pose("grasp", g.pose.as_ref()).ok())
+            .map(|pose| pose.translation.vector)
+            .collect();
+        let middle = points.iter().sum::<Vector3<f64>>() / points.len().max(1) as f64;
         self.scene = chair_from_base.ok().map(|chair_from_base| Scene {
             index: reply.objects.iter().position(|name| *name == reply.target),
             target: reply.target.clone(),
+            grasp: Point3::from(middle),
             chair_from_base,
             tool_length: reply.tool_length,
         });
@@ -273,12 +283,12 @@ impl Situation {
         let object = self.objects.get(scene.index?)?;
         let base_from_house = (self.house_from_chair? * scene.chair_from_base).inverse();
         let grasp = self.base_from_tool? * Point3::new(0.0, 0.0, scene.tool_length);
-        let place = object.translation.vector;
-        let away = base_from_house * Point3::from(place) - grasp;
+        let place = object * scene.grasp;
+        let away = base_from_house * place - grasp;
         Some(Target {
             name: scene.target.clone(),
             from_hand: hand::seen_from_the_chair(away),
-            place: place.into(),
+            place: place.coords.into(),
         })
     }
 }

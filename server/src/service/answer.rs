@@ -18,6 +18,9 @@ use crate::{scene, tasks};
 /// Where the arm stands among the recorded joints.
 const ARM_JOINTS: std::ops::Range<usize> = 4..10;
 
+/// How far a joint may turn from where a solution is looked for nearby, radians.
+const NEAR_CHANGE: f64 = 1.2;
+
 impl Engine {
     /// Answers one query; a refused one gets a `Failure` with the cure.
     pub(super) fn answer(&mut self, request: Request) {
@@ -248,11 +251,18 @@ impl Engine {
     fn reach(&self, request: v1::ReachRequest) -> Result<v1::ReachReply, String> {
         let pose = convert::isometry("pose", request.pose.as_ref()).map_err(|e| e.to_string())?;
         let joints = self.sim.recorded_joints();
-        let guess = match request.near.as_slice() {
-            [] => std::array::from_fn(|i| joints[ARM_JOINTS.start + i].position),
-            near => wheelarm_proto::check::list::<6>("near", near).map_err(|e| e.to_string())?,
+        let kinematics = self.sim.control().kinematics();
+        let solved = match request.near.as_slice() {
+            [] => {
+                let now = std::array::from_fn(|i| joints[ARM_JOINTS.start + i].position);
+                kinematics.solve(&pose, &now)
+            }
+            near => {
+                let near = wheelarm_proto::check::list::<6>("near", near);
+                let near = near.map_err(|e| e.to_string())?;
+                kinematics.solve_local(&pose, &near, NEAR_CHANGE)
+            }
         };
-        let solved = self.sim.control().kinematics().solve(&pose, &guess);
         let header = Some(self.stamp());
         Ok(match solved {
             Ok(solution) => v1::ReachReply {

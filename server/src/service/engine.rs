@@ -7,7 +7,7 @@ use std::sync::mpsc::Receiver;
 use std::time::{Duration, Instant};
 
 use wheelarm_proto::keys::Query;
-use wheelarm_proto::{names, v1};
+use wheelarm_proto::{check, names, v1};
 
 use super::episode::{Episode, Stage};
 use super::inbox::{Listening, Refused};
@@ -91,7 +91,8 @@ impl Engine {
 
     fn start_cameras(&mut self) -> Result<(), ServiceError> {
         self.render = None;
-        if !self.camera_names().is_empty() {
+        let wanted = self.wanted_cameras();
+        if !wanted.is_empty() {
             let render = RenderThread::start(
                 &self.sim,
                 self.options.adapter.as_deref(),
@@ -101,11 +102,20 @@ impl Engine {
             tracing::info!("cameras on {}", render.adapter);
             self.render = Some(render);
         }
-        Ok(self.shared.outbox.declare(&self.camera_names())?)
+        Ok(self.shared.outbox.declare(&wanted)?)
     }
 
-    /// Cameras that are drawn.
+    /// Cameras that are drawn: none when they could not be set up again after a
+    /// reset that failed.
     pub(super) fn camera_names(&self) -> Vec<String> {
+        match &self.render {
+            Some(_) => self.wanted_cameras(),
+            None => Vec::new(),
+        }
+    }
+
+    /// Cameras that the scenario asks for.
+    fn wanted_cameras(&self) -> Vec<String> {
         if self.options.no_cameras {
             return Vec::new();
         }
@@ -386,7 +396,8 @@ impl Engine {
             let label = &running.started.label;
             return Err(format!("episode {label:?} is running; stop it first"));
         }
-        wheelarm_proto::check::label(&request.label).map_err(|e| e.to_string())?;
+        check::label(&request.label).map_err(|e| e.to_string())?;
+        check::instruction(&request.instruction).map_err(|e| e.to_string())?;
         let lock_step = self.sim.scenario().pacing == Pacing::LockStep;
         if lock_step {
             self.check_commander(&request.commander)?;

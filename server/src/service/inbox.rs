@@ -11,7 +11,7 @@ mod rate;
 use std::collections::BTreeMap;
 use std::time::Instant;
 
-use wheelarm_proto::{Message, TICKS_PER_CONTROL, check, v1};
+use wheelarm_proto::{Message, PHYSICS_HZ, TICKS_PER_CONTROL, check, v1};
 
 pub use self::lease::{Granted, Lease, Life};
 pub use self::rate::Bucket;
@@ -27,6 +27,10 @@ const RATE: (f64, f64) = (400.0, 200.0);
 
 /// How far ahead of the simulation a lock-step commander may answer, control ticks.
 const MAX_AHEAD: u64 = 8;
+
+/// Age of the state that a command answers beyond which it comes too late to
+/// make sense, ticks: 1 s. A link that was frozen delivers what it held back.
+const MAX_AGE: u64 = 240;
 
 /// Largest command message, bytes.
 const MAX_BYTES: usize = 64 * 1024;
@@ -271,6 +275,15 @@ impl Inbox {
             }
             if ahead >= MAX_AHEAD {
                 return Err(refuse(format!("more than {MAX_AHEAD} commands ahead")));
+            }
+        }
+        if !self.listening.lock_step && command.answers_tick > 0 {
+            let age = self.next_tick.saturating_sub(command.answers_tick);
+            if age > MAX_AGE {
+                return Err(refuse(format!(
+                    "command answers a state that is {:.2} s old, at most 1 s is taken",
+                    age as f64 / PHYSICS_HZ as f64
+                )));
             }
         }
         self.check_sequence(header.sequence).map_err(refuse)?;

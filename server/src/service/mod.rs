@@ -5,10 +5,10 @@
 //! wgpu. `run(session, sim, options, shutdown)` is all that `main` calls.
 
 mod answer;
-mod convert;
+pub mod convert;
 mod engine;
 mod episode;
-mod inbox;
+pub mod inbox;
 mod outbox;
 mod pace;
 mod preview;

@@ -34,11 +34,10 @@ pub fn open(
     set("listen/endpoints", list(listen))?;
     set("connect/endpoints", list(connect))?;
     set("connect/timeout_ms", "5000".to_owned())?;
-    // Nobody is scouted for, so nothing is to be waited for.
-    set(
-        "scouting/delay",
-        if multicast { "500" } else { "0" }.to_owned(),
-    )?;
+    // Alone there is nobody to be heard of before the start.
+    let alone = !multicast && connect.is_empty();
+    let delay = if alone { "0" } else { "500" };
+    set("scouting/delay", delay.to_owned())?;
     // A camera message waits for room instead of being dropped after 1 ms. In
     // lock-step the simulation waits anyway, so it may wait long; a receiver
     // that stands still costs this once, for then it counts as congested.

@@ -1,10 +1,22 @@
 //! System tests: a real server process and real client processes over
 //! loopback, and the rules that the compiler cannot see.
 
+mod collect;
+mod collect_many;
+mod control;
 mod dataset;
 mod episode;
+mod faults_disk;
+mod faults_hostile;
+mod faults_link;
+mod faults_recorder;
+mod faults_server;
 mod gate;
+mod mutation;
+mod preview;
 mod recorder;
 mod settle;
 mod tasks;
+mod teleop;
 mod tidy;
+mod watch;

@@ -1,50 +1,13 @@
 //! Recorders that come late, die, come back or run in pairs: nothing that was
 //! acknowledged is lost, and nobody else is disturbed.
 
-use std::io::{BufRead, BufReader};
-use std::path::{Path, PathBuf};
-use std::process::{Child, Command, Stdio};
+use std::path::Path;
 use std::time::{Duration, Instant};
 
-use wheelarm_tests::{Server, printed, program};
+use wheelarm_tests::{PATIENCE, Recorder, Server, printed};
 
 /// Small pictures that fall due often.
 const CAMERA: [&str; 4] = ["--camera", "gen3=64x48@30", "--quality", "fast"];
-const PATIENCE: Duration = Duration::from_secs(60);
-
-struct Recorder {
-    child: Child,
-}
-
-impl Recorder {
-    fn start(server: &Server, name: &str, out: &Path, more: &[&str]) -> Self {
-        let child = Command::new(program("wheelarm").expect("the client"))
-            .args(["--connect", &server.endpoint, "--sim", &server.sim])
-            .args(["record", "--name", name, "--out"])
-            .arg(out)
-            .args(more)
-            .stdout(Stdio::piped())
-            .spawn()
-            .expect("a recorder");
-        Self { child }
-    }
-
-    /// Waits until it ends by itself; returns what it printed.
-    fn finish(mut self) -> String {
-        let pipe = self.child.stdout.take().expect("a pipe");
-        let lines: Vec<_> = BufReader::new(pipe).lines().map_while(Result::ok).collect();
-        let status = self.child.wait().expect("an exit status");
-        assert!(status.success(), "{status}: {lines:?}");
-        lines.join("\n")
-    }
-}
-
-impl Drop for Recorder {
-    fn drop(&mut self) {
-        let _ = self.child.kill();
-        let _ = self.child.wait();
-    }
-}
 
 /// Runs a client command until it succeeds: a recorder needs a moment to connect.
 fn command(server: &Server, args: &[&str]) -> String {
@@ -86,14 +49,6 @@ fn info(server: &Server, file: &Path) -> String {
     )
 }
 
-fn logs(folder: &Path) -> Vec<PathBuf> {
-    let entries = std::fs::read_dir(folder).expect("the folder").flatten();
-    let paths = entries.map(|entry| entry.path());
-    paths
-        .filter(|p| p.extension().is_none_or(|e| e != "h5"))
-        .collect()
-}
-
 #[test]
 fn two_recorders_and_a_late_third_each_get_what_they_saw() {
     let server = Server::start("several", &CAMERA).expect("a server");
@@ -133,11 +88,10 @@ fn a_killed_recorder_leaves_a_log_that_becomes_a_valid_partial_file() {
     wait_for_status(&server, "doomed");
     start(&server, "cut", "1");
     std::thread::sleep(Duration::from_secs(2));
-    doomed.child.kill().expect("kill -9");
-    doomed.child.wait().expect("its end");
+    doomed.kill();
     // The server goes on without it.
     command(&server, &["episode", "stop"]);
-    let logs = logs(folder.path());
+    let logs = Recorder::logs(folder.path());
     let [log] = &logs[..] else {
         panic!("expected one log, found {logs:?}")
     };

@@ -11,8 +11,9 @@ const TOUCH: f64 = 2.0;
 const STILL: f64 = 0.006;
 /// A grip is firm after the knuckle has stood still this long, seconds.
 const FIRM: f64 = 0.3;
-/// Closed further than this there is nothing between the pads, radians.
-const EMPTY: f64 = 0.77;
+/// Closed further than this there is nothing between the pads, radians: less
+/// than 2 mm.
+const EMPTY: f64 = 0.786;
 /// Longest time to close, seconds.
 const LONGEST: f64 = 5.0;
 
@@ -42,9 +43,11 @@ impl Skill for Grasp {
             return Step::Done;
         }
         if seen.knuckle > EMPTY {
+            now.refuse_way();
             return Step::Missed("the fingers closed on nothing".to_owned());
         }
         if seen.time - begun > LONGEST {
+            now.refuse_way();
             return Step::Missed("the fingers found no firm grip".to_owned());
         }
         Step::Going(act)

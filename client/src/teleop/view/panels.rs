@@ -12,6 +12,15 @@ use crate::watch::Connection;
 /// Older than this a figure is shown as stale, s.
 const STALE: f64 = 2.0;
 
+/// A number without the sign of a rounded zero.
+fn number(value: f64, digits: usize) -> String {
+    let text = format!("{value:.digits$}");
+    match text.strip_prefix('-') {
+        Some(rest) if rest.bytes().all(|b| matches!(b, b'0' | b'.')) => rest.to_owned(),
+        _ => text,
+    }
+}
+
 fn pair<'a>(name: &'static str, value: impl Into<String>, theme: Theme) -> Line<'a> {
     Line::from(vec![
         Span::styled(format!("{name:<9}"), theme.quiet()),
@@ -310,7 +319,11 @@ fn condition<'a>(condition: &v1::Condition, theme: Theme) -> Line<'a> {
     };
     Line::from(vec![
         mark,
-        Span::raw(format!("{} ({:.3})", condition.name, condition.value)),
+        Span::raw(format!(
+            "{} ({})",
+            condition.name,
+            number(condition.value, 3)
+        )),
     ])
 }
 
@@ -319,13 +332,17 @@ fn robot<'a>(model: &Model, theme: Theme) -> Vec<Line<'a>> {
     let unknown = || "unknown".to_owned();
     let [speed, rate] = situation.chair_speed;
     let chair = situation.chair().map_or_else(unknown, |[x, y, heading]| {
-        format!("x {x:.3}  y {y:.3} m  heading {:.1}°", heading.to_degrees())
+        let heading = number(heading.to_degrees(), 1);
+        format!("x {x:.3}  y {y:.3} m  heading {heading}°")
     });
     let hand = situation
         .hand()
         .map_or_else(unknown, |[forward, left, up]| {
             format!(
-                "forward {forward:.3}  left {left:.3}  up {up:.3} m, points {}",
+                "forward {}  left {}  up {} m, points {}",
+                number(forward, 3),
+                number(left, 3),
+                number(up, 3),
                 situation.base_from_tool.as_ref().map_or("", pointing)
             )
         });
@@ -338,7 +355,11 @@ fn robot<'a>(model: &Model, theme: Theme) -> Vec<Line<'a>> {
         pair("chair", chair, theme),
         pair(
             "",
-            format!("speed {speed:.2} m/s  turns {rate:.2} rad/s"),
+            format!(
+                "speed {} m/s  turns {} rad/s",
+                number(speed, 2),
+                number(rate, 2)
+            ),
             theme,
         ),
         pair("hand", hand, theme),
@@ -352,8 +373,11 @@ fn robot<'a>(model: &Model, theme: Theme) -> Vec<Line<'a>> {
         lines.push(pair(
             "target",
             format!(
-                "{} ahead {ahead:.3}  left {left:.3}  up {up:.3} m of the pads",
-                target.name
+                "{} ahead {}  left {}  up {} m of the pads",
+                target.name,
+                number(ahead, 3),
+                number(left, 3),
+                number(up, 3)
             ),
             theme,
         ));
@@ -377,6 +401,7 @@ fn recorders<'a>(model: &Model, theme: Theme) -> Vec<Line<'a>> {
     let lines = all.iter().map(|recorder| {
         let (word, style) = match recorder.state() {
             v1::RecorderState::Ready => ("recording", theme.good()),
+            v1::RecorderState::Finishing => ("finishing", theme.strong()),
             v1::RecorderState::Finished if recorder.complete => ("complete", theme.good()),
             v1::RecorderState::Finished => ("PARTIAL", theme.bad()),
             v1::RecorderState::Failed => ("FAILED", theme.bad()),

@@ -160,6 +160,20 @@ fn what_moves_when_an_episode_begins_or_ends_is_stopped() {
 }
 
 #[test]
+fn what_a_frozen_link_held_back_comes_too_late() {
+    let mut inbox = inbox();
+    inbox.take(1000, 0.0);
+    let answering = |sequence, answers_tick| v1::Command {
+        answers_tick,
+        ..drive(sequence, 0.1)
+    };
+    let told = accept(&mut inbox, &answering(1, 700)).unwrap_err().reason;
+    assert!(told.contains("1.25 s old"), "{told}");
+    accept(&mut inbox, &answering(2, 900)).unwrap();
+    accept(&mut inbox, &drive(3, 0.1)).unwrap();
+}
+
+#[test]
 fn a_flood_costs_no_memory_and_is_cut_to_its_rate() {
     let mut inbox = inbox();
     let mut passed = 0;

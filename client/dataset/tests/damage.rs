@@ -1,0 +1,144 @@
+//! Logs and files that were cut off or changed at many places: the reader never
+//! panics, keeps the valid prefix of a log, and says what is lost.
+
+#[path = "../examples/synthetic/mod.rs"]
+mod synthetic;
+
+use std::panic::catch_unwind;
+use std::path::{Path, PathBuf};
+
+use wheelarm_dataset::finish::finish;
+use wheelarm_dataset::log::{Closing, scan};
+use wheelarm_dataset::read::Episode;
+use wheelarm_dataset::writer::{EpisodeWriter, WriterOptions};
+use wheelarm_proto::Message;
+
+const PICTURES: u64 = 6;
+
+/// Writes a small episode and returns its log.
+fn record(folder: &Path) -> PathBuf {
+    let (started, snapshot) = (synthetic::started("damage"), synthetic::snapshot());
+    let options = WriterOptions::default();
+    let mut writer = EpisodeWriter::open(folder, &started, &snapshot, &options).unwrap();
+    let mut r = synthetic::Random(4);
+    for i in 0..PICTURES {
+        let header = || synthetic::header(i, 4 * i);
+        let frame = synthetic::frame("gen3", header(), (32, 20), |x, y| {
+            ([x as u8, y as u8, r.below(256) as u8], 1.0 + x as f32, 0)
+        });
+        let payload = r.message("applied", header(), 0);
+        writer.offer("applied", payload.into()).unwrap();
+        writer
+            .offer("camera/gen3", frame.encode_to_vec().into())
+            .unwrap();
+    }
+    let counts = ["applied", "camera/gen3"].map(|s| (s.to_owned(), 0, PICTURES));
+    writer
+        .close(Closing {
+            stopped: Some(synthetic::stopped(4 * PICTURES, &counts)),
+            ..Default::default()
+        })
+        .unwrap()
+}
+
+/// About `count` places in `length` bytes, the first and the last among them.
+fn places(length: usize, count: usize) -> impl Iterator<Item = usize> {
+    let step = (length / count).max(1);
+    (0..length).step_by(step).chain([length - 1])
+}
+
+#[test]
+fn a_log_cut_or_changed_anywhere_gives_its_valid_prefix() {
+    let folder = tempfile::tempdir().unwrap();
+    let good = std::fs::read(record(folder.path())).unwrap();
+    let whole = scan(&folder.path().join("damage.h5.wal")).unwrap();
+    let all: Vec<_> = whole.entries.clone();
+    let log = folder.path().join("bad.wal");
+    let check = |bytes: &[u8], first_bad: usize, what: &str| {
+        std::fs::write(&log, bytes).unwrap();
+        let intact =
+            |e: &&wheelarm_dataset::log::Entry| e.offset + e.length as u64 <= first_bad as u64;
+        match scan(&log) {
+            Ok(got) => {
+                let expected = all.iter().filter(intact).count();
+                assert_eq!(got.entries.len(), expected, "{what}");
+                assert!(got.entries == all[..expected], "{what}");
+                let told = got.damage.is_some() || got.closing.is_none();
+                assert!(told, "{what}: nothing is said to be lost");
+            }
+            // Without its beginning a log says nothing at all.
+            Err(problem) => {
+                let head = all[0].offset as usize;
+                assert!(first_bad < head, "{what}: {problem}");
+            }
+        }
+    };
+    for at in places(good.len(), 400) {
+        check(&good[..at], at, &format!("cut at {at}"));
+        let mut changed = good.clone();
+        changed[at] ^= 0x10;
+        check(&changed, at, &format!("changed at {at}"));
+    }
+    // Some of them all the way into a file that says what it lacks.
+    for at in places(good.len(), 24) {
+        let out = tempfile::tempdir().unwrap();
+        std::fs::write(&log, &good[..at]).unwrap();
+        if let Ok(finished) = finish(&log, Some(out.path())) {
+            assert!(!finished.account.complete(), "cut at {at}");
+            let summary = Episode::open(&finished.path).unwrap().summary().unwrap();
+            assert!(
+                !summary.complete && !summary.problems.is_empty(),
+                "cut at {at}"
+            );
+        }
+    }
+}
+
+/// Reads everything that a file offers; errors are fine.
+fn read_all(path: &Path) -> Option<bool> {
+    let episode = Episode::open(path).ok()?;
+    let complete = episode.summary().ok()?.complete;
+    let _ = (episode.started(), episode.stopped(), episode.scenario());
+    let _ = (
+        episode.snapshot(),
+        episode.applied(),
+        episode.state_hashes(),
+    );
+    for stream in episode.streams().ok()? {
+        let _ = episode.u64s(&stream, "stamp_nanos");
+    }
+    for camera in episode.cameras().ok()? {
+        let camera = episode.camera(&camera).ok()?;
+        for i in 0..camera.len() {
+            camera.frame(&episode, i).ok()?;
+        }
+    }
+    Some(complete)
+}
+
+#[test]
+fn a_file_cut_or_changed_anywhere_is_read_or_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let finished = finish(&record(folder.path()), None).unwrap();
+    assert_eq!(
+        read_all(&finished.path),
+        Some(true),
+        "{:?}",
+        finished.account.problems
+    );
+    let good = std::fs::read(&finished.path).unwrap();
+    let bad = folder.path().join("bad.h5");
+    for at in places(good.len(), 150) {
+        std::fs::write(&bad, &good[..at]).unwrap();
+        let path = bad.clone();
+        let cut = catch_unwind(move || read_all(&path));
+        assert_eq!(cut.expect("no panic"), None, "cut at {at}");
+        let mut changed = good.clone();
+        changed[at] ^= 0x10;
+        std::fs::write(&bad, &changed).unwrap();
+        let path = bad.clone();
+        // A changed picture or number cannot be told from another one, unless
+        // it was compressed; that it is read without harm is all that is asked.
+        catch_unwind(move || read_all(&path)).expect("no panic");
+    }
+}

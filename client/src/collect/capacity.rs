@@ -1,0 +1,112 @@
+//! How many workers this host carries, and how much room its disk has.
+
+use std::path::Path;
+
+use super::plan::Plan;
+
+/// Memory of a worker without pictures, bytes: server 0.3 GB, recorder and
+/// operator 0.1 GB, with room (measured with the home scene).
+const WORKER_BYTES: f64 = 500e6;
+/// Memory per pixel of all cameras, bytes: attachments, two batches in flight
+/// and the recorder's queue (measured 65 at 1280x720, with room).
+const BYTES_PER_PIXEL: f64 = 130.0;
+/// Workers per core: physics, operator and drawing take turns on one, and
+/// compression uses a part of another. On 16 cores with a GPU 12 workers were
+/// as fast as 16, and 8 slower.
+const WORKERS_PER_CORE: f64 = 0.75;
+
+/// What this host offers.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Host {
+    /// Cores that this process may use.
+    pub cores: usize,
+    /// Memory that is free for it, bytes; absent when unknown.
+    pub memory: Option<u64>,
+}
+
+impl Host {
+    /// Looks at this host: affinity, cgroup limits, free memory.
+    #[must_use]
+    pub fn look() -> Self {
+        Self {
+            cores: std::thread::available_parallelism().map_or(1, usize::from),
+            memory: memory(),
+        }
+    }
+
+    /// Workers that it carries, at least 1.
+    #[must_use]
+    pub fn workers(&self, plan: &Plan) -> usize {
+        let by_cores = (self.cores as f64 * WORKERS_PER_CORE).ceil() as usize;
+        let by_memory = self.memory.map_or(usize::MAX, |free| {
+            (free as f64 * 0.9 / worker_bytes(plan)) as usize
+        });
+        by_cores.min(by_memory).max(1)
+    }
+}
+
+/// Memory that one worker needs, bytes.
+#[must_use]
+pub fn worker_bytes(plan: &Plan) -> f64 {
+    let pixels: f64 = plan
+        .cameras
+        .iter()
+        .map(|camera| f64::from(camera.size[0]) * f64::from(camera.size[1]))
+        .sum();
+    WORKER_BYTES + BYTES_PER_PIXEL * pixels
+}
+
+fn number(path: &str) -> Option<u64> {
+    std::fs::read_to_string(path).ok()?.trim().parse().ok()
+}
+
+/// Free memory, bytes: what the kernel calls available, within the cgroup.
+fn memory() -> Option<u64> {
+    let text = std::fs::read_to_string("/proc/meminfo").ok()?;
+    let line = text.lines().find_map(|l| l.strip_prefix("MemAvailable:"))?;
+    let available = line
+        .trim()
+        .trim_end_matches("kB")
+        .trim()
+        .parse::<u64>()
+        .ok()?
+        * 1024;
+    let v2 = "/sys/fs/cgroup/memory";
+    let left = |limit: &str, used: &str| Some(number(limit)?.saturating_sub(number(used)?));
+    let cgroup = left(&format!("{v2}.max"), &format!("{v2}.current")).or_else(|| {
+        left(
+            "/sys/fs/cgroup/memory/memory.limit_in_bytes",
+            "/sys/fs/cgroup/memory/memory.usage_in_bytes",
+        )
+    });
+    Some(cgroup.map_or(available, |left| left.min(available)))
+}
+
+/// Free bytes on the disk of `path`, or of the nearest folder above it that exists.
+#[must_use]
+pub fn free_disk(path: &Path) -> Option<u64> {
+    let mut path = std::path::absolute(path).ok()?;
+    while !path.exists() {
+        path = path.parent()?.to_owned();
+    }
+    let disk = rustix::fs::statvfs(&path).ok()?;
+    Some(disk.f_bavail.saturating_mul(disk.f_frsize))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn workers_are_bounded_by_cores_and_by_memory() {
+        let text = "name = \"x\"\n[[camera]]\nname = \"gen3\"\nsize = [1000, 1000]\n[[task]]\nname = \"a\"\nepisodes = 7\n";
+        let plan = Plan::parse("p.toml".as_ref(), text.to_owned()).unwrap();
+        let workers = |cores, memory| Host { cores, memory }.workers(&plan);
+        assert_eq!(workers(1, Some(64 << 30)), 1);
+        assert_eq!(workers(2, Some(64 << 30)), 2);
+        assert_eq!(workers(16, Some(64 << 30)), 12);
+        assert_eq!(workers(16, Some(2 << 30)), 3);
+        assert_eq!(workers(16, Some(1 << 20)), 1);
+        assert_eq!(workers(16, None), 12);
+    }
+}

@@ -1,0 +1,350 @@
+//! What a campaign will take, told before anything starts: episodes, samples,
+//! disk, time. Every figure says where it comes from.
+
+use std::collections::BTreeMap;
+use std::fmt::Write;
+use std::path::Path;
+
+use anyhow::Context;
+use serde::Deserialize;
+
+use super::capacity::{Host, free_disk, worker_bytes};
+use super::episode::Episode;
+use super::journal::Ledger;
+use super::plan::{Depth, Plan};
+
+/// Mean duration of an episode when nothing better is known, simulated
+/// seconds: what the operator needs for the mustard, with room.
+const SECONDS: f64 = 25.0;
+/// Bytes per pixel of a picture with colour, depth and ids, in the file
+/// (measured in the home scene at 1280x720, float32 and 16-bit depth).
+const PIXEL_BYTES: [f64; 2] = [2.0, 1.1];
+/// Bytes of all other streams per simulated second (measured).
+const STATE_BYTES: f64 = 0.32e6;
+/// Simulated seconds per wall second of one worker when nothing is measured: a guess.
+const FACTOR: f64 = 1.0;
+
+/// Where a mean duration comes from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Source {
+    /// Episodes in the folder.
+    Measured,
+    /// The file that was named.
+    Evaluated,
+    /// The plan.
+    Plan,
+    /// Nothing better is known.
+    Guess,
+}
+
+impl Source {
+    fn word(self) -> &'static str {
+        match self {
+            Self::Measured => "episodes in the folder",
+            Self::Evaluated => "wheelarm evaluate",
+            Self::Plan => "the plan",
+            Self::Guess => "a guess",
+        }
+    }
+}
+
+/// One task's share.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Share {
+    /// Task.
+    pub task: String,
+    /// Episodes of it.
+    pub episodes: usize,
+    /// Episodes of it that are there.
+    pub done: usize,
+    /// Mean duration, simulated seconds, and where it comes from.
+    pub seconds: (f64, Source),
+    /// Share of attempts that succeed.
+    pub success: f64,
+    /// Mean samples per episode of the reference.
+    pub reference: Option<f64>,
+}
+
+/// What a campaign will take.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Estimate {
+    /// By task, in the order of the plan.
+    pub shares: Vec<Share>,
+    /// Samples per simulated second.
+    pub sample_rate: f64,
+    /// Bytes per simulated second.
+    pub byte_rate: f64,
+    /// Simulated seconds per wall second of one worker; whether measured.
+    pub factor: (f64, bool),
+}
+
+#[derive(Deserialize)]
+struct Evaluated {
+    tasks: Vec<EvaluatedTask>,
+}
+
+#[derive(Deserialize)]
+struct EvaluatedTask {
+    task: String,
+    mean_seconds: f64,
+    rate: f64,
+}
+
+/// Mean duration (simulated seconds) and success rate by task, from the JSON
+/// of `wheelarm evaluate`.
+///
+/// # Errors
+/// When it cannot be read.
+pub fn durations(path: &Path) -> anyhow::Result<BTreeMap<String, (f64, f64)>> {
+    let text = std::fs::read_to_string(path)
+        .with_context(|| format!("reading the durations {}", path.display()))?;
+    let report: Evaluated = serde_json::from_str(&text).with_context(|| {
+        format!(
+            "{} is no report of `wheelarm evaluate` (a JSON with tasks, their mean_seconds and rate)",
+            path.display()
+        )
+    })?;
+    let tasks = report.tasks.into_iter().filter(|t| t.mean_seconds > 0.0);
+    Ok(tasks.map(|t| (t.task, (t.mean_seconds, t.rate))).collect())
+}
+
+/// Reckons what `episodes` of the plan will take.
+#[must_use]
+pub fn estimate(
+    plan: &Plan,
+    episodes: &[Episode],
+    ledger: &Ledger,
+    evaluated: &BTreeMap<String, (f64, f64)>,
+) -> Estimate {
+    let pixel_bytes = match plan.depth {
+        Depth::F32 => PIXEL_BYTES[0],
+        Depth::U16 => PIXEL_BYTES[1],
+    };
+    let done: Vec<_> = episodes
+        .iter()
+        .filter_map(|e| ledger.done.get(&e.id))
+        .collect();
+    let simulated: f64 = done.iter().map(|d| d.seconds).sum();
+    let wall: f64 = done.iter().map(|d| d.wall_seconds).sum();
+    let bytes: f64 = done.iter().map(|d| d.bytes as f64).sum();
+    let measured = simulated > 0.0 && wall > 0.0;
+    let shares = plan.tasks.iter().map(|task| {
+        let of_task = || episodes.iter().filter(|e| e.task == task.name);
+        let there: Vec<f64> = of_task()
+            .filter_map(|e| ledger.done.get(&e.id))
+            .map(|d| d.seconds)
+            .collect();
+        let known = evaluated.get(&task.name);
+        let seconds = if !there.is_empty() {
+            (
+                there.iter().sum::<f64>() / there.len() as f64,
+                Source::Measured,
+            )
+        } else if let Some((seconds, _)) = known {
+            (*seconds, Source::Evaluated)
+        } else if let Some(seconds) = task.seconds {
+            (seconds, Source::Plan)
+        } else {
+            (SECONDS, Source::Guess)
+        };
+        Share {
+            task: task.name.clone(),
+            episodes: of_task().count(),
+            done: there.len(),
+            seconds,
+            success: known.map_or(1.0, |(_, rate)| rate.clamp(0.05, 1.0)),
+            reference: task.reference_samples,
+        }
+    });
+    Estimate {
+        shares: shares.filter(|share| share.episodes > 0).collect(),
+        sample_rate: plan.sample_rate,
+        byte_rate: if measured {
+            bytes / simulated
+        } else {
+            plan.pixels_per_second() * pixel_bytes + STATE_BYTES
+        },
+        factor: if measured {
+            (simulated / wall, true)
+        } else {
+            (FACTOR, false)
+        },
+    }
+}
+
+impl Estimate {
+    /// Simulated seconds of the dataset.
+    #[must_use]
+    pub fn seconds(&self) -> f64 {
+        let of = |s: &Share| s.episodes as f64 * s.seconds.0;
+        self.shares.iter().map(of).sum()
+    }
+
+    /// Simulated seconds still to be made, failed attempts included.
+    #[must_use]
+    pub fn seconds_left(&self) -> f64 {
+        let of = |s: &Share| (s.episodes - s.done) as f64 * s.seconds.0 / s.success;
+        self.shares.iter().map(of).sum()
+    }
+
+    /// Bytes still to be written.
+    #[must_use]
+    pub fn bytes_left(&self) -> f64 {
+        let of = |s: &Share| (s.episodes - s.done) as f64 * s.seconds.0;
+        self.shares.iter().map(of).sum::<f64>() * self.byte_rate
+    }
+
+    /// Bytes of the longest episode.
+    #[must_use]
+    pub fn largest(&self) -> f64 {
+        let longest = self.shares.iter().map(|s| s.seconds.0).fold(0.0, f64::max);
+        longest * self.byte_rate
+    }
+
+    /// The table of `--dry-run`.
+    #[must_use]
+    pub fn table(&self, plan: &Plan, out: &Path, workers: usize) -> String {
+        let mut text = String::new();
+        // Writing into a string cannot fail.
+        let _ = writeln!(
+            text,
+            "{:<22} {:>8} {:>6} {:>12} {:>10} {:>11}  duration from",
+            "task", "episodes", "done", "s each", "samples", "reference"
+        );
+        let mut reference = 0.0;
+        for share in &self.shares {
+            let samples = share.episodes as f64 * share.seconds.0 * self.sample_rate;
+            let theirs = share.reference.map(|r| r * share.episodes as f64);
+            reference += theirs.unwrap_or(0.0);
+            let _ = writeln!(
+                text,
+                "{:<22} {:>8} {:>6} {:>12.1} {:>10.0} {:>11}  {}",
+                share.task,
+                share.episodes,
+                share.done,
+                share.seconds.0,
+                samples,
+                theirs.map_or_else(|| "-".to_owned(), |r| format!("{r:.0}")),
+                share.seconds.1.word()
+            );
+        }
+        let episodes: usize = self.shares.iter().map(|s| s.episodes).sum();
+        let done: usize = self.shares.iter().map(|s| s.done).sum();
+        let _ = writeln!(
+            text,
+            "{:<22} {episodes:>8} {done:>6} {:>12} {:>10.0} {:>11}",
+            "all",
+            "",
+            self.seconds() * self.sample_rate,
+            if reference > 0.0 {
+                format!("{reference:.0}")
+            } else {
+                "-".to_owned()
+            },
+        );
+        self.resources(plan, out, workers, &mut text);
+        text
+    }
+
+    fn resources(&self, plan: &Plan, out: &Path, workers: usize, text: &mut String) {
+        let host = Host::look();
+        let cameras: Vec<String> = plan.cameras.iter().map(super::plan::Camera::word).collect();
+        let _ = writeln!(
+            text,
+            "cameras   {} ({} depth)",
+            if cameras.is_empty() {
+                "none".to_owned()
+            } else {
+                cameras.join(", ")
+            },
+            plan.depth.word()
+        );
+        let _ = writeln!(text, "folder    {}", out.display());
+        let free = free_disk(out).map_or_else(String::new, |free| {
+            let short = if (free as f64) < self.bytes_left() {
+                ": NOT ENOUGH"
+            } else {
+                ""
+            };
+            format!(", {} free{short}", bytes(free as f64))
+        });
+        let _ = writeln!(
+            text,
+            "disk      {} to write{free}",
+            bytes(self.bytes_left())
+        );
+        let memory = host.memory.map_or_else(String::new, |free| {
+            format!(" of {} free", bytes(free as f64))
+        });
+        let _ = writeln!(
+            text,
+            "workers   {workers}, on {} cores, {} of memory{memory}",
+            host.cores,
+            bytes(worker_bytes(plan) * workers as f64),
+        );
+        let (factor, measured) = self.factor;
+        let _ = writeln!(
+            text,
+            "time      {} at {factor:.2}x real time per worker ({})",
+            duration(self.seconds_left() / (factor * workers as f64)),
+            if measured {
+                "measured in the folder"
+            } else {
+                "a guess: make one episode and ask again"
+            }
+        );
+    }
+}
+
+/// Bytes for people.
+#[must_use]
+pub fn bytes(value: f64) -> String {
+    match value {
+        v if v >= 1e12 => format!("{:.1} TB", v * 1e-12),
+        v if v >= 1e9 => format!("{:.1} GB", v * 1e-9),
+        v => format!("{:.0} MB", v * 1e-6),
+    }
+}
+
+/// A duration for people.
+#[must_use]
+pub fn duration(seconds: f64) -> String {
+    let whole = seconds.max(0.0).round() as u64;
+    let (hours, minutes) = (whole / 3600, whole / 60 % 60);
+    match whole {
+        0..60 => format!("{whole} s"),
+        60..3600 => format!("{minutes} min {:02} s", whole % 60),
+        _ => format!("{hours} h {minutes:02} min"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::collect::episode::episodes;
+
+    const PLAN: &str = "name = \"x\"\n[[camera]]\nname = \"gen3\"\nsize = [100, 100]\n[[task]]\nname = \"a\"\nepisodes = 4\nseconds = 10\nreference_samples = 50\n[[task]]\nname = \"b\"\nepisodes = 2\n";
+
+    #[test]
+    fn samples_disk_and_time_follow_from_what_is_known_best() {
+        let plan = Plan::parse("p.toml".as_ref(), PLAN.to_owned()).unwrap();
+        let all = episodes(&plan);
+        let plain = estimate(&plan, &all, &Ledger::default(), &BTreeMap::new());
+        assert_eq!(plain.seconds(), 4.0 * 10.0 + 2.0 * SECONDS);
+        assert_eq!(plain.byte_rate, 10.0 * 10_000.0 * 2.0 + STATE_BYTES);
+        let evaluated = BTreeMap::from([("b".to_owned(), (5.0, 0.5))]);
+        let better = estimate(&plan, &all, &Ledger::default(), &evaluated);
+        assert_eq!(better.seconds(), 50.0);
+        assert_eq!(better.seconds_left(), 4.0 * 10.0 + 2.0 * 5.0 / 0.5);
+        let table = better.table(&plan, Path::new("/"), 2);
+        assert!(table.contains("        500         200"), "{table}");
+        assert!(table.contains("wheelarm evaluate"), "{table}");
+    }
+
+    #[test]
+    fn durations_are_readable() {
+        assert_eq!(duration(59.4), "59 s");
+        assert_eq!(duration(61.0), "1 min 01 s");
+        assert_eq!(duration(7260.0), "2 h 01 min");
+    }
+}

@@ -1,0 +1,222 @@
+//! The workers: threads that make one episode after the other, each with
+//! programs of its own. Whoever finishes an episode publishes and notes it.
+
+use std::collections::VecDeque;
+use std::sync::{Mutex, PoisonError};
+
+use super::attempt::{Outcome, Setup, attempt};
+use super::capacity::free_disk;
+use super::episode::Episode;
+use super::estimate::bytes;
+use super::journal::{Done, Entry, Journal};
+use super::progress::{Show, lock};
+use super::stop::Stop;
+
+/// Runs of the same attempt when its programs break.
+const TRIES: u32 = 3;
+/// Episodes that break before the first one is done, after which the campaign
+/// is given up: it is the host, not the episode.
+const BROKEN: usize = 2;
+
+/// An episode to be made.
+#[derive(Clone, Debug)]
+pub struct Job {
+    /// Which one.
+    pub episode: Episode,
+    /// The attempt to begin with.
+    pub attempt: u32,
+    /// Simulated seconds expected, failed attempts included.
+    pub expected: f64,
+}
+
+/// What a run came to.
+#[derive(Clone, Debug, Default)]
+pub struct Tally {
+    /// Episodes made.
+    pub done: usize,
+    /// Episodes whose attempts are used up.
+    pub given_up: Vec<String>,
+    /// Episodes whose programs broke again and again, with the last words.
+    pub broken: Vec<(String, String)>,
+    /// Episodes thrown away because the run was ended.
+    pub discarded: usize,
+    /// Why the run ended early.
+    pub ended: Option<String>,
+}
+
+struct Shared<'a> {
+    setup: &'a Setup,
+    stop: &'a Stop,
+    show: &'a Show,
+    jobs: Mutex<VecDeque<Job>>,
+    journal: Mutex<Journal>,
+    tally: Mutex<Tally>,
+    /// Bytes that must be free before an episode begins.
+    room: f64,
+}
+
+/// Makes all jobs with `workers` threads.
+#[must_use]
+pub fn work(
+    setup: &Setup,
+    jobs: Vec<Job>,
+    journal: Journal,
+    workers: usize,
+    room: f64,
+    (stop, show): (&Stop, &Show),
+) -> Tally {
+    let shared = Shared {
+        setup,
+        stop,
+        show,
+        jobs: Mutex::new(jobs.into()),
+        journal: Mutex::new(journal),
+        tally: Mutex::default(),
+        room: room * workers as f64,
+    };
+    std::thread::scope(|scope| {
+        let shared = &shared;
+        let threads: Vec<_> = (0..workers)
+            .map(|worker| scope.spawn(move || shared.run(worker)))
+            .collect();
+        show.draw_until(|| {
+            threads
+                .iter()
+                .all(std::thread::ScopedJoinHandle::is_finished)
+        });
+    });
+    shared
+        .tally
+        .into_inner()
+        .unwrap_or_else(PoisonError::into_inner)
+}
+
+impl Shared<'_> {
+    fn run(&self, worker: usize) {
+        while !self.stop.asked() {
+            let Some(job) = lock(&self.jobs).pop_front() else {
+                return;
+            };
+            if let Err(problem) = self.room().and_then(|()| self.episode(worker, &job)) {
+                self.end(format!("{}: {problem:#}", job.episode.id));
+            }
+        }
+    }
+
+    /// No other episode begins.
+    fn end(&self, why: String) {
+        lock(&self.tally).ended.get_or_insert(why);
+        self.stop.after_running();
+    }
+
+    fn room(&self) -> anyhow::Result<()> {
+        let root = self.setup.folder.root();
+        match free_disk(root) {
+            Some(free) if (free as f64) < self.room => anyhow::bail!(
+                "{} has {} free, and the episodes that would run now need {}; make room and start again, nothing is lost",
+                root.display(),
+                bytes(free as f64),
+                bytes(self.room)
+            ),
+            _ => Ok(()),
+        }
+    }
+
+    /// Attempts an episode until it is done, given up or the run ends.
+    ///
+    /// # Errors
+    /// When the folder or the journal cannot be written: that ends the run.
+    fn episode(&self, worker: usize, job: &Job) -> anyhow::Result<()> {
+        let episode = &job.episode;
+        for number in job.attempt..self.setup.plan.attempts {
+            match self.tries(worker, episode, number)? {
+                Tried::Done(done) => {
+                    let words = format!(
+                        "{} done: {:.1} s simulated in {:.1} s, {}",
+                        episode.id,
+                        done.seconds,
+                        done.wall_seconds,
+                        bytes(done.bytes as f64)
+                    );
+                    self.setup.folder.publish(&done)?;
+                    let seconds = done.seconds;
+                    lock(&self.journal).append(&Entry::Done(done))?;
+                    self.setup.folder.clean(&episode.id)?;
+                    lock(&self.tally).done += 1;
+                    self.show.end(worker, seconds, job.expected, true, &words);
+                    return Ok(());
+                }
+                Tried::Again => {}
+                Tried::Broken | Tried::Stopped => return Ok(()),
+            }
+            if self.stop.asked() && number + 1 < self.setup.plan.attempts {
+                return Ok(());
+            }
+        }
+        lock(&self.tally).given_up.push(episode.id.clone());
+        Ok(())
+    }
+
+    /// One attempt, again when its programs break.
+    fn tries(&self, worker: usize, episode: &Episode, number: u32) -> anyhow::Result<Tried> {
+        let seed = episode.seed_of(number);
+        let mut last = String::new();
+        for run in 0..TRIES {
+            let mut title = format!("{} seed {seed}", episode.id);
+            if run > 0 {
+                title.push_str(" once more");
+            }
+            self.show.begin(worker, title);
+            let board = self.show.board(worker);
+            match attempt(self.setup, episode, number, self.stop, &board) {
+                Ok(Outcome::Done(done)) => return Ok(Tried::Done(done)),
+                Ok(Outcome::Failed(failed)) => {
+                    self.setup.folder.keep_failed(&episode.id, number)?;
+                    let words =
+                        format!("{} failed with seed {seed}: {}", episode.id, failed.reason);
+                    let seconds = failed.seconds;
+                    lock(&self.journal).append(&Entry::Failed(failed))?;
+                    self.show.end(worker, seconds, 0.0, false, &words);
+                    return Ok(Tried::Again);
+                }
+                Ok(Outcome::Stopped) => {
+                    self.setup.folder.clean(&episode.id)?;
+                    lock(&self.tally).discarded += 1;
+                    return Ok(Tried::Stopped);
+                }
+                Err(problem) => {
+                    last = format!("{problem:#}");
+                    self.show.end(
+                        worker,
+                        0.0,
+                        0.0,
+                        false,
+                        &format!("{} broke: {last}", episode.id),
+                    );
+                    self.setup.folder.keep_failed(&episode.id, number)?;
+                    if self.stop.asked() {
+                        return Ok(Tried::Stopped);
+                    }
+                }
+            }
+        }
+        let mut tally = lock(&self.tally);
+        tally.broken.push((episode.id.clone(), last.clone()));
+        let hopeless = tally.done == 0 && tally.broken.len() >= BROKEN;
+        drop(tally);
+        if hopeless {
+            self.end(format!(
+                "nothing works on this host; the last words were: {last}"
+            ));
+        }
+        Ok(Tried::Broken)
+    }
+}
+
+enum Tried {
+    Done(Box<Done>),
+    /// The task was not done.
+    Again,
+    Broken,
+    Stopped,
+}

@@ -1,0 +1,318 @@
+//! The dataset's folder: where a file is made, how it gets its final name, and
+//! what a killed run left behind.
+//!
+//! | path | what |
+//! |---|---|
+//! | `plan.toml` | the plan |
+//! | `episodes/ID.h5` | finished, successful, complete episodes and nothing else |
+//! | `journal/*.jsonl` | what has been done, append-only |
+//! | `staging/ID/` | an episode while it is made |
+//! | `failed/ID-attempt-K/` | what the programs said in attempts that failed |
+//! | `manifest.json`, `report.md` | made from the journals at the end |
+//!
+//! A file appears under its final name in one step and never replaces another.
+
+use std::fs::File;
+use std::io::{Read, Write};
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, bail};
+use sha2::{Digest, Sha256};
+
+use super::journal::Done;
+use super::process::remove_socket;
+
+/// Name of the note in a staging folder that says what is about to be published.
+const RESULT: &str = "result.json";
+
+/// A dataset's folder.
+#[derive(Clone, Debug)]
+pub struct Folder {
+    root: PathBuf,
+}
+
+impl Folder {
+    /// The folder at `root`; nothing is made.
+    #[must_use]
+    pub fn at(root: &Path) -> Self {
+        Self {
+            root: root.to_owned(),
+        }
+    }
+
+    /// Makes what is absent.
+    ///
+    /// # Errors
+    /// When a folder cannot be made.
+    pub fn make(root: &Path) -> anyhow::Result<Self> {
+        let folder = Self::at(root);
+        for part in ["episodes", "journal", "staging", "failed"] {
+            let path = folder.root.join(part);
+            std::fs::create_dir_all(&path)
+                .with_context(|| format!("making the folder {}", path.display()))?;
+        }
+        Ok(folder)
+    }
+
+    /// Its path.
+    #[must_use]
+    pub fn root(&self) -> &Path {
+        &self.root
+    }
+
+    /// The journals.
+    #[must_use]
+    pub fn journal(&self) -> PathBuf {
+        self.root.join("journal")
+    }
+
+    /// The plan.
+    #[must_use]
+    pub fn plan(&self) -> PathBuf {
+        self.root.join("plan.toml")
+    }
+
+    /// The file of an episode, relative to the root.
+    #[must_use]
+    pub fn file_name(episode: &str) -> String {
+        format!("episodes/{episode}.h5")
+    }
+
+    /// The file of an episode.
+    #[must_use]
+    pub fn file(&self, episode: &str) -> PathBuf {
+        self.root.join(Self::file_name(episode))
+    }
+
+    /// Where an episode is made.
+    #[must_use]
+    pub fn staging(&self, episode: &str) -> PathBuf {
+        self.root.join("staging").join(episode)
+    }
+
+    /// An empty staging folder for an episode.
+    ///
+    /// # Errors
+    /// When it cannot be made.
+    pub fn stage(&self, episode: &str) -> anyhow::Result<PathBuf> {
+        self.clean(episode)?;
+        let path = self.staging(episode);
+        std::fs::create_dir_all(&path)
+            .with_context(|| format!("making the folder {}", path.display()))?;
+        Ok(path)
+    }
+
+    /// Removes an episode's staging folder.
+    ///
+    /// # Errors
+    /// When it is there and cannot be removed.
+    pub fn clean(&self, episode: &str) -> anyhow::Result<()> {
+        let path = self.staging(episode);
+        remove_socket(&path);
+        match std::fs::remove_dir_all(&path) {
+            Err(e) if e.kind() != std::io::ErrorKind::NotFound => {
+                Err(e).with_context(|| format!("removing {}", path.display()))
+            }
+            _ => Ok(()),
+        }
+    }
+
+    /// Gives the staged file of an episode its final name. `done` is noted
+    /// first, so that a crash in between is finished by [`Folder::resume`].
+    ///
+    /// # Errors
+    /// When there is a file of that name, or the disk does not take it.
+    pub fn publish(&self, done: &Done) -> anyhow::Result<()> {
+        let staging = self.staging(&done.episode);
+        write_whole(&staging.join(RESULT), &serde_json::to_vec(done)?)?;
+        let staged = staging.join(format!("{}.h5", done.episode));
+        appear(&staged, &self.file(&done.episode))
+    }
+
+    /// What a killed run had finished of an episode but not entered into a
+    /// journal; the file has its final name afterwards. `None`: nothing usable.
+    ///
+    /// # Errors
+    /// When a file cannot be read or named.
+    pub fn resume(&self, episode: &str) -> anyhow::Result<Option<Done>> {
+        let staging = self.staging(episode);
+        let Ok(note) = std::fs::read(staging.join(RESULT)) else {
+            return Ok(None);
+        };
+        let Ok(done) = serde_json::from_slice::<Done>(&note) else {
+            return Ok(None);
+        };
+        let file = self.file(episode);
+        if file.is_file() {
+            return Ok((sha256(&file)? == done.sha256).then_some(done));
+        }
+        let staged = staging.join(format!("{episode}.h5"));
+        if done.episode != episode || !staged.is_file() || sha256(&staged)? != done.sha256 {
+            return Ok(None);
+        }
+        appear(&staged, &file)?;
+        Ok(Some(done))
+    }
+
+    /// Keeps what the programs said in a failed attempt; its recording goes.
+    ///
+    /// # Errors
+    /// When the folder cannot be moved.
+    pub fn keep_failed(&self, episode: &str, attempt: u32) -> anyhow::Result<()> {
+        let staging = self.staging(episode);
+        for entry in std::fs::read_dir(&staging)
+            .with_context(|| format!("reading {}", staging.display()))?
+            .flatten()
+        {
+            let path = entry.path();
+            if path.extension().is_none_or(|e| e != "log") {
+                std::fs::remove_file(&path)
+                    .with_context(|| format!("removing {}", path.display()))?;
+            }
+        }
+        let kept = self
+            .root
+            .join(format!("failed/{episode}-attempt-{attempt}"));
+        if kept.exists() {
+            std::fs::remove_dir_all(&kept)
+                .with_context(|| format!("removing {}", kept.display()))?;
+        }
+        std::fs::rename(&staging, &kept).with_context(|| format!("making {}", kept.display()))
+    }
+}
+
+/// Gives `from` the name `to` in one step; an existing file is never replaced.
+///
+/// # Errors
+/// When `to` exists or the file system refuses.
+pub fn appear(from: &Path, to: &Path) -> anyhow::Result<()> {
+    let taken = || {
+        format!(
+            "{} exists already and is never overwritten; no journal knows it, move it away",
+            to.display()
+        )
+    };
+    match std::fs::hard_link(from, to) {
+        Ok(()) => {
+            std::fs::remove_file(from).with_context(|| format!("removing {}", from.display()))?;
+        }
+        Err(e) if e.kind() == std::io::ErrorKind::AlreadyExists => bail!(taken()),
+        // Some file systems know no hard links.
+        Err(_) => {
+            if to.exists() {
+                bail!(taken());
+            }
+            std::fs::rename(from, to).with_context(|| format!("making {}", to.display()))?;
+        }
+    }
+    sync_folder(to)
+}
+
+/// Makes sure that a new name outlives a power cut.
+fn sync_folder(file: &Path) -> anyhow::Result<()> {
+    let folder = file.parent().unwrap_or(Path::new("."));
+    File::open(folder)
+        .and_then(|folder| folder.sync_all())
+        .with_context(|| format!("syncing {}", folder.display()))
+}
+
+/// Writes a file so that it is there whole or not at all.
+///
+/// # Errors
+/// When the disk does not take it.
+pub fn write_whole(path: &Path, bytes: &[u8]) -> anyhow::Result<()> {
+    let new = path.with_extension(format!("new-{}", std::process::id()));
+    let written = File::create(&new)
+        .and_then(|mut file| file.write_all(bytes).and_then(|()| file.sync_all()))
+        .and_then(|()| std::fs::rename(&new, path));
+    written.with_context(|| format!("writing {}", path.display()))?;
+    sync_folder(path)
+}
+
+/// SHA-256 of a file, hexadecimal.
+///
+/// # Errors
+/// When it cannot be read.
+pub fn sha256(path: &Path) -> anyhow::Result<String> {
+    use std::fmt::Write;
+    let mut hash = Sha256::new();
+    let mut file = File::open(path).with_context(|| format!("opening {}", path.display()))?;
+    let mut block = vec![0; 1 << 20];
+    loop {
+        let read = file
+            .read(&mut block)
+            .with_context(|| format!("reading {}", path.display()))?;
+        if read == 0 {
+            break;
+        }
+        hash.update(&block[..read]);
+    }
+    let mut text = String::new();
+    for byte in hash.finalize() {
+        // Writing into a string cannot fail.
+        let _ = write!(text, "{byte:02x}");
+    }
+    Ok(text)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::collections::BTreeMap;
+
+    fn done(sha256: String) -> Done {
+        Done {
+            episode: "a-0000".into(),
+            task: "a".into(),
+            attempt: 0,
+            seed: 0,
+            settings: String::new(),
+            file: Folder::file_name("a-0000"),
+            sha256,
+            bytes: 3,
+            success: true,
+            instruction: String::new(),
+            seconds: 1.0,
+            wall_seconds: 1.0,
+            counts: BTreeMap::new(),
+            missed: 0,
+            finished_unix_millis: 0,
+            origin: Default::default(),
+            scenario: serde_json::Value::Null,
+        }
+    }
+
+    #[test]
+    fn a_kill_at_any_point_of_publication_loses_and_doubles_nothing() {
+        let root = tempfile::tempdir().unwrap();
+        let folder = Folder::make(root.path()).unwrap();
+        let staged = folder.stage("a-0000").unwrap().join("a-0000.h5");
+        std::fs::write(&staged, "abc").unwrap();
+        assert_eq!(folder.resume("a-0000").unwrap(), None, "before the note");
+        let note = done(sha256(&staged).unwrap());
+        let result = staged.with_file_name(RESULT);
+        write_whole(&result, &serde_json::to_vec(&note).unwrap()).unwrap();
+        // Killed after the note; then after the file has its name.
+        assert_eq!(folder.resume("a-0000").unwrap(), Some(note.clone()));
+        assert_eq!(folder.resume("a-0000").unwrap(), Some(note.clone()));
+        assert_eq!(std::fs::read(folder.file("a-0000")).unwrap(), b"abc");
+        // A foreign file under that name is neither taken nor replaced.
+        std::fs::write(folder.file("a-0000"), "foreign").unwrap();
+        std::fs::write(&staged, "abc").unwrap();
+        assert_eq!(folder.resume("a-0000").unwrap(), None);
+        assert!(folder.publish(&note).is_err());
+        assert_eq!(std::fs::read(folder.file("a-0000")).unwrap(), b"foreign");
+    }
+
+    #[test]
+    fn hashes_are_sha_256() {
+        let root = tempfile::tempdir().unwrap();
+        let file = root.path().join("x");
+        std::fs::write(&file, "abc").unwrap();
+        let hash = sha256(&file).unwrap();
+        assert!(
+            hash.starts_with("ba7816bf8f01cfea") && hash.len() == 64,
+            "{hash}"
+        );
+    }
+}

@@ -1,0 +1,270 @@
+//! What has been done: an append-only file of JSON lines per shard, each line
+//! on the disk before anybody believes it.
+//!
+//! A line that a crash cut short is ignored. Nothing is ever rewritten.
+
+use std::collections::BTreeMap;
+use std::fs::{File, OpenOptions, TryLockError};
+use std::io::{Read, Seek, SeekFrom, Write};
+use std::path::Path;
+
+use anyhow::{Context, bail};
+use serde::{Deserialize, Serialize};
+
+use super::episode::Shard;
+
+/// One line of a journal.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "kind", rename_all = "snake_case")]
+pub enum Entry {
+    /// An episode is in the dataset.
+    Done(Box<Done>),
+    /// An attempt failed at the task.
+    Failed(Failed),
+}
+
+/// An episode that is in the dataset.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Done {
+    /// Name of the episode.
+    pub episode: String,
+    /// Task.
+    pub task: String,
+    /// The attempt that succeeded, from 0.
+    pub attempt: u32,
+    /// Its seed.
+    pub seed: u64,
+    /// What the plan fixed about it.
+    pub settings: String,
+    /// The file, relative to the dataset's folder.
+    pub file: String,
+    /// SHA-256 of the file, hexadecimal.
+    pub sha256: String,
+    /// Size of the file, bytes.
+    pub bytes: u64,
+    /// The task's required conditions held at the end.
+    pub success: bool,
+    /// The instruction sentence.
+    pub instruction: String,
+    /// Simulated seconds.
+    pub seconds: f64,
+    /// Wall seconds, with the start of the programs and the finishing of the file.
+    pub wall_seconds: f64,
+    /// Samples of every stream (count).
+    pub counts: BTreeMap<String, u64>,
+    /// Samples that were published and are not in the file (count).
+    pub missed: u64,
+    /// When it was finished, Unix milliseconds.
+    pub finished_unix_millis: u64,
+    /// Server version and graphics adapter.
+    pub origin: [String; 2],
+    /// The scenario with the drawn values.
+    pub scenario: serde_json::Value,
+}
+
+/// An attempt that failed at the task.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Failed {
+    /// Name of the episode.
+    pub episode: String,
+    /// Task.
+    pub task: String,
+    /// The attempt, from 0.
+    pub attempt: u32,
+    /// Its seed.
+    pub seed: u64,
+    /// What the plan fixed about the episode.
+    pub settings: String,
+    /// Why it failed.
+    pub reason: String,
+    /// Simulated seconds.
+    pub seconds: f64,
+    /// Wall seconds.
+    pub wall_seconds: f64,
+}
+
+/// The journals of a dataset taken together.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Ledger {
+    /// By episode name.
+    pub done: BTreeMap<String, Done>,
+    /// By episode name, in the order of the attempts.
+    pub failed: BTreeMap<String, Vec<Failed>>,
+    /// Lines that could not be read.
+    pub unreadable: usize,
+}
+
+impl Ledger {
+    /// Reads every journal of `folder`; a folder that is absent is empty.
+    ///
+    /// # Errors
+    /// When a journal is there but cannot be read.
+    pub fn read(folder: &Path) -> anyhow::Result<Self> {
+        let mut files: Vec<_> = match std::fs::read_dir(folder) {
+            Ok(entries) => entries.flatten().map(|entry| entry.path()).collect(),
+            Err(e) if e.kind() == std::io::ErrorKind::NotFound => Vec::new(),
+            Err(e) => return Err(e).with_context(|| format!("reading {}", folder.display())),
+        };
+        files.retain(|file| file.extension().is_some_and(|e| e == "jsonl"));
+        files.sort();
+        let mut ledger = Self::default();
+        for file in files {
+            let text = std::fs::read(&file)
+                .with_context(|| format!("reading the journal {}", file.display()))?;
+            for line in text.split(|byte| *byte == b'\n') {
+                if line.is_empty() {
+                    continue;
+                }
+                match serde_json::from_slice(line) {
+                    Ok(entry) => ledger.add(entry),
+                    Err(_) => ledger.unreadable += 1,
+                }
+            }
+        }
+        Ok(ledger)
+    }
+
+    /// Takes one more entry. An episode whose file got lost is made again: the
+    /// newest word counts.
+    pub fn add(&mut self, entry: Entry) {
+        match entry {
+            Entry::Done(done) => {
+                let known = self.done.get(&done.episode);
+                if known.is_none_or(|k| k.finished_unix_millis <= done.finished_unix_millis) {
+                    self.done.insert(done.episode.clone(), *done);
+                }
+            }
+            Entry::Failed(failed) => {
+                let attempts = self.failed.entry(failed.episode.clone()).or_default();
+                if attempts.iter().all(|a| a.attempt != failed.attempt) {
+                    attempts.push(failed);
+                    attempts.sort_by_key(|a| a.attempt);
+                }
+            }
+        }
+    }
+
+    /// Number of the next attempt at an episode.
+    #[must_use]
+    pub fn next_attempt(&self, episode: &str) -> u32 {
+        let newest = self
+            .failed
+            .get(episode)
+            .and_then(|attempts| attempts.last());
+        newest.map_or(0, |failed| failed.attempt + 1)
+    }
+}
+
+/// The journal of one shard, open for appending and locked.
+#[derive(Debug)]
+pub struct Journal {
+    file: File,
+}
+
+impl Journal {
+    /// Opens the journal of `shard` in `folder`, or makes it.
+    ///
+    /// # Errors
+    /// When another process works on this shard, or the file cannot be used.
+    pub fn open(folder: &Path, shard: Shard) -> anyhow::Result<Self> {
+        Self::open_named(folder, &format!("shard-{}-of-{}", shard.index, shard.count))
+    }
+
+    /// Opens the journal called `name` in `folder`, or makes it.
+    ///
+    /// # Errors
+    /// As [`Journal::open`].
+    pub fn open_named(folder: &Path, name: &str) -> anyhow::Result<Self> {
+        let path = folder.join(format!("{name}.jsonl"));
+        let mut file = OpenOptions::new()
+            .create(true)
+            .append(true)
+            .read(true)
+            .open(&path)
+            .with_context(|| format!("opening the journal {}", path.display()))?;
+        match file.try_lock() {
+            Ok(()) => {}
+            Err(TryLockError::WouldBlock) => bail!(
+                "another `wheelarm collect` writes {}; wait for its end, or take another --shard or --out",
+                path.display()
+            ),
+            // Some network file systems know no locks.
+            Err(TryLockError::Error(e)) => {
+                tracing::warn!(
+                    "{} cannot be locked ({e}); see to it that no shard runs twice",
+                    path.display()
+                );
+            }
+        }
+        // A line that a crash cut short must not swallow the next one.
+        let length = file.seek(SeekFrom::End(0))?;
+        if length > 0 {
+            let mut last = [0];
+            file.seek(SeekFrom::Start(length - 1))?;
+            file.read_exact(&mut last)?;
+            if last != *b"\n" {
+                file.write_all(b"\n")?;
+            }
+        }
+        Ok(Self { file })
+    }
+
+    /// Appends an entry; it is on the disk afterwards.
+    ///
+    /// # Errors
+    /// When the disk does not take it.
+    pub fn append(&mut self, entry: &Entry) -> anyhow::Result<()> {
+        let mut line = serde_json::to_vec(entry)?;
+        line.push(b'\n');
+        self.file
+            .write_all(&line)
+            .and_then(|()| self.file.sync_data())
+            .context("writing the journal; is the disk full?")
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn failed(attempt: u32) -> Failed {
+        Failed {
+            episode: "a-0000".into(),
+            task: "a".into(),
+            attempt,
+            seed: 0,
+            settings: String::new(),
+            reason: "dropped".into(),
+            seconds: 1.0,
+            wall_seconds: 1.0,
+        }
+    }
+
+    #[test]
+    fn a_line_cut_short_is_ignored_and_swallows_nothing() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut journal = Journal::open(folder.path(), Shard::WHOLE).unwrap();
+        journal.append(&Entry::Failed(failed(0))).unwrap();
+        drop(journal);
+        let path = folder.path().join("shard-0-of-1.jsonl");
+        let whole = std::fs::read(&path).unwrap();
+        for cut in 1..whole.len() {
+            let torn = [&whole[..], &whole[..cut]].concat();
+            std::fs::write(&path, torn).unwrap();
+            let mut journal = Journal::open(folder.path(), Shard::WHOLE).unwrap();
+            journal.append(&Entry::Failed(failed(1))).unwrap();
+            let ledger = Ledger::read(folder.path()).unwrap();
+            assert_eq!(ledger.next_attempt("a-0000"), 2, "cut at {cut}");
+        }
+    }
+
+    #[test]
+    fn a_shard_is_made_by_one_process_at_a_time() {
+        let folder = tempfile::tempdir().unwrap();
+        let first = Journal::open(folder.path(), Shard::WHOLE).unwrap();
+        let problem = Journal::open(folder.path(), Shard::WHOLE).unwrap_err();
+        assert!(problem.to_string().contains("another"), "{problem}");
+        drop(first);
+        Journal::open(folder.path(), Shard::WHOLE).unwrap();
+    }
+}

@@ -1,0 +1,152 @@
+//! `wheelarm collect --merge`: the folders of several shards or hosts become
+//! one dataset, every file is checked, and what is missing is named.
+//!
+//! The sources stay as they are; files are linked, or copied between disks.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, bail};
+use wheelarm_dataset::read::Episode as Recording;
+
+use super::attempt::check;
+use super::episode::{Episode, episodes};
+use super::folder::{Folder, appear, sha256};
+use super::journal::{Done, Entry, Journal, Ledger};
+use super::manifest::Manifest;
+use super::plan::Plan;
+
+/// Joins `sources` into `out`.
+///
+/// # Errors
+/// When the folders belong to different plans or cannot be read. A file that
+/// is bad or absent is no error: its episode counts as missing.
+pub fn merge(sources: &[PathBuf], out: &Path) -> anyhow::Result<Manifest> {
+    let mut wanted: Vec<Episode> = Vec::new();
+    let mut plan: Option<Plan> = None;
+    for source in sources {
+        let read = Plan::read(&Folder::at(source).plan())
+            .with_context(|| format!("{} is no folder of `wheelarm collect`", source.display()))?;
+        add(&mut wanted, episodes(&read), source)?;
+        // The largest plan is kept: a campaign may have grown.
+        if plan
+            .as_ref()
+            .is_none_or(|p| p.episode_count() < read.episode_count())
+        {
+            plan = Some(read);
+        }
+    }
+    let plan = plan.context("no folder to merge is named")?;
+    let folder = Folder::make(out)?;
+    super::keep_plan(&folder, &plan)?;
+    let mut journal = Journal::open_named(&folder.journal(), "merged")?;
+    let mut ledger = Ledger::read(&folder.journal())?;
+    let ours = |source: &Path| match (source.canonicalize(), out.canonicalize()) {
+        (Ok(a), Ok(b)) => a == b,
+        _ => false,
+    };
+    // What is in the target counts only if its file is good.
+    let by_id: BTreeMap<&str, &Episode> = wanted.iter().map(|e| (e.id.as_str(), e)).collect();
+    ledger.done.retain(|id, done| match by_id.get(id.as_str()) {
+        Some(episode) => said(good(out, done, episode), out, id),
+        None => false,
+    });
+    for source in sources.iter().filter(|source| !ours(source)) {
+        let theirs = Ledger::read(&Folder::at(source).journal())?;
+        for failed in theirs.failed.into_values().flatten() {
+            let known = ledger
+                .failed
+                .get(&failed.episode)
+                .is_some_and(|all| all.iter().any(|f| f.attempt == failed.attempt));
+            if !known {
+                journal.append(&Entry::Failed(failed.clone()))?;
+                ledger.add(Entry::Failed(failed));
+            }
+        }
+        for (id, done) in theirs.done {
+            let Some(episode) = by_id.get(id.as_str()) else {
+                continue;
+            };
+            if ledger.done.contains_key(&id) || !said(good(source, &done, episode), source, &id) {
+                continue;
+            }
+            take(&folder, &source.join(&done.file), &done)?;
+            let entry = Entry::Done(Box::new(done));
+            journal.append(&entry)?;
+            ledger.add(entry);
+        }
+    }
+    let manifest = Manifest::new(&plan.name, &wanted, &ledger);
+    manifest.write(&folder)?;
+    Ok(manifest)
+}
+
+/// Adds the episodes of another plan; the same name must mean the same episode.
+fn add(wanted: &mut Vec<Episode>, more: Vec<Episode>, source: &Path) -> anyhow::Result<()> {
+    for episode in more {
+        match wanted.iter().find(|known| known.id == episode.id) {
+            Some(known) if known.settings != episode.settings => bail!(
+                "the folders are of different campaigns: {} is\n  {}\nin {} and\n  {}\nin one before",
+                episode.id,
+                episode.settings,
+                source.display(),
+                known.settings
+            ),
+            Some(_) => {}
+            None => wanted.push(episode),
+        }
+    }
+    Ok(())
+}
+
+/// Whether an episode is there as its journal says.
+fn good(root: &Path, done: &Done, episode: &Episode) -> anyhow::Result<()> {
+    if done.settings != episode.settings {
+        bail!(
+            "it was made with\n  {}\nand the plan says\n  {}",
+            done.settings,
+            episode.settings
+        );
+    }
+    let file = root.join(&done.file);
+    let found = sha256(&file)?;
+    if found != done.sha256 {
+        bail!("its SHA-256 is {found}, expected {}", done.sha256);
+    }
+    let summary = Recording::open(&file)?.summary()?;
+    check(&summary, episode, done.seed)?;
+    if !summary.success {
+        bail!("it is not a success");
+    }
+    Ok(())
+}
+
+/// Tells what is wrong with an episode.
+fn said(result: anyhow::Result<()>, root: &Path, id: &str) -> bool {
+    match result {
+        Ok(()) => true,
+        Err(problem) => {
+            eprintln!("{}: {id} is left out: {problem:#}", root.display());
+            false
+        }
+    }
+}
+
+/// Brings a file into the dataset.
+fn take(folder: &Folder, from: &Path, done: &Done) -> anyhow::Result<()> {
+    let to = folder.file(&done.episode);
+    if to.is_file() && sha256(&to)? == done.sha256 {
+        return Ok(());
+    }
+    let staging = folder.stage(&done.episode)?;
+    let staged = staging.join(format!("{}.h5", done.episode));
+    if std::fs::hard_link(from, &staged).is_err() {
+        std::fs::copy(from, &staged)
+            .with_context(|| format!("copying {} to {}", from.display(), staged.display()))?;
+        std::fs::File::open(&staged)
+            .and_then(|file| file.sync_all())
+            .with_context(|| format!("syncing {}", staged.display()))?;
+    }
+    appear(&staged, &to)?;
+    folder.clean(&done.episode)
+}

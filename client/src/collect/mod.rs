@@ -1,0 +1,369 @@
+//! `wheelarm collect`: a whole dataset from one plan, on one machine or on many.
+//!
+//! Each worker runs a server, a recorder and the operator in lock-step, one
+//! episode at a time. What has been done stands in append-only journals and
+//! nowhere else, so any kill at any time costs the running episodes at most.
+//! Shards need no coordinator: name, seed and shard of an episode follow from
+//! the plan alone.
+
+mod attempt;
+mod capacity;
+mod episode;
+mod estimate;
+mod fleet;
+mod folder;
+mod journal;
+mod manifest;
+mod merge;
+mod plan;
+mod process;
+mod progress;
+mod stop;
+mod watch;
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::num::NonZeroUsize;
+use std::path::{Path, PathBuf};
+use std::process::{Command, ExitCode};
+
+use anyhow::{Context, bail};
+use clap::Args;
+
+use crate::control::find_program;
+use attempt::Setup;
+use capacity::Host;
+use episode::{Episode, Shard, episodes};
+use estimate::{Estimate, estimate};
+use fleet::{Job, Tally};
+use folder::{Folder, write_whole};
+use journal::{Entry, Journal, Ledger};
+use manifest::Manifest;
+use plan::Plan;
+use progress::Show;
+use stop::Stop;
+
+pub use plan::PlanError;
+
+/// Exit code of a dataset that lacks episodes.
+const INCOMPLETE: u8 = 3;
+
+/// Options of `wheelarm collect`.
+#[derive(Args, Clone, Debug)]
+pub struct CollectArgs {
+    /// The plan, for example assets/campaigns/small.toml.
+    #[arg(required_unless_present = "merge")]
+    pub plan: Option<PathBuf>,
+    /// Folder for the dataset; the plan's, else data/NAME.
+    #[arg(long, value_name = "DIR")]
+    pub out: Option<PathBuf>,
+    /// Only tells episodes, samples, disk and time.
+    #[arg(long)]
+    pub dry_run: bool,
+    /// Report of `wheelarm evaluate` (JSON) with mean durations and success rates.
+    #[arg(long, value_name = "FILE")]
+    pub durations: Option<PathBuf>,
+    /// Episodes made at the same time; as many as fit in memory and cores when absent.
+    #[arg(long, value_name = "N")]
+    pub workers: Option<NonZeroUsize>,
+    /// Makes part I of N, from 0/N to N-1/N; needs no coordinator.
+    #[arg(long, value_name = "I/N", default_value_t = Shard::WHOLE)]
+    pub shard: Shard,
+    /// Assets folder; the server looks for it when absent.
+    #[arg(long, env = "WHEELARM_ASSETS")]
+    pub assets: Option<PathBuf>,
+    /// Graphics adapter by a part of its name (`wheelarm-server --list-adapters`).
+    #[arg(long)]
+    pub adapter: Option<String>,
+    /// Joins the folders of shards into one dataset (--out, else the first),
+    /// checks every file and says what is missing.
+    #[arg(
+        long,
+        value_name = "DIR",
+        num_args = 1..,
+        conflicts_with_all = ["plan", "dry_run", "durations", "workers", "shard", "adapter"]
+    )]
+    pub merge: Vec<PathBuf>,
+}
+
+/// Runs `wheelarm collect`: 0 when everything asked for is there, 3 when
+/// episodes are missing.
+///
+/// # Errors
+/// When the plan is wrong, the folder belongs to another one or cannot be
+/// written, or no episode can be made on this host.
+pub fn run(args: &CollectArgs) -> anyhow::Result<ExitCode> {
+    if let Some(first) = args.merge.first() {
+        let out = args.out.as_ref().unwrap_or(first);
+        let manifest = merge::merge(&args.merge, out)?;
+        return Ok(tell(&manifest, &Folder::at(out)));
+    }
+    let path = args.plan.as_deref().context("no plan is named")?;
+    let plan = Plan::read(path)?;
+    let out = args.out.clone().or_else(|| plan.out.clone());
+    let out = out.unwrap_or_else(|| Path::new("data").join(&plan.name));
+    let mine: Vec<Episode> = episodes(&plan)
+        .into_iter()
+        .filter(|episode| args.shard.has(episode))
+        .collect();
+    let ledger = ledger(&Folder::at(&out), &mine)?;
+    let evaluated = args.durations.as_deref().map(estimate::durations);
+    let estimate = estimate(
+        &plan,
+        &mine,
+        &ledger,
+        &evaluated.transpose()?.unwrap_or_default(),
+    );
+    let left = mine.len() - ledger.done.len();
+    let fits = || Host::look().workers(&plan).min(left.max(1));
+    let workers = args.workers.map_or_else(fits, NonZeroUsize::get);
+    let unknown = unknown_tasks(path, &plan, args.assets.as_deref())?;
+    if args.dry_run {
+        print!("{}", estimate.table(&plan, &out, workers));
+        if let Some(problem) = unknown {
+            println!("NOTE      {problem}");
+        }
+        return Ok(ExitCode::SUCCESS);
+    }
+    if let Some(problem) = unknown {
+        bail!("{problem}");
+    }
+    let setup = Setup {
+        plan,
+        folder: Folder::make(&out)?,
+        assets: args.assets.clone(),
+        adapter: args.adapter.clone(),
+    };
+    collect(&setup, args.shard, mine, &estimate, workers)
+}
+
+/// Makes what is missing of the episodes `mine`.
+fn collect(
+    setup: &Setup,
+    shard: Shard,
+    mine: Vec<Episode>,
+    estimate: &Estimate,
+    workers: usize,
+) -> anyhow::Result<ExitCode> {
+    let stop = Stop::default();
+    stop.listen()?;
+    let folder = &setup.folder;
+    let mut journal = Journal::open(&folder.journal(), shard)?;
+    // Read again under the lock.
+    let mut ledger = ledger(folder, &mine)?;
+    keep_plan(folder, &setup.plan)?;
+    settle(folder, &mine, &mut journal, &mut ledger)?;
+    let jobs = jobs(&mine, &ledger, estimate);
+    let workers = workers.min(jobs.len().max(1));
+    println!(
+        "{}: {} of {} episodes are there, {workers} workers make the others in {}",
+        setup.plan.name,
+        ledger.done.len(),
+        mine.len(),
+        folder.root().display()
+    );
+    let expected = jobs.iter().map(|job| job.expected).sum();
+    let show = Show::new(workers, ledger.done.len(), mine.len(), expected);
+    let tally = fleet::work(
+        setup,
+        jobs,
+        journal,
+        workers,
+        estimate.largest(),
+        (&stop, &show),
+    );
+    let ledger = self::ledger(folder, &mine)?;
+    let manifest = Manifest::new(&setup.plan.name, &mine, &ledger);
+    explain(&tally, setup.plan.attempts);
+    // A shard knows its own part only: the merge makes the manifest.
+    if shard == Shard::WHOLE {
+        manifest.write(folder)?;
+        return finish(&tally, tell(&manifest, folder));
+    }
+    println!("shard {shard}: {}", manifest.line());
+    finish(&tally, code(&manifest))
+}
+
+fn finish(tally: &Tally, code: ExitCode) -> anyhow::Result<ExitCode> {
+    match &tally.ended {
+        Some(why) => bail!("ended early: {why}"),
+        None => Ok(code),
+    }
+}
+
+/// Says what a dataset holds.
+fn tell(manifest: &Manifest, folder: &Folder) -> ExitCode {
+    for id in &manifest.missing {
+        println!("missing: {id}");
+    }
+    println!("{}", manifest.line());
+    println!(
+        "manifest  {}",
+        folder.root().join("manifest.json").display()
+    );
+    println!("report    {}", folder.root().join("report.md").display());
+    code(manifest)
+}
+
+fn code(manifest: &Manifest) -> ExitCode {
+    if manifest.complete {
+        ExitCode::SUCCESS
+    } else {
+        ExitCode::from(INCOMPLETE)
+    }
+}
+
+/// Says what went wrong in a run.
+fn explain(tally: &Tally, attempts: u32) {
+    for id in &tally.given_up {
+        println!(
+            "{id}: all {attempts} attempts failed; a larger `attempts` in the plan tries fresh seeds"
+        );
+    }
+    for (id, words) in &tally.broken {
+        println!("{id}: could not be made, the next run tries again: {words}");
+    }
+    if tally.discarded > 0 {
+        println!(
+            "{} running episodes were thrown away; the same command goes on",
+            tally.discarded
+        );
+    }
+}
+
+/// What the journals say of the episodes `mine`, as far as the files are there.
+fn ledger(folder: &Folder, mine: &[Episode]) -> anyhow::Result<Ledger> {
+    let mut ledger = Ledger::read(&folder.journal())?;
+    if ledger.unreadable > 0 {
+        tracing::warn!(
+            "{} lines of the journals in {} cannot be read and are ignored",
+            ledger.unreadable,
+            folder.journal().display()
+        );
+    }
+    let by_id: BTreeMap<&str, &Episode> = mine.iter().map(|e| (e.id.as_str(), e)).collect();
+    for done in ledger.done.values() {
+        if let Some(episode) = by_id.get(done.episode.as_str())
+            && done.settings != episode.settings
+        {
+            bail!(
+                "{} holds {} of another plan: it was made with\n  {}\nand the plan says\n  {}\nChoose another --out, or restore the plan",
+                folder.root().display(),
+                done.episode,
+                done.settings,
+                episode.settings
+            );
+        }
+    }
+    ledger.done.retain(|id, done| {
+        let size = std::fs::metadata(folder.file(id)).map(|m| m.len());
+        let there = size.is_ok_and(|size| size == done.bytes);
+        if !there && by_id.contains_key(id.as_str()) {
+            tracing::warn!(
+                "{} is gone or has another size, it counts as missing",
+                folder.file(id).display()
+            );
+        }
+        there && by_id.contains_key(id.as_str())
+    });
+    for (id, attempts) in &mut ledger.failed {
+        let settings = by_id.get(id.as_str()).map(|episode| &episode.settings);
+        attempts.retain(|failed| Some(&failed.settings) == settings);
+    }
+    Ok(ledger)
+}
+
+/// Deals with what a killed run left: finished files are entered, half-made
+/// ones are removed, and a file that no journal knows is named.
+fn settle(
+    folder: &Folder,
+    mine: &[Episode],
+    journal: &mut Journal,
+    ledger: &mut Ledger,
+) -> anyhow::Result<()> {
+    for episode in mine {
+        if !ledger.done.contains_key(&episode.id) {
+            if let Some(done) = folder.resume(&episode.id)?
+                && done.settings == episode.settings
+            {
+                let entry = Entry::Done(Box::new(done));
+                journal.append(&entry)?;
+                ledger.add(entry);
+            } else if folder.file(&episode.id).exists() {
+                bail!(
+                    "{} lies there, but no journal knows it; move it away",
+                    folder.file(&episode.id).display()
+                );
+            }
+        }
+        folder.clean(&episode.id)?;
+    }
+    Ok(())
+}
+
+/// What is left to do.
+fn jobs(mine: &[Episode], ledger: &Ledger, estimate: &Estimate) -> Vec<Job> {
+    mine.iter()
+        .filter(|episode| !ledger.done.contains_key(&episode.id))
+        .map(|episode| {
+            let share = estimate.shares.iter().find(|s| s.task == episode.task);
+            Job {
+                attempt: ledger.next_attempt(&episode.id),
+                expected: share.map_or(0.0, |s| s.seconds.0 / s.success),
+                episode: episode.clone(),
+            }
+        })
+        .collect()
+}
+
+/// Keeps the plan beside the data.
+fn keep_plan(folder: &Folder, plan: &Plan) -> anyhow::Result<()> {
+    let same = std::fs::read_to_string(folder.plan()).is_ok_and(|text| text == plan.text);
+    if same {
+        return Ok(());
+    }
+    write_whole(&folder.plan(), plan.text.as_bytes())
+}
+
+/// Names the first task of the plan that the server does not know.
+fn unknown_tasks(
+    path: &Path,
+    plan: &Plan,
+    assets: Option<&Path>,
+) -> anyhow::Result<Option<String>> {
+    let server = find_program("wheelarm-server").context(
+        "`wheelarm-server` lies neither beside this program nor on PATH; build the workspace first: cargo build --release --workspace",
+    )?;
+    let mut command = Command::new(server);
+    command.arg("--list-tasks");
+    if let Some(assets) = assets {
+        command.arg("--assets").arg(assets);
+    }
+    let output = command
+        .output()
+        .context("asking wheelarm-server for its tasks")?;
+    if !output.status.success() {
+        bail!(
+            "wheelarm-server cannot list its tasks: {}",
+            String::from_utf8_lossy(&output.stderr).trim()
+        );
+    }
+    let text = String::from_utf8_lossy(&output.stdout).into_owned();
+    let known: BTreeSet<&str> = text
+        .lines()
+        .filter_map(|line| line.split_whitespace().next())
+        .collect();
+    let unknown = plan
+        .tasks
+        .iter()
+        .find(|task| !known.contains(task.name.as_str()));
+    Ok(unknown.map(|task| {
+        let known: Vec<&str> = known.into_iter().collect();
+        format!(
+            "{}:{}: the assets hold no task {:?} (known: {}); correct the name or take the entry out",
+            path.display(),
+            task.line,
+            task.name,
+            known.join(", ")
+        )
+    }))
+}

@@ -1,0 +1,72 @@
+//! Ctrl-C and SIGTERM: how a campaign is ended before it is through.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU8, Ordering};
+
+use anyhow::Context;
+
+const FINISH: u8 = 1;
+const DISCARD: u8 = 2;
+
+/// Whether and how the campaign is to end.
+#[derive(Clone, Debug, Default)]
+pub struct Stop {
+    level: Arc<AtomicU8>,
+}
+
+impl Stop {
+    /// No new episode begins.
+    #[must_use]
+    pub fn asked(&self) -> bool {
+        self.level.load(Ordering::Acquire) >= FINISH
+    }
+
+    /// Running episodes are thrown away.
+    #[must_use]
+    pub fn at_once(&self) -> bool {
+        self.level.load(Ordering::Acquire) >= DISCARD
+    }
+
+    /// Asks for the end after the running episodes.
+    pub fn after_running(&self) {
+        self.level.fetch_max(FINISH, Ordering::AcqRel);
+    }
+
+    /// Listens to Ctrl-C and SIGTERM: the first Ctrl-C lets the running
+    /// episodes finish, the second and any SIGTERM throws them away.
+    ///
+    /// # Errors
+    /// When the operating system refuses.
+    pub fn listen(&self) -> anyhow::Result<()> {
+        use tokio::signal::unix::{SignalKind, signal};
+        let runtime = tokio::runtime::Builder::new_current_thread()
+            .enable_all()
+            .build()
+            .context("listening to Ctrl-C")?;
+        let stop = self.clone();
+        let (mut interrupt, mut terminate) = {
+            let _inside = runtime.enter();
+            (
+                signal(SignalKind::interrupt()).context("listening to Ctrl-C")?,
+                signal(SignalKind::terminate()).context("listening to SIGTERM")?,
+            )
+        };
+        std::thread::spawn(move || {
+            runtime.block_on(async move {
+                loop {
+                    tokio::select! {
+                        _ = interrupt.recv() => {
+                            if stop.level.fetch_add(1, Ordering::AcqRel) == 0 {
+                                eprintln!("\nthe running episodes are finished, no other begins; Ctrl-C again throws them away at once");
+                            } else {
+                                stop.level.store(DISCARD, Ordering::Release);
+                            }
+                        }
+                        _ = terminate.recv() => stop.level.store(DISCARD, Ordering::Release),
+                    }
+                }
+            });
+        });
+        Ok(())
+    }
+}

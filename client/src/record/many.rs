@@ -1,0 +1,124 @@
+//! One recorder process for every server behind a router: each server gets a
+//! recorder of its own and a folder of its own, as soon as it is seen.
+
+use std::collections::BTreeSet;
+use std::future::Future;
+
+use anyhow::{Context, anyhow};
+use tokio::sync::{mpsc, watch};
+use tokio::task::JoinSet;
+use wheelarm_proto::keys::PREFIX;
+use zenoh::Session;
+use zenoh::sample::SampleKind;
+
+use super::network::{print, run_with};
+use super::{ExitSummary, Output, RecordArgs};
+use crate::link::Link;
+
+/// The server name that stands for every server.
+pub const EVERY_SERVER: &str = "*";
+
+/// Records the episodes of every server that `session` leads to, until
+/// `args.episodes` of them all are done or `shutdown` completes.
+///
+/// # Errors
+/// When the servers cannot be watched. A server whose recorder fails is told
+/// and left out until it comes back.
+pub async fn run_many(
+    session: &Session,
+    endpoint: &str,
+    args: &RecordArgs,
+    shutdown: impl Future<Output = ()>,
+) -> anyhow::Result<ExitSummary> {
+    let servers = session
+        .liveliness()
+        .declare_subscriber(format!("{PREFIX}/*/alive"))
+        .history(true)
+        .await
+        .map_err(|e| anyhow!("watching for servers: {e}"))?;
+    let (end, ended) = watch::channel(false);
+    let (episodes, mut done) = mpsc::unbounded_channel();
+    let mut recorders = JoinSet::new();
+    let mut joined = BTreeSet::new();
+    let mut summary = ExitSummary::default();
+    let mut left = args.episodes;
+    tokio::pin!(shutdown);
+    while !*ended.borrow() {
+        tokio::select! {
+            sample = servers.recv_async() => {
+                let sample = sample.map_err(|e| anyhow!("watching for servers: {e}"))?;
+                let key = sample.key_expr().as_str();
+                let Some(sim) = key.split('/').nth(1).map(str::to_owned) else { continue };
+                // A server that goes is its recorder's business: it closes the
+                // episode and takes the next one when the server comes back.
+                if sample.kind() == SampleKind::Put && joined.insert(sim.clone()) {
+                    let link = Link::over(session.clone(), endpoint, &sim)?;
+                    let one = one(link, sim, args.clone(), ended.clone(), episodes.clone());
+                    recorders.spawn(one);
+                }
+            }
+            Some(()) = done.recv() => {
+                left = left.map(|left| left.saturating_sub(1));
+                if left == Some(0) {
+                    end.send_replace(true);
+                }
+            }
+            Some(result) = recorders.join_next(), if !recorders.is_empty() => {
+                let (sim, result) = result.context("a recorder panicked")?;
+                joined.remove(&sim);
+                add(&mut summary, &sim, result);
+            }
+            () = &mut shutdown => {
+                end.send_replace(true);
+            }
+        }
+    }
+    while let Some(result) = recorders.join_next().await {
+        let (sim, result) = result.context("a recorder panicked")?;
+        add(&mut summary, &sim, result);
+    }
+    Ok(summary)
+}
+
+/// Records one server into a folder of its name.
+async fn one(
+    link: Link,
+    sim: String,
+    args: RecordArgs,
+    mut ended: watch::Receiver<bool>,
+    episodes: mpsc::UnboundedSender<()>,
+) -> (String, anyhow::Result<ExitSummary>) {
+    println!("recording the server {sim:?}");
+    let args = RecordArgs {
+        out: args.out.join(&sim),
+        // They are counted over all servers.
+        episodes: None,
+        ..args
+    };
+    let shutdown = async move {
+        // A sender that is gone ends the recorder as well.
+        let _ = ended.wait_for(|ended| *ended).await;
+    };
+    let result = run_with(&link, args, shutdown, |output| {
+        print(output);
+        if matches!(output, Output::Finished(_) | Output::Failed(_)) {
+            // Nobody counts any more when the end is near.
+            let _ = episodes.send(());
+        }
+    })
+    .await;
+    (sim, result)
+}
+
+fn add(summary: &mut ExitSummary, sim: &str, result: anyhow::Result<ExitSummary>) {
+    match result {
+        Ok(more) => {
+            summary.finished.extend(more.finished);
+            summary.failed.extend(more.failed);
+        }
+        Err(problem) => {
+            eprintln!("the server {sim:?} is not recorded: {problem:#}");
+            summary.failed.push(format!("{sim}: {problem:#}"));
+        }
+    }
+}

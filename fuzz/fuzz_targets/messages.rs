@@ -1,0 +1,7 @@
+//! Every message of the contract, with its checks.
+#![no_main]
+
+use libfuzzer_sys::fuzz_target;
+use wheelarm_tests::decoders;
+
+fuzz_target!(|bytes: &[u8]| decoders::messages(bytes));

@@ -1,0 +1,7 @@
+//! The log of a recorder.
+#![no_main]
+
+use libfuzzer_sys::fuzz_target;
+use wheelarm_tests::decoders;
+
+fuzz_target!(|bytes: &[u8]| decoders::recorder_log(bytes));

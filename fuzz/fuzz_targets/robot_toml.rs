@@ -1,0 +1,7 @@
+//! Robot settings.
+#![no_main]
+
+use libfuzzer_sys::fuzz_target;
+use wheelarm_tests::decoders;
+
+fuzz_target!(|bytes: &[u8]| decoders::asset("robots/wheelarm/robot.toml", bytes));

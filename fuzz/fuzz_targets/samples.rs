@@ -1,0 +1,7 @@
+//! Samples as a recorder takes them.
+#![no_main]
+
+use libfuzzer_sys::fuzz_target;
+use wheelarm_tests::decoders;
+
+fuzz_target!(|bytes: &[u8]| decoders::samples(bytes));

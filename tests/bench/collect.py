@@ -1,0 +1,79 @@
+"""Rate of `wheelarm collect` at the paper's settings, and how it scales.
+
+collect.py ASSETS [--workers 1 2] [--depth f32 u16] [--size 1280x720]
+           [--episodes 1] [--programs DIR] [--folder DIR] [--adapter NAME]
+
+Every line is a whole campaign: simulated seconds in the dataset over wall
+seconds from the call to the manifest, start of the servers included.
+`--episodes` counts per worker.
+"""
+
+import argparse
+import json
+import shutil
+import subprocess
+import tempfile
+import time
+from pathlib import Path
+
+PLAN = """
+name = "bench"
+depth = "{depth}"
+[[camera]]
+name = "gen3"
+size = [{width}, {height}]
+[[camera]]
+name = "wheelchair"
+size = [{width}, {height}]
+[[task]]
+name = "pick_mustard"
+episodes = {episodes}
+"""
+
+
+def campaign(options, depth, workers, folder):
+    width, height = options.size.split("x")
+    plan = folder / "plan.toml"
+    episodes = workers * options.episodes
+    plan.write_text(PLAN.format(depth=depth, width=width, height=height, episodes=episodes))
+    out = folder / "set"
+    words = [options.programs / "wheelarm", "collect", plan, "--out", out]
+    words += ["--workers", workers, "--assets", options.assets]
+    if options.adapter:
+        words += ["--adapter", options.adapter]
+    begun = time.monotonic()
+    done = subprocess.run([str(word) for word in words], capture_output=True, text=True)
+    wall = time.monotonic() - begun
+    if done.returncode != 0:
+        raise SystemExit(f"exit {done.returncode}: {done.stdout}{done.stderr}")
+    manifest = json.loads((out / "manifest.json").read_text())
+    pictures = sum(e["counts"]["camera/gen3"] + e["counts"]["camera/wheelchair"] for e in manifest["episodes"])
+    print(
+        f"{depth}, {workers} workers: {manifest['seconds'] / wall:.2f} x real time summed, "
+        f"{pictures / wall:.1f} pictures/s, {manifest['bytes'] / pictures * 1e-6:.2f} MB per picture, "
+        f"{manifest['seconds']:.1f} s simulated in {wall:.1f} s, "
+        f"{len(manifest['failed_attempts'])} failed attempts",
+        flush=True,
+    )
+    shutil.rmtree(out)
+
+
+def main():
+    options = argparse.ArgumentParser()
+    options.add_argument("assets", type=Path)
+    options.add_argument("--workers", type=int, nargs="+", default=[1, 2])
+    options.add_argument("--depth", nargs="+", default=["f32", "u16"])
+    options.add_argument("--size", default="1280x720")
+    options.add_argument("--episodes", type=int, default=1)
+    options.add_argument("--programs", type=Path, default=Path(__file__).resolve().parents[2] / "target" / "release")
+    options.add_argument("--folder", type=Path)
+    options.add_argument("--adapter")
+    options = options.parse_args()
+    with tempfile.TemporaryDirectory(prefix="wheelarm_collect_", dir=options.folder) as folder:
+        for depth in options.depth:
+            for workers in options.workers:
+                campaign(options, depth, workers, Path(folder))
+
+
+if __name__ == "__main__":
+    main()

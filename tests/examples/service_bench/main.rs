@@ -1,0 +1,187 @@
+//! Measures the service with real processes on loopback: start-up and memory,
+//! latency of commands, cost of recorders, a flood of hostile messages.
+//! Prints one line per figure; `tests/bench/compare.py` puts them in its table.
+//!
+//! `service_bench start|latency|recorders|flood`
+
+mod latency;
+
+use std::time::{Duration, Instant};
+
+use anyhow::{Context, bail};
+use wheelarm_client::link::{Link, Received, Stream};
+use wheelarm_proto::keys::Query;
+use wheelarm_proto::v1;
+use wheelarm_tests::{IdleCommander, Recorder, Server, wait_until};
+use zenoh::Wait;
+
+/// Cameras of the measurements that are not about pictures.
+const CAMERAS: [&str; 6] = [
+    "--camera",
+    "gen3=160x90@30",
+    "--camera",
+    "wheelchair=160x90@30",
+    "--quality",
+    "fast",
+];
+
+fn main() -> anyhow::Result<()> {
+    let what = std::env::args().nth(1).unwrap_or_default();
+    match what.as_str() {
+        "start" => start(),
+        "latency" => latency::measure(),
+        "recorders" => recorders(),
+        "flood" => flood(),
+        other => bail!("{other:?} is not start, latency, recorders or flood"),
+    }
+}
+
+/// A field of `/proc/PID/status`, MB.
+fn memory(server: &Server, field: &str) -> anyhow::Result<f64> {
+    let text = std::fs::read_to_string(format!("/proc/{}/status", server.pid()))?;
+    let line = text.lines().find_map(|line| line.strip_prefix(field));
+    let kilobytes = line
+        .and_then(|l| l.split_whitespace().nth(1))
+        .context("a field")?;
+    Ok(kilobytes.parse::<f64>()? * 1.024e-3)
+}
+
+/// Processor time of the server, s.
+fn processor(server: &Server) -> anyhow::Result<f64> {
+    let text = std::fs::read_to_string(format!("/proc/{}/stat", server.pid()))?;
+    let rest = text.rsplit(')').next().context("a line")?;
+    let field = |i: usize| {
+        rest.split_whitespace()
+            .nth(i)
+            .and_then(|f| f.parse::<f64>().ok())
+    };
+    let ticks = field(11).context("utime")? + field(12).context("stime")?;
+    // USER_HZ is 100 on every Linux that Rust runs on.
+    Ok(ticks / 100.0)
+}
+
+fn tick(link: &Link) -> anyhow::Result<u64> {
+    let status: v1::Status = link.ask(Query::Status)?;
+    Ok(status.header.unwrap_or_default().tick)
+}
+
+/// From the start of the process to the first picture of 1280x720.
+fn start() -> anyhow::Result<()> {
+    let begun = Instant::now();
+    let server = Server::start("start", &[])?;
+    let ready = begun.elapsed().as_secs_f64();
+    let link = server.link();
+    let pictures = link
+        .session()
+        .declare_subscriber(link.keys().camera("gen3"));
+    let pictures = pictures.wait().map_err(|e| anyhow::anyhow!("{e}"))?;
+    let first = pictures.recv_timeout(Duration::from_secs(60));
+    if !matches!(first, Ok(Some(_))) {
+        bail!("no picture came");
+    }
+    let picture = begun.elapsed().as_secs_f64();
+    std::thread::sleep(Duration::from_secs(2));
+    println!("ready after {ready:.3} s");
+    println!("first picture after {picture:.3} s");
+    println!("memory at most {:.0} MB", memory(&server, "VmHWM")?);
+    Ok(())
+}
+
+/// What each further recorder costs, in lock-step: nothing may be missed.
+fn recorders() -> anyhow::Result<()> {
+    const SECONDS: u64 = 4;
+    let args = [&CAMERAS[..], &["--pacing", "lock-step"]].concat();
+    let mut alone = 0.0;
+    for count in [0, 1, 2, 4] {
+        let server = Server::start("cost", &args)?;
+        let link = server.link();
+        let folder = tempfile::tempdir()?;
+        let recorders: Vec<_> = (0..count)
+            .map(|i| {
+                let name = format!("r{i}");
+                let out = folder.path().join(&name);
+                Recorder::start(&server, &name, &out, &["--episodes", "1"])
+            })
+            .collect();
+        wait_until("the recorders are there", || {
+            let status = link.ask::<v1::Status>(Query::Status);
+            status.is_ok_and(|s| s.recorders.len() == count)
+        });
+        let idle = IdleCommander::start(&server.link());
+        let request = v1::EpisodeStartRequest {
+            label: "cost".into(),
+            require_recorders: u32::try_from(count)?,
+            ..Default::default()
+        };
+        let _: v1::EpisodeStarted = link.query(Query::EpisodeStart, &request)?;
+        let from = tick(&link)?;
+        wait_until("time passes", || tick(&link).is_ok_and(|t| t > from + 60));
+        let (from, begun, cpu) = (tick(&link)?, Instant::now(), processor(&server)?);
+        wait_until("time passes", || {
+            tick(&link).is_ok_and(|t| t > from + SECONDS * 240)
+        });
+        let simulated = (tick(&link)? - from) as f64 / 240.0;
+        let wall = begun.elapsed().as_secs_f64() / simulated;
+        let cpu = (processor(&server)? - cpu) / simulated;
+        let request = v1::EpisodeStopRequest::default();
+        let _: v1::EpisodeStopped = link.query(Query::EpisodeStop, &request)?;
+        drop(idle);
+        for recorder in recorders {
+            let text = recorder.finish();
+            if !text.contains("complete") {
+                bail!("a recording is not complete: {text}");
+            }
+        }
+        if count == 0 {
+            alone = wall;
+        }
+        println!(
+            "recorders {count}: wall {wall:.3} s per simulated s, server {cpu:.3} s of processor time, {:.2} of none",
+            wall / alone
+        );
+    }
+    Ok(())
+}
+
+/// Control ticks per second with and without 100 000 hostile messages a second.
+fn flood() -> anyhow::Result<()> {
+    const SECONDS: f64 = 4.0;
+    let server = Server::start("flood", &["--no-cameras"])?;
+    let (link, hostile) = (server.link(), server.link());
+    let rate = |seconds: f64| -> anyhow::Result<f64> {
+        let clock = link.streams(&[Stream::Clock])?;
+        let begun = Instant::now();
+        let mut count = 0;
+        while begun.elapsed().as_secs_f64() < seconds {
+            if let Some(Received::Clock(_)) = clock.next(Duration::from_millis(50))? {
+                count += 1;
+            }
+        }
+        Ok(f64::from(count) / begun.elapsed().as_secs_f64())
+    };
+    let quiet = rate(SECONDS)?;
+    let sending = std::thread::spawn(move || {
+        let publisher = hostile
+            .session()
+            .declare_publisher(hostile.keys().command());
+        let Ok(publisher) = publisher.wait() else {
+            return 0.0;
+        };
+        let begun = Instant::now();
+        let mut sent = 0_u64;
+        while begun.elapsed().as_secs_f64() < SECONDS + 0.5 {
+            for _ in 0..100 {
+                let _ = publisher.put(vec![0xff_u8; 40]).wait();
+                sent += 1;
+            }
+            let due = Duration::from_micros(sent * 10);
+            std::thread::sleep(due.saturating_sub(begun.elapsed()));
+        }
+        sent as f64 / begun.elapsed().as_secs_f64()
+    });
+    let flooded = rate(SECONDS)?;
+    let sent = sending.join().unwrap_or_default();
+    println!("hostile messages {sent:.0} per s");
+    println!("control ticks {quiet:.2} per s alone, {flooded:.2} flooded");
+    Ok(())
+}

@@ -1,0 +1,183 @@
+//! Everything that reads bytes of strangers, each behind one function that must
+//! return whatever the bytes are. The fuzz targets (`fuzz/`) and the mutation
+//! test of this package call the same functions.
+
+use std::path::{Path, PathBuf};
+use std::sync::OnceLock;
+use std::time::Instant;
+
+use wheelarm_dataset::{columns, log};
+use wheelarm_proto::{Message, check, names, v1};
+use wheelarm_server::geometry::mesh;
+use wheelarm_server::robot::RobotModel;
+use wheelarm_server::robot::control::GripperMap;
+use wheelarm_server::scene::Scene;
+use wheelarm_server::service::convert;
+use wheelarm_server::service::inbox::{Inbox, Life, Listening};
+use wheelarm_server::sim::Scenario;
+use wheelarm_server::tasks::TaskSpec;
+
+use crate::root;
+
+/// A command on its way through the gate, in both ways of listening.
+pub fn command(bytes: &[u8]) {
+    static MODEL: OnceLock<RobotModel> = OnceLock::new();
+    let model = MODEL.get_or_init(|| {
+        RobotModel::load(&root().join("assets"), "wheelarm").expect("the robot of this repository")
+    });
+    // Whatever the message says it is, it holds control.
+    let sent = v1::Command::decode(bytes).unwrap_or_default();
+    let life = Life {
+        name: sent.commander,
+        run_id: sent.header.unwrap_or_default().run_id,
+    };
+    for lock_step in [false, true] {
+        let mut inbox = Inbox::new(GripperMap::new(model));
+        inbox.appeared(life.clone());
+        let _ = inbox.ask(life.clone(), true, Instant::now());
+        let listening = Listening {
+            lock_step,
+            ..Listening::default()
+        };
+        inbox.listen(listening, 0);
+        let _ = inbox.accept(bytes, 0.0);
+        let _ = inbox.take(0, 0.0);
+    }
+}
+
+macro_rules! decode_all {
+    ($bytes:expr, $($name:ident),* $(,)?) => {
+        $(if let Ok(message) = v1::$name::decode($bytes) {
+            // What was read can be written and read again.
+            let again = v1::$name::decode(message.encode_to_vec().as_slice());
+            assert!(again.is_ok(), stringify!($name));
+        })*
+    };
+}
+
+/// Every message of the contract, with the checks of those that a server takes.
+pub fn messages(bytes: &[u8]) {
+    decode_all!(
+        bytes,
+        Command,
+        Refusal,
+        Failure,
+        Status,
+        LeaseRequest,
+        LeaseReply,
+        ResetRequest,
+        ResetReply,
+        EpisodeStartRequest,
+        EpisodeStarted,
+        EpisodeStopRequest,
+        EpisodeStopped,
+        SnapshotReply,
+        RecorderStatus,
+        ReachRequest,
+        ReachReply,
+        SceneReply,
+        TaskList,
+        Ack,
+        PreviewFrame,
+        CameraFrame,
+    );
+    if let Ok(request) = v1::ResetRequest::decode(bytes) {
+        let asked = request.scenario.unwrap_or_default();
+        let _ = convert::scenario_over(&Scenario::default(), &asked).map(|s| s.schedules());
+    }
+    if let Ok(request) = v1::EpisodeStartRequest::decode(bytes) {
+        let _ = check::label(&request.label);
+        let _ = check::instruction(&request.instruction);
+    }
+    if let Ok(request) = v1::ReachRequest::decode(bytes) {
+        let _ = convert::isometry("pose", request.pose.as_ref());
+    }
+}
+
+/// A sample of every stream, as a recorder takes it.
+pub fn samples(bytes: &[u8]) {
+    let _ = columns::header_of(bytes);
+    for stream in names::STREAMS.iter().chain([&names::EVENT_STREAM]) {
+        let _ = columns::check(stream, bytes);
+    }
+    let _ = log::CameraParts::parse(bytes);
+}
+
+/// The log of a recorder.
+pub fn recorder_log(bytes: &[u8]) {
+    let file = Scratch::new("log", bytes);
+    if let Ok(scan) = log::scan(&file.path) {
+        assert_eq!(scan.good + scan.lost, bytes.len() as u64);
+        assert_eq!(scan.damage.is_some(), scan.lost > 0);
+        for entry in &scan.entries {
+            let payload = scan.payload(entry).expect("a payload that was checked");
+            let _ = log::CameraParts::parse(&payload);
+        }
+    }
+}
+
+/// A mesh file, OBJ.
+pub fn obj(bytes: &[u8]) {
+    let _ = mesh::load(&Scratch::new("mesh.obj", bytes).path);
+}
+
+/// A mesh file, binary glTF.
+pub fn glb(bytes: &[u8]) {
+    let _ = mesh::load(&Scratch::new("mesh.glb", bytes).path);
+}
+
+/// One file of the assets in place of the right one, and everything that is
+/// loaded with it.
+pub fn asset(path: &str, bytes: &[u8]) {
+    thread_local! {
+        static ASSETS: tempfile::TempDir = {
+            let folder = tempfile::tempdir().expect("a folder");
+            copy(&root().join("assets"), folder.path());
+            folder
+        };
+    }
+    ASSETS.with(|folder| {
+        let assets = folder.path();
+        let file = assets.join(path);
+        let right = std::fs::read(&file).unwrap_or_default();
+        std::fs::write(&file, bytes).expect("a file");
+        if path.starts_with("robots") {
+            let _ = RobotModel::load(assets, "wheelarm");
+        } else if let Some(name) = path.strip_prefix("tasks/") {
+            let _ = TaskSpec::load(assets, name.trim_end_matches(".toml"));
+        } else {
+            let _ = Scene::load(assets, "home");
+        }
+        std::fs::write(&file, right).expect("a file");
+    });
+}
+
+fn copy(from: &Path, to: &Path) {
+    std::fs::create_dir_all(to).expect("a folder");
+    for entry in std::fs::read_dir(from).expect("the assets").flatten() {
+        let target = to.join(entry.file_name());
+        if entry.path().is_dir() {
+            copy(&entry.path(), &target);
+        } else {
+            std::fs::copy(entry.path(), target).expect("a copy");
+        }
+    }
+}
+
+/// Bytes in a file, for readers that want a path.
+struct Scratch {
+    path: PathBuf,
+    _folder: tempfile::TempDir,
+}
+
+impl Scratch {
+    fn new(name: &str, bytes: &[u8]) -> Self {
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = folder.path().join(name);
+        std::fs::write(&path, bytes).expect("a file");
+        Self {
+            path,
+            _folder: folder,
+        }
+    }
+}

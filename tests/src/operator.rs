@@ -1,0 +1,69 @@
+//! A commander that answers every control tick with nothing: it keeps a
+//! lock-step server going.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread::JoinHandle;
+use std::time::Duration;
+
+use wheelarm_client::link::{Link, Received, Stream};
+use wheelarm_proto::keys::Query;
+use wheelarm_proto::v1;
+
+/// Answers until it is dropped.
+pub struct IdleCommander {
+    ended: Arc<AtomicBool>,
+    thread: Option<JoinHandle<()>>,
+}
+
+impl IdleCommander {
+    /// Its name.
+    pub const NAME: &str = "idle";
+
+    /// Takes control; the episode may begin afterwards.
+    ///
+    /// # Panics
+    /// When control is held by somebody else.
+    #[must_use]
+    pub fn start(link: &Link) -> Self {
+        let streams = link.streams(&[Stream::Clock]).expect("the clock");
+        let mut commander = link.commander(Self::NAME, false).expect("control");
+        let ended = Arc::new(AtomicBool::new(false));
+        let thread = {
+            let ended = Arc::clone(&ended);
+            let link = link.clone();
+            std::thread::spawn(move || {
+                while !ended.load(Ordering::Acquire) {
+                    let sample = streams.next(Duration::from_millis(200)).expect("a clock");
+                    let header = match sample {
+                        Some(Received::Clock(clock)) => clock.header,
+                        // Time stands still, perhaps since before it came.
+                        _ => link
+                            .ask::<v1::Status>(Query::Status)
+                            .ok()
+                            .filter(|status| status.episode.is_some())
+                            .and_then(|status| status.header),
+                    };
+                    if let Some(header) = header {
+                        commander
+                            .answer(&header, v1::Command::default())
+                            .expect("a command");
+                    }
+                }
+            })
+        };
+        Self {
+            ended,
+            thread: Some(thread),
+        }
+    }
+}
+
+impl Drop for IdleCommander {
+    fn drop(&mut self) {
+        self.ended.store(true, Ordering::Release);
+        if let Some(thread) = self.thread.take() {
+            let _ = thread.join();
+        }
+    }
+}

@@ -1,0 +1,205 @@
+//! A TCP proxy on loopback that plays a bad link: delay, bandwidth, and a line
+//! that can be frozen or cut.
+
+use std::collections::VecDeque;
+use std::io::{Read, Write};
+use std::net::{Shutdown, TcpListener, TcpStream};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Condvar, Mutex, PoisonError};
+use std::time::{Duration, Instant};
+
+/// What the line does.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Line {
+    /// It carries.
+    Open,
+    /// Nothing arrives, and nobody is told.
+    Frozen,
+    /// Connections are torn down and refused.
+    Cut,
+}
+
+/// Bytes on their way in one direction; then the sender has to wait, as it
+/// would for a window.
+const IN_FLIGHT: usize = 256 << 10;
+/// How often a waiting thread looks at the line.
+const LOOK: Duration = Duration::from_millis(5);
+
+struct Shared {
+    line: Mutex<Line>,
+    bits_per_second: f64,
+    delay: Duration,
+    open: Mutex<Vec<TcpStream>>,
+    ended: AtomicBool,
+}
+
+/// A proxy; ends with its value.
+pub struct Proxy {
+    shared: Arc<Shared>,
+    port: u16,
+}
+
+impl Proxy {
+    /// A proxy before `endpoint` (`tcp/HOST:PORT`) with a delay in each
+    /// direction.
+    ///
+    /// # Errors
+    /// When no port is free.
+    pub fn start(endpoint: &str, delay: Duration, bits_per_second: f64) -> anyhow::Result<Self> {
+        let target = endpoint.trim_start_matches("tcp/").to_owned();
+        let listener = TcpListener::bind("127.0.0.1:0")?;
+        let port = listener.local_addr()?.port();
+        let shared = Arc::new(Shared {
+            line: Mutex::new(Line::Open),
+            bits_per_second,
+            delay,
+            open: Mutex::default(),
+            ended: AtomicBool::new(false),
+        });
+        let accepting = Arc::clone(&shared);
+        std::thread::spawn(move || {
+            for client in listener.incoming().map_while(Result::ok) {
+                if accepting.ended.load(Ordering::Acquire) {
+                    return;
+                }
+                if accepting.line() == Line::Cut {
+                    continue;
+                }
+                if let Ok(server) = TcpStream::connect(&target) {
+                    accepting.carry(client, server);
+                }
+            }
+        });
+        Ok(Self { shared, port })
+    }
+
+    /// Endpoint to connect to.
+    #[must_use]
+    pub fn endpoint(&self) -> String {
+        format!("tcp/127.0.0.1:{}", self.port)
+    }
+
+    /// Changes what the line does.
+    pub fn set(&self, line: Line) {
+        *lock(&self.shared.line) = line;
+        if line == Line::Cut {
+            self.shared.tear_down();
+        }
+    }
+}
+
+impl Drop for Proxy {
+    fn drop(&mut self) {
+        self.shared.ended.store(true, Ordering::Release);
+        self.shared.tear_down();
+        // Wakes the thread that accepts.
+        let _ = TcpStream::connect(("127.0.0.1", self.port));
+    }
+}
+
+fn lock<T>(mutex: &Mutex<T>) -> std::sync::MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// One direction: pieces with the time at which they arrive.
+#[derive(Default)]
+struct Pipe {
+    state: Mutex<PipeState>,
+    changed: Condvar,
+}
+
+#[derive(Default)]
+struct PipeState {
+    pieces: VecDeque<(Instant, Vec<u8>)>,
+    bytes: usize,
+    closed: bool,
+}
+
+impl Shared {
+    fn line(&self) -> Line {
+        *lock(&self.line)
+    }
+
+    fn tear_down(&self) {
+        for stream in lock(&self.open).drain(..) {
+            let _ = stream.shutdown(Shutdown::Both);
+        }
+    }
+
+    fn carry(self: &Arc<Self>, client: TcpStream, server: TcpStream) {
+        for stream in [&client, &server] {
+            let _ = stream.set_nodelay(true);
+            if let Ok(copy) = stream.try_clone() {
+                lock(&self.open).push(copy);
+            }
+        }
+        let pairs = [
+            (client.try_clone(), server.try_clone()),
+            (Ok(server), Ok(client)),
+        ];
+        for (from, to) in pairs {
+            let (Ok(from), Ok(to)) = (from, to) else {
+                continue;
+            };
+            let pipe = Arc::new(Pipe::default());
+            let (shared, end) = (Arc::clone(self), Arc::clone(&pipe));
+            std::thread::spawn(move || shared.read(from, &end));
+            let shared = Arc::clone(self);
+            std::thread::spawn(move || shared.write(to, &pipe));
+        }
+    }
+
+    fn read(&self, mut from: TcpStream, pipe: &Pipe) {
+        let mut piece = [0; 8192];
+        let mut free = Instant::now();
+        while let Ok(length @ 1..) = from.read(&mut piece) {
+            let takes = Duration::from_secs_f64(length as f64 * 8.0 / self.bits_per_second);
+            free = free.max(Instant::now()) + takes;
+            let mut state = lock(&pipe.state);
+            while state.bytes > IN_FLIGHT && !state.closed {
+                state = pipe
+                    .changed
+                    .wait(state)
+                    .unwrap_or_else(PoisonError::into_inner);
+            }
+            if state.closed {
+                break;
+            }
+            state.bytes += length;
+            state
+                .pieces
+                .push_back((free + self.delay, piece[..length].to_vec()));
+            pipe.changed.notify_all();
+        }
+        lock(&pipe.state).closed = true;
+        pipe.changed.notify_all();
+    }
+
+    fn write(&self, mut to: TcpStream, pipe: &Pipe) {
+        loop {
+            let (due, piece) = {
+                let state = lock(&pipe.state);
+                let mut state = pipe
+                    .changed
+                    .wait_while(state, |s| s.pieces.is_empty() && !s.closed)
+                    .unwrap_or_else(PoisonError::into_inner);
+                let Some(next) = state.pieces.pop_front() else {
+                    break;
+                };
+                state.bytes -= next.1.len();
+                pipe.changed.notify_all();
+                next
+            };
+            std::thread::sleep(due.saturating_duration_since(Instant::now()));
+            while self.line() == Line::Frozen && !self.ended.load(Ordering::Acquire) {
+                std::thread::sleep(LOOK);
+            }
+            if self.line() == Line::Cut || to.write_all(&piece).is_err() {
+                break;
+            }
+        }
+        lock(&pipe.state).closed = true;
+        pipe.changed.notify_all();
+        let _ = to.shutdown(Shutdown::Both);
+    }
+}

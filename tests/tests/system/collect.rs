@@ -1,0 +1,264 @@
+//! A campaign that is ended in every way on its way: nothing is done twice,
+//! nothing is lost, nothing half-made is left.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Output, Stdio};
+use std::time::{Duration, Instant, SystemTime};
+
+use serde_json::Value;
+use wheelarm_tests::{printed, program, root};
+
+const PLAN: &str = r#"
+name = "tiny"
+quality = "fast"
+[[camera]]
+name = "gen3"
+size = [64, 48]
+[[task]]
+name = "pick_mustard"
+episodes = 2
+seconds = 17.0
+reference_samples = 234.0
+"#;
+const PATIENCE: Duration = Duration::from_secs(180);
+
+fn collect(args: &[&str]) -> Command {
+    let mut command = Command::new(program("wheelarm").expect("the client"));
+    command.arg("collect").args(args);
+    if !args.contains(&"--merge") {
+        command.arg("--assets").arg(root().join("assets"));
+    }
+    command
+}
+
+fn run(args: &[&str]) -> Output {
+    collect(args).output().expect("the client")
+}
+
+/// A running campaign; killed when dropped.
+struct Campaign {
+    child: Child,
+    begun: SystemTime,
+}
+
+impl Campaign {
+    fn start(args: &[&str]) -> Self {
+        let mut command = collect(args);
+        command.stdout(Stdio::piped()).stderr(Stdio::piped());
+        Self {
+            begun: SystemTime::now(),
+            child: command.spawn().expect("the client"),
+        }
+    }
+
+    /// Its operator is at work on an episode below `out`.
+    fn at_work(&self, out: &Path) -> bool {
+        let staged = std::fs::read_dir(out.join("staging"));
+        staged.is_ok_and(|entries| {
+            let logs = entries.flatten().map(|e| e.path().join("operator.log"));
+            let mut metadata = logs.filter_map(|log| std::fs::metadata(log).ok());
+            // A campaign that was killed leaves such files as well.
+            metadata.any(|m| m.len() > 0 && m.modified().is_ok_and(|t| t > self.begun))
+        })
+    }
+
+    fn signal(&self, name: &str) {
+        let line = format!("kill -{name} {}", self.child.id());
+        let status = Command::new("sh").args(["-c", &line]).status();
+        assert!(status.expect("a shell").success(), "{line}");
+    }
+
+    fn end(mut self) -> Output {
+        // Its pipes hold far more than it prints.
+        let status = self.child.wait().expect("its end");
+        let read = |pipe: Option<&mut dyn std::io::Read>| {
+            let mut bytes = Vec::new();
+            pipe.expect("a pipe").read_to_end(&mut bytes).expect("text");
+            bytes
+        };
+        Output {
+            status,
+            stdout: read(self.child.stdout.as_mut().map(|p| p as _)),
+            stderr: read(self.child.stderr.as_mut().map(|p| p as _)),
+        }
+    }
+}
+
+impl Drop for Campaign {
+    fn drop(&mut self) {
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}
+
+fn wait_for(what: &str, mut there: impl FnMut() -> bool) {
+    let since = Instant::now();
+    while !there() {
+        assert!(since.elapsed() < PATIENCE, "{what} never came");
+        std::thread::sleep(Duration::from_millis(50));
+    }
+}
+
+/// Processes whose command line names `out`.
+fn left_behind(out: &Path) -> Vec<String> {
+    let entries = std::fs::read_dir("/proc").expect("processes").flatten();
+    let lines = entries.filter_map(|e| std::fs::read(e.path().join("cmdline")).ok());
+    let lines = lines.map(|line| String::from_utf8_lossy(&line).replace('\0', " "));
+    let out = out.to_string_lossy();
+    lines.filter(|line| line.contains(&*out)).collect()
+}
+
+fn done_lines(out: &Path) -> Vec<Value> {
+    let text = std::fs::read_to_string(out.join("journal/shard-0-of-1.jsonl")).unwrap_or_default();
+    let lines = text.lines().filter_map(|l| serde_json::from_str(l).ok());
+    lines.filter(|v: &Value| v["kind"] == "done").collect()
+}
+
+fn files(out: &Path) -> BTreeMap<PathBuf, SystemTime> {
+    let entries = std::fs::read_dir(out.join("episodes")).expect("the episodes");
+    let paths = entries.map(|entry| entry.expect("a file"));
+    paths
+        .map(|e| {
+            (
+                e.path(),
+                e.metadata().and_then(|m| m.modified()).expect("a time"),
+            )
+        })
+        .collect()
+}
+
+#[test]
+fn a_campaign_that_is_stopped_killed_twice_and_interrupted_ends_complete() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let plan = folder.path().join("plan.toml");
+    std::fs::write(&plan, PLAN).expect("a plan");
+    let out = folder.path().join("set");
+    let args = [
+        plan.to_str().expect("text"),
+        "--out",
+        out.to_str().expect("text"),
+        "--workers",
+        "1",
+    ];
+
+    let dry = run(&[&args[..], &["--dry-run"]].concat());
+    let text = printed(&dry);
+    // 2 episodes of 17 s at 10 Hz beside 2 x 234.
+    assert!(text.contains("340") && text.contains("468"), "{text}");
+    assert!(!out.exists(), "a dry run made {}", out.display());
+
+    // SIGTERM throws the running episode away.
+    let campaign = Campaign::start(&args);
+    wait_for("an operator at work", || campaign.at_work(&out));
+    let second = run(&args);
+    assert!(printed(&second).contains("another"), "{}", printed(&second));
+    campaign.signal("TERM");
+    let ended = campaign.end();
+    assert_eq!(ended.status.code(), Some(3), "{}", printed(&ended));
+    let staged = std::fs::read_dir(out.join("staging")).expect("a folder");
+    assert_eq!(staged.count(), 0, "something half-made is left");
+
+    // Killed while the first episode is made, and while the second is.
+    for done in [0, 1] {
+        let campaign = Campaign::start(&args);
+        wait_for("the next episode", || {
+            done_lines(&out).len() == done && campaign.at_work(&out)
+        });
+        campaign.signal("KILL");
+        campaign.end();
+        wait_for("the end of its programs", || left_behind(&out).is_empty());
+        assert_eq!(files(&out).len(), done);
+    }
+    let first = files(&out);
+
+    // Ctrl-C lets the running episode finish: here it is the last one.
+    let campaign = Campaign::start(&args);
+    wait_for("an operator at work", || campaign.at_work(&out));
+    campaign.signal("INT");
+    let ended = campaign.end();
+    let text = printed(&ended);
+    assert_eq!(ended.status.code(), Some(0), "{text}");
+    assert!(
+        text.contains("2 of 2 episodes") && text.contains(": complete"),
+        "{text}"
+    );
+
+    // Nothing was done twice, and the next run does nothing.
+    let both = files(&out);
+    assert!(
+        first
+            .iter()
+            .all(|(path, time)| both.get(path) == Some(time))
+    );
+    assert_eq!((both.len(), done_lines(&out).len()), (2, 2));
+    let again = run(&args);
+    assert_eq!(again.status.code(), Some(0), "{}", printed(&again));
+    assert_eq!((files(&out), done_lines(&out).len()), (both, 2));
+    manifest_is_true(&out);
+    merging_checks_every_file(&out, &folder.path().join("merged"));
+    another_plan_is_refused(&plan, &args);
+}
+
+fn manifest_is_true(out: &Path) {
+    let text = std::fs::read_to_string(out.join("manifest.json")).expect("a manifest");
+    let manifest: Value = serde_json::from_str(&text).expect("JSON");
+    assert_eq!(manifest["complete"], true);
+    for (index, episode) in manifest["episodes"]
+        .as_array()
+        .expect("a list")
+        .iter()
+        .enumerate()
+    {
+        assert_eq!(episode["episode"], format!("pick_mustard-{index:04}"));
+        assert_eq!(episode["missed"], 0);
+        assert!(episode["success"] == true && episode["counts"]["camera/gen3"].as_u64() > Some(50));
+        let file = out.join(episode["file"].as_str().expect("a path"));
+        let recording = wheelarm_dataset::read::Episode::open(&file).expect("an episode");
+        let summary = recording.summary().expect("a summary");
+        assert!(summary.complete && summary.success);
+        assert_eq!(Some(summary.seed), episode["seed"].as_u64());
+    }
+}
+
+fn merging_checks_every_file(out: &Path, merged: &Path) {
+    let args = |to| ["--merge", out.to_str().expect("text"), "--out", to];
+    let good = run(&args(merged.to_str().expect("text")));
+    assert_eq!(good.status.code(), Some(0), "{}", printed(&good));
+    manifest_is_true(merged);
+    // One flipped byte, in the source alone: the merged file is another name
+    // of the same one where the disk allows that.
+    let file = out.join("episodes/pick_mustard-0001.h5");
+    let mut bytes = std::fs::read(&file).expect("the file");
+    let middle = bytes.len() / 2;
+    bytes[middle] ^= 1;
+    std::fs::remove_file(&file).expect("the file");
+    std::fs::write(&file, bytes).expect("the file");
+    let elsewhere = merged.with_file_name("elsewhere");
+    let bad = run(&args(elsewhere.to_str().expect("text")));
+    let text = printed(&bad);
+    assert_eq!(bad.status.code(), Some(3), "{text}");
+    assert!(
+        text.contains("missing: pick_mustard-0001") && text.contains("SHA-256"),
+        "{text}"
+    );
+    let again = run(&args(merged.to_str().expect("text")));
+    assert_eq!(again.status.code(), Some(0), "{}", printed(&again));
+}
+
+fn another_plan_is_refused(plan: &Path, args: &[&str]) {
+    std::fs::write(plan, PLAN.replace("[64, 48]", "[32, 24]")).expect("a plan");
+    let refused = run(args);
+    let text = printed(&refused);
+    assert_eq!(refused.status.code(), Some(1), "{text}");
+    assert!(
+        text.contains("another plan") && text.contains("64x48"),
+        "{text}"
+    );
+    std::fs::write(plan, PLAN.replace("pick_mustard", "pick_custard")).expect("a plan");
+    let text = printed(&run(args));
+    assert!(
+        text.contains("plan.toml:8") && text.contains("pick_mustard"),
+        "{text}"
+    );
+}

@@ -1,0 +1,113 @@
+//! One commander at a time, and pictures for those who watch.
+
+use std::time::Duration;
+
+use wheelarm_proto::keys::Query;
+use wheelarm_proto::preview::PreviewLevel;
+use wheelarm_proto::v1;
+use wheelarm_tests::{IdleCommander, PATIENCE, Server, wait_until};
+
+fn holder(link: &wheelarm_client::link::Link) -> String {
+    let status: v1::Status = link.ask(Query::Status).expect("a status");
+    status.holder
+}
+
+#[test]
+fn a_second_operator_is_told_who_is_in_control_and_takes_it_only_explicitly() {
+    let server = Server::start("lease", &["--no-cameras"]).expect("a server");
+    let (first, second) = (server.link(), server.link());
+    let anna = first.commander("anna", false).expect("control");
+    let told = second.commander("ben", false).err().expect("a refusal");
+    let told = told.to_string();
+    assert!(told.contains("anna") && told.contains("--take"), "{told}");
+    let status = server.client(&["status"]).expect("a client");
+    let text = String::from_utf8_lossy(&status.stdout).into_owned();
+    assert!(text.contains("control") && text.contains("anna"), "{text}");
+
+    let ben = second.commander("ben", true).expect("control, taken");
+    assert_eq!(holder(&first), "ben");
+    let told = anna.ask(false).expect_err("a refusal").to_string();
+    assert!(told.contains("ben"), "{told}");
+    // Who has lost control has nothing to give back.
+    drop(anna);
+    assert_eq!(holder(&first), "ben");
+    drop(ben);
+    assert_eq!(holder(&first), "");
+
+    // Control ends with its holder's connection, not only by its word.
+    let gone = server.link();
+    let carl = gone.commander("carl", false).expect("control");
+    std::mem::forget(carl);
+    gone.close().expect("the end of the session");
+    wait_until("control is free again", || holder(&first).is_empty());
+}
+
+#[test]
+fn lock_step_waits_for_whoever_is_in_control() {
+    let args = ["--no-cameras", "--pacing", "lock-step"];
+    let server = Server::start("whose", &args).expect("a server");
+    let link = server.link();
+    let start = |label: &str, commander: &str| {
+        link.query::<v1::EpisodeStarted>(
+            Query::EpisodeStart,
+            &v1::EpisodeStartRequest {
+                label: label.into(),
+                commander: commander.into(),
+                ..Default::default()
+            },
+        )
+    };
+    let told = start("a", "idle").expect_err("a refusal").to_string();
+    assert!(told.contains("nobody holds control"), "{told}");
+    let status = || link.ask::<v1::Status>(Query::Status).expect("a status");
+    let tick = || status().header.expect("a header").tick;
+    {
+        let _idle = IdleCommander::start(&server.link());
+        let told = start("a", "other").expect_err("a refusal").to_string();
+        assert!(told.contains("\"idle\" holds control"), "{told}");
+        start("a", "").expect("an episode");
+        wait_until("time passes", || tick() > 240);
+    }
+    // Its end leaves the episode waiting for another one, and says so.
+    wait_until("the server says for whom it waits", || {
+        status().waiting_for.contains("nobody holds control")
+    });
+    let before = tick();
+    let _next = IdleCommander::start(&server.link());
+    wait_until("time passes again", || tick() > before + 240);
+}
+
+#[test]
+fn pictures_are_compressed_for_those_who_watch() {
+    let args = ["--camera", "gen3=640x360@10", "--quality", "fast"];
+    let server = Server::start("seen", &args).expect("a server");
+    let link = server.link();
+    let mut sizes = Vec::new();
+    for (level, width) in [
+        (PreviewLevel::Low, 320),
+        (PreviewLevel::Medium, 640),
+        (PreviewLevel::High, 640),
+    ] {
+        let preview = link.preview("gen3", level).expect("a subscription");
+        let next = || {
+            let frame = preview.next(PATIENCE).expect("no error");
+            frame.expect("a picture")
+        };
+        let (first, second) = (next(), next());
+        assert_eq!((second.width, second.height), (width, width * 360 / 640));
+        assert_eq!(second.level, level.name());
+        assert!(second.sent_unix_nanos > first.sent_unix_nanos);
+        assert!(second.jpeg.starts_with(&[0xff, 0xd8]) && second.jpeg.ends_with(&[0xff, 0xd9]));
+        let newer = |frame: &v1::PreviewFrame| frame.header.as_ref().map_or(0, |h| h.tick);
+        assert!(newer(&second) > newer(&first));
+        sizes.push(second.jpeg.len());
+    }
+    assert!(sizes.is_sorted(), "{sizes:?} bytes from low to high");
+    assert!(sizes[2] < 640 * 360, "{sizes:?} bytes");
+    // Nobody watches any more: nothing is sent, whoever comes later gets news.
+    std::thread::sleep(Duration::from_millis(300));
+    let again = link
+        .preview("gen3", PreviewLevel::Low)
+        .expect("a subscription");
+    assert!(again.next(PATIENCE).expect("no error").is_some());
+}

@@ -1,0 +1,228 @@
+//! Disks that fill up and words that are hard to store.
+
+use std::path::Path;
+use std::process::Command;
+
+use wheelarm_client::link::Link;
+use wheelarm_dataset::read::Episode;
+use wheelarm_proto::keys::Query;
+use wheelarm_proto::v1;
+use wheelarm_tests::{Recorder, Server, printed, wait_until};
+
+const CAMERA: [&str; 4] = ["--camera", "gen3=160x90@30", "--quality", "fast"];
+
+/// A small file system of its own, if this machine lets us mount one.
+struct SmallDisk {
+    folder: tempfile::TempDir,
+}
+
+impl SmallDisk {
+    fn mount(size: &str) -> Option<Self> {
+        let folder = tempfile::tempdir().expect("a folder");
+        let option = format!("size={size}");
+        let mounted = Command::new("mount")
+            .args(["-t", "tmpfs", "-o", &option, "tmpfs"])
+            .arg(folder.path())
+            .output();
+        mounted
+            .is_ok_and(|o| o.status.success())
+            .then_some(Self { folder })
+    }
+
+    fn path(&self) -> &Path {
+        self.folder.path()
+    }
+}
+
+impl Drop for SmallDisk {
+    fn drop(&mut self) {
+        let _ = Command::new("umount")
+            .arg("-l")
+            .arg(self.folder.path())
+            .status();
+    }
+}
+
+fn status(link: &Link) -> v1::Status {
+    link.ask(Query::Status).expect("a status")
+}
+
+fn start(link: &Link, label: &str, recorders: u32) {
+    wait_until("the recorders are there", || {
+        status(link).recorders.len() >= recorders as usize
+    });
+    let request = v1::EpisodeStartRequest {
+        label: label.into(),
+        require_recorders: recorders,
+        ..Default::default()
+    };
+    let _: v1::EpisodeStarted = link
+        .query(Query::EpisodeStart, &request)
+        .expect("an episode");
+}
+
+fn stop(link: &Link) {
+    let request = v1::EpisodeStopRequest::default();
+    let _: v1::EpisodeStopped = link.query(Query::EpisodeStop, &request).expect("its end");
+}
+
+/// What the recorder `name` says of its failure, when it has failed.
+fn failure(link: &Link, name: &str) -> Option<String> {
+    let recorders = status(link).recorders;
+    let failed = recorders
+        .into_iter()
+        .find(|r| r.recorder == name && r.state() == v1::RecorderState::Failed);
+    failed.map(|r| r.message)
+}
+
+/// Recovers the one log in `folder` elsewhere; the samples in the file.
+fn recover(server: &Server, folder: &Path, label: &str) -> usize {
+    let logs = Recorder::logs(folder);
+    let [log] = &logs[..] else {
+        panic!("expected one log, found {logs:?}")
+    };
+    let out = tempfile::tempdir().expect("a folder");
+    let (log, out_text) = (log.to_string_lossy(), out.path().to_string_lossy());
+    let args = ["dataset", "recover", &log, "--out", &out_text];
+    let recovered = server.client(&args).expect("a client");
+    let code = recovered.status.code();
+    assert!(matches!(code, Some(0 | 3)), "{}", printed(&recovered));
+    let episode = Episode::open(&out.path().join(format!("{label}.h5"))).expect("a file");
+    episode.camera("gen3").expect("a camera").len()
+}
+
+#[test]
+fn a_disk_that_fills_up_in_mid_episode_costs_nothing_that_was_acknowledged() {
+    let server = Server::start("full", &CAMERA).expect("a server");
+    let link = server.link();
+    let folder = tempfile::tempdir().expect("a folder");
+    let good = Recorder::start(&server, "good", folder.path(), &["--episodes", "1"]);
+    let disk = SmallDisk::mount("4m");
+    let (out, poor) = match &disk {
+        Some(disk) => {
+            println!("used: a tmpfs of 4 MB");
+            let poor = Recorder::start(&server, "poor", disk.path(), &["--episodes", "1"]);
+            (disk.path().to_owned(), poor)
+        }
+        None => {
+            println!("used: a limit of 3 MB for a file, for mount is not allowed here");
+            let out = folder.path().join("poor");
+            let limit = "trap '' XFSZ; exec prlimit --fsize=3000000 \"$0\" \"$@\"";
+            let wrapper = ["sh", "-c", limit];
+            let poor = Recorder::start_under(&wrapper, &server, "poor", &out, &["--episodes", "1"]);
+            (out, poor)
+        }
+    };
+    start(&link, "full", 2);
+    wait_until("the disk is full", || failure(&link, "poor").is_some());
+    let words = failure(&link, "poor").unwrap_or_default();
+    assert!(words.contains("cannot append"), "{words}");
+    assert!(
+        disk.is_none() || words.contains("recover"),
+        "no cure in {words}"
+    );
+    let names: Vec<_> = std::fs::read_dir(&out)
+        .expect("the folder")
+        .flatten()
+        .collect();
+    assert_eq!(names.len(), 1, "only the log may be there: {names:?}");
+    let before = status(&link).header.unwrap_or_default().tick;
+    wait_until("the simulation goes on", || {
+        status(&link).header.unwrap_or_default().tick > before + 120
+    });
+    stop(&link);
+    let text = good.finish();
+    assert!(text.contains("full.h5: complete"), "{text}");
+    let mut poor = poor;
+    assert_eq!(poor.end().0.code(), Some(1));
+    let pictures = recover(&server, &out, "full");
+    assert!(pictures > 10, "{pictures} pictures are left");
+}
+
+#[test]
+fn a_disk_that_is_full_at_the_end_leaves_the_log_and_nothing_half_written() {
+    let Some(disk) = SmallDisk::mount("24m") else {
+        println!("skipped: mount is not allowed here");
+        return;
+    };
+    let server = Server::start("brim", &CAMERA).expect("a server");
+    let link = server.link();
+    let mut recorder = Recorder::start(&server, "brim", disk.path(), &["--episodes", "1"]);
+    start(&link, "brim", 1);
+    let log = disk.path().join("brim.h5.wal");
+    let size = || std::fs::metadata(&log).map_or(0, |m| m.len());
+    wait_until("something is recorded", || size() > 2_000_000);
+    // Room for what is still under way, none for the file.
+    let filler = disk.path().join("filler");
+    let room = 24 * 1024 * 1024 - size() - 1_500_000;
+    let filling = std::fs::write(&filler, vec![7; usize::try_from(room).expect("a size")]);
+    stop(&link);
+    let (ended, _) = recorder.end();
+    assert!(filling.is_ok(), "{filling:?}");
+    assert_eq!(ended.code(), Some(1));
+    let mut names: Vec<String> = std::fs::read_dir(disk.path())
+        .expect("the folder")
+        .flatten()
+        .map(|e| e.file_name().to_string_lossy().into_owned())
+        .collect();
+    names.sort();
+    assert_eq!(names, ["brim.h5.wal", "filler"]);
+    assert!(recover(&server, disk.path(), "brim") > 10);
+}
+
+#[test]
+fn labels_and_instructions_are_refused_or_stored_exactly() {
+    let server = Server::start("words", &["--no-cameras"]).expect("a server");
+    let link = server.link();
+    let folder = tempfile::tempdir().expect("a folder");
+    let recorder = Recorder::start(&server, "words", folder.path(), &["--episodes", "2"]);
+    wait_until("the recorder is there", || {
+        !status(&link).recorders.is_empty()
+    });
+    let long = "Возьми «горчицу» 🌭, bitte! ".repeat(400);
+    let long: String = long.chars().take(10_000).collect();
+    let tricky =
+        "tab\tquote\" back\\slash\nnew line \u{202e}right to left\u{202c} é e\u{301}".to_owned();
+    let ask = |label: &str, instruction: &str| {
+        link.query::<v1::EpisodeStarted>(
+            Query::EpisodeStart,
+            &v1::EpisodeStartRequest {
+                label: label.into(),
+                instruction: instruction.into(),
+                require_recorders: 1,
+                ..Default::default()
+            },
+        )
+    };
+    for bad in [
+        "../escape",
+        "a/b",
+        "a\\b",
+        "",
+        ".hidden",
+        "naïve",
+        "x\0y",
+        &"l".repeat(101),
+    ] {
+        let told = ask(bad, "").expect_err("a refusal").to_string();
+        assert!(told.contains("label"), "{bad:?}: {told}");
+    }
+    let told = ask("nul", "a\0b").expect_err("a refusal").to_string();
+    assert!(told.contains("instruction"), "{told}");
+    for (label, instruction) in [("long", &long), ("tricky", &tricky)] {
+        ask(label, instruction).expect("an episode");
+        wait_until("the episode runs", || status(&link).waiting_for.is_empty());
+        stop(&link);
+    }
+    recorder.finish();
+    for (label, instruction) in [("long", long), ("tricky", tricky)] {
+        let file = folder.path().join(format!("{label}.h5"));
+        let episode = Episode::open(&file).expect("a file");
+        assert_eq!(
+            episode.summary().expect("a summary").instruction,
+            instruction
+        );
+    }
+    let escaped = folder.path().parent().expect("a parent").join("escape.h5");
+    assert!(!escaped.exists());
+}

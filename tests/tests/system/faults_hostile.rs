@@ -1,0 +1,130 @@
+//! Strangers who send a hundred thousand messages per second: refused, counted
+//! and answered in sum, while the simulation and the operator go on.
+
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::time::{Duration, Instant};
+
+use wheelarm_client::link::{Received, Stream};
+use wheelarm_proto::keys::Query;
+use wheelarm_proto::{Message, v1};
+use wheelarm_tests::{Server, wait_until};
+use zenoh::Wait;
+use zenoh::qos::CongestionControl;
+
+fn stranger(sequence: u64) -> Vec<u8> {
+    let good = v1::Command {
+        header: Some(v1::Header {
+            run_id: "stranger".into(),
+            sequence,
+            ..Default::default()
+        }),
+        commander: "stranger".into(),
+        base: Some(v1::BaseCommand {
+            linear: -0.5,
+            angular: 2.0,
+        }),
+        ..Default::default()
+    };
+    match sequence % 4 {
+        0 => vec![0xff; 40],
+        1 => good.encode_to_vec(),
+        2 => {
+            let mut bytes = good.encode_to_vec();
+            bytes.truncate(bytes.len() / 2);
+            bytes
+        }
+        _ => v1::Command {
+            // The name of who is in control does not help without its life.
+            commander: "anna".into(),
+            ..good
+        }
+        .encode_to_vec(),
+    }
+}
+
+#[test]
+fn a_flood_is_refused_and_counted_while_the_operator_drives_on() {
+    let mut server = Server::start("flooded", &["--no-cameras"]).expect("a server");
+    let link = server.link();
+    let streams = link
+        .streams(&[Stream::Clock, Stream::Odometry, Stream::Refusal])
+        .expect("the streams");
+    let mut anna = link.commander("anna", false).expect("control");
+    let hostile = server.link();
+    let (sent, ended) = (AtomicU64::new(0), AtomicBool::new(false));
+    let flood = Duration::from_secs(3);
+    let (mut speed, mut answers, mut told, mut ticks) = (0.0_f64, 0, 0, 0);
+    let begun = Instant::now();
+    std::thread::scope(|scope| {
+        scope.spawn(|| {
+            let publisher = hostile
+                .session()
+                .declare_publisher(hostile.keys().command())
+                .congestion_control(CongestionControl::Block)
+                .wait()
+                .expect("a publisher");
+            // The messages are made before, so that sending is all that it does.
+            let messages: Vec<_> = (0..1000).map(stranger).collect();
+            for i in 0.. {
+                // 100 000 per second, in bursts of a millisecond.
+                if i % 100 == 0 {
+                    let due = Duration::from_micros(i * 10);
+                    std::thread::sleep(due.saturating_sub(begun.elapsed()));
+                    if begun.elapsed() > flood {
+                        break;
+                    }
+                }
+                let message = messages[i as usize % messages.len()].clone();
+                publisher.put(message).wait().expect("a put");
+                sent.fetch_add(1, Ordering::Relaxed);
+            }
+            ended.store(true, Ordering::Release);
+        });
+        while !ended.load(Ordering::Acquire) {
+            match streams.next(Duration::from_millis(100)).expect("no error") {
+                Some(Received::Clock(clock)) => {
+                    ticks += 1;
+                    let drive = v1::Command {
+                        base: Some(v1::BaseCommand {
+                            linear: 0.3,
+                            angular: 0.0,
+                        }),
+                        ..Default::default()
+                    };
+                    anna.answer(&clock.header.unwrap_or_default(), drive)
+                        .expect("a command");
+                }
+                Some(Received::Odometry(sample)) => {
+                    let twist = sample.twist.unwrap_or_default();
+                    speed = speed.max(twist.linear.unwrap_or_default().x);
+                }
+                Some(Received::Refusal(refusal)) => {
+                    answers += 1;
+                    told += refusal.count;
+                }
+                _ => {}
+            }
+        }
+    });
+    let sent = sent.into_inner();
+    let per_second = sent as f64 / begun.elapsed().as_secs_f64();
+    println!(
+        "{per_second:.0} hostile messages/s, {ticks} control ticks, {answers} refusals for {told}"
+    );
+    assert!(
+        per_second > 5000.0,
+        "only {per_second:.0} messages/s were sent"
+    );
+    assert!(speed > 0.2, "the operator's chair reached {speed} m/s");
+    assert!(answers < 200, "{answers} answers amplify the flood");
+    // Every single one is counted.
+    let refused = || {
+        link.ask::<v1::Status>(Query::Status)
+            .expect("a status")
+            .refused
+    };
+    wait_until("all are refused", || refused() >= sent);
+    let late = refused() - sent;
+    assert!(late < 200, "{late} of the operator's own were refused");
+    assert!(server.alive());
+}

@@ -1,0 +1,225 @@
+//! An operator far away, whose link is slow, freezes and breaks.
+
+use std::time::{Duration, SystemTime, UNIX_EPOCH};
+
+use wheelarm_client::link::{Commander, Link, Received, Stream, Streams};
+use wheelarm_client::preview::ladder::Ladder;
+use wheelarm_proto::keys::Query;
+use wheelarm_proto::preview::PreviewLevel;
+use wheelarm_proto::v1;
+use wheelarm_tests::{Line, PATIENCE, Proxy, Server, wait_until};
+
+/// The link of the issue: 150 ms each way, 5 Mbit/s.
+const DELAY: Duration = Duration::from_millis(150);
+const BITS_PER_SECOND: f64 = 5e6;
+/// Simulation time passes no faster than wall time, so these bounds hold on
+/// any machine: 0.7 s, and some control ticks between stamps.
+const REST_SECS: f64 = 0.8;
+
+/// What somebody beside the server sees.
+struct Observer {
+    streams: Streams,
+    /// Stamp of the newest command, s.
+    last_command: f64,
+    now: f64,
+    speed: f64,
+    /// Greatest speed of an arm joint, rad/s.
+    arm: f64,
+}
+
+impl Observer {
+    fn new(link: &Link) -> Self {
+        let wanted = [Stream::Odometry, Stream::JointState, Stream::Applied];
+        Self {
+            streams: link.streams(&wanted).expect("the streams"),
+            last_command: 0.0,
+            now: 0.0,
+            speed: 0.0,
+            arm: 0.0,
+        }
+    }
+
+    /// Takes the next sample of whatever stream.
+    fn look(&mut self) {
+        let seconds =
+            |h: &Option<v1::Header>| h.as_ref().map_or(0.0, |h| h.stamp_nanos as f64 * 1e-9);
+        match self
+            .streams
+            .next(PATIENCE)
+            .expect("no error")
+            .expect("a sample")
+        {
+            Received::Odometry(sample) => {
+                self.now = seconds(&sample.header);
+                let twist = sample.twist.unwrap_or_default();
+                self.speed = twist.linear.unwrap_or_default().x;
+            }
+            Received::JointState(sample) => {
+                let arm = sample.velocity[4..10].iter();
+                self.arm = arm.fold(0.0, |most, v| v.abs().max(most));
+            }
+            Received::Applied(sample) if sample.base.is_some() && !sample.stale => {
+                self.last_command = seconds(&sample.header);
+            }
+            _ => {}
+        }
+    }
+
+    fn until(&mut self, what: &str, mut done: impl FnMut(&mut Self) -> bool) {
+        wait_until(what, || {
+            (0..20).any(|_| {
+                self.look();
+                done(self)
+            })
+        });
+    }
+}
+
+/// Drives at 20 Hz as the far operator sees the clock, until told to stop.
+fn drive(commander: &mut Commander, clock: &Streams, seconds: f64) {
+    let mut sent = 0.0;
+    let begun = std::time::Instant::now();
+    while begun.elapsed().as_secs_f64() < seconds {
+        let Ok(Some(Received::Clock(clock))) = clock.next(Duration::from_millis(50)) else {
+            continue;
+        };
+        let now = begun.elapsed().as_secs_f64();
+        if now - sent < 0.05 {
+            continue;
+        }
+        sent = now;
+        let command = v1::Command {
+            base: Some(v1::BaseCommand {
+                linear: 0.3,
+                angular: 0.0,
+            }),
+            ..Default::default()
+        };
+        let _ = commander.answer(&clock.header.unwrap_or_default(), command);
+    }
+}
+
+#[test]
+fn a_far_operator_drives_in_order_and_a_broken_link_stops_the_chair() {
+    let args = ["--camera", "gen3=320x180@10", "--quality", "fast"];
+    let server = Server::start("far", &args).expect("a server");
+    let near = server.link();
+    let commands = near
+        .session()
+        .declare_subscriber(near.keys().stream("command"))
+        .with(zenoh::handlers::FifoChannel::new(4096));
+    let commands = zenoh::Wait::wait(commands).expect("the commands");
+    let mut seen = Observer::new(&near);
+    let proxy = Proxy::start(&server.endpoint, DELAY, BITS_PER_SECOND).expect("a proxy");
+    let far = Link::open(&server.connect_through(&proxy.endpoint())).expect("a far link");
+    let clock = far.streams(&[Stream::Clock]).expect("the clock");
+    let mut commander = far.commander("far", false).expect("control");
+    let preview = far.preview("gen3", PreviewLevel::Low).expect("a preview");
+
+    drive(&mut commander, &clock, 2.0);
+    seen.until("the chair drives", |o| o.speed > 0.15);
+    assert!(preview.next(PATIENCE).expect("no error").is_some());
+
+    // Frozen: nobody is told, the age of the last command is what stops it.
+    proxy.set(Line::Frozen);
+    drive(&mut commander, &clock, 0.3);
+    seen.until("the chair rests", |o| o.speed.abs() < 0.005);
+    let seconds = seen.now - seen.last_command;
+    assert!(
+        seconds < REST_SECS,
+        "at rest {seconds:.2} s after the last command"
+    );
+    assert!(seen.arm < 0.05, "the arm moves: {} rad/s", seen.arm);
+    std::thread::sleep(Duration::from_millis(1500));
+    let before = seen.now;
+    proxy.set(Line::Open);
+    // What the link held back is too old to be followed.
+    seen.until("the thaw is over", |o| o.now > before + 2.5);
+    assert!(seen.last_command < before, "an old command was followed");
+    drive(&mut commander, &clock, 2.5);
+    seen.until("the chair drives again", |o| o.speed > 0.15);
+
+    // Cut: control ends with the connection.
+    drive(&mut commander, &clock, 0.3);
+    proxy.set(Line::Cut);
+    seen.until("the chair rests", |o| o.speed.abs() < 0.005);
+    let seconds = seen.now - seen.last_command;
+    assert!(
+        seconds < REST_SECS,
+        "at rest {seconds:.2} s after the last command"
+    );
+    let status = || near.ask::<v1::Status>(Query::Status).expect("a status");
+    wait_until("control is free", || status().holder.is_empty());
+    let held = seen.now;
+    seen.until("a second passes", |o| o.now > held + 1.0);
+    assert!(seen.arm < 0.05, "the arm moves: {} rad/s", seen.arm);
+
+    // It reconnects by itself; control is asked for again and driving goes on.
+    proxy.set(Line::Open);
+    wait_until("control is back", || commander.ask(false).is_ok());
+    drive(&mut commander, &clock, 2.0);
+    seen.until("the chair drives again", |o| o.speed > 0.15);
+    assert!(preview.next(PATIENCE).expect("no error").is_some());
+
+    let numbers: Vec<u64> = std::iter::from_fn(|| commands.try_recv().ok().flatten())
+        .filter_map(|sample| {
+            use wheelarm_proto::Message;
+            let log = v1::CommandLog::decode(&*sample.payload().to_bytes()).ok()?;
+            Some(log.command?.header?.sequence)
+        })
+        .collect();
+    assert!(numbers.len() > 20, "{} commands were taken", numbers.len());
+    assert!(numbers.is_sorted_by(|a, b| a < b), "{numbers:?}");
+}
+
+#[test]
+fn a_viewer_on_a_narrow_link_steps_down_and_holds_nobody_up() {
+    let args = ["--camera", "gen3=640x360@10", "--quality", "fast"];
+    let server = Server::start("narrow", &args).expect("a server");
+    let near = server.link();
+    let tick = || {
+        let status: v1::Status = near.ask(Query::Status).expect("a status");
+        status.header.unwrap_or_default().tick
+    };
+    // Below what the medium level of this camera needs, about 2 Mbit/s.
+    let proxy = Proxy::start(&server.endpoint, DELAY, 6e5).expect("a proxy");
+    let far = Link::open(&server.connect_through(&proxy.endpoint())).expect("a far link");
+    let begun = std::time::Instant::now();
+    let now = || begun.elapsed().as_secs_f64();
+    let mut ladder = Ladder::new(now());
+    assert_eq!(ladder.level(), PreviewLevel::Medium);
+    let before = tick();
+    let mut preview = far.preview("gen3", ladder.level()).expect("a subscription");
+    let (mut seen, mut low) = (0, 0);
+    while low < 5 {
+        assert!(
+            begun.elapsed() < PATIENCE,
+            "{seen} pictures, {low} low ones"
+        );
+        let frame = preview.next(Duration::from_millis(200)).expect("no error");
+        if let Some(frame) = frame {
+            let arrived = SystemTime::now()
+                .duration_since(UNIX_EPOCH)
+                .expect("a clock");
+            let way = arrived.as_secs_f64() - frame.sent_unix_nanos as f64 * 1e-9;
+            ladder.came(frame.header.unwrap_or_default().sequence, way, now());
+            seen += 1;
+            low += i32::from(frame.level == PreviewLevel::Low.name());
+        }
+        if let Some(level) = ladder.decide(now()) {
+            assert!(
+                level < PreviewLevel::High,
+                "the link does not carry {level:?}"
+            );
+            preview = far.preview("gen3", level).expect("a subscription");
+            ladder.restart();
+        }
+    }
+    // The simulation went on meanwhile.
+    let wall = begun.elapsed().as_secs_f64();
+    assert!(
+        tick() > before + 60,
+        "{} ticks in {wall:.1} s",
+        tick() - before
+    );
+}

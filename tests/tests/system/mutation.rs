@@ -1,0 +1,238 @@
+//! Damaged input of every kind: whatever reads the bytes of strangers returns.
+//! The same functions stand behind the fuzz targets.
+
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::path::Path;
+
+use wheelarm_dataset::log::Closing;
+use wheelarm_dataset::writer::{EpisodeWriter, WriterOptions};
+use wheelarm_proto::{Message, v1};
+use wheelarm_tests::decoders;
+use wheelarm_tests::mutate::Mutator;
+use wheelarm_tests::root;
+
+/// Reads `count` damaged copies of `good` after the good one itself.
+fn read_damaged(what: &str, good: &[u8], count: u64, read: impl Fn(&[u8])) {
+    read(good);
+    for number in 0..count {
+        let bytes = Mutator(number).mutate(good);
+        let done = catch_unwind(AssertUnwindSafe(|| read(&bytes)));
+        assert!(
+            done.is_ok(),
+            "{what}: copy {number} is not survived: {bytes:?}"
+        );
+    }
+}
+
+fn pose() -> v1::Pose {
+    let vector = |x| v1::Vector3 { x, y: 0.2, z: 0.3 };
+    v1::Pose {
+        position: Some(vector(0.4)),
+        orientation: Some(v1::Quaternion {
+            w: 1.0,
+            ..Default::default()
+        }),
+    }
+}
+
+fn command() -> v1::Command {
+    use v1::arm_command::Target;
+    v1::Command {
+        header: Some(v1::Header {
+            run_id: "00ff".into(),
+            sequence: 3,
+            ..Default::default()
+        }),
+        commander: "anna".into(),
+        arm: Some(v1::ArmCommand {
+            target: Some(Target::Pose(v1::CartesianTarget {
+                frame: 1,
+                pose: Some(pose()),
+            })),
+        }),
+        base: Some(v1::BaseCommand {
+            linear: 0.1,
+            angular: -0.2,
+        }),
+        gripper: Some(v1::GripperCommand {
+            target: Some(v1::gripper_command::Target::Opening(0.04)),
+            max_force: 20.0,
+        }),
+        phase: 2,
+        phase_name: "reaching".into(),
+        ..Default::default()
+    }
+}
+
+#[test]
+fn damaged_messages_are_survived() {
+    let sent = command();
+    read_damaged("command", &sent.encode_to_vec(), 4000, decoders::command);
+    for target in [
+        v1::arm_command::Target::Joints(v1::JointTarget {
+            position: vec![0.1; 6],
+        }),
+        v1::arm_command::Target::Step(v1::CartesianStep::default()),
+        v1::arm_command::Target::Hold(true),
+    ] {
+        let mut other = command();
+        other.arm = Some(v1::ArmCommand {
+            target: Some(target),
+        });
+        read_damaged("command", &other.encode_to_vec(), 1000, decoders::command);
+    }
+    let scenario = v1::Scenario {
+        scene: "home".into(),
+        task: "pick_mustard".into(),
+        cameras: vec![v1::CameraSetting {
+            name: "gen3".into(),
+            width: 64,
+            height: 48,
+            rate_hz: 30.0,
+        }],
+        start: Some(pose()),
+        objects: vec![v1::ObjectPlacement {
+            name: "mustard".into(),
+            pose: Some(pose()),
+            mass: 0.5,
+            friction: 0.8,
+        }],
+        ..Default::default()
+    };
+    let reset = v1::ResetRequest {
+        scenario: Some(scenario.clone()),
+        snapshot: vec![1, 2, 3].into(),
+    };
+    let started = v1::EpisodeStarted {
+        header: sent.header.clone(),
+        label: "try".into(),
+        instruction: "Nimm die Flasche".into(),
+        scenario: Some(scenario),
+        streams: vec!["imu".into()],
+        cameras: vec!["gen3".into()],
+        ..Default::default()
+    };
+    for bytes in [
+        reset.encode_to_vec(),
+        started.encode_to_vec(),
+        v1::ReachRequest {
+            pose: Some(pose()),
+            near: vec![0.1; 6],
+        }
+        .encode_to_vec(),
+        v1::LeaseRequest {
+            header: sent.header.clone(),
+            commander: "anna".into(),
+            ..Default::default()
+        }
+        .encode_to_vec(),
+        sent.encode_to_vec(),
+    ] {
+        read_damaged("message", &bytes, 1500, decoders::messages);
+        read_damaged("sample", &bytes, 1500, decoders::samples);
+    }
+}
+
+/// A small log, closed in order.
+fn log() -> Vec<u8> {
+    let folder = tempfile::tempdir().expect("a folder");
+    let header = |sequence| v1::Header {
+        run_id: "run".into(),
+        episode: 1,
+        sequence,
+        stamp_nanos: sequence * 1000,
+        tick: sequence,
+    };
+    let started = v1::EpisodeStarted {
+        header: Some(header(0)),
+        label: "small".into(),
+        streams: vec!["state_hash".into()],
+        cameras: vec!["gen3".into()],
+        ..Default::default()
+    };
+    let snapshot = v1::SnapshotReply {
+        header: Some(header(0)),
+        ..Default::default()
+    };
+    let options = WriterOptions::default();
+    let mut writer =
+        EpisodeWriter::open(folder.path(), &started, &snapshot, &options).expect("a writer");
+    for sequence in 0..5 {
+        let hash = v1::StateHash {
+            header: Some(header(sequence)),
+            hash: sequence,
+        };
+        let offered = writer.offer("state_hash", hash.encode_to_vec().into());
+        offered.expect("a sample");
+        let picture = v1::CameraFrame {
+            header: Some(header(sequence)),
+            camera: "gen3".into(),
+            intrinsics: Some(v1::Intrinsics {
+                width: 4,
+                height: 2,
+                ..Default::default()
+            }),
+            rgb: vec![9; 24].into(),
+            depth: vec![0; 32].into(),
+            ids: vec![1; 8].into(),
+            ..Default::default()
+        };
+        let offered = writer.offer("camera/gen3", picture.encode_to_vec().into());
+        offered.expect("a picture");
+    }
+    let log = writer.close(Closing::default()).expect("a closed log");
+    std::fs::read(log).expect("the log")
+}
+
+#[test]
+fn a_damaged_log_is_survived() {
+    let good = log();
+    read_damaged("log", &good, 1500, decoders::recorder_log);
+    for length in 0..good.len() {
+        decoders::recorder_log(&good[..length]);
+    }
+}
+
+fn below(folder: &Path, ending: &str) -> Vec<String> {
+    let mut found = Vec::new();
+    let mut folders = vec![folder.to_owned()];
+    while let Some(folder) = folders.pop() {
+        for entry in std::fs::read_dir(&folder).expect("a folder").flatten() {
+            let path = entry.path();
+            if path.is_dir() {
+                folders.push(path);
+            } else if path.to_string_lossy().ends_with(ending) {
+                let path = path
+                    .strip_prefix(root().join("assets"))
+                    .expect("below assets");
+                found.push(path.to_string_lossy().into_owned());
+            }
+        }
+    }
+    found.sort();
+    found
+}
+
+#[test]
+fn damaged_assets_are_survived() {
+    let assets = root().join("assets");
+    for (ending, count) in [(".toml", 25), (".urdf", 60)] {
+        let paths = below(&assets, ending);
+        assert!(!paths.is_empty(), "no {ending} in the assets");
+        for path in paths {
+            let good = std::fs::read(assets.join(&path)).expect("an asset");
+            read_damaged(&path, &good, count, |bytes| decoders::asset(&path, bytes));
+        }
+    }
+    for (ending, read) in [
+        (".obj", decoders::obj as fn(&[u8])),
+        (".glb", decoders::glb as fn(&[u8])),
+    ] {
+        for path in below(&assets, ending).into_iter().take(2) {
+            let good = std::fs::read(assets.join(&path)).expect("an asset");
+            read_damaged(&path, &good, 40, read);
+        }
+    }
+    let square = b"v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nvn 0 0 1\nf 1//1 2//1 3//1 4//1\n";
+    read_damaged("square.obj", square, 1500, decoders::obj);
+}

@@ -1,0 +1,123 @@
+//! `watch` and `doctor` as scripts use them, completions and man pages.
+
+use serde_json::Value;
+use wheelarm_tests::{Server, printed};
+
+fn json(server: &Server, args: &[&str]) -> Value {
+    let output = server.client(args).expect("a client");
+    assert!(output.status.success(), "{}", printed(&output));
+    serde_json::from_slice(&output.stdout).expect("JSON")
+}
+
+#[test]
+fn streams_are_measured_and_a_healthy_server_is_found_healthy() {
+    let server = Server::start("watched", &["--no-cameras"]).expect("a server");
+    let report = json(&server, &["watch", "--once", "--json"]);
+    let streams = report["streams"].as_object().expect("streams");
+    for (name, least_samples) in [
+        ("joint_state", 20),
+        ("pose", 20),
+        ("imu", 80),
+        ("clock", 20),
+    ] {
+        let figures = &streams[name];
+        assert!(
+            figures["samples"].as_u64() > Some(least_samples),
+            "{name}: {figures}"
+        );
+        assert_eq!(figures["missed"], 0, "{name}");
+        assert!(figures["bytes_per_second"].as_f64() > Some(0.0), "{name}");
+    }
+    // Both rates slow down alike where the host is slow.
+    let rate = |name: &str| streams[name]["rate_hz"].as_f64().expect("a rate");
+    let ratio = rate("imu") / rate("pose");
+    assert!((3.0..5.0).contains(&ratio), "{ratio}");
+    assert_eq!(report["task"]["name"], "pick_mustard");
+    assert_eq!(report["holder"], "");
+
+    let folder = tempfile::tempdir().expect("a folder");
+    let out = folder.path().to_string_lossy().into_owned();
+    let findings = json(&server, &["doctor", "--json", "--server", "--out", &out]);
+    let finding = |what: &str| {
+        let all = findings.as_array().expect("findings");
+        all.iter()
+            .find(|f| f["what"] == what)
+            .cloned()
+            .unwrap_or_default()
+    };
+    for what in [
+        "HDF5 library",
+        "wheelarm-server",
+        "port",
+        "server",
+        "clocks",
+    ] {
+        assert_eq!(finding(what)["level"], "ok", "{what}: {findings}");
+    }
+
+    // Without a server, one is missing and the cure says how to get one.
+    let endpoint = server.endpoint.clone();
+    drop(server);
+    let lost = std::process::Command::new(wheelarm_tests::program("wheelarm").expect("the client"))
+        .args(["--connect", &endpoint, "doctor", "--server"])
+        .output()
+        .expect("a doctor");
+    let text = printed(&lost);
+    assert_eq!(lost.status.code(), Some(1), "{text}");
+    assert!(
+        text.contains("FAIL  port") && text.contains("→ start wheelarm-server"),
+        "{text}"
+    );
+}
+
+#[test]
+fn every_command_has_a_page_with_examples_and_exit_codes() {
+    let wheelarm =
+        || std::process::Command::new(wheelarm_tests::program("wheelarm").expect("the client"));
+    let folder = tempfile::tempdir().expect("a folder");
+    let made = wheelarm()
+        .arg("man")
+        .arg(folder.path())
+        .output()
+        .expect("pages");
+    assert!(made.status.success(), "{}", printed(&made));
+    for name in [
+        "status",
+        "tasks",
+        "reset",
+        "pause",
+        "resume",
+        "episode",
+        "record",
+        "operate",
+        "teleop",
+        "preview",
+        "watch",
+        "doctor",
+        "demo",
+        "evaluate",
+        "collect",
+        "replay",
+        "shutdown",
+        "completions",
+        "man",
+    ] {
+        let page = folder.path().join(format!("wheelarm-{name}.1"));
+        let text = std::fs::read_to_string(&page).expect(name);
+        assert!(
+            text.contains("Examples:") && text.contains("Exit codes:"),
+            "{name}"
+        );
+    }
+    for shell in ["bash", "zsh", "fish"] {
+        let output = wheelarm()
+            .args(["completions", shell])
+            .output()
+            .expect(shell);
+        let text = String::from_utf8_lossy(&output.stdout);
+        assert!(
+            output.status.success() && text.contains("teleop"),
+            "{shell}"
+        );
+    }
+}
