@@ -117,6 +117,7 @@ enum Command {
     #[command(after_long_help = manual::DEMO)]
     Demo(DemoArgs),
     /// Does tasks over many seeds and counts the successes.
+    #[command(after_long_help = manual::EVALUATE)]
     Evaluate(EvaluateArgs),
     /// Makes a whole dataset from a plan, on this machine or as a part of many.
     #[command(after_long_help = manual::COLLECT)]

@@ -116,6 +116,16 @@ pub const DEMO: &str = manual!(
     "\n  WHEELARM_ASSETS   assets folder, as --assets"
 );
 
+/// `wheelarm evaluate`.
+pub const EVALUATE: &str = manual!(
+    "  wheelarm evaluate --task all --seeds 0..50 --jobs 4
+",
+    "  0  every episode of every task succeeded
+  1  one did not, or a program could not be started
+",
+    "\n  WHEELARM_ASSETS   assets folder, as --assets"
+);
+
 /// `wheelarm replay`.
 pub const REPLAY: &str = manual!(
     "  wheelarm replay data/demo/pick_mustard-seed0.h5

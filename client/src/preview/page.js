@@ -145,7 +145,7 @@ function show() {
   else if (missed > 0) chip("recording", `${missed} samples missed`, "bad");
   else if (recording > 0) chip("recording", `● recording × ${recording}`, "good");
   else if (s.episode) chip("recording", "NOT RECORDED", "careful");
-  else chip("recording", `${s.recorders.length} recorders`, "");
+  else chip("recording", s.recorders.length === 1 ? "1 recorder" : `${s.recorders.length} recorders`, "");
   chip("control", s.holder ? `${s.holder} in control` : "nobody in control", s.holder ? "" : "careful");
   if (s.paused) chip("pace", "paused", "careful");
   else chip("pace", `${fixed(s.factor, 2)}× time`, s.factor < 0.8 ? "careful" : "");
@@ -169,14 +169,17 @@ function show() {
     ["phase", s.phase || "–"],
     ["speed", `${fixed(s.speed[0], 2)} m/s  ${fixed(s.speed[1], 2)} rad/s`],
     ["chair", `${fixed(x, 2)}, ${fixed(y, 2)} m  ${fixed(heading, 0)}°`],
-    ["hand", `ahead ${fixed(forward, 2)}, left ${fixed(left, 2)}, up ${fixed(up, 2)}`],
+    ["hand", `${fixed(forward, 2)} ahead, ${fixed(left, 2)} left, ${fixed(up, 2)} up`],
     ["gripper", `${fixed(s.opening_mm, 0)} mm  ${fixed(s.pad_force[0], 1)} / ${fixed(s.pad_force[1], 1)} N`],
     ...(s.arm_problem ? [["arm", s.arm_problem, "bad"]] : []),
   ]);
   const recorders = s.recorders.map((r) => {
     const row = element("li");
-    const style = r.state === "failed" || r.missed > 0 ? "bad" : r.state === "ready" ? "good" : "";
-    row.append(`${r.name} `, element("span", RECORDER_WORDS[r.state] || r.state, style),
+    const done = r.state === "finished";
+    const bad = r.state === "failed" || r.missed > 0 || (done && !r.complete);
+    const style = bad ? "bad" : done || r.state === "ready" ? "good" : "";
+    const word = done ? (r.complete ? "complete" : "PARTIAL") : RECORDER_WORDS[r.state] || r.state;
+    row.append(`${r.name} `, element("span", word, style),
       element("small", ` ${r.accepted_frames} pictures, ${r.missed} missed ${r.message}`));
     return row;
   });
@@ -201,7 +204,7 @@ function show() {
   }
   pairs("figures", [
     ["round trip", `${fixed(s.round_trip_ms, 1)} ms`],
-    ["pictures", `${growth.toFixed(0)} ms later than the quickest`, growth > 400 ? "bad" : ""],
+    ["pictures", `${growth.toFixed(0)} ms behind`, growth > 400 ? "bad" : ""],
     ["refused", `${s.refused} commands`, s.refused > 0 ? "careful" : ""],
   ]);
   $("events").replaceChildren(...s.events.map((e) => {

@@ -136,6 +136,8 @@ pub fn run(args: &ReplayArgs) -> anyhow::Result<ExitCode> {
 fn reset(link: &Link, script: &Script, cameras: Vec<v1::CameraSetting>) -> anyhow::Result<()> {
     let mut scenario = script.scenario.clone();
     scenario.cameras = cameras;
+    // Whatever paced the recording, its commands are applied tick by tick.
+    scenario.pacing = v1::Pacing::LockStep.into();
     // The quality was given when the server was started.
     scenario.quality = v1::RenderQuality::Unspecified.into();
     let request = v1::ResetRequest {

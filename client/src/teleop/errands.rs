@@ -4,6 +4,7 @@ use wheelarm_proto::keys::Query;
 use wheelarm_proto::v1;
 
 use super::model::{Done, Errand, Start};
+use super::send::Commands;
 use crate::control::{self, EpisodeStartArgs, ResetArgs};
 use crate::link::{Commander, Link, LinkError};
 
@@ -15,9 +16,19 @@ pub enum Brought {
     Control(Box<Commander>),
 }
 
-/// Runs an errand and hands over what it brought.
-pub fn run(link: Link, name: String, errand: Errand, bring: impl Fn(Brought) + Send + 'static) {
+/// Runs an errand and hands over what it brought. `former` is a channel that
+/// is given back before.
+pub fn run(
+    link: Link,
+    name: String,
+    errand: Errand,
+    former: Option<Commands>,
+    bring: impl Fn(Brought) + Send + 'static,
+) {
     std::thread::spawn(move || {
+        if let Some(former) = former {
+            former.finish();
+        }
         let done = match errand {
             Errand::Lease { take } => match link.commander(&name, take) {
                 Ok(commander) => {

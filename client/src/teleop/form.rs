@@ -182,8 +182,11 @@ impl Form {
 
     /// Takes a key.
     pub fn key(&mut self, key: &Key) -> Answer {
-        if matches!(key, Key::Escape | Key::Ctrl('c')) {
-            return Answer::Close;
+        match (key, &self) {
+            // Whoever insists on leaving leaves.
+            (Key::Ctrl('c'), Self::Leave) => return Answer::Leave(Leaving::Run),
+            (Key::Escape | Key::Ctrl('c'), _) => return Answer::Close,
+            _ => {}
         }
         match self {
             Self::Start {

@@ -15,6 +15,7 @@ mod send;
 mod terminal;
 pub mod view;
 
+use std::io::Write;
 use std::net::SocketAddr;
 use std::process::ExitCode;
 
@@ -107,7 +108,9 @@ pub fn run(connect: &ConnectArgs, args: &TeleopArgs) -> anyhow::Result<ExitCode>
     Ok(match run::run(connect, args)? {
         Ended::Left => ExitCode::SUCCESS,
         Ended::Cut(why) => {
-            eprintln!(
+            // The terminal may be gone, and then nobody reads it.
+            let _ = writeln!(
+                std::io::stderr(),
                 "ended by {why}: the chair was told to stop and the arm to hold; an episode that ran goes on (wheelarm status)"
             );
             ExitCode::FAILURE

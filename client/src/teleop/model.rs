@@ -170,6 +170,8 @@ pub struct Model {
     start: Start,
     leaving: bool,
     asked_again: f64,
+    /// When control was given, s.
+    leased_at: f64,
     arm_problem: String,
     /// Lock-step: what the next answer says.
     pending: v1::Command,
@@ -205,6 +207,7 @@ impl Model {
             twice: None,
             leaving: false,
             asked_again: f64::NEG_INFINITY,
+            leased_at: f64::NEG_INFINITY,
             arm_problem: String::new(),
             pending: v1::Command::default(),
             answer_due: None,
@@ -373,6 +376,14 @@ impl Model {
             return Vec::new();
         }
         self.busy = Some(word);
+        if matches!(
+            errand,
+            Errand::Start(_) | Errand::Stop { .. } | Errand::Redo(_)
+        ) {
+            // The number of the episode changes: a stop that is said once more
+            // would be for the wrong one.
+            self.drive.forget();
+        }
         vec![Effect::Errand(errand)]
     }
 

@@ -9,7 +9,7 @@ use tokio::sync::watch as latest;
 use super::TeleopArgs;
 use super::errands::{self, Brought};
 use super::keys::Key;
-use super::model::{Effect, Model, Settings};
+use super::model::{Effect, Errand, Model, Settings};
 use super::send::Commands;
 use super::terminal::{Screen, Typed, read_keys};
 use super::view::{self, Theme};
@@ -284,7 +284,10 @@ impl Operation {
                     if let Some(link) = &self.link {
                         let events = self.events.clone();
                         let name = self.model.settings.commander.clone();
-                        errands::run(link.clone(), name, errand, move |brought| {
+                        // Two lives of one commander would hold each other up.
+                        let asks = matches!(errand, Errand::Lease { .. });
+                        let former = if asks { self.commands.take() } else { None };
+                        errands::run(link.clone(), name, errand, former, move |brought| {
                             // A closed queue means that the program ends.
                             let _ = events.send(Event::Brought(brought));
                         });

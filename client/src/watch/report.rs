@@ -20,6 +20,10 @@ pub struct Recorder {
     pub accepted_frames: u64,
     /// Samples lost in this episode (count).
     pub missed: u64,
+    /// The finished file holds everything that was published.
+    pub complete: bool,
+    /// Path of the finished file; empty before.
+    pub path: String,
     /// Problem in words; empty when there is none.
     pub message: String,
 }
@@ -40,6 +44,8 @@ impl Recorder {
             },
             accepted_frames: status.accepted_frames,
             missed: status.missed,
+            complete: status.complete,
+            path: status.path.clone(),
             message: status.message.clone(),
         }
     }
@@ -194,6 +200,8 @@ fn milliseconds(seconds: Option<f64>) -> String {
 pub fn rate_of_bytes(rate: f64) -> String {
     if rate >= 1e6 {
         format!("{:.1} MB/s", rate * 1e-6)
+    } else if rate < 1e3 {
+        format!("{rate:.0} B/s")
     } else {
         format!("{:.1} kB/s", rate * 1e-3)
     }

@@ -136,3 +136,52 @@ fn the_page_shows_live_pictures_and_state_and_only_to_this_host() {
         );
     }
 }
+
+/// A browser without a window; `None` where there is none.
+fn browser() -> Option<&'static str> {
+    ["chromium", "chromium-browser", "google-chrome"]
+        .into_iter()
+        .find(|name| {
+            let version = Command::new(name).arg("--version").output();
+            version.is_ok_and(|output| output.status.success())
+        })
+}
+
+#[test]
+fn a_browser_shows_the_task_and_the_camera() {
+    let Some(browser) = browser() else {
+        println!("skipped: no Chromium on this machine");
+        return;
+    };
+    let camera = ["--camera", "gen3=64x48@10", "--quality", "fast"];
+    let server = Server::start("browser", &camera).expect("a server");
+    let page = Page::open(&server);
+    let profile = tempfile::tempdir().expect("a folder");
+    let mut shown = String::new();
+    // The browser tells the page as it is after a moment, which may be too early.
+    for _ in 0..8 {
+        let output = Command::new(browser)
+            .args([
+                "--headless",
+                "--no-sandbox",
+                "--disable-gpu",
+                "--timeout=4000",
+            ])
+            .arg(format!("--user-data-dir={}", profile.path().display()))
+            .args(["--dump-dom", &format!("http://{}/", page.address)])
+            .output()
+            .expect("a browser");
+        shown = String::from_utf8_lossy(&output.stdout).into_owned();
+        if shown.contains("hand camera") {
+            break;
+        }
+    }
+    for words in [
+        "hand camera",
+        "pick_mustard, seed 0",
+        "lifted_and_held(mustard)",
+        "no episode",
+    ] {
+        assert!(shown.contains(words), "{words:?} is missing:\n{shown}");
+    }
+}

@@ -95,6 +95,8 @@ fn every_command_has_a_page_with_examples_and_exit_codes() {
         "watch",
         "doctor",
         "demo",
+        "evaluate",
+        "collect",
         "replay",
         "shutdown",
         "completions",

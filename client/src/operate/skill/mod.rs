@@ -18,6 +18,7 @@ use wheelarm_proto::v1::Phase;
 
 use super::dock::{self, Reach};
 use super::goal::Goal;
+use super::ground::Pose2;
 use super::observation::Observation;
 use super::scene::SceneModel;
 use super::style::Style;
@@ -101,6 +102,8 @@ pub struct Memory {
     pub way: Option<Way>,
     /// Ways that did not work, as the end effector in the thing's frame.
     pub refused: Vec<Isometry3<f64>>,
+    /// Stops of the chair from which it did not work.
+    pub left: Vec<Pose2>,
     /// The thing in the end effector's frame when the hand was closed.
     pub held: Option<Isometry3<f64>>,
     /// The thing in `house` before it was taken.
@@ -158,6 +161,13 @@ impl Now<'_> {
             .unwrap_or(self.seen.base_from_tool);
         let chair = self.seen.house_from_chair;
         dock::reaches_from(self.scene, &chair, &tool, poses, self.reach)
+    }
+
+    /// Gives up this stop of the chair: it is not taken again.
+    #[must_use]
+    pub fn elsewhere(&mut self, why: &str) -> Step {
+        self.memory.left.push(self.seen.chair());
+        Step::Elsewhere(why.to_owned())
     }
 
     /// The way that was taken is not taken again.

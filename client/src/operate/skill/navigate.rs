@@ -18,6 +18,8 @@ use super::{lift, place};
 const PLACES: usize = 120;
 /// Levels of content with a place: all in one go, or only what comes first.
 const LEVELS: usize = 2;
+/// A place that did not work is not taken again within this, metres and radians.
+const LEFT: [f64; 2] = [0.12, 0.25];
 /// Straight ways before a stop that are tried, metres.
 const STRAIGHTS: [f64; 3] = [0.35, 0.2, 0.08];
 /// Radii of arcs that are tried, as shares of the style's.
@@ -225,7 +227,10 @@ fn find(now: &mut Now<'_>, purpose: Purpose) -> Result<Drive, String> {
                         && pose.distance(&dock.chair) < 0.045
                         && pose.to(&dock.chair)[2].abs() < 0.15
                 };
-                if refused.iter().any(is_near) {
+                let was_left = now.memory.left.iter().any(|pose| {
+                    pose.distance(&dock.chair) < LEFT[0] && pose.to(&dock.chair)[2].abs() < LEFT[1]
+                });
+                if was_left || refused.iter().any(is_near) {
                     continue;
                 }
                 let at = dock::standing(&dock.chair);

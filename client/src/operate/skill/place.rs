@@ -51,7 +51,7 @@ impl Place {
 
     fn choose(&mut self, now: &mut Now<'_>) -> Step {
         let Some((way, stops)) = choose(now) else {
-            return Step::Elsewhere("the arm cannot put it down from here".to_owned());
+            return now.elsewhere("the arm cannot put it down from here");
         };
         let stops: Vec<_> = stops
             .into_iter()
@@ -140,19 +140,19 @@ pub fn ways(now: &Now<'_>, tool_from_item: &Isometry3<f64>, width: f64) -> Vec<W
         .map(|turn| {
             let turned = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), *turn) * lying;
             // The middle of the thing comes over the middle of the region.
-            let (mut low, mut high) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
+            let mut low = Vector3::repeat(f64::INFINITY);
+            let mut high = Vector3::repeat(f64::NEG_INFINITY);
             for corner in blocks.iter().flat_map(|block| block.corners()) {
                 let corner: Point3<f64> = turned * corner;
-                for axis in 0..3 {
-                    low[axis] = low[axis].min(corner[axis]);
-                    high[axis] = high[axis].max(corner[axis]);
-                }
+                low = low.inf(&corner.coords);
+                high = high.sup(&corner.coords);
             }
+            let middle = (low + high) / 2.0;
             let put = Isometry3::from_parts(
                 Translation3::new(
-                    region.pose.translation.x - f64::midpoint(low[0], high[0]),
-                    region.pose.translation.y - f64::midpoint(low[1], high[1]),
-                    top + DROP - low[2],
+                    region.pose.translation.x - middle.x,
+                    region.pose.translation.y - middle.y,
+                    top + DROP - low.z,
                 ),
                 turned,
             );

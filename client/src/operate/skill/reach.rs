@@ -40,7 +40,7 @@ impl Reach {
 
     fn aim(&mut self, now: &mut Now<'_>) -> Step {
         let Some((way, stops)) = choose(now) else {
-            return Step::Elsewhere("the arm cannot take it from here".to_owned());
+            return now.elsewhere("the arm cannot take it from here");
         };
         let stops: Vec<_> = stops
             .into_iter()
@@ -161,13 +161,21 @@ fn way_to(
     let around = now
         .scene
         .around(&[*start, way.before, above(0.2)], now.poses, None);
-    // Straight, over the things, or first back to where the hand began.
+    // Straight, over the things, from nearer to the arm, or first back to
+    // where the hand began.
     let home = now
         .memory
         .home
         .map(|home| now.scene.house_from_base(now.seen) * home);
     let mut routes = vec![vec![way.before]];
     routes.extend(OVER.map(|height| vec![above(height), way.before]));
+    // Down from the side of the arm, which reaches higher there.
+    let base = now.scene.house_from_base(now.seen);
+    for height in OVER {
+        let ways = lift::ways_up(&base, &way.before, height);
+        let vias = ways.iter().skip(1).filter_map(|way| way.last());
+        routes.extend(vias.map(|via| vec![*via, way.before]));
+    }
     if let Some(home) = home {
         routes.extend(OVER.map(|height| vec![home, above(height), way.before]));
     }

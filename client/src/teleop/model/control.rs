@@ -5,6 +5,9 @@ use wheelarm_proto::v1;
 use super::{Effect, Errand, Form, Model};
 use crate::watch::Connection;
 
+/// A status this soon after control was given may be older than that, s.
+const FRESH: f64 = 2.0;
+
 /// Who commands the robot.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Control {
@@ -61,6 +64,8 @@ impl Model {
         let holder = status.holder.clone();
         self.situation.take_status(status, round_trip);
         match &self.control {
+            // An answer that was under way when control was given is old.
+            Control::Ours if now - self.leased_at < FRESH => {}
             Control::Ours if holder != self.settings.commander => {
                 self.drive.forget();
                 if holder.is_empty() {
@@ -87,11 +92,12 @@ impl Model {
         match result {
             Ok(()) => {
                 self.control = Control::Ours;
+                self.leased_at = now;
                 self.say(now, "control is yours; ? shows the keys");
             }
             Err(why) => {
                 let holder = self.situation.status.as_ref().map(|s| s.holder.clone());
-                let holder = holder.filter(|h| !h.is_empty() && *h != self.settings.commander);
+                let holder = holder.filter(|h| !h.is_empty());
                 self.control = Control::Held(holder.unwrap_or_else(|| "somebody else".to_owned()));
                 self.warn(now, why);
             }

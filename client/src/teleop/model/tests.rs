@@ -166,18 +166,21 @@ fn keys_on_a_lost_link_do_nothing_and_say_so() {
 fn whoever_is_not_in_control_sends_nothing_and_takes_it_only_explicitly() {
     let mut model = operating();
     press(&mut model, "i", 1.0);
-    model.status(status("bernd"), 0.002, 1.2);
+    // An answer that was sent before control was given says nothing.
+    assert!(model.status(status(""), 0.002, 1.1).is_empty());
+    assert_eq!(model.control, Control::Ours);
+    model.status(status("bernd"), 0.002, 2.5);
     assert_eq!(model.control, Control::Held("bernd".to_owned()));
-    assert!(bases(&mut model, 1.2, 2.0).is_empty());
-    assert!(press(&mut model, "v", 2.0).is_empty());
+    assert!(bases(&mut model, 2.5, 3.0).is_empty());
+    assert!(press(&mut model, "v", 3.0).is_empty());
     assert!(
         said(&model).contains("bernd holds control"),
         "{}",
         said(&model)
     );
-    assert!(press(&mut model, "!", 2.1).is_empty());
+    assert!(press(&mut model, "!", 3.1).is_empty());
     assert!(matches!(&model.form, Some(Form::Take { holder }) if holder == "bernd"));
-    let effects = press(&mut model, "y", 2.2);
+    let effects = press(&mut model, "y", 3.2);
     assert_eq!(effects, [Effect::Errand(Errand::Lease { take: true })]);
 }
 

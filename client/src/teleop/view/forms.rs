@@ -102,7 +102,7 @@ pub fn draw(frame: &mut Frame<'_>, area: Rect, form: &Form, model: &Model, theme
                 Line::default(),
                 Line::from(" s finishes it and keeps it"),
                 Line::from(" d discards it"),
-                Line::from(" r leaves it running"),
+                Line::from(" r leaves it running, as does Ctrl-C again"),
                 Line::from(" Esc goes back"),
             ];
             overlay(frame, area, "leave", lines, theme);
