@@ -19,7 +19,9 @@ fn objects_and_drawers_stay_where_they_were_put() {
             ..Scenario::default()
         };
         let mut sim = Simulation::new(&assets, scenario).unwrap();
-        let names: Vec<String> = (sim.scene().objects.iter()).map(|b| b.name.clone()).collect();
+        let names: Vec<String> = (sim.scene().objects.iter())
+            .map(|b| b.name.clone())
+            .collect();
         let start = sim.snapshot().clone();
         let (mut shift, mut turn): ((f64, &str), (f64, &str)) = ((0.0, ""), (0.0, ""));
         for _ in 0..TEN_SECONDS {
