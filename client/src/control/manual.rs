@@ -126,17 +126,6 @@ pub const EVALUATE: &str = manual!(
     "\n  WHEELARM_ASSETS   assets folder, as --assets"
 );
 
-/// `wheelarm collect`.
-pub const COLLECT: &str = manual!(
-    "  wheelarm collect assets/campaigns/small.toml --dry-run
-  wheelarm collect assets/campaigns/small.toml --out data/small
-",
-    "  0  the dataset is whole
-  1  failed; started again, it goes on where it was
-  3  episodes are missing
-"
-);
-
 /// `wheelarm replay`.
 pub const REPLAY: &str = manual!(
     "  wheelarm replay data/demo/pick_mustard-seed0.h5

@@ -58,7 +58,7 @@ pub fn draw(args: &EvaluateArgs, report: &Report, entries: &[Entry]) -> anyhow::
 }
 
 fn size(frame: &v1::CameraFrame) -> (usize, usize) {
-    let intrinsics = frame.intrinsics.clone().unwrap_or_default();
+    let intrinsics = frame.intrinsics.unwrap_or_default();
     (intrinsics.width as usize, intrinsics.height as usize)
 }
 

@@ -63,7 +63,7 @@ impl Goal {
             v1::GoalKind::Unspecified => None,
             v1::GoalKind::Lift => Some(Self::Lift { item }),
             v1::GoalKind::Put => {
-                let region = goal.region.clone().unwrap_or_default();
+                let region = goal.region.unwrap_or_default();
                 Some(Self::Put {
                     item,
                     region: Block {

@@ -159,7 +159,7 @@ fn page_plays(page: &Path) {
         "{rows} rows, {pictures} pictures"
     );
     assert!(
-        dom.matches("data:image/jpeg").count() == 4,
+        dom.matches("src=\"data:image/jpeg").count() == 4,
         "four pictures are shown"
     );
 }

@@ -101,7 +101,7 @@ fn a_disk_that_fills_up_in_mid_episode_costs_nothing_that_was_acknowledged() {
     let (out, poor) = match &disk {
         Some(disk) => {
             println!("used: a tmpfs of 4 MB");
-            let poor = Recorder::start(&server, "poor", disk.path(), &["--episodes", "1"]);
+            let poor = Recorder::start(&server, "poor", disk.path(), &[]);
             (disk.path().to_owned(), poor)
         }
         None => {
@@ -109,7 +109,7 @@ fn a_disk_that_fills_up_in_mid_episode_costs_nothing_that_was_acknowledged() {
             let out = folder.path().join("poor");
             let limit = "trap '' XFSZ; exec prlimit --fsize=3000000 \"$0\" \"$@\"";
             let wrapper = ["sh", "-c", limit];
-            let poor = Recorder::start_under(&wrapper, &server, "poor", &out, &["--episodes", "1"]);
+            let poor = Recorder::start_under(&wrapper, &server, "poor", &out, &[]);
             (out, poor)
         }
     };
@@ -134,6 +134,7 @@ fn a_disk_that_fills_up_in_mid_episode_costs_nothing_that_was_acknowledged() {
     let text = good.finish();
     assert!(text.contains("full.h5: complete"), "{text}");
     let mut poor = poor;
+    poor.signal("TERM");
     assert_eq!(poor.end().0.code(), Some(1));
     let pictures = recover(&server, &out, "full");
     assert!(pictures > 10, "{pictures} pictures are left");

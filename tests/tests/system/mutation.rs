@@ -115,7 +115,11 @@ fn damaged_messages_are_survived() {
     for bytes in [
         reset.encode_to_vec(),
         started.encode_to_vec(),
-        v1::ReachRequest { pose: Some(pose()) }.encode_to_vec(),
+        v1::ReachRequest {
+            pose: Some(pose()),
+            near: vec![0.1; 6],
+        }
+        .encode_to_vec(),
         v1::LeaseRequest {
             header: sent.header.clone(),
             commander: "anna".into(),

@@ -99,7 +99,6 @@ fn every_task_is_done_recorded_and_replayed_bit_by_bit() {
         let first = done.iter().find(|first| first["task"] == entry["task"]);
         let first = first.expect("the same task");
         assert_eq!(first["hash"], entry["hash"], "{first}\n{entry}");
-        assert_eq!(first["seconds"], entry["seconds"]);
     }
     let output = evaluate(&again, &some);
     assert!(output.status.success(), "{}", printed(&output));

@@ -327,14 +327,14 @@ fn resample(
                 unwrap(&mut all, width);
             }
             let mut out = Vec::with_capacity(rows.len() * width);
-            for row in 0..rows.len() {
+            for (row, &time) in rows.iter().enumerate() {
                 if rule == Rule::Nearest {
                     match index(row) {
                         Some(i) => out.extend_from_slice(&all[i * width..(i + 1) * width]),
                         None => out.extend(std::iter::repeat_n(f64::NAN, width)),
                     }
                 } else if coverage.valid[row] {
-                    between(rule, &all, width, place(times, rows[row]), &mut out);
+                    between(rule, &all, width, place(times, time), &mut out);
                 } else {
                     out.extend(std::iter::repeat_n(f64::NAN, width));
                 }

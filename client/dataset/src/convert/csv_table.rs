@@ -207,7 +207,8 @@ mod tests {
         for (index, name) in [
             (0, "robot_arm_bicep_pos_x"),
             (7, "robot_arm_end_effector_pos_x"),
-            (27, "robot_arm_forearm_quat_w"),
+            (20, "robot_arm_forearm_quat_w"),
+            (27, "robot_arm_shoulder_quat_w"),
             (42, "wheelchair_pos_x"),
             (49, "robot_arm_bicep_vel_x"),
             (69, "wheelchair_vel_z"),
