@@ -385,8 +385,8 @@ impl Scratch {
             }
             let far = size / curve;
             let mut next = 0.0;
-            for i in 0..body.nodes() {
-                velocity[i] += self.direction[i] * far;
+            for (i, velocity) in velocity.iter_mut().enumerate().take(body.nodes()) {
+                *velocity += self.direction[i] * far;
                 self.residual[i] -= self.product[i] * far;
                 next += self.residual[i].dot(&(self.inverse[i] * self.residual[i]));
             }
