@@ -257,6 +257,17 @@ impl RecorderCore {
         if self.limit.is_some_and(|limit| self.counted >= limit) {
             return;
         }
+        // Not opened yet, so nothing of it is here: long over, and brought
+        // again by the transport, or over before it could be opened.
+        if let Stage::Opening {
+            started: former, ..
+        } = &self.stage
+        {
+            tracing::warn!("episode {:?} is over and not recorded", former.label);
+            self.last = Some(id(former.header.as_ref()));
+            self.early.forget(self.last.as_ref());
+            self.stage = Stage::Idle;
+        }
         self.end("the next episode began before the end of this one was told");
         self.status = v1::RecorderStatus {
             header: started.header.clone(),
