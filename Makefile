@@ -25,7 +25,7 @@ test:
 	$(CARGO) fmt --all --check
 	$(CARGO) clippy --release --workspace --all-targets -- -D warnings
 	RUSTDOCFLAGS="-D warnings" $(CARGO) doc --release --workspace --no-deps
-	$(CARGO) build --release --workspace --bins
+	$(CARGO) build --release --workspace --bins --tests
 	$(CARGO) test --release --workspace
 
 test-cluster:

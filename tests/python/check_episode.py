@@ -79,12 +79,13 @@ def main():
     received = 0
     for name, columns in STREAMS.items():
         g = file["streams"][name]
-        received += group(g)
         for column, shape in columns.items():
             check(g[column].shape[1:] == shape, f"{g[column].name} has shape {g[column].shape}")
-    objects = file["streams/object_pose"]
-    received += group(objects)
-    check(objects["pose"].shape[1:] == (len(objects["pose"].attrs["names"]), 7), "object poses")
+    objects = file["streams/object_pose/pose"]
+    check(objects.shape[1:] == (len(objects.attrs["names"]), 7), "object poses")
+    for name, g in file["streams"].items():
+        if name != "camera":
+            received += group(g)
     for g in file["streams/camera"].values():
         received += group(g)
         if len(g["stamp_nanos"]):
