@@ -89,32 +89,30 @@ impl Renderer {
                 });
             }
         }
-        let (info, chosen) = adapter::choose(adapter)?;
-        let fail = |reason: String| RenderError::Device {
-            adapter: info.name.clone(),
-            reason,
-        };
-        let (device, queue) = pollster::block_on(chosen.request_device(&wgpu::DeviceDescriptor {
-            required_limits: wgpu::Limits {
-                max_buffer_size: chosen.limits().max_buffer_size,
-                ..Default::default()
-            },
-            ..Default::default()
-        }))
-        .map_err(|e| fail(e.to_string()))?;
-        let failure = Arc::new(Mutex::new(None));
-        device.on_uncaptured_error(Arc::new({
-            let failure = failure.clone();
-            move |error: wgpu::Error| {
-                let mut slot = failure.lock().unwrap_or_else(PoisonError::into_inner);
-                slot.get_or_insert(error.to_string());
-            }
-        }));
-
         let tier = Tier::of(quality);
-        let surroundings = Surroundings::new(scene);
-        let buffers = Buffers::new(scene, &surroundings, tier.all_glossy);
-        let pipelines = Pipelines::new(&device, tier);
+        // What needs no adapter is worked out while the driver starts and
+        // compiles.
+        let (opened, arranged, painted) = std::thread::scope(|scope| {
+            let painting = scope.spawn(|| patterns::paint(scene));
+            let arranging = scope.spawn(|| {
+                let surroundings = Surroundings::new(scene);
+                let buffers = Buffers::new(scene, &surroundings, tier.all_glossy);
+                (surroundings, buffers)
+            });
+            let opened = open(adapter).map(|opened| {
+                let pipelines = Pipelines::new(&opened.device, tier);
+                (opened, pipelines)
+            });
+            (opened, joined(arranging), joined(painting))
+        });
+        let (opened, pipelines) = opened?;
+        let (surroundings, buffers) = arranged;
+        let Opened {
+            info,
+            device,
+            queue,
+            failure,
+        } = opened;
         let sun = SunView::new(scene, &buffers, tier.shadow_size);
         let geometry = Geometry::upload(&device, &buffers);
         let soft = SoftMeshes::find(scene, &buffers);
@@ -123,7 +121,7 @@ impl Renderer {
             contents: bytemuck::cast_slice(&buffers.materials),
             usage: wgpu::BufferUsages::STORAGE,
         });
-        let pictures = patterns::upload(&device, &queue, &buffers.patterns);
+        let pictures = patterns::upload(&device, &queue, &buffers.patterns, &painted);
         let shadow = ShadowMap::new(&device, sun, tier.shadow_size);
         let targets: Vec<Target> = cameras
             .iter()
@@ -452,6 +450,48 @@ impl Renderer {
             }
         }
     }
+}
+
+/// A device and where it tells of its failures.
+struct Opened {
+    info: AdapterInfo,
+    device: wgpu::Device,
+    queue: wgpu::Queue,
+    failure: Arc<Mutex<Option<String>>>,
+}
+
+fn open(adapter: Option<&str>) -> Result<Opened, RenderError> {
+    let (info, chosen) = adapter::choose(adapter)?;
+    let (device, queue) = pollster::block_on(chosen.request_device(&wgpu::DeviceDescriptor {
+        required_limits: wgpu::Limits {
+            max_buffer_size: chosen.limits().max_buffer_size,
+            ..Default::default()
+        },
+        ..Default::default()
+    }))
+    .map_err(|e| RenderError::Device {
+        adapter: info.name.clone(),
+        reason: e.to_string(),
+    })?;
+    let failure = Arc::new(Mutex::new(None));
+    device.on_uncaptured_error(Arc::new({
+        let failure = failure.clone();
+        move |error: wgpu::Error| {
+            let mut slot = failure.lock().unwrap_or_else(PoisonError::into_inner);
+            slot.get_or_insert(error.to_string());
+        }
+    }));
+    Ok(Opened {
+        info,
+        device,
+        queue,
+        failure,
+    })
+}
+
+fn joined<T>(job: std::thread::ScopedJoinHandle<'_, T>) -> T {
+    job.join()
+        .unwrap_or_else(|panic| std::panic::resume_unwind(panic))
 }
 
 fn world_from(binding: Binding, snapshot: &Snapshot) -> Isometry3<f64> {
