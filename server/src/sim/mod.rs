@@ -21,7 +21,7 @@ use crate::scene::{Body, Placement, Scene, SceneError};
 use crate::sensors::frames::{self, RelativeState};
 use crate::sensors::imu::{self, Imu};
 use crate::sensors::odometry::Odometry;
-use crate::snapshot::{BodyRef, Snapshot};
+use crate::snapshot::{BodyRef, Contact, Snapshot};
 use crate::tasks::{self, Draw, Evaluation, Evaluator, TaskSpec};
 use crate::world::{World, WorldError};
 
@@ -297,6 +297,13 @@ impl Simulation {
     #[must_use]
     pub fn evaluation(&self) -> &Evaluation {
         &self.evaluation
+    }
+
+    /// Contacts of the robot with furniture at the present tick that are harder
+    /// than [`tasks::HARD`]; none without a task.
+    pub fn hard_collisions(&self) -> impl Iterator<Item = &Contact> {
+        let judge = self.evaluator.iter();
+        judge.flat_map(move |evaluator| evaluator.hard_collisions(&self.snapshot))
     }
 
     /// The 16 recorded joints, in the order of `names::JOINT_NAMES`.
