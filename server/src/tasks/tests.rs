@@ -37,7 +37,7 @@ fn every_task_says_what_is_asked_in_several_ways() {
 fn drawn_starts_of_every_task_are_inside_their_ranges_and_apart() {
     let scene = home();
     for spec in list(&assets()).unwrap_or_else(|error| panic!("{error}")) {
-        let mut seen = Vec::new();
+        let (mut seen, mut frictions) = (Vec::new(), Vec::new());
         for seed in 0..40 {
             let drawn = draw(&spec, &scene, seed);
             let at = format!("{} seed {seed}", spec.name);
@@ -71,11 +71,23 @@ fn drawn_starts_of_every_task_are_inside_their_ranges_and_apart() {
                     seen.push(on.translation.vector);
                 }
             }
+            for slide in &spec.slides {
+                let drawn = drawn.slides[slide.joint];
+                assert!(slide.friction.contains(drawn.friction), "{at}");
+                assert!(slide.damping.contains(drawn.damping), "{at}");
+                frictions.push(drawn.friction);
+            }
             assert_apart(&scene, &drawn, &at);
         }
         if let Some(spread) = Bounds::of_points(seen.into_iter().map(Into::into)) {
             let (x, y) = (spread.size().x, spread.size().y);
             assert!(x > 0.03 && y > 0.2, "{}: {spread:?}", spec.name);
+        }
+        let opens = spec.name == "open_drawer";
+        assert_eq!(!frictions.is_empty(), opens, "{}", spec.name);
+        frictions.sort_by(f64::total_cmp);
+        if let [least, .., greatest] = frictions[..] {
+            assert!(greatest - least > 4.0, "{least} to {greatest} N");
         }
     }
 }
