@@ -15,6 +15,7 @@ pub fn scenario_json(s: &v1::Scenario) -> Value {
         "pacing": pacing(s.pacing),
         "quality": quality(s.quality),
         "state_rate_hz": s.state_rate_hz,
+        "deformable_rate_hz": s.deformable_rate_hz,
         "imu_rate_hz": s.imu_rate_hz,
         "imu_noise": s.imu_noise,
         "cameras": s.cameras.iter().map(|c| json!({

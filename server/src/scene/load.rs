@@ -171,7 +171,7 @@ impl Scene {
                 .enumerate()
                 .map(|(i, grasp)| object::grasp(&place.entry("grasps", i), grasp))
                 .collect::<Result<_, _>>()?,
-            optional: false,
+            optional: entry.optional,
         };
         if let Some(slide) = entry.slide.as_ref().or(model.slide.as_ref()) {
             let joint = self.slide(&place.key("slide"), &body, slide)?;

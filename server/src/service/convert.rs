@@ -300,6 +300,7 @@ pub fn scenario(s: &Scenario) -> v1::Scenario {
             })
             .collect(),
         state_rate_hz: s.state_rate_hz,
+        deformable_rate_hz: s.deformable_rate_hz,
         imu_rate_hz: s.imu_rate_hz,
         pacing: match s.pacing {
             Pacing::RealTime => v1::Pacing::RealTime,
@@ -366,6 +367,9 @@ pub fn scenario_over(now: &Scenario, asked: &v1::Scenario) -> Result<Scenario, I
     s.imu_noise = asked.imu_noise;
     if asked.state_rate_hz != 0.0 {
         s.state_rate_hz = check::finite("state_rate_hz", asked.state_rate_hz)?;
+    }
+    if asked.deformable_rate_hz != 0.0 {
+        s.deformable_rate_hz = check::finite("deformable_rate_hz", asked.deformable_rate_hz)?;
     }
     if asked.imu_rate_hz != 0.0 {
         s.imu_rate_hz = check::finite("imu_rate_hz", asked.imu_rate_hz)?;

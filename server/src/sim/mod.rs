@@ -126,6 +126,7 @@ impl Simulation {
             "" => None,
             name => Some(TaskSpec::load(assets, name)?),
         };
+        scene.keep_optional(task.as_ref().and_then(TaskSpec::region_name));
         draw_open_values(&mut scenario, &mut scene, task.as_ref())?;
         let placements: Vec<_> = scenario.objects.iter().map(|(_, p)| *p).collect();
         let start = scenario.start.unwrap_or(scene.start);
@@ -255,6 +256,12 @@ impl Simulation {
     #[must_use]
     pub fn state_due(&self) -> bool {
         self.schedules.state.due(self.snapshot.tick)
+    }
+
+    /// Whether the shapes of soft objects are due at the present tick.
+    #[must_use]
+    pub fn deformable_due(&self) -> bool {
+        self.schedules.deformable.due(self.snapshot.tick)
     }
 
     /// Hash over the whole state; `Some` once per simulated second.

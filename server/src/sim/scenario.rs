@@ -54,6 +54,8 @@ pub struct Scenario {
     pub cameras: Vec<CameraSetting>,
     /// Rate of the state streams, Hz; divides 60.
     pub state_rate_hz: f64,
+    /// Rate of the shapes of soft objects, Hz; divides 60.
+    pub deformable_rate_hz: f64,
     /// Rate of the IMU, Hz; divides 240.
     pub imu_rate_hz: f64,
     /// Pacing.
@@ -92,6 +94,7 @@ impl Default for Scenario {
             robot: "wheelarm".to_owned(),
             cameras: vec![camera("gen3"), camera("wheelchair")],
             state_rate_hz: CONTROL_HZ as f64,
+            deformable_rate_hz: 10.0,
             imu_rate_hz: PHYSICS_HZ as f64,
             pacing: Pacing::RealTime,
             quality: Quality::Standard,
@@ -141,6 +144,8 @@ pub struct Schedules {
     pub cameras: Vec<Schedule>,
     /// State streams.
     pub state: Schedule,
+    /// Shapes of soft objects.
+    pub deformable: Schedule,
     /// IMU.
     pub imu: Schedule,
 }
@@ -183,6 +188,7 @@ impl Scenario {
         Ok(Schedules {
             cameras,
             state: Schedule::new("state streams", self.state_rate_hz, CONTROL_HZ)?,
+            deformable: Schedule::new("deformable", self.deformable_rate_hz, CONTROL_HZ)?,
             imu: Schedule::new("IMU", self.imu_rate_hz, PHYSICS_HZ)?,
         })
     }

@@ -227,13 +227,17 @@ impl TaskSpec {
         Ok(spec)
     }
 
+    /// The furniture on which the task puts something, if it does.
+    #[must_use]
+    pub fn region_name(&self) -> Option<&str> {
+        let mut required = self.conditions.iter().filter(|c| c.required);
+        required.find_map(|condition| condition.predicate.region())
+    }
+
     /// The surface in which the task puts something, if it does.
     #[must_use]
     pub fn region<'a>(&self, scene: &'a Scene) -> Option<&'a Surface> {
-        self.conditions
-            .iter()
-            .filter(|condition| condition.required)
-            .find_map(|condition| scene.surface_named(condition.predicate.region()?, None))
+        scene.surface_named(self.region_name()?, None)
     }
 
     /// Where errors about this task stand.

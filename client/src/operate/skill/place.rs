@@ -10,6 +10,7 @@ use crate::operate::block::Block;
 use crate::operate::clearance::held_balls;
 use crate::operate::goal::Goal;
 use crate::operate::hand::OPEN;
+use crate::operate::tool_path::distance;
 use crate::operate::way::Way;
 
 /// The hand comes from this far above, metres.
@@ -40,6 +41,10 @@ const CLEAR: [f64; 2] = [0.015, 0.0];
 const SLICE: f64 = 0.03;
 /// Time for the fingers to open, seconds.
 const OPENING: f64 = 0.8;
+/// Longest time until what springs back leaves the pads, seconds.
+const LONGEST: f64 = 4.0;
+/// A pad that presses less has let go, N.
+const LOOSE: f64 = 0.05;
 /// The fingers open wider than the thing by this much, metres.
 const ROOM: f64 = 0.03;
 
@@ -124,9 +129,14 @@ impl Skill for Place {
                 }
             },
             State::Open { since } => {
-                if now.seen.time - since > OPENING {
+                let open = now.seen.time - since;
+                let loose = now.seen.pad_force.iter().all(|force| *force < LOOSE);
+                if open > OPENING && (loose || open > LONGEST) {
                     let at = now.house_from_desired();
-                    let back = at * Translation3::new(0.0, 0.0, -ABOVE);
+                    // Out of a soft thing's limbs the way that it came in.
+                    let soft = now.memory.way.filter(|way| way.force > 0.0);
+                    let out = soft.map_or(ABOVE, |way| distance(&way.before, &way.at));
+                    let back = at * Translation3::new(0.0, 0.0, -out);
                     let stop = (back, now.style.approach_speed);
                     self.state = State::Back(Motion::new(now, &[stop]));
                 }
@@ -193,7 +203,10 @@ pub fn ways(now: &Now<'_>, tool_from_item: &Isometry3<f64>, width: f64) -> Vec<W
 fn choose(now: &mut Now<'_>) -> Option<(Way, Vec<Isometry3<f64>>)> {
     let start = now.house_from_desired();
     let item = now.goal.item();
-    let held = now.memory.held.unwrap_or_else(|| now.thing_in_hand());
+    // What is soft hangs otherwise than it sat.
+    let soft = now.memory.way.is_some_and(|way| way.force > 0.0);
+    let held = now.memory.held.filter(|_| !soft);
+    let held = held.unwrap_or_else(|| now.thing_in_hand());
     let width = now.memory.way.map_or(0.03, |way| way.width);
     let balls = held_balls(&slices(&now.scene.items[item].blocks), &held);
     let ways = ways(now, &held, width);
