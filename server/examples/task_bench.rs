@@ -52,7 +52,10 @@ fn main() -> Result<()> {
             slowest = (task.name, cpu);
         }
     }
-    println!("slowest rigid task {:.1} x real time: {}", slowest.1, slowest.0);
+    println!(
+        "slowest rigid task {:.1} x real time: {}",
+        slowest.1, slowest.0
+    );
     Ok(())
 }
 
