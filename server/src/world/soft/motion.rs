@@ -66,6 +66,14 @@ pub(super) struct Pressed {
     pub anchor: Option<Vector3<f64>>,
 }
 
+impl Pressed {
+    /// Whether all numbers are finite.
+    pub(super) fn is_finite(&self) -> bool {
+        let anchor = self.anchor.unwrap_or_default();
+        self.force.iter().chain(&anchor).all(|x| x.is_finite())
+    }
+}
+
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Grip {
     Open,
@@ -374,7 +382,7 @@ impl Scratch {
             size += residual.dot(&wanted);
         }
         for _ in 0..STEPS {
-            if size <= good {
+            if size <= good || !size.is_finite() {
                 break;
             }
             self.steps += 1;
