@@ -63,16 +63,15 @@ pub struct Picture {
 #[must_use]
 pub fn paint(pattern: &str) -> Option<Picture> {
     let (_, color) = PATTERNS.iter().find(|(name, _)| *name == pattern)?;
+    let at = |k: usize| (k as f32 + 0.5) / SIZE as f32;
     let mut linear: Vec<[f32; 3]> = (0..SIZE * SIZE)
-        .map(|i| {
-            let at = |k: usize| (k as f32 + 0.5) / SIZE as f32;
-            color(at(i % SIZE), at(i / SIZE)).map(|c| c.clamp(0.0, 1.0).powi(2))
-        })
+        .map(|i| color(at(i % SIZE), at(i / SIZE)).map(|c| c.clamp(0.0, 1.0).powi(2)))
         .collect();
     let mut levels = Vec::with_capacity(LEVELS);
     let mut side = SIZE;
     loop {
-        levels.push(linear.iter().flat_map(|c| bytes(*c)).collect());
+        let level: Vec<[u8; 4]> = linear.iter().map(|c| bytes(*c)).collect();
+        levels.push(level.into_flattened());
         if side == 1 {
             return Some(Picture { levels });
         }

@@ -120,9 +120,14 @@ fn word(text: &str, u: f32, v: f32, place: Place, weight: f32) -> f32 {
     if x < -0.05 || x > width + 0.05 || y < -0.05 || y > height + 0.05 {
         return 0.0;
     }
-    let mut nearest = f32::INFINITY;
+    // Ink ends here; letters further away need no look at their strokes.
+    let reach = weight + 0.002;
+    let mut nearest = f64::INFINITY;
     for (i, c) in text.chars().enumerate() {
         let left = i as f32 * pitch + pitch * 0.14;
+        if x < left - 2.0 * reach || x > left + pitch * 0.72 + 2.0 * reach {
+            continue;
+        }
         for stroke in letter(c) {
             for ends in stroke.windows(2) {
                 let spot = |p: (f32, f32)| (left + p.0 * pitch * 0.72, p.1 / 1.5 * height);
@@ -130,10 +135,11 @@ fn word(text: &str, u: f32, v: f32, place: Place, weight: f32) -> f32 {
             }
         }
     }
-    1.0 - ramp(weight - 0.002, weight + 0.002, nearest)
+    1.0 - ramp(weight - 0.002, reach, nearest.sqrt() as f32)
 }
 
-fn to_segment(p: (f32, f32), a: (f32, f32), b: (f32, f32)) -> f32 {
+/// Square of the distance of a point from a line between two.
+fn to_segment(p: (f32, f32), a: (f32, f32), b: (f32, f32)) -> f64 {
     let (dx, dy) = (b.0 - a.0, b.1 - a.1);
     let length = dx * dx + dy * dy;
     let t = if length > 0.0 {
@@ -141,12 +147,23 @@ fn to_segment(p: (f32, f32), a: (f32, f32), b: (f32, f32)) -> f32 {
     } else {
         0.0
     };
-    (p.0 - a.0 - t * dx).hypot(p.1 - a.1 - t * dy)
+    square(p.0 - a.0 - t * dx, p.1 - a.1 - t * dy)
+}
+
+/// Square of the length of a vector.
+fn square(x: f32, y: f32) -> f64 {
+    let (x, y) = (f64::from(x), f64::from(y));
+    x * x + y * y
+}
+
+/// Length of a vector.
+fn length(x: f32, y: f32) -> f32 {
+    square(x, y).sqrt() as f32
 }
 
 /// 1 inside the ellipse, soft at its edge.
 fn ellipse(u: f32, v: f32, cx: f32, cy: f32, rx: f32, ry: f32) -> f32 {
-    let d = ((u - cx) / rx).hypot((v - cy) / ry);
+    let d = length((u - cx) / rx, (v - cy) / ry);
     1.0 - ramp(0.985, 1.015, d)
 }
 
@@ -157,13 +174,17 @@ fn band(x: f32, low: f32, high: f32) -> f32 {
 
 /// Rows of grey that read as small print.
 fn small_print(u: f32, v: f32, left: f32, right: f32, low: f32, high: f32) -> f32 {
+    let inside = band(u, left, right) * band(v, low, high);
+    if inside <= 0.0 {
+        return 0.0;
+    }
     let rows = (v * 60.0).fract();
     let words = ramp(
         0.35,
         0.45,
         fractal(u, (v * 60.0).floor() / 60.0, 64, 60, 1, 301),
     );
-    band(u, left, right) * band(v, low, high) * ramp(0.3, 0.4, rows) * words
+    inside * ramp(0.3, 0.4, rows) * words
 }
 
 /// Yellow bottle, red oval with the word, brown seeds below.
@@ -285,7 +306,10 @@ pub(super) fn crackers(u: f32, v: f32) -> [f32; 3] {
     );
     for (x, y, r) in [(0.34, 0.33, 0.19), (0.66, 0.28, 0.19), (0.5, 0.45, 0.19)] {
         let inside = ellipse(u, v, x, y, r, r * 0.78);
-        let d = ((u - x) / r).hypot((v - y) / (r * 0.78));
+        if inside <= 0.0 {
+            continue;
+        }
+        let d = length((u - x) / r, (v - y) / (r * 0.78));
         let baked = blend([0.93, 0.74, 0.42], [0.72, 0.46, 0.20], ramp(0.55, 1.0, d));
         let crumb = 0.9 + 0.2 * fractal(u, v, 40, 40, 3, 311);
         let (a, b) = (((u - x) * 22.0).fract(), ((v - y) * 28.0).fract());
@@ -325,11 +349,13 @@ pub(super) fn meat(u: f32, v: f32) -> [f32; 3] {
     let plate = ellipse(u, v, 0.5, 0.30, 0.36, 0.17);
     c = blend(c, [0.94, 0.92, 0.88], plate);
     let slice = ellipse(u, v, 0.47, 0.31, 0.22, 0.105);
-    let pink = scale(
-        [0.90, 0.52, 0.48],
-        0.88 + 0.24 * fractal(u, v, 24, 24, 4, 321),
-    );
-    c = blend(c, pink, slice);
+    if slice > 0.0 {
+        let pink = scale(
+            [0.90, 0.52, 0.48],
+            0.88 + 0.24 * fractal(u, v, 24, 24, 4, 321),
+        );
+        c = blend(c, pink, slice);
+    }
     c = blend(c, [0.25, 0.50, 0.20], ellipse(u, v, 0.73, 0.29, 0.06, 0.04));
     blend(c, [0.82, 0.83, 0.85], 1.0 - band(v, 0.05, 0.95))
 }

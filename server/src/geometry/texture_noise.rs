@@ -13,17 +13,33 @@ pub(super) fn hash(x: i32, y: i32, seed: u32) -> f32 {
 /// Smooth noise 0 to 1 with `nx` by `ny` cells in the unit square, periodic.
 pub(super) fn noise(u: f32, v: f32, nx: i32, ny: i32, seed: u32) -> f32 {
     let (x, y) = (u * nx as f32, v * ny as f32);
-    let (ix, iy) = (x.floor(), y.floor());
+    let (ix, iy) = (below(x), below(y));
     let ease = |t: f32| t * t * (3.0 - 2.0 * t);
-    let (fx, fy) = (ease(x - ix), ease(y - iy));
-    let at = |dx: i32, dy: i32| {
-        hash(
-            (ix as i32 + dx).rem_euclid(nx),
-            (iy as i32 + dy).rem_euclid(ny),
-            seed,
-        )
-    };
-    mix(mix(at(0, 0), at(1, 0), fx), mix(at(0, 1), at(1, 1), fx), fy)
+    let (fx, fy) = (ease(x - ix as f32), ease(y - iy as f32));
+    let (x0, x1) = (wrap(ix, nx), wrap(ix + 1, nx));
+    let (y0, y1) = (wrap(iy, ny), wrap(iy + 1, ny));
+    let at = |x: i32, y: i32| hash(x, y, seed);
+    mix(
+        mix(at(x0, y0), at(x1, y0), fx),
+        mix(at(x0, y1), at(x1, y1), fx),
+        fy,
+    )
+}
+
+/// The whole number at or below `x`. (`f32::floor` is a call into the C library
+/// where the processor's own instruction may not be assumed.)
+fn below(x: f32) -> i32 {
+    let toward_zero = x as i32;
+    toward_zero - i32::from(toward_zero as f32 > x)
+}
+
+/// `i` modulo `n`; dividing only where it must.
+fn wrap(i: i32, n: i32) -> i32 {
+    if (0..n).contains(&i) {
+        i
+    } else {
+        i.rem_euclid(n)
+    }
 }
 
 /// Octaves of [`noise`], each twice as fine and half as strong; 0 to 1.

@@ -140,9 +140,13 @@ pub(super) fn leaves(u: f32, v: f32) -> [f32; 3] {
             let (x, y) = (cx + dx, cy + dy);
             let (kx, ky) = (x.rem_euclid(n), y.rem_euclid(n));
             let seed = 191 + 10 * layer as u32;
-            let angle = hash(kx, ky, seed) * std::f32::consts::TAU;
             let px = u * n as f32 - (x as f32 + hash(kx, ky, seed + 1));
             let py = v * n as f32 - (y as f32 + hash(kx, ky, seed + 2));
+            // No leaf reaches so far: 0.62² + 0.26² is 0.452.
+            if px * px + py * py > 0.46 {
+                continue;
+            }
+            let angle = hash(kx, ky, seed) * std::f32::consts::TAU;
             let (s, c) = angle.sin_cos();
             let (along, across) = (px * c + py * s, py * c - px * s);
             let width = 0.26 * (1.0 - (along / 0.62).powi(2));

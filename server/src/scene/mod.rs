@@ -108,6 +108,13 @@ pub struct FurnitureJoint {
     pub travel: f64,
     /// Mass properties of the body that moves.
     pub mass: MassProperties,
+    /// What it slides against.
+    pub resistance: Resistance,
+}
+
+/// What sliding furniture slides against.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Resistance {
     /// Dry friction, N.
     pub friction: f64,
     /// Viscous friction, N·s/m.

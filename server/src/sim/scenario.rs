@@ -3,7 +3,7 @@
 use nalgebra::Isometry3;
 use wheelarm_proto::{CONTROL_HZ, PHYSICS_HZ};
 
-use crate::scene::Placement;
+use crate::scene::{Placement, Resistance};
 use crate::sensors::{BadRate, Schedule};
 
 /// How simulation time relates to wall time.
@@ -66,6 +66,8 @@ pub struct Scenario {
     pub imu_noise: bool,
     /// Placements by object name; empty: drawn from the seed.
     pub objects: Vec<(String, Placement)>,
+    /// Resistance of furniture joints by name; what is missing is drawn.
+    pub slides: Vec<(String, Resistance)>,
     /// world_from_wheelchair_root at the start; `None`: drawn.
     pub start: Option<Isometry3<f64>>,
     /// Instruction sentence; empty: one of the task's.
@@ -98,6 +100,7 @@ impl Default for Scenario {
             quality: Quality::Standard,
             imu_noise: false,
             objects: Vec::new(),
+            slides: Vec::new(),
             start: None,
             instruction: String::new(),
             target: String::new(),

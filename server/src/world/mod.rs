@@ -362,6 +362,21 @@ impl World {
         links
     }
 
+    /// State of one link after the last tick, the same as in the snapshot and
+    /// far cheaper; `None` when there is no such link.
+    #[must_use]
+    pub fn link(&self, link: usize) -> Option<BodyState> {
+        match *self.robot.tree.places.get(link)? {
+            Place::InBody(body, body_from_link) => {
+                let frame = self.robot.frame(&self.physics, body);
+                Some(self.body_state(self.robot.handles[body], frame * body_from_link))
+            }
+            Place::Rolling(_) | Place::Parallel(_) => {
+                self.links(&self.joints()).get(link).copied()
+            }
+        }
+    }
+
     /// State of a frame that rides on an engine body.
     fn body_state(&self, handle: RigidBodyHandle, pose: Isometry3<f64>) -> BodyState {
         let body = &self.physics.bodies[handle];

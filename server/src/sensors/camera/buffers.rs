@@ -5,7 +5,7 @@ use std::ops::Range;
 
 use nalgebra::{Point3, Vector3};
 
-use super::openness::{Corner, Surroundings};
+use super::openness::{Corner, Openness, Surroundings};
 use super::scene::{Binding, RenderItem, RenderScene};
 use crate::geometry::{Material, TriMesh, texture};
 
@@ -128,6 +128,7 @@ impl Buffers {
             batches: Vec::new(),
         };
         let mut known: Vec<Material> = Vec::new();
+        let mut openness = Openness::new(surroundings);
         let same =
             |a: &RenderItem, b: &RenderItem| a.instance == b.instance && a.binding == b.binding;
         for items in scene.items.chunk_by(same) {
@@ -155,7 +156,7 @@ impl Buffers {
                 let start = built.indices.len() as u32;
                 for (item, &material) in chosen.iter().zip(&materials) {
                     let packed = body as u32 | material << 16;
-                    built.append(item, &item.mesh, surroundings, packed, &belongs);
+                    built.append(item, &item.mesh, &mut openness, packed, &belongs);
                 }
                 let middle = built.indices.len() as u32;
                 if middle == start {
@@ -165,7 +166,7 @@ impl Buffers {
                 let mut caster_end = middle;
                 for (item, &material) in chosen.iter().zip(&materials) {
                     let packed = body as u32 | material << 16;
-                    built.append(item, &item.coarse, surroundings, packed, &belongs);
+                    built.append(item, &item.coarse, &mut openness, packed, &belongs);
                     if item.casts_shadow {
                         caster_end = built.indices.len() as u32;
                     }
@@ -239,7 +240,7 @@ impl Buffers {
         &mut self,
         item: &RenderItem,
         mesh: &TriMesh,
-        surroundings: &Surroundings,
+        openness: &mut Openness<'_>,
         packed: u32,
         belongs: &dyn Fn(&RenderItem, [Vector3<f32>; 3]) -> bool,
     ) {
@@ -254,7 +255,7 @@ impl Buffers {
                     normal,
                     uv: mesh.uvs[i],
                     openness: if fixed {
-                        surroundings.of_surface(&position, &normal)
+                        openness.of_surface(&position, &normal)
                     } else {
                         1.0
                     },
@@ -269,7 +270,7 @@ impl Buffers {
                 continue;
             }
             let pieces = if fixed {
-                surroundings.cut(triangle)
+                openness.cut(triangle)
             } else {
                 vec![triangle]
             };

@@ -2,6 +2,8 @@
 //! below furniture get less light from all around. Worked out once, at load,
 //! from what never moves, in cells of 8 cm.
 
+use std::collections::HashMap;
+
 use nalgebra::{Point3, Vector3};
 
 use super::scene::{Binding, RenderItem, RenderScene};
@@ -92,7 +94,7 @@ impl Surroundings {
     }
 
     /// Share of the light from all around that reaches a surface, 0 to 1.
-    pub(super) fn of_surface(&self, p: &Point3<f64>, normal: &Vector3<f64>) -> f64 {
+    fn of_surface(&self, p: &Point3<f64>, normal: &Vector3<f64>) -> f64 {
         let helper = if normal.x.abs() < 0.7 {
             Vector3::x()
         } else {
@@ -160,14 +162,38 @@ pub(super) struct Corner {
 /// Longer edges are cut in halves, so that light can change along them, metres.
 const LONGEST: f64 = 0.4;
 
-impl Surroundings {
+/// What was worked out so far, by the bits of place and normal: neighbours share
+/// their corners, and near and far detail of a board are the same triangles.
+pub(super) struct Openness<'a> {
+    around: &'a Surroundings,
+    known: HashMap<[u64; 6], f64>,
+}
+
+impl<'a> Openness<'a> {
+    pub(super) fn new(around: &'a Surroundings) -> Self {
+        Self {
+            around,
+            known: HashMap::new(),
+        }
+    }
+
+    /// Share of the light from all around that reaches a surface, 0 to 1.
+    pub(super) fn of_surface(&mut self, p: &Point3<f64>, normal: &Vector3<f64>) -> f64 {
+        let key = [p.x, p.y, p.z, normal.x, normal.y, normal.z].map(f64::to_bits);
+        let around = self.around;
+        *self
+            .known
+            .entry(key)
+            .or_insert_with(|| around.of_surface(p, normal))
+    }
+
     /// Pieces of a triangle that never moves. Every edge is cut by its length
     /// alone, as is the neighbour's: no gaps. What looks out of the house stays whole.
-    pub(super) fn cut(&self, triangle: [Corner; 3]) -> Vec<[Corner; 3]> {
+    pub(super) fn cut(&mut self, triangle: [Corner; 3]) -> Vec<[Corner; 3]> {
         let [a, b, c] = &triangle;
         let middle =
             Point3::from((a.position.coords + b.position.coords + c.position.coords) / 3.0);
-        if self.cell(&(middle + a.normal * 0.5)).is_none() {
+        if self.around.cell(&(middle + a.normal * 0.5)).is_none() {
             return vec![triangle];
         }
         let mut pieces = Vec::new();
@@ -188,7 +214,7 @@ impl Surroundings {
         pieces
     }
 
-    fn middle(&self, a: &Corner, b: &Corner) -> Corner {
+    fn middle(&mut self, a: &Corner, b: &Corner) -> Corner {
         let position = nalgebra::center(&a.position, &b.position);
         let normal = (a.normal + b.normal)
             .try_normalize(1e-6)
@@ -248,8 +274,9 @@ mod tests {
             corner(1.5, 1.5),
             corner(-1.5, 1.5),
         ];
-        let mut pieces = around.cut([a, b, c]);
-        pieces.extend(around.cut([a, c, d]));
+        let mut openness = Openness::new(&around);
+        let mut pieces = openness.cut([a, b, c]);
+        pieces.extend(openness.cut([a, c, d]));
         assert!(pieces.len() > 20);
         // Every inner edge is met from both sides, the rim once.
         let mut edges: std::collections::BTreeMap<[[u64; 2]; 2], i32> = Default::default();

@@ -1,8 +1,11 @@
 //! Textures and samplers of the patterns that a scene uses.
 
+use std::collections::{BTreeMap, BTreeSet};
+
 use wgpu::util::DeviceExt;
 
-use crate::geometry::texture;
+use super::scene::RenderScene;
+use crate::geometry::texture::{self, Picture};
 
 /// Repeating with halvings; comparing for the shadow map.
 pub(super) fn samplers(device: &wgpu::Device) -> [wgpu::Sampler; 2] {
@@ -25,31 +28,44 @@ pub(super) fn samplers(device: &wgpu::Device) -> [wgpu::Sampler; 2] {
     ]
 }
 
-/// Paints the patterns, one layer each.
+/// Pictures by the names of their patterns.
+pub(super) type Painted = BTreeMap<String, Picture>;
+
+/// Paints the patterns of a scene, each on a thread of its own.
+pub(super) fn paint(scene: &RenderScene) -> Painted {
+    let names: BTreeSet<&str> = scene
+        .items
+        .iter()
+        .filter_map(|item| Some(item.material.texture.as_ref()?.pattern.as_str()))
+        .collect();
+    std::thread::scope(|scope| {
+        let jobs: Vec<_> = names
+            .iter()
+            .map(|name| (name, scope.spawn(|| texture::paint(name))))
+            .collect();
+        jobs.into_iter()
+            .filter_map(|(name, job)| Some(((*name).to_owned(), job.join().ok()??)))
+            .collect()
+    })
+}
+
+/// Uploads the pictures of `patterns`, one layer each.
 pub(super) fn upload(
     device: &wgpu::Device,
     queue: &wgpu::Queue,
     patterns: &[String],
+    painted: &Painted,
 ) -> wgpu::TextureView {
-    let painted: Vec<_> = std::thread::scope(|scope| {
-        let jobs: Vec<_> = patterns
-            .iter()
-            .map(|name| scope.spawn(|| texture::paint(name)))
-            .collect();
-        jobs.into_iter()
-            .filter_map(|job| job.join().ok().flatten())
-            .collect()
-    });
     let none = patterns.is_empty();
     let side = if none { 1 } else { texture::SIZE as u32 };
     let bytes: Vec<u8> = if none {
         vec![255; 4]
     } else {
-        painted
-            .into_iter()
-            .flat_map(|p| p.levels)
-            .flatten()
-            .collect()
+        let pictures = patterns.iter().filter_map(|name| painted.get(name));
+        let levels: Vec<&[u8]> = pictures
+            .flat_map(|p| p.levels.iter().map(Vec::as_slice))
+            .collect();
+        levels.concat()
     };
     let texture = device.create_texture_with_data(
         queue,
