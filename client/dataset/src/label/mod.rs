@@ -232,12 +232,12 @@ pub fn label(motion: &Motion) -> Vec<u8> {
     let inside = |runs: &[(usize, usize)], i: usize| runs.iter().any(|&(a, b)| a <= i && i <= b);
     let mut out = Vec::with_capacity(motion.stamps.len());
     let (mut now, mut holding) = (0, false);
-    for i in 0..motion.stamps.len() {
+    for (i, &pulled) in pulls.iter().enumerate() {
         let closing = inside(&closings, i);
         if inside(&openings, i) {
             holding = false;
         }
-        let pulling = holding && pulls[i];
+        let pulling = holding && pulled;
         if motion.chair[i] && !pulling {
             now = 0;
         } else if closing {
