@@ -50,7 +50,8 @@ pub fn align(input: &Input, out: Option<&Path>, pictures: bool) -> anyhow::Resul
             println!("{}: {rows} rows", path.display());
             for (stream, c) in &recording.aligned.coverage {
                 let lost = c.valid.iter().filter(|v| !**v).count();
-                if lost > 0 {
+                // A stream without samples has no rows to lose.
+                if lost > 0 && c.samples > 0 {
                     println!(
                         "  {stream}: {lost} rows have no samples within {:.3} s on both sides",
                         c.limit as f64 * 1e-9
