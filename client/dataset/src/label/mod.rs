@@ -350,7 +350,8 @@ mod tests {
             |t| (2.0..4.0).contains(&t) || t > 6.0,
             |t| ((t - 1.2) * 0.6).clamp(0.0, 0.2) + ((t - 4.5) * 0.6).clamp(0.0, 0.3),
         );
-        assert_eq!(order(&shaped), [(0, 0), (1, 20), (2, 45), (3, 60)]);
+        // Closing begins at 4.5 s, found up to 0.1 s early.
+        assert_eq!(order(&shaped), [(0, 0), (1, 20), (2, 44), (3, 60)]);
     }
 
     #[test]
