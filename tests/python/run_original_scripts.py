@@ -3,7 +3,8 @@
 run_original_scripts.py SCRIPTS SAMPLES.hdf5 FINAL.csv WORK
 
 SCRIPTS    folder with the original's Data_Processing/*.py
-SAMPLES    an episode from `wheelarm dataset export --format wheelarm-sim`
+SAMPLES    an episode from `wheelarm dataset export --format wheelarm-sim`, at 1280x720
+           as the scripts expect; it is moved into WORK
 FINAL      the same episode's final_data.csv from `--format csv`
 WORK       an empty folder
 
@@ -66,14 +67,15 @@ def adapt(name, text, work):
 
 
 def first_samples(source, target):
-    """The first ROWS samples, as the original's recorder would have stopped."""
-    with h5py.File(source) as all_, h5py.File(target, "w") as part:
-        count = len(all_["data"])
+    """Moves the file, gigabytes, and leaves the first ROWS samples, as if the
+    original's recorder had been stopped then."""
+    source.rename(target)
+    with h5py.File(target, "r+") as file:
+        count = len(file["data"])
         if count < ROWS:
             sys.exit(f"{source} has {count} samples, the scripts' label counts need {ROWS}")
-        data = part.create_group("data")
-        for number in range(1, ROWS + 1):
-            all_.copy(f"data/{number}", data, name=str(number))
+        for number in range(ROWS + 1, count + 1):
+            del file[f"data/{number}"]
 
 
 def table(path):
