@@ -13,6 +13,7 @@ use super::episode::{Episode, Stage};
 use super::inbox::{Listening, Refused};
 use super::pace::Pace;
 use super::render::RenderThread;
+use super::waiting::Waiting;
 use super::{Options, ServiceError, Shared, answer, convert, lock, publish};
 use crate::sim::{Pacing, Scenario, Simulation};
 use crate::snapshot::{Anomaly, Snapshot};
@@ -51,6 +52,7 @@ pub struct Engine {
     pub(super) episode: Option<Episode>,
     pub(super) paused: bool,
     pub(super) waiting_for: String,
+    waiting: Waiting,
     pub(super) pace: Pace,
     episodes: u64,
     seen_anomalies: Vec<Anomaly>,
@@ -81,6 +83,7 @@ impl Engine {
             episode: None,
             paused: false,
             waiting_for: String::new(),
+            waiting: Waiting::new(),
             episodes: 0,
             seen_anomalies: Vec::new(),
         };
@@ -143,7 +146,9 @@ impl Engine {
             }
             self.publish_refusals();
             self.publish_vanished();
-            match self.next() {
+            let next = self.next();
+            self.tell_of_waiting();
+            match next {
                 Next::Step => self.step(),
                 Next::Wait(how_long) => self.shared.signal.wait(how_long.min(NAP)),
             }
@@ -159,7 +164,8 @@ impl Engine {
     fn wait_for_files(&self, episode: u64, participants: &[String]) {
         let since = Instant::now();
         while since.elapsed() < Duration::from_secs(FAREWELL_SECS) {
-            let recorders = lock(&self.shared.recorders);
+            let mut recorders = lock(&self.shared.recorders);
+            recorders.expire(Instant::now());
             let waiting = recorders.slowest(&self.shared.run_id, episode, participants);
             drop(recorders);
             if waiting.is_none() {
@@ -176,7 +182,8 @@ impl Engine {
             self.waiting_for = format!("the cameras, which failed: {failure}");
             return Next::Wait(NAP);
         }
-        if self.paused {
+        // Waiting here and not in the queue, it goes on answering.
+        if self.paused || self.render.as_ref().is_some_and(RenderThread::is_full) {
             return Next::Wait(NAP);
         }
         let lock_step = self.sim.scenario().pacing == Pacing::LockStep;
@@ -194,7 +201,9 @@ impl Engine {
         self.report_lost_recorders();
         if lock_step {
             if let Some(recorder) = self.recorder_without_credit() {
-                self.waiting_for = format!("recorder {recorder}");
+                let away = lock(&self.shared.recorders).is_away(&recorder);
+                let lost = ["", ", whose connection is lost"][usize::from(away)];
+                self.waiting_for = format!("recorder {recorder}{lost}");
                 return Next::Wait(NAP);
             }
             if !lock(&self.shared.inbox).answered(self.sim.snapshot().tick) {
@@ -206,6 +215,17 @@ impl Engine {
             }
         }
         self.pace.wait().map_or(Next::Step, Next::Wait)
+    }
+
+    /// Between episodes nobody needs to be told that time stands still.
+    fn tell_of_waiting(&mut self) {
+        let what = match &self.episode {
+            Some(_) if !self.paused => self.waiting_for.as_str(),
+            _ => "",
+        };
+        if let Some(words) = self.waiting.note(what, Instant::now()) {
+            tracing::warn!("{words}");
+        }
     }
 
     fn wait_for_recorders(&mut self) -> Next {
@@ -255,7 +275,11 @@ impl Engine {
         let Some(episode) = &mut self.episode else {
             return;
         };
-        let lost = lock(&self.shared.recorders).lost_of(&episode.participants);
+        let lost = {
+            let mut recorders = lock(&self.shared.recorders);
+            recorders.expire(Instant::now());
+            recorders.lost_of(&episode.participants)
+        };
         episode.participants.retain(|name| !lost.contains(name));
         for name in lost {
             self.event("note", &format!("recorder {name} was lost in this episode"));
@@ -278,11 +302,12 @@ impl Engine {
             Pacing::LockStep | Pacing::Fast => self.sim.snapshot().stamp_nanos() as f64 * 1e-9,
         };
         let taken = lock(&self.shared.inbox).take(tick, now);
-        let step = self.sim.step(&taken.input);
-        self.pace.tick();
         let episode = self.episode_number();
         let outbox = Arc::clone(&self.shared.outbox);
-        publish::applied(&outbox, episode, tick, taken, &step.applied, &self.sim);
+        let step = self.sim.step_telling(&taken.input, |targets, control| {
+            publish::applied(&outbox, episode, tick, &taken, targets, control);
+        });
+        self.pace.tick();
         publish::imu(&outbox, episode, &step.imu);
         self.publish_state();
         self.publish_anomalies();
