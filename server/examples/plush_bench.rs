@@ -30,17 +30,17 @@ struct Options {
     #[arg(long)]
     out: Option<PathBuf>,
     /// Cap of the force at each pad, N.
-    #[arg(long, default_value_t = 8.0)]
+    #[arg(long, default_value_t = 4.0)]
     grip: f64,
     /// How far the gripper closes, rad.
-    #[arg(long, default_value_t = 0.45)]
+    #[arg(long, default_value_t = 0.6)]
     knuckle: f64,
 }
 
 /// The bear in the frame of the standing chair, metres: ahead and to the left.
 const AHEAD: [f64; 2] = [1.14, 0.36];
 /// Control ticks, 60 per second.
-const TICKS: u64 = 1260;
+const TICKS: u64 = 1350;
 /// Control ticks at which a picture is taken.
 const PICTURES: [(u64, &str); 6] = [
     (230, "rest"),
@@ -48,7 +48,7 @@ const PICTURES: [(u64, &str); 6] = [
     (505, "carry"),
     (600, "turn"),
     (985, "put_down"),
-    (1255, "release"),
+    (1345, "release"),
 ];
 const SIZE: [u32; 2] = [640, 480];
 
@@ -193,7 +193,7 @@ fn input(tick: u64, hand: &Isometry3<f64>, options: &Options) -> ControlInput {
         800 => input.arm = pose(up * hand),
         900 => input.arm = pose(*hand),
         1020 => input.gripper = grip(0.0),
-        1080 => input.arm = pose(hand * back),
+        1150 => input.arm = pose(hand * back),
         _ => {}
     }
     if (510..770).contains(&tick) {

@@ -1,6 +1,4 @@
 //! Draws the home as PNG files: colour, depth and ids of both robot cameras at
-//! the start and at the coffee table, the room camera and free views.
-//!
 //! the start and at the coffee table, the room camera and free views. With
 //! `--task`, what a seed draws for it, the chair parked before its area.
 //!
@@ -174,10 +172,10 @@ fn draw_task(options: &Options, quality: Quality, task: &str) -> Result<()> {
 /// Name, eye, target.
 const FREE_VIEWS: [(&str, [f64; 3], [f64; 3]); 5] = [
     ("behind", [-5.6, 2.9, 1.9], [-8.6, 1.7, 0.7]),
-    ("table", [-8.15, 1.55, 1.25], [-8.95, 1.9, 0.85]),
+    ("table", [-8.15, 3.05, 1.45], [-8.95, 1.8, 0.80]),
     ("kitchen", [-5.2, 2.2, 1.6], [-7.5, 6.2, 0.9]),
     ("sofa", [-6.5, 5.0, 1.6], [-11.0, 1.5, 0.6]),
-    ("above", [-7.0, 3.0, 9.5], [-7.0, 3.11, 0.0]),
+    ("dining", [-6.2, 2.6, 1.6], [-3.9, 4.4, 0.75]),
 ];
 
 fn looking(eye: [f64; 3], target: [f64; 3]) -> Isometry3<f64> {

@@ -65,6 +65,9 @@ struct Args {
     /// Rate of the state streams, Hz; divides 60.
     #[arg(long, default_value_t = 60.0)]
     state_rate: f64,
+    /// Rate of the shapes of soft objects, Hz; divides 60. A shape has 50 kB.
+    #[arg(long, default_value_t = 10.0)]
+    deformable_rate: f64,
     /// Rate of the IMU, Hz; divides 240.
     #[arg(long, default_value_t = 240.0)]
     imu_rate: f64,
@@ -216,6 +219,7 @@ async fn serve(args: Args) -> anyhow::Result<()> {
         seed: args.seed,
         robot: args.robot,
         state_rate_hz: args.state_rate,
+        deformable_rate_hz: args.deformable_rate,
         imu_rate_hz: args.imu_rate,
         imu_noise: args.imu_noise,
         pacing: match args.pacing {

@@ -15,6 +15,7 @@ pub fn scenario_json(s: &v1::Scenario) -> Value {
         "pacing": pacing(s.pacing),
         "quality": quality(s.quality),
         "state_rate_hz": s.state_rate_hz,
+        "deformable_rate_hz": s.deformable_rate_hz,
         "imu_rate_hz": s.imu_rate_hz,
         "imu_noise": s.imu_noise,
         "cameras": s.cameras.iter().map(|c| json!({
@@ -29,6 +30,12 @@ pub fn scenario_json(s: &v1::Scenario) -> Value {
             "mass_kg": o.mass,
             "friction": o.friction,
         })).collect::<Vec<_>>(),
+        "slides": s.slides.iter().map(|slide| json!({
+            "joint": slide.joint,
+            "friction_newton": slide.friction,
+            "damping_newton_second_per_metre": slide.damping,
+        })).collect::<Vec<_>>(),
+        "target": s.target,
         "start_of_wheelchair_root_in_house": s.start.as_ref().map(pose),
     })
 }

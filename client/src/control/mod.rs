@@ -105,6 +105,7 @@ pub fn reset(link: &Link, args: &ResetArgs) -> Result<v1::Scenario, LinkError> {
     }
     scenario.instruction = args.instruction.clone().unwrap_or_default();
     scenario.objects.clear();
+    scenario.slides.clear();
     scenario.target.clear();
     scenario.start = None;
     let request = v1::ResetRequest {

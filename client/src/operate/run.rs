@@ -267,6 +267,21 @@ pub fn run(
             break outcome;
         }
     };
+    // The last command takes effect before the end is asked for: otherwise it
+    // would be chance whether its tick still belongs to the episode.
+    while let Some(sample) = streams.next(PATIENCE)? {
+        match sample {
+            Received::Clock(clock) => {
+                let tick = clock.header.as_ref().map(|header| header.tick);
+                if tick > answered {
+                    break;
+                }
+            }
+            Received::EpisodeStop(_) => break,
+            Received::Evaluation(sample) => evaluation = sample,
+            _ => {}
+        }
+    }
     own.open = false;
     let stopped = is_ours
         .then(|| control::stop_episode(link, false))

@@ -65,6 +65,10 @@ const UPRIGHT_LEAN: [f64; 3] = [0.0, 0.25, -0.25];
 /// A hand from above starts nearer to the thing by this factor: there is
 /// little room below the shoulder.
 const TOP_STANDOFF: f64 = 0.55;
+/// The fingers reach this far beyond the grasp point, metres.
+const FINGER_TIP: f64 = 0.012;
+/// Room between the fingers and the limbs of a soft thing before they go in, metres.
+const OUTSIDE: f64 = 0.015;
 /// A handle is what lies this close to the grasp point, metres.
 const HANDLE: f64 = 0.02;
 
@@ -149,6 +153,7 @@ fn nearest(
         let at = house_from_grasp * leaned * Translation3::new(0.0, 0.0, -scene.tool_length - back);
         let from_above = (house_from_grasp.rotation * Vector3::z()).z < -0.8;
         let standoff = standoff * if from_above { TOP_STANDOFF } else { 1.0 };
+        let standoff = standoff.max(outside(scene, grasp));
         let before = at * Translation3::new(0.0, 0.0, -standoff);
         let is_free = around.hand_is_free(grasp.width, &[at], margin)
             && around.hand_is_free(opening, &[before, at], margin);
@@ -163,6 +168,21 @@ fn nearest(
             cost: (lean / 0.4).powi(2) + back / 0.02 * 0.3,
         })
     })
+}
+
+/// How far before a grasp the fingers are outside a soft thing's limbs, metres; 0
+/// for what is stiff, whose grasps lie at its rim.
+fn outside(scene: &SceneModel, grasp: &Grasp) -> f64 {
+    if grasp.force <= 0.0 {
+        return 0.0;
+    }
+    let corners = scene.items[grasp.item].blocks.iter();
+    let corners = corners.flat_map(|block| block.corners());
+    let before = |corner: Point3<f64>| {
+        let corner = grasp.item_from_grasp.inverse_transform_point(&corner);
+        FINGER_TIP + OUTSIDE - corner.z
+    };
+    corners.map(before).fold(0.0, f64::max)
 }
 
 /// What the hand must not touch at a grasp. An object is in the fingers'

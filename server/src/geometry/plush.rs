@@ -70,12 +70,7 @@ impl Plush {
     /// Gradient of [`Plush::distance`] by central differences.
     #[must_use]
     pub fn slope(&self, point: &Point3<f64>) -> Vector3<f64> {
-        const STEP: f64 = 1e-5;
-        Vector3::from_fn(|axis, _| {
-            let mut step = Vector3::zeros();
-            step[axis] = STEP;
-            (self.distance(&(point + step)) - self.distance(&(point - step))) / (2.0 * STEP)
-        })
+        gradient(|p| self.distance(p), point)
     }
 
     /// The point of the skin near a point, by Newton steps along the slope.
@@ -157,7 +152,49 @@ impl Plush {
             .iter()
             .map(|t| self.nearest_lobe(&skin.middle(*t)))
             .collect();
+        self.sew(&mut skin, pitch);
         skin
+    }
+
+    /// Moves the vertices at which two materials meet along the skin to where
+    /// both are equally near, so that the seams are no staircases.
+    fn sew(&self, skin: &mut Skin, pitch: f64) {
+        let looks: Vec<usize> = self.lobes.iter().map(|lobe| self.look(lobe)).collect();
+        let mut meeting = vec![[usize::MAX; 2]; skin.positions.len()];
+        for (triangle, lobe) in skin.triangles.iter().zip(&skin.lobes) {
+            for corner in triangle {
+                let [first, second] = &mut meeting[*corner as usize];
+                if *first == usize::MAX {
+                    *first = looks[*lobe];
+                } else if *first != looks[*lobe] {
+                    *second = looks[*lobe];
+                }
+            }
+        }
+        let distance = |look: usize, p: &Point3<f64>| {
+            let own = self.lobes.iter().zip(&looks).filter(|(_, l)| **l == look);
+            own.map(|(lobe, _)| lobe.distance(p))
+                .fold(f64::INFINITY, f64::min)
+        };
+        for (p, [first, second]) in skin.positions.iter_mut().zip(meeting) {
+            if second == usize::MAX {
+                continue;
+            }
+            let nearer = |p: &Point3<f64>| distance(first, p) - distance(second, p);
+            let at = *p;
+            let up = self.slope(&at).normalize();
+            let slope = gradient(nearer, &at);
+            let along = slope - up * up.dot(&slope);
+            let step = along * (-nearer(&at) / along.norm_squared().max(0.01));
+            let far = step.norm().max(1e-12);
+            *p = self.nearest(&(at + step * (0.45 * pitch / far).min(1.0)));
+        }
+    }
+
+    /// The first lobe that looks like this one.
+    fn look(&self, lobe: &Lobe) -> usize {
+        let same = |other: &Lobe| other.material == lobe.material;
+        self.lobes.iter().position(same).unwrap_or(0)
     }
 
     fn nearest_lobe(&self, point: &Point3<f64>) -> usize {
@@ -234,6 +271,16 @@ impl Skin {
         }
         mesh
     }
+}
+
+/// Gradient of a field by central differences.
+fn gradient(field: impl Fn(&Point3<f64>) -> f64, at: &Point3<f64>) -> Vector3<f64> {
+    const STEP: f64 = 1e-5;
+    Vector3::from_fn(|axis, _| {
+        let mut step = Vector3::zeros();
+        step[axis] = STEP;
+        (field(&(at + step)) - field(&(at - step))) / (2.0 * STEP)
+    })
 }
 
 /// Texture coordinates by the two axes that the surface faces least, metres.

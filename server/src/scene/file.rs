@@ -72,6 +72,9 @@ pub(super) struct FurnitureEntry {
     /// How the end effector can take it, in its own frame; for what slides.
     #[serde(default)]
     pub grasps: Vec<GraspEntry>,
+    /// Only there for a task that puts something on it.
+    #[serde(default)]
+    pub optional: bool,
 }
 
 /// How furniture slides; its place is that at joint position 0.

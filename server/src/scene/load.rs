@@ -11,7 +11,9 @@ use super::file::{
     FurnitureEntry, LightEntry, ObjectEntry, RoomCameraEntry, SceneFile, SlideEntry,
 };
 use super::part::Reader;
-use super::{Body, FurnitureJoint, Lighting, RoomCamera, Scene, Surface, material, object};
+use super::{
+    Body, FurnitureJoint, Lighting, Resistance, RoomCamera, Scene, Surface, material, object,
+};
 
 impl Scene {
     /// Reads `assets/scenes/NAME.toml` with its materials, objects and meshes.
@@ -169,7 +171,7 @@ impl Scene {
                 .enumerate()
                 .map(|(i, grasp)| object::grasp(&place.entry("grasps", i), grasp))
                 .collect::<Result<_, _>>()?,
-            optional: false,
+            optional: entry.optional,
         };
         if let Some(slide) = entry.slide.as_ref().or(model.slide.as_ref()) {
             let joint = self.slide(&place.key("slide"), &body, slide)?;
@@ -208,20 +210,22 @@ impl Scene {
             axis,
             travel: place.key("travel").length(entry.travel)?,
             mass: object::mass(place, entry.mass, entry.com, entry.inertia, body)?,
-            friction: place.key("friction").within(
-                entry.friction,
-                0.0,
-                1000.0,
-                "N",
-                "it is a force: a drawer resists with 3 to 8 N",
-            )?,
-            damping: place.key("damping").within(
-                entry.damping,
-                0.0,
-                10_000.0,
-                "N·s/m",
-                "it is a force per speed",
-            )?,
+            resistance: Resistance {
+                friction: place.key("friction").within(
+                    entry.friction,
+                    0.0,
+                    1000.0,
+                    "N",
+                    "it is a force: a drawer resists with 3 to 8 N",
+                )?,
+                damping: place.key("damping").within(
+                    entry.damping,
+                    0.0,
+                    10_000.0,
+                    "N·s/m",
+                    "it is a force per speed",
+                )?,
+            },
         })
     }
 

@@ -71,7 +71,8 @@ pub struct Body {
     pub soft: Option<Soft>,
     /// How the end effector can take it.
     pub grasps: Vec<Grasp>,
-    /// Only there when a task draws it or a scenario places it; objects only.
+    /// An object is only there when a task draws it or a scenario places it,
+    /// furniture when a task puts something on it.
     pub optional: bool,
 }
 
@@ -107,6 +108,13 @@ pub struct FurnitureJoint {
     pub travel: f64,
     /// Mass properties of the body that moves.
     pub mass: MassProperties,
+    /// What it slides against.
+    pub resistance: Resistance,
+}
+
+/// What sliding furniture slides against.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Resistance {
     /// Dry friction, N.
     pub friction: f64,
     /// Viscous friction, N·s/m.
@@ -190,6 +198,25 @@ impl Scene {
     #[must_use]
     pub fn furniture_named(&self, name: &str) -> Option<usize> {
         self.furniture.iter().position(|body| body.name == name)
+    }
+
+    /// Takes out the optional furniture, all but that of one name.
+    pub fn keep_optional(&mut self, wanted: Option<&str>) {
+        let stays = |body: &Body| !body.optional || wanted == Some(body.name.as_str());
+        let stays: Vec<bool> = self.furniture.iter().map(stays).collect();
+        let index = |old: usize| stays[..old].iter().filter(|stays| **stays).count();
+        self.surfaces.retain(|surface| stays[surface.furniture]);
+        for surface in &mut self.surfaces {
+            surface.furniture = index(surface.furniture);
+        }
+        self.joints
+            .retain(|joint| stays[joint.furniture] && stays[joint.carrier]);
+        for joint in &mut self.joints {
+            joint.furniture = index(joint.furniture);
+            joint.carrier = index(joint.carrier);
+        }
+        let mut kept = stays.iter();
+        self.furniture.retain(|_| *kept.next().unwrap_or(&true));
     }
 
     /// Object of this name.

@@ -9,7 +9,7 @@ use crate::robot::RobotModel;
 use crate::robot::control::{
     ArmIntent, BaseIntent, ControlInput, GripperIntent, GripperMap, IntentFrame,
 };
-use crate::scene::{FurnitureJoint, Placement, Scene};
+use crate::scene::{FurnitureJoint, Placement, Resistance, Scene};
 use crate::sensors::frames::RelativeState;
 use crate::sim::{CameraSetting, Pacing, Quality, Scenario};
 use crate::snapshot::{BodyRef, BodyState};
@@ -300,6 +300,7 @@ pub fn scenario(s: &Scenario) -> v1::Scenario {
             })
             .collect(),
         state_rate_hz: s.state_rate_hz,
+        deformable_rate_hz: s.deformable_rate_hz,
         imu_rate_hz: s.imu_rate_hz,
         pacing: match s.pacing {
             Pacing::RealTime => v1::Pacing::RealTime,
@@ -320,6 +321,15 @@ pub fn scenario(s: &Scenario) -> v1::Scenario {
                 pose: Some(pose(&p.pose)),
                 mass: p.mass,
                 friction: p.friction,
+            })
+            .collect(),
+        slides: s
+            .slides
+            .iter()
+            .map(|(joint, r)| v1::SlideResistance {
+                joint: joint.clone(),
+                friction: r.friction,
+                damping: r.damping,
             })
             .collect(),
         start: s.start.as_ref().map(pose),
@@ -357,6 +367,9 @@ pub fn scenario_over(now: &Scenario, asked: &v1::Scenario) -> Result<Scenario, I
     s.imu_noise = asked.imu_noise;
     if asked.state_rate_hz != 0.0 {
         s.state_rate_hz = check::finite("state_rate_hz", asked.state_rate_hz)?;
+    }
+    if asked.deformable_rate_hz != 0.0 {
+        s.deformable_rate_hz = check::finite("deformable_rate_hz", asked.deformable_rate_hz)?;
     }
     if asked.imu_rate_hz != 0.0 {
         s.imu_rate_hz = check::finite("imu_rate_hz", asked.imu_rate_hz)?;
@@ -400,6 +413,19 @@ pub fn scenario_over(now: &Scenario, asked: &v1::Scenario) -> Result<Scenario, I
                     pose: isometry("object pose", o.pose.as_ref())?,
                     mass: check::within("object mass", o.mass, 1e-4, 1e3)?,
                     friction: check::within("object friction", o.friction, 0.0, 10.0)?,
+                },
+            ))
+        })
+        .collect::<Result<_, Invalid>>()?;
+    s.slides = asked
+        .slides
+        .iter()
+        .map(|slide| {
+            Ok((
+                slide.joint.clone(),
+                Resistance {
+                    friction: check::within("slide friction", slide.friction, 0.0, 1e3)?,
+                    damping: check::within("slide damping", slide.damping, 0.0, 1e4)?,
                 },
             ))
         })

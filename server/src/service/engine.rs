@@ -16,7 +16,7 @@ use super::render::RenderThread;
 use super::waiting::Waiting;
 use super::{Options, ServiceError, Shared, answer, convert, lock, publish};
 use crate::sim::{Pacing, Scenario, Simulation};
-use crate::snapshot::{Anomaly, Snapshot};
+use crate::snapshot::{Anomaly, BodyRef, Contact, Snapshot};
 
 /// Pictures that may be published beyond what the slowest recorder accepted.
 /// The transport's cache holds as many of each camera.
@@ -56,6 +56,8 @@ pub struct Engine {
     pub(super) pace: Pace,
     episodes: u64,
     seen_anomalies: Vec<Anomaly>,
+    /// Pairs whose hard collision has been told in this episode.
+    seen_collisions: Vec<(BodyRef, BodyRef)>,
     /// Asset files as they were when the simulation was set up.
     pub(super) asset_texts: Vec<v1::AssetText>,
 }
@@ -86,6 +88,7 @@ impl Engine {
             waiting: Waiting::new(),
             episodes: 0,
             seen_anomalies: Vec::new(),
+            seen_collisions: Vec::new(),
         };
         engine.start_cameras()?;
         engine.listen(Listening::default());
@@ -376,6 +379,20 @@ impl Engine {
                 self.seen_anomalies.push(anomaly);
             }
         }
+        let hard: Vec<Contact> = self.sim.hard_collisions().copied().collect();
+        for contact in hard {
+            let pair = (contact.first, contact.second);
+            if !self.seen_collisions.contains(&pair) {
+                let name = |body| convert::body_name(body, self.sim.model(), self.sim.scene());
+                let (first, second) = (name(pair.0), name(pair.1));
+                let force = contact.force.norm();
+                self.event(
+                    "collision",
+                    &format!("{first} hits {second} with {force:.0} N"),
+                );
+                self.seen_collisions.push(pair);
+            }
+        }
     }
 
     fn publish_refusals(&self) {
@@ -498,6 +515,7 @@ impl Engine {
             replay: request.replay,
         });
         self.seen_anomalies.clear();
+        self.seen_collisions.clear();
         self.shared.outbox.episode_start(tick, started.clone());
         Ok(started)
     }
@@ -586,6 +604,7 @@ impl Engine {
         self.asset_texts = asset_texts;
         lock(&self.shared.inbox).renew(Listening::default(), self.sim.snapshot().tick);
         self.seen_anomalies.clear();
+        self.seen_collisions.clear();
         self.pace.restart();
         self.publish_state();
         Ok(())

@@ -1,6 +1,6 @@
 //! Turns the state at a control tick into messages.
 
-use wheelarm_proto::{PHYSICS_HZ, v1};
+use wheelarm_proto::v1;
 
 use super::convert;
 use super::inbox::Taken;
@@ -12,8 +12,6 @@ use crate::snapshot::BodyRef;
 
 /// Most contacts of one sample.
 const MAX_CONTACTS: usize = 16;
-/// Shapes of soft objects per second: 30 kB each.
-const DEFORMABLE_HZ: u64 = 10;
 
 /// Publishes the accepted commands and what was applied at `tick`.
 pub fn applied(
@@ -89,7 +87,6 @@ pub fn state(
         put.poses(sim);
         put.objects(sim);
         put.furniture(sim);
-        put.deformable(sim);
         put.contacts(sim);
         outbox.state(
             "evaluation",
@@ -104,6 +101,9 @@ pub fn state(
             name: name.to_owned(),
         };
         outbox.state("phase", episode, tick, sample);
+    }
+    if sim.deformable_due() {
+        put.deformable(sim);
     }
     if let Some(hash) = sim.hash_due() {
         outbox.state(
@@ -216,9 +216,6 @@ impl Put<'_> {
         let Some(soft) = snapshot.skins.first() else {
             return;
         };
-        if !self.tick.is_multiple_of(PHYSICS_HZ / DEFORMABLE_HZ) {
-            return;
-        }
         let message = v1::Deformable {
             header: None,
             object: convert::body_name(BodyRef::Object(soft.object), sim.model(), sim.scene()),

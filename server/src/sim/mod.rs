@@ -21,7 +21,7 @@ use crate::scene::{Body, Placement, Scene, SceneError};
 use crate::sensors::frames::{self, RelativeState};
 use crate::sensors::imu::{self, Imu};
 use crate::sensors::odometry::Odometry;
-use crate::snapshot::{BodyRef, Snapshot};
+use crate::snapshot::{BodyRef, Contact, Snapshot};
 use crate::tasks::{self, Draw, Evaluation, Evaluator, TaskSpec};
 use crate::world::{World, WorldError};
 
@@ -59,6 +59,16 @@ pub enum SimError {
         /// The scene.
         scene: String,
         /// The objects that there are.
+        known: String,
+    },
+    /// A furniture joint of the scenario.
+    #[error("the scenario sets the slide {name:?}, but scene {scene:?} has the joints {known}")]
+    Slide {
+        /// The joint.
+        name: String,
+        /// The scene.
+        scene: String,
+        /// The joints that there are.
         known: String,
     },
 }
@@ -114,6 +124,7 @@ impl Simulation {
             "" => None,
             name => Some(TaskSpec::load(assets, name)?),
         };
+        scene.keep_optional(task.as_ref().and_then(TaskSpec::region_name));
         draw_open_values(&mut scenario, &mut scene, task.as_ref())?;
         let placements: Vec<_> = scenario.objects.iter().map(|(_, p)| *p).collect();
         let start = scenario.start.unwrap_or(scene.start);
@@ -179,11 +190,10 @@ impl Simulation {
             imu: Vec::new(),
             frames: Vec::new(),
         };
-        for target in &targets {
+        for (i, target) in targets.iter().enumerate() {
             self.world.apply(target);
             self.world.step();
-            self.snapshot = Arc::new(self.world.snapshot());
-            self.sense(&mut step);
+            self.sense(&mut step, i + 1 == targets.len());
         }
         self.update_odometry();
         if let Some(evaluator) = &mut self.evaluator {
@@ -192,20 +202,26 @@ impl Simulation {
         step
     }
 
-    /// Reads the sensors that are due at the present tick.
-    fn sense(&mut self, step: &mut Step) {
-        let tick = self.snapshot.tick;
+    /// Reads the sensors that are due at the present tick. A whole snapshot is
+    /// taken where somebody looks: cameras, and everybody else after the last
+    /// of a control tick's ticks.
+    fn sense(&mut self, step: &mut Step, last: bool) {
+        let tick = self.world.tick();
+        let due = self.cameras_due(tick);
+        if last || !due.is_empty() {
+            self.snapshot = Arc::new(self.world.snapshot());
+        }
         let noise = self
             .scenario
             .imu_noise
             .then(|| imu::Noise::from_settings(&self.model.settings.imu));
-        let sample = self
-            .imu
-            .measure(tick, &self.snapshot.links[self.indices.imu], noise);
-        if self.schedules.imu.due(tick) {
-            step.imu.push(sample);
+        // The link is one of the model's, so there always is a state.
+        if let Some(link) = self.world.link(self.indices.imu) {
+            let sample = self.imu.measure(tick, &link, noise);
+            if self.schedules.imu.due(tick) {
+                step.imu.push(sample);
+            }
         }
-        let due = self.cameras_due(tick);
         if !due.is_empty() {
             step.frames.push((Arc::clone(&self.snapshot), due));
         }
@@ -248,6 +264,12 @@ impl Simulation {
     #[must_use]
     pub fn state_due(&self) -> bool {
         self.schedules.state.due(self.snapshot.tick)
+    }
+
+    /// Whether the shapes of soft objects are due at the present tick.
+    #[must_use]
+    pub fn deformable_due(&self) -> bool {
+        self.schedules.deformable.due(self.snapshot.tick)
     }
 
     /// Hash over the whole state; `Some` once per simulated second.
@@ -307,6 +329,13 @@ impl Simulation {
         &self.evaluation
     }
 
+    /// Contacts of the robot with furniture at the present tick that are harder
+    /// than [`tasks::HARD`]; none without a task.
+    pub fn hard_collisions(&self) -> impl Iterator<Item = &Contact> {
+        let judge = self.evaluator.iter();
+        judge.flat_map(move |evaluator| evaluator.hard_collisions(&self.snapshot))
+    }
+
     /// The 16 recorded joints, in the order of `names::JOINT_NAMES`.
     #[must_use]
     pub fn recorded_joints(&self) -> [crate::snapshot::JointState; 16] {
@@ -360,6 +389,18 @@ fn draw_open_values(
             known: known.join(", "),
         });
     }
+    if let Some((name, _)) = scenario
+        .slides
+        .iter()
+        .find(|(n, _)| scene.joint_named(n).is_none())
+    {
+        let known: Vec<_> = scene.joints.iter().map(|j| j.name.as_str()).collect();
+        return Err(SimError::Slide {
+            name: name.clone(),
+            scene: scene.name.clone(),
+            known: known.join(", "),
+        });
+    }
     let drawn = match task {
         Some(task) => tasks::draw(task, scene, scenario.seed),
         None => undisturbed(scene),
@@ -381,6 +422,12 @@ fn draw_open_values(
             .iter()
             .any(|(name, _)| *name == object.name)
     });
+    for (joint, drawn) in scene.joints.iter_mut().zip(drawn.slides) {
+        let given = scenario.slides.iter().find(|(name, _)| *name == joint.name);
+        joint.resistance = given.map_or(drawn, |(_, resistance)| *resistance);
+    }
+    let resistances = scene.joints.iter().map(|j| (j.name.clone(), j.resistance));
+    scenario.slides = resistances.collect();
     let start: Isometry3<f64> = scenario.start.unwrap_or(drawn.start);
     scenario.start = Some(start);
     if scenario.target.is_empty() {
@@ -397,6 +444,7 @@ fn undisturbed(scene: &Scene) -> Draw {
     let placement = |object: &Body| (!object.optional).then(|| Placement::of(object));
     Draw {
         placements: scene.objects.iter().map(placement).collect(),
+        slides: scene.joints.iter().map(|joint| joint.resistance).collect(),
         start: scene.start,
         target: String::new(),
         instruction: String::new(),

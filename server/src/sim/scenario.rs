@@ -3,7 +3,7 @@
 use nalgebra::Isometry3;
 use wheelarm_proto::{CONTROL_HZ, PHYSICS_HZ};
 
-use crate::scene::Placement;
+use crate::scene::{Placement, Resistance};
 use crate::sensors::{BadRate, Schedule};
 
 /// How simulation time relates to wall time.
@@ -54,6 +54,8 @@ pub struct Scenario {
     pub cameras: Vec<CameraSetting>,
     /// Rate of the state streams, Hz; divides 60.
     pub state_rate_hz: f64,
+    /// Rate of the shapes of soft objects, Hz; divides 60.
+    pub deformable_rate_hz: f64,
     /// Rate of the IMU, Hz; divides 240.
     pub imu_rate_hz: f64,
     /// Pacing.
@@ -64,6 +66,8 @@ pub struct Scenario {
     pub imu_noise: bool,
     /// Placements by object name; empty: drawn from the seed.
     pub objects: Vec<(String, Placement)>,
+    /// Resistance of furniture joints by name; what is missing is drawn.
+    pub slides: Vec<(String, Resistance)>,
     /// world_from_wheelchair_root at the start; `None`: drawn.
     pub start: Option<Isometry3<f64>>,
     /// Instruction sentence; empty: one of the task's.
@@ -90,11 +94,13 @@ impl Default for Scenario {
             robot: "wheelarm".to_owned(),
             cameras: vec![camera("gen3"), camera("wheelchair")],
             state_rate_hz: CONTROL_HZ as f64,
+            deformable_rate_hz: 10.0,
             imu_rate_hz: PHYSICS_HZ as f64,
             pacing: Pacing::RealTime,
             quality: Quality::Standard,
             imu_noise: false,
             objects: Vec::new(),
+            slides: Vec::new(),
             start: None,
             instruction: String::new(),
             target: String::new(),
@@ -138,6 +144,8 @@ pub struct Schedules {
     pub cameras: Vec<Schedule>,
     /// State streams.
     pub state: Schedule,
+    /// Shapes of soft objects.
+    pub deformable: Schedule,
     /// IMU.
     pub imu: Schedule,
 }
@@ -180,6 +188,7 @@ impl Scenario {
         Ok(Schedules {
             cameras,
             state: Schedule::new("state streams", self.state_rate_hz, CONTROL_HZ)?,
+            deformable: Schedule::new("deformable", self.deformable_rate_hz, CONTROL_HZ)?,
             imu: Schedule::new("IMU", self.imu_rate_hz, PHYSICS_HZ)?,
         })
     }

@@ -4,7 +4,7 @@ use nalgebra::{Isometry3, Point3, Vector3};
 
 use super::predicate::TARGET;
 use crate::scene::{Body, Surface};
-use crate::snapshot::{BodyRef, BodyState, Snapshot};
+use crate::snapshot::{BodyRef, BodyState, Contact, Snapshot};
 
 /// The unchanging side of a task's world.
 #[derive(Clone, Debug)]
@@ -76,12 +76,19 @@ impl Context {
         Some(touching.sum())
     }
 
+    /// Contacts between the robot and furniture that are neither rolling nor pulling.
+    pub(super) fn collisions<'a>(
+        &'a self,
+        snapshot: &'a Snapshot,
+    ) -> impl Iterator<Item = &'a Contact> {
+        let hits = snapshot.contacts.iter();
+        hits.filter(move |c| self.is_collision(c.first, c.second))
+    }
+
     /// Greatest force between the robot and furniture, N.
     pub(super) fn collision_force(&self, snapshot: &Snapshot) -> f64 {
-        let hits = snapshot.contacts.iter();
-        hits.filter(|c| self.is_collision(c.first, c.second))
-            .map(|c| c.force.norm())
-            .fold(0.0, f64::max)
+        let forces = self.collisions(snapshot).map(|c| c.force.norm());
+        forces.fold(0.0, f64::max)
     }
 
     /// How far the object's lowest point is above where it started, metres.

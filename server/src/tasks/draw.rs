@@ -1,5 +1,5 @@
 //! One start of a task from a seed: placements, the chair's pose, the target
-//! where there is a choice, the sentence.
+//! where there is a choice, the sentence, how hard drawers slide.
 //!
 //! Things are placed one after another, each again and again until it keeps
 //! clear of what stands there already and of the gripper's way to the target.
@@ -11,7 +11,7 @@ use rand_chacha::rand_core::{Rng, SeedableRng};
 
 use super::room::Room;
 use super::spec::{PlaceSpec, Range, TaskSpec};
-use crate::scene::{Placement, Scene};
+use crate::scene::{Placement, Resistance, Scene};
 
 /// Whole draws before the best one is taken.
 const ATTEMPTS: usize = 60;
@@ -25,6 +25,8 @@ const ORDINALS: [&str; 6] = ["first", "second", "third", "fourth", "fifth", "six
 pub struct Draw {
     /// One per entry of `Scene::objects`; `None` for what is not there.
     pub placements: Vec<Option<Placement>>,
+    /// One per entry of `Scene::joints`.
+    pub slides: Vec<Resistance>,
     /// Pose of `wheelchair_root` in `house`.
     pub start: Isometry3<f64>,
     /// What the task is about.
@@ -69,8 +71,19 @@ fn draw_with_clearance(spec: &TaskSpec, scene: &Scene, seed: u64) -> (Draw, f64)
     }
     let (placements, clearance) = best.unwrap_or_default();
     let instruction = in_words(&instruction, spec, scene, &placements, &target);
+    let mut slides: Vec<_> = scene.joints.iter().map(|joint| joint.resistance).collect();
+    for slide in &spec.slides {
+        let drawn = Resistance {
+            friction: number(&mut random, slide.friction),
+            damping: number(&mut random, slide.damping),
+        };
+        if let Some(joint) = scene.joint_named(&slide.joint) {
+            slides[joint] = drawn;
+        }
+    }
     let draw = Draw {
         placements,
+        slides,
         start,
         target,
         instruction,

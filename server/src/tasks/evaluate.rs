@@ -10,7 +10,7 @@ use super::predicate::{Memory, Predicate};
 use super::spec::{FailureSpec, TaskSpec};
 use crate::robot::RobotModel;
 use crate::scene::{Scene, SceneError, Surface};
-use crate::snapshot::{Anomaly, BodyRef, Snapshot};
+use crate::snapshot::{Anomaly, BodyRef, Contact, Snapshot};
 
 /// Joints whose child links carry the pads.
 const PAD_JOINTS: [&str; 2] = [
@@ -18,6 +18,8 @@ const PAD_JOINTS: [&str; 2] = [
     "robotiq_85_right_finger_tip_joint",
 ];
 
+/// A collision of the robot with furniture is hard beyond this, N.
+pub const HARD: f64 = 50.0;
 /// What moves slower lies still, m/s.
 const REST_SPEED: f64 = 0.02;
 
@@ -200,6 +202,15 @@ impl Evaluator {
             memories: vec![Memory::default(); self.conditions.len()],
             ..EvaluatorState::default()
         });
+    }
+
+    /// Contacts of the robot with furniture that press harder than [`HARD`].
+    pub fn hard_collisions<'a>(
+        &'a self,
+        snapshot: &'a Snapshot,
+    ) -> impl Iterator<Item = &'a Contact> {
+        let collisions = self.context.collisions(snapshot);
+        collisions.filter(|contact| contact.force.norm() > HARD)
     }
 
     /// What it remembers.

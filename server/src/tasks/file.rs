@@ -21,6 +21,8 @@ pub(super) struct TaskFile {
     pub start: StartEntry,
     #[serde(default)]
     pub place: Vec<PlaceEntry>,
+    #[serde(default)]
+    pub slide: Vec<SlideEntry>,
     pub condition: Vec<ConditionEntry>,
     pub failure: FailureEntry,
 }
@@ -59,6 +61,18 @@ pub(super) struct PlaceEntry {
     pub friction: Option<[f64; 2]>,
     /// How often it is there at all, 0 to 1.
     pub chance: Option<f64>,
+}
+
+/// How hard furniture slides: ranges.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct SlideEntry {
+    /// For example `drawer_1_joint`.
+    pub joint: String,
+    /// N.
+    pub friction: [f64; 2],
+    /// N·s/m.
+    pub damping: [f64; 2],
 }
 
 #[derive(Debug, Deserialize)]

@@ -18,7 +18,9 @@ mod spec;
 mod tests;
 
 pub use draw::{Draw, draw};
-pub use evaluate::{Condition, Evaluation, Evaluator, EvaluatorState, Failure};
+pub use evaluate::{Condition, Evaluation, Evaluator, EvaluatorState, Failure, HARD};
 pub use goal::Goal;
 pub use predicate::Predicate;
-pub use spec::{ConditionSpec, FailureSpec, PlaceSpec, Range, StartSpec, TaskSpec, list};
+pub use spec::{
+    ConditionSpec, FailureSpec, PlaceSpec, Range, SlideSpec, StartSpec, TaskSpec, list,
+};

@@ -113,6 +113,7 @@ impl<'a> Room<'a> {
         let furniture = scene
             .furniture
             .iter()
+            .filter(|body| !body.optional || spec.region_name() == Some(body.name.as_str()))
             .flat_map(|body| {
                 let parts = body.collision.iter().filter_map(|p| part_bounds(body, p));
                 let mut hulls = body.clone();

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use super::draw::clearance_of;
-use super::file::{FailureEntry, PlaceEntry, Target, TaskFile};
+use super::file::{FailureEntry, PlaceEntry, SlideEntry, Target, TaskFile};
 use super::predicate::{Predicate, TARGET};
 use crate::scene::{Place, Scene, SceneError, Surface, names, parse, provenance};
 
@@ -30,6 +30,8 @@ pub struct TaskSpec {
     pub start: StartSpec,
     /// Where objects start; those not listed stand at their place in the scene.
     pub places: Vec<PlaceSpec>,
+    /// How hard furniture slides; what is not listed slides as in the scene.
+    pub slides: Vec<SlideSpec>,
     /// What must hold, or is reported.
     pub conditions: Vec<ConditionSpec>,
     /// When the target counts as lost.
@@ -85,6 +87,17 @@ pub struct PlaceSpec {
     pub friction: Option<Range>,
     /// How often it is there at all, 0 to 1.
     pub chance: f64,
+}
+
+/// Ranges of the resistance of furniture that slides.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SlideSpec {
+    /// Joint, for example `drawer_1_joint`.
+    pub joint: String,
+    /// Dry friction, N.
+    pub friction: Range,
+    /// Viscous friction, N·s/m.
+    pub damping: Range,
 }
 
 /// A condition of the task.
@@ -194,6 +207,11 @@ impl TaskSpec {
                 .iter()
                 .map(|entry| read_place(&place.entry("place", &entry.object), &scene, entry))
                 .collect::<Result<_, _>>()?,
+            slides: file
+                .slide
+                .iter()
+                .map(|entry| read_slide(&place.entry("slide", &entry.joint), &scene, entry))
+                .collect::<Result<_, _>>()?,
             conditions: file
                 .condition
                 .into_iter()
@@ -209,13 +227,17 @@ impl TaskSpec {
         Ok(spec)
     }
 
+    /// The furniture on which the task puts something, if it does.
+    #[must_use]
+    pub fn region_name(&self) -> Option<&str> {
+        let mut required = self.conditions.iter().filter(|c| c.required);
+        required.find_map(|condition| condition.predicate.region())
+    }
+
     /// The surface in which the task puts something, if it does.
     #[must_use]
     pub fn region<'a>(&self, scene: &'a Scene) -> Option<&'a Surface> {
-        self.conditions
-            .iter()
-            .filter(|condition| condition.required)
-            .find_map(|condition| scene.surface_named(condition.predicate.region()?, None))
+        scene.surface_named(self.region_name()?, None)
     }
 
     /// Where errors about this task stand.
@@ -241,15 +263,8 @@ impl TaskSpec {
             if let Some(on) = condition.predicate.region() {
                 scene.surface(&place, on, None)?;
             }
-            if let Some(joint) = condition.predicate.joint()
-                && scene.joint_named(joint).is_none()
-            {
-                let known: Vec<_> = scene.joints.iter().map(|j| j.name.as_str()).collect();
-                return Err(place.key("joint").wrong(
-                    format!("{joint:?}"),
-                    format!("one of {}", known.join(", ")),
-                    "correct the name or give the furniture a slide",
-                ));
+            if let Some(joint) = condition.predicate.joint() {
+                known_joint(&place.key("joint"), scene, joint)?;
             }
             for (key, value, unit, most) in condition.predicate.thresholds() {
                 place
@@ -328,6 +343,28 @@ fn read_place(place: &Place, scene: &Scene, entry: &PlaceEntry) -> Result<PlaceS
             "1 is always, 0.5 every other time",
         )?,
     })
+}
+
+fn read_slide(place: &Place, scene: &Scene, entry: &SlideEntry) -> Result<SlideSpec, SceneError> {
+    let [friction, damping] = ["friction", "damping"].map(|key| place.key(key));
+    known_joint(&place.key("joint"), scene, &entry.joint)?;
+    Ok(SlideSpec {
+        joint: entry.joint.clone(),
+        friction: range(&friction, entry.friction, 0.0, 1000.0, "N")?,
+        damping: range(&damping, entry.damping, 0.0, 10_000.0, "N·s/m")?,
+    })
+}
+
+fn known_joint(place: &Place, scene: &Scene, name: &str) -> Result<(), SceneError> {
+    if scene.joint_named(name).is_some() {
+        return Ok(());
+    }
+    let known: Vec<_> = scene.joints.iter().map(|j| j.name.as_str()).collect();
+    Err(place.wrong(
+        format!("{name:?}"),
+        format!("one of {}", known.join(", ")),
+        "correct the name or give the furniture a slide",
+    ))
 }
 
 fn known_object(place: &Place, scene: &Scene, name: &str) -> Result<(), SceneError> {

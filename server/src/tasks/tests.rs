@@ -7,7 +7,7 @@ use super::*;
 use crate::robot::RobotModel;
 use crate::scene::tests::{assets, home};
 use crate::scene::{Body, Bounds, Scene};
-use crate::snapshot::{Anomaly, BodyRef, BodyState, Contact, Snapshot};
+use crate::snapshot::{Anomaly, BodyRef, BodyState, Contact, JointState, Snapshot};
 
 fn task(name: &str) -> TaskSpec {
     TaskSpec::load(&assets(), name).unwrap_or_else(|error| panic!("{error}"))
@@ -16,7 +16,7 @@ fn task(name: &str) -> TaskSpec {
 #[test]
 fn every_task_says_what_is_asked_in_several_ways() {
     let tasks = list(&assets()).unwrap_or_else(|error| panic!("{error}"));
-    assert!(tasks.len() >= 12);
+    assert!(tasks.len() >= 13);
     for task in &tasks {
         assert!(task.instructions.len() >= 5, "{}", task.name);
         assert!(["serve", "organize"].contains(&task.activity.as_str()));
@@ -35,9 +35,10 @@ fn every_task_says_what_is_asked_in_several_ways() {
 
 #[test]
 fn drawn_starts_of_every_task_are_inside_their_ranges_and_apart() {
-    let scene = home();
     for spec in list(&assets()).unwrap_or_else(|error| panic!("{error}")) {
-        let mut seen = Vec::new();
+        let mut scene = home();
+        scene.keep_optional(spec.region_name());
+        let (mut seen, mut frictions) = (Vec::new(), Vec::new());
         for seed in 0..40 {
             let drawn = draw(&spec, &scene, seed);
             let at = format!("{} seed {seed}", spec.name);
@@ -71,11 +72,23 @@ fn drawn_starts_of_every_task_are_inside_their_ranges_and_apart() {
                     seen.push(on.translation.vector);
                 }
             }
+            for slide in &spec.slides {
+                let drawn = drawn.slides[scene.joint_named(&slide.joint).unwrap()];
+                assert!(slide.friction.contains(drawn.friction), "{at}");
+                assert!(slide.damping.contains(drawn.damping), "{at}");
+                frictions.push(drawn.friction);
+            }
             assert_apart(&scene, &drawn, &at);
         }
         if let Some(spread) = Bounds::of_points(seen.into_iter().map(Into::into)) {
             let (x, y) = (spread.size().x, spread.size().y);
             assert!(x > 0.03 && y > 0.2, "{}: {spread:?}", spec.name);
+        }
+        let opens = spec.name == "open_drawer";
+        assert_eq!(!frictions.is_empty(), opens, "{}", spec.name);
+        frictions.sort_by(f64::total_cmp);
+        if let [least, .., greatest] = frictions[..] {
+            assert!(greatest - least > 4.0, "{least} to {greatest} N");
         }
     }
 }
@@ -158,15 +171,19 @@ struct Stage {
     model: RobotModel,
     evaluator: Evaluator,
     snapshot: Snapshot,
-    mustard: usize,
+    target: usize,
 }
 
 impl Stage {
     fn new() -> Self {
+        Self::of("pick_mustard", "mustard")
+    }
+
+    fn of(name: &str, target: &str) -> Self {
         let scene = home();
         let model =
             RobotModel::load(&assets(), "wheelarm").unwrap_or_else(|error| panic!("{error}"));
-        let evaluator = Evaluator::new(&task("pick_mustard"), &scene, &model, "mustard")
+        let evaluator = Evaluator::new(&task(name), &scene, &model, target)
             .unwrap_or_else(|error| panic!("{error}"));
         let rest = |pose: Isometry3<f64>| BodyState {
             pose,
@@ -183,18 +200,19 @@ impl Stage {
                 .collect(),
             objects: scene.objects.iter().map(|body| rest(body.pose)).collect(),
             skins: Vec::new(),
-            furniture_joints: Vec::new(),
+            furniture_joints: vec![JointState::default(); 4],
             sliding: Vec::new(),
             contacts: Vec::new(),
             anomalies: Vec::new(),
         };
-        let mustard = scene.object_named("mustard").unwrap();
+        // Of a drawer there is no object: what is lifted then does not matter.
+        let target = scene.object_named(target).unwrap_or_default();
         Self {
             scene,
             model,
             evaluator,
             snapshot,
-            mustard,
+            target,
         }
     }
 
@@ -223,13 +241,13 @@ impl Stage {
             "robotiq_85_right_finger_tip_link",
         ] {
             let tip = self.link(tip);
-            self.touch(tip, BodyRef::Object(self.mustard), 20.0);
+            self.touch(tip, BodyRef::Object(self.target), 20.0);
         }
     }
 
     fn raise(&mut self, metres: f64) {
-        let object = &mut self.snapshot.objects[self.mustard];
-        object.pose.translation.z = self.scene.objects[self.mustard].pose.translation.z + metres;
+        let object = &mut self.snapshot.objects[self.target];
+        object.pose.translation.z = self.scene.objects[self.target].pose.translation.z + metres;
     }
 
     fn lean(&mut self, object: usize, degrees: f64) {
@@ -315,10 +333,10 @@ fn failures_say_why() {
             s.raise(0.0);
         }),
         (Failure::Dropped, |s| s.raise(-0.5)),
-        (Failure::Tipped, |s| s.lean(s.mustard, 80.0)),
+        (Failure::Tipped, |s| s.lean(s.target, 80.0)),
         (Failure::Timeout, |s| s.snapshot.tick += 100 * PHYSICS_HZ),
         (Failure::Lost, |s| {
-            let lost = Anomaly::NotFinite(BodyRef::Object(s.mustard));
+            let lost = Anomaly::NotFinite(BodyRef::Object(s.target));
             s.snapshot.anomalies.push(lost);
         }),
     ];
@@ -358,6 +376,101 @@ fn accidents_are_remembered_and_reported() {
         "the wheel's 400 N do not count"
     );
     assert!(!after.done);
+}
+
+#[test]
+fn a_knife_is_placed_when_it_was_lifted_and_lies_released_on_the_mat() {
+    let mat = home().surface_named("placemat", None).unwrap().centre();
+    let on_mat = |stage: &mut Stage| {
+        let knife = &mut stage.snapshot.objects[stage.target].pose;
+        knife.translation.vector = mat.translation.vector + Vector3::new(-0.04, 0.0, 0.0);
+    };
+    let lifted = || {
+        let mut stage = Stage::of("place_knife", "knife");
+        stage.run(0.1);
+        stage.grip();
+        stage.raise(0.08);
+        assert!(!stage.run(0.2).done);
+        on_mat(&mut stage);
+        stage
+    };
+    let mut held = lifted();
+    assert!(!held.run(2.0).done, "still in the hand");
+    held.snapshot.contacts.clear();
+    assert!(!held.run(0.3).done, "released for 0.3 s only");
+    assert!(held.run(0.4).success);
+
+    let mut moving = lifted();
+    moving.snapshot.contacts.clear();
+    moving.snapshot.objects[moving.target].linear.x = 0.1;
+    assert!(!moving.run(2.0).done, "it still slides");
+
+    let mut pushed = Stage::of("place_knife", "knife");
+    pushed.run(0.1);
+    on_mat(&mut pushed);
+    assert!(!pushed.run(2.0).done, "it was never lifted");
+
+    let mut beside = lifted();
+    beside.snapshot.contacts.clear();
+    beside.raise(0.0);
+    beside.snapshot.objects[beside.target].pose.translation.x += 0.5;
+    assert_eq!(beside.run(0.1).failure, Some(Failure::Dropped));
+}
+
+#[test]
+fn a_drawer_counts_from_twenty_centimetres_on() {
+    let mut stage = Stage::of("open_drawer", "drawer_1");
+    stage.run(0.1);
+    stage.snapshot.furniture_joints[1].position = 0.3;
+    stage.snapshot.furniture_joints[0].position = 0.19;
+    // A pad that pulls the handle is no collision, a chair at its front is.
+    let drawer = BodyRef::Furniture(stage.scene.furniture_named("drawer_1").unwrap());
+    let pad = stage.link("robotiq_85_left_finger_tip_link");
+    stage.touch(pad, drawer, 80.0);
+    let early = stage.run(0.5);
+    assert!(!early.done && condition(&early, "no_hard_collision").holds);
+    assert_eq!(condition(&early, "opened_by").value, 0.19);
+    stage.snapshot.furniture_joints[0].position = 0.2;
+    assert!(stage.run(0.1).success);
+    stage.touch(BodyRef::Link(0), drawer, 80.0);
+    assert_eq!(stage.evaluator.hard_collisions(&stage.snapshot).count(), 1);
+}
+
+#[test]
+fn another_can_is_not_the_one_that_was_asked_for() {
+    let mut stage = Stage::of("select_coke", "coke_2");
+    stage.run(0.1);
+    let other = stage.scene.object_named("coke_3").unwrap();
+    stage.snapshot.objects[other].pose.translation.z += 0.12;
+    stage.run(0.1);
+    stage.grip();
+    stage.raise(0.12);
+    let evaluation = stage.run(3.0);
+    assert!(condition(&evaluation, "lifted_and_held(target)").holds);
+    assert!(!condition(&evaluation, "correct_instance").holds && !evaluation.success);
+    let model = &stage.model;
+    let wrong = Evaluator::new(&task("select_coke"), &stage.scene, model, "mustard");
+    assert!(wrong.unwrap_err().to_string().contains("coke_4"));
+}
+
+#[test]
+fn what_rests_too_far_in_and_what_is_rammed_ends_the_task() {
+    let mut far = Stage::new();
+    far.run(0.1);
+    let inwards = far
+        .scene
+        .surface_named("coffee_table", None)
+        .unwrap()
+        .edge
+        .rotation
+        * Vector3::x();
+    far.snapshot.objects[far.target].pose.translation.vector += inwards * 0.4;
+    assert_eq!(far.run(0.1).failure, Some(Failure::Unreachable));
+    let mut rammed = Stage::new();
+    rammed.run(0.1);
+    let table = BodyRef::Furniture(rammed.scene.furniture_named("coffee_table").unwrap());
+    rammed.touch(BodyRef::Link(0), table, 500.0);
+    assert_eq!(rammed.run(0.1).failure, Some(Failure::HardCollision));
 }
 
 #[test]

@@ -32,7 +32,7 @@ use wheelarm_proto::names::JOINT_NAMES;
 use crate::robot::RobotModel;
 use crate::robot::control::Targets;
 use crate::scene::{Placement, Scene};
-use crate::snapshot::{BodyRef, BodyState, JointState, Snapshot};
+use crate::snapshot::{Anomaly, BodyRef, BodyState, JointState, Snapshot};
 use body::RobotBody;
 use drive::Drives;
 use grip::GripFriction;
@@ -290,8 +290,10 @@ impl World {
             .chain(free)
             .filter_map(|(handle, body, frame)| {
                 self.stage.anomaly(&self.physics, handle, body, &frame)
-            })
-            .collect();
+            });
+        let soft = self.soft.iter().filter(|soft| soft.is_broken());
+        let soft = soft.map(|soft| Anomaly::NotFinite(BodyRef::Object(soft.object)));
+        let anomalies = anomalies.chain(soft).collect();
         let mut contacts = contact::contacts(&self.physics);
         for soft in &self.soft {
             contacts.extend_from_slice(soft.contacts());
@@ -358,6 +360,21 @@ impl World {
             links.push(state);
         }
         links
+    }
+
+    /// State of one link after the last tick, the same as in the snapshot and
+    /// far cheaper; `None` when there is no such link.
+    #[must_use]
+    pub fn link(&self, link: usize) -> Option<BodyState> {
+        match *self.robot.tree.places.get(link)? {
+            Place::InBody(body, body_from_link) => {
+                let frame = self.robot.frame(&self.physics, body);
+                Some(self.body_state(self.robot.handles[body], frame * body_from_link))
+            }
+            Place::Rolling(_) | Place::Parallel(_) => {
+                self.links(&self.joints()).get(link).copied()
+            }
+        }
     }
 
     /// State of a frame that rides on an engine body.

@@ -7,7 +7,7 @@ use serde_json::Value;
 use wheelarm_tests::{printed, program, root};
 
 /// The tasks that must be there.
-const TASKS: [&str; 12] = [
+const TASKS: [&str; 13] = [
     "open_drawer",
     "pick_blue_mug",
     "pick_bowl",
@@ -19,6 +19,7 @@ const TASKS: [&str; 12] = [
     "pick_silver_bottle",
     "pick_tomato_soup",
     "place_knife",
+    "place_teddy_bear",
     "select_coke",
 ];
 /// The seed that is looked at.

@@ -281,6 +281,7 @@ pub fn started(label: &str) -> v1::EpisodeStarted {
             robot: "whill_gen3".into(),
             cameras: vec![camera("gen3"), camera("wheelchair")],
             state_rate_hz: 60.0,
+            deformable_rate_hz: 10.0,
             imu_rate_hz: 240.0,
             pacing: v1::Pacing::LockStep.into(),
             quality: v1::RenderQuality::Standard.into(),

@@ -119,6 +119,7 @@ pub(super) fn scenario(file: &File, scan: &Scan) -> hdf5::Result<()> {
         .text("robot", &scenario.robot)?
         .set("seed", scenario.seed)?
         .set("state_rate_hz", scenario.state_rate_hz)?
+        .set("deformable_rate_hz", scenario.deformable_rate_hz)?
         .set("imu_rate_hz", scenario.imu_rate_hz)?
         .set("imu_noise", scenario.imu_noise)?;
     hdf::bytes(&group, "episode_started", &started.encode_to_vec())?;

@@ -9,6 +9,8 @@ const TOUCH: f64 = 2.0;
 /// The knuckle stands still within this, radians. Its angle counts and not its
 /// speed, which a stiff contact shakes.
 const STILL: f64 = 0.006;
+/// The same for what is soft: the cap on the force moves the fingers there.
+const SOFT_STILL: f64 = 0.03;
 /// A grip is firm after the knuckle has stood still this long, seconds.
 const FIRM: f64 = 0.3;
 /// Closed further than this there is nothing between the pads, radians: less
@@ -36,7 +38,9 @@ impl Skill for Grasp {
         }
         let touching = seen.pad_force.iter().all(|force| *force > TOUCH);
         let (knuckle, since) = *self.still.get_or_insert((seen.knuckle, seen.time));
-        if !touching || (seen.knuckle - knuckle).abs() > STILL {
+        let soft = now.memory.way.is_some_and(|way| way.force > 0.0);
+        let still = if soft { SOFT_STILL } else { STILL };
+        if !touching || (seen.knuckle - knuckle).abs() > still {
             self.still = Some((seen.knuckle, seen.time));
         } else if seen.time - since > FIRM {
             now.memory.held = Some(now.thing_in_hand());

@@ -6,9 +6,11 @@ use wheelarm_proto::v1::Phase;
 
 use super::motion::{Motion, Progress};
 use super::{Act, Now, Skill, Step};
+use crate::operate::block::Block;
 use crate::operate::clearance::held_balls;
 use crate::operate::goal::Goal;
 use crate::operate::hand::OPEN;
+use crate::operate::tool_path::distance;
 use crate::operate::way::Way;
 
 /// The hand comes from this far above, metres.
@@ -18,10 +20,31 @@ const DROP: f64 = 0.003;
 /// Turns about the vertical that are tried beside the one in which the thing
 /// was taken, radians.
 const TURNS: [f64; 9] = [0.0, 0.35, -0.35, 0.7, -0.7, 1.1, -1.1, 1.57, -1.57];
-/// Heights of the way there above the lifted thing, metres.
-const OVER: [f64; 4] = [0.0, 0.05, 0.10, 0.15];
+/// The way there: metres back towards the arm, where fewer things stand, and
+/// metres up.
+const PATHS: [[f64; 2]; 10] = [
+    [0.0, 0.0],
+    [0.10, 0.0],
+    [0.18, 0.0],
+    [0.10, 0.05],
+    [0.18, 0.05],
+    [0.25, 0.05],
+    [0.0, 0.10],
+    [0.18, 0.10],
+    [0.0, 0.15],
+    [0.25, 0.15],
+];
+/// Hand and thing keep this far from what stands on the way, metres; where
+/// that is not possible, any distance will do.
+const CLEAR: [f64; 2] = [0.015, 0.0];
+/// A held thing is looked at in slices no thicker than this, metres.
+const SLICE: f64 = 0.03;
 /// Time for the fingers to open, seconds.
 const OPENING: f64 = 0.8;
+/// Longest time until what springs back leaves the pads, seconds.
+const LONGEST: f64 = 4.0;
+/// A pad that presses less has let go, N.
+const LOOSE: f64 = 0.05;
 /// The fingers open wider than the thing by this much, metres.
 const ROOM: f64 = 0.03;
 
@@ -106,9 +129,14 @@ impl Skill for Place {
                 }
             },
             State::Open { since } => {
-                if now.seen.time - since > OPENING {
+                let open = now.seen.time - since;
+                let loose = now.seen.pad_force.iter().all(|force| *force < LOOSE);
+                if open > OPENING && (loose || open > LONGEST) {
                     let at = now.house_from_desired();
-                    let back = at * Translation3::new(0.0, 0.0, -ABOVE);
+                    // Out of a soft thing's limbs the way that it came in.
+                    let soft = now.memory.way.filter(|way| way.force > 0.0);
+                    let out = soft.map_or(ABOVE, |way| distance(&way.before, &way.at));
+                    let back = at * Translation3::new(0.0, 0.0, -out);
                     let stop = (back, now.style.approach_speed);
                     self.state = State::Back(Motion::new(now, &[stop]));
                 }
@@ -175,33 +203,66 @@ pub fn ways(now: &Now<'_>, tool_from_item: &Isometry3<f64>, width: f64) -> Vec<W
 fn choose(now: &mut Now<'_>) -> Option<(Way, Vec<Isometry3<f64>>)> {
     let start = now.house_from_desired();
     let item = now.goal.item();
-    let held = now.memory.held.unwrap_or_else(|| now.thing_in_hand());
+    // What is soft hangs otherwise than it sat.
+    let soft = now.memory.way.is_some_and(|way| way.force > 0.0);
+    let held = now.memory.held.filter(|_| !soft);
+    let held = held.unwrap_or_else(|| now.thing_in_hand());
     let width = now.memory.way.map_or(0.03, |way| way.width);
-    let balls = held_balls(&now.scene.items[item].blocks, &held);
-    let mut fallback = None;
-    for way in ways(now, &held, width) {
-        let around = now
-            .scene
-            .around(&[start, way.before], now.poses, Some(item));
-        for height in OVER {
-            let up = Translation3::new(0.0, 0.0, height);
-            let stops = [start, up * start, up * way.before, way.before];
-            let is_free = around.hand_is_free(width, &stops, 0.0)
-                && stops
-                    .windows(2)
-                    .all(|leg| around.is_free(&balls, &leg[0], &leg[1], 0.0));
-            let stops = if height > 0.0 {
-                &stops[1..]
-            } else {
-                &stops[3..]
-            };
-            if is_free && now.reaches(&[stops, &[way.at]].concat()) {
-                return Some((way, stops.to_vec()));
+    let balls = held_balls(&slices(&now.scene.items[item].blocks), &held);
+    let ways = ways(now, &held, width);
+    let base = now.scene.house_from_base(now.seen).translation.vector;
+    let towards = Vector3::new(
+        base.x - start.translation.x,
+        base.y - start.translation.y,
+        0.0,
+    );
+    let towards = towards.try_normalize(1e-6).unwrap_or_else(Vector3::x);
+    for margin in CLEAR {
+        for way in &ways {
+            let around = now
+                .scene
+                .around(&[start, way.before], now.poses, Some(item));
+            for [back, height] in PATHS {
+                let aside = Translation3::from(towards * back + Vector3::z() * height);
+                let stops = [start, aside * start, aside * way.before, way.before];
+                let is_free = around.hand_is_free(width, &stops, margin)
+                    && stops
+                        .windows(2)
+                        .all(|leg| around.is_free(&balls, &leg[0], &leg[1], margin));
+                let stops = if [back, height] == PATHS[0] {
+                    &stops[3..]
+                } else {
+                    &stops[1..]
+                };
+                if is_free && now.reaches(&[stops, &[way.at]].concat()) {
+                    return Some((*way, stops.to_vec()));
+                }
             }
         }
-        if fallback.is_none() && now.reaches(&[way.before, way.at]) {
-            fallback = Some((way, vec![way.before]));
-        }
     }
-    fallback
+    let way = ways
+        .into_iter()
+        .find(|way| now.reaches(&[way.before, way.at]))?;
+    now.note("something stands in the way of what it carries".to_owned());
+    Some((way, vec![way.before]))
+}
+
+/// The blocks cut across their longest side, so that nothing fits between two
+/// points at which they are looked at.
+fn slices(blocks: &[Block]) -> Vec<Block> {
+    let cut = |block: &Block| {
+        let axis = block.half.imax();
+        let count = (2.0 * block.half[axis] / SLICE).ceil().max(1.0);
+        let half = block.half[axis] / count;
+        let block = *block;
+        (0..count as usize).map(move |i| {
+            let mut slice = block;
+            let mut offset = Vector3::zeros();
+            offset[axis] = (2.0 * i as f64 + 1.0) * half - block.half[axis];
+            slice.pose = block.pose * Translation3::from(offset);
+            slice.half[axis] = half;
+            slice
+        })
+    };
+    blocks.iter().flat_map(cut).collect()
 }

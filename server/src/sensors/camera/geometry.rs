@@ -82,7 +82,8 @@ impl Geometry {
         pass.set_index_buffer(self.indices.slice(..), wgpu::IndexFormat::Uint32);
     }
 
-    /// Batches in view, near ones first; large ones (walls, floor) last, they are mostly hidden.
+    /// Batches in view, near ones first; large ones (rugs, walls, the floor) last,
+    /// the largest at the end: they are mostly hidden.
     pub(super) fn seen(&self, view: &View, poses: &[Isometry3<f64>]) -> Vec<Seen<'_>> {
         let mut seen: Vec<(f64, Seen<'_>)> = self
             .batches
@@ -90,10 +91,14 @@ impl Geometry {
             .filter_map(|batch| {
                 let centre: Point3<f64> = poses[batch.body] * batch.centre;
                 let distance = view.distance(&centre, batch.radius)?;
-                let late = if batch.radius > 1.5 { 100.0 } else { 0.0 };
+                let rank = if batch.radius > 1.5 {
+                    100.0 + batch.radius
+                } else {
+                    distance
+                };
                 let coarse = distance > view.focal * COARSE_BELOW;
                 Some((
-                    distance + late,
+                    rank,
                     Seen {
                         finish: batch.finish,
                         batch,

@@ -66,6 +66,12 @@ pub(super) struct Pipelines {
 }
 
 impl Pipelines {
+    /// The pipeline that draws a finish.
+    pub(super) fn surface(&self, finish: Finish) -> &wgpu::RenderPipeline {
+        let at = Finish::ALL.iter().position(|f| *f == finish);
+        &self.surfaces[at.unwrap_or_default()]
+    }
+
     pub(super) fn new(device: &wgpu::Device, tier: Tier) -> Self {
         let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
             label: Some("shader.wgsl"),

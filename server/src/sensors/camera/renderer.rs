@@ -7,7 +7,7 @@ use nalgebra::Isometry3;
 use wgpu::util::DeviceExt;
 
 use super::adapter::{self, AdapterInfo};
-use super::buffers::{Buffers, Finish};
+use super::buffers::Buffers;
 use super::geometry::{BodyRow, Geometry, Seen, body_row};
 use super::openness::Surroundings;
 use super::pipelines::{Pipelines, Tier};
@@ -42,16 +42,17 @@ pub struct Renderer {
     expected: [usize; 3],
     read: Vec<wgpu::Buffer>,
     memory: Vec<Memory>,
-    pending: Option<Pending>,
+    pending: Vec<Pending>,
 }
 
 /// Reversed depth where nothing is hit.
 const FARTHEST: wgpu::LoadOp<f32> = wgpu::LoadOp::Clear(0.0);
 
-/// Submitted, not yet read.
+/// A picture that is submitted, not yet read.
 struct Pending {
     submission: wgpu::SubmissionIndex,
-    cameras: Vec<(usize, Isometry3<f64>)>,
+    camera: usize,
+    world_from_optical: Isometry3<f64>,
 }
 
 impl Renderer {
@@ -180,7 +181,7 @@ impl Renderer {
             shadow_group,
             memory: cameras.iter().map(|_| Memory::default()).collect(),
             read,
-            pending: None,
+            pending: Vec::new(),
         };
         renderer.check_failure()?;
         Ok(renderer)
@@ -260,74 +261,66 @@ impl Renderer {
             self.shadow
                 .draw(&mut encoder, &self.pipelines, group, &self.geometry, &poses);
         }
+        // One submission each: a picture is unpacked while the next is drawn.
+        let mut pending = Vec::with_capacity(cameras.len());
         for (&c, view) in cameras.iter().zip(&views) {
             let seen = self.geometry.seen(view, &poses);
             self.draw_camera(&mut encoder, c, &seen);
             let target = &self.targets[c];
             Layout::of(target).copy(&mut encoder, target, &self.read[c]);
-        }
-        let submission = self.queue.submit([encoder.finish()]);
-        for &c in cameras {
+            let next = self.device.create_command_encoder(&Default::default());
+            let full = std::mem::replace(&mut encoder, next);
+            let submission = self.queue.submit([full.finish()]);
             self.read[c].map_async(wgpu::MapMode::Read, .., |_| {});
+            pending.push(Pending {
+                submission,
+                camera: c,
+                world_from_optical: view.world_from_optical,
+            });
         }
-        self.pending = Some(Pending {
-            submission,
-            cameras: cameras
-                .iter()
-                .zip(&views)
-                .map(|(&c, view)| (c, view.world_from_optical))
-                .collect(),
-        });
+        self.pending = pending;
         Ok(())
     }
 
     fn collect(&mut self) -> Result<Vec<Frame>, RenderError> {
-        let Some(pending) = self.pending.take() else {
-            return Ok(Vec::new());
-        };
-        self.device
-            .poll(wgpu::PollType::Wait {
-                submission_index: Some(pending.submission),
-                timeout: None,
-            })
-            .map_err(|e| self.failed(e.to_string()))?;
-        self.check_failure()?;
+        let pending = std::mem::take(&mut self.pending);
         let mut memory: Vec<Memory> = pending
-            .cameras
             .iter()
-            .map(|&(c, _)| std::mem::take(&mut self.memory[c]))
+            .map(|p| std::mem::take(&mut self.memory[p.camera]))
             .collect();
-        let unpacked = std::thread::scope(|scope| {
-            let jobs: Vec<_> = pending
-                .cameras
-                .iter()
-                .zip(&mut memory)
-                .map(|(&(c, _), memory)| {
-                    let (target, buffer) = (&self.targets[c], &self.read[c]);
-                    scope.spawn(move || -> Result<[Bytes; 3], String> {
-                        let mapped = buffer.get_mapped_range(..).map_err(|e| e.to_string())?;
-                        Ok(Layout::of(target).unpack(&mapped, target.spec.range, memory))
+        let unpacked = std::thread::scope(|scope| -> Result<Vec<_>, RenderError> {
+            let mut jobs = Vec::with_capacity(pending.len());
+            for (p, memory) in pending.iter().zip(&mut memory) {
+                self.device
+                    .poll(wgpu::PollType::Wait {
+                        submission_index: Some(p.submission.clone()),
+                        timeout: None,
                     })
-                })
-                .collect();
-            jobs.into_iter()
-                .map(|job| {
-                    job.join()
-                        .unwrap_or_else(|_| Err("reading a picture failed".into()))
-                })
-                .collect::<Vec<_>>()
-        });
-        for (&(c, _), memory) in pending.cameras.iter().zip(memory) {
-            self.memory[c] = memory;
+                    .map_err(|e| self.failed(e.to_string()))?;
+                self.check_failure()?;
+                let (target, buffer) = (&self.targets[p.camera], &self.read[p.camera]);
+                jobs.push(scope.spawn(move || -> Result<[Bytes; 3], String> {
+                    let mapped = buffer.get_mapped_range(..).map_err(|e| e.to_string())?;
+                    Ok(Layout::of(target).unpack(&mapped, target.spec.range, memory))
+                }));
+            }
+            let joined = jobs.into_iter().map(|job| {
+                job.join()
+                    .unwrap_or_else(|_| Err("reading a picture failed".into()))
+            });
+            Ok(joined.collect())
+        })?;
+        for (p, memory) in pending.iter().zip(memory) {
+            self.memory[p.camera] = memory;
         }
         let mut frames = Vec::with_capacity(unpacked.len());
-        for (&(camera, world_from_optical), bytes) in pending.cameras.iter().zip(unpacked) {
-            self.read[camera].unmap();
+        for (p, bytes) in pending.iter().zip(unpacked) {
+            self.read[p.camera].unmap();
             let [rgb, depth, ids] = bytes.map_err(|reason| self.failed(reason))?;
             frames.push(Frame {
-                camera,
-                intrinsics: self.targets[camera].spec.intrinsics,
-                world_from_optical,
+                camera: p.camera,
+                intrinsics: self.targets[p.camera].spec.intrinsics,
+                world_from_optical: p.world_from_optical,
                 rgb,
                 depth,
                 ids,
@@ -420,11 +413,14 @@ impl Renderer {
         pass.set_bind_group(0, &self.scene_groups[camera], &[]);
         pass.set_bind_group(1, &self.shadow_group, &[]);
         self.geometry.set(&mut pass);
-        for (finish, pipeline) in Finish::ALL.iter().zip(&self.pipelines.surfaces) {
-            pass.set_pipeline(pipeline);
-            for s in seen.iter().filter(|s| s.finish == *finish) {
-                pass.draw_indexed(s.indices(), 0, 0..1);
+        // Strictly front to back: what is hidden costs more than a change of pipeline.
+        let mut current = None;
+        for s in seen {
+            if current != Some(s.finish) {
+                current = Some(s.finish);
+                pass.set_pipeline(self.pipelines.surface(s.finish));
             }
+            pass.draw_indexed(s.indices(), 0, 0..1);
         }
         drop(pass);
         if let (Some(ids), Some(pipeline)) = (&target.ids, &self.pipelines.outline) {

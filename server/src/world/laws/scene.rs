@@ -7,6 +7,7 @@ use super::super::convert::{from_pose, from_vector, vector};
 use super::super::stage::Stage;
 use super::super::{GRAVITY, engine};
 use super::*;
+use crate::scene::{FurnitureJoint, Resistance};
 use crate::snapshot::BodyRef;
 
 fn stage(furniture: Vec<Body>, objects: Vec<Body>) -> (PhysicsWorld, Stage) {
@@ -131,6 +132,46 @@ fn a_block_slides_beyond_the_friction_angle_only() {
         (acceleration / expected - 1.0).abs() < 0.02,
         "{acceleration} {expected}"
     );
+}
+
+/// A drawer pulled by a steady force: below its dry friction it stays shut,
+/// beyond it comes to the speed at which viscous friction makes up the rest.
+#[test]
+fn a_drawer_resists_with_dry_and_viscous_friction() {
+    let half = [0.2, 0.2, 0.05];
+    let drawer = body("drawer", at(1.0, 0.0, 0.5), 0.5, Shape::Cuboid { half });
+    let moving = object("drawer", drawer.pose, 2.5, half, Shape::Cuboid { half });
+    let (mut scene, placements) = scene(vec![floor(), drawer], Vec::new());
+    for (friction, damping) in [(3.0, 6.0), (8.0, 14.0)] {
+        scene.joints = vec![FurnitureJoint {
+            name: "drawer_joint".into(),
+            furniture: 1,
+            carrier: 0,
+            axis: Vector3::x_axis(),
+            travel: 3.0,
+            mass: moving.mass.expect("it has mass"),
+            resistance: Resistance { friction, damping },
+        }];
+        let mut physics = engine();
+        let stage = Stage::insert(&mut physics, &scene, &placements).expect("a stage");
+        let mut pull = |force: f64, seconds: f64| {
+            let force = vector(&Vector3::new(force, 0.0, 0.0));
+            let body = &mut physics.bodies[stage.slides[0].handle];
+            body.reset_forces(true);
+            body.add_force(force, true);
+            run(&mut physics, seconds);
+            stage.slides[0].state(&physics)
+        };
+        let held = pull(friction - 0.5, 1.0);
+        assert!(held.position < 2e-3, "{held:?}");
+        let sliding = pull(friction + 2.0, 2.0);
+        let expected = 2.0 / damping * (1.0 - (-2.0 * damping / 2.5).exp());
+        let ratio = sliding.velocity / expected;
+        assert!(
+            (ratio - 1.0).abs() < 0.03,
+            "{sliding:?}, not {expected} m/s"
+        );
+    }
 }
 
 #[test]

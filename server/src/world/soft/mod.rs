@@ -33,12 +33,14 @@ pub(super) struct SoftObject {
     pub friction: f64,
     state: State,
     bristles: Bristles,
+    /// A tick has led to numbers that are not finite: it stays where it was.
+    broken: bool,
     contacts: Vec<Contact>,
     scratch: Scratch,
 }
 
 /// What a saved world holds of a soft object.
-pub(super) type Saved = (State, Bristles);
+pub(super) type Saved = (State, Bristles, bool);
 
 impl SoftObject {
     /// The object at its place; `None` when it is a rigid one.
@@ -59,6 +61,7 @@ impl SoftObject {
             body: elastic,
             friction: placement.friction,
             bristles: Bristles::default(),
+            broken: false,
             contacts: Vec::new(),
             scratch: Scratch::default(),
         })
@@ -66,9 +69,10 @@ impl SoftObject {
 
     /// One tick of `h` seconds; pushes the solids that it touches.
     pub(super) fn step(&mut self, physics: &mut PhysicsWorld, gravity: f64, h: f64) {
-        if !self.state.is_finite() {
+        if self.broken {
             return;
         }
+        let before = self.state.clone();
         let near = self.skin.near(
             &self.state,
             &self.body,
@@ -88,15 +92,27 @@ impl SoftObject {
             h,
             &mut self.scratch,
         );
+        if !self.state.is_finite() || pressed.iter().any(|p| !p.is_finite()) {
+            self.state = before;
+            self.calm(0.0);
+            self.contacts.clear();
+            self.broken = true;
+            return;
+        }
         self.bristles = near.bristles(&pressed);
         self.contacts = near.contacts(BodyRef::Object(self.object), &pressed);
         near.push(physics, &pressed);
     }
 
-    /// Makes its state no number, to see what happens.
+    /// Whether its motion has led to numbers that are not finite.
+    pub(super) fn is_broken(&self) -> bool {
+        self.broken
+    }
+
+    /// Gives one node a speed beyond all numbers, to see what happens.
     #[cfg(test)]
     pub(super) fn spoil(&mut self) {
-        self.state.velocity[0].x = f64::NAN;
+        self.state.velocity[0].x = f64::INFINITY;
     }
 
     /// Its contacts in the last tick.
@@ -107,7 +123,11 @@ impl SoftObject {
     /// Takes out part of its motion, all of it with `keep` 0.
     pub(super) fn calm(&mut self, keep: f64) {
         for v in &mut self.state.velocity {
-            *v *= keep;
+            *v = if keep == 0.0 {
+                Vector3::zeros()
+            } else {
+                *v * keep
+            };
         }
     }
 
@@ -147,18 +167,19 @@ impl SoftObject {
 
     /// What the next tick depends on.
     pub(super) fn save(&self) -> Saved {
-        (self.state.clone(), self.bristles.clone())
+        (self.state.clone(), self.bristles.clone(), self.broken)
     }
 
     /// Takes over a saved state; says no when it is of another body.
     #[must_use]
-    pub(super) fn restore(&mut self, (state, bristles): Saved) -> bool {
+    pub(super) fn restore(&mut self, (state, bristles, broken): Saved) -> bool {
         let fits = state.position.len() == self.state.position.len()
             && state.velocity.len() == self.state.velocity.len()
             && state.turns.len() == self.state.turns.len();
         if fits {
             self.state = state;
             self.bristles = bristles;
+            self.broken = broken;
             self.contacts.clear();
         }
         fits

@@ -8,7 +8,7 @@ use super::person::Person;
 
 /// Where the chair stands for the grasp, from the bottle: behind it along the
 /// way it looks, and to its right, m.
-const STAND: [f64; 2] = [1.17, 0.36];
+const STAND: [f64; 2] = [1.19, 0.36];
 /// Straight way at the end, m.
 const STRAIGHT: f64 = 0.55;
 /// Longest time for one movement.
@@ -99,8 +99,10 @@ impl Person {
     }
 
     /// Steps the hand until the bottle is within half a step along one axis.
+    /// Where the arm cannot follow, it reaches out a step and tries again.
     fn steps(&mut self, axis: usize, keys: [&str; 2], goal: f64, step: f64) {
         let since = Instant::now();
+        let mut before = f64::INFINITY;
         loop {
             let off = until("the bottle's place", || self.away())[axis] - goal;
             let presses = (off.abs() / step).round() as usize;
@@ -112,6 +114,11 @@ impl Person {
                 "the hand stays {off:.3} m off along {axis}; the screen:\n{}",
                 self.reads()
             );
+            if axis == 2 && (off - before).abs() < 0.2 * step {
+                self.presses("v");
+                self.hand_rests();
+            }
+            before = off;
             // As many presses as needed, one at a time.
             for _ in 0..presses.min(4) {
                 self.presses(if off > 0.0 { keys[0] } else { keys[1] });
