@@ -290,8 +290,9 @@ impl Engine {
     }
 
     fn recorder_without_credit(&self) -> Option<String> {
-        let (render, episode) = (self.render.as_ref()?, self.episode.as_ref()?);
-        let published = render.drawn() - episode.frames_before;
+        let episode = self.episode.as_ref()?;
+        // Those that are still being drawn as well: the cache holds no more.
+        let published = episode.pictures.values().sum::<u64>();
         let recorders = lock(&self.shared.recorders);
         let (name, accepted) =
             recorders.slowest(&self.shared.run_id, episode.number, &episode.participants)?;
@@ -507,7 +508,6 @@ impl Engine {
             participants: Vec::new(),
             since: Instant::now(),
             running_since: Instant::now(),
-            frames_before: self.render.as_ref().map_or(0, RenderThread::drawn),
         });
         self.listen(Listening {
             episode: number,

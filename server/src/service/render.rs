@@ -3,7 +3,7 @@
 //! simulation slows down instead.
 
 use std::path::PathBuf;
-use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
+use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::mpsc::{self, Receiver, SyncSender};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::JoinHandle;
@@ -36,7 +36,6 @@ enum Job {
 pub struct RenderThread {
     jobs: Option<SyncSender<Job>>,
     thread: Option<JoinHandle<()>>,
-    drawn: Arc<AtomicU64>,
     /// Batches that wait or are being drawn.
     pending: Arc<AtomicUsize>,
     failed: Arc<Mutex<Option<String>>>,
@@ -120,12 +119,10 @@ impl RenderThread {
         let previews = Arc::new(Previews::start(&outbox, &names)?);
         let (jobs, queue) = mpsc::sync_channel(QUEUE);
         let (ready, standing) = mpsc::sync_channel(1);
-        let drawn = Arc::new(AtomicU64::new(0));
         let pending = Arc::new(AtomicUsize::new(0));
         let failed = Arc::new(Mutex::new(None));
         let thread = {
-            let (drawn, failed) = (Arc::clone(&drawn), Arc::clone(&failed));
-            let waiting = Arc::clone(&pending);
+            let (failed, waiting) = (Arc::clone(&failed), Arc::clone(&pending));
             let (outbox, previews) = (Arc::clone(&outbox), Arc::clone(&previews));
             let names = names.clone();
             std::thread::Builder::new()
@@ -150,7 +147,7 @@ impl RenderThread {
                             &names,
                             (&outbox, &previews),
                             &signal,
-                            (&drawn, &waiting),
+                            &waiting,
                         )
                     });
                     let failure = match std::panic::catch_unwind(work) {
@@ -176,7 +173,6 @@ impl RenderThread {
         Ok(Self {
             jobs: Some(jobs),
             thread: Some(thread),
-            drawn,
             pending,
             failed,
             outbox,
@@ -222,12 +218,6 @@ impl RenderThread {
         }
     }
 
-    /// Pictures published since the start.
-    #[must_use]
-    pub fn drawn(&self) -> u64 {
-        self.drawn.load(Ordering::Acquire)
-    }
-
     /// Why the thread stopped drawing, if it did.
     #[must_use]
     pub fn failure(&self) -> Option<String> {
@@ -260,7 +250,7 @@ fn draw(
     names: &[String],
     (outbox, previews): (&Outbox, &Previews),
     signal: &Signal,
-    (drawn, pending): (&AtomicU64, &AtomicUsize),
+    pending: &AtomicUsize,
 ) -> Result<(), RenderError> {
     while let Ok(job) = queue.recv() {
         match job {
@@ -273,7 +263,6 @@ fn draw(
                     let name = &names[frame.camera];
                     previews.offer(&frame, episode, snapshot.tick);
                     outbox.camera(name, episode, snapshot.tick, message(name, frame));
-                    drawn.fetch_add(1, Ordering::AcqRel);
                 }
                 pending.fetch_sub(1, Ordering::AcqRel);
                 signal.raise();
