@@ -10,7 +10,7 @@ use wheelarm_proto::keys::Query;
 use wheelarm_proto::{check, names, v1};
 
 use super::episode::{Episode, Stage};
-use super::inbox::{Listening, Refused};
+use super::inbox::Listening;
 use super::pace::Pace;
 use super::render::RenderThread;
 use super::waiting::Waiting;
@@ -52,7 +52,7 @@ pub struct Engine {
     pub(super) episode: Option<Episode>,
     pub(super) paused: bool,
     pub(super) waiting_for: String,
-    waiting: Waiting,
+    pub(super) waiting: Waiting,
     pub(super) pace: Pace,
     episodes: u64,
     seen_anomalies: Vec<Anomaly>,
@@ -220,17 +220,6 @@ impl Engine {
         self.pace.wait().map_or(Next::Step, Next::Wait)
     }
 
-    /// Between episodes nobody needs to be told that time stands still.
-    fn tell_of_waiting(&mut self) {
-        let what = match &self.episode {
-            Some(_) if !self.paused => self.waiting_for.as_str(),
-            _ => "",
-        };
-        if let Some(words) = self.waiting.note(what, Instant::now()) {
-            tracing::warn!("{words}");
-        }
-    }
-
     fn wait_for_recorders(&mut self) -> Next {
         let Some(episode) = &mut self.episode else {
             return Next::Wait(NAP);
@@ -393,40 +382,6 @@ impl Engine {
                 );
                 self.seen_collisions.push(pair);
             }
-        }
-    }
-
-    fn publish_refusals(&self) {
-        let answers = lock(&self.shared.refusals).take(self.shared.now());
-        let (episode, tick) = (self.episode_number(), self.sim.snapshot().tick);
-        for (refused, count) in answers {
-            let Refused {
-                commander,
-                sequence,
-                reason,
-            } = refused;
-            let what = match count {
-                1 => format!("command {sequence} of {commander:?}: {reason}"),
-                _ => {
-                    format!("{count} more, the last command {sequence} of {commander:?}: {reason}")
-                }
-            };
-            self.event("refused", &what);
-            let refusal = v1::Refusal {
-                header: None,
-                commander,
-                sequence,
-                reason,
-                count,
-            };
-            self.shared.outbox.refusal(episode, tick, refusal);
-        }
-    }
-
-    fn publish_vanished(&self) {
-        let vanished = std::mem::take(&mut *lock(&self.shared.vanished));
-        for words in vanished {
-            self.event("control", &words);
         }
     }
 

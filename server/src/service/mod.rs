@@ -18,6 +18,7 @@ mod refusals;
 mod render;
 pub mod session;
 mod signal;
+mod tell;
 mod waiting;
 
 use std::future::Future;
