@@ -117,12 +117,23 @@ fn words(error: &zenoh::Error) -> String {
     text.split(" at /").next().unwrap_or(&text).to_owned()
 }
 
+/// What a server is to think of a client that falls silent, its connection
+/// standing all the while.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Silence {
+    /// After ten seconds it has gone.
+    Gone,
+    /// It stands still (a process that was stopped, a machine that sleeps) and
+    /// will go on within the hour. What must not be lost waits for it.
+    Still,
+}
+
 /// Connects to an endpoint, behind which there may be any servers.
 ///
 /// # Errors
 /// [`LinkError::NoServer`] when nobody listens.
-pub fn open_session(args: &ConnectArgs) -> Result<Session, LinkError> {
-    zenoh::open(config(&args.connect, args.connect_timeout))
+pub fn open_session(args: &ConnectArgs, silence: Silence) -> Result<Session, LinkError> {
+    zenoh::open(config(&args.connect, args.connect_timeout, silence))
         .wait()
         .map_err(|cause| LinkError::NoServer {
             endpoint: args.connect.clone(),
@@ -146,9 +157,17 @@ impl Link {
     /// [`LinkError::NoServer`] when nobody listens until the wait is over,
     /// [`LinkError::OtherName`] when the server has another name.
     pub fn open(args: &ConnectArgs) -> Result<Self, LinkError> {
+        Self::open_as(args, Silence::Gone)
+    }
+
+    /// As [`Link::open`], saying what silence means.
+    ///
+    /// # Errors
+    /// As [`Link::open`].
+    pub fn open_as(args: &ConnectArgs, silence: Silence) -> Result<Self, LinkError> {
         let keys = Keys::new(&args.sim)?;
         let deadline = Instant::now() + Duration::from_secs_f64(args.connect_timeout.max(0.1));
-        let session = open_session(args)?;
+        let session = open_session(args, silence)?;
         let link = Self {
             session,
             keys,
@@ -376,10 +395,17 @@ fn decode<M: Message + Default>(payload: &ZBytes, what: &str) -> Result<M, LinkE
 }
 
 /// Client mode, no scouting: a client speaks to the one server it was told.
-fn config(endpoint: &str, timeout_secs: f64) -> Config {
+fn config(endpoint: &str, timeout_secs: f64, silence: Silence) -> Config {
     let timeout_ms = (timeout_secs.max(0.1) * 1e3).round();
+    // Signs of life come every two and a half seconds either way.
+    let (lease_ms, signs) = match silence {
+        Silence::Gone => (10_000, 4),
+        Silence::Still => (3_600_000, 1440),
+    };
     let settings = [
         ("mode", "\"client\"".to_owned()),
+        ("transport/link/tx/lease", format!("{lease_ms}")),
+        ("transport/link/tx/keep_alive", format!("{signs}")),
         (
             "connect/endpoints",
             serde_json::json!([endpoint]).to_string(),

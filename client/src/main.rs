@@ -14,7 +14,7 @@ use wheelarm_client::control::{self, EpisodeCommand, ResetArgs, manual};
 use wheelarm_client::demo::{self, DemoArgs};
 use wheelarm_client::doctor::{self, DoctorArgs};
 use wheelarm_client::evaluate::{self, EvaluateArgs};
-use wheelarm_client::link::{self, ConnectArgs, Link};
+use wheelarm_client::link::{self, ConnectArgs, Link, Silence};
 use wheelarm_client::operate::operator::Outcome;
 use wheelarm_client::operate::run::{self as operate, OperateArgs};
 use wheelarm_client::preview::{self, PreviewArgs};
@@ -222,7 +222,7 @@ fn record_episodes(connect: &ConnectArgs, args: &RecordArgs) -> anyhow::Result<E
         }
     };
     let summary = if connect.sim == record::EVERY_SERVER {
-        let session = link::open_session(connect)?;
+        let session = link::open_session(connect, Silence::Still)?;
         runtime.block_on(record::run_many(
             &session,
             &connect.connect,
@@ -230,7 +230,7 @@ fn record_episodes(connect: &ConnectArgs, args: &RecordArgs) -> anyhow::Result<E
             interrupted,
         ))?
     } else {
-        let link = Link::open(connect)?;
+        let link = Link::open_as(connect, Silence::Still)?;
         runtime.block_on(record::run(&link, args.clone(), interrupted))?
     };
     Ok(ExitCode::from(summary.exit_code()))

@@ -60,6 +60,31 @@ impl Coverage {
             .map_or(0, |(first, last)| (last - first + 1) - self.received)
     }
 
+    /// Ranges of `first..=last` that are missing, ascending.
+    #[must_use]
+    pub fn missing(&self, first: u64, last: u64) -> Vec<(u64, u64)> {
+        let mut missing = Vec::new();
+        let mut next = Some(first);
+        for &(start, end) in &self.ranges {
+            let Some(from) = next.filter(|from| *from <= last) else {
+                break;
+            };
+            if start > last {
+                break;
+            }
+            if start > from {
+                missing.push((from, start - 1));
+            }
+            if end >= from {
+                next = end.checked_add(1);
+            }
+        }
+        if let Some(from) = next.filter(|from| *from <= last) {
+            missing.push((from, last));
+        }
+        missing
+    }
+
     /// How many numbers of `first..=last` are there.
     #[must_use]
     pub fn within(&self, first: u64, last: u64) -> u64 {
@@ -89,6 +114,10 @@ mod tests {
         assert_eq!(c.gaps(), 2);
         assert_eq!(c.within(0, 8), 5);
         assert_eq!(c.within(10, 11), 0);
+        assert_eq!(c.missing(2, 14), [(2, 3), (10, 11), (13, 14)]);
+        assert_eq!(c.missing(11, 12), [(11, 11)]);
+        assert_eq!(c.missing(5, 8), []);
+        assert_eq!(c.missing(20, 21), [(20, 21)]);
         assert_eq!(c.late(), 4);
         assert!(c.insert(u64::MAX) && !c.insert(u64::MAX) && c.insert(0));
     }

@@ -11,6 +11,7 @@ use wheelarm_dataset::writer::{WriterOptions, file_path};
 use wheelarm_proto::v1;
 
 use super::episode::{Accepted, EpisodeId, Finishing, Recording, Report, id};
+use super::gaps::Missing;
 
 /// Longest wait for samples that the manifest lists.
 pub const MANIFEST_PATIENCE: Duration = Duration::from_secs(10);
@@ -74,6 +75,8 @@ pub enum Output {
     AskSnapshot,
     /// Ask the server whether the episode still runs.
     AskStatus,
+    /// Ask the server's cache for samples that did not come.
+    AskSamples(Missing),
     /// Publish this status now, and again from time to time; each speaks of the
     /// episode in its header.
     Status(v1::RecorderStatus),
@@ -213,6 +216,14 @@ impl RecorderCore {
                 self.out.push(Output::AskSnapshot);
             }
         }
+        let wanted = match &mut self.stage {
+            Stage::Recording(recording) => recording.wanted(None, now),
+            Stage::Stopping {
+                recording, stopped, ..
+            } => recording.wanted(stopped.as_deref(), now),
+            _ => Vec::new(),
+        };
+        self.out.extend(wanted.into_iter().map(Output::AskSamples));
         self.settle(now);
         std::mem::take(&mut self.out)
     }

@@ -13,6 +13,7 @@ use wheelarm_dataset::writer::{EpisodeWriter, Taken, WriteError, WriterOptions};
 use wheelarm_proto::v1;
 
 use super::core::Input;
+use super::gaps::{Gaps, Missing};
 
 /// What became of one episode.
 #[derive(Clone, Debug, PartialEq)]
@@ -45,6 +46,7 @@ pub(super) struct Recording {
     pub newest: Option<Taken>,
     writer: EpisodeWriter,
     seen: BTreeMap<String, Coverage>,
+    gaps: Gaps,
 }
 
 /// What became of an offered sample.
@@ -71,6 +73,7 @@ impl Recording {
             newest: None,
             writer,
             seen: BTreeMap::new(),
+            gaps: Gaps::default(),
         })
     }
 
@@ -113,6 +116,11 @@ impl Recording {
     /// Samples missing between those that came.
     pub fn missed(&self) -> u64 {
         self.seen.values().map(Coverage::gaps).sum()
+    }
+
+    /// Samples to ask for again at `now`.
+    pub fn wanted(&mut self, stopped: Option<&v1::EpisodeStopped>, now: Instant) -> Vec<Missing> {
+        self.gaps.wanted(&self.seen, stopped, now)
     }
 
     /// Whether everything that the manifest lists has come.

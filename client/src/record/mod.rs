@@ -8,12 +8,14 @@
 
 mod core;
 mod episode;
+mod gaps;
 mod many;
 mod network;
 mod queue;
 
 pub use self::core::{Input, Output, RecorderCore};
 pub use self::episode::{Finishing, Report};
+pub use self::gaps::Missing;
 pub use self::many::{EVERY_SERVER, run_many};
 pub use self::network::{run, run_with};
 

@@ -13,12 +13,13 @@ use wheelarm_proto::{Message, v1};
 use zenoh::Session;
 use zenoh::bytes::ZBytes;
 use zenoh::qos::{CongestionControl, Priority};
+use zenoh::query::{ConsolidationMode, QueryTarget, ReplyKeyExpr};
 use zenoh::sample::{Sample, SampleKind};
 use zenoh_ext::{AdvancedSubscriberBuilderExt, HistoryConfig, RecoveryConfig};
 
 use super::core::{Input, Output, RecorderCore};
 use super::queue::{Entrance, Exit, queue};
-use super::{ExitSummary, RecordArgs};
+use super::{ExitSummary, Missing, RecordArgs};
 use crate::link::Link;
 
 /// The newest status is published again after this time: a lost one holds
@@ -134,6 +135,9 @@ pub async fn run_with(
                         ask_snapshot(link, &entrance);
                     }
                     Output::AskStatus => ask_status(link, &entrance),
+                    Output::AskSamples(missing) => {
+                        ask_samples(session, keys, &entrance, &missing).await;
+                    }
                     Output::Status(status) => {
                         put(&publisher, &status).await;
                         keep(&mut statuses, status);
@@ -192,7 +196,11 @@ pub(super) fn print(output: &Output) {
         }
         Output::Failed(words) => eprintln!("recording failed: {words}"),
         Output::Discarded(label) => println!("{label}: discarded"),
-        Output::AskSnapshot | Output::AskStatus | Output::Status(_) | Output::Finish(_) => {}
+        Output::AskSnapshot
+        | Output::AskStatus
+        | Output::AskSamples(_)
+        | Output::Status(_)
+        | Output::Finish(_) => {}
     }
 }
 
@@ -433,6 +441,47 @@ fn ask_snapshot(link: &Link, entrance: &Entrance<Raw>) {
             reply.map_err(|e| e.to_string()),
         )));
     });
+}
+
+/// Asks the cache of a stream's publisher for what did not come. The transport
+/// numbers the samples of a stream as their headers do.
+async fn ask_samples(session: &Session, keys: &Keys, entrance: &Entrance<Raw>, missing: &Missing) {
+    let Missing {
+        stream,
+        first,
+        last,
+    } = missing;
+    let camera = stream.strip_prefix("camera/").map(str::to_owned);
+    let key = match &camera {
+        Some(camera) => keys.camera(camera),
+        None => keys.stream(stream),
+    };
+    tracing::debug!("asking for {stream} {first} to {last} again");
+    let (to, stream) = (entrance.clone(), stream.clone());
+    let asked = session
+        .get(format!("{key}/@adv/**?_sn={first}..{last}"))
+        .callback(move |reply| {
+            let Ok(sample) = reply.into_result() else {
+                return;
+            };
+            if sample.key_expr().as_str() != key {
+                return;
+            }
+            let payload = sample.payload().clone();
+            let bytes = payload.len();
+            match &camera {
+                Some(camera) => to.sample(Raw::Camera(camera.clone(), payload), bytes, true),
+                None => to.sample(Raw::Stream(stream.clone(), payload), bytes, false),
+            }
+        })
+        .consolidation(ConsolidationMode::None)
+        .accept_replies(ReplyKeyExpr::Any)
+        .target(QueryTarget::All)
+        .timeout(QUERY_TIMEOUT)
+        .await;
+    if let Err(problem) = asked {
+        tracing::debug!("samples cannot be asked for: {problem}");
+    }
 }
 
 /// Learns of an episode that runs already, or of an end that got lost.

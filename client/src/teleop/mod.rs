@@ -10,6 +10,7 @@ pub mod form;
 pub mod keys;
 pub mod model;
 mod phase;
+mod quiet;
 mod run;
 mod send;
 mod terminal;

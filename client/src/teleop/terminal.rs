@@ -12,11 +12,11 @@ use std::time::Duration;
 use anyhow::{Context, bail};
 use crossbeam_channel::Sender;
 use ratatui::Terminal;
-use ratatui::backend::TermionBackend;
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::termios::{OptionalActions, Termios, tcgetattr, tcsetattr};
 
 use super::keys::{Decoder, Key};
+use super::quiet::Quiet;
 
 /// The other screen, bracketed paste, no cursor.
 const ENTER: &str = "\x1b[?1049h\x1b[?2004h\x1b[?25l\x1b[2J";
@@ -43,7 +43,7 @@ pub fn restore() {
 
 /// The screen while teleoperation owns it.
 pub struct Screen {
-    terminal: Terminal<TermionBackend<BufWriter<Stdout>>>,
+    terminal: Terminal<Quiet<BufWriter<Stdout>>>,
 }
 
 impl Screen {
@@ -71,7 +71,7 @@ impl Screen {
             .context("switching the terminal to single keys")?;
         // From here on the screen is put back when this is dropped.
         let writer = BufWriter::with_capacity(1 << 16, output);
-        let terminal = Terminal::new(TermionBackend::new(writer));
+        let terminal = Terminal::new(Quiet::new(writer));
         let mut screen = Self {
             terminal: terminal.context("opening the screen")?,
         };
@@ -81,9 +81,7 @@ impl Screen {
 
     fn write(&mut self, text: &str) -> anyhow::Result<()> {
         let out = self.terminal.backend_mut();
-        out.write_all(text.as_bytes())
-            .and_then(|()| Write::flush(out))
-            .context("writing to the terminal")
+        out.write(text).context("writing to the terminal")
     }
 
     /// Draws; a changed size is noticed by itself.

@@ -10,9 +10,10 @@ use wheelarm_proto::keys::Query;
 use wheelarm_proto::{check, names, v1};
 
 use super::episode::{Episode, Stage};
-use super::inbox::{Listening, Refused};
+use super::inbox::Listening;
 use super::pace::Pace;
 use super::render::RenderThread;
+use super::waiting::Waiting;
 use super::{Options, ServiceError, Shared, answer, convert, lock, publish};
 use crate::sim::{Pacing, Scenario, Simulation};
 use crate::snapshot::{Anomaly, BodyRef, Contact, Snapshot};
@@ -51,6 +52,7 @@ pub struct Engine {
     pub(super) episode: Option<Episode>,
     pub(super) paused: bool,
     pub(super) waiting_for: String,
+    pub(super) waiting: Waiting,
     pub(super) pace: Pace,
     episodes: u64,
     seen_anomalies: Vec<Anomaly>,
@@ -83,6 +85,7 @@ impl Engine {
             episode: None,
             paused: false,
             waiting_for: String::new(),
+            waiting: Waiting::new(),
             episodes: 0,
             seen_anomalies: Vec::new(),
             seen_collisions: Vec::new(),
@@ -146,7 +149,9 @@ impl Engine {
             }
             self.publish_refusals();
             self.publish_vanished();
-            match self.next() {
+            let next = self.next();
+            self.tell_of_waiting();
+            match next {
                 Next::Step => self.step(),
                 Next::Wait(how_long) => self.shared.signal.wait(how_long.min(NAP)),
             }
@@ -162,7 +167,8 @@ impl Engine {
     fn wait_for_files(&self, episode: u64, participants: &[String]) {
         let since = Instant::now();
         while since.elapsed() < Duration::from_secs(FAREWELL_SECS) {
-            let recorders = lock(&self.shared.recorders);
+            let mut recorders = lock(&self.shared.recorders);
+            recorders.expire(Instant::now());
             let waiting = recorders.slowest(&self.shared.run_id, episode, participants);
             drop(recorders);
             if waiting.is_none() {
@@ -179,7 +185,8 @@ impl Engine {
             self.waiting_for = format!("the cameras, which failed: {failure}");
             return Next::Wait(NAP);
         }
-        if self.paused {
+        // Waiting here and not in the queue, it goes on answering.
+        if self.paused || self.render.as_ref().is_some_and(RenderThread::is_full) {
             return Next::Wait(NAP);
         }
         let lock_step = self.sim.scenario().pacing == Pacing::LockStep;
@@ -197,7 +204,9 @@ impl Engine {
         self.report_lost_recorders();
         if lock_step {
             if let Some(recorder) = self.recorder_without_credit() {
-                self.waiting_for = format!("recorder {recorder}");
+                let away = lock(&self.shared.recorders).is_away(&recorder);
+                let lost = ["", ", whose connection is lost"][usize::from(away)];
+                self.waiting_for = format!("recorder {recorder}{lost}");
                 return Next::Wait(NAP);
             }
             if !lock(&self.shared.inbox).answered(self.sim.snapshot().tick) {
@@ -258,7 +267,11 @@ impl Engine {
         let Some(episode) = &mut self.episode else {
             return;
         };
-        let lost = lock(&self.shared.recorders).lost_of(&episode.participants);
+        let lost = {
+            let mut recorders = lock(&self.shared.recorders);
+            recorders.expire(Instant::now());
+            recorders.lost_of(&episode.participants)
+        };
         episode.participants.retain(|name| !lost.contains(name));
         for name in lost {
             self.event("note", &format!("recorder {name} was lost in this episode"));
@@ -266,8 +279,9 @@ impl Engine {
     }
 
     fn recorder_without_credit(&self) -> Option<String> {
-        let (render, episode) = (self.render.as_ref()?, self.episode.as_ref()?);
-        let published = render.drawn() - episode.frames_before;
+        let episode = self.episode.as_ref()?;
+        // Those that are still being drawn as well: the cache holds no more.
+        let published = episode.pictures.values().sum::<u64>();
         let recorders = lock(&self.shared.recorders);
         let (name, accepted) =
             recorders.slowest(&self.shared.run_id, episode.number, &episode.participants)?;
@@ -281,11 +295,12 @@ impl Engine {
             Pacing::LockStep | Pacing::Fast => self.sim.snapshot().stamp_nanos() as f64 * 1e-9,
         };
         let taken = lock(&self.shared.inbox).take(tick, now);
-        let step = self.sim.step(&taken.input);
-        self.pace.tick();
         let episode = self.episode_number();
         let outbox = Arc::clone(&self.shared.outbox);
-        publish::applied(&outbox, episode, tick, taken, &step.applied, &self.sim);
+        let step = self.sim.step_telling(&taken.input, |targets, control| {
+            publish::applied(&outbox, episode, tick, &taken, targets, control);
+        });
+        self.pace.tick();
         publish::imu(&outbox, episode, &step.imu);
         self.publish_state();
         self.publish_anomalies();
@@ -370,40 +385,6 @@ impl Engine {
         }
     }
 
-    fn publish_refusals(&self) {
-        let answers = lock(&self.shared.refusals).take(self.shared.now());
-        let (episode, tick) = (self.episode_number(), self.sim.snapshot().tick);
-        for (refused, count) in answers {
-            let Refused {
-                commander,
-                sequence,
-                reason,
-            } = refused;
-            let what = match count {
-                1 => format!("command {sequence} of {commander:?}: {reason}"),
-                _ => {
-                    format!("{count} more, the last command {sequence} of {commander:?}: {reason}")
-                }
-            };
-            self.event("refused", &what);
-            let refusal = v1::Refusal {
-                header: None,
-                commander,
-                sequence,
-                reason,
-                count,
-            };
-            self.shared.outbox.refusal(episode, tick, refusal);
-        }
-    }
-
-    fn publish_vanished(&self) {
-        let vanished = std::mem::take(&mut *lock(&self.shared.vanished));
-        for words in vanished {
-            self.event("control", &words);
-        }
-    }
-
     /// Announces an episode; simulation time goes on when its recorders are ready.
     pub(super) fn start_episode(
         &mut self,
@@ -482,7 +463,6 @@ impl Engine {
             participants: Vec::new(),
             since: Instant::now(),
             running_since: Instant::now(),
-            frames_before: self.render.as_ref().map_or(0, RenderThread::drawn),
         });
         self.listen(Listening {
             episode: number,

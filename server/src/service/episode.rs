@@ -36,6 +36,4 @@ pub struct Episode {
     pub running_since: Instant,
     /// Pictures that fell due in the episode, by camera.
     pub pictures: BTreeMap<String, u64>,
-    /// Pictures published before the episode.
-    pub frames_before: u64,
 }

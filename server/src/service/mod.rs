@@ -18,6 +18,8 @@ mod refusals;
 mod render;
 pub mod session;
 mod signal;
+mod tell;
+mod waiting;
 
 use std::future::Future;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -172,10 +174,12 @@ pub async fn run(
                     .rsplit('/')
                     .nth(1)
                     .map(str::to_owned);
-                if let (SampleKind::Delete, Some(name)) = (sample.kind(), name) {
-                    lock(&shared.recorders).lost(&name);
-                    shared.signal.raise();
+                let Some(name) = name else { return };
+                match sample.kind() {
+                    SampleKind::Put => lock(&shared.recorders).came(&name),
+                    SampleKind::Delete => lock(&shared.recorders).left(&name, Instant::now()),
                 }
+                shared.signal.raise();
             })
             .wait()?
     };

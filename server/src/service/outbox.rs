@@ -2,6 +2,7 @@
 //! sequence numbers, and an episode ends with a manifest of them.
 
 use std::collections::BTreeMap;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
@@ -73,6 +74,8 @@ pub struct Outbox {
     keys: Keys,
     run_id: String,
     streams: Mutex<BTreeMap<String, Arc<Mutex<Stream>>>>,
+    /// Whether the pictures of a camera are received.
+    watched: Mutex<BTreeMap<String, Arc<AtomicBool>>>,
 }
 
 impl Outbox {
@@ -84,6 +87,7 @@ impl Outbox {
             keys,
             run_id,
             streams: Mutex::default(),
+            watched: Mutex::default(),
         }
     }
 
@@ -99,20 +103,42 @@ impl Outbox {
         &self.keys
     }
 
-    /// Whether anybody receives a camera's pictures.
+    /// Whether anybody receives a camera's pictures. Never waits for a picture
+    /// that is on its way out.
     #[must_use]
     pub fn is_watched(&self, camera: &str) -> bool {
-        let stream = self
-            .streams
-            .lock()
-            .unwrap_or_else(PoisonError::into_inner)
-            .get(&format!("camera/{camera}"))
-            .cloned();
-        stream.is_some_and(|stream| {
-            let stream = stream.lock().unwrap_or_else(PoisonError::into_inner);
-            let status = stream.publisher.matching_status().wait();
-            status.is_ok_and(|status| status.matching())
-        })
+        let watched = self.watched.lock().unwrap_or_else(PoisonError::into_inner);
+        watched
+            .get(camera)
+            .is_some_and(|watched| watched.load(Ordering::Relaxed))
+    }
+
+    /// Keeps account of whether a camera's pictures are received.
+    fn watch(&self, camera: &str) -> zenoh::Result<()> {
+        let stream = self.stream(
+            &format!("camera/{camera}"),
+            self.keys.camera(camera),
+            Class::Camera,
+        )?;
+        let mut all = self.watched.lock().unwrap_or_else(PoisonError::into_inner);
+        if all.contains_key(camera) {
+            return Ok(());
+        }
+        let watched = Arc::new(AtomicBool::new(false));
+        let stream = stream.lock().unwrap_or_else(PoisonError::into_inner);
+        let listener = {
+            let watched = Arc::clone(&watched);
+            stream
+                .publisher
+                .matching_listener()
+                .callback(move |status| watched.store(status.matching(), Ordering::Relaxed))
+        };
+        listener.background().wait()?;
+        if stream.publisher.matching_status().wait()?.matching() {
+            watched.store(true, Ordering::Relaxed);
+        }
+        all.insert(camera.to_owned(), watched);
+        Ok(())
     }
 
     /// A header without sequence number, for answers.
@@ -137,11 +163,7 @@ impl Outbox {
             self.stream(name, self.keys.stream(name), Class::State)?;
         }
         for name in cameras {
-            self.stream(
-                &format!("camera/{name}"),
-                self.keys.camera(name),
-                Class::Camera,
-            )?;
+            self.watch(name)?;
         }
         self.stream("episode/start", self.keys.episode_start(), Class::Protocol)?;
         self.stream("episode/stop", self.keys.episode_stop(), Class::Protocol)?;

@@ -164,6 +164,7 @@ impl Sent {
 
 /// The encoder: takes the newest picture of each camera in turn.
 fn encode(shared: &Shared, outbox: &Outbox) {
+    super::render::step_back();
     let mut sent: Vec<Vec<Sent>> = shared
         .cameras
         .iter()

@@ -5,7 +5,7 @@ use wheelarm_proto::v1;
 use super::convert;
 use super::inbox::Taken;
 use super::outbox::Outbox;
-use crate::robot::control::Targets;
+use crate::robot::control::{RobotControl, Targets};
 use crate::sensors::imu;
 use crate::sim::Simulation;
 use crate::snapshot::BodyRef;
@@ -18,12 +18,11 @@ pub fn applied(
     outbox: &Outbox,
     episode: u64,
     tick: u64,
-    taken: Taken,
+    taken: &Taken,
     targets: &Targets,
-    sim: &Simulation,
+    control: &RobotControl,
 ) {
     let (arm, base, gripper) = convert::applied_groups(&taken.input);
-    let control = sim.control();
     outbox.state(
         "applied",
         episode,
@@ -42,10 +41,10 @@ pub fn applied(
             arm_problem: control.arm_problem().unwrap_or_default().to_owned(),
         },
     );
-    for command in taken.commands {
+    for command in &taken.commands {
         let log = v1::CommandLog {
             header: None,
-            command: Some(command),
+            command: Some(command.clone()),
         };
         outbox.state("command", episode, tick, log);
     }

@@ -1,6 +1,7 @@
 //! What the recorders told: readiness, credit, results.
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::time::{Duration, Instant};
 
 use wheelarm_proto::{keys, v1};
 
@@ -9,9 +10,15 @@ use wheelarm_proto::{keys, v1};
 pub struct Recorders {
     /// What each told of its last episodes, newest last.
     known: BTreeMap<String, Vec<v1::RecorderStatus>>,
+    /// Recorders whose connection ended, and since when; they may come back.
+    away: BTreeMap<String, Instant>,
     /// Recorders that were lost in the running episode; they hold nobody up again.
     gone: BTreeSet<String>,
 }
+
+/// How long a recorder may be away before it is lost. One that stood still
+/// comes back with a new connection at once; one that was killed does not.
+pub(super) const AWAY: Duration = Duration::from_secs(5);
 
 /// How many recorders are remembered.
 const MAX_RECORDERS: usize = 64;
@@ -48,21 +55,50 @@ impl Recorders {
         }
     }
 
-    /// Forgets a recorder whose connection ended.
-    pub fn lost(&mut self, name: &str) {
-        self.known.remove(name);
-        self.gone.insert(name.to_owned());
+    /// A recorder's connection ended: it has [`AWAY`] to come back.
+    pub fn left(&mut self, name: &str, now: Instant) {
+        if self.known.contains_key(name) {
+            self.away.entry(name.to_owned()).or_insert(now);
+        }
     }
 
-    /// An episode begins: everybody may take part.
+    /// A recorder is there, or there again.
+    pub fn came(&mut self, name: &str) {
+        self.away.remove(name);
+    }
+
+    /// Whether a recorder's connection has ended.
+    #[must_use]
+    pub fn is_away(&self, name: &str) -> bool {
+        self.away.contains_key(name)
+    }
+
+    /// Forgets the recorders that were away for too long.
+    pub fn expire(&mut self, now: Instant) {
+        let late = |since: &Instant| now.saturating_duration_since(*since) > AWAY;
+        for (name, _) in self.away.extract_if(.., |_, since| late(since)) {
+            self.known.remove(&name);
+            self.gone.insert(name);
+        }
+    }
+
+    /// An episode begins: everybody who is there may take part.
     pub fn begin(&mut self) {
         self.gone.clear();
+        for name in std::mem::take(&mut self.away).into_keys() {
+            self.known.remove(&name);
+        }
+    }
+
+    fn there(&self) -> impl Iterator<Item = &Vec<v1::RecorderStatus>> {
+        let there = self.known.iter().filter(|(name, _)| !self.is_away(name));
+        there.map(|(_, episodes)| episodes)
     }
 
     /// Number of recorders that are there.
     #[must_use]
     pub fn present(&self) -> usize {
-        self.known.len()
+        self.there().count()
     }
 
     /// Participants that were lost since the episode began.
@@ -77,7 +113,7 @@ impl Recorders {
     #[must_use]
     pub fn all(&self, run_id: &str) -> Vec<v1::RecorderStatus> {
         let mut all = Vec::new();
-        for episodes in self.known.values() {
+        for episodes in self.there() {
             if let Some((newest, earlier)) = episodes.split_last() {
                 let of_run = earlier.iter().filter(|s| {
                     let (run, episode) = id(s);
@@ -100,7 +136,7 @@ impl Recorders {
     #[must_use]
     pub fn ready(&self, run_id: &str, episode: u64) -> Vec<String> {
         self.of_episode(run_id, episode)
-            .filter(|s| s.state == v1::RecorderState::Ready as i32)
+            .filter(|s| s.state == v1::RecorderState::Ready as i32 && !self.is_away(&s.recorder))
             .map(|s| s.recorder.clone())
             .collect()
     }
@@ -171,7 +207,20 @@ mod tests {
             recorders.slowest("r", 2, &participants),
             Some(("b".into(), 7))
         );
-        recorders.lost("b");
+        let now = Instant::now();
+        recorders.left("b", now);
+        recorders.expire(now + AWAY);
+        assert_eq!(
+            recorders.slowest("r", 2, &participants),
+            Some(("b".into(), 7)),
+            "one that is away may come back"
+        );
+        recorders.came("b");
+        recorders.expire(now + 9 * AWAY);
+        assert!(recorders.lost_of(&participants).is_empty());
+        recorders.left("b", now);
+        recorders.expire(now + 2 * AWAY);
+        assert_eq!(recorders.lost_of(&participants), ["b"]);
         assert_eq!(
             recorders.slowest("r", 2, &participants),
             Some(("a".into(), 10))

@@ -3,7 +3,7 @@
 //! simulation slows down instead.
 
 use std::path::PathBuf;
-use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::mpsc::{self, Receiver, SyncSender};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::JoinHandle;
@@ -36,7 +36,8 @@ enum Job {
 pub struct RenderThread {
     jobs: Option<SyncSender<Job>>,
     thread: Option<JoinHandle<()>>,
-    drawn: Arc<AtomicU64>,
+    /// Batches that wait or are being drawn.
+    pending: Arc<AtomicUsize>,
     failed: Arc<Mutex<Option<String>>>,
     outbox: Arc<Outbox>,
     previews: Arc<Previews>,
@@ -118,15 +119,16 @@ impl RenderThread {
         let previews = Arc::new(Previews::start(&outbox, &names)?);
         let (jobs, queue) = mpsc::sync_channel(QUEUE);
         let (ready, standing) = mpsc::sync_channel(1);
-        let drawn = Arc::new(AtomicU64::new(0));
+        let pending = Arc::new(AtomicUsize::new(0));
         let failed = Arc::new(Mutex::new(None));
         let thread = {
-            let (drawn, failed) = (Arc::clone(&drawn), Arc::clone(&failed));
+            let (failed, waiting) = (Arc::clone(&failed), Arc::clone(&pending));
             let (outbox, previews) = (Arc::clone(&outbox), Arc::clone(&previews));
             let names = names.clone();
             std::thread::Builder::new()
                 .name("render".to_owned())
                 .spawn(move || {
+                    step_back();
                     let mut renderer = match setup.renderer() {
                         Ok((renderer, scene)) => {
                             let adapter = renderer.adapter().to_string();
@@ -145,7 +147,7 @@ impl RenderThread {
                             &names,
                             (&outbox, &previews),
                             &signal,
-                            &drawn,
+                            &waiting,
                         )
                     });
                     let failure = match std::panic::catch_unwind(work) {
@@ -171,7 +173,7 @@ impl RenderThread {
         Ok(Self {
             jobs: Some(jobs),
             thread: Some(thread),
-            drawn,
+            pending,
             failed,
             outbox,
             previews,
@@ -188,9 +190,16 @@ impl RenderThread {
         name.is_some_and(|name| self.previews.is_watched(camera) || self.outbox.is_watched(name))
     }
 
+    /// Whether the next pictures would have to wait for room in the queue.
+    #[must_use]
+    pub fn is_full(&self) -> bool {
+        self.pending.load(Ordering::Acquire) > QUEUE
+    }
+
     /// Queues pictures; waits while the queue is full.
     pub fn draw(&self, snapshot: Arc<Snapshot>, cameras: Vec<usize>, episode: u64) {
         if let Some(jobs) = &self.jobs {
+            self.pending.fetch_add(1, Ordering::AcqRel);
             let _ = jobs.send(Job::Draw {
                 snapshot,
                 cameras,
@@ -207,12 +216,6 @@ impl RenderThread {
         {
             let _ = wait.recv();
         }
-    }
-
-    /// Pictures published since the start.
-    #[must_use]
-    pub fn drawn(&self) -> u64 {
-        self.drawn.load(Ordering::Acquire)
     }
 
     /// Why the thread stopped drawing, if it did.
@@ -234,13 +237,20 @@ impl Drop for RenderThread {
     }
 }
 
+/// Lowers the priority of this thread and of those that it starts, the driver's
+/// among them: on a scarce processor commands, physics and recorders come first.
+pub(super) fn step_back() {
+    const NICER: i32 = 5;
+    let _ = rustix::process::nice(NICER);
+}
+
 fn draw(
     renderer: &mut Renderer,
     queue: &Receiver<Job>,
     names: &[String],
     (outbox, previews): (&Outbox, &Previews),
     signal: &Signal,
-    drawn: &AtomicU64,
+    pending: &AtomicUsize,
 ) -> Result<(), RenderError> {
     while let Ok(job) = queue.recv() {
         match job {
@@ -253,8 +263,8 @@ fn draw(
                     let name = &names[frame.camera];
                     previews.offer(&frame, episode, snapshot.tick);
                     outbox.camera(name, episode, snapshot.tick, message(name, frame));
-                    drawn.fetch_add(1, Ordering::AcqRel);
                 }
+                pending.fetch_sub(1, Ordering::AcqRel);
                 signal.raise();
             }
             Job::Drain(done) => {

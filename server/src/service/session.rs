@@ -34,6 +34,9 @@ pub fn open(
     set("listen/endpoints", list(listen))?;
     set("connect/endpoints", list(connect))?;
     set("connect/timeout_ms", "5000".to_owned())?;
+    // Connections that never say a word must not keep others out.
+    set("transport/unicast/accept_pending", "500".to_owned())?;
+    set("transport/unicast/accept_timeout", "5000".to_owned())?;
     // Alone there is nobody to be heard of before the start.
     let alone = !multicast && connect.is_empty();
     let delay = if alone { "0" } else { "500" };

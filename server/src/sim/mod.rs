@@ -104,8 +104,6 @@ pub struct Simulation {
 /// What one control tick produced.
 #[derive(Debug)]
 pub struct Step {
-    /// Targets of the first of its physics ticks, as applied.
-    pub applied: Targets,
     /// IMU measurements that fell due, oldest first.
     pub imu: Vec<imu::Sample>,
     /// Cameras (indices into the scenario's list) that fell due, with the
@@ -176,9 +174,19 @@ impl Simulation {
 
     /// Advances by one control tick (4 physics ticks).
     pub fn step(&mut self, input: &ControlInput) -> Step {
+        self.step_telling(input, |_, _| {})
+    }
+
+    /// As [`Simulation::step`]; `tell` hears what is applied before the physics
+    /// takes its time.
+    pub fn step_telling(
+        &mut self,
+        input: &ControlInput,
+        tell: impl FnOnce(&Targets, &RobotControl),
+    ) -> Step {
         let targets = self.control.update(input, &self.snapshot);
+        tell(&targets[0], &self.control);
         let mut step = Step {
-            applied: targets[0],
             imu: Vec::new(),
             frames: Vec::new(),
         };

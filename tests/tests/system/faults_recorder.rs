@@ -260,7 +260,13 @@ fn lock_step_waits_for_a_stopped_recorder_and_says_for_whom() {
         status(&link).waiting_for.contains("recorder two")
     });
     let before = tick(&link);
-    std::thread::sleep(Duration::from_secs(1));
+    // Longer than the ten seconds after which the transport takes a silent
+    // client for gone.
+    for _ in 0..13 {
+        std::thread::sleep(Duration::from_secs(1));
+        let status = status(&link);
+        assert!(status.waiting_for.contains("recorder two"), "{status:?}");
+    }
     assert_eq!(tick(&link), before, "time passed");
     recorders[1].signal("CONT");
     pass(&link, 1.0);

@@ -149,6 +149,26 @@ fn a_signal_leaves_the_terminal_as_it_was() {
 }
 
 #[test]
+fn a_picture_drawn_anew_asks_the_terminal_nothing_and_swallows_no_key() {
+    let server = Server::start("anew", &["--no-cameras"]).expect("a server");
+    let mut person = Person::sit_down(&server, &["--commander", "anna", "--no-page"]);
+    person.waits_for("control is yours");
+    // Ctrl-L, and keys that would be taken for the terminal's answer.
+    for _ in 0..5 {
+        person.presses("\x0ck[;Rk");
+        std::thread::sleep(Duration::from_millis(50));
+    }
+    person.presses("\x0cj");
+    person.waits("a turning chair", |_| {
+        person.numbers("turns ").is_some_and(|n| n[0] > 0.3)
+    });
+    let asks = person.written().contains("\x1b[6n");
+    assert!(!asks, "the program asks where the cursor is");
+    person.presses("k\x03");
+    assert!(person.end().success());
+}
+
+#[test]
 fn a_second_person_is_told_who_is_in_control_and_takes_it_only_explicitly() {
     let server = Server::start("two", &["--no-cameras"]).expect("a server");
     let anna = Person::sit_down(&server, &["--commander", "anna", "--no-page"]);

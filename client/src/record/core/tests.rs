@@ -204,7 +204,16 @@ fn what_never_comes_is_waited_for_a_while_and_then_counted() {
     assert_eq!(b.feed(picture(1, 0)).len(), 1);
     assert_eq!(b.core.status().missed, 2);
     b.feed(Input::Stopped(stopped(1, 5, 1)));
-    assert!(b.wait(MANIFEST_PATIENCE / 2).is_empty());
+    let asked: Vec<_> = b
+        .wait(MANIFEST_PATIENCE / 2)
+        .into_iter()
+        .map(|output| match output {
+            Output::AskSamples(m) => (m.stream, m.first, m.last),
+            other => panic!("{other:?}"),
+        })
+        .collect();
+    let gap = |first, last| ("state_hash".to_owned(), first, last);
+    assert_eq!(asked, [gap(1, 2), gap(4, 4)]);
     let out = b.wait(MANIFEST_PATIENCE);
     assert_eq!((report(&out).complete, report(&out).missed), (false, 3));
     assert_eq!(b.core.status().missed, 3);

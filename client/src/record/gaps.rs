@@ -1,0 +1,130 @@
+//! Which samples to ask for again. The transport repairs losses by itself, but
+//! gives up on what gets lost while it repairs: on a host that cannot keep up,
+//! that is where samples would go missing. The server's cache still has them.
+
+use std::collections::BTreeMap;
+use std::time::{Duration, Instant};
+
+use wheelarm_dataset::coverage::Coverage;
+use wheelarm_proto::v1;
+
+/// Pause before the same samples are asked for again.
+const PAUSE: Duration = Duration::from_secs(1);
+/// After so many times they are not in the cache any more.
+const TRIES: u32 = 5;
+
+/// Samples of one stream that did not come.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Missing {
+    /// Stream name (`camera/NAME` for a camera).
+    pub stream: String,
+    /// First sequence number.
+    pub first: u64,
+    /// Last sequence number.
+    pub last: u64,
+}
+
+/// What was asked for, how often, and when the last time.
+#[derive(Debug, Default)]
+pub(super) struct Gaps {
+    asked: BTreeMap<(String, u64), (u32, Instant)>,
+}
+
+impl Gaps {
+    /// What to ask for at `now`: gaps between the samples that came, and with
+    /// the manifest those at both ends.
+    pub(super) fn wanted(
+        &mut self,
+        seen: &BTreeMap<String, Coverage>,
+        stopped: Option<&v1::EpisodeStopped>,
+        now: Instant,
+    ) -> Vec<Missing> {
+        let mut wanted = Vec::new();
+        let mut look = |stream: &str, coverage: &Coverage, first, last| {
+            for (first, last) in coverage.missing(first, last) {
+                let (tries, at) = self
+                    .asked
+                    .entry((stream.to_owned(), last))
+                    .or_insert((0, now));
+                let due = *tries == 0 || now.saturating_duration_since(*at) >= PAUSE;
+                if due && *tries < TRIES {
+                    (*tries, *at) = (*tries + 1, now);
+                    let stream = stream.to_owned();
+                    wanted.push(Missing {
+                        stream,
+                        first,
+                        last,
+                    });
+                }
+            }
+        };
+        match stopped {
+            Some(stopped) => {
+                let none = Coverage::default();
+                for count in stopped.manifest.iter().filter(|c| c.count > 0) {
+                    let coverage = seen.get(&count.stream).unwrap_or(&none);
+                    look(&count.stream, coverage, count.first, count.last);
+                }
+            }
+            None => {
+                for (stream, coverage) in seen {
+                    if let Some((first, last)) = coverage.span() {
+                        look(stream, coverage, first, last);
+                    }
+                }
+            }
+        }
+        wanted
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn missing(stream: &str, first: u64, last: u64) -> Missing {
+        Missing {
+            stream: stream.into(),
+            first,
+            last,
+        }
+    }
+
+    #[test]
+    fn gaps_are_asked_for_a_few_times_and_the_ends_once_they_are_known() {
+        let start = Instant::now();
+        let mut coverage = Coverage::default();
+        for sequence in [4, 5, 8, 9, 11] {
+            coverage.insert(sequence);
+        }
+        let mut seen = BTreeMap::from([("imu".to_owned(), coverage)]);
+        let mut gaps = Gaps::default();
+        let first = [missing("imu", 6, 7), missing("imu", 10, 10)];
+        assert_eq!(gaps.wanted(&seen, None, start), first);
+        assert_eq!(gaps.wanted(&seen, None, start + PAUSE / 2), []);
+        seen.get_mut("imu").unwrap().insert(10);
+        let again = gaps.wanted(&seen, None, start + PAUSE);
+        assert_eq!(again, [missing("imu", 6, 7)]);
+        let count = |stream: &str, first, last| v1::StreamCount {
+            stream: stream.into(),
+            first,
+            last,
+            count: last - first + 1,
+        };
+        let stopped = v1::EpisodeStopped {
+            manifest: vec![count("imu", 3, 12), count("clock", 0, 1)],
+            ..Default::default()
+        };
+        let ends = gaps.wanted(&seen, Some(&stopped), start + PAUSE);
+        let expected = [
+            missing("imu", 3, 3),
+            missing("imu", 12, 12),
+            missing("clock", 0, 1),
+        ];
+        assert_eq!(ends, expected);
+        for second in 2..20 {
+            gaps.wanted(&seen, Some(&stopped), start + second * PAUSE);
+        }
+        assert_eq!(gaps.wanted(&seen, Some(&stopped), start + 20 * PAUSE), []);
+    }
+}

@@ -1,0 +1,57 @@
+//! What the simulation thread tells of beside the streams: commands that were
+//! refused, control that ended, and waits that take long.
+
+use std::time::Instant;
+
+use wheelarm_proto::v1;
+
+use super::engine::Engine;
+use super::inbox::Refused;
+use super::lock;
+
+impl Engine {
+    /// Between episodes nobody needs to be told that time stands still.
+    pub(super) fn tell_of_waiting(&mut self) {
+        let what = match &self.episode {
+            Some(_) if !self.paused => self.waiting_for.as_str(),
+            _ => "",
+        };
+        if let Some(words) = self.waiting.note(what, Instant::now()) {
+            tracing::warn!("{words}");
+        }
+    }
+
+    pub(super) fn publish_refusals(&self) {
+        let answers = lock(&self.shared.refusals).take(self.shared.now());
+        let (episode, tick) = (self.episode_number(), self.sim.snapshot().tick);
+        for (refused, count) in answers {
+            let Refused {
+                commander,
+                sequence,
+                reason,
+            } = refused;
+            let what = match count {
+                1 => format!("command {sequence} of {commander:?}: {reason}"),
+                _ => {
+                    format!("{count} more, the last command {sequence} of {commander:?}: {reason}")
+                }
+            };
+            self.event("refused", &what);
+            let refusal = v1::Refusal {
+                header: None,
+                commander,
+                sequence,
+                reason,
+                count,
+            };
+            self.shared.outbox.refusal(episode, tick, refusal);
+        }
+    }
+
+    pub(super) fn publish_vanished(&self) {
+        let vanished = std::mem::take(&mut *lock(&self.shared.vanished));
+        for words in vanished {
+            self.event("control", &words);
+        }
+    }
+}
