@@ -21,6 +21,7 @@ demo: build
 	target/release/wheelarm demo --seed $(SEED) --out $(OUT)
 
 test:
+	scripts/setup.sh chromium
 	scripts/setup.sh python numpy h5py pyarrow mcap protobuf:google.protobuf foxglove-schemas-protobuf:foxglove_schemas_protobuf
 	$(CARGO) fmt --all --check
 	$(CARGO) clippy --release --workspace --all-targets -- -D warnings

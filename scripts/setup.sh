@@ -2,6 +2,7 @@
 # Installs what WheelArm needs beside Rust, or prints the exact line that does.
 #   scripts/setup.sh          system packages (HDF5, Vulkan loader and a CPU driver)
 #   scripts/setup.sh python   also strace, and .venv with the Python packages named after it
+#   scripts/setup.sh chromium   also a browser for the test that opens a page, if apt has one
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
@@ -57,4 +58,21 @@ if [ "${1:-}" = python ]; then
         .venv/bin/python -c "import ${module%%=*}" 2>/dev/null ||
             .venv/bin/python -m pip install --quiet --disable-pip-version-check "$package"
     done
+fi
+# Without a browser its one test says that it is skipped; so nothing here fails.
+if [ "${1:-}" = chromium ]; then
+    for browser in chromium chromium-browser google-chrome; do
+        "$browser" --version >/dev/null 2>&1 && exit 0
+    done
+    line="apt-get install -y --no-install-recommends chromium"
+    if [ "$(id -u)" = 0 ]; then
+        as_root=(env)
+    else
+        as_root=(sudo -n)
+    fi
+    echo "installing chromium"
+    if ! { "${as_root[@]}" apt-get update -qq && "${as_root[@]}" env DEBIAN_FRONTEND=noninteractive $line -qq; } >/dev/null 2>&1; then
+        echo "chromium cannot be installed from here; the test that opens a page will be skipped"
+        echo "    sudo apt-get update && sudo $line"
+    fi
 fi

@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
 # Measures step, inverse kinematics, cameras and recording, each beside its
-# reference, and prints one table; then the exports of a recording. `make bench` builds and installs first.
+# reference, and prints one table; then the exports of a recording, and the error
+# of aligned poses. `make bench` builds and installs first.
 #   tests/bench.sh [--rounds N] [--no-demo]
 set -euo pipefail
 cd "$(dirname "$0")/.."
@@ -16,3 +17,5 @@ fi
 "$python" tests/bench/compare.py "$@"
 echo
 "$python" tests/bench/dataset.py
+echo
+"$python" tests/bench/align.py

@@ -8,10 +8,17 @@ cd "$(dirname "$0")/.."
 root=$PWD
 venv=${WHEELARM_READERS:-$root/.venv-readers}
 python=$venv/bin/python
+NEEDED=13
 [ -x "$python" ] || python3 -m venv "$venv"
+# What is installed needs no cache beside it.
+export PIP_NO_CACHE_DIR=1
 has() { "$python" -c "from importlib.metadata import version; import sys; sys.exit(version('$1') != '$2')" 2>/dev/null; }
 pip() { "$python" -m pip install --quiet --disable-pip-version-check "$@"; }
-has lerobot 0.4.4 || pip lerobot==0.4.4
+if ! has lerobot 0.4.4; then
+    free=$(($(df --output=avail -k "$venv" | tail -1) >> 20))
+    [ "$free" -ge "$NEEDED" ] || { echo "lerobot and torch take about $NEEDED GB while they are installed; $free GB are free in $venv" >&2; exit 1; }
+    pip lerobot==0.4.4
+fi
 # Its dependency egl_probe does not build with new versions of CMake.
 has robomimic 0.3.0 || pip --no-deps robomimic==0.3.0
 "$python" -c 'import h5py, tensorboard, tensorboardX, imageio, termcolor, psutil, tqdm' 2>/dev/null ||

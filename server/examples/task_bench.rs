@@ -41,15 +41,21 @@ fn main() -> Result<()> {
         } else {
             wall
         };
+        // What is soft has a goal and a bench of its own: `plush_bench`.
+        let soft = sim.scene().objects.iter().any(|body| body.soft.is_some());
         println!(
-            "{:20} {cpu:5.1} x real time of one core, {wall:5.1} x by the clock",
-            task.name
+            "{:20} {cpu:5.1} x real time of one core, {wall:5.1} x by the clock{}",
+            task.name,
+            if soft { ", soft" } else { "" }
         );
-        if cpu < slowest.1 {
+        if !soft && cpu < slowest.1 {
             slowest = (task.name, cpu);
         }
     }
-    println!("slowest {:.1} x real time: {}", slowest.1, slowest.0);
+    println!(
+        "slowest rigid task {:.1} x real time: {}",
+        slowest.1, slowest.0
+    );
     Ok(())
 }
 

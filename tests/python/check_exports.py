@@ -311,6 +311,46 @@ def foxglove(first):
     return len(done)
 
 
+def cubic(rows, time, values, slopes):
+    """The cubics through the samples with their slopes per second."""
+    i = np.clip(np.searchsorted(time, rows, side="right") - 1, 0, len(time) - 2)
+    span = ((time[i + 1] - time[i]) * 1e-9)[:, None]
+    s = np.clip((rows.astype("f8") - time[i])[:, None] * 1e-9 / span, 0, 1)
+    a, b = values[i], values[i + 1]
+    return (a * (1 + 2 * s) * (1 - s) ** 2 + b * s**2 * (3 - 2 * s)
+            + span * (slopes[i] * s * (1 - s) ** 2 + slopes[i + 1] * s**2 * (s - 1)))
+
+
+def turned(q, v):
+    """Vectors turned by unit quaternions x y z w."""
+    t = 2 * np.cross(q[..., :3], v)
+    return v + q[..., 3:] * t + np.cross(q[..., :3], t)
+
+
+def product(a, b):
+    vector = a[..., 3:] * b[..., :3] + b[..., 3:] * a[..., :3] + np.cross(a[..., :3], b[..., :3])
+    return np.concatenate([vector, a[..., 3:] * b[..., 3:] - (a[..., :3] * b[..., :3]).sum(-1, keepdims=True)], -1)
+
+
+def rigid(file):
+    """The chair's pose beside that of the camera on it, which every picture
+    carries and nobody interpolated: one stays fixed in the other."""
+    camera = file["streams/camera/wheelchair"]
+    same = (camera["stamp_nanos"][...] == file["stamp_nanos"][...]) & file["streams/pose/valid"][...].astype(bool)
+    names = list(file["streams/pose/pose"].attrs["names"])
+    chair = file["streams/pose/pose"][...][same, names.index("wheelchair")]
+    camera, age = camera["pose"][...][same], file["streams/pose/age_nanos"][...][same]
+    back = chair[:, 3:] * [-1, -1, -1, 1]
+    place = turned(back, camera[:, :3] - chair[:, :3])
+    turn = product(back, camera[:, 3:])
+    sampled = np.flatnonzero(age == 0)[0]
+    off = np.linalg.norm(place - place[sampled], axis=1).max()
+    angle = 2 * np.linalg.norm(product(turn, turn[sampled] * [-1, -1, -1, 1])[:, :3], axis=1).max()
+    assert off < 1e-4, f"the chair is off its camera by {off} m"
+    assert angle < np.radians(0.01), f"the chair is off its camera by {np.degrees(angle)} deg"
+    print(f"chair against its camera: {1e3 * off:.4f} mm, {np.degrees(angle):.5f} deg; {(age > 0).sum()} rows between samples")
+
+
 def aligned(path, recordings):
     for recording in recordings:
         source = h5py.File(recording)
@@ -325,9 +365,15 @@ def aligned(path, recordings):
                 time = streams[stream]["stamp_nanos"][...]
                 inside = (stamps >= time[0]) & (stamps <= time[-1])
                 assert not valid[~inside].any(), f"{name} is extrapolated"
-                if name in ("joint_state/position", "imu/linear_acceleration"):
-                    truth = np.stack([np.interp(stamps, time, c) for c in streams[name][...].T], axis=1)
+                values = streams[name][...]
+                if file["streams"][name].attrs["interpolation"].startswith("cubic"):
+                    if name == "joint_state/position":
+                        truth = cubic(stamps, time, values, streams["joint_state/velocity"][...])
+                        equal(found[valid], truth[valid], name, 1e-9)
+                elif name in ("joint_state/position", "imu/linear_acceleration"):
+                    truth = np.stack([np.interp(stamps, time, c) for c in values.T], axis=1)
                     equal(found[valid], truth[valid], name, 1e-9)
+            rigid(file)
             for camera in CAMERAS:
                 for kind in ("rgb", "depth", "ids"):
                     equal(file[f"streams/camera/{camera}/{kind}"][7], streams[f"camera/{camera}/{kind}"][7], kind)

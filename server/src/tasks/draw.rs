@@ -73,10 +73,13 @@ fn draw_with_clearance(spec: &TaskSpec, scene: &Scene, seed: u64) -> (Draw, f64)
     let instruction = in_words(&instruction, spec, scene, &placements, &target);
     let mut slides: Vec<_> = scene.joints.iter().map(|joint| joint.resistance).collect();
     for slide in &spec.slides {
-        slides[slide.joint] = Resistance {
+        let drawn = Resistance {
             friction: number(&mut random, slide.friction),
             damping: number(&mut random, slide.damping),
         };
+        if let Some(joint) = scene.joint_named(&slide.joint) {
+            slides[joint] = drawn;
+        }
     }
     let draw = Draw {
         placements,

@@ -92,8 +92,8 @@ pub struct PlaceSpec {
 /// Ranges of the resistance of furniture that slides.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SlideSpec {
-    /// Index into `Scene::joints`.
-    pub joint: usize,
+    /// Joint, for example `drawer_1_joint`.
+    pub joint: String,
     /// Dry friction, N.
     pub friction: Range,
     /// Viscous friction, N·s/m.
@@ -347,22 +347,24 @@ fn read_place(place: &Place, scene: &Scene, entry: &PlaceEntry) -> Result<PlaceS
 
 fn read_slide(place: &Place, scene: &Scene, entry: &SlideEntry) -> Result<SlideSpec, SceneError> {
     let [friction, damping] = ["friction", "damping"].map(|key| place.key(key));
+    known_joint(&place.key("joint"), scene, &entry.joint)?;
     Ok(SlideSpec {
-        joint: known_joint(&place.key("joint"), scene, &entry.joint)?,
+        joint: entry.joint.clone(),
         friction: range(&friction, entry.friction, 0.0, 1000.0, "N")?,
         damping: range(&damping, entry.damping, 0.0, 10_000.0, "N·s/m")?,
     })
 }
 
-fn known_joint(place: &Place, scene: &Scene, name: &str) -> Result<usize, SceneError> {
-    scene.joint_named(name).ok_or_else(|| {
-        let known: Vec<_> = scene.joints.iter().map(|j| j.name.as_str()).collect();
-        place.wrong(
-            format!("{name:?}"),
-            format!("one of {}", known.join(", ")),
-            "correct the name or give the furniture a slide",
-        )
-    })
+fn known_joint(place: &Place, scene: &Scene, name: &str) -> Result<(), SceneError> {
+    if scene.joint_named(name).is_some() {
+        return Ok(());
+    }
+    let known: Vec<_> = scene.joints.iter().map(|j| j.name.as_str()).collect();
+    Err(place.wrong(
+        format!("{name:?}"),
+        format!("one of {}", known.join(", ")),
+        "correct the name or give the furniture a slide",
+    ))
 }
 
 fn known_object(place: &Place, scene: &Scene, name: &str) -> Result<(), SceneError> {

@@ -73,7 +73,7 @@ fn drawn_starts_of_every_task_are_inside_their_ranges_and_apart() {
                 }
             }
             for slide in &spec.slides {
-                let drawn = drawn.slides[slide.joint];
+                let drawn = drawn.slides[scene.joint_named(&slide.joint).unwrap()];
                 assert!(slide.friction.contains(drawn.friction), "{at}");
                 assert!(slide.damping.contains(drawn.damping), "{at}");
                 frictions.push(drawn.friction);

@@ -128,6 +128,45 @@ fn the_guides_commands_run_and_other_libraries_read_what_they_write() {
     problems(folder, &all);
 }
 
+/// The original's own scripts take what we write for them, and end with the
+/// table that we write ourselves. We have no right to ship them: a variable of
+/// the environment names their folder.
+#[test]
+fn the_originals_scripts_process_our_files() {
+    const NAME: &str = "WHEELARM_SIM_SCRIPTS";
+    let Some(scripts) = std::env::var_os(NAME).filter(|s| !s.is_empty()) else {
+        println!("skipped: {NAME} does not name the folder of the original's Data_Processing/*.py");
+        return;
+    };
+    let Some(python) = python("h5py, numpy") else {
+        return;
+    };
+    let folder = tempfile::tempdir().expect("a folder");
+    let folder = folder.path();
+    // Their picture size, and an episode of more than their 249 samples.
+    let output = shell(
+        folder,
+        "wheelarm demo --task place_knife --seed 0 --no-sheet --out raw\n\
+         wheelarm dataset export --format wheelarm-sim raw --out original\n\
+         wheelarm dataset export --format csv raw --out csv",
+    );
+    assert!(output.status.success(), "{}", printed(&output));
+    let output = Command::new(python)
+        .arg(root().join("tests/python/run_original_scripts.py"))
+        .arg(scripts)
+        .args([
+            "original/place_knife-seed0.hdf5",
+            "csv/place_knife-seed0/final_data.csv",
+            "work",
+        ])
+        .current_dir(folder)
+        .output()
+        .expect("a process");
+    print!("{}", String::from_utf8_lossy(&output.stdout));
+    let skipped = output.status.code() == Some(77);
+    assert!(skipped || output.status.success(), "{}", printed(&output));
+}
+
 /// Chromium runs the page's script and finds every picture.
 fn page_plays(page: &Path) {
     let browsers = ["chromium", "chromium-browser", "google-chrome"];
@@ -137,7 +176,7 @@ fn page_plays(page: &Path) {
             .output()
             .is_ok_and(|o| o.status.success())
     }) else {
-        println!("skipped: none of {browsers:?} is installed");
+        println!("skipped: none of {browsers:?} is installed; run: scripts/setup.sh chromium");
         return;
     };
     let output = Command::new(browser)
@@ -164,17 +203,19 @@ fn page_plays(page: &Path) {
     );
 }
 
-/// At 8 Hz pictures lie between the samples of 60 Hz: there, interpolation is
-/// compared with numpy's.
+/// At 8 Hz pictures lie between the samples of 60 Hz: there, both curves are
+/// compared with numpy's, and the chair with the camera on it.
 fn off_sample_rows(folder: &Path) {
     let output = shell(
         folder,
         "wheelarm demo --seed 2 --width 64 --height 48 --rate 8 --no-sheet --out data/eight\n\
-         wheelarm dataset align data/eight --out data/eight-aligned",
+         wheelarm dataset align data/eight --out data/eight-aligned\n\
+         wheelarm dataset align data/eight --interpolation linear --out data/eight-linear",
     );
     assert!(output.status.success(), "{}", printed(&output));
     let all = recordings(&folder.join("data/eight"));
     check(folder, "aligned", "data/eight-aligned", &all, "h5py, numpy");
+    check(folder, "aligned", "data/eight-linear", &all, "h5py, numpy");
 }
 
 /// What goes wrong is said, and does not spoil the rest.

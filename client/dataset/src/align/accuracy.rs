@@ -5,12 +5,14 @@
 //! 60 Hz: that error is the real one. Other streams come at 60 Hz and are
 //! thinned to 30 Hz; the error of a straight line falls with the square of the
 //! distance, so that a quarter of it is what rows between 60 Hz samples have.
-//! A row that falls on a sample has none.
+//! That of a cubic falls faster where motion is smooth, and not where something
+//! knocks: a quarter is said there, too. A row that falls on a sample has none.
 
 use std::fmt;
 
-use super::interpolate::{Place, angle_between, unwrap};
-use super::{Rule, between, usual_distance};
+use super::curve::{Curve, Slopes, only};
+use super::interpolate::{angle_between, unwrap};
+use super::{Interpolation, Rule, usual_distance};
 use crate::read::{ElementKind, Episode, ReadError, Values};
 
 /// Rate to which the IMU is thinned, Hz: that of the other state streams.
@@ -21,6 +23,8 @@ const STATE_RATE: f64 = 60.0;
 pub struct Accuracy {
     /// Stream and column, with the part of a pose.
     pub what: String,
+    /// Curve between the samples.
+    pub interpolation: Interpolation,
     /// Unit of the error, `m` or `rad`.
     pub unit: &'static str,
     /// Rate of the samples that were kept, Hz.
@@ -29,6 +33,10 @@ pub struct Accuracy {
     pub truth_hz: f64,
     /// Greatest error.
     pub worst: f64,
+    /// Frame, joint or object with the greatest error; empty for a single one.
+    pub worst_of: String,
+    /// When that was, seconds since the stream's first sample.
+    pub worst_at: f64,
     /// Mean error.
     pub mean: f64,
     /// Greatest error expected at the rate of the recorded states.
@@ -41,13 +49,20 @@ impl fmt::Display for Accuracy {
             "m" => (1e3, "mm"),
             _ => (1.0_f64.to_degrees(), "deg"),
         };
+        let by = match self.interpolation {
+            Interpolation::Linear => "linear",
+            Interpolation::Hermite => "hermite",
+        };
         write!(
             f,
-            "{:<34} {:>5.0} of {:>3.0} Hz kept: worst {:.5} {unit}, mean {:.6} {unit}; between recorded samples <= {:.5} {unit}",
+            "{:<34} {by:<7} {:>5.0} of {:>3.0} Hz kept: worst {:.5} {unit} ({}{}{:.2} s), mean {:.6} {unit}; between recorded samples <= {:.5} {unit}",
             self.what,
             self.kept_hz,
             self.truth_hz,
             self.worst * factor,
+            self.worst_of,
+            if self.worst_of.is_empty() { "" } else { ", " },
+            self.worst_at,
             self.mean * factor,
             self.at_state_rate * factor,
         )
@@ -81,7 +96,10 @@ pub fn accuracy(episode: &Episode) -> Result<Vec<Accuracy>, ReadError> {
             continue;
         };
         let rule = Rule::of(meta);
-        let width = meta.width();
+        let mut width = meta.width();
+        let mut slopes = Slopes::of(episode, meta)?;
+        let mut what = format!("{stream}/{column}");
+        let mut names = meta.names.clone();
         if rule == Rule::Angle {
             unwrap(&mut all, width);
             // Wheels turn by many turns; the arm is what precision is for.
@@ -89,94 +107,102 @@ pub fn accuracy(episode: &Episode) -> Result<Vec<Accuracy>, ReadError> {
                 .filter(|&i| meta.names.get(i).is_some_and(|n| n.starts_with("joint_")))
                 .collect();
             if !arm.is_empty() {
-                let rows = all.chunks_exact(width);
-                let kept = rows.flat_map(|r| arm.iter().map(|&i| r[i])).collect();
-                out.extend(thinned(
-                    &format!("{stream}/{column} (arm)"),
-                    rule,
-                    &times,
-                    kept,
-                    arm.len(),
-                ));
-                continue;
+                all = only(&all, &arm, width);
+                slopes = slopes.map(|s| s.only(&arm, width));
+                width = arm.len();
+                names = arm.iter().filter_map(|&i| names.get(i).cloned()).collect();
+                what.push_str(" (arm)");
             }
         }
-        out.extend(thinned(
-            &format!("{stream}/{column}"),
+        let straight = Curve {
             rule,
-            &times,
-            all,
             width,
-        ));
+            slopes: None,
+        };
+        out.extend(thinned(&what, &names, straight, &times, &all));
+        if slopes.is_some() {
+            let cubic = Curve {
+                slopes: slopes.as_ref(),
+                ..straight
+            };
+            out.extend(thinned(&what, &names, cubic, &times, &all));
+        }
     }
     Ok(out)
 }
 
+/// Errors of one quantity while they are counted.
+#[derive(Clone, Copy, Debug, Default)]
+struct Errors {
+    worst: f64,
+    worst_of: usize,
+    worst_at: u64,
+    sum: f64,
+    count: usize,
+}
+
+impl Errors {
+    fn add(&mut self, error: f64, of: usize, at: u64) {
+        if !error.is_finite() {
+            return;
+        }
+        if error > self.worst {
+            (self.worst, self.worst_of, self.worst_at) = (error, of, at);
+        }
+        self.sum += error;
+        self.count += 1;
+    }
+}
+
 /// Compares every left-out sample with what interpolation finds for it.
-#[must_use]
-pub fn thinned(
+fn thinned(
     what: &str,
-    rule: Rule,
+    names: &[String],
+    curve: Curve<'_>,
     times: &[u64],
-    all: Vec<f64>,
-    width: usize,
+    all: &[f64],
 ) -> Vec<Accuracy> {
+    let Curve { rule, width, .. } = curve;
     let Some(usual) = usual_distance(times).filter(|&d| d > 0) else {
         return Vec::new();
     };
     let rate = 1e9 / usual as f64;
     let step = ((rate / STATE_RATE).round() as usize).max(2);
-    let mut kinds = [
-        ("", "rad", 0.0_f64, 0.0_f64, 0_usize),
-        ("", "rad", 0.0, 0.0, 0),
-    ];
-    match rule {
-        Rule::Pose => {
-            kinds[0].0 = ", position";
-            kinds[0].1 = "m";
-            kinds[1].0 = ", orientation";
-        }
-        Rule::Linear => kinds[0].1 = "m",
-        _ => {}
-    }
+    let kinds = match rule {
+        Rule::Pose => [(", position", "m"), (", orientation", "rad")],
+        Rule::Linear => [("", "m"), ("", "rad")],
+        _ => [("", "rad"), ("", "rad")],
+    };
+    let mut errors = [Errors::default(); 2];
+    let mut found = Vec::with_capacity(width);
     for from in (0..times.len().saturating_sub(step)).step_by(step) {
         let to = from + step;
         for left in from + 1..to {
             let span = (times[to] - times[from]) as f64;
             let share = (times[left] - times[from]) as f64 / span;
-            let pair = [
-                &all[from * width..(from + 1) * width],
-                &all[to * width..(to + 1) * width],
-            ]
-            .concat();
-            let mut found = Vec::with_capacity(width);
-            between(rule, &pair, width, Place::Between(0, share), &mut found);
+            found.clear();
+            curve.between(times, all, (from, to), share, &mut found);
             let truth = &all[left * width..(left + 1) * width];
-            let mut count = |kind: usize, error: f64| {
-                let k = &mut kinds[kind];
-                if error.is_finite() {
-                    k.2 = k.2.max(error);
-                    k.3 += error;
-                    k.4 += 1;
-                }
-            };
+            let at = times[left] - times[0];
             let four = |s: &[f64], at: usize| std::array::from_fn(|k| s[at + k]);
             match rule {
                 Rule::Pose => {
-                    for (f, t) in found.chunks_exact(7).zip(truth.chunks_exact(7)) {
+                    let things = found.chunks_exact(7).zip(truth.chunks_exact(7));
+                    for (i, (f, t)) in things.enumerate() {
                         let off: f64 = (0..3).map(|k| (f[k] - t[k]).powi(2)).sum();
-                        count(0, off.sqrt());
-                        count(1, angle_between(four(f, 3), four(t, 3)));
+                        errors[0].add(off.sqrt(), i, at);
+                        errors[1].add(angle_between(four(f, 3), four(t, 3)), i, at);
                     }
                 }
                 Rule::Quaternion => {
-                    for (f, t) in found.chunks_exact(4).zip(truth.chunks_exact(4)) {
-                        count(0, angle_between(four(f, 0), four(t, 0)));
+                    let things = found.chunks_exact(4).zip(truth.chunks_exact(4));
+                    for (i, (f, t)) in things.enumerate() {
+                        errors[0].add(angle_between(four(f, 0), four(t, 0)), i, at);
                     }
                 }
                 Rule::Linear | Rule::Angle | Rule::Nearest => {
-                    for (f, t) in found.iter().zip(truth) {
-                        count(0, (f - t).abs());
+                    for (i, (f, t)) in found.iter().zip(truth).enumerate() {
+                        errors[0].add((f - t).abs(), i, at);
                     }
                 }
             }
@@ -186,15 +212,23 @@ pub fn thinned(
     let gain = (kept_hz / STATE_RATE).powi(2).min(1.0);
     kinds
         .into_iter()
-        .filter(|k| k.4 > 0)
-        .map(|(part, unit, worst, sum, n)| Accuracy {
+        .zip(errors)
+        .filter(|(_, e)| e.count > 0)
+        .map(|((part, unit), e)| Accuracy {
             what: format!("{what}{part}"),
+            interpolation: if curve.slopes.is_some() {
+                Interpolation::Hermite
+            } else {
+                Interpolation::Linear
+            },
             unit,
             kept_hz,
             truth_hz: rate,
-            worst,
-            mean: sum / n as f64,
-            at_state_rate: worst * gain,
+            worst: e.worst,
+            worst_of: names.get(e.worst_of).cloned().unwrap_or_default(),
+            worst_at: e.worst_at as f64 * 1e-9,
+            mean: e.sum / e.count as f64,
+            at_state_rate: e.worst * gain,
         })
         .collect()
 }
@@ -207,7 +241,12 @@ mod tests {
     fn the_error_of_a_parabola_is_an_eighth_of_its_curvature_times_the_distance_squared() {
         let times: Vec<u64> = (0..240).map(|i| i * 1_000_000_000 / 60).collect();
         let all: Vec<f64> = times.iter().map(|&t| (t as f64 * 1e-9).powi(2)).collect();
-        let found = thinned("x", Rule::Linear, &times, all, 1);
+        let line = Curve {
+            rule: Rule::Linear,
+            width: 1,
+            slopes: None,
+        };
+        let found = thinned("x", &[], line, &times, &all);
         let expected = 2.0 / 30.0_f64.powi(2) / 8.0;
         assert!((found[0].worst - expected).abs() < 1e-6, "{found:?}");
         assert!((found[0].at_state_rate - expected / 4.0).abs() < 1e-6);

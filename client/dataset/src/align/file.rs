@@ -158,7 +158,7 @@ fn column(group: &Group, signal: &Signal) -> hdf5::Result<()> {
     attributes
         .text("units", &meta.units)?
         .text("frame", &meta.frame)?
-        .text("interpolation", signal.rule.name())?;
+        .text("interpolation", signal.how())?;
     if !meta.names.is_empty() {
         attributes.texts("names", &meta.names)?;
     }

@@ -1,20 +1,26 @@
-//! Every stream at the stamps of one camera: linear for vectors, slerp for
-//! orientations, unwrapped for angles, nearest for everything that does not
-//! move continuously. A row that is not enclosed by samples near enough is
-//! marked, never made up. One column is in memory at a time beside the result.
+//! Every stream at the stamps of one camera: cubics with the recorded velocities
+//! for the robot's poses and joints, otherwise (or when asked, everywhere)
+//! linear for vectors, slerp for orientations, unwrapped for angles; nearest for
+//! everything that does not move continuously. A row that is not enclosed by
+//! samples near enough is marked, never made up. One column is in memory at a
+//! time beside the result.
 
 pub mod accuracy;
+mod curve;
 mod file;
+pub mod hermite;
 pub mod interpolate;
 #[cfg(test)]
 mod laws;
 
+pub use curve::{Interpolation, Rule};
 pub use file::write;
 
 use std::collections::BTreeMap;
 
 use crate::read::{ColumnMeta, ElementKind, Episode, ReadError, Values};
-use interpolate::{Place, linear, nearest, place, slerp, unwrap};
+use curve::{Curve, Slopes};
+use interpolate::{Place, nearest, place, unwrap};
 
 /// The camera whose stamps are the rows, as in the original.
 pub const REFERENCE: &str = "gen3";
@@ -30,6 +36,8 @@ pub struct AlignOptions {
     /// Greatest distance of the two samples around a row by stream, seconds;
     /// 2.5 times the stream's usual distance for streams without an entry.
     pub limits: BTreeMap<String, f64>,
+    /// Curve between two samples.
+    pub interpolation: Interpolation,
 }
 
 impl Default for AlignOptions {
@@ -37,58 +45,7 @@ impl Default for AlignOptions {
         Self {
             reference: REFERENCE.to_owned(),
             limits: BTreeMap::new(),
-        }
-    }
-}
-
-/// How the values of a column are found between samples.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Rule {
-    /// Straight line.
-    Linear,
-    /// Straight line of the unwrapped angle.
-    Angle,
-    /// Position linear, orientation by slerp.
-    Pose,
-    /// Slerp.
-    Quaternion,
-    /// The nearest sample.
-    Nearest,
-}
-
-impl Rule {
-    /// The rule in a word, as files name it.
-    #[must_use]
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Linear => "linear",
-            Self::Angle => "linear, unwrapped",
-            Self::Pose => "linear and slerp",
-            Self::Quaternion => "slerp",
-            Self::Nearest => "nearest",
-        }
-    }
-
-    /// The rule of a column by what it says of itself.
-    #[must_use]
-    pub fn of(meta: &ColumnMeta) -> Self {
-        // Commands and lists of contacts jump; between two of them lies nothing.
-        let jumps = match meta.stream.as_str() {
-            "command" | "evaluation" => true,
-            "applied" => matches!(meta.name.as_str(), "arm" | "base" | "gripper"),
-            "contact" => meta.name != "pad_force",
-            _ => false,
-        };
-        if meta.kind != ElementKind::F64 || jumps {
-            Self::Nearest
-        } else if meta.components == ["x", "y", "z", "qx", "qy", "qz", "qw"] {
-            Self::Pose
-        } else if meta.components == ["x", "y", "z", "w"] {
-            Self::Quaternion
-        } else if meta.units == "rad" {
-            Self::Angle
-        } else {
-            Self::Linear
+            interpolation: Interpolation::default(),
         }
     }
 }
@@ -100,11 +57,23 @@ pub struct Signal {
     pub meta: ColumnMeta,
     /// How its values were found.
     pub rule: Rule,
+    /// Whether that was with the recorded velocities.
+    pub hermite: bool,
     /// The values; NaN, 0 or empty in rows that are not valid.
     pub values: Values,
 }
 
 impl Signal {
+    /// How its values were found, in words.
+    #[must_use]
+    pub fn how(&self) -> &'static str {
+        if self.hermite {
+            "cubic Hermite with recorded velocities"
+        } else {
+            self.rule.name()
+        }
+    }
+
     /// The numbers of one row; empty for a column of another kind.
     #[must_use]
     pub fn row(&self, index: usize) -> &[f64] {
@@ -260,8 +229,18 @@ pub fn align(
                 if meta.kind != ElementKind::Other && meta.width() > 0 {
                     let values = episode.values(&meta)?;
                     let rule = Rule::of(&meta);
+                    let slopes = match options.interpolation {
+                        Interpolation::Linear => None,
+                        Interpolation::Hermite => Slopes::of(episode, &meta)?,
+                    };
+                    let curve = Curve {
+                        rule,
+                        width: meta.width(),
+                        slopes: slopes.as_ref(),
+                    };
                     aligned.signals.push(Signal {
-                        values: resample(rule, &meta, values, &times, &aligned.stamps, &coverage),
+                        values: resample(curve, values, &times, &aligned.stamps, &coverage),
+                        hermite: slopes.is_some(),
                         meta: ColumnMeta {
                             count: aligned.stamps.len(),
                             ..meta
@@ -312,14 +291,13 @@ fn cover(times: &[u64], rows: &[u64], limit: u64) -> Coverage {
 }
 
 fn resample(
-    rule: Rule,
-    meta: &ColumnMeta,
+    curve: Curve<'_>,
     values: Values,
     times: &[u64],
     rows: &[u64],
     coverage: &Coverage,
 ) -> Values {
-    let width = meta.width();
+    let Curve { rule, width, .. } = curve;
     let index = |row: usize| nearest(times, rows[row], u64::MAX).filter(|_| coverage.valid[row]);
     match values {
         Values::F64(mut all) => {
@@ -334,7 +312,7 @@ fn resample(
                         None => out.extend(std::iter::repeat_n(f64::NAN, width)),
                     }
                 } else if coverage.valid[row] {
-                    between(rule, &all, width, place(times, time), &mut out);
+                    curve.append(times, &all, place(times, time), &mut out);
                 } else {
                     out.extend(std::iter::repeat_n(f64::NAN, width));
                 }
@@ -361,33 +339,4 @@ fn pick<T: Clone + Default>(
         }
     }
     out
-}
-
-/// Appends the values at a place among samples of `width` numbers.
-pub(crate) fn between(rule: Rule, all: &[f64], width: usize, at: Place, out: &mut Vec<f64>) {
-    let (i, share) = match at {
-        Place::At(i) => return out.extend_from_slice(&all[i * width..(i + 1) * width]),
-        Place::Between(i, share) => (i, share),
-        Place::Outside => return out.extend(std::iter::repeat_n(f64::NAN, width)),
-    };
-    let a = &all[i * width..(i + 1) * width];
-    let b = &all[(i + 1) * width..(i + 2) * width];
-    let (step, turning) = match rule {
-        Rule::Pose => (7, Some(3)),
-        Rule::Quaternion => (4, Some(0)),
-        Rule::Linear | Rule::Angle | Rule::Nearest => (1, None),
-    };
-    for (a, b) in a.chunks_exact(step).zip(b.chunks_exact(step)) {
-        let straight = turning.unwrap_or(step);
-        out.extend(
-            a.iter()
-                .zip(b)
-                .take(straight)
-                .map(|(&x, &y)| linear(x, y, share)),
-        );
-        if turning.is_some() {
-            let four = |s: &[f64]| std::array::from_fn(|k| s[straight + k]);
-            out.extend(slerp(four(a), four(b), share));
-        }
-    }
 }

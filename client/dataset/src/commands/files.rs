@@ -59,6 +59,7 @@ pub fn options(input: &Input) -> anyhow::Result<ReadOptions> {
         align: AlignOptions {
             reference: input.reference.clone(),
             limits: input.limits.iter().cloned().collect(),
+            interpolation: input.interpolation,
         },
         corrections,
     })

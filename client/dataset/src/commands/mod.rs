@@ -6,6 +6,7 @@ mod process;
 use std::path::{Path, PathBuf};
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
+use wheelarm_dataset::align::Interpolation;
 use wheelarm_dataset::convert::Size;
 use wheelarm_dataset::finish::finish;
 use wheelarm_dataset::read::Episode;
@@ -137,6 +138,9 @@ pub struct Input {
     /// 2.5 times a stream's usual distance without it. Can be repeated.
     #[arg(long = "max-age", value_name = "STREAM=SECONDS", value_parser = files::limit)]
     pub limits: Vec<(String, f64)>,
+    /// Curve between two samples.
+    #[arg(long, value_enum, default_value_t, value_name = "CURVE")]
+    pub interpolation: Interpolation,
     /// Table of corrected segments, as `label --out` writes it.
     #[arg(long, value_name = "CSV")]
     pub corrections: Option<PathBuf>,

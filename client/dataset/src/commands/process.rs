@@ -1,5 +1,6 @@
 //! The commands that take many recordings.
 
+use std::collections::BTreeMap;
 use std::path::Path;
 
 use wheelarm_dataset::align::{self, accuracy};
@@ -56,6 +57,7 @@ pub fn align(input: &Input, out: Option<&Path>, pictures: bool) -> anyhow::Resul
                     );
                 }
             }
+            println!("  {}", between_samples(&recording.aligned));
             for accuracy in &accuracies {
                 println!("  {accuracy}");
             }
@@ -64,6 +66,30 @@ pub fn align(input: &Input, out: Option<&Path>, pictures: bool) -> anyhow::Resul
     });
     bar.finish_and_clear();
     Ok(code(&results))
+}
+
+/// Which streams have rows that do not fall on a sample.
+fn between_samples(aligned: &align::Aligned) -> String {
+    let rows = aligned.stamps.len();
+    let continuous = |stream: &str| {
+        let mut columns = aligned.signals.iter().filter(|s| s.meta.stream == stream);
+        columns.any(|s| s.rule != align::Rule::Nearest)
+    };
+    let coverage = aligned.coverage.iter().filter(|(s, _)| continuous(s));
+    let streams = coverage.filter_map(|(stream, c)| {
+        let rows = c.valid.iter().zip(&c.age).filter(|(v, a)| **v && **a > 0);
+        let count = rows.count();
+        (count > 0).then(|| format!("{stream} {count}"))
+    });
+    let streams: Vec<String> = streams.collect();
+    if streams.is_empty() {
+        format!("all {rows} rows fall on samples: nothing is interpolated")
+    } else {
+        format!(
+            "rows between samples, of {rows}: {} (0 of the others)",
+            streams.join(", ")
+        )
+    }
 }
 
 pub fn label(input: &Input, out: Option<&Path>) -> anyhow::Result<u8> {
@@ -75,18 +101,22 @@ pub fn label(input: &Input, out: Option<&Path>) -> anyhow::Result<u8> {
         let found = label::segments(&episode)?;
         let agreement = agreement(&episode, &found)?;
         let segments = options.corrections.apply(&summary.label, start, found);
-        Ok((summary.label, start, segments, agreement))
+        let [task, ..] = summary.task;
+        Ok((summary.label, task, start, segments, agreement))
     });
     let mut table = Vec::new();
-    let mut compared: Vec<Agreement> = Vec::new();
+    let mut compared: BTreeMap<String, Vec<Agreement>> = BTreeMap::new();
     for (_, result) in &results {
-        if let Ok((name, start, segments, agreement)) = result {
+        if let Ok((name, task, start, segments, agreement)) = result {
             table.push((name.clone(), *start, segments.clone()));
             if let Some(agreement) = agreement {
                 if !agreement.within(NEAR) {
                     println!("{name}: {}", disagreement(agreement, *start));
                 }
-                compared.push(agreement.clone());
+                compared
+                    .entry(task.clone())
+                    .or_default()
+                    .push(agreement.clone());
             }
         }
     }
@@ -104,18 +134,24 @@ pub fn label(input: &Input, out: Option<&Path>) -> anyhow::Result<u8> {
         None => label::write(std::io::stdout().lock(), &table)?,
     }
     if !compared.is_empty() {
-        let worst = compared
-            .iter()
-            .filter_map(|a| a.differences.as_ref())
-            .flatten();
-        let worst = worst.fold(0.0_f64, |w, d| w.max(d.abs()));
-        println!(
-            "within {NEAR} s of the operator's phases: {:.1} % of {} episodes (worst boundary of those in the same order {worst:.3} s)",
-            100.0 * label::share_within(&compared, NEAR),
-            compared.len()
-        );
+        for (task, episodes) in &compared {
+            println!("  {task:<20} {}", agreed(episodes));
+        }
+        let all: Vec<Agreement> = compared.into_values().flatten().collect();
+        println!("within {NEAR} s of the operator's phases: {}", agreed(&all));
     }
     Ok(code(&results))
+}
+
+/// How many episodes agree, and how far their boundaries are apart.
+fn agreed(all: &[Agreement]) -> String {
+    let differences = all.iter().filter_map(|a| a.differences.as_ref()).flatten();
+    let worst = differences.fold(0.0_f64, |w, d| w.max(d.abs()));
+    format!(
+        "{:.1} % of {} episodes (worst boundary of those in the same order {worst:.3} s)",
+        100.0 * label::share_within(all, NEAR),
+        all.len()
+    )
 }
 
 fn disagreement(a: &Agreement, start: u64) -> String {
@@ -157,7 +193,10 @@ pub fn export(
         }),
         FormatName::Lerobot => Box::new(LeRobot::new(out, size, threads())?),
         FormatName::Robomimic => Box::new(Robomimic::new(out, size, threads())?),
-        FormatName::Mcap => Box::new(McapLog { out: folder }),
+        FormatName::Mcap => Box::new(McapLog {
+            out: folder,
+            threads: inner,
+        }),
     };
     Ok(code(&batch::export(
         &files,

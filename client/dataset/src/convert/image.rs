@@ -118,8 +118,12 @@ pub fn png_depth(metres: &[f32], size: Size) -> anyhow::Result<Vec<u8>> {
 /// # Errors
 /// When the values do not have the size.
 pub fn png_grey(metres: &[f32], size: Size) -> anyhow::Result<Vec<u8>> {
-    let finite = metres.iter().copied().filter(|m| m.is_finite());
-    let (low, high) = finite.fold((f32::MAX, f32::MIN), |(l, h), m| (l.min(m), h.max(m)));
+    // Without branches this runs on many values at once.
+    let (low, high) = metres.iter().fold((f32::MAX, f32::MIN), |(l, h), &m| {
+        let there = m.is_finite();
+        let (a, b) = if there { (m, m) } else { (l, h) };
+        (if a < l { a } else { l }, if b > h { b } else { h })
+    });
     let scale = 255.0 / (high - low).max(1e-6);
     let grey: Vec<u8> = metres
         .iter()

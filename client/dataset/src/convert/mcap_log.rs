@@ -13,6 +13,7 @@ use prost::Message;
 use prost_types::Timestamp;
 use wheelarm_proto::{names, v1};
 
+use super::batch::parallel;
 use super::{Format, PendingFile, Recording, Written};
 use crate::read::{Camera, Episode, Values};
 use crate::sheet::mount_pose;
@@ -26,12 +27,16 @@ mod foxglove {
 const FOXGLOVE: &[u8] = include_bytes!(concat!(env!("OUT_DIR"), "/foxglove.bin"));
 const OURS: &[u8] = include_bytes!(concat!(env!("OUT_DIR"), "/wheelarm.bin"));
 const JPEG_QUALITY: u8 = 90;
+/// Messages that are encoded together: about half a second.
+const BLOCK: usize = 512;
 
 /// Writes `LABEL.mcap` per episode.
 #[derive(Clone, Debug)]
 pub struct McapLog {
     /// Folder of the files.
     pub out: PathBuf,
+    /// Threads that compress pictures.
+    pub threads: usize,
 }
 
 impl Format for McapLog {
@@ -42,7 +47,7 @@ impl Format for McapLog {
     fn add(&self, recording: &Recording, tick: &(dyn Fn() + Sync)) -> anyhow::Result<Written> {
         let name = format!("{}.mcap", recording.summary.label);
         let pending = PendingFile::new(&self.out.join(name))?;
-        let samples = write(pending.path(), recording, tick)?;
+        let samples = write(pending.path(), recording, self.threads, tick)?;
         Ok(Written {
             path: pending.commit()?,
             samples,
@@ -480,7 +485,12 @@ fn sources(recording: &Recording) -> anyhow::Result<Vec<(String, Vec<u64>, Sourc
     Ok(out)
 }
 
-fn write(path: &Path, recording: &Recording, tick: &dyn Fn()) -> anyhow::Result<usize> {
+fn write(
+    path: &Path,
+    recording: &Recording,
+    threads: usize,
+    tick: &dyn Fn(),
+) -> anyhow::Result<usize> {
     let sources = sources(recording)?;
     let mut writer = mcap::WriteOptions::new()
         .compression(Some(mcap::Compression::Lz4))
@@ -519,17 +529,22 @@ fn write(path: &Path, recording: &Recording, tick: &dyn Fn()) -> anyhow::Result<
         .collect();
     order.sort_unstable();
     let reference = format!("/camera/{}/rgb", recording.aligned.reference);
-    for &(stamp, k, i) in &order {
-        let (topic, _, source) = &sources[k];
-        let header = MessageHeader {
-            channel_id: channels[k],
-            sequence: i as u32,
-            log_time: stamp,
-            publish_time: stamp,
-        };
-        writer.write_to_known_channel(&header, &source.message(&recording.episode, i, stamp)?)?;
-        if *topic == reference {
-            tick();
+    for block in order.chunks(BLOCK) {
+        let messages = parallel(block.len(), threads, |at| {
+            let (stamp, k, i) = block[at];
+            sources[k].2.message(&recording.episode, i, stamp)
+        })?;
+        for (&(stamp, k, i), message) in block.iter().zip(&messages) {
+            let header = MessageHeader {
+                channel_id: channels[k],
+                sequence: i as u32,
+                log_time: stamp,
+                publish_time: stamp,
+            };
+            writer.write_to_known_channel(&header, message)?;
+            if sources[k].0 == reference {
+                tick();
+            }
         }
     }
     writer.finish()?;

@@ -11,6 +11,7 @@ pub mod lerobot;
 pub mod mcap_log;
 pub mod robomimic;
 pub mod wheelarm_sim;
+mod wide;
 
 pub use atomic::{PendingFile, PendingFolder};
 pub use image::{Size, png_depth, png_grey, png_rgb, scaled};

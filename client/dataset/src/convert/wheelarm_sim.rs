@@ -4,7 +4,8 @@
 //! Every topic's value is its last sample up to the row's stamp, with its own
 //! stamp, which is what the original recorder kept. Values are not resampled:
 //! the original's scripts do that. Pictures are 64-bit integers, one per byte,
-//! gzip level 4; they are compressed here and written as whole chunks.
+//! gzip with the level 4 in the file's filter; they are compressed here by
+//! [`super::wide`] and written as whole chunks.
 
 use std::path::{Path, PathBuf};
 
@@ -13,8 +14,8 @@ use hdf5::{Group, H5Type};
 use wheelarm_proto::names;
 
 use super::batch::parallel;
+use super::wide::Wide;
 use super::{Format, PendingFile, Recording, Written};
-use crate::compress::Deflate;
 use crate::hdf::{Chunked, Filters, unicode};
 use crate::read::{Episode, Values};
 
@@ -151,53 +152,90 @@ fn write(
 ) -> anyhow::Result<usize> {
     let file = hdf5::File::create_excl(path)?;
     let data = file.create_group("data")?;
+    let stamps = &recording.aligned.stamps;
+    let whole = |row: &usize| {
+        let pictures = recording.aligned.frames.values().all(|f| f[*row].is_some());
+        pictures && tracks.ready(stamps[*row])
+    };
+    let rows: Vec<usize> = (0..stamps.len()).filter(whole).collect();
+    (rows.len()..stamps.len()).for_each(|_| tick());
     let mut number = 0;
-    for (row, &time) in recording.aligned.stamps.iter().enumerate() {
-        tick();
-        let pictures = recording.aligned.frames.values().all(|f| f[row].is_some());
-        if !pictures || !tracks.ready(time) {
-            continue;
-        }
-        number += 1;
-        let group = data.create_group(&number.to_string())?;
-        states(&group, tracks, time)?;
-        text(&group, "instructions", &recording.summary.instruction)?;
-        for camera in ["gen3", "wheelchair"] {
-            let (source, index) = recording.picture(camera, row)?;
-            let stamp = source.stamps()[index] as f64 * 1e-9;
-            let rgb = source.rgb(&recording.episode, index)?;
-            bytes(
-                &group,
-                &format!("processed_data_cameras_rgb_{camera}"),
-                &rgb,
-                threads,
-            )?;
-            scalar(
-                &group,
-                &format!("processed_data_cameras_rgb_{camera}time"),
-                stamp,
-            )?;
-            let depth: Vec<u8> = source
-                .depth(&recording.episode, index)?
-                .iter()
-                .flat_map(|d| d.to_le_bytes())
-                .collect();
-            bytes(
-                &group,
-                &format!("processed_data_cameras_depth_{camera}"),
-                &depth,
-                threads,
-            )?;
-            scalar(
-                &group,
-                &format!("processed_data_cameras_depth_{camera}time"),
-                stamp,
-            )?;
+    for block in rows.chunks(threads.max(2)) {
+        // A picture is read, widened and compressed by one thread.
+        let mut pictures = parallel(PICTURES.len() * block.len(), threads, |i| {
+            let (camera, kind) = PICTURES[i % PICTURES.len()];
+            Picture::read(recording, block[i / PICTURES.len()], camera, kind)
+        })?
+        .into_iter();
+        for &row in block {
+            number += 1;
+            let group = data.create_group(&number.to_string())?;
+            states(&group, tracks, stamps[row])?;
+            text(&group, "instructions", &recording.summary.instruction)?;
+            for ((camera, kind), picture) in PICTURES.iter().zip(pictures.by_ref()) {
+                let name = format!("processed_data_cameras_{kind}_{camera}");
+                picture.write(&group, &name)?;
+                scalar(&group, &format!("{name}time"), picture.stamp)?;
+            }
+            tick();
         }
     }
     anyhow::ensure!(number > 0, "no row has every topic");
     file.flush()?;
     Ok(number)
+}
+
+/// The pictures of a sample: camera and kind.
+const PICTURES: [(&str, &str); 4] = [
+    ("gen3", "rgb"),
+    ("gen3", "depth"),
+    ("wheelchair", "rgb"),
+    ("wheelchair", "depth"),
+];
+
+/// A compressed picture.
+struct Picture {
+    /// Seconds.
+    stamp: f64,
+    length: usize,
+    chunk: usize,
+    chunks: Vec<Vec<u8>>,
+}
+
+impl Picture {
+    /// One 64-bit integer per byte, in chunks of the length that h5py would
+    /// choose.
+    fn read(recording: &Recording, row: usize, camera: &str, kind: &str) -> anyhow::Result<Self> {
+        let (source, index) = recording.picture(camera, row)?;
+        let (bytes, pixel) = if kind == "rgb" {
+            (source.rgb(&recording.episode, index)?, 3)
+        } else {
+            let depth = source.depth(&recording.episode, index)?;
+            (depth.iter().flat_map(|d| d.to_le_bytes()).collect(), 4)
+        };
+        let chunk = guessed_chunk(bytes.len());
+        let mut wide = Wide::default();
+        let compress = |part: &[u8]| {
+            let mut out = Vec::new();
+            wide.append(part, chunk, pixel, &mut out);
+            out
+        };
+        Ok(Self {
+            stamp: source.stamps()[index] as f64 * 1e-9,
+            length: bytes.len(),
+            chunk,
+            chunks: bytes.chunks(chunk).map(compress).collect(),
+        })
+    }
+
+    fn write(&self, group: &Group, name: &str) -> anyhow::Result<()> {
+        let how = (Filters::Deflate, LEVEL);
+        let data = Chunked::create_fixed::<i64>(group, name, self.length, self.chunk, how)?;
+        for (index, part) in self.chunks.iter().enumerate() {
+            data.write(index, part)?;
+        }
+        Ok(())
+    }
 }
 
 fn states(group: &Group, tracks: &Tracks, time: u64) -> anyhow::Result<()> {
@@ -270,32 +308,6 @@ fn text(group: &Group, name: &str, value: &str) -> anyhow::Result<()> {
     let data = group.new_dataset::<VarLenUnicode>().create(name)?;
     data.write_scalar(&unicode(value))?;
     Ok(())
-}
-
-/// One 64-bit integer per byte, in chunks of the length that h5py would choose.
-fn bytes(group: &Group, name: &str, all: &[u8], threads: usize) -> anyhow::Result<()> {
-    let chunk = guessed_chunk(all.len());
-    let compressed = parallel(all.len().div_ceil(chunk), threads, |index| {
-        let part = &all[index * chunk..((index + 1) * chunk).min(all.len())];
-        let mut wide: Vec<u8> = Vec::with_capacity(8 * chunk);
-        for &byte in part {
-            wide.extend([byte, 0, 0, 0, 0, 0, 0, 0]);
-        }
-        wide.resize(8 * chunk, 0);
-        let mut out = Vec::new();
-        DEFLATE.with_borrow_mut(|d| d.append(&wide, 1, &mut out));
-        Ok(out)
-    })?;
-    let how = (Filters::Deflate, LEVEL);
-    let data = Chunked::create_fixed::<i64>(group, name, all.len(), chunk, how)?;
-    for (index, part) in compressed.iter().enumerate() {
-        data.write(index, part)?;
-    }
-    Ok(())
-}
-
-thread_local! {
-    static DEFLATE: std::cell::RefCell<Deflate> = std::cell::RefCell::new(Deflate::at_level(LEVEL));
 }
 
 /// The chunk length that h5py guesses for a list of 64-bit integers: halved

@@ -1,21 +1,23 @@
-//! The original's four labels by a rule that reads only recorded motion: speed
-//! of the chair, speed of the arm, angle of the knuckle. What an operator
-//! published is never looked at; [`agreement`] compares with it.
+//! The original's four labels by a rule that reads only recorded signals: speed
+//! of the chair, speed of the arm, angle of the knuckle, force at the finger
+//! tips, position of drawers. What an operator published is never looked at;
+//! [`agreement`] compares with it.
 //!
 //! The rule walks through time:
-//! - the chair drives: navigating;
+//! - the chair drives: navigating, unless a full hand draws a drawer with it;
 //! - at rest with an empty hand, the arm starts to move: reaching;
-//! - the knuckle starts to close: grasping;
-//! - it has closed and the arm starts to move: retracting, which lasts (lifting,
-//!   carrying, placing) until the chair drives or the hand closes again. After
-//!   a drive with a closed hand the arm's motion is retracting, not reaching.
+//! - the knuckle starts to close on something (a finger tip touches, or the hand
+//!   shuts completely around nothing): grasping; a hand that closes a little in
+//!   the air to take its shape does not grasp;
+//! - it has closed and the arm, or the chair with a drawer, starts to move:
+//!   retracting, which lasts (lifting, carrying, placing, pulling) until the
+//!   chair drives or the hand closes again. After a drive with a full hand the
+//!   arm's motion is retracting, not reaching.
 //!
 //! The paper ends navigating when the chair's speed falls to zero; the scripted
 //! operator publishes reaching about a second later, when the arm moves, and
-//! the rule follows that. It and its thresholds were chosen on episodes of
-//! `pick_mustard` alone; `client/guide/process.md` has the figures, with those
-//! of seeds and tasks that were recorded afterwards. Known to fail: a hand that
-//! closes a little in the air to take its shape counts as grasping.
+//! the rule follows that. `client/guide/process.md` says on which episodes the
+//! rule was chosen and how it did on episodes that were recorded afterwards.
 
 mod agreement;
 mod corrections;
@@ -33,7 +35,8 @@ pub const NAMES: [&str; 4] = ["navigating", "reaching", "grasping", "retracting"
 const DRIVES: f64 = 0.02;
 /// The chair turns above this rate, rad/s.
 const TURNS: f64 = 0.03;
-/// Shorter rests belong to the drive, nanoseconds.
+/// Shorter rests belong to the drive; shorter drives are a shaking of the chair
+/// by its arm, nanoseconds.
 const REST: u64 = 300_000_000;
 /// The arm moves when a joint is faster than this, rad/s: well above what a
 /// stiff grip shakes it by.
@@ -45,6 +48,14 @@ const KNUCKLE_MOVES: f64 = 0.1;
 const WINDOW: u64 = 100_000_000;
 /// A closing or opening by less than this is none, rad.
 const STROKE: f64 = 0.05;
+/// A finger tip touches from this force, N: what the pads weigh is far below.
+const TOUCH: f64 = 2.0;
+/// A touch belongs to a closing until so long after it, nanoseconds.
+const TOUCH_LATE: u64 = 500_000_000;
+/// A hand closed beyond this holds nothing but has tried to, rad.
+const SHUT: f64 = 0.7;
+/// A drive that draws furniture further than this is a pull, m.
+const PULL: f64 = 0.02;
 
 /// A label from a time on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -66,6 +77,10 @@ pub struct Motion {
     pub arm: Vec<bool>,
     /// Knuckle, radians, greater is more closed.
     pub knuckle: Vec<f64>,
+    /// Whether a finger tip touches; true throughout where nobody recorded it.
+    pub touch: Vec<bool>,
+    /// How far all drawers are open together, metres.
+    pub drawn: Vec<f64>,
 }
 
 /// Reads the signals of the rule.
@@ -94,7 +109,31 @@ pub fn motion(episode: &Episode) -> Result<Motion, ReadError> {
         let v = twist.get(at..at + 6)?;
         Some(v[0].hypot(v[1]) > DRIVES || v[5].abs() > TURNS)
     });
+    let touch = match numbers(episode, "contact", "pad_force") {
+        Ok(force) => {
+            let times = episode.stamps("contact")?;
+            let touches = |row: usize| {
+                let pads = force.get(2 * row..2 * row + 2);
+                pads.is_some_and(|p| p.iter().any(|f| *f > TOUCH))
+            };
+            let at = |t: &u64| nearest(&times, *t, REST).is_some_and(touches);
+            stamps.iter().map(at).collect()
+        }
+        Err(_) => vec![true; stamps.len()],
+    };
+    let drawn = if episode.has("furniture_joint") {
+        let times = episode.stamps("furniture_joint")?;
+        let all = numbers(episode, "furniture_joint", "position")?;
+        let slides = all.len() / times.len().max(1);
+        let sum = |row: usize| all[row * slides..(row + 1) * slides].iter().sum::<f64>();
+        let at = |t: &u64| nearest(&times, *t, REST).map_or(0.0, sum);
+        stamps.iter().map(at).collect()
+    } else {
+        vec![0.0; stamps.len()]
+    };
     let mut out = Motion {
+        touch,
+        drawn,
         chair: drives.map(|d| d.unwrap_or(false)).collect(),
         arm: velocity
             .chunks_exact(width)
@@ -107,6 +146,7 @@ pub fn motion(episode: &Episode) -> Result<Motion, ReadError> {
         stamps,
     };
     bridge(&mut out.chair, &out.stamps, REST);
+    drop_short(&mut out.chair, &out.stamps, REST);
     Ok(out)
 }
 
@@ -126,6 +166,18 @@ fn bridge(flags: &mut [bool], stamps: &[u64], gap: u64) {
             }
             last = Some(i);
         }
+    }
+}
+
+/// Sets runs of true entries shorter than `least` nanoseconds to false.
+fn drop_short(flags: &mut [bool], stamps: &[u64], least: u64) {
+    let mut from = 0;
+    for run in flags.chunk_by_mut(|a, b| a == b) {
+        let to = from + run.len();
+        if stamps[to - 1] - stamps[from] < least {
+            run.fill(false);
+        }
+        from = to;
     }
 }
 
@@ -153,25 +205,45 @@ fn strokes(motion: &Motion, sign: f64) -> Vec<(usize, usize)> {
     out
 }
 
+/// Where the chair's drives draw furniture.
+fn pulls(motion: &Motion) -> Vec<bool> {
+    let mut out = vec![false; motion.chair.len()];
+    let mut from = 0;
+    for drive in motion.chair.chunk_by(|a, b| a == b) {
+        let to = from + drive.len();
+        let way = (motion.drawn[to - 1] - motion.drawn[from]).abs();
+        out[from..to].fill(drive[0] && way > PULL);
+        from = to;
+    }
+    out
+}
+
 /// The label at every sample of the motion.
 #[must_use]
 pub fn label(motion: &Motion) -> Vec<u8> {
-    let closings = strokes(motion, 1.0);
+    let mut closings = strokes(motion, 1.0);
+    closings.retain(|&(a, b)| {
+        let late = motion.stamps[b] + TOUCH_LATE;
+        let end = motion.stamps.partition_point(|&t| t <= late);
+        motion.knuckle[b] > SHUT || motion.touch[a..end].contains(&true)
+    });
     let openings = strokes(motion, -1.0);
+    let pulls = pulls(motion);
     let inside = |runs: &[(usize, usize)], i: usize| runs.iter().any(|&(a, b)| a <= i && i <= b);
     let mut out = Vec::with_capacity(motion.stamps.len());
     let (mut now, mut holding) = (0, false);
-    for i in 0..motion.stamps.len() {
+    for (i, &pulled) in pulls.iter().enumerate() {
         let closing = inside(&closings, i);
         if inside(&openings, i) {
             holding = false;
         }
-        if motion.chair[i] {
+        let pulling = holding && pulled;
+        if motion.chair[i] && !pulling {
             now = 0;
         } else if closing {
             now = 2;
             holding = true;
-        } else if motion.arm[i] {
+        } else if motion.arm[i] || pulling {
             now = match now {
                 0 if holding => 3,
                 0 => 1,
@@ -227,6 +299,8 @@ mod tests {
             chair: t.iter().map(|&t| chair(t)).collect(),
             arm: t.iter().map(|&t| arm(t)).collect(),
             knuckle: t.iter().map(|&t| knuckle(t)).collect(),
+            touch: t.iter().map(|&t| knuckle(t) >= 0.5).collect(),
+            drawn: vec![0.0; t.len()],
         }
     }
 
@@ -249,6 +323,16 @@ mod tests {
     }
 
     #[test]
+    fn short_rests_and_short_drives_are_none() {
+        let stamps: Vec<u64> = (0..10).map(|i| i * 100).collect();
+        let mut flags = [0, 1, 1, 0, 1, 1, 0, 0, 0, 1].map(|f| f == 1);
+        bridge(&mut flags, &stamps, 300);
+        assert_eq!(flags, [0, 1, 1, 1, 1, 1, 0, 0, 0, 1].map(|f| f == 1));
+        drop_short(&mut flags, &stamps, 300);
+        assert_eq!(flags, [0, 1, 1, 1, 1, 1, 0, 0, 0, 0].map(|f| f == 1));
+    }
+
+    #[test]
     fn after_a_drive_with_a_full_hand_the_arm_does_not_reach() {
         let carry = made(
             |t| (3.0..5.0).contains(&t),
@@ -257,6 +341,31 @@ mod tests {
         );
         let labels: Vec<u8> = order(&carry).iter().map(|o| o.0).collect();
         assert_eq!(labels, [1, 2, 3, 0, 3]);
+    }
+
+    #[test]
+    fn a_hand_that_takes_its_shape_in_the_air_does_not_grasp() {
+        let shaped = made(
+            |t| t < 1.0,
+            |t| (2.0..4.0).contains(&t) || t > 6.0,
+            |t| ((t - 1.2) * 0.6).clamp(0.0, 0.2) + ((t - 4.5) * 0.6).clamp(0.0, 0.3),
+        );
+        assert_eq!(order(&shaped), [(0, 0), (1, 20), (2, 45), (3, 60)]);
+    }
+
+    #[test]
+    fn a_chair_that_draws_a_drawer_with_a_full_hand_retracts() {
+        let mut pull = made(
+            |t| t < 2.0 || (7.0..9.0).contains(&t),
+            |t| (2.5..4.0).contains(&t),
+            |t| ((t - 4.5) * 0.6).clamp(0.0, 0.5),
+        );
+        let labels = |m: &Motion| order(m).iter().map(|o| o.0).collect::<Vec<_>>();
+        assert_eq!(labels(&pull), [0, 1, 2, 0], "a drive with no drawer");
+        for (i, drawn) in pull.drawn.iter_mut().enumerate() {
+            *drawn = ((i as f64 / 60.0 - 7.1) * 0.08).clamp(0.0, 0.14);
+        }
+        assert_eq!(labels(&pull), [0, 1, 2, 3]);
     }
 
     #[test]
