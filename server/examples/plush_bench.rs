@@ -191,7 +191,7 @@ fn input(tick: u64, hand: &Isometry3<f64>, options: &Options) -> ControlInput {
         720 => input.base = drive(0.5, 0.0),
         770 => input.base = drive(0.0, 0.0),
         800 => input.arm = pose(up * hand),
-        900 => input.arm = pose(*hand),
+        900 => input.arm = pose(Translation3::new(0.0, 0.0, 0.008) * hand),
         1020 => input.gripper = grip(0.0),
         1150 => input.arm = pose(hand * back),
         _ => {}

@@ -22,8 +22,6 @@ const STEPS: usize = 80;
 const GOOD: f64 = 1e-6;
 /// Friction that changes by less than this part has settled.
 const SETTLED: f64 = 0.02;
-/// A bristle from this part of the Coulomb limit on stands at it.
-const AT_LIMIT: f64 = 0.95;
 
 /// Everything that a tick changes.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -181,11 +179,10 @@ pub(super) fn step(
         .collect();
     let mut grips: Vec<Grip> = touches
         .iter()
-        .zip(&points)
-        .map(|(t, point)| {
+        .map(|t| {
             let closing = t.at(body, &state.velocity) - t.solid;
             if t.gap + h * t.normal.dot(&closing) < 0.0 {
-                t.first_grip(point)
+                Grip::Stick
             } else {
                 Grip::Open
             }
@@ -243,20 +240,6 @@ impl Touch {
         let normal = -self.stiffness * (self.gap + self.normal.dot(&moved));
         let bristle = (self.bend(point) - self.along(&moved)) * self.stiffness;
         (normal, bristle)
-    }
-
-    /// What is tried first: a bristle that stood at its limit after the last
-    /// tick slides on. If all began anew as sticking, the rounds of one tick
-    /// would not let go of the last of them, and they would hold everything.
-    fn first_grip(&self, point: &Vector3<f64>) -> Grip {
-        let limit = self.friction * self.stiffness * (-self.gap).max(0.0);
-        let bristle = self.bend(point) * self.stiffness;
-        let pull = bristle.norm();
-        if pull > AT_LIMIT * limit {
-            Grip::Slip(bristle * (limit / pull).min(1.0))
-        } else {
-            Grip::Stick
-        }
     }
 
     fn next_grip(

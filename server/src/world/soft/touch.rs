@@ -21,10 +21,6 @@ const FOUNDATION: f64 = 1e7;
 /// Points nearer than this may touch within a tick, metres.
 const MARGIN: f64 = 0.006;
 
-/// A solid that would push a vertex outwards is under the skin: cosine between
-/// both directions.
-const INSIDE: f64 = 0.3;
-
 /// Vertex of the skin, index and generation of a collider.
 type Key = (u32, u32, u32);
 
@@ -44,8 +40,6 @@ impl Bristles {
 pub(super) struct Skin {
     places: Vec<Embedded>,
     stiffness: Vec<f64>,
-    /// Of each vertex the other two corners of its triangles, in their order.
-    fans: Vec<Vec<[u32; 2]>>,
 }
 
 /// The touches of one tick, with what each touches.
@@ -79,27 +73,10 @@ struct Solid<'a> {
 
 impl Skin {
     pub(super) fn new(stuffing: &Tetrahedra, skin: &plush::Skin) -> Self {
-        let mut fans = vec![Vec::new(); skin.positions.len()];
-        for [a, b, c] in &skin.triangles {
-            fans[*a as usize].push([*b, *c]);
-            fans[*b as usize].push([*c, *a]);
-            fans[*c as usize].push([*a, *b]);
-        }
         Self {
             places: stuffing.embed(&skin.positions),
             stiffness: skin.areas().iter().map(|a| a * FOUNDATION).collect(),
-            fans,
         }
-    }
-
-    /// Direction out of the skin at a vertex.
-    fn outwards(&self, vertex: usize, points: &[Vector3<f64>]) -> Vector3<f64> {
-        let own = points[vertex];
-        let fan = self.fans[vertex].iter();
-        let sum: Vector3<f64> = fan
-            .map(|[b, c]| (points[*b as usize] - own).cross(&(points[*c as usize] - own)))
-            .sum();
-        sum.try_normalize(1e-15).unwrap_or_default()
     }
 
     /// Where the vertices are with the nodes at positions, or how fast with velocities.
@@ -147,10 +124,6 @@ impl Skin {
                 let Some((gap, normal)) = solid.gap(p, margin) else {
                     continue;
                 };
-                // What has slipped under the skin must not hook it from inside.
-                if self.outwards(i, &points).dot(&normal) > INSIDE {
-                    continue;
-                }
                 let (index, generation) = solid.handle.into_raw_parts();
                 let key = (i as u32, index, generation);
                 let anchor = bristles.0.get(&key).map(|local| {
