@@ -286,11 +286,9 @@ impl World {
             });
         let free = self.stage.objects.iter().enumerate();
         let free = free.map(|(i, &handle)| (handle, BodyRef::Object(i), objects[i].pose));
-        let anomalies = robot
-            .chain(free)
-            .filter_map(|(handle, body, frame)| {
-                self.stage.anomaly(&self.physics, handle, body, &frame)
-            });
+        let anomalies = robot.chain(free).filter_map(|(handle, body, frame)| {
+            self.stage.anomaly(&self.physics, handle, body, &frame)
+        });
         let soft = self.soft.iter().filter(|soft| soft.is_broken());
         let soft = soft.map(|soft| Anomaly::NotFinite(BodyRef::Object(soft.object)));
         let anomalies = anomalies.chain(soft).collect();
@@ -371,9 +369,7 @@ impl World {
                 let frame = self.robot.frame(&self.physics, body);
                 Some(self.body_state(self.robot.handles[body], frame * body_from_link))
             }
-            Place::Rolling(_) | Place::Parallel(_) => {
-                self.links(&self.joints()).get(link).copied()
-            }
+            Place::Rolling(_) | Place::Parallel(_) => self.links(&self.joints()).get(link).copied(),
         }
     }
 
