@@ -5,7 +5,7 @@
 //! stamp, which is what the original recorder kept. Values are not resampled:
 //! the original's scripts do that. Pictures are 64-bit integers, one per byte,
 //! gzip with the level 4 in the file's filter; they are compressed here by
-//! [`super::wide`] and written as whole chunks.
+//! `super::wide` and written as whole chunks.
 
 use std::path::{Path, PathBuf};
 
