@@ -41,7 +41,7 @@ if ! command -v slurmctld >/dev/null || ! command -v munged >/dev/null; then
         skip "slurm-wlm cannot be installed here"
 fi
 
-work=$(mktemp -d /tmp/wheelarm-cluster-XXXXXX)
+work=$(mktemp -d -t wheelarm-cluster-XXXXXX)
 started=()
 finish() {
     code=$?

@@ -29,6 +29,7 @@ use std::process::{Command, ExitCode};
 use anyhow::{Context, bail};
 use clap::Args;
 
+pub use self::plan::Quality;
 use crate::control::find_program;
 use attempt::Setup;
 use capacity::Host;

@@ -73,7 +73,7 @@ impl Depth {
 }
 
 /// Work per picture.
-#[derive(Clone, Copy, Debug, Default, Deserialize, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, Deserialize, PartialEq, Eq, clap::ValueEnum)]
 #[serde(rename_all = "snake_case")]
 pub enum Quality {
     /// No shadows.

@@ -10,11 +10,12 @@ use std::process::ExitCode;
 use std::time::{Duration, Instant};
 
 use anyhow::Context;
-use clap::{Args, ValueEnum};
+use clap::Args;
 use indicatif::{ProgressBar, ProgressStyle};
 use wheelarm_proto::keys::Query;
 use wheelarm_proto::v1;
 
+use crate::collect::Quality;
 use crate::link::Link;
 use crate::local::{self, LocalServer, Program, ServerOptions};
 use crate::operate::run::{self as operate, OperateArgs, Progress};
@@ -54,36 +55,13 @@ pub struct DemoArgs {
     pub rate: f64,
     /// Work per picture.
     #[arg(long, value_enum, default_value = "standard")]
-    pub quality: QualityArg,
+    pub quality: Quality,
     /// Assets folder; the server looks for it when absent.
     #[arg(long, env = "WHEELARM_ASSETS")]
     pub assets: Option<PathBuf>,
     /// No contact sheet.
     #[arg(long)]
     pub no_sheet: bool,
-}
-
-/// Work per picture.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub enum QualityArg {
-    /// No shadows.
-    Fast,
-    /// One shadow map.
-    Standard,
-    /// Multisampling and soft shadows.
-    High,
-}
-
-impl QualityArg {
-    /// The word that the server takes.
-    #[must_use]
-    pub fn word(self) -> &'static str {
-        match self {
-            Self::Fast => "fast",
-            Self::Standard => "standard",
-            Self::High => "high",
-        }
-    }
 }
 
 /// Reads `FIRST..LAST`, for example `0..10`.

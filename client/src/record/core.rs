@@ -1,7 +1,6 @@
 //! What a recorder does with every message, without a network and without a
 //! clock of its own: inputs and the time go in, outputs come out.
 
-use std::collections::VecDeque;
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
@@ -10,8 +9,12 @@ use wheelarm_dataset::columns::header_of;
 use wheelarm_dataset::writer::{WriterOptions, file_path};
 use wheelarm_proto::v1;
 
-use super::episode::{Accepted, EpisodeId, Finishing, Recording, Report, id};
-use super::gaps::Missing;
+use self::early::Early;
+pub use self::port::{Input, Output};
+use super::episode::{Accepted, EpisodeId, Recording, Report, id};
+
+mod early;
+mod port;
 
 /// Longest wait for samples that the manifest lists.
 pub const MANIFEST_PATIENCE: Duration = Duration::from_secs(10);
@@ -21,75 +24,8 @@ const FAREWELL_PATIENCE: Duration = Duration::from_secs(2);
 const SNAPSHOT_RETRY: Duration = Duration::from_secs(2);
 /// Longest wait for the snapshot.
 const SNAPSHOT_PATIENCE: Duration = Duration::from_secs(30);
-/// Bytes of samples kept while their episode is not open yet.
-const EARLY_BYTES: usize = 256 << 20;
 /// Episodes that may be made into files at the same time; the next one waits.
 const MAX_FINISHING: usize = 2;
-
-/// What reaches a recorder.
-#[derive(Clone, Debug)]
-#[allow(
-    clippy::large_enum_variant,
-    reason = "one such message per episode; samples are the small ones"
-)]
-pub enum Input {
-    /// An episode begins, or runs already when the recorder joins.
-    Started(v1::EpisodeStarted),
-    /// The answer to [`Output::AskSnapshot`].
-    Snapshot(Result<v1::SnapshotReply, String>),
-    /// A sample of a stream (`camera/NAME` for a camera).
-    Sample {
-        /// Stream name.
-        stream: String,
-        /// The encoded message.
-        payload: Bytes,
-    },
-    /// The episode ends.
-    Stopped(v1::EpisodeStopped),
-    /// The server was asked at `asked` and runs this episode (none is 0).
-    Running {
-        /// When it was asked.
-        asked: Instant,
-        /// Run of the server.
-        run_id: String,
-        /// Episode number.
-        episode: u64,
-    },
-    /// The server's liveliness token is gone, or the way to it.
-    ServerLost,
-    /// What came of [`Output::Finish`].
-    Done {
-        /// Run and number of the episode.
-        of: (String, u64),
-        /// The file, or why there is none.
-        result: Result<Report, String>,
-    },
-    /// The recorder is to end.
-    Shutdown,
-}
-
-/// What a recorder wants done.
-#[derive(Debug)]
-pub enum Output {
-    /// Ask the server for the snapshot of the running episode.
-    AskSnapshot,
-    /// Ask the server whether the episode still runs.
-    AskStatus,
-    /// Ask the server's cache for samples that did not come.
-    AskSamples(Missing),
-    /// Publish this status now, and again from time to time; each speaks of the
-    /// episode in its header.
-    Status(v1::RecorderStatus),
-    /// Make the file of an episode that is over, aside; [`Input::Done`] brings
-    /// the result.
-    Finish(Box<Finishing>),
-    /// An episode is in its file.
-    Finished(Report),
-    /// An episode could not be recorded.
-    Failed(String),
-    /// An episode was thrown away, as its operator wished.
-    Discarded(String),
-}
 
 /// The state of a recorder.
 pub struct RecorderCore {
@@ -134,13 +70,6 @@ enum Stage {
 const END_LOST: &str = "the message that ends the episode did not come";
 /// The server, or the way to it, is gone.
 const SERVER_LOST: &str = "the server went away before the episode ended";
-
-/// Samples that came before their episode was open.
-#[derive(Default)]
-struct Early {
-    samples: VecDeque<(v1::Header, String, Bytes)>,
-    bytes: usize,
-}
 
 impl RecorderCore {
     /// A recorder that writes into `dir`.
@@ -665,28 +594,6 @@ impl RecorderCore {
             header.stamp_nanos = newest.stamp_nanos;
             header.tick = newest.tick;
         }
-    }
-}
-
-impl Early {
-    fn keep(&mut self, header: v1::Header, stream: String, payload: Bytes) {
-        // A full store drops the newest; the manifest then shows them missing.
-        if self.bytes + payload.len() <= EARLY_BYTES {
-            self.bytes += payload.len();
-            self.samples.push_back((header, stream, payload));
-        }
-    }
-
-    /// Lets go of the samples of one episode.
-    fn forget(&mut self, of: Option<&(String, u64)>) {
-        self.samples
-            .retain(|(header, ..)| Some(&id(Some(header))) != of);
-        self.bytes = self.samples.iter().map(|(_, _, p)| p.len()).sum();
-    }
-
-    fn take(&mut self) -> VecDeque<(v1::Header, String, Bytes)> {
-        self.bytes = 0;
-        std::mem::take(&mut self.samples)
     }
 }
 

@@ -1,0 +1,74 @@
+//! What goes into a recorder's core and what comes out.
+
+use std::time::Instant;
+
+use bytes::Bytes;
+use wheelarm_proto::v1;
+
+use super::super::episode::{Finishing, Report};
+use super::super::gaps::Missing;
+
+/// What reaches a recorder.
+#[derive(Clone, Debug)]
+#[allow(
+    clippy::large_enum_variant,
+    reason = "one such message per episode; samples are the small ones"
+)]
+pub enum Input {
+    /// An episode begins, or runs already when the recorder joins.
+    Started(v1::EpisodeStarted),
+    /// The answer to [`Output::AskSnapshot`].
+    Snapshot(Result<v1::SnapshotReply, String>),
+    /// A sample of a stream (`camera/NAME` for a camera).
+    Sample {
+        /// Stream name.
+        stream: String,
+        /// The encoded message.
+        payload: Bytes,
+    },
+    /// The episode ends.
+    Stopped(v1::EpisodeStopped),
+    /// The server was asked at `asked` and runs this episode (none is 0).
+    Running {
+        /// When it was asked.
+        asked: Instant,
+        /// Run of the server.
+        run_id: String,
+        /// Episode number.
+        episode: u64,
+    },
+    /// The server's liveliness token is gone, or the way to it.
+    ServerLost,
+    /// What came of [`Output::Finish`].
+    Done {
+        /// Run and number of the episode.
+        of: (String, u64),
+        /// The file, or why there is none.
+        result: Result<Report, String>,
+    },
+    /// The recorder is to end.
+    Shutdown,
+}
+
+/// What a recorder wants done.
+#[derive(Debug)]
+pub enum Output {
+    /// Ask the server for the snapshot of the running episode.
+    AskSnapshot,
+    /// Ask the server whether the episode still runs.
+    AskStatus,
+    /// Ask the server's cache for samples that did not come.
+    AskSamples(Missing),
+    /// Publish this status now, and again from time to time; each speaks of the
+    /// episode in its header.
+    Status(v1::RecorderStatus),
+    /// Make the file of an episode that is over, aside; [`Input::Done`] brings
+    /// the result.
+    Finish(Box<Finishing>),
+    /// An episode is in its file.
+    Finished(Report),
+    /// An episode could not be recorded.
+    Failed(String),
+    /// An episode was thrown away, as its operator wished.
+    Discarded(String),
+}
