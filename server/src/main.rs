@@ -1,5 +1,6 @@
 //! `wheelarm-server`: parses and wires; the library runs.
 
+use std::ffi::OsString;
 use std::net::TcpListener;
 use std::path::PathBuf;
 
@@ -153,32 +154,50 @@ fn concrete(endpoint: &str) -> anyhow::Result<String> {
 
 fn main() -> anyhow::Result<()> {
     let args = Args::parse();
-    with_runtime_folder();
+    with_driver_environment();
     tokio::runtime::Runtime::new()?.block_on(serve(args))
 }
 
-/// Graphics drivers complain on stderr when `XDG_RUNTIME_DIR` is unset, as it
-/// is in containers and batch jobs: this program then starts itself again with
-/// a private folder. Where that fails, the complaint is all that happens.
-fn with_runtime_folder() {
-    use std::os::unix::fs::{DirBuilderExt, MetadataExt};
+/// Starts this program again with what graphics drivers read from the
+/// environment, unless it is set already; where that fails, they do without.
+fn with_driver_environment() {
     use std::os::unix::process::CommandExt;
-    const NAME: &str = "XDG_RUNTIME_DIR";
-    if std::env::var_os(NAME).is_some() {
-        return;
+    let wanted = [
+        (
+            "XDG_RUNTIME_DIR",
+            runtime_folder as fn() -> Option<OsString>,
+        ),
+        ("LP_NUM_THREADS", drawing_threads),
+    ];
+    let missing: Vec<(&str, OsString)> = wanted
+        .iter()
+        .filter(|(name, _)| std::env::var_os(name).is_none())
+        .filter_map(|(name, value)| Some((*name, value()?)))
+        .collect();
+    if let (false, Ok(program)) = (missing.is_empty(), std::env::current_exe()) {
+        let _ = std::process::Command::new(program)
+            .args(std::env::args_os().skip(1))
+            .envs(missing)
+            .exec();
     }
-    let Ok(user) = std::fs::metadata("/proc/self").map(|m| m.uid()) else {
-        return;
-    };
+}
+
+/// A private folder: without one, as in containers and batch jobs, drivers
+/// complain on stderr.
+fn runtime_folder() -> Option<OsString> {
+    use std::os::unix::fs::{DirBuilderExt, MetadataExt};
+    let user = std::fs::metadata("/proc/self").map(|m| m.uid()).ok()?;
     let folder = std::env::temp_dir().join(format!("wheelarm-runtime-{user}"));
     let _ = std::fs::DirBuilder::new().mode(0o700).create(&folder);
     let ours = std::fs::metadata(&folder).is_ok_and(|m| m.is_dir() && m.uid() == user);
-    if let (true, Ok(program)) = (ours, std::env::current_exe()) {
-        let _ = std::process::Command::new(program)
-            .args(std::env::args_os().skip(1))
-            .env(NAME, &folder)
-            .exec();
-    }
+    ours.then(|| folder.into())
+}
+
+/// Threads of Mesa's lavapipe: one more than there are cores. With as many as
+/// cores the kernel now and then leaves two of them on one and the other idle.
+fn drawing_threads() -> Option<OsString> {
+    let cores = std::thread::available_parallelism().ok()?.get();
+    Some((cores + 1).to_string().into())
 }
 
 async fn serve(args: Args) -> anyhow::Result<()> {

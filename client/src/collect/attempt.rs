@@ -13,6 +13,7 @@ use wheelarm_dataset::read::{Episode as Recording, Summary};
 use wheelarm_dataset::scenario_text::scenario_json;
 
 use super::episode::Episode;
+use super::fleet::Turn;
 use super::folder::{Folder, sha256};
 use super::journal::{Done, Failed};
 use super::plan::{Camera, Plan};
@@ -56,7 +57,8 @@ pub enum Outcome {
     Stopped,
 }
 
-/// Makes one attempt; the file lies in the staging folder afterwards.
+/// Makes one attempt; the file lies in the staging folder afterwards. `turn`
+/// is held while it simulates and is over before the file is finished.
 ///
 /// # Errors
 /// When a program of the attempt broke, with its last words.
@@ -64,6 +66,7 @@ pub fn attempt(
     setup: &Setup,
     episode: &Episode,
     number: u32,
+    turn: Turn<'_>,
     stop: &Stop,
     board: &Board,
 ) -> anyhow::Result<Outcome> {
@@ -127,6 +130,7 @@ pub fn attempt(
         }
         std::thread::sleep(LOOK);
     };
+    drop(turn);
     tell(board, "finishing the file");
     let ended = Instant::now();
     while recorder.ended()?.is_none() {

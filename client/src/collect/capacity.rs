@@ -5,10 +5,11 @@ use std::path::Path;
 use super::plan::Plan;
 
 /// Memory of a worker without pictures, bytes: server 0.3 GB, recorder and
-/// operator 0.1 GB, with room (measured with the home scene).
-const WORKER_BYTES: f64 = 500e6;
+/// operator 0.1 GB (measured with the home scene), twice: while an episode's
+/// file is finished the next one runs.
+const WORKER_BYTES: f64 = 800e6;
 /// Memory per pixel of all cameras, bytes: attachments, two batches in flight
-/// and the recorder's queue (measured 65 at 1280x720, with room).
+/// and the recorder's queue (measured 65 at 1280x720), twice.
 const BYTES_PER_PIXEL: f64 = 130.0;
 /// Workers per core: physics, operator and drawing take turns on one, and
 /// compression uses a part of another. On 16 cores with a GPU 12 workers were
@@ -105,7 +106,7 @@ mod tests {
         assert_eq!(workers(1, Some(64 << 30)), 1);
         assert_eq!(workers(2, Some(64 << 30)), 2);
         assert_eq!(workers(16, Some(64 << 30)), 12);
-        assert_eq!(workers(16, Some(2 << 30)), 3);
+        assert_eq!(workers(16, Some(2 << 30)), 2);
         assert_eq!(workers(16, Some(1 << 20)), 1);
         assert_eq!(workers(16, None), 12);
     }

@@ -1,8 +1,9 @@
-//! The workers: threads that make one episode after the other, each with
-//! programs of its own. Whoever finishes an episode publishes and notes it.
+//! The workers: each simulates one episode after the other, with programs of
+//! its own. A worker has two lanes, which take turns on its floor: while one
+//! waits for a finished file, checks and publishes it, the other simulates.
 
 use std::collections::VecDeque;
-use std::sync::{Mutex, PoisonError};
+use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use super::attempt::{Outcome, Setup, attempt};
 use super::capacity::free_disk;
@@ -12,6 +13,8 @@ use super::journal::{Done, Entry, Journal};
 use super::progress::{Show, lock};
 use super::stop::Stop;
 
+/// Lanes of a worker.
+pub const LANES: usize = 2;
 /// Runs of the same attempt when its programs break.
 const TRIES: u32 = 3;
 /// Episodes that break before the first one is done, after which the campaign
@@ -72,12 +75,13 @@ pub fn work(
         jobs: Mutex::new(jobs.into()),
         journal: Mutex::new(journal),
         tally: Mutex::default(),
-        room: room * workers as f64,
+        room: room * (LANES * workers) as f64,
     };
+    let floors: Vec<Floor> = (0..workers).map(|_| Floor::default()).collect();
     std::thread::scope(|scope| {
-        let shared = &shared;
-        let threads: Vec<_> = (0..workers)
-            .map(|worker| scope.spawn(move || shared.run(worker)))
+        let (shared, floors) = (&shared, &floors);
+        let threads: Vec<_> = (0..LANES * workers)
+            .map(|lane| scope.spawn(move || shared.run(lane, &floors[lane % workers])))
             .collect();
         show.draw_until(|| {
             threads
@@ -91,13 +95,27 @@ pub fn work(
         .unwrap_or_else(PoisonError::into_inner)
 }
 
+/// Whoever holds a worker's floor may simulate.
+type Floor = Mutex<()>;
+/// The turn to simulate; it ends when dropped.
+pub type Turn<'a> = MutexGuard<'a, ()>;
+/// A lane and its worker's floor.
+type Place<'a> = (usize, &'a Floor);
+
 impl Shared<'_> {
-    fn run(&self, worker: usize) {
-        while !self.stop.asked() {
+    fn run(&self, lane: usize, floor: &Floor) {
+        loop {
+            let turn = lock(floor);
+            if self.stop.asked() {
+                return;
+            }
             let Some(job) = lock(&self.jobs).pop_front() else {
                 return;
             };
-            if let Err(problem) = self.room().and_then(|()| self.episode(worker, &job)) {
+            let made = self
+                .room()
+                .and_then(|()| self.episode((lane, floor), turn, &job));
+            if let Err(problem) = made {
                 self.end(format!("{}: {problem:#}", job.episode.id));
             }
         }
@@ -126,10 +144,11 @@ impl Shared<'_> {
     ///
     /// # Errors
     /// When the folder or the journal cannot be written: that ends the run.
-    fn episode(&self, worker: usize, job: &Job) -> anyhow::Result<()> {
+    fn episode<'f>(&self, place: Place<'f>, turn: Turn<'f>, job: &Job) -> anyhow::Result<()> {
         let episode = &job.episode;
+        let mut turn = Some(turn);
         for number in job.attempt..self.setup.plan.attempts {
-            match self.tries(worker, episode, number)? {
+            match self.tries(place, &mut turn, episode, number)? {
                 Tried::Done(done) => {
                     let words = format!(
                         "{} done: {:.1} s simulated in {:.1} s, {}",
@@ -143,7 +162,7 @@ impl Shared<'_> {
                     lock(&self.journal).append(&Entry::Done(done))?;
                     self.setup.folder.clean(&episode.id)?;
                     lock(&self.tally).done += 1;
-                    self.show.end(worker, seconds, job.expected, true, &words);
+                    self.show.end(place.0, seconds, job.expected, true, &words);
                     return Ok(());
                 }
                 Tried::Again => {}
@@ -158,7 +177,13 @@ impl Shared<'_> {
     }
 
     /// One attempt, again when its programs break.
-    fn tries(&self, worker: usize, episode: &Episode, number: u32) -> anyhow::Result<Tried> {
+    fn tries<'f>(
+        &self,
+        (lane, floor): Place<'f>,
+        turn: &mut Option<Turn<'f>>,
+        episode: &Episode,
+        number: u32,
+    ) -> anyhow::Result<Tried> {
         let seed = episode.seed_of(number);
         let mut last = String::new();
         for run in 0..TRIES {
@@ -166,9 +191,13 @@ impl Shared<'_> {
             if run > 0 {
                 title.push_str(" once more");
             }
-            self.show.begin(worker, title);
-            let board = self.show.board(worker);
-            match attempt(self.setup, episode, number, self.stop, &board) {
+            let turn = turn.take().unwrap_or_else(|| lock(floor));
+            if self.stop.asked() && run + number > 0 {
+                return Ok(Tried::Stopped);
+            }
+            self.show.begin(lane, title);
+            let board = self.show.board(lane);
+            match attempt(self.setup, episode, number, turn, self.stop, &board) {
                 Ok(Outcome::Done(done)) => return Ok(Tried::Done(done)),
                 Ok(Outcome::Failed(failed)) => {
                     self.setup.folder.keep_failed(&episode.id, number)?;
@@ -176,7 +205,7 @@ impl Shared<'_> {
                         format!("{} failed with seed {seed}: {}", episode.id, failed.reason);
                     let seconds = failed.seconds;
                     lock(&self.journal).append(&Entry::Failed(failed))?;
-                    self.show.end(worker, seconds, 0.0, false, &words);
+                    self.show.end(lane, seconds, 0.0, false, &words);
                     return Ok(Tried::Again);
                 }
                 Ok(Outcome::Stopped) => {
@@ -187,7 +216,7 @@ impl Shared<'_> {
                 Err(problem) => {
                     last = format!("{problem:#}");
                     self.show.end(
-                        worker,
+                        lane,
                         0.0,
                         0.0,
                         false,

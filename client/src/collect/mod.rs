@@ -163,7 +163,12 @@ fn collect(
         folder.root().display()
     );
     let expected = jobs.iter().map(|job| job.expected).sum();
-    let show = Show::new(workers, ledger.done.len(), mine.len(), expected);
+    let show = Show::new(
+        fleet::LANES * workers,
+        ledger.done.len(),
+        mine.len(),
+        expected,
+    );
     let tally = fleet::work(
         setup,
         jobs,

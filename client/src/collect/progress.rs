@@ -9,7 +9,7 @@ use indicatif::{MultiProgress, ProgressBar, ProgressDrawTarget, ProgressStyle};
 use super::estimate::duration;
 use super::watch::{Board, Progress};
 
-/// The whole campaign's bar and one line per worker.
+/// The whole campaign's bar and a line for every lane that has something to do.
 pub struct Show {
     all: MultiProgress,
     total: ProgressBar,
@@ -32,7 +32,7 @@ impl Show {
     /// Shows a campaign with `done` of `total` episodes and `left` simulated
     /// seconds to go.
     #[must_use]
-    pub fn new(workers: usize, done: usize, total: usize, left: f64) -> Self {
+    pub fn new(lanes: usize, done: usize, total: usize, left: f64) -> Self {
         let is_terminal = std::io::stderr().is_terminal();
         let target = if is_terminal {
             ProgressDrawTarget::stderr()
@@ -55,9 +55,9 @@ impl Show {
             line
         };
         Self {
-            lines: (0..workers).map(line).collect(),
-            boards: (0..workers).map(|_| Arc::default()).collect(),
-            titles: Mutex::new(vec![String::new(); workers]),
+            lines: (0..lanes).map(line).collect(),
+            boards: (0..lanes).map(|_| Arc::default()).collect(),
+            titles: Mutex::new(vec![String::new(); lanes]),
             reckoning: Mutex::new(Reckoning {
                 begun: Instant::now(),
                 simulated: 0.0,
@@ -69,24 +69,24 @@ impl Show {
         }
     }
 
-    /// Where a worker tells how it goes.
+    /// Where a lane tells how it goes.
     #[must_use]
-    pub fn board(&self, worker: usize) -> Board {
-        self.boards.get(worker).cloned().unwrap_or_default()
+    pub fn board(&self, lane: usize) -> Board {
+        self.boards.get(lane).cloned().unwrap_or_default()
     }
 
-    /// A worker begins something.
-    pub fn begin(&self, worker: usize, title: String) {
-        *lock(&self.board(worker)) = Progress::default();
-        if let Some(mine) = lock(&self.titles).get_mut(worker) {
+    /// A lane begins something; an empty title is nothing.
+    pub fn begin(&self, lane: usize, title: String) {
+        *lock(&self.board(lane)) = Progress::default();
+        if let Some(mine) = lock(&self.titles).get_mut(lane) {
             *mine = title;
         }
     }
 
-    /// A worker's attempt is over after `seconds` simulated; `done` when its
+    /// A lane's attempt is over after `seconds` simulated; `done` when its
     /// episode is in the dataset, which takes `expected` off what is left.
-    pub fn end(&self, worker: usize, seconds: f64, expected: f64, done: bool, words: &str) {
-        *lock(&self.board(worker)) = Progress::default();
+    pub fn end(&self, lane: usize, seconds: f64, expected: f64, done: bool, words: &str) {
+        self.begin(lane, String::new());
         {
             let mut reckoning = lock(&self.reckoning);
             reckoning.simulated += seconds;
@@ -132,6 +132,13 @@ impl Show {
                 self.total.set_message(self.rate());
                 let titles = lock(&self.titles).clone();
                 for ((line, board), title) in self.lines.iter().zip(&self.boards).zip(titles) {
+                    if title.is_empty() {
+                        line.finish_and_clear();
+                        continue;
+                    }
+                    if line.is_finished() {
+                        line.reset();
+                    }
                     let progress = lock(board).clone();
                     line.set_message(format!(
                         "{title}: {:6.1} s simulated, {}",

@@ -196,7 +196,7 @@ impl Engine {
                     .clone_into(&mut self.waiting_for);
                 return Next::Wait(NAP);
             }
-            return self.pace.wait().map_or(Next::Step, Next::Wait);
+            return self.when_due();
         };
         if episode.stage == Stage::Waiting {
             return self.wait_for_recorders();
@@ -217,7 +217,13 @@ impl Engine {
                 return Next::Wait(NAP);
             }
         }
-        self.pace.wait().map_or(Next::Step, Next::Wait)
+        self.when_due()
+    }
+
+    fn when_due(&self) -> Next {
+        let command_waits = lock(&self.shared.inbox).has_pending();
+        let wait = self.pace.wait(Instant::now(), command_waits);
+        wait.map_or(Next::Step, Next::Wait)
     }
 
     fn wait_for_recorders(&mut self) -> Next {
@@ -300,7 +306,7 @@ impl Engine {
         let step = self.sim.step_telling(&taken.input, |targets, control| {
             publish::applied(&outbox, episode, tick, &taken, targets, control);
         });
-        self.pace.tick();
+        self.pace.tick(Instant::now());
         publish::imu(&outbox, episode, &step.imu);
         self.publish_state();
         self.publish_anomalies();

@@ -335,6 +335,12 @@ impl Inbox {
         !self.listening.lock_step || self.answers.contains_key(&tick)
     }
 
+    /// Whether a command waits for the next control tick.
+    #[must_use]
+    pub fn has_pending(&self) -> bool {
+        !self.pending.is_empty()
+    }
+
     /// Takes what is to be applied at `tick`; `now` is the age clock in seconds.
     pub fn take(&mut self, tick: u64, now: f64) -> Taken {
         let commands = if self.listening.lock_step {

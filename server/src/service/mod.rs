@@ -167,6 +167,7 @@ pub async fn run(
         session
             .liveliness()
             .declare_subscriber(keys.recorder_alive("*"))
+            .history(true)
             .callback(move |sample| {
                 let name = sample
                     .key_expr()

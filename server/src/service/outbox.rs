@@ -6,8 +6,11 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
+use bytes::Bytes;
+use prost::encoding::{self, WireType};
 use wheelarm_proto::keys::Keys;
 use wheelarm_proto::{Message, names, stamp_nanos, v1};
+use zenoh::bytes::ZBytes;
 use zenoh::qos::{CongestionControl, Priority};
 use zenoh::{Session, Wait};
 use zenoh_ext::{AdvancedPublisher, AdvancedPublisherBuilderExt, CacheConfig, MissDetectionConfig};
@@ -16,6 +19,14 @@ use zenoh_ext::{AdvancedPublisher, AdvancedPublisherBuilderExt, CacheConfig, Mis
 pub trait Stamped: Message {
     /// Sets the header.
     fn set_header(&mut self, header: v1::Header);
+
+    /// The encoded message.
+    fn into_payload(self) -> ZBytes
+    where
+        Self: Sized,
+    {
+        self.encode_to_vec().into()
+    }
 }
 
 macro_rules! stamped {
@@ -41,11 +52,45 @@ stamped!(
     PhaseSample,
     StateHash,
     Event,
-    CameraFrame,
     Refusal,
     EpisodeStarted,
     EpisodeStopped
 );
+
+impl Stamped for v1::CameraFrame {
+    fn set_header(&mut self, header: v1::Header) {
+        self.header = Some(header);
+    }
+
+    /// The pictures are handed over where they lie: megabytes are not copied.
+    fn into_payload(mut self) -> ZBytes {
+        let pictures = [
+            (RGB, std::mem::take(&mut self.rgb)),
+            (DEPTH, std::mem::take(&mut self.depth)),
+            (IDS, std::mem::take(&mut self.ids)),
+        ];
+        let mut payload = ZBytes::writer();
+        payload.append(self.encode_to_vec().into());
+        for (field, picture) in pictures {
+            payload.append(field_start(field, &picture).into());
+            payload.append(picture.into());
+        }
+        payload.finish()
+    }
+}
+
+/// Field numbers of the pictures in `wheelarm.v1.CameraFrame`.
+const RGB: u32 = 5;
+const DEPTH: u32 = 6;
+const IDS: u32 = 7;
+
+/// What stands before the bytes of a field.
+fn field_start(field: u32, bytes: &Bytes) -> Vec<u8> {
+    let mut start = Vec::new();
+    encoding::encode_key(field, WireType::LengthDelimited, &mut start);
+    encoding::encode_varint(bytes.len() as u64, &mut start);
+    start
+}
 
 /// How a stream travels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -296,7 +341,7 @@ impl Outbox {
             sequence,
             ..self.header(episode, tick)
         });
-        if let Err(e) = stream.publisher.put(message.encode_to_vec()).wait() {
+        if let Err(e) = stream.publisher.put(message.into_payload()).wait() {
             tracing::error!("cannot publish {name}: {e}");
         }
     }
@@ -334,5 +379,33 @@ impl Outbox {
                 }
             })
             .collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_picture_that_is_not_copied_reads_like_one_that_was_encoded() {
+        let picture = |bytes: usize, from: u8| Bytes::from(vec![from; bytes]);
+        let frame = v1::CameraFrame {
+            header: Some(v1::Header {
+                sequence: 7,
+                ..Default::default()
+            }),
+            camera: "gen3".into(),
+            intrinsics: Some(v1::Intrinsics {
+                width: 20,
+                height: 10,
+                ..Default::default()
+            }),
+            pose: Some(v1::Pose::default()),
+            rgb: picture(600, 1),
+            depth: picture(800, 2),
+            ids: picture(200, 3),
+        };
+        let payload = frame.clone().into_payload();
+        assert_eq!(v1::CameraFrame::decode(&*payload.to_bytes()), Ok(frame));
     }
 }

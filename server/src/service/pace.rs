@@ -9,6 +9,9 @@ use crate::sim::Pacing;
 /// How far the simulation may fall behind before real time is let go, s.
 const MAX_LAG: Duration = Duration::from_millis(50);
 
+/// One control tick of wall time.
+const TICK: Duration = Duration::from_nanos(1_000_000_000 / CONTROL_HZ);
+
 /// The clock of the loop.
 #[derive(Debug)]
 pub struct Pace {
@@ -39,23 +42,26 @@ impl Pace {
         };
     }
 
-    /// How long to wait before the next control tick; `None` when it is due.
+    /// How long to wait at `now` before the next control tick; `None` when it is
+    /// due. A command that waits makes a tick of real time due at once, up to one
+    /// tick before its time: the clock of the simulation then leads by as much,
+    /// and the command does not wait for the schedule.
     #[must_use]
-    pub fn wait(&self) -> Option<Duration> {
+    pub fn wait(&self, now: Instant, command_waits: bool) -> Option<Duration> {
         match self.pacing {
             Pacing::RealTime => {
-                let wait = self.next.saturating_duration_since(Instant::now());
+                let lead = if command_waits { TICK } else { Duration::ZERO };
+                let wait = self.next.saturating_duration_since(now + lead);
                 (!wait.is_zero()).then_some(wait)
             }
             Pacing::LockStep | Pacing::Fast => None,
         }
     }
 
-    /// Counts a control tick. Where the host cannot keep up, the schedule
-    /// moves: simulation time slows down and no tick is skipped.
-    pub fn tick(&mut self) {
-        let now = Instant::now();
-        self.next += Duration::from_nanos(1_000_000_000 / CONTROL_HZ);
+    /// Counts a control tick taken at `now`. Where the host cannot keep up, the
+    /// schedule moves: simulation time slows down and no tick is skipped.
+    pub fn tick(&mut self, now: Instant) {
+        self.next += TICK;
         if now.saturating_duration_since(self.next) > MAX_LAG {
             self.next = now;
         }
@@ -71,5 +77,47 @@ impl Pace {
     #[must_use]
     pub fn factor(&self) -> f64 {
         self.factor
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const MS: Duration = Duration::from_millis(1);
+
+    #[test]
+    fn a_command_takes_its_tick_at_once_but_time_leads_by_one_tick_at_most() {
+        let mut pace = Pace::new(Pacing::RealTime);
+        let start = pace.next;
+        assert_eq!(pace.wait(start, false), None);
+        pace.tick(start);
+        assert_eq!(pace.wait(start + MS, false), Some(TICK - MS));
+        assert_eq!(pace.wait(start + MS, true), None, "its tick is taken early");
+        pace.tick(start + MS);
+        // The tick after it has not even begun.
+        assert_eq!(pace.wait(start + 2 * MS, true), Some(TICK - 2 * MS));
+        assert_eq!(pace.wait(start + TICK, true), None);
+        assert_eq!(
+            pace.wait(start + TICK, false),
+            Some(TICK),
+            "without a command the schedule holds"
+        );
+    }
+
+    #[test]
+    fn a_flood_of_commands_does_not_make_time_run_faster() {
+        let mut pace = Pace::new(Pacing::RealTime);
+        let start = pace.next;
+        let mut ticks = 0;
+        for millisecond in 0..1000 {
+            let now = start + millisecond * MS;
+            if pace.wait(now, true).is_none() {
+                pace.tick(now);
+                ticks += 1;
+            }
+        }
+        // One second of ticks, and the one that leads.
+        assert_eq!(ticks, CONTROL_HZ + 1);
     }
 }

@@ -10,6 +10,9 @@ use wheelarm_proto::{keys, v1};
 pub struct Recorders {
     /// What each told of its last episodes, newest last.
     known: BTreeMap<String, Vec<v1::RecorderStatus>>,
+    /// Recorders whose liveliness token is there. What others tell is kept, for
+    /// a token may come after the first status, but counts for nothing.
+    alive: BTreeSet<String>,
     /// Recorders whose connection ended, and since when; they may come back.
     away: BTreeMap<String, Instant>,
     /// Recorders that were lost in the running episode; they hold nobody up again.
@@ -38,9 +41,10 @@ impl Recorders {
             return;
         }
         if self.known.len() >= MAX_RECORDERS && !self.known.contains_key(&status.recorder) {
-            // The one that speaks of the oldest episode makes room.
+            // Strangers make room first, then who speaks of the oldest episode.
             let newest = |all: &[v1::RecorderStatus]| all.last().map_or(0, |s| id(s).1);
-            let oldest = self.known.iter().min_by_key(|(_, all)| newest(all));
+            let known = self.known.iter();
+            let oldest = known.min_by_key(|(name, all)| (self.alive.contains(*name), newest(all)));
             if let Some(name) = oldest.map(|(name, _)| name.clone()) {
                 self.known.remove(&name);
             }
@@ -57,6 +61,7 @@ impl Recorders {
 
     /// A recorder's connection ended: it has [`AWAY`] to come back.
     pub fn left(&mut self, name: &str, now: Instant) {
+        self.alive.remove(name);
         if self.known.contains_key(name) {
             self.away.entry(name.to_owned()).or_insert(now);
         }
@@ -65,6 +70,9 @@ impl Recorders {
     /// A recorder is there, or there again.
     pub fn came(&mut self, name: &str) {
         self.away.remove(name);
+        if self.alive.len() < MAX_RECORDERS {
+            self.alive.insert(name.to_owned());
+        }
     }
 
     /// Whether a recorder's connection has ended.
@@ -90,8 +98,12 @@ impl Recorders {
         }
     }
 
+    fn is_there(&self, name: &str) -> bool {
+        self.alive.contains(name) && !self.is_away(name)
+    }
+
     fn there(&self) -> impl Iterator<Item = &Vec<v1::RecorderStatus>> {
-        let there = self.known.iter().filter(|(name, _)| !self.is_away(name));
+        let there = self.known.iter().filter(|(name, _)| self.is_there(name));
         there.map(|(_, episodes)| episodes)
     }
 
@@ -136,7 +148,7 @@ impl Recorders {
     #[must_use]
     pub fn ready(&self, run_id: &str, episode: u64) -> Vec<String> {
         self.of_episode(run_id, episode)
-            .filter(|s| s.state == v1::RecorderState::Ready as i32 && !self.is_away(&s.recorder))
+            .filter(|s| s.state == v1::RecorderState::Ready as i32 && self.is_there(&s.recorder))
             .map(|s| s.recorder.clone())
             .collect()
     }
@@ -146,6 +158,7 @@ impl Recorders {
     pub fn failed(&self, run_id: &str, episode: u64) -> Vec<(String, String)> {
         self.of_episode(run_id, episode)
             .filter(|s| s.state == v1::RecorderState::Failed as i32)
+            .filter(|s| self.alive.contains(&s.recorder))
             .map(|s| (s.recorder.clone(), s.message.clone()))
             .collect()
     }
@@ -194,6 +207,9 @@ mod tests {
     #[test]
     fn credit_is_that_of_the_slowest_participant_of_this_episode() {
         let mut recorders = Recorders::default();
+        for name in ["a", "b", "old", "guest"] {
+            recorders.came(name);
+        }
         recorders.update(status("a", 2, 10));
         recorders.update(status("b", 2, 7));
         recorders.update(status("old", 1, 0));
@@ -227,5 +243,19 @@ mod tests {
         );
         assert_eq!(recorders.ready("r", 1), ["old"]);
         assert!(recorders.ready("other run", 2).is_empty());
+    }
+
+    #[test]
+    fn what_somebody_without_a_token_tells_counts_for_nothing() {
+        let mut recorders = Recorders::default();
+        recorders.update(status("stranger", 1, 0));
+        let mut failed = status("liar", 1, 0);
+        failed.state = v1::RecorderState::Failed as i32;
+        recorders.update(failed);
+        assert_eq!(recorders.present(), 0);
+        assert!(recorders.ready("r", 1).is_empty());
+        assert!(recorders.failed("r", 1).is_empty());
+        recorders.came("stranger");
+        assert_eq!(recorders.ready("r", 1), ["stranger"], "the token came late");
     }
 }

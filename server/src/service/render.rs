@@ -2,6 +2,7 @@
 //! Its queue is short and blocking, so that no picture is ever skipped; the
 //! simulation slows down instead.
 
+use std::collections::VecDeque;
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::mpsc::{self, Receiver, SyncSender};
@@ -16,7 +17,9 @@ use super::signal::Signal;
 use super::{ServiceError, convert};
 use crate::robot::RobotModel;
 use crate::scene::Scene;
-use crate::sensors::camera::{CameraSpec, Frame, Quality, RenderError, RenderScene, Renderer};
+use crate::sensors::camera::{
+    CameraSpec, Frame, IN_FLIGHT, Quality, RenderError, RenderScene, Renderer,
+};
 use crate::sim::{self, Scenario, Simulation};
 use crate::snapshot::Snapshot;
 
@@ -141,14 +144,16 @@ impl RenderThread {
                         }
                     };
                     let work = std::panic::AssertUnwindSafe(|| {
-                        draw(
-                            &mut renderer,
-                            &queue,
-                            &names,
-                            (&outbox, &previews),
-                            &signal,
-                            &waiting,
-                        )
+                        draw(&mut renderer, &queue, |frames, of| {
+                            let (episode, tick) = (of.episode, of.snapshot.tick);
+                            for frame in frames {
+                                let name = &names[frame.camera];
+                                previews.offer(&frame, episode, tick);
+                                outbox.camera(name, episode, tick, message(name, frame));
+                            }
+                            waiting.fetch_sub(1, Ordering::AcqRel);
+                            signal.raise();
+                        })
                     });
                     let failure = match std::panic::catch_unwind(work) {
                         Ok(Ok(())) => return,
@@ -244,35 +249,53 @@ pub(super) fn step_back() {
     let _ = rustix::process::nice(NICER);
 }
 
+/// A batch that is being drawn.
+struct Flying {
+    snapshot: Arc<Snapshot>,
+    episode: u64,
+}
+
+/// Draws, and publishes what is drawn; while a batch is read and sent the next
+/// one is drawn already, if there is one.
 fn draw(
     renderer: &mut Renderer,
     queue: &Receiver<Job>,
-    names: &[String],
-    (outbox, previews): (&Outbox, &Previews),
-    signal: &Signal,
-    pending: &AtomicUsize,
+    mut publish: impl FnMut(Vec<Frame>, Flying),
 ) -> Result<(), RenderError> {
-    while let Ok(job) = queue.recv() {
+    let mut flying: VecDeque<Flying> = VecDeque::new();
+    loop {
+        let job = match flying.len() {
+            0 => match queue.recv() {
+                Ok(job) => Some(job),
+                Err(_) => return Ok(()),
+            },
+            IN_FLIGHT.. => None,
+            _ => queue.try_recv().ok(),
+        };
         match job {
-            Job::Draw {
+            Some(Job::Draw {
                 snapshot,
                 cameras,
                 episode,
-            } => {
-                for frame in renderer.render(&snapshot, &cameras)? {
-                    let name = &names[frame.camera];
-                    previews.offer(&frame, episode, snapshot.tick);
-                    outbox.camera(name, episode, snapshot.tick, message(name, frame));
-                }
-                pending.fetch_sub(1, Ordering::AcqRel);
-                signal.raise();
+            }) => {
+                renderer.submit(&snapshot, &cameras)?;
+                flying.push_back(Flying { snapshot, episode });
+                continue;
             }
-            Job::Drain(done) => {
+            Some(Job::Drain(done)) => {
+                while let Some(oldest) = flying.pop_front() {
+                    publish(renderer.collect()?, oldest);
+                }
+                // Whoever asked may have gone.
                 let _ = done.send(());
+            }
+            None => {
+                if let Some(oldest) = flying.pop_front() {
+                    publish(renderer.collect()?, oldest);
+                }
             }
         }
     }
-    Ok(())
 }
 
 fn message(name: &str, frame: Frame) -> v1::CameraFrame {

@@ -5,14 +5,15 @@ use std::time::{Duration, Instant};
 
 use anyhow::Context;
 use wheelarm_client::link::{Commander, Link, Received, Stream, Streams};
-use wheelarm_proto::{names, v1};
+use wheelarm_proto::{CONTROL_HZ, names, v1};
 use wheelarm_tests::{IdleCommander, Server};
 use zenoh::Wait;
 
 use super::CAMERAS;
 
-/// Commands measured.
-const COMMANDS: usize = 60;
+/// Commands measured until they are applied, and until motion is seen.
+const APPLIED: usize = 500;
+const MOVES: usize = 60;
 /// What counts as motion, rad: far above what a resting knuckle does.
 const MOVED: f64 = 2e-4;
 
@@ -25,9 +26,8 @@ pub fn measure() -> anyhow::Result<()> {
         .callback(|_| {})
         .wait()
         .map_err(|e| anyhow::anyhow!("{e}"))?;
-    let (applied, moved) = real_time(&link)?;
-    report("real time, command to applied", applied);
-    report("real time, command to motion", moved);
+    report("real time, command to applied", applied(&link)?);
+    report("real time, command to motion", moved(&link)?);
 
     let args = [&CAMERAS[..], &["--pacing", "lock-step"]].concat();
     let server = Server::start("answers", &args)?;
@@ -41,7 +41,12 @@ fn report(what: &str, mut seconds: Vec<f64>) {
         let place = (share * seconds.len() as f64) as usize;
         1e3 * seconds[place.min(seconds.len() - 1)]
     };
-    println!("{what}: median {:.3} ms, p99 {:.3} ms", at(0.5), at(0.99));
+    println!(
+        "{what}: median {:.3} ms, p90 {:.3}, p99 {:.3} ms",
+        at(0.5),
+        at(0.9),
+        at(0.99)
+    );
 }
 
 fn knuckle(radians: f64) -> v1::Command {
@@ -54,42 +59,59 @@ fn knuckle(radians: f64) -> v1::Command {
     }
 }
 
-/// The gripper opens and closes; commands are sent at any time of the tick.
-fn real_time(link: &Link) -> anyhow::Result<(Vec<f64>, Vec<f64>)> {
-    let streams = link.streams(&[Stream::JointState, Stream::Applied])?;
+/// Sent at any time of the control tick, as a person's commands are.
+fn sent_at_any_time(commander: &mut Commander, i: usize, target: f64) -> anyhow::Result<Instant> {
+    std::thread::sleep(Duration::from_micros((i as u64 * 7919) % 16_667));
+    let sent = Instant::now();
+    send(commander, target)?;
+    Ok(sent)
+}
+
+fn applied(link: &Link) -> anyhow::Result<Vec<f64>> {
+    let streams = link.streams(&[Stream::Applied])?;
+    let mut commander = link.commander("bench", false)?;
+    let mut times = Vec::new();
+    for i in 0..APPLIED {
+        let sent = sent_at_any_time(&mut commander, i, 0.2)?;
+        loop {
+            let sample = streams.next(Duration::from_secs(5))?;
+            if let Received::Applied(sample) = sample.context("no sample came")?
+                && sample.gripper.is_some()
+            {
+                times.push(sent.elapsed().as_secs_f64());
+                break;
+            }
+        }
+        // Between one tick and two, so that the next tick is not the same one.
+        std::thread::sleep(Duration::from_millis(17));
+    }
+    Ok(times)
+}
+
+/// The gripper opens and closes.
+fn moved(link: &Link) -> anyhow::Result<Vec<f64>> {
+    let streams = link.streams(&[Stream::JointState])?;
     let mut commander = link.commander("bench", false)?;
     let joint = names::JOINT_NAMES
         .iter()
         .position(|name| *name == "robotiq_85_left_knuckle_joint")
         .context("the knuckle")?;
-    let (mut applied, mut moved) = (Vec::new(), Vec::new());
-    for i in 0..COMMANDS {
-        let target = [0.2, 0.5][i % 2];
+    let mut times = Vec::new();
+    for i in 0..MOVES {
         let rest = settle(&streams, joint)?;
-        // Spreads the sending over the control tick.
-        std::thread::sleep(Duration::from_micros((i as u64 * 7919) % 16_667));
         while streams.next(Duration::ZERO)?.is_some() {}
-        let sent = Instant::now();
-        send(&mut commander, target)?;
-        let (mut taken, mut seen) = (None, None);
-        while taken.is_none() || seen.is_none() {
-            match streams
-                .next(Duration::from_secs(5))?
-                .context("no sample came")?
+        let sent = sent_at_any_time(&mut commander, i, [0.5, 0.2][i % 2])?;
+        loop {
+            let sample = streams.next(Duration::from_secs(5))?;
+            if let Received::JointState(sample) = sample.context("no sample came")?
+                && (sample.position[joint] - rest).abs() > MOVED
             {
-                Received::Applied(sample) if sample.gripper.is_some() => {
-                    taken.get_or_insert(sent.elapsed().as_secs_f64());
-                }
-                Received::JointState(sample) if (sample.position[joint] - rest).abs() > MOVED => {
-                    seen.get_or_insert(sent.elapsed().as_secs_f64());
-                }
-                _ => {}
+                times.push(sent.elapsed().as_secs_f64());
+                break;
             }
         }
-        applied.extend(taken);
-        moved.extend(seen);
     }
-    Ok((applied, moved))
+    Ok(times)
 }
 
 fn send(commander: &mut Commander, target: f64) -> anyhow::Result<()> {
@@ -117,8 +139,8 @@ fn settle(streams: &Streams, joint: usize) -> anyhow::Result<f64> {
     Ok(last)
 }
 
-/// Every tick waits for its command: the way there and back, and four steps of
-/// the physics.
+/// Every tick waits for its command; the commander keeps the pace of the clock,
+/// so that the cameras stream at 30 Hz here too.
 fn lock_step(link: &Link) -> anyhow::Result<Vec<f64>> {
     let streams = link.streams(&[Stream::Clock, Stream::Applied])?;
     let mut commander = link.commander(IdleCommander::NAME, false)?;
@@ -130,7 +152,10 @@ fn lock_step(link: &Link) -> anyhow::Result<Vec<f64>> {
         link.query(wheelarm_proto::keys::Query::EpisodeStart, &request)?;
     let mut header = started.header.context("a header")?;
     let mut times = Vec::new();
+    let mut due = Instant::now();
     for _ in 0..600 {
+        due = (due + Duration::from_secs(1) / CONTROL_HZ as u32).max(Instant::now());
+        std::thread::sleep(due - Instant::now());
         let sent = Instant::now();
         commander.answer(&header, v1::Command::default())?;
         let mut taken = None;

@@ -64,6 +64,9 @@ pub enum RenderError {
         /// Cameras of this renderer.
         count: usize,
     },
+    /// More batches were begun than can be drawn before one is collected.
+    #[error("two batches of pictures are being drawn; collect one first")]
+    InFlight,
     /// A snapshot of another scene or robot.
     #[error("the snapshot has {found} {kind}, the render scene was built for {expected}")]
     SnapshotMismatch {

@@ -26,7 +26,7 @@ use nalgebra::Isometry3;
 
 pub use adapter::{AdapterInfo, AdapterKind};
 pub use error::RenderError;
-pub use renderer::Renderer;
+pub use renderer::{IN_FLIGHT, Renderer};
 pub use scene::{Binding, RenderItem, RenderScene};
 pub use spec::{CameraSpec, Intrinsics};
 

@@ -120,8 +120,9 @@ pub(super) struct Memory {
     given: Vec<[Bytes; 3]>,
 }
 
-/// Frames that are remembered.
-const REMEMBERED: usize = 4;
+/// Frames that are remembered: those that a transport keeps for latecomers, and
+/// those on their way.
+const REMEMBERED: usize = 12;
 
 impl Memory {
     fn take(&mut self, sizes: [usize; 3]) -> [BytesMut; 3] {

@@ -1,5 +1,6 @@
 //! The renderer: uploads a scene once, then draws snapshots of it.
 
+use std::collections::VecDeque;
 use std::sync::{Arc, Mutex, PoisonError};
 
 use bytes::Bytes;
@@ -40,9 +41,24 @@ pub struct Renderer {
     shadow_group: wgpu::BindGroup,
     /// Links, objects and sliding furniture that a snapshot must have.
     expected: [usize; 3],
-    read: Vec<wgpu::Buffer>,
+    /// Read buffers of each camera, one per batch in flight.
+    read: Vec<[wgpu::Buffer; IN_FLIGHT]>,
     memory: Vec<Memory>,
-    pending: Vec<Pending>,
+    /// Batches in flight, oldest first.
+    pending: VecDeque<Batch>,
+    /// Read buffers that the next batch uses.
+    turn: usize,
+}
+
+/// Batches that can be drawn before the first one is read: the adapter goes on
+/// with the second while the first is unpacked and sent.
+pub const IN_FLIGHT: usize = 2;
+
+/// Pictures that were asked for together.
+struct Batch {
+    pictures: Vec<Pending>,
+    /// Index of their read buffers.
+    turn: usize,
 }
 
 /// Reversed depth where nothing is hit.
@@ -155,11 +171,13 @@ impl Renderer {
         let read = targets
             .iter()
             .map(|target| {
-                device.create_buffer(&wgpu::BufferDescriptor {
-                    label: Some(&target.spec.name),
-                    size: Layout::of(target).bytes(),
-                    usage: wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST,
-                    mapped_at_creation: false,
+                std::array::from_fn(|_| {
+                    device.create_buffer(&wgpu::BufferDescriptor {
+                        label: Some(&target.spec.name),
+                        size: Layout::of(target).bytes(),
+                        usage: wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST,
+                        mapped_at_creation: false,
+                    })
                 })
             })
             .collect();
@@ -181,7 +199,8 @@ impl Renderer {
             shadow_group,
             memory: cameras.iter().map(|_| Memory::default()).collect(),
             read,
-            pending: Vec::new(),
+            pending: VecDeque::new(),
+            turn: 0,
         };
         renderer.check_failure()?;
         Ok(renderer)
@@ -211,23 +230,16 @@ impl Renderer {
         self.collect()
     }
 
-    fn check_failure(&self) -> Result<(), RenderError> {
-        let mut slot = self.failure.lock().unwrap_or_else(PoisonError::into_inner);
-        match slot.take() {
-            None => Ok(()),
-            Some(reason) => Err(self.failed(reason)),
-        }
-    }
-
-    fn failed(&self, reason: String) -> RenderError {
-        RenderError::Device {
-            adapter: self.info.name.clone(),
-            reason,
-        }
-    }
-
-    fn submit(&mut self, snapshot: &Snapshot, cameras: &[usize]) -> Result<(), RenderError> {
+    /// Begins to draw some of the cameras. Up to [`IN_FLIGHT`] batches can be
+    /// begun before the first one is collected.
+    ///
+    /// # Errors
+    /// As [`Renderer::render`], and when too many batches are in flight.
+    pub fn submit(&mut self, snapshot: &Snapshot, cameras: &[usize]) -> Result<(), RenderError> {
         self.check_request(snapshot, cameras)?;
+        if self.pending.len() == IN_FLIGHT {
+            return Err(RenderError::InFlight);
+        }
         let poses: Vec<Isometry3<f64>> = self
             .geometry
             .bodies
@@ -262,35 +274,44 @@ impl Renderer {
                 .draw(&mut encoder, &self.pipelines, group, &self.geometry, &poses);
         }
         // One submission each: a picture is unpacked while the next is drawn.
-        let mut pending = Vec::with_capacity(cameras.len());
+        let turn = self.turn;
+        self.turn = (turn + 1) % IN_FLIGHT;
+        let mut pictures = Vec::with_capacity(cameras.len());
         for (&c, view) in cameras.iter().zip(&views) {
             let seen = self.geometry.seen(view, &poses);
             self.draw_camera(&mut encoder, c, &seen);
             let target = &self.targets[c];
-            Layout::of(target).copy(&mut encoder, target, &self.read[c]);
+            Layout::of(target).copy(&mut encoder, target, &self.read[c][turn]);
             let next = self.device.create_command_encoder(&Default::default());
             let full = std::mem::replace(&mut encoder, next);
             let submission = self.queue.submit([full.finish()]);
-            self.read[c].map_async(wgpu::MapMode::Read, .., |_| {});
-            pending.push(Pending {
+            self.read[c][turn].map_async(wgpu::MapMode::Read, .., |_| {});
+            pictures.push(Pending {
                 submission,
                 camera: c,
                 world_from_optical: view.world_from_optical,
             });
         }
-        self.pending = pending;
+        self.pending.push_back(Batch { pictures, turn });
         Ok(())
     }
 
-    fn collect(&mut self) -> Result<Vec<Frame>, RenderError> {
-        let pending = std::mem::take(&mut self.pending);
-        let mut memory: Vec<Memory> = pending
+    /// Waits for the pictures of the oldest batch, in the order asked for;
+    /// there are none when nothing is in flight.
+    ///
+    /// # Errors
+    /// When the adapter fails.
+    pub fn collect(&mut self) -> Result<Vec<Frame>, RenderError> {
+        let Some(Batch { pictures, turn }) = self.pending.pop_front() else {
+            return Ok(Vec::new());
+        };
+        let mut memory: Vec<Memory> = pictures
             .iter()
             .map(|p| std::mem::take(&mut self.memory[p.camera]))
             .collect();
         let unpacked = std::thread::scope(|scope| -> Result<Vec<_>, RenderError> {
-            let mut jobs = Vec::with_capacity(pending.len());
-            for (p, memory) in pending.iter().zip(&mut memory) {
+            let mut jobs = Vec::with_capacity(pictures.len());
+            for (p, memory) in pictures.iter().zip(&mut memory) {
                 self.device
                     .poll(wgpu::PollType::Wait {
                         submission_index: Some(p.submission.clone()),
@@ -298,7 +319,7 @@ impl Renderer {
                     })
                     .map_err(|e| self.failed(e.to_string()))?;
                 self.check_failure()?;
-                let (target, buffer) = (&self.targets[p.camera], &self.read[p.camera]);
+                let (target, buffer) = (&self.targets[p.camera], &self.read[p.camera][turn]);
                 jobs.push(scope.spawn(move || -> Result<[Bytes; 3], String> {
                     let mapped = buffer.get_mapped_range(..).map_err(|e| e.to_string())?;
                     Ok(Layout::of(target).unpack(&mapped, target.spec.range, memory))
@@ -310,12 +331,12 @@ impl Renderer {
             });
             Ok(joined.collect())
         })?;
-        for (p, memory) in pending.iter().zip(memory) {
+        for (p, memory) in pictures.iter().zip(memory) {
             self.memory[p.camera] = memory;
         }
         let mut frames = Vec::with_capacity(unpacked.len());
-        for (p, bytes) in pending.iter().zip(unpacked) {
-            self.read[p.camera].unmap();
+        for (p, bytes) in pictures.iter().zip(unpacked) {
+            self.read[p.camera][turn].unmap();
             let [rgb, depth, ids] = bytes.map_err(|reason| self.failed(reason))?;
             frames.push(Frame {
                 camera: p.camera,
@@ -327,6 +348,21 @@ impl Renderer {
             });
         }
         Ok(frames)
+    }
+
+    fn check_failure(&self) -> Result<(), RenderError> {
+        let mut slot = self.failure.lock().unwrap_or_else(PoisonError::into_inner);
+        match slot.take() {
+            None => Ok(()),
+            Some(reason) => Err(self.failed(reason)),
+        }
+    }
+
+    fn failed(&self, reason: String) -> RenderError {
+        RenderError::Device {
+            adapter: self.info.name.clone(),
+            reason,
+        }
     }
 
     fn check_request(&self, snapshot: &Snapshot, cameras: &[usize]) -> Result<(), RenderError> {
