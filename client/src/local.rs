@@ -41,6 +41,10 @@ pub struct ServerOptions {
     pub assets: Option<PathBuf>,
 }
 
+/// For programs that are started here: their last words are shown, and a
+/// backtrace behind them would hide them. Panics still show theirs.
+pub(crate) const BACKTRACE: (&str, &str) = ("RUST_LIB_BACKTRACE", "0");
+
 /// A child process whose messages are kept; it is killed when dropped.
 pub struct Program {
     name: String,
@@ -82,6 +86,7 @@ impl Program {
         })?;
         let mut child = Command::new(&path)
             .args(arguments)
+            .env(BACKTRACE.0, BACKTRACE.1)
             .stdin(stdin)
             .stdout(Stdio::piped())
             .stderr(Stdio::piped())

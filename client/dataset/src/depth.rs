@@ -18,23 +18,27 @@ pub const MILLIMETRES_NOTE: &str =
 
 /// Converts little-endian float32 metres to little-endian u16 millimetres.
 pub fn to_millimetres(metres: &[u8], out: &mut Vec<u8>) {
-    out.clear();
-    out.reserve(metres.len() / 2);
-    for bytes in metres.chunks_exact(4) {
-        let metres = f32::from_le_bytes([bytes[0], bytes[1], bytes[2], bytes[3]]);
-        out.extend_from_slice(&millimetres(metres).to_le_bytes());
+    let (metres, _) = metres.as_chunks::<4>();
+    // Every byte is written below, so that what is there may stay.
+    out.resize(metres.len() * 2, 0);
+    let (out, _) = out.as_chunks_mut::<2>();
+    for (to, from) in out.iter_mut().zip(metres) {
+        *to = millimetres(f32::from_le_bytes(*from)).to_le_bytes();
     }
 }
 
-/// One depth in millimetres, rounded; 0 where there is none.
+/// One depth in millimetres, rounded; 0 where there is none. (`f32::round` is a
+/// call into the C library where the processor's own instruction may not be
+/// assumed, and this runs for every pixel.)
 pub(crate) fn millimetres(metres: f32) -> u16 {
-    let rounded = (metres * 1000.0).round();
-    if metres > 0.0 && rounded <= 65_535.0 {
-        // A surface nearer than 0.5 mm must not read as nothing.
-        (rounded as u16).max(1)
-    } else {
-        0
-    }
+    let exact = metres * 1000.0;
+    // What rounds to more than 65 535 is too far, and so is +inf.
+    let measured = metres > 0.0 && exact < 65_535.5;
+    let exact = if measured { exact } else { 0.0 };
+    let whole = exact as u16;
+    let rounded = whole + u16::from(exact - f32::from(whole) >= 0.5);
+    // A surface nearer than 0.5 mm must not read as nothing.
+    rounded.max(u16::from(measured))
 }
 
 #[cfg(test)]
@@ -55,6 +59,20 @@ mod tests {
             (0.0001, 1),
         ];
         for (metres, expected) in cases {
+            assert_eq!(millimetres(metres), expected, "{metres} m");
+        }
+    }
+
+    #[test]
+    fn rounding_is_that_of_the_standard_library() {
+        for step in 0..2_000_000_u32 {
+            let metres = f32::from_bits(0x3a00_0000 + 131 * step);
+            let rounded = (metres * 1000.0).round();
+            let expected = if rounded <= 65_535.0 {
+                (rounded as u16).max(1)
+            } else {
+                0
+            };
             assert_eq!(millimetres(metres), expected, "{metres} m");
         }
     }

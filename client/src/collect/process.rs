@@ -10,6 +10,7 @@ use std::process::{Child, Command, ExitStatus, Stdio};
 use anyhow::Context;
 
 use crate::control::find_program;
+use crate::local::BACKTRACE;
 
 /// Lines of a program's messages that stand in an error.
 const TAIL_LINES: usize = 6;
@@ -44,6 +45,7 @@ impl Process {
         let mut command = Command::new(&path);
         command
             .args(arguments)
+            .env(BACKTRACE.0, BACKTRACE.1)
             .stdin(Stdio::null())
             .stdout(output)
             .stderr(errors)

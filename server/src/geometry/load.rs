@@ -119,8 +119,23 @@ fn load_obj(path: &Path) -> Result<Soup, MeshError> {
     Ok(soup)
 }
 
+/// A binary file tells its length, its header of 12 bytes included; the library
+/// subtracts those unchecked.
+fn check_glb_length(path: &Path, bytes: &[u8]) -> Result<(), MeshError> {
+    const HEADER: u32 = 12;
+    let length = bytes.get(8..12).and_then(|field| field.try_into().ok());
+    match length.map(u32::from_le_bytes) {
+        Some(length) if bytes.starts_with(b"glTF") && length < HEADER => Err(malformed(
+            path,
+            format!("not a valid glTF file (its header says {length} bytes)"),
+        )),
+        _ => Ok(()),
+    }
+}
+
 fn load_gltf(path: &Path) -> Result<Soup, MeshError> {
     let bytes = fs::read(path).map_err(|e| unreadable(path, &e))?;
+    check_glb_length(path, &bytes)?;
     let gltf::Gltf { document, blob } = gltf::Gltf::from_slice(&bytes)
         .map_err(|e| malformed(path, format!("not a valid glTF file ({e})")))?;
     let mut blob = blob;

@@ -223,7 +223,7 @@ fn a_gltf_file_is_turned_from_y_up_and_placed_by_its_nodes() {
 #[test]
 fn unusable_files_are_named_with_the_reason() {
     let dir = tempfile_dir("bad");
-    let cases: [(&str, &str, &str); 5] = [
+    let cases: [(&str, &str, &str); 6] = [
         (
             "nan.obj",
             "v nan 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n",
@@ -232,6 +232,11 @@ fn unusable_files_are_named_with_the_reason() {
         ("points.obj", "v 0 0 0\nv 1 0 0\n", "no triangles"),
         ("index.obj", "v 0 0 0\nv 1 0 0\nf 1 2 9\n", "index.obj"),
         ("broken.gltf", "{", "not a valid glTF"),
+        (
+            "short.glb",
+            "glTF\u{2}\0\0\0\u{b}\0\0\0",
+            "its header says 11 bytes",
+        ),
         ("part.stl", "solid", "expected obj, gltf or glb"),
     ];
     for (name, text, expected) in cases {
