@@ -43,7 +43,12 @@ pub struct ServerOptions {
 
 /// For programs that are started here: their last words are shown, and a
 /// backtrace behind them would hide them. Panics still show theirs.
-pub(crate) const BACKTRACE: (&str, &str) = ("RUST_LIB_BACKTRACE", "0");
+pub(crate) fn without_backtrace(command: &mut Command) {
+    const NAME: &str = "RUST_LIB_BACKTRACE";
+    if std::env::var_os(NAME).is_none() {
+        command.env(NAME, "0");
+    }
+}
 
 /// A child process whose messages are kept; it is killed when dropped.
 pub struct Program {
@@ -84,9 +89,10 @@ impl Program {
         let path = find_program(name).with_context(|| {
             format!("`{name}` lies neither beside this program nor on PATH; build the workspace first: cargo build --release --workspace")
         })?;
-        let mut child = Command::new(&path)
+        let mut command = Command::new(&path);
+        without_backtrace(&mut command);
+        let mut child = command
             .args(arguments)
-            .env(BACKTRACE.0, BACKTRACE.1)
             .stdin(stdin)
             .stdout(Stdio::piped())
             .stderr(Stdio::piped())

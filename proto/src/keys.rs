@@ -223,7 +223,8 @@ impl Keys {
         self.key(&format!("recorder/{name}"))
     }
 
-    /// Liveliness token of one recorder; `*` for all.
+    /// Liveliness token of one recorder; `*` for all. What a recorder says
+    /// counts only while it is declared.
     #[must_use]
     pub fn recorder_alive(&self, name: &str) -> String {
         self.key(&format!("recorder/{name}/alive"))

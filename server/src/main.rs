@@ -194,10 +194,11 @@ fn runtime_folder() -> Option<OsString> {
 }
 
 /// Threads of Mesa's lavapipe: one more than there are cores. With as many as
-/// cores the kernel now and then leaves two of them on one and the other idle.
+/// cores the kernel now and then leaves two of them on one and the other idle
+/// (measured on two cores).
 fn drawing_threads() -> Option<OsString> {
     let cores = std::thread::available_parallelism().ok()?.get();
-    Some((cores + 1).to_string().into())
+    (cores > 1).then(|| (cores + 1).to_string().into())
 }
 
 async fn serve(args: Args) -> anyhow::Result<()> {

@@ -314,7 +314,7 @@ def collection(folder, assets):
     for depth, workers, goal in (("f32", 1, ">= 1 on 2 cores"), ("u16", 1, ""), ("f32", 2, "")):
         what = f"collect, {depth}, {workers} worker{'s' * (workers > 1)}, simulated / wall"
         try:
-            out = python("collect.py", assets, "--workers", workers, "--depth", depth, "--folder", folder)
+            out = python("collect.py", assets, "--workers", workers, "--depth", depth, "--episodes", 3, "--folder", folder)
             factor, size = (find(p, out) for p in (r"# x real time summed", r"# MB per picture"))
             rows.append((what, text(factor, "", 2), f"{size:.2f} MB per picture", "", goal))
         except Skipped as problem:

@@ -101,8 +101,8 @@ fn deflated<'a>(deflate: &mut Compressor, bytes: &[u8], room: &'a mut Vec<u8>) -
     if room.len() < bound {
         room.resize(bound, 0);
     }
-    // With this much room it cannot fail; an empty stream would be no picture,
-    // and whoever reads the file would be told.
+    // With this much room it cannot fail; a stream without its deflate part
+    // cannot be read, and whoever reads the file is told.
     let length = deflate.deflate_compress(bytes, room).unwrap_or(0);
     &room[..length]
 }
@@ -192,6 +192,27 @@ mod tests {
             shuffle(&bytes, 4, &mut shuffled);
             assert_eq!(inflated(&out[3..], bytes.len()), shuffled, "{noisy:#x}");
             assert_eq!(deflate.noise(&shuffled, COUNT), stored, "{noisy:#x}");
+            let begins_stored = out[3..6] == [0x78, 1, 0] && out[6..10] == [255, 255, 0, 0];
+            assert_eq!(begins_stored, stored > 0, "{noisy:#x}");
+            assert!(length > stored && length < bytes.len(), "{noisy:#x}");
+        }
+    }
+
+    #[test]
+    fn noise_of_any_size_of_element_and_a_rest_read_back() {
+        for element in [2, 8] {
+            let bytes: Vec<u8> = noise()
+                .flat_map(u32::to_le_bytes)
+                .take(element * WORTH_A_LOOK + 1)
+                .collect();
+            let mut out = Vec::new();
+            let mut deflate = Deflate::default();
+            deflate.append(&bytes, element, &mut out);
+            let mut shuffled = Vec::new();
+            shuffle(&bytes, element, &mut shuffled);
+            let planes = element * WORTH_A_LOOK;
+            assert_eq!(deflate.noise(&shuffled, WORTH_A_LOOK), planes);
+            assert_eq!(inflated(&out, bytes.len()), shuffled, "{element}");
         }
     }
 

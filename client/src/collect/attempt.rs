@@ -131,8 +131,9 @@ pub fn attempt(
         std::thread::sleep(LOOK);
     };
     drop(turn);
-    tell(board, "finishing the file");
     let ended = Instant::now();
+    let wall_seconds = (ended - begun).as_secs_f64();
+    tell(board, "finishing the file");
     while recorder.ended()?.is_none() {
         if stop.at_once() {
             return Ok(Outcome::Stopped);
@@ -158,8 +159,15 @@ pub fn attempt(
     }
     tell(board, "checking the file");
     let file = staging.join(format!("{}.h5", episode.id));
-    judge(episode, number, &file, &said, operated.success(), begun)
-        .with_context(|| format!("the recorder said: {}", recorder.tail()))
+    judge(
+        episode,
+        number,
+        &file,
+        &said,
+        operated.success(),
+        wall_seconds,
+    )
+    .with_context(|| format!("the recorder said: {}", recorder.tail()))
 }
 
 /// The operator's last words when it broke, rather than failed at the task.
@@ -176,7 +184,7 @@ fn judge(
     file: &Path,
     said: &str,
     content: bool,
-    begun: Instant,
+    wall_seconds: f64,
 ) -> anyhow::Result<Outcome> {
     let seed = episode.seed_of(number);
     let recording = Recording::open(file)?;
@@ -192,7 +200,7 @@ fn judge(
             settings: episode.settings.clone(),
             reason: reason(&summary, said),
             seconds,
-            wall_seconds: begun.elapsed().as_secs_f64(),
+            wall_seconds,
         }));
     }
     let scenario = scenario_json(&recording.scenario()?);
@@ -222,7 +230,7 @@ fn judge(
             .map_or(0, |since| since.as_millis() as u64),
         origin: [summary.origin[0].clone(), summary.origin[1].clone()],
         scenario,
-        wall_seconds: begun.elapsed().as_secs_f64(),
+        wall_seconds,
     })))
 }
 

@@ -5,12 +5,12 @@ use std::path::Path;
 use super::plan::Plan;
 
 /// Memory of a worker without pictures, bytes: server 0.3 GB, recorder and
-/// operator 0.1 GB (measured with the home scene), twice: while an episode's
-/// file is finished the next one runs.
-const WORKER_BYTES: f64 = 800e6;
+/// operator 0.1 GB (measured with the home scene), twice, for while an episode's
+/// file is finished the next one runs; with room.
+const WORKER_BYTES: f64 = 1e9;
 /// Memory per pixel of all cameras, bytes: attachments, two batches in flight
-/// and the recorder's queue (measured 65 at 1280x720), twice.
-const BYTES_PER_PIXEL: f64 = 130.0;
+/// and the recorder's queue (measured 65 at 1280x720), twice, with room.
+const BYTES_PER_PIXEL: f64 = 160.0;
 /// Workers per core: physics, operator and drawing take turns on one, and
 /// compression uses a part of another. On 16 cores with a GPU 12 workers were
 /// as fast as 16, and 8 slower.
@@ -106,7 +106,7 @@ mod tests {
         assert_eq!(workers(1, Some(64 << 30)), 1);
         assert_eq!(workers(2, Some(64 << 30)), 2);
         assert_eq!(workers(16, Some(64 << 30)), 12);
-        assert_eq!(workers(16, Some(2 << 30)), 2);
+        assert_eq!(workers(16, Some(3 << 30)), 2);
         assert_eq!(workers(16, Some(1 << 20)), 1);
         assert_eq!(workers(16, None), 12);
     }

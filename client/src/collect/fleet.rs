@@ -3,6 +3,7 @@
 //! waits for a finished file, checks and publishes it, the other simulates.
 
 use std::collections::VecDeque;
+use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use super::attempt::{Outcome, Setup, attempt};
@@ -54,18 +55,20 @@ struct Shared<'a> {
     jobs: Mutex<VecDeque<Job>>,
     journal: Mutex<Journal>,
     tally: Mutex<Tally>,
-    /// Bytes that must be free before an episode begins.
-    room: f64,
+    /// Bytes of the longest episode.
+    largest: f64,
+    /// Lanes that make an episode.
+    busy: AtomicUsize,
 }
 
-/// Makes all jobs with `workers` threads.
+/// Makes all jobs with `workers` workers, each of which has two lanes.
 #[must_use]
 pub fn work(
     setup: &Setup,
     jobs: Vec<Job>,
     journal: Journal,
     workers: usize,
-    room: f64,
+    largest: f64,
     (stop, show): (&Stop, &Show),
 ) -> Tally {
     let shared = Shared {
@@ -75,7 +78,8 @@ pub fn work(
         jobs: Mutex::new(jobs.into()),
         journal: Mutex::new(journal),
         tally: Mutex::default(),
-        room: room * (LANES * workers) as f64,
+        largest,
+        busy: AtomicUsize::new(0),
     };
     let floors: Vec<Floor> = (0..workers).map(|_| Floor::default()).collect();
     std::thread::scope(|scope| {
@@ -112,9 +116,11 @@ impl Shared<'_> {
             let Some(job) = lock(&self.jobs).pop_front() else {
                 return;
             };
+            let busy = 1 + self.busy.fetch_add(1, Ordering::AcqRel);
             let made = self
-                .room()
+                .room(busy)
                 .and_then(|()| self.episode((lane, floor), turn, &job));
+            self.busy.fetch_sub(1, Ordering::AcqRel);
             if let Err(problem) = made {
                 self.end(format!("{}: {problem:#}", job.episode.id));
             }
@@ -127,14 +133,16 @@ impl Shared<'_> {
         self.stop.after_running();
     }
 
-    fn room(&self) -> anyhow::Result<()> {
+    /// Whether the disk has room for `busy` episodes that run at the same time.
+    fn room(&self, busy: usize) -> anyhow::Result<()> {
+        let need = busy as f64 * self.largest;
         let root = self.setup.folder.root();
         match free_disk(root) {
-            Some(free) if (free as f64) < self.room => anyhow::bail!(
+            Some(free) if (free as f64) < need => anyhow::bail!(
                 "{} has {} free, and the episodes that would run now need {}; make room and start again, nothing is lost",
                 root.display(),
                 bytes(free as f64),
-                bytes(self.room)
+                bytes(need)
             ),
             _ => Ok(()),
         }
@@ -145,6 +153,7 @@ impl Shared<'_> {
     /// # Errors
     /// When the folder or the journal cannot be written: that ends the run.
     fn episode<'f>(&self, place: Place<'f>, turn: Turn<'f>, job: &Job) -> anyhow::Result<()> {
+        let (lane, _) = place;
         let episode = &job.episode;
         let mut turn = Some(turn);
         for number in job.attempt..self.setup.plan.attempts {
@@ -162,7 +171,7 @@ impl Shared<'_> {
                     lock(&self.journal).append(&Entry::Done(done))?;
                     self.setup.folder.clean(&episode.id)?;
                     lock(&self.tally).done += 1;
-                    self.show.end(place.0, seconds, job.expected, true, &words);
+                    self.show.end(lane, seconds, job.expected, true, &words);
                     return Ok(());
                 }
                 Tried::Again => {}
@@ -191,10 +200,17 @@ impl Shared<'_> {
             if run > 0 {
                 title.push_str(" once more");
             }
-            let turn = turn.take().unwrap_or_else(|| lock(floor));
-            if self.stop.asked() && run + number > 0 {
-                return Ok(Tried::Stopped);
-            }
+            let turn = match turn.take() {
+                Some(turn) => turn,
+                None => {
+                    let turn = lock(floor);
+                    // The end may have come while another had the floor.
+                    if self.stop.asked() {
+                        return Ok(Tried::Stopped);
+                    }
+                    turn
+                }
+            };
             self.show.begin(lane, title);
             let board = self.show.board(lane);
             match attempt(self.setup, episode, number, turn, self.stop, &board) {

@@ -48,7 +48,8 @@ pub struct Done {
     pub instruction: String,
     /// Simulated seconds.
     pub seconds: f64,
-    /// Wall seconds, with the start of the programs and the finishing of the file.
+    /// Wall seconds of its worker: the start of the programs is in them, the
+    /// finishing of the file is not, for the next episode runs meanwhile.
     pub wall_seconds: f64,
     /// Samples of every stream (count).
     pub counts: BTreeMap<String, u64>,

@@ -10,7 +10,7 @@ use std::process::{Child, Command, ExitStatus, Stdio};
 use anyhow::Context;
 
 use crate::control::find_program;
-use crate::local::BACKTRACE;
+use crate::local::without_backtrace;
 
 /// Lines of a program's messages that stand in an error.
 const TAIL_LINES: usize = 6;
@@ -45,11 +45,11 @@ impl Process {
         let mut command = Command::new(&path);
         command
             .args(arguments)
-            .env(BACKTRACE.0, BACKTRACE.1)
             .stdin(Stdio::null())
             .stdout(output)
             .stderr(errors)
             .process_group(0);
+        without_backtrace(&mut command);
         end_with_parent(&mut command);
         let child = command
             .spawn()

@@ -133,7 +133,9 @@ impl Show {
                 let titles = lock(&self.titles).clone();
                 for ((line, board), title) in self.lines.iter().zip(&self.boards).zip(titles) {
                     if title.is_empty() {
-                        line.finish_and_clear();
+                        if !line.is_finished() {
+                            line.finish_and_clear();
+                        }
                         continue;
                     }
                     if line.is_finished() {

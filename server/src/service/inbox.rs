@@ -335,10 +335,10 @@ impl Inbox {
         !self.listening.lock_step || self.answers.contains_key(&tick)
     }
 
-    /// Whether a command waits for the next control tick.
+    /// Whether a command or a brake waits for the next control tick.
     #[must_use]
     pub fn has_pending(&self) -> bool {
-        !self.pending.is_empty()
+        !self.pending.is_empty() || self.brake.base || self.brake.arm
     }
 
     /// Takes what is to be applied at `tick`; `now` is the age clock in seconds.

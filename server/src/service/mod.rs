@@ -225,8 +225,8 @@ impl Shared {
         let now = self.now();
         let result = lock(&self.inbox).accept(bytes, now);
         match result {
-            // Lock-step waits for it. Otherwise the loop comes by in time, and
-            // a flood must not keep it busy.
+            // Lock-step waits for it, and real time takes its tick early. What is
+            // refused wakes nobody: a flood must not keep the loop busy.
             Ok(()) => self.signal.raise(),
             Err(refused) => lock(&self.refusals).push(refused, now),
         }

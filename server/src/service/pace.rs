@@ -58,7 +58,7 @@ impl Pace {
         }
     }
 
-    /// Counts a control tick taken at `now`. Where the host cannot keep up, the
+    /// Counts a control tick that was done at `now`. Where the host cannot keep up, the
     /// schedule moves: simulation time slows down and no tick is skipped.
     pub fn tick(&mut self, now: Instant) {
         self.next += TICK;

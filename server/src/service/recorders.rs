@@ -26,6 +26,9 @@ pub(super) const AWAY: Duration = Duration::from_secs(5);
 /// How many recorders are remembered.
 const MAX_RECORDERS: usize = 64;
 
+/// How many liveliness tokens are known at once; more are not seen.
+const MAX_ALIVE: usize = 256;
+
 /// How many episodes of each: the one at hand and those being made into files.
 const MAX_EPISODES: usize = 3;
 
@@ -69,9 +72,14 @@ impl Recorders {
 
     /// A recorder is there, or there again.
     pub fn came(&mut self, name: &str) {
+        if keys::check_name(name).is_err() {
+            return;
+        }
         self.away.remove(name);
-        if self.alive.len() < MAX_RECORDERS {
+        if self.alive.len() < MAX_ALIVE {
             self.alive.insert(name.to_owned());
+        } else if !self.alive.contains(name) {
+            tracing::warn!("more than {MAX_ALIVE} recorders: {name} is not seen");
         }
     }
 
@@ -98,12 +106,11 @@ impl Recorders {
         }
     }
 
-    fn is_there(&self, name: &str) -> bool {
-        self.alive.contains(name) && !self.is_away(name)
-    }
-
     fn there(&self) -> impl Iterator<Item = &Vec<v1::RecorderStatus>> {
-        let there = self.known.iter().filter(|(name, _)| self.is_there(name));
+        let there = self
+            .known
+            .iter()
+            .filter(|(name, _)| self.alive.contains(*name));
         there.map(|(_, episodes)| episodes)
     }
 
@@ -148,7 +155,9 @@ impl Recorders {
     #[must_use]
     pub fn ready(&self, run_id: &str, episode: u64) -> Vec<String> {
         self.of_episode(run_id, episode)
-            .filter(|s| s.state == v1::RecorderState::Ready as i32 && self.is_there(&s.recorder))
+            .filter(|s| {
+                s.state == v1::RecorderState::Ready as i32 && self.alive.contains(&s.recorder)
+            })
             .map(|s| s.recorder.clone())
             .collect()
     }
@@ -158,7 +167,8 @@ impl Recorders {
     pub fn failed(&self, run_id: &str, episode: u64) -> Vec<(String, String)> {
         self.of_episode(run_id, episode)
             .filter(|s| s.state == v1::RecorderState::Failed as i32)
-            .filter(|s| self.alive.contains(&s.recorder))
+            // One that failed may have gone since; it had a token.
+            .filter(|s| self.alive.contains(&s.recorder) || self.is_away(&s.recorder))
             .map(|s| (s.recorder.clone(), s.message.clone()))
             .collect()
     }
@@ -257,5 +267,30 @@ mod tests {
         assert!(recorders.failed("r", 1).is_empty());
         recorders.came("stranger");
         assert_eq!(recorders.ready("r", 1), ["stranger"], "the token came late");
+        recorders.came("liar");
+        recorders.left("liar", Instant::now());
+        assert_eq!(
+            recorders.failed("r", 1).len(),
+            1,
+            "it had a token and has gone"
+        );
+    }
+
+    #[test]
+    fn strangers_do_not_push_out_a_recorder() {
+        let mut recorders = Recorders::default();
+        recorders.came("real");
+        recorders.update(status("real", 1, 0));
+        for number in 0..2 * MAX_ALIVE {
+            recorders.update(status(&format!("stranger-{number}"), 9, 0));
+        }
+        assert_eq!(recorders.ready("r", 1), ["real"]);
+        assert!(recorders.known.len() <= MAX_RECORDERS);
+        for number in 0..2 * MAX_ALIVE {
+            recorders.came(&format!("token-{number}"));
+        }
+        recorders.came("not a name");
+        assert_eq!(recorders.alive.len(), MAX_ALIVE);
+        assert_eq!(recorders.ready("r", 1), ["real"]);
     }
 }

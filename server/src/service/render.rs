@@ -195,7 +195,7 @@ impl RenderThread {
         name.is_some_and(|name| self.previews.is_watched(camera) || self.outbox.is_watched(name))
     }
 
-    /// Whether the next pictures would have to wait for room in the queue.
+    /// Whether two batches wait beyond the one at hand.
     #[must_use]
     pub fn is_full(&self) -> bool {
         self.pending.load(Ordering::Acquire) > QUEUE

@@ -82,7 +82,8 @@ fn applied(link: &Link) -> anyhow::Result<Vec<f64>> {
                 break;
             }
         }
-        // Between one tick and two, so that the next tick is not the same one.
+        // A person's commands are further apart than ticks. Who sends one with
+        // every tick has used the lead up, and waits for the schedule.
         std::thread::sleep(Duration::from_millis(17));
     }
     Ok(times)

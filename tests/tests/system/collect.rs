@@ -200,6 +200,47 @@ fn a_campaign_that_is_stopped_killed_twice_and_interrupted_ends_complete() {
     another_plan_is_refused(&plan, &args);
 }
 
+#[test]
+fn the_next_episode_runs_while_a_file_is_finished_and_both_can_be_thrown_away() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let plan = folder.path().join("plan.toml");
+    std::fs::write(&plan, PLAN.replace("episodes = 2", "episodes = 3")).expect("a plan");
+    let out = folder.path().join("set");
+    let args = [
+        plan.to_str().expect("text"),
+        "--out",
+        out.to_str().expect("text"),
+        "--workers",
+        "1",
+    ];
+    let staged = || std::fs::read_dir(out.join("staging")).map_or(0, Iterator::count);
+    let campaign = Campaign::start(&args);
+    let since = Instant::now();
+    while staged() < 2 {
+        assert!(since.elapsed() < PATIENCE, "never two at the same time");
+        std::thread::sleep(Duration::from_millis(2));
+    }
+    campaign.signal("TERM");
+    let ended = campaign.end();
+    assert_eq!(ended.status.code(), Some(3), "{}", printed(&ended));
+    assert_eq!(staged(), 0, "something half-made is left");
+    let before = files(&out);
+    assert_eq!(before.len(), done_lines(&out).len());
+    assert!(before.len() < 3);
+
+    let all = run(&args);
+    let text = printed(&all);
+    assert_eq!(all.status.code(), Some(0), "{text}");
+    let after = files(&out);
+    assert!(
+        before
+            .iter()
+            .all(|(path, time)| after.get(path) == Some(time))
+    );
+    assert_eq!((after.len(), done_lines(&out).len()), (3, 3));
+    manifest_is_true(&out);
+}
+
 fn manifest_is_true(out: &Path) {
     let text = std::fs::read_to_string(out.join("manifest.json")).expect("a manifest");
     let manifest: Value = serde_json::from_str(&text).expect("JSON");

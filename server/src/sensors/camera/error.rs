@@ -64,8 +64,8 @@ pub enum RenderError {
         /// Cameras of this renderer.
         count: usize,
     },
-    /// More batches were begun than can be drawn before one is collected.
-    #[error("two batches of pictures are being drawn; collect one first")]
+    /// Batches that were begun must be collected first.
+    #[error("pictures that were begun before are being drawn; collect them first")]
     InFlight,
     /// A snapshot of another scene or robot.
     #[error("the snapshot has {found} {kind}, the render scene was built for {expected}")]

@@ -1,7 +1,8 @@
 //! Cameras: colour, depth in metres and instance ids, drawn headless with
 //! Vulkan. The only folder that names wgpu. Reads snapshots, changes nothing.
 //!
-//! All cameras of a tick go to the adapter in one submission. On one adapter
+//! Every picture is a submission of its own, so that one is unpacked while the
+//! next is drawn. On one adapter
 //! the same snapshot gives the same bytes; adapters differ in single bits.
 
 mod adapter;

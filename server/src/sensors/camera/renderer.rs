@@ -220,12 +220,16 @@ impl Renderer {
     /// Draws some of the cameras and waits for the pictures, in the order asked for.
     ///
     /// # Errors
-    /// When a camera does not exist, the snapshot is of another scene, or the adapter fails.
+    /// When a camera does not exist, the snapshot is of another scene, a batch is
+    /// in flight, or the adapter fails.
     pub fn render(
         &mut self,
         snapshot: &Snapshot,
         cameras: &[usize],
     ) -> Result<Vec<Frame>, RenderError> {
+        if !self.pending.is_empty() {
+            return Err(RenderError::InFlight);
+        }
         self.submit(snapshot, cameras)?;
         self.collect()
     }

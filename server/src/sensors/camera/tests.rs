@@ -310,6 +310,22 @@ fn the_same_snapshot_gives_the_same_bytes_whatever_was_drawn_before() {
     let again = first.render(&there, &[0, 1]).unwrap();
     assert_eq!(bytes(kept), once);
     assert_eq!(bytes(again), moved);
+    // Two batches in flight come back one after the other.
+    first.submit(&here, &[0, 1]).unwrap();
+    first.submit(&there, &[1]).unwrap();
+    assert!(matches!(
+        first.submit(&here, &[0]),
+        Err(RenderError::InFlight)
+    ));
+    assert!(matches!(
+        first.render(&here, &[0]),
+        Err(RenderError::InFlight)
+    ));
+    assert_eq!(bytes(first.collect().unwrap()), once);
+    first.submit(&here, &[0]).unwrap();
+    assert_eq!(bytes(first.collect().unwrap())[0], moved[1]);
+    assert_eq!(bytes(first.collect().unwrap())[0], once[0]);
+    assert!(first.collect().unwrap().is_empty());
     // One camera alone, another renderer: no difference.
     assert_eq!(bytes(first.render(&here, &[1]).unwrap())[0], once[1]);
     let mut second = renderer(&scene, &cameras, Quality::Standard).unwrap();
