@@ -189,8 +189,12 @@ fn a_recorder_killed_at_any_system_call_keeps_what_it_acknowledged() {
             println!("{call} {when}: died before it was ready");
             continue;
         }
-        // Nobody is required: it may die while it gets ready.
+        // Nobody is required: it may die while it gets ready. An episode that is
+        // over before a slow host has let it begin would leave it waiting.
         start(&link, &label, 0);
+        wait_until("it records or died", || {
+            !doomed.alive() || (out.is_dir() && !Recorder::logs(&out).is_empty())
+        });
         let mut known = 0;
         let begun = std::time::Instant::now();
         while doomed.alive() && begun.elapsed() < Duration::from_millis(700) {
