@@ -96,8 +96,22 @@ fn wait_for(what: &str, mut there: impl FnMut() -> bool) {
     let since = Instant::now();
     while !there() {
         assert!(since.elapsed() < PATIENCE, "{what} never came");
-        std::thread::sleep(Duration::from_millis(50));
+        // Shorter than anything that is waited for lasts.
+        std::thread::sleep(Duration::from_millis(5));
     }
+}
+
+/// A folder with a plan in it, and where its dataset is to be.
+fn planned(plan: &str) -> (tempfile::TempDir, PathBuf, PathBuf) {
+    let folder = tempfile::tempdir().expect("a folder");
+    let (file, out) = (folder.path().join("plan.toml"), folder.path().join("set"));
+    std::fs::write(&file, plan).expect("a plan");
+    (folder, file, out)
+}
+
+fn one_worker<'a>(plan: &'a Path, out: &'a Path) -> [&'a str; 5] {
+    let text = |path: &'a Path| path.to_str().expect("text");
+    [text(plan), "--out", text(out), "--workers", "1"]
 }
 
 /// Processes whose command line names `out`.
@@ -130,17 +144,8 @@ fn files(out: &Path) -> BTreeMap<PathBuf, SystemTime> {
 
 #[test]
 fn a_campaign_that_is_stopped_killed_twice_and_interrupted_ends_complete() {
-    let folder = tempfile::tempdir().expect("a folder");
-    let plan = folder.path().join("plan.toml");
-    std::fs::write(&plan, PLAN).expect("a plan");
-    let out = folder.path().join("set");
-    let args = [
-        plan.to_str().expect("text"),
-        "--out",
-        out.to_str().expect("text"),
-        "--workers",
-        "1",
-    ];
+    let (folder, plan, out) = planned(PLAN);
+    let args = one_worker(&plan, &out);
 
     let dry = run(&[&args[..], &["--dry-run"]].concat());
     let text = printed(&dry);
@@ -202,24 +207,11 @@ fn a_campaign_that_is_stopped_killed_twice_and_interrupted_ends_complete() {
 
 #[test]
 fn the_next_episode_runs_while_a_file_is_finished_and_both_can_be_thrown_away() {
-    let folder = tempfile::tempdir().expect("a folder");
-    let plan = folder.path().join("plan.toml");
-    std::fs::write(&plan, PLAN.replace("episodes = 2", "episodes = 3")).expect("a plan");
-    let out = folder.path().join("set");
-    let args = [
-        plan.to_str().expect("text"),
-        "--out",
-        out.to_str().expect("text"),
-        "--workers",
-        "1",
-    ];
+    let (_folder, plan, out) = planned(&PLAN.replace("episodes = 2", "episodes = 3"));
+    let args = one_worker(&plan, &out);
     let staged = || std::fs::read_dir(out.join("staging")).map_or(0, Iterator::count);
     let campaign = Campaign::start(&args);
-    let since = Instant::now();
-    while staged() < 2 {
-        assert!(since.elapsed() < PATIENCE, "never two at the same time");
-        std::thread::sleep(Duration::from_millis(2));
-    }
+    wait_for("two at the same time", || staged() == 2);
     campaign.signal("TERM");
     let ended = campaign.end();
     assert_eq!(ended.status.code(), Some(3), "{}", printed(&ended));
