@@ -8,6 +8,7 @@ CARGO ?= cargo
 OUT ?= data/demo
 SEED ?= 0
 PLAN ?= assets/campaigns/small.toml
+BUILT := $(or $(CARGO_TARGET_DIR),target)/release
 export WHEELARM_PYTHON ?= $(CURDIR)/.venv/bin/python
 
 .PHONY: all build demo test test-cluster test-readers bench clean
@@ -18,7 +19,7 @@ build:
 	$(CARGO) build --release --workspace --bins
 
 demo: build
-	target/release/wheelarm demo --seed $(SEED) --out $(OUT)
+	$(BUILT)/wheelarm demo --seed $(SEED) --out $(OUT)
 
 test:
 	scripts/setup.sh chromium
