@@ -24,3 +24,18 @@ pub use prost::{DecodeError, Message};
 
 /// Version of the stored layout and of the messages.
 pub const SCHEMA_VERSION: &str = "1";
+
+/// Version of the physics: programs of the same version compute the same bits
+/// from the same saved state and the same commands, and read each other's
+/// saved states.
+///
+/// The rule: every change after which a state hash differs, or a saved state
+/// has another layout, raises this number by one and says so in the changelog.
+/// That is control, world, sensors, tasks and their assets, and the versions of
+/// the crates that compute. It stands in the saved state, in `EpisodeStarted`
+/// and in the attribute `physics_version` of a file; a replay of another
+/// version is refused.
+///
+/// - 1: up to the first version that told none.
+/// - 2: joint signals that agree with the motion, own transcendental functions.
+pub const PHYSICS_VERSION: u32 = 2;

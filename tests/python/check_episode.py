@@ -18,6 +18,7 @@ ROOT = [
     "problems", "samples_expected", "samples_received", "samples_missed",
     "samples_recovered", "server_version", "recorder_version", "adapter",
     "quality", "pacing", "depth_unit", "run_id", "episode",
+    "physics_version",
 ]
 STREAMS = {
     "joint_state": {"position": (16,), "velocity": (16,), "effort": (16,)},

@@ -60,6 +60,7 @@ pub struct ReplayArgs {
 pub fn run(args: &ReplayArgs) -> anyhow::Result<ExitCode> {
     let episode = Episode::open(&args.file)?;
     let script = Script::read(&episode)?;
+    script.check_physics(&args.file)?;
     let cameras = match &args.out {
         Some(_) => script.cameras(args.width, args.height, &args.camera)?,
         None => Vec::new(),

@@ -1,10 +1,11 @@
 //! What a recording tells a replay: where to start and what to do at each tick.
 
 use std::collections::BTreeMap;
+use std::path::Path;
 
 use anyhow::{Context, bail};
 use wheelarm_dataset::read::Episode;
-use wheelarm_proto::{TICKS_PER_CONTROL, v1};
+use wheelarm_proto::{PHYSICS_VERSION, TICKS_PER_CONTROL, v1};
 
 /// An episode as a script.
 #[derive(Clone, Debug)]
@@ -12,6 +13,8 @@ pub(super) struct Script {
     pub label: String,
     pub instruction: String,
     pub scenario: v1::Scenario,
+    /// Version of the physics and of the server that made the episode.
+    pub made_by: (u32, String),
     pub snapshot: bytes::Bytes,
     pub first_tick: u64,
     pub last_tick: u64,
@@ -45,6 +48,7 @@ impl Script {
             label: started.label.clone(),
             instruction: started.instruction.clone(),
             scenario: episode.scenario()?,
+            made_by: (started.physics_version, started.version),
             snapshot: snapshot.snapshot,
             first_tick: header.tick,
             last_tick,
@@ -61,6 +65,34 @@ impl Script {
             }
         }
         Ok(script)
+    }
+
+    /// Refuses an episode that this version of the physics cannot do again.
+    pub fn check_physics(&self, file: &Path) -> anyhow::Result<()> {
+        let (found, server) = &self.made_by;
+        if *found == PHYSICS_VERSION {
+            return Ok(());
+        }
+        let (made, with) = match found {
+            0 => (
+                "names no physics version, so it was made before there were any".to_owned(),
+                format!("server {server} that it was recorded with"),
+            ),
+            found => (
+                format!("was made with physics version {found}"),
+                format!("programs of physics version {found} (its server was {server})"),
+            ),
+        };
+        let scenario = &self.scenario;
+        bail!(
+            "{} {made}; these programs have version {PHYSICS_VERSION}. They would compute other \
+             bits from the same commands, so it is not replayed. Replay it with the {with}, or \
+             record the same scene anew: `wheelarm demo --task {} --seed {}`. Its data stay as \
+             they are: `wheelarm dataset` reads them as any other's",
+            file.display(),
+            scenario.task,
+            scenario.seed,
+        )
     }
 
     /// What was newly applied at `tick`, as a command.
@@ -147,6 +179,43 @@ pub(super) fn camera_option(camera: &v1::CameraSetting) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// An episode that was made by another version, or by one that told none.
+    fn made_by(physics: u32) -> Script {
+        Script {
+            label: String::new(),
+            instruction: String::new(),
+            scenario: v1::Scenario {
+                task: "pick_mustard".into(),
+                seed: 7,
+                ..v1::Scenario::default()
+            },
+            made_by: (physics, "0.1.0".into()),
+            snapshot: bytes::Bytes::new(),
+            first_tick: 0,
+            last_tick: 0,
+            hashes: Vec::new(),
+            applied: BTreeMap::new(),
+            phases: BTreeMap::new(),
+        }
+    }
+
+    #[test]
+    fn an_episode_of_another_physics_is_refused_with_the_way_on() {
+        let file = Path::new("old.h5");
+        assert!(made_by(PHYSICS_VERSION).check_physics(file).is_ok());
+        for version in [0, PHYSICS_VERSION - 1, PHYSICS_VERSION + 1] {
+            let words = match version {
+                0 => "names no physics version".to_owned(),
+                other => format!("was made with physics version {other};"),
+            };
+            let told = made_by(version).check_physics(file).unwrap_err();
+            let told = told.to_string();
+            assert!(told.starts_with("old.h5 "), "{told}");
+            assert!(told.contains(&words), "{told}");
+            assert!(told.contains("--task pick_mustard --seed 7"), "{told}");
+        }
+    }
 
     #[test]
     fn cameras_are_read_and_wrong_ones_refused() {

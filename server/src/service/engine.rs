@@ -455,6 +455,7 @@ impl Engine {
                 .iter()
                 .map(|j| j.name.clone())
                 .collect(),
+            physics_version: wheelarm_proto::PHYSICS_VERSION,
         };
         if let Some(render) = &self.render {
             render.drain();

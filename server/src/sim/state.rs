@@ -1,6 +1,7 @@
 //! Saving and restoring a simulation, bit by bit.
 
 use serde::{Deserialize, Serialize};
+use wheelarm_proto::PHYSICS_VERSION;
 
 use super::Simulation;
 use crate::robot::control::ControlState;
@@ -12,12 +13,22 @@ use crate::tasks::EvaluatorState;
 /// Why a stored state cannot be continued.
 #[derive(Debug, thiserror::Error)]
 pub enum StateError {
-    /// Another layout or damaged bytes.
+    /// Damaged bytes.
     #[error(
-        "the stored state cannot be read ({0}); it comes from another version or is damaged: \
-         replay with the server version that the recording names"
+        "the stored state cannot be read ({0}); it is damaged, or no stored state: \
+         take it from the recording or from the query `snapshot` again"
     )]
     Format(String),
+    /// Another version of the physics.
+    #[error(
+        "the stored state is of physics version {found}, this server has version {}: it would \
+         compute other bits; restore it with a server of version {found}, or record anew",
+        wheelarm_proto::PHYSICS_VERSION
+    )]
+    Version {
+        /// What the state names.
+        found: u32,
+    },
     /// The physics refuses it.
     #[error(transparent)]
     World(#[from] crate::world::WorldError),
@@ -35,7 +46,8 @@ pub enum StateError {
 
 #[derive(Serialize, Deserialize)]
 struct Stored {
-    version: u32,
+    /// First, so that it can be read whatever follows.
+    physics_version: u32,
     scene: String,
     task: String,
     robot: String,
@@ -46,14 +58,12 @@ struct Stored {
     evaluator: Option<EvaluatorState>,
 }
 
-const VERSION: u32 = 1;
-
 impl Simulation {
     /// Everything that the next step depends on, as bytes.
     #[must_use]
     pub fn save(&self) -> Vec<u8> {
         let stored = Stored {
-            version: VERSION,
+            physics_version: PHYSICS_VERSION,
             scene: self.scenario.scene.clone(),
             task: self.scenario.task.clone(),
             robot: self.scenario.robot.clone(),
@@ -72,12 +82,12 @@ impl Simulation {
     /// # Errors
     /// [`StateError`] when the bytes are damaged or of another scenario.
     pub fn restore(&mut self, bytes: &[u8]) -> Result<(), StateError> {
-        let stored: Stored =
-            postcard::from_bytes(bytes).map_err(|e| StateError::Format(e.to_string()))?;
-        if stored.version != VERSION {
-            let found = format!("layout version {}, expected {VERSION}", stored.version);
-            return Err(StateError::Format(found));
+        let damaged = |e: postcard::Error| StateError::Format(e.to_string());
+        let (found, _) = postcard::take_from_bytes::<u32>(bytes).map_err(damaged)?;
+        if found != PHYSICS_VERSION {
+            return Err(StateError::Version { found });
         }
+        let stored: Stored = postcard::from_bytes(bytes).map_err(damaged)?;
         let name = |a: &str, b: &str, c: &str| format!("scene {a:?}, task {b:?}, robot {c:?}");
         let found = name(&stored.scene, &stored.task, &stored.robot);
         let scenario = &self.scenario;

@@ -97,8 +97,17 @@ pub enum WorldError {
         placements: usize,
     },
     /// A saved state cannot be read.
-    #[error("saved world state cannot be read: {0}; was it saved by another version?")]
+    #[error("saved world state cannot be read: {0}; it is damaged, take it from its source again")]
     State(#[from] postcard::Error),
+    /// A saved state of another version of the physics.
+    #[error(
+        "saved state is of physics version {found}, this program has version {}; restore it with a program of version {found}",
+        wheelarm_proto::PHYSICS_VERSION
+    )]
+    OtherPhysics {
+        /// Version in the state.
+        found: u32,
+    },
     /// A saved state belongs to another world.
     #[error(
         "saved state is of world {found:016x}, this one is {expected:016x}; make it from the same scenario"

@@ -2,6 +2,7 @@
 
 use rapier3d::prelude::PhysicsWorld;
 use serde::{Deserialize, Serialize};
+use wheelarm_proto::PHYSICS_VERSION;
 
 use super::grip::Bristles;
 use super::soft::{self, SoftObject};
@@ -11,6 +12,8 @@ use crate::robot::control::Targets;
 /// Everything that a tick changes, to be written.
 #[derive(Serialize)]
 struct Written<'a> {
+    /// First, so that it can be read whatever follows.
+    physics_version: u32,
     fingerprint: u64,
     tick: u64,
     targets: Targets,
@@ -24,6 +27,8 @@ struct Written<'a> {
 /// The same, read.
 #[derive(Deserialize)]
 struct Read {
+    /// Looked at before the rest is read.
+    _physics_version: u32,
     fingerprint: u64,
     tick: u64,
     targets: Targets,
@@ -40,6 +45,7 @@ impl World {
     #[must_use]
     pub fn save(&self) -> Vec<u8> {
         let written = Written {
+            physics_version: PHYSICS_VERSION,
             fingerprint: self.fingerprint,
             tick: self.tick,
             targets: self.targets,
@@ -57,8 +63,13 @@ impl World {
     /// Takes over a saved state.
     ///
     /// # Errors
-    /// When the bytes are no saved state, or that of another world.
+    /// When the bytes are no saved state, or that of another world or another
+    /// version of the physics.
     pub fn restore(&mut self, bytes: &[u8]) -> Result<(), WorldError> {
+        let (found, _) = postcard::take_from_bytes::<u32>(bytes)?;
+        if found != PHYSICS_VERSION {
+            return Err(WorldError::OtherPhysics { found });
+        }
         let read: Read = postcard::from_bytes(bytes)?;
         if read.fingerprint != self.fingerprint {
             return Err(WorldError::OtherWorld {

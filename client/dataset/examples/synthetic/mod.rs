@@ -271,6 +271,7 @@ pub fn started(label: &str) -> v1::EpisodeStarted {
         rate_hz: 10.0,
     };
     v1::EpisodeStarted {
+        physics_version: wheelarm_proto::PHYSICS_VERSION,
         header: Some(header(0, 0)),
         label: label.into(),
         instruction: "Turn right, go to the coffee table, and pick up the mustard".into(),

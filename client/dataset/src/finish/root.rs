@@ -40,6 +40,7 @@ pub(super) fn attributes(
         .text("quality", quality(scenario.quality))?
         .text("adapter", &started.adapter)?
         .text("server_version", &started.version)?
+        .set("physics_version", started.physics_version)?
         .text("recorder", &preamble.recorder)?
         .text("recorder_version", &preamble.software)?
         .text("run_id", &header.run_id)?

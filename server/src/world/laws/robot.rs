@@ -163,6 +163,20 @@ fn the_same_commands_give_the_same_bits_also_from_a_saved_state() {
     assert!(third.restore(&saved[..100]).is_err());
 }
 
+/// The first number of a saved state is the version of the physics.
+#[test]
+fn a_saved_state_of_another_physics_is_refused_in_words() {
+    let (mut world, _, _) = robot_alone();
+    let mut saved = world.save();
+    assert_eq!(u32::from(saved[0]), wheelarm_proto::PHYSICS_VERSION);
+    let before = world.hash();
+    saved[0] = 1;
+    let told = world.restore(&saved).expect_err("another version");
+    let told = told.to_string();
+    assert!(told.contains("physics version 1, this program"), "{told}");
+    assert_eq!(world.hash(), before);
+}
+
 #[test]
 fn a_wall_stops_the_chair() {
     let model = model();
