@@ -2,6 +2,7 @@
 # make test    format, lints, documentation and all tests, as CI runs them
 # make test-cluster   a campaign on a one-node Slurm cluster in this machine
 # make test-readers   loads exports in lerobot 0.4.4 and robomimic 0.3 (downloads gigabytes)
+# make soak    300 short episodes one right after the other, every file checked
 # make bench   step, kinematics, cameras and recording beside their references
 
 CARGO ?= cargo
@@ -11,7 +12,7 @@ PLAN ?= assets/campaigns/small.toml
 BUILT := $(or $(CARGO_TARGET_DIR),target)/release
 export WHEELARM_PYTHON ?= $(CURDIR)/.venv/bin/python
 
-.PHONY: all build demo test test-cluster test-readers bench clean
+.PHONY: all build demo test test-cluster test-readers soak bench clean
 all: build
 
 build:
@@ -37,6 +38,11 @@ test-cluster:
 
 test-readers: build
 	tests/readers.sh
+
+soak:
+	scripts/setup.sh
+	$(CARGO) build --release --workspace --bins --examples
+	$(BUILT)/examples/soak
 
 bench:
 	scripts/setup.sh python numpy h5py mujoco

@@ -1,24 +1,32 @@
 //! The connection to a server: one zenoh session, typed queries, control and
 //! commands, streams and previews.
 //!
+//! Only what the server's own session says is taken ([`Server`]).
 //! Nothing here knows what is simulated. No zenoh callback works: samples go
 //! undecoded into one queue, in the order in which they arrived.
 
 mod commander;
 mod preview;
+mod server;
 mod streams;
 
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use clap::Args;
 use wheelarm_proto::keys::{self, BadName, Keys, Query};
 use wheelarm_proto::{Message, v1};
 use zenoh::bytes::ZBytes;
+use zenoh::pubsub::Subscriber;
 use zenoh::qos::Priority;
+use zenoh::query::{ConsolidationMode, QueryTarget};
+use zenoh::sample::Sample;
 use zenoh::{Config, Session, Wait};
 
 pub use commander::Commander;
 pub use preview::Preview;
+pub use server::Server;
+pub(crate) use server::session_of;
 pub use streams::{Received, Stream, Streams};
 
 /// Where a server listens when nothing else is said.
@@ -67,6 +75,20 @@ pub enum LinkError {
         sim: String,
         /// Names that are there.
         found: String,
+    },
+    /// More than one session says that it is the server.
+    #[error(
+        "{count} sessions behind {endpoint} say that they are the server {sim:?} ({ids}): one of them is a stranger or a second server of the same name; connect to the server itself, or end the other"
+    )]
+    Several {
+        /// Where it was looked for.
+        endpoint: String,
+        /// The wanted name.
+        sim: String,
+        /// How many there are.
+        count: usize,
+        /// Ids of the sessions.
+        ids: String,
     },
     /// The server did not answer a query in time.
     #[error("the server {sim:?} did not answer `{query}` within {seconds:.0} s")]
@@ -148,6 +170,8 @@ pub struct Link {
     session: Session,
     keys: Keys,
     endpoint: String,
+    server: Server,
+    _tokens: Arc<Subscriber<()>>,
 }
 
 impl Link {
@@ -155,7 +179,8 @@ impl Link {
     ///
     /// # Errors
     /// [`LinkError::NoServer`] when nobody listens until the wait is over,
-    /// [`LinkError::OtherName`] when the server has another name.
+    /// [`LinkError::OtherName`] when the server has another name,
+    /// [`LinkError::Several`] when it cannot be told from a stranger.
     pub fn open(args: &ConnectArgs) -> Result<Self, LinkError> {
         Self::open_as(args, Silence::Gone)
     }
@@ -165,14 +190,11 @@ impl Link {
     /// # Errors
     /// As [`Link::open`].
     pub fn open_as(args: &ConnectArgs, silence: Silence) -> Result<Self, LinkError> {
-        let keys = Keys::new(&args.sim)?;
+        // A bad name is told before anything else.
+        Keys::new(&args.sim)?;
         let deadline = Instant::now() + Duration::from_secs_f64(args.connect_timeout.max(0.1));
         let session = open_session(args, silence)?;
-        let link = Self {
-            session,
-            keys,
-            endpoint: args.connect.clone(),
-        };
+        let link = Self::over(session, &args.connect, &args.sim)?;
         link.wait_alive(deadline)?;
         Ok(link)
     }
@@ -181,23 +203,37 @@ impl Link {
     /// alive is not asked.
     ///
     /// # Errors
-    /// [`LinkError::Name`].
+    /// [`LinkError::Name`], [`LinkError::Transport`].
     pub fn over(session: Session, endpoint: &str, sim: &str) -> Result<Self, LinkError> {
+        let keys = Keys::new(sim)?;
+        let (server, tokens) = Server::watch(&session, &keys)?;
         Ok(Self {
             session,
-            keys: Keys::new(sim)?,
+            keys,
             endpoint: endpoint.to_owned(),
+            server,
+            _tokens: Arc::new(tokens),
         })
     }
 
     /// Waits until the liveliness token of the named server is seen.
     fn wait_alive(&self, deadline: Instant) -> Result<(), LinkError> {
         loop {
-            let found = self.alive_sims()?;
-            if found.iter().any(|name| name == self.keys.sim()) {
+            self.server.look(&self.session);
+            if self.server.is_there() {
                 return Ok(());
             }
             if Instant::now() >= deadline {
+                let tokens = self.server.tokens();
+                if tokens.len() > 1 {
+                    return Err(LinkError::Several {
+                        endpoint: self.endpoint.clone(),
+                        sim: self.keys.sim().to_owned(),
+                        count: tokens.len(),
+                        ids: tokens.join(", "),
+                    });
+                }
+                let found = self.alive_sims()?;
                 return Err(LinkError::OtherName {
                     endpoint: self.endpoint.clone(),
                     sim: self.keys.sim().to_owned(),
@@ -208,7 +244,7 @@ impl Link {
                     },
                 });
             }
-            std::thread::sleep(Duration::from_millis(50));
+            std::thread::sleep(Duration::from_millis(10));
         }
     }
 
@@ -217,7 +253,7 @@ impl Link {
         let replies = self
             .session
             .liveliness()
-            .get(format!("{}/*/alive", keys::PREFIX))
+            .get(Keys::all_alive())
             .timeout(Duration::from_secs(1))
             .wait()
             .map_err(transport("asking for the servers"))?;
@@ -225,7 +261,7 @@ impl Link {
             .into_iter()
             .filter_map(|reply| {
                 let sample = reply.into_result().ok()?;
-                Some(sample.key_expr().as_str().split('/').nth(1)?.to_owned())
+                Some(Keys::server_of(sample.key_expr().as_str())?.0)
             })
             .collect();
         sims.sort();
@@ -237,6 +273,19 @@ impl Link {
     #[must_use]
     pub fn session(&self) -> &Session {
         &self.session
+    }
+
+    /// Who speaks for the server.
+    #[must_use]
+    pub fn server(&self) -> &Server {
+        &self.server
+    }
+
+    /// Looks again who the server is, after it may have been restarted; whether
+    /// that changed.
+    #[must_use]
+    pub fn look_for_server(&self) -> bool {
+        self.server.look(&self.session)
     }
 
     /// The server's keys.
@@ -312,10 +361,15 @@ impl Link {
         request: Vec<u8>,
         patience: Duration,
     ) -> Result<R, LinkError> {
+        self.server.look(&self.session);
         let replies = self
             .session
             .get(self.keys.query(query))
             .payload(request)
+            // Strangers can answer as well: all are asked, and the server's
+            // answer is taken, neither held back nor displaced by another.
+            .target(QueryTarget::All)
+            .consolidation(ConsolidationMode::None)
             .priority(Priority::InteractiveHigh)
             .express(true)
             .timeout(patience)
@@ -326,7 +380,12 @@ impl Link {
             query: query.name(),
             seconds: patience.as_secs_f64(),
         };
-        let reply = replies.recv().map_err(|_| silent())?;
+        let reply = loop {
+            let reply = replies.recv().map_err(|_| silent())?;
+            if self.server.answered(&reply) {
+                break reply;
+            }
+        };
         match reply.result() {
             Ok(sample) => decode(sample.payload(), query.name()),
             Err(error) => match decode::<v1::Failure>(error.payload(), query.name()) {
@@ -340,6 +399,28 @@ impl Link {
         }
     }
 
+    /// Tells `taken` what the server publishes under `key`, and nothing of
+    /// anybody else.
+    ///
+    /// # Errors
+    /// [`LinkError::Transport`].
+    pub fn subscribe(
+        &self,
+        key: &str,
+        taken: impl Fn(Sample) + Send + Sync + 'static,
+    ) -> Result<Subscriber<()>, LinkError> {
+        let server = self.server.clone();
+        self.session
+            .declare_subscriber(key)
+            .callback(move |sample| {
+                if server.sent(&sample) {
+                    taken(sample);
+                }
+            })
+            .wait()
+            .map_err(transport("subscribing"))
+    }
+
     /// Subscribes to streams; their samples come out of one queue.
     ///
     /// # Errors
@@ -349,15 +430,10 @@ impl Link {
         let mut subscribers = Vec::new();
         for stream in streams {
             let (stream, sender) = (*stream, sender.clone());
-            let subscriber = self
-                .session
-                .declare_subscriber(stream.key(&self.keys))
-                .callback(move |sample| {
-                    // A closed queue means that nobody reads any more.
-                    let _ = sender.send((stream, sample.payload().clone()));
-                })
-                .wait()
-                .map_err(transport("subscribing"))?;
+            let subscriber = self.subscribe(&stream.key(&self.keys), move |sample| {
+                // A closed queue means that nobody reads any more.
+                let _ = sender.send((stream, sample.payload().clone()));
+            })?;
             subscribers.push(subscriber);
         }
         Ok(Streams {

@@ -4,7 +4,7 @@
 //!
 //! | key | message | direction |
 //! |---|---|---|
-//! | `wheelarm/{sim}/alive` | liveliness token | server |
+//! | `wheelarm/{sim}/alive/{id}` | liveliness token; `id` is the Zenoh id of the session that alone speaks for the server | server |
 //! | `wheelarm/{sim}/command` | `Command` | commander → server |
 //! | `wheelarm/{sim}/refusal` | `Refusal` | server → commanders |
 //! | `wheelarm/{sim}/stream/{name}` | see `names::STREAMS` | server → all |
@@ -50,6 +50,8 @@ pub enum Query {
     EpisodeStart,
     /// `EpisodeStopRequest` → `EpisodeStopped`.
     EpisodeStop,
+    /// No payload → `EpisodeState`: what runs, and the last manifests.
+    Episode,
     /// No payload → `SnapshotReply` of the running episode's first tick.
     Snapshot,
     /// No payload → `Ack`; the server ends.
@@ -58,7 +60,7 @@ pub enum Query {
 
 impl Query {
     /// Every query.
-    pub const ALL: [Self; 12] = [
+    pub const ALL: [Self; 13] = [
         Self::Status,
         Self::Scene,
         Self::Tasks,
@@ -69,6 +71,7 @@ impl Query {
         Self::Resume,
         Self::EpisodeStart,
         Self::EpisodeStop,
+        Self::Episode,
         Self::Snapshot,
         Self::Shutdown,
     ];
@@ -87,6 +90,7 @@ impl Query {
             Self::Resume => "resume",
             Self::EpisodeStart => "episode_start",
             Self::EpisodeStop => "episode_stop",
+            Self::Episode => "episode",
             Self::Snapshot => "snapshot",
             Self::Shutdown => "shutdown",
         }
@@ -154,10 +158,42 @@ impl Keys {
         format!("{PREFIX}/{}/{rest}", self.sim)
     }
 
-    /// Liveliness token of the server.
+    /// Liveliness token of the server, whose Zenoh session has the id `id`;
+    /// `*` for whichever serves under this name.
     #[must_use]
-    pub fn alive(&self) -> String {
-        self.key("alive")
+    pub fn alive(&self, id: &str) -> String {
+        self.key(&format!("alive/{id}"))
+    }
+
+    /// Tokens of every server on the network.
+    #[must_use]
+    pub fn all_alive() -> String {
+        format!("{PREFIX}/*/alive/*")
+    }
+
+    /// Name of the server and id of its session in a key of [`Keys::alive`].
+    #[must_use]
+    pub fn server_of(key: &str) -> Option<(String, String)> {
+        let mut chunks = key.split('/').skip(1);
+        let (sim, alive, id) = (chunks.next()?, chunks.next()?, chunks.next()?);
+        let hex = (1..=32).contains(&id.len()) && id.bytes().all(|b| b.is_ascii_hexdigit());
+        let fits = check_name(sim).is_ok() && alive == "alive" && hex && chunks.next().is_none();
+        fits.then(|| (sim.to_owned(), id.to_owned()))
+    }
+
+    /// Keys under which nobody but the server publishes, answers or declares.
+    #[must_use]
+    pub fn own(&self) -> Vec<String> {
+        let own = [
+            "alive/**",
+            "refusal/**",
+            "stream/**",
+            "camera/**",
+            "preview/**",
+            "episode/**",
+            "query/**",
+        ];
+        own.iter().map(|rest| self.key(rest)).collect()
     }
 
     /// Commands of every commander.
@@ -256,6 +292,20 @@ mod tests {
         assert_eq!(read, Some(("anna".to_owned(), "00ff".to_owned())));
         assert_eq!(Keys::commander_of("alive"), None);
         assert_ne!(run_id(), run_id());
+    }
+
+    #[test]
+    fn a_server_is_read_back_from_its_token() {
+        let key = Keys::new("a").unwrap().alive("00ff");
+        let read = Keys::server_of(&key);
+        assert_eq!(read, Some(("a".to_owned(), "00ff".to_owned())));
+        for bad in [
+            "wheelarm/a/alive",
+            "wheelarm/a/alive/x",
+            "wheelarm/a/alive/0/0",
+        ] {
+            assert_eq!(Keys::server_of(bad), None, "{bad}");
+        }
     }
 
     #[test]

@@ -7,6 +7,7 @@
 //! radians; quaternions x y z w; `house` is the world frame.
 
 pub mod check;
+pub mod digest;
 pub mod keys;
 pub mod names;
 pub mod preview;

@@ -267,7 +267,7 @@ async fn serve(args: Args) -> anyhow::Result<()> {
         .iter()
         .map(|e| concrete(e))
         .collect::<anyhow::Result<Vec<_>>>()?;
-    let session = service::session::open(&listen, &args.connect, args.multicast, pacing)
+    let session = service::session::open(&keys, &listen, &args.connect, args.multicast, pacing)
         .with_context(|| {
             format!("cannot listen on {}; is another server running there? Choose another port with --listen tcp/127.0.0.1:PORT", listen.join(", "))
         })?;

@@ -6,6 +6,7 @@ pub mod mutate;
 mod operator;
 mod proxy;
 mod recorder;
+mod router;
 mod server;
 
 use std::path::{Path, PathBuf};
@@ -17,6 +18,7 @@ use anyhow::{Context, bail};
 pub use operator::IdleCommander;
 pub use proxy::{Line, Proxy};
 pub use recorder::Recorder;
+pub use router::Router;
 pub use server::Server;
 
 /// Longest wait for anything in a test: far beyond what it takes.

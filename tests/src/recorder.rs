@@ -22,6 +22,15 @@ impl Recorder {
         Self::start_under(&[], server, name, out, more)
     }
 
+    /// As [`Recorder::start`], with another way to the server.
+    ///
+    /// # Panics
+    /// When it cannot be started.
+    #[must_use]
+    pub fn start_through(endpoint: &str, server: &Server, out: &Path, more: &[&str]) -> Self {
+        Self::spawn(&[], endpoint, &server.sim, "through", out, more)
+    }
+
     /// As [`Recorder::start`], run by another program, for example `strace`.
     ///
     /// # Panics
@@ -30,6 +39,17 @@ impl Recorder {
     pub fn start_under(
         wrapper: &[&str],
         server: &Server,
+        name: &str,
+        out: &Path,
+        more: &[&str],
+    ) -> Self {
+        Self::spawn(wrapper, &server.endpoint, &server.sim, name, out, more)
+    }
+
+    fn spawn(
+        wrapper: &[&str],
+        endpoint: &str,
+        sim: &str,
         name: &str,
         out: &Path,
         more: &[&str],
@@ -44,7 +64,7 @@ impl Recorder {
             None => Command::new(client),
         };
         let child = command
-            .args(["--connect", &server.endpoint, "--sim", &server.sim])
+            .args(["--connect", endpoint, "--sim", sim])
             .args(["record", "--name", name, "--out"])
             .arg(out)
             .args(more)

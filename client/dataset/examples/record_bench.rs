@@ -18,6 +18,7 @@ use wheelarm_dataset::depth::DepthFormat;
 use wheelarm_dataset::finish::finish;
 use wheelarm_dataset::log::Closing;
 use wheelarm_dataset::writer::{EpisodeWriter, WriterOptions};
+use wheelarm_proto::digest::{self, StreamDigest};
 use wheelarm_proto::{Message, v1};
 
 const SIZE: (u32, u32) = (1280, 720);
@@ -93,7 +94,27 @@ fn main() -> anyhow::Result<()> {
         rate / baseline
     );
     std::fs::remove_file(&finished.path)?;
+    digests(&pairs, frames);
     Ok(())
+}
+
+/// What server and recorder do besides, each once: hash every message.
+fn digests(pairs: &[[v1::CameraFrame; 2]], frames: u64) {
+    let encoded: Vec<Vec<u8>> = pairs.iter().flatten().map(Message::encode_to_vec).collect();
+    let (mut stream, mut bytes) = (StreamDigest::default(), 0);
+    let clock = Instant::now();
+    for i in 0..2 * frames as usize {
+        let message = &encoded[i % encoded.len()];
+        bytes += message.len();
+        stream.add(&digest::of_message([&message[..]]));
+    }
+    let seconds = clock.elapsed().as_secs_f64();
+    println!(
+        "digest of a frame        {:.2} ms, {:.2} GB/s ({:02x?})",
+        1e3 * seconds / frames as f64,
+        bytes as f64 / seconds / 1e9,
+        &stream.value()[..4]
+    );
 }
 
 fn pair(i: u64) -> [v1::CameraFrame; 2] {

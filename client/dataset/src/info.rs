@@ -58,11 +58,17 @@ pub fn info(episode: &Episode) -> Result<String, ReadError> {
         "\n{:<22} {:>9} {:>9} {:>7} {:>10}",
         "stream", "expected", "received", "missed", "recovered"
     );
+    // What only the server could have told is unknown without its word.
+    let told = |counted, count: u64| match counted {
+        true => count.to_string(),
+        false => "?".to_owned(),
+    };
     for a in &s.streams {
+        let (expected, missed) = (told(a.counted, a.expected), told(a.counted, a.missed));
         let _ = writeln!(
             out,
-            "{:<22} {:>9} {:>9} {:>7} {:>10}",
-            a.stream, a.expected, a.received, a.missed, a.recovered
+            "{:<22} {expected:>9} {:>9} {missed:>7} {:>10}",
+            a.stream, a.received, a.recovered
         );
     }
     Ok(out)

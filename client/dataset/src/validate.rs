@@ -8,8 +8,11 @@ use std::path::Path;
 use anyhow::Context;
 use sha2::{Digest, Sha256};
 
+use wheelarm_proto::digest::{self, StreamDigest};
+
 use crate::align::{Rule, usual_distance};
 use crate::convert::batch::parallel;
+use crate::finish::StreamAccount;
 use crate::read::{ElementKind, Episode, Values};
 
 /// Samples farther apart than this many usual distances are a gap.
@@ -62,6 +65,7 @@ pub fn validate(path: &Path, threads: usize) -> anyhow::Result<Findings> {
             .push("the state at the start is absent: it cannot be replayed".into());
     }
     for account in &summary.streams {
+        contents(&episode, account, threads, &mut found).with_context(|| account.stream.clone())?;
         if account.stream != wheelarm_proto::names::EVENT_STREAM {
             stream(&episode, &account.stream, account.received, &mut found)
                 .with_context(|| account.stream.clone())?;
@@ -91,8 +95,12 @@ fn stream(
             sequence.len()
         ));
     }
-    if let Some(i) = stamps.windows(2).position(|w| w[0] >= w[1]) {
-        wrong(format!("stamps do not rise at sample {}", i + 1));
+    // Commands come when somebody sends them, several in one tick or none.
+    let periodic = name != "command";
+    let falls = |w: &[u64]| w[0] > w[1] || periodic && w[0] == w[1];
+    if let Some(i) = stamps.windows(2).position(falls) {
+        let words = if periodic { "do not rise" } else { "go back" };
+        wrong(format!("stamps {words} at sample {}", i + 1));
     }
     let lost: u64 = sequence
         .windows(2)
@@ -106,7 +114,7 @@ fn stream(
         .windows(2)
         .filter(|w| w[1].saturating_sub(w[0]) as f64 > GAP * usual as f64);
     let widest = gaps.clone().map(|w| w[1] - w[0]).max();
-    if let Some(widest) = widest {
+    if let Some(widest) = widest.filter(|_| periodic) {
         wrong(format!(
             "{} gaps, the widest {:.3} s",
             gaps.count(),
@@ -155,6 +163,52 @@ fn stream(
                 meta.name
             ));
         }
+    }
+    Ok(())
+}
+
+/// Whether the messages in the file, where they can be had as they came, are
+/// those that were recorded, by their digest.
+fn contents(
+    episode: &Episode,
+    account: &StreamAccount,
+    threads: usize,
+    found: &mut Findings,
+) -> anyhow::Result<()> {
+    let name = &account.stream;
+    if account.digest.is_empty() || name == wheelarm_proto::names::EVENT_STREAM {
+        return Ok(());
+    }
+    let digests = match name.strip_prefix("camera/") {
+        Some(camera) => {
+            let camera = episode.camera(camera)?;
+            let all = parallel(camera.len(), threads, |i| {
+                let message = camera.encoded(episode, i)?;
+                Ok(message.map(|m| digest::of_message([&m[..]])))
+            })?;
+            all.into_iter().collect::<Option<Vec<_>>>()
+        }
+        None => episode.encoded(name)?.map(|all| {
+            let messages = all.iter().map(|m| digest::of_message([&m[..]]));
+            messages.collect()
+        }),
+    };
+    let Some(digests) = digests else {
+        return Ok(());
+    };
+    let value = StreamDigest::of(&digests)
+        .map(|b| format!("{b:02x}"))
+        .concat();
+    if value == account.digest {
+        found.facts.push(format!(
+            "{name}: {} messages as they came, by their digest",
+            digests.len()
+        ));
+    } else {
+        found.problems.push(format!(
+            "{name}: the messages in the file are not those that were recorded: their digest is {value}, the file says {}",
+            account.digest
+        ));
     }
     Ok(())
 }

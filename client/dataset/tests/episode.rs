@@ -13,10 +13,11 @@ use synthetic::Random;
 use wheelarm_dataset::columns::{Cell, Context, Kind, streams};
 use wheelarm_dataset::depth::DepthFormat;
 use wheelarm_dataset::finish::{FinishError, finish};
-use wheelarm_dataset::log::{Closing, LogFile, scan};
+use wheelarm_dataset::log::{Closing, LogFile, Received, scan};
 use wheelarm_dataset::read::Episode;
+use wheelarm_dataset::validate::validate;
 use wheelarm_dataset::writer::{EpisodeWriter, WriteError, WriterOptions, log_path};
-use wheelarm_proto::{Message, names, v1};
+use wheelarm_proto::{Message, digest, names, v1};
 
 const SIZE: (u32, u32) = (32, 20);
 
@@ -455,4 +456,99 @@ fn samples_of_the_wrong_kind_are_refused_and_do_no_harm() {
     let log = writer.close(Closing::default()).unwrap();
     assert_eq!(scan(&log).unwrap().entries.len(), 1);
     assert!(!finish(&log, None).unwrap().account.complete());
+}
+
+#[test]
+fn commands_of_one_tick_and_pauses_between_them_are_no_faults() {
+    let dir = tempfile::tempdir().unwrap();
+    let started = synthetic::started("byhand");
+    let options = WriterOptions::default();
+    let mut writer =
+        EpisodeWriter::open(dir.path(), &started, &synthetic::snapshot(), &options).unwrap();
+    let mut r = Random(3);
+    // Several in a tick, then silence, as a person sends them.
+    for (sequence, tick) in [0, 4, 4, 8, 8, 8, 12, 240].into_iter().enumerate() {
+        let header = synthetic::header(sequence as u64, tick);
+        let payload = r.message("command", header, 0);
+        writer.offer("command", payload.into()).unwrap();
+    }
+    for (sequence, tick) in [0, 4, 4, 240].into_iter().enumerate() {
+        let header = synthetic::header(sequence as u64, tick);
+        writer
+            .offer("clock", r.message("clock", header, 0).into())
+            .unwrap();
+    }
+    let counts = [("command".to_owned(), 0, 8), ("clock".to_owned(), 0, 4)];
+    let closing = Closing {
+        stopped: Some(synthetic::stopped(240, &counts)),
+        ..Default::default()
+    };
+    let finished = finish(&writer.close(closing).unwrap(), None).unwrap();
+    let found = validate(&finished.path, 1).unwrap();
+    let about = |stream: &str| -> Vec<&String> {
+        let begins = |p: &&String| p.starts_with(stream);
+        found.problems.iter().filter(begins).collect()
+    };
+    assert!(about("command: ").is_empty(), "{:?}", found.problems);
+    // A stream with a rate of its own is still held to it.
+    let [order, gap] = &about("clock: ")[..] else {
+        panic!("{:?}", found.problems)
+    };
+    assert!(order.contains("do not rise at sample 2"), "{order}");
+    assert!(gap.contains("1 gaps"), "{gap}");
+}
+
+#[test]
+fn what_was_changed_after_recording_is_found_by_the_digest() {
+    let dir = tempfile::tempdir().unwrap();
+    let started = synthetic::started("digest");
+    let options = WriterOptions::default();
+    let mut writer =
+        EpisodeWriter::open(dir.path(), &started, &synthetic::snapshot(), &options).unwrap();
+    let offered = offer_all(&mut writer, 5, 20);
+    let received: Vec<Received> = offered
+        .iter()
+        .map(|(stream, payloads)| {
+            let all: Vec<_> = payloads
+                .iter()
+                .map(|p| digest::of_message([&p[..]]))
+                .collect();
+            Received {
+                stream: stream.clone(),
+                digest: digest::StreamDigest::of(&all).to_vec(),
+                doubtful: 0,
+            }
+        })
+        .collect();
+    let mut stopped = synthetic::stopped(600, &manifest(&offered));
+    for line in &mut stopped.manifest {
+        let same = received.iter().find(|r| r.stream == line.stream);
+        line.digest = same.map(|r| r.digest.clone()).unwrap_or_default();
+    }
+    let closing = Closing {
+        stopped: Some(stopped),
+        received,
+        ..Default::default()
+    };
+    let finished = finish(&writer.close(closing).unwrap(), None).unwrap();
+    assert!(
+        finished.account.complete(),
+        "{:?}",
+        finished.account.problems
+    );
+    let facts = validate(&finished.path, 1).unwrap().facts;
+    for stream in ["applied", "command", "camera/gen3", "camera/wheelchair"] {
+        let said = |f: &String| f.starts_with(&format!("{stream}: ")) && f.contains("digest");
+        assert!(facts.iter().any(said), "{stream}: {facts:?}");
+    }
+    // One stamp of one picture, one nanosecond.
+    let file = hdf5::File::open_rw(&finished.path).unwrap();
+    let data = file.dataset("streams/camera/gen3/stamp_nanos").unwrap();
+    let mut stamps: Vec<u64> = data.read_raw().unwrap();
+    stamps[1] += 1;
+    data.write_raw(&stamps).unwrap();
+    file.close().unwrap();
+    let problems = validate(&finished.path, 1).unwrap().problems;
+    let named = |p: &String| p.starts_with("camera/gen3: the messages in the file are not");
+    assert!(problems.iter().any(named), "{problems:?}");
 }

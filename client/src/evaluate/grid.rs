@@ -8,7 +8,6 @@ use std::sync::{Arc, Mutex, PoisonError};
 use anyhow::Context;
 use wheelarm_dataset::sheet::grid::{Cell, grid};
 use wheelarm_proto::{Message, v1};
-use zenoh::Wait;
 use zenoh::bytes::ZBytes;
 
 use super::report::Report;
@@ -89,15 +88,10 @@ fn last_frames(args: &EvaluateArgs, job: &Job) -> anyhow::Result<[v1::CameraFram
     let mut subscribers = Vec::new();
     for ((name, _), newest) in CAMERAS.iter().zip(&newest) {
         let kept = Arc::clone(newest);
-        let subscriber = link
-            .session()
-            .declare_subscriber(link.keys().camera(name))
-            .callback(move |sample| {
-                let mut newest = kept.lock().unwrap_or_else(PoisonError::into_inner);
-                *newest = Some(sample.payload().clone());
-            })
-            .wait()
-            .map_err(|e| anyhow::anyhow!("subscribing to the camera {name}: {e}"))?;
+        let subscriber = link.subscribe(&link.keys().camera(name), move |sample| {
+            let mut newest = kept.lock().unwrap_or_else(PoisonError::into_inner);
+            *newest = Some(sample.payload().clone());
+        })?;
         subscribers.push(subscriber);
     }
     operate::run(&link, &OperateArgs::default(), &mut |_| {})

@@ -1,6 +1,6 @@
 //! One camera's preview at one level: the newest picture, older ones are let go.
 
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use wheelarm_proto::preview::PreviewLevel;
 use wheelarm_proto::v1;
@@ -9,11 +9,12 @@ use zenoh::handlers::{RingChannel, RingChannelHandler};
 use zenoh::pubsub::Subscriber;
 use zenoh::sample::Sample;
 
-use super::{Link, LinkError, decode, transport};
+use super::{Link, LinkError, Server, decode, transport};
 
 /// A subscribed preview; the server encodes it while this lives.
 pub struct Preview {
     subscriber: Subscriber<RingChannelHandler<Sample>>,
+    server: Server,
 }
 
 impl Link {
@@ -28,7 +29,10 @@ impl Link {
             .with(RingChannel::new(1))
             .wait()
             .map_err(transport("subscribing to a preview"))?;
-        Ok(Preview { subscriber })
+        Ok(Preview {
+            subscriber,
+            server: self.server.clone(),
+        })
     }
 }
 
@@ -38,11 +42,19 @@ impl Preview {
     /// # Errors
     /// [`LinkError::Garbled`], [`LinkError::Transport`] when the session is closed.
     pub fn next(&self, patience: Duration) -> Result<Option<v1::PreviewFrame>, LinkError> {
-        let sample = self
-            .subscriber
-            .recv_timeout(patience)
-            .map_err(transport("waiting for a preview"))?;
-        sample.map(|s| decode(s.payload(), "preview")).transpose()
+        let deadline = Instant::now() + patience;
+        loop {
+            let left = deadline.saturating_duration_since(Instant::now());
+            let sample = self
+                .subscriber
+                .recv_timeout(left)
+                .map_err(transport("waiting for a preview"))?;
+            match sample {
+                Some(s) if self.server.sent(&s) => return decode(s.payload(), "preview").map(Some),
+                Some(_) => {}
+                None => return Ok(None),
+            }
+        }
     }
 
     /// The newest picture, as soon as there is one.
@@ -50,11 +62,15 @@ impl Preview {
     /// # Errors
     /// As [`Preview::next`].
     pub async fn next_async(&self) -> Result<v1::PreviewFrame, LinkError> {
-        let sample = self
-            .subscriber
-            .recv_async()
-            .await
-            .map_err(transport("waiting for a preview"))?;
-        decode(sample.payload(), "preview")
+        loop {
+            let sample = self
+                .subscriber
+                .recv_async()
+                .await
+                .map_err(transport("waiting for a preview"))?;
+            if self.server.sent(&sample) {
+                return decode(sample.payload(), "preview");
+            }
+        }
     }
 }

@@ -1,6 +1,8 @@
 //! The link against a peer that listens, as a server does.
 
 use super::*;
+use zenoh::sample::SourceInfo;
+use zenoh::session::EntityGlobalId;
 
 /// A free loopback endpoint.
 fn free_endpoint() -> String {
@@ -48,7 +50,7 @@ fn replies_failures_names_and_order_get_through() {
     let keys = Keys::new("a").unwrap();
     let _token = server
         .liveliness()
-        .declare_token(keys.alive())
+        .declare_token(keys.alive(&server.zid().to_string()))
         .wait()
         .unwrap();
     let (pause_key, lease_key) = (keys.query(Query::Pause), keys.query(Query::Lease));
@@ -88,6 +90,14 @@ fn replies_failures_names_and_order_get_through() {
 
     // A command is answered by one joint state and a clock, in this order.
     let answer = server.clone();
+    let source = SourceInfo::new(EntityGlobalId::new(server.zid(), 1), 0);
+    let tick_of = |header: Option<v1::Header>| {
+        let clock = v1::Clock {
+            header,
+            ..Default::default()
+        };
+        clock.encode_to_vec()
+    };
     let (joints, clock) = (keys.stream("joint_state"), keys.stream("clock"));
     let _commands = server
         .declare_subscriber(keys.command())
@@ -98,12 +108,12 @@ fn replies_failures_names_and_order_get_through() {
                 header: header.clone(),
                 ..Default::default()
             };
-            answer.put(&joints, state.encode_to_vec()).wait().unwrap();
-            let tick = v1::Clock {
-                header,
-                ..Default::default()
-            };
-            answer.put(&clock, tick.encode_to_vec()).wait().unwrap();
+            // A stranger's clock, which would be taken for the answer.
+            answer.put(&clock, tick_of(None)).wait().unwrap();
+            let put = answer.put(&joints, state.encode_to_vec());
+            put.source_info(source.clone()).wait().unwrap();
+            let put = answer.put(&clock, tick_of(header));
+            put.source_info(source.clone()).wait().unwrap();
         })
         .wait()
         .unwrap();
@@ -116,6 +126,26 @@ fn replies_failures_names_and_order_get_through() {
     assert_eq!(status.version, "7");
     let refused = link.ask::<v1::Ack>(Query::Pause).err().unwrap().to_string();
     assert!(refused.contains("no episode runs"), "{refused}");
+
+    // A stranger that answers at once and says that it is the one to ask.
+    let stranger = open_session(&args(&endpoint, "a"), Silence::Gone).unwrap();
+    let _lies = stranger
+        .declare_queryable(keys.query(Query::Status))
+        .complete(true)
+        .callback(|query| {
+            let lie = v1::Status {
+                version: "lie".to_owned(),
+                ..Default::default()
+            };
+            let answer = query.reply(query.key_expr().clone(), lie.encode_to_vec());
+            answer.wait().unwrap();
+        })
+        .wait()
+        .unwrap();
+    for _ in 0..20 {
+        let status: v1::Status = link.ask(Query::Status).unwrap();
+        assert_eq!(status.version, "7");
+    }
 
     let streams = link.streams(&[Stream::JointState, Stream::Clock]).unwrap();
     let mut commander = link.commander("test", false).unwrap();

@@ -9,7 +9,6 @@ use bytes::Bytes;
 use tokio::sync::watch as latest;
 use wheelarm_proto::preview::PreviewLevel;
 use wheelarm_proto::{Message, v1};
-use zenoh::Wait;
 use zenoh::pubsub::Subscriber;
 
 use super::ladder::Ladder;
@@ -183,11 +182,10 @@ async fn keep(feed: Arc<Feed>, mut link: latest::Receiver<Option<Link>>) {
             continue;
         };
         let taking = Arc::clone(&feed);
-        let subscriber = link
-            .session()
-            .declare_subscriber(link.keys().preview(&feed.camera, level))
-            .callback(move |sample| taking.take(&sample.payload().to_bytes()))
-            .wait();
+        let key = link.keys().preview(&feed.camera, level);
+        let subscriber = link.subscribe(&key, move |sample| {
+            taking.take(&sample.payload().to_bytes())
+        });
         match subscriber {
             // The new one stands before the old one goes.
             Ok(subscriber) => held = Some((subscriber, level)),

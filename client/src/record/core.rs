@@ -15,15 +15,23 @@ use super::episode::{Accepted, EpisodeId, Recording, Report, id};
 
 mod early;
 mod port;
+mod protocol;
 
 /// Longest wait for samples that the manifest lists.
 pub const MANIFEST_PATIENCE: Duration = Duration::from_secs(10);
-/// Longest wait for what a server that went away had sent.
+/// A server that is away may come back with the same episode: one that stood
+/// still, or one behind a link that broke. Afterwards it is taken for gone.
+pub const AWAY_PATIENCE: Duration = Duration::from_secs(60);
+/// Longest wait for what a server that was replaced had sent.
 const FAREWELL_PATIENCE: Duration = Duration::from_secs(2);
 /// Pause before the snapshot is asked for again.
 const SNAPSHOT_RETRY: Duration = Duration::from_secs(2);
 /// Longest wait for the snapshot.
 const SNAPSHOT_PATIENCE: Duration = Duration::from_secs(30);
+/// Pause before the state is asked for again when there was no answer.
+const STATE_RETRY: Duration = Duration::from_millis(500);
+/// Least pause between an answer and the next question.
+const HINT_PAUSE: Duration = Duration::from_millis(20);
 /// Episodes that may be made into files at the same time; the next one waits.
 const MAX_FINISHING: usize = 2;
 
@@ -37,6 +45,7 @@ pub struct RecorderCore {
     last: Option<(String, u64)>,
     /// Announced while the one before was not finished.
     next: Option<Box<v1::EpisodeStarted>>,
+    asking: Asking,
     status: v1::RecorderStatus,
     /// Last status of the episodes that are being made into files.
     finishing: Vec<v1::RecorderStatus>,
@@ -44,6 +53,19 @@ pub struct RecorderCore {
     limit: Option<u64>,
     counted: u64,
     out: Vec<Output>,
+}
+
+/// Whether the server is being asked what it runs: one question at a time, so
+/// that answers cannot overtake each other.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Asking {
+    No,
+    /// The answer is awaited.
+    Yes,
+    /// Something happened since it was asked: it will be asked again.
+    Again,
+    /// There was no answer; it is asked again at this time.
+    At(Instant),
 }
 
 enum Stage {
@@ -67,7 +89,7 @@ enum Stage {
 }
 
 /// The server says that it does not run the episode any more.
-const END_LOST: &str = "the message that ends the episode did not come";
+const END_LOST: &str = "the end of the episode was not told";
 /// The server, or the way to it, is gone.
 const SERVER_LOST: &str = "the server went away before the episode ended";
 
@@ -88,6 +110,7 @@ impl RecorderCore {
             early: Early::default(),
             last: None,
             next: None,
+            asking: Asking::No,
             status,
             finishing: Vec::new(),
             limit: None,
@@ -118,15 +141,10 @@ impl RecorderCore {
     /// Takes one input.
     pub fn handle(&mut self, input: Input, now: Instant) -> Vec<Output> {
         match input {
-            Input::Started(started) => self.started(started, now),
+            Input::Hint => self.ask(),
+            Input::State(reply) => self.told(reply, now),
             Input::Snapshot(reply) => self.snapshot(reply, now),
             Input::Sample { stream, payload } => self.sample(stream, payload),
-            Input::Stopped(stopped) => self.stopped(stopped, now),
-            Input::Running {
-                asked,
-                run_id,
-                episode,
-            } => self.running(asked, &(run_id, episode), now),
             Input::ServerLost => self.server_lost(now),
             Input::Done { of, result } => self.done(&of, result, now),
             Input::Shutdown => self.end("the recorder was stopped before the episode ended"),
@@ -137,6 +155,16 @@ impl RecorderCore {
 
     /// Lets time pass: deadlines and repeated questions.
     pub fn tick(&mut self, now: Instant) -> Vec<Output> {
+        if matches!(self.asking, Asking::At(time) if now >= time) {
+            self.asking = Asking::No;
+            self.ask();
+        }
+        if let Stage::Recording(recording) = &self.stage
+            && let Some(since) = recording.away
+            && now.duration_since(since) > AWAY_PATIENCE
+        {
+            self.end(SERVER_LOST);
+        }
         if let Stage::Opening { since, asked, .. } = &mut self.stage {
             if now.duration_since(*since) > SNAPSHOT_PATIENCE {
                 self.fail("the server did not answer the query `snapshot`, without which an episode cannot be replayed".into());
@@ -146,6 +174,7 @@ impl RecorderCore {
             }
         }
         let wanted = match &mut self.stage {
+            Stage::Recording(recording) if recording.away.is_some() => Vec::new(),
             Stage::Recording(recording) => recording.wanted(None, now),
             Stage::Stopping {
                 recording, stopped, ..
@@ -169,8 +198,7 @@ impl RecorderCore {
 
     fn started(&mut self, started: v1::EpisodeStarted, now: Instant) {
         let new = id(started.header.as_ref());
-        // An answer to a question that was asked before the episode ended
-        // may arrive after it.
+        // Every answer tells it again.
         let not_new = |known: &(String, u64)| known.0 == new.0 && known.1 >= new.1;
         if self.current().is_some_and(|c| not_new(&c)) || self.last.as_ref().is_some_and(not_new) {
             return;
@@ -197,18 +225,8 @@ impl RecorderCore {
         if self.limit.is_some_and(|limit| self.counted >= limit) {
             return;
         }
-        // Not opened yet, so nothing of it is here: long over, and brought
-        // again by the transport, or over before it could be opened.
-        if let Stage::Opening {
-            started: former, ..
-        } = &self.stage
-        {
-            tracing::warn!("episode {:?} is over and not recorded", former.label);
-            self.last = Some(id(former.header.as_ref()));
-            self.early.forget(self.last.as_ref());
-            self.stage = Stage::Idle;
-        }
-        self.end("the next episode began before the end of this one was told");
+        self.give_up_opening();
+        self.end(END_LOST);
         self.status = v1::RecorderStatus {
             header: started.header.clone(),
             recorder: self.options.recorder.clone(),
@@ -241,17 +259,14 @@ impl RecorderCore {
             Ok(reply) => reply,
             Err(words) => {
                 tracing::debug!("no snapshot yet: {words}");
-                self.out.push(Output::AskStatus);
+                self.too_late_to_open();
                 return;
             }
         };
         let (wanted, got) = (id(started.header.as_ref()), id(reply.header.as_ref()));
         if wanted != got {
-            tracing::warn!(
-                "the snapshot is of episode {}, wanted {}; asking again",
-                got.1,
-                wanted.1
-            );
+            tracing::debug!("the snapshot is of episode {}, wanted {}", got.1, wanted.1);
+            self.too_late_to_open();
             return;
         }
         let Stage::Opening {
@@ -261,7 +276,7 @@ impl RecorderCore {
             return;
         };
         let label = started.label.clone();
-        match Recording::open(&self.dir, *started, &reply, &self.options, now) {
+        match Recording::open(&self.dir, *started, &reply, &self.options) {
             Ok(recording) => {
                 self.status.state = v1::RecorderState::Ready.into();
                 self.stage = Stage::Recording(Box::new(recording));
@@ -270,7 +285,7 @@ impl RecorderCore {
                     self.take(&header, &stream, payload);
                 }
                 if let Some(stopped) = stopped {
-                    self.stopped(*stopped, now);
+                    self.stopped(&stopped, now);
                 }
             }
             Err(problem) => {
@@ -334,7 +349,9 @@ impl RecorderCore {
         )));
     }
 
-    fn stopped(&mut self, stopped: v1::EpisodeStopped, now: Instant) {
+    /// The server's own word that an episode is over; it is told again with
+    /// every answer for a while.
+    fn stopped(&mut self, stopped: &v1::EpisodeStopped, now: Instant) {
         let of = id(stopped.header.as_ref());
         if let Some(next) = self.next.take_if(|n| id(n.header.as_ref()) == of) {
             self.last = Some(of);
@@ -346,6 +363,12 @@ impl RecorderCore {
         if self.current() != Some(of) {
             return;
         }
+        if let Stage::Opening { stopped, .. } | Stage::Stopping { stopped, .. } = &self.stage
+            && stopped.is_some()
+        {
+            return;
+        }
+        let boxed = Box::new(stopped.clone());
         match std::mem::replace(&mut self.stage, Stage::Idle) {
             Stage::Idle => {}
             Stage::Opening {
@@ -358,7 +381,7 @@ impl RecorderCore {
                     started,
                     since,
                     asked,
-                    stopped: Some(Box::new(stopped)),
+                    stopped: Some(boxed),
                 };
             }
             Stage::Recording(recording) | Stage::Stopping { recording, .. } => {
@@ -368,76 +391,10 @@ impl RecorderCore {
                 }
                 self.stage = Stage::Stopping {
                     recording,
-                    stopped: Some(Box::new(stopped)),
+                    stopped: Some(boxed),
                     deadline: now + MANIFEST_PATIENCE,
                     reason: "",
                 };
-            }
-        }
-    }
-
-    /// The end of an episode may get lost: then the server's own word counts.
-    fn running(&mut self, asked: Instant, now_runs: &(String, u64), now: Instant) {
-        // The transport may bring an announcement again whose episode is long over.
-        if let Stage::Opening { started, since, .. } = &self.stage {
-            let announced = id(started.header.as_ref());
-            if *since < asked && announced != *now_runs {
-                self.last = Some(announced);
-                self.early.forget(self.last.as_ref());
-                self.stage = Stage::Idle;
-            }
-            return;
-        }
-        let Stage::Recording(recording) = &self.stage else {
-            return;
-        };
-        let ours = id(recording.started.header.as_ref());
-        if recording.since >= asked || ours == *now_runs {
-            return;
-        }
-        if ours.0 != now_runs.0 {
-            // Another server has taken its place: nothing more will come.
-            self.server_lost(now);
-            return;
-        }
-        let Stage::Recording(recording) = std::mem::replace(&mut self.stage, Stage::Idle) else {
-            return;
-        };
-        self.stage = Stage::Stopping {
-            recording,
-            stopped: None,
-            deadline: now + MANIFEST_PATIENCE,
-            reason: END_LOST,
-        };
-    }
-
-    /// What the server sent before it went may still be under way.
-    fn server_lost(&mut self, now: Instant) {
-        match std::mem::replace(&mut self.stage, Stage::Idle) {
-            Stage::Recording(recording) => {
-                self.stage = Stage::Stopping {
-                    recording,
-                    stopped: None,
-                    deadline: now + FAREWELL_PATIENCE,
-                    reason: SERVER_LOST,
-                };
-            }
-            Stage::Stopping {
-                recording,
-                stopped,
-                deadline,
-                reason,
-            } => {
-                self.stage = Stage::Stopping {
-                    recording,
-                    stopped,
-                    deadline: deadline.min(now + FAREWELL_PATIENCE),
-                    reason,
-                };
-            }
-            stage => {
-                self.stage = stage;
-                self.end(SERVER_LOST);
             }
         }
     }

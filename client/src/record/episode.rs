@@ -8,11 +8,12 @@ use std::time::Instant;
 use bytes::Bytes;
 use wheelarm_dataset::coverage::Coverage;
 use wheelarm_dataset::finish::{FinishError, finish};
-use wheelarm_dataset::log::{Closing, Recovered};
+use wheelarm_dataset::log::{Closing, Received, Recovered};
 use wheelarm_dataset::writer::{EpisodeWriter, Taken, WriteError, WriterOptions};
-use wheelarm_proto::v1;
+use wheelarm_proto::{digest, v1};
 
 use super::core::Input;
+use super::digests::Digests;
 use super::gaps::{Gaps, Missing};
 
 /// What became of one episode.
@@ -32,20 +33,27 @@ pub struct Report {
     pub frames: u64,
     /// Samples in it, frames included.
     pub samples: u64,
-    /// Samples that were published and are not in it.
+    /// Samples that were published and are not in it; without the server's
+    /// word those between the ones that came, which are the least.
     pub missed: u64,
+    /// The server told how many it published.
+    pub counted: bool,
+    /// What else there is to know, for people; the file is good.
+    pub notes: Vec<String>,
 }
 
 /// An episode that is being recorded.
 pub(super) struct Recording {
     pub started: v1::EpisodeStarted,
-    pub since: Instant,
     /// Camera frames accepted: the credit.
     pub accepted: u64,
     /// Newest sample accepted.
     pub newest: Option<Taken>,
+    /// Since when the server is away; it may come back.
+    pub away: Option<Instant>,
     writer: EpisodeWriter,
     seen: BTreeMap<String, Coverage>,
+    digests: BTreeMap<String, Digests>,
     gaps: Gaps,
 }
 
@@ -63,16 +71,16 @@ impl Recording {
         started: v1::EpisodeStarted,
         snapshot: &v1::SnapshotReply,
         options: &WriterOptions,
-        now: Instant,
     ) -> Result<Self, WriteError> {
         let writer = EpisodeWriter::open(dir, &started, snapshot, options)?;
         Ok(Self {
             started,
-            since: now,
             accepted: 0,
             newest: None,
+            away: None,
             writer,
             seen: BTreeMap::new(),
+            digests: BTreeMap::new(),
             gaps: Gaps::default(),
         })
     }
@@ -88,13 +96,21 @@ impl Recording {
         payload: Bytes,
     ) -> Result<Accepted, String> {
         let seen = self.seen.entry(stream.to_owned()).or_default();
+        let digests = self.digests.entry(stream.to_owned()).or_default();
+        let digest = digest::of_message([&payload[..]]);
         // Recovery and history may deliver a sample twice.
         if seen.within(sequence, sequence) > 0 {
+            digests.again(sequence, &digest);
+            return Ok(Accepted::Not);
+        }
+        if digests.is_late(sequence) {
+            tracing::warn!("sample {sequence} of {stream} comes far too late and is left out");
             return Ok(Accepted::Not);
         }
         match self.writer.offer(stream, payload) {
             Ok(taken) => {
                 seen.insert(sequence);
+                digests.add(sequence, digest);
                 self.newest = Some(match self.newest {
                     Some(newest) if newest.tick > taken.tick => newest,
                     _ => taken,
@@ -148,6 +164,11 @@ impl Recording {
                 count: seen.late(),
             })
             .collect();
+        let received = self.digests.iter().map(|(stream, digests)| Received {
+            stream: stream.clone(),
+            digest: digests.value().to_vec(),
+            doubtful: digests.doubtful(),
+        });
         Finishing {
             of: id(self.started.header.as_ref()),
             label: self.started.label,
@@ -156,6 +177,7 @@ impl Recording {
                 stopped,
                 reason,
                 recovered,
+                received: received.collect(),
             },
         }
     }
@@ -227,6 +249,8 @@ impl Finishing {
                 .sum(),
             samples: account.total(|s| s.received),
             missed: account.total(|s| s.missed),
+            counted: account.counted(),
+            notes: finished.notes,
             path: finished.path,
         })
     }

@@ -110,6 +110,7 @@ mod tests {
             first,
             last,
             count: last - first + 1,
+            ..Default::default()
         };
         let stopped = v1::EpisodeStopped {
             manifest: vec![count("imu", 3, 12), count("clock", 0, 1)],

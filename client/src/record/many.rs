@@ -7,7 +7,7 @@ use std::future::Future;
 use anyhow::{Context, anyhow};
 use tokio::sync::{mpsc, watch};
 use tokio::task::JoinSet;
-use wheelarm_proto::keys::PREFIX;
+use wheelarm_proto::keys::Keys;
 use zenoh::Session;
 use zenoh::sample::SampleKind;
 
@@ -32,7 +32,7 @@ pub async fn run_many(
 ) -> anyhow::Result<ExitSummary> {
     let servers = session
         .liveliness()
-        .declare_subscriber(format!("{PREFIX}/*/alive"))
+        .declare_subscriber(Keys::all_alive())
         .history(true)
         .await
         .map_err(|e| anyhow!("watching for servers: {e}"))?;
@@ -47,8 +47,7 @@ pub async fn run_many(
         tokio::select! {
             sample = servers.recv_async() => {
                 let sample = sample.map_err(|e| anyhow!("watching for servers: {e}"))?;
-                let key = sample.key_expr().as_str();
-                let Some(sim) = key.split('/').nth(1).map(str::to_owned) else { continue };
+                let Some((sim, _)) = Keys::server_of(sample.key_expr().as_str()) else { continue };
                 // A server that goes is its recorder's business: it closes the
                 // episode and takes the next one when the server comes back.
                 if sample.kind() == SampleKind::Put && joined.insert(sim.clone()) {

@@ -7,6 +7,7 @@
 //! is made on a thread of its own, while the next episode is recorded.
 
 mod core;
+mod digests;
 mod episode;
 mod gaps;
 mod many;

@@ -8,7 +8,7 @@ use anyhow::{Context, bail};
 use bytes::Bytes;
 use tokio::sync::mpsc;
 use wheelarm_dataset::writer::WriterOptions;
-use wheelarm_proto::keys::{Keys, Query, check_name};
+use wheelarm_proto::keys::{Query, check_name};
 use wheelarm_proto::{Message, v1};
 use zenoh::Session;
 use zenoh::bytes::ZBytes;
@@ -20,7 +20,7 @@ use zenoh_ext::{AdvancedSubscriberBuilderExt, HistoryConfig, RecoveryConfig};
 use super::core::{Input, Output, RecorderCore};
 use super::queue::{Entrance, Exit, queue};
 use super::{ExitSummary, Missing, RecordArgs};
-use crate::link::Link;
+use crate::link::{Link, session_of};
 
 /// The newest status is published again after this time: a lost one holds
 /// nobody up for longer.
@@ -35,7 +35,9 @@ const AWAY_PATIENCE: Duration = Duration::from_secs(5);
 const KEPT_STATUSES: usize = 3;
 /// How often the core looks at its deadlines.
 const CORE_PERIOD: Duration = Duration::from_millis(50);
-/// Longest wait for the answer to a query.
+/// Longest wait for the state; a question that was lost on the way is repeated.
+const STATE_TIMEOUT: Duration = Duration::from_secs(3);
+/// Longest wait for the answer to another query.
 const QUERY_TIMEOUT: Duration = Duration::from_secs(10);
 
 /// What callbacks put into the queue: undecoded.
@@ -46,8 +48,6 @@ const QUERY_TIMEOUT: Duration = Duration::from_secs(10);
 enum Raw {
     Stream(String, ZBytes),
     Camera(String, ZBytes),
-    Start(ZBytes),
-    Stop(ZBytes),
     Ready(Input),
 }
 
@@ -75,6 +75,12 @@ pub async fn run_with(
     mut tell: impl FnMut(&Output),
 ) -> anyhow::Result<ExitSummary> {
     check_name(&args.name)?;
+    if args.out.to_str().is_none() {
+        bail!(
+            "the folder {} is not in UTF-8, which HDF5 cannot take; choose another --out",
+            args.out.display()
+        );
+    }
     let (session, keys) = (link.session(), link.keys());
     std::fs::create_dir_all(&args.out)
         .with_context(|| format!("the folder {} cannot be made", args.out.display()))?;
@@ -101,7 +107,7 @@ pub async fn run_with(
         std::thread::spawn(move || work(core, &exit, &entrance, &outputs))
     };
 
-    let _subscribers = subscribe(session, keys, &entrance).await?;
+    let _subscribers = subscribe(link, &entrance).await?;
     let _token = session
         .liveliness()
         .declare_token(keys.recorder_alive(&args.name))
@@ -134,9 +140,9 @@ pub async fn run_with(
                     Output::AskSnapshot => {
                         ask_snapshot(link, &entrance);
                     }
-                    Output::AskStatus => ask_status(link, &entrance),
+                    Output::AskState => ask_state(link, &entrance),
                     Output::AskSamples(missing) => {
-                        ask_samples(session, keys, &entrance, &missing).await;
+                        ask_samples(link, &entrance, &missing).await;
                     }
                     Output::Status(status) => {
                         put(&publisher, &status).await;
@@ -153,16 +159,20 @@ pub async fn run_with(
                 }
             }
             _ = again.tick() => match connection.look(session).await {
+                // A server that was restarted has another session.
+                Seen::There if link.look_for_server() => {
+                    entrance.control(Raw::Ready(Input::Hint));
+                }
                 Seen::There => for status in &statuses {
                     put(&publisher, status).await;
                 },
-                Seen::Back => ask_status(link, &entrance),
+                Seen::Back => entrance.control(Raw::Ready(Input::Hint)),
                 // A killed server takes its liveliness token back for nobody
                 // whose only link was the one to it.
                 Seen::Lost => entrance.control(Raw::Ready(Input::ServerLost)),
                 Seen::Away => {}
             },
-            _ = poll.tick(), if !ending => ask_status(link, &entrance),
+            _ = poll.tick(), if !ending => entrance.control(Raw::Ready(Input::Hint)),
             () = &mut shutdown, if !ending => {
                 ending = true;
                 entrance.control(Raw::Ready(Input::Shutdown));
@@ -183,21 +193,24 @@ pub(super) fn print(output: &Output) {
         Output::Finished(r) => {
             let state = if r.complete { "complete" } else { "PARTIAL" };
             let mb = r.bytes as f64 / 1e6;
+            let missed = match r.counted {
+                true => format!("{} missed", r.missed),
+                false => format!("at least {} missed (how many is unknown)", r.missed),
+            };
             println!(
-                "{}: {state}, {} frames, {} samples, {} missed, {mb:.1} MB",
+                "{}: {state}, {} frames, {} samples, {missed}, {mb:.1} MB",
                 r.path.display(),
                 r.frames,
-                r.samples,
-                r.missed
+                r.samples
             );
-            for problem in &r.problems {
-                println!("  {problem}");
+            for line in r.problems.iter().chain(&r.notes) {
+                println!("  {line}");
             }
         }
         Output::Failed(words) => eprintln!("recording failed: {words}"),
         Output::Discarded(label) => println!("{label}: discarded"),
         Output::AskSnapshot
-        | Output::AskStatus
+        | Output::AskState
         | Output::AskSamples(_)
         | Output::Status(_)
         | Output::Finish(_) => {}
@@ -250,16 +263,9 @@ fn work(
 }
 
 fn decode(raw: Raw) -> Option<Input> {
-    fn message<M: Message + Default>(payload: &ZBytes, what: &str) -> Option<M> {
-        M::decode(payload.to_bytes().as_ref())
-            .inspect_err(|e| tracing::warn!("{what} cannot be read: {e}"))
-            .ok()
-    }
     let owned = |payload: ZBytes| Bytes::from(payload.to_bytes().into_owned());
     match raw {
         Raw::Ready(input) => Some(input),
-        Raw::Start(payload) => message(&payload, "episode/start").map(Input::Started),
-        Raw::Stop(payload) => message(&payload, "episode/stop").map(Input::Stopped),
         Raw::Stream(stream, payload) => Some(Input::Sample {
             stream,
             payload: owned(payload),
@@ -274,11 +280,9 @@ fn decode(raw: Raw) -> Option<Input> {
 /// Keeps the subscribers alive.
 type Held = Vec<Box<dyn std::any::Any + Send>>;
 
-async fn subscribe(
-    session: &Session,
-    keys: &Keys,
-    entrance: &Entrance<Raw>,
-) -> anyhow::Result<Held> {
+async fn subscribe(link: &Link, entrance: &Entrance<Raw>) -> anyhow::Result<Held> {
+    let (session, keys) = (link.session(), link.keys());
+    let from = || link.server().clone();
     fn last(sample: &Sample) -> String {
         let key = sample.key_expr().as_str();
         key.rsplit('/').next().unwrap_or_default().to_owned()
@@ -289,10 +293,13 @@ async fn subscribe(
     let history = || HistoryConfig::default().detect_late_publishers();
     let recovery = || RecoveryConfig::default().heartbeat();
 
-    let to = entrance.clone();
+    let (to, server) = (entrance.clone(), from());
     let streams = session
         .declare_subscriber(keys.stream("*"))
         .callback(move |sample: Sample| {
+            if !server.sent(&sample) {
+                return;
+            }
             let bytes = sample.payload().len();
             let raw = Raw::Stream(last(&sample), sample.payload().clone());
             to.sample(raw, bytes, false);
@@ -303,10 +310,13 @@ async fn subscribe(
         .map_err(transport("subscribing to the streams"))?;
     held.push(Box::new(streams));
 
-    let to = entrance.clone();
+    let (to, server) = (entrance.clone(), from());
     let cameras = session
         .declare_subscriber(keys.camera("*"))
         .callback(move |sample: Sample| {
+            if !server.sent(&sample) {
+                return;
+            }
             let bytes = sample.payload().len();
             let raw = Raw::Camera(last(&sample), sample.payload().clone());
             to.sample(raw, bytes, true);
@@ -317,31 +327,31 @@ async fn subscribe(
         .map_err(transport("subscribing to the cameras"))?;
     held.push(Box::new(cameras));
 
-    let to = entrance.clone();
-    let start = session
-        .declare_subscriber(keys.episode_start())
-        .callback(move |sample: Sample| to.control(Raw::Start(sample.payload().clone())))
-        .recovery(recovery())
-        .await
-        .map_err(transport("subscribing to the start of episodes"))?;
-    held.push(Box::new(start));
+    for key in [keys.episode_start(), keys.episode_stop()] {
+        let (to, server) = (entrance.clone(), from());
+        let hints = session
+            .declare_subscriber(key)
+            .callback(move |sample: Sample| {
+                if server.sent(&sample) {
+                    to.control(Raw::Ready(Input::Hint));
+                }
+            })
+            .recovery(recovery())
+            .await
+            .map_err(transport("subscribing to the episodes"))?;
+        held.push(Box::new(hints));
+    }
 
-    let to = entrance.clone();
-    let stop = session
-        .declare_subscriber(keys.episode_stop())
-        .callback(move |sample: Sample| to.control(Raw::Stop(sample.payload().clone())))
-        .recovery(recovery())
-        .await
-        .map_err(transport("subscribing to the end of episodes"))?;
-    held.push(Box::new(stop));
-
-    let to = entrance.clone();
+    let (to, server) = (entrance.clone(), from());
     let alive = session
         .liveliness()
-        .declare_subscriber(keys.alive())
+        .declare_subscriber(keys.alive("*"))
         .callback(move |sample: Sample| {
-            if sample.kind() == SampleKind::Delete {
-                to.control(Raw::Ready(Input::ServerLost));
+            let ours = session_of(&sample).is_some_and(|id| server.is(id));
+            match sample.kind() {
+                SampleKind::Delete if ours => to.control(Raw::Ready(Input::ServerLost)),
+                SampleKind::Delete => {}
+                SampleKind::Put => to.control(Raw::Ready(Input::Hint)),
             }
         })
         .await
@@ -445,7 +455,8 @@ fn ask_snapshot(link: &Link, entrance: &Entrance<Raw>) {
 
 /// Asks the cache of a stream's publisher for what did not come. The transport
 /// numbers the samples of a stream as their headers do.
-async fn ask_samples(session: &Session, keys: &Keys, entrance: &Entrance<Raw>, missing: &Missing) {
+async fn ask_samples(link: &Link, entrance: &Entrance<Raw>, missing: &Missing) {
+    let (session, keys, server) = (link.session(), link.keys(), link.server().clone());
     let Missing {
         stream,
         first,
@@ -464,7 +475,7 @@ async fn ask_samples(session: &Session, keys: &Keys, entrance: &Entrance<Raw>, m
             let Ok(sample) = reply.into_result() else {
                 return;
             };
-            if sample.key_expr().as_str() != key {
+            if sample.key_expr().as_str() != key || !server.sent(&sample) {
                 return;
             }
             let payload = sample.payload().clone();
@@ -484,28 +495,12 @@ async fn ask_samples(session: &Session, keys: &Keys, entrance: &Entrance<Raw>, m
     }
 }
 
-/// Learns of an episode that runs already, or of an end that got lost.
-fn ask_status(link: &Link, entrance: &Entrance<Raw>) {
+/// Asks what runs and what has ended.
+fn ask_state(link: &Link, entrance: &Entrance<Raw>) {
     let entrance = entrance.clone();
     aside(link, move |link| {
-        let asked = Instant::now();
-        let status: v1::Status = match link.ask_within(Query::Status, QUERY_TIMEOUT) {
-            Ok(status) => status,
-            Err(problem) => {
-                tracing::debug!("no status: {problem}");
-                return;
-            }
-        };
-        let run_id = status.header.map(|h| h.run_id).unwrap_or_default();
-        let number = |s: &v1::EpisodeStarted| s.header.as_ref().map_or(0, |h| h.episode);
-        entrance.control(Raw::Ready(Input::Running {
-            asked,
-            run_id,
-            episode: status.episode.as_ref().map_or(0, number),
-        }));
-        if let Some(started) = status.episode {
-            entrance.control(Raw::Ready(Input::Started(started)));
-        }
+        let reply = link.ask_within(Query::Episode, STATE_TIMEOUT);
+        entrance.control(Raw::Ready(Input::State(reply.map_err(|e| e.to_string()))));
     });
 }
 

@@ -7,7 +7,6 @@ use std::time::{Duration, Instant};
 
 use crossbeam_channel::{Sender, bounded};
 use wheelarm_proto::{Message, v1};
-use zenoh::Wait;
 
 use crate::link::{Commander, Link};
 
@@ -39,9 +38,7 @@ impl Commands {
         let flight = Flight::default();
         let returning = Arc::clone(&flight);
         let echoes = link
-            .session()
-            .declare_subscriber(link.keys().stream("command"))
-            .callback(move |sample| {
+            .subscribe(&link.keys().stream("command"), move |sample| {
                 let Ok(log) = v1::CommandLog::decode(&*sample.payload().to_bytes()) else {
                     return;
                 };
@@ -60,7 +57,6 @@ impl Commands {
                     echoed(sent.elapsed().as_secs_f64());
                 }
             })
-            .wait()
             // Without echoes only the figure is missing.
             .ok();
         let (queue, commands) = bounded::<Box<(v1::Header, v1::Command)>>(WAITING);

@@ -9,10 +9,7 @@ use std::time::{Duration, Instant};
 
 use crossbeam_channel::Sender;
 use wheelarm_proto::keys::Query;
-use wheelarm_proto::{Message, v1};
-use zenoh::Wait;
-use zenoh::qos::Priority;
-use zenoh::sample::SampleKind;
+use wheelarm_proto::v1;
 
 use crate::link::{ConnectArgs, Link, LinkError, Received, Stream};
 
@@ -126,20 +123,6 @@ fn stay(
     send: &(dyn Fn(Heard) + Sync),
 ) -> Result<Option<String>, LinkError> {
     let samples = link.streams(streams)?;
-    let gone = Arc::new(AtomicBool::new(false));
-    let noted = Arc::clone(&gone);
-    let _alive = link
-        .session()
-        .liveliness()
-        .declare_subscriber(link.keys().alive())
-        .callback(move |sample| {
-            noted.store(sample.kind() == SampleKind::Delete, Ordering::Release);
-        })
-        .wait()
-        .map_err(|cause| LinkError::Transport {
-            operation: "watching the server",
-            cause: cause.to_string(),
-        })?;
     send(Heard::Connected(Box::new(link.clone())));
     let closed = AtomicBool::new(false);
     std::thread::scope(|scope| {
@@ -156,7 +139,7 @@ fn stay(
             if ended.load(Ordering::Acquire) {
                 break None;
             }
-            if gone.load(Ordering::Acquire) {
+            if !link.server().is_there() {
                 break Some("the server has gone".to_owned());
             }
             let asked = Instant::now();
@@ -186,15 +169,5 @@ fn stay(
 
 /// Asks for the status, with less patience than a query of a command has.
 fn pulse(link: &Link) -> Option<v1::Status> {
-    let replies = link
-        .session()
-        .get(link.keys().query(Query::Status))
-        .priority(Priority::InteractiveHigh)
-        .express(true)
-        .timeout(PULSE_PATIENCE)
-        .wait()
-        .ok()?;
-    let reply = replies.recv().ok()?;
-    let sample = reply.into_result().ok()?;
-    v1::Status::decode(&*sample.payload().to_bytes()).ok()
+    link.ask_within(Query::Status, PULSE_PATIENCE).ok()
 }

@@ -18,7 +18,6 @@ use anyhow::Context;
 use clap::Args;
 use wheelarm_proto::keys::{PREFIX, Query};
 use wheelarm_proto::{Message, v1};
-use zenoh::Wait;
 
 use crate::link::Link;
 pub use hand::seen_from_the_chair;
@@ -86,28 +85,23 @@ pub fn run(link: &Link, args: &WatchArgs) -> anyhow::Result<ExitCode> {
     let mut subscribers = Vec::new();
     for place in places {
         let sender = sender.clone();
-        let subscriber = link
-            .session()
-            .declare_subscriber(place)
-            .callback(move |sample| {
-                let key = sample.key_expr().as_str();
-                let mut chunks = key.splitn(4, '/').skip(2);
-                let (kind, name) = (chunks.next(), chunks.next().unwrap_or_default());
-                let payload = sample.payload();
-                let stamped = Stamped::decode(&*payload.to_bytes()).ok();
-                // A closed queue means that the program ends.
-                let _ = sender.send(Came {
-                    stream: match kind {
-                        Some("camera") => format!("camera/{name}"),
-                        _ => name.to_owned(),
-                    },
-                    at: Instant::now(),
-                    bytes: payload.len(),
-                    stamped,
-                });
-            })
-            .wait()
-            .map_err(|cause| anyhow::anyhow!("subscribing failed: {cause}"))?;
+        let subscriber = link.subscribe(&place, move |sample| {
+            let key = sample.key_expr().as_str();
+            let mut chunks = key.splitn(4, '/').skip(2);
+            let (kind, name) = (chunks.next(), chunks.next().unwrap_or_default());
+            let payload = sample.payload();
+            let stamped = Stamped::decode(&*payload.to_bytes()).ok();
+            // A closed queue means that the program ends.
+            let _ = sender.send(Came {
+                stream: match kind {
+                    Some("camera") => format!("camera/{name}"),
+                    _ => name.to_owned(),
+                },
+                at: Instant::now(),
+                bytes: payload.len(),
+                stamped,
+            });
+        })?;
         subscribers.push(subscriber);
     }
     let began = Instant::now();

@@ -85,6 +85,7 @@ impl Engine {
                 let stopped = self.stop_episode(request.discard);
                 stopped.ok_or("no episode is running")?.encode_to_vec()
             }
+            Query::Episode => self.episode_state().encode_to_vec(),
             Query::Snapshot => self.snapshot()?.encode_to_vec(),
             Query::Shutdown => {
                 self.shared
@@ -100,6 +101,14 @@ impl Engine {
             header: Some(self.stamp()),
         }
         .encode_to_vec()
+    }
+
+    fn episode_state(&self) -> v1::EpisodeState {
+        v1::EpisodeState {
+            header: Some(self.stamp()),
+            running: self.episode.as_ref().map(|e| e.started.clone()),
+            ended: self.ended.iter().cloned().collect(),
+        }
     }
 
     fn status(&self) -> v1::Status {

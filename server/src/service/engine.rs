@@ -1,6 +1,6 @@
 //! The simulation thread: waits for what the pacing asks for, steps, publishes.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, VecDeque};
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 use std::sync::mpsc::Receiver;
@@ -31,6 +31,9 @@ const PRESENT_SECS: u64 = 120;
 /// How long a server that ends waits for its recorders to get the rest, s.
 const FAREWELL_SECS: u64 = 10;
 
+/// Ended episodes whose manifests are kept for recorders that ask late.
+const ENDED_EPISODES: usize = 8;
+
 /// Longest sleep of the loop, so that a lost wake-up costs little.
 const NAP: Duration = Duration::from_millis(50);
 
@@ -55,6 +58,8 @@ pub struct Engine {
     pub(super) waiting: Waiting,
     pub(super) pace: Pace,
     episodes: u64,
+    /// The last episodes that ended, oldest first.
+    pub(super) ended: VecDeque<v1::EpisodeStopped>,
     seen_anomalies: Vec<Anomaly>,
     /// Pairs whose hard collision has been told in this episode.
     seen_collisions: Vec<(BodyRef, BodyRef)>,
@@ -87,6 +92,7 @@ impl Engine {
             waiting_for: String::new(),
             waiting: Waiting::new(),
             episodes: 0,
+            ended: VecDeque::new(),
             seen_anomalies: Vec::new(),
             seen_collisions: Vec::new(),
         };
@@ -164,9 +170,13 @@ impl Engine {
     }
 
     /// Keeps the session open until the recorders have got the rest.
-    fn wait_for_files(&self, episode: u64, participants: &[String]) {
+    fn wait_for_files(&mut self, episode: u64, participants: &[String]) {
         let since = Instant::now();
         while since.elapsed() < Duration::from_secs(FAREWELL_SECS) {
+            // They ask for the manifest.
+            while let Ok(request) = self.queue.try_recv() {
+                self.answer(request);
+            }
             let mut recorders = lock(&self.shared.recorders);
             recorders.expire(Instant::now());
             let waiting = recorders.slowest(&self.shared.run_id, episode, participants);
@@ -527,6 +537,11 @@ impl Engine {
             manifest,
             wall_seconds: episode.running_since.elapsed().as_secs_f64(),
         };
+        // Whoever hears of the end may ask for it at once.
+        self.ended.push_back(stopped.clone());
+        if self.ended.len() > ENDED_EPISODES {
+            self.ended.pop_front();
+        }
         self.shared.outbox.episode_stop(tick, stopped.clone());
         self.listen(Listening::default());
         self.pace.restart();

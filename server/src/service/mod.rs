@@ -199,7 +199,10 @@ pub async fn run(
                 .wait()?,
         );
     }
-    let _alive = session.liveliness().declare_token(keys.alive()).wait()?;
+    let _alive = session
+        .liveliness()
+        .declare_token(keys.alive(&session.zid().to_string()))
+        .wait()?;
     let (ended, end) = tokio::sync::oneshot::channel();
     let thread = std::thread::Builder::new()
         .name("simulation".to_owned())
@@ -257,7 +260,7 @@ impl Shared {
 fn taken(session: &Session, keys: &Keys) -> Result<bool, ServiceError> {
     let replies = session
         .liveliness()
-        .get(keys.alive())
+        .get(keys.alive("*"))
         .timeout(std::time::Duration::from_millis(300))
         .wait()?;
     Ok(replies.iter().any(|reply| reply.result().is_ok()))

@@ -8,6 +8,7 @@ use std::time::Duration;
 
 use bytes::Bytes;
 use prost::encoding::{self, WireType};
+use wheelarm_proto::digest::{self, StreamDigest};
 use wheelarm_proto::keys::Keys;
 use wheelarm_proto::{Message, names, stamp_nanos, v1};
 use zenoh::bytes::ZBytes;
@@ -111,6 +112,8 @@ struct Counter {
 struct Stream {
     publisher: AdvancedPublisher<'static>,
     counter: Counter,
+    /// What was published in the counter's episode, to the last bit.
+    digest: StreamDigest,
 }
 
 /// The way out.
@@ -245,6 +248,7 @@ impl Outbox {
         let stream = Arc::new(Mutex::new(Stream {
             publisher,
             counter: Counter::default(),
+            digest: StreamDigest::default(),
         }));
         streams.insert(name.to_owned(), Arc::clone(&stream));
         Ok(stream)
@@ -325,7 +329,11 @@ impl Outbox {
             }
         };
         let mut stream = stream.lock().unwrap_or_else(PoisonError::into_inner);
-        let counter = &mut stream.counter;
+        let Stream {
+            publisher,
+            counter,
+            digest,
+        } = &mut *stream;
         if counter.episode != episode {
             *counter = Counter {
                 episode,
@@ -333,6 +341,7 @@ impl Outbox {
                 count: 0,
                 next: counter.next,
             };
+            *digest = StreamDigest::default();
         }
         let sequence = counter.next;
         counter.next += 1;
@@ -341,7 +350,11 @@ impl Outbox {
             sequence,
             ..self.header(episode, tick)
         });
-        if let Err(e) = stream.publisher.put(message.into_payload()).wait() {
+        let payload = message.into_payload();
+        if episode > 0 {
+            digest.add(&digest::of_message(payload.slices()));
+        }
+        if let Err(e) = publisher.put(payload).wait() {
             tracing::error!("cannot publish {name}: {e}");
         }
     }
@@ -358,24 +371,26 @@ impl Outbox {
         state
             .chain(cameras)
             .map(|name| {
-                let counter = streams
-                    .get(&name)
-                    .map(|s| s.lock().unwrap_or_else(PoisonError::into_inner).counter)
-                    .unwrap_or_default();
-                let counter = if counter.episode == episode {
-                    counter
+                let (counter, digest) = streams.get(&name).map_or_else(Default::default, |s| {
+                    let stream = s.lock().unwrap_or_else(PoisonError::into_inner);
+                    (stream.counter, stream.digest.clone())
+                });
+                let (counter, digest) = if counter.episode == episode {
+                    (counter, digest)
                 } else {
-                    Counter {
+                    let none = Counter {
                         first: counter.next,
                         next: counter.next,
                         ..Counter::default()
-                    }
+                    };
+                    (none, StreamDigest::default())
                 };
                 v1::StreamCount {
                     stream: name,
                     first: counter.first,
                     last: counter.next.saturating_sub(1),
                     count: counter.count,
+                    digest: digest.value().to_vec(),
                 }
             })
             .collect()

@@ -13,6 +13,7 @@ use wheelarm_proto::{Message, v1};
 use zenoh::Wait;
 use zenoh::pubsub::Publisher;
 use zenoh::qos::{CongestionControl, Priority};
+use zenoh::sample::SourceInfo;
 
 use super::outbox::Outbox;
 use super::{ServiceError, lock};
@@ -197,7 +198,11 @@ fn encode(shared: &Shared, outbox: &Outbox) {
                 }
                 match message(&camera.name, level.level, &picture, outbox, sent.count) {
                     Ok(message) => {
-                        if let Err(e) = level.publisher.put(message.encode_to_vec()).wait() {
+                        // Viewers take pictures of the server's session only.
+                        let number = u32::try_from(sent.count).unwrap_or(u32::MAX);
+                        let source = SourceInfo::new(level.publisher.id(), number);
+                        let put = level.publisher.put(message.encode_to_vec());
+                        if let Err(e) = put.source_info(source).wait() {
                             tracing::warn!("cannot send a preview of {}: {e}", camera.name);
                         }
                         sent.last = Some(now);

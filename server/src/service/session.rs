@@ -1,16 +1,20 @@
 //! The Zenoh session of a server.
 
-use crate::sim::Pacing;
+use wheelarm_proto::keys::Keys;
 use zenoh::{Config, Session, Wait};
+
+use crate::sim::Pacing;
 
 /// Opens a session that listens on `listen` and connects to `connect`.
 ///
 /// The server is a Zenoh router, so that its clients also see each other.
-/// Nothing is announced by multicast unless `multicast` is set.
+/// Nothing is announced by multicast unless `multicast` is set. What others
+/// publish, answer or declare under the server's own keys is not let through.
 ///
 /// # Errors
 /// The transport's error, for example an address in use.
 pub fn open(
+    keys: &Keys,
     listen: &[String],
     connect: &[String],
     multicast: bool,
@@ -41,6 +45,7 @@ pub fn open(
     let alone = !multicast && connect.is_empty();
     let delay = if alone { "0" } else { "500" };
     set("scouting/delay", delay.to_owned())?;
+    set("access_control", own_keys_only(keys))?;
     // A camera message waits for room instead of being dropped after 1 ms. In
     // lock-step the simulation waits anyway, so it may wait long; a receiver
     // that stands still costs this once, for then it counts as congested.
@@ -56,4 +61,22 @@ pub fn open(
         wait_micros.to_string(),
     )?;
     Ok(zenoh::open(config).wait()?)
+}
+
+/// Access control of the router that the server is: its own keys are closed to
+/// everybody who is connected to it. Behind another router that one would have
+/// to do the same; therefore clients look at ids and digests as well.
+fn own_keys_only(keys: &Keys) -> String {
+    let own: Vec<String> = keys.own().iter().map(|key| format!("{key:?}")).collect();
+    let rule = format!(
+        r#"{{ id: "own", permission: "deny", flows: ["ingress"],
+            messages: ["put", "delete", "declare_queryable", "reply", "liveliness_token"],
+            key_exprs: [{}] }}"#,
+        own.join(",")
+    );
+    format!(
+        r#"{{ enabled: true, default_permission: "allow", rules: [{rule}],
+            subjects: [{{ id: "everybody" }}],
+            policies: [{{ rules: ["own"], subjects: ["everybody"] }}] }}"#
+    )
 }

@@ -4,10 +4,11 @@ use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
 use wheelarm_client::link::{Commander, Link, Received, Stream, Streams};
 use wheelarm_client::preview::ladder::Ladder;
+use wheelarm_dataset::read::Episode;
 use wheelarm_proto::keys::Query;
 use wheelarm_proto::preview::PreviewLevel;
 use wheelarm_proto::v1;
-use wheelarm_tests::{Line, PATIENCE, Proxy, Server, wait_until};
+use wheelarm_tests::{Line, PATIENCE, Proxy, Recorder, Server, wait_until};
 
 /// The link of the issue: 150 ms each way, 5 Mbit/s.
 const DELAY: Duration = Duration::from_millis(150);
@@ -170,6 +171,59 @@ fn a_far_operator_drives_in_order_and_a_broken_link_stops_the_chair() {
         .collect();
     assert!(numbers.len() > 20, "{} commands were taken", numbers.len());
     assert!(numbers.is_sorted_by(|a, b| a < b), "{numbers:?}");
+}
+
+#[test]
+fn a_recording_goes_on_after_cuts_and_tells_what_is_missing() {
+    let server = Server::start("cuts", &["--no-cameras"]).expect("a server");
+    let near = server.link();
+    let status = || near.ask::<v1::Status>(Query::Status).expect("a status");
+    let proxy = Proxy::start(&server.endpoint, Duration::ZERO, 1e9).expect("a proxy");
+    let folder = tempfile::tempdir().expect("a folder");
+    let through = proxy.endpoint();
+    let mut recorder =
+        Recorder::start_through(&through, &server, folder.path(), &["--episodes", "1"]);
+    wait_until("the recorder is there", || !status().recorders.is_empty());
+    let request = v1::EpisodeStartRequest {
+        label: "cuts".into(),
+        require_recorders: 1,
+        ..Default::default()
+    };
+    let _: v1::EpisodeStarted = near.query(Query::EpisodeStart, &request).expect("a start");
+    wait_until("the episode runs", || status().waiting_for.is_empty());
+    // Short ones, which the server's cache makes good, and one that is longer
+    // than anything remembers.
+    for (open, cut) in [(1.0, 0.5), (1.0, 0.5), (1.0, 7.0), (1.5, 0.0)] {
+        std::thread::sleep(Duration::from_secs_f64(open));
+        if cut > 0.0 {
+            proxy.set(Line::Cut);
+            std::thread::sleep(Duration::from_secs_f64(cut));
+            proxy.set(Line::Open);
+        }
+    }
+    wait_until("the recorder is back", || !status().recorders.is_empty());
+    let request = v1::EpisodeStopRequest::default();
+    let stopped: v1::EpisodeStopped = near.query(Query::EpisodeStop, &request).expect("an end");
+    let (ended, text) = recorder.end();
+    println!("{text}");
+    assert_eq!(ended.code(), Some(3), "{text}");
+    let episode = Episode::open(&folder.path().join("cuts.h5")).expect("a file");
+    let summary = episode.summary().expect("a summary");
+    let imu = |count: &&v1::StreamCount| count.stream == "imu";
+    let told = stopped.manifest.iter().find(imu).expect("its count");
+    let sequence = episode.u64s("imu", "sequence").expect("numbers");
+    assert_eq!(sequence.last(), Some(&told.last), "the end is not there");
+    let account = summary.streams.iter().find(|s| s.stream == "imu");
+    let lost = told.count - sequence.len() as u64;
+    let words = format!("imu: {lost} of {} samples are missing", told.count);
+    assert!(
+        lost > 0 && text.contains(&words),
+        "{words} is not in {text}"
+    );
+    assert!(
+        format!("{account:?}").contains(&lost.to_string()),
+        "{account:?}"
+    );
 }
 
 #[test]

@@ -74,12 +74,16 @@ fn samples_left(server: &Server, folder: &Path, label: &str) -> u64 {
         more => panic!("expected one log, found {more:?}"),
     };
     let episode = Episode::open(&path).expect("a readable file");
-    let camera = episode.camera("gen3").expect("the camera");
-    for i in 0..camera.len() {
-        camera.frame(&episode, i).expect("a readable picture");
+    let mut pictures = 0;
+    for name in episode.cameras().expect("the cameras") {
+        let camera = episode.camera(&name).expect("the camera");
+        for i in 0..camera.len() {
+            camera.frame(&episode, i).expect("a readable picture");
+        }
+        pictures += camera.len();
     }
     let applied = episode.applied().expect("what was applied");
-    applied.len() as u64 + camera.len() as u64
+    (applied.len() + pictures) as u64
 }
 
 /// Samples of the same streams that a log holds now: acknowledged, for they
@@ -129,20 +133,98 @@ fn a_recorder_killed_at_any_time_keeps_what_it_acknowledged() {
     assert_eq!(text.matches(": complete").count(), 4, "{text}");
 }
 
-#[test]
-fn a_recorder_killed_at_any_system_call_keeps_what_it_acknowledged() {
+fn can_trace() -> bool {
     let traced = Command::new("strace")
         .args(["-f", "-o", "/dev/null", "true"])
         .output();
-    if !traced.is_ok_and(|o| o.status.success()) {
+    let can = traced.is_ok_and(|o| o.status.success());
+    if !can {
         println!("skipped: strace is not installed or may not trace (scripts/setup.sh strace)");
+    }
+    can
+}
+
+/// Records one short episode under `strace` with these injections.
+fn record_under(
+    server: &Server,
+    inject: &[&str],
+    out: &Path,
+    label: &str,
+) -> (Option<i32>, String) {
+    let link = server.link();
+    let mut wrapper = vec!["strace", "-f", "-qq", "-o", "/dev/null"];
+    for what in inject {
+        wrapper.extend(["-e", what]);
+    }
+    let mut recorder = Recorder::start_under(&wrapper, server, label, out, &["--episodes", "1"]);
+    wait_until("the recorder is there", || {
+        status(&link).recorders.iter().any(|r| r.recorder == label)
+    });
+    start(&link, label, 1);
+    pass(&link, 0.3);
+    stop(&link);
+    let (ended, text) = recorder.end();
+    (ended.code(), text)
+}
+
+#[test]
+fn a_file_system_that_cannot_link_or_unlink_gets_no_empty_file_and_no_alarm() {
+    if !can_trace() {
+        return;
+    }
+    let server = Server::start("poor", &["--no-cameras"]).expect("a server");
+    let folder = tempfile::tempdir().expect("a folder");
+    let neither = [
+        "inject=renameat2:error=EINVAL",
+        "inject=link,linkat:error=EPERM",
+    ];
+
+    // It can still rename: the file is whole.
+    let out = folder.path().join("plain");
+    let (_, text) = record_under(&server, &neither, &out, "plain");
+    assert!(text.contains("plain.h5: complete"), "{text}");
+
+    // The rename fails: no empty file has the final name, and the log stays.
+    let out = folder.path().join("broken");
+    let broken = [&neither[..], &["inject=rename,renameat:error=EIO"]].concat();
+    let (code, text) = record_under(&server, &broken, &out, "broken");
+    assert_eq!(code, Some(1), "{text}");
+    assert!(!out.join("broken.h5").exists(), "an empty file is left");
+    assert!(samples_left(&server, &out, "broken") > 0);
+
+    // It dies there: what has the name is empty, and the log beside it wins.
+    let out = folder.path().join("killed");
+    let killed = [&neither[..], &["inject=rename,renameat:signal=KILL"]].concat();
+    record_under(&server, &killed, &out, "killed");
+    let file = out.join("killed.h5");
+    assert_eq!(std::fs::metadata(&file).expect("a file").len(), 0);
+    let log = out.join("killed.h5.wal").display().to_string();
+    let recovered = server
+        .client(&["dataset", "recover", &log])
+        .expect("a client");
+    assert_eq!(recovered.status.code(), Some(0), "{}", printed(&recovered));
+    let summary = Episode::open(&file).and_then(|e| e.summary());
+    assert!(summary.expect("a readable file").complete);
+
+    // The log cannot be removed: the file is good, and that is what is said.
+    let out = folder.path().join("stuck");
+    let stuck = ["inject=unlink,unlinkat:error=EIO"];
+    let (code, text) = record_under(&server, &stuck, &out, "stuck");
+    assert_eq!(code, Some(0), "{text}");
+    let said = text.contains("stuck.h5: complete") && text.contains("the file is good; its log");
+    assert!(said, "{text}");
+}
+
+#[test]
+fn a_recorder_killed_at_any_system_call_keeps_what_it_acknowledged() {
+    if !can_trace() {
         return;
     }
     let server = Server::start("calls", &CAMERA).expect("a server");
     let link = server.link();
     let folder = tempfile::tempdir().expect("a folder");
     // The log is written by write and fdatasync, the file by pwrite64 and
-    // fsync, put in place by link, and the log removed by unlink. Of the writes
+    // fsync, put in place by renameat2, and the log removed by unlink. Of the writes
     // only those into the log count: threads wake each other by writing, too.
     for (round, (call, when)) in [
         ("fdatasync", 1),
@@ -152,9 +234,8 @@ fn a_recorder_killed_at_any_system_call_keeps_what_it_acknowledged() {
         ("pwrite64", 1),
         ("pwrite64", 9),
         ("fsync", 1),
-        ("link,linkat", 1),
+        ("renameat2", 1),
         ("unlink,unlinkat", 1),
-        ("unlink,unlinkat", 2),
     ]
     .into_iter()
     .enumerate()

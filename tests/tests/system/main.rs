@@ -11,6 +11,7 @@ mod faults_hostile;
 mod faults_link;
 mod faults_recorder;
 mod faults_server;
+mod forgery;
 mod gate;
 mod mutation;
 mod preview;

@@ -4,7 +4,7 @@
 use std::path::Path;
 use std::time::{Duration, Instant};
 
-use wheelarm_tests::{PATIENCE, Recorder, Server, printed};
+use wheelarm_tests::{PATIENCE, Recorder, Server, printed, program};
 
 /// Small pictures that fall due often.
 const CAMERA: [&str; 4] = ["--camera", "gen3=64x48@30", "--quality", "fast"];
@@ -123,6 +123,24 @@ fn an_existing_recording_is_never_overwritten() {
         std::fs::read_to_string(&file).expect("the file"),
         "precious"
     );
+}
+
+#[test]
+fn a_folder_that_hdf5_cannot_take_is_refused_before_anything_is_recorded() {
+    use std::os::unix::ffi::OsStrExt;
+    let server = Server::start("bytes", &["--no-cameras"]).expect("a server");
+    let folder = tempfile::tempdir().expect("a folder");
+    let out = folder.path().join(std::ffi::OsStr::from_bytes(b"\xff"));
+    let told = std::process::Command::new(program("wheelarm").expect("the client"))
+        .args(["--connect", &server.endpoint, "--sim", &server.sim])
+        .args(["record", "--episodes", "1", "--out"])
+        .arg(&out)
+        .output()
+        .expect("a client");
+    let text = printed(&told);
+    assert_eq!(told.status.code(), Some(1), "{text}");
+    assert!(text.contains("UTF-8") && text.contains("--out"), "{text}");
+    assert!(!out.exists());
 }
 
 #[test]

@@ -448,6 +448,7 @@ pub fn stopped(tick: u64, counts: &[(String, u64, u64)]) -> v1::EpisodeStopped {
                 first: *first,
                 last: first + count.saturating_sub(1),
                 count: *count,
+                ..Default::default()
             })
             .collect(),
         wall_seconds: 12.5,

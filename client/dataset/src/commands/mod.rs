@@ -209,8 +209,8 @@ fn recover(log: &Path, out: Option<&Path>) -> anyhow::Result<u8> {
         account.total(|s| s.received),
         account.streams.len()
     );
-    for problem in &account.problems {
-        println!("  {problem}");
+    for line in account.problems.iter().chain(&finished.notes) {
+        println!("  {line}");
     }
     Ok(code(account.complete()))
 }

@@ -13,14 +13,21 @@ pub struct StreamAccount {
     /// Stream name; cameras as `camera/NAME`.
     pub stream: String,
     /// Samples that the server published, by its manifest; without a manifest
-    /// those between the first and the last one received.
+    /// those from the first to the last one received, which are the least.
     pub expected: u64,
+    /// The manifest came: `expected` and `missed` are exact.
+    pub counted: bool,
     /// Samples in the file.
     pub received: u64,
     /// `expected` that are not in the file.
     pub missed: u64,
     /// Samples that arrived late because they were sent again.
     pub recovered: u64,
+    /// Digest of what is in the file, as the recorder made it; empty when the
+    /// log was never closed.
+    pub digest: String,
+    /// Digest of what the server published; empty without a manifest.
+    pub published: String,
 }
 
 /// The account of a whole episode.
@@ -37,6 +44,12 @@ impl Account {
     #[must_use]
     pub fn complete(&self) -> bool {
         self.problems.is_empty()
+    }
+
+    /// The manifest came: how many samples are missing is known.
+    #[must_use]
+    pub fn counted(&self) -> bool {
+        self.streams.iter().all(|s| s.counted)
     }
 
     /// Sum over the streams.
@@ -75,7 +88,9 @@ impl Account {
             problems.push(closing.reason.clone());
         }
         if scan.closing.is_some() && manifest.is_none() {
-            problems.push("the server's manifest did not come".to_owned());
+            let words =
+                "the server's manifest did not come: how many samples are missing is unknown";
+            problems.push(words.to_owned());
         }
         let mut streams = Vec::new();
         for (name, seen) in scan.preamble.streams.iter().zip(&seen) {
@@ -91,8 +106,16 @@ impl Account {
                 Some(_) => 0,
                 None => seen.received(),
             };
+            let received = closing.received.iter().find(|r| r.stream == *name);
+            let published = match listed {
+                Some(Some(count)) => hex(&count.digest),
+                _ => String::new(),
+            };
             let account = StreamAccount {
                 stream: name.clone(),
+                counted: manifest.is_some(),
+                digest: received.map_or_else(String::new, |r| hex(&r.digest)),
+                published,
                 expected,
                 received: seen.received(),
                 missed: expected.saturating_sub(there),
@@ -110,6 +133,20 @@ impl Account {
                     account.received - there
                 ));
             }
+            let doubtful = received.map_or(0, |r| r.doubtful);
+            let told = [&account.digest, &account.published]
+                .iter()
+                .all(|d| !d.is_empty());
+            let whole = account.missed == 0 && account.received == there;
+            if doubtful > 0 {
+                problems.push(format!(
+                    "{name}: {doubtful} samples came with two contents: somebody else writes into this stream"
+                ));
+            } else if told && whole && account.digest != account.published {
+                problems.push(format!(
+                    "{name}: it is not what the server published (their digests differ): somebody else wrote into this stream"
+                ));
+            }
             streams.push(account);
         }
         for (name, count) in manifest.iter().flatten() {
@@ -121,11 +158,17 @@ impl Account {
                 streams.push(StreamAccount {
                     stream: (*name).to_owned(),
                     expected: count.count,
+                    counted: true,
                     missed: count.count,
+                    published: hex(&count.digest),
                     ..Default::default()
                 });
             }
         }
         Self { streams, problems }
     }
+}
+
+fn hex(bytes: &[u8]) -> String {
+    bytes.iter().map(|b| format!("{b:02x}")).collect()
 }

@@ -32,6 +32,8 @@ pub struct Finished {
     pub bytes: u64,
     /// What it holds and lacks.
     pub account: Account,
+    /// What else there is to know, for people; the file is good.
+    pub notes: Vec<String>,
 }
 
 /// Why no file was made. The log stays.
@@ -115,7 +117,7 @@ pub fn finish(log: &Path, out: Option<&Path>) -> Result<Finished, FinishError> {
     if let Some(out) = out {
         std::fs::create_dir_all(out).map_err(io(out))?;
     }
-    if target.exists() {
+    if target.exists() && !is_placeholder(&target, log) {
         return Err(exists());
     }
 
@@ -127,6 +129,9 @@ pub fn finish(log: &Path, out: Option<&Path>) -> Result<Finished, FinishError> {
         return Err(problem);
     }
     let bytes = std::fs::metadata(&temporary).map_err(io(&temporary))?.len();
+    if is_placeholder(&target, log) {
+        std::fs::remove_file(&target).map_err(io(&target))?;
+    }
     match place::place(&temporary, &target) {
         Ok(()) => {}
         Err(problem) if problem.kind() == std::io::ErrorKind::AlreadyExists => {
@@ -139,14 +144,28 @@ pub fn finish(log: &Path, out: Option<&Path>) -> Result<Finished, FinishError> {
         }
     }
     // The file is safe. A log that cannot be removed costs only space.
+    let mut notes = Vec::new();
     if let Err(problem) = std::fs::remove_file(log).and_then(|()| place::sync_folder(log)) {
-        tracing::warn!(log = %log.display(), %problem, "the log of a finished file stays behind");
+        notes.push(format!(
+            "the file is good; its log {} stays behind and can be deleted ({problem})",
+            log.display()
+        ));
     }
     Ok(Finished {
         path: target,
         bytes,
         account,
+        notes,
     })
+}
+
+/// Whether `target` is an empty file that a recorder left beside its own log:
+/// it died while it gave the file its name, on a file system that cannot do so
+/// in one step.
+fn is_placeholder(target: &Path, log: &Path) -> bool {
+    let own = target.with_added_extension("wal") == *log;
+    let found = target.symlink_metadata();
+    own && found.is_ok_and(|found| found.is_file() && found.len() == 0)
 }
 
 fn write(path: &Path, scan: &Scan, account: &Account) -> Result<(), FinishError> {

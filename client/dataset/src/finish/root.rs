@@ -58,11 +58,15 @@ pub(super) fn attributes(
     at.set("complete", account.complete())?
         .set("partial", !account.complete())?
         .texts("problems", &account.problems)?
-        .set("samples_expected", account.total(|s| s.expected))?
         .set("samples_received", account.total(|s| s.received))?
-        .set("samples_missed", account.total(|s| s.missed))?
         .set("samples_recovered", account.total(|s| s.recovered))?
         .texts("objects", &context.objects)?;
+    counts(
+        &at,
+        ["samples_expected", "samples_missed"],
+        [account.total(|s| s.expected), account.total(|s| s.missed)],
+        account.counted(),
+    )?;
     let cameras: Vec<String> = started.cameras.clone();
     at.texts("cameras", &cameras)?;
     if let Some(stopped) = stopped {
@@ -97,11 +101,36 @@ pub(super) fn attributes(
 
 /// Sets one stream's account on its group.
 pub(super) fn account(group: &Group, stream: &StreamAccount) -> hdf5::Result<()> {
-    Attributes::of(group)
-        .set("expected", stream.expected)?
-        .set("received", stream.received)?
-        .set("missed", stream.missed)?
-        .set("recovered", stream.recovered)?;
+    let at = Attributes::of(group);
+    counts(
+        &at,
+        ["expected", "missed"],
+        [stream.expected, stream.missed],
+        stream.counted,
+    )?;
+    at.set("received", stream.received)?
+        .set("recovered", stream.recovered)?
+        .text("digest", &stream.digest)?
+        .text("digest_published", &stream.published)?;
+    Ok(())
+}
+
+/// Counts that are the server's word; without it they are -1, for unknown, and
+/// what is known at least stands in `NAME_at_least`.
+fn counts(
+    at: &Attributes<'_>,
+    names: [&str; 2],
+    values: [u64; 2],
+    counted: bool,
+) -> hdf5::Result<()> {
+    for (name, value) in names.into_iter().zip(values) {
+        if counted {
+            at.set(name, value)?;
+        } else {
+            at.set(name, -1_i64)?
+                .set(&format!("{name}_at_least"), value)?;
+        }
+    }
     Ok(())
 }
 

@@ -47,6 +47,20 @@ pub struct Recovered {
     pub count: u64,
 }
 
+/// What a recorder received of one stream.
+#[derive(Clone, PartialEq, Message)]
+pub struct Received {
+    /// Stream name.
+    #[prost(string, tag = "1")]
+    pub stream: String,
+    /// Digest of the messages in order, as in `StreamCount` of the manifest.
+    #[prost(bytes = "vec", tag = "2")]
+    pub digest: Vec<u8>,
+    /// Sequence numbers that came with two contents.
+    #[prost(uint64, tag = "3")]
+    pub doubtful: u64,
+}
+
 /// Last record of a log that was closed in order.
 #[derive(Clone, PartialEq, Message)]
 pub struct Closing {
@@ -59,6 +73,9 @@ pub struct Closing {
     /// Samples that were sent again, by stream.
     #[prost(message, repeated, tag = "3")]
     pub recovered: Vec<Recovered>,
+    /// What came, by stream.
+    #[prost(message, repeated, tag = "4")]
+    pub received: Vec<Received>,
 }
 
 /// What a record holds.

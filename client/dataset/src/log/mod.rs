@@ -16,8 +16,8 @@ mod scan;
 pub(crate) use append::create_file;
 pub use append::{Appender, LogFile};
 pub use format::{
-    CameraParts, Closing, Kind, MAX_PAYLOAD, Preamble, RECORD_HEADER, RecordHeader, Recovered,
-    begin_record, finish_record,
+    CameraParts, Closing, Kind, MAX_PAYLOAD, Preamble, RECORD_HEADER, Received, RecordHeader,
+    Recovered, begin_record, finish_record,
 };
 pub use scan::{Entry, Scan, scan};
 

@@ -3,6 +3,7 @@
 use hdf5::Dataset;
 use hdf5::types::{IntSize, TypeDescriptor};
 use ndarray::s;
+use prost::Message;
 use wheelarm_proto::v1;
 
 use super::chunks::ChunkMap;
@@ -253,6 +254,45 @@ impl Camera {
             },
             pose: self.pose(index),
         })
+    }
+
+    /// The message that frame `index` came in, as the server encoded it; `None`
+    /// when depth is not stored as it came.
+    ///
+    /// # Errors
+    /// As [`Camera::frame`].
+    pub fn encoded(&self, episode: &Episode, index: usize) -> Result<Option<Vec<u8>>, ReadError> {
+        if self.millimetres {
+            return Ok(None);
+        }
+        let (run_id, number) = episode.run()?;
+        let frame = self.frame(episode, index)?;
+        let depth = frame.depth.iter().flat_map(|d| d.to_le_bytes());
+        let [x, y, z, qx, qy, qz, qw] = frame.pose;
+        let message = v1::CameraFrame {
+            header: Some(v1::Header {
+                run_id,
+                episode: number,
+                sequence: frame.sequence,
+                stamp_nanos: frame.stamp_nanos,
+                tick: frame.tick,
+            }),
+            camera: self.name.trim_start_matches("camera/").to_owned(),
+            intrinsics: Some(frame.intrinsics),
+            pose: Some(v1::Pose {
+                position: Some(v1::Vector3 { x, y, z }),
+                orientation: Some(v1::Quaternion {
+                    x: qx,
+                    y: qy,
+                    z: qz,
+                    w: qw,
+                }),
+            }),
+            depth: depth.collect::<Vec<u8>>().into(),
+            rgb: frame.rgb.into(),
+            ids: frame.ids.into(),
+        };
+        Ok(Some(message.encode_to_vec()))
     }
 }
 

@@ -157,11 +157,19 @@ impl Episode {
                 span = (span.0.min(*first), span.1.max(*last));
             }
             let count = |what: &str| number::<u64>(&group, what).unwrap_or(0);
+            let least = |what: &str| number::<u64>(&group, &format!("{what}_at_least")).ok();
+            let digest = |what: &str| text(&group, what).unwrap_or_default();
+            let unknown = least("expected").zip(least("missed"));
+            let told = || (count("expected"), count("missed"));
+            let (expected, missed) = unknown.unwrap_or_else(told);
             streams.push(StreamAccount {
-                expected: count("expected"),
+                expected,
                 received: count("received"),
-                missed: count("missed"),
+                missed,
+                counted: unknown.is_none(),
                 recovered: count("recovered"),
+                digest: digest("digest"),
+                published: digest("digest_published"),
                 stream: name,
             });
         }
@@ -363,6 +371,29 @@ impl Episode {
     pub fn names(&self, stream: &str, column: &str) -> Result<Vec<String>, ReadError> {
         let data = self.column(stream, column)?;
         texts(&data, "names").map_err(|e| self.hdf5("names", e))
+    }
+
+    /// Messages of a stream as they were encoded, where the file keeps them.
+    ///
+    /// # Errors
+    /// When they cannot be read.
+    pub fn encoded(&self, stream: &str) -> Result<Option<Vec<Vec<u8>>>, ReadError> {
+        let path = place(stream, "message");
+        if self.file.dataset(&path).is_err() {
+            return Ok(None);
+        }
+        let raw: Vec<Blob> = self.raw(&path)?;
+        Ok(Some(raw.iter().map(|b| b.as_slice().to_vec()).collect()))
+    }
+
+    /// Run of the server and number of the episode in it.
+    ///
+    /// # Errors
+    /// When the attributes are absent.
+    pub fn run(&self) -> Result<(String, u64), ReadError> {
+        let run = text(&self.file, "run_id").map_err(|e| self.hdf5("run_id", e))?;
+        let episode = number(&self.file, "episode").map_err(|e| self.hdf5("episode", e))?;
+        Ok((run, episode))
     }
 
     fn messages<M: Message + Default>(&self, stream: &str) -> Result<Vec<M>, ReadError> {

@@ -206,6 +206,10 @@ fn header(root: &Area<'_>, summary: &Summary) -> Result<(), SheetError> {
     let (first, last) = summary.span_nanos;
     let [task, ..] = &summary.task;
     let missed: u64 = summary.streams.iter().map(|s| s.missed).sum();
+    let missed = match summary.streams.iter().all(|s| s.counted) {
+        true => missed.to_string(),
+        false => format!("at least {missed}"),
+    };
     let facts = format!(
         "{}   ·   task {task}, seed {}   ·   {:.1} s   ·   {missed} samples missed   ·   {}",
         summary.label,

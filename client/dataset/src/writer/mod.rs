@@ -66,6 +66,9 @@ pub enum WriteError {
         "{0} is the log of an unfinished recording; `wheelarm dataset recover {0}` turns it into a file, or another recorder is writing it just now"
     )]
     Unfinished(PathBuf),
+    /// HDF5 takes names in UTF-8 only.
+    #[error("the folder {0} is not in UTF-8, which HDF5 cannot take; choose another")]
+    Folder(PathBuf),
     /// The episode has a label that cannot name a file, or no header.
     #[error(transparent)]
     Invalid(#[from] wheelarm_proto::check::Invalid),
@@ -148,6 +151,9 @@ impl EpisodeWriter {
             path: log.display().to_string(),
             source,
         };
+        if dir.to_str().is_none() {
+            return Err(WriteError::Folder(dir.to_owned()));
+        }
         std::fs::create_dir_all(dir).map_err(io)?;
         if file.exists() {
             return Err(WriteError::Exists(file));

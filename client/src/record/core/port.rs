@@ -1,7 +1,5 @@
 //! What goes into a recorder's core and what comes out.
 
-use std::time::Instant;
-
 use bytes::Bytes;
 use wheelarm_proto::v1;
 
@@ -15,8 +13,10 @@ use super::super::gaps::Missing;
     reason = "one such message per episode; samples are the small ones"
 )]
 pub enum Input {
-    /// An episode begins, or runs already when the recorder joins.
-    Started(v1::EpisodeStarted),
+    /// An episode may have begun or ended, or the server is there again.
+    Hint,
+    /// The answer to [`Output::AskState`].
+    State(Result<v1::EpisodeState, String>),
     /// The answer to [`Output::AskSnapshot`].
     Snapshot(Result<v1::SnapshotReply, String>),
     /// A sample of a stream (`camera/NAME` for a camera).
@@ -25,17 +25,6 @@ pub enum Input {
         stream: String,
         /// The encoded message.
         payload: Bytes,
-    },
-    /// The episode ends.
-    Stopped(v1::EpisodeStopped),
-    /// The server was asked at `asked` and runs this episode (none is 0).
-    Running {
-        /// When it was asked.
-        asked: Instant,
-        /// Run of the server.
-        run_id: String,
-        /// Episode number.
-        episode: u64,
     },
     /// The server's liveliness token is gone, or the way to it.
     ServerLost,
@@ -55,8 +44,8 @@ pub enum Input {
 pub enum Output {
     /// Ask the server for the snapshot of the running episode.
     AskSnapshot,
-    /// Ask the server whether the episode still runs.
-    AskStatus,
+    /// Ask the server what it runs and what has ended.
+    AskState,
     /// Ask the server's cache for samples that did not come.
     AskSamples(Missing),
     /// Publish this status now, and again from time to time; each speaks of the

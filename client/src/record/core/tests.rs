@@ -26,6 +26,29 @@ fn started(episode: u64, label: &str) -> v1::EpisodeStarted {
     }
 }
 
+fn state(running: Option<v1::EpisodeStarted>, ended: Vec<v1::EpisodeStopped>) -> Input {
+    Input::State(Ok(v1::EpisodeState {
+        header: Some(header(0, 0, 0)),
+        running,
+        ended,
+    }))
+}
+
+/// The server says that it runs an episode.
+fn runs(started: v1::EpisodeStarted) -> Input {
+    let run = started.header.clone().unwrap_or_default().run_id;
+    let mut told = state(Some(started), Vec::new());
+    if let Input::State(Ok(told)) = &mut told {
+        told.header.get_or_insert_default().run_id = run;
+    }
+    told
+}
+
+/// The server says that an episode has ended.
+fn ended(stopped: v1::EpisodeStopped) -> Input {
+    state(None, vec![stopped])
+}
+
 fn snapshot(episode: u64) -> Input {
     Input::Snapshot(Ok(v1::SnapshotReply {
         header: Some(header(episode, 0, 0)),
@@ -71,6 +94,7 @@ fn stopped(episode: u64, hashes: u64, pictures: u64) -> v1::EpisodeStopped {
         first: 0,
         last: count.saturating_sub(1),
         count,
+        ..Default::default()
     };
     v1::EpisodeStopped {
         header: Some(header(episode, 0, 480)),
@@ -134,7 +158,7 @@ impl Bench {
     }
 
     fn open(&mut self, episode: u64, label: &str) {
-        let out = self.feed(Input::Started(started(episode, label)));
+        let out = self.feed(runs(started(episode, label)));
         assert!(matches!(out[..], [Output::AskSnapshot]), "{out:?}");
         self.feed(snapshot(episode));
         assert_eq!(self.state(), v1::RecorderState::Ready);
@@ -168,7 +192,7 @@ fn samples_that_overtake_the_start_are_kept_and_credit_counts_pictures() {
     let mut b = Bench::new();
     b.feed(hash(1, 0));
     b.feed(picture(1, 0));
-    b.feed(Input::Started(started(1, "a")));
+    b.feed(runs(started(1, "a")));
     b.feed(hash(1, 1));
     let out = b.feed(snapshot(1));
     let credit: Vec<u64> = out
@@ -182,7 +206,7 @@ fn samples_that_overtake_the_start_are_kept_and_credit_counts_pictures() {
     assert_eq!(b.feed(picture(1, 1)).len(), 1, "credit after each picture");
     assert!(b.feed(picture(1, 1)).is_empty(), "a double is no credit");
     // One sample is still under way when the end is told.
-    let out = b.feed(Input::Stopped(stopped(1, 3, 2)));
+    let out = b.feed(ended(stopped(1, 3, 2)));
     assert!(out.is_empty(), "it must wait for the manifest: {out:?}");
     let out = b.feed(hash(1, 2));
     let done = report(&out);
@@ -203,7 +227,7 @@ fn what_never_comes_is_waited_for_a_while_and_then_counted() {
     b.feed(hash(1, 3));
     assert_eq!(b.feed(picture(1, 0)).len(), 1);
     assert_eq!(b.core.status().missed, 2);
-    b.feed(Input::Stopped(stopped(1, 5, 1)));
+    b.feed(ended(stopped(1, 5, 1)));
     let asked: Vec<_> = b
         .wait(MANIFEST_PATIENCE / 2)
         .into_iter()
@@ -224,19 +248,19 @@ fn an_existing_file_fails_before_time_goes_on() {
     let mut b = Bench::new();
     let file = b.dir.path().join("mine.h5");
     std::fs::write(&file, "mine").unwrap();
-    let out = b.feed(Input::Started(started(1, "mine")));
+    let out = b.feed(runs(started(1, "mine")));
     assert!(matches!(out[..], [Output::Status(_), Output::Failed(_)]));
     assert_eq!(b.state(), v1::RecorderState::Failed);
     assert!(b.core.status().message.contains("choose another label"));
     b.feed(snapshot(1));
     b.feed(picture(1, 0));
-    b.feed(Input::Stopped(stopped(1, 0, 1)));
+    b.feed(ended(stopped(1, 0, 1)));
     assert_eq!(std::fs::read(&file).unwrap(), b"mine");
     assert_eq!(b.files(), ["mine.h5"]);
     // The next episode is recorded as if nothing had been.
     b.open(2, "next");
     b.feed(hash(2, 0));
-    let out = b.feed(Input::Stopped(stopped(2, 1, 0)));
+    let out = b.feed(ended(stopped(2, 1, 0)));
     assert!(report(&out).complete);
 }
 
@@ -249,7 +273,7 @@ fn a_discarded_episode_leaves_nothing() {
         discard: true,
         ..stopped(1, 1, 0)
     };
-    let out = b.feed(Input::Stopped(discard));
+    let out = b.feed(ended(discard));
     assert!(matches!(out[..], [Output::Status(_), Output::Discarded(_)]));
     assert!(b.files().is_empty(), "{:?}", b.files());
     b.open(2, "bad");
@@ -257,56 +281,164 @@ fn a_discarded_episode_leaves_nothing() {
 
 #[test]
 fn an_early_end_leaves_a_partial_file_that_says_why() {
-    for (input, words) in [
-        (Input::ServerLost, "server went away"),
-        (Input::Shutdown, "recorder was stopped"),
-        (
-            Input::Started(started(2, "next")),
-            "next episode began before",
-        ),
+    let gone = |b: &mut Bench| {
+        let out = b.feed(Input::ServerLost);
+        assert!(out.is_empty(), "it may come back: {out:?}");
+        b.wait(AWAY_PATIENCE / 2);
+        assert_eq!(b.state(), v1::RecorderState::Ready);
+        b.wait(AWAY_PATIENCE)
+    };
+    let told = |b: &mut Bench| b.feed(Input::Shutdown);
+    // The next one began, and the end of this one is forgotten.
+    let forgotten = |b: &mut Bench| b.feed(runs(started(20, "next")));
+    type Way = fn(&mut Bench) -> Vec<Output>;
+    for (way, words) in [
+        (gone as Way, "server went away"),
+        (told, "recorder was stopped"),
+        (forgotten, "the end of the episode was not told"),
     ] {
         let mut b = Bench::new();
         b.open(1, "cut");
         b.feed(hash(1, 0));
-        let mut out = b.feed(input);
-        // What a lost server had sent may still be under way for a while.
-        out.extend(b.wait(Duration::from_secs(3)));
+        b.feed(hash(1, 3));
+        let out = way(&mut b);
         let done = report(&out);
-        assert!(!done.complete);
+        assert!(!done.complete && !done.counted);
+        assert_eq!(done.missed, 2, "at least");
         assert!(done.problems[0].contains(words), "{:?}", done.problems);
-        assert_eq!(hashes(&done.path), [(0, 0)]);
+        let unknown = |p: &String| p.contains("how many samples are missing is unknown");
+        assert!(done.problems.iter().any(unknown), "{:?}", done.problems);
+        assert_eq!(hashes(&done.path), [(0, 0), (3, 21)]);
     }
 }
 
 #[test]
-fn a_lost_end_is_noticed_by_asking_the_server() {
+fn an_episode_goes_on_when_the_server_comes_back() {
     let mut b = Bench::new();
-    let before = b.now;
-    b.now += Duration::from_secs(1);
-    b.open(1, "lost");
+    b.open(1, "stall");
     b.feed(hash(1, 0));
-    let running = |asked, episode| Input::Running {
-        asked,
-        run_id: "run".into(),
-        episode,
-    };
-    // An answer from before the start says nothing about this episode.
-    b.feed(running(before, 0));
-    b.now += Duration::from_secs(1);
-    b.feed(running(b.now, 1));
-    assert!(b.wait(2 * MANIFEST_PATIENCE).is_empty());
-    b.feed(running(b.now, 0));
+    for second in 1..4 {
+        assert!(b.feed(Input::ServerLost).is_empty());
+        b.wait(AWAY_PATIENCE / 2);
+        assert!(b.feed(runs(started(1, "stall"))).is_empty());
+        // It was back: the next absence is a new one.
+        b.wait(Duration::from_secs(1));
+        b.feed(hash(1, second * 10));
+    }
+    let out = b.feed(ended(stopped(1, 40, 0)));
+    assert!(out.is_empty(), "{out:?}");
     let out = b.wait(MANIFEST_PATIENCE);
-    assert!(!report(&out).complete);
-    // A late answer that still names the finished episode starts nothing.
-    assert!(b.feed(Input::Started(started(1, "lost"))).is_empty());
+    let done = report(&out);
+    assert!(done.counted, "{:?}", done.problems);
+    assert_eq!((done.samples, done.missed), (4, 36));
+}
+
+#[test]
+fn the_end_is_told_before_the_next_beginning_whatever_is_heard_first() {
+    let mut b = Bench::new();
+    b.open(1, "former");
+    b.feed(hash(1, 0));
+    // Heard: the start of the second, and nothing of the end of the first.
+    let out = b.feed(Input::Hint);
+    assert!(matches!(out[..], [Output::AskState]), "{out:?}");
+    let out = b.feed(state(Some(started(2, "next")), vec![stopped(1, 1, 0)]));
+    assert!(report(&out).complete, "{out:?}");
+    assert!(
+        out.iter().any(|o| matches!(o, Output::AskSnapshot)),
+        "{out:?}"
+    );
+    b.feed(snapshot(2));
+    b.feed(hash(2, 0));
+    // The second is discarded and the third begins at once.
+    let discard = v1::EpisodeStopped {
+        discard: true,
+        ..stopped(2, 1, 0)
+    };
+    let all = vec![stopped(1, 1, 0), discard];
+    let out = b.feed(state(Some(started(3, "third")), all));
+    let discarded = |o: &Output| matches!(o, Output::Discarded(label) if label == "next");
+    assert!(out.iter().any(discarded), "{out:?}");
+    assert_eq!(b.files(), ["former.h5"]);
+}
+
+#[test]
+fn what_is_heard_only_makes_it_ask_and_one_question_is_open_at_a_time() {
+    let mut b = Bench::new();
+    b.open(1, "asked");
+    b.feed(hash(1, 0));
+    assert!(matches!(b.feed(Input::Hint)[..], [Output::AskState]));
+    for _ in 0..1000 {
+        assert!(b.feed(Input::Hint).is_empty());
+    }
+    // Asked again, for what was heard after the question.
+    assert!(b.feed(runs(started(1, "asked"))).is_empty());
+    let out = b.wait(HINT_PAUSE);
+    assert!(matches!(out[..], [Output::AskState]), "{out:?}");
+    b.feed(Input::State(Err("no answer".into())));
+    let out = b.wait(STATE_RETRY);
+    assert!(matches!(out[..], [Output::AskState]), "{out:?}");
+    assert!(b.feed(runs(started(1, "asked"))).is_empty());
+    assert_eq!(b.state(), v1::RecorderState::Ready);
+    assert!(report(&b.feed(ended(stopped(1, 1, 0)))).complete);
+}
+
+#[test]
+fn what_somebody_else_wrote_is_found_by_the_digest() {
+    use wheelarm_proto::digest::{StreamDigest, of_message};
+    let encoded = |input: &Input| match input {
+        Input::Sample { payload, .. } => of_message([&payload[..]]),
+        other => panic!("{other:?}"),
+    };
+    let true_ones: Vec<_> = (0..3).map(|i| encoded(&hash(1, i))).collect();
+    let mut told = stopped(1, 3, 0);
+    told.manifest[0].digest = StreamDigest::of(&true_ones).to_vec();
+    let forged = |tick: u64| {
+        let message = v1::StateHash {
+            header: Some(header(1, 2, tick)),
+            hash: 666,
+        };
+        Input::Sample {
+            stream: "state_hash".into(),
+            payload: message.encode_to_vec().into(),
+        }
+    };
+    // All true, one late; one replaced; one forged before the true one came.
+    for (third, more, words) in [
+        (hash(1, 2), None, ""),
+        (forged(2), None, "digests differ"),
+        (forged(2), Some(hash(1, 2)), "two contents"),
+    ] {
+        let mut b = Bench::new();
+        b.open(1, "digest");
+        b.feed(hash(1, 0));
+        b.feed(third);
+        b.feed(more.unwrap_or_else(|| hash(1, 0)));
+        b.feed(hash(1, 1));
+        let out = b.feed(ended(told.clone()));
+        let done = report(&out);
+        assert_eq!(done.complete, words.is_empty(), "{:?}", done.problems);
+        let named = |p: &String| p.contains("state_hash: ") && p.contains(words);
+        assert_eq!(done.problems.iter().any(named), !words.is_empty());
+    }
+}
+
+#[test]
+fn an_episode_that_is_over_before_it_could_be_opened_is_let_go() {
+    let mut b = Bench::new();
+    b.feed(runs(started(1, "short")));
+    b.feed(ended(stopped(1, 0, 0)));
+    // Its snapshot may still be under way.
+    assert_eq!(b.wait(Duration::from_secs(1)).len(), 0);
+    b.feed(Input::Snapshot(Err("no episode is running".into())));
+    b.open(2, "next");
 }
 
 #[test]
 fn the_snapshot_is_asked_for_until_it_comes_or_the_episode_fails() {
     let mut b = Bench::new();
-    b.feed(Input::Started(started(1, "slow")));
-    b.feed(Input::Snapshot(Err("no route".into())));
+    b.feed(runs(started(1, "slow")));
+    let out = b.feed(Input::Snapshot(Err("no route".into())));
+    assert!(matches!(out[..], [Output::AskState]), "is it over? {out:?}");
     let again = b.wait(SNAPSHOT_RETRY + Duration::from_millis(1));
     assert!(matches!(again[..], [Output::AskSnapshot]));
     b.feed(snapshot(7));
@@ -323,7 +455,7 @@ fn the_next_episode_begins_while_files_are_made_but_not_without_bound() {
     let mut record = |b: &mut Bench, episode: u64| {
         b.open(episode, &format!("e{episode}"));
         b.feed(hash(episode, 0));
-        let out = b.core.handle(Input::Stopped(stopped(episode, 1, 0)), b.now);
+        let out = b.core.handle(ended(stopped(episode, 1, 0)), b.now);
         made.extend(out.into_iter().filter_map(|o| match o {
             Output::Finish(finishing) => Some(finishing),
             _ => None,
@@ -333,7 +465,7 @@ fn the_next_episode_begins_while_files_are_made_but_not_without_bound() {
     assert_eq!(b.state(), v1::RecorderState::Finishing);
     record(&mut b, 2);
     // Two files are being made: the third episode waits, its samples are kept.
-    let out = b.feed(Input::Started(started(3, "e3")));
+    let out = b.feed(runs(started(3, "e3")));
     assert!(out.is_empty(), "{out:?}");
     b.feed(hash(3, 0));
     let first = made.remove(0).run();
@@ -352,7 +484,7 @@ fn the_next_episode_begins_while_files_are_made_but_not_without_bound() {
     };
     assert_eq!(status.header.as_ref().unwrap().episode, 2);
     assert_eq!(b.state(), v1::RecorderState::Ready, "of episode 3");
-    let out = b.feed(Input::Stopped(stopped(3, 1, 0)));
+    let out = b.feed(ended(stopped(3, 1, 0)));
     assert!(report(&out).complete);
     assert!(b.core.is_done());
     assert_eq!(b.files(), ["e1.h5", "e2.h5", "e3.h5"]);
@@ -364,16 +496,20 @@ fn a_restarted_server_ends_the_episode_and_its_first_is_taken() {
     b.open(1, "cut");
     b.feed(hash(1, 0));
     b.now += Duration::from_secs(1);
-    b.feed(Input::Running {
-        asked: b.now,
-        run_id: "another run".into(),
-        episode: 0,
-    });
+    b.feed(Input::ServerLost);
+    let other = v1::EpisodeState {
+        header: Some(v1::Header {
+            run_id: "another run".into(),
+            ..Default::default()
+        }),
+        ..Default::default()
+    };
+    b.feed(Input::State(Ok(other)));
     let out = b.wait(FAREWELL_PATIENCE);
     assert!(report(&out).problems[0].contains("server went away"));
     let mut again = started(1, "after");
     again.header.as_mut().unwrap().run_id = "another run".into();
-    let out = b.feed(Input::Started(again));
+    let out = b.feed(runs(again));
     assert!(matches!(out[..], [Output::AskSnapshot]), "{out:?}");
 }
 
@@ -384,6 +520,6 @@ fn a_recorder_with_a_limit_begins_no_episode_beyond_it() {
         RecorderCore::new(b.dir.path().to_owned(), WriterOptions::default()).with_limit(Some(1));
     b.open(1, "one");
     b.feed(hash(1, 0));
-    b.core.handle(Input::Stopped(stopped(1, 1, 0)), b.now);
-    assert!(b.feed(Input::Started(started(2, "two"))).is_empty());
+    b.core.handle(ended(stopped(1, 1, 0)), b.now);
+    assert!(b.feed(runs(started(2, "two"))).is_empty());
 }

@@ -1,0 +1,188 @@
+//! Who speaks for a server: the session whose id stands in its liveliness
+//! token. What others publish or answer under its keys is not taken.
+
+use std::sync::{Arc, PoisonError, RwLock};
+
+use wheelarm_proto::keys::Keys;
+use zenoh::Session;
+use zenoh::Wait;
+use zenoh::pubsub::Subscriber;
+use zenoh::query::Reply;
+use zenoh::sample::{Sample, SampleKind};
+use zenoh::session::ZenohId;
+
+use super::{LinkError, transport};
+
+/// The server of a link, as its tokens tell it.
+#[derive(Clone, Debug, Default)]
+pub struct Server {
+    known: Arc<RwLock<Known>>,
+}
+
+#[derive(Debug, Default)]
+struct Known {
+    /// Sessions that say now that they are the server.
+    tokens: Vec<ZenohId>,
+    /// The one that is believed, also while it is away.
+    chosen: Option<ZenohId>,
+    /// It was at the other end of this session's own connection.
+    direct: bool,
+}
+
+impl Known {
+    /// Chooses the server when the one that was chosen is not there: the
+    /// session that we dialled, or behind a router the only one there is.
+    fn choose(&mut self, connected: &[ZenohId]) {
+        if self.chosen.is_some_and(|id| self.tokens.contains(&id)) {
+            return;
+        }
+        let dialled = self.tokens.iter().find(|id| connected.contains(id));
+        let choice = match (dialled, &self.tokens[..]) {
+            (Some(id), _) => Some((*id, true)),
+            // Who was dialled once is dialled again after a restart; a
+            // stranger's token may be there before its successor's.
+            (None, [id]) if !self.direct => Some((*id, false)),
+            _ => None,
+        };
+        if let Some((id, direct)) = choice {
+            (self.chosen, self.direct) = (Some(id), direct);
+        }
+    }
+}
+
+impl Server {
+    /// Listens for the tokens of the server that `keys` names, for as long as
+    /// the subscriber lives.
+    pub(super) fn watch(
+        session: &Session,
+        keys: &Keys,
+    ) -> Result<(Self, Subscriber<()>), LinkError> {
+        let server = Self::default();
+        let known = Arc::clone(&server.known);
+        let subscriber = session
+            .liveliness()
+            .declare_subscriber(keys.alive("*"))
+            .history(true)
+            .callback(move |sample| {
+                let Some(id) = session_of(&sample) else {
+                    return;
+                };
+                let mut known = known.write().unwrap_or_else(PoisonError::into_inner);
+                known.tokens.retain(|other| *other != id);
+                if sample.kind() == SampleKind::Put {
+                    known.tokens.push(id);
+                }
+            })
+            .wait()
+            .map_err(transport("watching the server"))?;
+        Ok((server, subscriber))
+    }
+
+    /// Looks again who the server is, after it came, went or was restarted;
+    /// whether that changed.
+    pub(super) fn look(&self, session: &Session) -> bool {
+        if self.is_there() {
+            return false;
+        }
+        let info = session.info();
+        let connected: Vec<ZenohId> = info
+            .routers_zid()
+            .wait()
+            .chain(info.peers_zid().wait())
+            .collect();
+        let mut known = self.known.write().unwrap_or_else(PoisonError::into_inner);
+        let before = known.chosen;
+        known.choose(&connected);
+        known.chosen != before
+    }
+
+    /// Whether the server's token is there.
+    #[must_use]
+    pub fn is_there(&self) -> bool {
+        let known = self.known.read().unwrap_or_else(PoisonError::into_inner);
+        known.chosen.is_some_and(|id| known.tokens.contains(&id))
+    }
+
+    /// Whether `id` is the server's session.
+    #[must_use]
+    pub fn is(&self, id: ZenohId) -> bool {
+        let known = self.known.read().unwrap_or_else(PoisonError::into_inner);
+        known.chosen == Some(id)
+    }
+
+    /// Whether the server published a sample: its id stands in it. An id can be
+    /// copied; whoever must be sure compares digests.
+    #[must_use]
+    pub fn sent(&self, sample: &Sample) -> bool {
+        sample
+            .source_info()
+            .is_some_and(|source| self.is(source.source_id().zid()))
+    }
+
+    /// Whether the server gave a reply.
+    #[must_use]
+    pub fn answered(&self, reply: &Reply) -> bool {
+        reply.replier_id().is_some_and(|id| self.is(id.zid()))
+    }
+
+    /// Sessions that say that they are the server.
+    #[must_use]
+    pub fn tokens(&self) -> Vec<String> {
+        let known = self.known.read().unwrap_or_else(PoisonError::into_inner);
+        known.tokens.iter().map(ToString::to_string).collect()
+    }
+}
+
+/// The session that a server's liveliness token names.
+pub(crate) fn session_of(token: &Sample) -> Option<ZenohId> {
+    let (_, id) = Keys::server_of(token.key_expr().as_str())?;
+    id.parse().ok()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn id(text: &str) -> ZenohId {
+        text.parse().unwrap()
+    }
+
+    #[test]
+    fn a_strangers_token_never_takes_the_place_of_a_server_that_was_dialled() {
+        let (server, next, stranger) = (id("a1"), id("a2"), id("b1"));
+        let mut known = Known {
+            tokens: vec![stranger, server],
+            ..Known::default()
+        };
+        known.choose(&[server]);
+        assert_eq!(known.chosen, Some(server));
+        // It is killed; the stranger is the first to be heard of again.
+        known.tokens = vec![stranger];
+        known.choose(&[]);
+        assert_eq!(known.chosen, Some(server));
+        known.tokens.push(next);
+        known.choose(&[next]);
+        assert_eq!(known.chosen, Some(next));
+    }
+
+    #[test]
+    fn behind_a_router_one_token_is_the_server_and_two_are_doubtful() {
+        let (router, first, second) = (id("c1"), id("a1"), id("a2"));
+        let mut known = Known {
+            tokens: vec![first, second],
+            ..Known::default()
+        };
+        known.choose(&[router]);
+        assert_eq!(known.chosen, None);
+        known.tokens = vec![first];
+        known.choose(&[router]);
+        assert_eq!(known.chosen, Some(first));
+        // A second one changes nothing while the first is there.
+        known.tokens.push(second);
+        known.choose(&[router]);
+        assert_eq!(known.chosen, Some(first));
+        known.tokens = vec![second];
+        known.choose(&[router]);
+        assert_eq!(known.chosen, Some(second), "a successor");
+    }
+}

@@ -1,0 +1,316 @@
+//! Strangers who publish under the server's keys, with an id of their own or
+//! with the server's: what they say enters no recording, and ends none. Most of
+//! it happens behind a router that lets everything through; the server itself
+//! does not.
+
+use std::path::Path;
+
+use wheelarm_client::link::Link;
+use wheelarm_dataset::read::{Episode, Values};
+use wheelarm_proto::keys::Query;
+use wheelarm_proto::{Message, v1};
+use wheelarm_tests::{PATIENCE, Recorder, Router, Server, wait_until};
+use zenoh::Wait;
+use zenoh::sample::SourceInfo;
+use zenoh::session::EntityGlobalId;
+
+/// No real gyroscope of the chair says so, rad/s.
+const FORGED: f64 = 1234.5;
+
+fn status(link: &Link) -> v1::Status {
+    link.ask(Query::Status).expect("a status")
+}
+
+fn start(link: &Link, label: &str) -> v1::EpisodeStarted {
+    wait_until("the recorder is there", || {
+        !status(link).recorders.is_empty()
+    });
+    let request = v1::EpisodeStartRequest {
+        label: label.into(),
+        require_recorders: 1,
+        ..Default::default()
+    };
+    let started = link
+        .query(Query::EpisodeStart, &request)
+        .expect("an episode");
+    wait_until("the episode runs", || status(link).waiting_for.is_empty());
+    started
+}
+
+fn stop(link: &Link) -> v1::EpisodeStopped {
+    let request = v1::EpisodeStopRequest::default();
+    link.query(Query::EpisodeStop, &request).expect("its end")
+}
+
+/// Simulated time goes on for `seconds`.
+fn pass(link: &Link, seconds: f64) {
+    let tick = || status(link).header.unwrap_or_default().tick;
+    let until = tick() + (seconds * 240.0) as u64;
+    wait_until("simulated time passes", || tick() >= until);
+}
+
+/// A server behind a router, a client and a stranger who is connected there.
+struct Scene {
+    server: Server,
+    link: Link,
+    stranger: Stranger,
+    router: Router,
+    folder: tempfile::TempDir,
+}
+
+impl Scene {
+    fn new(sim: &str) -> Self {
+        let router = Router::start();
+        let args = ["--no-cameras", "--connect", &router.endpoint];
+        let server = Server::start(sim, &args).expect("a server");
+        let link = || Link::open(&server.connect_through(&router.endpoint)).expect("a link");
+        Self {
+            link: link(),
+            stranger: Stranger { link: link() },
+            folder: tempfile::tempdir().expect("a folder"),
+            router,
+            server,
+        }
+    }
+
+    fn recorder(&self, episodes: &str) -> Recorder {
+        let (endpoint, out) = (&self.router.endpoint, self.folder.path());
+        Recorder::start_through(endpoint, &self.server, out, &["--episodes", episodes])
+    }
+}
+
+/// Somebody who reached the server's port.
+struct Stranger {
+    link: Link,
+}
+
+impl Stranger {
+    /// A sample of a stream with the id of who published it and its number.
+    fn listen<M: Message + Default>(&self, key: &str) -> (M, EntityGlobalId, u32) {
+        let subscriber = self.link.session().declare_subscriber(key).wait();
+        let subscriber = subscriber.expect("a subscription");
+        loop {
+            let sample = subscriber.recv_timeout(PATIENCE).expect("a session");
+            let sample = sample.expect("a sample");
+            let message = M::decode(&*sample.payload().to_bytes()).expect("a message");
+            if let Some(source) = sample.source_info() {
+                return (message, *source.source_id(), source.source_sn());
+            }
+        }
+    }
+
+    /// Publishes under the server's key, with a copied id and number if any.
+    fn put(&self, key: &str, message: &impl Message, source: Option<SourceInfo>) {
+        let put = self.link.session().put(key, message.encode_to_vec());
+        put.source_info(source).wait().expect("a put");
+    }
+
+    /// Publishes `count` measurements of the future; with `copied` they carry
+    /// the id of the true ones.
+    fn measure(&self, count: u64, copied: bool) {
+        let key = self.link.keys().stream("imu");
+        let (real, id, number): (v1::Imu, _, _) = self.listen(&key);
+        let header = real.header.clone().unwrap_or_default();
+        for i in 0..count {
+            let ahead = 60 + i;
+            let forged = v1::Imu {
+                header: Some(v1::Header {
+                    sequence: header.sequence + ahead,
+                    tick: header.tick + ahead,
+                    stamp_nanos: wheelarm_proto::stamp_nanos(header.tick + ahead),
+                    ..header.clone()
+                }),
+                angular_velocity: Some(v1::Vector3 {
+                    x: FORGED,
+                    y: 0.0,
+                    z: 0.0,
+                }),
+                ..real.clone()
+            };
+            let source = copied.then(|| SourceInfo::new(id, number + ahead as u32));
+            self.put(&key, &forged, source);
+        }
+    }
+}
+
+fn forged_rows(file: &Path) -> usize {
+    let episode = Episode::open(file).expect("a file");
+    let columns = episode.columns("imu").expect("its columns");
+    let gyroscope = columns
+        .iter()
+        .find(|c| c.name.ends_with("angular_velocity"));
+    let Values::F64(all) = episode
+        .values(gyroscope.expect("a column"))
+        .expect("values")
+    else {
+        panic!("no numbers");
+    };
+    all.chunks(3).filter(|v| v[0] == FORGED).count()
+}
+
+#[test]
+fn what_a_stranger_publishes_never_enters_a_recording() {
+    let scene = Scene::new("strange");
+    let (link, stranger, folder) = (&scene.link, &scene.stranger, &scene.folder);
+    let recorder = scene.recorder("1");
+    let started = start(link, "true");
+    pass(link, 0.3);
+    stranger.measure(100, false);
+    let event = v1::Event {
+        header: Some(v1::Header {
+            sequence: 0,
+            ..started.header.clone().unwrap_or_default()
+        }),
+        kind: "forged".into(),
+        text: "forged".into(),
+    };
+    stranger.put(&link.keys().stream("event"), &event, None);
+    pass(link, 1.0);
+    stop(link);
+    let text = recorder.finish();
+    let file = folder.path().join("true.h5");
+    println!("{text}\n{} forged rows", forged_rows(&file));
+    assert!(text.contains("true.h5: complete"), "{text}");
+    assert_eq!(forged_rows(&file), 0);
+}
+
+#[test]
+fn a_copied_id_is_found_and_the_stream_is_named() {
+    let scene = Scene::new("copied");
+    let (link, stranger, folder) = (&scene.link, &scene.stranger, &scene.folder);
+    let mut recorder = scene.recorder("1");
+    start(link, "copied");
+    pass(link, 0.3);
+    stranger.measure(100, true);
+    pass(link, 1.5);
+    stop(link);
+    let (status, text) = recorder.end();
+    let rows = forged_rows(&folder.path().join("copied.h5"));
+    println!("{text}\n{rows} forged rows");
+    assert!(rows > 0, "the attack itself does not work any more");
+    assert_eq!(status.code(), Some(3), "{text}");
+    assert!(text.contains("copied.h5: PARTIAL"), "{text}");
+    let named = text
+        .lines()
+        .any(|l| l.contains("imu: ") && l.contains("somebody else"));
+    assert!(named, "{text}");
+}
+
+#[test]
+fn forged_starts_and_ends_neither_deafen_nor_end_nor_discard_a_recording() {
+    let scene = Scene::new("protocol");
+    let (link, stranger, folder) = (&scene.link, &scene.stranger, &scene.folder);
+    let (starts, stops) = (link.keys().episode_start(), link.keys().episode_stop());
+    let recorder = scene.recorder("2");
+    // What everybody hears is the server's id.
+    let (_, id, _): (v1::Clock, _, _) = stranger.listen(&link.keys().stream("clock"));
+    // A stranger answers the recorder's questions as well, and claims to be
+    // the one to ask.
+    let lies = v1::EpisodeStopped::default().encode_to_vec();
+    let _queries = stranger
+        .link
+        .session()
+        .declare_queryable(format!("wheelarm/{}/query/*", scene.server.sim))
+        .complete(true)
+        .callback(move |query| {
+            let _ = query.reply(query.key_expr().clone(), lies.clone()).wait();
+        })
+        .wait()
+        .expect("a queryable");
+
+    let mut number = 0;
+    for (label, copied) in [("first", false), ("second", true)] {
+        let started = start(link, label);
+        pass(link, 0.3);
+        let mut source = || {
+            number += 1;
+            // Numbers that the transport has not seen of this id.
+            copied.then(|| SourceInfo::new(id, 100 + number))
+        };
+        let header = started.header.clone().unwrap_or_default();
+        let end = |discard, success| v1::EpisodeStopped {
+            header: Some(header.clone()),
+            discard,
+            evaluation: Some(v1::Evaluation {
+                success,
+                ..Default::default()
+            }),
+            ..Default::default()
+        };
+        let far = v1::EpisodeStarted {
+            header: Some(v1::Header {
+                episode: 1_000_000,
+                ..header.clone()
+            }),
+            label: "far".into(),
+            ..started.clone()
+        };
+        stranger.put(&starts, &far, source());
+        stranger.put(&stops, &end(false, true), source());
+        stranger.put(&stops, &end(true, false), source());
+        pass(link, 0.7);
+        let stopped = stop(link);
+        let samples: u64 = stopped.manifest.iter().map(|c| c.count).sum();
+        let file = folder.path().join(format!("{label}.h5"));
+        wait_until("the file is there", || file.exists());
+        let summary = Episode::open(&file)
+            .and_then(|e| e.summary())
+            .expect("a summary");
+        assert!(summary.complete, "{:?}", summary.problems);
+        assert!(!summary.success, "success that nobody had");
+        let got: u64 = summary.streams.iter().map(|s| s.received).sum();
+        assert_eq!(got, samples, "{label}");
+    }
+    let text = recorder.finish();
+    assert_eq!(text.matches(": complete").count(), 2, "{text}");
+}
+
+#[test]
+fn the_server_lets_nobody_publish_answer_or_declare_under_its_own_keys() {
+    let server = Server::start("closed", &["--no-cameras"]).expect("a server");
+    let (link, stranger) = (server.link(), server.link());
+    let keys = link.keys();
+    // Everything that an honest listener hears, whoever sent it.
+    let heard = link
+        .session()
+        .declare_subscriber(format!("wheelarm/{}/**", server.sim))
+        .with(zenoh::handlers::FifoChannel::new(1 << 16))
+        .wait()
+        .expect("a subscription");
+    let token = stranger.session().liveliness();
+    let _token = token
+        .declare_token(keys.alive("666"))
+        .wait()
+        .expect("a token");
+    let lies = stranger
+        .session()
+        .declare_queryable(keys.query(Query::Status))
+        .callback(|query| {
+            let _ = query.reply(query.key_expr().clone(), b"lie").wait();
+        });
+    let _lies = lies.wait().expect("a queryable");
+    for key in keys.own() {
+        let key = key.replace("**", "forged");
+        let put = stranger.session().put(&key, b"forged".as_slice());
+        put.wait().expect("a put");
+    }
+    // One that is let through comes after all that are not.
+    let last = keys.recorder("stranger");
+    let put = stranger.session().put(&last, b"forged".as_slice());
+    put.wait().expect("a put");
+    let mut forged = Vec::new();
+    while forged.last() != Some(&last) {
+        let sample = heard.recv_timeout(PATIENCE).expect("a session");
+        let sample = sample.expect("a sample");
+        if &*sample.payload().to_bytes() == b"forged" {
+            forged.push(sample.key_expr().as_str().to_owned());
+        }
+    }
+    assert_eq!(forged, [last]);
+    let answers = link.session().get(keys.query(Query::Status));
+    let answers = answers.target(zenoh::query::QueryTarget::All);
+    let answers = answers.consolidation(zenoh::query::ConsolidationMode::None);
+    let answers: Vec<_> = answers.wait().expect("a query").into_iter().collect();
+    assert_eq!(answers.len(), 1, "{answers:?}");
+    assert!(!link.is_declared(&keys.alive("666")).expect("an answer"));
+}
