@@ -10,7 +10,7 @@ mod preview;
 mod server;
 mod streams;
 
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 use clap::Args;
@@ -172,6 +172,8 @@ pub struct Link {
     endpoint: String,
     server: Server,
     _tokens: Arc<Subscriber<()>>,
+    /// Secret of the lease that a commander of this link holds; empty without.
+    secret: Arc<Mutex<String>>,
 }
 
 impl Link {
@@ -213,6 +215,7 @@ impl Link {
             endpoint: endpoint.to_owned(),
             server,
             _tokens: Arc::new(tokens),
+            secret: Arc::default(),
         })
     }
 
@@ -292,6 +295,19 @@ impl Link {
     #[must_use]
     pub fn keys(&self) -> &Keys {
         &self.keys
+    }
+
+    /// Secret of the lease that a commander of this link holds, empty without:
+    /// who is in control may reset, discard and end the server.
+    #[must_use]
+    pub fn secret(&self) -> String {
+        let secret = self.secret.lock().unwrap_or_else(PoisonError::into_inner);
+        secret.clone()
+    }
+
+    fn keep_secret(&self, new: &str) {
+        let mut secret = self.secret.lock().unwrap_or_else(PoisonError::into_inner);
+        new.clone_into(&mut secret);
     }
 
     /// Asks a query without payload.

@@ -14,7 +14,7 @@ use anyhow::{Context, bail};
 use wheelarm_proto::keys::Query;
 use wheelarm_proto::v1;
 
-use crate::control::{acknowledge, find_program};
+use crate::control::{self, find_program};
 use crate::link::{ConnectArgs, Link};
 
 /// Lines of a program's messages that are kept for an error.
@@ -269,7 +269,7 @@ impl LocalServer {
     /// # Errors
     /// When it does not end.
     pub fn stop(mut self, link: Link) -> anyhow::Result<()> {
-        acknowledge(&link, Query::Shutdown)?;
+        control::shutdown(&link, true)?;
         // A client that goes first leaves no half-open connection behind.
         link.close()?;
         self.program.wait(Duration::from_secs(20)).map(|_| ())

@@ -10,7 +10,9 @@ use anyhow::Context;
 use clap::{CommandFactory, Parser, Subcommand};
 use clap_complete::Shell;
 use wheelarm_client::collect::{self, CollectArgs};
-use wheelarm_client::control::{self, EpisodeCommand, ResetArgs, manual};
+use wheelarm_client::control::{
+    self, EpisodeCommand, LeaseCommand, ResetArgs, ShutdownArgs, manual,
+};
 use wheelarm_client::demo::{self, DemoArgs};
 use wheelarm_client::doctor::{self, DoctorArgs};
 use wheelarm_client::evaluate::{self, EvaluateArgs};
@@ -59,7 +61,7 @@ enum Command {
     /// Sets up a scenario: scene, task, seed.
     ///
     /// What is not named stays as it is; places are drawn anew from the seed.
-    /// Refused while an episode runs.
+    /// Refused while an episode runs or somebody else is in control.
     #[command(after_long_help = manual::RESET)]
     Reset(ResetArgs),
     /// Stops simulation time.
@@ -68,6 +70,12 @@ enum Command {
     /// Lets simulation time go on.
     #[command(after_long_help = manual::PAUSE)]
     Resume,
+    /// Holds control of a server by hand.
+    ///
+    /// In lock-step time waits for whoever is in control: while this runs it
+    /// answers every tick, so that an episode can be started and ended by hand.
+    #[command(subcommand, after_long_help = manual::LEASE)]
+    Lease(LeaseCommand),
     /// Starts or ends an episode.
     ///
     /// Recorders that are connected open a file at the start and finish it at
@@ -126,8 +134,10 @@ enum Command {
     #[command(after_long_help = manual::REPLAY)]
     Replay(ReplayArgs),
     /// Ends the server.
+    ///
+    /// Refused while somebody else is in control.
     #[command(after_long_help = manual::SHUTDOWN)]
-    Shutdown,
+    Shutdown(ShutdownArgs),
     /// Prints completions for a shell.
     #[command(after_long_help = manual::COMPLETIONS)]
     Completions {
@@ -179,6 +189,7 @@ fn run(cli: Cli) -> anyhow::Result<ExitCode> {
         }
         Command::Pause => control::acknowledge(&link()?, Query::Pause)?,
         Command::Resume => control::acknowledge(&link()?, Query::Resume)?,
+        Command::Lease(command) => return control::lease(&link()?, command),
         Command::Episode(command) => control::episode(&link()?, command)?,
         Command::Record(args) => return record_episodes(&cli.connect, args),
         Command::Demo(args) => return demo::run(args),
@@ -190,7 +201,7 @@ fn run(cli: Cli) -> anyhow::Result<ExitCode> {
         Command::Preview(args) => return preview::run(&cli.connect, args),
         Command::Watch(args) => return watch::run(&link()?, args),
         Command::Doctor(args) => return doctor::run(&cli.connect, args),
-        Command::Shutdown => control::acknowledge(&link()?, Query::Shutdown)?,
+        Command::Shutdown(args) => control::shutdown(&link()?, args.force)?,
         Command::Completions { shell } => {
             let mut command = Cli::command();
             clap_complete::generate(*shell, &mut command, "wheelarm", &mut std::io::stdout());

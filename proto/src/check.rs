@@ -1,7 +1,35 @@
 //! Conversions that refuse what a simulation must never see: NaN, infinities,
 //! quaternions that are not of unit length, missing parts.
 
+use std::fmt;
+
 use crate::v1;
+
+/// A number in a message for people: digits where they are few, else a power
+/// of ten.
+#[derive(Clone, Copy, Debug)]
+pub struct Number(pub f64);
+
+impl fmt::Display for Number {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let size = self.0.abs();
+        if size == 0.0 || !size.is_finite() || (1e-4..1e7).contains(&size) {
+            write!(f, "{}", self.0)
+        } else {
+            write!(f, "{:e}", self.0)
+        }
+    }
+}
+
+/// The beginning of a text that somebody sent, for a message that repeats it.
+#[must_use]
+pub fn beginning(text: &str) -> String {
+    const MOST: usize = 64;
+    match text.char_indices().nth(MOST) {
+        Some((end, _)) => format!("{}… ({} bytes)", &text[..end], text.len()),
+        None => text.to_owned(),
+    }
+}
 
 /// What is wrong with a message.
 #[derive(Debug, thiserror::Error, PartialEq)]
@@ -18,7 +46,7 @@ pub enum Invalid {
         value: f64,
     },
     /// A quaternion is not of unit length.
-    #[error("{what} has norm {norm:.6}, expected a unit quaternion (1 ± 0.001)")]
+    #[error("{what} has norm {}, expected a unit quaternion (1 ± 0.001)", Number(*.norm))]
     NotUnit {
         /// The field.
         what: &'static str,
@@ -26,7 +54,7 @@ pub enum Invalid {
         norm: f64,
     },
     /// A number lies outside its range.
-    #[error("{what} is {value}, expected {low} to {high}")]
+    #[error("{what} is {}, expected {} to {}", Number(*.value), Number(*.low), Number(*.high))]
     OutOfRange {
         /// The field.
         what: &'static str,
@@ -47,8 +75,18 @@ pub enum Invalid {
         /// Expected number.
         expected: usize,
     },
+    /// A list is too long.
+    #[error("{what}: {got} are given, at most {most} are taken")]
+    Many {
+        /// The field.
+        what: &'static str,
+        /// Number of values.
+        got: usize,
+        /// Greatest number.
+        most: usize,
+    },
     /// A word is not known.
-    #[error("{what} is {value:?}: {expected}")]
+    #[error("{what} is {:?}: {expected}", beginning(.value))]
     Word {
         /// The field.
         what: &'static str,
@@ -138,6 +176,53 @@ pub fn pose(what: &'static str, p: Option<&v1::Pose>) -> Result<([f64; 3], [f64;
     ))
 }
 
+/// How far from the origin of `house` a scenario may place anything, metres.
+pub const FAR: f64 = 50.0;
+
+/// Heights at which a scenario may place anything, metres.
+pub const HEIGHTS: (f64, f64) = (-1.0, 5.0);
+
+/// Checks that a pose has a place in or about a home: x and y within
+/// [`FAR`], z within [`HEIGHTS`].
+///
+/// # Errors
+/// [`Invalid`] as [`pose`], or [`Invalid::OutOfRange`].
+pub fn place(what: &'static str, p: Option<&v1::Pose>) -> Result<([f64; 3], [f64; 4]), Invalid> {
+    let (position, rotation) = pose(what, p)?;
+    for across in &position[..2] {
+        within(what, *across, -FAR, FAR)?;
+    }
+    within(what, position[2], HEIGHTS.0, HEIGHTS.1)?;
+    Ok((position, rotation))
+}
+
+/// Checks that a list has no more than `most` entries.
+///
+/// # Errors
+/// [`Invalid::Many`].
+pub fn few<T>(what: &'static str, list: &[T], most: usize) -> Result<(), Invalid> {
+    if list.len() <= most {
+        return Ok(());
+    }
+    Err(Invalid::Many {
+        what,
+        got: list.len(),
+        most,
+    })
+}
+
+/// Checks the name of something in the assets: 1 to 64 letters, digits, `-`, `_`.
+///
+/// # Errors
+/// [`Invalid::Word`].
+pub fn name(what: &'static str, text: &str) -> Result<(), Invalid> {
+    crate::keys::check_name(text).map_err(|_| Invalid::Word {
+        what,
+        value: text.to_owned(),
+        expected: "1 to 64 letters, digits, `-` or `_`",
+    })
+}
+
 /// Checks a list of finite numbers of a given length.
 ///
 /// # Errors
@@ -224,6 +309,36 @@ fn frame(value: i32) -> Result<v1::CommandFrame, Invalid> {
         value: value.to_string(),
         expected: "a value of wheelarm.v1.CommandFrame",
     })
+}
+
+/// Whether a command drives the chair or gives the arm a twist: what goes on
+/// until it is stopped, and must therefore be fresh.
+#[must_use]
+pub fn drives(c: &v1::Command) -> bool {
+    use v1::arm_command::Target;
+    let some = |v: Option<&v1::Vector3>| v.is_some_and(|v| [v.x, v.y, v.z] != [0.0; 3]);
+    let base = c.base.is_some_and(|b| b.linear != 0.0 || b.angular != 0.0);
+    let twist = match c.arm.as_ref().and_then(|arm| arm.target.as_ref()) {
+        Some(Target::Twist(t)) => t
+            .twist
+            .as_ref()
+            .is_some_and(|t| some(t.linear.as_ref()) || some(t.angular.as_ref())),
+        _ => false,
+    };
+    base || twist
+}
+
+/// Whether a command only stops what moves: a chair at rest, an arm that holds
+/// or has a twist of zero, and nothing else.
+#[must_use]
+pub fn stops(c: &v1::Command) -> bool {
+    use v1::arm_command::Target;
+    let target = c.arm.as_ref().map(|arm| arm.target.as_ref());
+    let arm = matches!(
+        target,
+        None | Some(Some(Target::Hold(_) | Target::Twist(_)))
+    );
+    arm && !drives(c) && c.gripper.is_none() && (c.arm.is_some() || c.base.is_some())
 }
 
 /// Checks the label of an episode: it becomes a file name.
@@ -327,6 +442,90 @@ mod tests {
         assert!(instruction("").is_ok() && instruction(&long).is_ok());
         assert!(instruction("a\0b").is_err());
         assert!(instruction(&"x".repeat(MAX_INSTRUCTION + 1)).is_err());
+    }
+
+    #[test]
+    fn numbers_and_texts_are_repeated_in_few_signs() {
+        for (number, text) in [
+            (0.0, "0"),
+            (-12.5, "-12.5"),
+            (0.001, "0.001"),
+            (1e-300, "1e-300"),
+            (-1e300, "-1e300"),
+            (f64::INFINITY, "inf"),
+        ] {
+            assert_eq!(Number(number).to_string(), text);
+        }
+        let told = within("mass", 1e-300, 0.05, 2.0).unwrap_err().to_string();
+        assert_eq!(told, "mass is 1e-300, expected 0.05 to 2");
+        let told = label(&"ж".repeat(1 << 20)).unwrap_err().to_string();
+        assert!(told.len() < 400, "{} bytes", told.len());
+        assert!(told.contains("2097152 bytes"), "{told}");
+    }
+
+    #[test]
+    fn places_lie_in_or_about_a_home() {
+        let at = |x, y, z| {
+            let mut pose = pose_of([0.0, 0.0, 0.0, 1.0]);
+            pose.position = Some(v1::Vector3 { x, y, z });
+            place("start", Some(&pose))
+        };
+        assert!(at(-50.0, 50.0, 5.0).is_ok());
+        for far in [
+            at(1e30, 0.0, 0.0),
+            at(0.0, -50.1, 0.0),
+            at(0.0, 0.0, -1.1),
+            at(0.0, 0.0, 5.1),
+            at(f64::NAN, 0.0, 0.0),
+        ] {
+            assert!(far.unwrap_err().to_string().starts_with("start is"));
+        }
+    }
+
+    #[test]
+    fn what_drives_and_what_only_stops_are_told_apart() {
+        use v1::arm_command::Target;
+        let base = |linear| v1::Command {
+            base: Some(v1::BaseCommand {
+                linear,
+                angular: 0.0,
+            }),
+            ..v1::Command::default()
+        };
+        let arm = |target| v1::Command {
+            arm: Some(v1::ArmCommand {
+                target: Some(target),
+            }),
+            ..v1::Command::default()
+        };
+        let twist = |x| {
+            let linear = v1::Vector3 { x, y: 0.0, z: 0.0 };
+            arm(Target::Twist(v1::CartesianTwist {
+                twist: Some(v1::Twist {
+                    linear: Some(linear),
+                    angular: None,
+                }),
+                ..v1::CartesianTwist::default()
+            }))
+        };
+        let joints = arm(Target::Joints(v1::JointTarget {
+            position: vec![0.0; 6],
+        }));
+        for (command, is_driving, is_stopping) in [
+            (base(0.3), true, false),
+            (base(0.0), false, true),
+            (twist(0.1), true, false),
+            (twist(0.0), false, true),
+            (arm(Target::Hold(true)), false, true),
+            (joints, false, false),
+            (v1::Command::default(), false, false),
+        ] {
+            assert_eq!(drives(&command), is_driving, "{command:?}");
+            assert_eq!(stops(&command), is_stopping, "{command:?}");
+        }
+        let mut both = base(0.0);
+        both.gripper = Some(v1::GripperCommand::default());
+        assert!(!stops(&both), "a grip is more than a stop");
     }
 
     #[test]

@@ -11,6 +11,7 @@ pub mod digest;
 pub mod keys;
 pub mod names;
 pub mod preview;
+pub mod seal;
 mod time;
 
 pub use time::{CONTROL_HZ, PHYSICS_HZ, TICKS_PER_CONTROL, stamp_nanos};

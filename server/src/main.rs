@@ -6,6 +6,7 @@ use std::path::PathBuf;
 
 use anyhow::{Context, bail};
 use clap::{Parser, ValueEnum};
+use tokio::signal::unix::{Signal, SignalKind, signal};
 use wheelarm_proto::keys::{self, Keys};
 use wheelarm_server::sensors::camera::Renderer;
 use wheelarm_server::service::{self, Options};
@@ -278,13 +279,16 @@ async fn serve(args: Args) -> anyhow::Result<()> {
         no_cameras: args.no_cameras,
     };
     let (name, end_with_stdin) = (args.sim, args.end_with_stdin);
+    // Heard from here on: whoever reads that the server is ready may end it.
+    let signals = Signals::listen()?;
     let ready = move || println!("ready {endpoint} sim={name}");
-    service::run(session, sim, options, ready, interrupted(end_with_stdin)).await?;
+    let interrupted = interrupted(signals, end_with_stdin);
+    service::run(session, sim, options, ready, interrupted).await?;
     Ok(())
 }
 
 /// Resolves on Ctrl-C or SIGTERM, and at the end of standard input if told so.
-async fn interrupted(end_with_stdin: bool) {
+async fn interrupted(signals: Signals, end_with_stdin: bool) {
     let (closed, input_closed) = tokio::sync::oneshot::channel();
     let closed = if end_with_stdin {
         std::thread::spawn(move || {
@@ -297,21 +301,31 @@ async fn interrupted(end_with_stdin: bool) {
     };
     tokio::select! {
         _ = input_closed => {}
-        () = signalled() => {}
+        () = signals.come() => {}
     }
     drop(closed);
 }
 
-/// Resolves on Ctrl-C or SIGTERM.
-async fn signalled() {
-    use tokio::signal::unix::{SignalKind, signal};
-    match signal(SignalKind::terminate()) {
-        Ok(mut terminate) => tokio::select! {
-            _ = tokio::signal::ctrl_c() => {}
-            _ = terminate.recv() => {}
-        },
-        Err(_) => {
-            let _ = tokio::signal::ctrl_c().await;
+/// Ctrl-C and SIGTERM, heard from the moment this exists.
+struct Signals {
+    interrupt: Signal,
+    terminate: Signal,
+}
+
+impl Signals {
+    fn listen() -> anyhow::Result<Self> {
+        let hear = |kind| signal(kind).context("signals cannot be heard");
+        Ok(Self {
+            interrupt: hear(SignalKind::interrupt())?,
+            terminate: hear(SignalKind::terminate())?,
+        })
+    }
+
+    /// Resolves at the first of them.
+    async fn come(mut self) {
+        tokio::select! {
+            _ = self.interrupt.recv() => {}
+            _ = self.terminate.recv() => {}
         }
     }
 }

@@ -13,7 +13,7 @@ use wheelarm_server::robot::RobotModel;
 use wheelarm_server::robot::control::GripperMap;
 use wheelarm_server::scene::Scene;
 use wheelarm_server::service::convert;
-use wheelarm_server::service::inbox::{Inbox, Life, Listening};
+use wheelarm_server::service::inbox::{Asked, Inbox, Life, Listening};
 use wheelarm_server::sim::Scenario;
 use wheelarm_server::tasks::TaskSpec;
 
@@ -31,10 +31,13 @@ pub fn command(bytes: &[u8]) {
         name: sent.commander,
         run_id: sent.header.unwrap_or_default().run_id,
     };
-    for lock_step in [false, true] {
+    for (lock_step, sealed) in [(false, false), (true, false), (false, true)] {
         let mut inbox = Inbox::new(GripperMap::new(model));
-        inbox.appeared(life.clone());
-        let _ = inbox.ask(life.clone(), true, Instant::now());
+        let asked = Asked {
+            sealed,
+            ..Asked::default()
+        };
+        let _ = inbox.ask(life.clone(), &asked, Instant::now());
         let listening = Listening {
             lock_step,
             ..Listening::default()
@@ -67,6 +70,7 @@ pub fn messages(bytes: &[u8]) {
         LeaseReply,
         ResetRequest,
         ResetReply,
+        ShutdownRequest,
         EpisodeStartRequest,
         EpisodeStarted,
         EpisodeStopRequest,

@@ -15,6 +15,8 @@ pub enum Line {
     Open,
     /// Nothing arrives, and nobody is told.
     Frozen,
+    /// What the client sends arrives; what it is sent stays unread.
+    Deaf,
     /// Connections are torn down and refused.
     Cut,
 }
@@ -22,6 +24,8 @@ pub enum Line {
 /// Bytes on their way in one direction; then the sender has to wait, as it
 /// would for a window.
 const IN_FLIGHT: usize = 256 << 10;
+/// What stops the bytes on their way to the server, and to the client.
+const FROZEN: [&[Line]; 2] = [&[Line::Frozen], &[Line::Frozen, Line::Deaf]];
 /// How often a waiting thread looks at the line.
 const LOOK: Duration = Duration::from_millis(5);
 
@@ -137,7 +141,7 @@ impl Shared {
             (client.try_clone(), server.try_clone()),
             (Ok(server), Ok(client)),
         ];
-        for (from, to) in pairs {
+        for ((from, to), frozen) in pairs.into_iter().zip(FROZEN) {
             let (Ok(from), Ok(to)) = (from, to) else {
                 continue;
             };
@@ -145,7 +149,7 @@ impl Shared {
             let (shared, end) = (Arc::clone(self), Arc::clone(&pipe));
             std::thread::spawn(move || shared.read(from, &end));
             let shared = Arc::clone(self);
-            std::thread::spawn(move || shared.write(to, &pipe));
+            std::thread::spawn(move || shared.write(to, &pipe, frozen));
         }
     }
 
@@ -175,7 +179,7 @@ impl Shared {
         pipe.changed.notify_all();
     }
 
-    fn write(&self, mut to: TcpStream, pipe: &Pipe) {
+    fn write(&self, mut to: TcpStream, pipe: &Pipe, frozen: &[Line]) {
         loop {
             let (due, piece) = {
                 let state = lock(&pipe.state);
@@ -191,7 +195,7 @@ impl Shared {
                 next
             };
             std::thread::sleep(due.saturating_duration_since(Instant::now()));
-            while self.line() == Line::Frozen && !self.ended.load(Ordering::Acquire) {
+            while frozen.contains(&self.line()) && !self.ended.load(Ordering::Acquire) {
                 std::thread::sleep(LOOK);
             }
             if self.line() == Line::Cut || to.write_all(&piece).is_err() {

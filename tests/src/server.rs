@@ -1,6 +1,7 @@
 //! A server process of a test.
 
 use std::io::{BufRead, BufReader, Read};
+use std::path::Path;
 use std::process::{Child, Command, Output, Stdio};
 use std::sync::mpsc;
 use std::time::Duration;
@@ -34,10 +35,23 @@ impl Server {
     /// # Errors
     /// As [`Server::start`].
     pub fn start_at(listen: &str, sim: &str, args: &[&str]) -> anyhow::Result<Self> {
+        Self::start_with(&root().join("assets"), listen, sim, args)
+    }
+
+    /// As [`Server::start_at`] with another folder of assets.
+    ///
+    /// # Errors
+    /// As [`Server::start`].
+    pub fn start_with(
+        assets: &Path,
+        listen: &str,
+        sim: &str,
+        args: &[&str],
+    ) -> anyhow::Result<Self> {
         let mut child = Command::new(program("wheelarm-server")?)
             .args(["--sim", sim, "--listen", listen])
             .arg("--assets")
-            .arg(root().join("assets"))
+            .arg(assets)
             .args(args)
             .stdout(Stdio::piped())
             .stderr(Stdio::piped())

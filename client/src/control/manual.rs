@@ -59,7 +59,7 @@ pub const RESET: &str = manual!(
   wheelarm reset --task pick_mustard --seed 3
 ",
     "  0  set up
-  1  refused (an episode runs, no such task), or no server answered
+  1  refused (an episode runs, somebody is in control, no such task), or no server answered
 "
 );
 
@@ -70,6 +70,22 @@ pub const PAUSE: &str = manual!(
     "  0  done
   1  no server answered
 "
+);
+
+/// `wheelarm lease`.
+pub const LEASE: &str = manual!(
+    "  wheelarm lease hold --name anna     and in another terminal:
+  wheelarm episode start --label try-1
+  wheelarm episode stop
+",
+    "  0  control was given back
+  1  refused (somebody else is in control), or control was lost
+",
+    "\nLines on standard input, one command each:
+  drive LINEAR TURN   chair speeds, m/s and rad/s, until the next line of the chair
+  stop                chair and arm stop
+  open, close         the gripper
+  quit                gives control back, as Ctrl-C does"
 );
 
 /// `wheelarm episode`.

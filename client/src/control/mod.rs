@@ -1,6 +1,7 @@
 //! The small commands: one query each, its answer printed.
 
 mod external;
+mod lease;
 pub mod manual;
 mod print;
 
@@ -11,6 +12,7 @@ use wheelarm_proto::v1;
 use crate::link::{Link, LinkError};
 
 pub use external::{find_program, run_external};
+pub use lease::{LeaseCommand, LeaseHoldArgs, lease};
 pub use print::{episode_line, evaluation_lines};
 
 /// Options of `wheelarm reset`.
@@ -28,6 +30,9 @@ pub struct ResetArgs {
     /// Instruction sentence; drawn from the task's by seed when absent.
     #[arg(long)]
     pub instruction: Option<String>,
+    /// Also while somebody else is in control.
+    #[arg(long)]
+    pub force: bool,
 }
 
 /// `wheelarm episode …`.
@@ -63,6 +68,17 @@ pub struct EpisodeStopArgs {
     /// Recorders throw the episode away.
     #[arg(long)]
     pub discard: bool,
+    /// Discards also while somebody else is in control.
+    #[arg(long, requires = "discard")]
+    pub force: bool,
+}
+
+/// Options of `wheelarm shutdown`.
+#[derive(Args, Clone, Copy, Debug)]
+pub struct ShutdownArgs {
+    /// Also while somebody else is in control.
+    #[arg(long)]
+    pub force: bool,
 }
 
 /// Prints what the server does.
@@ -111,6 +127,8 @@ pub fn reset(link: &Link, args: &ResetArgs) -> Result<v1::Scenario, LinkError> {
     let request = v1::ResetRequest {
         scenario: Some(scenario),
         snapshot: bytes::Bytes::new(),
+        force: args.force,
+        secret: link.secret(),
     };
     let reply: v1::ResetReply = link.query(Query::Reset, &request)?;
     Ok(reply.scenario.unwrap_or_default())
@@ -149,7 +167,36 @@ pub fn start_episode(
 /// # Errors
 /// [`LinkError`].
 pub fn stop_episode(link: &Link, discard: bool) -> Result<v1::EpisodeStopped, LinkError> {
-    link.query(Query::EpisodeStop, &v1::EpisodeStopRequest { discard })
+    let force = false;
+    stop_episode_as(link, EpisodeStopArgs { discard, force })
+}
+
+/// As [`stop_episode`], by force if asked.
+///
+/// # Errors
+/// [`LinkError`].
+pub fn stop_episode_as(
+    link: &Link,
+    args: EpisodeStopArgs,
+) -> Result<v1::EpisodeStopped, LinkError> {
+    link.query(
+        Query::EpisodeStop,
+        &v1::EpisodeStopRequest {
+            discard: args.discard,
+            force: args.force,
+            secret: link.secret(),
+        },
+    )
+}
+
+/// Ends the server.
+///
+/// # Errors
+/// [`LinkError`].
+pub fn shutdown(link: &Link, force: bool) -> Result<(), LinkError> {
+    let secret = link.secret();
+    let request = v1::ShutdownRequest { force, secret };
+    link.query::<v1::Ack>(Query::Shutdown, &request).map(|_| ())
 }
 
 /// Runs `wheelarm episode …` and prints the result.
@@ -163,7 +210,7 @@ pub fn episode(link: &Link, command: &EpisodeCommand) -> Result<(), LinkError> {
             println!("started {}", episode_line(&started));
         }
         EpisodeCommand::Stop(args) => {
-            let stopped = stop_episode(link, args.discard)?;
+            let stopped = stop_episode_as(link, *args)?;
             print!("{}", print::stopped_text(&stopped));
         }
     }

@@ -1,9 +1,10 @@
 //! Commands and the control that they need: one commander at a time.
 
+use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 use wheelarm_proto::keys::{self, Query};
-use wheelarm_proto::{Message, v1};
+use wheelarm_proto::{Message, seal, v1};
 use zenoh::Wait;
 use zenoh::liveliness::LivelinessToken;
 use zenoh::pubsub::Publisher;
@@ -14,8 +15,9 @@ use super::{Link, LinkError, transport};
 /// Longest time until the server has seen this process's token.
 const SEEN: Duration = Duration::from_secs(5);
 
-/// A commander in control; its sequence numbers count up from 0. Control is
-/// given back when it is dropped, and ends by itself with this process.
+/// A commander in control; its sequence numbers count up from 0, and its
+/// commands carry the seal of its lease. Control is given back when it is
+/// dropped, and ends by itself with this process.
 pub struct Commander {
     link: Link,
     publisher: Publisher<'static>,
@@ -23,6 +25,8 @@ pub struct Commander {
     name: String,
     run_id: String,
     sequence: u64,
+    /// Secret of the lease; empty before the first.
+    secret: Mutex<String>,
 }
 
 impl Link {
@@ -55,6 +59,7 @@ impl Link {
             name: name.to_owned(),
             run_id,
             sequence: 0,
+            secret: Mutex::default(),
         };
         commander.ask(take)?;
         Ok(commander)
@@ -73,6 +78,11 @@ impl Commander {
         loop {
             let reply: v1::LeaseReply = self.link.query(Query::Lease, &request)?;
             if reply.holder == self.name {
+                if !reply.secret.is_empty() {
+                    self.link.keep_secret(&reply.secret);
+                    let mut secret = self.secret.lock().unwrap_or_else(PoisonError::into_inner);
+                    secret.clone_from(&reply.secret);
+                }
                 return Ok(reply);
             }
             if Instant::now() > deadline {
@@ -105,8 +115,13 @@ impl Commander {
         command.commander.clone_from(&self.name);
         command.answers_tick = clock.tick;
         self.sequence += 1;
+        let mut bytes = command.encode_to_vec();
+        let secret = self.secret();
+        if !secret.is_empty() {
+            seal::append(&mut bytes, &secret);
+        }
         self.publisher
-            .put(command.encode_to_vec())
+            .put(bytes)
             .wait()
             .map_err(transport("sending a command"))
     }
@@ -129,6 +144,11 @@ impl Commander {
         self.sequence
     }
 
+    fn secret(&self) -> String {
+        let secret = self.secret.lock().unwrap_or_else(PoisonError::into_inner);
+        secret.clone()
+    }
+
     fn request(&self, take: bool, release: bool) -> v1::LeaseRequest {
         v1::LeaseRequest {
             header: Some(v1::Header {
@@ -138,12 +158,17 @@ impl Commander {
             commander: self.name.clone(),
             take,
             release,
+            secret: self.secret(),
+            sealed: true,
         }
     }
 }
 
 impl Drop for Commander {
     fn drop(&mut self) {
+        if self.link.secret() == self.secret() {
+            self.link.keep_secret("");
+        }
         // Without an answer control ends with the token, a little later.
         let request = self.request(false, true);
         let released = self.link.query_within::<v1::LeaseReply>(

@@ -144,6 +144,7 @@ fn reset(link: &Link, script: &Script, cameras: Vec<v1::CameraSetting>) -> anyho
     let request = v1::ResetRequest {
         scenario: Some(scenario),
         snapshot: script.snapshot.clone(),
+        ..v1::ResetRequest::default()
     };
     let reply: v1::ResetReply = link.query(Query::Reset, &request)?;
     let tick = reply.header.unwrap_or_default().tick;

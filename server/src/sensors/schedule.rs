@@ -6,7 +6,8 @@ use wheelarm_proto::PHYSICS_HZ;
 /// A rate that does not divide the base rate.
 #[derive(Debug, thiserror::Error, PartialEq)]
 #[error(
-    "rate of {what} is {rate} Hz, expected a whole number of hertz that divides {base} (or 0 for off)"
+    "rate of {what} is {} Hz, expected a whole number of hertz that divides {base} (or 0 for off)",
+    wheelarm_proto::check::Number(*.rate)
 )]
 pub struct BadRate {
     /// The sensor.

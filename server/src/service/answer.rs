@@ -1,18 +1,18 @@
 //! Answers the queries of the control plane.
 
-use std::time::Instant;
+use std::sync::Arc;
 
-use wheelarm_proto::keys::{self, Query};
+use bytes::Bytes;
+use wheelarm_proto::keys::Query;
 use wheelarm_proto::{Message, v1};
-use zenoh::Wait;
 
 use super::engine::{Engine, Request};
-use super::inbox::{Granted, Life};
+use super::errand::Errand;
 use super::render::RenderThread;
-use super::{convert, lock};
+use super::{convert, leases, lock};
 use crate::geometry::bounds;
 use crate::scene::Body;
-use crate::sim::Simulation;
+use crate::sim::{Scenario, Simulation};
 use crate::{scene, tasks};
 
 /// Where the arm stands among the recorded joints.
@@ -21,55 +21,116 @@ const ARM_JOINTS: std::ops::Range<usize> = 4..10;
 /// How far a joint may turn from where a solution is looked for nearby, radians.
 const NEAR_CHANGE: f64 = 1.2;
 
+/// Answers that stay the same while a scenario and an episode are in force.
+#[derive(Default)]
+pub(super) struct Made {
+    scene: Option<Arc<v1::SceneReply>>,
+    /// Of one episode.
+    snapshot: Option<(u64, Bytes)>,
+}
+
 impl Engine {
-    /// Answers one query; a refused one gets a `Failure` with the cure.
+    /// Answers one query, or begins what it asks for; a refused one gets a
+    /// `Failure` with the cure.
     pub(super) fn answer(&mut self, request: Request) {
-        let payload = request.asked.payload().map(|p| p.to_bytes().into_owned());
-        let answer = self.reply(request.query, payload.as_deref().unwrap_or_default());
-        let outcome = match answer {
-            Ok(bytes) => request
-                .asked
-                .reply(request.asked.key_expr().clone(), bytes)
-                .wait(),
-            Err(message) => {
-                let failure = v1::Failure {
-                    header: Some(self.stamp()),
-                    message,
-                };
-                request.asked.reply_err(failure.encode_to_vec()).wait()
+        let Request { query, asked } = request;
+        let payload = asked.payload().map(|p| p.to_bytes().into_owned());
+        let payload = payload.unwrap_or_default();
+        match query {
+            Query::Scene => self.answer_scene(asked),
+            Query::Tasks => self.answer_tasks(asked),
+            Query::Reset => {
+                let wanted = self.wanted(&payload);
+                match wanted.and_then(|(scenario, snapshot)| self.load(scenario, snapshot)) {
+                    Ok(loading) => self.errand = Some(Errand::Load { asked, loading }),
+                    Err(why) => self.refuse(asked, why),
+                }
             }
-        };
-        if let Err(e) = outcome {
-            tracing::warn!("cannot answer {:?}: {e}", request.query);
+            Query::EpisodeStart => match decode(&payload) {
+                Ok(request) => self.errand = Some(Errand::Start { asked, request }),
+                Err(why) => self.refuse(asked, why),
+            },
+            Query::EpisodeStop => match self.end(&payload) {
+                Ok(discard) => {
+                    let asked = Some(asked);
+                    self.errand = Some(Errand::Stop { asked, discard });
+                }
+                Err(why) => self.refuse(asked, why),
+            },
+            _ => {
+                let answer = self.made_at_once(query, &payload);
+                self.reply(asked, answer);
+            }
         }
     }
 
-    fn stamp(&self) -> v1::Header {
+    /// Hands an answer over; the transport never holds this thread up.
+    pub(super) fn reply(
+        &self,
+        asked: zenoh::query::Query,
+        answer: Result<impl Into<Bytes>, String>,
+    ) {
+        match answer {
+            Ok(bytes) => self
+                .shared
+                .replies
+                .answer(asked, self.stamp(), bytes.into()),
+            Err(why) => self.refuse(asked, why),
+        }
+    }
+
+    pub(super) fn refuse(&self, asked: zenoh::query::Query, why: String) {
+        self.shared.replies.refuse(asked, self.stamp(), why);
+    }
+
+    /// The scenario that a reset asks for, every field of it checked.
+    fn wanted(&self, payload: &[u8]) -> Result<(Scenario, Bytes), String> {
+        let request: v1::ResetRequest = decode(payload)?;
+        self.may(
+            "a reset takes its world away",
+            request.force,
+            &request.secret,
+        )?;
+        let asked = request.scenario.unwrap_or_default();
+        let scenario = convert::scenario_over(self.sim.scenario(), &asked);
+        Ok((scenario.map_err(|e| e.to_string())?, request.snapshot))
+    }
+
+    fn end(&self, payload: &[u8]) -> Result<bool, String> {
+        let request: v1::EpisodeStopRequest = decode(payload)?;
+        if request.discard {
+            let what = "a discarded episode is lost";
+            self.may(what, request.force, &request.secret)?;
+        }
+        Ok(request.discard)
+    }
+
+    /// What cannot be undone is refused while somebody else is in control,
+    /// unless it is insisted on. This keeps accidents out, not attackers.
+    fn may(&self, what: &str, force: bool, secret: &str) -> Result<(), String> {
+        let inbox = lock(&self.shared.inbox);
+        let lease = inbox.lease();
+        match lease.holder() {
+            Some(holder) if !force && !lease.knows(secret) => Err(format!(
+                "{:?} is in control, for {} s now, and {what}; wait until it gives control back, \
+                 or insist with `force` (on the command line: --force)",
+                holder.life.name,
+                holder.since.elapsed().as_secs()
+            )),
+            _ => Ok(()),
+        }
+    }
+
+    pub(super) fn stamp(&self) -> v1::Header {
         self.shared
             .outbox
             .header(self.episode_number(), self.sim.snapshot().tick)
     }
 
-    fn reply(&mut self, query: Query, payload: &[u8]) -> Result<Vec<u8>, String> {
+    fn made_at_once(&mut self, query: Query, payload: &[u8]) -> Result<Bytes, String> {
         Ok(match query {
-            Query::Status => self.status().encode_to_vec(),
-            Query::Scene => self.scene().encode_to_vec(),
-            Query::Tasks => self.tasks()?.encode_to_vec(),
-            Query::Lease => self.lease(decode(payload)?)?.encode_to_vec(),
-            Query::Reach => self.reach(decode(payload)?)?.encode_to_vec(),
-            Query::Reset => {
-                let request: v1::ResetRequest = decode(payload)?;
-                let asked = request.scenario.unwrap_or_default();
-                let now = self.sim.scenario();
-                let scenario = convert::scenario_over(now, &asked).map_err(|e| e.to_string())?;
-                self.reset(scenario, &request.snapshot)?;
-                let scenario = Some(convert::scenario(self.sim.scenario()));
-                v1::ResetReply {
-                    header: Some(self.stamp()),
-                    scenario,
-                }
-                .encode_to_vec()
-            }
+            Query::Status => self.status().encode_to_vec().into(),
+            Query::Reach => self.reach(decode(payload)?)?.encode_to_vec().into(),
             Query::Pause | Query::Resume => {
                 self.paused = query == Query::Pause;
                 self.pace.restart();
@@ -79,28 +140,25 @@ impl Engine {
                 );
                 self.ack()
             }
-            Query::EpisodeStart => self.start_episode(decode(payload)?)?.encode_to_vec(),
-            Query::EpisodeStop => {
-                let request: v1::EpisodeStopRequest = decode(payload)?;
-                let stopped = self.stop_episode(request.discard);
-                stopped.ok_or("no episode is running")?.encode_to_vec()
-            }
-            Query::Episode => self.episode_state().encode_to_vec(),
-            Query::Snapshot => self.snapshot()?.encode_to_vec(),
+            Query::Episode => self.episode_state().encode_to_vec().into(),
+            Query::Snapshot => self.snapshot()?,
             Query::Shutdown => {
+                // Whatever else it holds, a request to end is one.
+                let request = v1::ShutdownRequest::decode(payload).unwrap_or_default();
+                self.may("the server would end", request.force, &request.secret)?;
                 self.shared
                     .stop
                     .store(true, std::sync::atomic::Ordering::Release);
                 self.ack()
             }
+            // The others are answered elsewhere.
+            _ => self.ack(),
         })
     }
 
-    fn ack(&self) -> Vec<u8> {
-        v1::Ack {
-            header: Some(self.stamp()),
-        }
-        .encode_to_vec()
+    fn ack(&self) -> Bytes {
+        let header = Some(self.stamp());
+        v1::Ack { header }.encode_to_vec().into()
     }
 
     fn episode_state(&self) -> v1::EpisodeState {
@@ -114,7 +172,7 @@ impl Engine {
     fn status(&self) -> v1::Status {
         let mut evaluation = convert::evaluation(self.sim.evaluation());
         evaluation.header = Some(self.stamp());
-        let held = self.held();
+        let held = leases::held(lock(&self.shared.inbox).lease());
         v1::Status {
             header: Some(self.stamp()),
             version: env!("CARGO_PKG_VERSION").to_owned(),
@@ -137,53 +195,41 @@ impl Engine {
         }
     }
 
-    /// Who holds control.
-    fn held(&self) -> v1::LeaseReply {
-        let inbox = lock(&self.shared.inbox);
-        let holder = inbox.lease().holder();
-        v1::LeaseReply {
-            header: Some(self.stamp()),
-            holder: holder.map(|h| h.life.name.clone()).unwrap_or_default(),
-            held_seconds: holder.map_or(0.0, |h| h.since.elapsed().as_secs_f64()),
-        }
+    /// The scene is described once; its message is written on another thread.
+    fn answer_scene(&mut self, asked: zenoh::query::Query) {
+        let scene = match &self.made.scene {
+            Some(scene) => Arc::clone(scene),
+            None => {
+                let scene = Arc::new(self.scene());
+                self.made.scene = Some(Arc::clone(&scene));
+                scene
+            }
+        };
+        let stamp = self.stamp();
+        let header = Some(stamp.clone());
+        self.shared.replies.answer_later(asked, stamp, move || {
+            let reply = v1::SceneReply {
+                header,
+                ..scene.as_ref().clone()
+            };
+            Ok(reply.encode_to_vec().into())
+        });
     }
 
-    fn lease(&mut self, request: v1::LeaseRequest) -> Result<v1::LeaseReply, String> {
-        let name = request.commander;
-        let run_id = request.header.unwrap_or_default().run_id;
-        for word in [&name, &run_id] {
-            keys::check_name(word).map_err(|_| {
-                format!(
-                    "commander and run id must be 1 to 64 letters, digits, `-` or `_`, not {:?}",
-                    word.chars().take(80).collect::<String>()
-                )
-            })?;
-        }
-        let life = Life {
-            name: name.clone(),
-            run_id,
-        };
-        if request.release {
-            if lock(&self.shared.inbox).release(&life) {
-                self.event("control", &format!("{name:?} gave control back"));
-            }
-            return Ok(self.held());
-        }
-        let granted = lock(&self.shared.inbox).ask(life, request.take, Instant::now())?;
-        match granted {
-            Granted::Already => {}
-            Granted::Free => self.event("control", &format!("{name:?} is in control")),
-            Granted::From(former) => {
-                self.event("control", &format!("{name:?} took control from {former:?}"));
-            }
-            Granted::Unseen => {
-                return Ok(v1::LeaseReply {
-                    header: Some(self.stamp()),
-                    ..Default::default()
-                });
-            }
-        }
-        Ok(self.held())
+    /// The tasks are read when they are first asked for, on another thread.
+    fn answer_tasks(&self, asked: zenoh::query::Query) {
+        let (shared, assets) = (Arc::clone(&self.shared), self.sim.assets().to_owned());
+        let stamp = self.stamp();
+        let header = Some(stamp.clone());
+        self.shared.replies.answer_later(asked, stamp, move || {
+            let mut known = lock(&shared.tasks);
+            let tasks = match &*known {
+                Some(tasks) => tasks.clone(),
+                None => known.insert(task_list(&assets)?).clone(),
+            };
+            drop(known);
+            Ok(v1::TaskList { header, tasks }.encode_to_vec().into())
+        });
     }
 
     fn scene(&self) -> v1::SceneReply {
@@ -240,24 +286,6 @@ impl Engine {
             .unwrap_or_default()
     }
 
-    fn tasks(&self) -> Result<v1::TaskList, String> {
-        let tasks = tasks::list(self.sim.assets()).map_err(|e| e.to_string())?;
-        let tasks = tasks
-            .into_iter()
-            .map(|t| v1::TaskInfo {
-                predicates: t.conditions.iter().map(|c| c.predicate.label()).collect(),
-                name: t.name,
-                activity: t.activity,
-                area: t.area,
-                instructions: t.instructions,
-            })
-            .collect();
-        Ok(v1::TaskList {
-            header: Some(self.stamp()),
-            tasks,
-        })
-    }
-
     fn reach(&self, request: v1::ReachRequest) -> Result<v1::ReachReply, String> {
         let pose = convert::isometry("pose", request.pose.as_ref()).map_err(|e| e.to_string())?;
         let joints = self.sim.recorded_joints();
@@ -290,15 +318,38 @@ impl Engine {
         })
     }
 
-    fn snapshot(&self) -> Result<v1::SnapshotReply, String> {
+    /// Megabytes that many may ask for: written once in an episode.
+    fn snapshot(&mut self) -> Result<Bytes, String> {
         let episode = self.episode.as_ref().ok_or("no episode is running")?;
-        Ok(v1::SnapshotReply {
+        if let Some((number, bytes)) = &self.made.snapshot
+            && *number == episode.number
+        {
+            return Ok(bytes.clone());
+        }
+        let reply = v1::SnapshotReply {
             header: episode.started.header.clone(),
             snapshot: episode.snapshot.clone(),
             assets: self.asset_texts.clone(),
             instances: self.instances(),
-        })
+        };
+        let bytes = Bytes::from(reply.encode_to_vec());
+        self.made.snapshot = Some((episode.number, bytes.clone()));
+        Ok(bytes)
     }
+}
+
+fn task_list(assets: &std::path::Path) -> Result<Vec<v1::TaskInfo>, String> {
+    let tasks = tasks::list(assets).map_err(|e| e.to_string())?;
+    Ok(tasks
+        .into_iter()
+        .map(|t| v1::TaskInfo {
+            predicates: t.conditions.iter().map(|c| c.predicate.label()).collect(),
+            name: t.name,
+            activity: t.activity,
+            area: t.area,
+            instructions: t.instructions,
+        })
+        .collect())
 }
 
 /// The texts of all asset files of a simulation, read when it is set up.

@@ -50,6 +50,12 @@ pub fn twist(linear: &Vector3<f64>, angular: &Vector3<f64>) -> v1::Twist {
     }
 }
 
+/// A checked place in or about a home; bits are kept as in [`isometry`].
+pub fn place(what: &'static str, p: Option<&v1::Pose>) -> Result<Isometry3<f64>, Invalid> {
+    check::place(what, p)?;
+    isometry(what, p)
+}
+
 /// A checked pose; bits are kept where the quaternion is already of unit length.
 pub fn isometry(what: &'static str, p: Option<&v1::Pose>) -> Result<Isometry3<f64>, Invalid> {
     let ([x, y, z], [i, j, k, w]) = check::pose(what, p)?;
@@ -338,12 +344,40 @@ pub fn scenario(s: &Scenario) -> v1::Scenario {
     }
 }
 
+/// Most cameras, objects and slides that a scenario may name.
+const MOST: [usize; 3] = [16, 256, 256];
+
+/// Checks the lengths of all that a scenario message names.
+fn bounded(asked: &v1::Scenario) -> Result<(), Invalid> {
+    check::few("cameras", &asked.cameras, MOST[0])?;
+    check::few("objects", &asked.objects, MOST[1])?;
+    check::few("slides", &asked.slides, MOST[2])?;
+    check::instruction(&asked.instruction)?;
+    let given = [
+        ("scene name", &asked.scene),
+        ("task name", &asked.task),
+        ("robot name", &asked.robot),
+        ("target", &asked.target),
+    ];
+    for (what, name) in given.into_iter().filter(|(_, name)| !name.is_empty()) {
+        check::name(what, name)?;
+    }
+    let cameras = asked.cameras.iter().map(|c| ("camera name", &c.name));
+    let objects = asked.objects.iter().map(|o| ("object name", &o.name));
+    let slides = asked.slides.iter().map(|s| ("slide name", &s.joint));
+    for (what, name) in cameras.chain(objects).chain(slides) {
+        check::name(what, name)?;
+    }
+    Ok(())
+}
+
 /// Applies a scenario message over the scenario in force: empty fields keep
 /// their values, except that a new task, scene or seed draws anew.
 ///
 /// # Errors
 /// [`Invalid`] that names the field.
 pub fn scenario_over(now: &Scenario, asked: &v1::Scenario) -> Result<Scenario, Invalid> {
+    bounded(asked)?;
     let mut s = now.clone();
     let pacing = scenario(now).pacing;
     if asked.pacing != 0 && asked.pacing != pacing {
@@ -401,7 +435,7 @@ pub fn scenario_over(now: &Scenario, asked: &v1::Scenario) -> Result<Scenario, I
     s.start = asked
         .start
         .as_ref()
-        .map(|p| isometry("start", Some(p)))
+        .map(|p| place("start", Some(p)))
         .transpose()?;
     s.objects = asked
         .objects
@@ -410,7 +444,7 @@ pub fn scenario_over(now: &Scenario, asked: &v1::Scenario) -> Result<Scenario, I
             Ok((
                 o.name.clone(),
                 Placement {
-                    pose: isometry("object pose", o.pose.as_ref())?,
+                    pose: place("object pose", o.pose.as_ref())?,
                     mass: check::within("object mass", o.mass, 1e-4, 1e3)?,
                     friction: check::within("object friction", o.friction, 0.0, 10.0)?,
                 },

@@ -3,19 +3,19 @@
 use std::collections::{BTreeMap, VecDeque};
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
-use std::sync::mpsc::Receiver;
 use std::time::{Duration, Instant};
 
 use wheelarm_proto::keys::Query;
 use wheelarm_proto::{check, names, v1};
 
 use super::episode::{Episode, Stage};
+use super::errand::Errand;
 use super::inbox::Listening;
 use super::pace::Pace;
 use super::render::RenderThread;
 use super::waiting::Waiting;
 use super::{Options, ServiceError, Shared, answer, convert, lock, publish};
-use crate::sim::{Pacing, Scenario, Simulation};
+use crate::sim::{Pacing, Simulation};
 use crate::snapshot::{Anomaly, BodyRef, Contact, Snapshot};
 
 /// Pictures that may be published beyond what the slowest recorder accepted.
@@ -34,6 +34,10 @@ const FAREWELL_SECS: u64 = 10;
 /// Ended episodes whose manifests are kept for recorders that ask late.
 const ENDED_EPISODES: usize = 8;
 
+/// Time for queries before each control tick. While a tick is not due they have
+/// all of it; a flood waits its turn and never holds physics up.
+const QUERIES: Duration = Duration::from_millis(2);
+
 /// Longest sleep of the loop, so that a lost wake-up costs little.
 const NAP: Duration = Duration::from_millis(50);
 
@@ -49,7 +53,8 @@ pub struct Request {
 pub struct Engine {
     pub(super) sim: Simulation,
     pub(super) shared: Arc<Shared>,
-    queue: Receiver<Request>,
+    /// An act that takes long.
+    pub(super) errand: Option<Errand>,
     pub(super) options: Options,
     pub(super) render: Option<RenderThread>,
     pub(super) episode: Option<Episode>,
@@ -65,6 +70,8 @@ pub struct Engine {
     seen_collisions: Vec<(BodyRef, BodyRef)>,
     /// Asset files as they were when the simulation was set up.
     pub(super) asset_texts: Vec<v1::AssetText>,
+    /// Answers that stay the same, made once.
+    pub(super) made: answer::Made,
 }
 
 impl Engine {
@@ -75,7 +82,6 @@ impl Engine {
     pub fn new(
         sim: Simulation,
         shared: Arc<Shared>,
-        queue: Receiver<Request>,
         options: Options,
     ) -> Result<Self, ServiceError> {
         let asset_texts = answer::asset_texts(&sim).map_err(ServiceError::Assets)?;
@@ -84,7 +90,7 @@ impl Engine {
             pace: Pace::new(sim.scenario().pacing),
             sim,
             shared,
-            queue,
+            errand: None,
             options,
             render: None,
             episode: None,
@@ -95,13 +101,14 @@ impl Engine {
             ended: VecDeque::new(),
             seen_anomalies: Vec::new(),
             seen_collisions: Vec::new(),
+            made: answer::Made::default(),
         };
         engine.start_cameras()?;
         engine.listen(Listening::default());
         Ok(engine)
     }
 
-    fn start_cameras(&mut self) -> Result<(), ServiceError> {
+    pub(super) fn start_cameras(&mut self) -> Result<(), ServiceError> {
         self.render = None;
         let wanted = self.wanted_cameras();
         if !wanted.is_empty() {
@@ -150,22 +157,45 @@ impl Engine {
     pub fn run(mut self) {
         self.publish_state();
         while !self.shared.stop.load(Ordering::Acquire) {
-            while let Ok(request) = self.queue.try_recv() {
-                self.answer(request);
-            }
+            self.proceed();
+            self.answer_some();
             self.publish_refusals();
-            self.publish_vanished();
+            self.publish_tidings();
             let next = self.next();
             self.tell_of_waiting();
             match next {
                 Next::Step => self.step(),
-                Next::Wait(how_long) => self.shared.signal.wait(how_long.min(NAP)),
+                Next::Wait(how_long) if !self.may_answer() => {
+                    self.shared.signal.wait(how_long.min(NAP));
+                }
+                // There is time for the next queries.
+                Next::Wait(_) => {}
             }
         }
         if let Some(episode) = &self.episode {
             let (number, participants) = (episode.number, episode.participants.clone());
+            if let Some(render) = &self.render {
+                render.drain();
+            }
             self.stop_episode(false);
             self.wait_for_files(number, &participants);
+        }
+    }
+
+    /// Whether a query waits that could be answered now.
+    fn may_answer(&self) -> bool {
+        self.shared.replies.has_room() && self.shared.desk.is_waiting(self.errand.is_none())
+    }
+
+    /// Answers queries, in order, for as long as one turn may take.
+    fn answer_some(&mut self) {
+        let since = Instant::now();
+        while self.may_answer() && since.elapsed() < QUERIES {
+            let Some(request) = self.shared.desk.next(self.errand.is_none()) else {
+                return;
+            };
+            self.answer(request);
+            self.proceed();
         }
     }
 
@@ -174,7 +204,7 @@ impl Engine {
         let since = Instant::now();
         while since.elapsed() < Duration::from_secs(FAREWELL_SECS) {
             // They ask for the manifest.
-            while let Ok(request) = self.queue.try_recv() {
+            while let Some(request) = self.shared.desk.next(false) {
                 self.answer(request);
             }
             let mut recorders = lock(&self.shared.recorders);
@@ -193,6 +223,10 @@ impl Engine {
         self.waiting_for.clear();
         if let Some(failure) = self.render.as_ref().and_then(RenderThread::failure) {
             self.waiting_for = format!("the cameras, which failed: {failure}");
+            return Next::Wait(NAP);
+        }
+        if let Some(what) = self.errand.as_ref().and_then(Errand::holds_up) {
+            what.clone_into(&mut self.waiting_for);
             return Next::Wait(NAP);
         }
         // Waiting here and not in the queue, it goes on answering.
@@ -273,7 +307,7 @@ impl Engine {
         if !failed.is_empty() || too_long {
             let text = format!("episode ended before it began, {text}");
             self.event("note", &text);
-            self.stop_episode(true);
+            self.end_episode(true);
         }
         self.waiting_for = text;
         Next::Wait(NAP)
@@ -324,6 +358,8 @@ impl Engine {
     }
 
     fn publish_state(&self) {
+        let tick = self.sim.snapshot().tick;
+        self.shared.stamp_is(self.episode_number(), tick);
         let inbox = lock(&self.shared.inbox);
         let (phase, name) = inbox.phase();
         let phase = (phase, name.to_owned());
@@ -401,7 +437,18 @@ impl Engine {
         }
     }
 
+    /// Ends the running episode as soon as its last pictures are out.
+    pub(super) fn end_episode(&mut self, discard: bool) {
+        if !matches!(self.errand, Some(Errand::Stop { .. })) {
+            self.errand = Some(Errand::Stop {
+                asked: None,
+                discard,
+            });
+        }
+    }
+
     /// Announces an episode; simulation time goes on when its recorders are ready.
+    /// What the cameras drew before it is out.
     pub(super) fn start_episode(
         &mut self,
         request: v1::EpisodeStartRequest,
@@ -415,6 +462,13 @@ impl Engine {
         let lock_step = self.sim.scenario().pacing == Pacing::LockStep;
         if lock_step {
             self.check_commander(&request.commander)?;
+        } else if request.replay {
+            return Err(
+                "`replay` switches off the rule that stops the chair when its commander falls \
+                 silent: it is for lock-step, where time waits for every command; start a server \
+                 with --pacing lock-step"
+                    .to_owned(),
+            );
         }
         // In lock-step time waits for every recorder that is there.
         let required = match lock_step {
@@ -467,9 +521,6 @@ impl Engine {
                 .collect(),
             physics_version: wheelarm_proto::PHYSICS_VERSION,
         };
-        if let Some(render) = &self.render {
-            render.drain();
-        }
         self.episode = Some(Episode {
             number,
             started: started.clone(),
@@ -504,17 +555,16 @@ impl Engine {
             )),
             None => Err(
                 "in lock-step the simulation waits for one commander, and nobody holds control: \
-                 ask for it first (query `lease`)"
+                 ask for it first (query `lease`), or hold it from another terminal with \
+                 `wheelarm lease hold`"
                     .to_owned(),
             ),
         }
     }
 
-    /// Closes the running episode and publishes its manifest.
+    /// Closes the running episode, whose pictures are all out, and publishes its
+    /// manifest.
     pub(super) fn stop_episode(&mut self, discard: bool) -> Option<v1::EpisodeStopped> {
-        if let Some(render) = &self.render {
-            render.drain();
-        }
         let episode = self.episode.take()?;
         let tick = self.sim.snapshot().tick;
         let mut manifest = self
@@ -548,43 +598,14 @@ impl Engine {
         Some(stopped)
     }
 
-    /// Replaces the simulation.
-    pub(super) fn reset(&mut self, scenario: Scenario, snapshot: &[u8]) -> Result<(), String> {
-        if self.episode.is_some() {
-            return Err("an episode is running; stop it before a reset".to_owned());
-        }
-        let drawing = self.render.as_ref().is_none_or(|r| r.failure().is_none());
-        let same_cameras = drawing
-            && scenario.cameras == self.sim.scenario().cameras
-            && scenario.scene == self.sim.scenario().scene
-            && scenario.robot == self.sim.scenario().robot
-            && scenario.task == self.sim.scenario().task
-            && scenario.quality == self.sim.scenario().quality;
-        let assets = self.sim.assets().to_owned();
-        let mut sim = Simulation::new(&assets, scenario).map_err(|e| e.to_string())?;
-        if !snapshot.is_empty() {
-            sim.restore(snapshot).map_err(|e| e.to_string())?;
-        }
-        let asset_texts = answer::asset_texts(&sim)?;
-        let names = |sim: &Simulation| -> Vec<String> {
-            let objects = sim.scene().objects.iter();
-            objects.map(|o| o.name.clone()).collect()
-        };
-        let same_cameras = same_cameras && names(&sim) == names(&self.sim);
-        let before = std::mem::replace(&mut self.sim, sim);
-        if !same_cameras && let Err(e) = self.start_cameras() {
-            self.sim = before;
-            self.start_cameras()
-                .map_err(|again| format!("{e}; then {again}"))?;
-            return Err(e.to_string());
-        }
-        self.asset_texts = asset_texts;
+    /// Begins anew with the simulation that was just put in place.
+    pub(super) fn renew(&mut self) {
         lock(&self.shared.inbox).renew(Listening::default(), self.sim.snapshot().tick);
         self.seen_anomalies.clear();
         self.seen_collisions.clear();
+        self.made = answer::Made::default();
         self.pace.restart();
         self.publish_state();
-        Ok(())
     }
 }
 

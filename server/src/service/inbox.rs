@@ -11,9 +11,9 @@ mod rate;
 use std::collections::BTreeMap;
 use std::time::Instant;
 
-use wheelarm_proto::{Message, PHYSICS_HZ, TICKS_PER_CONTROL, check, v1};
+use wheelarm_proto::{Message, PHYSICS_HZ, TICKS_PER_CONTROL, check, seal, v1};
 
-pub use self::lease::{Granted, Lease, Life};
+pub use self::lease::{Asked, Granted, Lease, Life};
 pub use self::rate::Bucket;
 use super::convert;
 use crate::robot::control::{ArmIntent, BaseIntent, ControlInput, GripperMap};
@@ -32,8 +32,12 @@ const MAX_AHEAD: u64 = 8;
 /// make sense, ticks: 1 s. A link that was frozen delivers what it held back.
 const MAX_AGE: u64 = 240;
 
-/// Largest command message, bytes.
-const MAX_BYTES: usize = 64 * 1024;
+/// Largest command message, bytes: several times the largest that makes sense.
+pub const MAX_BYTES: usize = 4096;
+
+/// How far a sequence number may jump. Commands get lost, but not a million: a
+/// number far ahead would lock out whoever counts on.
+const MAX_JUMP: u64 = 1_000_000;
 
 /// A chair that is braked.
 const REST: BaseIntent = BaseIntent {
@@ -152,26 +156,21 @@ impl Inbox {
         &self.lease
     }
 
-    /// A commander's token appeared.
-    pub fn appeared(&mut self, life: Life) {
-        self.lease.appeared(life);
-    }
-
     /// A commander's token vanished; true when control ended with it.
     pub fn vanished(&mut self, life: &Life) -> bool {
-        let ended = self.lease.vanished(life);
+        let ended = self.lease.end(life);
         if ended {
             self.end_control();
         }
         ended
     }
 
-    /// Asks for control, or takes it.
+    /// Asks for control, or takes it. Who asks has a token that stands.
     ///
     /// # Errors
     /// Who has it, and how to get it.
-    pub fn ask(&mut self, life: Life, take: bool, now: Instant) -> Result<Granted, String> {
-        let granted = self.lease.ask(life, take, now)?;
+    pub fn ask(&mut self, life: Life, asked: &Asked, now: Instant) -> Result<Granted, String> {
+        let granted = self.lease.ask(life, asked, now)?;
         if matches!(granted, Granted::From(_)) {
             self.end_control();
         }
@@ -179,12 +178,15 @@ impl Inbox {
     }
 
     /// Gives control back; true when `life` had it.
-    pub fn release(&mut self, life: &Life) -> bool {
-        let ended = self.lease.release(life);
+    ///
+    /// # Errors
+    /// When `secret` is not the lease's.
+    pub fn release(&mut self, life: &Life, secret: &str) -> Result<bool, String> {
+        let ended = self.lease.release(life, secret)?;
         if ended {
             self.end_control();
         }
-        ended
+        Ok(ended)
     }
 
     /// The chair brakes and the arm holds until somebody commands them.
@@ -211,6 +213,12 @@ impl Inbox {
         (self.phase.0, &self.phase.1)
     }
 
+    /// Refuses a message by its length, before it is copied or read.
+    pub fn refuse_long(&mut self, bytes: usize) -> Refused {
+        self.refused += 1;
+        too_long(bytes)
+    }
+
     /// Takes a message from the network at `now`, wall time in seconds.
     ///
     /// # Errors
@@ -224,16 +232,8 @@ impl Inbox {
     }
 
     fn try_accept(&mut self, bytes: &[u8], now: f64) -> Result<(), Refused> {
-        let nobody = |reason| Refused {
-            commander: String::new(),
-            sequence: 0,
-            reason,
-        };
         if bytes.len() > MAX_BYTES {
-            return Err(nobody(format!(
-                "command has {} bytes, at most {MAX_BYTES} are taken",
-                bytes.len()
-            )));
+            return Err(too_long(bytes.len()));
         }
         let command = v1::Command::decode(bytes)
             .map_err(|e| nobody(format!("not a wheelarm.v1.Command: {e}")))?;
@@ -246,7 +246,7 @@ impl Inbox {
         wheelarm_proto::keys::check_name(&command.commander).map_err(|_| {
             refuse("commander must be 1 to 64 letters, digits, `-` or `_`".to_owned())
         })?;
-        self.check_control(&command.commander, &header.run_id)
+        self.check_control(&command.commander, &header.run_id, bytes)
             .map_err(refuse)?;
         if !self.listening.lock_step && !self.rate.take(now) {
             return Err(refuse(format!(
@@ -277,14 +277,8 @@ impl Inbox {
                 return Err(refuse(format!("more than {MAX_AHEAD} commands ahead")));
             }
         }
-        if !self.listening.lock_step && command.answers_tick > 0 {
-            let age = self.next_tick.saturating_sub(command.answers_tick);
-            if age > MAX_AGE {
-                return Err(refuse(format!(
-                    "command answers a state that is {:.2} s old, at most 1 s is taken",
-                    age as f64 / PHYSICS_HZ as f64
-                )));
-            }
+        if !self.listening.lock_step {
+            self.check_age(&command).map_err(refuse)?;
         }
         self.check_sequence(header.sequence).map_err(refuse)?;
         if self.listening.lock_step {
@@ -300,18 +294,65 @@ impl Inbox {
         Ok(())
     }
 
-    fn check_control(&self, name: &str, run_id: &str) -> Result<(), String> {
-        match self.lease.holder().map(|h| &h.life) {
-            Some(life) if life.name == name && life.run_id == run_id => Ok(()),
-            Some(life) if life.name == name => Err(format!(
-                "control is held by another process that is named {name:?} too"
-            )),
-            Some(life) => Err(format!(
+    fn check_control(&self, name: &str, run_id: &str, bytes: &[u8]) -> Result<(), String> {
+        let Some(holder) = self.lease.holder() else {
+            return Err("nobody holds control; ask for control first (query `lease`)".to_owned());
+        };
+        let life = &holder.life;
+        if life.name != name {
+            return Err(format!(
                 "control is held by {:?}; take it over with the query `lease`",
                 life.name
-            )),
-            None => Err("nobody holds control; ask for control first (query `lease`)".to_owned()),
+            ));
         }
+        if life.run_id != run_id {
+            return Err(format!(
+                "control is held by another process that is named {name:?} too"
+            ));
+        }
+        if holder.sealed && !seal::holds(bytes, &holder.secret) {
+            return Err(format!(
+                "{name:?} seals its commands, and this one has no seal or a wrong one: somebody \
+                 else sends in its name"
+            ));
+        }
+        Ok(())
+    }
+
+    /// Refuses what comes too late to make sense. What only stops is taken at
+    /// any age; what drives must say which state it answers.
+    fn check_age(&self, command: &v1::Command) -> Result<(), String> {
+        let tick = command.answers_tick;
+        if check::stops(command) {
+            return Ok(());
+        }
+        // The newest state that anybody can have seen.
+        let newest = self.next_tick.saturating_add(TICKS_PER_CONTROL);
+        if tick > newest {
+            return Err(format!(
+                "command answers tick {tick}, which the simulation has not reached (it is at {})",
+                self.next_tick
+            ));
+        }
+        if tick == 0 {
+            // Tick 0 itself can be answered while it is new.
+            if check::drives(command) && self.next_tick > TICKS_PER_CONTROL {
+                return Err(
+                    "answers_tick is 0: a command that drives the chair or gives the arm a twist \
+                     says which state it answers; set it to header.tick of the newest `clock`"
+                        .to_owned(),
+                );
+            }
+            return Ok(());
+        }
+        let age = self.next_tick.saturating_sub(tick);
+        if age > MAX_AGE {
+            return Err(format!(
+                "command answers a state that is {:.2} s old, at most 1 s is taken",
+                age as f64 / PHYSICS_HZ as f64
+            ));
+        }
+        Ok(())
     }
 
     fn check_sequence(&mut self, sequence: u64) -> Result<(), String> {
@@ -322,7 +363,16 @@ impl Inbox {
             && sequence <= last
         {
             return Err(format!(
-                "sequence number {sequence} is not newer than {last} (old, repeated or reordered)"
+                "sequence number {sequence} is not newer than {last} (old, repeated or reordered); \
+                 asking for control again starts the numbers anew"
+            ));
+        }
+        if let Some(last) = holder.last_sequence
+            && sequence - last > MAX_JUMP
+        {
+            return Err(format!(
+                "sequence number {sequence} jumps by more than {MAX_JUMP} from {last}; count up \
+                 by one per command"
             ));
         }
         holder.last_sequence = Some(sequence);
@@ -405,6 +455,20 @@ impl Inbox {
             taken.stale = true;
         }
     }
+}
+
+fn nobody(reason: String) -> Refused {
+    Refused {
+        commander: String::new(),
+        sequence: 0,
+        reason,
+    }
+}
+
+fn too_long(bytes: usize) -> Refused {
+    nobody(format!(
+        "command has {bytes} bytes, at most {MAX_BYTES} are taken"
+    ))
 }
 
 #[cfg(test)]

@@ -6,9 +6,12 @@
 
 mod answer;
 pub mod convert;
+mod desk;
 mod engine;
 mod episode;
+mod errand;
 pub mod inbox;
+mod leases;
 mod outbox;
 mod pace;
 mod preview;
@@ -16,26 +19,30 @@ mod publish;
 mod recorders;
 mod refusals;
 mod render;
+mod replies;
 pub mod session;
 mod signal;
 mod tell;
 mod waiting;
 
 use std::future::Future;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError, mpsc};
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use wheelarm_proto::keys::{self, Keys, Query};
 use wheelarm_proto::{Message, v1};
 use zenoh::sample::SampleKind;
 use zenoh::{Session, Wait};
 
+use self::desk::{Desk, Lane};
 use self::engine::{Engine, Request};
 use self::inbox::{Inbox, Life};
+use self::leases::Leases;
 use self::outbox::Outbox;
 use self::recorders::Recorders;
 use self::refusals::Refusals;
+use self::replies::Replies;
 use self::signal::Signal;
 use crate::robot::control::GripperMap;
 use crate::sensors::camera::RenderError;
@@ -87,7 +94,14 @@ struct Shared {
     inbox: Mutex<Inbox>,
     refusals: Mutex<Refusals>,
     /// What happened to the lease, in words, until the engine tells it.
-    vanished: Mutex<Vec<String>>,
+    tidings: Mutex<Vec<String>>,
+    /// Queries that wait for the simulation thread.
+    desk: Desk<Request>,
+    replies: Replies,
+    /// The tasks of the assets, once they were asked for.
+    tasks: Mutex<Option<Vec<v1::TaskInfo>>>,
+    /// Newest episode and tick, for who answers beside the simulation thread.
+    newest: [AtomicU64; 2],
     recorders: Mutex<Recorders>,
     signal: Arc<Signal>,
     run_id: String,
@@ -121,33 +135,23 @@ pub async fn run(
         outbox: Arc::new(Outbox::new(session.clone(), keys.clone(), run_id.clone())),
         inbox: Mutex::new(Inbox::new(GripperMap::new(sim.model()))),
         refusals: Mutex::default(),
-        vanished: Mutex::default(),
+        tidings: Mutex::default(),
+        desk: Desk::default(),
+        replies: Replies::default(),
+        tasks: Mutex::default(),
+        newest: Default::default(),
         recorders: Mutex::default(),
         signal: Arc::default(),
         run_id,
         started: Instant::now(),
         stop: AtomicBool::new(false),
     });
-    let (requests, queue) = mpsc::sync_channel(256);
-    let engine = Engine::new(sim, Arc::clone(&shared), queue, options)?;
+    let engine = Engine::new(sim, Arc::clone(&shared), options)?;
     let _commands = {
         let shared = Arc::clone(&shared);
         session
             .declare_subscriber(keys.command())
-            .callback(move |sample| shared.take_command(&sample.payload().to_bytes()))
-            .wait()?
-    };
-    let _commanders = {
-        let shared = Arc::clone(&shared);
-        session
-            .liveliness()
-            .declare_subscriber(keys.commander_alive("*", "*"))
-            .history(true)
-            .callback(move |sample| {
-                if let Some((name, run_id)) = Keys::commander_of(sample.key_expr().as_str()) {
-                    shared.commander(Life { name, run_id }, sample.kind());
-                }
-            })
+            .callback(move |sample| shared.take_command(sample.payload()))
             .wait()?
     };
     let _statuses = {
@@ -155,6 +159,9 @@ pub async fn run(
         session
             .declare_subscriber(keys.recorder("*"))
             .callback(move |sample| {
+                if sample.payload().len() > MAX_STATUS {
+                    return;
+                }
                 if let Ok(status) = v1::RecorderStatus::decode(&*sample.payload().to_bytes()) {
                     lock(&shared.recorders).update(status);
                     shared.signal.raise();
@@ -184,21 +191,20 @@ pub async fn run(
             })
             .wait()?
     };
+    let (asks, asked) = mpsc::sync_channel(LEASES);
+    Leases::start(session.clone(), keys.clone(), Arc::clone(&shared), asked)
+        .map_err(|e| ServiceError::Thread(format!("for leases cannot start: {e}")))?;
     let mut _queries = Vec::new();
     for query in Query::ALL {
-        let (requests, signal) = (requests.clone(), Arc::clone(&shared.signal));
+        let (shared, asks) = (Arc::clone(&shared), asks.clone());
         _queries.push(
             session
                 .declare_queryable(keys.query(query))
-                .callback(move |asked| {
-                    // A full queue drops the query: the client's time-out tells it.
-                    if requests.try_send(Request { query, asked }).is_ok() {
-                        signal.raise();
-                    }
-                })
+                .callback(move |asked| shared.take_query(Request { query, asked }, &asks))
                 .wait()?,
         );
     }
+    drop(asks);
     let _alive = session
         .liveliness()
         .declare_token(keys.alive(&session.zid().to_string()))
@@ -218,15 +224,37 @@ pub async fn run(
     }
     shared.stop.store(true, Ordering::Release);
     shared.signal.raise();
-    thread
-        .join()
-        .map_err(|_| ServiceError::Thread("panicked; please report it".to_owned()))
+    let joined = thread.join();
+    shared.replies.finish(LAST_ANSWERS);
+    joined.map_err(|_| ServiceError::Thread("panicked; please report it".to_owned()))
+}
+
+/// Largest status of a recorder, bytes: it holds a path and a sentence.
+const MAX_STATUS: usize = 16 << 10;
+
+/// Asks for control that may wait.
+const LEASES: usize = 64;
+
+/// How long the last answers may take when the server ends.
+const LAST_ANSWERS: Duration = Duration::from_secs(2);
+
+/// Largest request of a query, bytes. A reset may hold a snapshot, and the
+/// start of an episode an instruction.
+fn most_bytes(query: Query) -> usize {
+    match query {
+        Query::Reset => 4 << 20,
+        Query::EpisodeStart => 128 << 10,
+        _ => 4 << 10,
+    }
 }
 
 impl Shared {
-    fn take_command(&self, bytes: &[u8]) {
+    fn take_command(&self, payload: &zenoh::bytes::ZBytes) {
         let now = self.now();
-        let result = lock(&self.inbox).accept(bytes, now);
+        let result = match payload.len() {
+            long if long > inbox::MAX_BYTES => Err(lock(&self.inbox).refuse_long(long)),
+            _ => lock(&self.inbox).accept(&payload.to_bytes(), now),
+        };
         match result {
             // Lock-step waits for it, and real time takes its tick early. What is
             // refused wakes nobody: a flood must not keep the loop busy.
@@ -235,19 +263,58 @@ impl Shared {
         }
     }
 
-    /// A commander's token appeared or vanished.
-    fn commander(&self, life: Life, kind: SampleKind) {
-        match kind {
-            SampleKind::Put => lock(&self.inbox).appeared(life),
-            SampleKind::Delete => {
-                if lock(&self.inbox).vanished(&life) {
-                    let words =
-                        format!("{:?} vanished: the chair brakes, the arm holds", life.name);
-                    lock(&self.vanished).push(words);
-                    self.signal.raise();
-                }
+    /// Queues a query for whoever answers it. Nothing is copied here, and
+    /// nothing waits.
+    fn take_query(&self, request: Request, asks: &mpsc::SyncSender<zenoh::query::Query>) {
+        let Request { query, asked } = request;
+        let (bytes, most) = (asked.payload().map_or(0, |p| p.len()), most_bytes(query));
+        if bytes > most {
+            let why = format!(
+                "the request has {bytes} bytes, at most {most} are taken for `{}`",
+                query.name()
+            );
+            self.replies.turn_away(asked, self.stamp(), why);
+            return;
+        }
+        let full = match query {
+            Query::Lease => asks.try_send(asked).err().map(|e| match e {
+                mpsc::TrySendError::Full(asked) | mpsc::TrySendError::Disconnected(asked) => asked,
+            }),
+            _ => {
+                let put = self
+                    .desk
+                    .put(Lane::of(query), bytes, Request { query, asked });
+                put.err().map(|request| request.asked)
+            }
+        };
+        match full {
+            None => self.signal.raise(),
+            Some(asked) => {
+                let why = "too many queries wait to be answered; ask again in a moment";
+                self.replies.turn_away(asked, self.stamp(), why.to_owned());
             }
         }
+    }
+
+    /// A commander's token vanished; control may end with it.
+    fn gone(&self, life: &Life) {
+        if lock(&self.inbox).vanished(life) {
+            let words = format!("{:?} vanished: the chair brakes, the arm holds", life.name);
+            lock(&self.tidings).push(words);
+            self.signal.raise();
+        }
+    }
+
+    /// Notes where the simulation is.
+    fn stamp_is(&self, episode: u64, tick: u64) {
+        self.newest[0].store(episode, Ordering::Relaxed);
+        self.newest[1].store(tick, Ordering::Relaxed);
+    }
+
+    /// A header for answers that are given beside the simulation thread.
+    fn stamp(&self) -> v1::Header {
+        let [episode, tick] = [0, 1].map(|i| self.newest[i].load(Ordering::Relaxed));
+        self.outbox.header(episode, tick)
     }
 
     /// Wall time since the start, s.

@@ -26,7 +26,8 @@ pub(super) const AWAY: Duration = Duration::from_secs(5);
 /// How many recorders are remembered.
 const MAX_RECORDERS: usize = 64;
 
-/// How many liveliness tokens are known at once; more are not seen.
+/// How many liveliness tokens are known at once; those of recorders that never
+/// said a word make room for others.
 const MAX_ALIVE: usize = 256;
 
 /// How many episodes of each: the one at hand and those being made into files.
@@ -76,11 +77,18 @@ impl Recorders {
             return;
         }
         self.away.remove(name);
-        if self.alive.len() < MAX_ALIVE {
-            self.alive.insert(name.to_owned());
-        } else if !self.alive.contains(name) {
-            tracing::warn!("more than {MAX_ALIVE} recorders: {name} is not seen");
+        if self.alive.len() >= MAX_ALIVE && !self.alive.contains(name) {
+            // Tokens of those who never said a word make room.
+            let mut silent = self.alive.iter().filter(|n| !self.known.contains_key(*n));
+            match silent.next().cloned() {
+                Some(silent) => self.alive.remove(&silent),
+                None => {
+                    tracing::warn!("more than {MAX_ALIVE} recorders: {name} is not seen");
+                    return;
+                }
+            };
         }
+        self.alive.insert(name.to_owned());
     }
 
     /// Whether a recorder's connection has ended.
@@ -292,5 +300,9 @@ mod tests {
         recorders.came("not a name");
         assert_eq!(recorders.alive.len(), MAX_ALIVE);
         assert_eq!(recorders.ready("r", 1), ["real"]);
+        // Nor do their tokens keep a new one out.
+        recorders.came("late");
+        recorders.update(status("late", 1, 0));
+        assert_eq!(recorders.ready("r", 1), ["late", "real"]);
     }
 }

@@ -201,6 +201,12 @@ impl RenderThread {
         self.pending.load(Ordering::Acquire) > QUEUE
     }
 
+    /// Whether everything queued has been published, or nothing more will be.
+    #[must_use]
+    pub fn is_idle(&self) -> bool {
+        self.pending.load(Ordering::Acquire) == 0 || self.failure().is_some()
+    }
+
     /// Queues pictures; waits while the queue is full.
     pub fn draw(&self, snapshot: Arc<Snapshot>, cameras: Vec<usize>, episode: u64) {
         if let Some(jobs) = &self.jobs {

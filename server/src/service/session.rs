@@ -5,6 +5,10 @@ use zenoh::{Config, Session, Wait};
 
 use crate::sim::Pacing;
 
+/// Largest message that is put together: a picture of 4096 x 4096 pixels with
+/// colour, depth and ids, and room for the rest, bytes.
+const MAX_MESSAGE: usize = 4096 * 4096 * 8 + (1 << 20);
+
 /// Opens a session that listens on `listen` and connects to `connect`.
 ///
 /// The server is a Zenoh router, so that its clients also see each other.
@@ -41,6 +45,13 @@ pub fn open(
     // Connections that never say a word must not keep others out.
     set("transport/unicast/accept_pending", "500".to_owned())?;
     set("transport/unicast/accept_timeout", "5000".to_owned())?;
+    // Every callback looks at the length before anything is copied; this bounds
+    // what the transport itself puts together. Nothing larger than a picture of
+    // the greatest size passes through, from servers that this one is a router for.
+    set(
+        "transport/link/rx/max_message_size",
+        MAX_MESSAGE.to_string(),
+    )?;
     // Alone there is nobody to be heard of before the start.
     let alone = !multicast && connect.is_empty();
     let delay = if alone { "0" } else { "500" };

@@ -48,9 +48,9 @@ impl Engine {
         }
     }
 
-    pub(super) fn publish_vanished(&self) {
-        let vanished = std::mem::take(&mut *lock(&self.shared.vanished));
-        for words in vanished {
+    pub(super) fn publish_tidings(&self) {
+        let tidings = std::mem::take(&mut *lock(&self.shared.tidings));
+        for words in tidings {
             self.event("control", &words);
         }
     }

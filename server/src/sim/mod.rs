@@ -12,7 +12,9 @@ use std::sync::Arc;
 use nalgebra::Isometry3;
 use wheelarm_proto::{PHYSICS_HZ, names};
 
-pub use scenario::{CameraSetting, MAX_SIZE, Pacing, Quality, Scenario, ScenarioError, Schedules};
+pub use scenario::{
+    CameraSetting, MAX_SIZE, Pacing, Quality, SOFT_MASS, Scenario, ScenarioError, Schedules,
+};
 pub use state::StateError;
 
 use crate::robot::control::{ControlInput, RobotControl, Targets};
@@ -116,7 +118,20 @@ impl Simulation {
     ///
     /// # Errors
     /// [`SimError`] that names the file or field and the cure.
-    pub fn new(assets: &Path, mut scenario: Scenario) -> Result<Self, SimError> {
+    pub fn new(assets: &Path, scenario: Scenario) -> Result<Self, SimError> {
+        Self::new_within(assets, scenario, &|| false)
+    }
+
+    /// As [`Simulation::new`], giving up where soft objects settle for so long
+    /// that `late` says so.
+    ///
+    /// # Errors
+    /// As [`Simulation::new`], and [`WorldError::Settling`].
+    pub fn new_within(
+        assets: &Path,
+        mut scenario: Scenario,
+        late: &dyn Fn() -> bool,
+    ) -> Result<Self, SimError> {
         let schedules = scenario.schedules()?;
         let model = RobotModel::load(assets, &scenario.robot)?;
         let mut scene = Scene::load(assets, &scenario.scene)?;
@@ -130,7 +145,8 @@ impl Simulation {
         let start = scenario.start.unwrap_or(scene.start);
         let indices = Indices::find(&model)?;
         let control = RobotControl::new(&model);
-        let world = World::new(&model, &scene, &placements, &start, &model.settings.home)?;
+        let home = &model.settings.home;
+        let world = World::new_within(&model, &scene, &placements, &start, home, late)?;
         let snapshot = Arc::new(world.snapshot());
         let mut evaluator = task
             .as_ref()
@@ -401,6 +417,7 @@ fn draw_open_values(
             known: known.join(", "),
         });
     }
+    check_soft(scenario, scene)?;
     let drawn = match task {
         Some(task) => tasks::draw(task, scene, scenario.seed),
         None => undisturbed(scene),
@@ -435,6 +452,22 @@ fn draw_open_values(
     }
     if scenario.instruction.is_empty() {
         scenario.instruction = drawn.instruction;
+    }
+    Ok(())
+}
+
+/// Refuses masses with which what is soft would not settle.
+fn check_soft(scenario: &Scenario, scene: &Scene) -> Result<(), ScenarioError> {
+    let (least, most) = SOFT_MASS;
+    for (name, placement) in &scenario.objects {
+        let mut objects = scene.objects.iter();
+        let soft = objects.any(|o| o.name == *name && o.soft.is_some());
+        if soft && !(least..=most).contains(&placement.mass) {
+            return Err(ScenarioError::SoftMass {
+                name: name.clone(),
+                mass: placement.mass,
+            });
+        }
     }
     Ok(())
 }

@@ -76,6 +76,9 @@ pub struct Scenario {
     pub target: String,
 }
 
+/// Least and greatest mass of a soft object, kg.
+pub const SOFT_MASS: (f64, f64) = (0.05, 2.0);
+
 /// Greatest width or height of a picture, pixels.
 pub const MAX_SIZE: u32 = 4096;
 
@@ -127,8 +130,23 @@ pub enum ScenarioError {
     /// The same camera twice.
     #[error("camera {0:?} is named twice; name each camera once")]
     Twice(String),
+    /// A mass that a soft object cannot have.
+    #[error(
+        "mass of {name:?}, which is soft, is {} kg, expected {} to {}: lighter or heavier ones do \
+         not settle",
+        wheelarm_proto::check::Number(*.mass), SOFT_MASS.0, SOFT_MASS.1
+    )]
+    SoftMass {
+        /// The object.
+        name: String,
+        /// kg.
+        mass: f64,
+    },
     /// A name that could leave the assets folder.
-    #[error("{what} name {name:?} must be 1 to 64 letters, digits, `-` or `_`")]
+    #[error(
+        "{what} name {:?} must be 1 to 64 letters, digits, `-` or `_`",
+        wheelarm_proto::check::beginning(.name)
+    )]
     Name {
         /// Scene, task or robot.
         what: &'static str,

@@ -1,5 +1,7 @@
 //! A task as read from `assets/tasks/NAME.toml`, checked against its scene.
 
+use std::collections::BTreeMap;
+use std::collections::btree_map::Entry;
 use std::path::Path;
 
 use super::draw::clearance_of;
@@ -128,10 +130,25 @@ pub struct FailureSpec {
 /// # Errors
 /// When one of them cannot be used.
 pub fn list(assets: &Path) -> Result<Vec<TaskSpec>, SceneError> {
-    names(assets, "tasks")?
-        .iter()
-        .map(|name| TaskSpec::load(assets, name))
-        .collect()
+    // Most tasks share a scene, and a scene takes far longer to read than a task.
+    let mut scenes: BTreeMap<String, Scene> = BTreeMap::new();
+    let mut tasks = Vec::new();
+    for name in names(assets, "tasks")? {
+        let file = read(assets, &name)?;
+        let scene = match scenes.entry(file.scene.clone()) {
+            Entry::Occupied(known) => known.into_mut(),
+            Entry::Vacant(place) => place.insert(Scene::load(assets, &file.scene)?),
+        };
+        tasks.push(TaskSpec::checked(&name, file, scene)?);
+    }
+    Ok(tasks)
+}
+
+fn read(assets: &Path, name: &str) -> Result<TaskFile, SceneError> {
+    let path = format!("tasks/{name}.toml");
+    let file: TaskFile = parse(assets, &path)?;
+    provenance(&Place::file(&path), &file.origin, &file.license)?;
+    Ok(file)
 }
 
 impl TaskSpec {
@@ -140,11 +157,13 @@ impl TaskSpec {
     /// # Errors
     /// When a file is missing or something in it cannot be.
     pub fn load(assets: &Path, name: &str) -> Result<Self, SceneError> {
-        let path = format!("tasks/{name}.toml");
-        let file: TaskFile = parse(assets, &path)?;
-        let place = Place::file(&path);
-        provenance(&place, &file.origin, &file.license)?;
+        let file = read(assets, name)?;
         let scene = Scene::load(assets, &file.scene)?;
+        Self::checked(name, file, &scene)
+    }
+
+    fn checked(name: &str, file: TaskFile, scene: &Scene) -> Result<Self, SceneError> {
+        let place = Place::file(&format!("tasks/{name}.toml"));
         let targets = match file.target {
             Target::One(target) => vec![target],
             Target::OneOf(targets) => targets,
@@ -161,7 +180,7 @@ impl TaskSpec {
                 .furniture_named(target)
                 .is_some_and(|body| scene.joint_of(body).is_some());
             if !slides {
-                known_object(&place.key("target"), &scene, target)?;
+                known_object(&place.key("target"), scene, target)?;
             }
         }
         if !scene.furniture.iter().any(|body| body.area == file.area) || file.area.is_empty() {
@@ -205,12 +224,12 @@ impl TaskSpec {
             places: file
                 .place
                 .iter()
-                .map(|entry| read_place(&place.entry("place", &entry.object), &scene, entry))
+                .map(|entry| read_place(&place.entry("place", &entry.object), scene, entry))
                 .collect::<Result<_, _>>()?,
             slides: file
                 .slide
                 .iter()
-                .map(|entry| read_slide(&place.entry("slide", &entry.joint), &scene, entry))
+                .map(|entry| read_slide(&place.entry("slide", &entry.joint), scene, entry))
                 .collect::<Result<_, _>>()?,
             conditions: file
                 .condition
@@ -222,8 +241,8 @@ impl TaskSpec {
                 .collect(),
             failure: read_failure(&place.key("failure"), &file.failure)?,
         };
-        spec.check_conditions(&place, &scene)?;
-        spec.check_room(&place, &scene)?;
+        spec.check_conditions(&place, scene)?;
+        spec.check_room(&place, scene)?;
         Ok(spec)
     }
 

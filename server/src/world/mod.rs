@@ -108,6 +108,12 @@ pub enum WorldError {
         /// Version in the state.
         found: u32,
     },
+    /// Soft objects found no rest.
+    #[error(
+        "soft objects do not come to rest where the scenario puts them; give them another place, \
+         mass or friction"
+    )]
+    Settling,
     /// A saved state belongs to another world.
     #[error(
         "saved state is of world {found:016x}, this one is {expected:016x}; make it from the same scenario"
@@ -149,6 +155,22 @@ impl World {
         start: &Isometry3<f64>,
         arm: &[f64; 6],
     ) -> Result<Self, WorldError> {
+        Self::new_within(model, scene, placements, start, arm, &|| false)
+    }
+
+    /// As [`World::new`], giving up where soft objects settle for so long that
+    /// `late` says so.
+    ///
+    /// # Errors
+    /// As [`World::new`], and [`WorldError::Settling`].
+    pub fn new_within(
+        model: &RobotModel,
+        scene: &Scene,
+        placements: &[Placement],
+        start: &Isometry3<f64>,
+        arm: &[f64; 6],
+        late: &dyn Fn() -> bool,
+    ) -> Result<Self, WorldError> {
         let mut physics = engine();
         let stage = Stage::insert(&mut physics, scene, placements)?;
         let soft = scene.objects.iter().zip(placements).enumerate();
@@ -187,7 +209,7 @@ impl World {
             tick: 0,
             fingerprint: 0,
         };
-        world.settle_soft();
+        world.settle_soft(late)?;
         world.fingerprint = world.hash();
         Ok(world)
     }
@@ -249,10 +271,13 @@ impl World {
     }
 
     /// Lets soft objects sink into what they stand on, before the first tick.
-    fn settle_soft(&mut self) {
+    fn settle_soft(&mut self, late: &dyn Fn() -> bool) -> Result<(), WorldError> {
         const TICKS: usize = 300;
         const KEEP: f64 = 0.97;
         for _ in 0..TICKS {
+            if !self.soft.is_empty() && late() {
+                return Err(WorldError::Settling);
+            }
             self.step_soft();
             for soft in &mut self.soft {
                 soft.calm(KEEP);
@@ -261,6 +286,7 @@ impl World {
         for soft in &mut self.soft {
             soft.calm(0.0);
         }
+        Ok(())
     }
 
     /// Ticks since the start.

@@ -102,6 +102,7 @@ fn damaged_messages_are_survived() {
     let reset = v1::ResetRequest {
         scenario: Some(scenario.clone()),
         snapshot: vec![1, 2, 3].into(),
+        ..v1::ResetRequest::default()
     };
     let started = v1::EpisodeStarted {
         header: sent.header.clone(),

@@ -175,6 +175,7 @@ impl Random {
                     gripper: (self.below(3) > 0).then(|| self.gripper()),
                     phase: self.below(6) as i32,
                     phase_name: self.word(),
+                    seal: Vec::new(),
                 }),
             }
             .encode_to_vec(),

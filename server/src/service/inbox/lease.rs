@@ -1,13 +1,9 @@
 //! Who is in control: one commander process at a time.
 //!
-//! A commander is a name and a run id, the life of one process. It is known
-//! here only while its liveliness token stands.
+//! A commander is a name and a run id, the life of one process. Its liveliness
+//! token stands while it is in control; who asks here has been seen to have one.
 
-use std::collections::BTreeSet;
 use std::time::Instant;
-
-/// How many commanders are known at once; more are not seen.
-const MAX_ALIVE: usize = 256;
 
 /// One life of one commander.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -27,6 +23,21 @@ pub struct Holder {
     pub since: Instant,
     /// Sequence number of its newest command.
     pub last_sequence: Option<u64>,
+    /// What only it knows of the lease.
+    pub secret: String,
+    /// Its commands carry a seal.
+    pub sealed: bool,
+}
+
+/// How control is asked for.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Asked {
+    /// Takes it from whoever has it.
+    pub take: bool,
+    /// The asker will seal its commands.
+    pub sealed: bool,
+    /// The secret of the lease that the asker believes to have.
+    pub secret: String,
 }
 
 /// What became of a request for control.
@@ -38,14 +49,11 @@ pub enum Granted {
     Free,
     /// It was taken from this one.
     From(String),
-    /// Its token has not been seen; it may ask again.
-    Unseen,
 }
 
 /// The lease on control.
 #[derive(Debug, Default)]
 pub struct Lease {
-    alive: BTreeSet<Life>,
     holder: Option<Holder>,
 }
 
@@ -61,31 +69,38 @@ impl Lease {
         self.holder.as_mut()
     }
 
-    /// A commander's token appeared.
-    pub fn appeared(&mut self, life: Life) {
-        if self.alive.len() < MAX_ALIVE {
-            self.alive.insert(life);
-        }
+    /// Whether `life` is in control.
+    #[must_use]
+    pub fn is_held_by(&self, life: &Life) -> bool {
+        self.holder.as_ref().is_some_and(|h| h.life == *life)
     }
 
-    /// A commander's token vanished; true when it was in control.
-    pub fn vanished(&mut self, life: &Life) -> bool {
-        self.alive.remove(life);
-        self.release(life)
+    /// Whether `secret` is that of whoever is in control.
+    #[must_use]
+    pub fn knows(&self, secret: &str) -> bool {
+        // An empty secret is none.
+        let holder = self.holder.as_ref().filter(|_| !secret.is_empty());
+        holder.is_some_and(|h| h.secret == secret)
     }
 
-    /// Gives control to `life`; `take` takes it from whoever has it.
+    /// Gives control to `life`. Asking again starts its sequence numbers anew:
+    /// whoever was locked out by a number that somebody else sent in its name
+    /// goes on. In a sealed lease only the secret does that, and nobody else
+    /// can have sent one.
     ///
     /// # Errors
     /// Who has it, and how to get it.
-    pub fn ask(&mut self, life: Life, take: bool, now: Instant) -> Result<Granted, String> {
-        if !self.alive.contains(&life) {
-            return Ok(Granted::Unseen);
-        }
-        let granted = match &self.holder {
+    pub fn ask(&mut self, life: Life, asked: &Asked, now: Instant) -> Result<Granted, String> {
+        let known = self.knows(&asked.secret);
+        let granted = match &mut self.holder {
             None => Granted::Free,
-            Some(holder) if holder.life == life => return Ok(Granted::Already),
-            Some(holder) if take => Granted::From(holder.life.name.clone()),
+            Some(holder) if holder.life == life => {
+                if known || !holder.sealed {
+                    holder.last_sequence = None;
+                }
+                return Ok(Granted::Already);
+            }
+            Some(holder) if asked.take => Granted::From(holder.life.name.clone()),
             Some(holder) => {
                 let seconds = now.saturating_duration_since(holder.since).as_secs();
                 let who = match holder.life.name == life.name {
@@ -102,17 +117,46 @@ impl Lease {
             life,
             since: now,
             last_sequence: None,
+            secret: secret(),
+            sealed: asked.sealed,
         });
         Ok(granted)
     }
 
-    /// Gives control back; true when `life` had it.
-    pub fn release(&mut self, life: &Life) -> bool {
-        let held = self.holder.as_ref().is_some_and(|h| h.life == *life);
+    /// Control of `life` ends; true when it had it.
+    pub fn end(&mut self, life: &Life) -> bool {
+        let held = self.is_held_by(life);
         if held {
             self.holder = None;
         }
         held
+    }
+
+    /// Gives control back; true when `life` had it.
+    ///
+    /// # Errors
+    /// When `secret` is not the lease's: somebody else asks in its name.
+    pub fn release(&mut self, life: &Life, secret: &str) -> Result<bool, String> {
+        if self.is_held_by(life) && !self.knows(secret) {
+            return Err(format!(
+                "control of {:?} is given back only with the secret of its lease, which came with \
+                 the answer that gave it; it also ends with its token",
+                life.name
+            ));
+        }
+        Ok(self.end(life))
+    }
+}
+
+/// 32 hexadecimal digits that nobody can guess.
+fn secret() -> String {
+    use std::io::Read;
+    let mut bytes = [0; 16];
+    let read = std::fs::File::open("/dev/urandom").and_then(|mut file| file.read_exact(&mut bytes));
+    match read {
+        Ok(()) => bytes.iter().map(|byte| format!("{byte:02x}")).collect(),
+        // The standard library's hasher is keyed by the same source.
+        Err(_) => wheelarm_proto::keys::run_id() + &wheelarm_proto::keys::run_id(),
     }
 }
 
@@ -127,28 +171,73 @@ mod tests {
         }
     }
 
+    fn asked(take: bool, sealed: bool, secret: &str) -> Asked {
+        Asked {
+            take,
+            sealed,
+            secret: secret.into(),
+        }
+    }
+
     #[test]
     fn control_has_one_holder_and_is_taken_only_explicitly() {
         let (anna, ben) = (life("anna", "1"), life("ben", "2"));
         let again = life("anna", "3");
+        let (ask, take) = (asked(false, false, ""), asked(true, false, ""));
         let now = Instant::now();
         let mut lease = Lease::default();
-        assert_eq!(lease.ask(anna.clone(), false, now), Ok(Granted::Unseen));
-        for life in [&anna, &ben, &again] {
-            lease.appeared(life.clone());
-        }
-        assert_eq!(lease.ask(anna.clone(), false, now), Ok(Granted::Free));
-        assert_eq!(lease.ask(anna.clone(), true, now), Ok(Granted::Already));
-        let told = lease.ask(ben.clone(), false, now).unwrap_err();
+        assert_eq!(lease.ask(anna.clone(), &ask, now), Ok(Granted::Free));
+        assert_eq!(lease.ask(anna.clone(), &take, now), Ok(Granted::Already));
+        let told = lease.ask(ben.clone(), &ask, now).unwrap_err();
         assert!(told.contains("anna") && told.contains("--take"), "{told}");
-        let told = lease.ask(again, false, now).unwrap_err();
+        let told = lease.ask(again, &ask, now).unwrap_err();
         assert!(told.contains("another process"), "{told}");
-        assert!(!lease.release(&ben), "it had nothing to give back");
-        let taken = lease.ask(ben.clone(), true, now);
+        assert_eq!(lease.release(&ben, ""), Ok(false), "it had nothing");
+        let taken = lease.ask(ben.clone(), &take, now);
         assert_eq!(taken, Ok(Granted::From("anna".into())));
-        assert!(!lease.vanished(&anna), "it had lost control before");
-        assert!(lease.vanished(&ben));
+        assert!(!lease.end(&anna), "it had lost control before");
+        assert!(lease.end(&ben));
         assert_eq!(lease.holder(), None);
-        assert_eq!(lease.ask(ben, false, now), Ok(Granted::Unseen));
+    }
+
+    #[test]
+    fn control_is_given_back_only_by_who_knows_the_secret() {
+        let anna = life("anna", "1");
+        let mut lease = Lease::default();
+        assert!(!lease.knows(""), "nobody is in control");
+        lease
+            .ask(anna.clone(), &Asked::default(), Instant::now())
+            .unwrap();
+        let secret = lease.holder().unwrap().secret.clone();
+        assert_eq!(secret.len(), 32);
+        for wrong in ["", "0", &"0".repeat(32)] {
+            let told = lease.release(&anna, wrong).unwrap_err();
+            assert!(told.contains("secret"), "{told}");
+        }
+        assert_eq!(lease.release(&anna, &secret), Ok(true));
+        lease.ask(anna, &Asked::default(), Instant::now()).unwrap();
+        assert_ne!(lease.holder().unwrap().secret, secret, "a new lease");
+    }
+
+    #[test]
+    fn asking_again_starts_the_sequence_numbers_anew() {
+        let anna = life("anna", "1");
+        let now = Instant::now();
+        let mut lease = Lease::default();
+        for sealed in [false, true] {
+            let ask = asked(false, sealed, "");
+            lease.ask(anna.clone(), &ask, now).unwrap();
+            let secret = lease.holder().unwrap().secret.clone();
+            lease.holder_mut().unwrap().last_sequence = Some(7);
+            lease.ask(anna.clone(), &ask, now).unwrap();
+            // In a sealed lease a stranger who asks in its name changes nothing.
+            let left = lease.holder().unwrap().last_sequence;
+            assert_eq!(left, sealed.then_some(7));
+            lease
+                .ask(anna.clone(), &asked(false, sealed, &secret), now)
+                .unwrap();
+            assert_eq!(lease.holder().unwrap().last_sequence, None);
+            lease.end(&anna);
+        }
     }
 }

@@ -36,13 +36,21 @@ fn life(name: &str, run_id: &str) -> Life {
 }
 
 fn take_control(inbox: &mut Inbox, name: &str, run_id: &str) {
-    inbox.appeared(life(name, run_id));
+    let asked = Asked {
+        take: true,
+        ..Asked::default()
+    };
     inbox
-        .ask(life(name, run_id), true, Instant::now())
+        .ask(life(name, run_id), &asked, Instant::now())
         .expect("control");
 }
 
+/// Sends a command that answers the newest state unless it says another.
 fn accept(inbox: &mut Inbox, command: &v1::Command) -> Result<(), Refused> {
+    let mut command = command.clone();
+    if command.answers_tick == 0 && !inbox.listening.lock_step {
+        command.answers_tick = inbox.next_tick;
+    }
     inbox.accept(&command.encode_to_vec(), 0.0)
 }
 
@@ -170,7 +178,132 @@ fn what_a_frozen_link_held_back_comes_too_late() {
     let told = accept(&mut inbox, &answering(1, 700)).unwrap_err().reason;
     assert!(told.contains("1.25 s old"), "{told}");
     accept(&mut inbox, &answering(2, 900)).unwrap();
-    accept(&mut inbox, &drive(3, 0.1)).unwrap();
+}
+
+#[test]
+fn a_stall_of_the_link_lets_nothing_old_drive_the_chair() {
+    for stall in [1.4, 6.0] {
+        let mut inbox = inbox();
+        let (begun, ticks) = (4000, (stall * 240.0) as u64);
+        inbox.take(begun + ticks, 0.0);
+        // Sent at 60 Hz all the while, each answering the last clock that came.
+        for sequence in 1..=(stall * 60.0) as u64 {
+            let held_back = v1::Command {
+                answers_tick: begun,
+                ..drive(sequence, 0.3)
+            };
+            assert!(accept(&mut inbox, &held_back).is_err());
+        }
+        assert!(!inbox.has_pending(), "{stall} s: something was taken");
+    }
+}
+
+#[test]
+fn what_drives_says_which_state_it_answers_and_what_stops_is_always_taken() {
+    use v1::arm_command::Target;
+    let mut inbox = inbox();
+    inbox.take(1000, 0.0);
+    let mut send = |command: &v1::Command| inbox.accept(&command.encode_to_vec(), 0.0);
+    let told = send(&drive(1, 0.3)).unwrap_err().reason;
+    assert!(
+        told.contains("answers_tick is 0") && told.contains("clock"),
+        "{told}"
+    );
+    let arm = |sequence, target| v1::Command {
+        arm: Some(v1::ArmCommand {
+            target: Some(target),
+        }),
+        base: None,
+        ..drive(sequence, 0.0)
+    };
+    let twist = v1::CartesianTwist {
+        twist: Some(v1::Twist {
+            linear: Some(v1::Vector3 {
+                x: 0.1,
+                y: 0.0,
+                z: 0.0,
+            }),
+            angular: Some(v1::Vector3::default()),
+        }),
+        ..v1::CartesianTwist::default()
+    };
+    let told = send(&arm(2, Target::Twist(twist))).unwrap_err().reason;
+    assert!(told.contains("answers_tick is 0"), "{told}");
+    // A state that is not there yet would never grow old.
+    let told = send(&v1::Command {
+        answers_tick: u64::MAX,
+        ..drive(3, 0.3)
+    });
+    assert!(told.unwrap_err().reason.contains("has not reached"));
+    // Stops are taken without a tick and from any time; goals end by themselves.
+    send(&drive(4, 0.0)).unwrap();
+    send(&arm(5, Target::Hold(true))).unwrap();
+    send(&v1::Command {
+        answers_tick: 1,
+        ..drive(6, 0.0)
+    })
+    .unwrap();
+    let goal = v1::JointTarget {
+        position: vec![0.1; 6],
+    };
+    send(&arm(7, Target::Joints(goal))).unwrap();
+    send(&v1::Command {
+        answers_tick: 1000,
+        ..drive(8, 0.3)
+    })
+    .unwrap();
+    assert_eq!(inbox.refused(), 3);
+}
+
+#[test]
+fn a_sequence_number_far_ahead_locks_nobody_out() {
+    let mut inbox = inbox();
+    accept(&mut inbox, &drive(1, 0.1)).unwrap();
+    let told = accept(&mut inbox, &drive(u64::MAX, 0.1))
+        .unwrap_err()
+        .reason;
+    assert!(told.contains("jumps by more than 1000000"), "{told}");
+    accept(&mut inbox, &drive(2 + 1_000_000 - 1, 0.1)).unwrap();
+    assert!(accept(&mut inbox, &drive(2, 0.1)).is_err());
+    // Before the first command of a lease nothing tells a number from a forged
+    // one; asking again cures it.
+    take_control(&mut inbox, "ben", "s");
+    take_control(&mut inbox, "me", "r");
+    accept(&mut inbox, &drive(u64::MAX, 0.1)).unwrap();
+    let told = accept(&mut inbox, &drive(1, 0.1)).unwrap_err().reason;
+    assert!(told.contains("asking for control again"), "{told}");
+    take_control(&mut inbox, "me", "r");
+    accept(&mut inbox, &drive(1, 0.1)).unwrap();
+}
+
+#[test]
+fn in_a_sealed_lease_nobody_else_commands_in_its_holders_name() {
+    let mut inbox = inbox();
+    let sealed = Asked {
+        take: true,
+        sealed: true,
+        ..Asked::default()
+    };
+    inbox
+        .ask(life("anna", "a"), &sealed, Instant::now())
+        .unwrap();
+    let secret = inbox.lease().holder().unwrap().secret.clone();
+    let command = |sequence| {
+        let mut command = drive(sequence, 0.3);
+        command.commander = "anna".into();
+        command.header.as_mut().unwrap().run_id = "a".into();
+        command.encode_to_vec()
+    };
+    let told = inbox.accept(&command(u64::MAX), 0.0).unwrap_err().reason;
+    assert!(told.contains("no seal"), "{told}");
+    let mut forged = command(1);
+    seal::append(&mut forged, &"0".repeat(32));
+    assert!(inbox.accept(&forged, 0.0).is_err());
+    let mut own = command(1);
+    seal::append(&mut own, &secret);
+    inbox.accept(&own, 0.0).unwrap();
+    let again = inbox.accept(&own, 0.0).unwrap_err().reason;
+    assert!(again.contains("sequence"), "{again}");
 }
 
 #[test]

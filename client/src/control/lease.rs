@@ -1,0 +1,226 @@
+//! `wheelarm lease hold`: control from the command line, for episodes by hand.
+
+use std::io::{BufRead, IsTerminal};
+use std::process::ExitCode;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
+
+use anyhow::{Context, bail};
+use clap::{Args, Subcommand};
+use crossbeam_channel::{Receiver, TryRecvError};
+use wheelarm_proto::keys::Query;
+use wheelarm_proto::v1;
+
+use crate::link::{Link, Received, Stream};
+
+/// `wheelarm lease …`.
+#[derive(Subcommand, Clone, Debug)]
+pub enum LeaseCommand {
+    /// Holds control until it is interrupted.
+    ///
+    /// Every control tick is answered: by nothing new, or by what a line on
+    /// standard input says. The chair keeps its speed until the next line.
+    #[command(alias = "take")]
+    Hold(LeaseHoldArgs),
+}
+
+/// Options of `wheelarm lease hold`.
+#[derive(Args, Clone, Debug)]
+pub struct LeaseHoldArgs {
+    /// Name of the commander.
+    #[arg(long, default_value = "hand")]
+    pub name: String,
+    /// Takes control over from whoever holds it.
+    #[arg(long)]
+    pub take: bool,
+}
+
+/// How often the server is asked whether control is still ours, and where time
+/// stands.
+const LOOK: Duration = Duration::from_millis(500);
+
+/// Runs `wheelarm lease …`.
+///
+/// # Errors
+/// When control is refused or lost.
+pub fn lease(link: &Link, command: &LeaseCommand) -> anyhow::Result<ExitCode> {
+    let LeaseCommand::Hold(args) = command;
+    let interrupted = listen()?;
+    let streams = link.streams(&[Stream::Clock, Stream::Refusal])?;
+    let mut commander = link.commander(&args.name, args.take)?;
+    println!(
+        "{} is in control of {}; Ctrl-C gives it back",
+        args.name,
+        link.keys().sim()
+    );
+    let lines = lines();
+    let (mut hand, mut looked) = (Hand::default(), Instant::now());
+    while !interrupted.load(Ordering::Acquire) && !hand.quits {
+        hand.read(&lines);
+        let mut header = match streams.next(Duration::from_millis(100))? {
+            Some(Received::Clock(clock)) => clock.header,
+            Some(Received::Refusal(refusal)) if refusal.commander == args.name => {
+                eprintln!("refused: {}", refusal.reason);
+                None
+            }
+            _ => None,
+        };
+        if looked.elapsed() > LOOK {
+            looked = Instant::now();
+            let status: v1::Status = link.ask(Query::Status)?;
+            if status.holder != args.name {
+                match status.holder.as_str() {
+                    "" => bail!("control ended: the server gave it up"),
+                    other => bail!("{other:?} took control"),
+                }
+            }
+            // Time may stand still since before the first clock was heard.
+            header = header.or(status.header.filter(|_| status.episode.is_some()));
+        }
+        if let Some(header) = header {
+            commander.answer(&header, hand.command())?;
+        }
+    }
+    drop(commander);
+    println!("{} gave control back", args.name);
+    Ok(ExitCode::SUCCESS)
+}
+
+/// Becomes true on Ctrl-C or SIGTERM.
+fn listen() -> anyhow::Result<Arc<AtomicBool>> {
+    use tokio::signal::unix::{SignalKind, signal};
+    let runtime = tokio::runtime::Builder::new_current_thread()
+        .enable_all()
+        .build()
+        .context("listening to Ctrl-C")?;
+    let (mut interrupt, mut terminate) = {
+        let _inside = runtime.enter();
+        (
+            signal(SignalKind::interrupt()).context("listening to Ctrl-C")?,
+            signal(SignalKind::terminate()).context("listening to SIGTERM")?,
+        )
+    };
+    let interrupted = Arc::new(AtomicBool::new(false));
+    let told = Arc::clone(&interrupted);
+    std::thread::spawn(move || {
+        runtime.block_on(async move {
+            tokio::select! {
+                _ = interrupt.recv() => {}
+                _ = terminate.recv() => {}
+            }
+        });
+        told.store(true, Ordering::Release);
+    });
+    Ok(interrupted)
+}
+
+/// Lines of standard input, as they come.
+fn lines() -> Receiver<String> {
+    let (sender, lines) = crossbeam_channel::unbounded();
+    if std::io::stdin().is_terminal() {
+        eprintln!("lines: drive LINEAR TURN | stop | open | close | quit");
+    }
+    std::thread::spawn(move || {
+        for line in std::io::stdin().lock().lines().map_while(Result::ok) {
+            if sender.send(line).is_err() {
+                return;
+            }
+        }
+    });
+    lines
+}
+
+/// What the lines asked for.
+#[derive(Debug, Default, PartialEq)]
+struct Hand {
+    /// Speed of the chair, m/s and rad/s, while it drives.
+    drive: Option<[f64; 2]>,
+    /// Goes out with the next command, once.
+    next: v1::Command,
+    quits: bool,
+}
+
+impl Hand {
+    fn read(&mut self, lines: &Receiver<String>) {
+        loop {
+            match lines.try_recv() {
+                Ok(line) => {
+                    if let Err(e) = self.take(&line) {
+                        eprintln!("{e:#}");
+                    }
+                }
+                Err(TryRecvError::Empty | TryRecvError::Disconnected) => return,
+            }
+        }
+    }
+
+    fn take(&mut self, line: &str) -> anyhow::Result<()> {
+        use v1::arm_command::Target;
+        let rest = v1::BaseCommand::default();
+        let grip = |opening| v1::GripperCommand {
+            target: Some(v1::gripper_command::Target::Opening(opening)),
+            max_force: 0.0,
+        };
+        let words: Vec<&str> = line.split_whitespace().collect();
+        match words.as_slice() {
+            [] => {}
+            ["drive", linear, turn] => {
+                let number = |text: &str| {
+                    let read = text.parse::<f64>();
+                    read.with_context(|| format!("{text:?} is not a number"))
+                };
+                self.drive = Some([number(linear)?, number(turn)?]);
+            }
+            ["stop"] => {
+                self.drive = None;
+                self.next.base = Some(rest);
+                self.next.arm = Some(v1::ArmCommand {
+                    target: Some(Target::Hold(true)),
+                });
+            }
+            ["open"] => self.next.gripper = Some(grip(0.085)),
+            ["close"] => self.next.gripper = Some(grip(0.0)),
+            ["quit"] => self.quits = true,
+            _ => bail!("{line:?} is not a command: drive LINEAR TURN, stop, open, close or quit"),
+        }
+        Ok(())
+    }
+
+    /// What the next tick is answered with.
+    fn command(&mut self) -> v1::Command {
+        let mut command = std::mem::take(&mut self.next);
+        if let Some([linear, angular]) = self.drive {
+            command.base = Some(v1::BaseCommand { linear, angular });
+        }
+        command
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lines_become_commands_and_a_speed_lasts_until_the_next_line() {
+        let mut hand = Hand::default();
+        assert_eq!(hand.command(), v1::Command::default());
+        hand.take("drive 0.3 -0.1").unwrap();
+        for _ in 0..2 {
+            let base = hand.command().base.unwrap();
+            assert_eq!((base.linear, base.angular), (0.3, -0.1));
+        }
+        hand.take(" close ").unwrap();
+        assert!(hand.command().gripper.is_some() && hand.command().gripper.is_none());
+        hand.take("stop").unwrap();
+        let stopped = hand.command();
+        assert!(wheelarm_proto::check::stops(&stopped), "{stopped:?}");
+        assert_eq!(hand.command().base, None);
+        for wrong in ["drive", "drive fast 0", "fly", "stop now"] {
+            assert!(hand.take(wrong).is_err(), "{wrong:?} was taken");
+        }
+        assert!(!hand.quits);
+        hand.take("quit").unwrap();
+        assert!(hand.quits);
+    }
+}

@@ -1,0 +1,170 @@
+//! Acts that take long: a scenario is read, cameras finish what they draw. The
+//! simulation thread goes on answering meanwhile; other acts wait their turn.
+
+use std::sync::Arc;
+use std::sync::mpsc::{self, Receiver, TryRecvError};
+use std::time::{Duration, Instant};
+
+use wheelarm_proto::{Message, v1};
+use zenoh::query::Query;
+
+use super::engine::Engine;
+use super::render::RenderThread;
+use super::{answer, convert};
+use crate::sim::{Scenario, Simulation};
+
+/// Longest time for soft objects to settle in a new scenario.
+const SETTLING: Duration = Duration::from_secs(5);
+
+/// A simulation that was set up beside the running one.
+pub(super) struct Loaded {
+    sim: Simulation,
+    asset_texts: Vec<v1::AssetText>,
+}
+
+/// What is being done, for whom.
+pub(super) enum Errand {
+    /// A scenario is being set up; the world in force goes on.
+    Load {
+        asked: Query,
+        loading: Receiver<Result<Loaded, String>>,
+    },
+    /// It takes the place of the one in force when the cameras have drawn that.
+    Place { asked: Query, loaded: Box<Loaded> },
+    /// An episode begins when the cameras have drawn what was before it.
+    Start {
+        asked: Query,
+        request: v1::EpisodeStartRequest,
+    },
+    /// The episode ends when its last pictures are out; nobody may have asked.
+    Stop { asked: Option<Query>, discard: bool },
+}
+
+impl Errand {
+    /// What time stands still for, if it does.
+    pub(super) fn holds_up(&self) -> Option<&'static str> {
+        match self {
+            Self::Load { .. } => None,
+            Self::Place { .. } | Self::Start { .. } | Self::Stop { .. } => {
+                Some("the cameras, which draw the last pictures")
+            }
+        }
+    }
+}
+
+impl Engine {
+    /// Begins to set up another scenario.
+    ///
+    /// # Errors
+    /// When an episode runs, or no thread can be started.
+    pub(super) fn load(
+        &self,
+        scenario: Scenario,
+        snapshot: bytes::Bytes,
+    ) -> Result<Receiver<Result<Loaded, String>>, String> {
+        if self.episode.is_some() {
+            return Err("an episode is running; stop it before a reset".to_owned());
+        }
+        let (done, loading) = mpsc::sync_channel(1);
+        let (assets, signal) = (
+            self.sim.assets().to_owned(),
+            Arc::clone(&self.shared.signal),
+        );
+        let thread = std::thread::Builder::new().name("loading".to_owned());
+        let thread = thread.spawn(move || {
+            let since = Instant::now();
+            let late = move || since.elapsed() > SETTLING;
+            let load = || {
+                let mut sim =
+                    Simulation::new_within(&assets, scenario, &late).map_err(|e| e.to_string())?;
+                if !snapshot.is_empty() {
+                    sim.restore(&snapshot).map_err(|e| e.to_string())?;
+                }
+                let asset_texts = answer::asset_texts(&sim)?;
+                Ok(Loaded { sim, asset_texts })
+            };
+            let _ = done.send(load());
+            signal.raise();
+        });
+        match thread {
+            Ok(_) => Ok(loading),
+            Err(e) => Err(format!("no thread can be started: {e}")),
+        }
+    }
+
+    /// Goes on with what was begun.
+    pub(super) fn proceed(&mut self) {
+        while let Some(errand) = self.errand.take() {
+            let drawn = self.render.as_ref().is_none_or(RenderThread::is_idle);
+            match errand {
+                Errand::Load { asked, loading } => match loading.try_recv() {
+                    Ok(Ok(loaded)) => {
+                        let loaded = Box::new(loaded);
+                        self.errand = Some(Errand::Place { asked, loaded });
+                    }
+                    Ok(Err(why)) => self.refuse(asked, why),
+                    Err(TryRecvError::Empty) => {
+                        self.errand = Some(Errand::Load { asked, loading });
+                        return;
+                    }
+                    Err(TryRecvError::Disconnected) => {
+                        let why = "the scenario could not be set up (the log says why); the world \
+                                   is as it was";
+                        self.refuse(asked, why.to_owned());
+                    }
+                },
+                waiting if !drawn => {
+                    self.errand = Some(waiting);
+                    return;
+                }
+                Errand::Place { asked, loaded } => {
+                    let answer = self.place(*loaded);
+                    self.reply(asked, answer.map(|reply| reply.encode_to_vec()));
+                }
+                Errand::Start { asked, request } => {
+                    let answer = self.start_episode(request);
+                    self.reply(asked, answer.map(|reply| reply.encode_to_vec()));
+                }
+                Errand::Stop { asked, discard } => {
+                    let stopped = self.stop_episode(discard);
+                    if let Some(asked) = asked {
+                        let answer = stopped.ok_or_else(|| "no episode is running".to_owned());
+                        self.reply(asked, answer.map(|reply| reply.encode_to_vec()));
+                    }
+                }
+            }
+        }
+    }
+
+    /// Puts a simulation in the place of the one in force, which stays when the
+    /// cameras cannot be set up for it.
+    fn place(&mut self, loaded: Loaded) -> Result<v1::ResetReply, String> {
+        let Loaded { sim, asset_texts } = loaded;
+        let names = |sim: &Simulation| -> Vec<String> {
+            let objects = sim.scene().objects.iter();
+            objects.map(|o| o.name.clone()).collect()
+        };
+        let (new, old) = (sim.scenario(), self.sim.scenario());
+        let drawing = self.render.as_ref().is_none_or(|r| r.failure().is_none());
+        let same_cameras = drawing
+            && new.cameras == old.cameras
+            && new.scene == old.scene
+            && new.robot == old.robot
+            && new.task == old.task
+            && new.quality == old.quality
+            && names(&sim) == names(&self.sim);
+        let before = std::mem::replace(&mut self.sim, sim);
+        if !same_cameras && let Err(e) = self.start_cameras() {
+            self.sim = before;
+            self.start_cameras()
+                .map_err(|again| format!("{e}; then {again}"))?;
+            return Err(e.to_string());
+        }
+        self.asset_texts = asset_texts;
+        self.renew();
+        Ok(v1::ResetReply {
+            header: Some(self.stamp()),
+            scenario: Some(convert::scenario(self.sim.scenario())),
+        })
+    }
+}

@@ -1,0 +1,181 @@
+//! Asks for control: a thread of its own answers the query `lease`, for it asks
+//! the transport about the one token that matters. Nothing is kept about the
+//! tokens of others, so no number of them keeps a commander out.
+
+use std::sync::Arc;
+use std::sync::mpsc::Receiver;
+use std::time::{Duration, Instant};
+
+use wheelarm_proto::keys::{self, Keys};
+use wheelarm_proto::{Message, v1};
+use zenoh::pubsub::Subscriber;
+use zenoh::query::Query;
+use zenoh::sample::SampleKind;
+use zenoh::{Session, Wait};
+
+use super::inbox::{Asked, Granted, Life};
+use super::{Shared, lock};
+
+/// Longest wait for the transport's word on a token; it knows it itself.
+const WORD: Duration = Duration::from_secs(1);
+
+/// The thread's own: it ends when nobody can ask any more.
+pub struct Leases {
+    session: Session,
+    keys: Keys,
+    shared: Arc<Shared>,
+    /// Hears when the token of whoever is in control vanishes.
+    watch: Option<Subscriber<()>>,
+}
+
+impl Leases {
+    /// Answers what comes through `queue` until its other end is gone.
+    ///
+    /// # Errors
+    /// When the thread cannot be started.
+    pub fn start(
+        session: Session,
+        keys: Keys,
+        shared: Arc<Shared>,
+        queue: Receiver<Query>,
+    ) -> std::io::Result<()> {
+        let mut leases = Self {
+            session,
+            keys,
+            shared,
+            watch: None,
+        };
+        let thread = std::thread::Builder::new().name("leases".to_owned());
+        thread
+            .spawn(move || {
+                for asked in queue {
+                    leases.answer(asked);
+                }
+            })
+            .map(|_| ())
+    }
+
+    fn answer(&mut self, asked: Query) {
+        let payload = asked.payload().map(|p| p.to_bytes().into_owned());
+        let request = v1::LeaseRequest::decode(payload.unwrap_or_default().as_slice());
+        let answer = request
+            .map_err(|e| format!("the request cannot be read: {e}"))
+            .and_then(|request| self.reply(request));
+        let (replies, stamp) = (&self.shared.replies, self.shared.stamp());
+        match answer {
+            Ok(reply) => replies.answer(asked, stamp, reply.encode_to_vec().into()),
+            Err(message) => replies.refuse(asked, stamp, message),
+        }
+    }
+
+    fn reply(&mut self, request: v1::LeaseRequest) -> Result<v1::LeaseReply, String> {
+        let name = request.commander;
+        let run_id = request.header.unwrap_or_default().run_id;
+        for word in [&name, &run_id] {
+            keys::check_name(word).map_err(|_| {
+                format!(
+                    "commander and run id must be 1 to 64 letters, digits, `-` or `_`, not {:?}",
+                    wheelarm_proto::check::beginning(word)
+                )
+            })?;
+        }
+        let life = Life { name, run_id };
+        let inbox = || lock(&self.shared.inbox);
+        if request.release {
+            if inbox().release(&life, &request.secret)? {
+                self.watch = None;
+                self.tell(format!("{:?} gave control back", life.name));
+            }
+            return Ok(self.held(""));
+        }
+        let held = inbox().lease().is_held_by(&life);
+        if !held && !self.is_alive(&life) {
+            return Ok(v1::LeaseReply {
+                header: Some(self.shared.stamp()),
+                ..Default::default()
+            });
+        }
+        // Heard from here on; what happened before is asked for below.
+        let watch = match held {
+            true => None,
+            false => Some(self.watch(&life)?),
+        };
+        let asked = Asked {
+            take: request.take,
+            sealed: request.sealed,
+            secret: request.secret,
+        };
+        let granted = inbox().ask(life.clone(), &asked, Instant::now())?;
+        let words = match granted {
+            Granted::Already => return Ok(self.held(&asked.secret)),
+            Granted::Free => format!("{:?} is in control", life.name),
+            Granted::From(former) => format!("{:?} took control from {former:?}", life.name),
+        };
+        self.tell(words);
+        self.watch = watch;
+        if !self.is_alive(&life) {
+            self.shared.gone(&life);
+        }
+        let secret = {
+            let inbox = lock(&self.shared.inbox);
+            let holder = inbox.lease().holder().filter(|h| h.life == life);
+            holder.map(|h| h.secret.clone()).unwrap_or_default()
+        };
+        Ok(self.held(&secret))
+    }
+
+    /// Who is in control; `secret` goes back to an asker that knows it.
+    fn held(&self, secret: &str) -> v1::LeaseReply {
+        let inbox = lock(&self.shared.inbox);
+        let knows = inbox.lease().knows(secret);
+        v1::LeaseReply {
+            header: Some(self.shared.stamp()),
+            secret: if knows {
+                secret.to_owned()
+            } else {
+                String::new()
+            },
+            ..held(inbox.lease())
+        }
+    }
+
+    fn token(&self, life: &Life) -> String {
+        self.keys.commander_alive(&life.name, &life.run_id)
+    }
+
+    fn is_alive(&self, life: &Life) -> bool {
+        let token = self.token(life);
+        let asked = self.session.liveliness().get(token).timeout(WORD).wait();
+        asked.is_ok_and(|replies| replies.iter().any(|reply| reply.result().is_ok()))
+    }
+
+    fn watch(&self, life: &Life) -> Result<Subscriber<()>, String> {
+        let (shared, name) = (Arc::clone(&self.shared), life.name.clone());
+        let life = life.clone();
+        self.session
+            .liveliness()
+            .declare_subscriber(self.token(&life))
+            .callback(move |sample| {
+                if sample.kind() == SampleKind::Delete {
+                    shared.gone(&life);
+                }
+            })
+            .wait()
+            .map_err(|e| format!("the token of {name:?} cannot be watched: {e}"))
+    }
+
+    fn tell(&self, words: String) {
+        lock(&self.shared.tidings).push(words);
+        self.shared.signal.raise();
+    }
+}
+
+/// Who is in control, without stamp.
+pub fn held(lease: &super::inbox::Lease) -> v1::LeaseReply {
+    let holder = lease.holder();
+    v1::LeaseReply {
+        holder: holder.map(|h| h.life.name.clone()).unwrap_or_default(),
+        held_seconds: holder.map_or(0.0, |h| h.since.elapsed().as_secs_f64()),
+        ..Default::default()
+    }
+}

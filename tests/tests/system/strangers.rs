@@ -1,0 +1,268 @@
+//! Who is in control, beside strangers who know every name on the network.
+
+use std::io::{BufRead, BufReader, Write};
+use std::process::{Child, Command, Stdio};
+use std::time::Duration;
+
+use wheelarm_client::link::{Link, Received, Stream};
+use wheelarm_proto::keys::Query;
+use wheelarm_proto::{Message, v1};
+use wheelarm_tests::{PATIENCE, Server, printed, program, wait_until};
+use zenoh::Wait;
+
+fn status(link: &Link) -> v1::Status {
+    link.ask(Query::Status).expect("a status")
+}
+
+fn tick(link: &Link) -> u64 {
+    status(link).header.expect("a header").tick
+}
+
+#[test]
+fn nobody_drives_releases_or_locks_out_in_the_name_of_who_is_in_control() {
+    let server = Server::start("named", &["--no-cameras"]).expect("a server");
+    let (link, hostile) = (server.link(), server.link());
+    let streams = link
+        .streams(&[Stream::Clock, Stream::Refusal, Stream::Odometry])
+        .expect("streams");
+    let mut anna = link.commander("anna", false).expect("control");
+    let forged = |sequence, linear| {
+        let command = v1::Command {
+            header: Some(v1::Header {
+                run_id: anna.run_id().into(),
+                sequence,
+                ..Default::default()
+            }),
+            commander: "anna".into(),
+            answers_tick: tick(&hostile),
+            base: Some(v1::BaseCommand {
+                linear,
+                angular: 0.0,
+            }),
+            ..Default::default()
+        };
+        let key = hostile.keys().command();
+        hostile
+            .session()
+            .put(key, command.encode_to_vec())
+            .wait()
+            .expect("a put");
+    };
+    // Her name and her run id are public, the secret of her lease is not.
+    forged(0, 0.5);
+    forged(u64::MAX, 0.5);
+    let reasons: Vec<_> = std::iter::from_fn(|| streams.next(PATIENCE).expect("no error"))
+        .take(1000)
+        .filter_map(|sample| match sample {
+            Received::Refusal(refusal) => Some(refusal.reason),
+            _ => None,
+        })
+        .take(2)
+        .collect();
+    assert_eq!(reasons.len(), 2, "forged commands were taken");
+    for reason in &reasons {
+        assert!(reason.contains("no seal"), "{reason}");
+    }
+    let request = v1::LeaseRequest {
+        header: Some(v1::Header {
+            run_id: anna.run_id().into(),
+            ..Default::default()
+        }),
+        commander: "anna".into(),
+        release: true,
+        ..Default::default()
+    };
+    let told = hostile.query::<v1::LeaseReply>(Query::Lease, &request);
+    let told = told.expect_err("a refusal").to_string();
+    assert!(told.contains("secret"), "{told}");
+    let asks = v1::LeaseRequest {
+        release: false,
+        take: true,
+        ..request
+    };
+    let reply: v1::LeaseReply = hostile.query(Query::Lease, &asks).expect("an answer");
+    assert_eq!((reply.holder.as_str(), reply.secret.as_str()), ("anna", ""));
+    // She drives on, and gives control back herself.
+    let mut speed = 0.0_f64;
+    while speed < 0.2 {
+        match streams.next(PATIENCE).expect("no error") {
+            Some(Received::Clock(clock)) => {
+                let drive = v1::Command {
+                    base: Some(v1::BaseCommand {
+                        linear: 0.3,
+                        angular: 0.0,
+                    }),
+                    ..Default::default()
+                };
+                let header = clock.header.expect("a header");
+                anna.answer(&header, drive).expect("a command");
+            }
+            Some(Received::Odometry(sample)) => {
+                speed = sample.twist.and_then(|t| t.linear).map_or(0.0, |l| l.x);
+            }
+            Some(Received::Refusal(refusal)) => panic!("refused: {}", refusal.reason),
+            _ => panic!("nothing came"),
+        }
+    }
+    drop(anna);
+    assert_eq!(status(&link).holder, "");
+}
+
+#[test]
+fn no_number_of_tokens_keeps_a_commander_out() {
+    let server = Server::start("crowded", &["--no-cameras"]).expect("a server");
+    let (link, hostile) = (server.link(), server.link());
+    let tokens: Vec<_> = (0..400)
+        .map(|number| {
+            let key = hostile
+                .keys()
+                .commander_alive(&format!("ghost-{number}"), "0");
+            let token = hostile.session().liveliness().declare_token(key);
+            token.wait().expect("a token")
+        })
+        .collect();
+    // The server has heard of the last: another one of its session is answered.
+    let _ = status(&hostile);
+    let anna = link.commander("anna", false).expect("control");
+    assert_eq!(status(&link).holder, "anna");
+    drop(anna);
+    // A token alone gives no control, nor does a name without one.
+    let request = v1::LeaseRequest {
+        header: Some(v1::Header {
+            run_id: "0".into(),
+            ..Default::default()
+        }),
+        commander: "nobody".into(),
+        ..Default::default()
+    };
+    let reply: v1::LeaseReply = hostile.query(Query::Lease, &request).expect("an answer");
+    assert_eq!(reply.holder, "");
+    drop(tokens);
+}
+
+#[test]
+fn the_rule_for_silent_commanders_cannot_be_switched_off_in_real_time() {
+    let server = Server::start("ruled", &["--no-cameras"]).expect("a server");
+    let link = server.link();
+    let request = v1::EpisodeStartRequest {
+        label: "x".into(),
+        replay: true,
+        ..Default::default()
+    };
+    let told = link.query::<v1::EpisodeStarted>(Query::EpisodeStart, &request);
+    let told = told.expect_err("a refusal").to_string();
+    assert!(told.contains("--pacing lock-step"), "{told}");
+    assert!(status(&link).episode.is_none());
+}
+
+#[test]
+fn what_cannot_be_undone_is_refused_while_somebody_else_is_in_control() {
+    let server = Server::start("guarded", &["--no-cameras"]).expect("a server");
+    let link = server.link();
+    let anna = link.commander("anna", false).expect("control");
+    let run = |args: &[&str]| {
+        let output = server.client(args).expect("a client");
+        (output.status.success(), printed(&output))
+    };
+    let refused = |args: &[&str]| {
+        let (done, text) = run(args);
+        assert!(
+            !done && text.contains("anna") && text.contains("--force"),
+            "{text}"
+        );
+    };
+    let done = |args: &[&str]| {
+        let (done, text) = run(args);
+        assert!(done, "{text}");
+    };
+    refused(&["reset", "--seed", "7"]);
+    refused(&["shutdown"]);
+    // An episode by hand, beside who drives: it is kept, so anybody may end it.
+    done(&["episode", "start", "--label", "kept"]);
+    done(&["episode", "stop"]);
+    done(&["episode", "start", "--label", "lost"]);
+    refused(&["episode", "stop", "--discard"]);
+    assert!(status(&link).episode.is_some());
+    done(&["episode", "stop", "--discard", "--force"]);
+    // Who is in control needs no force; nor does anybody when nobody is.
+    let seed = |link: &Link| status(link).scenario.map(|s| s.seed);
+    let args = wheelarm_client::control::ResetArgs {
+        seed: Some(8),
+        ..Default::default()
+    };
+    wheelarm_client::control::reset(&link, &args).expect("a reset");
+    assert_eq!(seed(&link), Some(8));
+    done(&["reset", "--seed", "9", "--force"]);
+    drop(anna);
+    done(&["reset", "--seed", "10"]);
+    assert_eq!(seed(&link), Some(10));
+    done(&["shutdown"]);
+}
+
+/// `wheelarm lease hold`, ended with the test.
+struct Hand(Child);
+
+impl Hand {
+    fn say(&mut self, line: &str) {
+        let stdin = self.0.stdin.as_mut().expect("its input");
+        writeln!(stdin, "{line}").expect("a line");
+    }
+}
+
+impl Drop for Hand {
+    fn drop(&mut self) {
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
+}
+
+#[test]
+fn an_episode_in_lock_step_is_driven_by_hand() {
+    let args = ["--no-cameras", "--pacing", "lock-step"];
+    let server = Server::start("by-hand", &args).expect("a server");
+    let link = server.link();
+    let run = |args: &[&str]| {
+        let output = server.client(args).expect("a client");
+        (output.status.success(), printed(&output))
+    };
+    let start = ["episode", "start", "--label", "by-hand"];
+    let (started, text) = run(&start);
+    assert!(!started && text.contains("wheelarm lease hold"), "{text}");
+    let child = Command::new(program("wheelarm").expect("the client"))
+        .args(["--connect", &server.endpoint, "--sim", &server.sim])
+        .args(["lease", "hold", "--name", "anna"])
+        .stdin(Stdio::piped())
+        .stdout(Stdio::piped())
+        .spawn()
+        .expect("a process");
+    let mut hand = Hand(child);
+    let mut lines = BufReader::new(hand.0.stdout.take().expect("its output")).lines();
+    let first = lines.next().expect("a line").expect("a line");
+    assert!(first.contains("anna is in control"), "{first}");
+    assert_eq!(tick(&link), 0, "time stands still between episodes");
+    let odometry = link.streams(&[Stream::Odometry]).expect("odometry");
+    let (started, text) = run(&start);
+    assert!(started, "{text}");
+    wait_until("a second has passed", || tick(&link) >= 240);
+    hand.say("drive 0.3 0.0");
+    let mut speed = 0.0;
+    while speed < 0.25 {
+        if let Some(Received::Odometry(sample)) = odometry.next(PATIENCE).expect("no error") {
+            speed = sample.twist.and_then(|t| t.linear).map_or(0.0, |l| l.x);
+        }
+    }
+    hand.say("stop");
+    while speed > 0.005 {
+        if let Some(Received::Odometry(sample)) = odometry.next(PATIENCE).expect("no error") {
+            speed = sample.twist.and_then(|t| t.linear).map_or(0.0, |l| l.x);
+        }
+    }
+    let (stopped, text) = run(&["episode", "stop"]);
+    assert!(stopped, "{text}");
+    let still = tick(&link);
+    std::thread::sleep(Duration::from_millis(200));
+    assert_eq!(tick(&link), still, "time stands still again");
+    hand.say("quit");
+    assert!(hand.0.wait().expect("its end").success());
+    assert_eq!(status(&link).holder, "");
+}
