@@ -9,15 +9,19 @@ FINAL      the same episode's final_data.csv from `--format csv`
 WORK       an empty folder
 
 The scripts are copied; what is written into them for one machine is adapted and
-every change is printed: folders before `organization/`, and the range of
-experiments, of which one is laid out. It is experiment 6, whose label counts the
-shipped script states (249 rows). Then they run in the order that works, each
-output is counted, and the final table is compared with ours.
+every change is printed: folders before `organization/`, and the number or the
+range of experiments, of which one is laid out. They were saved from Google
+Colab and mount a drive: a module `google.colab` that mounts nothing stands in
+WORK. The experiment is number 6, whose label counts the shipped script states
+(249 rows). Then they run in the order that works, each output is counted, and
+the final table is compared with ours.
 Exit code 77 when something that they need is not there.
 """
 
+import ast
 import csv
 import importlib.util
+import os
 import re
 import subprocess
 import sys
@@ -58,12 +62,48 @@ def adapt(name, text, work):
 
     text = re.sub(r"""((?<![\w])[rfRF]{0,2}["'])[^"'\n]*?organization[/\\]+""", folder, text)
 
-    def experiments(match):
-        changed = f"range({NUMBER}, {NUMBER + 1})"
-        print(f"{name}: {match[0]} -> {changed}")
-        return changed
+    def experiments(changed):
+        def replace(match):
+            if match[0] != changed:
+                print(f"{name}: {match[0]} -> {changed}")
+            return changed
 
-    return re.sub(r"range\(\s*1\s*,\s*(?:20|21)\s*\)", experiments, text)
+        return replace
+
+    text = re.sub(r"range\(\s*1\s*,\s*(?:20|21)\s*\)", experiments(f"range({NUMBER}, {NUMBER + 1})"), text)
+    return re.sub(r"^n = \d+$", experiments(f"n = {NUMBER}"), text, flags=re.M)
+
+
+def mount_nothing(work):
+    """A `google.colab` for scripts that were saved from there."""
+    google = work / "google"
+    (google / "colab").mkdir(parents=True)
+    # Other modules of the name `google` stay within reach.
+    (google / "__init__.py").write_text('__path__ = __import__("pkgutil").extend_path(__path__, __name__)\n')
+    (google / "colab/__init__.py").write_text(
+        "class drive:\n    @staticmethod\n    def mount(where, *args, **more):\n"
+        '        print(f"nothing is mounted at {where}")\n'
+    )
+
+
+def modules(name, text):
+    """Full names of the modules that a script imports."""
+    found = set()
+    for node in ast.walk(ast.parse(text, name)):
+        if isinstance(node, ast.Import):
+            found.update(alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom) and node.level == 0:
+            found.add(node.module)
+    return sorted(found)
+
+
+def is_there(module):
+    """Whether a module is found by its full name: `google` alone says nothing
+    of `google.colab`."""
+    try:
+        return importlib.util.find_spec(module) is not None
+    except ModuleNotFoundError:
+        return False
 
 
 def first_samples(source, target):
@@ -125,14 +165,18 @@ def main():
     if missing:
         skip(f"{scripts} lacks {', '.join(missing)}")
     (work / TRIAL).mkdir(parents=True)
+    mount_nothing(work)
+    sys.path[0] = str(work)
+    # Plots go nowhere: nobody closes their windows.
+    environment = {**os.environ, "MPLBACKEND": "Agg"}
     first_samples(samples, work / TRIAL / f"experiment{NUMBER}.hdf5")
     for name, outputs in STEPS:
         text = (scripts / name).read_text()
-        for module in sorted(set(re.findall(r"^\s*(?:import|from)\s+(\w+)", text, re.M))):
-            if importlib.util.find_spec(module) is None and not (scripts / f"{module}.py").is_file():
+        for module in modules(name, text):
+            if not is_there(module):
                 skip(f"{name} imports {module}, which {sys.executable} does not have")
         (work / name).write_text(adapt(name, text, work))
-        done = subprocess.run([sys.executable, name], cwd=work, capture_output=True, text=True)
+        done = subprocess.run([sys.executable, name], cwd=work, env=environment, capture_output=True, text=True)
         if done.returncode != 0:
             sys.exit(f"{name} ends with {done.returncode}:\n{done.stdout[-2000:]}\n{done.stderr[-4000:]}")
         for output, columns, rows in outputs:

@@ -11,6 +11,8 @@ use crate::align::REFERENCE;
 use crate::label;
 use crate::plot::canvas;
 use crate::read::Episode;
+use crate::sheet::axis::Axis;
+use crate::sheet::label::{self as words, Key, Mark};
 use crate::sheet::style::{self, BLUE, FAINT, GREY, INK, ORANGE, text};
 
 /// One episode's figures.
@@ -227,15 +229,20 @@ pub fn plot(rows: &BTreeMap<[String; 3], Row>, out: &Path) -> anyhow::Result<()>
     anyhow::ensure!(style::register(), "the built-in fonts cannot be used");
     let n = rows.len().max(1);
     let most = rows.values().map(|r| r.trajectories).max().unwrap_or(1) as f64;
-    let height = 150 + 46 * n as u32;
+    let height = 170 + 46 * n as u32;
     canvas(out, (1280, height), |root| {
-        let mut chart = ChartBuilder::on(root)
-            .caption("Trajectories per task (filled: succeeded)", text(28, INK))
-            .margin(16)
-            .margin_right(200)
+        let keys = [
+            Key::new("succeeded", BLUE, Mark::Line),
+            Key::new("all", ORANGE, Mark::Line),
+        ];
+        let below = words::heading(root, "Episodes per task", &keys)?;
+        let axis = Axis::counts(most, 8);
+        let mut chart = ChartBuilder::on(&below)
+            .margin(10)
+            .margin_right(250)
             .x_label_area_size(44)
             .y_label_area_size(330)
-            .build_cartesian_2d(0.0..most * 1.05, 0.0..n as f64)?;
+            .build_cartesian_2d(axis, 0.0..n as f64)?;
         chart
             .configure_mesh()
             .bold_line_style(FAINT)
@@ -243,8 +250,6 @@ pub fn plot(rows: &BTreeMap<[String; 3], Row>, out: &Path) -> anyhow::Result<()>
             .axis_style(GREY)
             .disable_y_mesh()
             .y_labels(0)
-            .x_labels(8)
-            .x_label_formatter(&|v| format!("{v:.0}"))
             .label_style(text(19, GREY))
             .draw()?;
         for (i, ([activity, _, task], r)) in rows.iter().rev().enumerate() {
@@ -262,13 +267,38 @@ pub fn plot(rows: &BTreeMap<[String; 3], Row>, out: &Path) -> anyhow::Result<()>
                 bar(r.trajectories as f64, false),
             ])?;
             let plot = chart.plotting_area();
-            let (x, y) = plot.map_coordinate(&(0.0, i as f64 + 0.62));
+            let (x0, y0) = below.get_base_pixel();
+            let (x, y) = plot.map_coordinate(&(0.0, i as f64 + 0.5));
             let name = format!("{task} ({activity})");
-            root.draw(&Text::new(name, (x - 320, y - 6), text(20, INK)))?;
-            let (x, y) = plot.map_coordinate(&(r.trajectories as f64, i as f64 + 0.62));
-            let words = format!("{}, {} samples", r.trajectories, r.samples);
-            root.draw(&Text::new(words, (x + 10, y - 6), text(18, GREY)))?;
+            words::left(&below, &name, (x - x0 - 320, y - y0), 20, INK)?;
+            let (x, y) = plot.map_coordinate(&(r.trajectories as f64, i as f64 + 0.5));
+            words::left(&below, &told(r), (x - x0 + 10, y - y0), 18, GREY)?;
         }
         Ok(())
     })
+}
+
+/// What stands beside a bar.
+fn told(r: &Row) -> String {
+    let plural = |n: usize, word: &str| format!("{n} {word}{}", if n == 1 { "" } else { "s" });
+    format!(
+        "{} of {}",
+        plural(r.samples, "picture"),
+        plural(r.trajectories, "episode")
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_bars_words_cannot_be_read_as_one_number() {
+        let row = Row {
+            trajectories: 3,
+            samples: 601,
+            ..Row::default()
+        };
+        assert_eq!(told(&row), "601 pictures of 3 episodes");
+    }
 }

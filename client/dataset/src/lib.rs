@@ -7,6 +7,7 @@
 //! never overwritten. All calls into HDF5 take one lock, inside `hdf5`.
 
 pub mod align;
+pub mod calibration;
 pub mod columns;
 pub mod composition;
 pub mod compress;
@@ -19,9 +20,11 @@ pub mod info;
 pub mod label;
 pub mod log;
 pub mod plot;
+pub mod pose;
 pub mod read;
 pub mod scenario_text;
 pub mod sheet;
+pub mod urdf;
 pub mod validate;
 pub mod view;
 pub mod writer;

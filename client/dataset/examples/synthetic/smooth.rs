@@ -283,7 +283,8 @@ pub fn record(
     seconds: u64,
     size: (u32, u32),
 ) -> Result<std::path::PathBuf, WriteError> {
-    const URDF: &str = r#"<robot><joint name="m"><parent link="wheelchair_root"/>
+    const URDF: &str = r#"<robot name="r"><link name="wheelchair_root"/>
+        <link name="base_link"/><joint name="m" type="fixed"><parent link="wheelchair_root"/>
         <child link="base_link"/><origin xyz="0.42 0.36 0.55" rpy="0 0 3.14159265"/></joint></robot>"#;
     let mut snapshot = super::snapshot();
     snapshot.assets.push(v1::AssetText {

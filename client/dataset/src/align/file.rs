@@ -3,6 +3,7 @@
 use hdf5::{Extent, Group, H5Type, SimpleExtents};
 
 use super::{Aligned, Signal};
+use crate::calibration::{CONVENTION, PIXEL_CENTRE};
 use crate::hdf::{Attributes, Chunked, Filters, unicode};
 use crate::read::{Camera, Episode, Summary, Values};
 
@@ -205,8 +206,13 @@ fn camera_columns(group: &Group, camera: &Camera, frames: &[Option<usize>]) -> h
         group,
         "intrinsics",
         "pixels (width, height, fx, fy, cx, cy)",
-        "",
-    )
+        "picture, from its left and top edge",
+    )?;
+    let data = group.dataset("intrinsics")?;
+    Attributes::of(&data)
+        .set("pixel_centre", PIXEL_CENTRE)?
+        .text("convention", CONVENTION)?;
+    Ok(())
 }
 
 /// Copies compressed pictures; rows without one read as zeros.

@@ -126,6 +126,10 @@ pub fn label(input: &Input, out: Option<&Path>) -> anyhow::Result<u8> {
             println!("the corrections name {episode:?}, which is not among the files");
         }
     }
+    // Of nothing there is no table, and no file that would stop the next run.
+    if table.is_empty() {
+        return Ok(code(&results));
+    }
     match out {
         Some(path) => {
             let pending = PendingFile::new(path)?;
@@ -253,6 +257,9 @@ pub fn stats(input: &Files, plot: Option<&Path>, csv: Option<&Path>) -> anyhow::
         .iter()
         .filter_map(|r| r.1.as_ref().ok().cloned())
         .collect();
+    if figures.is_empty() {
+        return Ok(code(&results));
+    }
     let rows = composition::gather(&figures);
     print!("{}", composition::table(&rows));
     if let Some(path) = plot {

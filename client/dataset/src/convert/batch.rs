@@ -137,13 +137,23 @@ fn say(file: &Path, written: &Written) {
     }
 }
 
+/// A problem with its file, which many problems name themselves.
+fn named(file: &Path, problem: &str) -> String {
+    let name = file.display().to_string();
+    if problem.contains(&name) {
+        problem.to_owned()
+    } else {
+        format!("{name}: {problem}")
+    }
+}
+
 /// Prints the failures and says whether there were any.
 pub fn failures<T>(results: &Results<T>) -> bool {
     let mut any = false;
     for (file, result) in results {
         if let Err(problem) = result {
             any = true;
-            eprintln!("{}: {problem:#}", file.display());
+            eprintln!("{}", named(file, &format!("{problem:#}")));
         }
     }
     any
@@ -167,6 +177,8 @@ mod tests {
             assert_eq!(result.is_err(), i == 7);
         }
         assert!(failures(&results));
+        assert_eq!(named(Path::new("a.h5"), "a.h5 is empty"), "a.h5 is empty");
+        assert_eq!(named(Path::new("a.h5"), "no rows"), "a.h5: no rows");
         assert!(
             parallel(5, 3, |i| {
                 anyhow::ensure!(i < 4, "four");

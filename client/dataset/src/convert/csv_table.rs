@@ -12,6 +12,7 @@ use wheelarm_proto::names;
 use super::batch::parallel;
 use super::{Format, PendingFolder, Recording, Size, Written, png_depth, png_grey, png_rgb};
 use crate::align::Signal;
+use crate::calibration;
 
 /// Writes a folder `LABEL` per episode.
 #[derive(Clone, Debug)]
@@ -143,6 +144,8 @@ impl Format for CsvTable {
         let (rows, notes) = recording.rows(&STREAMS)?;
         let folder = PendingFolder::new(&self.out.join(&recording.summary.label))?;
         table(&folder.path().join("final_data.csv"), recording, &rows)?;
+        let cameras = calibration::cameras(recording, None);
+        std::fs::write(folder.path().join("cameras.json"), format!("{cameras:#}\n"))?;
         for (camera, source) in &recording.cameras {
             let Some((width, height)) = source.size() else {
                 continue;

@@ -21,7 +21,9 @@ use std::path::{Path, PathBuf};
 
 use crate::align::{AlignOptions, Aligned, align};
 use crate::label::{self, Corrections};
+use crate::pose::Pose;
 use crate::read::{Camera, Episode, Summary};
+use crate::urdf::{ARM_BASE, CHAIR, Robot};
 
 /// How recordings are read for any format.
 #[derive(Clone, Debug, Default)]
@@ -133,6 +135,23 @@ impl Recording {
         self.aligned.signal(stream, column).ok_or_else(|| {
             anyhow::anyhow!(
                 "{} has no column {stream}/{column}, which this format needs",
+                self.episode.path().display()
+            )
+        })
+    }
+
+    /// The arm's base in `wheelchair_root`, by the robot description in the
+    /// file.
+    ///
+    /// # Errors
+    /// When the file has none, or something moves between the two.
+    pub fn arm_mount(&self) -> anyhow::Result<Pose> {
+        let assets = self.episode.snapshot()?.assets;
+        let robot = Robot::of(&assets);
+        let mount = robot.and_then(|r| r.fixed(CHAIR, ARM_BASE));
+        mount.ok_or_else(|| {
+            anyhow::anyhow!(
+                "{} has no robot description that fixes {ARM_BASE} on {CHAIR}: the arm's place in the house is not known",
                 self.episode.path().display()
             )
         })

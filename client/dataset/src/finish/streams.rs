@@ -6,6 +6,7 @@ use hdf5::{Dataset, Group};
 use prost::Message;
 use wheelarm_proto::v1;
 
+use crate::calibration::{CONVENTION, PIXEL_CENTRE};
 use crate::columns::{Axis, Cell, ColumnInfo, Context, Kind, Stream};
 use crate::compress::Deflate;
 use crate::depth::{DepthFormat, MILLIMETRES_NOTE};
@@ -34,7 +35,7 @@ pub(super) const HEADER_COLUMNS: [ColumnInfo; 3] = [
 const INTRINSICS: ColumnInfo = ColumnInfo {
     name: "intrinsics",
     unit: "pixels",
-    frame: "",
+    frame: "picture, from its left and top edge",
     axes: &[Axis::Components(&[
         "width", "height", "fx", "fy", "cx", "cy",
     ])],
@@ -122,6 +123,10 @@ pub(super) fn camera(
             entries.len(),
         )?);
     }
+    let calibration = group.dataset(INTRINSICS.name)?;
+    Attributes::of(&calibration)
+        .set("pixel_centre", PIXEL_CENTRE)?
+        .text("convention", CONVENTION)?;
     let mut pictures = None;
     for (index, entry) in entries.iter().enumerate() {
         let bad = |reason: &str| FinishError::Content {

@@ -4,7 +4,7 @@ use prost::Message;
 use wheelarm_proto::v1;
 
 /// First bytes of a log; the digit is the version of the format.
-pub(super) const FILE_MAGIC: &[u8; 8] = b"WHLLOG1\n";
+pub(crate) const FILE_MAGIC: &[u8; 8] = b"WHLLOG1\n";
 /// First bytes of a record.
 const RECORD_MAGIC: u32 = 0x5743_4552;
 /// Bytes of a record before its payload.

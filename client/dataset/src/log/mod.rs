@@ -15,6 +15,7 @@ mod scan;
 
 pub(crate) use append::create_file;
 pub use append::{Appender, LogFile};
+pub(crate) use format::FILE_MAGIC as MAGIC;
 pub use format::{
     CameraParts, Closing, Kind, MAX_PAYLOAD, Preamble, RECORD_HEADER, Received, RecordHeader,
     Recovered, begin_record, finish_record,
@@ -31,6 +32,14 @@ pub enum LogError {
         path: String,
         /// The reason.
         source: std::io::Error,
+    },
+    /// There is no file that could be read.
+    #[error("{path}: {reason}")]
+    Absent {
+        /// The path.
+        path: String,
+        /// What is wrong.
+        reason: String,
     },
     /// The file is no log, or its beginning is damaged.
     #[error("{path} is no WheelArm log: {reason}")]

@@ -93,8 +93,21 @@ pub fn scan(path: &Path) -> Result<Scan, LogError> {
         path: path.display().to_string(),
         reason,
     };
-    let file = File::open(path).map_err(io)?;
-    let total = file.metadata().map_err(io)?.len();
+    let absent = |reason: &str| LogError::Absent {
+        path: path.display().to_string(),
+        reason: reason.to_owned(),
+    };
+    let file = match File::open(path) {
+        Err(e) if e.kind() == std::io::ErrorKind::NotFound => {
+            return Err(absent("there is no such file"));
+        }
+        other => other.map_err(io)?,
+    };
+    let metadata = file.metadata().map_err(io)?;
+    if metadata.is_dir() {
+        return Err(absent("it is a folder; name a log in it, LABEL.h5.wal"));
+    }
+    let total = metadata.len();
     let mut input = BufReader::with_capacity(1 << 18, file.try_clone().map_err(io)?);
 
     let mut head = [0; 16];
@@ -102,7 +115,7 @@ pub fn scan(path: &Path) -> Result<Scan, LogError> {
         .read_exact(&mut head)
         .map_err(|_| no_log(format!("it has {total} bytes, a log has at least 16")))?;
     if &head[..8] != FILE_MAGIC {
-        return Err(no_log(format!("it begins with {:?}", &head[..8])));
+        return Err(no_log(foreign(path, &head)));
     }
     let length = u32::from_le_bytes([head[8], head[9], head[10], head[11]]) as usize;
     let crc = u32::from_le_bytes([head[12], head[13], head[14], head[15]]);
@@ -131,6 +144,32 @@ pub fn scan(path: &Path) -> Result<Scan, LogError> {
     out.damage = records(&mut input, total, &mut out).err();
     out.lost = total.saturating_sub(out.good);
     Ok(out)
+}
+
+/// What a file is that does not begin like a log, and what to do with it.
+fn foreign(path: &Path, head: &[u8]) -> String {
+    const NAME: &str = "a log is named LABEL.h5.wal and stands where the file will be";
+    if head.starts_with(crate::read::SIGNATURE) {
+        let log = path.with_added_extension("wal");
+        let beside = if log.is_file() {
+            format!("its log is {}", log.display())
+        } else {
+            format!("{NAME}; there is none beside it, so nothing is left to recover")
+        };
+        return format!(
+            "it is an HDF5 file, `wheelarm dataset info {}` shows what it holds; {beside}",
+            path.display()
+        );
+    }
+    let (magic, version) = FILE_MAGIC.split_at(6);
+    if head.starts_with(magic) {
+        return format!(
+            "it is a log of format {:?}, this program reads {:?}: use the version of WheelArm that recorded it",
+            char::from(head[6]),
+            char::from(version[0])
+        );
+    }
+    format!("it does not begin like one; {NAME}")
 }
 
 /// Reads records up to the end or the first bad one, which it describes.

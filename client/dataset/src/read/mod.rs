@@ -4,10 +4,12 @@
 mod camera;
 mod chunks;
 mod column;
+mod refusal;
 
 pub use camera::{Camera, Frame};
 pub use chunks::ChunkMap;
 pub use column::{ColumnMeta, ElementKind, Values};
+pub(crate) use refusal::SIGNATURE;
 
 use std::path::{Path, PathBuf};
 
@@ -23,6 +25,14 @@ use crate::hdf::Blob;
 /// Why an episode file cannot be read.
 #[derive(Debug, thiserror::Error)]
 pub enum ReadError {
+    /// There is no file that could be read.
+    #[error("{path}: {reason}")]
+    Unreadable {
+        /// The path.
+        path: PathBuf,
+        /// What is wrong, with the cure.
+        reason: String,
+    },
     /// The file is no episode.
     #[error("{path} is no WheelArm episode: {reason}")]
     NoEpisode {
@@ -99,23 +109,37 @@ impl Episode {
     /// Opens a file and checks that it is an episode.
     ///
     /// # Errors
-    /// [`ReadError::NoEpisode`].
+    /// [`ReadError::Unreadable`] or [`ReadError::NoEpisode`].
     pub fn open(path: &Path) -> Result<Self, ReadError> {
         let no_episode = |reason: String| ReadError::NoEpisode {
             path: path.to_owned(),
             reason,
         };
-        let file = hdf5::File::open(path).map_err(|e| no_episode(e.to_string()))?;
+        let file = hdf5::File::open(path).map_err(|e| refusal::refusal(path, &e))?;
         let episode = Self {
             file,
             path: path.to_owned(),
         };
         let format = text(&episode.file, "format").unwrap_or_default();
         let version = text(&episode.file, "schema_version").unwrap_or_default();
-        if format != "wheelarm episode" {
-            return Err(no_episode(format!(
-                "its attribute `format` is {format:?}, expected \"wheelarm episode\""
-            )));
+        match format.as_str() {
+            "wheelarm episode" => {}
+            "wheelarm aligned episode" => {
+                let source = text(&episode.file, "source").unwrap_or_default();
+                return Err(no_episode(format!(
+                    "it is an aligned one; name the recording that it was made of, {source}"
+                )));
+            }
+            "" => {
+                return Err(no_episode(
+                    "it is an HDF5 file of another program, without the attribute `format`".into(),
+                ));
+            }
+            other => {
+                return Err(no_episode(format!(
+                    "its attribute `format` is {other:?}, expected \"wheelarm episode\""
+                )));
+            }
         }
         if version != wheelarm_proto::SCHEMA_VERSION {
             return Err(no_episode(format!(

@@ -1,14 +1,14 @@
 //! The contact sheet: one PNG that shows what an episode is like. Pictures of
 //! every camera with depth over time, then plots of the movement.
 
+pub(crate) mod axis;
+mod crowd;
 pub mod grid;
 pub(crate) mod label;
 mod mount;
 pub(crate) mod picture;
 pub(crate) mod plots;
 pub(crate) mod style;
-
-pub(crate) use mount::mount_pose;
 
 use std::path::Path;
 

@@ -2,9 +2,12 @@
 
 use plotters::prelude::*;
 
+use super::axis::Axis;
+use super::label::{Key, Mark};
 use super::mount::{Plane, arm_mount};
 use super::style::{AMBER, BLUE, COLUMNS, FAINT, GREY, INK, LINES, ORANGE, phase_colour, text};
-use super::{Area, DrawError, SheetError, label};
+use super::{Area, DrawError, SheetError, crowd, label};
+use crate::pose::yaw;
 use crate::read::{Episode, ReadError};
 
 /// A line over time: its name and (seconds, value).
@@ -135,31 +138,110 @@ fn range(values: impl Iterator<Item = f64>, pad: f64) -> (f64, f64) {
     if low > high {
         return (0.0, 1.0);
     }
-    let room = ((high - low) * pad).max(0.02);
+    // What never moves is shown as a line in the middle, not as its noise.
+    let room = ((high - low) * pad).max(1e-3);
     (low - room, high + room)
 }
 
+/// Colours of lines, again from the first after the last.
+fn colours() -> impl Iterator<Item = RGBColor> {
+    LINES.iter().cycle().copied()
+}
+
+/// A legend of lines and of the phases behind them.
+fn keys<'a>(lines: &'a [Line], phases: &'a [Stretch]) -> Vec<Key<'a>> {
+    let lines = lines.iter().zip(colours());
+    let mut out: Vec<Key<'_>> = lines
+        .map(|(l, c)| Key::new(&l.name, c, Mark::Line))
+        .collect();
+    let mut seen = Vec::new();
+    for (label, name, ..) in phases {
+        if *label > 0 && !seen.contains(label) {
+            seen.push(*label);
+            out.push(Key::new(name, phase_colour(*label), Mark::Block));
+        }
+    }
+    out
+}
+
+/// Lines over time in one plot, with the phases behind them.
 pub fn over_time(
     area: &Area<'_>,
     title: &str,
     lines: &[Line],
     phases: &[Stretch],
 ) -> Result<(), DrawError> {
+    let below = label::heading(area, title, &keys(lines, phases))?;
+    curves(
+        &below,
+        lines,
+        phases,
+        end(lines, phases),
+        Some("seconds"),
+        "",
+    )
+}
+
+/// One strip of a plot: what its axis says, and its lines.
+pub type Strip<'a> = (&'a str, Vec<Line>);
+
+/// Quantities of different sizes over one time, each with an axis of its own.
+pub fn strips(
+    area: &Area<'_>,
+    title: &str,
+    strips: &[Strip<'_>],
+    phases: &[Stretch],
+) -> Result<(), DrawError> {
+    // A single line is named by its axis.
+    let named = strips.iter().map(|s| s.1.as_slice()).find(|l| l.len() > 1);
+    let below = label::heading(area, title, &keys(named.unwrap_or(&[]), phases))?;
+    let last = strips.iter().map(|s| end(&s.1, phases)).fold(0.1, f64::max);
+    let (_, height) = below.dim_in_pixel();
+    let each = (height.saturating_sub(TIME_AXIS) / strips.len().max(1) as u32) as i32;
+    let mut rest = below;
+    for (i, (what, lines)) in strips.iter().enumerate() {
+        if i + 1 == strips.len() {
+            curves(&rest, lines, phases, last, Some("seconds"), what)?;
+        } else {
+            let (strip, below) = rest.split_vertically(each);
+            curves(&strip, lines, phases, last, None, what)?;
+            rest = below;
+        }
+    }
+    Ok(())
+}
+
+/// Height of the words below a time axis, pixels.
+const TIME_AXIS: u32 = 50;
+
+fn end(lines: &[Line], phases: &[Stretch]) -> f64 {
     let times = lines.iter().flat_map(|l| l.points.iter().map(|p| p.0));
-    let (_, end) = range(times.chain(phases.iter().map(|p| p.3)), 0.0);
-    let end = end.max(0.1);
+    times.chain(phases.iter().map(|p| p.3)).fold(0.1, f64::max)
+}
+
+/// Lines over time without a title; words below the time axis where there are
+/// some.
+fn curves(
+    area: &Area<'_>,
+    lines: &[Line],
+    phases: &[Stretch],
+    end: f64,
+    below: Option<&str>,
+    what: &str,
+) -> Result<(), DrawError> {
     let values = lines.iter().flat_map(|l| l.points.iter().map(|p| p.1));
     let (low, high) = range(values, 0.08);
-    // Room above the lines for the legend and the names of the phases.
-    let high = high + (high - low) * 0.22;
-    let decimals = if high - low < 1.5 { 2 } else { 1 };
+    let (_, height) = area.dim_in_pixel();
+    let (x, y) = (
+        Axis::new(0.0, end, 6),
+        Axis::new(low, high, (height as usize / 60).clamp(2, 7)),
+    );
     let mut chart = ChartBuilder::on(area)
-        .caption(title, text(26, INK))
-        .margin(10)
+        .margin(6)
         .margin_right(22)
-        .x_label_area_size(50)
-        .y_label_area_size(62)
-        .build_cartesian_2d(0.0..end, low..high)?;
+        .x_label_area_size(if below.is_some() { TIME_AXIS } else { 0 })
+        .y_label_area_size(if what.is_empty() { 66 } else { 92 })
+        .build_cartesian_2d(x, y)?;
     for (label, _, from, to) in phases {
         let band = Rectangle::new([(*from, low), (*to, high)], phase_colour(*label).filled());
         chart.draw_series(std::iter::once(band))?;
@@ -169,52 +251,20 @@ pub fn over_time(
         .bold_line_style(FAINT)
         .light_line_style(TRANSPARENT)
         .axis_style(GREY)
-        .x_labels(7)
-        .y_labels(7)
-        .x_label_formatter(&|v| format!("{v:.0}"))
-        .y_label_formatter(&|v| {
-            // Rounded first: a zero must not read as -0.
-            let unit = 10_f64.powi(decimals as i32);
-            format!("{:.decimals$}", (v * unit).round() / unit + 0.0)
-        })
         .label_style(text(19, GREY))
-        .x_desc("seconds")
+        .x_desc(below.unwrap_or_default())
+        .y_desc(what)
         .axis_desc_style(text(20, GREY))
         .draw()?;
-    for (i, l) in lines.iter().enumerate() {
-        let colour = LINES[i % LINES.len()];
+    for (l, colour) in lines.iter().zip(colours()) {
         let series = LineSeries::new(l.points.iter().copied(), colour.stroke_width(3));
         chart.draw_series(series)?;
     }
-    let plot = chart.plotting_area();
-    let pixels = |p: (f64, f64)| {
-        let at = plot.map_coordinate(&p);
-        let (x0, y0) = plot.get_base_pixel();
-        (at.0 - x0, at.1 - y0)
-    };
-    let flat = plot.strip_coord_spec();
-    for (_, name, from, to) in phases {
-        let (left, right) = (pixels((*from, high)).0, pixels((*to, high)).0);
-        // A name wider than its stretch would run into the next one.
-        if label::width(name, 17) < right - left {
-            label::centre(&flat, name, ((left + right) / 2, 52), 17, INK)?;
-        }
-    }
-    let entries: Vec<(&str, RGBColor)> = lines
-        .iter()
-        .zip(LINES.iter().cycle())
-        .map(|(l, c)| (l.name.as_str(), *c))
-        .collect();
-    label::legend(&flat, (12, 20), &entries)
+    Ok(())
 }
 
-/// Yaw of a quaternion x y z w.
-pub fn yaw(q: [f64; 4]) -> f64 {
-    let [x, y, z, w] = q;
-    (2.0 * (w * z + x * y)).atan2(1.0 - 2.0 * (y * y + z * z))
-}
-
-fn top_view(episode: &Episode, area: &Area<'_>) -> Result<(), SheetError> {
+/// The way of chair and hand seen from above, with the objects.
+pub fn top_view(episode: &Episode, area: &Area<'_>) -> Result<(), SheetError> {
     let pose = |frame: usize| -> Result<Vec<Vec<f64>>, ReadError> {
         (0..7)
             .map(|k| series(episode, "pose", "pose", 7 * frame + k))
@@ -283,29 +333,39 @@ fn draw_top(
         .collect();
     let (x0, x1) = range(all.iter().map(|p| p.0), 0.08);
     let (y0, y1) = range(all.iter().map(|p| p.1), 0.08);
+    let below = label::heading(
+        area,
+        "Seen from above",
+        &[
+            Key::new("chair", BLUE, Mark::Line),
+            Key::new("end effector", ORANGE, Mark::Line),
+            Key::new("object at the start", AMBER, Mark::Dot),
+        ],
+    )?;
     // One metre is as long to the right as upwards.
-    let (w, h) = area.dim_in_pixel();
-    let (w, h) = (f64::from(w) - 92.0, f64::from(h) - 110.0);
+    let (w, h) = below.dim_in_pixel();
+    let (w, h) = (f64::from(w) - 98.0, f64::from(h) - 62.0);
     let scale = ((x1 - x0) / w).max((y1 - y0) / h);
     let (cx, cy) = (0.5 * (x0 + x1), 0.5 * (y0 + y1));
     let (rx, ry) = (0.5 * scale * w, 0.5 * scale * h);
-    let mut chart = ChartBuilder::on(area)
-        .caption("Seen from above", text(26, INK))
-        .margin(10)
+    let (x, y) = (
+        Axis::new(cx - rx, cx + rx, 6),
+        Axis::new(cy - ry, cy + ry, 6),
+    );
+    let mut chart = ChartBuilder::on(&below)
+        .margin(6)
+        .margin_right(22)
         .x_label_area_size(50)
-        .y_label_area_size(62)
-        .build_cartesian_2d(cx - rx..cx + rx, cy - ry..cy + ry)?;
+        .y_label_area_size(70)
+        .build_cartesian_2d(x, y)?;
     chart
         .configure_mesh()
         .bold_line_style(FAINT)
         .light_line_style(TRANSPARENT)
         .axis_style(GREY)
-        .x_labels(6)
-        .y_labels(6)
         .label_style(text(19, GREY))
-        .x_label_formatter(&|v| format!("{v:.1}"))
-        .y_label_formatter(&|v| format!("{v:.1}"))
         .x_desc("house x, m")
+        .y_desc("house y, m")
         .axis_desc_style(text(20, GREY))
         .draw()?;
     for (place, colour) in [(chairs.first(), GREY), (chairs.last(), BLUE)] {
@@ -318,13 +378,46 @@ fn draw_top(
     chart.draw_series(LineSeries::new(path, BLUE.stroke_width(4)))?;
     let path = tips.iter().filter(finite).copied();
     chart.draw_series(LineSeries::new(path, ORANGE.stroke_width(3)))?;
-    for (name, at) in objects {
-        let dot = EmptyElement::at(*at)
-            + Circle::new((0, 0), 6, AMBER.filled())
-            + Text::new(name.clone(), (10, -9), text(18, INK));
-        chart.draw_series(std::iter::once(dot))?;
+    let plot = chart.plotting_area();
+    let (left, top) = plot.get_base_pixel();
+    let objects: Vec<_> = objects.iter().filter(|o| finite(&&o.1)).collect();
+    let dots: Vec<(i32, i32)> = objects
+        .iter()
+        .map(|o| plot.map_coordinate(&o.1))
+        .map(|(x, y)| (x - left, y - top))
+        .collect();
+    let (width, height) = plot.dim_in_pixel();
+    names(
+        &plot.strip_coord_spec(),
+        &objects.iter().map(|o| o.0.as_str()).collect::<Vec<_>>(),
+        &dots,
+        (width as i32, height as i32),
+    )
+}
+
+/// Size of an object's name.
+const NAME: u32 = 18;
+
+/// Dots with names that do not lie on each other.
+fn names(
+    area: &Area<'_>,
+    names: &[&str],
+    dots: &[(i32, i32)],
+    room: (i32, i32),
+) -> Result<(), DrawError> {
+    let sizes = names.iter().map(|n| (label::width(n, NAME), NAME as i32));
+    let places = crowd::places(dots, &sizes.collect::<Vec<_>>(), room);
+    for ((name, &(x, y)), place) in names.iter().zip(dots).zip(places) {
+        area.draw(&Circle::new((x, y), 6, AMBER.filled()))?;
+        let Some((left, top, wide, high)) = place else {
+            continue;
+        };
+        // The nearest point of the name: a name that stands apart gets a line.
+        let near = (x.clamp(left, left + wide), y.clamp(top, top + high));
+        if (near.0 - x).abs().max((near.1 - y).abs()) > 20 {
+            area.draw(&PathElement::new([(x, y), near], GREY.stroke_width(1)))?;
+        }
+        label::left(area, name, (left, top + high / 2), NAME, INK)?;
     }
-    let flat = chart.plotting_area().strip_coord_spec();
-    let entries = [("chair", BLUE), ("end effector", ORANGE)];
-    label::legend(&flat, (12, 20), &entries)
+    Ok(())
 }

@@ -11,6 +11,7 @@ use base64::engine::general_purpose::STANDARD;
 use jpeg_encoder::{ColorType, Encoder};
 use serde_json::{Value, json};
 
+use crate::align::Aligned;
 use crate::convert::batch::parallel;
 use crate::convert::{PendingFile, Recording, Size, scaled};
 use crate::label;
@@ -217,6 +218,7 @@ fn plots(recording: &Recording) -> Vec<Value> {
     let furniture: Vec<(usize, String)> = names_of("furniture_joint", "position")
         .into_iter()
         .enumerate()
+        .filter(|(at, _)| moves(aligned, *at))
         .collect();
     [
         plot("Arm joints, rad", "joint_state", "position", &arm),
@@ -248,7 +250,7 @@ fn plots(recording: &Recording) -> Vec<Value> {
             &three(0),
         ),
         plot(
-            "Furniture joints, m or rad",
+            "Drawers that moved, m or rad",
             "furniture_joint",
             "position",
             &furniture,
@@ -258,4 +260,17 @@ fn plots(recording: &Recording) -> Vec<Value> {
     .into_iter()
     .flatten()
     .collect()
+}
+
+/// A drawer that moves less is not drawn, m or rad.
+const STILL: f64 = 1e-3;
+
+fn moves(aligned: &Aligned, joint: usize) -> bool {
+    let Some(signal) = aligned.signal("furniture_joint", "position") else {
+        return false;
+    };
+    let rows = 0..aligned.stamps.len();
+    let values = rows.filter_map(|row| signal.row(row).get(joint).filter(|v| v.is_finite()));
+    let (low, high) = values.fold((f64::MAX, f64::MIN), |(l, h), v| (l.min(*v), h.max(*v)));
+    high - low > STILL
 }

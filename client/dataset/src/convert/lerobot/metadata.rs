@@ -76,6 +76,7 @@ pub(super) fn metadata(folder: &Path, set: &Set, layout: &Layout) -> anyhow::Res
         "features": layout.features(),
     });
     write("info.json", &info)?;
+    write("cameras.json", &set.calibration)?;
     episodes_table(&meta.join("episodes/chunk-000/file-000.parquet"), set)
 }
 

@@ -24,6 +24,7 @@ use self::table::{Cells, Table};
 use super::batch::parallel;
 use super::learning::{self, Learning};
 use super::{Format, PendingFolder, Recording, Size, Written, png_rgb, scaled};
+use crate::calibration;
 
 /// Rows that are encoded, and written as one row group, together.
 const BLOCK: usize = 32;
@@ -53,6 +54,8 @@ struct Set {
     episodes: Vec<EpisodeRow>,
     rows: usize,
     statistics: BTreeMap<String, Gathered>,
+    /// Intrinsics of the first episode's cameras, for pictures of the set's size.
+    calibration: serde_json::Value,
 }
 
 struct EpisodeRow {
@@ -83,6 +86,7 @@ impl LeRobot {
                 episodes: Vec::new(),
                 rows: 0,
                 statistics: BTreeMap::new(),
+                calibration: serde_json::Value::Null,
             }),
         })
     }
@@ -200,6 +204,9 @@ impl Format for LeRobot {
             }
         };
         set.data = Some(table);
+        if set.layout.is_none() {
+            set.calibration = calibration::cameras(recording, self.size);
+        }
         set.layout = Some(layout);
         let instruction = recording.summary.instruction.clone();
         let task = set

@@ -1,68 +1,47 @@
-//! MCAP for Foxglove: its well-known messages where there is one, ours for the
-//! rest, every recorded sample at its own time, nothing resampled.
-
-use std::collections::BTreeMap;
-use std::fs::File;
-use std::io::BufWriter;
-use std::path::{Path, PathBuf};
+//! What becomes of each stream: the messages, and how they are encoded.
 
 use anyhow::Context;
 use jpeg_encoder::{ColorType, Encoder};
-use mcap::records::MessageHeader;
 use prost::Message;
 use prost_types::Timestamp;
 use wheelarm_proto::{names, v1};
 
-use super::batch::parallel;
-use super::{Format, PendingFile, Recording, Written};
-use crate::read::{Camera, Episode, Values};
-use crate::sheet::mount_pose;
+use super::columns::Columns;
+use super::foxglove;
+use crate::calibration::PIXEL_CENTRE;
+use crate::pose::Pose;
+use crate::read::{Camera, Episode};
+use crate::urdf::{CHAIR, Joint};
 
-/// Foxglove's messages.
-#[allow(clippy::doc_markdown, reason = "generated from the .proto file")]
-mod foxglove {
-    include!(concat!(env!("OUT_DIR"), "/foxglove.rs"));
-}
-
-const FOXGLOVE: &[u8] = include_bytes!(concat!(env!("OUT_DIR"), "/foxglove.bin"));
-const OURS: &[u8] = include_bytes!(concat!(env!("OUT_DIR"), "/wheelarm.bin"));
 const JPEG_QUALITY: u8 = 90;
-/// Messages that are encoded together: about half a second.
-const BLOCK: usize = 512;
 
-/// Writes `LABEL.mcap` per episode.
-#[derive(Clone, Debug)]
-pub struct McapLog {
-    /// Folder of the files.
-    pub out: PathBuf,
-    /// Threads that compress pictures.
-    pub threads: usize,
-}
-
-impl Format for McapLog {
-    fn wants(&self, _: &str) -> bool {
-        false
-    }
-
-    fn add(&self, recording: &Recording, tick: &(dyn Fn() + Sync)) -> anyhow::Result<Written> {
-        let name = format!("{}.mcap", recording.summary.label);
-        let pending = PendingFile::new(&self.out.join(name))?;
-        let samples = write(pending.path(), recording, self.threads, tick)?;
-        Ok(Written {
-            path: pending.commit()?,
-            samples,
-            notes: Vec::new(),
-        })
-    }
+/// How the messages of a channel are written.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Coding {
+    /// Foxglove's messages, protobuf.
+    Foxglove,
+    /// Our own messages, protobuf.
+    Own,
+    /// ROS 2's text message, CDR: what viewers take a robot description from.
+    RosText,
 }
 
 /// A source of messages, one per sample.
-enum Source<'a> {
+pub(super) enum Source<'a> {
     Colour(&'a Camera),
     Depth(&'a Camera),
+    Ids(&'a Camera),
     Calibration(&'a Camera),
     Joints(Columns),
-    Transforms(Columns, Option<[f64; 7]>),
+    /// The recorded frames, of a recording without a robot description.
+    Frames(Columns),
+    Chair(Columns),
+    /// Links below joints that move, and which entry of a sample each is.
+    Links(Columns, Vec<(usize, Joint)>),
+    /// Links that never move: one message.
+    Fixed(Vec<(String, String, Pose)>),
+    Description(String),
+    Contacts(Columns, Vec<String>),
     Objects(Columns),
     CameraFrame(&'a Camera),
     Effector(Columns),
@@ -75,74 +54,13 @@ enum Source<'a> {
     Log(Vec<String>, Vec<String>),
 }
 
-/// Numeric columns of one stream by name: width and values.
-#[derive(Default)]
-struct Columns {
-    all: BTreeMap<String, (usize, Vec<f64>)>,
-    names: Vec<String>,
-    headers: Headers,
-}
-
-#[derive(Clone, Default)]
-struct Headers {
-    stamps: Vec<u64>,
-    sequence: Vec<u64>,
-    tick: Vec<u64>,
-}
-
-struct Evaluation {
-    columns: Columns,
-    success: Vec<bool>,
-    done: Vec<bool>,
-    holds: Vec<bool>,
-    required: Vec<bool>,
-    failure: Vec<String>,
-}
-
-impl Headers {
-    fn of(episode: &Episode, stream: &str) -> anyhow::Result<Self> {
-        Ok(Self {
-            stamps: episode.stamps(stream)?,
-            sequence: episode.u64s(stream, "sequence")?,
-            tick: episode.u64s(stream, "tick")?,
-        })
-    }
-
-    fn header(&self, i: usize) -> Option<v1::Header> {
-        Some(v1::Header {
-            stamp_nanos: self.stamps[i],
-            sequence: self.sequence.get(i).copied().unwrap_or(0),
-            tick: self.tick.get(i).copied().unwrap_or(0),
-            ..Default::default()
-        })
-    }
-}
-
-impl Columns {
-    fn of(episode: &Episode, stream: &str) -> anyhow::Result<Self> {
-        let mut out = Self {
-            headers: Headers::of(episode, stream)?,
-            ..Self::default()
-        };
-        for meta in episode.columns(stream)? {
-            if meta.kind == crate::read::ElementKind::F64
-                && let Values::F64(values) = episode.values(&meta)?
-            {
-                if out.names.is_empty() {
-                    out.names.clone_from(&meta.names);
-                }
-                out.all.insert(meta.name.clone(), (meta.width(), values));
-            }
-        }
-        Ok(out)
-    }
-
-    fn row(&self, column: &str, i: usize) -> &[f64] {
-        match self.all.get(column) {
-            Some((width, values)) => values.get(i * width..(i + 1) * width).unwrap_or(&[]),
-            None => &[],
-        }
-    }
+pub(super) struct Evaluation {
+    pub columns: Columns,
+    pub success: Vec<bool>,
+    pub done: Vec<bool>,
+    pub holds: Vec<bool>,
+    pub required: Vec<bool>,
+    pub failure: Vec<String>,
 }
 
 fn timestamp(nanos: u64) -> Option<Timestamp> {
@@ -194,15 +112,20 @@ fn quaternion(v: &[f64]) -> Option<v1::Quaternion> {
 
 impl Source<'_> {
     /// Name of the message type.
-    fn schema(&self) -> &'static str {
+    pub fn schema(&self) -> &'static str {
         match self {
             Self::Colour(_) => "foxglove.CompressedImage",
-            Self::Depth(_) => "foxglove.RawImage",
+            Self::Depth(_) | Self::Ids(_) => "foxglove.RawImage",
             Self::Calibration(_) => "foxglove.CameraCalibration",
             Self::Joints(_) => "foxglove.JointStates",
-            Self::Transforms(..) | Self::Objects(_) | Self::CameraFrame(_) => {
-                "foxglove.FrameTransforms"
-            }
+            Self::Frames(_)
+            | Self::Chair(_)
+            | Self::Links(..)
+            | Self::Fixed(_)
+            | Self::Objects(_)
+            | Self::CameraFrame(_) => "foxglove.FrameTransforms",
+            Self::Description(_) => "std_msgs/msg/String",
+            Self::Contacts(..) => "wheelarm.v1.Contacts",
             Self::Effector(_) => "foxglove.PoseInFrame",
             Self::Log(..) => "foxglove.Log",
             Self::Imu(_) => "wheelarm.v1.Imu",
@@ -214,8 +137,17 @@ impl Source<'_> {
         }
     }
 
+    /// How its messages are written.
+    pub fn coding(&self) -> Coding {
+        match self.schema().split('.').next() {
+            Some("foxglove") => Coding::Foxglove,
+            Some("wheelarm") => Coding::Own,
+            _ => Coding::RosText,
+        }
+    }
+
     /// The encoded message of a sample.
-    fn message(&self, episode: &Episode, i: usize, stamp: u64) -> anyhow::Result<Vec<u8>> {
+    pub fn message(&self, episode: &Episode, i: usize, stamp: u64) -> anyhow::Result<Vec<u8>> {
         Ok(match self {
             Self::Colour(camera) => {
                 let (width, height) = camera.size().context("a size")?;
@@ -251,8 +183,24 @@ impl Source<'_> {
                 }
                 .encode_to_vec()
             }
+            Self::Ids(camera) => {
+                let (width, height) = camera.size().context("a size")?;
+                foxglove::RawImage {
+                    timestamp: timestamp(stamp),
+                    frame_id: camera.stream().to_owned(),
+                    width: u32::try_from(width)?,
+                    height: u32::try_from(height)?,
+                    encoding: "8UC1".into(),
+                    step: u32::try_from(width)?,
+                    data: camera.ids(episode, i)?,
+                }
+                .encode_to_vec()
+            }
             Self::Calibration(camera) => {
                 let [width, height, fx, fy, cx, cy] = camera.intrinsics(i);
+                // Readers of this message count from the centre of the first
+                // pixel, recordings from the picture's edge.
+                let (cx, cy) = (cx - PIXEL_CENTRE, cy - PIXEL_CENTRE);
                 foxglove::CameraCalibration {
                     timestamp: timestamp(stamp),
                     frame_id: camera.stream().to_owned(),
@@ -283,18 +231,44 @@ impl Source<'_> {
                 }
                 .encode_to_vec()
             }
-            Self::Transforms(c, mount) => {
+            Self::Frames(c) => {
                 let poses = c.row("pose", i).chunks_exact(7);
-                let mut transforms: Vec<_> = names::FRAMES
-                    .iter()
-                    .zip(poses)
-                    .map(|(f, p)| transform(stamp, f.parent, f.link, p))
-                    .collect();
-                if let Some(mount) = mount {
-                    transforms.push(transform(stamp, "wheelchair_root", "base_link", mount));
+                let frames = names::FRAMES.iter().zip(poses);
+                let each = frames.map(|(f, p)| transform(stamp, f.parent, f.link, p));
+                foxglove::FrameTransforms {
+                    transforms: each.collect(),
                 }
-                foxglove::FrameTransforms { transforms }.encode_to_vec()
+                .encode_to_vec()
             }
+            Self::Chair(c) => {
+                let chair = names::FRAMES.iter().position(|f| f.link == CHAIR);
+                let at = 7 * chair.unwrap_or(0);
+                let pose = c.row("pose", i).get(at..at + 7).unwrap_or(&[]);
+                foxglove::FrameTransforms {
+                    transforms: vec![transform(stamp, "house", CHAIR, pose)],
+                }
+                .encode_to_vec()
+            }
+            Self::Links(c, joints) => {
+                let positions = c.row("position", i);
+                let each = joints.iter().map(|(k, joint)| {
+                    let pose = joint.pose(at(positions, *k));
+                    transform(stamp, &joint.parent, &joint.child, &pose)
+                });
+                foxglove::FrameTransforms {
+                    transforms: each.collect(),
+                }
+                .encode_to_vec()
+            }
+            Self::Fixed(links) => foxglove::FrameTransforms {
+                transforms: links
+                    .iter()
+                    .map(|(parent, child, pose)| transform(stamp, parent, child, pose))
+                    .collect(),
+            }
+            .encode_to_vec(),
+            Self::Description(text) => ros_text(text)?,
+            Self::Contacts(c, pairs) => contacts(c, pairs, i)?.encode_to_vec(),
             Self::Objects(c) => {
                 let poses = c.row("pose", i).chunks_exact(7);
                 let each = c
@@ -414,139 +388,40 @@ impl Source<'_> {
     }
 }
 
-fn sources(recording: &Recording) -> anyhow::Result<Vec<(String, Vec<u64>, Source<'_>)>> {
-    let e = &recording.episode;
-    let mut out = Vec::new();
-    for (name, camera) in &recording.cameras {
-        let stamps = camera.stamps().to_vec();
-        out.push((
-            format!("/camera/{name}/rgb"),
-            stamps.clone(),
-            Source::Colour(camera),
-        ));
-        out.push((
-            format!("/camera/{name}/depth"),
-            stamps.clone(),
-            Source::Depth(camera),
-        ));
-        out.push((
-            format!("/camera/{name}/calibration"),
-            stamps.clone(),
-            Source::Calibration(camera),
-        ));
-        out.push((format!("/tf/{name}"), stamps, Source::CameraFrame(camera)));
-    }
-    let mut add =
-        |topic: &str, stream: &str, make: &dyn Fn(Columns) -> anyhow::Result<Source<'static>>| {
-            if e.has(stream) {
-                let columns = Columns::of(e, stream)?;
-                out.push((
-                    topic.to_owned(),
-                    columns.headers.stamps.clone(),
-                    make(columns)?,
-                ));
-            }
-            anyhow::Ok(())
-        };
-    let mount = e.snapshot().ok().and_then(|s| mount_pose(&s.assets));
-    add("/joint_states", "joint_state", &|c| Ok(Source::Joints(c)))?;
-    add("/tf", "pose", &|c| Ok(Source::Transforms(c, mount)))?;
-    add("/end_effector", "pose", &|c| Ok(Source::Effector(c)))?;
-    add("/tf/objects", "object_pose", &|c| Ok(Source::Objects(c)))?;
-    add("/imu", "imu", &|c| Ok(Source::Imu(c)))?;
-    add("/odometry", "odometry", &|c| Ok(Source::Odometry(c)))?;
-    add("/evaluation", "evaluation", &|columns| {
-        Ok(Source::Evaluation(Box::new(Evaluation {
-            success: e.flags("evaluation", "success")?,
-            done: e.flags("evaluation", "done")?,
-            holds: e.flags("evaluation", "condition_holds")?,
-            required: e.flags("evaluation", "condition_required")?,
-            failure: e.texts("evaluation", "failure")?,
-            columns,
-        })))
-    })?;
-    add("/phase", "phase", &|_| {
-        Ok(Source::Phase(
-            e.u64s("phase", "label")?,
-            e.texts("phase", "name")?,
-        ))
-    })?;
-    add("/applied", "applied", &|_| {
-        Ok(Source::Applied(e.applied()?))
-    })?;
-    add("/command", "command", &|_| {
-        Ok(Source::Command(e.commands()?))
-    })?;
-    let events = names::EVENT_STREAM;
-    if let Ok(stamps) = e.stamps(events) {
-        let source = Source::Log(e.texts(events, "kind")?, e.texts(events, "text")?);
-        out.push(("/events".to_owned(), stamps, source));
-    }
+/// A text as ROS 2 encodes it: little-endian CDR, length with the final NUL.
+fn ros_text(text: &str) -> anyhow::Result<Vec<u8>> {
+    let mut out = vec![0, 1, 0, 0];
+    out.extend(u32::try_from(text.len() + 1)?.to_le_bytes());
+    out.extend_from_slice(text.as_bytes());
+    out.push(0);
     Ok(out)
 }
 
-fn write(
-    path: &Path,
-    recording: &Recording,
-    threads: usize,
-    tick: &dyn Fn(),
-) -> anyhow::Result<usize> {
-    let sources = sources(recording)?;
-    let mut writer = mcap::WriteOptions::new()
-        .compression(Some(mcap::Compression::Lz4))
-        .chunk_size(Some(4 << 20))
-        .library(format!("wheelarm-dataset {}", env!("CARGO_PKG_VERSION")))
-        .create(BufWriter::new(File::create_new(path)?))?;
-    let mut channels = Vec::new();
-    for (topic, _, source) in &sources {
-        let name = source.schema();
-        let set = if name.starts_with("foxglove.") {
-            FOXGLOVE
-        } else {
-            OURS
-        };
-        let schema = writer.add_schema(name, "protobuf", set)?;
-        channels.push(writer.add_channel(schema, topic, "protobuf", &BTreeMap::new())?);
+/// The message of a sample of contacts, which the file holds as columns.
+fn contacts(c: &Columns, pairs: &[String], i: usize) -> anyhow::Result<v1::Contacts> {
+    let pairs = pairs.get(i).map_or("[]", String::as_str);
+    let pairs: Vec<[String; 2]> = serde_json::from_str(pairs).context("pairs of contacts")?;
+    let (points, forces) = (c.row("point", i), c.row("force", i));
+    let three = |all: &[f64], k: usize| vector(all.get(3 * k..3 * k + 3).unwrap_or(&[]));
+    let each = pairs.into_iter().enumerate();
+    let each = each.map(|(k, [first, second])| v1::Contact {
+        first,
+        second,
+        point: three(points, k),
+        force: three(forces, k),
+    });
+    Ok(v1::Contacts {
+        header: c.headers.header(i),
+        pad_force: c.row("pad_force", i).to_vec(),
+        contacts: each.collect(),
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    #[test]
+    fn a_text_is_encoded_as_ros_does() {
+        let bytes = super::ros_text("hi").unwrap();
+        assert_eq!(bytes, [0, 1, 0, 0, 3, 0, 0, 0, b'h', b'i', 0]);
     }
-    let s = &recording.summary;
-    let words = [
-        ("label", s.label.clone()),
-        ("instruction", s.instruction.clone()),
-        ("task", s.task[0].clone()),
-        ("seed", s.seed.to_string()),
-        ("success", s.success.to_string()),
-        ("complete", s.complete.to_string()),
-    ];
-    writer.write_metadata(&mcap::records::Metadata {
-        name: "episode".into(),
-        metadata: words.map(|(k, v)| (k.to_owned(), v)).into_iter().collect(),
-    })?;
-    // Every sample of every source in the order of time.
-    let mut order: Vec<(u64, usize, usize)> = sources
-        .iter()
-        .enumerate()
-        .flat_map(|(k, (_, stamps, _))| stamps.iter().enumerate().map(move |(i, &t)| (t, k, i)))
-        .collect();
-    order.sort_unstable();
-    let reference = format!("/camera/{}/rgb", recording.aligned.reference);
-    for block in order.chunks(BLOCK) {
-        let messages = parallel(block.len(), threads, |at| {
-            let (stamp, k, i) = block[at];
-            sources[k].2.message(&recording.episode, i, stamp)
-        })?;
-        for (&(stamp, k, i), message) in block.iter().zip(&messages) {
-            let header = MessageHeader {
-                channel_id: channels[k],
-                sequence: i as u32,
-                log_time: stamp,
-                publish_time: stamp,
-            };
-            writer.write_to_known_channel(&header, message)?;
-            if sources[k].0 == reference {
-                tick();
-            }
-        }
-    }
-    writer.finish()?;
-    Ok(order.len())
 }

@@ -4,21 +4,22 @@
 //! Pictures are compressed once and written as `obs` of their row and as
 //! `next_obs` of the row before. The file has its final name only when whole.
 
+mod datagen;
+
 use std::path::Path;
 use std::sync::Mutex;
 
 use anyhow::Context;
-use hdf5::types::VarLenUnicode;
-use hdf5::{Group, H5Type};
+use hdf5::{Dataset, Group, H5Type};
 use serde_json::json;
 
 use super::batch::parallel;
 use super::learning::{self, Learning};
 use super::{Format, PendingFile, Recording, Size, Written, scaled};
-use crate::align::Signal;
+use crate::calibration::{self, CONVENTION, PIXEL_CENTRE};
 use crate::compress::Deflate;
-use crate::hdf::{Attributes, Chunked, Filters, unicode};
-use crate::label;
+use crate::hdf::{Attributes, Chunked, Filters};
+use crate::urdf::ARM_BASE;
 
 /// Pictures that are compressed together.
 const BLOCK: usize = 16;
@@ -42,6 +43,8 @@ struct Set {
     environment: Option<serde_json::Value>,
     /// Cameras with their sizes; every episode has the same.
     cameras: Vec<(String, Size)>,
+    /// Their intrinsics in the first episode, for pictures of these sizes.
+    calibration: Option<serde_json::Value>,
 }
 
 impl Robomimic {
@@ -64,6 +67,7 @@ impl Robomimic {
                 range: None,
                 environment: None,
                 cameras: Vec::new(),
+                calibration: None,
             }),
         })
     }
@@ -122,6 +126,8 @@ impl Format for Robomimic {
         });
         set.environment
             .get_or_insert_with(|| environment(recording, rate));
+        set.calibration
+            .get_or_insert_with(|| calibration::cameras(recording, self.size));
         set.cameras = cameras;
         set.demos += 1;
         set.rows += rows.len() - 1;
@@ -156,7 +162,9 @@ impl Format for Robomimic {
             if validates { &mut valid } else { &mut train }.push(name);
         }
         let environment = set.environment.take().context("an environment")?;
+        let calibration = set.calibration.take().context("a calibration")?;
         Attributes::of(&data)
+            .text("camera_calibration", &calibration.to_string())?
             .set("total", i64::try_from(set.rows)?)?
             .text("env_args", &environment.to_string())?
             .texts("action_names", &learning::action_names())?
@@ -211,11 +219,30 @@ fn normalise(demo: &Group, low: &[f64], high: &[f64]) -> anyhow::Result<()> {
             }
         })
         .collect();
-    rows(demo, "actions", &scaled, &[width])
+    let what = (
+        "1 (in [-1, 1]; action_low and action_high undo the scaling)",
+        "",
+    );
+    let data = rows(demo, "actions", what, &scaled, &[width])?;
+    Attributes::of(&data).texts("names", &learning::action_names())?;
+    Ok(())
 }
 
+/// Unit and frame of a dataset; the frame is empty where there is none.
+type What = (&'static str, &'static str);
+
+const POSITION: &str = "m";
+const QUATERNION: &str = "1 (unit quaternion x y z w)";
+const NUMBER: What = ("1", "");
+
 /// Writes a small array whose first axis is the sample.
-fn rows<T: H5Type>(group: &Group, name: &str, all: &[T], shape: &[usize]) -> anyhow::Result<()> {
+fn rows<T: H5Type>(
+    group: &Group,
+    name: &str,
+    what: What,
+    all: &[T],
+    shape: &[usize],
+) -> anyhow::Result<Dataset> {
     let width: usize = shape.iter().product();
     let whole: Vec<usize> = std::iter::once(all.len() / width.max(1))
         .chain(shape.iter().copied())
@@ -224,6 +251,14 @@ fn rows<T: H5Type>(group: &Group, name: &str, all: &[T], shape: &[usize]) -> any
     if !all.is_empty() {
         data.write_raw(all)?;
     }
+    describe(&data, what)?;
+    Ok(data)
+}
+
+fn describe(data: &Dataset, (units, frame): What) -> hdf5::Result<()> {
+    Attributes::of(data)
+        .text("units", units)?
+        .text("frame", frame)?;
     Ok(())
 }
 
@@ -245,24 +280,33 @@ impl Robomimic {
         let n = here.len();
         let action: Vec<f64> = here.iter().flat_map(|&r| learning.action(r)).collect();
         let width = learning::action_names().len();
-        rows(group, "actions_raw", &action, &[width])?;
+        let what = ("rad (joints, knuckle), rad/s (wheels)", "");
+        let data = rows(group, "actions_raw", what, &action, &[width])?;
+        Attributes::of(&data).texts("names", &learning::action_names())?;
         let state: Vec<f64> = here.iter().flat_map(|&r| learning.state(r)).collect();
-        rows(group, "states", &state, &[learning::state_names().len()])?;
+        let names = learning::state_names();
+        let what = (
+            "rad, rad/s (joints), m, 1 (poses), m/s, rad/s (chair)",
+            "end effector in base_link, wheelchair in house",
+        );
+        let data = rows(group, "states", what, &state, &[names.len()])?;
+        Attributes::of(&data).texts("names", &names)?;
         let reward: Vec<f64> = next
             .iter()
             .map(|&r| f64::from(u8::from(learning.success(r))))
             .collect();
-        rows(group, "rewards", &reward, &[])?;
+        rows(group, "rewards", NUMBER, &reward, &[])?;
         let dones: Vec<i64> = (1..=n).map(|i| i64::from(i == n)).collect();
-        rows(group, "dones", &dones, &[])?;
+        rows(group, "dones", NUMBER, &dones, &[])?;
         let stamps = &recording.aligned.stamps;
         let time: Vec<f64> = here.iter().map(|&r| stamps[r] as f64 * 1e-9).collect();
-        rows(group, "simulation_time", &time, &[])?;
+        rows(group, "simulation_time", ("s", ""), &time, &[])?;
         let phase: Vec<i64> = here
             .iter()
             .map(|&r| i64::from(recording.labels[r]))
             .collect();
-        rows(group, "phase", &phase, &[])?;
+        let what = ("1 (0 navigating, 1 reaching, 2 grasping, 3 retracting)", "");
+        rows(group, "phase", what, &phase, &[])?;
         Attributes::of(group)
             .set("num_samples", i64::try_from(n)?)?
             .text("label", &recording.summary.label)?
@@ -274,54 +318,38 @@ impl Robomimic {
             let gather = |f: &dyn Fn(usize) -> Vec<f64>| {
                 list.iter().flat_map(|&r| f(r)).collect::<Vec<f64>>()
             };
-            rows(
-                target,
-                "joint_pos",
-                &gather(&|r| learning.joints(r)[..6].to_vec()),
-                &[6],
-            )?;
-            rows(
-                target,
-                "joint_vel",
-                &gather(&|r| learning.speeds(r)[..6].to_vec()),
-                &[6],
-            )?;
-            rows(
-                target,
-                "gripper_qpos",
-                &gather(&|r| learning.joints(r)[6..].to_vec()),
-                &[1],
-            )?;
-            rows(
-                target,
-                "eef_pos",
-                &gather(&|r| learning.effector(r)[..3].to_vec()),
-                &[3],
-            )?;
-            rows(
-                target,
-                "eef_quat",
-                &gather(&|r| learning.effector(r)[3..].to_vec()),
-                &[4],
-            )?;
-            rows(
-                target,
-                "base_pos",
-                &gather(&|r| learning.chair(r)[..3].to_vec()),
-                &[3],
-            )?;
-            rows(
-                target,
-                "base_quat",
-                &gather(&|r| learning.chair(r)[3..].to_vec()),
-                &[4],
-            )?;
-            rows(
-                target,
-                "base_vel",
-                &gather(&|r| learning.chair_speed(r).to_vec()),
-                &[2],
-            )?;
+            let observed: [(&str, What, usize, &dyn Fn(usize) -> Vec<f64>); 8] = [
+                ("joint_pos", ("rad", ""), 6, &|r| {
+                    learning.joints(r)[..6].to_vec()
+                }),
+                ("joint_vel", ("rad/s", ""), 6, &|r| {
+                    learning.speeds(r)[..6].to_vec()
+                }),
+                ("gripper_qpos", ("rad (knuckle)", ""), 1, &|r| {
+                    learning.joints(r)[6..].to_vec()
+                }),
+                ("eef_pos", (POSITION, ARM_BASE), 3, &|r| {
+                    learning.effector(r)[..3].to_vec()
+                }),
+                ("eef_quat", (QUATERNION, ARM_BASE), 4, &|r| {
+                    learning.effector(r)[3..].to_vec()
+                }),
+                ("base_pos", (POSITION, "house"), 3, &|r| {
+                    learning.chair(r)[..3].to_vec()
+                }),
+                ("base_quat", (QUATERNION, "house"), 4, &|r| {
+                    learning.chair(r)[3..].to_vec()
+                }),
+                (
+                    "base_vel",
+                    ("m/s (forward), rad/s (turn)", "wheelchair_root"),
+                    2,
+                    &|r| learning.chair_speed(r).to_vec(),
+                ),
+            ];
+            for (name, what, width, of) in observed {
+                rows(target, name, what, &gather(of), &[width])?;
+            }
         }
         for (number, (camera, size)) in cameras.iter().enumerate() {
             let name = format!("{camera}_image");
@@ -336,6 +364,15 @@ impl Robomimic {
                 )
             };
             let (to, to_next) = (create(&obs)?, create(&next_obs)?);
+            for pictures in [&to, &to_next] {
+                describe(
+                    pictures.dataset(),
+                    ("1 (0 to 255, sRGB)", "row-major from the top left"),
+                )?;
+                Attributes::of(pictures.dataset())
+                    .set("pixel_centre", PIXEL_CENTRE)?
+                    .text("convention", CONVENTION)?;
+            }
             for (block, part) in all.chunks(BLOCK).enumerate() {
                 let compressed = parallel(part.len(), self.threads, |i| {
                     let (source, index) = recording.picture(camera, part[i])?;
@@ -360,7 +397,7 @@ impl Robomimic {
                 }
             }
         }
-        datagen(group, recording, &learning, here)?;
+        datagen::write(group, recording, &learning, here)?;
         let column = |c: usize| action.iter().skip(c).step_by(width).copied();
         Ok((
             (0..width)
@@ -370,100 +407,5 @@ impl Robomimic {
                 .map(|c| column(c).fold(f64::MIN, f64::max))
                 .collect(),
         ))
-    }
-}
-
-/// What MimicGen adds: poses as matrices and signals of finished subtasks.
-fn datagen(
-    group: &Group,
-    recording: &Recording,
-    learning: &Learning<'_>,
-    here: &[usize],
-) -> anyhow::Result<()> {
-    let info = group.create_group("datagen_info")?;
-    let poses = |f: &dyn Fn(usize) -> Vec<f64>| {
-        here.iter()
-            .flat_map(|&r| matrix(&f(r)))
-            .collect::<Vec<f64>>()
-    };
-    rows(
-        &info,
-        "eef_pose",
-        &poses(&|r| learning.effector(r).to_vec()),
-        &[4, 4],
-    )?;
-    let target: &Signal = recording.need("applied", "desired_pose")?;
-    rows(
-        &info,
-        "target_pose",
-        &poses(&|r| target.row(r).to_vec()),
-        &[4, 4],
-    )?;
-    let knuckle: Vec<f64> = here
-        .iter()
-        .map(|&r| learning.action(r).last().copied().unwrap_or(0.0))
-        .collect();
-    rows(&info, "gripper_action", &knuckle, &[1])?;
-    let objects = info.create_group("object_poses")?;
-    if let Some(signal) = recording.aligned.signal("object_pose", "pose") {
-        for (i, name) in signal.meta.names.iter().enumerate() {
-            let one = |r: usize| {
-                signal
-                    .row(r)
-                    .get(7 * i..7 * i + 7)
-                    .unwrap_or(&[f64::NAN; 7])
-                    .to_vec()
-            };
-            rows(&objects, name, &poses(&one), &[4, 4])?;
-        }
-    }
-    let signals = info.create_group("subtask_term_signals")?;
-    for (number, phase) in label::NAMES.iter().enumerate().take(3) {
-        // 1 from the moment the phase is over for the last time.
-        let last = here
-            .iter()
-            .rposition(|&r| usize::from(recording.labels[r]) == number);
-        let over: Vec<i64> = (0..here.len())
-            .map(|i| i64::from(last.is_some_and(|l| i > l)))
-            .collect();
-        rows(&signals, phase, &over, &[])?;
-    }
-    let instruction = group.new_dataset::<VarLenUnicode>().create("instruction")?;
-    instruction.write_scalar(&unicode(&recording.summary.instruction))?;
-    Ok(())
-}
-
-/// The homogeneous matrix of x y z, qx qy qz qw, row by row.
-fn matrix(pose: &[f64]) -> [f64; 16] {
-    let [px, py, pz, x, y, z, w] =
-        std::array::from_fn(|k| pose.get(k).copied().unwrap_or(f64::NAN));
-    [
-        1.0 - 2.0 * (y * y + z * z),
-        2.0 * (x * y - z * w),
-        2.0 * (x * z + y * w),
-        px,
-        2.0 * (x * y + z * w),
-        1.0 - 2.0 * (x * x + z * z),
-        2.0 * (y * z - x * w),
-        py,
-        2.0 * (x * z - y * w),
-        2.0 * (y * z + x * w),
-        1.0 - 2.0 * (x * x + y * y),
-        pz,
-        0.0,
-        0.0,
-        0.0,
-        1.0,
-    ]
-}
-
-#[cfg(test)]
-mod tests {
-    #[test]
-    fn a_quarter_turn_about_z_takes_x_to_y() {
-        let s = 0.5_f64.sqrt();
-        let m = super::matrix(&[1.0, 2.0, 3.0, 0.0, 0.0, s, s]);
-        assert!((m[4] - 1.0).abs() < 1e-12 && m[0].abs() < 1e-12);
-        assert_eq!([m[3], m[7], m[11], m[15]], [1.0, 2.0, 3.0, 1.0]);
     }
 }

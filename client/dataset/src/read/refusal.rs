@@ -1,0 +1,139 @@
+//! Why a path is no episode file, in words that name the cure. HDF5 itself
+//! tells numbers of errors and addresses.
+
+use std::io::{ErrorKind, Read};
+use std::path::{Path, PathBuf};
+
+use super::ReadError;
+
+/// First bytes of every HDF5 file of ours.
+pub(crate) const SIGNATURE: &[u8; 8] = b"\x89HDF\r\n\x1a\n";
+/// Bytes of the superblock that hold the file's length.
+const HEAD: u64 = 48;
+
+/// What to say of a file that HDF5 has refused with `source`.
+pub(super) fn refusal(path: &Path, source: &hdf5::Error) -> ReadError {
+    let path_of = || path.to_owned();
+    match look(path) {
+        Ok(Some(known)) => known,
+        Ok(None) => ReadError::Unreadable {
+            path: path_of(),
+            reason: format!("the file is damaged; {} ({source})", cure(path)),
+        },
+        Err(problem) => ReadError::Unreadable {
+            path: path_of(),
+            reason: format!("it cannot be read: {problem}"),
+        },
+    }
+}
+
+/// The log of a file, when it is there.
+fn log_beside(path: &Path) -> Option<PathBuf> {
+    let log = path.with_added_extension("wal");
+    log.is_file().then_some(log)
+}
+
+/// The cure for a file that is not whole.
+fn cure(path: &Path) -> String {
+    match log_beside(path) {
+        Some(log) => format!(
+            "its log is still there: move this file away, then `wheelarm dataset recover {}`",
+            log.display()
+        ),
+        None => "copy it again from where it was recorded".to_owned(),
+    }
+}
+
+/// Looks at the path itself; `None` when nothing is wrong with its beginning
+/// and its length.
+fn look(path: &Path) -> std::io::Result<Option<ReadError>> {
+    let unreadable = |reason: String| {
+        Ok(Some(ReadError::Unreadable {
+            path: path.to_owned(),
+            reason,
+        }))
+    };
+    let no_episode = |reason: String| {
+        Ok(Some(ReadError::NoEpisode {
+            path: path.to_owned(),
+            reason,
+        }))
+    };
+    let metadata = match std::fs::metadata(path) {
+        Err(e) if e.kind() == ErrorKind::NotFound => return unreadable(absent(path)),
+        other => other?,
+    };
+    if metadata.is_dir() {
+        return unreadable(folder(path));
+    }
+    let mut head = Vec::new();
+    let file = std::fs::File::open(path)?;
+    file.take(HEAD).read_to_end(&mut head)?;
+    if head.is_empty() {
+        return unreadable(format!("the file is empty; {}", cure(path)));
+    }
+    if head.starts_with(crate::log::MAGIC) {
+        return no_episode(format!(
+            "it is the log of a recording that was not finished; `wheelarm dataset recover {}` makes the file of it",
+            path.display()
+        ));
+    }
+    if !head.starts_with(SIGNATURE) {
+        return no_episode("it is no HDF5 file".to_owned());
+    }
+    match stored_length(&head) {
+        Some(stored) if stored > metadata.len() => unreadable(format!(
+            "the file is cut off: {} of {stored} bytes are there; {}",
+            metadata.len(),
+            cure(path)
+        )),
+        _ => Ok(None),
+    }
+}
+
+fn absent(path: &Path) -> String {
+    if let Ok(target) = std::fs::read_link(path) {
+        return format!(
+            "it is a link to {}, and there is no such file",
+            target.display()
+        );
+    }
+    match log_beside(path) {
+        Some(log) => format!(
+            "there is no such file, but its log: `wheelarm dataset recover {}` makes the file of it",
+            log.display()
+        ),
+        None => "there is no such file".to_owned(),
+    }
+}
+
+fn folder(path: &Path) -> String {
+    let entries = std::fs::read_dir(path).into_iter().flatten().flatten();
+    let mut inside: Vec<PathBuf> = entries
+        .map(|e| e.path())
+        .filter(|p| p.extension().is_some_and(|e| e == "h5"))
+        .collect();
+    inside.sort();
+    match inside.first() {
+        Some(first) => format!(
+            "it is a folder; name one of its {} files, for example {}, or take `wheelarm dataset stats {}` for all",
+            inside.len(),
+            first.display(),
+            path.display()
+        ),
+        None => "it is a folder without an episode file (*.h5)".to_owned(),
+    }
+}
+
+/// Length of a whole file by its superblock, bytes; `None` for versions that
+/// are not known here.
+fn stored_length(head: &[u8]) -> Option<u64> {
+    // Sizes of addresses are 8 bytes in every file of ours.
+    let (size, at) = match head.get(8)? {
+        0 | 1 => (*head.get(13)?, 40),
+        2 | 3 => (*head.get(9)?, 28),
+        _ => return None,
+    };
+    let bytes = head.get(at..at + 8)?.try_into().ok()?;
+    (size == 8).then(|| u64::from_le_bytes(bytes))
+}

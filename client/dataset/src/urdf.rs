@@ -1,0 +1,245 @@
+//! The robot description that stands in a recording: where the links are for
+//! given joint positions, joint by joint, and a drawing of it without meshes.
+//!
+//! Forward only, for viewers and for frames that a recording does not hold;
+//! what moves the arm is the server's.
+
+use urdf_rs::{Geometry, JointType, Visual};
+use wheelarm_proto::v1;
+
+use crate::pose::{self, IDENTITY, Pose};
+
+/// Root of the robot's links.
+pub const CHAIR: &str = "wheelchair_root";
+/// The arm's base, in which most poses of a recording are expressed.
+pub const ARM_BASE: &str = "base_link";
+
+/// A robot description.
+#[derive(Clone, Debug)]
+pub struct Robot {
+    joints: Vec<Joint>,
+}
+
+/// One joint: its child's frame in its parent's.
+#[derive(Clone, Debug)]
+pub struct Joint {
+    /// Name of the joint.
+    pub name: String,
+    /// Link that carries it.
+    pub parent: String,
+    /// Link that it carries.
+    pub child: String,
+    origin: Pose,
+    axis: [f64; 3],
+    kind: Kind,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Kind {
+    Fixed,
+    Turns,
+    Slides,
+}
+
+impl Joint {
+    /// Whether its position changes anything.
+    #[must_use]
+    pub fn moves(&self) -> bool {
+        self.kind != Kind::Fixed
+    }
+
+    /// The child's frame in the parent's at a position, radians or metres.
+    #[must_use]
+    pub fn pose(&self, position: f64) -> Pose {
+        let [x, y, z] = self.axis;
+        let moved = match self.kind {
+            Kind::Fixed => return self.origin,
+            Kind::Turns => {
+                let [qx, qy, qz, qw] = pose::about(self.axis, position);
+                [0.0, 0.0, 0.0, qx, qy, qz, qw]
+            }
+            Kind::Slides => {
+                let [x, y, z] = [x, y, z].map(|a| a * position);
+                [x, y, z, 0.0, 0.0, 0.0, 1.0]
+            }
+        };
+        pose::compose(&self.origin, &moved)
+    }
+}
+
+/// Text of the robot description among a recording's asset files.
+#[must_use]
+pub fn text(assets: &[v1::AssetText]) -> Option<&str> {
+    let urdf = assets.iter().find(|a| a.path.ends_with(".urdf"))?;
+    Some(&urdf.text)
+}
+
+impl Robot {
+    /// The description in a recording; `None` when there is none or it is not
+    /// readable.
+    #[must_use]
+    pub fn of(assets: &[v1::AssetText]) -> Option<Self> {
+        Self::parse(text(assets)?).ok()
+    }
+
+    /// Reads a URDF.
+    ///
+    /// # Errors
+    /// When it is malformed, with words about where.
+    pub fn parse(urdf: &str) -> Result<Self, String> {
+        let robot = urdf_rs::read_from_string(urdf).map_err(|e| e.to_string())?;
+        let joint = |j: urdf_rs::Joint| {
+            let norm = j.axis.xyz.iter().map(|v| v * v).sum::<f64>().sqrt();
+            Joint {
+                name: j.name,
+                parent: j.parent.link,
+                child: j.child.link,
+                origin: pose::from_rpy(*j.origin.xyz, *j.origin.rpy),
+                axis: j.axis.xyz.map(|v| v / norm),
+                kind: match j.joint_type {
+                    JointType::Revolute | JointType::Continuous => Kind::Turns,
+                    JointType::Prismatic => Kind::Slides,
+                    _ => Kind::Fixed,
+                },
+            }
+        };
+        Ok(Self {
+            joints: robot.joints.into_iter().map(joint).collect(),
+        })
+    }
+
+    /// All joints in the order of the file.
+    #[must_use]
+    pub fn joints(&self) -> &[Joint] {
+        &self.joints
+    }
+
+    /// A link in one of the links that carry it; `None` when nothing or
+    /// something that moves is between them.
+    #[must_use]
+    pub fn fixed(&self, carrier: &str, link: &str) -> Option<Pose> {
+        let (mut out, mut link) = (IDENTITY, link);
+        // A loop would never end.
+        for _ in 0..=self.joints.len() {
+            if link == carrier {
+                return Some(out);
+            }
+            let joint = self.joints.iter().find(|j| j.child == link)?;
+            if joint.moves() {
+                return None;
+            }
+            out = pose::compose(&joint.pose(0.0), &out);
+            link = &joint.parent;
+        }
+        None
+    }
+}
+
+/// The description as a viewer can draw it from the text alone: every link that
+/// is drawn by mesh files, which a recording does not hold, is drawn by its
+/// collision solids in the colour of its first mesh.
+///
+/// # Errors
+/// When the text is no URDF.
+pub fn without_meshes(urdf: &str) -> Result<String, String> {
+    let mut robot = urdf_rs::read_from_string(urdf).map_err(|e| e.to_string())?;
+    for link in &mut robot.links {
+        let is_mesh = |v: &Visual| matches!(v.geometry, Geometry::Mesh { .. });
+        let Some(mesh) = link.visual.iter().find(|v| is_mesh(v)) else {
+            continue;
+        };
+        let material = mesh.material.clone();
+        // A pad that is drawn as a solid already keeps its own colour.
+        let own: Vec<Visual> = link
+            .visual
+            .iter()
+            .filter(|v| !is_mesh(v))
+            .cloned()
+            .collect();
+        let solids = link.collision.iter().filter(|c| {
+            !matches!(c.geometry, Geometry::Mesh { .. }) && own.iter().all(|v| v.name != c.name)
+        });
+        let solids = solids.map(|c| Visual {
+            name: c.name.clone(),
+            origin: c.origin.clone(),
+            geometry: c.geometry.clone(),
+            material: material.clone(),
+        });
+        link.visual = solids.chain(own.iter().cloned()).collect();
+    }
+    urdf_rs::write_to_string(&robot).map_err(|e| e.to_string())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn description() -> String {
+        let path = concat!(
+            env!("CARGO_MANIFEST_DIR"),
+            "/../../assets/robots/wheelarm/wheelarm.urdf"
+        );
+        std::fs::read_to_string(path).unwrap()
+    }
+
+    #[test]
+    fn the_arm_stands_on_the_chair_as_the_description_says() {
+        let robot = Robot::parse(&description()).unwrap();
+        let mount = robot.fixed(CHAIR, ARM_BASE).unwrap();
+        assert_eq!(mount[..3], [0.42, 0.36, 0.55]);
+        let turn = pose::yaw(pose::orientation(&mount));
+        assert!((turn.abs() - std::f64::consts::PI).abs() < 1e-12);
+        assert_eq!(robot.fixed(CHAIR, "bicep_link"), None, "joints move it");
+        assert_eq!(robot.fixed(CHAIR, "nothing"), None);
+        assert!(Robot::parse("<robot").is_err());
+    }
+
+    #[test]
+    fn every_link_hangs_from_the_chair() {
+        let robot = Robot::parse(&description()).unwrap();
+        for joint in robot.joints() {
+            let mut link = joint.child.as_str();
+            let mut steps = 0;
+            while let Some(up) = robot.joints().iter().find(|j| j.child == link) {
+                link = &up.parent;
+                steps += 1;
+                assert!(steps < 40, "{} hangs in a loop", joint.child);
+            }
+            assert_eq!(link, CHAIR, "{}", joint.child);
+        }
+    }
+
+    #[test]
+    fn the_drawing_without_meshes_keeps_links_joints_and_colours() {
+        let text = without_meshes(&description()).unwrap();
+        assert!(!text.contains("<mesh") && !text.contains(".obj"));
+        let (before, after) = (
+            urdf_rs::read_from_string(&description()).unwrap(),
+            urdf_rs::read_from_string(&text).unwrap(),
+        );
+        assert_eq!(before.joints.len(), after.joints.len());
+        for (a, b) in before.joints.iter().zip(&after.joints) {
+            assert_eq!(
+                (&a.name, a.origin.xyz, a.origin.rpy),
+                (&b.name, b.origin.xyz, b.origin.rpy)
+            );
+        }
+        assert_eq!(before.materials.len(), after.materials.len());
+        for (a, b) in before.links.iter().zip(&after.links) {
+            assert_eq!(a.name, b.name);
+            assert_eq!(a.visual.is_empty(), b.visual.is_empty(), "{}", a.name);
+            assert!(b.visual.iter().all(|v| v.material.is_some()), "{}", a.name);
+        }
+        let tip = after
+            .links
+            .iter()
+            .find(|l| l.name == "robotiq_85_left_finger_tip_link");
+        let names: Vec<_> = tip
+            .unwrap()
+            .visual
+            .iter()
+            .map(|v| v.name.as_deref())
+            .collect();
+        assert_eq!(names, [Some("holder"), Some("pivot"), Some("pad")]);
+    }
+}
