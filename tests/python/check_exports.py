@@ -29,6 +29,21 @@ FRAMES = "wheelchair shoulder bicep forearm spherical_wrist_1 spherical_wrist_2 
 CAMERAS = ("gen3", "wheelchair")
 
 
+def calibration(told, streams, size=None):
+    """Intrinsics beside pictures, scaled with them, with their convention."""
+    assert told["pixel_centre"] == 0.5 and told["convention"].startswith("pixel edge"), told
+    assert set(told["cameras"]) == set(CAMERAS)
+    for camera in CAMERAS:
+        width, height, fx, fy, cx, cy = streams[f"camera/{camera}/intrinsics"][0]
+        to = size or (width, height)
+        scale = np.array([to[0] / width, to[1] / height])
+        found = told["cameras"][camera]
+        assert (found["width"], found["height"]) == tuple(to), found
+        # The middle of the picture stays its middle, whatever its size.
+        wanted = np.concatenate([scale * [fx, fy], scale * [cx, cy]])
+        equal([found[k] for k in ("fx", "fy", "cx", "cy")], wanted, camera, 1e-9)
+
+
 def equal(a, b, words, tolerance=0.0):
     a, b = np.asarray(a), np.asarray(b)
     assert a.shape == b.shape, f"{words}: shape {a.shape}, expected {b.shape}"
@@ -51,6 +66,7 @@ def wheelarm_sim(path, recordings):
     """The table of the original's layout, name by name."""
     for label, source in by_label(recordings).items():
         streams = source["streams"]
+        calibration(json.loads((path / f"{label}.cameras.json").read_text()), streams)
         height, width = streams["camera/gen3/rgb"].shape[1:3]
         with h5py.File(path / f"{label}.hdf5") as file:
             assert list(file) == ["data"], list(file)
@@ -140,6 +156,7 @@ def csv_table(path, recordings):
         with open(path / label / "final_data.csv", newline="", encoding="utf-8") as text:
             rows = list(csv.reader(text))
         assert rows[0] == header and len(header) == 117
+        calibration(json.loads((path / label / "cameras.json").read_text()), source["streams"])
         state = np.array([[float(v) for v in r[:113]] for r in rows[1:]])
         assert np.isfinite(state).all()
         assert {r[113] for r in rows[1:]} == {source.attrs["instruction"]}
@@ -170,6 +187,9 @@ def lerobot(path, recordings):
     import pyarrow.parquet as pq
 
     info = json.loads((path / "meta/info.json").read_text())
+    cameras = json.loads((path / "meta/cameras.json").read_text())
+    shape = info["features"]["observation.images.gen3"]["shape"]
+    calibration(cameras, h5py.File(recordings[0])["streams"], (shape[1], shape[0]))
     assert info["codebase_version"] == "v3.0"
     table = pq.read_table(sorted(path.glob("data/*/*.parquet")))
     features = info["features"]
@@ -200,7 +220,7 @@ def lerobot(path, recordings):
             equal(state[:6], streams["joint_state/position"][i, 4:10], "state", 1e-5)
             equal(state[14:21], streams["pose/pose"][i, 6], "end effector", 1e-5)
             equal(np.array(column["action"][row])[:6], streams["applied/joint_position"][at_stamp(streams["applied"], stamp)], "action", 1e-5)
-            height, width = streams["camera/gen3/rgb"].shape[1:3]
+            height, width = shape[:2]
             for camera in CAMERAS:
                 picture = table[f"observation.images.{camera}"][row].as_py()
                 assert png(picture["bytes"]) == (width, height, 8, 2)
@@ -239,16 +259,51 @@ def robomimic(path, recordings):
                 equal(demo["obs"][key][1:], demo["next_obs"][key][:-1], key)
             assert demo["obs/gen3_image"].dtype == np.uint8
             assert demo["dones"][-1] == 1 and demo["dones"][...].sum() == 1
-            pose = demo["datagen_info/eef_pose"][...]
-            turn = pose[:, :3, :3]
-            equal(turn @ np.transpose(turn, (0, 2, 1)), np.broadcast_to(np.eye(3), turn.shape), "rotation", 1e-9)
-            equal(pose[:, :3, 3], demo["obs/eef_pos"][...], "position")
             source = sources[demo.attrs["label"]]
-            assert set(demo["datagen_info/object_poses"]) == set(source.attrs["objects"])
             streams = source["streams"]
             i = at_stamp(streams["joint_state"], round(demo["simulation_time"][n // 2] * 1e9))
             equal(demo["obs/joint_pos"][n // 2], streams["joint_state/position"][i, 4:10], "joints", 1e-12)
+            demo.visititems(described)
+            one_frame(demo, source)
+        size = data["demo_0/obs/gen3_image"].shape[2:0:-1]
+        calibration(json.loads(data.attrs["camera_calibration"]), source["streams"], size)
         print(f"{len(data)} demos, {int(data.attrs['total'])} samples")
+
+
+def described(name, item):
+    """Every dataset but the sentence says its unit and its frame."""
+    if isinstance(item, h5py.Dataset) and name != "instruction":
+        assert item.attrs["units"] and "frame" in item.attrs, f"{name} says no unit or frame"
+    if name.endswith("_image"):
+        assert item.attrs["pixel_centre"] == 0.5 and item.attrs["convention"].startswith("pixel edge")
+
+
+def one_frame(demo, source):
+    """MimicGen's poses are all in the house, as a camera on the chair and one in
+    the hand saw it, and the hand holds what it holds."""
+    info = demo["datagen_info"]
+    assert set(info["object_poses"]) == set(source.attrs["objects"])
+    poses = [info["eef_pose"], info["target_pose"], *info["object_poses"].values()]
+    assert {p.attrs["frame"] for p in poses} == {"house"}
+    assert demo["obs/eef_pos"].attrs["frame"] == demo["obs/eef_quat"].attrs["frame"] == "base_link"
+    hand, target = info["eef_pose"][...], info["target_pose"][...]
+    turn = hand[:, :3, :3]
+    equal(turn @ np.transpose(turn, (0, 2, 1)), np.broadcast_to(np.eye(3), turn.shape), "rotation", 1e-9)
+    # The wrist camera is fixed to the hand, and nobody computed its pose from joints.
+    camera = source["streams/camera/gen3"]
+    stamps = np.round(demo["simulation_time"][...] * 1e9).astype(np.uint64)
+    picture = np.array([at_stamp(camera, s) for s in stamps])
+    seen = np.einsum("nji,nj->ni", turn, camera["pose"][...][picture, :3] - hand[:, :3, 3])
+    worst = np.linalg.norm(seen - seen[0], axis=1).max()
+    assert worst < 2e-4, f"the wrist camera moves by {worst} m on the hand"
+    off = np.linalg.norm(target[:, :3, 3] - hand[:, :3, 3], axis=1).max()
+    assert off < 0.1, f"the target is {off} m away from the hand"
+    held = source.attrs["task"].removeprefix("pick_")
+    if bool(source.attrs["success"]) and held in info["object_poses"]:
+        thing = info[f"object_poses/{held}"][-1, :3, 3]
+        apart = np.linalg.norm(thing - hand[-1, :3, 3])
+        assert apart < 0.3, f"{held} is held {apart:.2f} m away from the hand"
+        print(f"{demo.attrs['label']}: {held} in the hand at {apart:.3f} m, camera on the hand within {1e3 * worst:.3f} mm")
 
 
 def mcap(path, recordings):
@@ -256,11 +311,22 @@ def mcap(path, recordings):
     from mcap.reader import make_reader
 
     for label, source in by_label(recordings).items():
-        counts, last, types, first = {}, 0, {}, {}
+        counts, last, types, first, transforms, description = {}, 0, {}, {}, {}, None
         with open(path / f"{label}.mcap", "rb") as stream:
-            for schema, channel, message in make_reader(stream).iter_messages():
+            reader = make_reader(stream)
+            attached = {a.name: a.data.decode() for a in reader.iter_attachments()}
+            metadata = {m.name: m.metadata for m in reader.iter_metadata()}
+            for schema, channel, message in reader.iter_messages():
                 assert message.log_time >= last, "not in the order of time"
                 last = message.log_time
+                counts[channel.topic] = counts.get(channel.topic, 0) + 1
+                if schema.encoding == "ros2msg":
+                    assert (channel.message_encoding, schema.name, schema.data) == ("cdr", "std_msgs/msg/String", b"string data\n")
+                    size = int.from_bytes(message.data[4:8], "little")
+                    assert message.data[:4] == b"\0\1\0\0" and len(message.data) == 8 + size and message.data[-1] == 0
+                    assert channel.topic == "/robot_description"
+                    description = message.data[8:-1].decode()
+                    continue
                 if schema.id not in types:
                     assert schema.encoding == channel.message_encoding == "protobuf"
                     pool = descriptor_pool.DescriptorPool()
@@ -268,20 +334,28 @@ def mcap(path, recordings):
                         pool.Add(file)
                     found = pool.FindMessageTypeByName(schema.name)
                     types[schema.id] = message_factory.GetMessageClass(found)
-                counts[channel.topic] = counts.get(channel.topic, 0) + 1
                 decoded = types[schema.id].FromString(message.data)
                 first.setdefault(channel.topic, (message.log_time, decoded))
+                if schema.name == "foxglove.FrameTransforms":
+                    for t in decoded.transforms:
+                        transforms.setdefault(t.child_frame_id, []).append((message.log_time, t))
         streams = source["streams"]
         for topic, stream in (
             ("/joint_states", "joint_state"), ("/tf", "pose"), ("/imu", "imu"), ("/odometry", "odometry"),
             ("/applied", "applied"), ("/command", "command"), ("/evaluation", "evaluation"),
-            ("/phase", "phase"), ("/tf/objects", "object_pose"),
+            ("/phase", "phase"), ("/tf/objects", "object_pose"), ("/tf/links", "joint_state"),
+            ("/contact", "contact"), ("/furniture_joints", "furniture_joint"),
             ("/camera/gen3/rgb", "camera/gen3"), ("/camera/wheelchair/depth", "camera/wheelchair"),
+            ("/camera/gen3/ids", "camera/gen3"), ("/camera/wheelchair/ids", "camera/wheelchair"),
         ):
             assert counts[topic] == len(streams[stream]["stamp_nanos"]), topic
         stamp, joints = first["/joint_states"]
         i = at_stamp(streams["joint_state"], stamp)
         equal([j.position for j in joints.joints], streams["joint_state/position"][i], "joints")
+        stamp, drawers = first["/furniture_joints"]
+        i = at_stamp(streams["furniture_joint"], stamp)
+        assert [j.name for j in drawers.joints] == list(streams["furniture_joint/position"].attrs["names"])
+        equal([j.position for j in drawers.joints], streams["furniture_joint/position"][i], "drawers")
         stamp, image = first["/camera/gen3/depth"]
         i = at_stamp(streams["camera/gen3"], stamp)
         metres = np.frombuffer(image.data, "<u2").reshape(image.height, image.width) * 1e-3
@@ -289,9 +363,103 @@ def mcap(path, recordings):
         near = np.isfinite(truth) & (truth < 60)
         equal(metres[near], truth[near], "depth", 0.000501)
         assert first["/camera/gen3/rgb"][1].data[:2] == b"\xff\xd8", "no JPEG"
-        parents = {t.child_frame_id: t.parent_frame_id for t in first["/tf"][1].transforms}
-        assert parents["base_link"] == "wheelchair_root" and parents["wheelchair_root"] == "house"
-        print(f"{label}: {sum(counts.values())} messages on {len(counts)} topics, {foxglove(first)} compared with Foxglove's schemas")
+        for camera in CAMERAS:
+            stamp, image = first[f"/camera/{camera}/ids"]
+            i = at_stamp(streams[f"camera/{camera}"], stamp)
+            assert image.encoding == "8UC1" and image.step == image.width
+            ids = np.frombuffer(image.data, "u1").reshape(image.height, image.width)
+            equal(ids, streams[f"camera/{camera}/ids"][i], "ids")
+            k = first[f"/camera/{camera}/calibration"][1].K
+            width, height, fx, fy, cx, cy = streams[f"camera/{camera}/intrinsics"][0]
+            # Half a pixel less: these readers count from the first pixel's centre.
+            equal(k, [fx, 0, cx - 0.5, 0, fy, cy - 0.5, 0, 0, 1], "K")
+            equal(np.array(first[f"/camera/{camera}/calibration"][1].P)[[2, 6]], [cx - 0.5, cy - 0.5], "P")
+        assert metadata["camera_calibration"]["convention"].startswith("pixel centre")
+        legend = dict(zip(source["initial_state/instances/id"][...], source["initial_state/instances/name"].asstr()[...]))
+        assert metadata["instance_ids"] == {str(i): name for i, name in legend.items()}
+        contact(path / f"{label}.mcap", types, streams)
+        tree = robot(transforms, streams, attached, description)
+        print(f"{label}: {sum(counts.values())} messages on {len(counts)} topics, {foxglove(first)} compared with Foxglove's schemas; {tree}")
+
+
+def contact(path, types, streams):
+    """Contacts as the recording's columns have them."""
+    from mcap.reader import make_reader
+
+    touching = 0
+    with open(path, "rb") as stream:
+        for i, (schema, _, message) in enumerate(make_reader(stream).iter_messages(topics=["/contact"])):
+            told = types[schema.id].FromString(message.data)
+            assert message.log_time == streams["contact/stamp_nanos"][i]
+            equal(told.pad_force, streams["contact/pad_force"][i], "pad force")
+            pairs = json.loads(streams["contact/pairs"][i])
+            assert [[c.first, c.second] for c in told.contacts] == pairs
+            touching += len(pairs)
+            for k, c in enumerate(told.contacts):
+                equal([c.force.x, c.force.y, c.force.z], streams["contact/force"][i, k], "force")
+                equal([c.point.x, c.point.y, c.point.z], streams["contact/point"][i, k], "point")
+    assert touching > 0, "nothing touched anything"
+
+
+def robot(transforms, streams, attached, description):
+    """One tree from the house to every link of the robot, which puts the links
+    where the recording has them; a description that names the same links and
+    needs no file."""
+    import xml.etree.ElementTree as xml
+
+    parents = {}
+    for child, told in transforms.items():
+        found = {t.parent_frame_id for _, t in told}
+        assert len(found) == 1, f"{child} hangs on {found}"
+        parents[child] = found.pop()
+    for child in parents:
+        up, steps = child, 0
+        while up != "house":
+            assert up in parents and steps < 50, f"{child} does not hang on the house but on {up}"
+            up, steps = parents[up], steps + 1
+    (urdf,) = (text for name, text in attached.items() if name.endswith(".urdf"))
+    recorded, drawn = xml.fromstring(urdf), xml.fromstring(description)
+    links = {link.get("name") for link in recorded.iter("link")}
+    assert links == {link.get("name") for link in drawn.iter("link")} and links <= set(parents)
+    for link in ("back_left_wheel", "front_right_wheel", "robotiq_85_left_finger_tip_link", "robotiq_85_right_inner_knuckle_link"):
+        assert link in links, link
+    hangs = {j.find("child").get("link"): j.find("parent").get("link") for j in recorded.iter("joint")}
+    assert all(parents[child] == parent for child, parent in hangs.items()), "a viewer would find two parents"
+    assert not list(drawn.iter("mesh")), "a mesh that is not in the file"
+    shapes = sum(len(link.findall("visual")) for link in drawn.iter("link"))
+
+    def place(frame, stamp):
+        """Pose of a frame in the house: rotation, position."""
+        turn, at = np.array([0, 0, 0, 1.0]), np.zeros(3)
+        while frame != "house":
+            told = [t for s, t in transforms[frame] if s == stamp] or [transforms[frame][0][1]]
+            q, p = told[0].rotation, told[0].translation
+            q = np.array([q.x, q.y, q.z, q.w])
+            at, turn = turned(q, at) + [p.x, p.y, p.z], product(q, turn)
+            frame = parents[frame]
+        return at, turn
+
+    names = list(streams["pose/pose"].attrs["names"])
+    frames = {"shoulder": "shoulder_link", "bicep": "bicep_link", "forearm": "forearm_link",
+              "spherical_wrist_1": "spherical_wrist_1_link", "spherical_wrist_2": "spherical_wrist_2_link",
+              "end_effector": "robotiq_85_base_link"}
+    worst = [0.0, 0.0]
+    stamps = streams["pose/stamp_nanos"][...]
+    for i in range(0, len(stamps), max(1, len(stamps) // 40)):
+        chair, base = place("wheelchair_root", stamps[i]), place("base_link", stamps[i])
+        equal(chair[0], streams["pose/pose"][i, names.index("wheelchair"), :3], "chair", 1e-12)
+        for name, link in frames.items():
+            told = streams["pose/pose"][i, names.index(name)]
+            at, turn = place(link, stamps[i])
+            off = np.linalg.norm(at - base[0] - turned(base[1], told[:3]))
+            angle = 2 * np.linalg.norm(product(turn * [-1, -1, -1, 1], product(base[1], told[3:]))[:3])
+            worst = [max(worst[0], off), max(worst[1], angle)]
+    assert worst[0] < 1e-4 and worst[1] < 1e-4, f"links are off by {worst[0]} m, {worst[1]} rad"
+    # The wrist camera hangs on the hand by the description alone.
+    at, _ = place("camera_color_frame", streams["camera/gen3/stamp_nanos"][-1])
+    seen = np.linalg.norm(at - streams["camera/gen3/pose"][-1, :3])
+    assert seen < 2e-4, f"the wrist camera is off by {seen} m"
+    return f"{len(parents)} frames, links within {1e3 * worst[0]:.3f} mm, {np.degrees(worst[1]):.5f} deg, {shapes} solids drawn"
 
 
 def foxglove(first):

@@ -53,6 +53,10 @@ pub fn synchronisation(
     let rows: Vec<f64> = aligned.stamps.iter().map(seconds).collect();
     let mut beats = Vec::new();
     for stream in episode.streams()? {
+        // A hash stands for its own tick: nothing lies between two.
+        if stream == "state_hash" {
+            continue;
+        }
         let stamps = episode.stamps(&stream)?;
         if let Some(words) = said(&aligned, &stream, &stamps) {
             let times = stamps.iter().map(seconds).collect();
@@ -87,12 +91,16 @@ fn said(aligned: &Aligned, stream: &str, stamps: &[u64]) -> Option<String> {
             let without = frames.iter().filter(|f| f.is_none()).count();
             match without {
                 0 => "a picture for every row".to_owned(),
-                n => format!("{n} rows without a picture"),
+                n => format!("{} without a picture", count(n)),
             }
         }
         None => around(aligned.coverage.get(stream)?),
     };
     Some(format!("{rate:.0} Hz, {place}"))
+}
+
+fn count(rows: usize) -> String {
+    format!("{rows} row{}", if rows == 1 { "" } else { "s" })
 }
 
 fn around(coverage: &Coverage) -> String {
@@ -108,11 +116,14 @@ fn around(coverage: &Coverage) -> String {
     let mut out = if between == 0 {
         "every row falls on a sample".to_owned()
     } else {
-        format!("{between} rows between samples, at most {farthest:.1} ms from one")
+        format!(
+            "{} between samples, at most {farthest:.1} ms from one",
+            count(between)
+        )
     };
     let without = coverage.valid.iter().filter(|v| !**v).count();
     if without > 0 {
-        out += &format!("; {without} rows without a value");
+        out += &format!("; {} without a value", count(without));
     }
     out
 }

@@ -17,7 +17,15 @@ impl Axis {
     /// An axis from `low` to `high` with about `count` ticks.
     pub fn new(low: f64, high: f64, count: usize) -> Self {
         let high = if high > low { high } else { low + 1.0 };
-        Self::with_step(low..high, round_step((high - low) / count.max(1) as f64))
+        let least = (high - low) / count.max(1) as f64;
+        // One tick alone gives no scale.
+        let halves = [1.0, 0.5, 0.25].map(|s| Self::with_step(low..high, round_step(s * least)));
+        let [wide, middle, narrow] = halves;
+        match (wide.ticks.len(), middle.ticks.len()) {
+            (2.., _) => wide,
+            (_, 2..) => middle,
+            _ => narrow,
+        }
     }
 
     /// An axis of whole numbers from 0 to beyond `most`.
@@ -102,6 +110,8 @@ mod tests {
         assert_eq!(labels(&axis), ["-0.002", "0.000", "0.002", "0.004"]);
         let axis = Axis::new(9.7, 9.9, 4);
         assert_eq!(labels(&axis), ["9.70", "9.75", "9.80", "9.85", "9.90"]);
+        let axis = Axis::new(0.31, 0.59, 1);
+        assert_eq!(labels(&axis), ["0.4", "0.5"]);
         for (low, high) in [(0.0, 3.0), (-7.3, 1e4), (1e-5, 2e-5), (2.0, 2.0)] {
             let labels = labels(&Axis::new(low, high, 6));
             let mut once = labels.clone();

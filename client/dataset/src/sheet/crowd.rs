@@ -6,6 +6,8 @@ pub type Box4 = (i32, i32, i32, i32);
 
 /// Room that a dot takes, pixels each way.
 const DOT: i32 = 8;
+/// Room between two names, pixels.
+const APART: i32 = 8;
 /// Distances from a dot at which its name may stand, pixels.
 const DISTANCES: [i32; 8] = [12, 24, 40, 60, 84, 112, 144, 180];
 /// Directions in which it may, in this order.
@@ -48,8 +50,9 @@ pub fn places(dots: &[(i32, i32)], sizes: &[(i32, i32)], room: (i32, i32)) -> Ve
         };
         let free = |b: &Box4| {
             let inside = b.0 >= 0 && b.1 >= 0 && b.0 + w <= room.0 && b.1 + h <= room.1;
-            let named = out.iter().flatten();
-            inside && !taken.iter().chain(named).any(|t| overlap(*b, *t))
+            let wide = (b.0 - APART, b.1, w + 2 * APART, h);
+            let named = || out.iter().flatten().any(|t| overlap(wide, *t));
+            inside && !taken.iter().any(|t| overlap(*b, *t)) && !named()
         };
         let all = DISTANCES
             .iter()

@@ -211,6 +211,8 @@ pub fn strips(
     Ok(())
 }
 
+/// A line of more points is drawn thin.
+const DENSE: usize = 2000;
 /// Height of the words below a time axis, pixels.
 const TIME_AXIS: u32 = 50;
 
@@ -257,7 +259,9 @@ fn curves(
         .axis_desc_style(text(20, GREY))
         .draw()?;
     for (l, colour) in lines.iter().zip(colours()) {
-        let series = LineSeries::new(l.points.iter().copied(), colour.stroke_width(3));
+        // The corners of a wide line would stand out far beyond noise.
+        let width = if l.points.len() > DENSE { 1 } else { 3 };
+        let series = LineSeries::new(l.points.iter().copied(), colour.stroke_width(width));
         chart.draw_series(series)?;
     }
     Ok(())
