@@ -3,6 +3,7 @@
 # make test-cluster   a campaign on a one-node Slurm cluster in this machine
 # make test-readers   loads exports in lerobot 0.4.4 and robomimic 0.3 (downloads gigabytes)
 # make soak    300 short episodes one right after the other, every file checked
+# make test-original SCRIPTS=DIR   the original's processing scripts on an episode of ours
 # make bench   step, kinematics, cameras and recording beside their references
 
 CARGO ?= cargo
@@ -12,7 +13,7 @@ PLAN ?= assets/campaigns/small.toml
 BUILT := $(or $(CARGO_TARGET_DIR),target)/release
 export WHEELARM_PYTHON ?= $(CURDIR)/.venv/bin/python
 
-.PHONY: all build demo test test-cluster test-readers soak bench clean
+.PHONY: all build demo test test-cluster test-readers test-original soak bench clean
 all: build
 
 build:
@@ -43,6 +44,9 @@ soak:
 	scripts/setup.sh
 	$(CARGO) build --release --workspace --bins --examples
 	$(BUILT)/examples/soak
+
+test-original: build
+	tests/original.sh $(SCRIPTS)
 
 bench:
 	scripts/setup.sh python numpy h5py mujoco
