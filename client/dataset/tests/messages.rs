@@ -5,8 +5,16 @@ mod synthetic;
 
 use std::path::Path;
 use std::process::{Command, Output};
+use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use wheelarm_dataset::finish::finish;
+
+/// One test at a time: a child that starts while a file is written inherits its
+/// lock.
+fn alone() -> MutexGuard<'static, ()> {
+    static TURN: Mutex<()> = Mutex::new(());
+    TURN.lock().unwrap_or_else(PoisonError::into_inner)
+}
 
 fn run(folder: &Path, arguments: &[&str]) -> Output {
     Command::new(env!("CARGO_BIN_EXE_wheelarm-dataset"))
@@ -36,6 +44,7 @@ fn episode(folder: &Path, label: &str) {
 
 #[test]
 fn a_path_that_is_no_episode_is_named_with_its_cure() {
+    let _turn = alone();
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     let info = |name: &str| refused(folder, &["info", name]);
@@ -96,6 +105,7 @@ fn finished(log: &Path) -> Vec<u8> {
 
 #[test]
 fn a_file_that_is_no_log_is_not_recovered_and_told_why() {
+    let _turn = alone();
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     episode(folder, "whole");
@@ -121,6 +131,7 @@ fn a_file_that_is_no_log_is_not_recovered_and_told_why() {
 
 #[test]
 fn without_one_good_file_there_is_no_table_and_no_leftover() {
+    let _turn = alone();
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     std::fs::write(folder.join("notes.h5"), "not HDF5 at all").unwrap();

@@ -7,7 +7,7 @@ use prost::Message;
 use wheelarm_proto::v1;
 
 use super::chunks::ChunkMap;
-use super::{Episode, ReadError, place};
+use super::{Episode, ReadError, held, place};
 
 /// One camera of an episode.
 #[derive(Debug)]
@@ -55,13 +55,19 @@ impl Camera {
         let stream = format!("camera/{name}");
         let column = |c: &str| episode.raw::<u64>(&place(&stream, c));
         // A camera without a single frame has no pictures: their size is unknown.
-        let picture = |c: &str| episode.column(&stream, c).ok();
-        let depth = picture("depth");
+        let picture = |c: &str| {
+            let data = episode.column(&stream, c).ok();
+            match data.as_ref().map(|d| held(d)) {
+                Some(Err(e)) => Err(episode.hdf5(&place(&stream, c), e)),
+                _ => Ok(data),
+            }
+        };
+        let depth = picture("depth")?;
         let millimetres = depth
             .as_ref()
             .and_then(|d| d.dtype().and_then(|t| t.to_descriptor()).ok())
             == Some(TypeDescriptor::Unsigned(IntSize::U2));
-        let (rgb, ids) = (picture("rgb"), picture("ids"));
+        let (rgb, ids) = (picture("rgb")?, picture("ids")?);
         let map = |d: &Option<Dataset>| d.as_ref().and_then(|d| ChunkMap::new(episode.path(), d));
         let maps = [map(&rgb), map(&depth), map(&ids)];
         Ok(Self {

@@ -35,10 +35,15 @@ impl ChunkMap {
             [Filter::Shuffle, Filter::Deflate(_)] => true,
             _ => return None,
         };
+        let file = File::open(path).ok()?;
+        let end = file.metadata().ok()?.len();
         let mut places = vec![None; *shape.first()?];
         for index in 0..data.num_chunks()? {
             let info = data.chunk_info(index)?;
             if info.filter_mask != 0 {
+                return None;
+            }
+            if info.addr.checked_add(info.size).is_none_or(|e| e > end) {
                 return None;
             }
             let row = usize::try_from(*info.offset.first()?).ok()?;
@@ -46,7 +51,7 @@ impl ChunkMap {
         }
         let element = data.dtype().ok()?.size();
         Some(Self {
-            file: Arc::new(File::open(path).ok()?),
+            file: Arc::new(file),
             places,
             shuffled,
             element,

@@ -14,7 +14,7 @@ pub(crate) use refusal::SIGNATURE;
 use std::path::{Path, PathBuf};
 
 use hdf5::types::VarLenUnicode;
-use hdf5::{Dataset, Group, H5Type, Location};
+use hdf5::{Container, Dataset, Group, H5Type, Location};
 use ndarray::ArrayD;
 use prost::Message;
 use wheelarm_proto::v1;
@@ -359,7 +359,8 @@ impl Episode {
     /// When it is absent.
     pub fn f64s(&self, stream: &str, column: &str) -> Result<ArrayD<f64>, ReadError> {
         let data = self.column(stream, column)?;
-        data.read_dyn()
+        held(&data)
+            .and_then(|()| data.read_dyn())
             .map_err(|e| self.hdf5(&format!("{stream}/{column}"), e))
     }
 
@@ -436,7 +437,7 @@ impl Episode {
     fn raw<T: H5Type>(&self, path: &str) -> Result<Vec<T>, ReadError> {
         self.file
             .dataset(path)
-            .and_then(|d| d.read_raw())
+            .and_then(|d| held(&d).and_then(|()| d.read_raw()))
             .map_err(|e| self.hdf5(path, e))
     }
 
@@ -484,13 +485,34 @@ fn place(stream: &str, column: &str) -> String {
     format!("{}/{column}", group_path(stream))
 }
 
+/// Deflate makes nothing more than this many times smaller.
+const RATIO: u64 = 1032;
+
+/// Refuses data that claim more than their bytes in the file can hold: a damaged
+/// size would ask for more memory than there is.
+fn held(data: &Container) -> hdf5::Result<()> {
+    let element = data.dtype()?.size();
+    let shape = data.shape();
+    let claimed = shape.iter().try_fold(element, |n, &k| n.checked_mul(k));
+    let stored = data.storage_size();
+    let most = stored.saturating_mul(RATIO).saturating_add(4096);
+    match claimed {
+        Some(claimed) if claimed as u64 <= most => Ok(()),
+        _ => Err(hdf5::Error::Internal(format!(
+            "the file is damaged: {shape:?} elements of {element} bytes cannot come from {stored} bytes"
+        ))),
+    }
+}
+
 fn text(at: &Location, name: &str) -> hdf5::Result<String> {
     let value: VarLenUnicode = at.attr(name)?.read_scalar()?;
     Ok(value.as_str().to_owned())
 }
 
 fn texts(at: &Location, name: &str) -> hdf5::Result<Vec<String>> {
-    let list: Vec<VarLenUnicode> = at.attr(name)?.read_raw()?;
+    let attribute = at.attr(name)?;
+    held(&attribute)?;
+    let list: Vec<VarLenUnicode> = attribute.read_raw()?;
     Ok(list.iter().map(|s| s.as_str().to_owned()).collect())
 }
 

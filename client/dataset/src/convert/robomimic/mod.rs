@@ -231,6 +231,9 @@ fn normalise(demo: &Group, low: &[f64], high: &[f64]) -> anyhow::Result<()> {
 /// Unit and frame of a dataset; the frame is empty where there is none.
 type What = (&'static str, &'static str);
 
+/// What an observation takes from a row.
+type Take<'a> = &'a dyn Fn(usize) -> Vec<f64>;
+
 const POSITION: &str = "m";
 const QUATERNION: &str = "1 (unit quaternion x y z w)";
 const NUMBER: What = ("1", "");
@@ -318,7 +321,7 @@ impl Robomimic {
             let gather = |f: &dyn Fn(usize) -> Vec<f64>| {
                 list.iter().flat_map(|&r| f(r)).collect::<Vec<f64>>()
             };
-            let observed: [(&str, What, usize, &dyn Fn(usize) -> Vec<f64>); 8] = [
+            let observed: [(&str, What, usize, Take<'_>); 8] = [
                 ("joint_pos", ("rad", ""), 6, &|r| {
                     learning.joints(r)[..6].to_vec()
                 }),
