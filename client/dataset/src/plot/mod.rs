@@ -9,9 +9,9 @@ use plotters::prelude::*;
 
 use crate::pose::yaw;
 use crate::read::{Episode, ReadError};
-use crate::sheet::plots::{Line, Strip, line, over_time, phases, strips, top_view};
+use crate::sheet::plots::{Line, Strip, Top, draw_top, line, over_time, phases, strips, top};
 use crate::sheet::style::{self, PAPER};
-use crate::sheet::{Area, DrawError, SheetError};
+use crate::sheet::{Area, DrawError};
 
 pub use synchronisation::synchronisation;
 
@@ -30,7 +30,7 @@ enum Panel<'a> {
     /// Strips with an axis each.
     Strips(&'a str, Vec<Strip<'a>>),
     /// The way seen from above.
-    Way,
+    Way(Top),
 }
 
 /// Draws the movement of an episode: joints, the way from above, chair, end
@@ -53,11 +53,7 @@ pub fn movement(episode: &Episode, out: &Path) -> anyhow::Result<()> {
             match panel {
                 Panel::Lines(title, lines) => over_time(area, title, lines, &bands)?,
                 Panel::Strips(title, all) => strips(area, title, all, &bands)?,
-                Panel::Way => match top_view(episode, area) {
-                    Err(SheetError::Draw(problem)) => return Err(problem),
-                    // What cannot be read leaves its place empty.
-                    Ok(()) | Err(_) => {}
-                },
+                Panel::Way(top) => draw_top(area, top)?,
             }
         }
         Ok(())
@@ -104,7 +100,7 @@ fn panels(episode: &Episode, start: u64) -> Result<Vec<Panel<'static>>, ReadErro
             "Arm joint velocities, rad/s",
             named("joint_state", "velocity", &joint)?,
         ),
-        Panel::Way,
+        Panel::Way(top(episode)?),
         Panel::Strips(
             "Chair in house",
             vec![

@@ -20,7 +20,7 @@ pub struct Line {
 pub fn draw(episode: &Episode, area: &Area<'_>, start: u64) -> Result<(), SheetError> {
     let (left, rest) = area.split_horizontally(560);
     let rest = rest.split_evenly((1, 3));
-    top_view(episode, &left)?;
+    draw_top(&left, &top(episode)?)?;
     joints(episode, &rest[0], start)?;
     gripper(episode, &rest[1], start)?;
     speed(episode, &rest[2], start)?;
@@ -267,8 +267,16 @@ fn curves(
     Ok(())
 }
 
-/// The way of chair and hand seen from above, with the objects.
-pub fn top_view(episode: &Episode, area: &Area<'_>) -> Result<(), SheetError> {
+/// The way of chair and hand seen from above, with the objects at the start,
+/// metres in `house`.
+pub struct Top {
+    chairs: Vec<Plane>,
+    tips: Vec<(f64, f64)>,
+    objects: Vec<(String, (f64, f64))>,
+}
+
+/// Reads it.
+pub fn top(episode: &Episode) -> Result<Top, ReadError> {
     let pose = |frame: usize| -> Result<Vec<Vec<f64>>, ReadError> {
         (0..7)
             .map(|k| series(episode, "pose", "pose", 7 * frame + k))
@@ -302,7 +310,11 @@ pub fn top_view(episode: &Episode, area: &Area<'_>) -> Result<(), SheetError> {
             places.push((name.clone(), (x, y)));
         }
     }
-    draw_top(area, &chairs, &tips, &places).map_err(Into::into)
+    Ok(Top {
+        chairs,
+        tips,
+        objects: places,
+    })
 }
 
 /// Outline of the chair from above, front at +x, metres in `wheelchair_root`.
@@ -315,12 +327,13 @@ const OUTLINE: [(f64, f64); 6] = [
     (-0.25, -0.28),
 ];
 
-fn draw_top(
-    area: &Area<'_>,
-    chairs: &[Plane],
-    tips: &[(f64, f64)],
-    objects: &[(String, (f64, f64))],
-) -> Result<(), DrawError> {
+/// Draws it, one metre as long to the right as upwards.
+pub fn draw_top(area: &Area<'_>, top: &Top) -> Result<(), DrawError> {
+    let Top {
+        chairs,
+        tips,
+        objects,
+    } = top;
     let around = |p: &Plane| OUTLINE.map(|(x, y)| p.point(x, y));
     let ends: Vec<(f64, f64)> = [chairs.first(), chairs.last()]
         .into_iter()
@@ -346,7 +359,6 @@ fn draw_top(
             Key::new("object at the start", AMBER, Mark::Dot),
         ],
     )?;
-    // One metre is as long to the right as upwards.
     let (w, h) = below.dim_in_pixel();
     let (w, h) = (f64::from(w) - 98.0, f64::from(h) - 62.0);
     let scale = ((x1 - x0) / w).max((y1 - y0) / h);
