@@ -100,6 +100,18 @@ pub enum LinkError {
         /// How long.
         seconds: f64,
     },
+    /// Nobody is there any more who could answer.
+    #[error(
+        "the server {sim:?} has gone: nobody answers `{query}` any more (told after {seconds:.1} s); its own last words say why"
+    )]
+    Gone {
+        /// Server name.
+        sim: String,
+        /// Query name.
+        query: &'static str,
+        /// After how long that was known.
+        seconds: f64,
+    },
     /// The server answered that it will not.
     #[error("the server refused `{query}`: {message}")]
     Refused {
@@ -378,6 +390,7 @@ impl Link {
         patience: Duration,
     ) -> Result<R, LinkError> {
         self.server.look(&self.session);
+        let asked = Instant::now();
         let replies = self
             .session
             .get(self.keys.query(query))
@@ -391,10 +404,18 @@ impl Link {
             .timeout(patience)
             .wait()
             .map_err(transport("sending a query"))?;
-        let silent = || LinkError::Silent {
-            sim: self.keys.sim().to_owned(),
-            query: query.name(),
-            seconds: patience.as_secs_f64(),
+        // The transport tells at once when nobody is there to answer.
+        let silent = || match asked.elapsed() {
+            waited if waited < patience.mul_f64(0.9) => LinkError::Gone {
+                sim: self.keys.sim().to_owned(),
+                query: query.name(),
+                seconds: waited.as_secs_f64(),
+            },
+            _ => LinkError::Silent {
+                sim: self.keys.sim().to_owned(),
+                query: query.name(),
+                seconds: patience.as_secs_f64(),
+            },
         };
         let reply = loop {
             let reply = replies.recv().map_err(|_| silent())?;

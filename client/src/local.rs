@@ -149,6 +149,28 @@ impl Program {
         }
     }
 
+    /// Closes its standard input, with which a program started here ends, and
+    /// gives it `patience` to do so by itself.
+    pub fn let_end(&mut self, patience: Duration) {
+        drop(self.child.stdin.take());
+        // One that does not end is killed when dropped.
+        let _ = self.wait(patience);
+    }
+
+    /// Kills it, also when it stands still.
+    pub fn kill(&mut self) {
+        // It may have ended by itself.
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+
+    /// Its last words: those of a panic, else its last line.
+    #[must_use]
+    pub fn last_words(&self) -> String {
+        let lines = self.lines.lock().unwrap_or_else(PoisonError::into_inner);
+        last_words(lines.iter().map(String::as_str))
+    }
+
     /// Its last messages.
     #[must_use]
     pub fn messages(&self) -> String {
@@ -162,9 +184,21 @@ impl Program {
 
 impl Drop for Program {
     fn drop(&mut self) {
-        // It may have ended by itself.
-        let _ = self.child.kill();
-        let _ = self.child.wait();
+        self.kill();
+    }
+}
+
+/// What a program said last: the place and words of its first panic, else its
+/// last line.
+pub(crate) fn last_words<'a>(lines: impl Iterator<Item = &'a str>) -> String {
+    let lines: Vec<&str> = lines.filter(|line| !line.trim().is_empty()).collect();
+    let panic = lines.iter().position(|line| line.contains("panicked at"));
+    match panic {
+        Some(at) => {
+            let end = lines.len().min(at + 2);
+            lines[at..end].join(" ").trim().to_owned()
+        }
+        None => lines.last().map_or("", |line| line.trim()).to_owned(),
     }
 }
 
@@ -262,6 +296,41 @@ impl LocalServer {
     #[must_use]
     pub fn messages(&self) -> String {
         self.program.messages()
+    }
+
+    /// How it ended, if it has.
+    ///
+    /// # Errors
+    /// When the operating system does not tell.
+    pub fn ended(&mut self) -> anyhow::Result<Option<ExitStatus>> {
+        self.program.ended()
+    }
+
+    /// How it ended, if it does so within `patience`.
+    ///
+    /// # Errors
+    /// When the operating system does not tell.
+    pub fn ended_within(&mut self, patience: Duration) -> anyhow::Result<Option<ExitStatus>> {
+        let deadline = Instant::now() + patience;
+        loop {
+            match self.ended()? {
+                None if Instant::now() < deadline => {
+                    std::thread::sleep(Duration::from_millis(20));
+                }
+                ended => return Ok(ended),
+            }
+        }
+    }
+
+    /// Kills it, also when it stands still.
+    pub fn kill(&mut self) {
+        self.program.kill();
+    }
+
+    /// Its last words: those of a panic, else its last line.
+    #[must_use]
+    pub fn last_words(&self) -> String {
+        self.program.last_words()
     }
 
     /// Asks it to end and waits for that.
@@ -419,6 +488,23 @@ mod tests {
         let free = (free_label(&folder, "a-seed1"), free_label(&folder, "a"));
         std::fs::remove_dir_all(&folder).unwrap();
         assert_eq!(free, ("a-seed1-3".to_owned(), "a".to_owned()));
+    }
+
+    #[test]
+    fn a_panic_is_the_last_word_of_a_program() {
+        let said = [
+            "INFO begins",
+            "thread 'simulation' (7) panicked at src/a.rs:3:4:",
+            "index out of bounds",
+            "note: run with RUST_BACKTRACE=1",
+            "Error: the simulation thread panicked",
+        ];
+        let words = last_words(said.into_iter());
+        assert!(
+            words.ends_with("src/a.rs:3:4: index out of bounds"),
+            "{words}"
+        );
+        assert_eq!(last_words(["a", "b ", ""].into_iter()), "b");
     }
 
     #[test]

@@ -106,11 +106,59 @@ pub struct Contact {
     pub force: Vector3<f64>,
 }
 
-/// Something that a simulation should not meet; reported, never a panic.
+/// Something odd with which a simulation can go on: recorded and counted.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Anomaly {
     /// A body's state is not finite.
     NotFinite(BodyRef),
     /// An object left the house.
     Escaped(BodyRef),
+    /// A joint (index into `RobotModel::joints`) turns faster than twice its limit.
+    Fast(usize),
+}
+
+/// Why a state is broken: nothing that follows from it can be believed.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Fault {
+    /// A body's state is not finite.
+    NotFinite(BodyRef),
+    /// A joint of the robot, index into `RobotModel::joints`, is too fast, rad/s.
+    JointSpeed {
+        /// The joint.
+        joint: usize,
+        /// Its speed, rad/s.
+        speed: f64,
+        /// The greatest that is believed, rad/s.
+        most: f64,
+    },
+    /// Two bodies press too hard.
+    Contact {
+        /// First body.
+        first: BodyRef,
+        /// Second body.
+        second: BodyRef,
+        /// Force, N.
+        force: f64,
+    },
+    /// A node of a soft object is too fast, m/s.
+    NodeSpeed {
+        /// Index into `Scene::objects`.
+        object: usize,
+        /// Its speed, m/s.
+        speed: f64,
+    },
+    /// A soft object has too much elastic and kinetic energy, J.
+    Energy {
+        /// Index into `Scene::objects`.
+        object: usize,
+        /// J.
+        energy: f64,
+    },
+    /// The chair is outside the home, or in the free air above or below it.
+    Outside {
+        /// Place of the chair in `house`, metres.
+        at: Vector3<f64>,
+    },
+    /// The simulation panicked; its words.
+    Panic(String),
 }

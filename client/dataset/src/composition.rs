@@ -28,6 +28,8 @@ pub struct Figures {
     pub success: bool,
     /// Everything was recorded.
     pub complete: bool,
+    /// The simulation broke in it.
+    pub broken: bool,
     /// Seconds of each label.
     pub phases: [f64; 4],
     /// Bytes of the file.
@@ -43,6 +45,8 @@ pub struct Row {
     pub successes: usize,
     /// Those that are complete.
     pub complete: usize,
+    /// Those in which the simulation broke; none of them succeeded.
+    pub broken: usize,
     /// Samples.
     pub samples: usize,
     /// Simulated seconds: sum, least and greatest.
@@ -78,8 +82,9 @@ pub fn figures(path: &Path) -> anyhow::Result<Figures> {
         key: [activity, area, task],
         samples,
         seconds: (last - first) as f64 * 1e-9,
-        success: summary.success,
+        success: summary.success && !episode.is_broken(),
         complete: summary.complete,
+        broken: episode.is_broken(),
         phases,
         bytes: std::fs::metadata(path)?.len(),
     })
@@ -95,6 +100,7 @@ pub fn gather(all: &[Figures]) -> BTreeMap<[String; 3], Row> {
         row.trajectories += 1;
         row.successes += usize::from(f.success);
         row.complete += usize::from(f.complete);
+        row.broken += usize::from(f.broken);
         row.samples += f.samples;
         row.seconds = [
             row.seconds[0] + f.seconds,
@@ -145,6 +151,7 @@ pub fn table(rows: &BTreeMap<[String; 3], Row>) -> String {
             trajectories: whole.trajectories + r.trajectories,
             successes: whole.successes + r.successes,
             complete: whole.complete + r.complete,
+            broken: whole.broken + r.broken,
             samples: whole.samples + r.samples,
             seconds: [
                 whole.seconds[0] + r.seconds[0],
@@ -156,6 +163,9 @@ pub fn table(rows: &BTreeMap<[String; 3], Row>) -> String {
         };
     }
     line(&mut out, ["all", "", ""], &whole);
+    if whole.broken > 0 {
+        let _ = writeln!(out, "in {} episodes the physics broke", whole.broken);
+    }
     if whole.complete < whole.trajectories {
         let _ = writeln!(
             out,

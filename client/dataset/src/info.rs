@@ -31,6 +31,9 @@ pub fn info(episode: &Episode) -> Result<String, ReadError> {
     );
     line("success", if s.success { "yes" } else { "no" });
     line("failure", &s.failure_reason);
+    for anomaly in &s.anomalies {
+        line("anomaly", anomaly);
+    }
     for (name, holds, value) in &s.conditions {
         let state = if *holds { "holds" } else { "does not hold" };
         line("", &format!("{name}: {state} ({value:.4})"));

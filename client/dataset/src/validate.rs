@@ -59,6 +59,16 @@ pub fn validate(path: &Path, threads: usize) -> anyhow::Result<Findings> {
             summary.problems.join("; ")
         ));
     }
+    if episode.is_broken() {
+        let words = summary.anomalies.last().map_or("", String::as_str);
+        found.problems.push(format!(
+            "the physics broke, the episode is not fit for training: {words}"
+        ));
+    } else if !summary.anomalies.is_empty() {
+        found
+            .facts
+            .push(format!("anomalies: {}", summary.anomalies.join("; ")));
+    }
     if episode.snapshot()?.snapshot.is_empty() {
         found
             .problems

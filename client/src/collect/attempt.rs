@@ -1,14 +1,17 @@
 //! One attempt at an episode: a server, a recorder and the operator as
 //! programs of their own in lock-step, and what came of it.
 //!
-//! A failure of the task is the operator's and gets a fresh seed; anything
-//! else that goes wrong is the host's, and the same seed is tried again.
+//! A failure of the task is the operator's and gets a fresh seed, and so does a
+//! simulation that breaks; a server that dies or hangs is tried once more, for
+//! it may be the host's fault; anything else that goes wrong is the host's, and
+//! the same seed is tried again.
 
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
 use anyhow::{Context, bail};
+use wheelarm_dataset::finish::PHYSICS;
 use wheelarm_dataset::read::{Episode as Recording, Summary};
 use wheelarm_dataset::scenario_text::scenario_json;
 
@@ -53,9 +56,16 @@ pub enum Outcome {
     Done(Box<Done>),
     /// The task was not done.
     Failed(Failed),
+    /// The server died or hung.
+    Broke(Failed),
     /// Thrown away because the campaign is to end.
     Stopped,
 }
+
+/// [`Failed::broken`] of a server that died or hung.
+const SERVER: &str = "server";
+/// How long a server whose operator failed may take to die of the same.
+const DYING: Duration = Duration::from_secs(1);
 
 /// Makes one attempt; the file lies in the staging folder afterwards. `turn`
 /// is held while it simulates and is over before the file is finished.
@@ -106,15 +116,39 @@ pub fn attempt(
     let mut operator = Process::start("operator", "wheelarm", connect(&operator), &staging)?;
 
     let watch = Watch::start(endpoint, board);
+    let broke = |watch: &Watch, words: String| {
+        let told = watch.scenario().map(|scenario| scenario_json(&scenario));
+        Outcome::Broke(Failed {
+            episode: episode.id.clone(),
+            task: episode.task.clone(),
+            attempt: number,
+            seed,
+            settings: episode.settings.clone(),
+            reason: words,
+            seconds: lock(board).seconds,
+            wall_seconds: begun.elapsed().as_secs_f64(),
+            broken: SERVER.to_owned(),
+            scenario: told
+                .or_else(|| Some(serde_json::json!({ "task": episode.task, "seed": seed }))),
+        })
+    };
     let operated = loop {
         if stop.at_once() {
             return Ok(Outcome::Stopped);
         }
         if let Some(status) = operator.ended()? {
+            if !status.success() && broken(&operator).is_some() {
+                server.ended_within(DYING)?;
+            }
+            if let Some(status) = server.ended()? {
+                let words = format!("the server died ({status}): {}", server.last_words());
+                return Ok(broke(&watch, words));
+            }
             break status;
         }
         if let Some(status) = server.ended()? {
-            bail!("the server ended ({status}): {}", server.tail());
+            let words = format!("the server died ({status}): {}", server.last_words());
+            return Ok(broke(&watch, words));
         }
         if let Some(status) = recorder.ended()?
             && !status.success()
@@ -122,6 +156,13 @@ pub fn attempt(
             bail!("the recorder ended ({status}): {}", recorder.tail());
         }
         if watch.stalled() > STALL {
+            if watch.is_silent() {
+                let words = format!(
+                    "the server stood still and answered nothing for {:.0} s",
+                    STALL.as_secs_f64()
+                );
+                return Ok(broke(&watch, words));
+            }
             bail!(
                 "simulation time stood still for {:.0} s{}",
                 STALL.as_secs_f64(),
@@ -191,7 +232,8 @@ fn judge(
     let summary = recording.summary()?;
     check(&summary, episode, seed)?;
     let seconds = summary.span_nanos.1.saturating_sub(summary.span_nanos.0) as f64 * 1e-9;
-    if !(content && summary.success) {
+    if recording.is_broken() || !(content && summary.success) {
+        let physics = recording.is_broken();
         return Ok(Outcome::Failed(Failed {
             episode: episode.id.clone(),
             task: episode.task.clone(),
@@ -201,6 +243,11 @@ fn judge(
             reason: reason(&summary, said),
             seconds,
             wall_seconds,
+            broken: if physics { PHYSICS } else { "" }.to_owned(),
+            scenario: match physics {
+                true => Some(scenario_json(&recording.scenario()?)),
+                false => None,
+            },
         }));
     }
     let scenario = scenario_json(&recording.scenario()?);

@@ -10,7 +10,7 @@ use super::attempt::{Outcome, Setup, attempt};
 use super::capacity::free_disk;
 use super::episode::Episode;
 use super::estimate::bytes;
-use super::journal::{Done, Entry, Journal};
+use super::journal::{Done, Entry, Failed, Journal};
 use super::progress::{Show, lock};
 use super::stop::Stop;
 
@@ -18,6 +18,9 @@ use super::stop::Stop;
 pub const LANES: usize = 2;
 /// Runs of the same attempt when its programs break.
 const TRIES: u32 = 3;
+/// Runs of the same attempt when its server dies or hangs: what happens twice
+/// is taken for the scenario's fault, and the next attempt has a fresh seed.
+const DEATHS: u32 = 2;
 /// Episodes that break before the first one is done, after which the campaign
 /// is given up: it is the host, not the episode.
 const BROKEN: usize = 2;
@@ -42,6 +45,9 @@ pub struct Tally {
     pub given_up: Vec<String>,
     /// Episodes whose programs broke again and again, with the last words.
     pub broken: Vec<(String, String)>,
+    /// Attempts in which the physics or, again and again, the server broke; they
+    /// are in the journal with the scenario.
+    pub entered: Vec<(String, String)>,
     /// Episodes thrown away because the run was ended.
     pub discarded: usize,
     /// Why the run ended early.
@@ -185,6 +191,20 @@ impl Shared<'_> {
         Ok(())
     }
 
+    /// Enters an attempt that failed, and says so.
+    fn enter(&self, lane: usize, failed: Failed) -> anyhow::Result<()> {
+        let (episode, seed, reason) = (&failed.episode, failed.seed, &failed.reason);
+        let words = format!("{episode} failed with seed {seed}: {reason}");
+        let seconds = failed.seconds;
+        if !failed.broken.is_empty() {
+            let entered = (episode.clone(), format!("seed {seed}: {reason}"));
+            lock(&self.tally).entered.push(entered);
+        }
+        lock(&self.journal).append(&Entry::Failed(failed))?;
+        self.show.end(lane, seconds, 0.0, false, &words);
+        Ok(())
+    }
+
     /// One attempt, again when its programs break.
     fn tries<'f>(
         &self,
@@ -195,6 +215,7 @@ impl Shared<'_> {
     ) -> anyhow::Result<Tried> {
         let seed = episode.seed_of(number);
         let mut last = String::new();
+        let mut deaths = 0;
         for run in 0..TRIES {
             let mut title = format!("{} seed {seed}", episode.id);
             if run > 0 {
@@ -217,12 +238,22 @@ impl Shared<'_> {
                 Ok(Outcome::Done(done)) => return Ok(Tried::Done(done)),
                 Ok(Outcome::Failed(failed)) => {
                     self.setup.folder.keep_failed(&episode.id, number)?;
-                    let words =
-                        format!("{} failed with seed {seed}: {}", episode.id, failed.reason);
-                    let seconds = failed.seconds;
-                    lock(&self.journal).append(&Entry::Failed(failed))?;
-                    self.show.end(lane, seconds, 0.0, false, &words);
+                    self.enter(lane, failed)?;
                     return Ok(Tried::Again);
+                }
+                Ok(Outcome::Broke(failed)) => {
+                    self.setup.folder.keep_failed(&episode.id, number)?;
+                    if self.stop.asked() {
+                        return Ok(Tried::Stopped);
+                    }
+                    deaths += 1;
+                    if deaths >= DEATHS {
+                        self.enter(lane, failed)?;
+                        return Ok(Tried::Again);
+                    }
+                    last = failed.reason;
+                    let words = format!("{} broke with seed {seed}: {last}", episode.id);
+                    self.show.end(lane, failed.seconds, 0.0, false, &words);
                 }
                 Ok(Outcome::Stopped) => {
                     self.setup.folder.clean(&episode.id)?;

@@ -19,7 +19,7 @@ use super::episode::Shard;
 pub enum Entry {
     /// An episode is in the dataset.
     Done(Box<Done>),
-    /// An attempt failed at the task.
+    /// An attempt failed, at the task or because something broke.
     Failed(Failed),
 }
 
@@ -63,7 +63,7 @@ pub struct Done {
     pub scenario: serde_json::Value,
 }
 
-/// An attempt that failed at the task.
+/// An attempt that failed, at the task or because something broke.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Failed {
     /// Name of the episode.
@@ -82,6 +82,13 @@ pub struct Failed {
     pub seconds: f64,
     /// Wall seconds.
     pub wall_seconds: f64,
+    /// What broke: `physics`, or `server` that died or hung every time; empty
+    /// when it was the task that failed.
+    #[serde(default, skip_serializing_if = "String::is_empty")]
+    pub broken: String,
+    /// Where something broke, the scenario that reproduces it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub scenario: Option<serde_json::Value>,
 }
 
 /// The journals of a dataset taken together.
@@ -238,6 +245,8 @@ mod tests {
             reason: "dropped".into(),
             seconds: 1.0,
             wall_seconds: 1.0,
+            broken: String::new(),
+            scenario: None,
         }
     }
 

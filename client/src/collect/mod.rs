@@ -45,7 +45,8 @@ use stop::Stop;
 
 pub use plan::PlanError;
 
-/// Exit code of a dataset that lacks episodes.
+/// Exit code of a dataset that lacks episodes, and of a run in which the physics
+/// or a server broke for good.
 const INCOMPLETE: u8 = 3;
 
 /// Options of `wheelarm collect`.
@@ -87,7 +88,7 @@ pub struct CollectArgs {
 }
 
 /// Runs `wheelarm collect`: 0 when everything asked for is there, 3 when
-/// episodes are missing.
+/// episodes are missing, or something broke on the way and had to be replaced.
 ///
 /// # Errors
 /// When the plan is wrong, the folder belongs to another one or cannot be
@@ -192,6 +193,7 @@ fn collect(
 fn finish(tally: &Tally, code: ExitCode) -> anyhow::Result<ExitCode> {
     match &tally.ended {
         Some(why) => bail!("ended early: {why}"),
+        None if !tally.entered.is_empty() => Ok(ExitCode::from(INCOMPLETE)),
         None => Ok(code),
     }
 }
@@ -224,6 +226,9 @@ fn explain(tally: &Tally, attempts: u32) {
         println!(
             "{id}: all {attempts} attempts failed; a larger `attempts` in the plan tries fresh seeds"
         );
+    }
+    for (id, words) in &tally.entered {
+        println!("{id}: broken, the journal has its scenario: {words}");
     }
     for (id, words) in &tally.broken {
         println!("{id}: could not be made, the next run tries again: {words}");

@@ -6,11 +6,12 @@ use std::fs::File;
 use std::os::unix::process::CommandExt;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, ExitStatus, Stdio};
+use std::time::{Duration, Instant};
 
 use anyhow::Context;
 
 use crate::control::find_program;
-use crate::local::without_backtrace;
+use crate::local::{last_words, without_backtrace};
 
 /// Lines of a program's messages that stand in an error.
 const TAIL_LINES: usize = 6;
@@ -65,6 +66,28 @@ impl Process {
         self.child
             .try_wait()
             .with_context(|| format!("watching the {}", self.name))
+    }
+
+    /// How it ended, if it does so within `patience`.
+    ///
+    /// # Errors
+    /// When the operating system does not tell.
+    pub fn ended_within(&mut self, patience: Duration) -> anyhow::Result<Option<ExitStatus>> {
+        let deadline = Instant::now() + patience;
+        loop {
+            match self.ended()? {
+                None if Instant::now() < deadline => {
+                    std::thread::sleep(Duration::from_millis(20));
+                }
+                ended => return Ok(ended),
+            }
+        }
+    }
+
+    /// Its last words: those of a panic, else its last line.
+    #[must_use]
+    pub fn last_words(&self) -> String {
+        last_words(self.messages().lines())
     }
 
     /// Everything it said.

@@ -41,6 +41,9 @@ struct Seen {
     /// For how long the tick has not moved.
     still: Duration,
     waiting_for: String,
+    /// The last question was not answered.
+    silent: bool,
+    scenario: Option<v1::Scenario>,
 }
 
 impl Seen {
@@ -62,6 +65,8 @@ impl Watch {
             looked: Instant::now(),
             still: Duration::ZERO,
             waiting_for: String::new(),
+            silent: true,
+            scenario: None,
         }));
         let (told, board) = (Arc::clone(&seen), Arc::clone(board));
         std::thread::spawn(move || {
@@ -82,7 +87,9 @@ impl Watch {
                 let ask = |link: &Link| link.ask::<v1::Status>(Query::Status).ok();
                 // A server that does not answer counts as standing still.
                 lock(&told).look();
-                if let Some(status) = open.as_ref().and_then(ask) {
+                let status = open.as_ref().and_then(ask);
+                lock(&told).silent = status.is_none();
+                if let Some(status) = status {
                     follow(&status, &told, &board);
                 }
                 std::thread::sleep(ASK);
@@ -99,6 +106,18 @@ impl Watch {
     #[must_use]
     pub fn stalled(&self) -> Duration {
         lock(&self.seen).still
+    }
+
+    /// Whether the server did not answer the last question.
+    #[must_use]
+    pub fn is_silent(&self) -> bool {
+        lock(&self.seen).silent
+    }
+
+    /// The scenario in force, once the server has told it.
+    #[must_use]
+    pub fn scenario(&self) -> Option<v1::Scenario> {
+        lock(&self.seen).scenario.clone()
     }
 
     /// Whom the server waits for, as the end of a sentence.
@@ -127,6 +146,7 @@ fn follow(status: &v1::Status, told: &Mutex<Seen>, board: &Board) {
         told.still = Duration::ZERO;
     }
     told.waiting_for.clone_from(&status.waiting_for);
+    told.scenario.clone_from(&status.scenario);
     let Some(started) = &status.episode else {
         return;
     };

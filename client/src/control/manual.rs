@@ -135,9 +135,12 @@ pub const DEMO: &str = manual!(
 /// `wheelarm evaluate`.
 pub const EVALUATE: &str = manual!(
     "  wheelarm evaluate --task all --seeds 0..50 --jobs 4
+  wheelarm evaluate --task all --seeds 0..50 --again   once more, where something broke
 ",
     "  0  every episode of every task succeeded
   1  one did not, or a program could not be started
+  3  in one of them the physics, the server or the scenario broke: it is entered
+     in episodes.jsonl as failed, with the scenario, and the others were done
 ",
     "\n  WHEELARM_ASSETS   assets folder, as --assets"
 );
@@ -246,7 +249,8 @@ pub const COLLECT: &str = manual!(
 ",
     "  0  every episode asked for is there
   1  failed, or ended early; the same command goes on
-  3  episodes are missing
+  3  episodes are missing, or the physics or a server broke on the way: the
+     journal has the scenario, and an attempt with a fresh seed took its place
 ",
     "
   WHEELARM_ASSETS   assets folder, as --assets

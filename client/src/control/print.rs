@@ -79,6 +79,7 @@ pub(super) fn status_text(sim: &str, status: &v1::Status) -> String {
             .as_ref()
             .map_or_else(|| "none runs".to_owned(), episode_line),
     );
+    line("BROKEN", status.broken.clone());
     line("waits for", status.waiting_for.clone());
     line(
         "control",
@@ -151,6 +152,12 @@ pub(super) fn stopped_text(stopped: &v1::EpisodeStopped) -> String {
         if stopped.discard { ", discarded" } else { "" },
         stopped.wall_seconds
     );
+    if stopped.cause() == v1::EndCause::Physics {
+        text.push_str("  ended by the server: the physics broke\n");
+    }
+    for anomaly in &stopped.anomalies {
+        let _ = writeln!(text, "  anomaly: {anomaly}");
+    }
     for stream in &stopped.manifest {
         let _ = writeln!(text, "  {:>7} {}", stream.count, stream.stream);
     }

@@ -1,17 +1,21 @@
-//! One episode of an evaluation: set up, done by the operator, measured.
+//! One episode of an evaluation: set up, done by the operator, measured. What
+//! breaks in it (the server dies or hangs, the physics breaks, the scenario is
+//! refused) is a result like any other.
 
+use std::path::Path;
 use std::time::{Duration, Instant};
 
 use anyhow::Context;
 use serde::{Deserialize, Serialize};
 use wheelarm_proto::v1;
 
+use super::pulse::Pulse;
 use super::{EvaluateArgs, Job};
 use crate::control::{self, ResetArgs};
-use crate::link::{Link, Received, Stream};
+use crate::link::{Link, LinkError, Received, Stream};
 use crate::local::{self, LocalServer, Program};
 use crate::operate::operator::Outcome;
-use crate::operate::run::{self as operate, OperateArgs};
+use crate::operate::run::{self as operate, OperateArgs, OperateError};
 
 /// Cameras of a recording when none are named.
 const CAMERAS: [&str; 2] = ["gen3=640x360@10", "wheelchair=640x360@10"];
@@ -51,7 +55,22 @@ pub struct Entry {
     pub hash: String,
     /// What the operator noted.
     pub notes: Vec<String>,
+    /// What broke: [`PHYSICS`], [`SERVER`] or [`SCENARIO`]; empty for nothing.
+    #[serde(default, skip_serializing_if = "String::is_empty")]
+    pub broken: String,
+    /// Where something broke, the scenario that reproduces it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub scenario: Option<serde_json::Value>,
 }
+
+/// The state of the simulation broke; the server lives.
+pub const PHYSICS: &str = "physics";
+/// The server died, or stood still and was ended.
+pub const SERVER: &str = "server";
+/// The server refused the scenario.
+pub const SCENARIO: &str = "scenario";
+/// How long the recorder of a server that died may take for its partial file.
+const PARTING: Duration = Duration::from_secs(20);
 
 impl Entry {
     /// The entry in one line.
@@ -87,20 +106,113 @@ pub struct Worker {
     link: Link,
     recorder: Option<(String, Program)>,
     out: std::path::PathBuf,
+    patience: Duration,
+}
+
+/// What the operator came to.
+struct Done {
+    report: operate::Report,
+    notes: Vec<String>,
+    hash: String,
+    /// Wall seconds.
+    wall: f64,
+}
+
+/// Why the operator came to nothing.
+enum Trouble {
+    /// The server refused the scenario, in its words.
+    Refused(String),
+    Work(anyhow::Error),
+}
+
+impl From<LinkError> for Trouble {
+    fn from(problem: LinkError) -> Self {
+        Self::Work(problem.into())
+    }
+}
+
+impl From<OperateError> for Trouble {
+    fn from(problem: OperateError) -> Self {
+        Self::Work(problem.into())
+    }
+}
+
+/// Sets the scenario up and lets the operator do it.
+fn attempt(
+    link: &Link,
+    out: &Path,
+    job: &Job,
+    recorders: usize,
+    pulse: &Pulse,
+) -> Result<Done, Trouble> {
+    let reset = ResetArgs {
+        task: Some(job.task.clone()),
+        seed: Some(job.seed),
+        ..ResetArgs::default()
+    };
+    let scenario = match control::reset(link, &reset) {
+        Ok(scenario) => scenario,
+        Err(LinkError::Refused { message, .. }) => return Err(Trouble::Refused(message)),
+        Err(problem) => return Err(problem.into()),
+    };
+    pulse.set_up(&scenario);
+    let hashes = link.streams(&[Stream::StateHash])?;
+    let label = format!("{}-seed{}", job.task, job.seed);
+    let work = OperateArgs {
+        label: Some(local::free_label(out, &label)),
+        require_recorders: recorders as u32,
+        ..OperateArgs::default()
+    };
+    let mut notes = Vec::new();
+    let begun = Instant::now();
+    let report = operate::run(link, &work, &mut |progress| {
+        pulse.beat(progress.time);
+        let told = progress.notes.iter();
+        notes.extend(told.map(|note| format!("{:.2} s {note}", progress.time)));
+    })?;
+    let wall = begun.elapsed().as_secs_f64();
+    let mut hash = String::new();
+    while let Some(sample) = hashes.next(Duration::from_millis(1))? {
+        if let Received::StateHash(sample) = sample {
+            hash = format!("{:016x}", sample.hash);
+        }
+    }
+    Ok(Done {
+        report,
+        notes,
+        hash,
+        wall,
+    })
+}
+
+/// Whether a problem is that the server does not answer.
+fn is_of_server(problem: &anyhow::Error) -> bool {
+    let of_link = |e: &LinkError| {
+        matches!(
+            e,
+            LinkError::Gone { .. } | LinkError::Silent { .. } | LinkError::Transport { .. }
+        )
+    };
+    match problem.downcast_ref::<OperateError>() {
+        Some(OperateError::Link(e)) => of_link(e),
+        Some(OperateError::Silent(..)) => true,
+        Some(_) => false,
+        None => problem.downcast_ref::<LinkError>().is_some_and(of_link),
+    }
 }
 
 impl Worker {
-    /// Starts them for their first job.
+    /// Starts them; the first scenario comes with the first episode.
     ///
     /// # Errors
     /// When one of them does not start.
-    pub fn start(args: &EvaluateArgs, job: &Job, index: usize) -> anyhow::Result<Self> {
+    pub fn start(args: &EvaluateArgs, index: usize) -> anyhow::Result<Self> {
         let cameras = match (args.record, args.camera.is_empty()) {
             (false, _) => Vec::new(),
             (true, true) => CAMERAS.map(str::to_owned).to_vec(),
             (true, false) => args.camera.clone(),
         };
-        let server = LocalServer::start(&args.server(&job.task, job.seed, cameras))?;
+        let server = LocalServer::start(&args.server("", 0, cameras))?;
         let link = server.link()?;
         let recorder = args
             .record
@@ -115,54 +227,106 @@ impl Worker {
             link,
             recorder,
             out: args.out.clone(),
+            patience: Duration::from_secs_f64(args.patience.clamp(1.0, 86_400.0)),
         })
     }
 
-    /// Does one episode.
+    /// Does one episode. A server that dies or stands still for longer than the
+    /// patience is an [`Entry`] too, and the worker is spent then.
     ///
     /// # Errors
-    /// When a program stops answering; a task that failed is an [`Entry`].
-    pub fn episode(&mut self, job: &Job) -> anyhow::Result<Entry> {
-        let context = || {
+    /// When something else than the server and the task fails: the recorder,
+    /// the disk, a client.
+    pub fn episode(&mut self, job: &Job) -> anyhow::Result<(Entry, bool)> {
+        let pulse = Pulse::default();
+        let begun = Instant::now();
+        let mut end: Option<String> = None;
+        let (link, out, recorders) = (&self.link, &self.out, self.recorder.iter().count());
+        let server = &mut self.server;
+        let patience = self.patience;
+        let tried = std::thread::scope(|scope| {
+            let work = scope.spawn(|| attempt(link, out, job, recorders, &pulse));
+            while !work.is_finished() {
+                std::thread::sleep(Duration::from_millis(20));
+                if end.is_some() {
+                    continue;
+                }
+                if let Some(status) = server.ended()? {
+                    end = Some(format!("the server died ({status})"));
+                } else if pulse.still() > patience {
+                    // Its connection ends with it, and so does the work.
+                    server.kill();
+                    end = Some(format!(
+                        "the server stood still for {:.0} s and was ended",
+                        patience.as_secs_f64()
+                    ));
+                }
+            }
+            let tried = work.join();
+            anyhow::Ok(tried.map_err(|_| anyhow::anyhow!("the operator panicked")))
+        })??;
+        let seconds = pulse.seconds();
+        let scenario = pulse.scenario();
+        let broken = |broken: &str, why: String| Entry {
+            task: job.task.clone(),
+            seed: job.seed,
+            success: false,
+            why,
+            conditions: Vec::new(),
+            seconds,
+            factor: seconds / begun.elapsed().as_secs_f64().max(1e-9),
+            hash: String::new(),
+            notes: Vec::new(),
+            broken: broken.to_owned(),
+            scenario: Some(
+                scenario
+                    .clone()
+                    .unwrap_or_else(|| serde_json::json!({ "task": job.task, "seed": job.seed })),
+            ),
+        };
+        let tried = match tried {
+            Ok(done) => Ok(done),
+            Err(Trouble::Refused(words)) => return Ok((broken(SCENARIO, words), true)),
+            Err(Trouble::Work(problem)) => {
+                // A link that breaks is known before the process is gone.
+                if end.is_none() && is_of_server(&problem) {
+                    end = Some(match server.ended_within(PARTING)? {
+                        Some(status) => format!("the server died ({status})"),
+                        None => {
+                            server.kill();
+                            format!("the server did not answer and was ended: {problem:#}")
+                        }
+                    });
+                }
+                Err(problem)
+            }
+        };
+        if let Some(mut why) = end
+            && tried.is_err()
+        {
+            let words = server.last_words();
+            if !words.is_empty() {
+                why = format!("{why} after {seconds:.1} s; its last words: {words}");
+            }
+            if let Some((_, recorder)) = &mut self.recorder {
+                recorder.let_end(PARTING);
+            }
+            return Ok((broken(SERVER, why), false));
+        }
+        let done = tried.with_context(|| {
             format!(
                 "{} seed {}; the server said:\n{}",
                 job.task,
                 job.seed,
                 self.server.messages()
             )
-        };
-        let reset = ResetArgs {
-            task: Some(job.task.clone()),
-            seed: Some(job.seed),
-            ..ResetArgs::default()
-        };
-        control::reset(&self.link, &reset).with_context(context)?;
-        let hashes = self.link.streams(&[Stream::StateHash])?;
-        let label = format!("{}-seed{}", job.task, job.seed);
-        let work = OperateArgs {
-            label: Some(local::free_label(&self.out, &label)),
-            require_recorders: self.recorder.iter().count() as u32,
-            ..OperateArgs::default()
-        };
-        let mut notes = Vec::new();
-        let begun = Instant::now();
-        let report = operate::run(&self.link, &work, &mut |progress| {
-            let told = progress.notes.iter();
-            notes.extend(told.map(|note| format!("{:.2} s {note}", progress.time)));
-        })
-        .with_context(context)?;
-        let wall = begun.elapsed().as_secs_f64();
-        let mut hash = String::new();
-        while let Some(sample) = hashes.next(Duration::from_millis(1))? {
-            if let Received::StateHash(sample) = sample {
-                hash = format!("{:016x}", sample.hash);
-            }
-        }
+        })?;
+        let report = &done.report;
         if let Some((name, program)) = &mut self.recorder {
             let episode = report.started.header.as_ref().map_or(0, |h| h.episode);
             local::finished(&self.link, name, episode, program)?;
         }
-        let seconds = seconds(&report);
+        let seconds = self::seconds(report).max(seconds);
         let why = match &report.outcome {
             Outcome::Failure(why) => why.clone(),
             Outcome::Success if !report.evaluation.success => {
@@ -170,17 +334,23 @@ impl Worker {
             }
             Outcome::Success => String::new(),
         };
-        Ok(Entry {
-            task: job.task.clone(),
-            seed: job.seed,
-            success: report.succeeded(),
-            why,
-            conditions: report.evaluation.conditions.iter().map(condition).collect(),
-            seconds,
-            factor: seconds / wall.max(1e-9),
-            hash,
-            notes,
-        })
+        let physics = why.starts_with(operate::BROKE);
+        Ok((
+            Entry {
+                task: job.task.clone(),
+                seed: job.seed,
+                success: report.succeeded(),
+                why,
+                conditions: report.evaluation.conditions.iter().map(condition).collect(),
+                seconds,
+                factor: seconds / done.wall.max(1e-9),
+                hash: done.hash,
+                notes: done.notes,
+                broken: if physics { PHYSICS } else { "" }.to_owned(),
+                scenario: scenario.filter(|_| physics),
+            },
+            true,
+        ))
     }
 
     /// Ends the server.

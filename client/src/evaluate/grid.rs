@@ -28,7 +28,10 @@ const COLUMNS: usize = 4;
 pub fn draw(args: &EvaluateArgs, report: &Report, entries: &[Entry]) -> anyhow::Result<PathBuf> {
     let mut cells = Vec::new();
     for task in &report.tasks {
-        let own = || entries.iter().filter(|entry| entry.task == task.task);
+        let own = || {
+            let own = entries.iter().filter(|entry| entry.task == task.task);
+            own.filter(|entry| entry.broken.is_empty())
+        };
         // A success shows best what the task is.
         let Some(entry) = own().find(|entry| entry.success).or_else(|| own().next()) else {
             continue;

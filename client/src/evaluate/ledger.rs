@@ -32,10 +32,13 @@ impl Ledger {
             .with_context(context)?;
         let mut text = String::new();
         file.read_to_string(&mut text).with_context(context)?;
-        let entries = text
+        let mut entries = Vec::new();
+        for entry in text
             .lines()
             .filter_map(|line| serde_json::from_str(line).ok())
-            .collect();
+        {
+            take(&mut entries, entry);
+        }
         if !text.is_empty() && !text.ends_with('\n') {
             file.write_all(b"\n").with_context(context)?;
         }
@@ -65,9 +68,15 @@ impl Ledger {
             .0
             .write_all(line.as_bytes())
             .with_context(|| format!("writing {}", self.path.display()))?;
-        inner.1.push(entry.clone());
+        take(&mut inner.1, entry.clone());
         Ok(())
     }
+}
+
+/// Of an episode that was done again the newest word counts.
+fn take(entries: &mut Vec<Entry>, entry: Entry) {
+    entries.retain(|known| (&known.task, known.seed) != (&entry.task, entry.seed));
+    entries.push(entry);
 }
 
 #[cfg(test)]
@@ -87,6 +96,8 @@ mod tests {
             factor: 8.0,
             hash: "00".to_owned(),
             notes: Vec::new(),
+            broken: String::new(),
+            scenario: None,
         };
         let ledger = Ledger::open(folder.path()).unwrap();
         ledger.add(&entry(0)).unwrap();
@@ -99,5 +110,13 @@ mod tests {
         ledger.add(&entry(2)).unwrap();
         let again = Ledger::open(folder.path()).unwrap().entries();
         assert_eq!(again, [entry(0), entry(2)]);
+        let broken = Entry {
+            success: false,
+            broken: "server".to_owned(),
+            ..entry(0)
+        };
+        ledger.add(&broken).unwrap();
+        let again = Ledger::open(folder.path()).unwrap().entries();
+        assert_eq!(again, [entry(2), broken], "the newest word counts");
     }
 }

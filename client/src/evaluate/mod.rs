@@ -4,11 +4,13 @@
 //! Every episode runs in lock-step on a server of the command's own, without
 //! cameras and without a recorder unless asked. Its result is appended to
 //! `episodes.jsonl` as soon as it is there, so that an interrupted run goes on
-//! where it was.
+//! where it was. What breaks a server costs one episode: it is entered with the
+//! scenario that reproduces it, and a new server goes on.
 
 mod episode;
 mod grid;
 mod ledger;
+mod pulse;
 mod report;
 
 use std::path::PathBuf;
@@ -51,6 +53,12 @@ pub struct EvaluateArgs {
     /// times; both robot cameras at 640x360@10 when absent.
     #[arg(long, requires = "record", value_name = "CAMERA")]
     pub camera: Vec<String>,
+    /// Does those episodes anew in which something broke; without it they count as done.
+    #[arg(long)]
+    pub again: bool,
+    /// Wall seconds without a sign of life after which a server is ended.
+    #[arg(long, default_value_t = 60.0, value_name = "SECONDS")]
+    pub patience: f64,
     /// No picture of the end of each task.
     #[arg(long)]
     pub no_grid: bool,
@@ -92,10 +100,14 @@ struct Job {
     seed: u64,
 }
 
-/// Runs the evaluation. Success when every episode of every task succeeded.
+/// Exit code when something broke in an episode.
+const BROKEN: u8 = 3;
+
+/// Runs the evaluation. Success when every episode of every task succeeded, 3
+/// when something broke in one of them.
 ///
 /// # Errors
-/// When a program cannot be started, stops answering, or the folder cannot be
+/// When a program cannot be started, a recorder fails, or the folder cannot be
 /// written.
 pub fn run(args: &EvaluateArgs) -> anyhow::Result<ExitCode> {
     std::fs::create_dir_all(&args.out)
@@ -107,6 +119,7 @@ pub fn run(args: &EvaluateArgs) -> anyhow::Result<ExitCode> {
     let is_known = |job: &Job| {
         known
             .iter()
+            .filter(|entry| !args.again || entry.broken.is_empty())
             .any(|entry| entry.task == job.task && entry.seed == job.seed)
     };
     let wanted: Vec<Job> = tasks
@@ -147,6 +160,13 @@ pub fn run(args: &EvaluateArgs) -> anyhow::Result<ExitCode> {
             "pictures    {}",
             grid::draw(args, &report, &entries)?.display()
         );
+    }
+    if entries.iter().any(|entry| !entry.broken.is_empty()) {
+        println!(
+            "what broke is entered with its scenario in {}; --again does it anew",
+            args.out.join("episodes.jsonl").display()
+        );
+        return Ok(ExitCode::from(BROKEN));
     }
     let all_good = entries.iter().all(|entry| entry.success);
     Ok(if all_good && entries.len() == wanted.len() {
@@ -193,11 +213,14 @@ fn work(args: &EvaluateArgs, open: &[Job], ledger: &Ledger) -> anyhow::Result<()
             let Some(job) = open.get(at) else {
                 break;
             };
-            let worker = match &mut worker {
+            let able = match &mut worker {
                 Some(worker) => worker,
-                none => none.insert(Worker::start(args, job, index)?),
+                none => none.insert(Worker::start(args, index)?),
             };
-            let entry = worker.episode(job)?;
+            let (entry, lives) = able.episode(job)?;
+            if !lives {
+                worker = None;
+            }
             println!("{:>4} of {}  {}", at + 1, open.len(), entry.line());
             ledger.add(&entry)?;
         }

@@ -16,6 +16,9 @@ pub struct TaskReport {
     pub episodes: usize,
     /// Episodes that succeeded.
     pub successes: usize,
+    /// Episodes in which the physics, the server or the scenario broke; they
+    /// count as failed.
+    pub broken: usize,
     /// Share of successes; 0 without episodes.
     pub rate: f64,
     /// Mean simulated seconds of the successful episodes.
@@ -87,6 +90,7 @@ fn count(task: &str, entries: &[Entry]) -> TaskReport {
         task: task.to_owned(),
         episodes: own.len(),
         successes: good.len(),
+        broken: own.iter().filter(|entry| !entry.broken.is_empty()).count(),
         rate: mean(good.len() as f64, own.len()),
         mean_seconds: mean(good.iter().map(|entry| entry.seconds).sum(), good.len()),
         factor: if wall > 0.0 { simulated / wall } else { 0.0 },
@@ -118,6 +122,9 @@ impl fmt::Display for Report {
                 task.mean_seconds,
                 task.factor
             )?;
+            if task.broken > 0 {
+                writeln!(f, "    broken: {}", task.broken)?;
+            }
             for (name, count) in &task.failed_conditions {
                 writeln!(f, "    not {name}: {count}")?;
             }
@@ -162,6 +169,8 @@ mod tests {
             factor: 5.0,
             hash: String::new(),
             notes: Vec::new(),
+            broken: String::new(),
+            scenario: None,
         };
         let entries = [
             entry("a", 0, true),

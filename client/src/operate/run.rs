@@ -120,6 +120,17 @@ const PATIENCE: Duration = Duration::from_secs(1);
 /// Silence after which it gives up, in units of [`PATIENCE`].
 const GIVE_UP: u32 = 60;
 
+/// How a failure begins in which the simulation broke under the operator's hands.
+pub const BROKE: &str = "the physics broke: ";
+
+fn broke(words: &str) -> Outcome {
+    Outcome::Failure(format!("{BROKE}{words}"))
+}
+
+fn is_end_of(stopped: &v1::EpisodeStopped, episode: u64) -> bool {
+    stopped.header.as_ref().map_or(0, |h| h.episode) == episode
+}
+
 /// Ends the operator's own episode when the operator cannot go on: in
 /// lock-step, time would wait for it for good.
 struct OwnEpisode<'a> {
@@ -181,15 +192,21 @@ pub fn run(
     let mut answered: Option<u64> = None;
     let mut silent = 0;
     let mut evaluation = v1::Evaluation::default();
+    let mut stopped: Option<v1::EpisodeStopped> = None;
     let outcome = loop {
         let clock = match streams.next(PATIENCE)? {
             Some(Received::Clock(clock)) => clock,
-            Some(Received::EpisodeStop(stopped)) => {
-                let episode = stopped.header.as_ref().map_or(0, |h| h.episode);
-                if episode == first.episode {
+            Some(Received::EpisodeStop(end)) => {
+                if !is_end_of(&end, first.episode) {
+                    continue;
+                }
+                own.open = false;
+                if end.cause() != v1::EndCause::Physics {
                     return Err(OperateError::Ended);
                 }
-                continue;
+                let words = end.anomalies.last().cloned().unwrap_or_default();
+                stopped = Some(end);
+                break broke(&words);
             }
             Some(Received::Refusal(refusal)) => {
                 if refusal.commander == args.commander {
@@ -208,7 +225,11 @@ pub fn run(
                 silent += 1;
                 let status: v1::Status = link.ask(Query::Status)?;
                 if status.episode.is_none() {
-                    return Err(OperateError::Ended);
+                    own.open = false;
+                    if status.broken.is_empty() {
+                        return Err(OperateError::Ended);
+                    }
+                    break broke(&status.broken);
                 }
                 if silent > GIVE_UP && !status.paused {
                     let seconds = PATIENCE.as_secs_f64() * f64::from(silent);
@@ -269,7 +290,10 @@ pub fn run(
     };
     // The last command takes effect before the end is asked for: otherwise it
     // would be chance whether its tick still belongs to the episode.
-    while let Some(sample) = streams.next(PATIENCE)? {
+    while stopped.is_none() && (own.open || !is_ours) {
+        let Some(sample) = streams.next(PATIENCE)? else {
+            break;
+        };
         match sample {
             Received::Clock(clock) => {
                 let tick = clock.header.as_ref().map(|header| header.tick);
@@ -277,17 +301,30 @@ pub fn run(
                     break;
                 }
             }
-            Received::EpisodeStop(_) => break,
+            Received::EpisodeStop(end) if is_end_of(&end, first.episode) => {
+                own.open = false;
+                stopped = Some(end);
+                break;
+            }
             Received::Evaluation(sample) => evaluation = sample,
             _ => {}
         }
     }
-    own.open = false;
-    let stopped = is_ours
-        .then(|| control::stop_episode(link, false))
-        .transpose()?;
+    if std::mem::take(&mut own.open) {
+        stopped = Some(control::stop_episode(link, false)?);
+    }
     if let Some(last) = stopped.as_ref().and_then(|s| s.evaluation.clone()) {
         evaluation = last;
+    }
+    // The state broke in the very last tick.
+    let outcome = match &stopped {
+        Some(end) if end.cause() == v1::EndCause::Physics => {
+            broke(end.anomalies.last().map_or("", String::as_str))
+        }
+        _ => outcome,
+    };
+    if matches!(&outcome, Outcome::Failure(why) if why.starts_with(BROKE)) {
+        evaluation.success = false;
     }
     Ok(Report {
         outcome,

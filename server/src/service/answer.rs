@@ -53,7 +53,11 @@ impl Engine {
             Query::EpisodeStop => match self.end(&payload) {
                 Ok(discard) => {
                     let asked = Some(asked);
-                    self.errand = Some(Errand::Stop { asked, discard });
+                    self.errand = Some(Errand::Stop {
+                        asked,
+                        discard,
+                        cause: v1::EndCause::Asked,
+                    });
                 }
                 Err(why) => self.refuse(asked, why),
             },
@@ -192,6 +196,7 @@ impl Engine {
             holder: held.holder,
             held_seconds: held.held_seconds,
             unix_nanos: super::preview::unix_nanos(),
+            broken: self.sim.broken().unwrap_or_default().to_owned(),
         }
     }
 

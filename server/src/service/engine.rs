@@ -16,7 +16,7 @@ use super::render::RenderThread;
 use super::waiting::Waiting;
 use super::{Options, ServiceError, Shared, answer, convert, lock, publish};
 use crate::sim::{Pacing, Simulation};
-use crate::snapshot::{Anomaly, BodyRef, Contact, Snapshot};
+use crate::snapshot::{Anomaly, BodyRef, Snapshot};
 
 /// Pictures that may be published beyond what the slowest recorder accepted.
 /// The transport's cache holds as many of each camera.
@@ -65,9 +65,11 @@ pub struct Engine {
     episodes: u64,
     /// The last episodes that ended, oldest first.
     pub(super) ended: VecDeque<v1::EpisodeStopped>,
-    seen_anomalies: Vec<Anomaly>,
+    pub(super) seen_anomalies: Vec<Anomaly>,
+    /// What was odd since the episode began, in words.
+    pub(super) anomalies: Vec<String>,
     /// Pairs whose hard collision has been told in this episode.
-    seen_collisions: Vec<(BodyRef, BodyRef)>,
+    pub(super) seen_collisions: Vec<(BodyRef, BodyRef)>,
     /// Asset files as they were when the simulation was set up.
     pub(super) asset_texts: Vec<v1::AssetText>,
     /// Answers that stay the same, made once.
@@ -100,6 +102,7 @@ impl Engine {
             episodes: 0,
             ended: VecDeque::new(),
             seen_anomalies: Vec::new(),
+            anomalies: Vec::new(),
             seen_collisions: Vec::new(),
             made: answer::Made::default(),
         };
@@ -177,7 +180,7 @@ impl Engine {
             if let Some(render) = &self.render {
                 render.drain();
             }
-            self.stop_episode(false);
+            self.stop_episode(false, v1::EndCause::Shutdown);
             self.wait_for_files(number, &participants);
         }
     }
@@ -221,6 +224,10 @@ impl Engine {
     /// Decides whether the next control tick may be taken.
     fn next(&mut self) -> Next {
         self.waiting_for.clear();
+        if let Some(words) = self.sim.broken() {
+            self.waiting_for = format!("a `reset`, for the state is broken: {words}");
+            return Next::Wait(NAP);
+        }
         if let Some(failure) = self.render.as_ref().and_then(RenderThread::failure) {
             self.waiting_for = format!("the cameras, which failed: {failure}");
             return Next::Wait(NAP);
@@ -307,7 +314,7 @@ impl Engine {
         if !failed.is_empty() || too_long {
             let text = format!("episode ended before it began, {text}");
             self.event("note", &text);
-            self.end_episode(true);
+            self.end_episode(true, v1::EndCause::Recorders);
         }
         self.waiting_for = text;
         Next::Wait(NAP)
@@ -351,6 +358,10 @@ impl Engine {
             publish::applied(&outbox, episode, tick, &taken, targets, control);
         });
         self.pace.tick(Instant::now());
+        if self.sim.broken().is_some() {
+            self.break_off();
+            return;
+        }
         publish::imu(&outbox, episode, &step.imu);
         self.publish_state();
         self.publish_anomalies();
@@ -409,41 +420,18 @@ impl Engine {
             .state(names::EVENT_STREAM, self.episode_number(), tick, event);
     }
 
-    fn publish_anomalies(&mut self) {
-        for anomaly in self.sim.snapshot().anomalies.clone() {
-            if !self.seen_anomalies.contains(&anomaly) {
-                let (what, body) = match anomaly {
-                    Anomaly::NotFinite(body) => ("is not finite", body),
-                    Anomaly::Escaped(body) => ("left the house", body),
-                };
-                let name = convert::body_name(body, self.sim.model(), self.sim.scene());
-                self.event("anomaly", &format!("the state of {name} {what}"));
-                self.seen_anomalies.push(anomaly);
-            }
-        }
-        let hard: Vec<Contact> = self.sim.hard_collisions().copied().collect();
-        for contact in hard {
-            let pair = (contact.first, contact.second);
-            if !self.seen_collisions.contains(&pair) {
-                let name = |body| convert::body_name(body, self.sim.model(), self.sim.scene());
-                let (first, second) = (name(pair.0), name(pair.1));
-                let force = contact.force.norm();
-                self.event(
-                    "collision",
-                    &format!("{first} hits {second} with {force:.0} N"),
-                );
-                self.seen_collisions.push(pair);
-            }
-        }
-    }
-
     /// Ends the running episode as soon as its last pictures are out.
-    pub(super) fn end_episode(&mut self, discard: bool) {
-        if !matches!(self.errand, Some(Errand::Stop { .. })) {
-            self.errand = Some(Errand::Stop {
-                asked: None,
-                discard,
-            });
+    pub(super) fn end_episode(&mut self, discard: bool, cause: v1::EndCause) {
+        match &mut self.errand {
+            // A client has asked for the end; this is why it comes.
+            Some(Errand::Stop { cause: told, .. }) => *told = cause,
+            _ => {
+                self.errand = Some(Errand::Stop {
+                    asked: None,
+                    discard,
+                    cause,
+                });
+            }
         }
     }
 
@@ -456,6 +444,11 @@ impl Engine {
         if let Some(running) = &self.episode {
             let label = &running.started.label;
             return Err(format!("episode {label:?} is running; stop it first"));
+        }
+        if let Some(words) = self.sim.broken() {
+            return Err(format!(
+                "the state is broken, no episode can begin: {words}; ask for `reset` first"
+            ));
         }
         check::label(&request.label).map_err(|e| e.to_string())?;
         check::instruction(&request.instruction).map_err(|e| e.to_string())?;
@@ -477,6 +470,7 @@ impl Engine {
                 .max(request.require_recorders as usize),
             false => request.require_recorders as usize,
         };
+        let snapshot = self.sim.save().map_err(|e| e.to_string())?;
         lock(&self.shared.recorders).begin();
         if !request.replay {
             self.sim.begin_episode();
@@ -524,7 +518,7 @@ impl Engine {
         self.episode = Some(Episode {
             number,
             started: started.clone(),
-            snapshot: self.sim.save().into(),
+            snapshot: snapshot.into(),
             stage: Stage::Waiting,
             required,
             pictures: BTreeMap::new(),
@@ -537,8 +531,7 @@ impl Engine {
             lock_step,
             replay: request.replay,
         });
-        self.seen_anomalies.clear();
-        self.seen_collisions.clear();
+        self.forget_anomalies();
         self.shared.outbox.episode_start(tick, started.clone());
         Ok(started)
     }
@@ -564,7 +557,11 @@ impl Engine {
 
     /// Closes the running episode, whose pictures are all out, and publishes its
     /// manifest.
-    pub(super) fn stop_episode(&mut self, discard: bool) -> Option<v1::EpisodeStopped> {
+    pub(super) fn stop_episode(
+        &mut self,
+        discard: bool,
+        cause: v1::EndCause,
+    ) -> Option<v1::EpisodeStopped> {
         let episode = self.episode.take()?;
         let tick = self.sim.snapshot().tick;
         let mut manifest = self
@@ -586,6 +583,8 @@ impl Engine {
             evaluation: Some(convert::evaluation(self.sim.evaluation())),
             manifest,
             wall_seconds: episode.running_since.elapsed().as_secs_f64(),
+            cause: cause.into(),
+            anomalies: self.anomalies.clone(),
         };
         // Whoever hears of the end may ask for it at once.
         self.ended.push_back(stopped.clone());
@@ -601,8 +600,7 @@ impl Engine {
     /// Begins anew with the simulation that was just put in place.
     pub(super) fn renew(&mut self) {
         lock(&self.shared.inbox).renew(Listening::default(), self.sim.snapshot().tick);
-        self.seen_anomalies.clear();
-        self.seen_collisions.clear();
+        self.forget_anomalies();
         self.made = answer::Made::default();
         self.pace.restart();
         self.publish_state();

@@ -37,7 +37,11 @@ pub(super) enum Errand {
         request: v1::EpisodeStartRequest,
     },
     /// The episode ends when its last pictures are out; nobody may have asked.
-    Stop { asked: Option<Query>, discard: bool },
+    Stop {
+        asked: Option<Query>,
+        discard: bool,
+        cause: v1::EndCause,
+    },
 }
 
 impl Errand {
@@ -125,8 +129,12 @@ impl Engine {
                     let answer = self.start_episode(request);
                     self.reply(asked, answer.map(|reply| reply.encode_to_vec()));
                 }
-                Errand::Stop { asked, discard } => {
-                    let stopped = self.stop_episode(discard);
+                Errand::Stop {
+                    asked,
+                    discard,
+                    cause,
+                } => {
+                    let stopped = self.stop_episode(discard, cause);
                     if let Some(asked) = asked {
                         let answer = stopped.ok_or_else(|| "no episode is running".to_owned());
                         self.reply(asked, answer.map(|reply| reply.encode_to_vec()));

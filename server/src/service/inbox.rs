@@ -108,6 +108,8 @@ pub struct Inbox {
     twist: Active,
     refused: u64,
     phase: (i32, String),
+    /// Why no command is taken at all; empty when they are.
+    closed: String,
 }
 
 impl Inbox {
@@ -127,7 +129,13 @@ impl Inbox {
             twist: Active::default(),
             refused: 0,
             phase: (0, String::new()),
+            closed: String::new(),
         }
+    }
+
+    /// Refuses every command with `why`, until [`Inbox::renew`].
+    pub fn close(&mut self, why: &str) {
+        why.clone_into(&mut self.closed);
     }
 
     /// Starts listening anew: pending commands are dropped, and what they had
@@ -148,6 +156,7 @@ impl Inbox {
     pub fn renew(&mut self, listening: Listening, next_tick: u64) {
         self.listen(listening, next_tick);
         self.brake = Brake::default();
+        self.closed.clear();
     }
 
     /// Who is in control.
@@ -246,6 +255,9 @@ impl Inbox {
         wheelarm_proto::keys::check_name(&command.commander).map_err(|_| {
             refuse("commander must be 1 to 64 letters, digits, `-` or `_`".to_owned())
         })?;
+        if !self.closed.is_empty() {
+            return Err(refuse(self.closed.clone()));
+        }
         self.check_control(&command.commander, &header.run_id, bytes)
             .map_err(refuse)?;
         if !self.listening.lock_step && !self.rate.take(now) {

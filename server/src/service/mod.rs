@@ -4,6 +4,7 @@
 //! This module and `main.rs` alone name zenoh; it names neither rapier nor
 //! wgpu. `run(session, sim, options, shutdown)` is all that `main` calls.
 
+mod anomalies;
 mod answer;
 pub mod convert;
 mod desk;

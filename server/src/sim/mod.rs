@@ -3,8 +3,12 @@
 //! No I/O after loading, no wall clock, no network: the same scenario and the
 //! same inputs give the same bits.
 
+mod envelope;
+mod guard;
 mod scenario;
 mod state;
+#[cfg(test)]
+mod tests;
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -12,6 +16,7 @@ use std::sync::Arc;
 use nalgebra::Isometry3;
 use wheelarm_proto::{PHYSICS_HZ, names};
 
+pub use guard::{anomaly_words, fault_words};
 pub use scenario::{
     CameraSetting, MAX_SIZE, Pacing, Quality, SOFT_MASS, Scenario, ScenarioError, Schedules,
 };
@@ -23,7 +28,7 @@ use crate::scene::{Body, Placement, Scene, SceneError};
 use crate::sensors::frames::{self, RelativeState};
 use crate::sensors::imu::{self, Imu};
 use crate::sensors::odometry::Odometry;
-use crate::snapshot::{BodyRef, Contact, Snapshot};
+use crate::snapshot::{BodyRef, Contact, Fault, Snapshot};
 use crate::tasks::{self, Draw, Evaluation, Evaluator, TaskSpec};
 use crate::world::{World, WorldError};
 
@@ -45,6 +50,14 @@ pub enum SimError {
     /// A stored state.
     #[error(transparent)]
     State(#[from] StateError),
+    /// A scenario that is broken from the start.
+    #[error("the scenario cannot be simulated: {0}; correct the poses of `start` and `objects`")]
+    Broken(String),
+    /// A scenario in which the simulation panics.
+    #[error(
+        "the scenario cannot be simulated, setting it up panicked: {0}; please report it with the scenario"
+    )]
+    Panicked(String),
     /// A link that the sensors need.
     #[error("the robot has no link {0:?}; the sensors need it, so add it to the URDF")]
     Link(String),
@@ -101,10 +114,12 @@ pub struct Simulation {
     evaluator: Option<Evaluator>,
     evaluation: Evaluation,
     snapshot: Arc<Snapshot>,
+    /// Why no step is taken any more, also in words.
+    broken: Option<(Fault, String)>,
 }
 
 /// What one control tick produced.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub struct Step {
     /// IMU measurements that fell due, oldest first.
     pub imu: Vec<imu::Sample>,
@@ -129,6 +144,15 @@ impl Simulation {
     /// As [`Simulation::new`], and [`WorldError::Settling`].
     pub fn new_within(
         assets: &Path,
+        scenario: Scenario,
+        late: &dyn Fn() -> bool,
+    ) -> Result<Self, SimError> {
+        let made = guard::caught(|| Self::make(assets, scenario, late));
+        made.unwrap_or_else(|words| Err(SimError::Panicked(words)))
+    }
+
+    fn make(
+        assets: &Path,
         mut scenario: Scenario,
         late: &dyn Fn() -> bool,
     ) -> Result<Self, SimError> {
@@ -147,6 +171,7 @@ impl Simulation {
         let control = RobotControl::new(&model);
         let home = &model.settings.home;
         let world = World::new_within(&model, &scene, &placements, &start, home, late)?;
+        guard::check_new(world.fault(), &model, &scene)?;
         let snapshot = Arc::new(world.snapshot());
         let mut evaluator = task
             .as_ref()
@@ -171,6 +196,7 @@ impl Simulation {
             evaluator,
             evaluation,
             snapshot,
+            broken: None,
         };
         sim.update_odometry();
         // The first acceleration needs a velocity to start from.
@@ -194,28 +220,45 @@ impl Simulation {
     }
 
     /// As [`Simulation::step`]; `tell` hears what is applied before the physics
-    /// takes its time.
+    /// takes its time. A state that breaks is not shown: nothing is due in such
+    /// a step, the last good state stays, and [`Simulation::broken`] says why.
     pub fn step_telling(
         &mut self,
         input: &ControlInput,
         tell: impl FnOnce(&Targets, &RobotControl),
     ) -> Step {
+        if self.broken.is_some() {
+            return Step::default();
+        }
+        let last = Arc::clone(&self.snapshot);
+        match guard::caught(|| self.advance(input, tell)) {
+            Ok(Ok(step)) => step,
+            Ok(Err(fault)) => self.break_off(fault, last),
+            Err(words) => self.break_off(Fault::Panic(words), last),
+        }
+    }
+
+    fn advance(
+        &mut self,
+        input: &ControlInput,
+        tell: impl FnOnce(&Targets, &RobotControl),
+    ) -> Result<Step, Fault> {
         let targets = self.control.update(input, &self.snapshot);
         tell(&targets[0], &self.control);
-        let mut step = Step {
-            imu: Vec::new(),
-            frames: Vec::new(),
-        };
+        let mut step = Step::default();
         for (i, target) in targets.iter().enumerate() {
             self.world.apply(target);
             self.world.step();
+            if let Some(fault) = self.world.fault() {
+                return Err(fault);
+            }
             self.sense(&mut step, i + 1 == targets.len());
         }
         self.update_odometry();
         if let Some(evaluator) = &mut self.evaluator {
             self.evaluation = evaluator.update(&self.snapshot);
         }
-        step
+        Ok(step)
     }
 
     /// Reads the sensors that are due at the present tick. A whole snapshot is
@@ -291,6 +334,9 @@ impl Simulation {
     /// Hash over the whole state; `Some` once per simulated second.
     #[must_use]
     pub fn hash_due(&self) -> Option<u64> {
+        if self.broken.is_some() {
+            return None;
+        }
         self.snapshot
             .tick
             .is_multiple_of(PHYSICS_HZ)

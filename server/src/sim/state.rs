@@ -1,14 +1,20 @@
 //! Saving and restoring a simulation, bit by bit.
+//!
+//! What is restored may be damaged, or made by a stranger: the envelope is
+//! checked, then every body, and then a copy is run for [`TRIAL`] control ticks.
+//! Whatever is found, the simulation stays as it was.
 
 use serde::{Deserialize, Serialize};
 use wheelarm_proto::PHYSICS_VERSION;
 
-use super::Simulation;
+use super::guard::{caught, fault_words};
+use super::{Simulation, envelope};
+use crate::robot::control::ControlInput;
 use crate::robot::control::ControlState;
 use crate::sensors::imu::Imu;
 use crate::sensors::odometry::Odometry;
-use crate::snapshot::Snapshot;
-use crate::tasks::EvaluatorState;
+use crate::snapshot::{Fault, Snapshot};
+use crate::tasks::{Evaluation, EvaluatorState};
 
 /// Why a stored state cannot be continued.
 #[derive(Debug, thiserror::Error)]
@@ -32,6 +38,15 @@ pub enum StateError {
     /// The physics refuses it.
     #[error(transparent)]
     World(#[from] crate::world::WorldError),
+    /// The physics panics in it.
+    #[error("the stored state is damaged: the physics panics in it ({0}); take another copy of it")]
+    Panics(String),
+    /// Something in it cannot be.
+    #[error("the stored state is damaged: {0}; take another copy of it")]
+    Damaged(String),
+    /// Nothing goes on from a broken state.
+    #[error("the state is broken and is not stored: {0}; ask for `reset`")]
+    Broken(String),
     /// It belongs to another scenario.
     #[error(
         "the stored state is of {stored}, but the scenario has {expected}; restore it with its own scenario"
@@ -58,10 +73,22 @@ struct Stored {
     evaluator: Option<EvaluatorState>,
 }
 
+/// Control ticks for which a stored state is tried out.
+const TRIAL: usize = 8;
+
 impl Simulation {
     /// Everything that the next step depends on, as bytes.
-    #[must_use]
-    pub fn save(&self) -> Vec<u8> {
+    ///
+    /// # Errors
+    /// When the state is broken.
+    pub fn save(&self) -> Result<Vec<u8>, StateError> {
+        match self.broken() {
+            Some(words) => Err(StateError::Broken(words.to_owned())),
+            None => Ok(envelope::seal(&self.content())),
+        }
+    }
+
+    fn content(&self) -> Vec<u8> {
         let stored = Stored {
             physics_version: PHYSICS_VERSION,
             scene: self.scenario.scene.clone(),
@@ -80,14 +107,78 @@ impl Simulation {
     /// Continues from bytes of [`Simulation::save`] of the same scenario.
     ///
     /// # Errors
-    /// [`StateError`] when the bytes are damaged or of another scenario.
+    /// [`StateError`] when the bytes are damaged or of another scenario; the
+    /// simulation stays as it was.
     pub fn restore(&mut self, bytes: &[u8]) -> Result<(), StateError> {
+        let content = envelope::open(bytes).map_err(StateError::Format)?;
+        let own = self.content();
+        let seen = (
+            std::sync::Arc::clone(&self.snapshot),
+            self.evaluation.clone(),
+            self.broken.clone(),
+        );
+        let taken = caught(|| {
+            self.take(content)?;
+            self.try_out()?;
+            self.take(content)
+        });
+        let problem = match taken {
+            Ok(Ok(())) => return Ok(()),
+            Ok(Err(problem)) => problem,
+            Err(words) => StateError::Panics(words),
+        };
+        let put_back = self.take(&own);
+        (self.snapshot, self.evaluation, self.broken) = seen;
+        if self.broken.is_none() {
+            put_back?;
+        }
+        Err(problem)
+    }
+
+    /// Runs for a while as if nobody commanded.
+    fn try_out(&mut self) -> Result<(), StateError> {
+        let damaged = |what: &str| Err(StateError::Damaged(format!("{what} is not finite")));
+        for _ in 0..TRIAL {
+            let step = self.step(&ControlInput::default());
+            match self.fault() {
+                Some(Fault::Panic(words)) => return Err(StateError::Panics(words.clone())),
+                // A state from which things soon break is a state: it may be
+                // what somebody wants to look into.
+                Some(_) => return Ok(()),
+                None => {}
+            }
+            let vectors = step
+                .imu
+                .iter()
+                .flat_map(|s| [s.angular_velocity, s.linear_acceleration]);
+            if !vectors.flat_map(|v| [v.x, v.y, v.z]).all(f64::is_finite) {
+                return damaged("a measurement of the IMU");
+            }
+        }
+        let o = &self.odometry;
+        let odometry = [o.position[0], o.position[1], o.heading, o.linear, o.angular];
+        if !odometry.into_iter().all(f64::is_finite) {
+            return damaged("the odometry");
+        }
+        let hand = self.control.desired_pose();
+        let (t, r) = (hand.translation.vector, hand.rotation.coords);
+        if !t.iter().chain(r.iter()).all(|x| x.is_finite()) {
+            return damaged("the goal of the arm");
+        }
+        Ok(())
+    }
+
+    fn take(&mut self, content: &[u8]) -> Result<(), StateError> {
         let damaged = |e: postcard::Error| StateError::Format(e.to_string());
-        let (found, _) = postcard::take_from_bytes::<u32>(bytes).map_err(damaged)?;
+        let (found, _) = postcard::take_from_bytes::<u32>(content).map_err(damaged)?;
         if found != PHYSICS_VERSION {
             return Err(StateError::Version { found });
         }
-        let stored: Stored = postcard::from_bytes(bytes).map_err(damaged)?;
+        let (stored, rest) = postcard::take_from_bytes::<Stored>(content).map_err(damaged)?;
+        if !rest.is_empty() {
+            let found = format!("{} bytes follow its end", rest.len());
+            return Err(StateError::Format(found));
+        }
         let name = |a: &str, b: &str, c: &str| format!("scene {a:?}, task {b:?}, robot {c:?}");
         let found = name(&stored.scene, &stored.task, &stored.robot);
         let scenario = &self.scenario;
@@ -99,9 +190,15 @@ impl Simulation {
             });
         }
         self.world.restore(&stored.world)?;
+        if let Some(fault) = self.world.fault() {
+            let words = fault_words(&fault, &self.model, &self.scene);
+            return Err(StateError::Damaged(words));
+        }
         self.control.restore(stored.control);
         self.imu = stored.imu;
         self.odometry = stored.odometry;
+        self.broken = None;
+        self.evaluation = Evaluation::default();
         self.snapshot = std::sync::Arc::<Snapshot>::new(self.world.snapshot());
         if let (Some(evaluator), Some(state)) = (&mut self.evaluator, stored.evaluator) {
             evaluator.restore(state);

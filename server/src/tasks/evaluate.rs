@@ -72,6 +72,8 @@ pub enum Failure {
     HardCollision,
     /// The simulation lost the target or its state is not finite.
     Lost,
+    /// The state of the simulation broke: nothing of the end can be believed.
+    Physics,
 }
 
 impl std::fmt::Display for Failure {
@@ -83,6 +85,7 @@ impl std::fmt::Display for Failure {
             Self::Unreachable => "unreachable",
             Self::HardCollision => "hard collision",
             Self::Lost => "lost",
+            Self::Physics => "physics",
         })
     }
 }
@@ -113,6 +116,15 @@ pub struct Condition {
     pub value: f64,
     /// Needed for success, or only reported.
     pub required: bool,
+}
+
+impl Evaluation {
+    /// The simulation broke: whatever was reached before counts no more.
+    pub fn void(&mut self) {
+        self.success = false;
+        self.done = true;
+        self.failure = Some(Failure::Physics);
+    }
 }
 
 impl Evaluator {
@@ -288,9 +300,9 @@ impl Evaluator {
 
     /// What became of the target that ends the task.
     fn target_failure(&mut self, target: usize, snapshot: &Snapshot) -> Option<Failure> {
-        let lost = snapshot.anomalies.iter().any(|anomaly| {
-            let (Anomaly::NotFinite(body) | Anomaly::Escaped(body)) = anomaly;
-            *body == BodyRef::Object(target)
+        let lost = snapshot.anomalies.iter().any(|anomaly| match anomaly {
+            Anomaly::NotFinite(body) | Anomaly::Escaped(body) => *body == BodyRef::Object(target),
+            Anomaly::Fast(_) => false,
         });
         let Some(state) = snapshot.objects.get(target).filter(|_| !lost) else {
             return Some(Failure::Lost);

@@ -298,6 +298,36 @@ impl RobotBody {
             .unwrap_or_default()
     }
 
+    /// Body, joint of the model and velocity (rad/s) of every joint that moves.
+    pub(super) fn joint_velocities<'a>(
+        &'a self,
+        physics: &'a PhysicsWorld,
+    ) -> impl Iterator<Item = (usize, usize, f64)> + 'a {
+        let multibody = self.multibody(physics);
+        let bodies = self.tree.bodies.iter().zip(&self.links).enumerate();
+        bodies.filter_map(move |(body, (tree_body, link))| {
+            let joint = tree_body.joint.as_ref()?.joint;
+            let multibody = multibody?;
+            let link = multibody.link(*link)?;
+            Some((body, joint, f64::from(multibody.joint_velocity(link)[0])))
+        })
+    }
+
+    /// Gives the joint that moves a body a velocity, rad/s, to see what happens.
+    #[cfg(test)]
+    pub(super) fn spin(&self, physics: &mut PhysicsWorld, body: usize, speed: f64) {
+        let multibody = self
+            .multibody
+            .and_then(|index| physics.multibody_joints.get_multibody_mut(index));
+        if let Some(multibody) = multibody
+            && let Some(dof) = multibody
+                .link(self.links[body])
+                .map(MultibodyLink::assembly_id)
+        {
+            multibody.generalized_velocity_mut()[dof] = real(speed);
+        }
+    }
+
     /// Takes whole turns out of a joint without limits, so that single
     /// precision stays fine however far a wheel has rolled.
     pub(super) fn take_turns_out(&self, physics: &mut PhysicsWorld, body: usize) {

@@ -117,6 +117,11 @@ impl Drives {
         })
     }
 
+    /// Whether the joint of a body is one of the arm's.
+    pub(super) fn moves_arm(&self, body: usize) -> bool {
+        self.arm.contains(&body)
+    }
+
     /// Sets all motors for the coming tick.
     pub(super) fn drive(
         &self,

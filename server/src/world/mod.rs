@@ -10,12 +10,14 @@ mod contact;
 mod convert;
 mod drive;
 mod grip;
+pub mod health;
 mod mass;
 mod shape;
 mod slide;
 mod soft;
 mod stage;
 mod state;
+mod stored;
 mod tree;
 mod wheels;
 
@@ -123,6 +125,12 @@ pub enum WorldError {
         expected: u64,
         /// Fingerprint in the state.
         found: u64,
+    },
+    /// A saved state that cannot be.
+    #[error("saved state is damaged: {problem}; take another copy of it")]
+    Damaged {
+        /// What is wrong with it.
+        problem: String,
     },
 }
 
@@ -326,7 +334,8 @@ impl World {
         });
         let soft = self.soft.iter().filter(|soft| soft.is_broken());
         let soft = soft.map(|soft| Anomaly::NotFinite(BodyRef::Object(soft.object)));
-        let anomalies = anomalies.chain(soft).collect();
+        let fast = self.fast_joints(&joints);
+        let anomalies = anomalies.chain(soft).chain(fast).collect();
         let mut contacts = contact::contacts(&self.physics);
         for soft in &self.soft {
             contacts.extend_from_slice(soft.contacts());

@@ -10,6 +10,7 @@ use super::WorldError;
 use super::body::{FLOOR_GROUP, SCENE_GROUP};
 use super::contact::tag;
 use super::convert::{mass_properties, pose, real};
+use super::health::CHAIR_HEIGHT;
 use super::mass::Mass;
 use super::shape::{hull_of, solids};
 use super::slide::Slide;
@@ -30,6 +31,8 @@ pub(super) struct Stage {
     pub slides: Vec<Slide>,
     /// Corners of the box that holds everything, metres.
     bounds: (Point3<f64>, Point3<f64>),
+    /// Height of the floor's top, metres.
+    floor: f64,
 }
 
 impl Stage {
@@ -75,6 +78,12 @@ impl Stage {
                 bounds.1[i] = bounds.1[i].max(f64::from(aabb.maxs[i]));
             }
         }
+        // The first piece of furniture is the floor.
+        let floor = furniture.first().and_then(|&floor| {
+            let colliders = physics.bodies.get(floor)?.colliders().iter();
+            let tops = colliders.filter_map(|c| Some(physics.colliders.get(*c)?.compute_aabb()));
+            tops.map(|aabb| f64::from(aabb.maxs[2])).reduce(f64::max)
+        });
         let mut objects = Vec::new();
         for (index, (body, placement)) in scene.objects.iter().zip(placements).enumerate() {
             if body.soft.is_some() {
@@ -104,7 +113,20 @@ impl Stage {
             objects,
             slides,
             bounds: (bounds.0 - margin, bounds.1 + height),
+            floor: floor.unwrap_or(0.0),
         })
+    }
+
+    /// Whether the chair's frame can be at a place: between the walls, neither in
+    /// the free air nor under the floor. A scene without furniture has no bounds.
+    pub(super) fn holds_chair(&self, at: &Vector3<f64>) -> bool {
+        let (min, max) = &self.bounds;
+        if min.x > max.x {
+            return at.iter().all(|x| x.is_finite());
+        }
+        let [below, above] = CHAIR_HEIGHT;
+        let height = at.z - self.floor;
+        (0..2).all(|i| (min[i]..=max[i]).contains(&at[i])) && (below..=above).contains(&height)
     }
 
     /// What is odd about a body at a pose.

@@ -26,17 +26,17 @@ struct Written<'a> {
 
 /// The same, read.
 #[derive(Deserialize)]
-struct Read {
+pub(super) struct Read {
     /// Looked at before the rest is read.
     _physics_version: u32,
-    fingerprint: u64,
-    tick: u64,
-    targets: Targets,
-    wheel_angles: [f64; 4],
-    wheel_leads: [f64; 2],
-    bristles: Bristles,
-    soft: Vec<soft::Saved>,
-    physics: PhysicsWorld,
+    pub(super) fingerprint: u64,
+    pub(super) tick: u64,
+    pub(super) targets: Targets,
+    pub(super) wheel_angles: [f64; 4],
+    pub(super) wheel_leads: [f64; 2],
+    pub(super) bristles: Bristles,
+    pub(super) soft: Vec<soft::Saved>,
+    pub(super) physics: PhysicsWorld,
 }
 
 impl World {
@@ -63,19 +63,24 @@ impl World {
     /// Takes over a saved state.
     ///
     /// # Errors
-    /// When the bytes are no saved state, or that of another world or another
-    /// version of the physics.
+    /// When the bytes are no saved state, that of another world, of another
+    /// version of the physics, or one that cannot be; the world stays as it was.
     pub fn restore(&mut self, bytes: &[u8]) -> Result<(), WorldError> {
         let (found, _) = postcard::take_from_bytes::<u32>(bytes)?;
         if found != PHYSICS_VERSION {
             return Err(WorldError::OtherPhysics { found });
         }
-        let read: Read = postcard::from_bytes(bytes)?;
+        let (read, rest) = postcard::take_from_bytes::<Read>(bytes)?;
+        if !rest.is_empty() {
+            let problem = format!("{} bytes follow its end", rest.len());
+            return Err(WorldError::Damaged { problem });
+        }
+        let other = |found| WorldError::OtherWorld {
+            expected: self.fingerprint,
+            found,
+        };
         if read.fingerprint != self.fingerprint {
-            return Err(WorldError::OtherWorld {
-                expected: self.fingerprint,
-                found: read.fingerprint,
-            });
+            return Err(other(read.fingerprint));
         }
         let same_bodies = self.physics.bodies.iter().map(|(handle, _)| handle);
         let same_colliders = self.physics.colliders.iter().map(|(handle, _)| handle);
@@ -83,18 +88,12 @@ impl World {
             || read.soft.len() != self.soft.len()
             || !same_colliders.eq(read.physics.colliders.iter().map(|(handle, _)| handle))
         {
-            return Err(WorldError::OtherWorld {
-                expected: self.fingerprint,
-                found: !self.fingerprint,
-            });
+            return Err(other(!self.fingerprint));
         }
+        self.examine(&read)
+            .map_err(|problem| WorldError::Damaged { problem })?;
         for (soft, saved) in self.soft.iter_mut().zip(read.soft) {
-            if !soft.restore(saved) {
-                return Err(WorldError::OtherWorld {
-                    expected: self.fingerprint,
-                    found: !self.fingerprint,
-                });
-            }
+            soft.restore(saved);
         }
         self.tick = read.tick;
         self.targets = read.targets;

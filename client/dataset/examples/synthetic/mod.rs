@@ -452,6 +452,8 @@ pub fn stopped(tick: u64, counts: &[(String, u64, u64)]) -> v1::EpisodeStopped {
                 ..Default::default()
             })
             .collect(),
+        cause: v1::EndCause::Asked.into(),
+        anomalies: Vec::new(),
         wall_seconds: 12.5,
     }
 }

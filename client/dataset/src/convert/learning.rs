@@ -3,6 +3,7 @@
 
 use super::Recording;
 use crate::align::{Signal, usual_distance};
+use crate::finish::PHYSICS;
 use crate::read::Values;
 
 /// Streams that a row must have.
@@ -57,6 +58,9 @@ impl<'a> Learning<'a> {
     /// # Errors
     /// When the recording lacks one.
     pub fn of(recording: &'a Recording) -> anyhow::Result<Self> {
+        if recording.summary.end_cause == PHYSICS {
+            anyhow::bail!("the physics broke in this episode, it is not fit for training");
+        }
         let position = recording.need("joint_state", "position")?;
         let pose = recording.need("pose", "pose")?;
         let find = |signal: &Signal, name: &str| {

@@ -23,6 +23,9 @@ use crate::writer::file_path;
 
 use events::{Phases, Row};
 
+/// `end_cause` of an episode that ended because the simulation broke.
+pub const PHYSICS: &str = "physics";
+
 /// A finished file.
 #[derive(Clone, Debug)]
 pub struct Finished {
@@ -239,7 +242,11 @@ fn write(path: &Path, scan: &Scan, account: &Account) -> Result<(), FinishError>
     }
     if let Some(stopped) = scan.closing.as_ref().and_then(|c| c.stopped.as_ref()) {
         let success = stopped.evaluation.as_ref().is_some_and(|e| e.success);
-        let text = if success { "success" } else { "no success" };
+        let text = match stopped.cause() {
+            v1::EndCause::Physics => "the physics broke",
+            _ if success => "success",
+            _ => "no success",
+        };
         rows.push(Row::new(stopped.header.clone(), "episode", "stopped", text));
     }
     let events = events::write(&file, rows)?;

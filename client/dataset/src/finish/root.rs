@@ -11,6 +11,7 @@ use crate::hdf::{self, Attributes};
 use crate::log::{Preamble, Scan};
 use crate::scenario_text::{pacing, quality, scenario_json};
 
+use super::PHYSICS;
 use super::account::{Account, StreamAccount};
 
 /// Sets everything that describes the episode as a whole.
@@ -76,8 +77,15 @@ pub(super) fn attributes(
         }
     }
 
-    // Without an evaluation nobody knows whether the task succeeded.
-    at.set("success", evaluation.is_some_and(|e| e.success))?
+    let cause = stopped.map_or(v1::EndCause::Unspecified, v1::EpisodeStopped::cause);
+    let anomalies = stopped.map_or(&[][..], |stopped| &stopped.anomalies);
+    at.text("end_cause", end_cause(cause))?
+        .texts("anomalies", anomalies)?;
+
+    // Without an evaluation nobody knows whether the task succeeded, and of a
+    // simulation that broke nothing can be believed.
+    let sound = cause != v1::EndCause::Physics;
+    at.set("success", sound && evaluation.is_some_and(|e| e.success))?
         .text(
             "failure_reason",
             evaluation.map_or("", |e| e.failure.as_str()),
@@ -97,6 +105,17 @@ pub(super) fn attributes(
         }
     }
     Ok(())
+}
+
+/// Why the episode ended, in a word; empty when the end was not told.
+fn end_cause(cause: v1::EndCause) -> &'static str {
+    match cause {
+        v1::EndCause::Unspecified => "",
+        v1::EndCause::Asked => "asked",
+        v1::EndCause::Physics => PHYSICS,
+        v1::EndCause::Recorders => "recorders",
+        v1::EndCause::Shutdown => "shutdown",
+    }
 }
 
 /// Sets one stream's account on its group.

@@ -19,7 +19,7 @@ use ndarray::ArrayD;
 use prost::Message;
 use wheelarm_proto::v1;
 
-use crate::finish::StreamAccount;
+use crate::finish::{PHYSICS, StreamAccount};
 use crate::hdf::Blob;
 
 /// Why an episode file cannot be read.
@@ -78,6 +78,11 @@ pub struct Summary {
     pub success: bool,
     /// Why it failed; empty when it did not.
     pub failure_reason: String,
+    /// Why the episode ended: `asked`, `physics`, `recorders` or `shutdown`;
+    /// empty when that was not told.
+    pub end_cause: String,
+    /// What was odd in the simulation, in words.
+    pub anomalies: Vec<String>,
     /// Conditions with their state and measured value at the end.
     pub conditions: Vec<(String, bool, f64)>,
     /// Everything that was published is there.
@@ -207,6 +212,8 @@ impl Episode {
             seed: number(at, "seed").map_err(|e| self.hdf5("seed", e))?,
             success: number(at, "success").map_err(|e| self.hdf5("success", e))?,
             failure_reason: told("failure_reason")?,
+            end_cause: text(at, "end_cause").unwrap_or_default(),
+            anomalies: texts(at, "anomalies").unwrap_or_default(),
             conditions,
             complete: number(at, "complete").map_err(|e| self.hdf5("complete", e))?,
             problems: texts(at, "problems").map_err(|e| self.hdf5("problems", e))?,
@@ -224,6 +231,12 @@ impl Episode {
             depth_unit: told("depth_unit")?,
             schema_version: told("schema_version")?,
         })
+    }
+
+    /// Whether the simulation broke in it: it is no success and not fit for training.
+    #[must_use]
+    pub fn is_broken(&self) -> bool {
+        text(&self.file, "end_cause").is_ok_and(|cause| cause == PHYSICS)
     }
 
     /// Names of all streams; cameras as `camera/NAME`, events as `event`.

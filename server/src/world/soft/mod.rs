@@ -19,7 +19,10 @@ pub use elastic::{Elastic, Elasticity};
 pub use motion::State;
 use motion::{Scratch, step};
 use touch::{Bristles, Skin};
+use turn::Turn;
 
+use super::health::{FARTHEST, STORED_NORM, STORED_SPEED};
+use super::stored::within;
 use crate::geometry::tetrahedra::Tetrahedra;
 use crate::scene::{Body, Placement};
 use crate::snapshot::{BodyRef, BodyState, Contact, SoftSkin};
@@ -109,6 +112,21 @@ impl SoftObject {
         self.broken
     }
 
+    /// Speed of its fastest node, m/s.
+    pub(super) fn fastest_node(&self) -> f64 {
+        let squares = self.state.velocity.iter().map(Vector3::norm_squared);
+        // `f64::max` would lose what is not a number.
+        squares
+            .fold(0.0, |a: f64, b| if b <= a { a } else { b })
+            .sqrt()
+    }
+
+    /// Its elastic and kinetic energy, J.
+    pub(super) fn energy(&self) -> f64 {
+        let (elastic, kinetic) = self.state.energy(&self.body);
+        elastic + kinetic
+    }
+
     /// Gives one node a speed beyond all numbers, to see what happens.
     #[cfg(test)]
     pub(super) fn spoil(&mut self) {
@@ -170,19 +188,46 @@ impl SoftObject {
         (self.state.clone(), self.bristles.clone(), self.broken)
     }
 
-    /// Takes over a saved state; says no when it is of another body.
-    #[must_use]
-    pub(super) fn restore(&mut self, (state, bristles, broken): Saved) -> bool {
-        let fits = state.position.len() == self.state.position.len()
-            && state.velocity.len() == self.state.velocity.len()
-            && state.turns.len() == self.state.turns.len();
-        if fits {
-            self.state = state;
-            self.bristles = bristles;
-            self.broken = broken;
-            self.contacts.clear();
+    /// What is wrong with a saved state of this object.
+    ///
+    /// # Errors
+    /// In words.
+    pub(super) fn examine(&self, (state, bristles, broken): &Saved) -> Result<(), String> {
+        let own = &self.state;
+        if state.position.len() != own.position.len()
+            || state.velocity.len() != own.velocity.len()
+            || state.turns.len() != own.turns.len()
+        {
+            return Err("the soft object has another number of nodes or cells".to_owned());
         }
-        fits
+        if *broken {
+            return Err("the soft object is broken in it".to_owned());
+        }
+        let numbers = |all: &[Vector3<f64>]| all.iter().flatten().copied().collect::<Vec<_>>();
+        within("the place of a node", &numbers(&state.position), FARTHEST)?;
+        within(
+            "the speed of a node",
+            &numbers(&state.velocity),
+            STORED_SPEED,
+        )?;
+        let bristles: Vec<f64> = bristles.numbers().collect();
+        within("a bristle of the soft object", &bristles, FARTHEST)?;
+        let off = |turn: &Turn| {
+            let norm = turn.xyzw().iter().map(|x| x * x).sum::<f64>().sqrt();
+            !((norm - 1.0).abs() <= STORED_NORM)
+        };
+        if state.turns.iter().chain([&state.whole]).any(off) {
+            return Err("a rotation of the soft object has not the norm 1".to_owned());
+        }
+        Ok(())
+    }
+
+    /// Takes over a saved state that has been examined.
+    pub(super) fn restore(&mut self, (state, bristles, broken): Saved) {
+        self.state = state;
+        self.bristles = bristles;
+        self.broken = broken;
+        self.contacts.clear();
     }
 
     /// Numbers that take part in the state hash.

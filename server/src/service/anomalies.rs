@@ -1,0 +1,62 @@
+//! What is odd in the simulation, told once: notes go on, what is broken ends
+//! the episode and waits for a reset.
+
+use wheelarm_proto::v1;
+
+use super::engine::Engine;
+use super::{convert, lock};
+use crate::sim::anomaly_words;
+use crate::snapshot::Contact;
+
+/// Notes that are told of one episode at most.
+const MOST: usize = 100;
+
+impl Engine {
+    /// A new episode or another simulation begins.
+    pub(super) fn forget_anomalies(&mut self) {
+        self.seen_anomalies.clear();
+        self.anomalies.clear();
+        self.seen_collisions.clear();
+    }
+
+    /// The state has just broken: an episode that runs ends as failed, and
+    /// nothing moves until a client asks for `reset`.
+    pub(super) fn break_off(&mut self) {
+        let words = self.sim.broken().unwrap_or_default().to_owned();
+        tracing::error!("the state is broken: {words}; it goes on after a `reset`");
+        self.event(
+            "anomaly",
+            &format!("the state is broken: {words}; ask for `reset`"),
+        );
+        self.anomalies.push(words.clone());
+        self.end_episode(false, v1::EndCause::Physics);
+        lock(&self.shared.inbox).close(&format!(
+            "the state is broken, nothing moves before a `reset`: {words}"
+        ));
+    }
+
+    pub(super) fn publish_anomalies(&mut self) {
+        for anomaly in self.sim.snapshot().anomalies.clone() {
+            if !self.seen_anomalies.contains(&anomaly) && self.anomalies.len() < MOST {
+                let words = anomaly_words(&anomaly, self.sim.model(), self.sim.scene());
+                self.event("anomaly", &words);
+                self.seen_anomalies.push(anomaly);
+                self.anomalies.push(words);
+            }
+        }
+        let hard: Vec<Contact> = self.sim.hard_collisions().copied().collect();
+        for contact in hard {
+            let pair = (contact.first, contact.second);
+            if !self.seen_collisions.contains(&pair) {
+                let name = |body| convert::body_name(body, self.sim.model(), self.sim.scene());
+                let (first, second) = (name(pair.0), name(pair.1));
+                let force = contact.force.norm();
+                self.event(
+                    "collision",
+                    &format!("{first} hits {second} with {force:.0} N"),
+                );
+                self.seen_collisions.push(pair);
+            }
+        }
+    }
+}

@@ -1,0 +1,130 @@
+//! What breaks costs one episode and never the server: panics of the physics
+//! are caught, and a state that cannot be believed ends the simulation until
+//! the next reset.
+
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::Arc;
+
+use super::{SimError, Simulation, Step};
+use crate::robot::RobotModel;
+use crate::scene::Scene;
+use crate::snapshot::{Anomaly, BodyRef, Fault, Snapshot};
+
+/// Runs `work`; a panic comes back in words. Whatever `work` changed is not to
+/// be used after a panic.
+///
+/// # Errors
+/// The words of the panic.
+pub(super) fn caught<T>(work: impl FnOnce() -> T) -> Result<T, String> {
+    catch_unwind(AssertUnwindSafe(work)).map_err(|payload| {
+        let text = payload
+            .downcast_ref::<String>()
+            .map(String::as_str)
+            .or_else(|| payload.downcast_ref::<&str>().copied());
+        text.unwrap_or("without words").chars().take(400).collect()
+    })
+}
+
+impl Simulation {
+    /// Why the state is broken, in words: no step is taken any more, and the
+    /// last good state stays to be looked at. `None` while all is well.
+    #[must_use]
+    pub fn broken(&self) -> Option<&str> {
+        self.broken.as_ref().map(|(_, words)| words.as_str())
+    }
+
+    /// Why the state is broken.
+    #[must_use]
+    pub fn fault(&self) -> Option<&Fault> {
+        self.broken.as_ref().map(|(fault, _)| fault)
+    }
+
+    /// Nothing goes on from here; `last` is the newest state that was good.
+    pub(super) fn break_off(&mut self, fault: Fault, last: Arc<Snapshot>) -> Step {
+        let words = fault_words(&fault, &self.model, &self.scene);
+        self.snapshot = last;
+        self.evaluation.void();
+        self.broken = Some((fault, words));
+        Step::default()
+    }
+}
+
+/// A world that has just been made must be sound.
+///
+/// # Errors
+/// [`SimError::Broken`] in words.
+pub(super) fn check_new(
+    fault: Option<Fault>,
+    model: &RobotModel,
+    scene: &Scene,
+) -> Result<(), SimError> {
+    match fault {
+        None => Ok(()),
+        Some(fault) => Err(SimError::Broken(fault_words(&fault, model, scene))),
+    }
+}
+
+fn name(body: BodyRef, model: &RobotModel, scene: &Scene) -> String {
+    let name = match body {
+        BodyRef::Link(i) => model.links.get(i).map(|l| &l.name),
+        BodyRef::Object(i) => scene.objects.get(i).map(|b| &b.name),
+        BodyRef::Furniture(i) => scene.furniture.get(i).map(|b| &b.name),
+    };
+    name.cloned().unwrap_or_default()
+}
+
+/// A fault in words.
+#[must_use]
+pub fn fault_words(fault: &Fault, model: &RobotModel, scene: &Scene) -> String {
+    let name = |body| name(body, model, scene);
+    let object = |i: usize| name(BodyRef::Object(i));
+    match fault {
+        Fault::NotFinite(body) => format!("the state of {} is not finite", name(*body)),
+        Fault::JointSpeed { joint, speed, most } => {
+            let joint = model.joints.get(*joint).map_or("a joint", |j| &j.name);
+            format!("{joint} turns at {speed:.1} rad/s, more than {most:.1} cannot be")
+        }
+        Fault::Contact {
+            first,
+            second,
+            force,
+        } => format!(
+            "{} and {} press with {force:.3e} N, more than {:.0e} cannot be",
+            name(*first),
+            name(*second),
+            crate::world::health::CONTACT_FORCE
+        ),
+        Fault::NodeSpeed { object: i, speed } => format!(
+            "a node of {} moves at {speed:.3e} m/s, more than {} cannot be",
+            object(*i),
+            crate::world::health::NODE_SPEED
+        ),
+        Fault::Energy { object: i, energy } => format!(
+            "{} has an energy of {energy:.3e} J, more than {} cannot be",
+            object(*i),
+            crate::world::health::SOFT_ENERGY
+        ),
+        Fault::Outside { at } => format!(
+            "the chair is at ({:.1}, {:.1}, {:.1}) m: outside the home, or in the free air",
+            at.x, at.y, at.z
+        ),
+        Fault::Panic(words) => format!("the simulation panicked: {words}"),
+    }
+}
+
+/// An anomaly in words.
+#[must_use]
+pub fn anomaly_words(anomaly: &Anomaly, model: &RobotModel, scene: &Scene) -> String {
+    match anomaly {
+        Anomaly::NotFinite(body) => {
+            format!("the state of {} is not finite", name(*body, model, scene))
+        }
+        Anomaly::Escaped(body) => {
+            format!("the state of {} left the house", name(*body, model, scene))
+        }
+        Anomaly::Fast(joint) => {
+            let joint = model.joints.get(*joint).map_or("a joint", |j| &j.name);
+            format!("{joint} turns faster than twice its limit")
+        }
+    }
+}

@@ -1,0 +1,241 @@
+//! What is broken or damaged costs the simulation nothing but itself.
+
+use std::path::{Path, PathBuf};
+
+use nalgebra::{Isometry3, Translation3, Vector3};
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+
+use super::*;
+use crate::robot::control::BaseIntent;
+use crate::scene::Placement;
+use crate::tasks::Failure;
+
+fn assets() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../assets")
+}
+
+fn scenario(task: &str) -> Scenario {
+    Scenario {
+        task: task.to_owned(),
+        seed: 1,
+        cameras: Vec::new(),
+        ..Scenario::default()
+    }
+}
+
+fn simulation(scenario: Scenario) -> Simulation {
+    Simulation::new(&assets(), scenario).expect("a simulation")
+}
+
+/// The chair at a place in `house`, metres, as it stands in the scene.
+fn started(x: f64, y: f64, z: f64) -> Scenario {
+    Scenario {
+        start: Some(Isometry3::from_parts(
+            Translation3::new(x, y, z),
+            nalgebra::UnitQuaternion::identity(),
+        )),
+        ..scenario("pick_mustard")
+    }
+}
+
+/// In the middle of a piece of furniture.
+fn started_in(furniture: &str) -> Scenario {
+    let sim = simulation(scenario("pick_mustard"));
+    let body = sim.scene().furniture_named(furniture).expect("furniture");
+    let at = sim.scene().furniture[body].pose.translation.vector;
+    started(at.x, at.y, 0.0)
+}
+
+#[test]
+fn a_panic_in_a_step_breaks_the_simulation_and_nothing_else() {
+    let mut sim = simulation(scenario("pick_mustard"));
+    sim.step(&ControlInput::default());
+    let last = Arc::clone(sim.snapshot());
+    let step = sim.step_telling(&ControlInput::default(), |_, _| {
+        panic!("an index of 7 of 3")
+    });
+    assert!(step.imu.is_empty() && step.frames.is_empty());
+    let words = sim.broken().expect("it is broken");
+    assert!(words.contains("an index of 7 of 3"), "{words}");
+    // It stays where it was, says so, and takes no further step.
+    sim.step(&ControlInput::default());
+    assert!(Arc::ptr_eq(sim.snapshot(), &last));
+    assert_eq!(sim.evaluation().failure, Some(Failure::Physics));
+    assert!(sim.evaluation().done && !sim.evaluation().success);
+    assert!(sim.save().is_err() && sim.hash_due().is_none());
+}
+
+#[test]
+fn a_chair_in_a_table_breaks_the_physics_with_words() {
+    let mut sim = simulation(started_in("kitchen_table"));
+    assert_eq!(sim.broken(), None);
+    let good = Arc::clone(sim.snapshot());
+    let mut ticks = 0;
+    while sim.broken().is_none() && ticks < 60 {
+        sim.step(&ControlInput::default());
+        ticks += 1;
+    }
+    let words = sim.broken().expect("3.5 MN at the first tick");
+    assert!(words.contains("press with"), "{words}");
+    assert!(words.contains("table"), "{words}");
+    assert!(
+        matches!(sim.fault(), Some(Fault::Contact { .. })),
+        "{words}"
+    );
+    // The broken state is never shown.
+    let shown = sim.snapshot();
+    assert!(ticks > 1 || shown.tick == good.tick);
+    let hardest = shown.contacts.iter().map(|c| c.force.norm());
+    assert!(hardest.fold(0.0, f64::max) < crate::world::health::CONTACT_FORCE);
+}
+
+#[test]
+fn senseless_places_are_refused_before_they_are_simulated() {
+    let far = [
+        started(1e30, 0.0, 0.0),
+        started(1e39, 0.0, 0.0),
+        started(-1e12, 3.0, 0.0),
+        started(-7.0, 3.0, -5.0),
+        started(-7.0, 3.0, 3.0),
+        started(-7.0, 30.0, 0.0),
+        started(f64::NAN, 3.0, 0.0),
+    ];
+    for scenario in far {
+        let start = scenario.start;
+        match Simulation::new(&assets(), scenario) {
+            Ok(_) => panic!("{start:?} was taken"),
+            Err(e) => assert!(e.to_string().contains("cannot be simulated"), "{e}"),
+        }
+    }
+    let drawn = simulation(scenario("pick_mustard")).scenario().clone();
+    for x in [1e39, 1e300, f64::NAN] {
+        let mut scenario = drawn.clone();
+        let (_, placement): &mut (String, Placement) = &mut scenario.objects[0];
+        placement.pose.translation.vector = Vector3::new(x, 0.0, 0.5);
+        let name = scenario.objects[0].0.clone();
+        match Simulation::new(&assets(), scenario) {
+            Ok(_) => panic!("an object at {x} m was taken"),
+            Err(e) => assert!(e.to_string().contains(&name), "{e}"),
+        }
+    }
+}
+
+#[test]
+fn a_joint_that_is_too_fast_is_noted_and_one_far_too_fast_breaks_the_state() {
+    let model = RobotModel::load(&assets(), "wheelarm").expect("the robot");
+    let joint = model.joints.iter().position(|j| j.name == "joint_2");
+    let joint = joint.expect("an arm joint");
+    let limit = model.joints[joint].limits.velocity;
+    let mut spun = |speed: f64| {
+        let mut sim = simulation(scenario("pick_mustard"));
+        sim.step(&ControlInput::default());
+        sim.world.spin(joint, speed * limit);
+        let before = sim.snapshot().tick;
+        sim.step(&ControlInput::default());
+        (sim, before)
+    };
+    let (sim, _) = spun(0.5);
+    assert!(sim.broken().is_none() && sim.snapshot().anomalies.is_empty());
+    let (sim, before) = spun(40.0);
+    assert!(
+        matches!(sim.fault(), Some(Fault::JointSpeed { joint: j, .. }) if *j == joint),
+        "{:?}",
+        sim.fault()
+    );
+    assert_eq!(sim.snapshot().tick, before, "the broken state is not shown");
+    assert!(sim.broken().is_some_and(|words| words.contains("joint_2")));
+}
+
+/// Damages content in one of several ways.
+fn damaged(content: &[u8], rng: &mut ChaCha8Rng, way: usize) -> Vec<u8> {
+    let mut bytes = content.to_vec();
+    let at = rng.random_range(0..bytes.len() - 24);
+    match way % 8 {
+        0 => bytes[at] ^= 1 << rng.random_range(0..8u32),
+        1 => bytes[at..at + 4].copy_from_slice(&f32::NAN.to_le_bytes()),
+        2 => bytes[at..at + 4].copy_from_slice(&1e38f32.to_le_bytes()),
+        3 => bytes[at..at + 8].copy_from_slice(&f64::NAN.to_le_bytes()),
+        4 => rng.fill(&mut bytes[at..at + 20]),
+        5 => bytes[at..at + 4].fill(0xff),
+        6 => bytes.insert(at, rng.random()),
+        _ => bytes.truncate(at),
+    }
+    bytes
+}
+
+#[test]
+fn damaged_states_are_refused_or_harmless() {
+    let mut sim = simulation(scenario("pick_mustard"));
+    let drive = ControlInput {
+        base: Some(BaseIntent {
+            linear: 0.3,
+            angular: 0.2,
+        }),
+        ..ControlInput::default()
+    };
+    for _ in 0..30 {
+        sim.step(&drive);
+    }
+    let good = sim.save().expect("a good state");
+    let content = envelope::open(&good).expect("a whole envelope").to_vec();
+    let mut rng = ChaCha8Rng::seed_from_u64(12);
+    let (mut refused, mut taken) = (0, 0);
+    for n in 0..240 {
+        let bytes = envelope::seal(&damaged(&content, &mut rng, n));
+        let before = (sim.world.hash(), Arc::clone(sim.snapshot()));
+        match sim.restore(&bytes) {
+            Err(e) => {
+                refused += 1;
+                assert!(!e.to_string().is_empty());
+                assert_eq!(sim.world.hash(), before.0, "mutation {n}: {e}");
+                assert!(Arc::ptr_eq(sim.snapshot(), &before.1));
+                assert_eq!(sim.broken(), None, "mutation {n}: {e}");
+            }
+            Ok(()) => {
+                taken += 1;
+                for _ in 0..8 {
+                    sim.step(&ControlInput::default());
+                }
+                let fault = sim.fault();
+                assert!(
+                    !matches!(fault, Some(Fault::Panic(_))),
+                    "mutation {n}: {fault:?}"
+                );
+                sim.restore(&good).expect("the good state");
+            }
+        }
+    }
+    println!("{refused} of 240 refused, {taken} taken");
+    // Without the sum over the content every single one is refused.
+    for n in 0..40 {
+        let mut bytes = damaged(&good, &mut rng, n);
+        if bytes == good {
+            bytes[0] ^= 1;
+        }
+        let e = sim.restore(&bytes).expect_err("its checksum is wrong");
+        assert!(matches!(e, StateError::Format(_)), "{e}");
+    }
+    sim.restore(&good).expect("the good state is one still");
+}
+
+#[test]
+fn a_restored_state_goes_on_with_the_same_bits() {
+    for task in ["pick_mustard", "place_teddy_bear"] {
+        let mut first = simulation(scenario(task));
+        for _ in 0..5 {
+            first.step(&ControlInput::default());
+        }
+        let saved = first.save().expect("a good state");
+        let mut second = simulation(scenario(task));
+        second
+            .restore(&saved)
+            .expect("a state of the same scenario");
+        assert_eq!(second.save().expect("a good state"), saved);
+        for _ in 0..10 {
+            first.step(&ControlInput::default());
+            second.step(&ControlInput::default());
+        }
+        assert_eq!(first.world.hash(), second.world.hash());
+    }
+}

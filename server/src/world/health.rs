@@ -1,0 +1,215 @@
+//! Whether the state can be believed. All thresholds stand here.
+//!
+//! Two grades: a [`Fault`] breaks the state, and nothing goes on from it; an
+//! [`Anomaly`] is noted, and the simulation goes on. The thresholds of a fault
+//! lie far beyond everything that a sound run has shown: under adversarial
+//! commands at the rigid scene joints reached 38 rad/s and contacts 22.5 kN.
+
+use nalgebra::Vector3;
+use rapier3d::prelude::{ContactPair, RigidBody, RigidBodyHandle};
+
+use super::World;
+use super::contact::body_of;
+use super::convert::from_pose;
+use crate::snapshot::{Anomaly, BodyRef, Fault, JointState};
+
+/// Greatest speed of an arm joint, in units of its limit.
+pub const ARM_SPEED: f64 = 5.0;
+/// Greatest speed of any other joint of the robot, rad/s.
+pub const JOINT_SPEED: f64 = 60.0;
+/// Greatest force between two bodies, N.
+pub const CONTACT_FORCE: f64 = 30e3;
+/// Greatest speed of a node of a soft object, m/s.
+pub const NODE_SPEED: f64 = 20.0;
+/// Greatest elastic and kinetic energy of a soft object, J.
+pub const SOFT_ENERGY: f64 = 20.0;
+/// How far above the floor the chair's frame may be, and how far below, metres:
+/// higher it is in the free air, deeper it has fallen off the floor.
+pub const CHAIR_HEIGHT: [f64; 2] = [-0.5, 1.0];
+/// Speed of a joint from which on it is noted, in units of its limit.
+pub const NOTED_SPEED: f64 = 2.0;
+
+/// Objects farther away than this, metres, were put there by mistake; what has
+/// fallen off the floor gets there in seven minutes.
+pub const FARTHEST: f64 = 1e6;
+/// Greatest speed of a body in a stored state, m/s and rad/s.
+pub const STORED_SPEED: f64 = 1e4;
+/// Greatest angle of a joint in a stored state, rad.
+pub const STORED_ANGLE: f64 = 1e4;
+/// How far the norm of a stored rotation may be from one.
+pub const STORED_NORM: f64 = 1e-3;
+
+/// Ticks between two looks at the energy of soft objects, which takes some time.
+const ENERGY_TICKS: u64 = 4;
+
+impl World {
+    /// Why the state after the last tick is broken; `None` when it is not.
+    /// Cheap enough for every tick.
+    #[must_use]
+    pub fn fault(&self) -> Option<Fault> {
+        self.joint_fault()
+            .or_else(|| self.body_fault())
+            .or_else(|| self.chair_fault())
+            .or_else(|| self.contact_fault())
+            .or_else(|| self.soft_fault())
+    }
+
+    fn joint_fault(&self) -> Option<Fault> {
+        self.robot
+            .joint_velocities(&self.physics)
+            .find_map(|(body, joint, speed)| {
+                let most = if self.drives.moves_arm(body) {
+                    ARM_SPEED * self.model.joints[joint].limits.velocity
+                } else {
+                    JOINT_SPEED
+                };
+                let speed = speed.abs();
+                if speed <= most {
+                    None
+                } else if speed.is_finite() {
+                    Some(Fault::JointSpeed { joint, speed, most })
+                } else {
+                    let link = self.model.joints[joint].child;
+                    Some(Fault::NotFinite(BodyRef::Link(link)))
+                }
+            })
+    }
+
+    fn body_fault(&self) -> Option<Fault> {
+        let bodies = self.physics.bodies.iter();
+        let (handle, _) = bodies
+            .filter(|(_, body)| !body.is_sleeping())
+            .find(|(_, body)| !is_sound(body))?;
+        Some(Fault::NotFinite(self.name_of(handle)))
+    }
+
+    fn chair_fault(&self) -> Option<Fault> {
+        let root = self.physics.bodies.get(*self.robot.handles.first()?)?;
+        let root_from_body = &self.robot.tree.root_from_body;
+        let at = (from_pose(root.position()) * root_from_body.inverse())
+            .translation
+            .vector;
+        (!self.stage.holds_chair(&at)).then_some(Fault::Outside { at })
+    }
+
+    fn contact_fault(&self) -> Option<Fault> {
+        let dt = self.physics.integration_parameters.dt;
+        #[allow(clippy::cast_possible_truncation, reason = "30 000 fits")]
+        let most = CONTACT_FORCE as f32 * dt;
+        let mut pairs = self.physics.narrow_phase.contact_pairs();
+        let hard = pairs.find(|pair| {
+            let impulse = impulse(pair);
+            impulse.is_nan() || impulse > most
+        });
+        if let Some(pair) = hard {
+            let body = |collider| {
+                let collider = self.physics.colliders.get(collider);
+                collider.map_or(BodyRef::Furniture(0), |c| body_of(c.user_data))
+            };
+            return Some(Fault::Contact {
+                first: body(pair.collider1),
+                second: body(pair.collider2),
+                force: f64::from(impulse(pair) / dt),
+            });
+        }
+        let mut soft = self.soft.iter().flat_map(|soft| soft.contacts());
+        soft.find_map(|contact| {
+            let force = contact.force.norm();
+            (force.is_nan() || force > CONTACT_FORCE).then_some(Fault::Contact {
+                first: contact.first,
+                second: contact.second,
+                force,
+            })
+        })
+    }
+
+    fn soft_fault(&self) -> Option<Fault> {
+        self.soft.iter().find_map(|soft| {
+            let object = soft.object;
+            if soft.is_broken() {
+                return Some(Fault::NotFinite(BodyRef::Object(object)));
+            }
+            let speed = soft.fastest_node();
+            if speed.is_nan() || speed > NODE_SPEED {
+                return Some(Fault::NodeSpeed { object, speed });
+            }
+            if !self.tick.is_multiple_of(ENERGY_TICKS) {
+                return None;
+            }
+            let energy = soft.energy();
+            (energy.is_nan() || energy > SOFT_ENERGY).then_some(Fault::Energy { object, energy })
+        })
+    }
+
+    /// The body that an engine body is for people.
+    pub(super) fn name_of(&self, handle: RigidBodyHandle) -> BodyRef {
+        if let Some(body) = self.robot.handles.iter().position(|h| *h == handle) {
+            return BodyRef::Link(self.robot.tree.bodies[body].link);
+        }
+        if let Some(object) = self.stage.objects.iter().position(|h| *h == handle) {
+            return BodyRef::Object(object);
+        }
+        let body = self.physics.bodies.get(handle);
+        let collider = body.and_then(|body| self.physics.colliders.get(*body.colliders().first()?));
+        collider.map_or(BodyRef::Furniture(0), |c| body_of(c.user_data))
+    }
+
+    /// Gives a joint of the robot a velocity, rad/s, to see what happens.
+    #[cfg(test)]
+    pub(crate) fn spin(&mut self, joint: usize, speed: f64) {
+        if let Some(body) = self.robot.tree.body_moved_by(joint) {
+            self.robot.spin(&mut self.physics, body, speed);
+        }
+    }
+
+    /// Joints that are faster than they should be, of states in the order of
+    /// `RobotModel::joints`.
+    pub(super) fn fast_joints(&self, joints: &[JointState]) -> impl Iterator<Item = Anomaly> {
+        let all = self.model.joints.iter().zip(joints).enumerate();
+        all.filter(|(_, (joint, state))| {
+            joint.limits.velocity > 0.0
+                && joint.mimic.is_none()
+                && state.velocity.abs() > NOTED_SPEED * joint.limits.velocity
+        })
+        .map(|(index, _)| Anomaly::Fast(index))
+    }
+}
+
+/// Whether all numbers of a body are finite and the engine has not put it aside.
+pub(super) fn is_sound(body: &RigidBody) -> bool {
+    let (t, r) = (body.translation(), body.rotation());
+    let (v, w) = (body.linvel(), body.angvel());
+    // A number times zero is zero, unless it is not finite.
+    let sum = (t.x + t.y + t.z) * 0.0
+        + (r.x + r.y + r.z + r.w) * 0.0
+        + (v.x + v.y + v.z) * 0.0
+        + (w.x + w.y + w.z) * 0.0;
+    sum == 0.0 && body.is_enabled()
+}
+
+/// Sum of the normal impulses of a pair in the last tick, N·s.
+fn impulse(pair: &ContactPair) -> f32 {
+    let manifolds = pair.solver_manifolds().iter();
+    manifolds
+        .filter(|manifold| !manifold.data.solver_contacts.is_empty())
+        .flat_map(|manifold| &manifold.points)
+        .map(|point| point.data.impulse)
+        .sum()
+}
+
+/// What a stored state must keep beside all that a fault says.
+pub(super) fn stored_problem(body: &RigidBody, place: &Vector3<f64>) -> Option<String> {
+    let rotation = f64::from(body.rotation().length());
+    let speed = f64::from(body.linvel().length()).max(f64::from(body.angvel().length()));
+    if !is_sound(body) {
+        Some("is not finite".to_owned())
+    } else if (rotation - 1.0).abs() > STORED_NORM {
+        Some(format!("has a rotation of norm {rotation:.4}, not 1"))
+    } else if place.norm() > FARTHEST {
+        Some(format!("lies {:.3e} m away", place.norm()))
+    } else if speed > STORED_SPEED {
+        Some(format!("moves at {speed:.3e} m/s or rad/s"))
+    } else {
+        None
+    }
+}
