@@ -164,7 +164,7 @@ impl Program {
         let _ = self.child.wait();
     }
 
-    /// Its last words: those of a panic, else its last line.
+    /// Why it ended by its own words: those of a panic, else its error.
     #[must_use]
     pub fn last_words(&self) -> String {
         let lines = self.lines.lock().unwrap_or_else(PoisonError::into_inner);
@@ -188,8 +188,8 @@ impl Drop for Program {
     }
 }
 
-/// What a program said last: the place and words of its first panic, else its
-/// last line.
+/// Why a program ended, by its own words: the place and words of its first
+/// panic, else its error; empty when it said neither.
 pub(crate) fn last_words<'a>(lines: impl Iterator<Item = &'a str>) -> String {
     let lines: Vec<&str> = lines.filter(|line| !line.trim().is_empty()).collect();
     let panic = lines.iter().position(|line| line.contains("panicked at"));
@@ -198,7 +198,14 @@ pub(crate) fn last_words<'a>(lines: impl Iterator<Item = &'a str>) -> String {
             let end = lines.len().min(at + 2);
             lines[at..end].join(" ").trim().to_owned()
         }
-        None => lines.last().map_or("", |line| line.trim()).to_owned(),
+        None => {
+            let errors = lines.iter().rev();
+            let error = errors.map(|line| line.trim()).find(|line| {
+                let start = line.get(..6).unwrap_or_default();
+                start.eq_ignore_ascii_case("error:")
+            });
+            error.unwrap_or_default().to_owned()
+        }
     }
 }
 
@@ -327,7 +334,7 @@ impl LocalServer {
         self.program.kill();
     }
 
-    /// Its last words: those of a panic, else its last line.
+    /// Why it ended by its own words: those of a panic, else its error.
     #[must_use]
     pub fn last_words(&self) -> String {
         self.program.last_words()
@@ -504,7 +511,11 @@ mod tests {
             words.ends_with("src/a.rs:3:4: index out of bounds"),
             "{words}"
         );
-        assert_eq!(last_words(["a", "b ", ""].into_iter()), "b");
+        assert_eq!(
+            last_words(["a", "Error: no disk ", ""].into_iter()),
+            "Error: no disk"
+        );
+        assert_eq!(last_words(["INFO all is well"].into_iter()), "");
     }
 
     #[test]

@@ -243,7 +243,7 @@ fn judge(
             reason: reason(&summary, said),
             seconds,
             wall_seconds,
-            broken: if physics { PHYSICS } else { "" }.to_owned(),
+            broken: String::from(if physics { PHYSICS } else { "" }),
             scenario: match physics {
                 true => Some(scenario_json(&recording.scenario()?)),
                 false => None,

@@ -84,7 +84,7 @@ impl Process {
         }
     }
 
-    /// Its last words: those of a panic, else its last line.
+    /// Why it ended by its own words: those of a panic, else its error.
     #[must_use]
     pub fn last_words(&self) -> String {
         last_words(self.messages().lines())

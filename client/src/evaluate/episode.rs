@@ -305,8 +305,9 @@ impl Worker {
             && tried.is_err()
         {
             let words = server.last_words();
+            why = format!("{why} after {seconds:.1} simulated s");
             if !words.is_empty() {
-                why = format!("{why} after {seconds:.1} s; its last words: {words}");
+                why = format!("{why}: {words}");
             }
             if let Some((_, recorder)) = &mut self.recorder {
                 recorder.let_end(PARTING);
@@ -346,7 +347,7 @@ impl Worker {
                 factor: seconds / done.wall.max(1e-9),
                 hash: done.hash,
                 notes: done.notes,
-                broken: if physics { PHYSICS } else { "" }.to_owned(),
+                broken: String::from(if physics { PHYSICS } else { "" }),
                 scenario: scenario.filter(|_| physics),
             },
             true,

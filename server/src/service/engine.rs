@@ -470,11 +470,11 @@ impl Engine {
                 .max(request.require_recorders as usize),
             false => request.require_recorders as usize,
         };
-        let snapshot = self.sim.save().map_err(|e| e.to_string())?;
         lock(&self.shared.recorders).begin();
         if !request.replay {
             self.sim.begin_episode();
         }
+        let snapshot = self.sim.save().map_err(|e| e.to_string())?;
         self.episodes += 1;
         let number = self.episodes;
         let scenario = self.sim.scenario();

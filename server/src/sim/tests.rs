@@ -127,7 +127,7 @@ fn a_joint_that_is_too_fast_is_noted_and_one_far_too_fast_breaks_the_state() {
     let joint = model.joints.iter().position(|j| j.name == "joint_2");
     let joint = joint.expect("an arm joint");
     let limit = model.joints[joint].limits.velocity;
-    let mut spun = |speed: f64| {
+    let spun = |speed: f64| {
         let mut sim = simulation(scenario("pick_mustard"));
         sim.step(&ControlInput::default());
         sim.world.spin(joint, speed * limit);

@@ -78,7 +78,7 @@ impl World {
     fn body_fault(&self) -> Option<Fault> {
         let bodies = self.physics.bodies.iter();
         let (handle, _) = bodies
-            .filter(|(_, body)| !body.is_sleeping())
+            .filter(|(_, body)| !body.is_fixed() && !body.is_sleeping())
             .find(|(_, body)| !is_sound(body))?;
         Some(Fault::NotFinite(self.name_of(handle)))
     }

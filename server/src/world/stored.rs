@@ -2,8 +2,8 @@
 //! anything of it is, for bytes of strangers and of broken disks come here too.
 
 use nalgebra::Vector3;
-use rapier3d::dynamics::GenericJoint;
-use rapier3d::prelude::{Collider, ColliderSet, PhysicsWorld, RigidBody};
+use rapier3d::dynamics::{GenericJoint, JointMotor};
+use rapier3d::prelude::{Collider, ColliderSet, JointAxesMask, PhysicsWorld, RigidBody};
 
 use super::health::{STORED_ANGLE, STORED_SPEED, stored_problem};
 use super::state::Read;
@@ -104,10 +104,22 @@ impl World {
                     || a.parent_id() != b.parent_id()
                     || a.assembly_id() != b.assembly_id()
                     || a.joint().ndofs() != b.joint().ndofs()
-                    || still(&a.joint().data) != still(&b.joint().data)
+                    || undriven(&a.joint().data) != undriven(&b.joint().data)
                 {
                     return Err("a joint of the robot is another".to_owned());
                 }
+                let motors = b.joint().data.motors.iter();
+                let motors = motors.flat_map(|m| {
+                    [
+                        m.target_pos,
+                        m.target_vel,
+                        m.stiffness,
+                        m.damping,
+                        m.max_force,
+                    ]
+                });
+                let motors: Vec<f64> = motors.map(f64::from).collect();
+                within("a motor", &motors, f64::from(f32::MAX))?;
                 let coords = b.joint().coords();
                 let coords: Vec<f64> = (0..6).map(|i| f64::from(coords[i])).collect();
                 within("a joint position", &coords, STORED_ANGLE)?;
@@ -138,7 +150,7 @@ pub(super) fn within<'a>(
     numbers: impl IntoIterator<Item = &'a f64>,
     most: f64,
 ) -> Result<(), String> {
-    match numbers.into_iter().find(|x| !(x.abs() <= most)) {
+    match numbers.into_iter().find(|x| x.is_nan() || x.abs() > most) {
         None => Ok(()),
         Some(x) => Err(format!("{what} is {x:e}, at most {most:e} can be")),
     }
@@ -172,7 +184,7 @@ fn same_shape(a: &Collider, b: &Collider) -> bool {
         && b.position().is_finite()
 }
 
-/// A joint without what a tick changes: impulses, and where a motor is to go.
+/// A joint without the impulses of the last tick.
 fn still(joint: &GenericJoint) -> GenericJoint {
     let mut still = *joint;
     for limits in &mut still.limits {
@@ -180,11 +192,17 @@ fn still(joint: &GenericJoint) -> GenericJoint {
     }
     for motor in &mut still.motors {
         motor.impulse = 0.0;
-        motor.target_pos = 0.0;
-        motor.target_vel = 0.0;
-        motor.max_force = 0.0;
     }
     still
+}
+
+/// A joint without its motors, which every tick sets anew.
+fn undriven(joint: &GenericJoint) -> GenericJoint {
+    GenericJoint {
+        motors: [JointMotor::default(); 6],
+        motor_axes: JointAxesMask::empty(),
+        ..still(joint)
+    }
 }
 
 fn known(colliders: &ColliderSet, handle: rapier3d::geometry::ColliderHandle) -> bool {

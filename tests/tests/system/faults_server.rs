@@ -64,7 +64,7 @@ fn a_killed_server_leaves_a_partial_file_and_its_successor_is_recorded() {
 }
 
 /// Processes whose command line holds `word`.
-fn processes(word: &str) -> Vec<u32> {
+pub(super) fn processes(word: &str) -> Vec<u32> {
     let entries = std::fs::read_dir("/proc").expect("/proc").flatten();
     entries
         .filter_map(|entry| entry.file_name().to_str()?.parse().ok())

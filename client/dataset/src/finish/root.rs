@@ -78,7 +78,7 @@ pub(super) fn attributes(
     }
 
     let cause = stopped.map_or(v1::EndCause::Unspecified, v1::EpisodeStopped::cause);
-    let anomalies = stopped.map_or(&[][..], |stopped| &stopped.anomalies);
+    let anomalies = stopped.map(|s| s.anomalies.as_slice()).unwrap_or_default();
     at.text("end_cause", end_cause(cause))?
         .texts("anomalies", anomalies)?;
 

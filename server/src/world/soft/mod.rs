@@ -115,10 +115,7 @@ impl SoftObject {
     /// Speed of its fastest node, m/s.
     pub(super) fn fastest_node(&self) -> f64 {
         let squares = self.state.velocity.iter().map(Vector3::norm_squared);
-        // `f64::max` would lose what is not a number.
-        squares
-            .fold(0.0, |a: f64, b| if b <= a { a } else { b })
-            .sqrt()
+        squares.fold(0.0, f64::max).sqrt()
     }
 
     /// Its elastic and kinetic energy, J.
@@ -214,7 +211,7 @@ impl SoftObject {
         within("a bristle of the soft object", &bristles, FARTHEST)?;
         let off = |turn: &Turn| {
             let norm = turn.xyzw().iter().map(|x| x * x).sum::<f64>().sqrt();
-            !((norm - 1.0).abs() <= STORED_NORM)
+            norm.is_nan() || (norm - 1.0).abs() > STORED_NORM
         };
         if state.turns.iter().chain([&state.whole]).any(off) {
             return Err("a rotation of the soft object has not the norm 1".to_owned());
