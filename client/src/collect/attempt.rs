@@ -14,6 +14,7 @@ use anyhow::{Context, bail};
 use wheelarm_dataset::finish::PHYSICS;
 use wheelarm_dataset::read::{Episode as Recording, Summary};
 use wheelarm_dataset::scenario_text::scenario_json;
+use wheelarm_proto::v1::Scenario;
 
 use super::episode::Episode;
 use super::fleet::Turn;
@@ -64,6 +65,10 @@ pub enum Outcome {
 
 /// [`Failed::broken`] of a server that died or hung.
 const SERVER: &str = "server";
+/// [`Failed::broken`] of a scenario that a server refuses to set up.
+const SCENARIO: &str = "scenario";
+/// How a server says so.
+const ABSURD: &str = "the scenario cannot be simulated";
 /// How long a server whose operator failed may take to die of the same.
 const DYING: Duration = Duration::from_secs(1);
 
@@ -88,8 +93,30 @@ pub fn attempt(
     tell(board, "starting");
     let arguments = server_arguments(setup, episode, seed, &endpoint);
     let mut server = Process::start("server", "wheelarm-server", arguments, &staging)?;
-    if !ready(&mut server, stop)? {
-        return Ok(Outcome::Stopped);
+    let failed = |broken: &str, reason: String, told: Option<Scenario>| Failed {
+        episode: episode.id.clone(),
+        task: episode.task.clone(),
+        attempt: number,
+        seed,
+        settings: episode.settings.clone(),
+        reason,
+        seconds: lock(board).seconds,
+        wall_seconds: begun.elapsed().as_secs_f64(),
+        broken: broken.to_owned(),
+        scenario: Some(match told {
+            Some(scenario) => scenario_json(&scenario),
+            None => serde_json::json!({ "task": episode.task, "seed": seed }),
+        }),
+    };
+    match ready(&mut server, stop) {
+        Ok(true) => {}
+        Ok(false) => return Ok(Outcome::Stopped),
+        // Another seed may do; this one never will.
+        Err(problem) if server.messages().contains(ABSURD) => {
+            let reason = format!("{problem:#}");
+            return Ok(Outcome::Failed(failed(SCENARIO, reason, None)));
+        }
+        Err(problem) => return Err(problem),
     }
     let connect = |more: &[OsString]| {
         let mut all = words(["--connect", &endpoint, "--sim", SIM]);
@@ -116,22 +143,8 @@ pub fn attempt(
     let mut operator = Process::start("operator", "wheelarm", connect(&operator), &staging)?;
 
     let watch = Watch::start(endpoint, board);
-    let broke = |watch: &Watch, words: String| {
-        let told = watch.scenario().map(|scenario| scenario_json(&scenario));
-        Outcome::Broke(Failed {
-            episode: episode.id.clone(),
-            task: episode.task.clone(),
-            attempt: number,
-            seed,
-            settings: episode.settings.clone(),
-            reason: words,
-            seconds: lock(board).seconds,
-            wall_seconds: begun.elapsed().as_secs_f64(),
-            broken: SERVER.to_owned(),
-            scenario: told
-                .or_else(|| Some(serde_json::json!({ "task": episode.task, "seed": seed }))),
-        })
-    };
+    let broke =
+        |watch: &Watch, reason: String| Outcome::Broke(failed(SERVER, reason, watch.scenario()));
     let operated = loop {
         if stop.at_once() {
             return Ok(Outcome::Stopped);

@@ -82,8 +82,8 @@ pub struct Failed {
     pub seconds: f64,
     /// Wall seconds.
     pub wall_seconds: f64,
-    /// What broke: `physics`, or `server` that died or hung every time; empty
-    /// when it was the task that failed.
+    /// What broke: `physics`, a `server` that died or hung every time, or a
+    /// `scenario` that none sets up; empty when it was the task that failed.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub broken: String,
     /// Where something broke, the scenario that reproduces it.
