@@ -205,7 +205,7 @@ pub fn run(
                     return Err(OperateError::Ended);
                 }
                 let words = end.anomalies.last().cloned().unwrap_or_default();
-                stopped = Some(end);
+                stopped = Some(*end);
                 break broke(&words);
             }
             Some(Received::Refusal(refusal)) => {
@@ -303,7 +303,7 @@ pub fn run(
             }
             Received::EpisodeStop(end) if is_end_of(&end, first.episode) => {
                 own.open = false;
-                stopped = Some(end);
+                stopped = Some(*end);
                 break;
             }
             Received::Evaluation(sample) => evaluation = sample,

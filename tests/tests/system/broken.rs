@@ -54,7 +54,7 @@ fn physics_that_breaks_ends_the_episode_and_not_the_server() {
     let arguments = ["--pacing", "lock-step", "--no-cameras"];
     let mut server = Server::start("sturdy", &arguments).expect("a server");
     let folder = tempfile::tempdir().expect("a folder");
-    let recorder = Recorder::start(&server, "witness", folder.path(), &["--episodes", "2"]);
+    let mut recorder = Recorder::start(&server, "witness", folder.path(), &["--episodes", "2"]);
     let link = server.link();
     let status = || link.ask::<v1::Status>(Query::Status).expect("an answer");
     wait_until("the recorder is there", || !status().recorders.is_empty());
@@ -71,9 +71,10 @@ fn physics_that_breaks_ends_the_episode_and_not_the_server() {
         }
     };
     assert_eq!(end.cause(), v1::EndCause::Physics, "{end:?}");
-    let words = end.anomalies.last().expect("the anomaly in words");
+    let words = end.anomalies.last().cloned();
+    let words = &words.expect("the anomaly in words");
     assert!(words.contains("press with"), "{words}");
-    let evaluation = end.evaluation.expect("an evaluation");
+    let evaluation = end.evaluation.clone().expect("an evaluation");
     assert!(evaluation.done && !evaluation.success, "{evaluation:?}");
     assert_eq!(evaluation.failure, "physics");
 
