@@ -47,10 +47,10 @@ impl World {
     /// Cheap enough for every tick.
     #[must_use]
     pub fn fault(&self) -> Option<Fault> {
-        self.joint_fault()
-            .or_else(|| self.body_fault())
-            .or_else(|| self.chair_fault())
+        self.body_fault()
             .or_else(|| self.contact_fault())
+            .or_else(|| self.joint_fault())
+            .or_else(|| self.chair_fault())
             .or_else(|| self.soft_fault())
     }
 

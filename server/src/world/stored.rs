@@ -158,7 +158,10 @@ pub(super) fn within<'a>(
 
 fn same_kind(a: &RigidBody, b: &RigidBody) -> bool {
     a.body_type() == b.body_type()
-        && a.mass_properties().local_mprops == b.mass_properties().local_mprops
+        // The whole is summed up in the first tick.
+        && a.mass_properties().additional_local_mprops
+            == b.mass_properties().additional_local_mprops
+        && (0.0..=f32::MAX).contains(&b.mass())
         && a.linear_damping() == b.linear_damping()
         && a.angular_damping() == b.angular_damping()
         && a.gravity_scale() == b.gravity_scale()
