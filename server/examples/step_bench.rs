@@ -20,6 +20,7 @@ fn main() -> Result<()> {
     let mut control = course.control();
     let mut stepping = Vec::with_capacity(CONTROL_TICKS as usize * 4);
     let (mut controlling, mut looking, mut contacts) = (0.0, 0.0, 0);
+    let mut checking = 0.0;
     let processor = cpu_seconds();
     for control_tick in 0..CONTROL_TICKS {
         let begin = Instant::now();
@@ -34,6 +35,10 @@ fn main() -> Result<()> {
             world.apply(target);
             world.step();
             stepping.push(begin.elapsed().as_secs_f64() * 1e6);
+            let begin = Instant::now();
+            let fault = world.fault();
+            checking += begin.elapsed().as_secs_f64();
+            anyhow::ensure!(fault.is_none(), "{fault:?}");
         }
     }
     let ticks = stepping.len() as f64;
@@ -52,12 +57,15 @@ fn main() -> Result<()> {
     println!(
         "physics, {ticks} ticks of 1/240 s: median {:.1} µs (mean {mean:.1}, least {:.1}, 95 % {:.1}, greatest {:.0})\n\
          processor time {processor:.1} µs per tick with control and snapshots\n\
+         check of the state {:.2} µs, {:.2} % of a tick\n\
          snapshot {:.1} µs, control {:.1} µs per control tick; {:.1} touching pairs\n\
          at the end the bottle is {:.2} m high, {:.2} m from the hand",
         at(0.5),
         at(0.0),
         at(0.95),
         at(1.0),
+        checking / ticks * 1e6,
+        checking / ticks * 1e8 / mean,
         looking / CONTROL_TICKS as f64 * 1e6,
         controlling / CONTROL_TICKS as f64 * 1e6,
         contacts as f64 / CONTROL_TICKS as f64,
