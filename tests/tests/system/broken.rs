@@ -35,6 +35,7 @@ fn chair_in_the_table(link: &Link) -> v1::Scenario {
 fn reset(link: &Link, scenario: v1::Scenario) -> Result<v1::ResetReply, LinkError> {
     let request = v1::ResetRequest {
         scenario: Some(scenario),
+        force: true,
         ..Default::default()
     };
     link.query(Query::Reset, &request)
@@ -136,6 +137,8 @@ fn a_state_that_is_cut_or_changed_is_refused_and_the_world_stays() {
         let request = v1::ResetRequest {
             scenario: before.scenario.clone(),
             snapshot: snapshot.into(),
+            force: true,
+            ..Default::default()
         };
         link.query::<v1::ResetReply>(Query::Reset, &request)
     };
