@@ -5,6 +5,8 @@
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 
+use wheelarm_proto::check::Number;
+
 use super::{SimError, Simulation, Step};
 use crate::robot::RobotModel;
 use crate::scene::Scene;
@@ -104,10 +106,10 @@ pub fn fault_words(fault: &Fault, model: &RobotModel, scene: &Scene) -> String {
             object(*i),
             crate::world::health::SOFT_ENERGY
         ),
-        Fault::Outside { at } => format!(
-            "the chair is at ({:.1}, {:.1}, {:.1}) m: outside the home, or in the free air",
-            at.x, at.y, at.z
-        ),
+        Fault::Outside { at } => {
+            let [x, y, z] = [at.x, at.y, at.z].map(|x| Number((x * 1e2).round() / 1e2));
+            format!("the chair is at ({x}, {y}, {z}) m: outside the home, or in the free air")
+        }
         Fault::Panic(words) => format!("the simulation panicked: {words}"),
     }
 }
