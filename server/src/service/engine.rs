@@ -420,21 +420,6 @@ impl Engine {
             .state(names::EVENT_STREAM, self.episode_number(), tick, event);
     }
 
-    /// Ends the running episode as soon as its last pictures are out.
-    pub(super) fn end_episode(&mut self, discard: bool, cause: v1::EndCause) {
-        match &mut self.errand {
-            // A client has asked for the end; this is why it comes.
-            Some(Errand::Stop { cause: told, .. }) => *told = cause,
-            _ => {
-                self.errand = Some(Errand::Stop {
-                    asked: None,
-                    discard,
-                    cause,
-                });
-            }
-        }
-    }
-
     /// Announces an episode; simulation time goes on when its recorders are ready.
     /// What the cameras drew before it is out.
     pub(super) fn start_episode(

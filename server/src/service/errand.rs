@@ -96,6 +96,21 @@ impl Engine {
         }
     }
 
+    /// Ends the running episode as soon as its last pictures are out.
+    pub(super) fn end_episode(&mut self, discard: bool, cause: v1::EndCause) {
+        match &mut self.errand {
+            // A client has asked for the end; this is why it comes.
+            Some(Errand::Stop { cause: told, .. }) => *told = cause,
+            _ => {
+                self.errand = Some(Errand::Stop {
+                    asked: None,
+                    discard,
+                    cause,
+                });
+            }
+        }
+    }
+
     /// Goes on with what was begun.
     pub(super) fn proceed(&mut self) {
         while let Some(errand) = self.errand.take() {
