@@ -8,6 +8,7 @@
 
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
+use std::process::ExitStatus;
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
 use anyhow::{Context, bail};
@@ -154,13 +155,13 @@ pub fn attempt(
                 server.ended_within(DYING)?;
             }
             if let Some(status) = server.ended()? {
-                let words = format!("the server died ({status}): {}", server.last_words());
+                let words = died(&server, status);
                 return Ok(broke(&watch, words));
             }
             break status;
         }
         if let Some(status) = server.ended()? {
-            let words = format!("the server died ({status}): {}", server.last_words());
+            let words = died(&server, status);
             return Ok(broke(&watch, words));
         }
         if let Some(status) = recorder.ended()?
@@ -222,6 +223,12 @@ pub fn attempt(
         wall_seconds,
     )
     .with_context(|| format!("the recorder said: {}", recorder.tail()))
+}
+
+fn died(server: &Process, status: ExitStatus) -> String {
+    let said = server.last_words();
+    let words = format!("the server died ({status}): {said}");
+    words.trim_end_matches(": ").to_owned()
 }
 
 /// The operator's last words when it broke, rather than failed at the task.
