@@ -1,7 +1,8 @@
 # make demo    records one episode of the mustard task and shows pictures of it
 # make test    format, lints, documentation and all tests, as CI runs them
 # make test-cluster   a campaign on a one-node Slurm cluster in this machine
-# make test-readers   loads exports in lerobot 0.4.4 and robomimic 0.3 (downloads gigabytes)
+# make test-readers   loads exports in lerobot 0.4.4 and robomimic 0.3 (downloads gigabytes),
+#                     holds joint signals against Pinocchio
 # make soak    300 short episodes one right after the other, every file checked
 # make test-original SCRIPTS=DIR   the original's processing scripts on an episode of ours
 # make bench   step, kinematics, cameras and recording beside their references

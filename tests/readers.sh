@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # Records two episodes, exports them, and runs the guide's Python with the real
 # readers: lerobot 0.4.4 and robomimic 0.3.0, in a virtual environment of its
-# own. The first run downloads several gigabytes (torch).
+# own; and holds the joint signals against Pinocchio. The first run downloads several gigabytes (torch).
 #   WHEELARM_READERS   the environment, .venv-readers without it
 set -euo pipefail
 cd "$(dirname "$0")/.."
@@ -19,6 +19,7 @@ if ! has lerobot 0.4.4; then
     [ "$free" -ge "$NEEDED" ] || { echo "lerobot and torch take about $NEEDED GB while they are installed; $free GB are free in $venv" >&2; exit 1; }
     pip lerobot==0.4.4
 fi
+has pin 4.1.0 || pip pin==4.1.0
 # Its dependency egl_probe does not build with new versions of CMake.
 has robomimic 0.3.0 || pip --no-deps robomimic==0.3.0
 "$python" -c 'import h5py, tensorboard, tensorboardX, imageio, termcolor, psutil, tqdm' 2>/dev/null ||
@@ -36,6 +37,8 @@ for chapter in lerobot robomimic; do
     "$python" "$root/tests/python/guide_blocks.py" "$root/client/guide/$chapter.md" python >"read_$chapter.py"
     "$python" "read_$chapter.py"
 done
+echo "== joint signals against Pinocchio"
+"$python" "$root/tests/python/check_signals.py" data/session/*.h5
 # Through a file: a reader that stops early would break the pipe.
 info=$("$python" -c "from importlib.util import find_spec; print(find_spec('robomimic').submodule_search_locations[0] + '/scripts/get_dataset_info.py')")
 "$python" "$info" --dataset data/robomimic.hdf5 >info.txt

@@ -1,6 +1,7 @@
 //! The contract of WheelArm: messages, key expressions, names, units and frames.
 //!
-//! Data only: no transport, no simulation. Every process that speaks to a
+//! Data, and the functions that must come out alike everywhere ([`exact`]): no
+//! transport, no simulation. Every process that speaks to a
 //! server depends on this crate and on nothing else of the server.
 //!
 //! Conventions: right-handed frames, z up, x forward, y left; SI units and
@@ -8,6 +9,7 @@
 
 pub mod check;
 pub mod digest;
+pub mod exact;
 pub mod keys;
 pub mod names;
 pub mod preview;

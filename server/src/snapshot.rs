@@ -80,6 +80,23 @@ impl BodyState {
             angular: Vector3::zeros(),
         }
     }
+
+    /// A frame that rides on this one at `own_from_frame`.
+    #[must_use]
+    pub fn carrying(&self, own_from_frame: Isometry3<f64>) -> Self {
+        let pose = self.pose * own_from_frame;
+        Self {
+            pose,
+            linear: self.velocity_at(&pose.translation.vector),
+            angular: self.angular,
+        }
+    }
+
+    /// Velocity, m/s, of a point of `house` that rides on this frame.
+    #[must_use]
+    pub fn velocity_at(&self, point: &Vector3<f64>) -> Vector3<f64> {
+        self.linear + self.angular.cross(&(point - self.pose.translation.vector))
+    }
 }
 
 /// A body that can touch another.

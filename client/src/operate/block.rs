@@ -1,6 +1,7 @@
 //! Boxes and upright cylinders with a pose: what things are to a planner.
 
 use nalgebra::{Isometry3, Point3, Vector3};
+use wheelarm_proto::exact;
 
 use super::ground::Rectangle;
 
@@ -22,7 +23,7 @@ impl Block {
         let local = self.pose.inverse_transform_point(point).coords;
         let outside = if self.round {
             Vector3::new(
-                local.x.hypot(local.y) - self.half.x,
+                exact::hypot(local.x, local.y) - self.half.x,
                 0.0,
                 local.z.abs() - self.half.z,
             )

@@ -3,6 +3,7 @@
 use std::f64::consts::TAU;
 
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
+use wheelarm_proto::exact;
 
 use super::ground::{Pose2, wrap};
 use super::scene::SceneModel;
@@ -66,14 +67,14 @@ pub fn docks(scene: &SceneModel, chair: &Pose2, ways: &[Way], distance: f64) -> 
         let level = (way.at.rotation * Vector3::z()).xy().norm();
         let liked = distance - NEARER * (1.0 - level);
         for (heading, off) in headings {
-            let (sin, cos) = heading.sin_cos();
+            let (sin, cos) = exact::sin_cos(heading);
             for side in -4..=4 {
                 let bearing = f64::from(side) * 0.1;
                 for i in 0..=steps {
                     let far = NEAREST + STEP * i as f64;
                     // The object in the chair's frame.
-                    let ahead = arm.x + far * bearing.cos();
-                    let left = arm.y + far * bearing.sin();
+                    let ahead = arm.x + far * exact::cos(bearing);
+                    let left = arm.y + far * exact::sin(bearing);
                     let pose = Pose2 {
                         x: point.x - ahead * cos + left * sin,
                         y: point.y - ahead * sin - left * cos,

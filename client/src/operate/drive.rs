@@ -1,5 +1,7 @@
 //! How the chair follows a route: a smooth speed profile and a tracking law.
 
+use wheelarm_proto::exact;
+
 use super::ground::{Pose2, wrap};
 use super::route::Piece;
 
@@ -219,10 +221,10 @@ impl Drive {
         let after = self.reference(time + LAG + RAMP / 2.0);
         let feed = wrap(after.pose.heading - before.pose.heading) / RAMP;
         let [along, across, turn] = pose.to(&now.pose);
-        let speed = now.speed * turn.cos() + GAIN_ALONG * along;
+        let speed = now.speed * exact::cos(turn) + GAIN_ALONG * along;
         let turn_rate = feed
             + now.speed * GAIN_ACROSS * across
-            + now.speed.abs() * GAIN_HEADING * turn.sin()
+            + now.speed.abs() * GAIN_HEADING * exact::sin(turn)
             + (1.0 - (now.speed.abs() / 0.2).min(1.0)) * GAIN_TURN * turn;
         [speed.clamp(-0.3, 0.6), turn_rate.clamp(-0.8, 0.8)]
     }

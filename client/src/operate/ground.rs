@@ -3,6 +3,8 @@
 
 use std::f64::consts::{PI, TAU};
 
+use wheelarm_proto::exact;
+
 /// A place of the chair: `wheelchair_root` in `house`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Pose2 {
@@ -18,7 +20,7 @@ impl Pose2 {
     /// The point `(forward, left)` of the chair in `house`, metres.
     #[must_use]
     pub fn point(&self, forward: f64, left: f64) -> [f64; 2] {
-        let (sin, cos) = self.heading.sin_cos();
+        let (sin, cos) = exact::sin_cos(self.heading);
         [
             self.x + forward * cos - left * sin,
             self.y + forward * sin + left * cos,
@@ -28,7 +30,7 @@ impl Pose2 {
     /// `other` seen from this pose: forward, left, turn.
     #[must_use]
     pub fn to(&self, other: &Self) -> [f64; 3] {
-        let (sin, cos) = self.heading.sin_cos();
+        let (sin, cos) = exact::sin_cos(self.heading);
         let (dx, dy) = (other.x - self.x, other.y - self.y);
         [
             dx * cos + dy * sin,
@@ -46,12 +48,12 @@ impl Pose2 {
         let chord = if turn.abs() < 1e-6 {
             length
         } else {
-            2.0 / curvature * (turn / 2.0).sin()
+            2.0 / curvature * exact::sin(turn / 2.0)
         };
         let middle = self.heading + turn / 2.0;
         Self {
-            x: self.x + chord * middle.cos(),
-            y: self.y + chord * middle.sin(),
+            x: self.x + chord * exact::cos(middle),
+            y: self.y + chord * exact::sin(middle),
             heading: wrap(self.heading + turn),
         }
     }
@@ -68,7 +70,7 @@ impl Pose2 {
     /// Distance of the origins, metres.
     #[must_use]
     pub fn distance(&self, other: &Self) -> f64 {
-        (other.x - self.x).hypot(other.y - self.y)
+        exact::hypot(other.x - self.x, other.y - self.y)
     }
 }
 
@@ -94,7 +96,7 @@ impl Rectangle {
     /// Radius of the circle around it, metres.
     #[must_use]
     pub fn radius(&self) -> f64 {
-        self.half[0].hypot(self.half[1])
+        exact::hypot(self.half[0], self.half[1])
     }
 
     /// Whether two rectangles overlap (separating axes).
@@ -141,7 +143,7 @@ impl Outline {
         Rectangle {
             centre: pose.point((back + front) / 2.0, (right + left) / 2.0),
             half: [(front - back) / 2.0 + margin, (left - right) / 2.0 + margin],
-            along: [pose.heading.cos(), pose.heading.sin()],
+            along: [exact::cos(pose.heading), exact::sin(pose.heading)],
         }
     }
 }

@@ -2,6 +2,7 @@
 //! any opening. Sizes are those of the robot's collision shapes.
 
 use nalgebra::Vector3;
+use wheelarm_proto::exact;
 
 /// One ball, in the end effector's frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -47,14 +48,14 @@ const BODY: [([f64; 3], f64); 14] = [
 
 /// The knuckle's angle at an opening, radians.
 fn knuckle(opening: f64) -> f64 {
-    let length = TIP[0].hypot(TIP[1]);
+    let length = exact::hypot(TIP[0], TIP[1]);
     let across = (opening.clamp(0.0, OPEN) / 2.0 + PAD - KNUCKLE[0]) / length;
-    TIP[0].atan2(TIP[1]) - across.clamp(-1.0, 1.0).asin()
+    exact::atan2(TIP[0], TIP[1]) - exact::asin(across.clamp(-1.0, 1.0))
 }
 
 /// A point that turns with the knuckle: beside and along the hand's axis, metres.
 fn turned(point: [f64; 2], angle: f64) -> [f64; 2] {
-    let (sin, cos) = angle.sin_cos();
+    let (sin, cos) = exact::sin_cos(angle);
     [
         KNUCKLE[0] + point[0] * cos - point[1] * sin,
         KNUCKLE[1] + point[0] * sin + point[1] * cos,

@@ -3,6 +3,7 @@
 
 use nalgebra::Isometry3;
 use wheelarm_proto::check::Invalid;
+use wheelarm_proto::exact;
 use wheelarm_proto::{names, v1};
 
 use super::ground::Pose2;
@@ -59,7 +60,7 @@ impl Observation {
         Pose2 {
             x: self.house_from_chair.translation.x,
             y: self.house_from_chair.translation.y,
-            heading: forward.y.atan2(forward.x),
+            heading: exact::atan2(forward.y, forward.x),
         }
     }
 }
@@ -158,7 +159,7 @@ impl Collector {
             time: stamp_nanos as f64 * 1e-9,
             house_from_chair: read_pose("pose of the chair", frame(CHAIR).pose.as_ref())?,
             chair_speed: [
-                linear.x.hypot(linear.y),
+                exact::hypot(linear.x, linear.y),
                 twist.angular.unwrap_or_default().z,
             ],
             base_from_tool: read_pose("pose of the end effector", frame(TOOL).pose.as_ref())?,

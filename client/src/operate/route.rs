@@ -5,6 +5,8 @@ use std::cmp::Ordering;
 use std::collections::{BTreeMap, BinaryHeap};
 use std::f64::consts::TAU;
 
+use wheelarm_proto::exact;
+
 use super::ground::{Ground, Pose2, wrap};
 
 /// One piece of a route.
@@ -255,7 +257,7 @@ fn connections(pose: &Pose2, goal: &Pose2, style: &RouteStyle) -> Vec<Vec<Piece>
         length,
         curvature: 0.0,
     };
-    let bearing = (goal.y - pose.y).atan2(goal.x - pose.x);
+    let bearing = exact::atan2(goal.y - pose.y, goal.x - pose.x);
     let (before, after) = (wrap(bearing - pose.heading), wrap(goal.heading - bearing));
     let length = pose.distance(goal);
     ways.push(if length < 0.02 {
@@ -266,9 +268,9 @@ fn connections(pose: &Pose2, goal: &Pose2, style: &RouteStyle) -> Vec<Vec<Piece>
     let [forward, left, turn] = pose.to(goal);
     if turn.abs() > 0.05 && turn.abs() < 2.6 {
         // The lines of both headings meet `ahead` of the pose and `back` before the goal.
-        let back = left / turn.sin();
-        let ahead = forward - back * turn.cos();
-        let tangent = style.radius * (turn.abs() / 2.0).tan();
+        let back = left / exact::sin(turn);
+        let ahead = forward - back * exact::cos(turn);
+        let tangent = style.radius * exact::tan(turn.abs() / 2.0);
         if ahead >= tangent && back >= tangent {
             ways.push(vec![
                 straight(ahead - tangent),

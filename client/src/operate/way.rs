@@ -4,6 +4,7 @@
 use std::f64::consts::{PI, TAU};
 
 use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
+use wheelarm_proto::exact;
 
 use super::clearance::Surroundings;
 use super::goal::Goal;
@@ -43,7 +44,7 @@ impl Way {
     #[must_use]
     pub fn heading(&self) -> Option<f64> {
         let forward = self.at.rotation * Vector3::z();
-        (forward.xy().norm() > 0.3).then(|| forward.y.atan2(forward.x))
+        (forward.xy().norm() > 0.3).then(|| exact::atan2(forward.y, forward.x))
     }
 }
 

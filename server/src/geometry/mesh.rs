@@ -4,6 +4,8 @@
 
 use std::path::{Path, PathBuf};
 
+use wheelarm_proto::exact;
+
 pub use super::load::load;
 use super::mesh_revolve::{Profile, revolve};
 use super::{Shape, TriMesh};
@@ -29,7 +31,7 @@ impl Detail {
             Detail::Full => (0.0003, 12, 48),
             Detail::Coarse => (0.003, 6, 16),
         };
-        let wanted = std::f64::consts::PI / (1.0 - error / radius.max(2.0 * error)).acos();
+        let wanted = std::f64::consts::PI / exact::acos(1.0 - error / radius.max(2.0 * error));
         // Multiples of four keep the extreme points on the axes.
         (wanted / 4.0)
             .ceil()
@@ -290,9 +292,9 @@ fn capsule_profile(radius: f64, half_height: f64, detail: Detail) -> Profile {
             let r = if i == if sign < 0.0 { 0 } else { arcs } {
                 0.0
             } else {
-                radius * angle.cos()
+                radius * exact::cos(angle)
             };
-            points.push([r, sign * half_height + radius * angle.sin()]);
+            points.push([r, sign * half_height + radius * exact::sin(angle)]);
         }
     }
     Profile::smooth(points)
@@ -338,7 +340,7 @@ fn grid_box(half: &[f64; 3], radius: f64, knots: &[f64]) -> TriMesh {
             return h * (2.0 * knot - 1.0);
         }
         // Equal angles: the tangent spaces them on the cube.
-        let bend = |part: f64| radius * (part * std::f64::consts::FRAC_PI_4).tan();
+        let bend = |part: f64| radius * exact::tan(part * std::f64::consts::FRAC_PI_4);
         if knot <= 0.25 {
             -(h - radius) - bend(1.0 - knot * 4.0)
         } else {

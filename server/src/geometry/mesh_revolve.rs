@@ -1,5 +1,7 @@
 //! Surfaces of revolution about z from a profile in the half plane.
 
+use wheelarm_proto::exact;
+
 use super::TriMesh;
 use super::mesh::{Detail, drop_slivers};
 
@@ -60,18 +62,18 @@ pub(super) fn revolve(profile: &Profile, detail: Detail) -> TriMesh {
         .windows(2)
         .map(|w| {
             let (dr, dz) = (w[1][0] - w[0][0], w[1][1] - w[0][1]);
-            let length = dr.hypot(dz).max(1e-12);
+            let length = exact::hypot(dr, dz).max(1e-12);
             [dz / length, -dr / length]
         })
         .collect();
     let together = |a: [f64; 2], b: [f64; 2]| {
         let flat = |n: [f64; 2]| n[1].abs() > 0.95;
-        let bend = (a[0] * b[0] + a[1] * b[1]).clamp(-1.0, 1.0).acos();
+        let bend = exact::acos((a[0] * b[0] + a[1] * b[1]).clamp(-1.0, 1.0));
         profile.smooth || (bend < SHARP && flat(a) == flat(b))
     };
     let mean = |a: [f64; 2], b: [f64; 2]| {
         let sum = [a[0] + b[0], a[1] + b[1]];
-        let length = sum[0].hypot(sum[1]).max(1e-12);
+        let length = exact::hypot(sum[0], sum[1]).max(1e-12);
         [sum[0] / length, sum[1] / length]
     };
     let ring = points.first() == points.last();
@@ -104,7 +106,7 @@ pub(super) fn revolve(profile: &Profile, detail: Detail) -> TriMesh {
         let low = shared.take().unwrap_or_else(|| {
             push_ring(&mut mesh, w[0], at(before), travelled, widest, chords, disc)
         });
-        travelled += (w[1][0] - w[0][0]).hypot(w[1][1] - w[0][1]);
+        travelled += exact::hypot(w[1][0] - w[0][0], w[1][1] - w[0][1]);
         let high = push_ring(&mut mesh, w[1], at(after), travelled, widest, chords, disc);
         for k in 0..chords as u32 {
             let (a, b) = (low + k, high + k);
@@ -134,7 +136,7 @@ fn push_ring(
         let (sin, cos) = if k == chords {
             (0.0, 1.0)
         } else {
-            angle.sin_cos()
+            exact::sin_cos(angle)
         };
         mesh.positions
             .push([(r * cos) as f32, (r * sin) as f32, z as f32]);

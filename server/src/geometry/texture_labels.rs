@@ -1,5 +1,7 @@
 //! Labels of the task objects, our own drawings: colour fields and stroke letters.
 
+use wheelarm_proto::exact;
+
 use super::texture_noise::{blend, fractal, mix, ramp, scale};
 
 type Stroke = &'static [(f32, f32)];
@@ -365,7 +367,7 @@ pub(super) fn coke(u: f32, v: f32) -> [f32; 3] {
     let red = [0.80, 0.05, 0.07];
     let white = [0.97, 0.97, 0.97];
     let mut c = scale(red, 0.94 + 0.1 * v);
-    let wave = 0.30 + 0.07 * (std::f32::consts::TAU * u).sin();
+    let wave = 0.30 + 0.07 * exact::sin(std::f32::consts::TAU * u);
     c = blend(c, white, band(v, wave - 0.035, wave + 0.02));
     c = blend(c, white, 0.9 * band(v, wave - 0.062, wave - 0.05));
     c = blend(

@@ -1,5 +1,7 @@
 //! Floors, walls, boards and cloth.
 
+use wheelarm_proto::exact;
+
 use super::texture_noise::{blend, fractal, hash, mix, noise, ramp, scale};
 
 /// Light at the upper left edge of a raised field, shade at the lower right:
@@ -19,7 +21,7 @@ fn joint(x: f32, y: f32, width_x: f32, width_y: f32) -> f32 {
 /// Rings of wood seen along a board: brightness 0 to 1, grain along u.
 fn grain(u: f32, v: f32, seed: u32) -> f32 {
     let warp = fractal(u, v, 2, 4, 3, seed);
-    let rings = (std::f32::consts::TAU * (v * 11.0 + warp * 1.7)).sin() * 0.5 + 0.5;
+    let rings = exact::sin(std::f32::consts::TAU * (v * 11.0 + warp * 1.7)) * 0.5 + 0.5;
     let streaks = fractal(u, v, 3, 48, 3, seed + 11);
     let fibre = fractal(u, v, 6, 160, 2, seed + 7);
     0.24 * rings + 0.2 * warp + 0.34 * streaks + 0.22 * fibre
@@ -147,7 +149,7 @@ pub(super) fn leaves(u: f32, v: f32) -> [f32; 3] {
                 continue;
             }
             let angle = hash(kx, ky, seed) * std::f32::consts::TAU;
-            let (s, c) = angle.sin_cos();
+            let (s, c) = exact::sin_cos(angle);
             let (along, across) = (px * c + py * s, py * c - px * s);
             let width = 0.26 * (1.0 - (along / 0.62).powi(2));
             if along.abs() < 0.62 && across.abs() < width {

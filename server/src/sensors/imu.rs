@@ -7,6 +7,7 @@ use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
 use wheelarm_proto::PHYSICS_HZ;
+use wheelarm_proto::exact;
 
 use crate::robot::ImuSettings;
 use crate::snapshot::BodyState;
@@ -113,7 +114,7 @@ fn normal(rng: &mut ChaCha8Rng) -> f64 {
     use rand::Rng;
     let uniform = |bits: u64| ((bits >> 11) as f64 + 0.5) / (1u64 << 53) as f64;
     let (a, b) = (uniform(rng.next_u64()), uniform(rng.next_u64()));
-    (-2.0 * a.ln()).sqrt() * (std::f64::consts::TAU * b).cos()
+    (-2.0 * exact::ln(a)).sqrt() * exact::cos(std::f64::consts::TAU * b)
 }
 
 #[cfg(test)]

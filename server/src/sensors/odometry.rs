@@ -2,6 +2,7 @@
 //! ω = (v_right − v_left)/track, midpoint heading.
 
 use serde::{Deserialize, Serialize};
+use wheelarm_proto::exact;
 
 /// Dead reckoning from the turn of the driven wheels.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -41,8 +42,8 @@ impl Odometry {
             let [left, right] = [0, 1].map(|i| (angles[i] - last[i]) * self.radius);
             let (forward, turn) = ((right + left) / 2.0, (right - left) / self.track);
             let middle = self.heading + turn / 2.0;
-            self.position[0] += forward * middle.cos();
-            self.position[1] += forward * middle.sin();
+            self.position[0] += forward * exact::cos(middle);
+            self.position[1] += forward * exact::sin(middle);
             self.heading += turn;
         }
         self.last = Some(angles);

@@ -5,6 +5,7 @@
 //! Age is wall time in real-time pacing and simulation time otherwise; the
 //! caller passes it in seconds, so that this file knows no clock.
 
+mod goals;
 mod lease;
 mod rate;
 
@@ -13,6 +14,7 @@ use std::time::Instant;
 
 use wheelarm_proto::{Message, PHYSICS_HZ, TICKS_PER_CONTROL, check, seal, v1};
 
+use self::goals::Goals;
 pub use self::lease::{Asked, Granted, Lease, Life};
 pub use self::rate::Bucket;
 use super::convert;
@@ -106,6 +108,7 @@ pub struct Inbox {
     next_tick: u64,
     base: Active,
     twist: Active,
+    goals: Goals,
     refused: u64,
     phase: (i32, String),
     /// Why no command is taken at all; empty when they are.
@@ -127,6 +130,7 @@ impl Inbox {
             next_tick: 0,
             base: Active::default(),
             twist: Active::default(),
+            goals: Goals::default(),
             refused: 0,
             phase: (0, String::new()),
             closed: String::new(),
@@ -149,6 +153,7 @@ impl Inbox {
         self.next_tick = next_tick;
         self.base = Active::default();
         self.twist = Active::default();
+        self.goals.clear();
         self.phase = (0, String::new());
     }
 
@@ -204,6 +209,7 @@ impl Inbox {
         self.answers.clear();
         self.base = Active::default();
         self.twist = Active::default();
+        self.goals.clear();
         self.brake = Brake {
             base: true,
             arm: true,
@@ -412,6 +418,8 @@ impl Inbox {
         };
         self.next_tick = tick + 1;
         let mut taken = self.stopped();
+        // In lock-step time waits, so nothing is late.
+        let even = !self.listening.lock_step && !self.listening.replay;
         for command in &commands {
             if command.phase != 0 {
                 let name = command.phase_name.chars().take(64).collect();
@@ -421,9 +429,16 @@ impl Inbox {
             let Ok(input) = convert::control_input(command, &self.gripper) else {
                 continue;
             };
-            taken.input.arm = input.arm.or(taken.input.arm);
+            let arm = match input.arm {
+                Some(arm) if even => self.goals.came(tick, command.answers_tick, arm),
+                arm => arm,
+            };
+            taken.input.arm = arm.or(taken.input.arm);
             taken.input.base = input.base.or(taken.input.base);
             taken.input.gripper = input.gripper.or(taken.input.gripper);
+        }
+        if even {
+            taken.input.arm = self.goals.play(tick).or(taken.input.arm);
         }
         taken.commands = commands;
         self.apply_age(&mut taken, now);

@@ -1,5 +1,6 @@
 //! Turns the state at a control tick into messages.
 
+use wheelarm_proto::exact;
 use wheelarm_proto::v1;
 
 use super::convert;
@@ -155,7 +156,7 @@ impl Put<'_> {
         };
         self.outbox.state("pose", self.episode, self.tick, message);
         let odometry = sim.odometry();
-        let (half_sin, half_cos) = (odometry.heading / 2.0).sin_cos();
+        let (half_sin, half_cos) = exact::sin_cos(odometry.heading / 2.0);
         let message = v1::Odometry {
             header: None,
             pose: Some(v1::Pose {

@@ -1,6 +1,7 @@
 //! Room between things that stand on surfaces: footprints and what they keep clear of.
 
 use nalgebra::{Isometry3, Point2, UnitComplex, Vector2, Vector3};
+use wheelarm_proto::exact;
 
 use super::spec::TaskSpec;
 use crate::geometry::Part;
@@ -59,7 +60,7 @@ impl Footprint {
     /// The same at a pose.
     fn at(&self, pose: &Isometry3<f64>) -> Self {
         let forward = pose.rotation * Vector3::x();
-        let turn = UnitComplex::new(forward.y.atan2(forward.x));
+        let turn = UnitComplex::new(exact::atan2(forward.y, forward.x));
         Self {
             centre: Point2::from(pose.translation.vector.xy()) + turn * self.centre.coords,
             turn: turn * self.turn,
@@ -231,7 +232,7 @@ impl<'a> Room<'a> {
 fn lane(from: Point2<f64>, direction: Vector2<f64>, half: f64) -> Footprint {
     Footprint {
         centre: from + direction * LANE_LENGTH,
-        turn: UnitComplex::new(direction.y.atan2(direction.x)),
+        turn: UnitComplex::new(exact::atan2(direction.y, direction.x)),
         half: Vector2::new(LANE_LENGTH, 0.0),
         radius: half,
     }

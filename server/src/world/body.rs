@@ -286,6 +286,32 @@ impl RobotBody {
         Some(&mut multibody.link_mut(self.links[body])?.joint.data)
     }
 
+    /// Damping in the dynamics of the joint that moves a body, N·m·s/rad.
+    pub(super) fn damping(&self, physics: &PhysicsWorld, body: usize) -> f64 {
+        self.multibody(physics)
+            .and_then(|multibody| {
+                let dof = multibody.link(self.links[body])?.assembly_id();
+                multibody.damping().get(dof)
+            })
+            .map_or(0.0, |damping| f64::from(*damping))
+    }
+
+    /// Sets [`RobotBody::damping`].
+    pub(super) fn set_damping(&self, physics: &mut PhysicsWorld, body: usize, damping: f64) {
+        let Some(multibody) = self
+            .multibody
+            .and_then(|index| physics.multibody_joints.get_multibody_mut(index))
+        else {
+            return;
+        };
+        if let Some(dof) = multibody
+            .link(self.links[body])
+            .map(MultibodyLink::assembly_id)
+        {
+            multibody.damping_mut()[dof] = real(damping);
+        }
+    }
+
     /// Position (rad) and velocity (rad/s) of the joint that moves a body.
     pub(super) fn joint_state(&self, physics: &PhysicsWorld, body: usize) -> (f64, f64) {
         self.multibody(physics)
@@ -326,6 +352,18 @@ impl RobotBody {
         {
             multibody.generalized_velocity_mut()[dof] = real(speed);
         }
+    }
+
+    /// Velocity of the root's frame in `house`: linear, m/s, and angular, rad/s.
+    pub(super) fn root_velocity(&self, physics: &PhysicsWorld) -> (Vector3<f64>, Vector3<f64>) {
+        let root = self.multibody(physics).and_then(|multibody| {
+            let velocity = multibody.joint_velocity(multibody.root());
+            let part = |i: usize| Some(f64::from(*velocity.get(i)?));
+            let linear = Vector3::new(part(0)?, part(1)?, part(2)?);
+            let angular = Vector3::new(part(3)?, part(4)?, part(5)?);
+            Some((linear, angular))
+        });
+        root.unwrap_or_else(|| (Vector3::zeros(), Vector3::zeros()))
     }
 
     /// Takes whole turns out of a joint without limits, so that single

@@ -1,13 +1,22 @@
 //! The motors: what turns `Targets` into torques.
 //!
-//! All motors are implicit springs with a torque cap, solved with the
-//! contacts, which is what keeps them stable on links of 2 g·m². Gravity is
-//! compensated by moving the target of an arm joint by `tau_g / kp`; the
+//! Every motor is a spring and a damper. The spring pulls towards a reference
+//! that moves on during the tick, and is taken at the tick's middle: towards a
+//! point that stands still for a tick and then jumps, four substeps would feel
+//! a saw tooth of force, and light joints shiver at 240 Hz by a tenth of their
+//! speed. Gravity is compensated by a torque at each arm joint; the
 //! compensation knows the arm and the gripper, not what it holds.
+//!
+//! Of the arm, the dampers are part of the multibody's dynamics, which are
+//! solved exactly, and the rest of a motor's torque is constant over a tick: the
+//! engine's iterations over constraints would leave a fifth of a newton metre
+//! of joints whose axes are nearly parallel. Wheels and cranks, which drive
+//! against contacts up to a cap, are solved with the contacts.
 
 use nalgebra::Vector3;
-use rapier3d::dynamics::{JointMotor, MotorModel};
+use rapier3d::dynamics::MotorModel;
 use rapier3d::prelude::{JointAxis, PhysicsWorld};
+use wheelarm_proto::exact;
 use wheelarm_proto::names::JOINT_NAMES;
 
 use super::WorldError;
@@ -53,6 +62,17 @@ struct Crank {
     body: usize,
     tip: usize,
     sign: f64,
+}
+
+/// What a joint is to do in the coming tick.
+#[derive(Clone, Copy, Debug)]
+struct Aim {
+    /// Where it should be at the end of the tick, rad.
+    position: f64,
+    /// How fast it should move until then, rad/s.
+    speed: f64,
+    /// Torque that is there in any case, N·m.
+    torque: f64,
 }
 
 /// What the wheels of a model are made of, for `RobotBody::insert`.
@@ -122,6 +142,14 @@ impl Drives {
         self.arm.contains(&body)
     }
 
+    /// Puts the dampers of the arm into the dynamics, once.
+    pub(super) fn insert_dampers(&self, physics: &mut PhysicsWorld, robot: &RobotBody) {
+        let dt = f64::from(physics.integration_parameters.dt);
+        for (&body, gains) in self.arm.iter().zip(&self.arm_gains) {
+            robot.set_damping(physics, body, gains.effective_damping(dt));
+        }
+    }
+
     /// Sets all motors for the coming tick.
     pub(super) fn drive(
         &self,
@@ -140,31 +168,34 @@ impl Drives {
         let wheels = self.wheels.into_iter().zip(leads);
         for ((wheel, lead), speed) in wheels.zip(targets.wheel_velocity) {
             let (angle, _) = robot.joint_state(physics, wheel);
-            set_motor(physics, robot, wheel, angle + lead, speed, gains);
+            let aim = Aim {
+                position: angle + lead,
+                speed,
+                torque: 0.0,
+            };
+            set_motor(physics, robot, wheel, aim, gains);
         }
         for i in 0..6 {
-            let gains = self.arm_gains[i];
-            let lift = self.gravity_torque(physics, robot, i) / gains.stiffness;
-            let position = targets.arm_position[i] + lift;
-            set_motor(
-                physics,
-                robot,
-                self.arm[i],
-                position,
-                targets.arm_velocity[i],
-                gains,
-            );
+            let aim = Aim {
+                position: targets.arm_position[i],
+                speed: targets.arm_velocity[i],
+                torque: self.gravity_torque(physics, robot, i),
+            };
+            set_push(physics, robot, self.arm[i], aim, self.arm_gains[i]);
         }
-        let force = targets.pad_force.clamp(0.0, self.max_pad_force);
+        let force = exact::within(targets.pad_force, 0.0, self.max_pad_force);
         for crank in self.cranks {
             let gains = Gains {
                 stiffness: CRANK_STIFFNESS,
                 damping: CRANK_DAMPING,
                 torque: force * self.lever(physics, robot, crank),
             };
-            let position = crank.sign * targets.knuckle_position;
-            let speed = crank.sign * targets.knuckle_velocity;
-            set_motor(physics, robot, crank.body, position, speed, gains);
+            let aim = Aim {
+                position: crank.sign * targets.knuckle_position,
+                speed: crank.sign * targets.knuckle_velocity,
+                torque: 0.0,
+            };
+            set_motor(physics, robot, crank.body, aim, gains);
         }
     }
 
@@ -186,8 +217,10 @@ impl Drives {
         let moment: Vector3<f64> = self.carried[joint]
             .iter()
             .map(|&b| {
-                let com = from_vector(physics.bodies[robot.handles[b]].center_of_mass());
-                (com - pivot).cross(&(gravity * robot.tree.bodies[b].mass.mass))
+                // The engine's own centre of mass is there from the first tick on.
+                let mass = &robot.tree.bodies[b].mass;
+                let com = (robot.frame(physics, b) * mass.com).coords;
+                (com - pivot).cross(&(gravity * mass.mass))
             })
             .sum();
         -axis.dot(&moment)
@@ -223,33 +256,89 @@ fn carried_by(robot: &RobotBody, root: usize) -> Vec<usize> {
     bodies
 }
 
-fn set_motor(
-    physics: &mut PhysicsWorld,
-    robot: &RobotBody,
-    body: usize,
-    position: f64,
-    speed: f64,
-    gains: Gains,
-) {
+impl Aim {
+    /// The motor's law over the coming tick of a joint at `now`, rad, as a torque
+    /// at velocity 0, N·m, and a damping, N·m·s/rad. Averaged over the tick, the
+    /// torque is
+    /// stiffness · (reference - position) + damping · (speed - velocity) + torque,
+    /// where the reference arrives at the aim's position with the tick's end.
+    ///
+    /// With e the distance to the reference at the begin and v the velocity, the
+    /// spring's mean is stiffness · (e + (speed - v) · dt / 2): a constant and a
+    /// part that damps.
+    fn law(&self, now: f64, gains: Gains, dt: f64) -> (f64, f64) {
+        let behind = self.position - self.speed * dt - now;
+        let damping = gains.effective_damping(dt);
+        let torque = gains.stiffness * behind + damping * self.speed + self.torque;
+        (torque, damping)
+    }
+}
+
+impl Gains {
+    /// What damps in the mean over a tick of `dt` seconds, N·m·s/rad.
+    fn effective_damping(&self, dt: f64) -> f64 {
+        self.damping + self.stiffness * dt / 2.0
+    }
+}
+
+/// Sets a motor that is solved with the contacts, within its cap.
+fn set_motor(physics: &mut PhysicsWorld, robot: &RobotBody, body: usize, aim: Aim, gains: Gains) {
+    let dt = f64::from(physics.integration_parameters.dt);
+    let (now, _) = robot.joint_state(physics, body);
+    let (torque, damping) = aim.law(now, gains, dt);
     let Some(joint) = robot.joint_mut(physics, body) else {
         return;
     };
     joint.set_motor_model(JointAxis::AngX, MotorModel::ForceBased);
     joint.set_motor(
         JointAxis::AngX,
-        real(position),
-        real(speed),
-        real(gains.stiffness),
-        real(gains.damping),
+        0.0,
+        real(torque / damping),
+        0.0,
+        real(damping),
     );
     joint.set_motor_max_force(JointAxis::AngX, real(gains.torque));
 }
 
-/// Torque of a motor at a joint position and velocity, N·m. The engine does
-/// not report it; this is its own law at the state after the tick.
-pub(super) fn effort(motor: &JointMotor, position: f64, velocity: f64) -> f64 {
+/// Sets a motor whose damper is part of the dynamics. Its torque at the begin of
+/// the tick, with the damper, is within the cap.
+///
+/// A torque that does not depend on velocity is, to the engine, a motor that
+/// wants to be far faster than its force allows.
+fn set_push(physics: &mut PhysicsWorld, robot: &RobotBody, body: usize, aim: Aim, gains: Gains) {
+    const FAR_FASTER: f64 = 1e4;
+    const HARD: f32 = 1e6;
+    let dt = f64::from(physics.integration_parameters.dt);
+    let (now, velocity) = robot.joint_state(physics, body);
+    let (torque, damping) = aim.law(now, gains, dt);
+    let resisted = damping * velocity;
+    let push = resisted + exact::within(torque - resisted, -gains.torque, gains.torque);
+    let Some(joint) = robot.joint_mut(physics, body) else {
+        return;
+    };
+    joint.set_motor_model(JointAxis::AngX, MotorModel::ForceBased);
+    let speed = FAR_FASTER.copysign(push);
+    joint.set_motor(JointAxis::AngX, 0.0, real(speed), 0.0, HARD);
+    joint.set_motor_max_force(JointAxis::AngX, real(push.abs()));
+}
+
+/// Mean torque, N·m, of the drive of the joint that moves a body, over a tick in
+/// which the joint moved at a mean velocity, rad/s; 0 where there is no drive.
+/// The engine does not report it; this is its law.
+pub(super) fn torque(physics: &PhysicsWorld, robot: &RobotBody, body: usize, velocity: f64) -> f64 {
+    let Some(motor) = robot
+        .joint(physics, body)
+        .and_then(|data| data.motor(JointAxis::AngX))
+    else {
+        return 0.0;
+    };
     let cap = f64::from(motor.max_force);
-    let pull = f64::from(motor.stiffness) * (f64::from(motor.target_pos) - position)
-        + f64::from(motor.damping) * (f64::from(motor.target_vel) - velocity);
-    pull.clamp(-cap, cap)
+    let damping = robot.damping(physics, body);
+    let torque = if damping > 0.0 {
+        cap.copysign(f64::from(motor.target_vel)) - damping * velocity
+    } else {
+        let pull = f64::from(motor.damping) * (f64::from(motor.target_vel) - velocity);
+        exact::within(pull, -cap, cap)
+    };
+    if torque.is_finite() { torque } else { 0.0 }
 }

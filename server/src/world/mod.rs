@@ -13,6 +13,7 @@ mod grip;
 pub mod health;
 mod mass;
 mod shape;
+mod signals;
 mod slide;
 mod soft;
 mod stage;
@@ -38,6 +39,7 @@ use crate::snapshot::{Anomaly, BodyRef, BodyState, JointState, Snapshot};
 use body::RobotBody;
 use drive::Drives;
 use grip::GripFriction;
+use signals::Signals;
 use soft::SoftObject;
 use stage::Stage;
 use tree::Place;
@@ -145,6 +147,7 @@ pub struct World {
     drives: Drives,
     targets: Targets,
     wheels: Wheels,
+    signals: Signals,
     tick: u64,
     fingerprint: u64,
 }
@@ -195,6 +198,7 @@ impl World {
             drive::surface(model, link)
         })?;
         let drives = Drives::new(model, &robot)?;
+        drives.insert_dampers(&mut physics, &robot);
         let wheels = Wheels::new(model, &robot)?;
         let grip = GripFriction::new(physics.integration_parameters.dt);
         let mut world = Self {
@@ -214,10 +218,13 @@ impl World {
                 pad_force: model.settings.gripper.force,
             },
             wheels,
+            signals: Signals::default(),
             tick: 0,
             fingerprint: 0,
         };
         world.settle_soft(late)?;
+        world.drive();
+        world.signals = Signals::at_rest(&world.physics, &world.robot);
         world.fingerprint = world.hash();
         Ok(world)
     }
@@ -250,17 +257,24 @@ impl World {
             self.robot.normalise_root(&mut self.physics);
             self.wheels.take_turns_out(&mut self.physics, &self.robot);
         }
+        self.drive();
+        self.step_soft();
+        self.grip.begin_tick();
+        self.signals.begin_tick(&self.physics, &self.robot);
+        self.physics.step_with_events(&self.grip, &());
+        self.signals.end_tick(&self.physics, &self.robot);
+        self.wheels.roll(&self.physics, &self.robot);
+        self.tick += 1;
+    }
+
+    /// Sets all motors for the coming tick.
+    fn drive(&mut self) {
         self.drives.drive(
             &mut self.physics,
             &self.robot,
             &mut self.wheels,
             &self.targets,
         );
-        self.step_soft();
-        self.grip.begin_tick();
-        self.physics.step_with_events(&self.grip, &());
-        self.wheels.roll(&self.physics, &self.robot);
-        self.tick += 1;
     }
 
     /// Soft objects go first; what they push with lasts one tick.
@@ -359,16 +373,7 @@ impl World {
             let Some(joint) = tree_body.joint.map(|j| j.joint) else {
                 continue;
             };
-            let (position, velocity) = self.robot.joint_state(&self.physics, body);
-            let motor = self
-                .robot
-                .joint(&self.physics, body)
-                .and_then(|data| data.motor(rapier3d::prelude::JointAxis::AngX));
-            states[joint] = JointState {
-                position,
-                velocity,
-                effort: motor.map_or(0.0, |m| drive::effort(m, position, velocity)),
-            };
+            states[joint] = self.signals.state(&self.physics, &self.robot, body);
         }
         for place in &self.robot.tree.places {
             let Place::Parallel(joint) = *place else {
@@ -382,18 +387,20 @@ impl World {
                 };
             }
         }
-        self.wheels.write(&self.physics, &self.robot, &mut states);
+        self.wheels.write(&mut states);
         states
     }
 
     fn links(&self, joints: &[JointState]) -> Vec<BodyState> {
+        let mut bodies: Vec<BodyState> = Vec::with_capacity(self.robot.handles.len());
+        for body in 0..self.robot.handles.len() {
+            let parent = self.robot.tree.bodies[body].joint.map(|j| bodies[j.parent]);
+            bodies.push(self.robot_body(body, parent));
+        }
         let mut links: Vec<BodyState> = Vec::with_capacity(self.model.links.len());
         for place in &self.robot.tree.places {
             let state = match *place {
-                Place::InBody(body, body_from_link) => {
-                    let frame = self.robot.frame(&self.physics, body);
-                    self.body_state(self.robot.handles[body], frame * body_from_link)
-                }
+                Place::InBody(body, body_from_link) => bodies[body].carrying(body_from_link),
                 Place::Rolling(joint) | Place::Parallel(joint) => {
                     let parent = links[self.model.joints[joint].parent];
                     self.posed(joint, &parent, &joints[joint])
@@ -409,11 +416,32 @@ impl World {
     #[must_use]
     pub fn link(&self, link: usize) -> Option<BodyState> {
         match *self.robot.tree.places.get(link)? {
-            Place::InBody(body, body_from_link) => {
-                let frame = self.robot.frame(&self.physics, body);
-                Some(self.body_state(self.robot.handles[body], frame * body_from_link))
+            Place::InBody(0, body_from_link) => {
+                Some(self.robot_body(0, None).carrying(body_from_link))
             }
-            Place::Rolling(_) | Place::Parallel(_) => self.links(&self.joints()).get(link).copied(),
+            _ => self.links(&self.joints()).get(link).copied(),
+        }
+    }
+
+    /// State of a body of the robot, from that of its parent: it moves as its
+    /// joint tells, not as the engine's body, whose velocity is that of a
+    /// substep before.
+    fn robot_body(&self, body: usize, parent: Option<BodyState>) -> BodyState {
+        let pose = self.robot.frame(&self.physics, body);
+        let joint = self.robot.tree.bodies[body].joint;
+        match (parent, joint) {
+            (Some(parent), Some(tree_joint)) => {
+                let state = self.signals.state(&self.physics, &self.robot, body);
+                self.turned(tree_joint.joint, &parent, pose, state.velocity)
+            }
+            _ => {
+                let (linear, angular) = self.robot.root_velocity(&self.physics);
+                BodyState {
+                    pose,
+                    linear,
+                    angular,
+                }
+            }
         }
     }
 
@@ -432,13 +460,23 @@ impl World {
 
     /// State of a link that a joint poses from its parent.
     fn posed(&self, joint: usize, parent: &BodyState, state: &JointState) -> BodyState {
-        let joint = &self.model.joints[joint];
-        let pose = parent.pose * joint.transform(state.position);
-        let arm: Vector3<f64> = pose.translation.vector - parent.pose.translation.vector;
+        let pose = parent.pose * self.model.joints[joint].transform(state.position);
+        self.turned(joint, parent, pose, state.velocity)
+    }
+
+    /// State of a frame that a joint turns at its origin.
+    fn turned(
+        &self,
+        joint: usize,
+        parent: &BodyState,
+        pose: Isometry3<f64>,
+        velocity: f64,
+    ) -> BodyState {
+        let axis = pose * self.model.joints[joint].axis.into_inner();
         BodyState {
             pose,
-            linear: parent.linear + parent.angular.cross(&arm),
-            angular: parent.angular + pose * joint.axis.into_inner() * state.velocity,
+            linear: parent.velocity_at(&pose.translation.vector),
+            angular: parent.angular + axis * velocity,
         }
     }
 }

@@ -8,6 +8,7 @@ use std::f64::consts::{FRAC_PI_2, TAU};
 use nalgebra::{Isometry3, Point3, Vector3};
 use rapier3d::math::{Pose, Vector};
 use rapier3d::prelude::SharedShape;
+use wheelarm_proto::exact;
 
 use super::convert::{point, pose, real};
 use crate::geometry::{Part, Shape};
@@ -151,11 +152,17 @@ fn cup(
 fn ring(sides: usize, radius: f64, z: f64) -> Vec<Vector> {
     #[allow(clippy::cast_precision_loss, reason = "a few sides")]
     let step = TAU / sides as f64;
-    let corner = radius * (step / step.sin()).sqrt();
+    let corner = radius * (step / exact::sin(step)).sqrt();
     #[allow(clippy::cast_precision_loss, reason = "a few sides")]
     (0..sides)
         .map(|i| step * i as f64)
-        .map(|a| Vector::new(real(corner * a.cos()), real(corner * a.sin()), real(z)))
+        .map(|a| {
+            Vector::new(
+                real(corner * exact::cos(a)),
+                real(corner * exact::sin(a)),
+                real(z),
+            )
+        })
         .collect()
 }
 

@@ -5,6 +5,7 @@ use serde::{Deserialize, Serialize};
 use wheelarm_proto::PHYSICS_VERSION;
 
 use super::grip::Bristles;
+use super::signals::Signals;
 use super::soft::{self, SoftObject};
 use super::{World, WorldError};
 use crate::robot::control::Targets;
@@ -19,6 +20,8 @@ struct Written<'a> {
     targets: Targets,
     wheel_angles: [f64; 4],
     wheel_leads: [f64; 2],
+    wheel_rates: [f64; 2],
+    signals: &'a Signals,
     bristles: Bristles,
     soft: Vec<soft::Saved>,
     physics: &'a PhysicsWorld,
@@ -34,6 +37,8 @@ pub(super) struct Read {
     pub(super) targets: Targets,
     pub(super) wheel_angles: [f64; 4],
     pub(super) wheel_leads: [f64; 2],
+    pub(super) wheel_rates: [f64; 2],
+    pub(super) signals: Signals,
     pub(super) bristles: Bristles,
     pub(super) soft: Vec<soft::Saved>,
     pub(super) physics: PhysicsWorld,
@@ -51,6 +56,8 @@ impl World {
             targets: self.targets,
             wheel_angles: self.wheels.angles,
             wheel_leads: self.wheels.led,
+            wheel_rates: self.wheels.rolling,
+            signals: &self.signals,
             bristles: self.grip.state(),
             soft: self.soft.iter().map(SoftObject::save).collect(),
             physics: &self.physics,
@@ -86,6 +93,7 @@ impl World {
         let same_colliders = self.physics.colliders.iter().map(|(handle, _)| handle);
         if !same_bodies.eq(read.physics.bodies.iter().map(|(handle, _)| handle))
             || read.soft.len() != self.soft.len()
+            || read.signals.len() != self.signals.len()
             || !same_colliders.eq(read.physics.colliders.iter().map(|(handle, _)| handle))
         {
             return Err(other(!self.fingerprint));
@@ -99,6 +107,8 @@ impl World {
         self.targets = read.targets;
         self.wheels.angles = read.wheel_angles;
         self.wheels.led = read.wheel_leads;
+        self.wheels.rolling = read.wheel_rates;
+        self.signals = read.signals;
         self.grip.restore(read.bristles);
         self.physics = read.physics;
         Ok(())

@@ -29,6 +29,8 @@ impl World {
         within("a target of the drives", targets, WILD)?;
         let wheels = read.wheel_angles.iter().chain(&read.wheel_leads);
         within("the angle of a wheel", wheels, MOST_TURNED)?;
+        let signals: Vec<f64> = read.signals.numbers().chain(read.wheel_rates).collect();
+        within("what the sensor of a joint shows", &signals, WILD)?;
         for (soft, saved) in self.soft.iter().zip(&read.soft) {
             soft.examine(saved)?;
         }

@@ -4,11 +4,11 @@ use std::f64::consts::TAU;
 
 use nalgebra::{Isometry3, Vector3};
 use rapier3d::prelude::PhysicsWorld;
+use wheelarm_proto::exact;
 use wheelarm_proto::names::JOINT_NAMES;
 
 use super::WorldError;
 use super::body::RobotBody;
-use super::convert::{from_vector, vector};
 use crate::robot::RobotModel;
 use crate::snapshot::JointState;
 
@@ -19,6 +19,8 @@ pub(super) struct Wheels {
     pub angles: [f64; 4],
     /// Angles that the driven wheels are led to, rad.
     pub led: [f64; 2],
+    /// Rates of the front wheels, rad/s.
+    pub rolling: [f64; 2],
     joints: [usize; 4],
     /// Bodies of the driven wheels.
     driven: [usize; 2],
@@ -47,6 +49,7 @@ impl Wheels {
         Ok(Self {
             angles: [0.0; 4],
             led: [0.0; 2],
+            rolling: [0.0; 2],
             joints: [joint(0)?, joint(1)?, joint(2)?, joint(3)?],
             driven: [body(0)?, body(1)?],
             front: [front(2)?, front(3)?],
@@ -60,7 +63,7 @@ impl Wheels {
     pub(super) fn lead(&mut self, rates: [f64; 2], dt: f64, leash: f64) -> [f64; 2] {
         std::array::from_fn(|i| {
             let lead = self.led[i] + rates[i] * dt - self.angles[i];
-            let lead = lead.clamp(-leash, leash);
+            let lead = exact::within(lead, -leash, leash);
             self.led[i] = self.angles[i] + lead;
             lead
         })
@@ -74,20 +77,20 @@ impl Wheels {
         }
         let dt = f64::from(physics.integration_parameters.dt);
         for i in 0..2 {
-            self.angles[2 + i] += self.front_speed(physics, robot, i) * dt;
+            let before = self.rolling[i];
+            self.rolling[i] = self.front_speed(physics, robot, i);
+            self.angles[2 + i] += (before + self.rolling[i]) / 2.0 * dt;
         }
     }
 
     /// Rate of a front wheel, rad/s: it rolls forward without slip.
     fn front_speed(&self, physics: &PhysicsWorld, robot: &RobotBody, i: usize) -> f64 {
         let (root_from_wheel, axis) = self.front[i];
-        let root = &physics.bodies[robot.handles[0]];
-        let centre = root
-            .position()
-            .transform_point(vector(&root_from_wheel.translation.vector));
-        let forward = axis.cross(&Vector3::z());
-        let forward = from_vector(root.rotation() * vector(&forward));
-        from_vector(root.velocity_at_point(centre)).dot(&forward) / self.radius
+        let turn = robot.frame(physics, 0).rotation;
+        let (linear, angular) = robot.root_velocity(physics);
+        let arm = turn * root_from_wheel.translation.vector;
+        let forward = turn * axis.cross(&Vector3::z());
+        (linear + angular.cross(&arm)).dot(&forward) / self.radius
     }
 
     /// Takes whole turns out of the engine's angles of the driven wheels.
@@ -98,16 +101,11 @@ impl Wheels {
     }
 
     /// Writes positions of all wheels and velocities of the front ones.
-    pub(super) fn write(
-        &self,
-        physics: &PhysicsWorld,
-        robot: &RobotBody,
-        states: &mut [JointState],
-    ) {
+    pub(super) fn write(&self, states: &mut [JointState]) {
         for (i, &joint) in self.joints.iter().enumerate() {
             states[joint].position = self.angles[i];
             if i >= 2 {
-                states[joint].velocity = self.front_speed(physics, robot, i - 2);
+                states[joint].velocity = self.rolling[i - 2];
             }
         }
     }

@@ -87,6 +87,89 @@ fn the_walls_of_the_architecture_stand() {
     );
 }
 
+/// Functions of the C library: other bits on another machine.
+const INEXACT: [&str; 22] = [
+    "sin", "cos", "tan", "sin_cos", "asin", "acos", "atan", "atan2", "sinh", "cosh", "tanh", "exp",
+    "exp2", "exp_m1", "ln", "ln_1p", "log", "log2", "log10", "powf", "cbrt", "hypot",
+];
+
+/// Lines of a source file that run in the simulation, not in its tests.
+fn run_code(path: &Path) -> Vec<(usize, String)> {
+    let name = path.to_string_lossy();
+    let test = name.contains("/laws/") || name.ends_with("tests.rs") || name.ends_with("laws.rs");
+    let lines = if test { Vec::new() } else { code(path) };
+    let run = lines.into_iter();
+    run.take_while(|(_, text)| text.trim() != "mod tests {")
+        .collect()
+}
+
+/// Below these paths everything that reaches the state, a draw or a command.
+const EXACT: [&str; 9] = [
+    "server/src/world",
+    "server/src/robot",
+    "server/src/sensors",
+    "server/src/sim",
+    "server/src/tasks",
+    "server/src/scene",
+    "server/src/geometry",
+    "server/src/service",
+    "client/src/operate",
+];
+
+#[test]
+fn what_reaches_the_state_computes_the_same_bits_everywhere() {
+    let mut found = Vec::new();
+    for path in EXACT.iter().flat_map(|folder| list(folder, ".rs")) {
+        for (line, text) in run_code(&path) {
+            for name in INEXACT {
+                let method = text.contains(&format!(".{name}("));
+                let called = ["f64", "f32"].iter().any(|number| {
+                    let path = format!("{number}::{name}");
+                    let after = text.split(&path).nth(1);
+                    after.is_some_and(|rest| {
+                        !rest.starts_with(|c: char| c.is_alphanumeric() || c == '_')
+                    })
+                });
+                if method || called {
+                    found.push(format!("{}:{line} calls {name}", path.display()));
+                }
+            }
+        }
+    }
+    assert!(
+        found.is_empty(),
+        "use wheelarm_proto::exact instead:\n{}",
+        found.join("\n")
+    );
+}
+
+/// `clamp` panics when a limit is no number or when limits cross, which a
+/// state that went wrong brings about.
+#[test]
+fn no_clamp_on_limits_that_are_computed() {
+    let mut found = Vec::new();
+    for path in ["server/src/world", "server/src/robot"]
+        .iter()
+        .flat_map(|folder| list(folder, ".rs"))
+    {
+        for (line, text) in run_code(&path) {
+            for call in text.split(".clamp(").skip(1) {
+                let limits = call.split(')').next().unwrap_or_default();
+                let constant = limits.split(',').all(|l| l.trim().parse::<f64>().is_ok());
+                // Whoever has a `clamp` of its own takes a place to write to.
+                if !constant && !limits.starts_with('&') {
+                    found.push(format!("{}:{line} clamps to {limits:?}", path.display()));
+                }
+            }
+        }
+    }
+    assert!(
+        found.is_empty(),
+        "use wheelarm_proto::exact::within instead:\n{}",
+        found.join("\n")
+    );
+}
+
 #[test]
 fn no_client_depends_on_the_server() {
     for manifest in list("client", "Cargo.toml") {

@@ -19,6 +19,7 @@ mod twist;
 
 use nalgebra::{Isometry3, Matrix6, Translation3, UnitQuaternion, Vector3, Vector6};
 use serde::{Deserialize, Serialize};
+use wheelarm_proto::exact;
 
 pub use self::cartesian::Velocity;
 use super::profile::stopping_speed;
@@ -254,7 +255,8 @@ impl ArmControl {
         for i in 0..6 {
             // Once below the stopping speed, a joint can always stay below it.
             let room = |distance: f64| stopping_speed(distance, self.settings.acceleration, dt);
-            let velocity = (state.velocity[i] + part * change[i]).clamp(
+            let velocity = exact::within(
+                state.velocity[i] + part * change[i],
                 -room(state.position[i] - lower[i]),
                 room(upper[i] - state.position[i]),
             );

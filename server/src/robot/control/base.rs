@@ -2,6 +2,7 @@
 //! acceleration profile.
 
 use serde::{Deserialize, Serialize};
+use wheelarm_proto::exact;
 
 use super::BaseIntent;
 use super::profile::towards;
@@ -63,8 +64,8 @@ impl BaseState {
         let backward = drive.backward_speed.min(drive.hard_backward_speed);
         let turn = drive.turn_speed.min(drive.hard_turn_speed);
         self.wanted = BaseIntent {
-            linear: intent.linear.clamp(-backward, forward),
-            angular: intent.angular.clamp(-turn, turn),
+            linear: exact::within(intent.linear, -backward, forward),
+            angular: exact::within(intent.angular, -turn, turn),
         };
     }
 

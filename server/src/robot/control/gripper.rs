@@ -2,6 +2,7 @@
 //! knuckle's speed profile.
 
 use serde::{Deserialize, Serialize};
+use wheelarm_proto::exact;
 
 use super::GripperIntent;
 use super::profile::{stopping_speed, towards};
@@ -59,7 +60,7 @@ impl GripperMap {
     /// Distance between the pads, m, at a knuckle angle, rad.
     #[must_use]
     pub fn opening(&self, knuckle: f64) -> f64 {
-        let (sin, cos) = knuckle.sin_cos();
+        let (sin, cos) = exact::sin_cos(knuckle);
         2.0 * (self.pin + self.crank[0] * cos - self.crank[1] * sin - self.pad)
     }
 
@@ -68,15 +69,15 @@ impl GripperMap {
     #[must_use]
     pub fn knuckle(&self, opening: f64) -> f64 {
         let [out, along] = self.crank;
-        let cosine = (opening / 2.0 - self.pin + self.pad) / out.hypot(along);
-        cosine.clamp(-1.0, 1.0).acos() - along.atan2(out)
+        let cosine = (opening / 2.0 - self.pin + self.pad) / exact::hypot(out, along);
+        exact::acos(cosine.clamp(-1.0, 1.0)) - exact::atan2(along, out)
     }
 
     /// Way of each pad per knuckle angle, m/rad; a force of F at each pad takes
     /// F times this at each knuckle, N·m.
     #[must_use]
     pub fn lever(&self, knuckle: f64) -> f64 {
-        let (sin, cos) = knuckle.sin_cos();
+        let (sin, cos) = exact::sin_cos(knuckle);
         self.crank[0] * sin + self.crank[1] * cos
     }
 }
@@ -107,7 +108,7 @@ impl GripperState {
 
     /// Takes a new intent, cut to the limits.
     pub(super) fn take(&mut self, intent: &GripperIntent, settings: &GripperSettings) {
-        self.goal = intent.knuckle.clamp(0.0, settings.closed);
+        self.goal = exact::within(intent.knuckle, 0.0, settings.closed);
         self.force = if intent.max_force > 0.0 {
             intent.max_force.min(settings.max_force)
         } else {
@@ -121,12 +122,16 @@ impl GripperState {
         let speed = stopping_speed(way.abs(), settings.acceleration, dt).min(settings.speed);
         let room = |distance: f64| stopping_speed(distance, settings.acceleration, dt);
         // A turned command may not carry the knuckle past its range.
-        self.velocity = towards(
+        let velocity = towards(
             self.velocity,
             speed.copysign(way),
             settings.acceleration * dt,
-        )
-        .clamp(-room(self.position), room(settings.closed - self.position));
-        self.position = (self.position + self.velocity * dt).clamp(0.0, settings.closed);
+        );
+        self.velocity = exact::within(
+            velocity,
+            -room(self.position),
+            room(settings.closed - self.position),
+        );
+        self.position = exact::within(self.position + self.velocity * dt, 0.0, settings.closed);
     }
 }

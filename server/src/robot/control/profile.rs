@@ -1,5 +1,7 @@
 //! Speeds from which a coordinate can still stop in time.
 
+use wheelarm_proto::exact;
+
 /// Greatest speed for the coming step of `dt` seconds from which a coordinate,
 /// `distance` before its goal, stops at the goal without overshoot when it
 /// brakes by at most `deceleration`. Any unit of distance; 0 at or beyond the
@@ -25,5 +27,5 @@ pub(super) fn stopping_speed(distance: f64, deceleration: f64, dt: f64) -> f64 {
 /// `now` moved towards `wanted` by at most `change`.
 #[must_use]
 pub(super) fn towards(now: f64, wanted: f64, change: f64) -> f64 {
-    now + (wanted - now).clamp(-change, change)
+    now + exact::within(wanted - now, -change, change)
 }

@@ -10,6 +10,7 @@
 use std::fmt;
 
 use nalgebra::{Isometry3, Matrix6, Vector6};
+use wheelarm_proto::exact;
 
 use super::screw::logarithm;
 use super::{ARM_JOINTS, ArmKinematics};
@@ -132,7 +133,7 @@ impl Attempt {
     }
 
     fn error(&self) -> f64 {
-        self.position_error.hypot(LENGTH * self.rotation_error)
+        exact::hypot(self.position_error, LENGTH * self.rotation_error)
     }
 }
 
@@ -281,7 +282,7 @@ impl ArmKinematics {
             let (angular, linear) = logarithm(&error);
             let (rotation_error, position_error) =
                 (angular.norm(), error.translation.vector.norm());
-            let size = position_error.hypot(LENGTH * rotation_error);
+            let size = exact::hypot(position_error, LENGTH * rotation_error);
             if size < 0.9 * best.error() {
                 since_progress = 0;
             } else {
@@ -398,7 +399,7 @@ impl ArmKinematics {
     /// Puts limited joints into their ranges.
     pub(in crate::robot) fn clamp(&self, joints: &mut [f64; 6]) {
         for (joint, (lower, upper)) in joints.iter_mut().zip(self.lower.iter().zip(&self.upper)) {
-            *joint = joint.clamp(*lower, *upper);
+            *joint = exact::within(*joint, *lower, *upper);
         }
     }
 

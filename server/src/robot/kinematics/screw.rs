@@ -4,6 +4,7 @@
 //! chapter 3. Nothing here knows a robot.
 
 use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion, Vector3};
+use wheelarm_proto::exact;
 
 /// A revolute joint as a screw of pitch zero: a turning axis in space.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -31,7 +32,7 @@ impl Screw {
     /// Motion after a turn by `angle` rad.
     #[must_use]
     pub fn exponential(&self, angle: f64) -> Isometry3<f64> {
-        let (sin, cos) = (angle / 2.0).sin_cos();
+        let (sin, cos) = exact::sin_cos(angle / 2.0);
         let turn = UnitQuaternion::new_unchecked(Quaternion::from_parts(cos, self.angular * sin));
         Isometry3::from_parts(Translation3::from(self.point - turn * self.point), turn)
     }
@@ -47,7 +48,7 @@ pub fn rotation_vector(rotation: &UnitQuaternion<f64>) -> Vector3<f64> {
         // sin(angle/2) = angle/2 here; the sign of the quaternion is free.
         return vector * (2.0 * scalar.signum());
     }
-    let angle = 2.0 * length.atan2(scalar.abs());
+    let angle = 2.0 * exact::atan2(length, scalar.abs());
     vector * (angle * scalar.signum() / length)
 }
 
@@ -64,7 +65,7 @@ pub fn logarithm(motion: &Isometry3<f64>) -> (Vector3<f64>, Vector3<f64>) {
         1.0 / 12.0 + angle_squared / 720.0 + angle_squared * angle_squared / 30240.0
     } else {
         let half = angle_squared.sqrt() / 2.0;
-        let (sin, cos) = half.sin_cos();
+        let (sin, cos) = exact::sin_cos(half);
         (1.0 - half * cos / sin) / angle_squared
     };
     let turned = angular.cross(&translation);

@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::ops::Range;
 
 use nalgebra::{Point3, Vector3};
+use wheelarm_proto::exact;
 
 use super::openness::{Corner, Openness, Surroundings};
 use super::scene::{Binding, RenderItem, RenderScene};
@@ -298,7 +299,7 @@ pub(super) fn linear(c: f32) -> f32 {
     if c <= 0.040_45 {
         c / 12.92
     } else {
-        ((c + 0.055) / 1.055).powf(2.4)
+        exact::powf((c + 0.055) / 1.055, 2.4)
     }
 }
 

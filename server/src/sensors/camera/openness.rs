@@ -5,6 +5,7 @@
 use std::collections::HashMap;
 
 use nalgebra::{Point3, Vector3};
+use wheelarm_proto::exact;
 
 use super::scene::{Binding, RenderItem, RenderScene};
 
@@ -144,7 +145,7 @@ fn half_sphere() -> Vec<Vector3<f64>> {
     (0..COUNT)
         .map(|i| {
             let r2 = (i as f64 + 0.5) / COUNT as f64;
-            let (sin, cos) = (i as f64 * golden).sin_cos();
+            let (sin, cos) = exact::sin_cos(i as f64 * golden);
             Vector3::new(r2.sqrt() * cos, r2.sqrt() * sin, (1.0 - r2).sqrt())
         })
         .collect()

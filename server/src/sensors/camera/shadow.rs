@@ -145,7 +145,7 @@ impl SunView {
             high = Point3::new(2.0, 2.0, 2.0);
         }
         low.z = low.z.max(-0.1);
-        high.z = high.z.clamp(low.z + 0.5, CEILING);
+        high.z = high.z.max(low.z + 0.5).min(CEILING);
         let middle = nalgebra::center(&low, &high);
         for k in 0..2 {
             low[k] = low[k].max(middle[k] - REACH);

@@ -3,6 +3,7 @@
 //! centre is (i + 0.5, j + 0.5), the top left corner of the picture is (0, 0).
 
 use nalgebra::Isometry3;
+use wheelarm_proto::exact;
 
 use super::RenderError;
 use super::scene::Binding;
@@ -33,7 +34,7 @@ impl Intrinsics {
     /// Principal point in the middle, square pixels, `horizontal_fov` radians wide.
     #[must_use]
     pub fn centred([width, height]: [u32; 2], horizontal_fov: f64) -> Self {
-        let focal = f64::from(width) * 0.5 / (horizontal_fov * 0.5).tan();
+        let focal = f64::from(width) * 0.5 / exact::tan(horizontal_fov * 0.5);
         Self {
             width,
             height,

@@ -5,6 +5,7 @@ mod oddities;
 mod pick;
 mod robot;
 mod scene;
+mod signals;
 mod soft;
 
 use std::path::Path;

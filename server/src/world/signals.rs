@@ -1,0 +1,108 @@
+//! What the joints' sensors show: velocity and effort at the end of a tick.
+//!
+//! The engine's velocity after a tick is that of its last substep or, of a
+//! joint that follows its reference stiffly, that of the whole tick: it is up
+//! to half a tick old. The ways of the last two ticks tell the velocity at the
+//! end of the tick in either case, but with the rounding of the positions; so
+//! the engine's velocity is carried on by what they differ, smoothed a little.
+//! Then the trapezoids of the velocities are the way, and what the momenta
+//! change by is the effort.
+
+use rapier3d::prelude::PhysicsWorld;
+use serde::{Deserialize, Serialize};
+use wheelarm_proto::exact;
+
+use super::body::RobotBody;
+use super::drive;
+use crate::snapshot::JointState;
+
+/// Share of a new difference that is taken over in a tick.
+const SHARE: f64 = 0.7;
+/// No drive accelerates a joint as much, rad/s²: what is more is a blow, after
+/// which a joint is as fast as the engine says.
+const BLOW: f64 = 25.0;
+
+/// One joint's sensors.
+#[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
+struct Signal {
+    /// At the end of the tick, rad/s.
+    velocity: f64,
+    /// Mean over the tick, rad/s.
+    mean: f64,
+    /// By how much the engine's velocity is carried on, rad/s.
+    ahead: f64,
+    /// Torque of the drive, N·m.
+    effort: f64,
+}
+
+/// The sensors of all joints, in the order of the robot's bodies.
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+pub(super) struct Signals {
+    joints: Vec<Signal>,
+    /// Positions at the begin of the tick, rad.
+    #[serde(skip)]
+    before: Vec<f64>,
+}
+
+impl Signals {
+    /// At rest, with the drives' torques as they are set.
+    pub(super) fn at_rest(physics: &PhysicsWorld, robot: &RobotBody) -> Self {
+        let joints = (0..robot.handles.len()).map(|body| Signal {
+            effort: drive::torque(physics, robot, body, 0.0),
+            ..Signal::default()
+        });
+        Self {
+            joints: joints.collect(),
+            before: Vec::new(),
+        }
+    }
+
+    /// All numbers, to see whether they are numbers.
+    pub(super) fn numbers(&self) -> impl Iterator<Item = f64> + '_ {
+        let joints = self.joints.iter();
+        joints.flat_map(|s| [s.velocity, s.mean, s.ahead, s.effort])
+    }
+
+    /// Number of bodies.
+    pub(super) fn len(&self) -> usize {
+        self.joints.len()
+    }
+
+    /// Call before the engine's tick.
+    pub(super) fn begin_tick(&mut self, physics: &PhysicsWorld, robot: &RobotBody) {
+        self.before.clear();
+        let bodies = 0..robot.handles.len();
+        self.before
+            .extend(bodies.map(|body| robot.joint_state(physics, body).0));
+    }
+
+    /// Call after the engine's tick.
+    pub(super) fn end_tick(&mut self, physics: &PhysicsWorld, robot: &RobotBody) {
+        let dt = f64::from(physics.integration_parameters.dt);
+        let most = BLOW * dt / 2.0;
+        for (body, (signal, before)) in self.joints.iter_mut().zip(&self.before).enumerate() {
+            let (position, last) = robot.joint_state(physics, body);
+            let mean = (position - before) / dt;
+            let ahead = mean + (mean - signal.mean) / 2.0 - last;
+            signal.ahead += SHARE * (exact::within(ahead, -most, most) - signal.ahead);
+            signal.velocity = last + signal.ahead;
+            signal.effort = drive::torque(physics, robot, body, mean);
+            signal.mean = mean;
+        }
+    }
+
+    /// State of the joint that moves a body.
+    pub(super) fn state(
+        &self,
+        physics: &PhysicsWorld,
+        robot: &RobotBody,
+        body: usize,
+    ) -> JointState {
+        let signal = self.joints.get(body).copied().unwrap_or_default();
+        JointState {
+            position: robot.joint_state(physics, body).0,
+            velocity: signal.velocity,
+            effort: signal.effort,
+        }
+    }
+}

@@ -1,0 +1,182 @@
+"""Holds the joint signals of episode files against each other and against
+Pinocchio (PyPI `pin`), which knows nothing of the simulator but the URDF in the
+file.
+
+Usage: check_signals.py FILE...
+
+- The velocities' integral (trapezoids) is the way: for every joint that moves,
+  the slope of the one over the other is 1.000 +- 0.005 and the lag below 1 ms.
+- The arm's efforts are the torques that recursive Newton-Euler asks for, with
+  the chair's motion and the mass in the hand. Velocities and accelerations are
+  those of the recorded positions (Savitzky-Golay). Left out are samples within
+  0.1 s of a contact of the robot other than a grasp.
+- The first sample has an effort already.
+Exits with 1 when a file falls short.
+"""
+
+import json
+import sys
+import tomllib
+
+import h5py
+import numpy as np
+import pinocchio as pin
+
+ARM = [f"joint_{i}" for i in range(1, 7)]
+RMS = [0.3, 0.3, 0.3, 0.1, 0.1, 0.1]
+SLOPE, LAG = 0.005, 1e-3
+# Samples on either side of the one that a derivative is of, and order of the fit.
+REACH, ORDER = 3, 3
+AROUND = 0.1
+problems = []
+
+
+def derivatives(values, dt):
+    """First and second derivative along axis 0; NaN at the ends."""
+    steps = np.arange(-REACH, REACH + 1) * dt
+    fit = np.linalg.pinv(np.vander(steps, ORDER + 1, increasing=True))
+    out = []
+    for row, factor in ((fit[1], 1.0), (fit[2], 2.0)):
+        result = np.full(values.shape, np.nan)
+        windows = np.lib.stride_tricks.sliding_window_view(values, 2 * REACH + 1, axis=0)
+        result[REACH:-REACH] = factor * (windows @ row)
+        out.append(result)
+    return out
+
+
+def motion(file, names, q, v, dt):
+    """Velocity against position, for every joint that moves."""
+    way = np.diff(q, axis=0)
+    told = (v[1:] + v[:-1]) / 2 * dt
+    for j, name in enumerate(names):
+        moving = np.abs(way[:, j]) > 0.05 * dt
+        # A wheel's front neighbours roll as the chair slides.
+        if moving.sum() < 60:
+            continue
+        # way = slope * told + lag * its rate of change: a velocity that is told
+        # late is that of a time before.
+        rate = (v[1:, j] - v[:-1, j])[moving]
+        columns = np.stack([told[:, j][moving], rate], axis=1)
+        (slope, lag), *_ = np.linalg.lstsq(columns, way[:, j][moving], rcond=None)
+        left = np.abs(np.cumsum(way[:, j] - told[:, j])).max() * 1e3
+        print(f"  {name:38} slope {slope:.4f}  lag {lag * 1e3:+.2f} ms  off by {left:.2f} mrad at most")
+        if abs(slope - 1) > SLOPE or abs(lag) > LAG:
+            problems.append(f"{file}: {name}: slope {slope:.4f}, lag {lag * 1e3:.2f} ms")
+
+
+def touching(f, links):
+    """What the hand holds at each sample (None, or a name), and which samples
+    have a contact of the robot that is no grasp."""
+    held, other = [], []
+    for text in f["streams/contact/pairs"][()]:
+        pairs = json.loads(text)
+        with_robot = [p for p in pairs if p[0] in links or p[1] in links]
+        things = {name for pair in with_robot for name in pair if name not in links}
+        fingers = {name for pair in with_robot for name in pair if name in links}
+        grasp = len(things) == 1 and len(fingers) >= 2 and all("finger_tip" in n for n in fingers)
+        thing = next(iter(things)) if grasp else None
+        free = all(thing not in pair or pair in with_robot for pair in pairs)
+        held.append(thing if free else None)
+        other.append(bool(with_robot) and not (grasp and free))
+    return held, np.array(other)
+
+
+def efforts(file, f, names, q, effort, dt):
+    """Efforts of the arm against recursive Newton-Euler."""
+    texts = dict(zip(f["initial_state/assets/path"].asstr()[()], f["initial_state/assets/text"].asstr()[()]))
+    urdf = next(text for path, text in texts.items() if path.endswith(".urdf"))
+    model = pin.buildModelFromXML(urdf, pin.JointModelFreeFlyer())
+    data = model.createData()
+    links = {frame.name for frame in model.frames}
+    hand = model.getFrameId("robotiq_85_base_link")
+    frames = list(f["streams/pose/pose"].attrs["names"])
+    chair = f["streams/pose/pose"][:, frames.index("wheelchair")]
+    twist = f["streams/pose/twist"][:, frames.index("wheelchair")]
+    turns = [pin.Quaternion(*row[[6, 3, 4, 5]]).matrix() for row in chair]
+    body = np.array([np.concatenate([r.T @ t[:3], r.T @ t[3:]]) for r, t in zip(turns, twist)])
+    body_rate, _ = derivatives(body, dt)
+    speed, gain = derivatives(q, dt)
+
+    objects = list(f["streams/object_pose/pose"].attrs["names"])
+    poses = f["streams/object_pose/pose"][()]
+    masses = {o["name"]: o["mass_kg"] for o in json.loads(f["scenario/text"].asstr()[()])["objects"]}
+    held, other = touching(f, links)
+
+    def middle(name):
+        """Way of an object's centre of mass and its acceleration."""
+        kind = name.rstrip("0123456789").rstrip("_")
+        file = texts.get(f"objects/{name}.toml") or texts[f"objects/{kind}.toml"]
+        com = np.array(tomllib.loads(file)["com"])
+        rows = poses[:, objects.index(name)]
+        way = np.array([r[:3] + pin.Quaternion(*r[[6, 3, 4, 5]]).matrix() @ com for r in rows])
+        return way, derivatives(way, dt)[1]
+
+    middles = {name: middle(name) for name in set(held) - {None}}
+    around = int(round(AROUND / dt))
+    near = np.convolve(other, np.ones(2 * around + 1), "same") > 0
+    changed = np.array([a != b for a, b in zip(held, held[1:])] + [False])
+    near |= np.convolve(changed, np.ones(2 * around + 1), "same") > 0
+    asked = np.full((len(q), len(ARM)), np.nan)
+    rows = [model.joints[model.getJointId(name)].idx_v for name in ARM]
+    for i in range(len(q)):
+        state, v, a = pin.neutral(model), np.zeros(model.nv), np.zeros(model.nv)
+        state[:7] = chair[i]
+        v[:6], a[:6] = body[i], body_rate[i]
+        if i == 0:
+            v[:], a[:] = 0, 0
+        for j, name in enumerate(names):
+            joint = model.joints[model.getJointId(name)]
+            at = joint.idx_q
+            state[at : at + joint.nq] = (
+                q[i, j] if joint.nq == 1 else [np.cos(q[i, j]), np.sin(q[i, j])]
+            )
+            if i > 0:
+                v[joint.idx_v], a[joint.idx_v] = speed[i, j], gain[i, j]
+        torque = pin.rnea(model, data, state, v, a).copy()
+        if held[i] and not np.isnan(a).any():
+            way, change = middles[held[i]]
+            jacobian = pin.computeFrameJacobian(model, data, state, hand, pin.LOCAL_WORLD_ALIGNED)
+            pin.framesForwardKinematics(model, data, state)
+            arm = way[i] - data.oMf[hand].translation
+            force = masses[held[i]] * (change[i] - model.gravity.linear)
+            torque += jacobian[:3].T @ force + jacobian[3:].T @ np.cross(arm, force)
+        asked[i] = torque[rows]
+
+    told = effort[:, [names.index(name) for name in ARM]]
+    error = told - asked
+    taken = ~near & ~np.isnan(error).any(axis=1)
+    taken[0] = False
+    holding = taken & np.array([h is not None for h in held])
+    print(f"  effort: {taken.sum()} samples, {holding.sum()} of them holding something")
+    for j, name in enumerate(ARM):
+        part = error[taken, j]
+        rms, worst = np.sqrt((part**2).mean()), np.abs(part).max()
+        first = error[0, j]
+        print(f"  {name}  rms {rms:.3f}  worst {worst:.3f}  first sample {told[0, j]:+.3f}, off by {first:+.3f} N.m")
+        if rms > RMS[j]:
+            problems.append(f"{file}: effort of {name} is off by {rms:.3f} N.m rms")
+        if abs(first) > 0.1:
+            problems.append(f"{file}: first effort of {name} is off by {first:.3f} N.m")
+
+
+def check(file):
+    with h5py.File(file) as f:
+        joints = f["streams/joint_state"]
+        names = list(joints["position"].attrs["names"])
+        q, v, effort = (joints[c][()] for c in ("position", "velocity", "effort"))
+        stamps = joints["stamp_nanos"][()].astype(np.int64)
+        steps = np.diff(stamps) * 1e-9
+        dt = steps.mean()
+        if np.abs(steps - dt).max() > 1e-6:
+            problems.append(f"{file}: stamps are not even")
+            return
+        print(file)
+        motion(file, names, q, v, dt)
+        efforts(file, f, names, q, effort, dt)
+
+
+for path in sys.argv[1:]:
+    check(path)
+for problem in problems:
+    print(problem, file=sys.stderr)
+sys.exit(bool(problems))
