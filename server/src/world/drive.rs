@@ -304,10 +304,12 @@ fn set_motor(physics: &mut PhysicsWorld, robot: &RobotBody, body: usize, aim: Ai
 /// the tick, with the damper, is within the cap.
 ///
 /// A torque that does not depend on velocity is, to the engine, a motor that
-/// wants to be far faster than its force allows.
+/// wants to be far faster than its force allows; then its damping does nothing.
+/// It tells what is not in the dynamics of one substep: how much more the joint
+/// resists over the whole tick, which soft contact goes by.
 fn set_push(physics: &mut PhysicsWorld, robot: &RobotBody, body: usize, aim: Aim, gains: Gains) {
     const FAR_FASTER: f64 = 1e4;
-    const HARD: f32 = 1e6;
+    const OTHER_SUBSTEPS: f64 = 0.75;
     let dt = f64::from(physics.integration_parameters.dt);
     let (now, velocity) = robot.joint_state(physics, body);
     let (torque, damping) = aim.law(now, gains, dt);
@@ -318,7 +320,8 @@ fn set_push(physics: &mut PhysicsWorld, robot: &RobotBody, body: usize, aim: Aim
     };
     joint.set_motor_model(JointAxis::AngX, MotorModel::ForceBased);
     let speed = FAR_FASTER.copysign(push);
-    joint.set_motor(JointAxis::AngX, 0.0, real(speed), 0.0, HARD);
+    let rest = OTHER_SUBSTEPS * damping;
+    joint.set_motor(JointAxis::AngX, 0.0, real(speed), 0.0, real(rest));
     joint.set_motor_max_force(JointAxis::AngX, real(push.abs()));
 }
 
