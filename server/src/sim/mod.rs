@@ -3,6 +3,8 @@
 //! No I/O after loading, no wall clock, no network: the same scenario and the
 //! same inputs give the same bits.
 
+#[cfg(test)]
+mod bits;
 mod envelope;
 mod guard;
 mod scenario;

@@ -1,0 +1,48 @@
+//! The bits of a short run, kept: who changes them must say so.
+
+use nalgebra::Vector3;
+use wheelarm_proto::PHYSICS_VERSION;
+
+use super::{Scenario, Simulation};
+use crate::robot::control::{ArmIntent, BaseIntent, ControlInput, GripperIntent, IntentFrame};
+
+/// State hash of the run below and the version of the physics that gave it.
+const KEPT: (u32, u64) = (2, 0);
+
+/// Control, contacts, the gripper's friction and the kinematics take part.
+#[test]
+fn another_bit_is_another_physics_version() {
+    let assets = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../assets");
+    let scenario = Scenario {
+        task: "pick_mustard".to_owned(),
+        seed: 1,
+        cameras: Vec::new(),
+        ..Scenario::default()
+    };
+    let mut sim = Simulation::new(&assets, scenario).expect("a simulation");
+    for tick in 0..180 {
+        let time = f64::from(tick) / 60.0;
+        sim.step(&ControlInput {
+            arm: Some(ArmIntent::Twist {
+                frame: IntentFrame::ArmBase,
+                linear: Vector3::new(0.05 - 0.05 * time, 0.1 * (1.0 - time), 0.05),
+                angular: Vector3::new(0.1, 0.0, 0.3 - 0.2 * time),
+            }),
+            base: Some(BaseIntent {
+                linear: 0.2,
+                angular: 0.4 - 0.3 * time,
+            }),
+            gripper: (tick == 30).then_some(GripperIntent {
+                knuckle: 0.7,
+                max_force: 0.0,
+            }),
+        });
+    }
+    let hash = sim.hash_due().expect("a whole second");
+    assert_eq!(
+        (PHYSICS_VERSION, hash),
+        KEPT,
+        "the state hash is {hash:#018x} now: if the bits are meant to change, raise \
+         PHYSICS_VERSION, say so in the changelog, and keep both here"
+    );
+}
