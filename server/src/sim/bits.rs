@@ -46,3 +46,18 @@ fn another_bit_is_another_physics_version() {
          PHYSICS_VERSION, say so in the changelog, and keep both here"
     );
 }
+
+/// nalgebra's rotations use the same sine as everything else, not that of the
+/// machine's C library.
+#[test]
+fn rotations_turn_by_the_exact_sine() {
+    let axis = Vector3::x_axis();
+    for i in 0..5000 {
+        let angle = f64::from(i) * 0.00113 - 2.8;
+        let turn = nalgebra::UnitQuaternion::from_axis_angle(&axis, angle);
+        let (sin, cos) = wheelarm_proto::exact::sin_cos(angle / 2.0);
+        assert_eq!((turn.i, turn.w), (sin, cos), "at {angle} rad");
+        let back = wheelarm_proto::exact::atan2(sin.abs(), cos.abs()) * 2.0;
+        assert_eq!(turn.angle(), back, "at {angle} rad");
+    }
+}
