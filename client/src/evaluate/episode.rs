@@ -55,7 +55,7 @@ pub struct Entry {
     pub hash: String,
     /// What the operator noted.
     pub notes: Vec<String>,
-    /// What broke: [`PHYSICS`], [`SERVER`] or [`SCENARIO`]; empty for nothing.
+    /// What broke: `physics`, `server` or `scenario`; empty for nothing.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub broken: String,
     /// Where something broke, the scenario that reproduces it.
