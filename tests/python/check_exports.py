@@ -543,6 +543,8 @@ def aligned(path, recordings):
                     equal(found[valid], truth[valid], name, 1e-9)
             rigid(file)
             for camera in CAMERAS:
+                told = file[f"streams/camera/{camera}/intrinsics"].attrs
+                assert told["pixel_centre"] == 0.5 and told["convention"].startswith("pixel edge")
                 for kind in ("rgb", "depth", "ids"):
                     equal(file[f"streams/camera/{camera}/{kind}"][7], streams[f"camera/{camera}/{kind}"][7], kind)
         print(f"{Path(recording).stem}: {len(stamps)} rows")
