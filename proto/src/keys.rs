@@ -181,7 +181,7 @@ impl Keys {
         fits.then(|| (sim.to_owned(), id.to_owned()))
     }
 
-    /// Keys under which nobody but the server publishes, answers or declares.
+    /// Keys under which nobody but the server publishes or answers.
     #[must_use]
     pub fn own(&self) -> Vec<String> {
         let own = [

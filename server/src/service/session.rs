@@ -13,7 +13,7 @@ const MAX_MESSAGE: usize = 4096 * 4096 * 8 + (1 << 20);
 ///
 /// The server is a Zenoh router, so that its clients also see each other.
 /// Nothing is announced by multicast unless `multicast` is set. What others
-/// publish, answer or declare under the server's own keys is not let through.
+/// publish or answer under the server's own keys is not let through.
 ///
 /// # Errors
 /// The transport's error, for example an address in use.
@@ -76,12 +76,14 @@ pub fn open(
 
 /// Access control of the router that the server is: its own keys are closed to
 /// everybody who is connected to it. Behind another router that one would have
-/// to do the same; therefore clients look at ids and digests as well.
+/// to do the same; therefore clients look at ids and digests as well. Tokens
+/// pass: by them a second server of the same name is told so, and clients keep
+/// to the session that they dialled.
 fn own_keys_only(keys: &Keys) -> String {
     let own: Vec<String> = keys.own().iter().map(|key| format!("{key:?}")).collect();
     let rule = format!(
         r#"{{ id: "own", permission: "deny", flows: ["ingress"],
-            messages: ["put", "delete", "declare_queryable", "reply", "liveliness_token"],
+            messages: ["put", "delete", "declare_queryable", "reply"],
             key_exprs: [{}] }}"#,
         own.join(",")
     );
