@@ -46,6 +46,9 @@ pub struct RecorderCore {
     /// Announced while the one before was not finished.
     next: Option<Box<v1::EpisodeStarted>>,
     asking: Asking,
+    /// Run of the server and number of the newest episode that was begun here,
+    /// or was over when the recorder came.
+    begun: Option<(String, u64)>,
     status: v1::RecorderStatus,
     /// Last status of the episodes that are being made into files.
     finishing: Vec<v1::RecorderStatus>,
@@ -111,6 +114,7 @@ impl RecorderCore {
             last: None,
             next: None,
             asking: Asking::No,
+            begun: None,
             status,
             finishing: Vec::new(),
             limit: None,

@@ -511,6 +511,10 @@ impl Engine {
             since: Instant::now(),
             running_since: Instant::now(),
         });
+        if required > 0 {
+            // Whoever asks at once is not told that it runs.
+            self.waiting_for = format!("recorders: 0 of {required} ready");
+        }
         self.listen(Listening {
             episode: number,
             lock_step,

@@ -55,8 +55,29 @@ impl RecorderCore {
         for stopped in &state.ended {
             self.stopped(stopped, now);
         }
+        self.tell_unrecorded(&run, &state.ended);
         if let Some(started) = state.running {
+            self.begun = Some(id(started.header.as_ref()));
             self.started(started, now);
+        }
+    }
+
+    /// An episode that began and ended between two answers is in no file.
+    fn tell_unrecorded(&mut self, run: &str, ended: &[v1::EpisodeStopped]) {
+        let newest = ended.iter().map(number).max().unwrap_or(0);
+        let begun = match &self.begun {
+            Some((of, begun)) if of == run => *begun,
+            _ => newest,
+        };
+        self.begun = Some((run.to_owned(), begun.max(newest)));
+        if self.limit.is_some_and(|limit| self.counted >= limit) {
+            return;
+        }
+        for stopped in ended.iter().filter(|s| number(s) > begun && !s.discard) {
+            self.out.push(Output::Failed(format!(
+                "episode {} of this server was over before the recorder could begin it; start episodes with --require-recorders",
+                number(stopped)
+            )));
         }
     }
 
@@ -154,4 +175,8 @@ impl RecorderCore {
             self.stage = Stage::Idle;
         }
     }
+}
+
+fn number(stopped: &v1::EpisodeStopped) -> u64 {
+    stopped.header.as_ref().map_or(0, |h| h.episode)
 }

@@ -423,6 +423,44 @@ fn what_somebody_else_wrote_is_found_by_the_digest() {
 }
 
 #[test]
+fn an_episode_that_nobody_told_of_is_told_as_not_recorded() {
+    let mut b = Bench::new();
+    // What was over before it came is not its business.
+    assert!(b.feed(ended(stopped(4, 1, 0))).is_empty());
+    b.open(5, "five");
+    b.feed(hash(5, 0));
+    let discard = v1::EpisodeStopped {
+        discard: true,
+        ..stopped(7, 1, 0)
+    };
+    let all = vec![
+        stopped(4, 1, 0),
+        stopped(5, 1, 0),
+        stopped(6, 9, 0),
+        discard,
+    ];
+    let out = b.feed(state(Some(started(8, "eight")), all.clone()));
+    assert!(report(&out).complete);
+    let failed = |out: &[Output]| -> Vec<String> {
+        let words = |o: &Output| match o {
+            Output::Failed(words) => Some(words.clone()),
+            _ => None,
+        };
+        out.iter().filter_map(words).collect()
+    };
+    let [words] = &failed(&out)[..] else {
+        panic!("{out:?}")
+    };
+    assert!(
+        words.starts_with("episode 6 of this server was over"),
+        "{words}"
+    );
+    // Once is enough.
+    let again = b.feed(state(Some(started(8, "eight")), all));
+    assert!(failed(&again).is_empty(), "{again:?}");
+}
+
+#[test]
 fn an_episode_that_is_over_before_it_could_be_opened_is_let_go() {
     let mut b = Bench::new();
     b.feed(runs(started(1, "short")));
