@@ -51,6 +51,7 @@ fn main() -> anyhow::Result<()> {
         std::thread::sleep(LENGTH);
         let request = v1::EpisodeStopRequest {
             discard: is_discarded(i),
+            ..Default::default()
         };
         let _: v1::EpisodeStopped = link.query(Query::EpisodeStop, &request)?;
         if i % 7 == 6 {
