@@ -96,19 +96,33 @@ impl Engine {
         }
     }
 
-    /// Ends the running episode as soon as its last pictures are out.
+    /// Ends the running episode, if there is one, as soon as its last pictures
+    /// are out.
     pub(super) fn end_episode(&mut self, discard: bool, cause: v1::EndCause) {
-        match &mut self.errand {
+        if self.episode.is_none() {
+            return;
+        }
+        match self.errand.take() {
             // A client has asked for the end; this is why it comes.
-            Some(Errand::Stop { cause: told, .. }) => *told = cause,
-            _ => {
+            Some(Errand::Stop { asked, discard, .. }) => {
                 self.errand = Some(Errand::Stop {
-                    asked: None,
+                    asked,
                     discard,
                     cause,
                 });
+                return;
             }
+            Some(Errand::Start { asked, .. }) => {
+                self.refuse(asked, "another episode is running and just ends".to_owned());
+            }
+            // A scenario is not set up while an episode runs.
+            Some(Errand::Load { .. } | Errand::Place { .. }) | None => {}
         }
+        self.errand = Some(Errand::Stop {
+            asked: None,
+            discard,
+            cause,
+        });
     }
 
     /// Goes on with what was begun.

@@ -217,6 +217,31 @@ mod tests {
     use super::*;
 
     #[test]
+    fn settling_that_takes_too_long_and_wrong_soft_masses_are_refused() {
+        let assets = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../assets");
+        let bear = Scenario {
+            task: "place_teddy_bear".into(),
+            ..Scenario::default()
+        };
+        let set_up = |scenario: &Scenario, late| {
+            let made = crate::sim::Simulation::new_within(&assets, scenario.clone(), &|| late);
+            made.map(|sim| sim.scenario().clone())
+                .map_err(|e| e.to_string())
+        };
+        let told = set_up(&bear, true).unwrap_err();
+        assert!(told.contains("do not come to rest"), "{told}");
+        let mut drawn = set_up(&bear, false).unwrap();
+        let soft = |(name, _): &(String, Placement)| name.contains("teddy");
+        let bear = drawn.objects.iter().position(soft).unwrap();
+        for (mass, fits) in [(1e-4, false), (0.05, true), (2.0, true), (2.1, false)] {
+            drawn.objects[bear].1.mass = mass;
+            assert_eq!(set_up(&drawn, false).is_ok(), fits, "{mass} kg");
+        }
+        // What is not soft has nothing to settle.
+        assert!(set_up(&Scenario::default(), true).is_ok());
+    }
+
+    #[test]
     fn scenarios_that_cannot_run_say_why() {
         assert!(Scenario::default().schedules().is_ok());
         let mut twice = Scenario::default();
