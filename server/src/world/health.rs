@@ -176,7 +176,11 @@ impl World {
 }
 
 /// Whether all numbers of a body are finite and the engine has not put it aside.
-pub(super) fn is_sound(body: &RigidBody) -> bool {
+fn is_sound(body: &RigidBody) -> bool {
+    is_finite(body) && body.is_enabled()
+}
+
+fn is_finite(body: &RigidBody) -> bool {
     let (t, r) = (body.translation(), body.rotation());
     let (v, w) = (body.linvel(), body.angvel());
     // A number times zero is zero, unless it is not finite.
@@ -184,7 +188,7 @@ pub(super) fn is_sound(body: &RigidBody) -> bool {
         + (r.x + r.y + r.z + r.w) * 0.0
         + (v.x + v.y + v.z) * 0.0
         + (w.x + w.y + w.z) * 0.0;
-    sum == 0.0 && body.is_enabled()
+    sum == 0.0
 }
 
 /// Sum of the normal impulses of a pair in the last tick, N·s.
@@ -201,7 +205,7 @@ fn impulse(pair: &ContactPair) -> f32 {
 pub(super) fn stored_problem(body: &RigidBody, place: &Vector3<f64>) -> Option<String> {
     let rotation = f64::from(body.rotation().length());
     let speed = f64::from(body.linvel().length()).max(f64::from(body.angvel().length()));
-    if !is_sound(body) {
+    if !is_finite(body) {
         Some("is not finite".to_owned())
     } else if (rotation - 1.0).abs() > STORED_NORM {
         Some(format!("has a rotation of norm {rotation:.4}, not 1"))

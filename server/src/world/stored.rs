@@ -160,6 +160,7 @@ pub(super) fn within<'a>(
 
 fn same_kind(a: &RigidBody, b: &RigidBody) -> bool {
     a.body_type() == b.body_type()
+        && a.is_enabled() == b.is_enabled()
         // The whole is summed up in the first tick.
         && a.mass_properties().additional_local_mprops
             == b.mass_properties().additional_local_mprops
