@@ -1,6 +1,7 @@
 //! Shared pieces of the system tests: servers, recorders and operators that end
 //! with the test, and a link that can be slow, frozen or cut.
 
+pub mod adversary;
 pub mod decoders;
 pub mod mutate;
 mod operator;

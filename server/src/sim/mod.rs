@@ -32,7 +32,7 @@ use crate::sensors::imu::{self, Imu};
 use crate::sensors::odometry::Odometry;
 use crate::snapshot::{BodyRef, Contact, Fault, Snapshot};
 use crate::tasks::{self, Draw, Evaluation, Evaluator, TaskSpec};
-use crate::world::{World, WorldError};
+use crate::world::{World, WorldError, WorstOfSoft};
 
 /// What can be wrong when a simulation is set up.
 #[derive(Debug, thiserror::Error)]
@@ -373,6 +373,12 @@ impl Simulation {
     #[must_use]
     pub fn assets(&self) -> &Path {
         &self.assets
+    }
+
+    /// The worst that was seen of each soft object since the start.
+    #[must_use]
+    pub fn worst_of_soft(&self) -> Vec<WorstOfSoft> {
+        self.world.worst_of_soft()
     }
 
     /// The robot's control, for what it publishes.

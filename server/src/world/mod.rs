@@ -41,6 +41,7 @@ use drive::Drives;
 use grip::GripFriction;
 use signals::Signals;
 use soft::SoftObject;
+pub use soft::Worst as WorstOfSoft;
 use stage::Stage;
 use tree::Place;
 use wheels::Wheels;
@@ -309,6 +310,13 @@ impl World {
             soft.calm(0.0);
         }
         Ok(())
+    }
+
+    /// The worst that was seen of each soft object since the start: whether its
+    /// contacts and its energy keep their laws.
+    #[must_use]
+    pub fn worst_of_soft(&self) -> Vec<WorstOfSoft> {
+        self.soft.iter().map(SoftObject::worst).collect()
     }
 
     /// Ticks since the start.

@@ -126,7 +126,7 @@ impl Elastic {
     }
 
     /// Adds the elastic forces on the nodes, N, and `scale` times the stiffness,
-    /// N/m, to a matrix of blocks.
+    /// N/m, to a matrix of blocks; returns the elastic energy, J.
     pub(super) fn assemble(
         &self,
         position: &[Vector3<f64>],
@@ -134,10 +134,13 @@ impl Elastic {
         scale: f64,
         force: &mut [Vector3<f64>],
         matrix: &mut [Matrix3<f64>],
-    ) {
+    ) -> f64 {
+        let mut energy = 0.0;
         for (cell, turn) in self.cells.iter().zip(turns) {
             let r = turn.matrix();
-            let stress = self.stress(&(r.transpose() * self.deformation(cell, position)));
+            let (stress, density) =
+                self.stress(&(r.transpose() * self.deformation(cell, position)));
+            energy += density * cell.volume;
             let push = r * stress * -cell.volume;
             let turned = cell.gradients.map(|g| r * g);
             for (i, g) in cell.nodes.iter().zip(&cell.gradients) {
@@ -161,12 +164,16 @@ impl Elastic {
                 }
             }
         }
+        energy
     }
 
-    /// Stress of a cell's own frame at a deformation with its rotation taken out, Pa.
-    fn stress(&self, unturned: &Matrix3<f64>) -> Matrix3<f64> {
+    /// Stress of a cell's own frame, Pa, and density of energy, J/m³, at a
+    /// deformation with its rotation taken out.
+    fn stress(&self, unturned: &Matrix3<f64>) -> (Matrix3<f64>, f64) {
         let strain = (unturned + unturned.transpose()) * 0.5 - Matrix3::identity();
-        strain * (2.0 * self.mu) + Matrix3::identity() * (self.lambda * strain.trace())
+        let stress =
+            strain * (2.0 * self.mu) + Matrix3::identity() * (self.lambda * strain.trace());
+        (stress, stress.dot(&strain) / 2.0)
     }
 
     /// Elastic energy, J.
@@ -174,8 +181,7 @@ impl Elastic {
     pub fn energy(&self, position: &[Vector3<f64>], turns: &[Turn]) -> f64 {
         let of = |(cell, turn): (&Cell, &Turn)| {
             let unturned = turn.matrix().transpose() * self.deformation(cell, position);
-            let strain = (unturned + unturned.transpose()) * 0.5 - Matrix3::identity();
-            self.stress(&unturned).dot(&strain) * cell.volume / 2.0
+            self.stress(&unturned).1 * cell.volume
         };
         self.cells.iter().zip(turns).map(of).sum()
     }

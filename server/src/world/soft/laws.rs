@@ -3,7 +3,8 @@
 use nalgebra::{Isometry3, UnitQuaternion, Vector3};
 
 use super::elastic::{Elastic, Elasticity};
-use super::motion::{Scratch, State, step};
+use super::motion::{State, step};
+use super::solver::Scratch;
 use crate::geometry::tetrahedra::Tetrahedra;
 
 const TICK: f64 = 1.0 / 240.0;
@@ -58,7 +59,7 @@ fn a_bar_in_tension_obeys_young_and_poisson() {
         let mut scratch = Scratch::default();
         let pull = |i: usize| turn * Vector3::x() * load[i];
         for _ in 0..6 * 240 {
-            step(&body, &mut state, &[], pull, &held, TICK, &mut scratch);
+            step(&body, &mut state, &[], &[], pull, &held, TICK, &mut scratch);
         }
         let local = |i: usize| pose.inverse() * nalgebra::Point3::from(state.position[i]);
         let mean = |axis: usize, x: f64, keep: &dyn Fn(usize) -> bool| {
@@ -103,6 +104,7 @@ fn a_free_body_keeps_its_momentum_and_falls_freely() {
             &body,
             &mut state,
             &[],
+            &[],
             |i| fall * body.masses[i],
             &[],
             TICK,
@@ -142,6 +144,7 @@ fn the_rest_shape_comes_back() {
         step(
             &body,
             &mut state,
+            &[],
             &[],
             |_| Vector3::zeros(),
             &[],

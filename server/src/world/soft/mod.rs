@@ -8,7 +8,11 @@
 mod elastic;
 #[cfg(test)]
 mod laws;
+mod ledger;
+mod mobility;
 mod motion;
+mod press;
+mod solver;
 mod touch;
 mod turn;
 
@@ -16,8 +20,11 @@ use nalgebra::{Isometry3, Matrix3, Point3, Quaternion, Translation3, UnitQuatern
 use rapier3d::prelude::PhysicsWorld;
 
 pub use elastic::{Elastic, Elasticity};
+pub use ledger::Worst;
+use ledger::{Energy, Ledger};
 pub use motion::State;
-use motion::{Scratch, step};
+use motion::step;
+use solver::Scratch;
 use touch::{Bristles, Skin};
 use turn::Turn;
 
@@ -39,6 +46,7 @@ pub(super) struct SoftObject {
     /// A tick has led to numbers that are not finite: it stays where it was.
     broken: bool,
     contacts: Vec<Contact>,
+    ledger: Ledger,
     scratch: Scratch,
 }
 
@@ -66,6 +74,7 @@ impl SoftObject {
             bristles: Bristles::default(),
             broken: false,
             contacts: Vec::new(),
+            ledger: Ledger::default(),
             scratch: Scratch::default(),
         })
     }
@@ -86,15 +95,17 @@ impl SoftObject {
         );
         let fall = Vector3::z() * -gravity;
         let masses = &self.body.masses;
-        let pressed = step(
+        let done = step(
             &self.body,
             &mut self.state,
             &near.touches,
+            &near.solids,
             |i| fall * masses[i],
             &[],
             h,
             &mut self.scratch,
         );
+        let pressed = &done.pressed;
         if !self.state.is_finite() || pressed.iter().any(|p| !p.is_finite()) {
             self.state = before;
             self.calm(0.0);
@@ -102,9 +113,29 @@ impl SoftObject {
             self.broken = true;
             return;
         }
-        self.bristles = near.bristles(&pressed);
-        self.contacts = near.contacts(BodyRef::Object(self.object), &pressed);
-        near.push(physics, &pressed);
+        let points = near.touches.iter().zip(&near.met);
+        let energy = Energy {
+            kinetic: before.kinetic_energy(&self.body),
+            elastic: done.elastic,
+            height: gravity * self.body.mass * self.body.centre(&before.position).z,
+            contacts: points.map(|(touch, met)| touch.energy(&met.point)).sum(),
+        };
+        let speed = self.state.fastest();
+        let ledger = &mut self.ledger;
+        ledger.enter(physics, energy, &near, pressed, done.kick, speed, h);
+        self.bristles = near.bristles(pressed);
+        self.contacts = near.contacts(BodyRef::Object(self.object), pressed);
+        near.push(physics, pressed);
+    }
+
+    /// The worst that was seen of it.
+    pub(super) fn worst(&self) -> Worst {
+        Worst {
+            unsettled: self.scratch.unsettled,
+            solutions: self.scratch.solutions,
+            steps: self.scratch.steps,
+            ..self.ledger.worst()
+        }
     }
 
     /// Whether its motion has led to numbers that are not finite.
@@ -137,6 +168,7 @@ impl SoftObject {
 
     /// Takes out part of its motion, all of it with `keep` 0.
     pub(super) fn calm(&mut self, keep: f64) {
+        self.ledger.restart();
         for v in &mut self.state.velocity {
             *v = if keep == 0.0 {
                 Vector3::zeros()
@@ -185,6 +217,7 @@ impl SoftObject {
         (self.state.clone(), self.bristles.clone(), self.broken)
     }
 
+<<<<<<< HEAD
     /// What is wrong with a saved state of this object.
     ///
     /// # Errors
@@ -196,6 +229,20 @@ impl SoftObject {
             || state.turns.len() != own.turns.len()
         {
             return Err("the soft object has another number of nodes or cells".to_owned());
+=======
+    /// Takes over a saved state; says no when it is of another body.
+    #[must_use]
+    pub(super) fn restore(&mut self, (state, bristles, broken): Saved) -> bool {
+        let fits = state.position.len() == self.state.position.len()
+            && state.velocity.len() == self.state.velocity.len()
+            && state.turns.len() == self.state.turns.len();
+        if fits {
+            self.state = state;
+            self.bristles = bristles;
+            self.broken = broken;
+            self.contacts.clear();
+            self.ledger.restart();
+>>>>>>> da5bcb2 (Soft contacts press and rub by law: secants of Coulomb's law that only give way, pushes through the solid's articulated inertia, a ledger of energy; adversarial operators)
         }
         if *broken {
             return Err("the soft object is broken in it".to_owned());
@@ -225,6 +272,7 @@ impl SoftObject {
         self.bristles = bristles;
         self.broken = broken;
         self.contacts.clear();
+        self.ledger.restart();
     }
 
     /// Numbers that take part in the state hash.

@@ -10,7 +10,9 @@ use serde::{Deserialize, Serialize};
 use super::super::contact::body_of;
 use super::super::convert::{from_pose, from_vector, point as to_engine, vector};
 use super::elastic::Elastic;
-use super::motion::{Pressed, State, Touch};
+use super::mobility::Mobilities;
+use super::motion::State;
+use super::press::{Mobility, Pressed, Touch};
 use crate::geometry::plush;
 use crate::geometry::tetrahedra::{Embedded, Tetrahedra};
 use crate::snapshot::{BodyRef, Contact};
@@ -45,15 +47,18 @@ pub(super) struct Skin {
 /// The touches of one tick, with what each touches.
 pub(super) struct Near {
     pub touches: Vec<Touch>,
-    met: Vec<Met>,
+    /// The solids that they touch.
+    pub solids: Vec<Mobility>,
+    pub(super) met: Vec<Met>,
 }
 
 /// What a touch meets.
-struct Met {
+pub(super) struct Met {
     key: Key,
     /// Place of the vertex, metres.
-    point: Vector3<f64>,
-    house_from_solid: Isometry3<f64>,
+    pub point: Vector3<f64>,
+    pub collider: ColliderHandle,
+    pub house_from_solid: Isometry3<f64>,
     body: Option<RigidBodyHandle>,
     reference: BodyRef,
 }
@@ -99,13 +104,7 @@ impl Skin {
         h: f64,
     ) -> Near {
         let points = self.points(body, &state.position);
-        let fastest = state
-            .velocity
-            .iter()
-            .map(Vector3::norm_squared)
-            .fold(0.0, f64::max)
-            .sqrt();
-        let margin = MARGIN + fastest * h;
+        let margin = MARGIN + state.fastest() * h;
         let mut low = Vector3::repeat(f64::INFINITY);
         let mut high = -low;
         for p in &points {
@@ -114,8 +113,10 @@ impl Skin {
         }
         let mut near = Near {
             touches: Vec::new(),
+            solids: Vec::new(),
             met: Vec::new(),
         };
+        let mut mobilities = Mobilities::new(physics);
         for solid in solids(physics, &low, &high, margin, friction) {
             for (i, p) in points.iter().enumerate() {
                 if (0..3).any(|a| p[a] < solid.low[a] || p[a] > solid.high[a]) {
@@ -124,6 +125,7 @@ impl Skin {
                 let Some((gap, normal)) = solid.gap(p, margin) else {
                     continue;
                 };
+                let number = mobilities.number(solid.collider.parent(), &mut near.solids);
                 let (index, generation) = solid.handle.into_raw_parts();
                 let key = (i as u32, index, generation);
                 let anchor = bristles.0.get(&key).map(|local| {
@@ -138,11 +140,13 @@ impl Skin {
                     normal,
                     gap,
                     anchor,
-                    solid: solid.linear + solid.angular.cross(&(p - solid.centre)),
+                    velocity: solid.linear + solid.angular.cross(&(p - solid.centre)),
+                    solid: number,
                 });
                 near.met.push(Met {
                     key,
                     point: *p,
+                    collider: solid.handle,
                     house_from_solid: solid.house_from_solid,
                     body: solid.collider.parent(),
                     reference: body_of(solid.collider.user_data),

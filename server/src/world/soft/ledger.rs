@@ -1,0 +1,197 @@
+//! Checks of every tick: what contacts did and where energy came from.
+//!
+//! A ledger reads and never writes: it has no part in the motion, in the saved
+//! state or in the hash.
+
+use std::collections::VecDeque;
+
+use nalgebra::{Isometry3, Point3, Vector3};
+use rapier3d::geometry::ColliderHandle;
+use rapier3d::prelude::PhysicsWorld;
+
+use super::super::convert::from_pose;
+use super::press::Pressed;
+use super::touch::Near;
+
+/// Ticks of the longer look at energy: half a second.
+const WINDOW: usize = 120;
+/// Energy that may come from nowhere in a tick, J, and its part of what is there.
+const TICK_RISE: (f64, f64) = (1e-3, 0.01);
+/// The same over the window, of what was there and of the work done on it.
+const WINDOW_RISE: (f64, f64) = (1e-3, 0.02);
+
+/// The worst that was seen of a soft object since its world was made.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Worst {
+    /// Least normal force of a contact point, N; the law is 0 or more.
+    pub normal: f64,
+    /// Greatest friction over the Coulomb limit of a contact point; the law is
+    /// 1.001 or less.
+    pub friction: f64,
+    /// Greatest change of a solid's speed in a tick, m/s; the law is 0.5 or less.
+    pub kick: f64,
+    /// Energy that came from nowhere in a tick beyond 1 mJ and 1 %, J, with the
+    /// solids as fast as they went at its start; the law is 0 or less.
+    pub rise: f64,
+    /// Energy that came from nowhere in half a second beyond 1 mJ and 2 %, J, with
+    /// the solids where they really went; the law is 0 or less.
+    pub window_rise: f64,
+    /// Fastest node, m/s.
+    pub speed: f64,
+    /// Greatest energy without that of its height, J.
+    pub energy: f64,
+    /// Ticks whose contacts did not come to agree.
+    pub unsettled: u64,
+    /// Solutions of the linear system, over all ticks.
+    pub solutions: u64,
+    /// Conjugate-gradient steps, over all ticks.
+    pub steps: u64,
+    /// Ticks.
+    pub ticks: u64,
+}
+
+/// Energy at the start of a tick, J.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Energy {
+    pub kinetic: f64,
+    pub elastic: f64,
+    pub height: f64,
+    pub contacts: f64,
+}
+
+impl Energy {
+    fn without_height(&self) -> f64 {
+        self.kinetic + self.elastic + self.contacts
+    }
+
+    fn all(&self) -> f64 {
+        self.without_height() + self.height
+    }
+}
+
+/// A force on the object and where the solid had it.
+#[derive(Clone, Debug)]
+struct Push {
+    collider: ColliderHandle,
+    house_from_solid: Isometry3<f64>,
+    point: Vector3<f64>,
+    force: Vector3<f64>,
+}
+
+/// What is kept of a tick for the next one.
+#[derive(Clone, Copy, Debug)]
+struct Before {
+    /// At its start.
+    energy: Energy,
+    /// In the contacts at its end, as the step foresaw it, J.
+    foreseen: f64,
+    /// Work of the solids, as the step foresaw it, J.
+    work: f64,
+}
+
+/// The checks of one soft object.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Ledger {
+    worst: Worst,
+    before: Option<Before>,
+    pushes: Vec<Push>,
+    /// Energy at the start of each tick, and the work of the solids in it, J.
+    ticks: VecDeque<(Energy, f64)>,
+}
+
+impl Ledger {
+    /// The worst since the start.
+    pub(super) fn worst(&self) -> Worst {
+        self.worst
+    }
+
+    /// Forgets what came before: the object was set or calmed from outside.
+    pub(super) fn restart(&mut self) {
+        self.before = None;
+        self.pushes.clear();
+        self.ticks.clear();
+    }
+
+    /// Enters a tick: the energy at its start, the touches and what they did.
+    pub(super) fn enter(
+        &mut self,
+        physics: &PhysicsWorld,
+        energy: Energy,
+        near: &Near,
+        pressed: &[Pressed],
+        kick: f64,
+        speed: f64,
+        h: f64,
+    ) {
+        let worst = &mut self.worst;
+        worst.ticks += 1;
+        worst.speed = worst.speed.max(speed);
+        worst.energy = worst.energy.max(energy.without_height());
+        worst.kick = worst.kick.max(kick);
+        if let Some(before) = self.before {
+            let (least, part) = TICK_RISE;
+            let end = Energy {
+                contacts: before.foreseen,
+                ..energy
+            };
+            let rise = end.all() - before.energy.all() - before.work;
+            let beyond = rise - least - part * before.energy.without_height();
+            worst.rise = worst.rise.max(beyond);
+            let work = work(&self.pushes, physics);
+            let before = before.energy;
+            self.ticks.push_back((before, work));
+            if self.ticks.len() > WINDOW {
+                self.ticks.pop_front();
+            }
+            if let (WINDOW, Some((then, _))) = (self.ticks.len(), self.ticks.front()) {
+                let work: f64 = self.ticks.iter().map(|(_, work)| work).sum();
+                let moved: f64 = self.ticks.iter().map(|(_, work)| work.abs()).sum();
+                let (least, part) = WINDOW_RISE;
+                let rise = energy.all() - then.all() - work;
+                let beyond = rise - least - part * (then.without_height() + moved);
+                worst.window_rise = worst.window_rise.max(beyond);
+            }
+        }
+        for (touch, pressed) in near.touches.iter().zip(pressed) {
+            worst.normal = worst.normal.min(pressed.normal);
+            let limit = touch.friction * pressed.normal;
+            let drag = pressed.drag.norm();
+            if drag > 1e-6 {
+                worst.friction = worst.friction.max(drag / limit.max(1e-9));
+            }
+        }
+        let touches = near.touches.iter().zip(pressed);
+        self.before = Some(Before {
+            energy,
+            foreseen: pressed.iter().map(|p| p.energy).sum(),
+            work: touches.map(|(t, p)| p.force.dot(&t.velocity) * h).sum(),
+        });
+        self.pushes.clear();
+        let acting = near.met.iter().zip(pressed);
+        self.pushes.extend(
+            acting
+                .filter(|(_, pressed)| pressed.force != Vector3::zeros())
+                .map(|(met, pressed)| Push {
+                    collider: met.collider,
+                    house_from_solid: met.house_from_solid,
+                    point: met.point,
+                    force: pressed.force,
+                }),
+        );
+    }
+}
+
+/// Work of the solids on the object since the pushes began, J.
+fn work(pushes: &[Push], physics: &PhysicsWorld) -> f64 {
+    let of = |push: &Push| {
+        let Some(collider) = physics.colliders.get(push.collider) else {
+            return 0.0;
+        };
+        let now = from_pose(collider.position());
+        let local = push
+            .house_from_solid
+            .inverse_transform_point(&Point3::from(push.point));
+        push.force.dot(&((now * local).coords - push.point))
+    };
+    pushes.iter().map(of).sum()
+}

@@ -1,0 +1,333 @@
+//! What a contact may do: press but never pull, and rub no harder than Coulomb.
+//!
+//! A touch is an elastic foundation with a bristle. In a solution it is open,
+//! or a spring along the normal with a `share` of the same spring along the
+//! surface: 1 where it sticks, less where it slips, so that friction is
+//! `share` times the force of the bent bristle (a secant of Coulomb's law). A
+//! spring of constant stiffness cannot gain energy in an implicit step, which a
+//! friction force that is given beforehand can.
+
+use nalgebra::{Matrix3, Matrix6, Vector3, Vector6};
+
+use super::elastic::Elastic;
+use super::solver::Spring;
+
+/// A solution in which friction exceeds the Coulomb limit by this part is good:
+/// what is too much is cut off.
+const COULOMB: f64 = 1.005;
+/// Friction below this part of the limit that slips could hold more.
+const TIGHT: f64 = 0.9;
+/// Friction that has to give way is led to this part of its limit.
+const AIM: f64 = 0.99;
+/// Greatest change of a solid's speed by a soft object in a tick, m/s.
+const KICK: f64 = 0.5;
+/// A solid that is pushed too hard is pushed with this part of what is allowed.
+const GENTLE: f64 = 0.9;
+/// Greatest h²k/m of all contacts at a solid: beyond, a push that is worked out
+/// before the solid moves throws it further than the contact is deep.
+const HEAVY: f64 = 2.0;
+/// Forces below this are none, N.
+const NOTHING: f64 = 5e-4;
+
+/// A point of the skin near a solid.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Touch {
+    /// Cell that carries the point, and the weights of its corners.
+    pub cell: usize,
+    pub weights: [f64; 4],
+    /// Foundation, N/m.
+    pub stiffness: f64,
+    /// Coulomb coefficient.
+    pub friction: f64,
+    /// From the solid, unit.
+    pub normal: Vector3<f64>,
+    /// Distance from the solid at the start of the tick, metres, negative inside.
+    pub gap: f64,
+    /// Where the bristle stands at the start of the tick; `None` for a new contact.
+    pub anchor: Option<Vector3<f64>>,
+    /// Velocity of the solid there, m/s.
+    pub velocity: Vector3<f64>,
+    /// Which of the solids it is.
+    pub solid: usize,
+}
+
+/// How easily a solid is moved.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Mobility {
+    /// Centre of mass, metres.
+    pub centre: Vector3<f64>,
+    /// Change of its velocity (linear, angular) per impulse at its centre of
+    /// mass, through whatever it is jointed to; `None` for what does not move.
+    pub inverse: Option<Matrix6<f64>>,
+}
+
+/// What a touch did.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(super) struct Pressed {
+    /// Force on the body along the normal, N.
+    pub normal: f64,
+    /// Friction on the body, N.
+    pub drag: Vector3<f64>,
+    /// Both, N.
+    pub force: Vector3<f64>,
+    /// Where the bristle stands on the solid after the tick, given for the place
+    /// that the solid had at its start; `None` where nothing touches.
+    pub anchor: Option<Vector3<f64>>,
+    /// Energy in the foundation and the bristle after the tick, J.
+    pub energy: f64,
+}
+
+impl Pressed {
+    /// Whether all numbers are finite.
+    pub(super) fn is_finite(&self) -> bool {
+        let anchor = self.anchor.unwrap_or_default();
+        self.force.iter().chain(&anchor).all(|x| x.is_finite())
+    }
+}
+
+/// How a touch takes part in a solution.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Grip {
+    Open,
+    /// Pressed, with this share of the bristle's stiffness, 0 to 1.
+    Shut(f64),
+}
+
+impl Mobility {
+    /// Change of the velocity at a point per impulse there, 1/kg.
+    fn at(&self, point: &Vector3<f64>) -> Option<Matrix3<f64>> {
+        let inverse = self.inverse?;
+        let arm = (point - self.centre).cross_matrix();
+        let (linear, mixed, angular) = (
+            inverse.fixed_view::<3, 3>(0, 0),
+            inverse.fixed_view::<3, 3>(0, 3),
+            inverse.fixed_view::<3, 3>(3, 3),
+        );
+        Some(linear + mixed * arm - arm * mixed.transpose() - arm * angular * arm)
+    }
+
+    /// Greatest change of its speed at any of some points under forces there for
+    /// `h` seconds, m/s.
+    fn kick<'a>(
+        &self,
+        forces: impl Iterator<Item = (&'a Vector3<f64>, Vector3<f64>)> + Clone,
+        h: f64,
+    ) -> f64 {
+        let Some(inverse) = self.inverse else {
+            return 0.0;
+        };
+        let mut impulse = Vector6::zeros();
+        for (point, force) in forces.clone() {
+            let turn = (point - self.centre).cross(&force);
+            impulse += Vector6::new(force.x, force.y, force.z, turn.x, turn.y, turn.z) * h;
+        }
+        let change = inverse * impulse;
+        let (linear, angular) = (change.xyz(), Vector3::new(change[3], change[4], change[5]));
+        forces
+            .map(|(point, _)| (linear + angular.cross(&(point - self.centre))).norm())
+            .fold(0.0, f64::max)
+    }
+}
+
+/// All touches of a tick while it is solved.
+pub(super) struct Hold<'a> {
+    touches: &'a [Touch],
+    solids: &'a [Mobility],
+    /// Places of the points at the start of the tick, metres.
+    points: Vec<Vector3<f64>>,
+    grips: Vec<Grip>,
+    /// Share of the foundation's stiffness at each solid, 0 to 1.
+    softened: Vec<f64>,
+    h: f64,
+}
+
+impl<'a> Hold<'a> {
+    /// The touches as they would be if the body went on as fast as it goes.
+    pub(super) fn new(
+        body: &Elastic,
+        position: &[Vector3<f64>],
+        velocity: &[Vector3<f64>],
+        touches: &'a [Touch],
+        solids: &'a [Mobility],
+        h: f64,
+    ) -> Self {
+        let points: Vec<_> = touches.iter().map(|t| t.at(body, position)).collect();
+        let mut hold = Self {
+            touches,
+            solids,
+            points,
+            grips: vec![Grip::Open; touches.len()],
+            softened: vec![1.0; solids.len()],
+            h,
+        };
+        let mut burden = vec![0.0; solids.len()];
+        for (i, t) in touches.iter().enumerate() {
+            let (normal, bristle) = hold.trial(body, velocity, i);
+            if normal > 0.0 {
+                hold.grips[i] = Grip::Shut(share(t.friction * normal, bristle.norm()));
+                if let Some(give) = solids[t.solid].at(&hold.points[i]) {
+                    burden[t.solid] += h * h * t.stiffness * give.trace();
+                }
+            }
+        }
+        for (soft, burden) in hold.softened.iter_mut().zip(burden) {
+            *soft = (HEAVY / burden.max(HEAVY)).min(1.0);
+        }
+        hold
+    }
+
+    fn stiffness(&self, i: usize) -> f64 {
+        let t = &self.touches[i];
+        t.stiffness * self.softened[t.solid]
+    }
+
+    /// Normal force and the force of the whole bristle at the end of the tick, N.
+    fn trial(&self, body: &Elastic, velocity: &[Vector3<f64>], i: usize) -> (f64, Vector3<f64>) {
+        let t = &self.touches[i];
+        let stiffness = self.stiffness(i);
+        let moved = (t.at(body, velocity) - t.velocity) * self.h;
+        let normal = -stiffness * (t.gap + t.normal.dot(&moved));
+        let bristle = (t.bend(&self.points[i]) - t.along(&moved)) * stiffness;
+        (normal, bristle)
+    }
+
+    /// The springs of the next solution.
+    pub(super) fn springs(&self) -> impl Iterator<Item = Spring> + '_ {
+        let h = self.h;
+        self.touches.iter().enumerate().filter_map(move |(i, t)| {
+            let Grip::Shut(share) = self.grips[i] else {
+                return None;
+            };
+            let across = t.normal * t.normal.transpose();
+            let along = (Matrix3::identity() - across) * share;
+            // At the end of the tick the point wants to be on the surface and at
+            // its bristle; both move with the solid.
+            let pull = t.normal * -t.gap
+                + t.bend(&self.points[i]) * share
+                + (across + along) * t.velocity * h;
+            let stiffness = self.stiffness(i) * h;
+            Some(Spring {
+                cell: t.cell,
+                weights: t.weights,
+                block: (across + along) * (stiffness * h),
+                push: pull * stiffness,
+            })
+        })
+    }
+
+    /// Holds the touches against a solution: whether all of them do what they
+    /// may. What does not is changed for the next one; with `giving` a touch
+    /// only opens or holds less, so that solutions come to an end.
+    pub(super) fn agree(
+        &mut self,
+        body: &Elastic,
+        velocity: &[Vector3<f64>],
+        giving: bool,
+    ) -> bool {
+        let mut agreed = true;
+        for i in 0..self.touches.len() {
+            let (normal, bristle) = self.trial(body, velocity, i);
+            let limit = self.touches[i].friction * normal.max(0.0);
+            let pull = bristle.norm();
+            let next = match self.grips[i] {
+                Grip::Open if giving || normal <= 0.0 => continue,
+                Grip::Open => Grip::Shut(share(limit, pull)),
+                Grip::Shut(_) if normal < -NOTHING => Grip::Open,
+                Grip::Shut(now) if now * pull > COULOMB * limit + NOTHING => {
+                    Grip::Shut(AIM * limit / pull)
+                }
+                Grip::Shut(now) if !giving && now < 1.0 && now * pull < TIGHT * limit => {
+                    Grip::Shut(share(AIM * limit, pull))
+                }
+                Grip::Shut(_) => continue,
+            };
+            self.grips[i] = next;
+            agreed = false;
+        }
+        let kicks = self.kicks(&self.done(body, velocity));
+        for (soft, kick) in self.softened.iter_mut().zip(kicks) {
+            if kick > KICK {
+                *soft *= GENTLE * KICK / kick;
+                agreed = false;
+            }
+        }
+        agreed
+    }
+
+    /// Greatest change of speed of every solid, m/s.
+    pub(super) fn kicks(&self, pressed: &[Pressed]) -> Vec<f64> {
+        let of = |solid: usize| {
+            let touches = self.touches.iter().zip(&self.points).zip(pressed);
+            touches
+                .filter(move |((t, _), _)| t.solid == solid)
+                .map(|((_, point), pressed)| (point, -pressed.force))
+        };
+        let solids = self.solids.iter().enumerate();
+        solids.map(|(s, solid)| solid.kick(of(s), self.h)).collect()
+    }
+
+    /// What every touch did in a solution. Where solutions did not come to agree
+    /// what is too much is cut off.
+    pub(super) fn done(&self, body: &Elastic, velocity: &[Vector3<f64>]) -> Vec<Pressed> {
+        let all = 0..self.touches.len();
+        all.map(|i| self.pressed(body, velocity, i)).collect()
+    }
+
+    fn pressed(&self, body: &Elastic, velocity: &[Vector3<f64>], i: usize) -> Pressed {
+        let Grip::Shut(share) = self.grips[i] else {
+            return Pressed::default();
+        };
+        let (normal, bristle) = self.trial(body, velocity, i);
+        if normal <= 0.0 {
+            return Pressed::default();
+        }
+        let t = &self.touches[i];
+        let (limit, pull) = (t.friction * normal, share * bristle.norm());
+        let kept = if pull > limit { limit / pull } else { 1.0 };
+        let drag = bristle * (share * kept);
+        // Seen from the solid, which moves too.
+        let end = self.points[i] + (t.at(body, velocity) - t.velocity) * self.h;
+        let stiffness = self.stiffness(i);
+        Pressed {
+            normal,
+            drag,
+            force: t.normal * normal + drag,
+            anchor: Some(end + drag / stiffness),
+            energy: (normal * normal + drag.norm_squared()) / (2.0 * stiffness),
+        }
+    }
+}
+
+/// Share of a bristle that pulls with `pull` N and may hold `limit` N.
+fn share(limit: f64, pull: f64) -> f64 {
+    if pull <= limit { 1.0 } else { limit / pull }
+}
+
+impl Touch {
+    fn at(&self, body: &Elastic, of: &[Vector3<f64>]) -> Vector3<f64> {
+        let nodes = body.cells[self.cell].nodes.iter().zip(&self.weights);
+        nodes.map(|(i, w)| of[*i] * *w).sum()
+    }
+
+    /// Part of a vector along the surface.
+    fn along(&self, v: &Vector3<f64>) -> Vector3<f64> {
+        v - self.normal * self.normal.dot(v)
+    }
+
+    /// How far the bristle is bent at the start of the tick.
+    fn bend(&self, point: &Vector3<f64>) -> Vector3<f64> {
+        self.anchor
+            .map_or_else(Vector3::zeros, |a| self.along(&(a - point)))
+    }
+
+    /// Energy of the foundation and of the bristle at the start of the tick, J.
+    pub(super) fn energy(&self, point: &Vector3<f64>) -> f64 {
+        let deep = self.gap.min(0.0);
+        let bend = if deep < 0.0 {
+            self.bend(point).norm_squared()
+        } else {
+            0.0
+        };
+        0.5 * self.stiffness * (deep * deep + bend)
+    }
+}

@@ -1,0 +1,157 @@
+//! When a run counts as broken.
+
+use wheelarm_proto::names::JOINT_NAMES;
+use wheelarm_server::sim::Simulation;
+use wheelarm_server::world::WorstOfSoft;
+
+/// No node of a soft object is as fast, m/s.
+const NODE_SPEED: f64 = 20.0;
+/// No soft object holds as much energy beside that of its height, J.
+const SOFT_ENERGY: f64 = 20.0;
+/// No joint of the arm is as fast as this many times its limit.
+const ARM_SPEED: f64 = 5.0;
+/// No other joint is as fast, rad/s.
+const JOINT_SPEED: f64 = 60.0;
+/// No contact is as hard, N.
+const CONTACT: f64 = 30_000.0;
+/// Rounding in a law, in its unit.
+const ROUNDING: f64 = 1e-6;
+
+/// Looks at a run while it goes on.
+#[derive(Debug)]
+pub struct Judge {
+    limits: [f64; 16],
+    broken: Vec<String>,
+    contact: f64,
+    joint: f64,
+}
+
+/// What was seen of a run.
+#[derive(Clone, Debug)]
+pub struct Verdict {
+    /// Physics ticks that were run.
+    pub ticks: u64,
+    /// Why it counts as exploded; empty when it does not.
+    pub broken: Vec<String>,
+    /// Laws of soft contacts that did not hold; empty when all did.
+    pub unlawful: Vec<String>,
+    /// Hardest contact, N.
+    pub contact: f64,
+    /// Fastest joint, rad/s.
+    pub joint: f64,
+    /// The worst of the soft object, where there is one.
+    pub soft: Option<WorstOfSoft>,
+}
+
+impl Judge {
+    /// A judge who knows the robot's limits.
+    #[must_use]
+    pub fn new(sim: &Simulation) -> Self {
+        let limit = |name: &str| {
+            let joint = sim.model().joints.iter().find(|j| j.name == name);
+            joint.map_or(JOINT_SPEED, |j| ARM_SPEED * j.limits.velocity)
+        };
+        let mut limits = JOINT_NAMES.map(|_| JOINT_SPEED);
+        for (slot, name) in limits.iter_mut().zip(JOINT_NAMES).skip(4).take(6) {
+            *slot = limit(name);
+        }
+        Self {
+            limits,
+            broken: Vec::new(),
+            contact: 0.0,
+            joint: 0.0,
+        }
+    }
+
+    /// Looks at the present tick; says whether enough was seen.
+    pub fn look(&mut self, sim: &Simulation) -> bool {
+        let snapshot = sim.snapshot();
+        let mut say = |what: String| self.broken.push(format!("tick {}: {what}", snapshot.tick));
+        for (state, (limit, name)) in sim
+            .recorded_joints()
+            .iter()
+            .zip(self.limits.iter().zip(JOINT_NAMES))
+        {
+            self.joint = self.joint.max(state.velocity.abs());
+            // Written so that a number that is none counts.
+            if !(state.velocity.abs() <= *limit
+                && state.position.is_finite()
+                && state.effort.is_finite())
+            {
+                say(format!("{name} turns with {} rad/s", state.velocity));
+            }
+        }
+        for contact in &snapshot.contacts {
+            let force = contact.force.norm();
+            self.contact = self.contact.max(force);
+            if !(force <= CONTACT) {
+                say(format!(
+                    "{:?} presses {:?} with {force} N",
+                    contact.first, contact.second
+                ));
+            }
+        }
+        for body in snapshot.links.iter().chain(&snapshot.objects) {
+            let finite = |v: &nalgebra::Vector3<f64>| v.iter().all(|x| x.is_finite());
+            if !(finite(&body.pose.translation.vector)
+                && finite(&body.linear)
+                && finite(&body.angular))
+            {
+                say("a body is nowhere".to_owned());
+            }
+        }
+        for worst in sim.worst_of_soft() {
+            if !(worst.speed <= NODE_SPEED) {
+                say(format!("a node goes with {} m/s", worst.speed));
+            }
+            if !(worst.energy <= SOFT_ENERGY) {
+                say(format!("{} J are in the soft object", worst.energy));
+            }
+        }
+        !self.broken.is_empty()
+    }
+
+    /// What was seen.
+    #[must_use]
+    pub fn verdict(self, sim: &Simulation) -> Verdict {
+        let soft = sim.worst_of_soft().first().copied();
+        Verdict {
+            ticks: sim.snapshot().tick,
+            broken: self.broken,
+            unlawful: soft.map(unlawful).unwrap_or_default(),
+            contact: self.contact,
+            joint: self.joint,
+            soft,
+        }
+    }
+}
+
+fn unlawful(worst: WorstOfSoft) -> Vec<String> {
+    let laws = [
+        (
+            worst.normal >= -ROUNDING,
+            format!("a contact pulls with {} N", -worst.normal),
+        ),
+        (
+            worst.friction <= 1.001 + ROUNDING,
+            format!("friction is {} times its limit", worst.friction),
+        ),
+        (
+            worst.kick <= 0.5 + ROUNDING,
+            format!("a solid is {} m/s faster after a tick", worst.kick),
+        ),
+        (
+            worst.rise <= 0.0,
+            format!("{} J too much came from nowhere in a tick", worst.rise),
+        ),
+        (
+            worst.window_rise <= 0.0,
+            format!(
+                "{} J too much came from nowhere in half a second",
+                worst.window_rise
+            ),
+        ),
+    ];
+    let broken = laws.into_iter().filter(|(kept, _)| !kept);
+    broken.map(|(_, what)| what).collect()
+}

@@ -1,0 +1,144 @@
+//! Random operators who mean harm, and what the physics must stand.
+//!
+//! A [`Run`] is a scenario in process, without a network and without cameras:
+//! a policy drives the robot at 60 Hz and a judge looks at every control tick.
+
+mod judge;
+mod policy;
+mod recorded;
+
+use std::path::Path;
+
+use anyhow::Result;
+use nalgebra::{Isometry3, UnitQuaternion, Vector3};
+use wheelarm_proto::CONTROL_HZ;
+use wheelarm_server::sim::{Pacing, Scenario, Simulation};
+
+pub use judge::{Judge, Verdict};
+pub use policy::{Kind, Policy};
+pub use recorded::Recorded;
+
+/// Where a run begins.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Start {
+    /// Where the seed draws it.
+    Drawn,
+    /// Before the kitchen table, within reach of what stands on it.
+    KitchenTable,
+    /// Before the wall beside the kitchen table.
+    Wall,
+}
+
+/// One run of one policy.
+#[derive(Clone, Copy, Debug)]
+pub struct Run {
+    /// Task below assets/tasks.
+    pub task: &'static str,
+    /// What the operator does.
+    pub kind: Kind,
+    /// Seed of the scene and of the operator.
+    pub seed: u64,
+    /// Where it begins.
+    pub start: Start,
+}
+
+/// The thirteen tasks.
+pub const TASKS: [&str; 13] = [
+    "open_drawer",
+    "pick_blue_mug",
+    "pick_bowl",
+    "pick_crackers",
+    "pick_glass_bottle",
+    "pick_grey_cup",
+    "pick_meat_can",
+    "pick_mustard",
+    "pick_silver_bottle",
+    "pick_tomato_soup",
+    "place_knife",
+    "place_teddy_bear",
+    "select_coke",
+];
+
+/// `rigid` runs over the rigid tasks and `soft` at the bear, every kind in turn.
+#[must_use]
+pub fn runs(rigid: usize, soft: usize, first_seed: u64) -> Vec<Run> {
+    let tasks: Vec<&'static str> = TASKS
+        .into_iter()
+        .filter(|task| *task != "place_teddy_bear")
+        .collect();
+    let rigid = (0..rigid).map(|i| {
+        let kind = Kind::ANYWHERE[i % Kind::ANYWHERE.len()];
+        let start = if i % 3 == 0 {
+            Start::KitchenTable
+        } else {
+            Start::Drawn
+        };
+        let (task, seed) = (tasks[i % tasks.len()], first_seed + i as u64);
+        Run {
+            task,
+            kind,
+            seed,
+            start,
+        }
+    });
+    let soft = (0..soft).map(|i| {
+        let kind = Kind::AT_THE_BEAR[i % Kind::AT_THE_BEAR.len()];
+        let start = if kind == Kind::SqueezeAtWall {
+            Start::Wall
+        } else {
+            Start::KitchenTable
+        };
+        let (task, seed) = ("place_teddy_bear", first_seed + 10_000 + i as u64);
+        Run {
+            task,
+            kind,
+            seed,
+            start,
+        }
+    });
+    rigid.chain(soft).collect()
+}
+
+impl Run {
+    /// The scenario of this run.
+    #[must_use]
+    pub fn scenario(&self) -> Scenario {
+        Scenario {
+            task: self.task.to_owned(),
+            seed: self.seed,
+            cameras: Vec::new(),
+            pacing: Pacing::Fast,
+            start: match self.start {
+                Start::Drawn => None,
+                Start::KitchenTable => Some(chair_at(-3.85, 2.48, 86.0)),
+                Start::Wall => Some(chair_at(-3.85, 2.48, 60.0)),
+            },
+            ..Scenario::default()
+        }
+    }
+
+    /// Runs it for a time; ends early when the judge has seen enough.
+    ///
+    /// # Errors
+    /// When the scenario cannot be made.
+    pub fn play(&self, assets: &Path, seconds: f64) -> Result<Verdict> {
+        let mut sim = Simulation::new(assets, self.scenario())?;
+        let mut policy = Policy::new(self.kind, self.seed, &sim);
+        let mut judge = Judge::new(&sim);
+        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
+        let ticks = (seconds * CONTROL_HZ as f64) as u64;
+        for tick in 0..ticks {
+            let input = policy.input(tick, &sim);
+            sim.step(&input);
+            if judge.look(&sim) {
+                break;
+            }
+        }
+        Ok(judge.verdict(&sim))
+    }
+}
+
+fn chair_at(x: f64, y: f64, degrees: f64) -> Isometry3<f64> {
+    let turn = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), degrees.to_radians());
+    Isometry3::from_parts(Vector3::new(x, y, 0.0).into(), turn)
+}
