@@ -106,9 +106,9 @@ fn told(name: &str, job: &dyn Fn() -> Result<Verdict>) -> bool {
             let soft = verdict.soft.map_or_else(String::new, |s| {
                 let ticks = s.ticks.max(1) as f64;
                 format!(
-                    "; node {:.2} m/s, {:.2} J, normal {:.1e} N, friction {:.4}, kick {:.3} m/s, rise {:.1e} J, {:.1e} J, {:.2} solutions and {:.1} steps a tick, {} unsettled",
+                    "; node {:.2} m/s, {:.2} J, normal {:.1e} N, friction {:.4}, kick {:.3} m/s, rise {:.1e} J, {:.1e} J, {:.2} solutions and {:.1} steps a tick, {} softened, {} unsettled",
                     s.speed, s.energy, s.normal, s.friction, s.kick, s.rise, s.window_rise,
-                    s.solutions as f64 / ticks, s.steps as f64 / ticks, s.unsettled
+                    s.solutions as f64 / ticks, s.steps as f64 / ticks, s.softened, s.unsettled
                 )
             });
             let good = verdict.broken.is_empty() && verdict.unlawful.is_empty();

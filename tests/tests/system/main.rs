@@ -1,6 +1,7 @@
 //! System tests: a real server process and real client processes over
 //! loopback, and the rules that the compiler cannot see.
 
+mod adversarial;
 mod broken;
 mod collect;
 mod collect_many;

@@ -123,6 +123,19 @@ impl Press {
     }
 }
 
+/// Contacts press and never pull, rub within Coulomb's limit, throw no solid, and
+/// no energy comes from nowhere.
+fn lawful(world: &World) {
+    for worst in world.worst_of_soft() {
+        assert!(worst.ticks > 0, "nothing was looked at");
+        assert!(worst.normal >= 0.0, "{worst:?}");
+        assert!(worst.friction <= 1.001, "{worst:?}");
+        assert!(worst.kick <= 0.5, "{worst:?}");
+        assert!(worst.rise <= 0.0, "{worst:?}");
+        assert!(worst.window_rise <= 0.0, "{worst:?}");
+    }
+}
+
 fn fastest(snapshot: &Snapshot) -> f64 {
     snapshot.objects[0].linear.norm()
 }
@@ -144,6 +157,7 @@ fn the_bear_sits_still_and_weighs_what_it_weighs() {
     assert!(fastest(&press.world.snapshot()) < 1e-3);
     let lean = press.world.snapshot().objects[0].pose.rotation.angle();
     assert!(lean < 0.1, "leans by {lean} rad");
+    lawful(&press.world);
 }
 
 /// The deeper the plates press, the harder the bear presses back; let go, it is
@@ -189,6 +203,7 @@ fn a_squeezed_bear_presses_back_and_recovers() {
         .map(|(now, then)| (now - then).norm())
         .fold(0.0, f64::max);
     assert!(worst < 2e-3, "a vertex is {worst} m from where it was");
+    lawful(&press.world);
 }
 
 /// Lifted by two plates, the bear's whole weight hangs on their friction.
@@ -211,6 +226,7 @@ fn lifted_plates_carry_the_weight() {
     press.run(5.0);
     let crept = (press.bear() - first).norm();
     assert!(crept < 1e-3, "crept {crept} m in 5 s");
+    lawful(&press.world);
 }
 
 /// Friction is Coulomb's: on a slope steeper than its coefficient the bear
@@ -261,6 +277,7 @@ fn the_bear_slides_beyond_the_friction_limit() {
         } else {
             assert!(moved.abs() < 1e-4, "slid {moved} m below the limit");
         }
+        lawful(&world);
     }
 }
 
@@ -302,6 +319,30 @@ fn the_bear_carries_a_board() {
         (table / weight - 1.0).abs() < 0.05,
         "{table} N on the table, {weight} N of weight"
     );
+    lawful(&world);
+}
+
+/// A bear between two plates is flung, dropped onto its edge and torn: the laws
+/// hold where contacts open and close at random.
+#[test]
+fn a_bear_that_is_shaken_keeps_the_laws() {
+    let mut press = press();
+    press.run(0.2);
+    press.close_to(0.03);
+    for (closing, up, secs) in [
+        (0.0, 1.5, 0.1),
+        (0.02, -1.2, 0.1),
+        (-0.05, 2.0, 0.2),
+        (0.3, 0.0, 0.1),
+        (0.0, -3.0, 0.1),
+        (-0.4, 0.5, 0.2),
+    ] {
+        press.carry(closing, up, secs);
+    }
+    press.run(1.0);
+    lawful(&press.world);
+    let worst = press.world.worst_of_soft()[0];
+    assert!(worst.speed < 20.0 && worst.energy < 20.0, "{worst:?}");
 }
 
 #[test]

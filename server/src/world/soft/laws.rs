@@ -59,7 +59,17 @@ fn a_bar_in_tension_obeys_young_and_poisson() {
         let mut scratch = Scratch::default();
         let pull = |i: usize| turn * Vector3::x() * load[i];
         for _ in 0..6 * 240 {
-            step(&body, &mut state, &[], &[], pull, &held, TICK, &mut scratch);
+            step(
+                &body,
+                &mut state,
+                &[],
+                &[],
+                pull,
+                &held,
+                |_, _| 1.0,
+                TICK,
+                &mut scratch,
+            );
         }
         let local = |i: usize| pose.inverse() * nalgebra::Point3::from(state.position[i]);
         let mean = |axis: usize, x: f64, keep: &dyn Fn(usize) -> bool| {
@@ -107,6 +117,7 @@ fn a_free_body_keeps_its_momentum_and_falls_freely() {
             &[],
             |i| fall * body.masses[i],
             &[],
+            |_, _| 1.0,
             TICK,
             &mut scratch,
         );
@@ -148,6 +159,7 @@ fn the_rest_shape_comes_back() {
             &[],
             |_| Vector3::zeros(),
             &[],
+            |_, _| 1.0,
             TICK,
             &mut scratch,
         );

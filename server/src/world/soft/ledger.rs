@@ -5,13 +5,9 @@
 
 use std::collections::VecDeque;
 
-use nalgebra::{Isometry3, Point3, Vector3};
-use rapier3d::geometry::ColliderHandle;
-use rapier3d::prelude::PhysicsWorld;
-
-use super::super::convert::from_pose;
-use super::press::Pressed;
-use super::touch::Near;
+use super::motion::Done;
+use super::press::Touch;
+use super::tank::Passage;
 
 /// Ticks of the longer look at energy: half a second.
 const WINDOW: usize = 120;
@@ -40,6 +36,8 @@ pub struct Worst {
     pub speed: f64,
     /// Greatest energy without that of its height, J.
     pub energy: f64,
+    /// Ticks in which the contacts were softer, so that no energy came from nowhere.
+    pub softened: u64,
     /// Ticks whose contacts did not come to agree.
     pub unsettled: u64,
     /// Solutions of the linear system, over all ticks.
@@ -69,32 +67,11 @@ impl Energy {
     }
 }
 
-/// A force on the object and where the solid had it.
-#[derive(Clone, Debug)]
-struct Push {
-    collider: ColliderHandle,
-    house_from_solid: Isometry3<f64>,
-    point: Vector3<f64>,
-    force: Vector3<f64>,
-}
-
-/// What is kept of a tick for the next one.
-#[derive(Clone, Copy, Debug)]
-struct Before {
-    /// At its start.
-    energy: Energy,
-    /// In the contacts at its end, as the step foresaw it, J.
-    foreseen: f64,
-    /// Work of the solids, as the step foresaw it, J.
-    work: f64,
-}
-
 /// The checks of one soft object.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Ledger {
     worst: Worst,
-    before: Option<Before>,
-    pushes: Vec<Push>,
+    before: Option<Energy>,
     /// Energy at the start of each tick, and the work of the solids in it, J.
     ticks: VecDeque<(Energy, f64)>,
 }
@@ -108,38 +85,30 @@ impl Ledger {
     /// Forgets what came before: the object was set or calmed from outside.
     pub(super) fn restart(&mut self) {
         self.before = None;
-        self.pushes.clear();
         self.ticks.clear();
     }
 
-    /// Enters a tick: the energy at its start, the touches and what they did.
+    /// Enters a tick: the energy at its start, what came of the tick before, the
+    /// touches and what they did.
     pub(super) fn enter(
         &mut self,
-        physics: &PhysicsWorld,
         energy: Energy,
-        near: &Near,
-        pressed: &[Pressed],
-        kick: f64,
+        passage: Option<Passage>,
+        touches: &[Touch],
+        done: &Done,
         speed: f64,
-        h: f64,
     ) {
         let worst = &mut self.worst;
         worst.ticks += 1;
+        worst.softened += u64::from(done.share < 1.0);
         worst.speed = worst.speed.max(speed);
         worst.energy = worst.energy.max(energy.without_height());
-        worst.kick = worst.kick.max(kick);
-        if let Some(before) = self.before {
+        worst.kick = worst.kick.max(done.kick);
+        if let (Some(before), Some(passage)) = (self.before, passage) {
             let (least, part) = TICK_RISE;
-            let end = Energy {
-                contacts: before.foreseen,
-                ..energy
-            };
-            let rise = end.all() - before.energy.all() - before.work;
-            let beyond = rise - least - part * before.energy.without_height();
+            let beyond = passage.made - least - part * before.without_height();
             worst.rise = worst.rise.max(beyond);
-            let work = work(&self.pushes, physics);
-            let before = before.energy;
-            self.ticks.push_back((before, work));
+            self.ticks.push_back((before, passage.worked));
             if self.ticks.len() > WINDOW {
                 self.ticks.pop_front();
             }
@@ -152,7 +121,7 @@ impl Ledger {
                 worst.window_rise = worst.window_rise.max(beyond);
             }
         }
-        for (touch, pressed) in near.touches.iter().zip(pressed) {
+        for (touch, pressed) in touches.iter().zip(&done.pressed) {
             worst.normal = worst.normal.min(pressed.normal);
             let limit = touch.friction * pressed.normal;
             let drag = pressed.drag.norm();
@@ -160,38 +129,6 @@ impl Ledger {
                 worst.friction = worst.friction.max(drag / limit.max(1e-9));
             }
         }
-        let touches = near.touches.iter().zip(pressed);
-        self.before = Some(Before {
-            energy,
-            foreseen: pressed.iter().map(|p| p.energy).sum(),
-            work: touches.map(|(t, p)| p.force.dot(&t.velocity) * h).sum(),
-        });
-        self.pushes.clear();
-        let acting = near.met.iter().zip(pressed);
-        self.pushes.extend(
-            acting
-                .filter(|(_, pressed)| pressed.force != Vector3::zeros())
-                .map(|(met, pressed)| Push {
-                    collider: met.collider,
-                    house_from_solid: met.house_from_solid,
-                    point: met.point,
-                    force: pressed.force,
-                }),
-        );
+        self.before = Some(energy);
     }
-}
-
-/// Work of the solids on the object since the pushes began, J.
-fn work(pushes: &[Push], physics: &PhysicsWorld) -> f64 {
-    let of = |push: &Push| {
-        let Some(collider) = physics.colliders.get(push.collider) else {
-            return 0.0;
-        };
-        let now = from_pose(collider.position());
-        let local = push
-            .house_from_solid
-            .inverse_transform_point(&Point3::from(push.point));
-        push.force.dot(&((now * local).coords - push.point))
-    };
-    pushes.iter().map(of).sum()
 }

@@ -13,6 +13,7 @@ mod mobility;
 mod motion;
 mod press;
 mod solver;
+mod tank;
 mod touch;
 mod turn;
 
@@ -25,10 +26,11 @@ use ledger::{Energy, Ledger};
 pub use motion::State;
 use motion::step;
 use solver::Scratch;
+use tank::Tank;
 use touch::{Bristles, Skin};
 use turn::Turn;
 
-use super::health::{FARTHEST, STORED_NORM, STORED_SPEED};
+use super::health::{FARTHEST, STORED_ENERGY, STORED_NORM, STORED_SPEED};
 use super::stored::within;
 use crate::geometry::tetrahedra::Tetrahedra;
 use crate::scene::{Body, Placement};
@@ -46,12 +48,13 @@ pub(super) struct SoftObject {
     /// A tick has led to numbers that are not finite: it stays where it was.
     broken: bool,
     contacts: Vec<Contact>,
+    tank: Tank,
     ledger: Ledger,
     scratch: Scratch,
 }
 
 /// What a saved world holds of a soft object.
-pub(super) type Saved = (State, Bristles, bool);
+pub(super) type Saved = (State, Bristles, Tank, bool);
 
 impl SoftObject {
     /// The object at its place; `None` when it is a rigid one.
@@ -74,6 +77,7 @@ impl SoftObject {
             bristles: Bristles::default(),
             broken: false,
             contacts: Vec::new(),
+            tank: Tank::default(),
             ledger: Ledger::default(),
             scratch: Scratch::default(),
         })
@@ -95,6 +99,10 @@ impl SoftObject {
         );
         let fall = Vector3::z() * -gravity;
         let masses = &self.body.masses;
+        let kinetic = before.kinetic_energy(&self.body);
+        let height = gravity * self.body.mass * self.body.centre(&before.position).z;
+        let (tank, physics_before) = (&mut self.tank, &*physics);
+        let mut passage = None;
         let done = step(
             &self.body,
             &mut self.state,
@@ -102,6 +110,10 @@ impl SoftObject {
             &near.solids,
             |i| fall * masses[i],
             &[],
+            |elastic, contacts| {
+                passage = tank.pass(physics_before, kinetic + elastic + height);
+                tank.share(passage, contacts)
+            },
             h,
             &mut self.scratch,
         );
@@ -113,16 +125,17 @@ impl SoftObject {
             self.broken = true;
             return;
         }
-        let points = near.touches.iter().zip(&near.met);
         let energy = Energy {
-            kinetic: before.kinetic_energy(&self.body),
+            kinetic,
             elastic: done.elastic,
-            height: gravity * self.body.mass * self.body.centre(&before.position).z,
-            contacts: points.map(|(touch, met)| touch.energy(&met.point)).sum(),
+            height,
+            contacts: pressed.iter().map(|p| p.energy[0]).sum(),
         };
         let speed = self.state.fastest();
         let ledger = &mut self.ledger;
-        ledger.enter(physics, energy, &near, pressed, done.kick, speed, h);
+        ledger.enter(energy, passage, &near.touches, &done, speed);
+        let inner = kinetic + done.elastic + height;
+        self.tank.enter(inner, &near, pressed, h);
         self.bristles = near.bristles(pressed);
         self.contacts = near.contacts(BodyRef::Object(self.object), pressed);
         near.push(physics, pressed);
@@ -168,6 +181,7 @@ impl SoftObject {
 
     /// Takes out part of its motion, all of it with `keep` 0.
     pub(super) fn calm(&mut self, keep: f64) {
+        self.tank.empty();
         self.ledger.restart();
         for v in &mut self.state.velocity {
             *v = if keep == 0.0 {
@@ -214,35 +228,21 @@ impl SoftObject {
 
     /// What the next tick depends on.
     pub(super) fn save(&self) -> Saved {
-        (self.state.clone(), self.bristles.clone(), self.broken)
+        let (state, bristles, tank) = (&self.state, &self.bristles, &self.tank);
+        (state.clone(), bristles.clone(), tank.clone(), self.broken)
     }
 
-<<<<<<< HEAD
     /// What is wrong with a saved state of this object.
     ///
     /// # Errors
     /// In words.
-    pub(super) fn examine(&self, (state, bristles, broken): &Saved) -> Result<(), String> {
+    pub(super) fn examine(&self, (state, bristles, tank, broken): &Saved) -> Result<(), String> {
         let own = &self.state;
         if state.position.len() != own.position.len()
             || state.velocity.len() != own.velocity.len()
             || state.turns.len() != own.turns.len()
         {
             return Err("the soft object has another number of nodes or cells".to_owned());
-=======
-    /// Takes over a saved state; says no when it is of another body.
-    #[must_use]
-    pub(super) fn restore(&mut self, (state, bristles, broken): Saved) -> bool {
-        let fits = state.position.len() == self.state.position.len()
-            && state.velocity.len() == self.state.velocity.len()
-            && state.turns.len() == self.state.turns.len();
-        if fits {
-            self.state = state;
-            self.bristles = bristles;
-            self.broken = broken;
-            self.contacts.clear();
-            self.ledger.restart();
->>>>>>> da5bcb2 (Soft contacts press and rub by law: secants of Coulomb's law that only give way, pushes through the solid's articulated inertia, a ledger of energy; adversarial operators)
         }
         if *broken {
             return Err("the soft object is broken in it".to_owned());
@@ -256,6 +256,7 @@ impl SoftObject {
         )?;
         let bristles: Vec<f64> = bristles.numbers().collect();
         within("a bristle of the soft object", &bristles, FARTHEST)?;
+        within("the energy of a contact", &tank.numbers(), STORED_ENERGY)?;
         let off = |turn: &Turn| {
             let norm = turn.xyzw().iter().map(|x| x * x).sum::<f64>().sqrt();
             norm.is_nan() || (norm - 1.0).abs() > STORED_NORM
@@ -267,9 +268,10 @@ impl SoftObject {
     }
 
     /// Takes over a saved state that has been examined.
-    pub(super) fn restore(&mut self, (state, bristles, broken): Saved) {
+    pub(super) fn restore(&mut self, (state, bristles, tank, broken): Saved) {
         self.state = state;
         self.bristles = bristles;
+        self.tank = tank;
         self.broken = broken;
         self.contacts.clear();
         self.ledger.restart();

@@ -85,10 +85,13 @@ pub(super) struct Done {
     pub elastic: f64,
     /// Greatest change of a solid's speed, m/s.
     pub kick: f64,
+    /// Share of the contacts' stiffness, 0 to 1.
+    pub share: f64,
 }
 
 /// One tick of `h` seconds under `load` N on each node; nodes in `held` keep
-/// their velocity.
+/// their velocity. `soften` is told the elastic energy and the energy that the
+/// contacts would begin with, J, and answers with a share of their stiffness.
 pub(super) fn step(
     body: &Elastic,
     state: &mut State,
@@ -96,6 +99,7 @@ pub(super) fn step(
     solids: &[Mobility],
     load: impl Fn(usize) -> Vector3<f64>,
     held: &[usize],
+    soften: impl FnOnce(f64, f64) -> f64,
     h: f64,
     scratch: &mut Scratch,
 ) -> Done {
@@ -116,6 +120,8 @@ pub(super) fn step(
         scratch.force[i] = state.velocity[i] * m + (scratch.force[i] + load(i)) * h;
     }
     let mut hold = Hold::new(body, &state.position, &state.velocity, touches, solids, h);
+    let share = soften(elastic, hold.energy());
+    hold.soften(share);
     for round in 0..ROUNDS {
         scratch.add_springs(body, hold.springs());
         scratch.hold(body, held, &state.velocity);
@@ -137,5 +143,6 @@ pub(super) fn step(
         pressed,
         elastic,
         kick,
+        share,
     }
 }

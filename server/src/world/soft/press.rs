@@ -73,8 +73,8 @@ pub(super) struct Pressed {
     /// Where the bristle stands on the solid after the tick, given for the place
     /// that the solid had at its start; `None` where nothing touches.
     pub anchor: Option<Vector3<f64>>,
-    /// Energy in the foundation and the bristle after the tick, J.
-    pub energy: f64,
+    /// Energy in the foundation and the bristle before and after the tick, J.
+    pub energy: [f64; 2],
 }
 
 impl Pressed {
@@ -176,6 +176,20 @@ impl<'a> Hold<'a> {
         hold
     }
 
+    /// Energy that the contacts begin with, J.
+    pub(super) fn energy(&self) -> f64 {
+        let all = self.touches.iter().zip(&self.points).enumerate();
+        all.map(|(i, (t, point))| self.stiffness(i) * t.strained(point))
+            .sum()
+    }
+
+    /// Takes a share of the stiffness of all contacts.
+    pub(super) fn soften(&mut self, share: f64) {
+        for soft in &mut self.softened {
+            *soft *= share;
+        }
+    }
+
     fn stiffness(&self, i: usize) -> f64 {
         let t = &self.touches[i];
         t.stiffness * self.softened[t.solid]
@@ -274,26 +288,32 @@ impl<'a> Hold<'a> {
     }
 
     fn pressed(&self, body: &Elastic, velocity: &[Vector3<f64>], i: usize) -> Pressed {
+        let t = &self.touches[i];
+        let stiffness = self.stiffness(i);
+        let before = stiffness * t.strained(&self.points[i]);
+        let open = Pressed {
+            energy: [before, 0.0],
+            ..Pressed::default()
+        };
         let Grip::Shut(share) = self.grips[i] else {
-            return Pressed::default();
+            return open;
         };
         let (normal, bristle) = self.trial(body, velocity, i);
         if normal <= 0.0 {
-            return Pressed::default();
+            return open;
         }
-        let t = &self.touches[i];
         let (limit, pull) = (t.friction * normal, share * bristle.norm());
         let kept = if pull > limit { limit / pull } else { 1.0 };
         let drag = bristle * (share * kept);
         // Seen from the solid, which moves too.
         let end = self.points[i] + (t.at(body, velocity) - t.velocity) * self.h;
-        let stiffness = self.stiffness(i);
+        let after = (normal * normal + drag.norm_squared()) / (2.0 * stiffness);
         Pressed {
             normal,
             drag,
             force: t.normal * normal + drag,
             anchor: Some(end + drag / stiffness),
-            energy: (normal * normal + drag.norm_squared()) / (2.0 * stiffness),
+            energy: [before, after],
         }
     }
 }
@@ -320,14 +340,13 @@ impl Touch {
             .map_or_else(Vector3::zeros, |a| self.along(&(a - point)))
     }
 
-    /// Energy of the foundation and of the bristle at the start of the tick, J.
-    pub(super) fn energy(&self, point: &Vector3<f64>) -> f64 {
-        let deep = self.gap.min(0.0);
-        let bend = if deep < 0.0 {
-            self.bend(point).norm_squared()
+    /// Energy of the foundation and of the bristle at the start of the tick per
+    /// stiffness, m².
+    fn strained(&self, point: &Vector3<f64>) -> f64 {
+        if self.gap < 0.0 {
+            0.5 * (self.gap * self.gap + self.bend(point).norm_squared())
         } else {
             0.0
-        };
-        0.5 * self.stiffness * (deep * deep + bend)
+        }
     }
 }
