@@ -3,6 +3,7 @@
 # make test-cluster   a campaign on a one-node Slurm cluster in this machine
 # make test-readers   loads exports in lerobot 0.4.4 and robomimic 0.3 (downloads gigabytes),
 #                     holds joint signals against Pinocchio
+# make test-adversarial   200 operators who mean harm, a minute each, sixty of them at the bear
 # make soak    300 short episodes one right after the other, every file checked
 # make test-original SCRIPTS=DIR   the original's processing scripts on an episode of ours
 # make bench   step, kinematics, cameras and recording beside their references
@@ -14,7 +15,7 @@ PLAN ?= assets/campaigns/small.toml
 BUILT := $(or $(CARGO_TARGET_DIR),target)/release
 export WHEELARM_PYTHON ?= $(CURDIR)/.venv/bin/python
 
-.PHONY: all build demo test test-cluster test-readers test-original soak bench clean
+.PHONY: all build demo test test-cluster test-readers test-original test-adversarial soak bench clean
 all: build
 
 build:
@@ -40,6 +41,11 @@ test-cluster:
 
 test-readers: build
 	tests/readers.sh
+
+test-adversarial:
+	scripts/setup.sh
+	$(CARGO) build --release --workspace --bins
+	$(BUILT)/adversarial
 
 soak:
 	scripts/setup.sh
