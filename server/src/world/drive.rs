@@ -30,6 +30,10 @@ use crate::robot::control::Targets;
 /// reached 4 mm behind the led position or at an error of 0.04 m/s.
 const WHEEL_STIFFNESS: f64 = 1000.0;
 const WHEEL_DAMPING: f64 = 100.0;
+/// Speed that a motor of the arm makes at the most, in units of its limit: the
+/// servo asks for no more however far its joint is behind, as after a hand that
+/// was held up slips off.
+const ARM_OVERSPEED: f64 = 2.0;
 /// Gains of each crank of the gripper, N·m/rad and N·m·s/rad: the cap of 60 N
 /// is reached 0.02 rad behind the target; near critical damping with the armature.
 const CRANK_STIFFNESS: f64 = 200.0;
@@ -55,6 +59,8 @@ struct Gains {
     stiffness: f64,
     damping: f64,
     torque: f64,
+    /// Speed that the motor itself makes at the most, rad/s.
+    fastest: f64,
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -110,6 +116,7 @@ impl Drives {
                 stiffness: model.settings.arm.stiffness[i],
                 damping: model.settings.arm.damping[i],
                 torque: model.joints[joint].limits.effort,
+                fastest: ARM_OVERSPEED * model.joints[joint].limits.velocity,
             }
         });
         let carried = arm.map(|root| carried_by(robot, root));
@@ -162,6 +169,7 @@ impl Drives {
             stiffness: WHEEL_STIFFNESS,
             damping: WHEEL_DAMPING,
             torque: self.wheel_torque,
+            fastest: f64::INFINITY,
         };
         let dt = f64::from(physics.integration_parameters.dt);
         let leads = wheels.lead(targets.wheel_velocity, dt, gains.torque / gains.stiffness);
@@ -189,6 +197,7 @@ impl Drives {
                 stiffness: CRANK_STIFFNESS,
                 damping: CRANK_DAMPING,
                 torque: force * self.lever(physics, robot, crank),
+                fastest: f64::INFINITY,
             };
             let aim = Aim {
                 position: crank.sign * targets.knuckle_position,
@@ -265,12 +274,13 @@ impl Aim {
     ///
     /// With e the distance to the reference at the begin and v the velocity, the
     /// spring's mean is stiffness · (e + (speed - v) · dt / 2): a constant and a
-    /// part that damps.
+    /// part that damps. The two are never worth more than the gains' fastest speed.
     fn law(&self, now: f64, gains: Gains, dt: f64) -> (f64, f64) {
         let behind = self.position - self.speed * dt - now;
         let damping = gains.effective_damping(dt);
-        let torque = gains.stiffness * behind + damping * self.speed + self.torque;
-        (torque, damping)
+        let most = damping * gains.fastest;
+        let drive = gains.stiffness * behind + damping * self.speed;
+        (exact::within(drive, -most, most) + self.torque, damping)
     }
 }
 

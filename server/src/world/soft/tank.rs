@@ -16,9 +16,9 @@ use super::press::Pressed;
 use super::touch::Near;
 
 /// What is left of the reserve after a tick: it forgets within half a second.
-const KEEP: f64 = 0.97;
+const KEEP: f64 = 0.95;
 /// Energy that a tick may have for nothing, J.
-const FREE: f64 = 5e-6;
+const FREE: f64 = 3e-6;
 /// Least share of the springs' stiffness.
 const LEAST: f64 = 0.02;
 
@@ -68,7 +68,7 @@ impl Tank {
     /// All its numbers, J, N and metres.
     pub(super) fn numbers(&self) -> Vec<f64> {
         let mut numbers = vec![self.reserve];
-        for last in &self.last {
+        if let Some(last) = &self.last {
             numbers.extend([last.energy, last.foreseen, last.work]);
             for push in &last.pushes {
                 let place = &push.house_from_solid;
