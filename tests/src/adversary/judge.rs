@@ -84,12 +84,16 @@ impl Judge {
         for contact in &snapshot.contacts {
             let force = contact.force.norm();
             self.contact = self.contact.max(force);
-            if !(force <= CONTACT) {
+            if force.is_nan() || force > CONTACT {
                 say(format!(
                     "{:?} presses {:?} with {force} N",
                     contact.first, contact.second
                 ));
             }
+        }
+        // A state that breaks is thrown away, and the one before stays.
+        if let Some(words) = sim.broken() {
+            say(words.to_owned());
         }
         for body in snapshot.links.iter().chain(&snapshot.objects) {
             let finite = |v: &nalgebra::Vector3<f64>| v.iter().all(|x| x.is_finite());
@@ -101,10 +105,10 @@ impl Judge {
             }
         }
         for worst in sim.worst_of_soft() {
-            if !(worst.speed <= NODE_SPEED) {
+            if worst.speed.is_nan() || worst.speed > NODE_SPEED {
                 say(format!("a node goes with {} m/s", worst.speed));
             }
-            if !(worst.energy <= SOFT_ENERGY) {
+            if worst.energy.is_nan() || worst.energy > SOFT_ENERGY {
                 say(format!("{} J are in the soft object", worst.energy));
             }
         }

@@ -192,7 +192,7 @@ impl Policy {
             }
             Kind::IntoItself => {
                 let arm = if (tick / 120).is_multiple_of(2) {
-                    let first = self.either(0.0, 3.14);
+                    let first = self.either(0.0, std::f64::consts::PI);
                     ArmIntent::Joints([first, -2.2, -2.5, 0.0, -2.0, 0.0])
                 } else {
                     twist(IntentFrame::Wheelchair, self.vector(3.0), Vector3::zeros())

@@ -70,8 +70,8 @@ impl Recorded {
             {
                 let command = v1::Command {
                     arm: taken.arm.clone(),
-                    base: taken.base.clone(),
-                    gripper: taken.gripper.clone(),
+                    base: taken.base,
+                    gripper: taken.gripper,
                     ..v1::Command::default()
                 };
                 input = convert::control_input(&command, &map)?;

@@ -3,7 +3,7 @@
 use nalgebra::{Isometry3, UnitQuaternion, Vector3};
 
 use super::elastic::{Elastic, Elasticity};
-use super::motion::{State, step};
+use super::motion::{Acting, State, step};
 use super::solver::Scratch;
 use crate::geometry::tetrahedra::Tetrahedra;
 
@@ -16,6 +16,20 @@ const MATERIAL: Elasticity = Elasticity {
     poisson_ratio: 0.4,
     damping: 0.005,
 };
+
+/// What acts on a body that touches nothing.
+fn alone<L: Fn(usize) -> Vector3<f64>>(
+    load: L,
+    held: &[usize],
+) -> Acting<'_, L, impl FnOnce(f64, f64) -> f64> {
+    Acting {
+        touches: &[],
+        solids: &[],
+        load,
+        held,
+        soften: |_, _| 1.0,
+    }
+}
 
 fn bar() -> (Tetrahedra, Elastic) {
     let mesh = Tetrahedra::block(CUBES, PITCH);
@@ -59,17 +73,7 @@ fn a_bar_in_tension_obeys_young_and_poisson() {
         let mut scratch = Scratch::default();
         let pull = |i: usize| turn * Vector3::x() * load[i];
         for _ in 0..6 * 240 {
-            step(
-                &body,
-                &mut state,
-                &[],
-                &[],
-                pull,
-                &held,
-                |_, _| 1.0,
-                TICK,
-                &mut scratch,
-            );
+            step(&body, &mut state, alone(pull, &held), TICK, &mut scratch);
         }
         let local = |i: usize| pose.inverse() * nalgebra::Point3::from(state.position[i]);
         let mean = |axis: usize, x: f64, keep: &dyn Fn(usize) -> bool| {
@@ -113,11 +117,7 @@ fn a_free_body_keeps_its_momentum_and_falls_freely() {
         step(
             &body,
             &mut state,
-            &[],
-            &[],
-            |i| fall * body.masses[i],
-            &[],
-            |_, _| 1.0,
+            alone(|i| fall * body.masses[i], &[]),
             TICK,
             &mut scratch,
         );
@@ -155,11 +155,7 @@ fn the_rest_shape_comes_back() {
         step(
             &body,
             &mut state,
-            &[],
-            &[],
-            |_| Vector3::zeros(),
-            &[],
-            |_, _| 1.0,
+            alone(|_| Vector3::zeros(), &[]),
             TICK,
             &mut scratch,
         );

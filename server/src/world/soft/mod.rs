@@ -24,7 +24,7 @@ pub use elastic::{Elastic, Elasticity};
 pub use ledger::Worst;
 use ledger::{Energy, Ledger};
 pub use motion::State;
-use motion::step;
+use motion::{Acting, step};
 use solver::Scratch;
 use tank::Tank;
 use touch::{Bristles, Skin};
@@ -103,20 +103,17 @@ impl SoftObject {
         let height = gravity * self.body.mass * self.body.centre(&before.position).z;
         let (tank, physics_before) = (&mut self.tank, &*physics);
         let mut passage = None;
-        let done = step(
-            &self.body,
-            &mut self.state,
-            &near.touches,
-            &near.solids,
-            |i| fall * masses[i],
-            &[],
-            |elastic, contacts| {
+        let acting = Acting {
+            touches: &near.touches,
+            solids: &near.solids,
+            load: |i: usize| fall * masses[i],
+            held: &[],
+            soften: |elastic: f64, contacts: f64| {
                 passage = tank.pass(physics_before, kinetic + elastic + height);
                 tank.share(passage, contacts)
             },
-            h,
-            &mut self.scratch,
-        );
+        };
+        let done = step(&self.body, &mut self.state, acting, h, &mut self.scratch);
         let pressed = &done.pressed;
         if !self.state.is_finite() || pressed.iter().any(|p| !p.is_finite()) {
             self.state = before;

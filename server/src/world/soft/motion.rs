@@ -89,20 +89,35 @@ pub(super) struct Done {
     pub share: f64,
 }
 
-/// One tick of `h` seconds under `load` N on each node; nodes in `held` keep
-/// their velocity. `soften` is told the elastic energy and the energy that the
-/// contacts would begin with, J, and answers with a share of their stiffness.
+/// What acts on a body during a tick.
+pub(super) struct Acting<'a, L, S> {
+    /// Points of the skin near solids, and those solids.
+    pub touches: &'a [Touch],
+    pub solids: &'a [Mobility],
+    /// Force on each node, N.
+    pub load: L,
+    /// Nodes that keep their velocity.
+    pub held: &'a [usize],
+    /// Is told the elastic energy and the energy that the contacts would begin
+    /// with, J, and answers with a share of their stiffness.
+    pub soften: S,
+}
+
+/// One tick of `h` seconds.
 pub(super) fn step(
     body: &Elastic,
     state: &mut State,
-    touches: &[Touch],
-    solids: &[Mobility],
-    load: impl Fn(usize) -> Vector3<f64>,
-    held: &[usize],
-    soften: impl FnOnce(f64, f64) -> f64,
+    acting: Acting<'_, impl Fn(usize) -> Vector3<f64>, impl FnOnce(f64, f64) -> f64>,
     h: f64,
     scratch: &mut Scratch,
 ) -> Done {
+    let Acting {
+        touches,
+        solids,
+        load,
+        held,
+        soften,
+    } = acting;
     scratch.prepare(body);
     body.follow(&state.position, &mut state.turns);
     // An implicit step damps as much as a damping time of its own length.
