@@ -101,6 +101,10 @@ def efforts(file, f, names, q, effort, dt):
     poses = f["streams/object_pose/pose"][()]
     masses = {o["name"]: o["mass_kg"] for o in json.loads(f["scenario/text"].asstr()[()])["objects"]}
     held, other = touching(f, links)
+    # A drawer in the hand pushes back with a force that no mass tells.
+    for i, name in enumerate(held):
+        if name is not None and name not in objects:
+            held[i], other[i] = None, True
 
     def middle(name):
         """Way of an object's centre of mass and its acceleration."""

@@ -23,7 +23,7 @@ use wheelarm_proto::exact;
 
 pub use self::cartesian::Velocity;
 use super::profile::stopping_speed;
-use super::{ArmIntent, IntentFrame};
+use super::{ArmIntent, IntentFrame, TICKS};
 use crate::robot::kinematics::{ARM_JOINTS, ArmKinematics};
 use crate::robot::{ArmSettings, RobotModel};
 use crate::snapshot::Snapshot;
@@ -41,6 +41,10 @@ pub enum Motion {
     Joints {
         /// joint_1 to joint_6, rad.
         goal: [f64; 6],
+        /// Goal before it in a stream of goals, rad.
+        from: [f64; 6],
+        /// Steps until the goal has taken the place of the one before.
+        left: u32,
     },
     /// The end effector moves straight.
     Line {
@@ -60,6 +64,47 @@ pub enum Motion {
         /// Ramped up so far, along the same axes.
         now: Velocity,
     },
+}
+
+/// Greatest joint change between neighbouring goals of a stream, rad.
+const STREAM_CHANGE: f64 = 0.1;
+
+impl Motion {
+    /// Joints interpolate to a goal.
+    fn to(goal: [f64; 6]) -> Motion {
+        Motion::Joints {
+            goal,
+            from: goal,
+            left: 0,
+        }
+    }
+
+    /// As [`Motion::to`]; a goal near the one before is a stream's, and takes its
+    /// place during the control tick: towards goals that jump at each control
+    /// tick and stand still in between, the arm would brake 60 times a second.
+    fn on_to(&self, goal: [f64; 6]) -> Motion {
+        let near = |before: [f64; 6]| {
+            let mut pairs = before.iter().zip(&goal);
+            pairs.all(|(b, g)| (g - b).abs() <= STREAM_CHANGE)
+        };
+        match *self {
+            Motion::Joints { .. } if near(self.aim()) => Motion::Joints {
+                goal,
+                from: self.aim(),
+                left: TICKS as u32,
+            },
+            _ => Motion::to(goal),
+        }
+    }
+
+    /// Where joints that interpolate are led to now, rad.
+    fn aim(&self) -> [f64; 6] {
+        let Motion::Joints { goal, from, left } = *self else {
+            return [0.0; 6];
+        };
+        let part = f64::from(left) / TICKS as f64;
+        std::array::from_fn(|i| goal[i] - (goal[i] - from[i]) * part)
+    }
 }
 
 /// State of the arm's control.
@@ -125,7 +170,7 @@ impl ArmControl {
             ArmIntent::Joints(asked) => {
                 let mut goal = asked;
                 self.kinematics.clamp(&mut goal);
-                state.motion = Motion::Joints { goal };
+                state.motion = state.motion.on_to(goal);
                 state.desired = self.kinematics.forward(&goal);
                 state.problem = (0..6).find(|&i| goal[i] != asked[i]).map(|i| {
                     format!(
@@ -203,7 +248,11 @@ impl ArmControl {
                 state.desired = pose;
                 [0.0; 6]
             }
-            Motion::Joints { goal } => self.towards_joints(&state.position, &goal, dt),
+            Motion::Joints { goal, from, left } => {
+                let left = left.saturating_sub(1);
+                state.motion = Motion::Joints { goal, from, left };
+                self.towards_joints(&state.position, &state.motion.aim(), dt)
+            }
             Motion::Line {
                 goal,
                 joints,

@@ -40,9 +40,7 @@ impl ArmControl {
             })
             .flatten();
         let motion = if let Some(solution) = near_joints {
-            Ok(Motion::Joints {
-                goal: solution.joints,
-            })
+            Ok(state.motion.on_to(solution.joints))
         } else if let Some(joints) = self.end_of_line(&state.position, &present, goal) {
             Ok(Motion::Line {
                 goal: *goal,
@@ -52,9 +50,7 @@ impl ArmControl {
         } else {
             self.kinematics
                 .solve_nearest(goal, &state.position)
-                .map(|solution| Motion::Joints {
-                    goal: solution.joints,
-                })
+                .map(|solution| Motion::to(solution.joints))
         };
         match motion {
             Ok(motion) => {
@@ -117,7 +113,7 @@ impl ArmControl {
             .fold(0.0_f64, |most, speed| most.max(speed.abs()));
         let still = if fastest < 1e-3 { still + 1 } else { 0 };
         if (distance < LANDING.0 && angle < LANDING.1) || still > STALL_STEPS {
-            state.motion = Motion::Joints { goal: joints };
+            state.motion = Motion::to(joints);
             return self.towards_joints(&state.position, &joints, dt);
         }
         state.motion = Motion::Line {
