@@ -1,5 +1,6 @@
 # make demo    records one episode of the mustard task and shows pictures of it
 # make test    format, lints, documentation and all tests, as CI runs them
+# make contract    writes proto/contract.txt after a change of the .proto files
 # make test-cluster   a campaign on a one-node Slurm cluster in this machine
 # make test-readers   loads exports in lerobot 0.4.4 and robomimic 0.3 (downloads gigabytes),
 #                     holds joint signals against Pinocchio
@@ -15,7 +16,7 @@ PLAN ?= assets/campaigns/small.toml
 BUILT := $(or $(CARGO_TARGET_DIR),target)/release
 export WHEELARM_PYTHON ?= $(CURDIR)/.venv/bin/python
 
-.PHONY: all build demo test test-cluster test-readers test-original test-adversarial soak bench clean
+.PHONY: all build demo test contract test-cluster test-readers test-original test-adversarial soak bench clean
 all: build
 
 build:
@@ -33,6 +34,9 @@ test:
 	RUSTDOCFLAGS="-D warnings" $(CARGO) doc --release --workspace --no-deps
 	$(CARGO) build --release --workspace --bins --tests
 	$(CARGO) test --release --workspace
+
+contract:
+	WHEELARM_WRITE_CONTRACT=1 $(CARGO) test --release -p wheelarm-proto --test evolution
 
 test-cluster:
 	scripts/setup.sh python kubernetes-validate:kubernetes_validate

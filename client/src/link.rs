@@ -6,6 +6,7 @@
 //! undecoded into one queue, in the order in which they arrived.
 
 mod commander;
+mod error;
 mod preview;
 mod server;
 mod streams;
@@ -14,20 +15,25 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 use clap::Args;
-use wheelarm_proto::keys::{self, BadName, Keys, Query};
-use wheelarm_proto::{Message, v1};
+use wheelarm_proto::keys::{self, Keys};
+use wheelarm_proto::schema;
+use wheelarm_proto::v1::FailureCode;
+use wheelarm_proto::{Message, Query, Rpc, TopicId, v1};
 use zenoh::bytes::ZBytes;
 use zenoh::pubsub::Subscriber;
 use zenoh::qos::Priority;
 use zenoh::query::{ConsolidationMode, QueryTarget};
-use zenoh::sample::Sample;
+use zenoh::sample::{Sample, SourceInfo};
 use zenoh::{Config, Session, Wait};
 
 pub use commander::Commander;
+pub use error::LinkError;
 pub use preview::Preview;
 pub use server::Server;
 pub(crate) use server::session_of;
-pub use streams::{Received, Stream, Streams};
+pub use streams::Streams;
+
+use error::{transport, words};
 
 /// Where a server listens when nothing else is said.
 pub const DEFAULT_ENDPOINT: &str = "tcp/127.0.0.1:7447";
@@ -46,110 +52,9 @@ pub struct ConnectArgs {
     pub connect_timeout: f64,
 }
 
-/// What can go wrong between a client and a server.
-#[derive(Debug, thiserror::Error)]
-pub enum LinkError {
-    /// The server's name cannot stand in a key.
-    #[error(transparent)]
-    Name(#[from] BadName),
-    /// Nobody listens.
-    #[error(
-        "no server answers at {endpoint} (waited {seconds:.1} s): start one with `wheelarm-server`, or name its address with --connect ({cause})"
-    )]
-    NoServer {
-        /// Where it was looked for.
-        endpoint: String,
-        /// How long.
-        seconds: f64,
-        /// The transport's own words.
-        cause: String,
-    },
-    /// Somebody listens, but under another name.
-    #[error(
-        "a server answers at {endpoint}, but none is named {sim:?} (found: {found}): choose one with --sim"
-    )]
-    OtherName {
-        /// Where it was looked for.
-        endpoint: String,
-        /// The wanted name.
-        sim: String,
-        /// Names that are there.
-        found: String,
-    },
-    /// More than one session says that it is the server.
-    #[error(
-        "{count} sessions behind {endpoint} say that they are the server {sim:?} ({ids}): one of them is a stranger or a second server of the same name; connect to the server itself, or end the other"
-    )]
-    Several {
-        /// Where it was looked for.
-        endpoint: String,
-        /// The wanted name.
-        sim: String,
-        /// How many there are.
-        count: usize,
-        /// Ids of the sessions.
-        ids: String,
-    },
-    /// The server did not answer a query in time.
-    #[error("the server {sim:?} did not answer `{query}` within {seconds:.0} s")]
-    Silent {
-        /// Server name.
-        sim: String,
-        /// Query name.
-        query: &'static str,
-        /// How long.
-        seconds: f64,
-    },
-    /// Nobody is there any more who could answer.
-    #[error(
-        "the server {sim:?} has gone: nobody answers `{query}` any more (told after {seconds:.1} s); its own last words say why"
-    )]
-    Gone {
-        /// Server name.
-        sim: String,
-        /// Query name.
-        query: &'static str,
-        /// After how long that was known.
-        seconds: f64,
-    },
-    /// The server answered that it will not.
-    #[error("the server refused `{query}`: {message}")]
-    Refused {
-        /// Query name.
-        query: &'static str,
-        /// The server's words.
-        message: String,
-    },
-    /// A message could not be read.
-    #[error("{what} cannot be read ({cause}): client and server differ in version?")]
-    Garbled {
-        /// Which message.
-        what: String,
-        /// The decoder's words.
-        cause: wheelarm_proto::DecodeError,
-    },
-    /// The transport failed.
-    #[error("{operation} failed: {cause}")]
-    Transport {
-        /// What was tried.
-        operation: &'static str,
-        /// The transport's words.
-        cause: String,
-    },
-}
-
-fn transport(operation: &'static str) -> impl Fn(zenoh::Error) -> LinkError {
-    move |cause| LinkError::Transport {
-        operation,
-        cause: words(&cause),
-    }
-}
-
-/// The transport's words without the place in its source.
-fn words(error: &zenoh::Error) -> String {
-    let text = error.to_string();
-    text.split(" at /").next().unwrap_or(&text).to_owned()
-}
+/// How long the end of a server's token may come after that of a query, both
+/// told by the same transport.
+const TOKEN_ENDS: Duration = Duration::from_millis(500);
 
 /// What a server is to think of a client that falls silent, its connection
 /// standing all the while.
@@ -194,7 +99,8 @@ impl Link {
     /// # Errors
     /// [`LinkError::NoServer`] when nobody listens until the wait is over,
     /// [`LinkError::OtherName`] when the server has another name,
-    /// [`LinkError::Several`] when it cannot be told from a stranger.
+    /// [`LinkError::Several`] when it cannot be told from a stranger,
+    /// [`LinkError::Version`] when it speaks another version of the contract.
     pub fn open(args: &ConnectArgs) -> Result<Self, LinkError> {
         Self::open_as(args, Silence::Gone)
     }
@@ -210,6 +116,7 @@ impl Link {
         let session = open_session(args, silence)?;
         let link = Self::over(session, &args.connect, &args.sim)?;
         link.wait_alive(deadline)?;
+        link.meet()?;
         Ok(link)
     }
 
@@ -229,6 +136,21 @@ impl Link {
             _tokens: Arc::new(tokens),
             secret: Arc::default(),
         })
+    }
+
+    /// Makes sure that both sides speak the same version of the contract. A
+    /// server that is silent now is told apart when it answers.
+    fn meet(&self) -> Result<(), LinkError> {
+        match self.ask_within(&v1::StatusRequest {}, MEETING) {
+            Err(
+                other @ (LinkError::Version(_)
+                | LinkError::Refused {
+                    code: FailureCode::Version,
+                    ..
+                }),
+            ) => Err(other),
+            _ => Ok(()),
+        }
     }
 
     /// Waits until the liveliness token of the named server is seen.
@@ -322,26 +244,6 @@ impl Link {
         new.clone_into(&mut secret);
     }
 
-    /// Asks a query without payload.
-    ///
-    /// # Errors
-    /// As [`Link::query`].
-    pub fn ask<R: Message + Default>(&self, query: Query) -> Result<R, LinkError> {
-        self.query_bytes(query, Vec::new(), patience(query))
-    }
-
-    /// As [`Link::ask`] with a wait of its own.
-    ///
-    /// # Errors
-    /// As [`Link::query`].
-    pub fn ask_within<R: Message + Default>(
-        &self,
-        query: Query,
-        patience: Duration,
-    ) -> Result<R, LinkError> {
-        self.query_bytes(query, Vec::new(), patience)
-    }
-
     /// Whether somebody on this network holds a liveliness token.
     ///
     /// # Errors
@@ -357,35 +259,33 @@ impl Link {
         Ok(replies.into_iter().any(|reply| reply.result().is_ok()))
     }
 
-    /// Asks a query and waits for the typed reply.
+    /// Asks a query, which its request names, and waits for the reply.
     ///
     /// # Errors
-    /// [`LinkError::Refused`] with the server's words, [`LinkError::Silent`]
-    /// when it does not answer.
-    pub fn query<R: Message + Default>(
-        &self,
-        query: Query,
-        request: &impl Message,
-    ) -> Result<R, LinkError> {
-        self.query_within(query, request, patience(query))
+    /// [`LinkError::Refused`] with the server's words. Without an answer
+    /// [`LinkError::Silent`] when the time is over, before that
+    /// [`LinkError::Gone`] or [`LinkError::Unanswered`].
+    pub fn ask<R: Rpc>(&self, request: &R) -> Result<R::Reply, LinkError> {
+        self.ask_within(request, patience(R::QUERY))
     }
 
-    /// As [`Link::query`] with a wait of its own.
+    /// As [`Link::ask`] with a wait of its own.
     ///
     /// # Errors
-    /// As [`Link::query`].
-    pub fn query_within<R: Message + Default>(
+    /// As [`Link::ask`].
+    pub fn ask_within<R: Rpc>(
         &self,
-        query: Query,
-        request: &impl Message,
+        request: &R,
         patience: Duration,
-    ) -> Result<R, LinkError> {
-        self.query_bytes(query, request.encode_to_vec(), patience)
+    ) -> Result<R::Reply, LinkError> {
+        let key = self.keys.request(request)?;
+        self.query_bytes(R::QUERY, key, request.encode_to_vec(), patience)
     }
 
     fn query_bytes<R: Message + Default>(
         &self,
         query: Query,
+        key: String,
         request: Vec<u8>,
         patience: Duration,
     ) -> Result<R, LinkError> {
@@ -393,8 +293,11 @@ impl Link {
         let asked = Instant::now();
         let replies = self
             .session
-            .get(self.keys.query(query))
+            .get(key)
             .payload(request)
+            .encoding(schema::encoding(query.messages()[0]))
+            // The server serves its askers side by side.
+            .source_info(SourceInfo::new(self.session.id(), 0))
             // Strangers can answer as well: all are asked, and the server's
             // answer is taken, neither held back nor displaced by another.
             .target(QueryTarget::All)
@@ -404,19 +307,7 @@ impl Link {
             .timeout(patience)
             .wait()
             .map_err(transport("sending a query"))?;
-        // The transport tells at once when nobody is there to answer.
-        let silent = || match asked.elapsed() {
-            waited if waited < patience.mul_f64(0.9) => LinkError::Gone {
-                sim: self.keys.sim().to_owned(),
-                query: query.name(),
-                seconds: waited.as_secs_f64(),
-            },
-            _ => LinkError::Silent {
-                sim: self.keys.sim().to_owned(),
-                query: query.name(),
-                seconds: patience.as_secs_f64(),
-            },
-        };
+        let silent = || self.unanswered(query, asked.elapsed(), patience);
         let reply = loop {
             let reply = replies.recv().map_err(|_| silent())?;
             if self.server.answered(&reply) {
@@ -424,15 +315,53 @@ impl Link {
             }
         };
         match reply.result() {
-            Ok(sample) => decode(sample.payload(), query.name()),
+            Ok(sample) => {
+                schema::check(&sample.encoding().to_string())?;
+                decode(sample.payload(), query.name())
+            }
             Err(error) => match decode::<v1::Failure>(error.payload(), query.name()) {
+                // In the first version's failures the words are the same field.
                 Ok(failure) if !failure.message.is_empty() => Err(LinkError::Refused {
                     query: query.name(),
+                    code: failure.code(),
                     message: failure.message,
                 }),
                 // The transport itself reports a timeout as an error reply.
                 _ => Err(silent()),
             },
+        }
+    }
+
+    /// Why a query ended without an answer.
+    fn unanswered(&self, query: Query, after: Duration, patience: Duration) -> LinkError {
+        let (sim, query) = (self.keys.sim().to_owned(), query.name());
+        if after >= patience.mul_f64(0.9) {
+            let seconds = patience.as_secs_f64();
+            return LinkError::Silent {
+                sim,
+                query,
+                seconds,
+            };
+        }
+        // The transport ends a query at once when nobody is there any more; the
+        // end of the server's token may come right behind.
+        let known = Instant::now();
+        while self.server.is_there() && known.elapsed() < TOKEN_ENDS {
+            std::thread::sleep(Duration::from_millis(10));
+        }
+        let seconds = after.as_secs_f64();
+        if self.server.is_there() {
+            LinkError::Unanswered {
+                sim,
+                query,
+                seconds,
+            }
+        } else {
+            LinkError::Gone {
+                sim,
+                query,
+                seconds,
+            }
         }
     }
 
@@ -458,18 +387,18 @@ impl Link {
             .map_err(transport("subscribing"))
     }
 
-    /// Subscribes to streams; their samples come out of one queue.
+    /// Subscribes to topics; their samples come out of one queue.
     ///
     /// # Errors
     /// [`LinkError::Transport`].
-    pub fn streams(&self, streams: &[Stream]) -> Result<Streams, LinkError> {
+    pub fn streams(&self, topics: &[TopicId]) -> Result<Streams, LinkError> {
         let (sender, receiver) = crossbeam_channel::unbounded();
         let mut subscribers = Vec::new();
-        for stream in streams {
-            let (stream, sender) = (*stream, sender.clone());
-            let subscriber = self.subscribe(&stream.key(&self.keys), move |sample| {
+        for topic in topics {
+            let (topic, sender) = (*topic, sender.clone());
+            let subscriber = self.subscribe(&self.keys.topic(topic), move |sample| {
                 // A closed queue means that nobody reads any more.
-                let _ = sender.send((stream, sample.payload().clone()));
+                let _ = sender.send((topic, sample.payload().clone()));
             })?;
             subscribers.push(subscriber);
         }
@@ -490,6 +419,9 @@ impl Link {
             .map_err(transport("closing the connection"))
     }
 }
+
+/// Longest wait for the answer that tells the server's version.
+const MEETING: Duration = Duration::from_secs(2);
 
 /// Longest wait for an answer: a reset loads a scene and may build pipelines,
 /// an episode waits for its recorders.

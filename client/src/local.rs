@@ -11,7 +11,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 use anyhow::{Context, bail};
-use wheelarm_proto::keys::Query;
+use wheelarm_proto::program::Ready;
 use wheelarm_proto::v1;
 
 use crate::control::{self, find_program};
@@ -128,25 +128,34 @@ impl Program {
             .with_context(|| format!("watching `{}`", self.name))
     }
 
+    /// How it ended, if it does so within `patience`.
+    ///
+    /// # Errors
+    /// When the operating system does not tell.
+    pub fn ended_within(&mut self, patience: Duration) -> anyhow::Result<Option<ExitStatus>> {
+        let deadline = Instant::now() + patience;
+        loop {
+            match self.ended()? {
+                None if Instant::now() < deadline => {
+                    std::thread::sleep(Duration::from_millis(20));
+                }
+                ended => return Ok(ended),
+            }
+        }
+    }
+
     /// Waits for its end, at most `patience`.
     ///
     /// # Errors
     /// When it takes longer.
     pub fn wait(&mut self, patience: Duration) -> anyhow::Result<ExitStatus> {
-        let deadline = Instant::now() + patience;
-        loop {
-            if let Some(status) = self.ended()? {
-                return Ok(status);
-            }
-            if Instant::now() > deadline {
-                bail!(
-                    "`{}` did not end within {:.0} s",
-                    self.name,
-                    patience.as_secs_f64()
-                );
-            }
-            std::thread::sleep(Duration::from_millis(20));
-        }
+        self.ended_within(patience)?.with_context(|| {
+            format!(
+                "`{}` did not end within {:.0} s",
+                self.name,
+                patience.as_secs_f64()
+            )
+        })
     }
 
     /// Closes its standard input, with which a program started here ends, and
@@ -216,7 +225,8 @@ fn keep_lines(
 ) {
     let lines = Arc::clone(lines);
     std::thread::spawn(move || {
-        for line in BufReader::new(source).lines().map_while(Result::ok) {
+        for line in BufReader::new(source).split(b'\n').map_while(Result::ok) {
+            let line = String::from_utf8_lossy(&line).into_owned();
             if let Some(copy) = &copy {
                 // Nobody may be listening any more.
                 let _ = copy.send(line.clone());
@@ -318,15 +328,7 @@ impl LocalServer {
     /// # Errors
     /// When the operating system does not tell.
     pub fn ended_within(&mut self, patience: Duration) -> anyhow::Result<Option<ExitStatus>> {
-        let deadline = Instant::now() + patience;
-        loop {
-            match self.ended()? {
-                None if Instant::now() < deadline => {
-                    std::thread::sleep(Duration::from_millis(20));
-                }
-                ended => return Ok(ended),
-            }
-        }
+        self.program.ended_within(patience)
     }
 
     /// Kills it, also when it stands still.
@@ -388,10 +390,7 @@ fn arguments(options: &ServerOptions, sim: &str) -> Vec<OsString> {
 
 /// Endpoint of the line `ready ENDPOINT sim=NAME`.
 fn ready_endpoint(line: &str) -> Option<String> {
-    line.strip_prefix("ready ")?
-        .split_whitespace()
-        .next()
-        .map(str::to_owned)
+    Ready::parse(line).map(|ready| ready.endpoint)
 }
 
 /// A label that names no file in `folder` yet: `label`, `label-2`, `label-3` …
@@ -454,7 +453,7 @@ pub fn finished(
 ) -> anyhow::Result<v1::RecorderStatus> {
     let deadline = Instant::now() + FINISH;
     loop {
-        let status: v1::Status = link.ask(Query::Status)?;
+        let status: v1::Status = link.ask(&v1::StatusRequest {})?;
         let ours = status.recorders.into_iter().find(|recorder| {
             let header = recorder.header.as_ref();
             recorder.recorder == name && header.is_some_and(|h| h.episode == episode)

@@ -18,13 +18,13 @@ use wheelarm_client::doctor::{self, DoctorArgs};
 use wheelarm_client::evaluate::{self, EvaluateArgs};
 use wheelarm_client::link::{self, ConnectArgs, Link, Silence};
 use wheelarm_client::operate::operator::Outcome;
-use wheelarm_client::operate::run::{self as operate, OperateArgs};
+use wheelarm_client::operate::run::{self as operate, OperateArgs, ToldOutcome};
 use wheelarm_client::preview::{self, PreviewArgs};
 use wheelarm_client::record::{self, RecordArgs};
 use wheelarm_client::replay::{self, ReplayArgs};
 use wheelarm_client::teleop::{self, TeleopArgs};
 use wheelarm_client::watch::{self, WatchArgs};
-use wheelarm_proto::keys::Query;
+use wheelarm_proto::program::EXIT_NOT_DONE;
 
 /// Clients of the WheelArm simulator: operate, record, replay, watch.
 ///
@@ -184,11 +184,14 @@ fn run(cli: Cli) -> anyhow::Result<ExitCode> {
             let scenario = control::reset(&link()?, args)?;
             println!(
                 "scene {}, task {}, seed {}: {:?}",
-                scenario.scene, scenario.task, scenario.seed, scenario.instruction
+                scenario.scene,
+                scenario.task(),
+                scenario.seed(),
+                scenario.instruction()
             );
         }
-        Command::Pause => control::acknowledge(&link()?, Query::Pause)?,
-        Command::Resume => control::acknowledge(&link()?, Query::Resume)?,
+        Command::Pause => control::pause(&link()?, true)?,
+        Command::Resume => control::pause(&link()?, false)?,
         Command::Lease(command) => return control::lease(&link()?, command),
         Command::Episode(command) => control::episode(&link()?, command)?,
         Command::Record(args) => return record_episodes(&cli.connect, args),
@@ -258,13 +261,17 @@ fn run_operator(link: &Link, args: &OperateArgs) -> anyhow::Result<ExitCode> {
             println!("{:7.2} s  {note}", progress.time);
         }
     })?;
-    if let Outcome::Failure(why) = &report.outcome {
+    let told = report.told();
+    if let Outcome::Failure(why) | Outcome::Broken(why) = &report.outcome {
         println!("gave up: {why}");
     }
     print!("{}", control::evaluation_lines(&report.evaluation));
-    Ok(if report.succeeded() {
-        ExitCode::SUCCESS
-    } else {
-        ExitCode::FAILURE
+    if let Some(file) = &args.report {
+        std::fs::write(file, serde_json::to_string(&told)?)
+            .with_context(|| format!("the report cannot be written to {}", file.display()))?;
+    }
+    Ok(match told.outcome {
+        ToldOutcome::Done => ExitCode::SUCCESS,
+        ToldOutcome::NotDone | ToldOutcome::Broken => ExitCode::from(EXIT_NOT_DONE),
     })
 }

@@ -239,6 +239,9 @@ pub fn list<const N: usize>(what: &'static str, values: &[f64]) -> Result<[f64; 
     Ok(list)
 }
 
+/// Most control ticks that one command may answer for: 1 s.
+pub const MAX_OVER_TICKS: u32 = 60;
+
 /// Checks every number of a command: finite, sensible ranges, unit quaternions.
 /// Ranges are wide; the robot's own limits are applied later by saturation.
 ///
@@ -249,7 +252,7 @@ pub fn command(c: &v1::Command) -> Result<(), Invalid> {
     if let Some(arm) = &c.arm {
         match arm.target.as_ref().ok_or(Invalid::Missing("arm target"))? {
             Target::Joints(j) => {
-                for v in list::<6>("arm joint position", &j.position)? {
+                for v in list::<6>("arm joint position", &j.positions)? {
                     within("arm joint position", v, -100.0, 100.0)?;
                 }
             }
@@ -293,7 +296,29 @@ pub fn command(c: &v1::Command) -> Result<(), Invalid> {
             Target::Opening(m) => within("gripper opening", *m, 0.0, 0.085)?,
             Target::Knuckle(q) => within("gripper knuckle angle", *q, 0.0, 0.8)?,
         };
-        within("gripper force", gripper.max_force, 0.0, 235.0)?;
+        if let Some(cap) = gripper.max_force {
+            within("gripper force", cap, 0.0, 235.0)?;
+        }
+    }
+    if c.over_ticks > MAX_OVER_TICKS {
+        return Err(Invalid::OutOfRange {
+            what: "over_ticks",
+            value: f64::from(c.over_ticks),
+            low: 0.0,
+            high: f64::from(MAX_OVER_TICKS),
+        });
+    }
+    let in_tool = matches!(
+        c.arm.as_ref().and_then(|arm| arm.target.as_ref()),
+        Some(Target::Pose(p)) if p.frame() == v1::CommandFrame::EndEffector
+    );
+    if c.over_ticks > 1 && in_tool {
+        return Err(Invalid::Word {
+            what: "command frame",
+            value: "the end effector".to_owned(),
+            expected: "with over_ticks `base_link`, `wheelchair_root` or `house`: a pose in a \
+                       frame that moves with the arm leads nowhere",
+        });
     }
     v1::Phase::try_from(c.phase).map_err(|_| Invalid::Word {
         what: "phase",
@@ -418,7 +443,7 @@ mod tests {
         let joints = |position| v1::Command {
             arm: Some(v1::ArmCommand {
                 target: Some(v1::arm_command::Target::Joints(v1::JointTarget {
-                    position,
+                    positions: position,
                 })),
             }),
             ..Default::default()
@@ -509,7 +534,7 @@ mod tests {
             }))
         };
         let joints = arm(Target::Joints(v1::JointTarget {
-            position: vec![0.0; 6],
+            positions: vec![0.0; 6],
         }));
         for (command, is_driving, is_stopping) in [
             (base(0.3), true, false),

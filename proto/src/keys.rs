@@ -5,9 +5,9 @@
 //! | key | message | direction |
 //! |---|---|---|
 //! | `wheelarm/{sim}/alive/{id}` | liveliness token; `id` is the Zenoh id of the session that alone speaks for the server | server |
-//! | `wheelarm/{sim}/command` | `Command` | commander → server |
+//! | `wheelarm/{sim}/command/{commander}` | `Command` | commander → server |
 //! | `wheelarm/{sim}/refusal` | `Refusal` | server → commanders |
-//! | `wheelarm/{sim}/stream/{name}` | see `names::STREAMS` | server → all |
+//! | `wheelarm/{sim}/stream/{name}` | see [`TOPICS`](crate::topic::TOPICS) | server → all |
 //! | `wheelarm/{sim}/camera/{name}` | `CameraFrame` | server → all |
 //! | `wheelarm/{sim}/preview/{camera}/{level}` | `PreviewFrame` | server → viewers |
 //! | `wheelarm/{sim}/commander/{name}/{run_id}/alive` | liveliness token | commander |
@@ -15,87 +15,24 @@
 //! | `wheelarm/{sim}/episode/stop` | `EpisodeStopped` | server → all |
 //! | `wheelarm/{sim}/recorder/{name}` | `RecorderStatus` | recorder → server |
 //! | `wheelarm/{sim}/recorder/{name}/alive` | liveliness token | recorder |
-//! | `wheelarm/{sim}/query/{name}` | see [`Query`] | query |
+//! | `wheelarm/{sim}/query/lease/{commander}` | `LeaseRequest` | query |
+//! | `wheelarm/{sim}/query/{name}` | see [`Query`]; `service Simulation` | query |
 //!
 //! A query answers either its reply message or, as an error reply, `Failure`.
+//!
+//! Who sends stands in the key, so that rules by key can tell senders apart; the
+//! server refuses a payload that names somebody else. Everything that is sent
+//! carries an encoding ([`schema`](crate::schema)).
 
 use crate::preview::PreviewLevel;
+use crate::rpc::{Query, Rpc};
+use crate::topic::{StreamId, TopicId};
 
 /// First chunk of every key.
 pub const PREFIX: &str = "wheelarm";
 
 /// Name that a server takes when none is given.
 pub const DEFAULT_SIM: &str = "sim";
-
-/// Queries that a server answers.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Query {
-    /// No payload → `Status`.
-    Status,
-    /// No payload → `SceneReply`.
-    Scene,
-    /// No payload → `TaskList`.
-    Tasks,
-    /// `LeaseRequest` → `LeaseReply`.
-    Lease,
-    /// `ReachRequest` → `ReachReply`.
-    Reach,
-    /// `ResetRequest` → `ResetReply`.
-    Reset,
-    /// No payload → `Ack`.
-    Pause,
-    /// No payload → `Ack`.
-    Resume,
-    /// `EpisodeStartRequest` → `EpisodeStarted`.
-    EpisodeStart,
-    /// `EpisodeStopRequest` → `EpisodeStopped`.
-    EpisodeStop,
-    /// No payload → `EpisodeState`: what runs, and the last manifests.
-    Episode,
-    /// No payload → `SnapshotReply` of the running episode's first tick.
-    Snapshot,
-    /// No payload → `Ack`; the server ends.
-    Shutdown,
-}
-
-impl Query {
-    /// Every query.
-    pub const ALL: [Self; 13] = [
-        Self::Status,
-        Self::Scene,
-        Self::Tasks,
-        Self::Lease,
-        Self::Reach,
-        Self::Reset,
-        Self::Pause,
-        Self::Resume,
-        Self::EpisodeStart,
-        Self::EpisodeStop,
-        Self::Episode,
-        Self::Snapshot,
-        Self::Shutdown,
-    ];
-
-    /// Last chunk of the key.
-    #[must_use]
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Status => "status",
-            Self::Scene => "scene",
-            Self::Tasks => "tasks",
-            Self::Lease => "lease",
-            Self::Reach => "reach",
-            Self::Reset => "reset",
-            Self::Pause => "pause",
-            Self::Resume => "resume",
-            Self::EpisodeStart => "episode_start",
-            Self::EpisodeStop => "episode_stop",
-            Self::Episode => "episode",
-            Self::Snapshot => "snapshot",
-            Self::Shutdown => "shutdown",
-        }
-    }
-}
 
 /// The keys of one server.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -196,28 +133,54 @@ impl Keys {
         own.iter().map(|rest| self.key(rest)).collect()
     }
 
-    /// Commands of every commander.
+    /// A topic; every value of what varies in its key, where something does.
     #[must_use]
-    pub fn command(&self) -> String {
-        self.key("command")
+    pub fn topic(&self, topic: TopicId) -> String {
+        let chunks = topic.info().key.split('/');
+        let chunks: Vec<_> = chunks
+            .map(|chunk| if chunk.starts_with('{') { "*" } else { chunk })
+            .collect();
+        self.key(&chunks.join("/"))
     }
 
-    /// Refused commands.
+    /// One stream.
     #[must_use]
-    pub fn refusal(&self) -> String {
-        self.key("refusal")
+    pub fn stream(&self, stream: &StreamId) -> String {
+        match stream {
+            StreamId::State(topic) => self.topic(*topic),
+            StreamId::Camera(name) => self.key(&format!("camera/{name}")),
+            StreamId::Other(name) => self.key(&format!("stream/{name}")),
+        }
     }
 
-    /// One state stream.
+    /// Every stream but the pictures.
     #[must_use]
-    pub fn stream(&self, name: &str) -> String {
-        self.key(&format!("stream/{name}"))
+    pub fn streams(&self) -> String {
+        self.key("stream/*")
+    }
+
+    /// The stream that a key of [`Keys::stream`] names.
+    #[must_use]
+    pub fn stream_of(&self, key: &str) -> Option<StreamId> {
+        let rest = key.strip_prefix(PREFIX)?.strip_prefix('/')?;
+        let rest = rest.strip_prefix(self.sim.as_str())?.strip_prefix('/')?;
+        match rest.split_once('/')? {
+            ("camera", name) => Some(StreamId::camera(name)),
+            ("stream", name) => Some(StreamId::parse(name)),
+            _ => None,
+        }
+    }
+
+    /// Commands of one commander; `*` for all.
+    #[must_use]
+    pub fn command(&self, commander: &str) -> String {
+        self.key(&format!("command/{commander}"))
     }
 
     /// One camera.
     #[must_use]
     pub fn camera(&self, name: &str) -> String {
-        self.key(&format!("camera/{name}"))
+        self.stream(&StreamId::camera(name))
     }
 
     /// Preview of one camera at one level.
@@ -241,18 +204,6 @@ impl Keys {
         fits.then(|| (name.to_owned(), run_id.to_owned()))
     }
 
-    /// Start of an episode.
-    #[must_use]
-    pub fn episode_start(&self) -> String {
-        self.key("episode/start")
-    }
-
-    /// End of an episode.
-    #[must_use]
-    pub fn episode_stop(&self) -> String {
-        self.key("episode/stop")
-    }
-
     /// Status of one recorder; `*` for all.
     #[must_use]
     pub fn recorder(&self, name: &str) -> String {
@@ -266,10 +217,40 @@ impl Keys {
         self.key(&format!("recorder/{name}/alive"))
     }
 
-    /// A query.
+    /// A query, of whoever asks.
     #[must_use]
     pub fn query(&self, query: Query) -> String {
-        self.key(&format!("query/{}", query.name()))
+        let who = if query.has_identity() { "/*" } else { "" };
+        self.key(&format!("query/{}{who}", query.name()))
+    }
+
+    /// The key of a request: the query, and who asks where that stands in it.
+    ///
+    /// # Errors
+    /// [`BadName`] when a name of it cannot stand in a key.
+    pub fn request<R: Rpc>(&self, request: &R) -> Result<String, BadName> {
+        let query = R::QUERY.name();
+        Ok(match request.identity() {
+            Some(name) => {
+                check_name(name)?;
+                self.key(&format!("query/{query}/{name}"))
+            }
+            None => self.key(&format!("query/{query}")),
+        })
+    }
+
+    /// The query of a key of [`Keys::request`].
+    #[must_use]
+    pub fn query_of(key: &str) -> Option<Query> {
+        let mut chunks = key.split('/').skip(2);
+        let name = (chunks.next()? == "query").then(|| chunks.next())??;
+        Query::ALL.into_iter().find(|query| query.name() == name)
+    }
+
+    /// Who sends, in a key that ends with it.
+    #[must_use]
+    pub fn sender_of(key: &str) -> &str {
+        key.rsplit('/').next().unwrap_or_default()
     }
 }
 
@@ -280,8 +261,43 @@ mod tests {
     #[test]
     fn keys_of_two_servers_differ() {
         let a = Keys::new("a").unwrap();
-        assert_eq!(a.stream("imu"), "wheelarm/a/stream/imu");
-        assert_ne!(a.command(), Keys::new("b").unwrap().command());
+        assert_eq!(a.topic(TopicId::Imu), "wheelarm/a/stream/imu");
+        let anna = a.command("anna");
+        assert_eq!(anna, "wheelarm/a/command/anna");
+        assert_eq!(Keys::sender_of(&anna), "anna");
+        assert_eq!(a.command("*"), a.topic(TopicId::SentCommand));
+        assert_ne!(anna, Keys::new("b").unwrap().command("anna"));
+    }
+
+    #[test]
+    fn who_asks_for_control_stands_in_the_key() {
+        use crate::v1;
+        let keys = Keys::new("a").unwrap();
+        let mut request = v1::LeaseRequest {
+            commander: "anna".to_owned(),
+            ..v1::LeaseRequest::default()
+        };
+        let key = keys.request(&request).unwrap();
+        assert_eq!(key, "wheelarm/a/query/lease/anna");
+        assert_eq!(Keys::query_of(&key), Some(Query::Lease));
+        assert_eq!(keys.query(Query::Lease), "wheelarm/a/query/lease/*");
+        let status = keys.request(&v1::StatusRequest {}).unwrap();
+        assert_eq!(status, keys.query(Query::Status));
+        assert_eq!(Keys::query_of(&status), Some(Query::Status));
+        request.commander = "a/b".to_owned();
+        assert!(keys.request(&request).is_err());
+    }
+
+    #[test]
+    fn a_stream_is_read_back_from_its_key() {
+        let keys = Keys::new("a").unwrap();
+        let other = StreamId::Other("whistle".to_owned());
+        for stream in StreamId::all(["gen3"]).chain([other]) {
+            assert_eq!(keys.stream_of(&keys.stream(&stream)), Some(stream));
+        }
+        assert_eq!(keys.topic(TopicId::Camera), keys.camera("*"));
+        assert_eq!(keys.stream_of("wheelarm/b/stream/imu"), None);
+        assert_eq!(keys.stream_of("wheelarm/a/query/status"), None);
     }
 
     #[test]

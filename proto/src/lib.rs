@@ -13,8 +13,13 @@ pub mod exact;
 pub mod keys;
 pub mod names;
 pub mod preview;
+pub mod program;
+pub mod rpc;
+pub mod schema;
 pub mod seal;
 mod time;
+pub mod topic;
+mod words;
 
 pub use time::{CONTROL_HZ, PHYSICS_HZ, TICKS_PER_CONTROL, stamp_nanos};
 
@@ -25,9 +30,26 @@ pub mod v1 {
 }
 
 pub use prost::{DecodeError, Message};
+pub use rpc::{Query, Rpc};
+pub use topic::{StreamId, Topic, TopicId};
 
-/// Version of the stored layout and of the messages.
+/// The whole contract as an encoded `FileDescriptorSet`: messages, service and
+/// the options that declare topics.
+pub const CONTRACT_DESCRIPTOR: &[u8] = include_bytes!(concat!(env!("OUT_DIR"), "/contract.bin"));
+
+/// The messages alone as an encoded `FileDescriptorSet`, for files that carry
+/// their own description.
+pub const MESSAGES_DESCRIPTOR: &[u8] = include_bytes!(concat!(env!("OUT_DIR"), "/messages.bin"));
+
+/// Version of the stored layout of recordings.
 pub const SCHEMA_VERSION: &str = "1";
+
+/// Version of the messages, queries, topics and keys. Programs of two versions
+/// do not speak to each other; `proto/README.md` says when it is raised.
+///
+/// - 1: up to the first version that told none.
+/// - 2: identity in keys, codes beside words, absence where it means something.
+pub const CONTRACT_VERSION: u32 = 2;
 
 /// Version of the physics: programs of the same version compute the same bits
 /// from the same saved state and the same commands, and read each other's
@@ -42,4 +64,6 @@ pub const SCHEMA_VERSION: &str = "1";
 ///
 /// - 1: up to the first version that told none.
 /// - 2: joint signals that agree with the motion, own transcendental functions.
-pub const PHYSICS_VERSION: u32 = 2;
+/// - 3: rounded rims of the robot, softer contacts with what stands fixed, an arm
+///   that brakes what outruns it, even ramps of the chair, debts of soft objects.
+pub const PHYSICS_VERSION: u32 = 3;

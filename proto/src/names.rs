@@ -45,24 +45,3 @@ pub const FRAMES: [Frame; 7] = [
     frame("spherical_wrist_2", "base_link", "spherical_wrist_2_link"),
     frame("end_effector", "base_link", "robotiq_85_base_link"),
 ];
-
-/// State streams, as in `keys::stream` and in the files; cameras come beside them.
-pub const STREAMS: [&str; 14] = [
-    "joint_state",
-    "pose",
-    "imu",
-    "clock",
-    "odometry",
-    "command",
-    "applied",
-    "object_pose",
-    "furniture_joint",
-    "deformable",
-    "contact",
-    "evaluation",
-    "phase",
-    "state_hash",
-];
-
-/// The event stream; recorded into `/events`.
-pub const EVENT_STREAM: &str = "event";

@@ -1,5 +1,7 @@
 //! Levels of the preview streams: what a viewer may subscribe to, by link.
 
+use crate::v1;
+
 /// Size, rate and quality of a preview stream.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum PreviewLevel {
@@ -15,7 +17,7 @@ impl PreviewLevel {
     /// Every level, least first.
     pub const ALL: [Self; 3] = [Self::Low, Self::Medium, Self::High];
 
-    /// Last chunk of the key, and the field `level`.
+    /// Last chunk of the key.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -25,10 +27,25 @@ impl PreviewLevel {
         }
     }
 
-    /// The level of that name.
+    /// The level that a message tells, if it tells one.
     #[must_use]
-    pub fn from_name(name: &str) -> Option<Self> {
-        Self::ALL.into_iter().find(|level| level.name() == name)
+    pub fn told(level: v1::PreviewLevel) -> Option<Self> {
+        match level {
+            v1::PreviewLevel::Unspecified => None,
+            v1::PreviewLevel::Low => Some(Self::Low),
+            v1::PreviewLevel::Medium => Some(Self::Medium),
+            v1::PreviewLevel::High => Some(Self::High),
+        }
+    }
+
+    /// As a message tells it.
+    #[must_use]
+    pub fn code(self) -> v1::PreviewLevel {
+        match self {
+            Self::Low => v1::PreviewLevel::Low,
+            Self::Medium => v1::PreviewLevel::Medium,
+            Self::High => v1::PreviewLevel::High,
+        }
     }
 
     /// Greatest picture width, pixels; smaller pictures are not enlarged.
@@ -67,10 +84,10 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_level_is_found_by_its_name() {
+    fn every_level_is_told_and_read() {
         for level in PreviewLevel::ALL {
-            assert_eq!(PreviewLevel::from_name(level.name()), Some(level));
+            assert_eq!(PreviewLevel::told(level.code()), Some(level));
         }
-        assert_eq!(PreviewLevel::from_name("huge"), None);
+        assert_eq!(PreviewLevel::told(v1::PreviewLevel::Unspecified), None);
     }
 }

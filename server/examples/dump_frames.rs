@@ -2,7 +2,7 @@
 //!
 //! `dump_frames DIR [ASSETS] [FRAMES]` writes `frames.bin`: for each frame, for
 //! each of the two robot cameras, colour (u8 x 3), depth (f32 little-endian,
-//! metres) and ids (u8), 1280x720; 10 pictures per second of a made-up drive.
+//! metres) and ids (u16), 1280x720; 10 pictures per second of a made-up drive.
 
 mod motion;
 

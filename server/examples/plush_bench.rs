@@ -175,7 +175,7 @@ fn input(tick: u64, hand: &Isometry3<f64>, options: &Options) -> ControlInput {
     let grip = |knuckle| {
         Some(GripperIntent {
             knuckle,
-            max_force: options.grip,
+            max_force: Some(options.grip),
         })
     };
     let up = Translation3::new(0.0, 0.0, 0.12);

@@ -237,7 +237,7 @@ fn save(folder: &Path, name: &str, frame: &Frame) -> Result<()> {
         .flat_map(|b| depth_color(f32::from_le_bytes([b[0], b[1], b[2], b[3]])))
         .collect();
     write_png(&folder.join(format!("{name}_depth.png")), size, &depth)?;
-    let ids: Vec<u8> = frame.ids.iter().flat_map(|&id| id_color(id)).collect();
+    let ids: Vec<u8> = frame.ids().iter().flat_map(|&id| id_color(id)).collect();
     write_png(&folder.join(format!("{name}_ids.png")), size, &ids)
 }
 
@@ -255,7 +255,7 @@ fn depth_color(z: f32) -> [u8; 3] {
     ]
 }
 
-fn id_color(id: u8) -> [u8; 3] {
+fn id_color(id: u16) -> [u8; 3] {
     if id == 0 {
         return [0; 3];
     }

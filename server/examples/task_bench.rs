@@ -82,7 +82,7 @@ fn input(tick: u64) -> ControlInput {
         }),
         gripper: tick.is_multiple_of(120).then(|| GripperIntent {
             knuckle: if tick.is_multiple_of(240) { 0.7 } else { 0.0 },
-            max_force: 0.0,
+            max_force: None,
         }),
     }
 }

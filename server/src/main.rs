@@ -3,14 +3,16 @@
 use std::ffi::OsString;
 use std::net::TcpListener;
 use std::path::PathBuf;
+use std::process::ExitCode;
 
 use anyhow::{Context, bail};
 use clap::{Parser, ValueEnum};
 use tokio::signal::unix::{Signal, SignalKind, signal};
 use wheelarm_proto::keys::{self, Keys};
+use wheelarm_proto::program::{EXIT_SCENARIO, Ready};
 use wheelarm_server::sensors::camera::Renderer;
 use wheelarm_server::service::{self, Options};
-use wheelarm_server::sim::{CameraSetting, Pacing, Quality, Scenario, Simulation};
+use wheelarm_server::sim::{CameraSetting, Pacing, Quality, Scenario, SimError, Simulation};
 use wheelarm_server::tasks;
 
 /// Headless simulation of a wheelchair with a robotic arm in a home.
@@ -153,15 +155,24 @@ fn concrete(endpoint: &str) -> anyhow::Result<String> {
     Ok(format!("tcp/{address}:{}", listener.local_addr()?.port()))
 }
 
-fn main() -> anyhow::Result<()> {
+fn main() -> ExitCode {
     let args = Args::parse();
-    with_driver_environment();
-    tokio::runtime::Runtime::new()?.block_on(serve(args))
+    with_environment();
+    let runtime = tokio::runtime::Runtime::new().context("the runtime cannot start");
+    let Err(error) = runtime.and_then(|runtime| runtime.block_on(serve(args))) else {
+        return ExitCode::SUCCESS;
+    };
+    eprintln!("Error: {error:?}");
+    match error.downcast_ref() {
+        Some(SimError::Broken(_) | SimError::Panicked(_)) => ExitCode::from(EXIT_SCENARIO),
+        _ => ExitCode::FAILURE,
+    }
 }
 
-/// Starts this program again with what graphics drivers read from the
-/// environment, unless it is set already; where that fails, they do without.
-fn with_driver_environment() {
+/// Starts this program again with what graphics drivers and the transport read
+/// from the environment, unless it is set already; where that fails, they do
+/// without.
+fn with_environment() {
     use std::os::unix::process::CommandExt;
     let wanted = [
         (
@@ -169,6 +180,7 @@ fn with_driver_environment() {
             runtime_folder as fn() -> Option<OsString>,
         ),
         ("LP_NUM_THREADS", drawing_threads),
+        ("ZENOH_RUNTIME", sending_threads),
     ];
     let missing: Vec<(&str, OsString)> = wanted
         .iter()
@@ -200,6 +212,13 @@ fn runtime_folder() -> Option<OsString> {
 fn drawing_threads() -> Option<OsString> {
     let cores = std::thread::available_parallelism().ok()?.get();
     (cores > 1).then(|| (cores + 1).to_string().into())
+}
+
+/// Threads with which the transport sends to all peers, one unless said. The end
+/// of a connection whose peer does not read keeps one busy for as long as
+/// somebody waits to send to it, and with one alone nobody would hear anything.
+fn sending_threads() -> Option<OsString> {
+    Some("(tx: (worker_threads: 4))".into())
 }
 
 async fn serve(args: Args) -> anyhow::Result<()> {
@@ -281,7 +300,11 @@ async fn serve(args: Args) -> anyhow::Result<()> {
     let (name, end_with_stdin) = (args.sim, args.end_with_stdin);
     // Heard from here on: whoever reads that the server is ready may end it.
     let signals = Signals::listen()?;
-    let ready = move || println!("ready {endpoint} sim={name}");
+    let serves = Ready {
+        endpoint,
+        sim: name,
+    };
+    let ready = move || println!("{serves}");
     let interrupted = interrupted(signals, end_with_stdin);
     service::run(session, sim, options, ready, interrupted).await?;
     Ok(())

@@ -8,7 +8,6 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Context, bail, ensure};
 use wheelarm_dataset::read::Episode;
-use wheelarm_proto::keys::Query;
 use wheelarm_proto::v1;
 use wheelarm_tests::{Recorder, Server};
 
@@ -20,14 +19,15 @@ fn main() -> anyhow::Result<()> {
     let server = Server::start("soak", &CAMERA)?;
     let link = server.link();
     let folder = tempfile::tempdir()?;
-    let is_discarded = |i: u64| i % 3 == 2;
+    // The recorder ends with the last one that is kept: that is the last of all.
+    let is_discarded = |i: u64| i % 3 == 2 && i + 1 < episodes;
     let kept: BTreeSet<String> = (0..episodes)
         .filter(|i| !is_discarded(*i))
         .map(|i| format!("e{i}.h5"))
         .collect();
     let count = kept.len().to_string();
     let mut recorder = Recorder::start(&server, "soak", folder.path(), &["--episodes", &count]);
-    while link.ask::<v1::Status>(Query::Status)?.recorders.is_empty() {
+    while link.ask(&v1::StatusRequest {})?.recorders.is_empty() {
         std::thread::sleep(Duration::from_millis(50));
     }
     let begun = Instant::now();
@@ -37,9 +37,9 @@ fn main() -> anyhow::Result<()> {
             require_recorders: 1,
             ..Default::default()
         };
-        let _: v1::EpisodeStarted = link.query(Query::EpisodeStart, &request)?;
+        let _: v1::EpisodeStarted = link.ask(&request)?;
         loop {
-            let status: v1::Status = link.ask(Query::Status)?;
+            let status: v1::Status = link.ask(&v1::StatusRequest {})?;
             if status.episode.is_none() {
                 bail!("episode e{i} ended before it began: {:?}", status.recorders);
             }
@@ -53,9 +53,9 @@ fn main() -> anyhow::Result<()> {
             discard: is_discarded(i),
             ..Default::default()
         };
-        let _: v1::EpisodeStopped = link.query(Query::EpisodeStop, &request)?;
+        let _: v1::EpisodeStopped = link.ask(&request)?;
         if i % 7 == 6 {
-            let _: v1::ResetReply = link.query(Query::Reset, &v1::ResetRequest::default())?;
+            let _: v1::ResetReply = link.ask(&v1::ResetRequest::default())?;
         }
     }
     let (status, text) = recorder.end();

@@ -94,7 +94,7 @@ def main():
             check(c == 3 and g["rgb"].dtype == np.uint8, f"{g.name}/rgb")
             check(g["depth"].shape == (n, h, w), f"{g.name}/depth")
             check(g["depth"].dtype in (np.float32, np.uint16), f"{g.name}/depth")
-            check(g["ids"].shape == (n, h, w) and g["ids"].dtype == np.uint8, f"{g.name}/ids")
+            check(g["ids"].shape == (n, h, w) and g["ids"].dtype == np.uint16, f"{g.name}/ids")
             check(g["intrinsics"].shape == (n, 6) and g["pose"].shape == (n, 7), g.name)
             told = g["intrinsics"].attrs
             check(told.get("pixel_centre") == 0.5, f"{g.name}/intrinsics: where is a pixel's centre?")

@@ -366,8 +366,8 @@ def mcap(path, recordings):
         for camera in CAMERAS:
             stamp, image = first[f"/camera/{camera}/ids"]
             i = at_stamp(streams[f"camera/{camera}"], stamp)
-            assert image.encoding == "8UC1" and image.step == image.width
-            ids = np.frombuffer(image.data, "u1").reshape(image.height, image.width)
+            assert image.encoding == "16UC1" and image.step == 2 * image.width
+            ids = np.frombuffer(image.data, "<u2").reshape(image.height, image.width)
             equal(ids, streams[f"camera/{camera}/ids"][i], "ids")
             k = first[f"/camera/{camera}/calibration"][1].K
             width, height, fx, fy, cx, cy = streams[f"camera/{camera}/intrinsics"][0]
@@ -391,7 +391,7 @@ def contact(path, types, streams):
         for i, (schema, _, message) in enumerate(make_reader(stream).iter_messages(topics=["/contact"])):
             told = types[schema.id].FromString(message.data)
             assert message.log_time == streams["contact/stamp_nanos"][i]
-            equal(told.pad_force, streams["contact/pad_force"][i], "pad force")
+            equal(told.pad_forces, streams["contact/pad_force"][i], "pad force")
             pairs = json.loads(streams["contact/pairs"][i])
             assert [[c.first, c.second] for c in told.contacts] == pairs
             touching += len(pairs)

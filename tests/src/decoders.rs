@@ -7,7 +7,7 @@ use std::sync::OnceLock;
 use std::time::Instant;
 
 use wheelarm_dataset::{columns, log};
-use wheelarm_proto::{Message, check, names, v1};
+use wheelarm_proto::{Message, StreamId, check, v1};
 use wheelarm_server::geometry::mesh;
 use wheelarm_server::robot::RobotModel;
 use wheelarm_server::robot::control::GripperMap;
@@ -91,7 +91,7 @@ pub fn messages(bytes: &[u8]) {
     }
     if let Ok(request) = v1::EpisodeStartRequest::decode(bytes) {
         let _ = check::label(&request.label);
-        let _ = check::instruction(&request.instruction);
+        let _ = check::instruction(request.instruction.as_deref().unwrap_or_default());
     }
     if let Ok(request) = v1::ReachRequest::decode(bytes) {
         let _ = convert::isometry("pose", request.pose.as_ref());
@@ -101,8 +101,8 @@ pub fn messages(bytes: &[u8]) {
 /// A sample of every stream, as a recorder takes it.
 pub fn samples(bytes: &[u8]) {
     let _ = columns::header_of(bytes);
-    for stream in names::STREAMS.iter().chain([&names::EVENT_STREAM]) {
-        let _ = columns::check(stream, bytes);
+    for stream in StreamId::all([]) {
+        let _ = columns::check(&stream.to_string(), bytes);
     }
     let _ = log::CameraParts::parse(bytes);
 }

@@ -34,6 +34,23 @@ pub fn wait_until(what: &str, mut done: impl FnMut() -> bool) {
     }
 }
 
+/// The tasks that must be there, sorted.
+pub const TASKS: [&str; 13] = [
+    "open_drawer",
+    "pick_blue_mug",
+    "pick_bowl",
+    "pick_crackers",
+    "pick_glass_bottle",
+    "pick_grey_cup",
+    "pick_meat_can",
+    "pick_mustard",
+    "pick_silver_bottle",
+    "pick_tomato_soup",
+    "place_knife",
+    "place_teddy_bear",
+    "select_coke",
+];
+
 /// Root of the workspace.
 #[must_use]
 pub fn root() -> PathBuf {

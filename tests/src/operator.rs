@@ -6,9 +6,9 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
-use wheelarm_client::link::{Link, Received, Stream};
-use wheelarm_proto::keys::Query;
-use wheelarm_proto::v1;
+use wheelarm_client::link::Link;
+use wheelarm_proto::topic::Sample;
+use wheelarm_proto::{TopicId, v1};
 
 /// Answers until it is dropped.
 pub struct IdleCommander {
@@ -26,7 +26,7 @@ impl IdleCommander {
     /// When control is held by somebody else.
     #[must_use]
     pub fn start(link: &Link) -> Self {
-        let streams = link.streams(&[Stream::Clock]).expect("the clock");
+        let streams = link.streams(&[TopicId::Clock]).expect("the clock");
         let mut commander = link.commander(Self::NAME, false).expect("control");
         let ended = Arc::new(AtomicBool::new(false));
         let thread = {
@@ -36,10 +36,10 @@ impl IdleCommander {
                 while !ended.load(Ordering::Acquire) {
                     let sample = streams.next(Duration::from_millis(200)).expect("a clock");
                     let header = match sample {
-                        Some(Received::Clock(clock)) => clock.header,
+                        Some(Sample::Clock(clock)) => clock.header,
                         // Time stands still, perhaps since before it came.
                         _ => link
-                            .ask::<v1::Status>(Query::Status)
+                            .ask(&v1::StatusRequest {})
                             .ok()
                             .filter(|status| status.episode.is_some())
                             .and_then(|status| status.header),

@@ -131,7 +131,7 @@ fn pair(i: u64) -> [v1::CameraFrame; 2] {
 /// Pictures of the home: colour, depth and ids of both cameras, one after the other.
 fn dumped(path: &Path) -> anyhow::Result<Vec<[v1::CameraFrame; 2]>> {
     let bytes = Bytes::from(std::fs::read(path)?);
-    let frame = 8 * PIXELS;
+    let frame = 9 * PIXELS;
     anyhow::ensure!(
         !bytes.is_empty() && bytes.len().is_multiple_of(2 * frame),
         "{} has {} bytes, expected a multiple of {}",

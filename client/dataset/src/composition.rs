@@ -4,6 +4,7 @@
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::path::Path;
+use wheelarm_proto::StreamId;
 
 use plotters::prelude::*;
 
@@ -13,7 +14,7 @@ use crate::plot::canvas;
 use crate::read::Episode;
 use crate::sheet::axis::Axis;
 use crate::sheet::label::{self as words, Key, Mark};
-use crate::sheet::style::{self, BLUE, FAINT, GREY, INK, ORANGE, text};
+use crate::sheet::style::{self, BLUE, GREY, INK, ORANGE, strokes};
 
 /// One episode's figures.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -68,7 +69,7 @@ pub fn figures(path: &Path) -> anyhow::Result<Figures> {
     let cameras = episode.cameras()?;
     let reference = cameras.iter().find(|c| *c == REFERENCE).or(cameras.first());
     let samples = match reference {
-        Some(camera) => episode.stamps(&format!("camera/{camera}"))?.len(),
+        Some(camera) => episode.stamps(&StreamId::camera(camera).to_string())?.len(),
         None => 0,
     };
     let (first, last) = summary.span_nanos;
@@ -253,15 +254,7 @@ pub fn plot(rows: &BTreeMap<[String; 3], Row>, out: &Path) -> anyhow::Result<()>
             .x_label_area_size(44)
             .y_label_area_size(330)
             .build_cartesian_2d(axis, 0.0..n as f64)?;
-        chart
-            .configure_mesh()
-            .bold_line_style(FAINT)
-            .light_line_style(TRANSPARENT)
-            .axis_style(GREY)
-            .disable_y_mesh()
-            .y_labels(0)
-            .label_style(text(19, GREY))
-            .draw()?;
+        strokes(&mut chart).disable_y_mesh().y_labels(0).draw()?;
         for (i, ([activity, _, task], r)) in rows.iter().rev().enumerate() {
             let (low, high) = (i as f64 + 0.2, i as f64 + 0.8);
             let bar = |to: f64, filled: bool| {

@@ -16,6 +16,7 @@ pub mod coverage;
 pub mod depth;
 pub mod finish;
 mod hdf;
+pub mod ids;
 pub mod info;
 pub mod label;
 pub mod log;

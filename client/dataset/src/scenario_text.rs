@@ -8,21 +8,21 @@ use wheelarm_proto::v1;
 pub fn scenario_json(s: &v1::Scenario) -> Value {
     json!({
         "scene": s.scene,
-        "task": s.task,
-        "seed": s.seed,
+        "task": s.task(),
+        "seed": s.seed(),
         "robot": s.robot,
-        "instruction": s.instruction,
+        "instruction": s.instruction(),
         "pacing": pacing(s.pacing),
         "quality": quality(s.quality),
-        "state_rate_hz": s.state_rate_hz,
-        "deformable_rate_hz": s.deformable_rate_hz,
-        "imu_rate_hz": s.imu_rate_hz,
-        "imu_noise": s.imu_noise,
+        "state_rate_hz": s.state_rate_hz(),
+        "deformable_rate_hz": s.deformable_rate_hz(),
+        "imu_rate_hz": s.imu_rate_hz(),
+        "imu_noise": s.imu_noise(),
         "cameras": s.cameras.iter().map(|c| json!({
             "name": c.name,
             "width_pixels": c.width,
             "height_pixels": c.height,
-            "rate_hz": c.rate_hz,
+            "rate_hz": c.rate_hz(),
         })).collect::<Vec<_>>(),
         "objects": s.objects.iter().map(|o| json!({
             "name": o.name,
@@ -35,7 +35,7 @@ pub fn scenario_json(s: &v1::Scenario) -> Value {
             "friction_newton": slide.friction,
             "damping_newton_second_per_metre": slide.damping,
         })).collect::<Vec<_>>(),
-        "target": s.target,
+        "target": s.target(),
         "start_of_wheelchair_root_in_house": s.start.as_ref().map(pose),
     })
 }

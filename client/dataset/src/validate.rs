@@ -4,13 +4,14 @@
 use std::fmt;
 use std::io::Read;
 use std::path::Path;
+use wheelarm_proto::StreamId;
 
 use anyhow::Context;
 use sha2::{Digest, Sha256};
 
 use wheelarm_proto::digest::{self, StreamDigest};
 
-use crate::align::{Rule, usual_distance};
+use crate::align::{Rule, is_periodic, usual_distance};
 use crate::convert::batch::parallel;
 use crate::finish::StreamAccount;
 use crate::read::{ElementKind, Episode, Values};
@@ -76,7 +77,7 @@ pub fn validate(path: &Path, threads: usize) -> anyhow::Result<Findings> {
     }
     for account in &summary.streams {
         contents(&episode, account, threads, &mut found).with_context(|| account.stream.clone())?;
-        if account.stream != wheelarm_proto::names::EVENT_STREAM {
+        if StreamId::parse(&account.stream) != StreamId::EVENTS {
             stream(&episode, &account.stream, account.received, &mut found)
                 .with_context(|| account.stream.clone())?;
         }
@@ -105,8 +106,7 @@ fn stream(
             sequence.len()
         ));
     }
-    // Commands come when somebody sends them, several in one tick or none.
-    let periodic = name != "command";
+    let periodic = is_periodic(name);
     let falls = |w: &[u64]| w[0] > w[1] || periodic && w[0] == w[1];
     if let Some(i) = stamps.windows(2).position(falls) {
         let words = if periodic { "do not rise" } else { "go back" };
@@ -186,10 +186,11 @@ fn contents(
     found: &mut Findings,
 ) -> anyhow::Result<()> {
     let name = &account.stream;
-    if account.digest.is_empty() || name == wheelarm_proto::names::EVENT_STREAM {
+    let id = StreamId::parse(name);
+    if account.digest.is_empty() || id == StreamId::EVENTS {
         return Ok(());
     }
-    let digests = match name.strip_prefix("camera/") {
+    let digests = match id.camera_name() {
         Some(camera) => {
             let camera = episode.camera(camera)?;
             let all = parallel(camera.len(), threads, |i| {
@@ -238,10 +239,11 @@ fn pictures(
     found: &mut Findings,
 ) -> anyhow::Result<()> {
     let camera = episode.camera(name)?;
+    let stream = camera.stream();
     if camera.is_empty() {
         found
             .problems
-            .push(format!("camera/{name}: there are no pictures"));
+            .push(format!("{stream}: there are no pictures"));
         return Ok(());
     }
     let all = parallel(camera.len(), threads, |i| {
@@ -262,7 +264,7 @@ fn pictures(
             bad_depth: depth.iter().filter(|d| d.is_nan() || **d < 0.0).count(),
         })
     })?;
-    let mut wrong = |words: String| found.problems.push(format!("camera/{name}: {words}"));
+    let mut wrong = |words: String| found.problems.push(format!("{stream}: {words}"));
     let flat = all.iter().filter(|f| f.contrast < FLAT).count();
     if flat > 0 {
         wrong(format!("{flat} pictures of one colour"));
@@ -293,7 +295,7 @@ fn pictures(
     }
     let mean = |f: &dyn Fn(&Figures) -> f64| all.iter().map(f).sum::<f64>() / all.len() as f64;
     found.facts.push(format!(
-        "camera/{name}: {} pictures of {}x{}, mean level {:.0}, contrast {:.0}, depth at {:.1} % of the pixels",
+        "{stream}: {} pictures of {}x{}, mean level {:.0}, contrast {:.0}, depth at {:.1} % of the pixels",
         all.len(),
         size.0,
         size.1,

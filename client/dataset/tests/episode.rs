@@ -10,14 +10,15 @@ use std::path::{Path, PathBuf};
 
 use bytes::Bytes;
 use synthetic::Random;
+use wheelarm_dataset::align::{AlignOptions, align};
 use wheelarm_dataset::columns::{Cell, Context, Kind, streams};
 use wheelarm_dataset::depth::DepthFormat;
 use wheelarm_dataset::finish::{FinishError, finish};
 use wheelarm_dataset::log::{Closing, LogFile, Received, scan};
-use wheelarm_dataset::read::Episode;
+use wheelarm_dataset::read::{Episode, Values};
 use wheelarm_dataset::validate::validate;
 use wheelarm_dataset::writer::{EpisodeWriter, WriteError, WriterOptions, log_path};
-use wheelarm_proto::{Message, digest, names, v1};
+use wheelarm_proto::{Message, StreamId, digest, v1};
 
 const SIZE: (u32, u32) = (32, 20);
 
@@ -41,19 +42,16 @@ fn offer_all(writer: &mut EpisodeWriter, seed: u64, samples: u64) -> Offered {
     let mut r = Random(seed);
     let mut offered = Offered::new();
     for i in 0..samples {
-        for stream in names::STREAMS.iter().chain([&names::EVENT_STREAM]) {
+        for stream in &StreamId::all([]).map(|s| s.to_string()).collect::<Vec<_>>() {
             let header = synthetic::header(100 + i, 4 * i);
             let payload = Bytes::from(r.message(stream, header, 3));
             writer.offer(stream, payload.clone()).unwrap();
-            offered
-                .entry((*stream).to_owned())
-                .or_default()
-                .push(payload);
+            offered.entry(stream.clone()).or_default().push(payload);
         }
         if i % 6 == 0 {
             for camera in ["gen3", "wheelchair"] {
                 let payload = camera_frame(&mut r, camera, i / 6);
-                let stream = format!("camera/{camera}");
+                let stream = StreamId::camera(camera).to_string();
                 writer.offer(&stream, payload.clone()).unwrap();
                 offered.entry(stream).or_default().push(payload);
             }
@@ -193,7 +191,7 @@ fn every_stream_survives_the_file_bit_by_bit() {
             let depth: Vec<u8> = frame.depth.iter().flat_map(|d| d.to_le_bytes()).collect();
             assert_eq!(frame.rgb, sent.rgb);
             assert_eq!(depth, sent.depth);
-            assert_eq!(frame.ids, sent.ids);
+            assert_eq!(wheelarm_dataset::ids::write(&frame.ids, 2), sent.ids);
             assert_eq!(Some(frame.intrinsics), sent.intrinsics);
             assert_eq!(frame.pose, [1.0, 2.0, 3.0, 0.0, 0.0, 0.0, 1.0]);
         }
@@ -459,6 +457,37 @@ fn samples_of_the_wrong_kind_are_refused_and_do_no_harm() {
 }
 
 #[test]
+fn pictures_whose_ids_have_8_bits_are_read_like_those_of_16() {
+    let dir = tempfile::tempdir().unwrap();
+    let mut r = Random(5);
+    let wide = v1::CameraFrame::decode(camera_frame(&mut r, "gen3", 0)).unwrap();
+    let ids = wheelarm_dataset::ids::read(&wide.ids, 2);
+    // As the first contract sent it: 8 bits, and no word on formats.
+    let narrow = v1::CameraFrame {
+        ids: wheelarm_dataset::ids::write(&ids, 1).into(),
+        rgb_format: 0,
+        depth_format: 0,
+        ids_format: 0,
+        ..wide.clone()
+    };
+    for (label, frame, each) in [("narrow", narrow, 1), ("wide", wide, 2)] {
+        let started = synthetic::started(label);
+        let options = WriterOptions::default();
+        let mut writer =
+            EpisodeWriter::open(dir.path(), &started, &synthetic::snapshot(), &options).unwrap();
+        let sent = frame.encode_to_vec();
+        writer.offer("camera/gen3", sent.clone().into()).unwrap();
+        let log = writer.close(Closing::default()).unwrap();
+        let episode = Episode::open(&finish(&log, None).unwrap().path).unwrap();
+        let camera = episode.camera("gen3").unwrap();
+        assert_eq!(camera.id_bytes(), each);
+        assert_eq!(camera.ids(&episode, 0).unwrap(), ids);
+        // The message is made again to the bit: its digest holds.
+        assert_eq!(camera.encoded(&episode, 0).unwrap(), Some(sent));
+    }
+}
+
+#[test]
 fn commands_of_one_tick_and_pauses_between_them_are_no_faults() {
     let dir = tempfile::tempdir().unwrap();
     let started = synthetic::started("byhand");
@@ -496,6 +525,58 @@ fn commands_of_one_tick_and_pauses_between_them_are_no_faults() {
     };
     assert!(order.contains("do not rise at sample 2"), "{order}");
     assert!(gap.contains("1 gaps"), "{gap}");
+}
+
+#[test]
+fn of_the_commands_of_one_tick_the_last_is_aligned() {
+    let dir = tempfile::tempdir().unwrap();
+    let started = synthetic::started("aligned");
+    let options = WriterOptions::default();
+    let mut writer =
+        EpisodeWriter::open(dir.path(), &started, &synthetic::snapshot(), &options).unwrap();
+    let mut r = Random(3);
+    // As in real time by hand: more often than not several in a tick.
+    let ticks = [0, 4, 4, 8, 8, 12, 16, 20, 20, 24, 24, 24, 28, 28, 48];
+    for (sequence, tick) in ticks.into_iter().enumerate() {
+        let header = synthetic::header(sequence as u64, tick);
+        let payload = r.message("command", header, 0);
+        writer.offer("command", payload.into()).unwrap();
+    }
+    // At the ticks 0, 24 and 48.
+    for sequence in 0..3 {
+        let payload = camera_frame(&mut r, "gen3", sequence);
+        writer.offer("camera/gen3", payload).unwrap();
+    }
+    let counts = [
+        ("command".to_owned(), 0, 15),
+        ("camera/gen3".to_owned(), 0, 3),
+    ];
+    let closing = Closing {
+        stopped: Some(synthetic::stopped(48, &counts)),
+        ..Default::default()
+    };
+    let finished = finish(&writer.close(closing).unwrap(), None).unwrap();
+    let episode = Episode::open(&finished.path).unwrap();
+    let aligned = align(&episode, &AlignOptions::default(), &|_| true).unwrap();
+    assert_eq!(aligned.coverage["command"].valid, [true; 3]);
+    let mut compared = 0;
+    for signal in aligned
+        .signals
+        .iter()
+        .filter(|s| s.meta.stream == "command")
+    {
+        let width = signal.meta.width();
+        let Values::F64(all) = episode.values(&signal.meta).unwrap() else {
+            continue;
+        };
+        // The last of those that came at the picture's tick.
+        for (row, sample) in [0, 11, 14].into_iter().enumerate() {
+            let there = &all[sample * width..(sample + 1) * width];
+            assert_eq!(bits(signal.row(row)), bits(there), "{}", signal.meta.name);
+        }
+        compared += 1;
+    }
+    assert!(compared >= 3, "{compared} columns");
 }
 
 #[test]

@@ -12,7 +12,7 @@ use wheelarm_dataset::finish::finish;
 use wheelarm_dataset::read::Episode;
 use wheelarm_dataset::writer::{EpisodeWriter, WriterOptions};
 use wheelarm_dataset::{depth::DepthFormat, log::Closing, sheet::sheet};
-use wheelarm_proto::{Message, names, v1};
+use wheelarm_proto::{Message, StreamId, v1};
 
 fn python() -> Option<String> {
     let python = std::env::var("WHEELARM_PYTHON").unwrap_or_else(|_| "python3".to_owned());
@@ -45,7 +45,7 @@ fn plain_h5py_reads_every_dataset_and_finds_the_same_pixels() {
         .unwrap();
         let mut r = synthetic::Random(11);
         for i in 0..70 {
-            for stream in names::STREAMS.iter().chain([&names::EVENT_STREAM]) {
+            for stream in &StreamId::all([]).map(|s| s.to_string()).collect::<Vec<_>>() {
                 let payload = r.message(stream, synthetic::header(i, 4 * i), 3);
                 writer.offer(stream, payload.into()).unwrap();
             }
@@ -58,17 +58,15 @@ fn plain_h5py_reads_every_dataset_and_finds_the_same_pixels() {
                 let frame = synthetic::smooth::picture(camera, header, (96, 54), view);
                 if camera == "gen3" {
                     sums[0] += frame.rgb.iter().map(|&b| u64::from(b)).sum::<u64>();
-                    sums[1] += frame.ids.iter().map(|&b| u64::from(b)).sum::<u64>();
+                    let ids = wheelarm_dataset::ids::read(&frame.ids, 2);
+                    sums[1] += ids.iter().map(|&id| u64::from(id)).sum::<u64>();
                 }
-                let stream = format!("camera/{camera}");
+                let stream = StreamId::camera(camera).to_string();
                 writer.offer(&stream, frame.encode_to_vec().into()).unwrap();
             }
         }
-        let counts: Vec<_> = names::STREAMS
-            .iter()
-            .chain([&names::EVENT_STREAM])
-            .map(|s| ((*s).to_owned(), 0, 70))
-            .chain(["camera/gen3", "camera/wheelchair"].map(|c| (c.to_owned(), 0, 4)))
+        let counts: Vec<_> = StreamId::all(["gen3", "wheelchair"])
+            .map(|s| (s.to_string(), 0, if s.is_camera() { 4 } else { 70 }))
             .collect();
         let stopped = Some(synthetic::stopped(280, &counts));
         let log = writer

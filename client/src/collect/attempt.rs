@@ -2,9 +2,9 @@
 //! programs of their own in lock-step, and what came of it.
 //!
 //! A failure of the task is the operator's and gets a fresh seed, and so does a
-//! simulation that breaks; a server that dies or hangs is tried once more, for
-//! it may be the host's fault; anything else that goes wrong is the host's, and
-//! the same seed is tried again.
+//! simulation that breaks; where a server dies or hangs, which may be the host's
+//! fault, the same seed is tried once more; anything else that goes wrong is the
+//! host's, and the same seed is tried again.
 
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
@@ -15,6 +15,7 @@ use anyhow::{Context, bail};
 use wheelarm_dataset::finish::PHYSICS;
 use wheelarm_dataset::read::{Episode as Recording, Summary};
 use wheelarm_dataset::scenario_text::scenario_json;
+use wheelarm_proto::program::{EXIT_NOT_DONE, EXIT_SCENARIO, Ready};
 use wheelarm_proto::v1::Scenario;
 
 use super::episode::Episode;
@@ -26,10 +27,11 @@ use super::process::{Process, socket_folder, words};
 use super::progress::lock;
 use super::stop::Stop;
 use super::watch::{Board, Watch};
+use crate::operate::run::{Told, ToldOutcome};
 
 /// Longest time until a server is ready: it may build its pipelines on a CPU.
 const READY: Duration = Duration::from_secs(300);
-/// Longest time in which simulation time stands still.
+/// Longest time in which simulation time stands still while the server answers.
 const STALL: Duration = Duration::from_secs(180);
 /// Longest time from the end of an episode to its finished file.
 const FINISH: Duration = Duration::from_secs(900);
@@ -49,6 +51,8 @@ pub struct Setup {
     pub assets: Option<PathBuf>,
     /// Graphics adapter by a part of its name.
     pub adapter: Option<String>,
+    /// Longest time in which a server does not answer before it is ended.
+    pub patience: Duration,
 }
 
 /// What came of an attempt.
@@ -68,10 +72,6 @@ pub enum Outcome {
 const SERVER: &str = "server";
 /// [`Failed::broken`] of a scenario that a server refuses to set up.
 const SCENARIO: &str = "scenario";
-/// How a server says so.
-const ABSURD: &str = "the scenario cannot be simulated";
-/// How long a server whose operator failed may take to die of the same.
-const DYING: Duration = Duration::from_secs(1);
 
 /// Makes one attempt; the file lies in the staging folder afterwards. `turn`
 /// is held while it simulates and is over before the file is finished.
@@ -104,6 +104,7 @@ pub fn attempt(
         seconds: lock(board).seconds,
         wall_seconds: begun.elapsed().as_secs_f64(),
         broken: broken.to_owned(),
+        death: 0,
         scenario: Some(match told {
             Some(scenario) => scenario_json(&scenario),
             None => serde_json::json!({ "task": episode.task, "seed": seed }),
@@ -113,7 +114,7 @@ pub fn attempt(
         Ok(true) => {}
         Ok(false) => return Ok(Outcome::Stopped),
         // Another seed may do; this one never will.
-        Err(problem) if server.messages().contains(ABSURD) => {
+        Err(problem) if code(server.ended()?) == Some(EXIT_SCENARIO) => {
             let reason = format!("{problem:#}");
             return Ok(Outcome::Failed(failed(SCENARIO, reason, None)));
         }
@@ -138,45 +139,51 @@ pub fn attempt(
         "--label",
         &episode.id,
     ]);
+    let report = staging.join("operator.json");
+    operator.extend(["--report".into(), (&report).into()]);
     if !setup.plan.randomise.operator {
         operator.extend(words(["--style-seed", "0"]));
     }
     let mut operator = Process::start("operator", "wheelarm", connect(&operator), &staging)?;
 
-    let watch = Watch::start(endpoint, board);
+    let watch = Watch::start(endpoint, board, setup.patience);
     let broke =
         |watch: &Watch, reason: String| Outcome::Broke(failed(SERVER, reason, watch.scenario()));
+    // Where the server dies or hangs its clients may be the first to notice: only
+    // an answer that comes later shows that it was their own fault.
+    let mut noticed: Option<Instant> = None;
+    let lost = |server: &mut Process| -> anyhow::Result<Option<String>> {
+        if let Some(status) = server.ended()? {
+            return Ok(Some(died(server, status)));
+        }
+        let hangs = watch.silent_for() >= setup.patience;
+        Ok(hangs.then(|| {
+            format!(
+                "the server stood still and answered nothing for {:.0} s",
+                setup.patience.as_secs_f64()
+            )
+        }))
+    };
     let operated = loop {
         if stop.at_once() {
             return Ok(Outcome::Stopped);
         }
-        if let Some(status) = operator.ended()? {
-            if !status.success() && broken(&operator).is_some() {
-                server.ended_within(DYING)?;
-            }
-            if let Some(status) = server.ended()? {
-                let words = died(&server, status);
-                return Ok(broke(&watch, words));
-            }
-            break status;
-        }
-        if let Some(status) = server.ended()? {
-            let words = died(&server, status);
+        let operated = operator.ended()?;
+        let recorded = recorder.ended()?.filter(|status| !status.success());
+        if let Some(words) = lost(&mut server)? {
             return Ok(broke(&watch, words));
         }
-        if let Some(status) = recorder.ended()?
-            && !status.success()
-        {
-            bail!("the recorder ended ({status}): {}", recorder.tail());
+        let fault = operated.is_some_and(|status| broken(status, &operator).is_some());
+        match (operated, recorded) {
+            (Some(status), _) if !fault => break status,
+            (None, None) => {}
+            _ if !watch.has_answered_since(*noticed.get_or_insert_with(Instant::now)) => {}
+            (Some(status), _) => break status,
+            (None, Some(status)) => {
+                bail!("the recorder ended ({status}): {}", recorder.tail());
+            }
         }
         if watch.stalled() > STALL {
-            if watch.is_silent() {
-                let words = format!(
-                    "the server stood still and answered nothing for {:.0} s",
-                    STALL.as_secs_f64()
-                );
-                return Ok(broke(&watch, words));
-            }
             bail!(
                 "simulation time stood still for {:.0} s{}",
                 STALL.as_secs_f64(),
@@ -200,29 +207,26 @@ pub fn attempt(
                 recorder.tail()
             );
         }
+        // The file may still become whole, but the recorder may also wait in vain.
+        if let Some(words) = lost(&mut server)? {
+            return Ok(broke(&watch, words));
+        }
         // The operator broke before there was an episode.
-        if let (false, Some(words)) = (operated.success(), broken(&operator)) {
+        if let Some(words) = broken(operated, &operator) {
             bail!("the operator broke: {words}");
         }
         std::thread::sleep(LOOK);
     }
     drop(watch);
     drop(server);
-    let said = operator.messages();
-    if let (false, Some(words)) = (operated.success(), broken(&operator)) {
+    if let Some(words) = broken(operated, &operator) {
         bail!("the operator broke: {words}");
     }
+    let told = told(&report)?;
     tell(board, "checking the file");
     let file = staging.join(format!("{}.h5", episode.id));
-    judge(
-        episode,
-        number,
-        &file,
-        &said,
-        operated.success(),
-        wall_seconds,
-    )
-    .with_context(|| format!("the recorder said: {}", recorder.tail()))
+    judge(episode, number, &file, &told, wall_seconds)
+        .with_context(|| format!("the recorder said: {}", recorder.tail()))
 }
 
 fn died(server: &Process, status: ExitStatus) -> String {
@@ -231,11 +235,22 @@ fn died(server: &Process, status: ExitStatus) -> String {
     words.trim_end_matches(": ").to_owned()
 }
 
+fn code(status: Option<ExitStatus>) -> Option<u8> {
+    status?.code().and_then(|code| u8::try_from(code).ok())
+}
+
 /// The operator's last words when it broke, rather than failed at the task.
-fn broken(operator: &Process) -> Option<String> {
-    let text = operator.messages();
-    let words = text.lines().find_map(|line| line.strip_prefix("error: "));
-    words.map(str::to_owned)
+fn broken(status: ExitStatus, operator: &Process) -> Option<String> {
+    let tried = status.success() || code(Some(status)) == Some(EXIT_NOT_DONE);
+    (!tried).then(|| operator.last_words())
+}
+
+/// What the operator reported.
+fn told(report: &Path) -> anyhow::Result<Told> {
+    let text = std::fs::read_to_string(report)
+        .with_context(|| format!("reading the operator's report {}", report.display()))?;
+    serde_json::from_str(&text)
+        .with_context(|| format!("the operator's report {} is none", report.display()))
 }
 
 /// Reads the finished file and decides.
@@ -243,8 +258,7 @@ fn judge(
     episode: &Episode,
     number: u32,
     file: &Path,
-    said: &str,
-    content: bool,
+    told: &Told,
     wall_seconds: f64,
 ) -> anyhow::Result<Outcome> {
     let seed = episode.seed_of(number);
@@ -252,7 +266,7 @@ fn judge(
     let summary = recording.summary()?;
     check(&summary, episode, seed)?;
     let seconds = summary.span_nanos.1.saturating_sub(summary.span_nanos.0) as f64 * 1e-9;
-    if recording.is_broken() || !(content && summary.success) {
+    if recording.is_broken() || !(told.outcome == ToldOutcome::Done && summary.success) {
         let physics = recording.is_broken();
         return Ok(Outcome::Failed(Failed {
             episode: episode.id.clone(),
@@ -260,10 +274,11 @@ fn judge(
             attempt: number,
             seed,
             settings: episode.settings.clone(),
-            reason: reason(&summary, said),
+            reason: reason(&summary, told),
             seconds,
             wall_seconds,
             broken: String::from(if physics { PHYSICS } else { "" }),
+            death: 0,
             scenario: match physics {
                 true => Some(scenario_json(&recording.scenario()?)),
                 false => None,
@@ -333,9 +348,9 @@ pub fn check(summary: &Summary, episode: &Episode, seed: u64) -> anyhow::Result<
 }
 
 /// Why the task was not done.
-fn reason(summary: &Summary, said: &str) -> String {
-    let gave_up = said.lines().find_map(|line| line.strip_prefix("gave up: "));
-    let mut parts: Vec<String> = gave_up.map(str::to_owned).into_iter().collect();
+fn reason(summary: &Summary, told: &Told) -> String {
+    let why = Some(&told.why).filter(|why| !why.is_empty());
+    let mut parts: Vec<String> = why.cloned().into_iter().collect();
     if !summary.failure_reason.is_empty() {
         parts.push(summary.failure_reason.clone());
     }
@@ -366,7 +381,7 @@ fn ready(server: &mut Process, stop: &Stop) -> anyhow::Result<bool> {
         if server
             .messages()
             .lines()
-            .any(|line| line.starts_with("ready "))
+            .any(|line| Ready::parse(line).is_some())
         {
             return Ok(true);
         }

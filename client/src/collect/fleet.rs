@@ -10,7 +10,7 @@ use super::attempt::{Outcome, Setup, attempt};
 use super::capacity::free_disk;
 use super::episode::Episode;
 use super::estimate::bytes;
-use super::journal::{Done, Entry, Failed, Journal};
+use super::journal::{DEATHS, Done, Entry, Failed, Journal};
 use super::progress::{Show, lock};
 use super::stop::Stop;
 
@@ -18,9 +18,6 @@ use super::stop::Stop;
 pub const LANES: usize = 2;
 /// Runs of the same attempt when its programs break.
 const TRIES: u32 = 3;
-/// Runs of the same attempt when its server dies or hangs: what happens twice
-/// is taken for the scenario's fault, and the next attempt has a fresh seed.
-const DEATHS: u32 = 2;
 /// Episodes that break before the first one is done, after which the campaign
 /// is given up: it is the host, not the episode.
 const BROKEN: usize = 2;
@@ -32,6 +29,8 @@ pub struct Job {
     pub episode: Episode,
     /// The attempt to begin with.
     pub attempt: u32,
+    /// Servers that died or hung in that attempt before this run.
+    pub deaths: u32,
     /// Simulated seconds expected, failed attempts included.
     pub expected: f64,
 }
@@ -45,8 +44,8 @@ pub struct Tally {
     pub given_up: Vec<String>,
     /// Episodes whose programs broke again and again, with the last words.
     pub broken: Vec<(String, String)>,
-    /// Attempts in which the physics or, again and again, the server broke; they
-    /// are in the journal with the scenario.
+    /// Attempts in which the physics or a server broke; they are in the journal
+    /// with the scenario.
     pub entered: Vec<(String, String)>,
     /// Episodes thrown away because the run was ended.
     pub discarded: usize,
@@ -163,7 +162,8 @@ impl Shared<'_> {
         let episode = &job.episode;
         let mut turn = Some(turn);
         for number in job.attempt..self.setup.plan.attempts {
-            match self.tries(place, &mut turn, episode, number)? {
+            let deaths = if number == job.attempt { job.deaths } else { 0 };
+            match self.tries(place, &mut turn, episode, (number, deaths))? {
                 Tried::Done(done) => {
                     let words = format!(
                         "{} done: {:.1} s simulated in {:.1} s, {}",
@@ -205,20 +205,20 @@ impl Shared<'_> {
         Ok(())
     }
 
-    /// One attempt, again when its programs break.
+    /// One attempt, again when its programs break; servers may have died in it
+    /// before.
     fn tries<'f>(
         &self,
         (lane, floor): Place<'f>,
         turn: &mut Option<Turn<'f>>,
         episode: &Episode,
-        number: u32,
+        (number, mut deaths): (u32, u32),
     ) -> anyhow::Result<Tried> {
         let seed = episode.seed_of(number);
         let mut last = String::new();
-        let mut deaths = 0;
         for run in 0..TRIES {
             let mut title = format!("{} seed {seed}", episode.id);
-            if run > 0 {
+            if run > 0 || deaths > 0 {
                 title.push_str(" once more");
             }
             let turn = match turn.take() {
@@ -243,17 +243,20 @@ impl Shared<'_> {
                 }
                 Ok(Outcome::Broke(failed)) => {
                     self.setup.folder.keep_failed(&episode.id, number)?;
-                    if self.stop.asked() {
+                    // Whoever throws everything away may have ended the server, too.
+                    if self.stop.at_once() {
                         return Ok(Tried::Stopped);
                     }
                     deaths += 1;
+                    last.clone_from(&failed.reason);
+                    let death = deaths;
+                    self.enter(lane, Failed { death, ..failed })?;
+                    if self.stop.asked() {
+                        return Ok(Tried::Stopped);
+                    }
                     if deaths >= DEATHS {
-                        self.enter(lane, failed)?;
                         return Ok(Tried::Again);
                     }
-                    last = failed.reason;
-                    let words = format!("{} broke with seed {seed}: {last}", episode.id);
-                    self.show.end(lane, failed.seconds, 0.0, false, &words);
                 }
                 Ok(Outcome::Stopped) => {
                     self.setup.folder.clean(&episode.id)?;

@@ -7,7 +7,7 @@
 //! | `episodes/ID.h5` | finished, successful, complete episodes and nothing else |
 //! | `journal/*.jsonl` | what has been done, append-only |
 //! | `staging/ID/` | an episode while it is made |
-//! | `failed/ID-attempt-K/` | what the programs said in attempts that failed |
+//! | `failed/ID-attempt-K/` | what the programs said in attempts that failed; `-2` and so on when one was made again |
 //! | `manifest.json`, `report.md` | made from the journals at the end |
 //!
 //! A file appears under its final name in one step and never replaces another.
@@ -170,12 +170,14 @@ impl Folder {
                     .with_context(|| format!("removing {}", path.display()))?;
             }
         }
-        let kept = self
-            .root
-            .join(format!("failed/{episode}-attempt-{attempt}"));
-        if kept.exists() {
-            std::fs::remove_dir_all(&kept)
-                .with_context(|| format!("removing {}", kept.display()))?;
+        let name = format!("failed/{episode}-attempt-{attempt}");
+        let mut kept = self.root.join(&name);
+        // The same attempt is made once more after a server's death.
+        for again in 2.. {
+            if !kept.exists() {
+                break;
+            }
+            kept = self.root.join(format!("{name}-{again}"));
         }
         std::fs::rename(&staging, &kept).with_context(|| format!("making {}", kept.display()))
     }

@@ -82,14 +82,26 @@ pub struct Failed {
     pub seconds: f64,
     /// Wall seconds.
     pub wall_seconds: f64,
-    /// What broke: `physics`, a `server` that died or hung every time, or a
-    /// `scenario` that none sets up; empty when it was the task that failed.
+    /// What broke: `physics`, a `server` that died or hung, or a `scenario` that
+    /// none sets up; empty when it was the task that failed.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub broken: String,
+    /// Which server of this attempt it was that died or hung, from 1; 0 when
+    /// none did.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub death: u32,
     /// Where something broke, the scenario that reproduces it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub scenario: Option<serde_json::Value>,
 }
+
+fn is_zero(count: &u32) -> bool {
+    *count == 0
+}
+
+/// Runs of the same attempt when its server dies or hangs: what happens twice
+/// is taken for the scenario's fault, and the next attempt has a fresh seed.
+pub const DEATHS: u32 = 2;
 
 /// The journals of a dataset taken together.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -143,23 +155,35 @@ impl Ledger {
                 }
             }
             Entry::Failed(failed) => {
-                let attempts = self.failed.entry(failed.episode.clone()).or_default();
-                if attempts.iter().all(|a| a.attempt != failed.attempt) {
+                if !self.knows(&failed) {
+                    let attempts = self.failed.entry(failed.episode.clone()).or_default();
                     attempts.push(failed);
-                    attempts.sort_by_key(|a| a.attempt);
+                    attempts.sort_by_key(|a| (a.attempt, a.death == 0, a.death));
                 }
             }
         }
     }
 
-    /// Number of the next attempt at an episode.
+    /// Whether a failure has been told, by this journal or by another.
     #[must_use]
-    pub fn next_attempt(&self, episode: &str) -> u32 {
-        let newest = self
-            .failed
-            .get(episode)
-            .and_then(|attempts| attempts.last());
-        newest.map_or(0, |failed| failed.attempt + 1)
+    pub fn knows(&self, failed: &Failed) -> bool {
+        let attempts = self.failed.get(&failed.episode);
+        attempts.is_some_and(|attempts| {
+            let mut attempts = attempts.iter();
+            attempts.any(|a| (a.attempt, a.death) == (failed.attempt, failed.death))
+        })
+    }
+
+    /// Number of the next attempt at an episode, and how often a server died or
+    /// hung in it so far.
+    #[must_use]
+    pub fn next_attempt(&self, episode: &str) -> (u32, u32) {
+        let attempts = self.failed.get(episode);
+        match attempts.and_then(|attempts| attempts.last()) {
+            None => (0, 0),
+            Some(last) if (1..DEATHS).contains(&last.death) => (last.attempt, last.death),
+            Some(last) => (last.attempt + 1, 0),
+        }
     }
 }
 
@@ -246,8 +270,32 @@ mod tests {
             seconds: 1.0,
             wall_seconds: 1.0,
             broken: String::new(),
+            death: 0,
             scenario: None,
         }
+    }
+
+    #[test]
+    fn a_server_that_died_once_has_its_attempt_tried_once_more() {
+        let died = |attempt: u32, death: u32| {
+            Entry::Failed(Failed {
+                broken: "server".into(),
+                death,
+                ..failed(attempt)
+            })
+        };
+        let mut ledger = Ledger::default();
+        assert_eq!(ledger.next_attempt("a-0000"), (0, 0));
+        ledger.add(died(0, 1));
+        // A second journal may say the same.
+        ledger.add(died(0, 1));
+        assert_eq!(ledger.next_attempt("a-0000"), (0, 1));
+        let mut failed_then = ledger.clone();
+        failed_then.add(Entry::Failed(failed(0)));
+        assert_eq!(failed_then.next_attempt("a-0000"), (1, 0));
+        ledger.add(died(0, 2));
+        assert_eq!(ledger.next_attempt("a-0000"), (1, 0));
+        assert_eq!(ledger.failed["a-0000"].len(), 2, "each is in the ledger");
     }
 
     #[test]
@@ -264,7 +312,7 @@ mod tests {
             let mut journal = Journal::open(folder.path(), Shard::WHOLE).unwrap();
             journal.append(&Entry::Failed(failed(1))).unwrap();
             let ledger = Ledger::read(folder.path()).unwrap();
-            assert_eq!(ledger.next_attempt("a-0000"), 2, "cut at {cut}");
+            assert_eq!(ledger.next_attempt("a-0000"), (2, 0), "cut at {cut}");
         }
     }
 

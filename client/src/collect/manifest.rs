@@ -2,6 +2,7 @@
 //! (`report.md`), made from its journals.
 
 use std::fmt::Write;
+use wheelarm_proto::StreamId;
 
 use serde::Serialize;
 
@@ -31,7 +32,8 @@ pub struct Manifest {
     pub episodes: Vec<Done>,
     /// Episodes of the plan that are not there.
     pub missing: Vec<String>,
-    /// Attempts that failed at the task; none of them is in the dataset.
+    /// Attempts that failed, at the task or because something broke; none of them
+    /// is in the dataset.
     pub failed_attempts: Vec<Failed>,
 }
 
@@ -104,7 +106,7 @@ impl Manifest {
             let sum = |pictures: bool| -> u64 {
                 let counts = of().flat_map(|d| &d.counts);
                 counts
-                    .filter(|(stream, _)| stream.starts_with("camera/") == pictures)
+                    .filter(|(stream, _)| StreamId::parse(stream).is_camera() == pictures)
                     .map(|(_, count)| count)
                     .sum()
             };

@@ -54,11 +54,7 @@ pub fn merge(sources: &[PathBuf], out: &Path) -> anyhow::Result<Manifest> {
     for source in sources.iter().filter(|source| !ours(source)) {
         let theirs = Ledger::read(&Folder::at(source).journal())?;
         for failed in theirs.failed.into_values().flatten() {
-            let known = ledger
-                .failed
-                .get(&failed.episode)
-                .is_some_and(|all| all.iter().any(|f| f.attempt == failed.attempt));
-            if !known {
+            if !ledger.knows(&failed) {
                 journal.append(&Entry::Failed(failed.clone()))?;
                 ledger.add(Entry::Failed(failed));
             }

@@ -25,6 +25,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
 use std::process::{Command, ExitCode};
+use std::time::Duration;
 
 use anyhow::{Context, bail};
 use clap::Args;
@@ -76,6 +77,9 @@ pub struct CollectArgs {
     /// Graphics adapter by a part of its name (`wheelarm-server --list-adapters`).
     #[arg(long)]
     pub adapter: Option<String>,
+    /// Wall seconds without an answer after which a server is ended, 5 at least.
+    #[arg(long, default_value_t = 180.0, value_name = "SECONDS")]
+    pub patience: f64,
     /// Joins the folders of shards into one dataset (--out, else the first),
     /// checks every file and says what is missing.
     #[arg(
@@ -134,6 +138,7 @@ pub fn run(args: &CollectArgs) -> anyhow::Result<ExitCode> {
         folder: Folder::make(&out)?,
         assets: args.assets.clone(),
         adapter: args.adapter.clone(),
+        patience: Duration::from_secs_f64(args.patience.clamp(5.0, 86_400.0)),
     };
     collect(&setup, args.shard, mine, &estimate, workers)
 }
@@ -317,8 +322,10 @@ fn jobs(mine: &[Episode], ledger: &Ledger, estimate: &Estimate) -> Vec<Job> {
         .filter(|episode| !ledger.done.contains_key(&episode.id))
         .map(|episode| {
             let share = estimate.shares.iter().find(|s| s.task == episode.task);
+            let (attempt, deaths) = ledger.next_attempt(&episode.id);
             Job {
-                attempt: ledger.next_attempt(&episode.id),
+                attempt,
+                deaths,
                 expected: share.map_or(0.0, |s| s.seconds.0 / s.success),
                 episode: episode.clone(),
             }

@@ -6,7 +6,6 @@ use std::fs::File;
 use std::os::unix::process::CommandExt;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, ExitStatus, Stdio};
-use std::time::{Duration, Instant};
 
 use anyhow::Context;
 
@@ -66,22 +65,6 @@ impl Process {
         self.child
             .try_wait()
             .with_context(|| format!("watching the {}", self.name))
-    }
-
-    /// How it ended, if it does so within `patience`.
-    ///
-    /// # Errors
-    /// When the operating system does not tell.
-    pub fn ended_within(&mut self, patience: Duration) -> anyhow::Result<Option<ExitStatus>> {
-        let deadline = Instant::now() + patience;
-        loop {
-            match self.ended()? {
-                None if Instant::now() < deadline => {
-                    std::thread::sleep(Duration::from_millis(20));
-                }
-                ended => return Ok(ended),
-            }
-        }
     }
 
     /// Why it ended by its own words: those of a panic, else its error.

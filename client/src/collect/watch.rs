@@ -4,7 +4,6 @@
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
-use wheelarm_proto::keys::Query;
 use wheelarm_proto::v1;
 
 use super::attempt::SIM;
@@ -13,8 +12,14 @@ use crate::link::{ConnectArgs, Link};
 
 /// How often the server is asked.
 const ASK: Duration = Duration::from_secs(1);
-/// Longest time that one question can take.
+/// Longest wait for an answer.
+const ANSWER: Duration = Duration::from_secs(20);
+/// Longest time without an answer that one question can show, [`ASK`] included:
+/// never more than a share of the patience, so that no single one uses it up.
 const LONGEST: Duration = Duration::from_secs(25);
+/// Questions in a row without an answer before a server is given up, at least,
+/// for a campaign that was suspended as a whole may lose one.
+const QUESTIONS: u32 = 3;
 
 /// How an attempt goes, for people.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -41,31 +46,42 @@ struct Seen {
     /// For how long the tick has not moved.
     still: Duration,
     waiting_for: String,
-    /// The last question was not answered.
-    silent: bool,
+    /// For how long nothing has been answered.
+    silent: Duration,
+    /// When the newest answered question was asked.
+    answered: Option<Instant>,
     scenario: Option<v1::Scenario>,
 }
 
 impl Seen {
-    /// Takes the time since the last look for standing still. A campaign that
-    /// was suspended as a whole, as schedulers do, has not stood still.
-    fn look(&mut self) {
-        self.still += self.looked.elapsed().min(LONGEST);
+    /// Takes the time since the last look, `longest` at most, for standing still
+    /// in silence. A campaign that was suspended as a whole, as schedulers do,
+    /// has not stood still.
+    fn look(&mut self, longest: Duration) {
+        let passed = self.looked.elapsed().min(longest);
+        self.still += passed;
+        self.silent += passed;
         self.looked = Instant::now();
     }
 }
 
 impl Watch {
-    /// Watches the server at `endpoint` and tells `board`.
+    /// Watches the server at `endpoint` and tells `board`; its silence is to be
+    /// told from slowness within `patience`.
     #[must_use]
-    pub fn start(endpoint: String, board: &Board) -> Self {
+    pub fn start(endpoint: String, board: &Board, patience: Duration) -> Self {
+        let (answer, longest) = (
+            ANSWER.min(patience / QUESTIONS),
+            LONGEST.min(patience / QUESTIONS),
+        );
         let seen = Arc::new(Mutex::new(Seen {
             wanted: true,
             tick: 0,
             looked: Instant::now(),
             still: Duration::ZERO,
             waiting_for: String::new(),
-            silent: true,
+            silent: Duration::ZERO,
+            answered: None,
             scenario: None,
         }));
         let (told, board) = (Arc::clone(&seen), Arc::clone(board));
@@ -84,13 +100,11 @@ impl Watch {
                 if open.is_none() {
                     open = Link::open(&args).ok();
                 }
-                let ask = |link: &Link| link.ask::<v1::Status>(Query::Status).ok();
-                // A server that does not answer counts as standing still.
-                lock(&told).look();
-                let status = open.as_ref().and_then(ask);
-                lock(&told).silent = status.is_none();
-                if let Some(status) = status {
-                    follow(&status, &told, &board);
+                let ask = |link: &Link| link.ask_within(&v1::StatusRequest {}, answer);
+                let asked = Instant::now();
+                lock(&told).look(longest);
+                if let Some(Ok(status)) = open.as_ref().map(ask) {
+                    follow(&status, asked, &told, &board);
                 }
                 std::thread::sleep(ASK);
             }
@@ -102,16 +116,23 @@ impl Watch {
         Self { seen }
     }
 
-    /// For how long simulation time has stood still.
+    /// For how long simulation time has stood still while the server answered.
     #[must_use]
     pub fn stalled(&self) -> Duration {
-        lock(&self.seen).still
+        let seen = lock(&self.seen);
+        seen.still.saturating_sub(seen.silent)
     }
 
-    /// Whether the server did not answer the last question.
+    /// For how long the server has answered nothing.
     #[must_use]
-    pub fn is_silent(&self) -> bool {
+    pub fn silent_for(&self) -> Duration {
         lock(&self.seen).silent
+    }
+
+    /// Whether the server has answered a question that was asked after `since`.
+    #[must_use]
+    pub fn has_answered_since(&self, since: Instant) -> bool {
+        lock(&self.seen).answered.is_some_and(|asked| asked > since)
     }
 
     /// The scenario in force, once the server has told it.
@@ -137,10 +158,13 @@ impl Drop for Watch {
     }
 }
 
-fn follow(status: &v1::Status, told: &Mutex<Seen>, board: &Board) {
+fn follow(status: &v1::Status, asked: Instant, told: &Mutex<Seen>, board: &Board) {
     let tick = status.header.as_ref().map_or(0, |h| h.tick);
     let stamp = |header: Option<&v1::Header>| header.map_or(0, |h| h.stamp_nanos);
     let mut told = lock(told);
+    told.answered = Some(asked);
+    told.silent = Duration::ZERO;
+    told.looked = Instant::now();
     if tick != told.tick {
         told.tick = tick;
         told.still = Duration::ZERO;

@@ -40,6 +40,17 @@ pub fn run_external(words: &[OsString]) -> anyhow::Result<ExitCode> {
         .args(arguments)
         .status()
         .with_context(|| format!("starting {}", path.display()))?;
+    #[cfg(unix)]
+    if let Some(signal) = std::os::unix::process::ExitStatusExt::signal(&status) {
+        eprintln!(
+            "{program} was ended by signal {signal}. Where it crashed by itself, a file that it \
+             read is damaged beyond what its library can tell: give it the files one by one to \
+             find which"
+        );
+        return Ok(ExitCode::from(
+            u8::try_from(128 + signal).unwrap_or(u8::MAX),
+        ));
+    }
     Ok(ExitCode::from(
         status
             .code()

@@ -9,10 +9,10 @@ use std::time::{Duration, Instant};
 use anyhow::{Context, bail};
 use clap::{Args, Subcommand};
 use crossbeam_channel::{Receiver, TryRecvError};
-use wheelarm_proto::keys::Query;
-use wheelarm_proto::v1;
+use wheelarm_proto::topic::Sample;
+use wheelarm_proto::{TopicId, v1};
 
-use crate::link::{Link, Received, Stream};
+use crate::link::Link;
 
 /// `wheelarm lease …`.
 #[derive(Subcommand, Clone, Debug)]
@@ -20,7 +20,8 @@ pub enum LeaseCommand {
     /// Holds control until it is interrupted.
     ///
     /// Every control tick is answered: by nothing new, or by what a line on
-    /// standard input says. The chair keeps its speed until the next line.
+    /// standard input says. The chair keeps its speed until the next line; when
+    /// standard input ends, chair and arm stop.
     #[command(alias = "take")]
     Hold(LeaseHoldArgs),
 }
@@ -47,7 +48,7 @@ const LOOK: Duration = Duration::from_millis(500);
 pub fn lease(link: &Link, command: &LeaseCommand) -> anyhow::Result<ExitCode> {
     let LeaseCommand::Hold(args) = command;
     let interrupted = listen()?;
-    let streams = link.streams(&[Stream::Clock, Stream::Refusal])?;
+    let streams = link.streams(&[TopicId::Clock, TopicId::Refusal])?;
     let mut commander = link.commander(&args.name, args.take)?;
     println!(
         "{} is in control of {}; Ctrl-C gives it back",
@@ -59,8 +60,8 @@ pub fn lease(link: &Link, command: &LeaseCommand) -> anyhow::Result<ExitCode> {
     while !interrupted.load(Ordering::Acquire) && !hand.quits {
         hand.read(&lines);
         let mut header = match streams.next(Duration::from_millis(100))? {
-            Some(Received::Clock(clock)) => clock.header,
-            Some(Received::Refusal(refusal)) if refusal.commander == args.name => {
+            Some(Sample::Clock(clock)) => clock.header,
+            Some(Sample::Refusal(refusal)) if refusal.commander == args.name => {
                 eprintln!("refused: {}", refusal.reason);
                 None
             }
@@ -68,7 +69,7 @@ pub fn lease(link: &Link, command: &LeaseCommand) -> anyhow::Result<ExitCode> {
         };
         if looked.elapsed() > LOOK {
             looked = Instant::now();
-            let status: v1::Status = link.ask(Query::Status)?;
+            let status: v1::Status = link.ask(&v1::StatusRequest {})?;
             if status.holder != args.name {
                 match status.holder.as_str() {
                     "" => bail!("control ended: the server gave it up"),
@@ -122,7 +123,9 @@ fn lines() -> Receiver<String> {
         eprintln!("lines: drive LINEAR TURN | stop | open | close | quit");
     }
     std::thread::spawn(move || {
-        for line in std::io::stdin().lock().lines().map_while(Result::ok) {
+        // A line that is no text is one that is not understood, not the end.
+        for line in std::io::stdin().lock().split(b'\n').map_while(Result::ok) {
+            let line = String::from_utf8_lossy(&line).into_owned();
             if sender.send(line).is_err() {
                 return;
             }
@@ -139,6 +142,8 @@ struct Hand {
     /// Goes out with the next command, once.
     next: v1::Command,
     quits: bool,
+    /// No line comes any more.
+    alone: bool,
 }
 
 impl Hand {
@@ -150,17 +155,31 @@ impl Hand {
                         eprintln!("{e:#}");
                     }
                 }
-                Err(TryRecvError::Empty | TryRecvError::Disconnected) => return,
+                Err(TryRecvError::Empty) => return,
+                Err(TryRecvError::Disconnected) => {
+                    if !self.alone && self.drive.is_some() {
+                        eprintln!("standard input has ended: the chair stops");
+                        self.stop();
+                    }
+                    self.alone = true;
+                    return;
+                }
             }
         }
     }
 
+    fn stop(&mut self) {
+        self.drive = None;
+        self.next.base = Some(v1::BaseCommand::default());
+        self.next.arm = Some(v1::ArmCommand {
+            target: Some(v1::arm_command::Target::Hold(true)),
+        });
+    }
+
     fn take(&mut self, line: &str) -> anyhow::Result<()> {
-        use v1::arm_command::Target;
-        let rest = v1::BaseCommand::default();
         let grip = |opening| v1::GripperCommand {
             target: Some(v1::gripper_command::Target::Opening(opening)),
-            max_force: 0.0,
+            max_force: None,
         };
         let words: Vec<&str> = line.split_whitespace().collect();
         match words.as_slice() {
@@ -172,13 +191,7 @@ impl Hand {
                 };
                 self.drive = Some([number(linear)?, number(turn)?]);
             }
-            ["stop"] => {
-                self.drive = None;
-                self.next.base = Some(rest);
-                self.next.arm = Some(v1::ArmCommand {
-                    target: Some(Target::Hold(true)),
-                });
-            }
+            ["stop"] => self.stop(),
             ["open"] => self.next.gripper = Some(grip(0.085)),
             ["close"] => self.next.gripper = Some(grip(0.0)),
             ["quit"] => self.quits = true,
@@ -200,6 +213,23 @@ impl Hand {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_chair_stops_when_no_line_can_come_any_more() {
+        let (sender, lines) = crossbeam_channel::unbounded();
+        let mut hand = Hand::default();
+        sender.send("drive 0.3 0".to_owned()).unwrap();
+        sender.send("st\u{fffd}p".to_owned()).unwrap();
+        hand.read(&lines);
+        assert_eq!(hand.command().base.unwrap().linear, 0.3);
+        drop(sender);
+        hand.read(&lines);
+        let command = hand.command();
+        assert_eq!(command.base, Some(v1::BaseCommand::default()));
+        assert!(command.arm.is_some());
+        hand.read(&lines);
+        assert_eq!(hand.command(), v1::Command::default());
+    }
 
     #[test]
     fn lines_become_commands_and_a_speed_lasts_until_the_next_line() {

@@ -83,6 +83,7 @@ pub const LEASE: &str = manual!(
 ",
     "\nLines on standard input, one command each:
   drive LINEAR TURN   chair speeds, m/s and rad/s, until the next line of the chair
+                      or the end of the lines
   stop                chair and arm stop
   open, close         the gripper
   quit                gives control back, as Ctrl-C does"

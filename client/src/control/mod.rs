@@ -6,7 +6,6 @@ pub mod manual;
 mod print;
 
 use clap::{Args, Subcommand};
-use wheelarm_proto::keys::Query;
 use wheelarm_proto::v1;
 
 use crate::link::{Link, LinkError};
@@ -86,7 +85,7 @@ pub struct ShutdownArgs {
 /// # Errors
 /// [`LinkError`].
 pub fn status(link: &Link) -> Result<(), LinkError> {
-    let status: v1::Status = link.ask(Query::Status)?;
+    let status: v1::Status = link.ask(&v1::StatusRequest {})?;
     print!("{}", print::status_text(link.keys().sim(), &status));
     Ok(())
 }
@@ -96,7 +95,7 @@ pub fn status(link: &Link) -> Result<(), LinkError> {
 /// # Errors
 /// [`LinkError`].
 pub fn tasks(link: &Link) -> Result<(), LinkError> {
-    let list: v1::TaskList = link.ask(Query::Tasks)?;
+    let list: v1::TaskList = link.ask(&v1::TasksRequest {})?;
     print!("{}", print::tasks_text(&list));
     Ok(())
 }
@@ -108,38 +107,39 @@ pub fn tasks(link: &Link) -> Result<(), LinkError> {
 /// # Errors
 /// [`LinkError`].
 pub fn reset(link: &Link, args: &ResetArgs) -> Result<v1::Scenario, LinkError> {
-    let status: v1::Status = link.ask(Query::Status)?;
-    let mut scenario = status.scenario.unwrap_or_default();
-    if let Some(scene) = &args.scene {
-        scenario.scene.clone_from(scene);
+    // Everything that is not said stays as it is; the same seed says "draw".
+    let mut seed = args.seed;
+    if seed.is_none() {
+        let status = link.ask(&v1::StatusRequest {})?;
+        seed = status.scenario.map(|scenario| scenario.seed());
     }
-    if let Some(task) = &args.task {
-        scenario.task.clone_from(task);
-    }
-    if let Some(seed) = args.seed {
-        scenario.seed = seed;
-    }
-    scenario.instruction = args.instruction.clone().unwrap_or_default();
-    scenario.objects.clear();
-    scenario.slides.clear();
-    scenario.target.clear();
-    scenario.start = None;
+    let scenario = v1::Scenario {
+        scene: args.scene.clone().unwrap_or_default(),
+        task: args.task.clone(),
+        seed,
+        instruction: args.instruction.clone(),
+        ..v1::Scenario::default()
+    };
     let request = v1::ResetRequest {
         scenario: Some(scenario),
         snapshot: bytes::Bytes::new(),
         force: args.force,
         secret: link.secret(),
     };
-    let reply: v1::ResetReply = link.query(Query::Reset, &request)?;
+    let reply: v1::ResetReply = link.ask(&request)?;
     Ok(reply.scenario.unwrap_or_default())
 }
 
-/// Asks `query`, which is only acknowledged.
+/// Lets time stand still, or go on.
 ///
 /// # Errors
 /// [`LinkError`].
-pub fn acknowledge(link: &Link, query: Query) -> Result<(), LinkError> {
-    link.ask::<v1::Ack>(query).map(|_| ())
+pub fn pause(link: &Link, pause: bool) -> Result<(), LinkError> {
+    let done = match pause {
+        true => link.ask(&v1::PauseRequest {}),
+        false => link.ask(&v1::ResumeRequest {}),
+    };
+    done.map(|_| ())
 }
 
 /// Starts an episode.
@@ -150,16 +150,13 @@ pub fn start_episode(
     link: &Link,
     args: &EpisodeStartArgs,
 ) -> Result<v1::EpisodeStarted, LinkError> {
-    link.query(
-        Query::EpisodeStart,
-        &v1::EpisodeStartRequest {
-            label: args.label.clone(),
-            instruction: args.instruction.clone(),
-            require_recorders: args.require_recorders,
-            commander: args.commander.clone(),
-            ..Default::default()
-        },
-    )
+    link.ask(&v1::EpisodeStartRequest {
+        label: args.label.clone(),
+        instruction: (!args.instruction.is_empty()).then(|| args.instruction.clone()),
+        require_recorders: args.require_recorders,
+        commander: args.commander.clone(),
+        ..Default::default()
+    })
 }
 
 /// Ends the running episode.
@@ -179,14 +176,11 @@ pub fn stop_episode_as(
     link: &Link,
     args: EpisodeStopArgs,
 ) -> Result<v1::EpisodeStopped, LinkError> {
-    link.query(
-        Query::EpisodeStop,
-        &v1::EpisodeStopRequest {
-            discard: args.discard,
-            force: args.force,
-            secret: link.secret(),
-        },
-    )
+    link.ask(&v1::EpisodeStopRequest {
+        discard: args.discard,
+        force: args.force,
+        secret: link.secret(),
+    })
 }
 
 /// Ends the server.
@@ -196,7 +190,7 @@ pub fn stop_episode_as(
 pub fn shutdown(link: &Link, force: bool) -> Result<(), LinkError> {
     let secret = link.secret();
     let request = v1::ShutdownRequest { force, secret };
-    link.query::<v1::Ack>(Query::Shutdown, &request).map(|_| ())
+    link.ask(&request).map(|_| ())
 }
 
 /// Runs `wheelarm episode …` and prints the result.

@@ -33,7 +33,7 @@ pub fn evaluation_lines(evaluation: &v1::Evaluation) -> String {
     } else {
         format!("failed: {}", evaluation.failure)
     };
-    let _ = writeln!(text, "  {result} after {:.1} s", evaluation.elapsed);
+    let _ = writeln!(text, "  {result} after {:.1} s", evaluation.elapsed_seconds);
     text
 }
 
@@ -53,12 +53,12 @@ pub(super) fn status_text(sim: &str, status: &v1::Status) -> String {
         format!(
             "scene {}, task {}, seed {}",
             scenario.scene,
-            if scenario.task.is_empty() {
+            if scenario.task().is_empty() {
                 "none"
             } else {
-                &scenario.task
+                scenario.task()
             },
-            scenario.seed
+            scenario.seed()
         ),
     );
     line("pacing", pacing(scenario.pacing()).to_owned());
@@ -174,6 +174,7 @@ mod tests {
     #[test]
     fn a_missing_required_condition_stands_out() {
         let condition = |name: &str, holds, required| v1::Condition {
+            predicate: String::new(),
             name: name.to_owned(),
             holds,
             required,

@@ -12,7 +12,6 @@ use std::time::{Duration, Instant};
 use anyhow::Context;
 use clap::Args;
 use indicatif::{ProgressBar, ProgressStyle};
-use wheelarm_proto::keys::Query;
 use wheelarm_proto::v1;
 
 use crate::collect::Quality;
@@ -66,11 +65,22 @@ pub struct DemoArgs {
 
 /// Reads `FIRST..LAST`, for example `0..10`.
 pub(crate) fn seed_range(text: &str) -> Result<(u64, u64), String> {
-    text.split_once("..")
+    let (first, end): (u64, u64) = text
+        .split_once("..")
         .and_then(|(a, b)| Some((a.parse().ok()?, b.parse().ok()?)))
         .filter(|(a, b)| a < b)
-        .ok_or_else(|| format!("{text:?} is not FIRST..LAST, for example 0..10"))
+        .ok_or_else(|| format!("{text:?} is not FIRST..LAST, for example 0..10"))?;
+    if end - first > MOST_SEEDS {
+        return Err(format!(
+            "{text:?} are {} seeds; at most {MOST_SEEDS} at one time",
+            end - first
+        ));
+    }
+    Ok((first, end))
 }
+
+/// Most seeds of one run: what is planned for each takes memory.
+const MOST_SEEDS: u64 = 1_000_000;
 
 /// Runs the demo for every seed. Success only when every task succeeded and
 /// every recording is complete; a recording with loss is exit code 3.
@@ -126,7 +136,7 @@ fn one(args: &DemoArgs, seed: u64) -> anyhow::Result<Summary> {
         assets: args.assets.clone(),
     })?;
     let link = server.link()?;
-    let status: v1::Status = link.ask(Query::Status)?;
+    let status: v1::Status = link.ask(&v1::StatusRequest {})?;
     let mut recorder = local::start_recorder(server.connect(), &args.out, RECORDER)?;
     let label = local::free_label(&args.out, &format!("{}-seed{seed}", args.task));
     let work = OperateArgs {
@@ -190,7 +200,7 @@ impl Watch<'_> {
         }
         if self.asked.elapsed() > Duration::from_millis(500) {
             self.asked = Instant::now();
-            if let Ok(status) = self.link.ask::<v1::Status>(Query::Status) {
+            if let Ok(status) = self.link.ask(&v1::StatusRequest {}) {
                 self.frames = status.recorders.iter().map(|r| r.accepted_frames).sum();
             }
         }
@@ -228,7 +238,7 @@ mod tests {
     #[test]
     fn seed_ranges_are_read_and_wrong_ones_refused() {
         assert_eq!(seed_range("0..10"), Ok((0, 10)));
-        for bad in ["", "3", "3..3", "4..2", "a..b"] {
+        for bad in ["", "3", "3..3", "4..2", "a..b", "0..99999999999999"] {
             assert!(seed_range(bad).is_err(), "{bad:?} was taken");
         }
     }

@@ -4,7 +4,7 @@ use std::fmt;
 use std::path::PathBuf;
 use std::time::Duration;
 
-use wheelarm_proto::v1;
+use wheelarm_proto::{StreamId, v1};
 
 use crate::control::evaluation_lines;
 use crate::operate::operator::Outcome;
@@ -38,7 +38,7 @@ impl Summary {
     #[must_use]
     pub fn problem(&self) -> String {
         match &self.report.outcome {
-            Outcome::Failure(why) => why.clone(),
+            Outcome::Failure(why) | Outcome::Broken(why) => why.clone(),
             Outcome::Success if !self.report.evaluation.success => {
                 "the task's conditions no longer held at the end".to_owned()
             }
@@ -73,7 +73,7 @@ impl fmt::Display for Summary {
         let stopped = self.report.stopped.clone().unwrap_or_default();
         let mut pictures = 0;
         for stream in &stopped.manifest {
-            if stream.stream.starts_with("camera/") {
+            if StreamId::parse(&stream.stream).is_camera() {
                 pictures += stream.count;
             }
             writeln!(

@@ -4,7 +4,6 @@
 use std::net::{TcpStream, ToSocketAddrs};
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
-use wheelarm_proto::keys::Query;
 use wheelarm_proto::v1;
 
 use super::{Finding, Level};
@@ -42,7 +41,7 @@ pub fn look(connect: &ConnectArgs, wanted: bool, tell: &mut dyn FnMut(Finding)) 
     let mut last = None;
     for _ in 0..QUESTIONS {
         let asked = Instant::now();
-        match link.ask::<v1::Status>(Query::Status) {
+        match link.ask(&v1::StatusRequest {}) {
             Ok(status) => {
                 let trip = asked.elapsed().as_secs_f64();
                 // The quickest question tells the clocks' difference best.

@@ -7,12 +7,13 @@ use std::time::{Duration, Instant};
 
 use anyhow::Context;
 use serde::{Deserialize, Serialize};
-use wheelarm_proto::v1;
+use wheelarm_proto::topic::Sample;
+use wheelarm_proto::{TopicId, v1};
 
 use super::pulse::Pulse;
 use super::{EvaluateArgs, Job};
 use crate::control::{self, ResetArgs};
-use crate::link::{Link, LinkError, Received, Stream};
+use crate::link::{Link, LinkError};
 use crate::local::{self, LocalServer, Program};
 use crate::operate::operator::Outcome;
 use crate::operate::run::{self as operate, OperateArgs, OperateError};
@@ -156,7 +157,7 @@ fn attempt(
         Err(problem) => return Err(problem.into()),
     };
     pulse.set_up(&scenario);
-    let hashes = link.streams(&[Stream::StateHash])?;
+    let hashes = link.streams(&[TopicId::StateHash])?;
     let label = format!("{}-seed{}", job.task, job.seed);
     let work = OperateArgs {
         label: Some(local::free_label(out, &label)),
@@ -173,7 +174,7 @@ fn attempt(
     let wall = begun.elapsed().as_secs_f64();
     let mut hash = String::new();
     while let Some(sample) = hashes.next(Duration::from_millis(1))? {
-        if let Received::StateHash(sample) = sample {
+        if let Sample::StateHash(sample) = sample {
             hash = format!("{:016x}", sample.hash);
         }
     }
@@ -190,7 +191,10 @@ fn is_of_server(problem: &anyhow::Error) -> bool {
     let of_link = |e: &LinkError| {
         matches!(
             e,
-            LinkError::Gone { .. } | LinkError::Silent { .. } | LinkError::Transport { .. }
+            LinkError::Gone { .. }
+                | LinkError::Silent { .. }
+                | LinkError::Unanswered { .. }
+                | LinkError::Transport { .. }
         )
     };
     match problem.downcast_ref::<OperateError>() {
@@ -329,13 +333,13 @@ impl Worker {
         }
         let seconds = self::seconds(report).max(seconds);
         let why = match &report.outcome {
-            Outcome::Failure(why) => why.clone(),
+            Outcome::Failure(why) | Outcome::Broken(why) => why.clone(),
             Outcome::Success if !report.evaluation.success => {
                 "the task's conditions no longer held at the end".to_owned()
             }
             Outcome::Success => String::new(),
         };
-        let physics = why.starts_with(operate::BROKE);
+        let physics = matches!(report.outcome, Outcome::Broken(_));
         Ok((
             Entry {
                 task: job.task.clone(),

@@ -20,7 +20,6 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 use anyhow::{Context, bail};
 use clap::Args;
-use wheelarm_proto::keys::Query;
 use wheelarm_proto::v1;
 
 use crate::local::{LocalServer, ServerOptions};
@@ -180,7 +179,7 @@ pub fn run(args: &EvaluateArgs) -> anyhow::Result<ExitCode> {
 fn tasks(args: &EvaluateArgs) -> anyhow::Result<Vec<String>> {
     let server = LocalServer::start(&args.server("", 0, Vec::new()))?;
     let link = server.link()?;
-    let list: v1::TaskList = link.ask(Query::Tasks)?;
+    let list: v1::TaskList = link.ask(&v1::TasksRequest {})?;
     server.stop(link)?;
     let all: Vec<String> = list.tasks.into_iter().map(|task| task.name).collect();
     if args.task == "all" {

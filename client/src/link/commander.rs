@@ -3,8 +3,10 @@
 use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
-use wheelarm_proto::keys::{self, Query};
+use wheelarm_proto::Query;
+use wheelarm_proto::keys;
 use wheelarm_proto::{Message, seal, v1};
+use wheelarm_proto::{TopicId, schema};
 use zenoh::Wait;
 use zenoh::liveliness::LivelinessToken;
 use zenoh::pubsub::Publisher;
@@ -40,7 +42,8 @@ impl Link {
         let run_id = keys::run_id();
         let publisher = self
             .session
-            .declare_publisher(self.keys.command())
+            .declare_publisher(self.keys.command(name))
+            .encoding(schema::encoding(TopicId::SentCommand.info().message))
             .congestion_control(CongestionControl::Block)
             .priority(Priority::RealTime)
             .express(true)
@@ -76,7 +79,7 @@ impl Commander {
         let request = self.request(take, false);
         let deadline = Instant::now() + SEEN;
         loop {
-            let reply: v1::LeaseReply = self.link.query(Query::Lease, &request)?;
+            let reply: v1::LeaseReply = self.link.ask(&request)?;
             if reply.holder == self.name {
                 if !reply.secret.is_empty() {
                     self.link.keep_secret(&reply.secret);
@@ -88,6 +91,7 @@ impl Commander {
             if Instant::now() > deadline {
                 return Err(LinkError::Refused {
                     query: Query::Lease.name(),
+                    code: v1::FailureCode::NoControl,
                     message: format!(
                         "the server does not see the token of commander {:?}",
                         self.name
@@ -171,11 +175,7 @@ impl Drop for Commander {
         }
         // Without an answer control ends with the token, a little later.
         let request = self.request(false, true);
-        let released = self.link.query_within::<v1::LeaseReply>(
-            Query::Lease,
-            &request,
-            Duration::from_secs(1),
-        );
+        let released = self.link.ask_within(&request, Duration::from_secs(1));
         if let Err(problem) = released {
             tracing::debug!("control was not given back: {problem}");
         }

@@ -1,6 +1,8 @@
 //! The link against a peer that listens, as a server does.
 
 use super::*;
+use wheelarm_proto::TopicId;
+use wheelarm_proto::topic::Sample;
 use zenoh::sample::SourceInfo;
 use zenoh::session::EntityGlobalId;
 
@@ -44,6 +46,42 @@ fn without_a_server_the_error_names_the_cure() {
 }
 
 #[test]
+fn a_query_without_an_answer_says_how_it_ended() {
+    let endpoint = free_endpoint();
+    let server = listen(&endpoint);
+    let keys = Keys::new("a").unwrap();
+    let token = server
+        .liveliness()
+        .declare_token(keys.alive(&server.zid().to_string()))
+        .wait()
+        .unwrap();
+    // One kind of query is kept and never answered, the others end at once.
+    let kept = Mutex::new(Vec::new());
+    let kept_key = keys.query(Query::Scene);
+    let _queries = server
+        .declare_queryable(format!("{}/a/query/*", keys::PREFIX))
+        .callback(move |query| {
+            if query.key_expr().as_str() == kept_key {
+                kept.lock().unwrap().push(query);
+            }
+        })
+        .wait()
+        .unwrap();
+    let link = Link::open(&args(&endpoint, "a")).unwrap();
+    let short = Duration::from_millis(300);
+    let kept = link.ask_within(&v1::SceneRequest {}, short);
+    let kept = kept.unwrap_err();
+    assert!(matches!(kept, LinkError::Silent { .. }), "{kept}");
+    assert!(kept.to_string().contains("within 0.3 s"), "{kept}");
+    let ended = link.ask(&v1::StatusRequest {}).unwrap_err();
+    assert!(matches!(ended, LinkError::Unanswered { .. }), "{ended}");
+    assert!(ended.to_string().contains("ask again"), "{ended}");
+    drop(token);
+    let gone = link.ask(&v1::StatusRequest {}).unwrap_err();
+    assert!(matches!(gone, LinkError::Gone { .. }), "{gone}");
+}
+
+#[test]
 fn replies_failures_names_and_order_get_through() {
     let endpoint = free_endpoint();
     let server = listen(&endpoint);
@@ -53,17 +91,19 @@ fn replies_failures_names_and_order_get_through() {
         .declare_token(keys.alive(&server.zid().to_string()))
         .wait()
         .unwrap();
-    let (pause_key, lease_key) = (keys.query(Query::Pause), keys.query(Query::Lease));
+    let pause_key = keys.query(Query::Pause);
     let _queries = server
-        .declare_queryable(format!("{}/a/query/*", keys::PREFIX))
+        .declare_queryable(format!("{}/a/query/**", keys::PREFIX))
         .callback(move |query| {
             if query.key_expr().as_str() == pause_key {
                 let failure = v1::Failure {
                     header: None,
                     message: "no episode runs".to_owned(),
+                    code: v1::FailureCode::NoEpisode.into(),
                 };
-                query.reply_err(failure.encode_to_vec()).wait().unwrap();
-            } else if query.key_expr().as_str() == lease_key {
+                let failure = query.reply_err(failure.encode_to_vec());
+                failure.encoding(told("Failure")).wait().unwrap();
+            } else if Keys::query_of(query.key_expr().as_str()) == Some(Query::Lease) {
                 let payload = query.payload().unwrap();
                 let request: v1::LeaseRequest = decode(payload, "lease").unwrap();
                 let reply = v1::LeaseReply {
@@ -72,6 +112,7 @@ fn replies_failures_names_and_order_get_through() {
                 };
                 query
                     .reply(query.key_expr().clone(), reply.encode_to_vec())
+                    .encoding(told("LeaseReply"))
                     .wait()
                     .unwrap();
             } else {
@@ -81,6 +122,7 @@ fn replies_failures_names_and_order_get_through() {
                 };
                 query
                     .reply(query.key_expr().clone(), status.encode_to_vec())
+                    .encoding(told("Status"))
                     .wait()
                     .unwrap();
             }
@@ -98,9 +140,9 @@ fn replies_failures_names_and_order_get_through() {
         };
         clock.encode_to_vec()
     };
-    let (joints, clock) = (keys.stream("joint_state"), keys.stream("clock"));
+    let (joints, clock) = (keys.topic(TopicId::JointState), keys.topic(TopicId::Clock));
     let _commands = server
-        .declare_subscriber(keys.command())
+        .declare_subscriber(keys.command("*"))
         .callback(move |sample| {
             let command: v1::Command = decode(sample.payload(), "command").unwrap();
             let header = command.header;
@@ -122,9 +164,9 @@ fn replies_failures_names_and_order_get_through() {
     assert!(other.contains("found: a"), "{other}");
 
     let link = Link::open(&args(&endpoint, "a")).unwrap();
-    let status: v1::Status = link.ask(Query::Status).unwrap();
+    let status: v1::Status = link.ask(&v1::StatusRequest {}).unwrap();
     assert_eq!(status.version, "7");
-    let refused = link.ask::<v1::Ack>(Query::Pause).err().unwrap().to_string();
+    let refused = link.ask(&v1::PauseRequest {}).err().unwrap().to_string();
     assert!(refused.contains("no episode runs"), "{refused}");
 
     // A stranger that answers at once and says that it is the one to ask.
@@ -137,17 +179,21 @@ fn replies_failures_names_and_order_get_through() {
                 version: "lie".to_owned(),
                 ..Default::default()
             };
-            let answer = query.reply(query.key_expr().clone(), lie.encode_to_vec());
+            let answer = query
+                .reply(query.key_expr().clone(), lie.encode_to_vec())
+                .encoding(told("Status"));
             answer.wait().unwrap();
         })
         .wait()
         .unwrap();
     for _ in 0..20 {
-        let status: v1::Status = link.ask(Query::Status).unwrap();
+        let status: v1::Status = link.ask(&v1::StatusRequest {}).unwrap();
         assert_eq!(status.version, "7");
     }
 
-    let streams = link.streams(&[Stream::JointState, Stream::Clock]).unwrap();
+    let streams = link
+        .streams(&[TopicId::JointState, TopicId::Clock])
+        .unwrap();
     let mut commander = link.commander("test", false).unwrap();
     for sequence in 0..50 {
         commander
@@ -163,9 +209,54 @@ fn replies_failures_names_and_order_get_through() {
         .unwrap();
     let first = streams.next(Duration::from_secs(5)).unwrap();
     let second = streams.next(Duration::from_secs(5)).unwrap();
-    let Some(Received::JointState(state)) = first else {
+    let Some(Sample::JointState(state)) = first else {
         panic!("the joint state must come first, got {first:?}");
     };
     assert_eq!(state.header.unwrap().sequence, 50);
-    assert!(matches!(second, Some(Received::Clock(_))), "{second:?}");
+    assert!(matches!(second, Some(Sample::Clock(_))), "{second:?}");
+}
+
+/// Encoding of a message of this version.
+fn told(message: &str) -> String {
+    wheelarm_proto::schema::encoding(&format!("wheelarm.v1.{message}"))
+}
+
+#[test]
+fn a_server_of_another_version_is_refused_at_connection_with_the_cure() {
+    for (encoding, version) in [
+        // The first version told none.
+        ("zenoh/bytes", "version 1"),
+        ("application/protobuf;wheelarm.v1.Status@99", "version 99"),
+    ] {
+        let endpoint = free_endpoint();
+        let server = listen(&endpoint);
+        let keys = Keys::new("old").unwrap();
+        let _token = server
+            .liveliness()
+            .declare_token(keys.alive(&server.zid().to_string()))
+            .wait()
+            .unwrap();
+        let status = keys.query(Query::Status);
+        let _queries = server
+            .declare_queryable(&status)
+            .callback(move |query| {
+                let reply = v1::Status::default().encode_to_vec();
+                let reply = query.reply(query.key_expr().clone(), reply);
+                reply.encoding(encoding).wait().unwrap();
+            })
+            .wait()
+            .unwrap();
+        let args = ConnectArgs {
+            connect: endpoint,
+            sim: "old".to_owned(),
+            connect_timeout: 10.0,
+        };
+        let error = Link::open(&args).err().unwrap();
+        assert!(matches!(error, LinkError::Version(_)), "{error}");
+        let words = error.to_string();
+        assert!(
+            words.contains(version) && words.contains("one build"),
+            "{words}"
+        );
+    }
 }

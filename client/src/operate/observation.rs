@@ -4,21 +4,21 @@
 use nalgebra::Isometry3;
 use wheelarm_proto::check::Invalid;
 use wheelarm_proto::exact;
-use wheelarm_proto::{names, v1};
+use wheelarm_proto::topic::Sample;
+use wheelarm_proto::{TopicId, names, v1};
 
 use super::ground::Pose2;
 use super::scene::read_pose;
-use crate::link::{Received, Stream};
 
 /// Streams that make up an observation; the clock comes last.
-pub const STREAMS: [Stream; 7] = [
-    Stream::JointState,
-    Stream::Pose,
-    Stream::ObjectPose,
-    Stream::FurnitureJoint,
-    Stream::Contact,
-    Stream::Evaluation,
-    Stream::Applied,
+pub const STREAMS: [TopicId; 7] = [
+    TopicId::JointState,
+    TopicId::Pose,
+    TopicId::ObjectPose,
+    TopicId::FurnitureJoint,
+    TopicId::Contact,
+    TopicId::Evaluation,
+    TopicId::Applied,
 ];
 
 /// State of the world at one control tick.
@@ -122,15 +122,15 @@ const KNUCKLE: usize = joint_index("robotiq_85_left_knuckle_joint");
 
 impl Collector {
     /// Takes a sample; others than those of [`STREAMS`] are left alone.
-    pub fn take(&mut self, sample: Received) {
+    pub fn take(&mut self, sample: Sample) {
         match sample {
-            Received::JointState(s) => self.joints = Some(s),
-            Received::Pose(s) => self.poses = Some(s),
-            Received::ObjectPose(s) => self.objects = Some(s),
-            Received::FurnitureJoint(s) => self.slides = Some(s),
-            Received::Contact(s) => self.contacts = Some(s),
-            Received::Evaluation(s) => self.evaluation = Some(s),
-            Received::Applied(s) => self.applied = Some(s),
+            Sample::JointState(s) => self.joints = Some(s),
+            Sample::Pose(s) => self.poses = Some(s),
+            Sample::ObjectPose(s) => self.objects = Some(s),
+            Sample::FurnitureJoint(s) => self.slides = Some(s),
+            Sample::Contact(s) => self.contacts = Some(s),
+            Sample::Evaluation(s) => self.evaluation = Some(s),
+            Sample::Applied(s) => self.applied = Some(s),
             _ => {}
         }
     }
@@ -148,7 +148,7 @@ impl Collector {
         let twist = frame(CHAIR).twist.unwrap_or_default();
         let linear = twist.linear.unwrap_or_default();
         let evaluation = self.evaluation.clone().unwrap_or_default();
-        let pads = self.contacts.as_ref().map_or(&[][..], |c| &c.pad_force);
+        let pads = self.contacts.as_ref().map_or(&[][..], |c| &c.pad_forces);
         let desired = self
             .applied
             .as_ref()
@@ -169,20 +169,20 @@ impl Collector {
                 .as_ref()
                 .map(|applied| applied.arm_problem.clone())
                 .unwrap_or_default(),
-            knuckle: joints.position.get(KNUCKLE).copied().unwrap_or(0.0),
+            knuckle: joints.positions.get(KNUCKLE).copied().unwrap_or(0.0),
             pad_force: [
                 pads.first().copied().unwrap_or(0.0),
                 pads.get(1).copied().unwrap_or(0.0),
             ],
             objects: objects
-                .pose
+                .poses
                 .iter()
                 .map(|pose| read_pose("pose of an object", Some(pose)))
                 .collect::<Result<_, _>>()?,
             slides: self
                 .slides
                 .as_ref()
-                .map(|slides| slides.position.clone())
+                .map(|slides| slides.positions.clone())
                 .unwrap_or_default(),
             success: evaluation.success,
             done: evaluation.done,

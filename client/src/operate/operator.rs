@@ -29,6 +29,8 @@ pub enum Outcome {
     Success,
     /// Why it was given up.
     Failure(String),
+    /// The simulation broke under its hands: not its fault.
+    Broken(String),
 }
 
 /// Attempts at the thing before the operator gives up.
@@ -308,13 +310,17 @@ impl Operator {
                 .map(|[linear, angular]| v1::BaseCommand { linear, angular }),
             gripper: act.opening.map(|opening| v1::GripperCommand {
                 target: Some(gripper_command::Target::Opening(opening)),
-                max_force: match self.memory.way.map(|way| way.force) {
-                    Some(force) if force > 0.0 => force,
-                    _ => self.style.force,
-                },
+                max_force: Some(
+                    self.memory
+                        .way
+                        .and_then(|way| way.force)
+                        .unwrap_or(self.style.force),
+                ),
             }),
             phase: act.phase.into(),
             phase_name: act.name.to_owned(),
+            device: v1::Device::Script.into(),
+            mode: v1::InputMode::Stream.into(),
             ..Default::default()
         }
     }

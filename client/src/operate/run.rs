@@ -1,12 +1,13 @@
 //! The operator at work over the network: streams in, commands out.
 
+use std::path::PathBuf;
 use std::time::Duration;
 
 use clap::Args;
 use nalgebra::Isometry3;
 use wheelarm_proto::check::Invalid;
-use wheelarm_proto::keys::Query;
-use wheelarm_proto::v1;
+use wheelarm_proto::topic::Sample;
+use wheelarm_proto::{TopicId, v1};
 
 use super::dock::Reach;
 use super::observation::{self, Collector};
@@ -14,7 +15,7 @@ use super::operator::{Operator, Outcome};
 use super::scene::{SceneModel, write_pose};
 use super::style::Style;
 use crate::control::{self, EpisodeStartArgs, ResetArgs};
-use crate::link::{Link, LinkError, Received, Stream};
+use crate::link::{Link, LinkError};
 
 /// Options of `wheelarm operate`.
 #[derive(Args, Clone, Debug)]
@@ -40,6 +41,9 @@ pub struct OperateArgs {
     /// Seed of the operator's habits; the scenario's when absent.
     #[arg(long)]
     pub style_seed: Option<u64>,
+    /// Writes how it went as JSON: `outcome` (`done`, `not_done` or `broken`) and `why`.
+    #[arg(long, value_name = "FILE")]
+    pub report: Option<PathBuf>,
 }
 
 impl Default for OperateArgs {
@@ -52,6 +56,7 @@ impl Default for OperateArgs {
             commander: "operator".to_owned(),
             take: false,
             style_seed: None,
+            report: None,
         }
     }
 }
@@ -107,7 +112,41 @@ pub struct Report {
     pub ticks: u64,
 }
 
+/// What `--report` holds.
+#[derive(Clone, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+pub struct Told {
+    /// How it went.
+    pub outcome: ToldOutcome,
+    /// Why it was not done, for people.
+    pub why: String,
+}
+
+/// How an operator's work went, for programs.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum ToldOutcome {
+    /// The task was done.
+    Done,
+    /// It was tried and not done.
+    NotDone,
+    /// The simulation broke.
+    Broken,
+}
+
 impl Report {
+    /// As `--report` tells it.
+    #[must_use]
+    pub fn told(&self) -> Told {
+        let (outcome, why) = match &self.outcome {
+            _ if self.succeeded() => (ToldOutcome::Done, ""),
+            Outcome::Success => (ToldOutcome::NotDone, ""),
+            Outcome::Failure(why) => (ToldOutcome::NotDone, why.as_str()),
+            Outcome::Broken(why) => (ToldOutcome::Broken, why.as_str()),
+        };
+        let why = why.to_owned();
+        Told { outcome, why }
+    }
+
     /// The operator is content and the task agrees.
     #[must_use]
     pub fn succeeded(&self) -> bool {
@@ -120,11 +159,8 @@ const PATIENCE: Duration = Duration::from_secs(1);
 /// Silence after which it gives up, in units of [`PATIENCE`].
 const GIVE_UP: u32 = 60;
 
-/// How a failure begins in which the simulation broke under the operator's hands.
-pub const BROKE: &str = "the physics broke: ";
-
 fn broke(words: &str) -> Outcome {
-    Outcome::Failure(format!("{BROKE}{words}"))
+    Outcome::Broken(format!("the physics broke: {words}"))
 }
 
 fn is_end_of(stopped: &v1::EpisodeStopped, episode: u64) -> bool {
@@ -158,12 +194,12 @@ pub fn run(
     progress: &mut dyn FnMut(&Progress<'_>),
 ) -> Result<Report, OperateError> {
     let mut wanted = observation::STREAMS.to_vec();
-    wanted.extend([Stream::Clock, Stream::Refusal, Stream::EpisodeStop]);
+    wanted.extend([TopicId::Clock, TopicId::Refusal, TopicId::EpisodeStop]);
     let streams = link.streams(&wanted)?;
-    let status: v1::Status = link.ask(Query::Status)?;
+    let status: v1::Status = link.ask(&v1::StatusRequest {})?;
     let mut scenario = status.scenario.clone().unwrap_or_default();
     if let (Some(task), None) = (&args.task, &status.episode)
-        && *task != scenario.task
+        && *task != scenario.task()
     {
         let reset = ResetArgs {
             task: Some(task.clone()),
@@ -173,8 +209,8 @@ pub fn run(
     } else if status.episode.is_none() && status.evaluation.as_ref().is_some_and(|e| e.done) {
         return Err(OperateError::Over);
     }
-    let model = SceneModel::read(&link.ask(Query::Scene)?)?;
-    let style = Style::new(args.style_seed.unwrap_or(scenario.seed));
+    let model = SceneModel::read(&link.ask(&v1::SceneRequest {})?)?;
+    let style = Style::new(args.style_seed.unwrap_or(scenario.seed()));
     let mut operator = Operator::new(model, style).map_err(OperateError::Scene)?;
     let mut commander = link.commander(&args.commander, args.take)?;
     let (started, is_ours) = match status.episode {
@@ -195,8 +231,8 @@ pub fn run(
     let mut stopped: Option<v1::EpisodeStopped> = None;
     let outcome = loop {
         let clock = match streams.next(PATIENCE)? {
-            Some(Received::Clock(clock)) => clock,
-            Some(Received::EpisodeStop(end)) => {
+            Some(Sample::Clock(clock)) => clock,
+            Some(Sample::EpisodeStop(end)) => {
                 if !is_end_of(&end, first.episode) {
                     continue;
                 }
@@ -205,17 +241,17 @@ pub fn run(
                     return Err(OperateError::Ended);
                 }
                 let words = end.anomalies.last().cloned().unwrap_or_default();
-                stopped = Some(*end);
+                stopped = Some(end);
                 break broke(&words);
             }
-            Some(Received::Refusal(refusal)) => {
+            Some(Sample::Refusal(refusal)) => {
                 if refusal.commander == args.commander {
                     tracing::warn!("command {} refused: {}", refusal.sequence, refusal.reason);
                 }
                 continue;
             }
             Some(sample) => {
-                if let Received::Evaluation(sample) = &sample {
+                if let Sample::Evaluation(sample) = &sample {
                     evaluation.clone_from(sample);
                 }
                 collector.take(sample);
@@ -223,7 +259,7 @@ pub fn run(
             }
             None => {
                 silent += 1;
-                let status: v1::Status = link.ask(Query::Status)?;
+                let status: v1::Status = link.ask(&v1::StatusRequest {})?;
                 if status.episode.is_none() {
                     own.open = false;
                     if status.broken.is_empty() {
@@ -295,18 +331,18 @@ pub fn run(
             break;
         };
         match sample {
-            Received::Clock(clock) => {
+            Sample::Clock(clock) => {
                 let tick = clock.header.as_ref().map(|header| header.tick);
                 if tick > answered {
                     break;
                 }
             }
-            Received::EpisodeStop(end) if is_end_of(&end, first.episode) => {
+            Sample::EpisodeStop(end) if is_end_of(&end, first.episode) => {
                 own.open = false;
-                stopped = Some(*end);
+                stopped = Some(end);
                 break;
             }
-            Received::Evaluation(sample) => evaluation = sample,
+            Sample::Evaluation(sample) => evaluation = sample,
             _ => {}
         }
     }
@@ -323,7 +359,7 @@ pub fn run(
         }
         _ => outcome,
     };
-    if matches!(&outcome, Outcome::Failure(why) if why.starts_with(BROKE)) {
+    if matches!(outcome, Outcome::Broken(_)) {
         evaluation.success = false;
     }
     Ok(Report {
@@ -346,7 +382,7 @@ fn start(
             label: args
                 .label
                 .clone()
-                .unwrap_or_else(|| format!("{}-seed{}", scenario.task, scenario.seed)),
+                .unwrap_or_else(|| format!("{}-seed{}", scenario.task(), scenario.seed())),
             instruction: args.instruction.clone(),
             require_recorders: args.require_recorders,
             commander: args.commander.clone(),
@@ -368,9 +404,9 @@ impl Reach for RemoteReach<'_> {
     ) -> Option<[f64; 6]> {
         let request = v1::ReachRequest {
             pose: Some(write_pose(base_from_tool)),
-            near: near.map(|joints| joints.to_vec()).unwrap_or_default(),
+            near_joints: near.map(|joints| joints.to_vec()).unwrap_or_default(),
         };
-        match self.link.query::<v1::ReachReply>(Query::Reach, &request) {
+        match self.link.ask(&request) {
             Ok(reply) if reply.reachable => reply.joints.as_slice().try_into().ok(),
             Ok(_) => None,
             Err(error) => {

@@ -44,8 +44,8 @@ pub struct Grasp {
     pub width: f64,
     /// Any turn about the thing's z axis will do.
     pub symmetric: bool,
-    /// Cap of the pads' force, N; 0 leaves it to the style.
-    pub force: f64,
+    /// Cap of the pads' force, N; `None` leaves it to the style.
+    pub force: Option<f64>,
 }
 
 /// Geometry of one scenario.
@@ -165,7 +165,10 @@ impl SceneModel {
                 item_from_grasp: read_pose("grasp pose", grasp.pose.as_ref())?,
                 width: check::within("grasp width", grasp.width, 0.0, 0.085)?,
                 symmetric: grasp.symmetric,
-                force: check::within("grasp force", grasp.force, 0.0, 235.0)?,
+                force: grasp
+                    .force
+                    .map(|force| check::within("grasp force", force, 0.0, 235.0))
+                    .transpose()?,
             });
         }
         for grasp in grasps.iter().filter(|grasp| grasp.symmetric) {
@@ -183,7 +186,7 @@ impl SceneModel {
             goal: None,
             chair_from_base: read_pose("arm mount", reply.arm_mount.as_ref())?,
             tool_length: check::within("tool length", reply.tool_length, 0.0, 0.5)?,
-            footprint: check::list::<4>("footprint", &reply.footprint)?,
+            footprint: footprint(reply.footprint.as_ref())?,
         };
         scene.goal = Goal::read(reply, &scene)?;
         Ok(scene)
@@ -210,4 +213,9 @@ impl SceneModel {
     pub fn house_from_tool(&self, seen: &Observation) -> Isometry3<f64> {
         self.house_from_base(seen) * seen.base_from_tool
     }
+}
+fn footprint(told: Option<&v1::Footprint>) -> Result<[f64; 4], Invalid> {
+    let told = told.ok_or(Invalid::Missing("footprint"))?;
+    let sides = [told.x_min, told.x_max, told.y_min, told.y_max];
+    check::list("footprint", &sides)
 }

@@ -101,7 +101,7 @@ fn home_scene() -> SceneModel {
                 ),
                 width: 0.058,
                 symmetric: false,
-                force: 0.0,
+                force: None,
             })
             .to_vec(),
         slides: Vec::new(),

@@ -22,8 +22,8 @@ pub struct Way {
     pub opening: f64,
     /// Distance between the pads at the grasp, metres.
     pub width: f64,
-    /// Cap of the pads' force, N; 0 leaves it to the style.
-    pub force: f64,
+    /// Cap of the pads' force, N; `None` leaves it to the style.
+    pub force: Option<f64>,
     /// How far it leans about its closing axis, radians.
     pub lean: f64,
     /// How far it is drawn back from the grasp, metres.
@@ -174,7 +174,7 @@ fn nearest(
 /// How far before a grasp the fingers are outside a soft thing's limbs, metres; 0
 /// for what is stiff, whose grasps lie at its rim.
 fn outside(scene: &SceneModel, grasp: &Grasp) -> f64 {
-    if grasp.force <= 0.0 {
+    if grasp.force.is_none() {
         return 0.0;
     }
     let corners = scene.items[grasp.item].blocks.iter();

@@ -97,7 +97,7 @@ impl Feed {
         let Ok(frame) = v1::PreviewFrame::decode(payload) else {
             return;
         };
-        let Some(level) = PreviewLevel::from_name(&frame.level) else {
+        let Some(level) = PreviewLevel::told(frame.level()) else {
             return;
         };
         let header = frame.header.unwrap_or_default();

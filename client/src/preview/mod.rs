@@ -14,6 +14,7 @@ use std::io::Write;
 use std::net::SocketAddr;
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
+use wheelarm_proto::TopicId;
 
 use anyhow::Context;
 use clap::Args;
@@ -21,7 +22,7 @@ use crossbeam_channel::unbounded;
 use tokio::net::TcpListener;
 use tokio::sync::watch as latest;
 
-use crate::link::{ConnectArgs, Link, Stream};
+use crate::link::{ConnectArgs, Link};
 use crate::watch::{Heard, Line, Situation};
 pub use state::state_text;
 
@@ -29,17 +30,17 @@ pub use state::state_text;
 pub const DEFAULT_ADDRESS: &str = "127.0.0.1:7450";
 
 /// Streams that the page tells of.
-const STREAMS: [Stream; 10] = [
-    Stream::Pose,
-    Stream::JointState,
-    Stream::Odometry,
-    Stream::Evaluation,
-    Stream::Applied,
-    Stream::Contact,
-    Stream::Event,
-    Stream::Clock,
-    Stream::Phase,
-    Stream::EpisodeStop,
+const STREAMS: [TopicId; 10] = [
+    TopicId::Pose,
+    TopicId::JointState,
+    TopicId::Odometry,
+    TopicId::Evaluation,
+    TopicId::Applied,
+    TopicId::Contact,
+    TopicId::Event,
+    TopicId::Clock,
+    TopicId::Phase,
+    TopicId::EpisodeStop,
 ];
 /// Time between two states of the page.
 const STATE: Duration = Duration::from_millis(200);

@@ -91,12 +91,12 @@ pub fn state_text(situation: &Situation, now: f64) -> String {
         factor: situation.factor,
         round_trip_ms: situation.round_trip.map(|s| s * 1e3),
         refused: status.map_or(0, |s| s.refused),
-        task: scenario.map_or("", |s| &s.task),
-        seed: scenario.map_or(0, |s| s.seed),
-        instruction: scenario.map_or("", |s| &s.instruction),
+        task: scenario.map_or("", |s| s.task()),
+        seed: scenario.map_or(0, |s| s.seed()),
+        instruction: scenario.map_or("", |s| s.instruction()),
         success: evaluation.is_some_and(|e| e.success),
         failure: evaluation.map_or("", |e| &e.failure),
-        elapsed: evaluation.map_or(0.0, |e| e.elapsed),
+        elapsed: evaluation.map_or(0.0, |e| e.elapsed_seconds),
         conditions: evaluation
             .map(|e| e.conditions.as_slice())
             .unwrap_or_default()

@@ -10,7 +10,7 @@ use wheelarm_dataset::coverage::Coverage;
 use wheelarm_dataset::finish::{FinishError, finish};
 use wheelarm_dataset::log::{Closing, Received, Recovered};
 use wheelarm_dataset::writer::{EpisodeWriter, Taken, WriteError, WriterOptions};
-use wheelarm_proto::{digest, v1};
+use wheelarm_proto::{StreamId, digest, v1};
 
 use super::core::Input;
 use super::digests::Digests;
@@ -115,7 +115,7 @@ impl Recording {
                     Some(newest) if newest.tick > taken.tick => newest,
                     _ => taken,
                 });
-                if stream.starts_with("camera/") {
+                if StreamId::parse(stream).is_camera() {
                     self.accepted += 1;
                     return Ok(Accepted::Frame);
                 }
@@ -244,7 +244,7 @@ impl Finishing {
             frames: account
                 .streams
                 .iter()
-                .filter(|s| s.stream.starts_with("camera/"))
+                .filter(|s| StreamId::parse(&s.stream).is_camera())
                 .map(|s| s.received)
                 .sum(),
             samples: account.total(|s| s.received),

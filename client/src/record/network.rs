@@ -8,8 +8,9 @@ use anyhow::{Context, bail};
 use bytes::Bytes;
 use tokio::sync::mpsc;
 use wheelarm_dataset::writer::WriterOptions;
-use wheelarm_proto::keys::{Query, check_name};
-use wheelarm_proto::{Message, v1};
+use wheelarm_proto::keys::check_name;
+use wheelarm_proto::schema;
+use wheelarm_proto::{Message, StreamId, TopicId, v1};
 use zenoh::Session;
 use zenoh::bytes::ZBytes;
 use zenoh::qos::{CongestionControl, Priority};
@@ -46,8 +47,7 @@ const QUERY_TIMEOUT: Duration = Duration::from_secs(10);
     reason = "one such message per episode; samples are the small ones"
 )]
 enum Raw {
-    Stream(String, ZBytes),
-    Camera(String, ZBytes),
+    Sample(StreamId, ZBytes),
     Ready(Input),
 }
 
@@ -115,6 +115,7 @@ pub async fn run_with(
         .map_err(transport("announcing the recorder"))?;
     let publisher = session
         .declare_publisher(keys.recorder(&args.name))
+        .encoding(schema::encoding(TopicId::Recorder.info().message))
         .congestion_control(CongestionControl::Block)
         .priority(Priority::InteractiveHigh)
         .express(true)
@@ -266,12 +267,8 @@ fn decode(raw: Raw) -> Option<Input> {
     let owned = |payload: ZBytes| Bytes::from(payload.to_bytes().into_owned());
     match raw {
         Raw::Ready(input) => Some(input),
-        Raw::Stream(stream, payload) => Some(Input::Sample {
-            stream,
-            payload: owned(payload),
-        }),
-        Raw::Camera(camera, payload) => Some(Input::Sample {
-            stream: format!("camera/{camera}"),
+        Raw::Sample(stream, payload) => Some(Input::Sample {
+            stream: stream.to_string(),
             payload: owned(payload),
         }),
     }
@@ -283,51 +280,35 @@ type Held = Vec<Box<dyn std::any::Any + Send>>;
 async fn subscribe(link: &Link, entrance: &Entrance<Raw>) -> anyhow::Result<Held> {
     let (session, keys) = (link.session(), link.keys());
     let from = || link.server().clone();
-    fn last(sample: &Sample) -> String {
-        let key = sample.key_expr().as_str();
-        key.rsplit('/').next().unwrap_or_default().to_owned()
-    }
     let mut held: Held = Vec::new();
     // The cache holds samples that were published before this subscription
     // was known: of a running episode they are wanted, others are left out.
     let history = || HistoryConfig::default().detect_late_publishers();
     let recovery = || RecoveryConfig::default().heartbeat();
 
-    let (to, server) = (entrance.clone(), from());
-    let streams = session
-        .declare_subscriber(keys.stream("*"))
-        .callback(move |sample: Sample| {
-            if !server.sent(&sample) {
-                return;
-            }
-            let bytes = sample.payload().len();
-            let raw = Raw::Stream(last(&sample), sample.payload().clone());
-            to.sample(raw, bytes, false);
-        })
-        .history(history())
-        .recovery(recovery())
-        .await
-        .map_err(transport("subscribing to the streams"))?;
-    held.push(Box::new(streams));
+    for key in [keys.streams(), keys.topic(TopicId::Camera)] {
+        let (to, server, keys) = (entrance.clone(), from(), keys.clone());
+        let samples = session
+            .declare_subscriber(key)
+            .callback(move |sample: Sample| {
+                if !server.sent(&sample) {
+                    return;
+                }
+                let Some(stream) = keys.stream_of(sample.key_expr().as_str()) else {
+                    return;
+                };
+                let (payload, pictures) = (sample.payload().clone(), stream.is_camera());
+                let bytes = payload.len();
+                to.sample(Raw::Sample(stream, payload), bytes, pictures);
+            })
+            .history(history())
+            .recovery(recovery())
+            .await
+            .map_err(transport("subscribing to the streams"))?;
+        held.push(Box::new(samples));
+    }
 
-    let (to, server) = (entrance.clone(), from());
-    let cameras = session
-        .declare_subscriber(keys.camera("*"))
-        .callback(move |sample: Sample| {
-            if !server.sent(&sample) {
-                return;
-            }
-            let bytes = sample.payload().len();
-            let raw = Raw::Camera(last(&sample), sample.payload().clone());
-            to.sample(raw, bytes, true);
-        })
-        .history(history())
-        .recovery(recovery())
-        .await
-        .map_err(transport("subscribing to the cameras"))?;
-    held.push(Box::new(cameras));
-
-    for key in [keys.episode_start(), keys.episode_stop()] {
+    for key in [TopicId::EpisodeStart, TopicId::EpisodeStop].map(|t| keys.topic(t)) {
         let (to, server) = (entrance.clone(), from());
         let hints = session
             .declare_subscriber(key)
@@ -446,7 +427,7 @@ fn aside<T: Send + 'static>(
 fn ask_snapshot(link: &Link, entrance: &Entrance<Raw>) {
     let entrance = entrance.clone();
     aside(link, move |link| {
-        let reply = link.ask_within(Query::Snapshot, QUERY_TIMEOUT);
+        let reply = link.ask_within(&v1::SnapshotRequest {}, QUERY_TIMEOUT);
         entrance.control(Raw::Ready(Input::Snapshot(
             reply.map_err(|e| e.to_string()),
         )));
@@ -462,13 +443,10 @@ async fn ask_samples(link: &Link, entrance: &Entrance<Raw>, missing: &Missing) {
         first,
         last,
     } = missing;
-    let camera = stream.strip_prefix("camera/").map(str::to_owned);
-    let key = match &camera {
-        Some(camera) => keys.camera(camera),
-        None => keys.stream(stream),
-    };
+    let id = StreamId::parse(stream);
+    let key = keys.stream(&id);
     tracing::debug!("asking for {stream} {first} to {last} again");
-    let (to, stream) = (entrance.clone(), stream.clone());
+    let to = entrance.clone();
     let asked = session
         .get(format!("{key}/@adv/**?_sn={first}..{last}"))
         .callback(move |reply| {
@@ -480,10 +458,7 @@ async fn ask_samples(link: &Link, entrance: &Entrance<Raw>, missing: &Missing) {
             }
             let payload = sample.payload().clone();
             let bytes = payload.len();
-            match &camera {
-                Some(camera) => to.sample(Raw::Camera(camera.clone(), payload), bytes, true),
-                None => to.sample(Raw::Stream(stream.clone(), payload), bytes, false),
-            }
+            to.sample(Raw::Sample(id.clone(), payload), bytes, id.is_camera());
         })
         .consolidation(ConsolidationMode::None)
         .accept_replies(ReplyKeyExpr::Any)
@@ -499,7 +474,7 @@ async fn ask_samples(link: &Link, entrance: &Entrance<Raw>, missing: &Missing) {
 fn ask_state(link: &Link, entrance: &Entrance<Raw>) {
     let entrance = entrance.clone();
     aside(link, move |link| {
-        let reply = link.ask_within(Query::Episode, STATE_TIMEOUT);
+        let reply = link.ask_within(&v1::EpisodeRequest {}, STATE_TIMEOUT);
         entrance.control(Raw::Ready(Input::State(reply.map_err(|e| e.to_string()))));
     });
 }

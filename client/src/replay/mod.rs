@@ -13,11 +13,11 @@ use std::time::Duration;
 use anyhow::{Context, bail};
 use clap::Args;
 use wheelarm_dataset::read::Episode;
-use wheelarm_proto::keys::Query;
-use wheelarm_proto::v1;
+use wheelarm_proto::topic::Sample;
+use wheelarm_proto::{TopicId, v1};
 
 use crate::control;
-use crate::link::{Commander, Link, Received, Stream, Streams};
+use crate::link::{Commander, Link, Streams};
 use crate::local::{self, LocalServer, ServerOptions};
 use script::Script;
 
@@ -67,9 +67,9 @@ pub fn run(args: &ReplayArgs) -> anyhow::Result<ExitCode> {
     };
     let server = LocalServer::start(&ServerOptions {
         scene: script.scenario.scene.clone(),
-        task: script.scenario.task.clone(),
+        task: script.scenario.task().to_owned(),
         robot: script.scenario.robot.clone(),
-        seed: script.scenario.seed,
+        seed: script.scenario.seed(),
         pacing: "lock-step",
         quality: args
             .quality
@@ -86,10 +86,10 @@ pub fn run(args: &ReplayArgs) -> anyhow::Result<ExitCode> {
     reset(&link, &script, cameras)?;
     // Subscribed before the episode begins, so that its first state is seen.
     let streams = link.streams(&[
-        Stream::StateHash,
-        Stream::Clock,
-        Stream::Refusal,
-        Stream::EpisodeStop,
+        TopicId::StateHash,
+        TopicId::Clock,
+        TopicId::Refusal,
+        TopicId::EpisodeStop,
     ])?;
     let mut commander = link.commander(NAME, false)?;
     let label = format!("{}-replay", script.label);
@@ -98,14 +98,12 @@ pub fn run(args: &ReplayArgs) -> anyhow::Result<ExitCode> {
             Some(out) => local::free_label(out, &label),
             None => label,
         },
-        instruction: script.instruction.clone(),
+        instruction: Some(script.instruction.clone()),
         require_recorders: u32::from(recorder.is_some()),
         commander: NAME.to_owned(),
         replay: true,
     };
-    let started: v1::EpisodeStarted = link
-        .query(Query::EpisodeStart, &request)
-        .with_context(|| server.messages())?;
+    let started: v1::EpisodeStarted = link.ask(&request).with_context(|| server.messages())?;
     let fed = feed(&link, &mut commander, &streams, &script, &started);
     // A replay that broke off is not worth a file.
     control::stop_episode(&link, fed.is_err())?;
@@ -146,7 +144,7 @@ fn reset(link: &Link, script: &Script, cameras: Vec<v1::CameraSetting>) -> anyho
         snapshot: script.snapshot.clone(),
         ..v1::ResetRequest::default()
     };
-    let reply: v1::ResetReply = link.query(Query::Reset, &request)?;
+    let reply: v1::ResetReply = link.ask(&request)?;
     let tick = reply.header.unwrap_or_default().tick;
     if tick != script.first_tick {
         bail!(
@@ -176,21 +174,21 @@ fn feed(
     commander.answer(&begin, script.command(expected)?)?;
     loop {
         let header = match streams.next(PATIENCE)? {
-            Some(Received::Clock(clock)) => clock.header.unwrap_or_default(),
-            Some(Received::StateHash(sample)) => {
+            Some(Sample::Clock(clock)) => clock.header.unwrap_or_default(),
+            Some(Sample::StateHash(sample)) => {
                 let header = sample.header.unwrap_or_default();
                 if header.episode == number {
                     comparison.take(header.tick, sample.hash);
                 }
                 continue;
             }
-            Some(Received::Refusal(refusal)) if refusal.commander == NAME => {
+            Some(Sample::Refusal(refusal)) if refusal.commander == NAME => {
                 bail!("the server refused a recorded command: {}", refusal.reason);
             }
-            Some(Received::EpisodeStop(_)) => bail!("the episode was ended by somebody else"),
+            Some(Sample::EpisodeStop(_)) => bail!("the episode was ended by somebody else"),
             Some(_) => continue,
             None => {
-                let status: v1::Status = link.ask(Query::Status)?;
+                let status: v1::Status = link.ask(&v1::StatusRequest {})?;
                 bail!(
                     "nothing came for {:.0} s after tick {expected}; the server waits for: {}",
                     PATIENCE.as_secs_f64(),

@@ -90,8 +90,8 @@ impl Script {
              record the same scene anew: `wheelarm demo --task {} --seed {}`. Its data stay as \
              they are: `wheelarm dataset` reads them as any other's",
             file.display(),
-            scenario.task,
-            scenario.seed,
+            scenario.task(),
+            scenario.seed(),
         )
     }
 
@@ -108,6 +108,8 @@ impl Script {
             gripper: applied.gripper,
             phase,
             phase_name,
+            device: v1::Device::Replay.into(),
+            mode: v1::InputMode::Stream.into(),
             ..v1::Command::default()
         })
     }
@@ -130,7 +132,7 @@ impl Script {
             cameras.retain(|known| known.name != camera.name);
             cameras.push(camera);
         }
-        cameras.retain(|camera| camera.rate_hz > 0.0);
+        cameras.retain(|camera| camera.rate_hz() > 0.0);
         Ok(cameras)
     }
 
@@ -160,7 +162,7 @@ fn camera_setting(text: &str) -> anyhow::Result<v1::CameraSetting> {
             name: name.to_owned(),
             width: width.parse().ok()?,
             height: height.parse().ok()?,
-            rate_hz: rate.parse().ok()?,
+            rate_hz: Some(rate.parse().ok()?),
         })
     };
     read().with_context(|| {
@@ -172,7 +174,10 @@ fn camera_setting(text: &str) -> anyhow::Result<v1::CameraSetting> {
 pub(super) fn camera_option(camera: &v1::CameraSetting) -> String {
     format!(
         "{}={}x{}@{}",
-        camera.name, camera.width, camera.height, camera.rate_hz
+        camera.name,
+        camera.width,
+        camera.height,
+        camera.rate_hz()
     )
 }
 
@@ -186,8 +191,8 @@ mod tests {
             label: String::new(),
             instruction: String::new(),
             scenario: v1::Scenario {
-                task: "pick_mustard".into(),
-                seed: 7,
+                task: Some("pick_mustard".into()),
+                seed: Some(7),
                 ..v1::Scenario::default()
             },
             made_by: (physics, "0.1.0".into()),

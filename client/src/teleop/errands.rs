@@ -1,6 +1,5 @@
 //! Queries that take time, each on a thread of its own.
 
-use wheelarm_proto::keys::Query;
 use wheelarm_proto::v1;
 
 use super::model::{Done, Errand, Start};
@@ -54,16 +53,15 @@ pub fn run(
                 Done::Reset(reset(&link, &args))
             }
             Errand::Pause(pause) => {
-                let query = if pause { Query::Pause } else { Query::Resume };
-                let result = control::acknowledge(&link, query);
+                let result = control::pause(&link, pause);
                 Done::Paused(result.map(|()| pause).map_err(|e| words(&e)))
             }
             Errand::Tasks => {
-                let list = link.ask::<v1::TaskList>(Query::Tasks);
+                let list = link.ask(&v1::TasksRequest {});
                 Done::Tasks(list.map(|l| l.tasks).map_err(|e| words(&e)))
             }
             Errand::Scene => {
-                let scene = link.ask::<v1::SceneReply>(Query::Scene);
+                let scene = link.ask(&v1::SceneRequest {});
                 Done::Scene(scene.map(Box::new).map_err(|e| words(&e)))
             }
         };

@@ -6,13 +6,14 @@ mod commands;
 mod control;
 mod episode;
 
+use wheelarm_proto::topic::Sample;
 use wheelarm_proto::v1;
+use wheelarm_proto::v1::RefusalCode;
 
 use super::arm::{self, Arm};
 use super::drive::Drive;
 use super::form::{Answer, Form, Leaving};
 use super::keys::Key;
-use crate::link::Received;
 use crate::watch::{Connection, Situation};
 
 pub use control::Control;
@@ -462,10 +463,10 @@ impl Model {
     }
 
     /// Takes a sample of a stream.
-    pub fn sample(&mut self, sample: Received, now: f64) -> Vec<Effect> {
+    pub fn sample(&mut self, sample: Sample, now: f64) -> Vec<Effect> {
         match &sample {
-            Received::Refusal(refusal) => return self.refusal(refusal, now),
-            Received::Applied(applied) if applied.arm_problem != self.arm_problem => {
+            Sample::Refusal(refusal) => return self.refusal(refusal, now),
+            Sample::Applied(applied) if applied.arm_problem != self.arm_problem => {
                 self.arm_problem.clone_from(&applied.arm_problem);
                 if !self.arm_problem.is_empty() {
                     // The next step starts from where the arm is.
@@ -473,7 +474,7 @@ impl Model {
                     self.warn(now, format!("arm: {}", applied.arm_problem));
                 }
             }
-            Received::Clock(clock) => {
+            Sample::Clock(clock) => {
                 let header = clock.header.clone().unwrap_or_default();
                 let is_new = self.answered.is_none_or(|tick| header.tick > tick);
                 if self.lock_step() && is_new && header.episode != 0 {
@@ -496,7 +497,7 @@ impl Model {
         self.warn(now, format!("refused: {}", refusal.reason));
         self.situation
             .note(now, true, format!("refused: {}", refusal.reason));
-        if refusal.reason.contains("control") && now - self.asked_again > 1.0 {
+        if lost_control(refusal.code()) && now - self.asked_again > 1.0 {
             self.asked_again = now;
             self.drive.forget();
             self.control = Control::Asking;
@@ -513,6 +514,14 @@ impl Model {
             .map_or(delay, |(old, _)| old + 0.2 * (delay - old));
         self.echo = Some((smooth, now));
     }
+}
+
+/// Whether a refusal may be cured by asking for control again.
+fn lost_control(code: RefusalCode) -> bool {
+    matches!(
+        code,
+        RefusalCode::NoControl | RefusalCode::ControlHeld | RefusalCode::Sequence
+    )
 }
 
 #[cfg(test)]

@@ -1,6 +1,7 @@
 //! Teleoperation at work: events in, the model's decisions out, the screen.
 
 use std::time::{Duration, Instant};
+use wheelarm_proto::TopicId;
 
 use anyhow::Context;
 use crossbeam_channel::{Receiver, Sender, unbounded};
@@ -13,23 +14,23 @@ use super::model::{Effect, Errand, Model, Settings};
 use super::send::Commands;
 use super::terminal::{Screen, Typed, read_keys};
 use super::view::{self, Theme};
-use crate::link::{Commander, ConnectArgs, Link, Stream};
+use crate::link::{Commander, ConnectArgs, Link};
 use crate::preview::{self, Page};
 use crate::watch::{Heard, Line};
 
 /// Streams that the screen shows.
-const STREAMS: [Stream; 11] = [
-    Stream::Pose,
-    Stream::JointState,
-    Stream::Odometry,
-    Stream::Evaluation,
-    Stream::Applied,
-    Stream::Contact,
-    Stream::Event,
-    Stream::Clock,
-    Stream::Phase,
-    Stream::Refusal,
-    Stream::EpisodeStop,
+const STREAMS: [TopicId; 11] = [
+    TopicId::Pose,
+    TopicId::JointState,
+    TopicId::Odometry,
+    TopicId::Evaluation,
+    TopicId::Applied,
+    TopicId::Contact,
+    TopicId::Event,
+    TopicId::Clock,
+    TopicId::Phase,
+    TopicId::Refusal,
+    TopicId::EpisodeStop,
 ];
 /// Time between two pictures of the screen.
 const FRAME: f64 = 1.0 / 12.0;
@@ -94,7 +95,7 @@ pub fn run(connect: &ConnectArgs, args: &TeleopArgs) -> anyhow::Result<Ended> {
     read_keys(events.clone(), Event::Typed);
     let mut streams = STREAMS.to_vec();
     if args.target_hint {
-        streams.push(Stream::ObjectPose);
+        streams.push(TopicId::ObjectPose);
     }
     let mut operation = Operation {
         model: Model::new(settings(args)),

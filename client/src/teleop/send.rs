@@ -6,7 +6,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 use crossbeam_channel::{Sender, bounded};
-use wheelarm_proto::{Message, v1};
+use wheelarm_proto::{Message, TopicId, v1};
 
 use crate::link::{Commander, Link};
 
@@ -38,7 +38,7 @@ impl Commands {
         let flight = Flight::default();
         let returning = Arc::clone(&flight);
         let echoes = link
-            .subscribe(&link.keys().stream("command"), move |sample| {
+            .subscribe(&link.keys().topic(TopicId::Command), move |sample| {
                 let Ok(log) = v1::CommandLog::decode(&*sample.payload().to_bytes()) else {
                     return;
                 };

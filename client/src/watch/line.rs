@@ -8,10 +8,10 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use crossbeam_channel::Sender;
-use wheelarm_proto::keys::Query;
-use wheelarm_proto::v1;
+use wheelarm_proto::topic::Sample;
+use wheelarm_proto::{TopicId, v1};
 
-use crate::link::{ConnectArgs, Link, LinkError, Received, Stream};
+use crate::link::{ConnectArgs, Link, LinkError};
 
 /// Time between two questions for the status.
 const PULSE: Duration = Duration::from_millis(400);
@@ -29,7 +29,7 @@ pub enum Heard {
     /// Connected; the link may be used until [`Heard::Lost`].
     Connected(Box<Link>),
     /// A sample.
-    Sample(Box<Received>),
+    Sample(Box<Sample>),
     /// The server's account of itself, and the round trip it took, s.
     Status(Box<v1::Status>, f64),
     /// No answer within the patience; the connection may recover.
@@ -49,7 +49,7 @@ impl Line {
     #[must_use]
     pub fn open<E: Send + 'static>(
         connect: ConnectArgs,
-        streams: Vec<Stream>,
+        streams: Vec<TopicId>,
         events: Sender<E>,
         tell: fn(Heard) -> E,
     ) -> Self {
@@ -82,7 +82,7 @@ impl Drop for Line {
 
 fn keep_open(
     connect: &ConnectArgs,
-    streams: &[Stream],
+    streams: &[TopicId],
     ended: &AtomicBool,
     send: &(dyn Fn(Heard) + Sync),
 ) {
@@ -118,7 +118,7 @@ fn close(link: Link) {
 /// Serves one connection; why it is lost, or `None` when the owner ended it.
 fn stay(
     link: &Link,
-    streams: &[Stream],
+    streams: &[TopicId],
     ended: &AtomicBool,
     send: &(dyn Fn(Heard) + Sync),
 ) -> Result<Option<String>, LinkError> {
@@ -169,5 +169,5 @@ fn stay(
 
 /// Asks for the status, with less patience than a query of a command has.
 fn pulse(link: &Link) -> Option<v1::Status> {
-    link.ask_within(Query::Status, PULSE_PATIENCE).ok()
+    link.ask_within(&v1::StatusRequest {}, PULSE_PATIENCE).ok()
 }

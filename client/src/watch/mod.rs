@@ -16,8 +16,7 @@ use std::time::{Duration, Instant};
 
 use anyhow::Context;
 use clap::Args;
-use wheelarm_proto::keys::{PREFIX, Query};
-use wheelarm_proto::{Message, v1};
+use wheelarm_proto::{Message, TopicId, v1};
 
 use crate::link::Link;
 pub use hand::seen_from_the_chair;
@@ -78,25 +77,22 @@ struct Came {
 /// When the server goes away or the output is closed.
 pub fn run(link: &Link, args: &WatchArgs) -> anyhow::Result<ExitCode> {
     let (sender, receiver) = crossbeam_channel::unbounded::<Came>();
-    let mut places = vec![format!("{PREFIX}/{}/stream/*", link.keys().sim())];
+    let mut places = vec![link.keys().streams()];
     if args.cameras {
-        places.push(format!("{PREFIX}/{}/camera/*", link.keys().sim()));
+        places.push(link.keys().topic(TopicId::Camera));
     }
     let mut subscribers = Vec::new();
     for place in places {
-        let sender = sender.clone();
+        let (sender, keys) = (sender.clone(), link.keys().clone());
         let subscriber = link.subscribe(&place, move |sample| {
-            let key = sample.key_expr().as_str();
-            let mut chunks = key.splitn(4, '/').skip(2);
-            let (kind, name) = (chunks.next(), chunks.next().unwrap_or_default());
+            let Some(stream) = keys.stream_of(sample.key_expr().as_str()) else {
+                return;
+            };
             let payload = sample.payload();
             let stamped = Stamped::decode(&*payload.to_bytes()).ok();
             // A closed queue means that the program ends.
             let _ = sender.send(Came {
-                stream: match kind {
-                    Some("camera") => format!("camera/{name}"),
-                    _ => name.to_owned(),
-                },
+                stream: stream.to_string(),
                 at: Instant::now(),
                 bytes: payload.len(),
                 stamped,
@@ -130,7 +126,7 @@ pub fn run(link: &Link, args: &WatchArgs) -> anyhow::Result<ExitCode> {
         next += interval;
         let now = began.elapsed().as_secs_f64();
         let asked = Instant::now();
-        let status: v1::Status = link.ask(Query::Status)?;
+        let status: v1::Status = link.ask(&v1::StatusRequest {})?;
         let report = Report::new(
             link.keys().sim(),
             &status,

@@ -164,12 +164,12 @@ impl Report {
                 name: status
                     .scenario
                     .as_ref()
-                    .map(|s| s.task.clone())
+                    .map(|s| s.task().to_owned())
                     .unwrap_or_default(),
                 success: evaluation.success,
                 done: evaluation.done,
                 failure: evaluation.failure.clone(),
-                elapsed: evaluation.elapsed,
+                elapsed: evaluation.elapsed_seconds,
                 conditions: evaluation
                     .conditions
                     .iter()

@@ -6,10 +6,10 @@
 use std::collections::VecDeque;
 
 use nalgebra::{Isometry3, Point3, Vector3};
+use wheelarm_proto::topic::Sample;
 use wheelarm_proto::{names, v1};
 
 use super::hand;
-use crate::link::Received;
 use crate::operate::scene::read_pose;
 
 /// Newest lines that are kept of what happened.
@@ -104,16 +104,16 @@ fn frame_index(name: &str) -> Option<usize> {
 
 impl Situation {
     /// Takes a sample; a malformed part of it is left out.
-    pub fn take(&mut self, sample: Received, now: f64) {
+    pub fn take(&mut self, sample: Sample, now: f64) {
         if matches!(self.connection, Connection::Silent(_)) {
             self.connection = Connection::Open;
         }
         match sample {
-            Received::Clock(clock) => {
+            Sample::Clock(clock) => {
                 self.factor = clock.real_time_factor;
                 self.tick(clock.header);
             }
-            Received::Pose(set) => {
+            Sample::Pose(set) => {
                 let pose = |name| {
                     let frame = set.frames.get(frame_index(name)?)?;
                     read_pose("pose", frame.pose.as_ref()).ok()
@@ -121,37 +121,38 @@ impl Situation {
                 self.house_from_chair = pose("wheelchair").or(self.house_from_chair);
                 self.base_from_tool = pose("end_effector").or(self.base_from_tool);
             }
-            Received::JointState(state) => {
+            Sample::JointState(state) => {
                 let name = "robotiq_85_left_knuckle_joint";
                 let index = names::JOINT_NAMES.iter().position(|joint| *joint == name);
-                self.knuckle = index.and_then(|i| state.position.get(i)).copied();
+                self.knuckle = index.and_then(|i| state.positions.get(i)).copied();
             }
-            Received::Odometry(odometry) => {
+            Sample::Odometry(odometry) => {
                 let twist = odometry.twist.unwrap_or_default();
                 self.chair_speed = [
                     twist.linear.unwrap_or_default().x,
                     twist.angular.unwrap_or_default().z,
                 ];
             }
-            Received::Evaluation(evaluation) => self.evaluation = Some(evaluation),
-            Received::Applied(applied) => self.applied = Some(applied),
-            Received::Contact(contacts) => {
+            Sample::Evaluation(evaluation) => self.evaluation = Some(evaluation),
+            Sample::Applied(applied) => self.applied = Some(applied),
+            Sample::Contact(contacts) => {
                 // Without the sign of a zero.
-                let force = |i: usize| contacts.pad_force.get(i).map_or(0.0, |f| f + 0.0);
+                let force = |i: usize| contacts.pad_forces.get(i).map_or(0.0, |f| f + 0.0);
                 self.pad_force = [force(0), force(1)];
             }
-            Received::ObjectPose(objects) => {
-                let poses = objects.pose.iter();
+            Sample::ObjectPose(objects) => {
+                let poses = objects.poses.iter();
                 self.objects = poses
                     .filter_map(|pose| read_pose("object pose", Some(pose)).ok())
                     .collect();
             }
-            Received::Phase(phase) => self.phase = phase.name,
-            Received::Event(event) => {
-                let bad = matches!(event.kind.as_str(), "refused" | "collision" | "anomaly");
-                self.note(now, bad, format!("{}: {}", event.kind, event.text));
+            Sample::Phase(phase) => self.phase = phase.name,
+            Sample::Event(event) => {
+                let kind = event.kind();
+                let words = format!("{}: {}", kind.word(), event.text);
+                self.note(now, kind.is_serious(), words);
             }
-            Received::EpisodeStop(stopped) => {
+            Sample::EpisodeStop(stopped) => {
                 let word = if stopped.discard {
                     "discarded"
                 } else {
@@ -301,7 +302,7 @@ mod tests {
     fn a_server_that_starts_anew_replaces_the_clock() {
         let mut situation = Situation::default();
         let at = |run: &str, tick| {
-            Received::Clock(v1::Clock {
+            Sample::Clock(v1::Clock {
                 header: Some(v1::Header {
                     run_id: run.to_owned(),
                     tick,
@@ -346,12 +347,12 @@ mod tests {
         // 0.5 m ahead of the arm's base.
         frames[6].pose = Some(pose(-0.5, 0.0, 0.0));
         let header = None;
-        situation.take(Received::Pose(v1::PoseSet { header, frames }), 0.0);
+        situation.take(Sample::Pose(v1::PoseSet { header, frames }), 0.0);
         let objects = v1::ObjectPoses {
-            pose: vec![pose(1.2, 0.5, 0.6)],
+            poses: vec![pose(1.2, 0.5, 0.6)],
             ..Default::default()
         };
-        situation.take(Received::ObjectPose(objects), 0.0);
+        situation.take(Sample::ObjectPose(objects), 0.0);
         let target = situation.target().unwrap();
         for (got, expected) in target.from_hand.iter().zip([0.3, 0.2, 0.1]) {
             assert!((got - expected).abs() < 1e-9, "{:?}", target.from_hand);

@@ -124,7 +124,7 @@ impl Course {
             330 => {
                 input.gripper = Some(GripperIntent {
                     knuckle: self.robot.settings.gripper.closed,
-                    max_force: 0.0,
+                    max_force: None,
                 });
             }
             430 => input.arm = pose(Translation3::new(0.0, 0.0, 0.12) * self.at),

@@ -25,7 +25,7 @@ impl Engine {
         let words = self.sim.broken().unwrap_or_default().to_owned();
         tracing::error!("the state is broken: {words}; it goes on after a `reset`");
         self.event(
-            "anomaly",
+            v1::EventKind::Anomaly,
             &format!("the state is broken: {words}; ask for `reset`"),
         );
         self.anomalies.push(words.clone());
@@ -39,7 +39,7 @@ impl Engine {
         for anomaly in self.sim.snapshot().anomalies.clone() {
             if !self.seen_anomalies.contains(&anomaly) && self.anomalies.len() < MOST {
                 let words = anomaly_words(&anomaly, self.sim.model(), self.sim.scene());
-                self.event("anomaly", &words);
+                self.event(v1::EventKind::Anomaly, &words);
                 self.seen_anomalies.push(anomaly);
                 self.anomalies.push(words);
             }
@@ -52,7 +52,7 @@ impl Engine {
                 let (first, second) = (name(pair.0), name(pair.1));
                 let force = contact.force.norm();
                 self.event(
-                    "collision",
+                    v1::EventKind::Collision,
                     &format!("{first} hits {second} with {force:.0} N"),
                 );
                 self.seen_collisions.push(pair);

@@ -3,9 +3,11 @@
 use std::sync::Arc;
 
 use bytes::Bytes;
-use wheelarm_proto::keys::Query;
+use wheelarm_proto::Query;
+use wheelarm_proto::v1::FailureCode;
 use wheelarm_proto::{Message, v1};
 
+use super::denied::Denied;
 use super::engine::{Engine, Request};
 use super::errand::Errand;
 use super::render::RenderThread;
@@ -72,7 +74,7 @@ impl Engine {
     pub(super) fn reply(
         &self,
         asked: zenoh::query::Query,
-        answer: Result<impl Into<Bytes>, String>,
+        answer: Result<impl Into<Bytes>, Denied>,
     ) {
         match answer {
             Ok(bytes) => self
@@ -83,12 +85,12 @@ impl Engine {
         }
     }
 
-    pub(super) fn refuse(&self, asked: zenoh::query::Query, why: String) {
+    pub(super) fn refuse(&self, asked: zenoh::query::Query, why: Denied) {
         self.shared.replies.refuse(asked, self.stamp(), why);
     }
 
     /// The scenario that a reset asks for, every field of it checked.
-    fn wanted(&self, payload: &[u8]) -> Result<(Scenario, Bytes), String> {
+    fn wanted(&self, payload: &[u8]) -> Result<(Scenario, Bytes), Denied> {
         let request: v1::ResetRequest = decode(payload)?;
         self.may(
             "a reset takes its world away",
@@ -97,10 +99,10 @@ impl Engine {
         )?;
         let asked = request.scenario.unwrap_or_default();
         let scenario = convert::scenario_over(self.sim.scenario(), &asked);
-        Ok((scenario.map_err(|e| e.to_string())?, request.snapshot))
+        Ok((scenario?, request.snapshot))
     }
 
-    fn end(&self, payload: &[u8]) -> Result<bool, String> {
+    fn end(&self, payload: &[u8]) -> Result<bool, Denied> {
         let request: v1::EpisodeStopRequest = decode(payload)?;
         if request.discard {
             let what = "a discarded episode is lost";
@@ -111,16 +113,19 @@ impl Engine {
 
     /// What cannot be undone is refused while somebody else is in control,
     /// unless it is insisted on. This keeps accidents out, not attackers.
-    fn may(&self, what: &str, force: bool, secret: &str) -> Result<(), String> {
+    fn may(&self, what: &str, force: bool, secret: &str) -> Result<(), Denied> {
         let inbox = lock(&self.shared.inbox);
         let lease = inbox.lease();
         match lease.holder() {
-            Some(holder) if !force && !lease.knows(secret) => Err(format!(
-                "{:?} is in control, for {} s now, and {what}; wait until it gives control back, \
-                 or insist with `force` (on the command line: --force)",
-                holder.life.name,
-                holder.since.elapsed().as_secs()
-            )),
+            Some(holder) if !force && !lease.knows(secret) => {
+                let words = format!(
+                    "{:?} is in control, for {} s now, and {what}; wait until it gives control \
+                     back, or insist with `force` (on the command line: --force)",
+                    holder.life.name,
+                    holder.since.elapsed().as_secs()
+                );
+                Err(Denied::new(FailureCode::ControlHeld, words))
+            }
             _ => Ok(()),
         }
     }
@@ -131,24 +136,24 @@ impl Engine {
             .header(self.episode_number(), self.sim.snapshot().tick)
     }
 
-    fn made_at_once(&mut self, query: Query, payload: &[u8]) -> Result<Bytes, String> {
+    fn made_at_once(&mut self, query: Query, payload: &[u8]) -> Result<Bytes, Denied> {
         Ok(match query {
             Query::Status => self.status().encode_to_vec().into(),
             Query::Reach => self.reach(decode(payload)?)?.encode_to_vec().into(),
             Query::Pause | Query::Resume => {
                 self.paused = query == Query::Pause;
                 self.pace.restart();
-                self.event(
-                    if self.paused { "paused" } else { "resumed" },
-                    "by a client",
-                );
+                let kind = match self.paused {
+                    true => v1::EventKind::Paused,
+                    false => v1::EventKind::Resumed,
+                };
+                self.event(kind, "by a client");
                 self.ack()
             }
             Query::Episode => self.episode_state().encode_to_vec().into(),
             Query::Snapshot => self.snapshot()?,
             Query::Shutdown => {
-                // Whatever else it holds, a request to end is one.
-                let request = v1::ShutdownRequest::decode(payload).unwrap_or_default();
+                let request: v1::ShutdownRequest = decode(payload)?;
                 self.may("the server would end", request.force, &request.secret)?;
                 self.shared
                     .stop
@@ -189,7 +194,8 @@ impl Engine {
             paused: self.paused,
             real_time_factor: self.pace.factor(),
             episode: self.episode.as_ref().map(|e| e.started.clone()),
-            waiting_for: self.waiting_for.clone(),
+            waiting_for: self.waiting_for.words.clone(),
+            waiting_for_code: self.waiting_for.code.into(),
             recorders: lock(&self.shared.recorders).all(&self.shared.run_id),
             refused: lock(&self.shared.inbox).refused(),
             evaluation: Some(evaluation),
@@ -230,7 +236,9 @@ impl Engine {
             let mut known = lock(&shared.tasks);
             let tasks = match &*known {
                 Some(tasks) => tasks.clone(),
-                None => known.insert(task_list(&assets)?).clone(),
+                None => known
+                    .insert(task_list(&assets).map_err(Denied::internal)?)
+                    .clone(),
             };
             drop(known);
             Ok(v1::TaskList { header, tasks }.encode_to_vec().into())
@@ -250,7 +258,7 @@ impl Engine {
                 pose: Some(convert::pose(&g.pose)),
                 width: g.width,
                 symmetric: g.symmetric,
-                force: g.force,
+                force: (g.force > 0.0).then_some(g.force),
             })
         });
         v1::SceneReply {
@@ -262,7 +270,7 @@ impl Engine {
             objects: scene.objects.iter().map(|o| o.name.clone()).collect(),
             arm_mount: self.arm_mount().map(|p| convert::pose(&p)),
             tool_length: model.settings.tool_length,
-            footprint: model.settings.footprint.to_vec(),
+            footprint: Some(footprint(&model.settings.footprint)),
             joints: scene
                 .joints
                 .iter()
@@ -291,19 +299,18 @@ impl Engine {
             .unwrap_or_default()
     }
 
-    fn reach(&self, request: v1::ReachRequest) -> Result<v1::ReachReply, String> {
-        let pose = convert::isometry("pose", request.pose.as_ref()).map_err(|e| e.to_string())?;
+    fn reach(&self, request: v1::ReachRequest) -> Result<v1::ReachReply, Denied> {
+        let pose = convert::isometry("pose", request.pose.as_ref())?;
         let joints = self.sim.recorded_joints();
         let kinematics = self.sim.control().kinematics();
-        let solved = match request.near.as_slice() {
+        let solved = match request.near_joints.as_slice() {
             [] => {
                 let now = std::array::from_fn(|i| joints[ARM_JOINTS.start + i].position);
                 kinematics.solve(&pose, &now)
             }
             near => {
-                let near = wheelarm_proto::check::list::<6>("near", near);
-                let near = near.map_err(|e| e.to_string())?;
-                kinematics.solve_local(&pose, &near, NEAR_CHANGE)
+                let near = wheelarm_proto::check::list::<6>("near_joints", near);
+                kinematics.solve_local(&pose, &near?, NEAR_CHANGE)
             }
         };
         let header = Some(self.stamp());
@@ -324,8 +331,9 @@ impl Engine {
     }
 
     /// Megabytes that many may ask for: written once in an episode.
-    fn snapshot(&mut self) -> Result<Bytes, String> {
-        let episode = self.episode.as_ref().ok_or("no episode is running")?;
+    fn snapshot(&mut self) -> Result<Bytes, Denied> {
+        let none = || Denied::new(FailureCode::NoEpisode, "no episode is running");
+        let episode = self.episode.as_ref().ok_or_else(none)?;
         if let Some((number, bytes)) = &self.made.snapshot
             && *number == episode.number
         {
@@ -395,8 +403,11 @@ fn robot_files(folder: &std::path::Path) -> Vec<String> {
     names
 }
 
-fn decode<M: Message + Default>(payload: &[u8]) -> Result<M, String> {
-    M::decode(payload).map_err(|e| format!("the request cannot be read: {e}"))
+fn decode<M: Message + Default>(payload: &[u8]) -> Result<M, Denied> {
+    M::decode(payload).map_err(|e| {
+        let words = format!("the request cannot be read: {e}");
+        Denied::new(FailureCode::Invalid, words)
+    })
 }
 
 /// A body with the boxes of its collision shapes: in `house` for what stays, in
@@ -424,5 +435,14 @@ fn body(body: &Body, fixed: bool) -> v1::SceneBody {
         fixed,
         boxes,
         area: body.area.clone(),
+    }
+}
+
+fn footprint(&[x_min, x_max, y_min, y_max]: &[f64; 4]) -> v1::Footprint {
+    v1::Footprint {
+        x_min,
+        x_max,
+        y_min,
+        y_max,
     }
 }

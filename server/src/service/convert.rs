@@ -7,7 +7,7 @@ use wheelarm_proto::v1;
 
 use crate::robot::RobotModel;
 use crate::robot::control::{
-    ArmIntent, BaseIntent, ControlInput, GripperIntent, GripperMap, IntentFrame,
+    ArmIntent, ArmProblem, BaseIntent, ControlInput, GripperIntent, GripperMap, IntentFrame,
 };
 use crate::scene::{FurnitureJoint, Placement, Resistance, Scene};
 use crate::sensors::frames::RelativeState;
@@ -118,7 +118,9 @@ fn arm_intent(arm: &v1::ArmCommand) -> Result<ArmIntent, Invalid> {
     use v1::arm_command::Target;
     Ok(
         match arm.target.as_ref().ok_or(Invalid::Missing("arm target"))? {
-            Target::Joints(j) => ArmIntent::Joints(check::list("arm joint position", &j.position)?),
+            Target::Joints(j) => {
+                ArmIntent::Joints(check::list("arm joint position", &j.positions)?)
+            }
             Target::Pose(p) => ArmIntent::Pose {
                 frame: frame_from(p.frame),
                 pose: isometry("arm pose", p.pose.as_ref())?,
@@ -185,7 +187,7 @@ fn arm_command(intent: &ArmIntent) -> v1::ArmCommand {
     use v1::arm_command::Target;
     let target = match intent {
         ArmIntent::Joints(q) => Target::Joints(v1::JointTarget {
-            position: q.to_vec(),
+            positions: q.to_vec(),
         }),
         ArmIntent::Pose { frame, pose: p } => Target::Pose(v1::CartesianTarget {
             frame: frame_to(*frame),
@@ -215,6 +217,30 @@ fn arm_command(intent: &ArmIntent) -> v1::ArmCommand {
     }
 }
 
+fn failure(failure: tasks::Failure) -> v1::FailureReason {
+    use v1::FailureReason as Reason;
+    match failure {
+        tasks::Failure::Dropped => Reason::Dropped,
+        tasks::Failure::Tipped => Reason::Tipped,
+        tasks::Failure::Timeout => Reason::Timeout,
+        tasks::Failure::Unreachable => Reason::Unreachable,
+        tasks::Failure::HardCollision => Reason::HardCollision,
+        tasks::Failure::Lost => Reason::Lost,
+        tasks::Failure::Physics => Reason::Physics,
+    }
+}
+
+/// Why the arm does not follow, as a message tells it.
+pub fn arm_problem(problem: Option<ArmProblem>) -> v1::ArmProblem {
+    match problem {
+        None => v1::ArmProblem::Unspecified,
+        Some(ArmProblem::Unreachable) => v1::ArmProblem::Unreachable,
+        Some(ArmProblem::JointLimit) => v1::ArmProblem::JointLimit,
+        Some(ArmProblem::Stalled) => v1::ArmProblem::Stalled,
+        Some(ArmProblem::Hindered) => v1::ArmProblem::Hindered,
+    }
+}
+
 /// State of the task as a message, without header.
 pub fn evaluation(e: &tasks::Evaluation) -> v1::Evaluation {
     v1::Evaluation {
@@ -222,17 +248,22 @@ pub fn evaluation(e: &tasks::Evaluation) -> v1::Evaluation {
         success: e.success,
         done: e.done,
         failure: e.failure.map(|f| f.to_string()).unwrap_or_default(),
+        failure_reason: e
+            .failure
+            .map_or(v1::FailureReason::Unspecified, failure)
+            .into(),
         conditions: e
             .conditions
             .iter()
             .map(|c| v1::Condition {
                 name: c.name.clone(),
+                predicate: c.predicate.to_owned(),
                 holds: c.holds,
                 value: c.value,
                 required: c.required,
             })
             .collect(),
-        elapsed: e.elapsed,
+        elapsed_seconds: e.elapsed,
     }
 }
 
@@ -292,8 +323,8 @@ pub fn goal(goal: &tasks::Goal, target: &str, scene: &Scene) -> v1::TaskGoal {
 pub fn scenario(s: &Scenario) -> v1::Scenario {
     v1::Scenario {
         scene: s.scene.clone(),
-        task: s.task.clone(),
-        seed: s.seed,
+        task: Some(s.task.clone()),
+        seed: Some(s.seed),
         robot: s.robot.clone(),
         cameras: s
             .cameras
@@ -302,12 +333,12 @@ pub fn scenario(s: &Scenario) -> v1::Scenario {
                 name: c.name.clone(),
                 width: c.size[0],
                 height: c.size[1],
-                rate_hz: c.rate_hz,
+                rate_hz: Some(c.rate_hz),
             })
             .collect(),
-        state_rate_hz: s.state_rate_hz,
-        deformable_rate_hz: s.deformable_rate_hz,
-        imu_rate_hz: s.imu_rate_hz,
+        state_rate_hz: Some(s.state_rate_hz),
+        deformable_rate_hz: Some(s.deformable_rate_hz),
+        imu_rate_hz: Some(s.imu_rate_hz),
         pacing: match s.pacing {
             Pacing::RealTime => v1::Pacing::RealTime,
             Pacing::LockStep => v1::Pacing::LockStep,
@@ -318,7 +349,7 @@ pub fn scenario(s: &Scenario) -> v1::Scenario {
             Quality::Standard => v1::RenderQuality::Standard,
             Quality::High => v1::RenderQuality::High,
         } as i32,
-        imu_noise: s.imu_noise,
+        imu_noise: Some(s.imu_noise),
         objects: s
             .objects
             .iter()
@@ -339,8 +370,18 @@ pub fn scenario(s: &Scenario) -> v1::Scenario {
             })
             .collect(),
         start: s.start.as_ref().map(pose),
-        instruction: s.instruction.clone(),
-        target: s.target.clone(),
+        instruction: Some(s.instruction.clone()),
+        target: Some(s.target.clone()),
+    }
+}
+
+/// Rate of a camera whose rate is not told, Hz.
+const CAMERA_HZ: f64 = 10.0;
+
+/// Keeps what is new, if anything is.
+fn keep<T>(old: &mut T, new: Option<T>) {
+    if let Some(new) = new {
+        *old = new;
     }
 }
 
@@ -352,12 +393,12 @@ fn bounded(asked: &v1::Scenario) -> Result<(), Invalid> {
     check::few("cameras", &asked.cameras, MOST[0])?;
     check::few("objects", &asked.objects, MOST[1])?;
     check::few("slides", &asked.slides, MOST[2])?;
-    check::instruction(&asked.instruction)?;
+    check::instruction(asked.instruction())?;
     let given = [
-        ("scene name", &asked.scene),
-        ("task name", &asked.task),
-        ("robot name", &asked.robot),
-        ("target", &asked.target),
+        ("scene name", asked.scene.as_str()),
+        ("task name", asked.task()),
+        ("robot name", asked.robot.as_str()),
+        ("target", asked.target()),
     ];
     for (what, name) in given.into_iter().filter(|(_, name)| !name.is_empty()) {
         check::name(what, name)?;
@@ -371,8 +412,9 @@ fn bounded(asked: &v1::Scenario) -> Result<(), Invalid> {
     Ok(())
 }
 
-/// Applies a scenario message over the scenario in force: empty fields keep
-/// their values, except that a new task, scene or seed draws anew.
+/// Applies a scenario message over the scenario in force: what is absent keeps
+/// its value. A scene, task, robot or seed that is given, be it the same, draws
+/// anew what is not given.
 ///
 /// # Errors
 /// [`Invalid`] that names the field.
@@ -387,26 +429,32 @@ pub fn scenario_over(now: &Scenario, asked: &v1::Scenario) -> Result<Scenario, I
             expected: "the pacing that the server was started with; start another server for another",
         });
     }
-    let word = |new: &str, old: &mut String| {
-        if !new.is_empty() {
-            new.clone_into(old);
-        }
-    };
-    word(&asked.scene, &mut s.scene);
-    word(&asked.task, &mut s.task);
-    word(&asked.robot, &mut s.robot);
-    s.seed = asked.seed;
-    s.instruction.clone_from(&asked.instruction);
-    s.target.clone_from(&asked.target);
-    s.imu_noise = asked.imu_noise;
-    if asked.state_rate_hz != 0.0 {
-        s.state_rate_hz = check::finite("state_rate_hz", asked.state_rate_hz)?;
+    let named = !asked.scene.is_empty() || !asked.robot.is_empty();
+    if named || asked.task.is_some() || asked.seed.is_some() {
+        s.objects.clear();
+        s.slides.clear();
+        s.start = None;
+        s.instruction.clear();
+        s.target.clear();
     }
-    if asked.deformable_rate_hz != 0.0 {
-        s.deformable_rate_hz = check::finite("deformable_rate_hz", asked.deformable_rate_hz)?;
-    }
-    if asked.imu_rate_hz != 0.0 {
-        s.imu_rate_hz = check::finite("imu_rate_hz", asked.imu_rate_hz)?;
+    let given = |new: &str| (!new.is_empty()).then(|| new.to_owned());
+    keep(&mut s.scene, given(&asked.scene));
+    keep(&mut s.robot, given(&asked.robot));
+    keep(&mut s.task, asked.task.clone());
+    keep(&mut s.seed, asked.seed);
+    keep(&mut s.instruction, asked.instruction.clone());
+    keep(&mut s.target, asked.target.clone());
+    keep(&mut s.imu_noise, asked.imu_noise);
+    keep(&mut s.state_rate_hz, asked.state_rate_hz);
+    keep(&mut s.deformable_rate_hz, asked.deformable_rate_hz);
+    keep(&mut s.imu_rate_hz, asked.imu_rate_hz);
+    let rates = [
+        ("state_rate_hz", s.state_rate_hz),
+        ("deformable_rate_hz", s.deformable_rate_hz),
+        ("imu_rate_hz", s.imu_rate_hz),
+    ];
+    for (what, rate) in rates {
+        check::finite(what, rate)?;
     }
     if !asked.cameras.is_empty() {
         s.cameras = asked
@@ -415,7 +463,7 @@ pub fn scenario_over(now: &Scenario, asked: &v1::Scenario) -> Result<Scenario, I
             .map(|c| CameraSetting {
                 name: c.name.clone(),
                 size: [c.width, c.height],
-                rate_hz: c.rate_hz,
+                rate_hz: c.rate_hz.unwrap_or(CAMERA_HZ),
             })
             .collect();
     }
@@ -432,12 +480,10 @@ pub fn scenario_over(now: &Scenario, asked: &v1::Scenario) -> Result<Scenario, I
             });
         }
     }
-    s.start = asked
-        .start
-        .as_ref()
-        .map(|p| place("start", Some(p)))
-        .transpose()?;
-    s.objects = asked
+    if let Some(start) = &asked.start {
+        s.start = Some(place("start", Some(start))?);
+    }
+    let objects = asked
         .objects
         .iter()
         .map(|o| {
@@ -450,8 +496,8 @@ pub fn scenario_over(now: &Scenario, asked: &v1::Scenario) -> Result<Scenario, I
                 },
             ))
         })
-        .collect::<Result<_, Invalid>>()?;
-    s.slides = asked
+        .collect::<Result<Vec<_>, Invalid>>()?;
+    let slides = asked
         .slides
         .iter()
         .map(|slide| {
@@ -463,6 +509,70 @@ pub fn scenario_over(now: &Scenario, asked: &v1::Scenario) -> Result<Scenario, I
                 },
             ))
         })
-        .collect::<Result<_, Invalid>>()?;
+        .collect::<Result<Vec<_>, Invalid>>()?;
+    keep(&mut s.objects, (!objects.is_empty()).then_some(objects));
+    keep(&mut s.slides, (!slides.is_empty()).then_some(slides));
     Ok(s)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn in_force() -> Scenario {
+        let placed = Placement {
+            pose: Isometry3::translation(1.0, 2.0, 0.5),
+            mass: 0.3,
+            friction: 0.6,
+        };
+        Scenario {
+            seed: 7,
+            imu_noise: true,
+            instruction: "bring it".to_owned(),
+            target: "mustard".to_owned(),
+            objects: vec![("mustard".to_owned(), placed)],
+            start: Some(Isometry3::identity()),
+            ..Scenario::default()
+        }
+    }
+
+    #[test]
+    fn what_a_reset_does_not_say_stays_as_it_is() {
+        let now = in_force();
+        assert_eq!(
+            scenario_over(&now, &v1::Scenario::default()),
+            Ok(now.clone())
+        );
+        assert_eq!(scenario_over(&now, &scenario(&now)), Ok(now.clone()));
+        let asked = v1::Scenario {
+            imu_rate_hz: Some(0.0),
+            imu_noise: Some(false),
+            ..v1::Scenario::default()
+        };
+        let got = scenario_over(&now, &asked).unwrap();
+        assert_eq!((got.imu_rate_hz, got.imu_noise, got.seed), (0.0, false, 7));
+        assert_eq!(got.objects, now.objects);
+        assert_eq!(got.state_rate_hz, now.state_rate_hz);
+    }
+
+    #[test]
+    fn a_seed_that_is_given_draws_anew_what_is_not() {
+        let now = in_force();
+        let asked = v1::Scenario {
+            seed: Some(7),
+            target: Some("can".to_owned()),
+            ..v1::Scenario::default()
+        };
+        let got = scenario_over(&now, &asked).unwrap();
+        assert!(got.objects.is_empty() && got.start.is_none() && got.instruction.is_empty());
+        assert_eq!(
+            (got.seed, got.target.as_str(), got.imu_noise),
+            (7, "can", true)
+        );
+        let none = v1::Scenario {
+            task: Some(String::new()),
+            ..v1::Scenario::default()
+        };
+        assert_eq!(scenario_over(&now, &none).unwrap().task, "");
+    }
 }

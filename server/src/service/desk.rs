@@ -6,7 +6,7 @@
 use std::collections::VecDeque;
 use std::sync::Mutex;
 
-use wheelarm_proto::keys::Query;
+use wheelarm_proto::Query;
 
 use super::lock;
 
@@ -30,19 +30,9 @@ impl Lane {
     #[must_use]
     pub fn of(query: Query) -> Self {
         match query {
-            Query::Lease
-            | Query::Reset
-            | Query::Pause
-            | Query::Resume
-            | Query::EpisodeStart
-            | Query::EpisodeStop => Self::Act,
-            Query::Status
-            | Query::Scene
-            | Query::Tasks
-            | Query::Reach
-            | Query::Episode
-            | Query::Snapshot
-            | Query::Shutdown => Self::Look,
+            Query::Shutdown => Self::Look,
+            looks if looks.only_looks() => Self::Look,
+            _ => Self::Act,
         }
     }
 }

@@ -1,45 +1,30 @@
 //! The simulation thread: waits for what the pacing asks for, steps, publishes.
 
-use std::collections::{BTreeMap, VecDeque};
+use std::collections::VecDeque;
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
-use wheelarm_proto::keys::Query;
-use wheelarm_proto::{check, names, v1};
+use nalgebra::Isometry3;
+use wheelarm_proto::v1::WaitingFor;
+use wheelarm_proto::{Query, v1};
 
 use super::episode::{Episode, Stage};
 use super::errand::Errand;
-use super::inbox::Listening;
+use super::inbox::{Listening, Standing};
 use super::pace::Pace;
 use super::render::RenderThread;
 use super::waiting::Waiting;
-use super::{Options, ServiceError, Shared, answer, convert, lock, publish};
+use super::{Options, ServiceError, Shared, answer, lock, publish};
 use crate::sim::{Pacing, Simulation};
 use crate::snapshot::{Anomaly, BodyRef, Snapshot};
-
-/// Pictures that may be published beyond what the slowest recorder accepted.
-/// The transport's cache holds as many of each camera.
-pub(super) const CREDIT_WINDOW: u64 = 8;
-
-/// How long an announced episode waits for recorders that are not there, s.
-const ABSENT_SECS: u64 = 30;
-
-/// How long it waits for recorders that are there, but still finish files, s.
-const PRESENT_SECS: u64 = 120;
-
-/// How long a server that ends waits for its recorders to get the rest, s.
-const FAREWELL_SECS: u64 = 10;
-
-/// Ended episodes whose manifests are kept for recorders that ask late.
-const ENDED_EPISODES: usize = 8;
 
 /// Time for queries before each control tick. While a tick is not due they have
 /// all of it; a flood waits its turn and never holds physics up.
 const QUERIES: Duration = Duration::from_millis(2);
 
 /// Longest sleep of the loop, so that a lost wake-up costs little.
-const NAP: Duration = Duration::from_millis(50);
+pub(super) const NAP: Duration = Duration::from_millis(50);
 
 /// A query with its kind.
 pub struct Request {
@@ -59,10 +44,10 @@ pub struct Engine {
     pub(super) render: Option<RenderThread>,
     pub(super) episode: Option<Episode>,
     pub(super) paused: bool,
-    pub(super) waiting_for: String,
+    pub(super) waiting_for: Waits,
     pub(super) waiting: Waiting,
     pub(super) pace: Pace,
-    episodes: u64,
+    pub(super) episodes: u64,
     /// The last episodes that ended, oldest first.
     pub(super) ended: VecDeque<v1::EpisodeStopped>,
     pub(super) seen_anomalies: Vec<Anomaly>,
@@ -97,7 +82,7 @@ impl Engine {
             render: None,
             episode: None,
             paused: false,
-            waiting_for: String::new(),
+            waiting_for: Waits::default(),
             waiting: Waiting::new(),
             episodes: 0,
             ended: VecDeque::new(),
@@ -152,7 +137,7 @@ impl Engine {
         self.episode.as_ref().map_or(0, |e| e.number)
     }
 
-    fn listen(&self, listening: Listening) {
+    pub(super) fn listen(&self, listening: Listening) {
         lock(&self.shared.inbox).listen(listening, self.sim.snapshot().tick);
     }
 
@@ -202,38 +187,21 @@ impl Engine {
         }
     }
 
-    /// Keeps the session open until the recorders have got the rest.
-    fn wait_for_files(&mut self, episode: u64, participants: &[String]) {
-        let since = Instant::now();
-        while since.elapsed() < Duration::from_secs(FAREWELL_SECS) {
-            // They ask for the manifest.
-            while let Some(request) = self.shared.desk.next(false) {
-                self.answer(request);
-            }
-            let mut recorders = lock(&self.shared.recorders);
-            recorders.expire(Instant::now());
-            let waiting = recorders.slowest(&self.shared.run_id, episode, participants);
-            drop(recorders);
-            if waiting.is_none() {
-                return;
-            }
-            self.shared.signal.wait(NAP);
-        }
-    }
-
     /// Decides whether the next control tick may be taken.
     fn next(&mut self) -> Next {
-        self.waiting_for.clear();
+        self.waiting_for = Waits::default();
         if let Some(words) = self.sim.broken() {
-            self.waiting_for = format!("a `reset`, for the state is broken: {words}");
+            let words = format!("a `reset`, for the state is broken: {words}");
+            self.waiting_for = Waits::new(WaitingFor::Reset, words);
             return Next::Wait(NAP);
         }
         if let Some(failure) = self.render.as_ref().and_then(RenderThread::failure) {
-            self.waiting_for = format!("the cameras, which failed: {failure}");
+            let words = format!("the cameras, which failed: {failure}");
+            self.waiting_for = Waits::new(WaitingFor::FailedCameras, words);
             return Next::Wait(NAP);
         }
         if let Some(what) = self.errand.as_ref().and_then(Errand::holds_up) {
-            what.clone_into(&mut self.waiting_for);
+            self.waiting_for = Waits::new(WaitingFor::Cameras, what);
             return Next::Wait(NAP);
         }
         // Waiting here and not in the queue, it goes on answering.
@@ -243,8 +211,8 @@ impl Engine {
         let lock_step = self.sim.scenario().pacing == Pacing::LockStep;
         let Some(episode) = &self.episode else {
             if lock_step {
-                "an episode (lock-step time stands still between episodes)"
-                    .clone_into(&mut self.waiting_for);
+                let words = "an episode (lock-step time stands still between episodes)";
+                self.waiting_for = Waits::new(WaitingFor::Episode, words);
                 return Next::Wait(NAP);
             }
             return self.when_due();
@@ -257,13 +225,20 @@ impl Engine {
             if let Some(recorder) = self.recorder_without_credit() {
                 let away = lock(&self.shared.recorders).is_away(&recorder);
                 let lost = ["", ", whose connection is lost"][usize::from(away)];
-                self.waiting_for = format!("recorder {recorder}{lost}");
+                let words = format!("recorder {recorder}{lost}");
+                self.waiting_for = Waits::new(WaitingFor::Credit, words);
                 return Next::Wait(NAP);
             }
             if !lock(&self.shared.inbox).answered(self.sim.snapshot().tick) {
                 self.waiting_for = match lock(&self.shared.inbox).lease().holder() {
-                    Some(holder) => format!("the commander {:?}", holder.life.name),
-                    None => "a commander, for nobody holds control".to_owned(),
+                    Some(holder) => {
+                        let words = format!("the commander {:?}", holder.life.name);
+                        Waits::new(WaitingFor::Commander, words)
+                    }
+                    None => {
+                        let words = "a commander, for nobody holds control";
+                        Waits::new(WaitingFor::Control, words)
+                    }
                 };
                 return Next::Wait(NAP);
             }
@@ -277,81 +252,17 @@ impl Engine {
         wait.map_or(Next::Step, Next::Wait)
     }
 
-    fn wait_for_recorders(&mut self) -> Next {
-        let Some(episode) = &mut self.episode else {
-            return Next::Wait(NAP);
-        };
-        let (ready, failed) = {
-            let recorders = lock(&self.shared.recorders);
-            let run = &self.shared.run_id;
-            (
-                recorders.ready(run, episode.number),
-                recorders.failed(run, episode.number),
-            )
-        };
-        if ready.len() >= episode.required {
-            episode.participants = ready;
-            episode.stage = Stage::Running;
-            episode.running_since = Instant::now();
-            self.pace.restart();
-            self.publish_state();
-            let frames = self.sim.frames_now();
-            self.draw(frames);
-            return Next::Wait(Duration::ZERO);
-        }
-        let (have, need) = (ready.len(), episode.required);
-        let mut text = format!("recorders: {have} of {need} ready");
-        for (name, reason) in &failed {
-            text.push_str(&format!("; {name} failed: {reason}"));
-        }
-        let present = lock(&self.shared.recorders).present();
-        let patience = if present >= need {
-            PRESENT_SECS
-        } else {
-            ABSENT_SECS
-        };
-        let too_long = episode.since.elapsed() > Duration::from_secs(patience);
-        if !failed.is_empty() || too_long {
-            let text = format!("episode ended before it began, {text}");
-            self.event("note", &text);
-            self.end_episode(true, v1::EndCause::Recorders);
-        }
-        self.waiting_for = text;
-        Next::Wait(NAP)
-    }
-
-    fn report_lost_recorders(&mut self) {
-        let Some(episode) = &mut self.episode else {
-            return;
-        };
-        let lost = {
-            let mut recorders = lock(&self.shared.recorders);
-            recorders.expire(Instant::now());
-            recorders.lost_of(&episode.participants)
-        };
-        episode.participants.retain(|name| !lost.contains(name));
-        for name in lost {
-            self.event("note", &format!("recorder {name} was lost in this episode"));
-        }
-    }
-
-    fn recorder_without_credit(&self) -> Option<String> {
-        let episode = self.episode.as_ref()?;
-        // Those that are still being drawn as well: the cache holds no more.
-        let published = episode.pictures.values().sum::<u64>();
-        let recorders = lock(&self.shared.recorders);
-        let (name, accepted) =
-            recorders.slowest(&self.shared.run_id, episode.number, &episode.participants)?;
-        (published >= accepted.min(published).saturating_add(CREDIT_WINDOW)).then_some(name)
-    }
-
     fn step(&mut self) {
         let tick = self.sim.snapshot().tick;
         let now = match self.sim.scenario().pacing {
             Pacing::RealTime => self.shared.now(),
             Pacing::LockStep | Pacing::Fast => self.sim.snapshot().stamp_nanos() as f64 * 1e-9,
         };
-        let taken = lock(&self.shared.inbox).take(tick, now);
+        let taken = {
+            let mut inbox = lock(&self.shared.inbox);
+            inbox.stands(self.standing());
+            inbox.take(tick, now)
+        };
         let episode = self.episode_number();
         let outbox = Arc::clone(&self.shared.outbox);
         let step = self.sim.step_telling(&taken.input, |targets, control| {
@@ -368,7 +279,32 @@ impl Engine {
         self.draw(step.frames);
     }
 
-    fn publish_state(&self) {
+    /// What is in force before the next control tick.
+    fn standing(&self) -> Standing {
+        let (control, snapshot) = (self.sim.control(), self.sim.snapshot());
+        let state = control.state();
+        let base = self
+            .sim
+            .model()
+            .link(&self.sim.model().settings.arm_base_link);
+        let house_from = |link: usize| {
+            snapshot
+                .links
+                .get(link)
+                .map_or_else(Isometry3::identity, |l| l.pose)
+        };
+        let house_from_base = house_from(base.unwrap_or_default());
+        Standing {
+            joints: state.arm.position,
+            tool: control.kinematics().forward(&state.arm.position),
+            chair_from_base: house_from(0).inverse() * house_from_base,
+            house_from_base,
+            base: control.base_velocity_command(),
+            knuckle: state.gripper.position,
+        }
+    }
+
+    pub(super) fn publish_state(&self) {
         let tick = self.sim.snapshot().tick;
         self.shared.stamp_is(self.episode_number(), tick);
         let inbox = lock(&self.shared.inbox);
@@ -384,7 +320,7 @@ impl Engine {
         );
     }
 
-    fn draw(&mut self, frames: Vec<(Arc<Snapshot>, Vec<usize>)>) {
+    pub(super) fn draw(&mut self, frames: Vec<(Arc<Snapshot>, Vec<usize>)>) {
         let number = self.episode_number();
         let Some(render) = &self.render else {
             return;
@@ -407,183 +343,15 @@ impl Engine {
         }
     }
 
-    pub(super) fn event(&self, kind: &str, text: &str) {
-        tracing::info!("{kind}: {text}");
+    pub(super) fn event(&self, kind: v1::EventKind, text: &str) {
+        tracing::info!("{}: {text}", kind.word());
         let event = v1::Event {
             header: None,
-            kind: kind.to_owned(),
+            kind: kind.into(),
             text: text.to_owned(),
         };
         let tick = self.sim.snapshot().tick;
-        self.shared
-            .outbox
-            .state(names::EVENT_STREAM, self.episode_number(), tick, event);
-    }
-
-    /// Announces an episode; simulation time goes on when its recorders are ready.
-    /// What the cameras drew before it is out.
-    pub(super) fn start_episode(
-        &mut self,
-        request: v1::EpisodeStartRequest,
-    ) -> Result<v1::EpisodeStarted, String> {
-        if let Some(running) = &self.episode {
-            let label = &running.started.label;
-            return Err(format!("episode {label:?} is running; stop it first"));
-        }
-        if let Some(words) = self.sim.broken() {
-            return Err(format!(
-                "the state is broken, no episode can begin: {words}; ask for `reset` first"
-            ));
-        }
-        check::label(&request.label).map_err(|e| e.to_string())?;
-        check::instruction(&request.instruction).map_err(|e| e.to_string())?;
-        let lock_step = self.sim.scenario().pacing == Pacing::LockStep;
-        if lock_step {
-            self.check_commander(&request.commander)?;
-        } else if request.replay {
-            return Err(
-                "`replay` switches off the rule that stops the chair when its commander falls \
-                 silent: it is for lock-step, where time waits for every command; start a server \
-                 with --pacing lock-step"
-                    .to_owned(),
-            );
-        }
-        // In lock-step time waits for every recorder that is there.
-        let required = match lock_step {
-            true => lock(&self.shared.recorders)
-                .present()
-                .max(request.require_recorders as usize),
-            false => request.require_recorders as usize,
-        };
-        lock(&self.shared.recorders).begin();
-        if !request.replay {
-            self.sim.begin_episode();
-        }
-        let snapshot = self.sim.save().map_err(|e| e.to_string())?;
-        self.episodes += 1;
-        let number = self.episodes;
-        let scenario = self.sim.scenario();
-        let task = self.sim.task();
-        let instruction = match request.instruction.as_str() {
-            "" => scenario.instruction.clone(),
-            given => given.to_owned(),
-        };
-        let tick = self.sim.snapshot().tick;
-        let started = v1::EpisodeStarted {
-            header: Some(self.shared.outbox.header(number, tick)),
-            label: request.label,
-            instruction,
-            scenario: Some(convert::scenario(scenario)),
-            activity: task.map(|t| t.activity.clone()).unwrap_or_default(),
-            area: task.map(|t| t.area.clone()).unwrap_or_default(),
-            streams: names::STREAMS.iter().map(|s| (*s).to_owned()).collect(),
-            cameras: self.camera_names(),
-            adapter: self
-                .render
-                .as_ref()
-                .map(|r| r.adapter.clone())
-                .unwrap_or_default(),
-            version: env!("CARGO_PKG_VERSION").to_owned(),
-            objects: self
-                .sim
-                .scene()
-                .objects
-                .iter()
-                .map(|o| o.name.clone())
-                .collect(),
-            joints: self
-                .sim
-                .scene()
-                .joints
-                .iter()
-                .map(|j| j.name.clone())
-                .collect(),
-            physics_version: wheelarm_proto::PHYSICS_VERSION,
-        };
-        self.episode = Some(Episode {
-            number,
-            started: started.clone(),
-            snapshot: snapshot.into(),
-            stage: Stage::Waiting,
-            required,
-            pictures: BTreeMap::new(),
-            participants: Vec::new(),
-            since: Instant::now(),
-            running_since: Instant::now(),
-        });
-        if required > 0 {
-            // Whoever asks at once is not told that it runs.
-            self.waiting_for = format!("recorders: 0 of {required} ready");
-        }
-        self.listen(Listening {
-            episode: number,
-            lock_step,
-            replay: request.replay,
-        });
-        self.forget_anomalies();
-        self.shared.outbox.episode_start(tick, started.clone());
-        Ok(started)
-    }
-
-    /// In lock-step time waits for whoever holds control; `wanted` must be that one.
-    fn check_commander(&self, wanted: &str) -> Result<(), String> {
-        let inbox = lock(&self.shared.inbox);
-        let holder = inbox.lease().holder().map(|h| h.life.name.as_str());
-        match holder {
-            Some(holder) if wanted.is_empty() || wanted == holder => Ok(()),
-            Some(holder) => Err(format!(
-                "in lock-step the simulation waits for one commander: {wanted:?} is asked for, but \
-                 {holder:?} holds control (query `lease`)"
-            )),
-            None => Err(
-                "in lock-step the simulation waits for one commander, and nobody holds control: \
-                 ask for it first (query `lease`), or hold it from another terminal with \
-                 `wheelarm lease hold`"
-                    .to_owned(),
-            ),
-        }
-    }
-
-    /// Closes the running episode, whose pictures are all out, and publishes its
-    /// manifest.
-    pub(super) fn stop_episode(
-        &mut self,
-        discard: bool,
-        cause: v1::EndCause,
-    ) -> Option<v1::EpisodeStopped> {
-        let episode = self.episode.take()?;
-        let tick = self.sim.snapshot().tick;
-        let mut manifest = self
-            .shared
-            .outbox
-            .manifest(episode.number, &self.camera_names());
-        // Pictures that fell due but were never drawn are missing, not absent.
-        for line in &mut manifest {
-            let camera = line.stream.strip_prefix("camera/").unwrap_or_default();
-            let due = episode.pictures.get(camera).copied().unwrap_or_default();
-            if due > line.count {
-                line.count = due;
-                line.last = line.first + due - 1;
-            }
-        }
-        let stopped = v1::EpisodeStopped {
-            header: Some(self.shared.outbox.header(episode.number, tick)),
-            discard,
-            evaluation: Some(convert::evaluation(self.sim.evaluation())),
-            manifest,
-            wall_seconds: episode.running_since.elapsed().as_secs_f64(),
-            cause: cause.into(),
-            anomalies: self.anomalies.clone(),
-        };
-        // Whoever hears of the end may ask for it at once.
-        self.ended.push_back(stopped.clone());
-        if self.ended.len() > ENDED_EPISODES {
-            self.ended.pop_front();
-        }
-        self.shared.outbox.episode_stop(tick, stopped.clone());
-        self.listen(Listening::default());
-        self.pace.restart();
-        Some(stopped)
+        self.shared.outbox.put(self.episode_number(), tick, event);
     }
 
     /// Begins anew with the simulation that was just put in place.
@@ -596,7 +364,23 @@ impl Engine {
     }
 }
 
-enum Next {
+/// Whom or what time waits for.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(super) struct Waits {
+    /// For programs.
+    pub(super) code: WaitingFor,
+    /// For people; empty when it waits for nothing.
+    pub(super) words: String,
+}
+
+impl Waits {
+    pub(super) fn new(code: WaitingFor, words: impl Into<String>) -> Self {
+        let words = words.into();
+        Self { code, words }
+    }
+}
+
+pub(super) enum Next {
     Step,
     Wait(Duration),
 }

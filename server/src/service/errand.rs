@@ -5,9 +5,11 @@ use std::sync::Arc;
 use std::sync::mpsc::{self, Receiver, TryRecvError};
 use std::time::{Duration, Instant};
 
+use wheelarm_proto::v1::FailureCode;
 use wheelarm_proto::{Message, v1};
 use zenoh::query::Query;
 
+use super::denied::Denied;
 use super::engine::Engine;
 use super::render::RenderThread;
 use super::{answer, convert};
@@ -27,7 +29,7 @@ pub(super) enum Errand {
     /// A scenario is being set up; the world in force goes on.
     Load {
         asked: Query,
-        loading: Receiver<Result<Loaded, String>>,
+        loading: Receiver<Result<Loaded, Denied>>,
     },
     /// It takes the place of the one in force when the cameras have drawn that.
     Place { asked: Query, loaded: Box<Loaded> },
@@ -65,9 +67,10 @@ impl Engine {
         &self,
         scenario: Scenario,
         snapshot: bytes::Bytes,
-    ) -> Result<Receiver<Result<Loaded, String>>, String> {
+    ) -> Result<Receiver<Result<Loaded, Denied>>, Denied> {
         if self.episode.is_some() {
-            return Err("an episode is running; stop it before a reset".to_owned());
+            let words = "an episode is running; stop it before a reset";
+            return Err(Denied::new(FailureCode::EpisodeRuns, words));
         }
         let (done, loading) = mpsc::sync_channel(1);
         let (assets, signal) = (
@@ -80,11 +83,11 @@ impl Engine {
             let late = move || since.elapsed() > SETTLING;
             let load = || {
                 let mut sim =
-                    Simulation::new_within(&assets, scenario, &late).map_err(|e| e.to_string())?;
+                    Simulation::new_within(&assets, scenario, &late).map_err(Denied::scenario)?;
                 if !snapshot.is_empty() {
-                    sim.restore(&snapshot).map_err(|e| e.to_string())?;
+                    sim.restore(&snapshot).map_err(Denied::scenario)?;
                 }
-                let asset_texts = answer::asset_texts(&sim)?;
+                let asset_texts = answer::asset_texts(&sim).map_err(Denied::internal)?;
                 Ok(Loaded { sim, asset_texts })
             };
             let _ = done.send(load());
@@ -92,7 +95,7 @@ impl Engine {
         });
         match thread {
             Ok(_) => Ok(loading),
-            Err(e) => Err(format!("no thread can be started: {e}")),
+            Err(e) => Err(Denied::internal(format!("no thread can be started: {e}"))),
         }
     }
 
@@ -113,7 +116,8 @@ impl Engine {
                 return;
             }
             Some(Errand::Start { asked, .. }) => {
-                self.refuse(asked, "another episode is running and just ends".to_owned());
+                let words = "another episode is running and just ends";
+                self.refuse(asked, Denied::new(FailureCode::EpisodeRuns, words));
             }
             // A scenario is not set up while an episode runs.
             Some(Errand::Load { .. } | Errand::Place { .. }) | None => {}
@@ -143,7 +147,7 @@ impl Engine {
                     Err(TryRecvError::Disconnected) => {
                         let why = "the scenario could not be set up (the log says why); the world \
                                    is as it was";
-                        self.refuse(asked, why.to_owned());
+                        self.refuse(asked, Denied::internal(why));
                     }
                 },
                 waiting if !drawn => {
@@ -165,7 +169,9 @@ impl Engine {
                 } => {
                     let stopped = self.stop_episode(discard, cause);
                     if let Some(asked) = asked {
-                        let answer = stopped.ok_or_else(|| "no episode is running".to_owned());
+                        let answer = stopped.ok_or_else(|| {
+                            Denied::new(FailureCode::NoEpisode, "no episode is running")
+                        });
                         self.reply(asked, answer.map(|reply| reply.encode_to_vec()));
                     }
                 }
@@ -175,7 +181,7 @@ impl Engine {
 
     /// Puts a simulation in the place of the one in force, which stays when the
     /// cameras cannot be set up for it.
-    fn place(&mut self, loaded: Loaded) -> Result<v1::ResetReply, String> {
+    fn place(&mut self, loaded: Loaded) -> Result<v1::ResetReply, Denied> {
         let Loaded { sim, asset_texts } = loaded;
         let names = |sim: &Simulation| -> Vec<String> {
             let objects = sim.scene().objects.iter();
@@ -194,8 +200,8 @@ impl Engine {
         if !same_cameras && let Err(e) = self.start_cameras() {
             self.sim = before;
             self.start_cameras()
-                .map_err(|again| format!("{e}; then {again}"))?;
-            return Err(e.to_string());
+                .map_err(|again| Denied::internal(format!("{e}; then {again}")))?;
+            return Err(Denied::scenario(e));
         }
         self.asset_texts = asset_texts;
         self.renew();

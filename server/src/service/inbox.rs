@@ -8,16 +8,22 @@
 mod goals;
 mod lease;
 mod rate;
+mod span;
 
 use std::collections::BTreeMap;
 use std::time::Instant;
 
+use wheelarm_proto::schema::OtherVersion;
+use wheelarm_proto::v1::RefusalCode;
 use wheelarm_proto::{Message, PHYSICS_HZ, TICKS_PER_CONTROL, check, seal, v1};
 
 use self::goals::Goals;
 pub use self::lease::{Asked, Granted, Lease, Life};
 pub use self::rate::Bucket;
+use self::span::Span;
+pub use self::span::Standing;
 use super::convert;
+use super::denied::Denied;
 use crate::robot::control::{ArmIntent, BaseIntent, ControlInput, GripperMap};
 
 /// Age of the newest chair or twist command at which braking starts, s.
@@ -65,9 +71,14 @@ pub struct Refused {
     pub commander: String,
     /// Sequence number of the command.
     pub sequence: u64,
+    /// What is wrong, for programs.
+    pub code: RefusalCode,
     /// What is wrong and what would be right.
     pub reason: String,
 }
+
+/// A code for programs, words for people.
+type Why = (RefusalCode, String);
 
 /// Whom the gate listens to.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -105,6 +116,10 @@ pub struct Inbox {
     pending: Vec<v1::Command>,
     /// Lock-step: commands by the tick they answer.
     answers: BTreeMap<u64, v1::Command>,
+    /// Lock-step: the command that answers for several control ticks.
+    span: Option<Span>,
+    /// What is in force, for the next span.
+    standing: Option<Standing>,
     next_tick: u64,
     base: Active,
     twist: Active,
@@ -127,6 +142,8 @@ impl Inbox {
             brake: Brake::default(),
             pending: Vec::new(),
             answers: BTreeMap::new(),
+            span: None,
+            standing: None,
             next_tick: 0,
             base: Active::default(),
             twist: Active::default(),
@@ -150,6 +167,7 @@ impl Inbox {
         self.listening = listening;
         self.pending.clear();
         self.answers.clear();
+        self.span = None;
         self.next_tick = next_tick;
         self.base = Active::default();
         self.twist = Active::default();
@@ -183,7 +201,7 @@ impl Inbox {
     ///
     /// # Errors
     /// Who has it, and how to get it.
-    pub fn ask(&mut self, life: Life, asked: &Asked, now: Instant) -> Result<Granted, String> {
+    pub fn ask(&mut self, life: Life, asked: &Asked, now: Instant) -> Result<Granted, Denied> {
         let granted = self.lease.ask(life, asked, now)?;
         if matches!(granted, Granted::From(_)) {
             self.end_control();
@@ -195,7 +213,7 @@ impl Inbox {
     ///
     /// # Errors
     /// When `secret` is not the lease's.
-    pub fn release(&mut self, life: &Life, secret: &str) -> Result<bool, String> {
+    pub fn release(&mut self, life: &Life, secret: &str) -> Result<bool, Denied> {
         let ended = self.lease.release(life, secret)?;
         if ended {
             self.end_control();
@@ -207,6 +225,7 @@ impl Inbox {
     fn end_control(&mut self) {
         self.pending.clear();
         self.answers.clear();
+        self.span = None;
         self.base = Active::default();
         self.twist = Active::default();
         self.goals.clear();
@@ -234,68 +253,113 @@ impl Inbox {
         too_long(bytes)
     }
 
-    /// Takes a message from the network at `now`, wall time in seconds.
+    /// Refuses a message of another version of the contract, unread.
+    pub fn refuse_version(&mut self, from: &str, other: &OtherVersion) -> Refused {
+        self.refused += 1;
+        Refused {
+            commander: from.chars().take(64).collect(),
+            ..nobody(RefusalCode::Version, other.to_string())
+        }
+    }
+
+    /// Takes a message at `now`, wall time in seconds, that came under the key of
+    /// the commander `from`: nobody speaks for another.
     ///
     /// # Errors
     /// [`Refused`] with the reason; the state is as if it had never come.
+    pub fn accept_from(&mut self, from: &str, bytes: &[u8], now: f64) -> Result<(), Refused> {
+        self.count(|inbox| inbox.try_accept(Some(from), bytes, now))
+    }
+
+    /// As [`Inbox::accept_from`] of whomever the message names.
+    ///
+    /// # Errors
+    /// As [`Inbox::accept_from`].
     pub fn accept(&mut self, bytes: &[u8], now: f64) -> Result<(), Refused> {
-        let result = self.try_accept(bytes, now);
+        self.count(|inbox| inbox.try_accept(None, bytes, now))
+    }
+
+    fn count(
+        &mut self,
+        taken: impl FnOnce(&mut Self) -> Result<(), Refused>,
+    ) -> Result<(), Refused> {
+        let result = taken(self);
         if result.is_err() {
             self.refused += 1;
         }
         result
     }
 
-    fn try_accept(&mut self, bytes: &[u8], now: f64) -> Result<(), Refused> {
+    fn try_accept(&mut self, from: Option<&str>, bytes: &[u8], now: f64) -> Result<(), Refused> {
         if bytes.len() > MAX_BYTES {
             return Err(too_long(bytes.len()));
         }
-        let command = v1::Command::decode(bytes)
-            .map_err(|e| nobody(format!("not a wheelarm.v1.Command: {e}")))?;
+        let command = v1::Command::decode(bytes).map_err(|e| {
+            let words = format!("not a wheelarm.v1.Command: {e}");
+            nobody(RefusalCode::Invalid, words)
+        })?;
         let header = command.header.clone().unwrap_or_default();
-        let refuse = |reason| Refused {
+        let refuse = |(code, reason): Why| Refused {
             commander: command.commander.chars().take(64).collect(),
             sequence: header.sequence,
+            code,
             reason,
         };
         wheelarm_proto::keys::check_name(&command.commander).map_err(|_| {
-            refuse("commander must be 1 to 64 letters, digits, `-` or `_`".to_owned())
+            let words = "commander must be 1 to 64 letters, digits, `-` or `_`";
+            refuse((RefusalCode::Invalid, words.to_owned()))
         })?;
+        if let Some(from) = from.filter(|from| *from != command.commander) {
+            let words = format!(
+                "the command names {:?} and came under the key of {:?}; send under \
+                 `command/NAME` with your own name",
+                command.commander,
+                check::beginning(from)
+            );
+            return Err(refuse((RefusalCode::Foreign, words)));
+        }
         if !self.closed.is_empty() {
-            return Err(refuse(self.closed.clone()));
+            return Err(refuse((RefusalCode::Closed, self.closed.clone())));
         }
         self.check_control(&command.commander, &header.run_id, bytes)
             .map_err(refuse)?;
         if !self.listening.lock_step && !self.rate.take(now) {
-            return Err(refuse(format!(
-                "more than {} commands per second; 60 are of use",
-                RATE.0
-            )));
+            let words = format!("more than {} commands per second; 60 are of use", RATE.0);
+            return Err(refuse((RefusalCode::Rate, words)));
         }
-        check::command(&command).map_err(|e| refuse(e.to_string()))?;
+        check::command(&command).map_err(|e| refuse((RefusalCode::Invalid, e.to_string())))?;
         if header.episode != self.listening.episode {
-            return Err(refuse(format!(
+            let words = format!(
                 "command is for episode {}, running is {} (0 is none)",
                 header.episode, self.listening.episode
-            )));
+            );
+            return Err(refuse((RefusalCode::Episode, words)));
         }
         if self.listening.lock_step {
             let tick = command.answers_tick;
             if tick < self.next_tick {
-                return Err(refuse(format!(
+                let words = format!(
                     "command answers tick {tick}, the simulation is at {}",
                     self.next_tick
-                )));
+                );
+                return Err(refuse((RefusalCode::TooOld, words)));
             }
             let ahead = (tick - self.next_tick) / TICKS_PER_CONTROL;
             if self.answers.contains_key(&tick) {
-                return Err(refuse(format!("tick {tick} has been answered already")));
+                let words = format!("tick {tick} has been answered already");
+                return Err(refuse((RefusalCode::Answered, words)));
             }
             if ahead >= MAX_AHEAD {
-                return Err(refuse(format!("more than {MAX_AHEAD} commands ahead")));
+                let words = format!("more than {MAX_AHEAD} commands ahead");
+                return Err(refuse((RefusalCode::Ahead, words)));
             }
         }
         if !self.listening.lock_step {
+            if command.over_ticks > 1 {
+                let words = "over_ticks is for lock-step, where time waits for answers; send a \
+                             command per control tick, or start a server with --pacing lock-step";
+                return Err(refuse((RefusalCode::Invalid, words.to_owned())));
+            }
             self.check_age(&command).map_err(refuse)?;
         }
         self.check_sequence(header.sequence).map_err(refuse)?;
@@ -312,26 +376,36 @@ impl Inbox {
         Ok(())
     }
 
-    fn check_control(&self, name: &str, run_id: &str, bytes: &[u8]) -> Result<(), String> {
+    fn check_control(&self, name: &str, run_id: &str, bytes: &[u8]) -> Result<(), Why> {
         let Some(holder) = self.lease.holder() else {
-            return Err("nobody holds control; ask for control first (query `lease`)".to_owned());
+            return Err((
+                RefusalCode::NoControl,
+                "nobody holds control; ask for control first (query `lease`)".to_owned(),
+            ));
         };
         let life = &holder.life;
         if life.name != name {
-            return Err(format!(
-                "control is held by {:?}; take it over with the query `lease`",
-                life.name
+            return Err((
+                RefusalCode::ControlHeld,
+                format!(
+                    "control is held by {:?}; take it over with the query `lease`",
+                    life.name
+                ),
             ));
         }
         if life.run_id != run_id {
-            return Err(format!(
-                "control is held by another process that is named {name:?} too"
+            return Err((
+                RefusalCode::ControlHeld,
+                format!("control is held by another process that is named {name:?} too"),
             ));
         }
         if holder.sealed && !seal::holds(bytes, &holder.secret) {
-            return Err(format!(
-                "{name:?} seals its commands, and this one has no seal or a wrong one: somebody \
+            return Err((
+                RefusalCode::Seal,
+                format!(
+                    "{name:?} seals its commands, and this one has no seal or a wrong one: somebody \
                  else sends in its name"
+                ),
             ));
         }
         Ok(())
@@ -339,7 +413,7 @@ impl Inbox {
 
     /// Refuses what comes too late to make sense. What only stops is taken at
     /// any age; what drives must say which state it answers.
-    fn check_age(&self, command: &v1::Command) -> Result<(), String> {
+    fn check_age(&self, command: &v1::Command) -> Result<(), Why> {
         let tick = command.answers_tick;
         if check::stops(command) {
             return Ok(());
@@ -347,50 +421,63 @@ impl Inbox {
         // The newest state that anybody can have seen.
         let newest = self.next_tick.saturating_add(TICKS_PER_CONTROL);
         if tick > newest {
-            return Err(format!(
-                "command answers tick {tick}, which the simulation has not reached (it is at {})",
-                self.next_tick
+            return Err((
+                RefusalCode::Ahead,
+                format!(
+                    "command answers tick {tick}, which the simulation has not reached (it is at {})",
+                    self.next_tick
+                ),
             ));
         }
         if tick == 0 {
             // Tick 0 itself can be answered while it is new.
             if check::drives(command) && self.next_tick > TICKS_PER_CONTROL {
-                return Err(
+                return Err((
+                    RefusalCode::NoTick,
                     "answers_tick is 0: a command that drives the chair or gives the arm a twist \
                      says which state it answers; set it to header.tick of the newest `clock`"
                         .to_owned(),
-                );
+                ));
             }
             return Ok(());
         }
         let age = self.next_tick.saturating_sub(tick);
         if age > MAX_AGE {
-            return Err(format!(
-                "command answers a state that is {:.2} s old, at most 1 s is taken",
-                age as f64 / PHYSICS_HZ as f64
+            return Err((
+                RefusalCode::TooOld,
+                format!(
+                    "command answers a state that is {:.2} s old, at most 1 s is taken",
+                    age as f64 / PHYSICS_HZ as f64
+                ),
             ));
         }
         Ok(())
     }
 
-    fn check_sequence(&mut self, sequence: u64) -> Result<(), String> {
+    fn check_sequence(&mut self, sequence: u64) -> Result<(), Why> {
         let Some(holder) = self.lease.holder_mut() else {
             return Ok(());
         };
         if let Some(last) = holder.last_sequence
             && sequence <= last
         {
-            return Err(format!(
-                "sequence number {sequence} is not newer than {last} (old, repeated or reordered); \
+            return Err((
+                RefusalCode::Sequence,
+                format!(
+                    "sequence number {sequence} is not newer than {last} (old, repeated or reordered); \
                  asking for control again starts the numbers anew"
+                ),
             ));
         }
         if let Some(last) = holder.last_sequence
             && sequence - last > MAX_JUMP
         {
-            return Err(format!(
-                "sequence number {sequence} jumps by more than {MAX_JUMP} from {last}; count up \
+            return Err((
+                RefusalCode::Sequence,
+                format!(
+                    "sequence number {sequence} jumps by more than {MAX_JUMP} from {last}; count up \
                  by one per command"
+                ),
             ));
         }
         holder.last_sequence = Some(sequence);
@@ -400,13 +487,20 @@ impl Inbox {
     /// Whether the lock-step commander has answered `tick`.
     #[must_use]
     pub fn answered(&self, tick: u64) -> bool {
-        !self.listening.lock_step || self.answers.contains_key(&tick)
+        let spanned = || self.span.as_ref().is_some_and(|span| span.covers(tick));
+        !self.listening.lock_step || self.answers.contains_key(&tick) || spanned()
     }
 
     /// Whether a command or a brake waits for the next control tick.
     #[must_use]
     pub fn has_pending(&self) -> bool {
         !self.pending.is_empty() || self.brake.base || self.brake.arm
+    }
+
+    /// Tells what is in force before the next control tick, from which a command
+    /// for several of them goes on.
+    pub fn stands(&mut self, standing: Standing) {
+        self.standing = Some(standing);
     }
 
     /// Takes what is to be applied at `tick`; `now` is the age clock in seconds.
@@ -426,9 +520,15 @@ impl Inbox {
                 self.phase = (command.phase, name);
             }
             // Checked when it came in, so that nothing can be missing here.
-            let Ok(input) = convert::control_input(command, &self.gripper) else {
+            let Ok(mut input) = convert::control_input(command, &self.gripper) else {
                 continue;
             };
+            self.span = None;
+            if let (Some(standing), true) = (self.standing, command.over_ticks > 1) {
+                let span = Span::new(standing, input.clone(), tick, command.over_ticks);
+                input = span.input(tick).unwrap_or(input);
+                self.span = Some(span);
+            }
             let arm = match input.arm {
                 Some(arm) if even => self.goals.came(tick, command.answers_tick, arm),
                 arm => arm,
@@ -439,6 +539,16 @@ impl Inbox {
         }
         if even {
             taken.input.arm = self.goals.play(tick).or(taken.input.arm);
+        }
+        // An answer of its own comes before that of a span.
+        if commands.is_empty()
+            && let Some(input) = self.span.as_ref().and_then(|span| span.input(tick))
+        {
+            taken.input = ControlInput {
+                arm: input.arm.or(taken.input.arm.take()),
+                base: input.base.or(taken.input.base),
+                gripper: input.gripper.or(taken.input.gripper),
+            };
         }
         taken.commands = commands;
         self.apply_age(&mut taken, now);
@@ -484,18 +594,18 @@ impl Inbox {
     }
 }
 
-fn nobody(reason: String) -> Refused {
+fn nobody(code: RefusalCode, reason: String) -> Refused {
     Refused {
         commander: String::new(),
         sequence: 0,
+        code,
         reason,
     }
 }
 
 fn too_long(bytes: usize) -> Refused {
-    nobody(format!(
-        "command has {bytes} bytes, at most {MAX_BYTES} are taken"
-    ))
+    let words = format!("command has {bytes} bytes, at most {MAX_BYTES} are taken");
+    nobody(RefusalCode::TooLong, words)
 }
 
 #[cfg(test)]

@@ -7,12 +7,14 @@ use std::sync::mpsc::Receiver;
 use std::time::{Duration, Instant};
 
 use wheelarm_proto::keys::{self, Keys};
+use wheelarm_proto::v1::FailureCode;
 use wheelarm_proto::{Message, v1};
 use zenoh::pubsub::Subscriber;
 use zenoh::query::Query;
 use zenoh::sample::SampleKind;
 use zenoh::{Session, Wait};
 
+use super::denied::Denied;
 use super::inbox::{Asked, Granted, Life};
 use super::{Shared, lock};
 
@@ -59,24 +61,39 @@ impl Leases {
         let payload = asked.payload().map(|p| p.to_bytes().into_owned());
         let request = v1::LeaseRequest::decode(payload.unwrap_or_default().as_slice());
         let answer = request
-            .map_err(|e| format!("the request cannot be read: {e}"))
-            .and_then(|request| self.reply(request));
+            .map_err(|e| {
+                let words = format!("the request cannot be read: {e}");
+                Denied::new(FailureCode::Invalid, words)
+            })
+            .and_then(|request: v1::LeaseRequest| {
+                let from = Keys::sender_of(asked.key_expr().as_str());
+                if from == request.commander {
+                    return self.reply(request);
+                }
+                let words = format!(
+                    "the request names {:?} and came under the key of {from:?}; ask under \
+                     `query/lease/NAME` with your own name",
+                    wheelarm_proto::check::beginning(&request.commander)
+                );
+                Err(Denied::new(FailureCode::Foreign, words))
+            });
         let (replies, stamp) = (&self.shared.replies, self.shared.stamp());
         match answer {
             Ok(reply) => replies.answer(asked, stamp, reply.encode_to_vec().into()),
-            Err(message) => replies.refuse(asked, stamp, message),
+            Err(why) => replies.refuse(asked, stamp, why),
         }
     }
 
-    fn reply(&mut self, request: v1::LeaseRequest) -> Result<v1::LeaseReply, String> {
+    fn reply(&mut self, request: v1::LeaseRequest) -> Result<v1::LeaseReply, Denied> {
         let name = request.commander;
         let run_id = request.header.unwrap_or_default().run_id;
         for word in [&name, &run_id] {
             keys::check_name(word).map_err(|_| {
-                format!(
+                let words = format!(
                     "commander and run id must be 1 to 64 letters, digits, `-` or `_`, not {:?}",
                     wheelarm_proto::check::beginning(word)
-                )
+                );
+                Denied::new(FailureCode::Invalid, words)
             })?;
         }
         let life = Life { name, run_id };
@@ -149,7 +166,7 @@ impl Leases {
         asked.is_ok_and(|replies| replies.iter().any(|reply| reply.result().is_ok()))
     }
 
-    fn watch(&self, life: &Life) -> Result<Subscriber<()>, String> {
+    fn watch(&self, life: &Life) -> Result<Subscriber<()>, Denied> {
         let (shared, name) = (Arc::clone(&self.shared), life.name.clone());
         let life = life.clone();
         self.session
@@ -161,7 +178,7 @@ impl Leases {
                 }
             })
             .wait()
-            .map_err(|e| format!("the token of {name:?} cannot be watched: {e}"))
+            .map_err(|e| Denied::internal(format!("the token of {name:?} cannot be watched: {e}")))
     }
 
     fn tell(&self, words: String) {

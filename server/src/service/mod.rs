@@ -7,6 +7,7 @@
 mod anomalies;
 mod answer;
 pub mod convert;
+mod denied;
 mod desk;
 mod engine;
 mod episode;
@@ -31,11 +32,13 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError, mpsc};
 use std::time::{Duration, Instant};
 
-use wheelarm_proto::keys::{self, Keys, Query};
-use wheelarm_proto::{Message, v1};
-use zenoh::sample::SampleKind;
+use wheelarm_proto::Query;
+use wheelarm_proto::keys::{self, Keys};
+use wheelarm_proto::{Message, schema, v1};
+use zenoh::sample::{Sample, SampleKind};
 use zenoh::{Session, Wait};
 
+use self::denied::Denied;
 use self::desk::{Desk, Lane};
 use self::engine::{Engine, Request};
 use self::inbox::{Inbox, Life};
@@ -151,8 +154,8 @@ pub async fn run(
     let _commands = {
         let shared = Arc::clone(&shared);
         session
-            .declare_subscriber(keys.command())
-            .callback(move |sample| shared.take_command(sample.payload()))
+            .declare_subscriber(keys.command("*"))
+            .callback(move |sample| shared.take_command(&sample))
             .wait()?
     };
     let _statuses = {
@@ -160,10 +163,14 @@ pub async fn run(
         session
             .declare_subscriber(keys.recorder("*"))
             .callback(move |sample| {
-                if sample.payload().len() > MAX_STATUS {
+                let version = schema::check(&sample.encoding().to_string());
+                if sample.payload().len() > MAX_STATUS || version.is_err() {
                     return;
                 }
-                if let Ok(status) = v1::RecorderStatus::decode(&*sample.payload().to_bytes()) {
+                let status = v1::RecorderStatus::decode(&*sample.payload().to_bytes());
+                let from = Keys::sender_of(sample.key_expr().as_str());
+                // Nobody speaks for another recorder.
+                if let Some(status) = status.ok().filter(|status| status.recorder == from) {
                     lock(&shared.recorders).update(status);
                     shared.signal.raise();
                 }
@@ -250,11 +257,14 @@ fn most_bytes(query: Query) -> usize {
 }
 
 impl Shared {
-    fn take_command(&self, payload: &zenoh::bytes::ZBytes) {
-        let now = self.now();
-        let result = match payload.len() {
-            long if long > inbox::MAX_BYTES => Err(lock(&self.inbox).refuse_long(long)),
-            _ => lock(&self.inbox).accept(&payload.to_bytes(), now),
+    fn take_command(&self, sample: &Sample) {
+        let (now, payload) = (self.now(), sample.payload());
+        let from = Keys::sender_of(sample.key_expr().as_str());
+        let version = schema::check(&sample.encoding().to_string());
+        let result = match (payload.len(), version) {
+            (long, _) if long > inbox::MAX_BYTES => Err(lock(&self.inbox).refuse_long(long)),
+            (_, Err(other)) => Err(lock(&self.inbox).refuse_version(from, &other)),
+            (_, Ok(())) => lock(&self.inbox).accept_from(from, &payload.to_bytes(), now),
         };
         match result {
             // Lock-step waits for it, and real time takes its tick early. What is
@@ -274,10 +284,19 @@ impl Shared {
                 "the request has {bytes} bytes, at most {most} are taken for `{}`",
                 query.name()
             );
+            let why = Denied::new(v1::FailureCode::TooLong, why);
+            self.replies.turn_away(asked, self.stamp(), why);
+            return;
+        }
+        let told = asked.encoding().map(ToString::to_string);
+        if let Err(other) = schema::check(&told.unwrap_or_default()) {
+            let why = Denied::new(v1::FailureCode::Version, other.to_string());
             self.replies.turn_away(asked, self.stamp(), why);
             return;
         }
         let full = match query {
+            // Who does not read, or asks without end, takes no room from others.
+            _ if !self.replies.has_room_for(&asked) => Some(asked),
             Query::Lease => asks.try_send(asked).err().map(|e| match e {
                 mpsc::TrySendError::Full(asked) | mpsc::TrySendError::Disconnected(asked) => asked,
             }),
@@ -292,7 +311,8 @@ impl Shared {
             None => self.signal.raise(),
             Some(asked) => {
                 let why = "too many queries wait to be answered; ask again in a moment";
-                self.replies.turn_away(asked, self.stamp(), why.to_owned());
+                let why = Denied::new(v1::FailureCode::Busy, why);
+                self.replies.turn_away(asked, self.stamp(), why);
             }
         }
     }

@@ -10,74 +10,41 @@ use bytes::Bytes;
 use prost::encoding::{self, WireType};
 use wheelarm_proto::digest::{self, StreamDigest};
 use wheelarm_proto::keys::Keys;
-use wheelarm_proto::{Message, names, stamp_nanos, v1};
+use wheelarm_proto::topic::{Record, Role, TOPICS, TopicInfo};
+use wheelarm_proto::{Message, StreamId, Topic, TopicId, schema, stamp_nanos, v1};
 use zenoh::bytes::ZBytes;
 use zenoh::qos::{CongestionControl, Priority};
 use zenoh::{Session, Wait};
 use zenoh_ext::{AdvancedPublisher, AdvancedPublisherBuilderExt, CacheConfig, MissDetectionConfig};
 
-/// A message with a header.
-pub trait Stamped: Message {
-    /// Sets the header.
-    fn set_header(&mut self, header: v1::Header);
-
-    /// The encoded message.
-    fn into_payload(self) -> ZBytes
-    where
-        Self: Sized,
-    {
-        self.encode_to_vec().into()
-    }
+/// An encoded message.
+fn payload(message: impl Message) -> ZBytes {
+    message.encode_to_vec().into()
 }
 
-macro_rules! stamped {
-    ($($name:ident),*) => {
-        $(impl Stamped for v1::$name {
-            fn set_header(&mut self, header: v1::Header) { self.header = Some(header); }
-        })*
+/// An encoded picture. Its bytes are handed over where they lie: megabytes are
+/// not copied.
+fn picture_payload(mut frame: v1::CameraFrame) -> ZBytes {
+    let pictures = [
+        (RGB, std::mem::take(&mut frame.rgb)),
+        (DEPTH, std::mem::take(&mut frame.depth)),
+        (IDS, std::mem::take(&mut frame.ids)),
+    ];
+    // In the order of the fields, as the whole message would be encoded.
+    let formats = v1::CameraFrame {
+        rgb_format: std::mem::take(&mut frame.rgb_format),
+        depth_format: std::mem::take(&mut frame.depth_format),
+        ids_format: std::mem::take(&mut frame.ids_format),
+        ..v1::CameraFrame::default()
     };
-}
-stamped!(
-    JointState,
-    PoseSet,
-    Imu,
-    Clock,
-    Odometry,
-    Applied,
-    CommandLog,
-    ObjectPoses,
-    FurnitureJoints,
-    Deformable,
-    Contacts,
-    Evaluation,
-    PhaseSample,
-    StateHash,
-    Event,
-    Refusal,
-    EpisodeStarted,
-    EpisodeStopped
-);
-
-impl Stamped for v1::CameraFrame {
-    fn set_header(&mut self, header: v1::Header) {
-        self.header = Some(header);
+    let mut payload = ZBytes::writer();
+    payload.append(frame.encode_to_vec().into());
+    for (field, picture) in pictures {
+        payload.append(field_start(field, &picture).into());
+        payload.append(picture.into());
     }
-
-    /// The pictures are handed over where they lie: megabytes are not copied.
-    fn into_payload(mut self) -> ZBytes {
-        let pictures = [
-            (RGB, std::mem::take(&mut self.rgb)),
-            (DEPTH, std::mem::take(&mut self.depth)),
-            (IDS, std::mem::take(&mut self.ids)),
-        ];
-        let mut payload = ZBytes::writer();
-        payload.append(self.encode_to_vec().into());
-        for (field, picture) in pictures {
-            payload.append(field_start(field, &picture).into());
-            payload.append(picture.into());
-        }
-        payload.finish()
-    }
+    payload.append(formats.encode_to_vec().into());
+    payload.finish()
 }
 
 /// Field numbers of the pictures in `wheelarm.v1.CameraFrame`.
@@ -101,6 +68,16 @@ enum Class {
     Protocol,
 }
 
+impl Class {
+    fn of(topic: &TopicInfo) -> Self {
+        match topic.record {
+            Record::Columns | Record::Events => Self::State,
+            Record::Pictures => Self::Camera,
+            Record::Unspecified => Self::Protocol,
+        }
+    }
+}
+
 #[derive(Clone, Copy, Debug, Default)]
 struct Counter {
     next: u64,
@@ -121,6 +98,7 @@ pub struct Outbox {
     session: Session,
     keys: Keys,
     run_id: String,
+    /// By key.
     streams: Mutex<BTreeMap<String, Arc<Mutex<Stream>>>>,
     /// Whether the pictures of a camera are received.
     watched: Mutex<BTreeMap<String, Arc<AtomicBool>>>,
@@ -163,11 +141,7 @@ impl Outbox {
 
     /// Keeps account of whether a camera's pictures are received.
     fn watch(&self, camera: &str) -> zenoh::Result<()> {
-        let stream = self.stream(
-            &format!("camera/{camera}"),
-            self.keys.camera(camera),
-            Class::Camera,
-        )?;
+        let stream = self.stream(&self.keys.camera(camera), TopicId::Camera.info())?;
         let mut all = self.watched.lock().unwrap_or_else(PoisonError::into_inner);
         if all.contains_key(camera) {
             return Ok(());
@@ -207,35 +181,37 @@ impl Outbox {
     /// # Errors
     /// The transport's error.
     pub fn declare(&self, cameras: &[String]) -> zenoh::Result<()> {
-        for name in names::STREAMS.iter().chain([&names::EVENT_STREAM]) {
-            self.stream(name, self.keys.stream(name), Class::State)?;
-        }
         for name in cameras {
             self.watch(name)?;
         }
-        self.stream("episode/start", self.keys.episode_start(), Class::Protocol)?;
-        self.stream("episode/stop", self.keys.episode_stop(), Class::Protocol)?;
-        self.stream("refusal", self.keys.refusal(), Class::Protocol)?;
+        let own = TOPICS.iter().zip(TopicId::ALL);
+        for (row, topic) in own.filter(|(row, _)| row.from == Role::Server) {
+            // Previews are declared by those who make them.
+            if !row.key.contains('{') {
+                self.stream(&self.keys.topic(topic), row)?;
+            }
+        }
         Ok(())
     }
 
-    fn stream(&self, name: &str, key: String, class: Class) -> zenoh::Result<Arc<Mutex<Stream>>> {
+    fn stream(&self, key: &str, topic: &TopicInfo) -> zenoh::Result<Arc<Mutex<Stream>>> {
         let mut streams = self.streams.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some(stream) = streams.get(name) {
+        if let Some(stream) = streams.get(key) {
             return Ok(Arc::clone(stream));
         }
-        let (priority, express, cache) = match class {
+        let (priority, express, cache) = match Class::of(topic) {
             Class::State => (Priority::InteractiveHigh, true, 1200),
             Class::Camera => (
                 Priority::DataLow,
                 false,
-                super::engine::CREDIT_WINDOW as usize,
+                super::episode::CREDIT_WINDOW as usize,
             ),
             Class::Protocol => (Priority::InteractiveHigh, true, 8),
         };
         let publisher = self
             .session
-            .declare_publisher(key)
+            .declare_publisher(key.to_owned())
+            .encoding(schema::encoding(topic.message))
             .congestion_control(CongestionControl::Drop)
             .priority(priority)
             .express(express)
@@ -250,81 +226,34 @@ impl Outbox {
             counter: Counter::default(),
             digest: StreamDigest::default(),
         }));
-        streams.insert(name.to_owned(), Arc::clone(&stream));
+        streams.insert(key.to_owned(), Arc::clone(&stream));
         Ok(stream)
     }
 
-    /// Publishes a sample of a state stream.
-    pub fn state(&self, name: &str, episode: u64, tick: u64, message: impl Stamped) {
-        self.publish(
-            name,
-            self.keys.stream(name),
-            Class::State,
-            episode,
-            tick,
-            message,
-        );
+    /// Publishes a message of a topic with one key.
+    pub fn put<T: Topic>(&self, episode: u64, tick: u64, message: T) {
+        let key = self.keys.topic(T::TOPIC);
+        self.publish(&key, episode, tick, message, payload);
     }
 
     /// Publishes a picture.
     pub fn camera(&self, name: &str, episode: u64, tick: u64, message: v1::CameraFrame) {
         let key = self.keys.camera(name);
-        self.publish(
-            &format!("camera/{name}"),
-            key,
-            Class::Camera,
-            episode,
-            tick,
-            message,
-        );
+        self.publish(&key, episode, tick, message, picture_payload);
     }
 
-    /// Publishes the start of an episode.
-    pub fn episode_start(&self, tick: u64, message: v1::EpisodeStarted) {
-        let episode = message.header.as_ref().map_or(0, |h| h.episode);
-        let key = self.keys.episode_start();
-        self.publish(
-            "episode/start",
-            key,
-            Class::Protocol,
-            episode,
-            tick,
-            message,
-        );
-    }
-
-    /// Publishes the end of an episode.
-    pub fn episode_stop(&self, tick: u64, message: v1::EpisodeStopped) {
-        let episode = message.header.as_ref().map_or(0, |h| h.episode);
-        let key = self.keys.episode_stop();
-        self.publish("episode/stop", key, Class::Protocol, episode, tick, message);
-    }
-
-    /// Publishes why a command was not taken.
-    pub fn refusal(&self, episode: u64, tick: u64, message: v1::Refusal) {
-        self.publish(
-            "refusal",
-            self.keys.refusal(),
-            Class::Protocol,
-            episode,
-            tick,
-            message,
-        );
-    }
-
-    fn publish(
+    fn publish<M: Topic>(
         &self,
-        name: &str,
-        key: String,
-        class: Class,
+        key: &str,
         episode: u64,
         tick: u64,
-        mut message: impl Stamped,
+        mut message: M,
+        encode: fn(M) -> ZBytes,
     ) {
-        let stream = match self.stream(name, key, class) {
+        let stream = match self.stream(key, M::TOPIC.info()) {
             Ok(stream) => stream,
             Err(e) => {
-                tracing::error!("cannot publish {name}: {e}");
+                tracing::error!("cannot publish {key}: {e}");
                 return;
             }
         };
@@ -350,12 +279,12 @@ impl Outbox {
             sequence,
             ..self.header(episode, tick)
         });
-        let payload = message.into_payload();
+        let payload = encode(message);
         if episode > 0 {
             digest.add(&digest::of_message(payload.slices()));
         }
         if let Err(e) = publisher.put(payload).wait() {
-            tracing::error!("cannot publish {name}: {e}");
+            tracing::error!("cannot publish {key}: {e}");
         }
     }
 
@@ -363,15 +292,10 @@ impl Outbox {
     #[must_use]
     pub fn manifest(&self, episode: u64, cameras: &[String]) -> Vec<v1::StreamCount> {
         let streams = self.streams.lock().unwrap_or_else(PoisonError::into_inner);
-        let state = names::STREAMS
-            .iter()
-            .chain([&names::EVENT_STREAM])
-            .map(|s| (*s).to_owned());
-        let cameras = cameras.iter().map(|c| format!("camera/{c}"));
-        state
-            .chain(cameras)
-            .map(|name| {
-                let (counter, digest) = streams.get(&name).map_or_else(Default::default, |s| {
+        StreamId::all(cameras.iter().map(String::as_str))
+            .map(|stream| {
+                let key = self.keys.stream(&stream);
+                let (counter, digest) = streams.get(&key).map_or_else(Default::default, |s| {
                     let stream = s.lock().unwrap_or_else(PoisonError::into_inner);
                     (stream.counter, stream.digest.clone())
                 });
@@ -386,7 +310,7 @@ impl Outbox {
                     (none, StreamDigest::default())
                 };
                 v1::StreamCount {
-                    stream: name,
+                    stream: stream.to_string(),
                     first: counter.first,
                     last: counter.next.saturating_sub(1),
                     count: counter.count,
@@ -418,9 +342,13 @@ mod tests {
             pose: Some(v1::Pose::default()),
             rgb: picture(600, 1),
             depth: picture(800, 2),
-            ids: picture(200, 3),
+            ids: picture(400, 3),
+            rgb_format: v1::PixelFormat::Rgb8.into(),
+            depth_format: v1::PixelFormat::DepthMetresF32.into(),
+            ids_format: v1::PixelFormat::IdU16.into(),
         };
-        let payload = frame.clone().into_payload();
+        let payload = picture_payload(frame.clone());
+        assert_eq!(*payload.to_bytes(), frame.encode_to_vec());
         assert_eq!(v1::CameraFrame::decode(&*payload.to_bytes()), Ok(frame));
     }
 }

@@ -10,6 +10,7 @@ use bytes::Bytes;
 use jpeg_encoder::{ColorType, Encoder};
 use wheelarm_proto::preview::PreviewLevel;
 use wheelarm_proto::{Message, v1};
+use wheelarm_proto::{TopicId, schema};
 use zenoh::Wait;
 use zenoh::pubsub::Publisher;
 use zenoh::qos::{CongestionControl, Priority};
@@ -77,6 +78,7 @@ impl Previews {
                 let publisher = outbox
                     .session()
                     .declare_publisher(outbox.keys().preview(name, level))
+                    .encoding(schema::encoding(TopicId::Preview.info().message))
                     .congestion_control(CongestionControl::Drop)
                     .priority(Priority::Background)
                     .wait()?;
@@ -234,7 +236,7 @@ fn message(
             ..outbox.header(picture.header.episode, picture.header.tick)
         }),
         camera: camera.to_owned(),
-        level: level.name().to_owned(),
+        level: level.code().into(),
         width,
         height,
         jpeg: jpeg.into(),

@@ -24,8 +24,7 @@ pub fn applied(
     control: &RobotControl,
 ) {
     let (arm, base, gripper) = convert::applied_groups(&taken.input);
-    outbox.state(
-        "applied",
+    outbox.put(
         episode,
         tick,
         v1::Applied {
@@ -33,29 +32,31 @@ pub fn applied(
             arm,
             base,
             gripper,
-            joint_position: targets.arm_position.to_vec(),
-            joint_velocity: targets.arm_velocity.to_vec(),
-            wheel_velocity: targets.wheel_velocity.to_vec(),
+            joint_positions: targets.arm_position.to_vec(),
+            joint_velocities: targets.arm_velocity.to_vec(),
+            wheel_velocities: targets.wheel_velocity.to_vec(),
             knuckle: targets.knuckle_position,
             desired_pose: Some(convert::pose(&control.desired_pose())),
             stale: taken.stale,
             arm_problem: control.arm_problem().unwrap_or_default().to_owned(),
+            arm_problem_code: convert::arm_problem(control.arm_problem_kind()).into(),
         },
     );
     for command in &taken.commands {
         let log = v1::CommandLog {
             header: None,
             command: Some(command.clone()),
+            loop_age_ticks: (command.answers_tick > 0)
+                .then(|| tick.saturating_sub(command.answers_tick)),
         };
-        outbox.state("command", episode, tick, log);
+        outbox.put(episode, tick, log);
     }
 }
 
 /// Publishes IMU measurements.
 pub fn imu(outbox: &Outbox, episode: u64, samples: &[imu::Sample]) {
     for sample in samples {
-        outbox.state(
-            "imu",
+        outbox.put(
             episode,
             sample.tick,
             v1::Imu {
@@ -89,33 +90,22 @@ pub fn state(
         put.objects(sim);
         put.furniture(sim);
         put.contacts(sim);
-        outbox.state(
-            "evaluation",
-            episode,
-            tick,
-            convert::evaluation(sim.evaluation()),
-        );
+        outbox.put(episode, tick, convert::evaluation(sim.evaluation()));
         let (phase, name) = phase;
         let sample = v1::PhaseSample {
             header: None,
             phase,
             name: name.to_owned(),
         };
-        outbox.state("phase", episode, tick, sample);
+        outbox.put(episode, tick, sample);
     }
     if sim.deformable_due() {
         put.deformable(sim);
     }
     if let Some(hash) = sim.hash_due() {
-        outbox.state(
-            "state_hash",
-            episode,
-            tick,
-            v1::StateHash { header: None, hash },
-        );
+        outbox.put(episode, tick, v1::StateHash { header: None, hash });
     }
-    outbox.state(
-        "clock",
+    outbox.put(
         episode,
         tick,
         v1::Clock {
@@ -136,12 +126,11 @@ impl Put<'_> {
         let joints = sim.recorded_joints();
         let message = v1::JointState {
             header: None,
-            position: joints.iter().map(|j| j.position).collect(),
-            velocity: joints.iter().map(|j| j.velocity).collect(),
-            effort: joints.iter().map(|j| j.effort).collect(),
+            positions: joints.iter().map(|j| j.position).collect(),
+            velocities: joints.iter().map(|j| j.velocity).collect(),
+            efforts: joints.iter().map(|j| j.effort).collect(),
         };
-        self.outbox
-            .state("joint_state", self.episode, self.tick, message);
+        self.outbox.put(self.episode, self.tick, message);
     }
 
     fn poses(&self, sim: &Simulation) {
@@ -154,7 +143,7 @@ impl Put<'_> {
             header: None,
             frames,
         };
-        self.outbox.state("pose", self.episode, self.tick, message);
+        self.outbox.put(self.episode, self.tick, message);
         let odometry = sim.odometry();
         let (half_sin, half_cos) = exact::sin_cos(odometry.heading / 2.0);
         let message = v1::Odometry {
@@ -185,30 +174,27 @@ impl Put<'_> {
                 }),
             }),
         };
-        self.outbox
-            .state("odometry", self.episode, self.tick, message);
+        self.outbox.put(self.episode, self.tick, message);
     }
 
     fn objects(&self, sim: &Simulation) {
         let objects = &sim.snapshot().objects;
         let message = v1::ObjectPoses {
             header: None,
-            pose: objects.iter().map(|o| convert::pose(&o.pose)).collect(),
-            twist: objects.iter().map(convert::body_twist).collect(),
+            poses: objects.iter().map(|o| convert::pose(&o.pose)).collect(),
+            twists: objects.iter().map(convert::body_twist).collect(),
         };
-        self.outbox
-            .state("object_pose", self.episode, self.tick, message);
+        self.outbox.put(self.episode, self.tick, message);
     }
 
     fn furniture(&self, sim: &Simulation) {
         let joints = &sim.snapshot().furniture_joints;
         let message = v1::FurnitureJoints {
             header: None,
-            position: joints.iter().map(|j| j.position).collect(),
-            velocity: joints.iter().map(|j| j.velocity).collect(),
+            positions: joints.iter().map(|j| j.position).collect(),
+            velocities: joints.iter().map(|j| j.velocity).collect(),
         };
-        self.outbox
-            .state("furniture_joint", self.episode, self.tick, message);
+        self.outbox.put(self.episode, self.tick, message);
     }
 
     /// The first soft object; a scene has one at most.
@@ -220,12 +206,11 @@ impl Put<'_> {
         let message = v1::Deformable {
             header: None,
             object: convert::body_name(BodyRef::Object(soft.object), sim.model(), sim.scene()),
-            vertex: soft.vertices.iter().flat_map(|p| [p.x, p.y, p.z]).collect(),
+            vertices: soft.vertices.iter().flat_map(|p| [p.x, p.y, p.z]).collect(),
             elastic_energy: soft.elastic_energy,
             kinetic_energy: soft.kinetic_energy,
         };
-        self.outbox
-            .state("deformable", self.episode, self.tick, message);
+        self.outbox.put(self.episode, self.tick, message);
     }
 
     fn contacts(&self, sim: &Simulation) {
@@ -237,7 +222,7 @@ impl Put<'_> {
         let name = |body| convert::body_name(body, sim.model(), sim.scene());
         let message = v1::Contacts {
             header: None,
-            pad_force: sim.pad_forces().to_vec(),
+            pad_forces: sim.pad_forces().to_vec(),
             contacts: contacts
                 .iter()
                 .take(MAX_CONTACTS)
@@ -249,7 +234,6 @@ impl Put<'_> {
                 })
                 .collect(),
         };
-        self.outbox
-            .state("contact", self.episode, self.tick, message);
+        self.outbox.put(self.episode, self.tick, message);
     }
 }

@@ -60,6 +60,7 @@ impl Refusals {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use wheelarm_proto::v1::RefusalCode;
 
     #[test]
     fn every_refusal_is_told_of_and_a_flood_is_summed_up() {
@@ -79,6 +80,7 @@ mod tests {
                 let refused = Refused {
                     commander: "flood".into(),
                     sequence: sent,
+                    code: RefusalCode::Rate,
                     reason: "too many".into(),
                 };
                 refusals.push(refused, now);

@@ -18,7 +18,7 @@ use super::{ServiceError, convert};
 use crate::robot::RobotModel;
 use crate::scene::Scene;
 use crate::sensors::camera::{
-    CameraSpec, Frame, IN_FLIGHT, Quality, RenderError, RenderScene, Renderer,
+    Binding, CameraSpec, Frame, IN_FLIGHT, Quality, RenderError, RenderScene, Renderer,
 };
 use crate::sim::{self, Scenario, Simulation};
 use crate::snapshot::Snapshot;
@@ -135,7 +135,8 @@ impl RenderThread {
                     let mut renderer = match setup.renderer() {
                         Ok((renderer, scene)) => {
                             let adapter = renderer.adapter().to_string();
-                            let _ = ready.send(Ok((adapter, scene.instances)));
+                            let legend = legend(&scene);
+                            let _ = ready.send(Ok((adapter, legend)));
                             renderer
                         }
                         Err(e) => {
@@ -168,13 +169,6 @@ impl RenderThread {
         let (adapter, instances) = standing
             .recv()
             .map_err(|_| ServiceError::Thread("for cameras ended early".to_owned()))??;
-        let instances = instances
-            .into_iter()
-            .map(|(id, name)| v1::Instance {
-                id: u32::from(id),
-                name,
-            })
-            .collect();
         Ok(Self {
             jobs: Some(jobs),
             thread: Some(thread),
@@ -304,6 +298,28 @@ fn draw(
     }
 }
 
+/// What the instance ids stand for.
+fn legend(scene: &RenderScene) -> Vec<v1::Instance> {
+    let kind = |id: u8| {
+        let item = scene.items.iter().find(|item| item.instance == id);
+        match item.map(|item| &item.binding) {
+            Some(Binding::Link(_)) => v1::InstanceKind::Robot,
+            Some(Binding::Object(_)) => v1::InstanceKind::Object,
+            Some(_) => v1::InstanceKind::Furniture,
+            None => v1::InstanceKind::Unspecified,
+        }
+    };
+    let legend = scene.instances.iter();
+    legend
+        .map(|(id, name)| v1::Instance {
+            id: u32::from(*id),
+            name: name.clone(),
+            kind: kind(*id).into(),
+            part: v1::BodyPart::Unspecified.into(),
+        })
+        .collect()
+}
+
 fn message(name: &str, frame: Frame) -> v1::CameraFrame {
     let i = frame.intrinsics;
     v1::CameraFrame {
@@ -321,5 +337,8 @@ fn message(name: &str, frame: Frame) -> v1::CameraFrame {
         rgb: frame.rgb,
         depth: frame.depth,
         ids: frame.ids,
+        rgb_format: v1::PixelFormat::Rgb8.into(),
+        depth_format: v1::PixelFormat::DepthMetresF32.into(),
+        ids_format: v1::PixelFormat::IdU16.into(),
     }
 }

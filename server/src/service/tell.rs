@@ -13,7 +13,7 @@ impl Engine {
     /// Between episodes nobody needs to be told that time stands still.
     pub(super) fn tell_of_waiting(&mut self) {
         let what = match &self.episode {
-            Some(_) if !self.paused => self.waiting_for.as_str(),
+            Some(_) if !self.paused => self.waiting_for.words.as_str(),
             _ => "",
         };
         if let Some(words) = self.waiting.note(what, Instant::now()) {
@@ -28,6 +28,7 @@ impl Engine {
             let Refused {
                 commander,
                 sequence,
+                code,
                 reason,
             } = refused;
             let what = match count {
@@ -36,22 +37,23 @@ impl Engine {
                     format!("{count} more, the last command {sequence} of {commander:?}: {reason}")
                 }
             };
-            self.event("refused", &what);
+            self.event(v1::EventKind::Refused, &what);
             let refusal = v1::Refusal {
                 header: None,
                 commander,
                 sequence,
                 reason,
                 count,
+                code: code.into(),
             };
-            self.shared.outbox.refusal(episode, tick, refusal);
+            self.shared.outbox.put(episode, tick, refusal);
         }
     }
 
     pub(super) fn publish_tidings(&self) {
         let tidings = std::mem::take(&mut *lock(&self.shared.tidings));
         for words in tidings {
-            self.event("control", &words);
+            self.event(v1::EventKind::Control, &words);
         }
     }
 }

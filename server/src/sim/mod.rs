@@ -251,10 +251,15 @@ impl Simulation {
         for (i, target) in targets.iter().enumerate() {
             self.world.apply(target);
             self.world.step();
-            if let Some(fault) = self.world.fault() {
+            let last = i + 1 == targets.len();
+            let fault = match last {
+                true => self.world.fault(),
+                false => self.world.fault_of_tick(),
+            };
+            if let Some(fault) = fault {
                 return Err(fault);
             }
-            self.sense(&mut step, i + 1 == targets.len());
+            self.sense(&mut step, last);
         }
         self.update_odometry();
         if let Some(evaluator) = &mut self.evaluator {

@@ -15,6 +15,7 @@ use crate::sensors::imu::Imu;
 use crate::sensors::odometry::Odometry;
 use crate::snapshot::{Fault, Snapshot};
 use crate::tasks::{Evaluation, EvaluatorState};
+use crate::world::{World, WorldError};
 
 /// Why a stored state cannot be continued.
 #[derive(Debug, thiserror::Error)]
@@ -37,7 +38,7 @@ pub enum StateError {
     },
     /// The physics refuses it.
     #[error(transparent)]
-    World(#[from] crate::world::WorldError),
+    World(#[from] WorldError),
     /// The physics panics in it.
     #[error("the stored state is damaged: the physics panics in it ({0}); take another copy of it")]
     Panics(String),
@@ -72,6 +73,9 @@ struct Stored {
     odometry: Odometry,
     evaluator: Option<EvaluatorState>,
 }
+
+/// How a world takes a state over: examined, or as it is.
+type Put = fn(&mut World, &[u8]) -> Result<(), WorldError>;
 
 /// Control ticks for which a stored state is tried out.
 const TRIAL: usize = 8;
@@ -118,16 +122,16 @@ impl Simulation {
             self.broken.clone(),
         );
         let taken = caught(|| {
-            self.take(content)?;
+            self.take(content, World::restore)?;
             self.try_out()?;
-            self.take(content)
+            self.take(content, World::put_back)
         });
         let problem = match taken {
             Ok(Ok(())) => return Ok(()),
             Ok(Err(problem)) => problem,
             Err(words) => StateError::Panics(words),
         };
-        let put_back = self.take(&own);
+        let put_back = self.take(&own, World::put_back);
         (self.snapshot, self.evaluation, self.broken) = seen;
         if self.broken.is_none() {
             put_back?;
@@ -168,7 +172,7 @@ impl Simulation {
         Ok(())
     }
 
-    fn take(&mut self, content: &[u8]) -> Result<(), StateError> {
+    fn take(&mut self, content: &[u8], put: Put) -> Result<(), StateError> {
         let damaged = |e: postcard::Error| StateError::Format(e.to_string());
         let (found, _) = postcard::take_from_bytes::<u32>(content).map_err(damaged)?;
         if found != PHYSICS_VERSION {
@@ -189,7 +193,7 @@ impl Simulation {
                 expected,
             });
         }
-        self.world.restore(&stored.world)?;
+        put(&mut self.world, &stored.world)?;
         if let Some(fault) = self.world.fault() {
             let words = fault_words(&fault, &self.model, &self.scene);
             return Err(StateError::Damaged(words));

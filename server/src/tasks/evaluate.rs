@@ -110,6 +110,8 @@ pub struct Evaluation {
 pub struct Condition {
     /// Predicate and object, for example `lifted_and_held(mustard)`.
     pub name: String,
+    /// The predicate alone, for example `lifted_and_held`.
+    pub predicate: &'static str,
     /// Whether it holds now.
     pub holds: bool,
     /// The measured quantity, SI.
@@ -256,6 +258,7 @@ impl Evaluator {
                 let measure = predicate.measure(&self.context, memory, snapshot);
                 Condition {
                     name: name.clone(),
+                    predicate: predicate.word(),
                     holds: measure.holds,
                     value: measure.value,
                     required: *required,

@@ -91,21 +91,40 @@ pub(super) struct Measure {
 }
 
 impl Predicate {
+    /// Its word in a task file.
+    #[must_use]
+    pub fn word(&self) -> &'static str {
+        match self {
+            Self::LiftedAndHeld { .. } => "lifted_and_held",
+            Self::LiftedBefore { .. } => "lifted_before",
+            Self::Inside { .. } => "inside",
+            Self::Upright { .. } => "upright",
+            Self::AtRest { .. } => "at_rest",
+            Self::Released { .. } => "released",
+            Self::OpenedBy { .. } => "opened_by",
+            Self::CorrectInstance { .. } => "correct_instance",
+            Self::ChairStopped { .. } => "chair_stopped",
+            Self::NothingKnockedOver { .. } => "nothing_knocked_over",
+            Self::NoHardCollision { .. } => "no_hard_collision",
+        }
+    }
+
     /// Name with the object it is about, as it is reported.
     #[must_use]
     pub fn label(&self) -> String {
+        let word = self.word();
         match self {
-            Self::LiftedAndHeld { object, .. } => format!("lifted_and_held({object})"),
-            Self::LiftedBefore { object, .. } => format!("lifted_before({object})"),
-            Self::Inside { object, on, .. } => format!("inside({object}, {on})"),
-            Self::Upright { object, .. } => format!("upright({object})"),
-            Self::AtRest { object, .. } => format!("at_rest({object})"),
-            Self::Released { object, .. } => format!("released({object})"),
-            Self::OpenedBy { joint, .. } => format!("opened_by({joint})"),
-            Self::CorrectInstance { .. } => "correct_instance".to_owned(),
-            Self::ChairStopped { .. } => "chair_stopped".to_owned(),
-            Self::NothingKnockedOver { .. } => "nothing_knocked_over".to_owned(),
-            Self::NoHardCollision { .. } => "no_hard_collision".to_owned(),
+            Self::LiftedAndHeld { object, .. }
+            | Self::LiftedBefore { object, .. }
+            | Self::Upright { object, .. }
+            | Self::AtRest { object, .. }
+            | Self::Released { object, .. } => format!("{word}({object})"),
+            Self::Inside { object, on, .. } => format!("{word}({object}, {on})"),
+            Self::OpenedBy { joint, .. } => format!("{word}({joint})"),
+            Self::CorrectInstance { .. }
+            | Self::ChairStopped { .. }
+            | Self::NothingKnockedOver { .. }
+            | Self::NoHardCollision { .. } => word.to_owned(),
         }
     }
 

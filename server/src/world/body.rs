@@ -35,6 +35,10 @@ const CHAIR_CLEAR: u32 = 2;
 /// Links of the arm this many joints apart may touch each other.
 const ARM_CLEAR: u32 = 4;
 
+/// Radius of the rims of the robot's cylinders, metres, less at thin ones (see
+/// `shape::solids`). [choice: contacts at rest are less than 1 mm deep]
+const RIM: f64 = 0.01;
+
 /// Friction of the robot's shell (painted metal and plastic; a guess).
 const SHELL_FRICTION: f32 = 0.5;
 /// Friction of the driven wheels: rubber, the larger coefficient counts.
@@ -134,7 +138,7 @@ impl RobotBody {
             );
             handles.push(handle);
             for TreePart { link, part, pad } in &body.parts {
-                let solids = solids(part).map_err(|problem| WorldError::Shape {
+                let solids = solids(part, RIM).map_err(|problem| WorldError::Shape {
                     body: model.links[*link].name.clone(),
                     problem,
                 })?;

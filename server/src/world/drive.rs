@@ -33,7 +33,7 @@ const WHEEL_DAMPING: f64 = 100.0;
 /// Speed that a motor of the arm makes at the most, in units of its limit: the
 /// servo asks for no more however far its joint is behind, as after a hand that
 /// was held up slips off.
-const ARM_OVERSPEED: f64 = 2.0;
+const ARM_OVERSPEED: f64 = 1.25;
 /// Gains of each crank of the gripper, N·m/rad and N·m·s/rad: the cap of 60 N
 /// is reached 0.02 rad behind the target; near critical damping with the armature.
 const CRANK_STIFFNESS: f64 = 200.0;
@@ -311,7 +311,9 @@ fn set_motor(physics: &mut PhysicsWorld, robot: &RobotBody, body: usize, aim: Ai
 }
 
 /// Sets a motor whose damper is part of the dynamics. Its torque at the begin of
-/// the tick, with the damper, is within the cap.
+/// the tick, with the damper, is within the cap; what drives the joint faster
+/// than the motor itself can is braked beyond the cap, in proportion to the
+/// excess, as a motor does whose induced voltage is above its supply's.
 ///
 /// A torque that does not depend on velocity is, to the engine, a motor that
 /// wants to be far faster than its force allows; then its damping does nothing.
@@ -324,7 +326,14 @@ fn set_push(physics: &mut PhysicsWorld, robot: &RobotBody, body: usize, aim: Aim
     let (now, velocity) = robot.joint_state(physics, body);
     let (torque, damping) = aim.law(now, gains, dt);
     let resisted = damping * velocity;
-    let push = resisted + exact::within(torque - resisted, -gains.torque, gains.torque);
+    let cap = gains.torque;
+    let brake = damping * (velocity.abs() - gains.fastest).max(0.0);
+    let (least, most) = if velocity > 0.0 {
+        (-cap - brake, cap)
+    } else {
+        (-cap, cap + brake)
+    };
+    let push = resisted + exact::within(torque - resisted, least, most);
     let Some(joint) = robot.joint_mut(physics, body) else {
         return;
     };

@@ -24,8 +24,14 @@ const CUP_FOOT: f64 = 0.002;
 /// A shape as the engine wants it, with its pose in the body.
 pub(super) type Solid = (Pose, SharedShape);
 
-/// The solids of a part; an error says what is wrong with it.
-pub(super) fn solids(part: &Part) -> Result<Vec<Solid>, String> {
+/// The solids of a part whose cylinders have rims rounded by at most `rim` metres,
+/// inside the same extents; an error says what is wrong with it.
+///
+/// A rounded solid is a core and a radius around it: as long as it sinks in by
+/// less than that, contacts follow from the distance of the core. Once a sharp
+/// cylinder sinks into a large box, the engine's search for the least depth
+/// (EPA, single precision) now and then ends on the wrong side, 80 mm deep.
+pub(super) fn solids(part: &Part, rim: f64) -> Result<Vec<Solid>, String> {
     let at = |body_from_shape: &Isometry3<f64>, shape| Ok(vec![(pose(body_from_shape), shape)]);
     match &part.shape {
         Shape::Cuboid { half } => {
@@ -55,10 +61,14 @@ pub(super) fn solids(part: &Part) -> Result<Vec<Solid>, String> {
         } => {
             positive("radius and half height", &[*radius, *half_height])?;
             let z_from_y = Isometry3::rotation(Vector3::x() * FRAC_PI_2);
-            at(
-                &(part.pose * z_from_y),
-                SharedShape::cylinder(real(*half_height), real(*radius)),
-            )
+            // A core must be left.
+            let rim = rim.min(0.4 * radius).min(0.4 * half_height);
+            let shape = if rim > 0.0 {
+                SharedShape::round_cylinder(real(half_height - rim), real(radius - rim), real(rim))
+            } else {
+                SharedShape::cylinder(real(*half_height), real(*radius))
+            };
+            at(&(part.pose * z_from_y), shape)
         }
         Shape::Capsule {
             radius,
@@ -131,7 +141,7 @@ fn cup(
             half_height: wall / 2.0,
         },
     };
-    let mut solids = self::solids(&floor)?;
+    let mut solids = self::solids(&floor, 0.0)?;
 
     let foot = CUP_FOOT.min(wall);
     let rings = [

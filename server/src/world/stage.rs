@@ -189,7 +189,7 @@ fn insert_parts(
     };
     let mut all = Vec::new();
     for part in &body.collision {
-        all.extend(solids(part).map_err(refuse)?);
+        all.extend(solids(part, 0.0).map_err(refuse)?);
     }
     for points in &body.hulls {
         all.push(hull_of(points).map_err(refuse)?);

@@ -67,12 +67,39 @@ impl World {
         postcard::to_stdvec(&written).unwrap_or_default()
     }
 
+    /// What soft objects are in [`World::save`], for who damages it.
+    #[cfg(test)]
+    pub(crate) fn saved_soft(&self) -> Vec<u8> {
+        let soft: Vec<soft::Saved> = self.soft.iter().map(SoftObject::save).collect();
+        postcard::to_stdvec(&soft).expect("plain data")
+    }
+
     /// Takes over a saved state.
     ///
     /// # Errors
     /// When the bytes are no saved state, that of another world, of another
     /// version of the physics, or one that cannot be; the world stays as it was.
     pub fn restore(&mut self, bytes: &[u8]) -> Result<(), WorldError> {
+        let read = self.read(bytes)?;
+        self.examine(&read)
+            .map_err(|problem| WorldError::Damaged { problem })?;
+        self.take(read);
+        Ok(())
+    }
+
+    /// Takes over a state that this very world has saved or examined before,
+    /// whatever became of it since: what is examined is held against the present
+    /// state, in which a body may have been put aside or a joint be nowhere.
+    ///
+    /// # Errors
+    /// As [`World::restore`] for bytes that are no saved state of this world.
+    pub fn put_back(&mut self, bytes: &[u8]) -> Result<(), WorldError> {
+        let read = self.read(bytes)?;
+        self.take(read);
+        Ok(())
+    }
+
+    fn read(&self, bytes: &[u8]) -> Result<Read, WorldError> {
         let (found, _) = postcard::take_from_bytes::<u32>(bytes)?;
         if found != PHYSICS_VERSION {
             return Err(WorldError::OtherPhysics { found });
@@ -98,8 +125,10 @@ impl World {
         {
             return Err(other(!self.fingerprint));
         }
-        self.examine(&read)
-            .map_err(|problem| WorldError::Damaged { problem })?;
+        Ok(read)
+    }
+
+    fn take(&mut self, read: Read) {
         for (soft, saved) in self.soft.iter_mut().zip(read.soft) {
             soft.restore(saved);
         }
@@ -111,7 +140,6 @@ impl World {
         self.signals = read.signals;
         self.grip.restore(read.bristles);
         self.physics = read.physics;
-        Ok(())
     }
 
     /// Hash of all poses, velocities, bristles and soft nodes (FNV-1a over their bits).

@@ -160,7 +160,9 @@ pub(super) fn within<'a>(
 
 fn same_kind(a: &RigidBody, b: &RigidBody) -> bool {
     a.body_type() == b.body_type()
-        && a.is_enabled() == b.is_enabled()
+        // The engine puts a body aside whose numbers are none: perhaps one of the
+        // present world, never one of a good state.
+        && (b.is_enabled() || !a.is_enabled())
         // The whole is summed up in the first tick.
         && a.mass_properties().additional_local_mprops
             == b.mass_properties().additional_local_mprops

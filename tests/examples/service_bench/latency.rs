@@ -4,8 +4,9 @@
 use std::time::{Duration, Instant};
 
 use anyhow::Context;
-use wheelarm_client::link::{Commander, Link, Received, Stream, Streams};
-use wheelarm_proto::{CONTROL_HZ, names, v1};
+use wheelarm_client::link::{Commander, Link, Streams};
+use wheelarm_proto::topic::Sample;
+use wheelarm_proto::{CONTROL_HZ, TopicId, names, v1};
 use wheelarm_tests::{IdleCommander, Server};
 use zenoh::Wait;
 
@@ -53,7 +54,7 @@ fn knuckle(radians: f64) -> v1::Command {
     v1::Command {
         gripper: Some(v1::GripperCommand {
             target: Some(v1::gripper_command::Target::Knuckle(radians)),
-            max_force: 0.0,
+            max_force: None,
         }),
         ..Default::default()
     }
@@ -68,14 +69,14 @@ fn sent_at_any_time(commander: &mut Commander, i: usize, target: f64) -> anyhow:
 }
 
 fn applied(link: &Link) -> anyhow::Result<Vec<f64>> {
-    let streams = link.streams(&[Stream::Applied])?;
+    let streams = link.streams(&[TopicId::Applied])?;
     let mut commander = link.commander("bench", false)?;
     let mut times = Vec::new();
     for i in 0..APPLIED {
         let sent = sent_at_any_time(&mut commander, i, 0.2)?;
         loop {
             let sample = streams.next(Duration::from_secs(5))?;
-            if let Received::Applied(sample) = sample.context("no sample came")?
+            if let Sample::Applied(sample) = sample.context("no sample came")?
                 && sample.gripper.is_some()
             {
                 times.push(sent.elapsed().as_secs_f64());
@@ -91,7 +92,7 @@ fn applied(link: &Link) -> anyhow::Result<Vec<f64>> {
 
 /// The gripper opens and closes.
 fn moved(link: &Link) -> anyhow::Result<Vec<f64>> {
-    let streams = link.streams(&[Stream::JointState])?;
+    let streams = link.streams(&[TopicId::JointState])?;
     let mut commander = link.commander("bench", false)?;
     let joint = names::JOINT_NAMES
         .iter()
@@ -104,8 +105,8 @@ fn moved(link: &Link) -> anyhow::Result<Vec<f64>> {
         let sent = sent_at_any_time(&mut commander, i, [0.5, 0.2][i % 2])?;
         loop {
             let sample = streams.next(Duration::from_secs(5))?;
-            if let Received::JointState(sample) = sample.context("no sample came")?
-                && (sample.position[joint] - rest).abs() > MOVED
+            if let Sample::JointState(sample) = sample.context("no sample came")?
+                && (sample.positions[joint] - rest).abs() > MOVED
             {
                 times.push(sent.elapsed().as_secs_f64());
                 break;
@@ -127,8 +128,8 @@ fn settle(streams: &Streams, joint: usize) -> anyhow::Result<f64> {
         let sample = streams
             .next(Duration::from_secs(5))?
             .context("no sample came")?;
-        if let Received::JointState(sample) = sample {
-            let position = sample.position[joint];
+        if let Sample::JointState(sample) = sample {
+            let position = sample.positions[joint];
             still = if (position - last).abs() < 1e-6 {
                 still + 1
             } else {
@@ -143,14 +144,13 @@ fn settle(streams: &Streams, joint: usize) -> anyhow::Result<f64> {
 /// Every tick waits for its command; the commander keeps the pace of the clock,
 /// so that the cameras stream at 30 Hz here too.
 fn lock_step(link: &Link) -> anyhow::Result<Vec<f64>> {
-    let streams = link.streams(&[Stream::Clock, Stream::Applied])?;
+    let streams = link.streams(&[TopicId::Clock, TopicId::Applied])?;
     let mut commander = link.commander(IdleCommander::NAME, false)?;
     let request = v1::EpisodeStartRequest {
         label: "latency".into(),
         ..Default::default()
     };
-    let started: v1::EpisodeStarted =
-        link.query(wheelarm_proto::keys::Query::EpisodeStart, &request)?;
+    let started: v1::EpisodeStarted = link.ask(&request)?;
     let mut header = started.header.context("a header")?;
     let mut times = Vec::new();
     let mut due = Instant::now();
@@ -165,8 +165,8 @@ fn lock_step(link: &Link) -> anyhow::Result<Vec<f64>> {
                 .next(Duration::from_secs(5))?
                 .context("no sample came")?
             {
-                Received::Applied(_) => taken = Some(sent.elapsed().as_secs_f64()),
-                Received::Clock(clock) => {
+                Sample::Applied(_) => taken = Some(sent.elapsed().as_secs_f64()),
+                Sample::Clock(clock) => {
                     let next = clock.header.unwrap_or_default();
                     if next.episode == header.episode && next.tick > header.tick {
                         header = next;

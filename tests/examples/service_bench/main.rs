@@ -9,9 +9,9 @@ mod latency;
 use std::time::{Duration, Instant};
 
 use anyhow::{Context, bail};
-use wheelarm_client::link::{Link, Received, Stream};
-use wheelarm_proto::keys::Query;
-use wheelarm_proto::v1;
+use wheelarm_client::link::Link;
+use wheelarm_proto::topic::Sample;
+use wheelarm_proto::{TopicId, v1};
 use wheelarm_tests::{IdleCommander, Recorder, Server, wait_until};
 use zenoh::Wait;
 
@@ -61,7 +61,7 @@ fn processor(server: &Server) -> anyhow::Result<f64> {
 }
 
 fn tick(link: &Link) -> anyhow::Result<u64> {
-    let status: v1::Status = link.ask(Query::Status)?;
+    let status: v1::Status = link.ask(&v1::StatusRequest {})?;
     Ok(status.header.unwrap_or_default().tick)
 }
 
@@ -104,7 +104,7 @@ fn recorders() -> anyhow::Result<()> {
             })
             .collect();
         wait_until("the recorders are there", || {
-            let status = link.ask::<v1::Status>(Query::Status);
+            let status = link.ask(&v1::StatusRequest {});
             status.is_ok_and(|s| s.recorders.len() == count)
         });
         let idle = IdleCommander::start(&server.link());
@@ -113,7 +113,7 @@ fn recorders() -> anyhow::Result<()> {
             require_recorders: u32::try_from(count)?,
             ..Default::default()
         };
-        let _: v1::EpisodeStarted = link.query(Query::EpisodeStart, &request)?;
+        let _: v1::EpisodeStarted = link.ask(&request)?;
         let from = tick(&link)?;
         wait_until("time passes", || tick(&link).is_ok_and(|t| t > from + 60));
         let (from, begun, cpu) = (tick(&link)?, Instant::now(), processor(&server)?);
@@ -124,7 +124,7 @@ fn recorders() -> anyhow::Result<()> {
         let wall = begun.elapsed().as_secs_f64() / simulated;
         let cpu = (processor(&server)? - cpu) / simulated;
         let request = v1::EpisodeStopRequest::default();
-        let _: v1::EpisodeStopped = link.query(Query::EpisodeStop, &request)?;
+        let _: v1::EpisodeStopped = link.ask(&request)?;
         drop(idle);
         for recorder in recorders {
             let text = recorder.finish();
@@ -149,11 +149,11 @@ fn flood() -> anyhow::Result<()> {
     let server = Server::start("flood", &["--no-cameras"])?;
     let (link, hostile) = (server.link(), server.link());
     let rate = |seconds: f64| -> anyhow::Result<f64> {
-        let clock = link.streams(&[Stream::Clock])?;
+        let clock = link.streams(&[TopicId::Clock])?;
         let begun = Instant::now();
         let mut count = 0;
         while begun.elapsed().as_secs_f64() < seconds {
-            if let Some(Received::Clock(_)) = clock.next(Duration::from_millis(50))? {
+            if let Some(Sample::Clock(_)) = clock.next(Duration::from_millis(50))? {
                 count += 1;
             }
         }
@@ -163,7 +163,8 @@ fn flood() -> anyhow::Result<()> {
     let sending = std::thread::spawn(move || {
         let publisher = hostile
             .session()
-            .declare_publisher(hostile.keys().command());
+            .declare_publisher(hostile.keys().command("hostile"))
+            .encoding(wheelarm_proto::schema::encoding("wheelarm.v1.Command"));
         let Ok(publisher) = publisher.wait() else {
             return 0.0;
         };

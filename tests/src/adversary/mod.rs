@@ -14,6 +14,8 @@ use nalgebra::{Isometry3, UnitQuaternion, Vector3};
 use wheelarm_proto::CONTROL_HZ;
 use wheelarm_server::sim::{Pacing, Scenario, Simulation};
 
+use crate::TASKS;
+
 pub use judge::{Judge, Verdict};
 pub use policy::{Kind, Policy};
 pub use recorded::Recorded;
@@ -41,23 +43,6 @@ pub struct Run {
     /// Where it begins.
     pub start: Start,
 }
-
-/// The thirteen tasks.
-pub const TASKS: [&str; 13] = [
-    "open_drawer",
-    "pick_blue_mug",
-    "pick_bowl",
-    "pick_crackers",
-    "pick_glass_bottle",
-    "pick_grey_cup",
-    "pick_meat_can",
-    "pick_mustard",
-    "pick_silver_bottle",
-    "pick_tomato_soup",
-    "place_knife",
-    "place_teddy_bear",
-    "select_coke",
-];
 
 /// `rigid` runs over the rigid tasks and `soft` at the bear, every kind in turn.
 #[must_use]

@@ -353,7 +353,7 @@ fn twist(frame: IntentFrame, linear: Vector3<f64>, angular: Vector3<f64>) -> Arm
 fn grip(knuckle: f64) -> Option<GripperIntent> {
     Some(GripperIntent {
         knuckle,
-        max_force: HARD,
+        max_force: Some(HARD),
     })
 }
 

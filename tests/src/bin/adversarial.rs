@@ -1,7 +1,7 @@
 //! Adversarial operators against the physics: prints a line for every run and
 //! ends with 1 when one exploded or broke a law.
 //!
-//! `adversarial [--rigid 140] [--soft 60] [--seconds 60] [--seed 0] [--jobs N]`
+//! `adversarial [--rigid 140] [--soft 60] [--seconds 60] [--seed 0] [--only NAME] [--jobs N]`
 //! or `adversarial --recorded FOLDER` for stored commands.
 
 use std::path::PathBuf;
@@ -27,6 +27,9 @@ struct Options {
     /// Seed of the first run.
     #[arg(long, default_value_t = 0)]
     seed: u64,
+    /// Only runs whose line begins with this, for example "pick_bowl Harass".
+    #[arg(long)]
+    only: Option<String>,
     /// Runs at the same time; 0 takes every core.
     #[arg(long, default_value_t = 0)]
     jobs: usize,
@@ -46,6 +49,10 @@ fn main() -> Result<ExitCode> {
         Some(folder) => recorded(folder, &options)?,
         None => random(&options),
     };
+    anyhow::ensure!(
+        !jobs.is_empty(),
+        "no run is asked for: see --only, --rigid, --soft"
+    );
     let cores = std::thread::available_parallelism().map_or(1, Into::into);
     let workers = if options.jobs == 0 {
         cores
@@ -79,7 +86,9 @@ fn random(options: &Options) -> Vec<Job> {
         let name = format!("{} {:?} seed {}", run.task, run.kind, run.seed);
         (name, Box::new(move || run.play(&assets, seconds)))
     };
-    runs.into_iter().map(job).collect()
+    let jobs = runs.into_iter().map(job);
+    let only = options.only.as_deref().unwrap_or_default();
+    jobs.filter(|(name, _)| name.starts_with(only)).collect()
 }
 
 fn recorded(folder: &PathBuf, options: &Options) -> Result<Vec<Job>> {

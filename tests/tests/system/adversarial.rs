@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 use std::process::Command;
 
-use wheelarm_tests::adversary::Recorded;
+use wheelarm_tests::adversary::{Kind, Recorded, Run, runs};
 use wheelarm_tests::{printed, program, root};
 
 /// Commands that pressed, tore and threw the bear until an earlier physics came
@@ -39,6 +39,31 @@ fn commands_that_broke_the_bear_once_do_not_break_it() {
             });
         }
     });
+}
+
+/// Operators under whom an earlier physics of the rigid home broke, each to two
+/// seconds behind that: an arm link found 80 mm deep in a table at once (1, 134),
+/// wrists that were flung (42, 78, 82, 132), a chair that wedged itself in (77).
+#[test]
+fn operators_that_broke_the_rigid_home_once_do_not_break_it() {
+    let broke = [
+        ("pick_blue_mug", Kind::Joints, 1, 25.3),
+        ("pick_meat_can", Kind::PressDown, 42, 20.6),
+        ("pick_grey_cup", Kind::Ram, 77, 43.5),
+        ("pick_meat_can", Kind::PressDown, 78, 22.9),
+        ("place_knife", Kind::Joints, 82, 37.2),
+        ("open_drawer", Kind::PressDown, 132, 27.5),
+        ("pick_bowl", Kind::Harass, 134, 42.4),
+    ];
+    let assets = root().join("assets");
+    let runs = runs(140, 0, 0);
+    for (task, kind, seed, then) in broke {
+        let of = |run: &&Run| (run.task, run.kind, run.seed) == (task, kind, seed);
+        let run = runs.iter().find(of).expect("the run that broke");
+        let verdict = run.play(&assets, then + 2.0).expect("a scenario");
+        assert!(verdict.broken.is_empty(), "{run:?}: {verdict:?}");
+        assert!(verdict.ticks as f64 > 240.0 * then, "{run:?}: {verdict:?}");
+    }
 }
 
 /// The seed of the bear's task on which an earlier physics broke by itself.

@@ -9,6 +9,8 @@ use std::time::{Duration, Instant, SystemTime};
 use serde_json::Value;
 use wheelarm_tests::{printed, program, root};
 
+use super::faults_server::processes;
+
 const PLAN: &str = r#"
 name = "tiny"
 quality = "fast"
@@ -231,6 +233,61 @@ fn the_next_episode_runs_while_a_file_is_finished_and_both_can_be_thrown_away() 
     );
     assert_eq!((after.len(), done_lines(&out).len()), (3, 3));
     manifest_is_true(&out);
+}
+
+#[test]
+fn a_server_that_dies_and_one_that_hangs_are_entered_and_the_campaign_ends_complete() {
+    let (_folder, plan, out) = planned(PLAN);
+    let args = one_worker(&plan, &out);
+    let campaign = Campaign::start(&[&args[..], &["--patience", "6"]].concat());
+    // One dies while the first episode is made, one hangs during the second.
+    for (index, signal) in [(0, "KILL"), (1, "STOP")] {
+        let staging = out.join(format!("staging/pick_mustard-000{index}"));
+        wait_for("an operator at work", || {
+            let log = std::fs::metadata(staging.join("operator.log"));
+            log.is_ok_and(|log| log.len() > 0)
+        });
+        let socket = std::fs::read_to_string(staging.join("socket"));
+        let socket = socket.expect("where the server listens");
+        let servers = processes(&format!("unixsock-stream/{socket}/server\0--pacing"));
+        assert_eq!(servers.len(), 1, "{servers:?}");
+        let line = format!("kill -{signal} {}", servers[0]);
+        let status = Command::new("sh").args(["-c", &line]).status();
+        assert!(status.expect("a shell").success(), "{line}");
+    }
+    let ended = campaign.end();
+    let text = printed(&ended);
+    assert_eq!(ended.status.code(), Some(3), "{text}");
+    assert!(text.contains("2 of 2 episodes"), "{text}");
+    manifest_is_true(&out);
+    // Both are in the ledger with what reproduces them, and both were done with
+    // the same seed by a new server.
+    let manifest = std::fs::read_to_string(out.join("manifest.json")).expect("a manifest");
+    let manifest: Value = serde_json::from_str(&manifest).expect("JSON");
+    let failed = manifest["failed_attempts"].as_array().expect("a list");
+    assert_eq!(failed.len(), 2, "{failed:?}");
+    let words = [
+        "the server died (signal: 9",
+        "the server stood still and answered nothing for 6 s",
+    ];
+    for (index, (failed, words)) in failed.iter().zip(words).enumerate() {
+        assert_eq!(failed["episode"], format!("pick_mustard-000{index}"));
+        assert_eq!(failed["broken"], "server", "{failed}");
+        assert_eq!(
+            (&failed["attempt"], &failed["death"]),
+            (&0.into(), &1.into())
+        );
+        let reason = failed["reason"].as_str().expect("a reason");
+        assert!(reason.starts_with(words), "{failed}");
+        assert!(text.contains(words), "{text}");
+        let seed = &manifest["episodes"][index]["seed"];
+        assert_eq!(&failed["scenario"]["seed"], seed, "{failed}");
+        assert_eq!(failed["scenario"]["task"], "pick_mustard", "{failed}");
+    }
+    // They are done: the next run has nothing to do.
+    let again = run(&args);
+    assert_eq!(again.status.code(), Some(0), "{}", printed(&again));
+    assert!(left_behind(&out).is_empty());
 }
 
 fn manifest_is_true(out: &Path) {

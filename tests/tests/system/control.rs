@@ -2,13 +2,12 @@
 
 use std::time::Duration;
 
-use wheelarm_proto::keys::Query;
 use wheelarm_proto::preview::PreviewLevel;
 use wheelarm_proto::v1;
 use wheelarm_tests::{IdleCommander, PATIENCE, Server, wait_until};
 
 fn holder(link: &wheelarm_client::link::Link) -> String {
-    let status: v1::Status = link.ask(Query::Status).expect("a status");
+    let status: v1::Status = link.ask(&v1::StatusRequest {}).expect("a status");
     status.holder
 }
 
@@ -48,18 +47,15 @@ fn lock_step_waits_for_whoever_is_in_control() {
     let server = Server::start("whose", &args).expect("a server");
     let link = server.link();
     let start = |label: &str, commander: &str| {
-        link.query::<v1::EpisodeStarted>(
-            Query::EpisodeStart,
-            &v1::EpisodeStartRequest {
-                label: label.into(),
-                commander: commander.into(),
-                ..Default::default()
-            },
-        )
+        link.ask(&v1::EpisodeStartRequest {
+            label: label.into(),
+            commander: commander.into(),
+            ..Default::default()
+        })
     };
     let told = start("a", "idle").expect_err("a refusal").to_string();
     assert!(told.contains("nobody holds control"), "{told}");
-    let status = || link.ask::<v1::Status>(Query::Status).expect("a status");
+    let status = || link.ask(&v1::StatusRequest {}).expect("a status");
     let tick = || status().header.expect("a header").tick;
     {
         let _idle = IdleCommander::start(&server.link());
@@ -95,7 +91,7 @@ fn pictures_are_compressed_for_those_who_watch() {
         };
         let (first, second) = (next(), next());
         assert_eq!((second.width, second.height), (width, width * 360 / 640));
-        assert_eq!(second.level, level.name());
+        assert_eq!(second.level(), level.code());
         assert!(second.sent_unix_nanos > first.sent_unix_nanos);
         assert!(second.jpeg.starts_with(&[0xff, 0xd8]) && second.jpeg.ends_with(&[0xff, 0xd9]));
         let newer = |frame: &v1::PreviewFrame| frame.header.as_ref().map_or(0, |h| h.tick);

@@ -5,7 +5,10 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
 use std::time::{Duration, Instant};
 
-use wheelarm_tests::{printed, program, root};
+use wheelarm_dataset::read::Episode;
+use wheelarm_proto::topic::Sample;
+use wheelarm_proto::{TopicId, v1};
+use wheelarm_tests::{PATIENCE, Recorder, Server, printed, program, root, wait_until};
 
 const CHAPTERS: [&str; 4] = ["process.md", "look.md", "lerobot.md", "robomimic.md"];
 
@@ -336,5 +339,58 @@ fn problems(folder: &Path, all: &[PathBuf]) {
         printed(&output).contains("the stamps of imu do not rise"),
         "{}",
         printed(&output)
+    );
+}
+
+#[test]
+fn an_episode_by_hand_in_real_time_is_aligned() {
+    let args = ["--camera", "gen3=64x48@10", "--quality", "fast"];
+    let server = Server::start("by-hand-aligned", &args).expect("a server");
+    let folder = tempfile::tempdir().expect("a folder");
+    let mut recorder = Recorder::start(&server, "hand", folder.path(), &["--episodes", "1"]);
+    let link = server.link();
+    wait_until("the recorder is there", || {
+        let status = link.ask(&v1::StatusRequest {}).expect("a status");
+        !status.recorders.is_empty()
+    });
+    let mut hand = link.commander("hand", false).expect("control");
+    let clocks = link.streams(&[TopicId::Clock]).expect("the clock");
+    let request = v1::EpisodeStartRequest {
+        label: "by-hand".into(),
+        require_recorders: 1,
+        ..Default::default()
+    };
+    link.ask(&request).expect("an episode");
+    // Whoever sends faster than the control rate has several in a tick.
+    let mut ticks = 0;
+    while ticks < 60 {
+        let Some(Sample::Clock(clock)) = clocks.next(PATIENCE).expect("no error") else {
+            panic!("no clock");
+        };
+        let header = clock.header.expect("a header");
+        if header.episode > 0 {
+            for _ in 0..3 {
+                hand.answer(&header, v1::Command::default())
+                    .expect("a command");
+            }
+            ticks += 1;
+        }
+    }
+    let stop = server.client(&["episode", "stop"]).expect("a client");
+    assert!(stop.status.success(), "{}", printed(&stop));
+    let (status, text) = recorder.end();
+    assert!(status.success(), "{text}");
+    let stamps = Episode::open(&folder.path().join("by-hand.h5"))
+        .and_then(|episode| episode.stamps("command"))
+        .expect("the commands");
+    let shared = stamps.windows(2).filter(|w| w[0] == w[1]).count();
+    assert!(shared > 0, "every command has a tick of its own");
+    let line = "wheelarm dataset align by-hand.h5 --out aligned";
+    let aligned = shell(folder.path(), line);
+    let text = printed(&aligned);
+    assert!(aligned.status.success(), "{text}");
+    println!(
+        "{} commands, {shared} in the tick of another\n{text}",
+        stamps.len()
     );
 }

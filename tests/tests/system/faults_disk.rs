@@ -5,7 +5,6 @@ use std::process::Command;
 
 use wheelarm_client::link::Link;
 use wheelarm_dataset::read::Episode;
-use wheelarm_proto::keys::Query;
 use wheelarm_proto::v1;
 use wheelarm_tests::{Recorder, Server, printed, wait_until};
 
@@ -44,7 +43,7 @@ impl Drop for SmallDisk {
 }
 
 fn status(link: &Link) -> v1::Status {
-    link.ask(Query::Status).expect("a status")
+    link.ask(&v1::StatusRequest {}).expect("a status")
 }
 
 fn start(link: &Link, label: &str, recorders: u32) {
@@ -56,14 +55,12 @@ fn start(link: &Link, label: &str, recorders: u32) {
         require_recorders: recorders,
         ..Default::default()
     };
-    let _: v1::EpisodeStarted = link
-        .query(Query::EpisodeStart, &request)
-        .expect("an episode");
+    let _: v1::EpisodeStarted = link.ask(&request).expect("an episode");
 }
 
 fn stop(link: &Link) {
     let request = v1::EpisodeStopRequest::default();
-    let _: v1::EpisodeStopped = link.query(Query::EpisodeStop, &request).expect("its end");
+    let _: v1::EpisodeStopped = link.ask(&request).expect("its end");
 }
 
 /// What the recorder `name` says of its failure, when it has failed.
@@ -185,15 +182,12 @@ fn labels_and_instructions_are_refused_or_stored_exactly() {
     let tricky =
         "tab\tquote\" back\\slash\nnew line \u{202e}right to left\u{202c} é e\u{301}".to_owned();
     let ask = |label: &str, instruction: &str| {
-        link.query::<v1::EpisodeStarted>(
-            Query::EpisodeStart,
-            &v1::EpisodeStartRequest {
-                label: label.into(),
-                instruction: instruction.into(),
-                require_recorders: 1,
-                ..Default::default()
-            },
-        )
+        link.ask(&v1::EpisodeStartRequest {
+            label: label.into(),
+            instruction: Some(instruction.into()),
+            require_recorders: 1,
+            ..Default::default()
+        })
     };
     for bad in [
         "../escape",

@@ -5,9 +5,9 @@ use std::net::TcpStream;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
-use wheelarm_client::link::{ConnectArgs, Link, Received, Stream};
-use wheelarm_proto::keys::Query;
-use wheelarm_proto::{Message, v1};
+use wheelarm_client::link::{ConnectArgs, Link};
+use wheelarm_proto::topic::Sample;
+use wheelarm_proto::{Message, TopicId, v1};
 use wheelarm_tests::{Server, wait_until};
 use zenoh::Wait;
 use zenoh::qos::CongestionControl;
@@ -51,7 +51,7 @@ fn a_flood_is_refused_and_counted_while_the_operator_drives_on() {
     let mut server = Server::start("flooded", &["--no-cameras"]).expect("a server");
     let link = server.link();
     let streams = link
-        .streams(&[Stream::Clock, Stream::Odometry, Stream::Refusal])
+        .streams(&[TopicId::Clock, TopicId::Odometry, TopicId::Refusal])
         .expect("the streams");
     let mut anna = link.commander("anna", false).expect("control");
     let hostile = server.link();
@@ -63,7 +63,8 @@ fn a_flood_is_refused_and_counted_while_the_operator_drives_on() {
         scope.spawn(|| {
             let publisher = hostile
                 .session()
-                .declare_publisher(hostile.keys().command())
+                .declare_publisher(hostile.keys().command("stranger"))
+                .encoding(wheelarm_proto::schema::encoding("wheelarm.v1.Command"))
                 .congestion_control(CongestionControl::Block)
                 .wait()
                 .expect("a publisher");
@@ -86,7 +87,7 @@ fn a_flood_is_refused_and_counted_while_the_operator_drives_on() {
         });
         while !ended.load(Ordering::Acquire) {
             match streams.next(Duration::from_millis(100)).expect("no error") {
-                Some(Received::Clock(clock)) => {
+                Some(Sample::Clock(clock)) => {
                     ticks += 1;
                     let drive = v1::Command {
                         base: Some(v1::BaseCommand {
@@ -98,11 +99,11 @@ fn a_flood_is_refused_and_counted_while_the_operator_drives_on() {
                     anna.answer(&clock.header.unwrap_or_default(), drive)
                         .expect("a command");
                 }
-                Some(Received::Odometry(sample)) => {
+                Some(Sample::Odometry(sample)) => {
                     let twist = sample.twist.unwrap_or_default();
                     speed = speed.max(twist.linear.unwrap_or_default().x);
                 }
-                Some(Received::Refusal(refusal)) => {
+                Some(Sample::Refusal(refusal)) => {
                     answers += 1;
                     told += refusal.count;
                 }
@@ -118,11 +119,7 @@ fn a_flood_is_refused_and_counted_while_the_operator_drives_on() {
     assert!(speed > 0.2, "the operator's chair reached {speed} m/s");
     assert!(answers < 200, "{answers} answers amplify the flood");
     // Every single one is counted.
-    let refused = || {
-        link.ask::<v1::Status>(Query::Status)
-            .expect("a status")
-            .refused
-    };
+    let refused = || link.ask(&v1::StatusRequest {}).expect("a status").refused;
     wait_until("all are refused", || refused() >= sent);
     let late = refused() - sent;
     assert!(late < 200, "{late} of the operator's own were refused");
@@ -142,6 +139,6 @@ fn connections_that_never_say_a_word_keep_nobody_out() {
         ..server.connect()
     };
     let link = Link::open(&patient).expect("a link beside the silent ones");
-    let _: v1::Status = link.ask(Query::Status).expect("a status");
+    let _: v1::Status = link.ask(&v1::StatusRequest {}).expect("a status");
     drop(silent);
 }

@@ -2,12 +2,12 @@
 
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
-use wheelarm_client::link::{Commander, Link, Received, Stream, Streams};
+use wheelarm_client::link::{Commander, Link, Streams};
 use wheelarm_client::preview::ladder::Ladder;
 use wheelarm_dataset::read::Episode;
-use wheelarm_proto::keys::Query;
 use wheelarm_proto::preview::PreviewLevel;
-use wheelarm_proto::v1;
+use wheelarm_proto::topic::Sample;
+use wheelarm_proto::{TopicId, v1};
 use wheelarm_tests::{Line, PATIENCE, Proxy, Recorder, Server, wait_until};
 
 /// The link of the issue: 150 ms each way, 5 Mbit/s.
@@ -30,7 +30,7 @@ struct Observer {
 
 impl Observer {
     fn new(link: &Link) -> Self {
-        let wanted = [Stream::Odometry, Stream::JointState, Stream::Applied];
+        let wanted = [TopicId::Odometry, TopicId::JointState, TopicId::Applied];
         Self {
             streams: link.streams(&wanted).expect("the streams"),
             last_command: 0.0,
@@ -50,16 +50,16 @@ impl Observer {
             .expect("no error")
             .expect("a sample")
         {
-            Received::Odometry(sample) => {
+            Sample::Odometry(sample) => {
                 self.now = seconds(&sample.header);
                 let twist = sample.twist.unwrap_or_default();
                 self.speed = twist.linear.unwrap_or_default().x;
             }
-            Received::JointState(sample) => {
-                let arm = sample.velocity[4..10].iter();
+            Sample::JointState(sample) => {
+                let arm = sample.velocities[4..10].iter();
                 self.arm = arm.fold(0.0, |most, v| v.abs().max(most));
             }
-            Received::Applied(sample) if sample.base.is_some() && !sample.stale => {
+            Sample::Applied(sample) if sample.base.is_some() && !sample.stale => {
                 self.last_command = seconds(&sample.header);
             }
             _ => {}
@@ -81,7 +81,7 @@ fn drive(commander: &mut Commander, clock: &Streams, seconds: f64) {
     let mut sent = 0.0;
     let begun = std::time::Instant::now();
     while begun.elapsed().as_secs_f64() < seconds {
-        let Ok(Some(Received::Clock(clock))) = clock.next(Duration::from_millis(50)) else {
+        let Ok(Some(Sample::Clock(clock))) = clock.next(Duration::from_millis(50)) else {
             continue;
         };
         let now = begun.elapsed().as_secs_f64();
@@ -107,13 +107,13 @@ fn a_far_operator_drives_in_order_and_a_broken_link_stops_the_chair() {
     let near = server.link();
     let commands = near
         .session()
-        .declare_subscriber(near.keys().stream("command"))
+        .declare_subscriber(near.keys().topic(TopicId::Command))
         .with(zenoh::handlers::FifoChannel::new(4096));
     let commands = zenoh::Wait::wait(commands).expect("the commands");
     let mut seen = Observer::new(&near);
     let proxy = Proxy::start(&server.endpoint, DELAY, BITS_PER_SECOND).expect("a proxy");
     let far = Link::open(&server.connect_through(&proxy.endpoint())).expect("a far link");
-    let clock = far.streams(&[Stream::Clock]).expect("the clock");
+    let clock = far.streams(&[TopicId::Clock]).expect("the clock");
     let mut commander = far.commander("far", false).expect("control");
     let preview = far.preview("gen3", PreviewLevel::Low).expect("a preview");
 
@@ -149,7 +149,7 @@ fn a_far_operator_drives_in_order_and_a_broken_link_stops_the_chair() {
         seconds < REST_SECS,
         "at rest {seconds:.2} s after the last command"
     );
-    let status = || near.ask::<v1::Status>(Query::Status).expect("a status");
+    let status = || near.ask(&v1::StatusRequest {}).expect("a status");
     wait_until("control is free", || status().holder.is_empty());
     let held = seen.now;
     seen.until("a second passes", |o| o.now > held + 1.0);
@@ -177,7 +177,7 @@ fn a_far_operator_drives_in_order_and_a_broken_link_stops_the_chair() {
 fn a_recording_goes_on_after_cuts_and_tells_what_is_missing() {
     let server = Server::start("cuts", &["--no-cameras"]).expect("a server");
     let near = server.link();
-    let status = || near.ask::<v1::Status>(Query::Status).expect("a status");
+    let status = || near.ask(&v1::StatusRequest {}).expect("a status");
     let proxy = Proxy::start(&server.endpoint, Duration::ZERO, 1e9).expect("a proxy");
     let folder = tempfile::tempdir().expect("a folder");
     let through = proxy.endpoint();
@@ -189,7 +189,7 @@ fn a_recording_goes_on_after_cuts_and_tells_what_is_missing() {
         require_recorders: 1,
         ..Default::default()
     };
-    let _: v1::EpisodeStarted = near.query(Query::EpisodeStart, &request).expect("a start");
+    let _: v1::EpisodeStarted = near.ask(&request).expect("a start");
     wait_until("the episode runs", || status().waiting_for.is_empty());
     // Short ones, which the server's cache makes good, and one that is longer
     // than anything remembers.
@@ -203,7 +203,7 @@ fn a_recording_goes_on_after_cuts_and_tells_what_is_missing() {
     }
     wait_until("the recorder is back", || !status().recorders.is_empty());
     let request = v1::EpisodeStopRequest::default();
-    let stopped: v1::EpisodeStopped = near.query(Query::EpisodeStop, &request).expect("an end");
+    let stopped: v1::EpisodeStopped = near.ask(&request).expect("an end");
     let (ended, text) = recorder.end();
     println!("{text}");
     assert_eq!(ended.code(), Some(3), "{text}");
@@ -232,7 +232,7 @@ fn a_viewer_on_a_narrow_link_steps_down_and_holds_nobody_up() {
     let server = Server::start("narrow", &args).expect("a server");
     let near = server.link();
     let tick = || {
-        let status: v1::Status = near.ask(Query::Status).expect("a status");
+        let status: v1::Status = near.ask(&v1::StatusRequest {}).expect("a status");
         status.header.unwrap_or_default().tick
     };
     // Below what the medium level of this camera needs, about 2 Mbit/s.
@@ -256,9 +256,9 @@ fn a_viewer_on_a_narrow_link_steps_down_and_holds_nobody_up() {
                 .duration_since(UNIX_EPOCH)
                 .expect("a clock");
             let way = arrived.as_secs_f64() - frame.sent_unix_nanos as f64 * 1e-9;
+            low += i32::from(frame.level() == PreviewLevel::Low.code());
             ladder.came(frame.header.unwrap_or_default().sequence, way, now());
             seen += 1;
-            low += i32::from(frame.level == PreviewLevel::Low.name());
         }
         if let Some(level) = ladder.decide(now()) {
             assert!(

@@ -8,14 +8,13 @@ use std::time::Duration;
 use wheelarm_client::link::Link;
 use wheelarm_dataset::log;
 use wheelarm_dataset::read::Episode;
-use wheelarm_proto::keys::Query;
 use wheelarm_proto::v1;
 use wheelarm_tests::{IdleCommander, Recorder, Server, printed, wait_until};
 
 const CAMERA: [&str; 4] = ["--camera", "gen3=64x48@30", "--quality", "fast"];
 
 fn status(link: &Link) -> v1::Status {
-    link.ask(Query::Status).expect("a status")
+    link.ask(&v1::StatusRequest {}).expect("a status")
 }
 
 fn tick(link: &Link) -> u64 {
@@ -34,16 +33,14 @@ fn start(link: &Link, label: &str, recorders: u32) {
         require_recorders: recorders,
         ..Default::default()
     };
-    let started: v1::EpisodeStarted = link
-        .query(Query::EpisodeStart, &request)
-        .expect("an episode");
+    let started: v1::EpisodeStarted = link.ask(&request).expect("an episode");
     assert_eq!(started.label, label);
     wait_until("the episode runs", || status(link).waiting_for.is_empty());
 }
 
 fn stop(link: &Link) {
     let request = v1::EpisodeStopRequest::default();
-    let _: v1::EpisodeStopped = link.query(Query::EpisodeStop, &request).expect("its end");
+    let _: v1::EpisodeStopped = link.ask(&request).expect("its end");
 }
 
 /// Simulated time goes on for `seconds`.
@@ -375,9 +372,7 @@ fn start_lock_step(link: &Link, label: &str) {
         commander: IdleCommander::NAME.into(),
         ..Default::default()
     };
-    let _: v1::EpisodeStarted = link
-        .query(Query::EpisodeStart, &request)
-        .expect("an episode");
+    let _: v1::EpisodeStarted = link.ask(&request).expect("an episode");
 }
 
 /// The same states, commands and pictures, bit by bit.

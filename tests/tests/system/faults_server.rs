@@ -4,7 +4,6 @@
 use std::process::{Command, Stdio};
 use std::time::Duration;
 
-use wheelarm_proto::keys::Query;
 use wheelarm_proto::v1;
 use wheelarm_tests::{Recorder, Server, printed, program, root, wait_until};
 
@@ -30,7 +29,7 @@ fn a_killed_server_leaves_a_partial_file_and_its_successor_is_recorded() {
     let mut recorder = Recorder::start(&server, "witness", folder.path(), &["--episodes", "2"]);
     let link = server.link();
     let recorders = |state: v1::RecorderState| {
-        let status = link.ask_within::<v1::Status>(Query::Status, Duration::from_secs(2));
+        let status = link.ask_within(&v1::StatusRequest {}, Duration::from_secs(2));
         status.is_ok_and(|s| s.recorders.iter().any(|r| r.state() == state))
     };
     wait_until("the recorder is there", || {

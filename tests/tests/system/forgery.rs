@@ -7,8 +7,8 @@ use std::path::Path;
 
 use wheelarm_client::link::Link;
 use wheelarm_dataset::read::{Episode, Values};
-use wheelarm_proto::keys::Query;
-use wheelarm_proto::{Message, v1};
+use wheelarm_proto::Query;
+use wheelarm_proto::{Message, TopicId, v1};
 use wheelarm_tests::{PATIENCE, Recorder, Router, Server, wait_until};
 use zenoh::Wait;
 use zenoh::sample::SourceInfo;
@@ -18,7 +18,7 @@ use zenoh::session::EntityGlobalId;
 const FORGED: f64 = 1234.5;
 
 fn status(link: &Link) -> v1::Status {
-    link.ask(Query::Status).expect("a status")
+    link.ask(&v1::StatusRequest {}).expect("a status")
 }
 
 fn start(link: &Link, label: &str) -> v1::EpisodeStarted {
@@ -30,16 +30,14 @@ fn start(link: &Link, label: &str) -> v1::EpisodeStarted {
         require_recorders: 1,
         ..Default::default()
     };
-    let started = link
-        .query(Query::EpisodeStart, &request)
-        .expect("an episode");
+    let started = link.ask(&request).expect("an episode");
     wait_until("the episode runs", || status(link).waiting_for.is_empty());
     started
 }
 
 fn stop(link: &Link) -> v1::EpisodeStopped {
     let request = v1::EpisodeStopRequest::default();
-    link.query(Query::EpisodeStop, &request).expect("its end")
+    link.ask(&request).expect("its end")
 }
 
 /// Simulated time goes on for `seconds`.
@@ -108,7 +106,7 @@ impl Stranger {
     /// Publishes `count` measurements of the future; with `copied` they carry
     /// the id of the true ones.
     fn measure(&self, count: u64, copied: bool) {
-        let key = self.link.keys().stream("imu");
+        let key = self.link.keys().topic(TopicId::Imu);
         let (real, id, number): (v1::Imu, _, _) = self.listen(&key);
         let header = real.header.clone().unwrap_or_default();
         for i in 0..count {
@@ -161,10 +159,10 @@ fn what_a_stranger_publishes_never_enters_a_recording() {
             sequence: 0,
             ..started.header.clone().unwrap_or_default()
         }),
-        kind: "forged".into(),
+        kind: v1::EventKind::Control.into(),
         text: "forged".into(),
     };
-    stranger.put(&link.keys().stream("event"), &event, None);
+    stranger.put(&link.keys().topic(TopicId::Event), &event, None);
     pass(link, 1.0);
     stop(link);
     let text = recorder.finish();
@@ -200,10 +198,13 @@ fn a_copied_id_is_found_and_the_stream_is_named() {
 fn forged_starts_and_ends_neither_deafen_nor_end_nor_discard_a_recording() {
     let scene = Scene::new("protocol");
     let (link, stranger, folder) = (&scene.link, &scene.stranger, &scene.folder);
-    let (starts, stops) = (link.keys().episode_start(), link.keys().episode_stop());
+    let (starts, stops) = (
+        link.keys().topic(TopicId::EpisodeStart),
+        link.keys().topic(TopicId::EpisodeStop),
+    );
     let recorder = scene.recorder("2");
     // What everybody hears is the server's id.
-    let (_, id, _): (v1::Clock, _, _) = stranger.listen(&link.keys().stream("clock"));
+    let (_, id, _): (v1::Clock, _, _) = stranger.listen(&link.keys().topic(TopicId::Clock));
     // A stranger answers the recorder's questions as well, and claims to be
     // the one to ask.
     let lies = v1::EpisodeStopped::default().encode_to_vec();

@@ -3,8 +3,11 @@
 
 use std::time::Duration;
 
-use wheelarm_proto::keys::{Keys, Query};
-use wheelarm_proto::{Message, v1};
+use wheelarm_proto::Query;
+use wheelarm_proto::keys::Keys;
+use wheelarm_proto::schema;
+use wheelarm_proto::v1::RefusalCode;
+use wheelarm_proto::{Message, TopicId, v1};
 use wheelarm_tests::{Server, printed};
 use zenoh::{Session, Wait};
 
@@ -30,9 +33,12 @@ fn ask<R: Message + Default>(
     query: Query,
     payload: Vec<u8>,
 ) -> Result<R, String> {
+    // Who asks for control stands in the key.
+    let key = keys.query(query).replace('*', "tester");
     let replies = session
-        .get(keys.query(query))
+        .get(key)
         .payload(payload)
+        .encoding(schema::encoding(query.messages()[0]))
         .timeout(WAIT)
         .wait()
         .expect("a query");
@@ -44,6 +50,13 @@ fn ask<R: Message + Default>(
             Err(failure.expect("a Failure").message)
         }
     }
+}
+
+/// Sends a command of this version.
+fn put(session: &Session, key: &str, bytes: Vec<u8>) {
+    let put = session.put(key, bytes);
+    let put = put.encoding(schema::encoding("wheelarm.v1.Command"));
+    put.wait().expect("a put");
 }
 
 /// Puts `tester` in control; control lasts as long as the token.
@@ -93,11 +106,11 @@ fn hostile_messages_are_refused_counted_and_survived() {
     let session = session(&server);
     let keys = Keys::new("gate").expect("a name");
     let refusals = session
-        .declare_subscriber(keys.refusal())
+        .declare_subscriber(keys.topic(TopicId::Refusal))
         .wait()
         .expect("a subscriber");
     let _control = take_control(&session, &keys);
-    let send = |bytes: Vec<u8>| session.put(keys.command(), bytes).wait().expect("a put");
+    let send = |bytes: Vec<u8>| put(&session, &keys.command("tester"), bytes);
     let status = || ask::<v1::Status>(&session, &keys, Query::Status, vec![]).expect("a status");
     let newest = || status().header.expect("a header").tick;
     // Far enough from the start that tick 0 is old.
@@ -107,13 +120,37 @@ fn hostile_messages_are_refused_counted_and_survived() {
     send(drive(1, 0.2, newest()).encode_to_vec());
     let tick = newest();
     let hostile = [
-        (vec![0xff; 64], "not a wheelarm.v1.Command"),
-        (vec![0; 1 << 20], "at most"),
-        (drive(2, 0.2, 0).encode_to_vec(), "answers_tick is 0"),
-        (drive(2, f64::NAN, tick).encode_to_vec(), "finite"),
-        (drive(2, f64::INFINITY, tick).encode_to_vec(), "finite"),
-        (drive(2, 1e300, tick).encode_to_vec(), "expected"),
-        (drive(1, 0.2, tick).encode_to_vec(), "sequence"),
+        (
+            vec![0xff; 64],
+            "not a wheelarm.v1.Command",
+            RefusalCode::Invalid,
+        ),
+        (vec![0; 1 << 20], "at most", RefusalCode::TooLong),
+        (
+            drive(2, 0.2, 0).encode_to_vec(),
+            "answers_tick is 0",
+            RefusalCode::NoTick,
+        ),
+        (
+            drive(2, f64::NAN, tick).encode_to_vec(),
+            "finite",
+            RefusalCode::Invalid,
+        ),
+        (
+            drive(2, f64::INFINITY, tick).encode_to_vec(),
+            "finite",
+            RefusalCode::Invalid,
+        ),
+        (
+            drive(2, 1e300, tick).encode_to_vec(),
+            "expected",
+            RefusalCode::Invalid,
+        ),
+        (
+            drive(1, 0.2, tick).encode_to_vec(),
+            "sequence",
+            RefusalCode::Sequence,
+        ),
         (
             {
                 let mut wrong = drive(9, 0.2, tick);
@@ -121,9 +158,10 @@ fn hostile_messages_are_refused_counted_and_survived() {
                 wrong.encode_to_vec()
             },
             "episode",
+            RefusalCode::Episode,
         ),
     ];
-    for (bytes, reason) in &hostile {
+    for (bytes, reason, code) in &hostile {
         send(bytes.clone());
         let sample = refusals
             .recv_timeout(WAIT)
@@ -135,9 +173,58 @@ fn hostile_messages_are_refused_counted_and_survived() {
             "{:?} lacks {reason:?}",
             refusal.reason
         );
+        assert_eq!(refusal.code(), *code, "{}", refusal.reason);
     }
     assert_eq!(status().refused, hostile.len() as u64);
+    // In another's name, and of a program of the first version.
+    let honest = drive(20, 0.2, newest()).encode_to_vec();
+    let told = |key: &str, encoding: &str| {
+        let put = session.put(key, honest.clone()).encoding(encoding);
+        put.wait().expect("a put");
+        let sample = refusals.recv_timeout(WAIT).expect("no error");
+        let bytes = sample.expect("a refusal").payload().to_bytes().into_owned();
+        v1::Refusal::decode(bytes.as_slice()).expect("a Refusal")
+    };
+    let own = schema::encoding("wheelarm.v1.Command");
+    let foreign = told(&keys.command("somebody"), &own);
+    assert_eq!(foreign.code(), RefusalCode::Foreign, "{}", foreign.reason);
+    let old = told(&keys.command("tester"), "zenoh/bytes");
+    assert_eq!(old.code(), RefusalCode::Version, "{}", old.reason);
+    assert!(old.reason.contains("one build"), "{}", old.reason);
     assert!(server.alive());
+}
+
+#[test]
+fn an_old_program_and_who_asks_in_anothers_name_are_refused_with_the_cure() {
+    let server = Server::start("versions", &["--no-cameras"]).expect("a server");
+    let session = session(&server);
+    let keys = Keys::new("versions").expect("a name");
+    let ask = |key: String, payload: Vec<u8>, encoding: &str| {
+        let get = session.get(key).payload(payload).encoding(encoding);
+        let replies = get.timeout(WAIT).wait().expect("a query");
+        let reply = replies.recv().expect("an answer");
+        let error = reply.result().expect_err("a refusal");
+        v1::Failure::decode(&*error.payload().to_bytes()).expect("a Failure")
+    };
+    let old = ask(keys.query(Query::Status), Vec::new(), "zenoh/bytes");
+    assert_eq!(old.code(), v1::FailureCode::Version, "{}", old.message);
+    assert!(old.message.contains("one build"), "{}", old.message);
+    let newer = "application/protobuf;wheelarm.v1.StatusRequest@99";
+    let newer = ask(keys.query(Query::Status), Vec::new(), newer);
+    assert!(newer.message.contains("version 99"), "{}", newer.message);
+    let request = v1::LeaseRequest {
+        commander: "anna".into(),
+        ..Default::default()
+    };
+    let key = keys.query(Query::Lease).replace('*', "ben");
+    let own = schema::encoding("wheelarm.v1.LeaseRequest");
+    let foreign = ask(key, request.encode_to_vec(), &own);
+    assert_eq!(
+        foreign.code(),
+        v1::FailureCode::Foreign,
+        "{}",
+        foreign.message
+    );
 }
 
 #[test]
@@ -165,7 +252,7 @@ fn queries_with_rubbish_get_an_answer_that_names_the_cure() {
         answer
     };
     let unknown = reset(v1::Scenario {
-        task: "fly_to_mars".into(),
+        task: Some("fly_to_mars".into()),
         ..Default::default()
     });
     let text = unknown.expect_err("a failure");
@@ -202,14 +289,12 @@ fn a_chair_whose_operator_falls_silent_brakes_to_rest() {
     let keys = Keys::new("silent").expect("a name");
     let _control = take_control(&session, &keys);
     let odometry = session
-        .declare_subscriber(keys.stream("odometry"))
+        .declare_subscriber(keys.topic(TopicId::Odometry))
         .wait()
         .expect("a stream");
     let put = |command: v1::Command| {
-        session
-            .put(keys.command(), command.encode_to_vec())
-            .wait()
-            .expect("a put");
+        let key = keys.command("tester");
+        self::put(&session, &key, command.encode_to_vec());
     };
     let speed = || {
         let sample = odometry

@@ -16,6 +16,7 @@ mod faults_server;
 mod forgery;
 mod gate;
 mod mutation;
+mod over_ticks;
 mod preview;
 mod queries;
 mod recorder;

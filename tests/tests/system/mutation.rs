@@ -56,7 +56,7 @@ fn command() -> v1::Command {
         }),
         gripper: Some(v1::GripperCommand {
             target: Some(v1::gripper_command::Target::Opening(0.04)),
-            max_force: 20.0,
+            max_force: Some(20.0),
         }),
         phase: 2,
         phase_name: "reaching".into(),
@@ -70,7 +70,7 @@ fn damaged_messages_are_survived() {
     read_damaged("command", &sent.encode_to_vec(), 4000, decoders::command);
     for target in [
         v1::arm_command::Target::Joints(v1::JointTarget {
-            position: vec![0.1; 6],
+            positions: vec![0.1; 6],
         }),
         v1::arm_command::Target::Step(v1::CartesianStep::default()),
         v1::arm_command::Target::Hold(true),
@@ -83,12 +83,12 @@ fn damaged_messages_are_survived() {
     }
     let scenario = v1::Scenario {
         scene: "home".into(),
-        task: "pick_mustard".into(),
+        task: Some("pick_mustard".into()),
         cameras: vec![v1::CameraSetting {
             name: "gen3".into(),
             width: 64,
             height: 48,
-            rate_hz: 30.0,
+            rate_hz: Some(30.0),
         }],
         start: Some(pose()),
         objects: vec![v1::ObjectPlacement {
@@ -118,7 +118,7 @@ fn damaged_messages_are_survived() {
         started.encode_to_vec(),
         v1::ReachRequest {
             pose: Some(pose()),
-            near: vec![0.1; 6],
+            near_joints: vec![0.1; 6],
         }
         .encode_to_vec(),
         v1::LeaseRequest {

@@ -4,24 +4,8 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
 use serde_json::Value;
-use wheelarm_tests::{printed, program, root};
+use wheelarm_tests::{TASKS, printed, program, root};
 
-/// The tasks that must be there.
-const TASKS: [&str; 13] = [
-    "open_drawer",
-    "pick_blue_mug",
-    "pick_bowl",
-    "pick_crackers",
-    "pick_glass_bottle",
-    "pick_grey_cup",
-    "pick_meat_can",
-    "pick_mustard",
-    "pick_silver_bottle",
-    "pick_tomato_soup",
-    "place_knife",
-    "place_teddy_bear",
-    "select_coke",
-];
 /// The seed that is looked at.
 const SEED: &str = "1..2";
 

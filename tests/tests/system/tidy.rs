@@ -212,7 +212,7 @@ fn every_message_field_says_its_unit() {
         for (i, line) in text.lines().enumerate() {
             let line = line.trim();
             if let Some(words) = line.strip_prefix("//") {
-                comment.push_str(words);
+                comment.push_str(words.trim());
                 comment.push(' ');
                 continue;
             }
@@ -230,7 +230,10 @@ fn every_message_field_says_its_unit() {
                     .split(' ')
                     .nth(1)
                     .is_some_and(|w| w.chars().next().is_some_and(char::is_uppercase));
-            let exempt = line.starts_with("syntax") || line.starts_with("package") || value_of_enum;
+            let exempt = ["syntax", "package", "option "]
+                .iter()
+                .any(|start| line.starts_with(start))
+                || value_of_enum;
             if declares && !exempt {
                 let typed_parts = message && !comment.is_empty();
                 if !typed_parts && !units.iter().any(|u| comment.contains(u)) {

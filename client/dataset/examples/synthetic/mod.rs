@@ -6,7 +6,7 @@
 pub mod smooth;
 
 use bytes::Bytes;
-use wheelarm_proto::{Message, names, stamp_nanos, v1};
+use wheelarm_proto::{Message, TopicId, stamp_nanos, v1};
 
 /// A generator of numbers that need not be good, only repeatable.
 pub struct Random(pub u64);
@@ -81,7 +81,7 @@ impl Random {
         let frame = self.below(5) as i32;
         let target = match self.below(6) {
             0 => Some(Target::Joints(v1::JointTarget {
-                position: self.list(6),
+                positions: self.list(6),
             })),
             1 => Some(Target::Pose(v1::CartesianTarget {
                 frame,
@@ -111,7 +111,7 @@ impl Random {
         };
         v1::GripperCommand {
             target,
-            max_force: self.wild(),
+            max_force: Some(self.wild()),
         }
     }
 
@@ -128,9 +128,9 @@ impl Random {
         match stream {
             "joint_state" => v1::JointState {
                 header,
-                position: self.list(16),
-                velocity: self.list(16),
-                effort: self.list(16),
+                positions: self.list(16),
+                velocities: self.list(16),
+                efforts: self.list(16),
             }
             .encode_to_vec(),
             "pose" => v1::PoseSet {
@@ -162,8 +162,13 @@ impl Random {
             }
             .encode_to_vec(),
             "command" => v1::CommandLog {
+                loop_age_ticks: Some(4),
                 header,
                 command: (self.below(9) > 0).then(|| v1::Command {
+                    over_ticks: 6,
+                    device: 9,
+                    mode: 5,
+                    assistance: 1,
                     header: Some(v1::Header {
                         sequence: self.bits(),
                         ..Default::default()
@@ -184,38 +189,39 @@ impl Random {
                 arm: (self.below(3) > 0).then(|| self.arm()),
                 base: (self.below(3) > 0).then(|| self.base()),
                 gripper: (self.below(3) > 0).then(|| self.gripper()),
-                joint_position: self.list(6),
-                joint_velocity: self.list(6),
-                wheel_velocity: self.list(2),
+                joint_positions: self.list(6),
+                joint_velocities: self.list(6),
+                wheel_velocities: self.list(2),
                 knuckle: self.wild(),
                 desired_pose: (self.below(4) > 0).then(|| self.pose()),
                 stale: self.below(2) == 0,
                 arm_problem: self.word(),
+                arm_problem_code: 2,
             }
             .encode_to_vec(),
             "object_pose" => v1::ObjectPoses {
                 header,
-                pose: (0..objects).map(|_| self.pose()).collect(),
-                twist: (0..objects).map(|_| self.twist()).collect(),
+                poses: (0..objects).map(|_| self.pose()).collect(),
+                twists: (0..objects).map(|_| self.twist()).collect(),
             }
             .encode_to_vec(),
             "furniture_joint" => v1::FurnitureJoints {
                 header,
-                position: self.list(2),
-                velocity: self.list(2),
+                positions: self.list(2),
+                velocities: self.list(2),
             }
             .encode_to_vec(),
             "deformable" => v1::Deformable {
                 header,
                 object: self.word(),
-                vertex: (0..12).map(|i| i as f32 * 0.125).collect(),
+                vertices: (0..12).map(|i| i as f32 * 0.125).collect(),
                 elastic_energy: self.wild(),
                 kinetic_energy: self.wild(),
             }
             .encode_to_vec(),
             "contact" => v1::Contacts {
                 header,
-                pad_force: self.list(2),
+                pad_forces: self.list(2),
                 contacts: (0..self.below(18))
                     .map(|_| v1::Contact {
                         first: self.word(),
@@ -227,19 +233,21 @@ impl Random {
             }
             .encode_to_vec(),
             "evaluation" => v1::Evaluation {
+                failure_reason: 0,
                 header,
                 success: self.below(2) == 0,
                 done: self.below(2) == 0,
                 failure: self.word(),
                 conditions: (0..self.below(4))
                     .map(|i| v1::Condition {
+                        predicate: String::new(),
                         name: format!("condition {i}, 0.{i} m"),
                         holds: self.below(2) == 0,
                         value: self.wild(),
                         required: self.below(2) == 0,
                     })
                     .collect(),
-                elapsed: self.wild(),
+                elapsed_seconds: self.wild(),
             }
             .encode_to_vec(),
             "phase" => v1::PhaseSample {
@@ -255,7 +263,7 @@ impl Random {
             .encode_to_vec(),
             _ => v1::Event {
                 header,
-                kind: self.word(),
+                kind: 6,
                 text: self.word(),
             }
             .encode_to_vec(),
@@ -269,7 +277,7 @@ pub fn started(label: &str) -> v1::EpisodeStarted {
         name: name.into(),
         width: 1280,
         height: 720,
-        rate_hz: 10.0,
+        rate_hz: Some(10.0),
     };
     v1::EpisodeStarted {
         physics_version: wheelarm_proto::PHYSICS_VERSION,
@@ -278,13 +286,16 @@ pub fn started(label: &str) -> v1::EpisodeStarted {
         instruction: "Turn right, go to the coffee table, and pick up the mustard".into(),
         scenario: Some(v1::Scenario {
             scene: "home".into(),
-            task: "pick_mustard".into(),
-            seed: 7,
+            task: Some("pick_mustard".into()),
+            seed: Some(7),
+            imu_noise: Some(false),
+            instruction: Some(String::new()),
+            target: Some(String::new()),
             robot: "whill_gen3".into(),
             cameras: vec![camera("gen3"), camera("wheelchair")],
-            state_rate_hz: 60.0,
-            deformable_rate_hz: 10.0,
-            imu_rate_hz: 240.0,
+            state_rate_hz: Some(60.0),
+            deformable_rate_hz: Some(10.0),
+            imu_rate_hz: Some(240.0),
             pacing: v1::Pacing::LockStep.into(),
             quality: v1::RenderQuality::Standard.into(),
             objects: vec![v1::ObjectPlacement {
@@ -309,7 +320,7 @@ pub fn started(label: &str) -> v1::EpisodeStarted {
         }),
         activity: "pick up".into(),
         area: "coffee_table".into(),
-        streams: names::STREAMS.iter().map(|&s| s.to_owned()).collect(),
+        streams: TopicId::STATES.map(|s| s.name().to_owned()).to_vec(),
         cameras: vec!["gen3".into(), "wheelchair".into()],
         adapter: "made up".into(),
         version: "0.1.0".into(),
@@ -343,10 +354,14 @@ pub fn snapshot() -> v1::SnapshotReply {
         ],
         instances: vec![
             v1::Instance {
+                kind: 2,
+                part: 0,
                 id: 1,
                 name: "floor".into(),
             },
             v1::Instance {
+                kind: 2,
+                part: 0,
                 id: 2,
                 name: "mustard".into(),
             },
@@ -376,14 +391,14 @@ pub fn frame(
     let (mut rgb, mut depth, mut ids) = (
         Vec::with_capacity(3 * pixels),
         Vec::with_capacity(4 * pixels),
-        Vec::with_capacity(pixels),
+        Vec::with_capacity(2 * pixels),
     );
     for y in 0..height {
         for x in 0..width {
             let (colour, metres, id) = picture(x, y);
             rgb.extend(colour);
             depth.extend(metres.to_le_bytes());
-            ids.push(id);
+            ids.extend(u16::from(id).to_le_bytes());
         }
     }
     v1::CameraFrame {
@@ -413,6 +428,9 @@ pub fn frame(
         rgb: rgb.into(),
         depth: depth.into(),
         ids: ids.into(),
+        rgb_format: v1::PixelFormat::Rgb8.into(),
+        depth_format: v1::PixelFormat::DepthMetresF32.into(),
+        ids_format: v1::PixelFormat::IdU16.into(),
     }
 }
 
@@ -422,24 +440,27 @@ pub fn stopped(tick: u64, counts: &[(String, u64, u64)]) -> v1::EpisodeStopped {
         header: Some(header(0, tick)),
         discard: false,
         evaluation: Some(v1::Evaluation {
+            failure_reason: 0,
             header: Some(header(0, tick)),
             success: true,
             done: true,
             conditions: vec![
                 v1::Condition {
+                    predicate: String::new(),
                     name: "lifted(mustard, 0.10 m)".into(),
                     holds: true,
                     value: 0.13,
                     required: true,
                 },
                 v1::Condition {
+                    predicate: String::new(),
                     name: "held(mustard)".into(),
                     holds: true,
                     value: 1.0,
                     required: true,
                 },
             ],
-            elapsed: stamp_nanos(tick) as f64 * 1e-9,
+            elapsed_seconds: stamp_nanos(tick) as f64 * 1e-9,
             failure: String::new(),
         }),
         manifest: counts

@@ -175,9 +175,9 @@ pub fn tick(index: u64, seconds: f64, sequence: u64) -> Vec<(&'static str, Vec<u
             "joint_state",
             v1::JointState {
                 header: head(),
-                position,
-                velocity: vec![0.0; 16],
-                effort: vec![0.0; 16],
+                positions: position,
+                velocities: vec![0.0; 16],
+                efforts: vec![0.0; 16],
             }
             .encode_to_vec(),
         ),
@@ -216,10 +216,10 @@ pub fn tick(index: u64, seconds: f64, sequence: u64) -> Vec<(&'static str, Vec<u
             "object_pose",
             v1::ObjectPoses {
                 header: head(),
-                pose: [(2.33, 0.53), (2.43, 0.88), (2.5, 0.2)]
+                poses: [(2.33, 0.53), (2.43, 0.88), (2.5, 0.2)]
                     .map(|(x, y)| pose(x, y, 0.81, 0.0).unwrap_or_default())
                     .to_vec(),
-                twist: vec![v1::Twist::default(); 3],
+                twists: vec![v1::Twist::default(); 3],
             }
             .encode_to_vec(),
         ),
@@ -227,8 +227,8 @@ pub fn tick(index: u64, seconds: f64, sequence: u64) -> Vec<(&'static str, Vec<u
             "furniture_joint",
             v1::FurnitureJoints {
                 header: head(),
-                position: vec![0.0; 2],
-                velocity: vec![0.0; 2],
+                positions: vec![0.0; 2],
+                velocities: vec![0.0; 2],
             }
             .encode_to_vec(),
         ),
@@ -237,7 +237,7 @@ pub fn tick(index: u64, seconds: f64, sequence: u64) -> Vec<(&'static str, Vec<u
             v1::Deformable {
                 header: head(),
                 object: "teddy_bear".to_owned(),
-                vertex: vec![0.5; 12],
+                vertices: vec![0.5; 12],
                 elastic_energy: 0.0,
                 kinetic_energy: 0.0,
             }
@@ -247,7 +247,7 @@ pub fn tick(index: u64, seconds: f64, sequence: u64) -> Vec<(&'static str, Vec<u
             "contact",
             v1::Contacts {
                 header: head(),
-                pad_force: vec![grip, 0.97 * grip],
+                pad_forces: vec![grip, 0.97 * grip],
                 contacts: Vec::new(),
             }
             .encode_to_vec(),

@@ -27,7 +27,7 @@ pub fn place(stamps: &[u64], time: u64) -> Place {
 }
 
 /// The sample nearest to `time` within `limit` nanoseconds; of two equally near
-/// ones the earlier.
+/// ones the earlier, and of those with the same stamp the last.
 #[must_use]
 pub fn nearest(stamps: &[u64], time: u64, limit: u64) -> Option<usize> {
     let next = stamps.partition_point(|&s| s < time);
@@ -37,6 +37,7 @@ pub fn nearest(stamps: &[u64], time: u64, limit: u64) -> Option<usize> {
         .flatten()
         .filter(|&i| stamps[i].abs_diff(time) <= limit)
         .min_by_key(|&i| stamps[i].abs_diff(time))
+        .map(|i| stamps.partition_point(|&s| s <= stamps[i]) - 1)
 }
 
 /// The straight line from `a` to `b`.

@@ -17,6 +17,7 @@ pub use curve::{Interpolation, Rule};
 pub use file::write;
 
 use std::collections::BTreeMap;
+use wheelarm_proto::StreamId;
 
 use crate::read::{ColumnMeta, ElementKind, Episode, ReadError, Values};
 use curve::{Curve, Slopes};
@@ -137,15 +138,25 @@ impl Aligned {
     }
 }
 
-/// Usual distance of two samples, nanoseconds: the median.
+/// Whether the samples of a stream come at a rate of their own, each later than
+/// the one before. Commands come when somebody sends them: several at one stamp,
+/// of which the last counts, or none for a while.
+#[must_use]
+pub fn is_periodic(stream: &str) -> bool {
+    stream != "command"
+}
+
+/// Usual distance of two samples with different stamps, nanoseconds: the median,
+/// of an even number the lower one.
 #[must_use]
 pub fn usual_distance(stamps: &[u64]) -> Option<u64> {
     let mut all: Vec<u64> = stamps
         .windows(2)
         .map(|w| w[1].saturating_sub(w[0]))
+        .filter(|&distance| distance > 0)
         .collect();
-    let middle = all.len() / 2;
-    (!all.is_empty()).then(|| *all.select_nth_unstable(middle).1)
+    let middle = all.len().checked_sub(1)? / 2;
+    Some(*all.select_nth_unstable(middle).1)
 }
 
 /// Why an episode cannot be aligned.
@@ -175,8 +186,24 @@ pub enum AlignError {
         file: String,
         /// The stream.
         stream: String,
-        /// First sample that is not later than the one before.
+        /// First sample that comes too early after the one before.
         sample: usize,
+    },
+    /// A file that was changed or damaged.
+    #[error(
+        "{file}: {stream}/{column} has {samples} samples and {stamps} stamps: the file is damaged; `wheelarm dataset validate` says more"
+    )]
+    Uneven {
+        /// The file.
+        file: String,
+        /// The stream.
+        stream: String,
+        /// The column.
+        column: String,
+        /// Samples of the column.
+        samples: usize,
+        /// Stamps of the stream.
+        stamps: usize,
     },
 }
 
@@ -192,7 +219,7 @@ pub fn align(
     wanted: &dyn Fn(&str) -> bool,
 ) -> Result<Aligned, AlignError> {
     let cameras = episode.cameras()?;
-    let reference = format!("camera/{}", options.reference);
+    let reference = StreamId::camera(&options.reference).to_string();
     let stamps = if cameras.contains(&options.reference) {
         rising(episode, &reference)?
     } else {
@@ -214,19 +241,29 @@ pub fn align(
     };
     for stream in episode.streams()? {
         let own = options.limits.get(&stream).copied();
-        if let Some(camera) = stream.strip_prefix("camera/") {
+        let id = StreamId::parse(&stream);
+        if let Some(camera) = id.camera_name() {
             let times = rising(episode, &stream)?;
             let usual = usual_distance(&times).unwrap_or(0);
             let limit = own.map_or(usual / 2, nanos);
             let frames = aligned.stamps.iter().map(|&t| nearest(&times, t, limit));
             aligned.frames.insert(camera.to_owned(), frames.collect());
-        } else if stream != wheelarm_proto::names::EVENT_STREAM && wanted(&stream) {
+        } else if id != StreamId::EVENTS && wanted(&stream) {
             let times = rising(episode, &stream)?;
             let usual = usual_distance(&times).unwrap_or(0) as f64;
             let limit = own.map_or((GAP * usual) as u64, nanos);
             let coverage = cover(&times, &aligned.stamps, limit);
             for meta in episode.columns(&stream)? {
                 if meta.kind != ElementKind::Other && meta.width() > 0 {
+                    if meta.count != times.len() {
+                        return Err(AlignError::Uneven {
+                            file: episode.path().display().to_string(),
+                            stream,
+                            column: meta.name,
+                            samples: meta.count,
+                            stamps: times.len(),
+                        });
+                    }
                     let values = episode.values(&meta)?;
                     let rule = Rule::of(&meta);
                     let slopes = match options.interpolation {
@@ -261,7 +298,8 @@ fn nanos(seconds: f64) -> u64 {
 
 fn rising(episode: &Episode, stream: &str) -> Result<Vec<u64>, AlignError> {
     let stamps = episode.stamps(stream)?;
-    match stamps.windows(2).position(|w| w[0] >= w[1]) {
+    let falls = |w: &[u64]| w[0] > w[1] || is_periodic(stream) && w[0] == w[1];
+    match stamps.windows(2).position(falls) {
         None => Ok(stamps),
         Some(before) => Err(AlignError::Disorder {
             file: episode.path().display().to_string(),

@@ -8,10 +8,10 @@
 mod table;
 mod values;
 
-pub use table::{EVENT_COLUMNS, event_cells, streams};
+pub use table::{EVENT_COLUMNS, event_cells, of, streams};
 
 use prost::Message;
-use wheelarm_proto::{names, v1};
+use wheelarm_proto::{StreamId, Topic, names, v1};
 
 /// A trailing axis of a dataset; the first axis is always the sample.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -195,13 +195,12 @@ pub trait Stream: Send + Sync {
 
 /// The columns of one stream.
 pub struct Table<M: 'static> {
-    stream: &'static str,
     columns: &'static [Column<M>],
 }
 
-impl<M: Message + Default + 'static> Stream for Table<M> {
+impl<M: Topic + 'static> Stream for Table<M> {
     fn name(&self) -> &'static str {
-        self.stream
+        M::NAME
     }
 
     fn columns(&self) -> Vec<ColumnInfo> {
@@ -289,10 +288,11 @@ pub fn header_of(payload: &[u8]) -> Result<v1::Header, prost::DecodeError> {
 /// # Errors
 /// When it is not.
 pub fn check(stream: &str, payload: &[u8]) -> Result<(), prost::DecodeError> {
-    if stream == names::EVENT_STREAM {
+    let id = StreamId::parse(stream);
+    if id == StreamId::EVENTS {
         return v1::Event::decode(payload).map(drop);
     }
-    match streams().into_iter().find(|s| s.name() == stream) {
+    match of(&id) {
         Some(table) => table.check(payload),
         None => Ok(()),
     }

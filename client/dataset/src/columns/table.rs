@@ -1,6 +1,6 @@
 //! The table itself: every stream, every dataset, unit and frame.
 
-use wheelarm_proto::v1;
+use wheelarm_proto::{StreamId, TopicId, v1};
 
 use super::values as take;
 use super::{Axis, Cell, Column, ColumnInfo, Context, Kind, MAX_CONTACTS, Stream, Table, Values};
@@ -22,7 +22,8 @@ const POSE_UNIT: &str = "m (x y z), 1 (unit quaternion x y z w)";
 const TWIST_UNIT: &str = "m/s (linear), rad/s (angular)";
 const ARM_UNIT: &str = "rad (joints); m and 1 (pose); m/s and rad/s (twist); m and rad (step)";
 const BASE_UNIT: &str = "m/s (linear), rad/s (angular, positive to the left)";
-const GRIPPER_UNIT: &str = "m (opening), rad (knuckle), N (max_force, 0 takes the default)";
+const GRIPPER_UNIT: &str =
+    "m (opening), rad (knuckle), N (max_force; NaN takes the usual force of the robot)";
 const FRAMES_FRAME: &str = "wheelchair in house, all others in base_link";
 
 const fn f64s<M>(
@@ -90,22 +91,20 @@ const fn message<M>() -> Column<M> {
 }
 
 static JOINT_STATE: Table<v1::JointState> = Table {
-    stream: "joint_state",
     columns: &[
         f64s("position", "rad", "", &[Axis::Joints], |m, _, o| {
-            o.extend(&m.position)
+            o.extend(&m.positions)
         }),
         f64s("velocity", "rad/s", "", &[Axis::Joints], |m, _, o| {
-            o.extend(&m.velocity)
+            o.extend(&m.velocities)
         }),
         f64s("effort", "N.m", "", &[Axis::Joints], |m, _, o| {
-            o.extend(&m.effort)
+            o.extend(&m.efforts)
         }),
     ],
 };
 
 static POSE_SET: Table<v1::PoseSet> = Table {
-    stream: "pose",
     columns: &[
         f64s(
             "pose",
@@ -131,7 +130,6 @@ static POSE_SET: Table<v1::PoseSet> = Table {
 };
 
 static IMU: Table<v1::Imu> = Table {
-    stream: "imu",
     columns: &[
         f64s(
             "orientation",
@@ -164,7 +162,6 @@ static IMU: Table<v1::Imu> = Table {
 };
 
 static CLOCK: Table<v1::Clock> = Table {
-    stream: "clock",
     columns: &[f64s(
         "real_time_factor",
         "1 (simulated seconds per wall second)",
@@ -175,7 +172,6 @@ static CLOCK: Table<v1::Clock> = Table {
 };
 
 static ODOMETRY: Table<v1::Odometry> = Table {
-    stream: "odometry",
     columns: &[
         f64s(
             "pose",
@@ -199,7 +195,6 @@ static ODOMETRY: Table<v1::Odometry> = Table {
 };
 
 static COMMAND: Table<v1::CommandLog> = Table {
-    stream: "command",
     columns: &[
         text("commander", |m| {
             m.command
@@ -238,6 +233,19 @@ static COMMAND: Table<v1::CommandLog> = Table {
         f64s("gripper", GRIPPER_UNIT, "", &[GRIPPER], |m, _, o| {
             take::gripper(m.command.as_ref().and_then(|c| c.gripper.as_ref()), o);
         }),
+        text("device", |m| take::device(m.command.as_ref())),
+        text("mode", |m| take::mode(m.command.as_ref())),
+        text("assistance", |m| take::assistance(m.command.as_ref())),
+        u64s("over_ticks", "control ticks of 1/60 s", |m, _, o| {
+            o.push(m.command.as_ref().map_or(0, |c| u64::from(c.over_ticks)));
+        }),
+        f64s(
+            "loop_age",
+            "ticks of 1/240 s (age of the state that was answered; NaN: not told)",
+            "",
+            &[],
+            |m, _, o| o.push(m.loop_age_ticks.map_or(f64::NAN, |age| age as f64)),
+        ),
         text("phase", |m| {
             take::phase(m.command.as_ref().map_or(0, |c| c.phase))
         }),
@@ -251,16 +259,15 @@ static COMMAND: Table<v1::CommandLog> = Table {
 };
 
 static APPLIED: Table<v1::Applied> = Table {
-    stream: "applied",
     columns: &[
         f64s("joint_position", "rad", "", &[ARM], |m, _, o| {
-            o.extend(&m.joint_position)
+            o.extend(&m.joint_positions)
         }),
         f64s("joint_velocity", "rad/s", "", &[ARM], |m, _, o| {
-            o.extend(&m.joint_velocity)
+            o.extend(&m.joint_velocities)
         }),
         f64s("wheel_velocity", "rad/s", "", &[WHEELS], |m, _, o| {
-            o.extend(&m.wheel_velocity)
+            o.extend(&m.wheel_velocities)
         }),
         f64s("knuckle", "rad", "", &[], |m, _, o| o.push(m.knuckle)),
         f64s(
@@ -296,7 +303,6 @@ static APPLIED: Table<v1::Applied> = Table {
 };
 
 static OBJECT_POSE: Table<v1::ObjectPoses> = Table {
-    stream: "object_pose",
     columns: &[
         f64s(
             "pose",
@@ -304,7 +310,7 @@ static OBJECT_POSE: Table<v1::ObjectPoses> = Table {
             "house",
             &[Axis::Objects, POSE],
             |m, _, o| {
-                m.pose.iter().for_each(|p| take::pose(Some(p), o));
+                m.poses.iter().for_each(|p| take::pose(Some(p), o));
             },
         ),
         f64s(
@@ -313,38 +319,36 @@ static OBJECT_POSE: Table<v1::ObjectPoses> = Table {
             "house",
             &[Axis::Objects, TWIST],
             |m, _, o| {
-                m.twist.iter().for_each(|t| take::twist(Some(t), o));
+                m.twists.iter().for_each(|t| take::twist(Some(t), o));
             },
         ),
     ],
 };
 
 static FURNITURE_JOINT: Table<v1::FurnitureJoints> = Table {
-    stream: "furniture_joint",
     columns: &[
         f64s(
             "position",
             "m or rad",
             "",
             &[Axis::FurnitureJoints],
-            |m, _, o| o.extend(&m.position),
+            |m, _, o| o.extend(&m.positions),
         ),
         f64s(
             "velocity",
             "m/s or rad/s",
             "",
             &[Axis::FurnitureJoints],
-            |m, _, o| o.extend(&m.velocity),
+            |m, _, o| o.extend(&m.velocities),
         ),
     ],
 };
 
 static DEFORMABLE: Table<v1::Deformable> = Table {
-    stream: "deformable",
     columns: &[
         text("object", |m| m.object.clone()),
         f64s("vertex", "m", "house", &[Axis::Vertices, XYZ], |m, _, o| {
-            o.extend(m.vertex.iter().map(|x| f64::from(*x)));
+            o.extend(m.vertices.iter().map(|x| f64::from(*x)));
         }),
         f64s("elastic_energy", "J", "", &[], |m, _, o| {
             o.push(m.elastic_energy);
@@ -356,11 +360,14 @@ static DEFORMABLE: Table<v1::Deformable> = Table {
 };
 
 static CONTACT: Table<v1::Contacts> = Table {
-    stream: "contact",
     columns: &[
-        f64s("pad_force", "N (normal force)", "", &[PADS], |m, _, o| {
-            o.extend(&m.pad_force)
-        }),
+        f64s(
+            "pad_force",
+            "N (normal force and friction)",
+            "",
+            &[PADS],
+            |m, _, o| o.extend(&m.pad_forces),
+        ),
         u64s("count", "1 (touching pairs)", |m, _, o| {
             o.push(m.contacts.len() as u64)
         }),
@@ -393,12 +400,11 @@ fn condition<'a>(m: &'a v1::Evaluation, name: &str) -> Option<&'a v1::Condition>
 }
 
 static EVALUATION: Table<v1::Evaluation> = Table {
-    stream: "evaluation",
     columns: &[
         flags("success", &[], |m, _, o| o.push(u8::from(m.success))),
         flags("done", &[], |m, _, o| o.push(u8::from(m.done))),
         text("failure", |m| m.failure.clone()),
-        f64s("elapsed", "s", "", &[], |m, _, o| o.push(m.elapsed)),
+        f64s("elapsed", "s", "", &[], |m, _, o| o.push(m.elapsed_seconds)),
         flags("condition_holds", &[Axis::Conditions], |m, c, o| {
             let holds = |n: &String| u8::from(condition(m, n).is_some_and(|c| c.holds));
             o.extend(c.conditions.iter().map(holds));
@@ -421,7 +427,6 @@ static EVALUATION: Table<v1::Evaluation> = Table {
 };
 
 static PHASE: Table<v1::PhaseSample> = Table {
-    stream: "phase",
     columns: &[
         u64s(
             "label",
@@ -436,7 +441,6 @@ static PHASE: Table<v1::PhaseSample> = Table {
 };
 
 static STATE_HASH: Table<v1::StateHash> = Table {
-    stream: "state_hash",
     columns: &[u64s(
         "hash",
         "1 (64-bit hash of the whole state)",
@@ -444,26 +448,39 @@ static STATE_HASH: Table<v1::StateHash> = Table {
     )],
 };
 
-/// Every state stream that a file can hold, in the order of
-/// `wheelarm_proto::names::STREAMS`.
+/// The columns of a state stream; nothing for what is not stored as columns.
 #[must_use]
-pub fn streams() -> [&'static dyn Stream; 14] {
-    [
-        &JOINT_STATE,
-        &POSE_SET,
-        &IMU,
-        &CLOCK,
-        &ODOMETRY,
-        &COMMAND,
-        &APPLIED,
-        &OBJECT_POSE,
-        &FURNITURE_JOINT,
-        &DEFORMABLE,
-        &CONTACT,
-        &EVALUATION,
-        &PHASE,
-        &STATE_HASH,
-    ]
+pub fn of(stream: &StreamId) -> Option<&'static dyn Stream> {
+    Some(match stream.topic()? {
+        TopicId::JointState => &JOINT_STATE,
+        TopicId::Pose => &POSE_SET,
+        TopicId::Imu => &IMU,
+        TopicId::Odometry => &ODOMETRY,
+        TopicId::Clock => &CLOCK,
+        TopicId::Command => &COMMAND,
+        TopicId::Applied => &APPLIED,
+        TopicId::ObjectPose => &OBJECT_POSE,
+        TopicId::FurnitureJoint => &FURNITURE_JOINT,
+        TopicId::Deformable => &DEFORMABLE,
+        TopicId::Contact => &CONTACT,
+        TopicId::Evaluation => &EVALUATION,
+        TopicId::Phase => &PHASE,
+        TopicId::StateHash => &STATE_HASH,
+        TopicId::Event
+        | TopicId::Camera
+        | TopicId::Preview
+        | TopicId::EpisodeStart
+        | TopicId::EpisodeStop
+        | TopicId::SentCommand
+        | TopicId::Refusal
+        | TopicId::Recorder => return None,
+    })
+}
+
+/// Every state stream that a file can hold, in the order of the table of topics.
+pub fn streams() -> impl Iterator<Item = &'static dyn Stream> {
+    let states = TopicId::STATES.into_iter().map(StreamId::State);
+    states.filter_map(|stream| of(&stream))
 }
 
 const fn event(name: &'static str, unit: &'static str, kind: Kind) -> ColumnInfo {
@@ -498,14 +515,12 @@ pub fn event_cells(source: &str, kind: &str, text: &str) -> Vec<Cell> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use wheelarm_proto::names;
 
     #[test]
     fn the_table_holds_every_stream_in_order_with_units() {
-        let all = streams();
-        let order: Vec<_> = all.iter().map(|s| s.name()).collect();
-        assert_eq!(order, names::STREAMS);
-        for stream in all {
+        let order: Vec<_> = streams().map(|s| s.name()).collect();
+        assert_eq!(order, TopicId::STATES.map(TopicId::name));
+        for stream in streams() {
             for column in stream.columns() {
                 assert!(!column.unit.is_empty(), "{}/{}", stream.name(), column.name);
             }

@@ -66,7 +66,7 @@ pub(super) fn arm_values(arm: Option<&v1::ArmCommand>, out: &mut Vec<f64>) {
     use v1::arm_command::Target;
     let start = out.len();
     match arm.and_then(|a| a.target.as_ref()) {
-        Some(Target::Joints(j)) => out.extend(j.position.iter().take(7)),
+        Some(Target::Joints(j)) => out.extend(j.positions.iter().take(7)),
         Some(Target::Pose(p)) => pose(p.pose.as_ref(), out),
         Some(Target::Twist(t)) => twist(t.twist.as_ref(), out),
         Some(Target::Step(s)) => {
@@ -97,7 +97,7 @@ pub(super) fn gripper(gripper: Option<&v1::GripperCommand>, out: &mut Vec<f64>) 
         Some(Target::Knuckle(q)) => *q,
         _ => f64::NAN,
     });
-    out.push(gripper.map_or(f64::NAN, |g| g.max_force));
+    out.push(gripper.and_then(|g| g.max_force).unwrap_or(f64::NAN));
 }
 
 /// Touching pairs as a JSON list of two names each.
@@ -122,4 +122,19 @@ pub(super) fn phase(value: i32) -> String {
         Err(_) => "unknown",
     }
     .to_owned()
+}
+
+/// Device of a command in words; empty when it is not told.
+pub(super) fn device(command: Option<&v1::Command>) -> String {
+    command.map_or_else(String::new, |c| c.device().word())
+}
+
+/// Input mode of a command in words; empty when it is not told.
+pub(super) fn mode(command: Option<&v1::Command>) -> String {
+    command.map_or_else(String::new, |c| c.mode().word())
+}
+
+/// Assistance of a command in words; empty without.
+pub(super) fn assistance(command: Option<&v1::Command>) -> String {
+    command.map_or_else(String::new, |c| c.assistance().word())
 }

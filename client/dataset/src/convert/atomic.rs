@@ -3,10 +3,14 @@
 
 use std::io;
 use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicU64, Ordering};
 
 use anyhow::{Context, bail};
 
 use crate::finish::place;
+
+/// Counts what was made under another name.
+static MADE: AtomicU64 = AtomicU64::new(0);
 
 fn beside(target: &Path) -> anyhow::Result<PathBuf> {
     if target.symlink_metadata().is_ok() {
@@ -20,7 +24,9 @@ fn beside(target: &Path) -> anyhow::Result<PathBuf> {
     std::fs::create_dir_all(folder)
         .with_context(|| format!("{} cannot be made", folder.display()))?;
     let name = target.file_name().unwrap_or_default().to_string_lossy();
-    Ok(folder.join(format!(".{name}.{}.part", std::process::id())))
+    // Two inputs may lead to one name at the same time: the first keeps it.
+    let (process, count) = (std::process::id(), MADE.fetch_add(1, Ordering::Relaxed));
+    Ok(folder.join(format!(".{name}.{process}-{count}.part")))
 }
 
 /// A file that is not there yet.

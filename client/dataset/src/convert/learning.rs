@@ -1,7 +1,9 @@
 //! What a policy learns from, the same for every format that trains one: the
 //! observed state, the action, success, on an exact time grid.
 
-use super::Recording;
+use std::collections::BTreeMap;
+
+use super::{Recording, Size};
 use crate::align::{Signal, usual_distance};
 use crate::finish::PHYSICS;
 use crate::read::Values;
@@ -158,6 +160,18 @@ impl<'a> Learning<'a> {
     pub fn success(&self, row: usize) -> bool {
         self.success.get(row).is_some_and(|&s| s != 0)
     }
+}
+
+/// The cameras that have pictures, with the size that these get: `size` where it
+/// is given, else their own.
+pub fn cameras(recording: &Recording, size: Option<Size>) -> BTreeMap<String, Size> {
+    let cameras = recording.cameras.iter();
+    cameras
+        .filter_map(|(name, camera)| {
+            let (width, height) = camera.size()?;
+            Some((name.clone(), size.unwrap_or(Size { width, height })))
+        })
+        .collect()
 }
 
 /// Pictures per second and the longest run of whole rows that lie on the exact

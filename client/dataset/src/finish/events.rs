@@ -31,7 +31,8 @@ impl Row {
     /// A sample of the event stream; `None` when it is none.
     pub fn event(payload: &[u8]) -> Option<Self> {
         let event = v1::Event::decode(payload).ok()?;
-        Some(Self::new(event.header, "event", &event.kind, &event.text))
+        let kind = event.kind().word();
+        Some(Self::new(event.header, "event", &kind, &event.text))
     }
 }
 

@@ -13,7 +13,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use prost::Message;
-use wheelarm_proto::{names, v1};
+use wheelarm_proto::{StreamId, TopicId, v1};
 
 use crate::columns::{self, Context};
 use crate::depth::DepthFormat;
@@ -208,25 +208,26 @@ fn write(path: &Path, scan: &Scan, account: &Account) -> Result<(), FinishError>
     ));
     for (number, name) in scan.preamble.streams.iter().enumerate() {
         let samples = streams::samples(scan, number);
-        if name == names::EVENT_STREAM {
+        let id = StreamId::parse(name);
+        if id == StreamId::EVENTS {
             for entry in &samples {
                 rows.extend(Row::event(&scan.payload(entry)?));
             }
             continue;
         }
-        if name == "phase" {
+        if id == StreamId::State(TopicId::Phase) {
             let mut phases = Phases::default();
             for entry in &samples {
                 rows.extend(phases.changed(&scan.payload(entry)?));
             }
         }
-        let stream = if let Some(camera) = name.strip_prefix("camera/") {
+        let stream = if let Some(camera) = id.camera_name() {
             let stream = cameras.create_group(camera)?;
             streams::camera(&stream, camera, depth, scan, &samples)?;
             stream
         } else {
             let stream = group.create_group(name)?;
-            match columns::streams().into_iter().find(|s| s.name() == name) {
+            match columns::of(&id) {
                 Some(table) => {
                     let irregular = streams::state(&stream, table, &context, scan, &samples)?;
                     Attributes::of(&stream).set("irregular_samples", irregular as u64)?;
@@ -253,7 +254,7 @@ fn write(path: &Path, scan: &Scan, account: &Account) -> Result<(), FinishError>
     if let Some(a) = account
         .streams
         .iter()
-        .find(|a| a.stream == names::EVENT_STREAM)
+        .find(|a| StreamId::parse(&a.stream) == StreamId::EVENTS)
     {
         root::account(&file.group("events")?, a)?;
     }
@@ -320,7 +321,7 @@ fn vertices(scan: &Scan, stream: Option<usize>) -> Result<usize, FinishError> {
         return Ok(0);
     };
     let sample = v1::Deformable::decode(scan.payload(first)?.as_slice());
-    Ok(sample.map_or(0, |shape| shape.vertex.len() / 3))
+    Ok(sample.map_or(0, |shape| shape.vertices.len() / 3))
 }
 
 /// Names of all conditions in the order in which they first appear.

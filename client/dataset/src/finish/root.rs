@@ -32,11 +32,11 @@ pub(super) fn attributes(
         .text("schema_version", wheelarm_proto::SCHEMA_VERSION)?
         .text("label", &started.label)?
         .text("instruction", &started.instruction)?
-        .text("task", &scenario.task)?
+        .text("task", scenario.task())?
         .text("activity", &started.activity)?
         .text("area", &started.area)?
         .text("scene", &scenario.scene)?
-        .set("seed", scenario.seed)?
+        .set("seed", scenario.seed())?
         .text("pacing", pacing(scenario.pacing))?
         .text("quality", quality(scenario.quality))?
         .text("adapter", &started.adapter)?
@@ -91,7 +91,7 @@ pub(super) fn attributes(
             evaluation.map_or("", |e| e.failure.as_str()),
         )?;
     if let Some(evaluation) = evaluation {
-        at.set("task_seconds", evaluation.elapsed)?;
+        at.set("task_seconds", evaluation.elapsed_seconds)?;
         let mut named = BTreeSet::new();
         for condition in &evaluation.conditions {
             if !named.insert(&condition.name) {
@@ -164,13 +164,13 @@ pub(super) fn scenario(file: &File, scan: &Scan) -> hdf5::Result<()> {
     Attributes::of(&group)
         .text("message", "wheelarm.v1.Scenario")?
         .text("scene", &scenario.scene)?
-        .text("task", &scenario.task)?
+        .text("task", scenario.task())?
         .text("robot", &scenario.robot)?
-        .set("seed", scenario.seed)?
-        .set("state_rate_hz", scenario.state_rate_hz)?
-        .set("deformable_rate_hz", scenario.deformable_rate_hz)?
-        .set("imu_rate_hz", scenario.imu_rate_hz)?
-        .set("imu_noise", scenario.imu_noise)?;
+        .set("seed", scenario.seed())?
+        .set("state_rate_hz", scenario.state_rate_hz())?
+        .set("deformable_rate_hz", scenario.deformable_rate_hz())?
+        .set("imu_rate_hz", scenario.imu_rate_hz())?
+        .set("imu_noise", scenario.imu_noise())?;
     hdf::bytes(&group, "episode_started", &started.encode_to_vec())?;
     if let Some(stopped) = scan.closing.as_ref().and_then(|c| c.stopped.as_ref()) {
         hdf::bytes(&group, "episode_stopped", &stopped.encode_to_vec())?;
@@ -199,14 +199,22 @@ pub(super) fn initial_state(file: &File, preamble: &Preamble) -> hdf5::Result<()
     hdf::texts(&assets, "text", &texts)?;
 
     let instances = group.create_group("instances")?;
-    let ids: Vec<u32> = state.instances.iter().map(|i| i.id).collect();
     let names: Vec<&str> = state.instances.iter().map(|i| i.name.as_str()).collect();
-    let data = instances
-        .new_dataset::<u32>()
-        .shape([ids.len()])
-        .create("id")?;
-    if !ids.is_empty() {
-        data.write(&ids)?;
+    type Column = (&'static str, fn(&v1::Instance) -> u32);
+    let columns: [Column; 3] = [
+        ("id", |i| i.id),
+        ("kind", |i| u32::try_from(i.kind).unwrap_or_default()),
+        ("part", |i| u32::try_from(i.part).unwrap_or_default()),
+    ];
+    for (name, of) in columns {
+        let values: Vec<u32> = state.instances.iter().map(of).collect();
+        let data = instances
+            .new_dataset::<u32>()
+            .shape([values.len()])
+            .create(name)?;
+        if !values.is_empty() {
+            data.write(&values)?;
+        }
     }
     hdf::texts(&instances, "name", &names)
 }

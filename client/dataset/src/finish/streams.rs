@@ -4,13 +4,14 @@ use std::collections::BTreeMap;
 
 use hdf5::{Dataset, Group};
 use prost::Message;
-use wheelarm_proto::v1;
+use wheelarm_proto::{StreamId, v1};
 
 use crate::calibration::{CONVENTION, PIXEL_CENTRE};
 use crate::columns::{Axis, Cell, ColumnInfo, Context, Kind, Stream};
 use crate::compress::Deflate;
 use crate::depth::{DepthFormat, MILLIMETRES_NOTE};
 use crate::hdf::{Attributes, Chunked, ColumnWriter, Filters};
+use crate::ids;
 use crate::log::{CameraParts, Entry, Scan};
 
 use super::FinishError;
@@ -76,10 +77,9 @@ pub(super) fn state(
     entries: &[&Entry],
 ) -> Result<usize, FinishError> {
     let mut deflate = Deflate::default();
-    let mut columns = Vec::new();
-    for column in HEADER_COLUMNS.iter().chain(&stream.columns()) {
-        columns.push(ColumnWriter::create(group, column, context, entries.len())?);
-    }
+    let own = stream.columns();
+    let all = HEADER_COLUMNS.iter().chain(&own);
+    let mut columns = create(group, all, context, entries.len())?;
     let mut irregular = 0;
     for entry in entries {
         let payload = scan.payload(entry)?;
@@ -104,6 +104,17 @@ pub(super) fn state(
     Ok(irregular)
 }
 
+/// Columns to be filled with `rows` rows.
+fn create<'a>(
+    group: &Group,
+    columns: impl Iterator<Item = &'a ColumnInfo>,
+    context: &Context,
+    rows: usize,
+) -> Result<Vec<ColumnWriter>, FinishError> {
+    let made = columns.map(|column| Ok(ColumnWriter::create(group, column, context, rows)?));
+    made.collect()
+}
+
 /// Writes a camera's pictures chunk by chunk as they stand in the log.
 pub(super) fn camera(
     group: &Group,
@@ -114,15 +125,8 @@ pub(super) fn camera(
 ) -> Result<(), FinishError> {
     let mut deflate = Deflate::default();
     let context = Context::default();
-    let mut columns = Vec::new();
-    for column in HEADER_COLUMNS.iter().chain([&INTRINSICS, &CAMERA_POSE]) {
-        columns.push(ColumnWriter::create(
-            group,
-            column,
-            &context,
-            entries.len(),
-        )?);
-    }
+    let all = HEADER_COLUMNS.iter().chain([&INTRINSICS, &CAMERA_POSE]);
+    let mut columns = create(group, all, &context, entries.len())?;
     let calibration = group.dataset(INTRINSICS.name)?;
     Attributes::of(&calibration)
         .set("pixel_centre", PIXEL_CENTRE)?
@@ -130,7 +134,7 @@ pub(super) fn camera(
     let mut pictures = None;
     for (index, entry) in entries.iter().enumerate() {
         let bad = |reason: &str| FinishError::Content {
-            stream: format!("camera/{name}"),
+            stream: StreamId::camera(name).to_string(),
             sequence: entry.header.sequence,
             reason: reason.to_owned(),
         };
@@ -138,10 +142,14 @@ pub(super) fn camera(
         let parts = CameraParts::parse(&payload).ok_or_else(|| bad("its parts do not add up"))?;
         let meta = v1::CameraFrame::decode(parts.meta).map_err(|e| bad(&e.to_string()))?;
         let i = meta.intrinsics.ok_or_else(|| bad("it has no intrinsics"))?;
+        let each = ids::bytes(&meta);
         let pictures = match &pictures {
             Some(p) => p,
-            None => pictures.insert(Pictures::create(group, depth, entries.len(), &i)?),
+            None => pictures.insert(Pictures::create(group, depth, entries.len(), &i, each)?),
         };
+        if pictures.id_bytes != each {
+            return Err(bad("its ids have another width than those before"));
+        }
         pictures.rgb.write(index, parts.rgb)?;
         pictures.depth.write(index, parts.depth)?;
         pictures.ids.write(index, parts.ids)?;
@@ -175,6 +183,8 @@ struct Pictures {
     rgb: Chunked,
     depth: Chunked,
     ids: Chunked,
+    /// Bytes of one id.
+    id_bytes: usize,
 }
 
 impl Pictures {
@@ -183,6 +193,7 @@ impl Pictures {
         format: DepthFormat,
         count: usize,
         intrinsics: &v1::Intrinsics,
+        id_bytes: usize,
     ) -> hdf5::Result<Self> {
         let (h, w) = (intrinsics.height as usize, intrinsics.width as usize);
         let rgb = Chunked::create::<u8>(group, "rgb", count, &[h, w, 3], 1, Filters::Deflate)?;
@@ -211,12 +222,20 @@ impl Pictures {
                 d
             }
         };
-        let ids = Chunked::create::<u8>(group, "ids", count, &[h, w], 1, Filters::Deflate)?;
+        let ids = match id_bytes {
+            2 => Chunked::create::<u16>(group, "ids", count, &[h, w], 1, shuffle)?,
+            _ => Chunked::create::<u8>(group, "ids", count, &[h, w], 1, Filters::Deflate)?,
+        };
         describe(
             ids.dataset(),
             "1 (instance id, 0 where nothing is hit; /initial_state/instances)",
         )?;
-        Ok(Self { rgb, depth, ids })
+        Ok(Self {
+            rgb,
+            depth,
+            ids,
+            id_bytes,
+        })
     }
 }
 
@@ -249,15 +268,8 @@ pub(super) fn unknown(group: &Group, scan: &Scan, entries: &[&Entry]) -> Result<
     };
     let mut deflate = Deflate::default();
     let context = Context::default();
-    let mut columns = Vec::new();
-    for column in HEADER_COLUMNS.iter().chain([&MESSAGE]) {
-        columns.push(ColumnWriter::create(
-            group,
-            column,
-            &context,
-            entries.len(),
-        )?);
-    }
+    let all = HEADER_COLUMNS.iter().chain([&MESSAGE]);
+    let mut columns = create(group, all, &context, entries.len())?;
     for entry in entries {
         let h = &entry.header;
         let message = Cell::Bytes(scan.payload(entry)?);

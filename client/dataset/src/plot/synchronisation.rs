@@ -2,6 +2,7 @@
 //! among the samples, and what rows at that rate cannot show.
 
 use std::path::Path;
+use wheelarm_proto::StreamId;
 
 use plotters::prelude::*;
 
@@ -11,7 +12,7 @@ use crate::read::Episode;
 use crate::sheet::axis::Axis;
 use crate::sheet::label::{Key, Mark};
 use crate::sheet::plots::line;
-use crate::sheet::style::{self, BLUE, FAINT, GREY, INK, ORANGE, text};
+use crate::sheet::style::{self, BLUE, GREY, INK, ORANGE, strokes};
 use crate::sheet::{Area, DrawError, label};
 
 /// Length of the piece of the curves that is shown, seconds.
@@ -85,7 +86,7 @@ pub fn synchronisation(
 /// that are not aligned.
 fn said(aligned: &Aligned, stream: &str, stamps: &[u64]) -> Option<String> {
     let rate = 1e9 / usual_distance(stamps)?.max(1) as f64;
-    let place = match stream.strip_prefix("camera/") {
+    let place = match StreamId::parse(stream).camera_name() {
         Some(camera) => {
             let frames = aligned.frames.get(camera)?;
             let without = frames.iter().filter(|f| f.is_none()).count();
@@ -210,16 +211,10 @@ fn raster(
         .margin_right(620)
         .x_label_area_size(44)
         .build_cartesian_2d(axis, 0.0..beats.len() as f64)?;
-    chart
-        .configure_mesh()
+    strokes(&mut chart)
         .disable_y_mesh()
         .y_labels(0)
-        .bold_line_style(FAINT)
-        .light_line_style(TRANSPARENT)
-        .axis_style(GREY)
-        .label_style(text(19, GREY))
         .x_desc("seconds")
-        .axis_desc_style(text(20, GREY))
         .draw()?;
     let inside = |t: &&f64| (from..=to).contains(*t);
     for row in rows.iter().filter(inside) {
@@ -310,15 +305,7 @@ fn points(area: &Area<'_>, curve: &Curve) -> Result<(), DrawError> {
         .x_label_area_size(50)
         .y_label_area_size(90)
         .build_cartesian_2d(x, y)?;
-    chart
-        .configure_mesh()
-        .bold_line_style(FAINT)
-        .light_line_style(TRANSPARENT)
-        .axis_style(GREY)
-        .label_style(text(19, GREY))
-        .x_desc("seconds")
-        .axis_desc_style(text(20, GREY))
-        .draw()?;
+    strokes(&mut chart).x_desc("seconds").draw()?;
     let straight = LineSeries::new(rows.iter().copied(), ORANGE.stroke_width(2));
     chart.draw_series(straight)?;
     chart.draw_series(shown.iter().map(|&p| Circle::new(p, 4, BLUE.filled())))?;

@@ -4,10 +4,11 @@ use hdf5::Dataset;
 use hdf5::types::{IntSize, TypeDescriptor};
 use ndarray::s;
 use prost::Message;
-use wheelarm_proto::v1;
+use wheelarm_proto::{StreamId, v1};
 
 use super::chunks::ChunkMap;
 use super::{Episode, ReadError, held, place};
+use crate::ids;
 
 /// One camera of an episode.
 #[derive(Debug)]
@@ -18,6 +19,8 @@ pub struct Camera {
     ids: Option<Dataset>,
     maps: [Option<ChunkMap>; 3],
     millimetres: bool,
+    /// Bytes of one id.
+    id_bytes: usize,
     stamps: Vec<u64>,
     sequences: Vec<u64>,
     ticks: Vec<u64>,
@@ -43,7 +46,7 @@ pub struct Frame {
     /// Metres along the optical axis; +inf where nothing is hit.
     pub depth: Vec<f32>,
     /// Instance ids, 0 where nothing is hit.
-    pub ids: Vec<u8>,
+    pub ids: Vec<u16>,
     /// Pinhole intrinsics, pixels.
     pub intrinsics: v1::Intrinsics,
     /// Optical frame in `house`: x y z, qx qy qz qw.
@@ -52,7 +55,7 @@ pub struct Frame {
 
 impl Camera {
     pub(super) fn open(episode: &Episode, name: &str) -> Result<Self, ReadError> {
-        let stream = format!("camera/{name}");
+        let stream = StreamId::camera(name).to_string();
         let column = |c: &str| episode.raw::<u64>(&place(&stream, c));
         // A camera without a single frame has no pictures: their size is unknown.
         let picture = |c: &str| {
@@ -68,6 +71,12 @@ impl Camera {
             .and_then(|d| d.dtype().and_then(|t| t.to_descriptor()).ok())
             == Some(TypeDescriptor::Unsigned(IntSize::U2));
         let (rgb, ids) = (picture("rgb")?, picture("ids")?);
+        let kind = ids.as_ref().and_then(|d| d.dtype().ok());
+        let kind = kind.and_then(|t| t.to_descriptor().ok());
+        let id_bytes = match kind {
+            Some(TypeDescriptor::Unsigned(IntSize::U2)) => 2,
+            _ => 1,
+        };
         let map = |d: &Option<Dataset>| d.as_ref().and_then(|d| ChunkMap::new(episode.path(), d));
         let maps = [map(&rgb), map(&depth), map(&ids)];
         Ok(Self {
@@ -81,6 +90,7 @@ impl Camera {
             depth,
             ids,
             millimetres,
+            id_bytes,
             name: stream,
         })
     }
@@ -160,12 +170,18 @@ impl Camera {
                     .into_raw_vec_and_offset()
                     .0
             }
-            (2, _) => {
+            (2, _) if self.id_bytes == 1 => {
                 data.read_slice::<u8, _, ndarray::Ix2>(s![index, .., ..])
                     .map_err(failed)?
                     .into_raw_vec_and_offset()
                     .0
             }
+            (2, _) => data
+                .read_slice::<u16, _, ndarray::Ix2>(s![index, .., ..])
+                .map_err(failed)?
+                .iter()
+                .flat_map(|v| v.to_le_bytes())
+                .collect(),
             (_, true) => data
                 .read_slice::<u16, _, ndarray::Ix2>(s![index, .., ..])
                 .map_err(failed)?
@@ -212,8 +228,15 @@ impl Camera {
     ///
     /// # Errors
     /// When there is no such picture or it cannot be read.
-    pub fn ids(&self, episode: &Episode, index: usize) -> Result<Vec<u8>, ReadError> {
-        self.bytes(episode, 2, index)
+    pub fn ids(&self, episode: &Episode, index: usize) -> Result<Vec<u16>, ReadError> {
+        let bytes = self.bytes(episode, 2, index)?;
+        Ok(ids::read(&bytes, self.id_bytes))
+    }
+
+    /// Bytes of one instance id as it is stored: 2, and 1 in the first recordings.
+    #[must_use]
+    pub fn id_bytes(&self) -> usize {
+        self.id_bytes
     }
 
     /// Intrinsics of one picture: width, height, fx, fy, cx, cy in pixels.
@@ -275,6 +298,11 @@ impl Camera {
         let frame = self.frame(episode, index)?;
         let depth = frame.depth.iter().flat_map(|d| d.to_le_bytes());
         let [x, y, z, qx, qy, qz, qw] = frame.pose;
+        // Who sent 8 bits did not tell formats.
+        let told = |format: v1::PixelFormat| match self.id_bytes {
+            2 => format.into(),
+            _ => v1::PixelFormat::Unspecified.into(),
+        };
         let message = v1::CameraFrame {
             header: Some(v1::Header {
                 run_id,
@@ -283,7 +311,10 @@ impl Camera {
                 stamp_nanos: frame.stamp_nanos,
                 tick: frame.tick,
             }),
-            camera: self.name.trim_start_matches("camera/").to_owned(),
+            camera: StreamId::parse(&self.name)
+                .camera_name()
+                .unwrap_or_default()
+                .to_owned(),
             intrinsics: Some(frame.intrinsics),
             pose: Some(v1::Pose {
                 position: Some(v1::Vector3 { x, y, z }),
@@ -296,7 +327,10 @@ impl Camera {
             }),
             depth: depth.collect::<Vec<u8>>().into(),
             rgb: frame.rgb.into(),
-            ids: frame.ids.into(),
+            ids: ids::write(&frame.ids, self.id_bytes).into(),
+            rgb_format: told(v1::PixelFormat::Rgb8),
+            depth_format: told(v1::PixelFormat::DepthMetresF32),
+            ids_format: told(v1::PixelFormat::IdU16),
         };
         Ok(Some(message.encode_to_vec()))
     }

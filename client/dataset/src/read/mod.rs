@@ -17,7 +17,7 @@ use hdf5::types::VarLenUnicode;
 use hdf5::{Container, Dataset, Group, H5Type, Location};
 use ndarray::ArrayD;
 use prost::Message;
-use wheelarm_proto::v1;
+use wheelarm_proto::{StreamId, v1};
 
 use crate::finish::{PHYSICS, StreamAccount};
 use crate::hdf::Blob;
@@ -249,8 +249,12 @@ impl Episode {
             .and_then(|g| g.member_names())
             .map_err(|e| self.hdf5("streams", e))?;
         let mut out: Vec<String> = names.into_iter().filter(|n| n != "camera").collect();
-        out.push("event".to_owned());
-        out.extend(self.cameras()?.into_iter().map(|c| format!("camera/{c}")));
+        out.push(StreamId::EVENTS.to_string());
+        out.extend(
+            self.cameras()?
+                .into_iter()
+                .map(|c| StreamId::Camera(c).to_string()),
+        );
         Ok(out)
     }
 
@@ -294,12 +298,12 @@ impl Episode {
         }
     }
 
-    /// The scenario with the drawn values.
+    /// The scenario with the drawn values; every field of it is there.
     ///
     /// # Errors
     /// When it is absent.
     pub fn scenario(&self) -> Result<v1::Scenario, ReadError> {
-        self.message("scenario/message")
+        self.message("scenario/message").map(whole)
     }
 
     /// What replay starts from, with asset files and the legend of the ids.
@@ -321,6 +325,16 @@ impl Episode {
         };
         let list = |path: &str| self.texts_at(&format!("initial_state/{path}"));
         let ids = self.raw::<u32>("initial_state/instances/id")?;
+        // The first recordings did not tell what an instance is.
+        let told = |column: &str| -> Vec<u32> {
+            let all = self.raw(&format!("initial_state/instances/{column}"));
+            all.unwrap_or_default()
+        };
+        let (kinds, parts) = (told("kind"), told("part"));
+        let at = |all: &[u32], i: usize| -> i32 {
+            let value = all.get(i).and_then(|&value| i32::try_from(value).ok());
+            value.unwrap_or_default()
+        };
         Ok(v1::SnapshotReply {
             header: Some(header),
             snapshot: self.raw::<u8>("initial_state/snapshot")?.into(),
@@ -332,7 +346,13 @@ impl Episode {
             instances: ids
                 .into_iter()
                 .zip(list("instances/name")?)
-                .map(|(id, name)| v1::Instance { id, name })
+                .enumerate()
+                .map(|(i, (id, name))| v1::Instance {
+                    id,
+                    name,
+                    kind: at(&kinds, i),
+                    part: at(&parts, i),
+                })
                 .collect(),
         })
     }
@@ -486,8 +506,25 @@ impl Episode {
     }
 }
 
+/// A recorded scenario with every field told: the first files left out what was
+/// zero, false or empty.
+fn whole(mut scenario: v1::Scenario) -> v1::Scenario {
+    scenario.task.get_or_insert_default();
+    scenario.seed.get_or_insert_default();
+    scenario.state_rate_hz.get_or_insert_default();
+    scenario.imu_rate_hz.get_or_insert_default();
+    scenario.deformable_rate_hz.get_or_insert_default();
+    scenario.imu_noise.get_or_insert_default();
+    scenario.instruction.get_or_insert_default();
+    scenario.target.get_or_insert_default();
+    for camera in &mut scenario.cameras {
+        camera.rate_hz.get_or_insert_default();
+    }
+    scenario
+}
+
 fn group_path(stream: &str) -> String {
-    if stream == wheelarm_proto::names::EVENT_STREAM {
+    if StreamId::parse(stream) == StreamId::EVENTS {
         "events".to_owned()
     } else {
         format!("streams/{stream}")

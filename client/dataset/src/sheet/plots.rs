@@ -5,7 +5,7 @@ use plotters::prelude::*;
 use super::axis::Axis;
 use super::label::{Key, Mark};
 use super::mount::{Plane, arm_mount};
-use super::style::{AMBER, BLUE, COLUMNS, FAINT, GREY, INK, LINES, ORANGE, phase_colour, text};
+use super::style::{AMBER, BLUE, COLUMNS, GREY, INK, LINES, ORANGE, phase_colour, strokes};
 use super::{Area, DrawError, SheetError, crowd, label};
 use crate::pose::yaw;
 use crate::read::{Episode, ReadError};
@@ -248,15 +248,9 @@ fn curves(
         let band = Rectangle::new([(*from, low), (*to, high)], phase_colour(*label).filled());
         chart.draw_series(std::iter::once(band))?;
     }
-    chart
-        .configure_mesh()
-        .bold_line_style(FAINT)
-        .light_line_style(TRANSPARENT)
-        .axis_style(GREY)
-        .label_style(text(19, GREY))
+    strokes(&mut chart)
         .x_desc(below.unwrap_or_default())
         .y_desc(what)
-        .axis_desc_style(text(20, GREY))
         .draw()?;
     for (l, colour) in lines.iter().zip(colours()) {
         // The corners of a wide line would stand out far beyond noise.
@@ -374,15 +368,9 @@ pub fn draw_top(area: &Area<'_>, top: &Top) -> Result<(), DrawError> {
         .x_label_area_size(50)
         .y_label_area_size(70)
         .build_cartesian_2d(x, y)?;
-    chart
-        .configure_mesh()
-        .bold_line_style(FAINT)
-        .light_line_style(TRANSPARENT)
-        .axis_style(GREY)
-        .label_style(text(19, GREY))
+    strokes(&mut chart)
         .x_desc("house x, m")
         .y_desc("house y, m")
-        .axis_desc_style(text(20, GREY))
         .draw()?;
     for (place, colour) in [(chairs.first(), GREY), (chairs.last(), BLUE)] {
         if let Some(place) = place {

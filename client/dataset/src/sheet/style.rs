@@ -1,6 +1,10 @@
-//! Colours, fonts and measures of the sheet, in pixels.
+//! Colours, fonts, strokes and measures of the sheet, in pixels.
 
-use plotters::style::{FontStyle, IntoFont, RGBColor, TextStyle, register_font};
+use plotters::chart::{ChartContext, MeshStyle};
+use plotters::coord::cartesian::Cartesian2d;
+use plotters::coord::ranged1d::{Ranged, ValueFormatter};
+use plotters::prelude::DrawingBackend;
+use plotters::style::{FontStyle, IntoFont, RGBColor, TRANSPARENT, TextStyle, register_font};
 
 pub const WIDTH: u32 = 2240;
 pub const MARGIN: i32 = 48;
@@ -61,4 +65,23 @@ pub fn register() -> bool {
 /// Text in the sheet's font.
 pub fn text(size: u32, colour: RGBColor) -> TextStyle<'static> {
     ("sans-serif", size).into_font().color(&colour)
+}
+
+/// Grid, axes and words of a chart as all have them; what the axes are called is
+/// still to be said.
+pub fn strokes<'a, 'b, X, Y, DB>(
+    chart: &'b mut ChartContext<'a, DB, Cartesian2d<X, Y>>,
+) -> MeshStyle<'a, 'b, X, Y, DB>
+where
+    X: Ranged + ValueFormatter<X::ValueType>,
+    Y: Ranged + ValueFormatter<Y::ValueType>,
+    DB: DrawingBackend,
+{
+    let mut mesh = chart.configure_mesh();
+    mesh.bold_line_style(FAINT)
+        .light_line_style(TRANSPARENT)
+        .axis_style(GREY)
+        .label_style(text(19, GREY))
+        .axis_desc_style(text(20, GREY));
+    mesh
 }

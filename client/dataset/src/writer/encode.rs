@@ -5,6 +5,7 @@ use wheelarm_proto::v1;
 
 use crate::compress::Deflate;
 use crate::depth::{DepthFormat, to_millimetres};
+use crate::ids;
 use crate::log::{Kind, RecordHeader, begin_record, finish_record};
 
 /// One worker's buffers.
@@ -41,6 +42,9 @@ impl Encoder {
             camera: frame.camera.clone(),
             intrinsics: frame.intrinsics,
             pose: frame.pose,
+            rgb_format: frame.rgb_format,
+            depth_format: frame.depth_format,
+            ids_format: frame.ids_format,
             ..Default::default()
         };
         let mut out = begin_record(self.last + self.last / 8);
@@ -60,7 +64,7 @@ impl Encoder {
             }
         });
         part(&mut out, |out| {
-            self.deflate.append(&frame.ids, 1, out);
+            self.deflate.append(&frame.ids, ids::bytes(frame), out);
         });
         finish_record(&mut out, header);
         self.last = out.len();

@@ -18,7 +18,7 @@ use std::thread::JoinHandle;
 use bytes::Bytes;
 use crossbeam_channel::Sender;
 use prost::Message;
-use wheelarm_proto::{names, v1};
+use wheelarm_proto::{StreamId, v1};
 
 use crate::columns;
 use crate::depth::DepthFormat;
@@ -215,7 +215,7 @@ impl EpisodeWriter {
             .into_iter()
             .enumerate()
             .filter_map(|(i, name)| {
-                let camera = name.starts_with("camera/");
+                let camera = StreamId::parse(&name).is_camera();
                 let slot = Slot {
                     number: u16::try_from(i).ok()?,
                     camera,
@@ -404,9 +404,10 @@ impl Drop for EpisodeWriter {
 /// Streams of an episode in the order of their record numbers.
 fn stream_names(started: &v1::EpisodeStarted) -> Vec<String> {
     let mut out: Vec<String> = Vec::new();
-    let cameras = started.cameras.iter().map(|c| format!("camera/{c}"));
-    let event = std::iter::once(names::EVENT_STREAM.to_owned());
-    for name in started.streams.iter().cloned().chain(event).chain(cameras) {
+    let cameras = started.cameras.iter().map(StreamId::camera);
+    let own = std::iter::once(StreamId::EVENTS).chain(cameras);
+    let own = own.map(|stream| stream.to_string());
+    for name in started.streams.iter().cloned().chain(own) {
         if !out.contains(&name) {
             out.push(name);
         }
@@ -444,7 +445,7 @@ fn check_frame(frame: &v1::CameraFrame, first: Option<(u32, u32)>) -> Result<(u3
     for (what, got, expected) in [
         ("rgb", frame.rgb.len(), 3 * pixels),
         ("depth", frame.depth.len(), 4 * pixels),
-        ("ids", frame.ids.len(), pixels),
+        ("ids", frame.ids.len(), crate::ids::bytes(frame) * pixels),
     ] {
         if got != expected {
             return Err(format!("{what} has {got} bytes, {w}x{h} needs {expected}"));

@@ -38,7 +38,7 @@ impl Skill for Grasp {
         }
         let touching = seen.pad_force.iter().all(|force| *force > TOUCH);
         let (knuckle, since) = *self.still.get_or_insert((seen.knuckle, seen.time));
-        let soft = now.memory.way.is_some_and(|way| way.force > 0.0);
+        let soft = now.memory.way.is_some_and(|way| way.force.is_some());
         let still = if soft { SOFT_STILL } else { STILL };
         if !touching || (seen.knuckle - knuckle).abs() > still {
             self.still = Some((seen.knuckle, seen.time));

@@ -134,7 +134,7 @@ impl Skill for Place {
                 if open > OPENING && (loose || open > LONGEST) {
                     let at = now.house_from_desired();
                     // Out of a soft thing's limbs the way that it came in.
-                    let soft = now.memory.way.filter(|way| way.force > 0.0);
+                    let soft = now.memory.way.filter(|way| way.force.is_some());
                     let out = soft.map_or(ABOVE, |way| distance(&way.before, &way.at));
                     let back = at * Translation3::new(0.0, 0.0, -out);
                     let stop = (back, now.style.approach_speed);
@@ -190,7 +190,7 @@ pub fn ways(now: &Now<'_>, tool_from_item: &Isometry3<f64>, width: f64) -> Vec<W
                 at,
                 opening: width,
                 width,
-                force: 0.0,
+                force: None,
                 lean: 0.0,
                 back: 0.0,
                 cost: (turn / 0.7).powi(2),
@@ -204,7 +204,7 @@ fn choose(now: &mut Now<'_>) -> Option<(Way, Vec<Isometry3<f64>>)> {
     let start = now.house_from_desired();
     let item = now.goal.item();
     // What is soft hangs otherwise than it sat.
-    let soft = now.memory.way.is_some_and(|way| way.force > 0.0);
+    let soft = now.memory.way.is_some_and(|way| way.force.is_some());
     let held = now.memory.held.filter(|_| !soft);
     let held = held.unwrap_or_else(|| now.thing_in_hand());
     let width = now.memory.way.map_or(0.03, |way| way.width);

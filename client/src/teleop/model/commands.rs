@@ -87,7 +87,7 @@ impl Model {
         let command = v1::Command {
             gripper: Some(v1::GripperCommand {
                 target: Some(v1::gripper_command::Target::Knuckle(knuckle)),
-                max_force: 0.0,
+                max_force: None,
             }),
             ..v1::Command::default()
         };
@@ -96,6 +96,12 @@ impl Model {
 
     /// Sends a command now, or with the next answer in lock-step.
     pub(super) fn command(&mut self, mut command: v1::Command, work: Option<Work>) -> Vec<Effect> {
+        command.device = v1::Device::Keyboard.into();
+        // Keys drive while they are held, hand and gripper go step by step.
+        command.mode = match work {
+            Some(Work::Arm | Work::Gripper) => v1::InputMode::Step.into(),
+            _ => v1::InputMode::Hold.into(),
+        };
         if let Some(work) = work {
             let (phase, name) = phase::of(work, self.situation.pad_force);
             command.phase = phase.into();

@@ -21,7 +21,7 @@ impl Model {
             self.start.label.clone()
         };
         let instruction = if self.start.instruction.is_empty() {
-            scenario.instruction
+            scenario.instruction().to_owned()
         } else {
             self.start.instruction.clone()
         };
@@ -133,7 +133,7 @@ impl Model {
             Done::Reset(Ok(scenario)) => {
                 self.say(
                     now,
-                    format!("set up {} with seed {}", scenario.task, scenario.seed),
+                    format!("set up {} with seed {}", scenario.task(), scenario.seed()),
                 );
                 self.arm.forget();
                 self.start.label.clear();
@@ -162,7 +162,7 @@ impl Model {
             }
             Done::Tasks(Ok(tasks)) => {
                 let scenario = self.situation.scenario().cloned().unwrap_or_default();
-                self.form = Some(Form::reset(tasks, &scenario.task, scenario.seed));
+                self.form = Some(Form::reset(tasks, scenario.task(), scenario.seed()));
             }
             Done::Scene(Ok(scene)) => self.situation.take_scene(&scene),
             Done::Started(Err(why))
@@ -201,7 +201,10 @@ impl Model {
             format!("failed: {}", evaluation.failure)
         };
         let kept = if stopped.discard { "discarded" } else { "kept" };
-        let text = format!("episode {kept}: {result} after {:.1} s", evaluation.elapsed);
+        let text = format!(
+            "episode {kept}: {result} after {:.1} s",
+            evaluation.elapsed_seconds
+        );
         self.situation.note(now, false, text.clone());
         self.say(now, text);
         if !stopped.discard {
@@ -219,12 +222,12 @@ impl Model {
 
 /// The label that a scenario suggests.
 fn label_of(scenario: &v1::Scenario) -> String {
-    let task = if scenario.task.is_empty() {
+    let task = if scenario.task().is_empty() {
         "episode"
     } else {
-        &scenario.task
+        scenario.task()
     };
-    format!("{task}-seed{}-1", scenario.seed)
+    format!("{task}-seed{}-1", scenario.seed())
 }
 
 /// The label with its last number counted up: a recorder refuses a taken name.

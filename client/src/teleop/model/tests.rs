@@ -1,5 +1,6 @@
 //! A person's keys, and what comes of them, without terminal and network.
 
+use wheelarm_proto::topic::Sample;
 use wheelarm_proto::{names, v1};
 
 use super::*;
@@ -21,9 +22,9 @@ fn status(holder: &str) -> v1::Status {
         header: Some(header(240, 0)),
         holder: holder.to_owned(),
         scenario: Some(v1::Scenario {
-            task: "pick_mustard".to_owned(),
-            seed: 5,
-            instruction: "Pick up the mustard".to_owned(),
+            task: Some("pick_mustard".to_owned()),
+            seed: Some(5),
+            instruction: Some("Pick up the mustard".to_owned()),
             ..Default::default()
         }),
         ..Default::default()
@@ -53,12 +54,12 @@ fn operating() -> Model {
     let mut frames = vec![v1::FramePose::default(); names::FRAMES.len()];
     frames[6].pose = Some(pose(-0.5, 0.0, 0.5));
     let header = None;
-    model.sample(Received::Pose(v1::PoseSet { header, frames }), 0.0);
+    model.sample(Sample::Pose(v1::PoseSet { header, frames }), 0.0);
     let applied = v1::Applied {
         desired_pose: Some(pose(-0.5, 0.0, 0.5)),
         ..Default::default()
     };
-    model.sample(Received::Applied(applied), 0.0);
+    model.sample(Sample::Applied(applied), 0.0);
     model
 }
 
@@ -235,7 +236,7 @@ fn a_refusal_is_told_with_its_reason_and_an_arm_problem_resets_the_target() {
         reason: "too fast".to_owned(),
         ..Default::default()
     };
-    model.sample(Received::Refusal(refusal), 1.0);
+    model.sample(Sample::Refusal(refusal), 1.0);
     assert_eq!(model.refused, 1);
     assert!(said(&model).contains("too fast"));
     press(&mut model, "vv", 1.0);
@@ -244,7 +245,7 @@ fn a_refusal_is_told_with_its_reason_and_an_arm_problem_resets_the_target() {
         arm_problem: "out of reach".to_owned(),
         ..Default::default()
     };
-    model.sample(Received::Applied(stuck), 1.1);
+    model.sample(Sample::Applied(stuck), 1.1);
     assert!(said(&model).contains("out of reach"));
     let effects = press(&mut model, "n", 1.2);
     let arm = commands(&effects)[0].arm.clone().unwrap();
@@ -254,6 +255,21 @@ fn a_refusal_is_told_with_its_reason_and_an_arm_problem_resets_the_target() {
     // From where the arm is, not from the target it never reached.
     let x = target.pose.unwrap().position.unwrap().x;
     assert!((x + 0.475).abs() < 1e-12, "{x}");
+}
+
+#[test]
+fn control_is_asked_for_again_by_the_code_of_a_refusal_not_by_its_words() {
+    let refusal = |code: v1::RefusalCode| v1::Refusal {
+        commander: ANNA.to_owned(),
+        reason: "out of control".to_owned(),
+        code: code.into(),
+        ..Default::default()
+    };
+    let mut model = operating();
+    let effects = model.sample(Sample::Refusal(refusal(v1::RefusalCode::Invalid)), 5.0);
+    assert_eq!(effects, []);
+    let effects = model.sample(Sample::Refusal(refusal(v1::RefusalCode::NoControl)), 5.0);
+    assert_eq!(effects, [Effect::Errand(Errand::Lease { take: false })]);
 }
 
 #[test]
@@ -276,7 +292,7 @@ fn in_lock_step_every_control_tick_is_answered_once_and_not_faster_than_time() {
             header: Some(header(tick, 7)),
             real_time_factor: 1.0,
         };
-        model.sample(Received::Clock(clock), now);
+        model.sample(Sample::Clock(clock), now);
         let sent = model.tick(now);
         for effect in &sent {
             let Effect::Send(header, _) = effect else {

@@ -274,7 +274,7 @@ fn episode<'a>(model: &Model, theme: Theme) -> Vec<Line<'a>> {
         }
         None => {
             lines.push(Line::from(Span::styled("none runs", theme.warning())));
-            let says = situation.scenario().map(|s| s.instruction.clone());
+            let says = situation.scenario().map(|s| s.instruction().to_owned());
             lines.push(pair("says", says.unwrap_or_default(), theme));
         }
     }
@@ -288,10 +288,10 @@ fn episode<'a>(model: &Model, theme: Theme) -> Vec<Line<'a>> {
 fn task<'a>(model: &Model, theme: Theme) -> Vec<Line<'a>> {
     let scenario = model.situation.scenario();
     let name = scenario.map_or_else(String::new, |s| {
-        if s.task.is_empty() {
+        if s.task().is_empty() {
             format!("no task in {}", s.scene)
         } else {
-            format!("{}, seed {}", s.task, s.seed)
+            format!("{}, seed {}", s.task(), s.seed())
         }
     });
     let Some(evaluation) = &model.situation.evaluation else {
@@ -302,7 +302,7 @@ fn task<'a>(model: &Model, theme: Theme) -> Vec<Line<'a>> {
     } else if !evaluation.failure.is_empty() {
         Span::styled(format!("FAILED: {}", evaluation.failure), theme.bad())
     } else {
-        Span::raw(format!("{:.1} s", evaluation.elapsed))
+        Span::raw(format!("{:.1} s", evaluation.elapsed_seconds))
     };
     let mut lines = vec![Line::from(vec![Span::raw(format!("{name}   ")), result])];
     for condition in &evaluation.conditions {

@@ -18,6 +18,7 @@ fn model() -> Model {
     model.situation.connection = Connection::Open;
     model.control = Control::Ours;
     let condition = |name: &str, holds, required| v1::Condition {
+        predicate: String::new(),
         name: name.to_owned(),
         holds,
         required,
@@ -26,9 +27,9 @@ fn model() -> Model {
     let status = v1::Status {
         scenario: Some(v1::Scenario {
             scene: "home".to_owned(),
-            task: "pick_mustard".to_owned(),
-            seed: 3,
-            instruction: "Pick up the mustard".to_owned(),
+            task: Some("pick_mustard".to_owned()),
+            seed: Some(3),
+            instruction: Some("Pick up the mustard".to_owned()),
             ..Default::default()
         }),
         recorders: vec![v1::RecorderStatus {

@@ -69,8 +69,10 @@ impl BaseState {
         };
     }
 
-    /// One step of the profile.
-    pub(super) fn advance(&mut self, drive: &DriveSettings, dt: f64) {
+    /// One step of the profile, `left` steps before the next intent may come. A
+    /// speed that can be reached by then is reached just then: towards a stream of
+    /// speeds the chair would change its own in jerks, 60 times a second.
+    pub(super) fn advance(&mut self, drive: &DriveSettings, dt: f64, left: usize) {
         let stop = self.wanted == BaseIntent::default();
         let braking =
             |profile: f64, at_stop: f64| if stop { profile.max(at_stop) } else { profile };
@@ -89,25 +91,33 @@ impl BaseState {
             self.wanted.linear,
             linear_gain * dt,
             linear_braking * dt,
+            left,
         );
         self.now.angular = ramp(
             self.now.angular,
             self.wanted.angular,
             drive.turn_acceleration * dt,
             braking(drive.turn_deceleration, drive.stop_turn_deceleration) * dt,
+            left,
         );
     }
 }
 
 /// One step of a speed: it brakes while it is too fast or of the wrong sign,
-/// and gains otherwise. It never passes zero within a step.
-fn ramp(now: f64, wanted: f64, gain: f64, braking: f64) -> f64 {
+/// and gains otherwise. It never passes zero within a step, and takes no larger
+/// steps than bring it there in `left` of them, but to stop.
+fn ramp(now: f64, wanted: f64, gain: f64, braking: f64, left: usize) -> f64 {
     let reverses = now * wanted < 0.0;
+    let even = if wanted == 0.0 {
+        f64::INFINITY
+    } else {
+        (wanted - now).abs() / left.max(1) as f64
+    };
     if reverses {
         towards(now, 0.0, braking)
     } else if wanted.abs() < now.abs() {
-        towards(now, wanted, braking)
+        towards(now, wanted, braking.min(even))
     } else {
-        towards(now, wanted, gain)
+        towards(now, wanted, gain.min(even))
     }
 }

@@ -109,11 +109,9 @@ impl GripperState {
     /// Takes a new intent, cut to the limits.
     pub(super) fn take(&mut self, intent: &GripperIntent, settings: &GripperSettings) {
         self.goal = exact::within(intent.knuckle, 0.0, settings.closed);
-        self.force = if intent.max_force > 0.0 {
-            intent.max_force.min(settings.max_force)
-        } else {
-            settings.force
-        };
+        self.force = intent.max_force.map_or(settings.force, |cap| {
+            exact::within(cap, 0.0, settings.max_force)
+        });
     }
 
     /// One step towards the goal.

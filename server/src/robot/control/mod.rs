@@ -85,14 +85,14 @@ impl RobotControl {
         }
         if let Some(intent) = &input.gripper
             && intent.knuckle.is_finite()
-            && intent.max_force.is_finite()
+            && intent.max_force.is_none_or(f64::is_finite)
         {
             gripper.take(intent, &self.gripper);
         }
         let dt = 1.0 / PHYSICS_HZ as f64;
-        std::array::from_fn(|_| {
+        std::array::from_fn(|i| {
             self.arm.advance(arm, dt);
-            base.advance(&self.drive, dt);
+            base.advance(&self.drive, dt, TICKS - i);
             gripper.advance(&self.gripper, dt);
             Targets {
                 arm_position: arm.position,
@@ -115,6 +115,19 @@ impl RobotControl {
     #[must_use]
     pub fn arm_problem(&self) -> Option<&str> {
         self.state.arm.problem.as_deref()
+    }
+
+    /// What kind of problem [`RobotControl::arm_problem`] tells of.
+    #[must_use]
+    pub fn arm_problem_kind(&self) -> Option<ArmProblem> {
+        let arm = &self.state.arm;
+        arm.problem.as_ref().map(|_| match arm.motion {
+            // What cannot be reached is not begun.
+            Motion::Hold => ArmProblem::Unreachable,
+            Motion::Joints { .. } => ArmProblem::JointLimit,
+            Motion::Line { .. } => ArmProblem::Stalled,
+            Motion::Twist { .. } => ArmProblem::Hindered,
+        })
     }
 
     /// Velocity that the wheels are commanded to now.
@@ -214,6 +227,19 @@ impl ArmIntent {
     }
 }
 
+/// Why the arm does not follow.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ArmProblem {
+    /// No joint positions reach the pose, or no straight line leads there.
+    Unreachable,
+    /// A joint was asked beyond its limit and goes to the limit.
+    JointLimit,
+    /// It does not come on along its line.
+    Stalled,
+    /// A limit or a singular posture keeps it from following a twist.
+    Hindered,
+}
+
 /// What is asked of the chair, in `wheelchair_root`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct BaseIntent {
@@ -229,8 +255,8 @@ pub struct GripperIntent {
     /// Knuckle angle, rad, 0 (open) to 0.7929; openings in metres are mapped
     /// first, by [`GripperMap::knuckle`].
     pub knuckle: f64,
-    /// Force cap at each pad, N; 0 takes the default.
-    pub max_force: f64,
+    /// Force cap at each pad, N; `None` takes the usual force of the robot.
+    pub max_force: Option<f64>,
 }
 
 /// What the drives follow during one physics tick.

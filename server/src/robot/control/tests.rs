@@ -489,7 +489,7 @@ fn gripper_moves_within_its_limits_and_lands_exactly() {
         let input = ControlInput {
             gripper: Some(GripperIntent {
                 knuckle,
-                max_force: 500.0,
+                max_force: Some(500.0),
             }),
             ..ControlInput::default()
         };
@@ -557,4 +557,23 @@ fn numbers_that_are_not_finite_change_nothing() {
     assert_eq!(control.state(), &before);
     let speeds = Vector6::from(control.state().arm.velocity);
     assert_eq!(speeds, Vector6::zeros());
+}
+
+#[test]
+fn a_cap_of_zero_is_no_force_and_none_is_the_usual_one() {
+    let model = model();
+    let here = snapshot(&model, Isometry3::identity());
+    let usual = model.settings.gripper.force;
+    let mut control = RobotControl::new(&model);
+    for (max_force, expected) in [(Some(0.0), 0.0), (Some(7.5), 7.5), (None, usual)] {
+        let input = ControlInput {
+            gripper: Some(GripperIntent {
+                knuckle: 0.3,
+                max_force,
+            }),
+            ..ControlInput::default()
+        };
+        let targets = control.update(&input, &here);
+        assert!(targets.iter().all(|t| t.pad_force == expected));
+    }
 }

@@ -62,8 +62,17 @@ pub struct Frame {
     /// Metres along the optical axis, height x width little-endian f32;
     /// `+inf` where nothing is within the camera's range.
     pub depth: Bytes,
-    /// Instance ids, height x width bytes; 0 where nothing is hit.
+    /// Instance ids, height x width little-endian u16; 0 where nothing is hit.
     pub ids: Bytes,
+}
+
+impl Frame {
+    /// Instance ids of the pixels, row by row from the top.
+    #[must_use]
+    pub fn ids(&self) -> Vec<u16> {
+        let (pairs, _) = self.ids.as_chunks::<2>();
+        pairs.iter().map(|&pair| u16::from_le_bytes(pair)).collect()
+    }
 }
 
 #[cfg(test)]

@@ -79,7 +79,7 @@ impl Layout {
         memory: &mut Memory,
     ) -> [Bytes; 3] {
         let pixels = self.width * self.height;
-        let [mut rgb, mut depth, mut ids] = memory.take([pixels * 3, pixels * 4, pixels]);
+        let [mut rgb, mut depth, mut ids] = memory.take([pixels * 3, pixels * 4, pixels * 2]);
         let (near, far) = (near as f32, far as f32);
         let (colors, depths) = bytes.split_at(self.plane());
         for y in 0..self.height {
@@ -91,13 +91,10 @@ impl Layout {
                 *to = [from[0], from[1], from[2]];
             }
             match self.id_row {
-                None => {
-                    for (to, from) in ids[line(1)].iter_mut().zip(source) {
-                        *to = from[3];
-                    }
-                }
+                None => widen(&mut ids[line(2)], source.iter().map(|pixel| pixel[3])),
                 Some(row) => {
-                    ids[line(1)].copy_from_slice(&bytes[2 * self.plane() + y * row..][..self.width])
+                    let source = &bytes[2 * self.plane() + y * row..][..self.width];
+                    widen(&mut ids[line(2)], source.iter().copied());
                 }
             }
             let source = &depths[y * self.row..][..self.width * 4];
@@ -110,6 +107,14 @@ impl Layout {
             }
         }
         memory.give([rgb, depth, ids])
+    }
+}
+
+/// Ids as little-endian numbers of 16 bits; the card draws 8 of them.
+fn widen(target: &mut [u8], source: impl Iterator<Item = u8>) {
+    let (pairs, _) = target.as_chunks_mut::<2>();
+    for (to, id) in pairs.iter_mut().zip(source) {
+        *to = [id, 0];
     }
 }
 

@@ -128,9 +128,10 @@ fn depth_is_metres_along_the_optical_axis() {
             let z = depth(frame);
             assert_eq!(z.len(), 225 * 127);
             assert_eq!(frame.rgb.len(), 225 * 127 * 3);
-            let seen: Vec<usize> = (0..z.len()).filter(|&i| frame.ids[i] == 7).collect();
+            let ids = frame.ids();
+            let seen: Vec<usize> = (0..z.len()).filter(|&i| ids[i] == 7).collect();
             assert!(!seen.is_empty());
-            for (&z, &id) in z.iter().zip(&frame.ids) {
+            for (&z, &id) in z.iter().zip(&ids) {
                 match id {
                     7 => assert!(
                         (f64::from(z) - distance).abs() < 1e-3,
@@ -155,7 +156,7 @@ fn depth_is_metres_along_the_optical_axis() {
         let far = &renderer
             .render(&snapshot(&[[25.0, 0.0, 0.0]]), &[0])
             .unwrap()[0];
-        assert!(far.ids.contains(&7), "beyond the range it is still drawn");
+        assert!(far.ids().contains(&7), "beyond the range it is still drawn");
         assert!(depth(far).iter().all(|z| *z == f32::INFINITY));
     }
 }
@@ -192,14 +193,14 @@ fn a_point_lands_where_the_intrinsics_say() {
         let (u, v) = (lens.fx * p.x / p.z + lens.cx, lens.fy * p.y / p.z + lens.cy);
         let id = 100 + i as u8;
         let (mut count, mut sum_u, mut sum_v) = (0.0, 0.0, 0.0);
-        for (k, found) in frame.ids.iter().enumerate() {
-            if *found == id {
+        for (k, found) in frame.ids().iter().enumerate() {
+            if *found == u16::from(id) {
                 count += 1.0;
                 sum_u += (k % 300) as f64 + 0.5;
                 sum_v += (k / 300) as f64 + 0.5;
             }
         }
-        assert_eq!(frame.ids[v as usize * 300 + u as usize], id);
+        assert_eq!(frame.ids()[v as usize * 300 + u as usize], u16::from(id));
         assert!(
             (sum_u / count - u).abs() < 0.35,
             "u {} expected {u}",
@@ -384,8 +385,8 @@ fn ids_of_the_home_follow_the_legend() {
     for frame in renderer.render(&snapshot, &all).unwrap() {
         let id = scene.instances[frame.camera].0;
         assert_eq!(
-            frame.ids[24 * 64 + 32],
-            id,
+            frame.ids()[24 * 64 + 32],
+            u16::from(id),
             "{}",
             home.objects[frame.camera].name
         );

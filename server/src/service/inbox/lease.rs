@@ -3,6 +3,9 @@
 //! A commander is a name and a run id, the life of one process. Its liveliness
 //! token stands while it is in control; who asks here has been seen to have one.
 
+use wheelarm_proto::v1::FailureCode;
+
+use crate::service::denied::Denied;
 use std::time::Instant;
 
 /// One life of one commander.
@@ -90,7 +93,7 @@ impl Lease {
     ///
     /// # Errors
     /// Who has it, and how to get it.
-    pub fn ask(&mut self, life: Life, asked: &Asked, now: Instant) -> Result<Granted, String> {
+    pub fn ask(&mut self, life: Life, asked: &Asked, now: Instant) -> Result<Granted, Denied> {
         let known = self.knows(&asked.secret);
         let granted = match &mut self.holder {
             None => Granted::Free,
@@ -107,10 +110,11 @@ impl Lease {
                     true => format!("another process that is named {:?} too", life.name),
                     false => format!("{:?}", holder.life.name),
                 };
-                return Err(format!(
+                let words = format!(
                     "control is held by {who}, for {seconds} s now; to take it over ask with \
                      `take` (on the command line: --take)"
-                ));
+                );
+                return Err(Denied::new(FailureCode::ControlHeld, words));
             }
         };
         self.holder = Some(Holder {
@@ -136,13 +140,14 @@ impl Lease {
     ///
     /// # Errors
     /// When `secret` is not the lease's: somebody else asks in its name.
-    pub fn release(&mut self, life: &Life, secret: &str) -> Result<bool, String> {
+    pub fn release(&mut self, life: &Life, secret: &str) -> Result<bool, Denied> {
         if self.is_held_by(life) && !self.knows(secret) {
-            return Err(format!(
+            let words = format!(
                 "control of {:?} is given back only with the secret of its lease, which came with \
                  the answer that gave it; it also ends with its token",
                 life.name
-            ));
+            );
+            return Err(Denied::new(FailureCode::Secret, words));
         }
         Ok(self.end(life))
     }
@@ -188,9 +193,9 @@ mod tests {
         let mut lease = Lease::default();
         assert_eq!(lease.ask(anna.clone(), &ask, now), Ok(Granted::Free));
         assert_eq!(lease.ask(anna.clone(), &take, now), Ok(Granted::Already));
-        let told = lease.ask(ben.clone(), &ask, now).unwrap_err();
+        let told = lease.ask(ben.clone(), &ask, now).unwrap_err().words;
         assert!(told.contains("anna") && told.contains("--take"), "{told}");
-        let told = lease.ask(again, &ask, now).unwrap_err();
+        let told = lease.ask(again, &ask, now).unwrap_err().words;
         assert!(told.contains("another process"), "{told}");
         assert_eq!(lease.release(&ben, ""), Ok(false), "it had nothing");
         let taken = lease.ask(ben.clone(), &take, now);
@@ -211,7 +216,7 @@ mod tests {
         let secret = lease.holder().unwrap().secret.clone();
         assert_eq!(secret.len(), 32);
         for wrong in ["", "0", &"0".repeat(32)] {
-            let told = lease.release(&anna, wrong).unwrap_err();
+            let told = lease.release(&anna, wrong).unwrap_err().words;
             assert!(told.contains("secret"), "{told}");
         }
         assert_eq!(lease.release(&anna, &secret), Ok(true));

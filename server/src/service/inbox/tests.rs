@@ -244,7 +244,7 @@ fn what_drives_says_which_state_it_answers_and_what_stops_is_always_taken() {
     })
     .unwrap();
     let goal = v1::JointTarget {
-        position: vec![0.1; 6],
+        positions: vec![0.1; 6],
     };
     send(&arm(7, Target::Joints(goal))).unwrap();
     send(&v1::Command {
@@ -318,4 +318,24 @@ fn a_flood_costs_no_memory_and_is_cut_to_its_rate() {
     assert!(inbox.pending.len() <= 256);
     assert!((590..=610).contains(&passed), "{passed} passed in 1 s");
     assert_eq!(inbox.refused(), 9_999 - u64::from(passed));
+}
+
+#[test]
+fn who_speaks_under_anothers_key_or_another_version_is_refused_with_a_code() {
+    let mut inbox = inbox();
+    let command = v1::Command {
+        commander: "anna".into(),
+        ..Default::default()
+    };
+    let bytes = command.encode_to_vec();
+    let refused = inbox.accept_from("ben", &bytes, 0.0).unwrap_err();
+    assert_eq!(refused.code, RefusalCode::Foreign);
+    assert!(refused.reason.contains("anna") && refused.reason.contains("ben"));
+    // Under her own key she is only told that somebody else is in control.
+    let refused = inbox.accept_from("anna", &bytes, 0.0).unwrap_err();
+    assert_eq!(refused.code, RefusalCode::ControlHeld);
+    let other = OtherVersion { theirs: 1 };
+    let refused = inbox.refuse_version("anna", &other);
+    assert_eq!(refused.code, RefusalCode::Version);
+    assert_eq!(inbox.refused(), 3);
 }

@@ -30,7 +30,7 @@ use tank::Tank;
 use touch::{Bristles, Skin};
 use turn::Turn;
 
-use super::health::{FARTHEST, STORED_NORM, STORED_SPEED};
+use super::health::{FARTHEST, SOFT_ENERGY, STORED_NORM, STORED_SPEED};
 use super::stored::within;
 use crate::geometry::tetrahedra::Tetrahedra;
 use crate::scene::{Body, Placement};
@@ -254,6 +254,9 @@ impl SoftObject {
         let bristles: Vec<f64> = bristles.numbers().collect();
         within("a bristle of the soft object", &bristles, FARTHEST)?;
         within("the energy of a contact", &tank.numbers(), FARTHEST)?;
+        if tank.owes() > SOFT_ENERGY {
+            return Err(format!("its contacts owe {} J", tank.owes()));
+        }
         let off = |turn: &Turn| {
             let norm = turn.xyzw().iter().map(|x| x * x).sum::<f64>().sqrt();
             norm.is_nan() || (norm - 1.0).abs() > STORED_NORM

@@ -4,7 +4,8 @@
 //! What they move further against the contacts' springs than was foreseen puts
 //! energy into the springs that no work paid for. It is taken from what the
 //! step before has dissipated; where that is not enough, the springs of the
-//! coming step are softer (passivity-based control: an energy tank).
+//! coming step are softer (passivity-based control: an energy tank). What a step
+//! makes from nothing, and what softer springs could not pay, stays owed.
 
 use nalgebra::{Isometry3, Point3, Vector3};
 use rapier3d::geometry::ColliderHandle;
@@ -17,6 +18,9 @@ use super::touch::Near;
 
 /// What is left of the reserve after a tick: it forgets within half a second.
 const KEEP: f64 = 0.95;
+/// Most that the reserve holds, J: what is given back late counts as made from
+/// nothing in a half-second that does not hold its loss, and 1 mJ is the law.
+const MOST: f64 = 5e-4;
 /// Energy that a tick may have for nothing, J.
 const FREE: f64 = 3e-6;
 /// Least share of the springs' stiffness.
@@ -35,7 +39,7 @@ struct Push {
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub(crate) struct Tank {
     last: Option<Last>,
-    /// Dissipated and not yet given back, J.
+    /// Dissipated and not yet given back, J; negative: owed.
     reserve: f64,
 }
 
@@ -65,6 +69,11 @@ impl Tank {
         *self = Self::default();
     }
 
+    /// What is owed, J.
+    pub(super) fn owes(&self) -> f64 {
+        -self.reserve.min(0.0)
+    }
+
     /// All its numbers, J, N and metres.
     pub(super) fn numbers(&self) -> Vec<f64> {
         let mut numbers = vec![self.reserve];
@@ -85,7 +94,7 @@ impl Tank {
     pub(super) fn pass(&mut self, physics: &PhysicsWorld, inner: f64) -> Option<Passage> {
         let last = self.last.as_ref()?;
         let made = inner + last.foreseen - last.energy - last.work;
-        self.reserve = KEEP * self.reserve - made.min(0.0);
+        self.reserve = (self.reserve.min(KEEP * self.reserve) - made).min(MOST);
         let worked = last.pushes.iter().map(|push| push.work(physics)).sum();
         Some(Passage { worked, made })
     }
@@ -96,14 +105,19 @@ impl Tank {
         let (Some(passage), Some(last)) = (passage, self.last.as_ref()) else {
             return 1.0;
         };
-        let unpaid = contacts - last.foreseen - (passage.worked - last.work);
-        let owed = unpaid - FREE - self.reserve;
+        let unpaid = contacts - last.foreseen - (passage.worked - last.work) - FREE;
+        let owed = unpaid - self.reserve;
         if owed <= 0.0 {
-            self.reserve -= unpaid.max(0.0).min(self.reserve);
+            self.reserve = (-owed).min(self.reserve.max(0.0));
             return 1.0;
         }
-        self.reserve = 0.0;
-        (1.0 - owed / contacts).max(LEAST)
+        let paid = owed.min((1.0 - LEAST) * contacts);
+        self.reserve = paid - owed;
+        if paid > 0.0 {
+            1.0 - paid / contacts
+        } else {
+            1.0
+        }
     }
 
     /// Enters a step of `h` seconds that began with `inner` J beside the contacts.

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use nalgebra::{Isometry3, Point3, Vector3};
-use rapier3d::geometry::ColliderHandle;
+use rapier3d::geometry::{ColliderHandle, Shape, TypedShape};
 use rapier3d::prelude::{PhysicsWorld, RigidBodyHandle};
 use serde::{Deserialize, Serialize};
 
@@ -206,15 +206,20 @@ impl Solid<'_> {
             .inverse_transform_point(&Point3::from(*p));
         // Rounded as the engine does, or a point on a face would see no normal.
         let local = to_engine(&local);
-        let found = self.collider.shape().project_local_point(local, false);
+        let (core, radius): (&dyn Shape, _) = match self.collider.shape().as_typed_shape() {
+            TypedShape::RoundCylinder(round) => (&round.inner_shape, round.border_radius),
+            TypedShape::RoundCuboid(round) => (&round.inner_shape, round.border_radius),
+            _ => (self.collider.shape(), 0.0),
+        };
+        let found = core.project_local_point(local, false);
         let away = from_vector(local - found.point);
-        let distance = away.norm();
-        if !found.is_inside && distance > margin {
+        let side = if found.is_inside { -1.0 } else { 1.0 };
+        let distance = side * away.norm() - f64::from(radius);
+        if distance > margin {
             return None;
         }
-        let side = if found.is_inside { -1.0 } else { 1.0 };
         let normal = (away * side).try_normalize(1e-7)?;
-        Some((side * distance, self.house_from_solid.rotation * normal))
+        Some((distance, self.house_from_solid.rotation * normal))
     }
 }
 

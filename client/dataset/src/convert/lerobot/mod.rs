@@ -90,21 +90,6 @@ impl LeRobot {
             }),
         })
     }
-
-    fn layout(&self, recording: &Recording, rate: u32) -> Layout {
-        let size = |camera: &crate::read::Camera| {
-            let (width, height) = camera.size().unwrap_or((1, 1));
-            self.size.unwrap_or(Size { width, height })
-        };
-        Layout {
-            rate,
-            cameras: recording
-                .cameras
-                .iter()
-                .map(|(n, c)| (n.clone(), size(c)))
-                .collect(),
-        }
-    }
 }
 
 /// Pictures of one episode, encoded, in a file that has no name for long.
@@ -147,7 +132,8 @@ impl Format for LeRobot {
 
     fn add(&self, recording: &Recording, tick: &(dyn Fn() + Sync)) -> anyhow::Result<Written> {
         let (rate, rows, notes) = learning::grid(recording)?;
-        let layout = self.layout(recording, rate);
+        let cameras = learning::cameras(recording, self.size);
+        let layout = Layout { rate, cameras };
         anyhow::ensure!(!layout.cameras.is_empty(), "the episode has no pictures");
         let mut set = self
             .state

@@ -11,12 +11,13 @@ use std::io::BufWriter;
 use std::path::{Path, PathBuf};
 
 use mcap::records::MessageHeader;
-use wheelarm_proto::{names, v1};
+use wheelarm_proto::{TopicId, v1};
 
 use self::columns::Columns;
 use self::source::{Coding, Evaluation, Source};
 use super::batch::parallel;
 use super::{Format, PendingFile, Recording, Written};
+use crate::read::{Camera, Episode};
 use crate::urdf::{self, Robot};
 
 /// Foxglove's messages.
@@ -26,7 +27,7 @@ mod foxglove {
 }
 
 const FOXGLOVE: &[u8] = include_bytes!(concat!(env!("OUT_DIR"), "/foxglove.bin"));
-const OURS: &[u8] = include_bytes!(concat!(env!("OUT_DIR"), "/wheelarm.bin"));
+const OURS: &[u8] = wheelarm_proto::MESSAGES_DESCRIPTOR;
 /// ROS 2's text message.
 const ROS_TEXT: &[u8] = b"string data\n";
 /// What cx and cy of a calibration count from.
@@ -112,87 +113,104 @@ fn sources<'a>(
     let e = &recording.episode;
     let mut out: Vec<Topic<'a>> = once(recording, robot, assets)?;
     for (name, camera) in &recording.cameras {
-        let stamps = camera.stamps().to_vec();
-        out.push((
-            format!("/camera/{name}/rgb"),
-            stamps.clone(),
-            Source::Colour(camera),
-        ));
-        out.push((
-            format!("/camera/{name}/depth"),
-            stamps.clone(),
-            Source::Depth(camera),
-        ));
-        out.push((
-            format!("/camera/{name}/ids"),
-            stamps.clone(),
-            Source::Ids(camera),
-        ));
-        out.push((
-            format!("/camera/{name}/calibration"),
-            stamps.clone(),
-            Source::Calibration(camera),
-        ));
-        out.push((format!("/tf/{name}"), stamps, Source::CameraFrame(camera)));
+        out.extend(pictures(name, camera));
     }
-    let mut add =
-        |topic: &str, stream: &str, make: &dyn Fn(Columns) -> anyhow::Result<Source<'static>>| {
-            if e.has(stream) {
-                let columns = Columns::of(e, stream)?;
-                out.push((
-                    topic.to_owned(),
-                    columns.headers.stamps.clone(),
-                    make(columns)?,
-                ));
-            }
-            anyhow::Ok(())
-        };
-    add("/joint_states", "joint_state", &|c| Ok(Source::Joints(c)))?;
-    add("/furniture_joints", "furniture_joint", &|c| {
-        Ok(Source::Joints(c))
-    })?;
-    match robot {
-        Some(robot) => {
-            add("/tf", "pose", &|c| Ok(Source::Chair(c)))?;
-            add("/tf/links", "joint_state", &|c| Ok(links(robot, c)))?;
+    // Every topic of the table: what is recorded has a place in the log.
+    for topic in TopicId::ALL {
+        if topic == TopicId::Event || e.has(topic.name()) {
+            of_topic(&mut out, topic, e, robot)?;
         }
-        None => add("/tf", "pose", &|c| Ok(Source::Frames(c)))?,
-    }
-    add("/contact", "contact", &|c| {
-        Ok(Source::Contacts(c, e.texts("contact", "pairs")?))
-    })?;
-    add("/end_effector", "pose", &|c| Ok(Source::Effector(c)))?;
-    add("/tf/objects", "object_pose", &|c| Ok(Source::Objects(c)))?;
-    add("/imu", "imu", &|c| Ok(Source::Imu(c)))?;
-    add("/odometry", "odometry", &|c| Ok(Source::Odometry(c)))?;
-    add("/evaluation", "evaluation", &|columns| {
-        Ok(Source::Evaluation(Box::new(Evaluation {
-            success: e.flags("evaluation", "success")?,
-            done: e.flags("evaluation", "done")?,
-            holds: e.flags("evaluation", "condition_holds")?,
-            required: e.flags("evaluation", "condition_required")?,
-            failure: e.texts("evaluation", "failure")?,
-            columns,
-        })))
-    })?;
-    add("/phase", "phase", &|_| {
-        Ok(Source::Phase(
-            e.u64s("phase", "label")?,
-            e.texts("phase", "name")?,
-        ))
-    })?;
-    add("/applied", "applied", &|_| {
-        Ok(Source::Applied(e.applied()?))
-    })?;
-    add("/command", "command", &|_| {
-        Ok(Source::Command(e.commands()?))
-    })?;
-    let events = names::EVENT_STREAM;
-    if let Ok(stamps) = e.stamps(events) {
-        let source = Source::Log(e.texts(events, "kind")?, e.texts(events, "text")?);
-        out.push(("/events".to_owned(), stamps, source));
     }
     Ok(out)
+}
+
+fn pictures<'a>(name: &str, camera: &'a Camera) -> [Topic<'a>; 5] {
+    let of = |topic: String, source| (topic, camera.stamps().to_vec(), source);
+    [
+        of(format!("/camera/{name}/rgb"), Source::Colour(camera)),
+        of(format!("/camera/{name}/depth"), Source::Depth(camera)),
+        of(format!("/camera/{name}/ids"), Source::Ids(camera)),
+        of(
+            format!("/camera/{name}/calibration"),
+            Source::Calibration(camera),
+        ),
+        of(format!("/tf/{name}"), Source::CameraFrame(camera)),
+    ]
+}
+
+/// What becomes of one topic's samples.
+fn of_topic(
+    out: &mut Vec<Topic<'_>>,
+    topic: TopicId,
+    e: &Episode,
+    robot: Option<&Robot>,
+) -> anyhow::Result<()> {
+    let stream = topic.name();
+    let columns = || Columns::of(e, stream);
+    let mut add = |place: &str, source: Source<'static>| {
+        out.push((place.to_owned(), e.stamps(stream)?, source));
+        anyhow::Ok(())
+    };
+    match topic {
+        TopicId::JointState => {
+            add("/joint_states", Source::Joints(columns()?))?;
+            if let Some(robot) = robot {
+                add("/tf/links", links(robot, columns()?))?;
+            }
+        }
+        TopicId::FurnitureJoint => add("/furniture_joints", Source::Joints(columns()?))?,
+        TopicId::Pose => {
+            let tree = match robot {
+                Some(_) => Source::Chair(columns()?),
+                None => Source::Frames(columns()?),
+            };
+            add("/tf", tree)?;
+            add("/end_effector", Source::Effector(columns()?))?;
+        }
+        TopicId::Contact => {
+            let pairs = e.texts(stream, "pairs")?;
+            add("/contact", Source::Contacts(columns()?, pairs))?;
+        }
+        TopicId::ObjectPose => add("/tf/objects", Source::Objects(columns()?))?,
+        TopicId::Imu => add("/imu", Source::Imu(columns()?))?,
+        TopicId::Odometry => add("/odometry", Source::Odometry(columns()?))?,
+        TopicId::Evaluation => {
+            let evaluation = Evaluation {
+                success: e.flags(stream, "success")?,
+                done: e.flags(stream, "done")?,
+                holds: e.flags(stream, "condition_holds")?,
+                required: e.flags(stream, "condition_required")?,
+                failure: e.texts(stream, "failure")?,
+                columns: columns()?,
+            };
+            add("/evaluation", Source::Evaluation(Box::new(evaluation)))?;
+        }
+        TopicId::Phase => {
+            let labels = e.u64s(stream, "label")?;
+            add("/phase", Source::Phase(labels, e.texts(stream, "name")?))?;
+        }
+        TopicId::Applied => add("/applied", Source::Applied(e.applied()?))?,
+        TopicId::Command => add("/command", Source::Command(e.commands()?))?,
+        TopicId::Event => {
+            if let (Ok(kinds), Ok(texts)) = (e.texts(stream, "kind"), e.texts(stream, "text")) {
+                add("/events", Source::Log(kinds, texts))?;
+            }
+        }
+        // `clock` and `state_hash` tell a viewer nothing; a skin has no message
+        // that viewers know. Pictures are taken by camera; the rest is not
+        // recorded.
+        TopicId::Clock
+        | TopicId::StateHash
+        | TopicId::Deformable
+        | TopicId::Camera
+        | TopicId::Preview
+        | TopicId::SentCommand
+        | TopicId::Refusal
+        | TopicId::EpisodeStart
+        | TopicId::EpisodeStop
+        | TopicId::Recorder => {}
+    }
+    Ok(())
 }
 
 fn write(

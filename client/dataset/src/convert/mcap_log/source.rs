@@ -190,9 +190,12 @@ impl Source<'_> {
                     frame_id: camera.stream().to_owned(),
                     width: u32::try_from(width)?,
                     height: u32::try_from(height)?,
-                    encoding: "8UC1".into(),
-                    step: u32::try_from(width)?,
-                    data: camera.ids(episode, i)?,
+                    encoding: match camera.id_bytes() {
+                        2 => "16UC1".into(),
+                        _ => "8UC1".into(),
+                    },
+                    step: u32::try_from(camera.id_bytes() * width)?,
+                    data: crate::ids::write(&camera.ids(episode, i)?, camera.id_bytes()),
                 }
                 .encode_to_vec()
             }
@@ -346,14 +349,17 @@ impl Source<'_> {
                         holds: flag(&e.holds, k),
                         value: at(e.columns.row("condition_value", i), k),
                         required: flag(&e.required, k),
+                        predicate: name.split('(').next().unwrap_or_default().to_owned(),
                     });
                 v1::Evaluation {
                     header: e.columns.headers.header(i),
                     success: e.success.get(i).copied().unwrap_or(false),
                     done: e.done.get(i).copied().unwrap_or(false),
                     failure: e.failure.get(i).cloned().unwrap_or_default(),
+                    // Files hold the words alone.
+                    failure_reason: v1::FailureReason::Unspecified.into(),
                     conditions: each.collect(),
-                    elapsed: at(e.columns.row("elapsed", i), 0),
+                    elapsed_seconds: at(e.columns.row("elapsed", i), 0),
                 }
                 .encode_to_vec()
             }
@@ -369,8 +375,8 @@ impl Source<'_> {
             Self::Applied(all) => all[i].encode_to_vec(),
             Self::Command(all) => all[i].encode_to_vec(),
             Self::Log(kinds, texts) => {
-                let serious = matches!(kinds[i].as_str(), "refused" | "collision" | "anomaly");
-                let level = if serious {
+                let kind = v1::EventKind::from_word(&kinds[i]);
+                let level = if kind.is_serious() {
                     foxglove::log::Level::Warning
                 } else {
                     foxglove::log::Level::Info
@@ -412,7 +418,7 @@ fn contacts(c: &Columns, pairs: &[String], i: usize) -> anyhow::Result<v1::Conta
     });
     Ok(v1::Contacts {
         header: c.headers.header(i),
-        pad_force: c.row("pad_force", i).to_vec(),
+        pad_forces: c.row("pad_force", i).to_vec(),
         contacts: each.collect(),
     })
 }

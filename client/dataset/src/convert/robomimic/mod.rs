@@ -88,11 +88,8 @@ impl Format for Robomimic {
             .state
             .lock()
             .map_err(|_| anyhow::anyhow!("an earlier episode failed"))?;
-        let cameras: Vec<(String, Size)> = recording
-            .cameras
-            .iter()
-            .filter_map(|(n, c)| c.size().map(|s| (n, s)))
-            .map(|(n, (width, height))| (n.clone(), self.size.unwrap_or(Size { width, height })))
+        let cameras: Vec<(String, Size)> = learning::cameras(recording, self.size)
+            .into_iter()
             .collect();
         if set.demos > 0 {
             anyhow::ensure!(

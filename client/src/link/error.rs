@@ -1,0 +1,127 @@
+//! What can go wrong between a client and a server, in words that name the cure.
+
+use wheelarm_proto::keys::BadName;
+use wheelarm_proto::schema::OtherVersion;
+use wheelarm_proto::v1::FailureCode;
+
+/// What can go wrong between a client and a server.
+#[derive(Debug, thiserror::Error)]
+pub enum LinkError {
+    /// The server's name cannot stand in a key.
+    #[error(transparent)]
+    Name(#[from] BadName),
+    /// Nobody listens.
+    #[error(
+        "no server answers at {endpoint} (waited {seconds:.1} s): start one with `wheelarm-server`, or name its address with --connect ({cause})"
+    )]
+    NoServer {
+        /// Where it was looked for.
+        endpoint: String,
+        /// How long.
+        seconds: f64,
+        /// The transport's own words.
+        cause: String,
+    },
+    /// Somebody listens, but under another name.
+    #[error(
+        "a server answers at {endpoint}, but none is named {sim:?} (found: {found}): choose one with --sim"
+    )]
+    OtherName {
+        /// Where it was looked for.
+        endpoint: String,
+        /// The wanted name.
+        sim: String,
+        /// Names that are there.
+        found: String,
+    },
+    /// More than one session says that it is the server.
+    #[error(
+        "{count} sessions behind {endpoint} say that they are the server {sim:?} ({ids}): one of them is a stranger or a second server of the same name; connect to the server itself, or end the other"
+    )]
+    Several {
+        /// Where it was looked for.
+        endpoint: String,
+        /// The wanted name.
+        sim: String,
+        /// How many there are.
+        count: usize,
+        /// Ids of the sessions.
+        ids: String,
+    },
+    /// The server did not answer a query in time.
+    #[error("the server {sim:?} did not answer `{query}` within {seconds} s")]
+    Silent {
+        /// Server name.
+        sim: String,
+        /// Query name.
+        query: &'static str,
+        /// How long.
+        seconds: f64,
+    },
+    /// Nobody is there any more who could answer.
+    #[error(
+        "the server {sim:?} has gone: nobody answers `{query}` any more (told after {seconds:.1} s); its own last words say why"
+    )]
+    Gone {
+        /// Server name.
+        sim: String,
+        /// Query name.
+        query: &'static str,
+        /// After how long that was known.
+        seconds: f64,
+    },
+    /// The query ended early and without an answer, though the server is there.
+    #[error(
+        "the server {sim:?} is there, but `{query}` ended after {seconds:.1} s without an answer: it is asked more than it can answer, or it just came back; ask again"
+    )]
+    Unanswered {
+        /// Server name.
+        sim: String,
+        /// Query name.
+        query: &'static str,
+        /// After how long it ended.
+        seconds: f64,
+    },
+    /// The server answered that it will not.
+    #[error("the server refused `{query}`: {message}")]
+    Refused {
+        /// Query name.
+        query: &'static str,
+        /// Why, for programs.
+        code: FailureCode,
+        /// The server's words.
+        message: String,
+    },
+    /// A message could not be read.
+    #[error("{what} cannot be read ({cause}): client and server differ in version?")]
+    Garbled {
+        /// Which message.
+        what: String,
+        /// The decoder's words.
+        cause: wheelarm_proto::DecodeError,
+    },
+    /// The server speaks another version of the contract.
+    #[error(transparent)]
+    Version(#[from] OtherVersion),
+    /// The transport failed.
+    #[error("{operation} failed: {cause}")]
+    Transport {
+        /// What was tried.
+        operation: &'static str,
+        /// The transport's words.
+        cause: String,
+    },
+}
+
+pub(super) fn transport(operation: &'static str) -> impl Fn(zenoh::Error) -> LinkError {
+    move |cause| LinkError::Transport {
+        operation,
+        cause: words(&cause),
+    }
+}
+
+/// The transport's words without the place in its source.
+pub(super) fn words(error: &zenoh::Error) -> String {
+    let text = error.to_string();
+    text.split(" at /").next().unwrap_or(&text).to_owned()
+}

@@ -1,0 +1,257 @@
+//! The one table of topics, and the ids of streams. Server, clients, recorder
+//! and exports go through the table; nobody writes a stream's name.
+
+use std::convert::Infallible;
+use std::fmt;
+use std::str::FromStr;
+
+use prost::Message;
+
+use crate::v1;
+
+/// A message that stands on its own: its first field is its stamp.
+pub trait Stamped: Message + Default {
+    /// Its stamp.
+    fn header(&self) -> Option<&v1::Header>;
+    /// Sets its stamp.
+    fn set_header(&mut self, header: v1::Header);
+}
+
+include!(concat!(env!("OUT_DIR"), "/stamped.rs"));
+
+/// A message that is published. One message, one topic.
+pub trait Topic: Stamped {
+    /// Its topic.
+    const TOPIC: TopicId;
+    /// Name of its topic.
+    const NAME: &'static str = TOPICS[Self::TOPIC as usize].name;
+}
+
+/// How often a topic is published.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Rate {
+    /// At every control tick, 60 Hz.
+    Control,
+    /// At `Scenario.state_rate_hz`.
+    State,
+    /// At `Scenario.imu_rate_hz`.
+    Imu,
+    /// At `Scenario.deformable_rate_hz`.
+    Deformable,
+    /// At `CameraSetting.rate_hz` of its camera.
+    Camera,
+    /// Once per simulated second.
+    Second,
+    /// When there is something to tell.
+    Event,
+}
+
+/// Who publishes a topic.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Role {
+    /// The server.
+    Server,
+    /// A commander.
+    Commander,
+    /// A recorder.
+    Recorder,
+}
+
+/// What a recorder does with a topic.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Record {
+    /// It is not recorded.
+    Unspecified,
+    /// Its messages become columns below `/streams`.
+    Columns,
+    /// Its messages become rows of `/events`.
+    Events,
+    /// Its messages become pictures below `/streams/camera`.
+    Pictures,
+}
+
+/// One row of the table of topics.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct TopicInfo {
+    /// Name, for example `joint_state`.
+    pub name: &'static str,
+    /// Key below `wheelarm/{sim}/`; a name in braces stands for one chunk.
+    pub key: &'static str,
+    /// Full name of its message.
+    pub message: &'static str,
+    /// How often it is published.
+    pub rate: Rate,
+    /// Units of its numbers, in the order of the fields; empty for none.
+    pub unit: &'static str,
+    /// Frame of its numbers; empty where there is none.
+    pub frame: &'static str,
+    /// Who publishes it.
+    pub from: Role,
+    /// What a recorder does with it.
+    pub record: Record,
+}
+
+include!(concat!(env!("OUT_DIR"), "/topic.rs"));
+
+impl TopicId {
+    /// Its row of the table.
+    #[must_use]
+    pub fn info(self) -> &'static TopicInfo {
+        &TOPICS[self as usize]
+    }
+
+    /// Its name.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        self.info().name
+    }
+
+    /// The topic of that name.
+    #[must_use]
+    pub fn from_name(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|topic| topic.name() == name)
+    }
+}
+
+impl fmt::Display for TopicId {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name())
+    }
+}
+
+/// What stands before the name of a camera.
+const CAMERA: &str = "camera/";
+
+/// A stream that is counted, recorded and listed in manifests: `joint_state`,
+/// `event`, `camera/gen3`. It is read and written as that text here alone.
+#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum StreamId {
+    /// A state stream or the events.
+    State(TopicId),
+    /// The pictures of one camera, by its name.
+    Camera(String),
+    /// A stream that this version does not know.
+    Other(String),
+}
+
+impl StreamId {
+    /// The events.
+    pub const EVENTS: Self = Self::State(TopicId::Event);
+
+    /// The pictures of a camera.
+    #[must_use]
+    pub fn camera(name: impl Into<String>) -> Self {
+        Self::Camera(name.into())
+    }
+
+    /// What a server of this version publishes: the state streams, the events,
+    /// and the given cameras.
+    pub fn all<'a>(cameras: impl IntoIterator<Item = &'a str>) -> impl Iterator<Item = Self> {
+        let states = TopicId::STATES.into_iter().map(Self::State);
+        let cameras: Vec<_> = cameras.into_iter().map(Self::camera).collect();
+        states.chain([Self::EVENTS]).chain(cameras)
+    }
+
+    /// Reads the text that [`fmt::Display`] writes.
+    #[must_use]
+    pub fn parse(text: &str) -> Self {
+        let known = || TopicId::from_name(text);
+        match text.strip_prefix(CAMERA) {
+            Some(camera) => Self::camera(camera),
+            None => match known().filter(|t| t.info().key.starts_with("stream/")) {
+                Some(topic) => Self::State(topic),
+                None => Self::Other(text.to_owned()),
+            },
+        }
+    }
+
+    /// Name of the camera, of a camera's pictures.
+    #[must_use]
+    pub fn camera_name(&self) -> Option<&str> {
+        match self {
+            Self::Camera(name) => Some(name),
+            Self::State(_) | Self::Other(_) => None,
+        }
+    }
+
+    /// The topic, where this version knows it.
+    #[must_use]
+    pub fn topic(&self) -> Option<TopicId> {
+        match self {
+            Self::State(topic) => Some(*topic),
+            Self::Camera(_) => Some(TopicId::Camera),
+            Self::Other(_) => None,
+        }
+    }
+
+    /// Whether these are pictures.
+    #[must_use]
+    pub fn is_camera(&self) -> bool {
+        matches!(self, Self::Camera(_))
+    }
+}
+
+impl fmt::Display for StreamId {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::State(topic) => f.write_str(topic.name()),
+            Self::Camera(name) => write!(f, "{CAMERA}{name}"),
+            Self::Other(name) => f.write_str(name),
+        }
+    }
+}
+
+impl FromStr for StreamId {
+    type Err = Infallible;
+
+    fn from_str(text: &str) -> Result<Self, Infallible> {
+        Ok(Self::parse(text))
+    }
+}
+
+impl From<TopicId> for StreamId {
+    fn from(topic: TopicId) -> Self {
+        Self::State(topic)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_stream_is_read_as_it_is_written() {
+        let cameras = ["gen3", "room"];
+        for stream in StreamId::all(cameras) {
+            assert_eq!(StreamId::parse(&stream.to_string()), stream);
+            assert!(stream.topic().is_some());
+        }
+        let other = StreamId::parse("whistle");
+        assert_eq!(other, StreamId::Other("whistle".to_owned()));
+        assert_eq!(StreamId::parse("camera/gen3").camera_name(), Some("gen3"));
+        // The topics that are no streams are not taken for one.
+        assert_eq!(StreamId::parse("refusal").topic(), None);
+    }
+
+    #[test]
+    fn the_table_is_in_the_order_of_the_topics() {
+        for (topic, row) in TopicId::ALL.into_iter().zip(&TOPICS) {
+            assert_eq!(topic.info(), row);
+            assert_eq!(TopicId::from_name(row.name), Some(topic));
+        }
+        assert_eq!(v1::JointState::NAME, "joint_state");
+        assert_eq!(v1::EpisodeStopped::TOPIC.info().key, "episode/stop");
+        assert_eq!(v1::CameraFrame::TOPIC, TopicId::Camera);
+        assert_eq!(TopicId::STATES.len(), 14);
+    }
+
+    #[test]
+    fn a_sample_is_read_by_its_topic() {
+        let clock = v1::Clock {
+            real_time_factor: 0.5,
+            ..v1::Clock::default()
+        };
+        let read = Sample::decode(TopicId::Clock, &clock.encode_to_vec());
+        assert_eq!(read, Ok(Sample::Clock(clock)));
+    }
+}

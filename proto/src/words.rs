@@ -1,0 +1,85 @@
+//! Words of codes, for people and for text columns of files.
+
+use crate::v1;
+
+/// The name of an enum's value without the enum's own name, in small letters:
+/// `EVENT_KIND_REFUSED` as `refused`.
+fn word(name: &str, prefix: &str) -> String {
+    let rest = name.strip_prefix(prefix).unwrap_or(name);
+    rest.trim_start_matches('_').to_ascii_lowercase()
+}
+
+impl v1::EventKind {
+    /// For example `refused`.
+    #[must_use]
+    pub fn word(self) -> String {
+        word(self.as_str_name(), "EVENT_KIND")
+    }
+
+    /// The kind of that word; files hold the word.
+    #[must_use]
+    pub fn from_word(text: &str) -> Self {
+        let name = format!("EVENT_KIND_{}", text.to_ascii_uppercase());
+        Self::from_str_name(&name).unwrap_or_default()
+    }
+
+    /// Whether somebody should look: commands refused, a collision, an anomaly.
+    #[must_use]
+    pub fn is_serious(self) -> bool {
+        match self {
+            Self::Refused | Self::Collision | Self::Anomaly => true,
+            Self::Unspecified | Self::Paused | Self::Resumed | Self::Control | Self::Note => false,
+        }
+    }
+}
+
+/// As [`word`]; empty for what is not told.
+fn told(name: &str, prefix: &str, number: i32) -> String {
+    match number {
+        0 => String::new(),
+        _ => word(name, prefix),
+    }
+}
+
+impl v1::Device {
+    /// For example `keyboard`; empty when it is not told.
+    #[must_use]
+    pub fn word(self) -> String {
+        told(self.as_str_name(), "DEVICE", self.into())
+    }
+}
+
+impl v1::InputMode {
+    /// For example `hold`; empty when it is not told.
+    #[must_use]
+    pub fn word(self) -> String {
+        told(self.as_str_name(), "INPUT_MODE", self.into())
+    }
+}
+
+impl v1::Assistance {
+    /// For example `skill`; empty without.
+    #[must_use]
+    pub fn word(self) -> String {
+        told(self.as_str_name(), "ASSISTANCE", self.into())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn kinds_of_events_are_read_from_their_words() {
+        for kind in [v1::EventKind::Refused, v1::EventKind::Note] {
+            assert_eq!(v1::EventKind::from_word(&kind.word()), kind);
+        }
+        assert_eq!(v1::EventKind::Collision.word(), "collision");
+        assert_eq!(v1::InputMode::Latch.word(), "latch");
+        assert_eq!(v1::Device::Unspecified.word(), "");
+        assert_eq!(
+            v1::EventKind::from_word("whistle"),
+            v1::EventKind::Unspecified
+        );
+    }
+}
