@@ -148,7 +148,11 @@ pub fn asset(path: &str, bytes: &[u8]) {
         if path.starts_with("robots") {
             let _ = RobotModel::load(assets, "wheelarm");
         } else if let Some(name) = path.strip_prefix("tasks/") {
-            let _ = TaskSpec::load(assets, name.trim_end_matches(".toml"));
+            static HOME: OnceLock<Scene> = OnceLock::new();
+            let home = HOME.get_or_init(|| {
+                Scene::load(&root().join("assets"), "home").expect("the scene of this repository")
+            });
+            let _ = TaskSpec::load(assets, name.trim_end_matches(".toml"), home);
         } else {
             let _ = Scene::load(assets, "home");
         }

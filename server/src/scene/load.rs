@@ -1,19 +1,20 @@
-//! Reading a scene from the assets folder, and which texts it was made of.
+//! Reading a scene from the assets folder.
 
 use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use nalgebra::{Isometry3, Matrix3, Point3, Rotation3, Unit, UnitQuaternion, Vector3};
-use serde::de::DeserializeOwned;
 
 use super::error::{Place, SceneError};
 use super::file::{
     FurnitureEntry, LightEntry, ObjectEntry, RoomCameraEntry, SceneFile, SlideEntry,
 };
+use super::folder::{names, parse, provenance};
 use super::part::Reader;
 use super::{
     Body, FurnitureJoint, Lighting, Resistance, RoomCamera, Scene, Surface, material, object,
 };
+use crate::geometry::Shape;
 
 impl Scene {
     /// Reads `assets/scenes/NAME.toml` with its materials, objects and meshes.
@@ -44,6 +45,7 @@ impl Scene {
                 Isometry3::new(at.into(), yaw(&place, file.start.yaw_deg)?)
             },
             room_camera: room_camera(&place.key("room_camera"), &file.room_camera)?,
+            files: Vec::new(),
         };
         let mut entries: BTreeMap<&str, &FurnitureEntry> = BTreeMap::new();
         for entry in &file.furniture {
@@ -69,7 +71,30 @@ impl Scene {
             unused_name(&place, &scene, &entry.name)?;
             scene.add_object(&reader, &place, entry)?;
         }
+        scene.files = scene.texts_behind(&file, path, names(assets, "materials")?);
         Ok(scene)
+    }
+
+    /// The text files behind this scene, sorted: itself, every material file,
+    /// every kind of object in it, every mesh in text form.
+    fn texts_behind(&self, file: &SceneFile, own: String, materials: Vec<String>) -> Vec<String> {
+        let materials = materials
+            .iter()
+            .map(|name| format!("materials/{name}.toml"));
+        let objects = file.object.iter().map(|entry| {
+            let kind = entry.kind.as_deref().unwrap_or(&entry.name);
+            format!("objects/{kind}.toml")
+        });
+        let bodies = self.furniture.iter().chain(&self.objects);
+        let meshes = bodies.flat_map(mesh_paths).filter(|path| {
+            let path = path.to_ascii_lowercase();
+            path.ends_with(".obj") || path.ends_with(".gltf")
+        });
+        let mut paths = vec![own];
+        paths.extend(materials.chain(objects).chain(meshes));
+        paths.sort();
+        paths.dedup();
+        paths
     }
 
     fn add_furniture(
@@ -287,119 +312,15 @@ impl Scene {
     }
 }
 
-/// A text of the assets that a scenario uses.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct AssetText {
-    /// Path below the assets folder, with `/`.
-    pub path: String,
-    /// The whole text.
-    pub text: String,
-}
-
-/// The texts behind a scene, for the recording: the scene, every material file,
-/// every object it names, every mesh in text form; in the order of their paths.
-///
-/// # Errors
-/// As [`Scene::load`].
-pub fn asset_texts(assets: &Path, name: &str) -> Result<Vec<AssetText>, SceneError> {
-    let scene = Scene::load(assets, name)?;
-    let path = format!("scenes/{name}.toml");
-    let file: SceneFile = parse(assets, &path)?;
-    let mut paths = vec![path];
-    paths.extend(
-        names(assets, "materials")?
-            .iter()
-            .map(|name| format!("materials/{name}.toml")),
-    );
-    paths.extend(file.object.iter().map(|entry| {
-        let kind = entry.kind.as_deref().unwrap_or(&entry.name);
-        format!("objects/{kind}.toml")
-    }));
-    let bodies = scene.furniture.iter().chain(&scene.objects);
-    paths.extend(bodies.flat_map(mesh_paths).filter(|path| {
-        let path = path.to_ascii_lowercase();
-        path.ends_with(".obj") || path.ends_with(".gltf")
-    }));
-    paths.sort();
-    paths.dedup();
-    paths
-        .into_iter()
-        .map(|path| {
-            Ok(AssetText {
-                text: read(assets, &path)?,
-                path,
-            })
-        })
-        .collect()
-}
-
 fn mesh_paths(body: &Body) -> impl Iterator<Item = String> {
     let drawn = body.visual.iter().map(|visual| &visual.part);
     body.collision
         .iter()
         .chain(drawn)
         .filter_map(|part| match &part.shape {
-            crate::geometry::Shape::Mesh { path, .. } => Some(path.clone()),
+            Shape::Mesh { path, .. } => Some(path.clone()),
             _ => None,
         })
-}
-
-/// Names (without `.toml`) of the files in a folder of the assets, sorted.
-pub(crate) fn names(assets: &Path, folder: &str) -> Result<Vec<String>, SceneError> {
-    let full = assets.join(folder);
-    let unreadable = |source| SceneError::Read {
-        path: full.clone(),
-        source,
-        cure: "start from the folder that holds `assets`, or name it".to_owned(),
-    };
-    let mut names = Vec::new();
-    for entry in std::fs::read_dir(&full).map_err(unreadable)? {
-        let path: PathBuf = entry.map_err(unreadable)?.path();
-        if path.extension().is_some_and(|e| e == "toml")
-            && let Some(stem) = path.file_stem().and_then(|s| s.to_str())
-        {
-            names.push(stem.to_owned());
-        }
-    }
-    names.sort();
-    Ok(names)
-}
-
-/// The text of an asset.
-pub(crate) fn read(assets: &Path, path: &str) -> Result<String, SceneError> {
-    let full = assets.join(path);
-    std::fs::read_to_string(&full).map_err(|source| {
-        let folder = path.split('/').next().unwrap_or(path);
-        let known = names(assets, folder).unwrap_or_default().join(", ");
-        SceneError::Read {
-            path: full,
-            source,
-            cure: format!("{folder} there are: {known}"),
-        }
-    })
-}
-
-/// An asset as its file type.
-pub(crate) fn parse<T: DeserializeOwned>(assets: &Path, path: &str) -> Result<T, SceneError> {
-    toml::from_str(&read(assets, path)?).map_err(|source| SceneError::Parse {
-        file: path.to_owned(),
-        source: Box::new(source),
-        cure: "correct the key or the value at the mark".to_owned(),
-    })
-}
-
-/// Every asset says where it comes from and what may be done with it.
-pub(crate) fn provenance(place: &Place, origin: &str, license: &str) -> Result<(), SceneError> {
-    for (key, text) in [("origin", origin), ("license", license)] {
-        if text.trim().is_empty() {
-            return Err(place.key(key).wrong(
-                "empty",
-                "where the asset comes from and its licence",
-                "for example origin = \"drawn for WheelArm\", license = \"Apache-2.0\"",
-            ));
-        }
-    }
-    Ok(())
 }
 
 fn unused_name(place: &Place, scene: &Scene, name: &str) -> Result<(), SceneError> {

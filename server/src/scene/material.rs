@@ -5,17 +5,17 @@ use std::path::Path;
 
 use super::error::{Place, SceneError};
 use super::file::{MaterialEntry, MaterialFile};
-use super::load;
+use super::folder;
 use crate::geometry::{Material, Texture, texture};
 
 /// Every material below `assets/materials`, in the order of their names.
 pub(super) fn library(assets: &Path) -> Result<BTreeMap<String, Material>, SceneError> {
     let mut all: BTreeMap<String, (String, Material)> = BTreeMap::new();
-    for name in load::names(assets, "materials")? {
+    for name in folder::names(assets, "materials")? {
         let path = format!("materials/{name}.toml");
-        let file: MaterialFile = load::parse(assets, &path)?;
+        let file: MaterialFile = folder::parse(assets, &path)?;
         let place = Place::file(&path);
-        load::provenance(&place, &file.origin, &file.license)?;
+        folder::provenance(&place, &file.origin, &file.license)?;
         for (name, entry) in file.material {
             let place = place.key("material").key(&name);
             let material = material(&place, &name, &entry)?;

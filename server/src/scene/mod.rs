@@ -7,6 +7,7 @@
 mod bounds;
 mod error;
 mod file;
+mod folder;
 mod load;
 mod material;
 mod object;
@@ -16,8 +17,8 @@ mod soft;
 pub use bounds::Bounds;
 pub(crate) use error::Place;
 pub use error::SceneError;
-pub use load::{AssetText, asset_texts};
-pub(crate) use load::{names, parse, provenance};
+pub use folder::{AssetText, texts};
+pub(crate) use folder::{names, parse, provenance};
 pub use object::object;
 pub use soft::Soft;
 
@@ -44,6 +45,8 @@ pub struct Scene {
     pub start: Isometry3<f64>,
     /// Camera of the room, off unless asked: world_from_optical and lens.
     pub room_camera: RoomCamera,
+    /// Text files that it was made of, below the assets folder and sorted.
+    pub files: Vec<String>,
 }
 
 /// A body of the scene.

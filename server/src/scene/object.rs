@@ -6,7 +6,7 @@ use nalgebra::{Isometry3, Matrix3, Point3, Rotation3, Translation3, UnitQuaterni
 
 use super::error::{Place, SceneError};
 use super::file::{GraspEntry, ObjectFile};
-use super::load;
+use super::folder;
 use super::part::Reader;
 use super::{Body, Grasp, MassProperties, material, soft};
 
@@ -16,9 +16,9 @@ const STROKE: f64 = 0.085;
 /// Reads one object; it stands at the origin and has no area yet.
 pub(super) fn read(reader: &Reader<'_>, kind: &str) -> Result<Body, SceneError> {
     let path = format!("objects/{kind}.toml");
-    let file: ObjectFile = load::parse(reader.assets, &path)?;
+    let file: ObjectFile = folder::parse(reader.assets, &path)?;
     let place = Place::file(&path);
-    load::provenance(&place, &file.origin, &file.license)?;
+    folder::provenance(&place, &file.origin, &file.license)?;
     let parts = reader.body(
         &place,
         file.material.as_deref(),

@@ -47,7 +47,7 @@ fn every_object_file_loads_and_every_asset_names_origin_and_licence() {
 
 #[test]
 fn the_recorded_texts_are_the_files_in_use() {
-    let texts = asset_texts(&assets(), "home").unwrap();
+    let texts = texts(&assets(), &home().files).unwrap();
     let paths: Vec<_> = texts.iter().map(|text| text.path.as_str()).collect();
     for path in [
         "materials/home.toml",
@@ -148,7 +148,7 @@ fn mesh_files_touch_as_their_hull_unless_shapes_are_given() {
         .unwrap()
         .size();
     assert!((size - Vector3::repeat(0.1)).norm() < 1e-6, "{size:?}");
-    let texts = asset_texts(&folder.0, "home").unwrap();
+    let texts = texts(&folder.0, &scene.files).unwrap();
     assert!(texts.iter().any(|t| t.path == "meshes/wedge.obj"));
 
     let given = "collision = [{ box = [0.1, 0.1, 0.1], at = [0.05, 0.05, 0.05] }]\n";

@@ -4,17 +4,23 @@
 //! long act keeps no `status` waiting.
 
 use std::collections::VecDeque;
-use std::sync::Mutex;
 
+use parking_lot::Mutex;
 use wheelarm_proto::Query;
-
-use super::lock;
 
 /// Queries that may wait in each lane.
 const ROOM: usize = 256;
 
 /// Bytes that their requests may hold in memory, in each lane.
 const BYTES: usize = 16 << 20;
+
+/// A query with its kind.
+pub struct Request {
+    /// Kind.
+    pub query: Query,
+    /// The query to answer.
+    pub asked: zenoh::query::Query,
+}
 
 /// What a query does.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -96,7 +102,7 @@ impl<T> Desk<T> {
     /// # Errors
     /// The request again when its lane is full.
     pub fn put(&self, lane: Lane, bytes: usize, request: T) -> Result<(), T> {
-        let mut lanes = lock(&self.0);
+        let mut lanes = self.0.lock();
         match lane {
             Lane::Act => lanes.acts.put(bytes, request),
             Lane::Look => lanes.looks.put(bytes, request),
@@ -106,7 +112,7 @@ impl<T> Desk<T> {
     /// The next request, of either lane in turn; of the acts only where `acts`
     /// may begin.
     pub fn next(&self, acts: bool) -> Option<T> {
-        let mut lanes = lock(&self.0);
+        let mut lanes = self.0.lock();
         let turn = match lanes.last {
             Lane::Act => [Lane::Look, Lane::Act],
             Lane::Look => [Lane::Act, Lane::Look],
@@ -124,7 +130,7 @@ impl<T> Desk<T> {
 
     /// Whether [`Desk::next`] has something.
     pub fn is_waiting(&self, acts: bool) -> bool {
-        let lanes = lock(&self.0);
+        let lanes = self.0.lock();
         !lanes.looks.queue.is_empty() || (acts && !lanes.acts.queue.is_empty())
     }
 }

@@ -16,7 +16,7 @@ use zenoh::{Session, Wait};
 
 use super::denied::Denied;
 use super::inbox::{Asked, Granted, Life};
-use super::{Shared, lock};
+use super::shared::Shared;
 
 /// Longest wait for the transport's word on a token; it knows it itself.
 const WORD: Duration = Duration::from_secs(1);
@@ -97,7 +97,7 @@ impl Leases {
             })?;
         }
         let life = Life { name, run_id };
-        let inbox = || lock(&self.shared.inbox);
+        let inbox = || self.shared.inbox.lock();
         if request.release {
             if inbox().release(&life, &request.secret)? {
                 self.watch = None;
@@ -134,7 +134,7 @@ impl Leases {
             self.shared.gone(&life);
         }
         let secret = {
-            let inbox = lock(&self.shared.inbox);
+            let inbox = self.shared.inbox.lock();
             let holder = inbox.lease().holder().filter(|h| h.life == life);
             holder.map(|h| h.secret.clone()).unwrap_or_default()
         };
@@ -143,7 +143,7 @@ impl Leases {
 
     /// Who is in control; `secret` goes back to an asker that knows it.
     fn held(&self, secret: &str) -> v1::LeaseReply {
-        let inbox = lock(&self.shared.inbox);
+        let inbox = self.shared.inbox.lock();
         let knows = inbox.lease().knows(secret);
         v1::LeaseReply {
             header: Some(self.shared.stamp()),
@@ -182,7 +182,7 @@ impl Leases {
     }
 
     fn tell(&self, words: String) {
-        lock(&self.shared.tidings).push(words);
+        self.shared.tidings.lock().push(words);
         self.shared.signal.raise();
     }
 }

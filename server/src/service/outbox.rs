@@ -2,11 +2,12 @@
 //! sequence numbers, and an episode ends with a manifest of them.
 
 use std::collections::BTreeMap;
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
 use bytes::Bytes;
+use parking_lot::Mutex;
 use prost::encoding::{self, WireType};
 use wheelarm_proto::digest::{self, StreamDigest};
 use wheelarm_proto::keys::Keys;
@@ -16,6 +17,8 @@ use zenoh::bytes::ZBytes;
 use zenoh::qos::{CongestionControl, Priority};
 use zenoh::{Session, Wait};
 use zenoh_ext::{AdvancedPublisher, AdvancedPublisherBuilderExt, CacheConfig, MissDetectionConfig};
+
+use super::recorders::CREDIT_WINDOW;
 
 /// An encoded message.
 fn payload(message: impl Message) -> ZBytes {
@@ -123,6 +126,12 @@ impl Outbox {
         &self.session
     }
 
+    /// One life of the server.
+    #[must_use]
+    pub fn run_id(&self) -> &str {
+        &self.run_id
+    }
+
     /// The keys.
     #[must_use]
     pub fn keys(&self) -> &Keys {
@@ -133,7 +142,7 @@ impl Outbox {
     /// that is on its way out.
     #[must_use]
     pub fn is_watched(&self, camera: &str) -> bool {
-        let watched = self.watched.lock().unwrap_or_else(PoisonError::into_inner);
+        let watched = self.watched.lock();
         watched
             .get(camera)
             .is_some_and(|watched| watched.load(Ordering::Relaxed))
@@ -142,12 +151,12 @@ impl Outbox {
     /// Keeps account of whether a camera's pictures are received.
     fn watch(&self, camera: &str) -> zenoh::Result<()> {
         let stream = self.stream(&self.keys.camera(camera), TopicId::Camera.info())?;
-        let mut all = self.watched.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut all = self.watched.lock();
         if all.contains_key(camera) {
             return Ok(());
         }
         let watched = Arc::new(AtomicBool::new(false));
-        let stream = stream.lock().unwrap_or_else(PoisonError::into_inner);
+        let stream = stream.lock();
         let listener = {
             let watched = Arc::clone(&watched);
             stream
@@ -195,17 +204,13 @@ impl Outbox {
     }
 
     fn stream(&self, key: &str, topic: &TopicInfo) -> zenoh::Result<Arc<Mutex<Stream>>> {
-        let mut streams = self.streams.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut streams = self.streams.lock();
         if let Some(stream) = streams.get(key) {
             return Ok(Arc::clone(stream));
         }
         let (priority, express, cache) = match Class::of(topic) {
             Class::State => (Priority::InteractiveHigh, true, 1200),
-            Class::Camera => (
-                Priority::DataLow,
-                false,
-                super::episode::CREDIT_WINDOW as usize,
-            ),
+            Class::Camera => (Priority::DataLow, false, CREDIT_WINDOW as usize),
             Class::Protocol => (Priority::InteractiveHigh, true, 8),
         };
         let publisher = self
@@ -257,7 +262,7 @@ impl Outbox {
                 return;
             }
         };
-        let mut stream = stream.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut stream = stream.lock();
         let Stream {
             publisher,
             counter,
@@ -291,12 +296,12 @@ impl Outbox {
     /// What every stream published in `episode`, streams without samples included.
     #[must_use]
     pub fn manifest(&self, episode: u64, cameras: &[String]) -> Vec<v1::StreamCount> {
-        let streams = self.streams.lock().unwrap_or_else(PoisonError::into_inner);
+        let streams = self.streams.lock();
         StreamId::all(cameras.iter().map(String::as_str))
             .map(|stream| {
                 let key = self.keys.stream(&stream);
                 let (counter, digest) = streams.get(&key).map_or_else(Default::default, |s| {
-                    let stream = s.lock().unwrap_or_else(PoisonError::into_inner);
+                    let stream = s.lock();
                     (stream.counter, stream.digest.clone())
                 });
                 let (counter, digest) = if counter.episode == episode {

@@ -2,12 +2,13 @@
 //! encoded and sent only while somebody subscribes to its level, on a thread of
 //! its own: the newest wins, and nothing here ever delays the simulation.
 
-use std::sync::{Arc, Condvar, Mutex, PoisonError};
+use std::sync::Arc;
 use std::thread::JoinHandle;
-use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
+use std::time::{Duration, Instant};
 
 use bytes::Bytes;
 use jpeg_encoder::{ColorType, Encoder};
+use parking_lot::{Condvar, Mutex};
 use wheelarm_proto::preview::PreviewLevel;
 use wheelarm_proto::{Message, v1};
 use wheelarm_proto::{TopicId, schema};
@@ -16,8 +17,9 @@ use zenoh::pubsub::Publisher;
 use zenoh::qos::{CongestionControl, Priority};
 use zenoh::sample::SourceInfo;
 
+use super::error::ServiceError;
 use super::outbox::Outbox;
-use super::{ServiceError, lock};
+use super::wall;
 use crate::sensors::camera::Frame;
 
 /// A picture may come by this share of its period early.
@@ -132,7 +134,7 @@ impl Previews {
                 ..Default::default()
             },
         };
-        if let Some(slot) = lock(&self.shared.waiting).pictures.get_mut(frame.camera) {
+        if let Some(slot) = self.shared.waiting.lock().pictures.get_mut(frame.camera) {
             *slot = Some(picture);
         }
         self.shared.changed.notify_all();
@@ -141,7 +143,7 @@ impl Previews {
 
 impl Drop for Previews {
     fn drop(&mut self) {
-        lock(&self.shared.waiting).ended = true;
+        self.shared.waiting.lock().ended = true;
         self.shared.changed.notify_all();
         if let Some(thread) = self.thread.take() {
             let _ = thread.join();
@@ -167,7 +169,7 @@ impl Sent {
 
 /// The encoder: takes the newest picture of each camera in turn.
 fn encode(shared: &Shared, outbox: &Outbox) {
-    super::render::step_back();
+    super::priority::step_back();
     let mut sent: Vec<Vec<Sent>> = shared
         .cameras
         .iter()
@@ -175,13 +177,10 @@ fn encode(shared: &Shared, outbox: &Outbox) {
         .collect();
     loop {
         let pictures = {
-            let waiting = lock(&shared.waiting);
-            let mut waiting = shared
-                .changed
-                .wait_while(waiting, |w| {
-                    !w.ended && w.pictures.iter().all(Option::is_none)
-                })
-                .unwrap_or_else(PoisonError::into_inner);
+            let mut waiting = shared.waiting.lock();
+            shared.changed.wait_while(&mut waiting, |w| {
+                !w.ended && w.pictures.iter().all(Option::is_none)
+            });
             if waiting.ended {
                 return;
             }
@@ -240,14 +239,8 @@ fn message(
         width,
         height,
         jpeg: jpeg.into(),
-        sent_unix_nanos: unix_nanos(),
+        sent_unix_nanos: wall::unix_nanos(),
     })
-}
-
-/// The wall clock, nanoseconds since 1970; for people and links only.
-pub fn unix_nanos() -> u64 {
-    let since_1970 = SystemTime::now().duration_since(UNIX_EPOCH);
-    since_1970.map_or(0, |t| u64::try_from(t.as_nanos()).unwrap_or(u64::MAX))
 }
 
 /// Scales a picture down to at most `most` pixels of width: every new pixel is

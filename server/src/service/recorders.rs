@@ -23,6 +23,10 @@ pub struct Recorders {
 /// comes back with a new connection at once; one that was killed does not.
 pub(super) const AWAY: Duration = Duration::from_secs(5);
 
+/// Pictures that may be published beyond what the slowest recorder accepted.
+/// The transport's cache holds as many of each camera.
+pub(super) const CREDIT_WINDOW: u64 = 8;
+
 /// How many recorders are remembered.
 const MAX_RECORDERS: usize = 64;
 

@@ -4,17 +4,20 @@
 
 use std::collections::VecDeque;
 use std::path::PathBuf;
+use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::mpsc::{self, Receiver, SyncSender};
-use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::JoinHandle;
 
+use parking_lot::Mutex;
 use wheelarm_proto::v1;
 
+use super::convert;
+use super::error::ServiceError;
 use super::outbox::Outbox;
 use super::preview::Previews;
+use super::priority::step_back;
 use super::signal::Signal;
-use super::{ServiceError, convert};
 use crate::robot::RobotModel;
 use crate::scene::Scene;
 use crate::sensors::camera::{
@@ -161,7 +164,7 @@ impl RenderThread {
                         Ok(Err(e)) => e.to_string(),
                         Err(_) => "drawing panicked; please report it".to_owned(),
                     };
-                    *failed.lock().unwrap_or_else(PoisonError::into_inner) = Some(failure);
+                    *failed.lock() = Some(failure);
                     signal.raise();
                 })
         };
@@ -226,10 +229,7 @@ impl RenderThread {
     /// Why the thread stopped drawing, if it did.
     #[must_use]
     pub fn failure(&self) -> Option<String> {
-        self.failed
-            .lock()
-            .unwrap_or_else(PoisonError::into_inner)
-            .clone()
+        self.failed.lock().clone()
     }
 }
 
@@ -240,13 +240,6 @@ impl Drop for RenderThread {
             let _ = thread.join();
         }
     }
-}
-
-/// Lowers the priority of this thread and of those that it starts, the driver's
-/// among them: on a scarce processor commands, physics and recorders come first.
-pub(super) fn step_back() {
-    const NICER: i32 = 5;
-    let _ = rustix::process::nice(NICER);
 }
 
 /// A batch that is being drawn.

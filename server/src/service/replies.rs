@@ -7,10 +7,11 @@
 //! sees to it that there are more.
 
 use std::collections::{BTreeMap, VecDeque};
-use std::sync::{Arc, Condvar, Mutex, PoisonError};
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use bytes::Bytes;
+use parking_lot::{Condvar, Mutex};
 use wheelarm_proto::keys::Keys;
 use wheelarm_proto::{Message, schema, v1};
 use zenoh::Wait;
@@ -18,7 +19,6 @@ use zenoh::bytes::ZBytes;
 use zenoh::query::Query;
 
 use super::denied::Denied;
-use super::lock;
 
 /// Answers that may wait.
 const ROOM: usize = 512;
@@ -102,12 +102,12 @@ pub struct Replies(Arc<Queue>);
 impl Replies {
     /// Whether there is room for the next answer.
     pub fn has_room(&self) -> bool {
-        lock(&self.0.state).answers < ROOM
+        self.0.state.lock().answers < ROOM
     }
 
     /// Whether there is room for one more answer to who asks this.
     pub fn has_room_for(&self, asked: &Query) -> bool {
-        lock(&self.0.state).turns.waiting_for(asker(asked)) < ROOM_EACH
+        self.0.state.lock().turns.waiting_for(asker(asked)) < ROOM_EACH
     }
 
     /// Answers.
@@ -134,7 +134,7 @@ impl Replies {
     /// many are being turned away that they would cost memory, it ends without a
     /// word.
     pub fn turn_away(&self, asked: Query, header: v1::Header, why: Denied) {
-        let waiting = lock(&self.0.state).turns.waiting();
+        let waiting = self.0.state.lock().turns.waiting();
         if waiting < REFUSALS {
             self.put(asked, header, Body::Refused(why), true);
         } else if waiting < UNSAID {
@@ -163,10 +163,10 @@ impl Replies {
     /// end.
     pub fn finish(&self, patience: Duration) {
         let until = Instant::now() + patience;
-        while lock(&self.0.state).is_busy() && Instant::now() < until {
+        while self.0.state.lock().is_busy() && Instant::now() < until {
             std::thread::sleep(Duration::from_millis(2));
         }
-        lock(&self.0.state).ended = true;
+        self.0.state.lock().ended = true;
         self.0.came.notify_all();
     }
 }
@@ -196,7 +196,7 @@ impl State {
 
 impl Queue {
     fn put(self: &Arc<Self>, asker: Asker, reply: Reply) {
-        let mut state = lock(&self.state);
+        let mut state = self.state.lock();
         state.answers += usize::from(!reply.turned_away);
         state.turns.put(asker, reply);
         if state.turns.ready() > state.free && state.threads < THREADS {
@@ -209,7 +209,7 @@ impl Queue {
     }
 
     fn work(&self) {
-        let mut state = lock(&self.state);
+        let mut state = self.state.lock();
         loop {
             if let Some((asker, reply)) = state.turns.next() {
                 state.answers -= usize::from(!reply.turned_away);
@@ -219,14 +219,13 @@ impl Queue {
                 if std::panic::catch_unwind(sent).is_err() {
                     tracing::error!("an answer panicked; please report it");
                 }
-                state = lock(&self.state);
+                state = self.state.lock();
                 state.turns.served(asker);
             } else if state.ended {
                 return;
             } else {
                 state.free += 1;
-                let waked = self.came.wait(state);
-                state = waked.unwrap_or_else(PoisonError::into_inner);
+                self.came.wait(&mut state);
                 state.free -= 1;
             }
         }

@@ -3,6 +3,7 @@
 use wheelarm_proto::keys::Keys;
 use zenoh::{Config, Session, Wait};
 
+use super::error::ServiceError;
 use crate::sim::Pacing;
 
 /// Largest message that is put together: a picture of 4096 x 4096 pixels with
@@ -23,12 +24,12 @@ pub fn open(
     connect: &[String],
     multicast: bool,
     pacing: Pacing,
-) -> Result<Session, super::ServiceError> {
+) -> Result<Session, ServiceError> {
     let mut config = Config::default();
     let mut set = |key: &str, value: String| {
         config
             .insert_json5(key, &value)
-            .map_err(|e| super::ServiceError::Zenoh(format!("setting {key} to {value}: {e}")))
+            .map_err(|e| ServiceError::Zenoh(format!("setting {key} to {value}: {e}")))
     };
     let list = |endpoints: &[String]| {
         let quoted: Vec<_> = endpoints.iter().map(|e| format!("{e:?}")).collect();

@@ -1,7 +1,8 @@
 //! A condition that several threads raise and one waits for.
 
-use std::sync::{Condvar, Mutex, PoisonError};
 use std::time::Duration;
+
+use parking_lot::{Condvar, Mutex};
 
 /// Remembers that something happened until the waiting thread has seen it.
 #[derive(Debug, Default)]
@@ -13,17 +14,15 @@ pub struct Signal {
 impl Signal {
     /// Wakes the waiting thread.
     pub fn raise(&self) {
-        *self.raised.lock().unwrap_or_else(PoisonError::into_inner) = true;
+        *self.raised.lock() = true;
         self.changed.notify_all();
     }
 
     /// Waits until raised or until `timeout` has passed; lowers it.
     pub fn wait(&self, timeout: Duration) {
-        let raised = self.raised.lock().unwrap_or_else(PoisonError::into_inner);
-        let (mut raised, _) = self
-            .changed
-            .wait_timeout_while(raised, timeout, |raised| !*raised)
-            .unwrap_or_else(PoisonError::into_inner);
+        let mut raised = self.raised.lock();
+        self.changed
+            .wait_while_for(&mut raised, |raised| !*raised, timeout);
         *raised = false;
     }
 }

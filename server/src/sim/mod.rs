@@ -163,7 +163,7 @@ impl Simulation {
         let mut scene = Scene::load(assets, &scenario.scene)?;
         let task = match scenario.task.as_str() {
             "" => None,
-            name => Some(TaskSpec::load(assets, name)?),
+            name => Some(TaskSpec::load(assets, name, &scene)?),
         };
         scene.keep_optional(task.as_ref().and_then(TaskSpec::region_name));
         draw_open_values(&mut scenario, &mut scene, task.as_ref())?;

@@ -2,9 +2,11 @@
 
 use nalgebra::{Isometry3, Point3, Vector3};
 
-use super::predicate::TARGET;
 use crate::scene::{Body, Surface};
 use crate::snapshot::{BodyRef, BodyState, Contact, Snapshot};
+
+/// Object name that stands for the target that was drawn.
+pub(super) const TARGET: &str = "target";
 
 /// The unchanging side of a task's world.
 #[derive(Clone, Debug)]
@@ -31,11 +33,21 @@ pub(super) struct Context {
 
 impl Context {
     /// Index of an object, also of the one that is named for what it is here.
-    pub(super) fn object(&self, name: &str) -> Option<usize> {
+    fn object(&self, name: &str) -> Option<usize> {
         if name == TARGET {
             return self.target;
         }
         self.bodies.iter().position(|body| body.name == name)
+    }
+
+    /// The object of this name with its state, when it is there.
+    pub(super) fn object_in<'a>(
+        &self,
+        name: &str,
+        snapshot: &'a Snapshot,
+    ) -> Option<(usize, &'a BodyState)> {
+        let object = self.object(name)?;
+        Some((object, snapshot.objects.get(object)?))
     }
 
     /// Distance of the object's centre of mass from the middle of a surface on

@@ -2,11 +2,10 @@
 
 use nalgebra::Isometry3;
 use serde::{Deserialize, Serialize};
-use wheelarm_proto::PHYSICS_HZ;
 
+use super::condition::{Memory, seconds};
 use super::context::Context;
-use super::goal::Goal;
-use super::predicate::{Memory, Predicate};
+use super::predicates::AnyPredicate;
 use super::spec::{FailureSpec, TaskSpec};
 use crate::robot::RobotModel;
 use crate::scene::{Scene, SceneError, Surface};
@@ -26,7 +25,7 @@ const REST_SPEED: f64 = 0.02;
 /// Judges one episode of a task.
 #[derive(Clone, Debug)]
 pub struct Evaluator {
-    conditions: Vec<(String, Predicate, bool)>,
+    conditions: Vec<(String, AnyPredicate, bool)>,
     failure: FailureSpec,
     time_limit: f64,
     context: Context,
@@ -177,7 +176,7 @@ impl Evaluator {
             conditions: spec
                 .conditions
                 .iter()
-                .map(|c| (c.predicate.label(), c.predicate.clone(), c.required))
+                .map(|c| (c.label(), c.predicate.clone(), c.required))
                 .collect(),
             failure: spec.failure,
             time_limit: spec.time_limit,
@@ -200,10 +199,7 @@ impl Evaluator {
             carrier: start
                 .and_then(|p| scene.surface_named(&p.on, p.surface.as_deref()))
                 .cloned(),
-            goal: match spec.goal() {
-                Goal::Put { on } => Some(on),
-                Goal::Lift | Goal::Open { .. } => None,
-            },
+            goal: spec.region_name().map(str::to_owned),
             state: EvaluatorState::default(),
         };
         evaluator.reset();
@@ -255,7 +251,9 @@ impl Evaluator {
             .iter()
             .zip(&mut self.state.memories)
             .map(|((name, predicate, required), memory)| {
+                let predicate = predicate.as_dyn();
                 let measure = predicate.measure(&self.context, memory, snapshot);
+                let measure = measure.unwrap_or_default();
                 Condition {
                     name: name.clone(),
                     predicate: predicate.word(),
@@ -340,9 +338,4 @@ impl Evaluator {
         }
         None
     }
-}
-
-/// Physics ticks as seconds.
-pub(super) fn seconds(ticks: u64) -> f64 {
-    ticks as f64 / PHYSICS_HZ as f64
 }

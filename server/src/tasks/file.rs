@@ -1,10 +1,11 @@
 //! How a task file looks; nothing checked but the keys.
 //!
-//! Lengths are metres, times seconds, angles degrees (keys ending in `_deg`).
+//! Lengths are metres, times seconds, angles degrees in keys with `_deg`.
 
 use serde::Deserialize;
 
-use super::predicate::Predicate;
+use super::goal::Goal;
+use super::predicates::AnyPredicate;
 
 /// `assets/tasks/NAME.toml`.
 #[derive(Debug, Deserialize)]
@@ -16,6 +17,7 @@ pub(super) struct TaskFile {
     pub activity: String,
     pub area: String,
     pub target: Target,
+    pub goal: Goal,
     pub instructions: Vec<String>,
     pub time_limit: f64,
     pub start: StartEntry,
@@ -79,7 +81,7 @@ pub(super) struct SlideEntry {
 #[serde(deny_unknown_fields)]
 pub(super) struct ConditionEntry {
     pub required: bool,
-    pub predicate: Predicate,
+    pub predicate: AnyPredicate,
 }
 
 #[derive(Debug, Deserialize)]

@@ -1,10 +1,10 @@
 //! What a task asks for in one word, for who has to do it.
 
-use super::predicate::Predicate;
-use super::spec::TaskSpec;
+use serde::Deserialize;
 
-/// What is to be done with the target.
-#[derive(Clone, Debug, PartialEq)]
+/// What is to be done with the target, as the task file says it.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum Goal {
     /// Lift it and hold it.
     Lift,
@@ -20,22 +20,4 @@ pub enum Goal {
         /// Wanted position, metres.
         travel: f64,
     },
-}
-
-impl TaskSpec {
-    /// What the required conditions amount to.
-    #[must_use]
-    pub fn goal(&self) -> Goal {
-        let mut required = self.conditions.iter().filter(|c| c.required);
-        required
-            .find_map(|condition| match &condition.predicate {
-                Predicate::Inside { on, .. } => Some(Goal::Put { on: on.clone() }),
-                Predicate::OpenedBy { joint, travel } => Some(Goal::Open {
-                    joint: joint.clone(),
-                    travel: *travel,
-                }),
-                _ => None,
-            })
-            .unwrap_or(Goal::Lift)
-    }
 }

@@ -10,7 +10,7 @@ use crate::scene::{Body, Bounds, Scene};
 use crate::snapshot::{Anomaly, BodyRef, BodyState, Contact, JointState, Snapshot};
 
 fn task(name: &str) -> TaskSpec {
-    TaskSpec::load(&assets(), name).unwrap_or_else(|error| panic!("{error}"))
+    TaskSpec::load(&assets(), name, &home()).unwrap_or_else(|error| panic!("{error}"))
 }
 
 #[test]
@@ -494,7 +494,22 @@ fn a_restored_evaluator_goes_on_as_if_never_interrupted() {
 
 #[test]
 fn broken_tasks_are_refused_with_key_values_and_cure() {
-    let cases: [(&str, &str, &[&str]); 7] = [
+    let cases: [(&str, &str, &[&str]); 10] = [
+        (
+            "goal = \"lift\"",
+            "goal.put = { on = \"coffee_table\" }",
+            &["goal is Put", "required"],
+        ),
+        (
+            "goal = \"lift\"",
+            "goal.open = { joint = \"door\", travel = 0.2 }",
+            &["goal.joint is \"door\"", "drawer_1_joint"],
+        ),
+        (
+            "tilt_deg = 30",
+            "tilt_deg = 300",
+            &["tilt_deg is 300 degrees", "0 to 180"],
+        ),
         (
             "target = \"mustard\"",
             "target = \"ketchup\"",
@@ -531,10 +546,11 @@ fn broken_tasks_are_refused_with_key_values_and_cure() {
             &["place is", "overlap", "widen"],
         ),
     ];
+    let home = home();
     for (i, (from, to, expected)) in cases.into_iter().enumerate() {
         let folder = crate::scene::tests::Copy::new(&format!("task{i}"));
         folder.edit("tasks/pick_mustard.toml", from, to);
-        let error = match TaskSpec::load(&folder.0, "pick_mustard") {
+        let error = match TaskSpec::load(&folder.0, "pick_mustard", &home) {
             Ok(_) => panic!("{to} was taken"),
             Err(error) => error.to_string(),
         };

@@ -8,8 +8,8 @@
 //! so slip happens at the Coulomb limit and nowhere else.
 
 use std::collections::BTreeMap;
-use std::sync::{Mutex, PoisonError};
 
+use parking_lot::Mutex;
 use rapier3d::geometry::ColliderHandle;
 use rapier3d::math::Pose;
 use rapier3d::pipeline::{ContactModificationContext, PhysicsHooks};
@@ -67,10 +67,7 @@ impl GripFriction {
 
     /// Call before each tick: forgets the pairs that came apart.
     pub(super) fn begin_tick(&mut self) {
-        let bristles = self
-            .bristles
-            .get_mut()
-            .unwrap_or_else(PoisonError::into_inner);
+        let bristles = self.bristles.get_mut();
         bristles.tick += 1;
         let last = bristles.tick - 1;
         bristles.pairs.retain(|_, b| b.touched >= last);
@@ -78,18 +75,12 @@ impl GripFriction {
 
     /// A copy of the state.
     pub(super) fn state(&self) -> Bristles {
-        self.bristles
-            .lock()
-            .unwrap_or_else(PoisonError::into_inner)
-            .clone()
+        self.bristles.lock().clone()
     }
 
     /// Takes over a saved state.
     pub(super) fn restore(&mut self, state: Bristles) {
-        *self
-            .bristles
-            .get_mut()
-            .unwrap_or_else(PoisonError::into_inner) = state;
+        *self.bristles.get_mut() = state;
     }
 }
 
@@ -104,7 +95,7 @@ impl PhysicsHooks for GripFriction {
         if manifold.solver_contacts.is_empty() {
             return;
         }
-        let mut bristles = self.bristles.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut bristles = self.bristles.lock();
         let tick = bristles.tick;
         let now = house_from_first.inv_mul(&house_from_second);
         let bristle = bristles

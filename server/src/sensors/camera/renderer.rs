@@ -1,10 +1,11 @@
 //! The renderer: uploads a scene once, then draws snapshots of it.
 
 use std::collections::VecDeque;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::Arc;
 
 use bytes::Bytes;
 use nalgebra::Isometry3;
+use parking_lot::Mutex;
 use wgpu::util::DeviceExt;
 
 use super::adapter::{self, AdapterInfo};
@@ -355,7 +356,7 @@ impl Renderer {
     }
 
     fn check_failure(&self) -> Result<(), RenderError> {
-        let mut slot = self.failure.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut slot = self.failure.lock();
         match slot.take() {
             None => Ok(()),
             Some(reason) => Err(self.failed(reason)),
@@ -517,7 +518,7 @@ fn open(adapter: Option<&str>) -> Result<Opened, RenderError> {
     device.on_uncaptured_error(Arc::new({
         let failure = failure.clone();
         move |error: wgpu::Error| {
-            let mut slot = failure.lock().unwrap_or_else(PoisonError::into_inner);
+            let mut slot = failure.lock();
             slot.get_or_insert(error.to_string());
         }
     }));

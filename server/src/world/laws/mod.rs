@@ -104,6 +104,7 @@ fn scene(furniture: Vec<Body>, objects: Vec<Body>) -> (Scene, Vec<Placement>) {
             pose: Isometry3::identity(),
             horizontal_fov: 1.0,
         },
+        files: Vec::new(),
     };
     (scene, placements)
 }

@@ -7,29 +7,22 @@ use wheelarm_proto::Query;
 use wheelarm_proto::v1::FailureCode;
 use wheelarm_proto::{Message, v1};
 
-use super::denied::Denied;
-use super::engine::{Engine, Request};
-use super::errand::Errand;
-use super::render::RenderThread;
-use super::{convert, leases, lock};
+use super::Engine;
 use crate::geometry::bounds;
 use crate::scene::Body;
-use crate::sim::{Scenario, Simulation};
-use crate::{scene, tasks};
+use crate::service::denied::Denied;
+use crate::service::desk::Request;
+use crate::service::errand::Errand;
+use crate::service::render::RenderThread;
+use crate::service::{convert, leases, wall};
+use crate::sim::Scenario;
+use crate::tasks;
 
 /// Where the arm stands among the recorded joints.
 const ARM_JOINTS: std::ops::Range<usize> = 4..10;
 
 /// How far a joint may turn from where a solution is looked for nearby, radians.
 const NEAR_CHANGE: f64 = 1.2;
-
-/// Answers that stay the same while a scenario and an episode are in force.
-#[derive(Default)]
-pub(super) struct Made {
-    scene: Option<Arc<v1::SceneReply>>,
-    /// Of one episode.
-    snapshot: Option<(u64, Bytes)>,
-}
 
 impl Engine {
     /// Answers one query, or begins what it asks for; a refused one gets a
@@ -114,7 +107,7 @@ impl Engine {
     /// What cannot be undone is refused while somebody else is in control,
     /// unless it is insisted on. This keeps accidents out, not attackers.
     fn may(&self, what: &str, force: bool, secret: &str) -> Result<(), Denied> {
-        let inbox = lock(&self.shared.inbox);
+        let inbox = self.shared.inbox.lock();
         let lease = inbox.lease();
         match lease.holder() {
             Some(holder) if !force && !lease.knows(secret) => {
@@ -181,7 +174,7 @@ impl Engine {
     fn status(&self) -> v1::Status {
         let mut evaluation = convert::evaluation(self.sim.evaluation());
         evaluation.header = Some(self.stamp());
-        let held = leases::held(lock(&self.shared.inbox).lease());
+        let held = leases::held(self.shared.inbox.lock().lease());
         v1::Status {
             header: Some(self.stamp()),
             version: env!("CARGO_PKG_VERSION").to_owned(),
@@ -196,12 +189,16 @@ impl Engine {
             episode: self.episode.as_ref().map(|e| e.started.clone()),
             waiting_for: self.waiting_for.words.clone(),
             waiting_for_code: self.waiting_for.code.into(),
-            recorders: lock(&self.shared.recorders).all(&self.shared.run_id),
-            refused: lock(&self.shared.inbox).refused(),
+            recorders: self
+                .shared
+                .recorders
+                .lock()
+                .all(self.shared.outbox.run_id()),
+            refused: self.shared.inbox.lock().refused(),
             evaluation: Some(evaluation),
             holder: held.holder,
             held_seconds: held.held_seconds,
-            unix_nanos: super::preview::unix_nanos(),
+            unix_nanos: wall::unix_nanos(),
             broken: self.sim.broken().unwrap_or_default().to_owned(),
         }
     }
@@ -233,7 +230,7 @@ impl Engine {
         let stamp = self.stamp();
         let header = Some(stamp.clone());
         self.shared.replies.answer_later(asked, stamp, move || {
-            let mut known = lock(&shared.tasks);
+            let mut known = shared.tasks.lock();
             let tasks = match &*known {
                 Some(tasks) => tasks.clone(),
                 None => known
@@ -278,7 +275,7 @@ impl Engine {
                 .collect(),
             goal: self.sim.task().map(|task| {
                 let target = &self.sim.scenario().target;
-                convert::goal(&task.goal(), target, scene)
+                convert::goal(&task.goal, target, scene)
             }),
         }
     }
@@ -356,51 +353,17 @@ fn task_list(assets: &std::path::Path) -> Result<Vec<v1::TaskInfo>, String> {
     Ok(tasks
         .into_iter()
         .map(|t| v1::TaskInfo {
-            predicates: t.conditions.iter().map(|c| c.predicate.label()).collect(),
+            predicates: t
+                .conditions
+                .iter()
+                .map(tasks::ConditionSpec::label)
+                .collect(),
             name: t.name,
             activity: t.activity,
             area: t.area,
             instructions: t.instructions,
         })
         .collect())
-}
-
-/// The texts of all asset files of a simulation, read when it is set up.
-///
-/// # Errors
-/// When a file cannot be read.
-pub(super) fn asset_texts(sim: &Simulation) -> Result<Vec<v1::AssetText>, String> {
-    let scenario = sim.scenario();
-    let read = |path: String| {
-        let text = std::fs::read_to_string(sim.assets().join(&path))
-            .map_err(|e| format!("assets/{path}: {e}"))?;
-        Ok(v1::AssetText { path, text })
-    };
-    let robot = format!("robots/{}", scenario.robot);
-    let mut texts = robot_files(&sim.assets().join(&robot))
-        .into_iter()
-        .map(|file| read(format!("{robot}/{file}")))
-        .collect::<Result<Vec<_>, String>>()?;
-    if !scenario.task.is_empty() {
-        texts.push(read(format!("tasks/{}.toml", scenario.task))?);
-    }
-    let scene = scene::asset_texts(sim.assets(), &scenario.scene).map_err(|e| e.to_string())?;
-    texts.extend(scene.into_iter().map(|a| v1::AssetText {
-        path: a.path,
-        text: a.text,
-    }));
-    Ok(texts)
-}
-
-/// The URDF and TOML files of a robot folder, by name.
-fn robot_files(folder: &std::path::Path) -> Vec<String> {
-    let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
-    let names = entries.filter_map(|e| e.file_name().into_string().ok());
-    let mut names: Vec<_> = names
-        .filter(|n| n.ends_with(".urdf") || n.ends_with(".toml"))
-        .collect();
-    names.sort();
-    names
 }
 
 fn decode<M: Message + Default>(payload: &[u8]) -> Result<M, Denied> {

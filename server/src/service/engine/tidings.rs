@@ -5,9 +5,8 @@ use std::time::Instant;
 
 use wheelarm_proto::v1;
 
-use super::engine::Engine;
-use super::inbox::Refused;
-use super::lock;
+use super::Engine;
+use crate::service::inbox::Refused;
 
 impl Engine {
     /// Between episodes nobody needs to be told that time stands still.
@@ -22,7 +21,7 @@ impl Engine {
     }
 
     pub(super) fn publish_refusals(&self) {
-        let answers = lock(&self.shared.refusals).take(self.shared.now());
+        let answers = self.shared.refusals.lock().take(self.shared.now());
         let (episode, tick) = (self.episode_number(), self.sim.snapshot().tick);
         for (refused, count) in answers {
             let Refused {
@@ -51,7 +50,7 @@ impl Engine {
     }
 
     pub(super) fn publish_tidings(&self) {
-        let tidings = std::mem::take(&mut *lock(&self.shared.tidings));
+        let tidings = std::mem::take(&mut *self.shared.tidings.lock());
         for words in tidings {
             self.event(v1::EventKind::Control, &words);
         }

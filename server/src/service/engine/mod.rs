@@ -1,21 +1,34 @@
 //! The simulation thread: waits for what the pacing asks for, steps, publishes.
+//!
+//! Everything that changes the simulation happens here. What is asked is in
+//! `answers`, what takes long in `errands`, how an episode goes in `episodes`.
+
+mod anomalies;
+mod answers;
+mod episodes;
+mod errands;
+mod tidings;
 
 use std::collections::VecDeque;
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
+use bytes::Bytes;
 use nalgebra::Isometry3;
+use wheelarm_proto::keys::Keys;
+use wheelarm_proto::v1;
 use wheelarm_proto::v1::WaitingFor;
-use wheelarm_proto::{Query, v1};
 
 use super::episode::{Episode, Stage};
 use super::errand::Errand;
+use super::error::ServiceError;
 use super::inbox::{Listening, Standing};
 use super::pace::Pace;
 use super::render::RenderThread;
+use super::shared::Shared;
 use super::waiting::Waiting;
-use super::{Options, ServiceError, Shared, answer, lock, publish};
+use super::{assets, publish};
 use crate::sim::{Pacing, Simulation};
 use crate::snapshot::{Anomaly, BodyRef, Snapshot};
 
@@ -24,41 +37,52 @@ use crate::snapshot::{Anomaly, BodyRef, Snapshot};
 const QUERIES: Duration = Duration::from_millis(2);
 
 /// Longest sleep of the loop, so that a lost wake-up costs little.
-pub(super) const NAP: Duration = Duration::from_millis(50);
+pub(in crate::service) const NAP: Duration = Duration::from_millis(50);
 
-/// A query with its kind.
-pub struct Request {
-    /// Kind.
-    pub query: Query,
-    /// The query to answer.
-    pub asked: zenoh::query::Query,
+/// What a service needs to know beside the simulation.
+#[derive(Clone, Debug)]
+pub struct Options {
+    /// Keys of this server.
+    pub keys: Keys,
+    /// Graphics adapter by a part of its name; `None` takes the best.
+    pub adapter: Option<String>,
+    /// Physics only: no pictures, no driver needed.
+    pub no_cameras: bool,
 }
 
 /// The simulation thread.
 pub struct Engine {
-    pub(super) sim: Simulation,
-    pub(super) shared: Arc<Shared>,
+    pub(in crate::service) sim: Simulation,
+    pub(in crate::service) shared: Arc<Shared>,
     /// An act that takes long.
-    pub(super) errand: Option<Errand>,
-    pub(super) options: Options,
-    pub(super) render: Option<RenderThread>,
-    pub(super) episode: Option<Episode>,
-    pub(super) paused: bool,
-    pub(super) waiting_for: Waits,
-    pub(super) waiting: Waiting,
-    pub(super) pace: Pace,
-    pub(super) episodes: u64,
+    pub(in crate::service) errand: Option<Errand>,
+    pub(in crate::service) options: Options,
+    pub(in crate::service) render: Option<RenderThread>,
+    pub(in crate::service) episode: Option<Episode>,
+    pub(in crate::service) paused: bool,
+    pub(in crate::service) waiting_for: Waits,
+    pub(in crate::service) waiting: Waiting,
+    pub(in crate::service) pace: Pace,
+    pub(in crate::service) episodes: u64,
     /// The last episodes that ended, oldest first.
-    pub(super) ended: VecDeque<v1::EpisodeStopped>,
-    pub(super) seen_anomalies: Vec<Anomaly>,
+    pub(in crate::service) ended: VecDeque<v1::EpisodeStopped>,
+    pub(in crate::service) seen_anomalies: Vec<Anomaly>,
     /// What was odd since the episode began, in words.
-    pub(super) anomalies: Vec<String>,
+    pub(in crate::service) anomalies: Vec<String>,
     /// Pairs whose hard collision has been told in this episode.
-    pub(super) seen_collisions: Vec<(BodyRef, BodyRef)>,
+    pub(in crate::service) seen_collisions: Vec<(BodyRef, BodyRef)>,
     /// Asset files as they were when the simulation was set up.
-    pub(super) asset_texts: Vec<v1::AssetText>,
+    pub(in crate::service) asset_texts: Vec<v1::AssetText>,
     /// Answers that stay the same, made once.
-    pub(super) made: answer::Made,
+    pub(in crate::service) made: Made,
+}
+
+/// Answers that stay the same while a scenario and an episode are in force.
+#[derive(Default)]
+pub(in crate::service) struct Made {
+    pub(in crate::service) scene: Option<Arc<v1::SceneReply>>,
+    /// Of one episode.
+    pub(in crate::service) snapshot: Option<(u64, Bytes)>,
 }
 
 impl Engine {
@@ -71,7 +95,7 @@ impl Engine {
         shared: Arc<Shared>,
         options: Options,
     ) -> Result<Self, ServiceError> {
-        let asset_texts = answer::asset_texts(&sim).map_err(ServiceError::Assets)?;
+        let asset_texts = assets::texts(&sim).map_err(ServiceError::Assets)?;
         let mut engine = Self {
             asset_texts,
             pace: Pace::new(sim.scenario().pacing),
@@ -89,14 +113,14 @@ impl Engine {
             seen_anomalies: Vec::new(),
             anomalies: Vec::new(),
             seen_collisions: Vec::new(),
-            made: answer::Made::default(),
+            made: Made::default(),
         };
         engine.start_cameras()?;
         engine.listen(Listening::default());
         Ok(engine)
     }
 
-    pub(super) fn start_cameras(&mut self) -> Result<(), ServiceError> {
+    pub(in crate::service) fn start_cameras(&mut self) -> Result<(), ServiceError> {
         self.render = None;
         let wanted = self.wanted_cameras();
         if !wanted.is_empty() {
@@ -114,7 +138,7 @@ impl Engine {
 
     /// Cameras that are drawn: none when they could not be set up again after a
     /// reset that failed.
-    pub(super) fn camera_names(&self) -> Vec<String> {
+    pub(in crate::service) fn camera_names(&self) -> Vec<String> {
         match &self.render {
             Some(_) => self.wanted_cameras(),
             None => Vec::new(),
@@ -133,12 +157,15 @@ impl Engine {
             .collect()
     }
 
-    pub(super) fn episode_number(&self) -> u64 {
+    pub(in crate::service) fn episode_number(&self) -> u64 {
         self.episode.as_ref().map_or(0, |e| e.number)
     }
 
-    pub(super) fn listen(&self, listening: Listening) {
-        lock(&self.shared.inbox).listen(listening, self.sim.snapshot().tick);
+    pub(in crate::service) fn listen(&self, listening: Listening) {
+        self.shared
+            .inbox
+            .lock()
+            .listen(listening, self.sim.snapshot().tick);
     }
 
     /// Runs until told to stop; a running episode is closed, not discarded.
@@ -223,14 +250,14 @@ impl Engine {
         self.report_lost_recorders();
         if lock_step {
             if let Some(recorder) = self.recorder_without_credit() {
-                let away = lock(&self.shared.recorders).is_away(&recorder);
+                let away = self.shared.recorders.lock().is_away(&recorder);
                 let lost = ["", ", whose connection is lost"][usize::from(away)];
                 let words = format!("recorder {recorder}{lost}");
                 self.waiting_for = Waits::new(WaitingFor::Credit, words);
                 return Next::Wait(NAP);
             }
-            if !lock(&self.shared.inbox).answered(self.sim.snapshot().tick) {
-                self.waiting_for = match lock(&self.shared.inbox).lease().holder() {
+            if !self.shared.inbox.lock().answered(self.sim.snapshot().tick) {
+                self.waiting_for = match self.shared.inbox.lock().lease().holder() {
                     Some(holder) => {
                         let words = format!("the commander {:?}", holder.life.name);
                         Waits::new(WaitingFor::Commander, words)
@@ -247,7 +274,7 @@ impl Engine {
     }
 
     fn when_due(&self) -> Next {
-        let command_waits = lock(&self.shared.inbox).has_pending();
+        let command_waits = self.shared.inbox.lock().has_pending();
         let wait = self.pace.wait(Instant::now(), command_waits);
         wait.map_or(Next::Step, Next::Wait)
     }
@@ -259,7 +286,7 @@ impl Engine {
             Pacing::LockStep | Pacing::Fast => self.sim.snapshot().stamp_nanos() as f64 * 1e-9,
         };
         let taken = {
-            let mut inbox = lock(&self.shared.inbox);
+            let mut inbox = self.shared.inbox.lock();
             inbox.stands(self.standing());
             inbox.take(tick, now)
         };
@@ -304,10 +331,10 @@ impl Engine {
         }
     }
 
-    pub(super) fn publish_state(&self) {
+    pub(in crate::service) fn publish_state(&self) {
         let tick = self.sim.snapshot().tick;
         self.shared.stamp_is(self.episode_number(), tick);
-        let inbox = lock(&self.shared.inbox);
+        let inbox = self.shared.inbox.lock();
         let (phase, name) = inbox.phase();
         let phase = (phase, name.to_owned());
         drop(inbox);
@@ -320,7 +347,7 @@ impl Engine {
         );
     }
 
-    pub(super) fn draw(&mut self, frames: Vec<(Arc<Snapshot>, Vec<usize>)>) {
+    pub(in crate::service) fn draw(&mut self, frames: Vec<(Arc<Snapshot>, Vec<usize>)>) {
         let number = self.episode_number();
         let Some(render) = &self.render else {
             return;
@@ -343,7 +370,7 @@ impl Engine {
         }
     }
 
-    pub(super) fn event(&self, kind: v1::EventKind, text: &str) {
+    pub(in crate::service) fn event(&self, kind: v1::EventKind, text: &str) {
         tracing::info!("{}: {text}", kind.word());
         let event = v1::Event {
             header: None,
@@ -355,10 +382,13 @@ impl Engine {
     }
 
     /// Begins anew with the simulation that was just put in place.
-    pub(super) fn renew(&mut self) {
-        lock(&self.shared.inbox).renew(Listening::default(), self.sim.snapshot().tick);
+    pub(in crate::service) fn renew(&mut self) {
+        self.shared
+            .inbox
+            .lock()
+            .renew(Listening::default(), self.sim.snapshot().tick);
         self.forget_anomalies();
-        self.made = answer::Made::default();
+        self.made = Made::default();
         self.pace.restart();
         self.publish_state();
     }
@@ -366,21 +396,21 @@ impl Engine {
 
 /// Whom or what time waits for.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub(super) struct Waits {
+pub(in crate::service) struct Waits {
     /// For programs.
-    pub(super) code: WaitingFor,
+    pub(in crate::service) code: WaitingFor,
     /// For people; empty when it waits for nothing.
-    pub(super) words: String,
+    pub(in crate::service) words: String,
 }
 
 impl Waits {
-    pub(super) fn new(code: WaitingFor, words: impl Into<String>) -> Self {
+    pub(in crate::service) fn new(code: WaitingFor, words: impl Into<String>) -> Self {
         let words = words.into();
         Self { code, words }
     }
 }
 
-pub(super) enum Next {
+pub(in crate::service) enum Next {
     Step,
     Wait(Duration),
 }

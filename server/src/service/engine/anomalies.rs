@@ -3,8 +3,8 @@
 
 use wheelarm_proto::v1;
 
-use super::engine::Engine;
-use super::{convert, lock};
+use super::Engine;
+use crate::service::convert;
 use crate::sim::anomaly_words;
 use crate::snapshot::Contact;
 
@@ -30,7 +30,7 @@ impl Engine {
         );
         self.anomalies.push(words.clone());
         self.end_episode(false, v1::EndCause::Physics);
-        lock(&self.shared.inbox).close(&format!(
+        self.shared.inbox.lock().close(&format!(
             "the state is broken, nothing moves before a `reset`: {words}"
         ));
     }

@@ -1,0 +1,91 @@
+//! Files below the assets folder: which there are, their texts, and whether they
+//! say where they come from.
+
+use std::path::{Path, PathBuf};
+
+use serde::de::DeserializeOwned;
+
+use super::error::{Place, SceneError};
+
+/// A text of the assets that a scenario uses.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct AssetText {
+    /// Path below the assets folder, with `/`.
+    pub path: String,
+    /// The whole text.
+    pub text: String,
+}
+
+/// The texts of files below the assets folder, in the order of `paths`.
+///
+/// # Errors
+/// When one of them cannot be read.
+pub fn texts(assets: &Path, paths: &[String]) -> Result<Vec<AssetText>, SceneError> {
+    paths
+        .iter()
+        .map(|path| {
+            Ok(AssetText {
+                text: read(assets, path)?,
+                path: path.clone(),
+            })
+        })
+        .collect()
+}
+
+/// Names (without `.toml`) of the files in a folder of the assets, sorted.
+pub(crate) fn names(assets: &Path, folder: &str) -> Result<Vec<String>, SceneError> {
+    let full = assets.join(folder);
+    let unreadable = |source| SceneError::Read {
+        path: full.clone(),
+        source,
+        cure: "start from the folder that holds `assets`, or name it".to_owned(),
+    };
+    let mut names = Vec::new();
+    for entry in std::fs::read_dir(&full).map_err(unreadable)? {
+        let path: PathBuf = entry.map_err(unreadable)?.path();
+        if path.extension().is_some_and(|e| e == "toml")
+            && let Some(stem) = path.file_stem().and_then(|s| s.to_str())
+        {
+            names.push(stem.to_owned());
+        }
+    }
+    names.sort();
+    Ok(names)
+}
+
+/// The text of an asset.
+fn read(assets: &Path, path: &str) -> Result<String, SceneError> {
+    let full = assets.join(path);
+    std::fs::read_to_string(&full).map_err(|source| {
+        let folder = path.split('/').next().unwrap_or(path);
+        let known = names(assets, folder).unwrap_or_default().join(", ");
+        SceneError::Read {
+            path: full,
+            source,
+            cure: format!("{folder} there are: {known}"),
+        }
+    })
+}
+
+/// An asset as its file type.
+pub(crate) fn parse<T: DeserializeOwned>(assets: &Path, path: &str) -> Result<T, SceneError> {
+    toml::from_str(&read(assets, path)?).map_err(|source| SceneError::Parse {
+        file: path.to_owned(),
+        source: Box::new(source),
+        cure: "correct the key or the value at the mark".to_owned(),
+    })
+}
+
+/// Every asset says where it comes from and what may be done with it.
+pub(crate) fn provenance(place: &Place, origin: &str, license: &str) -> Result<(), SceneError> {
+    for (key, text) in [("origin", origin), ("license", license)] {
+        if text.trim().is_empty() {
+            return Err(place.key(key).wrong(
+                "empty",
+                "where the asset comes from and its licence",
+                "for example origin = \"drawn for WheelArm\", license = \"Apache-2.0\"",
+            ));
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,303 @@
+//! How an episode goes: from its announcement, through the wait for its
+//! recorders, to its manifest.
+
+use std::collections::BTreeMap;
+use std::time::{Duration, Instant};
+
+use wheelarm_proto::v1::{FailureCode, WaitingFor};
+use wheelarm_proto::{StreamId, TopicId, check, v1};
+
+use super::{Engine, NAP, Next, Waits};
+use crate::service::convert;
+use crate::service::denied::Denied;
+use crate::service::episode::{Episode, Stage};
+use crate::service::inbox::Listening;
+use crate::service::recorders::CREDIT_WINDOW;
+use crate::sim::Pacing;
+
+/// How long an announced episode waits for recorders that are not there, s.
+const ABSENT_SECS: u64 = 30;
+
+/// How long it waits for recorders that are there, but still finish files, s.
+const PRESENT_SECS: u64 = 120;
+
+/// How long a server that ends waits for its recorders to get the rest, s.
+const FAREWELL_SECS: u64 = 10;
+
+/// Ended episodes whose manifests are kept for recorders that ask late.
+const ENDED_EPISODES: usize = 8;
+
+impl Engine {
+    /// Announces an episode; simulation time goes on when its recorders are ready.
+    /// What the cameras drew before it is out.
+    pub(super) fn start_episode(
+        &mut self,
+        request: v1::EpisodeStartRequest,
+    ) -> Result<v1::EpisodeStarted, Denied> {
+        if let Some(running) = &self.episode {
+            let label = &running.started.label;
+            let words = format!("episode {label:?} is running; stop it first");
+            return Err(Denied::new(FailureCode::EpisodeRuns, words));
+        }
+        if let Some(words) = self.sim.broken() {
+            let words = format!(
+                "the state is broken, no episode can begin: {words}; ask for `reset` first"
+            );
+            return Err(Denied::new(FailureCode::Broken, words));
+        }
+        check::label(&request.label)?;
+        check::instruction(request.instruction.as_deref().unwrap_or_default())?;
+        let lock_step = self.sim.scenario().pacing == Pacing::LockStep;
+        if lock_step {
+            self.check_commander(&request.commander)?;
+        } else if request.replay {
+            return Err(Denied::new(
+                FailureCode::Pacing,
+                "`replay` switches off the rule that stops the chair when its commander falls \
+                 silent: it is for lock-step, where time waits for every command; start a server \
+                 with --pacing lock-step",
+            ));
+        }
+        // In lock-step time waits for every recorder that is there.
+        let required = match lock_step {
+            true => self
+                .shared
+                .recorders
+                .lock()
+                .present()
+                .max(request.require_recorders as usize),
+            false => request.require_recorders as usize,
+        };
+        self.shared.recorders.lock().begin();
+        if !request.replay {
+            self.sim.begin_episode();
+        }
+        let snapshot = self.sim.save().map_err(Denied::internal)?;
+        self.episodes += 1;
+        let number = self.episodes;
+        let scenario = self.sim.scenario();
+        let task = self.sim.task();
+        let instruction = request
+            .instruction
+            .unwrap_or_else(|| scenario.instruction.clone());
+        let tick = self.sim.snapshot().tick;
+        let started = v1::EpisodeStarted {
+            header: Some(self.shared.outbox.header(number, tick)),
+            label: request.label,
+            instruction,
+            scenario: Some(convert::scenario(scenario)),
+            activity: task.map(|t| t.activity.clone()).unwrap_or_default(),
+            area: task.map(|t| t.area.clone()).unwrap_or_default(),
+            streams: TopicId::STATES.map(|s| s.name().to_owned()).to_vec(),
+            cameras: self.camera_names(),
+            adapter: self
+                .render
+                .as_ref()
+                .map(|r| r.adapter.clone())
+                .unwrap_or_default(),
+            version: env!("CARGO_PKG_VERSION").to_owned(),
+            objects: self
+                .sim
+                .scene()
+                .objects
+                .iter()
+                .map(|o| o.name.clone())
+                .collect(),
+            joints: self
+                .sim
+                .scene()
+                .joints
+                .iter()
+                .map(|j| j.name.clone())
+                .collect(),
+            physics_version: wheelarm_proto::PHYSICS_VERSION,
+        };
+        self.episode = Some(Episode {
+            number,
+            started: started.clone(),
+            snapshot: snapshot.into(),
+            stage: Stage::Waiting,
+            required,
+            pictures: BTreeMap::new(),
+            participants: Vec::new(),
+            since: Instant::now(),
+            running_since: Instant::now(),
+        });
+        if required > 0 {
+            // Whoever asks at once is not told that it runs.
+            let words = format!("recorders: 0 of {required} ready");
+            self.waiting_for = Waits::new(WaitingFor::Recorders, words);
+        }
+        self.listen(Listening {
+            episode: number,
+            lock_step,
+            replay: request.replay,
+        });
+        self.forget_anomalies();
+        self.shared.outbox.put(number, tick, started.clone());
+        Ok(started)
+    }
+
+    /// In lock-step time waits for whoever holds control; `wanted` must be that one.
+    fn check_commander(&self, wanted: &str) -> Result<(), Denied> {
+        let inbox = self.shared.inbox.lock();
+        let holder = inbox.lease().holder().map(|h| h.life.name.as_str());
+        match holder {
+            Some(holder) if wanted.is_empty() || wanted == holder => Ok(()),
+            Some(holder) => {
+                let words = format!(
+                    "in lock-step the simulation waits for one commander: {wanted:?} is asked \
+                     for, but {holder:?} holds control (query `lease`)"
+                );
+                Err(Denied::new(FailureCode::ControlHeld, words))
+            }
+            None => Err(Denied::new(
+                FailureCode::NoControl,
+                "in lock-step the simulation waits for one commander, and nobody holds control: \
+                 ask for it first (query `lease`), or hold it from another terminal with \
+                 `wheelarm lease hold`",
+            )),
+        }
+    }
+
+    /// Closes the running episode, whose pictures are all out, and publishes its
+    /// manifest.
+    pub(super) fn stop_episode(
+        &mut self,
+        discard: bool,
+        cause: v1::EndCause,
+    ) -> Option<v1::EpisodeStopped> {
+        let episode = self.episode.take()?;
+        let tick = self.sim.snapshot().tick;
+        let mut manifest = self
+            .shared
+            .outbox
+            .manifest(episode.number, &self.camera_names());
+        // Pictures that fell due but were never drawn are missing, not absent.
+        for line in &mut manifest {
+            let stream = StreamId::parse(&line.stream);
+            let camera = stream.camera_name().unwrap_or_default();
+            let due = episode.pictures.get(camera).copied().unwrap_or_default();
+            if due > line.count {
+                line.count = due;
+                line.last = line.first + due - 1;
+            }
+        }
+        let stopped = v1::EpisodeStopped {
+            header: Some(self.shared.outbox.header(episode.number, tick)),
+            discard,
+            evaluation: Some(convert::evaluation(self.sim.evaluation())),
+            manifest,
+            wall_seconds: episode.running_since.elapsed().as_secs_f64(),
+            cause: cause.into(),
+            anomalies: self.anomalies.clone(),
+        };
+        // Whoever hears of the end may ask for it at once.
+        self.ended.push_back(stopped.clone());
+        if self.ended.len() > ENDED_EPISODES {
+            self.ended.pop_front();
+        }
+        self.shared
+            .outbox
+            .put(episode.number, tick, stopped.clone());
+        self.listen(Listening::default());
+        self.pace.restart();
+        Some(stopped)
+    }
+
+    /// Whether an announced episode may run, which its recorders decide.
+    pub(super) fn wait_for_recorders(&mut self) -> Next {
+        let Some(episode) = &mut self.episode else {
+            return Next::Wait(NAP);
+        };
+        let (ready, failed) = {
+            let recorders = self.shared.recorders.lock();
+            let run = self.shared.outbox.run_id();
+            (
+                recorders.ready(run, episode.number),
+                recorders.failed(run, episode.number),
+            )
+        };
+        if ready.len() >= episode.required {
+            episode.participants = ready;
+            episode.stage = Stage::Running;
+            episode.running_since = Instant::now();
+            self.pace.restart();
+            self.publish_state();
+            let frames = self.sim.frames_now();
+            self.draw(frames);
+            return Next::Wait(Duration::ZERO);
+        }
+        let (have, need) = (ready.len(), episode.required);
+        let mut text = format!("recorders: {have} of {need} ready");
+        for (name, reason) in &failed {
+            text.push_str(&format!("; {name} failed: {reason}"));
+        }
+        let present = self.shared.recorders.lock().present();
+        let patience = if present >= need {
+            PRESENT_SECS
+        } else {
+            ABSENT_SECS
+        };
+        let too_long = episode.since.elapsed() > Duration::from_secs(patience);
+        if !failed.is_empty() || too_long {
+            let text = format!("episode ended before it began, {text}");
+            self.event(v1::EventKind::Note, &text);
+            self.end_episode(true, v1::EndCause::Recorders);
+        }
+        self.waiting_for = Waits::new(WaitingFor::Recorders, text);
+        Next::Wait(NAP)
+    }
+
+    /// Those that were lost in the episode are not waited for any more.
+    pub(super) fn report_lost_recorders(&mut self) {
+        let Some(episode) = &mut self.episode else {
+            return;
+        };
+        let lost = {
+            let mut recorders = self.shared.recorders.lock();
+            recorders.expire(Instant::now());
+            recorders.lost_of(&episode.participants)
+        };
+        episode.participants.retain(|name| !lost.contains(name));
+        for name in lost {
+            self.event(
+                v1::EventKind::Note,
+                &format!("recorder {name} was lost in this episode"),
+            );
+        }
+    }
+
+    /// Whom the cameras have left too far behind.
+    pub(super) fn recorder_without_credit(&self) -> Option<String> {
+        let episode = self.episode.as_ref()?;
+        // Those that are still being drawn as well: the cache holds no more.
+        let published = episode.pictures.values().sum::<u64>();
+        let recorders = self.shared.recorders.lock();
+        let (name, accepted) = recorders.slowest(
+            self.shared.outbox.run_id(),
+            episode.number,
+            &episode.participants,
+        )?;
+        (published >= accepted.min(published).saturating_add(CREDIT_WINDOW)).then_some(name)
+    }
+
+    /// Keeps the session open until the recorders have got the rest.
+    pub(super) fn wait_for_files(&mut self, episode: u64, participants: &[String]) {
+        let since = Instant::now();
+        while since.elapsed() < Duration::from_secs(FAREWELL_SECS) {
+            // They ask for the manifest.
+            while let Some(request) = self.shared.desk.next(false) {
+                self.answer(request);
+            }
+            let mut recorders = self.shared.recorders.lock();
+            recorders.expire(Instant::now());
+            let waiting = recorders.slowest(self.shared.outbox.run_id(), episode, participants);
+            drop(recorders);
+            if waiting.is_none() {
+                return;
+            }
+            self.shared.signal.wait(NAP);
+        }
+    }
+}

@@ -1,0 +1,33 @@
+//! Why a service ends early.
+
+use crate::sensors::camera::RenderError;
+use crate::sim::SimError;
+
+/// Why a service ended early.
+#[derive(Debug, thiserror::Error)]
+pub enum ServiceError {
+    /// The transport.
+    #[error("Zenoh: {0}")]
+    Zenoh(String),
+    /// The cameras.
+    #[error(transparent)]
+    Render(#[from] RenderError),
+    /// A scenario.
+    #[error(transparent)]
+    Sim(#[from] SimError),
+    /// An asset file that is to be stored with recordings.
+    #[error("cannot read {0}")]
+    Assets(String),
+    /// Another server has this name.
+    #[error("a server named {0:?} is already on this network; choose another with --sim NAME")]
+    NameTaken(String),
+    /// The simulation thread.
+    #[error("the simulation thread {0}")]
+    Thread(String),
+}
+
+impl From<zenoh::Error> for ServiceError {
+    fn from(e: zenoh::Error) -> Self {
+        Self::Zenoh(e.to_string())
+    }
+}

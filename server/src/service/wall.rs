@@ -1,0 +1,10 @@
+//! The wall clock, as people and links need it; nothing of it reaches the
+//! simulation.
+
+use std::time::{SystemTime, UNIX_EPOCH};
+
+/// Nanoseconds since 1970.
+pub fn unix_nanos() -> u64 {
+    let since_1970 = SystemTime::now().duration_since(UNIX_EPOCH);
+    since_1970.map_or(0, |t| u64::try_from(t.as_nanos()).unwrap_or(u64::MAX))
+}

@@ -1,0 +1,108 @@
+//! Every predicate that a task file may name, one file per family.
+//!
+//! A new one is a struct in its family with its `Predicate`, and a variant with
+//! an arm here: whatever is forgotten does not compile.
+
+mod lift;
+mod open;
+mod others;
+mod put;
+mod robot;
+
+use serde::Deserialize;
+
+use self::lift::{LiftedAndHeld, LiftedBefore};
+use self::open::OpenedBy;
+use self::others::{CorrectInstance, NothingKnockedOver};
+use self::put::{AtRest, Inside, Released, Upright};
+use self::robot::{ChairStopped, NoHardCollision};
+use super::condition::{Name, Predicate};
+
+/// A predicate as it stands in a task file: its word and its thresholds.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub(super) enum AnyPredicate {
+    LiftedAndHeld(LiftedAndHeld),
+    LiftedBefore(LiftedBefore),
+    Inside(Inside),
+    Upright(Upright),
+    AtRest(AtRest),
+    Released(Released),
+    OpenedBy(OpenedBy),
+    CorrectInstance(CorrectInstance),
+    ChairStopped(ChairStopped),
+    NothingKnockedOver(NothingKnockedOver),
+    NoHardCollision(NoHardCollision),
+}
+
+impl AnyPredicate {
+    /// The one that was chosen.
+    pub(super) fn as_dyn(&self) -> &dyn Predicate {
+        match self {
+            Self::LiftedAndHeld(p) => p,
+            Self::LiftedBefore(p) => p,
+            Self::Inside(p) => p,
+            Self::Upright(p) => p,
+            Self::AtRest(p) => p,
+            Self::Released(p) => p,
+            Self::OpenedBy(p) => p,
+            Self::CorrectInstance(p) => p,
+            Self::ChairStopped(p) => p,
+            Self::NothingKnockedOver(p) => p,
+            Self::NoHardCollision(p) => p,
+        }
+    }
+
+    /// Word with what it is about, as it is reported: `inside(knife, placemat)`.
+    pub(super) fn label(&self) -> String {
+        let predicate = self.as_dyn();
+        let word = predicate.word();
+        let names: Vec<_> = predicate.names().into_iter().map(Name::text).collect();
+        if names.is_empty() {
+            return word.to_owned();
+        }
+        format!("{word}({})", names.join(", "))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Every predicate as a task file may write it.
+    const WRITTEN: [&str; 11] = [
+        r#"lifted_and_held = { object = "a", height = 0.1, pad_force = 0.5, secs = 1.0 }"#,
+        r#"lifted_before = { object = "a", height = 0.1, pad_force = 0.5 }"#,
+        r#"inside = { object = "a", on = "b", above = 0.1 }"#,
+        r#"upright = { object = "a", tilt_deg = 30 }"#,
+        r#"at_rest = { object = "a", speed = 0.1, turn_rate_deg_s = 3.0, secs = 0.5 }"#,
+        r#"released = { object = "a", secs = 0.5 }"#,
+        r#"opened_by = { joint = "a", travel = 0.2 }"#,
+        "correct_instance = { height = 0.1 }",
+        "chair_stopped = { speed = 0.1, turn_rate_deg_s = 1.0 }",
+        "nothing_knocked_over = { tilt_deg = 30, drop = 0.1 }",
+        "no_hard_collision = { force = 50.0 }",
+    ];
+
+    #[test]
+    fn the_word_of_a_predicate_and_the_keys_of_its_thresholds_are_those_of_its_file() {
+        for written in WRITTEN {
+            let predicate: AnyPredicate = toml::from_str(written).unwrap();
+            let label = predicate.label();
+            let word = written.split(' ').next().unwrap();
+            assert_eq!(predicate.as_dyn().word(), word);
+            assert!(label.starts_with(word));
+            for threshold in predicate.as_dyn().thresholds() {
+                let number = written.split(&format!("{} = ", threshold.key)).nth(1);
+                let number = number.unwrap_or_else(|| panic!("{} in {written}", threshold.key));
+                let number = number.split([',', ' ']).next().unwrap();
+                assert_eq!(number.parse(), Ok(threshold.value), "{written}");
+                assert!(threshold.value <= threshold.most);
+            }
+            let named = written.matches('"').count() / 2;
+            assert_eq!(predicate.as_dyn().names().len(), named, "{label}");
+        }
+        let inside: AnyPredicate = toml::from_str(WRITTEN[2]).unwrap();
+        assert_eq!(inside.label(), "inside(a, b)");
+    }
+}
