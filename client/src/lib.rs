@@ -4,11 +4,11 @@
 //! memory, files or code with it.
 
 pub mod collect;
+pub mod connect;
 pub mod control;
 pub mod demo;
 pub mod doctor;
 pub mod evaluate;
-pub mod link;
 pub mod local;
 pub mod operate;
 pub mod preview;

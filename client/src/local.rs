@@ -14,8 +14,8 @@ use anyhow::{Context, bail};
 use wheelarm_proto::program::Ready;
 use wheelarm_proto::v1;
 
-use crate::control::{self, find_program};
-use crate::link::{ConnectArgs, Link};
+use crate::control::find_program;
+use wheelarm_link::{Connect, Link};
 
 /// Lines of a program's messages that are kept for an error.
 const KEPT_LINES: usize = 30;
@@ -243,7 +243,7 @@ fn keep_lines(
 /// A server of this command's own.
 pub struct LocalServer {
     program: Program,
-    connect: ConnectArgs,
+    connect: Connect,
 }
 
 /// Longest time until a server is ready: it may build its pipelines on a CPU.
@@ -286,17 +286,17 @@ impl LocalServer {
         };
         Ok(Self {
             program,
-            connect: ConnectArgs {
-                connect: endpoint,
+            connect: Connect {
+                endpoint,
                 sim,
-                connect_timeout: 10.0,
+                timeout_secs: 10.0,
             },
         })
     }
 
     /// How to reach it.
     #[must_use]
-    pub fn connect(&self) -> &ConnectArgs {
+    pub fn connect(&self) -> &Connect {
         &self.connect
     }
 
@@ -347,7 +347,7 @@ impl LocalServer {
     /// # Errors
     /// When it does not end.
     pub fn stop(mut self, link: Link) -> anyhow::Result<()> {
-        control::shutdown(&link, true)?;
+        link.shutdown(true)?;
         // A client that goes first leaves no half-open connection behind.
         link.close()?;
         self.program.wait(Duration::from_secs(20)).map(|_| ())
@@ -423,12 +423,12 @@ const FINISH: Duration = Duration::from_secs(120);
 ///
 /// # Errors
 /// When it cannot be started.
-pub fn start_recorder(connect: &ConnectArgs, out: &Path, name: &str) -> anyhow::Result<Program> {
+pub fn start_recorder(connect: &Connect, out: &Path, name: &str) -> anyhow::Result<Program> {
     Program::start_bound(
         "wheelarm",
         [
             "--connect".as_ref(),
-            connect.connect.as_ref(),
+            connect.endpoint.as_ref(),
             "--sim".as_ref(),
             connect.sim.as_ref(),
             "record".as_ref(),

@@ -16,7 +16,7 @@ use wheelarm_client::control::{
 use wheelarm_client::demo::{self, DemoArgs};
 use wheelarm_client::doctor::{self, DoctorArgs};
 use wheelarm_client::evaluate::{self, EvaluateArgs};
-use wheelarm_client::link::{self, ConnectArgs, Link, Silence};
+use wheelarm_client::connect::ConnectArgs;
 use wheelarm_client::operate::operator::Outcome;
 use wheelarm_client::operate::run::{self as operate, OperateArgs, ToldOutcome};
 use wheelarm_client::preview::{self, PreviewArgs};
@@ -24,6 +24,7 @@ use wheelarm_client::record::{self, RecordArgs};
 use wheelarm_client::replay::{self, ReplayArgs};
 use wheelarm_client::teleop::{self, TeleopArgs};
 use wheelarm_client::watch::{self, WatchArgs};
+use wheelarm_link::{Connect, Link, Silence};
 use wheelarm_proto::program::EXIT_NOT_DONE;
 
 /// Clients of the WheelArm simulator: operate, record, replay, watch.
@@ -176,7 +177,8 @@ fn main() -> ExitCode {
 }
 
 fn run(cli: Cli) -> anyhow::Result<ExitCode> {
-    let link = || Link::open(&cli.connect);
+    let connect = Connect::from(&cli.connect);
+    let link = || Link::open(&connect);
     match &cli.command {
         Command::Status => control::status(&link()?)?,
         Command::Tasks => control::tasks(&link()?)?,
@@ -194,17 +196,17 @@ fn run(cli: Cli) -> anyhow::Result<ExitCode> {
         Command::Resume => control::pause(&link()?, false)?,
         Command::Lease(command) => return control::lease(&link()?, command),
         Command::Episode(command) => control::episode(&link()?, command)?,
-        Command::Record(args) => return record_episodes(&cli.connect, args),
+        Command::Record(args) => return record_episodes(&connect, args),
         Command::Demo(args) => return demo::run(args),
         Command::Evaluate(args) => return evaluate::run(args),
         Command::Collect(args) => return collect::run(args),
         Command::Replay(args) => return replay::run(args),
         Command::Operate(args) => return run_operator(&link()?, args),
-        Command::Teleop(args) => return teleop::run(&cli.connect, args),
-        Command::Preview(args) => return preview::run(&cli.connect, args),
+        Command::Teleop(args) => return teleop::run(&connect, args),
+        Command::Preview(args) => return preview::run(&connect, args),
         Command::Watch(args) => return watch::run(&link()?, args),
-        Command::Doctor(args) => return doctor::run(&cli.connect, args),
-        Command::Shutdown(args) => control::shutdown(&link()?, args.force)?,
+        Command::Doctor(args) => return doctor::run(&connect, args),
+        Command::Shutdown(args) => link()?.shutdown(args.force)?,
         Command::Completions { shell } => {
             let mut command = Cli::command();
             clap_complete::generate(*shell, &mut command, "wheelarm", &mut std::io::stdout());
@@ -221,7 +223,7 @@ fn write_manual(folder: &Path) -> anyhow::Result<()> {
         .with_context(|| format!("writing man pages into {}", folder.display()))
 }
 
-fn record_episodes(connect: &ConnectArgs, args: &RecordArgs) -> anyhow::Result<ExitCode> {
+fn record_episodes(connect: &Connect, args: &RecordArgs) -> anyhow::Result<ExitCode> {
     let runtime = tokio::runtime::Runtime::new()?;
     let interrupted = async {
         use tokio::signal::unix::{SignalKind, signal};
@@ -236,10 +238,10 @@ fn record_episodes(connect: &ConnectArgs, args: &RecordArgs) -> anyhow::Result<E
         }
     };
     let summary = if connect.sim == record::EVERY_SERVER {
-        let session = link::open_session(connect, Silence::Still)?;
+        let session = wheelarm_link::open_session(connect, Silence::Still)?;
         runtime.block_on(record::run_many(
             &session,
-            &connect.connect,
+            &connect.endpoint,
             args,
             interrupted,
         ))?

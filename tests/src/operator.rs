@@ -6,7 +6,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
-use wheelarm_client::link::Link;
+use wheelarm_link::Link;
 use wheelarm_proto::topic::Sample;
 use wheelarm_proto::{TopicId, v1};
 

@@ -7,7 +7,7 @@ use std::sync::mpsc;
 use std::time::Duration;
 
 use anyhow::{Context, bail};
-use wheelarm_client::link::{ConnectArgs, Link};
+use wheelarm_link::{Connect, Link};
 
 use crate::{program, root};
 
@@ -121,17 +121,17 @@ impl Server {
 
     /// How to reach it.
     #[must_use]
-    pub fn connect(&self) -> ConnectArgs {
+    pub fn connect(&self) -> Connect {
         self.connect_through(&self.endpoint)
     }
 
     /// How to reach it through another endpoint.
     #[must_use]
-    pub fn connect_through(&self, endpoint: &str) -> ConnectArgs {
-        ConnectArgs {
-            connect: endpoint.to_owned(),
+    pub fn connect_through(&self, endpoint: &str) -> Connect {
+        Connect {
+            endpoint: endpoint.to_owned(),
             sim: self.sim.clone(),
-            connect_timeout: 20.0,
+            timeout_secs: 20.0,
         }
     }
 

@@ -8,7 +8,7 @@ use wheelarm_proto::v1;
 
 use super::attempt::SIM;
 use super::progress::lock;
-use crate::link::{ConnectArgs, Link};
+use wheelarm_link::{Connect, Link};
 
 /// How often the server is asked.
 const ASK: Duration = Duration::from_secs(1);
@@ -86,10 +86,10 @@ impl Watch {
         }));
         let (told, board) = (Arc::clone(&seen), Arc::clone(board));
         std::thread::spawn(move || {
-            let args = ConnectArgs {
-                connect: endpoint,
+            let args = Connect {
+                endpoint,
                 sim: SIM.to_owned(),
-                connect_timeout: 10.0,
+                timeout_secs: 10.0,
             };
             let wanted = || {
                 let told = lock(&told);

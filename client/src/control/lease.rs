@@ -12,7 +12,7 @@ use crossbeam_channel::{Receiver, TryRecvError};
 use wheelarm_proto::topic::Sample;
 use wheelarm_proto::{TopicId, v1};
 
-use crate::link::Link;
+use wheelarm_link::Link;
 
 /// `wheelarm lease …`.
 #[derive(Subcommand, Clone, Debug)]

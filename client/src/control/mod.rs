@@ -8,7 +8,7 @@ mod print;
 use clap::{Args, Subcommand};
 use wheelarm_proto::v1;
 
-use crate::link::{Link, LinkError};
+use wheelarm_link::{Link, LinkError};
 
 pub use external::{find_program, run_external};
 pub use lease::{LeaseCommand, LeaseHoldArgs, lease};
@@ -100,34 +100,19 @@ pub fn tasks(link: &Link) -> Result<(), LinkError> {
     Ok(())
 }
 
-/// Sets up a new scenario: the one in force with what `args` names replaced.
-///
-/// The places drawn for the old seed or task do not survive it.
+/// Sets up the scenario that `args` name.
 ///
 /// # Errors
 /// [`LinkError`].
 pub fn reset(link: &Link, args: &ResetArgs) -> Result<v1::Scenario, LinkError> {
-    // Everything that is not said stays as it is; the same seed says "draw".
-    let mut seed = args.seed;
-    if seed.is_none() {
-        let status = link.ask(&v1::StatusRequest {})?;
-        seed = status.scenario.map(|scenario| scenario.seed());
-    }
     let scenario = v1::Scenario {
         scene: args.scene.clone().unwrap_or_default(),
         task: args.task.clone(),
-        seed,
+        seed: args.seed,
         instruction: args.instruction.clone(),
         ..v1::Scenario::default()
     };
-    let request = v1::ResetRequest {
-        scenario: Some(scenario),
-        snapshot: bytes::Bytes::new(),
-        force: args.force,
-        secret: link.secret(),
-    };
-    let reply: v1::ResetReply = link.ask(&request)?;
-    Ok(reply.scenario.unwrap_or_default())
+    link.reset(scenario, args.force)
 }
 
 /// Lets time stand still, or go on.
@@ -142,57 +127,6 @@ pub fn pause(link: &Link, pause: bool) -> Result<(), LinkError> {
     done.map(|_| ())
 }
 
-/// Starts an episode.
-///
-/// # Errors
-/// [`LinkError`].
-pub fn start_episode(
-    link: &Link,
-    args: &EpisodeStartArgs,
-) -> Result<v1::EpisodeStarted, LinkError> {
-    link.ask(&v1::EpisodeStartRequest {
-        label: args.label.clone(),
-        instruction: (!args.instruction.is_empty()).then(|| args.instruction.clone()),
-        require_recorders: args.require_recorders,
-        commander: args.commander.clone(),
-        ..Default::default()
-    })
-}
-
-/// Ends the running episode.
-///
-/// # Errors
-/// [`LinkError`].
-pub fn stop_episode(link: &Link, discard: bool) -> Result<v1::EpisodeStopped, LinkError> {
-    let force = false;
-    stop_episode_as(link, EpisodeStopArgs { discard, force })
-}
-
-/// As [`stop_episode`], by force if asked.
-///
-/// # Errors
-/// [`LinkError`].
-pub fn stop_episode_as(
-    link: &Link,
-    args: EpisodeStopArgs,
-) -> Result<v1::EpisodeStopped, LinkError> {
-    link.ask(&v1::EpisodeStopRequest {
-        discard: args.discard,
-        force: args.force,
-        secret: link.secret(),
-    })
-}
-
-/// Ends the server.
-///
-/// # Errors
-/// [`LinkError`].
-pub fn shutdown(link: &Link, force: bool) -> Result<(), LinkError> {
-    let secret = link.secret();
-    let request = v1::ShutdownRequest { force, secret };
-    link.ask(&request).map(|_| ())
-}
-
 /// Runs `wheelarm episode …` and prints the result.
 ///
 /// # Errors
@@ -200,11 +134,22 @@ pub fn shutdown(link: &Link, force: bool) -> Result<(), LinkError> {
 pub fn episode(link: &Link, command: &EpisodeCommand) -> Result<(), LinkError> {
     match command {
         EpisodeCommand::Start(args) => {
-            let started = start_episode(link, args)?;
+            let instruction = &args.instruction;
+            let started = link.ask(&v1::EpisodeStartRequest {
+                label: args.label.clone(),
+                instruction: (!instruction.is_empty()).then(|| instruction.clone()),
+                require_recorders: args.require_recorders,
+                commander: args.commander.clone(),
+                ..Default::default()
+            })?;
             println!("started {}", episode_line(&started));
         }
         EpisodeCommand::Stop(args) => {
-            let stopped = stop_episode_as(link, *args)?;
+            let stopped = link.ask(&v1::EpisodeStopRequest {
+                discard: args.discard,
+                force: args.force,
+                secret: link.secret(),
+            })?;
             print!("{}", print::stopped_text(&stopped));
         }
     }

@@ -15,7 +15,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 use wheelarm_proto::v1;
 
 use crate::collect::Quality;
-use crate::link::Link;
+use wheelarm_link::Link;
 use crate::local::{self, LocalServer, Program, ServerOptions};
 use crate::operate::run::{self as operate, OperateArgs, Progress};
 use summary::Summary;

@@ -11,7 +11,7 @@ use std::process::ExitCode;
 use clap::Args;
 use serde::Serialize;
 
-use crate::link::ConnectArgs;
+use wheelarm_link::Connect;
 
 /// Options of `wheelarm doctor`.
 #[derive(Args, Clone, Debug)]
@@ -98,7 +98,7 @@ impl fmt::Display for Finding {
 ///
 /// # Errors
 /// When the result cannot be written.
-pub fn run(connect: &ConnectArgs, args: &DoctorArgs) -> anyhow::Result<ExitCode> {
+pub fn run(connect: &Connect, args: &DoctorArgs) -> anyhow::Result<ExitCode> {
     let mut worst = Level::Ok;
     let mut all = Vec::new();
     let mut tell = |finding: Finding| {

@@ -7,7 +7,7 @@ use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 use wheelarm_proto::v1;
 
 use super::{Finding, Level};
-use crate::link::{ConnectArgs, Link};
+use wheelarm_link::{Connect, Link};
 
 /// Longest wait for a port to answer.
 const PORT: Duration = Duration::from_secs(2);
@@ -18,8 +18,8 @@ const FAR: f64 = 0.25;
 /// Clocks that differ by more are worth a word, s.
 const CLOCKS: f64 = 1.0;
 
-pub fn look(connect: &ConnectArgs, wanted: bool, tell: &mut dyn FnMut(Finding)) {
-    let open = port(&connect.connect, wanted);
+pub fn look(connect: &Connect, wanted: bool, tell: &mut dyn FnMut(Finding)) {
+    let open = port(&connect.endpoint, wanted);
     let reachable = open.level == Level::Ok && open.found.contains("open");
     tell(open);
     if !reachable {
@@ -93,7 +93,7 @@ fn port(endpoint: &str, wanted: bool) -> Finding {
     };
     let mut problem = "no address".to_owned();
     for address in &addresses {
-        match TcpStream::connect_timeout(address, PORT) {
+        match TcpStream::timeout_secs(address, PORT) {
             Ok(_) => return Finding::ok(what, format!("{address} is open")),
             Err(error) => problem = error.to_string(),
         }

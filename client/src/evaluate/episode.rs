@@ -12,8 +12,7 @@ use wheelarm_proto::{TopicId, v1};
 
 use super::pulse::Pulse;
 use super::{EvaluateArgs, Job};
-use crate::control::{self, ResetArgs};
-use crate::link::{Link, LinkError};
+use wheelarm_link::{Link, LinkError};
 use crate::local::{self, LocalServer, Program};
 use crate::operate::operator::Outcome;
 use crate::operate::run::{self as operate, OperateArgs, OperateError};
@@ -146,12 +145,12 @@ fn attempt(
     recorders: usize,
     pulse: &Pulse,
 ) -> Result<Done, Trouble> {
-    let reset = ResetArgs {
+    let wanted = v1::Scenario {
         task: Some(job.task.clone()),
         seed: Some(job.seed),
-        ..ResetArgs::default()
+        ..v1::Scenario::default()
     };
-    let scenario = match control::reset(link, &reset) {
+    let scenario = match link.reset(wanted, false) {
         Ok(scenario) => scenario,
         Err(LinkError::Refused { message, .. }) => return Err(Trouble::Refused(message)),
         Err(problem) => return Err(problem.into()),

@@ -14,8 +14,7 @@ use super::observation::{self, Collector};
 use super::operator::{Operator, Outcome};
 use super::scene::{SceneModel, write_pose};
 use super::style::Style;
-use crate::control::{self, EpisodeStartArgs, ResetArgs};
-use crate::link::{Link, LinkError};
+use wheelarm_link::{Link, LinkError};
 
 /// Options of `wheelarm operate`.
 #[derive(Args, Clone, Debug)]
@@ -177,7 +176,7 @@ struct OwnEpisode<'a> {
 impl Drop for OwnEpisode<'_> {
     fn drop(&mut self) {
         if self.open
-            && let Err(e) = control::stop_episode(self.link, false)
+            && let Err(e) = self.link.stop_episode(false)
         {
             tracing::warn!("the episode could not be ended: {e}");
         }
@@ -201,11 +200,11 @@ pub fn run(
     if let (Some(task), None) = (&args.task, &status.episode)
         && *task != scenario.task()
     {
-        let reset = ResetArgs {
+        let wanted = v1::Scenario {
             task: Some(task.clone()),
-            ..ResetArgs::default()
+            ..v1::Scenario::default()
         };
-        scenario = control::reset(link, &reset)?;
+        scenario = link.reset(wanted, false)?;
     } else if status.episode.is_none() && status.evaluation.as_ref().is_some_and(|e| e.done) {
         return Err(OperateError::Over);
     }
@@ -347,7 +346,7 @@ pub fn run(
         }
     }
     if std::mem::take(&mut own.open) {
-        stopped = Some(control::stop_episode(link, false)?);
+        stopped = Some(link.stop_episode(false)?);
     }
     if let Some(last) = stopped.as_ref().and_then(|s| s.evaluation.clone()) {
         evaluation = last;
@@ -376,18 +375,16 @@ fn start(
     args: &OperateArgs,
     scenario: &v1::Scenario,
 ) -> Result<v1::EpisodeStarted, LinkError> {
-    control::start_episode(
-        link,
-        &EpisodeStartArgs {
-            label: args
-                .label
-                .clone()
-                .unwrap_or_else(|| format!("{}-seed{}", scenario.task(), scenario.seed())),
-            instruction: args.instruction.clone(),
-            require_recorders: args.require_recorders,
-            commander: args.commander.clone(),
-        },
-    )
+    link.ask(&v1::EpisodeStartRequest {
+        label: args
+            .label
+            .clone()
+            .unwrap_or_else(|| format!("{}-seed{}", scenario.task(), scenario.seed())),
+        instruction: (!args.instruction.is_empty()).then(|| args.instruction.clone()),
+        require_recorders: args.require_recorders,
+        commander: args.commander.clone(),
+        ..Default::default()
+    })
 }
 
 /// Asks the server's kinematics.

@@ -22,7 +22,7 @@ use crossbeam_channel::unbounded;
 use tokio::net::TcpListener;
 use tokio::sync::watch as latest;
 
-use crate::link::{ConnectArgs, Link};
+use wheelarm_link::{Connect, Link};
 use crate::watch::{Heard, Line, Situation};
 pub use state::state_text;
 
@@ -108,7 +108,7 @@ impl Page {
 ///
 /// # Errors
 /// When the page's address cannot be used.
-pub fn run(connect: &ConnectArgs, args: &PreviewArgs) -> anyhow::Result<ExitCode> {
+pub fn run(connect: &Connect, args: &PreviewArgs) -> anyhow::Result<ExitCode> {
     let runtime = tokio::runtime::Builder::new_multi_thread()
         .worker_threads(2)
         .enable_all()

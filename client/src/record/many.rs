@@ -13,7 +13,7 @@ use zenoh::sample::SampleKind;
 
 use super::network::{print, run_with};
 use super::{ExitSummary, Output, RecordArgs};
-use crate::link::Link;
+use wheelarm_link::Link;
 
 /// The server name that stands for every server.
 pub const EVERY_SERVER: &str = "*";

@@ -21,7 +21,7 @@ use zenoh_ext::{AdvancedSubscriberBuilderExt, HistoryConfig, RecoveryConfig};
 use super::core::{Input, Output, RecorderCore};
 use super::queue::{Entrance, Exit, queue};
 use super::{ExitSummary, Missing, RecordArgs};
-use crate::link::{Link, session_of};
+use wheelarm_link::{Link, session_of};
 
 /// The newest status is published again after this time: a lost one holds
 /// nobody up for longer.

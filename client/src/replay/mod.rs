@@ -16,8 +16,7 @@ use wheelarm_dataset::read::Episode;
 use wheelarm_proto::topic::Sample;
 use wheelarm_proto::{TopicId, v1};
 
-use crate::control;
-use crate::link::{Commander, Link, Streams};
+use wheelarm_link::{Commander, Link, Streams};
 use crate::local::{self, LocalServer, ServerOptions};
 use script::Script;
 
@@ -106,7 +105,7 @@ pub fn run(args: &ReplayArgs) -> anyhow::Result<ExitCode> {
     let started: v1::EpisodeStarted = link.ask(&request).with_context(|| server.messages())?;
     let fed = feed(&link, &mut commander, &streams, &script, &started);
     // A replay that broke off is not worth a file.
-    control::stop_episode(&link, fed.is_err())?;
+    link.stop_episode(fed.is_err())?;
     let mut comparison = fed?;
     let mut code = comparison.report();
     if let Some(recorder) = &mut recorder {

@@ -4,8 +4,8 @@ use wheelarm_proto::v1;
 
 use super::model::{Done, Errand, Start};
 use super::send::Commands;
-use crate::control::{self, EpisodeStartArgs, ResetArgs};
-use crate::link::{Commander, Link, LinkError};
+use crate::control;
+use wheelarm_link::{Commander, Link, LinkError};
 
 /// What an errand brought.
 pub enum Brought {
@@ -40,17 +40,17 @@ pub fn run(
             Errand::Stop { discard } => Done::Stopped(stop(&link, discard)),
             Errand::Redo(args) => {
                 let again = stop(&link, true)
-                    .and_then(|_| reset(&link, &ResetArgs::default()))
+                    .and_then(|_| reset(&link, v1::Scenario::default()))
                     .and_then(|_| start(&link, &name, &args));
                 Done::Started(again)
             }
             Errand::Reset { task, seed } => {
-                let args = ResetArgs {
+                let scenario = v1::Scenario {
                     task: Some(task),
                     seed: Some(seed),
-                    ..ResetArgs::default()
+                    ..v1::Scenario::default()
                 };
-                Done::Reset(reset(&link, &args))
+                Done::Reset(reset(&link, scenario))
             }
             Errand::Pause(pause) => {
                 let result = control::pause(&link, pause);
@@ -78,26 +78,27 @@ fn words(error: &LinkError) -> String {
 }
 
 fn start(link: &Link, name: &str, args: &Start) -> Result<Box<v1::EpisodeStarted>, String> {
-    let args = EpisodeStartArgs {
+    let request = v1::EpisodeStartRequest {
         label: args.label.clone(),
-        instruction: args.instruction.clone(),
+        instruction: (!args.instruction.is_empty()).then(|| args.instruction.clone()),
         require_recorders: args.recorders,
         commander: name.to_owned(),
+        ..Default::default()
     };
-    control::start_episode(link, &args)
+    link.ask(&request)
         .map(Box::new)
         .map_err(|e| words(&e))
 }
 
 fn stop(link: &Link, discard: bool) -> Result<Box<v1::EpisodeStopped>, String> {
-    control::stop_episode(link, discard)
+    link.stop_episode(discard)
         .map(Box::new)
         .map_err(|e| words(&e))
 }
 
 /// Sets up again; the instruction of the scenario is kept.
-fn reset(link: &Link, args: &ResetArgs) -> Result<Box<v1::Scenario>, String> {
-    control::reset(link, args)
+fn reset(link: &Link, scenario: v1::Scenario) -> Result<Box<v1::Scenario>, String> {
+    link.reset(scenario, false)
         .map(Box::new)
         .map_err(|e| words(&e))
 }

@@ -23,7 +23,7 @@ use std::process::ExitCode;
 use clap::Args;
 use wheelarm_proto::keys::check_name;
 
-use crate::link::ConnectArgs;
+use wheelarm_link::Connect;
 pub use run::Ended;
 
 /// Options of `wheelarm teleop`.
@@ -105,7 +105,7 @@ fn own_name() -> String {
 ///
 /// # Errors
 /// When there is no terminal, or the page's address cannot be used.
-pub fn run(connect: &ConnectArgs, args: &TeleopArgs) -> anyhow::Result<ExitCode> {
+pub fn run(connect: &Connect, args: &TeleopArgs) -> anyhow::Result<ExitCode> {
     Ok(match run::run(connect, args)? {
         Ended::Left => ExitCode::SUCCESS,
         Ended::Cut(why) => {

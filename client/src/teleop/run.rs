@@ -14,7 +14,7 @@ use super::model::{Effect, Errand, Model, Settings};
 use super::send::Commands;
 use super::terminal::{Screen, Typed, read_keys};
 use super::view::{self, Theme};
-use crate::link::{Commander, ConnectArgs, Link};
+use wheelarm_link::{Commander, Connect, Link};
 use crate::preview::{self, Page};
 use crate::watch::{Heard, Line};
 
@@ -72,7 +72,7 @@ struct Operation {
 ///
 /// # Errors
 /// When there is no terminal, or the page's address cannot be used.
-pub fn run(connect: &ConnectArgs, args: &TeleopArgs) -> anyhow::Result<Ended> {
+pub fn run(connect: &Connect, args: &TeleopArgs) -> anyhow::Result<Ended> {
     let (events, came) = unbounded();
     let runtime = tokio::runtime::Builder::new_multi_thread()
         .worker_threads(2)

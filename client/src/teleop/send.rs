@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 use crossbeam_channel::{Sender, bounded};
 use wheelarm_proto::{Message, TopicId, v1};
 
-use crate::link::{Commander, Link};
+use wheelarm_link::{Commander, Link};
 
 /// Commands that may wait for the link; more are not sent at all.
 const WAITING: usize = 32;

@@ -11,7 +11,7 @@ use crossbeam_channel::Sender;
 use wheelarm_proto::topic::Sample;
 use wheelarm_proto::{TopicId, v1};
 
-use crate::link::{ConnectArgs, Link, LinkError};
+use wheelarm_link::{Connect, Link, LinkError};
 
 /// Time between two questions for the status.
 const PULSE: Duration = Duration::from_millis(400);
@@ -48,7 +48,7 @@ impl Line {
     /// Starts connecting; `tell` makes the owner's event of what is heard.
     #[must_use]
     pub fn open<E: Send + 'static>(
-        connect: ConnectArgs,
+        connect: Connect,
         streams: Vec<TopicId>,
         events: Sender<E>,
         tell: fn(Heard) -> E,
@@ -81,13 +81,13 @@ impl Drop for Line {
 }
 
 fn keep_open(
-    connect: &ConnectArgs,
+    connect: &Connect,
     streams: &[TopicId],
     ended: &AtomicBool,
     send: &(dyn Fn(Heard) + Sync),
 ) {
-    let attempt = ConnectArgs {
-        connect_timeout: connect.connect_timeout.clamp(0.2, ATTEMPT_SECS),
+    let attempt = Connect {
+        timeout_secs: connect.timeout_secs.clamp(0.2, ATTEMPT_SECS),
         ..connect.clone()
     };
     while !ended.load(Ordering::Acquire) {

@@ -18,7 +18,7 @@ use anyhow::Context;
 use clap::Args;
 use wheelarm_proto::{Message, TopicId, v1};
 
-use crate::link::Link;
+use wheelarm_link::Link;
 pub use hand::seen_from_the_chair;
 pub use line::{Heard, Line};
 pub use meter::{Figures, Meter};

@@ -4,7 +4,7 @@
 use std::time::{Duration, Instant};
 
 use anyhow::Context;
-use wheelarm_client::link::{Commander, Link, Streams};
+use wheelarm_link::{Commander, Link, Streams};
 use wheelarm_proto::topic::Sample;
 use wheelarm_proto::{CONTROL_HZ, TopicId, names, v1};
 use wheelarm_tests::{IdleCommander, Server};

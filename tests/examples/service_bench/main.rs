@@ -9,7 +9,7 @@ mod latency;
 use std::time::{Duration, Instant};
 
 use anyhow::{Context, bail};
-use wheelarm_client::link::Link;
+use wheelarm_link::Link;
 use wheelarm_proto::topic::Sample;
 use wheelarm_proto::{TopicId, v1};
 use wheelarm_tests::{IdleCommander, Recorder, Server, wait_until};

@@ -6,7 +6,7 @@ use std::process::{Child, Command, Stdio};
 use std::time::Duration;
 
 use serde_json::Value;
-use wheelarm_client::link::{Link, LinkError};
+use wheelarm_link::{Link, LinkError};
 use wheelarm_dataset::read::Episode;
 use wheelarm_proto::topic::Sample;
 use wheelarm_proto::{TopicId, v1};

@@ -6,7 +6,7 @@ use wheelarm_proto::preview::PreviewLevel;
 use wheelarm_proto::v1;
 use wheelarm_tests::{IdleCommander, PATIENCE, Server, wait_until};
 
-fn holder(link: &wheelarm_client::link::Link) -> String {
+fn holder(link: &wheelarm_link::Link) -> String {
     let status: v1::Status = link.ask(&v1::StatusRequest {}).expect("a status");
     status.holder
 }

@@ -3,7 +3,7 @@
 use std::path::Path;
 use std::process::Command;
 
-use wheelarm_client::link::Link;
+use wheelarm_link::Link;
 use wheelarm_dataset::read::Episode;
 use wheelarm_proto::v1;
 use wheelarm_tests::{Recorder, Server, printed, wait_until};

@@ -5,7 +5,7 @@ use std::net::TcpStream;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
-use wheelarm_client::link::{ConnectArgs, Link};
+use wheelarm_link::{Connect, Link};
 use wheelarm_proto::topic::Sample;
 use wheelarm_proto::{Message, TopicId, v1};
 use wheelarm_tests::{Server, wait_until};
@@ -134,8 +134,8 @@ fn connections_that_never_say_a_word_keep_nobody_out() {
         .map(|_| TcpStream::connect(address).expect("a connection"))
         .collect();
     // They are put out after five seconds; nobody waits for that.
-    let patient = ConnectArgs {
-        connect_timeout: 4.0,
+    let patient = Connect {
+        timeout_secs: 4.0,
         ..server.connect()
     };
     let link = Link::open(&patient).expect("a link beside the silent ones");

@@ -2,7 +2,7 @@
 
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
-use wheelarm_client::link::{Commander, Link, Streams};
+use wheelarm_link::{Commander, Link, Streams};
 use wheelarm_client::preview::ladder::Ladder;
 use wheelarm_dataset::read::Episode;
 use wheelarm_proto::preview::PreviewLevel;

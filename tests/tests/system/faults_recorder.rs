@@ -5,7 +5,7 @@ use std::path::Path;
 use std::process::Command;
 use std::time::Duration;
 
-use wheelarm_client::link::Link;
+use wheelarm_link::Link;
 use wheelarm_dataset::log;
 use wheelarm_dataset::read::Episode;
 use wheelarm_proto::v1;

@@ -5,7 +5,7 @@
 
 use std::path::Path;
 
-use wheelarm_client::link::Link;
+use wheelarm_link::Link;
 use wheelarm_dataset::read::{Episode, Values};
 use wheelarm_proto::Query;
 use wheelarm_proto::{Message, TopicId, v1};

@@ -6,7 +6,7 @@ use std::process::{Command, Stdio};
 use std::sync::mpsc;
 use std::time::Duration;
 
-use wheelarm_client::link::{Link, Streams};
+use wheelarm_link::{Link, Streams};
 use wheelarm_proto::Query;
 use wheelarm_proto::topic::Sample;
 use wheelarm_proto::{Message, TopicId, v1};
@@ -413,10 +413,10 @@ fn signals_are_heard_before_the_server_says_that_it_is_ready() {
         .stderr(Stdio::null())
         .spawn()
         .expect("a process");
-    let connect = wheelarm_client::link::ConnectArgs {
-        connect: endpoint,
+    let connect = wheelarm_link::Connect {
+        endpoint,
         sim: "early".into(),
-        connect_timeout: PATIENCE.as_secs_f64(),
+        timeout_secs: PATIENCE.as_secs_f64(),
     };
     // It answers: all that is left is to say so.
     let link = Link::open(&connect).expect("a link");

@@ -4,7 +4,7 @@ use std::io::{BufRead, BufReader, Write};
 use std::process::{Child, Command, Stdio};
 use std::time::Duration;
 
-use wheelarm_client::link::{Link, LinkError};
+use wheelarm_link::{Link, LinkError};
 use wheelarm_proto::topic::Sample;
 use wheelarm_proto::{Message, TopicId, v1};
 use wheelarm_tests::{PATIENCE, Server, printed, program, wait_until};
@@ -194,11 +194,11 @@ fn what_cannot_be_undone_is_refused_while_somebody_else_is_in_control() {
     done(&["episode", "stop", "--discard", "--force"]);
     // Who is in control needs no force; nor does anybody when nobody is.
     let seed = |link: &Link| status(link).scenario.map(|s| s.seed);
-    let args = wheelarm_client::control::ResetArgs {
+    let scenario = v1::Scenario {
         seed: Some(8),
-        ..Default::default()
+        ..v1::Scenario::default()
     };
-    wheelarm_client::control::reset(&link, &args).expect("a reset");
+    link.reset(scenario, false).expect("a reset");
     assert_eq!(seed(&link), Some(Some(8)));
     done(&["reset", "--seed", "9", "--force"]);
     drop(anna);

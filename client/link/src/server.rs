@@ -134,7 +134,8 @@ impl Server {
 }
 
 /// The session that a server's liveliness token names.
-pub(crate) fn session_of(token: &Sample) -> Option<ZenohId> {
+#[must_use]
+pub fn session_of(token: &Sample) -> Option<ZenohId> {
     let (_, id) = Keys::server_of(token.key_expr().as_str())?;
     id.parse().ok()
 }

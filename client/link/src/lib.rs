@@ -7,6 +7,7 @@
 
 mod commander;
 mod error;
+mod holder;
 mod preview;
 mod server;
 mod streams;
@@ -14,7 +15,6 @@ mod streams;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
-use clap::Args;
 use wheelarm_proto::keys::{self, Keys};
 use wheelarm_proto::schema;
 use wheelarm_proto::v1::FailureCode;
@@ -30,7 +30,7 @@ pub use commander::Commander;
 pub use error::LinkError;
 pub use preview::Preview;
 pub use server::Server;
-pub(crate) use server::session_of;
+pub use server::session_of;
 pub use streams::Streams;
 
 use error::{transport, words};
@@ -39,17 +39,24 @@ use error::{transport, words};
 pub const DEFAULT_ENDPOINT: &str = "tcp/127.0.0.1:7447";
 
 /// Which server to speak to.
-#[derive(Args, Clone, Debug)]
-pub struct ConnectArgs {
+#[derive(Clone, Debug, PartialEq)]
+pub struct Connect {
     /// Endpoint of the server, for example `tcp/127.0.0.1:7447`.
-    #[arg(long, global = true, env = "WHEELARM_CONNECT", default_value = DEFAULT_ENDPOINT)]
-    pub connect: String,
-    /// Name of the server; many can share one network. `record` takes `*` for all.
-    #[arg(long, global = true, env = "WHEELARM_SIM", default_value = keys::DEFAULT_SIM)]
+    pub endpoint: String,
+    /// Name of the server; many can share one network.
     pub sim: String,
-    /// Longest wait for the connection, seconds.
-    #[arg(long, global = true, default_value_t = 5.0, value_name = "SECONDS")]
-    pub connect_timeout: f64,
+    /// Longest wait for the connection, s.
+    pub timeout_secs: f64,
+}
+
+impl Default for Connect {
+    fn default() -> Self {
+        Self {
+            endpoint: DEFAULT_ENDPOINT.to_owned(),
+            sim: keys::DEFAULT_SIM.to_owned(),
+            timeout_secs: 5.0,
+        }
+    }
 }
 
 /// How long the end of a server's token may come after that of a query, both
@@ -71,12 +78,12 @@ pub enum Silence {
 ///
 /// # Errors
 /// [`LinkError::NoServer`] when nobody listens.
-pub fn open_session(args: &ConnectArgs, silence: Silence) -> Result<Session, LinkError> {
-    zenoh::open(config(&args.connect, args.connect_timeout, silence))
+pub fn open_session(args: &Connect, silence: Silence) -> Result<Session, LinkError> {
+    zenoh::open(config(&args.endpoint, args.timeout_secs, silence))
         .wait()
         .map_err(|cause| LinkError::NoServer {
-            endpoint: args.connect.clone(),
-            seconds: args.connect_timeout,
+            endpoint: args.endpoint.clone(),
+            seconds: args.timeout_secs,
             cause: words(&cause),
         })
 }
@@ -101,7 +108,7 @@ impl Link {
     /// [`LinkError::OtherName`] when the server has another name,
     /// [`LinkError::Several`] when it cannot be told from a stranger,
     /// [`LinkError::Version`] when it speaks another version of the contract.
-    pub fn open(args: &ConnectArgs) -> Result<Self, LinkError> {
+    pub fn open(args: &Connect) -> Result<Self, LinkError> {
         Self::open_as(args, Silence::Gone)
     }
 
@@ -109,12 +116,12 @@ impl Link {
     ///
     /// # Errors
     /// As [`Link::open`].
-    pub fn open_as(args: &ConnectArgs, silence: Silence) -> Result<Self, LinkError> {
+    pub fn open_as(args: &Connect, silence: Silence) -> Result<Self, LinkError> {
         // A bad name is told before anything else.
         Keys::new(&args.sim)?;
-        let deadline = Instant::now() + Duration::from_secs_f64(args.connect_timeout.max(0.1));
+        let deadline = Instant::now() + Duration::from_secs_f64(args.timeout_secs.max(0.1));
         let session = open_session(args, silence)?;
-        let link = Self::over(session, &args.connect, &args.sim)?;
+        let link = Self::over(session, &args.endpoint, &args.sim)?;
         link.wait_alive(deadline)?;
         link.meet()?;
         Ok(link)
@@ -392,7 +399,7 @@ impl Link {
     /// # Errors
     /// [`LinkError::Transport`].
     pub fn streams(&self, topics: &[TopicId]) -> Result<Streams, LinkError> {
-        let (sender, receiver) = crossbeam_channel::unbounded();
+        let (sender, receiver) = std::sync::mpsc::channel();
         let mut subscribers = Vec::new();
         for topic in topics {
             let (topic, sender) = (*topic, sender.clone());

@@ -15,11 +15,11 @@ fn free_endpoint() -> String {
     format!("tcp/127.0.0.1:{port}")
 }
 
-fn args(endpoint: &str, sim: &str) -> ConnectArgs {
-    ConnectArgs {
-        connect: endpoint.to_owned(),
+fn args(endpoint: &str, sim: &str) -> Connect {
+    Connect {
+        endpoint: endpoint.to_owned(),
         sim: sim.to_owned(),
-        connect_timeout: 2.0,
+        timeout_secs: 2.0,
     }
 }
 
@@ -39,10 +39,10 @@ fn listen(endpoint: &str) -> Session {
 #[test]
 fn without_a_server_the_error_names_the_cure() {
     let mut args = args(&free_endpoint(), "sim");
-    args.connect_timeout = 0.3;
+    args.timeout_secs = 0.3;
     let error = Link::open(&args).err().unwrap().to_string();
     assert!(error.contains("wheelarm-server"), "{error}");
-    assert!(error.contains(&args.connect), "{error}");
+    assert!(error.contains(&args.endpoint), "{error}");
 }
 
 #[test]
@@ -246,10 +246,10 @@ fn a_server_of_another_version_is_refused_at_connection_with_the_cure() {
             })
             .wait()
             .unwrap();
-        let args = ConnectArgs {
-            connect: endpoint,
+        let args = Connect {
+            endpoint,
             sim: "old".to_owned(),
-            connect_timeout: 10.0,
+            timeout_secs: 10.0,
         };
         let error = Link::open(&args).err().unwrap();
         assert!(matches!(error, LinkError::Version(_)), "{error}");

@@ -1,8 +1,8 @@
 //! Subscribed topics as one queue of decoded samples, in the order of arrival.
 
+use std::sync::mpsc::{Receiver, RecvTimeoutError};
 use std::time::Duration;
 
-use crossbeam_channel::{Receiver, RecvTimeoutError};
 use wheelarm_proto::TopicId;
 use wheelarm_proto::topic::Sample;
 use zenoh::bytes::ZBytes;

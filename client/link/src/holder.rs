@@ -1,0 +1,54 @@
+//! What whoever holds control asks without force: the secret of its lease goes
+//! with the question. Anybody may ask the same while nobody is in control.
+
+use wheelarm_proto::v1;
+
+use super::{Link, LinkError};
+
+impl Link {
+    /// Sets up a new scenario: the one in force with what `scenario` names
+    /// replaced. Places are drawn anew, also where the seed is the same. With
+    /// `force` also while somebody else is in control.
+    ///
+    /// # Errors
+    /// [`LinkError`].
+    pub fn reset(
+        &self,
+        mut scenario: v1::Scenario,
+        force: bool,
+    ) -> Result<v1::Scenario, LinkError> {
+        // Everything that is not said stays as it is; the same seed says "draw".
+        if scenario.seed.is_none() {
+            let status = self.ask(&v1::StatusRequest {})?;
+            scenario.seed = status.scenario.map(|scenario| scenario.seed());
+        }
+        let reply = self.ask(&v1::ResetRequest {
+            scenario: Some(scenario),
+            force,
+            secret: self.secret(),
+            ..v1::ResetRequest::default()
+        })?;
+        Ok(reply.scenario.unwrap_or_default())
+    }
+
+    /// Ends the running episode; with `discard` recorders throw it away.
+    ///
+    /// # Errors
+    /// [`LinkError`].
+    pub fn stop_episode(&self, discard: bool) -> Result<v1::EpisodeStopped, LinkError> {
+        self.ask(&v1::EpisodeStopRequest {
+            discard,
+            force: false,
+            secret: self.secret(),
+        })
+    }
+
+    /// Ends the server; with `force` also while somebody else is in control.
+    ///
+    /// # Errors
+    /// [`LinkError`].
+    pub fn shutdown(&self, force: bool) -> Result<(), LinkError> {
+        let secret = self.secret();
+        self.ask(&v1::ShutdownRequest { force, secret }).map(|_| ())
+    }
+}
