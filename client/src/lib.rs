@@ -9,7 +9,6 @@ pub mod control;
 pub mod demo;
 pub mod doctor;
 pub mod evaluate;
-pub mod local;
 pub mod operate;
 pub mod preview;
 pub mod record;

@@ -10,22 +10,20 @@ use anyhow::Context;
 use clap::{CommandFactory, Parser, Subcommand};
 use clap_complete::Shell;
 use wheelarm_client::collect::{self, CollectArgs};
+use wheelarm_client::connect::ConnectArgs;
 use wheelarm_client::control::{
     self, EpisodeCommand, LeaseCommand, ResetArgs, ShutdownArgs, manual,
 };
 use wheelarm_client::demo::{self, DemoArgs};
 use wheelarm_client::doctor::{self, DoctorArgs};
 use wheelarm_client::evaluate::{self, EvaluateArgs};
-use wheelarm_client::connect::ConnectArgs;
-use wheelarm_client::operate::operator::Outcome;
-use wheelarm_client::operate::run::{self as operate, OperateArgs, ToldOutcome};
+use wheelarm_client::operate::{self, OperateArgs};
 use wheelarm_client::preview::{self, PreviewArgs};
 use wheelarm_client::record::{self, RecordArgs};
 use wheelarm_client::replay::{self, ReplayArgs};
 use wheelarm_client::teleop::{self, TeleopArgs};
 use wheelarm_client::watch::{self, WatchArgs};
-use wheelarm_link::{Connect, Link, Silence};
-use wheelarm_proto::program::EXIT_NOT_DONE;
+use wheelarm_link::{Connect, Link};
 
 /// Clients of the WheelArm simulator: operate, record, replay, watch.
 ///
@@ -196,12 +194,12 @@ fn run(cli: Cli) -> anyhow::Result<ExitCode> {
         Command::Resume => control::pause(&link()?, false)?,
         Command::Lease(command) => return control::lease(&link()?, command),
         Command::Episode(command) => control::episode(&link()?, command)?,
-        Command::Record(args) => return record_episodes(&connect, args),
+        Command::Record(args) => return record::run(&connect, args),
         Command::Demo(args) => return demo::run(args),
         Command::Evaluate(args) => return evaluate::run(args),
         Command::Collect(args) => return collect::run(args),
         Command::Replay(args) => return replay::run(args),
-        Command::Operate(args) => return run_operator(&link()?, args),
+        Command::Operate(args) => return operate::run(&link()?, args),
         Command::Teleop(args) => return teleop::run(&connect, args),
         Command::Preview(args) => return preview::run(&connect, args),
         Command::Watch(args) => return watch::run(&link()?, args),
@@ -221,59 +219,4 @@ fn write_manual(folder: &Path) -> anyhow::Result<()> {
     std::fs::create_dir_all(folder)
         .and_then(|()| clap_mangen::generate_to(Cli::command(), folder))
         .with_context(|| format!("writing man pages into {}", folder.display()))
-}
-
-fn record_episodes(connect: &Connect, args: &RecordArgs) -> anyhow::Result<ExitCode> {
-    let runtime = tokio::runtime::Runtime::new()?;
-    let interrupted = async {
-        use tokio::signal::unix::{SignalKind, signal};
-        match signal(SignalKind::terminate()) {
-            Ok(mut terminate) => tokio::select! {
-                _ = tokio::signal::ctrl_c() => {}
-                _ = terminate.recv() => {}
-            },
-            Err(_) => {
-                let _ = tokio::signal::ctrl_c().await;
-            }
-        }
-    };
-    let summary = if connect.sim == record::EVERY_SERVER {
-        let session = wheelarm_link::open_session(connect, Silence::Still)?;
-        runtime.block_on(record::run_many(
-            &session,
-            &connect.endpoint,
-            args,
-            interrupted,
-        ))?
-    } else {
-        let link = Link::open_as(connect, Silence::Still)?;
-        runtime.block_on(record::run(&link, args.clone(), interrupted))?
-    };
-    Ok(ExitCode::from(summary.exit_code()))
-}
-
-fn run_operator(link: &Link, args: &OperateArgs) -> anyhow::Result<ExitCode> {
-    let mut phase = String::new();
-    let report = operate::run(link, args, &mut |progress| {
-        if progress.phase != phase {
-            progress.phase.clone_into(&mut phase);
-            println!("{:7.2} s  {phase}", progress.time);
-        }
-        for note in progress.notes {
-            println!("{:7.2} s  {note}", progress.time);
-        }
-    })?;
-    let told = report.told();
-    if let Outcome::Failure(why) | Outcome::Broken(why) = &report.outcome {
-        println!("gave up: {why}");
-    }
-    print!("{}", control::evaluation_lines(&report.evaluation));
-    if let Some(file) = &args.report {
-        std::fs::write(file, serde_json::to_string(&told)?)
-            .with_context(|| format!("the report cannot be written to {}", file.display()))?;
-    }
-    Ok(match told.outcome {
-        ToldOutcome::Done => ExitCode::SUCCESS,
-        ToldOutcome::NotDone | ToldOutcome::Broken => ExitCode::from(EXIT_NOT_DONE),
-    })
 }

@@ -23,11 +23,11 @@ use super::fleet::Turn;
 use super::folder::{Folder, sha256};
 use super::journal::{Done, Failed};
 use super::plan::{Camera, Plan};
-use super::process::{Process, socket_folder, words};
 use super::progress::lock;
 use super::stop::Stop;
 use super::watch::{Board, Watch};
-use crate::operate::run::{Told, ToldOutcome};
+use crate::operate::{Told, ToldOutcome};
+use wheelarm_rig::process::{Process, socket_folder, words};
 
 /// Longest time until a server is ready: it may build its pipelines on a CPU.
 const READY: Duration = Duration::from_secs(300);

@@ -20,7 +20,7 @@ use anyhow::{Context, bail};
 use sha2::{Digest, Sha256};
 
 use super::journal::Done;
-use super::process::remove_socket;
+use wheelarm_rig::process::remove_socket;
 
 /// Name of the note in a staging folder that says what is about to be published.
 const RESULT: &str = "result.json";

@@ -16,7 +16,6 @@ mod journal;
 mod manifest;
 mod merge;
 mod plan;
-mod process;
 mod progress;
 mod stop;
 mod watch;
@@ -31,7 +30,6 @@ use anyhow::{Context, bail};
 use clap::Args;
 
 pub use self::plan::Quality;
-use crate::control::find_program;
 use attempt::Setup;
 use capacity::Host;
 use episode::{Episode, Shard, episodes};
@@ -43,6 +41,7 @@ use manifest::Manifest;
 use plan::Plan;
 use progress::Show;
 use stop::Stop;
+use wheelarm_rig::find_program;
 
 pub use plan::PlanError;
 

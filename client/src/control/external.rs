@@ -1,25 +1,10 @@
 //! `wheelarm X` runs `wheelarm-X` when X is not built in, as cargo does.
 
 use std::ffi::OsString;
-use std::path::{Path, PathBuf};
 use std::process::{Command, ExitCode};
 
 use anyhow::{Context, bail};
-
-/// Finds a program beside this one, else on PATH.
-#[must_use]
-pub fn find_program(name: &str) -> Option<PathBuf> {
-    let file = format!("{name}{}", std::env::consts::EXE_SUFFIX);
-    let beside = std::env::current_exe()
-        .ok()
-        .and_then(|path| path.parent().map(Path::to_path_buf));
-    let path = std::env::var_os("PATH").unwrap_or_default();
-    beside
-        .into_iter()
-        .chain(std::env::split_paths(&path))
-        .map(|folder| folder.join(&file))
-        .find(|program| program.is_file())
-}
+use wheelarm_rig::find_program;
 
 /// Runs an external subcommand and passes its exit code on.
 ///

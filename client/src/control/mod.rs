@@ -10,7 +10,7 @@ use wheelarm_proto::v1;
 
 use wheelarm_link::{Link, LinkError};
 
-pub use external::{find_program, run_external};
+pub use external::run_external;
 pub use lease::{LeaseCommand, LeaseHoldArgs, lease};
 pub use print::{episode_line, evaluation_lines};
 

@@ -15,10 +15,10 @@ use indicatif::{ProgressBar, ProgressStyle};
 use wheelarm_proto::v1;
 
 use crate::collect::Quality;
-use wheelarm_link::Link;
-use crate::local::{self, LocalServer, Program, ServerOptions};
-use crate::operate::run::{self as operate, OperateArgs, Progress};
 use summary::Summary;
+use wheelarm_link::Link;
+use wheelarm_operate::run::{self as operate, OperateOptions, Progress};
+use wheelarm_rig::local::{self, LocalServer, Program, ServerOptions};
 
 /// Name of the demo's recorder.
 const RECORDER: &str = "demo";
@@ -139,10 +139,10 @@ fn one(args: &DemoArgs, seed: u64) -> anyhow::Result<Summary> {
     let status: v1::Status = link.ask(&v1::StatusRequest {})?;
     let mut recorder = local::start_recorder(server.connect(), &args.out, RECORDER)?;
     let label = local::free_label(&args.out, &format!("{}-seed{seed}", args.task));
-    let work = OperateArgs {
+    let work = OperateOptions {
         label: Some(label.clone()),
         require_recorders: 1,
-        ..OperateArgs::default()
+        ..OperateOptions::default()
     };
     bar.set_message(format!("seed {seed}: {}", status.adapter));
     let mut watch = Watch {

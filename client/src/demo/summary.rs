@@ -7,8 +7,8 @@ use std::time::Duration;
 use wheelarm_proto::{StreamId, v1};
 
 use crate::control::evaluation_lines;
-use crate::operate::operator::Outcome;
-use crate::operate::run::Report;
+use wheelarm_operate::operator::Outcome;
+use wheelarm_operate::run::Report;
 
 /// What came of one episode.
 #[derive(Clone, Debug)]

@@ -5,7 +5,7 @@ use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
 use super::Finding;
-use crate::control::find_program;
+use wheelarm_rig::find_program;
 
 /// Cores that a server with two cameras and a recorder want for real time.
 const CORES: usize = 4;

@@ -93,7 +93,7 @@ fn port(endpoint: &str, wanted: bool) -> Finding {
     };
     let mut problem = "no address".to_owned();
     for address in &addresses {
-        match TcpStream::timeout_secs(address, PORT) {
+        match TcpStream::connect_timeout(address, PORT) {
             Ok(_) => return Finding::ok(what, format!("{address} is open")),
             Err(error) => problem = error.to_string(),
         }

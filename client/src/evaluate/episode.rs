@@ -13,9 +13,9 @@ use wheelarm_proto::{TopicId, v1};
 use super::pulse::Pulse;
 use super::{EvaluateArgs, Job};
 use wheelarm_link::{Link, LinkError};
-use crate::local::{self, LocalServer, Program};
-use crate::operate::operator::Outcome;
-use crate::operate::run::{self as operate, OperateArgs, OperateError};
+use wheelarm_operate::operator::Outcome;
+use wheelarm_operate::run::{self as operate, OperateError, OperateOptions};
+use wheelarm_rig::local::{self, LocalServer, Program};
 
 /// Cameras of a recording when none are named.
 const CAMERAS: [&str; 2] = ["gen3=640x360@10", "wheelchair=640x360@10"];
@@ -158,10 +158,10 @@ fn attempt(
     pulse.set_up(&scenario);
     let hashes = link.streams(&[TopicId::StateHash])?;
     let label = format!("{}-seed{}", job.task, job.seed);
-    let work = OperateArgs {
+    let work = OperateOptions {
         label: Some(local::free_label(out, &label)),
         require_recorders: recorders as u32,
-        ..OperateArgs::default()
+        ..OperateOptions::default()
     };
     let mut notes = Vec::new();
     let begun = Instant::now();

@@ -12,8 +12,8 @@ use zenoh::bytes::ZBytes;
 
 use super::report::Report;
 use super::{Entry, EvaluateArgs, Job};
-use crate::local::LocalServer;
-use crate::operate::run::{self as operate, OperateArgs};
+use wheelarm_operate::run::{self as operate, OperateOptions};
+use wheelarm_rig::local::LocalServer;
 
 /// Cameras that take the pictures, with their sizes, pixels, and rates, Hz:
 /// the large one and the small one.
@@ -97,7 +97,7 @@ fn last_frames(args: &EvaluateArgs, job: &Job) -> anyhow::Result<[v1::CameraFram
         })?;
         subscribers.push(subscriber);
     }
-    operate::run(&link, &OperateArgs::default(), &mut |_| {})
+    operate::run(&link, &OperateOptions::default(), &mut |_| {})
         .with_context(|| format!("{} seed {}", job.task, job.seed))?;
     drop(subscribers);
     server.stop(link)?;

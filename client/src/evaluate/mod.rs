@@ -22,10 +22,10 @@ use anyhow::{Context, bail};
 use clap::Args;
 use wheelarm_proto::v1;
 
-use crate::local::{LocalServer, ServerOptions};
 pub use episode::Entry;
 use episode::Worker;
 use ledger::Ledger;
+use wheelarm_rig::local::{LocalServer, ServerOptions};
 
 /// Options of `wheelarm evaluate`.
 #[derive(Args, Clone, Debug)]

@@ -22,9 +22,9 @@ use crossbeam_channel::unbounded;
 use tokio::net::TcpListener;
 use tokio::sync::watch as latest;
 
-use wheelarm_link::{Connect, Link};
 use crate::watch::{Heard, Line, Situation};
 pub use state::state_text;
+use wheelarm_link::{Connect, Link};
 
 /// Where the page is served when nothing else is said.
 pub const DEFAULT_ADDRESS: &str = "127.0.0.1:7450";

@@ -16,9 +16,9 @@ use wheelarm_dataset::read::Episode;
 use wheelarm_proto::topic::Sample;
 use wheelarm_proto::{TopicId, v1};
 
-use wheelarm_link::{Commander, Link, Streams};
-use crate::local::{self, LocalServer, ServerOptions};
 use script::Script;
+use wheelarm_link::{Commander, Link, Streams};
+use wheelarm_rig::local::{self, LocalServer, ServerOptions};
 
 /// Name under which a replay commands and records.
 const NAME: &str = "replay";

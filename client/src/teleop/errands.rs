@@ -85,9 +85,7 @@ fn start(link: &Link, name: &str, args: &Start) -> Result<Box<v1::EpisodeStarted
         commander: name.to_owned(),
         ..Default::default()
     };
-    link.ask(&request)
-        .map(Box::new)
-        .map_err(|e| words(&e))
+    link.ask(&request).map(Box::new).map_err(|e| words(&e))
 }
 
 fn stop(link: &Link, discard: bool) -> Result<Box<v1::EpisodeStopped>, String> {

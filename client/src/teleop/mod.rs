@@ -23,8 +23,8 @@ use std::process::ExitCode;
 use clap::Args;
 use wheelarm_proto::keys::check_name;
 
-use wheelarm_link::Connect;
 pub use run::Ended;
+use wheelarm_link::Connect;
 
 /// Options of `wheelarm teleop`.
 #[derive(Args, Clone, Debug)]

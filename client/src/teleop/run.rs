@@ -14,9 +14,9 @@ use super::model::{Effect, Errand, Model, Settings};
 use super::send::Commands;
 use super::terminal::{Screen, Typed, read_keys};
 use super::view::{self, Theme};
-use wheelarm_link::{Commander, Connect, Link};
 use crate::preview::{self, Page};
 use crate::watch::{Heard, Line};
+use wheelarm_link::{Commander, Connect, Link};
 
 /// Streams that the screen shows.
 const STREAMS: [TopicId; 11] = [

@@ -124,9 +124,9 @@ fn stay(
 ) -> Result<Option<String>, LinkError> {
     let samples = link.streams(streams)?;
     send(Heard::Connected(Box::new(link.clone())));
-    let closed = AtomicBool::new(false);
+    let closed = &AtomicBool::new(false);
     std::thread::scope(|scope| {
-        scope.spawn(|| {
+        scope.spawn(move || {
             while !closed.load(Ordering::Acquire) {
                 // A sample that cannot be read is told by `wheelarm watch`.
                 if let Ok(Some(sample)) = samples.next(Duration::from_millis(50)) {

@@ -18,12 +18,12 @@ use anyhow::Context;
 use clap::Args;
 use wheelarm_proto::{Message, TopicId, v1};
 
-use wheelarm_link::Link;
 pub use hand::seen_from_the_chair;
 pub use line::{Heard, Line};
 pub use meter::{Figures, Meter};
 pub use report::{Recorder, Report};
 pub use situation::{Connection, Happening, Situation, Target};
+use wheelarm_link::Link;
 
 /// Options of `wheelarm watch`.
 #[derive(Args, Clone, Debug)]

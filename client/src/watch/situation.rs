@@ -10,7 +10,7 @@ use wheelarm_proto::topic::Sample;
 use wheelarm_proto::{names, v1};
 
 use super::hand;
-use crate::operate::scene::read_pose;
+use wheelarm_operate::scene::read_pose;
 
 /// Newest lines that are kept of what happened.
 const KEPT: usize = 50;

@@ -6,8 +6,8 @@ use std::process::{Child, Command, Stdio};
 use std::time::Duration;
 
 use serde_json::Value;
-use wheelarm_link::{Link, LinkError};
 use wheelarm_dataset::read::Episode;
+use wheelarm_link::{Link, LinkError};
 use wheelarm_proto::topic::Sample;
 use wheelarm_proto::{TopicId, v1};
 use wheelarm_tests::{IdleCommander, Recorder, Server, printed, program, root, wait_until};

@@ -3,8 +3,8 @@
 use std::path::Path;
 use std::process::Command;
 
-use wheelarm_link::Link;
 use wheelarm_dataset::read::Episode;
+use wheelarm_link::Link;
 use wheelarm_proto::v1;
 use wheelarm_tests::{Recorder, Server, printed, wait_until};
 

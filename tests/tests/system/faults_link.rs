@@ -2,9 +2,9 @@
 
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
-use wheelarm_link::{Commander, Link, Streams};
 use wheelarm_client::preview::ladder::Ladder;
 use wheelarm_dataset::read::Episode;
+use wheelarm_link::{Commander, Link, Streams};
 use wheelarm_proto::preview::PreviewLevel;
 use wheelarm_proto::topic::Sample;
 use wheelarm_proto::{TopicId, v1};

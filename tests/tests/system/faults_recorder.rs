@@ -5,9 +5,9 @@ use std::path::Path;
 use std::process::Command;
 use std::time::Duration;
 
-use wheelarm_link::Link;
 use wheelarm_dataset::log;
 use wheelarm_dataset::read::Episode;
+use wheelarm_link::Link;
 use wheelarm_proto::v1;
 use wheelarm_tests::{IdleCommander, Recorder, Server, printed, wait_until};
 

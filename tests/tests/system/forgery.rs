@@ -5,8 +5,8 @@
 
 use std::path::Path;
 
-use wheelarm_link::Link;
 use wheelarm_dataset::read::{Episode, Values};
+use wheelarm_link::Link;
 use wheelarm_proto::Query;
 use wheelarm_proto::{Message, TopicId, v1};
 use wheelarm_tests::{PATIENCE, Recorder, Router, Server, wait_until};

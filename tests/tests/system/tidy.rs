@@ -113,7 +113,7 @@ const EXACT: [&str; 9] = [
     "server/src/scene",
     "server/src/geometry",
     "server/src/service",
-    "client/src/operate",
+    "client/operate/src",
 ];
 
 #[test]
@@ -181,6 +181,93 @@ fn no_client_depends_on_the_server() {
             manifest.display()
         );
     }
+}
+
+/// Packages below `client/` and which of this workspace they may name: no arrow
+/// runs up and there is no circle.
+const CLIENTS: [(&str, &[&str]); 6] = [
+    ("client/link", &["proto"]),
+    ("client/dataset", &["proto"]),
+    ("client/operate", &["link", "proto"]),
+    ("client/record", &["dataset", "link", "proto"]),
+    ("client/rig", &["link", "proto"]),
+    (
+        "client",
+        &["dataset", "link", "operate", "proto", "record", "rig"],
+    ),
+];
+
+/// Names of the packages that a manifest depends on.
+fn dependencies(folder: &str) -> Vec<String> {
+    let manifest = root().join(folder).join("Cargo.toml");
+    let text = fs::read_to_string(&manifest).expect("a manifest");
+    let lines = text.lines().skip_while(|line| *line != "[dependencies]");
+    let lines = lines.skip(1).take_while(|line| !line.starts_with('['));
+    lines
+        .filter(|line| !line.is_empty() && !line.starts_with('#'))
+        .map(|line| line.split(['.', ' ']).next().unwrap_or_default().to_owned())
+        .collect()
+}
+
+#[test]
+fn a_client_package_names_only_what_lies_below_it() {
+    let found: Vec<String> = list("client", "Cargo.toml")
+        .iter()
+        .filter_map(|path| path.parent()?.strip_prefix(root()).ok().map(PathBuf::from))
+        .map(|folder| folder.to_string_lossy().into_owned())
+        .collect();
+    for folder in &found {
+        let (_, allowed) = CLIENTS
+            .iter()
+            .find(|(name, _)| name == folder)
+            .unwrap_or_else(|| panic!("{folder} is not in the list of client packages"));
+        for name in dependencies(folder) {
+            let Some(ours) = name.strip_prefix("wheelarm-") else {
+                continue;
+            };
+            assert!(allowed.contains(&ours), "{folder} names wheelarm-{ours}");
+        }
+    }
+    assert_eq!(found.len(), CLIENTS.len(), "{found:?}");
+}
+
+/// What `wheelarm-link` may be built with: proto, zenoh, and what those need.
+const LINK: [&str; 9] = [
+    "bytes",
+    "prost",
+    "serde_json",
+    "thiserror",
+    "tokio",
+    "tracing",
+    "wheelarm-proto",
+    "zenoh",
+    "zenoh-ext",
+];
+/// Calls that only Unix has.
+const UNIX: [&str; 7] = [
+    "os::unix",
+    "os::fd",
+    "signal::unix",
+    "libc",
+    "rustix",
+    "\"/proc",
+    "\"/tmp",
+];
+
+#[test]
+fn a_foreign_client_needs_proto_and_zenoh_alone_and_no_unix() {
+    for name in dependencies("client/link") {
+        assert!(LINK.contains(&name.as_str()), "wheelarm-link needs {name}");
+    }
+    let mut found = Vec::new();
+    for path in list("client/link/src", ".rs") {
+        for (line, text) in code(&path) {
+            for call in UNIX.iter().filter(|call| text.contains(**call)) {
+                found.push(format!("{}:{line} names {call}", path.display()));
+            }
+        }
+    }
+    assert!(found.is_empty(), "{}", found.join("\n"));
 }
 
 #[test]

@@ -6,7 +6,7 @@ use wheelarm_proto::v1::Phase;
 
 use super::motion::{Motion, Progress};
 use super::{Act, Now, Skill, Step};
-use crate::operate::hand::OPEN;
+use crate::hand::OPEN;
 
 /// Longest time for the fingers to open, seconds.
 const LONGEST: f64 = 3.0;

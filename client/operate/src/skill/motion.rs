@@ -3,7 +3,7 @@
 use nalgebra::Isometry3;
 
 use super::Now;
-use crate::operate::tool_path::{ToolPath, distance};
+use crate::tool_path::{ToolPath, distance};
 
 /// The hand counts as arrived within this, metres and radians.
 const ARRIVED: [f64; 2] = [0.006, 0.03];

@@ -215,7 +215,7 @@ pub fn held_balls(blocks: &[Block], tool_from_item: &Isometry3<f64>) -> Vec<Ball
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::operate::scene::Item;
+    use crate::scene::Item;
     use nalgebra::{UnitQuaternion, Vector3};
 
     #[test]

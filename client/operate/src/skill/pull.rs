@@ -6,7 +6,7 @@ use wheelarm_proto::v1::Phase;
 
 use super::motion::{Motion, Progress};
 use super::{Act, Now, Skill, Step};
-use crate::operate::goal::Goal;
+use crate::goal::Goal;
 
 /// The slide is drawn further than asked by this much, metres.
 const MORE: f64 = 0.02;

@@ -11,15 +11,25 @@ use wheelarm_proto::keys::Keys;
 use zenoh::Session;
 use zenoh::sample::SampleKind;
 
-use super::network::{print, run_with};
-use super::{ExitSummary, Output, RecordArgs};
 use wheelarm_link::Link;
 
-/// The server name that stands for every server.
-pub const EVERY_SERVER: &str = "*";
+use super::network::run;
+use super::{ExitSummary, Output, RecordOptions};
 
-/// Records the episodes of every server that `session` leads to, until
-/// `args.episodes` of them all are done or `shutdown` completes.
+/// What is told of many servers, each by its name.
+#[derive(Debug)]
+pub enum Told<'a> {
+    /// It is recorded from now on.
+    Recording(&'a str),
+    /// What its recorder put out.
+    Output(&'a str, &'a Output),
+    /// It is not recorded, and why.
+    Left(&'a str, &'a anyhow::Error),
+}
+
+/// Records the episodes of every server that `session` leads to, each into a
+/// folder of its name below `options.out`, until `options.episodes` of them all
+/// are done or `shutdown` completes.
 ///
 /// # Errors
 /// When the servers cannot be watched. A server whose recorder fails is told
@@ -27,8 +37,9 @@ pub const EVERY_SERVER: &str = "*";
 pub async fn run_many(
     session: &Session,
     endpoint: &str,
-    args: &RecordArgs,
+    options: &RecordOptions,
     shutdown: impl Future<Output = ()>,
+    tell: impl Fn(&Told<'_>) + Clone + Send + Sync + 'static,
 ) -> anyhow::Result<ExitSummary> {
     let servers = session
         .liveliness()
@@ -41,7 +52,7 @@ pub async fn run_many(
     let mut recorders = JoinSet::new();
     let mut joined = BTreeSet::new();
     let mut summary = ExitSummary::default();
-    let mut left = args.episodes;
+    let mut left = options.episodes;
     tokio::pin!(shutdown);
     while !*ended.borrow() {
         tokio::select! {
@@ -52,8 +63,9 @@ pub async fn run_many(
                 // episode and takes the next one when the server comes back.
                 if sample.kind() == SampleKind::Put && joined.insert(sim.clone()) {
                     let link = Link::over(session.clone(), endpoint, &sim)?;
-                    let one = one(link, sim, args.clone(), ended.clone(), episodes.clone());
-                    recorders.spawn(one);
+                    tell(&Told::Recording(&sim));
+                    let (ended, episodes) = (ended.clone(), episodes.clone());
+                    recorders.spawn(one(link, sim, options.clone(), ended, episodes, tell.clone()));
                 }
             }
             Some(()) = done.recv() => {
@@ -65,7 +77,7 @@ pub async fn run_many(
             Some(result) = recorders.join_next(), if !recorders.is_empty() => {
                 let (sim, result) = result.context("a recorder panicked")?;
                 joined.remove(&sim);
-                add(&mut summary, &sim, result);
+                add(&mut summary, &sim, result, &tell);
             }
             () = &mut shutdown => {
                 end.send_replace(true);
@@ -74,7 +86,7 @@ pub async fn run_many(
     }
     while let Some(result) = recorders.join_next().await {
         let (sim, result) = result.context("a recorder panicked")?;
-        add(&mut summary, &sim, result);
+        add(&mut summary, &sim, result, &tell);
     }
     Ok(summary)
 }
@@ -83,23 +95,23 @@ pub async fn run_many(
 async fn one(
     link: Link,
     sim: String,
-    args: RecordArgs,
+    options: RecordOptions,
     mut ended: watch::Receiver<bool>,
     episodes: mpsc::UnboundedSender<()>,
+    tell: impl Fn(&Told<'_>),
 ) -> (String, anyhow::Result<ExitSummary>) {
-    println!("recording the server {sim:?}");
-    let args = RecordArgs {
-        out: args.out.join(&sim),
+    let options = RecordOptions {
+        out: options.out.join(&sim),
         // They are counted over all servers.
         episodes: None,
-        ..args
+        ..options
     };
     let shutdown = async move {
         // A sender that is gone ends the recorder as well.
         let _ = ended.wait_for(|ended| *ended).await;
     };
-    let result = run_with(&link, args, shutdown, |output| {
-        print(output);
+    let result = run(&link, options, shutdown, |output| {
+        tell(&Told::Output(&sim, output));
         if matches!(output, Output::Finished(_) | Output::Failed(_)) {
             // Nobody counts any more when the end is near.
             let _ = episodes.send(());
@@ -109,14 +121,19 @@ async fn one(
     (sim, result)
 }
 
-fn add(summary: &mut ExitSummary, sim: &str, result: anyhow::Result<ExitSummary>) {
+fn add(
+    summary: &mut ExitSummary,
+    sim: &str,
+    result: anyhow::Result<ExitSummary>,
+    tell: &impl Fn(&Told<'_>),
+) {
     match result {
         Ok(more) => {
             summary.finished.extend(more.finished);
             summary.failed.extend(more.failed);
         }
         Err(problem) => {
-            eprintln!("the server {sim:?} is not recorded: {problem:#}");
+            tell(&Told::Left(sim, &problem));
             summary.failed.push(format!("{sim}: {problem:#}"));
         }
     }

@@ -6,10 +6,10 @@ use wheelarm_proto::v1::Phase;
 
 use super::motion::{Motion, Progress};
 use super::{Act, Now, Skill, Step, lift};
-use crate::operate::goal::Goal;
-use crate::operate::ground::wrap;
-use crate::operate::tool_path::distance;
-use crate::operate::way::{self, MARGINS, Way};
+use crate::goal::Goal;
+use crate::ground::wrap;
+use crate::tool_path::distance;
+use crate::way::{self, MARGINS, Way};
 
 /// Heights of a way over the things that are tried, metres.
 const OVER: [f64; 5] = [0.08, 0.14, 0.20, 0.26, 0.32];

@@ -1,9 +1,7 @@
 //! The operator at work over the network: streams in, commands out.
 
-use std::path::PathBuf;
 use std::time::Duration;
 
-use clap::Args;
 use nalgebra::Isometry3;
 use wheelarm_proto::check::Invalid;
 use wheelarm_proto::topic::Sample;
@@ -16,36 +14,26 @@ use super::scene::{SceneModel, write_pose};
 use super::style::Style;
 use wheelarm_link::{Link, LinkError};
 
-/// Options of `wheelarm operate`.
-#[derive(Args, Clone, Debug)]
-pub struct OperateArgs {
+/// What the operator is asked to do.
+#[derive(Clone, Debug)]
+pub struct OperateOptions {
     /// Task; the one in force when absent, else the scenario is reset to it.
-    #[arg(long)]
     pub task: Option<String>,
     /// Label of the episode; task and seed when absent.
-    #[arg(long)]
     pub label: Option<String>,
-    /// Instruction sentence; the scenario's when absent.
-    #[arg(long, default_value = "")]
+    /// Instruction sentence; the scenario's when empty.
     pub instruction: String,
     /// Recorders that must be ready before time goes on.
-    #[arg(long, default_value_t = 0, value_name = "N")]
     pub require_recorders: u32,
     /// Name under which the operator commands.
-    #[arg(long, default_value = "operator")]
     pub commander: String,
     /// Takes control over from whoever holds it.
-    #[arg(long)]
     pub take: bool,
     /// Seed of the operator's habits; the scenario's when absent.
-    #[arg(long)]
     pub style_seed: Option<u64>,
-    /// Writes how it went as JSON: `outcome` (`done`, `not_done` or `broken`) and `why`.
-    #[arg(long, value_name = "FILE")]
-    pub report: Option<PathBuf>,
 }
 
-impl Default for OperateArgs {
+impl Default for OperateOptions {
     fn default() -> Self {
         Self {
             task: None,
@@ -55,7 +43,6 @@ impl Default for OperateArgs {
             commander: "operator".to_owned(),
             take: false,
             style_seed: None,
-            report: None,
         }
     }
 }
@@ -111,41 +98,7 @@ pub struct Report {
     pub ticks: u64,
 }
 
-/// What `--report` holds.
-#[derive(Clone, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
-pub struct Told {
-    /// How it went.
-    pub outcome: ToldOutcome,
-    /// Why it was not done, for people.
-    pub why: String,
-}
-
-/// How an operator's work went, for programs.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum ToldOutcome {
-    /// The task was done.
-    Done,
-    /// It was tried and not done.
-    NotDone,
-    /// The simulation broke.
-    Broken,
-}
-
 impl Report {
-    /// As `--report` tells it.
-    #[must_use]
-    pub fn told(&self) -> Told {
-        let (outcome, why) = match &self.outcome {
-            _ if self.succeeded() => (ToldOutcome::Done, ""),
-            Outcome::Success => (ToldOutcome::NotDone, ""),
-            Outcome::Failure(why) => (ToldOutcome::NotDone, why.as_str()),
-            Outcome::Broken(why) => (ToldOutcome::Broken, why.as_str()),
-        };
-        let why = why.to_owned();
-        Told { outcome, why }
-    }
-
     /// The operator is content and the task agrees.
     #[must_use]
     pub fn succeeded(&self) -> bool {
@@ -189,7 +142,7 @@ impl Drop for OwnEpisode<'_> {
 /// [`OperateError`]; a task that was tried and failed is a [`Report`].
 pub fn run(
     link: &Link,
-    args: &OperateArgs,
+    options: &OperateOptions,
     progress: &mut dyn FnMut(&Progress<'_>),
 ) -> Result<Report, OperateError> {
     let mut wanted = observation::STREAMS.to_vec();
@@ -197,7 +150,7 @@ pub fn run(
     let streams = link.streams(&wanted)?;
     let status: v1::Status = link.ask(&v1::StatusRequest {})?;
     let mut scenario = status.scenario.clone().unwrap_or_default();
-    if let (Some(task), None) = (&args.task, &status.episode)
+    if let (Some(task), None) = (&options.task, &status.episode)
         && *task != scenario.task()
     {
         let wanted = v1::Scenario {
@@ -209,12 +162,12 @@ pub fn run(
         return Err(OperateError::Over);
     }
     let model = SceneModel::read(&link.ask(&v1::SceneRequest {})?)?;
-    let style = Style::new(args.style_seed.unwrap_or(scenario.seed()));
+    let style = Style::new(options.style_seed.unwrap_or(scenario.seed()));
     let mut operator = Operator::new(model, style).map_err(OperateError::Scene)?;
-    let mut commander = link.commander(&args.commander, args.take)?;
+    let mut commander = link.commander(&options.commander, options.take)?;
     let (started, is_ours) = match status.episode {
         Some(running) => (running, false),
-        None => (start(link, args, &scenario)?, true),
+        None => (start(link, options, &scenario)?, true),
     };
     let first = started.header.clone().unwrap_or_default();
     let mut own = OwnEpisode {
@@ -244,7 +197,7 @@ pub fn run(
                 break broke(&words);
             }
             Some(Sample::Refusal(refusal)) => {
-                if refusal.commander == args.commander {
+                if refusal.commander == options.commander {
                     tracing::warn!("command {} refused: {}", refusal.sequence, refusal.reason);
                 }
                 continue;
@@ -372,17 +325,17 @@ pub fn run(
 
 fn start(
     link: &Link,
-    args: &OperateArgs,
+    options: &OperateOptions,
     scenario: &v1::Scenario,
 ) -> Result<v1::EpisodeStarted, LinkError> {
     link.ask(&v1::EpisodeStartRequest {
-        label: args
+        label: options
             .label
             .clone()
             .unwrap_or_else(|| format!("{}-seed{}", scenario.task(), scenario.seed())),
-        instruction: (!args.instruction.is_empty()).then(|| args.instruction.clone()),
-        require_recorders: args.require_recorders,
-        commander: args.commander.clone(),
+        instruction: (!options.instruction.is_empty()).then(|| options.instruction.clone()),
+        require_recorders: options.require_recorders,
+        commander: options.commander.clone(),
         ..Default::default()
     })
 }

@@ -4,7 +4,8 @@
 //! [`RecorderCore`] decides and writes, without a network; `network` moves
 //! messages between it and Zenoh through a queue bounded in bytes. No zenoh
 //! callback works: it moves the sample into that queue. The file of an episode
-//! is made on a thread of its own, while the next episode is recorded.
+//! is made on a thread of its own, while the next episode is recorded. Nothing
+//! is printed here: what happens is told as [`Output`].
 
 mod core;
 mod digests;
@@ -17,53 +18,25 @@ mod queue;
 pub use self::core::{Input, Output, RecorderCore};
 pub use self::episode::{Finishing, Report};
 pub use self::gaps::Missing;
-pub use self::many::{EVERY_SERVER, run_many};
-pub use self::network::{run, run_with};
+pub use self::many::{Told, run_many};
+pub use self::network::run;
 
 use std::path::PathBuf;
 
-use clap::{Args, ValueEnum};
 use wheelarm_dataset::depth::DepthFormat;
 
-/// How depth is stored.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
-pub enum Depth {
-    /// float32 metres, bit by bit as rendered.
-    #[default]
-    F32,
-    /// 16-bit millimetres at half the size; 0 where nothing was hit or the
-    /// surface is farther than 65.535 m.
-    U16,
-}
-
-impl From<Depth> for DepthFormat {
-    fn from(depth: Depth) -> Self {
-        match depth {
-            Depth::F32 => Self::Metres,
-            Depth::U16 => Self::Millimetres,
-        }
-    }
-}
-
-/// Options of a recorder.
-#[derive(Args, Clone, Debug)]
-pub struct RecordArgs {
-    /// Folder for the files; one per episode, named LABEL.h5, with
-    /// `--sim '*'` below a folder per server.
-    #[arg(long, default_value = "data", value_name = "DIR")]
+/// What a recorder is asked to do.
+#[derive(Clone, Debug)]
+pub struct RecordOptions {
+    /// Folder for the files; one per episode, named LABEL.h5.
     pub out: PathBuf,
     /// Name of this recorder; several at one server need different ones.
-    #[arg(long, default_value = "recorder")]
     pub name: String,
     /// How depth is stored.
-    #[arg(long, value_enum, default_value_t = Depth::F32)]
-    pub depth: Depth,
+    pub depth: DepthFormat,
     /// Ends when standard input is closed: with the program that started it.
-    #[arg(long, hide = true)]
     pub end_with_stdin: bool,
-    /// Ends after this many episodes, of all servers with `--sim '*'`; runs
-    /// until Ctrl-C without it.
-    #[arg(long, value_name = "N")]
+    /// Ends after this many episodes; runs until it is shut down without it.
     pub episodes: Option<u64>,
 }
 

@@ -14,7 +14,7 @@ use anyhow::{Context, bail};
 use wheelarm_proto::program::Ready;
 use wheelarm_proto::v1;
 
-use crate::control::find_program;
+use crate::find_program;
 use wheelarm_link::{Connect, Link};
 
 /// Lines of a program's messages that are kept for an error.
@@ -43,7 +43,7 @@ pub struct ServerOptions {
 
 /// For programs that are started here: their last words are shown, and a
 /// backtrace behind them would hide them. Panics still show theirs.
-pub(crate) fn without_backtrace(command: &mut Command) {
+pub fn without_backtrace(command: &mut Command) {
     const NAME: &str = "RUST_LIB_BACKTRACE";
     if std::env::var_os(NAME).is_none() {
         command.env(NAME, "0");
@@ -199,7 +199,7 @@ impl Drop for Program {
 
 /// Why a program ended, by its own words: the place and words of its first
 /// panic, else its error; empty when it said neither.
-pub(crate) fn last_words<'a>(lines: impl Iterator<Item = &'a str>) -> String {
+pub fn last_words<'a>(lines: impl Iterator<Item = &'a str>) -> String {
     let lines: Vec<&str> = lines.filter(|line| !line.trim().is_empty()).collect();
     let panic = lines.iter().position(|line| line.contains("panicked at"));
     match panic {

@@ -9,7 +9,7 @@ use std::process::{Child, Command, ExitStatus, Stdio};
 
 use anyhow::Context;
 
-use crate::control::find_program;
+use crate::find_program;
 use crate::local::{last_words, without_backtrace};
 
 /// Lines of a program's messages that stand in an error.

@@ -5,12 +5,12 @@ use nalgebra::{Isometry3, Translation3};
 use wheelarm_proto::v1::Phase;
 
 use super::{Act, Now, Skill, Step};
-use crate::operate::dock::{self, DOCK_MARGIN};
-use crate::operate::drive::Drive;
-use crate::operate::goal::Goal;
-use crate::operate::ground::{Ground, Pose2};
-use crate::operate::route::{self, Piece, Route, RouteStyle};
-use crate::operate::way::{self, MARGINS, Way};
+use crate::dock::{self, DOCK_MARGIN};
+use crate::drive::Drive;
+use crate::goal::Goal;
+use crate::ground::{Ground, Pose2};
+use crate::route::{self, Piece, Route, RouteStyle};
+use crate::way::{self, MARGINS, Way};
 
 use super::{lift, place};
 

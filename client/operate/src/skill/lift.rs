@@ -5,8 +5,8 @@ use wheelarm_proto::v1::Phase;
 
 use super::motion::{Motion, Progress};
 use super::{Act, Now, Skill, Step};
-use crate::operate::clearance::held_balls;
-use crate::operate::goal::Goal;
+use crate::clearance::held_balls;
+use crate::goal::Goal;
 
 /// Heights to raise by under a board, metres; the style's comes first.
 const LOW: [f64; 5] = [0.13, 0.10, 0.07, 0.04, 0.02];

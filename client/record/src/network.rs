@@ -8,6 +8,7 @@ use anyhow::{Context, bail};
 use bytes::Bytes;
 use tokio::sync::mpsc;
 use wheelarm_dataset::writer::WriterOptions;
+use wheelarm_link::{Link, session_of};
 use wheelarm_proto::keys::check_name;
 use wheelarm_proto::schema;
 use wheelarm_proto::{Message, StreamId, TopicId, v1};
@@ -20,8 +21,7 @@ use zenoh_ext::{AdvancedSubscriberBuilderExt, HistoryConfig, RecoveryConfig};
 
 use super::core::{Input, Output, RecorderCore};
 use super::queue::{Entrance, Exit, queue};
-use super::{ExitSummary, Missing, RecordArgs};
-use wheelarm_link::{Link, session_of};
+use super::{ExitSummary, Missing, RecordOptions};
 
 /// The newest status is published again after this time: a lost one holds
 /// nobody up for longer.
@@ -51,54 +51,42 @@ enum Raw {
     Ready(Input),
 }
 
-/// Records until `args.episodes` are done or `shutdown` completes; prints a
-/// line per episode.
+/// Records until `options.episodes` are done or `shutdown` completes; every
+/// output is told to `tell`.
 ///
 /// # Errors
 /// When the folder cannot be made, the name is taken, or the session fails.
 pub async fn run(
     link: &Link,
-    args: RecordArgs,
-    shutdown: impl Future<Output = ()>,
-) -> anyhow::Result<ExitSummary> {
-    run_with(link, args, shutdown, print).await
-}
-
-/// As [`run`], telling every output to `tell`.
-///
-/// # Errors
-/// As [`run`].
-pub async fn run_with(
-    link: &Link,
-    args: RecordArgs,
+    options: RecordOptions,
     shutdown: impl Future<Output = ()>,
     mut tell: impl FnMut(&Output),
 ) -> anyhow::Result<ExitSummary> {
-    check_name(&args.name)?;
-    if args.out.to_str().is_none() {
+    check_name(&options.name)?;
+    if options.out.to_str().is_none() {
         bail!(
             "the folder {} is not in UTF-8, which HDF5 cannot take; choose another --out",
-            args.out.display()
+            options.out.display()
         );
     }
     let (session, keys) = (link.session(), link.keys());
-    std::fs::create_dir_all(&args.out)
-        .with_context(|| format!("the folder {} cannot be made", args.out.display()))?;
-    let token = keys.recorder_alive(&args.name);
+    std::fs::create_dir_all(&options.out)
+        .with_context(|| format!("the folder {} cannot be made", options.out.display()))?;
+    let token = keys.recorder_alive(&options.name);
     let is_taken = aside(link, move |link| link.is_declared(&token)).await?;
     if is_taken? {
         bail!(
             "a recorder named {:?} is connected to {:?} already; choose another --name",
-            args.name,
+            options.name,
             keys.sim()
         );
     }
-    let options = WriterOptions {
-        depth: args.depth.into(),
-        recorder: args.name.clone(),
+    let writer = WriterOptions {
+        depth: options.depth,
+        recorder: options.name.clone(),
         ..Default::default()
     };
-    let core = RecorderCore::new(args.out.clone(), options).with_limit(args.episodes);
+    let core = RecorderCore::new(options.out.clone(), writer).with_limit(options.episodes);
     let first = core.status().clone();
     let (entrance, exit) = queue();
     let (outputs, mut told) = mpsc::unbounded_channel();
@@ -110,11 +98,11 @@ pub async fn run_with(
     let _subscribers = subscribe(link, &entrance).await?;
     let _token = session
         .liveliness()
-        .declare_token(keys.recorder_alive(&args.name))
+        .declare_token(keys.recorder_alive(&options.name))
         .await
         .map_err(transport("announcing the recorder"))?;
     let publisher = session
-        .declare_publisher(keys.recorder(&args.name))
+        .declare_publisher(keys.recorder(&options.name))
         .encoding(schema::encoding(TopicId::Recorder.info().message))
         .congestion_control(CongestionControl::Block)
         .priority(Priority::InteractiveHigh)
@@ -128,7 +116,7 @@ pub async fn run_with(
     let mut poll = tokio::time::interval(POLL_PERIOD);
     let mut ending = false;
     let mut connection = Connection::new();
-    let _input = args
+    let _input = options
         .end_with_stdin
         .then(|| end_with_input(entrance.clone()));
     tokio::pin!(shutdown);
@@ -154,7 +142,7 @@ pub async fn run_with(
                     Output::Discarded(_) | Output::Finish(_) => {}
                 }
                 let done = (summary.finished.len() + summary.failed.len()) as u64;
-                if !ending && args.episodes.is_some_and(|n| done >= n) {
+                if !ending && options.episodes.is_some_and(|n| done >= n) {
                     ending = true;
                     entrance.control(Raw::Ready(Input::Shutdown));
                 }
@@ -186,36 +174,6 @@ pub async fn run_with(
         );
     }
     Ok(summary)
-}
-
-/// Tells people what became of an episode.
-pub(super) fn print(output: &Output) {
-    match output {
-        Output::Finished(r) => {
-            let state = if r.complete { "complete" } else { "PARTIAL" };
-            let mb = r.bytes as f64 / 1e6;
-            let missed = match r.counted {
-                true => format!("{} missed", r.missed),
-                false => format!("at least {} missed (how many is unknown)", r.missed),
-            };
-            println!(
-                "{}: {state}, {} frames, {} samples, {missed}, {mb:.1} MB",
-                r.path.display(),
-                r.frames,
-                r.samples
-            );
-            for line in r.problems.iter().chain(&r.notes) {
-                println!("  {line}");
-            }
-        }
-        Output::Failed(words) => eprintln!("recording failed: {words}"),
-        Output::Discarded(label) => println!("{label}: discarded"),
-        Output::AskSnapshot
-        | Output::AskState
-        | Output::AskSamples(_)
-        | Output::Status(_)
-        | Output::Finish(_) => {}
-    }
 }
 
 /// The recorder's thread: decodes and feeds the core until it is shut down.

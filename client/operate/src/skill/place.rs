@@ -6,12 +6,12 @@ use wheelarm_proto::v1::Phase;
 
 use super::motion::{Motion, Progress};
 use super::{Act, Now, Skill, Step};
-use crate::operate::block::Block;
-use crate::operate::clearance::held_balls;
-use crate::operate::goal::Goal;
-use crate::operate::hand::OPEN;
-use crate::operate::tool_path::distance;
-use crate::operate::way::Way;
+use crate::block::Block;
+use crate::clearance::held_balls;
+use crate::goal::Goal;
+use crate::hand::OPEN;
+use crate::tool_path::distance;
+use crate::way::Way;
 
 /// The hand comes from this far above, metres.
 const ABOVE: f64 = 0.06;

@@ -1,0 +1,130 @@
+//! `wheelarm record`: the recorder with options and words.
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use clap::{Args, ValueEnum};
+use wheelarm_dataset::depth::DepthFormat;
+use wheelarm_link::{Connect, Link, Silence};
+use wheelarm_record::{self as record, Output, RecordOptions, Told};
+
+/// The server name that stands for every server.
+const EVERY_SERVER: &str = "*";
+
+/// How depth is stored.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+pub enum Depth {
+    /// float32 metres, bit by bit as rendered.
+    #[default]
+    F32,
+    /// 16-bit millimetres at half the size; 0 where nothing was hit or the
+    /// surface is farther than 65.535 m.
+    U16,
+}
+
+impl From<Depth> for DepthFormat {
+    fn from(depth: Depth) -> Self {
+        match depth {
+            Depth::F32 => Self::Metres,
+            Depth::U16 => Self::Millimetres,
+        }
+    }
+}
+
+/// Options of a recorder.
+#[derive(Args, Clone, Debug)]
+pub struct RecordArgs {
+    /// Folder for the files; one per episode, named LABEL.h5, with
+    /// `--sim '*'` below a folder per server.
+    #[arg(long, default_value = "data", value_name = "DIR")]
+    pub out: PathBuf,
+    /// Name of this recorder; several at one server need different ones.
+    #[arg(long, default_value = "recorder")]
+    pub name: String,
+    /// How depth is stored.
+    #[arg(long, value_enum, default_value_t = Depth::F32)]
+    pub depth: Depth,
+    /// Ends when standard input is closed: with the program that started it.
+    #[arg(long, hide = true)]
+    pub end_with_stdin: bool,
+    /// Ends after this many episodes, of all servers with `--sim '*'`; runs
+    /// until Ctrl-C without it.
+    #[arg(long, value_name = "N")]
+    pub episodes: Option<u64>,
+}
+
+/// Records until it is interrupted and prints a line per episode.
+///
+/// # Errors
+/// When the server is not there, the folder cannot be made or the name is taken.
+pub fn run(connect: &Connect, args: &RecordArgs) -> anyhow::Result<ExitCode> {
+    let options = RecordOptions {
+        out: args.out.clone(),
+        name: args.name.clone(),
+        depth: args.depth.into(),
+        end_with_stdin: args.end_with_stdin,
+        episodes: args.episodes,
+    };
+    let runtime = tokio::runtime::Runtime::new()?;
+    let summary = if connect.sim == EVERY_SERVER {
+        let session = wheelarm_link::open_session(connect, Silence::Still)?;
+        let endpoint = &connect.endpoint;
+        let all = record::run_many(&session, endpoint, &options, interrupted(), print_told);
+        runtime.block_on(all)?
+    } else {
+        let link = Link::open_as(connect, Silence::Still)?;
+        runtime.block_on(record::run(&link, options, interrupted(), print))?
+    };
+    Ok(ExitCode::from(summary.exit_code()))
+}
+
+async fn interrupted() {
+    use tokio::signal::unix::{SignalKind, signal};
+    match signal(SignalKind::terminate()) {
+        Ok(mut terminate) => tokio::select! {
+            _ = tokio::signal::ctrl_c() => {}
+            _ = terminate.recv() => {}
+        },
+        Err(_) => {
+            let _ = tokio::signal::ctrl_c().await;
+        }
+    }
+}
+
+fn print_told(told: &Told<'_>) {
+    match told {
+        Told::Recording(sim) => println!("recording the server {sim:?}"),
+        Told::Output(_, output) => print(output),
+        Told::Left(sim, problem) => eprintln!("the server {sim:?} is not recorded: {problem:#}"),
+    }
+}
+
+/// Tells people what became of an episode.
+fn print(output: &Output) {
+    match output {
+        Output::Finished(r) => {
+            let state = if r.complete { "complete" } else { "PARTIAL" };
+            let mb = r.bytes as f64 / 1e6;
+            let missed = match r.counted {
+                true => format!("{} missed", r.missed),
+                false => format!("at least {} missed (how many is unknown)", r.missed),
+            };
+            println!(
+                "{}: {state}, {} frames, {} samples, {missed}, {mb:.1} MB",
+                r.path.display(),
+                r.frames,
+                r.samples
+            );
+            for line in r.problems.iter().chain(&r.notes) {
+                println!("  {line}");
+            }
+        }
+        Output::Failed(words) => eprintln!("recording failed: {words}"),
+        Output::Discarded(label) => println!("{label}: discarded"),
+        Output::AskSnapshot
+        | Output::AskState
+        | Output::AskSamples(_)
+        | Output::Status(_)
+        | Output::Finish(_) => {}
+    }
+}
