@@ -14,6 +14,7 @@ pub mod keys;
 pub mod names;
 pub mod preview;
 pub mod program;
+pub mod robot;
 pub mod rpc;
 pub mod schema;
 pub mod seal;

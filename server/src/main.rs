@@ -53,8 +53,8 @@ struct Args {
     /// Assets folder.
     #[arg(long, env = "WHEELARM_ASSETS")]
     assets: Option<PathBuf>,
-    /// Camera as NAME=WIDTHxHEIGHT@HZ (gen3, wheelchair, room). May be
-    /// repeated; the robot's two at 1280x720@10 without it.
+    /// Camera as NAME=WIDTHxHEIGHT@HZ: one of the robot's, `*` for each of them
+    /// that is not named, or `room`. May be repeated; `*=1280x720@10` without it.
     #[arg(long, value_parser = camera)]
     camera: Vec<CameraSetting>,
     /// Physics only: no pictures, no graphics driver needed.
@@ -115,7 +115,7 @@ fn camera(text: &str) -> Result<CameraSetting, String> {
         })
     };
     parse().ok_or_else(|| {
-        format!("{text:?} is not NAME=WIDTHxHEIGHT@HZ, for example gen3=1280x720@10")
+        format!("{text:?} is not NAME=WIDTHxHEIGHT@HZ, for example *=1280x720@10 for all of the robot's")
     })
 }
 

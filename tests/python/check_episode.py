@@ -108,6 +108,10 @@ def main():
     check(int(file.attrs["samples_received"]) == received, "samples_received is not the sum")
     json.loads(file["scenario/text"][()])
     check(len(file["scenario/message"]) > 0, "no scenario message")
+    robot = file["robot"]
+    check(len(robot["message"]) > 0, "no description of the robot")
+    check(list(robot.attrs["joints"]) == list(file["streams/joint_state/position"].attrs["names"]), "joints of the robot")
+    check(len(robot.attrs["arm_joints"]) == 6 and robot.attrs["arm_mount"].shape == (7,), "arm of the robot")
     initial = file["initial_state"]
     check(initial["snapshot"].dtype == np.uint8, "the snapshot is no bytes")
     check(len(initial["assets/path"]) == len(initial["assets/text"]), "assets")

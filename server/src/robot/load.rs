@@ -7,12 +7,17 @@ mod elements;
 
 use std::path::{Path, PathBuf};
 
-use wheelarm_proto::names::{FRAMES, JOINT_NAMES};
-
-use super::kinematics::ARM_JOINTS;
-use super::settings::{File, Settings};
+use super::control::GripperMap;
+use super::roles::{ARM_JOINTS, RecordedFrame, RecordedJoint, Roles};
+use super::settings::{File, FrameRole, Settings};
 use super::{Joint, JointKind, Link, PAD, RobotModel};
 use crate::geometry::Shape;
+
+/// Who needs a joint or a link.
+const RECORDED: &str = "robot.toml records";
+const NAMED: &str = "robot.toml names";
+/// How far the stroke may be from what the linkage opens, metres.
+const STROKE_TOLERANCE: f64 = 1e-3;
 
 /// Why a robot did not load.
 #[derive(Debug, thiserror::Error)]
@@ -146,13 +151,18 @@ impl Reader<'_> {
             });
         }
         let (links, joints) = self.tree()?;
+        let roles = self.roles(&links, &joints, &settings)?;
         let mut model = RobotModel {
+            name: self.file.name.clone(),
+            urdf: format!("{}/{}", self.folder, self.file.urdf),
             links,
             joints,
             settings,
+            roles,
         };
         self.resolve_mimics(&mut model)?;
         self.check_names(&model)?;
+        self.check_arm(&model)?;
         self.check_masses(&model)?;
         Ok(model)
     }
@@ -167,12 +177,15 @@ impl Reader<'_> {
             .map(|link| link.name.as_str())
             .filter(|name| !is_child(name))
             .collect();
-        let root_name = FRAMES[0].link;
+        let chair = self.file.frames.iter().find(|f| f.role == FrameRole::Chair);
+        let root_name = chair.map_or("", |frame| frame.link.as_str());
         if roots != [root_name] {
             return Err(self.invalid(
                 "root link".to_owned(),
                 roots.join(", "),
-                &format!("exactly one, {root_name}"),
+                &format!(
+                    "exactly one, {root_name:?}: the link of the frame of role chair in robot.toml"
+                ),
             ));
         }
         let find = |name: &str| {
@@ -261,52 +274,75 @@ impl Reader<'_> {
         Ok(())
     }
 
-    /// Everything that the server names by name is there, once.
-    fn check_names(&self, model: &RobotModel) -> Result<(), RobotError> {
-        for name in JOINT_NAMES {
-            let Some(joint) = model.joint(name) else {
-                return Err(self.missing("joint", name, "is recorded"));
-            };
-            if model.joints[joint].kind == JointKind::Fixed {
-                return Err(self.invalid(
-                    format!("joint {name}"),
-                    "type fixed".to_owned(),
-                    "a joint that moves",
-                ));
-            }
-        }
-        for frame in FRAMES {
-            for link in [frame.parent, frame.link] {
-                if link != "house" && model.link(link).is_none() {
-                    return Err(self.missing("link", link, "is recorded"));
+    /// The joints and links that `robot.toml` names, by their roles.
+    fn roles(
+        &self,
+        links: &[Link],
+        joints: &[Joint],
+        settings: &Settings,
+    ) -> Result<Roles, RobotError> {
+        let link = |name: &str, user: &'static str| {
+            let found = links.iter().position(|link| link.name == name);
+            found.ok_or_else(|| self.missing("link", name, user))
+        };
+        let recorded = self
+            .file
+            .joints
+            .iter()
+            .map(|table| {
+                let joint = joints.iter().position(|joint| joint.name == table.name);
+                let joint = joint.ok_or_else(|| self.missing("joint", &table.name, RECORDED))?;
+                if joints[joint].kind == JointKind::Fixed {
+                    return Err(self.invalid(
+                        format!("joint {}", table.name),
+                        "type fixed".to_owned(),
+                        "a joint that moves",
+                    ));
                 }
-            }
-        }
-        let Settings {
-            cameras,
-            imu_link,
-            end_effector_link,
-            arm_base_link,
-            ..
-        } = &model.settings;
-        let named = cameras.iter().map(|camera| &camera.link).chain([
-            imu_link,
-            end_effector_link,
-            arm_base_link,
-        ]);
-        for link in named {
-            if model.link(link).is_none() {
-                return Err(self.missing("link", link, "robot.toml names"));
-            }
-        }
-        self.check_arm(model)?;
-        for side in ["left", "right"] {
-            let name = format!("robotiq_85_{side}_finger_tip_joint");
-            let has_pad = model.joint(&name).is_some_and(|joint| {
-                let tip = &model.links[model.joints[joint].child];
-                tip.collision.iter().any(|collider| {
-                    collider.name == PAD && matches!(collider.part.shape, Shape::Cuboid { .. })
+                Ok(RecordedJoint {
+                    joint,
+                    role: table.role,
                 })
+            })
+            .collect::<Result<Vec<_>, _>>()?;
+        let arm_base = link(&settings.arm_base_link, NAMED)?;
+        let frames = self
+            .file
+            .frames
+            .iter()
+            .map(|table| {
+                Ok(RecordedFrame {
+                    name: table.name.clone(),
+                    parent: (table.role != FrameRole::Chair).then_some(arm_base),
+                    link: link(&table.link, RECORDED)?,
+                    role: table.role,
+                })
+            })
+            .collect::<Result<Vec<_>, RobotError>>()?;
+        let named = [
+            arm_base,
+            link(&settings.end_effector_link, NAMED)?,
+            link(&settings.imu_link, NAMED)?,
+        ];
+        Roles::find(recorded, frames, named).map_err(|found| RobotError::Invalid {
+            path: self.toml.to_owned(),
+            object: "joints and frames".to_owned(),
+            found,
+            expected: format!("one of each role, and {ARM_JOINTS} of the arm"),
+        })
+    }
+
+    /// Everything that is named is there, once.
+    fn check_names(&self, model: &RobotModel) -> Result<(), RobotError> {
+        for camera in &model.settings.cameras {
+            if model.link(&camera.link).is_none() {
+                return Err(self.missing("link", &camera.link, NAMED));
+            }
+        }
+        for joint in model.roles.finger_tips {
+            let tip = &model.links[model.joints[joint].child];
+            let has_pad = tip.collision.iter().any(|collider| {
+                collider.name == PAD && matches!(collider.part.shape, Shape::Cuboid { .. })
             });
             if !has_pad {
                 return Err(self.missing(
@@ -323,57 +359,64 @@ impl Reader<'_> {
                 .find(|(i, name)| names[..*i].contains(name))
                 .map(|(_, name)| (*name).clone())
         };
+        let recorded = &self.file.joints;
         let twice = repeated(model.joints.iter().map(|joint| &joint.name).collect())
-            .or_else(|| repeated(model.links.iter().map(|link| &link.name).collect()));
+            .or_else(|| repeated(model.links.iter().map(|link| &link.name).collect()))
+            .or_else(|| repeated(recorded.iter().map(|joint| &joint.name).collect()))
+            .or_else(|| repeated(self.file.frames.iter().map(|frame| &frame.name).collect()))
+            .or_else(|| repeated(model.settings.cameras.iter().map(|c| &c.name).collect()));
         match twice {
             Some(name) => Err(self.invalid(name, "two of this name".to_owned(), "one")),
             None => Ok(()),
         }
     }
 
-    /// From the arm's base to the end effector: joint_1 to joint_6 in this
-    /// order, and nothing else that moves.
+    /// From the arm's base to the end effector: the joints of the role arm in
+    /// this order, and nothing else that moves. The hand's linkage opens as far
+    /// as its stroke says.
     fn check_arm(&self, model: &RobotModel) -> Result<(), RobotError> {
-        let settings = &model.settings;
-        let link = |name: &str| model.link(name).unwrap_or_default();
-        let (base, hand) = (
-            link(&settings.arm_base_link),
-            link(&settings.end_effector_link),
-        );
-        let moving: Vec<&str> = model
-            .chain(base, hand)
-            .unwrap_or_default()
+        let (settings, roles) = (&model.settings, &model.roles);
+        let names = |joints: &[usize]| {
+            let names = joints.iter().map(|&joint| model.joints[joint].name.as_str());
+            names.collect::<Vec<_>>().join(", ")
+        };
+        let mut moving = model
+            .chain(roles.arm_base, roles.end_effector)
+            .unwrap_or_default();
+        moving.retain(|&joint| model.joints[joint].kind != JointKind::Fixed);
+        let turning = roles
+            .arm
             .iter()
-            .map(|&joint| &model.joints[joint])
-            .filter(|joint| joint.kind != JointKind::Fixed)
-            .map(|joint| joint.name.as_str())
-            .collect();
-        let turning = ARM_JOINTS.iter().all(|name| {
-            model
-                .joint(name)
-                .is_some_and(|joint| model.joints[joint].kind != JointKind::Prismatic)
-        });
-        if moving != ARM_JOINTS || !turning {
+            .all(|&joint| model.joints[joint].kind != JointKind::Prismatic);
+        if moving != roles.arm || !turning {
             return Err(self.invalid(
                 format!(
                     "chain from {} to {}",
                     settings.arm_base_link, settings.end_effector_link
                 ),
-                moving.join(", "),
-                &format!("the turning joints {}", ARM_JOINTS.join(", ")),
+                names(&moving),
+                &format!("the turning joints {}", names(&roles.arm)),
             ));
         }
-        for (i, name) in ARM_JOINTS.iter().enumerate() {
-            let limits = model.joints[model.joint(name).unwrap_or_default()].limits;
-            let home = settings.home[i];
+        for (&joint, home) in roles.arm.iter().zip(settings.home) {
+            let limits = model.joints[joint].limits;
             if !(limits.lower <= home && home <= limits.upper) {
                 return Err(RobotError::Invalid {
                     path: self.toml.to_owned(),
-                    object: format!("home of {name}"),
+                    object: format!("home of {}", model.joints[joint].name),
                     found: home.to_string(),
                     expected: format!("{} to {} rad", limits.lower, limits.upper),
                 });
             }
+        }
+        let opening = GripperMap::new(model).opening(0.0);
+        if (opening - settings.gripper.stroke).abs() > STROKE_TOLERANCE {
+            return Err(RobotError::Invalid {
+                path: self.toml.to_owned(),
+                object: "gripper.stroke".to_owned(),
+                found: settings.gripper.stroke.to_string(),
+                expected: format!("what the linkage of the URDF opens, {opening:.5} m"),
+            });
         }
         Ok(())
     }

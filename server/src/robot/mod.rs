@@ -2,6 +2,7 @@
 //! no drawing, no network.
 
 mod load;
+mod roles;
 mod settings;
 
 pub mod control;
@@ -12,19 +13,27 @@ use nalgebra::{Isometry3, Matrix3, Point3, Translation3, Unit, UnitQuaternion, V
 use crate::geometry::{Part, Visual};
 
 pub use load::RobotError;
+pub use roles::{ARM_JOINTS, RecordedFrame, RecordedJoint, Roles};
 pub use settings::{
-    ArmSettings, CameraMount, DriveSettings, GripperSettings, ImuSettings, Settings,
+    ArmSettings, BallSettings, CameraMount, DriveSettings, FrameRole, GripperSettings, ImuSettings,
+    JointRole, OutlineSettings, ReachSettings, Settings,
 };
 
 /// A robot read from a URDF and its `robot.toml`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RobotModel {
-    /// Links; index 0 is the root (`wheelchair_root`). Parents stand before children.
+    /// Name: that of its folder.
+    pub name: String,
+    /// Path of its URDF below the assets folder.
+    pub urdf: String,
+    /// Links; index 0 is the root, the chair. Parents stand before children.
     pub links: Vec<Link>,
     /// Joints; joint `i` has child link `i + 1`.
     pub joints: Vec<Joint>,
     /// Numbers of `robot.toml`.
     pub settings: Settings,
+    /// Which joint and link is for what.
+    pub roles: Roles,
 }
 
 impl RobotModel {
@@ -38,6 +47,12 @@ impl RobotModel {
     #[must_use]
     pub fn joint(&self, name: &str) -> Option<usize> {
         self.joints.iter().position(|joint| joint.name == name)
+    }
+
+    /// Pose of the arm's base in the chair (chair_from_base).
+    #[must_use]
+    pub fn arm_mount(&self) -> Isometry3<f64> {
+        self.link_poses(&vec![0.0; self.joints.len()])[self.roles.arm_base]
     }
 
     /// Joints from `ancestor` down to `link`, in this order; `None` when `link`

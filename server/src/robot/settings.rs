@@ -30,18 +30,105 @@ pub struct Settings {
     pub track: f64,
     /// Footprint in `wheelchair_root`: x min, x max, y min, y max, metres.
     pub footprint: [f64; 4],
+    /// The robot by height, bottom up, with the arm at home.
+    pub outlines: Vec<OutlineSettings>,
+    /// Where the arm reaches.
+    pub reach: ReachSettings,
     /// Speeds and accelerations of the chair.
     pub drive: DriveSettings,
     /// Gains and limits of the arm.
     pub arm: ArmSettings,
     /// Limits of the gripper.
     pub gripper: GripperSettings,
+    /// Balls around the gripper, for planning.
+    pub balls: BallSettings,
+}
+
+/// What a recorded joint is for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum JointRole {
+    /// Left driven wheel.
+    WheelLeft,
+    /// Right driven wheel.
+    WheelRight,
+    /// Left wheel that rolls along.
+    CasterLeft,
+    /// Right wheel that rolls along.
+    CasterRight,
+    /// One of the arm's.
+    Arm,
+    /// Knuckle of the left finger.
+    Knuckle,
+    /// Knuckle of the right finger.
+    KnuckleRight,
+    /// Tip of the left finger.
+    FingerTipLeft,
+    /// Tip of the right finger.
+    FingerTipRight,
+    /// Inner knuckle of the left finger.
+    InnerKnuckleLeft,
+    /// Inner knuckle of the right finger.
+    InnerKnuckleRight,
+    /// Any other.
+    Other,
+}
+
+/// What a recorded frame is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum FrameRole {
+    /// The chair, told in the house.
+    Chair,
+    /// A link of the arm, told in the arm's base.
+    ArmLink,
+    /// The end effector, told in the arm's base.
+    EndEffector,
+    /// Any other, told in the arm's base.
+    Other,
+}
+
+/// The robot seen from above up to a height.
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct OutlineSettings {
+    /// Height above the floor, metres.
+    pub top: f64,
+    /// x min, x max, y min, y max in `wheelchair_root`, metres.
+    pub footprint: [f64; 4],
+}
+
+/// Where the arm reaches, for first guesses.
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ReachSettings {
+    /// Middle of the shell in `base_link`, metres.
+    pub centre: [f64; 3],
+    /// Least distance of the end effector from the middle, metres.
+    pub inner_radius: f64,
+    /// Greatest distance, metres.
+    pub outer_radius: f64,
+    /// Least distance from the arm's base on the floor plan, metres.
+    pub nearest: f64,
+    /// Greatest distance on the floor plan, metres.
+    pub furthest: f64,
+}
+
+/// Balls around the gripper: middle x, y, z and radius, metres.
+#[derive(Clone, Debug, PartialEq)]
+pub struct BallSettings {
+    /// Hand and wrist, in the end effector's frame.
+    pub hand: Vec<[f64; 4]>,
+    /// Left crank and finger, from the knuckle's axis at angle 0.
+    pub crank: Vec<[f64; 4]>,
+    /// Left finger tip, from its axis.
+    pub tip: Vec<[f64; 4]>,
 }
 
 /// A camera on a link.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CameraMount {
-    /// Name: `gen3`, `wheelchair`.
+    /// Name.
     pub name: String,
     /// Link that carries it.
     pub link: String,
@@ -109,9 +196,9 @@ pub struct DriveSettings {
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ArmSettings {
-    /// Position gains of joint_1 to joint_6, N·m/rad.
+    /// Position gains from base to hand, N·m/rad.
     pub stiffness: [f64; 6],
-    /// Velocity gains of joint_1 to joint_6, N·m·s/rad.
+    /// Velocity gains from base to hand, N·m·s/rad.
     pub damping: [f64; 6],
     /// Joint acceleration, rad/s².
     pub acceleration: f64,
@@ -129,6 +216,8 @@ pub struct ArmSettings {
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct GripperSettings {
+    /// Distance between the pads that may be asked at most, metres.
+    pub stroke: f64,
     /// Greatest knuckle angle that is commanded, rad.
     pub closed: f64,
     /// Knuckle speed, rad/s.
@@ -174,14 +263,44 @@ pub(super) struct File {
     tool_length: f64,
     home: [f64; 6],
     footprint: [f64; 4],
+    pub joints: Vec<JointTable>,
+    pub frames: Vec<FrameTable>,
+    outline: Vec<OutlineSettings>,
+    reach: ReachSettings,
     drive: DriveTable,
     arm: ArmSettings,
-    gripper: GripperSettings,
+    gripper: GripperTable,
     imu: ImuTable,
     #[serde(default)]
     camera: Vec<CameraTable>,
     #[serde(default)]
     pub material: BTreeMap<String, Surface>,
+}
+
+/// One recorded joint.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct JointTable {
+    pub name: String,
+    pub role: JointRole,
+}
+
+/// One recorded frame.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct FrameTable {
+    pub name: String,
+    pub link: String,
+    pub role: FrameRole,
+}
+
+#[derive(Debug, Deserialize)]
+struct GripperTable {
+    hand_balls: Vec<[f64; 4]>,
+    crank_balls: Vec<[f64; 4]>,
+    tip_balls: Vec<[f64; 4]>,
+    #[serde(flatten)]
+    gripper: GripperSettings,
 }
 
 #[derive(Debug, Deserialize)]
@@ -236,9 +355,16 @@ impl File {
             wheel_radius: self.drive.wheel_radius,
             track: self.drive.track,
             footprint: self.footprint,
+            outlines: self.outline.clone(),
+            reach: self.reach,
             drive: self.drive.drive,
             arm: self.arm,
-            gripper: self.gripper,
+            gripper: self.gripper.gripper,
+            balls: BallSettings {
+                hand: self.gripper.hand_balls.clone(),
+                crank: self.gripper.crank_balls.clone(),
+                tip: self.gripper.tip_balls.clone(),
+            },
         }
     }
 }
@@ -274,6 +400,17 @@ impl Settings {
                 "arm.tool_turn_acceleration",
                 self.arm.tool_turn_acceleration,
             ),
+            ("reach.inner_radius", self.reach.inner_radius),
+            (
+                "reach.outer_radius - reach.inner_radius",
+                self.reach.outer_radius - self.reach.inner_radius,
+            ),
+            ("reach.nearest", self.reach.nearest),
+            (
+                "reach.furthest - reach.nearest",
+                self.reach.furthest - self.reach.nearest,
+            ),
+            ("gripper.stroke", self.gripper.stroke),
             ("gripper.closed", self.gripper.closed),
             ("gripper.speed", self.gripper.speed),
             ("gripper.acceleration", self.gripper.acceleration),
@@ -300,6 +437,26 @@ impl Settings {
                 ),
             ]
         });
+        let balls = &self.balls;
+        let balls = [
+            ("hand", &balls.hand),
+            ("crank", &balls.crank),
+            ("tip", &balls.tip),
+        ];
+        let balls = balls.into_iter().flat_map(|(name, balls)| {
+            let radii = balls.iter().enumerate();
+            radii.map(move |(i, ball)| (format!("gripper.{name}_balls[{i}]: radius"), ball[3]))
+        });
+        let below = std::iter::once(0.0).chain(self.outlines.iter().map(|o| o.top));
+        let outlines = self.outlines.iter().zip(below).enumerate();
+        let outlines = outlines.flat_map(|(i, (outline, below))| {
+            let [x_min, x_max, y_min, y_max] = outline.footprint;
+            [
+                (format!("outline[{i}]: top above the one below"), outline.top - below),
+                (format!("outline[{i}]: x max - x min"), x_max - x_min),
+                (format!("outline[{i}]: y max - y min"), y_max - y_min),
+            ]
+        });
         let not_negative = [
             ("imu.acceleration_noise", self.imu.acceleration_noise),
             ("imu.gyro_noise", self.imu.gyro_noise),
@@ -310,6 +467,8 @@ impl Settings {
             .map(|(name, value)| (name.to_owned(), value))
             .chain(gains)
             .chain(optics)
+            .chain(balls)
+            .chain(outlines)
             .find(|(_, value)| !(value.is_finite() && *value > 0.0))
             .map(|(name, value)| (name, value, "greater than 0"))
             .or_else(|| {

@@ -11,7 +11,7 @@ use crate::robot::control::{
 };
 use crate::scene::{FurnitureJoint, Placement, Resistance, Scene};
 use crate::sensors::frames::RelativeState;
-use crate::sim::{CameraSetting, Pacing, Quality, Scenario};
+use crate::sim::{ALL_CAMERAS, CameraSetting, Pacing, Quality, Scenario};
 use crate::snapshot::{BodyRef, BodyState};
 use crate::tasks;
 
@@ -95,10 +95,11 @@ fn frame_to(frame: IntentFrame) -> i32 {
     frame as i32
 }
 
-/// Reads the groups of a command that has passed `check::command`.
+/// Reads the groups of a command that has passed `check::command`, and holds
+/// what it asks of the gripper against the robot's ranges.
 ///
 /// # Errors
-/// [`Invalid`] when a part is missing after all.
+/// [`Invalid`] that names the field.
 pub fn control_input(command: &v1::Command, map: &GripperMap) -> Result<ControlInput, Invalid> {
     Ok(ControlInput {
         arm: command.arm.as_ref().map(arm_intent).transpose()?,
@@ -152,12 +153,19 @@ fn gripper_intent(
         .target
         .as_ref()
         .ok_or(Invalid::Missing("gripper target"))?;
+    let most = map.max_knuckle();
     let knuckle = match target {
-        // The linkage opens a hair less than the 0.085 m that may be asked, and
-        // closes at a hair more than the 0.8 rad that may be.
-        Target::Opening(metres) => map.knuckle(*metres).clamp(0.0, 0.8),
-        Target::Knuckle(radians) => *radians,
+        // The linkage may open a hair less than the stroke that may be asked, and
+        // close at a hair more than the knuckle may.
+        Target::Opening(metres) => {
+            let metres = check::within("gripper opening", *metres, 0.0, map.stroke())?;
+            map.knuckle(metres).clamp(0.0, most)
+        }
+        Target::Knuckle(radians) => check::within("gripper knuckle angle", *radians, 0.0, most)?,
     };
+    if let Some(cap) = command.max_force {
+        check::within("gripper force", cap, 0.0, map.max_force())?;
+    }
     Ok(GripperIntent {
         knuckle,
         max_force: command.max_force,
@@ -404,6 +412,7 @@ fn bounded(asked: &v1::Scenario) -> Result<(), Invalid> {
         check::name(what, name)?;
     }
     let cameras = asked.cameras.iter().map(|c| ("camera name", &c.name));
+    let cameras = cameras.filter(|(_, name)| *name != ALL_CAMERAS);
     let objects = asked.objects.iter().map(|o| ("object name", &o.name));
     let slides = asked.slides.iter().map(|s| ("slide name", &s.joint));
     for (what, name) in cameras.chain(objects).chain(slides) {
@@ -436,6 +445,9 @@ pub fn scenario_over(now: &Scenario, asked: &v1::Scenario) -> Result<Scenario, I
         s.start = None;
         s.instruction.clear();
         s.target.clear();
+    }
+    if !asked.robot.is_empty() && asked.robot != now.robot {
+        s.cameras = Scenario::all_cameras();
     }
     let given = |new: &str| (!new.is_empty()).then(|| new.to_owned());
     keep(&mut s.scene, given(&asked.scene));

@@ -154,6 +154,11 @@ impl Inbox {
         }
     }
 
+    /// From now on it is the gate of a robot with this gripper.
+    pub fn fit(&mut self, gripper: GripperMap) {
+        self.gripper = gripper;
+    }
+
     /// Refuses every command with `why`, until [`Inbox::renew`].
     pub fn close(&mut self, why: &str) {
         why.clone_into(&mut self.closed);
@@ -327,7 +332,9 @@ impl Inbox {
             let words = format!("more than {} commands per second; 60 are of use", RATE.0);
             return Err(refuse((RefusalCode::Rate, words)));
         }
-        check::command(&command).map_err(|e| refuse((RefusalCode::Invalid, e.to_string())))?;
+        check::command(&command)
+            .and_then(|()| convert::control_input(&command, &self.gripper))
+            .map_err(|e| refuse((RefusalCode::Invalid, e.to_string())))?;
         if header.episode != self.listening.episode {
             let words = format!(
                 "command is for episode {}, running is {} (0 is none)",

@@ -7,6 +7,7 @@
 mod assets;
 pub mod convert;
 mod denied;
+pub mod describe;
 mod desk;
 mod engine;
 mod episode;

@@ -129,6 +129,7 @@ impl Put<'_> {
             positions: joints.iter().map(|j| j.position).collect(),
             velocities: joints.iter().map(|j| j.velocity).collect(),
             efforts: joints.iter().map(|j| j.effort).collect(),
+            opening: Some(sim.opening()),
         };
         self.outbox.put(self.episode, self.tick, message);
     }

@@ -16,16 +16,16 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use nalgebra::Isometry3;
-use wheelarm_proto::{PHYSICS_HZ, names};
+use wheelarm_proto::PHYSICS_HZ;
 
 pub use guard::{anomaly_words, fault_words};
 pub use scenario::{
-    CameraSetting, MAX_SIZE, Pacing, Quality, SOFT_MASS, Scenario, ScenarioError, Schedules,
+    ALL_CAMERAS, CameraSetting, MAX_SIZE, Pacing, Quality, SOFT_MASS, Scenario, ScenarioError, Schedules,
 };
 pub use state::StateError;
 
-use crate::robot::control::{ControlInput, RobotControl, Targets};
-use crate::robot::{RobotError, RobotModel};
+use crate::robot::control::{ControlInput, GripperMap, RobotControl, Targets};
+use crate::robot::{ARM_JOINTS, RecordedFrame, RobotError, RobotModel};
 use crate::scene::{Body, Placement, Scene, SceneError};
 use crate::sensors::frames::{self, RelativeState};
 use crate::sensors::imu::{self, Imu};
@@ -60,14 +60,6 @@ pub enum SimError {
         "the scenario cannot be simulated, setting it up panicked: {0}; please report it with the scenario"
     )]
     Panicked(String),
-    /// A link that the sensors need.
-    #[error("the robot has no link {0:?}; the sensors need it, so add it to the URDF")]
-    Link(String),
-    /// A joint that is recorded.
-    #[error(
-        "the robot has no joint {0:?}; it is one of the 16 recorded joints, so add it to the URDF"
-    )]
-    Joint(String),
     /// A placement of the scenario.
     #[error("the scenario places {name:?}, but scene {scene:?} has the objects {known}")]
     Object {
@@ -90,16 +82,6 @@ pub enum SimError {
     },
 }
 
-/// Where the recorded joints and frames stand in the model.
-#[derive(Clone, Debug, PartialEq)]
-struct Indices {
-    joints: [usize; 16],
-    /// `(parent link or world, link)` per recorded frame.
-    frames: [(Option<usize>, usize); 7],
-    imu: usize,
-    pads: [Option<usize>; 2],
-}
-
 /// A running simulation.
 pub struct Simulation {
     assets: PathBuf,
@@ -108,7 +90,7 @@ pub struct Simulation {
     model: RobotModel,
     scene: Scene,
     task: Option<TaskSpec>,
-    indices: Indices,
+    gripper: GripperMap,
     control: RobotControl,
     world: World,
     imu: Imu,
@@ -158,8 +140,10 @@ impl Simulation {
         mut scenario: Scenario,
         late: &dyn Fn() -> bool,
     ) -> Result<Self, SimError> {
-        let schedules = scenario.schedules()?;
+        scenario.schedules()?;
         let model = RobotModel::load(assets, &scenario.robot)?;
+        scenario.name_cameras(model.settings.cameras.iter().map(|c| c.name.as_str()));
+        let schedules = scenario.schedules()?;
         let mut scene = Scene::load(assets, &scenario.scene)?;
         let task = match scenario.task.as_str() {
             "" => None,
@@ -169,7 +153,7 @@ impl Simulation {
         draw_open_values(&mut scenario, &mut scene, task.as_ref())?;
         let placements: Vec<_> = scenario.objects.iter().map(|(_, p)| *p).collect();
         let start = scenario.start.unwrap_or(scene.start);
-        let indices = Indices::find(&model)?;
+        let gripper = GripperMap::new(&model);
         let control = RobotControl::new(&model);
         let home = &model.settings.home;
         let world = World::new_within(&model, &scene, &placements, &start, home, late)?;
@@ -192,7 +176,7 @@ impl Simulation {
             model,
             scene,
             task,
-            indices,
+            gripper,
             control,
             world,
             evaluator,
@@ -202,7 +186,7 @@ impl Simulation {
         };
         sim.update_odometry();
         // The first acceleration needs a velocity to start from.
-        let link = sim.snapshot.links[sim.indices.imu];
+        let link = sim.snapshot.links[sim.model.roles.imu];
         sim.imu.prime(&link);
         Ok(sim)
     }
@@ -282,7 +266,7 @@ impl Simulation {
             .imu_noise
             .then(|| imu::Noise::from_settings(&self.model.settings.imu));
         // The link is one of the model's, so there always is a state.
-        if let Some(link) = self.world.link(self.indices.imu) {
+        if let Some(link) = self.world.link(self.model.roles.imu) {
             let sample = self.imu.measure(tick, &link, noise);
             if self.schedules.imu.due(tick) {
                 step.imu.push(sample);
@@ -302,7 +286,7 @@ impl Simulation {
     }
 
     fn update_odometry(&mut self) {
-        let [left, right] = [0, 1].map(|i| self.snapshot.joints[self.indices.joints[i]]);
+        let [left, right] = self.model.roles.wheels.map(|wheel| self.snapshot.joints[wheel]);
         self.odometry.update(
             [left.position, right.position],
             [left.velocity, right.velocity],
@@ -411,31 +395,44 @@ impl Simulation {
         judge.flat_map(move |evaluator| evaluator.hard_collisions(&self.snapshot))
     }
 
-    /// The 16 recorded joints, in the order of `names::JOINT_NAMES`.
+    /// The recorded joints, in the order of the robot's description.
     #[must_use]
-    pub fn recorded_joints(&self) -> [crate::snapshot::JointState; 16] {
-        self.indices.joints.map(|j| self.snapshot.joints[j])
+    pub fn recorded_joints(&self) -> Vec<crate::snapshot::JointState> {
+        let recorded = self.model.roles.joints.iter();
+        recorded.map(|r| self.snapshot.joints[r.joint]).collect()
     }
 
-    /// The recorded frames, in the order of `names::FRAMES`.
+    /// The recorded frames, in the order of the robot's description.
     #[must_use]
-    pub fn recorded_frames(&self) -> [RelativeState; 7] {
-        self.indices.frames.map(|(parent, link)| {
-            let link = &self.snapshot.links[link];
-            match parent {
+    pub fn recorded_frames(&self) -> Vec<RelativeState> {
+        let relative = |frame: &RecordedFrame| {
+            let link = &self.snapshot.links[frame.link];
+            match frame.parent {
                 Some(parent) => frames::relative(&self.snapshot.links[parent], link),
                 None => frames::in_world(link),
             }
-        })
+        };
+        self.model.roles.frames.iter().map(relative).collect()
+    }
+
+    /// Positions of the arm's joints, from base to hand, rad.
+    #[must_use]
+    pub fn arm_positions(&self) -> [f64; ARM_JOINTS] {
+        self.model.roles.arm.map(|j| self.snapshot.joints[j].position)
+    }
+
+    /// Distance between the gripper's pads by its linkage, m.
+    #[must_use]
+    pub fn opening(&self) -> f64 {
+        let knuckle = self.model.roles.knuckles[0];
+        self.gripper.opening(self.snapshot.joints[knuckle].position)
     }
 
     /// Contact force at the left and the right finger tip, normal and friction, N.
     #[must_use]
     pub fn pad_forces(&self) -> [f64; 2] {
-        self.indices.pads.map(|pad| {
-            let Some(pad) = pad.map(BodyRef::Link) else {
-                return 0.0;
-            };
+        self.model.roles.finger_tips.map(|joint| {
+            let pad = BodyRef::Link(self.model.joints[joint].child);
             let touching = self.snapshot.contacts.iter();
             touching
                 .filter(|c| c.first == pad || c.second == pad)
@@ -540,37 +537,5 @@ fn undisturbed(scene: &Scene) -> Draw {
         start: scene.start,
         target: String::new(),
         instruction: String::new(),
-    }
-}
-
-impl Indices {
-    fn find(model: &RobotModel) -> Result<Self, SimError> {
-        let link = |name: &str| model.links.iter().position(|l| l.name == name);
-        let need = |name: &str| link(name).ok_or_else(|| SimError::Link(name.to_owned()));
-        let mut joints = [0; 16];
-        for (slot, name) in joints.iter_mut().zip(names::JOINT_NAMES) {
-            *slot = model
-                .joints
-                .iter()
-                .position(|j| j.name == name)
-                .ok_or_else(|| SimError::Joint(name.to_owned()))?;
-        }
-        let mut found = [(None, 0); 7];
-        for (slot, frame) in found.iter_mut().zip(names::FRAMES) {
-            let parent = match frame.parent {
-                "house" => None,
-                parent => Some(need(parent)?),
-            };
-            *slot = (parent, need(frame.link)?);
-        }
-        Ok(Self {
-            joints,
-            frames: found,
-            imu: need(&model.settings.imu_link)?,
-            pads: [
-                link("robotiq_85_left_finger_tip_link"),
-                link("robotiq_85_right_finger_tip_link"),
-            ],
-        })
     }
 }

@@ -76,6 +76,10 @@ pub struct Scenario {
     pub target: String,
 }
 
+/// Name of a camera setting that stands for every camera of the robot that has
+/// none of its own.
+pub const ALL_CAMERAS: &str = "*";
+
 /// Least and greatest mass of a soft object, kg.
 pub const SOFT_MASS: (f64, f64) = (0.05, 2.0);
 
@@ -83,19 +87,14 @@ pub const SOFT_MASS: (f64, f64) = (0.05, 2.0);
 pub const MAX_SIZE: u32 = 4096;
 
 impl Default for Scenario {
-    /// The home with the mustard task and both robot cameras at 1280x720, 10 Hz.
+    /// The home with the mustard task and all robot cameras at 1280x720, 10 Hz.
     fn default() -> Self {
-        let camera = |name: &str| CameraSetting {
-            name: name.to_owned(),
-            size: [1280, 720],
-            rate_hz: 10.0,
-        };
         Self {
             scene: "home".to_owned(),
             task: "pick_mustard".to_owned(),
             seed: 0,
             robot: "wheelarm".to_owned(),
-            cameras: vec![camera("gen3"), camera("wheelchair")],
+            cameras: Self::all_cameras(),
             state_rate_hz: CONTROL_HZ as f64,
             deformable_rate_hz: 10.0,
             imu_rate_hz: PHYSICS_HZ as f64,
@@ -169,6 +168,33 @@ pub struct Schedules {
 }
 
 impl Scenario {
+    /// All cameras of whatever robot at 1280x720, 10 Hz.
+    #[must_use]
+    pub fn all_cameras() -> Vec<CameraSetting> {
+        vec![CameraSetting {
+            name: ALL_CAMERAS.to_owned(),
+            size: [1280, 720],
+            rate_hz: 10.0,
+        }]
+    }
+
+    /// Puts a robot's cameras in the place of [`ALL_CAMERAS`].
+    pub(super) fn name_cameras<'a>(&mut self, robot: impl Iterator<Item = &'a str>) {
+        let Some(at) = self.cameras.iter().position(|c| c.name == ALL_CAMERAS) else {
+            return;
+        };
+        let all = self.cameras.remove(at);
+        let mut named: Vec<CameraSetting> = robot
+            .filter(|name| self.cameras.iter().all(|camera| camera.name != *name))
+            .map(|name| CameraSetting {
+                name: name.to_owned(),
+                ..all.clone()
+            })
+            .collect();
+        named.extend(self.cameras.split_off(at));
+        self.cameras.extend(named);
+    }
+
     /// Checks names, rates and sizes and returns the due times.
     ///
     /// # Errors
@@ -242,11 +268,28 @@ mod tests {
     }
 
     #[test]
+    fn one_setting_stands_for_all_cameras_that_have_none() {
+        let mut own = Scenario::all_cameras();
+        own[0].name = "b".into();
+        own[0].rate_hz = 30.0;
+        let mut scenario = Scenario::default();
+        scenario.cameras.append(&mut own);
+        scenario.name_cameras(["a", "b", "c"].into_iter());
+        let named = scenario.cameras.iter().map(|c| (c.name.as_str(), c.rate_hz));
+        let named: Vec<_> = named.collect();
+        assert_eq!(named, [("a", 10.0), ("c", 10.0), ("b", 30.0)]);
+        let before = scenario.clone();
+        scenario.name_cameras(["a", "d"].into_iter());
+        assert_eq!(scenario, before);
+    }
+
+    #[test]
     fn scenarios_that_cannot_run_say_why() {
         assert!(Scenario::default().schedules().is_ok());
         let mut twice = Scenario::default();
-        twice.cameras[1].name = "gen3".into();
-        assert_eq!(twice.schedules(), Err(ScenarioError::Twice("gen3".into())));
+        twice.cameras.extend(Scenario::all_cameras());
+        let all = ALL_CAMERAS.to_owned();
+        assert_eq!(twice.schedules(), Err(ScenarioError::Twice(all)));
         let mut rate = Scenario::default();
         rate.cameras[0].rate_hz = 7.0;
         assert!(

@@ -11,12 +11,6 @@ use crate::robot::RobotModel;
 use crate::scene::{Scene, SceneError, Surface};
 use crate::snapshot::{Anomaly, BodyRef, Contact, Snapshot};
 
-/// Joints whose child links carry the pads.
-const PAD_JOINTS: [&str; 2] = [
-    "robotiq_85_left_finger_tip_joint",
-    "robotiq_85_right_finger_tip_joint",
-];
-
 /// A collision of the robot with furniture is hard beyond this, N.
 pub const HARD: f64 = 50.0;
 /// What moves slower lies still, m/s.
@@ -133,26 +127,15 @@ impl Evaluator {
     /// its targets that was drawn.
     ///
     /// # Errors
-    /// When the robot lacks a joint that conditions need, or the scene the target.
+    /// When the scene lacks the target.
     pub fn new(
         spec: &TaskSpec,
         scene: &Scene,
         model: &RobotModel,
         target: &str,
     ) -> Result<Self, SceneError> {
-        let child = |name: &str| {
-            let joint = model.joints.iter().find(|joint| joint.name == name);
-            joint.map(|joint| joint.child)
-        };
-        let pad = |name: &str| {
-            child(name).ok_or_else(|| {
-                spec.place().key("robot").wrong(
-                    format!("a model without joint {name:?}"),
-                    "the finger tip joints of the gripper",
-                    "use the joint names of the recorded joints in the URDF",
-                )
-            })
-        };
+        let child = |joint: usize| model.joints[joint].child;
+        let roles = &model.roles;
         let object = scene.object_named(target);
         let known = object.is_some() || scene.furniture_named(target).is_some();
         if !known || !spec.targets.iter().any(|name| name == target) {
@@ -186,12 +169,9 @@ impl Evaluator {
                 surfaces: surfaces.collect(),
                 joints: scene.joints.iter().map(|j| j.name.clone()).collect(),
                 sliding: scene.joints.iter().map(|j| j.furniture).collect(),
-                pads: [pad(PAD_JOINTS[0])?, pad(PAD_JOINTS[1])?],
-                wheels: model
-                    .joints
-                    .iter()
-                    .filter(|joint| joint.name.ends_with("_wheel_joint"))
-                    .map(|joint| joint.child)
+                pads: roles.finger_tips.map(child),
+                wheels: (roles.wheels.iter().chain(&roles.casters))
+                    .map(|&joint| child(joint))
                     .collect(),
                 target: object,
                 decoys: others.filter_map(|name| scene.object_named(name)).collect(),

@@ -17,13 +17,12 @@ use nalgebra::Vector3;
 use rapier3d::dynamics::MotorModel;
 use rapier3d::prelude::{JointAxis, PhysicsWorld};
 use wheelarm_proto::exact;
-use wheelarm_proto::names::JOINT_NAMES;
 
 use super::WorldError;
 use super::body::{RobotBody, Surface};
 use super::convert::{from_vector, real, vector};
 use super::wheels::Wheels;
-use crate::robot::RobotModel;
+use crate::robot::{ARM_JOINTS, RobotModel};
 use crate::robot::control::Targets;
 
 /// Gains of a driven wheel, N·m/rad and N·m·s/rad: the cap of 30 N·m is
@@ -83,12 +82,12 @@ struct Aim {
 
 /// What the wheels of a model are made of, for `RobotBody::insert`.
 pub(super) fn surface(model: &RobotModel, link: usize) -> Surface {
-    let Some(joint) = link.checked_sub(1).map(|j| &model.joints[j].name) else {
+    let Some(joint) = link.checked_sub(1) else {
         return Surface::Shell;
     };
-    if JOINT_NAMES[0..2].contains(&joint.as_str()) {
+    if model.roles.wheels.contains(&joint) {
         Surface::Tyre
-    } else if JOINT_NAMES[2..4].contains(&joint.as_str()) {
+    } else if model.roles.casters.contains(&joint) {
         Surface::Roller
     } else {
         Surface::Shell
@@ -96,19 +95,20 @@ pub(super) fn surface(model: &RobotModel, link: usize) -> Surface {
 }
 
 impl Drives {
-    /// Finds the joints by their names.
+    /// Finds the joints by their roles.
     pub(super) fn new(model: &RobotModel, robot: &RobotBody) -> Result<Self, WorldError> {
-        let body = |name: &str| {
-            model
-                .joint(name)
-                .and_then(|j| robot.tree.body_moved_by(j))
+        let roles = &model.roles;
+        let body = |joint: usize| {
+            robot
+                .tree
+                .body_moved_by(joint)
                 .ok_or_else(|| WorldError::MissingJoint {
-                    joint: name.to_owned(),
+                    joint: model.joints[joint].name.clone(),
                 })
         };
-        let mut arm = [0; 6];
-        for (slot, name) in arm.iter_mut().zip(&JOINT_NAMES[4..10]) {
-            *slot = body(name)?;
+        let mut arm = [0; ARM_JOINTS];
+        for (slot, joint) in arm.iter_mut().zip(roles.arm) {
+            *slot = body(joint)?;
         }
         let arm_gains = std::array::from_fn(|i| {
             let joint = robot.tree.bodies[arm[i]].joint.map_or(0, |j| j.joint);
@@ -120,9 +120,11 @@ impl Drives {
             }
         });
         let carried = arm.map(|root| carried_by(robot, root));
-        let left = body(JOINT_NAMES[13])?;
+        let [left, right] = roles.knuckles;
+        let (left, right) = (body(left)?, body(right)?);
+        let [left_tip, right_tip] = roles.finger_tips;
         Ok(Self {
-            wheels: [body(JOINT_NAMES[0])?, body(JOINT_NAMES[1])?],
+            wheels: [body(roles.wheels[0])?, body(roles.wheels[1])?],
             wheel_torque: model.settings.drive.wheel_torque,
             arm,
             arm_gains,
@@ -130,12 +132,12 @@ impl Drives {
             cranks: [
                 Crank {
                     body: left,
-                    tip: body(JOINT_NAMES[12])?,
+                    tip: body(left_tip)?,
                     sign: 1.0,
                 },
                 Crank {
-                    body: body(JOINT_NAMES[15])?,
-                    tip: body(JOINT_NAMES[14])?,
+                    body: right,
+                    tip: body(right_tip)?,
                     sign: -1.0,
                 },
             ],

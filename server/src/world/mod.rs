@@ -30,7 +30,6 @@ use rapier3d::dynamics::{FrictionModel, SpringCoefficients};
 use rapier3d::prelude::{IntegrationParameters, PhysicsWorld, RigidBodyHandle};
 use thiserror::Error;
 use wheelarm_proto::PHYSICS_HZ;
-use wheelarm_proto::names::JOINT_NAMES;
 
 use crate::robot::RobotModel;
 use crate::robot::control::Targets;
@@ -56,7 +55,7 @@ const WILD: f64 = 1e4;
 #[derive(Debug, Error)]
 pub enum WorldError {
     /// A joint that the drives need does not exist.
-    #[error("robot has no moving joint {joint}; name it so in the URDF")]
+    #[error("joint {joint} moves no body of its own; make it a turning joint in the URDF")]
     MissingJoint {
         /// Name.
         joint: String,
@@ -190,10 +189,8 @@ impl World {
             .filter_map(|(i, (body, placement))| SoftObject::placed(i, body, placement))
             .collect();
         let at_start = |joint: usize| {
-            JOINT_NAMES[4..10]
-                .iter()
-                .position(|name| *name == model.joints[joint].name)
-                .map_or(0.0, |i| arm[i])
+            let place = model.roles.arm_index(joint);
+            place.map_or(0.0, |place| arm[place])
         };
         let robot = RobotBody::insert(&mut physics, model, start, at_start, |link| {
             drive::surface(model, link)

@@ -8,17 +8,11 @@
 //! parallelogram; their mass rides on the hand and they touch nothing.
 
 use nalgebra::Isometry3;
-use wheelarm_proto::names::JOINT_NAMES;
 
 use super::WorldError;
 use super::mass::Mass;
 use crate::geometry::Part;
 use crate::robot::{Joint, JointKind, PAD, RobotModel};
-
-/// Joints of the front wheels.
-const ROLLING_JOINTS: [&str; 2] = [JOINT_NAMES[2], JOINT_NAMES[3]];
-/// Joints of the inner knuckles.
-const PARALLEL_JOINTS: [&str; 2] = [JOINT_NAMES[10], JOINT_NAMES[11]];
 
 /// The bodies of a robot; index 0 is the root. Parents stand before children.
 #[derive(Clone, Debug)]
@@ -97,7 +91,7 @@ impl Tree {
             tree.places.push(place);
         }
         let at_zero = model.link_poses(&vec![0.0; model.joints.len()]);
-        let carrier = model.link(&model.settings.end_effector_link).unwrap_or(0);
+        let carrier = model.roles.end_effector;
         let frame_in = |tree: &Self, carrier: usize, index: usize| {
             let body = tree.body_of(carrier).unwrap_or(0);
             let frame = at_zero[tree.bodies[body].link];
@@ -179,10 +173,10 @@ impl Tree {
                 joint: joint.name.clone(),
             });
         }
-        if ROLLING_JOINTS.contains(&joint.name.as_str()) {
+        if model.roles.casters.contains(&index) {
             return Ok(Place::Rolling(index));
         }
-        if PARALLEL_JOINTS.contains(&joint.name.as_str()) {
+        if model.roles.inner_knuckles.contains(&index) {
             return Ok(Place::Parallel(index));
         }
         let Place::InBody(parent, body_from_parent) = self.places[joint.parent] else {

@@ -5,14 +5,13 @@ use std::f64::consts::TAU;
 use nalgebra::{Isometry3, Vector3};
 use rapier3d::prelude::PhysicsWorld;
 use wheelarm_proto::exact;
-use wheelarm_proto::names::JOINT_NAMES;
 
 use super::WorldError;
 use super::body::RobotBody;
 use crate::robot::RobotModel;
 use crate::snapshot::JointState;
 
-/// The four wheels, in the order of `JOINT_NAMES`: two driven, two rolling.
+/// The four wheels: two driven, two rolling, each left before right.
 #[derive(Clone, Debug)]
 pub(super) struct Wheels {
     /// Unwrapped angles, rad.
@@ -30,29 +29,28 @@ pub(super) struct Wheels {
 }
 
 impl Wheels {
-    /// Finds the wheels by the names of their joints.
+    /// Finds the wheels by their roles.
     pub(super) fn new(model: &RobotModel, robot: &RobotBody) -> Result<Self, WorldError> {
-        let missing = |i: usize| WorldError::MissingJoint {
-            joint: JOINT_NAMES[i].to_owned(),
-        };
-        let joint = |i: usize| model.joint(JOINT_NAMES[i]).ok_or_else(|| missing(i));
-        let body = |i: usize| {
-            let body = robot.tree.body_moved_by(joint(i)?);
-            body.ok_or_else(|| missing(i))
+        let body = |joint: usize| {
+            let body = robot.tree.body_moved_by(joint);
+            body.ok_or_else(|| WorldError::MissingJoint {
+                joint: model.joints[joint].name.clone(),
+            })
         };
         let frames = model.link_poses(&vec![0.0; model.joints.len()]);
-        let front = |i: usize| {
-            let joint = &model.joints[joint(i)?];
+        let front = |joint: usize| {
+            let joint = &model.joints[joint];
             let frame = robot.tree.root_from_body.inv_mul(&frames[joint.child]);
-            Ok::<_, WorldError>((frame, frame * joint.axis.into_inner()))
+            (frame, frame * joint.axis.into_inner())
         };
+        let ([left, right], casters) = (model.roles.wheels, model.roles.casters);
         Ok(Self {
             angles: [0.0; 4],
             led: [0.0; 2],
             rolling: [0.0; 2],
-            joints: [joint(0)?, joint(1)?, joint(2)?, joint(3)?],
-            driven: [body(0)?, body(1)?],
-            front: [front(2)?, front(3)?],
+            joints: [left, right, casters[0], casters[1]],
+            driven: [body(left)?, body(right)?],
+            front: casters.map(front),
             radius: model.settings.wheel_radius,
         })
     }

@@ -330,6 +330,7 @@ pub fn started(label: &str) -> v1::EpisodeStarted {
         joints: ["drawer_1_joint", "drawer_2_joint"]
             .map(String::from)
             .to_vec(),
+        robot: wheelarm_dataset::read::first_robot().ok(),
     }
 }
 

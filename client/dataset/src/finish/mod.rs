@@ -185,6 +185,9 @@ fn write(path: &Path, scan: &Scan, account: &Account) -> Result<(), FinishError>
     root::attributes(&file, scan, account, last.as_ref(), &context)?;
     root::scenario(&file, scan)?;
     root::initial_state(&file, &scan.preamble)?;
+    if let Some(robot) = &started.robot {
+        root::robot(&file, robot)?;
+    }
 
     let group = file.create_group("streams")?;
     let cameras = group.create_group("camera")?;

@@ -1,4 +1,4 @@
-//! Root attributes, `/scenario` and `/initial_state`.
+//! Root attributes, `/scenario`, `/robot` and `/initial_state`.
 
 use std::collections::BTreeSet;
 
@@ -175,6 +175,50 @@ pub(super) fn scenario(file: &File, scan: &Scan) -> hdf5::Result<()> {
     if let Some(stopped) = scan.closing.as_ref().and_then(|c| c.stopped.as_ref()) {
         hdf::bytes(&group, "episode_stopped", &stopped.encode_to_vec())?;
     }
+    Ok(())
+}
+
+/// Writes `/robot`: the description as it was told, and what people look for in
+/// it as attributes.
+pub(super) fn robot(file: &File, robot: &v1::RobotDescription) -> hdf5::Result<()> {
+    let group = file.create_group("robot")?;
+    hdf::bytes(&group, "message", &robot.encode_to_vec())?;
+    let joints: Vec<&str> = robot.joint_names().collect();
+    let roles = robot.joints.iter().map(|joint| joint.role().as_str_name());
+    let roles: Vec<&str> = roles.collect();
+    let frames: Vec<&str> = robot.frame_names().collect();
+    let parents: Vec<&str> = robot.frames.iter().map(|f| f.parent.as_str()).collect();
+    let cameras: Vec<&str> = robot.cameras.iter().map(|c| c.name.as_str()).collect();
+    let gripper = robot.gripper_or_default();
+    let drive = robot.drive.unwrap_or_default();
+    let mount = robot.arm_mount.unwrap_or_default();
+    let (at, turned) = (
+        mount.position.unwrap_or_default(),
+        mount.orientation.unwrap_or_default(),
+    );
+    Attributes::of(&group)
+        .text("message", "wheelarm.v1.RobotDescription")?
+        .text("name", &robot.name)?
+        .texts("joints", &joints)?
+        .texts("joint_roles", &roles)?
+        .texts("arm_joints", &robot.arm_joint_names())?
+        .texts("frames", &frames)?
+        .texts("frame_parents", &parents)?
+        .texts("cameras", &cameras)?
+        .text("root_link", &robot.root_link)?
+        .text("arm_base_link", &robot.arm_base_link)?
+        .text("end_effector_link", &robot.end_effector_link)?
+        .numbers(
+            "arm_mount",
+            &[at.x, at.y, at.z, turned.x, turned.y, turned.z, turned.w],
+        )?
+        .set("tool_length", robot.tool_length)?
+        .set("gripper_stroke", gripper.stroke)?
+        .set("gripper_closed", gripper.closed)?
+        .set("gripper_usual_force", gripper.usual_force)?
+        .set("gripper_max_force", gripper.max_force)?
+        .set("track", drive.track)?
+        .set("wheel_radius", drive.wheel_radius)?;
     Ok(())
 }
 

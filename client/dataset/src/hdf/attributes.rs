@@ -41,6 +41,18 @@ impl<'a> Attributes<'a> {
         Ok(self)
     }
 
+    /// Sets a list of numbers.
+    ///
+    /// # Errors
+    /// Those of HDF5.
+    pub fn numbers(&self, name: &str, list: &[f64]) -> hdf5::Result<&Self> {
+        let attribute = self.0.new_attr::<f64>().shape([list.len()]).create(name)?;
+        if !list.is_empty() {
+            attribute.write(list)?;
+        }
+        Ok(self)
+    }
+
     /// Sets a number or a truth value.
     ///
     /// # Errors

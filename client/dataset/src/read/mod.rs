@@ -5,11 +5,13 @@ mod camera;
 mod chunks;
 mod column;
 mod refusal;
+mod robot;
 
 pub use camera::{Camera, Frame};
 pub use chunks::ChunkMap;
 pub use column::{ColumnMeta, ElementKind, Values};
 pub(crate) use refusal::SIGNATURE;
+pub use robot::first_robot;
 
 use std::path::{Path, PathBuf};
 

@@ -24,7 +24,7 @@ use wheelarm_proto::exact;
 pub use self::cartesian::Velocity;
 use super::profile::stopping_speed;
 use super::{ArmIntent, IntentFrame, TICKS};
-use crate::robot::kinematics::{ARM_JOINTS, ArmKinematics};
+use crate::robot::kinematics::{ArmKinematics, joint_word};
 use crate::robot::{ArmSettings, RobotModel};
 use crate::snapshot::Snapshot;
 
@@ -39,7 +39,7 @@ pub enum Motion {
     Hold,
     /// Joints interpolate to a goal.
     Joints {
-        /// joint_1 to joint_6, rad.
+        /// From base to hand, rad.
         goal: [f64; 6],
         /// Goal before it in a stream of goals, rad.
         from: [f64; 6],
@@ -136,16 +136,12 @@ pub(super) struct ArmControl {
 
 impl ArmControl {
     pub(super) fn new(model: &RobotModel) -> ArmControl {
-        let base_link = model
-            .link(&model.settings.arm_base_link)
-            .unwrap_or_default();
-        let poses = model.link_poses(&vec![0.0; model.joints.len()]);
         ArmControl {
             kinematics: ArmKinematics::new(model),
             settings: model.settings.arm,
             tool_length: model.settings.tool_length,
-            base_link,
-            chair_from_base: poses[base_link],
+            base_link: model.roles.arm_base,
+            chair_from_base: model.arm_mount(),
         }
     }
 
@@ -175,7 +171,7 @@ impl ArmControl {
                 state.problem = (0..6).find(|&i| goal[i] != asked[i]).map(|i| {
                     format!(
                         "{} is asked to {:.4} rad, its limit is {:.4} rad",
-                        ARM_JOINTS[i], asked[i], goal[i]
+                        joint_word(i), asked[i], goal[i]
                     )
                 });
             }

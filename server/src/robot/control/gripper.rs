@@ -18,6 +18,12 @@ pub struct GripperMap {
     crank: [f64; 2],
     /// Tip pin inwards to the pad's face, m.
     pad: f64,
+    /// Greatest opening that may be asked, m.
+    stroke: f64,
+    /// Greatest knuckle angle that may be asked, rad.
+    max_knuckle: f64,
+    /// Greatest force cap that may be asked, N.
+    max_force: f64,
 }
 
 impl GripperMap {
@@ -25,12 +31,8 @@ impl GripperMap {
     /// that they are there.
     #[must_use]
     pub fn new(model: &RobotModel) -> GripperMap {
-        let joint = |name: &str| model.joint(name).unwrap_or_default();
-        let hand = model
-            .link(&model.settings.end_effector_link)
-            .unwrap_or_default();
-        let knuckle = joint("robotiq_85_left_knuckle_joint");
-        let tip = joint("robotiq_85_left_finger_tip_joint");
+        let hand = model.roles.end_effector;
+        let (knuckle, tip) = (model.roles.knuckles[0], model.roles.finger_tips[0]);
         let poses = model.link_poses(&vec![0.0; model.joints.len()]);
         let in_hand = |joint: usize| {
             poses[hand]
@@ -54,7 +56,46 @@ impl GripperMap {
                 tip_in_hand.z - knuckle_in_hand.z,
             ],
             pad,
+            stroke: model.settings.gripper.stroke,
+            max_knuckle: model.joints[knuckle].limits.upper,
+            max_force: model.settings.gripper.max_force,
         }
+    }
+
+    /// Knuckle pin from the middle of the gripper, m.
+    #[must_use]
+    pub fn pin(&self) -> f64 {
+        self.pin
+    }
+
+    /// Knuckle pin to tip pin at angle 0: outwards and along the tool, m.
+    #[must_use]
+    pub fn crank(&self) -> [f64; 2] {
+        self.crank
+    }
+
+    /// Tip pin inwards to the pad's face, m.
+    #[must_use]
+    pub fn pad(&self) -> f64 {
+        self.pad
+    }
+
+    /// Greatest opening that may be asked, m.
+    #[must_use]
+    pub fn stroke(&self) -> f64 {
+        self.stroke
+    }
+
+    /// Greatest knuckle angle that may be asked, rad.
+    #[must_use]
+    pub fn max_knuckle(&self) -> f64 {
+        self.max_knuckle
+    }
+
+    /// Greatest force cap that may be asked, N.
+    #[must_use]
+    pub fn max_force(&self) -> f64 {
+        self.max_force
     }
 
     /// Distance between the pads, m, at a knuckle angle, rad.

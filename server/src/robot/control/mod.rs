@@ -51,7 +51,7 @@ impl RobotControl {
         RobotControl::at(model, &model.settings.home)
     }
 
-    /// At rest at given positions of joint_1 to joint_6, rad, the gripper open.
+    /// At rest at given positions of the arm, from base to hand, rad, the gripper open.
     #[must_use]
     pub fn at(model: &RobotModel, joints: &[f64; 6]) -> RobotControl {
         let arm = ArmControl::new(model);
@@ -181,7 +181,7 @@ pub enum IntentFrame {
 /// What is asked of the arm.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub enum ArmIntent {
-    /// joint_1 to joint_6, rad, absolute: continuous joints are not wrapped.
+    /// From base to hand, rad, absolute: continuous joints are not wrapped.
     Joints([f64; 6]),
     /// End effector pose in `frame`.
     Pose {
@@ -252,7 +252,7 @@ pub struct BaseIntent {
 /// What is asked of the gripper.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct GripperIntent {
-    /// Knuckle angle, rad, 0 (open) to 0.7929; openings in metres are mapped
+    /// Knuckle angle, rad, from 0 (open); openings in metres are mapped
     /// first, by [`GripperMap::knuckle`].
     pub knuckle: f64,
     /// Force cap at each pad, N; `None` takes the usual force of the robot.
@@ -262,9 +262,9 @@ pub struct GripperIntent {
 /// What the drives follow during one physics tick.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Targets {
-    /// joint_1 to joint_6, rad.
+    /// From base to hand, rad.
     pub arm_position: [f64; 6],
-    /// joint_1 to joint_6, rad/s (feed-forward).
+    /// From base to hand, rad/s (feed-forward).
     pub arm_velocity: [f64; 6],
     /// Left and right rear wheel, rad/s.
     pub wheel_velocity: [f64; 2],

@@ -158,7 +158,7 @@ fn joint_goals_are_reached_together_and_exactly() {
     }
     let beyond = [0.0, 2.5, 0.0, 0.0, 0.0, 0.0];
     control.update(&arm(ArmIntent::Joints(beyond)), &here);
-    assert!(control.arm_problem().unwrap().contains("joint_2"));
+    assert!(control.arm_problem().unwrap().contains("arm joint 2"));
 }
 
 #[test]

@@ -13,7 +13,7 @@ use nalgebra::{Isometry3, Matrix6, Vector6};
 use wheelarm_proto::exact;
 
 use super::screw::logarithm;
-use super::{ARM_JOINTS, ArmKinematics};
+use super::{ArmKinematics, joint_word};
 
 /// Position error at which a solution is exact, m.
 const POSITION_TOLERANCE: f64 = 1e-9;
@@ -38,7 +38,7 @@ const STARTS: usize = 32;
 /// Joint positions that reach a pose.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Solution {
-    /// joint_1 to joint_6, rad, continuous ones within half a turn of the guess.
+    /// From base to hand, rad, continuous ones within half a turn of the guess.
     pub joints: [f64; 6],
     /// Remaining distance, m.
     pub position_error: f64,
@@ -60,7 +60,7 @@ pub enum Reason {
         /// Greatest distance that the arm reaches.
         reach: f64,
     },
-    /// The closest joint positions lie on limits: flags of joint_1 to joint_6.
+    /// The closest joint positions lie on limits: flags from base to hand.
     Limits([bool; 6]),
     /// Within reach, but no joint positions were found.
     NoSolution,
@@ -90,13 +90,12 @@ impl fmt::Display for Unreachable {
                 "unreachable: target is {distance:.3} m from the shoulder, the arm reaches {reach:.3} m"
             ),
             Reason::Limits(flags) => {
-                write!(out, "unreachable: limits of")?;
-                for (name, _) in ARM_JOINTS.iter().zip(flags).filter(|(_, flag)| *flag) {
-                    write!(out, " {name}")?;
-                }
+                let at_limit = (0..flags.len()).filter(|&joint| flags[joint]);
+                let words: Vec<String> = at_limit.map(joint_word).collect();
                 write!(
                     out,
-                    "; closest is {:.1} mm and {:.2}° off",
+                    "unreachable: limits of {}; closest is {:.1} mm and {:.2}° off",
+                    words.join(", "),
                     self.position_error * 1e3,
                     self.rotation_error.to_degrees()
                 )
@@ -110,7 +109,7 @@ impl fmt::Display for Unreachable {
             Reason::Jump(joint, angle) => write!(
                 out,
                 "unreachable without a jump: {} would turn by {:.0}°",
-                ARM_JOINTS[joint],
+                joint_word(joint),
                 angle.to_degrees()
             ),
         }

@@ -7,21 +7,15 @@ mod inverse;
 pub mod screw;
 
 use nalgebra::{Isometry3, Matrix6, Point3, Unit, Vector3};
-use wheelarm_proto::names::JOINT_NAMES;
 
 use super::RobotModel;
 pub use inverse::{Reason, Solution, Unreachable};
 use screw::Screw;
 
-/// Names of the arm's joints from base to hand.
-pub const ARM_JOINTS: [&str; 6] = [
-    JOINT_NAMES[4],
-    JOINT_NAMES[5],
-    JOINT_NAMES[6],
-    JOINT_NAMES[7],
-    JOINT_NAMES[8],
-    JOINT_NAMES[9],
-];
+/// Name of a joint of the arm for people, counted from 0 at the base.
+pub(super) fn joint_word(joint: usize) -> String {
+    format!("arm joint {}", joint + 1)
+}
 
 /// The arm from its base link to the end effector.
 ///
@@ -39,7 +33,7 @@ pub struct ArmKinematics {
     upper: [f64; 6],
     /// Greatest joint speeds, rad/s.
     speed: [f64; 6],
-    /// Origin of joint_2 at zero in the arm's base, m.
+    /// Origin of the second joint at zero in the arm's base, m.
     shoulder: Point3<f64>,
     /// The end effector is never further from the shoulder, m.
     reach: f64,
@@ -47,13 +41,12 @@ pub struct ArmKinematics {
 
 impl ArmKinematics {
     /// From the joints between arm base and end effector; `RobotModel::load`
-    /// has checked that these are joint_1 to joint_6 and fixed ones.
+    /// has checked that these are the six of the arm and fixed ones.
     #[must_use]
     pub fn new(model: &RobotModel) -> ArmKinematics {
-        let link = |name: &str| model.link(name).unwrap_or_default();
-        let base = link(&model.settings.arm_base_link);
-        let hand = link(&model.settings.end_effector_link);
-        let chain = model.chain(base, hand).unwrap_or_default();
+        let roles = &model.roles;
+        let chain = model.chain(roles.arm_base, roles.end_effector);
+        let chain = chain.unwrap_or_default();
         let mut base_from_joint = Isometry3::identity();
         let mut axes = [(Unit::new_unchecked(Vector3::z()), Point3::origin()); 6];
         let (mut lower, mut upper) = ([f64::NEG_INFINITY; 6], [f64::INFINITY; 6]);
@@ -63,7 +56,7 @@ impl ArmKinematics {
         for &index in &chain {
             let joint = &model.joints[index];
             base_from_joint *= joint.origin;
-            let arm_joint = ARM_JOINTS.iter().position(|name| *name == joint.name);
+            let arm_joint = roles.arm_index(index);
             if let Some(i) = arm_joint {
                 axes[i] = (
                     Unit::new_unchecked(base_from_joint * joint.axis.into_inner()),

@@ -14,12 +14,9 @@ use crate::service::denied::Denied;
 use crate::service::desk::Request;
 use crate::service::errand::Errand;
 use crate::service::render::RenderThread;
-use crate::service::{convert, leases, wall};
+use crate::service::{convert, describe, leases, wall};
 use crate::sim::Scenario;
 use crate::tasks;
-
-/// Where the arm stands among the recorded joints.
-const ARM_JOINTS: std::ops::Range<usize> = 4..10;
 
 /// How far a joint may turn from where a solution is looked for nearby, radians.
 const NEAR_CHANGE: f64 = 1.2;
@@ -258,6 +255,9 @@ impl Engine {
                 force: (g.force > 0.0).then_some(g.force),
             })
         });
+        let mut robot = describe::robot(model);
+        // As it is simulated, to the last bit: plans go by it.
+        robot.arm_mount = Some(convert::pose(&self.arm_mount()));
         v1::SceneReply {
             header: Some(self.stamp()),
             bodies: furniture.chain(objects).collect(),
@@ -265,9 +265,9 @@ impl Engine {
             target: self.sim.scenario().target.clone(),
             instances: self.instances(),
             objects: scene.objects.iter().map(|o| o.name.clone()).collect(),
-            arm_mount: self.arm_mount().map(|p| convert::pose(&p)),
-            tool_length: model.settings.tool_length,
-            footprint: Some(footprint(&model.settings.footprint)),
+            arm_mount: robot.arm_mount,
+            tool_length: robot.tool_length,
+            footprint: robot.footprint,
             joints: scene
                 .joints
                 .iter()
@@ -277,16 +277,14 @@ impl Engine {
                 let target = &self.sim.scenario().target;
                 convert::goal(&task.goal, target, scene)
             }),
+            robot: Some(robot),
         }
     }
 
-    fn arm_mount(&self) -> Option<nalgebra::Isometry3<f64>> {
-        let (model, snapshot) = (self.sim.model(), self.sim.snapshot());
-        let base = model
-            .links
-            .iter()
-            .position(|l| l.name == model.settings.arm_base_link)?;
-        Some(snapshot.links[0].pose.inverse() * snapshot.links[base].pose)
+    /// chair_from_base.
+    fn arm_mount(&self) -> nalgebra::Isometry3<f64> {
+        let (roles, snapshot) = (&self.sim.model().roles, self.sim.snapshot());
+        snapshot.links[0].pose.inverse() * snapshot.links[roles.arm_base].pose
     }
 
     fn instances(&self) -> Vec<v1::Instance> {
@@ -298,12 +296,10 @@ impl Engine {
 
     fn reach(&self, request: v1::ReachRequest) -> Result<v1::ReachReply, Denied> {
         let pose = convert::isometry("pose", request.pose.as_ref())?;
-        let joints = self.sim.recorded_joints();
         let kinematics = self.sim.control().kinematics();
         let solved = match request.near_joints.as_slice() {
             [] => {
-                let now = std::array::from_fn(|i| joints[ARM_JOINTS.start + i].position);
-                kinematics.solve(&pose, &now)
+                kinematics.solve(&pose, &self.sim.arm_positions())
             }
             near => {
                 let near = wheelarm_proto::check::list::<6>("near_joints", near);
@@ -398,14 +394,5 @@ fn body(body: &Body, fixed: bool) -> v1::SceneBody {
         fixed,
         boxes,
         area: body.area.clone(),
-    }
-}
-
-fn footprint(&[x_min, x_max, y_min, y_max]: &[f64; 4]) -> v1::Footprint {
-    v1::Footprint {
-        x_min,
-        x_max,
-        y_min,
-        y_max,
     }
 }

@@ -8,7 +8,7 @@ use wheelarm_proto::v1::{FailureCode, WaitingFor};
 use wheelarm_proto::{StreamId, TopicId, check, v1};
 
 use super::{Engine, NAP, Next, Waits};
-use crate::service::convert;
+use crate::service::{convert, describe};
 use crate::service::denied::Denied;
 use crate::service::episode::{Episode, Stage};
 use crate::service::inbox::Listening;
@@ -111,6 +111,7 @@ impl Engine {
                 .map(|j| j.name.clone())
                 .collect(),
             physics_version: wheelarm_proto::PHYSICS_VERSION,
+            robot: Some(describe::robot(self.sim.model())),
         };
         self.episode = Some(Episode {
             number,

@@ -29,6 +29,7 @@ use super::render::RenderThread;
 use super::shared::Shared;
 use super::waiting::Waiting;
 use super::{assets, publish};
+use crate::robot::control::GripperMap;
 use crate::sim::{Pacing, Simulation};
 use crate::snapshot::{Anomaly, BodyRef, Snapshot};
 
@@ -310,17 +311,14 @@ impl Engine {
     fn standing(&self) -> Standing {
         let (control, snapshot) = (self.sim.control(), self.sim.snapshot());
         let state = control.state();
-        let base = self
-            .sim
-            .model()
-            .link(&self.sim.model().settings.arm_base_link);
+        let base = self.sim.model().roles.arm_base;
         let house_from = |link: usize| {
             snapshot
                 .links
                 .get(link)
                 .map_or_else(Isometry3::identity, |l| l.pose)
         };
-        let house_from_base = house_from(base.unwrap_or_default());
+        let house_from_base = house_from(base);
         Standing {
             joints: state.arm.position,
             tool: control.kinematics().forward(&state.arm.position),
@@ -383,10 +381,10 @@ impl Engine {
 
     /// Begins anew with the simulation that was just put in place.
     pub(in crate::service) fn renew(&mut self) {
-        self.shared
-            .inbox
-            .lock()
-            .renew(Listening::default(), self.sim.snapshot().tick);
+        let mut inbox = self.shared.inbox.lock();
+        inbox.fit(GripperMap::new(self.sim.model()));
+        inbox.renew(Listening::default(), self.sim.snapshot().tick);
+        drop(inbox);
         self.forget_anomalies();
         self.made = Made::default();
         self.pace.restart();

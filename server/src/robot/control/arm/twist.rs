@@ -5,7 +5,7 @@ use nalgebra::{Isometry3, Matrix6, Translation3, UnitQuaternion, Vector6};
 
 use super::cartesian::{Velocity, cut, joint_speeds, slowest, weighted};
 use super::{ArmControl, ArmState, Motion};
-use crate::robot::kinematics::ARM_JOINTS;
+use crate::robot::kinematics::joint_word;
 use crate::robot::kinematics::screw::rotation_vector;
 
 /// Singular value below which a twist towards a singularity is slowed, m/rad.
@@ -149,7 +149,7 @@ impl ArmControl {
         match at_limit {
             Some(i) => format!(
                 "the twist is not followed: {} is at its limit, {:.4} rad",
-                ARM_JOINTS[i], position[i]
+                joint_word(i), position[i]
             ),
             None => "the twist is not followed: the arm is stretched or its wrist is straight"
                 .to_owned(),

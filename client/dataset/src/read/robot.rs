@@ -1,0 +1,51 @@
+//! The robot of a recording, and the one place that knows a robot by itself: the
+//! first recordings did not tell theirs, and there was only one.
+
+use prost::Message;
+use wheelarm_proto::v1;
+
+use super::{Episode, ReadError};
+
+/// Description of the robot `wheelarm` as it was when recordings did not hold
+/// one: an encoded `wheelarm.v1.RobotDescription`, as the server makes it.
+const FIRST: &[u8] = include_bytes!("wheelarm.binpb");
+
+impl Episode {
+    /// The robot that was recorded. A file without a description is of the
+    /// first version; its robot is the one that there was.
+    ///
+    /// # Errors
+    /// When the stored description cannot be read.
+    pub fn robot(&self) -> Result<v1::RobotDescription, ReadError> {
+        let path = "robot/message";
+        if self.file.link_exists(path) {
+            return self.message(path);
+        }
+        first_robot().map_err(|e| self.decode("the description of the first robot", e))
+    }
+}
+
+/// The robot of recordings that do not tell theirs.
+///
+/// # Errors
+/// Never: the bytes are part of the program, and a test reads them.
+pub fn first_robot() -> Result<v1::RobotDescription, prost::DecodeError> {
+    v1::RobotDescription::decode(FIRST)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use wheelarm_proto::robot::Roles;
+
+    #[test]
+    fn the_first_robot_has_every_role_where_the_first_files_have_it() {
+        let robot = first_robot().unwrap();
+        let roles = Roles::find(&robot).unwrap();
+        assert_eq!((robot.joints.len(), robot.frames.len()), (16, 7));
+        assert_eq!(roles.arm, [4, 5, 6, 7, 8, 9]);
+        assert_eq!((roles.wheels, roles.knuckle), ([0, 1], 13));
+        assert_eq!((roles.chair, roles.end_effector), (0, 6));
+        assert!((robot.opening(0.0).unwrap() - 0.085).abs() < 1e-5);
+    }
+}
