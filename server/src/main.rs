@@ -115,7 +115,9 @@ fn camera(text: &str) -> Result<CameraSetting, String> {
         })
     };
     parse().ok_or_else(|| {
-        format!("{text:?} is not NAME=WIDTHxHEIGHT@HZ, for example *=1280x720@10 for all of the robot's")
+        format!(
+            "{text:?} is not NAME=WIDTHxHEIGHT@HZ, for example *=1280x720@10 for all of the robot's"
+        )
     })
 }
 

@@ -4,66 +4,40 @@
 use nalgebra::{Isometry3, Point3, Translation3};
 
 use super::block::Block;
-use super::ground::{Ground, Outline};
-use super::hand::{self, Ball};
+use super::ground::{Ground, Level};
+use super::hand::{self, Ball, Hand};
 use super::scene::SceneModel;
 
 /// Lower than this is floor, metres.
 const FLOOR: f64 = 0.03;
-/// Foot plate and front wheels go under what is higher than this, metres.
-const FEET: f64 = 0.32;
-/// Where the body of the chair ends in front, without foot plate and wheels:
-/// arm rests and the arm's base, metres before the rear axle.
-const BODY_FRONT: f64 = 0.50;
-/// What reaches above this can touch the arm while it is carried, metres.
-const ARM_HEIGHT: f64 = 0.95;
-/// Nothing of the robot is above this, metres.
-const ROBOT_HEIGHT: f64 = 1.50;
 /// Objects that lie lower than this lie in the chair's way, metres.
 const LOW_OBJECT: f64 = 0.5;
-/// How far hand and fingers stand out of the footprint in front and at the
-/// left when the arm is carried at its home, metres.
-const HAND_OUT: [f64; 2] = [0.19, 0.06];
 /// The hand is looked at every so many metres of its way.
 const STEP: f64 = 0.02;
-/// Nothing of the hand is further from the end effector than this, metres.
-const HAND_REACH: f64 = 0.22;
+/// Things in the hand reach no further from it than this, metres.
+const HELD: f64 = 0.4;
 
 impl SceneModel {
     /// What the chair must not touch, with the things where they are.
     #[must_use]
     pub fn ground(&self, poses: &[Isometry3<f64>]) -> Ground {
-        let [back, front, right, left] = self.footprint;
-        let mut ground = Ground {
-            low: Outline {
-                sides: self.footprint,
-            },
-            body: Outline {
-                sides: [back, front.min(BODY_FRONT), right, left],
-            },
-            high: Outline {
-                sides: [back, front + HAND_OUT[0], right, left + HAND_OUT[1]],
-            },
-            low_obstacles: Vec::new(),
-            raised_obstacles: Vec::new(),
-            tall_obstacles: Vec::new(),
-        };
+        let mut bottom = FLOOR;
+        let mut ground = Ground { levels: Vec::new() };
+        for (top, outline) in &self.outlines {
+            ground.levels.push(Level {
+                bottom,
+                top: *top,
+                outline: *outline,
+                obstacles: Vec::new(),
+            });
+            bottom = *top;
+        }
         let lying = self
             .placed(poses)
             .map(|(_, block)| block)
             .filter(|block| block.heights()[0] < LOW_OBJECT);
         for block in self.furniture.iter().copied().chain(lying) {
-            let [low, high] = block.heights();
-            if high <= FLOOR || low >= ROBOT_HEIGHT {
-                continue;
-            }
-            if high > ARM_HEIGHT {
-                ground.tall_obstacles.push(block.rectangle());
-            } else if low > FEET {
-                ground.raised_obstacles.push(block.rectangle());
-            } else {
-                ground.low_obstacles.push(block.rectangle());
-            }
+            ground.put(block.rectangle(), block.heights());
         }
         ground
     }
@@ -123,7 +97,7 @@ impl SceneModel {
             .iter()
             .map(|pose| (pose.translation.vector - middle.coords).norm())
             .fold(0.0, f64::max);
-        self.near(&middle, radius + HAND_REACH + 0.4, poses, except)
+        self.near(&middle, radius + self.hand.reach() + HELD, poses, except)
     }
 }
 
@@ -149,6 +123,7 @@ impl Surroundings {
             .norm()
             .max(0.15 * start.rotation.angle_to(&end.rotation));
         let steps = (length / STEP).ceil().max(1.0) as usize;
+        let near = hand::reach(balls) + margin;
         (0..=steps).all(|i| {
             let share = i as f64 / steps as f64;
             let pose = Isometry3::from_parts(
@@ -164,7 +139,7 @@ impl Surroundings {
             let mut close = self
                 .blocks
                 .iter()
-                .filter(|block| block.distance(&origin) < HAND_REACH + 0.15)
+                .filter(|block| block.distance(&origin) <= near)
                 .peekable();
             close.peek().is_none()
                 || close.all(|block| {
@@ -176,11 +151,17 @@ impl Surroundings {
         })
     }
 
-    /// Whether the hand, open by `opening`, keeps `margin` metres from
+    /// Whether `hand`, open by `opening`, keeps `margin` metres from
     /// everything on straight lines between `stops`.
     #[must_use]
-    pub fn hand_is_free(&self, opening: f64, stops: &[Isometry3<f64>], margin: f64) -> bool {
-        let balls = hand::balls(opening);
+    pub fn hand_is_free(
+        &self,
+        hand: &Hand,
+        opening: f64,
+        stops: &[Isometry3<f64>],
+        margin: f64,
+    ) -> bool {
+        let balls = hand.balls(opening);
         match stops {
             [only] => self.is_free(&balls, only, only, margin),
             _ => stops
@@ -237,6 +218,9 @@ mod tests {
             chair_from_base: Isometry3::identity(),
             tool_length: 0.12,
             footprint: [0.0; 4],
+            outlines: Vec::new(),
+            arm_range: [0.42, 0.88],
+            hand: hand::tests::hand(),
         };
         let poses = [Isometry3::identity()];
         // Tool z along +x, tool x along y, tool y up.
@@ -245,9 +229,12 @@ mod tests {
         let tool = |x: f64| Isometry3::from_parts(Translation3::new(x, 0.0, 0.9), rotation);
         let free = |scene: &SceneModel, except| {
             let stops = [tool(-0.24), tool(-0.13)];
-            scene
-                .around(&stops, &poses, except)
-                .hand_is_free(0.085, &stops, 0.005)
+            scene.around(&stops, &poses, except).hand_is_free(
+                &scene.hand,
+                scene.hand.stroke,
+                &stops,
+                0.005,
+            )
         };
         assert!(free(&scene, Some(0)));
         assert!(!free(&scene, None), "the fingers reach around the bottle");

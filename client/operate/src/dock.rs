@@ -33,10 +33,6 @@ pub struct Dock {
 
 /// Room that the chair keeps at its stop, metres.
 pub const DOCK_MARGIN: f64 = 0.045;
-/// Least distance from the arm's base to the grasp point on the floor plan, metres.
-const NEAREST: f64 = 0.42;
-/// Greatest distance, metres.
-const FURTHEST: f64 = 0.88;
 /// Step of the distances that are looked at, metres.
 const STEP: f64 = 0.025;
 /// A hand from above is best this much nearer than a level one, metres.
@@ -52,10 +48,11 @@ const JOINT_CHANGE: f64 = 1.0;
 #[must_use]
 pub fn docks(scene: &SceneModel, chair: &Pose2, ways: &[Way], distance: f64) -> Vec<Dock> {
     let arm = scene.chair_from_base.translation;
-    let steps = ((FURTHEST - NEAREST) / STEP).round() as usize;
+    let [nearest, furthest] = scene.arm_range;
+    let steps = ((furthest - nearest) / STEP).round() as usize;
     let mut docks = Vec::new();
     for (index, way) in ways.iter().enumerate() {
-        let point = way.point();
+        let point = way.point(&scene.hand);
         let headings: Vec<(f64, f64)> = match way.heading() {
             Some(direction) => (-6..=6)
                 .map(|i| f64::from(i) * 0.1)
@@ -71,7 +68,7 @@ pub fn docks(scene: &SceneModel, chair: &Pose2, ways: &[Way], distance: f64) -> 
             for side in -4..=4 {
                 let bearing = f64::from(side) * 0.1;
                 for i in 0..=steps {
-                    let far = NEAREST + STEP * i as f64;
+                    let far = nearest + STEP * i as f64;
                     // The object in the chair's frame.
                     let ahead = arm.x + far * exact::cos(bearing);
                     let left = arm.y + far * exact::sin(bearing);

@@ -136,6 +136,12 @@ pub struct Outline {
 }
 
 impl Outline {
+    /// Whether it lies within another one.
+    fn is_within(&self, other: &Outline) -> bool {
+        let ([back, front, right, left], others) = (self.sides, other.sides);
+        back >= others[0] && front <= others[1] && right >= others[2] && left <= others[3]
+    }
+
     /// The outline at a pose, grown by `margin` on every side.
     #[must_use]
     pub fn at(&self, pose: &Pose2, margin: f64) -> Rectangle {
@@ -151,30 +157,50 @@ impl Outline {
 /// What the chair must not touch.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Ground {
-    /// Outline of the chair without what sticks out above table height.
-    pub low: Outline,
-    /// Outline without the foot plate and the front wheels, which go under tables.
-    pub body: Outline,
-    /// Outline with the arm, for obstacles that reach above the tables.
-    pub high: Outline,
-    /// Obstacles below the arm.
-    pub low_obstacles: Vec<Rectangle>,
-    /// Obstacles below the arm that leave room for the feet, for example table tops.
-    pub raised_obstacles: Vec<Rectangle>,
-    /// Obstacles that the arm could touch, too.
-    pub tall_obstacles: Vec<Rectangle>,
+    /// The robot by height, bottom up, with what stands there.
+    pub levels: Vec<Level>,
+}
+
+/// The robot between two heights.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Level {
+    /// It reaches from this height above the floor, metres,
+    pub bottom: f64,
+    /// to this one.
+    pub top: f64,
+    /// Its outline.
+    pub outline: Outline,
+    /// What it must not touch with that outline.
+    pub obstacles: Vec<Rectangle>,
 }
 
 impl Ground {
     /// Whether the chair with `margin` around it touches nothing at `pose`.
     #[must_use]
     pub fn is_free(&self, pose: &Pose2, margin: f64) -> bool {
-        let low = self.low.at(pose, margin);
-        let body = self.body.at(pose, margin);
-        let high = self.high.at(pose, margin);
-        !self.low_obstacles.iter().any(|o| o.overlaps(&low))
-            && !self.raised_obstacles.iter().any(|o| o.overlaps(&body))
-            && !self.tall_obstacles.iter().any(|o| o.overlaps(&high))
+        self.levels.iter().all(|level| {
+            let outline = level.outline.at(pose, margin);
+            !level.obstacles.iter().any(|o| o.overlaps(&outline))
+        })
+    }
+
+    /// Puts in what stands between two heights, metres: it is held against the
+    /// robot at every level that it reaches, but not at those whose outline lies
+    /// within that of another one.
+    pub fn put(&mut self, obstacle: Rectangle, [low, high]: [f64; 2]) {
+        let meets = |level: &Level| low <= level.top && high > level.bottom;
+        let met: Vec<Outline> = self
+            .levels
+            .iter()
+            .filter(|level| meets(level))
+            .map(|level| level.outline)
+            .collect();
+        for level in self.levels.iter_mut().filter(|level| meets(level)) {
+            let inner = |other: &Outline| *other != level.outline && level.outline.is_within(other);
+            if !met.iter().any(inner) {
+                level.obstacles.push(obstacle);
+            }
+        }
     }
 
     /// Box around all obstacles: x min, x max, y min, y max, metres.
@@ -186,10 +212,9 @@ impl Ground {
             f64::INFINITY,
             f64::NEG_INFINITY,
         ];
-        self.low_obstacles
+        self.levels
             .iter()
-            .chain(&self.raised_obstacles)
-            .chain(&self.tall_obstacles)
+            .flat_map(|level| &level.obstacles)
             .fold(start, |b, o| {
                 let r = o.radius();
                 [

@@ -1,8 +1,9 @@
-//! The hand as balls: the wrist, the palm and the two fingers of the 2F-85 at
-//! any opening. Sizes are those of the robot's collision shapes.
+//! The hand as balls: the wrist, the palm and the two fingers at any opening, by
+//! the gripper's description. No size of a gripper stands here.
 
 use nalgebra::Vector3;
-use wheelarm_proto::exact;
+use wheelarm_proto::check::{self, Invalid};
+use wheelarm_proto::v1;
 
 /// One ball, in the end effector's frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -13,110 +14,226 @@ pub struct Ball {
     pub radius: f64,
 }
 
-/// A fully opened gripper, metres between the pads.
-pub const OPEN: f64 = 0.085;
+/// Plans count lengths of the linkage in steps of this many to a metre, 10 µm:
+/// finer than any hand is made.
+const STEPS: f64 = 1e5;
+/// So much less than closed and there is nothing between the pads, radians.
+const NOTHING: f64 = 0.006_9;
+/// So far from the open end the fingers are open, radians.
+const NEARLY: f64 = 0.05;
 
-/// The knuckle's axis beside and along the hand's axis, metres (URDF).
-const KNUCKLE: [f64; 2] = [0.030_60, 0.054_90];
-/// From the knuckle to the finger, at a knuckle angle of 0, metres (URDF).
-const FINGER: [f64; 2] = [0.031_53, -0.003_76];
-/// From the knuckle to the finger tip's joint, at a knuckle angle of 0, metres (URDF).
-const TIP: [f64; 2] = [0.037_16, 0.043_42];
-/// From the tip's joint inwards to the pad's face, metres (URDF).
-const PAD: f64 = 0.025_26;
-/// Along the hand from the tip's joint to the middle and the end of the pad, metres (URDF).
-const PAD_MIDDLE: f64 = 0.032;
-const PAD_END: f64 = 0.051;
-
-/// What does not move: wrist, camera, palm.
-const BODY: [([f64; 3], f64); 14] = [
-    ([0.0, 0.0, -0.165], 0.037),
-    ([0.0, 0.0, -0.11], 0.0385),
-    ([0.0, 0.0, -0.06], 0.0395),
-    ([0.0, 0.0, -0.02], 0.0395),
-    ([0.0, 0.056, -0.012], 0.022),
-    ([0.032, 0.056, -0.012], 0.020),
-    ([-0.032, 0.056, -0.012], 0.020),
-    ([0.0, 0.0, 0.01], 0.0385),
-    ([0.0, 0.0, 0.03], 0.0385),
-    ([0.028, 0.0, 0.055], 0.021),
-    ([-0.028, 0.0, 0.055], 0.021),
-    ([0.028, 0.0, 0.073], 0.020),
-    ([0.0, 0.0, 0.072], 0.020),
-    ([-0.028, 0.0, 0.073], 0.020),
-];
-
-/// The knuckle's angle at an opening, radians.
-fn knuckle(opening: f64) -> f64 {
-    let length = exact::hypot(TIP[0], TIP[1]);
-    let across = (opening.clamp(0.0, OPEN) / 2.0 + PAD - KNUCKLE[0]) / length;
-    exact::atan2(TIP[0], TIP[1]) - exact::asin(across.clamp(-1.0, 1.0))
+/// A gripper with two fingers that stay parallel.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Hand {
+    /// A fully opened gripper, metres between the pads.
+    pub stroke: f64,
+    closed: f64,
+    linkage: v1::GripperLinkage,
+    /// What does not move: wrist, camera, palm.
+    body: Vec<Ball>,
+    /// From the left knuckle's axis, at angle 0.
+    crank: Vec<Ball>,
+    /// From the left finger tip's axis.
+    tip: Vec<Ball>,
 }
 
-/// A point that turns with the knuckle: beside and along the hand's axis, metres.
-fn turned(point: [f64; 2], angle: f64) -> [f64; 2] {
-    let (sin, cos) = exact::sin_cos(angle);
-    [
-        KNUCKLE[0] + point[0] * cos - point[1] * sin,
-        KNUCKLE[1] + point[0] * sin + point[1] * cos,
-    ]
-}
-
-/// Distance from the end effector's frame to the middle of the pads at an
-/// opening, metres. The pads move outwards when the fingers close.
-#[must_use]
-pub fn pads(opening: f64) -> f64 {
-    turned(TIP, knuckle(opening))[1] + PAD_MIDDLE
-}
-
-/// The hand with this distance between the pads, metres.
-#[must_use]
-pub fn balls(opening: f64) -> Vec<Ball> {
-    let angle = knuckle(opening);
-    let (root, tip) = (turned(FINGER, angle), turned(TIP, angle));
-    let middle = [
-        f64::midpoint(root[0], tip[0]),
-        f64::midpoint(root[1], tip[1]),
-    ];
-    let inner = tip[0] - 0.0148;
-    let mut balls: Vec<Ball> = BODY
-        .iter()
-        .map(|(centre, radius)| Ball {
-            centre: (*centre).into(),
-            radius: *radius,
-        })
-        .collect();
-    for side in [1.0, -1.0] {
-        let mut add = |x: f64, y: f64, z: f64, radius: f64| {
-            balls.push(Ball {
-                centre: Vector3::new(side * x, y, z),
-                radius,
-            });
+impl Hand {
+    /// Reads a gripper's description.
+    ///
+    /// # Errors
+    /// [`Invalid`] that names the field.
+    pub fn read(told: &v1::GripperDescription) -> Result<Self, Invalid> {
+        let linkage = told.linkage.ok_or(Invalid::Missing("gripper linkage"))?;
+        let length = |length: f64| {
+            let length = check::within("length of the gripper's linkage", length, -1.0, 1.0)?;
+            Ok((length * STEPS).round() / STEPS)
         };
-        for [x, z] in [root, middle, tip] {
-            add(x, 0.0, z, 0.015);
-        }
-        add(inner, 0.0, tip[1] + 0.013, 0.0125);
-        add(inner, 0.0, tip[1] + 0.028, 0.0125);
-        for y in [-0.006, 0.006] {
-            add(inner, y, tip[1] + PAD_END - 0.008, 0.008);
-        }
+        Ok(Self {
+            stroke: check::within("gripper stroke", told.stroke, 0.0, 1.0)?,
+            closed: check::within("closed angle of the gripper", told.closed, 0.0, 3.2)?,
+            linkage: v1::GripperLinkage {
+                pin_x: length(linkage.pin_x)?,
+                pin_z: length(linkage.pin_z)?,
+                crank_x: length(linkage.crank_x)?,
+                crank_z: length(linkage.crank_z)?,
+                pad_x: length(linkage.pad_x)?,
+                pad_z: length(linkage.pad_z)?,
+                pad_half: length(linkage.pad_half)?,
+            },
+            body: read_balls(&told.hand_balls)?,
+            crank: read_balls(&told.crank_balls)?,
+            tip: read_balls(&told.tip_balls)?,
+        })
     }
-    balls
+
+    /// The knuckle's angle at an opening, radians.
+    fn knuckle(&self, opening: f64) -> f64 {
+        self.linkage.knuckle(opening.clamp(0.0, self.stroke))
+    }
+
+    /// Distance from the end effector's frame to the middle of the pads at an
+    /// opening, metres. The pads move along the hand while the fingers close.
+    #[must_use]
+    pub fn pads(&self, opening: f64) -> f64 {
+        self.linkage.tip(self.knuckle(opening))[1] + self.linkage.pad_z
+    }
+
+    /// Whether the fingers, at a knuckle angle in radians, have closed on nothing.
+    #[must_use]
+    pub fn is_empty(&self, knuckle: f64) -> bool {
+        knuckle > self.closed - NOTHING
+    }
+
+    /// Whether the fingers, at a knuckle angle in radians, are open.
+    #[must_use]
+    pub fn is_open(&self, knuckle: f64) -> bool {
+        knuckle <= NEARLY
+    }
+
+    /// Nothing of the hand is further from the end effector than this, metres.
+    #[must_use]
+    pub fn reach(&self) -> f64 {
+        let balls = self.balls(0.0).into_iter().chain(self.balls(self.stroke));
+        reach(&balls.collect::<Vec<_>>())
+    }
+
+    /// The hand with this distance between the pads, metres.
+    #[must_use]
+    pub fn balls(&self, opening: f64) -> Vec<Ball> {
+        let angle = self.knuckle(opening);
+        let tip = self.linkage.tip(angle);
+        let crank = self.crank.iter().map(|ball| {
+            let [x, z] = self.linkage.turned([ball.centre.x, ball.centre.z], angle);
+            (Vector3::new(x, ball.centre.y, z), ball.radius)
+        });
+        let ends = self.tip.iter().map(|ball| {
+            let middle = Vector3::new(
+                tip[0] + ball.centre.x,
+                ball.centre.y,
+                tip[1] + ball.centre.z,
+            );
+            (middle, ball.radius)
+        });
+        let left: Vec<_> = crank.chain(ends).collect();
+        let fingers = [1.0, -1.0].into_iter().flat_map(|side| {
+            left.iter().map(move |&(middle, radius)| Ball {
+                centre: Vector3::new(side * middle.x, middle.y, middle.z),
+                radius,
+            })
+        });
+        self.body.iter().copied().chain(fingers).collect()
+    }
+}
+
+/// No ball reaches further from the origin than this, metres.
+#[must_use]
+pub fn reach(balls: &[Ball]) -> f64 {
+    let reaches = balls.iter().map(|ball| ball.centre.norm() + ball.radius);
+    reaches.fold(0.0, f64::max)
+}
+
+fn read_balls(told: &[v1::Ball]) -> Result<Vec<Ball>, Invalid> {
+    told.iter()
+        .map(|ball| {
+            Ok(Ball {
+                centre: check::vector("ball of the gripper", ball.centre.as_ref())?.into(),
+                radius: check::within("radius of a ball", ball.radius, 0.0, 1.0)?,
+            })
+        })
+        .collect()
 }
 
 #[cfg(test)]
-mod tests {
+pub(crate) mod tests {
     use super::*;
+
+    /// The gripper of the tests: sizes of a Robotiq 2F-85.
+    pub(crate) fn gripper() -> v1::GripperDescription {
+        let ball = |&[x, y, z, radius]: &[f64; 4]| v1::Ball {
+            centre: Some(v1::Vector3 { x, y, z }),
+            radius,
+        };
+        let balls = |balls: &[[f64; 4]]| balls.iter().map(ball).collect();
+        v1::GripperDescription {
+            stroke: 0.085,
+            closed: 0.7929,
+            max_knuckle: 0.8,
+            max_velocity: 0.5,
+            usual_force: 60.0,
+            max_force: 235.0,
+            linkage: Some(v1::GripperLinkage {
+                pin_x: 0.030_601_14,
+                pin_z: 0.054_904_52,
+                crank_x: 0.037_157_5,
+                crank_z: 0.043_421_68,
+                pad_x: 0.025_26,
+                pad_z: 0.032,
+                pad_half: 0.019,
+            }),
+            hand_balls: balls(&[
+                [0.0, 0.0, -0.165, 0.037],
+                [0.0, 0.0, -0.06, 0.0395],
+                [0.0, 0.0, -0.02, 0.0395],
+                [0.0, 0.056, -0.012, 0.022],
+                [0.0, 0.0, 0.03, 0.0385],
+                [0.028, 0.0, 0.073, 0.020],
+                [-0.028, 0.0, 0.073, 0.020],
+            ]),
+            crank_balls: balls(&[
+                [0.03153, 0.0, -0.00376, 0.015],
+                [0.03716, 0.0, 0.04342, 0.015],
+            ]),
+            tip_balls: balls(&[
+                [-0.0148, 0.0, 0.013, 0.0125],
+                [-0.0148, 0.0, 0.028, 0.0125],
+                [-0.0148, 0.0, 0.043, 0.008],
+            ]),
+        }
+    }
+
+    /// The hand of the tests.
+    pub(crate) fn hand() -> Hand {
+        Hand::read(&gripper()).unwrap()
+    }
 
     #[test]
     fn the_pads_are_as_far_apart_as_asked_and_move_outwards() {
-        for opening in [0.0, 0.03, 0.06, OPEN] {
-            let face = turned(TIP, knuckle(opening))[0] - PAD;
+        let hand = hand();
+        for opening in [0.0, 0.03, 0.06, hand.stroke] {
+            let tip = hand.linkage.tip(hand.knuckle(opening));
+            let face = tip[0] - hand.linkage.pad_x;
             assert!((2.0 * face - opening).abs() < 1e-4, "{opening}: {face}");
         }
         // Forward kinematics of the URDF: 0.130 m open, 0.144 m closed.
-        assert!((pads(OPEN) - 0.130).abs() < 1e-3, "{}", pads(OPEN));
-        assert!((pads(0.0) - 0.144).abs() < 1e-3, "{}", pads(0.0));
+        assert!((hand.pads(hand.stroke) - 0.130).abs() < 1e-3);
+        assert!((hand.pads(0.0) - 0.144).abs() < 1e-3);
+    }
+
+    #[test]
+    fn fingers_are_mirror_images_and_reach_as_far_as_told() {
+        let hand = hand();
+        for opening in [0.0, 0.04, hand.stroke] {
+            let balls = hand.balls(opening);
+            let (left, right) = balls[hand.body.len()..].split_at(5);
+            for (left, right) in left.iter().zip(right) {
+                assert_eq!(
+                    (left.centre.x, left.centre.z),
+                    (-right.centre.x, right.centre.z)
+                );
+            }
+            assert!(reach(&balls) <= hand.reach());
+        }
+        assert!(hand.is_empty(0.79) && !hand.is_empty(0.78));
+        assert!(hand.is_open(0.04) && !hand.is_open(0.06));
+    }
+
+    #[test]
+    fn a_description_without_a_linkage_is_refused() {
+        let mut without = gripper();
+        without.linkage = None;
+        assert_eq!(
+            Hand::read(&without),
+            Err(Invalid::Missing("gripper linkage"))
+        );
     }
 }

@@ -4,8 +4,9 @@
 use nalgebra::Isometry3;
 use wheelarm_proto::check::Invalid;
 use wheelarm_proto::exact;
+use wheelarm_proto::robot::Roles;
 use wheelarm_proto::topic::Sample;
-use wheelarm_proto::{TopicId, names, v1};
+use wheelarm_proto::{TopicId, v1};
 
 use super::ground::Pose2;
 use super::scene::read_pose;
@@ -36,7 +37,7 @@ pub struct Observation {
     pub base_from_desired: Option<Isometry3<f64>>,
     /// Empty, or why the arm does not follow.
     pub arm_problem: String,
-    /// Left knuckle, rad.
+    /// The knuckle, rad.
     pub knuckle: f64,
     /// Normal force at the left and the right pad, N.
     pub pad_force: [f64; 2],
@@ -66,8 +67,9 @@ impl Observation {
 }
 
 /// Collects samples until a clock completes them.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug)]
 pub struct Collector {
+    roles: Roles,
     joints: Option<v1::JointState>,
     poses: Option<v1::PoseSet>,
     objects: Option<v1::ObjectPoses>,
@@ -77,50 +79,23 @@ pub struct Collector {
     applied: Option<v1::Applied>,
 }
 
-/// Place of a name in one of the contract's lists.
-const fn frame_index(name: &str) -> usize {
-    let mut i = 0;
-    while i < names::FRAMES.len() {
-        if same(names::FRAMES[i].name, name) {
-            return i;
-        }
-        i += 1;
-    }
-    panic!("no such frame in the contract");
-}
-
-const fn joint_index(name: &str) -> usize {
-    let mut i = 0;
-    while i < names::JOINT_NAMES.len() {
-        if same(names::JOINT_NAMES[i], name) {
-            return i;
-        }
-        i += 1;
-    }
-    panic!("no such joint in the contract");
-}
-
-const fn same(a: &str, b: &str) -> bool {
-    let (a, b) = (a.as_bytes(), b.as_bytes());
-    if a.len() != b.len() {
-        return false;
-    }
-    let mut i = 0;
-    while i < a.len() {
-        if a[i] != b[i] {
-            return false;
-        }
-        i += 1;
-    }
-    true
-}
-
-// Found while compiling, so a change of the contract cannot go unseen.
-const CHAIR: usize = frame_index("wheelchair");
-const TOOL: usize = frame_index("end_effector");
-const KNUCKLE: usize = joint_index("robotiq_85_left_knuckle_joint");
-
 impl Collector {
+    /// With nothing collected yet, of a robot whose joints and frames stand as
+    /// `roles` says.
+    #[must_use]
+    pub fn new(roles: Roles) -> Self {
+        Self {
+            roles,
+            joints: None,
+            poses: None,
+            objects: None,
+            slides: None,
+            contacts: None,
+            evaluation: None,
+            applied: None,
+        }
+    }
+
     /// Takes a sample; others than those of [`STREAMS`] are left alone.
     pub fn take(&mut self, sample: Sample) {
         match sample {
@@ -145,7 +120,7 @@ impl Collector {
             return Ok(None);
         };
         let frame = |index: usize| poses.frames.get(index).cloned().unwrap_or_default();
-        let twist = frame(CHAIR).twist.unwrap_or_default();
+        let twist = frame(self.roles.chair).twist.unwrap_or_default();
         let linear = twist.linear.unwrap_or_default();
         let evaluation = self.evaluation.clone().unwrap_or_default();
         let pads = self.contacts.as_ref().map_or(&[][..], |c| &c.pad_forces);
@@ -157,19 +132,29 @@ impl Collector {
             .transpose()?;
         Ok(Some(Observation {
             time: stamp_nanos as f64 * 1e-9,
-            house_from_chair: read_pose("pose of the chair", frame(CHAIR).pose.as_ref())?,
+            house_from_chair: read_pose(
+                "pose of the chair",
+                frame(self.roles.chair).pose.as_ref(),
+            )?,
             chair_speed: [
                 exact::hypot(linear.x, linear.y),
                 twist.angular.unwrap_or_default().z,
             ],
-            base_from_tool: read_pose("pose of the end effector", frame(TOOL).pose.as_ref())?,
+            base_from_tool: read_pose(
+                "pose of the end effector",
+                frame(self.roles.end_effector).pose.as_ref(),
+            )?,
             base_from_desired: desired,
             arm_problem: self
                 .applied
                 .as_ref()
                 .map(|applied| applied.arm_problem.clone())
                 .unwrap_or_default(),
-            knuckle: joints.positions.get(KNUCKLE).copied().unwrap_or(0.0),
+            knuckle: joints
+                .positions
+                .get(self.roles.knuckle)
+                .copied()
+                .unwrap_or(0.0),
             pad_force: [
                 pads.first().copied().unwrap_or(0.0),
                 pads.get(1).copied().unwrap_or(0.0),

@@ -6,7 +6,6 @@ use wheelarm_proto::v1::{self, Phase};
 
 use super::dock::Reach as Arm;
 use super::goal::Goal;
-use super::hand::OPEN;
 use super::observation::Observation;
 use super::scene::{SceneModel, write_pose};
 pub use super::skill::Act;
@@ -194,7 +193,7 @@ impl Operator {
                     // The hand starts open, whatever it was left at.
                     if !self.opened {
                         self.opened = true;
-                        act.opening.get_or_insert(OPEN);
+                        act.opening.get_or_insert(self.scene.hand.stroke);
                     }
                     return (act, None);
                 }

@@ -342,7 +342,7 @@ fn collect(nodes: &[Node], goal: usize) -> Vec<Piece> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::ground::{Outline, Rectangle};
+    use super::super::ground::{Level, Outline, Rectangle};
     use super::*;
 
     fn wall(x: [f64; 2], y: [f64; 2]) -> Rectangle {
@@ -354,23 +354,22 @@ mod tests {
     }
 
     fn room(obstacles: Vec<Rectangle>) -> Ground {
+        let level = |bottom, top, sides, obstacles| Level {
+            bottom,
+            top,
+            outline: Outline { sides },
+            obstacles,
+        };
+        let walls = vec![
+            wall([-11.6, -11.5], [-0.4, 6.6]),
+            wall([-2.5, -2.4], [-0.4, 6.6]),
+            wall([-11.6, -2.4], [-0.5, -0.4]),
+            wall([-11.6, -2.4], [6.5, 6.6]),
+        ];
         Ground {
-            low: Outline {
-                sides: [-0.19, 0.79, -0.30, 0.41],
-            },
-            body: Outline {
-                sides: [-0.19, 0.50, -0.30, 0.41],
-            },
-            high: Outline {
-                sides: [-0.19, 0.98, -0.30, 0.46],
-            },
-            low_obstacles: obstacles,
-            raised_obstacles: Vec::new(),
-            tall_obstacles: vec![
-                wall([-11.6, -11.5], [-0.4, 6.6]),
-                wall([-2.5, -2.4], [-0.4, 6.6]),
-                wall([-11.6, -2.4], [-0.5, -0.4]),
-                wall([-11.6, -2.4], [6.5, 6.6]),
+            levels: vec![
+                level(0.03, 0.95, [-0.19, 0.79, -0.30, 0.41], obstacles),
+                level(0.95, 1.50, [-0.19, 0.98, -0.30, 0.46], walls),
             ],
         }
     }

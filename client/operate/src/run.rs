@@ -4,6 +4,7 @@ use std::time::Duration;
 
 use nalgebra::Isometry3;
 use wheelarm_proto::check::Invalid;
+use wheelarm_proto::robot::Roles;
 use wheelarm_proto::topic::Sample;
 use wheelarm_proto::{TopicId, v1};
 
@@ -161,7 +162,9 @@ pub fn run(
     } else if status.episode.is_none() && status.evaluation.as_ref().is_some_and(|e| e.done) {
         return Err(OperateError::Over);
     }
-    let model = SceneModel::read(&link.ask(&v1::SceneRequest {})?)?;
+    let scene = link.ask(&v1::SceneRequest {})?;
+    let model = SceneModel::read(&scene)?;
+    let roles = Roles::find(&scene.robot.unwrap_or_default())?;
     let style = Style::new(options.style_seed.unwrap_or(scenario.seed()));
     let mut operator = Operator::new(model, style).map_err(OperateError::Scene)?;
     let mut commander = link.commander(&options.commander, options.take)?;
@@ -175,7 +178,7 @@ pub fn run(
         open: is_ours,
     };
 
-    let mut collector = Collector::default();
+    let mut collector = Collector::new(roles);
     let mut reach = RemoteReach { link, error: None };
     let mut answered: Option<u64> = None;
     let mut silent = 0;

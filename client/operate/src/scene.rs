@@ -7,6 +7,8 @@ use wheelarm_proto::v1;
 
 use super::block::Block;
 use super::goal::Goal;
+use super::ground::Outline;
+use super::hand::Hand;
 use super::observation::Observation;
 
 /// A thing that can be moved: an object, or a piece of furniture that slides.
@@ -67,6 +69,14 @@ pub struct SceneModel {
     pub tool_length: f64,
     /// Footprint of the chair: x min, x max, y min, y max, metres.
     pub footprint: [f64; 4],
+    /// The robot by height, bottom up: height to which it holds, metres, and
+    /// outline with the arm at home.
+    pub outlines: Vec<(f64, Outline)>,
+    /// Least and greatest distance on the floor plan from the arm's base to what
+    /// is taken, metres.
+    pub arm_range: [f64; 2],
+    /// The hand.
+    pub hand: Hand,
 }
 
 /// Reads a pose of a message.
@@ -163,11 +173,11 @@ impl SceneModel {
                 item,
                 name: grasp.name.clone(),
                 item_from_grasp: read_pose("grasp pose", grasp.pose.as_ref())?,
-                width: check::within("grasp width", grasp.width, 0.0, 0.085)?,
+                width: check::within("grasp width", grasp.width, 0.0, 1.0)?,
                 symmetric: grasp.symmetric,
                 force: grasp
                     .force
-                    .map(|force| check::within("grasp force", force, 0.0, 235.0))
+                    .map(|force| check::within("grasp force", force, 0.0, 1e4))
                     .transpose()?,
             });
         }
@@ -178,15 +188,30 @@ impl SceneModel {
                 block.round = upright && (block.half.x - block.half.y).abs() < ROUND;
             }
         }
+        let robot = reply.robot.as_ref();
+        let robot = robot.ok_or(Invalid::Missing("description of the robot"))?;
+        let gripper = robot.gripper.as_ref();
+        let reach = robot.reach.unwrap_or_default();
+        let outlines = robot.outlines.iter().map(|outline| {
+            let sides = footprint(outline.footprint.as_ref())?;
+            let top = check::within("top of an outline", outline.top, 0.0, 10.0)?;
+            Ok((top, Outline { sides }))
+        });
+        // A thing that the hand cannot take in has no grasp.
+        let hand = Hand::read(gripper.ok_or(Invalid::Missing("gripper"))?)?;
+        grasps.retain(|grasp| grasp.width <= hand.stroke);
         let mut scene = Self {
             furniture,
             items,
             slides,
             grasps,
             goal: None,
-            chair_from_base: read_pose("arm mount", reply.arm_mount.as_ref())?,
-            tool_length: check::within("tool length", reply.tool_length, 0.0, 0.5)?,
-            footprint: footprint(reply.footprint.as_ref())?,
+            chair_from_base: read_pose("arm mount", robot.arm_mount.as_ref())?,
+            tool_length: check::within("tool length", robot.tool_length, 0.0, 0.5)?,
+            footprint: footprint(robot.footprint.as_ref())?,
+            outlines: outlines.collect::<Result<_, Invalid>>()?,
+            arm_range: check::list("range of the arm", &[reach.nearest, reach.furthest])?,
+            hand,
         };
         scene.goal = Goal::read(reply, &scene)?;
         Ok(scene)

@@ -6,7 +6,7 @@ use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
 use super::block::Block;
 use super::dock::{Reach, standing};
 use super::goal::Goal;
-use super::ground::Pose2;
+use super::ground::{Outline, Pose2};
 use super::hand;
 use super::observation::Observation;
 use super::operator::{Act, Operator, Outcome};
@@ -112,6 +112,15 @@ fn home_scene() -> SceneModel {
         ),
         tool_length: 0.12,
         footprint: [-0.19, 0.79, -0.30, 0.41],
+        outlines: [
+            (0.32, [-0.19, 0.79, -0.30, 0.41]),
+            (0.95, [-0.19, 0.50, -0.30, 0.41]),
+            (1.50, [-0.19, 0.98, -0.30, 0.47]),
+        ]
+        .map(|(top, sides)| (top, Outline { sides }))
+        .to_vec(),
+        arm_range: [0.42, 0.88],
+        hand: hand::tests::hand(),
     }
 }
 
@@ -155,7 +164,8 @@ impl Toy {
 
     /// The bottle lies between the open fingers.
     fn around(&self) -> bool {
-        let grasp = self.house_from_tool() * Translation3::new(0.0, 0.0, hand::pads(self.opening));
+        let grasp = self.house_from_tool()
+            * Translation3::new(0.0, 0.0, self.scene.hand.pads(self.opening));
         let off = grasp.inverse_transform_point(&Point3::from(self.objects[0].translation.vector));
         off.x.abs() < 0.012 && off.y.abs() < 0.03 && off.z.abs() < 0.03
     }
@@ -246,7 +256,7 @@ impl Toy {
             assert!(
                 self.scene
                     .around(&[hand], &self.objects, near.then_some(0))
-                    .hand_is_free(self.opening, &[hand], -0.008),
+                    .hand_is_free(&self.scene.hand, self.opening, &[hand], -0.008),
                 "the hand touches something at {hand:?} while {}",
                 act.name
             );

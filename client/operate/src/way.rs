@@ -8,7 +8,7 @@ use wheelarm_proto::exact;
 
 use super::clearance::Surroundings;
 use super::goal::Goal;
-use super::hand::{self, OPEN};
+use super::hand::Hand;
 use super::scene::{Grasp, SceneModel};
 
 /// Where and how the hand goes, in `house`.
@@ -33,10 +33,10 @@ pub struct Way {
 }
 
 impl Way {
-    /// The grasp point in `house`.
+    /// The grasp point of `hand` in `house`.
     #[must_use]
-    pub fn point(&self) -> Point3<f64> {
-        self.at * Point3::new(0.0, 0.0, hand::pads(self.width))
+    pub fn point(&self, hand: &Hand) -> Point3<f64> {
+        self.at * Point3::new(0.0, 0.0, hand.pads(self.width))
     }
 
     /// Direction of the hand on the floor plan, radians; `None` for a hand
@@ -147,17 +147,18 @@ fn nearest(
     margin: f64,
 ) -> Option<Way> {
     let leaned = UnitQuaternion::from_axis_angle(&Vector3::x_axis(), lean);
-    let opening = OPEN.min(grasp.width + ROOM);
+    let hand = &scene.hand;
+    let opening = hand.stroke.min(grasp.width + ROOM);
     // The pads must still meet the thing when the hand is drawn back.
-    let most = hand::pads(grasp.width) + 0.005 - scene.tool_length;
+    let most = hand.pads(grasp.width) + 0.005 - scene.tool_length;
     BACK.iter().filter(|back| **back <= most).find_map(|back| {
         let at = house_from_grasp * leaned * Translation3::new(0.0, 0.0, -scene.tool_length - back);
         let from_above = (house_from_grasp.rotation * Vector3::z()).z < -0.8;
         let standoff = standoff * if from_above { TOP_STANDOFF } else { 1.0 };
         let standoff = standoff.max(outside(scene, grasp));
         let before = at * Translation3::new(0.0, 0.0, -standoff);
-        let is_free = around.hand_is_free(grasp.width, &[at], margin)
-            && around.hand_is_free(opening, &[before, at], margin);
+        let is_free = around.hand_is_free(hand, grasp.width, &[at], margin)
+            && around.hand_is_free(hand, opening, &[before, at], margin);
         is_free.then_some(Way {
             before,
             at,

@@ -177,8 +177,9 @@ impl Hand {
     }
 
     fn take(&mut self, line: &str) -> anyhow::Result<()> {
-        let grip = |opening| v1::GripperCommand {
-            target: Some(v1::gripper_command::Target::Opening(opening)),
+        use v1::gripper_command::Target;
+        let grip = |target| v1::GripperCommand {
+            target: Some(target),
             max_force: None,
         };
         let words: Vec<&str> = line.split_whitespace().collect();
@@ -192,8 +193,8 @@ impl Hand {
                 self.drive = Some([number(linear)?, number(turn)?]);
             }
             ["stop"] => self.stop(),
-            ["open"] => self.next.gripper = Some(grip(0.085)),
-            ["close"] => self.next.gripper = Some(grip(0.0)),
+            ["open"] => self.next.gripper = Some(grip(Target::Knuckle(0.0))),
+            ["close"] => self.next.gripper = Some(grip(Target::Opening(0.0))),
             ["quit"] => self.quits = true,
             _ => bail!("{line:?} is not a command: drive LINEAR TURN, stop, open, close or quit"),
         }

@@ -43,6 +43,9 @@ pub struct DemoArgs {
     /// Scene.
     #[arg(long, default_value = "home")]
     pub scene: String,
+    /// Robot, a folder in assets/robots.
+    #[arg(long, default_value = "wheelarm")]
+    pub robot: String,
     /// Picture width, pixels.
     #[arg(long, default_value_t = 1280)]
     pub width: u32,
@@ -124,14 +127,13 @@ fn one(args: &DemoArgs, seed: u64) -> anyhow::Result<Summary> {
     )?);
     bar.enable_steady_tick(Duration::from_millis(120));
     bar.set_message(format!("seed {seed}: starting the server"));
-    let camera = |name: &str| format!("{name}={}x{}@{}", args.width, args.height, args.rate);
     let server = LocalServer::start(&ServerOptions {
         scene: args.scene.clone(),
         task: args.task.clone(),
-        robot: "wheelarm".to_owned(),
+        robot: args.robot.clone(),
         seed,
         pacing: "lock-step",
-        cameras: vec![camera("gen3"), camera("wheelchair")],
+        cameras: vec![format!("*={}x{}@{}", args.width, args.height, args.rate)],
         quality: args.quality.word().to_owned(),
         assets: args.assets.clone(),
     })?;

@@ -18,7 +18,7 @@ use wheelarm_operate::run::{self as operate, OperateError, OperateOptions};
 use wheelarm_rig::local::{self, LocalServer, Program};
 
 /// Cameras of a recording when none are named.
-const CAMERAS: [&str; 2] = ["gen3=640x360@10", "wheelchair=640x360@10"];
+const CAMERAS: &str = "*=640x360@10";
 
 /// One condition of the task at the end.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -212,7 +212,7 @@ impl Worker {
     pub fn start(args: &EvaluateArgs, index: usize) -> anyhow::Result<Self> {
         let cameras = match (args.record, args.camera.is_empty()) {
             (false, _) => Vec::new(),
-            (true, true) => CAMERAS.map(str::to_owned).to_vec(),
+            (true, true) => vec![CAMERAS.to_owned()],
             (true, false) => args.camera.clone(),
         };
         let server = LocalServer::start(&args.server("", 0, cameras))?;

@@ -49,7 +49,7 @@ pub struct EvaluateArgs {
     #[arg(long)]
     pub record: bool,
     /// Camera of the recordings, `NAME=WIDTHxHEIGHT@HZ`, may be given several
-    /// times; both robot cameras at 640x360@10 when absent.
+    /// times, `*` for each of the robot's that is not named; `*=640x360@10` when absent.
     #[arg(long, requires = "record", value_name = "CAMERA")]
     pub camera: Vec<String>,
     /// Does those episodes anew in which something broke; without it they count as done.
@@ -64,6 +64,9 @@ pub struct EvaluateArgs {
     /// Scene.
     #[arg(long, default_value = "home")]
     pub scene: String,
+    /// Robot, a folder in assets/robots.
+    #[arg(long, default_value = "wheelarm")]
+    pub robot: String,
     /// Assets folder; the server looks for it when absent.
     #[arg(long, env = "WHEELARM_ASSETS")]
     pub assets: Option<PathBuf>,
@@ -82,7 +85,7 @@ impl EvaluateArgs {
         ServerOptions {
             scene: self.scene.clone(),
             task: task.to_owned(),
-            robot: "wheelarm".to_owned(),
+            robot: self.robot.clone(),
             seed,
             pacing: "lock-step",
             cameras,

@@ -140,6 +140,7 @@ pub fn run(connect: &Connect, args: &PreviewArgs) -> anyhow::Result<ExitCode> {
                         link_in.send_replace(Some(*link));
                     }
                     Ok(Heard::Sample(sample)) => situation.take(*sample, now),
+                    Ok(Heard::Robot(robot)) => situation.take_robot(&robot),
                     Ok(Heard::Status(status, round_trip)) => {
                         situation.take_status(*status, round_trip);
                     }

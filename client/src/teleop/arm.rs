@@ -5,6 +5,7 @@
 //! person on the chair sees them.
 
 use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
+use wheelarm_proto::v1;
 
 use crate::watch::seen_from_the_chair;
 
@@ -18,10 +19,6 @@ const ROTATION: [f64; 2] = [0.01, 0.40];
 const FINER: f64 = 0.8;
 /// Step of the knuckle, rad, as in the original.
 const KNUCKLE: f64 = 0.05;
-/// Greatest knuckle angle, rad, as in the original.
-const CLOSED: f64 = 0.8;
-/// The reach shell of the original: middle in `base_link` and radii, m.
-const SHELL: ([f64; 3], [f64; 2]) = ([0.0, -0.0054, 0.2848], [0.41, 0.873]);
 /// The target may lead the hand by this much, m and rad, or by three steps:
 /// a key that repeats faster than the arm moves must not pile up a long way.
 const LEAD: [f64; 2] = [0.12, 0.40];
@@ -49,6 +46,18 @@ pub struct Arm {
     pub shell: bool,
     target: Option<(Isometry3<f64>, f64)>,
     knuckle: Option<(f64, f64)>,
+    limits: Option<Limits>,
+}
+
+/// What the robot's description says of arm and gripper.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Limits {
+    /// Greatest knuckle angle, rad.
+    knuckle: f64,
+    /// Middle of the reach shell in `base_link`, m.
+    middle: Vector3<f64>,
+    /// Its radii, m.
+    radii: [f64; 2],
 }
 
 /// Why a step is not taken.
@@ -57,6 +66,9 @@ pub enum Refused {
     /// Nothing is known of the arm.
     #[error("the arm's pose has not come yet")]
     Unknown,
+    /// Nothing is known of the robot's reach.
+    #[error("the robot's description has not come yet (a switches the reach shell off)")]
+    NoRobot,
     /// The arm is slower than the key.
     #[error("the hand is still on its way: {0:.0} mm to go")]
     Ahead(f64),
@@ -87,7 +99,19 @@ impl Arm {
             shell,
             target: None,
             knuckle: None,
+            limits: None,
         }
+    }
+
+    /// Takes the limits of a robot.
+    pub fn fit(&mut self, robot: &v1::RobotDescription) {
+        let shell = robot.reach.unwrap_or_default();
+        let v1::Vector3 { x, y, z } = shell.centre.unwrap_or_default();
+        self.limits = Some(Limits {
+            knuckle: robot.gripper_or_default().max_knuckle,
+            middle: Vector3::new(x, y, z),
+            radii: [shell.inner_radius, shell.outer_radius],
+        });
     }
 
     /// Takes the next target from the arm itself: it did not follow, or
@@ -138,9 +162,13 @@ impl Arm {
     }
 
     fn check(&self, target: &Isometry3<f64>) -> Result<(), Refused> {
-        let (middle, [least, most]) = SHELL;
-        let distance = (target.translation.vector - Vector3::from(middle)).norm();
-        if self.shell && !(distance > least && distance < most) {
+        if !self.shell {
+            return Ok(());
+        }
+        let Limits { middle, radii, .. } = self.limits.ok_or(Refused::NoRobot)?;
+        let [least, most] = radii;
+        let distance = (target.translation.vector - middle).norm();
+        if !(distance > least && distance < most) {
             return Err(Refused::Shell {
                 distance,
                 least,
@@ -151,16 +179,17 @@ impl Arm {
     }
 
     /// Knuckle angle for a key pressed at `now`; `told` is what it was told
-    /// last, rad.
-    pub fn grip(&mut self, closing: bool, told: f64, now: f64) -> f64 {
+    /// last, rad. `None` before the robot's limits are known.
+    pub fn grip(&mut self, closing: bool, told: f64, now: f64) -> Option<f64> {
+        let most = self.limits?.knuckle;
         let from = match self.knuckle {
             Some((knuckle, at)) if now - at < FORGET => knuckle,
             _ => told,
         };
         let step = if closing { KNUCKLE } else { -KNUCKLE };
-        let knuckle = (from + step).clamp(0.0, CLOSED);
+        let knuckle = (from + step).clamp(0.0, most);
         self.knuckle = Some((knuckle, now));
-        knuckle
+        Some(knuckle)
     }
 
     /// Makes the steps of the present mode finer or coarser.
@@ -175,13 +204,23 @@ impl Arm {
     }
 }
 
-/// What the key of `axis` and `sign` does, in the words of the person.
+/// What the key of `axis` and `sign` does, in the words of the person; `mount`
+/// is how the arm's base is turned on the chair.
 #[must_use]
-pub fn label(axis: usize, sign: f64, turning: bool, tool: Option<&Isometry3<f64>>) -> &'static str {
+pub fn label(
+    axis: usize,
+    sign: f64,
+    turning: bool,
+    tool: Option<&Isometry3<f64>>,
+    mount: Option<&UnitQuaternion<f64>>,
+) -> &'static str {
     let mut along = Vector3::zeros();
     along[axis] = sign;
+    let Some(mount) = mount else {
+        return if turning { "turn" } else { "step" };
+    };
     if !turning {
-        return match dominant(seen_from_the_chair(along)) {
+        return match dominant(seen_from_the_chair(along, mount)) {
             (0, true) => "forward",
             (0, false) => "back",
             (1, true) => "left",
@@ -193,7 +232,7 @@ pub fn label(axis: usize, sign: f64, turning: bool, tool: Option<&Isometry3<f64>
     let Some(tool) = tool else {
         return "turn";
     };
-    match dominant(seen_from_the_chair(tool.rotation * along)) {
+    match dominant(seen_from_the_chair(tool.rotation * along, mount)) {
         // About the axis that points forward, left or up of the chair.
         (0, true) => "roll right",
         (0, false) => "roll left",
@@ -215,11 +254,11 @@ fn dominant(vector: [f64; 3]) -> (usize, bool) {
     (index, vector[index] > 0.0)
 }
 
-/// Where the tool points, in words.
+/// Where the tool points, in words; `mount` is as for [`label`].
 #[must_use]
-pub fn pointing(tool: &Isometry3<f64>) -> &'static str {
+pub fn pointing(tool: &Isometry3<f64>, mount: &UnitQuaternion<f64>) -> &'static str {
     let ahead = tool * Point3::new(0.0, 0.0, 1.0) - tool * Point3::origin();
-    match dominant(seen_from_the_chair(ahead)) {
+    match dominant(seen_from_the_chair(ahead, mount)) {
         (0, true) => "forward",
         (0, false) => "back",
         (1, true) => "left",
@@ -232,6 +271,30 @@ pub fn pointing(tool: &Isometry3<f64>) -> &'static str {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    fn robot() -> v1::RobotDescription {
+        v1::RobotDescription {
+            reach: Some(v1::ReachShell {
+                centre: Some(v1::Vector3 {
+                    x: 0.0,
+                    y: -0.0054,
+                    z: 0.2848,
+                }),
+                inner_radius: 0.41,
+                outer_radius: 0.873,
+                ..Default::default()
+            }),
+            gripper: Some(v1::GripperDescription {
+                max_knuckle: 0.8,
+                ..Default::default()
+            }),
+            ..Default::default()
+        }
+    }
+
+    fn half_a_turn() -> UnitQuaternion<f64> {
+        UnitQuaternion::from_euler_angles(0.0, 0.0, std::f64::consts::PI)
+    }
 
     fn at(x: f64, y: f64, z: f64) -> Isometry3<f64> {
         Isometry3::translation(x, y, z)
@@ -267,6 +330,10 @@ mod tests {
     #[test]
     fn the_reach_shell_of_the_original_is_kept_when_wanted() {
         let mut arm = Arm::new(true);
+        let hand = at(-0.5, 0.0, 0.5);
+        let unknown = arm.step(2, 1.0, None, Some(&hand), 0.0);
+        assert_eq!(unknown, Err(Refused::NoRobot));
+        arm.fit(&robot());
         // 0.41 < distance < 0.873 m from (0, -0.0054, 0.2848).
         let inside = at(0.0, -0.0054, 0.2848 + 0.865);
         let refused = arm.step(2, 1.0, None, Some(&inside), 0.0);
@@ -279,27 +346,31 @@ mod tests {
 
     #[test]
     fn labels_are_those_of_the_person_on_the_chair() {
-        let moves = KEYS.map(|(_, axis, sign)| label(axis, sign, false, None));
+        let mount = half_a_turn();
+        let moves = KEYS.map(|(_, axis, sign)| label(axis, sign, false, None, Some(&mount)));
         assert_eq!(moves, ["back", "forward", "right", "left", "up", "down"]);
         // The hand at home: tool z forward, which is -x of the arm's base.
         let forward = UnitQuaternion::rotation_between(&Vector3::z(), &-Vector3::x()).unwrap();
         let tool = Isometry3::from_parts(Translation3::identity(), forward);
-        assert_eq!(pointing(&tool), "forward");
-        assert_eq!(label(2, 1.0, true, Some(&tool)), "roll right");
-        let labels = KEYS.map(|(_, axis, sign)| label(axis, sign, true, Some(&tool)));
+        assert_eq!(pointing(&tool, &mount), "forward");
+        assert_eq!(label(2, 1.0, true, Some(&tool), Some(&mount)), "roll right");
+        let labels = KEYS.map(|(_, axis, sign)| label(axis, sign, true, Some(&tool), Some(&mount)));
         assert!(labels.contains(&"tip up") && labels.contains(&"turn left"));
     }
 
     #[test]
     fn the_gripper_steps_within_its_range() {
         let mut arm = Arm::new(false);
-        assert!((arm.grip(true, 0.1, 0.0) - 0.15).abs() < 1e-12);
-        assert!((arm.grip(true, 0.1, 0.1) - 0.2).abs() < 1e-12);
-        assert!(
-            (0..40)
-                .map(|_| arm.grip(true, 0.0, 0.2))
-                .all(|q| q <= CLOSED)
+        assert_eq!(
+            arm.grip(true, 0.1, 0.0),
+            None,
+            "nothing is known of the gripper"
         );
-        assert!(arm.grip(false, 0.0, 9.0) >= 0.0);
+        arm.fit(&robot());
+        let mut grip = |closing, told, now| arm.grip(closing, told, now).unwrap();
+        assert!((grip(true, 0.1, 0.0) - 0.15).abs() < 1e-12);
+        assert!((grip(true, 0.1, 0.1) - 0.2).abs() < 1e-12);
+        assert!((0..40).map(|_| grip(true, 0.0, 0.2)).all(|q| q <= 0.8));
+        assert!(grip(false, 0.0, 9.0) >= 0.0);
     }
 }

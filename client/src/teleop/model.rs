@@ -462,6 +462,13 @@ impl Model {
             .map_or(drive, |(_, due)| due.min(drive))
     }
 
+    /// Takes the description of the robot that is simulated.
+    pub fn robot(&mut self, robot: &v1::RobotDescription) -> Vec<Effect> {
+        self.situation.take_robot(robot);
+        self.arm.fit(robot);
+        Vec::new()
+    }
+
     /// Takes a sample of a stream.
     pub fn sample(&mut self, sample: Sample, now: f64) -> Vec<Effect> {
         match &sample {

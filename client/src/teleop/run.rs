@@ -241,6 +241,7 @@ impl Operation {
                 self.model.connected(now)
             }
             Heard::Sample(sample) => self.model.sample(*sample, now),
+            Heard::Robot(robot) => self.model.robot(&robot),
             Heard::Status(status, round_trip) => self.model.status(*status, round_trip, now),
             Heard::Silent => {
                 self.model.silent(now);

@@ -1,26 +1,16 @@
 //! The hand in words and numbers that a person on the chair understands.
 
-use nalgebra::Vector3;
+use nalgebra::{UnitQuaternion, Vector3};
 
-/// A vector of `base_link` as forward, left and up of the chair.
-///
-/// The arm's base stands on the chair turned by half a turn: its x axis points
-/// backwards and its y axis to the right.
+/// A vector of `base_link` as forward, left and up of the chair, on which the
+/// arm's base is turned by `chair_from_base`.
 #[must_use]
-pub fn seen_from_the_chair(vector: Vector3<f64>) -> [f64; 3] {
+pub fn seen_from_the_chair(
+    vector: Vector3<f64>,
+    chair_from_base: &UnitQuaternion<f64>,
+) -> [f64; 3] {
     // Without the sign of a zero.
-    [0.0 - vector.x, 0.0 - vector.y, vector.z]
-}
-
-/// Distance between the pads, m, at a knuckle angle, rad.
-///
-/// Geometry of the 2F-85's fingers, from PickNik's URDF: the knuckle pin lies
-/// 30.6 mm from the middle, the tip pin (37.2, 43.4) mm further, the pad's
-/// face 25.3 mm inside of it.
-#[must_use]
-pub fn opening(knuckle: f64) -> f64 {
-    let (sin, cos) = knuckle.sin_cos();
-    (2.0 * (0.030_601_14 + 0.037_157_5 * cos - 0.043_421_68 * sin - 0.025_26)).max(0.0)
+    (chair_from_base * vector).map(|part| part + 0.0).into()
 }
 
 #[cfg(test)]
@@ -28,9 +18,11 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_opening_is_the_makers() {
-        assert!((opening(0.0) - 0.085).abs() < 1e-4);
-        assert!((opening(0.4) - 0.045_31).abs() < 1e-4);
-        assert!(opening(0.8) < 5e-4);
+    fn a_base_that_is_turned_by_a_quarter_points_to_the_left() {
+        let turned = UnitQuaternion::from_euler_angles(0.0, 0.0, std::f64::consts::FRAC_PI_2);
+        let seen = seen_from_the_chair(Vector3::new(1.0, 2.0, 3.0), &turned);
+        for (got, expected) in seen.iter().zip([-2.0, 1.0, 3.0]) {
+            assert!((got - expected).abs() < 1e-12, "{seen:?}");
+        }
     }
 }

@@ -30,6 +30,9 @@ pub enum Heard {
     Connected(Box<Link>),
     /// A sample.
     Sample(Box<Sample>),
+    /// The robot that is simulated: told after the connection, and again when
+    /// there is another one.
+    Robot(Box<v1::RobotDescription>),
     /// The server's account of itself, and the round trip it took, s.
     Status(Box<v1::Status>, f64),
     /// No answer within the patience; the connection may recover.
@@ -135,6 +138,7 @@ fn stay(
             }
         });
         let mut answered = Instant::now();
+        let mut robot = None;
         let lost = loop {
             if ended.load(Ordering::Acquire) {
                 break None;
@@ -147,7 +151,14 @@ fn stay(
                 Some(status) => {
                     answered = Instant::now();
                     let round_trip = asked.elapsed().as_secs_f64();
+                    let named = status.scenario.as_ref().map(|s| s.robot.clone());
                     send(Heard::Status(Box::new(status), round_trip));
+                    if robot != named
+                        && let Some(told) = describe(link)
+                    {
+                        robot = named;
+                        send(Heard::Robot(Box::new(told)));
+                    }
                     std::thread::sleep(PULSE.saturating_sub(asked.elapsed()));
                 }
                 None if answered.elapsed() > GIVE_UP => {
@@ -165,6 +176,12 @@ fn stay(
         closed.store(true, Ordering::Release);
         Ok(lost)
     })
+}
+
+/// Asks for the robot's description.
+fn describe(link: &Link) -> Option<v1::RobotDescription> {
+    let scene = link.ask_within(&v1::SceneRequest {}, PULSE_PATIENCE);
+    scene.ok()?.robot
 }
 
 /// Asks for the status, with less patience than a query of a command has.

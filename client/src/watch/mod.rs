@@ -22,6 +22,8 @@ pub use hand::seen_from_the_chair;
 pub use line::{Heard, Line};
 pub use meter::{Figures, Meter};
 pub use report::{Recorder, Report};
+#[cfg(test)]
+pub(crate) use situation::tests::robot as described_robot;
 pub use situation::{Connection, Happening, Situation, Target};
 use wheelarm_link::Link;
 

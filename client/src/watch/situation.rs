@@ -5,9 +5,10 @@
 
 use std::collections::VecDeque;
 
-use nalgebra::{Isometry3, Point3, Vector3};
+use nalgebra::{Isometry3, Point3, UnitQuaternion, Vector3};
+use wheelarm_proto::robot::Roles;
 use wheelarm_proto::topic::Sample;
-use wheelarm_proto::{names, v1};
+use wheelarm_proto::v1;
 
 use super::hand;
 use wheelarm_operate::scene::read_pose;
@@ -59,6 +60,12 @@ struct Scene {
     index: Option<usize>,
     /// Middle of the grasps in the object's frame, m.
     grasp: Point3<f64>,
+}
+
+/// What the robot's description tells that is needed here.
+#[derive(Clone, Debug, PartialEq)]
+struct Robot {
+    roles: Roles,
     chair_from_base: Isometry3<f64>,
     tool_length: f64,
 }
@@ -86,8 +93,6 @@ pub struct Situation {
     pub base_from_tool: Option<Isometry3<f64>>,
     /// What the robot was told at the newest control tick.
     pub applied: Option<v1::Applied>,
-    /// Left knuckle, rad.
-    pub knuckle: Option<f64>,
     /// Normal force at the left and the right pad, N.
     pub pad_force: [f64; 2],
     /// Finer name of the phase of the work, as the operator tells it.
@@ -95,11 +100,10 @@ pub struct Situation {
     /// What happened, oldest first.
     pub happenings: VecDeque<Happening>,
     scene: Option<Scene>,
+    robot: Option<Robot>,
+    joints: Option<v1::JointState>,
+    poses: Option<v1::PoseSet>,
     objects: Vec<Isometry3<f64>>,
-}
-
-fn frame_index(name: &str) -> Option<usize> {
-    names::FRAMES.iter().position(|frame| frame.name == name)
 }
 
 impl Situation {
@@ -114,18 +118,10 @@ impl Situation {
                 self.tick(clock.header);
             }
             Sample::Pose(set) => {
-                let pose = |name| {
-                    let frame = set.frames.get(frame_index(name)?)?;
-                    read_pose("pose", frame.pose.as_ref()).ok()
-                };
-                self.house_from_chair = pose("wheelchair").or(self.house_from_chair);
-                self.base_from_tool = pose("end_effector").or(self.base_from_tool);
+                self.poses = Some(set);
+                self.place();
             }
-            Sample::JointState(state) => {
-                let name = "robotiq_85_left_knuckle_joint";
-                let index = names::JOINT_NAMES.iter().position(|joint| *joint == name);
-                self.knuckle = index.and_then(|i| state.positions.get(i)).copied();
-            }
+            Sample::JointState(state) => self.joints = Some(state),
             Sample::Odometry(odometry) => {
                 let twist = odometry.twist.unwrap_or_default();
                 self.chair_speed = [
@@ -187,21 +183,50 @@ impl Situation {
         }
     }
 
+    /// Takes the robot's description, without which samples do not say where
+    /// chair and hand are. A malformed one is left out.
+    pub fn take_robot(&mut self, robot: &v1::RobotDescription) {
+        let roles = Roles::find(robot);
+        let mount = read_pose("arm mount", robot.arm_mount.as_ref());
+        if let (Ok(roles), Ok(chair_from_base)) = (roles, mount) {
+            self.robot = Some(Robot {
+                roles,
+                chair_from_base,
+                tool_length: robot.tool_length,
+            });
+            self.place();
+        }
+    }
+
+    /// Finds chair and hand in the newest poses.
+    fn place(&mut self) {
+        let (Some(robot), Some(set)) = (&self.robot, &self.poses) else {
+            return;
+        };
+        let pose = |index: usize| {
+            let frame = set.frames.get(index)?;
+            read_pose("pose", frame.pose.as_ref()).ok()
+        };
+        let (chair, tool) = (pose(robot.roles.chair), pose(robot.roles.end_effector));
+        self.house_from_chair = chair.or(self.house_from_chair);
+        self.base_from_tool = tool.or(self.base_from_tool);
+    }
+
     /// Takes the scene's layout, for the target hint.
     pub fn take_scene(&mut self, reply: &v1::SceneReply) {
-        let chair_from_base = read_pose("arm mount", reply.arm_mount.as_ref());
+        if let Some(robot) = &reply.robot {
+            self.take_robot(robot);
+        }
         let ours = reply.grasps.iter().filter(|g| g.object == reply.target);
         let points: Vec<Vector3<f64>> = ours
             .filter_map(|g| read_pose("grasp", g.pose.as_ref()).ok())
             .map(|pose| pose.translation.vector)
             .collect();
         let middle = points.iter().sum::<Vector3<f64>>() / points.len().max(1) as f64;
-        self.scene = chair_from_base.ok().map(|chair_from_base| Scene {
+        self.scene = Some(Scene {
             index: reply.objects.iter().position(|name| *name == reply.target),
             target: reply.target.clone(),
             grasp: Point3::from(middle),
-            chair_from_base,
-            tool_length: reply.tool_length,
         });
     }
 
@@ -268,35 +293,90 @@ impl Situation {
     #[must_use]
     pub fn hand(&self) -> Option<[f64; 3]> {
         let tool = self.base_from_tool?.translation;
-        Some(hand::seen_from_the_chair(tool.vector))
+        Some(hand::seen_from_the_chair(tool.vector, &self.mount()?))
+    }
+
+    /// How the arm's base is turned on the chair.
+    #[must_use]
+    pub fn mount(&self) -> Option<UnitQuaternion<f64>> {
+        Some(self.robot.as_ref()?.chair_from_base.rotation)
     }
 
     /// Distance between the pads, m.
     #[must_use]
     pub fn opening(&self) -> Option<f64> {
-        self.knuckle.map(hand::opening)
+        // A closed gripper may be told to be a hair less than closed.
+        Some(self.joints.as_ref()?.opening?.max(0.0))
+    }
+
+    /// The knuckle's angle, rad.
+    #[must_use]
+    pub fn knuckle(&self) -> Option<f64> {
+        let index = self.robot.as_ref()?.roles.knuckle;
+        self.joints.as_ref()?.positions.get(index).copied()
     }
 
     /// Where the object of the task lies; `None` unless scene and objects came.
     #[must_use]
     pub fn target(&self) -> Option<Target> {
-        let scene = self.scene.as_ref()?;
+        let (scene, robot) = (self.scene.as_ref()?, self.robot.as_ref()?);
         let object = self.objects.get(scene.index?)?;
-        let base_from_house = (self.house_from_chair? * scene.chair_from_base).inverse();
-        let grasp = self.base_from_tool? * Point3::new(0.0, 0.0, scene.tool_length);
+        let base_from_house = (self.house_from_chair? * robot.chair_from_base).inverse();
+        let grasp = self.base_from_tool? * Point3::new(0.0, 0.0, robot.tool_length);
         let place = object * scene.grasp;
         let away = base_from_house * place - grasp;
         Some(Target {
             name: scene.target.clone(),
-            from_hand: hand::seen_from_the_chair(away),
+            from_hand: hand::seen_from_the_chair(away, &robot.chair_from_base.rotation),
             place: place.coords.into(),
         })
     }
 }
 
 #[cfg(test)]
-mod tests {
+pub(crate) mod tests {
     use super::*;
+
+    /// A robot: frames hand and chair, joints wheels, knuckle and arm, the arm's
+    /// base turned by half a turn.
+    pub(crate) fn robot() -> v1::RobotDescription {
+        let frame = |name: &str, role: v1::FrameRole| v1::RobotFrame {
+            name: name.to_owned(),
+            role: role.into(),
+            ..Default::default()
+        };
+        let joint = |role: v1::JointRole, arm_index| v1::RobotJoint {
+            role: role.into(),
+            arm_index,
+            ..Default::default()
+        };
+        let wheels = [v1::JointRole::WheelLeft, v1::JointRole::WheelRight];
+        let others = wheels.into_iter().chain([v1::JointRole::Knuckle]);
+        let arm = (0..6).map(|index| joint(v1::JointRole::Arm, index));
+        v1::RobotDescription {
+            joints: others.map(|role| joint(role, 0)).chain(arm).collect(),
+            frames: vec![
+                frame("hand", v1::FrameRole::EndEffector),
+                frame("chair", v1::FrameRole::Chair),
+            ],
+            arm_mount: Some(v1::Pose {
+                position: Some(v1::Vector3 {
+                    x: 0.4,
+                    y: 0.3,
+                    z: 0.5,
+                }),
+                orientation: Some(v1::Quaternion {
+                    z: 1.0,
+                    ..Default::default()
+                }),
+            }),
+            gripper: Some(v1::GripperDescription {
+                max_knuckle: 0.8,
+                ..Default::default()
+            }),
+            ..Default::default()
+        }
+    }
 
     #[test]
     fn a_server_that_starts_anew_replaces_the_clock() {
@@ -328,24 +408,16 @@ mod tests {
                 ..Default::default()
             }),
         };
-        // The arm's base is turned by half a turn on the chair.
-        let mount = v1::Pose {
-            orientation: Some(v1::Quaternion {
-                z: 1.0,
-                ..Default::default()
-            }),
-            ..pose(0.4, 0.3, 0.5)
-        };
         situation.take_scene(&v1::SceneReply {
             target: "mustard".to_owned(),
             objects: vec!["mustard".to_owned()],
-            arm_mount: Some(mount),
+            robot: Some(robot()),
             ..Default::default()
         });
-        let mut frames = vec![v1::FramePose::default(); names::FRAMES.len()];
-        frames[0].pose = Some(pose(0.0, 0.0, 0.0));
+        let mut frames = vec![v1::FramePose::default(); 2];
         // 0.5 m ahead of the arm's base.
-        frames[6].pose = Some(pose(-0.5, 0.0, 0.0));
+        frames[0].pose = Some(pose(-0.5, 0.0, 0.0));
+        frames[1].pose = Some(pose(0.0, 0.0, 0.0));
         let header = None;
         situation.take(Sample::Pose(v1::PoseSet { header, frames }), 0.0);
         let objects = v1::ObjectPoses {

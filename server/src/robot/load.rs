@@ -377,7 +377,9 @@ impl Reader<'_> {
     fn check_arm(&self, model: &RobotModel) -> Result<(), RobotError> {
         let (settings, roles) = (&model.settings, &model.roles);
         let names = |joints: &[usize]| {
-            let names = joints.iter().map(|&joint| model.joints[joint].name.as_str());
+            let names = joints
+                .iter()
+                .map(|&joint| model.joints[joint].name.as_str());
             names.collect::<Vec<_>>().join(", ")
         };
         let mut moving = model

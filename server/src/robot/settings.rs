@@ -452,7 +452,10 @@ impl Settings {
         let outlines = outlines.flat_map(|(i, (outline, below))| {
             let [x_min, x_max, y_min, y_max] = outline.footprint;
             [
-                (format!("outline[{i}]: top above the one below"), outline.top - below),
+                (
+                    format!("outline[{i}]: top above the one below"),
+                    outline.top - below,
+                ),
                 (format!("outline[{i}]: x max - x min"), x_max - x_min),
                 (format!("outline[{i}]: y max - y min"), y_max - y_min),
             ]

@@ -10,8 +10,11 @@ use super::folder;
 use super::part::Reader;
 use super::{Body, Grasp, MassProperties, material, soft};
 
-/// Stroke of the gripper, metres (Robotiq 2F-85).
-const STROKE: f64 = 0.085;
+/// No gripper opens further, metres; whether one opens as far as a grasp says is
+/// for who plans with it.
+const WIDEST: f64 = 0.3;
+/// No gripper presses harder, N.
+const HARDEST: f64 = 1000.0;
 
 /// Reads one object; it stands at the origin and has no area yet.
 pub(super) fn read(reader: &Reader<'_>, kind: &str) -> Result<Body, SceneError> {
@@ -158,17 +161,17 @@ pub(super) fn grasp(place: &Place, entry: &GraspEntry) -> Result<Grasp, SceneErr
         width: place.key("width").within(
             entry.width,
             0.001,
-            STROKE,
+            WIDEST,
             "m",
-            "the fingers open 85 mm: choose a narrower place",
+            "no gripper opens that far: choose a narrower place",
         )?,
         symmetric: entry.symmetric,
         force: place.key("force").within(
             entry.force.unwrap_or(0.0),
             0.0,
-            235.0,
+            HARDEST,
             "N",
-            "the gripper presses with up to 235 N",
+            "no gripper presses that hard",
         )?,
     })
 }

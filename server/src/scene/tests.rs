@@ -266,8 +266,8 @@ fn broken_files_are_refused_with_file_key_values_and_cure() {
         (
             OBJECT,
             "width = 0.058",
-            "width = 0.095",
-            &["grasps[0].width is 0.095 m", "85 mm"],
+            "width = 0.5",
+            &["grasps[0].width is 0.5 m", "no gripper opens"],
         ),
         (
             OBJECT,

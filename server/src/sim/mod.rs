@@ -20,7 +20,8 @@ use wheelarm_proto::PHYSICS_HZ;
 
 pub use guard::{anomaly_words, fault_words};
 pub use scenario::{
-    ALL_CAMERAS, CameraSetting, MAX_SIZE, Pacing, Quality, SOFT_MASS, Scenario, ScenarioError, Schedules,
+    ALL_CAMERAS, CameraSetting, MAX_SIZE, Pacing, Quality, SOFT_MASS, Scenario, ScenarioError,
+    Schedules,
 };
 pub use state::StateError;
 
@@ -286,7 +287,11 @@ impl Simulation {
     }
 
     fn update_odometry(&mut self) {
-        let [left, right] = self.model.roles.wheels.map(|wheel| self.snapshot.joints[wheel]);
+        let [left, right] = self
+            .model
+            .roles
+            .wheels
+            .map(|wheel| self.snapshot.joints[wheel]);
         self.odometry.update(
             [left.position, right.position],
             [left.velocity, right.velocity],
@@ -418,7 +423,10 @@ impl Simulation {
     /// Positions of the arm's joints, from base to hand, rad.
     #[must_use]
     pub fn arm_positions(&self) -> [f64; ARM_JOINTS] {
-        self.model.roles.arm.map(|j| self.snapshot.joints[j].position)
+        self.model
+            .roles
+            .arm
+            .map(|j| self.snapshot.joints[j].position)
     }
 
     /// Distance between the gripper's pads by its linkage, m.

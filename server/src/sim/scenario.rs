@@ -275,7 +275,10 @@ mod tests {
         let mut scenario = Scenario::default();
         scenario.cameras.append(&mut own);
         scenario.name_cameras(["a", "b", "c"].into_iter());
-        let named = scenario.cameras.iter().map(|c| (c.name.as_str(), c.rate_hz));
+        let named = scenario
+            .cameras
+            .iter()
+            .map(|c| (c.name.as_str(), c.rate_hz));
         let named: Vec<_> = named.collect();
         assert_eq!(named, [("a", 10.0), ("c", 10.0), ("b", 30.0)]);
         let before = scenario.clone();

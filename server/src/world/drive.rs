@@ -22,8 +22,8 @@ use super::WorldError;
 use super::body::{RobotBody, Surface};
 use super::convert::{from_vector, real, vector};
 use super::wheels::Wheels;
-use crate::robot::{ARM_JOINTS, RobotModel};
 use crate::robot::control::Targets;
+use crate::robot::{ARM_JOINTS, RobotModel};
 
 /// Gains of a driven wheel, N·m/rad and N·m·s/rad: the cap of 30 N·m is
 /// reached 4 mm behind the led position or at an error of 0.04 m/s.

@@ -5,8 +5,9 @@ use std::time::{Duration, Instant};
 
 use anyhow::Context;
 use wheelarm_link::{Commander, Link, Streams};
+use wheelarm_proto::robot::Roles;
 use wheelarm_proto::topic::Sample;
-use wheelarm_proto::{CONTROL_HZ, TopicId, names, v1};
+use wheelarm_proto::{CONTROL_HZ, TopicId, v1};
 use wheelarm_tests::{IdleCommander, Server};
 use zenoh::Wait;
 
@@ -94,10 +95,8 @@ fn applied(link: &Link) -> anyhow::Result<Vec<f64>> {
 fn moved(link: &Link) -> anyhow::Result<Vec<f64>> {
     let streams = link.streams(&[TopicId::JointState])?;
     let mut commander = link.commander("bench", false)?;
-    let joint = names::JOINT_NAMES
-        .iter()
-        .position(|name| *name == "robotiq_85_left_knuckle_joint")
-        .context("the knuckle")?;
+    let robot = link.ask(&v1::SceneRequest {})?.robot;
+    let joint = Roles::find(&robot.context("the robot")?)?.knuckle;
     let mut times = Vec::new();
     for i in 0..MOVES {
         let rest = settle(&streams, joint)?;

@@ -1,6 +1,5 @@
 //! When a run counts as broken.
 
-use wheelarm_proto::names::JOINT_NAMES;
 use wheelarm_server::sim::Simulation;
 use wheelarm_server::world::WorstOfSoft;
 
@@ -41,7 +40,7 @@ const ROUNDING: f64 = 1e-6;
 /// Looks at a run while it goes on.
 #[derive(Debug)]
 pub struct Judge {
-    limits: [f64; 16],
+    limits: Vec<f64>,
     broken: Vec<String>,
     contact: f64,
     joint: f64,
@@ -68,16 +67,13 @@ impl Judge {
     /// A judge who knows the robot's limits.
     #[must_use]
     pub fn new(sim: &Simulation) -> Self {
-        let limit = |name: &str| {
-            let joint = sim.model().joints.iter().find(|j| j.name == name);
-            joint.map_or(MOST.joint_speed, |j| MOST.arm_speed * j.limits.velocity)
+        let (model, roles) = (sim.model(), &sim.model().roles);
+        let limit = |joint: usize| match roles.arm_index(joint) {
+            Some(_) => MOST.arm_speed * model.joints[joint].limits.velocity,
+            None => MOST.joint_speed,
         };
-        let mut limits = JOINT_NAMES.map(|_| MOST.joint_speed);
-        for (slot, name) in limits.iter_mut().zip(JOINT_NAMES).skip(4).take(6) {
-            *slot = limit(name);
-        }
         Self {
-            limits,
+            limits: roles.joints.iter().map(|told| limit(told.joint)).collect(),
             broken: Vec::new(),
             contact: 0.0,
             joint: 0.0,
@@ -88,17 +84,16 @@ impl Judge {
     pub fn look(&mut self, sim: &Simulation) -> bool {
         let snapshot = sim.snapshot();
         let mut say = |what: String| self.broken.push(format!("tick {}: {what}", snapshot.tick));
-        for (state, (limit, name)) in sim
-            .recorded_joints()
-            .iter()
-            .zip(self.limits.iter().zip(JOINT_NAMES))
-        {
+        let model = sim.model();
+        let joints = model.roles.joints.iter().map(|told| told.joint);
+        for ((state, limit), joint) in sim.recorded_joints().iter().zip(&self.limits).zip(joints) {
             self.joint = self.joint.max(state.velocity.abs());
             // Written so that a number that is none counts.
             if !(state.velocity.abs() <= *limit
                 && state.position.is_finite()
                 && state.effort.is_finite())
             {
+                let name = &model.joints[joint].name;
                 say(format!("{name} turns with {} rad/s", state.velocity));
             }
         }

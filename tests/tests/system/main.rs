@@ -20,6 +20,7 @@ mod over_ticks;
 mod preview;
 mod queries;
 mod recorder;
+mod robots;
 mod settle;
 mod strangers;
 mod tasks;

@@ -131,6 +131,7 @@ impl Random {
                 positions: self.list(16),
                 velocities: self.list(16),
                 efforts: self.list(16),
+                opening: None,
             }
             .encode_to_vec(),
             "pose" => v1::PoseSet {

@@ -178,6 +178,7 @@ pub fn tick(index: u64, seconds: f64, sequence: u64) -> Vec<(&'static str, Vec<u
                 positions: position,
                 velocities: vec![0.0; 16],
                 efforts: vec![0.0; 16],
+                opening: None,
             }
             .encode_to_vec(),
         ),

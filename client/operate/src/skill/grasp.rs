@@ -13,9 +13,6 @@ const STILL: f64 = 0.006;
 const SOFT_STILL: f64 = 0.03;
 /// A grip is firm after the knuckle has stood still this long, seconds.
 const FIRM: f64 = 0.3;
-/// Closed further than this there is nothing between the pads, radians: less
-/// than 2 mm.
-const EMPTY: f64 = 0.786;
 /// Longest time to close, seconds.
 const LONGEST: f64 = 5.0;
 
@@ -46,7 +43,7 @@ impl Skill for Grasp {
             now.memory.held = Some(now.thing_in_hand());
             return Step::Done;
         }
-        if seen.knuckle > EMPTY {
+        if now.scene.hand.is_empty(seen.knuckle) {
             now.refuse_way();
             return Step::Missed("the fingers closed on nothing".to_owned());
         }

@@ -94,9 +94,11 @@ fn stops(now: &mut Now<'_>) -> Vec<Isometry3<f64>> {
     let held = now.memory.held.unwrap_or_else(|| now.thing_in_hand());
     let balls = held_balls(&now.scene.items[item].blocks, &held);
     let width = now.memory.way.map_or(0.0, |way| way.width);
+    let scene = now.scene;
     let free = |height: f64| {
         let (from, to) = (up(OFF.min(height)) * start, up(height) * start);
-        around.is_free(&balls, &from, &to, ROOM) && around.hand_is_free(width, &[from, to], -ROOM)
+        around.is_free(&balls, &from, &to, ROOM)
+            && around.hand_is_free(&scene.hand, width, &[from, to], -ROOM)
     };
     let whole = height(now.goal, now.style.grasp.lift);
     let highest = [whole].into_iter().chain(LOW).find(|height| free(*height));

@@ -9,7 +9,6 @@ use super::{Act, Now, Skill, Step};
 use crate::block::Block;
 use crate::clearance::held_balls;
 use crate::goal::Goal;
-use crate::hand::OPEN;
 use crate::tool_path::distance;
 use crate::way::Way;
 
@@ -123,7 +122,7 @@ impl Skill for Place {
                     };
                     now.memory.held = None;
                     Step::Going(Act {
-                        opening: Some(OPEN.min(way.width + ROOM)),
+                        opening: Some(now.scene.hand.stroke.min(way.width + ROOM)),
                         ..Act::named(Phase::Retracting, "letting go")
                     })
                 }
@@ -225,7 +224,7 @@ fn choose(now: &mut Now<'_>) -> Option<(Way, Vec<Isometry3<f64>>)> {
             for [back, height] in PATHS {
                 let aside = Translation3::from(towards * back + Vector3::z() * height);
                 let stops = [start, aside * start, aside * way.before, way.before];
-                let is_free = around.hand_is_free(width, &stops, margin)
+                let is_free = around.hand_is_free(&now.scene.hand, width, &stops, margin)
                     && stops
                         .windows(2)
                         .all(|leg| around.is_free(&balls, &leg[0], &leg[1], margin));

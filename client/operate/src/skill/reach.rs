@@ -182,7 +182,7 @@ fn way_to(
     let then = way_in(now, way);
     routes.into_iter().find(|stops| {
         let line = [&[*start], &stops[..]].concat();
-        around.hand_is_free(way.opening, &line, margin)
+        around.hand_is_free(&now.scene.hand, way.opening, &line, margin)
             && then
                 .iter()
                 .any(|then| now.reaches(&[&stops[..], &then[..]].concat()))

@@ -6,12 +6,9 @@ use wheelarm_proto::v1::Phase;
 
 use super::motion::{Motion, Progress};
 use super::{Act, Now, Skill, Step};
-use crate::hand::OPEN;
 
 /// Longest time for the fingers to open, seconds.
 const LONGEST: f64 = 3.0;
-/// The fingers are open below this angle, radians.
-const OPENED: f64 = 0.05;
 /// How far the hand is drawn back when it stays near, metres: the first that
 /// the arm reaches.
 const BACK: [f64; 4] = [0.08, 0.05, 0.03, 0.015];
@@ -68,10 +65,10 @@ impl Skill for Release {
             };
         }
         let waited = now.seen.time - begun;
-        if waited < 0.3 || (now.seen.knuckle > OPENED && waited < LONGEST) {
+        if waited < 0.3 || (!now.scene.hand.is_open(now.seen.knuckle) && waited < LONGEST) {
             return Step::Going(Act {
                 base: Some([0.0, 0.0]),
-                opening: (waited < 0.05).then_some(OPEN),
+                opening: (waited < 0.05).then_some(now.scene.hand.stroke),
                 ..Act::named(phase, "opening")
             });
         }

@@ -79,11 +79,14 @@ impl Model {
             return Vec::new();
         }
         let told = self.situation.applied.as_ref().map(|a| a.knuckle);
-        let Some(told) = told.or(self.situation.knuckle) else {
+        let Some(told) = told.or(self.situation.knuckle()) else {
             self.warn(now, "the gripper's angle has not come yet");
             return Vec::new();
         };
-        let knuckle = self.arm.grip(closing, told, now);
+        let Some(knuckle) = self.arm.grip(closing, told, now) else {
+            self.warn(now, "the robot's description has not come yet");
+            return Vec::new();
+        };
         let command = v1::Command {
             gripper: Some(v1::GripperCommand {
                 target: Some(v1::gripper_command::Target::Knuckle(knuckle)),

@@ -164,7 +164,12 @@ impl Model {
                 let scenario = self.situation.scenario().cloned().unwrap_or_default();
                 self.form = Some(Form::reset(tasks, scenario.task(), scenario.seed()));
             }
-            Done::Scene(Ok(scene)) => self.situation.take_scene(&scene),
+            Done::Scene(Ok(scene)) => {
+                self.situation.take_scene(&scene);
+                if let Some(robot) = &scene.robot {
+                    self.arm.fit(robot);
+                }
+            }
             Done::Started(Err(why))
             | Done::Stopped(Err(why))
             | Done::Reset(Err(why))

@@ -1,7 +1,7 @@
 //! A person's keys, and what comes of them, without terminal and network.
 
 use wheelarm_proto::topic::Sample;
-use wheelarm_proto::{names, v1};
+use wheelarm_proto::v1;
 
 use super::*;
 
@@ -51,8 +51,9 @@ fn operating() -> Model {
     assert_eq!(asked, [Effect::Errand(Errand::Lease { take: false })]);
     model.done(Done::Lease(Ok(())), 0.0);
     model.status(status(ANNA), 0.002, 0.0);
-    let mut frames = vec![v1::FramePose::default(); names::FRAMES.len()];
-    frames[6].pose = Some(pose(-0.5, 0.0, 0.5));
+    model.robot(&crate::watch::described_robot());
+    let mut frames = vec![v1::FramePose::default(); 2];
+    frames[0].pose = Some(pose(-0.5, 0.0, 0.5));
     let header = None;
     model.sample(Sample::Pose(v1::PoseSet { header, frames }), 0.0);
     let applied = v1::Applied {

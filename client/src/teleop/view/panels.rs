@@ -133,9 +133,9 @@ pub fn controls<'a>(model: &Model, theme: Theme) -> Vec<Line<'a>> {
         Span::styled(format!(" {key} "), style)
     };
     let [linear, angular] = model.drive.speeds;
-    let tool = model.situation.base_from_tool;
+    let (tool, mount) = (model.situation.base_from_tool, model.situation.mount());
     let arm_key = |(key, axis, sign): (char, usize, f64)| {
-        let word = label(axis, sign, model.arm.turning, tool.as_ref());
+        let word = label(axis, sign, model.arm.turning, tool.as_ref(), mount.as_ref());
         [
             Span::styled(format!(" {key} "), theme.key()),
             Span::raw(format!("{word:<11}")),
@@ -343,7 +343,10 @@ fn robot<'a>(model: &Model, theme: Theme) -> Vec<Line<'a>> {
                 number(forward, 3),
                 number(left, 3),
                 number(up, 3),
-                situation.base_from_tool.as_ref().map_or("", pointing)
+                situation
+                    .base_from_tool
+                    .zip(situation.mount())
+                    .map_or("", |(tool, mount)| pointing(&tool, &mount))
             )
         });
     let opening = situation.opening();

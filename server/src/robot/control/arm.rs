@@ -171,7 +171,9 @@ impl ArmControl {
                 state.problem = (0..6).find(|&i| goal[i] != asked[i]).map(|i| {
                     format!(
                         "{} is asked to {:.4} rad, its limit is {:.4} rad",
-                        joint_word(i), asked[i], goal[i]
+                        joint_word(i),
+                        asked[i],
+                        goal[i]
                     )
                 });
             }

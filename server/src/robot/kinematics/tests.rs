@@ -27,12 +27,11 @@ fn random_joints(arm: &ArmKinematics, random: &mut ChaCha8Rng) -> [f64; 6] {
 /// End effector in the arm's base by chaining the URDF's transforms.
 fn chained(model: &RobotModel, joints: &[f64; 6]) -> Isometry3<f64> {
     let mut positions = vec![0.0; model.joints.len()];
-    for (name, position) in ARM_JOINTS.iter().zip(joints) {
-        positions[model.joint(name).unwrap()] = *position;
+    for (joint, position) in model.roles.arm.into_iter().zip(joints) {
+        positions[joint] = *position;
     }
     let poses = model.link_poses(&positions);
-    let pose = |name: &str| poses[model.link(name).unwrap()];
-    pose("base_link").inv_mul(&pose("robotiq_85_base_link"))
+    poses[model.roles.arm_base].inv_mul(&poses[model.roles.end_effector])
 }
 
 #[test]

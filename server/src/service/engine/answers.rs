@@ -265,9 +265,6 @@ impl Engine {
             target: self.sim.scenario().target.clone(),
             instances: self.instances(),
             objects: scene.objects.iter().map(|o| o.name.clone()).collect(),
-            arm_mount: robot.arm_mount,
-            tool_length: robot.tool_length,
-            footprint: robot.footprint,
             joints: scene
                 .joints
                 .iter()
@@ -298,9 +295,7 @@ impl Engine {
         let pose = convert::isometry("pose", request.pose.as_ref())?;
         let kinematics = self.sim.control().kinematics();
         let solved = match request.near_joints.as_slice() {
-            [] => {
-                kinematics.solve(&pose, &self.sim.arm_positions())
-            }
+            [] => kinematics.solve(&pose, &self.sim.arm_positions()),
             near => {
                 let near = wheelarm_proto::check::list::<6>("near_joints", near);
                 kinematics.solve_local(&pose, &near?, NEAR_CHANGE)

@@ -3,8 +3,6 @@
 
 use std::f64::consts::FRAC_PI_2;
 
-use wheelarm_proto::names::JOINT_NAMES;
-
 use super::*;
 
 /// Rate of wheels that go a distance: a ramp up, a plateau, a ramp down, as a
@@ -34,10 +32,12 @@ pub(super) fn wave(home: [f64; 6], t: f64) -> Targets {
 
 fn arm_error(world: &World, model: &RobotModel, target: &[f64; 6]) -> f64 {
     let snapshot = world.snapshot();
-    let errors = JOINT_NAMES[4..10].iter().zip(target).map(|(name, q)| {
-        let joint = model.joint(name).expect("arm joint");
-        (snapshot.joints[joint].position - q).abs()
-    });
+    let errors = model
+        .roles
+        .arm
+        .into_iter()
+        .zip(target)
+        .map(|(joint, q)| (snapshot.joints[joint].position - q).abs());
     errors.fold(0.0, f64::max)
 }
 
@@ -104,9 +104,9 @@ fn driving_a_metre_is_a_metre() {
     assert!((p.x - 1.0).abs() < 0.005, "{p}");
     assert!(p.y.abs() < 0.005 && p.z.abs() < 0.002, "{p}");
     assert!(moved.rotation.angle() < 0.005, "{}", moved.rotation.angle());
-    for name in &JOINT_NAMES[0..4] {
-        let angle = snapshot.joints[model.joint(name).expect("wheel")].position;
-        let rolled = angle * model.settings.wheel_radius;
+    for wheel in model.roles.wheels.into_iter().chain(model.roles.casters) {
+        let rolled = snapshot.joints[wheel].position * model.settings.wheel_radius;
+        let name = &model.joints[wheel].name;
         assert!((rolled - p.x).abs() < 0.005, "{name} {rolled}");
     }
 }

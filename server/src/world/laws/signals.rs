@@ -4,8 +4,6 @@
 
 use std::collections::VecDeque;
 
-use wheelarm_proto::names::JOINT_NAMES;
-
 use super::robot::wave;
 use super::*;
 use crate::snapshot::{BodyState, JointState, Snapshot};
@@ -14,8 +12,7 @@ const DT: f64 = 1.0 / 240.0;
 
 /// Indices of the recorded joints in the model.
 fn joints(model: &RobotModel) -> Vec<usize> {
-    let index = |name: &&str| model.joint(name).expect("a recorded joint");
-    JOINT_NAMES.iter().map(index).collect()
+    model.roles.joints.iter().map(|told| told.joint).collect()
 }
 
 /// What moves beside the arm.
@@ -56,7 +53,8 @@ fn moving(beside: Beside, mut each: impl FnMut(&Snapshot)) {
 /// the way. A lag of 1 ms would show as 1 mrad for each rad/s gained.
 #[test]
 fn joint_velocities_add_up_to_the_way_in_any_second() {
-    let joints = joints(&model());
+    let model = model();
+    let joints = joints(&model);
     let mut sums = vec![0.0; joints.len()];
     let mut worst = vec![0.0_f64; joints.len()];
     let mut last: Option<Vec<JointState>> = None;
@@ -80,10 +78,10 @@ fn joint_velocities_add_up_to_the_way_in_any_second() {
         }
         last = Some(now);
     });
-    let told: Vec<String> = JOINT_NAMES
+    let told: Vec<String> = joints
         .iter()
         .zip(&worst)
-        .map(|(name, error)| format!("{name} {:.4}", error * 1e3))
+        .map(|(&joint, error)| format!("{} {:.4}", model.joints[joint].name, error * 1e3))
         .collect();
     println!("worst error over a second, mrad: {}", told.join(", "));
     assert!(worst.iter().all(|e| *e < 1e-4), "mrad: {told:?}");
@@ -103,8 +101,7 @@ fn momentum(inertial: &crate::robot::Inertial, link: &BodyState) -> (Vector3<f64
 /// two neighbouring ticks, when nothing but gravity acts from outside, N·m.
 fn asked(model: &RobotModel, before: &Snapshot, after: &Snapshot) -> [f64; 6] {
     std::array::from_fn(|i| {
-        let joint = model.joint(JOINT_NAMES[4 + i]).expect("an arm joint");
-        let joint = &model.joints[joint];
+        let joint = &model.joints[model.roles.arm[i]];
         let mut beyond = vec![false; model.links.len()];
         beyond[joint.child] = true;
         for other in &model.joints {
@@ -142,7 +139,7 @@ fn effort_errors(beside: Beside) -> ([f64; 6], [f64; 6]) {
         if let Some(last) = last.as_ref().filter(|s| s.tick > 24) {
             count += 1.0;
             for (i, torque) in asked(&model, last, snapshot).into_iter().enumerate() {
-                let joint = model.joint(JOINT_NAMES[4 + i]).expect("an arm joint");
+                let joint = model.roles.arm[i];
                 let error = snapshot.joints[joint].effort - torque;
                 worst[i] = worst[i].max(error.abs());
                 squares[i] += error * error;

@@ -149,7 +149,8 @@ impl ArmControl {
         match at_limit {
             Some(i) => format!(
                 "the twist is not followed: {} is at its limit, {:.4} rad",
-                joint_word(i), position[i]
+                joint_word(i),
+                position[i]
             ),
             None => "the twist is not followed: the arm is stretched or its wrist is straight"
                 .to_owned(),

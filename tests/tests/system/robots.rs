@@ -1,0 +1,122 @@
+//! Another robot than the one that ships, told by its folder alone, and what
+//! files without a robot are taken to be of.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+use wheelarm_dataset::read::{Episode, first_robot};
+use wheelarm_proto::Message;
+use wheelarm_proto::robot::Roles;
+use wheelarm_server::robot::RobotModel;
+use wheelarm_server::service::describe;
+use wheelarm_tests::{printed, program, root};
+
+/// The assets with the robot of `tests/data/robots` beside the one that ships.
+fn assets(folder: &Path) -> PathBuf {
+    let (assets, robots) = (folder.join("assets"), folder.join("assets/robots"));
+    fs::create_dir_all(robots.join("other")).expect("a folder");
+    let link = |from: PathBuf, to: PathBuf| {
+        std::os::unix::fs::symlink(from, to).expect("a link");
+    };
+    for entry in fs::read_dir(root().join("assets")).expect("the assets") {
+        let entry = entry.expect("an entry");
+        if entry.file_name() != "robots" {
+            link(entry.path(), assets.join(entry.file_name()));
+        }
+    }
+    let ours = root().join("assets/robots/wheelarm");
+    link(ours, robots.join("wheelarm"));
+    for file in ["robot.toml", "other.urdf"] {
+        let from = root().join("tests/data/robots/other").join(file);
+        fs::copy(from, robots.join("other").join(file)).expect("a copy");
+    }
+    assets
+}
+
+fn wheelarm(assets: &Path, args: &[&str]) -> Output {
+    let output = Command::new(program("wheelarm").expect("the client"))
+        .args(args)
+        .env("WHEELARM_ASSETS", assets)
+        .output()
+        .expect("a process");
+    assert!(output.status.success(), "{args:?}: {}", printed(&output));
+    output
+}
+
+/// The other robot has other names and another order of joints and frames, an
+/// arm joint that turns the other way, another gripper, mount and track, and
+/// three cameras.
+#[test]
+fn another_robot_does_a_task_is_recorded_aligned_drawn_and_replayed() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let assets = assets(folder.path());
+    let out = folder.path().join("out");
+    let told = out.to_string_lossy().into_owned();
+    let small = ["--width", "128", "--height", "96", "--rate", "10"];
+    let demo = ["demo", "--robot", "other", "--seed", "1", "--out", &told];
+    let output = wheelarm(&assets, &[&demo[..], &small[..]].concat());
+    let text = printed(&output);
+    assert!(text.contains("missed      0 (complete)"), "{text}");
+    let found = |ending: &str| {
+        let entries = fs::read_dir(&out).expect("the folder").flatten();
+        let mut paths = entries.map(|entry| entry.path());
+        let found = paths.find(|path| path.to_string_lossy().ends_with(ending));
+        found.unwrap_or_else(|| panic!("no file {ending}"))
+    };
+    let file = found(".h5");
+    assert!(found(".png").metadata().expect("a picture").len() > 10_000);
+    let path = file.to_string_lossy();
+
+    let episode = Episode::open(&file).expect("an episode");
+    assert!(episode.summary().expect("a summary").success);
+    let robot = episode.robot().expect("a robot");
+    let roles = Roles::find(&robot).expect("every role");
+    assert_eq!(robot.name, "other");
+    let names = episode.names("joint_state", "position").expect("names");
+    assert_eq!(names, robot.joint_names().collect::<Vec<_>>());
+    let mut cameras: Vec<&str> = robot.cameras.iter().map(|c| c.name.as_str()).collect();
+    cameras.sort_unstable();
+    assert_eq!(episode.cameras().expect("cameras"), cameras);
+    assert_eq!(cameras.len(), 3);
+    // The hand was closed around something and the chair has driven.
+    let positions = episode.f64s("joint_state", "position").expect("positions");
+    let column = |index: usize| positions.iter().skip(index).step_by(names.len());
+    let most = |index: usize| column(index).copied().fold(0.0, f64::max);
+    let knuckle = most(roles.knuckle);
+    let opening = robot.opening(knuckle).expect("a linkage");
+    assert!(
+        (0.02..0.08).contains(&opening),
+        "{opening} m at {knuckle} rad"
+    );
+    assert!(most(roles.wheels[0]) > 1.0);
+
+    let replay = wheelarm(&assets, &["replay", &path]);
+    assert!(
+        printed(&replay).contains("hashes equal"),
+        "{}",
+        printed(&replay)
+    );
+    let aligned = folder.path().join("aligned.h5");
+    let aligned = aligned.to_string_lossy();
+    wheelarm(&assets, &["dataset", "align", &path, "--out", &aligned]);
+    let sheet = folder.path().join("sheet.png");
+    let sheet = sheet.to_string_lossy();
+    wheelarm(&assets, &["dataset", "sheet", &path, "--out", &sheet]);
+    wheelarm(&assets, &["dataset", "validate", &path]);
+}
+
+/// The robot of files that do not tell theirs is the one that shipped with them.
+/// `WHEELARM_WRITE_ROBOT=1` writes it; when the robot that ships changes, this
+/// test goes and the stored one stays as it is.
+#[test]
+fn files_without_a_robot_are_of_the_first_one() {
+    let model = RobotModel::load(&root().join("assets"), "wheelarm").expect("the robot");
+    let ours = describe::robot(&model);
+    let stored = root().join("client/dataset/src/read/wheelarm.binpb");
+    if std::env::var_os("WHEELARM_WRITE_ROBOT").is_some() {
+        fs::write(stored, ours.encode_to_vec()).expect("a file");
+        return;
+    }
+    assert_eq!(first_robot().expect("a description"), ours);
+}
