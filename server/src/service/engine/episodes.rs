@@ -8,11 +8,11 @@ use wheelarm_proto::v1::{FailureCode, WaitingFor};
 use wheelarm_proto::{StreamId, TopicId, check, v1};
 
 use super::{Engine, NAP, Next, Waits};
-use crate::service::{convert, describe};
 use crate::service::denied::Denied;
 use crate::service::episode::{Episode, Stage};
 use crate::service::inbox::Listening;
 use crate::service::recorders::CREDIT_WINDOW;
+use crate::service::{convert, describe};
 use crate::sim::Pacing;
 
 /// How long an announced episode waits for recorders that are not there, s.
