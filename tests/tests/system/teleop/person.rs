@@ -9,8 +9,8 @@ use std::time::{Duration, Instant};
 use portable_pty::{Child, CommandBuilder, ExitStatus, MasterPty, PtySize, native_pty_system};
 use wheelarm_tests::{Server, program};
 
-/// Longest wait for something to stand on the screen.
-const PATIENCE: Duration = Duration::from_secs(30);
+/// Longest wait for something to stand on the screen: something hangs.
+const PATIENCE: Duration = Duration::from_secs(90);
 const ROWS: u16 = 44;
 const COLUMNS: u16 = 130;
 

@@ -1,5 +1,7 @@
 //! How a person picks up the mustard by keys: looks at the numbers on the
-//! screen, presses, looks again. Nothing here counts on time.
+//! screen, presses, looks again. A slow machine shows old numbers, so nothing
+//! is pressed again before the screen has answered what was pressed, and rest
+//! is measured by the simulation's clock.
 
 use std::f64::consts::PI;
 use std::time::{Duration, Instant};
@@ -11,8 +13,12 @@ use super::person::Person;
 const STAND: [f64; 2] = [1.19, 0.36];
 /// Straight way at the end, m.
 const STRAIGHT: f64 = 0.55;
-/// Longest time for one movement.
-const PATIENCE: Duration = Duration::from_secs(30);
+/// The chair stands well enough, m and rad.
+const NEAR: [f64; 2] = [0.05, 0.05];
+/// A hand whose numbers stay for so long rests, simulated s.
+const REST: f64 = 0.4;
+/// Longest time for one movement: something hangs.
+const PATIENCE: Duration = Duration::from_secs(150);
 
 fn wrap(angle: f64) -> f64 {
     (angle + PI).rem_euclid(2.0 * PI) - PI
@@ -55,6 +61,12 @@ impl Person {
         self.numbers("mustard ahead")?[..].try_into().ok()
     }
 
+    /// Both pads press, N.
+    fn holds_firmly(&self) -> bool {
+        let gripper = self.numbers("gripper  open").unwrap_or_default();
+        gripper.len() == 3 && gripper[1] > 2.0 && gripper[2] > 2.0
+    }
+
     fn rests(&self) {
         until("coming to rest", || {
             let [speed, rate] = self.speed()?;
@@ -62,24 +74,45 @@ impl Person {
         });
     }
 
-    /// Turns on the spot until the chair looks along `heading`, rad.
-    fn turns_to(&mut self, heading: f64) {
-        for tolerance in [0.06, 0.04] {
-            let off = |person: &Self| Some(wrap(heading - person.chair()?[2]));
-            let begin = until("the heading", || off(self));
-            if begin.abs() < tolerance {
-                continue;
+    /// Makes a movement until what is left of it is below `near`, each time at
+    /// half the speed of the time before: it runs on by what a slow screen
+    /// hides.
+    fn closes_in(
+        &mut self,
+        what: &str,
+        near: f64,
+        left: impl Fn(&Self) -> Option<f64>,
+        mut goes: impl FnMut(&mut Self, f64),
+    ) {
+        let mut slower = 0;
+        loop {
+            let begin = until(what, || left(self));
+            if begin.abs() < near {
+                break;
             }
-            let side = begin.signum();
-            self.presses(if side > 0.0 { "j" } else { "l" });
-            until("turning", || {
-                // The chair runs on while it brakes.
-                let rate = self.speed()?[1].abs();
-                (side * off(self)? < rate * rate / 5.0 + 0.09 * rate).then_some(())
-            });
+            assert!(slower < 5, "{what}: {begin:.3} left; {}", self.reads());
+            goes(self, begin.signum());
             self.presses("k");
             self.rests();
+            self.presses("zzzzzz");
+            slower += 1;
         }
+        for _ in 0..slower {
+            self.presses("qqqqqq");
+        }
+    }
+
+    /// Turns on the spot until the chair looks along `heading`, rad.
+    fn turns_to(&mut self, heading: f64) {
+        let off = |person: &Self| Some(wrap(heading - person.chair()?[2]));
+        self.closes_in("the heading", NEAR[1], off, |person, side| {
+            person.presses(if side > 0.0 { "j" } else { "l" });
+            until("turning", || {
+                // The chair runs on while it brakes.
+                let rate = person.speed()?[1].abs();
+                (side * off(person)? < rate * rate / 5.0 + 0.09 * rate).then_some(())
+            });
+        });
     }
 
     /// Drives straight until the chair is at `x`, `y` or beside it.
@@ -88,14 +121,33 @@ impl Person {
             let [cx, cy, heading] = person.chair()?;
             Some((x - cx) * heading.cos() + (y - cy) * heading.sin())
         };
-        let side = until("the way", || ahead(self)).signum();
-        self.presses(if side > 0.0 { "i" } else { "," });
-        until("driving", || {
-            let speed = self.speed()?[0].abs();
-            (side * ahead(self)? < speed * speed / 2.5 + 0.09 * speed).then_some(())
+        self.closes_in("the way", NEAR[0], ahead, |person, side| {
+            person.presses(if side > 0.0 { "i" } else { "," });
+            until("driving", || {
+                let speed = person.speed()?[0].abs();
+                (side * ahead(person)? < speed * speed / 2.5 + 0.09 * speed).then_some(())
+            });
         });
-        self.presses("k");
-        self.rests();
+    }
+
+    /// Changes the size of a step, mm.
+    fn sets_step(&mut self, keys: &str, size: f64) {
+        self.presses(keys);
+        let shown = |person: &Self| person.numbers("hand   move")?.first().copied();
+        until("the step size", || {
+            ((shown(self)? - size).abs() < 0.05).then_some(())
+        });
+    }
+
+    /// Every key so far has been taken: the step size, which is changed last,
+    /// stands changed on the screen, and back.
+    fn is_heard(&mut self) {
+        let step = |person: &Self| person.numbers("hand   move")?.first().copied();
+        let before = until("the step size", || step(self));
+        self.presses("-");
+        until("the finer step", || (step(self)? != before).then_some(()));
+        self.presses("=");
+        until("the coarser step", || (step(self)? == before).then_some(()));
     }
 
     /// Steps the hand until the bottle is within half a step along one axis.
@@ -122,20 +174,25 @@ impl Person {
             // As many presses as needed, one at a time.
             for _ in 0..presses.min(4) {
                 self.presses(if off > 0.0 { keys[0] } else { keys[1] });
-                std::thread::sleep(Duration::from_millis(60));
+                self.is_heard();
             }
             self.hand_rests();
         }
     }
 
-    fn hand_rests(&self) {
-        let mut last = None;
+    fn hand_rests(&mut self) {
+        self.is_heard();
+        let mut last: Option<(Vec<f64>, f64)> = None;
         until("the hand coming to rest", || {
+            let time = *self.numbers("hand-picked")?.first()?;
             let now = self.numbers("hand     forward")?;
-            let still = last.as_ref() == Some(&now);
-            last = Some(now);
-            std::thread::sleep(Duration::from_millis(130));
-            still.then_some(())
+            match &last {
+                Some((before, since)) if *before == now => {
+                    return (time - since >= REST).then_some(());
+                }
+                _ => last = Some((now, time)),
+            }
+            None
         });
     }
 
@@ -159,18 +216,17 @@ impl Person {
         // fine steps sideways; forward.
         self.steps(0, ["v", "n"], 0.17, 0.025);
         self.steps(2, ["g", "b"], 0.0, 0.025);
-        self.presses("-----");
+        self.sets_step("-----", 8.2);
         self.steps(1, ["h", "f"], 0.0, 0.008);
-        self.presses("=====");
+        self.sets_step("=====", 25.0);
         self.steps(0, ["v", "n"], 0.036, 0.025);
-        for _ in 0..14 {
+        let mut presses = 0;
+        while !self.holds_firmly() {
+            assert!(presses < 16, "no firm grip; the screen:\n{}", self.reads());
             self.presses("r");
-            std::thread::sleep(Duration::from_millis(90));
+            self.hand_rests();
+            presses += 1;
         }
-        until("a firm grip", || {
-            let gripper = self.numbers("gripper  open")?;
-            (gripper.len() == 3 && gripper[1] > 2.0 && gripper[2] > 2.0).then_some(())
-        });
         for _ in 0..7 {
             self.presses("g");
             self.hand_rests();
