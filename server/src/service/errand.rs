@@ -24,6 +24,11 @@ pub(super) enum Errand {
     },
     /// It takes the place of the one in force when the cameras have drawn that.
     Place { asked: Query, loaded: Box<Loaded> },
+    /// A recorded state is shown when cameras and recorders are ready for it.
+    Show {
+        asked: Query,
+        request: Box<v1::ShowRequest>,
+    },
     /// An episode begins when the cameras have drawn what was before it.
     Start {
         asked: Query,
@@ -41,7 +46,7 @@ impl Errand {
     /// What time stands still for, if it does.
     pub(super) fn holds_up(&self) -> Option<&'static str> {
         match self {
-            Self::Load { .. } => None,
+            Self::Load { .. } | Self::Show { .. } => None,
             Self::Place { .. } | Self::Start { .. } | Self::Stop { .. } => {
                 Some("the cameras, which draw the last pictures")
             }

@@ -8,9 +8,10 @@ mod bits;
 mod envelope;
 mod guard;
 mod scenario;
+mod shown;
 mod state;
 #[cfg(test)]
-mod tests;
+pub(crate) mod tests;
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -23,6 +24,7 @@ pub use scenario::{
     ALL_CAMERAS, CameraSetting, MAX_SIZE, Pacing, Quality, SOFT_MASS, Scenario, ScenarioError,
     Schedules,
 };
+pub use shown::{Recorded, Unfit};
 pub use state::StateError;
 
 use crate::robot::control::{ControlInput, GripperMap, RobotControl, Targets};
@@ -101,6 +103,8 @@ pub struct Simulation {
     snapshot: Arc<Snapshot>,
     /// Why no step is taken any more, also in words.
     broken: Option<(Fault, String)>,
+    /// Recorded states are shown, nothing is computed.
+    shown: bool,
 }
 
 /// What one control tick produced.
@@ -184,6 +188,7 @@ impl Simulation {
             evaluation,
             snapshot,
             broken: None,
+            shown: false,
         };
         sim.update_odometry();
         // The first acceleration needs a velocity to start from.
@@ -214,7 +219,7 @@ impl Simulation {
         input: &ControlInput,
         tell: impl FnOnce(&Targets, &RobotControl),
     ) -> Step {
-        if self.broken.is_some() {
+        if self.broken.is_some() || self.shown {
             return Step::default();
         }
         let last = Arc::clone(&self.snapshot);
@@ -330,7 +335,7 @@ impl Simulation {
     /// Hash over the whole state; `Some` once per simulated second.
     #[must_use]
     pub fn hash_due(&self) -> Option<u64> {
-        if self.broken.is_some() {
+        if self.broken.is_some() || self.shown {
             return None;
         }
         self.snapshot

@@ -48,6 +48,9 @@ pub enum StateError {
     /// Nothing goes on from a broken state.
     #[error("the state is broken and is not stored: {0}; ask for `reset`")]
     Broken(String),
+    /// Recorded states are shown, so there is none that goes on.
+    #[error("recorded states are shown; none of them can be gone on from")]
+    Shown,
     /// It belongs to another scenario.
     #[error(
         "the stored state is of {stored}, but the scenario has {expected}; restore it with its own scenario"
@@ -86,6 +89,9 @@ impl Simulation {
     /// # Errors
     /// When the state is broken.
     pub fn save(&self) -> Result<Vec<u8>, StateError> {
+        if self.shown {
+            return Err(StateError::Shown);
+        }
         match self.broken() {
             Some(words) => Err(StateError::Broken(words.to_owned())),
             None => Ok(envelope::seal(&self.content())),

@@ -16,7 +16,7 @@ fn assets() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../assets")
 }
 
-fn scenario(task: &str) -> Scenario {
+pub(super) fn scenario(task: &str) -> Scenario {
     Scenario {
         task: task.to_owned(),
         seed: 1,
@@ -25,7 +25,7 @@ fn scenario(task: &str) -> Scenario {
     }
 }
 
-fn simulation(scenario: Scenario) -> Simulation {
+pub(super) fn simulation(scenario: Scenario) -> Simulation {
     Simulation::new(&assets(), scenario).expect("a simulation")
 }
 

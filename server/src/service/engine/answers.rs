@@ -38,6 +38,13 @@ impl Engine {
                     Err(why) => self.refuse(asked, why),
                 }
             }
+            Query::Show => match self.to_show(&payload) {
+                Ok(request) => {
+                    let request = Box::new(request);
+                    self.errand = Some(Errand::Show { asked, request });
+                }
+                Err(why) => self.refuse(asked, why),
+            },
             Query::EpisodeStart => match decode(&payload) {
                 Ok(request) => self.errand = Some(Errand::Start { asked, request }),
                 Err(why) => self.refuse(asked, why),
@@ -103,7 +110,7 @@ impl Engine {
 
     /// What cannot be undone is refused while somebody else is in control,
     /// unless it is insisted on. This keeps accidents out, not attackers.
-    fn may(&self, what: &str, force: bool, secret: &str) -> Result<(), Denied> {
+    pub(super) fn may(&self, what: &str, force: bool, secret: &str) -> Result<(), Denied> {
         let inbox = self.shared.inbox.lock();
         let lease = inbox.lease();
         match lease.holder() {
@@ -357,7 +364,7 @@ fn task_list(assets: &std::path::Path) -> Result<Vec<v1::TaskInfo>, String> {
         .collect())
 }
 
-fn decode<M: Message + Default>(payload: &[u8]) -> Result<M, Denied> {
+pub(super) fn decode<M: Message + Default>(payload: &[u8]) -> Result<M, Denied> {
     M::decode(payload).map_err(|e| {
         let words = format!("the request cannot be read: {e}");
         Denied::new(FailureCode::Invalid, words)

@@ -48,7 +48,10 @@ impl Engine {
         check::label(&request.label)?;
         check::instruction(request.instruction.as_deref().unwrap_or_default())?;
         let lock_step = self.sim.scenario().pacing == Pacing::LockStep;
-        if lock_step {
+        let shown = self.sim.is_shown();
+        if shown {
+            // Nobody commands what was recorded.
+        } else if lock_step {
             self.check_commander(&request.commander)?;
         } else if request.replay {
             return Err(Denied::new(
@@ -69,10 +72,13 @@ impl Engine {
             false => request.require_recorders as usize,
         };
         self.shared.recorders.lock().begin();
-        if !request.replay {
+        if !request.replay && !shown {
             self.sim.begin_episode();
         }
-        let snapshot = self.sim.save().map_err(Denied::internal)?;
+        let snapshot = match shown {
+            true => Vec::new(),
+            false => self.sim.save().map_err(Denied::internal)?,
+        };
         self.episodes += 1;
         let number = self.episodes;
         let scenario = self.sim.scenario();
@@ -110,8 +116,12 @@ impl Engine {
                 .iter()
                 .map(|j| j.name.clone())
                 .collect(),
-            physics_version: wheelarm_proto::PHYSICS_VERSION,
             robot: Some(describe::robot(self.sim.model())),
+            physics_version: match shown {
+                true => 0,
+                false => wheelarm_proto::PHYSICS_VERSION,
+            },
+            as_recorded: shown,
         };
         self.episode = Some(Episode {
             number,
@@ -187,7 +197,10 @@ impl Engine {
         let stopped = v1::EpisodeStopped {
             header: Some(self.shared.outbox.header(episode.number, tick)),
             discard,
-            evaluation: Some(convert::evaluation(self.sim.evaluation())),
+            evaluation: match &self.shown {
+                Some(shown) => shown.evaluation.clone(),
+                None => Some(convert::evaluation(self.sim.evaluation())),
+            },
             manifest,
             wall_seconds: episode.running_since.elapsed().as_secs_f64(),
             cause: cause.into(),

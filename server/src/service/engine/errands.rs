@@ -79,6 +79,10 @@ impl Engine {
                 let words = "another episode is running and just ends";
                 self.refuse(asked, Denied::new(FailureCode::EpisodeRuns, words));
             }
+            Some(Errand::Show { asked, .. }) => {
+                let words = "the episode ends, so no further state of it is shown";
+                self.refuse(asked, Denied::new(FailureCode::NoEpisode, words));
+            }
             // A scenario is not set up while an episode runs.
             Some(Errand::Load { .. } | Errand::Place { .. }) | None => {}
         }
@@ -110,6 +114,14 @@ impl Engine {
                         self.refuse(asked, Denied::internal(why));
                     }
                 },
+                Errand::Show { asked, request } if self.cannot_show() => {
+                    self.errand = Some(Errand::Show { asked, request });
+                    return;
+                }
+                Errand::Show { asked, request } => {
+                    let answer = self.show(*request);
+                    self.reply(asked, answer.map(|ack| ack.encode_to_vec()));
+                }
                 waiting if !drawn => {
                     self.errand = Some(waiting);
                     return;

@@ -7,6 +7,7 @@ mod anomalies;
 mod answers;
 mod episodes;
 mod errands;
+mod show;
 mod tidings;
 
 use std::collections::VecDeque;
@@ -76,6 +77,8 @@ pub struct Engine {
     pub(in crate::service) asset_texts: Vec<v1::AssetText>,
     /// Answers that stay the same, made once.
     pub(in crate::service) made: Made,
+    /// The recorded state that is shown.
+    pub(super) shown: Option<v1::ShowRequest>,
 }
 
 /// Answers that stay the same while a scenario and an episode are in force.
@@ -115,6 +118,7 @@ impl Engine {
             anomalies: Vec::new(),
             seen_collisions: Vec::new(),
             made: Made::default(),
+            shown: None,
         };
         engine.start_cameras()?;
         engine.listen(Listening::default());
@@ -232,6 +236,9 @@ impl Engine {
             self.waiting_for = Waits::new(WaitingFor::Cameras, what);
             return Next::Wait(NAP);
         }
+        if self.sim.is_shown() {
+            return self.next_shown();
+        }
         // Waiting here and not in the queue, it goes on answering.
         if self.paused || self.render.as_ref().is_some_and(RenderThread::is_full) {
             return Next::Wait(NAP);
@@ -332,6 +339,10 @@ impl Engine {
     pub(in crate::service) fn publish_state(&self) {
         let tick = self.sim.snapshot().tick;
         self.shared.stamp_is(self.episode_number(), tick);
+        if self.sim.is_shown() {
+            self.publish_shown();
+            return;
+        }
         let inbox = self.shared.inbox.lock();
         let (phase, name) = inbox.phase();
         let phase = (phase, name.to_owned());
@@ -387,6 +398,7 @@ impl Engine {
         drop(inbox);
         self.forget_anomalies();
         self.made = Made::default();
+        self.shown = None;
         self.pace.restart();
         self.publish_state();
     }

@@ -1,0 +1,212 @@
+//! The query `show`: states of a recording in place of computed ones.
+
+use nalgebra::{Isometry3, Point3, Vector3};
+use wheelarm_proto::check::{self, Invalid};
+use wheelarm_proto::v1;
+use wheelarm_proto::v1::FailureCode;
+
+use super::answers::decode;
+use super::{Engine, NAP, Next, Waits};
+use crate::service::convert;
+use crate::service::denied::Denied;
+use crate::service::episode::Stage;
+use crate::service::render::RenderThread;
+use crate::sim::{Pacing, Recorded};
+use crate::snapshot::{BodyState, JointState};
+
+/// Why no command is taken while states are shown.
+const CLOSED: &str = "a recording is shown, nothing is computed; ask for `reset` first";
+
+/// States of a kind, at most.
+const MOST: usize = 4096;
+
+impl Engine {
+    /// Whether a recorded state may be shown at all, and which.
+    pub(super) fn to_show(&self, payload: &[u8]) -> Result<v1::ShowRequest, Denied> {
+        let request: v1::ShowRequest = decode(payload)?;
+        if self.sim.scenario().pacing != Pacing::LockStep {
+            let words = "recorded states are shown in lock-step only, where no time goes on by \
+                         itself; start a server with --pacing lock-step";
+            return Err(Denied::new(FailureCode::Pacing, words));
+        }
+        if self.episode.is_some() && !self.sim.is_shown() {
+            let words = "an episode runs that is computed; stop it before a recording is shown";
+            return Err(Denied::new(FailureCode::EpisodeRuns, words));
+        }
+        self.may("a recording would take the place of its world", false, "")?;
+        let now = self.sim.snapshot().tick;
+        if self.episode.is_some() && request.tick <= now {
+            let words = format!(
+                "tick {} is shown after tick {now}; show the states of an episode in order",
+                request.tick
+            );
+            return Err(Denied::new(FailureCode::Invalid, words));
+        }
+        Ok(request)
+    }
+
+    /// The next state must wait: for recorders, for the cameras, for credit.
+    pub(super) fn cannot_show(&self) -> bool {
+        let waits = self.episode.as_ref().is_some_and(|e| e.stage == Stage::Waiting);
+        waits
+            || self.paused
+            || self.render.as_ref().is_some_and(RenderThread::is_full)
+            || self.recorder_without_credit().is_some()
+    }
+
+    /// Shows a state and publishes what was recorded of it.
+    pub(super) fn show(&mut self, request: v1::ShowRequest) -> Result<v1::Ack, Denied> {
+        let recorded = recorded(&request)?;
+        let step = self.sim.show(&recorded);
+        let step = step.map_err(|why| Denied::new(FailureCode::Invalid, why.to_string()))?;
+        self.shared.inbox.lock().close(CLOSED);
+        self.shown = Some(request);
+        // Until recorders are ready nothing of an episode is told; what it
+        // begins with is told then.
+        self.publish_state();
+        self.draw(step.frames);
+        Ok(v1::Ack {
+            header: Some(self.stamp()),
+        })
+    }
+
+    /// Publishes the state that is shown, as it was recorded.
+    pub(super) fn publish_shown(&self) {
+        let (Some(shown), outbox) = (&self.shown, &self.shared.outbox) else {
+            return;
+        };
+        let (episode, tick) = (self.episode_number(), shown.tick);
+        for sample in &shown.applied {
+            let at = sample.header.as_ref().map_or(tick, |h| h.tick);
+            outbox.put(episode, at, sample.clone());
+        }
+        for sample in &shown.commands {
+            let at = sample.header.as_ref().map_or(tick, |h| h.tick);
+            outbox.put(episode, at, sample.clone());
+        }
+        macro_rules! put {
+            ($($sample:expr),*) => {$(
+                if let Some(sample) = &$sample {
+                    outbox.put(episode, tick, sample.clone());
+                }
+            )*};
+        }
+        put!(
+            shown.joints,
+            shown.poses,
+            shown.objects,
+            shown.furniture,
+            shown.deformable,
+            shown.evaluation
+        );
+        let clock = v1::Clock {
+            header: None,
+            real_time_factor: 0.0,
+        };
+        outbox.put(episode, tick, clock);
+    }
+
+    /// What time waits for while states are shown.
+    pub(super) fn next_shown(&mut self) -> Next {
+        if let Some(episode) = &self.episode
+            && episode.stage == Stage::Waiting
+        {
+            return self.wait_for_recorders();
+        }
+        self.report_lost_recorders();
+        self.waiting_for = match self.recorder_without_credit() {
+            Some(recorder) => {
+                Waits::new(v1::WaitingFor::Credit, format!("recorder {recorder}"))
+            }
+            None => Waits::new(
+                v1::WaitingFor::Commander,
+                "the next state of the recording that is shown (`show`), or a `reset`",
+            ),
+        };
+        Next::Wait(NAP)
+    }
+}
+
+/// Numbers of joints side by side; speeds and efforts may be absent.
+fn joints(
+    what: &'static str,
+    positions: &[f64],
+    velocities: &[f64],
+    efforts: &[f64],
+) -> Result<Vec<JointState>, Invalid> {
+    check::few(what, positions, MOST)?;
+    let at = |list: &[f64], i: usize| list.get(i).copied().unwrap_or_default();
+    let all = positions.iter().enumerate().map(|(i, &position)| {
+        Ok(JointState {
+            position: check::within(what, position, -1e6, 1e6)?,
+            velocity: check::within(what, at(velocities, i), -1e6, 1e6)?,
+            effort: check::within(what, at(efforts, i), -1e9, 1e9)?,
+        })
+    });
+    all.collect()
+}
+
+fn body(
+    what: &'static str,
+    pose: Option<&v1::Pose>,
+    twist: Option<&v1::Twist>,
+) -> Result<BodyState, Invalid> {
+    let vector = |v: Option<&v1::Vector3>| -> Result<Vector3<f64>, Invalid> {
+        match v {
+            Some(v) => Ok(Vector3::from(check::vector(what, Some(v))?)),
+            None => Ok(Vector3::zeros()),
+        }
+    };
+    let pose: Isometry3<f64> = convert::isometry(what, pose)?;
+    Ok(BodyState {
+        pose,
+        linear: vector(twist.and_then(|t| t.linear.as_ref()))?,
+        angular: vector(twist.and_then(|t| t.angular.as_ref()))?,
+    })
+}
+
+/// The state of a request, every number of it checked.
+fn recorded(request: &v1::ShowRequest) -> Result<Recorded, Invalid> {
+    let default = v1::JointState::default();
+    let state = request.joints.as_ref().unwrap_or(&default);
+    let root = request.poses.as_ref().and_then(|p| p.frames.first());
+    let root = body(
+        "poses",
+        root.and_then(|f| f.pose.as_ref()),
+        root.and_then(|f| f.twist.as_ref()),
+    )?;
+    let objects = request.objects.clone().unwrap_or_default();
+    check::few("objects", &objects.poses, MOST)?;
+    let twists = objects.twists.iter().map(Some).chain(std::iter::repeat(None));
+    let bodies = objects.poses.iter().zip(twists);
+    let bodies = bodies.map(|(pose, twist)| body("objects", Some(pose), twist));
+    let furniture = request.furniture.clone().unwrap_or_default();
+    let skin = request.deformable.as_ref().map(|soft| {
+        let (points, _) = soft.vertices.as_chunks::<3>();
+        let points = points.iter().map(|&[x, y, z]| {
+            for value in [x, y, z] {
+                check::within("deformable", f64::from(value), -1e6, 1e6)?;
+            }
+            Ok(Point3::new(x, y, z))
+        });
+        points.collect::<Result<Vec<_>, Invalid>>()
+    });
+    Ok(Recorded {
+        tick: request.tick,
+        joints: joints(
+            "joints",
+            &state.positions,
+            &state.velocities,
+            &state.efforts,
+        )?,
+        root,
+        objects: bodies.collect::<Result<_, _>>()?,
+        furniture_joints: joints(
+            "furniture",
+            &furniture.positions,
+            &furniture.velocities,
+            &[],
+        )?,
+        skin: skin.transpose()?,
+    })
+}

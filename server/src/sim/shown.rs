@@ -1,0 +1,203 @@
+//! States as a recording holds them, shown in place of states that are computed:
+//! new pictures of an episode that another version of the physics made.
+//!
+//! Nothing is computed but the poses of links from joints; the world stands still.
+
+use std::sync::Arc;
+
+
+use super::{Simulation, Step};
+use crate::snapshot::{BodyState, JointState, Snapshot};
+
+/// One recorded state.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Recorded {
+    /// Physics tick, 240 per second.
+    pub tick: u64,
+    /// The recorded joints, in the order of [`Simulation::recorded_joints`].
+    pub joints: Vec<JointState>,
+    /// The robot's root link in `house`.
+    pub root: BodyState,
+    /// Objects in the order of `Scene::objects`.
+    pub objects: Vec<BodyState>,
+    /// Furniture that slides, in the order of `Scene::joints`.
+    pub furniture_joints: Vec<JointState>,
+    /// Skin of the soft object, metres in `house`; as it was when absent.
+    pub skin: Option<Vec<nalgebra::Point3<f32>>>,
+}
+
+/// Why a recorded state does not fit what is simulated.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[error(
+    "the recorded state has {found} {what}, the scenario in force {expected}; reset to the \
+     recording's scenario first"
+)]
+pub struct Unfit {
+    /// What there is another number of.
+    pub what: &'static str,
+    /// In the recording.
+    pub found: usize,
+    /// In the scenario in force.
+    pub expected: usize,
+}
+
+fn same(what: &'static str, found: usize, expected: usize) -> Result<(), Unfit> {
+    match found == expected {
+        true => Ok(()),
+        false => Err(Unfit {
+            what,
+            found,
+            expected,
+        }),
+    }
+}
+
+impl Simulation {
+    /// Shows a recorded state. From now on, until another scenario is set up, no
+    /// step is taken and nothing is judged, hashed or saved.
+    ///
+    /// # Errors
+    /// [`Unfit`]; the state that was shown before stays.
+    pub fn show(&mut self, recorded: &Recorded) -> Result<Step, Unfit> {
+        let snapshot = self.snapshot_of(recorded)?;
+        self.snapshot = Arc::new(snapshot);
+        self.shown = true;
+        Ok(Step {
+            imu: Vec::new(),
+            frames: self.frames_now(),
+        })
+    }
+
+    /// Recorded states are shown.
+    #[must_use]
+    pub fn is_shown(&self) -> bool {
+        self.shown
+    }
+
+    fn snapshot_of(&self, recorded: &Recorded) -> Result<Snapshot, Unfit> {
+        let now = &self.snapshot;
+        same("joints", recorded.joints.len(), self.indices.joints.len())?;
+        same("objects", recorded.objects.len(), now.objects.len())?;
+        let slides = recorded.furniture_joints.len();
+        same("furniture joints", slides, now.furniture_joints.len())?;
+        let mut skins = now.skins.clone();
+        if let Some(vertices) = &recorded.skin {
+            same("soft objects", 1, skins.len())?;
+            same("vertices", vertices.len(), skins[0].vertices.len())?;
+            skins[0].vertices.clone_from(vertices);
+        }
+        let joints = self.joints_of(&recorded.joints);
+        let positions: Vec<f64> = joints.iter().map(|j| j.position).collect();
+        let root = &recorded.root;
+        let links = self.model.link_poses(&positions).into_iter();
+        let sliding = self.scene.joints.iter().zip(&recorded.furniture_joints);
+        let sliding = sliding.map(|(joint, state)| {
+            let closed = self.scene.furniture[joint.furniture].pose;
+            let way = joint.axis.into_inner();
+            BodyState {
+                linear: way * state.velocity,
+                ..BodyState::resting(
+                    nalgebra::Translation3::from(way * state.position) * closed,
+                )
+            }
+        });
+        Ok(Snapshot {
+            tick: recorded.tick,
+            joints,
+            links: links.map(|own_from_link| root.carrying(own_from_link)).collect(),
+            objects: recorded.objects.clone(),
+            skins,
+            furniture_joints: recorded.furniture_joints.clone(),
+            sliding: sliding.collect(),
+            contacts: Vec::new(),
+            anomalies: Vec::new(),
+        })
+    }
+
+    /// All joints from the recorded ones; the others follow these or stand at 0.
+    fn joints_of(&self, recorded: &[JointState]) -> Vec<JointState> {
+        let mut joints = vec![None; self.model.joints.len()];
+        for (&index, &state) in self.indices.joints.iter().zip(recorded) {
+            joints[index] = Some(state);
+        }
+        let told = joints.clone();
+        for (joint, state) in self.model.joints.iter().zip(&mut joints) {
+            if let (None, Some((leader, times, plus))) = (&state, joint.mimic) {
+                *state = told[leader].map(|leader| JointState {
+                    position: leader.position * times + plus,
+                    velocity: leader.velocity * times,
+                    effort: 0.0,
+                });
+            }
+        }
+        joints.into_iter().map(Option::unwrap_or_default).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::Isometry3;
+
+    use super::*;
+    use crate::robot::control::{BaseIntent, ControlInput};
+    use crate::sim::tests::{scenario, simulation};
+
+    fn recorded(sim: &Simulation) -> Recorded {
+        let snapshot = sim.snapshot();
+        Recorded {
+            tick: snapshot.tick,
+            joints: sim.recorded_joints().to_vec(),
+            root: snapshot.links[0],
+            objects: snapshot.objects.clone(),
+            furniture_joints: snapshot.furniture_joints.clone(),
+            skin: snapshot.skins.first().map(|s| s.vertices.clone()),
+        }
+    }
+
+    fn apart(a: &Isometry3<f64>, b: &Isometry3<f64>) -> f64 {
+        (a.translation.vector - b.translation.vector).norm() + a.rotation.angle_to(&b.rotation)
+    }
+
+    #[test]
+    fn a_shown_state_is_the_one_that_was_recorded() {
+        for task in ["place_teddy_bear", "open_drawer"] {
+            let mut sim = simulation(scenario(task));
+            let mut drive = ControlInput::default();
+            drive.base = Some(BaseIntent {
+                linear: 0.3,
+                angular: 0.5,
+            });
+            for _ in 0..20 {
+                sim.step(&drive);
+            }
+            let mut other = simulation(scenario(task));
+            assert!(!other.is_shown());
+            other.show(&recorded(&sim)).expect("it fits");
+            assert!(other.is_shown() && other.hash_due().is_none() && other.save().is_err());
+            let (was, is) = (sim.snapshot(), other.snapshot());
+            assert_eq!((was.tick, &was.skins), (is.tick, &is.skins));
+            for (was, is) in was.links.iter().zip(&is.links) {
+                assert!(apart(&was.pose, &is.pose) < 1e-4, "{was:?} {is:?}");
+            }
+            for (was, is) in was.sliding.iter().zip(&is.sliding) {
+                assert!(apart(&was.pose, &is.pose) < 1e-4, "{was:?} {is:?}");
+            }
+            assert_eq!(other.recorded_joints().to_vec(), recorded(&sim).joints);
+            // Nothing moves what is shown.
+            other.step(&drive);
+            assert_eq!(other.snapshot().tick, was.tick);
+        }
+    }
+
+    #[test]
+    fn a_state_of_another_scene_is_refused_and_nothing_changes() {
+        let mut sim = simulation(scenario("pick_mustard"));
+        let mut wrong = recorded(&sim);
+        wrong.objects.pop();
+        let before = Arc::clone(sim.snapshot());
+        let refused = sim.show(&wrong).map(|_| ()).unwrap_err();
+        assert!(refused.to_string().contains("objects"), "{refused}");
+        assert!(!sim.is_shown());
+        assert_eq!(&before, sim.snapshot());
+    }
+}
