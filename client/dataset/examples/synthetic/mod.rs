@@ -281,6 +281,7 @@ pub fn started(label: &str) -> v1::EpisodeStarted {
         rate_hz: Some(10.0),
     };
     v1::EpisodeStarted {
+        as_recorded: false,
         physics_version: wheelarm_proto::PHYSICS_VERSION,
         header: Some(header(0, 0)),
         label: label.into(),

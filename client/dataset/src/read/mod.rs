@@ -6,6 +6,7 @@ mod chunks;
 mod column;
 mod refusal;
 mod robot;
+mod states;
 
 pub use camera::{Camera, Frame};
 pub use chunks::ChunkMap;
