@@ -70,7 +70,10 @@ pub fn validate(path: &Path, threads: usize) -> anyhow::Result<Findings> {
             .facts
             .push(format!("anomalies: {}", summary.anomalies.join("; ")));
     }
-    if episode.snapshot()?.snapshot.is_empty() {
+    if episode.started()?.as_recorded {
+        let drawn = "drawn from the states of another recording, which is the one to replay";
+        found.facts.push(drawn.into());
+    } else if episode.snapshot()?.snapshot.is_empty() {
         found
             .problems
             .push("the state at the start is absent: it cannot be replayed".into());

@@ -4,6 +4,7 @@
 //!
 //! Nothing is decided here: what was applied at a tick is applied again.
 
+mod recorded;
 mod script;
 
 use std::path::PathBuf;
@@ -43,6 +44,11 @@ pub struct ReplayArgs {
     /// recorded cameras' names replaces its setting.
     #[arg(long, requires = "out", value_name = "NAME=WxH@HZ")]
     pub camera: Vec<String>,
+    /// Draws the recorded states anew instead of computing them, also those of
+    /// another version of the physics: robot, objects, furniture, commands and
+    /// evaluation as recorded, and new pictures.
+    #[arg(long, requires = "out")]
+    pub as_recorded: bool,
     /// Work per picture: `fast`, `standard` or `high`; the recording's when absent.
     #[arg(long, requires = "out")]
     pub quality: Option<String>,
@@ -58,10 +64,13 @@ pub struct ReplayArgs {
 /// When the file cannot be replayed or a program does not answer.
 pub fn run(args: &ReplayArgs) -> anyhow::Result<ExitCode> {
     let episode = Episode::open(&args.file)?;
+    if let (true, Some(out)) = (args.as_recorded, &args.out) {
+        return recorded::run(args, out, &episode);
+    }
     let script = Script::read(&episode)?;
     script.check_physics(&args.file)?;
     let cameras = match &args.out {
-        Some(_) => script.cameras(args.width, args.height, &args.camera)?,
+        Some(_) => script::cameras(&script.scenario, args.width, args.height, &args.camera)?,
         None => Vec::new(),
     };
     let server = LocalServer::start(&ServerOptions {
@@ -73,7 +82,7 @@ pub fn run(args: &ReplayArgs) -> anyhow::Result<ExitCode> {
         quality: args
             .quality
             .clone()
-            .unwrap_or_else(|| script.quality().to_owned()),
+            .unwrap_or_else(|| script::quality(&script.scenario).to_owned()),
         cameras: cameras.iter().map(script::camera_option).collect(),
         assets: args.assets.clone(),
     })?;

@@ -28,6 +28,13 @@ impl Script {
     /// Reads what replay needs and checks that no tick is missing.
     pub fn read(episode: &Episode) -> anyhow::Result<Self> {
         let started = episode.started()?;
+        if started.as_recorded {
+            bail!(
+                "the file was drawn from the states of another recording and holds none that \
+                 could be gone on from; replay that recording, or draw this one again with \
+                 --as-recorded"
+            );
+        }
         let snapshot = episode.snapshot()?;
         let header = snapshot.header.unwrap_or_default();
         if snapshot.snapshot.is_empty() {
@@ -86,9 +93,11 @@ impl Script {
         let scenario = &self.scenario;
         bail!(
             "{} {made}; these programs have version {PHYSICS_VERSION}. They would compute other \
-             bits from the same commands, so it is not replayed. Replay it with the {with}, or \
-             record the same scene anew: `wheelarm demo --task {} --seed {}`. Its data stay as \
+             bits from the same commands, so it is not replayed. To draw its recorded states anew: \
+             `wheelarm replay {} --as-recorded --out FOLDER`. To compute it again, take the {with}; \
+             to record the same scene anew: `wheelarm demo --task {} --seed {}`. Its data stay as \
              they are: `wheelarm dataset` reads them as any other's",
+            file.display(),
             file.display(),
             scenario.task(),
             scenario.seed(),
@@ -113,36 +122,36 @@ impl Script {
             ..v1::Command::default()
         })
     }
+}
 
-    /// Cameras of a new recording: the recorded ones in another size if asked,
-    /// and `others` as `NAME=WIDTHxHEIGHT@HZ`.
-    pub fn cameras(
-        &self,
-        width: Option<u32>,
-        height: Option<u32>,
-        others: &[String],
-    ) -> anyhow::Result<Vec<v1::CameraSetting>> {
-        let mut cameras = self.scenario.cameras.clone();
-        for camera in &mut cameras {
-            camera.width = width.unwrap_or(camera.width);
-            camera.height = height.unwrap_or(camera.height);
-        }
-        for text in others {
-            let camera = camera_setting(text)?;
-            cameras.retain(|known| known.name != camera.name);
-            cameras.push(camera);
-        }
-        cameras.retain(|camera| camera.rate_hz() > 0.0);
-        Ok(cameras)
+/// Cameras of a new recording: the recorded ones in another size if asked,
+/// and `others` as `NAME=WIDTHxHEIGHT@HZ`.
+pub(super) fn cameras(
+    scenario: &v1::Scenario,
+    width: Option<u32>,
+    height: Option<u32>,
+    others: &[String],
+) -> anyhow::Result<Vec<v1::CameraSetting>> {
+    let mut cameras = scenario.cameras.clone();
+    for camera in &mut cameras {
+        camera.width = width.unwrap_or(camera.width);
+        camera.height = height.unwrap_or(camera.height);
     }
+    for text in others {
+        let camera = camera_setting(text)?;
+        cameras.retain(|known| known.name != camera.name);
+        cameras.push(camera);
+    }
+    cameras.retain(|camera| camera.rate_hz() > 0.0);
+    Ok(cameras)
+}
 
-    /// Quality of the recorded pictures, as the server takes it.
-    pub fn quality(&self) -> &'static str {
-        match self.scenario.quality() {
-            v1::RenderQuality::Fast => "fast",
-            v1::RenderQuality::High => "high",
-            v1::RenderQuality::Standard | v1::RenderQuality::Unspecified => "standard",
-        }
+/// Quality of the recorded pictures, as the server takes it.
+pub(super) fn quality(scenario: &v1::Scenario) -> &'static str {
+    match scenario.quality() {
+        v1::RenderQuality::Fast => "fast",
+        v1::RenderQuality::High => "high",
+        v1::RenderQuality::Standard | v1::RenderQuality::Unspecified => "standard",
     }
 }
 

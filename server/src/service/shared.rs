@@ -47,6 +47,7 @@ pub(super) struct Shared {
 fn most_bytes(query: Query) -> usize {
     match query {
         Query::Reset => 4 << 20,
+        Query::Show => 1 << 20,
         Query::EpisodeStart => 128 << 10,
         _ => 4 << 10,
     }

@@ -5,7 +5,6 @@
 
 use std::sync::Arc;
 
-
 use super::{Simulation, Step};
 use crate::snapshot::{BodyState, JointState, Snapshot};
 
@@ -76,7 +75,8 @@ impl Simulation {
 
     fn snapshot_of(&self, recorded: &Recorded) -> Result<Snapshot, Unfit> {
         let now = &self.snapshot;
-        same("joints", recorded.joints.len(), self.indices.joints.len())?;
+        let recorded_joints = self.model.roles.joints.len();
+        same("joints", recorded.joints.len(), recorded_joints)?;
         same("objects", recorded.objects.len(), now.objects.len())?;
         let slides = recorded.furniture_joints.len();
         same("furniture joints", slides, now.furniture_joints.len())?;
@@ -96,15 +96,15 @@ impl Simulation {
             let way = joint.axis.into_inner();
             BodyState {
                 linear: way * state.velocity,
-                ..BodyState::resting(
-                    nalgebra::Translation3::from(way * state.position) * closed,
-                )
+                ..BodyState::resting(nalgebra::Translation3::from(way * state.position) * closed)
             }
         });
         Ok(Snapshot {
             tick: recorded.tick,
             joints,
-            links: links.map(|own_from_link| root.carrying(own_from_link)).collect(),
+            links: links
+                .map(|own_from_link| root.carrying(own_from_link))
+                .collect(),
             objects: recorded.objects.clone(),
             skins,
             furniture_joints: recorded.furniture_joints.clone(),
@@ -117,8 +117,8 @@ impl Simulation {
     /// All joints from the recorded ones; the others follow these or stand at 0.
     fn joints_of(&self, recorded: &[JointState]) -> Vec<JointState> {
         let mut joints = vec![None; self.model.joints.len()];
-        for (&index, &state) in self.indices.joints.iter().zip(recorded) {
-            joints[index] = Some(state);
+        for (role, &state) in self.model.roles.joints.iter().zip(recorded) {
+            joints[role.joint] = Some(state);
         }
         let told = joints.clone();
         for (joint, state) in self.model.joints.iter().zip(&mut joints) {

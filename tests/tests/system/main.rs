@@ -19,6 +19,7 @@ mod mutation;
 mod over_ticks;
 mod preview;
 mod queries;
+mod recorded;
 mod recorder;
 mod robots;
 mod settle;

@@ -42,6 +42,7 @@ pub(super) fn attributes(
         .text("adapter", &started.adapter)?
         .text("server_version", &started.version)?
         .set("physics_version", started.physics_version)?
+        .set("as_recorded", started.as_recorded)?
         .text("recorder", &preamble.recorder)?
         .text("recorder_version", &preamble.software)?
         .text("run_id", &header.run_id)?

@@ -15,8 +15,8 @@ impl Episode {
     /// When a stream is absent or cannot be read.
     pub fn states(&self) -> Result<Vec<v1::ShowRequest>, ReadError> {
         let ticks = self.u64s("joint_state", "tick")?;
-        let joints = ["position", "velocity", "effort"]
-            .map(|column| self.f64s("joint_state", column));
+        let joints =
+            ["position", "velocity", "effort"].map(|column| self.f64s("joint_state", column));
         let [positions, velocities, efforts] = joints;
         let (positions, velocities, efforts) = (positions?, velocities?, efforts?);
         let poses = Rows::read(self, "pose", &["pose", "twist"])?;
@@ -24,6 +24,10 @@ impl Episode {
         let furniture = Rows::read(self, "furniture_joint", &["position", "velocity"])?;
         let mut evaluations = self.evaluations()?;
         let mut shapes = self.shapes()?;
+        let mut phases = self.phases()?;
+        let mut contacts = self.contacts()?;
+        let odometry = Rows::read(self, "odometry", &["pose", "twist"])?;
+        let mut imu = self.imu()?.into_iter().peekable();
         let mut applied = self.applied()?.into_iter().peekable();
         let mut commands = self.commands()?.into_iter().peekable();
         let not_after = |header: Option<&v1::Header>, tick| header.is_none_or(|h| h.tick <= tick);
@@ -75,6 +79,17 @@ impl Episode {
                 })
                 .collect(),
                 evaluation: evaluations.remove(&tick),
+                phase: phases.remove(&tick),
+                odometry: frames(&odometry).pop().map(|(pose, twist)| v1::Odometry {
+                    header: None,
+                    pose: Some(pose),
+                    twist: Some(twist),
+                }),
+                contacts: contacts.remove(&tick),
+                imu: std::iter::from_fn(|| {
+                    imu.next_if(|sample| not_after(sample.header.as_ref(), tick))
+                })
+                .collect(),
             }
         });
         Ok(states.collect())
@@ -110,6 +125,70 @@ impl Episode {
                 ..v1::Evaluation::default()
             };
             (tick, evaluation)
+        });
+        Ok(samples.collect())
+    }
+
+    fn phases(&self) -> Result<BTreeMap<u64, v1::PhaseSample>, ReadError> {
+        let ticks = self.u64s("phase", "tick")?;
+        let labels = self.u64s("phase", "label")?;
+        let names = self.texts("phase", "name")?;
+        let samples = ticks.into_iter().zip(labels).zip(names);
+        let samples = samples.map(|((tick, label), name)| {
+            let phase = i32::try_from(label).unwrap_or_default();
+            let sample = v1::PhaseSample {
+                header: None,
+                phase,
+                name,
+            };
+            (tick, sample)
+        });
+        Ok(samples.collect())
+    }
+
+    fn contacts(&self) -> Result<BTreeMap<u64, v1::Contacts>, ReadError> {
+        let stream = "contact";
+        let ticks = self.u64s(stream, "tick")?;
+        let pads = self.f64s(stream, "pad_force")?;
+        let pairs = self.texts(stream, "pairs")?;
+        let [points, forces] = ["point", "force"].map(|column| self.f64s(stream, column));
+        let (points, forces) = (points?, forces?);
+        let samples = ticks.into_iter().enumerate().map(|(i, tick)| {
+            let pairs = pairs.get(i).map(String::as_str).unwrap_or_default();
+            // What cannot be read was written by nobody of ours: no contacts.
+            let pairs: Vec<[String; 2]> = serde_json::from_str(pairs).unwrap_or_default();
+            let (points, forces) = (row(&points, i), row(&forces, i));
+            let places = points.chunks(3).zip(forces.chunks(3));
+            let contacts = pairs.into_iter().zip(places);
+            let contacts = contacts.map(|([first, second], (point, force))| v1::Contact {
+                first,
+                second,
+                point: Some(vector(point)),
+                force: Some(vector(force)),
+            });
+            let sample = v1::Contacts {
+                header: None,
+                pad_forces: row(&pads, i),
+                contacts: contacts.collect(),
+            };
+            (tick, sample)
+        });
+        Ok(samples.collect())
+    }
+
+    fn imu(&self) -> Result<Vec<v1::Imu>, ReadError> {
+        let ticks = self.u64s("imu", "tick")?;
+        let orientations = self.f64s("imu", "orientation")?;
+        let turns = self.f64s("imu", "angular_velocity")?;
+        let accelerations = self.f64s("imu", "linear_acceleration")?;
+        let samples = ticks.into_iter().enumerate().map(|(i, tick)| v1::Imu {
+            header: Some(v1::Header {
+                tick,
+                ..v1::Header::default()
+            }),
+            orientation: Some(quaternion(&row(&orientations, i))),
+            angular_velocity: Some(vector(&row(&turns, i))),
+            linear_acceleration: Some(vector(&row(&accelerations, i))),
         });
         Ok(samples.collect())
     }
@@ -151,7 +230,11 @@ impl Rows {
         let ticks = episode.u64s(stream, "tick")?;
         let columns = columns.iter().map(|column| episode.f64s(stream, column));
         Ok(Self {
-            index: ticks.into_iter().enumerate().map(|(i, tick)| (tick, i)).collect(),
+            index: ticks
+                .into_iter()
+                .enumerate()
+                .map(|(i, tick)| (tick, i))
+                .collect(),
             columns: columns.collect::<Result<_, _>>()?,
         })
     }
@@ -183,15 +266,20 @@ fn vector(v: &[f64]) -> v1::Vector3 {
 
 /// Position and quaternion x y z w.
 fn pose(v: &[f64]) -> v1::Pose {
-    let at = |i: usize| v.get(i).copied().unwrap_or_default();
     v1::Pose {
         position: Some(vector(v)),
-        orientation: Some(v1::Quaternion {
-            x: at(3),
-            y: at(4),
-            z: at(5),
-            w: at(6),
-        }),
+        orientation: Some(quaternion(v.get(3..).unwrap_or_default())),
+    }
+}
+
+/// x y z w.
+fn quaternion(v: &[f64]) -> v1::Quaternion {
+    let at = |i: usize| v.get(i).copied().unwrap_or_default();
+    v1::Quaternion {
+        x: at(0),
+        y: at(1),
+        z: at(2),
+        w: at(3),
     }
 }
 

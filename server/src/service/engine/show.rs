@@ -47,7 +47,10 @@ impl Engine {
 
     /// The next state must wait: for recorders, for the cameras, for credit.
     pub(super) fn cannot_show(&self) -> bool {
-        let waits = self.episode.as_ref().is_some_and(|e| e.stage == Stage::Waiting);
+        let waits = self
+            .episode
+            .as_ref()
+            .is_some_and(|e| e.stage == Stage::Waiting);
         waits
             || self.paused
             || self.render.as_ref().is_some_and(RenderThread::is_full)
@@ -56,7 +59,9 @@ impl Engine {
 
     /// Shows a state and publishes what was recorded of it.
     pub(super) fn show(&mut self, request: v1::ShowRequest) -> Result<v1::Ack, Denied> {
-        let recorded = recorded(&request)?;
+        let frames = self.sim.model().roles.frames.iter();
+        let root = frames.map(|f| f.parent).position(|parent| parent.is_none());
+        let recorded = recorded(&request, root.unwrap_or_default())?;
         let step = self.sim.show(&recorded);
         let step = step.map_err(|why| Denied::new(FailureCode::Invalid, why.to_string()))?;
         self.shared.inbox.lock().close(CLOSED);
@@ -84,6 +89,10 @@ impl Engine {
             let at = sample.header.as_ref().map_or(tick, |h| h.tick);
             outbox.put(episode, at, sample.clone());
         }
+        for sample in &shown.imu {
+            let at = sample.header.as_ref().map_or(tick, |h| h.tick);
+            outbox.put(episode, at, sample.clone());
+        }
         macro_rules! put {
             ($($sample:expr),*) => {$(
                 if let Some(sample) = &$sample {
@@ -97,7 +106,10 @@ impl Engine {
             shown.objects,
             shown.furniture,
             shown.deformable,
-            shown.evaluation
+            shown.evaluation,
+            shown.phase,
+            shown.odometry,
+            shown.contacts
         );
         let clock = v1::Clock {
             header: None,
@@ -115,9 +127,7 @@ impl Engine {
         }
         self.report_lost_recorders();
         self.waiting_for = match self.recorder_without_credit() {
-            Some(recorder) => {
-                Waits::new(v1::WaitingFor::Credit, format!("recorder {recorder}"))
-            }
+            Some(recorder) => Waits::new(v1::WaitingFor::Credit, format!("recorder {recorder}")),
             None => Waits::new(
                 v1::WaitingFor::Commander,
                 "the next state of the recording that is shown (`show`), or a `reset`",
@@ -165,11 +175,12 @@ fn body(
     })
 }
 
-/// The state of a request, every number of it checked.
-fn recorded(request: &v1::ShowRequest) -> Result<Recorded, Invalid> {
+/// The state of a request, every number of it checked; `root` is the frame of
+/// the robot's root link.
+fn recorded(request: &v1::ShowRequest, root: usize) -> Result<Recorded, Invalid> {
     let default = v1::JointState::default();
     let state = request.joints.as_ref().unwrap_or(&default);
-    let root = request.poses.as_ref().and_then(|p| p.frames.first());
+    let root = request.poses.as_ref().and_then(|p| p.frames.get(root));
     let root = body(
         "poses",
         root.and_then(|f| f.pose.as_ref()),
@@ -177,7 +188,11 @@ fn recorded(request: &v1::ShowRequest) -> Result<Recorded, Invalid> {
     )?;
     let objects = request.objects.clone().unwrap_or_default();
     check::few("objects", &objects.poses, MOST)?;
-    let twists = objects.twists.iter().map(Some).chain(std::iter::repeat(None));
+    let twists = objects
+        .twists
+        .iter()
+        .map(Some)
+        .chain(std::iter::repeat(None));
     let bodies = objects.poses.iter().zip(twists);
     let bodies = bodies.map(|(pose, twist)| body("objects", Some(pose), twist));
     let furniture = request.furniture.clone().unwrap_or_default();

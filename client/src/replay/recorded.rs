@@ -1,0 +1,138 @@
+//! `wheelarm replay FILE --as-recorded`: draws the recorded states anew, whatever
+//! version of the physics made them. Nothing is computed, so nothing can differ.
+
+use std::path::Path;
+use std::process::ExitCode;
+
+use anyhow::{Context, bail};
+use wheelarm_dataset::read::Episode;
+use wheelarm_link::Link;
+use wheelarm_proto::v1;
+use wheelarm_rig::local::{self, LocalServer, ServerOptions};
+
+use super::script::{self, camera_option};
+use super::{NAME, ReplayArgs};
+
+/// Records the states of the file again with new pictures; exit code 3 when the
+/// new recording is not complete.
+///
+/// # Errors
+/// When the file holds no states, or a program does not answer.
+pub(super) fn run(args: &ReplayArgs, out: &Path, episode: &Episode) -> anyhow::Result<ExitCode> {
+    let started = episode.started()?;
+    let scenario = episode.scenario()?;
+    let states = episode.states()?;
+    let Some((first, others)) = states.split_first() else {
+        bail!(
+            "{} holds no recorded state that could be drawn",
+            args.file.display()
+        );
+    };
+    let cameras = script::cameras(&scenario, args.width, args.height, &args.camera)?;
+    check_rates(&cameras, scenario.state_rate_hz())?;
+    let quality = script::quality(&scenario);
+    let server = LocalServer::start(&ServerOptions {
+        scene: scenario.scene.clone(),
+        task: scenario.task().to_owned(),
+        robot: scenario.robot.clone(),
+        seed: scenario.seed(),
+        pacing: "lock-step",
+        quality: args.quality.clone().unwrap_or_else(|| quality.to_owned()),
+        cameras: cameras.iter().map(camera_option).collect(),
+        assets: args.assets.clone(),
+    })?;
+    let link = server.link()?;
+    let mut recorder = local::start_recorder(server.connect(), out, NAME)?;
+    let request = v1::ResetRequest {
+        scenario: Some(v1::Scenario {
+            cameras,
+            pacing: v1::Pacing::LockStep.into(),
+            quality: v1::RenderQuality::Unspecified.into(),
+            ..scenario
+        }),
+        ..v1::ResetRequest::default()
+    };
+    link.ask(&request).with_context(|| server.messages())?;
+    link.ask(first).with_context(|| {
+        "the recorded states do not fit the assets; replay with those of the recording: --assets"
+    })?;
+    let request = v1::EpisodeStartRequest {
+        label: local::free_label(out, &format!("{}-as-recorded", started.label)),
+        instruction: Some(started.instruction.clone()),
+        require_recorders: 1,
+        ..v1::EpisodeStartRequest::default()
+    };
+    let begun: v1::EpisodeStarted = link.ask(&request).with_context(|| server.messages())?;
+    let shown = show(&link, others);
+    // What broke off is not worth a file.
+    link.stop_episode(shown.is_err())?;
+    shown?;
+    let number = begun.header.as_ref().map_or(0, |header| header.episode);
+    let recorded = local::finished(&link, NAME, number, &mut recorder)?;
+    let whole = recorded.complete && recorded.missed == 0;
+    println!(
+        "drew {} recorded states into {} ({}, {} missed)",
+        states.len(),
+        recorded.path,
+        if recorded.complete {
+            "complete"
+        } else {
+            "NOT complete"
+        },
+        recorded.missed
+    );
+    drop(recorder);
+    server.stop(link)?;
+    Ok(match whole {
+        true => ExitCode::SUCCESS,
+        false => ExitCode::from(3),
+    })
+}
+
+fn show(link: &Link, states: &[v1::ShowRequest]) -> anyhow::Result<()> {
+    for state in states {
+        link.ask(state)
+            .with_context(|| format!("showing the state of tick {}", state.tick))?;
+    }
+    Ok(())
+}
+
+/// Pictures can be drawn only where a state was recorded.
+fn check_rates(cameras: &[v1::CameraSetting], state_rate: f64) -> anyhow::Result<()> {
+    for camera in cameras {
+        let states = state_rate / camera.rate_hz();
+        if (states - states.round()).abs() > 1e-9 || states < 1.0 {
+            bail!(
+                "camera {:?} is to take {} pictures a second, but {state_rate} states a second \
+                 were recorded; choose a rate that divides this: --camera {}={}x{}@{}",
+                camera.name,
+                camera.rate_hz(),
+                camera.name,
+                camera.width,
+                camera.height,
+                state_rate / states.ceil().max(1.0)
+            );
+        }
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_rate_without_states_is_refused_with_one_that_has_them() {
+        let camera = |rate| v1::CameraSetting {
+            name: "gen3".into(),
+            width: 64,
+            height: 48,
+            rate_hz: Some(rate),
+        };
+        assert!(check_rates(&[camera(10.0), camera(2.5), camera(5.0)], 10.0).is_ok());
+        for (rate, cure) in [(30.0, "gen3=64x48@10"), (4.0, "gen3=64x48@3.33")] {
+            let told = check_rates(&[camera(rate)], 10.0).unwrap_err().to_string();
+            assert!(told.contains(cure), "{told}");
+        }
+    }
+}
