@@ -70,7 +70,7 @@ impl Episode {
                     velocities: furniture.row(1, tick),
                 }),
                 deformable: shapes.remove(&tick),
-                applied: std::iter::from_fn(|| {
+                applied_samples: std::iter::from_fn(|| {
                     applied.next_if(|a| not_after(a.header.as_ref(), tick))
                 })
                 .collect(),
@@ -86,7 +86,7 @@ impl Episode {
                     twist: Some(twist),
                 }),
                 contacts: contacts.remove(&tick),
-                imu: std::iter::from_fn(|| {
+                imu_samples: std::iter::from_fn(|| {
                     imu.next_if(|sample| not_after(sample.header.as_ref(), tick))
                 })
                 .collect(),

@@ -81,7 +81,7 @@ impl Engine {
             return;
         };
         let (episode, tick) = (self.episode_number(), shown.tick);
-        for sample in &shown.applied {
+        for sample in &shown.applied_samples {
             let at = sample.header.as_ref().map_or(tick, |h| h.tick);
             outbox.put(episode, at, sample.clone());
         }
@@ -89,7 +89,7 @@ impl Engine {
             let at = sample.header.as_ref().map_or(tick, |h| h.tick);
             outbox.put(episode, at, sample.clone());
         }
-        for sample in &shown.imu {
+        for sample in &shown.imu_samples {
             let at = sample.header.as_ref().map_or(tick, |h| h.tick);
             outbox.put(episode, at, sample.clone());
         }
