@@ -7,12 +7,7 @@
 use urdf_rs::{Geometry, JointType, Visual};
 use wheelarm_proto::v1;
 
-use crate::pose::{self, IDENTITY, Pose};
-
-/// Root of the robot's links.
-pub const CHAIR: &str = "wheelchair_root";
-/// The arm's base, in which most poses of a recording are expressed.
-pub const ARM_BASE: &str = "base_link";
+use crate::pose::{self, Pose};
 
 /// A robot description.
 #[derive(Clone, Debug)]
@@ -113,26 +108,6 @@ impl Robot {
     pub fn joints(&self) -> &[Joint] {
         &self.joints
     }
-
-    /// A link in one of the links that carry it; `None` when nothing or
-    /// something that moves is between them.
-    #[must_use]
-    pub fn fixed(&self, carrier: &str, link: &str) -> Option<Pose> {
-        let (mut out, mut link) = (IDENTITY, link);
-        // A loop would never end.
-        for _ in 0..=self.joints.len() {
-            if link == carrier {
-                return Some(out);
-            }
-            let joint = self.joints.iter().find(|j| j.child == link)?;
-            if joint.moves() {
-                return None;
-            }
-            out = pose::compose(&joint.pose(0.0), &out);
-            link = &joint.parent;
-        }
-        None
-    }
 }
 
 /// The description as a viewer can draw it from the text alone: every link that
@@ -183,18 +158,6 @@ mod tests {
     }
 
     #[test]
-    fn the_arm_stands_on_the_chair_as_the_description_says() {
-        let robot = Robot::parse(&description()).unwrap();
-        let mount = robot.fixed(CHAIR, ARM_BASE).unwrap();
-        assert_eq!(mount[..3], [0.42, 0.36, 0.55]);
-        let turn = pose::yaw(pose::orientation(&mount));
-        assert!((turn.abs() - std::f64::consts::PI).abs() < 1e-12);
-        assert_eq!(robot.fixed(CHAIR, "bicep_link"), None, "joints move it");
-        assert_eq!(robot.fixed(CHAIR, "nothing"), None);
-        assert!(Robot::parse("<robot").is_err());
-    }
-
-    #[test]
     fn every_link_hangs_from_the_chair() {
         let robot = Robot::parse(&description()).unwrap();
         for joint in robot.joints() {
@@ -205,8 +168,9 @@ mod tests {
                 steps += 1;
                 assert!(steps < 40, "{} hangs in a loop", joint.child);
             }
-            assert_eq!(link, CHAIR, "{}", joint.child);
+            assert_eq!(link, "wheelchair_root", "{}", joint.child);
         }
+        assert!(Robot::parse("<robot").is_err());
     }
 
     #[test]

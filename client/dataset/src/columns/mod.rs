@@ -11,14 +11,16 @@ mod values;
 pub use table::{EVENT_COLUMNS, event_cells, of, streams};
 
 use prost::Message;
-use wheelarm_proto::{StreamId, Topic, names, v1};
+use wheelarm_proto::{StreamId, Topic, v1};
 
 /// A trailing axis of a dataset; the first axis is always the sample.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Axis {
-    /// The 16 recorded joints.
+    /// The recorded joints of the robot.
     Joints,
-    /// The seven recorded frames.
+    /// Its arm's joints, from base to hand.
+    ArmJoints,
+    /// The recorded frames of the robot.
     Frames,
     /// The objects of the scene, as the episode's start names them.
     Objects,
@@ -42,6 +44,12 @@ pub const MAX_CONTACTS: usize = 16;
 /// Names that only the episode itself knows.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Context {
+    /// Names of the robot's joints in the order of `JointState`.
+    pub joints: Vec<String>,
+    /// Names of its arm's joints, from base to hand.
+    pub arm_joints: Vec<String>,
+    /// Names of its frames in the order of `PoseSet`.
+    pub frames: Vec<String>,
     /// Object names in the order of `ObjectPoses`.
     pub objects: Vec<String>,
     /// Names of the furniture's joints in the order of `FurnitureJoints`.
@@ -52,13 +60,28 @@ pub struct Context {
     pub conditions: Vec<String>,
 }
 
+impl Context {
+    /// With the names of a robot's joints and frames, and nothing else.
+    #[must_use]
+    pub fn of(robot: &v1::RobotDescription) -> Self {
+        let owned = |name: &str| name.to_owned();
+        Self {
+            joints: robot.joint_names().map(owned).collect(),
+            arm_joints: robot.arm_joint_names().into_iter().map(owned).collect(),
+            frames: robot.frame_names().map(owned).collect(),
+            ..Self::default()
+        }
+    }
+}
+
 impl Axis {
     /// Number of entries.
     #[must_use]
     pub fn len(self, context: &Context) -> usize {
         match self {
-            Self::Joints => names::JOINT_NAMES.len(),
-            Self::Frames => names::FRAMES.len(),
+            Self::Joints => context.joints.len(),
+            Self::ArmJoints => context.arm_joints.len(),
+            Self::Frames => context.frames.len(),
             Self::Objects => context.objects.len(),
             Self::FurnitureJoints => context.furniture_joints.len(),
             Self::Vertices => context.vertices,
@@ -73,11 +96,9 @@ impl Axis {
     pub fn labels(self, context: &Context) -> Option<(&'static str, Vec<String>)> {
         let owned = |list: &[&str]| list.iter().map(|&s| s.to_owned()).collect();
         match self {
-            Self::Joints => Some(("names", owned(&names::JOINT_NAMES))),
-            Self::Frames => Some((
-                "names",
-                names::FRAMES.iter().map(|f| f.name.to_owned()).collect(),
-            )),
+            Self::Joints => Some(("names", context.joints.clone())),
+            Self::ArmJoints => Some(("names", context.arm_joints.clone())),
+            Self::Frames => Some(("names", context.frames.clone())),
             Self::Objects => Some(("names", context.objects.clone())),
             Self::FurnitureJoints => Some(("names", context.furniture_joints.clone())),
             Self::Conditions => Some(("names", context.conditions.clone())),

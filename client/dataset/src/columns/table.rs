@@ -9,9 +9,6 @@ const XYZ: Axis = Axis::Components(&["x", "y", "z"]);
 const QUATERNION: Axis = Axis::Components(&["x", "y", "z", "w"]);
 const POSE: Axis = Axis::Components(&["x", "y", "z", "qx", "qy", "qz", "qw"]);
 const TWIST: Axis = Axis::Components(&["vx", "vy", "vz", "wx", "wy", "wz"]);
-const ARM: Axis = Axis::Names(&[
-    "joint_1", "joint_2", "joint_3", "joint_4", "joint_5", "joint_6",
-]);
 const ARM_VALUES: Axis = Axis::Components(&["0", "1", "2", "3", "4", "5", "6"]);
 const BASE: Axis = Axis::Components(&["linear", "angular"]);
 const GRIPPER: Axis = Axis::Components(&["opening", "knuckle", "max_force"]);
@@ -24,7 +21,7 @@ const ARM_UNIT: &str = "rad (joints); m and 1 (pose); m/s and rad/s (twist); m a
 const BASE_UNIT: &str = "m/s (linear), rad/s (angular, positive to the left)";
 const GRIPPER_UNIT: &str =
     "m (opening), rad (knuckle), N (max_force; NaN takes the usual force of the robot)";
-const FRAMES_FRAME: &str = "wheelchair in house, all others in base_link";
+const FRAMES_FRAME: &str = "the chair in house, all others in base_link";
 
 const fn f64s<M>(
     name: &'static str,
@@ -100,6 +97,9 @@ static JOINT_STATE: Table<v1::JointState> = Table {
         }),
         f64s("effort", "N.m", "", &[Axis::Joints], |m, _, o| {
             o.extend(&m.efforts)
+        }),
+        f64s("opening", "m", "", &[], |m, _, o| {
+            o.push(m.opening.unwrap_or(f64::NAN));
         }),
     ],
 };
@@ -260,12 +260,20 @@ static COMMAND: Table<v1::CommandLog> = Table {
 
 static APPLIED: Table<v1::Applied> = Table {
     columns: &[
-        f64s("joint_position", "rad", "", &[ARM], |m, _, o| {
-            o.extend(&m.joint_positions)
-        }),
-        f64s("joint_velocity", "rad/s", "", &[ARM], |m, _, o| {
-            o.extend(&m.joint_velocities)
-        }),
+        f64s(
+            "joint_position",
+            "rad",
+            "",
+            &[Axis::ArmJoints],
+            |m, _, o| o.extend(&m.joint_positions),
+        ),
+        f64s(
+            "joint_velocity",
+            "rad/s",
+            "",
+            &[Axis::ArmJoints],
+            |m, _, o| o.extend(&m.joint_velocities),
+        ),
         f64s("wheel_velocity", "rad/s", "", &[WHEELS], |m, _, o| {
             o.extend(&m.wheel_velocities)
         }),

@@ -52,7 +52,7 @@ pub(super) fn arm_frame(arm: Option<&v1::ArmCommand>) -> String {
     };
     match v1::CommandFrame::try_from(frame) {
         Ok(v1::CommandFrame::Unspecified | v1::CommandFrame::BaseLink) => "base_link",
-        Ok(v1::CommandFrame::EndEffector) => "robotiq_85_base_link",
+        Ok(v1::CommandFrame::EndEffector) => "end_effector",
         Ok(v1::CommandFrame::Wheelchair) => "wheelchair_root",
         Ok(v1::CommandFrame::House) => "house",
         Err(_) => "unknown",

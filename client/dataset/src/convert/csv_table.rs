@@ -7,7 +7,7 @@
 
 use std::path::{Path, PathBuf};
 
-use wheelarm_proto::names;
+use wheelarm_proto::v1;
 
 use super::batch::parallel;
 use super::{Format, PendingFolder, Recording, Size, Written, png_depth, png_grey, png_rgb};
@@ -28,26 +28,28 @@ const STREAMS: [&str; 3] = ["joint_state", "pose", "imu"];
 /// Rows whose pictures are compressed together.
 const BLOCK: usize = 8;
 
-/// A body of the table: prefix of its columns and index in `names::FRAMES`.
-fn bodies() -> Vec<(String, usize)> {
-    let mut all: Vec<(&str, usize)> = names::FRAMES
+/// A body of the table: prefix of its columns and its place in `PoseSet`.
+fn bodies(robot: &v1::RobotDescription) -> Vec<(String, usize)> {
+    let mut all: Vec<(bool, &v1::RobotFrame, usize)> = robot
+        .frames
         .iter()
         .enumerate()
-        .map(|(i, f)| (f.name, i))
+        .map(|(i, frame)| (frame.role() == v1::FrameRole::Chair, frame, i))
         .collect();
-    // Alphabetical, as the original's; the chair comes last by that too.
-    all.sort_unstable();
+    // Alphabetical, as the original's; the chair comes last.
+    all.sort_unstable_by_key(|(chair, frame, _)| (*chair, frame.name.clone()));
     all.into_iter()
-        .map(|(name, i)| match name {
-            "wheelchair" => ("wheelchair_".to_owned(), i),
-            arm => (format!("robot_arm_{arm}_"), i),
+        .map(|(chair, frame, i)| match chair {
+            true => (format!("{}_", frame.name), i),
+            false => (format!("robot_arm_{}_", frame.name), i),
         })
         .collect()
 }
 
-/// Names of the 112 values of the state, in the original's order.
+/// Names of the values of the state, in the original's order: 112 of the
+/// original's robot.
 #[must_use]
-pub fn state_columns() -> Vec<String> {
+pub fn state_columns(robot: &v1::RobotDescription) -> Vec<String> {
     let mut out = Vec::new();
     for parts in [
         &[
@@ -55,7 +57,7 @@ pub fn state_columns() -> Vec<String> {
         ][..],
         &["vel_x", "vel_y", "vel_z"][..],
     ] {
-        for (body, _) in bodies() {
+        for (body, _) in bodies(robot) {
             out.extend(parts.iter().map(|p| format!("{body}{p}")));
         }
     }
@@ -66,15 +68,15 @@ pub fn state_columns() -> Vec<String> {
     ] {
         out.extend(parts.iter().map(|p| format!("{sensor}{p}")));
     }
-    for joint in names::JOINT_NAMES {
+    for joint in robot.joint_names() {
         out.extend(["pos", "vel"].map(|p| format!("{joint}_{p}")));
     }
     out
 }
 
-/// Names of all 117 columns.
+/// Names of all columns: 117 of the original's robot.
 #[must_use]
-pub fn columns() -> Vec<String> {
+pub fn columns(robot: &v1::RobotDescription) -> Vec<String> {
     let rest = [
         "sim_time",
         "instructions",
@@ -82,13 +84,14 @@ pub fn columns() -> Vec<String> {
         "image_frame_id",
         "state_labels",
     ];
-    let mut out = state_columns();
+    let mut out = state_columns(robot);
     out.extend(rest.map(String::from));
     out
 }
 
 /// The columns that the state is made of.
 pub struct State<'a> {
+    bodies: Vec<usize>,
     pose: &'a Signal,
     twist: &'a Signal,
     gyro: &'a Signal,
@@ -104,7 +107,9 @@ impl<'a> State<'a> {
     /// # Errors
     /// When the recording lacks one.
     pub fn of(recording: &'a Recording) -> anyhow::Result<Self> {
+        let bodies = bodies(&recording.robot).into_iter();
         Ok(Self {
+            bodies: bodies.map(|(_, i)| i).collect(),
             pose: recording.need("pose", "pose")?,
             twist: recording.need("pose", "twist")?,
             gyro: recording.need("imu", "angular_velocity")?,
@@ -115,14 +120,14 @@ impl<'a> State<'a> {
         })
     }
 
-    /// The 112 values of a row, in the order of [`state_columns`].
+    /// The values of a row, in the order of [`state_columns`].
     #[must_use]
     pub fn row(&self, row: usize) -> Vec<f64> {
-        let mut out = Vec::with_capacity(112);
-        for (_, i) in bodies() {
+        let mut out = Vec::new();
+        for &i in &self.bodies {
             out.extend_from_slice(&self.pose.row(row)[7 * i..7 * i + 7]);
         }
-        for (_, i) in bodies() {
+        for &i in &self.bodies {
             out.extend_from_slice(&self.twist.row(row)[6 * i..6 * i + 3]);
         }
         for signal in [self.gyro, self.accel, self.quat] {
@@ -183,7 +188,7 @@ impl Format for CsvTable {
 fn table(path: &Path, recording: &Recording, rows: &[usize]) -> anyhow::Result<()> {
     let state = State::of(recording)?;
     let mut table = csv::Writer::from_path(path)?;
-    table.write_record(columns())?;
+    table.write_record(columns(&recording.robot))?;
     let stamps = &recording.aligned.stamps;
     let start = rows.first().map_or(0, |&r| stamps[r]);
     for (number, &row) in rows.iter().enumerate() {
@@ -205,7 +210,8 @@ mod tests {
 
     #[test]
     fn the_columns_stand_where_the_original_has_them() {
-        let all = columns();
+        let robot = crate::read::first_robot().unwrap();
+        let all = columns(&robot);
         assert_eq!(all.len(), 117);
         for (index, name) in [
             (0, "robot_arm_bicep_pos_x"),

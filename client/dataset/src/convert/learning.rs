@@ -12,8 +12,6 @@ use crate::read::Values;
 pub const STREAMS: [&str; 5] = ["joint_state", "pose", "odometry", "applied", "evaluation"];
 /// Stamps may be this far from the grid, nanoseconds.
 const OFF_GRID: u64 = 100_000;
-/// Joint of the gripper.
-const KNUCKLE: &str = "robotiq_85_left_knuckle_joint";
 const POSE: [&str; 7] = ["x", "y", "z", "qx", "qy", "qz", "qw"];
 
 /// Names of the state's values: rad, rad/s, m, unit quaternion, m/s.
@@ -65,21 +63,8 @@ impl<'a> Learning<'a> {
         }
         let position = recording.need("joint_state", "position")?;
         let pose = recording.need("pose", "pose")?;
-        let find = |signal: &Signal, name: &str| {
-            let found = signal.meta.names.iter().position(|n| n == name);
-            found.ok_or_else(|| {
-                anyhow::anyhow!(
-                    "{}/{} has no entry {name:?}",
-                    signal.meta.stream,
-                    signal.meta.name
-                )
-            })
-        };
-        let mut joints = Vec::new();
-        for j in 1..=6 {
-            joints.push(find(position, &format!("joint_{j}"))?);
-        }
-        joints.push(find(position, KNUCKLE)?);
+        let roles = &recording.roles;
+        let joints = roles.arm.iter().copied().chain([roles.knuckle]).collect();
         let Values::Flag(success) = &recording.need("evaluation", "success")?.values else {
             anyhow::bail!("evaluation/success holds no truth values");
         };
@@ -91,8 +76,8 @@ impl<'a> Learning<'a> {
             knuckle: recording.need("applied", "knuckle")?,
             success,
             joints,
-            effector: find(pose, "end_effector")?,
-            chair: find(pose, "wheelchair")?,
+            effector: roles.end_effector,
+            chair: roles.chair,
             position,
             pose,
         })

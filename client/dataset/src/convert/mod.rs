@@ -19,11 +19,14 @@ pub use image::{Size, png_depth, png_grey, png_rgb, scaled};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
+use anyhow::Context;
+use wheelarm_proto::robot::Roles;
+use wheelarm_proto::{check, v1};
+
 use crate::align::{AlignOptions, Aligned, align};
 use crate::label::{self, Corrections};
 use crate::pose::Pose;
 use crate::read::{Camera, Episode, Summary};
-use crate::urdf::{ARM_BASE, CHAIR, Robot};
 
 /// How recordings are read for any format.
 #[derive(Clone, Debug, Default)]
@@ -43,6 +46,10 @@ pub struct Recording {
     pub summary: Summary,
     /// Its streams at the reference camera's stamps.
     pub aligned: Aligned,
+    /// Its robot.
+    pub robot: v1::RobotDescription,
+    /// Where the robot's joints and frames stand in the streams.
+    pub roles: Roles,
     /// Label 0 to 3 of every row.
     pub labels: Vec<u8>,
     /// Its cameras that have pictures.
@@ -64,6 +71,7 @@ impl Recording {
         let episode = Episode::open(path)?;
         let summary = episode.summary()?;
         let aligned = align(&episode, &options.align, wanted)?;
+        let (robot, roles) = episode.roles()?;
         let found = label::segments(&episode)?;
         let start = summary.span_nanos.0;
         let segments = options.corrections.apply(&summary.label, start, found);
@@ -79,6 +87,8 @@ impl Recording {
             episode,
             summary,
             aligned,
+            robot,
+            roles,
             labels,
             cameras,
             number: 1,
@@ -140,21 +150,14 @@ impl Recording {
         })
     }
 
-    /// The arm's base in `wheelchair_root`, by the robot description in the
-    /// file.
+    /// The arm's base in the chair, by the robot's description.
     ///
     /// # Errors
-    /// When the file has none, or something moves between the two.
+    /// When it tells none.
     pub fn arm_mount(&self) -> anyhow::Result<Pose> {
-        let assets = self.episode.snapshot()?.assets;
-        let robot = Robot::of(&assets);
-        let mount = robot.and_then(|r| r.fixed(CHAIR, ARM_BASE));
-        mount.ok_or_else(|| {
-            anyhow::anyhow!(
-                "{} has no robot description that fixes {ARM_BASE} on {CHAIR}: the arm's place in the house is not known",
-                self.episode.path().display()
-            )
-        })
+        let ([x, y, z], [qx, qy, qz, qw]) = check::pose("arm mount", self.robot.arm_mount.as_ref())
+            .with_context(|| self.episode.path().display().to_string())?;
+        Ok([x, y, z, qx, qy, qz, qw])
     }
 
     /// Rows that have all of `streams` and every camera, and words about those

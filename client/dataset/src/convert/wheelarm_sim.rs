@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 
 use hdf5::types::VarLenUnicode;
 use hdf5::{Group, H5Type};
-use wheelarm_proto::names;
+use wheelarm_proto::v1;
 
 use super::batch::parallel;
 use super::wide::Wide;
@@ -176,7 +176,7 @@ fn write(
         for &row in block {
             number += 1;
             let group = data.create_group(&number.to_string())?;
-            states(&group, tracks, stamps[row])?;
+            states(&group, &recording.robot, tracks, stamps[row])?;
             text(&group, "instructions", &recording.summary.instruction)?;
             for ((camera, kind), picture) in PICTURES.iter().zip(pictures.by_ref()) {
                 let name = format!("processed_data_cameras_{kind}_{camera}");
@@ -244,7 +244,12 @@ impl Picture {
     }
 }
 
-fn states(group: &Group, tracks: &Tracks, time: u64) -> anyhow::Result<()> {
+fn states(
+    group: &Group,
+    robot: &v1::RobotDescription,
+    tracks: &Tracks,
+    time: u64,
+) -> anyhow::Result<()> {
     // `ready` has looked: every track has a sample.
     let at = |track: &'_ Track| -> (f64, Vec<f64>) {
         track
@@ -253,14 +258,14 @@ fn states(group: &Group, tracks: &Tracks, time: u64) -> anyhow::Result<()> {
     };
     let (stamp, position) = at(&tracks.position);
     let (_, velocity) = at(&tracks.velocity);
-    for (i, joint) in names::JOINT_NAMES.iter().enumerate() {
+    for (i, joint) in robot.joint_names().enumerate() {
         let name = format!("processed_data_joint_state_{joint}");
         numbers(group, &name, &[stamp, position[i], velocity[i]])?;
         text(group, &format!("{name}_joint_name"), joint)?;
     }
     let (stamp, pose) = at(&tracks.pose);
     let (_, twist) = at(&tracks.twist);
-    for (i, frame) in names::FRAMES.iter().enumerate() {
+    for (i, frame) in robot.frames.iter().enumerate() {
         let name = format!("processed_data_cartesian_pose_{}", frame.name);
         let row = [&[stamp], &pose[7 * i..7 * i + 7]].concat();
         numbers(group, &name, &row)?;

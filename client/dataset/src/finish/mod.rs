@@ -19,6 +19,7 @@ use crate::columns::{self, Context};
 use crate::depth::DepthFormat;
 use crate::hdf::Attributes;
 use crate::log::{LogError, Scan, scan};
+use crate::read::first_robot;
 use crate::writer::file_path;
 
 use events::{Phases, Row};
@@ -175,19 +176,20 @@ fn write(path: &Path, scan: &Scan, account: &Account) -> Result<(), FinishError>
     let started = scan.preamble.started.clone().unwrap_or_default();
     let evaluation_stream = index(scan, "evaluation");
     let last = last_evaluation(scan, evaluation_stream)?;
+    let robot = started.robot.clone().or_else(|| first_robot().ok());
+    let robot = robot.unwrap_or_default();
     let context = Context {
         objects: started.objects.clone(),
         furniture_joints: started.joints.clone(),
         vertices: vertices(scan, index(scan, "deformable"))?,
         conditions: conditions(scan, evaluation_stream)?,
+        ..Context::of(&robot)
     };
     let file = hdf5::File::create(path)?;
     root::attributes(&file, scan, account, last.as_ref(), &context)?;
     root::scenario(&file, scan)?;
     root::initial_state(&file, &scan.preamble)?;
-    if let Some(robot) = &started.robot {
-        root::robot(&file, robot)?;
-    }
+    root::robot(&file, &robot)?;
 
     let group = file.create_group("streams")?;
     let cameras = group.create_group("camera")?;

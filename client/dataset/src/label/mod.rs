@@ -89,23 +89,16 @@ pub struct Motion {
 /// When the file has no joint states or poses.
 pub fn motion(episode: &Episode) -> Result<Motion, ReadError> {
     let stamps = episode.stamps("joint_state")?;
-    let names = episode.names("joint_state", "position")?;
-    let index = |name: &str| names.iter().position(|n| n == name);
+    let (robot, roles) = episode.roles()?;
     let position = numbers(episode, "joint_state", "position")?;
     let velocity = numbers(episode, "joint_state", "velocity")?;
-    let arm: Vec<usize> = (1..=6)
-        .filter_map(|k| index(&format!("joint_{k}")))
-        .collect();
-    let width = names.len().max(1);
-    let knuckle = index("robotiq_85_left_knuckle_joint").unwrap_or(0);
-
-    let frames = episode.names("pose", "twist")?;
-    let chair = frames.iter().position(|n| n == "wheelchair").unwrap_or(0);
+    let width = robot.joints.len().max(1);
+    let frames = robot.frames.len();
     let twist = numbers(episode, "pose", "twist")?;
     let pose_stamps = episode.stamps("pose")?;
     let drives = stamps.iter().map(|&t| {
         let row = nearest(&pose_stamps, t, REST)?;
-        let at = 6 * (row * frames.len() + chair);
+        let at = 6 * (row * frames + roles.chair);
         let v = twist.get(at..at + 6)?;
         Some(v[0].hypot(v[1]) > DRIVES || v[5].abs() > TURNS)
     });
@@ -137,11 +130,11 @@ pub fn motion(episode: &Episode) -> Result<Motion, ReadError> {
         chair: drives.map(|d| d.unwrap_or(false)).collect(),
         arm: velocity
             .chunks_exact(width)
-            .map(|row| arm.iter().any(|&i| row[i].abs() > ARM_MOVES))
+            .map(|row| roles.arm.iter().any(|&i| row[i].abs() > ARM_MOVES))
             .collect(),
         knuckle: position
             .chunks_exact(width)
-            .map(|row| row[knuckle])
+            .map(|row| row[roles.knuckle])
             .collect(),
         stamps,
     };

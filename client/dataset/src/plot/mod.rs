@@ -7,6 +7,8 @@ use std::path::Path;
 
 use plotters::prelude::*;
 
+use wheelarm_proto::v1;
+
 use crate::pose::yaw;
 use crate::read::{Episode, ReadError};
 use crate::sheet::plots::{Line, Strip, Top, draw_top, line, over_time, phases, strips, top};
@@ -74,16 +76,20 @@ fn panels(episode: &Episode, start: u64) -> Result<Vec<Panel<'static>>, ReadErro
     let one = |stream: &str, column: &str, at: usize, name: &str| {
         line(episode, (stream, column, at), name, start)
     };
-    let joint = |n: &str| n.strip_prefix("joint_").map(|n| format!("joint {n}"));
-    let knuckle = |n: &str| {
-        n.ends_with("_knuckle_joint").then(|| {
-            n.replace("robotiq_85_", "")
-                .replace("_knuckle_joint", " knuckle")
-        })
+    let (robot, roles) = episode.roles()?;
+    let joint = |n: &str| {
+        let place = roles.arm.iter().position(|&j| robot.joints[j].name == n)?;
+        Some(format!("joint {}", place + 1))
     };
-    let frames = episode.names("pose", "pose")?;
-    let frame = |name: &str| 7 * frames.iter().position(|f| f == name).unwrap_or(0);
-    let hand = frame("end_effector");
+    let knuckle = |n: &str| {
+        let joint = robot.joints.iter().find(|j| j.name == n)?;
+        match joint.role() {
+            v1::JointRole::Knuckle => Some("left knuckle".to_owned()),
+            v1::JointRole::KnuckleRight => Some("right knuckle".to_owned()),
+            _ => None,
+        }
+    };
+    let hand = 7 * roles.end_effector;
     let (mut tip, mut acceleration, mut gyro) = (Vec::new(), Vec::new(), Vec::new());
     for (k, axis) in ["x", "y", "z"].into_iter().enumerate() {
         tip.push((axis, vec![one("pose", "pose", hand + k, axis)?]));
@@ -104,10 +110,7 @@ fn panels(episode: &Episode, start: u64) -> Result<Vec<Panel<'static>>, ReadErro
         Panel::Strips(
             "Chair in house",
             vec![
-                (
-                    "yaw, rad",
-                    vec![heading(episode, frame("wheelchair"), start)?],
-                ),
+                ("yaw, rad", vec![heading(episode, 7 * roles.chair, start)?]),
                 (
                     "forward, m/s",
                     vec![one("odometry", "twist", 0, "forward")?],

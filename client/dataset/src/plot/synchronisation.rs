@@ -130,18 +130,15 @@ fn around(coverage: &Coverage) -> String {
 }
 
 fn curves(episode: &Episode, aligned: &Aligned, start: u64) -> anyhow::Result<Vec<Curve>> {
-    let frames = episode.names("pose", "pose")?;
-    let frame = frames.iter().position(|f| f == "end_effector").unwrap_or(0);
-    let joints = episode.names("joint_state", "position")?;
-    let joint = |name: &str| joints.iter().position(|n| n == name).unwrap_or(0);
+    let (_, roles) = episode.roles()?;
     let wanted = [
         (
             "End effector in base_link, z, m",
-            ("pose", "pose", 7 * frame + 2),
+            ("pose", "pose", 7 * roles.end_effector + 2),
         ),
         (
-            "joint_2, rad",
-            ("joint_state", "position", joint("joint_2")),
+            "Arm joint 2, rad",
+            ("joint_state", "position", roles.arm[1]),
         ),
         ("Chair's IMU, quaternion z", ("imu", "orientation", 2)),
         (

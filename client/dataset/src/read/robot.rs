@@ -2,6 +2,7 @@
 //! first recordings did not tell theirs, and there was only one.
 
 use prost::Message;
+use wheelarm_proto::robot::Roles;
 use wheelarm_proto::v1;
 
 use super::{Episode, ReadError};
@@ -25,6 +26,21 @@ impl Episode {
     }
 }
 
+impl Episode {
+    /// The robot, and where its joints and frames stand in the streams.
+    ///
+    /// # Errors
+    /// When the description cannot be read, or lacks a role.
+    pub fn roles(&self) -> Result<(v1::RobotDescription, Roles), ReadError> {
+        let robot = self.robot()?;
+        let roles = Roles::find(&robot).map_err(|reason| ReadError::NoEpisode {
+            path: self.path().to_owned(),
+            reason: reason.to_string(),
+        })?;
+        Ok((robot, roles))
+    }
+}
+
 /// The robot of recordings that do not tell theirs.
 ///
 /// # Errors
@@ -36,7 +52,6 @@ pub fn first_robot() -> Result<v1::RobotDescription, prost::DecodeError> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use wheelarm_proto::robot::Roles;
 
     #[test]
     fn the_first_robot_has_every_role_where_the_first_files_have_it() {

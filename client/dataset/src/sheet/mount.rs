@@ -1,9 +1,8 @@
 //! Where the arm stands on the chair, seen from above.
 
-use wheelarm_proto::v1;
+use wheelarm_proto::{check, v1};
 
-use crate::pose::{orientation, yaw};
-use crate::urdf::{ARM_BASE, CHAIR, Robot};
+use crate::pose::yaw;
 
 /// A pose in the plane: x, y in metres and yaw in radians.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -21,13 +20,13 @@ impl Plane {
     }
 }
 
-/// `base_link` in `wheelchair_root`, by the robot description in the file.
-pub fn arm_mount(assets: &[v1::AssetText]) -> Option<Plane> {
-    let mount = Robot::of(assets)?.fixed(CHAIR, ARM_BASE)?;
+/// The arm's base in the chair, by the robot's description.
+pub fn arm_mount(robot: &v1::RobotDescription) -> Option<Plane> {
+    let ([x, y, _], turned) = check::pose("arm mount", robot.arm_mount.as_ref()).ok()?;
     Some(Plane {
-        x: mount[0],
-        y: mount[1],
-        yaw: yaw(orientation(&mount)),
+        x,
+        y,
+        yaw: yaw(turned),
     })
 }
 
@@ -37,20 +36,24 @@ mod tests {
 
     #[test]
     fn a_point_before_the_arm_lies_behind_a_turned_mount() {
-        let text = r#"<robot name="r"><link name="wheelchair_root"/><link name="pole"/>
-            <link name="base_link"/>
-            <joint name="a" type="fixed"><parent link="wheelchair_root"/>
-            <child link="pole"/><origin xyz="0.4 0.3 0.5"/></joint>
-            <joint name="b" type="fixed"><origin xyz="0.1 0 0" rpy="0 0 3.14159265"/>
-            <parent link="pole"/><child link="base_link"/></joint></robot>"#;
-        let asset = v1::AssetText {
-            path: "robots/r/r.urdf".into(),
-            text: text.into(),
+        let robot = v1::RobotDescription {
+            arm_mount: Some(v1::Pose {
+                position: Some(v1::Vector3 {
+                    x: 0.5,
+                    y: 0.3,
+                    z: 0.5,
+                }),
+                orientation: Some(v1::Quaternion {
+                    z: 1.0,
+                    ..v1::Quaternion::default()
+                }),
+            }),
+            ..v1::RobotDescription::default()
         };
-        let mount = arm_mount(&[asset]).unwrap();
+        let mount = arm_mount(&robot).unwrap();
         assert!((mount.x - 0.5).abs() < 1e-9 && (mount.y - 0.3).abs() < 1e-9);
         let (x, y) = mount.point(1.0, 0.0);
         assert!((x + 0.5).abs() < 1e-6 && (y - 0.3).abs() < 1e-6);
-        assert_eq!(arm_mount(&[]), None);
+        assert_eq!(arm_mount(&v1::RobotDescription::default()), None);
     }
 }

@@ -1,6 +1,7 @@
 //! The four plots: top view, joints, gripper with phases, speed of the chair.
 
 use plotters::prelude::*;
+use wheelarm_proto::v1;
 
 use super::axis::Axis;
 use super::label::{Key, Mark};
@@ -59,29 +60,19 @@ pub fn line(
 }
 
 fn joints(episode: &Episode, area: &Area<'_>, start: u64) -> Result<(), SheetError> {
-    let names = episode.names("joint_state", "position")?;
+    let (_, roles) = episode.roles()?;
     let mut lines = Vec::new();
-    for (i, name) in names.iter().enumerate() {
-        if let Some(number) = name.strip_prefix("joint_") {
-            lines.push(line(
-                episode,
-                ("joint_state", "position", i),
-                number,
-                start,
-            )?);
-        }
+    for (place, &joint) in roles.arm.iter().enumerate() {
+        let column = ("joint_state", "position", joint);
+        lines.push(line(episode, column, &(place + 1).to_string(), start)?);
     }
     over_time(area, "Arm joints 1 to 6, rad", &lines, &[]).map_err(Into::into)
 }
 
 fn gripper(episode: &Episode, area: &Area<'_>, start: u64) -> Result<(), SheetError> {
-    let names = episode.names("joint_state", "position")?;
-    let mut lines = Vec::new();
-    let knuckle = "robotiq_85_left_knuckle_joint";
-    if let Some(i) = names.iter().position(|n| n == knuckle) {
-        let column = ("joint_state", "position", i);
-        lines.push(line(episode, column, "knuckle, rad", start)?);
-    }
+    let (_, roles) = episode.roles()?;
+    let column = ("joint_state", "position", roles.knuckle);
+    let mut lines = vec![line(episode, column, "knuckle, rad", start)?];
     for (i, side) in ["left", "right"].iter().enumerate() {
         let name = format!("{side} pad, 100 N");
         let mut force = line(episode, ("contact", "pad_force", i), &name, start)?;
@@ -267,6 +258,7 @@ pub struct Top {
     chairs: Vec<Plane>,
     tips: Vec<(f64, f64)>,
     objects: Vec<(String, (f64, f64))>,
+    outline: [(f64, f64); 6],
 }
 
 /// Reads it.
@@ -276,8 +268,9 @@ pub fn top(episode: &Episode) -> Result<Top, ReadError> {
             .map(|k| series(episode, "pose", "pose", 7 * frame + k))
             .collect()
     };
-    let (chair, tip) = (pose(0)?, pose(6)?);
-    let mount = arm_mount(&episode.snapshot()?.assets);
+    let (robot, roles) = episode.roles()?;
+    let (chair, tip) = (pose(roles.chair)?, pose(roles.end_effector)?);
+    let mount = arm_mount(&robot);
     let chairs: Vec<Plane> = (0..chair[0].len())
         .map(|i| Plane {
             x: chair[0][i],
@@ -308,18 +301,29 @@ pub fn top(episode: &Episode) -> Result<Top, ReadError> {
         chairs,
         tips,
         objects: places,
+        outline: outline(&robot.footprint.unwrap_or_default()),
     })
 }
 
-/// Outline of the chair from above, front at +x, metres in `wheelchair_root`.
-const OUTLINE: [(f64, f64); 6] = [
-    (-0.25, -0.28),
-    (0.62, -0.28),
-    (0.78, 0.0),
-    (0.62, 0.28),
-    (-0.25, 0.28),
-    (-0.25, -0.28),
-];
+/// Outline of the chair from above in its own frame, metres: its footprint with a
+/// point in front.
+fn outline(footprint: &v1::Footprint) -> [(f64, f64); 6] {
+    let &v1::Footprint {
+        x_min,
+        x_max,
+        y_min,
+        y_max,
+    } = footprint;
+    let shoulder = x_max - 0.25 * (y_max - y_min);
+    [
+        (x_min, y_min),
+        (shoulder, y_min),
+        (x_max, f64::midpoint(y_min, y_max)),
+        (shoulder, y_max),
+        (x_min, y_max),
+        (x_min, y_min),
+    ]
+}
 
 /// Draws it, one metre as long to the right as upwards.
 pub fn draw_top(area: &Area<'_>, top: &Top) -> Result<(), DrawError> {
@@ -327,8 +331,9 @@ pub fn draw_top(area: &Area<'_>, top: &Top) -> Result<(), DrawError> {
         chairs,
         tips,
         objects,
+        outline,
     } = top;
-    let around = |p: &Plane| OUTLINE.map(|(x, y)| p.point(x, y));
+    let around = |p: &Plane| outline.map(|(x, y)| p.point(x, y));
     let ends: Vec<(f64, f64)> = [chairs.first(), chairs.last()]
         .into_iter()
         .flatten()

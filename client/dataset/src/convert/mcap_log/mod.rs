@@ -17,7 +17,7 @@ use self::columns::Columns;
 use self::source::{Coding, Evaluation, Source};
 use super::batch::parallel;
 use super::{Format, PendingFile, Recording, Written};
-use crate::read::{Camera, Episode};
+use crate::read::Camera;
 use crate::urdf::{self, Robot};
 
 /// Foxglove's messages.
@@ -118,7 +118,7 @@ fn sources<'a>(
     // Every topic of the table: what is recorded has a place in the log.
     for topic in TopicId::ALL {
         if topic == TopicId::Event || e.has(topic.name()) {
-            of_topic(&mut out, topic, e, robot)?;
+            of_topic(&mut out, topic, recording, robot)?;
         }
     }
     Ok(out)
@@ -142,9 +142,11 @@ fn pictures<'a>(name: &str, camera: &'a Camera) -> [Topic<'a>; 5] {
 fn of_topic(
     out: &mut Vec<Topic<'_>>,
     topic: TopicId,
-    e: &Episode,
+    recording: &Recording,
     robot: Option<&Robot>,
 ) -> anyhow::Result<()> {
+    let e = &recording.episode;
+    let (described, roles) = (&recording.robot, &recording.roles);
     let stream = topic.name();
     let columns = || Columns::of(e, stream);
     let mut add = |place: &str, source: Source<'static>| {
@@ -161,11 +163,17 @@ fn of_topic(
         TopicId::FurnitureJoint => add("/furniture_joints", Source::Joints(columns()?))?,
         TopicId::Pose => {
             let tree = match robot {
-                Some(_) => Source::Chair(columns()?),
-                None => Source::Frames(columns()?),
+                Some(_) => Source::Chair(columns()?, roles.chair, described.root_link.clone()),
+                None => {
+                    let links = described.frames.iter();
+                    let links = links.map(|f| (f.parent.clone(), f.link.clone()));
+                    Source::Frames(columns()?, links.collect())
+                }
             };
             add("/tf", tree)?;
-            add("/end_effector", Source::Effector(columns()?))?;
+            let base = described.arm_base_link.clone();
+            let effector = Source::Effector(columns()?, roles.end_effector, base);
+            add("/end_effector", effector)?;
         }
         TopicId::Contact => {
             let pairs = e.texts(stream, "pairs")?;

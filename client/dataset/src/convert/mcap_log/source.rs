@@ -4,14 +4,14 @@ use anyhow::Context;
 use jpeg_encoder::{ColorType, Encoder};
 use prost::Message;
 use prost_types::Timestamp;
-use wheelarm_proto::{names, v1};
+use wheelarm_proto::v1;
 
 use super::columns::Columns;
 use super::foxglove;
 use crate::calibration::PIXEL_CENTRE;
 use crate::pose::Pose;
 use crate::read::{Camera, Episode};
-use crate::urdf::{CHAIR, Joint};
+use crate::urdf::Joint;
 
 const JPEG_QUALITY: u8 = 90;
 
@@ -34,8 +34,10 @@ pub(super) enum Source<'a> {
     Calibration(&'a Camera),
     Joints(Columns),
     /// The recorded frames, of a recording without a robot description.
-    Frames(Columns),
-    Chair(Columns),
+    /// With parent and link of each.
+    Frames(Columns, Vec<(String, String)>),
+    /// With its place among the frames and its link.
+    Chair(Columns, usize, String),
     /// Links below joints that move, and which entry of a sample each is.
     Links(Columns, Vec<(usize, Joint)>),
     /// Links that never move: one message.
@@ -44,7 +46,8 @@ pub(super) enum Source<'a> {
     Contacts(Columns, Vec<String>),
     Objects(Columns),
     CameraFrame(&'a Camera),
-    Effector(Columns),
+    /// With its place among the frames and the frame of its pose.
+    Effector(Columns, usize, String),
     Imu(Columns),
     Odometry(Columns),
     Evaluation(Box<Evaluation>),
@@ -118,15 +121,15 @@ impl Source<'_> {
             Self::Depth(_) | Self::Ids(_) => "foxglove.RawImage",
             Self::Calibration(_) => "foxglove.CameraCalibration",
             Self::Joints(_) => "foxglove.JointStates",
-            Self::Frames(_)
-            | Self::Chair(_)
+            Self::Frames(..)
+            | Self::Chair(..)
             | Self::Links(..)
             | Self::Fixed(_)
             | Self::Objects(_)
             | Self::CameraFrame(_) => "foxglove.FrameTransforms",
             Self::Description(_) => "std_msgs/msg/String",
             Self::Contacts(..) => "wheelarm.v1.Contacts",
-            Self::Effector(_) => "foxglove.PoseInFrame",
+            Self::Effector(..) => "foxglove.PoseInFrame",
             Self::Log(..) => "foxglove.Log",
             Self::Imu(_) => "wheelarm.v1.Imu",
             Self::Odometry(_) => "wheelarm.v1.Odometry",
@@ -234,21 +237,20 @@ impl Source<'_> {
                 }
                 .encode_to_vec()
             }
-            Self::Frames(c) => {
+            Self::Frames(c, links) => {
                 let poses = c.row("pose", i).chunks_exact(7);
-                let frames = names::FRAMES.iter().zip(poses);
-                let each = frames.map(|(f, p)| transform(stamp, f.parent, f.link, p));
+                let frames = links.iter().zip(poses);
+                let each = frames.map(|((parent, link), p)| transform(stamp, parent, link, p));
                 foxglove::FrameTransforms {
                     transforms: each.collect(),
                 }
                 .encode_to_vec()
             }
-            Self::Chair(c) => {
-                let chair = names::FRAMES.iter().position(|f| f.link == CHAIR);
-                let at = 7 * chair.unwrap_or(0);
+            Self::Chair(c, place, link) => {
+                let at = 7 * place;
                 let pose = c.row("pose", i).get(at..at + 7).unwrap_or(&[]);
                 foxglove::FrameTransforms {
-                    transforms: vec![transform(stamp, "house", CHAIR, pose)],
+                    transforms: vec![transform(stamp, "house", link, pose)],
                 }
                 .encode_to_vec()
             }
@@ -288,16 +290,12 @@ impl Source<'_> {
                 transforms: vec![transform(stamp, "house", camera.stream(), &camera.pose(i))],
             }
             .encode_to_vec(),
-            Self::Effector(c) => {
-                let last = names::FRAMES
-                    .iter()
-                    .position(|f| f.name == "end_effector")
-                    .unwrap_or(0);
+            Self::Effector(c, last, frame) => {
                 let row = c.row("pose", i);
                 let p = row.get(7 * last..7 * last + 7).unwrap_or(&[]);
                 foxglove::PoseInFrame {
                     timestamp: timestamp(stamp),
-                    frame_id: "base_link".into(),
+                    frame_id: frame.clone(),
                     pose: Some(foxglove::Pose {
                         position: Some(foxglove::Vector3 {
                             x: at(p, 0),

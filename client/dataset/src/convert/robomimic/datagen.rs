@@ -13,7 +13,7 @@ use crate::hdf::unicode;
 use crate::label;
 use crate::pose;
 
-const POSE: What = ("m (translation), 1 (4x4 homogeneous matrix)", "house");
+const POSE: What<'static> = ("m (translation), 1 (4x4 homogeneous matrix)", "house");
 
 pub(super) fn write(
     group: &Group,

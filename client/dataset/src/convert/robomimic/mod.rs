@@ -19,7 +19,6 @@ use super::{Format, PendingFile, Recording, Size, Written, scaled};
 use crate::calibration::{self, CONVENTION, PIXEL_CENTRE};
 use crate::compress::Deflate;
 use crate::hdf::{Attributes, Chunked, Filters};
-use crate::urdf::ARM_BASE;
 
 /// Pictures that are compressed together.
 const BLOCK: usize = 16;
@@ -226,20 +225,20 @@ fn normalise(demo: &Group, low: &[f64], high: &[f64]) -> anyhow::Result<()> {
 }
 
 /// Unit and frame of a dataset; the frame is empty where there is none.
-type What = (&'static str, &'static str);
+type What<'a> = (&'static str, &'a str);
 
 /// What an observation takes from a row.
 type Take<'a> = &'a dyn Fn(usize) -> Vec<f64>;
 
 const POSITION: &str = "m";
 const QUATERNION: &str = "1 (unit quaternion x y z w)";
-const NUMBER: What = ("1", "");
+const NUMBER: What<'static> = ("1", "");
 
 /// Writes a small array whose first axis is the sample.
 fn rows<T: H5Type>(
     group: &Group,
     name: &str,
-    what: What,
+    what: What<'_>,
     all: &[T],
     shape: &[usize],
 ) -> anyhow::Result<Dataset> {
@@ -255,7 +254,7 @@ fn rows<T: H5Type>(
     Ok(data)
 }
 
-fn describe(data: &Dataset, (units, frame): What) -> hdf5::Result<()> {
+fn describe(data: &Dataset, (units, frame): What<'_>) -> hdf5::Result<()> {
     Attributes::of(data)
         .text("units", units)?
         .text("frame", frame)?;
@@ -318,7 +317,9 @@ impl Robomimic {
             let gather = |f: &dyn Fn(usize) -> Vec<f64>| {
                 list.iter().flat_map(|&r| f(r)).collect::<Vec<f64>>()
             };
-            let observed: [(&str, What, usize, Take<'_>); 8] = [
+            let arm_base = recording.robot.arm_base_link.as_str();
+            let chair = recording.robot.root_link.as_str();
+            let observed: [(&str, What<'_>, usize, Take<'_>); 8] = [
                 ("joint_pos", ("rad", ""), 6, &|r| {
                     learning.joints(r)[..6].to_vec()
                 }),
@@ -328,10 +329,10 @@ impl Robomimic {
                 ("gripper_qpos", ("rad (knuckle)", ""), 1, &|r| {
                     learning.joints(r)[6..].to_vec()
                 }),
-                ("eef_pos", (POSITION, ARM_BASE), 3, &|r| {
+                ("eef_pos", (POSITION, arm_base), 3, &|r| {
                     learning.effector(r)[..3].to_vec()
                 }),
-                ("eef_quat", (QUATERNION, ARM_BASE), 4, &|r| {
+                ("eef_quat", (QUATERNION, arm_base), 4, &|r| {
                     learning.effector(r)[3..].to_vec()
                 }),
                 ("base_pos", (POSITION, "house"), 3, &|r| {
@@ -342,7 +343,7 @@ impl Robomimic {
                 }),
                 (
                     "base_vel",
-                    ("m/s (forward), rad/s (turn)", "wheelchair_root"),
+                    ("m/s (forward), rad/s (turn)", chair),
                     2,
                     &|r| learning.chair_speed(r).to_vec(),
                 ),
