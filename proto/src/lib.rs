@@ -1,4 +1,4 @@
-//! The contract of WheelArm: messages, key expressions, names, units and frames.
+//! The contract of WheelArm: messages, key expressions, units and frames.
 //!
 //! Data, and the functions that must come out alike everywhere ([`exact`]): no
 //! transport, no simulation. Every process that speaks to a
@@ -11,7 +11,6 @@ pub mod check;
 pub mod digest;
 pub mod exact;
 pub mod keys;
-pub mod names;
 pub mod preview;
 pub mod program;
 pub mod robot;

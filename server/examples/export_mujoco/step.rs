@@ -8,7 +8,6 @@ use std::path::Path;
 
 use anyhow::{Context as _, Result};
 use nalgebra::{Isometry3, Matrix3, Point3, Vector3};
-use wheelarm_proto::names::JOINT_NAMES;
 use wheelarm_server::geometry::{Part, Shape};
 use wheelarm_server::robot::control::GripperMap;
 use wheelarm_server::robot::{JointKind, PAD, RobotModel};
@@ -134,12 +133,18 @@ impl Mjcf {
             link.name,
             place(origin)
         )?;
-        let joint = index.checked_sub(1).map(|j| &robot.joints[j]);
-        let wheel = joint.and_then(|j| JOINT_NAMES[..4].iter().position(|name| *name == j.name));
+        let roles = &robot.roles;
+        let number = index.checked_sub(1);
+        let joint = number.map(|j| &robot.joints[j]);
+        let is_of = |list: &[usize]| number.is_some_and(|j| list.contains(&j));
+        let wheel = number.and_then(|j| {
+            let wheels = roles.wheels.iter().chain(&roles.casters);
+            wheels.copied().position(|wheel| wheel == j)
+        });
         let mut touches = true;
         match joint {
             None => self.bodies.push_str("<freejoint/>\n"),
-            Some(joint) if JOINT_NAMES[10..12].contains(&joint.name.as_str()) => touches = false,
+            Some(_) if is_of(&roles.inner_knuckles) => touches = false,
             Some(joint) if joint.kind == JointKind::Fixed || wheel.is_some_and(|w| w >= 2) => {}
             Some(joint) => {
                 let range = if joint.kind == JointKind::Revolute && joint.mimic.is_none() {
@@ -150,8 +155,7 @@ impl Mjcf {
                 } else {
                     String::new()
                 };
-                let crank = [JOINT_NAMES[13], JOINT_NAMES[15]].contains(&joint.name.as_str());
-                let armature = if crank { 0.005 } else { 0.0 };
+                let armature = if is_of(&roles.knuckles) { 0.005 } else { 0.0 };
                 writeln!(
                     self.bodies,
                     "<joint name=\"{}\" type=\"hinge\" axis=\"{}\" armature=\"{armature}\" {range}/>",
@@ -302,11 +306,9 @@ impl Mjcf {
             self.assets,
             self.bodies
         );
-        for joint in robot
-            .joints
-            .iter()
-            .filter(|j| !JOINT_NAMES[10..12].contains(&j.name.as_str()))
-        {
+        let roles = &robot.roles;
+        let joints = robot.joints.iter().enumerate();
+        for (_, joint) in joints.filter(|(j, _)| !roles.inner_knuckles.contains(j)) {
             if let Some((leader, multiplier, offset)) = joint.mimic {
                 writeln!(
                     xml,
@@ -318,18 +320,18 @@ impl Mjcf {
         }
         xml.push_str("</equality>\n<actuator>\n");
         let settings = &robot.settings;
-        for (i, name) in JOINT_NAMES[4..10].iter().enumerate() {
-            let torque = robot
-                .joint(name)
-                .map_or(0.0, |j| robot.joints[j].limits.effort);
+        for (i, &joint) in roles.arm.iter().enumerate() {
+            let joint = &robot.joints[joint];
+            let torque = joint.limits.effort;
             xml.push_str(&position(
-                name,
+                &joint.name,
                 settings.arm.stiffness[i],
                 settings.arm.damping[i],
                 torque,
             ));
         }
-        for name in &JOINT_NAMES[..2] {
+        for &wheel in &roles.wheels {
+            let name = &robot.joints[wheel].name;
             let torque = settings.drive.wheel_torque;
             writeln!(
                 xml,
@@ -337,7 +339,8 @@ impl Mjcf {
             )?;
         }
         let torque = settings.gripper.force * GripperMap::new(robot).lever(0.4);
-        for name in [JOINT_NAMES[13], JOINT_NAMES[15]] {
+        for &knuckle in &roles.knuckles {
+            let name = &robot.joints[knuckle].name;
             xml.push_str(&position(name, 200.0, 3.0, torque));
         }
         xml.push_str("</actuator>\n</mujoco>\n");
