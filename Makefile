@@ -1,4 +1,5 @@
 # make demo    records one episode of the mustard task and shows pictures of it
+# make static  the same programs with HDF5 inside, in target/static (needs CMake 3.26)
 # make test    format, lints, documentation and all tests, as CI runs them
 # make contract    writes proto/contract.txt after a change of the .proto files
 # make test-cluster   a campaign on a one-node Slurm cluster in this machine
@@ -12,16 +13,24 @@
 CARGO ?= cargo
 OUT ?= data/demo
 SEED ?= 0
+STATIC ?= target/static
 PLAN ?= assets/campaigns/small.toml
 BUILT := $(or $(CARGO_TARGET_DIR),target)/release
 export WHEELARM_PYTHON ?= $(CURDIR)/.venv/bin/python
 
-.PHONY: all build demo test contract test-cluster test-readers test-original test-adversarial soak bench clean
+.PHONY: all build static demo test contract test-cluster test-readers test-original test-adversarial soak bench clean
 all: build
 
 build:
 	scripts/setup.sh
-	$(CARGO) build --release --workspace --bins
+	$(CARGO) build --release --bins
+
+# The programs with HDF5 inside: they name no libhdf5, libcurl or libssl.
+# Needs CMake 3.26 or newer.
+static:
+	scripts/setup.sh
+	$(CARGO) build --release --bins --features wheelarm-client/static-hdf5,wheelarm-dataset/static-hdf5 --target-dir $(STATIC)
+	! ldd $(STATIC)/release/wheelarm $(STATIC)/release/wheelarm-dataset | grep -E 'libhdf5|libcurl|libssl'
 
 demo: build
 	$(BUILT)/wheelarm demo --seed $(SEED) --out $(OUT)

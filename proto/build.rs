@@ -38,6 +38,28 @@ const SHARED_BYTES: [&str; 4] = [
     ".wheelarm.v1.ResetRequest.snapshot",
 ];
 
+/// What makes up a scenario: people write it as TOML.
+const WRITTEN: [&str; 7] = [
+    ".wheelarm.v1.Scenario",
+    ".wheelarm.v1.CameraSetting",
+    ".wheelarm.v1.ObjectPlacement",
+    ".wheelarm.v1.SlideResistance",
+    ".wheelarm.v1.Pose",
+    ".wheelarm.v1.Vector3",
+    ".wheelarm.v1.Quaternion",
+];
+
+/// As TOML a field that is absent has its default, and one that is unknown is
+/// refused.
+const WRITE: &str = "#[cfg_attr(feature = \"serde\", derive(serde::Serialize, \
+    serde::Deserialize), serde(default, deny_unknown_fields))]";
+
+/// Fields of a scenario that are written by name, and how.
+const CHOICES: [(&str, &str); 2] = [
+    (".wheelarm.v1.Scenario.pacing", "pacing"),
+    (".wheelarm.v1.Scenario.quality", "quality"),
+];
+
 fn main() -> Result<(), Box<dyn Error>> {
     println!("cargo:rerun-if-changed=wheelarm");
     let out = PathBuf::from(std::env::var("OUT_DIR")?);
@@ -52,9 +74,15 @@ fn main() -> Result<(), Box<dyn Error>> {
     for file in &mut plain.file {
         file.dependency.retain(|name| own(name));
     }
-    Config::new()
-        .bytes(SHARED_BYTES)
-        .compile_fds(plain.clone())?;
+    let mut config = Config::new();
+    config.bytes(SHARED_BYTES);
+    for message in WRITTEN {
+        config.type_attribute(message, WRITE);
+    }
+    for (field, module) in CHOICES {
+        config.field_attribute(field, format!("#[cfg_attr(feature = \"serde\", serde(with = \"crate::settings::text::{module}\", skip_serializing_if = \"crate::settings::text::is_untold\"))]"));
+    }
+    config.compile_fds(plain.clone())?;
     for file in &mut plain.file {
         file.source_code_info = None;
     }
@@ -309,6 +337,7 @@ fn topic_table(topics: &[Topic]) -> Result<String, Box<dyn Error>> {
         String::new(),
     );
     let mut columns = Vec::new();
+    let (mut whose, mut headers) = (String::new(), String::new());
     for topic in topics {
         let Topic {
             message,
@@ -347,6 +376,14 @@ fn topic_table(topics: &[Topic]) -> Result<String, Box<dyn Error>> {
         writeln!(
             reads,
             "            TopicId::{variant} => Self::{variant}(prost::Message::decode(payload)?),"
+        )?;
+        writeln!(
+            whose,
+            "            Self::{variant}(_) => TopicId::{variant},"
+        )?;
+        writeln!(
+            headers,
+            "            Self::{variant}(m) => m.header.as_ref(),"
         )?;
         if record == "Columns" {
             columns.push(variant);
@@ -392,6 +429,20 @@ impl Sample {{
     pub fn decode(topic: TopicId, payload: &[u8]) -> Result<Self, prost::DecodeError> {{
         Ok(match topic {{
 {reads}        }})
+    }}
+
+    /// Its topic.
+    #[must_use]
+    pub fn topic(&self) -> TopicId {{
+        match self {{
+{whose}        }}
+    }}
+
+    /// Its stamp.
+    #[must_use]
+    pub fn header(&self) -> Option<&crate::v1::Header> {{
+        match self {{
+{headers}        }}
     }}
 }}
 "

@@ -1,17 +1,26 @@
 //! The thin clients of WheelArm.
 //!
 //! Everything here speaks to a server through messages only; no client shares
-//! memory, files or code with it.
+//! memory, files or code with it. What makes or reads episode files needs the
+//! feature `hdf5`, teleoperation the feature `terminal`; both are on.
 
+#[cfg(feature = "hdf5")]
+mod choice;
+#[cfg(feature = "hdf5")]
 pub mod collect;
 pub mod connect;
 pub mod control;
+#[cfg(feature = "hdf5")]
 pub mod demo;
 pub mod doctor;
+#[cfg(feature = "hdf5")]
 pub mod evaluate;
 pub mod operate;
 pub mod preview;
+#[cfg(feature = "hdf5")]
 pub mod record;
+#[cfg(feature = "hdf5")]
 pub mod replay;
+#[cfg(feature = "terminal")]
 pub mod teleop;
 pub mod watch;

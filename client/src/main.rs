@@ -9,18 +9,24 @@ use std::process::ExitCode;
 use anyhow::Context;
 use clap::{CommandFactory, Parser, Subcommand};
 use clap_complete::Shell;
+#[cfg(feature = "hdf5")]
 use wheelarm_client::collect::{self, CollectArgs};
 use wheelarm_client::connect::ConnectArgs;
 use wheelarm_client::control::{
     self, EpisodeCommand, LeaseCommand, ResetArgs, ShutdownArgs, manual,
 };
+#[cfg(feature = "hdf5")]
 use wheelarm_client::demo::{self, DemoArgs};
 use wheelarm_client::doctor::{self, DoctorArgs};
+#[cfg(feature = "hdf5")]
 use wheelarm_client::evaluate::{self, EvaluateArgs};
 use wheelarm_client::operate::{self, OperateArgs};
 use wheelarm_client::preview::{self, PreviewArgs};
+#[cfg(feature = "hdf5")]
 use wheelarm_client::record::{self, RecordArgs};
+#[cfg(feature = "hdf5")]
 use wheelarm_client::replay::{self, ReplayArgs};
+#[cfg(feature = "terminal")]
 use wheelarm_client::teleop::{self, TeleopArgs};
 use wheelarm_client::watch::{self, WatchArgs};
 use wheelarm_link::{Connect, Link};
@@ -85,6 +91,7 @@ enum Command {
     ///
     /// Everything goes into a log first: what was acknowledged survives a kill
     /// or a power cut, and `wheelarm dataset recover` makes a file of it.
+    #[cfg(feature = "hdf5")]
     #[command(after_long_help = manual::RECORD)]
     Record(RecordArgs),
     /// Does a task with the scripted operator.
@@ -99,6 +106,7 @@ enum Command {
     /// recorders and link, starts and ends episodes, and serves the cameras as
     /// a local web page whose address it shows. When the terminal dies the
     /// chair brakes, the arm holds and control is given back.
+    #[cfg(feature = "terminal")]
     #[command(after_long_help = manual::TELEOP)]
     Teleop(TeleopArgs),
     /// Serves what the cameras see as a local web page.
@@ -121,15 +129,19 @@ enum Command {
     #[command(after_long_help = manual::DOCTOR)]
     Doctor(DoctorArgs),
     /// Records an episode with a server, a recorder and the operator of its own.
+    #[cfg(feature = "hdf5")]
     #[command(after_long_help = manual::DEMO)]
     Demo(DemoArgs),
     /// Does tasks over many seeds and counts the successes.
+    #[cfg(feature = "hdf5")]
     #[command(after_long_help = manual::EVALUATE)]
     Evaluate(EvaluateArgs),
     /// Makes a whole dataset from a plan, on this machine or as a part of many.
+    #[cfg(feature = "hdf5")]
     #[command(after_long_help = manual::COLLECT)]
     Collect(CollectArgs),
     /// Does a recorded episode again, bit by bit, and can record it anew.
+    #[cfg(feature = "hdf5")]
     #[command(after_long_help = manual::REPLAY)]
     Replay(ReplayArgs),
     /// Ends the server.
@@ -154,12 +166,22 @@ enum Command {
     External(Vec<OsString>),
 }
 
+impl Command {
+    /// Whether it draws on the whole terminal.
+    fn has_the_screen(&self) -> bool {
+        #[cfg(feature = "terminal")]
+        return matches!(self, Self::Teleop(_));
+        #[cfg(not(feature = "terminal"))]
+        false
+    }
+}
+
 fn main() -> ExitCode {
     let cli = Cli::parse();
     let filter = tracing_subscriber::EnvFilter::try_from_default_env()
         .unwrap_or_else(|_| tracing_subscriber::EnvFilter::new("warn,zenoh=error"));
     let messages = tracing_subscriber::fmt().with_env_filter(filter);
-    if matches!(cli.command, Command::Teleop(_)) && std::env::var_os("RUST_LOG").is_none() {
+    if cli.command.has_the_screen() && std::env::var_os("RUST_LOG").is_none() {
         // They would be written over its screen.
         messages.with_writer(std::io::sink).init();
     } else {
@@ -194,12 +216,18 @@ fn run(cli: Cli) -> anyhow::Result<ExitCode> {
         Command::Resume => control::pause(&link()?, false)?,
         Command::Lease(command) => return control::lease(&link()?, command),
         Command::Episode(command) => control::episode(&link()?, command)?,
+        #[cfg(feature = "hdf5")]
         Command::Record(args) => return record::run(&connect, args),
+        #[cfg(feature = "hdf5")]
         Command::Demo(args) => return demo::run(args),
+        #[cfg(feature = "hdf5")]
         Command::Evaluate(args) => return evaluate::run(args),
+        #[cfg(feature = "hdf5")]
         Command::Collect(args) => return collect::run(args),
+        #[cfg(feature = "hdf5")]
         Command::Replay(args) => return replay::run(args),
         Command::Operate(args) => return operate::run(&link()?, args),
+        #[cfg(feature = "terminal")]
         Command::Teleop(args) => return teleop::run(&connect, args),
         Command::Preview(args) => return preview::run(&connect, args),
         Command::Watch(args) => return watch::run(&link()?, args),

@@ -3,33 +3,15 @@
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-use clap::{Args, ValueEnum};
-use wheelarm_dataset::depth::DepthFormat;
+use clap::Args;
 use wheelarm_link::{Connect, Link, Silence};
+use wheelarm_proto::settings::Depth;
 use wheelarm_record::{self as record, Output, RecordOptions, Told};
+
+use crate::choice::named;
 
 /// The server name that stands for every server.
 const EVERY_SERVER: &str = "*";
-
-/// How depth is stored.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
-pub enum Depth {
-    /// float32 metres, bit by bit as rendered.
-    #[default]
-    F32,
-    /// 16-bit millimetres at half the size; 0 where nothing was hit or the
-    /// surface is farther than 65.535 m.
-    U16,
-}
-
-impl From<Depth> for DepthFormat {
-    fn from(depth: Depth) -> Self {
-        match depth {
-            Depth::F32 => Self::Metres,
-            Depth::U16 => Self::Millimetres,
-        }
-    }
-}
 
 /// Options of a recorder.
 #[derive(Args, Clone, Debug)]
@@ -41,8 +23,10 @@ pub struct RecordArgs {
     /// Name of this recorder; several at one server need different ones.
     #[arg(long, default_value = "recorder")]
     pub name: String,
-    /// How depth is stored.
-    #[arg(long, value_enum, default_value_t = Depth::F32)]
+    /// How depth is stored: `f32` are metres, bit for bit as rendered; `u16` are
+    /// millimetres at half the size, 0 where nothing was hit or the surface is
+    /// farther than 65.535 m.
+    #[arg(long, value_parser = named::<Depth>(), default_value = "f32")]
     pub depth: Depth,
     /// Ends when standard input is closed: with the program that started it.
     #[arg(long, hide = true)]
@@ -61,7 +45,7 @@ pub fn run(connect: &Connect, args: &RecordArgs) -> anyhow::Result<ExitCode> {
     let options = RecordOptions {
         out: args.out.clone(),
         name: args.name.clone(),
-        depth: args.depth.into(),
+        depth: args.depth,
         end_with_stdin: args.end_with_stdin,
         episodes: args.episodes,
     };

@@ -253,5 +253,7 @@ mod tests {
         };
         let read = Sample::decode(TopicId::Clock, &clock.encode_to_vec());
         assert_eq!(read, Ok(Sample::Clock(clock)));
+        let sample = read.unwrap();
+        assert_eq!((sample.topic(), sample.header()), (TopicId::Clock, None));
     }
 }

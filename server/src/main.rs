@@ -2,17 +2,20 @@
 
 use std::ffi::OsString;
 use std::net::TcpListener;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use anyhow::{Context, bail};
-use clap::{Parser, ValueEnum};
+use clap::Parser;
+use clap::builder::{PossibleValuesParser, TypedValueParser};
 use tokio::signal::unix::{Signal, SignalKind, signal};
 use wheelarm_proto::keys::{self, Keys};
 use wheelarm_proto::program::{EXIT_SCENARIO, Ready};
+use wheelarm_proto::settings::{Named, Pacing, Quality};
+use wheelarm_proto::v1;
 use wheelarm_server::sensors::camera::Renderer;
-use wheelarm_server::service::{self, Options};
-use wheelarm_server::sim::{CameraSetting, Pacing, Quality, Scenario, SimError, Simulation};
+use wheelarm_server::service::{self, Options, startup};
+use wheelarm_server::sim::{SimError, Simulation};
 use wheelarm_server::tasks;
 
 /// Headless simulation of a wheelchair with a robotic arm in a home.
@@ -35,46 +38,51 @@ struct Args {
     /// Announces the server by multicast on the local network.
     #[arg(long)]
     multicast: bool,
-    /// How simulation time passes.
-    #[arg(long, value_enum, default_value = "real-time")]
-    pacing: PacingArg,
-    /// Scene below assets/scenes.
-    #[arg(long, default_value = "home")]
-    scene: String,
-    /// Task below assets/tasks; an empty name for none.
-    #[arg(long, default_value = "pick_mustard")]
-    task: String,
-    /// Seed of every random choice.
-    #[arg(long, default_value_t = 0)]
-    seed: u64,
-    /// Robot below assets/robots.
-    #[arg(long, default_value = "wheelarm")]
-    robot: String,
+    /// Scenario as TOML, `-` for standard input: the fields of the message
+    /// `Scenario`. The options below that are given take the place of its fields.
+    #[arg(long, value_name = "FILE")]
+    scenario: Option<PathBuf>,
+    /// How simulation time passes [default: real-time].
+    #[arg(long, value_parser = named::<Pacing>())]
+    pacing: Option<Pacing>,
+    /// Scene below assets/scenes [default: home].
+    #[arg(long)]
+    scene: Option<String>,
+    /// Task below assets/tasks; an empty name for none [default: pick_mustard].
+    #[arg(long)]
+    task: Option<String>,
+    /// Seed of every random choice [default: 0].
+    #[arg(long)]
+    seed: Option<u64>,
+    /// Robot below assets/robots [default: wheelarm].
+    #[arg(long)]
+    robot: Option<String>,
     /// Assets folder.
     #[arg(long, env = "WHEELARM_ASSETS")]
     assets: Option<PathBuf>,
     /// Camera as NAME=WIDTHxHEIGHT@HZ: one of the robot's, `*` for each of them
     /// that is not named, or `room`. May be repeated; `*=1280x720@10` without it.
-    #[arg(long, value_parser = camera)]
-    camera: Vec<CameraSetting>,
+    #[arg(long, value_parser = v1::CameraSetting::from_text)]
+    camera: Vec<v1::CameraSetting>,
     /// Physics only: no pictures, no graphics driver needed.
     #[arg(long)]
     no_cameras: bool,
-    /// Work per picture.
-    #[arg(long, value_enum, default_value = "standard")]
-    quality: QualityArg,
+    /// Work per picture [default: standard].
+    #[arg(long, value_parser = named::<Quality>())]
+    quality: Option<Quality>,
     /// Graphics adapter by a part of its name (see --list-adapters).
     #[arg(long)]
     adapter: Option<String>,
-    /// Rate of the state streams, Hz; divides 60.
-    #[arg(long, default_value_t = 60.0)]
-    state_rate: f64,
-    /// Rate of the shapes of soft objects, Hz; divides 60. A shape has 50 kB.
-    #[arg(long, default_value_t = 10.0)]
-    deformable_rate: f64,
-    /// Rate of the IMU, Hz; divides 240.
-    #[arg(long, default_value_t = 240.0)]
-    imu_rate: f64,
+    /// Rate of the state streams, Hz; divides 60 [default: 60].
+    #[arg(long)]
+    state_rate: Option<f64>,
+    /// Rate of the shapes of soft objects, Hz; divides 60. A shape has 50 kB
+    /// [default: 10].
+    #[arg(long)]
+    deformable_rate: Option<f64>,
+    /// Rate of the IMU, Hz; divides 240 [default: 240].
+    #[arg(long)]
+    imu_rate: Option<f64>,
     /// Adds the noise of the robot description to the IMU.
     #[arg(long)]
     imu_noise: bool,
@@ -89,36 +97,54 @@ struct Args {
     list_adapters: bool,
 }
 
-#[derive(Clone, Copy, Debug, ValueEnum)]
-enum PacingArg {
-    RealTime,
-    LockStep,
-    Fast,
+/// Takes the names that the contract has for a choice.
+fn named<T: Named + Send + Sync>() -> impl TypedValueParser<Value = T> {
+    PossibleValuesParser::new(T::ALL.iter().map(|value| value.name()))
+        .try_map(|name| T::from_name(&name))
 }
 
-#[derive(Clone, Copy, Debug, ValueEnum)]
-enum QualityArg {
-    Fast,
-    Standard,
-    High,
-}
+impl Args {
+    /// The scenario that file and options ask for.
+    fn scenario(&self) -> anyhow::Result<v1::Scenario> {
+        let mut asked = match &self.scenario {
+            Some(file) => self.scenario_file(file)?,
+            None => v1::Scenario::default(),
+        };
+        asked.scene = self.scene.clone().unwrap_or(asked.scene);
+        asked.task = self.task.clone().or(asked.task);
+        asked.seed = self.seed.or(asked.seed);
+        asked.robot = self.robot.clone().unwrap_or(asked.robot);
+        asked.state_rate_hz = self.state_rate.or(asked.state_rate_hz);
+        asked.deformable_rate_hz = self.deformable_rate.or(asked.deformable_rate_hz);
+        asked.imu_rate_hz = self.imu_rate.or(asked.imu_rate_hz);
+        if let Some(pacing) = self.pacing {
+            asked.set_pacing(pacing.code());
+        }
+        if let Some(quality) = self.quality {
+            asked.set_quality(quality.code());
+        }
+        if self.imu_noise {
+            asked.imu_noise = Some(true);
+        }
+        if !self.camera.is_empty() {
+            asked.cameras.clone_from(&self.camera);
+        }
+        Ok(asked)
+    }
 
-fn camera(text: &str) -> Result<CameraSetting, String> {
-    let parse = || {
-        let (name, rest) = text.split_once('=')?;
-        let (size, rate) = rest.split_once('@').unwrap_or((rest, "10"));
-        let (width, height) = size.split_once('x')?;
-        Some(CameraSetting {
-            name: name.to_owned(),
-            size: [width.parse().ok()?, height.parse().ok()?],
-            rate_hz: rate.parse().ok()?,
-        })
-    };
-    parse().ok_or_else(|| {
-        format!(
-            "{text:?} is not NAME=WIDTHxHEIGHT@HZ, for example *=1280x720@10 for all of the robot's"
-        )
-    })
+    fn scenario_file(&self, file: &Path) -> anyhow::Result<v1::Scenario> {
+        let text = if file.as_os_str() != "-" {
+            std::fs::read_to_string(file)
+        } else if self.end_with_stdin {
+            bail!(
+                "standard input cannot say both the scenario and when to end: give --scenario a file"
+            );
+        } else {
+            std::io::read_to_string(std::io::stdin())
+        };
+        let text = text.with_context(|| format!("reading the scenario {}", file.display()))?;
+        startup::read(&text).with_context(|| format!("the scenario {}", file.display()))
+    }
 }
 
 /// The assets folder: as told, in the working directory, or beside the
@@ -241,7 +267,7 @@ async fn serve(args: Args) -> anyhow::Result<()> {
         }
         return Ok(());
     }
-    let assets = assets(args.assets)?;
+    let assets = assets(args.assets.clone())?;
     if args.list_tasks {
         for task in tasks::list(&assets)? {
             println!(
@@ -255,30 +281,7 @@ async fn serve(args: Args) -> anyhow::Result<()> {
         return Ok(());
     }
     let keys = Keys::new(&args.sim)?;
-    let mut scenario = Scenario {
-        scene: args.scene,
-        task: args.task,
-        seed: args.seed,
-        robot: args.robot,
-        state_rate_hz: args.state_rate,
-        deformable_rate_hz: args.deformable_rate,
-        imu_rate_hz: args.imu_rate,
-        imu_noise: args.imu_noise,
-        pacing: match args.pacing {
-            PacingArg::RealTime => Pacing::RealTime,
-            PacingArg::LockStep => Pacing::LockStep,
-            PacingArg::Fast => Pacing::Fast,
-        },
-        quality: match args.quality {
-            QualityArg::Fast => Quality::Fast,
-            QualityArg::Standard => Quality::Standard,
-            QualityArg::High => Quality::High,
-        },
-        ..Scenario::default()
-    };
-    if !args.camera.is_empty() {
-        scenario.cameras = args.camera;
-    }
+    let mut scenario = startup::scenario(&args.scenario()?)?;
     if args.no_cameras {
         scenario.cameras.clear();
     }

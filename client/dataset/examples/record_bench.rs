@@ -14,7 +14,7 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use bytes::Bytes;
-use wheelarm_dataset::depth::DepthFormat;
+use wheelarm_dataset::depth::Depth;
 use wheelarm_dataset::finish::finish;
 use wheelarm_dataset::log::Closing;
 use wheelarm_dataset::writer::{EpisodeWriter, WriterOptions};
@@ -29,8 +29,8 @@ fn main() -> anyhow::Result<()> {
     let args: Vec<String> = std::env::args().skip(1).collect();
     let frames: u64 = args.first().map_or(Ok(60), |n| n.parse())?;
     let depth = match args.get(1).map(String::as_str) {
-        Some("u16") => DepthFormat::Millimetres,
-        _ => DepthFormat::Metres,
+        Some("u16") => Depth::Millimetres,
+        _ => Depth::Metres,
     };
     let dir = args.get(2).map_or_else(std::env::temp_dir, PathBuf::from);
     let label = format!("record_bench_{}", std::process::id());

@@ -1,16 +1,7 @@
 //! Depth as 16-bit millimetres, the convention of ROS REP 118 and of RGB-D
 //! cameras: 0 means that nothing was measured.
 
-/// How depth is stored.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum DepthFormat {
-    /// float32 metres, bit by bit as rendered; +inf where nothing is hit.
-    #[default]
-    Metres,
-    /// u16 millimetres at half the size, rounded to the nearest; 0 where
-    /// nothing is hit or the surface is farther than 65.535 m.
-    Millimetres,
-}
+pub use wheelarm_proto::settings::Depth;
 
 /// What the attribute of a millimetre dataset says.
 pub const MILLIMETRES_NOTE: &str =

@@ -12,7 +12,7 @@ use bytes::Bytes;
 use synthetic::Random;
 use wheelarm_dataset::align::{AlignOptions, align};
 use wheelarm_dataset::columns::{Cell, Context, Kind, streams};
-use wheelarm_dataset::depth::DepthFormat;
+use wheelarm_dataset::depth::Depth;
 use wheelarm_dataset::finish::{FinishError, finish};
 use wheelarm_dataset::log::{Closing, LogFile, Received, scan};
 use wheelarm_dataset::read::{Episode, Values};
@@ -401,7 +401,7 @@ fn a_full_disk_keeps_what_was_acknowledged_and_says_so() {
 fn depth_in_millimetres_is_the_rounded_depth_in_metres() {
     let dir = tempfile::tempdir().unwrap();
     let options = WriterOptions {
-        depth: DepthFormat::Millimetres,
+        depth: Depth::Millimetres,
         ..Default::default()
     };
     let (log, offered) = record(dir.path(), "mm", &options, 7);

@@ -11,7 +11,7 @@ use std::process::Command;
 use wheelarm_dataset::finish::finish;
 use wheelarm_dataset::read::Episode;
 use wheelarm_dataset::writer::{EpisodeWriter, WriterOptions};
-use wheelarm_dataset::{depth::DepthFormat, log::Closing, sheet::sheet};
+use wheelarm_dataset::{depth::Depth, log::Closing, sheet::sheet};
 use wheelarm_proto::{Message, StreamId, v1};
 
 fn python() -> Option<String> {
@@ -30,7 +30,7 @@ fn plain_h5py_reads_every_dataset_and_finds_the_same_pixels() {
         return;
     };
     let dir = tempfile::tempdir().unwrap();
-    for depth in [DepthFormat::Metres, DepthFormat::Millimetres] {
+    for depth in [Depth::Metres, Depth::Millimetres] {
         let label = format!("h5py_{depth:?}");
         let options = WriterOptions {
             depth,

@@ -4,6 +4,8 @@ use wheelarm_proto::keys::BadName;
 use wheelarm_proto::schema::OtherVersion;
 use wheelarm_proto::v1::FailureCode;
 
+use super::frame::BadFrame;
+
 /// What can go wrong between a client and a server.
 #[derive(Debug, thiserror::Error)]
 pub enum LinkError {
@@ -100,6 +102,9 @@ pub enum LinkError {
         /// The decoder's words.
         cause: wheelarm_proto::DecodeError,
     },
+    /// A picture is not as its message says.
+    #[error(transparent)]
+    Frame(#[from] BadFrame),
     /// The server speaks another version of the contract.
     #[error(transparent)]
     Version(#[from] OtherVersion),

@@ -1,16 +1,24 @@
-//! The connection to a server: one zenoh session, typed queries, control and
-//! commands, streams and previews.
+//! The connection to a server: one zenoh session, typed queries and topics,
+//! control and commands, decoded pictures and previews.
+//!
+//! [`Link::open`] connects, [`Link::ask`] asks a query, [`Link::samples`] and
+//! [`Link::streams`] subscribe to topics, [`Link::camera`] to pictures, and
+//! [`Link::turns`] answers control ticks, in lock-step too.
 //!
 //! Only what the server's own session says is taken ([`Server`]).
 //! Nothing here knows what is simulated. No zenoh callback works: samples go
 //! undecoded into one queue, in the order in which they arrived.
 
+mod camera;
 mod commander;
 mod error;
+mod frame;
 mod holder;
 mod preview;
+mod samples;
 mod server;
 mod streams;
+mod turns;
 
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
@@ -26,12 +34,16 @@ use zenoh::query::{ConsolidationMode, QueryTarget};
 use zenoh::sample::{Sample, SourceInfo};
 use zenoh::{Config, Session, Wait};
 
+pub use camera::Camera;
 pub use commander::Commander;
 pub use error::LinkError;
+pub use frame::{BadFrame, Frame};
 pub use preview::Preview;
+pub use samples::Samples;
 pub use server::Server;
 pub use server::session_of;
 pub use streams::Streams;
+pub use turns::{Turn, Turns};
 
 use error::{transport, words};
 
@@ -47,6 +59,18 @@ pub struct Connect {
     pub sim: String,
     /// Longest wait for the connection, s.
     pub timeout_secs: f64,
+}
+
+impl Connect {
+    /// The server of that name at an endpoint.
+    #[must_use]
+    pub fn to(endpoint: &str, sim: &str) -> Self {
+        Self {
+            endpoint: endpoint.to_owned(),
+            sim: sim.to_owned(),
+            ..Self::default()
+        }
+    }
 }
 
 impl Default for Connect {

@@ -23,7 +23,7 @@ pub use self::network::run;
 
 use std::path::PathBuf;
 
-use wheelarm_dataset::depth::DepthFormat;
+use wheelarm_dataset::depth::Depth;
 
 /// What a recorder is asked to do.
 #[derive(Clone, Debug)]
@@ -33,7 +33,7 @@ pub struct RecordOptions {
     /// Name of this recorder; several at one server need different ones.
     pub name: String,
     /// How depth is stored.
-    pub depth: DepthFormat,
+    pub depth: Depth,
     /// Ends when standard input is closed: with the program that started it.
     pub end_with_stdin: bool,
     /// Ends after this many episodes; runs until it is shut down without it.

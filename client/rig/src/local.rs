@@ -12,6 +12,7 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Context, bail};
 use wheelarm_proto::program::Ready;
+use wheelarm_proto::settings::{Named, Pacing, Quality};
 use wheelarm_proto::v1;
 
 use crate::find_program;
@@ -31,12 +32,12 @@ pub struct ServerOptions {
     pub robot: String,
     /// Seed of every random choice.
     pub seed: u64,
-    /// `lock-step`, `real-time` or `fast`.
-    pub pacing: &'static str,
+    /// How time passes.
+    pub pacing: Pacing,
     /// Cameras as `NAME=WIDTHxHEIGHT@HZ`; none: physics only.
     pub cameras: Vec<String>,
-    /// `fast`, `standard` or `high`.
-    pub quality: String,
+    /// Work per picture.
+    pub quality: Quality,
     /// Assets folder; the server looks for it when absent.
     pub assets: Option<PathBuf>,
 }
@@ -362,7 +363,7 @@ fn arguments(options: &ServerOptions, sim: &str) -> Vec<OsString> {
         "--listen",
         "tcp/127.0.0.1:0",
         "--pacing",
-        options.pacing,
+        options.pacing.name(),
         "--scene",
         &options.scene,
         "--task",
@@ -372,7 +373,7 @@ fn arguments(options: &ServerOptions, sim: &str) -> Vec<OsString> {
         "--seed",
         &options.seed.to_string(),
         "--quality",
-        &options.quality,
+        options.quality.name(),
     ]
     .map(OsString::from)
     .to_vec();

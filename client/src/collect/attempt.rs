@@ -16,6 +16,7 @@ use wheelarm_dataset::finish::PHYSICS;
 use wheelarm_dataset::read::{Episode as Recording, Summary};
 use wheelarm_dataset::scenario_text::scenario_json;
 use wheelarm_proto::program::{EXIT_NOT_DONE, EXIT_SCENARIO, Ready};
+use wheelarm_proto::settings::Named;
 use wheelarm_proto::v1::Scenario;
 
 use super::episode::Episode;
@@ -127,7 +128,7 @@ pub fn attempt(
     };
     let mut recorder = words(["record", "--name", "collect", "--episodes", "1", "--depth"]);
     recorder.extend([
-        setup.plan.depth.word().into(),
+        setup.plan.depth.name().into(),
         "--out".into(),
         (&staging).into(),
     ]);
@@ -415,7 +416,7 @@ fn server_arguments(setup: &Setup, episode: &Episode, seed: u64, endpoint: &str)
         "--seed",
         &seed.to_string(),
     ]));
-    all.extend(words(["--quality", plan.quality.word()]));
+    all.extend(words(["--quality", plan.quality.name()]));
     all.extend(words(["--state-rate", &plan.state_rate.to_string()]));
     all.extend(words(["--imu-rate", &plan.imu_rate.to_string()]));
     if plan.randomise.imu_noise {

@@ -4,6 +4,8 @@
 use std::fmt;
 use std::str::FromStr;
 
+use wheelarm_proto::settings::Named;
+
 use super::plan::{ATTEMPT_STRIDE, Plan};
 
 /// One episode of a plan.
@@ -42,8 +44,8 @@ pub fn episodes(plan: &Plan) -> Vec<Episode> {
         plan.state_rate,
         plan.imu_rate,
         plan.randomise.imu_noise,
-        plan.depth.word(),
-        plan.quality.word(),
+        plan.depth.name(),
+        plan.quality.name(),
         if plan.randomise.operator {
             "varied"
         } else {

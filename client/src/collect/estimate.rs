@@ -11,7 +11,9 @@ use serde::Deserialize;
 use super::capacity::{Host, free_disk, worker_bytes};
 use super::episode::Episode;
 use super::journal::Ledger;
-use super::plan::{Depth, Plan};
+use wheelarm_proto::settings::{Depth, Named};
+
+use super::plan::Plan;
 
 /// Mean duration of an episode when nothing better is known, simulated
 /// seconds: what the operator needs for the mustard, with room.
@@ -117,8 +119,8 @@ pub fn estimate(
     evaluated: &BTreeMap<String, (f64, f64)>,
 ) -> Estimate {
     let pixel_bytes = match plan.depth {
-        Depth::F32 => PIXEL_BYTES[0],
-        Depth::U16 => PIXEL_BYTES[1],
+        Depth::Metres => PIXEL_BYTES[0],
+        Depth::Millimetres => PIXEL_BYTES[1],
     };
     let done: Vec<_> = episodes
         .iter()
@@ -257,7 +259,7 @@ impl Estimate {
             } else {
                 cameras.join(", ")
             },
-            plan.depth.word()
+            plan.depth.name()
         );
         let _ = writeln!(text, "folder    {}", out.display());
         let free = free_disk(out).map_or_else(String::new, |free| {

@@ -29,7 +29,6 @@ use std::time::Duration;
 use anyhow::{Context, bail};
 use clap::Args;
 
-pub use self::plan::Quality;
 use attempt::Setup;
 use capacity::Host;
 use episode::{Episode, Shard, episodes};

@@ -9,9 +9,11 @@ use std::fmt;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
-use serde::Deserialize;
+use serde::de::Error as _;
+use serde::{Deserialize, Deserializer};
 use toml::Spanned;
 use wheelarm_proto::keys::check_name;
+use wheelarm_proto::settings::{Depth, Named, Quality};
 
 /// Seeds of two attempts at one episode lie this far apart, so that attempts
 /// never meet the seeds of other episodes.
@@ -48,53 +50,6 @@ pub struct Plan {
     pub cameras: Vec<Camera>,
     /// Tasks, in the order of the plan.
     pub tasks: Vec<Task>,
-}
-
-/// How depth is stored.
-#[derive(Clone, Copy, Debug, Default, Deserialize, PartialEq, Eq)]
-#[serde(rename_all = "snake_case")]
-pub enum Depth {
-    /// float32 metres, bit by bit as rendered.
-    #[default]
-    F32,
-    /// 16-bit millimetres.
-    U16,
-}
-
-impl Depth {
-    /// The recorder's word.
-    #[must_use]
-    pub fn word(self) -> &'static str {
-        match self {
-            Self::F32 => "f32",
-            Self::U16 => "u16",
-        }
-    }
-}
-
-/// Work per picture.
-#[derive(Clone, Copy, Debug, Default, Deserialize, PartialEq, Eq, clap::ValueEnum)]
-#[serde(rename_all = "snake_case")]
-pub enum Quality {
-    /// No shadows.
-    Fast,
-    /// One shadow map.
-    #[default]
-    Standard,
-    /// Multisampling and soft shadows.
-    High,
-}
-
-impl Quality {
-    /// The server's word.
-    #[must_use]
-    pub fn word(self) -> &'static str {
-        match self {
-            Self::Fast => "fast",
-            Self::Standard => "standard",
-            Self::High => "high",
-        }
-    }
 }
 
 /// What differs between episodes beside what the task files draw.
@@ -185,9 +140,9 @@ struct PlanFile {
     first_seed: u64,
     #[serde(default = "five")]
     attempts: Spanned<u32>,
-    #[serde(default)]
+    #[serde(default, deserialize_with = "named")]
     depth: Depth,
-    #[serde(default)]
+    #[serde(default, deserialize_with = "named")]
     quality: Quality,
     #[serde(default = "sixty")]
     state_rate: Spanned<f64>,
@@ -222,6 +177,10 @@ struct TaskFile {
     reference_samples: Option<Spanned<f64>>,
 }
 
+fn named<'de, T: Named, D: Deserializer<'de>>(from: D) -> Result<T, D::Error> {
+    let name = String::deserialize(from)?;
+    T::from_name(&name).map_err(D::Error::custom)
+}
 fn yes() -> bool {
     true
 }
@@ -468,7 +427,7 @@ mod tests {
     fn a_short_plan_takes_the_defaults() {
         let plan = parse(GOOD).unwrap();
         assert_eq!(plan.cameras[0].word(), "gen3=64x48@10");
-        assert_eq!((plan.attempts, plan.depth.word()), (5, "f32"));
+        assert_eq!((plan.attempts, plan.depth.name()), (5, "f32"));
         assert_eq!((plan.episode_count(), plan.tasks[0].first_seed), (2, 0));
     }
 

@@ -6,6 +6,15 @@ use std::process::{Command, ExitCode};
 use anyhow::{Context, bail};
 use wheelarm_rig::find_program;
 
+/// The feature of a command that this build lacks.
+fn left_out(name: &str) -> Option<&'static str> {
+    match name {
+        "record" | "replay" | "demo" | "evaluate" | "collect" => Some("hdf5"),
+        "teleop" => Some("terminal"),
+        _ => None,
+    }
+}
+
 /// Runs an external subcommand and passes its exit code on.
 ///
 /// # Errors
@@ -17,6 +26,11 @@ pub fn run_external(words: &[OsString]) -> anyhow::Result<ExitCode> {
     let name = name.to_string_lossy();
     let program = format!("wheelarm-{name}");
     let Some(path) = find_program(&program) else {
+        if let Some(feature) = left_out(&name) {
+            bail!(
+                "`wheelarm {name}` was left out of this build: build wheelarm-client with its feature `{feature}`"
+            );
+        }
         bail!(
             "`wheelarm {name}` is not built in, and no `{program}` lies beside this program or on PATH; see `wheelarm --help`"
         );

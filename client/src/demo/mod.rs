@@ -12,9 +12,10 @@ use std::time::{Duration, Instant};
 use anyhow::Context;
 use clap::Args;
 use indicatif::{ProgressBar, ProgressStyle};
+use wheelarm_proto::settings::{Pacing, Quality};
 use wheelarm_proto::v1;
 
-use crate::collect::Quality;
+use crate::choice::named;
 use summary::Summary;
 use wheelarm_link::Link;
 use wheelarm_operate::run::{self as operate, OperateOptions, Progress};
@@ -56,7 +57,7 @@ pub struct DemoArgs {
     #[arg(long, default_value_t = 10.0)]
     pub rate: f64,
     /// Work per picture.
-    #[arg(long, value_enum, default_value = "standard")]
+    #[arg(long, value_parser = named::<Quality>(), default_value = "standard")]
     pub quality: Quality,
     /// Assets folder; the server looks for it when absent.
     #[arg(long, env = "WHEELARM_ASSETS")]
@@ -132,9 +133,9 @@ fn one(args: &DemoArgs, seed: u64) -> anyhow::Result<Summary> {
         task: args.task.clone(),
         robot: args.robot.clone(),
         seed,
-        pacing: "lock-step",
+        pacing: Pacing::LockStep,
         cameras: vec![format!("*={}x{}@{}", args.width, args.height, args.rate)],
-        quality: args.quality.word().to_owned(),
+        quality: args.quality,
         assets: args.assets.clone(),
     })?;
     let link = server.link()?;

@@ -23,6 +23,7 @@ pub fn look(out: &Path, tell: &mut dyn FnMut(Finding)) {
         format!("version {}", env!("CARGO_PKG_VERSION")),
     ));
     tell(cores());
+    #[cfg(feature = "hdf5")]
     tell(hdf5());
     tell(disk(out));
     for finding in programs() {
@@ -46,6 +47,7 @@ fn cores() -> Finding {
     }
 }
 
+#[cfg(feature = "hdf5")]
 fn hdf5() -> Finding {
     let (major, minor, patch) = hdf5::library_version();
     let version = format!("version {major}.{minor}.{patch}");

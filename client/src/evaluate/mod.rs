@@ -25,6 +25,7 @@ use wheelarm_proto::v1;
 pub use episode::Entry;
 use episode::Worker;
 use ledger::Ledger;
+use wheelarm_proto::settings::{Pacing, Quality};
 use wheelarm_rig::local::{LocalServer, ServerOptions};
 
 /// Options of `wheelarm evaluate`.
@@ -87,9 +88,9 @@ impl EvaluateArgs {
             task: task.to_owned(),
             robot: self.robot.clone(),
             seed,
-            pacing: "lock-step",
+            pacing: Pacing::LockStep,
             cameras,
-            quality: "standard".to_owned(),
+            quality: Quality::Standard,
             assets: self.assets.clone(),
         }
     }

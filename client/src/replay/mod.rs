@@ -14,9 +14,11 @@ use std::time::Duration;
 use anyhow::{Context, bail};
 use clap::Args;
 use wheelarm_dataset::read::Episode;
+use wheelarm_proto::settings::{Pacing, Quality};
 use wheelarm_proto::topic::Sample;
 use wheelarm_proto::{TopicId, v1};
 
+use crate::choice::named;
 use script::Script;
 use wheelarm_link::{Commander, Link, Streams};
 use wheelarm_rig::local::{self, LocalServer, ServerOptions};
@@ -49,9 +51,9 @@ pub struct ReplayArgs {
     /// evaluation as recorded, and new pictures.
     #[arg(long, requires = "out")]
     pub as_recorded: bool,
-    /// Work per picture: `fast`, `standard` or `high`; the recording's when absent.
-    #[arg(long, requires = "out")]
-    pub quality: Option<String>,
+    /// Work per picture; the recording's when absent.
+    #[arg(long, requires = "out", value_parser = named::<Quality>())]
+    pub quality: Option<Quality>,
     /// Assets folder; the server looks for it when absent.
     #[arg(long, env = "WHEELARM_ASSETS")]
     pub assets: Option<PathBuf>,
@@ -78,11 +80,10 @@ pub fn run(args: &ReplayArgs) -> anyhow::Result<ExitCode> {
         task: script.scenario.task().to_owned(),
         robot: script.scenario.robot.clone(),
         seed: script.scenario.seed(),
-        pacing: "lock-step",
+        pacing: Pacing::LockStep,
         quality: args
             .quality
-            .clone()
-            .unwrap_or_else(|| script::quality(&script.scenario).to_owned()),
+            .unwrap_or_else(|| script::quality(&script.scenario)),
         cameras: cameras.iter().map(script::camera_option).collect(),
         assets: args.assets.clone(),
     })?;

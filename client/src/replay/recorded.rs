@@ -7,7 +7,7 @@ use std::process::ExitCode;
 use anyhow::{Context, bail};
 use wheelarm_dataset::read::Episode;
 use wheelarm_link::Link;
-use wheelarm_proto::v1;
+use wheelarm_proto::{Pacing, v1};
 use wheelarm_rig::local::{self, LocalServer, ServerOptions};
 
 use super::script::{self, camera_option};
@@ -36,8 +36,8 @@ pub(super) fn run(args: &ReplayArgs, out: &Path, episode: &Episode) -> anyhow::R
         task: scenario.task().to_owned(),
         robot: scenario.robot.clone(),
         seed: scenario.seed(),
-        pacing: "lock-step",
-        quality: args.quality.clone().unwrap_or_else(|| quality.to_owned()),
+        pacing: Pacing::LockStep,
+        quality: args.quality.unwrap_or(quality),
         cameras: cameras.iter().map(camera_option).collect(),
         assets: args.assets.clone(),
     })?;

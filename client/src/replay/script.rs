@@ -5,6 +5,7 @@ use std::path::Path;
 
 use anyhow::{Context, bail};
 use wheelarm_dataset::read::Episode;
+use wheelarm_proto::settings::Quality;
 use wheelarm_proto::{PHYSICS_VERSION, TICKS_PER_CONTROL, v1};
 
 /// An episode as a script.
@@ -138,7 +139,7 @@ pub(super) fn cameras(
         camera.height = height.unwrap_or(camera.height);
     }
     for text in others {
-        let camera = camera_setting(text)?;
+        let camera = v1::CameraSetting::from_text(text).map_err(anyhow::Error::msg)?;
         cameras.retain(|known| known.name != camera.name);
         cameras.push(camera);
     }
@@ -146,37 +147,15 @@ pub(super) fn cameras(
     Ok(cameras)
 }
 
-/// Quality of the recorded pictures, as the server takes it.
-pub(super) fn quality(scenario: &v1::Scenario) -> &'static str {
-    match scenario.quality() {
-        v1::RenderQuality::Fast => "fast",
-        v1::RenderQuality::High => "high",
-        v1::RenderQuality::Standard | v1::RenderQuality::Unspecified => "standard",
-    }
+/// Quality of the recorded pictures.
+pub(super) fn quality(scenario: &v1::Scenario) -> Quality {
+    Quality::told(scenario.quality()).unwrap_or_default()
 }
 
 fn by_tick<T>(list: Vec<T>, header: impl Fn(&T) -> Option<&v1::Header>) -> BTreeMap<u64, T> {
     list.into_iter()
         .filter_map(|item| Some((header(&item)?.tick, item)))
         .collect()
-}
-
-/// Reads `NAME=WIDTHxHEIGHT@HZ`.
-fn camera_setting(text: &str) -> anyhow::Result<v1::CameraSetting> {
-    let read = || {
-        let (name, rest) = text.split_once('=')?;
-        let (size, rate) = rest.split_once('@')?;
-        let (width, height) = size.split_once('x')?;
-        Some(v1::CameraSetting {
-            name: name.to_owned(),
-            width: width.parse().ok()?,
-            height: height.parse().ok()?,
-            rate_hz: Some(rate.parse().ok()?),
-        })
-    };
-    read().with_context(|| {
-        format!("{text:?} is not NAME=WIDTHxHEIGHT@HZ, for example room=960x540@10")
-    })
 }
 
 /// A camera as the server's option.
@@ -233,10 +212,13 @@ mod tests {
 
     #[test]
     fn cameras_are_read_and_wrong_ones_refused() {
-        let camera = camera_setting("room=960x540@7.5").unwrap();
+        let camera = v1::CameraSetting::from_text("room=960x540@7.5").unwrap();
         assert_eq!(camera_option(&camera), "room=960x540@7.5");
-        for bad in ["room", "room=960@10", "room=axb@10", "room=960x540"] {
-            assert!(camera_setting(bad).is_err(), "{bad:?} was taken");
+        for bad in ["room", "room=960@10", "room=axb@10"] {
+            assert!(
+                v1::CameraSetting::from_text(bad).is_err(),
+                "{bad:?} was taken"
+            );
         }
     }
 }

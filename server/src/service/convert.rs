@@ -11,7 +11,7 @@ use crate::robot::control::{
 };
 use crate::scene::{FurnitureJoint, Placement, Resistance, Scene};
 use crate::sensors::frames::RelativeState;
-use crate::sim::{ALL_CAMERAS, CameraSetting, Pacing, Quality, Scenario};
+use crate::sim::{ALL_CAMERAS, CameraSetting, Quality, Scenario};
 use crate::snapshot::{BodyRef, BodyState};
 use crate::tasks;
 
@@ -347,16 +347,8 @@ pub fn scenario(s: &Scenario) -> v1::Scenario {
         state_rate_hz: Some(s.state_rate_hz),
         deformable_rate_hz: Some(s.deformable_rate_hz),
         imu_rate_hz: Some(s.imu_rate_hz),
-        pacing: match s.pacing {
-            Pacing::RealTime => v1::Pacing::RealTime,
-            Pacing::LockStep => v1::Pacing::LockStep,
-            Pacing::Fast => v1::Pacing::Fast,
-        } as i32,
-        quality: match s.quality {
-            Quality::Fast => v1::RenderQuality::Fast,
-            Quality::Standard => v1::RenderQuality::Standard,
-            Quality::High => v1::RenderQuality::High,
-        } as i32,
+        pacing: s.pacing.code().into(),
+        quality: s.quality.code().into(),
         imu_noise: Some(s.imu_noise),
         objects: s
             .objects
@@ -480,10 +472,7 @@ pub fn scenario_over(now: &Scenario, asked: &v1::Scenario) -> Result<Scenario, I
             .collect();
     }
     match v1::RenderQuality::try_from(asked.quality) {
-        Ok(v1::RenderQuality::Unspecified) => {}
-        Ok(v1::RenderQuality::Fast) => s.quality = Quality::Fast,
-        Ok(v1::RenderQuality::Standard) => s.quality = Quality::Standard,
-        Ok(v1::RenderQuality::High) => s.quality = Quality::High,
+        Ok(code) => keep(&mut s.quality, Quality::told(code)),
         Err(_) => {
             return Err(Invalid::Word {
                 what: "quality",

@@ -27,6 +27,7 @@ mod replies;
 pub mod session;
 mod shared;
 mod signal;
+pub mod startup;
 mod waiting;
 mod wall;
 

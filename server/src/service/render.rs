@@ -21,9 +21,9 @@ use super::signal::Signal;
 use crate::robot::RobotModel;
 use crate::scene::Scene;
 use crate::sensors::camera::{
-    Binding, CameraSpec, Frame, IN_FLIGHT, Quality, RenderError, RenderScene, Renderer,
+    Binding, CameraSpec, Frame, IN_FLIGHT, RenderError, RenderScene, Renderer,
 };
-use crate::sim::{self, Scenario, Simulation};
+use crate::sim::{Scenario, Simulation};
 use crate::snapshot::Snapshot;
 
 /// Batches that may wait to be drawn.
@@ -71,11 +71,7 @@ impl Setup {
             .iter()
             .map(|c| self.camera(&c.name, c.size))
             .collect::<Result<Vec<_>, _>>()?;
-        let quality = match self.scenario.quality {
-            sim::Quality::Fast => Quality::Fast,
-            sim::Quality::Standard => Quality::Standard,
-            sim::Quality::High => Quality::High,
-        };
+        let quality = self.scenario.quality;
         let renderer = Renderer::new(&scene, &cameras, quality, self.adapter.as_deref())?;
         Ok((renderer, scene))
     }

@@ -6,27 +6,7 @@ use wheelarm_proto::{CONTROL_HZ, PHYSICS_HZ};
 use crate::scene::{Placement, Resistance};
 use crate::sensors::{BadRate, Schedule};
 
-/// How simulation time relates to wall time.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Pacing {
-    /// One simulated second per second, slower where the host cannot keep up.
-    RealTime,
-    /// Waits for the commander at every control tick and for the recorders' credit.
-    LockStep,
-    /// As fast as it goes.
-    Fast,
-}
-
-/// How much work goes into a picture.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Quality {
-    /// No shadows.
-    Fast,
-    /// One shadow map.
-    Standard,
-    /// Multisampling and soft shadows.
-    High,
-}
+pub use wheelarm_proto::settings::{Pacing, Quality};
 
 /// One camera of a scenario.
 #[derive(Clone, Debug, PartialEq)]

@@ -17,6 +17,7 @@ mod forgery;
 mod gate;
 mod mutation;
 mod over_ticks;
+mod own_client;
 mod preview;
 mod queries;
 mod recorded;

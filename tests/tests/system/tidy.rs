@@ -75,7 +75,7 @@ fn the_walls_of_the_architecture_stand() {
                 }
             }
             let messages = text.contains("wheelarm_proto::v1") || text.contains("v1::");
-            if messages && !place.starts_with("service/") {
+            if messages && !place.starts_with("service/") && place != "main.rs" {
                 breaches.push(format!("{place}:{line} names messages"));
             }
         }
@@ -229,6 +229,47 @@ fn a_client_package_names_only_what_lies_below_it() {
         }
     }
     assert_eq!(found.len(), CLIENTS.len(), "{found:?}");
+}
+
+/// What `make demo` runs: the programs of a user, and nothing that tests them.
+#[test]
+fn what_is_built_without_asking_is_what_the_demo_runs() {
+    let text = fs::read_to_string(root().join("Cargo.toml")).expect("a manifest");
+    let line = text
+        .lines()
+        .find_map(|l| l.strip_prefix("default-members = "));
+    assert_eq!(line, Some(r#"["server", "client", "client/dataset"]"#));
+    let make = fs::read_to_string(root().join("Makefile")).expect("a Makefile");
+    let build = make.split("\nbuild:\n").nth(1).expect("a target");
+    let build = build.split("\n\n").next().unwrap_or_default();
+    assert!(!build.contains("--workspace"), "{build}");
+    // Each of them has a program, and no other package of a user has one.
+    for package in ["server", "client", "client/dataset"] {
+        assert!(
+            root().join(package).join("src/main.rs").is_file(),
+            "{package}"
+        );
+    }
+    for (package, _) in CLIENTS {
+        let is_program = root().join(package).join("src/main.rs").is_file();
+        assert_eq!(is_program, ["client", "client/dataset"].contains(&package));
+    }
+}
+
+/// Packages without which the thin client is built: its features bring them.
+#[test]
+fn a_thin_client_needs_no_hdf5_and_no_terminal() {
+    let text = fs::read_to_string(root().join("client/Cargo.toml")).expect("a manifest");
+    for name in ["hdf5", "ratatui", "wheelarm-dataset", "wheelarm-record"] {
+        let line = format!("{name} = {{ workspace = true, optional = true }}");
+        assert!(text.contains(&line), "{name} is not optional");
+    }
+    for package in ["client/link", "client/operate", "client/rig"] {
+        for name in dependencies(package) {
+            let heavy = ["hdf5", "ratatui", "clap", "wheelarm-dataset"];
+            assert!(!heavy.contains(&name.as_str()), "{package} names {name}");
+        }
+    }
 }
 
 /// What `wheelarm-link` may be built with: proto, zenoh, and what those need.

@@ -16,7 +16,7 @@ use prost::Message;
 use wheelarm_proto::{StreamId, TopicId, v1};
 
 use crate::columns::{self, Context};
-use crate::depth::DepthFormat;
+use crate::depth::Depth;
 use crate::hdf::Attributes;
 use crate::log::{LogError, Scan, scan};
 use crate::read::first_robot;
@@ -194,9 +194,9 @@ fn write(path: &Path, scan: &Scan, account: &Account) -> Result<(), FinishError>
     let group = file.create_group("streams")?;
     let cameras = group.create_group("camera")?;
     let depth = if scan.preamble.depth_millimetres {
-        DepthFormat::Millimetres
+        Depth::Millimetres
     } else {
-        DepthFormat::Metres
+        Depth::Metres
     };
     let mut counts = BTreeMap::new();
     let mut rows = vec![Row::new(

@@ -9,7 +9,7 @@ use wheelarm_proto::{StreamId, v1};
 use crate::calibration::{CONVENTION, PIXEL_CENTRE};
 use crate::columns::{Axis, Cell, ColumnInfo, Context, Kind, Stream};
 use crate::compress::Deflate;
-use crate::depth::{DepthFormat, MILLIMETRES_NOTE};
+use crate::depth::{Depth, MILLIMETRES_NOTE};
 use crate::hdf::{Attributes, Chunked, ColumnWriter, Filters};
 use crate::ids;
 use crate::log::{CameraParts, Entry, Scan};
@@ -119,7 +119,7 @@ fn create<'a>(
 pub(super) fn camera(
     group: &Group,
     name: &str,
-    depth: DepthFormat,
+    depth: Depth,
     scan: &Scan,
     entries: &[&Entry],
 ) -> Result<(), FinishError> {
@@ -190,7 +190,7 @@ struct Pictures {
 impl Pictures {
     fn create(
         group: &Group,
-        format: DepthFormat,
+        format: Depth,
         count: usize,
         intrinsics: &v1::Intrinsics,
         id_bytes: usize,
@@ -200,7 +200,7 @@ impl Pictures {
         describe(rgb.dataset(), "1 (0 to 255, sRGB)")?;
         let shuffle = Filters::ShuffleDeflate;
         let depth = match format {
-            DepthFormat::Metres => {
+            Depth::Metres => {
                 let d = Chunked::create::<f32>(group, "depth", count, &[h, w], 1, shuffle)?;
                 describe(d.dataset(), "m")?;
                 let note = "+inf where nothing is hit";
@@ -209,7 +209,7 @@ impl Pictures {
                     .text("note", note)?;
                 d
             }
-            DepthFormat::Millimetres => {
+            Depth::Millimetres => {
                 let d = Chunked::create::<u16>(group, "depth", count, &[h, w], 1, shuffle)?;
                 describe(d.dataset(), "mm")?;
                 Attributes::of(d.dataset())

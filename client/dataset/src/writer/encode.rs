@@ -4,7 +4,7 @@ use prost::Message;
 use wheelarm_proto::v1;
 
 use crate::compress::Deflate;
-use crate::depth::{DepthFormat, to_millimetres};
+use crate::depth::{Depth, to_millimetres};
 use crate::ids;
 use crate::log::{Kind, RecordHeader, begin_record, finish_record};
 
@@ -12,13 +12,13 @@ use crate::log::{Kind, RecordHeader, begin_record, finish_record};
 pub(super) struct Encoder {
     deflate: Deflate,
     millimetres: Vec<u8>,
-    depth: DepthFormat,
+    depth: Depth,
     /// Length of the last picture record, the best guess for the next one.
     last: usize,
 }
 
 impl Encoder {
-    pub fn new(depth: DepthFormat) -> Self {
+    pub fn new(depth: Depth) -> Self {
         Self {
             deflate: Deflate::default(),
             millimetres: Vec::new(),
@@ -55,10 +55,10 @@ impl Encoder {
             self.deflate.append(&frame.rgb, 1, out);
         });
         part(&mut out, |out| match self.depth {
-            DepthFormat::Metres => {
+            Depth::Metres => {
                 self.deflate.append(&frame.depth, 4, out);
             }
-            DepthFormat::Millimetres => {
+            Depth::Millimetres => {
                 to_millimetres(&frame.depth, &mut self.millimetres);
                 self.deflate.append(&self.millimetres, 2, out);
             }

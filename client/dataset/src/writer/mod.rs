@@ -21,7 +21,7 @@ use prost::Message;
 use wheelarm_proto::{StreamId, v1};
 
 use crate::columns;
-use crate::depth::DepthFormat;
+use crate::depth::Depth;
 use crate::log::{Appender, Closing, Kind, LogError, LogFile, Preamble, RecordHeader};
 
 use budget::Budget;
@@ -32,7 +32,7 @@ use threads::{Job, Progress, Work};
 #[derive(Clone, Debug)]
 pub struct WriterOptions {
     /// How depth is stored.
-    pub depth: DepthFormat,
+    pub depth: Depth,
     /// Name of the recorder, stored in the file.
     pub recorder: String,
     /// Compression threads; 2 keep up with two cameras at 1280x720 and 15 Hz.
@@ -45,7 +45,7 @@ pub struct WriterOptions {
 impl Default for WriterOptions {
     fn default() -> Self {
         Self {
-            depth: DepthFormat::Metres,
+            depth: Depth::Metres,
             recorder: "recorder".into(),
             workers: 2,
             queue_bytes: 128 << 20,
@@ -204,7 +204,7 @@ impl EpisodeWriter {
             snapshot: Some(snapshot.clone()),
             recorder: options.recorder.clone(),
             software: env!("CARGO_PKG_VERSION").to_owned(),
-            depth_millimetres: options.depth == DepthFormat::Millimetres,
+            depth_millimetres: options.depth == Depth::Millimetres,
             streams: names.clone(),
         };
         let appender = Appender::start(log_file, &preamble).map_err(|source| LogError::Io {

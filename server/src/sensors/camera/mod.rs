@@ -30,23 +30,12 @@ pub use error::RenderError;
 pub use renderer::{IN_FLIGHT, Renderer};
 pub use scene::{Binding, RenderItem, RenderScene};
 pub use spec::{CameraSpec, Intrinsics};
+pub use wheelarm_proto::settings::Quality;
 
 /// Environment variable and value that keep Mesa's loader layer from looking for
 /// a desktop and complaining that `XDG_RUNTIME_DIR` is not set. To be set for
 /// the process by whoever starts it; harmless everywhere.
 pub const QUIET_LOADER: (&str, &str) = ("NODEVICE_SELECT", "1");
-
-/// How much work goes into a picture; recorded with the data.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Quality {
-    /// No shadows.
-    Fast,
-    /// Shadows.
-    #[default]
-    Standard,
-    /// Soft shadows, four samples per pixel.
-    High,
-}
 
 /// What one camera saw.
 #[derive(Clone, Debug)]

@@ -1,0 +1,61 @@
+//! One camera's pictures, decoded; the newest few are kept, older ones are let
+//! go.
+
+use std::time::{Duration, Instant};
+
+use bytes::Bytes;
+use wheelarm_proto::{Message, v1};
+use zenoh::handlers::{IntoHandler, RingChannel, RingChannelHandler};
+use zenoh::pubsub::Subscriber;
+use zenoh::sample::Sample;
+
+use super::{Frame, Link, LinkError, transport};
+
+/// A subscribed camera.
+pub struct Camera {
+    pictures: RingChannelHandler<Sample>,
+    _subscriber: Subscriber<()>,
+}
+
+impl Link {
+    /// Subscribes to a camera. Up to `kept` pictures wait to be taken; when
+    /// another comes the oldest is let go, which the sequence numbers of the
+    /// headers tell. With 1 the newest is taken.
+    ///
+    /// # Errors
+    /// [`LinkError::Transport`].
+    pub fn camera(&self, name: &str, kept: usize) -> Result<Camera, LinkError> {
+        let (ring, pictures) = RingChannel::new(kept.max(1)).into_handler();
+        let key = self.keys().camera(name);
+        let subscriber = self.subscribe(&key, move |sample| ring.call(sample))?;
+        Ok(Camera {
+            pictures,
+            _subscriber: subscriber,
+        })
+    }
+}
+
+impl Camera {
+    /// The next picture, or `None` when none came for `patience`.
+    ///
+    /// # Errors
+    /// [`LinkError::Garbled`] and [`LinkError::Frame`] when it cannot be read,
+    /// [`LinkError::Transport`] when the session is closed.
+    pub fn next(&self, patience: Duration) -> Result<Option<Frame>, LinkError> {
+        let deadline = Instant::now() + patience;
+        let sample = self
+            .pictures
+            .recv_deadline(deadline)
+            .map_err(transport("waiting for a picture"))?;
+        let Some(sample) = sample else {
+            return Ok(None);
+        };
+        // Planes share these bytes.
+        let bytes = Bytes::from(sample.payload().to_bytes().into_owned());
+        let message = v1::CameraFrame::decode(bytes).map_err(|cause| LinkError::Garbled {
+            what: "a picture".to_owned(),
+            cause,
+        })?;
+        Ok(Some(Frame::read(message)?))
+    }
+}

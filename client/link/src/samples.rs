@@ -1,0 +1,58 @@
+//! One topic, typed by its message.
+
+use std::marker::PhantomData;
+use std::sync::mpsc::{Receiver, RecvTimeoutError};
+use std::time::Duration;
+
+use bytes::Bytes;
+use wheelarm_proto::Topic;
+use zenoh::bytes::ZBytes;
+use zenoh::pubsub::Subscriber;
+
+use super::{Link, LinkError};
+
+/// A subscribed topic: every message of it, in the order of arrival.
+pub struct Samples<M> {
+    receiver: Receiver<ZBytes>,
+    _subscriber: Subscriber<()>,
+    _message: PhantomData<M>,
+}
+
+impl Link {
+    /// Subscribes to the topic of a message: `link.samples::<v1::Imu>()`. They
+    /// wait in memory until they are taken.
+    ///
+    /// # Errors
+    /// [`LinkError::Transport`].
+    pub fn samples<M: Topic>(&self) -> Result<Samples<M>, LinkError> {
+        let (sender, receiver) = std::sync::mpsc::channel();
+        let subscriber = self.subscribe(&self.keys().topic(M::TOPIC), move |sample| {
+            // A closed queue means that nobody reads any more.
+            let _ = sender.send(sample.payload().clone());
+        })?;
+        Ok(Samples {
+            receiver,
+            _subscriber: subscriber,
+            _message: PhantomData,
+        })
+    }
+}
+
+impl<M: Topic> Samples<M> {
+    /// The next message, or `None` when nothing came for `patience`.
+    ///
+    /// # Errors
+    /// [`LinkError::Garbled`].
+    pub fn next(&self, patience: Duration) -> Result<Option<M>, LinkError> {
+        match self.receiver.recv_timeout(patience) {
+            Ok(payload) => match M::decode(Bytes::from(payload.to_bytes().into_owned())) {
+                Ok(message) => Ok(Some(message)),
+                Err(cause) => Err(LinkError::Garbled {
+                    what: format!("`{}`", M::NAME),
+                    cause,
+                }),
+            },
+            Err(RecvTimeoutError::Timeout | RecvTimeoutError::Disconnected) => Ok(None),
+        }
+    }
+}

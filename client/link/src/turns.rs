@@ -1,0 +1,139 @@
+//! A commander's turns: every control tick that it is to answer, with what was
+//! published up to it.
+//!
+//! In lock-step time waits for the answer; with `Command.over_ticks` it stands
+//! for several ticks, and the next turn comes behind them. In real time the
+//! turns come at 60 Hz whether they are answered or not.
+
+use std::time::{Duration, Instant};
+
+use wheelarm_proto::topic::Sample;
+use wheelarm_proto::{TICKS_PER_CONTROL, TopicId, v1};
+
+use super::{Commander, Link, LinkError, Streams};
+
+/// Silence after which the server is asked whether time waits for us: a clock
+/// may have been published before this commander listened, or be lost.
+const SILENCE: Duration = Duration::from_secs(1);
+
+/// What a commander is told.
+#[derive(Clone, Debug, PartialEq)]
+#[expect(clippy::large_enum_variant, reason = "a turn is looked at and dropped")]
+pub enum Turn {
+    /// A control tick is to be answered; its clock.
+    Answer(v1::Clock),
+    /// One of its commands was refused.
+    Refused(v1::Refusal),
+    /// An episode has ended.
+    Ended(v1::EpisodeStopped),
+    /// Nothing came within the patience; what the server says that it does.
+    Silent(v1::Status),
+}
+
+/// A commander that takes its turns.
+pub struct Turns {
+    link: Link,
+    commander: Commander,
+    streams: Streams,
+    /// The tick to be answered.
+    asked: v1::Header,
+    /// Run and episode of the newest answer, and the first tick behind it.
+    due: (String, u64, u64),
+}
+
+impl Link {
+    /// Takes control as `name`, as [`Link::commander`] does, and subscribes to
+    /// `topics` beside what a commander is told.
+    ///
+    /// # Errors
+    /// As [`Link::commander`].
+    pub fn turns(&self, name: &str, take: bool, topics: &[TopicId]) -> Result<Turns, LinkError> {
+        let mut wanted = vec![TopicId::Clock, TopicId::Refusal, TopicId::EpisodeStop];
+        wanted.extend(
+            topics
+                .iter()
+                .filter(|topic| !wanted.contains(topic))
+                .copied()
+                .collect::<Vec<_>>(),
+        );
+        let streams = self.streams(&wanted)?;
+        Ok(Turns {
+            commander: self.commander(name, take)?,
+            link: self.clone(),
+            streams,
+            asked: v1::Header::default(),
+            due: (String::new(), 0, 0),
+        })
+    }
+}
+
+impl Turns {
+    /// Waits for the next turn, at most `patience`. What is published until
+    /// then, of the topics that were asked for, goes to `taken` in its order.
+    ///
+    /// # Errors
+    /// [`LinkError`].
+    pub fn next(
+        &mut self,
+        patience: Duration,
+        taken: &mut dyn FnMut(Sample),
+    ) -> Result<Turn, LinkError> {
+        let deadline = Instant::now() + patience;
+        loop {
+            let left = deadline.saturating_duration_since(Instant::now());
+            match self.streams.next(left.min(SILENCE))? {
+                Some(Sample::Clock(clock)) => {
+                    let header = clock.header.clone().unwrap_or_default();
+                    taken(Sample::Clock(clock.clone()));
+                    if self.is_due(&header) {
+                        self.asked = header;
+                        return Ok(Turn::Answer(clock));
+                    }
+                }
+                Some(Sample::Refusal(refusal)) if refusal.commander == self.commander.name() => {
+                    return Ok(Turn::Refused(refusal));
+                }
+                Some(Sample::EpisodeStop(stopped)) => return Ok(Turn::Ended(stopped)),
+                Some(sample) => taken(sample),
+                None => {
+                    let status = self.link.ask(&v1::StatusRequest {})?;
+                    let header = status.header.clone().unwrap_or_default();
+                    let waits = status.episode.is_some() && !status.paused;
+                    if waits && self.is_due(&header) {
+                        self.asked = header.clone();
+                        return Ok(Turn::Answer(v1::Clock {
+                            header: Some(header),
+                            real_time_factor: status.real_time_factor,
+                        }));
+                    }
+                    if Instant::now() >= deadline {
+                        return Ok(Turn::Silent(status));
+                    }
+                }
+            }
+        }
+    }
+
+    /// Whether a tick is not covered by the newest answer.
+    fn is_due(&self, header: &v1::Header) -> bool {
+        let (run, episode, first) = &self.due;
+        *run != header.run_id || *episode != header.episode || header.tick >= *first
+    }
+
+    /// Answers the newest [`Turn::Answer`].
+    ///
+    /// # Errors
+    /// [`LinkError::Transport`].
+    pub fn answer(&mut self, command: v1::Command) -> Result<(), LinkError> {
+        let ticks = u64::from(command.over_ticks.max(1)) * TICKS_PER_CONTROL;
+        let (run, episode) = (self.asked.run_id.clone(), self.asked.episode);
+        self.due = (run, episode, self.asked.tick + ticks);
+        self.commander.answer(&self.asked, command)
+    }
+
+    /// The commander whose turns they are.
+    #[must_use]
+    pub fn commander(&self) -> &Commander {
+        &self.commander
+    }
+}

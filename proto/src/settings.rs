@@ -1,0 +1,271 @@
+//! What a scenario and a recording choose from: one type each, and its one set
+//! of names, for command lines, TOML and files.
+
+use std::fmt;
+
+use crate::v1;
+
+/// A choice from a few that have names.
+pub trait Named: Copy + PartialEq + 'static {
+    /// What it is, for errors: `quality`.
+    const WHAT: &'static str;
+    /// Every value.
+    const ALL: &'static [Self];
+    /// Its name: small letters and `-`.
+    fn name(self) -> &'static str;
+
+    /// The value of that name.
+    ///
+    /// # Errors
+    /// [`UnknownName`], which lists the names there are.
+    fn from_name(name: &str) -> Result<Self, UnknownName> {
+        let found = Self::ALL.iter().find(|value| value.name() == name);
+        found.copied().ok_or_else(|| UnknownName {
+            what: Self::WHAT,
+            name: name.to_owned(),
+            known: Self::ALL.iter().map(|value| value.name()).collect(),
+        })
+    }
+}
+
+/// A name that stands for nothing.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct UnknownName {
+    what: &'static str,
+    name: String,
+    known: Vec<&'static str>,
+}
+
+impl fmt::Display for UnknownName {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { what, name, known } = self;
+        write!(f, "{what} {name:?} is none of {}", known.join(", "))
+    }
+}
+
+impl std::error::Error for UnknownName {}
+
+/// How simulation time relates to wall time.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Pacing {
+    /// One simulated second per second, slower where the host cannot keep up.
+    #[default]
+    RealTime,
+    /// Waits for the commander at every control tick and for the recorders' credit.
+    LockStep,
+    /// As fast as it goes.
+    Fast,
+}
+
+impl Named for Pacing {
+    const WHAT: &'static str = "pacing";
+    const ALL: &'static [Self] = &[Self::RealTime, Self::LockStep, Self::Fast];
+
+    fn name(self) -> &'static str {
+        match self {
+            Self::RealTime => "real-time",
+            Self::LockStep => "lock-step",
+            Self::Fast => "fast",
+        }
+    }
+}
+
+impl Pacing {
+    /// What a message tells, if it tells it.
+    #[must_use]
+    pub fn told(code: v1::Pacing) -> Option<Self> {
+        match code {
+            v1::Pacing::Unspecified => None,
+            v1::Pacing::RealTime => Some(Self::RealTime),
+            v1::Pacing::LockStep => Some(Self::LockStep),
+            v1::Pacing::Fast => Some(Self::Fast),
+        }
+    }
+
+    /// As a message tells it.
+    #[must_use]
+    pub fn code(self) -> v1::Pacing {
+        match self {
+            Self::RealTime => v1::Pacing::RealTime,
+            Self::LockStep => v1::Pacing::LockStep,
+            Self::Fast => v1::Pacing::Fast,
+        }
+    }
+}
+
+/// How much work goes into a picture; recorded with the data.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Quality {
+    /// No shadows.
+    Fast,
+    /// One shadow map.
+    #[default]
+    Standard,
+    /// Soft shadows, four samples per pixel.
+    High,
+}
+
+impl Named for Quality {
+    const WHAT: &'static str = "quality";
+    const ALL: &'static [Self] = &[Self::Fast, Self::Standard, Self::High];
+
+    fn name(self) -> &'static str {
+        match self {
+            Self::Fast => "fast",
+            Self::Standard => "standard",
+            Self::High => "high",
+        }
+    }
+}
+
+impl Quality {
+    /// What a message tells, if it tells it.
+    #[must_use]
+    pub fn told(code: v1::RenderQuality) -> Option<Self> {
+        match code {
+            v1::RenderQuality::Unspecified => None,
+            v1::RenderQuality::Fast => Some(Self::Fast),
+            v1::RenderQuality::Standard => Some(Self::Standard),
+            v1::RenderQuality::High => Some(Self::High),
+        }
+    }
+
+    /// As a message tells it.
+    #[must_use]
+    pub fn code(self) -> v1::RenderQuality {
+        match self {
+            Self::Fast => v1::RenderQuality::Fast,
+            Self::Standard => v1::RenderQuality::Standard,
+            Self::High => v1::RenderQuality::High,
+        }
+    }
+}
+
+/// How a recording stores depth.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Depth {
+    /// float32 metres, bit for bit as rendered; +inf where nothing is hit.
+    #[default]
+    Metres,
+    /// 16-bit millimetres at half the size, rounded to the nearest; 0 where
+    /// nothing is hit or the surface is farther than 65.535 m.
+    Millimetres,
+}
+
+impl Named for Depth {
+    const WHAT: &'static str = "depth";
+    const ALL: &'static [Self] = &[Self::Metres, Self::Millimetres];
+
+    fn name(self) -> &'static str {
+        match self {
+            Self::Metres => "f32",
+            Self::Millimetres => "u16",
+        }
+    }
+}
+
+impl v1::CameraSetting {
+    /// Reads `NAME=WIDTHxHEIGHT@HZ`, for example `gen3=1280x720@10`; the name
+    /// `*` stands for each of the robot's cameras that is not named.
+    ///
+    /// # Errors
+    /// The text and its form.
+    pub fn from_text(text: &str) -> Result<Self, String> {
+        let read = || {
+            let (name, rest) = text.split_once('=')?;
+            let (size, rate) = rest.split_once('@').unwrap_or((rest, "10"));
+            let (width, height) = size.split_once('x')?;
+            let setting = Self {
+                name: name.to_owned(),
+                width: width.parse().ok()?,
+                height: height.parse().ok()?,
+                rate_hz: Some(rate.parse().ok()?),
+            };
+            (!name.is_empty()).then_some(setting)
+        };
+        read().ok_or_else(|| {
+            format!("{text:?} is not NAME=WIDTHxHEIGHT@HZ, for example *=1280x720@10 for all of the robot's")
+        })
+    }
+}
+
+/// Reads and writes as text what messages hold as numbers.
+#[cfg(feature = "serde")]
+pub(crate) mod text {
+    use serde::de::Error;
+    use serde::{Deserialize, Deserializer, Serializer};
+
+    use super::Named;
+
+    fn write<T: Named, S: Serializer>(value: Option<T>, to: S) -> Result<S::Ok, S::Error> {
+        to.serialize_str(value.map_or("", T::name))
+    }
+
+    fn read<'de, T: Named, D: Deserializer<'de>>(from: D) -> Result<T, D::Error> {
+        let name = String::deserialize(from)?;
+        T::from_name(&name).map_err(D::Error::custom)
+    }
+
+    /// Whether a number stands for what is not told.
+    #[expect(clippy::trivially_copy_pass_by_ref, reason = "serde gives a reference")]
+    pub fn is_untold(number: &i32) -> bool {
+        *number == 0
+    }
+
+    /// The pacing of a scenario.
+    pub mod pacing {
+        use super::{Deserializer, Serializer};
+        use crate::settings::Pacing;
+        use crate::v1;
+
+        #[expect(clippy::trivially_copy_pass_by_ref, reason = "serde gives a reference")]
+        pub fn serialize<S: Serializer>(number: &i32, to: S) -> Result<S::Ok, S::Error> {
+            let code = v1::Pacing::try_from(*number).unwrap_or_default();
+            super::write(Pacing::told(code), to)
+        }
+
+        pub fn deserialize<'de, D: Deserializer<'de>>(from: D) -> Result<i32, D::Error> {
+            super::read(from).map(|pacing: Pacing| pacing.code().into())
+        }
+    }
+
+    /// The quality of a scenario.
+    pub mod quality {
+        use super::{Deserializer, Serializer};
+        use crate::settings::Quality;
+        use crate::v1;
+
+        #[expect(clippy::trivially_copy_pass_by_ref, reason = "serde gives a reference")]
+        pub fn serialize<S: Serializer>(number: &i32, to: S) -> Result<S::Ok, S::Error> {
+            let code = v1::RenderQuality::try_from(*number).unwrap_or_default();
+            super::write(Quality::told(code), to)
+        }
+
+        pub fn deserialize<'de, D: Deserializer<'de>>(from: D) -> Result<i32, D::Error> {
+            super::read(from).map(|quality: Quality| quality.code().into())
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_choice_is_told_and_read_by_its_name() {
+        for pacing in Pacing::ALL {
+            assert_eq!(Pacing::told(pacing.code()), Some(*pacing));
+            assert_eq!(Pacing::from_name(pacing.name()), Ok(*pacing));
+        }
+        for quality in Quality::ALL {
+            assert_eq!(Quality::told(quality.code()), Some(*quality));
+            assert_eq!(Quality::from_name(quality.name()), Ok(*quality));
+        }
+        assert_eq!(Depth::from_name("u16"), Ok(Depth::Millimetres));
+        let camera = v1::CameraSetting::from_text("room=640x360@5").unwrap();
+        assert_eq!((camera.name.as_str(), camera.rate_hz), ("room", Some(5.0)));
+        assert!(v1::CameraSetting::from_text("room=640").is_err());
+        let words = Quality::from_name("best").unwrap_err().to_string();
+        assert_eq!(words, "quality \"best\" is none of fast, standard, high");
+    }
+}
