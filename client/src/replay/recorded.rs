@@ -7,7 +7,8 @@ use std::process::ExitCode;
 use anyhow::{Context, bail};
 use wheelarm_dataset::read::Episode;
 use wheelarm_link::Link;
-use wheelarm_proto::{Pacing, v1};
+use wheelarm_proto::settings::Pacing;
+use wheelarm_proto::v1;
 use wheelarm_rig::local::{self, LocalServer, ServerOptions};
 
 use super::script::{self, camera_option};

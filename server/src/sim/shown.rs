@@ -162,11 +162,13 @@ mod tests {
     fn a_shown_state_is_the_one_that_was_recorded() {
         for task in ["place_teddy_bear", "open_drawer"] {
             let mut sim = simulation(scenario(task));
-            let mut drive = ControlInput::default();
-            drive.base = Some(BaseIntent {
-                linear: 0.3,
-                angular: 0.5,
-            });
+            let drive = ControlInput {
+                base: Some(BaseIntent {
+                    linear: 0.3,
+                    angular: 0.5,
+                }),
+                ..ControlInput::default()
+            };
             for _ in 0..20 {
                 sim.step(&drive);
             }
