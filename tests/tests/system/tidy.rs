@@ -99,7 +99,7 @@ fn run_code(path: &Path) -> Vec<(usize, String)> {
     let test = name.contains("/laws/") || name.ends_with("tests.rs") || name.ends_with("laws.rs");
     let lines = if test { Vec::new() } else { code(path) };
     let run = lines.into_iter();
-    run.take_while(|(_, text)| text.trim() != "mod tests {")
+    run.take_while(|(_, text)| !text.trim().ends_with("mod tests {"))
         .collect()
 }
 
@@ -404,4 +404,65 @@ fn nothing_names_a_path_of_one_machine() {
         "paths of one machine:\n{}",
         found.join("\n")
     );
+}
+
+/// Words of the contract that happen to be names of the robot's links, too.
+const COMMON: [&str; 3] = ["base_link", "wheelchair_root", "end_effector_link"];
+
+/// Where the robot that ships may be known by name: formats of others, and what
+/// reads files that do not tell their robot.
+const KNOW_THE_ROBOT: [&str; 2] = ["client/dataset/src/", "proto/src/names.rs"];
+
+/// Everything between two marks in a text.
+fn between<'a>(text: &'a str, start: &str, end: &str) -> Vec<&'a str> {
+    let parts = text.split(start).skip(1);
+    parts.filter_map(|part| part.split(end).next()).collect()
+}
+
+/// Numbers with a point as they stand in code, without their underscores.
+fn decimals(text: &str) -> impl Iterator<Item = String> {
+    text.split(|c: char| !(c.is_ascii_digit() || matches!(c, '.' | '_')))
+        .filter(|word| word.contains('.') && word.starts_with(|c: char| c.is_ascii_digit()))
+        .map(|word| word.replace('_', ""))
+}
+
+#[test]
+fn the_robot_is_told_and_not_copied() {
+    let folder = root().join("assets/robots/wheelarm");
+    let read = |file: &str| fs::read_to_string(folder.join(file)).expect("a file of the robot");
+    let (urdf, toml) = (read("wheelarm.urdf"), read("robot.toml"));
+    let mut known: Vec<&str> = between(&urdf, "<link name=\"", "\"");
+    known.extend(between(&urdf, "<joint name=\"", "\""));
+    known.extend(between(&toml, "name = \"", "\""));
+    known.retain(|name| !COMMON.contains(name) && *name != "wheelarm");
+    assert!(known.len() > 50, "{} names", known.len());
+    // Numbers of the gripper, of the chair and of the reach that could be nothing
+    // else, as they stand in the folder.
+    let sizes = [
+        "0.085", "0.7929", "235.0", "0.03060114", "0.05490452", "0.793", "0.414", "0.496",
+        "0.1325", "0.2848", "0.873",
+    ];
+    let told: Vec<String> = decimals(&urdf).chain(decimals(&toml)).collect();
+    for size in sizes {
+        assert!(told.iter().any(|number| number == size), "{size} is no number of the robot");
+    }
+    let mut copied = Vec::new();
+    for folder in ["proto", "server/src", "client"] {
+        for path in list(folder, ".rs") {
+            let path_text = path.strip_prefix(root()).expect("below the root");
+            let place = path_text.to_string_lossy().into_owned();
+            let exempt = KNOW_THE_ROBOT.iter().any(|known| place.starts_with(known));
+            let of_tests = ["/tests/", "/examples/", "/toy.rs"].iter();
+            if exempt || of_tests.into_iter().any(|part| place.contains(part)) {
+                continue;
+            }
+            for (line, text) in run_code(&path) {
+                let quoted = text.split('"').skip(1).step_by(2);
+                let names = quoted.filter(|word| known.contains(word)).map(str::to_owned);
+                let numbers = decimals(&text).filter(|number| sizes.contains(&number.as_str()));
+                copied.extend(names.chain(numbers).map(|what| format!("{place}:{line} {what}")));
+            }
+        }
+    }
+    assert!(copied.is_empty(), "the robot's own:\n{}", copied.join("\n"));
 }

@@ -32,7 +32,7 @@ impl Predicate for LiftedAndHeld {
     fn thresholds(&self) -> Vec<Threshold> {
         vec![
             Threshold::new("height", self.height, "m", 2.0),
-            Threshold::new("pad_force", self.pad_force, "N", 235.0),
+            Threshold::new("pad_force", self.pad_force, "N", 1000.0),
             Threshold::new("secs", self.secs, "s", 60.0),
         ]
     }
@@ -77,7 +77,7 @@ impl Predicate for LiftedBefore {
     fn thresholds(&self) -> Vec<Threshold> {
         vec![
             Threshold::new("height", self.height, "m", 2.0),
-            Threshold::new("pad_force", self.pad_force, "N", 235.0),
+            Threshold::new("pad_force", self.pad_force, "N", 1000.0),
         ]
     }
 
