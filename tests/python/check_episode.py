@@ -21,7 +21,7 @@ ROOT = [
     "physics_version",
 ]
 STREAMS = {
-    "joint_state": {"position": (16,), "velocity": (16,), "effort": (16,)},
+    "joint_state": {"position": (16,), "velocity": (16,), "effort": (16,), "opening": ()},
     "pose": {"pose": (7, 7), "twist": (7, 6)},
     "imu": {"orientation": (4,), "angular_velocity": (3,), "linear_acceleration": (3,)},
     "clock": {"real_time_factor": ()},

@@ -99,7 +99,8 @@ fn another_robot_does_a_task_is_recorded_aligned_drawn_and_replayed() {
     );
     let aligned = folder.path().join("aligned.h5");
     let aligned = aligned.to_string_lossy();
-    wheelarm(&assets, &["dataset", "align", &path, "--out", &aligned]);
+    let align = ["dataset", "align", &path, "--reference", "palm_eye"];
+    wheelarm(&assets, &[&align[..], &["--out", &aligned]].concat());
     let sheet = folder.path().join("sheet.png");
     let sheet = sheet.to_string_lossy();
     wheelarm(&assets, &["dataset", "sheet", &path, "--out", &sheet]);
