@@ -97,10 +97,12 @@ fn another_robot_does_a_task_is_recorded_aligned_drawn_and_replayed() {
         "{}",
         printed(&replay)
     );
-    let aligned = folder.path().join("aligned.h5");
-    let aligned = aligned.to_string_lossy();
+    let aligned = folder.path().join("aligned");
+    let aligned_path = aligned.to_string_lossy();
     let align = ["dataset", "align", &path, "--reference", "palm_eye"];
-    wheelarm(&assets, &[&align[..], &["--out", &aligned]].concat());
+    wheelarm(&assets, &[&align[..], &["--out", &aligned_path]].concat());
+    let files = fs::read_dir(&aligned).expect("the folder").flatten();
+    assert_eq!(files.count(), 1, "one aligned file");
     let sheet = folder.path().join("sheet.png");
     let sheet = sheet.to_string_lossy();
     wheelarm(&assets, &["dataset", "sheet", &path, "--out", &sheet]);
