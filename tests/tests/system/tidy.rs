@@ -439,12 +439,24 @@ fn the_robot_is_told_and_not_copied() {
     // Numbers of the gripper, of the chair and of the reach that could be nothing
     // else, as they stand in the folder.
     let sizes = [
-        "0.085", "0.7929", "235.0", "0.03060114", "0.05490452", "0.793", "0.414", "0.496",
-        "0.1325", "0.2848", "0.873",
+        "0.085",
+        "0.7929",
+        "235.0",
+        "0.03060114",
+        "0.05490452",
+        "0.793",
+        "0.414",
+        "0.496",
+        "0.1325",
+        "0.2848",
+        "0.873",
     ];
     let told: Vec<String> = decimals(&urdf).chain(decimals(&toml)).collect();
     for size in sizes {
-        assert!(told.iter().any(|number| number == size), "{size} is no number of the robot");
+        assert!(
+            told.iter().any(|number| number == size),
+            "{size} is no number of the robot"
+        );
     }
     let mut copied = Vec::new();
     for folder in ["proto", "server/src", "client"] {
@@ -458,9 +470,15 @@ fn the_robot_is_told_and_not_copied() {
             }
             for (line, text) in run_code(&path) {
                 let quoted = text.split('"').skip(1).step_by(2);
-                let names = quoted.filter(|word| known.contains(word)).map(str::to_owned);
+                let names = quoted
+                    .filter(|word| known.contains(word))
+                    .map(str::to_owned);
                 let numbers = decimals(&text).filter(|number| sizes.contains(&number.as_str()));
-                copied.extend(names.chain(numbers).map(|what| format!("{place}:{line} {what}")));
+                copied.extend(
+                    names
+                        .chain(numbers)
+                        .map(|what| format!("{place}:{line} {what}")),
+                );
             }
         }
     }
