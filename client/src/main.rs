@@ -58,9 +58,10 @@ enum Command {
     /// commands and every condition of the task.
     #[command(after_long_help = manual::STATUS)]
     Status,
-    /// Lists the tasks that a server knows.
+    /// Lists the tasks.
     ///
-    /// With their instruction sentences and the conditions of success.
+    /// With goal, instruction sentences and conditions of success: those that a
+    /// running server knows, else those of the program wheelarm-server.
     #[command(after_long_help = manual::TASKS)]
     Tasks,
     /// Sets up a scenario: scene, task, seed.
@@ -200,8 +201,8 @@ fn run(cli: Cli) -> anyhow::Result<ExitCode> {
     let connect = Connect::from(&cli.connect);
     let link = || Link::open(&connect);
     match &cli.command {
-        Command::Status => control::status(&link()?)?,
-        Command::Tasks => control::tasks(&link()?)?,
+        Command::Status => control::status(&connect)?,
+        Command::Tasks => control::tasks(&connect)?,
         Command::Reset(args) => {
             let scenario = control::reset(&link()?, args)?;
             println!(

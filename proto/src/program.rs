@@ -1,7 +1,12 @@
 //! What programs tell the one that started them: the line by which a server says
-//! that it serves, and exit codes. People read the rest.
+//! that it serves, its tasks without serving, and exit codes. People read the
+//! rest.
 
 use std::fmt;
+
+use serde::{Deserialize, Serialize};
+
+use crate::v1;
 
 /// The first line of a server's standard output, as soon as it serves.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -29,6 +34,84 @@ impl Ready {
     }
 }
 
+/// One task as `wheelarm-server --list-tasks --json` tells it.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct ListedTask {
+    /// File below `assets/tasks`, without ending.
+    pub name: String,
+    /// Activity of daily living: `serve` or `organize`.
+    pub activity: String,
+    /// Area of the home.
+    pub area: String,
+    /// `lift`, `put` or `open`.
+    pub goal: String,
+    /// What it is done to; the seed takes one.
+    pub targets: Vec<String>,
+    /// Sentences that ask for it; the seed takes one.
+    pub instructions: Vec<String>,
+    /// Its conditions: predicates with what they are about.
+    pub predicates: Vec<String>,
+}
+
+/// Words of the goals, by their codes.
+const GOALS: [(v1::GoalKind, &str); 3] = [
+    (v1::GoalKind::Lift, "lift"),
+    (v1::GoalKind::Put, "put"),
+    (v1::GoalKind::Open, "open"),
+];
+
+/// The word of a goal; empty for none.
+#[must_use]
+pub fn goal_word(goal: v1::GoalKind) -> &'static str {
+    let word = GOALS.iter().find(|(kind, _)| *kind == goal);
+    word.map_or("", |(_, word)| word)
+}
+
+/// Tasks as one line of JSON: a list of [`ListedTask`].
+///
+/// # Errors
+/// The encoder's, which does not happen for texts.
+pub fn tasks_to_json(tasks: &[v1::TaskInfo]) -> serde_json::Result<String> {
+    let listed: Vec<_> = tasks
+        .iter()
+        .map(|task| ListedTask {
+            name: task.name.clone(),
+            activity: task.activity.clone(),
+            area: task.area.clone(),
+            goal: goal_word(task.goal()).to_owned(),
+            targets: task.targets.clone(),
+            instructions: task.instructions.clone(),
+            predicates: task.predicates.clone(),
+        })
+        .collect();
+    serde_json::to_string(&listed)
+}
+
+/// Reads what [`tasks_to_json`] wrote.
+///
+/// # Errors
+/// When it is something else.
+pub fn tasks_from_json(text: &str) -> serde_json::Result<Vec<v1::TaskInfo>> {
+    let listed: Vec<ListedTask> = serde_json::from_str(text)?;
+    let listed = listed.into_iter();
+    Ok(listed
+        .map(|task| {
+            let goal = GOALS.iter().find(|(_, word)| *word == task.goal);
+            v1::TaskInfo {
+                name: task.name,
+                activity: task.activity,
+                area: task.area,
+                instructions: task.instructions,
+                predicates: task.predicates,
+                goal: goal
+                    .map_or(v1::GoalKind::Unspecified, |(kind, _)| *kind)
+                    .into(),
+                targets: task.targets,
+            }
+        })
+        .collect())
+}
+
 /// Exit code of a server whose scenario cannot be simulated.
 pub const EXIT_SCENARIO: u8 = 4;
 
@@ -48,5 +131,22 @@ mod tests {
         };
         assert_eq!(Ready::parse(&ready.to_string()), Some(ready));
         assert_eq!(Ready::parse("ready"), None);
+    }
+
+    #[test]
+    fn tasks_are_read_as_they_are_written() {
+        let tasks = [v1::TaskInfo {
+            name: "open_drawer".to_owned(),
+            activity: "organize".to_owned(),
+            area: "workstation".to_owned(),
+            instructions: vec!["Open \"it\"".to_owned()],
+            predicates: vec!["opened_by(drawer_1_joint)".to_owned()],
+            goal: v1::GoalKind::Open.into(),
+            targets: vec!["drawer_1".to_owned()],
+        }];
+        let text = tasks_to_json(&tasks).unwrap();
+        assert!(text.contains("\"goal\":\"open\""), "{text}");
+        assert_eq!(tasks_from_json(&text).unwrap(), tasks);
+        assert!(tasks_from_json("{}").is_err());
     }
 }

@@ -190,7 +190,6 @@ impl v1::CameraSetting {
 }
 
 /// Reads and writes as text what messages hold as numbers.
-#[cfg(feature = "serde")]
 pub(crate) mod text {
     use serde::de::Error;
     use serde::{Deserialize, Deserializer, Serializer};

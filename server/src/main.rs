@@ -10,13 +10,12 @@ use clap::Parser;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use tokio::signal::unix::{Signal, SignalKind, signal};
 use wheelarm_proto::keys::{self, Keys};
-use wheelarm_proto::program::{EXIT_SCENARIO, Ready};
+use wheelarm_proto::program::{EXIT_SCENARIO, Ready, tasks_to_json};
 use wheelarm_proto::settings::{Named, Pacing, Quality};
 use wheelarm_proto::v1;
 use wheelarm_server::sensors::camera::Renderer;
 use wheelarm_server::service::{self, Options, startup};
 use wheelarm_server::sim::{SimError, Simulation};
-use wheelarm_server::tasks;
 
 /// Headless simulation of a wheelchair with a robotic arm in a home.
 ///
@@ -92,6 +91,10 @@ struct Args {
     /// Prints the tasks and ends.
     #[arg(long)]
     list_tasks: bool,
+    /// With --list-tasks: one line of JSON, a list of objects with name,
+    /// activity, area, goal, targets, instructions, predicates.
+    #[arg(long, requires = "list_tasks")]
+    json: bool,
     /// Prints the graphics adapters and ends.
     #[arg(long)]
     list_adapters: bool,
@@ -269,7 +272,12 @@ async fn serve(args: Args) -> anyhow::Result<()> {
     }
     let assets = assets(args.assets.clone())?;
     if args.list_tasks {
-        for task in tasks::list(&assets)? {
+        let tasks = service::tasks(&assets).map_err(anyhow::Error::msg)?;
+        if args.json {
+            println!("{}", tasks_to_json(&tasks)?);
+            return Ok(());
+        }
+        for task in tasks {
             println!(
                 "{:<20} {:<16} {:<14} {}",
                 task.name,

@@ -23,12 +23,13 @@ mod watch;
 use std::collections::{BTreeMap, BTreeSet};
 use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
-use std::process::{Command, ExitCode};
+use std::process::ExitCode;
 use std::time::Duration;
 
 use anyhow::{Context, bail};
 use clap::Args;
 
+use crate::control::tasks_of_program;
 use attempt::Setup;
 use capacity::Host;
 use episode::{Episode, Shard, episodes};
@@ -40,7 +41,6 @@ use manifest::Manifest;
 use plan::Plan;
 use progress::Show;
 use stop::Stop;
-use wheelarm_rig::find_program;
 
 pub use plan::PlanError;
 
@@ -346,28 +346,8 @@ fn unknown_tasks(
     plan: &Plan,
     assets: Option<&Path>,
 ) -> anyhow::Result<Option<String>> {
-    let server = find_program("wheelarm-server").context(
-        "`wheelarm-server` lies neither beside this program nor on PATH; build the workspace first: cargo build --release --workspace",
-    )?;
-    let mut command = Command::new(server);
-    command.arg("--list-tasks");
-    if let Some(assets) = assets {
-        command.arg("--assets").arg(assets);
-    }
-    let output = command
-        .output()
-        .context("asking wheelarm-server for its tasks")?;
-    if !output.status.success() {
-        bail!(
-            "wheelarm-server cannot list its tasks: {}",
-            String::from_utf8_lossy(&output.stderr).trim()
-        );
-    }
-    let text = String::from_utf8_lossy(&output.stdout).into_owned();
-    let known: BTreeSet<&str> = text
-        .lines()
-        .filter_map(|line| line.split_whitespace().next())
-        .collect();
+    let listed = tasks_of_program(assets)?;
+    let known: BTreeSet<&str> = listed.iter().map(|task| task.name.as_str()).collect();
     let unknown = plan
         .tasks
         .iter()

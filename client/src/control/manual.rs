@@ -48,8 +48,8 @@ pub const STATUS: &str = manual!(
 pub const TASKS: &str = manual!(
     "  wheelarm tasks
 ",
-    "  0  listed
-  1  no server answered
+    "  0  listed, by the server or by the program wheelarm-server beside this one
+  1  neither could be asked
 "
 );
 

@@ -3,16 +3,19 @@
 mod external;
 mod lease;
 pub mod manual;
+mod port;
 mod print;
+mod tasks;
 
 use clap::{Args, Subcommand};
 use wheelarm_proto::v1;
 
-use wheelarm_link::{Link, LinkError};
+use wheelarm_link::{Connect, Link, LinkError};
 
 pub use external::run_external;
 pub use lease::{LeaseCommand, LeaseHoldArgs, lease};
 pub use print::{episode_line, evaluation_lines};
+pub use tasks::{tasks, tasks_of_program};
 
 /// Options of `wheelarm reset`.
 #[derive(Args, Clone, Debug, Default)]
@@ -80,23 +83,16 @@ pub struct ShutdownArgs {
     pub force: bool,
 }
 
-/// Prints what the server does.
+/// Prints what the server does. Where nothing listens on this host it says so at
+/// once.
 ///
 /// # Errors
 /// [`LinkError`].
-pub fn status(link: &Link) -> Result<(), LinkError> {
+pub fn status(connect: &Connect) -> Result<(), LinkError> {
+    port::refuse_closed(&connect.endpoint)?;
+    let link = Link::open(connect)?;
     let status: v1::Status = link.ask(&v1::StatusRequest {})?;
     print!("{}", print::status_text(link.keys().sim(), &status));
-    Ok(())
-}
-
-/// Prints the tasks that the server knows.
-///
-/// # Errors
-/// [`LinkError`].
-pub fn tasks(link: &Link) -> Result<(), LinkError> {
-    let list: v1::TaskList = link.ask(&v1::TasksRequest {})?;
-    print!("{}", print::tasks_text(&list));
     Ok(())
 }
 

@@ -2,6 +2,7 @@
 
 use std::fmt::Write as _;
 
+use wheelarm_proto::program::goal_word;
 use wheelarm_proto::v1;
 
 /// One line that names an episode.
@@ -129,10 +130,12 @@ fn pacing(pacing: v1::Pacing) -> &'static str {
     }
 }
 
-pub(super) fn tasks_text(list: &v1::TaskList) -> String {
+pub(super) fn tasks_text(tasks: &[v1::TaskInfo]) -> String {
     let mut text = String::new();
-    for task in &list.tasks {
+    for task in tasks {
         let _ = writeln!(text, "{} ({}, {})", task.name, task.activity, task.area);
+        let (goal, targets) = (goal_word(task.goal()), task.targets.join(" or "));
+        let _ = writeln!(text, "  asks  {goal} {targets}");
         for instruction in &task.instructions {
             let _ = writeln!(text, "  says  {instruction}");
         }

@@ -1,11 +1,34 @@
-//! Asset files as messages: what a recording keeps of them.
+//! What the asset files say, as messages: what a recording keeps of them, and
+//! which tasks there are.
 
 use std::path::Path;
 
 use wheelarm_proto::v1;
 
+use super::convert;
 use crate::scene;
 use crate::sim::Simulation;
+use crate::tasks::{self, ConditionSpec};
+
+/// Every task below the assets folder, by name. Needs no simulation.
+///
+/// # Errors
+/// When one of them cannot be used.
+pub fn tasks(assets: &Path) -> Result<Vec<v1::TaskInfo>, String> {
+    let tasks = tasks::list(assets).map_err(|e| e.to_string())?;
+    Ok(tasks
+        .into_iter()
+        .map(|t| v1::TaskInfo {
+            predicates: t.conditions.iter().map(ConditionSpec::label).collect(),
+            goal: convert::goal_kind(&t.goal).into(),
+            name: t.name,
+            activity: t.activity,
+            area: t.area,
+            instructions: t.instructions,
+            targets: t.targets,
+        })
+        .collect())
+}
 
 /// The texts of all asset files of a simulation, read when it is set up: those
 /// of the robot, of the task, of the scene.

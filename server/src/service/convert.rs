@@ -297,16 +297,25 @@ pub fn furniture_joint(joint: &FurnitureJoint, scene: &Scene) -> v1::FurnitureJo
     }
 }
 
+/// What is to be done, for programs.
+pub fn goal_kind(goal: &tasks::Goal) -> v1::GoalKind {
+    match goal {
+        tasks::Goal::Lift => v1::GoalKind::Lift,
+        tasks::Goal::Put { .. } => v1::GoalKind::Put,
+        tasks::Goal::Open { .. } => v1::GoalKind::Open,
+    }
+}
+
 /// What a task asks for, as a message.
 pub fn goal(goal: &tasks::Goal, target: &str, scene: &Scene) -> v1::TaskGoal {
     let mut message = v1::TaskGoal {
+        kind: goal_kind(goal).into(),
         target: target.to_owned(),
         ..v1::TaskGoal::default()
     };
     match goal {
-        tasks::Goal::Lift => message.kind = v1::GoalKind::Lift as i32,
+        tasks::Goal::Lift => {}
         tasks::Goal::Put { on } => {
-            message.kind = v1::GoalKind::Put as i32;
             message.region = scene
                 .surface_named(on, None)
                 .map(|surface| v1::BoxGeometry {
@@ -319,7 +328,6 @@ pub fn goal(goal: &tasks::Goal, target: &str, scene: &Scene) -> v1::TaskGoal {
                 });
         }
         tasks::Goal::Open { joint, travel } => {
-            message.kind = v1::GoalKind::Open as i32;
             message.joint.clone_from(joint);
             message.position = *travel;
         }

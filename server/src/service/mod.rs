@@ -31,6 +31,7 @@ pub mod startup;
 mod waiting;
 mod wall;
 
+pub use self::assets::tasks;
 pub use self::engine::Options;
 pub use self::error::ServiceError;
 

@@ -1,10 +1,11 @@
 //! One commander at a time, and pictures for those who watch.
 
+use std::process::{Command, Output};
 use std::time::Duration;
 
 use wheelarm_proto::preview::PreviewLevel;
 use wheelarm_proto::v1;
-use wheelarm_tests::{IdleCommander, PATIENCE, Server, wait_until};
+use wheelarm_tests::{IdleCommander, PATIENCE, Server, printed, program, root, wait_until};
 
 fn holder(link: &wheelarm_link::Link) -> String {
     let status: v1::Status = link.ask(&v1::StatusRequest {}).expect("a status");
@@ -106,4 +107,46 @@ fn pictures_are_compressed_for_those_who_watch() {
         .preview("gen3", PreviewLevel::Low)
         .expect("a subscription");
     assert!(again.next(PATIENCE).expect("no error").is_some());
+}
+
+/// `wheelarm` where nothing listens; it would wait for an hour.
+fn without_a_server(words: &[&str]) -> Output {
+    let free = std::net::TcpListener::bind("127.0.0.1:0").expect("a free port");
+    let endpoint = format!("tcp/{}", free.local_addr().expect("its address"));
+    drop(free);
+    Command::new(program("wheelarm").expect("a client"))
+        .args(["--connect", &endpoint, "--connect-timeout", "3600"])
+        .args(words)
+        .env("WHEELARM_ASSETS", root().join("assets"))
+        .output()
+        .expect("a client")
+}
+
+#[test]
+fn where_nothing_listens_status_says_so_at_once_with_the_cure() {
+    let output = without_a_server(&["status"]);
+    let told = printed(&output);
+    assert_eq!(output.status.code(), Some(1), "{told}");
+    assert!(told.contains("start one with `wheelarm-server`"), "{told}");
+}
+
+#[test]
+fn tasks_are_the_same_with_and_without_a_server() {
+    let alone = without_a_server(&["tasks"]);
+    assert!(alone.status.success(), "{}", printed(&alone));
+    let server = Server::start("tasks", &["--no-cameras"]).expect("a server");
+    let asked = server.client(&["tasks"]).expect("a client");
+    assert_eq!(
+        String::from_utf8_lossy(&alone.stdout),
+        String::from_utf8_lossy(&asked.stdout)
+    );
+    let text = String::from_utf8_lossy(&asked.stdout).into_owned();
+    for part in [
+        "open_drawer (organize, workstation)",
+        "asks  open drawer_1",
+        "asks  lift coke_1 or coke_2 or coke_3 or coke_4",
+        "wants inside(knife, placemat)",
+    ] {
+        assert!(text.contains(part), "{part:?} in {text}");
+    }
 }

@@ -14,9 +14,8 @@ use crate::service::denied::Denied;
 use crate::service::desk::Request;
 use crate::service::errand::Errand;
 use crate::service::render::RenderThread;
-use crate::service::{convert, describe, leases, wall};
+use crate::service::{assets, convert, describe, leases, wall};
 use crate::sim::Scenario;
-use crate::tasks;
 
 /// How far a joint may turn from where a solution is looked for nearby, radians.
 const NEAR_CHANGE: f64 = 1.2;
@@ -230,7 +229,7 @@ impl Engine {
 
     /// The tasks are read when they are first asked for, on another thread.
     fn answer_tasks(&self, asked: zenoh::query::Query) {
-        let (shared, assets) = (Arc::clone(&self.shared), self.sim.assets().to_owned());
+        let (shared, folder) = (Arc::clone(&self.shared), self.sim.assets().to_owned());
         let stamp = self.stamp();
         let header = Some(stamp.clone());
         self.shared.replies.answer_later(asked, stamp, move || {
@@ -238,7 +237,7 @@ impl Engine {
             let tasks = match &*known {
                 Some(tasks) => tasks.clone(),
                 None => known
-                    .insert(task_list(&assets).map_err(Denied::internal)?)
+                    .insert(assets::tasks(&folder).map_err(Denied::internal)?)
                     .clone(),
             };
             drop(known);
@@ -344,24 +343,6 @@ impl Engine {
         self.made.snapshot = Some((episode.number, bytes.clone()));
         Ok(bytes)
     }
-}
-
-fn task_list(assets: &std::path::Path) -> Result<Vec<v1::TaskInfo>, String> {
-    let tasks = tasks::list(assets).map_err(|e| e.to_string())?;
-    Ok(tasks
-        .into_iter()
-        .map(|t| v1::TaskInfo {
-            predicates: t
-                .conditions
-                .iter()
-                .map(tasks::ConditionSpec::label)
-                .collect(),
-            name: t.name,
-            activity: t.activity,
-            area: t.area,
-            instructions: t.instructions,
-        })
-        .collect())
 }
 
 pub(super) fn decode<M: Message + Default>(payload: &[u8]) -> Result<M, Denied> {
