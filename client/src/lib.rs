@@ -15,6 +15,7 @@ pub mod demo;
 pub mod doctor;
 #[cfg(feature = "hdf5")]
 pub mod evaluate;
+pub mod interrupt;
 pub mod operate;
 pub mod preview;
 #[cfg(feature = "hdf5")]

@@ -9,6 +9,7 @@ use wheelarm_proto::settings::Depth;
 use wheelarm_record::{self as record, Output, RecordOptions, Told};
 
 use crate::choice::named;
+use crate::interrupt::Signals;
 
 /// The server name that stands for every server.
 const EVERY_SERVER: &str = "*";
@@ -50,29 +51,23 @@ pub fn run(connect: &Connect, args: &RecordArgs) -> anyhow::Result<ExitCode> {
         episodes: args.episodes,
     };
     let runtime = tokio::runtime::Runtime::new()?;
+    let mut signals = {
+        let _inside = runtime.enter();
+        Signals::listen()?
+    };
+    let interrupted = async move {
+        signals.next().await;
+    };
     let summary = if connect.sim == EVERY_SERVER {
         let session = wheelarm_link::open_session(connect, Silence::Still)?;
         let endpoint = &connect.endpoint;
-        let all = record::run_many(&session, endpoint, &options, interrupted(), print_told);
+        let all = record::run_many(&session, endpoint, &options, interrupted, print_told);
         runtime.block_on(all)?
     } else {
         let link = Link::open_as(connect, Silence::Still)?;
-        runtime.block_on(record::run(&link, options, interrupted(), print))?
+        runtime.block_on(record::run(&link, options, interrupted, print))?
     };
     Ok(ExitCode::from(summary.exit_code()))
-}
-
-async fn interrupted() {
-    use tokio::signal::unix::{SignalKind, signal};
-    match signal(SignalKind::terminate()) {
-        Ok(mut terminate) => tokio::select! {
-            _ = tokio::signal::ctrl_c() => {}
-            _ = terminate.recv() => {}
-        },
-        Err(_) => {
-            let _ = tokio::signal::ctrl_c().await;
-        }
-    }
 }
 
 fn print_told(told: &Told<'_>) {

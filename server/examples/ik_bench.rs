@@ -3,6 +3,8 @@
 //!
 //! `cargo run --release -p wheelarm-server --example ik_bench`
 
+#![expect(clippy::disallowed_methods, reason = "it measures wall time")]
+
 use std::f64::consts::PI;
 use std::path::Path;
 use std::time::Instant;

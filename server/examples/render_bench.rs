@@ -4,6 +4,8 @@
 //! `render_bench [--assets DIR] [--pairs N] [--width W] [--height H]
 //! [--quality fast|standard|high] [--adapter NAME]`
 
+#![expect(clippy::disallowed_methods, reason = "it measures wall time")]
+
 mod motion;
 
 use std::path::PathBuf;

@@ -3,6 +3,8 @@
 //!
 //! `step_bench [ASSETS]`
 
+#![expect(clippy::disallowed_methods, reason = "it measures wall time")]
+
 mod course;
 
 use std::path::PathBuf;

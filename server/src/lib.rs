@@ -6,6 +6,12 @@
 //! bits. `service` and `main.rs` alone name zenoh and tokio, `world` alone
 //! names rapier, `sensors::camera` alone names wgpu.
 
+#![warn(missing_docs)]
+#![cfg_attr(
+    test,
+    allow(clippy::disallowed_methods, reason = "tests reckon freely")
+)]
+
 pub mod geometry;
 pub mod robot;
 pub mod scene;

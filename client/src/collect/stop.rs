@@ -5,6 +5,8 @@ use std::sync::atomic::{AtomicU8, Ordering};
 
 use anyhow::Context;
 
+use crate::interrupt::{Heard, Signals};
+
 const FINISH: u8 = 1;
 const DISCARD: u8 = 2;
 
@@ -38,34 +40,27 @@ impl Stop {
     /// # Errors
     /// When the operating system refuses.
     pub fn listen(&self) -> anyhow::Result<()> {
-        use tokio::signal::unix::{SignalKind, signal};
         let runtime = tokio::runtime::Builder::new_current_thread()
             .enable_all()
             .build()
             .context("listening to Ctrl-C")?;
         let stop = self.clone();
-        let (mut interrupt, mut terminate) = {
+        let mut signals = {
             let _inside = runtime.enter();
-            (
-                signal(SignalKind::interrupt()).context("listening to Ctrl-C")?,
-                signal(SignalKind::terminate()).context("listening to SIGTERM")?,
-            )
+            Signals::listen()?
         };
         std::thread::spawn(move || {
-            runtime.block_on(async move {
-                loop {
-                    tokio::select! {
-                        _ = interrupt.recv() => {
-                            if stop.level.fetch_add(1, Ordering::AcqRel) == 0 {
-                                eprintln!("\nthe running episodes are finished, no other begins; Ctrl-C again throws them away at once");
-                            } else {
-                                stop.level.store(DISCARD, Ordering::Release);
-                            }
-                        }
-                        _ = terminate.recv() => stop.level.store(DISCARD, Ordering::Release),
-                    }
+            loop {
+                let heard = runtime.block_on(signals.next());
+                let first = || stop.level.fetch_add(1, Ordering::AcqRel) == 0;
+                if heard == Heard::Interrupt && first() {
+                    eprintln!(
+                        "\nthe running episodes are finished, no other begins; Ctrl-C again throws them away at once"
+                    );
+                } else {
+                    stop.level.store(DISCARD, Ordering::Release);
                 }
-            });
+            }
         });
         Ok(())
     }

@@ -14,6 +14,8 @@ use wheelarm_proto::{TopicId, v1};
 
 use wheelarm_link::Link;
 
+use crate::interrupt::Signals;
+
 /// `wheelarm lease …`.
 #[derive(Subcommand, Clone, Debug)]
 pub enum LeaseCommand {
@@ -90,27 +92,18 @@ pub fn lease(link: &Link, command: &LeaseCommand) -> anyhow::Result<ExitCode> {
 
 /// Becomes true on Ctrl-C or SIGTERM.
 fn listen() -> anyhow::Result<Arc<AtomicBool>> {
-    use tokio::signal::unix::{SignalKind, signal};
     let runtime = tokio::runtime::Builder::new_current_thread()
         .enable_all()
         .build()
         .context("listening to Ctrl-C")?;
-    let (mut interrupt, mut terminate) = {
+    let mut signals = {
         let _inside = runtime.enter();
-        (
-            signal(SignalKind::interrupt()).context("listening to Ctrl-C")?,
-            signal(SignalKind::terminate()).context("listening to SIGTERM")?,
-        )
+        Signals::listen()?
     };
     let interrupted = Arc::new(AtomicBool::new(false));
     let told = Arc::clone(&interrupted);
     std::thread::spawn(move || {
-        runtime.block_on(async move {
-            tokio::select! {
-                _ = interrupt.recv() => {}
-                _ = terminate.recv() => {}
-            }
-        });
+        runtime.block_on(signals.next());
         told.store(true, Ordering::Release);
     });
     Ok(interrupted)

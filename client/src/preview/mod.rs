@@ -22,6 +22,7 @@ use crossbeam_channel::unbounded;
 use tokio::net::TcpListener;
 use tokio::sync::watch as latest;
 
+use crate::interrupt::Signals;
 use crate::watch::{Heard, Line, Situation};
 pub use state::state_text;
 use wheelarm_link::{Connect, Link};
@@ -119,8 +120,12 @@ pub fn run(connect: &Connect, args: &PreviewArgs) -> anyhow::Result<ExitCode> {
     let page = runtime.block_on(Page::open(args.page, Source { link, state }))?;
     announce(&page).context("writing the page's address")?;
     let (stop, stopped) = unbounded::<()>();
+    let mut signals = {
+        let _inside = runtime.enter();
+        Signals::listen()?.and_hangup()?
+    };
     runtime.spawn(async move {
-        interrupted().await;
+        signals.next().await;
         drop(stop);
     });
     let (events, heard) = unbounded();
@@ -181,30 +186,4 @@ fn announce(page: &Page) -> std::io::Result<()> {
     let mut out = std::io::stdout().lock();
     out.write_all(text.as_bytes())?;
     out.flush()
-}
-
-/// Resolves on Ctrl-C, SIGTERM or SIGHUP.
-async fn interrupted() {
-    use tokio::signal::unix::{SignalKind, signal};
-    let mut kinds = Vec::new();
-    for kind in [SignalKind::terminate(), SignalKind::hangup()] {
-        if let Ok(signal) = signal(kind) {
-            kinds.push(signal);
-        }
-    }
-    let others = async {
-        match &mut kinds[..] {
-            [first, second] => {
-                tokio::select! { _ = first.recv() => {}, _ = second.recv() => {} }
-            }
-            [one] => {
-                one.recv().await;
-            }
-            _ => std::future::pending::<()>().await,
-        }
-    };
-    tokio::select! {
-        _ = tokio::signal::ctrl_c() => {}
-        () = others => {}
-    }
 }

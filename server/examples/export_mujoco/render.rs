@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 use std::path::Path;
 use std::sync::Arc;
 
-use anyhow::{Context as _, Result};
+use anyhow::Result;
 use nalgebra::UnitQuaternion;
 use wheelarm_server::geometry::{TriMesh, texture};
 use wheelarm_server::robot::RobotModel;
@@ -66,7 +66,7 @@ pub fn export(out: &Path, assets: &Path, pairs: usize) -> Result<()> {
         )?;
     }
     for pattern in &textures {
-        write_texture(out, pattern)?;
+        write_texture(out, assets, pattern)?;
         writeln!(
             xml,
             "<texture name=\"{pattern}\" type=\"2d\" file=\"{pattern}.png\"/>"
@@ -172,8 +172,8 @@ fn obj(mesh: &TriMesh) -> Result<String> {
 }
 
 /// PNG rows run from the top, texture rows from the bottom.
-fn write_texture(out: &Path, pattern: &str) -> Result<()> {
-    let picture = texture::paint(pattern).with_context(|| format!("texture {pattern}"))?;
+fn write_texture(out: &Path, assets: &Path, pattern: &str) -> Result<()> {
+    let picture = texture::load(assets, pattern)?;
     let rgb: Vec<u8> = picture.levels[0]
         .chunks_exact(4 * texture::SIZE)
         .rev()

@@ -8,8 +8,9 @@ use std::path::Path;
 use nalgebra::{Matrix4, Point3, Vector3};
 
 use super::TriMesh;
+use super::detail::drop_slivers;
 use super::load_normals::{box_uvs, crease_normals};
-use super::mesh::{MAX_TRIANGLES, MeshError, drop_slivers};
+use super::mesh::{MAX_TRIANGLES, MeshError};
 
 /// Reads an OBJ, glTF or GLB file: all its objects together, metres, z up.
 ///

@@ -6,6 +6,8 @@ use std::path::{Path, PathBuf};
 
 use wheelarm_proto::exact;
 
+pub use super::detail::Detail;
+use super::detail::drop_slivers;
 pub use super::load::load;
 use super::mesh_revolve::{Profile, revolve};
 use super::{Shape, TriMesh};
@@ -14,31 +16,6 @@ use super::{Shape, TriMesh};
 ///
 /// The whole home has a budget of 95 000, see ARCHITECTURE.md.
 pub const MAX_TRIANGLES: usize = 200_000;
-
-/// How finely curves are cut.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Detail {
-    /// At most 0.3 mm between a curve and its chords, 48 chords around.
-    Full,
-    /// At most 3 mm, 16 chords around: far away and in shadow maps.
-    Coarse,
-}
-
-impl Detail {
-    /// Chords around a circle of `radius` metres.
-    pub(super) fn chords(self, radius: f64) -> usize {
-        let (error, least, most) = match self {
-            Detail::Full => (0.0003, 12, 48),
-            Detail::Coarse => (0.003, 6, 16),
-        };
-        let wanted = std::f64::consts::PI / exact::acos(1.0 - error / radius.max(2.0 * error));
-        // Multiples of four keep the extreme points on the axes.
-        (wanted / 4.0)
-            .ceil()
-            .clamp(least as f64 / 4.0, most as f64 / 4.0) as usize
-            * 4
-    }
-}
 
 /// Why there are no triangles.
 #[derive(Debug, thiserror::Error)]
@@ -384,28 +361,6 @@ fn grid_box(half: &[f64; 3], radius: f64, knots: &[f64]) -> TriMesh {
     }
     drop_slivers(&mut mesh);
     mesh
-}
-
-/// Removes triangles without area (poles, full roundings).
-pub(super) fn drop_slivers(mesh: &mut TriMesh) {
-    let positions = &mesh.positions;
-    mesh.indices = mesh
-        .indices
-        .chunks_exact(3)
-        .filter(|t| {
-            let [a, b, c] = [t[0], t[1], t[2]].map(|i| positions[i as usize].map(f64::from));
-            let e: [f64; 3] = std::array::from_fn(|k| b[k] - a[k]);
-            let f: [f64; 3] = std::array::from_fn(|k| c[k] - a[k]);
-            let cross = [
-                e[1] * f[2] - e[2] * f[1],
-                e[2] * f[0] - e[0] * f[2],
-                e[0] * f[1] - e[1] * f[0],
-            ];
-            cross.iter().map(|x| x * x).sum::<f64>() > 1e-20
-        })
-        .flatten()
-        .copied()
-        .collect();
 }
 
 #[cfg(test)]

@@ -3,7 +3,7 @@
 use wheelarm_proto::exact;
 
 use super::TriMesh;
-use super::mesh::{Detail, drop_slivers};
+use super::detail::{Detail, drop_slivers};
 
 /// Points `[radius, z]` in metres along which the surface runs, solid on the left.
 pub(super) struct Profile {

@@ -1,6 +1,7 @@
 //! Shapes and triangle meshes: plain data that scene, robot, physics and
 //! cameras share. Nothing here knows how a shape collides or is drawn.
 
+mod detail;
 mod load;
 mod load_normals;
 pub mod mesh;
@@ -8,42 +9,75 @@ mod mesh_revolve;
 pub mod plush;
 pub mod tetrahedra;
 pub mod texture;
-mod texture_labels;
-mod texture_noise;
-mod texture_surfaces;
 
 use nalgebra::{Isometry3, Vector3};
 
 /// A solid or a surface in its own frame, metres. Axes of symmetry are z.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Shape {
-    /// Box with half extents along x, y, z.
-    Cuboid { half: [f64; 3] },
-    /// Box with rounded edges; `half` includes the rounding `radius`.
-    RoundedCuboid { half: [f64; 3], radius: f64 },
+    /// Box.
+    Cuboid {
+        /// Half extents along x, y, z.
+        half: [f64; 3],
+    },
+    /// Box with rounded edges.
+    RoundedCuboid {
+        /// Half extents along x, y, z, the rounding included.
+        half: [f64; 3],
+        /// Of the rounding.
+        radius: f64,
+    },
     /// Cylinder about z, centred.
-    Cylinder { radius: f64, half_height: f64 },
-    /// Capsule about z, centred; `half_height` is that of the cylindrical part.
-    Capsule { radius: f64, half_height: f64 },
+    Cylinder {
+        /// Across the axis.
+        radius: f64,
+        /// Along the axis.
+        half_height: f64,
+    },
+    /// Capsule about z, centred.
+    Capsule {
+        /// Across the axis, and of the caps.
+        radius: f64,
+        /// Of the cylindrical part.
+        half_height: f64,
+    },
     /// Ball.
-    Sphere { radius: f64 },
+    Sphere {
+        /// Of the ball.
+        radius: f64,
+    },
     /// Truncated cone about z, centred.
     Frustum {
+        /// At its lower end.
         bottom_radius: f64,
+        /// At its upper end.
         top_radius: f64,
+        /// Along the axis.
         half_height: f64,
     },
     /// Open cup about z standing on z = 0: collides as wall pieces and a floor.
     Cup {
+        /// Outside, at the floor.
         bottom_radius: f64,
+        /// Outside, at the rim.
         top_radius: f64,
+        /// Outside.
         height: f64,
+        /// Thickness.
         wall: f64,
     },
-    /// Surface of revolution about z through `[radius, z]` points; drawn only.
-    Lathe { profile: Vec<[f64; 2]> },
+    /// Surface of revolution about z; drawn only.
+    Lathe {
+        /// Points `[radius, z]`.
+        profile: Vec<[f64; 2]>,
+    },
     /// Mesh file (OBJ or glTF) below the assets folder; collides as its convex hull.
-    Mesh { path: String, scale: f64 },
+    Mesh {
+        /// Below the assets folder.
+        path: String,
+        /// Metres per unit of the file.
+        scale: f64,
+    },
 }
 
 /// A shape at a place.

@@ -1,9 +1,10 @@
-//! Procedural pictures that repeat without a seam. Deterministic: no random
-//! state, only hashes of lattice points. Colours multiply the material's; a
-//! label is a whole picture and stands for the colour itself.
+//! Pictures of surfaces, which repeat without a seam, and of labels: PNG files
+//! below `assets/textures`. Colours multiply the material's; a label is a whole
+//! picture and stands for the colour itself.
 
-use super::texture_labels as labels;
-use super::texture_surfaces as surfaces;
+use std::fs::File;
+use std::io::BufReader;
+use std::path::{Path, PathBuf};
 
 /// Pixels along each side.
 pub const SIZE: usize = 512;
@@ -11,32 +12,41 @@ pub const SIZE: usize = 512;
 /// Halvings down to one pixel, the full size included.
 pub const LEVELS: usize = 10;
 
-/// Colour at `(u, v)` in 0..1, `v` upwards; sRGB-like values 0 to 1.
-type Pattern = fn(f32, f32) -> [f32; 3];
+/// A picture that cannot be used.
+#[derive(Debug, thiserror::Error)]
+pub enum TextureError {
+    /// The file is missing or damaged.
+    #[error("{path}: cannot be read ({reason}); put a PNG file there")]
+    Read {
+        /// The file.
+        path: PathBuf,
+        /// The reader's words.
+        reason: String,
+    },
+    /// Another size or another kind of pixels.
+    #[error(
+        "{path}: {found}, expected {SIZE}x{SIZE} pixels of 8 bits, grey or RGB; convert it to that"
+    )]
+    Format {
+        /// The file.
+        path: PathBuf,
+        /// Its size and pixels.
+        found: String,
+    },
+}
 
-/// Every pattern by name.
-const PATTERNS: [(&str, Pattern); 16] = [
-    ("planks", surfaces::planks),
-    ("tiles", surfaces::tiles),
-    ("plaster", surfaces::plaster),
-    ("wood", surfaces::wood),
-    ("fabric", surfaces::fabric),
-    ("marble", surfaces::marble),
-    ("checker", surfaces::checker),
-    ("brushed", surfaces::brushed),
-    ("leaves", surfaces::leaves),
-    ("books", surfaces::books),
-    ("stripes", surfaces::stripes),
-    ("label_mustard", labels::mustard),
-    ("label_soup", labels::soup),
-    ("label_crackers", labels::crackers),
-    ("label_meat", labels::meat),
-    ("label_coke", labels::coke),
-];
-
-/// Names of all patterns.
-pub fn names() -> impl Iterator<Item = &'static str> {
-    PATTERNS.iter().map(|(name, _)| *name)
+/// Names (without `.png`) of all pictures below the assets folder, sorted.
+#[must_use]
+pub fn names(assets: &Path) -> Vec<String> {
+    let entries = std::fs::read_dir(assets.join("textures"));
+    let files = entries.into_iter().flatten().flatten();
+    let paths = files.map(|entry| entry.path());
+    let mut names: Vec<_> = paths
+        .filter(|path| path.extension().is_some_and(|ending| ending == "png"))
+        .filter_map(|path| Some(path.file_stem()?.to_str()?.to_owned()))
+        .collect();
+    names.sort();
+    names
 }
 
 /// Is it the picture of a label: fitted to the height of its body, replacing the colour?
@@ -59,21 +69,62 @@ pub struct Picture {
     pub levels: Vec<Vec<u8>>,
 }
 
-/// Paints a pattern; `None` when the name is unknown.
-#[must_use]
-pub fn paint(pattern: &str) -> Option<Picture> {
-    let (_, color) = PATTERNS.iter().find(|(name, _)| *name == pattern)?;
-    let at = |k: usize| (k as f32 + 0.5) / SIZE as f32;
-    let mut linear: Vec<[f32; 3]> = (0..SIZE * SIZE)
-        .map(|i| color(at(i % SIZE), at(i / SIZE)).map(|c| c.clamp(0.0, 1.0).powi(2)))
-        .collect();
+/// Reads `textures/NAME.png` below the assets folder.
+///
+/// # Errors
+/// When the file cannot be read or has another size or kind of pixels.
+pub fn load(assets: &Path, name: &str) -> Result<Picture, TextureError> {
+    let path = assets.join(format!("textures/{name}.png"));
+    let broken = |reason: String| TextureError::Read {
+        path: path.clone(),
+        reason,
+    };
+    let file = File::open(&path).map_err(|e| broken(e.to_string()))?;
+    let decoder = png::Decoder::new(BufReader::new(file));
+    let mut reader = decoder.read_info().map_err(|e| broken(e.to_string()))?;
+    let info = reader.info();
+    let channels = match info.color_type {
+        png::ColorType::Grayscale => 1,
+        png::ColorType::Rgb => 3,
+        _ => 0,
+    };
+    let side = SIZE as u32;
+    let eight = info.bit_depth == png::BitDepth::Eight;
+    if channels == 0 || !eight || (info.width, info.height) != (side, side) {
+        return Err(TextureError::Format {
+            found: format!(
+                "{}x{} pixels, {:?}, {:?} bits",
+                info.width, info.height, info.color_type, info.bit_depth
+            ),
+            path,
+        });
+    }
+    let mut bytes = vec![0; SIZE * SIZE * channels];
+    reader
+        .next_frame(&mut bytes)
+        .map_err(|e| broken(e.to_string()))?;
+    let pixel = |p: &[u8]| match *p {
+        [r, g, b] => [r, g, b],
+        [grey] => [grey; 3],
+        _ => [0; 3],
+    };
+    // Files begin at the top.
+    let rows = bytes.chunks_exact(SIZE * channels).rev();
+    let pixels = rows.flat_map(|row| row.chunks_exact(channels).map(pixel));
+    Ok(halved(pixels.collect()))
+}
+
+/// A picture with its halvings, from rows that begin at `v = 0`.
+fn halved(pixels: Vec<[u8; 3]>) -> Picture {
+    let linear = |c: u8| (f32::from(c) / 255.0).powi(2);
+    let mut linear: Vec<[f32; 3]> = pixels.iter().map(|p| p.map(linear)).collect();
     let mut levels = Vec::with_capacity(LEVELS);
     let mut side = SIZE;
     loop {
         let level: Vec<[u8; 4]> = linear.iter().map(|c| bytes(*c)).collect();
         levels.push(level.into_flattened());
         if side == 1 {
-            return Some(Picture { levels });
+            return Picture { levels };
         }
         let half = side / 2;
         linear = (0..half * half)
@@ -97,10 +148,16 @@ fn bytes(linear: [f32; 3]) -> [u8; 4] {
 mod tests {
     use super::*;
 
+    fn assets() -> PathBuf {
+        Path::new(env!("CARGO_MANIFEST_DIR")).join("../assets")
+    }
+
     #[test]
-    fn patterns_repeat_without_a_seam_and_are_not_flat() {
-        for (name, _) in PATTERNS {
-            let picture = paint(name).unwrap();
+    fn pictures_repeat_without_a_seam_and_are_not_flat() {
+        let names = names(&assets());
+        assert!(names.len() >= 16, "{names:?}");
+        for name in names {
+            let picture = load(&assets(), &name).unwrap_or_else(|error| panic!("{error}"));
             assert_eq!(picture.levels.len(), LEVELS);
             let top = &picture.levels[0];
             let pixel = |x: usize, y: usize| &top[(y * SIZE + x) * 4..][..3];
@@ -124,7 +181,7 @@ mod tests {
                 column(SIZE - 1, 0) <= 1.1 * widest,
                 "{name}: seam left to right"
             );
-            if !is_label(name) {
+            if !is_label(&name) {
                 assert!(
                     row(SIZE - 1, 0) <= 1.1 * tallest,
                     "{name}: seam bottom to top"
@@ -133,6 +190,40 @@ mod tests {
             assert!(widest + tallest > 0.0, "{name} is flat");
             assert!(top.iter().step_by(4).any(|r| *r > 150), "{name} is dark");
         }
-        assert_eq!(paint("wallpaper"), None);
+    }
+
+    #[test]
+    fn a_level_holds_the_bytes_of_its_file_from_the_bottom_up() {
+        let picture = halved(
+            (0..SIZE * SIZE)
+                .map(|i| [(i % 256) as u8, (i / SIZE % 256) as u8, 7])
+                .collect(),
+        );
+        for (i, pixel) in picture.levels[0].chunks_exact(4).enumerate() {
+            assert_eq!(pixel, [(i % 256) as u8, (i / SIZE % 256) as u8, 7, 255]);
+        }
+        assert_eq!(picture.levels[LEVELS - 1].len(), 4);
+    }
+
+    #[test]
+    fn a_file_that_is_no_such_picture_is_refused_with_the_cure() {
+        let folder = std::env::temp_dir().join(format!("textures{}", std::process::id()));
+        std::fs::create_dir_all(folder.join("textures")).unwrap();
+        let told = |name: &str| load(&folder, name).unwrap_err().to_string();
+        assert!(told("none").contains("put a PNG file there"));
+        std::fs::write(folder.join("textures/text.png"), "not a picture").unwrap();
+        assert!(told("text").contains("cannot be read"), "{}", told("text"));
+        let file = File::create(folder.join("textures/small.png")).unwrap();
+        let mut encoder = png::Encoder::new(file, 2, 2);
+        encoder.set_color(png::ColorType::Rgba);
+        let mut writer = encoder.write_header().unwrap();
+        writer.write_image_data(&[9; 16]).unwrap();
+        drop(writer);
+        let small = told("small");
+        assert!(
+            small.contains("2x2") && small.contains("512x512"),
+            "{small}"
+        );
+        std::fs::remove_dir_all(&folder).unwrap();
     }
 }

@@ -8,24 +8,35 @@ pub enum SceneError {
     /// The file is missing or unreadable.
     #[error("{path}: cannot be read ({source}); {cure}")]
     Read {
+        /// The file.
         path: PathBuf,
+        /// The operating system's words.
         source: std::io::Error,
+        /// What to do.
         cure: String,
     },
     /// Not TOML, a key that does not exist, or a value of the wrong type.
     #[error("{file}: {source}{cure}")]
     Parse {
+        /// The file, below the assets folder.
         file: String,
+        /// The parser's words, with the place.
         source: Box<toml::de::Error>,
+        /// What to do.
         cure: String,
     },
     /// A value that cannot be.
     #[error("{file}: {key} is {found}, expected {expected}; {cure}")]
     Value {
+        /// The file, below the assets folder.
         file: String,
+        /// Where in the file.
         key: String,
+        /// What stands there.
         found: String,
+        /// What may stand there.
         expected: String,
+        /// What to do.
         cure: String,
     },
 }

@@ -104,32 +104,7 @@ impl Scene {
         earlier: &BTreeMap<&str, &FurnitureEntry>,
         entry: &FurnitureEntry,
     ) -> Result<(), SceneError> {
-        let model = match &entry.like {
-            None => entry,
-            Some(like) => {
-                if !entry.parts.is_empty() || entry.collision.is_some() {
-                    return Err(place.key("like").wrong(
-                        format!("{like:?} beside parts of its own"),
-                        "one of them",
-                        "remove `parts` and `collision`, or `like`",
-                    ));
-                }
-                *earlier.get(like.as_str()).ok_or_else(|| {
-                    place.key("like").wrong(
-                        format!("{like:?}"),
-                        "the name of furniture further up that has parts",
-                        "correct the name or move the entry down",
-                    )
-                })?
-            }
-        };
-        if model.parts.is_empty() {
-            return Err(place.key("parts").wrong(
-                "empty",
-                "at least one shape",
-                "add parts, or `like` with the name of furniture that has parts",
-            ));
-        }
+        let model = model(place, earlier, entry)?;
         let material = entry.material.as_deref().or(model.material.as_deref());
         let parts = reader.body(place, material, &model.parts, model.collision.as_deref())?;
         let friction = entry.friction.or(model.friction).unwrap_or(0.6);
@@ -137,34 +112,7 @@ impl Scene {
             place.key("at").position(entry.at)?.into(),
             yaw(place, entry.yaw_deg)?,
         );
-        for (i, surface) in entry
-            .surfaces
-            .iter()
-            .chain(
-                (entry.like.is_some())
-                    .then_some(&model.surfaces)
-                    .into_iter()
-                    .flatten(),
-            )
-            .enumerate()
-        {
-            let place = place.entry("surfaces", i);
-            let edge = place.key("edge").position(surface.edge)?;
-            let turn = place.key("inwards_deg").within(
-                surface.inwards_deg,
-                -360.0,
-                360.0,
-                "degrees",
-                "angles are degrees",
-            )?;
-            self.surfaces.push(Surface {
-                furniture: self.furniture.len(),
-                name: surface.name.clone(),
-                edge: pose * Isometry3::new(edge.into(), Vector3::z() * turn.to_radians()),
-                depth: place.key("depth").length(surface.depth)?,
-                width: place.key("width").length(surface.width)?,
-            });
-        }
+        self.add_surfaces(place, &pose, entry, model)?;
         let body = Body {
             name: entry.name.clone(),
             area: if entry.area.is_empty() {
@@ -203,6 +151,45 @@ impl Scene {
             self.joints.push(joint);
         }
         self.furniture.push(body);
+        Ok(())
+    }
+
+    /// Surfaces of furniture that comes next, at `pose`.
+    fn add_surfaces(
+        &mut self,
+        place: &Place,
+        pose: &Isometry3<f64>,
+        entry: &FurnitureEntry,
+        model: &FurnitureEntry,
+    ) -> Result<(), SceneError> {
+        for (i, surface) in entry
+            .surfaces
+            .iter()
+            .chain(
+                (entry.like.is_some())
+                    .then_some(&model.surfaces)
+                    .into_iter()
+                    .flatten(),
+            )
+            .enumerate()
+        {
+            let place = place.entry("surfaces", i);
+            let edge = place.key("edge").position(surface.edge)?;
+            let turn = place.key("inwards_deg").within(
+                surface.inwards_deg,
+                -360.0,
+                360.0,
+                "degrees",
+                "angles are degrees",
+            )?;
+            self.surfaces.push(Surface {
+                furniture: self.furniture.len(),
+                name: surface.name.clone(),
+                edge: pose * Isometry3::new(edge.into(), Vector3::z() * turn.to_radians()),
+                depth: place.key("depth").length(surface.depth)?,
+                width: place.key("width").length(surface.width)?,
+            });
+        }
         Ok(())
     }
 
@@ -310,6 +297,41 @@ impl Scene {
             )
         })
     }
+}
+
+/// The entry that says the parts of furniture: its own, or the one it is like.
+fn model<'a>(
+    place: &Place,
+    earlier: &BTreeMap<&str, &'a FurnitureEntry>,
+    entry: &'a FurnitureEntry,
+) -> Result<&'a FurnitureEntry, SceneError> {
+    let model = match &entry.like {
+        None => entry,
+        Some(like) => {
+            if !entry.parts.is_empty() || entry.collision.is_some() {
+                return Err(place.key("like").wrong(
+                    format!("{like:?} beside parts of its own"),
+                    "one of them",
+                    "remove `parts` and `collision`, or `like`",
+                ));
+            }
+            earlier.get(like.as_str()).copied().ok_or_else(|| {
+                place.key("like").wrong(
+                    format!("{like:?}"),
+                    "the name of furniture further up that has parts",
+                    "correct the name or move the entry down",
+                )
+            })?
+        }
+    };
+    if model.parts.is_empty() {
+        return Err(place.key("parts").wrong(
+            "empty",
+            "at least one shape",
+            "add parts, or `like` with the name of furniture that has parts",
+        ));
+    }
+    Ok(model)
 }
 
 fn mesh_paths(body: &Body) -> impl Iterator<Item = String> {

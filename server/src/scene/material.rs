@@ -11,6 +11,7 @@ use crate::geometry::{Material, Texture, texture};
 /// Every material below `assets/materials`, in the order of their names.
 pub(super) fn library(assets: &Path) -> Result<BTreeMap<String, Material>, SceneError> {
     let mut all: BTreeMap<String, (String, Material)> = BTreeMap::new();
+    let textures = texture::names(assets);
     for name in folder::names(assets, "materials")? {
         let path = format!("materials/{name}.toml");
         let file: MaterialFile = folder::parse(assets, &path)?;
@@ -18,7 +19,7 @@ pub(super) fn library(assets: &Path) -> Result<BTreeMap<String, Material>, Scene
         folder::provenance(&place, &file.origin, &file.license)?;
         for (name, entry) in file.material {
             let place = place.key("material").key(&name);
-            let material = material(&place, &name, &entry)?;
+            let material = material(&place, &name, &entry, &textures)?;
             if let Some((other, _)) = all.insert(name.clone(), (path.clone(), material)) {
                 return Err(place.wrong(
                     format!("defined again in {path}"),
@@ -34,7 +35,12 @@ pub(super) fn library(assets: &Path) -> Result<BTreeMap<String, Material>, Scene
         .collect())
 }
 
-fn material(place: &Place, name: &str, entry: &MaterialEntry) -> Result<Material, SceneError> {
+fn material(
+    place: &Place,
+    name: &str,
+    entry: &MaterialEntry,
+    textures: &[String],
+) -> Result<Material, SceneError> {
     let fraction = |key: &str, value: f64, high: f64| {
         place
             .key(key)
@@ -45,12 +51,11 @@ fn material(place: &Place, name: &str, entry: &MaterialEntry) -> Result<Material
         None => None,
         Some(entry) => {
             let place = place.key("texture");
-            if texture::names().all(|name| name != entry.pattern) {
-                let known: Vec<_> = texture::names().collect();
+            if !textures.contains(&entry.pattern) {
                 return Err(place.key("pattern").wrong(
                     format!("{:?}", entry.pattern),
-                    format!("one of {}", known.join(", ")),
-                    "use a pattern that the cameras know, or leave the texture out",
+                    format!("one of {}", textures.join(", ")),
+                    "put the picture into assets/textures, or leave the texture out",
                 ));
             }
             Some(Texture {

@@ -5,6 +5,7 @@ use std::path::Path;
 
 use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion};
 
+use super::bounds::Bounds;
 use super::error::{Place, SceneError};
 use super::file::PartEntry;
 use crate::geometry::{self, Material, Part, Shape, Visual};
@@ -127,137 +128,22 @@ impl Reader<'_> {
     }
 
     /// The shape, and its vertices in metres when it is a mesh.
-    fn shape(
-        &self,
-        place: &Place,
-        entry: &PartEntry,
-    ) -> Result<(Shape, Vec<Point3<f64>>), SceneError> {
-        let mut found = Vec::new();
-        if let Some(size) = entry.cuboid {
-            let half = halves(&place.key("box"), size)?;
-            found.push(Shape::Cuboid { half });
-        }
-        if let Some(rounded) = &entry.rounded_box {
-            let place = place.key("rounded_box");
-            let half = halves(&place.key("size"), rounded.size)?;
-            let least = half.into_iter().fold(f64::INFINITY, f64::min);
-            let radius = place.key("radius").within(
-                rounded.radius,
-                0.0002,
-                least,
-                "m",
-                "the rounding is at most half of the shortest side",
-            )?;
-            found.push(Shape::RoundedCuboid { half, radius });
-        }
-        if let Some(round) = &entry.cylinder {
-            let place = place.key("cylinder");
-            found.push(Shape::Cylinder {
-                radius: place.key("radius").length(round.radius)?,
-                half_height: place.key("height").length(round.height)? / 2.0,
-            });
-        }
-        if let Some(round) = &entry.capsule {
-            let place = place.key("capsule");
-            let radius = place.key("radius").length(round.radius)?;
-            let height = place.key("height").within(
-                round.height,
-                2.0 * radius,
-                20.0,
-                "m",
-                "the height of a capsule includes both caps",
-            )?;
-            found.push(Shape::Capsule {
-                radius,
-                half_height: height / 2.0 - radius,
-            });
-        }
-        if let Some(sphere) = &entry.sphere {
-            let place = place.key("sphere").key("radius");
-            found.push(Shape::Sphere {
-                radius: place.length(sphere.radius)?,
-            });
-        }
-        if let Some(frustum) = &entry.frustum {
-            let place = place.key("frustum");
-            found.push(Shape::Frustum {
-                bottom_radius: place.key("bottom_radius").length(frustum.bottom_radius)?,
-                top_radius: place.key("top_radius").length(frustum.top_radius)?,
-                half_height: place.key("height").length(frustum.height)? / 2.0,
-            });
-        }
-        if let Some(cup) = &entry.cup {
-            let place = place.key("cup");
-            let bottom_radius = place.key("bottom_radius").length(cup.bottom_radius)?;
-            let top_radius = place.key("top_radius").length(cup.top_radius)?;
-            let height = place.key("height").length(cup.height)?;
-            let wall = place.key("wall").within(
-                cup.wall,
-                0.0005,
-                bottom_radius.min(height).min(top_radius) / 2.0,
-                "m",
-                "the wall is thinner than half of the radius",
-            )?;
-            found.push(Shape::Cup {
-                bottom_radius,
-                top_radius,
-                height,
-                wall,
-            });
-        }
-        if let Some(profile) = &entry.lathe {
-            let place = place.key("lathe");
-            for &[radius, z] in profile {
-                place.within(radius, 0.0, 20.0, "m", "points are [radius, z] in metres")?;
-                place.within(z, -20.0, 20.0, "m", "points are [radius, z] in metres")?;
-            }
-            if profile.len() < 2 {
-                return Err(place.wrong(
-                    format!("a profile of {} points", profile.len()),
-                    "at least 2 points",
-                    "give [radius, z] points from bottom to top",
-                ));
-            }
-            found.push(Shape::Lathe {
-                profile: profile.clone(),
-            });
-        }
+    fn shape(&self, place: &Place, entry: &PartEntry) -> Result<MeshShape, SceneError> {
+        let simple = [
+            cuboid(place, entry)?,
+            rounded_box(place, entry)?,
+            cylinder(place, entry)?,
+            capsule(place, entry)?,
+            sphere(place, entry)?,
+            frustum(place, entry)?,
+            cup(place, entry)?,
+            lathe(place, entry)?,
+        ];
+        let mut found: Vec<Shape> = simple.into_iter().flatten().collect();
         let mut vertices = Vec::new();
-        if let Some(mesh) = &entry.mesh {
-            let place = place.key("mesh");
-            let scale = place.key("scale").within(
-                mesh.scale,
-                1e-4,
-                1e3,
-                "m per unit",
-                "0.001 for a mesh in millimetres, 1 for metres",
-            )?;
-            let path = place.key("path");
-            let read = geometry::mesh::load(&self.assets.join(&mesh.path)).map_err(|error| {
-                path.wrong(
-                    format!("{:?}, which cannot be used ({error})", mesh.path),
-                    "an OBJ, glTF or GLB file below the assets folder",
-                    format!("put it at {}", self.assets.join(&mesh.path).display()),
-                )
-            })?;
-            vertices = read
-                .positions
-                .into_iter()
-                .map(|v| Point3::from(v.map(|c| f64::from(c) * scale)))
-                .collect();
-            let largest =
-                super::Bounds::of_points(vertices.iter().copied()).map_or(0.0, |b| b.size().max());
-            path.within(
-                largest,
-                0.002,
-                20.0,
-                "m in its longest direction",
-                "set `scale` to metres per unit, 0.001 for millimetres",
-            )?;
-            found.push(Shape::Mesh {
-                path: mesh.path.clone(),
-                scale,
-            });
+        if let Some((shape, of_mesh)) = self.mesh(place, entry)? {
+            found.push(shape);
+            vertices = of_mesh;
         }
         match (found.pop(), found.len()) {
             (Some(shape), 0) => Ok((shape, vertices)),
@@ -269,6 +155,171 @@ impl Reader<'_> {
             )),
         }
     }
+
+    fn mesh(&self, place: &Place, entry: &PartEntry) -> Result<Option<MeshShape>, SceneError> {
+        let Some(mesh) = &entry.mesh else {
+            return Ok(None);
+        };
+        let place = place.key("mesh");
+        let scale = place.key("scale").within(
+            mesh.scale,
+            1e-4,
+            1e3,
+            "m per unit",
+            "0.001 for a mesh in millimetres, 1 for metres",
+        )?;
+        let path = place.key("path");
+        let read = geometry::mesh::load(&self.assets.join(&mesh.path)).map_err(|error| {
+            path.wrong(
+                format!("{:?}, which cannot be used ({error})", mesh.path),
+                "an OBJ, glTF or GLB file below the assets folder",
+                format!("put it at {}", self.assets.join(&mesh.path).display()),
+            )
+        })?;
+        let vertices: Vec<_> = read
+            .positions
+            .into_iter()
+            .map(|v| Point3::from(v.map(|c| f64::from(c) * scale)))
+            .collect();
+        let bounds = Bounds::of_points(vertices.iter().copied());
+        path.within(
+            bounds.map_or(0.0, |b| b.size().max()),
+            0.002,
+            20.0,
+            "m in its longest direction",
+            "set `scale` to metres per unit, 0.001 for millimetres",
+        )?;
+        let shape = Shape::Mesh {
+            path: mesh.path.clone(),
+            scale,
+        };
+        Ok(Some((shape, vertices)))
+    }
+}
+
+/// A mesh and its vertices, metres.
+type MeshShape = (Shape, Vec<Point3<f64>>);
+
+/// A shape where the entry has one of this kind.
+type Found = Result<Option<Shape>, SceneError>;
+
+fn cuboid(place: &Place, entry: &PartEntry) -> Found {
+    let Some(size) = entry.cuboid else {
+        return Ok(None);
+    };
+    let half = halves(&place.key("box"), size)?;
+    Ok(Some(Shape::Cuboid { half }))
+}
+
+fn rounded_box(place: &Place, entry: &PartEntry) -> Found {
+    let Some(rounded) = &entry.rounded_box else {
+        return Ok(None);
+    };
+    let place = place.key("rounded_box");
+    let half = halves(&place.key("size"), rounded.size)?;
+    let least = half.into_iter().fold(f64::INFINITY, f64::min);
+    let radius = place.key("radius").within(
+        rounded.radius,
+        0.0002,
+        least,
+        "m",
+        "the rounding is at most half of the shortest side",
+    )?;
+    Ok(Some(Shape::RoundedCuboid { half, radius }))
+}
+
+fn cylinder(place: &Place, entry: &PartEntry) -> Found {
+    let Some(round) = &entry.cylinder else {
+        return Ok(None);
+    };
+    let place = place.key("cylinder");
+    Ok(Some(Shape::Cylinder {
+        radius: place.key("radius").length(round.radius)?,
+        half_height: place.key("height").length(round.height)? / 2.0,
+    }))
+}
+
+fn capsule(place: &Place, entry: &PartEntry) -> Found {
+    let Some(round) = &entry.capsule else {
+        return Ok(None);
+    };
+    let place = place.key("capsule");
+    let radius = place.key("radius").length(round.radius)?;
+    let height = place.key("height").within(
+        round.height,
+        2.0 * radius,
+        20.0,
+        "m",
+        "the height of a capsule includes both caps",
+    )?;
+    Ok(Some(Shape::Capsule {
+        radius,
+        half_height: height / 2.0 - radius,
+    }))
+}
+
+fn sphere(place: &Place, entry: &PartEntry) -> Found {
+    let Some(sphere) = &entry.sphere else {
+        return Ok(None);
+    };
+    let radius = place.key("sphere").key("radius").length(sphere.radius)?;
+    Ok(Some(Shape::Sphere { radius }))
+}
+
+fn frustum(place: &Place, entry: &PartEntry) -> Found {
+    let Some(frustum) = &entry.frustum else {
+        return Ok(None);
+    };
+    let place = place.key("frustum");
+    Ok(Some(Shape::Frustum {
+        bottom_radius: place.key("bottom_radius").length(frustum.bottom_radius)?,
+        top_radius: place.key("top_radius").length(frustum.top_radius)?,
+        half_height: place.key("height").length(frustum.height)? / 2.0,
+    }))
+}
+
+fn cup(place: &Place, entry: &PartEntry) -> Found {
+    let Some(cup) = &entry.cup else {
+        return Ok(None);
+    };
+    let place = place.key("cup");
+    let bottom_radius = place.key("bottom_radius").length(cup.bottom_radius)?;
+    let top_radius = place.key("top_radius").length(cup.top_radius)?;
+    let height = place.key("height").length(cup.height)?;
+    let wall = place.key("wall").within(
+        cup.wall,
+        0.0005,
+        bottom_radius.min(height).min(top_radius) / 2.0,
+        "m",
+        "the wall is thinner than half of the radius",
+    )?;
+    Ok(Some(Shape::Cup {
+        bottom_radius,
+        top_radius,
+        height,
+        wall,
+    }))
+}
+
+fn lathe(place: &Place, entry: &PartEntry) -> Found {
+    let Some(profile) = &entry.lathe else {
+        return Ok(None);
+    };
+    let place = place.key("lathe");
+    for &[radius, z] in profile {
+        place.within(radius, 0.0, 20.0, "m", "points are [radius, z] in metres")?;
+        place.within(z, -20.0, 20.0, "m", "points are [radius, z] in metres")?;
+    }
+    if profile.len() < 2 {
+        return Err(place.wrong(
+            format!("a profile of {} points", profile.len()),
+            "at least 2 points",
+            "give [radius, z] points from bottom to top",
+        ));
+    }
+    Ok(Some(Shape::Lathe {
+        profile: profile.clone(),
+    }))
 }
 
 fn halves(place: &Place, size: [f64; 3]) -> Result<[f64; 3], SceneError> {

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use nalgebra::{Point2, Vector2};
 
 use super::*;
-use crate::geometry::mesh;
+use crate::geometry::{mesh, texture};
 
 /// The assets of this repository.
 pub(crate) fn assets() -> PathBuf {
@@ -29,6 +29,18 @@ fn every_object_file_loads_and_every_asset_names_origin_and_licence() {
                 let value = table.get(key).and_then(toml::Value::as_str).unwrap_or("");
                 assert!(value.len() > 5, "{folder}/{name}.toml: {key}");
             }
+        }
+    }
+    for name in texture::names(&assets()) {
+        let file = std::fs::File::open(assets().join(format!("textures/{name}.png"))).unwrap();
+        let decoder = png::Decoder::new(std::io::BufReader::new(file));
+        let reader = decoder.read_info().unwrap();
+        for keyword in ["Source", "Copyright"] {
+            let mut texts = reader.info().uncompressed_latin1_text.iter();
+            assert!(
+                texts.any(|t| t.keyword == keyword && t.text.len() > 5),
+                "textures/{name}.png: {keyword}"
+            );
         }
     }
     let materials = material::library(&assets()).unwrap();
@@ -173,6 +185,11 @@ impl Copy {
                 let path = format!("{folder}/{name}.toml");
                 std::fs::copy(assets().join(&path), root.join(&path)).unwrap();
             }
+        }
+        std::fs::create_dir_all(root.join("textures")).unwrap();
+        for name in texture::names(&assets()) {
+            let path = format!("textures/{name}.png");
+            std::fs::copy(assets().join(&path), root.join(&path)).unwrap();
         }
         Self(root)
     }

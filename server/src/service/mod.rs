@@ -4,6 +4,11 @@
 //! This module and `main.rs` alone name zenoh; it names neither rapier nor
 //! wgpu. `run(session, sim, options, shutdown)` is all that `main` calls.
 
+#![expect(
+    clippy::disallowed_methods,
+    reason = "the service paces by the wall clock"
+)]
+
 mod assets;
 pub mod convert;
 mod denied;

@@ -25,10 +25,6 @@ pub(super) fn tag(body: BodyRef) -> u128 {
 
 /// Body of a collider's number.
 pub(super) fn body_of(tag: u128) -> BodyRef {
-    #[allow(
-        clippy::cast_possible_truncation,
-        reason = "it was an index before it was a tag"
-    )]
     let index = (tag & ((1 << KINDS) - 1)) as usize;
     match tag >> KINDS {
         0 => BodyRef::Link(index),
@@ -96,7 +92,6 @@ fn add(
     points_per_friction: usize,
 ) {
     let dt = f64::from(physics.integration_parameters.dt);
-    #[allow(clippy::cast_precision_loss, reason = "a few substeps")]
     let substep = dt / physics.integration_parameters.num_solver_iterations as f64;
     let normal = from_vector(manifold.data.normal);
     for (index, contact) in manifold.data.solver_contacts.iter().enumerate() {

@@ -8,10 +8,6 @@ use rapier3d::prelude::MassProperties;
 use super::mass::Mass;
 
 /// To the engine.
-#[allow(
-    clippy::cast_possible_truncation,
-    reason = "the engine computes in single precision"
-)]
 pub(super) fn real(x: f64) -> f32 {
     x as f32
 }

@@ -102,7 +102,6 @@ impl World {
 
     fn contact_fault(&self) -> Option<Fault> {
         let dt = self.physics.integration_parameters.dt;
-        #[allow(clippy::cast_possible_truncation, reason = "30 000 fits")]
         let most = CONTACT_FORCE as f32 * dt;
         let mut pairs = self.physics.narrow_phase.contact_pairs();
         let hard = pairs.find(|pair| {

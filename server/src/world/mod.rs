@@ -497,7 +497,6 @@ impl World {
 fn engine() -> PhysicsWorld {
     let mut physics = PhysicsWorld::new();
     physics.gravity = convert::vector(&Vector3::new(0.0, 0.0, -GRAVITY));
-    #[allow(clippy::cast_precision_loss, reason = "240 is exact")]
     let dt = 1.0 / PHYSICS_HZ as f32;
     physics.integration_parameters = IntegrationParameters {
         dt,

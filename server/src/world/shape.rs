@@ -160,10 +160,8 @@ fn cup(
 
 /// Corners of a regular polygon whose area is that of the circle.
 fn ring(sides: usize, radius: f64, z: f64) -> Vec<Vector> {
-    #[allow(clippy::cast_precision_loss, reason = "a few sides")]
     let step = TAU / sides as f64;
     let corner = radius * (step / exact::sin(step)).sqrt();
-    #[allow(clippy::cast_precision_loss, reason = "a few sides")]
     (0..sides)
         .map(|i| step * i as f64)
         .map(|a| {

@@ -110,7 +110,6 @@ impl Run {
         let mut sim = Simulation::new(assets, self.scenario())?;
         let mut policy = Policy::new(self.kind, self.seed, &sim);
         let mut judge = Judge::new(&sim);
-        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
         let ticks = (seconds * CONTROL_HZ as f64) as u64;
         for tick in 0..ticks {
             let input = policy.input(tick, &sim);

@@ -59,7 +59,6 @@ impl Recorded {
         let mut judge = Judge::new(&sim);
         let mut commands = self.commands.iter().peekable();
         let last = self.commands.last().and_then(|c| c.header.as_ref());
-        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
         let beyond = (BEYOND * CONTROL_HZ as f64) as u64;
         let last = last.map_or(0, |header| header.tick / TICKS_PER_CONTROL) + beyond;
         for tick in 0..last {

@@ -185,20 +185,28 @@ pub enum ArmIntent {
     Joints([f64; 6]),
     /// End effector pose in `frame`.
     Pose {
+        /// Frame in which it is said.
         frame: IntentFrame,
+        /// frame_from_tool.
         pose: Isometry3<f64>,
     },
     /// End effector velocity in `frame`, m/s and rad/s; held until the next intent.
     Twist {
+        /// Frame in which it is said.
         frame: IntentFrame,
+        /// m/s.
         linear: Vector3<f64>,
+        /// rad/s.
         angular: Vector3<f64>,
     },
     /// Step from the present target: translation in `frame`, m, and rotation
     /// vector about the tool's own axes, rad.
     Step {
+        /// Frame in which it is said.
         frame: IntentFrame,
+        /// Metres.
         translation: Vector3<f64>,
+        /// Rotation vector, rad.
         rotation: Vector3<f64>,
     },
     /// Stop and hold.

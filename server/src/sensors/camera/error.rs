@@ -1,6 +1,7 @@
 //! Why there are no pictures.
 
 use crate::geometry::mesh::MeshError;
+use crate::geometry::texture::TextureError;
 
 /// Why a scene or a picture cannot be drawn.
 #[derive(Debug, thiserror::Error)]
@@ -15,18 +16,9 @@ pub enum RenderError {
         /// The reason.
         source: MeshError,
     },
-    /// A texture name that does not exist.
-    #[error("visual {index} of '{body}': texture '{pattern}' is not known; known are {known}")]
-    UnknownPattern {
-        /// Body, link or furniture.
-        body: String,
-        /// Index of its visual.
-        index: usize,
-        /// The name found.
-        pattern: String,
-        /// All names.
-        known: String,
-    },
+    /// A texture that cannot be used.
+    #[error(transparent)]
+    Texture(#[from] TextureError),
     /// More bodies than an id byte can tell apart.
     #[error(
         "{objects} objects, {links} robot links and {furniture} pieces of furniture are drawn; \

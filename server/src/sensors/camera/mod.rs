@@ -20,6 +20,7 @@ mod shadow;
 mod soft;
 pub mod spec;
 mod target;
+mod uniform;
 mod view;
 
 use bytes::Bytes;

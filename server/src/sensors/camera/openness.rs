@@ -2,7 +2,7 @@
 //! below furniture get less light from all around. Worked out once, at load,
 //! from what never moves, in cells of 8 cm.
 
-use std::collections::HashMap;
+use std::collections::BTreeMap;
 
 use nalgebra::{Point3, Vector3};
 use wheelarm_proto::exact;
@@ -167,14 +167,14 @@ const LONGEST: f64 = 0.4;
 /// their corners, and near and far detail of a board are the same triangles.
 pub(super) struct Openness<'a> {
     around: &'a Surroundings,
-    known: HashMap<[u64; 6], f64>,
+    known: BTreeMap<[u64; 6], f64>,
 }
 
 impl<'a> Openness<'a> {
     pub(super) fn new(around: &'a Surroundings) -> Self {
         Self {
             around,
-            known: HashMap::new(),
+            known: BTreeMap::new(),
         }
     }
 

@@ -1,10 +1,9 @@
 //! Textures and samplers of the patterns that a scene uses.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 
 use wgpu::util::DeviceExt;
 
-use super::scene::RenderScene;
 use crate::geometry::texture::{self, Picture};
 
 /// Repeating with halvings; comparing for the shadow map.
@@ -28,41 +27,20 @@ pub(super) fn samplers(device: &wgpu::Device) -> [wgpu::Sampler; 2] {
     ]
 }
 
-/// Pictures by the names of their patterns.
-pub(super) type Painted = BTreeMap<String, Picture>;
-
-/// Paints the patterns of a scene, each on a thread of its own.
-pub(super) fn paint(scene: &RenderScene) -> Painted {
-    let names: BTreeSet<&str> = scene
-        .items
-        .iter()
-        .filter_map(|item| Some(item.material.texture.as_ref()?.pattern.as_str()))
-        .collect();
-    std::thread::scope(|scope| {
-        let jobs: Vec<_> = names
-            .iter()
-            .map(|name| (name, scope.spawn(|| texture::paint(name))))
-            .collect();
-        jobs.into_iter()
-            .filter_map(|(name, job)| Some(((*name).to_owned(), job.join().ok()??)))
-            .collect()
-    })
-}
-
 /// Uploads the pictures of `patterns`, one layer each.
 pub(super) fn upload(
     device: &wgpu::Device,
     queue: &wgpu::Queue,
     patterns: &[String],
-    painted: &Painted,
+    pictures: &BTreeMap<String, Picture>,
 ) -> wgpu::TextureView {
     let none = patterns.is_empty();
     let side = if none { 1 } else { texture::SIZE as u32 };
     let bytes: Vec<u8> = if none {
         vec![255; 4]
     } else {
-        let pictures = patterns.iter().filter_map(|name| painted.get(name));
-        let levels: Vec<&[u8]> = pictures
+        let layers = patterns.iter().filter_map(|name| pictures.get(name));
+        let levels: Vec<&[u8]> = layers
             .flat_map(|p| p.levels.iter().map(Vec::as_slice))
             .collect();
         levels.concat()

@@ -19,7 +19,8 @@ use super::shadow::{ShadowMap, SunView};
 use super::soft::SoftMeshes;
 use super::spec::CameraSpec;
 use super::target::{Target, depth_attachment};
-use super::view::{View, columns};
+use super::uniform::CameraUniform;
+use super::view::View;
 use super::{Frame, Quality, RenderError, patterns};
 use crate::scene::Lighting;
 use crate::snapshot::Snapshot;
@@ -89,41 +90,14 @@ impl Renderer {
         quality: Quality,
         adapter: Option<&str>,
     ) -> Result<Self, RenderError> {
-        for camera in cameras {
-            camera.check()?;
-            let count = match camera.binding {
-                Binding::World => usize::MAX,
-                Binding::Link(_) => scene.links,
-                Binding::Object(_) => scene.objects,
-                Binding::Sliding(_) => scene.sliding,
-            };
-            if let Binding::Link(i) | Binding::Object(i) | Binding::Sliding(i) = camera.binding
-                && i >= count
-            {
-                return Err(RenderError::BadCamera {
-                    camera: camera.name.clone(),
-                    reason: format!("it sits on body {i}, there are {count}"),
-                });
-            }
-        }
+        check_cameras(scene, cameras)?;
         let tier = Tier::of(quality);
-        // What needs no adapter is worked out while the driver starts and
-        // compiles.
-        let (opened, arranged, painted) = std::thread::scope(|scope| {
-            let painting = scope.spawn(|| patterns::paint(scene));
-            let arranging = scope.spawn(|| {
-                let surroundings = Surroundings::new(scene);
-                let buffers = Buffers::new(scene, &surroundings, tier.all_glossy);
-                (surroundings, buffers)
-            });
-            let opened = open(adapter).map(|opened| {
-                let pipelines = Pipelines::new(&opened.device, tier);
-                (opened, pipelines)
-            });
-            (opened, joined(arranging), joined(painting))
-        });
-        let (opened, pipelines) = opened?;
-        let (surroundings, buffers) = arranged;
+        let Prepared {
+            opened,
+            pipelines,
+            surroundings,
+            buffers,
+        } = prepare(scene, tier, adapter)?;
         let Opened {
             info,
             device,
@@ -138,29 +112,27 @@ impl Renderer {
             contents: bytemuck::cast_slice(&buffers.materials),
             usage: wgpu::BufferUsages::STORAGE,
         });
-        let pictures = patterns::upload(&device, &queue, &buffers.patterns, &painted);
+        let pictures = patterns::upload(&device, &queue, &buffers.patterns, &scene.textures);
         let shadow = ShadowMap::new(&device, sun, tier.shadow_size);
         let targets: Vec<Target> = cameras
             .iter()
             .map(|spec| Target::new(&device, spec.clone(), tier))
             .collect();
         let [repeating, comparing] = patterns::samplers(&device);
-        let scene_groups = targets
-            .iter()
-            .map(|target| {
-                bind(
-                    &device,
-                    &pipelines.scene_layout,
-                    &[
-                        target.uniform.as_entire_binding(),
-                        geometry.body_rows.as_entire_binding(),
-                        materials.as_entire_binding(),
-                        wgpu::BindingResource::TextureView(&pictures),
-                        wgpu::BindingResource::Sampler(&repeating),
-                    ],
-                )
-            })
-            .collect();
+        let scene_group = |target: &Target| {
+            bind(
+                &device,
+                &pipelines.scene_layout,
+                &[
+                    target.uniform.as_entire_binding(),
+                    geometry.body_rows.as_entire_binding(),
+                    materials.as_entire_binding(),
+                    wgpu::BindingResource::TextureView(&pictures),
+                    wgpu::BindingResource::Sampler(&repeating),
+                ],
+            )
+        };
+        let scene_groups = targets.iter().map(scene_group).collect();
         let shadow_group = bind(
             &device,
             &pipelines.shadow_layout,
@@ -169,19 +141,7 @@ impl Renderer {
                 wgpu::BindingResource::Sampler(&comparing),
             ],
         );
-        let read = targets
-            .iter()
-            .map(|target| {
-                std::array::from_fn(|_| {
-                    device.create_buffer(&wgpu::BufferDescriptor {
-                        label: Some(&target.spec.name),
-                        size: Layout::of(target).bytes(),
-                        usage: wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST,
-                        mapped_at_creation: false,
-                    })
-                })
-            })
-            .collect();
+        let read = targets.iter().map(|t| read_buffers(&device, t)).collect();
         let renderer = Self {
             shadow,
             lighting: scene.lighting,
@@ -269,9 +229,12 @@ impl Renderer {
 
         let mut encoder = self.device.create_command_encoder(&Default::default());
         for (&c, view) in cameras.iter().zip(&views) {
-            let block = self.uniform(view);
+            let sun = &self.shadow.sun;
+            let texel = [1.0 / self.tier.shadow_size as f32, sun.texel as f32];
+            let block = CameraUniform::new(view, &self.lighting, &sun.clip_from_world, texel);
+            let uniform = &self.targets[c].uniform;
             self.queue
-                .write_buffer(&self.targets[c].uniform, 0, bytemuck::cast_slice(&block));
+                .write_buffer(uniform, 0, bytemuck::bytes_of(&block));
         }
         if let (true, Some(&first)) = (self.tier.has_shadows(), cameras.first()) {
             let group = &self.scene_groups[first];
@@ -402,31 +365,6 @@ impl Renderer {
         Ok(())
     }
 
-    fn uniform(&self, view: &View) -> [f32; 56] {
-        let light = &self.lighting;
-        let eye = view.world_from_optical.translation.vector.cast::<f32>();
-        let texel = [
-            1.0 / self.tier.shadow_size as f32,
-            self.shadow.sun.texel as f32,
-            0.0,
-        ];
-        let mut block = [0.0; 56];
-        block[..16].copy_from_slice(&columns(&view.clip_from_world));
-        block[16..32].copy_from_slice(&columns(&self.shadow.sun.clip_from_world));
-        let vectors = [
-            [eye.x, eye.y, eye.z],
-            light.sun_direction,
-            light.sun,
-            light.sky,
-            light.ground,
-            texel,
-        ];
-        for (k, v) in vectors.iter().enumerate() {
-            block[32 + 4 * k..35 + 4 * k].copy_from_slice(v);
-        }
-        block
-    }
-
     fn draw_camera(&self, encoder: &mut wgpu::CommandEncoder, camera: usize, seen: &[Seen<'_>]) {
         let target = &self.targets[camera];
         let (view, resolve, depth) = match &target.samples {
@@ -491,6 +429,74 @@ impl Renderer {
             }
         }
     }
+}
+
+fn check_cameras(scene: &RenderScene, cameras: &[CameraSpec]) -> Result<(), RenderError> {
+    for camera in cameras {
+        camera.check()?;
+        let count = match camera.binding {
+            Binding::World => usize::MAX,
+            Binding::Link(_) => scene.links,
+            Binding::Object(_) => scene.objects,
+            Binding::Sliding(_) => scene.sliding,
+        };
+        if let Binding::Link(i) | Binding::Object(i) | Binding::Sliding(i) = camera.binding
+            && i >= count
+        {
+            return Err(RenderError::BadCamera {
+                camera: camera.name.clone(),
+                reason: format!("it sits on body {i}, there are {count}"),
+            });
+        }
+    }
+    Ok(())
+}
+
+/// What a renderer is made of before anything is uploaded.
+struct Prepared {
+    opened: Opened,
+    pipelines: Pipelines,
+    surroundings: Surroundings,
+    buffers: Buffers,
+}
+
+/// Works out what needs no adapter while the driver starts and compiles.
+fn prepare(
+    scene: &RenderScene,
+    tier: Tier,
+    adapter: Option<&str>,
+) -> Result<Prepared, RenderError> {
+    std::thread::scope(|scope| {
+        let arranging = scope.spawn(|| {
+            let surroundings = Surroundings::new(scene);
+            let buffers = Buffers::new(scene, &surroundings, tier.all_glossy);
+            (surroundings, buffers)
+        });
+        let opened = open(adapter).map(|opened| {
+            let pipelines = Pipelines::new(&opened.device, tier);
+            (opened, pipelines)
+        });
+        let (surroundings, buffers) = joined(arranging);
+        let (opened, pipelines) = opened?;
+        Ok(Prepared {
+            opened,
+            pipelines,
+            surroundings,
+            buffers,
+        })
+    })
+}
+
+/// Buffers that a camera's pictures are read through, one per batch in flight.
+fn read_buffers(device: &wgpu::Device, target: &Target) -> [wgpu::Buffer; IN_FLIGHT] {
+    std::array::from_fn(|_| {
+        device.create_buffer(&wgpu::BufferDescriptor {
+            label: Some(&target.spec.name),
+            size: Layout::of(target).bytes(),
+            usage: wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST,
+            mapped_at_creation: false,
+        })
+    })
 }
 
 /// A device and where it tells of its failures.

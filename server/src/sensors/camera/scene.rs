@@ -9,7 +9,8 @@ use nalgebra::{Isometry3, Point3};
 use super::RenderError;
 use crate::geometry::mesh::{Detail, build_detail};
 use crate::geometry::plush::Skin;
-use crate::geometry::{Material, Shape, TriMesh, Visual, texture};
+use crate::geometry::texture::{self, Picture};
+use crate::geometry::{Material, Shape, TriMesh, Visual};
 use crate::robot::RobotModel;
 use crate::scene::{Body, Lighting, Scene, Soft};
 
@@ -63,6 +64,8 @@ pub struct RenderScene {
     pub skins: Vec<(usize, Skin)>,
     /// Pieces of furniture on joints that a snapshot must have.
     pub sliding: usize,
+    /// Pictures of the materials, by the names of their files.
+    pub textures: BTreeMap<String, Picture>,
 }
 
 /// Furniture that reaches this high is part of the building, metres.
@@ -96,6 +99,7 @@ impl RenderScene {
             objects: scene.objects.len(),
             skins: Vec::new(),
             sliding: scene.joints.len(),
+            textures: BTreeMap::new(),
         };
         let mut meshes = MeshCache {
             assets,
@@ -120,7 +124,22 @@ impl RenderScene {
             };
             built.add_body(&body.name, &body.visual, at, &mut meshes)?;
         }
+        built.load_textures(assets)?;
         Ok(built)
+    }
+
+    /// Reads the pictures that the items name.
+    fn load_textures(&mut self, assets: &Path) -> Result<(), RenderError> {
+        for item in &self.items {
+            let Some(texture) = &item.material.texture else {
+                continue;
+            };
+            if !self.textures.contains_key(&texture.pattern) {
+                let picture = texture::load(assets, &texture.pattern)?;
+                self.textures.insert(texture.pattern.clone(), picture);
+            }
+        }
+        Ok(())
     }
 
     /// One mesh per look of the skin.
@@ -168,16 +187,6 @@ impl RenderScene {
         let instance = self.instances.len() as u8 + 1;
         self.instances.push((instance, name.to_owned()));
         for (index, visual) in visuals.iter().enumerate() {
-            if let Some(t) = &visual.material.texture
-                && !texture::names().any(|n| n == t.pattern)
-            {
-                return Err(RenderError::UnknownPattern {
-                    body: name.to_owned(),
-                    index,
-                    pattern: t.pattern.clone(),
-                    known: texture::names().collect::<Vec<_>>().join(", "),
-                });
-            }
             let mut get = |detail| {
                 meshes
                     .get(&visual.part.shape, &visual.material, detail)

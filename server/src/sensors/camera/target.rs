@@ -2,6 +2,7 @@
 
 use super::pipelines::{COLOR, DEPTH, IDS, Tier};
 use super::spec::CameraSpec;
+use super::uniform::CameraUniform;
 
 /// Textures of one camera.
 pub(super) struct Target {
@@ -21,9 +22,6 @@ pub(super) struct Picture {
     pub(super) view: wgpu::TextureView,
 }
 
-/// Bytes of the camera's uniform block.
-pub(super) const UNIFORM_BYTES: u64 = (16 + 16 + 6 * 4) * 4;
-
 impl Target {
     pub(super) fn new(device: &wgpu::Device, spec: CameraSpec, tier: Tier) -> Self {
         let size = [spec.intrinsics.width, spec.intrinsics.height];
@@ -42,7 +40,7 @@ impl Target {
                 .then(|| picture(device, size, IDS, 1, read)),
             uniform: device.create_buffer(&wgpu::BufferDescriptor {
                 label: Some(&spec.name),
-                size: UNIFORM_BYTES,
+                size: size_of::<CameraUniform>() as u64,
                 usage: wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST,
                 mapped_at_creation: false,
             }),

@@ -1,5 +1,6 @@
 //! Laws of the pictures, on whatever Vulkan adapter there is.
 
+use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -7,7 +8,7 @@ use nalgebra::{Isometry3, Point3, Rotation3, Translation3, UnitQuaternion, Vecto
 
 use super::*;
 use crate::geometry::mesh::build;
-use crate::geometry::{Material, Shape, Texture};
+use crate::geometry::{Material, Shape, Texture, texture};
 use crate::robot::RobotModel;
 use crate::scene::{Lighting, Scene};
 use crate::snapshot::{BodyState, Snapshot};
@@ -48,6 +49,7 @@ fn scene(items: Vec<RenderItem>, objects: usize) -> RenderScene {
         skins: Vec::new(),
         objects,
         sliding: 0,
+        textures: BTreeMap::new(),
     }
 }
 
@@ -228,7 +230,12 @@ fn floor_and_box() -> RenderScene {
         pattern: "planks".into(),
         metres: 1.0,
     });
-    scene(items, 1)
+    let assets = Path::new(env!("CARGO_MANIFEST_DIR")).join("../assets");
+    let planks = texture::load(&assets, "planks").unwrap();
+    RenderScene {
+        textures: [("planks".to_owned(), planks)].into(),
+        ..scene(items, 1)
+    }
 }
 
 #[test]

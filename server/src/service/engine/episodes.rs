@@ -81,16 +81,49 @@ impl Engine {
         };
         self.episodes += 1;
         let number = self.episodes;
+        let tick = self.sim.snapshot().tick;
+        let started = self.announcement(number, request.label, request.instruction, shown);
+        self.episode = Some(Episode {
+            number,
+            started: started.clone(),
+            snapshot: snapshot.into(),
+            stage: Stage::Waiting,
+            required,
+            pictures: BTreeMap::new(),
+            participants: Vec::new(),
+            since: Instant::now(),
+            running_since: Instant::now(),
+        });
+        if required > 0 {
+            // Whoever asks at once is not told that it runs.
+            let words = format!("recorders: 0 of {required} ready");
+            self.waiting_for = Waits::new(WaitingFor::Recorders, words);
+        }
+        self.listen(Listening {
+            episode: number,
+            lock_step,
+            replay: request.replay,
+        });
+        self.forget_anomalies();
+        self.shared.outbox.put(number, tick, started.clone());
+        Ok(started)
+    }
+
+    /// What is told of an episode that begins at the present tick; `shown` when it
+    /// shows recorded states instead of simulating.
+    fn announcement(
+        &self,
+        number: u64,
+        label: String,
+        instruction: Option<String>,
+        shown: bool,
+    ) -> v1::EpisodeStarted {
         let scenario = self.sim.scenario();
         let task = self.sim.task();
-        let instruction = request
-            .instruction
-            .unwrap_or_else(|| scenario.instruction.clone());
-        let tick = self.sim.snapshot().tick;
-        let started = v1::EpisodeStarted {
-            header: Some(self.shared.outbox.header(number, tick)),
-            label: request.label,
-            instruction,
+        v1::EpisodeStarted {
+            header: Some(self.shared.outbox.header(number, self.sim.snapshot().tick)),
+            label,
+            instruction: instruction.unwrap_or_else(|| scenario.instruction.clone()),
             scenario: Some(convert::scenario(scenario)),
             activity: task.map(|t| t.activity.clone()).unwrap_or_default(),
             area: task.map(|t| t.area.clone()).unwrap_or_default(),
@@ -122,31 +155,7 @@ impl Engine {
                 false => wheelarm_proto::PHYSICS_VERSION,
             },
             as_recorded: shown,
-        };
-        self.episode = Some(Episode {
-            number,
-            started: started.clone(),
-            snapshot: snapshot.into(),
-            stage: Stage::Waiting,
-            required,
-            pictures: BTreeMap::new(),
-            participants: Vec::new(),
-            since: Instant::now(),
-            running_since: Instant::now(),
-        });
-        if required > 0 {
-            // Whoever asks at once is not told that it runs.
-            let words = format!("recorders: 0 of {required} ready");
-            self.waiting_for = Waits::new(WaitingFor::Recorders, words);
         }
-        self.listen(Listening {
-            episode: number,
-            lock_step,
-            replay: request.replay,
-        });
-        self.forget_anomalies();
-        self.shared.outbox.put(number, tick, started.clone());
-        Ok(started)
     }
 
     /// In lock-step time waits for whoever holds control; `wanted` must be that one.

@@ -2,7 +2,7 @@
 
 use wheelarm_proto::exact;
 
-use super::texture_noise::{blend, fractal, mix, ramp, scale};
+use super::noise::{blend, fractal, mix, ramp, scale};
 
 type Stroke = &'static [(f32, f32)];
 

@@ -2,7 +2,7 @@
 
 use wheelarm_proto::exact;
 
-use super::texture_noise::{blend, fractal, hash, mix, noise, ramp, scale};
+use super::noise::{blend, fractal, hash, mix, noise, ramp, scale};
 
 /// Light at the upper left edge of a raised field, shade at the lower right:
 /// `x` and `y` in 0..1 of the field, `width` of the bevel.

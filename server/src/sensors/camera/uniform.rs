@@ -1,0 +1,48 @@
+//! What the shaders know of one picture beside bodies and materials.
+
+use nalgebra::Matrix4;
+
+use super::view::{View, columns};
+use crate::scene::Lighting;
+
+/// `Camera` in the shaders, member by member: matrices by columns, vectors with
+/// a fourth component that nobody reads.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, bytemuck::Pod, bytemuck::Zeroable)]
+pub(super) struct CameraUniform {
+    clip_from_world: [f32; 16],
+    shadow_from_world: [f32; 16],
+    eye: [f32; 4],
+    sun_direction: [f32; 4],
+    sun: [f32; 4],
+    sky: [f32; 4],
+    ground: [f32; 4],
+    /// Size of a shadow texel in the map and in the world.
+    shadow_texel: [f32; 4],
+}
+
+impl CameraUniform {
+    /// `texel` is the size of a shadow texel in the map and in the world, metres.
+    pub(super) fn new(
+        view: &View,
+        light: &Lighting,
+        shadow_from_world: &Matrix4<f64>,
+        texel: [f32; 2],
+    ) -> Self {
+        let eye = view.world_from_optical.translation.vector.cast::<f32>();
+        Self {
+            clip_from_world: columns(&view.clip_from_world),
+            shadow_from_world: columns(shadow_from_world),
+            eye: padded([eye.x, eye.y, eye.z]),
+            sun_direction: padded(light.sun_direction),
+            sun: padded(light.sun),
+            sky: padded(light.sky),
+            ground: padded(light.ground),
+            shadow_texel: [texel[0], texel[1], 0.0, 0.0],
+        }
+    }
+}
+
+fn padded([x, y, z]: [f32; 3]) -> [f32; 4] {
+    [x, y, z, 0.0]
+}
