@@ -51,8 +51,8 @@ const WRITTEN: [&str; 7] = [
 
 /// As TOML a field that is absent has its default, and one that is unknown is
 /// refused.
-const WRITE: &str = "#[cfg_attr(feature = \"serde\", derive(serde::Serialize, \
-    serde::Deserialize), serde(default, deny_unknown_fields))]";
+const WRITE: &str = "#[derive(serde::Serialize, serde::Deserialize)] \
+    #[serde(default, deny_unknown_fields)]";
 
 /// Fields of a scenario that are written by name, and how.
 const CHOICES: [(&str, &str); 2] = [
@@ -80,7 +80,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         config.type_attribute(message, WRITE);
     }
     for (field, module) in CHOICES {
-        config.field_attribute(field, format!("#[cfg_attr(feature = \"serde\", serde(with = \"crate::settings::text::{module}\", skip_serializing_if = \"crate::settings::text::is_untold\"))]"));
+        config.field_attribute(field, format!("#[serde(with = \"crate::settings::text::{module}\", skip_serializing_if = \"crate::settings::text::is_untold\")]"));
     }
     config.compile_fds(plain.clone())?;
     for file in &mut plain.file {
