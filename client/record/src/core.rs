@@ -11,7 +11,7 @@ use wheelarm_proto::v1;
 
 use self::early::Early;
 pub use self::port::{Input, Output};
-use super::episode::{Accepted, EpisodeId, Recording, Report, id};
+use super::episode::{Accepted, EpisodeId, Made, Recording, Report, id};
 
 mod early;
 mod port;
@@ -150,7 +150,7 @@ impl RecorderCore {
             Input::Snapshot(reply) => self.snapshot(reply, now),
             Input::Sample { stream, payload } => self.sample(stream, payload),
             Input::ServerLost => self.server_lost(now),
-            Input::Done { of, result } => self.done(&of, result, now),
+            Input::Done(Made { of, result }) => self.done(&of, result, now),
             Input::Shutdown => self.end("the recorder was stopped before the episode ended"),
         }
         self.settle(now);

@@ -12,7 +12,6 @@ use wheelarm_dataset::log::{Closing, Received, Recovered};
 use wheelarm_dataset::writer::{EpisodeWriter, Taken, WriteError, WriterOptions};
 use wheelarm_proto::{StreamId, digest, v1};
 
-use super::core::Input;
 use super::digests::Digests;
 use super::gaps::{Gaps, Missing};
 
@@ -199,6 +198,14 @@ pub struct Finishing {
     closing: Closing,
 }
 
+/// What came of making a file: of which episode, and the file or why there is
+/// none.
+#[derive(Clone, Debug)]
+pub struct Made {
+    pub(super) of: EpisodeId,
+    pub(super) result: Result<Report, String>,
+}
+
 impl std::fmt::Debug for Finishing {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         let mut debug = f.debug_struct("Finishing");
@@ -207,10 +214,9 @@ impl std::fmt::Debug for Finishing {
 }
 
 impl Finishing {
-    /// Closes the log and makes the file; what came of it is the input that
-    /// the recorder waits for.
+    /// Closes the log and makes the file; the recorder waits for what came of it.
     #[must_use]
-    pub fn run(self) -> Input {
+    pub fn run(self) -> Made {
         let of = self.of.clone();
         let log = self.writer.log().to_owned();
         let work = std::panic::AssertUnwindSafe(|| self.file());
@@ -218,7 +224,7 @@ impl Finishing {
             let log = log.display();
             Err(format!("making the file panicked; please report it. The recording is still in {log}, `wheelarm dataset recover {log}` tries again"))
         });
-        Input::Done { of, result }
+        Made { of, result }
     }
 
     fn file(self) -> Result<Report, String> {

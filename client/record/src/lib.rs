@@ -16,7 +16,7 @@ mod network;
 mod queue;
 
 pub use self::core::{Input, Output, RecorderCore};
-pub use self::episode::{Finishing, Report};
+pub use self::episode::{Finishing, Made, Report};
 pub use self::gaps::Missing;
 pub use self::many::{Told, run_many};
 pub use self::network::run;

@@ -206,7 +206,9 @@ fn work(
             let output = match output {
                 Output::Finish(finishing) => {
                     let entrance = entrance.clone();
-                    std::thread::spawn(move || entrance.control(Raw::Ready(finishing.run())));
+                    std::thread::spawn(move || {
+                        entrance.control(Raw::Ready(Input::Done(finishing.run())))
+                    });
                     continue;
                 }
                 output => output,

@@ -19,14 +19,13 @@ use wheelarm_proto::program::{EXIT_NOT_DONE, EXIT_SCENARIO, Ready};
 use wheelarm_proto::settings::Named;
 use wheelarm_proto::v1::Scenario;
 
+use super::board::{Board, Turn, lock};
 use super::episode::Episode;
-use super::fleet::Turn;
 use super::folder::{Folder, sha256};
 use super::journal::{Done, Failed};
 use super::plan::{Camera, Plan};
-use super::progress::lock;
 use super::stop::Stop;
-use super::watch::{Board, Watch};
+use super::watch::{SIM, Watch};
 use crate::operate::{Told, ToldOutcome};
 use wheelarm_rig::process::{Process, socket_folder, words};
 
@@ -38,8 +37,6 @@ const STALL: Duration = Duration::from_secs(180);
 const FINISH: Duration = Duration::from_secs(900);
 /// How often the programs are looked at.
 const LOOK: Duration = Duration::from_millis(50);
-/// Name of the server, the same in all: each has a network of its own.
-pub(super) const SIM: &str = "collect";
 
 /// What every attempt of a campaign needs.
 #[derive(Clone, Debug)]

@@ -4,14 +4,15 @@
 
 use std::collections::VecDeque;
 use std::sync::atomic::{AtomicUsize, Ordering};
-use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::sync::{Mutex, PoisonError};
 
 use super::attempt::{Outcome, Setup, attempt};
+use super::board::{Floor, Turn, lock};
 use super::capacity::free_disk;
 use super::episode::Episode;
 use super::estimate::bytes;
 use super::journal::{DEATHS, Done, Entry, Failed, Journal};
-use super::progress::{Show, lock};
+use super::progress::Show;
 use super::stop::Stop;
 
 /// Lanes of a worker.
@@ -104,10 +105,6 @@ pub fn work(
         .unwrap_or_else(PoisonError::into_inner)
 }
 
-/// Whoever holds a worker's floor may simulate.
-type Floor = Mutex<()>;
-/// The turn to simulate; it ends when dropped.
-pub type Turn<'a> = MutexGuard<'a, ()>;
 /// A lane and its worker's floor.
 type Place<'a> = (usize, &'a Floor);
 

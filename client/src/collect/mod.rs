@@ -7,6 +7,7 @@
 //! the plan alone.
 
 mod attempt;
+mod board;
 mod capacity;
 mod episode;
 mod estimate;

@@ -1,13 +1,13 @@
 //! How a campaign goes, on a terminal as bars and in a log as lines.
 
 use std::io::IsTerminal;
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
 use indicatif::{MultiProgress, ProgressBar, ProgressDrawTarget, ProgressStyle};
 
+use super::board::{Board, Progress, lock};
 use super::estimate::duration;
-use super::watch::{Board, Progress};
 
 /// The whole campaign's bar and a line for every lane that has something to do.
 pub struct Show {
@@ -156,9 +156,4 @@ impl Show {
         }
         self.total.finish_and_clear();
     }
-}
-
-/// Locks; what a thread that panicked left is taken as it is.
-pub(super) fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }

@@ -6,10 +6,11 @@ use std::time::{Duration, Instant};
 
 use wheelarm_proto::v1;
 
-use super::attempt::SIM;
-use super::progress::lock;
+use super::board::{Board, lock};
 use wheelarm_link::{Connect, Link};
 
+/// Name of the server, the same in all: each has a network of its own.
+pub(super) const SIM: &str = "collect";
 /// How often the server is asked.
 const ASK: Duration = Duration::from_secs(1);
 /// Longest wait for an answer.
@@ -20,18 +21,6 @@ const LONGEST: Duration = Duration::from_secs(25);
 /// Questions in a row without an answer before a server is given up, at least,
 /// for a campaign that was suspended as a whole may lose one.
 const QUESTIONS: u32 = 3;
-
-/// How an attempt goes, for people.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct Progress {
-    /// Simulated seconds.
-    pub seconds: f64,
-    /// What it does, in a word or two.
-    pub doing: String,
-}
-
-/// Where an attempt tells how it goes.
-pub type Board = Arc<Mutex<Progress>>;
 
 /// Asks the server while it is held.
 pub struct Watch {

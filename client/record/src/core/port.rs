@@ -3,7 +3,7 @@
 use bytes::Bytes;
 use wheelarm_proto::v1;
 
-use super::super::episode::{Finishing, Report};
+use super::super::episode::{Finishing, Made, Report};
 use super::super::gaps::Missing;
 
 /// What reaches a recorder.
@@ -29,12 +29,7 @@ pub enum Input {
     /// The server's liveliness token is gone, or the way to it.
     ServerLost,
     /// What came of [`Output::Finish`].
-    Done {
-        /// Run and number of the episode.
-        of: (String, u64),
-        /// The file, or why there is none.
-        result: Result<Report, String>,
-    },
+    Done(Made),
     /// The recorder is to end.
     Shutdown,
 }

@@ -148,7 +148,7 @@ impl Bench {
             out.retain(
                 |o| !matches!(o, Output::Status(s) if s.state() == v1::RecorderState::Finishing),
             );
-            out.extend(self.core.handle(finishing.run(), self.now));
+            out.extend(self.core.handle(Input::Done(finishing.run()), self.now));
         }
         out
     }
@@ -506,7 +506,7 @@ fn the_next_episode_begins_while_files_are_made_but_not_without_bound() {
     let out = b.feed(runs(started(3, "e3")));
     assert!(out.is_empty(), "{out:?}");
     b.feed(hash(3, 0));
-    let first = made.remove(0).run();
+    let first = Input::Done(made.remove(0).run());
     let out = b.feed(first);
     assert!(report(&out).complete);
     assert!(matches!(
@@ -515,7 +515,7 @@ fn the_next_episode_begins_while_files_are_made_but_not_without_bound() {
     ));
     b.feed(snapshot(3));
     assert_eq!(b.state(), v1::RecorderState::Ready);
-    let second = made.remove(0).run();
+    let second = Input::Done(made.remove(0).run());
     let out = b.feed(second);
     let Output::Status(status) = &out[0] else {
         panic!("{out:?}")
