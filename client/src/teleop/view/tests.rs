@@ -49,6 +49,7 @@ fn model() -> Model {
         ..Default::default()
     };
     model.situation.take_status(status, 0.0123);
+    model.robot(&crate::watch::described_robot());
     model
 }
 
