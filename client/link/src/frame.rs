@@ -67,19 +67,15 @@ impl Frame {
     /// # Errors
     /// [`BadFrame`].
     pub fn read(message: v1::CameraFrame) -> Result<Self, BadFrame> {
-        let formats = [
-            (message.rgb_format(), message.rgb_format),
-            (message.depth_format(), message.depth_format),
-            (message.ids_format(), message.ids_format),
-        ];
         let intrinsics = message.intrinsics.ok_or(BadFrame::Missing("intrinsics"))?;
-        let [rgb, depth, ids] = formats;
+        let format =
+            |plane, number| PixelFormat::try_from(number).map_err(|_| unknown(plane, number));
         let plane = |plane, bytes: &Bytes, wide| length(plane, bytes, wide, &intrinsics);
-        match rgb.0 {
+        match format("rgb", message.rgb_format)? {
             PixelFormat::Rgb8 | PixelFormat::Unspecified => plane("rgb", &message.rgb, 3)?,
-            _ => return Err(unknown("rgb", rgb.1)),
+            _ => return Err(unknown("rgb", message.rgb_format)),
         }
-        let depth = match depth.0 {
+        let depth = match format("depth", message.depth_format)? {
             PixelFormat::DepthMetresF32 | PixelFormat::Unspecified => {
                 plane("depth", &message.depth, 4)?;
                 let pixels = message.depth.chunks_exact(4);
@@ -94,9 +90,9 @@ impl Frame {
                     .map(|b| metres(u16::from_le_bytes([b[0], b[1]])))
                     .collect()
             }
-            _ => return Err(unknown("depth", depth.1)),
+            _ => return Err(unknown("depth", message.depth_format)),
         };
-        let ids = match ids.0 {
+        let ids = match format("ids", message.ids_format)? {
             PixelFormat::IdU16 => {
                 plane("ids", &message.ids, 2)?;
                 let pixels = message.ids.chunks_exact(2);
@@ -106,7 +102,7 @@ impl Frame {
                 plane("ids", &message.ids, 1)?;
                 message.ids.iter().copied().map(u16::from).collect()
             }
-            _ => return Err(unknown("ids", ids.1)),
+            _ => return Err(unknown("ids", message.ids_format)),
         };
         Ok(Self {
             header: message.header.ok_or(BadFrame::Missing("header"))?,

@@ -449,7 +449,12 @@ mod tests {
                 8,
                 "unknown field `count`",
             ),
-            ("name = \"x\"", "name = \"x\"\ndepth = \"f64\"", 2, "`u16`"),
+            (
+                "name = \"x\"",
+                "name = \"x\"\ndepth = \"f64\"",
+                2,
+                "f32, u16",
+            ),
             (
                 "episodes = 2",
                 "episodes = 2\n[[task]]\nname = \"pick_mustard\"\nepisodes = 1",
