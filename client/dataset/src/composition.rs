@@ -8,7 +8,6 @@ use wheelarm_proto::StreamId;
 
 use plotters::prelude::*;
 
-use crate::align::REFERENCE;
 use crate::label;
 use crate::plot::canvas;
 use crate::read::Episode;
@@ -66,9 +65,7 @@ pub fn figures(path: &Path) -> anyhow::Result<Figures> {
     let episode = Episode::open(path)?;
     let summary = episode.summary()?;
     let [task, activity, area] = summary.task.clone();
-    let cameras = episode.cameras()?;
-    let reference = cameras.iter().find(|c| *c == REFERENCE).or(cameras.first());
-    let samples = match reference {
+    let samples = match episode.reference()? {
         Some(camera) => episode.stamps(&StreamId::camera(camera).to_string())?.len(),
         None => 0,
     };

@@ -408,7 +408,13 @@ fn nothing_names_a_path_of_one_machine() {
 }
 
 /// Words of the contract that happen to be names of the robot's links, too.
-const COMMON: [&str; 3] = ["base_link", "wheelchair_root", "end_effector_link"];
+const COMMON: [&str; 5] = [
+    "base_link",
+    "wheelchair_root",
+    "end_effector_link",
+    "end_effector",
+    "imu_link",
+];
 
 /// Where the robot that ships may be known by name: formats of others, and what
 /// reads files that do not tell their robot.

@@ -23,32 +23,20 @@ use crate::read::{ColumnMeta, ElementKind, Episode, ReadError, Values};
 use curve::{Curve, Slopes};
 use interpolate::{Place, nearest, place, unwrap};
 
-/// The camera whose stamps are the rows, as in the original.
-pub const REFERENCE: &str = "gen3";
 /// Samples may be this many usual distances apart before a row between them
 /// counts as a gap. One lost sample is bridged, two are not.
 const GAP: f64 = 2.5;
 
 /// What is aligned and how strictly.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct AlignOptions {
-    /// Camera whose stamps are the rows.
-    pub reference: String,
+    /// Camera whose stamps are the rows; [`Episode::reference`] when absent.
+    pub reference: Option<String>,
     /// Greatest distance of the two samples around a row by stream, seconds;
     /// 2.5 times the stream's usual distance for streams without an entry.
     pub limits: BTreeMap<String, f64>,
     /// Curve between two samples.
     pub interpolation: Interpolation,
-}
-
-impl Default for AlignOptions {
-    fn default() -> Self {
-        Self {
-            reference: REFERENCE.to_owned(),
-            limits: BTreeMap::new(),
-            interpolation: Interpolation::default(),
-        }
-    }
 }
 
 /// A column at the rows' stamps.
@@ -219,21 +207,24 @@ pub fn align(
     wanted: &dyn Fn(&str) -> bool,
 ) -> Result<Aligned, AlignError> {
     let cameras = episode.cameras()?;
-    let reference = StreamId::camera(&options.reference).to_string();
-    let stamps = if cameras.contains(&options.reference) {
-        rising(episode, &reference)?
+    let camera = match &options.reference {
+        Some(asked) => asked.clone(),
+        None => episode.reference()?.unwrap_or_default(),
+    };
+    let stamps = if cameras.contains(&camera) {
+        rising(episode, &StreamId::camera(&camera).to_string())?
     } else {
         Vec::new()
     };
     if stamps.is_empty() {
         return Err(AlignError::NoReference {
             file: episode.path().display().to_string(),
-            camera: options.reference.clone(),
+            camera,
             there: cameras,
         });
     }
     let mut aligned = Aligned {
-        reference: options.reference.clone(),
+        reference: camera,
         stamps,
         signals: Vec::new(),
         coverage: BTreeMap::new(),

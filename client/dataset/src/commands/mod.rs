@@ -131,9 +131,9 @@ pub struct Files {
 pub struct Input {
     #[command(flatten)]
     pub files: Files,
-    /// Camera whose stamps are the rows.
-    #[arg(long, default_value = "gen3", value_name = "CAMERA")]
-    pub reference: String,
+    /// Camera whose stamps are the rows; the one on the arm when absent.
+    #[arg(long, value_name = "CAMERA")]
+    pub reference: Option<String>,
     /// Greatest distance of the samples around a row, for example `imu=0.02`;
     /// 2.5 times a stream's usual distance without it. Can be repeated.
     #[arg(long = "max-age", value_name = "STREAM=SECONDS", value_parser = files::limit)]

@@ -41,6 +41,25 @@ impl Episode {
     }
 }
 
+impl Episode {
+    /// The camera whose stamps are the rows of an alignment, unless another one is
+    /// asked for: a recorded camera that rides on the arm, as in WheelArm-Sim, or
+    /// else the first one; `None` without cameras.
+    ///
+    /// # Errors
+    /// When cameras or description cannot be read.
+    pub fn reference(&self) -> Result<Option<String>, ReadError> {
+        let recorded = self.cameras()?;
+        let robot = self.robot()?;
+        let on_arm = |name: &String| {
+            let mut cameras = robot.cameras.iter();
+            cameras.any(|c| c.name == *name && c.mount() == v1::CameraMount::Arm)
+        };
+        let found = recorded.iter().find(|name| on_arm(name));
+        Ok(found.or(recorded.first()).cloned())
+    }
+}
+
 /// The robot of recordings that do not tell theirs.
 ///
 /// # Errors

@@ -10,6 +10,7 @@ use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use jpeg_encoder::{ColorType, Encoder};
 use serde_json::{Value, json};
+use wheelarm_proto::v1;
 
 use crate::align::Aligned;
 use crate::convert::batch::parallel;
@@ -192,15 +193,13 @@ fn plots(recording: &Recording) -> Vec<Value> {
             .map(|s| s.meta.names.clone())
             .unwrap_or_default()
     };
-    let joints = names_of("joint_state", "position");
-    let some = |wanted: &dyn Fn(&str) -> bool| -> Vec<(usize, String)> {
+    let (joints, roles) = (&recording.robot.joints, &recording.roles);
+    let some = |wanted: &dyn Fn(v1::JointRole) -> bool| -> Vec<(usize, String)> {
         let all = joints.iter().enumerate();
-        all.filter(|(_, n)| wanted(n))
-            .map(|(i, n)| (i, n.clone()))
+        all.filter(|(_, joint)| wanted(joint.role()))
+            .map(|(i, joint)| (i, joint.name.clone()))
             .collect()
     };
-    let frames = names_of("pose", "pose");
-    let frame = |name: &str| frames.iter().position(|f| f == name).unwrap_or(0);
     let three = |from: usize| -> Vec<(usize, String)> {
         ["x", "y", "z"]
             .iter()
@@ -208,8 +207,8 @@ fn plots(recording: &Recording) -> Vec<Value> {
             .map(|(k, n)| (from + k, (*n).to_owned()))
             .collect()
     };
-    let arm = some(&|n| n.starts_with("joint_"));
-    let grip = some(&|n| n.ends_with("_knuckle_joint"));
+    let arm = some(&|role| role == v1::JointRole::Arm);
+    let grip = some(&|role| matches!(role, v1::JointRole::Knuckle | v1::JointRole::KnuckleRight));
     let pads = [(0, "left".to_owned()), (1, "right".to_owned())];
     let speed = [
         (0, "forward, m/s".to_owned()),
@@ -226,13 +225,13 @@ fn plots(recording: &Recording) -> Vec<Value> {
             "End effector in base_link, m",
             "pose",
             "pose",
-            &three(7 * frame("end_effector")),
+            &three(7 * roles.end_effector),
         ),
         plot(
             "Chair in house, m",
             "pose",
             "pose",
-            &three(7 * frame("wheelchair"))[..2],
+            &three(7 * roles.chair)[..2],
         ),
         plot("Chair's speed", "odometry", "twist", &speed),
         plot("Gripper, rad", "joint_state", "position", &grip),
