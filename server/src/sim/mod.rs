@@ -24,7 +24,7 @@ pub use scenario::{
     ALL_CAMERAS, CameraSetting, MAX_SIZE, Pacing, Quality, SOFT_MASS, Scenario, ScenarioError,
     Schedules,
 };
-pub use shown::{Recorded, Unfit};
+pub use shown::{Recorded, RecordedSkin, Unfit};
 pub use state::StateError;
 
 use crate::robot::control::{ControlInput, GripperMap, RobotControl, Targets};

@@ -21,8 +21,19 @@ pub struct Recorded {
     pub objects: Vec<BodyState>,
     /// Furniture that slides, in the order of `Scene::joints`.
     pub furniture_joints: Vec<JointState>,
-    /// Skin of the soft object, metres in `house`; as it was when absent.
-    pub skin: Option<Vec<nalgebra::Point3<f32>>>,
+    /// Shape of the soft object; as it was when absent.
+    pub skin: Option<RecordedSkin>,
+}
+
+/// The recorded shape of a soft object.
+#[derive(Clone, Debug, PartialEq)]
+pub struct RecordedSkin {
+    /// Vertices in `house`, metres.
+    pub vertices: Vec<nalgebra::Point3<f32>>,
+    /// Energy of its deformation, J.
+    pub elastic_energy: f64,
+    /// Energy of its motion, J.
+    pub kinetic_energy: f64,
 }
 
 /// Why a recorded state does not fit what is simulated.
@@ -81,10 +92,12 @@ impl Simulation {
         let slides = recorded.furniture_joints.len();
         same("furniture joints", slides, now.furniture_joints.len())?;
         let mut skins = now.skins.clone();
-        if let Some(vertices) = &recorded.skin {
+        if let Some(skin) = &recorded.skin {
             same("soft objects", 1, skins.len())?;
-            same("vertices", vertices.len(), skins[0].vertices.len())?;
-            skins[0].vertices.clone_from(vertices);
+            same("vertices", skin.vertices.len(), skins[0].vertices.len())?;
+            skins[0].vertices.clone_from(&skin.vertices);
+            skins[0].elastic_energy = skin.elastic_energy;
+            skins[0].kinetic_energy = skin.kinetic_energy;
         }
         let joints = self.joints_of(&recorded.joints);
         let positions: Vec<f64> = joints.iter().map(|j| j.position).collect();
@@ -150,7 +163,11 @@ mod tests {
             root: snapshot.links[0],
             objects: snapshot.objects.clone(),
             furniture_joints: snapshot.furniture_joints.clone(),
-            skin: snapshot.skins.first().map(|s| s.vertices.clone()),
+            skin: snapshot.skins.first().map(|skin| RecordedSkin {
+                vertices: skin.vertices.clone(),
+                elastic_energy: skin.elastic_energy,
+                kinetic_energy: skin.kinetic_energy,
+            }),
         }
     }
 

@@ -11,7 +11,7 @@ use crate::service::convert;
 use crate::service::denied::Denied;
 use crate::service::episode::Stage;
 use crate::service::render::RenderThread;
-use crate::sim::{Pacing, Recorded};
+use crate::sim::{Pacing, Recorded, RecordedSkin};
 use crate::snapshot::{BodyState, JointState};
 
 /// Why no command is taken while states are shown.
@@ -204,7 +204,11 @@ fn recorded(request: &v1::ShowRequest, root: usize) -> Result<Recorded, Invalid>
             }
             Ok(Point3::new(x, y, z))
         });
-        points.collect::<Result<Vec<_>, Invalid>>()
+        Ok::<_, Invalid>(RecordedSkin {
+            vertices: points.collect::<Result<Vec<_>, Invalid>>()?,
+            elastic_energy: check::finite("deformable", soft.elastic_energy)?,
+            kinetic_energy: check::finite("deformable", soft.kinetic_energy)?,
+        })
     });
     Ok(Recorded {
         tick: request.tick,
