@@ -19,6 +19,8 @@ impl Episode {
             ["position", "velocity", "effort"].map(|column| self.f64s("joint_state", column));
         let [positions, velocities, efforts] = joints;
         let (positions, velocities, efforts) = (positions?, velocities?, efforts?);
+        let openings = self.f64s("joint_state", "opening").ok();
+        let (robot, roles) = self.roles()?;
         let poses = Rows::read(self, "pose", &["pose", "twist"])?;
         let objects = Rows::read(self, "object_pose", &["pose", "twist"])?;
         let furniture = Rows::read(self, "furniture_joint", &["position", "velocity"])?;
@@ -31,6 +33,11 @@ impl Episode {
         let mut applied = self.applied()?.into_iter().peekable();
         let mut commands = self.commands()?.into_iter().peekable();
         let not_after = |header: Option<&v1::Header>, tick| header.is_none_or(|h| h.tick <= tick);
+        // The first recordings did not tell it; it follows from the knuckle.
+        let opening = |i: usize| match &openings {
+            Some(openings) => row(openings, i).first().copied(),
+            None => robot.opening(*row(&positions, i).get(roles.knuckle)?),
+        };
         let states = ticks.iter().enumerate().map(|(i, &tick)| {
             let frames = |rows: &Rows| -> Vec<(v1::Pose, v1::Twist)> {
                 let [poses, twists] = [0, 1].map(|column| rows.row(column, tick));
@@ -44,7 +51,7 @@ impl Episode {
                     positions: row(&positions, i),
                     velocities: row(&velocities, i),
                     efforts: row(&efforts, i),
-                    ..v1::JointState::default()
+                    opening: opening(i),
                 }),
                 poses: Some(v1::PoseSet {
                     header: None,

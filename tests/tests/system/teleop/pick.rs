@@ -220,13 +220,12 @@ impl Person {
         self.steps(1, ["h", "f"], 0.0, 0.008);
         self.sets_step("=====", 25.0);
         self.steps(0, ["v", "n"], 0.036, 0.025);
-        let mut presses = 0;
-        while !self.holds_firmly() {
-            assert!(presses < 16, "no firm grip; the screen:\n{}", self.reads());
+        // Far beyond the first touch: a light grip loses the bottle.
+        for _ in 0..14 {
             self.presses("r");
-            self.hand_rests();
-            presses += 1;
+            self.is_heard();
         }
+        until("a firm grip", || self.holds_firmly().then_some(()));
         for _ in 0..7 {
             self.presses("g");
             self.hand_rests();
