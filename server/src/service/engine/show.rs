@@ -20,6 +20,9 @@ const CLOSED: &str = "a recording is shown, nothing is computed; ask for `reset`
 /// States of a kind, at most.
 const MOST: usize = 4096;
 
+/// Latest tick that is shown: a hundred years.
+const LAST_TICK: u64 = 100 * 366 * 86_400 * wheelarm_proto::PHYSICS_HZ;
+
 impl Engine {
     /// Whether a recorded state may be shown at all, and which.
     pub(super) fn to_show(&self, payload: &[u8]) -> Result<v1::ShowRequest, Denied> {
@@ -35,6 +38,14 @@ impl Engine {
         }
         self.may("a recording would take the place of its world", false, "")?;
         let now = self.sim.snapshot().tick;
+        if request.tick > LAST_TICK {
+            let words = format!(
+                "tick {} is more than a hundred years from the start; show the tick that was \
+                 recorded",
+                request.tick
+            );
+            return Err(Denied::new(FailureCode::Invalid, words));
+        }
         if self.episode.is_some() && request.tick <= now {
             let words = format!(
                 "tick {} is shown after tick {now}; show the states of an episode in order",
