@@ -7,7 +7,7 @@
 #                     holds joint signals against Pinocchio
 # make test-adversarial   200 operators who mean harm, a minute each, sixty of them at the bear
 # make soak    300 short episodes one right after the other, every file checked
-# make test-original SCRIPTS=DIR   the original's processing scripts on an episode of ours
+# make test-original SCRIPTS=DIR   WheelArm-Sim's processing scripts on an episode of ours
 # make bench   step, kinematics, cameras and recording beside their references
 
 CARGO ?= cargo

@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Records an episode at the original's picture size and runs the original's own
+# Records an episode at WheelArm-Sim's picture size and runs WheelArm-Sim's own
 # processing scripts on it, in a virtual environment of its own.
 #   original.sh FOLDER     with its Data_Processing/*.py, of which nothing is kept
 #   WHEELARM_ORIGINAL      the environment, .venv-original without it

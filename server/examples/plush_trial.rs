@@ -24,12 +24,12 @@ fn main() {
     let assets = Path::new(env!("CARGO_MANIFEST_DIR")).join("../assets");
     let bear = wheelarm_server::scene::object(&assets, "teddy_bear").expect("the bear");
     let soft = bear.soft.expect("it is soft");
-    let stuffing = Tetrahedra::stuffing(&soft.plush, soft.stuffing_pitch);
-    let volume: f64 = stuffing.cells.iter().map(|c| stuffing.volume(c)).sum();
+    let tet_mesh = Tetrahedra::tet_mesh(&soft.plush, soft.tet_pitch);
+    let volume: f64 = tet_mesh.cells.iter().map(|c| tet_mesh.volume(c)).sum();
     println!(
         "{} nodes, {} cells, {:.2} l, skin {:.2} l",
-        stuffing.nodes.len(),
-        stuffing.cells.len(),
+        tet_mesh.nodes.len(),
+        tet_mesh.cells.len(),
         volume * 1e3,
         soft.skin().volume() * 1e3
     );
@@ -47,11 +47,11 @@ fn main() {
     let table = world.insert_body(RigidBodyBuilder::fixed());
     let top = ColliderBuilder::cuboid(0.4, 0.4, 0.02).translation(Vector::new(0.0, 0.0, -0.022));
     world.insert_collider(top.friction(1.5), Some(table));
-    let positions = stuffing.nodes.iter().map(|p| {
+    let positions = tet_mesh.nodes.iter().map(|p| {
         let p = p.coords.cast::<f32>();
         Vector::new(p.x, p.y, p.z + 0.003)
     });
-    let cells = stuffing.cells.iter().map(|c| c.map(|i| i as u32));
+    let cells = tet_mesh.cells.iter().map(|c| c.map(|i| i as u32));
     let builder = SoftBodyBuilder::new(positions.collect())
         .cells(cells.collect())
         .cell_model(SoftBodyCellModel::Corotational)

@@ -1,4 +1,4 @@
-"""Rates of the exports, and reading aligned data against the original's layout.
+"""Rates of the exports, and reading aligned data against WheelArm-Sim's layout.
 
 dataset.py [RECORDING.h5]
 

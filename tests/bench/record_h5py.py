@@ -1,4 +1,4 @@
-"""Writes samples as the original recorder does, with its layout and settings.
+"""Writes samples as the recorder of WheelArm-Sim does, with its layout and settings.
 
 record_h5py.py PICTURES SAMPLES FOLDER
 
@@ -41,7 +41,7 @@ distinct = pictures.stat().st_size // PAIR
 
 
 def sample(number):
-    """What the original's callbacks have gathered: lists and numbers."""
+    """What WheelArm-Sim's callbacks have gathered: lists and numbers."""
     random = np.random.default_rng(number)
     stamp = number / 10
     cache = {}
@@ -85,7 +85,7 @@ with h5py.File(path, "w") as file:
 spent, cpu = time.perf_counter() - spent, time.process_time() - cpu
 size = path.stat().st_size
 path.unlink()
-print(f"h5py {h5py.__version__}, the original's layout")
+print(f"h5py {h5py.__version__}, WheelArm-Sim's layout")
 print(f"frames                   {samples} pairs of 1280x720 RGB and depth")
 print(f"file bytes per frame     {size / samples * 1e-6:.2f} MB")
 print(f"until the file is there  {samples / spent:.2f} frames/s ({cpu / samples:.2f} s of CPU each)")

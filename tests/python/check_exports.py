@@ -63,7 +63,7 @@ def by_label(recordings):
 
 
 def wheelarm_sim(path, recordings):
-    """The table of the original's layout, name by name."""
+    """The table of WheelArm-Sim's layout, name by name."""
     for label, source in by_label(recordings).items():
         streams = source["streams"]
         calibration(json.loads((path / f"{label}.cameras.json").read_text()), streams)

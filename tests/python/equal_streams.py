@@ -1,4 +1,4 @@
-"""Two recordings of the same scenario hold the same samples, bit by bit.
+"""Two recordings of the same scenario hold the same samples, bit for bit.
 
 Usage: equal_streams.py FIRST.h5 SECOND.h5
 Compares every dataset below /streams, except what tells wall time.

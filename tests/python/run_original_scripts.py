@@ -1,8 +1,8 @@
-"""Runs the original's processing scripts on files of ours.
+"""Runs WheelArm-Sim's processing scripts on files of ours.
 
 run_original_scripts.py SCRIPTS SAMPLES.hdf5 FINAL.csv WORK
 
-SCRIPTS    folder with the original's Data_Processing/*.py
+SCRIPTS    folder with WheelArm-Sim's Data_Processing/*.py
 SAMPLES    an episode from `wheelarm dataset export --format wheelarm-sim`, at 1280x720
            as the scripts expect; it is moved into WORK
 FINAL      the same episode's final_data.csv from `--format csv`
@@ -140,7 +140,7 @@ def compare(theirs, ours):
     """Greatest difference of the columns that both make of the same samples."""
     (names, rows), (our_names, our_rows) = table(theirs), table(ours)
     assert names == our_names, f"columns differ: {[p for p in zip(names, our_names) if p[0] != p[1]][:3]}"
-    # Ours may have dropped rows at the ends where the original keeps them: both
+    # Ours may have dropped rows at the ends where WheelArm-Sim keeps them: both
     # begin at the same sample, found by the chair's and the arm's pose.
     start = [float(v) for v in rows[0][:49]]
     distance = [max(abs(float(r[k]) - start[k]) for k in range(49)) for r in our_rows]

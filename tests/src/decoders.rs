@@ -1,4 +1,4 @@
-//! Everything that reads bytes of strangers, each behind one function that must
+//! Everything that reads untrusted input, each behind one function that must
 //! return whatever the bytes are. The fuzz targets (`fuzz/`) and the mutation
 //! test of this package call the same functions.
 

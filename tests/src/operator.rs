@@ -37,7 +37,7 @@ impl IdleCommander {
                     let sample = streams.next(Duration::from_millis(200)).expect("a clock");
                     let header = match sample {
                         Some(Sample::Clock(clock)) => clock.header,
-                        // Time stands still, perhaps since before it came.
+                        // Time is paused, perhaps since before it came.
                         _ => link
                             .ask(&v1::StatusRequest {})
                             .ok()

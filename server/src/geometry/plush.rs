@@ -1,7 +1,7 @@
 //! A stuffed toy as lobes that flow into each other, and the skin around them.
 //!
 //! The skin is the zero surface of one distance function; the same function
-//! tells `tetrahedra` where the stuffing is. Nothing here knows how soft it is.
+//! tells `tetrahedra` where the flesh is. Nothing here knows how soft it is.
 
 use nalgebra::{Isometry3, Point3, Vector3};
 

@@ -66,10 +66,10 @@ impl Tetrahedra {
         Self::of_cubes(&cubes, &Point3::origin(), pitch).0
     }
 
-    /// The stuffing of a toy, in cubes of `pitch` metres; parts that hang on by
+    /// The tet mesh of a toy, in cubes of `pitch` metres; parts that hang on by
     /// less than a face are left out.
     #[must_use]
-    pub fn stuffing(toy: &Plush, pitch: f64) -> Self {
+    pub fn tet_mesh(toy: &Plush, pitch: f64) -> Self {
         let (low, high) = toy.bounds();
         // Symmetric about x = 0, where a toy's two halves meet.
         let across = (high.x.max(-low.x) / pitch).ceil();

@@ -241,7 +241,7 @@ pub(super) struct SoftEntry {
     pub poisson_ratio: f64,
     /// Seconds.
     pub damping: f64,
-    pub stuffing_pitch: f64,
+    pub tet_pitch: f64,
     pub skin_pitch: f64,
 }
 

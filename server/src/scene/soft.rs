@@ -19,7 +19,7 @@ pub struct Soft {
     /// Stress per strain rate over stress per strain, seconds.
     pub damping: f64,
     /// Edge of the cubes that are cut into five tetrahedra each, metres.
-    pub stuffing_pitch: f64,
+    pub tet_pitch: f64,
     /// Width of the skin's triangles, metres.
     pub skin_pitch: f64,
 }
@@ -84,13 +84,13 @@ pub(super) fn read(
             "s",
             "an implicit tick of 1/240 s damps as much by itself",
         )?,
-        stuffing_pitch: within(
-            "stuffing_pitch",
-            entry.stuffing_pitch,
+        tet_pitch: within(
+            "tet_pitch",
+            entry.tet_pitch,
             0.01,
             0.1,
             "m",
-            "finer stuffing costs time, coarser loses the limbs",
+            "finer tetrahedra cost time, coarser loses the limbs",
         )?,
         skin_pitch: within(
             "skin_pitch",

@@ -9,7 +9,7 @@ use wheelarm_proto::v1;
 /// Where an episode stands.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Stage {
-    /// Announced; time stands still until the recorders are ready.
+    /// Announced; time is paused until the recorders are ready.
     Waiting,
     /// Time goes on.
     Running,

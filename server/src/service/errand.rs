@@ -43,7 +43,7 @@ pub(super) enum Errand {
 }
 
 impl Errand {
-    /// What time stands still for, if it does.
+    /// What time is paused for, if it does.
     pub(super) fn holds_up(&self) -> Option<&'static str> {
         match self {
             Self::Load { .. } | Self::Show { .. } => None,

@@ -1,4 +1,4 @@
-//! Tells in the log when time stands still for long, for whom, and when it
+//! Tells in the log when time is paused for long, for whom, and when it
 //! goes on.
 
 use std::time::{Duration, Instant};
@@ -43,7 +43,7 @@ impl Waiting {
             return None;
         }
         self.told = true;
-        Some(format!("time stands still: waiting for {what}"))
+        Some(format!("time is paused: waiting for {what}"))
     }
 }
 

@@ -1,6 +1,6 @@
-//! Saving and restoring a simulation, bit by bit.
+//! Saving and restoring a simulation, bit for bit.
 //!
-//! What is restored may be damaged, or made by a stranger: the envelope is
+//! What is restored may be damaged, or made by somebody else: the envelope is
 //! checked, then every body, and then a copy is run for [`TRIAL`] control ticks.
 //! Whatever is found, the simulation stays as it was.
 

@@ -9,7 +9,7 @@ use nalgebra::{Isometry3, Vector3};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 
-use super::room::Room;
+use super::placement_clearance::PlacementClearance;
 use super::spec::{PlaceSpec, Range, TaskSpec};
 use crate::scene::{Placement, Resistance, Scene};
 
@@ -58,10 +58,10 @@ fn draw_with_clearance(spec: &TaskSpec, scene: &Scene, seed: u64) -> (Draw, f64)
     );
     let instruction = one_of(&mut random, &spec.instructions);
     let target = one_of(&mut random, &spec.targets);
-    let room = Room::new(spec, scene);
+    let clearance = PlacementClearance::new(spec, scene);
     let mut best: Option<(Vec<Option<Placement>>, f64)> = None;
     for _ in 0..ATTEMPTS {
-        let (placements, clearance) = placements(&mut random, spec, scene, &room, &target);
+        let (placements, clearance) = placements(&mut random, spec, scene, &clearance, &target);
         if best.as_ref().is_none_or(|(_, most)| clearance > *most) {
             best = Some((placements, clearance));
         }
@@ -111,7 +111,7 @@ fn placements(
     random: &mut ChaCha8Rng,
     spec: &TaskSpec,
     scene: &Scene,
-    room: &Room<'_>,
+    clearance: &PlacementClearance<'_>,
     target: &str,
 ) -> (Vec<Option<Placement>>, f64) {
     let mut placements: Vec<Option<Placement>> = scene
@@ -140,7 +140,7 @@ fn placements(
         for _ in 0..TRIES {
             let placement = standing(random, place, scene, object, surface);
             placements[object] = Some(placement);
-            let clearance = room.clearance(object, surface, &placements, target);
+            let clearance = clearance.clearance(object, surface, &placements, target);
             if best.as_ref().is_none_or(|(_, most)| clearance > *most) {
                 best = Some((placement, clearance));
             }

@@ -15,7 +15,7 @@ mod load;
 mod predicates;
 #[cfg(test)]
 mod reach_tests;
-mod room;
+mod placement_clearance;
 mod spec;
 #[cfg(test)]
 mod tests;

@@ -300,11 +300,11 @@ impl World {
             }
             self.step_soft();
             for soft in &mut self.soft {
-                soft.calm(KEEP);
+                soft.damp(KEEP);
             }
         }
         for soft in &mut self.soft {
-            soft.calm(0.0);
+            soft.damp(0.0);
         }
         Ok(())
     }

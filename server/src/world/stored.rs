@@ -1,5 +1,5 @@
 //! Whether a saved state can be taken over: checked body by body before
-//! anything of it is, for bytes of strangers and of broken disks come here too.
+//! anything of it is, for untrusted input and damaged files come here too.
 
 use nalgebra::Vector3;
 use rapier3d::dynamics::{GenericJoint, JointMotor};

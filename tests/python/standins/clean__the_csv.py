@@ -1,4 +1,4 @@
-"""Stand-in, written here after a description of the original's step: bytes become
+"""Stand-in, written here after a description of WheelArm-Sim's step: bytes become
 text, and rows with an empty cell go."""
 
 from google.colab import drive

@@ -1,4 +1,4 @@
-"""Stand-in, written here after a description of the original's step: the names and
+"""Stand-in, written here after a description of WheelArm-Sim's step: the names and
 the order of the final table, velocities anew, labels by typed counts."""
 
 from google.colab import drive

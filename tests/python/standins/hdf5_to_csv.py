@@ -1,4 +1,4 @@
-"""Stand-in, written here after a description of the original's step: one row per
+"""Stand-in, written here after a description of WheelArm-Sim's step: one row per
 sample, arrays as text, pictures left out. It mounts a drive and numbers its
 experiment as a notebook of Google Colab does."""
 

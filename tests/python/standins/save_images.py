@@ -1,4 +1,4 @@
-"""Stand-in, written here after a description of the original's step: every
+"""Stand-in, written here after a description of WheelArm-Sim's step: every
 picture as PNG, depth in grey between its own least and greatest value."""
 
 from google.colab import drive

@@ -1,4 +1,4 @@
-"""Stand-in, written here after a description of the original's step: the stamp of
+"""Stand-in, written here after a description of WheelArm-Sim's step: the stamp of
 every topic gets a column of its own."""
 
 from google.colab import drive

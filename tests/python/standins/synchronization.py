@@ -1,4 +1,4 @@
-"""Stand-in, written here after a description of the original's step: straight
+"""Stand-in, written here after a description of WheelArm-Sim's step: straight
 lines onto the stamps of the gen3 pictures, number by number."""
 
 from google.colab import drive

@@ -79,7 +79,7 @@ fn physics_that_breaks_ends_the_episode_and_not_the_server() {
     assert!(evaluation.done && !evaluation.success, "{evaluation:?}");
     assert_eq!(evaluation.failure, "physics");
 
-    // Time stands still, everything is answered, nothing can be begun.
+    // Time is paused, everything is answered, nothing can be begun.
     let now = status();
     assert_eq!(now.broken, *words);
     assert!(now.episode.is_none() && now.waiting_for.contains("reset"));

@@ -375,7 +375,7 @@ fn start_lock_step(link: &Link, label: &str) {
     let _: v1::EpisodeStarted = link.ask(&request).expect("an episode");
 }
 
-/// The same states, commands and pictures, bit by bit.
+/// The same states, commands and pictures, bit for bit.
 fn equal(a: &Episode, b: &Episode) {
     assert_eq!(
         a.state_hashes().expect("hashes"),

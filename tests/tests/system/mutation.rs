@@ -1,4 +1,4 @@
-//! Damaged input of every kind: whatever reads the bytes of strangers returns.
+//! Damaged input of every kind: whatever reads the untrusted input returns.
 //! The same functions stand behind the fuzz targets.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};

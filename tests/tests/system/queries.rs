@@ -251,7 +251,7 @@ fn requests_that_are_too_large_are_refused_by_their_length() {
     assert!(server.alive());
 }
 
-/// State of the simulation, byte by byte, while time stands still.
+/// State of the simulation, byte by byte, while time is paused.
 fn state(link: &Link) -> Vec<u8> {
     start(link, "look");
     let reply: v1::SnapshotReply = link.ask(&v1::SnapshotRequest {}).expect("a snapshot");

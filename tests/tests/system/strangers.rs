@@ -247,7 +247,7 @@ fn an_episode_in_lock_step_is_driven_by_hand() {
     let mut lines = BufReader::new(hand.0.stdout.take().expect("its output")).lines();
     let first = lines.next().expect("a line").expect("a line");
     assert!(first.contains("anna is in control"), "{first}");
-    assert_eq!(tick(&link), 0, "time stands still between episodes");
+    assert_eq!(tick(&link), 0, "time is paused between episodes");
     let odometry = link.streams(&[TopicId::Odometry]).expect("odometry");
     let (started, text) = run(&start);
     assert!(started, "{text}");
@@ -269,7 +269,7 @@ fn an_episode_in_lock_step_is_driven_by_hand() {
     assert!(stopped, "{text}");
     let still = tick(&link);
     std::thread::sleep(Duration::from_millis(200));
-    assert_eq!(tick(&link), still, "time stands still again");
+    assert_eq!(tick(&link), still, "time is paused again");
     hand.say("quit");
     assert!(hand.0.wait().expect("its end").success());
     assert_eq!(status(&link).holder, "");

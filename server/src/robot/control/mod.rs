@@ -33,7 +33,7 @@ pub struct RobotControl {
     state: ControlState,
 }
 
-/// All that changes in the control, bit by bit.
+/// All that changes in the control, bit for bit.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ControlState {
     /// Arm.

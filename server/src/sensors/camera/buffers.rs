@@ -6,7 +6,7 @@ use std::ops::Range;
 use nalgebra::{Point3, Vector3};
 use wheelarm_proto::exact;
 
-use super::openness::{Corner, Openness, Surroundings};
+use super::ambient_occlusion::{AmbientOcclusion, Corner, Surroundings};
 use super::scene::{Binding, RenderItem, RenderScene};
 use crate::geometry::{Material, TriMesh, texture};
 
@@ -18,7 +18,7 @@ pub(super) struct Vertex {
     /// Octahedral.
     pub(super) normal: [i16; 2],
     pub(super) uv: [f32; 2],
-    /// Body: 8 bits, openness: 8 bits, material: 16 bits.
+    /// Body: 8 bits, ambient occlusion: 8 bits, material: 16 bits.
     pub(super) packed: u32,
 }
 
@@ -129,7 +129,7 @@ impl Buffers {
             batches: Vec::new(),
         };
         let mut known: Vec<Material> = Vec::new();
-        let mut openness = Openness::new(surroundings);
+        let mut ambient_occlusion = AmbientOcclusion::new(surroundings);
         let same =
             |a: &RenderItem, b: &RenderItem| a.instance == b.instance && a.binding == b.binding;
         for items in scene.items.chunk_by(same) {
@@ -157,7 +157,7 @@ impl Buffers {
                 let start = built.indices.len() as u32;
                 for (item, &material) in chosen.iter().zip(&materials) {
                     let packed = body as u32 | material << 16;
-                    built.append(item, &item.mesh, &mut openness, packed, &belongs);
+                    built.append(item, &item.mesh, &mut ambient_occlusion, packed, &belongs);
                 }
                 let middle = built.indices.len() as u32;
                 if middle == start {
@@ -167,7 +167,7 @@ impl Buffers {
                 let mut caster_end = middle;
                 for (item, &material) in chosen.iter().zip(&materials) {
                     let packed = body as u32 | material << 16;
-                    built.append(item, &item.coarse, &mut openness, packed, &belongs);
+                    built.append(item, &item.coarse, &mut ambient_occlusion, packed, &belongs);
                     if item.casts_shadow {
                         caster_end = built.indices.len() as u32;
                     }
@@ -241,7 +241,7 @@ impl Buffers {
         &mut self,
         item: &RenderItem,
         mesh: &TriMesh,
-        openness: &mut Openness<'_>,
+        ambient_occlusion: &mut AmbientOcclusion<'_>,
         packed: u32,
         belongs: &dyn Fn(&RenderItem, [Vector3<f32>; 3]) -> bool,
     ) {
@@ -255,8 +255,8 @@ impl Buffers {
                     position,
                     normal,
                     uv: mesh.uvs[i],
-                    openness: if fixed {
-                        openness.of_surface(&position, &normal)
+                    ambient_occlusion: if fixed {
+                        ambient_occlusion.of_surface(&position, &normal)
                     } else {
                         1.0
                     },
@@ -271,17 +271,18 @@ impl Buffers {
                 continue;
             }
             let pieces = if fixed {
-                openness.cut(triangle)
+                ambient_occlusion.cut(triangle)
             } else {
                 vec![triangle]
             };
             for corner in pieces.iter().flatten() {
-                let openness = (corner.openness.clamp(0.0, 1.0) * 255.0).round() as u32;
+                let ambient_occlusion =
+                    (corner.ambient_occlusion.clamp(0.0, 1.0) * 255.0).round() as u32;
                 let vertex = Vertex {
                     position: corner.position.coords.cast::<f32>().into(),
                     normal: octahedral(corner.normal.into()),
                     uv: corner.uv,
-                    packed: packed | openness << 8,
+                    packed: packed | ambient_occlusion << 8,
                 };
                 let key: [u32; 7] = bytemuck::cast(vertex);
                 let index = *known.entry(key).or_insert_with(|| {

@@ -3,8 +3,8 @@
 use nalgebra::{Isometry3, Point3};
 use wgpu::util::DeviceExt;
 
+use super::ambient_occlusion::Surroundings;
 use super::buffers::{Batch, Body, Buffers, Finish, Vertex};
-use super::openness::Surroundings;
 use super::scene::Binding;
 use super::view::View;
 
@@ -17,7 +17,7 @@ pub(super) struct Geometry {
     batches: Vec<Batch>,
 }
 
-/// World_from_body as rows; id, openness.
+/// World_from_body as rows; id, ambient occlusion.
 pub(super) type BodyRow = [f32; 16];
 
 /// Coarse triangles serve where 5 mm are less than a pixel.

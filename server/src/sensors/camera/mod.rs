@@ -6,11 +6,11 @@
 //! the same snapshot gives the same bytes; adapters differ in single bits.
 
 mod adapter;
+mod ambient_occlusion;
 mod buffers;
 mod error;
 mod geometry;
 mod mapping;
-mod openness;
 mod patterns;
 mod pipelines;
 mod readback;

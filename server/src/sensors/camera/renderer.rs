@@ -9,9 +9,9 @@ use parking_lot::Mutex;
 use wgpu::util::DeviceExt;
 
 use super::adapter::{self, AdapterInfo};
+use super::ambient_occlusion::Surroundings;
 use super::buffers::Buffers;
 use super::geometry::{BodyRow, Geometry, Seen, body_row};
-use super::openness::Surroundings;
 use super::pipelines::{Pipelines, Tier};
 use super::readback::{Layout, Memory};
 use super::scene::{Binding, RenderScene};

@@ -22,7 +22,7 @@ struct Camera {
     shadow_texel: vec4<f32>,
 }
 
-// Rows of world_from_body; id and openness of the surroundings.
+// Rows of world_from_body; id and ambient occlusion (1: open).
 struct Body { x: vec4<f32>, y: vec4<f32>, z: vec4<f32>, more: vec4<f32> }
 // Linear colour and roughness; metallic, emission, texture layer.
 struct Material { color: vec4<f32>, more: vec4<f32> }
@@ -40,14 +40,14 @@ struct Vertex {
     // Octahedral.
     @location(1) normal: vec2<f32>,
     @location(2) uv: vec2<f32>,
-    // Body: 8 bits, openness: 8 bits, material: 16 bits.
+    // Body: 8 bits, ambient occlusion: 8 bits, material: 16 bits.
     @location(3) packed: u32,
 }
 
 struct Varying {
     @builtin(position) @invariant clip: vec4<f32>,
     @location(0) normal: vec3<f32>,
-    // From the surface to the eye; openness.
+    // From the surface to the eye; ambient occlusion.
     @location(1) view: vec4<f32>,
     @location(2) uv: vec2<f32>,
     @location(3) shadow: vec3<f32>,
@@ -74,7 +74,7 @@ struct Lit {
     // Where to look in the shadow map.
     shadow: vec3<f32>,
     // Share of the surroundings that lights this vertex.
-    openness: f32,
+    ambient_occlusion: f32,
 }
 
 fn place(v: Vertex, body: u32) -> Lit {
@@ -83,7 +83,7 @@ fn place(v: Vertex, body: u32) -> Lit {
     var out: Lit;
     out.world = to_world(body, v.position);
     out.normal = vec3(dot(b.x.xyz, n), dot(b.y.xyz, n), dot(b.z.xyz, n));
-    out.openness = f32((v.packed >> 8u) & 0xffu) * (1.0 / 255.0) * b.more.y;
+    out.ambient_occlusion = f32((v.packed >> 8u) & 0xffu) * (1.0 / 255.0) * b.more.y;
     // A little outside the surface, more where the light grazes it.
     let slope = 1.0 - abs(dot(out.normal, camera.sun_direction.xyz));
     let outside = out.world + out.normal * (camera.shadow_texel.y * (0.6 + 1.8 * slope));
@@ -99,7 +99,7 @@ fn place(v: Vertex, body: u32) -> Lit {
     var out: Varying;
     out.clip = camera.clip_from_world * vec4(lit.world, 1.0);
     out.normal = lit.normal;
-    out.view = vec4(camera.eye.xyz - lit.world, lit.openness);
+    out.view = vec4(camera.eye.xyz - lit.world, lit.ambient_occlusion);
     out.uv = v.uv;
     out.shadow = lit.shadow;
     out.color = m.color;
@@ -127,7 +127,7 @@ struct MatteVarying {
     var out: MatteVarying;
     out.clip = camera.clip_from_world * vec4(lit.world, 1.0);
     out.light = vec4(
-        around * lit.openness + m.more.y,
+        around * lit.ambient_occlusion + m.more.y,
         max(dot(lit.normal, camera.sun_direction.xyz), 0.0),
     );
     out.uv = v.uv;

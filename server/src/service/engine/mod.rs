@@ -246,7 +246,7 @@ impl Engine {
         let lock_step = self.sim.scenario().pacing == Pacing::LockStep;
         let Some(episode) = &self.episode else {
             if lock_step {
-                let words = "an episode (lock-step time stands still between episodes)";
+                let words = "an episode (lock-step time is paused between episodes)";
                 self.waiting_for = Waits::new(WaitingFor::Episode, words);
                 return Next::Wait(NAP);
             }

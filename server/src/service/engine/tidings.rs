@@ -9,7 +9,7 @@ use super::Engine;
 use crate::service::inbox::Refused;
 
 impl Engine {
-    /// Between episodes nobody needs to be told that time stands still.
+    /// Between episodes nobody needs to be told that time is paused.
     pub(super) fn tell_of_waiting(&mut self) {
         let what = match &self.episode {
             Some(_) if !self.paused => self.waiting_for.words.as_str(),

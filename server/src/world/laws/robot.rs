@@ -54,7 +54,7 @@ fn the_chair_stands_level_and_still_and_the_arm_holds() {
     assert!(arm_error(&world, &model, &targets.arm_position) < 0.005);
     assert!(snapshot.anomalies.is_empty());
     assert!(snapshot.contacts.is_empty(), "{:?}", snapshot.contacts);
-    // The drive of joint 2 carries the arm and the gripper (facts: 6.53 N·m at home).
+    // The drive of joint 2 carries the arm and the gripper (6.53 N·m at home by the makers' masses).
     let joint_2 = snapshot.joints[model.joint("joint_2").expect("joint_2")];
     assert!((joint_2.effort - 6.53).abs() < 0.05, "{}", joint_2.effort);
 }

@@ -5,7 +5,7 @@
 
 use nalgebra::{Matrix3, Vector3};
 
-use super::turn::Turn;
+use super::rotation::Rotation;
 use crate::geometry::tetrahedra::Tetrahedra;
 
 /// What a body is made of.
@@ -119,9 +119,9 @@ impl Elastic {
     }
 
     /// Lets the rotation of every cell follow its deformation.
-    pub(super) fn follow(&self, position: &[Vector3<f64>], turns: &mut [Turn]) {
-        for (cell, turn) in self.cells.iter().zip(turns) {
-            turn.follow(&self.deformation(cell, position));
+    pub(super) fn extract_rotation(&self, position: &[Vector3<f64>], rotations: &mut [Rotation]) {
+        for (cell, rotation) in self.cells.iter().zip(rotations) {
+            rotation.extract_rotation(&self.deformation(cell, position));
         }
     }
 
@@ -130,14 +130,14 @@ impl Elastic {
     pub(super) fn assemble(
         &self,
         position: &[Vector3<f64>],
-        turns: &[Turn],
+        rotations: &[Rotation],
         scale: f64,
         force: &mut [Vector3<f64>],
         matrix: &mut [Matrix3<f64>],
     ) -> f64 {
         let mut energy = 0.0;
-        for (cell, turn) in self.cells.iter().zip(turns) {
-            let r = turn.matrix();
+        for (cell, rotation) in self.cells.iter().zip(rotations) {
+            let r = rotation.matrix();
             let (stress, density) =
                 self.stress(&(r.transpose() * self.deformation(cell, position)));
             energy += density * cell.volume;
@@ -178,12 +178,12 @@ impl Elastic {
 
     /// Elastic energy, J.
     #[must_use]
-    pub fn energy(&self, position: &[Vector3<f64>], turns: &[Turn]) -> f64 {
-        let of = |(cell, turn): (&Cell, &Turn)| {
-            let unturned = turn.matrix().transpose() * self.deformation(cell, position);
+    pub fn energy(&self, position: &[Vector3<f64>], rotations: &[Rotation]) -> f64 {
+        let of = |(cell, rotation): (&Cell, &Rotation)| {
+            let unturned = rotation.matrix().transpose() * self.deformation(cell, position);
             self.stress(&unturned).1 * cell.volume
         };
-        self.cells.iter().zip(turns).map(of).sum()
+        self.cells.iter().zip(rotations).map(of).sum()
     }
 
     /// Centre of mass of nodes at positions, metres.

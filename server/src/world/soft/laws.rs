@@ -23,7 +23,7 @@ fn alone<L: Fn(usize) -> Vector3<f64>>(
     held: &[usize],
 ) -> Acting<'_, L, impl FnOnce(f64, f64) -> f64> {
     Acting {
-        touches: &[],
+        candidates: &[],
         solids: &[],
         load,
         held,
@@ -63,15 +63,15 @@ fn end_load(mesh: &Tetrahedra, stress: f64) -> Vec<f64> {
 fn a_bar_in_tension_obeys_young_and_poisson() {
     let (mesh, body) = bar();
     for (stress, angle) in [(350.0, 0.0), (700.0, 2.0)] {
-        let turn = UnitQuaternion::from_scaled_axis(Vector3::new(0.3, 0.5, 1.0) * angle);
-        let pose = Isometry3::from_parts(Vector3::new(1.0, 2.0, 3.0).into(), turn);
+        let rotation = UnitQuaternion::from_scaled_axis(Vector3::new(0.3, 0.5, 1.0) * angle);
+        let pose = Isometry3::from_parts(Vector3::new(1.0, 2.0, 3.0).into(), rotation);
         let mut state = State::placed(&body, &pose);
         let load = end_load(&mesh, stress);
         let held: Vec<usize> = (0..body.nodes())
             .filter(|&i| mesh.nodes[i].x < 1e-9)
             .collect();
         let mut scratch = Scratch::default();
-        let pull = |i: usize| turn * Vector3::x() * load[i];
+        let pull = |i: usize| rotation * Vector3::x() * load[i];
         for _ in 0..6 * 240 {
             step(&body, &mut state, alone(pull, &held), TICK, &mut scratch);
         }
@@ -148,7 +148,7 @@ fn the_rest_shape_comes_back() {
     for x in &mut state.position {
         *x = squeeze(x);
     }
-    body.follow(&state.position, &mut state.turns);
+    body.extract_rotation(&state.position, &mut state.rotations);
     let (stored, _) = state.energy(&body);
     let mut scratch = Scratch::default();
     for _ in 0..10 * 240 {

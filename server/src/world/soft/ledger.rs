@@ -5,8 +5,8 @@
 
 use std::collections::VecDeque;
 
+use super::contact_force::ContactCandidate;
 use super::motion::Done;
-use super::press::Touch;
 use super::tank::Passage;
 
 /// Ticks of the longer look at energy: half a second.
@@ -82,19 +82,19 @@ impl Ledger {
         self.worst
     }
 
-    /// Forgets what came before: the object was set or calmed from outside.
+    /// Forgets what came before: the object was set or damped from outside.
     pub(super) fn restart(&mut self) {
         self.before = None;
         self.ticks.clear();
     }
 
     /// Enters a tick: the energy at its start, what came of the tick before, the
-    /// touches and what they did.
+    /// contacts and their forces.
     pub(super) fn enter(
         &mut self,
         energy: Energy,
         passage: Option<Passage>,
-        touches: &[Touch],
+        candidates: &[ContactCandidate],
         done: &Done,
         speed: f64,
     ) {
@@ -121,10 +121,10 @@ impl Ledger {
                 worst.window_rise = worst.window_rise.max(beyond);
             }
         }
-        for (touch, pressed) in touches.iter().zip(&done.pressed) {
-            worst.normal = worst.normal.min(pressed.normal);
-            let limit = touch.friction * pressed.normal;
-            let drag = pressed.drag.norm();
+        for (candidate, contact) in candidates.iter().zip(&done.forces) {
+            worst.normal = worst.normal.min(contact.normal);
+            let limit = candidate.friction * contact.normal;
+            let drag = contact.drag.norm();
             if drag > 1e-6 {
                 worst.friction = worst.friction.max(drag / limit.max(1e-9));
             }

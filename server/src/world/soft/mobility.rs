@@ -6,7 +6,7 @@ use rapier3d::prelude::{JointAxis, PhysicsWorld, RigidBody, RigidBodyHandle};
 use rapier3d::utils::AngularInertiaOps as _;
 
 use super::super::convert::from_vector;
-use super::press::Mobility;
+use super::contact_force::Mobility;
 
 /// Finds the mobility of bodies, each once a tick.
 pub(super) struct Mobilities<'a> {

@@ -1,34 +1,34 @@
-//! Soft objects: stuffing of tetrahedra under a skin that touches the solids.
+//! Soft objects: a tet mesh under a skin that touches the solids.
 //!
 //! A soft object is stepped before the engine: the solids are where they are
 //! and go on as fast as they go, the contact forces act on the soft object at
 //! the end of the tick and, reversed, on the solids during the engine's tick.
 //! Every vertex of the skin is a contact point. No vertex is ever attached.
 
+mod candidates;
+mod contact_force;
 mod elastic;
 #[cfg(test)]
 mod laws;
 mod ledger;
 mod mobility;
 mod motion;
-mod press;
+mod rotation;
 mod solver;
 mod tank;
-mod touch;
-mod turn;
 
 use nalgebra::{Isometry3, Matrix3, Point3, Quaternion, Translation3, UnitQuaternion, Vector3};
 use rapier3d::prelude::PhysicsWorld;
 
+use candidates::{Bristles, Skin};
 pub use elastic::{Elastic, Elasticity};
 pub use ledger::Worst;
 use ledger::{Energy, Ledger};
 pub use motion::State;
 use motion::{Acting, step};
+use rotation::Rotation;
 use solver::Scratch;
 use tank::Tank;
-use touch::{Bristles, Skin};
-use turn::Turn;
 
 use super::health::{FARTHEST, SOFT_ENERGY, STORED_NORM, STORED_SPEED};
 use super::stored::within;
@@ -61,17 +61,17 @@ impl SoftObject {
     pub(super) fn placed(object: usize, body: &Body, placement: &Placement) -> Option<Self> {
         let soft = body.soft.as_ref()?;
         let skin = soft.plush.skin(soft.skin_pitch);
-        let stuffing = Tetrahedra::stuffing(&soft.plush, soft.stuffing_pitch);
+        let tet_mesh = Tetrahedra::tet_mesh(&soft.plush, soft.tet_pitch);
         let material = Elasticity {
             young_modulus: soft.young_modulus,
             poisson_ratio: soft.poisson_ratio,
             damping: soft.damping,
         };
-        let elastic = Elastic::new(&stuffing, &material, placement.mass);
+        let elastic = Elastic::new(&tet_mesh, &material, placement.mass);
         Some(Self {
             object,
             state: State::placed(&elastic, &placement.pose),
-            skin: Skin::new(&stuffing, &skin),
+            skin: Skin::new(&tet_mesh, &skin),
             body: elastic,
             friction: placement.friction,
             bristles: Bristles::default(),
@@ -104,7 +104,7 @@ impl SoftObject {
         let (tank, physics_before) = (&mut self.tank, &*physics);
         let mut passage = None;
         let acting = Acting {
-            touches: &near.touches,
+            candidates: &near.candidates,
             solids: &near.solids,
             load: |i: usize| fall * masses[i],
             held: &[],
@@ -114,10 +114,10 @@ impl SoftObject {
             },
         };
         let done = step(&self.body, &mut self.state, acting, h, &mut self.scratch);
-        let pressed = &done.pressed;
-        if !self.state.is_finite() || pressed.iter().any(|p| !p.is_finite()) {
+        let forces = &done.forces;
+        if !self.state.is_finite() || forces.iter().any(|p| !p.is_finite()) {
             self.state = before;
-            self.calm(0.0);
+            self.damp(0.0);
             self.contacts.clear();
             self.broken = true;
             return;
@@ -126,16 +126,16 @@ impl SoftObject {
             kinetic,
             elastic: done.elastic,
             height,
-            contacts: pressed.iter().map(|p| p.energy[0]).sum(),
+            contacts: forces.iter().map(|p| p.energy[0]).sum(),
         };
         let speed = self.state.fastest();
         let ledger = &mut self.ledger;
-        ledger.enter(energy, passage, &near.touches, &done, speed);
+        ledger.enter(energy, passage, &near.candidates, &done, speed);
         let inner = kinetic + done.elastic + height;
-        self.tank.enter(inner, &near, pressed, h);
-        self.bristles = near.bristles(pressed);
-        self.contacts = near.contacts(BodyRef::Object(self.object), pressed);
-        near.push(physics, pressed);
+        self.tank.enter(inner, &near, forces, h);
+        self.bristles = near.bristles(forces);
+        self.contacts = near.contacts(BodyRef::Object(self.object), forces);
+        near.push(physics, forces);
     }
 
     /// The worst that was seen of it.
@@ -177,7 +177,7 @@ impl SoftObject {
     }
 
     /// Takes out part of its motion, all of it with `keep` 0.
-    pub(super) fn calm(&mut self, keep: f64) {
+    pub(super) fn damp(&mut self, keep: f64) {
         self.tank.empty();
         self.ledger.restart();
         for v in &mut self.state.velocity {
@@ -192,10 +192,10 @@ impl SoftObject {
     /// The frame that fits it best, and its mean motion.
     pub(super) fn frame(&self) -> BodyState {
         let [x, y, z, w] = self.state.whole.xyzw();
-        let turn = UnitQuaternion::new_normalize(Quaternion::new(w, x, y, z));
+        let rotation = UnitQuaternion::new_normalize(Quaternion::new(w, x, y, z));
         let centre = self.body.centre(&self.state.position);
         let rest = self.body.centre(&self.body.rest);
-        let origin = centre - turn * rest;
+        let origin = centre - rotation * rest;
         let mean = self.body.centre(&self.state.velocity);
         let (mut spin, mut inertia) = (Vector3::zeros(), Matrix3::zeros());
         for i in 0..self.body.nodes() {
@@ -205,7 +205,7 @@ impl SoftObject {
         }
         let angular = inertia.try_inverse().unwrap_or_default() * spin;
         BodyState {
-            pose: Isometry3::from_parts(Translation3::from(origin), turn),
+            pose: Isometry3::from_parts(Translation3::from(origin), rotation),
             linear: mean + angular.cross(&(origin - centre)),
             angular,
         }
@@ -237,7 +237,7 @@ impl SoftObject {
         let own = &self.state;
         if state.position.len() != own.position.len()
             || state.velocity.len() != own.velocity.len()
-            || state.turns.len() != own.turns.len()
+            || state.rotations.len() != own.rotations.len()
         {
             return Err("the soft object has another number of nodes or cells".to_owned());
         }
@@ -257,11 +257,11 @@ impl SoftObject {
         if tank.owes() > SOFT_ENERGY {
             return Err(format!("its contacts owe {} J", tank.owes()));
         }
-        let off = |turn: &Turn| {
-            let norm = turn.xyzw().iter().map(|x| x * x).sum::<f64>().sqrt();
+        let off = |rotation: &Rotation| {
+            let norm = rotation.xyzw().iter().map(|x| x * x).sum::<f64>().sqrt();
             norm.is_nan() || (norm - 1.0).abs() > STORED_NORM
         };
-        if state.turns.iter().chain([&state.whole]).any(off) {
+        if state.rotations.iter().chain([&state.whole]).any(off) {
             return Err("a rotation of the soft object has not the norm 1".to_owned());
         }
         Ok(())

@@ -10,10 +10,10 @@
 use nalgebra::{Matrix3, Vector3};
 use serde::{Deserialize, Serialize};
 
+use super::contact_force::{ContactCandidate, ContactForce, ContactSolution, Mobility};
 use super::elastic::Elastic;
-use super::press::{Hold, Mobility, Pressed, Touch};
+use super::rotation::Rotation;
 use super::solver::Scratch;
-use super::turn::Turn;
 
 /// Solutions in which contacts may close and hold more again.
 const FREE: usize = 3;
@@ -28,9 +28,9 @@ pub struct State {
     /// m/s.
     pub velocity: Vec<Vector3<f64>>,
     /// Rotation of every cell.
-    pub(super) turns: Vec<Turn>,
+    pub(super) rotations: Vec<Rotation>,
     /// Rotation of the whole.
-    pub(super) whole: Turn,
+    pub(super) whole: Rotation,
 }
 
 impl State {
@@ -38,13 +38,13 @@ impl State {
     #[must_use]
     pub fn placed(body: &Elastic, house_from_body: &nalgebra::Isometry3<f64>) -> Self {
         let q = house_from_body.rotation;
-        let turn = Turn::new([q.i, q.j, q.k, q.w]);
+        let rotation = Rotation::new([q.i, q.j, q.k, q.w]);
         let place = |x: &Vector3<f64>| (house_from_body * nalgebra::Point3::from(*x)).coords;
         Self {
             position: body.rest.iter().map(place).collect(),
             velocity: vec![Vector3::zeros(); body.nodes()],
-            turns: vec![turn; body.cells.len()],
-            whole: turn,
+            rotations: vec![rotation; body.cells.len()],
+            whole: rotation,
         }
     }
 
@@ -58,7 +58,7 @@ impl State {
     /// The elastic and the kinetic energy, J.
     #[must_use]
     pub fn energy(&self, body: &Elastic) -> (f64, f64) {
-        let elastic = body.energy(&self.position, &self.turns);
+        let elastic = body.energy(&self.position, &self.rotations);
         (elastic, self.kinetic_energy(body))
     }
 
@@ -79,8 +79,8 @@ impl State {
 
 /// What a tick did.
 pub(super) struct Done {
-    /// What every touch did.
-    pub pressed: Vec<Pressed>,
+    /// Force at every contact.
+    pub forces: Vec<ContactForce>,
     /// Elastic energy at the start, J.
     pub elastic: f64,
     /// Greatest change of a solid's speed, m/s.
@@ -92,7 +92,7 @@ pub(super) struct Done {
 /// What acts on a body during a tick.
 pub(super) struct Acting<'a, L, S> {
     /// Points of the skin near solids, and those solids.
-    pub touches: &'a [Touch],
+    pub candidates: &'a [ContactCandidate],
     pub solids: &'a [Mobility],
     /// Force on each node, N.
     pub load: L,
@@ -112,19 +112,19 @@ pub(super) fn step(
     scratch: &mut Scratch,
 ) -> Done {
     let Acting {
-        touches,
+        candidates,
         solids,
         load,
         held,
         soften,
     } = acting;
     scratch.prepare(body);
-    body.follow(&state.position, &mut state.turns);
+    body.extract_rotation(&state.position, &mut state.rotations);
     // An implicit step damps as much as a damping time of its own length.
     let stiff = h * (h + (body.damping - h).max(0.0));
     let elastic = body.assemble(
         &state.position,
-        &state.turns,
+        &state.rotations,
         stiff,
         &mut scratch.force,
         &mut scratch.elastic,
@@ -134,28 +134,35 @@ pub(super) fn step(
         scratch.elastic[body.diagonal[i]] += Matrix3::identity() * m;
         scratch.force[i] = state.velocity[i] * m + (scratch.force[i] + load(i)) * h;
     }
-    let mut hold = Hold::new(body, &state.position, &state.velocity, touches, solids, h);
-    let share = soften(elastic, hold.energy());
-    hold.soften(share);
+    let mut solution = ContactSolution::new(
+        body,
+        &state.position,
+        &state.velocity,
+        candidates,
+        solids,
+        h,
+    );
+    let share = soften(elastic, solution.energy());
+    solution.soften(share);
     for round in 0..ROUNDS {
-        scratch.add_springs(body, hold.springs());
+        scratch.add_springs(body, solution.springs());
         scratch.hold(body, held, &state.velocity);
         scratch.solve(body, &mut state.velocity);
         if round + 1 == ROUNDS {
             scratch.unsettled += 1;
-        } else if hold.agree(body, &state.velocity, round >= FREE) {
+        } else if solution.agree(body, &state.velocity, round >= FREE) {
             break;
         }
     }
-    let pressed = hold.done(body, &state.velocity);
-    let kick = hold.kicks(&pressed).into_iter().fold(0.0, f64::max);
+    let forces = solution.done(body, &state.velocity);
+    let kick = solution.kicks(&forces).into_iter().fold(0.0, f64::max);
     for (x, v) in state.position.iter_mut().zip(&state.velocity) {
         *x += v * h;
     }
     let carried = body.carried(&state.position);
-    state.whole.follow(&carried);
+    state.whole.extract_rotation(&carried);
     Done {
-        pressed,
+        forces,
         elastic,
         kick,
         share,

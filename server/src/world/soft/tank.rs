@@ -13,8 +13,8 @@ use rapier3d::prelude::PhysicsWorld;
 use serde::{Deserialize, Serialize};
 
 use super::super::convert::from_pose;
-use super::press::Pressed;
-use super::touch::Near;
+use super::candidates::Near;
+use super::contact_force::ContactForce;
 
 /// What is left of the reserve after a tick: it forgets within half a second.
 const KEEP: f64 = 0.95;
@@ -64,7 +64,7 @@ pub(super) struct Passage {
 }
 
 impl Tank {
-    /// Forgets what came before: the object was set or calmed from outside.
+    /// Forgets what came before: the object was set or damped from outside.
     pub(super) fn empty(&mut self) {
         *self = Self::default();
     }
@@ -121,20 +121,20 @@ impl Tank {
     }
 
     /// Enters a step of `h` seconds that began with `inner` J beside the contacts.
-    pub(super) fn enter(&mut self, inner: f64, near: &Near, pressed: &[Pressed], h: f64) {
-        let touches = near.touches.iter().zip(pressed);
-        let acting = near.met.iter().zip(pressed);
+    pub(super) fn enter(&mut self, inner: f64, near: &Near, forces: &[ContactForce], h: f64) {
+        let candidates = near.candidates.iter().zip(forces);
+        let acting = near.sites.iter().zip(forces);
         self.last = Some(Last {
-            energy: inner + pressed.iter().map(|p| p.energy[0]).sum::<f64>(),
-            foreseen: pressed.iter().map(|p| p.energy[1]).sum(),
-            work: touches.map(|(t, p)| p.force.dot(&t.velocity) * h).sum(),
+            energy: inner + forces.iter().map(|p| p.energy[0]).sum::<f64>(),
+            foreseen: forces.iter().map(|p| p.energy[1]).sum(),
+            work: candidates.map(|(t, p)| p.force.dot(&t.velocity) * h).sum(),
             pushes: acting
-                .filter(|(_, pressed)| pressed.force != Vector3::zeros())
-                .map(|(met, pressed)| Push {
-                    collider: met.collider,
-                    house_from_solid: met.house_from_solid,
-                    point: met.point,
-                    force: pressed.force,
+                .filter(|(_, contact)| contact.force != Vector3::zeros())
+                .map(|(site, contact)| Push {
+                    collider: site.collider,
+                    house_from_solid: site.house_from_solid,
+                    point: site.point,
+                    force: contact.force,
                 })
                 .collect(),
         });

@@ -201,7 +201,7 @@ impl Person {
         let [bx, by, _] = until("the bottle", || self.bottle());
         let goal = [bx + STAND[0], by + STAND[1]];
         let before = [goal[0] + STRAIGHT, goal[1]];
-        // Turns slower than the original's 1 rad/s: twice, by ten per cent a press.
+        // Turns slower than WheelArm-Sim's 1 rad/s: twice, by ten per cent a press.
         self.presses("cccccc");
         let [x, y, _] = until("the chair", || self.chair());
         self.turns_to((before[1] - y).atan2(before[0] - x));

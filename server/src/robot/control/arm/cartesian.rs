@@ -7,7 +7,7 @@ use crate::robot::kinematics::screw::rotation_vector;
 
 /// Length that makes a radian comparable with a metre, m: about half the arm.
 const LENGTH: f64 = 0.3;
-/// Damping of Cartesian speeds: below this singular value a direction is given up.
+/// Damping of Cartesian speeds: below this singular value a direction is dropped.
 const DAMPING: f64 = 0.005;
 
 /// Velocity of the end effector along the axes that its user names.

@@ -1,4 +1,4 @@
-//! Room between things that stand on surfaces: footprints and what they keep clear of.
+//! Clearance between things that are placed on surfaces: footprints and what they keep clear of.
 
 use nalgebra::{Isometry3, Point2, UnitComplex, Vector2, Vector3};
 use wheelarm_proto::exact;
@@ -94,7 +94,7 @@ impl Footprint {
 }
 
 /// What the objects of a task must keep clear of.
-pub(super) struct Room<'a> {
+pub(super) struct PlacementClearance<'a> {
     scene: &'a Scene,
     outlines: Vec<Footprint>,
     /// Parts of the furniture.
@@ -103,7 +103,7 @@ pub(super) struct Room<'a> {
     region: Option<Footprint>,
 }
 
-impl<'a> Room<'a> {
+impl<'a> PlacementClearance<'a> {
     pub(super) fn new(spec: &TaskSpec, scene: &'a Scene) -> Self {
         let part_bounds = |body: &Body, part: &Part| {
             let mut piece = body.clone();

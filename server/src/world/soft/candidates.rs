@@ -9,16 +9,16 @@ use serde::{Deserialize, Serialize};
 
 use super::super::contact::body_of;
 use super::super::convert::{from_pose, from_vector, point as to_engine, vector};
+use super::contact_force::{ContactCandidate, ContactForce, Mobility};
 use super::elastic::Elastic;
 use super::mobility::Mobilities;
 use super::motion::State;
-use super::press::{Mobility, Pressed, Touch};
 use crate::geometry::plush;
 use crate::geometry::tetrahedra::{Embedded, Tetrahedra};
 use crate::snapshot::{BodyRef, Contact};
 
 /// Pressure over depth of the skin's foundation, N/m³: 10 kPa press it in by
-/// 1 mm, so that the stuffing and not the skin gives way.
+/// 1 mm, so that the flesh and not the skin gives way.
 const FOUNDATION: f64 = 1e7;
 /// Points nearer than this may touch within a tick, metres.
 const MARGIN: f64 = 0.006;
@@ -37,23 +37,23 @@ impl Bristles {
     }
 }
 
-/// The skin: its vertices in the stuffing, and the foundation under each.
+/// The skin: its vertices in the tet mesh, and the foundation under each.
 #[derive(Clone, Debug)]
 pub(super) struct Skin {
     places: Vec<Embedded>,
     stiffness: Vec<f64>,
 }
 
-/// The touches of one tick, with what each touches.
+/// The contact candidates of one tick, with what each touches.
 pub(super) struct Near {
-    pub touches: Vec<Touch>,
+    pub candidates: Vec<ContactCandidate>,
     /// The solids that they touch.
     pub solids: Vec<Mobility>,
-    pub(super) met: Vec<Met>,
+    pub(super) sites: Vec<ContactSite>,
 }
 
-/// What a touch meets.
-pub(super) struct Met {
+/// The solid under a contact candidate.
+pub(super) struct ContactSite {
     key: Key,
     /// Place of the vertex, metres.
     pub point: Vector3<f64>,
@@ -77,9 +77,9 @@ struct Solid<'a> {
 }
 
 impl Skin {
-    pub(super) fn new(stuffing: &Tetrahedra, skin: &plush::Skin) -> Self {
+    pub(super) fn new(tet_mesh: &Tetrahedra, skin: &plush::Skin) -> Self {
         Self {
-            places: stuffing.embed(&skin.positions),
+            places: tet_mesh.embed(&skin.positions),
             stiffness: skin.areas().iter().map(|a| a * FOUNDATION).collect(),
         }
     }
@@ -112,9 +112,9 @@ impl Skin {
             high = high.sup(p);
         }
         let mut near = Near {
-            touches: Vec::new(),
+            candidates: Vec::new(),
             solids: Vec::new(),
-            met: Vec::new(),
+            sites: Vec::new(),
         };
         let mut mobilities = Mobilities::new(physics);
         for solid in solids(physics, &low, &high, margin, friction) {
@@ -132,7 +132,7 @@ impl Skin {
                     let house = solid.house_from_solid * Point3::from(*local);
                     house.coords
                 });
-                near.touches.push(Touch {
+                near.candidates.push(ContactCandidate {
                     cell: self.places[i].cell,
                     weights: self.places[i].weights,
                     stiffness: self.stiffness[i],
@@ -143,7 +143,7 @@ impl Skin {
                     velocity: solid.linear + solid.angular.cross(&(p - solid.centre)),
                     solid: number,
                 });
-                near.met.push(Met {
+                near.sites.push(ContactSite {
                     key,
                     point: *p,
                     collider: solid.handle,
@@ -225,25 +225,25 @@ impl Solid<'_> {
 
 impl Near {
     /// The bristles after the tick.
-    pub(super) fn bristles(&self, pressed: &[Pressed]) -> Bristles {
-        let held = self.met.iter().zip(pressed).filter_map(|(met, pressed)| {
-            let local = met
+    pub(super) fn bristles(&self, forces: &[ContactForce]) -> Bristles {
+        let held = self.sites.iter().zip(forces).filter_map(|(site, contact)| {
+            let local = site
                 .house_from_solid
-                .inverse_transform_point(&Point3::from(pressed.anchor?));
-            Some((met.key, local.coords.into()))
+                .inverse_transform_point(&Point3::from(contact.anchor?));
+            Some((site.key, local.coords.into()))
         });
         Bristles(held.collect())
     }
 
     /// The contacts of `own` in the tick, summed per body.
-    pub(super) fn contacts(&self, own: BodyRef, pressed: &[Pressed]) -> Vec<Contact> {
+    pub(super) fn contacts(&self, own: BodyRef, forces: &[ContactForce]) -> Vec<Contact> {
         let mut sums: BTreeMap<BodyRef, (Vector3<f64>, Vector3<f64>, f64)> = BTreeMap::new();
-        for (met, pressed) in self.met.iter().zip(pressed) {
-            let weight = pressed.force.norm();
+        for (site, contact) in self.sites.iter().zip(forces) {
+            let weight = contact.force.norm();
             if weight > 0.0 {
-                let sum = sums.entry(met.reference).or_default();
-                sum.0 += pressed.force;
-                sum.1 += met.point * weight;
+                let sum = sums.entry(site.reference).or_default();
+                sum.0 += contact.force;
+                sum.1 += site.point * weight;
                 sum.2 += weight;
             }
         }
@@ -261,15 +261,15 @@ impl Near {
     }
 
     /// Pushes the solids back, for the engine's coming tick.
-    pub(super) fn push(&self, physics: &mut PhysicsWorld, pressed: &[Pressed]) {
-        for (met, pressed) in self.met.iter().zip(pressed) {
-            let Some(handle) = met.body else { continue };
-            if pressed.force == Vector3::zeros() {
+    pub(super) fn push(&self, physics: &mut PhysicsWorld, forces: &[ContactForce]) {
+        for (site, contact) in self.sites.iter().zip(forces) {
+            let Some(handle) = site.body else { continue };
+            if contact.force == Vector3::zeros() {
                 continue;
             }
             let body = &mut physics.bodies[handle];
             if body.is_dynamic() {
-                body.add_force_at_point(vector(&-pressed.force), vector(&met.point), true);
+                body.add_force_at_point(vector(&-contact.force), vector(&site.point), true);
             }
         }
     }

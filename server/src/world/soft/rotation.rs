@@ -1,4 +1,5 @@
-//! A rotation that follows a matrix (Müller et al. 2016, "A Robust Method to
+//! The rotation in a deformation gradient, by an iterative polar
+//! decomposition that starts from the last one (Müller et al. 2016, "A Robust Method to
 //! Extract the Rotational Part of Deformations"), inverted cells included.
 //!
 //! Only sums, products, quotients and square roots: the same bits everywhere.
@@ -13,15 +14,15 @@ const STEPS: usize = 20;
 
 /// Unit quaternion, x y z w.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Turn([f64; 4]);
+pub struct Rotation([f64; 4]);
 
-impl Default for Turn {
+impl Default for Rotation {
     fn default() -> Self {
         Self([0.0, 0.0, 0.0, 1.0])
     }
 }
 
-impl Turn {
+impl Rotation {
     /// Of a unit quaternion x y z w.
     #[must_use]
     pub fn new(xyzw: [f64; 4]) -> Self {
@@ -52,7 +53,7 @@ impl Turn {
     }
 
     /// Turns towards the rotation in `f`, from where it is.
-    pub fn follow(&mut self, f: &Matrix3<f64>) {
+    pub fn extract_rotation(&mut self, f: &Matrix3<f64>) {
         for _ in 0..STEPS {
             let r = self.matrix();
             let mut twist = Vector3::zeros();

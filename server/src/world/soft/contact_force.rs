@@ -1,6 +1,6 @@
 //! What a contact may do: press but never pull, and rub no harder than Coulomb.
 //!
-//! A touch is an elastic foundation with a bristle. In a solution it is open,
+//! A contact is an elastic foundation with a bristle. In a solution it is open,
 //! or a spring along the normal with a `share` of the same spring along the
 //! surface: 1 where it sticks, less where it slips, so that friction is
 //! `share` times the force of the bent bristle (a secant of Coulomb's law). A
@@ -31,7 +31,7 @@ const NOTHING: f64 = 5e-4;
 
 /// A point of the skin near a solid.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Touch {
+pub(super) struct ContactCandidate {
     /// Cell that carries the point, and the weights of its corners.
     pub cell: usize,
     pub weights: [f64; 4],
@@ -61,9 +61,9 @@ pub(super) struct Mobility {
     pub inverse: Option<Matrix6<f64>>,
 }
 
-/// What a touch did.
+/// What a contact did.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(super) struct Pressed {
+pub(super) struct ContactForce {
     /// Force on the body along the normal, N.
     pub normal: f64,
     /// Friction on the body, N.
@@ -77,7 +77,7 @@ pub(super) struct Pressed {
     pub energy: [f64; 2],
 }
 
-impl Pressed {
+impl ContactForce {
     /// Whether all numbers are finite.
     pub(super) fn is_finite(&self) -> bool {
         let anchor = self.anchor.unwrap_or_default();
@@ -85,12 +85,12 @@ impl Pressed {
     }
 }
 
-/// How a touch takes part in a solution.
+/// How a contact takes part in a solution.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) enum Grip {
+pub(super) enum FrictionState {
     Open,
-    /// Pressed, with this share of the bristle's stiffness, 0 to 1.
-    Shut(f64),
+    /// Closed, with this share of the bristle's stiffness, 0 to 1.
+    Closed(f64),
 }
 
 impl Mobility {
@@ -118,8 +118,10 @@ impl Mobility {
         };
         let mut impulse = Vector6::zeros();
         for (point, force) in forces.clone() {
-            let turn = (point - self.centre).cross(&force);
-            impulse += Vector6::new(force.x, force.y, force.z, turn.x, turn.y, turn.z) * h;
+            let rotation = (point - self.centre).cross(&force);
+            impulse += Vector6::new(
+                force.x, force.y, force.z, rotation.x, rotation.y, rotation.z,
+            ) * h;
         }
         let change = inverse * impulse;
         let (linear, angular) = (change.xyz(), Vector3::new(change[3], change[4], change[5]));
@@ -129,56 +131,57 @@ impl Mobility {
     }
 }
 
-/// All touches of a tick while it is solved.
-pub(super) struct Hold<'a> {
-    touches: &'a [Touch],
+/// All contact candidates of a tick while it is solved.
+pub(super) struct ContactSolution<'a> {
+    candidates: &'a [ContactCandidate],
     solids: &'a [Mobility],
     /// Places of the points at the start of the tick, metres.
     points: Vec<Vector3<f64>>,
-    grips: Vec<Grip>,
+    friction_states: Vec<FrictionState>,
     /// Share of the foundation's stiffness at each solid, 0 to 1.
     softened: Vec<f64>,
     h: f64,
 }
 
-impl<'a> Hold<'a> {
-    /// The touches as they would be if the body went on as fast as it goes.
+impl<'a> ContactSolution<'a> {
+    /// The contacts as they would be if the body went on as fast as it goes.
     pub(super) fn new(
         body: &Elastic,
         position: &[Vector3<f64>],
         velocity: &[Vector3<f64>],
-        touches: &'a [Touch],
+        candidates: &'a [ContactCandidate],
         solids: &'a [Mobility],
         h: f64,
     ) -> Self {
-        let points: Vec<_> = touches.iter().map(|t| t.at(body, position)).collect();
-        let mut hold = Self {
-            touches,
+        let points: Vec<_> = candidates.iter().map(|t| t.at(body, position)).collect();
+        let mut solution = Self {
+            candidates,
             solids,
             points,
-            grips: vec![Grip::Open; touches.len()],
+            friction_states: vec![FrictionState::Open; candidates.len()],
             softened: vec![1.0; solids.len()],
             h,
         };
         let mut burden = vec![0.0; solids.len()];
-        for (i, t) in touches.iter().enumerate() {
-            let (normal, bristle) = hold.trial(body, velocity, i);
+        for (i, t) in candidates.iter().enumerate() {
+            let (normal, bristle) = solution.trial(body, velocity, i);
             if normal > 0.0 {
-                hold.grips[i] = Grip::Shut(share(t.friction * normal, bristle.norm()));
-                if let Some(give) = solids[t.solid].at(&hold.points[i]) {
+                solution.friction_states[i] =
+                    FrictionState::Closed(share(t.friction * normal, bristle.norm()));
+                if let Some(give) = solids[t.solid].at(&solution.points[i]) {
                     burden[t.solid] += h * h * t.stiffness * give.trace();
                 }
             }
         }
-        for (soft, burden) in hold.softened.iter_mut().zip(burden) {
+        for (soft, burden) in solution.softened.iter_mut().zip(burden) {
             *soft = (HEAVY / burden.max(HEAVY)).min(1.0);
         }
-        hold
+        solution
     }
 
     /// Energy that the contacts begin with, J.
     pub(super) fn energy(&self) -> f64 {
-        let all = self.touches.iter().zip(&self.points).enumerate();
+        let all = self.candidates.iter().zip(&self.points).enumerate();
         all.map(|(i, (t, point))| self.stiffness(i) * t.strained(point))
             .sum()
     }
@@ -191,13 +194,13 @@ impl<'a> Hold<'a> {
     }
 
     fn stiffness(&self, i: usize) -> f64 {
-        let t = &self.touches[i];
+        let t = &self.candidates[i];
         t.stiffness * self.softened[t.solid]
     }
 
     /// Normal force and the force of the whole bristle at the end of the tick, N.
     fn trial(&self, body: &Elastic, velocity: &[Vector3<f64>], i: usize) -> (f64, Vector3<f64>) {
-        let t = &self.touches[i];
+        let t = &self.candidates[i];
         let stiffness = self.stiffness(i);
         let moved = (t.at(body, velocity) - t.velocity) * self.h;
         let normal = -stiffness * (t.gap + t.normal.dot(&moved));
@@ -208,29 +211,32 @@ impl<'a> Hold<'a> {
     /// The springs of the next solution.
     pub(super) fn springs(&self) -> impl Iterator<Item = Spring> + '_ {
         let h = self.h;
-        self.touches.iter().enumerate().filter_map(move |(i, t)| {
-            let Grip::Shut(share) = self.grips[i] else {
-                return None;
-            };
-            let across = t.normal * t.normal.transpose();
-            let along = (Matrix3::identity() - across) * share;
-            // At the end of the tick the point wants to be on the surface and at
-            // its bristle; both move with the solid.
-            let pull = t.normal * -t.gap
-                + t.bend(&self.points[i]) * share
-                + (across + along) * t.velocity * h;
-            let stiffness = self.stiffness(i) * h;
-            Some(Spring {
-                cell: t.cell,
-                weights: t.weights,
-                block: (across + along) * (stiffness * h),
-                push: pull * stiffness,
+        self.candidates
+            .iter()
+            .enumerate()
+            .filter_map(move |(i, t)| {
+                let FrictionState::Closed(share) = self.friction_states[i] else {
+                    return None;
+                };
+                let across = t.normal * t.normal.transpose();
+                let along = (Matrix3::identity() - across) * share;
+                // At the end of the tick the point wants to be on the surface and at
+                // its bristle; both move with the solid.
+                let pull = t.normal * -t.gap
+                    + t.bend(&self.points[i]) * share
+                    + (across + along) * t.velocity * h;
+                let stiffness = self.stiffness(i) * h;
+                Some(Spring {
+                    cell: t.cell,
+                    weights: t.weights,
+                    block: (across + along) * (stiffness * h),
+                    push: pull * stiffness,
+                })
             })
-        })
     }
 
-    /// Holds the touches against a solution: whether all of them do what they
-    /// may. What does not is changed for the next one; with `giving` a touch
+    /// Holds the contacts against a solution: whether all of them do what they
+    /// may. What does not is changed for the next one; with `giving` a contact
     /// only opens or holds less, so that solutions come to an end.
     pub(super) fn agree(
         &mut self,
@@ -239,23 +245,25 @@ impl<'a> Hold<'a> {
         giving: bool,
     ) -> bool {
         let mut agreed = true;
-        for i in 0..self.touches.len() {
+        for i in 0..self.candidates.len() {
             let (normal, bristle) = self.trial(body, velocity, i);
-            let limit = self.touches[i].friction * normal.max(0.0);
+            let limit = self.candidates[i].friction * normal.max(0.0);
             let pull = bristle.norm();
-            let next = match self.grips[i] {
-                Grip::Open if giving || normal <= 0.0 => continue,
-                Grip::Open => Grip::Shut(share(limit, pull)),
-                Grip::Shut(_) if normal < -NOTHING => Grip::Open,
-                Grip::Shut(now) if now * pull > COULOMB * limit + NOTHING => {
-                    Grip::Shut(AIM * limit / pull)
+            let next = match self.friction_states[i] {
+                FrictionState::Open if giving || normal <= 0.0 => continue,
+                FrictionState::Open => FrictionState::Closed(share(limit, pull)),
+                FrictionState::Closed(_) if normal < -NOTHING => FrictionState::Open,
+                FrictionState::Closed(now) if now * pull > COULOMB * limit + NOTHING => {
+                    FrictionState::Closed(AIM * limit / pull)
                 }
-                Grip::Shut(now) if !giving && now < 1.0 && now * pull < TIGHT * limit => {
-                    Grip::Shut(share(AIM * limit, pull))
+                FrictionState::Closed(now)
+                    if !giving && now < 1.0 && now * pull < TIGHT * limit =>
+                {
+                    FrictionState::Closed(share(AIM * limit, pull))
                 }
-                Grip::Shut(_) => continue,
+                FrictionState::Closed(_) => continue,
             };
-            self.grips[i] = next;
+            self.friction_states[i] = next;
             agreed = false;
         }
         let kicks = self.kicks(&self.done(body, velocity));
@@ -269,33 +277,33 @@ impl<'a> Hold<'a> {
     }
 
     /// Greatest change of speed of every solid, m/s.
-    pub(super) fn kicks(&self, pressed: &[Pressed]) -> Vec<f64> {
+    pub(super) fn kicks(&self, forces: &[ContactForce]) -> Vec<f64> {
         let of = |solid: usize| {
-            let touches = self.touches.iter().zip(&self.points).zip(pressed);
-            touches
+            let candidates = self.candidates.iter().zip(&self.points).zip(forces);
+            candidates
                 .filter(move |((t, _), _)| t.solid == solid)
-                .map(|((_, point), pressed)| (point, -pressed.force))
+                .map(|((_, point), contact)| (point, -contact.force))
         };
         let solids = self.solids.iter().enumerate();
         solids.map(|(s, solid)| solid.kick(of(s), self.h)).collect()
     }
 
-    /// What every touch did in a solution. Where solutions did not come to agree
+    /// Force at every contact of a solution. Where solutions did not come to agree
     /// what is too much is cut off.
-    pub(super) fn done(&self, body: &Elastic, velocity: &[Vector3<f64>]) -> Vec<Pressed> {
-        let all = 0..self.touches.len();
-        all.map(|i| self.pressed(body, velocity, i)).collect()
+    pub(super) fn done(&self, body: &Elastic, velocity: &[Vector3<f64>]) -> Vec<ContactForce> {
+        let all = 0..self.candidates.len();
+        all.map(|i| self.contact_force(body, velocity, i)).collect()
     }
 
-    fn pressed(&self, body: &Elastic, velocity: &[Vector3<f64>], i: usize) -> Pressed {
-        let t = &self.touches[i];
+    fn contact_force(&self, body: &Elastic, velocity: &[Vector3<f64>], i: usize) -> ContactForce {
+        let t = &self.candidates[i];
         let stiffness = self.stiffness(i);
         let before = stiffness * t.strained(&self.points[i]);
-        let open = Pressed {
+        let open = ContactForce {
             energy: [before, 0.0],
-            ..Pressed::default()
+            ..ContactForce::default()
         };
-        let Grip::Shut(share) = self.grips[i] else {
+        let FrictionState::Closed(share) = self.friction_states[i] else {
             return open;
         };
         let (normal, bristle) = self.trial(body, velocity, i);
@@ -308,7 +316,7 @@ impl<'a> Hold<'a> {
         // Seen from the solid, which moves too.
         let end = self.points[i] + (t.at(body, velocity) - t.velocity) * self.h;
         let after = (normal * normal + drag.norm_squared()) / (2.0 * stiffness);
-        Pressed {
+        ContactForce {
             normal,
             drag,
             force: t.normal * normal + drag,
@@ -323,7 +331,7 @@ fn share(limit: f64, pull: f64) -> f64 {
     if pull <= limit { 1.0 } else { limit / pull }
 }
 
-impl Touch {
+impl ContactCandidate {
     fn at(&self, body: &Elastic, of: &[Vector3<f64>]) -> Vector3<f64> {
         let nodes = body.cells[self.cell].nodes.iter().zip(&self.weights);
         nodes.map(|(i, w)| of[*i] * *w).sum()

@@ -157,7 +157,7 @@ pub(super) struct Corner {
     pub(super) position: Point3<f64>,
     pub(super) normal: Vector3<f64>,
     pub(super) uv: [f32; 2],
-    pub(super) openness: f64,
+    pub(super) ambient_occlusion: f64,
 }
 
 /// Longer edges are cut in halves, so that light can change along them, metres.
@@ -165,12 +165,12 @@ const LONGEST: f64 = 0.4;
 
 /// What was worked out so far, by the bits of place and normal: neighbours share
 /// their corners, and near and far detail of a board are the same triangles.
-pub(super) struct Openness<'a> {
+pub(super) struct AmbientOcclusion<'a> {
     around: &'a Surroundings,
     known: BTreeMap<[u64; 6], f64>,
 }
 
-impl<'a> Openness<'a> {
+impl<'a> AmbientOcclusion<'a> {
     pub(super) fn new(around: &'a Surroundings) -> Self {
         Self {
             around,
@@ -224,7 +224,7 @@ impl<'a> Openness<'a> {
             position,
             normal,
             uv: std::array::from_fn(|k| 0.5 * (a.uv[k] + b.uv[k])),
-            openness: self.of_surface(&position, &normal),
+            ambient_occlusion: self.of_surface(&position, &normal),
         }
     }
 }
@@ -267,7 +267,7 @@ mod tests {
             position: Point3::new(x, y, 0.0),
             normal: Vector3::z(),
             uv: [x as f32, y as f32],
-            openness: 1.0,
+            ambient_occlusion: 1.0,
         };
         let [a, b, c, d] = [
             corner(-1.5, -1.5),
@@ -275,9 +275,9 @@ mod tests {
             corner(1.5, 1.5),
             corner(-1.5, 1.5),
         ];
-        let mut openness = Openness::new(&around);
-        let mut pieces = openness.cut([a, b, c]);
-        pieces.extend(openness.cut([a, c, d]));
+        let mut ambient_occlusion = AmbientOcclusion::new(&around);
+        let mut pieces = ambient_occlusion.cut([a, b, c]);
+        pieces.extend(ambient_occlusion.cut([a, c, d]));
         assert!(pieces.len() > 20);
         // Every inner edge is met from both sides, the rim once.
         let mut edges: std::collections::BTreeMap<[[u64; 2]; 2], i32> = Default::default();
