@@ -12,10 +12,10 @@ mod evaluate;
 mod file;
 mod goal;
 mod load;
+mod placement_clearance;
 mod predicates;
 #[cfg(test)]
 mod reach_tests;
-mod placement_clearance;
 mod spec;
 #[cfg(test)]
 mod tests;
