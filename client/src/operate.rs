@@ -33,9 +33,9 @@ pub struct OperateArgs {
     /// Takes control over from whoever holds it.
     #[arg(long)]
     pub take: bool,
-    /// Seed of the operator's habits; the scenario's when absent.
+    /// Seed of the operator profile; the scenario's when absent.
     #[arg(long)]
-    pub style_seed: Option<u64>,
+    pub profile_seed: Option<u64>,
     /// Writes how it went as JSON: `outcome` (`done`, `not_done` or `broken`) and `why`.
     #[arg(long, value_name = "FILE")]
     pub report: Option<PathBuf>,
@@ -50,7 +50,7 @@ impl From<&OperateArgs> for OperateOptions {
             require_recorders: args.require_recorders,
             commander: args.commander.clone(),
             take: args.take,
-            style_seed: args.style_seed,
+            profile_seed: args.profile_seed,
         }
     }
 }

@@ -1,18 +1,18 @@
 //! The two questions that planning asks of the scene: is the floor free for
-//! the chair, is the way of the hand free.
+//! the chair, is the hand's path free.
 
 use nalgebra::{Isometry3, Point3, Translation3};
 
-use super::block::Block;
-use super::ground::{Ground, Level};
+use super::footprint_check::{FootprintCheck, Level};
 use super::hand::{self, Ball, Hand};
+use super::obb::Obb;
 use super::scene::SceneModel;
 
 /// Lower than this is floor, metres.
 const FLOOR: f64 = 0.03;
 /// Objects that lie lower than this lie in the chair's way, metres.
 const LOW_OBJECT: f64 = 0.5;
-/// The hand is looked at every so many metres of its way.
+/// The hand is looked at every so many metres of its path.
 const STEP: f64 = 0.02;
 /// Things in the hand reach no further from it than this, metres.
 const HELD: f64 = 0.4;
@@ -20,11 +20,11 @@ const HELD: f64 = 0.4;
 impl SceneModel {
     /// What the chair must not touch, with the things where they are.
     #[must_use]
-    pub fn ground(&self, poses: &[Isometry3<f64>]) -> Ground {
+    pub fn footprint_check(&self, poses: &[Isometry3<f64>]) -> FootprintCheck {
         let mut bottom = FLOOR;
-        let mut ground = Ground { levels: Vec::new() };
+        let mut footprint = FootprintCheck { levels: Vec::new() };
         for (top, outline) in &self.outlines {
-            ground.levels.push(Level {
+            footprint.levels.push(Level {
                 bottom,
                 top: *top,
                 outline: *outline,
@@ -34,25 +34,25 @@ impl SceneModel {
         }
         let lying = self
             .placed(poses)
-            .map(|(_, block)| block)
-            .filter(|block| block.heights()[0] < LOW_OBJECT);
-        for block in self.furniture.iter().copied().chain(lying) {
-            ground.put(block.rectangle(), block.heights());
+            .map(|(_, obb)| obb)
+            .filter(|obb| obb.heights()[0] < LOW_OBJECT);
+        for obb in self.furniture.iter().copied().chain(lying) {
+            footprint.put(obb.rectangle(), obb.heights());
         }
-        ground
+        footprint
     }
 
     /// Boxes of the things that move, in `house`, with the things' indices.
     pub fn placed<'a>(
         &'a self,
         poses: &'a [Isometry3<f64>],
-    ) -> impl Iterator<Item = (usize, Block)> + 'a {
+    ) -> impl Iterator<Item = (usize, Obb)> + 'a {
         self.items
             .iter()
             .zip(poses)
             .enumerate()
             .flat_map(|(index, (item, pose))| {
-                item.blocks.iter().map(move |block| (index, block.at(pose)))
+                item.boxes.iter().map(move |obb| (index, obb.at(pose)))
             })
     }
 
@@ -68,14 +68,14 @@ impl SceneModel {
         let others = self
             .placed(poses)
             .filter(|(index, _)| Some(*index) != except)
-            .map(|(_, block)| block);
+            .map(|(_, obb)| obb);
         Surroundings {
-            blocks: self
+            boxes: self
                 .furniture
                 .iter()
                 .copied()
                 .chain(others)
-                .filter(|block| block.distance(point) < radius)
+                .filter(|obb| obb.distance(point) < radius)
                 .collect(),
         }
     }
@@ -101,11 +101,11 @@ impl SceneModel {
     }
 }
 
-/// Blocks that a hand could touch.
+/// Boxes that a hand could touch.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Surroundings {
     /// In `house`.
-    pub blocks: Vec<Block>,
+    pub boxes: Vec<Obb>,
 }
 
 impl Surroundings {
@@ -137,15 +137,15 @@ impl Surroundings {
             );
             let origin = Point3::from(pose.translation.vector);
             let mut close = self
-                .blocks
+                .boxes
                 .iter()
-                .filter(|block| block.distance(&origin) <= near)
+                .filter(|obb| obb.distance(&origin) <= near)
                 .peekable();
             close.peek().is_none()
-                || close.all(|block| {
+                || close.all(|obb| {
                     balls.iter().all(|ball| {
                         let point = pose * Point3::from(ball.centre);
-                        block.distance(&point) > ball.radius + margin
+                        obb.distance(&point) > ball.radius + margin
                     })
                 })
         })
@@ -172,18 +172,17 @@ impl Surroundings {
 }
 
 /// Balls around a held thing in the end effector's frame: its corners and the
-/// middles of its blocks.
+/// middles of its boxes.
 #[must_use]
-pub fn held_balls(blocks: &[Block], tool_from_item: &Isometry3<f64>) -> Vec<Ball> {
+pub fn held_balls(boxes: &[Obb], tool_from_item: &Isometry3<f64>) -> Vec<Ball> {
     const CORNER: f64 = 0.004;
-    blocks
+    boxes
         .iter()
-        .flat_map(|block| {
-            let thin = block.half.min();
-            block
-                .corners()
+        .flat_map(|obb| {
+            let thin = obb.half.min();
+            obb.corners()
                 .map(|corner| (corner, CORNER))
-                .chain([(Point3::from(block.pose.translation.vector), thin)])
+                .chain([(Point3::from(obb.pose.translation.vector), thin)])
                 .collect::<Vec<_>>()
         })
         .map(|(point, radius)| Ball {
@@ -201,16 +200,16 @@ mod tests {
 
     #[test]
     fn the_hand_fits_around_a_bottle_but_not_through_its_neighbour() {
-        let block = |x: f64, y: f64, z: f64, half: [f64; 3]| Block {
+        let obb = |x: f64, y: f64, z: f64, half: [f64; 3]| Obb {
             pose: Isometry3::translation(x, y, z),
             half: half.into(),
             round: false,
         };
         let mut scene = SceneModel {
-            furniture: vec![block(0.0, 0.0, 0.79, [2.0, 2.0, 0.02])],
+            furniture: vec![obb(0.0, 0.0, 0.79, [2.0, 2.0, 0.02])],
             items: vec![Item {
                 name: "bottle".to_owned(),
-                blocks: vec![block(0.0, 0.0, 0.9, [0.048, 0.029, 0.09])],
+                boxes: vec![obb(0.0, 0.0, 0.9, [0.048, 0.029, 0.09])],
             }],
             slides: Vec::new(),
             grasps: Vec::new(),
@@ -240,7 +239,7 @@ mod tests {
         assert!(!free(&scene, None), "the fingers reach around the bottle");
         scene
             .furniture
-            .push(block(0.0, 0.08, 0.9, [0.03, 0.03, 0.05]));
+            .push(obb(0.0, 0.08, 0.9, [0.03, 0.03, 0.05]));
         assert!(!free(&scene, Some(0)), "a can stands in a finger's way");
     }
 }

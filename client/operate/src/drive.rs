@@ -1,9 +1,9 @@
-//! How the chair follows a route: a smooth speed profile and a tracking law.
+//! How the chair follows its path: a smooth speed profile and a tracking law.
 
 use wheelarm_proto::exact;
 
-use super::ground::{Pose2, wrap};
-use super::route::Piece;
+use super::footprint_check::{Pose2, wrap};
+use super::hybrid_a_star::Segment;
 
 /// Limits of a drive, inside the chair's own profile.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -33,7 +33,7 @@ pub struct Reference {
     pub turn_rate: f64,
 }
 
-/// A timed route.
+/// A timed path.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Drive {
     references: Vec<Reference>,
@@ -56,9 +56,9 @@ const GAIN_HEADING: f64 = 5.0;
 const GAIN_TURN: f64 = 2.0;
 
 impl Drive {
-    /// Times `route` from `start`.
+    /// Times `path` from `start`.
     #[must_use]
-    pub fn new(start: Pose2, route: &[Piece], limits: &DriveLimits) -> Self {
+    pub fn new(start: Pose2, path: &[Segment], limits: &DriveLimits) -> Self {
         let mut drive = Self {
             references: vec![Reference {
                 time: 0.0,
@@ -67,25 +67,25 @@ impl Drive {
                 turn_rate: 0.0,
             }],
         };
-        let mut rest = route;
+        let mut rest = path;
         while let Some(first) = rest.first() {
             let run = rest
                 .iter()
-                .take_while(|piece| belongs(first, piece))
+                .take_while(|segment| belongs(first, segment))
                 .count();
             let (head, tail) = rest.split_at(run);
             match first {
-                Piece::Turn(_) => {
+                Segment::Turn(_) => {
                     let angle = head
                         .iter()
-                        .map(|piece| match piece {
-                            Piece::Turn(angle) => *angle,
-                            Piece::Roll { .. } => 0.0,
+                        .map(|segment| match segment {
+                            Segment::Turn(angle) => *angle,
+                            Segment::Roll { .. } => 0.0,
                         })
                         .sum();
                     drive.turn(angle, limits);
                 }
-                Piece::Roll { length, .. } => drive.roll(head, length.signum(), limits),
+                Segment::Roll { length, .. } => drive.roll(head, length.signum(), limits),
             }
             drive.rest(PAUSE);
             rest = tail;
@@ -110,46 +110,46 @@ impl Drive {
 
     fn turn(&mut self, angle: f64, limits: &DriveLimits) {
         let start = self.end();
-        let pieces = 100;
+        let steps = 100;
         let speeds = profile(
-            &vec![limits.turn_rate; pieces + 1],
-            angle.abs() / pieces as f64,
+            &vec![limits.turn_rate; steps + 1],
+            angle.abs() / steps as f64,
             limits.turn_acceleration,
             limits.turn_acceleration,
         );
         let mut time = start.time;
-        for i in 1..=pieces {
-            time += 2.0 * angle.abs() / pieces as f64 / (speeds[i - 1] + speeds[i]);
+        for i in 1..=steps {
+            time += 2.0 * angle.abs() / steps as f64 / (speeds[i - 1] + speeds[i]);
             self.references.push(Reference {
                 time,
-                pose: start.pose.turned(angle * i as f64 / pieces as f64),
+                pose: start.pose.turned(angle * i as f64 / steps as f64),
                 speed: 0.0,
                 turn_rate: speeds[i] * angle.signum(),
             });
         }
     }
 
-    /// Rolls the pieces of one direction (`sign`) without a stop.
-    fn roll(&mut self, pieces: &[Piece], sign: f64, limits: &DriveLimits) {
+    /// Rolls the segments of one direction (`sign`) without a stop.
+    fn roll(&mut self, segments: &[Segment], sign: f64, limits: &DriveLimits) {
         let mut poses = vec![self.end().pose];
         let mut curvatures = vec![0.0];
-        let total: f64 = pieces.iter().map(rolled_length).sum();
+        let total: f64 = segments.iter().map(rolled_length).sum();
         let count = (total / STEP).ceil().max(1.0) as usize;
         let step = total / count as f64;
-        let (mut piece, mut begun) = (0, 0.0);
+        let (mut segment, mut begun) = (0, 0.0);
         let mut at = poses[0];
         for i in 1..=count {
             let goal = step * i as f64;
-            while piece + 1 < pieces.len() && begun + rolled_length(&pieces[piece]) < goal {
-                begun += rolled_length(&pieces[piece]);
-                at = pieces[piece].after(&at, 1.0);
-                piece += 1;
+            while segment + 1 < segments.len() && begun + rolled_length(&segments[segment]) < goal {
+                begun += rolled_length(&segments[segment]);
+                at = segments[segment].after(&at, 1.0);
+                segment += 1;
             }
-            let length = rolled_length(&pieces[piece]).max(1e-9);
-            poses.push(pieces[piece].after(&at, ((goal - begun) / length).min(1.0)));
-            curvatures.push(match pieces[piece] {
-                Piece::Roll { curvature, .. } => curvature,
-                Piece::Turn(_) => 0.0,
+            let length = rolled_length(&segments[segment]).max(1e-9);
+            poses.push(segments[segment].after(&at, ((goal - begun) / length).min(1.0)));
+            curvatures.push(match segments[segment] {
+                Segment::Roll { curvature, .. } => curvature,
+                Segment::Turn(_) => 0.0,
             });
         }
         // Driving back is slower.
@@ -213,7 +213,7 @@ impl Drive {
         }
     }
 
-    /// Forward speed and turn rate that keep a chair at `pose` on the route.
+    /// Forward speed and turn rate that keep a chair at `pose` on the path.
     #[must_use]
     pub fn command(&self, time: f64, pose: &Pose2) -> [f64; 2] {
         let now = self.reference(time);
@@ -230,19 +230,19 @@ impl Drive {
     }
 }
 
-/// Whether a piece is driven in one go with the first of its run.
-fn belongs(first: &Piece, piece: &Piece) -> bool {
-    match (first, piece) {
-        (Piece::Turn(a), Piece::Turn(b)) => a * b > 0.0,
-        (Piece::Roll { length: a, .. }, Piece::Roll { length: b, .. }) => a * b > 0.0,
+/// Whether a segment is driven in one go with the first of its run.
+fn belongs(first: &Segment, segment: &Segment) -> bool {
+    match (first, segment) {
+        (Segment::Turn(a), Segment::Turn(b)) => a * b > 0.0,
+        (Segment::Roll { length: a, .. }, Segment::Roll { length: b, .. }) => a * b > 0.0,
         _ => false,
     }
 }
 
-fn rolled_length(piece: &Piece) -> f64 {
-    match piece {
-        Piece::Roll { length, .. } => length.abs(),
-        Piece::Turn(_) => 0.0,
+fn rolled_length(segment: &Segment) -> f64 {
+    match segment {
+        Segment::Roll { length, .. } => length.abs(),
+        Segment::Turn(_) => 0.0,
     }
 }
 
@@ -276,10 +276,10 @@ mod tests {
         turn_acceleration: 0.6,
     };
 
-    /// Follows a route with a chair that obeys the default speed profile of
-    /// facts section 2 and starts a little beside the route.
-    fn follow(start: Pose2, beside: Pose2, route: &[Piece]) -> (Pose2, Pose2, f64) {
-        let drive = Drive::new(start, route, &LIMITS);
+    /// Follows a path that begins a little beside the chair, which has the
+    /// accelerations of `assets/robots/wheelarm/robot.toml`.
+    fn follow(start: Pose2, beside: Pose2, path: &[Segment]) -> (Pose2, Pose2, f64) {
+        let drive = Drive::new(start, path, &LIMITS);
         let (mut pose, mut v, mut w) = (beside, 0.0_f64, 0.0_f64);
         let dt = 1.0 / 60.0;
         let mut worst = 0.0_f64;
@@ -302,34 +302,34 @@ mod tests {
             y: 3.389,
             heading: -std::f64::consts::FRAC_PI_2,
         };
-        let straight = |length| Piece::Roll {
+        let straight = |length| Segment::Roll {
             length,
             curvature: 0.0,
         };
-        let arc = Piece::Roll {
+        let arc = Segment::Roll {
             length: 0.8 * std::f64::consts::FRAC_PI_2,
             curvature: -1.0 / 0.8,
         };
-        let routes: [&[Piece]; 2] = [
+        let paths: [&[Segment]; 2] = [
             &[straight(0.4), arc, straight(0.3)],
             &[
-                Piece::Turn(-1.0),
+                Segment::Turn(-1.0),
                 straight(1.5),
-                Piece::Turn(0.4),
+                Segment::Turn(0.4),
                 straight(-0.2),
             ],
         ];
-        for route in routes {
+        for path in paths {
             let beside = Pose2 {
                 x: start.x + 0.01,
                 ..start
             };
-            let (pose, goal, worst) = follow(start, beside, route);
+            let (pose, goal, worst) = follow(start, beside, path);
             let miss = pose.distance(&goal);
             let turn = wrap(pose.heading - goal.heading).abs();
-            assert!(miss < 0.02, "missed by {miss:.3} m on {route:?}");
-            assert!(turn < 0.03, "turned {turn:.3} rad too far on {route:?}");
-            assert!(worst < 0.10, "strayed {worst:.3} m on {route:?}");
+            assert!(miss < 0.02, "missed by {miss:.3} m on {path:?}");
+            assert!(turn < 0.03, "turned {turn:.3} rad too far on {path:?}");
+            assert!(worst < 0.10, "strayed {worst:.3} m on {path:?}");
         }
     }
 }

@@ -3,7 +3,7 @@
 use wheelarm_proto::check::{self, Invalid};
 use wheelarm_proto::v1;
 
-use super::block::Block;
+use super::obb::Obb;
 use super::scene::{SceneModel, read_pose};
 
 /// What a task asks for.
@@ -19,7 +19,7 @@ pub enum Goal {
         /// Index of the thing.
         item: usize,
         /// The region in `house`.
-        region: Block,
+        region: Obb,
     },
     /// A slide is to be pulled open.
     Open {
@@ -66,7 +66,7 @@ impl Goal {
                 let region = goal.region.unwrap_or_default();
                 Some(Self::Put {
                     item,
-                    region: Block {
+                    region: Obb {
                         pose: read_pose("pose of the region", region.pose.as_ref())?,
                         half: check::vector("half extents of the region", region.half.as_ref())?
                             .into(),

@@ -3,22 +3,22 @@
 //! It uses only what every client sees: streams, queries and commands. The
 //! skills are pure; `run` alone speaks to the network.
 
-pub mod block;
+pub mod base_placement;
 pub mod clearance;
-pub mod dock;
 pub mod drive;
+pub mod footprint_check;
 pub mod goal;
-pub mod ground;
+pub mod grasp_candidate;
 pub mod hand;
+pub mod hybrid_a_star;
+pub mod obb;
 pub mod observation;
 pub mod operator;
-pub mod route;
+pub mod profile;
 pub mod run;
 pub mod scene;
 pub mod skill;
-pub mod style;
 pub mod tool_path;
-pub mod way;
 
 #[cfg(test)]
-mod toy;
+mod operator_tests;

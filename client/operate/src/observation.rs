@@ -8,7 +8,7 @@ use wheelarm_proto::robot::Roles;
 use wheelarm_proto::topic::Sample;
 use wheelarm_proto::{TopicId, v1};
 
-use super::ground::Pose2;
+use super::footprint_check::Pose2;
 use super::scene::read_pose;
 
 /// Streams that make up an observation; the clock comes last.

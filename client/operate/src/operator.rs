@@ -4,9 +4,10 @@
 use nalgebra::Isometry3;
 use wheelarm_proto::v1::{self, Phase};
 
-use super::dock::Reach as Arm;
+use super::base_placement::ArmReachability;
 use super::goal::Goal;
 use super::observation::Observation;
+use super::profile::OperatorProfile;
 use super::scene::{SceneModel, write_pose};
 pub use super::skill::Act;
 use super::skill::carry::Carry;
@@ -19,7 +20,6 @@ use super::skill::reach::Reach;
 use super::skill::release::Release;
 use super::skill::watch::Watch;
 use super::skill::{Memory, Now, Skill, Step};
-use super::style::Style;
 
 /// How the work ended.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -106,8 +106,8 @@ fn plan(goal: &Goal) -> &'static [Stage] {
 pub struct Operator {
     scene: SceneModel,
     goal: Goal,
-    style: Style,
-    /// Place in the plan.
+    profile: OperatorProfile,
+    /// Index of the stage in the plan.
     at: usize,
     skill: Box<dyn Skill>,
     /// The skill that runs instead of the plan's: letting go after a miss, or
@@ -126,7 +126,7 @@ impl Operator {
     ///
     /// # Errors
     /// When the scene names no goal or knows no grasp for it.
-    pub fn new(scene: SceneModel, style: Style) -> Result<Self, String> {
+    pub fn new(scene: SceneModel, profile: OperatorProfile) -> Result<Self, String> {
         let goal = scene
             .goal
             .clone()
@@ -141,7 +141,7 @@ impl Operator {
         Ok(Self {
             scene,
             goal,
-            style,
+            profile,
             at: 0,
             skill,
             detour: None,
@@ -161,7 +161,11 @@ impl Operator {
 
     /// Decides what to do at one control tick; the outcome comes once, with
     /// the last action.
-    pub fn step(&mut self, seen: &Observation, arm: &mut dyn Arm) -> (Act, Option<Outcome>) {
+    pub fn step(
+        &mut self,
+        seen: &Observation,
+        arm: &mut dyn ArmReachability,
+    ) -> (Act, Option<Outcome>) {
         let begun = *self.begun.get_or_insert(seen.time);
         self.memory.home.get_or_insert(seen.base_from_tool);
         if self.over {
@@ -181,7 +185,7 @@ impl Operator {
             let mut now = Now {
                 scene: &self.scene,
                 goal: &self.goal,
-                style: &self.style,
+                profile: &self.profile,
                 seen,
                 poses: &poses,
                 reach: &mut *arm,
@@ -311,9 +315,9 @@ impl Operator {
                 target: Some(gripper_command::Target::Opening(opening)),
                 max_force: Some(
                     self.memory
-                        .way
-                        .and_then(|way| way.force)
-                        .unwrap_or(self.style.force),
+                        .candidate
+                        .and_then(|candidate| candidate.force)
+                        .unwrap_or(self.profile.force),
                 ),
             }),
             phase: act.phase.into(),

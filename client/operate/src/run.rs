@@ -8,11 +8,11 @@ use wheelarm_proto::robot::Roles;
 use wheelarm_proto::topic::Sample;
 use wheelarm_proto::{TopicId, v1};
 
-use super::dock::Reach;
+use super::base_placement::ArmReachability;
 use super::observation::{self, Collector};
 use super::operator::{Operator, Outcome};
+use super::profile::OperatorProfile;
 use super::scene::{SceneModel, write_pose};
-use super::style::Style;
 use wheelarm_link::{Link, LinkError};
 
 /// What the operator is asked to do.
@@ -30,8 +30,8 @@ pub struct OperateOptions {
     pub commander: String,
     /// Takes control over from whoever holds it.
     pub take: bool,
-    /// Seed of the operator's habits; the scenario's when absent.
-    pub style_seed: Option<u64>,
+    /// Seed of the operator profile; the scenario's when absent.
+    pub profile_seed: Option<u64>,
 }
 
 impl Default for OperateOptions {
@@ -43,7 +43,7 @@ impl Default for OperateOptions {
             require_recorders: 0,
             commander: "operator".to_owned(),
             take: false,
-            style_seed: None,
+            profile_seed: None,
         }
     }
 }
@@ -165,8 +165,8 @@ pub fn run(
     let scene = link.ask(&v1::SceneRequest {})?;
     let model = SceneModel::read(&scene)?;
     let roles = Roles::find(&scene.robot.unwrap_or_default())?;
-    let style = Style::new(options.style_seed.unwrap_or(scenario.seed()));
-    let mut operator = Operator::new(model, style).map_err(OperateError::Scene)?;
+    let profile = OperatorProfile::new(options.profile_seed.unwrap_or(scenario.seed()));
+    let mut operator = Operator::new(model, profile).map_err(OperateError::Scene)?;
     let mut commander = link.commander(&options.commander, options.take)?;
     let (started, is_ours) = match status.episode {
         Some(running) => (running, false),
@@ -349,7 +349,7 @@ struct RemoteReach<'a> {
     error: Option<LinkError>,
 }
 
-impl Reach for RemoteReach<'_> {
+impl ArmReachability for RemoteReach<'_> {
     fn reach(
         &mut self,
         base_from_tool: &Isometry3<f64>,

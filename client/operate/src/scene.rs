@@ -5,10 +5,10 @@ use nalgebra::{Isometry3, Quaternion, Translation3, Unit, UnitQuaternion, Vector
 use wheelarm_proto::check::{self, Invalid};
 use wheelarm_proto::v1;
 
-use super::block::Block;
+use super::footprint_check::Outline;
 use super::goal::Goal;
-use super::ground::Outline;
 use super::hand::Hand;
+use super::obb::Obb;
 use super::observation::Observation;
 
 /// A thing that can be moved: an object, or a piece of furniture that slides.
@@ -17,7 +17,7 @@ pub struct Item {
     /// Name.
     pub name: String,
     /// Boxes around it in its own frame.
-    pub blocks: Vec<Block>,
+    pub boxes: Vec<Obb>,
 }
 
 /// A piece of furniture that slides, for example a drawer.
@@ -33,7 +33,7 @@ pub struct Slide {
     pub axis: Unit<Vector3<f64>>,
 }
 
-/// One way to take a thing.
+/// A grasp of a thing.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Grasp {
     /// Index of the thing.
@@ -46,7 +46,7 @@ pub struct Grasp {
     pub width: f64,
     /// Any turn about the thing's z axis will do.
     pub symmetric: bool,
-    /// Cap of the pads' force, N; `None` leaves it to the style.
+    /// Cap of the pads' force, N; `None` leaves it to the operator profile.
     pub force: Option<f64>,
 }
 
@@ -54,12 +54,12 @@ pub struct Grasp {
 #[derive(Clone, Debug, PartialEq)]
 pub struct SceneModel {
     /// What stays, in `house`.
-    pub furniture: Vec<Block>,
+    pub furniture: Vec<Obb>,
     /// What moves: the objects in the order of their poses, then the slides.
     pub items: Vec<Item>,
     /// Furniture that slides, in the order of the joint positions.
     pub slides: Vec<Slide>,
-    /// Ways to take things.
+    /// Grasps of things.
     pub grasps: Vec<Grasp>,
     /// What the task asks for.
     pub goal: Option<Goal>,
@@ -110,11 +110,11 @@ pub fn write_pose(pose: &Isometry3<f64>) -> v1::Pose {
     }
 }
 
-fn read_blocks(boxes: &[v1::BoxGeometry]) -> Result<Vec<Block>, Invalid> {
+fn read_boxes(boxes: &[v1::BoxGeometry]) -> Result<Vec<Obb>, Invalid> {
     boxes
         .iter()
         .map(|geometry| {
-            Ok(Block {
+            Ok(Obb {
                 pose: read_pose("box pose", geometry.pose.as_ref())?,
                 half: check::vector("box half extents", geometry.half.as_ref())?.into(),
                 round: false,
@@ -123,7 +123,7 @@ fn read_blocks(boxes: &[v1::BoxGeometry]) -> Result<Vec<Block>, Invalid> {
         .collect()
 }
 
-/// Blocks as wide as they are deep by this are those of a round thing, metres.
+/// Boxes as wide as they are deep by this are those of a round thing, metres.
 const ROUND: f64 = 1e-3;
 
 impl SceneModel {
@@ -134,14 +134,14 @@ impl SceneModel {
     pub fn read(reply: &v1::SceneReply) -> Result<Self, Invalid> {
         let mut furniture = Vec::new();
         for body in reply.bodies.iter().filter(|body| body.fixed) {
-            furniture.extend(read_blocks(&body.boxes)?);
+            furniture.extend(read_boxes(&body.boxes)?);
         }
         let mut items = Vec::new();
         for name in &reply.objects {
             let body = reply.bodies.iter().find(|body| &body.name == name);
             items.push(Item {
                 name: name.clone(),
-                blocks: read_blocks(body.map_or(&[], |body| &body.boxes))?,
+                boxes: read_boxes(body.map_or(&[], |body| &body.boxes))?,
             });
         }
         let mut slides = Vec::new();
@@ -156,7 +156,7 @@ impl SceneModel {
             });
             items.push(Item {
                 name: joint.body.clone(),
-                blocks: read_blocks(body.map_or(&[], |body| &body.boxes))?,
+                boxes: read_boxes(body.map_or(&[], |body| &body.boxes))?,
             });
         }
         let mut grasps = Vec::new();
@@ -182,10 +182,10 @@ impl SceneModel {
             });
         }
         for grasp in grasps.iter().filter(|grasp| grasp.symmetric) {
-            for block in &mut items[grasp.item].blocks {
+            for obb in &mut items[grasp.item].boxes {
                 // What may be taken from any side is round.
-                let upright = (block.pose.rotation * Vector3::z()).z.abs() > 0.999;
-                block.round = upright && (block.half.x - block.half.y).abs() < ROUND;
+                let upright = (obb.pose.rotation * Vector3::z()).z.abs() > 0.999;
+                obb.round = upright && (obb.half.x - obb.half.y).abs() < ROUND;
             }
         }
         let robot = reply.robot.as_ref();

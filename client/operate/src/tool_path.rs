@@ -3,7 +3,7 @@
 
 use nalgebra::Isometry3;
 
-/// A timed way of the end effector through poses in one frame.
+/// A timed path of the end effector through poses in one frame.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ToolPath {
     legs: Vec<Leg>,
@@ -29,7 +29,7 @@ const SHORTEST: f64 = 0.3;
 const PEAK: f64 = 1.875;
 
 impl ToolPath {
-    /// A way from `start` through `stops`, each with the peak speed of the leg
+    /// A path from `start` through `stops`, each with the peak speed of the leg
     /// that leads to it, m/s.
     #[must_use]
     pub fn new(start: Isometry3<f64>, stops: &[(Isometry3<f64>, f64)]) -> Self {

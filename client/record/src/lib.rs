@@ -1,25 +1,25 @@
 //! The recorder: subscribes to everything an episode publishes and writes one
 //! file per episode.
 //!
-//! [`RecorderCore`] decides and writes, without a network; `network` moves
+//! [`Recorder`] decides and writes, without a network; `network` moves
 //! messages between it and Zenoh through a queue bounded in bytes. No zenoh
 //! callback works: it moves the sample into that queue. The file of an episode
 //! is made on a thread of its own, while the next episode is recorded. Nothing
 //! is printed here: what happens is told as [`Output`].
 
-mod core;
 mod digests;
 mod episode;
 mod gaps;
 mod many;
 mod network;
 mod queue;
+mod recorder;
 
-pub use self::core::{Input, Output, RecorderCore};
 pub use self::episode::{Finishing, Made, Report};
 pub use self::gaps::Missing;
 pub use self::many::{Told, run_many};
 pub use self::network::run;
+pub use self::recorder::{Input, Output, Recorder};
 
 use std::path::PathBuf;
 

@@ -1,4 +1,4 @@
-//! Zenoh on one side, [`RecorderCore`] on its own thread on the other.
+//! Zenoh on one side, [`Recorder`] on its own thread on the other.
 
 use std::collections::VecDeque;
 use std::future::Future;
@@ -19,8 +19,8 @@ use zenoh::query::{ConsolidationMode, QueryTarget, ReplyKeyExpr};
 use zenoh::sample::{Sample, SampleKind};
 use zenoh_ext::{AdvancedSubscriberBuilderExt, HistoryConfig, RecoveryConfig};
 
-use super::core::{Input, Output, RecorderCore};
 use super::queue::{Entrance, Exit, queue};
+use super::recorder::{Input, Output, Recorder};
 use super::{ExitSummary, Missing, RecordOptions};
 
 /// The newest status is published again after this time: a lost one holds
@@ -34,7 +34,7 @@ const AWAY_PATIENCE: Duration = Duration::from_secs(5);
 /// Statuses that are published again: of the newest episode and of those that
 /// became files lately.
 const KEPT_STATUSES: usize = 3;
-/// How often the core looks at its deadlines.
+/// How often the recorder looks at its deadlines.
 const CORE_PERIOD: Duration = Duration::from_millis(50);
 /// Longest wait for the state; a question that was lost on the way is repeated.
 const STATE_TIMEOUT: Duration = Duration::from_secs(3);
@@ -86,13 +86,13 @@ pub async fn run(
         recorder: options.name.clone(),
         ..Default::default()
     };
-    let core = RecorderCore::new(options.out.clone(), writer).with_limit(options.episodes);
-    let first = core.status().clone();
+    let recorder = Recorder::new(options.out.clone(), writer).with_limit(options.episodes);
+    let first = recorder.status().clone();
     let (entrance, exit) = queue();
     let (outputs, mut told) = mpsc::unbounded_channel();
     let thread = {
         let entrance = entrance.clone();
-        std::thread::spawn(move || work(core, &exit, &entrance, &outputs))
+        std::thread::spawn(move || work(recorder, &exit, &entrance, &outputs))
     };
 
     let _subscribers = subscribe(link, &entrance).await?;
@@ -176,9 +176,9 @@ pub async fn run(
     Ok(summary)
 }
 
-/// The recorder's thread: decodes and feeds the core until it is shut down.
+/// The recorder's thread: decodes and feeds the recorder until it is shut down.
 fn work(
-    mut core: RecorderCore,
+    mut recorder: Recorder,
     exit: &Exit<Raw>,
     entrance: &Entrance<Raw>,
     outputs: &mpsc::UnboundedSender<Output>,
@@ -186,14 +186,14 @@ fn work(
     let mut dropped = 0;
     let mut ending = false;
     loop {
-        let mut out = core.tick(Instant::now());
+        let mut out = recorder.tick(Instant::now());
         let Ok(item) = exit.next(CORE_PERIOD) else {
             return;
         };
         let input = item.and_then(decode);
         ending |= matches!(input, Some(Input::Shutdown));
         if let Some(input) = input {
-            out.extend(core.handle(input, Instant::now()));
+            out.extend(recorder.handle(input, Instant::now()));
         }
         if exit.dropped() != dropped {
             tracing::warn!(
@@ -217,7 +217,7 @@ fn work(
                 return;
             }
         }
-        if ending && core.is_done() {
+        if ending && recorder.is_done() {
             return;
         }
     }

@@ -140,7 +140,7 @@ pub fn attempt(
     let report = staging.join("operator.json");
     operator.extend(["--report".into(), (&report).into()]);
     if !setup.plan.randomise.operator {
-        operator.extend(words(["--style-seed", "0"]));
+        operator.extend(words(["--profile-seed", "0"]));
     }
     let mut operator = Process::start("operator", "wheelarm", connect(&operator), &staging)?;
 

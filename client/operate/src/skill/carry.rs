@@ -23,12 +23,12 @@ impl Skill for Carry {
             let back = at.rotation * -Vector3::z();
             let chair = now.seen.house_from_chair.rotation * -Vector3::x();
             let level = Vector3::new(back.x, back.y, 0.0);
-            let way = if level.norm() > 0.5 { level } else { chair };
-            let stop = Translation3::from(way.normalize() * now.style.retract) * at;
+            let direction = if level.norm() > 0.5 { level } else { chair };
+            let stop = Translation3::from(direction.normalize() * now.profile.retract) * at;
             if !now.reaches(&[stop]) {
                 return Step::Done;
             }
-            self.motion = Some(Motion::new(now, &[(stop, now.style.carry_speed)]));
+            self.motion = Some(Motion::new(now, &[(stop, now.profile.carry_speed)]));
         }
         match self.motion.as_ref().map(|motion| motion.step(now)) {
             Some(Progress::Moving(tool)) => Step::Going(Act {

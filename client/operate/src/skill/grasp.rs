@@ -35,7 +35,10 @@ impl Skill for Grasp {
         }
         let touching = seen.pad_force.iter().all(|force| *force > TOUCH);
         let (knuckle, since) = *self.still.get_or_insert((seen.knuckle, seen.time));
-        let soft = now.memory.way.is_some_and(|way| way.force.is_some());
+        let soft = now
+            .memory
+            .candidate
+            .is_some_and(|candidate| candidate.force.is_some());
         let still = if soft { SOFT_STILL } else { STILL };
         if !touching || (seen.knuckle - knuckle).abs() > still {
             self.still = Some((seen.knuckle, seen.time));
@@ -44,11 +47,11 @@ impl Skill for Grasp {
             return Step::Done;
         }
         if now.scene.hand.is_empty(seen.knuckle) {
-            now.refuse_way();
+            now.refuse_candidate();
             return Step::Missed("the fingers closed on nothing".to_owned());
         }
         if seen.time - begun > LONGEST {
-            now.refuse_way();
+            now.refuse_candidate();
             return Step::Missed("the fingers found no firm grip".to_owned());
         }
         Step::Going(act)

@@ -8,7 +8,7 @@ use super::{Act, Now, Skill, Step};
 use crate::clearance::held_balls;
 use crate::goal::Goal;
 
-/// Heights to raise by under a board, metres; the style's comes first.
+/// Heights to raise by under a board, metres; the operator profile's comes first.
 const LOW: [f64; 5] = [0.13, 0.10, 0.07, 0.04, 0.02];
 /// The thing leaves what it stands on by this much before it is looked at, metres.
 const OFF: f64 = 0.012;
@@ -46,7 +46,7 @@ impl Skill for Lift {
         if self.motion.is_none() {
             let stops: Vec<_> = stops(now)
                 .into_iter()
-                .map(|pose| (pose, now.style.carry_speed))
+                .map(|pose| (pose, now.profile.carry_speed))
                 .collect();
             self.motion = Some(Motion::new(now, &stops));
         }
@@ -63,11 +63,11 @@ impl Skill for Lift {
     }
 }
 
-/// Ways to raise what is held at `at` by `height` that an arm with its base at
+/// Paths that raise what is held at `at` by `height` that an arm with its base at
 /// `house_from_base` may take, the best first: straight up, or a little up and
 /// then up and back towards the arm, which reaches higher there.
 #[must_use]
-pub fn ways_up(
+pub fn lift_paths(
     house_from_base: &Isometry3<f64>,
     at: &Isometry3<f64>,
     height: f64,
@@ -77,9 +77,9 @@ pub fn ways_up(
     let to_base = house_from_base.translation.vector - at.translation.vector;
     let back = Vector3::new(to_base.x, to_base.y, 0.0);
     let back = back / back.norm().max(1e-9);
-    let mut ways = vec![vec![up]];
-    ways.extend(TOWARDS.map(|by| vec![low, Translation3::from(back * by) * up]));
-    ways
+    let mut paths = vec![vec![up]];
+    paths.extend(TOWARDS.map(|by| vec![low, Translation3::from(back * by) * up]));
+    paths
 }
 
 /// Straight up as far as there is room; what is missing after the hand was
@@ -92,22 +92,25 @@ fn stops(now: &mut Now<'_>) -> Vec<Isometry3<f64>> {
         .scene
         .around(&[start, up(0.2) * start], now.poses, Some(item));
     let held = now.memory.held.unwrap_or_else(|| now.thing_in_hand());
-    let balls = held_balls(&now.scene.items[item].blocks, &held);
-    let width = now.memory.way.map_or(0.0, |way| way.width);
+    let balls = held_balls(&now.scene.items[item].boxes, &held);
+    let width = now
+        .memory
+        .candidate
+        .map_or(0.0, |candidate| candidate.width);
     let scene = now.scene;
     let free = |height: f64| {
         let (from, to) = (up(OFF.min(height)) * start, up(height) * start);
         around.is_free(&balls, &from, &to, ROOM)
             && around.hand_is_free(&scene.hand, width, &[from, to], -ROOM)
     };
-    let whole = height(now.goal, now.style.grasp.lift);
+    let whole = height(now.goal, now.profile.grasp.lift);
     let highest = [whole].into_iter().chain(LOW).find(|height| free(*height));
     let first = highest.unwrap_or(whole);
     if first >= whole {
         let base = now.scene.house_from_base(now.seen);
-        let ways = ways_up(&base, &start, whole);
-        let way = ways.iter().find(|way| now.reaches(way));
-        return way.or(ways.first()).cloned().unwrap_or_default();
+        let paths = lift_paths(&base, &start, whole);
+        let path = paths.iter().find(|path| now.reaches(path));
+        return path.or(paths.first()).cloned().unwrap_or_default();
     }
     let back = start.rotation * -Vector3::z();
     let level = Vector3::new(back.x, back.y, 0.0);

@@ -16,14 +16,14 @@ pub mod watch;
 use nalgebra::Isometry3;
 use wheelarm_proto::v1::Phase;
 
-use super::dock::{self, Reach};
+use super::base_placement::{self, ArmReachability};
+use super::footprint_check::Pose2;
 use super::goal::Goal;
-use super::ground::Pose2;
+use super::grasp_candidate::GraspCandidate;
 use super::observation::Observation;
+use super::profile::OperatorProfile;
 use super::scene::SceneModel;
-use super::style::Style;
 use super::tool_path::distance;
-use super::way::Way;
 
 /// What is done at one control tick.
 #[derive(Clone, Debug, PartialEq)]
@@ -81,14 +81,14 @@ pub struct Now<'a> {
     pub scene: &'a SceneModel,
     /// What is asked.
     pub goal: &'a Goal,
-    /// Habits.
-    pub style: &'a Style,
+    /// The operator profile.
+    pub profile: &'a OperatorProfile,
     /// The observation.
     pub seen: &'a Observation,
     /// Poses of all things in `house`.
     pub poses: &'a [Isometry3<f64>],
     /// The arm's kinematics.
-    pub reach: &'a mut dyn Reach,
+    pub reach: &'a mut dyn ArmReachability,
     /// What skills leave for each other.
     pub memory: &'a mut Memory,
 }
@@ -98,9 +98,9 @@ pub struct Now<'a> {
 pub struct Memory {
     /// End effector in `base_link` at the start: a safe place for the hand.
     pub home: Option<Isometry3<f64>>,
-    /// The way that the hand takes.
-    pub way: Option<Way>,
-    /// Ways that did not work, as the end effector in the thing's frame.
+    /// The grasp candidate that was chosen.
+    pub candidate: Option<GraspCandidate>,
+    /// Grasp candidates that did not work, as the end effector in the thing's frame.
     pub refused: Vec<Isometry3<f64>>,
     /// Stops of the chair from which it did not work.
     pub left: Vec<Pose2>,
@@ -160,7 +160,7 @@ impl Now<'_> {
             .base_from_desired
             .unwrap_or(self.seen.base_from_tool);
         let chair = self.seen.house_from_chair;
-        dock::reaches_from(self.scene, &chair, &tool, poses, self.reach)
+        base_placement::reaches_from(self.scene, &chair, &tool, poses, self.reach)
     }
 
     /// Gives up this stop of the chair: it is not taken again.
@@ -170,10 +170,10 @@ impl Now<'_> {
         Step::Elsewhere(why.to_owned())
     }
 
-    /// The way that was taken is not taken again.
-    pub fn refuse_way(&mut self) {
-        if let Some(way) = self.memory.way {
-            let thing_from_tool = self.thing().inv_mul(&way.at);
+    /// The candidate that was chosen is not chosen again.
+    pub fn refuse_candidate(&mut self) {
+        if let Some(candidate) = self.memory.candidate {
+            let thing_from_tool = self.thing().inv_mul(&candidate.grasp);
             self.memory.refused.push(thing_from_tool);
         }
     }

@@ -1,28 +1,28 @@
-//! Navigate: looks for a place to stop and a way to it, drives there, waits
+//! Navigate: looks for a base placement and a path to it, drives there, waits
 //! until the chair is at rest.
 
 use nalgebra::{Isometry3, Translation3};
 use wheelarm_proto::v1::Phase;
 
 use super::{Act, Now, Skill, Step};
-use crate::dock::{self, DOCK_MARGIN};
+use crate::base_placement::{self, PLACEMENT_MARGIN};
 use crate::drive::Drive;
+use crate::footprint_check::{FootprintCheck, Pose2};
 use crate::goal::Goal;
-use crate::ground::{Ground, Pose2};
-use crate::route::{self, Piece, Route, RouteStyle};
-use crate::way::{self, MARGINS, Way};
+use crate::grasp_candidate::{self, GraspCandidate, MARGINS};
+use crate::hybrid_a_star::{self, DrivePath, PathPreferences, Segment};
 
 use super::{lift, place};
 
-/// Places that are checked for reach and route per stop.
+/// Placements that are checked for reach and path per stop.
 const PLACES: usize = 120;
-/// Levels of content with a place: all in one go, or only what comes first.
+/// Levels of content with a placement: all in one go, or only what comes first.
 const LEVELS: usize = 2;
-/// A place that did not work is not taken again within this, metres and radians.
+/// A placement that did not work is not taken again within this, metres and radians.
 const LEFT: [f64; 2] = [0.12, 0.25];
-/// Straight ways before a stop that are tried, metres.
+/// Straight segments before a stop that are tried, metres.
 const STRAIGHTS: [f64; 3] = [0.35, 0.2, 0.08];
-/// Radii of arcs that are tried, as shares of the style's.
+/// Radii of arcs that are tried, as shares of the operator profile's.
 const ARCS: [f64; 2] = [1.0, 0.75];
 
 /// What the chair is to stop for.
@@ -115,35 +115,40 @@ impl Skill for Navigate {
 
 /// What an arm with its base at `house_from_base` has to reach, in `house`.
 struct Wanted {
-    /// The hand's way in.
-    way_in: Vec<Isometry3<f64>>,
+    /// Pregrasp and grasp.
+    approach: Vec<Isometry3<f64>>,
     /// What comes after it: for each level of content, the best first, lists
     /// of poses of which one has to be reached.
     then: Vec<Vec<Vec<Isometry3<f64>>>>,
 }
 
-/// What a place to stop is good for.
-fn wanted(now: &Now<'_>, way: &Way, purpose: Purpose, house_from_base: &Isometry3<f64>) -> Wanted {
-    let way_in = vec![way.before, way.at];
+/// What a base placement is good for.
+fn wanted(
+    now: &Now<'_>,
+    candidate: &GraspCandidate,
+    purpose: Purpose,
+    house_from_base: &Isometry3<f64>,
+) -> Wanted {
+    let approach = vec![candidate.pregrasp, candidate.grasp];
     if purpose == Purpose::Put {
         let then = vec![vec![Vec::new()]];
-        return Wanted { way_in, then };
+        return Wanted { approach, then };
     }
-    let height = lift::height(now.goal, now.style.grasp.lift);
-    let raised = lift::ways_up(house_from_base, &way.at, height);
+    let height = lift::height(now.goal, now.profile.grasp.lift);
+    let raised = lift::lift_paths(house_from_base, &candidate.grasp, height);
     let then = match now.goal {
         Goal::Lift { .. } => {
             let back = Translation3::new(0.0, 0.0, height)
-                * way.at
-                * Translation3::new(0.0, 0.0, -now.style.retract);
+                * candidate.grasp
+                * Translation3::new(0.0, 0.0, -now.profile.retract);
             let best = [&raised[0][..], &[back]].concat();
             vec![vec![best], raised]
         }
         Goal::Put { .. } => {
-            let held = way.at.inv_mul(&now.thing());
-            let puts = place::ways(now, &held, way.width);
-            let both = |put: &Way| {
-                let then = |up: &Vec<_>| [&up[..], &[put.before, put.at]].concat();
+            let held = candidate.grasp.inv_mul(&now.thing());
+            let puts = place::candidates(now, &held, candidate.width);
+            let both = |put: &GraspCandidate| {
+                let then = |up: &Vec<_>| [&up[..], &[put.pregrasp, put.grasp]].concat();
                 raised.iter().take(2).map(then).collect::<Vec<_>>()
             };
             vec![puts.iter().flat_map(both).collect(), raised.clone()]
@@ -154,13 +159,13 @@ fn wanted(now: &Now<'_>, way: &Way, purpose: Purpose, house_from_base: &Isometry
             let slide_now = now.seen.slides.get(*slide).copied().unwrap_or(0.0);
             let axis = now.scene.slides[*slide].axis;
             let pulled = |share: f64| {
-                let way_out = (position + 0.02 - slide_now).max(0.0) * share;
-                Translation3::from(axis.scale(way_out)) * way.at
+                let distance = (position + 0.02 - slide_now).max(0.0) * share;
+                Translation3::from(axis.scale(distance)) * candidate.grasp
             };
             vec![vec![vec![pulled(1.0)]], vec![vec![pulled(0.3)]]]
         }
     };
-    Wanted { way_in, then }
+    Wanted { approach, then }
 }
 
 impl Wanted {
@@ -174,117 +179,131 @@ impl Wanted {
         let tool = now.seen.base_from_tool;
         let scene = now.scene;
         let mut reaches = |poses: &[Isometry3<f64>]| {
-            dock::reaches_from(scene, house_from_chair, &tool, poses, now.reach)
+            base_placement::reaches_from(scene, house_from_chair, &tool, poses, now.reach)
         };
-        // Most places are out for the way in already.
-        reaches(&self.way_in)
+        // Most placements are out for the approach already.
+        reaches(&self.approach)
             && self.then.get(level).is_some_and(|lists| {
                 lists
                     .iter()
-                    .any(|list| reaches(&[&self.way_in[..], &list[..]].concat()))
+                    .any(|list| reaches(&[&self.approach[..], &list[..]].concat()))
             })
     }
 }
 
-/// The best place to stop and the drive to it.
+/// The best base placement and the drive to it.
 fn find(now: &mut Now<'_>, purpose: Purpose) -> Result<Drive, String> {
     let chair = now.seen.chair();
-    let ground = now.scene.ground(now.poses);
+    let footprint = now.scene.footprint_check(now.poses);
     let name = &now.scene.items[now.goal.item()].name;
     let mut tried = 0;
     let mut reasons = [0_usize; 2];
-    let mut most_ways = 0;
+    let mut most_candidates = 0;
     for margin in MARGINS {
-        let ways = match purpose {
+        let candidates = match purpose {
             Purpose::Take => {
-                let standoff = now.style.grasp.standoff;
-                way::ways(now.scene, now.goal, now.poses, standoff, margin)
+                let standoff = now.profile.grasp.standoff;
+                grasp_candidate::candidates(now.scene, now.goal, now.poses, standoff, margin)
             }
             Purpose::Put => {
                 let held = now.memory.held.unwrap_or_else(|| now.thing_in_hand());
-                place::ways(now, &held, now.memory.way.map_or(0.03, |way| way.width))
+                place::candidates(
+                    now,
+                    &held,
+                    now.memory
+                        .candidate
+                        .map_or(0.03, |candidate| candidate.width),
+                )
             }
         };
-        most_ways = most_ways.max(ways.len());
-        let docks = dock::docks(now.scene, &chair, &ways, now.style.grasp.distance);
-        let free: Vec<_> = docks
+        most_candidates = most_candidates.max(candidates.len());
+        let placements =
+            base_placement::placements(now.scene, &chair, &candidates, now.profile.grasp.distance);
+        let free: Vec<_> = placements
             .iter()
-            .filter(|dock| ground.is_free(&dock.chair, DOCK_MARGIN))
+            .filter(|placement| footprint.is_free(&placement.chair, PLACEMENT_MARGIN))
             .take(20 * PLACES)
             .collect();
         let chair_from_base = now.scene.chair_from_base;
-        // Places from which everything can be done come first.
+        // Placements from which everything can be done come first.
         for level in 0..LEVELS {
             let mut looked = 0;
             let mut refused: Vec<(Pose2, usize)> = Vec::new();
-            for dock in &free {
+            for placement in &free {
                 if looked == PLACES {
                     break;
                 }
-                // Neighbours of a place that did not do rarely do better.
-                let is_near = |(pose, way): &(Pose2, usize)| {
-                    *way == dock.way
-                        && pose.distance(&dock.chair) < 0.045
-                        && pose.to(&dock.chair)[2].abs() < 0.15
+                // Neighbours of a placement that did not do rarely do better.
+                let is_near = |(pose, candidate): &(Pose2, usize)| {
+                    *candidate == placement.candidate
+                        && pose.distance(&placement.chair) < 0.045
+                        && pose.to(&placement.chair)[2].abs() < 0.15
                 };
                 let was_left = now.memory.left.iter().any(|pose| {
-                    pose.distance(&dock.chair) < LEFT[0] && pose.to(&dock.chair)[2].abs() < LEFT[1]
+                    pose.distance(&placement.chair) < LEFT[0]
+                        && pose.to(&placement.chair)[2].abs() < LEFT[1]
                 });
                 if was_left || refused.iter().any(is_near) {
                     continue;
                 }
-                let at = dock::standing(&dock.chair);
+                let at = base_placement::standing(&placement.chair);
                 let base = at * chair_from_base;
                 looked += 1;
                 tried += 1;
-                let wanted = wanted(now, &ways[dock.way], purpose, &base);
+                let wanted = wanted(now, &candidates[placement.candidate], purpose, &base);
                 if !wanted.is_reached(level, now, &at) {
                     reasons[0] += 1;
-                    refused.push((dock.chair, dock.way));
+                    refused.push((placement.chair, placement.candidate));
                     continue;
                 }
-                let Some(route) = route_to(&ground, chair, dock.chair, now) else {
+                let Some(path) = drive_path(&footprint, chair, placement.chair, now) else {
                     reasons[1] += 1;
-                    refused.push((dock.chair, dock.way));
+                    refused.push((placement.chair, placement.candidate));
                     if reasons[1] > 12 {
                         break;
                     }
                     continue;
                 };
-                return Ok(Drive::new(chair, &route, &now.style.drive));
+                return Ok(Drive::new(chair, &path, &now.profile.drive));
             }
         }
     }
     Err(format!(
-        "no place to stop for {name:?}: {most_ways} ways to take it, of {tried} places {} out of the arm's reach and {} without a route",
+        "no place to stop for {name:?}: {most_candidates} grasp candidates, of {tried} base placements {} out of the arm's reach and {} without a path",
         reasons[0], reasons[1]
     ))
 }
 
-/// The quickest route whose last part is straight, so that the chair arrives
+/// The quickest path whose last part is straight, so that the chair arrives
 /// aligned, with wide or with tight arcs.
-fn route_to(ground: &Ground, start: Pose2, goal: Pose2, now: &Now<'_>) -> Option<Vec<Piece>> {
-    let mut best: Option<Route> = None;
+fn drive_path(
+    footprint: &FootprintCheck,
+    start: Pose2,
+    goal: Pose2,
+    now: &Now<'_>,
+) -> Option<Vec<Segment>> {
+    let mut best: Option<DrivePath> = None;
     for length in STRAIGHTS {
         let before = goal.rolled(-length, 0.0);
         for tightness in ARCS {
-            let style = RouteStyle {
-                radius: now.style.route.radius * tightness,
-                ..now.style.route
+            let preferences = PathPreferences {
+                radius: now.profile.path.radius * tightness,
+                ..now.profile.path
             };
-            let Some(mut route) = route::find(ground, start, before, &style) else {
+            let Some(mut path) = hybrid_a_star::search(footprint, start, before, &preferences)
+            else {
                 continue;
             };
-            route.pieces.push(Piece::Roll {
+            path.segments.push(Segment::Roll {
                 length,
                 curvature: 0.0,
             });
             // A long straight part aligns better than a short one.
-            route.cost += length / now.style.drive.speed - 4.0 * length;
-            if best.as_ref().is_none_or(|best| route.cost < best.cost) {
-                best = Some(route);
+            path.cost += length / now.profile.drive.speed - 4.0 * length;
+            if best.as_ref().is_none_or(|best| path.cost < best.cost) {
+                best = Some(path);
             }
         }
     }
-    best.map(|route| route.pieces)
+    best.map(|path| path.segments)
 }

@@ -6,11 +6,11 @@ use wheelarm_proto::v1::Phase;
 
 use super::motion::{Motion, Progress};
 use super::{Act, Now, Skill, Step};
-use crate::block::Block;
 use crate::clearance::held_balls;
 use crate::goal::Goal;
+use crate::grasp_candidate::GraspCandidate;
+use crate::obb::Obb;
 use crate::tool_path::distance;
-use crate::way::Way;
 
 /// The hand comes from this far above, metres.
 const ABOVE: f64 = 0.06;
@@ -19,7 +19,7 @@ const DROP: f64 = 0.003;
 /// Turns about the vertical that are tried beside the one in which the thing
 /// was taken, radians.
 const TURNS: [f64; 9] = [0.0, 0.35, -0.35, 0.7, -0.7, 1.1, -1.1, 1.57, -1.57];
-/// The way there: metres back towards the arm, where fewer things stand, and
+/// The path there: metres back towards the arm, where fewer things stand, and
 /// metres up.
 const PATHS: [[f64; 2]; 10] = [
     [0.0, 0.0],
@@ -33,7 +33,7 @@ const PATHS: [[f64; 2]; 10] = [
     [0.0, 0.15],
     [0.25, 0.15],
 ];
-/// Hand and thing keep this far from what stands on the way, metres; where
+/// Hand and thing keep this far from what stands beside the path, metres; where
 /// that is not possible, any distance will do.
 const CLEAR: [f64; 2] = [0.015, 0.0];
 /// A held thing is looked at in slices no thicker than this, metres.
@@ -50,10 +50,10 @@ const ROOM: f64 = 0.03;
 #[derive(Clone, Debug)]
 enum State {
     Choose,
-    Over(Motion, Way),
-    Lower(Motion, Way),
+    Over(Motion, GraspCandidate),
+    Lower(Motion, GraspCandidate),
     Open { since: f64 },
-    Back(Motion),
+    Retreat(Motion),
 }
 
 /// See the module.
@@ -72,14 +72,14 @@ impl Place {
     }
 
     fn choose(&mut self, now: &mut Now<'_>) -> Step {
-        let Some((way, stops)) = choose(now) else {
+        let Some((candidate, stops)) = choose(now) else {
             return now.elsewhere("the arm cannot put it down from here");
         };
         let stops: Vec<_> = stops
             .into_iter()
-            .map(|pose| (pose, now.style.carry_speed))
+            .map(|pose| (pose, now.profile.carry_speed))
             .collect();
-        self.state = State::Over(Motion::new(now, &stops), way);
+        self.state = State::Over(Motion::new(now, &stops), candidate);
         Step::Going(Act::named(Phase::Retracting, "carrying"))
     }
 }
@@ -98,19 +98,19 @@ impl Skill for Place {
         }
         match self.state.clone() {
             State::Choose => self.choose(now),
-            State::Over(motion, way) => match motion.step(now) {
+            State::Over(motion, candidate) => match motion.step(now) {
                 Progress::Moving(tool) => Step::Going(Act {
                     tool,
                     ..Act::named(Phase::Retracting, "carrying")
                 }),
                 Progress::Late(why) => Step::Missed(format!("carrying: {why}")),
                 Progress::Arrived => {
-                    let stop = (way.at, now.style.approach_speed * 0.7);
-                    self.state = State::Lower(Motion::new(now, &[stop]), way);
+                    let stop = (candidate.grasp, now.profile.approach_speed * 0.7);
+                    self.state = State::Lower(Motion::new(now, &[stop]), candidate);
                     Step::Going(Act::named(Phase::Retracting, "placing"))
                 }
             },
-            State::Lower(motion, way) => match motion.step(now) {
+            State::Lower(motion, candidate) => match motion.step(now) {
                 Progress::Moving(tool) => Step::Going(Act {
                     tool,
                     ..Act::named(Phase::Retracting, "placing")
@@ -122,7 +122,7 @@ impl Skill for Place {
                     };
                     now.memory.held = None;
                     Step::Going(Act {
-                        opening: Some(now.scene.hand.stroke.min(way.width + ROOM)),
+                        opening: Some(now.scene.hand.stroke.min(candidate.width + ROOM)),
                         ..Act::named(Phase::Retracting, "letting go")
                     })
                 }
@@ -132,16 +132,21 @@ impl Skill for Place {
                 let loose = now.seen.pad_force.iter().all(|force| *force < LOOSE);
                 if open > OPENING && (loose || open > LONGEST) {
                     let at = now.house_from_desired();
-                    // Out of a soft thing's limbs the way that it came in.
-                    let soft = now.memory.way.filter(|way| way.force.is_some());
-                    let out = soft.map_or(ABOVE, |way| distance(&way.before, &way.at));
+                    // Out of a soft thing's limbs along the approach.
+                    let soft = now
+                        .memory
+                        .candidate
+                        .filter(|candidate| candidate.force.is_some());
+                    let out = soft.map_or(ABOVE, |candidate| {
+                        distance(&candidate.pregrasp, &candidate.grasp)
+                    });
                     let back = at * Translation3::new(0.0, 0.0, -out);
-                    let stop = (back, now.style.approach_speed);
-                    self.state = State::Back(Motion::new(now, &[stop]));
+                    let stop = (back, now.profile.approach_speed);
+                    self.state = State::Retreat(Motion::new(now, &[stop]));
                 }
                 Step::Going(Act::named(Phase::Retracting, "letting go"))
             }
-            State::Back(motion) => match motion.step(now) {
+            State::Retreat(motion) => match motion.step(now) {
                 Progress::Moving(tool) => Step::Going(Act {
                     tool,
                     ..Act::named(Phase::Retracting, "retracting")
@@ -152,13 +157,17 @@ impl Skill for Place {
     }
 }
 
-/// Ways to put down a thing that sits in the hand as `tool_from_item` says.
+/// Candidates to put down a thing that sits in the hand as `tool_from_item` says.
 #[must_use]
-pub fn ways(now: &Now<'_>, tool_from_item: &Isometry3<f64>, width: f64) -> Vec<Way> {
+pub fn candidates(
+    now: &Now<'_>,
+    tool_from_item: &Isometry3<f64>,
+    width: f64,
+) -> Vec<GraspCandidate> {
     let Goal::Put { item, region } = now.goal else {
         return Vec::new();
     };
-    let blocks = &now.scene.items[*item].blocks;
+    let boxes = &now.scene.items[*item].boxes;
     // As it lay before it was taken, or as it lies now.
     let lying = now.memory.rest.unwrap_or_else(|| now.thing()).rotation;
     let top = region.pose.translation.z - region.half.z;
@@ -169,7 +178,7 @@ pub fn ways(now: &Now<'_>, tool_from_item: &Isometry3<f64>, width: f64) -> Vec<W
             // The middle of the thing comes over the middle of the region.
             let mut low = Vector3::repeat(f64::INFINITY);
             let mut high = Vector3::repeat(f64::NEG_INFINITY);
-            for corner in blocks.iter().flat_map(|block| block.corners()) {
+            for corner in boxes.iter().flat_map(|obb| obb.corners()) {
                 let corner: Point3<f64> = turned * corner;
                 low = low.inf(&corner.coords);
                 high = high.sup(&corner.coords);
@@ -184,31 +193,37 @@ pub fn ways(now: &Now<'_>, tool_from_item: &Isometry3<f64>, width: f64) -> Vec<W
                 turned,
             );
             let at = put * tool_from_item.inverse();
-            Way {
-                before: Translation3::new(0.0, 0.0, ABOVE) * at,
-                at,
+            GraspCandidate {
+                pregrasp: Translation3::new(0.0, 0.0, ABOVE) * at,
+                grasp: at,
                 opening: width,
                 width,
                 force: None,
                 lean: 0.0,
-                back: 0.0,
+                backoff: 0.0,
                 cost: (turn / 0.7).powi(2),
             }
         })
         .collect()
 }
 
-/// The way to put it down and the stops before it.
-fn choose(now: &mut Now<'_>) -> Option<(Way, Vec<Isometry3<f64>>)> {
+/// The candidate to put it down and the stops up to its pregrasp.
+fn choose(now: &mut Now<'_>) -> Option<(GraspCandidate, Vec<Isometry3<f64>>)> {
     let start = now.house_from_desired();
     let item = now.goal.item();
     // What is soft hangs otherwise than it sat.
-    let soft = now.memory.way.is_some_and(|way| way.force.is_some());
+    let soft = now
+        .memory
+        .candidate
+        .is_some_and(|candidate| candidate.force.is_some());
     let held = now.memory.held.filter(|_| !soft);
     let held = held.unwrap_or_else(|| now.thing_in_hand());
-    let width = now.memory.way.map_or(0.03, |way| way.width);
-    let balls = held_balls(&slices(&now.scene.items[item].blocks), &held);
-    let ways = ways(now, &held, width);
+    let width = now
+        .memory
+        .candidate
+        .map_or(0.03, |candidate| candidate.width);
+    let balls = held_balls(&slices(&now.scene.items[item].boxes), &held);
+    let candidates = candidates(now, &held, width);
     let base = now.scene.house_from_base(now.seen).translation.vector;
     let towards = Vector3::new(
         base.x - start.translation.x,
@@ -217,13 +232,18 @@ fn choose(now: &mut Now<'_>) -> Option<(Way, Vec<Isometry3<f64>>)> {
     );
     let towards = towards.try_normalize(1e-6).unwrap_or_else(Vector3::x);
     for margin in CLEAR {
-        for way in &ways {
+        for candidate in &candidates {
             let around = now
                 .scene
-                .around(&[start, way.before], now.poses, Some(item));
+                .around(&[start, candidate.pregrasp], now.poses, Some(item));
             for [back, height] in PATHS {
                 let aside = Translation3::from(towards * back + Vector3::z() * height);
-                let stops = [start, aside * start, aside * way.before, way.before];
+                let stops = [
+                    start,
+                    aside * start,
+                    aside * candidate.pregrasp,
+                    candidate.pregrasp,
+                ];
                 let is_free = around.hand_is_free(&now.scene.hand, width, &stops, margin)
                     && stops
                         .windows(2)
@@ -233,35 +253,35 @@ fn choose(now: &mut Now<'_>) -> Option<(Way, Vec<Isometry3<f64>>)> {
                 } else {
                     &stops[1..]
                 };
-                if is_free && now.reaches(&[stops, &[way.at]].concat()) {
-                    return Some((*way, stops.to_vec()));
+                if is_free && now.reaches(&[stops, &[candidate.grasp]].concat()) {
+                    return Some((*candidate, stops.to_vec()));
                 }
             }
         }
     }
-    let way = ways
+    let candidate = candidates
         .into_iter()
-        .find(|way| now.reaches(&[way.before, way.at]))?;
+        .find(|candidate| now.reaches(&[candidate.pregrasp, candidate.grasp]))?;
     now.note("something stands in the way of what it carries".to_owned());
-    Some((way, vec![way.before]))
+    Some((candidate, vec![candidate.pregrasp]))
 }
 
-/// The blocks cut across their longest side, so that nothing fits between two
+/// The boxes cut across their longest side, so that nothing fits between two
 /// points at which they are looked at.
-fn slices(blocks: &[Block]) -> Vec<Block> {
-    let cut = |block: &Block| {
-        let axis = block.half.imax();
-        let count = (2.0 * block.half[axis] / SLICE).ceil().max(1.0);
-        let half = block.half[axis] / count;
-        let block = *block;
+fn slices(boxes: &[Obb]) -> Vec<Obb> {
+    let cut = |obb: &Obb| {
+        let axis = obb.half.imax();
+        let count = (2.0 * obb.half[axis] / SLICE).ceil().max(1.0);
+        let half = obb.half[axis] / count;
+        let obb = *obb;
         (0..count as usize).map(move |i| {
-            let mut slice = block;
+            let mut slice = obb;
             let mut offset = Vector3::zeros();
-            offset[axis] = (2.0 * i as f64 + 1.0) * half - block.half[axis];
-            slice.pose = block.pose * Translation3::from(offset);
+            offset[axis] = (2.0 * i as f64 + 1.0) * half - obb.half[axis];
+            slice.pose = obb.pose * Translation3::from(offset);
             slice.half[axis] = half;
             slice
         })
     };
-    blocks.iter().flat_map(cut).collect()
+    boxes.iter().flat_map(cut).collect()
 }

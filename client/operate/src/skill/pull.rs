@@ -10,7 +10,7 @@ use crate::goal::Goal;
 
 /// The slide is drawn further than asked by this much, metres.
 const MORE: f64 = 0.02;
-/// Shares of the way that are tried with the arm alone.
+/// Shares of the distance that are tried with the arm alone.
 const SHARES: [f64; 6] = [1.0, 0.8, 0.6, 0.4, 0.2, 0.1];
 /// The handle has slipped when it moved this far in the hand, metres.
 const SLIP: f64 = 0.02;
@@ -78,7 +78,7 @@ impl Skill for Pull {
                     .find(|share| now.reaches(&[pulled(*share)]));
                 self.state = match share {
                     Some(share) => {
-                        let stop = (pulled(share), 0.7 * now.style.carry_speed);
+                        let stop = (pulled(share), 0.7 * now.profile.carry_speed);
                         State::Arm(Motion::new(now, &[stop]))
                     }
                     None => State::Chair {

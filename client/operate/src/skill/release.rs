@@ -11,7 +11,7 @@ use super::{Act, Now, Skill, Step};
 const LONGEST: f64 = 3.0;
 /// How far the hand is drawn back when it stays near, metres: the first that
 /// the arm reaches.
-const BACK: [f64; 4] = [0.08, 0.05, 0.03, 0.015];
+const RETREAT: [f64; 4] = [0.08, 0.05, 0.03, 0.015];
 
 /// See the module.
 #[derive(Clone, Debug)]
@@ -74,21 +74,21 @@ impl Skill for Release {
         }
         // Straight back first, so that the fingers leave the thing.
         let start = now.house_from_desired();
-        let back = |by: f64| start * Translation3::new(0.0, 0.0, -by);
+        let retreat = |by: f64| start * Translation3::new(0.0, 0.0, -by);
         let by = if self.go_home {
-            now.style.grasp.standoff
+            now.profile.grasp.standoff
         } else {
-            let reached = BACK.into_iter().find(|by| now.reaches(&[back(*by)]));
+            let reached = RETREAT.into_iter().find(|by| now.reaches(&[retreat(*by)]));
             match reached {
                 Some(by) => by,
                 // Folded up as it is, it stays where it is.
                 None => return Step::Done,
             }
         };
-        let mut stops = vec![(back(by), now.style.approach_speed)];
+        let mut stops = vec![(retreat(by), now.profile.approach_speed)];
         if let (true, Some(home)) = (self.go_home, now.memory.home) {
             let home = now.scene.house_from_base(now.seen) * home;
-            stops.push((home, now.style.free_speed));
+            stops.push((home, now.profile.free_speed));
         }
         self.motion = Some(Motion::new(now, &stops));
         Step::Going(Act::named(Phase::Retracting, "retreating"))

@@ -1,4 +1,4 @@
-//! What goes into a recorder's core and what comes out.
+//! What goes into a recorder and what comes out.
 
 use bytes::Bytes;
 use wheelarm_proto::v1;

@@ -107,9 +107,9 @@ fn stopped(episode: u64, hashes: u64, pictures: u64) -> v1::EpisodeStopped {
     }
 }
 
-/// A core in a folder of its own, with a clock that the test moves.
+/// A recorder in a folder of its own, with a clock that the test moves.
 struct Bench {
-    core: RecorderCore,
+    recorder: Recorder,
     dir: tempfile::TempDir,
     now: Instant,
 }
@@ -122,20 +122,20 @@ impl Bench {
             ..Default::default()
         };
         Self {
-            core: RecorderCore::new(dir.path().to_owned(), options),
+            recorder: Recorder::new(dir.path().to_owned(), options),
             dir,
             now: Instant::now(),
         }
     }
 
     fn feed(&mut self, input: Input) -> Vec<Output> {
-        let out = self.core.handle(input, self.now);
+        let out = self.recorder.handle(input, self.now);
         self.make_files(out)
     }
 
     fn wait(&mut self, time: Duration) -> Vec<Output> {
         self.now += time;
-        let out = self.core.tick(self.now);
+        let out = self.recorder.tick(self.now);
         self.make_files(out)
     }
 
@@ -148,13 +148,13 @@ impl Bench {
             out.retain(
                 |o| !matches!(o, Output::Status(s) if s.state() == v1::RecorderState::Finishing),
             );
-            out.extend(self.core.handle(Input::Done(finishing.run()), self.now));
+            out.extend(self.recorder.handle(Input::Done(finishing.run()), self.now));
         }
         out
     }
 
     fn state(&self) -> v1::RecorderState {
-        self.core.status().state()
+        self.recorder.status().state()
     }
 
     fn open(&mut self, episode: u64, label: &str) {
@@ -213,9 +213,9 @@ fn samples_that_overtake_the_start_are_kept_and_credit_counts_pictures() {
     assert!(done.complete, "{:?}", done.problems);
     assert_eq!((done.frames, done.samples, done.missed), (2, 5, 0));
     assert_eq!(hashes(&done.path), [(0, 0), (1, 7), (2, 14)]);
-    assert_eq!(b.core.status().state(), v1::RecorderState::Finished);
-    assert_eq!(b.core.status().accepted_frames, 2);
-    assert!(b.core.status().complete);
+    assert_eq!(b.recorder.status().state(), v1::RecorderState::Finished);
+    assert_eq!(b.recorder.status().accepted_frames, 2);
+    assert!(b.recorder.status().complete);
     assert_eq!(b.files(), ["a.h5"]);
 }
 
@@ -226,7 +226,7 @@ fn what_never_comes_is_waited_for_a_while_and_then_counted() {
     b.feed(hash(1, 0));
     b.feed(hash(1, 3));
     assert_eq!(b.feed(picture(1, 0)).len(), 1);
-    assert_eq!(b.core.status().missed, 2);
+    assert_eq!(b.recorder.status().missed, 2);
     b.feed(ended(stopped(1, 5, 1)));
     let asked: Vec<_> = b
         .wait(MANIFEST_PATIENCE / 2)
@@ -240,7 +240,7 @@ fn what_never_comes_is_waited_for_a_while_and_then_counted() {
     assert_eq!(asked, [gap(1, 2), gap(4, 4)]);
     let out = b.wait(MANIFEST_PATIENCE);
     assert_eq!((report(&out).complete, report(&out).missed), (false, 3));
-    assert_eq!(b.core.status().missed, 3);
+    assert_eq!(b.recorder.status().missed, 3);
 }
 
 #[test]
@@ -251,7 +251,7 @@ fn an_existing_file_fails_before_time_goes_on() {
     let out = b.feed(runs(started(1, "mine")));
     assert!(matches!(out[..], [Output::Status(_), Output::Failed(_)]));
     assert_eq!(b.state(), v1::RecorderState::Failed);
-    assert!(b.core.status().message.contains("choose another label"));
+    assert!(b.recorder.status().message.contains("choose another label"));
     b.feed(snapshot(1));
     b.feed(picture(1, 0));
     b.feed(ended(stopped(1, 0, 1)));
@@ -493,7 +493,7 @@ fn the_next_episode_begins_while_files_are_made_but_not_without_bound() {
     let mut record = |b: &mut Bench, episode: u64| {
         b.open(episode, &format!("e{episode}"));
         b.feed(hash(episode, 0));
-        let out = b.core.handle(ended(stopped(episode, 1, 0)), b.now);
+        let out = b.recorder.handle(ended(stopped(episode, 1, 0)), b.now);
         made.extend(out.into_iter().filter_map(|o| match o {
             Output::Finish(finishing) => Some(finishing),
             _ => None,
@@ -524,7 +524,7 @@ fn the_next_episode_begins_while_files_are_made_but_not_without_bound() {
     assert_eq!(b.state(), v1::RecorderState::Ready, "of episode 3");
     let out = b.feed(ended(stopped(3, 1, 0)));
     assert!(report(&out).complete);
-    assert!(b.core.is_done());
+    assert!(b.recorder.is_done());
     assert_eq!(b.files(), ["e1.h5", "e2.h5", "e3.h5"]);
 }
 
@@ -554,10 +554,10 @@ fn a_restarted_server_ends_the_episode_and_its_first_is_taken() {
 #[test]
 fn a_recorder_with_a_limit_begins_no_episode_beyond_it() {
     let mut b = Bench::new();
-    b.core =
-        RecorderCore::new(b.dir.path().to_owned(), WriterOptions::default()).with_limit(Some(1));
+    b.recorder =
+        Recorder::new(b.dir.path().to_owned(), WriterOptions::default()).with_limit(Some(1));
     b.open(1, "one");
     b.feed(hash(1, 0));
-    b.core.handle(ended(stopped(1, 1, 0)), b.now);
+    b.recorder.handle(ended(stopped(1, 1, 0)), b.now);
     assert!(b.feed(runs(started(2, "two"))).is_empty());
 }

@@ -1,5 +1,5 @@
-//! The ways in which a hand can come to a thing: every grasp, turned, leaned
-//! and drawn back until nothing is in the way.
+//! Grasp candidates: every grasp of an object, turned, leaned and moved out
+//! until the hand is free of collisions at the grasp and on its way in.
 
 use std::f64::consts::{PI, TAU};
 
@@ -11,52 +11,53 @@ use super::goal::Goal;
 use super::hand::Hand;
 use super::scene::{Grasp, SceneModel};
 
-/// Where and how the hand goes, in `house`.
+/// Where and how the hand takes an object, or puts it down, in `house`. The
+/// retreat is the way out again, from `grasp` towards `pregrasp`.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Way {
-    /// End effector before the thing.
-    pub before: Isometry3<f64>,
-    /// End effector around the thing.
-    pub at: Isometry3<f64>,
-    /// Opening of the hand on the way in, metres.
+pub struct GraspCandidate {
+    /// End effector before the object, from where the hand approaches straight.
+    pub pregrasp: Isometry3<f64>,
+    /// End effector at the grasp.
+    pub grasp: Isometry3<f64>,
+    /// Opening of the hand during the approach, metres.
     pub opening: f64,
     /// Distance between the pads at the grasp, metres.
     pub width: f64,
-    /// Cap of the pads' force, N; `None` leaves it to the style.
+    /// Cap of the pads' force, N; `None` leaves it to the operator profile.
     pub force: Option<f64>,
     /// How far it leans about its closing axis, radians.
     pub lean: f64,
-    /// How far it is drawn back from the grasp, metres.
-    pub back: f64,
+    /// How much shallower than told the object is grasped, metres.
+    pub backoff: f64,
     /// What it has against it; 0 for a hand that comes as the grasp says.
     pub cost: f64,
 }
 
-impl Way {
+impl GraspCandidate {
     /// The grasp point of `hand` in `house`.
     #[must_use]
     pub fn point(&self, hand: &Hand) -> Point3<f64> {
-        self.at * Point3::new(0.0, 0.0, hand.pads(self.width))
+        self.grasp * Point3::new(0.0, 0.0, hand.pads(self.width))
     }
 
     /// Direction of the hand on the floor plan, radians; `None` for a hand
     /// that comes from above.
     #[must_use]
     pub fn heading(&self) -> Option<f64> {
-        let forward = self.at.rotation * Vector3::z();
+        let forward = self.grasp.rotation * Vector3::z();
         (forward.xy().norm() > 0.3).then(|| exact::atan2(forward.y, forward.x))
     }
 }
 
 /// Room that the hand keeps from what it must not touch, metres: the first
-/// that leaves a way is taken. The last one allows for boxes around round things.
+/// that leaves a candidate is taken. The last one allows for boxes around round things.
 pub const MARGINS: [f64; 4] = [0.008, 0.004, 0.0, -0.006];
 /// The hand opens wider than the thing by this much where that is possible, metres.
 const ROOM: f64 = 0.034;
 /// Turns of a round thing that are looked at.
 const TURNS: u8 = 24;
-/// A hand may be drawn back from the grasp by this much, metres.
-const BACK: [f64; 4] = [0.0, 0.006, 0.012, 0.018];
+/// A grasp may be shallower than told by this much, metres.
+const BACKOFF: [f64; 4] = [0.0, 0.006, 0.012, 0.018];
 /// How far a level hand leans forward, radians.
 const LEVEL_LEAN: [f64; 4] = [0.0, 0.25, 0.5, 0.75];
 /// How far a hand from above leans, radians: the camera stays above.
@@ -73,21 +74,21 @@ const OUTSIDE: f64 = 0.015;
 /// A handle is what lies this close to the grasp point, metres.
 const HANDLE: f64 = 0.02;
 
-/// Every way to take the goal's thing as it lies now that keeps `margin`
-/// metres from everything else. The hand starts its straight way in
-/// `standoff` metres before the thing.
+/// Every candidate for the goal's object as it lies now that keeps `margin`
+/// metres from everything else. The pregrasp is `standoff` metres before the
+/// grasp.
 #[must_use]
-pub fn ways(
+pub fn candidates(
     scene: &SceneModel,
     goal: &Goal,
     poses: &[Isometry3<f64>],
     standoff: f64,
     margin: f64,
-) -> Vec<Way> {
+) -> Vec<GraspCandidate> {
     let Some(house_from_item) = poses.get(goal.item()) else {
         return Vec::new();
     };
-    let mut ways = Vec::new();
+    let mut candidates = Vec::new();
     for grasp in scene.grasps.iter().filter(|g| g.item == goal.item()) {
         let around = surroundings(scene, goal, poses, house_from_item, grasp);
         let turns = if grasp.symmetric { TURNS } else { 1 };
@@ -101,7 +102,7 @@ pub fn ways(
                 let flipped = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), half);
                 let house_from_grasp = house_from_item * turned * grasp.item_from_grasp * flipped;
                 for lean in leans(&house_from_grasp) {
-                    ways.extend(nearest(
+                    candidates.extend(deepest(
                         scene,
                         grasp,
                         &house_from_grasp,
@@ -114,7 +115,7 @@ pub fn ways(
             }
         }
     }
-    ways
+    candidates
 }
 
 /// Angles by which a hand may lean about its closing axis at a grasp.
@@ -136,8 +137,8 @@ fn leans(house_from_grasp: &Isometry3<f64>) -> &'static [f64] {
     }
 }
 
-/// The way that leans by `lean` and is drawn back as little as possible.
-fn nearest(
+/// The candidate that leans by `lean` and is as deep as possible.
+fn deepest(
     scene: &SceneModel,
     grasp: &Grasp,
     house_from_grasp: &Isometry3<f64>,
@@ -145,31 +146,35 @@ fn nearest(
     around: &Surroundings,
     standoff: f64,
     margin: f64,
-) -> Option<Way> {
+) -> Option<GraspCandidate> {
     let leaned = UnitQuaternion::from_axis_angle(&Vector3::x_axis(), lean);
     let hand = &scene.hand;
     let opening = hand.stroke.min(grasp.width + ROOM);
-    // The pads must still meet the thing when the hand is drawn back.
+    // The pads must still meet the object when the grasp is shallower.
     let most = hand.pads(grasp.width) + 0.005 - scene.tool_length;
-    BACK.iter().filter(|back| **back <= most).find_map(|back| {
-        let at = house_from_grasp * leaned * Translation3::new(0.0, 0.0, -scene.tool_length - back);
-        let from_above = (house_from_grasp.rotation * Vector3::z()).z < -0.8;
-        let standoff = standoff * if from_above { TOP_STANDOFF } else { 1.0 };
-        let standoff = standoff.max(outside(scene, grasp));
-        let before = at * Translation3::new(0.0, 0.0, -standoff);
-        let is_free = around.hand_is_free(hand, grasp.width, &[at], margin)
-            && around.hand_is_free(hand, opening, &[before, at], margin);
-        is_free.then_some(Way {
-            before,
-            at,
-            opening,
-            width: grasp.width,
-            force: grasp.force,
-            lean,
-            back: *back,
-            cost: (lean / 0.4).powi(2) + back / 0.02 * 0.3,
+    BACKOFF
+        .iter()
+        .filter(|by| **by <= most)
+        .find_map(|backoff| {
+            let tool_from_grasp = Translation3::new(0.0, 0.0, -scene.tool_length - backoff);
+            let at = house_from_grasp * leaned * tool_from_grasp;
+            let from_above = (house_from_grasp.rotation * Vector3::z()).z < -0.8;
+            let standoff = standoff * if from_above { TOP_STANDOFF } else { 1.0 };
+            let standoff = standoff.max(outside(scene, grasp));
+            let pregrasp = at * Translation3::new(0.0, 0.0, -standoff);
+            let is_free = around.hand_is_free(hand, grasp.width, &[at], margin)
+                && around.hand_is_free(hand, opening, &[pregrasp, at], margin);
+            is_free.then_some(GraspCandidate {
+                pregrasp,
+                grasp: at,
+                opening,
+                width: grasp.width,
+                force: grasp.force,
+                lean,
+                backoff: *backoff,
+                cost: (lean / 0.4).powi(2) + backoff / 0.02 * 0.3,
+            })
         })
-    })
 }
 
 /// How far before a grasp the fingers are outside a soft thing's limbs, metres; 0
@@ -178,8 +183,8 @@ fn outside(scene: &SceneModel, grasp: &Grasp) -> f64 {
     if grasp.force.is_none() {
         return 0.0;
     }
-    let corners = scene.items[grasp.item].blocks.iter();
-    let corners = corners.flat_map(|block| block.corners());
+    let corners = scene.items[grasp.item].boxes.iter();
+    let corners = corners.flat_map(|obb| obb.corners());
     let before = |corner: Point3<f64>| {
         let corner = grasp.item_from_grasp.inverse_transform_point(&corner);
         FINGER_TIP + OUTSIDE - corner.z
@@ -202,11 +207,11 @@ fn surroundings(
     let mut around = scene.near(&point, WIDE, poses, Some(item));
     if matches!(goal, Goal::Open { .. }) {
         let front = scene.items[item]
-            .blocks
+            .boxes
             .iter()
-            .map(|block| block.at(house_from_item))
-            .filter(|block| block.distance(&point) > HANDLE);
-        around.blocks.extend(front);
+            .map(|obb| obb.at(house_from_item))
+            .filter(|obb| obb.distance(&point) > HANDLE);
+        around.boxes.extend(front);
     }
     around
 }

@@ -1,5 +1,13 @@
-//! Where the chair drives: a search over rolling, arcs and turns on the spot
-//! that keeps its outline free of everything that stands on the floor.
+//! The chair's path: hybrid A* over straights, arcs and turns on the spot that
+//! keeps the footprint free of everything that stands on the floor.
+//!
+//! Dolgov, Thrun, Montemerlo and Diebel 2010, "Path Planning for Autonomous
+//! Vehicles in Unknown Semi-structured Environments": poses stay continuous,
+//! each cell of (x, y, heading) keeps its cheapest one, and every expanded node
+//! also tries to reach the goal analytically. Unlike there the chair turns on the
+//! spot, so the expansion is an arc between straights or a straight between
+//! turns, not a Reeds-Shepp curve; the heuristic is the straight distance, and
+//! nothing is smoothed afterwards.
 
 use std::cmp::Ordering;
 use std::collections::{BTreeMap, BinaryHeap};
@@ -7,11 +15,11 @@ use std::f64::consts::TAU;
 
 use wheelarm_proto::exact;
 
-use super::ground::{Ground, Pose2, wrap};
+use super::footprint_check::{FootprintCheck, Pose2, wrap};
 
-/// One piece of a route.
+/// One segment of a path.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Piece {
+pub enum Segment {
     /// Turns on the spot, radians, positive to the left.
     Turn(f64),
     /// Rolls `length` metres (negative: back) with `curvature` 1/m.
@@ -23,8 +31,8 @@ pub enum Piece {
     },
 }
 
-impl Piece {
-    /// Pose after the part `share` (0 to 1) of the piece.
+impl Segment {
+    /// Pose after the part `share` (0 to 1) of the segment.
     #[must_use]
     pub fn after(&self, start: &Pose2, share: f64) -> Pose2 {
         match *self {
@@ -34,14 +42,15 @@ impl Piece {
     }
 
     /// Whether the chair stays free on it, looking every 5 cm or 5°.
-    fn is_free(&self, start: &Pose2, ground: &Ground, margin: f64) -> bool {
+    fn is_free(&self, start: &Pose2, footprint: &FootprintCheck, margin: f64) -> bool {
         let steps = match *self {
             Self::Turn(angle) => (angle.abs() / 0.09).ceil(),
             Self::Roll { length, curvature } => (length.abs() / 0.05)
                 .max((length * curvature).abs() / 0.09)
                 .ceil(),
         };
-        (1..=steps as usize).all(|i| ground.is_free(&self.after(start, i as f64 / steps), margin))
+        (1..=steps as usize)
+            .all(|i| footprint.is_free(&self.after(start, i as f64 / steps), margin))
     }
 
     /// Rough seconds that it takes.
@@ -56,9 +65,9 @@ impl Piece {
     }
 }
 
-/// How a route may look.
+/// How a path may look.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct RouteStyle {
+pub struct PathPreferences {
     /// Radius of arcs, metres.
     pub radius: f64,
     /// Room that is kept around the outline where start and goal leave it, metres.
@@ -82,27 +91,27 @@ struct Node {
     pose: Pose2,
     cost: f64,
     parent: usize,
-    pieces: Vec<Piece>,
+    segments: Vec<Segment>,
     is_goal: bool,
 }
 
-struct Candidate {
+struct OpenNode {
     rank: f64,
     node: usize,
 }
 
-impl PartialEq for Candidate {
+impl PartialEq for OpenNode {
     fn eq(&self, other: &Self) -> bool {
         self.cmp(other) == Ordering::Equal
     }
 }
-impl Eq for Candidate {}
-impl PartialOrd for Candidate {
+impl Eq for OpenNode {}
+impl PartialOrd for OpenNode {
     fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
         Some(self.cmp(other))
     }
 }
-impl Ord for Candidate {
+impl Ord for OpenNode {
     // The heap gives its greatest: the least rank, then the oldest node.
     fn cmp(&self, other: &Self) -> Ordering {
         other
@@ -112,36 +121,42 @@ impl Ord for Candidate {
     }
 }
 
-/// A way of the chair and the rough seconds that it takes.
+/// A path of the chair and the rough seconds that it takes.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Route {
-    /// Pieces in their order.
-    pub pieces: Vec<Piece>,
+pub struct DrivePath {
+    /// Segments in their order.
+    pub segments: Vec<Segment>,
     /// Seconds, with a charge for stops and bends.
     pub cost: f64,
 }
 
-/// Finds a short route from `start` to `goal`; `None` when there is none.
+/// Searches a quick path from `start` to `goal`, 60,000 nodes at most; `None` when
+/// none is found.
 #[must_use]
-pub fn find(ground: &Ground, start: Pose2, goal: Pose2, style: &RouteStyle) -> Option<Route> {
+pub fn search(
+    footprint: &FootprintCheck,
+    start: Pose2,
+    goal: Pose2,
+    preferences: &PathPreferences,
+) -> Option<DrivePath> {
     // A stop, or the place where the chair stands, may leave less room than is liked.
-    let margin = [style.margin, style.margin / 2.0, 0.0]
+    let margin = [preferences.margin, preferences.margin / 2.0, 0.0]
         .into_iter()
-        .find(|margin| ground.is_free(&start, *margin) && ground.is_free(&goal, *margin))?;
-    let bounds = ground.bounds();
+        .find(|margin| footprint.is_free(&start, *margin) && footprint.is_free(&goal, *margin))?;
+    let bounds = footprint.bounds();
     let mut nodes = vec![Node {
         pose: start,
         cost: 0.0,
         parent: 0,
-        pieces: Vec::new(),
+        segments: Vec::new(),
         is_goal: false,
     }];
     let mut best: BTreeMap<Cell, f64> = BTreeMap::new();
-    let mut open = BinaryHeap::from([Candidate { rank: 0.0, node: 0 }]);
-    while let Some(Candidate { node: at, .. }) = open.pop() {
+    let mut open = BinaryHeap::from([OpenNode { rank: 0.0, node: 0 }]);
+    while let Some(OpenNode { node: at, .. }) = open.pop() {
         if nodes[at].is_goal {
-            return Some(Route {
-                pieces: collect(&nodes, at),
+            return Some(DrivePath {
+                segments: collect(&nodes, at),
                 cost: nodes[at].cost,
             });
         }
@@ -149,27 +164,27 @@ pub fn find(ground: &Ground, start: Pose2, goal: Pose2, style: &RouteStyle) -> O
             return None;
         }
         let (pose, cost) = (nodes[at].pose, nodes[at].cost);
-        let last = nodes[at].pieces.last().copied();
+        let last = nodes[at].segments.last().copied();
         if best
             .get(&cell(&pose))
             .is_some_and(|known| *known < cost - 1e-9)
         {
             continue;
         }
-        for pieces in connections(&pose, &goal, style) {
-            if let Some(extra) = price(ground, &pose, last, &pieces, margin) {
+        for segments in analytic_expansions(&pose, &goal, preferences) {
+            if let Some(extra) = price(footprint, &pose, last, &segments, margin) {
                 let rank = cost + extra;
-                push(&mut nodes, &mut open, rank, goal, rank, at, pieces, true);
+                push(&mut nodes, &mut open, rank, goal, rank, at, segments, true);
             }
         }
-        for piece in steps(style) {
-            let next = piece.after(&pose, 1.0);
+        for segment in motion_primitives(preferences) {
+            let next = segment.after(&pose, 1.0);
             let inside = (bounds[0]..=bounds[1]).contains(&next.x)
                 && (bounds[2]..=bounds[3]).contains(&next.y);
             if !inside {
                 continue;
             }
-            let Some(extra) = price(ground, &pose, last, &[piece], margin) else {
+            let Some(extra) = price(footprint, &pose, last, &[segment], margin) else {
                 continue;
             };
             let sum = cost + extra;
@@ -184,7 +199,7 @@ pub fn find(ground: &Ground, start: Pose2, goal: Pose2, style: &RouteStyle) -> O
                     next,
                     sum,
                     at,
-                    vec![piece],
+                    vec![segment],
                     false,
                 );
             }
@@ -199,15 +214,15 @@ pub fn find(ground: &Ground, start: Pose2, goal: Pose2, style: &RouteStyle) -> O
 )]
 fn push(
     nodes: &mut Vec<Node>,
-    open: &mut BinaryHeap<Candidate>,
+    open: &mut BinaryHeap<OpenNode>,
     rank: f64,
     pose: Pose2,
     cost: f64,
     parent: usize,
-    pieces: Vec<Piece>,
+    segments: Vec<Segment>,
     is_goal: bool,
 ) {
-    open.push(Candidate {
+    open.push(OpenNode {
         rank,
         node: nodes.len(),
     });
@@ -215,7 +230,7 @@ fn push(
         pose,
         cost,
         parent,
-        pieces,
+        segments,
         is_goal,
     });
 }
@@ -228,14 +243,14 @@ fn cell(pose: &Pose2) -> Cell {
     )
 }
 
-/// The steps of the search.
-fn steps(style: &RouteStyle) -> [Piece; 6] {
+/// The motion primitives of the search.
+fn motion_primitives(preferences: &PathPreferences) -> [Segment; 6] {
     let turn = TAU / HEADINGS as f64;
-    let arc = |side: f64| Piece::Roll {
-        length: style.radius * turn,
-        curvature: side / style.radius,
+    let arc = |side: f64| Segment::Roll {
+        length: preferences.radius * turn,
+        curvature: side / preferences.radius,
     };
-    let straight = |length| Piece::Roll {
+    let straight = |length| Segment::Roll {
         length,
         curvature: 0.0,
     };
@@ -243,90 +258,100 @@ fn steps(style: &RouteStyle) -> [Piece; 6] {
         straight(0.15),
         arc(1.0),
         arc(-1.0),
-        Piece::Turn(turn),
-        Piece::Turn(-turn),
+        Segment::Turn(turn),
+        Segment::Turn(-turn),
         straight(-0.15),
     ]
 }
 
-/// Direct ways to the goal: one arc between two straights, or turns on the
+/// Analytic expansions to the goal: one arc between two straights, or turns on the
 /// spot before and after one straight.
-fn connections(pose: &Pose2, goal: &Pose2, style: &RouteStyle) -> Vec<Vec<Piece>> {
-    let mut ways = Vec::new();
-    let straight = |length| Piece::Roll {
+fn analytic_expansions(
+    pose: &Pose2,
+    goal: &Pose2,
+    preferences: &PathPreferences,
+) -> Vec<Vec<Segment>> {
+    let mut expansions = Vec::new();
+    let straight = |length| Segment::Roll {
         length,
         curvature: 0.0,
     };
     let bearing = exact::atan2(goal.y - pose.y, goal.x - pose.x);
     let (before, after) = (wrap(bearing - pose.heading), wrap(goal.heading - bearing));
     let length = pose.distance(goal);
-    ways.push(if length < 0.02 {
-        vec![Piece::Turn(wrap(goal.heading - pose.heading))]
+    expansions.push(if length < 0.02 {
+        vec![Segment::Turn(wrap(goal.heading - pose.heading))]
     } else {
-        vec![Piece::Turn(before), straight(length), Piece::Turn(after)]
+        vec![
+            Segment::Turn(before),
+            straight(length),
+            Segment::Turn(after),
+        ]
     });
     let [forward, left, turn] = pose.to(goal);
     if turn.abs() > 0.05 && turn.abs() < 2.6 {
         // The lines of both headings meet `ahead` of the pose and `back` before the goal.
         let back = left / exact::sin(turn);
         let ahead = forward - back * exact::cos(turn);
-        let tangent = style.radius * exact::tan(turn.abs() / 2.0);
+        let tangent = preferences.radius * exact::tan(turn.abs() / 2.0);
         if ahead >= tangent && back >= tangent {
-            ways.push(vec![
+            expansions.push(vec![
                 straight(ahead - tangent),
-                Piece::Roll {
-                    length: style.radius * turn.abs(),
-                    curvature: turn.signum() / style.radius,
+                Segment::Roll {
+                    length: preferences.radius * turn.abs(),
+                    curvature: turn.signum() / preferences.radius,
                 },
                 straight(back - tangent),
             ]);
         }
     }
-    for way in &mut ways {
-        way.retain(|piece| match *piece {
-            Piece::Turn(angle) => angle.abs() > 1e-3,
-            Piece::Roll { length, .. } => length.abs() > 1e-3,
+    for expansion in &mut expansions {
+        expansion.retain(|segment| match *segment {
+            Segment::Turn(angle) => angle.abs() > 1e-3,
+            Segment::Roll { length, .. } => length.abs() > 1e-3,
         });
     }
-    ways
+    expansions
 }
 
-/// Cost of `pieces` after `last`, or `None` when something is in the way.
+/// Cost of `segments` after `last`, or `None` when something is in the way.
 fn price(
-    ground: &Ground,
+    footprint: &FootprintCheck,
     start: &Pose2,
-    last: Option<Piece>,
-    pieces: &[Piece],
+    last: Option<Segment>,
+    segments: &[Segment],
     margin: f64,
 ) -> Option<f64> {
     let mut pose = *start;
     let mut previous = last;
     let mut cost = 0.0;
-    for piece in pieces {
-        if !piece.is_free(&pose, ground, margin) {
+    for segment in segments {
+        if !segment.is_free(&pose, footprint, margin) {
             return None;
         }
-        let stops = match (previous, piece) {
-            (Some(Piece::Turn(_)), Piece::Roll { .. })
-            | (Some(Piece::Roll { .. }), Piece::Turn(_)) => true,
-            (Some(Piece::Turn(a)), Piece::Turn(b)) => a * b < 0.0,
-            (Some(Piece::Roll { length: a, .. }), Piece::Roll { length: b, .. }) => a * b < 0.0,
+        let stops = match (previous, segment) {
+            (Some(Segment::Turn(_)), Segment::Roll { .. })
+            | (Some(Segment::Roll { .. }), Segment::Turn(_)) => true,
+            (Some(Segment::Turn(a)), Segment::Turn(b)) => a * b < 0.0,
+            (Some(Segment::Roll { length: a, .. }), Segment::Roll { length: b, .. }) => a * b < 0.0,
             (None, _) => false,
         };
-        let bends = match (previous, piece) {
-            (Some(Piece::Roll { curvature: a, .. }), Piece::Roll { curvature: b, .. }) => a != *b,
+        let bends = match (previous, segment) {
+            (Some(Segment::Roll { curvature: a, .. }), Segment::Roll { curvature: b, .. }) => {
+                a != *b
+            }
             _ => false,
         };
-        cost += piece.cost()
+        cost += segment.cost()
             + if stops { STOP_COST } else { 0.0 }
             + if bends { BEND_COST } else { 0.0 };
-        pose = piece.after(&pose, 1.0);
-        previous = Some(*piece);
+        pose = segment.after(&pose, 1.0);
+        previous = Some(*segment);
     }
     Some(cost)
 }
 
-fn collect(nodes: &[Node], goal: usize) -> Vec<Piece> {
+fn collect(nodes: &[Node], goal: usize) -> Vec<Segment> {
     let mut chain = Vec::new();
     let mut at = goal;
     while at != 0 {
@@ -336,13 +361,13 @@ fn collect(nodes: &[Node], goal: usize) -> Vec<Piece> {
     chain
         .into_iter()
         .rev()
-        .flat_map(|node| nodes[node].pieces.iter().copied())
+        .flat_map(|node| nodes[node].segments.iter().copied())
         .collect()
 }
 
 #[cfg(test)]
 mod tests {
-    use super::super::ground::{Level, Outline, Rectangle};
+    use super::super::footprint_check::{Level, Outline, Rectangle};
     use super::*;
 
     fn wall(x: [f64; 2], y: [f64; 2]) -> Rectangle {
@@ -353,7 +378,7 @@ mod tests {
         }
     }
 
-    fn room(obstacles: Vec<Rectangle>) -> Ground {
+    fn room(obstacles: Vec<Rectangle>) -> FootprintCheck {
         let level = |bottom, top, sides, obstacles| Level {
             bottom,
             top,
@@ -366,7 +391,7 @@ mod tests {
             wall([-11.6, -2.4], [-0.5, -0.4]),
             wall([-11.6, -2.4], [6.5, 6.6]),
         ];
-        Ground {
+        FootprintCheck {
             levels: vec![
                 level(0.03, 0.95, [-0.19, 0.79, -0.30, 0.41], obstacles),
                 level(0.95, 1.50, [-0.19, 0.98, -0.30, 0.46], walls),
@@ -374,7 +399,7 @@ mod tests {
         }
     }
 
-    const STYLE: RouteStyle = RouteStyle {
+    const PREFERENCES: PathPreferences = PathPreferences {
         radius: 0.8,
         margin: 0.05,
     };
@@ -384,52 +409,53 @@ mod tests {
         heading: -std::f64::consts::FRAC_PI_2,
     };
 
-    /// Follows a route and asserts that it is free and ends at the goal.
-    fn check(ground: &Ground, goal: Pose2) -> Vec<Piece> {
-        let route = find(ground, START, goal, &STYLE).unwrap().pieces;
+    /// Follows a path and asserts that it is free and ends at the goal.
+    fn check(footprint: &FootprintCheck, goal: Pose2) -> Vec<Segment> {
+        let path = search(footprint, START, goal, &PREFERENCES)
+            .unwrap()
+            .segments;
         let mut pose = START;
-        for piece in &route {
+        for segment in &path {
             for i in 0..=20 {
-                let at = piece.after(&pose, f64::from(i) / 20.0);
-                assert!(ground.is_free(&at, 0.0), "{at:?} touches, route {route:?}");
+                let at = segment.after(&pose, f64::from(i) / 20.0);
+                assert!(footprint.is_free(&at, 0.0), "{at:?} touches, path {path:?}");
             }
-            pose = piece.after(&pose, 1.0);
+            pose = segment.after(&pose, 1.0);
         }
         // Pieces below a millimetre are left out.
         assert!(pose.distance(&goal) < 2e-3, "{pose:?} instead of {goal:?}");
         assert!(wrap(pose.heading - goal.heading).abs() < 2e-3);
-        route
+        path
     }
 
     #[test]
-    fn an_open_room_needs_one_smooth_arc_and_a_narrow_one_still_has_a_route() {
+    fn an_open_room_needs_one_smooth_arc_and_a_narrow_one_still_has_a_path() {
         let table = wall([-9.35, -8.55], [0.8, 3.0]);
         let goal = Pose2 {
             x: -7.71,
             y: 2.2,
             heading: std::f64::consts::PI,
         };
-        let route = check(&room(vec![table]), goal);
+        let path = check(&room(vec![table]), goal);
         assert!(
-            route
-                .iter()
-                .all(|piece| matches!(piece, Piece::Roll { .. })),
-            "{route:?}"
+            path.iter()
+                .all(|segment| matches!(segment, Segment::Roll { .. })),
+            "{path:?}"
         );
-        // A sofa across the direct way leaves only the way around it.
+        // A sofa across the direct path leaves only the path around it.
         let sofa = wall([-8.2, -6.2], [2.2, 2.35]);
         let goal = Pose2 { y: 1.3, ..goal };
         check(&room(vec![table, sofa]), goal);
     }
 
     #[test]
-    fn a_goal_inside_furniture_has_no_route() {
+    fn a_goal_inside_furniture_has_no_path() {
         let table = wall([-9.35, -8.55], [0.8, 3.0]);
         let goal = Pose2 {
             x: -8.5,
             y: 2.2,
             heading: 0.0,
         };
-        assert!(find(&room(vec![table]), START, goal, &STYLE).is_none());
+        assert!(search(&room(vec![table]), START, goal, &PREFERENCES).is_none());
     }
 }

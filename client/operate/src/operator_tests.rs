@@ -1,28 +1,28 @@
-//! A toy world without physics, to test the operator's logic: the chair obeys
-//! its profile, the hand its targets, and what is in the closed hand follows.
+//! Tests of the operator's logic in a world without physics: the chair obeys its
+//! speed profile, the hand its targets, and what is in the closed hand follows.
 
 use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
 
-use super::block::Block;
-use super::dock::{Reach, standing};
+use super::base_placement::{ArmReachability, standing};
+use super::footprint_check::{Outline, Pose2};
 use super::goal::Goal;
-use super::ground::{Outline, Pose2};
 use super::hand;
+use super::obb::Obb;
 use super::observation::Observation;
 use super::operator::{Act, Operator, Outcome};
+use super::profile::OperatorProfile;
 use super::scene::{Grasp, Item, SceneModel};
-use super::style::Style;
 
 const DT: f64 = 1.0 / 60.0;
 const TABLE: f64 = 0.81;
 
-/// The reach of the arm as a shell around its shoulder (facts: robot.md 3).
+/// The reach of the arm as a shell around its shoulder (the URDF's joints 2 to 4).
 struct Shell {
     /// Greatest distance of the end effector from the shoulder, metres.
     longest: f64,
 }
 
-impl Reach for Shell {
+impl ArmReachability for Shell {
     fn reach(
         &mut self,
         base_from_tool: &Isometry3<f64>,
@@ -34,7 +34,7 @@ impl Reach for Shell {
     }
 }
 
-struct Toy {
+struct KinematicWorld {
     scene: SceneModel,
     chair: Pose2,
     speed: [f64; 2],
@@ -51,8 +51,8 @@ struct Toy {
     arm: Shell,
 }
 
-fn block(at: [f64; 3], half: [f64; 3]) -> Block {
-    Block {
+fn obb(at: [f64; 3], half: [f64; 3]) -> Obb {
+    Obb {
         pose: Isometry3::translation(at[0], at[1], at[2]),
         half: half.into(),
         round: false,
@@ -65,23 +65,23 @@ fn home_scene() -> SceneModel {
     let grasp = UnitQuaternion::from_basis_unchecked(&[Vector3::y(), Vector3::z(), Vector3::x()]);
     SceneModel {
         furniture: vec![
-            block([-7.0, 3.0, -0.05], [5.0, 4.0, 0.05]),
-            block([-8.95, 1.90, 0.79], [0.40, 1.10, 0.02]),
-            block([-11.6, 3.0, 1.3], [0.1, 4.0, 1.3]),
-            block([-2.4, 3.0, 1.3], [0.1, 4.0, 1.3]),
-            block([-7.0, -0.6, 1.3], [5.0, 0.1, 1.3]),
-            block([-7.0, 6.9, 1.3], [5.0, 0.1, 1.3]),
+            obb([-7.0, 3.0, -0.05], [5.0, 4.0, 0.05]),
+            obb([-8.95, 1.90, 0.79], [0.40, 1.10, 0.02]),
+            obb([-11.6, 3.0, 1.3], [0.1, 4.0, 1.3]),
+            obb([-2.4, 3.0, 1.3], [0.1, 4.0, 1.3]),
+            obb([-7.0, -0.6, 1.3], [5.0, 0.1, 1.3]),
+            obb([-7.0, 6.9, 1.3], [5.0, 0.1, 1.3]),
             // A sofa that leaves a lane.
-            block([-6.0, 1.2, 0.4], [0.45, 0.9, 0.4]),
+            obb([-6.0, 1.2, 0.4], [0.45, 0.9, 0.4]),
         ],
         items: vec![
             Item {
                 name: "mustard".to_owned(),
-                blocks: vec![block([0.0; 3], bottle_half)],
+                boxes: vec![obb([0.0; 3], bottle_half)],
             },
             Item {
                 name: "soup".to_owned(),
-                blocks: vec![block([0.0; 3], [0.034, 0.034, 0.051])],
+                boxes: vec![obb([0.0; 3], [0.034, 0.034, 0.051])],
             },
         ],
         grasps: [1.0, -1.0]
@@ -124,7 +124,7 @@ fn home_scene() -> SceneModel {
     }
 }
 
-impl Toy {
+impl KinematicWorld {
     fn new(bottle: [f64; 2], yaw: f64, soup: [f64; 2], clumsy: usize) -> Self {
         let lying = |at: [f64; 2], height: f64, yaw: f64| {
             Isometry3::from_parts(
@@ -202,8 +202,8 @@ impl Toy {
             self.target = pose;
         }
         // At most 0.5 m/s, as the server allows.
-        let way = self.target.translation.vector - self.base_from_tool.translation.vector;
-        let share = (0.5 * DT / way.norm().max(1e-9)).min(1.0);
+        let left = self.target.translation.vector - self.base_from_tool.translation.vector;
+        let share = (0.5 * DT / left.norm().max(1e-9)).min(1.0);
         self.base_from_tool = self.base_from_tool.lerp_slerp(&self.target, share);
         self.wanted = act.opening.unwrap_or(self.wanted);
         let blocked = self.around() && self.wanted < 0.058;
@@ -235,7 +235,7 @@ impl Toy {
 
     /// Runs to the end; every pose on the way must be free of collisions.
     fn run(mut self, seed: u64) -> (Outcome, f64, Vec<String>) {
-        let mut operator = Operator::new(self.scene.clone(), Style::new(seed)).unwrap();
+        let mut operator = Operator::new(self.scene.clone(), OperatorProfile::new(seed)).unwrap();
         let mut notes = Vec::new();
         loop {
             let seen = self.observe();
@@ -245,9 +245,9 @@ impl Toy {
                 return (outcome, self.time, notes);
             }
             self.apply(&act);
-            let ground = self.scene.ground(&self.objects);
+            let footprint = self.scene.footprint_check(&self.objects);
             assert!(
-                ground.is_free(&self.chair, 0.0),
+                footprint.is_free(&self.chair, 0.0),
                 "the chair touches something at {:?}",
                 self.chair
             );
@@ -273,7 +273,7 @@ fn the_bottle_is_taken_wherever_the_task_may_put_it() {
         (2, [-8.90, 2.60], -0.5, [-8.70, 2.35]),
         (3, [-8.78, 1.90], 2.9, [-8.80, 2.16]),
     ] {
-        let (outcome, time, notes) = Toy::new(bottle, yaw, soup, 0).run(seed);
+        let (outcome, time, notes) = KinematicWorld::new(bottle, yaw, soup, 0).run(seed);
         assert_eq!(outcome, Outcome::Success, "seed {seed}: {notes:?}");
         assert!(time < 60.0, "seed {seed} took {time:.1} s");
     }
@@ -281,7 +281,7 @@ fn the_bottle_is_taken_wherever_the_task_may_put_it() {
 
 #[test]
 fn a_slip_is_noticed_and_the_third_attempt_is_the_last() {
-    let place = |clumsy| Toy::new([-8.80, 2.10], 0.1, [-8.85, 1.80], clumsy);
+    let place = |clumsy| KinematicWorld::new([-8.80, 2.10], 0.1, [-8.85, 1.80], clumsy);
     let (outcome, _, notes) = place(2).run(5);
     assert_eq!(outcome, Outcome::Success, "{notes:?}");
     assert_eq!(
@@ -297,9 +297,9 @@ fn a_slip_is_noticed_and_the_third_attempt_is_the_last() {
 
 #[test]
 fn a_bottle_out_of_reach_is_given_up_with_a_reason() {
-    let mut toy = Toy::new([-8.80, 2.10], 0.0, [-8.85, 1.50], 0);
-    toy.arm.longest = 0.45;
-    let (outcome, _, _) = toy.run(6);
+    let mut world = KinematicWorld::new([-8.80, 2.10], 0.0, [-8.85, 1.50], 0);
+    world.arm.longest = 0.45;
+    let (outcome, _, _) = world.run(6);
     let Outcome::Failure(why) = outcome else {
         panic!("a short arm cannot take it");
     };

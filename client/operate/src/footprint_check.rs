@@ -1,5 +1,5 @@
-//! The chair on the floor: its outline against the outlines of what stands
-//! there. Plane geometry only; nothing moves here.
+//! Footprint check: the chair's outline against the outlines of what stands on
+//! the floor. Plane geometry only; nothing moves here.
 
 use std::f64::consts::{PI, TAU};
 
@@ -154,9 +154,9 @@ impl Outline {
     }
 }
 
-/// What the chair must not touch.
+/// What the chair's footprint must not touch.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Ground {
+pub struct FootprintCheck {
     /// The robot by height, bottom up, with what stands there.
     pub levels: Vec<Level>,
 }
@@ -174,7 +174,7 @@ pub struct Level {
     pub obstacles: Vec<Rectangle>,
 }
 
-impl Ground {
+impl FootprintCheck {
     /// Whether the chair with `margin` around it touches nothing at `pose`.
     #[must_use]
     pub fn is_free(&self, pose: &Pose2, margin: f64) -> bool {

@@ -1,13 +1,14 @@
-//! Boxes and upright cylinders with a pose: what things are to a planner.
+//! Oriented bounding boxes (OBB), some of them cylinders: what things are to a
+//! planner.
 
 use nalgebra::{Isometry3, Point3, Vector3};
 use wheelarm_proto::exact;
 
-use super::ground::Rectangle;
+use super::footprint_check::Rectangle;
 
-/// A box with a pose.
+/// An oriented bounding box.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Block {
+pub struct Obb {
     /// Pose of the middle, in `house` or in an object's frame.
     pub pose: Isometry3<f64>,
     /// Half extents, metres.
@@ -16,7 +17,7 @@ pub struct Block {
     pub round: bool,
 }
 
-impl Block {
+impl Obb {
     /// Distance from `point` to the surface; 0 inside, metres.
     #[must_use]
     pub fn distance(&self, point: &Point3<f64>) -> f64 {
@@ -57,7 +58,7 @@ impl Block {
             })
     }
 
-    /// The block of an object at `pose`.
+    /// The box of an object at `pose`.
     #[must_use]
     pub fn at(&self, pose: &Isometry3<f64>) -> Self {
         Self {

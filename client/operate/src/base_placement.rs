@@ -1,16 +1,17 @@
-//! Where the chair has to stand so that the arm can do its work.
+//! Base placement: where the chair has to stand so that the arm reaches all that
+//! the work asks for.
 
 use std::f64::consts::TAU;
 
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 use wheelarm_proto::exact;
 
-use super::ground::{Pose2, wrap};
+use super::footprint_check::{Pose2, wrap};
+use super::grasp_candidate::GraspCandidate;
 use super::scene::SceneModel;
-use super::way::Way;
 
 /// Answers whether the end effector can reach a pose in `base_link`.
-pub trait Reach {
+pub trait ArmReachability {
     /// Joint angles that reach it, radians: any, or only such as lie near others
     /// if those are given; `None` when there are none.
     fn reach(
@@ -20,40 +21,45 @@ pub trait Reach {
     ) -> Option<[f64; 6]>;
 }
 
-/// A place to stop for a way of the hand.
+/// Where the chair stops for a grasp candidate.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Dock {
+pub struct BasePlacement {
     /// The chair.
     pub chair: Pose2,
-    /// Index of the way that is planned from there.
-    pub way: usize,
+    /// Index of the grasp candidate that is planned from there.
+    pub candidate: usize,
     /// The lower the better.
     cost: f64,
 }
 
 /// Room that the chair keeps at its stop, metres.
-pub const DOCK_MARGIN: f64 = 0.045;
+pub const PLACEMENT_MARGIN: f64 = 0.045;
 /// Step of the distances that are looked at, metres.
 const STEP: f64 = 0.025;
 /// A hand from above is best this much nearer than a level one, metres.
 const NEARER: f64 = 0.14;
-/// Poses of a way are looked at every so many metres.
+/// Poses of the hand's path are looked at every so many metres.
 const SAMPLE: f64 = 0.10;
 /// Greatest change of a joint between two of them, radians: more means that
 /// the arm would have to fold over.
 const JOINT_CHANGE: f64 = 1.0;
 
-/// Places to stop, best first, the object `distance` metres from the arm's
-/// base where that can be; not yet checked for room, reach or a route.
+/// Placements of the chair, best first, the object `distance` metres from the arm's
+/// base where that can be; not yet checked for room, reach or a path.
 #[must_use]
-pub fn docks(scene: &SceneModel, chair: &Pose2, ways: &[Way], distance: f64) -> Vec<Dock> {
+pub fn placements(
+    scene: &SceneModel,
+    chair: &Pose2,
+    candidates: &[GraspCandidate],
+    distance: f64,
+) -> Vec<BasePlacement> {
     let arm = scene.chair_from_base.translation;
     let [nearest, furthest] = scene.arm_range;
     let steps = ((furthest - nearest) / STEP).round() as usize;
-    let mut docks = Vec::new();
-    for (index, way) in ways.iter().enumerate() {
-        let point = way.point(&scene.hand);
-        let headings: Vec<(f64, f64)> = match way.heading() {
+    let mut placements = Vec::new();
+    for (index, candidate) in candidates.iter().enumerate() {
+        let point = candidate.point(&scene.hand);
+        let headings: Vec<(f64, f64)> = match candidate.heading() {
             Some(direction) => (-6..=6)
                 .map(|i| f64::from(i) * 0.1)
                 .map(|off| (wrap(direction + off), off))
@@ -61,7 +67,7 @@ pub fn docks(scene: &SceneModel, chair: &Pose2, ways: &[Way], distance: f64) -> 
             None => (0..24).map(|i| (TAU * f64::from(i) / 24.0, 0.0)).collect(),
         };
         // The steeper the hand, the nearer the chair.
-        let level = (way.at.rotation * Vector3::z()).xy().norm();
+        let level = (candidate.grasp.rotation * Vector3::z()).xy().norm();
         let liked = distance - NEARER * (1.0 - level);
         for (heading, off) in headings {
             let (sin, cos) = exact::sin_cos(heading);
@@ -77,24 +83,24 @@ pub fn docks(scene: &SceneModel, chair: &Pose2, ways: &[Way], distance: f64) -> 
                         y: point.y - ahead * sin - left * cos,
                         heading,
                     };
-                    let cost = way.cost
+                    let cost = candidate.cost
                         + ((far - liked) / 0.06).powi(2)
                         + (off / 0.2).powi(2)
                         + ((bearing - off) / 0.2).powi(2)
                         + 0.5 * (bearing / 0.2).powi(2)
                         + 0.5 * pose.distance(chair)
                         + 0.3 * wrap(heading - chair.heading).abs();
-                    docks.push(Dock {
+                    placements.push(BasePlacement {
                         chair: pose,
-                        way: index,
+                        candidate: index,
                         cost,
                     });
                 }
             }
         }
     }
-    docks.sort_by(|a, b| a.cost.total_cmp(&b.cost));
-    docks
+    placements.sort_by(|a, b| a.cost.total_cmp(&b.cost));
+    placements
 }
 
 /// Whether the arm, from where it is, reaches all `poses` of the end effector
@@ -102,7 +108,7 @@ pub fn docks(scene: &SceneModel, chair: &Pose2, ways: &[Way], distance: f64) -> 
 pub fn reaches(
     base_from_tool: &Isometry3<f64>,
     poses: &[Isometry3<f64>],
-    reach: &mut dyn Reach,
+    reach: &mut dyn ArmReachability,
 ) -> bool {
     let Some(mut near) = reach.reach(base_from_tool, None) else {
         return false;
@@ -139,7 +145,7 @@ pub fn reaches_from(
     house_from_chair: &Isometry3<f64>,
     base_from_tool: &Isometry3<f64>,
     poses: &[Isometry3<f64>],
-    reach: &mut dyn Reach,
+    reach: &mut dyn ArmReachability,
 ) -> bool {
     let base_from_house = (house_from_chair * scene.chair_from_base).inverse();
     let poses: Vec<_> = poses.iter().map(|pose| base_from_house * pose).collect();

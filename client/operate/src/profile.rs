@@ -1,16 +1,16 @@
-//! What differs between one operator and another: speeds, room and habits,
-//! drawn from a seed.
+//! The operator profile: speeds, clearances and habits in which one operator
+//! differs from another, drawn from a seed.
 
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 use super::drive::DriveLimits;
-use super::route::RouteStyle;
+use super::hybrid_a_star::PathPreferences;
 
 /// How the hand takes things.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct GraspStyle {
-    /// The hand starts its straight way in this far before the grasp, metres.
+pub struct GraspPreferences {
+    /// Distance from the pregrasp to the grasp, metres.
     pub standoff: f64,
     /// Distance from the arm's base to the thing on the floor plan, metres.
     pub distance: f64,
@@ -20,18 +20,18 @@ pub struct GraspStyle {
 
 /// What differs between one operator and another.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Style {
+pub struct OperatorProfile {
     /// Chair.
     pub drive: DriveLimits,
-    /// Arcs and room of the route.
-    pub route: RouteStyle,
+    /// Arcs and clearance of the chair's path.
+    pub path: PathPreferences,
     /// Hand.
-    pub grasp: GraspStyle,
+    pub grasp: GraspPreferences,
     /// Peak speed of the hand in free space, m/s.
     pub free_speed: f64,
-    /// The hand's way in free space is arched by this share of its length.
+    /// The hand's path in free space is arched by this share of its length.
     pub arch: f64,
-    /// Peak speed of the hand on its way in, m/s.
+    /// Peak speed of the hand during the approach, m/s.
     pub approach_speed: f64,
     /// Peak speed of the hand with the object, m/s.
     pub carry_speed: f64,
@@ -41,8 +41,8 @@ pub struct Style {
     pub force: f64,
 }
 
-impl Style {
-    /// A style drawn from `seed`.
+impl OperatorProfile {
+    /// A profile drawn from `seed`.
     #[must_use]
     pub fn new(seed: u64) -> Self {
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
@@ -55,11 +55,11 @@ impl Style {
                 turn_rate: draw(0.50, 0.65),
                 turn_acceleration: draw(0.50, 0.65),
             },
-            route: RouteStyle {
+            path: PathPreferences {
                 radius: draw(0.70, 0.90),
                 margin: 0.05,
             },
-            grasp: GraspStyle {
+            grasp: GraspPreferences {
                 standoff: draw(0.10, 0.13),
                 distance: draw(0.70, 0.78),
                 lift: draw(0.15, 0.19),

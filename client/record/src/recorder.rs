@@ -36,7 +36,7 @@ const HINT_PAUSE: Duration = Duration::from_millis(20);
 const MAX_FINISHING: usize = 2;
 
 /// The state of a recorder.
-pub struct RecorderCore {
+pub struct Recorder {
     dir: PathBuf,
     options: WriterOptions,
     stage: Stage,
@@ -96,7 +96,7 @@ const END_LOST: &str = "the end of the episode was not told";
 /// The server, or the way to it, is gone.
 const SERVER_LOST: &str = "the server went away before the episode ended";
 
-impl RecorderCore {
+impl Recorder {
     /// A recorder that writes into `dir`.
     #[must_use]
     pub fn new(dir: PathBuf, options: WriterOptions) -> Self {

@@ -9,11 +9,11 @@ use wheelarm_proto::v1;
 
 use super::super::episode::id;
 use super::{
-    Asking, END_LOST, FAREWELL_PATIENCE, HINT_PAUSE, MANIFEST_PATIENCE, Output, RecorderCore,
+    Asking, END_LOST, FAREWELL_PATIENCE, HINT_PAUSE, MANIFEST_PATIENCE, Output, Recorder,
     SERVER_LOST, STATE_RETRY, Stage,
 };
 
-impl RecorderCore {
+impl Recorder {
     /// Something may have begun or ended: asks the server.
     pub(super) fn ask(&mut self) {
         self.asking = match self.asking {
