@@ -68,8 +68,9 @@ impl Link {
 }
 
 impl Turns {
-    /// Waits for the next turn, at most `patience`. What is published until
-    /// then, of the topics that were asked for, goes to `taken` in its order.
+    /// Waits for the next turn until nothing at all has come for `patience`.
+    /// What is published until then, of the topics that were asked for, goes to
+    /// `taken` in its order; a tick's clock comes after its other samples.
     ///
     /// # Errors
     /// [`LinkError`].
@@ -78,10 +79,14 @@ impl Turns {
         patience: Duration,
         taken: &mut dyn FnMut(Sample),
     ) -> Result<Turn, LinkError> {
-        let deadline = Instant::now() + patience;
+        let mut heard = Instant::now();
         loop {
-            let left = deadline.saturating_duration_since(Instant::now());
-            match self.streams.next(left.min(SILENCE))? {
+            let left = patience.saturating_sub(heard.elapsed());
+            let next = self.streams.next(left.min(SILENCE))?;
+            if next.is_some() {
+                heard = Instant::now();
+            }
+            match next {
                 Some(Sample::Clock(clock)) => {
                     let header = clock.header.clone().unwrap_or_default();
                     taken(Sample::Clock(clock.clone()));
@@ -106,7 +111,7 @@ impl Turns {
                             real_time_factor: status.real_time_factor,
                         }));
                     }
-                    if Instant::now() >= deadline {
+                    if heard.elapsed() >= patience {
                         return Ok(Turn::Silent(status));
                     }
                 }

@@ -213,7 +213,6 @@ mod tests {
             }],
             slides: Vec::new(),
             grasps: Vec::new(),
-            goal: None,
             chair_from_base: Isometry3::identity(),
             tool_length: 0.12,
             footprint: [0.0; 4],

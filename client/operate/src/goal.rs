@@ -4,7 +4,8 @@ use wheelarm_proto::check::{self, Invalid};
 use wheelarm_proto::v1;
 
 use super::obb::Obb;
-use super::scene::{SceneModel, read_pose};
+use super::pose::read_pose;
+use super::scene::SceneModel;
 
 /// What a task asks for.
 #[derive(Clone, Debug, PartialEq)]

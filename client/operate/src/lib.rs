@@ -14,6 +14,7 @@ pub mod hybrid_a_star;
 pub mod obb;
 pub mod observation;
 pub mod operator;
+pub mod pose;
 pub mod profile;
 pub mod run;
 pub mod scene;

@@ -9,7 +9,7 @@ use wheelarm_proto::topic::Sample;
 use wheelarm_proto::{TopicId, v1};
 
 use super::footprint_check::Pose2;
-use super::scene::read_pose;
+use super::pose::read_pose;
 
 /// Streams that make up an observation; the clock comes last.
 pub const STREAMS: [TopicId; 7] = [
@@ -110,6 +110,12 @@ impl Collector {
         }
     }
 
+    /// The newest evaluation of the task; an empty one before the first.
+    #[must_use]
+    pub fn evaluation(&self) -> v1::Evaluation {
+        self.evaluation.clone().unwrap_or_default()
+    }
+
     /// The observation at a clock; `None` until every needed stream has come.
     ///
     /// # Errors
@@ -122,7 +128,7 @@ impl Collector {
         let frame = |index: usize| poses.frames.get(index).cloned().unwrap_or_default();
         let twist = frame(self.roles.chair).twist.unwrap_or_default();
         let linear = twist.linear.unwrap_or_default();
-        let evaluation = self.evaluation.clone().unwrap_or_default();
+        let evaluation = self.evaluation();
         let pads = self.contacts.as_ref().map_or(&[][..], |c| &c.pad_forces);
         let desired = self
             .applied

@@ -7,8 +7,9 @@ use wheelarm_proto::v1::{self, Phase};
 use super::base_placement::ArmReachability;
 use super::goal::Goal;
 use super::observation::Observation;
+use super::pose::write_pose;
 use super::profile::OperatorProfile;
-use super::scene::{SceneModel, write_pose};
+use super::scene::SceneModel;
 pub use super::skill::Act;
 use super::skill::carry::Carry;
 use super::skill::grasp::Grasp;
@@ -122,15 +123,17 @@ pub struct Operator {
 }
 
 impl Operator {
-    /// An operator for the scene's goal.
+    /// An operator that works towards `goal`.
     ///
     /// # Errors
-    /// When the scene names no goal or knows no grasp for it.
-    pub fn new(scene: SceneModel, profile: OperatorProfile) -> Result<Self, String> {
-        let goal = scene
-            .goal
-            .clone()
-            .ok_or("the scenario has no task with an object: choose one with `--task`")?;
+    /// When there is no goal, or the scene knows no grasp for it.
+    pub fn new(
+        scene: SceneModel,
+        goal: Option<Goal>,
+        profile: OperatorProfile,
+    ) -> Result<Self, String> {
+        let goal =
+            goal.ok_or("the scenario has no task with an object: choose one with `--task`")?;
         if !scene.grasps.iter().any(|grasp| grasp.item == goal.item()) {
             return Err(format!(
                 "the scene names no grasp for {:?}",

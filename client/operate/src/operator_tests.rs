@@ -105,7 +105,6 @@ fn home_scene() -> SceneModel {
             })
             .to_vec(),
         slides: Vec::new(),
-        goal: Some(Goal::Lift { item: 0 }),
         chair_from_base: Isometry3::from_parts(
             Translation3::new(0.42, 0.36, 0.55),
             UnitQuaternion::from_axis_angle(&Vector3::z_axis(), std::f64::consts::PI),
@@ -235,7 +234,12 @@ impl KinematicWorld {
 
     /// Runs to the end; every pose on the way must be free of collisions.
     fn run(mut self, seed: u64) -> (Outcome, f64, Vec<String>) {
-        let mut operator = Operator::new(self.scene.clone(), OperatorProfile::new(seed)).unwrap();
+        let mut operator = Operator::new(
+            self.scene.clone(),
+            Some(Goal::Lift { item: 0 }),
+            OperatorProfile::new(seed),
+        )
+        .unwrap();
         let mut notes = Vec::new();
         loop {
             let seen = self.observe();

@@ -5,15 +5,16 @@ use std::time::Duration;
 use nalgebra::Isometry3;
 use wheelarm_proto::check::Invalid;
 use wheelarm_proto::robot::Roles;
-use wheelarm_proto::topic::Sample;
-use wheelarm_proto::{TopicId, v1};
+use wheelarm_proto::v1;
 
 use super::base_placement::ArmReachability;
+use super::goal::Goal;
 use super::observation::{self, Collector};
 use super::operator::{Operator, Outcome};
+use super::pose::write_pose;
 use super::profile::OperatorProfile;
-use super::scene::{SceneModel, write_pose};
-use wheelarm_link::{Link, LinkError};
+use super::scene::SceneModel;
+use wheelarm_link::{Link, LinkError, Turn, Turns};
 
 /// What the operator is asked to do.
 #[derive(Clone, Debug)]
@@ -116,10 +117,6 @@ fn broke(words: &str) -> Outcome {
     Outcome::Broken(format!("the physics broke: {words}"))
 }
 
-fn is_end_of(stopped: &v1::EpisodeStopped, episode: u64) -> bool {
-    stopped.header.as_ref().map_or(0, |h| h.episode) == episode
-}
-
 /// Ends the operator's own episode when the operator cannot go on: in
 /// lock-step, time would wait for it for good.
 struct OwnEpisode<'a> {
@@ -146,111 +143,121 @@ pub fn run(
     options: &OperateOptions,
     progress: &mut dyn FnMut(&Progress<'_>),
 ) -> Result<Report, OperateError> {
-    let mut wanted = observation::STREAMS.to_vec();
-    wanted.extend([TopicId::Clock, TopicId::Refusal, TopicId::EpisodeStop]);
-    let streams = link.streams(&wanted)?;
-    let status: v1::Status = link.ask(&v1::StatusRequest {})?;
-    let mut scenario = status.scenario.clone().unwrap_or_default();
-    if let (Some(task), None) = (&options.task, &status.episode)
-        && *task != scenario.task()
-    {
-        let wanted = v1::Scenario {
-            task: Some(task.clone()),
-            ..v1::Scenario::default()
-        };
-        scenario = link.reset(wanted, false)?;
-    } else if status.episode.is_none() && status.evaluation.as_ref().is_some_and(|e| e.done) {
-        return Err(OperateError::Over);
-    }
-    let scene = link.ask(&v1::SceneRequest {})?;
-    let model = SceneModel::read(&scene)?;
-    let roles = Roles::find(&scene.robot.unwrap_or_default())?;
+    let turns = link.turns(&options.commander, options.take, &observation::STREAMS)?;
+    let (scenario, running) = set_up(link, options.task.as_deref())?;
+    let reply = link.ask(&v1::SceneRequest {})?;
+    let scene = SceneModel::read(&reply)?;
+    let goal = Goal::read(&reply, &scene)?;
+    let roles = Roles::find(&reply.robot.unwrap_or_default())?;
     let profile = OperatorProfile::new(options.profile_seed.unwrap_or(scenario.seed()));
-    let mut operator = Operator::new(model, profile).map_err(OperateError::Scene)?;
-    let mut commander = link.commander(&options.commander, options.take)?;
-    let (started, is_ours) = match status.episode {
+    let operator = Operator::new(scene, goal, profile).map_err(OperateError::Scene)?;
+    let (started, is_ours) = match running {
         Some(running) => (running, false),
         None => (start(link, options, &scenario)?, true),
     };
-    let first = started.header.clone().unwrap_or_default();
-    let mut own = OwnEpisode {
-        link,
-        open: is_ours,
+    let mut work = Work {
+        own: OwnEpisode {
+            link,
+            open: is_ours,
+        },
+        turns,
+        operator,
+        collector: Collector::new(roles),
+        reach: RemoteReach { link, error: None },
+        first: started.header.clone().unwrap_or_default(),
+        started,
+        stopped: None,
     };
+    let outcome = work.until_over(progress)?;
+    work.finish(outcome, is_ours)
+}
 
-    let mut collector = Collector::new(roles);
-    let mut reach = RemoteReach { link, error: None };
-    let mut answered: Option<u64> = None;
-    let mut silent = 0;
-    let mut evaluation = v1::Evaluation::default();
-    let mut stopped: Option<v1::EpisodeStopped> = None;
-    let outcome = loop {
-        let clock = match streams.next(PATIENCE)? {
-            Some(Sample::Clock(clock)) => clock,
-            Some(Sample::EpisodeStop(end)) => {
-                if !is_end_of(&end, first.episode) {
-                    continue;
-                }
-                own.open = false;
-                if end.cause() != v1::EndCause::Physics {
-                    return Err(OperateError::Ended);
-                }
-                let words = end.anomalies.last().cloned().unwrap_or_default();
-                stopped = Some(end);
-                break broke(&words);
-            }
-            Some(Sample::Refusal(refusal)) => {
-                if refusal.commander == options.commander {
-                    tracing::warn!("command {} refused: {}", refusal.sequence, refusal.reason);
-                }
-                continue;
-            }
-            Some(sample) => {
-                if let Sample::Evaluation(sample) = &sample {
-                    evaluation.clone_from(sample);
-                }
-                collector.take(sample);
-                continue;
-            }
-            None => {
-                silent += 1;
-                let status: v1::Status = link.ask(&v1::StatusRequest {})?;
-                if status.episode.is_none() {
-                    own.open = false;
-                    if status.broken.is_empty() {
-                        return Err(OperateError::Ended);
+/// Resets the scenario to `task` if that is not in force; returns what is in
+/// force, and the episode that runs, if one does.
+fn set_up(
+    link: &Link,
+    task: Option<&str>,
+) -> Result<(v1::Scenario, Option<v1::EpisodeStarted>), OperateError> {
+    let status: v1::Status = link.ask(&v1::StatusRequest {})?;
+    let scenario = status.scenario.unwrap_or_default();
+    if let (Some(task), None) = (task, &status.episode)
+        && task != scenario.task()
+    {
+        let wanted = v1::Scenario {
+            task: Some(task.to_owned()),
+            ..v1::Scenario::default()
+        };
+        return Ok((link.reset(wanted, false)?, None));
+    }
+    if status.episode.is_none() && status.evaluation.is_some_and(|e| e.done) {
+        return Err(OperateError::Over);
+    }
+    Ok((scenario, status.episode))
+}
+
+/// The operator in its episode.
+struct Work<'a> {
+    /// Ended before control is given back with the turns.
+    own: OwnEpisode<'a>,
+    turns: Turns,
+    operator: Operator,
+    collector: Collector,
+    reach: RemoteReach<'a>,
+    started: v1::EpisodeStarted,
+    /// Header of the beginning.
+    first: v1::Header,
+    stopped: Option<v1::EpisodeStopped>,
+}
+
+impl Work<'_> {
+    /// Answers every tick of the episode until the operator or the episode is
+    /// at its end.
+    fn until_over(
+        &mut self,
+        progress: &mut dyn FnMut(&Progress<'_>),
+    ) -> Result<Outcome, OperateError> {
+        let mut silent = 0;
+        loop {
+            let collector = &mut self.collector;
+            let turn = self.turns.next(PATIENCE, &mut |s| collector.take(s))?;
+            let outcome = match turn {
+                Turn::Answer(clock) => {
+                    let episode = clock.header.as_ref().map_or(0, |header| header.episode);
+                    if episode != self.first.episode {
+                        continue;
                     }
-                    break broke(&status.broken);
+                    silent = 0;
+                    self.answer(&clock, progress)?
                 }
-                if silent > GIVE_UP && !status.paused {
-                    let seconds = PATIENCE.as_secs_f64() * f64::from(silent);
-                    return Err(OperateError::Silent(seconds, status.waiting_for));
+                Turn::Refused(refusal) => {
+                    tracing::warn!("command {} refused: {}", refusal.sequence, refusal.reason);
+                    None
                 }
-                // A lost clock must not stop the world: the state that is
-                // there is answered.
-                let header = status.header.unwrap_or_default();
-                if answered == Some(header.tick) || status.paused {
-                    continue;
+                Turn::Ended(end) => self.ended(end)?,
+                Turn::Silent(status) => {
+                    silent += 1;
+                    self.silent(silent, &status)?
                 }
-                v1::Clock {
-                    header: Some(header),
-                    real_time_factor: status.real_time_factor,
-                }
+            };
+            if let Some(outcome) = outcome {
+                return Ok(outcome);
             }
-        };
-        let header = clock.header.unwrap_or_default();
-        let is_new = answered.is_none_or(|last| header.tick > last);
-        if header.episode != first.episode || !is_new {
-            continue;
         }
-        silent = 0;
-        let Some(seen) = collector.observe(header.stamp_nanos)? else {
-            commander.answer(&header, v1::Command::default())?;
-            answered = Some(header.tick);
-            continue;
+    }
+
+    /// Decides and answers one tick.
+    fn answer(
+        &mut self,
+        clock: &v1::Clock,
+        progress: &mut dyn FnMut(&Progress<'_>),
+    ) -> Result<Option<Outcome>, OperateError> {
+        let stamp = clock.header.as_ref().map_or(0, |h| h.stamp_nanos);
+        let Some(seen) = self.collector.observe(stamp)? else {
+            self.turns.answer(v1::Command::default())?;
+            return Ok(None);
         };
-        let (act, outcome) = operator.step(&seen, &mut reach);
-        if let Some(error) = reach.error.take() {
+        let (act, outcome) = self.operator.step(&seen, &mut self.reach);
+        if let Some(error) = self.reach.error.take() {
             return Err(error.into());
         }
         tracing::debug!(
@@ -262,68 +269,97 @@ pub fn run(
             seen.chair_speed,
             seen.knuckle,
             seen.pad_force,
-            operator.thing_in_hand(&seen),
+            self.operator.thing_in_hand(&seen),
             act.base,
             seen.arm_problem,
         );
-        commander.answer(&header, operator.command(&act))?;
-        answered = Some(header.tick);
-        let notes = operator.notes();
+        self.turns.answer(self.operator.command(&act))?;
+        let notes = self.operator.notes();
         progress(&Progress {
-            time: header.stamp_nanos.saturating_sub(first.stamp_nanos) as f64 * 1e-9,
+            time: stamp.saturating_sub(self.first.stamp_nanos) as f64 * 1e-9,
             phase: act.name,
             factor: clock.real_time_factor,
             notes: &notes,
         });
-        if let Some(outcome) = outcome {
-            break outcome;
+        Ok(outcome)
+    }
+
+    /// An episode has ended under the operator's hands: its own, or another.
+    fn ended(&mut self, end: v1::EpisodeStopped) -> Result<Option<Outcome>, OperateError> {
+        if !self.is_end(&end) {
+            return Ok(None);
         }
-    };
-    // The last command takes effect before the end is asked for: otherwise it
-    // would be chance whether its tick still belongs to the episode.
-    while stopped.is_none() && (own.open || !is_ours) {
-        let Some(sample) = streams.next(PATIENCE)? else {
-            break;
-        };
-        match sample {
-            Sample::Clock(clock) => {
-                let tick = clock.header.as_ref().map(|header| header.tick);
-                if tick > answered {
-                    break;
+        self.own.open = false;
+        if end.cause() != v1::EndCause::Physics {
+            return Err(OperateError::Ended);
+        }
+        let outcome = broke(end.anomalies.last().map_or("", String::as_str));
+        self.stopped = Some(end);
+        Ok(Some(outcome))
+    }
+
+    /// Nothing came for `silent` times the patience.
+    fn silent(
+        &mut self,
+        silent: u32,
+        status: &v1::Status,
+    ) -> Result<Option<Outcome>, OperateError> {
+        if status.episode.is_none() {
+            self.own.open = false;
+            return match status.broken.as_str() {
+                "" => Err(OperateError::Ended),
+                words => Ok(Some(broke(words))),
+            };
+        }
+        if silent > GIVE_UP && !status.paused {
+            let seconds = PATIENCE.as_secs_f64() * f64::from(silent);
+            return Err(OperateError::Silent(seconds, status.waiting_for.clone()));
+        }
+        Ok(None)
+    }
+
+    /// Ends the episode if it is the operator's own, and reports.
+    fn finish(mut self, outcome: Outcome, is_ours: bool) -> Result<Report, OperateError> {
+        // The last command takes effect before the end is asked for: otherwise it
+        // would be chance whether its tick still belongs to the episode.
+        while self.stopped.is_none() && (self.own.open || !is_ours) {
+            let collector = &mut self.collector;
+            match self.turns.next(PATIENCE, &mut |s| collector.take(s))? {
+                Turn::Answer(_) | Turn::Silent(_) => break,
+                Turn::Ended(end) if self.is_end(&end) => {
+                    self.own.open = false;
+                    self.stopped = Some(end);
                 }
+                Turn::Ended(_) | Turn::Refused(_) => {}
             }
-            Sample::EpisodeStop(end) if is_end_of(&end, first.episode) => {
-                own.open = false;
-                stopped = Some(end);
-                break;
+        }
+        if std::mem::take(&mut self.own.open) {
+            self.stopped = Some(self.own.link.stop_episode(false)?);
+        }
+        let told = self.stopped.as_ref().and_then(|s| s.evaluation.clone());
+        let mut evaluation = told.unwrap_or_else(|| self.collector.evaluation());
+        // The state broke in the very last tick.
+        let outcome = match &self.stopped {
+            Some(end) if end.cause() == v1::EndCause::Physics => {
+                broke(end.anomalies.last().map_or("", String::as_str))
             }
-            Sample::Evaluation(sample) => evaluation = sample,
-            _ => {}
+            _ => outcome,
+        };
+        if matches!(outcome, Outcome::Broken(_)) {
+            evaluation.success = false;
         }
+        Ok(Report {
+            outcome,
+            ticks: self.turns.commander().sent(),
+            started: self.started,
+            stopped: self.stopped,
+            evaluation,
+        })
     }
-    if std::mem::take(&mut own.open) {
-        stopped = Some(link.stop_episode(false)?);
+
+    fn is_end(&self, stopped: &v1::EpisodeStopped) -> bool {
+        stopped.header.as_ref().map_or(0, |h| h.episode) == self.first.episode
     }
-    if let Some(last) = stopped.as_ref().and_then(|s| s.evaluation.clone()) {
-        evaluation = last;
-    }
-    // The state broke in the very last tick.
-    let outcome = match &stopped {
-        Some(end) if end.cause() == v1::EndCause::Physics => {
-            broke(end.anomalies.last().map_or("", String::as_str))
-        }
-        _ => outcome,
-    };
-    if matches!(outcome, Outcome::Broken(_)) {
-        evaluation.success = false;
-    }
-    Ok(Report {
-        outcome,
-        started,
-        stopped,
-        evaluation,
-        ticks: commander.sent(),
-    })
 }
 
 fn start(

@@ -1,15 +1,15 @@
-//! What stands around and what is asked: the server's answer to the `scene`
-//! query, checked. Nothing is decided here.
+//! What stands around: the server's answer to the `scene` query, checked.
+//! Nothing is decided here.
 
-use nalgebra::{Isometry3, Quaternion, Translation3, Unit, UnitQuaternion, Vector3};
+use nalgebra::{Isometry3, Translation3, Unit, Vector3};
 use wheelarm_proto::check::{self, Invalid};
 use wheelarm_proto::v1;
 
 use super::footprint_check::Outline;
-use super::goal::Goal;
 use super::hand::Hand;
 use super::obb::Obb;
 use super::observation::Observation;
+use super::pose::read_pose;
 
 /// A thing that can be moved: an object, or a piece of furniture that slides.
 #[derive(Clone, Debug, PartialEq)]
@@ -61,8 +61,6 @@ pub struct SceneModel {
     pub slides: Vec<Slide>,
     /// Grasps of things.
     pub grasps: Vec<Grasp>,
-    /// What the task asks for.
-    pub goal: Option<Goal>,
     /// `base_link` in `wheelchair_root`.
     pub chair_from_base: Isometry3<f64>,
     /// From the end effector to the grasp point along tool z, metres.
@@ -77,37 +75,6 @@ pub struct SceneModel {
     pub arm_range: [f64; 2],
     /// The hand.
     pub hand: Hand,
-}
-
-/// Reads a pose of a message.
-///
-/// # Errors
-/// [`Invalid`] as in `wheelarm_proto::check::pose`.
-pub fn read_pose(what: &'static str, pose: Option<&v1::Pose>) -> Result<Isometry3<f64>, Invalid> {
-    let ([x, y, z], [qx, qy, qz, qw]) = check::pose(what, pose)?;
-    Ok(Isometry3::from_parts(
-        Translation3::new(x, y, z),
-        UnitQuaternion::from_quaternion(Quaternion::new(qw, qx, qy, qz)),
-    ))
-}
-
-/// Writes a pose into a message.
-#[must_use]
-pub fn write_pose(pose: &Isometry3<f64>) -> v1::Pose {
-    let (t, q) = (pose.translation, pose.rotation);
-    v1::Pose {
-        position: Some(v1::Vector3 {
-            x: t.x,
-            y: t.y,
-            z: t.z,
-        }),
-        orientation: Some(v1::Quaternion {
-            x: q.i,
-            y: q.j,
-            z: q.k,
-            w: q.w,
-        }),
-    }
 }
 
 fn read_boxes(boxes: &[v1::BoxGeometry]) -> Result<Vec<Obb>, Invalid> {
@@ -200,21 +167,18 @@ impl SceneModel {
         // A thing that the hand cannot take in has no grasp.
         let hand = Hand::read(gripper.ok_or(Invalid::Missing("gripper"))?)?;
         grasps.retain(|grasp| grasp.width <= hand.stroke);
-        let mut scene = Self {
+        Ok(Self {
             furniture,
             items,
             slides,
             grasps,
-            goal: None,
             chair_from_base: read_pose("arm mount", robot.arm_mount.as_ref())?,
             tool_length: check::within("tool length", robot.tool_length, 0.0, 0.5)?,
             footprint: footprint(robot.footprint.as_ref())?,
             outlines: outlines.collect::<Result<_, Invalid>>()?,
             arm_range: check::list("range of the arm", &[reach.nearest, reach.furthest])?,
             hand,
-        };
-        scene.goal = Goal::read(reply, &scene)?;
-        Ok(scene)
+        })
     }
 
     /// Poses of all things in `house`.
@@ -239,6 +203,7 @@ impl SceneModel {
         self.house_from_base(seen) * seen.base_from_tool
     }
 }
+
 fn footprint(told: Option<&v1::Footprint>) -> Result<[f64; 4], Invalid> {
     let told = told.ok_or(Invalid::Missing("footprint"))?;
     let sides = [told.x_min, told.x_max, told.y_min, told.y_max];

@@ -11,7 +11,7 @@ use wheelarm_proto::topic::Sample;
 use wheelarm_proto::v1;
 
 use super::hand;
-use wheelarm_operate::scene::read_pose;
+use wheelarm_operate::pose::read_pose;
 
 /// Newest lines that are kept of what happened.
 const KEPT: usize = 50;

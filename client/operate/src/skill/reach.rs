@@ -179,8 +179,8 @@ fn path_to(
     // Down from the side of the arm, which reaches higher there.
     let base = now.scene.house_from_base(now.seen);
     for height in OVER {
-        let paths = lift::lift_paths(&base, &candidate.pregrasp, height);
-        let vias = paths.iter().skip(1).filter_map(|path| path.last());
+        let lifts = lift::lift_paths(&base, &candidate.pregrasp, height);
+        let vias = lifts.iter().skip(1).filter_map(|lift| lift.last());
         paths.extend(vias.map(|via| vec![*via, candidate.pregrasp]));
     }
     if let Some(home) = home {

@@ -4,7 +4,7 @@ use wheelarm_proto::v1;
 
 use super::{Effect, Model};
 use crate::teleop::phase::{self, Work};
-use wheelarm_operate::scene::{read_pose, write_pose};
+use wheelarm_operate::pose::{read_pose, write_pose};
 
 impl Model {
     pub(super) fn resize(&mut self, coarser: bool, now: f64) {
