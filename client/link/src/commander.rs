@@ -1,8 +1,8 @@
 //! Commands and the control that they need: one commander at a time.
 
-use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
+use parking_lot::Mutex;
 use wheelarm_proto::Query;
 use wheelarm_proto::keys;
 use wheelarm_proto::{Message, seal, v1};
@@ -83,7 +83,7 @@ impl Commander {
             if reply.holder == self.name {
                 if !reply.secret.is_empty() {
                     self.link.keep_secret(&reply.secret);
-                    let mut secret = self.secret.lock().unwrap_or_else(PoisonError::into_inner);
+                    let mut secret = self.secret.lock();
                     secret.clone_from(&reply.secret);
                 }
                 return Ok(reply);
@@ -149,7 +149,7 @@ impl Commander {
     }
 
     fn secret(&self) -> String {
-        let secret = self.secret.lock().unwrap_or_else(PoisonError::into_inner);
+        let secret = self.secret.lock();
         secret.clone()
     }
 

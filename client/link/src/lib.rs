@@ -20,9 +20,10 @@ mod server;
 mod streams;
 mod turns;
 
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
+use parking_lot::Mutex;
 use wheelarm_proto::keys::{self, Keys};
 use wheelarm_proto::schema;
 use wheelarm_proto::v1::FailureCode;
@@ -266,12 +267,12 @@ impl Link {
     /// who is in control may reset, discard and end the server.
     #[must_use]
     pub fn secret(&self) -> String {
-        let secret = self.secret.lock().unwrap_or_else(PoisonError::into_inner);
+        let secret = self.secret.lock();
         secret.clone()
     }
 
     fn keep_secret(&self, new: &str) {
-        let mut secret = self.secret.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut secret = self.secret.lock();
         new.clone_into(&mut secret);
     }
 

@@ -1,8 +1,9 @@
 //! Who speaks for a server: the session whose id stands in its liveliness
 //! token. What others publish or answer under its keys is not taken.
 
-use std::sync::{Arc, PoisonError, RwLock};
+use std::sync::Arc;
 
+use parking_lot::RwLock;
 use wheelarm_proto::keys::Keys;
 use zenoh::Session;
 use zenoh::Wait;
@@ -67,7 +68,7 @@ impl Server {
                 let Some(id) = session_of(&sample) else {
                     return;
                 };
-                let mut known = known.write().unwrap_or_else(PoisonError::into_inner);
+                let mut known = known.write();
                 known.tokens.retain(|other| *other != id);
                 if sample.kind() == SampleKind::Put {
                     known.tokens.push(id);
@@ -90,7 +91,7 @@ impl Server {
             .wait()
             .chain(info.peers_zid().wait())
             .collect();
-        let mut known = self.known.write().unwrap_or_else(PoisonError::into_inner);
+        let mut known = self.known.write();
         let before = known.chosen;
         known.choose(&connected);
         known.chosen != before
@@ -99,14 +100,14 @@ impl Server {
     /// Whether the server's token is there.
     #[must_use]
     pub fn is_there(&self) -> bool {
-        let known = self.known.read().unwrap_or_else(PoisonError::into_inner);
+        let known = self.known.read();
         known.chosen.is_some_and(|id| known.tokens.contains(&id))
     }
 
     /// Whether `id` is the server's session.
     #[must_use]
     pub fn is(&self, id: ZenohId) -> bool {
-        let known = self.known.read().unwrap_or_else(PoisonError::into_inner);
+        let known = self.known.read();
         known.chosen == Some(id)
     }
 
@@ -128,7 +129,7 @@ impl Server {
     /// Sessions that say that they are the server.
     #[must_use]
     pub fn tokens(&self) -> Vec<String> {
-        let known = self.known.read().unwrap_or_else(PoisonError::into_inner);
+        let known = self.known.read();
         known.tokens.iter().map(ToString::to_string).collect()
     }
 }

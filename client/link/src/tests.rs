@@ -62,7 +62,7 @@ fn a_query_without_an_answer_says_how_it_ended() {
         .declare_queryable(format!("{}/a/query/*", keys::PREFIX))
         .callback(move |query| {
             if query.key_expr().as_str() == kept_key {
-                kept.lock().unwrap().push(query);
+                kept.lock().push(query);
             }
         })
         .wait()

@@ -37,8 +37,35 @@ pub struct Turns {
     streams: Streams,
     /// The tick to be answered.
     asked: v1::Header,
-    /// Run and episode of the newest answer, and the first tick behind it.
-    due: (String, u64, u64),
+    covered: Covered,
+}
+
+/// What the newest answer stands for.
+#[derive(Debug, Default)]
+struct Covered {
+    run: String,
+    episode: u64,
+    /// First tick that was answered, and the first behind.
+    ticks: [u64; 2],
+}
+
+impl Covered {
+    fn answered(&mut self, header: &v1::Header, ticks: u64) {
+        self.run.clone_from(&header.run_id);
+        self.episode = header.episode;
+        self.ticks = [header.tick, header.tick + ticks];
+    }
+
+    /// Whether a tick is not answered yet.
+    fn is_due(&self, header: &v1::Header) -> bool {
+        let [first, behind] = self.ticks;
+        // Between episodes a reset sets time back.
+        let set_back = header.episode == 0 && header.tick < first;
+        self.run != header.run_id
+            || self.episode != header.episode
+            || header.tick >= behind
+            || set_back
+    }
 }
 
 impl Link {
@@ -62,7 +89,7 @@ impl Link {
             link: self.clone(),
             streams,
             asked: v1::Header::default(),
-            due: (String::new(), 0, 0),
+            covered: Covered::default(),
         })
     }
 }
@@ -90,7 +117,7 @@ impl Turns {
                 Some(Sample::Clock(clock)) => {
                     let header = clock.header.clone().unwrap_or_default();
                     taken(Sample::Clock(clock.clone()));
-                    if self.is_due(&header) {
+                    if self.covered.is_due(&header) {
                         self.asked = header;
                         return Ok(Turn::Answer(clock));
                     }
@@ -104,7 +131,7 @@ impl Turns {
                     let status = self.link.ask(&v1::StatusRequest {})?;
                     let header = status.header.clone().unwrap_or_default();
                     let waits = status.episode.is_some() && !status.paused;
-                    if waits && self.is_due(&header) {
+                    if waits && self.covered.is_due(&header) {
                         self.asked = header.clone();
                         return Ok(Turn::Answer(v1::Clock {
                             header: Some(header),
@@ -119,20 +146,13 @@ impl Turns {
         }
     }
 
-    /// Whether a tick is not covered by the newest answer.
-    fn is_due(&self, header: &v1::Header) -> bool {
-        let (run, episode, first) = &self.due;
-        *run != header.run_id || *episode != header.episode || header.tick >= *first
-    }
-
     /// Answers the newest [`Turn::Answer`].
     ///
     /// # Errors
     /// [`LinkError::Transport`].
     pub fn answer(&mut self, command: v1::Command) -> Result<(), LinkError> {
         let ticks = u64::from(command.over_ticks.max(1)) * TICKS_PER_CONTROL;
-        let (run, episode) = (self.asked.run_id.clone(), self.asked.episode);
-        self.due = (run, episode, self.asked.tick + ticks);
+        self.covered.answered(&self.asked, ticks);
         self.commander.answer(&self.asked, command)
     }
 
@@ -140,5 +160,31 @@ impl Turns {
     #[must_use]
     pub fn commander(&self) -> &Commander {
         &self.commander
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn at(episode: u64, tick: u64) -> v1::Header {
+        v1::Header {
+            run_id: "run".into(),
+            episode,
+            tick,
+            ..Default::default()
+        }
+    }
+
+    #[test]
+    fn a_tick_is_answered_once_and_anew_when_time_was_set_back() {
+        let mut covered = Covered::default();
+        assert!(covered.is_due(&at(1, 0)));
+        covered.answered(&at(1, 40), 8);
+        // A clock that was overtaken by an answer to `status` is no turn.
+        assert!(!covered.is_due(&at(1, 36)) && !covered.is_due(&at(1, 44)));
+        assert!(covered.is_due(&at(1, 48)) && covered.is_due(&at(2, 0)));
+        covered.answered(&at(0, 40), 4);
+        assert!(!covered.is_due(&at(0, 40)) && covered.is_due(&at(0, 0)));
     }
 }

@@ -9,10 +9,9 @@ use std::time::{Duration, Instant};
 use anyhow::{Context, bail};
 use clap::{Args, Subcommand};
 use crossbeam_channel::{Receiver, TryRecvError};
-use wheelarm_proto::topic::Sample;
-use wheelarm_proto::{TopicId, v1};
+use wheelarm_proto::v1;
 
-use wheelarm_link::Link;
+use wheelarm_link::{Link, Turn};
 
 use crate::interrupt::Signals;
 
@@ -39,9 +38,10 @@ pub struct LeaseHoldArgs {
     pub take: bool,
 }
 
-/// How often the server is asked whether control is still ours, and where time
-/// stands.
+/// How often the server is asked whether control is still ours.
 const LOOK: Duration = Duration::from_millis(500);
+/// Silence after which the lines and Ctrl-C are looked at.
+const PATIENCE: Duration = Duration::from_millis(100);
 
 /// Runs `wheelarm lease …`.
 ///
@@ -50,8 +50,7 @@ const LOOK: Duration = Duration::from_millis(500);
 pub fn lease(link: &Link, command: &LeaseCommand) -> anyhow::Result<ExitCode> {
     let LeaseCommand::Hold(args) = command;
     let interrupted = listen()?;
-    let streams = link.streams(&[TopicId::Clock, TopicId::Refusal])?;
-    let mut commander = link.commander(&args.name, args.take)?;
+    let mut turns = link.turns(&args.name, args.take, &[])?;
     println!(
         "{} is in control of {}; Ctrl-C gives it back",
         args.name,
@@ -61,14 +60,11 @@ pub fn lease(link: &Link, command: &LeaseCommand) -> anyhow::Result<ExitCode> {
     let (mut hand, mut looked) = (Hand::default(), Instant::now());
     while !interrupted.load(Ordering::Acquire) && !hand.quits {
         hand.read(&lines);
-        let mut header = match streams.next(Duration::from_millis(100))? {
-            Some(Sample::Clock(clock)) => clock.header,
-            Some(Sample::Refusal(refusal)) if refusal.commander == args.name => {
-                eprintln!("refused: {}", refusal.reason);
-                None
-            }
-            _ => None,
-        };
+        match turns.next(PATIENCE, &mut |_| {})? {
+            Turn::Answer(_) => turns.answer(hand.command())?,
+            Turn::Refused(refusal) => eprintln!("refused: {}", refusal.reason),
+            Turn::Ended(_) | Turn::Silent(_) => {}
+        }
         if looked.elapsed() > LOOK {
             looked = Instant::now();
             let status: v1::Status = link.ask(&v1::StatusRequest {})?;
@@ -78,14 +74,9 @@ pub fn lease(link: &Link, command: &LeaseCommand) -> anyhow::Result<ExitCode> {
                     other => bail!("{other:?} took control"),
                 }
             }
-            // Time may stand still since before the first clock was heard.
-            header = header.or(status.header.filter(|_| status.episode.is_some()));
-        }
-        if let Some(header) = header {
-            commander.answer(&header, hand.command())?;
         }
     }
-    drop(commander);
+    drop(turns);
     println!("{} gave control back", args.name);
     Ok(ExitCode::SUCCESS)
 }

@@ -2,10 +2,11 @@
 //! while somebody watches, and not at all while nobody does.
 
 use std::collections::BTreeMap;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::Arc;
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
 use bytes::Bytes;
+use parking_lot::Mutex;
 use tokio::sync::watch as latest;
 use wheelarm_proto::preview::PreviewLevel;
 use wheelarm_proto::{Message, v1};
@@ -76,8 +77,8 @@ impl Feed {
         self.began.elapsed().as_secs_f64()
     }
 
-    fn judge(&self) -> std::sync::MutexGuard<'_, Judge> {
-        self.judge.lock().unwrap_or_else(PoisonError::into_inner)
+    fn judge(&self) -> parking_lot::MutexGuard<'_, Judge> {
+        self.judge.lock()
     }
 
     /// The level that is wanted now; `None` while nobody watches.

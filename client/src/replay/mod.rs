@@ -20,7 +20,7 @@ use wheelarm_proto::{TopicId, v1};
 
 use crate::choice::named;
 use script::Script;
-use wheelarm_link::{Commander, Link, Streams};
+use wheelarm_link::{Link, Turn, Turns};
 use wheelarm_rig::local::{self, LocalServer, ServerOptions};
 
 /// Name under which a replay commands and records.
@@ -94,13 +94,7 @@ pub fn run(args: &ReplayArgs) -> anyhow::Result<ExitCode> {
     };
     reset(&link, &script, cameras)?;
     // Subscribed before the episode begins, so that its first state is seen.
-    let streams = link.streams(&[
-        TopicId::StateHash,
-        TopicId::Clock,
-        TopicId::Refusal,
-        TopicId::EpisodeStop,
-    ])?;
-    let mut commander = link.commander(NAME, false)?;
+    let mut turns = link.turns(NAME, false, &[TopicId::StateHash])?;
     let label = format!("{}-replay", script.label);
     let request = v1::EpisodeStartRequest {
         label: match &args.out {
@@ -113,7 +107,7 @@ pub fn run(args: &ReplayArgs) -> anyhow::Result<ExitCode> {
         replay: true,
     };
     let started: v1::EpisodeStarted = link.ask(&request).with_context(|| server.messages())?;
-    let fed = feed(&link, &mut commander, &streams, &script, &started);
+    let fed = feed(&mut turns, &script, &started);
     // A replay that broke off is not worth a file.
     link.stop_episode(fed.is_err())?;
     let mut comparison = fed?;
@@ -135,7 +129,7 @@ pub fn run(args: &ReplayArgs) -> anyhow::Result<ExitCode> {
             code = ExitCode::from(3);
         }
     }
-    drop((recorder, commander));
+    drop((recorder, turns));
     server.stop(link)?;
     Ok(code)
 }
@@ -166,54 +160,42 @@ fn reset(link: &Link, script: &Script, cameras: Vec<v1::CameraSetting>) -> anyho
 
 /// Feeds the commands by tick and collects the hashes.
 fn feed(
-    link: &Link,
-    commander: &mut Commander,
-    streams: &Streams,
+    turns: &mut Turns,
     script: &Script,
     started: &v1::EpisodeStarted,
 ) -> anyhow::Result<Comparison> {
     let number = started.header.as_ref().map_or(0, |header| header.episode);
     let mut comparison = Comparison::new(script);
-    let mut expected = script.first_tick;
-    let begin = v1::Header {
-        episode: number,
-        tick: expected,
-        ..v1::Header::default()
-    };
-    commander.answer(&begin, script.command(expected)?)?;
     loop {
-        let header = match streams.next(PATIENCE)? {
-            Some(Sample::Clock(clock)) => clock.header.unwrap_or_default(),
-            Some(Sample::StateHash(sample)) => {
+        let turn = turns.next(PATIENCE, &mut |sample| {
+            if let Sample::StateHash(sample) = sample {
                 let header = sample.header.unwrap_or_default();
                 if header.episode == number {
                     comparison.take(header.tick, sample.hash);
                 }
-                continue;
             }
-            Some(Sample::Refusal(refusal)) if refusal.commander == NAME => {
+        })?;
+        let header = match turn {
+            Turn::Answer(clock) => clock.header.unwrap_or_default(),
+            Turn::Refused(refusal) => {
                 bail!("the server refused a recorded command: {}", refusal.reason);
             }
-            Some(Sample::EpisodeStop(_)) => bail!("the episode was ended by somebody else"),
-            Some(_) => continue,
-            None => {
-                let status: v1::Status = link.ask(&v1::StatusRequest {})?;
-                bail!(
-                    "nothing came for {:.0} s after tick {expected}; the server waits for: {}",
-                    PATIENCE.as_secs_f64(),
-                    status.waiting_for
-                );
-            }
+            Turn::Ended(_) => bail!("the episode was ended by somebody else"),
+            Turn::Silent(status) => bail!(
+                "nothing came for {:.0} s after {} ticks; the server waits for: {}",
+                PATIENCE.as_secs_f64(),
+                comparison.ticks,
+                status.waiting_for
+            ),
         };
-        if header.episode != number || header.tick <= expected {
+        if header.episode != number {
             continue;
         }
-        expected = header.tick;
-        comparison.ticks += 1;
-        if expected > script.last_tick {
+        if header.tick > script.last_tick {
             return Ok(comparison);
         }
-        commander.answer(&header, script.command(expected)?)?;
+        turns.answer(script.command(header.tick)?)?;
+        comparison.ticks += 1;
     }
 }
 

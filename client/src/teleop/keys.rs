@@ -3,6 +3,12 @@
 //! Only what every terminal sends is used, also over SSH and in tmux: no key
 //! releases, no extended protocols. Pasted text arrives bracketed as one key,
 //! so that it can never be taken for driving.
+//!
+//! Not crossterm's event reader, which was tried (0.29): it takes an escape
+//! sequence that arrives in pieces, as it does over SSH, for Escape and
+//! letters, which drive (crossterm issue 993), and the test
+//! `a_sequence_that_arrives_in_pieces_is_one_key_and_a_lone_escape_another`
+//! forbids that. `terminal` names the other reason.
 
 /// A key, or text that was pasted.
 #[derive(Clone, Debug, PartialEq, Eq)]

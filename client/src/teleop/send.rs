@@ -2,10 +2,11 @@
 //! never stalls the keyboard, and measures how long each takes to be taken.
 
 use std::collections::VecDeque;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use crossbeam_channel::{Sender, bounded};
+use parking_lot::Mutex;
 use wheelarm_proto::{Message, TopicId, v1};
 
 use wheelarm_link::{Commander, Link};
@@ -47,7 +48,7 @@ impl Commands {
                     return;
                 }
                 let sequence = command.header.map_or(0, |h| h.sequence);
-                let mut flight = returning.lock().unwrap_or_else(PoisonError::into_inner);
+                let mut flight = returning.lock();
                 while flight.front().is_some_and(|(first, _)| *first < sequence) {
                     flight.pop_front();
                 }
@@ -65,7 +66,7 @@ impl Commands {
                 let (header, command) = *waiting;
                 let sequence = commander.sent();
                 {
-                    let mut flight = flight.lock().unwrap_or_else(PoisonError::into_inner);
+                    let mut flight = flight.lock();
                     if flight.len() == EXPECTED {
                         flight.pop_front();
                     }

@@ -2,15 +2,18 @@
 //! happens; keys as they come; the moment it dies.
 //!
 //! The keyboard is read here byte by byte, because a reader must notice that
-//! the terminal is gone: then the chair has to stop.
+//! the terminal is gone: then the chair has to stop. On a terminal that hung up
+//! crossterm's reader (0.29, issue 793) neither returns nor fails, but takes all
+//! of a processor; the test `a_reader_ends_with_its_terminal` holds that this
+//! one ends.
 
 use std::io::{BufWriter, IsTerminal, Stdout, Write};
 use std::os::fd::AsFd;
-use std::sync::{Mutex, PoisonError};
 use std::time::Duration;
 
 use anyhow::{Context, bail};
 use crossbeam_channel::Sender;
+use parking_lot::Mutex;
 use ratatui::Terminal;
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::termios::{OptionalActions, Termios, tcgetattr, tcsetattr};
@@ -32,7 +35,7 @@ static SAVED: Mutex<Option<Termios>> = Mutex::new(None);
 
 /// Puts the terminal back in order; does nothing the second time.
 pub fn restore() {
-    let saved = SAVED.lock().unwrap_or_else(PoisonError::into_inner).take();
+    let saved = SAVED.lock().take();
     if let Some(saved) = saved {
         // A terminal that is gone needs no order.
         let mut out = std::io::stdout();
@@ -61,7 +64,7 @@ impl Screen {
         let settings = tcgetattr(input.as_fd()).context("reading the terminal's settings")?;
         let mut raw = settings.clone();
         raw.make_raw();
-        *SAVED.lock().unwrap_or_else(PoisonError::into_inner) = Some(settings);
+        *SAVED.lock() = Some(settings);
         let before = std::panic::take_hook();
         std::panic::set_hook(Box::new(move |panic| {
             restore();
@@ -124,7 +127,7 @@ pub fn read_keys<E: Send + 'static>(events: Sender<E>, tell: fn(Typed) -> E) {
     std::thread::spawn(move || {
         let mut decoder = Decoder::default();
         loop {
-            let typed = match wait_for_bytes(&mut decoder) {
+            let typed = match wait_for_bytes(std::io::stdin(), &mut decoder) {
                 Some(keys) if keys.is_empty() => continue,
                 Some(keys) => Typed::Keys(keys),
                 None => Typed::Gone,
@@ -138,8 +141,7 @@ pub fn read_keys<E: Send + 'static>(events: Sender<E>, tell: fn(Typed) -> E) {
 }
 
 /// The next keys, maybe none; `None` when the terminal is gone.
-fn wait_for_bytes(decoder: &mut Decoder) -> Option<Vec<Key>> {
-    let input = std::io::stdin();
+fn wait_for_bytes(input: impl AsFd, decoder: &mut Decoder) -> Option<Vec<Key>> {
     let patience = if decoder.waits() { ESCAPE } else { WATCH };
     let timeout = Timespec {
         tv_sec: 0,
@@ -164,5 +166,29 @@ fn wait_for_bytes(decoder: &mut Decoder) -> Option<Vec<Key>> {
         Ok(count) => Some(decoder.feed(&bytes[..count])),
         Err(rustix::io::Errno::INTR | rustix::io::Errno::AGAIN) => Some(Vec::new()),
         Err(_) => None,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::os::unix::net::UnixStream;
+
+    #[test]
+    fn a_reader_ends_with_its_terminal() {
+        let mut decoder = Decoder::default();
+        // One end reports the end of its file, the other that it hung up.
+        let (keyboard, mut terminal) = UnixStream::pair().unwrap();
+        terminal.write_all(b"j").unwrap();
+        drop(terminal);
+        let typed = wait_for_bytes(&keyboard, &mut decoder);
+        assert_eq!(typed, Some(vec![Key::Char('j')]));
+        assert_eq!(wait_for_bytes(&keyboard, &mut decoder), None);
+        let (keyboard, mut terminal) = std::io::pipe().unwrap();
+        assert_eq!(wait_for_bytes(&keyboard, &mut decoder), Some(Vec::new()));
+        terminal.write_all(b"\x1b").unwrap();
+        assert_eq!(wait_for_bytes(&keyboard, &mut decoder), Some(Vec::new()));
+        drop(terminal);
+        assert_eq!(wait_for_bytes(&keyboard, &mut decoder), None);
     }
 }

@@ -273,9 +273,10 @@ fn a_thin_client_needs_no_hdf5_and_no_terminal() {
     }
 }
 
-/// What `wheelarm-link` may be built with: proto, zenoh, and what those need.
-const LINK: [&str; 9] = [
+/// What `wheelarm-link` may be built with: proto, zenoh, and small crates.
+const LINK: [&str; 10] = [
     "bytes",
+    "parking_lot",
     "prost",
     "serde_json",
     "thiserror",
