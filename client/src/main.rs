@@ -141,7 +141,7 @@ enum Command {
     #[cfg(feature = "hdf5")]
     #[command(after_long_help = manual::COLLECT)]
     Collect(CollectArgs),
-    /// Does a recorded episode again, bit by bit, and can record it anew.
+    /// Replays a recorded episode bit for bit, and can record it anew.
     #[cfg(feature = "hdf5")]
     #[command(after_long_help = manual::REPLAY)]
     Replay(ReplayArgs),

@@ -33,6 +33,14 @@ impl v1::EventKind {
     }
 }
 
+impl v1::AnomalyKind {
+    /// For example `escaped`, or `fault_contact_force`; files hold the word.
+    #[must_use]
+    pub fn word(self) -> String {
+        word(self.as_str_name(), "ANOMALY_KIND")
+    }
+}
+
 /// As [`word`]; empty for what is not told.
 fn told(name: &str, prefix: &str, number: i32) -> String {
     match number {

@@ -9,6 +9,8 @@
 //! Nothing here knows what is simulated. No zenoh callback works: samples go
 //! undecoded into one queue, in the order in which they arrived.
 
+#![warn(missing_docs)]
+
 mod camera;
 mod commander;
 mod error;
@@ -94,8 +96,8 @@ const TOKEN_ENDS: Duration = Duration::from_millis(500);
 pub enum Silence {
     /// After ten seconds it has gone.
     Gone,
-    /// It stands still (a process that was stopped, a machine that sleeps) and
-    /// will go on within the hour. What must not be lost waits for it.
+    /// It stalls (a process that was stopped, a machine that sleeps) and
+    /// resumes within the hour. What must not be lost waits for it.
     Still,
 }
 

@@ -235,7 +235,7 @@ mod tests {
         Rectangle {
             centre,
             half,
-            along: [yaw.cos(), yaw.sin()],
+            along: [exact::cos(yaw), exact::sin(yaw)],
         }
     }
 

@@ -174,7 +174,14 @@ pub fn search(
         for segments in analytic_expansions(&pose, &goal, preferences) {
             if let Some(extra) = price(footprint, &pose, last, &segments, margin) {
                 let rank = cost + extra;
-                push(&mut nodes, &mut open, rank, goal, rank, at, segments, true);
+                let node = Node {
+                    pose: goal,
+                    cost: rank,
+                    parent: at,
+                    segments,
+                    is_goal: true,
+                };
+                push(&mut nodes, &mut open, rank, node);
             }
         }
         for segment in motion_primitives(preferences) {
@@ -192,47 +199,27 @@ pub fn search(
             if sum < *known - 1e-9 {
                 *known = sum;
                 let rank = sum + next.distance(&goal) / 0.45;
-                push(
-                    &mut nodes,
-                    &mut open,
-                    rank,
-                    next,
-                    sum,
-                    at,
-                    vec![segment],
-                    false,
-                );
+                let node = Node {
+                    pose: next,
+                    cost: sum,
+                    parent: at,
+                    segments: vec![segment],
+                    is_goal: false,
+                };
+                push(&mut nodes, &mut open, rank, node);
             }
         }
     }
     None
 }
 
-#[allow(
-    clippy::too_many_arguments,
-    reason = "the fields of one node and its rank"
-)]
-fn push(
-    nodes: &mut Vec<Node>,
-    open: &mut BinaryHeap<OpenNode>,
-    rank: f64,
-    pose: Pose2,
-    cost: f64,
-    parent: usize,
-    segments: Vec<Segment>,
-    is_goal: bool,
-) {
+/// Adds a node to the open list.
+fn push(nodes: &mut Vec<Node>, open: &mut BinaryHeap<OpenNode>, rank: f64, node: Node) {
     open.push(OpenNode {
         rank,
         node: nodes.len(),
     });
-    nodes.push(Node {
-        pose,
-        cost,
-        parent,
-        segments,
-        is_goal,
-    });
+    nodes.push(node);
 }
 
 fn cell(pose: &Pose2) -> Cell {

@@ -3,6 +3,8 @@
 //! It uses only what every client sees: streams, queries and commands. The
 //! skills are pure; `run` alone speaks to the network.
 
+#![warn(missing_docs)]
+
 pub mod base_placement;
 pub mod clearance;
 pub mod drive;

@@ -27,7 +27,7 @@ use super::skill::{Memory, Now, Skill, Step};
 pub enum Outcome {
     /// The task's conditions hold.
     Success,
-    /// Why it was given up.
+    /// Why it was abandoned.
     Failure(String),
     /// The simulation broke under its hands: not its fault.
     Broken(String),

@@ -90,6 +90,47 @@ fn read_boxes(boxes: &[v1::BoxGeometry]) -> Result<Vec<Obb>, Invalid> {
         .collect()
 }
 
+/// The thing of that name with its boxes, none where no body has the name.
+fn read_item(reply: &v1::SceneReply, name: &str) -> Result<Item, Invalid> {
+    let body = reply.bodies.iter().find(|body| body.name == name);
+    Ok(Item {
+        name: name.to_owned(),
+        boxes: read_boxes(body.map_or(&[], |body| &body.boxes))?,
+    })
+}
+
+fn read_slide(joint: &v1::FurnitureJoint, item: usize) -> Result<Slide, Invalid> {
+    let axis = check::vector("axis of a joint", joint.axis.as_ref())?;
+    Ok(Slide {
+        name: joint.name.clone(),
+        item,
+        rest: read_pose("rest pose of a joint", joint.rest.as_ref())?,
+        axis: Unit::new_normalize(axis.into()),
+    })
+}
+
+fn read_grasp(grasp: &v1::GraspFrame, items: &[Item]) -> Result<Grasp, Invalid> {
+    let item = items
+        .iter()
+        .position(|item| item.name == grasp.object)
+        .ok_or_else(|| Invalid::Word {
+            what: "object of a grasp",
+            value: grasp.object.clone(),
+            expected: "the name of a body that moves",
+        })?;
+    Ok(Grasp {
+        item,
+        name: grasp.name.clone(),
+        item_from_grasp: read_pose("grasp pose", grasp.pose.as_ref())?,
+        width: check::within("grasp width", grasp.width, 0.0, 1.0)?,
+        symmetric: grasp.symmetric,
+        force: grasp
+            .force
+            .map(|force| check::within("grasp force", force, 0.0, 1e4))
+            .transpose()?,
+    })
+}
+
 /// Boxes as wide as they are deep by this are those of a round thing, metres.
 const ROUND: f64 = 1e-3;
 
@@ -105,48 +146,16 @@ impl SceneModel {
         }
         let mut items = Vec::new();
         for name in &reply.objects {
-            let body = reply.bodies.iter().find(|body| &body.name == name);
-            items.push(Item {
-                name: name.clone(),
-                boxes: read_boxes(body.map_or(&[], |body| &body.boxes))?,
-            });
+            items.push(read_item(reply, name)?);
         }
         let mut slides = Vec::new();
         for joint in &reply.joints {
-            let body = reply.bodies.iter().find(|body| body.name == joint.body);
-            let axis = check::vector("axis of a joint", joint.axis.as_ref())?;
-            slides.push(Slide {
-                name: joint.name.clone(),
-                item: items.len(),
-                rest: read_pose("rest pose of a joint", joint.rest.as_ref())?,
-                axis: Unit::new_normalize(axis.into()),
-            });
-            items.push(Item {
-                name: joint.body.clone(),
-                boxes: read_boxes(body.map_or(&[], |body| &body.boxes))?,
-            });
+            slides.push(read_slide(joint, items.len())?);
+            items.push(read_item(reply, &joint.body)?);
         }
         let mut grasps = Vec::new();
         for grasp in &reply.grasps {
-            let item = items
-                .iter()
-                .position(|item| item.name == grasp.object)
-                .ok_or_else(|| Invalid::Word {
-                    what: "object of a grasp",
-                    value: grasp.object.clone(),
-                    expected: "the name of a body that moves",
-                })?;
-            grasps.push(Grasp {
-                item,
-                name: grasp.name.clone(),
-                item_from_grasp: read_pose("grasp pose", grasp.pose.as_ref())?,
-                width: check::within("grasp width", grasp.width, 0.0, 1.0)?,
-                symmetric: grasp.symmetric,
-                force: grasp
-                    .force
-                    .map(|force| check::within("grasp force", force, 0.0, 1e4))
-                    .transpose()?,
-            });
+            grasps.push(read_grasp(grasp, &items)?);
         }
         for grasp in grasps.iter().filter(|grasp| grasp.symmetric) {
             for obb in &mut items[grasp.item].boxes {

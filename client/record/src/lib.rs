@@ -7,6 +7,8 @@
 //! is made on a thread of its own, while the next episode is recorded. Nothing
 //! is printed here: what happens is told as [`Output`].
 
+#![warn(missing_docs)]
+
 mod digests;
 mod episode;
 mod gaps;

@@ -14,6 +14,7 @@ use wheelarm_proto::schema;
 use wheelarm_proto::{Message, StreamId, TopicId, v1};
 use zenoh::Session;
 use zenoh::bytes::ZBytes;
+use zenoh::pubsub::Publisher;
 use zenoh::qos::{CongestionControl, Priority};
 use zenoh::query::{ConsolidationMode, QueryTarget, ReplyKeyExpr};
 use zenoh::sample::{Sample, SampleKind};
@@ -42,7 +43,7 @@ const STATE_TIMEOUT: Duration = Duration::from_secs(3);
 const QUERY_TIMEOUT: Duration = Duration::from_secs(10);
 
 /// What callbacks put into the queue: undecoded.
-#[allow(
+#[expect(
     clippy::large_enum_variant,
     reason = "one such message per episode; samples are the small ones"
 )]
@@ -62,25 +63,8 @@ pub async fn run(
     shutdown: impl Future<Output = ()>,
     mut tell: impl FnMut(&Output),
 ) -> anyhow::Result<ExitSummary> {
-    check_name(&options.name)?;
-    if options.out.to_str().is_none() {
-        bail!(
-            "the folder {} is not in UTF-8, which HDF5 cannot take; choose another --out",
-            options.out.display()
-        );
-    }
+    check(link, &options).await?;
     let (session, keys) = (link.session(), link.keys());
-    std::fs::create_dir_all(&options.out)
-        .with_context(|| format!("the folder {} cannot be made", options.out.display()))?;
-    let token = keys.recorder_alive(&options.name);
-    let is_taken = aside(link, move |link| link.is_declared(&token)).await?;
-    if is_taken? {
-        bail!(
-            "a recorder named {:?} is connected to {:?} already; choose another --name",
-            options.name,
-            keys.sim()
-        );
-    }
     let writer = WriterOptions {
         depth: options.depth,
         recorder: options.name.clone(),
@@ -101,71 +85,34 @@ pub async fn run(
         .declare_token(keys.recorder_alive(&options.name))
         .await
         .map_err(transport("announcing the recorder"))?;
-    let publisher = session
-        .declare_publisher(keys.recorder(&options.name))
-        .encoding(schema::encoding(TopicId::Recorder.info().message))
-        .congestion_control(CongestionControl::Block)
-        .priority(Priority::InteractiveHigh)
-        .express(true)
-        .await
-        .map_err(transport("declaring the status"))?;
+    let publisher = status_publisher(link, &options.name).await?;
 
-    let mut statuses = VecDeque::from([first]);
-    let mut summary = ExitSummary::default();
+    let mut desk = Desk {
+        link,
+        entrance,
+        publisher,
+        statuses: VecDeque::from([first]),
+        summary: ExitSummary::default(),
+        limit: options.episodes,
+        connection: Connection::new(),
+        ending: false,
+    };
     let mut again = tokio::time::interval(STATUS_PERIOD);
     let mut poll = tokio::time::interval(POLL_PERIOD);
-    let mut ending = false;
-    let mut connection = Connection::new();
     let _input = options
         .end_with_stdin
-        .then(|| end_with_input(entrance.clone()));
+        .then(|| end_with_input(desk.entrance.clone()));
     tokio::pin!(shutdown);
     loop {
         tokio::select! {
             output = told.recv() => {
                 let Some(output) = output else { break };
                 tell(&output);
-                match output {
-                    Output::AskSnapshot => {
-                        ask_snapshot(link, &entrance);
-                    }
-                    Output::AskState => ask_state(link, &entrance),
-                    Output::AskSamples(missing) => {
-                        ask_samples(link, &entrance, &missing).await;
-                    }
-                    Output::Status(status) => {
-                        put(&publisher, &status).await;
-                        keep(&mut statuses, status);
-                    }
-                    Output::Finished(report) => summary.finished.push(report),
-                    Output::Failed(words) => summary.failed.push(words),
-                    Output::Discarded(_) | Output::Finish(_) => {}
-                }
-                let done = (summary.finished.len() + summary.failed.len()) as u64;
-                if !ending && options.episodes.is_some_and(|n| done >= n) {
-                    ending = true;
-                    entrance.control(Raw::Ready(Input::Shutdown));
-                }
+                desk.carry_out(output).await;
             }
-            _ = again.tick() => match connection.look(session).await {
-                // A server that was restarted has another session.
-                Seen::There if link.look_for_server() => {
-                    entrance.control(Raw::Ready(Input::Hint));
-                }
-                Seen::There => for status in &statuses {
-                    put(&publisher, status).await;
-                },
-                Seen::Back => entrance.control(Raw::Ready(Input::Hint)),
-                // A killed server takes its liveliness token back for nobody
-                // whose only link was the one to it.
-                Seen::Lost => entrance.control(Raw::Ready(Input::ServerLost)),
-                Seen::Away => {}
-            },
-            _ = poll.tick(), if !ending => entrance.control(Raw::Ready(Input::Hint)),
-            () = &mut shutdown, if !ending => {
-                ending = true;
-                entrance.control(Raw::Ready(Input::Shutdown));
-            }
+            _ = again.tick() => desk.look().await,
+            _ = poll.tick(), if !desk.ending => desk.hint(),
+            () = &mut shutdown, if !desk.ending => desk.end(),
         }
     }
     if thread.join().is_err() {
@@ -173,7 +120,109 @@ pub async fn run(
             "the recorder's thread panicked; a log it left is kept, see `wheelarm dataset recover`"
         );
     }
-    Ok(summary)
+    Ok(desk.summary)
+}
+
+/// What a recorder does on the network, and what it has to remember for that.
+struct Desk<'a> {
+    link: &'a Link,
+    entrance: Entrance<Raw>,
+    publisher: Publisher<'static>,
+    /// Newest status of each of the last episodes, newest last.
+    statuses: VecDeque<v1::RecorderStatus>,
+    summary: ExitSummary,
+    /// Episodes after which it ends.
+    limit: Option<u64>,
+    connection: Connection,
+    ending: bool,
+}
+
+impl Desk<'_> {
+    /// Does what the recorder wants done.
+    async fn carry_out(&mut self, output: Output) {
+        match output {
+            Output::AskSnapshot => {
+                ask_snapshot(self.link, &self.entrance);
+            }
+            Output::AskState => ask_state(self.link, &self.entrance),
+            Output::AskSamples(missing) => {
+                ask_samples(self.link, &self.entrance, &missing).await;
+            }
+            Output::Status(status) => {
+                put(&self.publisher, &status).await;
+                keep(&mut self.statuses, status);
+            }
+            Output::Finished(report) => self.summary.finished.push(report),
+            Output::Failed(words) => self.summary.failed.push(words),
+            Output::Discarded(_) | Output::Finish(_) => {}
+        }
+        let done = (self.summary.finished.len() + self.summary.failed.len()) as u64;
+        if !self.ending && self.limit.is_some_and(|n| done >= n) {
+            self.end();
+        }
+    }
+
+    /// Looks whether the server is there, and publishes the status again.
+    async fn look(&mut self) {
+        match self.connection.look(self.link.session()).await {
+            // A server that was restarted has another session.
+            Seen::There if self.link.look_for_server() => self.hint(),
+            Seen::There => {
+                for status in &self.statuses {
+                    put(&self.publisher, status).await;
+                }
+            }
+            Seen::Back => self.hint(),
+            // A killed server takes its liveliness token back for nobody
+            // whose only link was the one to it.
+            Seen::Lost => self.entrance.control(Raw::Ready(Input::ServerLost)),
+            Seen::Away => {}
+        }
+    }
+
+    fn hint(&self) {
+        self.entrance.control(Raw::Ready(Input::Hint));
+    }
+
+    fn end(&mut self) {
+        self.ending = true;
+        self.entrance.control(Raw::Ready(Input::Shutdown));
+    }
+}
+
+/// Checks the options, makes the folder, and sees that the name is free.
+async fn check(link: &Link, options: &RecordOptions) -> anyhow::Result<()> {
+    check_name(&options.name)?;
+    if options.out.to_str().is_none() {
+        bail!(
+            "the folder {} is not in UTF-8, which HDF5 cannot take; choose another --out",
+            options.out.display()
+        );
+    }
+    let keys = link.keys();
+    std::fs::create_dir_all(&options.out)
+        .with_context(|| format!("the folder {} cannot be made", options.out.display()))?;
+    let token = keys.recorder_alive(&options.name);
+    let is_taken = aside(link, move |link| link.is_declared(&token)).await?;
+    if is_taken? {
+        bail!(
+            "a recorder named {:?} is connected to {:?} already; choose another --name",
+            options.name,
+            keys.sim()
+        );
+    }
+    Ok(())
+}
+
+async fn status_publisher(link: &Link, name: &str) -> anyhow::Result<Publisher<'static>> {
+    link.session()
+        .declare_publisher(link.keys().recorder(name))
+        .encoding(schema::encoding(TopicId::Recorder.info().message))
+        .congestion_control(CongestionControl::Block)
+        .priority(Priority::InteractiveHigh)
+        .express(true)
+        .await
+        .map_err(transport("declaring the status"))
 }
 
 /// The recorder's thread: decodes and feeds the recorder until it is shut down.
@@ -369,7 +418,7 @@ fn keep(statuses: &mut VecDeque<v1::RecorderStatus>, status: v1::RecorderStatus)
     }
 }
 
-async fn put(publisher: &zenoh::pubsub::Publisher<'_>, status: &v1::RecorderStatus) {
+async fn put(publisher: &Publisher<'_>, status: &v1::RecorderStatus) {
     if let Err(problem) = publisher.put(status.encode_to_vec()).await {
         tracing::warn!("the recorder's status cannot be published: {problem}");
     }

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
-use super::Finding;
+use super::finding::Finding;
 use wheelarm_rig::find_program;
 
 /// Cores that a server with two cameras and a recorder want for real time.
@@ -232,7 +232,7 @@ fn terminal() -> Finding {
 
 #[cfg(test)]
 mod tests {
-    use super::super::Level;
+    use super::super::finding::Level;
     use super::*;
 
     #[test]

@@ -6,7 +6,7 @@ use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
 use wheelarm_proto::v1;
 
-use super::{Finding, Level};
+use super::finding::{Finding, Level};
 use wheelarm_link::{Connect, Link};
 
 /// Longest wait for a port to answer.

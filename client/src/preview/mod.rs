@@ -24,8 +24,9 @@ use tokio::sync::watch as latest;
 
 use crate::interrupt::Signals;
 use crate::watch::{Heard, Line, Situation};
+pub use serve::Source;
 pub use state::state_text;
-use wheelarm_link::{Connect, Link};
+use wheelarm_link::Connect;
 
 /// Where the page is served when nothing else is said.
 pub const DEFAULT_ADDRESS: &str = "127.0.0.1:7450";
@@ -53,15 +54,6 @@ pub struct PreviewArgs {
     /// who can reach it can watch.
     #[arg(long, default_value = DEFAULT_ADDRESS, value_name = "ADDRESS:PORT")]
     pub page: SocketAddr,
-}
-
-/// Where the page takes its pictures and its words from.
-#[derive(Clone)]
-pub struct Source {
-    /// The connection, while there is one.
-    pub link: latest::Receiver<Option<Link>>,
-    /// Newest state as JSON, from [`state_text`].
-    pub state: latest::Receiver<String>,
 }
 
 /// A page that is being served.

@@ -85,7 +85,7 @@ class Camera {
     this.figure.classList.toggle("old", old && last !== undefined);
     if (last === undefined) this.figures.textContent = "waiting";
     else if (old) this.figures.textContent = `NOT LIVE: ${(age / 1000).toFixed(0)} s old`;
-    else if (still) this.figures.textContent = "time stands still";
+    else if (still) this.figures.textContent = "time is paused";
     else this.figures.textContent =
       `${this.rate().toFixed(1)} /s  ${this.canvas.width}×${this.canvas.height}  ${this.level}`;
   }

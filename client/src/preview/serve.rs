@@ -22,11 +22,11 @@ use hyper::{Method, Request, Response, StatusCode};
 use hyper_util::rt::{TokioIo, TokioTimer};
 use parking_lot::Mutex;
 use tokio::net::TcpListener;
-use tokio::sync::mpsc;
+use tokio::sync::{mpsc, watch as latest};
 use wheelarm_proto::keys::check_name;
 
-use super::Source;
 use super::feed::Feed;
+use wheelarm_link::Link;
 
 const PAGE: &str = include_str!("page.html");
 const STYLE: &str = include_str!("page.css");
@@ -49,6 +49,15 @@ struct Site {
     source: Source,
     address: SocketAddr,
     feeds: Mutex<BTreeMap<String, Arc<Feed>>>,
+}
+
+/// Where the page takes its pictures and its words from.
+#[derive(Clone)]
+pub struct Source {
+    /// The connection, while there is one.
+    pub link: latest::Receiver<Option<Link>>,
+    /// Newest state as JSON, from [`super::state_text`].
+    pub state: latest::Receiver<String>,
 }
 
 /// States on their way to one browser.

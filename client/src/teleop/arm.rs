@@ -1,6 +1,6 @@
 //! The arm and the gripper by keys: steps of a target. Pure.
 //!
-//! The keys are those of the original: n/v, f/h, g/b step along x, y, z of
+//! The keys are those of WheelArm-Sim: n/v, f/h, g/b step along x, y, z of
 //! `base_link`, or turn about the tool's own axes. They are labelled as the
 //! person on the chair sees them.
 
@@ -9,7 +9,7 @@ use wheelarm_proto::v1;
 
 use crate::watch::seen_from_the_chair;
 
-/// Steps at the start, m and rad: those of the original.
+/// Steps at the start, m and rad: those of WheelArm-Sim.
 pub const START: [f64; 2] = [0.025, 0.05];
 /// Least and greatest translation step, m.
 const TRANSLATION: [f64; 2] = [0.002, 0.10];
@@ -17,7 +17,7 @@ const TRANSLATION: [f64; 2] = [0.002, 0.10];
 const ROTATION: [f64; 2] = [0.01, 0.40];
 /// Factor between two step sizes.
 const FINER: f64 = 0.8;
-/// Step of the knuckle, rad, as in the original.
+/// Step of the knuckle, rad, as in WheelArm-Sim.
 const KNUCKLE: f64 = 0.05;
 /// The target may lead the hand by this much, m and rad, or by three steps:
 /// a key that repeats faster than the arm moves must not pile up a long way.
@@ -90,7 +90,7 @@ pub enum Refused {
 }
 
 impl Arm {
-    /// With the original's steps.
+    /// With the steps of WheelArm-Sim.
     #[must_use]
     pub fn new(shell: bool) -> Self {
         Self {

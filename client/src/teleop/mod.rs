@@ -3,6 +3,7 @@
 //! [`model`] decides and is pure, `view` draws it, `run` wires it to the
 //! terminal and to the server. Nothing here looks at the wall clock but `run`.
 
+mod args;
 pub mod arm;
 pub mod drive;
 mod errands;
@@ -17,89 +18,11 @@ mod terminal;
 pub mod view;
 
 use std::io::Write;
-use std::net::SocketAddr;
 use std::process::ExitCode;
 
-use clap::Args;
-use wheelarm_proto::keys::check_name;
-
+pub use args::TeleopArgs;
 pub use run::Ended;
 use wheelarm_link::Connect;
-
-/// Options of `wheelarm teleop`.
-#[derive(Args, Clone, Debug)]
-pub struct TeleopArgs {
-    /// Name under which you command; others see it.
-    #[arg(long, default_value_t = own_name(), value_parser = commander_name, value_name = "NAME")]
-    pub commander: String,
-    /// Takes control from whoever holds it.
-    #[arg(long)]
-    pub take: bool,
-    /// Label of the first episode; from task and seed when absent.
-    #[arg(long)]
-    pub label: Option<String>,
-    /// Instruction of the first episode; the scenario's when absent.
-    #[arg(long)]
-    pub instruction: Option<String>,
-    /// Recorders that must be ready when an episode starts.
-    #[arg(long, default_value_t = 0, value_name = "N")]
-    pub require_recorders: u32,
-    /// Keeps the hand within the original's reach shell: 0.41 to 0.873 m
-    /// around the shoulder.
-    #[arg(long)]
-    pub reach_shell: bool,
-    /// The chair stops this many seconds after its last key; without it a
-    /// direction stays until k.
-    #[arg(long, value_name = "SECONDS", value_parser = dead_man)]
-    pub dead_man: Option<f64>,
-    /// Shows where the object of the task lies (ground truth).
-    #[arg(long)]
-    pub target_hint: bool,
-    /// Address of the preview page; another port is taken when it is in use.
-    #[arg(long, default_value = crate::preview::DEFAULT_ADDRESS, value_name = "ADDRESS:PORT")]
-    pub page: SocketAddr,
-    /// No preview page.
-    #[arg(long)]
-    pub no_page: bool,
-}
-
-fn commander_name(text: &str) -> Result<String, String> {
-    check_name(text)
-        .map(|()| text.to_owned())
-        .map_err(|_| format!("{text:?} must be 1 to 64 letters, digits, `-` or `_`"))
-}
-
-fn dead_man(text: &str) -> Result<f64, String> {
-    text.parse()
-        .ok()
-        .filter(|s: &f64| (0.3..=60.0).contains(s))
-        .ok_or_else(|| format!("{text:?} is not a number of seconds from 0.3 to 60"))
-}
-
-/// The user's name and the host's, as far as they can stand in a key.
-fn own_name() -> String {
-    let user = std::env::var("USER").unwrap_or_default();
-    let host = rustix::system::uname();
-    let host = host.nodename().to_string_lossy().into_owned();
-    let host = host.split('.').next().unwrap_or_default().to_owned();
-    let words = [user, host].map(|word| {
-        word.chars()
-            .map(|c| if c.is_ascii_alphanumeric() { c } else { '-' })
-            .take(30)
-            .collect::<String>()
-    });
-    let name = words
-        .iter()
-        .filter(|w| !w.is_empty())
-        .cloned()
-        .collect::<Vec<_>>()
-        .join("-");
-    if name.is_empty() {
-        "teleop".to_owned()
-    } else {
-        name
-    }
-}
 
 /// Runs `wheelarm teleop`.
 ///
@@ -112,7 +35,7 @@ pub fn run(connect: &Connect, args: &TeleopArgs) -> anyhow::Result<ExitCode> {
             // The terminal may be gone, and then nobody reads it.
             let _ = writeln!(
                 std::io::stderr(),
-                "ended by {why}: the chair was told to stop and the arm to hold; an episode that ran goes on (wheelarm status)"
+                "ended by {why}: the chair was told to stop and the arm to hold; a running episode continues (wheelarm status)"
             );
             ExitCode::FAILURE
         }

@@ -90,7 +90,7 @@ pub enum Done {
     Stopped(Result<Box<v1::EpisodeStopped>, String>),
     /// A scenario is set up.
     Reset(Result<Box<v1::Scenario>, String>),
-    /// Time stands still, or goes on again.
+    /// Time is paused, or resumes.
     Paused(Result<bool, String>),
     /// The tasks.
     Tasks(Result<Vec<v1::TaskInfo>, String>),
@@ -111,7 +111,7 @@ pub struct Settings {
     pub instruction: String,
     /// Recorders that must be ready.
     pub recorders: u32,
-    /// Keep to the reach shell of the original.
+    /// Keep to the reach shell of WheelArm-Sim.
     pub shell: bool,
     /// The chair stops this long after its last key, s.
     pub dead_man: Option<f64>,

@@ -2,7 +2,7 @@
 //!
 //! Driving is navigating, gripper keys are grasping, arm keys are reaching
 //! until something is held and retracting from then on: the four labels of
-//! the original, without a key of their own.
+//! WheelArm-Sim, without a key of their own.
 
 use wheelarm_proto::v1::Phase;
 

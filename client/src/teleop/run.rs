@@ -7,7 +7,7 @@ use anyhow::Context;
 use crossbeam_channel::{Receiver, Sender, unbounded};
 use tokio::sync::watch as latest;
 
-use super::TeleopArgs;
+use super::args::TeleopArgs;
 use super::errands::{self, Brought};
 use super::keys::Key;
 use super::model::{Effect, Errand, Model, Settings};

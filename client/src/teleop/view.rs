@@ -8,68 +8,19 @@
 mod forms;
 mod help;
 mod panels;
+mod theme;
 
 use ratatui::Frame;
 use ratatui::layout::{Constraint, Layout, Rect};
-use ratatui::style::{Color, Modifier, Style};
 use ratatui::text::{Line, Span};
-use ratatui::widgets::{Block, Borders, Clear, Paragraph};
+use ratatui::widgets::{Block, Borders, Paragraph};
 
 use super::model::Model;
+pub use theme::Theme;
+use theme::WIDE;
 
-/// Two columns from this width on, characters.
-const WIDE: u16 = 96;
 /// Rows that the controls take in two columns.
 const CONTROLS: u16 = 13;
-
-/// Styles, with or without colours.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Theme {
-    /// Colours are wanted.
-    pub colours: bool,
-}
-
-impl Theme {
-    fn coloured(self, colour: Color) -> Style {
-        if self.colours {
-            Style::new().fg(colour)
-        } else {
-            Style::new()
-        }
-    }
-
-    fn good(self) -> Style {
-        self.coloured(Color::Green)
-    }
-
-    fn bad(self) -> Style {
-        self.coloured(Color::Red).add_modifier(Modifier::BOLD)
-    }
-
-    fn warning(self) -> Style {
-        self.coloured(Color::Magenta).add_modifier(Modifier::BOLD)
-    }
-
-    fn title(self) -> Style {
-        self.coloured(Color::Blue).add_modifier(Modifier::BOLD)
-    }
-
-    fn strong(self) -> Style {
-        Style::new().add_modifier(Modifier::BOLD)
-    }
-
-    fn quiet(self) -> Style {
-        Style::new().add_modifier(Modifier::DIM)
-    }
-
-    fn key(self) -> Style {
-        self.coloured(Color::Cyan).add_modifier(Modifier::BOLD)
-    }
-
-    fn latched(self) -> Style {
-        self.strong().add_modifier(Modifier::REVERSED)
-    }
-}
 
 /// Draws everything; `now` in seconds of the model's clock.
 pub fn draw(frame: &mut Frame<'_>, model: &Model, theme: Theme, now: f64) {
@@ -166,25 +117,6 @@ fn message<'a>(model: &'a Model, theme: Theme) -> Vec<Line<'a>> {
         None => {}
     }
     vec![Line::from(line), panels::hints(model, theme)]
-}
-
-/// A box in the middle for a form or the help.
-fn overlay(frame: &mut Frame<'_>, area: Rect, title: &str, lines: Vec<Line<'_>>, theme: Theme) {
-    let width = area.width.min(84);
-    let height = area
-        .height
-        .min(u16::try_from(lines.len() + 2).unwrap_or(u16::MAX));
-    let here = Rect {
-        x: area.x + (area.width - width) / 2,
-        y: area.y + (area.height - height) / 2,
-        width,
-        height,
-    };
-    let block = Block::bordered()
-        .border_style(theme.title())
-        .title(Span::styled(format!(" {title} "), theme.title()));
-    frame.render_widget(Clear, here);
-    frame.render_widget(Paragraph::new(lines).block(block), here);
 }
 
 #[cfg(test)]

@@ -105,7 +105,7 @@ pub struct Report {
     pub time: f64,
     /// Simulated seconds per wall second.
     pub factor: f64,
-    /// Time stands still by command.
+    /// Time is paused by command.
     pub paused: bool,
     /// Whom or what the simulation waits for; empty when it does not.
     pub waiting_for: String,
@@ -250,6 +250,21 @@ impl fmt::Display for Report {
                 r.message
             )?;
         }
+        self.write_streams(f)?;
+        if !self.task.name.is_empty() {
+            write!(
+                f,
+                "\ntask {}\n{}",
+                self.task.name,
+                evaluation_lines(&self.evaluation)
+            )?;
+        }
+        Ok(())
+    }
+}
+
+impl Report {
+    fn write_streams(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         writeln!(
             f,
             "\n{:<18}{:>9}{:>9}{:>9}{:>9}{:>9}{:>9}{:>12}{:>8}",
@@ -278,15 +293,7 @@ impl fmt::Display for Report {
         if self.streams.is_empty() {
             writeln!(
                 f,
-                "(nothing came: time stands still, or see `wheelarm doctor`)"
-            )?;
-        }
-        if !self.task.name.is_empty() {
-            write!(
-                f,
-                "\ntask {}\n{}",
-                self.task.name,
-                evaluation_lines(&self.evaluation)
+                "(nothing came: time is paused, or see `wheelarm doctor`)"
             )?;
         }
         Ok(())

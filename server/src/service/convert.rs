@@ -9,10 +9,11 @@ use crate::robot::RobotModel;
 use crate::robot::control::{
     ArmIntent, ArmProblem, BaseIntent, ControlInput, GripperIntent, GripperMap, IntentFrame,
 };
+use crate::robot::kinematics;
 use crate::scene::{FurnitureJoint, Placement, Resistance, Scene};
 use crate::sensors::frames::RelativeState;
 use crate::sim::{ALL_CAMERAS, CameraSetting, Quality, Scenario};
-use crate::snapshot::{BodyRef, BodyState};
+use crate::snapshot::{Anomaly, BodyRef, BodyState, Fault};
 use crate::tasks;
 
 /// A vector as a message.
@@ -246,6 +247,39 @@ pub fn arm_problem(problem: Option<ArmProblem>) -> v1::ArmProblem {
         Some(ArmProblem::JointLimit) => v1::ArmProblem::JointLimit,
         Some(ArmProblem::Stalled) => v1::ArmProblem::Stalled,
         Some(ArmProblem::Hindered) => v1::ArmProblem::Hindered,
+    }
+}
+
+/// Why a pose is not reached, as a message tells it.
+pub fn reach_problem(reason: kinematics::Reason) -> v1::ReachProblem {
+    use kinematics::Reason;
+    match reason {
+        Reason::TooFar { .. } => v1::ReachProblem::TooFar,
+        Reason::Limits(_) => v1::ReachProblem::JointLimits,
+        Reason::NoSolution => v1::ReachProblem::NoSolution,
+        Reason::Jump(..) => v1::ReachProblem::Jump,
+    }
+}
+
+/// The code of an anomaly.
+pub fn anomaly_kind(anomaly: &Anomaly) -> v1::AnomalyKind {
+    match anomaly {
+        Anomaly::NotFinite(_) => v1::AnomalyKind::NotFinite,
+        Anomaly::Escaped(_) => v1::AnomalyKind::Escaped,
+        Anomaly::Fast(_) => v1::AnomalyKind::JointFast,
+    }
+}
+
+/// The code of a fault.
+pub fn fault_kind(fault: &Fault) -> v1::AnomalyKind {
+    match fault {
+        Fault::NotFinite(_) => v1::AnomalyKind::FaultNotFinite,
+        Fault::JointSpeed { .. } => v1::AnomalyKind::FaultJointSpeed,
+        Fault::Contact { .. } => v1::AnomalyKind::FaultContactForce,
+        Fault::NodeSpeed { .. } => v1::AnomalyKind::FaultNodeSpeed,
+        Fault::Energy { .. } => v1::AnomalyKind::FaultEnergy,
+        Fault::Outside { .. } => v1::AnomalyKind::FaultOutside,
+        Fault::Panic(_) => v1::AnomalyKind::FaultPanic,
     }
 }
 

@@ -75,6 +75,9 @@ fn physics_that_breaks_ends_the_episode_and_not_the_server() {
     let words = end.anomalies.last().cloned();
     let words = &words.expect("the anomaly in words");
     assert!(words.contains("press with"), "{words}");
+    let kind = end.anomaly_kinds().last();
+    assert_eq!(kind, Some(v1::AnomalyKind::FaultContactForce));
+    assert_eq!(end.anomaly_kinds.len(), end.anomalies.len());
     let evaluation = end.evaluation.clone().expect("an evaluation");
     assert!(evaluation.done && !evaluation.success, "{evaluation:?}");
     assert_eq!(evaluation.failure, "physics");
@@ -108,6 +111,8 @@ fn physics_that_breaks_ends_the_episode_and_not_the_server() {
     assert!(summary.complete, "{:?}\n{text}", summary.problems);
     assert_eq!(summary.failure_reason, "physics");
     assert_eq!(summary.anomalies.last(), Some(words));
+    let kind = summary.anomaly_kinds.last().map(String::as_str);
+    assert_eq!(kind, Some("fault_contact_force"));
     let sound = Episode::open(&folder.path().join("sound.h5")).expect("a file");
     let summary = sound.summary().expect("a summary");
     assert!(!sound.is_broken() && summary.anomalies.is_empty());

@@ -8,6 +8,7 @@ use std::time::Duration;
 
 use wheelarm_link::{Link, Streams};
 use wheelarm_proto::Query;
+use wheelarm_proto::robot::Roles;
 use wheelarm_proto::topic::Sample;
 use wheelarm_proto::{Message, TopicId, v1};
 use wheelarm_tests::{Line, PATIENCE, Proxy, Server, program, root, wait_until};
@@ -436,4 +437,31 @@ fn signals_are_heard_before_the_server_says_that_it_is_ready() {
     assert!(status.success(), "{status}");
     let said = String::from_utf8_lossy(&said[size..]).into_owned();
     assert!(said.starts_with("ready "), "{said:?}");
+}
+
+#[test]
+fn reach_tells_a_code_beside_its_words() {
+    let server = Server::start("reach-code", &["--no-cameras"]).expect("a server");
+    let link = server.link();
+    let scene = link.ask(&v1::SceneRequest {}).expect("a scene");
+    let roles = Roles::find(&scene.robot.expect("a robot")).expect("roles");
+    let poses = link.samples::<v1::PoseSet>().expect("poses");
+    let told = poses.next(PATIENCE).expect("a link").expect("a sample");
+    let pose = told.frames[roles.end_effector].pose;
+    let ask = |pose| {
+        let near_joints = Vec::new();
+        let request = v1::ReachRequest { pose, near_joints };
+        link.ask(&request).expect("an answer")
+    };
+    let here = ask(pose);
+    assert!(here.reachable && here.reason.is_empty(), "{here:?}");
+    assert_eq!(here.problem(), v1::ReachProblem::Unspecified);
+    let mut far = pose.expect("a pose");
+    far.position = Some(v1::Vector3 {
+        x: 3.0,
+        ..Default::default()
+    });
+    let far = ask(Some(far));
+    assert!(!far.reachable && far.reason.contains("shoulder"), "{far:?}");
+    assert_eq!(far.problem(), v1::ReachProblem::TooFar);
 }

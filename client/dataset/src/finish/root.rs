@@ -80,8 +80,13 @@ pub(super) fn attributes(
 
     let cause = stopped.map_or(v1::EndCause::Unspecified, v1::EpisodeStopped::cause);
     let anomalies = stopped.map(|s| s.anomalies.as_slice()).unwrap_or_default();
+    let kinds = stopped
+        .into_iter()
+        .flat_map(v1::EpisodeStopped::anomaly_kinds);
+    let kinds: Vec<String> = kinds.map(v1::AnomalyKind::word).collect();
     at.text("end_cause", end_cause(cause))?
-        .texts("anomalies", anomalies)?;
+        .texts("anomalies", anomalies)?
+        .texts("anomaly_kinds", &kinds)?;
 
     // Without an evaluation nobody knows whether the task succeeded, and of a
     // simulation that broke nothing can be believed.

@@ -86,6 +86,8 @@ pub struct Summary {
     pub end_cause: String,
     /// What was odd in the simulation, in words.
     pub anomalies: Vec<String>,
+    /// Its codes in the same order, for example `escaped`; none in older files.
+    pub anomaly_kinds: Vec<String>,
     /// Conditions with their state and measured value at the end.
     pub conditions: Vec<(String, bool, f64)>,
     /// Everything that was published is there.
@@ -217,6 +219,7 @@ impl Episode {
             failure_reason: told("failure_reason")?,
             end_cause: text(at, "end_cause").unwrap_or_default(),
             anomalies: texts(at, "anomalies").unwrap_or_default(),
+            anomaly_kinds: texts(at, "anomaly_kinds").unwrap_or_default(),
             conditions,
             complete: number(at, "complete").map_err(|e| self.hdf5("complete", e))?,
             problems: texts(at, "problems").map_err(|e| self.hdf5("problems", e))?,

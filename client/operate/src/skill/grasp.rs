@@ -1,4 +1,4 @@
-//! Grasp: closes the gripper until both pads press and the fingers stand still.
+//! Grasp: closes the gripper until both pads press and the fingers stall.
 
 use wheelarm_proto::v1::Phase;
 
@@ -6,12 +6,12 @@ use super::{Act, Now, Skill, Step};
 
 /// A pad touches from this force, N.
 const TOUCH: f64 = 2.0;
-/// The knuckle stands still within this, radians. Its angle counts and not its
+/// The knuckle has stalled within this, radians. Its angle counts and not its
 /// speed, which a stiff contact shakes.
 const STILL: f64 = 0.006;
 /// The same for what is soft: the cap on the force moves the fingers there.
 const SOFT_STILL: f64 = 0.03;
-/// A grip is firm after the knuckle has stood still this long, seconds.
+/// A grip is firm after the knuckle has stalled this long, seconds.
 const FIRM: f64 = 0.3;
 /// Longest time to close, seconds.
 const LONGEST: f64 = 5.0;

@@ -5,7 +5,7 @@ use nalgebra::{Isometry3, Translation3};
 use wheelarm_proto::v1::Phase;
 
 use super::{Act, Now, Skill, Step};
-use crate::base_placement::{self, PLACEMENT_MARGIN};
+use crate::base_placement::{self, BasePlacement, PLACEMENT_MARGIN};
 use crate::drive::Drive;
 use crate::footprint_check::{FootprintCheck, Pose2};
 use crate::goal::Goal;
@@ -16,6 +16,8 @@ use super::{lift, place};
 
 /// Placements that are checked for reach and path per stop.
 const PLACES: usize = 120;
+/// Placements without a path after which a level is abandoned.
+const PATHLESS: usize = 12;
 /// Levels of content with a placement: all in one go, or only what comes first.
 const LEVELS: usize = 2;
 /// A placement that did not work is not taken again within this, metres and radians.
@@ -191,87 +193,126 @@ impl Wanted {
     }
 }
 
+/// What became of the placements that were looked at.
+#[derive(Default)]
+struct Tally {
+    /// Most grasp candidates that a margin left.
+    candidates: usize,
+    /// Placements that were looked at.
+    tried: usize,
+    /// Of them, out of the arm's reach.
+    unreached: usize,
+    /// Of them, without a path of the chair.
+    pathless: usize,
+}
+
 /// The best base placement and the drive to it.
 fn find(now: &mut Now<'_>, purpose: Purpose) -> Result<Drive, String> {
     let chair = now.seen.chair();
     let footprint = now.scene.footprint_check(now.poses);
-    let name = &now.scene.items[now.goal.item()].name;
-    let mut tried = 0;
-    let mut reasons = [0_usize; 2];
-    let mut most_candidates = 0;
+    let mut tally = Tally::default();
     for margin in MARGINS {
-        let candidates = match purpose {
-            Purpose::Take => {
-                let standoff = now.profile.grasp.standoff;
-                grasp_candidate::candidates(now.scene, now.goal, now.poses, standoff, margin)
-            }
-            Purpose::Put => {
-                let held = now.memory.held.unwrap_or_else(|| now.thing_in_hand());
-                place::candidates(
-                    now,
-                    &held,
-                    now.memory
-                        .candidate
-                        .map_or(0.03, |candidate| candidate.width),
-                )
-            }
+        let candidates = candidates(now, purpose, margin);
+        tally.candidates = tally.candidates.max(candidates.len());
+        let distance = now.profile.grasp.distance;
+        let mut placements = base_placement::placements(now.scene, &chair, &candidates, distance);
+        placements.retain(|placement| footprint.is_free(&placement.chair, PLACEMENT_MARGIN));
+        placements.truncate(20 * PLACES);
+        let choice = Choice {
+            purpose,
+            candidates,
+            placements,
         };
-        most_candidates = most_candidates.max(candidates.len());
-        let placements =
-            base_placement::placements(now.scene, &chair, &candidates, now.profile.grasp.distance);
-        let free: Vec<_> = placements
-            .iter()
-            .filter(|placement| footprint.is_free(&placement.chair, PLACEMENT_MARGIN))
-            .take(20 * PLACES)
-            .collect();
-        let chair_from_base = now.scene.chair_from_base;
         // Placements from which everything can be done come first.
         for level in 0..LEVELS {
-            let mut looked = 0;
-            let mut refused: Vec<(Pose2, usize)> = Vec::new();
-            for placement in &free {
-                if looked == PLACES {
-                    break;
-                }
-                // Neighbours of a placement that did not do rarely do better.
-                let is_near = |(pose, candidate): &(Pose2, usize)| {
-                    *candidate == placement.candidate
-                        && pose.distance(&placement.chair) < 0.045
-                        && pose.to(&placement.chair)[2].abs() < 0.15
-                };
-                let was_left = now.memory.left.iter().any(|pose| {
-                    pose.distance(&placement.chair) < LEFT[0]
-                        && pose.to(&placement.chair)[2].abs() < LEFT[1]
-                });
-                if was_left || refused.iter().any(is_near) {
-                    continue;
-                }
-                let at = base_placement::standing(&placement.chair);
-                let base = at * chair_from_base;
-                looked += 1;
-                tried += 1;
-                let wanted = wanted(now, &candidates[placement.candidate], purpose, &base);
-                if !wanted.is_reached(level, now, &at) {
-                    reasons[0] += 1;
-                    refused.push((placement.chair, placement.candidate));
-                    continue;
-                }
-                let Some(path) = drive_path(&footprint, chair, placement.chair, now) else {
-                    reasons[1] += 1;
-                    refused.push((placement.chair, placement.candidate));
-                    if reasons[1] > 12 {
-                        break;
-                    }
-                    continue;
-                };
-                return Ok(Drive::new(chair, &path, &now.profile.drive));
+            if let Some(drive) = choice.drive(level, now, &footprint, &mut tally) {
+                return Ok(drive);
             }
         }
     }
+    let name = &now.scene.items[now.goal.item()].name;
     Err(format!(
-        "no place to stop for {name:?}: {most_candidates} grasp candidates, of {tried} base placements {} out of the arm's reach and {} without a path",
-        reasons[0], reasons[1]
+        "no place to stop for {name:?}: {} grasp candidates, of {} base placements {} out of the arm's reach and {} without a path",
+        tally.candidates, tally.tried, tally.unreached, tally.pathless
     ))
+}
+
+/// Candidates to take the thing, or to put down what is in the hand.
+fn candidates(now: &Now<'_>, purpose: Purpose, margin: f64) -> Vec<GraspCandidate> {
+    match purpose {
+        Purpose::Take => {
+            let standoff = now.profile.grasp.standoff;
+            grasp_candidate::candidates(now.scene, now.goal, now.poses, standoff, margin)
+        }
+        Purpose::Put => {
+            let held = now.memory.held.unwrap_or_else(|| now.thing_in_hand());
+            let taken = now.memory.candidate;
+            place::candidates(now, &held, taken.map_or(0.03, |taken| taken.width))
+        }
+    }
+}
+
+/// Where the chair may stop, and for what.
+struct Choice {
+    purpose: Purpose,
+    candidates: Vec<GraspCandidate>,
+    /// The best first.
+    placements: Vec<BasePlacement>,
+}
+
+impl Choice {
+    /// The drive to the best placement from which all of a level of content can
+    /// be reached.
+    fn drive(
+        &self,
+        level: usize,
+        now: &mut Now<'_>,
+        footprint: &FootprintCheck,
+        tally: &mut Tally,
+    ) -> Option<Drive> {
+        let chair = now.seen.chair();
+        let mut looked = 0;
+        let mut refused: Vec<(Pose2, usize)> = Vec::new();
+        for placement in &self.placements {
+            if looked == PLACES {
+                break;
+            }
+            // Neighbours of a placement that did not do rarely do better.
+            let is_near = |(pose, candidate): &(Pose2, usize)| {
+                *candidate == placement.candidate
+                    && pose.distance(&placement.chair) < 0.045
+                    && pose.to(&placement.chair)[2].abs() < 0.15
+            };
+            let was_left = now.memory.left.iter().any(|pose| {
+                pose.distance(&placement.chair) < LEFT[0]
+                    && pose.to(&placement.chair)[2].abs() < LEFT[1]
+            });
+            if was_left || refused.iter().any(is_near) {
+                continue;
+            }
+            let at = base_placement::standing(&placement.chair);
+            let base = at * now.scene.chair_from_base;
+            looked += 1;
+            tally.tried += 1;
+            let candidate = &self.candidates[placement.candidate];
+            let wanted = wanted(now, candidate, self.purpose, &base);
+            if !wanted.is_reached(level, now, &at) {
+                tally.unreached += 1;
+                refused.push((placement.chair, placement.candidate));
+                continue;
+            }
+            let Some(path) = drive_path(footprint, chair, placement.chair, now) else {
+                tally.pathless += 1;
+                refused.push((placement.chair, placement.candidate));
+                if tally.pathless > PATHLESS {
+                    break;
+                }
+                continue;
+            };
+            return Some(Drive::new(chair, &path, &now.profile.drive));
+        }
+        None
+    }
 }
 
 /// The quickest path whose last part is straight, so that the chair arrives

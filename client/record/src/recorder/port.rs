@@ -8,7 +8,7 @@ use super::super::gaps::Missing;
 
 /// What reaches a recorder.
 #[derive(Clone, Debug)]
-#[allow(
+#[expect(
     clippy::large_enum_variant,
     reason = "one such message per episode; samples are the small ones"
 )]

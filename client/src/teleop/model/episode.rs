@@ -154,9 +154,9 @@ impl Model {
                 self.say(
                     now,
                     if paused {
-                        "time stands still; p goes on"
+                        "time is paused; p resumes"
                     } else {
-                        "time goes on"
+                        "time resumes"
                     },
                 );
             }

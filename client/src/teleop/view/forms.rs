@@ -4,7 +4,7 @@ use ratatui::Frame;
 use ratatui::layout::Rect;
 use ratatui::text::{Line, Span};
 
-use super::{Theme, overlay};
+use super::theme::{Theme, overlay};
 use crate::teleop::form::{Field, Form, START_FIELDS};
 use crate::teleop::model::Model;
 

@@ -4,7 +4,7 @@ use ratatui::Frame;
 use ratatui::layout::Rect;
 use ratatui::text::{Line, Span};
 
-use super::{Theme, overlay};
+use super::theme::{Theme, overlay};
 
 /// Every key and what it does; the guide shows the same list.
 const KEYS: [(&str, &str); 22] = [
@@ -40,7 +40,7 @@ const KEYS: [(&str, &str); 22] = [
     ("← ←", "redo: throw it away, set up the same again, start"),
     ("d d", "discard the episode"),
     ("t", "set up another task or seed"),
-    ("p", "time stands still or goes on"),
+    ("p", "pauses or resumes time"),
     ("!  Ctrl-C", "take control from somebody; leave"),
 ];
 

@@ -3,7 +3,7 @@
 use ratatui::text::{Line, Span};
 use wheelarm_proto::v1;
 
-use super::Theme;
+use super::theme::{Theme, WIDE};
 use crate::teleop::arm::{self, label, pointing};
 use crate::teleop::drive::DIRECTIONS;
 use crate::teleop::model::{Control, Model};
@@ -30,7 +30,7 @@ fn pair<'a>(name: &'static str, value: impl Into<String>, theme: Theme) -> Line<
 
 /// Rows of the header at a width.
 pub fn header_rows(width: u16) -> u16 {
-    if width >= super::WIDE { 1 } else { 2 }
+    if width >= WIDE { 1 } else { 2 }
 }
 
 /// The top of the screen: connection, control, pace, address of the page.
@@ -122,6 +122,14 @@ pub fn hints<'a>(model: &Model, theme: Theme) -> Line<'a> {
 
 /// The keys of chair, arm and gripper, with what they do now.
 pub fn controls<'a>(model: &Model, theme: Theme) -> Vec<Line<'a>> {
+    let mut lines = chair_keys(model, theme);
+    lines.push(Line::default());
+    lines.extend(hand_keys(model, theme));
+    lines.extend(gripper_keys(model, theme));
+    lines
+}
+
+fn chair_keys<'a>(model: &Model, theme: Theme) -> Vec<Line<'a>> {
     let drive_key = |key: char| {
         let direction = DIRECTIONS.iter().find(|(k, _)| *k == key).map(|(_, d)| *d);
         let latched = direction.is_some() && direction == model.drive.direction;
@@ -132,23 +140,14 @@ pub fn controls<'a>(model: &Model, theme: Theme) -> Vec<Line<'a>> {
         };
         Span::styled(format!(" {key} "), style)
     };
-    let [linear, angular] = model.drive.speeds;
-    let (tool, mount) = (model.situation.base_from_tool, model.situation.mount());
-    let arm_key = |(key, axis, sign): (char, usize, f64)| {
-        let word = label(axis, sign, model.arm.turning, tool.as_ref(), mount.as_ref());
-        [
-            Span::styled(format!(" {key} "), theme.key()),
-            Span::raw(format!("{word:<11}")),
-        ]
-    };
-    let pad = |keys: [char; 3], words: Vec<Span<'a>>| {
+    let pad = |keys: [char; 3], speed: &'static str, words: String| {
         let mut line = vec![Span::raw(" ")];
         line.extend(keys.map(drive_key));
         line.push(Span::raw("   "));
-        line.extend(words);
+        line.push(Span::styled(speed, theme.key()));
+        line.push(Span::raw(words));
         Line::from(line)
     };
-    let keys = |text: &str| Span::styled(text.to_owned(), theme.key());
     let direction = match model.drive.direction {
         Some(_) => {
             let [linear, angular] = model.drive.told();
@@ -159,43 +158,38 @@ pub fn controls<'a>(model: &Model, theme: Theme) -> Vec<Line<'a>> {
         }
         None => Span::styled("stands", theme.quiet()),
     };
-    let [translation, rotation] = model.arm.steps;
-    let mode = if model.arm.turning { "TURN" } else { "move" };
-    let step = if model.arm.turning {
-        format!("{rotation:.3} rad")
-    } else {
-        format!("{:.1} mm", translation * 1e3)
-    };
-    let mut lines = vec![
+    let [linear, angular] = model.drive.speeds;
+    vec![
         Line::from(vec![Span::styled("chair  ", theme.strong()), direction]),
-        pad(
-            ['u', 'i', 'o'],
-            vec![keys("q z"), Span::raw("  both speeds ±10 %")],
-        ),
-        pad(
-            ['j', 'k', 'l'],
-            vec![keys("w x"), Span::raw(format!("  {linear:.2} m/s"))],
-        ),
-        pad(
-            ['m', ',', '.'],
-            vec![keys("e c"), Span::raw(format!("  {angular:.2} rad/s"))],
-        ),
-        Line::default(),
-        Line::from(vec![
-            Span::styled("hand   ", theme.strong()),
-            Span::styled(
-                format!("{mode} {step}"),
-                if model.arm.turning {
-                    theme.latched()
-                } else {
-                    theme.strong()
-                },
-            ),
-            Span::raw("   "),
-            keys("Space"),
-            Span::raw(" move/turn"),
-        ]),
-    ];
+        pad(['u', 'i', 'o'], "q z", "  both speeds ±10 %".to_owned()),
+        pad(['j', 'k', 'l'], "w x", format!("  {linear:.2} m/s")),
+        pad(['m', ',', '.'], "e c", format!("  {angular:.2} rad/s")),
+    ]
+}
+
+fn hand_keys<'a>(model: &Model, theme: Theme) -> Vec<Line<'a>> {
+    let [translation, rotation] = model.arm.steps;
+    let (mode, step, style) = if model.arm.turning {
+        ("TURN", format!("{rotation:.3} rad"), theme.latched())
+    } else {
+        let step = format!("{:.1} mm", translation * 1e3);
+        ("move", step, theme.strong())
+    };
+    let mut lines = vec![Line::from(vec![
+        Span::styled("hand   ", theme.strong()),
+        Span::styled(format!("{mode} {step}"), style),
+        Span::raw("   "),
+        Span::styled("Space", theme.key()),
+        Span::raw(" move/turn"),
+    ])];
+    let (tool, mount) = (model.situation.base_from_tool, model.situation.mount());
+    let arm_key = |(key, axis, sign): (char, usize, f64)| {
+        let word = label(axis, sign, model.arm.turning, tool.as_ref(), mount.as_ref());
+        [
+            Span::styled(format!(" {key} "), theme.key()),
+            Span::raw(format!("{word:<11}")),
+        ]
+    };
     // Opposite keys stand beside each other: v n, h f, g b.
     for (first, second) in [(1, 0), (3, 2), (4, 5)] {
         let mut line = vec![Span::raw(" ")];
@@ -203,26 +197,32 @@ pub fn controls<'a>(model: &Model, theme: Theme) -> Vec<Line<'a>> {
         line.extend(arm_key(arm::KEYS[second]));
         lines.push(Line::from(line));
     }
-    lines.push(Line::from(vec![
-        Span::raw("  "),
-        keys("r"),
-        Span::raw(" close gripper   "),
-        keys("y"),
-        Span::raw(" open   "),
-        keys("- ="),
-        Span::raw(" step size"),
-    ]));
-    lines.push(Line::from(vec![
-        Span::raw("  "),
-        keys("a"),
-        Span::raw(" reach shell "),
-        if model.arm.shell {
-            Span::styled("on", theme.warning())
-        } else {
-            Span::raw("off")
-        },
-    ]));
     lines
+}
+
+fn gripper_keys<'a>(model: &Model, theme: Theme) -> [Line<'a>; 2] {
+    let key = |text: &'static str| Span::styled(text, theme.key());
+    [
+        Line::from(vec![
+            Span::raw("  "),
+            key("r"),
+            Span::raw(" close gripper   "),
+            key("y"),
+            Span::raw(" open   "),
+            key("- ="),
+            Span::raw(" step size"),
+        ]),
+        Line::from(vec![
+            Span::raw("  "),
+            key("a"),
+            Span::raw(" reach shell "),
+            if model.arm.shell {
+                Span::styled("on", theme.warning())
+            } else {
+                Span::raw("off")
+            },
+        ]),
+    ]
 }
 
 /// What happened, newest last.

@@ -28,7 +28,11 @@ impl Engine {
             v1::EventKind::Anomaly,
             &format!("the state is broken: {words}; ask for `reset`"),
         );
-        self.anomalies.push(words.clone());
+        let kind = self
+            .sim
+            .fault()
+            .map_or_else(Default::default, convert::fault_kind);
+        self.anomalies.push((kind, words.clone()));
         self.end_episode(false, v1::EndCause::Physics);
         self.shared.inbox.lock().close(&format!(
             "the state is broken, nothing moves before a `reset`: {words}"
@@ -40,8 +44,9 @@ impl Engine {
             if !self.seen_anomalies.contains(&anomaly) && self.anomalies.len() < MOST {
                 let words = anomaly_words(&anomaly, self.sim.model(), self.sim.scene());
                 self.event(v1::EventKind::Anomaly, &words);
+                self.anomalies
+                    .push((convert::anomaly_kind(&anomaly), words));
                 self.seen_anomalies.push(anomaly);
-                self.anomalies.push(words);
             }
         }
         let hard: Vec<Contact> = self.sim.hard_collisions().copied().collect();

@@ -314,12 +314,14 @@ impl Engine {
                 reachable: true,
                 joints: solution.joints.to_vec(),
                 reason: String::new(),
+                problem: v1::ReachProblem::Unspecified.into(),
             },
             Err(e) => v1::ReachReply {
                 header,
                 reachable: false,
                 joints: Vec::new(),
                 reason: e.to_string(),
+                problem: convert::reach_problem(e.reason).into(),
             },
         })
     }

@@ -213,7 +213,16 @@ impl Engine {
             manifest,
             wall_seconds: episode.running_since.elapsed().as_secs_f64(),
             cause: cause.into(),
-            anomalies: self.anomalies.clone(),
+            anomalies: self
+                .anomalies
+                .iter()
+                .map(|(_, words)| words.clone())
+                .collect(),
+            anomaly_kinds: self
+                .anomalies
+                .iter()
+                .map(|(kind, _)| (*kind).into())
+                .collect(),
         };
         // Whoever hears of the end may ask for it at once.
         self.ended.push_back(stopped.clone());

@@ -69,8 +69,8 @@ pub struct Engine {
     /// The last episodes that ended, oldest first.
     pub(in crate::service) ended: VecDeque<v1::EpisodeStopped>,
     pub(in crate::service) seen_anomalies: Vec<Anomaly>,
-    /// What was odd since the episode began, in words.
-    pub(in crate::service) anomalies: Vec<String>,
+    /// What was odd since the episode began, with its words.
+    pub(in crate::service) anomalies: Vec<(v1::AnomalyKind, String)>,
     /// Pairs whose hard collision has been told in this episode.
     pub(in crate::service) seen_collisions: Vec<(BodyRef, BodyRef)>,
     /// Asset files as they were when the simulation was set up.
