@@ -4,9 +4,11 @@
 use std::collections::VecDeque;
 use std::io::{Read, Write};
 use std::net::{Shutdown, TcpListener, TcpStream};
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, Condvar, Mutex, PoisonError};
 use std::time::{Duration, Instant};
+
+use parking_lot::{Condvar, Mutex};
 
 /// What the line does.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -85,7 +87,7 @@ impl Proxy {
 
     /// Changes what the line does.
     pub fn set(&self, line: Line) {
-        *lock(&self.shared.line) = line;
+        *self.shared.line.lock() = line;
         if line == Line::Cut {
             self.shared.tear_down();
         }
@@ -99,10 +101,6 @@ impl Drop for Proxy {
         // Wakes the thread that accepts.
         let _ = TcpStream::connect(("127.0.0.1", self.port));
     }
-}
-
-fn lock<T>(mutex: &Mutex<T>) -> std::sync::MutexGuard<'_, T> {
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 /// One direction: pieces with the time at which they arrive.
@@ -121,11 +119,11 @@ struct PipeState {
 
 impl Shared {
     fn line(&self) -> Line {
-        *lock(&self.line)
+        *self.line.lock()
     }
 
     fn tear_down(&self) {
-        for stream in lock(&self.open).drain(..) {
+        for stream in self.open.lock().drain(..) {
             let _ = stream.shutdown(Shutdown::Both);
         }
     }
@@ -134,7 +132,7 @@ impl Shared {
         for stream in [&client, &server] {
             let _ = stream.set_nodelay(true);
             if let Ok(copy) = stream.try_clone() {
-                lock(&self.open).push(copy);
+                self.open.lock().push(copy);
             }
         }
         let pairs = [
@@ -159,12 +157,9 @@ impl Shared {
         while let Ok(length @ 1..) = from.read(&mut piece) {
             let takes = Duration::from_secs_f64(length as f64 * 8.0 / self.bits_per_second);
             free = free.max(Instant::now()) + takes;
-            let mut state = lock(&pipe.state);
+            let mut state = pipe.state.lock();
             while state.bytes > IN_FLIGHT && !state.closed {
-                state = pipe
-                    .changed
-                    .wait(state)
-                    .unwrap_or_else(PoisonError::into_inner);
+                pipe.changed.wait(&mut state);
             }
             if state.closed {
                 break;
@@ -175,18 +170,16 @@ impl Shared {
                 .push_back((free + self.delay, piece[..length].to_vec()));
             pipe.changed.notify_all();
         }
-        lock(&pipe.state).closed = true;
+        pipe.state.lock().closed = true;
         pipe.changed.notify_all();
     }
 
     fn write(&self, mut to: TcpStream, pipe: &Pipe, frozen: &[Line]) {
         loop {
             let (due, piece) = {
-                let state = lock(&pipe.state);
-                let mut state = pipe
-                    .changed
-                    .wait_while(state, |s| s.pieces.is_empty() && !s.closed)
-                    .unwrap_or_else(PoisonError::into_inner);
+                let mut state = pipe.state.lock();
+                let is_idle = |s: &mut PipeState| s.pieces.is_empty() && !s.closed;
+                pipe.changed.wait_while(&mut state, is_idle);
                 let Some(next) = state.pieces.pop_front() else {
                     break;
                 };
@@ -202,7 +195,7 @@ impl Shared {
                 break;
             }
         }
-        lock(&pipe.state).closed = true;
+        pipe.state.lock().closed = true;
         pipe.changed.notify_all();
         let _ = to.shutdown(Shutdown::Both);
     }
