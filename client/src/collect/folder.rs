@@ -20,7 +20,7 @@ use anyhow::{Context, bail};
 use sha2::{Digest, Sha256};
 
 use super::journal::Done;
-use wheelarm_rig::process::remove_socket;
+use wheelarm_rig::remove_socket;
 
 /// Name of the note in a staging folder that says what is about to be published.
 const RESULT: &str = "result.json";
@@ -82,6 +82,18 @@ impl Folder {
     #[must_use]
     pub fn file(&self, episode: &str) -> PathBuf {
         self.root.join(Self::file_name(episode))
+    }
+
+    /// Keeps the text of the plan beside the data.
+    ///
+    /// # Errors
+    /// When the disk does not take it.
+    pub fn keep_plan(&self, text: &str) -> anyhow::Result<()> {
+        let kept = std::fs::read_to_string(self.plan());
+        match kept.is_ok_and(|kept| kept == text) {
+            true => Ok(()),
+            false => write_whole(&self.plan(), text.as_bytes()),
+        }
     }
 
     /// Where an episode is made.

@@ -12,6 +12,7 @@ use anyhow::{Context, bail};
 use serde::{Deserialize, Serialize};
 
 use super::episode::Shard;
+use crate::broken::Broken;
 
 /// One line of a journal.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -82,10 +83,9 @@ pub struct Failed {
     pub seconds: f64,
     /// Wall seconds.
     pub wall_seconds: f64,
-    /// What broke: `physics`, a `server` that died or hung, or a `scenario` that
-    /// none sets up; empty when it was the task that failed.
-    #[serde(default, skip_serializing_if = "String::is_empty")]
-    pub broken: String,
+    /// What broke; absent when it was the task that failed.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub broken: Option<Broken>,
     /// Which server of this attempt it was that died or hung, from 1; 0 when
     /// none did.
     #[serde(default, skip_serializing_if = "is_zero")]
@@ -269,7 +269,7 @@ mod tests {
             reason: "dropped".into(),
             seconds: 1.0,
             wall_seconds: 1.0,
-            broken: String::new(),
+            broken: None,
             death: 0,
             scenario: None,
         }
@@ -279,7 +279,7 @@ mod tests {
     fn a_server_that_died_once_has_its_attempt_tried_once_more() {
         let died = |attempt: u32, death: u32| {
             Entry::Failed(Failed {
-                broken: "server".into(),
+                broken: Some(Broken::Server),
                 death,
                 ..failed(attempt)
             })

@@ -6,18 +6,20 @@
 //! Shards need no coordinator: name, seed and shard of an episode follow from
 //! the plan alone.
 
+mod activity;
 mod attempt;
-mod board;
 mod capacity;
 mod episode;
 mod estimate;
 mod fleet;
 mod folder;
 mod journal;
+mod judge;
 mod manifest;
 mod merge;
 mod plan;
 mod progress;
+mod slot;
 mod stop;
 mod watch;
 
@@ -36,7 +38,7 @@ use capacity::Host;
 use episode::{Episode, Shard, episodes};
 use estimate::{Estimate, estimate};
 use fleet::{Job, Tally};
-use folder::{Folder, write_whole};
+use folder::Folder;
 use journal::{Entry, Journal, Ledger};
 use manifest::Manifest;
 use plan::Plan;
@@ -156,7 +158,7 @@ fn collect(
     let mut journal = Journal::open(&folder.journal(), shard)?;
     // Read again under the lock.
     let mut ledger = ledger(folder, &mine)?;
-    keep_plan(folder, &setup.plan)?;
+    folder.keep_plan(&setup.plan.text)?;
     settle(folder, &mine, &mut journal, &mut ledger)?;
     let jobs = jobs(&mine, &ledger, estimate);
     let workers = workers.min(jobs.len().max(1));
@@ -169,7 +171,7 @@ fn collect(
     );
     let expected = jobs.iter().map(|job| job.expected).sum();
     let show = Show::new(
-        fleet::LANES * workers,
+        fleet::PIPELINES * workers,
         ledger.done.len(),
         mine.len(),
         expected,
@@ -330,15 +332,6 @@ fn jobs(mine: &[Episode], ledger: &Ledger, estimate: &Estimate) -> Vec<Job> {
             }
         })
         .collect()
-}
-
-/// Keeps the plan beside the data.
-fn keep_plan(folder: &Folder, plan: &Plan) -> anyhow::Result<()> {
-    let same = std::fs::read_to_string(folder.plan()).is_ok_and(|text| text == plan.text);
-    if same {
-        return Ok(());
-    }
-    write_whole(&folder.plan(), plan.text.as_bytes())
 }
 
 /// Names the first task of the plan that the server does not know.

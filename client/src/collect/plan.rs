@@ -14,6 +14,7 @@ use serde::{Deserialize, Deserializer};
 use toml::Spanned;
 use wheelarm_proto::keys::check_name;
 use wheelarm_proto::settings::{Depth, Named, Quality};
+use wheelarm_proto::v1::CameraSetting;
 
 /// Seeds of two attempts at one episode lie this far apart, so that attempts
 /// never meet the seeds of other episodes.
@@ -90,6 +91,18 @@ impl Camera {
     pub fn word(&self) -> String {
         let [width, height] = self.size;
         format!("{}={width}x{height}@{}", self.name, self.rate)
+    }
+
+    /// As a scenario says it.
+    #[must_use]
+    pub fn setting(&self) -> CameraSetting {
+        let [width, height] = self.size;
+        CameraSetting {
+            name: self.name.clone(),
+            width,
+            height,
+            rate_hz: Some(self.rate),
+        }
     }
 }
 

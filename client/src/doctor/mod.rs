@@ -1,8 +1,8 @@
 //! `wheelarm doctor`: looks at everything that WheelArm needs here and at the
 //! server, and names the cure of what is wrong. It changes nothing.
 
-mod here;
 mod server;
+mod this_host;
 
 use std::fmt;
 use std::path::PathBuf;
@@ -108,7 +108,7 @@ pub fn run(connect: &Connect, args: &DoctorArgs) -> anyhow::Result<ExitCode> {
         }
         all.push(finding);
     };
-    here::look(&args.out, &mut tell);
+    this_host::look(&args.out, &mut tell);
     server::look(connect, args.server, &mut tell);
     if args.json {
         println!("{}", serde_json::to_string_pretty(&all)?);

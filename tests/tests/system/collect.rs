@@ -249,7 +249,7 @@ fn a_server_that_dies_and_one_that_hangs_are_entered_and_the_campaign_ends_compl
         });
         let socket = std::fs::read_to_string(staging.join("socket"));
         let socket = socket.expect("where the server listens");
-        let servers = processes(&format!("unixsock-stream/{socket}/server\0--pacing"));
+        let servers = processes(&format!("unixsock-stream/{socket}/server\0--scenario"));
         assert_eq!(servers.len(), 1, "{servers:?}");
         let line = format!("kill -{signal} {}", servers[0]);
         let status = Command::new("sh").args(["-c", &line]).status();
