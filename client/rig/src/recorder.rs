@@ -10,7 +10,8 @@ use wheelarm_link::{Connect, Link};
 use wheelarm_proto::settings::{Depth, Named};
 use wheelarm_proto::v1;
 
-use crate::{Input, Launch, Process, limits};
+use crate::limits;
+use crate::process::{Input, Launch, Process};
 
 /// What a recorder is started with.
 #[derive(Clone, Debug, PartialEq, Eq)]

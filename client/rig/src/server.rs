@@ -11,8 +11,9 @@ use wheelarm_link::{Connect, Link};
 use wheelarm_proto::program::{EXIT_SCENARIO, Ready};
 use wheelarm_proto::v1;
 
+use crate::limits;
+use crate::process::{Input, Launch, Process};
 use crate::socket::socket_folder;
-use crate::{Input, Launch, Process, limits};
 
 /// What a server is started with.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -126,13 +127,10 @@ impl Server {
                 return Ok(());
             }
             if let Some(status) = ended {
-                let words = format!(
-                    "the server ended while starting ({status}):\n{}",
-                    self.process.tail()
-                );
+                let how = format!("the server ended while starting ({status}):");
                 return Err(match status.code() == Some(i32::from(EXIT_SCENARIO)) {
-                    true => StartError::Scenario(words),
-                    false => StartError::Broke(anyhow!(words)),
+                    true => StartError::Scenario(format!("{how} {}", self.process.last_words())),
+                    false => StartError::Broke(anyhow!("{how}\n{}", self.process.tail())),
                 });
             }
             if Instant::now() > deadline {

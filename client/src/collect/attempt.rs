@@ -30,7 +30,7 @@ use super::stop::Stop;
 use super::watch::Watch;
 use crate::broken::Broken;
 
-/// Simulation time may stand still for as long as the server may be silent, and
+/// Simulation time may stall for as long as the server may be silent, and
 /// for this long in any case, while the server answers.
 const STALL: Duration = Duration::from_secs(60);
 
@@ -167,7 +167,7 @@ impl Rig {
         let hangs = self.watch.silent_for() >= patience;
         Ok(hangs.then(|| {
             format!(
-                "the server stood still and answered nothing for {:.0} s",
+                "the server stalled and answered nothing for {:.0} s",
                 patience.as_secs_f64()
             )
         }))
@@ -337,7 +337,7 @@ impl Attempt<'_> {
         }
     }
 
-    /// Ends the attempt when simulation time stands still for too long while the
+    /// Ends the attempt when simulation time stalls for too long while the
     /// server answers: an operator that does not come back from the end of its
     /// server is what stalled.
     fn check_stall(&self, rig: &mut Rig) -> Result<(), Halt> {
@@ -346,7 +346,7 @@ impl Attempt<'_> {
             return Ok(());
         }
         let words = format!(
-            "simulation time stood still for {:.0} s{}",
+            "simulation time stalled for {:.0} s{}",
             patience.as_secs_f64(),
             rig.watch.waiting_for()
         );

@@ -23,7 +23,7 @@ pub const PIPELINES: usize = 2;
 /// Runs of the same attempt when its programs break.
 const TRIES: u32 = 3;
 /// Episodes that break before the first one is done, after which the campaign
-/// is given up: it is the host, not the episode.
+/// is ended: it is the host, not the episode.
 const BROKEN: usize = 2;
 
 /// An episode to be made.
@@ -158,7 +158,7 @@ impl Shared<'_> {
         }
     }
 
-    /// Attempts an episode until it is done, given up or the run ends.
+    /// Attempts an episode until it is done, dropped or the run ends.
     ///
     /// # Errors
     /// When the folder or the journal cannot be written: that ends the run.

@@ -17,7 +17,7 @@ const ANSWER: Duration = Duration::from_secs(20);
 /// Longest time without an answer that one question can show, [`ASK`] included:
 /// never more than a share of the patience, so that no single one uses it up.
 const LONGEST: Duration = Duration::from_secs(25);
-/// Questions in a row without an answer before a server is given up, at least,
+/// Questions in a row without an answer before a server counts as hung, at least,
 /// for a campaign that was suspended as a whole may lose one.
 const QUESTIONS: u32 = 3;
 
@@ -42,9 +42,9 @@ struct Seen {
 }
 
 impl Seen {
-    /// Takes the time since the last look, `longest` at most, for standing still
+    /// Takes the time since the last look, `longest` at most, for a stall
     /// in silence. A campaign that was suspended as a whole, as schedulers do,
-    /// has not stood still.
+    /// has not stalled.
     fn look(&mut self, longest: Duration) {
         let passed = self.looked.elapsed().min(longest);
         self.still += passed;
@@ -95,7 +95,7 @@ impl Watch {
         Self { seen }
     }
 
-    /// For how long simulation time has stood still while the server answered.
+    /// For how long simulation time has stalled while the server answered.
     #[must_use]
     pub fn stalled(&self) -> Duration {
         let seen = self.seen.lock();

@@ -14,7 +14,7 @@ use wheelarm_proto::{TopicId, v1};
 
 use wheelarm_link::Link;
 
-use crate::interrupt::Signals;
+use crate::interrupt::on_signals;
 
 /// `wheelarm lease …`.
 #[derive(Subcommand, Clone, Debug)]
@@ -78,7 +78,7 @@ pub fn lease(link: &Link, command: &LeaseCommand) -> anyhow::Result<ExitCode> {
                     other => bail!("{other:?} took control"),
                 }
             }
-            // Time may stand still since before the first clock was heard.
+            // Time may have been waiting since before the first clock was heard.
             header = header.or(status.header.filter(|_| status.episode.is_some()));
         }
         if let Some(header) = header {
@@ -92,20 +92,9 @@ pub fn lease(link: &Link, command: &LeaseCommand) -> anyhow::Result<ExitCode> {
 
 /// Becomes true on Ctrl-C or SIGTERM.
 fn listen() -> anyhow::Result<Arc<AtomicBool>> {
-    let runtime = tokio::runtime::Builder::new_current_thread()
-        .enable_all()
-        .build()
-        .context("listening to Ctrl-C")?;
-    let mut signals = {
-        let _inside = runtime.enter();
-        Signals::listen()?
-    };
     let interrupted = Arc::new(AtomicBool::new(false));
     let told = Arc::clone(&interrupted);
-    std::thread::spawn(move || {
-        runtime.block_on(signals.next());
-        told.store(true, Ordering::Release);
-    });
+    on_signals(move |_| told.store(true, Ordering::Release))?;
     Ok(interrupted)
 }
 

@@ -81,7 +81,7 @@ impl Worker {
     }
 
     /// Does one episode, and whether the worker can do another. A server that
-    /// dies or stands still for longer than the patience is an [`Entry`] too, and
+    /// dies or stalls for longer than the patience is an [`Entry`] too, and
     /// the worker is spent then.
     ///
     /// # Errors
@@ -137,7 +137,7 @@ impl Worker {
     }
 
     /// Waits until the work is over or its server has ended, and says how that
-    /// did: it died, or it stood still for too long and is ended here, with which
+    /// did: it died, or it stalled for too long and is ended here, with which
     /// its connection and the work end.
     fn watch<T: Send + 'static>(
         &mut self,
@@ -151,7 +151,7 @@ impl Worker {
             if pulse.still() > self.patience {
                 self.server.kill();
                 return Ok(Some(format!(
-                    "the server stood still for {:.0} s and was ended",
+                    "the server stalled for {:.0} s and was ended",
                     self.patience.as_secs_f64()
                 )));
             }

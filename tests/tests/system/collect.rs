@@ -268,7 +268,7 @@ fn a_server_that_dies_and_one_that_hangs_are_entered_and_the_campaign_ends_compl
     assert_eq!(failed.len(), 2, "{failed:?}");
     let words = [
         "the server died (signal: 9",
-        "the server stood still and answered nothing for 6 s",
+        "the server stalled and answered nothing for 6 s",
     ];
     for (index, (failed, words)) in failed.iter().zip(words).enumerate() {
         assert_eq!(failed["episode"], format!("pick_mustard-000{index}"));
