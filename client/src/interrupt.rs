@@ -14,6 +14,27 @@ pub enum Heard {
     Terminate,
 }
 
+/// Tells of every Ctrl-C and SIGTERM from now on, on a thread of its own.
+///
+/// # Errors
+/// When the operating system refuses.
+pub fn on_signals(mut tell: impl FnMut(Heard) + Send + 'static) -> anyhow::Result<()> {
+    let runtime = tokio::runtime::Builder::new_current_thread()
+        .enable_all()
+        .build()
+        .context("listening to Ctrl-C")?;
+    let mut signals = {
+        let _inside = runtime.enter();
+        Signals::listen()?
+    };
+    std::thread::spawn(move || {
+        loop {
+            tell(runtime.block_on(signals.next()));
+        }
+    });
+    Ok(())
+}
+
 /// Signals, heard from the moment this exists.
 #[derive(Debug)]
 pub struct Signals {

@@ -5,6 +5,8 @@
 //! feature `hdf5`, teleoperation the feature `terminal`; both are on.
 
 #[cfg(feature = "hdf5")]
+mod broken;
+#[cfg(feature = "hdf5")]
 mod choice;
 #[cfg(feature = "hdf5")]
 pub mod collect;

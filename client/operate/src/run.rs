@@ -106,6 +106,32 @@ impl Report {
     pub fn succeeded(&self) -> bool {
         self.outcome == Outcome::Success && self.evaluation.success
     }
+
+    /// Why the task was not done, for people; absent when it was.
+    #[must_use]
+    pub fn why(&self) -> Option<String> {
+        match &self.outcome {
+            Outcome::Failure(why) | Outcome::Broken(why) => Some(why.clone()),
+            Outcome::Success if self.evaluation.success => None,
+            Outcome::Success => Some("the task's conditions no longer held at the end".to_owned()),
+        }
+    }
+
+    /// Number of the episode in its server's run.
+    #[must_use]
+    pub fn episode(&self) -> u64 {
+        self.started.header.as_ref().map_or(0, |h| h.episode)
+    }
+
+    /// Simulated seconds from the episode's beginning to its end; 0 where it
+    /// goes on.
+    #[must_use]
+    pub fn seconds(&self) -> f64 {
+        let stamp = |header: Option<&v1::Header>| header.map_or(0, |h| h.stamp_nanos);
+        let begun = stamp(self.started.header.as_ref());
+        let ended = stamp(self.stopped.as_ref().and_then(|s| s.header.as_ref()));
+        ended.saturating_sub(begun) as f64 * 1e-9
+    }
 }
 
 /// Silence after which the operator asks what the server waits for.

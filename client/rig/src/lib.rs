@@ -1,10 +1,25 @@
-//! Programs that a command starts beside itself: a server of its own, a
-//! recorder, the dataset tools. They end with the command, however it ends.
+//! A rig: the programs that a command starts beside itself to make episodes.
+//!
+//! [`Server`] and [`Recorder`] are [`Process`]es, and every one is started,
+//! watched and ended in the same way, within the same time limits. None outlives
+//! the command that started it. Work that calls into libraries of this process
+//! runs as [`Work`], which may panic or stall without taking the command along.
 
 #![warn(missing_docs)]
 
-pub mod local;
-pub mod process;
+mod label;
+pub mod limits;
+mod process;
 mod program;
+mod recorder;
+mod server;
+mod socket;
+mod work;
 
-pub use program::find_program;
+pub use label::free_label;
+pub use process::{Input, Launch, Process};
+pub use program::{find_program, required_program};
+pub use recorder::{Recorder, RecorderOptions};
+pub use server::{Server, ServerOptions, StartError, all_cameras};
+pub use socket::remove_socket;
+pub use work::{Panicked, Work};

@@ -1,60 +1,113 @@
-//! The programs of one attempt: each with its messages in a file, out of reach
-//! of the terminal's Ctrl-C, and never outliving this process.
+//! A child process under supervision: its messages are kept in a file, the
+//! terminal's Ctrl-C does not reach it, and it does not outlive this process.
 
-use std::ffi::{OsStr, OsString};
+use std::ffi::OsString;
 use std::fs::File;
+use std::io::Write;
+use std::os::unix::fs::FileExt;
 use std::os::unix::process::CommandExt;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::process::{Child, Command, ExitStatus, Stdio};
+use std::time::{Duration, Instant};
 
 use anyhow::Context;
+use rustix::process::{Pid, Signal, kill_process};
 
-use crate::find_program;
-use crate::local::{last_words, without_backtrace};
+use crate::limits;
+use crate::program::required_program;
 
 /// Lines of a program's messages that stand in an error.
-const TAIL_LINES: usize = 6;
+const TAIL_LINES: usize = 30;
+/// Newest bytes of its messages that are read.
+const TAIL_BYTES: u64 = 1 << 16;
+
+/// How a program is started.
+#[derive(Debug)]
+pub struct Launch {
+    /// What it is in words, for errors and the name of its log: `server`.
+    pub name: &'static str,
+    /// The program, found beside this one or on PATH.
+    pub program: &'static str,
+    /// Its arguments.
+    pub arguments: Vec<OsString>,
+    /// What it reads, and with what it ends.
+    pub input: Input,
+    /// Folder for its messages as `NAME.log`; without one they are kept while
+    /// it is watched.
+    pub folder: Option<PathBuf>,
+}
+
+/// What a program has as its standard input, and with what it ends.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Input {
+    /// This text, which may be empty. The kernel kills the program when the
+    /// thread that started it is gone, however it went (on Linux): start it on
+    /// one that lives as long as it is needed.
+    Text(String),
+    /// Nothing, until this process is gone or lets it end: the program ends by
+    /// itself then, in good order.
+    Lifeline,
+}
 
 /// A child process; killed when dropped.
 #[derive(Debug)]
 pub struct Process {
     name: &'static str,
     child: Child,
-    log: PathBuf,
+    log: File,
 }
 
 impl Process {
-    /// Starts `program`, found beside this program or on PATH, as `name`.
+    /// Starts a program.
     ///
     /// # Errors
     /// When it is not there or does not start.
-    pub fn start<S: AsRef<OsStr>>(
-        name: &'static str,
-        program: &str,
-        arguments: impl IntoIterator<Item = S>,
-        folder: &Path,
-    ) -> anyhow::Result<Self> {
-        let path = find_program(program).with_context(|| {
-            format!("`{program}` lies neither beside this program nor on PATH; build the workspace first: cargo build --release --workspace")
-        })?;
-        let log = folder.join(format!("{name}.log"));
-        let output = File::create(&log).with_context(|| format!("making {}", log.display()))?;
-        let errors = output
-            .try_clone()
-            .with_context(|| format!("opening {}", log.display()))?;
+    pub fn start(launch: Launch) -> anyhow::Result<Self> {
+        let path = required_program(launch.program)?;
+        let log = match &launch.folder {
+            Some(folder) => {
+                let file = folder.join(format!("{}.log", launch.name));
+                let options = File::options().create(true).read(true).append(true).clone();
+                options
+                    .open(&file)
+                    .with_context(|| format!("making {}", file.display()))?
+            }
+            None => tempfile::tempfile().context(
+                "keeping the messages of a program; set TMPDIR to a folder that can be written",
+            )?,
+        };
+        let another = || log.try_clone().context("keeping the messages of a program");
         let mut command = Command::new(&path);
         command
-            .args(arguments)
-            .stdin(Stdio::null())
-            .stdout(output)
-            .stderr(errors)
+            .args(&launch.arguments)
+            .stdin(Stdio::piped())
+            .stdout(another()?)
+            .stderr(another()?)
             .process_group(0);
-        without_backtrace(&mut command);
-        end_with_parent(&mut command);
+        // Its last words are shown, and a backtrace behind them would hide them;
+        // panics still show theirs.
+        const BACKTRACE: &str = "RUST_LIB_BACKTRACE";
+        if std::env::var_os(BACKTRACE).is_none() {
+            command.env(BACKTRACE, "0");
+        }
+        if let Input::Text(_) = launch.input {
+            end_with_parent(&mut command);
+        }
         let child = command
             .spawn()
             .with_context(|| format!("starting {}", path.display()))?;
-        Ok(Self { name, child, log })
+        let mut process = Self {
+            name: launch.name,
+            child,
+            log,
+        };
+        if let Input::Text(text) = launch.input
+            && let Some(mut input) = process.child.stdin.take()
+        {
+            // One that ends before it has read everything says why by itself.
+            let _ = input.write_all(text.as_bytes());
+        }
+        Ok(process)
     }
 
     /// How it ended, if it has.
@@ -67,33 +120,84 @@ impl Process {
             .with_context(|| format!("watching the {}", self.name))
     }
 
-    /// Why it ended by its own words: those of a panic, else its error.
-    #[must_use]
-    pub fn last_words(&self) -> String {
-        last_words(self.messages().lines())
+    /// How it ended, if it does so within `patience`.
+    ///
+    /// # Errors
+    /// When the operating system does not tell.
+    pub fn ended_within(&mut self, patience: Duration) -> anyhow::Result<Option<ExitStatus>> {
+        let deadline = Instant::now() + patience;
+        loop {
+            match self.ended()? {
+                None if Instant::now() < deadline => std::thread::sleep(limits::LOOK),
+                ended => return Ok(ended),
+            }
+        }
     }
 
-    /// Everything it said.
+    /// Ends it: its standard input is closed, with which one that holds it as a
+    /// lifeline ends; after [`limits::END`] it is terminated, then killed. How
+    /// it ended.
+    ///
+    /// # Errors
+    /// When the operating system does not tell.
+    pub fn end(&mut self) -> anyhow::Result<ExitStatus> {
+        if let Some(lifeline) = self.child.stdin.take() {
+            drop(lifeline);
+            if let Some(status) = self.ended_within(limits::END)? {
+                return Ok(status);
+            }
+        }
+        if let Some(id) = i32::try_from(self.child.id()).ok().and_then(Pid::from_raw) {
+            // It may have ended by itself.
+            let _ = kill_process(id, Signal::TERM);
+        }
+        if let Some(status) = self.ended_within(limits::END)? {
+            return Ok(status);
+        }
+        self.kill();
+        let status = self.child.wait();
+        status.with_context(|| format!("watching the {}", self.name))
+    }
+
+    /// Kills it, also when it is stopped.
+    pub fn kill(&mut self) {
+        // It may have ended by itself.
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+
+    /// Its newest messages, 64 KiB at most.
     #[must_use]
     pub fn messages(&self) -> String {
-        let bytes = std::fs::read(&self.log).unwrap_or_default();
-        String::from_utf8_lossy(&bytes).into_owned()
+        let length = self.log.metadata().map_or(0, |file| file.len());
+        let from = length.saturating_sub(TAIL_BYTES);
+        let mut bytes = vec![0; usize::try_from(length - from).unwrap_or_default()];
+        match self.log.read_exact_at(&mut bytes, from) {
+            Ok(()) => String::from_utf8_lossy(&bytes).into_owned(),
+            Err(_) => String::new(),
+        }
     }
 
-    /// The last lines of what it said.
+    /// The last lines of what it said, indented, each with its end.
     #[must_use]
     pub fn tail(&self) -> String {
         let text = self.messages();
         let lines: Vec<&str> = text.lines().collect();
-        lines[lines.len().saturating_sub(TAIL_LINES)..].join("\n")
+        let tail = lines[lines.len().saturating_sub(TAIL_LINES)..].iter();
+        tail.map(|line| format!("  {line}\n")).collect()
+    }
+
+    /// Why it ended by its own words: those of a panic, else its error; empty
+    /// when it said neither.
+    #[must_use]
+    pub fn last_words(&self) -> String {
+        last_words(&self.messages())
     }
 }
 
 impl Drop for Process {
     fn drop(&mut self) {
-        // It may have ended by itself.
-        let _ = self.child.kill();
-        let _ = self.child.wait();
+        self.kill();
     }
 }
 
@@ -107,25 +211,16 @@ impl Drop for Process {
 fn end_with_parent(command: &mut Command) {
     let parent = std::process::id();
     let hook = move || {
-        // SAFETY: prctl with these arguments touches no memory; both calls are
-        // async-signal-safe.
-        let (set, now) = unsafe {
-            (
-                libc::prctl(libc::PR_SET_PDEATHSIG, libc::SIGKILL),
-                libc::getppid(),
-            )
-        };
-        if set != 0 {
-            return Err(std::io::Error::last_os_error());
-        }
+        rustix::process::set_parent_process_death_signal(Some(Signal::KILL))?;
         // The parent may have gone before the kernel was asked.
-        if u32::try_from(now) == Ok(parent) {
+        if std::os::unix::process::parent_id() == parent {
             Ok(())
         } else {
-            Err(std::io::Error::other("the parent is gone"))
+            Err(std::io::Error::from(std::io::ErrorKind::NotFound))
         }
     };
-    // SAFETY: the hook allocates nothing and takes no lock on its good way.
+    // SAFETY: the hook makes two system calls that are async-signal-safe; it
+    // allocates nothing and takes no lock.
     unsafe {
         command.pre_exec(hook);
     }
@@ -134,55 +229,93 @@ fn end_with_parent(command: &mut Command) {
 #[cfg(not(target_os = "linux"))]
 fn end_with_parent(_command: &mut Command) {}
 
-/// Beginning of the name of a folder for a socket.
-const SOCKET: &str = "wheelarm-collect-";
-/// Note in a staging folder that says where the socket is.
-const SOCKET_NOTE: &str = "socket";
+/// The place and words of the first panic in a program's messages, else its last
+/// error.
+fn last_words(messages: &str) -> String {
+    let lines: Vec<&str> = messages
+        .lines()
+        .filter(|line| !line.trim().is_empty())
+        .collect();
+    let panic = lines.iter().position(|line| line.contains("panicked at"));
+    if let Some(at) = panic {
+        let end = lines.len().min(at + 2);
+        return lines[at..end].join(" ").trim().to_owned();
+    }
+    let mut errors = lines.iter().rev().map(|line| line.trim());
+    let error = errors.find(|line| {
+        let start = line.get(..6).unwrap_or_default();
+        start.eq_ignore_ascii_case("error:")
+    });
+    error.unwrap_or_default().to_owned()
+}
 
-/// A private folder for the socket of an attempt's server: other users of this
-/// host do not get in, and no port can be taken by two. It goes when dropped;
-/// after a kill, [`remove_socket`] finds it by a note in `staging`.
-///
-/// # Errors
-/// When it cannot be made or its path is too long for a socket.
-pub fn socket_folder(staging: &Path) -> anyhow::Result<tempfile::TempDir> {
-    let folder = tempfile::Builder::new().prefix(SOCKET).tempdir().context(
-        "making a folder for the server's socket; set TMPDIR to a folder that can be written",
-    )?;
-    let length = folder.path().as_os_str().len();
-    if length > 80 {
-        anyhow::bail!(
-            "{} has {length} bytes, too long for a socket; set TMPDIR to a shorter folder such as /tmp",
-            folder.path().display()
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn shell(script: &str, input: Input, folder: Option<PathBuf>) -> Process {
+        let launch = Launch {
+            name: "shell",
+            program: "sh",
+            arguments: vec!["-c".into(), script.into()],
+            input,
+            folder,
+        };
+        Process::start(launch).expect("a shell")
+    }
+
+    #[test]
+    fn a_panic_is_the_last_word_of_a_program() {
+        let said = "INFO begins\nthread 'simulation' (7) panicked at src/a.rs:3:4:\n\
+                    index out of bounds\nnote: run with RUST_BACKTRACE=1\n\
+                    Error: the simulation thread panicked\n";
+        let words = last_words(said);
+        assert!(
+            words.ends_with("src/a.rs:3:4: index out of bounds"),
+            "{words}"
         );
+        assert_eq!(last_words("a\nError: no disk \n\n"), "Error: no disk");
+        assert_eq!(last_words("INFO all is well"), "");
     }
-    std::fs::write(
-        staging.join(SOCKET_NOTE),
-        folder.path().as_os_str().as_encoded_bytes(),
-    )
-    .with_context(|| format!("writing into {}", staging.display()))?;
-    Ok(folder)
-}
 
-/// Removes the socket's folder that a killed attempt in `staging` left.
-pub fn remove_socket(staging: &Path) {
-    let Ok(note) = std::fs::read_to_string(staging.join(SOCKET_NOTE)) else {
-        return;
-    };
-    let folder = Path::new(&note);
-    let name = folder
-        .file_name()
-        .and_then(OsStr::to_str)
-        .unwrap_or_default();
-    // Only what this module can have made.
-    if folder.parent() == Some(&std::env::temp_dir()) && name.starts_with(SOCKET) {
-        // It may be gone, or lie on another host.
-        let _ = std::fs::remove_dir_all(folder);
+    #[test]
+    fn a_program_reads_its_text_and_its_messages_are_kept() {
+        let folder = tempfile::tempdir().unwrap();
+        for folder in [None, Some(folder.path().to_owned())] {
+            let text = Input::Text("a scenario\n".to_owned());
+            let mut process = shell("cat; echo error: no disk >&2; exit 3", text, folder);
+            let status = process.ended_within(limits::END).unwrap();
+            assert_eq!(status.and_then(|status| status.code()), Some(3));
+            assert_eq!(process.tail(), "  a scenario\n  error: no disk\n");
+            assert_eq!(process.last_words(), "error: no disk");
+        }
+        let log = std::fs::read_to_string(folder.path().join("shell.log")).unwrap();
+        assert_eq!(log, "a scenario\nerror: no disk\n");
     }
-}
 
-/// Words as arguments.
-#[must_use]
-pub fn words<const N: usize>(words: [&str; N]) -> Vec<OsString> {
-    words.map(OsString::from).to_vec()
+    #[test]
+    fn one_with_a_lifeline_ends_in_good_order_and_another_is_terminated() {
+        let mut bound = shell("cat; exit 4", Input::Lifeline, None);
+        assert_eq!(bound.ended().unwrap(), None);
+        assert_eq!(bound.end().unwrap().code(), Some(4));
+        let script = "trap 'exit 5' TERM; echo up; while :; do sleep 0.05; done";
+        let mut other = shell(script, Input::Text(String::new()), None);
+        while other.messages().is_empty() {
+            std::thread::sleep(limits::LOOK);
+        }
+        assert_eq!(other.end().unwrap().code(), Some(5));
+    }
+
+    #[test]
+    fn a_program_that_is_absent_is_told_with_the_cure() {
+        let launch = Launch {
+            name: "ghost",
+            program: "wheelarm-ghost",
+            arguments: Vec::new(),
+            input: Input::Lifeline,
+            folder: None,
+        };
+        let told = Process::start(launch).unwrap_err().to_string();
+        assert!(told.contains("cargo build"), "{told}");
+    }
 }

@@ -2,6 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
+use anyhow::Context;
+
 /// Finds a program beside this one, else on PATH.
 #[must_use]
 pub fn find_program(name: &str) -> Option<PathBuf> {
@@ -15,4 +17,16 @@ pub fn find_program(name: &str) -> Option<PathBuf> {
         .chain(std::env::split_paths(&path))
         .map(|folder| folder.join(&file))
         .find(|program| program.is_file())
+}
+
+/// As [`find_program`] for one that must be there.
+///
+/// # Errors
+/// With the cure when it is not.
+pub fn required_program(name: &str) -> anyhow::Result<PathBuf> {
+    find_program(name).with_context(|| {
+        format!(
+            "`{name}` lies neither beside this program nor on PATH; build the workspace first: cargo build --release --workspace"
+        )
+    })
 }

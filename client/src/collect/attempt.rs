@@ -1,42 +1,38 @@
-//! One attempt at an episode: a server, a recorder and the operator as
-//! programs of their own in lock-step, and what came of it.
+//! One attempt at an episode: a server and a recorder as programs of their own
+//! and the operator on a thread, in lock-step, and what came of it.
 //!
 //! A failure of the task is the operator's and gets a fresh seed, and so does a
-//! simulation that breaks; where a server dies or hangs, which may be the host's
-//! fault, the same seed is tried once more; anything else that goes wrong is the
-//! host's, and the same seed is tried again.
+//! simulation that breaks and an operator that panics or stalls; where a server
+//! dies or hangs, which may be the host's fault, the same seed is tried once
+//! more; anything else that goes wrong is the host's, and the same seed is tried
+//! again.
 
-use std::ffi::OsString;
+use std::fs::File;
+use std::io::Write;
 use std::path::{Path, PathBuf};
-use std::process::ExitStatus;
-use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
+use std::time::{Duration, Instant};
 
-use anyhow::{Context, bail};
-use wheelarm_dataset::finish::PHYSICS;
-use wheelarm_dataset::read::{Episode as Recording, Summary};
+use anyhow::{Context, anyhow};
 use wheelarm_dataset::scenario_text::scenario_json;
-use wheelarm_proto::program::{EXIT_NOT_DONE, EXIT_SCENARIO, Ready};
-use wheelarm_proto::settings::Named;
-use wheelarm_proto::v1::Scenario;
+use wheelarm_link::{Connect, Link};
+use wheelarm_operate::run::{self as operate, OperateError, OperateOptions, Progress, Report};
+use wheelarm_proto::v1;
+use wheelarm_rig::{Recorder, RecorderOptions, Server, ServerOptions, StartError, Work, limits};
 
-use super::board::{Board, Turn, lock};
+use super::activity::Activity;
 use super::episode::Episode;
-use super::folder::{Folder, sha256};
+use super::folder::Folder;
 use super::journal::{Done, Failed};
-use super::plan::{Camera, Plan};
+use super::judge::{Judged, judge};
+use super::plan::Plan;
+use super::slot::Permit;
 use super::stop::Stop;
-use super::watch::{SIM, Watch};
-use crate::operate::{Told, ToldOutcome};
-use wheelarm_rig::process::{Process, socket_folder, words};
+use super::watch::Watch;
+use crate::broken::Broken;
 
-/// Longest time until a server is ready: it may build its pipelines on a CPU.
-const READY: Duration = Duration::from_secs(300);
-/// Longest time in which simulation time stands still while the server answers.
-const STALL: Duration = Duration::from_secs(180);
-/// Longest time from the end of an episode to its finished file.
-const FINISH: Duration = Duration::from_secs(900);
-/// How often the programs are looked at.
-const LOOK: Duration = Duration::from_millis(50);
+/// Simulation time may stall for as long as the server may be silent, and
+/// for this long in any case, while the server answers.
+const STALL: Duration = Duration::from_secs(60);
 
 /// What every attempt of a campaign needs.
 #[derive(Clone, Debug)]
@@ -58,7 +54,7 @@ pub struct Setup {
 pub enum Outcome {
     /// The staged file is good.
     Done(Box<Done>),
-    /// The task was not done.
+    /// The task was not done, or it was no fault of a server or the host.
     Failed(Failed),
     /// The server died or hung.
     Broke(Failed),
@@ -66,12 +62,7 @@ pub enum Outcome {
     Stopped,
 }
 
-/// [`Failed::broken`] of a server that died or hung.
-const SERVER: &str = "server";
-/// [`Failed::broken`] of a scenario that a server refuses to set up.
-const SCENARIO: &str = "scenario";
-
-/// Makes one attempt; the file lies in the staging folder afterwards. `turn`
+/// Makes one attempt; the file lies in the staging folder afterwards. `permit`
 /// is held while it simulates and is over before the file is finished.
 ///
 /// # Errors
@@ -80,356 +71,358 @@ pub fn attempt(
     setup: &Setup,
     episode: &Episode,
     number: u32,
-    turn: Turn<'_>,
+    permit: Permit<'_>,
     stop: &Stop,
-    board: &Board,
+    activity: &Activity,
 ) -> anyhow::Result<Outcome> {
-    let begun = Instant::now();
-    let seed = episode.seed_of(number);
-    let staging = setup.folder.stage(&episode.id)?;
-    let socket = socket_folder(&staging)?;
-    let endpoint = format!("unixsock-stream/{}/server", socket.path().display());
-    tell(board, "starting");
-    let arguments = server_arguments(setup, episode, seed, &endpoint);
-    let mut server = Process::start("server", "wheelarm-server", arguments, &staging)?;
-    let failed = |broken: &str, reason: String, told: Option<Scenario>| Failed {
-        episode: episode.id.clone(),
-        task: episode.task.clone(),
-        attempt: number,
-        seed,
-        settings: episode.settings.clone(),
-        reason,
-        seconds: lock(board).seconds,
-        wall_seconds: begun.elapsed().as_secs_f64(),
-        broken: broken.to_owned(),
-        death: 0,
-        scenario: Some(match told {
-            Some(scenario) => scenario_json(&scenario),
-            None => serde_json::json!({ "task": episode.task, "seed": seed }),
-        }),
+    let attempt = Attempt {
+        setup,
+        episode,
+        number,
+        seed: episode.seed_of(number),
+        staging: setup.folder.stage(&episode.id)?,
+        stop,
+        activity,
+        begun: Instant::now(),
     };
-    match ready(&mut server, stop) {
-        Ok(true) => {}
-        Ok(false) => return Ok(Outcome::Stopped),
-        // Another seed may do; this one never will.
-        Err(problem) if code(server.ended()?) == Some(EXIT_SCENARIO) => {
-            let reason = format!("{problem:#}");
-            return Ok(Outcome::Failed(failed(SCENARIO, reason, None)));
-        }
-        Err(problem) => return Err(problem),
+    match attempt.run(permit) {
+        Ok(outcome) => Ok(outcome),
+        Err(Halt::Over(outcome)) => Ok(*outcome),
+        Err(Halt::Trouble(problem)) => Err(problem),
     }
-    let connect = |more: &[OsString]| {
-        let mut all = words(["--connect", &endpoint, "--sim", SIM]);
-        all.extend_from_slice(more);
-        all
-    };
-    let mut recorder = words(["record", "--name", "collect", "--episodes", "1", "--depth"]);
-    recorder.extend([
-        setup.plan.depth.name().into(),
-        "--out".into(),
-        (&staging).into(),
-    ]);
-    let mut recorder = Process::start("recorder", "wheelarm", connect(&recorder), &staging)?;
-    let mut operator = words([
-        "operate",
-        "--require-recorders",
-        "1",
-        "--label",
-        &episode.id,
-    ]);
-    let report = staging.join("operator.json");
-    operator.extend(["--report".into(), (&report).into()]);
-    if !setup.plan.randomise.operator {
-        operator.extend(words(["--profile-seed", "0"]));
-    }
-    let mut operator = Process::start("operator", "wheelarm", connect(&operator), &staging)?;
+}
 
-    let watch = Watch::start(endpoint, board, setup.patience);
-    let broke =
-        |watch: &Watch, reason: String| Outcome::Broke(failed(SERVER, reason, watch.scenario()));
-    // Where the server dies or hangs its clients may be the first to notice: only
-    // an answer that comes later shows that it was their own fault.
-    let mut noticed: Option<Instant> = None;
-    let lost = |server: &mut Process| -> anyhow::Result<Option<String>> {
-        if let Some(status) = server.ended()? {
-            return Ok(Some(died(server, status)));
+struct Attempt<'a> {
+    setup: &'a Setup,
+    episode: &'a Episode,
+    number: u32,
+    seed: u64,
+    staging: PathBuf,
+    stop: &'a Stop,
+    activity: &'a Activity,
+    begun: Instant,
+}
+
+/// Why an attempt ends before its file is there.
+enum Halt {
+    Over(Box<Outcome>),
+    Trouble(anyhow::Error),
+}
+
+impl From<anyhow::Error> for Halt {
+    fn from(problem: anyhow::Error) -> Self {
+        Self::Trouble(problem)
+    }
+}
+
+fn over(outcome: Outcome) -> Halt {
+    Halt::Over(Box::new(outcome))
+}
+
+/// What the operator came to.
+enum Operated {
+    /// It tried.
+    Tried(Box<Report>),
+    /// It could not work, and whose fault that is must be found out.
+    Unable(OperateError),
+    /// It panicked.
+    Panicked(String),
+}
+
+/// An attempt's server with its clients. When it is dropped the server is
+/// killed, with which the operator's work ends.
+struct Rig {
+    server: Server,
+    recorder: Recorder,
+    operator: Option<Work<Result<Report, OperateError>>>,
+    watch: Watch,
+}
+
+impl Drop for Rig {
+    fn drop(&mut self) {
+        self.server.kill();
+        if let Some(operator) = &self.operator {
+            // One that stalls is left behind.
+            let _ = operator.is_over_within(limits::END);
         }
-        let hangs = watch.silent_for() >= setup.patience;
+    }
+}
+
+impl Rig {
+    /// What the operator came to, once.
+    fn operated(&mut self) -> Option<Operated> {
+        let operator = self.operator.take_if(|operator| operator.is_over())?;
+        Some(match operator.outcome() {
+            Ok(Ok(report)) => Operated::Tried(Box::new(report)),
+            Ok(Err(problem)) => Operated::Unable(problem),
+            Err(panicked) => Operated::Panicked(panicked.0),
+        })
+    }
+
+    /// How the server was lost, if it was.
+    fn lost(&mut self, patience: Duration) -> anyhow::Result<Option<String>> {
+        if let Some(death) = self.server.death(Duration::ZERO)? {
+            return Ok(Some(death));
+        }
+        let hangs = self.watch.silent_for() >= patience;
         Ok(hangs.then(|| {
             format!(
-                "the server stood still and answered nothing for {:.0} s",
-                setup.patience.as_secs_f64()
+                "the server stalled and answered nothing for {:.0} s",
+                patience.as_secs_f64()
             )
         }))
-    };
-    let operated = loop {
-        if stop.at_once() {
-            return Ok(Outcome::Stopped);
+    }
+}
+
+impl Attempt<'_> {
+    fn run(&self, permit: Permit<'_>) -> Result<Outcome, Halt> {
+        self.activity.tell("starting");
+        let server = self.server()?;
+        let mut rig = self.rig(server)?;
+        let report = self.simulate(&mut rig)?;
+        drop(permit);
+        let wall_seconds = self.begun.elapsed().as_secs_f64();
+        self.activity.tell("finishing the file");
+        self.finish(&mut rig)?;
+        let recorder_said = rig.recorder.tail();
+        drop(rig);
+        self.activity.tell("checking the file");
+        let file = self.staging.join(format!("{}.h5", self.episode.id));
+        let judged = judge(self.episode, self.number, &file, &report, wall_seconds);
+        let judged = judged.with_context(|| format!("the recorder said:\n{recorder_said}"))?;
+        Ok(match judged {
+            Judged::Done(done) => Outcome::Done(done),
+            Judged::Failed(failed) => Outcome::Failed(failed),
+        })
+    }
+
+    /// The scenario that is asked for.
+    fn scenario(&self) -> v1::Scenario {
+        let plan = &self.setup.plan;
+        v1::Scenario {
+            scene: plan.scene.clone(),
+            robot: plan.robot.clone(),
+            task: Some(self.episode.task.clone()),
+            seed: Some(self.seed),
+            cameras: plan.cameras.iter().map(|camera| camera.setting()).collect(),
+            state_rate_hz: Some(plan.state_rate),
+            imu_rate_hz: Some(plan.imu_rate),
+            imu_noise: Some(plan.randomise.imu_noise),
+            pacing: v1::Pacing::LockStep.into(),
+            quality: plan.quality.code().into(),
+            ..v1::Scenario::default()
         }
-        let operated = operator.ended()?;
-        let recorded = recorder.ended()?.filter(|status| !status.success());
-        if let Some(words) = lost(&mut server)? {
-            return Ok(broke(&watch, words));
+    }
+
+    fn server(&self) -> Result<Server, Halt> {
+        let options = ServerOptions {
+            scenario: self.scenario(),
+            assets: self.setup.assets.clone(),
+            adapter: self.setup.adapter.clone(),
+            folder: Some(self.staging.clone()),
+        };
+        let started = Server::start_unless(&options, || self.stop.at_once());
+        started.map_err(|problem| match problem {
+            StartError::CalledOff => over(Outcome::Stopped),
+            // Another seed may do; this one never will.
+            StartError::Scenario(words) => {
+                over(Outcome::Failed(self.failed(Broken::Scenario, words, None)))
+            }
+            StartError::Broke(problem) => Halt::Trouble(problem),
+        })
+    }
+
+    /// A server's clients.
+    fn rig(&self, server: Server) -> anyhow::Result<Rig> {
+        let recorder = Recorder::start(
+            server.connect(),
+            &RecorderOptions {
+                name: "collect".to_owned(),
+                out: self.staging.clone(),
+                depth: self.setup.plan.depth,
+                one_episode: true,
+            },
+        )?;
+        let work = OperateOptions {
+            label: Some(self.episode.id.clone()),
+            require_recorders: 1,
+            profile_seed: (!self.setup.plan.randomise.operator).then_some(0),
+            ..OperateOptions::default()
+        };
+        let connect = server.connect().clone();
+        let mut log = Log::create(&self.staging)?;
+        let operator = Work::start("operator", move || work_at(&connect, &work, &mut log))?;
+        let watch = Watch::start(server.connect().clone(), self.activity, self.setup.patience);
+        Ok(Rig {
+            server,
+            recorder,
+            operator: Some(operator),
+            watch,
+        })
+    }
+
+    /// Waits for the operator. Where the server dies or hangs its clients may be
+    /// the first to notice: only an answer that comes later shows that it was
+    /// their own fault.
+    fn simulate(&self, rig: &mut Rig) -> Result<Report, Halt> {
+        let mut noticed: Option<Instant> = None;
+        let mut unable: Option<OperateError> = None;
+        loop {
+            let recorded = rig.recorder.ended()?.filter(|status| !status.success());
+            match rig.operated() {
+                Some(Operated::Tried(report)) => {
+                    self.look(rig)?;
+                    return Ok(*report);
+                }
+                Some(Operated::Panicked(words)) => {
+                    let reason = format!("the operator panicked: {words}");
+                    let failed = self.failed(Broken::Operator, reason, rig.watch.scenario());
+                    return Err(over(Outcome::Failed(failed)));
+                }
+                Some(Operated::Unable(problem)) => unable = Some(problem),
+                None => {}
+            }
+            self.look(rig)?;
+            if unable.is_some() || recorded.is_some() {
+                let noticed = *noticed.get_or_insert_with(Instant::now);
+                if rig.watch.has_answered_since(noticed) {
+                    let trouble = match (unable.take(), recorded) {
+                        (Some(problem), _) => {
+                            anyhow::Error::from(problem).context("the operator broke")
+                        }
+                        (None, status) => anyhow!(
+                            "the recorder ended ({}):\n{}",
+                            status.map(|status| status.to_string()).unwrap_or_default(),
+                            rig.recorder.tail()
+                        ),
+                    };
+                    return Err(Halt::Trouble(trouble));
+                }
+            }
+            self.check_stall(rig)?;
+            std::thread::sleep(limits::LOOK);
         }
-        let fault = operated.is_some_and(|status| broken(status, &operator).is_some());
-        match (operated, recorded) {
-            (Some(status), _) if !fault => break status,
-            (None, None) => {}
-            _ if !watch.has_answered_since(*noticed.get_or_insert_with(Instant::now)) => {}
-            (Some(status), _) => break status,
-            (None, Some(status)) => {
-                bail!("the recorder ended ({status}): {}", recorder.tail());
+    }
+
+    /// Waits for the finished file.
+    fn finish(&self, rig: &mut Rig) -> Result<(), Halt> {
+        let begun = Instant::now();
+        while rig.recorder.ended()?.is_none() {
+            // The file may still become whole, but the recorder may also wait in vain.
+            self.look(rig)?;
+            if begun.elapsed() > limits::FINISH {
+                return Err(Halt::Trouble(anyhow!(
+                    "the recorder did not finish within {:.0} s:\n{}",
+                    limits::FINISH.as_secs_f64(),
+                    rig.recorder.tail()
+                )));
+            }
+            std::thread::sleep(limits::LOOK);
+        }
+        Ok(())
+    }
+
+    /// Ends the attempt when the campaign is to end at once, and when the server
+    /// is lost.
+    fn look(&self, rig: &mut Rig) -> Result<(), Halt> {
+        if self.stop.at_once() {
+            return Err(over(Outcome::Stopped));
+        }
+        match rig.lost(self.setup.patience)? {
+            None => Ok(()),
+            Some(reason) => {
+                let failed = self.failed(Broken::Server, reason, rig.watch.scenario());
+                Err(over(Outcome::Broke(failed)))
             }
         }
-        if watch.stalled() > STALL {
-            bail!(
-                "simulation time stood still for {:.0} s{}",
-                STALL.as_secs_f64(),
-                watch.waiting_for()
-            );
-        }
-        std::thread::sleep(LOOK);
-    };
-    drop(turn);
-    let ended = Instant::now();
-    let wall_seconds = (ended - begun).as_secs_f64();
-    tell(board, "finishing the file");
-    while recorder.ended()?.is_none() {
-        if stop.at_once() {
-            return Ok(Outcome::Stopped);
-        }
-        if ended.elapsed() > FINISH {
-            bail!(
-                "the recorder did not finish within {:.0} s: {}",
-                FINISH.as_secs_f64(),
-                recorder.tail()
-            );
-        }
-        // The file may still become whole, but the recorder may also wait in vain.
-        if let Some(words) = lost(&mut server)? {
-            return Ok(broke(&watch, words));
-        }
-        // The operator broke before there was an episode.
-        if let Some(words) = broken(operated, &operator) {
-            bail!("the operator broke: {words}");
-        }
-        std::thread::sleep(LOOK);
     }
-    drop(watch);
-    drop(server);
-    if let Some(words) = broken(operated, &operator) {
-        bail!("the operator broke: {words}");
+
+    /// Ends the attempt when simulation time stalls for too long while the
+    /// server answers: an operator that does not come back from the end of its
+    /// server is what stalled.
+    fn check_stall(&self, rig: &mut Rig) -> Result<(), Halt> {
+        let patience = self.setup.patience.max(STALL);
+        if rig.watch.stalled() < patience {
+            return Ok(());
+        }
+        let words = format!(
+            "simulation time stalled for {:.0} s{}",
+            patience.as_secs_f64(),
+            rig.watch.waiting_for()
+        );
+        rig.server.kill();
+        let operator = rig.operator.take();
+        if operator.is_some_and(|operator| !operator.is_over_within(limits::END)) {
+            let reason = format!("the operator stalled: {words}");
+            let failed = self.failed(Broken::Operator, reason, rig.watch.scenario());
+            return Err(over(Outcome::Failed(failed)));
+        }
+        Err(Halt::Trouble(anyhow!(words)))
     }
-    let told = told(&report)?;
-    tell(board, "checking the file");
-    let file = staging.join(format!("{}.h5", episode.id));
-    judge(episode, number, &file, &told, wall_seconds)
-        .with_context(|| format!("the recorder said: {}", recorder.tail()))
-}
 
-fn died(server: &Process, status: ExitStatus) -> String {
-    let said = server.last_words();
-    let words = format!("the server died ({status}): {said}");
-    words.trim_end_matches(": ").to_owned()
-}
-
-fn code(status: Option<ExitStatus>) -> Option<u8> {
-    status?.code().and_then(|code| u8::try_from(code).ok())
-}
-
-/// The operator's last words when it broke, rather than failed at the task.
-fn broken(status: ExitStatus, operator: &Process) -> Option<String> {
-    let tried = status.success() || code(Some(status)) == Some(EXIT_NOT_DONE);
-    (!tried).then(|| operator.last_words())
-}
-
-/// What the operator reported.
-fn told(report: &Path) -> anyhow::Result<Told> {
-    let text = std::fs::read_to_string(report)
-        .with_context(|| format!("reading the operator's report {}", report.display()))?;
-    serde_json::from_str(&text)
-        .with_context(|| format!("the operator's report {} is none", report.display()))
-}
-
-/// Reads the finished file and decides.
-fn judge(
-    episode: &Episode,
-    number: u32,
-    file: &Path,
-    told: &Told,
-    wall_seconds: f64,
-) -> anyhow::Result<Outcome> {
-    let seed = episode.seed_of(number);
-    let recording = Recording::open(file)?;
-    let summary = recording.summary()?;
-    check(&summary, episode, seed)?;
-    let seconds = summary.span_nanos.1.saturating_sub(summary.span_nanos.0) as f64 * 1e-9;
-    if recording.is_broken() || !(told.outcome == ToldOutcome::Done && summary.success) {
-        let physics = recording.is_broken();
-        return Ok(Outcome::Failed(Failed {
-            episode: episode.id.clone(),
-            task: episode.task.clone(),
-            attempt: number,
-            seed,
-            settings: episode.settings.clone(),
-            reason: reason(&summary, told),
-            seconds,
-            wall_seconds,
-            broken: String::from(if physics { PHYSICS } else { "" }),
+    /// The journal's entry where something broke; `told` is the scenario that
+    /// the server told.
+    fn failed(&self, broken: Broken, reason: String, told: Option<v1::Scenario>) -> Failed {
+        let asked = || serde_json::json!({ "task": self.episode.task, "seed": self.seed });
+        Failed {
+            episode: self.episode.id.clone(),
+            task: self.episode.task.clone(),
+            attempt: self.number,
+            seed: self.seed,
+            settings: self.episode.settings.clone(),
+            reason,
+            seconds: self.activity.seconds(),
+            wall_seconds: self.begun.elapsed().as_secs_f64(),
+            broken: Some(broken),
             death: 0,
-            scenario: match physics {
-                true => Some(scenario_json(&recording.scenario()?)),
-                false => None,
-            },
-        }));
-    }
-    let scenario = scenario_json(&recording.scenario()?);
-    drop(recording);
-    Ok(Outcome::Done(Box::new(Done {
-        episode: episode.id.clone(),
-        task: episode.task.clone(),
-        attempt: number,
-        seed,
-        settings: episode.settings.clone(),
-        file: Folder::file_name(&episode.id),
-        sha256: sha256(file)?,
-        bytes: std::fs::metadata(file)
-            .with_context(|| format!("reading {}", file.display()))?
-            .len(),
-        success: summary.success,
-        instruction: summary.instruction.clone(),
-        seconds,
-        counts: summary
-            .streams
-            .iter()
-            .map(|stream| (stream.stream.clone(), stream.received))
-            .collect(),
-        missed: summary.streams.iter().map(|stream| stream.missed).sum(),
-        finished_unix_millis: SystemTime::now()
-            .duration_since(UNIX_EPOCH)
-            .map_or(0, |since| since.as_millis() as u64),
-        origin: [summary.origin[0].clone(), summary.origin[1].clone()],
-        scenario,
-        wall_seconds,
-    })))
-}
-
-/// Whether a file is the complete recording of this episode.
-///
-/// # Errors
-/// With what it is instead.
-pub fn check(summary: &Summary, episode: &Episode, seed: u64) -> anyhow::Result<()> {
-    if !summary.complete {
-        bail!(
-            "the recording is not complete: {}",
-            summary.problems.join("; ")
-        );
-    }
-    let found = (
-        summary.label.as_str(),
-        summary.task[0].as_str(),
-        summary.seed,
-    );
-    let wanted = (episode.id.as_str(), episode.task.as_str(), seed);
-    if found != wanted {
-        bail!(
-            "the recording is of {:?}, task {:?}, seed {}; expected {:?}, task {:?}, seed {}",
-            found.0,
-            found.1,
-            found.2,
-            wanted.0,
-            wanted.1,
-            wanted.2
-        );
-    }
-    Ok(())
-}
-
-/// Why the task was not done.
-fn reason(summary: &Summary, told: &Told) -> String {
-    let why = Some(&told.why).filter(|why| !why.is_empty());
-    let mut parts: Vec<String> = why.cloned().into_iter().collect();
-    if !summary.failure_reason.is_empty() {
-        parts.push(summary.failure_reason.clone());
-    }
-    let not: Vec<&str> = summary
-        .conditions
-        .iter()
-        .filter(|(_, holds, _)| !holds)
-        .map(|(name, ..)| name.as_str())
-        .collect();
-    if !not.is_empty() {
-        parts.push(format!("not {}", not.join(", not ")));
-    }
-    if parts.is_empty() {
-        parts.push("the operator was not content".to_owned());
-    }
-    parts.join("; ")
-}
-
-fn tell(board: &Board, doing: &str) {
-    let mut progress = lock(board);
-    doing.clone_into(&mut progress.doing);
-}
-
-/// Waits until the server serves; `false` when the campaign is to end.
-fn ready(server: &mut Process, stop: &Stop) -> anyhow::Result<bool> {
-    let begun = Instant::now();
-    loop {
-        if server
-            .messages()
-            .lines()
-            .any(|line| Ready::parse(line).is_some())
-        {
-            return Ok(true);
+            scenario: Some(told.as_ref().map_or_else(asked, scenario_json)),
         }
-        if let Some(status) = server.ended()? {
-            bail!(
-                "the server ended while starting ({status}): {}",
-                server.tail()
-            );
-        }
-        if begun.elapsed() > READY {
-            bail!(
-                "the server was not ready within {:.0} s: {}",
-                READY.as_secs_f64(),
-                server.tail()
-            );
-        }
-        if stop.at_once() {
-            return Ok(false);
-        }
-        std::thread::sleep(LOOK);
     }
 }
 
-fn server_arguments(setup: &Setup, episode: &Episode, seed: u64, endpoint: &str) -> Vec<OsString> {
-    let plan = &setup.plan;
-    let mut all = words(["--sim", SIM, "--listen", endpoint, "--pacing", "lock-step"]);
-    all.extend(words(["--scene", &plan.scene, "--robot", &plan.robot]));
-    all.extend(words([
-        "--task",
-        &episode.task,
-        "--seed",
-        &seed.to_string(),
-    ]));
-    all.extend(words(["--quality", plan.quality.name()]));
-    all.extend(words(["--state-rate", &plan.state_rate.to_string()]));
-    all.extend(words(["--imu-rate", &plan.imu_rate.to_string()]));
-    if plan.randomise.imu_noise {
-        all.push("--imu-noise".into());
+/// The operator at work, which writes down how it goes.
+fn work_at(
+    connect: &Connect,
+    options: &OperateOptions,
+    log: &mut Log,
+) -> Result<Report, OperateError> {
+    let link = Link::open(connect)?;
+    let report = operate::run(&link, options, &mut |progress| log.follow(progress));
+    match &report {
+        Ok(report) => log.line(&report.why().unwrap_or_else(|| "done".to_owned())),
+        Err(problem) => log.line(&format!("error: {problem}")),
     }
-    if plan.cameras.is_empty() {
-        all.push("--no-cameras".into());
+    // The server may be gone already.
+    let _ = link.close();
+    report
+}
+
+/// `operator.log`: phases and notes, for whoever wonders why an attempt failed.
+struct Log {
+    file: File,
+    phase: String,
+}
+
+impl Log {
+    fn create(staging: &Path) -> anyhow::Result<Self> {
+        let path = staging.join("operator.log");
+        let file = File::create(&path).with_context(|| format!("making {}", path.display()))?;
+        let phase = String::new();
+        Ok(Self { file, phase })
     }
-    for camera in plan.cameras.iter().map(Camera::word) {
-        all.extend(words(["--camera", &camera]));
+
+    fn follow(&mut self, progress: &Progress<'_>) {
+        if progress.phase != self.phase {
+            progress.phase.clone_into(&mut self.phase);
+            self.line(&format!("{:7.2} s  {}", progress.time, progress.phase));
+        }
+        for note in progress.notes {
+            self.line(&format!("{:7.2} s  {note}", progress.time));
+        }
     }
-    if let Some(assets) = &setup.assets {
-        all.extend(["--assets".into(), assets.into()]);
+
+    fn line(&mut self, words: &str) {
+        // A disk that takes no log takes no recording either, which is told.
+        let _ = writeln!(self.file, "{words}");
     }
-    if let Some(adapter) = &setup.adapter {
-        all.extend(words(["--adapter", adapter]));
-    }
-    all
 }

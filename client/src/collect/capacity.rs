@@ -2,6 +2,8 @@
 
 use std::path::Path;
 
+use anyhow::bail;
+
 use super::plan::Plan;
 
 /// Memory of a worker without pictures, bytes: server 0.3 GB, recorder and
@@ -15,6 +17,9 @@ const BYTES_PER_PIXEL: f64 = 160.0;
 /// compression uses a part of another. On 16 cores with a GPU 12 workers were
 /// as fast as 16, and 8 slower.
 const WORKERS_PER_CORE: f64 = 0.75;
+
+/// Workers per core beyond which a number of workers is a slip of the keyboard.
+const MOST_PER_CORE: usize = 16;
 
 /// What this host offers.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -43,6 +48,23 @@ impl Host {
             (free as f64 * 0.9 / worker_bytes(plan)) as usize
         });
         by_cores.min(by_memory).max(1)
+    }
+}
+
+impl Host {
+    /// Refuses a number of workers that this host cannot mean.
+    ///
+    /// # Errors
+    /// With the greatest number that is taken.
+    pub fn check(&self, workers: usize) -> anyhow::Result<()> {
+        let most = self.cores.saturating_mul(MOST_PER_CORE);
+        if workers > most {
+            bail!(
+                "{workers} workers on {} cores: --workers takes {most} at most here; without it there are as many as fit",
+                self.cores
+            );
+        }
+        Ok(())
     }
 }
 
@@ -109,5 +131,12 @@ mod tests {
         assert_eq!(workers(16, Some(3 << 30)), 2);
         assert_eq!(workers(16, Some(1 << 20)), 1);
         assert_eq!(workers(16, None), 12);
+        let host = Host {
+            cores: 2,
+            memory: None,
+        };
+        assert!(host.check(32).is_ok());
+        let told = host.check(33).unwrap_err().to_string();
+        assert!(told.contains("takes 32 at most"), "{told}");
     }
 }

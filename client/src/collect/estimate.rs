@@ -275,14 +275,20 @@ impl Estimate {
             "disk      {} to write{free}",
             bytes(self.bytes_left())
         );
+        let needed = worker_bytes(plan) * workers as f64;
         let memory = host.memory.map_or_else(String::new, |free| {
-            format!(" of {} free", bytes(free as f64))
+            let short = if (free as f64) < needed {
+                ": NOT ENOUGH"
+            } else {
+                ""
+            };
+            format!(" of {} free{short}", bytes(free as f64))
         });
         let _ = writeln!(
             text,
             "workers   {workers}, on {} cores, {} of memory{memory}",
             host.cores,
-            bytes(worker_bytes(plan) * workers as f64),
+            bytes(needed),
         );
         let (factor, measured) = self.factor;
         let _ = writeln!(

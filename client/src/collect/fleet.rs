@@ -1,26 +1,29 @@
 //! The workers: each simulates one episode after the other, with programs of
-//! its own. A worker has two lanes, which take turns on its floor: while one
-//! waits for a finished file, checks and publishes it, the other simulates.
+//! its own. A worker has a slot and two pipelines: while one waits for a finished
+//! file, checks and publishes it, the other has the permit to simulate.
 
 use std::collections::VecDeque;
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::{AtomicUsize, Ordering};
-use std::sync::{Mutex, PoisonError};
+
+use parking_lot::Mutex;
+use wheelarm_rig::Panicked;
 
 use super::attempt::{Outcome, Setup, attempt};
-use super::board::{Floor, Turn, lock};
 use super::capacity::free_disk;
 use super::episode::Episode;
 use super::estimate::bytes;
 use super::journal::{DEATHS, Done, Entry, Failed, Journal};
 use super::progress::Show;
+use super::slot::{Permit, Slot};
 use super::stop::Stop;
 
-/// Lanes of a worker.
-pub const LANES: usize = 2;
+/// Pipelines of a worker.
+pub const PIPELINES: usize = 2;
 /// Runs of the same attempt when its programs break.
 const TRIES: u32 = 3;
 /// Episodes that break before the first one is done, after which the campaign
-/// is given up: it is the host, not the episode.
+/// is ended: it is the host, not the episode.
 const BROKEN: usize = 2;
 
 /// An episode to be made.
@@ -63,11 +66,11 @@ struct Shared<'a> {
     tally: Mutex<Tally>,
     /// Bytes of the longest episode.
     largest: f64,
-    /// Lanes that make an episode.
+    /// Pipelines that make an episode.
     busy: AtomicUsize,
 }
 
-/// Makes all jobs with `workers` workers, each of which has two lanes.
+/// Makes all jobs with `workers` workers, each of which has two pipelines.
 #[must_use]
 pub fn work(
     setup: &Setup,
@@ -87,11 +90,15 @@ pub fn work(
         largest,
         busy: AtomicUsize::new(0),
     };
-    let floors: Vec<Floor> = (0..workers).map(|_| Floor::default()).collect();
+    let slots: Vec<Slot> = (0..workers).map(|_| Slot::default()).collect();
     std::thread::scope(|scope| {
-        let (shared, floors) = (&shared, &floors);
-        let threads: Vec<_> = (0..LANES * workers)
-            .map(|lane| scope.spawn(move || shared.run(lane, &floors[lane % workers])))
+        let (shared, slots) = (&shared, &slots);
+        let threads: Vec<_> = (0..PIPELINES * workers)
+            .map(|number| Place {
+                pipeline: number,
+                slot: &slots[number % workers],
+            })
+            .map(|place| scope.spawn(move || shared.run(place)))
             .collect();
         show.draw_until(|| {
             threads
@@ -99,29 +106,30 @@ pub fn work(
                 .all(std::thread::ScopedJoinHandle::is_finished)
         });
     });
-    shared
-        .tally
-        .into_inner()
-        .unwrap_or_else(PoisonError::into_inner)
+    shared.tally.into_inner()
 }
 
-/// A lane and its worker's floor.
-type Place<'a> = (usize, &'a Floor);
+/// A pipeline and its worker's slot.
+#[derive(Clone, Copy)]
+struct Place<'a> {
+    pipeline: usize,
+    slot: &'a Slot,
+}
 
 impl Shared<'_> {
-    fn run(&self, lane: usize, floor: &Floor) {
+    fn run(&self, place: Place<'_>) {
         loop {
-            let turn = lock(floor);
+            let permit = place.slot.permit();
             if self.stop.asked() {
                 return;
             }
-            let Some(job) = lock(&self.jobs).pop_front() else {
+            let Some(job) = self.jobs.lock().pop_front() else {
                 return;
             };
             let busy = 1 + self.busy.fetch_add(1, Ordering::AcqRel);
             let made = self
                 .room(busy)
-                .and_then(|()| self.episode((lane, floor), turn, &job));
+                .and_then(|()| self.episode(place, permit, &job));
             self.busy.fetch_sub(1, Ordering::AcqRel);
             if let Err(problem) = made {
                 self.end(format!("{}: {problem:#}", job.episode.id));
@@ -131,7 +139,7 @@ impl Shared<'_> {
 
     /// No other episode begins.
     fn end(&self, why: String) {
-        lock(&self.tally).ended.get_or_insert(why);
+        self.tally.lock().ended.get_or_insert(why);
         self.stop.after_running();
     }
 
@@ -150,17 +158,16 @@ impl Shared<'_> {
         }
     }
 
-    /// Attempts an episode until it is done, given up or the run ends.
+    /// Attempts an episode until it is done, dropped or the run ends.
     ///
     /// # Errors
     /// When the folder or the journal cannot be written: that ends the run.
-    fn episode<'f>(&self, place: Place<'f>, turn: Turn<'f>, job: &Job) -> anyhow::Result<()> {
-        let (lane, _) = place;
+    fn episode<'s>(&self, place: Place<'s>, permit: Permit<'s>, job: &Job) -> anyhow::Result<()> {
         let episode = &job.episode;
-        let mut turn = Some(turn);
+        let mut permit = Some(permit);
         for number in job.attempt..self.setup.plan.attempts {
             let deaths = if number == job.attempt { job.deaths } else { 0 };
-            match self.tries(place, &mut turn, episode, (number, deaths))? {
+            match self.tries(place, &mut permit, episode, (number, deaths))? {
                 Tried::Done(done) => {
                     let words = format!(
                         "{} done: {:.1} s simulated in {:.1} s, {}",
@@ -171,10 +178,11 @@ impl Shared<'_> {
                     );
                     self.setup.folder.publish(&done)?;
                     let seconds = done.seconds;
-                    lock(&self.journal).append(&Entry::Done(done))?;
+                    self.journal.lock().append(&Entry::Done(done))?;
                     self.setup.folder.clean(&episode.id)?;
-                    lock(&self.tally).done += 1;
-                    self.show.end(lane, seconds, job.expected, true, &words);
+                    self.tally.lock().done += 1;
+                    self.show
+                        .end(place.pipeline, seconds, job.expected, true, &words);
                     return Ok(());
                 }
                 Tried::Again => {}
@@ -184,30 +192,45 @@ impl Shared<'_> {
                 return Ok(());
             }
         }
-        lock(&self.tally).given_up.push(episode.id.clone());
+        self.tally.lock().given_up.push(episode.id.clone());
         Ok(())
     }
 
     /// Enters an attempt that failed, and says so.
-    fn enter(&self, lane: usize, failed: Failed) -> anyhow::Result<()> {
+    fn enter(&self, pipeline: usize, failed: Failed) -> anyhow::Result<()> {
         let (episode, seed, reason) = (&failed.episode, failed.seed, &failed.reason);
         let words = format!("{episode} failed with seed {seed}: {reason}");
         let seconds = failed.seconds;
-        if !failed.broken.is_empty() {
+        if failed.broken.is_some() {
             let entered = (episode.clone(), format!("seed {seed}: {reason}"));
-            lock(&self.tally).entered.push(entered);
+            self.tally.lock().entered.push(entered);
         }
-        lock(&self.journal).append(&Entry::Failed(failed))?;
-        self.show.end(lane, seconds, 0.0, false, &words);
+        self.journal.lock().append(&Entry::Failed(failed))?;
+        self.show.end(pipeline, seconds, 0.0, false, &words);
         Ok(())
+    }
+
+    /// One run of an attempt; a panic costs no more than that run.
+    fn attempt(
+        &self,
+        place: Place<'_>,
+        permit: Permit<'_>,
+        episode: &Episode,
+        number: u32,
+    ) -> anyhow::Result<Outcome> {
+        let activity = self.show.activity(place.pipeline);
+        let run = || attempt(self.setup, episode, number, permit, self.stop, &activity);
+        // What it shares with others is locked for single steps alone.
+        let made = catch_unwind(AssertUnwindSafe(run));
+        made.unwrap_or_else(|cause| Err(Panicked::because_of(&*cause).into()))
     }
 
     /// One attempt, again when its programs break; servers may have died in it
     /// before.
-    fn tries<'f>(
+    fn tries<'s>(
         &self,
-        (lane, floor): Place<'f>,
-        turn: &mut Option<Turn<'f>>,
+        place: Place<'s>,
+        permit: &mut Option<Permit<'s>>,
         episode: &Episode,
         (number, mut deaths): (u32, u32),
     ) -> anyhow::Result<Tried> {
@@ -218,24 +241,23 @@ impl Shared<'_> {
             if run > 0 || deaths > 0 {
                 title.push_str(" once more");
             }
-            let turn = match turn.take() {
-                Some(turn) => turn,
+            let permit = match permit.take() {
+                Some(permit) => permit,
                 None => {
-                    let turn = lock(floor);
-                    // The end may have come while another had the floor.
+                    let permit = place.slot.permit();
+                    // The end may have come while another simulated.
                     if self.stop.asked() {
                         return Ok(Tried::Stopped);
                     }
-                    turn
+                    permit
                 }
             };
-            self.show.begin(lane, title);
-            let board = self.show.board(lane);
-            match attempt(self.setup, episode, number, turn, self.stop, &board) {
+            self.show.begin(place.pipeline, title);
+            match self.attempt(place, permit, episode, number) {
                 Ok(Outcome::Done(done)) => return Ok(Tried::Done(done)),
                 Ok(Outcome::Failed(failed)) => {
                     self.setup.folder.keep_failed(&episode.id, number)?;
-                    self.enter(lane, failed)?;
+                    self.enter(place.pipeline, failed)?;
                     return Ok(Tried::Again);
                 }
                 Ok(Outcome::Broke(failed)) => {
@@ -247,7 +269,7 @@ impl Shared<'_> {
                     deaths += 1;
                     last.clone_from(&failed.reason);
                     let death = deaths;
-                    self.enter(lane, Failed { death, ..failed })?;
+                    self.enter(place.pipeline, Failed { death, ..failed })?;
                     if self.stop.asked() {
                         return Ok(Tried::Stopped);
                     }
@@ -257,18 +279,13 @@ impl Shared<'_> {
                 }
                 Ok(Outcome::Stopped) => {
                     self.setup.folder.clean(&episode.id)?;
-                    lock(&self.tally).discarded += 1;
+                    self.tally.lock().discarded += 1;
                     return Ok(Tried::Stopped);
                 }
                 Err(problem) => {
                     last = format!("{problem:#}");
-                    self.show.end(
-                        lane,
-                        0.0,
-                        0.0,
-                        false,
-                        &format!("{} broke: {last}", episode.id),
-                    );
+                    let words = format!("{} broke: {last}", episode.id);
+                    self.show.end(place.pipeline, 0.0, 0.0, false, &words);
                     self.setup.folder.keep_failed(&episode.id, number)?;
                     if self.stop.asked() {
                         return Ok(Tried::Stopped);
@@ -276,7 +293,7 @@ impl Shared<'_> {
                 }
             }
         }
-        let mut tally = lock(&self.tally);
+        let mut tally = self.tally.lock();
         tally.broken.push((episode.id.clone(), last.clone()));
         let hopeless = tally.done == 0 && tally.broken.len() >= BROKEN;
         drop(tally);
@@ -290,6 +307,7 @@ impl Shared<'_> {
 }
 
 enum Tried {
+    /// It is done.
     Done(Box<Done>),
     /// The task was not done.
     Again,

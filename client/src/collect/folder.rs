@@ -8,19 +8,21 @@
 //! | `journal/*.jsonl` | what has been done, append-only |
 //! | `staging/ID/` | an episode while it is made |
 //! | `failed/ID-attempt-K/` | what the programs said in attempts that failed; `-2` and so on when one was made again |
+//! | `failed/ID-not-in-journal.h5` | a file whose entry in the journal was lost in a power cut |
 //! | `manifest.json`, `report.md` | made from the journals at the end |
 //!
 //! A file appears under its final name in one step and never replaces another.
 
 use std::fs::File;
-use std::io::{Read, Write};
+use std::io::{ErrorKind, Read, Write};
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context, bail};
+use anyhow::{Context, anyhow};
 use sha2::{Digest, Sha256};
+use wheelarm_dataset::finish::place::place;
 
 use super::journal::Done;
-use wheelarm_rig::process::remove_socket;
+use wheelarm_rig::remove_socket;
 
 /// Name of the note in a staging folder that says what is about to be published.
 const RESULT: &str = "result.json";
@@ -84,6 +86,18 @@ impl Folder {
         self.root.join(Self::file_name(episode))
     }
 
+    /// Keeps the text of the plan beside the data.
+    ///
+    /// # Errors
+    /// When the disk does not take it.
+    pub fn keep_plan(&self, text: &str) -> anyhow::Result<()> {
+        let kept = std::fs::read_to_string(self.plan());
+        match kept.is_ok_and(|kept| kept == text) {
+            true => Ok(()),
+            false => write_whole(&self.plan(), text.as_bytes()),
+        }
+    }
+
     /// Where an episode is made.
     #[must_use]
     pub fn staging(&self, episode: &str) -> PathBuf {
@@ -110,7 +124,7 @@ impl Folder {
         let path = self.staging(episode);
         remove_socket(&path);
         match std::fs::remove_dir_all(&path) {
-            Err(e) if e.kind() != std::io::ErrorKind::NotFound => {
+            Err(e) if e.kind() != ErrorKind::NotFound => {
                 Err(e).with_context(|| format!("removing {}", path.display()))
             }
             _ => Ok(()),
@@ -171,16 +185,32 @@ impl Folder {
             }
         }
         let name = format!("failed/{episode}-attempt-{attempt}");
-        let mut kept = self.root.join(&name);
         // The same attempt is made once more after a server's death.
-        for again in 2.. {
-            if !kept.exists() {
-                break;
-            }
-            kept = self.root.join(format!("{name}-{again}"));
-        }
+        let kept = free(&self.root.join(name), "");
         std::fs::rename(&staging, &kept).with_context(|| format!("making {}", kept.display()))
     }
+
+    /// Moves the file of an episode that no journal knows out of the dataset; its
+    /// new path.
+    ///
+    /// # Errors
+    /// When it cannot be moved.
+    pub fn set_aside(&self, episode: &str) -> anyhow::Result<PathBuf> {
+        let name = format!("failed/{episode}-not-in-journal");
+        let aside = free(&self.root.join(name), ".h5");
+        appear(&self.file(episode), &aside)?;
+        Ok(aside)
+    }
+}
+
+/// A path that is not taken: `path`, else `path-2` and so on before its `ending`.
+fn free(path: &Path, ending: &str) -> PathBuf {
+    let numbered = (1..).map(|number| match number {
+        1 => format!("{}{ending}", path.display()),
+        _ => format!("{}-{number}{ending}", path.display()),
+    });
+    let mut paths = numbered.map(PathBuf::from);
+    paths.find(|path| !path.exists()).unwrap_or_default()
 }
 
 /// Gives `from` the name `to` in one step; an existing file is never replaced.
@@ -188,26 +218,13 @@ impl Folder {
 /// # Errors
 /// When `to` exists or the file system refuses.
 pub fn appear(from: &Path, to: &Path) -> anyhow::Result<()> {
-    let taken = || {
-        format!(
+    place(from, to).map_err(|problem| match problem.kind() {
+        ErrorKind::AlreadyExists => anyhow!(
             "{} exists already and is never overwritten; no journal knows it, move it away",
             to.display()
-        )
-    };
-    match std::fs::hard_link(from, to) {
-        Ok(()) => {
-            std::fs::remove_file(from).with_context(|| format!("removing {}", from.display()))?;
-        }
-        Err(e) if e.kind() == std::io::ErrorKind::AlreadyExists => bail!(taken()),
-        // Some file systems know no hard links.
-        Err(_) => {
-            if to.exists() {
-                bail!(taken());
-            }
-            std::fs::rename(from, to).with_context(|| format!("making {}", to.display()))?;
-        }
-    }
-    sync_folder(to)
+        ),
+        _ => anyhow::Error::from(problem).context(format!("making {}", to.display())),
+    })
 }
 
 /// Makes sure that a new name outlives a power cut.

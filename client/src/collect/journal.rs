@@ -1,17 +1,19 @@
 //! What has been done: an append-only file of JSON lines per shard, each line
 //! on the disk before anybody believes it.
 //!
-//! A line that a crash cut short is ignored. Nothing is ever rewritten.
+//! A last line that a crash cut short is left out, and dropped when the next one
+//! is written. Nothing else is ever rewritten.
 
 use std::collections::BTreeMap;
 use std::fs::{File, OpenOptions, TryLockError};
-use std::io::{Read, Seek, SeekFrom, Write};
-use std::path::Path;
+use std::io::{Read, Write};
+use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail};
 use serde::{Deserialize, Serialize};
 
 use super::episode::Shard;
+use crate::broken::Broken;
 
 /// One line of a journal.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -82,10 +84,9 @@ pub struct Failed {
     pub seconds: f64,
     /// Wall seconds.
     pub wall_seconds: f64,
-    /// What broke: `physics`, a `server` that died or hung, or a `scenario` that
-    /// none sets up; empty when it was the task that failed.
-    #[serde(default, skip_serializing_if = "String::is_empty")]
-    pub broken: String,
+    /// What broke; absent when it was the task that failed.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub broken: Option<Broken>,
     /// Which server of this attempt it was that died or hung, from 1; 0 when
     /// none did.
     #[serde(default, skip_serializing_if = "is_zero")]
@@ -110,8 +111,9 @@ pub struct Ledger {
     pub done: BTreeMap<String, Done>,
     /// By episode name, in the order of the attempts.
     pub failed: BTreeMap<String, Vec<Failed>>,
-    /// Lines that could not be read.
-    pub unreadable: usize,
+    /// Lines that cannot be read, most likely cut by a power loss in the middle
+    /// of a write: journal and line from 1. What they said is not known.
+    pub torn: Vec<(PathBuf, usize)>,
 }
 
 impl Ledger {
@@ -131,13 +133,13 @@ impl Ledger {
         for file in files {
             let text = std::fs::read(&file)
                 .with_context(|| format!("reading the journal {}", file.display()))?;
-            for line in text.split(|byte| *byte == b'\n') {
+            for (at, line) in text.split(|byte| *byte == b'\n').enumerate() {
                 if line.is_empty() {
                     continue;
                 }
                 match serde_json::from_slice(line) {
                     Ok(entry) => ledger.add(entry),
-                    Err(_) => ledger.unreadable += 1,
+                    Err(_) => ledger.torn.push((file.clone(), at + 1)),
                 }
             }
         }
@@ -191,6 +193,8 @@ impl Ledger {
 #[derive(Debug)]
 pub struct Journal {
     file: File,
+    /// Length of what is whole, bytes, where a line that was cut follows it.
+    whole: Option<u64>,
 }
 
 impl Journal {
@@ -228,17 +232,20 @@ impl Journal {
                 );
             }
         }
-        // A line that a crash cut short must not swallow the next one.
-        let length = file.seek(SeekFrom::End(0))?;
-        if length > 0 {
-            let mut last = [0];
-            file.seek(SeekFrom::Start(length - 1))?;
-            file.read_exact(&mut last)?;
-            if last != *b"\n" {
-                file.write_all(b"\n")?;
+        let mut text = Vec::new();
+        file.read_to_end(&mut text)
+            .with_context(|| format!("reading the journal {}", path.display()))?;
+        let last = text.rsplit(|byte| *byte == b'\n').next();
+        let mut whole = None;
+        if let Some(last) = last.filter(|last| !last.is_empty()) {
+            if serde_json::from_slice::<Entry>(last).is_ok() {
+                // Its end alone is missing.
+                file.write_all(b"\n").context("writing the journal")?;
+            } else {
+                whole = Some((text.len() - last.len()) as u64);
             }
         }
-        Ok(Self { file })
+        Ok(Self { file, whole })
     }
 
     /// Appends an entry; it is on the disk afterwards.
@@ -248,8 +255,10 @@ impl Journal {
     pub fn append(&mut self, entry: &Entry) -> anyhow::Result<()> {
         let mut line = serde_json::to_vec(entry)?;
         line.push(b'\n');
-        self.file
-            .write_all(&line)
+        let mut cut = self.whole.take().into_iter();
+        // A line that was cut must not swallow this one.
+        cut.try_for_each(|whole| self.file.set_len(whole))
+            .and_then(|()| self.file.write_all(&line))
             .and_then(|()| self.file.sync_data())
             .context("writing the journal; is the disk full?")
     }
@@ -269,7 +278,7 @@ mod tests {
             reason: "dropped".into(),
             seconds: 1.0,
             wall_seconds: 1.0,
-            broken: String::new(),
+            broken: None,
             death: 0,
             scenario: None,
         }
@@ -279,7 +288,7 @@ mod tests {
     fn a_server_that_died_once_has_its_attempt_tried_once_more() {
         let died = |attempt: u32, death: u32| {
             Entry::Failed(Failed {
-                broken: "server".into(),
+                broken: Some(Broken::Server),
                 death,
                 ..failed(attempt)
             })
@@ -309,10 +318,14 @@ mod tests {
         for cut in 1..whole.len() {
             let torn = [&whole[..], &whole[..cut]].concat();
             std::fs::write(&path, torn).unwrap();
+            let torn = Ledger::read(folder.path()).unwrap().torn;
+            let is_torn = cut < whole.len() - 1;
+            assert_eq!(torn.len(), usize::from(is_torn), "cut at {cut}");
             let mut journal = Journal::open(folder.path(), Shard::WHOLE).unwrap();
             journal.append(&Entry::Failed(failed(1))).unwrap();
             let ledger = Ledger::read(folder.path()).unwrap();
             assert_eq!(ledger.next_attempt("a-0000"), (2, 0), "cut at {cut}");
+            assert_eq!(ledger.torn, [], "cut at {cut}: it is dropped");
         }
     }
 

@@ -9,10 +9,10 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, bail};
 use wheelarm_dataset::read::Episode as Recording;
 
-use super::attempt::check;
 use super::episode::{Episode, episodes};
 use super::folder::{Folder, appear, sha256};
 use super::journal::{Done, Entry, Journal, Ledger};
+use super::judge::check;
 use super::manifest::Manifest;
 use super::plan::Plan;
 
@@ -38,7 +38,7 @@ pub fn merge(sources: &[PathBuf], out: &Path) -> anyhow::Result<Manifest> {
     }
     let plan = plan.context("no folder to merge is named")?;
     let folder = Folder::make(out)?;
-    super::keep_plan(&folder, &plan)?;
+    folder.keep_plan(&plan.text)?;
     let mut journal = Journal::open_named(&folder.journal(), "merged")?;
     let mut ledger = Ledger::read(&folder.journal())?;
     let ours = |source: &Path| match (source.canonicalize(), out.canonicalize()) {

@@ -6,22 +6,25 @@
 //! Shards need no coordinator: name, seed and shard of an episode follow from
 //! the plan alone.
 
+mod activity;
 mod attempt;
-mod board;
 mod capacity;
 mod episode;
 mod estimate;
 mod fleet;
 mod folder;
 mod journal;
+mod judge;
 mod manifest;
 mod merge;
 mod plan;
 mod progress;
+mod resume;
+mod slot;
 mod stop;
 mod watch;
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeSet;
 use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -30,17 +33,19 @@ use std::time::Duration;
 use anyhow::{Context, bail};
 use clap::Args;
 
+use crate::choice::patience;
 use crate::control::tasks_of_program;
 use attempt::Setup;
 use capacity::Host;
 use episode::{Episode, Shard, episodes};
 use estimate::{Estimate, estimate};
-use fleet::{Job, Tally};
-use folder::{Folder, write_whole};
-use journal::{Entry, Journal, Ledger};
+use fleet::Tally;
+use folder::Folder;
+use journal::Journal;
 use manifest::Manifest;
 use plan::Plan;
 use progress::Show;
+use resume::{jobs, ledger, settle};
 use stop::Stop;
 
 pub use plan::PlanError;
@@ -77,8 +82,8 @@ pub struct CollectArgs {
     #[arg(long)]
     pub adapter: Option<String>,
     /// Wall seconds without an answer after which a server is ended, 5 at least.
-    #[arg(long, default_value_t = 180.0, value_name = "SECONDS")]
-    pub patience: f64,
+    #[arg(long, default_value = "180", value_parser = patience::<5>, value_name = "SECONDS")]
+    pub patience: Duration,
     /// Joins the folders of shards into one dataset (--out, else the first),
     /// checks every file and says what is missing.
     #[arg(
@@ -110,7 +115,10 @@ pub fn run(args: &CollectArgs) -> anyhow::Result<ExitCode> {
         .into_iter()
         .filter(|episode| args.shard.has(episode))
         .collect();
-    let ledger = ledger(&Folder::at(&out), &mine)?;
+    let (ledger, warnings) = ledger(&Folder::at(&out), &mine)?;
+    for warning in warnings {
+        tracing::warn!("{warning}");
+    }
     let evaluated = args.durations.as_deref().map(estimate::durations);
     let estimate = estimate(
         &plan,
@@ -119,8 +127,10 @@ pub fn run(args: &CollectArgs) -> anyhow::Result<ExitCode> {
         &evaluated.transpose()?.unwrap_or_default(),
     );
     let left = mine.len() - ledger.done.len();
-    let fits = || Host::look().workers(&plan).min(left.max(1));
+    let host = Host::look();
+    let fits = || host.workers(&plan).min(left.max(1));
     let workers = args.workers.map_or_else(fits, NonZeroUsize::get);
+    host.check(workers)?;
     let unknown = unknown_tasks(path, &plan, args.assets.as_deref())?;
     if args.dry_run {
         print!("{}", estimate.table(&plan, &out, workers));
@@ -137,7 +147,7 @@ pub fn run(args: &CollectArgs) -> anyhow::Result<ExitCode> {
         folder: Folder::make(&out)?,
         assets: args.assets.clone(),
         adapter: args.adapter.clone(),
-        patience: Duration::from_secs_f64(args.patience.clamp(5.0, 86_400.0)),
+        patience: args.patience,
     };
     collect(&setup, args.shard, mine, &estimate, workers)
 }
@@ -155,8 +165,8 @@ fn collect(
     let folder = &setup.folder;
     let mut journal = Journal::open(&folder.journal(), shard)?;
     // Read again under the lock.
-    let mut ledger = ledger(folder, &mine)?;
-    keep_plan(folder, &setup.plan)?;
+    let (mut ledger, _) = ledger(folder, &mine)?;
+    folder.keep_plan(&setup.plan.text)?;
     settle(folder, &mine, &mut journal, &mut ledger)?;
     let jobs = jobs(&mine, &ledger, estimate);
     let workers = workers.min(jobs.len().max(1));
@@ -169,7 +179,7 @@ fn collect(
     );
     let expected = jobs.iter().map(|job| job.expected).sum();
     let show = Show::new(
-        fleet::LANES * workers,
+        fleet::PIPELINES * workers,
         ledger.done.len(),
         mine.len(),
         expected,
@@ -182,7 +192,7 @@ fn collect(
         estimate.largest(),
         (&stop, &show),
     );
-    let ledger = self::ledger(folder, &mine)?;
+    let (ledger, _) = resume::ledger(folder, &mine)?;
     let manifest = Manifest::new(&setup.plan.name, &mine, &ledger);
     explain(&tally, setup.plan.attempts);
     // A shard knows its own part only: the merge makes the manifest.
@@ -239,106 +249,10 @@ fn explain(tally: &Tally, attempts: u32) {
     }
     if tally.discarded > 0 {
         println!(
-            "{} running episodes were thrown away; the same command goes on",
+            "{} running episodes were thrown away; the same command resumes",
             tally.discarded
         );
     }
-}
-
-/// What the journals say of the episodes `mine`, as far as the files are there.
-fn ledger(folder: &Folder, mine: &[Episode]) -> anyhow::Result<Ledger> {
-    let mut ledger = Ledger::read(&folder.journal())?;
-    if ledger.unreadable > 0 {
-        tracing::warn!(
-            "{} lines of the journals in {} cannot be read and are ignored",
-            ledger.unreadable,
-            folder.journal().display()
-        );
-    }
-    let by_id: BTreeMap<&str, &Episode> = mine.iter().map(|e| (e.id.as_str(), e)).collect();
-    for done in ledger.done.values() {
-        if let Some(episode) = by_id.get(done.episode.as_str())
-            && done.settings != episode.settings
-        {
-            bail!(
-                "{} holds {} of another plan: it was made with\n  {}\nand the plan says\n  {}\nChoose another --out, or restore the plan",
-                folder.root().display(),
-                done.episode,
-                done.settings,
-                episode.settings
-            );
-        }
-    }
-    ledger.done.retain(|id, done| {
-        let size = std::fs::metadata(folder.file(id)).map(|m| m.len());
-        let there = size.is_ok_and(|size| size == done.bytes);
-        if !there && by_id.contains_key(id.as_str()) {
-            tracing::warn!(
-                "{} is gone or has another size, it counts as missing",
-                folder.file(id).display()
-            );
-        }
-        there && by_id.contains_key(id.as_str())
-    });
-    for (id, attempts) in &mut ledger.failed {
-        let settings = by_id.get(id.as_str()).map(|episode| &episode.settings);
-        attempts.retain(|failed| Some(&failed.settings) == settings);
-    }
-    Ok(ledger)
-}
-
-/// Deals with what a killed run left: finished files are entered, half-made
-/// ones are removed, and a file that no journal knows is named.
-fn settle(
-    folder: &Folder,
-    mine: &[Episode],
-    journal: &mut Journal,
-    ledger: &mut Ledger,
-) -> anyhow::Result<()> {
-    for episode in mine {
-        if !ledger.done.contains_key(&episode.id) {
-            if let Some(done) = folder.resume(&episode.id)?
-                && done.settings == episode.settings
-            {
-                let entry = Entry::Done(Box::new(done));
-                journal.append(&entry)?;
-                ledger.add(entry);
-            } else if folder.file(&episode.id).exists() {
-                bail!(
-                    "{} lies there, but no journal knows it; move it away",
-                    folder.file(&episode.id).display()
-                );
-            }
-        }
-        folder.clean(&episode.id)?;
-    }
-    Ok(())
-}
-
-/// What is left to do.
-fn jobs(mine: &[Episode], ledger: &Ledger, estimate: &Estimate) -> Vec<Job> {
-    mine.iter()
-        .filter(|episode| !ledger.done.contains_key(&episode.id))
-        .map(|episode| {
-            let share = estimate.shares.iter().find(|s| s.task == episode.task);
-            let (attempt, deaths) = ledger.next_attempt(&episode.id);
-            Job {
-                attempt,
-                deaths,
-                expected: share.map_or(0.0, |s| s.seconds.0 / s.success),
-                episode: episode.clone(),
-            }
-        })
-        .collect()
-}
-
-/// Keeps the plan beside the data.
-fn keep_plan(folder: &Folder, plan: &Plan) -> anyhow::Result<()> {
-    let same = std::fs::read_to_string(folder.plan()).is_ok_and(|text| text == plan.text);
-    if same {
-        return Ok(());
-    }
-    write_whole(&folder.plan(), plan.text.as_bytes())
 }
 
 /// Names the first task of the plan that the server does not know.

@@ -6,7 +6,7 @@
 
 use std::collections::BTreeSet;
 use std::fmt;
-use std::ops::Range;
+use std::ops::{Range, RangeInclusive};
 use std::path::{Path, PathBuf};
 
 use serde::de::Error as _;
@@ -14,10 +14,13 @@ use serde::{Deserialize, Deserializer};
 use toml::Spanned;
 use wheelarm_proto::keys::check_name;
 use wheelarm_proto::settings::{Depth, Named, Quality};
+use wheelarm_proto::v1::CameraSetting;
 
 /// Seeds of two attempts at one episode lie this far apart, so that attempts
 /// never meet the seeds of other episodes.
 pub const ATTEMPT_STRIDE: u64 = 1_000_000;
+/// Width and height that a server takes for a picture, pixels.
+const SIDES: RangeInclusive<u32> = 16..=4096;
 
 /// A checked plan.
 #[derive(Clone, Debug, PartialEq)]
@@ -32,7 +35,7 @@ pub struct Plan {
     pub scene: String,
     /// Robot below assets/robots.
     pub robot: String,
-    /// Attempts at one episode, each with a fresh seed, before it is given up.
+    /// Attempts at one episode, each with a fresh seed, before it is dropped.
     pub attempts: u32,
     /// How depth is stored.
     pub depth: Depth,
@@ -90,6 +93,18 @@ impl Camera {
     pub fn word(&self) -> String {
         let [width, height] = self.size;
         format!("{}={width}x{height}@{}", self.name, self.rate)
+    }
+
+    /// As a scenario says it.
+    #[must_use]
+    pub fn setting(&self) -> CameraSetting {
+        let [width, height] = self.size;
+        CameraSetting {
+            name: self.name.clone(),
+            width,
+            height,
+            rate_hz: Some(self.rate),
+        }
     }
 }
 
@@ -336,12 +351,15 @@ impl Check<'_> {
             self.name(&camera.name)?;
             let size = *camera.size.get_ref();
             self.that(
-                size.iter().all(|side| (1..=8192).contains(side)),
+                size.iter().all(|side| SIDES.contains(side)),
                 &camera.size,
                 || {
                     format!(
-                        "size is {}x{}; each side must be 1 to 8192 pixels",
-                        size[0], size[1]
+                        "size is {}x{}; each side must be {} to {} pixels",
+                        size[0],
+                        size[1],
+                        SIDES.start(),
+                        SIDES.end()
                     )
                 },
             )?;
@@ -435,7 +453,8 @@ mod tests {
     fn errors_name_the_line_and_the_cure() {
         for (from, to, line, words) in [
             ("episodes = 2", "episodes = 0", 7, "leave the task out"),
-            ("size = [64, 48]", "size = [0, 48]", 4, "1 to 8192"),
+            ("size = [64, 48]", "size = [0, 48]", 4, "16 to 4096"),
+            ("size = [64, 48]", "size = [64, 4097]", 4, "16 to 4096"),
             (
                 "size = [64, 48]",
                 "size = [64, 48]\nrate = 7",

@@ -1,20 +1,20 @@
 //! How a campaign goes, on a terminal as bars and in a log as lines.
 
 use std::io::IsTerminal;
-use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
 use indicatif::{MultiProgress, ProgressBar, ProgressDrawTarget, ProgressStyle};
+use parking_lot::Mutex;
 
-use super::board::{Board, Progress, lock};
+use super::activity::Activity;
 use super::estimate::duration;
 
-/// The whole campaign's bar and a line for every lane that has something to do.
+/// The whole campaign's bar and a line for every pipeline that has something to do.
 pub struct Show {
     all: MultiProgress,
     total: ProgressBar,
     lines: Vec<ProgressBar>,
-    boards: Vec<Board>,
+    activities: Vec<Activity>,
     titles: Mutex<Vec<String>>,
     reckoning: Mutex<Reckoning>,
     is_terminal: bool,
@@ -32,7 +32,7 @@ impl Show {
     /// Shows a campaign with `done` of `total` episodes and `left` simulated
     /// seconds to go.
     #[must_use]
-    pub fn new(lanes: usize, done: usize, total: usize, left: f64) -> Self {
+    pub fn new(pipelines: usize, done: usize, total: usize, left: f64) -> Self {
         let is_terminal = std::io::stderr().is_terminal();
         let target = if is_terminal {
             ProgressDrawTarget::stderr()
@@ -55,9 +55,9 @@ impl Show {
             line
         };
         Self {
-            lines: (0..lanes).map(line).collect(),
-            boards: (0..lanes).map(|_| Arc::default()).collect(),
-            titles: Mutex::new(vec![String::new(); lanes]),
+            lines: (0..pipelines).map(line).collect(),
+            activities: (0..pipelines).map(|_| Activity::default()).collect(),
+            titles: Mutex::new(vec![String::new(); pipelines]),
             reckoning: Mutex::new(Reckoning {
                 begun: Instant::now(),
                 simulated: 0.0,
@@ -69,26 +69,26 @@ impl Show {
         }
     }
 
-    /// Where a lane tells how it goes.
+    /// Where a pipeline tells how it goes.
     #[must_use]
-    pub fn board(&self, lane: usize) -> Board {
-        self.boards.get(lane).cloned().unwrap_or_default()
+    pub fn activity(&self, pipeline: usize) -> Activity {
+        self.activities.get(pipeline).cloned().unwrap_or_default()
     }
 
-    /// A lane begins something; an empty title is nothing.
-    pub fn begin(&self, lane: usize, title: String) {
-        *lock(&self.board(lane)) = Progress::default();
-        if let Some(mine) = lock(&self.titles).get_mut(lane) {
+    /// A pipeline begins something; an empty title is nothing.
+    pub fn begin(&self, pipeline: usize, title: String) {
+        self.activity(pipeline).reset();
+        if let Some(mine) = self.titles.lock().get_mut(pipeline) {
             *mine = title;
         }
     }
 
-    /// A lane's attempt is over after `seconds` simulated; `done` when its
+    /// A pipeline's attempt is over after `seconds` simulated; `done` when its
     /// episode is in the dataset, which takes `expected` off what is left.
-    pub fn end(&self, lane: usize, seconds: f64, expected: f64, done: bool, words: &str) {
-        self.begin(lane, String::new());
+    pub fn end(&self, pipeline: usize, seconds: f64, expected: f64, done: bool, words: &str) {
+        self.begin(pipeline, String::new());
         {
-            let mut reckoning = lock(&self.reckoning);
+            let mut reckoning = self.reckoning.lock();
             reckoning.simulated += seconds;
             if done {
                 reckoning.left = (reckoning.left - expected).max(0.0);
@@ -112,8 +112,8 @@ impl Show {
 
     /// Rate and time left.
     fn rate(&self) -> String {
-        let reckoning = lock(&self.reckoning);
-        let running: f64 = self.boards.iter().map(|board| lock(board).seconds).sum();
+        let reckoning = self.reckoning.lock();
+        let running: f64 = self.activities.iter().map(Activity::seconds).sum();
         let wall = reckoning.begun.elapsed().as_secs_f64().max(1e-3);
         let factor = (reckoning.simulated + running) / wall;
         if factor < 1e-3 {
@@ -130,8 +130,9 @@ impl Show {
         while !finished() {
             if self.is_terminal {
                 self.total.set_message(self.rate());
-                let titles = lock(&self.titles).clone();
-                for ((line, board), title) in self.lines.iter().zip(&self.boards).zip(titles) {
+                let titles = self.titles.lock().clone();
+                let lines = self.lines.iter().zip(&self.activities);
+                for ((line, activity), title) in lines.zip(titles) {
                     if title.is_empty() {
                         if !line.is_finished() {
                             line.finish_and_clear();
@@ -141,11 +142,7 @@ impl Show {
                     if line.is_finished() {
                         line.reset();
                     }
-                    let progress = lock(board).clone();
-                    line.set_message(format!(
-                        "{title}: {:6.1} s simulated, {}",
-                        progress.seconds, progress.doing
-                    ));
+                    line.set_message(format!("{title}: {}", activity.line()));
                     line.tick();
                 }
             }

@@ -3,9 +3,7 @@
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU8, Ordering};
 
-use anyhow::Context;
-
-use crate::interrupt::{Heard, Signals};
+use crate::interrupt::{Heard, on_signals};
 
 const FINISH: u8 = 1;
 const DISCARD: u8 = 2;
@@ -40,28 +38,16 @@ impl Stop {
     /// # Errors
     /// When the operating system refuses.
     pub fn listen(&self) -> anyhow::Result<()> {
-        let runtime = tokio::runtime::Builder::new_current_thread()
-            .enable_all()
-            .build()
-            .context("listening to Ctrl-C")?;
         let stop = self.clone();
-        let mut signals = {
-            let _inside = runtime.enter();
-            Signals::listen()?
-        };
-        std::thread::spawn(move || {
-            loop {
-                let heard = runtime.block_on(signals.next());
-                let first = || stop.level.fetch_add(1, Ordering::AcqRel) == 0;
-                if heard == Heard::Interrupt && first() {
-                    eprintln!(
-                        "\nthe running episodes are finished, no other begins; Ctrl-C again throws them away at once"
-                    );
-                } else {
-                    stop.level.store(DISCARD, Ordering::Release);
-                }
+        on_signals(move |heard| {
+            let first = || stop.level.fetch_add(1, Ordering::AcqRel) == 0;
+            if heard == Heard::Interrupt && first() {
+                eprintln!(
+                    "\nthe running episodes are finished, no other begins; Ctrl-C again throws them away at once"
+                );
+            } else {
+                stop.level.store(DISCARD, Ordering::Release);
             }
-        });
-        Ok(())
+        })
     }
 }

@@ -1,16 +1,15 @@
 //! How an attempt goes: its server is asked on a thread of its own, for an
 //! answer that does not come must not hold up the end of the campaign.
 
-use std::sync::{Arc, Mutex};
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
+use parking_lot::Mutex;
+use wheelarm_link::{Connect, Link};
 use wheelarm_proto::v1;
 
-use super::board::{Board, lock};
-use wheelarm_link::{Connect, Link};
+use super::activity::Activity;
 
-/// Name of the server, the same in all: each has a network of its own.
-pub(super) const SIM: &str = "collect";
 /// How often the server is asked.
 const ASK: Duration = Duration::from_secs(1);
 /// Longest wait for an answer.
@@ -18,7 +17,7 @@ const ANSWER: Duration = Duration::from_secs(20);
 /// Longest time without an answer that one question can show, [`ASK`] included:
 /// never more than a share of the patience, so that no single one uses it up.
 const LONGEST: Duration = Duration::from_secs(25);
-/// Questions in a row without an answer before a server is given up, at least,
+/// Questions in a row without an answer before a server counts as hung, at least,
 /// for a campaign that was suspended as a whole may lose one.
 const QUESTIONS: u32 = 3;
 
@@ -43,9 +42,9 @@ struct Seen {
 }
 
 impl Seen {
-    /// Takes the time since the last look, `longest` at most, for standing still
+    /// Takes the time since the last look, `longest` at most, for a stall
     /// in silence. A campaign that was suspended as a whole, as schedulers do,
-    /// has not stood still.
+    /// has not stalled.
     fn look(&mut self, longest: Duration) {
         let passed = self.looked.elapsed().min(longest);
         self.still += passed;
@@ -55,10 +54,10 @@ impl Seen {
 }
 
 impl Watch {
-    /// Watches the server at `endpoint` and tells `board`; its silence is to be
-    /// told from slowness within `patience`.
+    /// Watches a server and tells `activity`; its silence is to be told from
+    /// slowness within `patience`.
     #[must_use]
-    pub fn start(endpoint: String, board: &Board, patience: Duration) -> Self {
+    pub fn start(connect: Connect, activity: &Activity, patience: Duration) -> Self {
         let (answer, longest) = (
             ANSWER.min(patience / QUESTIONS),
             LONGEST.min(patience / QUESTIONS),
@@ -73,27 +72,18 @@ impl Watch {
             answered: None,
             scenario: None,
         }));
-        let (told, board) = (Arc::clone(&seen), Arc::clone(board));
+        let (told, activity) = (Arc::clone(&seen), activity.clone());
         std::thread::spawn(move || {
-            let args = Connect {
-                endpoint,
-                sim: SIM.to_owned(),
-                timeout_secs: 10.0,
-            };
-            let wanted = || {
-                let told = lock(&told);
-                told.wanted
-            };
             let mut open = None;
-            while wanted() {
+            while told.lock().wanted {
                 if open.is_none() {
-                    open = Link::open(&args).ok();
+                    open = Link::open(&connect).ok();
                 }
                 let ask = |link: &Link| link.ask_within(&v1::StatusRequest {}, answer);
                 let asked = Instant::now();
-                lock(&told).look(longest);
+                told.lock().look(longest);
                 if let Some(Ok(status)) = open.as_ref().map(ask) {
-                    follow(&status, asked, &told, &board);
+                    follow(&status, asked, &told, &activity);
                 }
                 std::thread::sleep(ASK);
             }
@@ -105,35 +95,35 @@ impl Watch {
         Self { seen }
     }
 
-    /// For how long simulation time has stood still while the server answered.
+    /// For how long simulation time has stalled while the server answered.
     #[must_use]
     pub fn stalled(&self) -> Duration {
-        let seen = lock(&self.seen);
+        let seen = self.seen.lock();
         seen.still.saturating_sub(seen.silent)
     }
 
     /// For how long the server has answered nothing.
     #[must_use]
     pub fn silent_for(&self) -> Duration {
-        lock(&self.seen).silent
+        self.seen.lock().silent
     }
 
     /// Whether the server has answered a question that was asked after `since`.
     #[must_use]
     pub fn has_answered_since(&self, since: Instant) -> bool {
-        lock(&self.seen).answered.is_some_and(|asked| asked > since)
+        self.seen.lock().answered.is_some_and(|asked| asked > since)
     }
 
     /// The scenario in force, once the server has told it.
     #[must_use]
     pub fn scenario(&self) -> Option<v1::Scenario> {
-        lock(&self.seen).scenario.clone()
+        self.seen.lock().scenario.clone()
     }
 
     /// Whom the server waits for, as the end of a sentence.
     #[must_use]
     pub fn waiting_for(&self) -> String {
-        let seen = lock(&self.seen);
+        let seen = self.seen.lock();
         if seen.waiting_for.is_empty() {
             return String::new();
         }
@@ -143,14 +133,14 @@ impl Watch {
 
 impl Drop for Watch {
     fn drop(&mut self) {
-        lock(&self.seen).wanted = false;
+        self.seen.lock().wanted = false;
     }
 }
 
-fn follow(status: &v1::Status, asked: Instant, told: &Mutex<Seen>, board: &Board) {
+fn follow(status: &v1::Status, asked: Instant, told: &Mutex<Seen>, activity: &Activity) {
     let tick = status.header.as_ref().map_or(0, |h| h.tick);
     let stamp = |header: Option<&v1::Header>| header.map_or(0, |h| h.stamp_nanos);
-    let mut told = lock(told);
+    let mut told = told.lock();
     told.answered = Some(asked);
     told.silent = Duration::ZERO;
     told.looked = Instant::now();
@@ -165,9 +155,8 @@ fn follow(status: &v1::Status, asked: Instant, told: &Mutex<Seen>, board: &Board
     };
     let begun = stamp(started.header.as_ref());
     let seconds = stamp(status.header.as_ref()).saturating_sub(begun) as f64 * 1e-9;
-    let mut progress = lock(board);
     if told.wanted {
-        progress.seconds = seconds;
-        progress.doing = format!("{:.2}x real time", status.real_time_factor);
+        let rate = format!("{:.2}x real time", status.real_time_factor);
+        activity.simulated(seconds, rate);
     }
 }

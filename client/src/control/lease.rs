@@ -13,7 +13,7 @@ use wheelarm_proto::v1;
 
 use wheelarm_link::{Link, Turn};
 
-use crate::interrupt::Signals;
+use crate::interrupt::on_signals;
 
 /// `wheelarm lease …`.
 #[derive(Subcommand, Clone, Debug)]
@@ -83,20 +83,9 @@ pub fn lease(link: &Link, command: &LeaseCommand) -> anyhow::Result<ExitCode> {
 
 /// Becomes true on Ctrl-C or SIGTERM.
 fn listen() -> anyhow::Result<Arc<AtomicBool>> {
-    let runtime = tokio::runtime::Builder::new_current_thread()
-        .enable_all()
-        .build()
-        .context("listening to Ctrl-C")?;
-    let mut signals = {
-        let _inside = runtime.enter();
-        Signals::listen()?
-    };
     let interrupted = Arc::new(AtomicBool::new(false));
     let told = Arc::clone(&interrupted);
-    std::thread::spawn(move || {
-        runtime.block_on(signals.next());
-        told.store(true, Ordering::Release);
-    });
+    on_signals(move |_| told.store(true, Ordering::Release))?;
     Ok(interrupted)
 }
 

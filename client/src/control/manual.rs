@@ -96,7 +96,8 @@ pub const EPISODE: &str = manual!(
   wheelarm episode stop --discard
 ",
     "  0  started or ended
-  1  refused (one runs already, none runs, a recorder is missing), or no server answered
+  1  refused (one runs already, none runs), or it did not begin (a recorder is
+     missing or cannot record it), or no server answered
 "
 );
 

@@ -1,5 +1,6 @@
 //! The small commands: one query each, its answer printed.
 
+mod episode;
 mod external;
 mod lease;
 pub mod manual;
@@ -7,11 +8,12 @@ mod port;
 mod print;
 mod tasks;
 
-use clap::{Args, Subcommand};
+use clap::Args;
 use wheelarm_proto::v1;
 
 use wheelarm_link::{Connect, Link, LinkError};
 
+pub use episode::{EpisodeCommand, EpisodeStartArgs, EpisodeStopArgs, episode};
 pub use external::run_external;
 pub use lease::{LeaseCommand, LeaseHoldArgs, lease};
 pub use print::{episode_line, evaluation_lines};
@@ -34,44 +36,6 @@ pub struct ResetArgs {
     pub instruction: Option<String>,
     /// Also while somebody else is in control.
     #[arg(long)]
-    pub force: bool,
-}
-
-/// `wheelarm episode …`.
-#[derive(Subcommand, Clone, Debug)]
-pub enum EpisodeCommand {
-    /// Starts an episode; connected recorders open a file.
-    Start(EpisodeStartArgs),
-    /// Ends the running episode; recorders finish their files.
-    Stop(EpisodeStopArgs),
-}
-
-/// Options of `wheelarm episode start`.
-#[derive(Args, Clone, Debug)]
-pub struct EpisodeStartArgs {
-    /// Label: letters, digits, `-`, `_`, `.`; names the file.
-    #[arg(long)]
-    pub label: String,
-    /// Instruction sentence, stored exactly; the scenario's when absent.
-    #[arg(long, default_value = "")]
-    pub instruction: String,
-    /// Recorders that must be ready before time goes on.
-    #[arg(long, default_value_t = 0, value_name = "N")]
-    pub require_recorders: u32,
-    /// In lock-step: the commander that the simulation waits for; it must hold
-    /// control. Whoever does when absent.
-    #[arg(long, default_value = "")]
-    pub commander: String,
-}
-
-/// Options of `wheelarm episode stop`.
-#[derive(Args, Clone, Copy, Debug)]
-pub struct EpisodeStopArgs {
-    /// Recorders throw the episode away.
-    #[arg(long)]
-    pub discard: bool,
-    /// Discards also while somebody else is in control.
-    #[arg(long, requires = "discard")]
     pub force: bool,
 }
 
@@ -111,7 +75,7 @@ pub fn reset(link: &Link, args: &ResetArgs) -> Result<v1::Scenario, LinkError> {
     link.reset(scenario, args.force)
 }
 
-/// Lets time stand still, or go on.
+/// Pauses simulation time, or lets it go on.
 ///
 /// # Errors
 /// [`LinkError`].
@@ -121,33 +85,4 @@ pub fn pause(link: &Link, pause: bool) -> Result<(), LinkError> {
         false => link.ask(&v1::ResumeRequest {}),
     };
     done.map(|_| ())
-}
-
-/// Runs `wheelarm episode …` and prints the result.
-///
-/// # Errors
-/// [`LinkError`].
-pub fn episode(link: &Link, command: &EpisodeCommand) -> Result<(), LinkError> {
-    match command {
-        EpisodeCommand::Start(args) => {
-            let instruction = &args.instruction;
-            let started = link.ask(&v1::EpisodeStartRequest {
-                label: args.label.clone(),
-                instruction: (!instruction.is_empty()).then(|| instruction.clone()),
-                require_recorders: args.require_recorders,
-                commander: args.commander.clone(),
-                ..Default::default()
-            })?;
-            println!("started {}", episode_line(&started));
-        }
-        EpisodeCommand::Stop(args) => {
-            let stopped = link.ask(&v1::EpisodeStopRequest {
-                discard: args.discard,
-                force: args.force,
-                secret: link.secret(),
-            })?;
-            print!("{}", print::stopped_text(&stopped));
-        }
-    }
-    Ok(())
 }

@@ -7,7 +7,7 @@ use std::process::Command;
 use anyhow::{Context, bail};
 use wheelarm_link::{Connect, Link, LinkError};
 use wheelarm_proto::{program, v1};
-use wheelarm_rig::find_program;
+use wheelarm_rig::required_program;
 
 use super::{port, print};
 
@@ -39,10 +39,7 @@ pub fn tasks(connect: &Connect) -> anyhow::Result<()> {
 /// # Errors
 /// When there is no such program or the assets cannot be used.
 pub fn tasks_of_program(assets: Option<&Path>) -> anyhow::Result<Vec<v1::TaskInfo>> {
-    let server = find_program("wheelarm-server").context(
-        "`wheelarm-server` lies neither beside this program nor on PATH; build the workspace first: cargo build --release --workspace",
-    )?;
-    let mut command = Command::new(server);
+    let mut command = Command::new(required_program("wheelarm-server")?);
     command.args(["--list-tasks", "--json"]);
     if let Some(assets) = assets {
         command.arg("--assets").arg(assets);

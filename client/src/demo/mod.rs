@@ -12,17 +12,18 @@ use std::time::{Duration, Instant};
 use anyhow::Context;
 use clap::Args;
 use indicatif::{ProgressBar, ProgressStyle};
-use wheelarm_proto::settings::{Pacing, Quality};
+use wheelarm_proto::settings::Quality;
 use wheelarm_proto::v1;
 
-use crate::choice::named;
+use crate::choice::{named, seed_range};
 use summary::Summary;
 use wheelarm_link::Link;
 use wheelarm_operate::run::{self as operate, OperateOptions, Progress};
-use wheelarm_rig::local::{self, LocalServer, Program, ServerOptions};
+use wheelarm_rig::{
+    Input, Launch, Process, Recorder, RecorderOptions, Server, ServerOptions, all_cameras,
+    free_label,
+};
 
-/// Name of the demo's recorder.
-const RECORDER: &str = "demo";
 /// Longest time for drawing a contact sheet.
 const SHEET: Duration = Duration::from_secs(120);
 
@@ -67,24 +68,25 @@ pub struct DemoArgs {
     pub no_sheet: bool,
 }
 
-/// Reads `FIRST..LAST`, for example `0..10`.
-pub(crate) fn seed_range(text: &str) -> Result<(u64, u64), String> {
-    let (first, end): (u64, u64) = text
-        .split_once("..")
-        .and_then(|(a, b)| Some((a.parse().ok()?, b.parse().ok()?)))
-        .filter(|(a, b)| a < b)
-        .ok_or_else(|| format!("{text:?} is not FIRST..LAST, for example 0..10"))?;
-    if end - first > MOST_SEEDS {
-        return Err(format!(
-            "{text:?} are {} seeds; at most {MOST_SEEDS} at one time",
-            end - first
-        ));
+impl DemoArgs {
+    /// What the server of an episode is started with.
+    fn server(&self, seed: u64) -> ServerOptions {
+        ServerOptions {
+            scenario: v1::Scenario {
+                scene: self.scene.clone(),
+                task: Some(self.task.clone()),
+                robot: self.robot.clone(),
+                seed: Some(seed),
+                cameras: vec![all_cameras(self.width, self.height, self.rate)],
+                pacing: v1::Pacing::LockStep.into(),
+                quality: self.quality.code().into(),
+                ..v1::Scenario::default()
+            },
+            assets: self.assets.clone(),
+            ..ServerOptions::default()
+        }
     }
-    Ok((first, end))
 }
-
-/// Most seeds of one run: what is planned for each takes memory.
-const MOST_SEEDS: u64 = 1_000_000;
 
 /// Runs the demo for every seed. Success only when every task succeeded and
 /// every recording is complete; a recording with loss is exit code 3.
@@ -128,22 +130,13 @@ fn one(args: &DemoArgs, seed: u64) -> anyhow::Result<Summary> {
     )?);
     bar.enable_steady_tick(Duration::from_millis(120));
     bar.set_message(format!("seed {seed}: starting the server"));
-    let server = LocalServer::start(&ServerOptions {
-        scene: args.scene.clone(),
-        task: args.task.clone(),
-        robot: args.robot.clone(),
-        seed,
-        pacing: Pacing::LockStep,
-        cameras: vec![format!("*={}x{}@{}", args.width, args.height, args.rate)],
-        quality: args.quality,
-        assets: args.assets.clone(),
-    })?;
+    let server = Server::start(&args.server(seed))?;
     let link = server.link()?;
     let status: v1::Status = link.ask(&v1::StatusRequest {})?;
-    let mut recorder = local::start_recorder(server.connect(), &args.out, RECORDER)?;
-    let label = local::free_label(&args.out, &format!("{}-seed{seed}", args.task));
+    let recording = RecorderOptions::lasting("demo", &args.out);
+    let mut recorder = Recorder::start(server.connect(), &recording)?;
     let work = OperateOptions {
-        label: Some(label.clone()),
+        label: Some(free_label(&args.out, &format!("{}-seed{seed}", args.task))),
         require_recorders: 1,
         ..OperateOptions::default()
     };
@@ -159,13 +152,12 @@ fn one(args: &DemoArgs, seed: u64) -> anyhow::Result<Summary> {
         operate::run(&link, &work, &mut |progress| watch.show(progress)).with_context(|| {
             format!(
                 "the server said:\n{}the recorder said:\n{}",
-                server.messages(),
-                recorder.messages()
+                server.tail(),
+                recorder.tail()
             )
         })?;
     bar.set_message(format!("seed {seed}: finishing the file"));
-    let episode = report.started.header.as_ref().map_or(0, |h| h.episode);
-    let recorded = local::finished(&link, RECORDER, episode, &mut recorder)?;
+    let recorded = recorder.finished(&link, report.episode())?;
     let wall = begun.elapsed();
     drop(recorder);
     server.stop(link)?;
@@ -217,32 +209,26 @@ impl Watch<'_> {
 /// Draws the contact sheet; its path.
 fn sheet(file: &Path) -> anyhow::Result<Option<PathBuf>> {
     let picture = file.with_extension("png");
-    let mut program = Program::start(
-        "wheelarm-dataset",
-        [
-            "sheet".as_ref(),
-            file.as_os_str(),
-            "--out".as_ref(),
-            picture.as_os_str(),
+    let mut program = Process::start(Launch {
+        name: "sheet",
+        program: "wheelarm-dataset",
+        arguments: vec![
+            "sheet".into(),
+            file.into(),
+            "--out".into(),
+            picture.clone().into(),
         ],
-    )?;
-    let status = program.wait(SHEET)?;
-    if !status.success() || !picture.is_file() {
-        eprintln!("no contact sheet ({status}):\n{}", program.messages());
+        input: Input::Text(String::new()),
+        folder: None,
+    })?;
+    let status = program.ended_within(SHEET)?;
+    if status.is_none_or(|status| !status.success()) || !picture.is_file() {
+        let how = status.map_or_else(
+            || format!("it took longer than {:.0} s", SHEET.as_secs_f64()),
+            |status| status.to_string(),
+        );
+        eprintln!("no contact sheet ({how}):\n{}", program.tail());
         return Ok(None);
     }
     Ok(Some(picture))
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn seed_ranges_are_read_and_wrong_ones_refused() {
-        assert_eq!(seed_range("0..10"), Ok((0, 10)));
-        for bad in ["", "3", "3..3", "4..2", "a..b", "0..99999999999999"] {
-            assert!(seed_range(bad).is_err(), "{bad:?} was taken");
-        }
-    }
 }

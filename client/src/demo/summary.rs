@@ -7,7 +7,6 @@ use std::time::Duration;
 use wheelarm_proto::{StreamId, v1};
 
 use crate::control::evaluation_lines;
-use wheelarm_operate::operator::Outcome;
 use wheelarm_operate::run::Report;
 
 /// What came of one episode.
@@ -37,30 +36,18 @@ impl Summary {
     /// Why it is not good.
     #[must_use]
     pub fn problem(&self) -> String {
-        match &self.report.outcome {
-            Outcome::Failure(why) | Outcome::Broken(why) => why.clone(),
-            Outcome::Success if !self.report.evaluation.success => {
-                "the task's conditions no longer held at the end".to_owned()
-            }
-            Outcome::Success => format!(
+        self.report.why().unwrap_or_else(|| {
+            format!(
                 "{} samples are missing {}",
                 self.recorded.missed, self.recorded.message
-            ),
-        }
-    }
-
-    /// Simulated seconds of the episode.
-    fn simulated(&self) -> f64 {
-        let stamp = |header: Option<&v1::Header>| header.map_or(0, |h| h.stamp_nanos);
-        let begun = stamp(self.report.started.header.as_ref());
-        let ended = stamp(self.report.stopped.as_ref().and_then(|s| s.header.as_ref()));
-        ended.saturating_sub(begun) as f64 * 1e-9
+            )
+        })
     }
 }
 
 impl fmt::Display for Summary {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let simulated = self.simulated().max(1e-9);
+        let simulated = self.report.seconds().max(1e-9);
         writeln!(
             f,
             "seed {}: {:?}",

@@ -2,8 +2,8 @@
 //! server, and names the cure of what is wrong. It changes nothing.
 
 mod finding;
-mod here;
 mod server;
+mod this_host;
 
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -41,7 +41,7 @@ pub fn run(connect: &Connect, args: &DoctorArgs) -> anyhow::Result<ExitCode> {
         }
         all.push(finding);
     };
-    here::look(&args.out, &mut tell);
+    this_host::look(&args.out, &mut tell);
     server::look(connect, args.server, &mut tell);
     if args.json {
         println!("{}", serde_json::to_string_pretty(&all)?);

@@ -3,24 +3,27 @@
 //! done once more for it, with the cameras on: the same bits again.
 
 use std::path::PathBuf;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::time::Duration;
 
 use anyhow::Context;
 use wheelarm_dataset::sheet::grid::{Cell, grid};
-use wheelarm_proto::{Message, v1};
-use zenoh::bytes::ZBytes;
-
-use super::report::Report;
-use super::{Entry, EvaluateArgs, Job};
+use wheelarm_link::Frame;
 use wheelarm_operate::run::{self as operate, OperateOptions};
-use wheelarm_rig::local::LocalServer;
+use wheelarm_proto::v1;
+use wheelarm_rig::{Server, all_cameras};
 
-/// Setting of all cameras; the smaller picture is made smaller by [`SMALLER`].
-const CAMERAS: &str = "*=480x270@1";
+use super::args::EvaluateArgs;
+use super::entry::{Entry, Job};
+use super::report::Report;
+
+/// Width and height of the larger picture, pixels.
+const SIZE: [u32; 2] = [480, 270];
 /// So many times smaller is the picture in the corner.
 const SMALLER: usize = 3;
 /// Pictures in one row.
 const COLUMNS: usize = 4;
+/// Longest wait for a picture that has been sent.
+const PICTURE: Duration = Duration::from_secs(5);
 
 /// Draws the grid; its path.
 ///
@@ -31,7 +34,7 @@ pub fn draw(args: &EvaluateArgs, report: &Report, entries: &[Entry]) -> anyhow::
     for task in &report.tasks {
         let own = || {
             let own = entries.iter().filter(|entry| entry.task == task.task);
-            own.filter(|entry| entry.broken.is_empty())
+            own.filter(|entry| entry.broken.is_none())
         };
         // A success shows best what the task is.
         let Some(entry) = own().find(|entry| entry.success).or_else(|| own().next()) else {
@@ -41,12 +44,12 @@ pub fn draw(args: &EvaluateArgs, report: &Report, entries: &[Entry]) -> anyhow::
             task: entry.task.clone(),
             seed: entry.seed,
         };
-        let [large, small] = last_frames(args, &job)?;
-        let (width, height) = size(&large);
+        let [mut large, small] = last_pictures(args, &job)?;
+        large.inset(&small.smaller(SMALLER));
         cells.push(Cell {
-            width,
-            height,
-            rgb: inset(&large, &small),
+            width: large.width,
+            height: large.height,
+            rgb: large.rgb,
             title: task.task.clone(),
             note: format!(
                 "{} of {}, {:.0} s",
@@ -60,35 +63,56 @@ pub fn draw(args: &EvaluateArgs, report: &Report, entries: &[Entry]) -> anyhow::
     Ok(path)
 }
 
-fn size(frame: &v1::CameraFrame) -> (usize, usize) {
-    let intrinsics = frame.intrinsics.unwrap_or_default();
-    (intrinsics.width as usize, intrinsics.height as usize)
+/// A picture: RGB8, row-major from the top left.
+#[derive(Clone, Debug, PartialEq)]
+struct Picture {
+    width: usize,
+    height: usize,
+    rgb: Vec<u8>,
 }
 
-/// A picture `times` smaller: each pixel is the mean of as many squared.
-fn smaller(frame: &v1::CameraFrame, times: usize) -> v1::CameraFrame {
-    let (width, height) = size(frame);
-    let (columns, rows) = (width / times, height / times);
-    if frame.rgb.len() != 3 * width * height {
-        return frame.clone();
+impl From<Frame> for Picture {
+    fn from(frame: Frame) -> Self {
+        Self {
+            width: frame.intrinsics.width as usize,
+            height: frame.intrinsics.height as usize,
+            rgb: frame.rgb.to_vec(),
+        }
     }
-    let mean = |row: usize, column: usize, colour: usize| {
-        let pixels = (0..times * times).map(|i| {
-            let (down, right) = (row * times + i / times, column * times + i % times);
-            usize::from(frame.rgb[3 * (down * width + right) + colour])
-        });
-        u8::try_from(pixels.sum::<usize>() / (times * times)).unwrap_or(u8::MAX)
-    };
-    let rgb = (0..3 * rows * columns).map(|i| mean(i / 3 / columns, i / 3 % columns, i % 3));
-    let pixels = |count: usize| u32::try_from(count).unwrap_or_default();
-    v1::CameraFrame {
-        rgb: rgb.collect::<Vec<u8>>().into(),
-        intrinsics: Some(v1::Intrinsics {
-            width: pixels(columns),
-            height: pixels(rows),
-            ..frame.intrinsics.unwrap_or_default()
-        }),
-        ..frame.clone()
+}
+
+impl Picture {
+    /// A picture `times` smaller: each pixel is the mean of as many squared.
+    fn smaller(&self, times: usize) -> Self {
+        let (width, height) = (self.width / times, self.height / times);
+        let mean = |row: usize, column: usize, colour: usize| {
+            let pixels = (0..times * times).map(|i| {
+                let (down, right) = (row * times + i / times, column * times + i % times);
+                usize::from(self.rgb[3 * (down * self.width + right) + colour])
+            });
+            u8::try_from(pixels.sum::<usize>() / (times * times)).unwrap_or(u8::MAX)
+        };
+        let rgb = (0..3 * height * width).map(|i| mean(i / 3 / width, i / 3 % width, i % 3));
+        Self {
+            width,
+            height,
+            rgb: rgb.collect(),
+        }
+    }
+
+    /// Puts a small picture into the lower right corner; one that does not fit
+    /// is left out.
+    fn inset(&mut self, small: &Self) {
+        let (Some(left), Some(top)) = (
+            self.width.checked_sub(small.width),
+            self.height.checked_sub(small.height),
+        ) else {
+            return;
+        };
+        for (row, line) in small.rgb.chunks_exact(3 * small.width.max(1)).enumerate() {
+            let to = 3 * ((top + row) * self.width + left);
+            self.rgb[to..to + line.len()].copy_from_slice(line);
+        }
     }
 }
 
@@ -103,53 +127,25 @@ fn cameras(robot: &v1::RobotDescription) -> anyhow::Result<[&str; 2]> {
     Ok([chair, arm])
 }
 
-/// The large picture with the small one in its lower right corner.
-fn inset(large: &v1::CameraFrame, small: &v1::CameraFrame) -> Vec<u8> {
-    let mut rgb = large.rgb.to_vec();
-    let ((width, height), (columns, rows)) = (size(large), size(small));
-    if columns > width
-        || rows > height
-        || rgb.len() != 3 * width * height
-        || small.rgb.len() != 3 * columns * rows
-    {
-        return rgb;
-    }
-    for (row, line) in small.rgb.chunks_exact(3 * columns.max(1)).enumerate() {
-        let to = 3 * ((height - rows + row) * width + width - columns);
-        rgb[to..to + line.len()].copy_from_slice(line);
-    }
-    rgb
-}
-
 /// The last pictures of an episode.
-fn last_frames(args: &EvaluateArgs, job: &Job) -> anyhow::Result<[v1::CameraFrame; 2]> {
-    let all = vec![CAMERAS.to_owned()];
-    let server = LocalServer::start(&args.server(&job.task, job.seed, all))?;
+fn last_pictures(args: &EvaluateArgs, job: &Job) -> anyhow::Result<[Picture; 2]> {
+    let cameras_on = vec![all_cameras(SIZE[0], SIZE[1], 1.0)];
+    let server = Server::start(&args.server(Some(job), cameras_on))?;
     let link = server.link()?;
     let robot = link.ask(&v1::SceneRequest {})?.robot.unwrap_or_default();
-    let names = cameras(&robot)?;
-    let newest: [Arc<Mutex<Option<ZBytes>>>; 2] = Default::default();
-    let mut subscribers = Vec::new();
-    for (name, newest) in names.iter().zip(&newest) {
-        let kept = Arc::clone(newest);
-        let subscriber = link.subscribe(&link.keys().camera(name), move |sample| {
-            let mut newest = kept.lock().unwrap_or_else(PoisonError::into_inner);
-            *newest = Some(sample.payload().clone());
-        })?;
-        subscribers.push(subscriber);
-    }
+    let [chair, arm] = cameras(&robot)?;
+    // The newest picture of each is kept.
+    let seen = [(chair, link.camera(chair, 1)?), (arm, link.camera(arm, 1)?)];
     operate::run(&link, &OperateOptions::default(), &mut |_| {})
         .with_context(|| format!("{} seed {}", job.task, job.seed))?;
-    drop(subscribers);
+    let last = seen.map(|(name, camera)| {
+        let frame = camera.next(PICTURE)?;
+        let frame = frame.with_context(|| format!("the camera {name} sent no picture"))?;
+        anyhow::Ok(Picture::from(frame))
+    });
     server.stop(link)?;
-    let frame = |index: usize| -> anyhow::Result<v1::CameraFrame> {
-        let mut newest = newest[index].lock().unwrap_or_else(PoisonError::into_inner);
-        let name = names[index];
-        let payload = newest.take();
-        let payload = payload.with_context(|| format!("the camera {name} sent no picture"))?;
-        Ok(v1::CameraFrame::decode(payload.to_bytes().as_ref())?)
-    };
-    Ok([frame(0)?, smaller(&frame(1)?, SMALLER)])
+    let [chair, arm] = last;
+    Ok([chair?, arm?])
 }
 
 #[cfg(test)]
@@ -158,38 +154,29 @@ mod tests {
 
     #[test]
     fn a_smaller_picture_is_the_mean_of_its_pixels() {
-        let frame = v1::CameraFrame {
-            intrinsics: Some(v1::Intrinsics {
-                width: 5,
-                height: 2,
-                ..Default::default()
-            }),
-            rgb: (0..30)
-                .map(|i| if i % 3 == 0 { i } else { 7 })
-                .collect::<Vec<u8>>()
-                .into(),
-            ..Default::default()
+        let picture = Picture {
+            width: 5,
+            height: 2,
+            rgb: (0..30).map(|i| if i % 3 == 0 { i } else { 7 }).collect(),
         };
-        let small = smaller(&frame, 2);
-        assert_eq!(size(&small), (2, 1));
-        assert_eq!(small.rgb[..], [9, 7, 7, 15, 7, 7]);
+        let small = picture.smaller(2);
+        assert_eq!((small.width, small.height), (2, 1));
+        assert_eq!(small.rgb, [9, 7, 7, 15, 7, 7]);
     }
 
     #[test]
     fn the_small_picture_stands_in_the_lower_right_corner() {
-        let frame = |width: u32, height: u32, value: u8| v1::CameraFrame {
-            intrinsics: Some(v1::Intrinsics {
-                width,
-                height,
-                ..Default::default()
-            }),
-            rgb: vec![value; (3 * width * height) as usize].into(),
-            ..Default::default()
+        let picture = |width: usize, height: usize, value: u8| Picture {
+            width,
+            height,
+            rgb: vec![value; 3 * width * height],
         };
-        let rgb = inset(&frame(4, 3, 1), &frame(2, 1, 9));
-        assert_eq!(rgb[..30], [1; 30]);
-        assert_eq!(rgb[30..], [9; 6]);
-        // One that does not fit is left out.
-        assert_eq!(inset(&frame(2, 1, 1), &frame(4, 3, 9)), [1; 6]);
+        let mut large = picture(4, 3, 1);
+        large.inset(&picture(2, 1, 9));
+        assert_eq!(large.rgb[..30], [1; 30]);
+        assert_eq!(large.rgb[30..], [9; 6]);
+        let mut tiny = picture(2, 1, 1);
+        tiny.inset(&picture(4, 3, 9));
+        assert_eq!(tiny, picture(2, 1, 1), "one that does not fit is left out");
     }
 }

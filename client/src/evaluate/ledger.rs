@@ -4,11 +4,11 @@
 use std::fs::{File, OpenOptions};
 use std::io::{Read, Write};
 use std::path::{Path, PathBuf};
-use std::sync::{Mutex, PoisonError};
 
 use anyhow::Context;
+use parking_lot::Mutex;
 
-use super::Entry;
+use super::entry::Entry;
 
 /// The file of results.
 pub struct Ledger {
@@ -51,8 +51,7 @@ impl Ledger {
     /// Everything that is in it.
     #[must_use]
     pub fn entries(&self) -> Vec<Entry> {
-        let inner = self.inner.lock().unwrap_or_else(PoisonError::into_inner);
-        inner.1.clone()
+        self.inner.lock().1.clone()
     }
 
     /// Appends one result.
@@ -62,7 +61,7 @@ impl Ledger {
     pub fn add(&self, entry: &Entry) -> anyhow::Result<()> {
         let mut line = serde_json::to_string(entry)?;
         line.push('\n');
-        let mut inner = self.inner.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut inner = self.inner.lock();
         // In one piece, so that two processes do not mix their lines.
         inner
             .0
@@ -82,6 +81,7 @@ fn take(entries: &mut Vec<Entry>, entry: Entry) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::broken::Broken;
 
     #[test]
     fn a_cut_line_is_left_out_and_the_rest_is_kept() {
@@ -96,7 +96,7 @@ mod tests {
             factor: 8.0,
             hash: "00".to_owned(),
             notes: Vec::new(),
-            broken: String::new(),
+            broken: None,
             scenario: None,
         };
         let ledger = Ledger::open(folder.path()).unwrap();
@@ -112,7 +112,7 @@ mod tests {
         assert_eq!(again, [entry(0), entry(2)]);
         let broken = Entry {
             success: false,
-            broken: "server".to_owned(),
+            broken: Some(Broken::Server),
             ..entry(0)
         };
         ledger.add(&broken).unwrap();

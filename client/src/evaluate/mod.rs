@@ -3,105 +3,33 @@
 //!
 //! Every episode runs in lock-step on a server of the command's own, without
 //! cameras and without a recorder unless asked. Its result is appended to
-//! `episodes.jsonl` as soon as it is there, so that an interrupted run goes on
-//! where it was. What breaks a server costs one episode: it is entered with the
+//! `episodes.jsonl` as soon as it is there, so that an interrupted run is
+//! resumed. What breaks a server costs one episode: it is entered with the
 //! scenario that reproduces it, and a new server goes on.
 
-mod episode;
+mod args;
+mod entry;
 mod grid;
 mod ledger;
 mod pulse;
 mod report;
+mod worker;
 
-use std::path::PathBuf;
+use std::collections::BTreeMap;
 use std::process::ExitCode;
-use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use anyhow::{Context, bail};
-use clap::Args;
-use wheelarm_proto::v1;
+use parking_lot::Mutex;
 
-pub use episode::Entry;
-use episode::Worker;
+use crate::control::tasks_of_program;
+use entry::Job;
 use ledger::Ledger;
-use wheelarm_proto::settings::{Pacing, Quality};
-use wheelarm_rig::local::{LocalServer, ServerOptions};
+use report::Report;
+use worker::Worker;
 
-/// Options of `wheelarm evaluate`.
-#[derive(Args, Clone, Debug)]
-pub struct EvaluateArgs {
-    /// Task, or `all`.
-    #[arg(long, default_value = "all")]
-    pub task: String,
-    /// Seeds, `FIRST..LAST` without the last.
-    #[arg(long, value_parser = crate::demo::seed_range, value_name = "A..B")]
-    pub seeds: Option<(u64, u64)>,
-    /// Episodes of each task; from the first seed, 0 when no seeds are given.
-    #[arg(long, value_name = "N")]
-    pub episodes: Option<u64>,
-    /// Servers at work at one time.
-    #[arg(long, default_value_t = 1, value_name = "J")]
-    pub jobs: usize,
-    /// Folder for the results; an interrupted run in it goes on.
-    #[arg(long, default_value = "data/evaluate")]
-    pub out: PathBuf,
-    /// Records every episode as an HDF5 file into the folder.
-    #[arg(long)]
-    pub record: bool,
-    /// Camera of the recordings, `NAME=WIDTHxHEIGHT@HZ`, may be given several
-    /// times, `*` for each of the robot's that is not named; `*=640x360@10` when absent.
-    #[arg(long, requires = "record", value_name = "CAMERA")]
-    pub camera: Vec<String>,
-    /// Does those episodes anew in which something broke; without it they count as done.
-    #[arg(long)]
-    pub again: bool,
-    /// Wall seconds without a sign of life after which a server is ended.
-    #[arg(long, default_value_t = 60.0, value_name = "SECONDS")]
-    pub patience: f64,
-    /// No picture of the end of each task.
-    #[arg(long)]
-    pub no_grid: bool,
-    /// Scene.
-    #[arg(long, default_value = "home")]
-    pub scene: String,
-    /// Robot, a folder in assets/robots.
-    #[arg(long, default_value = "wheelarm")]
-    pub robot: String,
-    /// Assets folder; the server looks for it when absent.
-    #[arg(long, env = "WHEELARM_ASSETS")]
-    pub assets: Option<PathBuf>,
-}
-
-impl EvaluateArgs {
-    /// First seed and the one after the last.
-    fn range(&self) -> (u64, u64) {
-        let (first, end) = self.seeds.unwrap_or((0, self.episodes.unwrap_or(10)));
-        let end = self.episodes.map_or(end, |count| end.min(first + count));
-        (first, end)
-    }
-
-    /// How a server of this evaluation is started.
-    fn server(&self, task: &str, seed: u64, cameras: Vec<String>) -> ServerOptions {
-        ServerOptions {
-            scene: self.scene.clone(),
-            task: task.to_owned(),
-            robot: self.robot.clone(),
-            seed,
-            pacing: Pacing::LockStep,
-            cameras,
-            quality: Quality::Standard,
-            assets: self.assets.clone(),
-        }
-    }
-}
-
-/// One episode to do.
-#[derive(Clone, Debug, PartialEq, Eq)]
-struct Job {
-    task: String,
-    seed: u64,
-}
+pub use args::EvaluateArgs;
+pub use entry::Entry;
 
 /// Exit code when something broke in an episode.
 const BROKEN: u8 = 3;
@@ -117,14 +45,6 @@ pub fn run(args: &EvaluateArgs) -> anyhow::Result<ExitCode> {
         .with_context(|| format!("making the folder {}", args.out.display()))?;
     let tasks = tasks(args)?;
     let (first, end) = args.range();
-    let ledger = Ledger::open(&args.out)?;
-    let known = ledger.entries();
-    let is_known = |job: &Job| {
-        known
-            .iter()
-            .filter(|entry| !args.again || entry.broken.is_empty())
-            .any(|entry| entry.task == job.task && entry.seed == job.seed)
-    };
     let wanted: Vec<Job> = tasks
         .iter()
         .flat_map(|task| {
@@ -134,58 +54,86 @@ pub fn run(args: &EvaluateArgs) -> anyhow::Result<ExitCode> {
             })
         })
         .collect();
-    let open: Vec<Job> = wanted
-        .iter()
-        .filter(|job| !is_known(job))
-        .cloned()
-        .collect();
-    if open.len() < wanted.len() {
-        println!(
-            "{} of {} episodes are in {} already",
-            wanted.len() - open.len(),
-            wanted.len(),
-            args.out.display()
-        );
+    let ledger = Ledger::open(&args.out)?;
+    let known = ledger.entries();
+    let is_done = |job: &Job| {
+        let mut counted = known
+            .iter()
+            .filter(|entry| !args.again || entry.broken.is_none());
+        counted.any(|entry| entry.is_of(job))
+    };
+    let (done, open): (Vec<Job>, Vec<Job>) = wanted.into_iter().partition(|job| is_done(job));
+    if !done.is_empty() {
+        print!("{}", skipped(args, &done, done.len() + open.len()));
     }
     work(args, &open, &ledger)?;
     let entries: Vec<Entry> = ledger
         .entries()
         .into_iter()
-        .filter(|entry| tasks.contains(&entry.task) && (first..end).contains(&entry.seed))
+        .filter(|entry| done.iter().chain(&open).any(|job| entry.is_of(job)))
         .collect();
-    let report = report::Report::new(&tasks, &entries);
-    print!("{report}");
-    let path = args.out.join("report.json");
-    std::fs::write(&path, report.json()?).with_context(|| format!("writing {}", path.display()))?;
-    println!("report      {}", path.display());
-    if !args.no_grid {
-        println!(
-            "pictures    {}",
-            grid::draw(args, &report, &entries)?.display()
-        );
-    }
-    if entries.iter().any(|entry| !entry.broken.is_empty()) {
+    conclude(args, &Report::new(&tasks, &entries), &entries)?;
+    Ok(if entries.iter().any(|entry| entry.broken.is_some()) {
         println!(
             "what broke is entered with its scenario in {}; --again does it anew",
             args.out.join("episodes.jsonl").display()
         );
-        return Ok(ExitCode::from(BROKEN));
-    }
-    let all_good = entries.iter().all(|entry| entry.success);
-    Ok(if all_good && entries.len() == wanted.len() {
+        ExitCode::from(BROKEN)
+    } else if entries.iter().all(|entry| entry.success) && entries.len() == done.len() + open.len()
+    {
         ExitCode::SUCCESS
     } else {
         ExitCode::FAILURE
     })
 }
 
-/// Names of the tasks to do, as a server knows them.
+/// Prints the report and writes it, with the pictures unless they are not wanted.
+fn conclude(args: &EvaluateArgs, report: &Report, entries: &[Entry]) -> anyhow::Result<()> {
+    print!("{report}");
+    let path = args.out.join("report.json");
+    std::fs::write(&path, report.json()?).with_context(|| format!("writing {}", path.display()))?;
+    println!("report      {}", path.display());
+    if !args.no_grid {
+        let path = grid::draw(args, report, entries)?;
+        println!("pictures    {}", path.display());
+    }
+    Ok(())
+}
+
+/// What is not done because it has been, and the cure where that means that it
+/// is not recorded.
+fn skipped(args: &EvaluateArgs, done: &[Job], wanted: usize) -> String {
+    let mut text = format!(
+        "{} of {wanted} episodes are in {} already\n",
+        done.len(),
+        args.out.display()
+    );
+    if !args.record {
+        return text;
+    }
+    let mut seeds: BTreeMap<&str, Vec<String>> = BTreeMap::new();
+    for job in done {
+        let file = args.out.join(format!("{}.h5", job.label()));
+        if !file.is_file() {
+            let seeds = seeds.entry(job.task.as_str()).or_default();
+            seeds.push(job.seed.to_string());
+        }
+    }
+    if seeds.is_empty() {
+        return text;
+    }
+    for (task, seeds) in seeds {
+        text += &format!("    not recorded: {task} seed {}\n", seeds.join(", "));
+    }
+    text += "they were done without --record and are not done again, so --record makes no file of \
+             them: name another folder with --out to do and record them\n";
+    text
+}
+
+/// Names of the tasks to do, as the assets have them.
 fn tasks(args: &EvaluateArgs) -> anyhow::Result<Vec<String>> {
-    let server = LocalServer::start(&args.server("", 0, Vec::new()))?;
-    let link = server.link()?;
-    let list: v1::TaskList = link.ask(&v1::TasksRequest {})?;
-    server.stop(link)?;
-    let all: Vec<String> = list.tasks.into_iter().map(|task| task.name).collect();
+    let listed = tasks_of_program(args.assets.as_deref())?;
+    let all: Vec<String> = listed.into_iter().map(|task| task.name).collect();
     if args.task == "all" {
         return Ok(all);
     }
@@ -209,43 +157,85 @@ fn work(args: &EvaluateArgs, open: &[Job], ledger: &Ledger) -> anyhow::Result<()
     }
     let next = AtomicUsize::new(0);
     let trouble: Mutex<Option<anyhow::Error>> = Mutex::new(None);
-    let one_after_another = |index: usize| -> anyhow::Result<()> {
-        let mut worker: Option<Worker> = None;
-        loop {
-            let at = next.fetch_add(1, Ordering::Relaxed);
-            let Some(job) = open.get(at) else {
-                break;
-            };
-            let able = match &mut worker {
-                Some(worker) => worker,
-                none => none.insert(Worker::start(args, index)?),
-            };
-            let (entry, lives) = able.episode(job)?;
-            if !lives {
-                worker = None;
-            }
-            println!("{:>4} of {}  {}", at + 1, open.len(), entry.line());
-            ledger.add(&entry)?;
-        }
-        worker.map_or(Ok(()), Worker::stop)
-    };
     std::thread::scope(|scope| {
         for index in 0..args.jobs.clamp(1, open.len()) {
-            let (trouble, next, one_after_another) = (&trouble, &next, &one_after_another);
+            let (trouble, next) = (&trouble, &next);
             scope.spawn(move || {
-                if let Err(error) = one_after_another(index) {
+                if let Err(error) = one_after_another(args, index, open, next, ledger) {
                     // The others finish what they are at.
                     next.store(open.len(), Ordering::Relaxed);
-                    let mut first = trouble
-                        .lock()
-                        .unwrap_or_else(std::sync::PoisonError::into_inner);
-                    first.get_or_insert(error);
+                    trouble.lock().get_or_insert(error);
                 }
             });
         }
     });
-    let trouble = trouble
-        .into_inner()
-        .unwrap_or_else(std::sync::PoisonError::into_inner);
-    trouble.map_or(Ok(()), Err)
+    trouble.into_inner().map_or(Ok(()), Err)
+}
+
+/// A worker's episodes: whichever are next, with a new server where one is spent.
+fn one_after_another(
+    args: &EvaluateArgs,
+    index: usize,
+    open: &[Job],
+    next: &AtomicUsize,
+    ledger: &Ledger,
+) -> anyhow::Result<()> {
+    let mut worker: Option<Worker> = None;
+    loop {
+        let at = next.fetch_add(1, Ordering::Relaxed);
+        let Some(job) = open.get(at) else {
+            break;
+        };
+        let able = match &mut worker {
+            Some(worker) => worker,
+            none => none.insert(Worker::start(args, index)?),
+        };
+        let (entry, lives) = able.episode(job)?;
+        if !lives {
+            worker = None;
+        }
+        println!("{:>4} of {}  {}", at + 1, open.len(), entry.line());
+        ledger.add(&entry)?;
+    }
+    worker.map_or(Ok(()), Worker::stop)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use clap::Parser;
+
+    #[derive(Parser)]
+    struct Cli {
+        #[command(flatten)]
+        args: EvaluateArgs,
+    }
+
+    #[test]
+    fn what_is_not_recorded_because_it_was_done_before_is_told_with_the_cure() {
+        let folder = tempfile::tempdir().unwrap();
+        let out = folder.path().to_str().unwrap();
+        let args = |more: &[&str]| Cli::parse_from([&["evaluate", "--out", out], more].concat());
+        let job = |seed| Job {
+            task: "pick_bowl".to_owned(),
+            seed,
+        };
+        let done = [job(0), job(1), job(2)];
+        let plain = skipped(&args(&[]).args, &done, 4);
+        assert_eq!(plain, format!("3 of 4 episodes are in {out} already\n"));
+        std::fs::write(folder.path().join("pick_bowl-seed1.h5"), "").unwrap();
+        let told = skipped(&args(&["--record"]).args, &done, 4);
+        assert!(
+            told.contains("not recorded: pick_bowl seed 0, 2\n"),
+            "{told}"
+        );
+        assert!(told.contains("name another folder with --out"), "{told}");
+        std::fs::write(folder.path().join("pick_bowl-seed0.h5"), "").unwrap();
+        assert_eq!(
+            skipped(&args(&["--record"]).args, &[job(0), job(1)], 4)
+                .lines()
+                .count(),
+            1
+        );
+    }
 }

@@ -1,8 +1,8 @@
 //! Signs of life of an episode, for who watches from another thread.
 
-use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
+use parking_lot::Mutex;
 use wheelarm_dataset::scenario_text::scenario_json;
 use wheelarm_proto::v1;
 
@@ -26,36 +26,32 @@ impl Default for Pulse {
 }
 
 impl Pulse {
-    fn lock(&self) -> MutexGuard<'_, Seen> {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-
     /// The scenario stands, with its drawn values.
     pub fn set_up(&self, scenario: &v1::Scenario) {
-        let mut seen = self.lock();
+        let mut seen = self.0.lock();
         seen.last = Instant::now();
         seen.scenario = Some(scenario_json(scenario));
     }
 
     /// A tick came, `seconds` simulated seconds after the first.
     pub fn beat(&self, seconds: f64) {
-        let mut seen = self.lock();
+        let mut seen = self.0.lock();
         seen.last = Instant::now();
         seen.seconds = seconds;
     }
 
     /// For how long nothing has come.
     pub fn still(&self) -> Duration {
-        self.lock().last.elapsed()
+        self.0.lock().last.elapsed()
     }
 
     /// Simulated seconds so far.
     pub fn seconds(&self) -> f64 {
-        self.lock().seconds
+        self.0.lock().seconds
     }
 
     /// The scenario, once it stands.
     pub fn scenario(&self) -> Option<serde_json::Value> {
-        self.lock().scenario.clone()
+        self.0.lock().scenario.clone()
     }
 }

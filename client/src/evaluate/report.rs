@@ -5,7 +5,7 @@ use std::fmt;
 
 use serde::Serialize;
 
-use super::Entry;
+use super::entry::Entry;
 
 /// What came of one task.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -16,8 +16,7 @@ pub struct TaskReport {
     pub episodes: usize,
     /// Episodes that succeeded.
     pub successes: usize,
-    /// Episodes in which the physics, the server or the scenario broke; they
-    /// count as failed.
+    /// Episodes in which something broke; they count as failed.
     pub broken: usize,
     /// Share of successes; 0 without episodes.
     pub rate: f64,
@@ -90,7 +89,7 @@ fn count(task: &str, entries: &[Entry]) -> TaskReport {
         task: task.to_owned(),
         episodes: own.len(),
         successes: good.len(),
-        broken: own.iter().filter(|entry| !entry.broken.is_empty()).count(),
+        broken: own.iter().filter(|entry| entry.broken.is_some()).count(),
         rate: mean(good.len() as f64, own.len()),
         mean_seconds: mean(good.iter().map(|entry| entry.seconds).sum(), good.len()),
         factor: if wall > 0.0 { simulated / wall } else { 0.0 },
@@ -142,7 +141,7 @@ impl fmt::Display for Report {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::evaluate::episode::Condition;
+    use crate::evaluate::entry::Condition;
 
     #[test]
     fn rates_count_by_task_and_by_failed_condition() {
@@ -169,7 +168,7 @@ mod tests {
             factor: 5.0,
             hash: String::new(),
             notes: Vec::new(),
-            broken: String::new(),
+            broken: None,
             scenario: None,
         };
         let entries = [

@@ -7,12 +7,12 @@ use std::process::ExitCode;
 use anyhow::{Context, bail};
 use wheelarm_dataset::read::Episode;
 use wheelarm_link::Link;
-use wheelarm_proto::settings::Pacing;
 use wheelarm_proto::v1;
-use wheelarm_rig::local::{self, LocalServer, ServerOptions};
+use wheelarm_rig::free_label;
 
-use super::script::{self, camera_option};
-use super::{NAME, ReplayArgs};
+use super::args::ReplayArgs;
+use super::script;
+use super::stage::Stage;
 
 /// Records the states of the file again with new pictures; exit code 3 when the
 /// new recording is not complete.
@@ -29,21 +29,9 @@ pub(super) fn run(args: &ReplayArgs, out: &Path, episode: &Episode) -> anyhow::R
             args.file.display()
         );
     };
-    let cameras = script::cameras(&scenario, args.width, args.height, &args.camera)?;
+    let cameras = script::cameras(&scenario, args.width, args.height, &args.camera);
     check_rates(&cameras, scenario.state_rate_hz())?;
-    let quality = script::quality(&scenario);
-    let server = LocalServer::start(&ServerOptions {
-        scene: scenario.scene.clone(),
-        task: scenario.task().to_owned(),
-        robot: scenario.robot.clone(),
-        seed: scenario.seed(),
-        pacing: Pacing::LockStep,
-        quality: args.quality.unwrap_or(quality),
-        cameras: cameras.iter().map(camera_option).collect(),
-        assets: args.assets.clone(),
-    })?;
-    let link = server.link()?;
-    let mut recorder = local::start_recorder(server.connect(), out, NAME)?;
+    let mut stage = Stage::set(args, &scenario, cameras.clone())?;
     let request = v1::ResetRequest {
         scenario: Some(v1::Scenario {
             cameras,
@@ -53,41 +41,30 @@ pub(super) fn run(args: &ReplayArgs, out: &Path, episode: &Episode) -> anyhow::R
         }),
         ..v1::ResetRequest::default()
     };
-    link.ask(&request).with_context(|| server.messages())?;
+    let link = &stage.link;
+    link.ask(&request).with_context(|| stage.server.tail())?;
     link.ask(first).with_context(|| {
         "the recorded states do not fit the assets; replay with those of the recording: --assets"
     })?;
     let request = v1::EpisodeStartRequest {
-        label: local::free_label(out, &format!("{}-as-recorded", started.label)),
+        label: free_label(out, &format!("{}-as-recorded", started.label)),
         instruction: Some(started.instruction.clone()),
-        require_recorders: 1,
+        require_recorders: stage.recorders(),
         ..v1::EpisodeStartRequest::default()
     };
-    let begun: v1::EpisodeStarted = link.ask(&request).with_context(|| server.messages())?;
-    let shown = show(&link, others);
+    let begun = link.ask(&request).with_context(|| stage.server.tail())?;
+    let shown = show(link, others);
     // What broke off is not worth a file.
     link.stop_episode(shown.is_err())?;
     shown?;
-    let number = begun.header.as_ref().map_or(0, |header| header.episode);
-    let recorded = local::finished(&link, NAME, number, &mut recorder)?;
-    let whole = recorded.complete && recorded.missed == 0;
+    let recorded = stage.recorded(&begun)?.context("nothing was recorded")?;
     println!(
-        "drew {} recorded states into {} ({}, {} missed)",
+        "drew {} recorded states into {}",
         states.len(),
-        recorded.path,
-        if recorded.complete {
-            "complete"
-        } else {
-            "NOT complete"
-        },
-        recorded.missed
+        recorded.line()
     );
-    drop(recorder);
-    server.stop(link)?;
-    Ok(match whole {
-        true => ExitCode::SUCCESS,
-        false => ExitCode::from(3),
-    })
+    stage.strike()?;
+    Ok(recorded.code())
 }
 
 fn show(link: &Link, states: &[v1::ShowRequest]) -> anyhow::Result<()> {

@@ -5,7 +5,6 @@ use std::path::Path;
 
 use anyhow::{Context, bail};
 use wheelarm_dataset::read::Episode;
-use wheelarm_proto::settings::Quality;
 use wheelarm_proto::{PHYSICS_VERSION, TICKS_PER_CONTROL, v1};
 
 /// An episode as a script.
@@ -126,47 +125,28 @@ impl Script {
 }
 
 /// Cameras of a new recording: the recorded ones in another size if asked,
-/// and `others` as `NAME=WIDTHxHEIGHT@HZ`.
+/// and `others`, which take the place of those of the same name.
 pub(super) fn cameras(
     scenario: &v1::Scenario,
     width: Option<u32>,
     height: Option<u32>,
-    others: &[String],
-) -> anyhow::Result<Vec<v1::CameraSetting>> {
+    others: &[v1::CameraSetting],
+) -> Vec<v1::CameraSetting> {
     let mut cameras = scenario.cameras.clone();
     for camera in &mut cameras {
         camera.width = width.unwrap_or(camera.width);
         camera.height = height.unwrap_or(camera.height);
     }
-    for text in others {
-        let camera = v1::CameraSetting::from_text(text).map_err(anyhow::Error::msg)?;
-        cameras.retain(|known| known.name != camera.name);
-        cameras.push(camera);
-    }
+    cameras.retain(|known| others.iter().all(|other| other.name != known.name));
+    cameras.extend_from_slice(others);
     cameras.retain(|camera| camera.rate_hz() > 0.0);
-    Ok(cameras)
-}
-
-/// Quality of the recorded pictures.
-pub(super) fn quality(scenario: &v1::Scenario) -> Quality {
-    Quality::told(scenario.quality()).unwrap_or_default()
+    cameras
 }
 
 fn by_tick<T>(list: Vec<T>, header: impl Fn(&T) -> Option<&v1::Header>) -> BTreeMap<u64, T> {
     list.into_iter()
         .filter_map(|item| Some((header(&item)?.tick, item)))
         .collect()
-}
-
-/// A camera as the server's option.
-pub(super) fn camera_option(camera: &v1::CameraSetting) -> String {
-    format!(
-        "{}={}x{}@{}",
-        camera.name,
-        camera.width,
-        camera.height,
-        camera.rate_hz()
-    )
 }
 
 #[cfg(test)]
@@ -211,9 +191,18 @@ mod tests {
     }
 
     #[test]
-    fn cameras_are_read_and_wrong_ones_refused() {
-        let camera = v1::CameraSetting::from_text("room=960x540@7.5").unwrap();
-        assert_eq!(camera_option(&camera), "room=960x540@7.5");
+    fn cameras_of_a_replay_are_the_recorded_ones_unless_others_are_named() {
+        let camera = |text: &str| v1::CameraSetting::from_text(text).unwrap();
+        let scenario = v1::Scenario {
+            cameras: ["gen3=64x48@10", "room=64x48@10"].map(camera).to_vec(),
+            ..v1::Scenario::default()
+        };
+        let others = ["room=960x540@7.5", "gen3=64x48@0"].map(camera);
+        let taken = cameras(&scenario, Some(32), None, &others[..1]);
+        let wanted = ["gen3=32x48@10", "room=960x540@7.5"].map(camera);
+        assert_eq!(taken, wanted);
+        // A rate of 0 switches a camera off.
+        assert_eq!(cameras(&scenario, None, None, &others), [others[0].clone()]);
         for bad in ["room", "room=960@10", "room=axb@10"] {
             assert!(
                 v1::CameraSetting::from_text(bad).is_err(),

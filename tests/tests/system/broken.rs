@@ -240,12 +240,7 @@ fn a_server_that_dies_and_one_that_hangs_cost_one_episode_each() {
     assert_eq!(done.len(), 4, "{text}");
     for (seed, (entry, words)) in done
         .iter()
-        .zip([
-            "",
-            "the server died (signal: 9",
-            "",
-            "the server stood still",
-        ])
+        .zip(["", "the server died (signal: 9", "", "the server stalled"])
         .enumerate()
     {
         assert_eq!(entry["seed"], seed as u64, "{entry}");
@@ -261,7 +256,7 @@ fn a_server_that_dies_and_one_that_hangs_cost_one_episode_each() {
         }
     }
     assert!(text.contains("the server died (signal: 9"), "{text}");
-    assert!(!text.contains("within 120 s"), "{text}");
+    assert!(!text.contains("did not finish within"), "{text}");
     // They count as done, unless they are asked for.
     let (code, text) = Evaluation::start(out, &["--seeds", "0..4"]).end();
     assert_eq!(code, Some(3), "{text}");

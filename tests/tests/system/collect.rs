@@ -249,7 +249,7 @@ fn a_server_that_dies_and_one_that_hangs_are_entered_and_the_campaign_ends_compl
         });
         let socket = std::fs::read_to_string(staging.join("socket"));
         let socket = socket.expect("where the server listens");
-        let servers = processes(&format!("unixsock-stream/{socket}/server\0--pacing"));
+        let servers = processes(&format!("unixsock-stream/{socket}/server\0--scenario"));
         assert_eq!(servers.len(), 1, "{servers:?}");
         let line = format!("kill -{signal} {}", servers[0]);
         let status = Command::new("sh").args(["-c", &line]).status();
@@ -268,7 +268,7 @@ fn a_server_that_dies_and_one_that_hangs_are_entered_and_the_campaign_ends_compl
     assert_eq!(failed.len(), 2, "{failed:?}");
     let words = [
         "the server died (signal: 9",
-        "the server stood still and answered nothing for 6 s",
+        "the server stalled and answered nothing for 6 s",
     ];
     for (index, (failed, words)) in failed.iter().zip(words).enumerate() {
         assert_eq!(failed["episode"], format!("pick_mustard-000{index}"));

@@ -117,7 +117,15 @@ fn an_existing_recording_is_never_overwritten() {
     std::fs::write(&file, "precious").expect("a file");
     let _recorder = Recorder::start(&server, "careful", folder.path(), &[]);
     wait_for_status(&server, "careful");
-    start(&server, "precious", "1");
+    let start = ["episode", "start", "--label", "precious"];
+    let told = server
+        .client(&[&start[..], &["--require-recorders", "1"]].concat())
+        .expect("a client");
+    let text = printed(&told);
+    assert_eq!(told.status.code(), Some(1), "{text}");
+    assert!(text.contains("did not begin: recorder careful"), "{text}");
+    assert!(text.contains("exists already"), "{text}");
+    assert!(!text.contains("started"), "{text}");
     wait_for_status(&server, "exists already");
     assert_eq!(
         std::fs::read_to_string(&file).expect("the file"),

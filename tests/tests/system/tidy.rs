@@ -565,10 +565,11 @@ fn module_named(path: &str, from: &str, modules: &BTreeSet<String>) -> String {
     here.join("::")
 }
 
-/// What each file of the server names within its own room.
-fn arrows() -> BTreeMap<String, BTreeSet<String>> {
-    let source = root().join("server/src");
-    let texts: BTreeMap<String, String> = list("server/src", ".rs")
+/// What each file below a folder of sources names within its own room: the folder
+/// at the top that it lies in, or all of a package that has one room.
+fn arrows(folder: &str, one_room: bool) -> BTreeMap<String, BTreeSet<String>> {
+    let source = root().join(folder);
+    let texts: BTreeMap<String, String> = list(folder, ".rs")
         .into_iter()
         .filter_map(|path| {
             let place = path.strip_prefix(&source).expect("below src");
@@ -583,7 +584,10 @@ fn arrows() -> BTreeMap<String, BTreeSet<String>> {
         })
         .collect();
     let modules: BTreeSet<String> = texts.keys().cloned().collect();
-    let room = |module: &str| module.split("::").next().map(str::to_owned);
+    let room = |module: &str| match one_room {
+        true => None,
+        false => module.split("::").next().map(str::to_owned),
+    };
     texts
         .iter()
         .map(|(name, text)| {
@@ -597,7 +601,7 @@ fn arrows() -> BTreeMap<String, BTreeSet<String>> {
 
 #[test]
 fn files_of_a_room_of_the_server_do_not_name_each_other_in_circles() {
-    let mut arrows = arrows();
+    let mut arrows = arrows("server/src", false);
     assert!(arrows.len() > 100, "{} files", arrows.len());
     for (first, second) in CIRCLES {
         let allowed = |name: &str| name.starts_with(first) && second == first || name == second;
@@ -607,7 +611,13 @@ fn files_of_a_room_of_the_server_do_not_name_each_other_in_circles() {
             }
         }
     }
-    // Whoever names nobody who is left is in no circle.
+    let circles = circles(arrows);
+    assert!(circles.is_empty(), "circles among or behind: {circles:#?}");
+}
+
+/// What is left of `arrows` when whoever names nobody who is left is taken away
+/// again and again.
+fn circles(mut arrows: BTreeMap<String, BTreeSet<String>>) -> BTreeMap<String, BTreeSet<String>> {
     loop {
         let before = arrows.len();
         let left: BTreeSet<String> = arrows.keys().cloned().collect();
@@ -620,7 +630,26 @@ fn files_of_a_room_of_the_server_do_not_name_each_other_in_circles() {
     for named in arrows.values_mut() {
         named.retain(|other| left.contains(other));
     }
-    assert!(arrows.is_empty(), "circles among or behind: {arrows:#?}");
+    arrows
+}
+
+/// Rooms of the program `wheelarm` whose files name each other in one direction.
+const STRAIGHT: [&str; 5] = ["collect", "control", "demo", "evaluate", "replay"];
+
+#[test]
+fn files_of_the_rooms_that_make_episodes_do_not_name_each_other_in_circles() {
+    let rig = arrows("client/rig/src", true);
+    assert!(
+        rig["server"].contains("process"),
+        "arrows are seen: {rig:?}"
+    );
+    let mut program = arrows("client/src", false);
+    program.retain(|name, _| STRAIGHT.iter().any(|room| name.starts_with(room)));
+    assert!(program.len() > 30, "{} files", program.len());
+    for arrows in [rig, program] {
+        let circles = circles(arrows);
+        assert!(circles.is_empty(), "circles among or behind: {circles:#?}");
+    }
 }
 
 #[test]

@@ -3,7 +3,7 @@
 
 mod account;
 mod events;
-pub(crate) mod place;
+pub mod place;
 mod root;
 mod streams;
 

@@ -9,7 +9,10 @@ use rustix::io::Errno;
 
 /// Gives the temporary file its final name. Fails with `AlreadyExists` when
 /// the name is taken; then both files stay as they are.
-pub(crate) fn place(temporary: &Path, target: &Path) -> io::Result<()> {
+///
+/// # Errors
+/// As the file system says.
+pub fn place(temporary: &Path, target: &Path) -> io::Result<()> {
     File::open(temporary)?.sync_all()?;
     let mut done = renameat_with(CWD, temporary, CWD, target, RenameFlags::NOREPLACE);
     if done.is_err_and(cannot) {

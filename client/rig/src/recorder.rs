@@ -1,0 +1,147 @@
+//! A recorder of a command's own: `wheelarm record` at its server.
+
+use std::ffi::OsString;
+use std::path::{Path, PathBuf};
+use std::process::ExitStatus;
+use std::time::Instant;
+
+use anyhow::bail;
+use wheelarm_link::{Connect, Link};
+use wheelarm_proto::settings::{Depth, Named};
+use wheelarm_proto::v1;
+
+use crate::limits;
+use crate::process::{Input, Launch, Process};
+
+/// What a recorder is started with.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct RecorderOptions {
+    /// Its name at the server.
+    pub name: String,
+    /// Folder for the files.
+    pub out: PathBuf,
+    /// How depth is stored.
+    pub depth: Depth,
+    /// It records one episode and ends. Its messages go to `recorder.log` in
+    /// `out`, and it is killed with this process: whoever comes next makes the
+    /// episode again. Others end with this process in good order and leave a
+    /// partial file.
+    pub one_episode: bool,
+}
+
+impl RecorderOptions {
+    /// One that records whatever comes, depth in metres.
+    #[must_use]
+    pub fn lasting(name: &str, out: &Path) -> Self {
+        Self {
+            name: name.to_owned(),
+            out: out.to_owned(),
+            depth: Depth::Metres,
+            one_episode: false,
+        }
+    }
+}
+
+/// A recorder; killed when dropped.
+#[derive(Debug)]
+pub struct Recorder {
+    name: String,
+    process: Process,
+}
+
+impl Recorder {
+    /// Starts a recorder at a server.
+    ///
+    /// # Errors
+    /// When it cannot be started.
+    pub fn start(connect: &Connect, options: &RecorderOptions) -> anyhow::Result<Self> {
+        let mut arguments: Vec<OsString> = [
+            "--connect",
+            &connect.endpoint,
+            "--sim",
+            &connect.sim,
+            "record",
+            "--name",
+            &options.name,
+            "--depth",
+            options.depth.name(),
+        ]
+        .map(OsString::from)
+        .to_vec();
+        arguments.extend(["--out".into(), (&options.out).into()]);
+        let (more, input, folder): (&[&str], _, _) = match options.one_episode {
+            true => (
+                &["--episodes", "1"],
+                Input::Text(String::new()),
+                Some(options.out.clone()),
+            ),
+            false => (&["--end-with-stdin"], Input::Lifeline, None),
+        };
+        arguments.extend(more.iter().map(OsString::from));
+        let process = Process::start(Launch {
+            name: "recorder",
+            program: "wheelarm",
+            arguments,
+            input,
+            folder,
+        })?;
+        Ok(Self {
+            name: options.name.clone(),
+            process,
+        })
+    }
+
+    /// How it ended, if it has.
+    ///
+    /// # Errors
+    /// When the operating system does not tell.
+    pub fn ended(&mut self) -> anyhow::Result<Option<ExitStatus>> {
+        self.process.ended()
+    }
+
+    /// The recorder's last messages.
+    #[must_use]
+    pub fn tail(&self) -> String {
+        self.process.tail()
+    }
+
+    /// Waits until it has finished the file of an episode.
+    ///
+    /// # Errors
+    /// When the recording failed, the recorder ended or takes too long.
+    pub fn finished(&mut self, link: &Link, episode: u64) -> anyhow::Result<v1::RecorderStatus> {
+        let deadline = Instant::now() + limits::FINISH;
+        loop {
+            let status = link.ask(&v1::StatusRequest {})?;
+            let ours = status.recorders.into_iter().find(|recorder| {
+                let header = recorder.header.as_ref();
+                recorder.recorder == self.name && header.is_some_and(|h| h.episode == episode)
+            });
+            if let Some(status) = ours {
+                match status.state() {
+                    v1::RecorderState::Finished => return Ok(status),
+                    v1::RecorderState::Failed => bail!("the recording failed: {}", status.message),
+                    _ => {}
+                }
+            }
+            if let Some(status) = self.ended()? {
+                bail!("the recorder ended ({status}):\n{}", self.tail());
+            }
+            if Instant::now() > deadline {
+                bail!(
+                    "the recorder did not finish within {:.0} s:\n{}",
+                    limits::FINISH.as_secs_f64(),
+                    self.tail()
+                );
+            }
+            std::thread::sleep(limits::LOOK);
+        }
+    }
+
+    /// Lets it end in good order: what it has of an episode becomes a partial
+    /// file.
+    pub fn end(mut self) {
+        // One that cannot be watched is killed when dropped.
+        let _ = self.process.end();
+    }
+}

@@ -1,0 +1,139 @@
+//! What a finished file says of an attempt: whether it is the recording of the
+//! episode that was asked for, and whether its task was done.
+
+use std::path::Path;
+use std::time::{SystemTime, UNIX_EPOCH};
+
+use anyhow::{Context, bail};
+use wheelarm_dataset::read::{Episode as Recording, Summary};
+use wheelarm_dataset::scenario_text::scenario_json;
+use wheelarm_operate::run::Report;
+
+use super::episode::Episode;
+use super::folder::{Folder, sha256};
+use super::journal::{Done, Failed};
+use crate::broken::Broken;
+
+/// What a file is worth.
+pub enum Judged {
+    /// It belongs into the dataset.
+    Done(Box<Done>),
+    /// The task was not done.
+    Failed(Failed),
+}
+
+/// Reads the finished file of an attempt and decides. `wall_seconds` is what the
+/// attempt took.
+///
+/// # Errors
+/// When it is not the complete recording of the episode.
+pub fn judge(
+    episode: &Episode,
+    number: u32,
+    file: &Path,
+    report: &Report,
+    wall_seconds: f64,
+) -> anyhow::Result<Judged> {
+    let seed = episode.seed_of(number);
+    let recording = Recording::open(file)?;
+    let summary = recording.summary()?;
+    check(&summary, episode, seed)?;
+    let seconds = summary.span_nanos.1.saturating_sub(summary.span_nanos.0) as f64 * 1e-9;
+    let scenario = scenario_json(&recording.scenario()?);
+    if recording.is_broken() || !(report.succeeded() && summary.success) {
+        let broken = recording.is_broken().then_some(Broken::Physics);
+        return Ok(Judged::Failed(Failed {
+            episode: episode.id.clone(),
+            task: episode.task.clone(),
+            attempt: number,
+            seed,
+            settings: episode.settings.clone(),
+            reason: reason(&summary, report),
+            seconds,
+            wall_seconds,
+            broken,
+            death: 0,
+            scenario: broken.map(|_| scenario),
+        }));
+    }
+    drop(recording);
+    Ok(Judged::Done(Box::new(Done {
+        episode: episode.id.clone(),
+        task: episode.task.clone(),
+        attempt: number,
+        seed,
+        settings: episode.settings.clone(),
+        file: Folder::file_name(&episode.id),
+        sha256: sha256(file)?,
+        bytes: std::fs::metadata(file)
+            .with_context(|| format!("reading {}", file.display()))?
+            .len(),
+        success: summary.success,
+        instruction: summary.instruction.clone(),
+        seconds,
+        counts: summary
+            .streams
+            .iter()
+            .map(|stream| (stream.stream.clone(), stream.received))
+            .collect(),
+        missed: summary.streams.iter().map(|stream| stream.missed).sum(),
+        finished_unix_millis: SystemTime::now()
+            .duration_since(UNIX_EPOCH)
+            .map_or(0, |since| since.as_millis() as u64),
+        origin: [summary.origin[0].clone(), summary.origin[1].clone()],
+        scenario,
+        wall_seconds,
+    })))
+}
+
+/// Whether a file is the complete recording of this episode.
+///
+/// # Errors
+/// With what it is instead.
+pub fn check(summary: &Summary, episode: &Episode, seed: u64) -> anyhow::Result<()> {
+    if !summary.complete {
+        bail!(
+            "the recording is not complete: {}",
+            summary.problems.join("; ")
+        );
+    }
+    let found = (
+        summary.label.as_str(),
+        summary.task[0].as_str(),
+        summary.seed,
+    );
+    let wanted = (episode.id.as_str(), episode.task.as_str(), seed);
+    if found != wanted {
+        bail!(
+            "the recording is of {:?}, task {:?}, seed {}; expected {:?}, task {:?}, seed {}",
+            found.0,
+            found.1,
+            found.2,
+            wanted.0,
+            wanted.1,
+            wanted.2
+        );
+    }
+    Ok(())
+}
+
+/// Why the task was not done.
+fn reason(summary: &Summary, report: &Report) -> String {
+    let mut parts: Vec<String> = report.why().into_iter().collect();
+    if !summary.failure_reason.is_empty() {
+        parts.push(summary.failure_reason.clone());
+    }
+    let not: Vec<&str> = summary
+        .conditions
+        .iter()
+        .filter(|(_, holds, _)| !holds)
+        .map(|(name, ..)| name.as_str())
+        .collect();
+    if !not.is_empty() {
+        parts.push(format!("not {}", not.join(", not ")));
+    }
+    if parts.is_empty() {
+        parts.push("the operator was not content".to_owned());
+    }
+    parts.join("; ")
+}

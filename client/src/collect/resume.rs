@@ -1,0 +1,184 @@
+//! What earlier runs have done, what a killed one left behind, and what is left
+//! to do.
+
+use std::collections::BTreeMap;
+
+use anyhow::bail;
+
+use super::episode::Episode;
+use super::estimate::Estimate;
+use super::fleet::Job;
+use super::folder::Folder;
+use super::journal::{Entry, Journal, Ledger};
+
+/// What the journals say of the episodes `mine`, as far as the files are there,
+/// and what is wrong with them in words.
+///
+/// # Errors
+/// When they cannot be read, or are of another plan.
+pub fn ledger(folder: &Folder, mine: &[Episode]) -> anyhow::Result<(Ledger, Vec<String>)> {
+    let mut ledger = Ledger::read(&folder.journal())?;
+    let torn = ledger.torn.iter().map(|(journal, line)| {
+        format!(
+            "{}: line {line} is cut, as by a power loss in the middle of a write: it is left out, \
+             and what it said was done is done again",
+            journal.display()
+        )
+    });
+    let mut warnings: Vec<String> = torn.collect();
+    let by_id: BTreeMap<&str, &Episode> = mine.iter().map(|e| (e.id.as_str(), e)).collect();
+    for done in ledger.done.values() {
+        if let Some(episode) = by_id.get(done.episode.as_str())
+            && done.settings != episode.settings
+        {
+            bail!(
+                "{} holds {} of another plan: it was made with\n  {}\nand the plan says\n  {}\nChoose another --out, or restore the plan",
+                folder.root().display(),
+                done.episode,
+                done.settings,
+                episode.settings
+            );
+        }
+    }
+    ledger.done.retain(|id, done| {
+        let size = std::fs::metadata(folder.file(id)).map(|m| m.len());
+        let there = size.is_ok_and(|size| size == done.bytes);
+        if !there && by_id.contains_key(id.as_str()) {
+            warnings.push(format!(
+                "{} is gone or has another size, it counts as missing",
+                folder.file(id).display()
+            ));
+        }
+        there && by_id.contains_key(id.as_str())
+    });
+    for (id, attempts) in &mut ledger.failed {
+        let settings = by_id.get(id.as_str()).map(|episode| &episode.settings);
+        attempts.retain(|failed| Some(&failed.settings) == settings);
+    }
+    Ok((ledger, warnings))
+}
+
+/// Deals with what a killed run left: finished files are entered and half-made
+/// ones removed. A file that no journal knows is set aside where a line of a
+/// journal was cut, which may have been its own.
+///
+/// # Errors
+/// When there are more such files than lines that were cut, or the disk does not
+/// do it.
+pub fn settle(
+    folder: &Folder,
+    mine: &[Episode],
+    journal: &mut Journal,
+    ledger: &mut Ledger,
+) -> anyhow::Result<()> {
+    let mut torn = ledger.torn.len();
+    let mut finished = Vec::new();
+    for episode in mine {
+        if ledger.done.contains_key(&episode.id) {
+            continue;
+        }
+        let done = folder.resume(&episode.id)?;
+        if let Some(done) = done.filter(|done| done.settings == episode.settings) {
+            finished.push(Entry::Done(Box::new(done)));
+            continue;
+        }
+        let file = folder.file(&episode.id);
+        if !file.exists() {
+            continue;
+        }
+        if torn == 0 {
+            bail!(
+                "{} lies there, but no journal knows it; move it away",
+                file.display()
+            );
+        }
+        torn -= 1;
+        let aside = folder.set_aside(&episode.id)?;
+        tracing::warn!(
+            "{} is in no journal, most likely by the line that was cut: it lies in {} now and the \
+             episode is made again",
+            file.display(),
+            aside.display()
+        );
+    }
+    // Last, for the line that was cut is dropped with it.
+    for entry in finished {
+        journal.append(&entry)?;
+        ledger.add(entry);
+    }
+    mine.iter()
+        .try_for_each(|episode| folder.clean(&episode.id))
+}
+
+/// What is left to do.
+#[must_use]
+pub fn jobs(mine: &[Episode], ledger: &Ledger, estimate: &Estimate) -> Vec<Job> {
+    mine.iter()
+        .filter(|episode| !ledger.done.contains_key(&episode.id))
+        .map(|episode| {
+            let share = estimate.shares.iter().find(|s| s.task == episode.task);
+            let (attempt, deaths) = ledger.next_attempt(&episode.id);
+            Job {
+                attempt,
+                deaths,
+                expected: share.map_or(0.0, |s| s.seconds.0 / s.success),
+                episode: episode.clone(),
+            }
+        })
+        .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::collect::episode::{Shard, episodes};
+    use crate::collect::plan::Plan;
+
+    #[test]
+    fn a_journal_cut_in_its_last_line_costs_that_episode_and_nothing_else() {
+        let root = tempfile::tempdir().unwrap();
+        let folder = Folder::make(root.path()).unwrap();
+        let plan = "name = \"x\"\n[[task]]\nname = \"a\"\nepisodes = 2\n";
+        let plan = Plan::parse("p.toml".as_ref(), plan.to_owned()).unwrap();
+        let mine = episodes(&plan);
+        let entry = |episode: &Episode| {
+            let file = Folder::file_name(&episode.id);
+            serde_json::json!({
+                "kind": "done", "episode": episode.id, "task": "a", "attempt": 0,
+                "seed": episode.seed, "settings": episode.settings, "file": file,
+                "sha256": "", "bytes": 3, "success": true, "instruction": "", "seconds": 1.0,
+                "wall_seconds": 1.0, "counts": {}, "missed": 0, "finished_unix_millis": 0,
+                "origin": ["", ""], "scenario": null,
+            })
+            .to_string()
+        };
+        let [first, second] = [entry(&mine[0]), entry(&mine[1])];
+        let text = format!("{first}\n{second}\n");
+        let journal = folder.journal().join("shard-0-of-1.jsonl");
+        // Whole, then cut anywhere in the second line.
+        for (cut, aside) in [(text.len(), 0), (first.len() + 2, 1), (text.len() - 2, 2)] {
+            std::fs::write(&journal, &text[..cut]).unwrap();
+            for episode in &mine {
+                std::fs::write(folder.file(&episode.id), "abc").unwrap();
+            }
+            let mut open = Journal::open(&folder.journal(), Shard::WHOLE).unwrap();
+            let (mut known, warnings) = ledger(&folder, &mine).unwrap();
+            settle(&folder, &mine, &mut open, &mut known).unwrap();
+            let is_whole = cut == text.len();
+            assert_eq!(known.done.len(), 1 + usize::from(is_whole), "cut at {cut}");
+            assert_eq!(warnings.len(), usize::from(!is_whole), "{warnings:?}");
+            assert!(warnings.iter().all(|w| w.contains("line 2 is cut")));
+            assert_eq!(folder.file(&mine[1].id).exists(), is_whole);
+            // The file itself is never lost.
+            let failed = std::fs::read_dir(root.path().join("failed")).unwrap();
+            assert_eq!(failed.count(), aside);
+        }
+        // Without a line that was cut nobody knows what such a file is.
+        std::fs::write(&journal, format!("{first}\n")).unwrap();
+        std::fs::write(folder.file(&mine[1].id), "abc").unwrap();
+        let mut open = Journal::open(&folder.journal(), Shard::WHOLE).unwrap();
+        let (mut known, _) = ledger(&folder, &mine).unwrap();
+        let told = settle(&folder, &mine, &mut open, &mut known).unwrap_err();
+        assert!(told.to_string().contains("move it away"), "{told}");
+    }
+}

@@ -1,0 +1,103 @@
+//! Options of `wheelarm evaluate`, and the scenarios they ask for.
+
+use std::path::PathBuf;
+use std::time::Duration;
+
+use clap::Args;
+use wheelarm_proto::settings::Quality;
+use wheelarm_proto::v1;
+use wheelarm_rig::{ServerOptions, all_cameras};
+
+use super::entry::Job;
+use crate::choice::{patience, seed_range};
+
+/// Options of `wheelarm evaluate`.
+#[derive(Args, Clone, Debug)]
+pub struct EvaluateArgs {
+    /// Task, or `all`.
+    #[arg(long, default_value = "all")]
+    pub task: String,
+    /// Seeds, `FIRST..LAST` without the last.
+    #[arg(long, value_parser = seed_range, value_name = "A..B")]
+    pub seeds: Option<(u64, u64)>,
+    /// Episodes of each task; from the first seed, 0 when no seeds are given.
+    #[arg(long, value_name = "N")]
+    pub episodes: Option<u64>,
+    /// Servers at work at one time.
+    #[arg(long, default_value_t = 1, value_name = "J")]
+    pub jobs: usize,
+    /// Folder for the results; an interrupted run in it is resumed.
+    #[arg(long, default_value = "data/evaluate")]
+    pub out: PathBuf,
+    /// Records every episode as an HDF5 file into the folder.
+    #[arg(long)]
+    pub record: bool,
+    /// Camera of the recordings, `NAME=WIDTHxHEIGHT@HZ`, may be given several
+    /// times, `*` for each of the robot's that is not named; `*=640x360@10` when absent.
+    #[arg(
+        long,
+        requires = "record",
+        value_parser = v1::CameraSetting::from_text,
+        value_name = "CAMERA"
+    )]
+    pub camera: Vec<v1::CameraSetting>,
+    /// Does those episodes anew in which something broke; without it they count as done.
+    #[arg(long)]
+    pub again: bool,
+    /// Wall seconds without a sign of life after which a server is ended, 1 at least.
+    #[arg(long, default_value = "60", value_parser = patience::<1>, value_name = "SECONDS")]
+    pub patience: Duration,
+    /// No picture of the end of each task.
+    #[arg(long)]
+    pub no_grid: bool,
+    /// Scene.
+    #[arg(long, default_value = "home")]
+    pub scene: String,
+    /// Robot, a folder in assets/robots.
+    #[arg(long, default_value = "wheelarm")]
+    pub robot: String,
+    /// Assets folder; the server looks for it when absent.
+    #[arg(long, env = "WHEELARM_ASSETS")]
+    pub assets: Option<PathBuf>,
+}
+
+impl EvaluateArgs {
+    /// First seed and the one after the last.
+    pub(super) fn range(&self) -> (u64, u64) {
+        let (first, end) = self.seeds.unwrap_or((0, self.episodes.unwrap_or(10)));
+        let end = self.episodes.map_or(end, |count| end.min(first + count));
+        (first, end)
+    }
+
+    /// Cameras of the recordings.
+    pub(super) fn cameras(&self) -> Vec<v1::CameraSetting> {
+        match (self.record, self.camera.is_empty()) {
+            (false, _) => Vec::new(),
+            (true, true) => vec![all_cameras(640, 360, 10.0)],
+            (true, false) => self.camera.clone(),
+        }
+    }
+
+    /// What a server of this evaluation is started with: with the scenario of
+    /// `job`, or without a task.
+    pub(super) fn server(
+        &self,
+        job: Option<&Job>,
+        cameras: Vec<v1::CameraSetting>,
+    ) -> ServerOptions {
+        ServerOptions {
+            scenario: v1::Scenario {
+                scene: self.scene.clone(),
+                robot: self.robot.clone(),
+                task: Some(job.map(|job| job.task.clone()).unwrap_or_default()),
+                seed: Some(job.map_or(0, |job| job.seed)),
+                cameras,
+                pacing: v1::Pacing::LockStep.into(),
+                quality: Quality::Standard.code().into(),
+                ..v1::Scenario::default()
+            },
+            assets: self.assets.clone(),
+            ..ServerOptions::default()
+        }
+    }
+}

@@ -1,0 +1,103 @@
+//! What came of one episode, as it is written into the ledger.
+
+use serde::{Deserialize, Serialize};
+use wheelarm_proto::v1;
+
+use crate::broken::Broken;
+
+/// One episode to do.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Job {
+    /// Task.
+    pub task: String,
+    /// Seed of the scenario and of the operator's habits.
+    pub seed: u64,
+}
+
+impl Job {
+    /// Label of its recording, where that is free.
+    #[must_use]
+    pub fn label(&self) -> String {
+        format!("{}-seed{}", self.task, self.seed)
+    }
+}
+
+/// One condition of the task at the end.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Condition {
+    /// Predicate.
+    pub name: String,
+    /// Whether it held.
+    pub holds: bool,
+    /// Whether it had to.
+    pub required: bool,
+    /// The measured quantity, in the unit of its threshold (SI).
+    pub value: f64,
+}
+
+impl From<&v1::Condition> for Condition {
+    fn from(condition: &v1::Condition) -> Self {
+        Self {
+            name: condition.name.clone(),
+            holds: condition.holds,
+            required: condition.required,
+            value: condition.value,
+        }
+    }
+}
+
+/// What came of one episode.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Entry {
+    /// Task.
+    pub task: String,
+    /// Seed of the scenario and of the operator's habits.
+    pub seed: u64,
+    /// Operator and task agree that it is done.
+    pub success: bool,
+    /// Empty, or why not in words.
+    pub why: String,
+    /// The task's conditions at the end.
+    pub conditions: Vec<Condition>,
+    /// Simulated seconds.
+    pub seconds: f64,
+    /// Simulated seconds per wall second.
+    pub factor: f64,
+    /// Hash of the newest state that was published, once per simulated second;
+    /// equal in every run of the same episode.
+    pub hash: String,
+    /// What the operator noted.
+    pub notes: Vec<String>,
+    /// What broke; absent when nothing did.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub broken: Option<Broken>,
+    /// Where something broke, the scenario that reproduces it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub scenario: Option<serde_json::Value>,
+}
+
+impl Entry {
+    /// Whether it is the result of `job`.
+    #[must_use]
+    pub fn is_of(&self, job: &Job) -> bool {
+        (&self.task, self.seed) == (&job.task, job.seed)
+    }
+
+    /// The entry in one line.
+    #[must_use]
+    pub fn line(&self) -> String {
+        format!(
+            "{:<20} seed {:<4} {} {:5.1} s, {:4.1}x{}",
+            self.task,
+            self.seed,
+            if self.success { "yes" } else { "NO " },
+            self.seconds,
+            self.factor,
+            if self.success {
+                String::new()
+            } else {
+                format!("  {}", self.why)
+            }
+        )
+    }
+}

@@ -1,0 +1,130 @@
+//! `wheelarm replay FILE`: the recorded state and the recorded commands again,
+//! and the state hashes compared.
+
+use std::process::ExitCode;
+use std::time::Duration;
+
+use anyhow::{Context, bail};
+use wheelarm_dataset::read::Episode;
+use wheelarm_link::{Link, Turn, Turns};
+use wheelarm_proto::topic::Sample;
+use wheelarm_proto::{TopicId, v1};
+use wheelarm_rig::free_label;
+
+use super::args::ReplayArgs;
+use super::comparison::Comparison;
+use super::script::{self, Script};
+use super::stage::{NAME, Stage};
+
+/// Silence after which the replay gives up.
+const PATIENCE: Duration = Duration::from_secs(60);
+
+/// Replays and prints the result; exit code 1 when a state differs, 3 when the
+/// new recording is not complete.
+///
+/// # Errors
+/// When the file cannot be replayed or a program does not answer.
+pub(super) fn run(args: &ReplayArgs, episode: &Episode) -> anyhow::Result<ExitCode> {
+    let script = Script::read(episode)?;
+    script.check_physics(&args.file)?;
+    let cameras = match &args.out {
+        Some(_) => script::cameras(&script.scenario, args.width, args.height, &args.camera),
+        None => Vec::new(),
+    };
+    let mut stage = Stage::set(args, &script.scenario, cameras.clone())?;
+    reset(&stage.link, &script, cameras)?;
+    // Subscribed before the episode begins, so that its first state is seen.
+    let mut turns = stage.link.turns(NAME, false, &[TopicId::StateHash])?;
+    let label = format!("{}-replay", script.label);
+    let request = v1::EpisodeStartRequest {
+        label: match &args.out {
+            Some(out) => free_label(out, &label),
+            None => label,
+        },
+        instruction: Some(script.instruction.clone()),
+        require_recorders: stage.recorders(),
+        commander: NAME.to_owned(),
+        replay: true,
+    };
+    let started = stage.link.ask(&request);
+    let started = started.with_context(|| stage.server.tail())?;
+    let fed = feed(&mut turns, &script, &started);
+    // A replay that broke off is not worth a file.
+    stage.link.stop_episode(fed.is_err())?;
+    let mut code = fed?.report();
+    if let Some(recorded) = stage.recorded(&started)? {
+        println!("recorded {}", recorded.line());
+        if code == ExitCode::SUCCESS {
+            code = recorded.code();
+        }
+    }
+    drop(turns);
+    stage.strike()?;
+    Ok(code)
+}
+
+/// Puts the server into the state at the start of the episode.
+fn reset(link: &Link, script: &Script, cameras: Vec<v1::CameraSetting>) -> anyhow::Result<()> {
+    let mut scenario = script.scenario.clone();
+    scenario.cameras = cameras;
+    // Whatever paced the recording, its commands are applied tick by tick.
+    scenario.pacing = v1::Pacing::LockStep.into();
+    // The quality was given when the server was started.
+    scenario.quality = v1::RenderQuality::Unspecified.into();
+    let request = v1::ResetRequest {
+        scenario: Some(scenario),
+        snapshot: script.snapshot.clone(),
+        ..v1::ResetRequest::default()
+    };
+    let reply: v1::ResetReply = link.ask(&request)?;
+    let tick = reply.header.unwrap_or_default().tick;
+    if tick != script.first_tick {
+        bail!(
+            "the snapshot puts the server at tick {tick}, the episode began at tick {}; was the file made by another version?",
+            script.first_tick
+        );
+    }
+    Ok(())
+}
+
+/// Feeds the commands by tick and collects the hashes.
+fn feed(
+    turns: &mut Turns,
+    script: &Script,
+    started: &v1::EpisodeStarted,
+) -> anyhow::Result<Comparison> {
+    let number = started.header.as_ref().map_or(0, |header| header.episode);
+    let mut comparison = Comparison::with(script.hashes.clone());
+    let mut asked = script.first_tick;
+    loop {
+        let turn = turns.next(PATIENCE, &mut |sample| {
+            if let Sample::StateHash(sample) = sample {
+                let header = sample.header.unwrap_or_default();
+                if header.episode == number {
+                    comparison.take(header.tick, sample.hash);
+                }
+            }
+        })?;
+        let header = match turn {
+            Turn::Answer(clock) => clock.header.unwrap_or_default(),
+            Turn::Refused(refusal) => {
+                bail!("the server refused a recorded command: {}", refusal.reason);
+            }
+            Turn::Ended(_) => bail!("the episode was ended by somebody else"),
+            Turn::Silent(status) => bail!(
+                "nothing came for {:.0} s after tick {asked}; the server waits for: {}",
+                PATIENCE.as_secs_f64(),
+                status.waiting_for
+            ),
+        };
+        if header.episode != number {
+            continue;
+        }
+        asked = header.tick;
+        if asked > script.last_tick {
+            return Ok(comparison);
+        }
+        turns.answer(script.command(asked)?)?;
+        comparison.tick();
+    }
+}

@@ -1,0 +1,116 @@
+//! What a replay is played on: a server with the recording's scenario, and a
+//! recorder where it is recorded again.
+
+use std::process::ExitCode;
+
+use wheelarm_link::Link;
+use wheelarm_proto::v1;
+use wheelarm_rig::{Recorder, RecorderOptions, Server, ServerOptions};
+
+use super::args::ReplayArgs;
+
+/// Name under which a replay commands and records.
+pub(super) const NAME: &str = "replay";
+
+/// A server, the link to it, and a recorder if there is to be a new file.
+pub(super) struct Stage {
+    pub server: Server,
+    pub link: Link,
+    recorder: Option<Recorder>,
+}
+
+impl Stage {
+    /// Starts them. Scene, task, robot, seed and, unless the options say
+    /// otherwise, quality are the recording's.
+    ///
+    /// # Errors
+    /// When one of them does not start.
+    pub fn set(
+        args: &ReplayArgs,
+        scenario: &v1::Scenario,
+        cameras: Vec<v1::CameraSetting>,
+    ) -> anyhow::Result<Self> {
+        let quality = args.quality.map(|quality| quality.code().into());
+        let server = Server::start(&ServerOptions {
+            scenario: v1::Scenario {
+                scene: scenario.scene.clone(),
+                task: Some(scenario.task().to_owned()),
+                robot: scenario.robot.clone(),
+                seed: Some(scenario.seed()),
+                pacing: v1::Pacing::LockStep.into(),
+                quality: quality.unwrap_or(scenario.quality),
+                cameras,
+                ..v1::Scenario::default()
+            },
+            assets: args.assets.clone(),
+            ..ServerOptions::default()
+        })?;
+        let link = server.link()?;
+        let options = args
+            .out
+            .as_deref()
+            .map(|out| RecorderOptions::lasting(NAME, out));
+        let recorder = options
+            .map(|options| Recorder::start(server.connect(), &options))
+            .transpose()?;
+        Ok(Self {
+            server,
+            link,
+            recorder,
+        })
+    }
+
+    /// Recorders that an episode is to wait for.
+    pub fn recorders(&self) -> u32 {
+        u32::from(self.recorder.is_some())
+    }
+
+    /// The finished file of an episode that has ended, if it was recorded.
+    ///
+    /// # Errors
+    /// When the recording failed.
+    pub fn recorded(&mut self, started: &v1::EpisodeStarted) -> anyhow::Result<Option<Recorded>> {
+        let number = started.header.as_ref().map_or(0, |header| header.episode);
+        let recorder = self.recorder.as_mut();
+        recorder
+            .map(|recorder| recorder.finished(&self.link, number).map(Recorded))
+            .transpose()
+    }
+
+    /// Ends them.
+    ///
+    /// # Errors
+    /// When the server cannot be asked.
+    pub fn strike(self) -> anyhow::Result<()> {
+        drop(self.recorder);
+        self.server.stop(self.link)
+    }
+}
+
+/// A new recording.
+pub(super) struct Recorded(v1::RecorderStatus);
+
+impl Recorded {
+    /// File and state in a few words.
+    pub fn line(&self) -> String {
+        let Self(status) = self;
+        format!(
+            "{} ({}, {} missed)",
+            status.path,
+            if status.complete {
+                "complete"
+            } else {
+                "NOT complete"
+            },
+            status.missed
+        )
+    }
+
+    /// 3 when it is not complete.
+    pub fn code(&self) -> ExitCode {
+        match self.0.complete && self.0.missed == 0 {
+            true => ExitCode::SUCCESS,
+            false => ExitCode::from(3),
+        }
+    }
+}
