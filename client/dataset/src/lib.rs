@@ -6,6 +6,7 @@
 //! either complete and says so, or says what it lacks; an existing file is
 //! never overwritten. All calls into HDF5 take one lock, inside `hdf5`.
 
+pub mod account;
 pub mod align;
 pub mod calibration;
 pub mod columns;
@@ -14,6 +15,7 @@ pub mod compress;
 pub mod convert;
 pub mod coverage;
 pub mod depth;
+pub mod ending;
 pub mod finish;
 mod hdf;
 pub mod ids;

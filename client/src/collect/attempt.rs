@@ -12,7 +12,7 @@ use std::process::ExitStatus;
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
 use anyhow::{Context, bail};
-use wheelarm_dataset::finish::PHYSICS;
+use wheelarm_dataset::ending::PHYSICS;
 use wheelarm_dataset::read::{Episode as Recording, Summary};
 use wheelarm_dataset::scenario_text::scenario_json;
 use wheelarm_proto::program::{EXIT_NOT_DONE, EXIT_SCENARIO, Ready};

@@ -15,8 +15,8 @@ use wheelarm_dataset::label::{self, Agreement, agreement};
 use wheelarm_dataset::read::Episode;
 use wheelarm_dataset::{composition, plot as plots, validate as check, view as pages};
 
+use super::arguments::{FAILED, FINE, Files, FormatName, Input, PARTIAL};
 use super::files::{beside, jobs, options, recordings};
-use super::{FAILED, FINE, Files, FormatName, Input, PARTIAL};
 
 /// Boundaries agree when they are this near, seconds.
 const NEAR: f64 = 0.5;

@@ -10,9 +10,9 @@ use std::path::{Path, PathBuf};
 use wheelarm_proto::v1;
 
 use super::batch::parallel;
+use super::intrinsics;
 use super::{Format, PendingFolder, Recording, Size, Written, png_depth, png_grey, png_rgb};
 use crate::align::Signal;
-use crate::calibration;
 
 /// Writes a folder `LABEL` per episode.
 #[derive(Clone, Debug)]
@@ -149,7 +149,7 @@ impl Format for CsvTable {
         let (rows, notes) = recording.rows(&STREAMS)?;
         let folder = PendingFolder::new(&self.out.join(&recording.summary.label))?;
         table(&folder.path().join("final_data.csv"), recording, &rows)?;
-        let cameras = calibration::cameras(recording, None);
+        let cameras = intrinsics::cameras(recording, None);
         std::fs::write(folder.path().join("cameras.json"), format!("{cameras:#}\n"))?;
         for (camera, source) in &recording.cameras {
             let Some((width, height)) = source.size() else {

@@ -6,6 +6,7 @@ mod atomic;
 pub mod batch;
 pub mod csv_table;
 mod image;
+mod intrinsics;
 pub mod learning;
 pub mod lerobot;
 pub mod mcap_log;

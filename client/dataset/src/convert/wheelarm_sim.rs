@@ -138,7 +138,7 @@ impl Format for WheelarmSim {
         // The original's layout has no place for a calibration.
         let beside = format!("{}.cameras.json", recording.summary.label);
         let calibration = PendingFile::new(&self.out.join(beside))?;
-        let cameras = crate::calibration::cameras(recording, None);
+        let cameras = super::intrinsics::cameras(recording, None);
         std::fs::write(calibration.path(), format!("{cameras:#}\n"))?;
         calibration.commit()?;
         Ok(Written {

@@ -1,13 +1,13 @@
 //! From a log to an episode file: written beside its final name, checked,
 //! synced, put in place without ever replacing a file; only then the log goes.
 
-mod account;
+mod error;
 mod events;
 pub(crate) mod place;
 mod root;
 mod streams;
 
-pub use account::{Account, StreamAccount};
+pub use error::FinishError;
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -15,6 +15,7 @@ use std::path::{Path, PathBuf};
 use prost::Message;
 use wheelarm_proto::{StreamId, TopicId, v1};
 
+use crate::account::Account;
 use crate::columns::{self, Context};
 use crate::depth::Depth;
 use crate::hdf::Attributes;
@@ -23,9 +24,6 @@ use crate::read::first_robot;
 use crate::writer::file_path;
 
 use events::{Phases, Row};
-
-/// `end_cause` of an episode that ended because the simulation broke.
-pub const PHYSICS: &str = "physics";
 
 /// A finished file.
 #[derive(Clone, Debug)]
@@ -38,59 +36,6 @@ pub struct Finished {
     pub account: Account,
     /// What else there is to know, for people; the file is good.
     pub notes: Vec<String>,
-}
-
-/// Why no file was made. The log stays.
-#[derive(Debug, thiserror::Error)]
-pub enum FinishError {
-    /// The log cannot be read.
-    #[error(transparent)]
-    Log(#[from] LogError),
-    /// The final name is taken.
-    #[error(
-        "{path} exists already and is never overwritten; the recording is still in {log}: move the file away or give another folder with --out, then `wheelarm dataset recover {log}`"
-    )]
-    Exists {
-        /// The final name.
-        path: PathBuf,
-        /// The log.
-        log: PathBuf,
-    },
-    /// A file cannot be written, for example because the disk is full.
-    #[error(
-        "{path} cannot be written: {source}; the recording is still in {log}, `wheelarm dataset recover {log}` tries again"
-    )]
-    Io {
-        /// The file.
-        path: PathBuf,
-        /// The log.
-        log: PathBuf,
-        /// The reason.
-        source: std::io::Error,
-    },
-    /// HDF5 refused something.
-    #[error("HDF5: {0}")]
-    Hdf5(#[from] hdf5::Error),
-    /// A sample in the log is not what its stream carries.
-    #[error("{stream}, sample {sequence}: {reason}")]
-    Content {
-        /// The stream.
-        stream: String,
-        /// Sequence number of the sample.
-        sequence: u64,
-        /// What is wrong.
-        reason: String,
-    },
-    /// The written file does not hold what the log holds.
-    #[error("{dataset} has {got} samples in the written file, expected {expected}")]
-    Verify {
-        /// The dataset.
-        dataset: String,
-        /// Samples found.
-        got: usize,
-        /// Samples in the log.
-        expected: usize,
-    },
 }
 
 /// Makes the episode file of a log, in `out` or else beside the log.

@@ -14,7 +14,7 @@ use crate::hdf::{Attributes, Chunked, ColumnWriter, Filters};
 use crate::ids;
 use crate::log::{CameraParts, Entry, Scan};
 
-use super::FinishError;
+use super::error::FinishError;
 
 const fn number(name: &'static str, unit: &'static str) -> ColumnInfo {
     ColumnInfo {

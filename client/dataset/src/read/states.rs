@@ -5,7 +5,8 @@ use std::collections::BTreeMap;
 use ndarray::{ArrayD, Axis};
 use wheelarm_proto::v1;
 
-use super::{Episode, ReadError};
+use super::Episode;
+use super::error::ReadError;
 
 impl Episode {
     /// Every recorded state of robot, objects and furniture, with what was

@@ -22,9 +22,9 @@ use self::metadata::metadata;
 use self::statistics::Gathered;
 use self::table::{Cells, Table};
 use super::batch::parallel;
+use super::intrinsics;
 use super::learning::{self, Learning};
 use super::{Format, PendingFolder, Recording, Size, Written, png_rgb, scaled};
-use crate::calibration;
 
 /// Rows that are encoded, and written as one row group, together.
 const BLOCK: usize = 32;
@@ -191,7 +191,7 @@ impl Format for LeRobot {
         };
         set.data = Some(table);
         if set.layout.is_none() {
-            set.calibration = calibration::cameras(recording, self.size);
+            set.calibration = intrinsics::cameras(recording, self.size);
         }
         set.layout = Some(layout);
         let instruction = recording.summary.instruction.clone();

@@ -4,19 +4,22 @@
 //! Pictures are compressed once and written as `obs` of their row and as
 //! `next_obs` of the row before. The file has its final name only when whole.
 
+mod arrays;
 mod datagen;
 
 use std::path::Path;
 use std::sync::Mutex;
 
 use anyhow::Context;
-use hdf5::{Dataset, Group, H5Type};
+use hdf5::Group;
 use serde_json::json;
 
+use self::arrays::{NUMBER, What, describe, rows};
 use super::batch::parallel;
+use super::intrinsics;
 use super::learning::{self, Learning};
 use super::{Format, PendingFile, Recording, Size, Written, scaled};
-use crate::calibration::{self, CONVENTION, PIXEL_CENTRE};
+use crate::calibration::{CONVENTION, PIXEL_CENTRE};
 use crate::compress::Deflate;
 use crate::hdf::{Attributes, Chunked, Filters};
 
@@ -123,7 +126,7 @@ impl Format for Robomimic {
         set.environment
             .get_or_insert_with(|| environment(recording, rate));
         set.calibration
-            .get_or_insert_with(|| calibration::cameras(recording, self.size));
+            .get_or_insert_with(|| intrinsics::cameras(recording, self.size));
         set.cameras = cameras;
         set.demos += 1;
         set.rows += rows.len() - 1;
@@ -224,43 +227,11 @@ fn normalise(demo: &Group, low: &[f64], high: &[f64]) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Unit and frame of a dataset; the frame is empty where there is none.
-type What<'a> = (&'static str, &'a str);
-
 /// What an observation takes from a row.
 type Take<'a> = &'a dyn Fn(usize) -> Vec<f64>;
 
 const POSITION: &str = "m";
 const QUATERNION: &str = "1 (unit quaternion x y z w)";
-const NUMBER: What<'static> = ("1", "");
-
-/// Writes a small array whose first axis is the sample.
-fn rows<T: H5Type>(
-    group: &Group,
-    name: &str,
-    what: What<'_>,
-    all: &[T],
-    shape: &[usize],
-) -> anyhow::Result<Dataset> {
-    let width: usize = shape.iter().product();
-    let whole: Vec<usize> = std::iter::once(all.len() / width.max(1))
-        .chain(shape.iter().copied())
-        .collect();
-    let data = group.new_dataset::<T>().shape(whole).create(name)?;
-    if !all.is_empty() {
-        data.write_raw(all)?;
-    }
-    describe(&data, what)?;
-    Ok(data)
-}
-
-fn describe(data: &Dataset, (units, frame): What<'_>) -> hdf5::Result<()> {
-    Attributes::of(data)
-        .text("units", units)?
-        .text("frame", frame)?;
-    Ok(())
-}
-
 type Range = (Vec<f64>, Vec<f64>);
 
 impl Robomimic {
