@@ -24,6 +24,7 @@ pub mod label;
 pub mod log;
 pub mod plot;
 pub mod pose;
+pub mod publish;
 pub mod read;
 pub mod scenario_text;
 pub mod sheet;

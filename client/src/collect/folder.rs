@@ -13,11 +13,12 @@
 //! A file appears under its final name in one step and never replaces another.
 
 use std::fs::File;
-use std::io::{Read, Write};
+use std::io::{ErrorKind, Read, Write};
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context, bail};
+use anyhow::{Context, anyhow};
 use sha2::{Digest, Sha256};
+use wheelarm_dataset::publish;
 
 use super::journal::Done;
 use wheelarm_rig::process::remove_socket;
@@ -188,34 +189,13 @@ impl Folder {
 /// # Errors
 /// When `to` exists or the file system refuses.
 pub fn appear(from: &Path, to: &Path) -> anyhow::Result<()> {
-    let taken = || {
-        format!(
+    publish::file(from, to).map_err(|problem| match problem.kind() {
+        ErrorKind::AlreadyExists => anyhow!(
             "{} exists already and is never overwritten; no journal knows it, move it away",
             to.display()
-        )
-    };
-    match std::fs::hard_link(from, to) {
-        Ok(()) => {
-            std::fs::remove_file(from).with_context(|| format!("removing {}", from.display()))?;
-        }
-        Err(e) if e.kind() == std::io::ErrorKind::AlreadyExists => bail!(taken()),
-        // Some file systems know no hard links.
-        Err(_) => {
-            if to.exists() {
-                bail!(taken());
-            }
-            std::fs::rename(from, to).with_context(|| format!("making {}", to.display()))?;
-        }
-    }
-    sync_folder(to)
-}
-
-/// Makes sure that a new name outlives a power cut.
-fn sync_folder(file: &Path) -> anyhow::Result<()> {
-    let folder = file.parent().unwrap_or(Path::new("."));
-    File::open(folder)
-        .and_then(|folder| folder.sync_all())
-        .with_context(|| format!("syncing {}", folder.display()))
+        ),
+        _ => anyhow!("making {}: {problem}", to.display()),
+    })
 }
 
 /// Writes a file so that it is there whole or not at all.
@@ -228,7 +208,7 @@ pub fn write_whole(path: &Path, bytes: &[u8]) -> anyhow::Result<()> {
         .and_then(|mut file| file.write_all(bytes).and_then(|()| file.sync_all()))
         .and_then(|()| std::fs::rename(&new, path));
     written.with_context(|| format!("writing {}", path.display()))?;
-    sync_folder(path)
+    publish::sync_folder(path).with_context(|| format!("syncing the folder of {}", path.display()))
 }
 
 /// SHA-256 of a file, hexadecimal.

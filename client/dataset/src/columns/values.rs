@@ -3,6 +3,8 @@
 
 use wheelarm_proto::v1;
 
+use crate::pose;
+
 pub(super) fn vector(v: Option<&v1::Vector3>, out: &mut Vec<f64>) {
     match v {
         Some(v) => out.extend([v.x, v.y, v.z]),
@@ -18,8 +20,7 @@ pub(super) fn quaternion(q: Option<&v1::Quaternion>, out: &mut Vec<f64>) {
 }
 
 pub(super) fn pose(p: Option<&v1::Pose>, out: &mut Vec<f64>) {
-    vector(p.and_then(|p| p.position.as_ref()), out);
-    quaternion(p.and_then(|p| p.orientation.as_ref()), out);
+    out.extend(pose::of_message(p));
 }
 
 pub(super) fn twist(t: Option<&v1::Twist>, out: &mut Vec<f64>) {

@@ -3,7 +3,6 @@
 
 mod error;
 mod events;
-pub(crate) mod place;
 mod root;
 mod streams;
 
@@ -20,6 +19,7 @@ use crate::columns::{self, Context};
 use crate::depth::Depth;
 use crate::hdf::Attributes;
 use crate::log::{LogError, Scan, scan};
+use crate::publish;
 use crate::read::first_robot;
 use crate::writer::file_path;
 
@@ -81,7 +81,7 @@ pub fn finish(log: &Path, out: Option<&Path>) -> Result<Finished, FinishError> {
     if is_placeholder(&target, log) {
         std::fs::remove_file(&target).map_err(io(&target))?;
     }
-    match place::place(&temporary, &target) {
+    match publish::file(&temporary, &target) {
         Ok(()) => {}
         Err(problem) if problem.kind() == std::io::ErrorKind::AlreadyExists => {
             let _ = std::fs::remove_file(&temporary);
@@ -94,7 +94,7 @@ pub fn finish(log: &Path, out: Option<&Path>) -> Result<Finished, FinishError> {
     }
     // The file is safe. A log that cannot be removed costs only space.
     let mut notes = Vec::new();
-    if let Err(problem) = std::fs::remove_file(log).and_then(|()| place::sync_folder(log)) {
+    if let Err(problem) = std::fs::remove_file(log).and_then(|()| publish::sync_folder(log)) {
         notes.push(format!(
             "the file is good; its log {} stays behind and can be deleted ({problem})",
             log.display()

@@ -41,4 +41,14 @@ pub enum ReadError {
         /// The reason.
         source: prost::DecodeError,
     },
+    /// Stored values do not mean what they should.
+    #[error("{path}: {what}: {reason}")]
+    Content {
+        /// The file.
+        path: PathBuf,
+        /// What was looked for.
+        what: String,
+        /// What is wrong.
+        reason: String,
+    },
 }

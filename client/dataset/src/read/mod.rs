@@ -7,6 +7,7 @@ mod column;
 mod error;
 mod refusal;
 mod robot;
+mod samples;
 mod states;
 mod summary;
 
@@ -15,6 +16,7 @@ pub use chunks::ChunkMap;
 pub use column::{ColumnMeta, ElementKind, Values};
 pub use error::ReadError;
 pub use robot::first_robot;
+pub use samples::Samples;
 pub use summary::Summary;
 
 use std::path::{Path, PathBuf};
