@@ -6,6 +6,8 @@
 //! either complete and says so, or says what it lacks; an existing file is
 //! never overwritten. All calls into HDF5 take one lock, inside `hdf5`.
 
+#![warn(missing_docs)]
+
 pub mod account;
 pub mod align;
 pub mod calibration;

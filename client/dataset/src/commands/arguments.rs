@@ -46,9 +46,9 @@ pub struct Input {
 /// Formats of `export`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum FormatName {
-    /// The original recorder's HDF5: 60 datasets per sample.
+    /// The HDF5 of WheelArm-Sim's recorder: 60 datasets per sample.
     WheelarmSim,
-    /// The original's final table of 117 columns, and folders of PNG pictures.
+    /// WheelArm-Sim's final table of 117 columns, and folders of PNG pictures.
     Csv,
     /// LeRobot data set, version 3.0.
     Lerobot,
