@@ -144,18 +144,7 @@ fn write(path: &Path, scan: &Scan, account: &Account) -> Result<(), FinishError>
         Depth::Metres
     };
     let mut counts = BTreeMap::new();
-    let mut rows = vec![Row::new(
-        started.header.clone(),
-        "episode",
-        "started",
-        &started.label,
-    )];
-    rows.push(Row::new(
-        started.header.clone(),
-        "episode",
-        "instruction",
-        &started.instruction,
-    ));
+    let mut rows = begun(&started);
     for (number, name) in scan.preamble.streams.iter().enumerate() {
         let samples = streams::samples(scan, number);
         let id = StreamId::parse(name);
@@ -191,15 +180,7 @@ fn write(path: &Path, scan: &Scan, account: &Account) -> Result<(), FinishError>
             root::account(&stream, account)?;
         }
     }
-    if let Some(stopped) = scan.closing.as_ref().and_then(|c| c.stopped.as_ref()) {
-        let success = stopped.evaluation.as_ref().is_some_and(|e| e.success);
-        let text = match stopped.cause() {
-            v1::EndCause::Physics => "the physics broke",
-            _ if success => "success",
-            _ => "no success",
-        };
-        rows.push(Row::new(stopped.header.clone(), "episode", "stopped", text));
-    }
+    rows.extend(ended(scan));
     let events = events::write(&file, rows)?;
     if let Some(a) = account
         .streams
@@ -213,6 +194,28 @@ fn write(path: &Path, scan: &Scan, account: &Account) -> Result<(), FinishError>
     file.flush()?;
     file.close()?;
     verify(path, &counts)
+}
+
+/// How the episode began, as rows of `/events`.
+fn begun(started: &v1::EpisodeStarted) -> Vec<Row> {
+    let row = |kind, text: &str| Row::new(started.header.clone(), "episode", kind, text);
+    vec![
+        row("started", &started.label),
+        row("instruction", &started.instruction),
+    ]
+}
+
+/// How it ended, where the server told it.
+fn ended(scan: &Scan) -> Option<Row> {
+    let stopped = scan.closing.as_ref()?.stopped.as_ref()?;
+    let success = stopped.evaluation.as_ref().is_some_and(|e| e.success);
+    let text = match stopped.cause() {
+        v1::EndCause::Physics => "the physics broke",
+        _ if success => "success",
+        _ => "no success",
+    };
+    let header = stopped.header.clone();
+    Some(Row::new(header, "episode", "stopped", text))
 }
 
 /// Opens the written file again and compares every dataset's length.
