@@ -8,6 +8,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let out = std::path::PathBuf::from(std::env::var("OUT_DIR")?);
     let foxglove = protox::compile(["foxglove.proto"], ["proto"])?;
     std::fs::write(out.join("foxglove.bin"), foxglove.encode_to_vec())?;
-    prost_build::Config::new().compile_fds(foxglove)?;
+    prost_build::Config::new()
+        .enable_type_names()
+        .compile_fds(foxglove)?;
     Ok(())
 }

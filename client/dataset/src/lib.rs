@@ -6,6 +6,9 @@
 //! either complete and says so, or says what it lacks; an existing file is
 //! never overwritten. All calls into HDF5 take one lock, inside `hdf5`.
 
+#![warn(missing_docs)]
+
+pub mod account;
 pub mod align;
 pub mod calibration;
 pub mod columns;
@@ -14,6 +17,7 @@ pub mod compress;
 pub mod convert;
 pub mod coverage;
 pub mod depth;
+pub mod ending;
 pub mod finish;
 mod hdf;
 pub mod ids;
@@ -22,6 +26,7 @@ pub mod label;
 pub mod log;
 pub mod plot;
 pub mod pose;
+pub mod publish;
 pub mod read;
 pub mod scenario_text;
 pub mod sheet;

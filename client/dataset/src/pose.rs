@@ -1,6 +1,8 @@
 //! Rigid poses, x y z in metres and the unit quaternion qx qy qz qw: pure
 //! functions, nothing else.
 
+use wheelarm_proto::v1;
+
 /// A frame in another one: x y z, qx qy qz qw.
 pub type Pose = [f64; 7];
 
@@ -11,6 +13,16 @@ pub const IDENTITY: Pose = [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0];
 #[must_use]
 pub fn of(row: &[f64]) -> Pose {
     std::array::from_fn(|k| row.get(k).copied().unwrap_or(f64::NAN))
+}
+
+/// The pose of a message; NaN where it lacks a part.
+#[must_use]
+pub fn of_message(pose: Option<&v1::Pose>) -> Pose {
+    let position = pose.and_then(|p| p.position);
+    let orientation = pose.and_then(|p| p.orientation);
+    let [x, y, z] = position.map_or([f64::NAN; 3], |v| [v.x, v.y, v.z]);
+    let [qx, qy, qz, qw] = orientation.map_or([f64::NAN; 4], |q| [q.x, q.y, q.z, q.w]);
+    [x, y, z, qx, qy, qz, qw]
 }
 
 /// `a_from_c` out of `a_from_b` and `b_from_c`.

@@ -11,9 +11,9 @@ use sha2::{Digest, Sha256};
 
 use wheelarm_proto::digest::{self, StreamDigest};
 
+use crate::account::StreamAccount;
 use crate::align::{Rule, is_periodic, usual_distance};
 use crate::convert::batch::parallel;
-use crate::finish::StreamAccount;
 use crate::read::{ElementKind, Episode, Values};
 
 /// Samples farther apart than this many usual distances are a gap.

@@ -5,15 +5,15 @@ mod synthetic;
 
 use std::path::Path;
 use std::process::{Command, Output};
-use std::sync::{Mutex, MutexGuard, PoisonError};
 
+use parking_lot::{Mutex, MutexGuard};
 use wheelarm_dataset::finish::finish;
 
 /// One test at a time: a child that starts while a file is written inherits its
 /// lock.
 fn alone() -> MutexGuard<'static, ()> {
     static TURN: Mutex<()> = Mutex::new(());
-    TURN.lock().unwrap_or_else(PoisonError::into_inner)
+    TURN.lock()
 }
 
 fn run(folder: &Path, arguments: &[&str]) -> Output {

@@ -19,7 +19,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, anyhow};
 use sha2::{Digest, Sha256};
-use wheelarm_dataset::finish::place::place;
+use wheelarm_dataset::publish;
 
 use super::journal::Done;
 use wheelarm_rig::remove_socket;
@@ -218,21 +218,13 @@ fn free(path: &Path, ending: &str) -> PathBuf {
 /// # Errors
 /// When `to` exists or the file system refuses.
 pub fn appear(from: &Path, to: &Path) -> anyhow::Result<()> {
-    place(from, to).map_err(|problem| match problem.kind() {
+    publish::file(from, to).map_err(|problem| match problem.kind() {
         ErrorKind::AlreadyExists => anyhow!(
             "{} exists already and is never overwritten; no journal knows it, move it away",
             to.display()
         ),
-        _ => anyhow::Error::from(problem).context(format!("making {}", to.display())),
+        _ => anyhow!("making {}: {problem}", to.display()),
     })
-}
-
-/// Makes sure that a new name outlives a power cut.
-fn sync_folder(file: &Path) -> anyhow::Result<()> {
-    let folder = file.parent().unwrap_or(Path::new("."));
-    File::open(folder)
-        .and_then(|folder| folder.sync_all())
-        .with_context(|| format!("syncing {}", folder.display()))
 }
 
 /// Writes a file so that it is there whole or not at all.
@@ -245,7 +237,7 @@ pub fn write_whole(path: &Path, bytes: &[u8]) -> anyhow::Result<()> {
         .and_then(|mut file| file.write_all(bytes).and_then(|()| file.sync_all()))
         .and_then(|()| std::fs::rename(&new, path));
     written.with_context(|| format!("writing {}", path.display()))?;
-    sync_folder(path)
+    publish::sync_folder(path).with_context(|| format!("syncing the folder of {}", path.display()))
 }
 
 /// SHA-256 of a file, hexadecimal.

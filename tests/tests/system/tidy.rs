@@ -565,9 +565,32 @@ fn module_named(path: &str, from: &str, modules: &BTreeSet<String>) -> String {
     here.join("::")
 }
 
-/// What each file below a folder of sources names within its own room: the folder
-/// at the top that it lies in, or all of a package that has one room.
-fn arrows(folder: &str, one_room: bool) -> BTreeMap<String, BTreeSet<String>> {
+/// Paths that begin with a module's own child, as the module itself names it:
+/// `child::Thing` without `self::`.
+fn paths_of_children(text: &str, module: &str, modules: &BTreeSet<String>) -> Vec<String> {
+    let mut found = Vec::new();
+    for child in modules {
+        let Some((parent, name)) = child.rsplit_once("::") else {
+            continue;
+        };
+        if parent != module {
+            continue;
+        }
+        for (at, _) in text.match_indices(&format!("{name}::")) {
+            let inside = |c: char| c.is_alphanumeric() || c == '_' || c == ':';
+            if !text[..at].ends_with(inside) {
+                // Asked like any other path, so that what is handed on is not used.
+                let line = text[..at].rsplit(['\n', ';']).next().unwrap_or_default();
+                let rest = text[at..].split(';').next().unwrap_or_default();
+                found.extend(named_paths(&format!("{line}self::{rest}")));
+            }
+        }
+    }
+    found
+}
+
+/// What each file below `folder` names of the other files there.
+fn arrows(folder: &str) -> BTreeMap<String, BTreeSet<String>> {
     let source = root().join(folder);
     let texts: BTreeMap<String, String> = list(folder, ".rs")
         .into_iter()
@@ -584,40 +607,26 @@ fn arrows(folder: &str, one_room: bool) -> BTreeMap<String, BTreeSet<String>> {
         })
         .collect();
     let modules: BTreeSet<String> = texts.keys().cloned().collect();
-    let room = |module: &str| match one_room {
-        true => None,
-        false => module.split("::").next().map(str::to_owned),
-    };
     texts
         .iter()
         .map(|(name, text)| {
-            let named = named_paths(text).into_iter();
+            let own = paths_of_children(text, name, &modules);
+            let named = named_paths(text).into_iter().chain(own);
             let named = named.map(|path| module_named(&path, name, &modules));
-            let within = named.filter(|other| other != name && room(other) == room(name));
-            (name.clone(), within.filter(|o| !o.is_empty()).collect())
+            let others = named.filter(|other| !other.is_empty() && other != name);
+            (name.clone(), others.collect())
         })
         .collect()
 }
 
-#[test]
-fn files_of_a_room_of_the_server_do_not_name_each_other_in_circles() {
-    let mut arrows = arrows("server/src", false);
-    assert!(arrows.len() > 100, "{} files", arrows.len());
-    for (first, second) in CIRCLES {
-        let allowed = |name: &str| name.starts_with(first) && second == first || name == second;
-        for (name, named) in &mut arrows {
-            if name == first || allowed(name) {
-                named.retain(|other| other != first && !allowed(other));
-            }
-        }
-    }
-    let circles = circles(arrows);
-    assert!(circles.is_empty(), "circles among or behind: {circles:#?}");
+/// The first part of a module's path.
+fn room(module: &str) -> &str {
+    module.split("::").next().unwrap_or_default()
 }
 
-/// What is left of `arrows` when whoever names nobody who is left is taken away
-/// again and again.
+/// Leaves of the arrows only what is in a circle, or behind one.
 fn circles(mut arrows: BTreeMap<String, BTreeSet<String>>) -> BTreeMap<String, BTreeSet<String>> {
+    // Whoever names nobody who is left is in no circle.
     loop {
         let before = arrows.len();
         let left: BTreeSet<String> = arrows.keys().cloned().collect();
@@ -638,17 +647,108 @@ const STRAIGHT: [&str; 5] = ["collect", "control", "demo", "evaluate", "replay"]
 
 #[test]
 fn files_of_the_rooms_that_make_episodes_do_not_name_each_other_in_circles() {
-    let rig = arrows("client/rig/src", true);
+    let rig = arrows("client/rig/src");
     assert!(
         rig["server"].contains("process"),
         "arrows are seen: {rig:?}"
     );
-    let mut program = arrows("client/src", false);
+    let mut program = arrows("client/src");
+    for (name, named) in &mut program {
+        named.retain(|other| room(other) == room(name));
+    }
     program.retain(|name, _| STRAIGHT.iter().any(|room| name.starts_with(room)));
     assert!(program.len() > 30, "{} files", program.len());
     for arrows in [rig, program] {
         let circles = circles(arrows);
         assert!(circles.is_empty(), "circles among or behind: {circles:#?}");
+    }
+}
+
+#[test]
+fn files_of_a_room_of_the_server_do_not_name_each_other_in_circles() {
+    let mut arrows = arrows("server/src");
+    assert!(arrows.len() > 100, "{} files", arrows.len());
+    for (name, named) in &mut arrows {
+        named.retain(|other| room(other) == room(name));
+    }
+    for (first, second) in CIRCLES {
+        let allowed = |name: &str| name.starts_with(first) && second == first || name == second;
+        for (name, named) in &mut arrows {
+            if name == first || allowed(name) {
+                named.retain(|other| other != first && !allowed(other));
+            }
+        }
+    }
+    let left = circles(arrows);
+    assert!(left.is_empty(), "circles among or behind: {left:#?}");
+}
+
+/// Rooms of the dataset crate, from the bottom up: each names only rooms below
+/// it. So reading knows nothing of exports, and the table of columns nothing of
+/// files.
+const DATASET: [&str; 27] = [
+    "pose",
+    "coverage",
+    "ending",
+    "compress",
+    "depth",
+    "ids",
+    "calibration",
+    "publish",
+    "scenario_text",
+    "columns",
+    "hdf",
+    "urdf",
+    "log",
+    "account",
+    "writer",
+    "read",
+    "finish",
+    "info",
+    "align",
+    "label",
+    "sheet",
+    "convert",
+    "plot",
+    "composition",
+    "validate",
+    "view",
+    "commands",
+];
+
+/// Rooms of the dataset crate that may name HDF5.
+const NAME_HDF5: [&str; 5] = ["hdf", "read", "finish", "align", "convert"];
+
+#[test]
+fn files_of_the_dataset_crate_name_only_what_lies_below_them() {
+    let arrows = arrows("client/dataset/src");
+    assert!(arrows.len() > 80, "{} files", arrows.len());
+    let height = |module: &str| {
+        let found = DATASET.iter().position(|name| *name == room(module));
+        found.unwrap_or_else(|| panic!("{module} is not in the list of rooms"))
+    };
+    for (name, named) in &arrows {
+        for other in named.iter().filter(|other| room(other) != room(name)) {
+            assert!(height(other) < height(name), "{name} names {other}");
+        }
+    }
+    let left = circles(arrows);
+    assert!(left.is_empty(), "circles among or behind: {left:#?}");
+    let source = root().join("client/dataset/src");
+    for path in list("client/dataset/src", ".rs") {
+        let place = path.strip_prefix(&source).expect("below src");
+        let room = place.components().next().expect("a room").as_os_str();
+        let room = room.to_string_lossy();
+        let room = room.trim_end_matches(".rs");
+        for (line, text) in code(&path) {
+            let inside = NAME_HDF5.contains(&room);
+            let wrapped = names(&text, "hdf5_sys") && room != "hdf";
+            assert!(
+                (inside || !names(&text, "hdf5")) && !wrapped,
+                "{}:{line} names HDF5",
+                place.display()
+            );
+        }
     }
 }
 

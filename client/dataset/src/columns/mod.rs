@@ -1,10 +1,11 @@
 //! What every stream becomes in a file: one declarative table, [`streams`].
 //!
 //! A column names one dataset: its unit, its frame, its trailing axes and how
-//! its numbers are taken from a message. Numbers are stored as they came: f64
-//! bit by bit, stamps and sequences as u64, text as UTF-8. Values that a
-//! message does not carry are NaN. Nothing here knows HDF5.
+//! its numbers are taken from a message and put back into one. Numbers are
+//! stored as they came: f64 bit for bit, stamps and sequences as u64, text as
+//! UTF-8. Values that a message does not carry are NaN. Nothing here knows HDF5.
 
+mod codec;
 mod table;
 mod values;
 
@@ -91,6 +92,21 @@ impl Axis {
         }
     }
 
+    /// Takes the entries of an axis from a file that lists them, the inverse of
+    /// [`Axis::labels`]; axes whose entries the table itself names stay.
+    pub fn learn(self, names: &[String], context: &mut Context) {
+        let entries = match self {
+            Self::Joints => &mut context.joints,
+            Self::ArmJoints => &mut context.arm_joints,
+            Self::Frames => &mut context.frames,
+            Self::Objects => &mut context.objects,
+            Self::FurnitureJoints => &mut context.furniture_joints,
+            Self::Conditions => &mut context.conditions,
+            Self::Vertices | Self::Contacts | Self::Names(_) | Self::Components(_) => return,
+        };
+        names.clone_into(entries);
+    }
+
     /// Name of the attribute that lists the entries, and the entries.
     #[must_use]
     pub fn labels(self, context: &Context) -> Option<(&'static str, Vec<String>)> {
@@ -109,17 +125,33 @@ impl Axis {
     }
 }
 
-/// How a column's values are taken from a message.
+/// How a column's numbers are taken from a message, and put back into one: the
+/// only place that knows it, for files, replays and exports.
+pub struct Codec<M, T> {
+    /// Appends the numbers of a message.
+    take: fn(&M, &Context, &mut Vec<T>),
+    /// Gives a message the numbers of one sample, as many as the file holds.
+    put: fn(&mut M, &Context, &[T]),
+}
+
+/// The same for texts; putting one back fails when it cannot be read.
+pub struct TextCodec<M> {
+    take: fn(&M) -> String,
+    put: fn(&mut M, String) -> Result<(), String>,
+}
+
+/// How a column's values are taken from a message and put back.
 pub enum Values<M> {
     /// 64-bit floating point numbers.
-    F64(fn(&M, &Context, &mut Vec<f64>)),
+    F64(Codec<M, f64>),
     /// 64-bit unsigned integers.
-    U64(fn(&M, &Context, &mut Vec<u64>)),
+    U64(Codec<M, u64>),
     /// Truth values, stored as 0 and 1.
-    Flag(fn(&M, &Context, &mut Vec<u8>)),
+    Flag(Codec<M, u8>),
     /// One text per sample.
-    Text(fn(&M) -> String),
-    /// The message itself as it was encoded; replay reads this.
+    Text(TextCodec<M>),
+    /// The message itself as it was encoded: what replay reads, and what the
+    /// other columns of its stream need not put back.
     Message,
 }
 
@@ -191,6 +223,16 @@ pub enum Cell {
     Bytes(Vec<u8>),
 }
 
+/// Why stored values do not make a message.
+#[derive(Debug, thiserror::Error)]
+#[error("{column}: {reason}")]
+pub struct RestoreError {
+    /// The column.
+    pub column: &'static str,
+    /// What is wrong with its value.
+    pub reason: String,
+}
+
 /// One stream's table with its message type erased.
 pub trait Stream: Send + Sync {
     /// Name of the stream.
@@ -212,6 +254,18 @@ pub trait Stream: Send + Sync {
         payload: &[u8],
         context: &Context,
     ) -> Result<(Vec<Cell>, bool), prost::DecodeError>;
+    /// Puts one sample together again, the inverse of [`Stream::extract`]: the
+    /// encoded message of `header` and one cell per column, `None` for a column
+    /// that the file does not hold.
+    ///
+    /// # Errors
+    /// When a text is not what the column holds.
+    fn restore(
+        &self,
+        header: v1::Header,
+        cells: Vec<Option<Cell>>,
+        context: &Context,
+    ) -> Result<Vec<u8>, RestoreError>;
 }
 
 /// The columns of one stream.
@@ -232,7 +286,7 @@ impl<M: Topic + 'static> Stream for Table<M> {
                 unit: c.unit,
                 frame: c.frame,
                 axes: c.axes,
-                kind: match c.values {
+                kind: match &c.values {
                     Values::F64(_) => Kind::F64,
                     Values::U64(_) => Kind::U64,
                     Values::Flag(_) => Kind::Flag,
@@ -259,34 +313,63 @@ impl<M: Topic + 'static> Stream for Table<M> {
             .iter()
             .map(|column| {
                 let width = column.axes.iter().map(|a| a.len(context)).product();
-                match column.values {
-                    Values::F64(get) => {
+                match &column.values {
+                    Values::F64(codec) => {
                         let mut out = Vec::with_capacity(width);
-                        get(&message, context, &mut out);
+                        (codec.take)(&message, context, &mut out);
                         regular &= out.len() == width;
                         out.resize(width, f64::NAN);
                         Cell::F64(out)
                     }
-                    Values::U64(get) => {
+                    Values::U64(codec) => {
                         let mut out = Vec::with_capacity(width);
-                        get(&message, context, &mut out);
+                        (codec.take)(&message, context, &mut out);
                         regular &= out.len() == width;
                         out.resize(width, 0);
                         Cell::U64(out)
                     }
-                    Values::Flag(get) => {
+                    Values::Flag(codec) => {
                         let mut out = Vec::with_capacity(width);
-                        get(&message, context, &mut out);
+                        (codec.take)(&message, context, &mut out);
                         regular &= out.len() == width;
                         out.resize(width, 0);
                         Cell::Flag(out)
                     }
-                    Values::Text(get) => Cell::Text(get(&message)),
+                    Values::Text(codec) => Cell::Text((codec.take)(&message)),
                     Values::Message => Cell::Bytes(payload.to_vec()),
                 }
             })
             .collect();
         Ok((cells, regular))
+    }
+
+    fn restore(
+        &self,
+        header: v1::Header,
+        cells: Vec<Option<Cell>>,
+        context: &Context,
+    ) -> Result<Vec<u8>, RestoreError> {
+        let mut message = M::default();
+        message.set_header(header);
+        for (column, cell) in self.columns.iter().zip(cells) {
+            match (&column.values, cell) {
+                (Values::Message, Some(Cell::Bytes(encoded))) => return Ok(encoded),
+                (Values::F64(codec), Some(Cell::F64(v))) => (codec.put)(&mut message, context, &v),
+                (Values::U64(codec), Some(Cell::U64(v))) => (codec.put)(&mut message, context, &v),
+                (Values::Flag(codec), Some(Cell::Flag(v))) => {
+                    (codec.put)(&mut message, context, &v);
+                }
+                (Values::Text(codec), Some(Cell::Text(text))) => {
+                    (codec.put)(&mut message, text).map_err(|reason| RestoreError {
+                        column: column.name,
+                        reason,
+                    })?;
+                }
+                // The file lacks the column, or holds another kind there.
+                _ => {}
+            }
+        }
+        Ok(message.encode_to_vec())
     }
 }
 

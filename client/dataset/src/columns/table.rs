@@ -1,9 +1,13 @@
-//! The table itself: every stream, every dataset, unit and frame.
+//! The table itself: every stream, every dataset, unit and frame, and both ways
+//! between a dataset and its message.
 
 use wheelarm_proto::{StreamId, TopicId, v1};
 
-use super::values as take;
-use super::{Axis, Cell, Column, ColumnInfo, Context, Kind, MAX_CONTACTS, Stream, Table, Values};
+use super::codec::{
+    derived, derived_text, f64s, flag, flags, list, message, number, part, text, u64s, words,
+};
+use super::values::{self as take, put_each, to_pose, to_twist, to_vector};
+use super::{Axis, Cell, Codec, ColumnInfo, Context, Kind, MAX_CONTACTS, Stream, Table, TextCodec};
 
 const XYZ: Axis = Axis::Components(&["x", "y", "z"]);
 const QUATERNION: Axis = Axis::Components(&["x", "y", "z", "w"]);
@@ -23,84 +27,21 @@ const GRIPPER_UNIT: &str =
     "m (opening), rad (knuckle), N (max_force; NaN takes the usual force of the robot)";
 const FRAMES_FRAME: &str = "the chair in house, all others in base_link";
 
-const fn f64s<M>(
-    name: &'static str,
-    unit: &'static str,
-    frame: &'static str,
-    axes: &'static [Axis],
-    get: fn(&M, &Context, &mut Vec<f64>),
-) -> Column<M> {
-    Column {
-        name,
-        unit,
-        frame,
-        axes,
-        values: Values::F64(get),
-    }
-}
-
-const fn u64s<M>(
-    name: &'static str,
-    unit: &'static str,
-    get: fn(&M, &Context, &mut Vec<u64>),
-) -> Column<M> {
-    Column {
-        name,
-        unit,
-        frame: "",
-        axes: &[],
-        values: Values::U64(get),
-    }
-}
-
-const fn flags<M>(
-    name: &'static str,
-    axes: &'static [Axis],
-    get: fn(&M, &Context, &mut Vec<u8>),
-) -> Column<M> {
-    Column {
-        name,
-        unit: "1",
-        frame: "",
-        axes,
-        values: Values::Flag(get),
-    }
-}
-
-const fn text<M>(name: &'static str, get: fn(&M) -> String) -> Column<M> {
-    Column {
-        name,
-        unit: "1",
-        frame: "",
-        axes: &[],
-        values: Values::Text(get),
-    }
-}
-
-const fn message<M>() -> Column<M> {
-    Column {
-        name: "message",
-        unit: "protobuf bytes of package wheelarm.v1",
-        frame: "",
-        axes: &[],
-        values: Values::Message,
-    }
-}
-
 static JOINT_STATE: Table<v1::JointState> = Table {
     columns: &[
-        f64s("position", "rad", "", &[Axis::Joints], |m, _, o| {
-            o.extend(&m.positions)
-        }),
-        f64s("velocity", "rad/s", "", &[Axis::Joints], |m, _, o| {
-            o.extend(&m.velocities)
-        }),
-        f64s("effort", "N.m", "", &[Axis::Joints], |m, _, o| {
-            o.extend(&m.efforts)
-        }),
-        f64s("opening", "m", "", &[], |m, _, o| {
-            o.push(m.opening.unwrap_or(f64::NAN));
-        }),
+        f64s("position", "rad", "", &[Axis::Joints], list!(positions)),
+        f64s("velocity", "rad/s", "", &[Axis::Joints], list!(velocities)),
+        f64s("effort", "N.m", "", &[Axis::Joints], list!(efforts)),
+        f64s(
+            "opening",
+            "m",
+            "",
+            &[],
+            Codec {
+                take: |m, _, o| o.push(m.opening.unwrap_or(f64::NAN)),
+                put: |m, _, v| m.opening = v.first().copied().filter(|v| !v.is_nan()),
+            },
+        ),
     ],
 };
 
@@ -111,8 +52,9 @@ static POSE_SET: Table<v1::PoseSet> = Table {
             POSE_UNIT,
             FRAMES_FRAME,
             &[Axis::Frames, POSE],
-            |m, _, o| {
-                m.frames.iter().for_each(|f| take::pose(f.pose.as_ref(), o));
+            Codec {
+                take: |m, _, o| m.frames.iter().for_each(|f| take::pose(f.pose.as_ref(), o)),
+                put: |m, _, v| put_each(&mut m.frames, v, 7, |f, v| f.pose = to_pose(v)),
             },
         ),
         f64s(
@@ -120,10 +62,13 @@ static POSE_SET: Table<v1::PoseSet> = Table {
             TWIST_UNIT,
             FRAMES_FRAME,
             &[Axis::Frames, TWIST],
-            |m, _, o| {
-                m.frames
-                    .iter()
-                    .for_each(|f| take::twist(f.twist.as_ref(), o));
+            Codec {
+                take: |m, _, o| {
+                    m.frames
+                        .iter()
+                        .for_each(|f| take::twist(f.twist.as_ref(), o))
+                },
+                put: |m, _, v| put_each(&mut m.frames, v, 6, |f, v| f.twist = to_twist(v)),
             },
         ),
     ],
@@ -136,27 +81,21 @@ static IMU: Table<v1::Imu> = Table {
             "1",
             "imu_link in house",
             &[QUATERNION],
-            |m, _, o| {
-                take::quaternion(m.orientation.as_ref(), o);
-            },
+            part!(orientation, take::quaternion, take::to_quaternion),
         ),
         f64s(
             "angular_velocity",
             "rad/s",
             "imu_link",
             &[XYZ],
-            |m, _, o| {
-                take::vector(m.angular_velocity.as_ref(), o);
-            },
+            part!(angular_velocity, take::vector, to_vector),
         ),
         f64s(
             "linear_acceleration",
             "m/s^2",
             "imu_link",
             &[XYZ],
-            |m, _, o| {
-                take::vector(m.linear_acceleration.as_ref(), o);
-            },
+            part!(linear_acceleration, take::vector, to_vector),
         ),
     ],
 };
@@ -167,7 +106,7 @@ static CLOCK: Table<v1::Clock> = Table {
         "1 (simulated seconds per wall second)",
         "",
         &[],
-        |m, _, o| o.push(m.real_time_factor),
+        number!(real_time_factor),
     )],
 };
 
@@ -178,82 +117,110 @@ static ODOMETRY: Table<v1::Odometry> = Table {
             POSE_UNIT,
             "wheelchair_root where the odometry started",
             &[POSE],
-            |m, _, o| {
-                take::pose(m.pose.as_ref(), o);
-            },
+            part!(pose, take::pose, to_pose),
         ),
         f64s(
             "twist",
             TWIST_UNIT,
             "wheelchair_root",
             &[TWIST],
-            |m, _, o| {
-                take::twist(m.twist.as_ref(), o);
-            },
+            part!(twist, take::twist, to_twist),
         ),
     ],
 };
 
 static COMMAND: Table<v1::CommandLog> = Table {
     columns: &[
-        text("commander", |m| {
-            m.command
-                .as_ref()
-                .map_or_else(String::new, |c| c.commander.clone())
-        }),
+        text(
+            "commander",
+            derived_text(|m| {
+                m.command
+                    .as_ref()
+                    .map_or_else(String::new, |c| c.commander.clone())
+            }),
+        ),
         u64s(
             "command_sequence",
             "1 (the commander's own sequence number)",
-            |m, _, o| {
+            derived(|m, _, o| {
                 let header = m.command.as_ref().and_then(|c| c.header.as_ref());
                 o.push(header.map_or(0, |h| h.sequence));
-            },
+            }),
         ),
-        u64s("answers_tick", "ticks of 1/240 s", |m, _, o| {
-            o.push(m.command.as_ref().map_or(0, |c| c.answers_tick));
-        }),
-        text("arm_kind", |m| {
-            take::arm_kind(m.command.as_ref().and_then(|c| c.arm.as_ref()))
-        }),
-        text("arm_frame", |m| {
-            take::arm_frame(m.command.as_ref().and_then(|c| c.arm.as_ref()))
-        }),
+        u64s(
+            "answers_tick",
+            "ticks of 1/240 s",
+            derived(|m, _, o| {
+                o.push(m.command.as_ref().map_or(0, |c| c.answers_tick));
+            }),
+        ),
+        text(
+            "arm_kind",
+            derived_text(|m| take::arm_kind(m.command.as_ref().and_then(|c| c.arm.as_ref()))),
+        ),
+        text(
+            "arm_frame",
+            derived_text(|m| take::arm_frame(m.command.as_ref().and_then(|c| c.arm.as_ref()))),
+        ),
         f64s(
             "arm",
             ARM_UNIT,
             "named by arm_frame",
             &[ARM_VALUES],
-            |m, _, o| {
+            derived(|m, _, o| {
                 take::arm_values(m.command.as_ref().and_then(|c| c.arm.as_ref()), o);
-            },
+            }),
         ),
-        f64s("base", BASE_UNIT, "wheelchair_root", &[BASE], |m, _, o| {
-            take::base(m.command.as_ref().and_then(|c| c.base.as_ref()), o);
-        }),
-        f64s("gripper", GRIPPER_UNIT, "", &[GRIPPER], |m, _, o| {
-            take::gripper(m.command.as_ref().and_then(|c| c.gripper.as_ref()), o);
-        }),
-        text("device", |m| take::device(m.command.as_ref())),
-        text("mode", |m| take::mode(m.command.as_ref())),
-        text("assistance", |m| take::assistance(m.command.as_ref())),
-        u64s("over_ticks", "control ticks of 1/60 s", |m, _, o| {
-            o.push(m.command.as_ref().map_or(0, |c| u64::from(c.over_ticks)));
-        }),
+        f64s(
+            "base",
+            BASE_UNIT,
+            "wheelchair_root",
+            &[BASE],
+            derived(|m, _, o| {
+                take::base(m.command.as_ref().and_then(|c| c.base.as_ref()), o);
+            }),
+        ),
+        f64s(
+            "gripper",
+            GRIPPER_UNIT,
+            "",
+            &[GRIPPER],
+            derived(|m, _, o| {
+                take::gripper(m.command.as_ref().and_then(|c| c.gripper.as_ref()), o);
+            }),
+        ),
+        text("device", derived_text(|m| take::device(m.command.as_ref()))),
+        text("mode", derived_text(|m| take::mode(m.command.as_ref()))),
+        text(
+            "assistance",
+            derived_text(|m| take::assistance(m.command.as_ref())),
+        ),
+        u64s(
+            "over_ticks",
+            "control ticks of 1/60 s",
+            derived(|m, _, o| {
+                o.push(m.command.as_ref().map_or(0, |c| u64::from(c.over_ticks)));
+            }),
+        ),
         f64s(
             "loop_age",
             "ticks of 1/240 s (age of the state that was answered; NaN: not told)",
             "",
             &[],
-            |m, _, o| o.push(m.loop_age_ticks.map_or(f64::NAN, |age| age as f64)),
+            derived(|m, _, o| o.push(m.loop_age_ticks.map_or(f64::NAN, |age| age as f64))),
         ),
-        text("phase", |m| {
-            take::phase(m.command.as_ref().map_or(0, |c| c.phase))
-        }),
-        text("phase_name", |m| {
-            m.command
-                .as_ref()
-                .map_or_else(String::new, |c| c.phase_name.clone())
-        }),
+        text(
+            "phase",
+            derived_text(|m| take::phase(m.command.as_ref().map_or(0, |c| c.phase))),
+        ),
+        text(
+            "phase_name",
+            derived_text(|m| {
+                m.command
+                    .as_ref()
+                    .map_or_else(String::new, |c| c.phase_name.clone())
+            }),
+        ),
         message(),
     ],
 };
@@ -265,47 +232,72 @@ static APPLIED: Table<v1::Applied> = Table {
             "rad",
             "",
             &[Axis::ArmJoints],
-            |m, _, o| o.extend(&m.joint_positions),
+            derived(|m, _, o| o.extend(&m.joint_positions)),
         ),
         f64s(
             "joint_velocity",
             "rad/s",
             "",
             &[Axis::ArmJoints],
-            |m, _, o| o.extend(&m.joint_velocities),
+            derived(|m, _, o| o.extend(&m.joint_velocities)),
         ),
-        f64s("wheel_velocity", "rad/s", "", &[WHEELS], |m, _, o| {
-            o.extend(&m.wheel_velocities)
-        }),
-        f64s("knuckle", "rad", "", &[], |m, _, o| o.push(m.knuckle)),
+        f64s(
+            "wheel_velocity",
+            "rad/s",
+            "",
+            &[WHEELS],
+            derived(|m, _, o| o.extend(&m.wheel_velocities)),
+        ),
+        f64s(
+            "knuckle",
+            "rad",
+            "",
+            &[],
+            derived(|m, _, o| o.push(m.knuckle)),
+        ),
         f64s(
             "desired_pose",
             POSE_UNIT,
             "base_link",
             &[POSE],
-            |m, _, o| {
+            derived(|m, _, o| {
                 take::pose(m.desired_pose.as_ref(), o);
-            },
+            }),
         ),
-        flags("stale", &[], |m, _, o| o.push(u8::from(m.stale))),
-        text("arm_problem", |m| m.arm_problem.clone()),
-        text("arm_kind", |m| take::arm_kind(m.arm.as_ref())),
-        text("arm_frame", |m| take::arm_frame(m.arm.as_ref())),
+        flags("stale", &[], derived(|m, _, o| o.push(u8::from(m.stale)))),
+        text("arm_problem", derived_text(|m| m.arm_problem.clone())),
+        text("arm_kind", derived_text(|m| take::arm_kind(m.arm.as_ref()))),
+        text(
+            "arm_frame",
+            derived_text(|m| take::arm_frame(m.arm.as_ref())),
+        ),
         f64s(
             "arm",
             ARM_UNIT,
             "named by arm_frame",
             &[ARM_VALUES],
-            |m, _, o| {
+            derived(|m, _, o| {
                 take::arm_values(m.arm.as_ref(), o);
-            },
+            }),
         ),
-        f64s("base", BASE_UNIT, "wheelchair_root", &[BASE], |m, _, o| {
-            take::base(m.base.as_ref(), o);
-        }),
-        f64s("gripper", GRIPPER_UNIT, "", &[GRIPPER], |m, _, o| {
-            take::gripper(m.gripper.as_ref(), o);
-        }),
+        f64s(
+            "base",
+            BASE_UNIT,
+            "wheelchair_root",
+            &[BASE],
+            derived(|m, _, o| {
+                take::base(m.base.as_ref(), o);
+            }),
+        ),
+        f64s(
+            "gripper",
+            GRIPPER_UNIT,
+            "",
+            &[GRIPPER],
+            derived(|m, _, o| {
+                take::gripper(m.gripper.as_ref(), o);
+            }),
+        ),
         message(),
     ],
 };
@@ -317,8 +309,13 @@ static OBJECT_POSE: Table<v1::ObjectPoses> = Table {
             POSE_UNIT,
             "house",
             &[Axis::Objects, POSE],
-            |m, _, o| {
-                m.poses.iter().for_each(|p| take::pose(Some(p), o));
+            Codec {
+                take: |m, _, o| m.poses.iter().for_each(|p| take::pose(Some(p), o)),
+                put: |m, _, v| {
+                    put_each(&mut m.poses, v, 7, |p, v| {
+                        *p = to_pose(v).unwrap_or_default()
+                    })
+                },
             },
         ),
         f64s(
@@ -326,8 +323,13 @@ static OBJECT_POSE: Table<v1::ObjectPoses> = Table {
             TWIST_UNIT,
             "house",
             &[Axis::Objects, TWIST],
-            |m, _, o| {
-                m.twists.iter().for_each(|t| take::twist(Some(t), o));
+            Codec {
+                take: |m, _, o| m.twists.iter().for_each(|t| take::twist(Some(t), o)),
+                put: |m, _, v| {
+                    put_each(&mut m.twists, v, 6, |t, v| {
+                        *t = to_twist(v).unwrap_or_default()
+                    })
+                },
             },
         ),
     ],
@@ -340,30 +342,34 @@ static FURNITURE_JOINT: Table<v1::FurnitureJoints> = Table {
             "m or rad",
             "",
             &[Axis::FurnitureJoints],
-            |m, _, o| o.extend(&m.positions),
+            list!(positions),
         ),
         f64s(
             "velocity",
             "m/s or rad/s",
             "",
             &[Axis::FurnitureJoints],
-            |m, _, o| o.extend(&m.velocities),
+            list!(velocities),
         ),
     ],
 };
 
 static DEFORMABLE: Table<v1::Deformable> = Table {
     columns: &[
-        text("object", |m| m.object.clone()),
-        f64s("vertex", "m", "house", &[Axis::Vertices, XYZ], |m, _, o| {
-            o.extend(m.vertices.iter().map(|x| f64::from(*x)));
-        }),
-        f64s("elastic_energy", "J", "", &[], |m, _, o| {
-            o.push(m.elastic_energy);
-        }),
-        f64s("kinetic_energy", "J", "", &[], |m, _, o| {
-            o.push(m.kinetic_energy);
-        }),
+        text("object", words!(object)),
+        f64s(
+            "vertex",
+            "m",
+            "house",
+            &[Axis::Vertices, XYZ],
+            Codec {
+                take: |m, _, o| o.extend(m.vertices.iter().map(|x| f64::from(*x))),
+                // Narrowing is exact: they were float32 when they were published.
+                put: |m, _, v| m.vertices = v.iter().map(|&x| x as f32).collect(),
+            },
+        ),
+        f64s("elastic_energy", "J", "", &[], number!(elastic_energy)),
+        f64s("kinetic_energy", "J", "", &[], number!(kinetic_energy)),
     ],
 };
 
@@ -374,63 +380,131 @@ static CONTACT: Table<v1::Contacts> = Table {
             "N (normal force and friction)",
             "",
             &[PADS],
-            |m, _, o| o.extend(&m.pad_forces),
+            list!(pad_forces),
         ),
-        u64s("count", "1 (touching pairs)", |m, _, o| {
-            o.push(m.contacts.len() as u64)
-        }),
-        text("pairs", take::pairs),
-        f64s("point", "m", "house", &[Axis::Contacts, XYZ], |m, _, o| {
-            let start = o.len();
-            for c in m.contacts.iter().take(MAX_CONTACTS) {
-                take::vector(c.point.as_ref(), o);
-            }
-            o.resize(start + 3 * MAX_CONTACTS, f64::NAN);
-        }),
+        u64s(
+            "count",
+            "1 (touching pairs)",
+            derived(|m: &v1::Contacts, _, o| o.push(m.contacts.len() as u64)),
+        ),
+        text(
+            "pairs",
+            TextCodec {
+                take: take::pairs,
+                put: |m, text| {
+                    m.contacts = take::to_pairs(&text)?;
+                    Ok(())
+                },
+            },
+        ),
+        f64s(
+            "point",
+            "m",
+            "house",
+            &[Axis::Contacts, XYZ],
+            Codec {
+                take: |m, _, o| of_contacts(m, o, |c| c.point.as_ref()),
+                put: |m, _, v| to_contacts(m, v, |c, v| c.point = to_vector(v)),
+            },
+        ),
         f64s(
             "force",
             "N (on the second body)",
             "house",
             &[Axis::Contacts, XYZ],
-            |m, _, o| {
-                let start = o.len();
-                for c in m.contacts.iter().take(MAX_CONTACTS) {
-                    take::vector(c.force.as_ref(), o);
-                }
-                o.resize(start + 3 * MAX_CONTACTS, f64::NAN);
+            Codec {
+                take: |m, _, o| of_contacts(m, o, |c| c.force.as_ref()),
+                put: |m, _, v| to_contacts(m, v, |c, v| c.force = to_vector(v)),
             },
         ),
     ],
 };
 
+/// A vector of each of the strongest contacts; NaN where there are fewer.
+fn of_contacts(
+    m: &v1::Contacts,
+    out: &mut Vec<f64>,
+    of: impl Fn(&v1::Contact) -> Option<&v1::Vector3>,
+) {
+    let start = out.len();
+    let strongest = m.contacts.iter().take(MAX_CONTACTS);
+    strongest.for_each(|c| take::vector(of(c), out));
+    out.resize(start + 3 * MAX_CONTACTS, f64::NAN);
+}
+
+/// Gives those contacts that there are their vectors.
+fn to_contacts(m: &mut v1::Contacts, v: &[f64], put: impl Fn(&mut v1::Contact, &[f64])) {
+    let contacts = m.contacts.iter_mut();
+    contacts.zip(v.chunks_exact(3)).for_each(|(c, v)| put(c, v));
+}
+
 fn condition<'a>(m: &'a v1::Evaluation, name: &str) -> Option<&'a v1::Condition> {
     m.conditions.iter().find(|c| c.name == name)
 }
 
+/// Gives every condition of the task its value; the first of their columns
+/// brings them in.
+fn to_conditions<T: Copy>(
+    m: &mut v1::Evaluation,
+    context: &Context,
+    values: &[T],
+    put: impl Fn(&mut v1::Condition, T),
+) {
+    let known = m.conditions.len();
+    let new = context.conditions.iter().skip(known);
+    m.conditions.extend(new.map(|name| v1::Condition {
+        name: name.clone(),
+        predicate: name.split('(').next().unwrap_or_default().to_owned(),
+        ..v1::Condition::default()
+    }));
+    let conditions = m.conditions.iter_mut();
+    conditions.zip(values).for_each(|(c, &v)| put(c, v));
+}
+
+// What a condition lacks in a sample is stored as not held and not a number. The
+// code of a failure stands in the closing message; files hold its words.
 static EVALUATION: Table<v1::Evaluation> = Table {
     columns: &[
-        flags("success", &[], |m, _, o| o.push(u8::from(m.success))),
-        flags("done", &[], |m, _, o| o.push(u8::from(m.done))),
-        text("failure", |m| m.failure.clone()),
-        f64s("elapsed", "s", "", &[], |m, _, o| o.push(m.elapsed_seconds)),
-        flags("condition_holds", &[Axis::Conditions], |m, c, o| {
-            let holds = |n: &String| u8::from(condition(m, n).is_some_and(|c| c.holds));
-            o.extend(c.conditions.iter().map(holds));
-        }),
+        flags("success", &[], flag!(success)),
+        flags("done", &[], flag!(done)),
+        text("failure", words!(failure)),
+        f64s("elapsed", "s", "", &[], number!(elapsed_seconds)),
+        flags(
+            "condition_holds",
+            &[Axis::Conditions],
+            Codec {
+                take: |m, c, o| {
+                    let holds = |n: &String| u8::from(condition(m, n).is_some_and(|c| c.holds));
+                    o.extend(c.conditions.iter().map(holds));
+                },
+                put: |m, c, v| to_conditions(m, c, v, |condition, v| condition.holds = v != 0),
+            },
+        ),
         f64s(
             "condition_value",
             "SI unit of the condition's threshold",
             "",
             &[Axis::Conditions],
-            |m, c, o| {
-                let value = |n: &String| condition(m, n).map_or(f64::NAN, |c| c.value);
-                o.extend(c.conditions.iter().map(value));
+            Codec {
+                take: |m, c, o| {
+                    let value = |n: &String| condition(m, n).map_or(f64::NAN, |c| c.value);
+                    o.extend(c.conditions.iter().map(value));
+                },
+                put: |m, c, v| to_conditions(m, c, v, |condition, v| condition.value = v),
             },
         ),
-        flags("condition_required", &[Axis::Conditions], |m, c, o| {
-            let required = |n: &String| u8::from(condition(m, n).is_some_and(|c| c.required));
-            o.extend(c.conditions.iter().map(required));
-        }),
+        flags(
+            "condition_required",
+            &[Axis::Conditions],
+            Codec {
+                take: |m, c, o| {
+                    let required =
+                        |n: &String| u8::from(condition(m, n).is_some_and(|c| c.required));
+                    o.extend(c.conditions.iter().map(required));
+                },
+                put: |m, c, v| to_conditions(m, c, v, |condition, v| condition.required = v != 0),
+            },
+        ),
     ],
 };
 
@@ -439,12 +513,19 @@ static PHASE: Table<v1::PhaseSample> = Table {
         u64s(
             "label",
             "1 (0 none, 1 navigating, 2 reaching, 3 grasping, 4 retracting)",
-            |m, _, o| {
-                o.push(u64::try_from(m.phase).unwrap_or(0));
+            Codec {
+                take: |m, _, o| o.push(u64::try_from(m.phase).unwrap_or(0)),
+                put: |m, _, v| {
+                    let label = v.first().copied().unwrap_or_default();
+                    m.phase = i32::try_from(label).unwrap_or_default();
+                },
             },
         ),
-        text("phase", |m| take::phase(m.phase)),
-        text("name", |m| m.name.clone()),
+        text(
+            "phase",
+            derived_text(|m: &v1::PhaseSample| take::phase(m.phase)),
+        ),
+        text("name", words!(name)),
     ],
 };
 
@@ -452,7 +533,7 @@ static STATE_HASH: Table<v1::StateHash> = Table {
     columns: &[u64s(
         "hash",
         "1 (64-bit hash of the whole state)",
-        |m, _, o| o.push(m.hash),
+        number!(hash),
     )],
 };
 

@@ -1,7 +1,9 @@
-//! Numbers out of messages. A part that is absent becomes NaN, so that it can
-//! never be mistaken for a zero.
+//! Numbers out of messages and back. A part that is absent becomes NaN, so that
+//! it can never be mistaken for a zero, and a part of nothing but NaN is absent.
 
 use wheelarm_proto::v1;
+
+use crate::pose;
 
 pub(super) fn vector(v: Option<&v1::Vector3>, out: &mut Vec<f64>) {
     match v {
@@ -18,13 +20,63 @@ pub(super) fn quaternion(q: Option<&v1::Quaternion>, out: &mut Vec<f64>) {
 }
 
 pub(super) fn pose(p: Option<&v1::Pose>, out: &mut Vec<f64>) {
-    vector(p.and_then(|p| p.position.as_ref()), out);
-    quaternion(p.and_then(|p| p.orientation.as_ref()), out);
+    out.extend(pose::of_message(p));
 }
 
 pub(super) fn twist(t: Option<&v1::Twist>, out: &mut Vec<f64>) {
     vector(t.and_then(|t| t.linear.as_ref()), out);
     vector(t.and_then(|t| t.angular.as_ref()), out);
+}
+
+/// The numbers of a part, NaN where the file has fewer; `None` when it is absent.
+fn part<const N: usize>(v: &[f64]) -> Option<[f64; N]> {
+    let numbers = std::array::from_fn(|i| v.get(i).copied().unwrap_or(f64::NAN));
+    (!numbers.iter().all(|n| n.is_nan())).then_some(numbers)
+}
+
+/// x y z.
+pub(super) fn to_vector(v: &[f64]) -> Option<v1::Vector3> {
+    part(v).map(|[x, y, z]| v1::Vector3 { x, y, z })
+}
+
+/// x y z w.
+pub(super) fn to_quaternion(v: &[f64]) -> Option<v1::Quaternion> {
+    part(v).map(|[x, y, z, w]| v1::Quaternion { x, y, z, w })
+}
+
+/// Position, then quaternion.
+pub(super) fn to_pose(v: &[f64]) -> Option<v1::Pose> {
+    let (position, orientation) = v.split_at_checked(3)?;
+    let pose = v1::Pose {
+        position: to_vector(position),
+        orientation: to_quaternion(orientation),
+    };
+    (pose != v1::Pose::default()).then_some(pose)
+}
+
+/// Linear, then angular.
+pub(super) fn to_twist(v: &[f64]) -> Option<v1::Twist> {
+    let (linear, angular) = v.split_at_checked(3)?;
+    let twist = v1::Twist {
+        linear: to_vector(linear),
+        angular: to_vector(angular),
+    };
+    (twist != v1::Twist::default()).then_some(twist)
+}
+
+/// Gives every entry of a list its numbers, `width` of them; a list that is
+/// shorter grows.
+pub(super) fn put_each<T: Default>(
+    list: &mut Vec<T>,
+    numbers: &[f64],
+    width: usize,
+    put: impl Fn(&mut T, &[f64]),
+) {
+    let entries = numbers.chunks_exact(width);
+    if list.len() < entries.len() {
+        list.resize_with(entries.len(), T::default);
+    }
+    list.iter_mut().zip(entries).for_each(|(e, n)| put(e, n));
 }
 
 /// Name of what an arm command asks; empty without one.
@@ -109,6 +161,20 @@ pub(super) fn pairs(contacts: &v1::Contacts) -> String {
         .map(|c| [c.first.as_str(), c.second.as_str()])
         .collect();
     serde_json::json!(list).to_string()
+}
+
+/// The contacts of such a list, without points and forces.
+pub(super) fn to_pairs(text: &str) -> Result<Vec<v1::Contact>, String> {
+    let pairs: Vec<[String; 2]> = match text {
+        "" => Vec::new(),
+        text => serde_json::from_str(text).map_err(|e| format!("pairs of contacts: {e}"))?,
+    };
+    let contact = |[first, second]: [String; 2]| v1::Contact {
+        first,
+        second,
+        ..v1::Contact::default()
+    };
+    Ok(pairs.into_iter().map(contact).collect())
 }
 
 /// Name of a phase, lower case.

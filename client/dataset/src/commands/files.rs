@@ -7,15 +7,7 @@ use wheelarm_dataset::align::AlignOptions;
 use wheelarm_dataset::convert::{ReadOptions, batch};
 use wheelarm_dataset::label::Corrections;
 
-use super::{Files, Input};
-
-/// Parses `STREAM=SECONDS`.
-pub fn limit(text: &str) -> Result<(String, f64), String> {
-    text.split_once('=')
-        .and_then(|(stream, seconds)| Some((stream.to_owned(), seconds.parse().ok()?)))
-        .filter(|(stream, seconds)| !stream.is_empty() && (0.0..1e6).contains(seconds))
-        .ok_or_else(|| format!("{text:?} is no limit; write it as imu=0.02"))
-}
+use super::arguments::{Files, Input};
 
 /// Recordings named directly or found in folders, in the order of their names;
 /// aligned files are no recordings.

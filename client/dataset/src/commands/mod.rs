@@ -1,20 +1,18 @@
 //! The subcommands and their options.
 
+mod arguments;
 mod files;
 mod process;
 
 use std::path::{Path, PathBuf};
 
-use clap::{Args, Parser, Subcommand, ValueEnum};
-use wheelarm_dataset::align::Interpolation;
+use clap::{Parser, Subcommand};
 use wheelarm_dataset::convert::Size;
 use wheelarm_dataset::finish::finish;
 use wheelarm_dataset::read::Episode;
 use wheelarm_dataset::{info, sheet};
 
-const FINE: u8 = 0;
-const FAILED: u8 = 1;
-const PARTIAL: u8 = 3;
+use arguments::{FINE, Files, FormatName, Input, PARTIAL};
 
 /// Looks at recorded episodes, checks them, and turns them into training data.
 #[derive(Parser)]
@@ -113,52 +111,6 @@ enum Command {
         #[arg(long, value_name = "DIR")]
         out: Option<PathBuf>,
     },
-}
-
-/// Recordings and how many are worked on at once.
-#[derive(Args)]
-pub struct Files {
-    /// Episode files, or folders with some.
-    #[arg(required = true, value_name = "FILE")]
-    pub files: Vec<PathBuf>,
-    /// Files at once; as many as there are processors without it.
-    #[arg(long, value_name = "N")]
-    pub jobs: Option<usize>,
-}
-
-/// Recordings and how they are aligned and labelled.
-#[derive(Args)]
-pub struct Input {
-    #[command(flatten)]
-    pub files: Files,
-    /// Camera whose stamps are the rows; the one on the arm when absent.
-    #[arg(long, value_name = "CAMERA")]
-    pub reference: Option<String>,
-    /// Greatest distance of the samples around a row, for example `imu=0.02`;
-    /// 2.5 times a stream's usual distance without it. Can be repeated.
-    #[arg(long = "max-age", value_name = "STREAM=SECONDS", value_parser = files::limit)]
-    pub limits: Vec<(String, f64)>,
-    /// Curve between two samples.
-    #[arg(long, value_enum, default_value_t, value_name = "CURVE")]
-    pub interpolation: Interpolation,
-    /// Table of corrected segments, as `label --out` writes it.
-    #[arg(long, value_name = "CSV")]
-    pub corrections: Option<PathBuf>,
-}
-
-/// Formats of `export`.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub enum FormatName {
-    /// The original recorder's HDF5: 60 datasets per sample.
-    WheelarmSim,
-    /// The original's final table of 117 columns, and folders of PNG pictures.
-    Csv,
-    /// LeRobot data set, version 3.0.
-    Lerobot,
-    /// robomimic HDF5 with MimicGen's additions.
-    Robomimic,
-    /// MCAP for Foxglove.
-    Mcap,
 }
 
 /// Runs a command and returns the exit code.

@@ -15,8 +15,8 @@ use wheelarm_dataset::label::{self, Agreement, agreement};
 use wheelarm_dataset::read::Episode;
 use wheelarm_dataset::{composition, plot as plots, validate as check, view as pages};
 
+use super::arguments::{FAILED, FINE, Files, FormatName, Input, PARTIAL};
 use super::files::{beside, jobs, options, recordings};
-use super::{FAILED, FINE, Files, FormatName, Input, PARTIAL};
 
 /// Boundaries agree when they are this near, seconds.
 const NEAR: f64 = 0.5;
@@ -52,10 +52,7 @@ pub fn align(input: &Input, out: Option<&Path>, pictures: bool) -> anyhow::Resul
                 let lost = c.valid.iter().filter(|v| !**v).count();
                 // A stream without samples has no rows to lose.
                 if lost > 0 && c.samples > 0 {
-                    println!(
-                        "  {stream}: {lost} rows have no samples within {:.3} s on both sides",
-                        c.limit as f64 * 1e-9
-                    );
+                    println!("  {stream}: {}", without_value(lost, c));
                 }
             }
             println!("  {}", between_samples(&recording.aligned));
@@ -67,6 +64,24 @@ pub fn align(input: &Input, out: Option<&Path>, pictures: bool) -> anyhow::Resul
     });
     bar.finish_and_clear();
     Ok(code(&results))
+}
+
+/// Why rows of a stream have no value, with the cure.
+fn without_value(lost: usize, coverage: &align::Coverage) -> String {
+    match coverage.samples {
+        1 => format!(
+            "{lost} rows have no value: the stream has one sample, and a row needs one on both \
+             sides; record for longer"
+        ),
+        samples if coverage.limit == 0 => format!(
+            "{lost} rows have no value: the {samples} samples of the stream are all of one time, \
+             and a row needs one on both sides; record for longer"
+        ),
+        _ => format!(
+            "{lost} rows have no samples within {:.3} s on both sides",
+            coverage.limit as f64 * 1e-9
+        ),
+    }
 }
 
 /// Which streams have rows that do not fall on a sample.
@@ -203,12 +218,7 @@ pub fn export(
             threads: inner,
         }),
     };
-    Ok(code(&batch::export(
-        &files,
-        jobs,
-        &options,
-        format.as_ref(),
-    )))
+    Ok(code(&batch::export(&files, jobs, &options, format)))
 }
 
 pub fn validate(input: &Files) -> anyhow::Result<u8> {
@@ -303,4 +313,31 @@ pub fn view(input: &Input, out: Option<&Path>) -> anyhow::Result<u8> {
     });
     bar.finish_and_clear();
     Ok(code(&results))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_stream_that_is_too_short_is_told_as_that_and_not_as_a_limit_of_zero() {
+        let of = |samples, limit| {
+            let coverage = align::Coverage {
+                span: (0, 0),
+                samples,
+                limit,
+                valid: vec![false; 4],
+                age: vec![0; 4],
+            };
+            without_value(4, &coverage)
+        };
+        for (samples, limit) in [(1, 0), (3, 0), (1, 40_000_000)] {
+            let words = of(samples, limit);
+            assert!(
+                words.contains("record for longer") && !words.contains("0.000"),
+                "{words}"
+            );
+        }
+        assert!(of(9, 42_000_000).contains("within 0.042 s"));
+    }
 }

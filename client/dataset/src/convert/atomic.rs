@@ -1,13 +1,12 @@
 //! Files and folders that are made under another name and renamed when they
 //! are whole; an existing one is never replaced.
 
-use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use anyhow::{Context, bail};
 
-use crate::finish::place;
+use crate::publish;
 
 /// Counts what was made under another name.
 static MADE: AtomicU64 = AtomicU64::new(0);
@@ -63,7 +62,7 @@ impl PendingFile {
     /// # Errors
     /// When the name was taken meanwhile.
     pub fn commit(mut self) -> anyhow::Result<PathBuf> {
-        place::place(&self.temporary, &self.target)
+        publish::file(&self.temporary, &self.target)
             .with_context(|| format!("{} cannot be put in place", self.target.display()))?;
         self.done = true;
         Ok(self.target.clone())
@@ -120,22 +119,11 @@ impl PendingFolder {
     /// # Errors
     /// When the name was taken meanwhile.
     pub fn commit(mut self) -> anyhow::Result<PathBuf> {
-        if self.target.symlink_metadata().is_ok() {
-            bail!(
-                "{} has appeared meanwhile and is not replaced",
-                self.target.display()
-            );
-        }
-        std::fs::rename(&self.temporary, &self.target)
-            .and_then(|()| sync(&self.target))
+        publish::folder(&self.temporary, &self.target)
             .with_context(|| format!("{} cannot be put in place", self.target.display()))?;
         self.done = true;
         Ok(self.target.clone())
     }
-}
-
-fn sync(target: &Path) -> io::Result<()> {
-    place::sync_folder(target)
 }
 
 impl Drop for PendingFolder {

@@ -2,10 +2,10 @@
 //! goes on; long work shows how far it is.
 
 use std::path::{Path, PathBuf};
-use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use indicatif::{ProgressBar, ProgressStyle};
+use parking_lot::Mutex;
 
 use super::{Format, ReadOptions, Recording, Written};
 
@@ -27,14 +27,12 @@ pub fn each<T: Send>(
                     let index = next.fetch_add(1, Ordering::Relaxed);
                     let Some(file) = files.get(index) else { break };
                     let result = work(index, file);
-                    if let Ok(mut done) = done.lock() {
-                        done.push((index, result));
-                    }
+                    done.lock().push((index, result));
                 }
             });
         }
     });
-    let mut done = done.into_inner().unwrap_or_default();
+    let mut done = done.into_inner();
     done.sort_by_key(|d| d.0);
     done.into_iter()
         .map(|(index, result)| (files[index].clone(), result))
@@ -61,14 +59,12 @@ pub fn parallel<T: Send>(
                         break;
                     }
                     let result = work(index);
-                    if let Ok(mut done) = done.lock() {
-                        done.push((index, result));
-                    }
+                    done.lock().push((index, result));
                 }
             });
         }
     });
-    let mut done = done.into_inner().unwrap_or_default();
+    let mut done = done.into_inner();
     done.sort_by_key(|d| d.0);
     done.into_iter().map(|d| d.1).collect()
 }
@@ -97,7 +93,7 @@ pub fn export(
     files: &[PathBuf],
     jobs: usize,
     options: &ReadOptions,
-    format: &dyn Format,
+    format: Box<dyn Format>,
 ) -> Results<Written> {
     let bar = bar("rows");
     let jobs = if format.collects() { 1 } else { jobs };

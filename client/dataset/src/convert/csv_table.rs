@@ -1,4 +1,4 @@
-//! The original's final table, 117 columns in its order, and the folders of
+//! WheelArm-Sim's final table, 117 columns in its order, and the folders of
 //! numbered pictures beside it.
 //!
 //! Differences that help: velocities are the simulated ones instead of
@@ -10,9 +10,9 @@ use std::path::{Path, PathBuf};
 use wheelarm_proto::v1;
 
 use super::batch::parallel;
+use super::intrinsics;
 use super::{Format, PendingFolder, Recording, Size, Written, png_depth, png_grey, png_rgb};
 use crate::align::Signal;
-use crate::calibration;
 
 /// Writes a folder `LABEL` per episode.
 #[derive(Clone, Debug)]
@@ -36,7 +36,7 @@ fn bodies(robot: &v1::RobotDescription) -> Vec<(String, usize)> {
         .enumerate()
         .map(|(i, frame)| (frame.role() == v1::FrameRole::Chair, frame, i))
         .collect();
-    // Alphabetical, as the original's; the chair comes last.
+    // Alphabetical, as WheelArm-Sim's; the chair comes last.
     all.sort_unstable_by_key(|(chair, frame, _)| (*chair, frame.name.clone()));
     all.into_iter()
         .map(|(chair, frame, i)| match chair {
@@ -46,8 +46,8 @@ fn bodies(robot: &v1::RobotDescription) -> Vec<(String, usize)> {
         .collect()
 }
 
-/// Names of the values of the state, in the original's order: 112 of the
-/// original's robot.
+/// Names of the values of the state, in WheelArm-Sim's order: 112 for
+/// its robot.
 #[must_use]
 pub fn state_columns(robot: &v1::RobotDescription) -> Vec<String> {
     let mut out = Vec::new();
@@ -74,7 +74,7 @@ pub fn state_columns(robot: &v1::RobotDescription) -> Vec<String> {
     out
 }
 
-/// Names of all columns: 117 of the original's robot.
+/// Names of all columns: 117 of WheelArm-Sim's robot.
 #[must_use]
 pub fn columns(robot: &v1::RobotDescription) -> Vec<String> {
     let rest = [
@@ -149,7 +149,7 @@ impl Format for CsvTable {
         let (rows, notes) = recording.rows(&STREAMS)?;
         let folder = PendingFolder::new(&self.out.join(&recording.summary.label))?;
         table(&folder.path().join("final_data.csv"), recording, &rows)?;
-        let cameras = calibration::cameras(recording, None);
+        let cameras = intrinsics::cameras(recording, None);
         std::fs::write(folder.path().join("cameras.json"), format!("{cameras:#}\n"))?;
         for (camera, source) in &recording.cameras {
             let Some((width, height)) = source.size() else {
@@ -209,7 +209,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_columns_stand_where_the_original_has_them() {
+    fn the_columns_stand_where_wheelarm_sim_has_them() {
         let robot = crate::read::first_robot().unwrap();
         let all = columns(&robot);
         assert_eq!(all.len(), 117);

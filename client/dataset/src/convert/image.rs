@@ -112,7 +112,7 @@ pub fn png_depth(metres: &[f32], size: Size) -> anyhow::Result<Vec<u8>> {
 }
 
 /// Depth as grey 8-bit PNG stretched between the least and greatest finite depth
-/// of the picture, as the original's script saves it; white where nothing was
+/// of the picture, as WheelArm-Sim's script saves it; white where nothing was
 /// hit.
 ///
 /// # Errors

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 
 use super::{Recording, Size};
 use crate::align::{Signal, usual_distance};
-use crate::finish::PHYSICS;
+use crate::ending::PHYSICS;
 use crate::read::Values;
 
 /// Streams that a row must have.

@@ -5,13 +5,14 @@
 mod atomic;
 pub mod batch;
 pub mod csv_table;
+mod deflate_int64;
 mod image;
+mod intrinsics;
 pub mod learning;
 pub mod lerobot;
 pub mod mcap_log;
 pub mod robomimic;
 pub mod wheelarm_sim;
-mod wide;
 
 pub use atomic::{PendingFile, PendingFolder};
 pub use image::{Size, png_depth, png_grey, png_rgb, scaled};
@@ -54,7 +55,7 @@ pub struct Recording {
     pub labels: Vec<u8>,
     /// Its cameras that have pictures.
     pub cameras: BTreeMap<String, Camera>,
-    /// Its place among the files, from 1: the original's trial number.
+    /// Its place among the files, from 1: WheelArm-Sim's trial number.
     pub number: usize,
 }
 
@@ -222,7 +223,7 @@ pub trait Format: Sync {
     ///
     /// # Errors
     /// When it cannot be written.
-    fn finish(&self) -> anyhow::Result<Option<Written>> {
+    fn finish(self: Box<Self>) -> anyhow::Result<Option<Written>> {
         Ok(None)
     }
 }

@@ -1,11 +1,11 @@
-//! The original recorder's file: one group per sample, 60 datasets each, names,
+//! The file of WheelArm-Sim's recorder: one group per sample, 60 datasets each, names,
 //! shapes, types, order and units as its scripts read them.
 //!
 //! Every topic's value is its last sample up to the row's stamp, with its own
-//! stamp, which is what the original recorder kept. Values are not resampled:
-//! the original's scripts do that. Pictures are 64-bit integers, one per byte,
+//! stamp, which is what WheelArm-Sim's recorder kept. Values are not resampled:
+//! WheelArm-Sim's scripts do that. Pictures are 64-bit integers, one per byte,
 //! gzip with the level 4 in the file's filter; they are compressed here by
-//! `super::wide` and written as whole chunks.
+//! `super::deflate_int64` and written as whole chunks.
 
 use std::path::{Path, PathBuf};
 
@@ -14,7 +14,7 @@ use hdf5::{Group, H5Type};
 use wheelarm_proto::v1;
 
 use super::batch::parallel;
-use super::wide::Wide;
+use super::deflate_int64::DeflateInt64;
 use super::{Format, PendingFile, Recording, Written};
 use crate::hdf::{Chunked, Filters, unicode};
 use crate::read::{Episode, Values};
@@ -123,7 +123,7 @@ impl Format for WheelarmSim {
         for needed in ["gen3", "wheelchair"] {
             anyhow::ensure!(
                 cameras.iter().any(|c| c == needed),
-                "the episode has no pictures of the camera {needed:?}, which the original's layout needs"
+                "the episode has no pictures of the camera {needed:?}, which WheelArm-Sim's layout needs"
             );
         }
         let samples = write(pending.path(), recording, &tracks, self.threads, tick)?;
@@ -135,10 +135,10 @@ impl Format for WheelarmSim {
                 rows - samples
             ));
         }
-        // The original's layout has no place for a calibration.
+        // WheelArm-Sim's layout has no place for a calibration.
         let beside = format!("{}.cameras.json", recording.summary.label);
         let calibration = PendingFile::new(&self.out.join(beside))?;
-        let cameras = crate::calibration::cameras(recording, None);
+        let cameras = super::intrinsics::cameras(recording, None);
         std::fs::write(calibration.path(), format!("{cameras:#}\n"))?;
         calibration.commit()?;
         Ok(Written {
@@ -220,7 +220,7 @@ impl Picture {
             (depth.iter().flat_map(|d| d.to_le_bytes()).collect(), 4)
         };
         let chunk = guessed_chunk(bytes.len());
-        let mut wide = Wide::default();
+        let mut wide = DeflateInt64::default();
         let compress = |part: &[u8]| {
             let mut out = Vec::new();
             wide.append(part, chunk, pixel, &mut out);
@@ -344,7 +344,7 @@ pub fn guessed_chunk(length: usize) -> usize {
 #[cfg(test)]
 mod tests {
     #[test]
-    fn chunks_have_the_lengths_of_the_originals_files() {
+    fn chunks_have_the_lengths_of_the_files_of_wheelarm_sim() {
         assert_eq!(super::guessed_chunk(2_764_800), 5_400);
         assert_eq!(super::guessed_chunk(3_686_400), 7_200);
     }

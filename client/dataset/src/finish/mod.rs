@@ -1,13 +1,12 @@
 //! From a log to an episode file: written beside its final name, checked,
 //! synced, put in place without ever replacing a file; only then the log goes.
 
-mod account;
+mod error;
 mod events;
-pub mod place;
 mod root;
 mod streams;
 
-pub use account::{Account, StreamAccount};
+pub use error::FinishError;
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -15,17 +14,16 @@ use std::path::{Path, PathBuf};
 use prost::Message;
 use wheelarm_proto::{StreamId, TopicId, v1};
 
+use crate::account::Account;
 use crate::columns::{self, Context};
 use crate::depth::Depth;
 use crate::hdf::Attributes;
 use crate::log::{LogError, Scan, scan};
+use crate::publish;
 use crate::read::first_robot;
 use crate::writer::file_path;
 
 use events::{Phases, Row};
-
-/// `end_cause` of an episode that ended because the simulation broke.
-pub const PHYSICS: &str = "physics";
 
 /// A finished file.
 #[derive(Clone, Debug)]
@@ -38,59 +36,6 @@ pub struct Finished {
     pub account: Account,
     /// What else there is to know, for people; the file is good.
     pub notes: Vec<String>,
-}
-
-/// Why no file was made. The log stays.
-#[derive(Debug, thiserror::Error)]
-pub enum FinishError {
-    /// The log cannot be read.
-    #[error(transparent)]
-    Log(#[from] LogError),
-    /// The final name is taken.
-    #[error(
-        "{path} exists already and is never overwritten; the recording is still in {log}: move the file away or give another folder with --out, then `wheelarm dataset recover {log}`"
-    )]
-    Exists {
-        /// The final name.
-        path: PathBuf,
-        /// The log.
-        log: PathBuf,
-    },
-    /// A file cannot be written, for example because the disk is full.
-    #[error(
-        "{path} cannot be written: {source}; the recording is still in {log}, `wheelarm dataset recover {log}` tries again"
-    )]
-    Io {
-        /// The file.
-        path: PathBuf,
-        /// The log.
-        log: PathBuf,
-        /// The reason.
-        source: std::io::Error,
-    },
-    /// HDF5 refused something.
-    #[error("HDF5: {0}")]
-    Hdf5(#[from] hdf5::Error),
-    /// A sample in the log is not what its stream carries.
-    #[error("{stream}, sample {sequence}: {reason}")]
-    Content {
-        /// The stream.
-        stream: String,
-        /// Sequence number of the sample.
-        sequence: u64,
-        /// What is wrong.
-        reason: String,
-    },
-    /// The written file does not hold what the log holds.
-    #[error("{dataset} has {got} samples in the written file, expected {expected}")]
-    Verify {
-        /// The dataset.
-        dataset: String,
-        /// Samples found.
-        got: usize,
-        /// Samples in the log.
-        expected: usize,
-    },
 }
 
 /// Makes the episode file of a log, in `out` or else beside the log.
@@ -136,7 +81,7 @@ pub fn finish(log: &Path, out: Option<&Path>) -> Result<Finished, FinishError> {
     if is_placeholder(&target, log) {
         std::fs::remove_file(&target).map_err(io(&target))?;
     }
-    match place::place(&temporary, &target) {
+    match publish::file(&temporary, &target) {
         Ok(()) => {}
         Err(problem) if problem.kind() == std::io::ErrorKind::AlreadyExists => {
             let _ = std::fs::remove_file(&temporary);
@@ -149,7 +94,7 @@ pub fn finish(log: &Path, out: Option<&Path>) -> Result<Finished, FinishError> {
     }
     // The file is safe. A log that cannot be removed costs only space.
     let mut notes = Vec::new();
-    if let Err(problem) = std::fs::remove_file(log).and_then(|()| place::sync_folder(log)) {
+    if let Err(problem) = std::fs::remove_file(log).and_then(|()| publish::sync_folder(log)) {
         notes.push(format!(
             "the file is good; its log {} stays behind and can be deleted ({problem})",
             log.display()
@@ -199,18 +144,7 @@ fn write(path: &Path, scan: &Scan, account: &Account) -> Result<(), FinishError>
         Depth::Metres
     };
     let mut counts = BTreeMap::new();
-    let mut rows = vec![Row::new(
-        started.header.clone(),
-        "episode",
-        "started",
-        &started.label,
-    )];
-    rows.push(Row::new(
-        started.header.clone(),
-        "episode",
-        "instruction",
-        &started.instruction,
-    ));
+    let mut rows = begun(&started);
     for (number, name) in scan.preamble.streams.iter().enumerate() {
         let samples = streams::samples(scan, number);
         let id = StreamId::parse(name);
@@ -246,15 +180,7 @@ fn write(path: &Path, scan: &Scan, account: &Account) -> Result<(), FinishError>
             root::account(&stream, account)?;
         }
     }
-    if let Some(stopped) = scan.closing.as_ref().and_then(|c| c.stopped.as_ref()) {
-        let success = stopped.evaluation.as_ref().is_some_and(|e| e.success);
-        let text = match stopped.cause() {
-            v1::EndCause::Physics => "the physics broke",
-            _ if success => "success",
-            _ => "no success",
-        };
-        rows.push(Row::new(stopped.header.clone(), "episode", "stopped", text));
-    }
+    rows.extend(ended(scan));
     let events = events::write(&file, rows)?;
     if let Some(a) = account
         .streams
@@ -268,6 +194,28 @@ fn write(path: &Path, scan: &Scan, account: &Account) -> Result<(), FinishError>
     file.flush()?;
     file.close()?;
     verify(path, &counts)
+}
+
+/// How the episode began, as rows of `/events`.
+fn begun(started: &v1::EpisodeStarted) -> Vec<Row> {
+    let row = |kind, text: &str| Row::new(started.header.clone(), "episode", kind, text);
+    vec![
+        row("started", &started.label),
+        row("instruction", &started.instruction),
+    ]
+}
+
+/// How it ended, where the server told it.
+fn ended(scan: &Scan) -> Option<Row> {
+    let stopped = scan.closing.as_ref()?.stopped.as_ref()?;
+    let success = stopped.evaluation.as_ref().is_some_and(|e| e.success);
+    let text = match stopped.cause() {
+        v1::EndCause::Physics => "the physics broke",
+        _ if success => "success",
+        _ => "no success",
+    };
+    let header = stopped.header.clone();
+    Some(Row::new(header, "episode", "stopped", text))
 }
 
 /// Opens the written file again and compares every dataset's length.

@@ -6,13 +6,12 @@ use hdf5::{File, Group};
 use prost::Message;
 use wheelarm_proto::v1;
 
+use crate::account::{Account, StreamAccount};
 use crate::columns::Context;
+use crate::ending::end_cause;
 use crate::hdf::{self, Attributes};
 use crate::log::{Preamble, Scan};
 use crate::scenario_text::{pacing, quality, scenario_json};
-
-use super::PHYSICS;
-use super::account::{Account, StreamAccount};
 
 /// Sets everything that describes the episode as a whole.
 pub(super) fn attributes(
@@ -111,17 +110,6 @@ pub(super) fn attributes(
         }
     }
     Ok(())
-}
-
-/// Why the episode ended, in a word; empty when the end was not told.
-fn end_cause(cause: v1::EndCause) -> &'static str {
-    match cause {
-        v1::EndCause::Unspecified => "",
-        v1::EndCause::Asked => "asked",
-        v1::EndCause::Physics => PHYSICS,
-        v1::EndCause::Recorders => "recorders",
-        v1::EndCause::Shutdown => "shutdown",
-    }
 }
 
 /// Sets one stream's account on its group.

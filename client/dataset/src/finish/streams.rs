@@ -13,8 +13,9 @@ use crate::depth::{Depth, MILLIMETRES_NOTE};
 use crate::hdf::{Attributes, Chunked, ColumnWriter, Filters};
 use crate::ids;
 use crate::log::{CameraParts, Entry, Scan};
+use crate::pose;
 
-use super::FinishError;
+use super::error::FinishError;
 
 const fn number(name: &'static str, unit: &'static str) -> ColumnInfo {
     ColumnInfo {
@@ -167,7 +168,7 @@ pub(super) fn camera(
             .into_iter()
             .chain([
                 Cell::F64(numbers.to_vec()),
-                Cell::F64(pose(meta.pose.as_ref())),
+                Cell::F64(pose::of_message(meta.pose.as_ref()).to_vec()),
             ]);
         for (column, cell) in columns.iter_mut().zip(cells) {
             column.push(cell, &mut deflate)?;
@@ -245,16 +246,6 @@ fn describe(data: &Dataset, units: &str) -> hdf5::Result<()> {
         "row-major from the top left; depth along the optical axis",
     )?;
     Ok(())
-}
-
-fn pose(pose: Option<&v1::Pose>) -> Vec<f64> {
-    let position = pose.and_then(|p| p.position).map(|v| [v.x, v.y, v.z]);
-    let orientation = pose
-        .and_then(|p| p.orientation)
-        .map(|q| [q.x, q.y, q.z, q.w]);
-    let position = position.unwrap_or([f64::NAN; 3]);
-    let orientation = orientation.unwrap_or([f64::NAN; 4]);
-    position.into_iter().chain(orientation).collect()
 }
 
 /// Writes a stream that this version does not know: its messages as they came.

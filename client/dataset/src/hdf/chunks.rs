@@ -94,7 +94,7 @@ impl Chunked {
         let mut offset = vec![0; 1 + self.trailing];
         offset[0] = (index * self.rows) as u64;
         let status = hdf5::sync::sync(|| {
-            #[allow(
+            #[expect(
                 unsafe_code,
                 reason = "H5Dwrite_chunk has no safe wrapper; the offset has as many entries as the dataset has axes, and bytes is alive for the call"
             )]

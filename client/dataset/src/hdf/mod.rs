@@ -13,6 +13,8 @@ pub use column::ColumnWriter;
 use hdf5::Group;
 use hdf5::types::{VarLenArray, VarLenUnicode};
 
+/// First bytes of every HDF5 file of ours.
+pub(crate) const SIGNATURE: &[u8; 8] = b"\x89HDF\r\n\x1a\n";
 /// Rows of one chunk of a state stream.
 pub const CHUNK_ROWS: usize = 1024;
 /// Greatest chunk of a state stream, bytes.

@@ -1,4 +1,4 @@
-//! The original's four labels by a rule that reads only recorded signals: speed
+//! WheelArm-Sim's four labels by a rule that reads only recorded signals: speed
 //! of the chair, speed of the arm, angle of the knuckle, force at the finger
 //! tips, position of drawers. What an operator published is never looked at;
 //! [`agreement`] compares with it.

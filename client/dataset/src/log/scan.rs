@@ -149,7 +149,7 @@ pub fn scan(path: &Path) -> Result<Scan, LogError> {
 /// What a file is that does not begin like a log, and what to do with it.
 fn foreign(path: &Path, head: &[u8]) -> String {
     const NAME: &str = "a log is named LABEL.h5.wal and stands where the file will be";
-    if head.starts_with(crate::read::SIGNATURE) {
+    if head.starts_with(crate::hdf::SIGNATURE) {
         let log = path.with_added_extension("wal");
         let beside = if log.is_file() {
             format!("its log is {}", log.display())

@@ -11,9 +11,9 @@ use wheelarm_proto::v1;
 
 use crate::pose::yaw;
 use crate::read::{Episode, ReadError};
+use crate::sheet::error::DrawError;
 use crate::sheet::plots::{Line, Strip, Top, draw_top, line, over_time, phases, strips, top};
-use crate::sheet::style::{self, PAPER};
-use crate::sheet::{Area, DrawError};
+use crate::sheet::style::{self, Area, PAPER};
 
 pub use synchronisation::synchronisation;
 

@@ -10,10 +10,11 @@ use super::{PANEL, canvas};
 use crate::align::{AlignOptions, Aligned, Coverage, align, usual_distance};
 use crate::read::Episode;
 use crate::sheet::axis::Axis;
+use crate::sheet::error::DrawError;
+use crate::sheet::label;
 use crate::sheet::label::{Key, Mark};
 use crate::sheet::plots::line;
-use crate::sheet::style::{self, BLUE, GREY, INK, ORANGE, strokes};
-use crate::sheet::{Area, DrawError, label};
+use crate::sheet::style::{self, Area, BLUE, GREY, INK, ORANGE, strokes};
 
 /// Length of the piece of the curves that is shown, seconds.
 const PIECE: f64 = 1.0;

@@ -7,7 +7,8 @@ use prost::Message;
 use wheelarm_proto::{StreamId, v1};
 
 use super::chunks::ChunkMap;
-use super::{Episode, ReadError, held, place};
+use super::error::ReadError;
+use super::{Episode, held, place};
 use crate::ids;
 
 /// One camera of an episode.
@@ -51,6 +52,16 @@ pub struct Frame {
     pub intrinsics: v1::Intrinsics,
     /// Optical frame in `house`: x y z, qx qy qz qw.
     pub pose: [f64; 7],
+}
+
+impl Episode {
+    /// A camera's pictures.
+    ///
+    /// # Errors
+    /// When there is no such camera.
+    pub fn camera(&self, name: &str) -> Result<Camera, ReadError> {
+        Camera::open(self, name)
+    }
 }
 
 impl Camera {

@@ -3,7 +3,8 @@
 
 use hdf5::types::{FloatSize, IntSize, TypeDescriptor};
 
-use super::{Episode, ReadError, place, texts};
+use super::error::ReadError;
+use super::{Episode, place, texts};
 
 /// A column and what it says of itself.
 #[derive(Clone, Debug, PartialEq, Eq)]

@@ -4,10 +4,8 @@
 use std::io::{ErrorKind, Read};
 use std::path::{Path, PathBuf};
 
-use super::ReadError;
+use super::error::ReadError;
 
-/// First bytes of every HDF5 file of ours.
-pub(crate) const SIGNATURE: &[u8; 8] = b"\x89HDF\r\n\x1a\n";
 /// Bytes of the superblock that hold the file's length.
 const HEAD: u64 = 48;
 
@@ -78,7 +76,7 @@ fn look(path: &Path) -> std::io::Result<Option<ReadError>> {
             path.display()
         ));
     }
-    if !head.starts_with(SIGNATURE) {
+    if !head.starts_with(crate::hdf::SIGNATURE) {
         return no_episode("it is no HDF5 file".to_owned());
     }
     match stored_length(&head) {

@@ -5,7 +5,8 @@ use prost::Message;
 use wheelarm_proto::robot::Roles;
 use wheelarm_proto::v1;
 
-use super::{Episode, ReadError};
+use super::Episode;
+use super::error::ReadError;
 
 /// Description of the robot `wheelarm` as it was when recordings did not hold
 /// one: an encoded `wheelarm.v1.RobotDescription`, as the server makes it.

@@ -4,9 +4,10 @@ use std::path::Path;
 
 use plotters::prelude::*;
 
+use super::error::SheetError;
 use super::picture::Canvas;
 use super::style::{GREEN, GREY, INK, PAPER, RED};
-use super::{SheetError, label, style, write};
+use super::{label, style};
 
 /// One picture of a grid.
 #[derive(Clone, Debug, PartialEq)]
@@ -75,7 +76,7 @@ pub fn grid(cells: &[Cell], columns: usize, out: &Path) -> Result<(), SheetError
         }
         root.present()?;
     }
-    write(&canvas, out).map_err(|source| SheetError::Write {
+    canvas.write(out).map_err(|source| SheetError::Write {
         path: out.display().to_string(),
         source,
     })

@@ -3,8 +3,8 @@
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 
-use super::style::{GREY, INK, text};
-use super::{Area, DrawError};
+use super::error::DrawError;
+use super::style::{Area, GREY, INK, text};
 
 /// Width of words, pixels.
 pub fn width(words: &str, size: u32) -> i32 {

@@ -3,6 +3,7 @@
 
 pub(crate) mod axis;
 mod crowd;
+pub(crate) mod error;
 pub mod grid;
 pub(crate) mod label;
 mod mount;
@@ -12,40 +13,16 @@ pub(crate) mod style;
 
 use std::path::Path;
 
-use plotters::coord::Shift;
 use plotters::prelude::*;
+
+pub use error::SheetError;
 
 use crate::read::{Episode, Frame, ReadError, Summary};
 use picture::Canvas;
 use style::{
-    AMBER, COLUMNS, GAP, GREEN, GREY, GUTTER, HEADER, INK, MARGIN, PAPER, PLOTS, RED, TIMES, WIDTH,
+    AMBER, Area, COLUMNS, GAP, GREEN, GREY, GUTTER, HEADER, INK, MARGIN, PAPER, PLOTS, RED, TIMES,
+    WIDTH,
 };
-
-pub(crate) type Area<'a> = DrawingArea<BitMapBackend<'a>, Shift>;
-pub(crate) type DrawError =
-    DrawingAreaErrorKind<<BitMapBackend<'static> as DrawingBackend>::ErrorType>;
-
-/// Why there is no sheet.
-#[derive(Debug, thiserror::Error)]
-pub enum SheetError {
-    /// The episode cannot be read.
-    #[error(transparent)]
-    Read(#[from] ReadError),
-    /// The drawing library failed.
-    #[error("the sheet cannot be drawn: {0}")]
-    Draw(#[from] DrawError),
-    /// The fonts in this program are not readable.
-    #[error("the built-in fonts cannot be used")]
-    Fonts,
-    /// The PNG cannot be written.
-    #[error("{path} cannot be written: {source}")]
-    Write {
-        /// The file.
-        path: String,
-        /// The reason.
-        source: png::EncodingError,
-    },
-}
 
 /// One camera's pictures at the times of the columns.
 struct Strip {
@@ -122,7 +99,7 @@ pub fn sheet(episode: &Episode, out: &Path) -> Result<(), SheetError> {
         plots::draw(episode, &plot_area, start)?;
         root.present()?;
     }
-    write(&canvas, out).map_err(|source| SheetError::Write {
+    canvas.write(out).map_err(|source| SheetError::Write {
         path: out.display().to_string(),
         source,
     })
@@ -268,14 +245,4 @@ fn bar(canvas: &mut Canvas, x: i32, y: i32, h: i32) {
         }
     }
     canvas.put(&column, x as usize, y as usize);
-}
-
-fn write(canvas: &Canvas, out: &Path) -> Result<(), png::EncodingError> {
-    let file = std::io::BufWriter::new(std::fs::File::create(out)?);
-    let mut encoder = png::Encoder::new(file, canvas.width as u32, canvas.height as u32);
-    encoder.set_color(png::ColorType::Rgb);
-    encoder.set_depth(png::BitDepth::Eight);
-    let mut writer = encoder.write_header()?;
-    writer.write_image_data(&canvas.pixels)?;
-    writer.finish()
 }

@@ -1,5 +1,7 @@
 //! Pictures made small, depth made visible.
 
+use std::path::Path;
+
 use crate::read::Frame;
 
 /// An RGB8 canvas.
@@ -28,6 +30,17 @@ impl Canvas {
             self.pixels[to..to + 3 * columns]
                 .copy_from_slice(&picture.pixels[from..from + 3 * columns]);
         }
+    }
+
+    /// Writes it as a PNG file; one that is there is replaced.
+    pub fn write(&self, out: &Path) -> Result<(), png::EncodingError> {
+        let file = std::io::BufWriter::new(std::fs::File::create(out)?);
+        let mut encoder = png::Encoder::new(file, self.width as u32, self.height as u32);
+        encoder.set_color(png::ColorType::Rgb);
+        encoder.set_depth(png::BitDepth::Eight);
+        let mut writer = encoder.write_header()?;
+        writer.write_image_data(&self.pixels)?;
+        writer.finish()
     }
 }
 

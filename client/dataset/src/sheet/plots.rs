@@ -4,10 +4,11 @@ use plotters::prelude::*;
 use wheelarm_proto::v1;
 
 use super::axis::Axis;
+use super::error::{DrawError, SheetError};
 use super::label::{Key, Mark};
 use super::mount::{Plane, arm_mount};
-use super::style::{AMBER, BLUE, COLUMNS, GREY, INK, LINES, ORANGE, phase_colour, strokes};
-use super::{Area, DrawError, SheetError, crowd, label};
+use super::style::{AMBER, Area, BLUE, COLUMNS, GREY, INK, LINES, ORANGE, phase_colour, strokes};
+use super::{crowd, label};
 use crate::pose::yaw;
 use crate::read::{Episode, ReadError};
 

@@ -1,10 +1,14 @@
 //! Colours, fonts, strokes and measures of the sheet, in pixels.
 
 use plotters::chart::{ChartContext, MeshStyle};
+use plotters::coord::Shift;
 use plotters::coord::cartesian::Cartesian2d;
 use plotters::coord::ranged1d::{Ranged, ValueFormatter};
-use plotters::prelude::DrawingBackend;
+use plotters::prelude::{BitMapBackend, DrawingArea, DrawingBackend};
 use plotters::style::{FontStyle, IntoFont, RGBColor, TRANSPARENT, TextStyle, register_font};
+
+/// Where something is drawn.
+pub(crate) type Area<'a> = DrawingArea<BitMapBackend<'a>, Shift>;
 
 pub const WIDTH: u32 = 2240;
 pub const MARGIN: i32 = 48;

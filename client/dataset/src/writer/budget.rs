@@ -1,6 +1,6 @@
 //! A bound in bytes on what waits between the threads.
 
-use std::sync::{Condvar, Mutex, PoisonError};
+use parking_lot::{Condvar, Mutex};
 
 /// Counts bytes in flight; taking waits until there is room.
 pub(super) struct Budget {
@@ -21,16 +21,14 @@ impl Budget {
     /// Takes `bytes`, waiting for room. One item greater than the whole budget
     /// is let through when nothing else waits.
     pub fn take(&self, bytes: usize) {
-        let used = self.used.lock().unwrap_or_else(PoisonError::into_inner);
-        let mut used = self
-            .freed
-            .wait_while(used, |used| *used > 0 && *used + bytes > self.limit)
-            .unwrap_or_else(PoisonError::into_inner);
+        let mut used = self.used.lock();
+        self.freed
+            .wait_while(&mut used, |used| *used > 0 && *used + bytes > self.limit);
         *used += bytes;
     }
 
     pub fn give(&self, bytes: usize) {
-        let mut used = self.used.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut used = self.used.lock();
         *used = used.saturating_sub(bytes);
         self.freed.notify_all();
     }

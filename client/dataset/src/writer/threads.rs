@@ -3,12 +3,13 @@
 
 use std::collections::BTreeMap;
 use std::fs::File;
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
-use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
 use bytes::Bytes;
 use crossbeam_channel::{Receiver, Sender};
+use parking_lot::Mutex;
 use wheelarm_proto::v1;
 
 use super::budget::Budget;
@@ -53,10 +54,7 @@ pub(super) struct Progress {
 
 impl Progress {
     pub fn fail(&self, words: String) {
-        self.failure
-            .lock()
-            .unwrap_or_else(PoisonError::into_inner)
-            .get_or_insert(words);
+        self.failure.lock().get_or_insert(words);
         self.failed.store(true, Ordering::Release);
     }
 
@@ -65,10 +63,7 @@ impl Progress {
         if !self.failed.load(Ordering::Acquire) {
             return None;
         }
-        self.failure
-            .lock()
-            .unwrap_or_else(PoisonError::into_inner)
-            .clone()
+        self.failure.lock().clone()
     }
 }
 

@@ -1,70 +1,166 @@
-//! The features of a set: which columns there are, of which type and shape.
+//! The features of a set, each said once: its name, its type and shape, and how
+//! its values are taken from an episode.
 
 use std::collections::BTreeMap;
 
 use serde_json::{Value, json};
 
-use super::table::{Element, Field};
-use crate::convert::Size;
-use crate::convert::learning;
+use super::table::{Cells, Column};
+use crate::convert::learning::{self, Learning};
+use crate::convert::{Recording, Size};
 
 /// Rate and cameras of the set.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Layout {
+    /// Rows per second.
     pub rate: u32,
+    /// Cameras with the size of their pictures.
     pub cameras: BTreeMap<String, Size>,
 }
+
+/// Some rows of an episode, with what they are in the set.
+pub(super) struct Block<'a> {
+    /// The recording.
+    pub recording: &'a Recording,
+    /// Its state and action.
+    pub learning: &'a Learning<'a>,
+    /// All rows that the episode has in the set.
+    pub rows: &'a [usize],
+    /// The first and how many of them are meant.
+    pub part: (usize, usize),
+    /// Rows per second.
+    pub rate: u32,
+    /// Number of the episode.
+    pub episode: usize,
+    /// Number of its task.
+    pub task: usize,
+    /// Rows of the set before the episode.
+    pub before: usize,
+}
+
+impl Block<'_> {
+    /// Number of a row within the episode.
+    fn frame(&self, i: usize) -> usize {
+        self.part.0 + i
+    }
+
+    /// The row of the alignment.
+    fn row(&self, i: usize) -> usize {
+        self.rows[self.frame(i)]
+    }
+
+    /// The row after it; the last one is its own.
+    fn next(&self, i: usize) -> usize {
+        self.rows[(self.frame(i) + 1).min(self.rows.len() - 1)]
+    }
+
+    fn is_last(&self, i: usize) -> bool {
+        self.frame(i) + 1 == self.rows.len()
+    }
+
+    fn label(&self, i: usize) -> usize {
+        usize::from(self.recording.labels[self.row(i)])
+    }
+}
+
+/// Type of a flat feature, and how its value is taken from a row of a block.
+enum Flat {
+    F32(fn(&Block<'_>, usize) -> f32),
+    F64(fn(&Block<'_>, usize) -> f64),
+    I64(fn(&Block<'_>, usize) -> usize),
+    Bool(fn(&Block<'_>, usize) -> bool),
+}
+
+impl Flat {
+    fn dtype(&self) -> &'static str {
+        match self {
+            Self::F32(_) => "float32",
+            Self::F64(_) => "float64",
+            Self::I64(_) => "int64",
+            Self::Bool(_) => "bool",
+        }
+    }
+
+    fn cells(&self, block: &Block<'_>) -> Cells {
+        let rows = 0..block.part.1;
+        match self {
+            Self::F32(of) => Cells::F32(vec![], rows.map(|i| of(block, i)).collect()),
+            Self::F64(of) => Cells::F64(vec![], rows.map(|i| of(block, i)).collect()),
+            Self::I64(of) => Cells::I64(vec![], rows.map(|i| of(block, i) as i64).collect()),
+            Self::Bool(of) => Cells::Bool(rows.map(|i| of(block, i)).collect()),
+        }
+    }
+}
+
+/// Features with one value per row.
+const FLAT: [(&str, Flat); 11] = [
+    (
+        "next.reward",
+        Flat::F32(|b, i| f32::from(u8::from(b.learning.success(b.next(i))))),
+    ),
+    ("next.done", Flat::Bool(|b, i| b.is_last(i))),
+    (
+        "next.success",
+        Flat::Bool(|b, i| b.learning.success(b.next(i))),
+    ),
+    ("phase", Flat::I64(|b, i| b.label(i))),
+    ("subtask_index", Flat::I64(|b, i| b.label(i))),
+    (
+        "simulation_time",
+        Flat::F64(|b, i| b.recording.aligned.stamps[b.row(i)] as f64 * 1e-9),
+    ),
+    (
+        "timestamp",
+        Flat::F32(|b, i| (b.frame(i) as f64 / f64::from(b.rate)) as f32),
+    ),
+    ("frame_index", Flat::I64(|b, i| b.frame(i))),
+    ("episode_index", Flat::I64(|b, _| b.episode)),
+    ("index", Flat::I64(|b, i| b.before + b.frame(i))),
+    ("task_index", Flat::I64(|b, _| b.task)),
+];
+
+/// A feature of several numbers: its name, the names of the numbers, and the
+/// numbers of a row of the alignment.
+type Vector = (
+    &'static str,
+    fn() -> Vec<String>,
+    fn(&Learning<'_>, usize) -> Vec<f64>,
+);
+
+const VECTORS: [Vector; 2] = [
+    (
+        "observation.state",
+        learning::state_names,
+        |learning, row| learning.state(row),
+    ),
+    ("action", learning::action_names, |learning, row| {
+        learning.action(row)
+    }),
+];
 
 /// Feature of a camera's pictures.
 pub(super) fn image_key(camera: &str) -> String {
     format!("observation.images.{camera}")
 }
 
-/// Flat features beside state, action and pictures: name, type.
-const FLAT: [(&str, Element); 11] = [
-    ("next.reward", Element::F32),
-    ("next.done", Element::Bool),
-    ("next.success", Element::Bool),
-    ("phase", Element::I64),
-    ("subtask_index", Element::I64),
-    ("simulation_time", Element::F64),
-    ("timestamp", Element::F32),
-    ("frame_index", Element::I64),
-    ("episode_index", Element::I64),
-    ("index", Element::I64),
-    ("task_index", Element::I64),
-];
-
-fn dtype(element: Element) -> &'static str {
-    match element {
-        Element::F32 => "float32",
-        Element::F64 => "float64",
-        Element::I64 => "int64",
-        Element::Bool => "bool",
-        Element::Text => "string",
-        Element::Image => "image",
-    }
+/// The numeric columns of a block, in the order of [`Layout::features`], behind
+/// the pictures.
+pub(super) fn numbers(block: &Block<'_>) -> Vec<Column> {
+    let vectors = VECTORS.iter().map(|(name, names, of)| {
+        let rows = (0..block.part.1).flat_map(|i| of(block.learning, block.row(i)));
+        Column {
+            name: (*name).to_owned(),
+            cells: Cells::F32(vec![names().len()], rows.map(|v| v as f32).collect()),
+        }
+    });
+    let flat = FLAT.iter().map(|(name, flat)| Column {
+        name: (*name).to_owned(),
+        cells: flat.cells(block),
+    });
+    vectors.chain(flat).collect()
 }
 
 impl Layout {
-    /// Columns of the data files.
-    pub fn fields(&self) -> Vec<Field> {
-        let field = |name: String, element, depth| Field {
-            name,
-            element,
-            depth,
-        };
-        let mut out: Vec<Field> = self
-            .cameras
-            .keys()
-            .map(|c| field(image_key(c), Element::Image, 0))
-            .collect();
-        out.push(field("observation.state".into(), Element::F32, 1));
-        out.push(field("action".into(), Element::F32, 1));
-        out.extend(FLAT.map(|(name, element)| field(name.into(), element, 0)));
-        out
-    }
-
     /// The features as `meta/info.json` lists them.
     pub fn features(&self) -> Value {
         let mut out = serde_json::Map::new();
@@ -73,15 +169,13 @@ impl Layout {
                 "names": ["height", "width", "channels"]});
             out.insert(image_key(camera), feature);
         }
-        for (name, names) in [
-            ("observation.state", learning::state_names()),
-            ("action", learning::action_names()),
-        ] {
+        for (name, names, _) in VECTORS {
+            let names = names();
             let feature = json!({"dtype": "float32", "shape": [names.len()], "names": names});
             out.insert(name.into(), feature);
         }
-        for (name, element) in FLAT {
-            let feature = json!({"dtype": dtype(element), "shape": [1], "names": null});
+        for (name, flat) in FLAT {
+            let feature = json!({"dtype": flat.dtype(), "shape": [1], "names": null});
             out.insert(name.into(), feature);
         }
         Value::Object(out)
@@ -93,17 +187,14 @@ impl Layout {
         for camera in self.cameras.keys() {
             out.insert(image_key(camera), json!({"_type": "Image"}));
         }
-        let list = |n: usize| json!({"feature": {"dtype": "float32", "_type": "Value"}, "length": n, "_type": "Sequence"});
-        out.insert(
-            "observation.state".into(),
-            list(learning::state_names().len()),
-        );
-        out.insert("action".into(), list(learning::action_names().len()));
-        for (name, element) in FLAT {
-            out.insert(
-                name.into(),
-                json!({"dtype": dtype(element), "_type": "Value"}),
-            );
+        for (name, names, _) in VECTORS {
+            let feature = json!({"feature": {"dtype": "float32", "_type": "Value"},
+                "length": names().len(), "_type": "Sequence"});
+            out.insert(name.into(), feature);
+        }
+        for (name, flat) in FLAT {
+            let feature = json!({"dtype": flat.dtype(), "_type": "Value"});
+            out.insert(name.into(), feature);
         }
         json!({"info": {"features": out}}).to_string()
     }

@@ -5,35 +5,35 @@ use std::path::Path;
 use serde_json::{Value, json};
 
 use super::layout::Layout;
+use super::set::{EpisodeRow, FILE_BYTES, FOLDER_FILES, Set};
 use super::statistics::{Gathered, NAMES};
-use super::table::{Cells, Element, Field, Table};
-use super::{EpisodeRow, FILE_BYTES, FOLDER_FILES, Set};
+use super::table::{Cells, Column, Table};
 use crate::label;
+
+fn column(name: &str, cells: Cells) -> Column {
+    Column {
+        name: name.to_owned(),
+        cells,
+    }
+}
 
 /// A table of names whose index pandas restores: `name` column, `index` column.
 fn names_table(path: &Path, name: &str, index: &str, names: &[String]) -> anyhow::Result<()> {
-    let column = |name: &str, kind: &str, numpy: &str| json!({"name": name, "field_name": name, "pandas_type": kind, "numpy_type": numpy, "metadata": null});
+    let described = |name: &str, kind: &str, numpy: &str| json!({"name": name, "field_name": name, "pandas_type": kind, "numpy_type": numpy, "metadata": null});
     let pandas = json!({
         "index_columns": [name],
         "column_indexes": [{"name": null, "field_name": null, "pandas_type": "unicode",
             "numpy_type": "object", "metadata": {"encoding": "UTF-8"}}],
-        "columns": [column(index, "int64", "int64"), column(name, "unicode", "object")],
+        "columns": [described(index, "int64", "int64"), described(name, "unicode", "object")],
         "creator": {"library": "wheelarm", "version": env!("CARGO_PKG_VERSION")},
         "pandas_version": "2.2.3",
     });
-    let field = |name: &str, element| Field {
-        name: name.to_owned(),
-        element,
-        depth: 0,
-    };
-    let fields = vec![field(index, Element::I64), field(name, Element::Text)];
-    let mut table = Table::create(path, fields, &[("pandas", pandas.to_string())])?;
     let numbers = (0..names.len() as i64).collect();
-    table.append(vec![
-        Cells::I64(vec![], numbers),
-        Cells::Text(names.to_vec()),
-    ])?;
-    table.close()
+    let columns = vec![
+        column(index, Cells::I64(vec![], numbers)),
+        column(name, Cells::Text(vec![], names.to_vec())),
+    ];
+    Table::create(path, columns, &[("pandas", pandas.to_string())])?.close()
 }
 
 /// Writes everything below `meta/`.
@@ -80,66 +80,31 @@ pub(super) fn metadata(folder: &Path, set: &Set, layout: &Layout) -> anyhow::Res
     episodes_table(&meta.join("episodes/chunk-000/file-000.parquet"), set)
 }
 
+/// One row per episode: where it stands in the data files, and its statistics.
 fn episodes_table(path: &Path, set: &Set) -> anyhow::Result<()> {
-    let mut fields = Vec::new();
-    let mut cells = Vec::new();
-    let mut add = |name: String, element, depth, values| {
-        fields.push(Field {
-            name,
-            element,
-            depth,
-        });
-        cells.push(values);
-    };
+    type Number = fn(usize, &EpisodeRow) -> usize;
     let all = &set.episodes;
-    let integers = |f: &dyn Fn(usize, &EpisodeRow) -> usize| {
-        let values = all.iter().enumerate().map(|(i, e)| f(i, e) as i64);
-        Cells::I64(vec![], values.collect())
+    let integers = |(name, of): (&str, Number)| {
+        let values = all.iter().enumerate().map(|(i, e)| of(i, e) as i64);
+        column(name, Cells::I64(vec![], values.collect()))
     };
-    add("episode_index".into(), Element::I64, 0, integers(&|i, _| i));
+    let mut columns = vec![integers(("episode_index", |i, _| i))];
     let tasks = all.iter().map(|e| e.task.clone()).collect();
-    add("tasks".into(), Element::Text, 1, Cells::Text(tasks));
-    add("length".into(), Element::I64, 0, integers(&|_, e| e.length));
-    add(
-        "data/chunk_index".into(),
-        Element::I64,
-        0,
-        integers(&|_, e| e.file / FOLDER_FILES),
-    );
-    add(
-        "data/file_index".into(),
-        Element::I64,
-        0,
-        integers(&|_, e| e.file % FOLDER_FILES),
-    );
-    add(
-        "dataset_from_index".into(),
-        Element::I64,
-        0,
-        integers(&|_, e| e.from),
-    );
-    add(
-        "dataset_to_index".into(),
-        Element::I64,
-        0,
-        integers(&|_, e| e.from + e.length),
-    );
-    add(
-        "meta/episodes/chunk_index".into(),
-        Element::I64,
-        0,
-        integers(&|_, _| 0),
-    );
-    add(
-        "meta/episodes/file_index".into(),
-        Element::I64,
-        0,
-        integers(&|_, _| 0),
-    );
+    columns.push(column("tasks", Cells::Text(vec![1], tasks)));
+    let places: [(&str, Number); 7] = [
+        ("length", |_, e| e.length),
+        ("data/chunk_index", |_, e| e.file / FOLDER_FILES),
+        ("data/file_index", |_, e| e.file % FOLDER_FILES),
+        ("dataset_from_index", |_, e| e.from),
+        ("dataset_to_index", |_, e| e.from + e.length),
+        ("meta/episodes/chunk_index", |_, _| 0),
+        ("meta/episodes/file_index", |_, _| 0),
+    ];
+    columns.extend(places.map(integers));
     let labels = all.iter().map(|e| e.label.clone()).collect();
-    add("recording".into(), Element::Text, 0, Cells::Text(labels));
+    columns.push(column("recording", Cells::Text(vec![], labels)));
     let success = all.iter().map(|e| e.success).collect();
-    add("success".into(), Element::Bool, 0, Cells::Bool(success));
+    columns.push(column("success", Cells::Bool(success)));
     for feature in set.statistics.keys() {
         let summaries: Vec<_> = all
             .iter()
@@ -149,27 +114,13 @@ fn episodes_table(path: &Path, set: &Set) -> anyhow::Result<()> {
             continue;
         };
         for (k, name) in NAMES.iter().enumerate() {
-            let values = summaries
-                .iter()
-                .flat_map(|s| s.lists[k].iter().copied())
-                .collect();
-            let name = format!("stats/{feature}/{name}");
-            add(
-                name,
-                Element::F64,
-                shape.len(),
-                Cells::F64(shape.clone(), values),
-            );
+            let values = summaries.iter().flat_map(|s| s.lists[k].iter().copied());
+            let cells = Cells::F64(shape.clone(), values.collect());
+            columns.push(column(&format!("stats/{feature}/{name}"), cells));
         }
         let counts = summaries.iter().map(|s| s.count as i64).collect();
-        add(
-            format!("stats/{feature}/count"),
-            Element::I64,
-            1,
-            Cells::I64(vec![1], counts),
-        );
+        let name = format!("stats/{feature}/count");
+        columns.push(column(&name, Cells::I64(vec![1], counts)));
     }
-    let mut table = Table::create(path, fields, &[])?;
-    table.append(cells)?;
-    table.close()
+    Table::create(path, columns, &[])?.close()
 }

@@ -5,7 +5,7 @@
 use hdf5::Group;
 use hdf5::types::VarLenUnicode;
 
-use super::{NUMBER, What, rows};
+use super::arrays::{NUMBER, What, rows};
 use crate::align::Signal;
 use crate::convert::Recording;
 use crate::convert::learning::Learning;

@@ -4,19 +4,22 @@
 //! Pictures are compressed once and written as `obs` of their row and as
 //! `next_obs` of the row before. The file has its final name only when whole.
 
+mod arrays;
 mod datagen;
 
 use std::path::Path;
-use std::sync::Mutex;
 
 use anyhow::Context;
-use hdf5::{Dataset, Group, H5Type};
+use hdf5::Group;
+use parking_lot::Mutex;
 use serde_json::json;
 
+use self::arrays::{NUMBER, What, describe, rows};
 use super::batch::parallel;
+use super::intrinsics;
 use super::learning::{self, Learning};
 use super::{Format, PendingFile, Recording, Size, Written, scaled};
-use crate::calibration::{self, CONVENTION, PIXEL_CENTRE};
+use crate::calibration::{CONVENTION, PIXEL_CENTRE};
 use crate::compress::Deflate;
 use crate::hdf::{Attributes, Chunked, Filters};
 
@@ -29,21 +32,27 @@ const VALIDATION: usize = 10;
 pub struct Robomimic {
     size: Option<Size>,
     threads: usize,
-    state: Mutex<Set>,
+    set: Mutex<Set>,
 }
 
 struct Set {
-    pending: Option<PendingFile>,
-    file: Option<hdf5::File>,
+    pending: PendingFile,
+    file: hdf5::File,
     demos: usize,
     rows: usize,
-    /// Least and greatest raw value of every action component.
-    range: Option<(Vec<f64>, Vec<f64>)>,
-    environment: Option<serde_json::Value>,
+    /// What the first episode decides; none yet without it.
+    common: Option<Common>,
+}
+
+/// What holds for all episodes.
+struct Common {
+    /// Least and greatest raw value of every action component so far.
+    range: Range,
+    environment: serde_json::Value,
     /// Cameras with their sizes; every episode has the same.
     cameras: Vec<(String, Size)>,
     /// Their intrinsics in the first episode, for pictures of these sizes.
-    calibration: Option<serde_json::Value>,
+    calibration: serde_json::Value,
 }
 
 impl Robomimic {
@@ -58,15 +67,12 @@ impl Robomimic {
         Ok(Self {
             size,
             threads,
-            state: Mutex::new(Set {
-                pending: Some(pending),
-                file: Some(file),
+            set: Mutex::new(Set {
+                pending,
+                file,
                 demos: 0,
                 rows: 0,
-                range: None,
-                environment: None,
-                cameras: Vec::new(),
-                calibration: None,
+                common: None,
             }),
         })
     }
@@ -83,29 +89,21 @@ impl Format for Robomimic {
 
     fn add(&self, recording: &Recording, tick: &(dyn Fn() + Sync)) -> anyhow::Result<Written> {
         let (rate, rows, notes) = learning::grid(recording)?;
-        let mut set = self
-            .state
-            .lock()
-            .map_err(|_| anyhow::anyhow!("an earlier episode failed"))?;
+        let set = &mut *self.set.lock();
         let cameras: Vec<(String, Size)> = learning::cameras(recording, self.size)
             .into_iter()
             .collect();
-        if set.demos > 0 {
+        if let Some(common) = &set.common {
             anyhow::ensure!(
-                set.cameras == cameras,
+                common.cameras == cameras,
                 "pictures differ from those of the first episode ({:?}, here {cameras:?}); --size makes sizes equal",
-                set.cameras
+                common.cameras
             );
         }
-        let data = set
-            .file
-            .as_ref()
-            .context("the data set is finished already")?
-            .group("data")?;
+        let data = set.file.group("data")?;
         let name = format!("demo_{}", set.demos);
         let group = data.create_group(&name)?;
-        let written = self.demo(&group, recording, &rows, &cameras, tick);
-        let (low, high) = match written {
+        let (low, high) = match self.demo(&group, recording, &rows, &cameras, tick) {
             Ok(range) => range,
             Err(problem) => {
                 drop(group);
@@ -113,18 +111,23 @@ impl Format for Robomimic {
                 return Err(problem);
             }
         };
-        set.range = Some(match set.range.take() {
-            None => (low, high),
-            Some((l, h)) => (
-                l.iter().zip(&low).map(|(a, b)| a.min(*b)).collect(),
-                h.iter().zip(&high).map(|(a, b)| a.max(*b)).collect(),
-            ),
-        });
-        set.environment
-            .get_or_insert_with(|| environment(recording, rate));
-        set.calibration
-            .get_or_insert_with(|| calibration::cameras(recording, self.size));
-        set.cameras = cameras;
+        match &mut set.common {
+            Some(common) => {
+                let (least, greatest) = &mut common.range;
+                let pairs = least.iter_mut().zip(low);
+                pairs.for_each(|(all, one)| *all = all.min(one));
+                let pairs = greatest.iter_mut().zip(high);
+                pairs.for_each(|(all, one)| *all = all.max(one));
+            }
+            None => {
+                set.common = Some(Common {
+                    range: (low, high),
+                    environment: environment(recording, rate),
+                    cameras,
+                    calibration: intrinsics::cameras(recording, self.size),
+                });
+            }
+        }
         set.demos += 1;
         set.rows += rows.len() - 1;
         Ok(Written {
@@ -134,52 +137,40 @@ impl Format for Robomimic {
         })
     }
 
-    fn finish(&self) -> anyhow::Result<Option<Written>> {
-        let mut set = self
-            .state
-            .lock()
-            .map_err(|_| anyhow::anyhow!("an episode failed"))?;
-        anyhow::ensure!(
-            set.demos > 0,
-            "no episode could be taken: there is no data set"
-        );
-        let file = set
-            .file
-            .take()
-            .context("the data set is finished already")?;
-        let (low, high) = set.range.clone().context("a range")?;
-        let data = file.group("data")?;
+    fn finish(self: Box<Self>) -> anyhow::Result<Option<Written>> {
+        let set = self.set.into_inner();
+        let Some(common) = set.common else {
+            anyhow::bail!("no episode could be taken: there is no data set");
+        };
+        let (low, high) = &common.range;
+        let data = set.file.group("data")?;
         let mut train = Vec::new();
         let mut valid = Vec::new();
         for demo in 0..set.demos {
             let name = format!("demo_{demo}");
-            normalise(&data.group(&name)?, &low, &high)?;
+            normalise(&data.group(&name)?, low, high)?;
             let validates = set.demos > 1 && demo % VALIDATION == VALIDATION.min(set.demos) - 1;
             if validates { &mut valid } else { &mut train }.push(name);
         }
-        let environment = set.environment.take().context("an environment")?;
-        let calibration = set.calibration.take().context("a calibration")?;
+        let cameras: Vec<&str> = common.cameras.iter().map(|c| c.0.as_str()).collect();
         Attributes::of(&data)
-            .text("camera_calibration", &calibration.to_string())?
+            .text("camera_calibration", &common.calibration.to_string())?
             .set("total", i64::try_from(set.rows)?)?
-            .text("env_args", &environment.to_string())?
+            .text("env_args", &common.environment.to_string())?
             .texts("action_names", &learning::action_names())?
-            .texts(
-                "cameras",
-                &set.cameras.iter().map(|c| c.0.clone()).collect::<Vec<_>>(),
-            )?;
-        for (name, values) in [("action_low", &low), ("action_high", &high)] {
+            .texts("cameras", &cameras)?;
+        for (name, values) in [("action_low", low), ("action_high", high)] {
             let attribute = data.new_attr::<f64>().shape([values.len()]).create(name)?;
             attribute.write(values)?;
         }
-        let mask = file.create_group("mask")?;
+        let mask = set.file.create_group("mask")?;
         crate::hdf::texts(&mask, "train", &train)?;
         crate::hdf::texts(&mask, "valid", &valid)?;
-        file.flush()?;
-        file.close()?;
-        let pending = set.pending.take().context("a file")?;
+        set.file.flush()?;
+        drop((data, mask));
+        set.file.close()?;
         Ok(Some(Written {
-            path: pending.commit()?,
+            path: set.pending.commit()?,
             samples: set.rows,
             notes: Vec::new(),
         }))
@@ -224,43 +215,7 @@ fn normalise(demo: &Group, low: &[f64], high: &[f64]) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Unit and frame of a dataset; the frame is empty where there is none.
-type What<'a> = (&'static str, &'a str);
-
-/// What an observation takes from a row.
-type Take<'a> = &'a dyn Fn(usize) -> Vec<f64>;
-
-const POSITION: &str = "m";
-const QUATERNION: &str = "1 (unit quaternion x y z w)";
-const NUMBER: What<'static> = ("1", "");
-
-/// Writes a small array whose first axis is the sample.
-fn rows<T: H5Type>(
-    group: &Group,
-    name: &str,
-    what: What<'_>,
-    all: &[T],
-    shape: &[usize],
-) -> anyhow::Result<Dataset> {
-    let width: usize = shape.iter().product();
-    let whole: Vec<usize> = std::iter::once(all.len() / width.max(1))
-        .chain(shape.iter().copied())
-        .collect();
-    let data = group.new_dataset::<T>().shape(whole).create(name)?;
-    if !all.is_empty() {
-        data.write_raw(all)?;
-    }
-    describe(&data, what)?;
-    Ok(data)
-}
-
-fn describe(data: &Dataset, (units, frame): What<'_>) -> hdf5::Result<()> {
-    Attributes::of(data)
-        .text("units", units)?
-        .text("frame", frame)?;
-    Ok(())
-}
-
+/// Least and greatest value of every component.
 type Range = (Vec<f64>, Vec<f64>);
 
 impl Robomimic {
@@ -276,137 +231,165 @@ impl Robomimic {
         let learning = Learning::of(recording)?;
         let here = &all[..all.len() - 1];
         let next = &all[1..];
-        let n = here.len();
-        let action: Vec<f64> = here.iter().flat_map(|&r| learning.action(r)).collect();
-        let width = learning::action_names().len();
-        let what = ("rad (joints, knuckle), rad/s (wheels)", "");
-        let data = rows(group, "actions_raw", what, &action, &[width])?;
-        Attributes::of(&data).texts("names", &learning::action_names())?;
-        let state: Vec<f64> = here.iter().flat_map(|&r| learning.state(r)).collect();
-        let names = learning::state_names();
-        let what = (
-            "rad, rad/s (joints), m, 1 (poses), m/s, rad/s (chair)",
-            "end effector in base_link, wheelchair in house",
-        );
-        let data = rows(group, "states", what, &state, &[names.len()])?;
-        Attributes::of(&data).texts("names", &names)?;
-        let reward: Vec<f64> = next
-            .iter()
-            .map(|&r| f64::from(u8::from(learning.success(r))))
-            .collect();
-        rows(group, "rewards", NUMBER, &reward, &[])?;
-        let dones: Vec<i64> = (1..=n).map(|i| i64::from(i == n)).collect();
-        rows(group, "dones", NUMBER, &dones, &[])?;
-        let stamps = &recording.aligned.stamps;
-        let time: Vec<f64> = here.iter().map(|&r| stamps[r] as f64 * 1e-9).collect();
-        rows(group, "simulation_time", ("s", ""), &time, &[])?;
-        let phase: Vec<i64> = here
-            .iter()
-            .map(|&r| i64::from(recording.labels[r]))
-            .collect();
-        let what = ("1 (0 navigating, 1 reaching, 2 grasping, 3 retracting)", "");
-        rows(group, "phase", what, &phase, &[])?;
-        Attributes::of(group)
-            .set("num_samples", i64::try_from(n)?)?
-            .text("label", &recording.summary.label)?
-            .text("instruction", &recording.summary.instruction)?
-            .set("success", recording.summary.success)?;
-
+        let range = numbers(group, recording, &learning, all)?;
         let (obs, next_obs) = (group.create_group("obs")?, group.create_group("next_obs")?);
-        for (target, list) in [(&obs, here), (&next_obs, next)] {
-            let gather = |f: &dyn Fn(usize) -> Vec<f64>| {
-                list.iter().flat_map(|&r| f(r)).collect::<Vec<f64>>()
-            };
-            let arm_base = recording.robot.arm_base_link.as_str();
-            let chair = recording.robot.root_link.as_str();
-            let observed: [(&str, What<'_>, usize, Take<'_>); 8] = [
-                ("joint_pos", ("rad", ""), 6, &|r| {
-                    learning.joints(r)[..6].to_vec()
-                }),
-                ("joint_vel", ("rad/s", ""), 6, &|r| {
-                    learning.speeds(r)[..6].to_vec()
-                }),
-                ("gripper_qpos", ("rad (knuckle)", ""), 1, &|r| {
-                    learning.joints(r)[6..].to_vec()
-                }),
-                ("eef_pos", (POSITION, arm_base), 3, &|r| {
-                    learning.effector(r)[..3].to_vec()
-                }),
-                ("eef_quat", (QUATERNION, arm_base), 4, &|r| {
-                    learning.effector(r)[3..].to_vec()
-                }),
-                ("base_pos", (POSITION, "house"), 3, &|r| {
-                    learning.chair(r)[..3].to_vec()
-                }),
-                ("base_quat", (QUATERNION, "house"), 4, &|r| {
-                    learning.chair(r)[3..].to_vec()
-                }),
-                (
-                    "base_vel",
-                    ("m/s (forward), rad/s (turn)", chair),
-                    2,
-                    &|r| learning.chair_speed(r).to_vec(),
-                ),
-            ];
-            for (name, what, width, of) in observed {
-                rows(target, name, what, &gather(of), &[width])?;
-            }
-        }
-        for (number, (camera, size)) in cameras.iter().enumerate() {
-            let name = format!("{camera}_image");
-            let create = |g: &Group| {
-                Chunked::create::<u8>(
-                    g,
-                    &name,
-                    n,
-                    &[size.height, size.width, 3],
-                    1,
-                    Filters::Deflate,
-                )
-            };
-            let (to, to_next) = (create(&obs)?, create(&next_obs)?);
-            for pictures in [&to, &to_next] {
-                describe(
-                    pictures.dataset(),
-                    ("1 (0 to 255, sRGB)", "row-major from the top left"),
-                )?;
-                Attributes::of(pictures.dataset())
-                    .set("pixel_centre", PIXEL_CENTRE)?
-                    .text("convention", CONVENTION)?;
-            }
-            for (block, part) in all.chunks(BLOCK).enumerate() {
-                let compressed = parallel(part.len(), self.threads, |i| {
-                    let (source, index) = recording.picture(camera, part[i])?;
-                    let (width, height) = source.size().context("a size")?;
-                    let rgb = source.rgb(&recording.episode, index)?;
-                    let rgb = scaled(rgb, Size { width, height }, *size);
-                    let mut out = Vec::new();
-                    Deflate::default().append(&rgb, 1, &mut out);
-                    Ok(out)
-                })?;
-                for (i, bytes) in compressed.iter().enumerate() {
-                    let row = block * BLOCK + i;
-                    if row < n {
-                        to.write(row, bytes)?;
-                    }
-                    if row > 0 {
-                        to_next.write(row - 1, bytes)?;
-                    }
-                    if number == 0 {
-                        tick();
-                    }
+        observations(&obs, recording, &learning, here)?;
+        observations(&next_obs, recording, &learning, next)?;
+        for (number, camera) in cameras.iter().enumerate() {
+            let tick = || {
+                if number == 0 {
+                    tick();
                 }
-            }
+            };
+            self.pictures([&obs, &next_obs], recording, camera, all, &tick)?;
         }
         datagen::write(group, recording, &learning, here)?;
-        let column = |c: usize| action.iter().skip(c).step_by(width).copied();
-        Ok((
-            (0..width)
-                .map(|c| column(c).fold(f64::MAX, f64::min))
-                .collect(),
-            (0..width)
-                .map(|c| column(c).fold(f64::MIN, f64::max))
-                .collect(),
-        ))
+        Ok(range)
     }
+
+    /// Writes a camera's pictures of the rows `all`: as `obs` of their row and as
+    /// `next_obs` of the row before.
+    fn pictures(
+        &self,
+        groups: [&Group; 2],
+        recording: &Recording,
+        (camera, size): &(String, Size),
+        all: &[usize],
+        tick: &dyn Fn(),
+    ) -> anyhow::Result<()> {
+        let n = all.len() - 1;
+        let name = format!("{camera}_image");
+        let shape = [size.height, size.width, 3];
+        let create = |g: &Group| Chunked::create::<u8>(g, &name, n, &shape, 1, Filters::Deflate);
+        let (to, to_next) = (create(groups[0])?, create(groups[1])?);
+        for pictures in [&to, &to_next] {
+            let what = ("1 (0 to 255, sRGB)", "row-major from the top left");
+            describe(pictures.dataset(), what)?;
+            Attributes::of(pictures.dataset())
+                .set("pixel_centre", PIXEL_CENTRE)?
+                .text("convention", CONVENTION)?;
+        }
+        for (block, part) in all.chunks(BLOCK).enumerate() {
+            let compressed = parallel(part.len(), self.threads, |i| {
+                let (source, index) = recording.picture(camera, part[i])?;
+                let (width, height) = source.size().context("a size")?;
+                let rgb = source.rgb(&recording.episode, index)?;
+                let rgb = scaled(rgb, Size { width, height }, *size);
+                let mut out = Vec::new();
+                Deflate::default().append(&rgb, 1, &mut out);
+                Ok(out)
+            })?;
+            for (i, bytes) in compressed.iter().enumerate() {
+                let row = block * BLOCK + i;
+                if row < n {
+                    to.write(row, bytes)?;
+                }
+                if row > 0 {
+                    to_next.write(row - 1, bytes)?;
+                }
+                tick();
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Writes actions, states, rewards and labels of the rows `all`, of which the
+/// last one is only somebody's next, and returns the range of the raw actions.
+fn numbers(
+    group: &Group,
+    recording: &Recording,
+    learning: &Learning<'_>,
+    all: &[usize],
+) -> anyhow::Result<Range> {
+    let (here, next) = (&all[..all.len() - 1], &all[1..]);
+    let n = here.len();
+    let action: Vec<f64> = here.iter().flat_map(|&r| learning.action(r)).collect();
+    let width = learning::action_names().len();
+    let what = ("rad (joints, knuckle), rad/s (wheels)", "");
+    let data = rows(group, "actions_raw", what, &action, &[width])?;
+    Attributes::of(&data).texts("names", &learning::action_names())?;
+    let state: Vec<f64> = here.iter().flat_map(|&r| learning.state(r)).collect();
+    let names = learning::state_names();
+    let what = (
+        "rad, rad/s (joints), m, 1 (poses), m/s, rad/s (chair)",
+        "end effector in base_link, wheelchair in house",
+    );
+    let data = rows(group, "states", what, &state, &[names.len()])?;
+    Attributes::of(&data).texts("names", &names)?;
+    let reward = next
+        .iter()
+        .map(|&r| f64::from(u8::from(learning.success(r))));
+    let reward: Vec<f64> = reward.collect();
+    rows(group, "rewards", NUMBER, &reward, &[])?;
+    let dones: Vec<i64> = (1..=n).map(|i| i64::from(i == n)).collect();
+    rows(group, "dones", NUMBER, &dones, &[])?;
+    let stamps = &recording.aligned.stamps;
+    let time: Vec<f64> = here.iter().map(|&r| stamps[r] as f64 * 1e-9).collect();
+    rows(group, "simulation_time", ("s", ""), &time, &[])?;
+    let phase = here.iter().map(|&r| i64::from(recording.labels[r]));
+    let phase: Vec<i64> = phase.collect();
+    let what = ("1 (0 navigating, 1 reaching, 2 grasping, 3 retracting)", "");
+    rows(group, "phase", what, &phase, &[])?;
+    Attributes::of(group)
+        .set("num_samples", i64::try_from(n)?)?
+        .text("label", &recording.summary.label)?
+        .text("instruction", &recording.summary.instruction)?
+        .set("success", recording.summary.success)?;
+    let column = |c: usize| action.iter().skip(c).step_by(width).copied();
+    let extreme = |start: f64, of: fn(f64, f64) -> f64| {
+        (0..width).map(|c| column(c).fold(start, of)).collect()
+    };
+    Ok((extreme(f64::MAX, f64::min), extreme(f64::MIN, f64::max)))
+}
+
+/// An observation: its name, unit and frame, width, and what it takes from a row.
+type Observation<'a> = (&'a str, What<'a>, usize, &'a dyn Fn(usize) -> Vec<f64>);
+
+/// Writes the numbers that a policy sees in each of `list`'s rows.
+fn observations(
+    group: &Group,
+    recording: &Recording,
+    learning: &Learning<'_>,
+    list: &[usize],
+) -> anyhow::Result<()> {
+    const QUATERNION: &str = "1 (unit quaternion x y z w)";
+    let base = recording.robot.arm_base_link.as_str();
+    let chair = recording.robot.root_link.as_str();
+    // Joints of the arm, which stand before the knuckle.
+    let arm = 6;
+    let observed: [Observation<'_>; 8] = [
+        ("joint_pos", ("rad", ""), arm, &|r| {
+            learning.joints(r)[..arm].to_vec()
+        }),
+        ("joint_vel", ("rad/s", ""), arm, &|r| {
+            learning.speeds(r)[..arm].to_vec()
+        }),
+        ("gripper_qpos", ("rad (knuckle)", ""), 1, &|r| {
+            learning.joints(r)[arm..].to_vec()
+        }),
+        ("eef_pos", ("m", base), 3, &|r| {
+            learning.effector(r)[..3].to_vec()
+        }),
+        ("eef_quat", (QUATERNION, base), 4, &|r| {
+            learning.effector(r)[3..].to_vec()
+        }),
+        ("base_pos", ("m", "house"), 3, &|r| {
+            learning.chair(r)[..3].to_vec()
+        }),
+        ("base_quat", (QUATERNION, "house"), 4, &|r| {
+            learning.chair(r)[3..].to_vec()
+        }),
+        (
+            "base_vel",
+            ("m/s (forward), rad/s (turn)", chair),
+            2,
+            &|r| learning.chair_speed(r).to_vec(),
+        ),
+    ];
+    for (name, what, width, of) in observed {
+        let all: Vec<f64> = list.iter().flat_map(|&r| of(r)).collect();
+        rows(group, name, what, &all, &[width])?;
+    }
+    Ok(())
 }

@@ -1,5 +1,5 @@
 //! Bytes as 64-bit little-endian integers, compressed for zlib: the layout in
-//! which the original keeps pictures is seven eighths zeros.
+//! which WheelArm-Sim keeps pictures is seven eighths zeros.
 //!
 //! A compressor that knows this looks at the bytes only, an eighth of the data.
 //! A byte is a literal and one match for its zeros; the match goes on over bytes
@@ -80,12 +80,12 @@ struct Run {
 
 /// Compresses pieces of pictures; one per thread.
 #[derive(Debug, Default)]
-pub struct Wide {
+pub struct DeflateInt64 {
     bytes: Vec<u8>,
     tokens: Vec<Token>,
 }
 
-impl Wide {
+impl DeflateInt64 {
     /// Appends the zlib stream of `count` integers, those of `bytes` and then
     /// zeros, to `out`. `pixel` is how many bytes a pixel has: 3 or 4.
     pub fn append(&mut self, bytes: &[u8], count: usize, pixel: usize, out: &mut Vec<u8>) {
@@ -362,7 +362,7 @@ mod tests {
 
     fn back(bytes: &[u8], count: usize, pixel: usize) -> Vec<u8> {
         let mut stream = Vec::new();
-        Wide::default().append(bytes, count, pixel, &mut stream);
+        DeflateInt64::default().append(bytes, count, pixel, &mut stream);
         let mut out = vec![0; ELEMENT * count];
         let length = Decompressor::new()
             .zlib_decompress(&stream, &mut out)

@@ -71,82 +71,14 @@ impl Account {
             .stopped
             .as_ref()
             .map(|s| s.manifest.iter().map(|c| (c.stream.as_str(), c)).collect());
-        let sent_again: BTreeMap<&str, u64> = closing
-            .recovered
-            .iter()
-            .map(|r| (r.stream.as_str(), r.count))
-            .collect();
-
-        let mut problems = Vec::new();
-        if let Some(damage) = &scan.damage {
-            problems.push(format!("{} bytes of the log are lost: {damage}", scan.lost));
-        }
-        if scan.closing.is_none() {
-            problems.push("the recorder ended before it closed the log".to_owned());
-        }
-        if !closing.reason.is_empty() {
-            problems.push(closing.reason.clone());
-        }
-        if scan.closing.is_some() && manifest.is_none() {
-            let words =
-                "the server's manifest did not come: how many samples are missing is unknown";
-            problems.push(words.to_owned());
-        }
+        let mut problems = of_log(scan, closing);
         let mut streams = Vec::new();
         for (name, seen) in scan.preamble.streams.iter().zip(&seen) {
-            let listed = manifest.as_ref().map(|m| m.get(name.as_str()));
-            let expected = match listed {
-                Some(Some(count)) => count.count,
-                // A stream that the manifest leaves out published nothing.
-                Some(None) => 0,
-                None => seen.received() + seen.gaps(),
-            };
-            let there = match listed {
-                Some(Some(count)) if count.count > 0 => seen.within(count.first, count.last),
-                Some(_) => 0,
-                None => seen.received(),
-            };
-            let received = closing.received.iter().find(|r| r.stream == *name);
-            let published = match listed {
-                Some(Some(count)) => hex(&count.digest),
-                _ => String::new(),
-            };
-            let account = StreamAccount {
-                stream: name.clone(),
-                counted: manifest.is_some(),
-                digest: received.map_or_else(String::new, |r| hex(&r.digest)),
-                published,
-                expected,
-                received: seen.received(),
-                missed: expected.saturating_sub(there),
-                recovered: sent_again.get(name.as_str()).copied().unwrap_or(0),
-            };
-            if account.missed > 0 {
-                problems.push(format!(
-                    "{name}: {} of {expected} samples are missing",
-                    account.missed
-                ));
-            }
-            if account.received > there {
-                problems.push(format!(
-                    "{name}: {} samples are there that the manifest does not list",
-                    account.received - there
-                ));
-            }
-            let doubtful = received.map_or(0, |r| r.doubtful);
-            let told = [&account.digest, &account.published]
-                .iter()
-                .all(|d| !d.is_empty());
-            let whole = account.missed == 0 && account.received == there;
-            if doubtful > 0 {
-                problems.push(format!(
-                    "{name}: {doubtful} samples came with two contents: somebody else writes into this stream"
-                ));
-            } else if told && whole && account.digest != account.published {
-                problems.push(format!(
-                    "{name}: it is not what the server published (their digests differ): somebody else wrote into this stream"
-                ));
-            }
+            let listed = manifest
+                .as_ref()
+                .map(|manifest| manifest.get(name.as_str()).copied());
+            let (account, found) = of_stream(name, seen, listed, closing);
+            problems.extend(found);
             streams.push(account);
         }
         for (name, count) in manifest.iter().flatten() {
@@ -167,6 +99,90 @@ impl Account {
         }
         Self { streams, problems }
     }
+}
+
+/// What is wrong with the log as a whole.
+fn of_log(scan: &Scan, closing: &Closing) -> Vec<String> {
+    let mut problems = Vec::new();
+    if let Some(damage) = &scan.damage {
+        problems.push(format!("{} bytes of the log are lost: {damage}", scan.lost));
+    }
+    if scan.closing.is_none() {
+        problems.push("the recorder ended before it closed the log".to_owned());
+    }
+    if !closing.reason.is_empty() {
+        problems.push(closing.reason.clone());
+    }
+    if scan.closing.is_some() && closing.stopped.is_none() {
+        let words = "the server's manifest did not come: how many samples are missing is unknown";
+        problems.push(words.to_owned());
+    }
+    problems
+}
+
+/// One stream's account and what is wrong with it. `listed` is its line of the
+/// server's manifest, where that came.
+fn of_stream(
+    name: &str,
+    seen: &Coverage,
+    listed: Option<Option<&v1::StreamCount>>,
+    closing: &Closing,
+) -> (StreamAccount, Vec<String>) {
+    let sent_again = closing.recovered.iter().rfind(|r| r.stream == name);
+    let mut problems = Vec::new();
+    let expected = match listed {
+        Some(Some(count)) => count.count,
+        // A stream that the manifest leaves out published nothing.
+        Some(None) => 0,
+        None => seen.received() + seen.gaps(),
+    };
+    let there = match listed {
+        Some(Some(count)) if count.count > 0 => seen.within(count.first, count.last),
+        Some(_) => 0,
+        None => seen.received(),
+    };
+    let received = closing.received.iter().find(|r| r.stream == name);
+    let published = match listed {
+        Some(Some(count)) => hex(&count.digest),
+        _ => String::new(),
+    };
+    let account = StreamAccount {
+        stream: name.to_owned(),
+        counted: listed.is_some(),
+        digest: received.map_or_else(String::new, |r| hex(&r.digest)),
+        published,
+        expected,
+        received: seen.received(),
+        missed: expected.saturating_sub(there),
+        recovered: sent_again.map_or(0, |r| r.count),
+    };
+    if account.missed > 0 {
+        problems.push(format!(
+            "{name}: {} of {expected} samples are missing",
+            account.missed
+        ));
+    }
+    if account.received > there {
+        problems.push(format!(
+            "{name}: {} samples are there that the manifest does not list",
+            account.received - there
+        ));
+    }
+    let doubtful = received.map_or(0, |r| r.doubtful);
+    let told = [&account.digest, &account.published]
+        .iter()
+        .all(|d| !d.is_empty());
+    let whole = account.missed == 0 && account.received == there;
+    if doubtful > 0 {
+        problems.push(format!(
+            "{name}: {doubtful} samples came with two contents: somebody else writes into this stream"
+        ));
+    } else if told && whole && account.digest != account.published {
+        problems.push(format!(
+            "{name}: it is not what the server published (their digests differ): somebody else wrote into this stream"
+        ));
+    }
+    (account, problems)
 }
 
 fn hex(bytes: &[u8]) -> String {

@@ -1,0 +1,67 @@
+//! Arguments that several subcommands take, and what a run ends with.
+
+use std::path::PathBuf;
+
+use clap::{Args, ValueEnum};
+use wheelarm_dataset::align::Interpolation;
+
+/// Everything is there.
+pub const FINE: u8 = 0;
+/// A file could not be read or written.
+pub const FAILED: u8 = 1;
+/// Readable, but partial or with problems.
+pub const PARTIAL: u8 = 3;
+
+/// Recordings and how many are worked on at once.
+#[derive(Args)]
+pub struct Files {
+    /// Episode files, or folders with some.
+    #[arg(required = true, value_name = "FILE")]
+    pub files: Vec<PathBuf>,
+    /// Files at once; as many as there are processors without it.
+    #[arg(long, value_name = "N")]
+    pub jobs: Option<usize>,
+}
+
+/// Recordings and how they are aligned and labelled.
+#[derive(Args)]
+pub struct Input {
+    #[command(flatten)]
+    pub files: Files,
+    /// Camera whose stamps are the rows; the one on the arm when absent.
+    #[arg(long, value_name = "CAMERA")]
+    pub reference: Option<String>,
+    /// Greatest distance of the samples around a row, for example `imu=0.02`;
+    /// 2.5 times a stream's usual distance without it. Can be repeated.
+    #[arg(long = "max-age", value_name = "STREAM=SECONDS", value_parser = limit)]
+    pub limits: Vec<(String, f64)>,
+    /// Curve between two samples.
+    #[arg(long, value_enum, default_value_t, value_name = "CURVE")]
+    pub interpolation: Interpolation,
+    /// Table of corrected segments, as `label --out` writes it.
+    #[arg(long, value_name = "CSV")]
+    pub corrections: Option<PathBuf>,
+}
+
+/// Formats of `export`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum FormatName {
+    /// The HDF5 of WheelArm-Sim's recorder: 60 datasets per sample.
+    WheelarmSim,
+    /// WheelArm-Sim's final table of 117 columns, and folders of PNG pictures.
+    Csv,
+    /// LeRobot data set, version 3.0.
+    Lerobot,
+    /// robomimic HDF5 with MimicGen's additions.
+    Robomimic,
+    /// MCAP for Foxglove.
+    Mcap,
+}
+
+/// Parses `STREAM=SECONDS`.
+fn limit(text: &str) -> Result<(String, f64), String> {
+    text.split_once('=')
+        .and_then(|(stream, seconds)| Some((stream.to_owned(), seconds.parse().ok()?)))
+        .filter(|(stream, seconds)| !stream.is_empty() && (0.0..1e6).contains(seconds))
+        .ok_or_else(|| format!("{text:?} is no limit; write it as imu=0.02"))
+}

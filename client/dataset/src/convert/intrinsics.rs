@@ -1,0 +1,29 @@
+//! Intrinsics of the cameras for those who read no episode file.
+
+use serde_json::{Value, json};
+
+use super::{Recording, Size};
+use crate::calibration::{CONVENTION, PIXEL_CENTRE};
+
+/// Intrinsics of a recording's cameras for pictures of `size`, or as recorded:
+/// pixels, pinhole without distortion.
+#[must_use]
+pub(super) fn cameras(recording: &Recording, size: Option<Size>) -> Value {
+    let mut all = serde_json::Map::new();
+    for (name, camera) in &recording.cameras {
+        let [width, height, fx, fy, cx, cy] = camera.intrinsics(0);
+        let to = size.map_or([width, height], |s| [s.width as f64, s.height as f64]);
+        // Edges stay edges when a picture is scaled, so that nothing is added.
+        let [sx, sy] = [to[0] / width, to[1] / height];
+        let entry = json!({
+            "width": to[0] as u64, "height": to[1] as u64,
+            "fx": sx * fx, "fy": sy * fy, "cx": sx * cx, "cy": sy * cy,
+            "distortion": [], "frame": "z forward, x right, y down",
+        });
+        all.insert(name.clone(), entry);
+    }
+    json!({
+        "units": "pixels", "pixel_centre": PIXEL_CENTRE, "convention": CONVENTION,
+        "cameras": all,
+    })
+}

@@ -1,0 +1,114 @@
+//! The set while it grows: its data files, tasks, episodes and statistics.
+
+use std::collections::BTreeMap;
+
+use super::layout::Layout;
+use super::statistics::Gathered;
+use super::table::{Column, Table};
+use crate::convert::PendingFolder;
+
+/// A data file is closed after the episode with which it passes this size.
+pub(super) const FILE_BYTES: usize = 100 << 20;
+/// Files in one folder.
+pub(super) const FOLDER_FILES: usize = 1000;
+
+/// What grows while episodes come.
+pub(super) struct Set {
+    /// Where it grows.
+    pub folder: PendingFolder,
+    /// Pictures per second and cameras with their sizes; the first episode
+    /// decides, the others must have the same.
+    pub layout: Option<Layout>,
+    /// The data file that is open.
+    pub data: Option<Table>,
+    /// Its number.
+    pub file: usize,
+    /// Instructions in the order in which they first appeared.
+    pub tasks: Vec<String>,
+    /// What `meta/episodes` tells of each.
+    pub episodes: Vec<EpisodeRow>,
+    /// Rows of all episodes.
+    pub rows: usize,
+    /// By feature, over all episodes.
+    pub statistics: BTreeMap<String, Gathered>,
+    /// Intrinsics of the first episode's cameras, for pictures of the set's size.
+    pub calibration: serde_json::Value,
+}
+
+/// One episode of the set.
+pub(super) struct EpisodeRow {
+    /// Its instruction.
+    pub task: String,
+    /// Its rows.
+    pub length: usize,
+    /// Number of its data file.
+    pub file: usize,
+    /// Rows of the set before it.
+    pub from: usize,
+    /// Label of the recording.
+    pub label: String,
+    /// Whether the task succeeded.
+    pub success: bool,
+    /// By feature.
+    pub statistics: BTreeMap<String, Gathered>,
+}
+
+impl Set {
+    /// An empty one.
+    pub fn new(folder: PendingFolder) -> Self {
+        Self {
+            folder,
+            layout: None,
+            data: None,
+            file: 0,
+            tasks: Vec::new(),
+            episodes: Vec::new(),
+            rows: 0,
+            statistics: BTreeMap::new(),
+            calibration: serde_json::Value::Null,
+        }
+    }
+
+    /// Number of a task, which is taken up when it is new.
+    pub fn task(&mut self, instruction: &str) -> usize {
+        let known = self.tasks.iter().position(|t| t == instruction);
+        known.unwrap_or_else(|| {
+            self.tasks.push(instruction.to_owned());
+            self.tasks.len() - 1
+        })
+    }
+
+    /// Appends rows to the open data file, or to a new one.
+    pub fn append(&mut self, layout: &Layout, rows: Vec<Column>) -> anyhow::Result<()> {
+        if let Some(table) = &mut self.data {
+            return table.append(rows);
+        }
+        let (folder, file) = (self.file / FOLDER_FILES, self.file % FOLDER_FILES);
+        let name = format!("data/chunk-{folder:03}/file-{file:03}.parquet");
+        let footer = [("huggingface", layout.footer())];
+        let table = Table::create(&self.folder.path().join(name), rows, &footer)?;
+        self.data = Some(table);
+        Ok(())
+    }
+
+    /// Takes up an episode whose rows are appended.
+    pub fn finish_episode(&mut self, episode: EpisodeRow) -> anyhow::Result<()> {
+        for (name, values) in &episode.statistics {
+            match self.statistics.get_mut(name) {
+                Some(all) => all.merge(values),
+                None => {
+                    self.statistics.insert(name.clone(), values.clone());
+                }
+            }
+        }
+        self.rows += episode.length;
+        self.episodes.push(episode);
+        if self.data.as_ref().is_some_and(|t| t.bytes() > FILE_BYTES)
+            && let Some(table) = self.data.take()
+        {
+            table.close()?;
+            self.file += 1;
+        }
+        Ok(())
+    }
+}

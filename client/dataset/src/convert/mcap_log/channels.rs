@@ -1,0 +1,250 @@
+//! Which channels a recording becomes. What a message holds is read by the one
+//! table of columns; here stands only where a viewer looks for it.
+
+use std::sync::Arc;
+
+use wheelarm_proto::{TopicId, v1};
+
+use super::channel::Channel;
+use super::foxglove::{self, FrameTransforms, transform};
+use crate::convert::Recording;
+use crate::pose::{self, Pose};
+use crate::read::Camera;
+use crate::urdf::{self, Joint, Robot};
+
+/// Every channel of a recording.
+pub(super) fn channels<'a>(
+    recording: &'a Recording,
+    robot: Option<&'a Robot>,
+    assets: &[v1::AssetText],
+) -> anyhow::Result<Vec<Channel<'a>>> {
+    let mut out = once(recording, robot, assets)?;
+    for (name, camera) in &recording.cameras {
+        out.extend(pictures(recording, name, camera));
+    }
+    // Every topic of the table: what is recorded has a place in the log.
+    for topic in TopicId::ALL {
+        if topic == TopicId::Event || recording.episode.has(topic.name()) {
+            of_topic(&mut out, topic, recording, robot)?;
+        }
+    }
+    Ok(out)
+}
+
+/// What a viewer needs once: links that never move, and the robot's looks.
+fn once<'a>(
+    recording: &'a Recording,
+    robot: Option<&'a Robot>,
+    assets: &[v1::AssetText],
+) -> anyhow::Result<Vec<Channel<'a>>> {
+    let stamp = recording.summary.span_nanos.0;
+    let mut out = Vec::new();
+    if let Some(robot) = robot {
+        let recorded = recording.episode.names("joint_state", "position")?;
+        let still = robot.joints().iter();
+        let still = still.filter(move |j| !j.moves() || !recorded.contains(&j.name));
+        let still: Vec<&Joint> = still.collect();
+        out.push(Channel::foxglove(
+            "/tf_static",
+            &[stamp],
+            move |_, stamp| {
+                let each = still.iter();
+                let each = each.map(|j| transform(stamp, &j.parent, &j.child, &j.pose(0.0)));
+                Ok(FrameTransforms {
+                    transforms: each.collect(),
+                })
+            },
+        ));
+    }
+    if let Some(drawn) = urdf::text(assets).and_then(|t| urdf::without_meshes(t).ok()) {
+        out.push(Channel::text("/robot_description", stamp, drawn));
+    }
+    Ok(out)
+}
+
+fn pictures<'a>(recording: &'a Recording, name: &str, camera: &'a Camera) -> [Channel<'a>; 5] {
+    let (episode, stamps) = (&recording.episode, camera.stamps());
+    let topic = |what: &str| format!("/camera/{name}/{what}");
+    [
+        Channel::foxglove(topic("rgb"), stamps, |i, stamp| {
+            foxglove::colour(episode, camera, i, stamp)
+        }),
+        Channel::foxglove(topic("depth"), stamps, |i, stamp| {
+            foxglove::depth(episode, camera, i, stamp)
+        }),
+        Channel::foxglove(topic("ids"), stamps, |i, stamp| {
+            foxglove::instances(episode, camera, i, stamp)
+        }),
+        Channel::foxglove(topic("calibration"), stamps, |i, stamp| {
+            Ok(foxglove::calibration(camera, i, stamp))
+        }),
+        Channel::foxglove(format!("/tf/{name}"), stamps, |i, stamp| {
+            Ok(FrameTransforms {
+                transforms: vec![transform(stamp, "house", camera.stream(), &camera.pose(i))],
+            })
+        }),
+    ]
+}
+
+/// What becomes of one topic's samples.
+fn of_topic<'a>(
+    out: &mut Vec<Channel<'a>>,
+    topic: TopicId,
+    recording: &'a Recording,
+    robot: Option<&'a Robot>,
+) -> anyhow::Result<()> {
+    let episode = &recording.episode;
+    let samples = || Ok::<_, anyhow::Error>(Arc::new(episode.samples(topic.name())?));
+    match topic {
+        TopicId::JointState => joint_state(out, recording, robot)?,
+        TopicId::Pose => poses(out, recording, robot)?,
+        TopicId::FurnitureJoint => {
+            let samples = samples()?;
+            let stamps = samples.stamps().to_vec();
+            out.push(Channel::foxglove(
+                "/furniture_joints",
+                &stamps,
+                move |i, stamp| {
+                    let m: v1::FurnitureJoints = samples.message(i)?;
+                    let numbers = [&m.positions[..], &m.velocities, &[]];
+                    let names = &samples.context().furniture_joints;
+                    Ok(foxglove::joints(names, numbers, stamp))
+                },
+            ));
+        }
+        TopicId::ObjectPose => {
+            let samples = samples()?;
+            let stamps = samples.stamps().to_vec();
+            out.push(Channel::foxglove(
+                "/tf/objects",
+                &stamps,
+                move |i, stamp| {
+                    let m: v1::ObjectPoses = samples.message(i)?;
+                    let each = samples.context().objects.iter().zip(&m.poses);
+                    let each = each.map(|(name, pose)| {
+                        transform(stamp, "house", name, &pose::of_message(Some(pose)))
+                    });
+                    Ok(FrameTransforms {
+                        transforms: each.collect(),
+                    })
+                },
+            ));
+        }
+        TopicId::Event => {
+            let texts = |column| episode.texts("event", column);
+            if let (Ok(kinds), Ok(texts)) = (texts("kind"), texts("text")) {
+                let stamps = episode.stamps("event")?;
+                out.push(Channel::foxglove("/events", &stamps, move |i, stamp| {
+                    let text = texts.get(i).map_or("", String::as_str);
+                    Ok(foxglove::log(&kinds[i], text, stamp))
+                }));
+            }
+        }
+        TopicId::Contact => out.push(Channel::own("/contact", topic, samples()?)),
+        TopicId::Imu => out.push(Channel::own("/imu", topic, samples()?)),
+        TopicId::Odometry => out.push(Channel::own("/odometry", topic, samples()?)),
+        TopicId::Evaluation => out.push(Channel::own("/evaluation", topic, samples()?)),
+        TopicId::Phase => out.push(Channel::own("/phase", topic, samples()?)),
+        TopicId::Applied => out.push(Channel::own("/applied", topic, samples()?)),
+        TopicId::Command => out.push(Channel::own("/command", topic, samples()?)),
+        // `clock` and `state_hash` tell a viewer nothing; a skin has no message
+        // that viewers know. Pictures are taken by camera; the rest is not
+        // recorded.
+        TopicId::Clock
+        | TopicId::StateHash
+        | TopicId::Deformable
+        | TopicId::Camera
+        | TopicId::Preview
+        | TopicId::SentCommand
+        | TopicId::Refusal
+        | TopicId::EpisodeStart
+        | TopicId::EpisodeStop
+        | TopicId::Recorder => {}
+    }
+    Ok(())
+}
+
+/// The joints, and the links below those that move; a joint whose position is
+/// not recorded stays where it is at zero.
+fn joint_state<'a>(
+    out: &mut Vec<Channel<'a>>,
+    recording: &'a Recording,
+    robot: Option<&'a Robot>,
+) -> anyhow::Result<()> {
+    let samples = Arc::new(recording.episode.samples(TopicId::JointState.name())?);
+    let stamps = samples.stamps().to_vec();
+    let joints = samples.clone();
+    out.push(Channel::foxglove(
+        "/joint_states",
+        &stamps,
+        move |i, stamp| {
+            let m: v1::JointState = joints.message(i)?;
+            let numbers = [&m.positions[..], &m.velocities, &m.efforts];
+            Ok(foxglove::joints(&joints.context().joints, numbers, stamp))
+        },
+    ));
+    let Some(robot) = robot else {
+        return Ok(());
+    };
+    let names = &samples.context().joints;
+    let moving = robot.joints().iter().filter(|j| j.moves());
+    let moving = moving.filter_map(|j| Some((names.iter().position(|n| *n == j.name)?, j)));
+    let moving: Vec<(usize, &Joint)> = moving.collect();
+    out.push(Channel::foxglove("/tf/links", &stamps, move |i, stamp| {
+        let m: v1::JointState = samples.message(i)?;
+        let each = moving.iter().map(|(place, joint)| {
+            let position = m.positions.get(*place).copied().unwrap_or(f64::NAN);
+            transform(stamp, &joint.parent, &joint.child, &joint.pose(position))
+        });
+        Ok(FrameTransforms {
+            transforms: each.collect(),
+        })
+    }));
+    Ok(())
+}
+
+/// The chair, or every recorded frame where the recording tells no links, and
+/// the end effector.
+fn poses<'a>(
+    out: &mut Vec<Channel<'a>>,
+    recording: &'a Recording,
+    robot: Option<&'a Robot>,
+) -> anyhow::Result<()> {
+    fn pose_of(m: &v1::PoseSet, place: usize) -> Option<&v1::Pose> {
+        m.frames.get(place)?.pose.as_ref()
+    }
+    let samples = Arc::new(recording.episode.samples(TopicId::Pose.name())?);
+    let stamps = samples.stamps().to_vec();
+    let (described, roles) = (&recording.robot, &recording.roles);
+    // Parent, link and place among the frames.
+    let shown: Vec<(&str, &str, usize)> = match robot {
+        Some(_) => vec![("house", &described.root_link, roles.chair)],
+        None => {
+            let frames = described.frames.iter().enumerate();
+            frames
+                .map(|(place, f)| (f.parent.as_str(), f.link.as_str(), place))
+                .collect()
+        }
+    };
+    let tree = samples.clone();
+    out.push(Channel::foxglove("/tf", &stamps, move |i, stamp| {
+        let m: v1::PoseSet = tree.message(i)?;
+        let each = shown.iter().map(|(parent, link, place)| {
+            let at: Pose = pose::of_message(pose_of(&m, *place));
+            transform(stamp, parent, link, &at)
+        });
+        Ok(FrameTransforms {
+            transforms: each.collect(),
+        })
+    }));
+    out.push(Channel::foxglove(
+        "/end_effector",
+        &stamps,
+        move |i, stamp| {
+            let m: v1::PoseSet = samples.message(i)?;
+            let at = pose_of(&m, roles.end_effector);
+            Ok(foxglove::pose_in(&described.arm_base_link, at, stamp))
+        },
+    ));
+    Ok(())
+}

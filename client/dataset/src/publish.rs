@@ -1,0 +1,208 @@
+//! Publication: what was made under another name gets its final one, durably, in
+//! one step and never over another. Whoever makes files or folders that others
+//! look for goes through here: recorder, exports, campaigns.
+
+use std::fs::File;
+use std::io;
+use std::path::Path;
+
+use rustix::fs::{CWD, RenameFlags, renameat_with};
+use rustix::io::Errno;
+
+/// Gives the temporary file its final name.
+///
+/// # Errors
+/// `AlreadyExists` when the name is taken; then both files stay as they are. Else
+/// what the disk says.
+pub fn file(temporary: &Path, target: &Path) -> io::Result<()> {
+    File::open(temporary)?.sync_all()?;
+    let mut done = rename(temporary, target);
+    if done.is_err_and(cannot) {
+        // Some network folders do not know that call, but have hard links.
+        done = link(temporary, target);
+    }
+    match done {
+        Ok(()) => {}
+        Err(problem) if cannot(problem) => take_name(temporary, target)?,
+        Err(problem) => return Err(problem.into()),
+    }
+    sync_folder(target)
+}
+
+/// Gives the temporary folder its final name; what is in it is durable already,
+/// or can be made again.
+///
+/// # Errors
+/// `AlreadyExists` when the name is taken; then both stay as they are. Else what
+/// the disk says.
+pub fn folder(temporary: &Path, target: &Path) -> io::Result<()> {
+    match rename(temporary, target) {
+        Ok(()) => {}
+        Err(problem) if cannot(problem) => take_folder(temporary, target)?,
+        Err(problem) => return Err(problem.into()),
+    }
+    sync_folder(target)
+}
+
+fn rename(temporary: &Path, target: &Path) -> Result<(), Errno> {
+    renameat_with(CWD, temporary, CWD, target, RenameFlags::NOREPLACE)
+}
+
+fn link(temporary: &Path, target: &Path) -> Result<(), Errno> {
+    rustix::fs::link(temporary, target)?;
+    // The file is in its place; a second name harms nobody.
+    let _ = std::fs::remove_file(temporary);
+    Ok(())
+}
+
+/// Whether a file system does not have a call, rather than failing in it.
+fn cannot(problem: Errno) -> bool {
+    let missing = [
+        Errno::INVAL,
+        Errno::NOSYS,
+        Errno::PERM,
+        Errno::OPNOTSUPP,
+        Errno::MLINK,
+    ];
+    missing.contains(&problem)
+}
+
+/// Where there is neither: takes the name with an empty file of our own, which
+/// the rename then replaces.
+fn take_name(temporary: &Path, target: &Path) -> io::Result<()> {
+    File::create_new(target)?;
+    std::fs::rename(temporary, target).inspect_err(|_| {
+        // No empty file may keep the final name.
+        let _ = std::fs::remove_file(target);
+    })
+}
+
+/// The same for a folder: only an empty one is replaced, and that is our own.
+fn take_folder(temporary: &Path, target: &Path) -> io::Result<()> {
+    std::fs::create_dir(target)?;
+    std::fs::rename(temporary, target).inspect_err(|_| {
+        let _ = std::fs::remove_dir(target);
+    })
+}
+
+/// Makes a new or removed name durable.
+///
+/// # Errors
+/// What the disk says.
+pub fn sync_folder(file: &Path) -> io::Result<()> {
+    let folder = match file.parent() {
+        Some(folder) if !folder.as_os_str().is_empty() => folder,
+        _ => Path::new("."),
+    };
+    File::open(folder)?.sync_all()
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::PathBuf;
+    use std::sync::Barrier;
+
+    use super::*;
+
+    /// A way of giving a name.
+    type Way = fn(&Path, &Path) -> io::Result<()>;
+
+    const FILES: [Way; 4] = [
+        file,
+        |from, to| rename(from, to).map_err(Into::into),
+        |from, to| link(from, to).map_err(Into::into),
+        take_name,
+    ];
+    const FOLDERS: [Way; 3] = [
+        folder,
+        |from, to| rename(from, to).map_err(Into::into),
+        take_folder,
+    ];
+
+    /// Something to publish that says whose it is: a file, or a folder with one.
+    fn make(path: &Path, words: &str, is_folder: bool) {
+        if is_folder {
+            std::fs::create_dir(path).unwrap();
+            std::fs::write(path.join("words"), words).unwrap();
+        } else {
+            std::fs::write(path, words).unwrap();
+        }
+    }
+
+    fn words(path: &Path) -> String {
+        let inside = if path.is_dir() {
+            path.join("words")
+        } else {
+            path.to_owned()
+        };
+        std::fs::read_to_string(inside).unwrap()
+    }
+
+    #[test]
+    fn of_several_that_publish_at_once_one_wins_and_nobody_loses_what_he_made() {
+        let ways = FILES.map(|way| (way, false)).into_iter();
+        for (way, is_folder) in ways.chain(FOLDERS.map(|way| (way, true))) {
+            for _ in 0..50 {
+                let place = tempfile::tempdir().unwrap();
+                let target = place.path().join("final");
+                let made: Vec<PathBuf> = (0..4)
+                    .map(|i| place.path().join(format!("made-{i}")))
+                    .collect();
+                for (i, path) in made.iter().enumerate() {
+                    make(path, &i.to_string(), is_folder);
+                }
+                let start = Barrier::new(made.len());
+                let done: Vec<io::Result<()>> = std::thread::scope(|scope| {
+                    let threads: Vec<_> = made
+                        .iter()
+                        .map(|path| {
+                            let (start, target) = (&start, &target);
+                            scope.spawn(move || {
+                                start.wait();
+                                way(path, target)
+                            })
+                        })
+                        .collect();
+                    threads.into_iter().map(|t| t.join().unwrap()).collect()
+                });
+                let winners: Vec<usize> = (0..made.len()).filter(|&i| done[i].is_ok()).collect();
+                assert_eq!(winners.len(), 1, "{done:?}");
+                assert_eq!(words(&target), winners[0].to_string());
+                for (i, path) in made.iter().enumerate() {
+                    assert_eq!(path.exists(), i != winners[0]);
+                    if let Err(problem) = &done[i] {
+                        assert_eq!(problem.kind(), io::ErrorKind::AlreadyExists);
+                        assert_eq!(words(path), i.to_string());
+                    }
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn a_taken_name_is_never_replaced_by_any_of_the_ways() {
+        let ways = FILES.map(|way| (way, false)).into_iter();
+        for (way, is_folder) in ways.chain(FOLDERS.map(|way| (way, true))) {
+            let place = tempfile::tempdir().unwrap();
+            let (temporary, target) = (place.path().join("t"), place.path().join("f"));
+            make(&temporary, "new", is_folder);
+            make(&target, "old", is_folder);
+            let problem = way(&temporary, &target).unwrap_err();
+            assert_eq!(problem.kind(), io::ErrorKind::AlreadyExists);
+            assert_eq!(
+                (words(&target), words(&temporary)),
+                ("old".into(), "new".into())
+            );
+        }
+    }
+
+    #[test]
+    fn what_cannot_be_renamed_leaves_nothing_empty_under_the_final_name() {
+        let place = tempfile::tempdir().unwrap();
+        let (temporary, target) = (place.path().join("t"), place.path().join("f"));
+        for way in [take_name, take_folder] {
+            assert!(way(&temporary, &target).is_err());
+            assert!(!target.exists());
+        }
+    }
+}

@@ -1,0 +1,54 @@
+//! Why an episode file cannot be read, in words that name the file.
+
+use std::path::PathBuf;
+
+/// Why an episode file cannot be read.
+#[derive(Debug, thiserror::Error)]
+pub enum ReadError {
+    /// There is no file that could be read.
+    #[error("{path}: {reason}")]
+    Unreadable {
+        /// The path.
+        path: PathBuf,
+        /// What is wrong, with the cure.
+        reason: String,
+    },
+    /// The file is no episode.
+    #[error("{path} is no WheelArm episode: {reason}")]
+    NoEpisode {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong.
+        reason: String,
+    },
+    /// Something in it is absent or has another type.
+    #[error("{path}: {what}: {source}")]
+    Hdf5 {
+        /// The file.
+        path: PathBuf,
+        /// What was looked for.
+        what: String,
+        /// The reason.
+        source: hdf5::Error,
+    },
+    /// Stored bytes are not the message that they should be.
+    #[error("{path}: {what}: {source}")]
+    Message {
+        /// The file.
+        path: PathBuf,
+        /// What was looked for.
+        what: String,
+        /// The reason.
+        source: prost::DecodeError,
+    },
+    /// Stored values do not mean what they should.
+    #[error("{path}: {what}: {reason}")]
+    Content {
+        /// The file.
+        path: PathBuf,
+        /// What was looked for.
+        what: String,
+        /// What is wrong.
+        reason: String,
+    },
+}

@@ -1,0 +1,131 @@
+//! What a file says of itself: its attributes, and the account of every stream.
+
+use hdf5::Location;
+
+use super::error::ReadError;
+use super::{Episode, number, text, texts};
+use crate::account::StreamAccount;
+use crate::ending::PHYSICS;
+
+/// What a file says of itself.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Summary {
+    /// Label of the episode.
+    pub label: String,
+    /// Instruction sentence.
+    pub instruction: String,
+    /// Task, activity and area.
+    pub task: [String; 3],
+    /// Seed of the scenario.
+    pub seed: u64,
+    /// The task succeeded.
+    pub success: bool,
+    /// Why it failed; empty when it did not.
+    pub failure_reason: String,
+    /// Why the episode ended: `asked`, `physics`, `recorders` or `shutdown`;
+    /// empty when that was not told.
+    pub end_cause: String,
+    /// What was odd in the simulation, in words.
+    pub anomalies: Vec<String>,
+    /// Its codes in the same order, for example `escaped`; none in older files.
+    pub anomaly_kinds: Vec<String>,
+    /// Conditions with their state and measured value at the end.
+    pub conditions: Vec<(String, bool, f64)>,
+    /// Everything that was published is there.
+    pub complete: bool,
+    /// Why not.
+    pub problems: Vec<String>,
+    /// One account per stream.
+    pub streams: Vec<StreamAccount>,
+    /// First and last simulation time of any stream, nanoseconds.
+    pub span_nanos: (u64, u64),
+    /// Wall seconds that the episode took.
+    pub wall_seconds: Option<f64>,
+    /// Server version, adapter, recorder, recorder version, quality, pacing.
+    pub origin: [String; 6],
+    /// Unit of the depth pictures.
+    pub depth_unit: String,
+    /// Version of the layout.
+    pub schema_version: String,
+}
+
+impl Episode {
+    /// What the file says of itself.
+    ///
+    /// # Errors
+    /// When an attribute is absent.
+    pub fn summary(&self) -> Result<Summary, ReadError> {
+        let at: &Location = &self.file;
+        let told = |name: &str| text(at, name).map_err(|e| self.hdf5(name, e));
+        let mut conditions = Vec::new();
+        for name in at.attr_names().map_err(|e| self.hdf5("attributes", e))? {
+            if let Some(condition) = name.strip_prefix("condition ")
+                && let Ok(holds) = number::<bool>(at, &name)
+            {
+                let value = number(at, &format!("condition value {condition}"));
+                conditions.push((condition.to_owned(), holds, value.unwrap_or(f64::NAN)));
+            }
+        }
+        let mut span = (u64::MAX, 0);
+        let mut streams = Vec::new();
+        for name in self.streams()? {
+            let group = self.group(&name)?;
+            let stamps = self.u64s(&name, "stamp_nanos")?;
+            if let (Some(first), Some(last)) = (stamps.first(), stamps.last()) {
+                span = (span.0.min(*first), span.1.max(*last));
+            }
+            let count = |what: &str| number::<u64>(&group, what).unwrap_or(0);
+            let least = |what: &str| number::<u64>(&group, &format!("{what}_at_least")).ok();
+            let digest = |what: &str| text(&group, what).unwrap_or_default();
+            let unknown = least("expected").zip(least("missed"));
+            let told = || (count("expected"), count("missed"));
+            let (expected, missed) = unknown.unwrap_or_else(told);
+            streams.push(StreamAccount {
+                expected,
+                received: count("received"),
+                missed,
+                counted: unknown.is_none(),
+                recovered: count("recovered"),
+                digest: digest("digest"),
+                published: digest("digest_published"),
+                stream: name,
+            });
+        }
+        if span.0 > span.1 {
+            span = (0, 0);
+        }
+        Ok(Summary {
+            label: told("label")?,
+            instruction: told("instruction")?,
+            task: [told("task")?, told("activity")?, told("area")?],
+            seed: number(at, "seed").map_err(|e| self.hdf5("seed", e))?,
+            success: number(at, "success").map_err(|e| self.hdf5("success", e))?,
+            failure_reason: told("failure_reason")?,
+            end_cause: text(at, "end_cause").unwrap_or_default(),
+            anomalies: texts(at, "anomalies").unwrap_or_default(),
+            anomaly_kinds: texts(at, "anomaly_kinds").unwrap_or_default(),
+            conditions,
+            complete: number(at, "complete").map_err(|e| self.hdf5("complete", e))?,
+            problems: texts(at, "problems").map_err(|e| self.hdf5("problems", e))?,
+            streams,
+            span_nanos: span,
+            wall_seconds: number(at, "wall_seconds").ok(),
+            origin: [
+                told("server_version")?,
+                told("adapter")?,
+                told("recorder")?,
+                told("recorder_version")?,
+                told("quality")?,
+                told("pacing")?,
+            ],
+            depth_unit: told("depth_unit")?,
+            schema_version: told("schema_version")?,
+        })
+    }
+
+    /// Whether the simulation broke in it: it is no success and not fit for training.
+    #[must_use]
+    pub fn is_broken(&self) -> bool {
+        text(&self.file, "end_cause").is_ok_and(|cause| cause == PHYSICS)
+    }
+}

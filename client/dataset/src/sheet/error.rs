@@ -1,0 +1,31 @@
+//! Why there is no sheet.
+
+use plotters::prelude::*;
+
+use crate::read::ReadError;
+
+/// What the drawing library says.
+pub(crate) type DrawError =
+    DrawingAreaErrorKind<<BitMapBackend<'static> as DrawingBackend>::ErrorType>;
+
+/// Why there is no sheet.
+#[derive(Debug, thiserror::Error)]
+pub enum SheetError {
+    /// The episode cannot be read.
+    #[error(transparent)]
+    Read(#[from] ReadError),
+    /// The drawing library failed.
+    #[error("the sheet cannot be drawn: {0}")]
+    Draw(#[from] DrawError),
+    /// The fonts in this program are not readable.
+    #[error("the built-in fonts cannot be used")]
+    Fonts,
+    /// The PNG cannot be written.
+    #[error("{path} cannot be written: {source}")]
+    Write {
+        /// The file.
+        path: String,
+        /// The reason.
+        source: png::EncodingError,
+    },
+}
