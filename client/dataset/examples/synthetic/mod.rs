@@ -175,7 +175,7 @@ impl Random {
                         ..Default::default()
                     }),
                     commander: self.word(),
-                    answers_tick: self.bits(),
+                    answers_tick: Some(self.bits()),
                     arm: (self.below(3) > 0).then(|| self.arm()),
                     base: (self.below(3) > 0).then(|| self.base()),
                     gripper: (self.below(3) > 0).then(|| self.gripper()),
@@ -315,8 +315,8 @@ pub fn started(label: &str) -> v1::EpisodeStarted {
                         w: 1.0,
                     }),
                 }),
-                mass: 0.6,
-                friction: 0.8,
+                mass: Some(0.6),
+                friction: Some(0.8),
             }],
             ..Default::default()
         }),
@@ -349,6 +349,7 @@ pub fn snapshot() -> v1::SnapshotReply {
             v1::AssetText {
                 path: "scenes/home.toml".into(),
                 text: "# a home\n".into(),
+                ..v1::Event::default()
             },
             v1::AssetText {
                 path: "tasks/pick_mustard.toml".into(),

@@ -210,7 +210,7 @@ static COMMAND: Table<v1::CommandLog> = Table {
             },
         ),
         u64s("answers_tick", "ticks of 1/240 s", |m, _, o| {
-            o.push(m.command.as_ref().map_or(0, |c| c.answers_tick));
+            o.push(m.command.as_ref().map_or(0, |c| c.answers_tick()));
         }),
         text("arm_kind", |m| {
             take::arm_kind(m.command.as_ref().and_then(|c| c.arm.as_ref()))
