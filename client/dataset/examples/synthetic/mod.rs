@@ -266,6 +266,7 @@ impl Random {
                 header,
                 kind: 6,
                 text: self.word(),
+                ..v1::Event::default()
             }
             .encode_to_vec(),
         }
@@ -349,7 +350,6 @@ pub fn snapshot() -> v1::SnapshotReply {
             v1::AssetText {
                 path: "scenes/home.toml".into(),
                 text: "# a home\n".into(),
-                ..v1::Event::default()
             },
             v1::AssetText {
                 path: "tasks/pick_mustard.toml".into(),
