@@ -37,6 +37,22 @@ pub enum Invalid {
     /// A required part is absent.
     #[error("{0} is missing")]
     Missing(&'static str),
+    /// A part of something is absent.
+    #[error("{what} has no {part}")]
+    MissingPart {
+        /// The field.
+        what: &'static str,
+        /// The part.
+        part: &'static str,
+    },
+    /// Something in a list.
+    #[error("{place}: {source}")]
+    In {
+        /// Which entry, for example `object "mustard"`.
+        place: String,
+        /// What is wrong with it.
+        source: Box<Invalid>,
+    },
     /// A number is NaN or infinite.
     #[error("{what} is {value}, expected a finite number")]
     NotFinite {
@@ -170,9 +186,12 @@ pub fn quaternion(what: &'static str, q: Option<&v1::Quaternion>) -> Result<[f64
 /// [`Invalid`] when a part is absent, not finite or not of unit length.
 pub fn pose(what: &'static str, p: Option<&v1::Pose>) -> Result<([f64; 3], [f64; 4]), Invalid> {
     let p = p.ok_or(Invalid::Missing(what))?;
+    let part = |part| Invalid::MissingPart { what, part };
+    let position = p.position.as_ref().ok_or_else(|| part("position"))?;
+    let orientation = p.orientation.as_ref().ok_or_else(|| part("orientation"))?;
     Ok((
-        vector(what, p.position.as_ref())?,
-        quaternion(what, p.orientation.as_ref())?,
+        vector(what, Some(position))?,
+        quaternion(what, Some(orientation))?,
     ))
 }
 

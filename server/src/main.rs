@@ -1,6 +1,7 @@
 //! `wheelarm-server`: parses and wires; the library runs.
 
 use std::ffi::OsString;
+use std::io::Read;
 use std::net::TcpListener;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -106,6 +107,9 @@ fn named<T: Named + Send + Sync>() -> impl TypedValueParser<Value = T> {
         .try_map(|name| T::from_name(&name))
 }
 
+/// Longest scenario that is read, bytes.
+const LONGEST_SCENARIO: u64 = 1 << 20;
+
 impl Args {
     /// The scenario that file and options ask for.
     fn scenario(&self) -> anyhow::Result<v1::Scenario> {
@@ -136,16 +140,23 @@ impl Args {
     }
 
     fn scenario_file(&self, file: &Path) -> anyhow::Result<v1::Scenario> {
-        let text = if file.as_os_str() != "-" {
-            std::fs::read_to_string(file)
+        let (mut text, limit) = (String::new(), LONGEST_SCENARIO + 1);
+        let read = if file.as_os_str() != "-" {
+            std::fs::File::open(file).and_then(|file| file.take(limit).read_to_string(&mut text))
         } else if self.end_with_stdin {
             bail!(
                 "standard input cannot say both the scenario and when to end: give --scenario a file"
             );
         } else {
-            std::io::read_to_string(std::io::stdin())
+            std::io::stdin().take(limit).read_to_string(&mut text)
         };
-        let text = text.with_context(|| format!("reading the scenario {}", file.display()))?;
+        read.with_context(|| format!("reading the scenario {}", file.display()))?;
+        if text.len() as u64 > LONGEST_SCENARIO {
+            bail!(
+                "the scenario {} is longer than {LONGEST_SCENARIO} bytes: is it another file?",
+                file.display()
+            );
+        }
         startup::read(&text).with_context(|| format!("the scenario {}", file.display()))
     }
 }

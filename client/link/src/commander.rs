@@ -117,7 +117,7 @@ impl Commander {
             ..clock.clone()
         });
         command.commander.clone_from(&self.name);
-        command.answers_tick = clock.tick;
+        command.answers_tick = Some(clock.tick);
         self.sequence += 1;
         let mut bytes = command.encode_to_vec();
         let secret = self.secret();

@@ -123,6 +123,8 @@ impl Turns {
                     }
                 }
                 Some(Sample::Refusal(refusal)) if refusal.commander == self.commander.name() => {
+                    // The tick is not answered: it is offered again.
+                    self.due = (String::new(), 0, 0);
                     return Ok(Turn::Refused(refusal));
                 }
                 Some(Sample::EpisodeStop(stopped)) => return Ok(Turn::Ended(stopped)),

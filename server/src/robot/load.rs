@@ -18,6 +18,8 @@ const RECORDED: &str = "robot.toml records";
 const NAMED: &str = "robot.toml names";
 /// How far the stroke may be from what the linkage opens, metres.
 const STROKE_TOLERANCE: f64 = 1e-3;
+/// How far the track may be from that of the driven wheels, metres.
+const TRACK_TOLERANCE: f64 = 1e-3;
 
 /// Why a robot did not load.
 #[derive(Debug, thiserror::Error)]
@@ -105,6 +107,7 @@ impl RobotModel {
             assets_dir,
             folder: &folder,
             urdf: &urdf_path,
+            text: &text,
             toml: &toml_path,
             file: &file,
             robot: &robot,
@@ -125,6 +128,7 @@ struct Reader<'a> {
     assets_dir: &'a Path,
     folder: &'a str,
     urdf: &'a Path,
+    text: &'a str,
     toml: &'a Path,
     file: &'a File,
     robot: &'a urdf_rs::Robot,
@@ -155,6 +159,7 @@ impl Reader<'_> {
         let mut model = RobotModel {
             name: self.file.name.clone(),
             urdf: format!("{}/{}", self.folder, self.file.urdf),
+            urdf_text: self.text.to_owned(),
             links,
             joints,
             settings,
@@ -163,6 +168,7 @@ impl Reader<'_> {
         self.resolve_mimics(&mut model)?;
         self.check_names(&model)?;
         self.check_arm(&model)?;
+        self.check_numbers(&model)?;
         self.check_masses(&model)?;
         Ok(model)
     }
@@ -365,10 +371,84 @@ impl Reader<'_> {
             .or_else(|| repeated(recorded.iter().map(|joint| &joint.name).collect()))
             .or_else(|| repeated(self.file.frames.iter().map(|frame| &frame.name).collect()))
             .or_else(|| repeated(model.settings.cameras.iter().map(|c| &c.name).collect()));
-        match twice {
-            Some(name) => Err(self.invalid(name, "two of this name".to_owned(), "one")),
-            None => Ok(()),
+        if let Some(name) = twice {
+            return Err(RobotError::Invalid {
+                path: self.toml.to_owned(),
+                object: name,
+                found: "two of this name, there or in the URDF".to_owned(),
+                expected: "one".to_owned(),
+            });
         }
+        for camera in &model.settings.cameras {
+            if camera.name == "room" || wheelarm_proto::keys::check_name(&camera.name).is_err() {
+                return Err(self.wrong(
+                    format!("camera {:?}", camera.name),
+                    "this name",
+                    "1 to 64 letters, digits, `-` or `_`, and not `room`, the camera of the scene",
+                ));
+            }
+        }
+        Ok(())
+    }
+
+    fn wrong(
+        &self,
+        object: impl Into<String>,
+        found: impl std::fmt::Display,
+        expected: impl Into<String>,
+    ) -> RobotError {
+        RobotError::Invalid {
+            path: self.toml.to_owned(),
+            object: object.into(),
+            found: found.to_string(),
+            expected: expected.into(),
+        }
+    }
+
+    /// The wheels stand where the settings say, left and right, and the gripper
+    /// closes within its joint's limits.
+    fn check_numbers(&self, model: &RobotModel) -> Result<(), RobotError> {
+        let (settings, roles) = (&model.settings, &model.roles);
+        let poses = model.link_poses(&vec![0.0; model.joints.len()]);
+        let y = roles
+            .wheels
+            .map(|joint| poses[model.joints[joint].child].translation.y);
+        if y[0] <= y[1] {
+            return Err(self.wrong(
+                "roles wheel_left and wheel_right",
+                format!("wheels at y {} and {} m", y[0], y[1]),
+                "the left one on the left, at the greater y",
+            ));
+        }
+        let track = y[0] - y[1];
+        if (track - settings.track).abs() > TRACK_TOLERANCE {
+            return Err(self.wrong(
+                "drive.track",
+                format!("{} m", settings.track),
+                format!("{track:.4} m, the distance of the driven wheels in the URDF"),
+            ));
+        }
+        let closed = settings.gripper.closed;
+        let limits = model.joints[roles.knuckles[0]].limits;
+        if closed > limits.upper {
+            return Err(self.wrong(
+                "gripper.closed",
+                format!("{closed} rad"),
+                format!(
+                    "at most {} rad, the knuckle's limit in the URDF",
+                    limits.upper
+                ),
+            ));
+        }
+        let (force, most) = (settings.gripper.force, settings.gripper.max_force);
+        if force > most {
+            return Err(self.wrong(
+                "gripper.force",
+                format!("{force} N"),
+                format!("at most gripper.max_force, {most} N"),
+            ));
+        }
+        Ok(())
     }
 
     /// From the arm's base to the end effector: the joints of the role arm in

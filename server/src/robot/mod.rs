@@ -26,6 +26,8 @@ pub struct RobotModel {
     pub name: String,
     /// Path of its URDF below the assets folder.
     pub urdf: String,
+    /// The URDF itself.
+    pub urdf_text: String,
     /// Links; index 0 is the root, the chair. Parents stand before children.
     pub links: Vec<Link>,
     /// Joints; joint `i` has child link `i + 1`.

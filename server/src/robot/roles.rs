@@ -55,6 +55,18 @@ pub struct RecordedFrame {
     pub role: FrameRole,
 }
 
+/// A role as `robot.toml` spells it.
+fn word(role: impl std::fmt::Debug) -> String {
+    let mut word = String::new();
+    for c in format!("{role:?}").chars() {
+        if c.is_ascii_uppercase() && !word.is_empty() {
+            word.push('_');
+        }
+        word.push(c.to_ascii_lowercase());
+    }
+    word
+}
+
 impl Roles {
     /// Finds every role among the recorded joints.
     ///
@@ -75,7 +87,7 @@ impl Roles {
             let found: Vec<usize> = of(role).collect();
             match found[..] {
                 [joint] => Ok(joint),
-                _ => Err(format!("{} joints of the role {role:?}", found.len())),
+                _ => Err(format!("{} joints of the role {}", found.len(), word(role))),
             }
         };
         let pair = |left, right| Ok::<_, String>([one(left)?, one(right)?]);
@@ -85,11 +97,11 @@ impl Roles {
         let found = arm.len();
         let arm = arm
             .try_into()
-            .map_err(|_| format!("{found} joints of the role Arm"))?;
+            .map_err(|_| format!("{found} joints of the role arm"))?;
         for role in [FrameRole::Chair, FrameRole::EndEffector] {
             let found = frames.iter().filter(|frame| frame.role == role).count();
             if found != 1 {
-                return Err(format!("{found} frames of the role {role:?}"));
+                return Err(format!("{found} frames of the role {}", word(role)));
             }
         }
         Ok(Roles {

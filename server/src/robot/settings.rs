@@ -460,6 +460,11 @@ impl Settings {
                 (format!("outline[{i}]: y max - y min"), y_max - y_min),
             ]
         });
+        let [x_min, x_max, y_min, y_max] = self.footprint;
+        let footprint = [
+            ("footprint: x max - x min".to_owned(), x_max - x_min),
+            ("footprint: y max - y min".to_owned(), y_max - y_min),
+        ];
         let not_negative = [
             ("imu.acceleration_noise", self.imu.acceleration_noise),
             ("imu.gyro_noise", self.imu.gyro_noise),
@@ -472,6 +477,7 @@ impl Settings {
             .chain(optics)
             .chain(balls)
             .chain(outlines)
+            .chain(footprint)
             .find(|(_, value)| !(value.is_finite() && *value > 0.0))
             .map(|(name, value)| (name, value, "greater than 0"))
             .or_else(|| {

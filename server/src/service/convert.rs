@@ -242,7 +242,7 @@ fn failure(failure: tasks::Failure) -> v1::FailureReason {
 /// Why the arm does not follow, as a message tells it.
 pub fn arm_problem(problem: Option<ArmProblem>) -> v1::ArmProblem {
     match problem {
-        None => v1::ArmProblem::Unspecified,
+        None => v1::ArmProblem::None,
         Some(ArmProblem::Unreachable) => v1::ArmProblem::Unreachable,
         Some(ArmProblem::JointLimit) => v1::ArmProblem::JointLimit,
         Some(ArmProblem::Stalled) => v1::ArmProblem::Stalled,
@@ -290,10 +290,7 @@ pub fn evaluation(e: &tasks::Evaluation) -> v1::Evaluation {
         success: e.success,
         done: e.done,
         failure: e.failure.map(|f| f.to_string()).unwrap_or_default(),
-        failure_reason: e
-            .failure
-            .map_or(v1::FailureReason::Unspecified, failure)
-            .into(),
+        failure_reason: e.failure.map_or(v1::FailureReason::None, failure).into(),
         conditions: e
             .conditions
             .iter()
@@ -328,6 +325,7 @@ pub fn furniture_joint(joint: &FurnitureJoint, scene: &Scene) -> v1::FurnitureJo
         rest: body.map(|b| pose(&b.pose)),
         axis: Some(vector(&joint.axis)),
         travel: joint.travel,
+        r#type: v1::JointType::Prismatic.into(),
     }
 }
 
@@ -398,8 +396,8 @@ pub fn scenario(s: &Scenario) -> v1::Scenario {
             .map(|(name, p)| v1::ObjectPlacement {
                 name: name.clone(),
                 pose: Some(pose(&p.pose)),
-                mass: p.mass,
-                friction: p.friction,
+                mass: Some(p.mass),
+                friction: Some(p.friction),
             })
             .collect(),
         slides: s
@@ -407,8 +405,8 @@ pub fn scenario(s: &Scenario) -> v1::Scenario {
             .iter()
             .map(|(joint, r)| v1::SlideResistance {
                 joint: joint.clone(),
-                friction: r.friction,
-                damping: r.damping,
+                friction: Some(r.friction),
+                damping: Some(r.damping),
             })
             .collect(),
         start: s.start.as_ref().map(pose),
@@ -419,6 +417,20 @@ pub fn scenario(s: &Scenario) -> v1::Scenario {
 
 /// Rate of a camera whose rate is not told, Hz.
 const CAMERA_HZ: f64 = 10.0;
+
+/// Says of which entry of a list an error is.
+fn of(what: &'static str, name: &str) -> impl Fn(Invalid) -> Invalid {
+    let place = format!("{what} {name:?}");
+    move |source| Invalid::In {
+        place: place.clone(),
+        source: Box::new(source),
+    }
+}
+
+/// A number that must be told, within bounds.
+fn number(what: &'static str, told: Option<f64>, low: f64, high: f64) -> Result<f64, Invalid> {
+    check::within(what, told.ok_or(Invalid::Missing(what))?, low, high)
+}
 
 /// Keeps what is new, if anything is.
 fn keep<T>(old: &mut T, new: Option<T>) {
@@ -530,27 +542,28 @@ pub fn scenario_over(now: &Scenario, asked: &v1::Scenario) -> Result<Scenario, I
         .objects
         .iter()
         .map(|o| {
-            Ok((
-                o.name.clone(),
-                Placement {
-                    pose: place("object pose", o.pose.as_ref())?,
-                    mass: check::within("object mass", o.mass, 1e-4, 1e3)?,
-                    friction: check::within("object friction", o.friction, 0.0, 10.0)?,
-                },
-            ))
+            let placed = || {
+                Ok(Placement {
+                    pose: place("pose", o.pose.as_ref())?,
+                    mass: number("mass", o.mass, 1e-4, 1e3)?,
+                    friction: number("friction", o.friction, 0.0, 10.0)?,
+                })
+            };
+            Ok((o.name.clone(), placed().map_err(of("object", &o.name))?))
         })
         .collect::<Result<Vec<_>, Invalid>>()?;
     let slides = asked
         .slides
         .iter()
         .map(|slide| {
-            Ok((
-                slide.joint.clone(),
-                Resistance {
-                    friction: check::within("slide friction", slide.friction, 0.0, 1e3)?,
-                    damping: check::within("slide damping", slide.damping, 0.0, 1e4)?,
-                },
-            ))
+            let resistance = || {
+                Ok(Resistance {
+                    friction: number("friction", slide.friction, 0.0, 1e3)?,
+                    damping: number("damping", slide.damping, 0.0, 1e4)?,
+                })
+            };
+            let place = of("slide", &slide.joint);
+            Ok((slide.joint.clone(), resistance().map_err(place)?))
         })
         .collect::<Result<Vec<_>, Invalid>>()?;
     keep(&mut s.objects, (!objects.is_empty()).then_some(objects));

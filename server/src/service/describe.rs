@@ -1,8 +1,8 @@
 //! The robot as a message: made from the model of the robot's folder, so that no
 //! client has to know a number of it.
 
-use nalgebra::Vector3;
-use wheelarm_proto::v1;
+use nalgebra::{Isometry3, Vector3};
+use wheelarm_proto::{exact, v1};
 
 use super::convert;
 use crate::geometry::Shape;
@@ -10,15 +10,18 @@ use crate::robot::control::GripperMap;
 use crate::robot::{
     FrameRole, Joint, JointKind, JointRole, PAD, RecordedJoint, RobotModel, Settings,
 };
+use crate::scene::RoomCamera;
 
-/// The description of a robot.
+/// The description of a robot whose arm stands on the chair as it is simulated,
+/// to the last bit: plans go by it.
 #[must_use]
-pub fn robot(model: &RobotModel) -> v1::RobotDescription {
+pub fn robot(model: &RobotModel, chair_from_base: &Isometry3<f64>) -> v1::RobotDescription {
     let (settings, roles) = (&model.settings, &model.roles);
     let name = |link: usize| model.links[link].name.clone();
     v1::RobotDescription {
         name: model.name.clone(),
         urdf: model.urdf.clone(),
+        urdf_text: model.urdf_text.clone(),
         joints: roles.joints.iter().map(|r| joint(model, r)).collect(),
         frames: roles
             .frames
@@ -34,7 +37,7 @@ pub fn robot(model: &RobotModel) -> v1::RobotDescription {
         arm_base_link: name(roles.arm_base),
         end_effector_link: name(roles.end_effector),
         imu_link: name(roles.imu),
-        arm_mount: Some(convert::pose(&model.arm_mount())),
+        arm_mount: Some(convert::pose(chair_from_base)),
         tool_length: settings.tool_length,
         home_positions: settings.home.to_vec(),
         footprint: Some(footprint(&settings.footprint)),
@@ -117,6 +120,29 @@ fn joint(model: &RobotModel, recorded: &RecordedJoint) -> v1::RobotJoint {
                 multiplier,
                 offset,
             }),
+        origin: Some(convert::pose(&joint.origin)),
+    }
+}
+
+/// The camera that stands in the scene, at 1280 x 720 pixels.
+pub fn room_camera(camera: &RoomCamera) -> v1::RobotCamera {
+    let (width, height) = (1280.0, 720.0);
+    let focal = width / 2.0 / exact::tan(camera.horizontal_fov / 2.0);
+    v1::RobotCamera {
+        name: "room".to_owned(),
+        link: HOUSE.to_owned(),
+        pose: Some(convert::pose(&camera.pose)),
+        intrinsics: Some(v1::Intrinsics {
+            width: width as u32,
+            height: height as u32,
+            fx: focal,
+            fy: focal,
+            cx: width / 2.0,
+            cy: height / 2.0,
+        }),
+        near: 0.05,
+        far: 100.0,
+        mount: v1::CameraMount::Unspecified.into(),
     }
 }
 
@@ -235,7 +261,7 @@ mod tests {
     fn the_description_is_of_the_robot_that_is_simulated() {
         let assets = Path::new(env!("CARGO_MANIFEST_DIR")).join("../assets");
         let model = RobotModel::load(&assets, "wheelarm").unwrap();
-        let told = robot(&model);
+        let told = robot(&model, &model.arm_mount());
         let roles = Roles::find(&told).unwrap();
         for (place, &index) in roles.arm.iter().enumerate() {
             let joint = &model.joints[model.roles.arm[place]];

@@ -15,15 +15,28 @@ pub(super) struct Loaded {
     pub(super) asset_texts: Vec<v1::AssetText>,
 }
 
+/// By what right a client takes the world of others away.
+pub(super) struct Right {
+    /// It insists.
+    pub(super) force: bool,
+    /// Secret of the lease, from who is in control.
+    pub(super) secret: String,
+}
+
 /// What is being done, for whom.
 pub(super) enum Errand {
     /// A scenario is being set up; the world in force goes on.
     Load {
         asked: Query,
+        right: Right,
         loading: Receiver<Result<Loaded, Denied>>,
     },
     /// It takes the place of the one in force when the cameras have drawn that.
-    Place { asked: Query, loaded: Box<Loaded> },
+    Place {
+        asked: Query,
+        right: Right,
+        loaded: Box<Loaded>,
+    },
     /// A recorded state is shown when cameras and recorders are ready for it.
     Show {
         asked: Query,

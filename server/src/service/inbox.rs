@@ -343,7 +343,18 @@ impl Inbox {
             return Err(refuse((RefusalCode::Episode, words)));
         }
         if self.listening.lock_step {
-            let tick = command.answers_tick;
+            let tick = command.answers_tick.ok_or_else(|| {
+                let words = "in lock-step every command says which state it answers: set \
+                             answers_tick to header.tick of the newest `clock`";
+                refuse((RefusalCode::NoTick, words.to_owned()))
+            })?;
+            if !tick.is_multiple_of(TICKS_PER_CONTROL) {
+                let words = format!(
+                    "command answers tick {tick}, which is no control tick: set answers_tick to \
+                     header.tick of the newest `clock`, a multiple of {TICKS_PER_CONTROL}"
+                );
+                return Err(refuse((RefusalCode::NoTick, words)));
+            }
             if tick < self.next_tick {
                 let words = format!(
                     "command answers tick {tick}, the simulation is at {}",
@@ -371,7 +382,7 @@ impl Inbox {
         }
         self.check_sequence(header.sequence).map_err(refuse)?;
         if self.listening.lock_step {
-            self.answers.insert(command.answers_tick, command);
+            self.answers.insert(command.answers_tick(), command);
         } else {
             // Between two control ticks only the newest of each group counts,
             // so a flood costs no memory.
@@ -421,10 +432,20 @@ impl Inbox {
     /// Refuses what comes too late to make sense. What only stops is taken at
     /// any age; what drives must say which state it answers.
     fn check_age(&self, command: &v1::Command) -> Result<(), Why> {
-        let tick = command.answers_tick;
         if check::stops(command) {
             return Ok(());
         }
+        let Some(tick) = command.answers_tick else {
+            if check::drives(command) {
+                return Err((
+                    RefusalCode::NoTick,
+                    "answers_tick is missing: a command that drives the chair or gives the arm a \
+                     twist says which state it answers; set it to header.tick of the newest `clock`"
+                        .to_owned(),
+                ));
+            }
+            return Ok(());
+        };
         // The newest state that anybody can have seen.
         let newest = self.next_tick.saturating_add(TICKS_PER_CONTROL);
         if tick > newest {
@@ -435,18 +456,6 @@ impl Inbox {
                     self.next_tick
                 ),
             ));
-        }
-        if tick == 0 {
-            // Tick 0 itself can be answered while it is new.
-            if check::drives(command) && self.next_tick > TICKS_PER_CONTROL {
-                return Err((
-                    RefusalCode::NoTick,
-                    "answers_tick is 0: a command that drives the chair or gives the arm a twist \
-                     says which state it answers; set it to header.tick of the newest `clock`"
-                        .to_owned(),
-                ));
-            }
-            return Ok(());
         }
         let age = self.next_tick.saturating_sub(tick);
         if age > MAX_AGE {
@@ -537,7 +546,7 @@ impl Inbox {
                 self.span = Some(span);
             }
             let arm = match input.arm {
-                Some(arm) if even => self.goals.came(tick, command.answers_tick, arm),
+                Some(arm) if even => self.goals.came(tick, command.answers_tick(), arm),
                 arm => arm,
             };
             taken.input.arm = arm.or(taken.input.arm);

@@ -101,7 +101,9 @@ impl Leases {
         if request.release {
             if inbox().release(&life, &request.secret)? {
                 self.watch = None;
-                self.tell(format!("{:?} gave control back", life.name));
+                let words = format!("{:?} gave control back", life.name);
+                let change = v1::ControlChange::Returned;
+                self.shared.control(change, &life.name, words);
             }
             return Ok(self.held(""));
         }
@@ -123,12 +125,18 @@ impl Leases {
             secret: request.secret,
         };
         let granted = inbox().ask(life.clone(), &asked, Instant::now())?;
-        let words = match granted {
+        let (change, words) = match granted {
             Granted::Already => return Ok(self.held(&asked.secret)),
-            Granted::Free => format!("{:?} is in control", life.name),
-            Granted::From(former) => format!("{:?} took control from {former:?}", life.name),
+            Granted::Free => (
+                v1::ControlChange::Given,
+                format!("{:?} is in control", life.name),
+            ),
+            Granted::From(former) => (
+                v1::ControlChange::Taken,
+                format!("{:?} took control from {former:?}", life.name),
+            ),
         };
-        self.tell(words);
+        self.shared.control(change, &life.name, words);
         self.watch = watch;
         if !self.is_alive(&life) {
             self.shared.gone(&life);
@@ -179,11 +187,6 @@ impl Leases {
             })
             .wait()
             .map_err(|e| Denied::internal(format!("the token of {name:?} cannot be watched: {e}")))
-    }
-
-    fn tell(&self, words: String) {
-        self.shared.tidings.lock().push(words);
-        self.shared.signal.raise();
     }
 }
 

@@ -90,12 +90,15 @@ pub async fn run(
         session
             .declare_subscriber(keys.recorder("*"))
             .callback(move |sample| {
-                let version = schema::check(&sample.encoding().to_string());
-                if sample.payload().len() > MAX_STATUS || version.is_err() {
+                if sample.payload().len() > MAX_STATUS {
+                    return;
+                }
+                let from = Keys::sender_of(sample.key_expr().as_str());
+                if let Err(other) = schema::check(&sample.encoding().to_string()) {
+                    shared.recorders.lock().warn_once(from, &other);
                     return;
                 }
                 let status = v1::RecorderStatus::decode(&*sample.payload().to_bytes());
-                let from = Keys::sender_of(sample.key_expr().as_str());
                 // Nobody speaks for another recorder.
                 if let Some(status) = status.ok().filter(|status| status.recorder == from) {
                     shared.recorders.lock().update(status);

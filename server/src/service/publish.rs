@@ -46,8 +46,9 @@ pub fn applied(
         let log = v1::CommandLog {
             header: None,
             command: Some(command.clone()),
-            loop_age_ticks: (command.answers_tick > 0)
-                .then(|| tick.saturating_sub(command.answers_tick)),
+            loop_age_ticks: command
+                .answers_tick
+                .map(|answered| tick.saturating_sub(answered)),
         };
         outbox.put(episode, tick, log);
     }

@@ -3,6 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::time::{Duration, Instant};
 
+use wheelarm_proto::schema::OtherVersion;
 use wheelarm_proto::{keys, v1};
 
 /// Recorders by name.
@@ -17,6 +18,8 @@ pub struct Recorders {
     away: BTreeMap<String, Instant>,
     /// Recorders that were lost in the running episode; they hold nobody up again.
     gone: BTreeSet<String>,
+    /// Recorders of another version that were told of, [`MAX_RECORDERS`] at most.
+    strange: BTreeSet<String>,
 }
 
 /// How long a recorder may be away before it is lost. One that stood still
@@ -64,6 +67,14 @@ impl Recorders {
         }
         if episodes.len() > MAX_EPISODES {
             episodes.remove(0);
+        }
+    }
+
+    /// Says once in the log why a recorder is not heard.
+    pub fn warn_once(&mut self, name: &str, other: &OtherVersion) {
+        let room = self.strange.len() < MAX_RECORDERS;
+        if room && keys::check_name(name).is_ok() && self.strange.insert(name.to_owned()) {
+            tracing::warn!("recorder {name:?} is not heard: {other}");
         }
     }
 

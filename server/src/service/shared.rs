@@ -27,7 +27,7 @@ pub(super) struct Shared {
     pub(super) inbox: Mutex<Inbox>,
     pub(super) refusals: Mutex<Refusals>,
     /// What happened to the lease, in words, until the engine tells it.
-    pub(super) tidings: Mutex<Vec<String>>,
+    pub(super) tidings: Mutex<Vec<v1::Event>>,
     /// Queries that wait for the simulation thread.
     pub(super) desk: Desk<Request>,
     pub(super) replies: Replies,
@@ -138,12 +138,23 @@ impl Shared {
         }
     }
 
+    /// Notes what became of control, for the event that tells it.
+    pub(super) fn control(&self, change: v1::ControlChange, commander: &str, text: String) {
+        self.tidings.lock().push(v1::Event {
+            kind: v1::EventKind::Control.into(),
+            text,
+            commander: commander.to_owned(),
+            control: change.into(),
+            ..v1::Event::default()
+        });
+        self.signal.raise();
+    }
+
     /// A commander's token vanished; control may end with it.
     pub(super) fn gone(&self, life: &Life) {
         if self.inbox.lock().vanished(life) {
             let words = format!("{:?} vanished: the chair brakes, the arm holds", life.name);
-            self.tidings.lock().push(words);
-            self.signal.raise();
+            self.control(v1::ControlChange::Lost, &life.name, words);
         }
     }
 

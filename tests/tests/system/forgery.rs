@@ -161,6 +161,7 @@ fn what_a_stranger_publishes_never_enters_a_recording() {
         }),
         kind: v1::EventKind::Control.into(),
         text: "forged".into(),
+        ..v1::Event::default()
     };
     stranger.put(&link.keys().topic(TopicId::Event), &event, None);
     pass(link, 1.0);

@@ -91,7 +91,7 @@ fn drive(sequence: u64, linear: f64, tick: u64) -> v1::Command {
             ..Default::default()
         }),
         commander: "tester".into(),
-        answers_tick: tick,
+        answers_tick: Some(tick),
         base: Some(v1::BaseCommand {
             linear,
             angular: 0.0,
@@ -127,8 +127,12 @@ fn hostile_messages_are_refused_counted_and_survived() {
         ),
         (vec![0; 1 << 20], "at most", RefusalCode::TooLong),
         (
-            drive(2, 0.2, 0).encode_to_vec(),
-            "answers_tick is 0",
+            v1::Command {
+                answers_tick: None,
+                ..drive(2, 0.2, 0)
+            }
+            .encode_to_vec(),
+            "answers_tick is missing",
             RefusalCode::NoTick,
         ),
         (

@@ -94,8 +94,8 @@ fn damaged_messages_are_survived() {
         objects: vec![v1::ObjectPlacement {
             name: "mustard".into(),
             pose: Some(pose()),
-            mass: 0.5,
-            friction: 0.8,
+            mass: Some(0.5),
+            friction: Some(0.8),
         }],
         ..Default::default()
     };

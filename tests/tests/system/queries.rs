@@ -297,7 +297,7 @@ fn a_refused_reset_names_the_cure_and_leaves_the_world_as_it_was() {
         .iter()
         .position(|o| o.name.contains("teddy"));
     let bear = bear.expect("a bear");
-    let absurd: [(v1::Scenario, &str); 13] = [
+    let absurd: [(v1::Scenario, &str); 14] = [
         (
             given(&|s| s.start = Some(at(1e30, 0.0))),
             "start is 1e30, expected -50 to 50",
@@ -309,14 +309,21 @@ fn a_refused_reset_names_the_cure_and_leaves_the_world_as_it_was() {
         ),
         (
             given(&|s| s.objects[0].pose = Some(at(1e300, 0.0))),
-            "object pose is 1e300",
+            "pose is 1e300",
         ),
-        (given(&|s| s.objects[bear].mass = 1e-4), "which is soft"),
-        (given(&|s| s.objects[bear].mass = 3.0), "expected 0.05 to 2"),
         (
-            given(&|s| s.objects[0].mass = 1e-300),
-            "object mass is 1e-300",
+            given(&|s| s.objects[bear].mass = Some(1e-4)),
+            "which is soft",
         ),
+        (
+            given(&|s| s.objects[bear].mass = Some(3.0)),
+            "expected 0.05 to 2",
+        ),
+        (
+            given(&|s| s.objects[0].mass = Some(1e-300)),
+            "mass is 1e-300",
+        ),
+        (given(&|s| s.objects[0].mass = None), "mass is missing"),
         (
             given(&|s| s.instruction = Some("x".repeat(100_000))),
             "instruction",

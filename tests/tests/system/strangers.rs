@@ -34,7 +34,7 @@ fn nobody_drives_releases_or_locks_out_in_the_name_of_who_is_in_control() {
                 ..Default::default()
             }),
             commander: "anna".into(),
-            answers_tick: tick(&hostile),
+            answers_tick: Some(tick(&hostile)),
             base: Some(v1::BaseCommand {
                 linear,
                 angular: 0.0,

@@ -175,7 +175,7 @@ impl Random {
                         ..Default::default()
                     }),
                     commander: self.word(),
-                    answers_tick: self.bits(),
+                    answers_tick: Some(self.bits()),
                     arm: (self.below(3) > 0).then(|| self.arm()),
                     base: (self.below(3) > 0).then(|| self.base()),
                     gripper: (self.below(3) > 0).then(|| self.gripper()),
@@ -266,6 +266,7 @@ impl Random {
                 header,
                 kind: 6,
                 text: self.word(),
+                ..v1::Event::default()
             }
             .encode_to_vec(),
         }
@@ -315,8 +316,8 @@ pub fn started(label: &str) -> v1::EpisodeStarted {
                         w: 1.0,
                     }),
                 }),
-                mass: 0.6,
-                friction: 0.8,
+                mass: Some(0.6),
+                friction: Some(0.8),
             }],
             ..Default::default()
         }),

@@ -151,7 +151,7 @@ static COMMAND: Table<v1::CommandLog> = Table {
             "answers_tick",
             "ticks of 1/240 s",
             derived(|m, _, o| {
-                o.push(m.command.as_ref().map_or(0, |c| c.answers_tick));
+                o.push(m.command.as_ref().map_or(0, |c| c.answers_tick()));
             }),
         ),
         text(

@@ -56,10 +56,14 @@ impl Engine {
                 let name = |body| convert::body_name(body, self.sim.model(), self.sim.scene());
                 let (first, second) = (name(pair.0), name(pair.1));
                 let force = contact.force.norm();
-                self.event(
-                    v1::EventKind::Collision,
-                    &format!("{first} hits {second} with {force:.0} N"),
-                );
+                self.tell(v1::Event {
+                    kind: v1::EventKind::Collision.into(),
+                    text: format!("{first} hits {second} with {force:.0} N"),
+                    body: first,
+                    other_body: second,
+                    force: Some(force),
+                    ..v1::Event::default()
+                });
                 self.seen_collisions.push(pair);
             }
         }

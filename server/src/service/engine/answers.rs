@@ -12,7 +12,7 @@ use crate::geometry::bounds;
 use crate::scene::Body;
 use crate::service::denied::Denied;
 use crate::service::desk::Request;
-use crate::service::errand::Errand;
+use crate::service::errand::{Errand, Right};
 use crate::service::render::RenderThread;
 use crate::service::{assets, convert, describe, leases, wall};
 use crate::sim::Scenario;
@@ -32,8 +32,17 @@ impl Engine {
             Query::Tasks => self.answer_tasks(asked),
             Query::Reset => {
                 let wanted = self.wanted(&payload);
-                match wanted.and_then(|(scenario, snapshot)| self.load(scenario, snapshot)) {
-                    Ok(loading) => self.errand = Some(Errand::Load { asked, loading }),
+                let begun = wanted.and_then(|(scenario, snapshot, right)| {
+                    Ok((self.load(scenario, snapshot)?, right))
+                });
+                match begun {
+                    Ok((loading, right)) => {
+                        self.errand = Some(Errand::Load {
+                            asked,
+                            right,
+                            loading,
+                        });
+                    }
                     Err(why) => self.refuse(asked, why),
                 }
             }
@@ -86,16 +95,21 @@ impl Engine {
     }
 
     /// The scenario that a reset asks for, every field of it checked.
-    fn wanted(&self, payload: &[u8]) -> Result<(Scenario, Bytes), Denied> {
+    fn wanted(&self, payload: &[u8]) -> Result<(Scenario, Bytes, Right), Denied> {
         let request: v1::ResetRequest = decode(payload)?;
-        self.may(
-            "a reset takes its world away",
-            request.force,
-            &request.secret,
-        )?;
+        let right = Right {
+            force: request.force,
+            secret: request.secret,
+        };
+        self.may_reset(&right)?;
         let asked = request.scenario.unwrap_or_default();
         let scenario = convert::scenario_over(self.sim.scenario(), &asked);
-        Ok((scenario?, request.snapshot))
+        Ok((scenario?, request.snapshot, right))
+    }
+
+    /// Whether a client may put another world in the place of this one.
+    pub(super) fn may_reset(&self, right: &Right) -> Result<(), Denied> {
+        self.may("a reset takes its world away", right.force, &right.secret)
     }
 
     fn end(&self, payload: &[u8]) -> Result<bool, Denied> {
@@ -261,9 +275,7 @@ impl Engine {
                 force: (g.force > 0.0).then_some(g.force),
             })
         });
-        let mut robot = describe::robot(model);
-        // As it is simulated, to the last bit: plans go by it.
-        robot.arm_mount = Some(convert::pose(&self.arm_mount()));
+        let room = &scene.room_camera;
         v1::SceneReply {
             header: Some(self.stamp()),
             bodies: furniture.chain(objects).collect(),
@@ -280,12 +292,13 @@ impl Engine {
                 let target = &self.sim.scenario().target;
                 convert::goal(&task.goal, target, scene)
             }),
-            robot: Some(robot),
+            cameras: vec![describe::room_camera(room)],
+            robot: Some(describe::robot(model, &self.arm_mount())),
         }
     }
 
     /// chair_from_base.
-    fn arm_mount(&self) -> nalgebra::Isometry3<f64> {
+    pub(super) fn arm_mount(&self) -> nalgebra::Isometry3<f64> {
         let (roles, snapshot) = (&self.sim.model().roles, self.sim.snapshot());
         snapshot.links[0].pose.inverse() * snapshot.links[roles.arm_base].pose
     }

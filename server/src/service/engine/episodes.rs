@@ -149,7 +149,7 @@ impl Engine {
                 .iter()
                 .map(|j| j.name.clone())
                 .collect(),
-            robot: Some(describe::robot(self.sim.model())),
+            robot: Some(describe::robot(self.sim.model(), &self.arm_mount())),
             physics_version: match shown {
                 true => 0,
                 false => wheelarm_proto::PHYSICS_VERSION,

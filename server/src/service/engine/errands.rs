@@ -98,14 +98,26 @@ impl Engine {
         while let Some(errand) = self.errand.take() {
             let drawn = self.render.as_ref().is_none_or(RenderThread::is_idle);
             match errand {
-                Errand::Load { asked, loading } => match loading.try_recv() {
+                Errand::Load {
+                    asked,
+                    right,
+                    loading,
+                } => match loading.try_recv() {
                     Ok(Ok(loaded)) => {
                         let loaded = Box::new(loaded);
-                        self.errand = Some(Errand::Place { asked, loaded });
+                        self.errand = Some(Errand::Place {
+                            asked,
+                            right,
+                            loaded,
+                        });
                     }
                     Ok(Err(why)) => self.refuse(asked, why),
                     Err(TryRecvError::Empty) => {
-                        self.errand = Some(Errand::Load { asked, loading });
+                        self.errand = Some(Errand::Load {
+                            asked,
+                            right,
+                            loading,
+                        });
                         return;
                     }
                     Err(TryRecvError::Disconnected) => {
@@ -126,8 +138,13 @@ impl Engine {
                     self.errand = Some(waiting);
                     return;
                 }
-                Errand::Place { asked, loaded } => {
-                    let answer = self.place(*loaded);
+                Errand::Place {
+                    asked,
+                    right,
+                    loaded,
+                } => {
+                    // Somebody may have taken control since it was asked for.
+                    let answer = self.may_reset(&right).and_then(|()| self.place(*loaded));
                     self.reply(asked, answer.map(|reply| reply.encode_to_vec()));
                 }
                 Errand::Start { asked, request } => {

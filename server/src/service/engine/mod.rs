@@ -380,12 +380,16 @@ impl Engine {
     }
 
     pub(in crate::service) fn event(&self, kind: v1::EventKind, text: &str) {
-        tracing::info!("{}: {text}", kind.word());
-        let event = v1::Event {
-            header: None,
+        self.tell(v1::Event {
             kind: kind.into(),
             text: text.to_owned(),
-        };
+            ..v1::Event::default()
+        });
+    }
+
+    /// Publishes something that happened, with what programs want of it.
+    pub(in crate::service) fn tell(&self, event: v1::Event) {
+        tracing::info!("{}: {}", event.kind().word(), event.text);
         let tick = self.sim.snapshot().tick;
         self.shared.outbox.put(self.episode_number(), tick, event);
     }

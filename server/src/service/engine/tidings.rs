@@ -51,8 +51,8 @@ impl Engine {
 
     pub(super) fn publish_tidings(&self) {
         let tidings = std::mem::take(&mut *self.shared.tidings.lock());
-        for words in tidings {
-            self.event(v1::EventKind::Control, &words);
+        for event in tidings {
+            self.tell(event);
         }
     }
 }

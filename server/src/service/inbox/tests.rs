@@ -48,8 +48,8 @@ fn take_control(inbox: &mut Inbox, name: &str, run_id: &str) {
 /// Sends a command that answers the newest state unless it says another.
 fn accept(inbox: &mut Inbox, command: &v1::Command) -> Result<(), Refused> {
     let mut command = command.clone();
-    if command.answers_tick == 0 && !inbox.listening.lock_step {
-        command.answers_tick = inbox.next_tick;
+    if command.answers_tick.is_none() && !inbox.listening.lock_step {
+        command.answers_tick = Some(inbox.next_tick);
     }
     inbox.accept(&command.encode_to_vec(), 0.0)
 }
@@ -101,7 +101,7 @@ fn lock_step_waits_for_the_answer_to_its_own_tick() {
     inbox.listen(listening, 100);
     assert!(!inbox.answered(100));
     let early = v1::Command {
-        answers_tick: 96,
+        answers_tick: Some(96),
         ..drive(1, 0.1)
     };
     assert!(
@@ -112,14 +112,24 @@ fn lock_step_waits_for_the_answer_to_its_own_tick() {
     );
     let other = v1::Command {
         commander: "other".into(),
-        answers_tick: 100,
+        answers_tick: Some(100),
         ..drive(1, 0.1)
     };
     assert!(accept(&mut inbox, &other).is_err());
+    // An answer to what is no control tick, or to none, would wait for ever.
+    for (answers_tick, words) in [(Some(102), "no control tick"), (None, "which state")] {
+        let off = v1::Command {
+            answers_tick,
+            ..drive(2, 0.1)
+        };
+        let refused = accept(&mut inbox, &off).unwrap_err();
+        assert_eq!(refused.code, RefusalCode::NoTick);
+        assert!(refused.reason.contains(words), "{}", refused.reason);
+    }
     accept(
         &mut inbox,
         &v1::Command {
-            answers_tick: 100,
+            answers_tick: Some(100),
             ..drive(2, 0.1)
         },
     )
@@ -172,7 +182,7 @@ fn what_a_frozen_link_held_back_comes_too_late() {
     let mut inbox = inbox();
     inbox.take(1000, 0.0);
     let answering = |sequence, answers_tick| v1::Command {
-        answers_tick,
+        answers_tick: Some(answers_tick),
         ..drive(sequence, 0.1)
     };
     let told = accept(&mut inbox, &answering(1, 700)).unwrap_err().reason;
@@ -189,7 +199,7 @@ fn a_stall_of_the_link_lets_nothing_old_drive_the_chair() {
         // Sent at 60 Hz all the while, each answering the last clock that came.
         for sequence in 1..=(stall * 60.0) as u64 {
             let held_back = v1::Command {
-                answers_tick: begun,
+                answers_tick: Some(begun),
                 ..drive(sequence, 0.3)
             };
             assert!(accept(&mut inbox, &held_back).is_err());
@@ -206,7 +216,7 @@ fn what_drives_says_which_state_it_answers_and_what_stops_is_always_taken() {
     let mut send = |command: &v1::Command| inbox.accept(&command.encode_to_vec(), 0.0);
     let told = send(&drive(1, 0.3)).unwrap_err().reason;
     assert!(
-        told.contains("answers_tick is 0") && told.contains("clock"),
+        told.contains("answers_tick is missing") && told.contains("clock"),
         "{told}"
     );
     let arm = |sequence, target| v1::Command {
@@ -228,10 +238,10 @@ fn what_drives_says_which_state_it_answers_and_what_stops_is_always_taken() {
         ..v1::CartesianTwist::default()
     };
     let told = send(&arm(2, Target::Twist(twist))).unwrap_err().reason;
-    assert!(told.contains("answers_tick is 0"), "{told}");
+    assert!(told.contains("answers_tick is missing"), "{told}");
     // A state that is not there yet would never grow old.
     let told = send(&v1::Command {
-        answers_tick: u64::MAX,
+        answers_tick: Some(u64::MAX),
         ..drive(3, 0.3)
     });
     assert!(told.unwrap_err().reason.contains("has not reached"));
@@ -239,7 +249,7 @@ fn what_drives_says_which_state_it_answers_and_what_stops_is_always_taken() {
     send(&drive(4, 0.0)).unwrap();
     send(&arm(5, Target::Hold(true))).unwrap();
     send(&v1::Command {
-        answers_tick: 1,
+        answers_tick: Some(1),
         ..drive(6, 0.0)
     })
     .unwrap();
@@ -248,7 +258,7 @@ fn what_drives_says_which_state_it_answers_and_what_stops_is_always_taken() {
     };
     send(&arm(7, Target::Joints(goal))).unwrap();
     send(&v1::Command {
-        answers_tick: 1000,
+        answers_tick: Some(1000),
         ..drive(8, 0.3)
     })
     .unwrap();
