@@ -123,8 +123,11 @@ impl Turns {
                     }
                 }
                 Some(Sample::Refusal(refusal)) if refusal.commander == self.commander.name() => {
-                    // The tick is not answered: it is offered again.
-                    self.due = (String::new(), 0, 0);
+                    // A tick that is not answered is offered again.
+                    let late = [v1::RefusalCode::Answered, v1::RefusalCode::TooOld];
+                    if !late.contains(&refusal.code()) {
+                        self.covered = Covered::default();
+                    }
                     return Ok(Turn::Refused(refusal));
                 }
                 Some(Sample::EpisodeStop(stopped)) => return Ok(Turn::Ended(stopped)),
@@ -154,8 +157,9 @@ impl Turns {
     /// [`LinkError::Transport`].
     pub fn answer(&mut self, command: v1::Command) -> Result<(), LinkError> {
         let ticks = u64::from(command.over_ticks.max(1)) * TICKS_PER_CONTROL;
+        self.commander.answer(&self.asked, command)?;
         self.covered.answered(&self.asked, ticks);
-        self.commander.answer(&self.asked, command)
+        Ok(())
     }
 
     /// The commander whose turns they are.

@@ -75,7 +75,7 @@ fn physics_that_breaks_ends_the_episode_and_not_the_server() {
     let words = end.anomalies.last().cloned();
     let words = &words.expect("the anomaly in words");
     assert!(words.contains("press with"), "{words}");
-    let kind = end.anomaly_kinds().last();
+    let kind = end.anomaly_kinds().next_back();
     assert_eq!(kind, Some(v1::AnomalyKind::FaultContactForce));
     assert_eq!(end.anomaly_kinds.len(), end.anomalies.len());
     let evaluation = end.evaluation.clone().expect("an evaluation");
