@@ -204,7 +204,7 @@ impl Drop for Process {
 /// Lets the kernel kill the child when the thread that started it is gone,
 /// however it went.
 #[cfg(target_os = "linux")]
-#[allow(
+#[expect(
     unsafe_code,
     reason = "a hook between fork and exec; it makes two system calls and nothing else"
 )]
