@@ -125,8 +125,8 @@ fn skipped(args: &EvaluateArgs, done: &[Job], wanted: usize) -> String {
     for (task, seeds) in seeds {
         text += &format!("    not recorded: {task} seed {}\n", seeds.join(", "));
     }
-    text += "they were done without --record and are not done again, so --record makes no file of \
-             them: name another folder with --out to do and record them\n";
+    text += "they count as done, so --record makes no file of them: name another folder with \
+             --out to do and record them\n";
     text
 }
 

@@ -13,8 +13,8 @@ use wheelarm_rig::free_label;
 
 use super::args::ReplayArgs;
 use super::comparison::Comparison;
+use super::rig::{NAME, Rig};
 use super::script::{self, Script};
-use super::stage::{NAME, Stage};
 
 /// Silence after which the replay gives up.
 const PATIENCE: Duration = Duration::from_secs(60);
@@ -31,10 +31,10 @@ pub(super) fn run(args: &ReplayArgs, episode: &Episode) -> anyhow::Result<ExitCo
         Some(_) => script::cameras(&script.scenario, args.width, args.height, &args.camera),
         None => Vec::new(),
     };
-    let mut stage = Stage::set(args, &script.scenario, cameras.clone())?;
-    reset(&stage.link, &script, cameras)?;
+    let mut rig = Rig::start(args, &script.scenario, cameras.clone())?;
+    reset(&rig.link, &script, cameras)?;
     // Subscribed before the episode begins, so that its first state is seen.
-    let mut turns = stage.link.turns(NAME, false, &[TopicId::StateHash])?;
+    let mut turns = rig.link.turns(NAME, false, &[TopicId::StateHash])?;
     let label = format!("{}-replay", script.label);
     let request = v1::EpisodeStartRequest {
         label: match &args.out {
@@ -42,24 +42,24 @@ pub(super) fn run(args: &ReplayArgs, episode: &Episode) -> anyhow::Result<ExitCo
             None => label,
         },
         instruction: Some(script.instruction.clone()),
-        require_recorders: stage.recorders(),
+        require_recorders: rig.recorders(),
         commander: NAME.to_owned(),
         replay: true,
     };
-    let started = stage.link.ask(&request);
-    let started = started.with_context(|| stage.server.tail())?;
+    let started = rig.link.ask(&request);
+    let started = started.with_context(|| rig.server.tail())?;
     let fed = feed(&mut turns, &script, &started);
     // A replay that broke off is not worth a file.
-    stage.link.stop_episode(fed.is_err())?;
+    rig.link.stop_episode(fed.is_err())?;
     let mut code = fed?.report();
-    if let Some(recorded) = stage.recorded(&started)? {
+    if let Some(recorded) = rig.recorded(&started)? {
         println!("recorded {}", recorded.line());
         if code == ExitCode::SUCCESS {
             code = recorded.code();
         }
     }
     drop(turns);
-    stage.strike()?;
+    rig.stop()?;
     Ok(code)
 }
 

@@ -8,8 +8,8 @@ mod args;
 mod comparison;
 mod computed;
 mod recorded;
+mod rig;
 mod script;
-mod stage;
 
 use std::process::ExitCode;
 

@@ -11,8 +11,8 @@ use wheelarm_proto::v1;
 use wheelarm_rig::free_label;
 
 use super::args::ReplayArgs;
+use super::rig::Rig;
 use super::script;
-use super::stage::Stage;
 
 /// Records the states of the file again with new pictures; exit code 3 when the
 /// new recording is not complete.
@@ -31,7 +31,7 @@ pub(super) fn run(args: &ReplayArgs, out: &Path, episode: &Episode) -> anyhow::R
     };
     let cameras = script::cameras(&scenario, args.width, args.height, &args.camera);
     check_rates(&cameras, scenario.state_rate_hz())?;
-    let mut stage = Stage::set(args, &scenario, cameras.clone())?;
+    let mut rig = Rig::start(args, &scenario, cameras.clone())?;
     let request = v1::ResetRequest {
         scenario: Some(v1::Scenario {
             cameras,
@@ -41,29 +41,29 @@ pub(super) fn run(args: &ReplayArgs, out: &Path, episode: &Episode) -> anyhow::R
         }),
         ..v1::ResetRequest::default()
     };
-    let link = &stage.link;
-    link.ask(&request).with_context(|| stage.server.tail())?;
+    let link = &rig.link;
+    link.ask(&request).with_context(|| rig.server.tail())?;
     link.ask(first).with_context(|| {
         "the recorded states do not fit the assets; replay with those of the recording: --assets"
     })?;
     let request = v1::EpisodeStartRequest {
         label: free_label(out, &format!("{}-as-recorded", started.label)),
         instruction: Some(started.instruction.clone()),
-        require_recorders: stage.recorders(),
+        require_recorders: rig.recorders(),
         ..v1::EpisodeStartRequest::default()
     };
-    let begun = link.ask(&request).with_context(|| stage.server.tail())?;
+    let begun = link.ask(&request).with_context(|| rig.server.tail())?;
     let shown = show(link, others);
     // What broke off is not worth a file.
     link.stop_episode(shown.is_err())?;
     shown?;
-    let recorded = stage.recorded(&begun)?.context("nothing was recorded")?;
+    let recorded = rig.recorded(&begun)?.context("nothing was recorded")?;
     println!(
         "drew {} recorded states into {}",
         states.len(),
         recorded.line()
     );
-    stage.strike()?;
+    rig.stop()?;
     Ok(recorded.code())
 }
 

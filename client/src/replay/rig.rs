@@ -1,4 +1,4 @@
-//! What a replay is played on: a server with the recording's scenario, and a
+//! The rig of a replay: a server with the recording's scenario, and a
 //! recorder where it is recorded again.
 
 use std::process::ExitCode;
@@ -13,19 +13,19 @@ use super::args::ReplayArgs;
 pub(super) const NAME: &str = "replay";
 
 /// A server, the link to it, and a recorder if there is to be a new file.
-pub(super) struct Stage {
+pub(super) struct Rig {
     pub server: Server,
     pub link: Link,
     recorder: Option<Recorder>,
 }
 
-impl Stage {
+impl Rig {
     /// Starts them. Scene, task, robot, seed and, unless the options say
     /// otherwise, quality are the recording's.
     ///
     /// # Errors
     /// When one of them does not start.
-    pub fn set(
+    pub fn start(
         args: &ReplayArgs,
         scenario: &v1::Scenario,
         cameras: Vec<v1::CameraSetting>,
@@ -81,7 +81,7 @@ impl Stage {
     ///
     /// # Errors
     /// When the server cannot be asked.
-    pub fn strike(self) -> anyhow::Result<()> {
+    pub fn stop(self) -> anyhow::Result<()> {
         drop(self.recorder);
         self.server.stop(self.link)
     }
