@@ -1,7 +1,7 @@
 //! Chair, wheels, camera pole and arm bracket. The chair stands in
 //! `wheelchair_root`: x forward, y left, floor at z = 0.
 
-use std::f64::consts::{FRAC_PI_2, TAU};
+use std::f64::consts::{FRAC_PI_2, FRAC_PI_4, TAU};
 
 use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
 
@@ -248,10 +248,18 @@ fn wheels(out: &mut Vec<Named>) {
 
 fn pole_and_bracket(out: &mut Vec<Named>) {
     let mut pole = Solid::default();
-    pole.cylinder(&at(0.0, 0.0, 0.0), 0.0125, [-0.640, -0.010], 0.001);
-    pole.block(&at(0.0, 0.0, -0.600), [0.020, 0.030, 0.030], 0.004);
-    // Camera body 30 degrees down, its lenses 0.04 m ahead of the pole.
-    let down = pitched(0.016, 0.0, 0.0, 30_f64.to_radians());
+    pole.cylinder(&at(0.0, 0.0, 0.0), 0.0125, [-1.040, 0.0125], 0.001);
+    pole.block(&at(0.0, 0.0, -1.000), [0.020, 0.030, 0.030], 0.004);
+    // The boom over the head, and a gusset below its bend.
+    let ahead = Isometry3::rotation(Vector3::new(0.0, FRAC_PI_2, 0.0));
+    pole.cylinder(&ahead, 0.0125, [-0.0125, 0.212], 0.001);
+    pole.block(
+        &pitched(0.035, 0.0, -0.035, FRAC_PI_4),
+        [0.046, 0.006, 0.006],
+        0.002,
+    );
+    // Camera body 52 degrees down, its lenses 0.24 m ahead of the pole.
+    let down = Isometry3::translation(0.24, 0.0, 0.0) * pitched(0.0, 0.0, 0.0, 52_f64.to_radians()) * at(-0.0245, 0.0, 0.0);
     pole.block(&down, [0.014, 0.055, 0.015], 0.004);
     out.push(("pole", "arm_ring", pole));
     let mut lens = Solid::default();

@@ -142,6 +142,8 @@ pub struct CameraMount {
     pub principal: [f64; 2],
     /// Near and far plane, metres.
     pub range: [f64; 2],
+    /// Drawn only where a scenario names it, not for `*`.
+    pub on_request: bool,
 }
 
 /// White noise of the IMU, applied only when a scenario asks for it.
@@ -327,6 +329,8 @@ struct CameraTable {
     focal: [f64; 2],
     principal: [f64; 2],
     range: [f64; 2],
+    #[serde(default)]
+    on_request: bool,
 }
 
 impl File {
@@ -344,6 +348,7 @@ impl File {
                     focal: camera.focal,
                     principal: camera.principal,
                     range: camera.range,
+                    on_request: camera.on_request,
                 })
                 .collect(),
             imu_link: self.imu.link.clone(),

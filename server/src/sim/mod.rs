@@ -147,7 +147,8 @@ impl Simulation {
     ) -> Result<Self, SimError> {
         scenario.schedules()?;
         let model = RobotModel::load(assets, &scenario.robot)?;
-        scenario.name_cameras(model.settings.cameras.iter().map(|c| c.name.as_str()));
+        let usual = model.settings.cameras.iter().filter(|c| !c.on_request);
+        scenario.name_cameras(usual.map(|c| c.name.as_str()));
         let schedules = scenario.schedules()?;
         let mut scene = Scene::load(assets, &scenario.scene)?;
         let task = match scenario.task.as_str() {

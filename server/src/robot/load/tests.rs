@@ -45,12 +45,18 @@ fn frames_stand_where_the_mounting_says() {
         (base * Vector3::x() + Vector3::x()).norm() < 1e-12,
         "yaw 180"
     );
-    // The chair camera looks forward and 30 degrees down, upright.
-    let camera = at("wheelchair_camera_frame");
-    assert!((camera.translation.vector - Vector3::new(-0.05, 0.0, 1.35)).norm() < 1e-12);
-    let (sin, cos) = 30f64.to_radians().sin_cos();
-    assert!((camera * Vector3::z() - Vector3::new(cos, 0.0, -sin)).norm() < 1e-12);
-    assert!((camera * Vector3::x() + Vector3::y()).norm() < 1e-12);
+    // The chair camera looks forward and down from the boom, upright; where it was
+    // before it can be had by name.
+    for (link, place, down) in [
+        ("wheelchair_camera_frame", [0.15, 0.0, 1.75], 52f64),
+        ("wheelchair_pole_camera_frame", [-0.05, 0.0, 1.35], 30.0),
+    ] {
+        let camera = at(link);
+        assert!((camera.translation.vector - Vector3::from(place)).norm() < 1e-12);
+        let (sin, cos) = down.to_radians().sin_cos();
+        assert!((camera * Vector3::z() - Vector3::new(cos, 0.0, -sin)).norm() < 1e-12);
+        assert!((camera * Vector3::x() + Vector3::y()).norm() < 1e-12);
+    }
     // The inner knuckles' other pins lie on the gripper's base at every angle.
     let hand = model.link("robotiq_85_base_link").unwrap();
     for knuckle in [0.0, 0.3, 0.7929] {

@@ -124,7 +124,7 @@ impl CameraSpec {
         }
     }
 
-    /// All cameras of the robot in its own order, then the room camera.
+    /// The usual cameras of the robot in its own order, then the room camera.
     ///
     /// # Errors
     /// When the robot lacks a link.
@@ -137,6 +137,7 @@ impl CameraSpec {
             .settings
             .cameras
             .iter()
+            .filter(|mount| !mount.on_request)
             .map(|mount| Self::on_robot(robot, mount, size))
             .collect::<Result<Vec<_>, _>>()?;
         specs.push(Self::room(scene, size));
