@@ -39,9 +39,11 @@ const SHARED_BYTES: [&str; 4] = [
 ];
 
 /// What makes up a scenario: people write it as TOML.
-const WRITTEN: [&str; 7] = [
+const WRITTEN: [&str; 9] = [
     ".wheelarm.v1.Scenario",
     ".wheelarm.v1.CameraSetting",
+    ".wheelarm.v1.CameraPlace",
+    ".wheelarm.v1.Intrinsics",
     ".wheelarm.v1.ObjectPlacement",
     ".wheelarm.v1.SlideResistance",
     ".wheelarm.v1.Pose",

@@ -67,4 +67,5 @@ pub const CONTRACT_VERSION: u32 = 2;
 /// - 2: joint signals that agree with the motion, own transcendental functions.
 /// - 3: rounded rims of the robot, softer contacts with what stands fixed, an arm
 ///   that brakes what outruns it, even ramps of the chair, debts of soft objects.
-pub const PHYSICS_VERSION: u32 = 3;
+/// - 4: the chair camera's boom, draws by area.
+pub const PHYSICS_VERSION: u32 = 4;

@@ -180,6 +180,7 @@ impl v1::CameraSetting {
                 width: width.parse().ok()?,
                 height: height.parse().ok()?,
                 rate_hz: Some(rate.parse().ok()?),
+                ..Self::default()
             };
             (!name.is_empty()).then_some(setting)
         };

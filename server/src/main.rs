@@ -86,6 +86,10 @@ struct Args {
     /// Adds the noise of the robot description to the IMU.
     #[arg(long)]
     imu_noise: bool,
+    /// Which specimen of the robot: the cameras' lenses and places are drawn from
+    /// this number [default: as the robot's description says].
+    #[arg(long)]
+    calibration_seed: Option<u64>,
     /// Ends when standard input is closed: with the program that started it.
     #[arg(long, hide = true)]
     end_with_stdin: bool,
@@ -130,6 +134,7 @@ impl Args {
         if let Some(quality) = self.quality {
             asked.set_quality(quality.code());
         }
+        asked.calibration_seed = self.calibration_seed.or(asked.calibration_seed);
         if self.imu_noise {
             asked.imu_noise = Some(true);
         }

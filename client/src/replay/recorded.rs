@@ -11,6 +11,7 @@ use wheelarm_proto::v1;
 use wheelarm_rig::free_label;
 
 use super::args::ReplayArgs;
+use super::calibration;
 use super::rig::Rig;
 use super::script;
 
@@ -29,7 +30,8 @@ pub(super) fn run(args: &ReplayArgs, out: &Path, episode: &Episode) -> anyhow::R
             args.file.display()
         );
     };
-    let cameras = script::cameras(&scenario, args.width, args.height, &args.camera);
+    let mut cameras = script::cameras(&scenario, args.width, args.height, &args.camera);
+    calibration::as_recorded(&mut cameras, episode)?;
     check_rates(&cameras, scenario.state_rate_hz())?;
     let mut rig = Rig::start(args, &scenario, cameras.clone())?;
     let request = v1::ResetRequest {
@@ -106,6 +108,7 @@ mod tests {
             width: 64,
             height: 48,
             rate_hz: Some(rate),
+            ..v1::CameraSetting::default()
         };
         assert!(check_rates(&[camera(10.0), camera(2.5), camera(5.0)], 10.0).is_ok());
         for (rate, cure) in [(30.0, "gen3=64x48@10"), (4.0, "gen3=64x48@3.33")] {

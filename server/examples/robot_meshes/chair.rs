@@ -259,7 +259,9 @@ fn pole_and_bracket(out: &mut Vec<Named>) {
         0.002,
     );
     // Camera body 52 degrees down, its lenses 0.24 m ahead of the pole.
-    let down = Isometry3::translation(0.24, 0.0, 0.0) * pitched(0.0, 0.0, 0.0, 52_f64.to_radians()) * at(-0.0245, 0.0, 0.0);
+    let down = Isometry3::translation(0.24, 0.0, 0.0)
+        * pitched(0.0, 0.0, 0.0, 52_f64.to_radians())
+        * at(-0.0245, 0.0, 0.0);
     pole.block(&down, [0.014, 0.055, 0.015], 0.004);
     out.push(("pole", "arm_ring", pole));
     let mut lens = Solid::default();

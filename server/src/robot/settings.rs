@@ -144,6 +144,22 @@ pub struct CameraMount {
     pub range: [f64; 2],
     /// Drawn only where a scenario names it, not for `*`.
     pub on_request: bool,
+    /// How far one specimen may be from these numbers.
+    pub tolerance: CameraTolerance,
+}
+
+/// Greatest deviations of one specimen of a camera, each way and uniform.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct CameraTolerance {
+    /// Of the focal length, as a part of it.
+    pub focal: f64,
+    /// Of the principal point, pixels at the native size.
+    pub principal: f64,
+    /// Of its place, along each axis, metres.
+    pub position: f64,
+    /// Of its direction, about each axis, degrees.
+    pub rotation_deg: f64,
 }
 
 /// White noise of the IMU, applied only when a scenario asks for it.
@@ -331,6 +347,8 @@ struct CameraTable {
     range: [f64; 2],
     #[serde(default)]
     on_request: bool,
+    #[serde(default)]
+    tolerance: CameraTolerance,
 }
 
 impl File {
@@ -349,6 +367,7 @@ impl File {
                     principal: camera.principal,
                     range: camera.range,
                     on_request: camera.on_request,
+                    tolerance: camera.tolerance,
                 })
                 .collect(),
             imu_link: self.imu.link.clone(),

@@ -12,7 +12,7 @@ use crate::robot::control::{
 use crate::robot::kinematics;
 use crate::scene::{FurnitureJoint, Placement, Resistance, Scene};
 use crate::sensors::frames::RelativeState;
-use crate::sim::{ALL_CAMERAS, CameraSetting, Quality, Scenario};
+use crate::sim::{ALL_CAMERAS, CameraPlace, CameraSetting, Lens, MAX_SIZE, Quality, Scenario};
 use crate::snapshot::{Anomaly, BodyRef, BodyState, Fault};
 use crate::tasks;
 
@@ -382,6 +382,18 @@ pub fn scenario(s: &Scenario) -> v1::Scenario {
                 width: c.size[0],
                 height: c.size[1],
                 rate_hz: Some(c.rate_hz),
+                lens: c.lens.map(|lens| v1::Intrinsics {
+                    width: lens.size[0],
+                    height: lens.size[1],
+                    fx: lens.focal[0],
+                    fy: lens.focal[1],
+                    cx: lens.principal[0],
+                    cy: lens.principal[1],
+                }),
+                place: c.place.as_ref().map(|place| v1::CameraPlace {
+                    frame: place.frame.clone(),
+                    pose: Some(pose(&place.pose)),
+                }),
             })
             .collect(),
         state_rate_hz: Some(s.state_rate_hz),
@@ -412,7 +424,44 @@ pub fn scenario(s: &Scenario) -> v1::Scenario {
         start: s.start.as_ref().map(pose),
         instruction: Some(s.instruction.clone()),
         target: Some(s.target.clone()),
+        calibration_seed: s.calibration_seed,
     }
+}
+
+/// A camera that is asked for.
+fn camera(asked: &v1::CameraSetting) -> Result<CameraSetting, Invalid> {
+    let lens = |lens: &v1::Intrinsics| {
+        let size = [lens.width, lens.height];
+        let side = f64::from(MAX_SIZE);
+        for pixels in size {
+            check::within("lens size", f64::from(pixels), 1.0, side)?;
+        }
+        Ok(Lens {
+            size,
+            focal: [
+                check::within("lens fx", lens.fx, 1.0, 100.0 * side)?,
+                check::within("lens fy", lens.fy, 1.0, 100.0 * side)?,
+            ],
+            principal: [
+                check::within("lens cx", lens.cx, -side, 2.0 * side)?,
+                check::within("lens cy", lens.cy, -side, 2.0 * side)?,
+            ],
+        })
+    };
+    let placed = |place_of: &v1::CameraPlace| {
+        check::name("camera place frame", &place_of.frame)?;
+        Ok(CameraPlace {
+            frame: place_of.frame.clone(),
+            pose: place("camera place", place_of.pose.as_ref())?,
+        })
+    };
+    Ok(CameraSetting {
+        name: asked.name.clone(),
+        size: [asked.width, asked.height],
+        rate_hz: asked.rate_hz.unwrap_or(CAMERA_HZ),
+        lens: asked.lens.as_ref().map(lens).transpose()?,
+        place: asked.place.as_ref().map(placed).transpose()?,
+    })
 }
 
 /// Rate of a camera whose rate is not told, Hz.
@@ -518,13 +567,15 @@ pub fn scenario_over(now: &Scenario, asked: &v1::Scenario) -> Result<Scenario, I
         s.cameras = asked
             .cameras
             .iter()
-            .map(|c| CameraSetting {
-                name: c.name.clone(),
-                size: [c.width, c.height],
-                rate_hz: c.rate_hz.unwrap_or(CAMERA_HZ),
-            })
-            .collect();
+            .map(camera)
+            .collect::<Result<_, Invalid>>()?;
+    } else if asked.calibration_seed.is_some() {
+        // Another specimen: what was drawn for the one before goes.
+        for camera in &mut s.cameras {
+            (camera.lens, camera.place) = (None, None);
+        }
     }
+    s.calibration_seed = asked.calibration_seed.or(s.calibration_seed);
     match v1::RenderQuality::try_from(asked.quality) {
         Ok(code) => keep(&mut s.quality, Quality::told(code)),
         Err(_) => {

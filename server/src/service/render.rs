@@ -21,9 +21,9 @@ use super::signal::Signal;
 use crate::robot::RobotModel;
 use crate::scene::Scene;
 use crate::sensors::camera::{
-    Binding, CameraSpec, Frame, IN_FLIGHT, RenderError, RenderScene, Renderer,
+    Binding, CameraSpec, Frame, IN_FLIGHT, Intrinsics, RenderError, RenderScene, Renderer,
 };
-use crate::sim::{Scenario, Simulation};
+use crate::sim::{CameraSetting, Scenario, Simulation};
 use crate::snapshot::Snapshot;
 
 /// Batches that may wait to be drawn.
@@ -69,7 +69,7 @@ impl Setup {
             .scenario
             .cameras
             .iter()
-            .map(|c| self.camera(&c.name, c.size))
+            .map(|c| self.camera(c))
             .collect::<Result<Vec<_>, _>>()?;
         let quality = self.scenario.quality;
         let renderer = Renderer::new(&scene, &cameras, quality, self.adapter.as_deref())?;
@@ -78,7 +78,33 @@ impl Setup {
 }
 
 impl Setup {
-    fn camera(&self, name: &str, size: [u32; 2]) -> Result<CameraSpec, RenderError> {
+    fn camera(&self, asked: &CameraSetting) -> Result<CameraSpec, RenderError> {
+        let mut spec = self.described(&asked.name, asked.size)?;
+        if let Some(lens) = asked.lens {
+            let [width, height] = lens.size;
+            let ([fx, fy], [cx, cy]) = (lens.focal, lens.principal);
+            let lens = Intrinsics {
+                width,
+                height,
+                fx,
+                fy,
+                cx,
+                cy,
+            };
+            spec.intrinsics = lens.resized(asked.size);
+        }
+        if let Some(place) = &asked.place {
+            let mut frames = self.model.roles.frames.iter();
+            // Known, or else the house: the simulation has checked it.
+            let frame = frames.find(|frame| frame.name == place.frame);
+            spec.binding = frame.map_or(Binding::World, |frame| Binding::Link(frame.link));
+            spec.mount = place.pose;
+        }
+        Ok(spec)
+    }
+
+    /// The camera as robot or scene describe it.
+    fn described(&self, name: &str, size: [u32; 2]) -> Result<CameraSpec, RenderError> {
         if name == "room" {
             return Ok(CameraSpec::room(&self.scene, size));
         }

@@ -5,6 +5,7 @@
 
 #[cfg(test)]
 mod bits;
+mod calibration;
 mod envelope;
 mod guard;
 mod scenario;
@@ -21,8 +22,8 @@ use wheelarm_proto::PHYSICS_HZ;
 
 pub use guard::{anomaly_words, fault_words};
 pub use scenario::{
-    ALL_CAMERAS, CameraSetting, MAX_SIZE, Pacing, Quality, SOFT_MASS, Scenario, ScenarioError,
-    Schedules,
+    ALL_CAMERAS, CameraPlace, CameraSetting, HOUSE, Lens, MAX_SIZE, Pacing, Quality, SOFT_MASS,
+    Scenario, ScenarioError, Schedules,
 };
 pub use shown::{Recorded, RecordedSkin, Unfit};
 pub use state::StateError;
@@ -71,6 +72,16 @@ pub enum SimError {
         /// The scene.
         scene: String,
         /// The objects that there are.
+        known: String,
+    },
+    /// A camera's place.
+    #[error("camera {camera:?} is placed in the frame {frame:?}; the robot has {known}")]
+    CameraFrame {
+        /// The camera.
+        camera: String,
+        /// The frame.
+        frame: String,
+        /// Frames that there are.
         known: String,
     },
     /// A furniture joint of the scenario.
@@ -149,6 +160,7 @@ impl Simulation {
         let model = RobotModel::load(assets, &scenario.robot)?;
         let usual = model.settings.cameras.iter().filter(|c| !c.on_request);
         scenario.name_cameras(usual.map(|c| c.name.as_str()));
+        calibration::draw(&mut scenario, &model)?;
         let schedules = scenario.schedules()?;
         let mut scene = Scene::load(assets, &scenario.scene)?;
         let task = match scenario.task.as_str() {

@@ -17,7 +17,34 @@ pub struct CameraSetting {
     pub size: [u32; 2],
     /// Pictures per simulated second, Hz; divides 240; 0 is off.
     pub rate_hz: f64,
+    /// Lens; `None`: as the robot's description says.
+    pub lens: Option<Lens>,
+    /// Where it is; `None`: as the robot's description says.
+    pub place: Option<CameraPlace>,
 }
+
+/// A pinhole lens without distortion.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Lens {
+    /// Picture size for which it holds, pixels; it scales with the pictures.
+    pub size: [u32; 2],
+    /// Focal lengths, pixels.
+    pub focal: [f64; 2],
+    /// Principal point, pixels from the top left corner.
+    pub principal: [f64; 2],
+}
+
+/// Where a camera is.
+#[derive(Clone, Debug, PartialEq)]
+pub struct CameraPlace {
+    /// One of the robot's recorded frames, or [`HOUSE`].
+    pub frame: String,
+    /// frame_from_optical; z forward, x right, y down.
+    pub pose: Isometry3<f64>,
+}
+
+/// Frame of a camera that stands still.
+pub const HOUSE: &str = "house";
 
 /// What is simulated.
 #[derive(Clone, Debug, PartialEq)]
@@ -54,6 +81,9 @@ pub struct Scenario {
     pub instruction: String,
     /// What the task is about; empty: the task's only target, or drawn.
     pub target: String,
+    /// Which specimen of the robot: its cameras' lenses and places are drawn
+    /// from it; `None`: as the description says.
+    pub calibration_seed: Option<u64>,
 }
 
 /// Name of a camera setting that stands for every camera of the robot that has
@@ -86,6 +116,7 @@ impl Default for Scenario {
             start: None,
             instruction: String::new(),
             target: String::new(),
+            calibration_seed: None,
         }
     }
 }
@@ -155,6 +186,8 @@ impl Scenario {
             name: ALL_CAMERAS.to_owned(),
             size: [1280, 720],
             rate_hz: 10.0,
+            lens: None,
+            place: None,
         }]
     }
 

@@ -89,6 +89,7 @@ fn damaged_messages_are_survived() {
             width: 64,
             height: 48,
             rate_hz: Some(30.0),
+            ..v1::CameraSetting::default()
         }],
         start: Some(pose()),
         objects: vec![v1::ObjectPlacement {

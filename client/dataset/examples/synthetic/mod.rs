@@ -280,6 +280,7 @@ pub fn started(label: &str) -> v1::EpisodeStarted {
         width: 1280,
         height: 720,
         rate_hz: Some(10.0),
+        ..v1::CameraSetting::default()
     };
     v1::EpisodeStarted {
         as_recorded: false,

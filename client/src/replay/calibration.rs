@@ -1,0 +1,85 @@
+//! The cameras of a recording as they were: lens and place of its pictures, so
+//! that an old recording is drawn as its own robot saw it.
+
+use anyhow::Context;
+use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion};
+use wheelarm_dataset::read::Episode;
+use wheelarm_proto::check;
+use wheelarm_proto::v1;
+
+/// Gives each of the robot's cameras that was recorded the lens and the place of
+/// its first picture. Others keep what the robot's description says.
+///
+/// # Errors
+/// When the file cannot be read.
+pub(super) fn as_recorded(
+    cameras: &mut [v1::CameraSetting],
+    episode: &Episode,
+) -> anyhow::Result<()> {
+    let (robot, roles) = episode.roles()?;
+    let (x, q) = check::pose("arm mount", robot.arm_mount.as_ref())?;
+    let chair_from_base = isometry([x[0], x[1], x[2], q[0], q[1], q[2], q[3]]);
+    let poses = episode.f64s("pose", "pose")?;
+    let stamps = episode.u64s("pose", "stamp_nanos")?;
+    for setting in cameras {
+        let mount = robot.cameras.iter().find(|c| c.name == setting.name);
+        let (Some(mount), Ok(camera)) = (mount, episode.camera(&setting.name)) else {
+            continue;
+        };
+        let first = camera.stamps().first();
+        let Some(row) = first.and_then(|first| stamps.iter().position(|stamp| stamp == first))
+        else {
+            continue;
+        };
+        let pose = |frame: usize| isometry(std::array::from_fn(|k| poses[[row, frame, k]]));
+        let house_from_chair = pose(roles.chair);
+        let (frame, house_from_frame) = match mount.mount() {
+            v1::CameraMount::Arm => (
+                roles.end_effector,
+                house_from_chair * chair_from_base * pose(roles.end_effector),
+            ),
+            _ => (roles.chair, house_from_chair),
+        };
+        let name = robot
+            .frames
+            .get(frame)
+            .context("the file does not name its frames")?;
+        let optical = house_from_frame.inverse() * isometry(camera.pose(0));
+        let [width, height, fx, fy, cx, cy] = camera.intrinsics(0);
+        setting.lens = Some(v1::Intrinsics {
+            width: width as u32,
+            height: height as u32,
+            fx,
+            fy,
+            cx,
+            cy,
+        });
+        setting.place = Some(v1::CameraPlace {
+            frame: name.name.clone(),
+            pose: Some(message(&optical)),
+        });
+    }
+    Ok(())
+}
+
+fn isometry([x, y, z, qx, qy, qz, qw]: [f64; 7]) -> Isometry3<f64> {
+    let rotation = UnitQuaternion::new_normalize(Quaternion::new(qw, qx, qy, qz));
+    Isometry3::from_parts(Translation3::new(x, y, z), rotation)
+}
+
+fn message(pose: &Isometry3<f64>) -> v1::Pose {
+    let (x, q) = (pose.translation.vector, pose.rotation.coords);
+    v1::Pose {
+        position: Some(v1::Vector3 {
+            x: x.x,
+            y: x.y,
+            z: x.z,
+        }),
+        orientation: Some(v1::Quaternion {
+            x: q.x,
+            y: q.y,
+            z: q.z,
+            w: q.w,
+        }),
+    }
+}

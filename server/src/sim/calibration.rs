@@ -1,0 +1,157 @@
+//! Which lens and place the cameras of one specimen of the robot have.
+
+use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::{Rng, SeedableRng};
+
+use super::SimError;
+use super::scenario::{CameraPlace, HOUSE, Lens, Scenario};
+use crate::robot::{CameraMount, RobotModel};
+
+/// Fills in what `calibration_seed` draws for the robot's cameras that have no
+/// lens or place of their own. Each camera has its own row of numbers, whatever
+/// others are in use.
+///
+/// # Errors
+/// [`SimError::CameraFrame`] for a place in a frame that the robot has not.
+pub(super) fn draw(scenario: &mut Scenario, model: &RobotModel) -> Result<(), SimError> {
+    for camera in &mut scenario.cameras {
+        if let Some(place) = &camera.place {
+            known(model, &camera.name, place)?;
+        }
+        let mounts = &model.settings.cameras;
+        let Some(index) = mounts.iter().position(|m| m.name == camera.name) else {
+            continue;
+        };
+        let Some(seed) = scenario.calibration_seed else {
+            continue;
+        };
+        let mut random = ChaCha8Rng::seed_from_u64(seed);
+        random.set_stream(1 + index as u64);
+        let (lens, place) = specimen(&mut random, model, &mounts[index]);
+        camera.lens.get_or_insert(lens);
+        if camera.place.is_none() {
+            camera.place = place;
+        }
+    }
+    Ok(())
+}
+
+fn known(model: &RobotModel, camera: &str, place: &CameraPlace) -> Result<(), SimError> {
+    let frames = &model.roles.frames;
+    if place.frame == HOUSE || frames.iter().any(|frame| frame.name == place.frame) {
+        return Ok(());
+    }
+    let mut known: Vec<_> = frames.iter().map(|frame| frame.name.as_str()).collect();
+    known.push(HOUSE);
+    Err(SimError::CameraFrame {
+        camera: camera.to_owned(),
+        frame: place.frame.clone(),
+        known: known.join(", "),
+    })
+}
+
+/// One specimen of a camera; no place where no recorded frame carries it rigidly.
+fn specimen(
+    random: &mut ChaCha8Rng,
+    model: &RobotModel,
+    mount: &CameraMount,
+) -> (Lens, Option<CameraPlace>) {
+    // From 53 bits, -1 to 1: independent of any library's sampling.
+    let mut within = |most: f64| {
+        let share = (random.next_u64() >> 11) as f64 / (1u64 << 53) as f64;
+        (2.0 * share - 1.0) * most
+    };
+    let tolerance = &mount.tolerance;
+    let scale = 1.0 + within(tolerance.focal);
+    let principal = mount.principal.map(|p| p + within(tolerance.principal));
+    let lens = Lens {
+        size: mount.size,
+        focal: mount.focal.map(|f| f * scale),
+        principal,
+    };
+    let moved = Vector3::from_fn(|_, _| within(tolerance.position));
+    let turned = Vector3::from_fn(|_, _| within(tolerance.rotation_deg.to_radians()));
+    let off = Isometry3::from_parts(
+        Translation3::from(moved),
+        UnitQuaternion::from_scaled_axis(turned),
+    );
+    let place = nominal(model, mount).map(|place| CameraPlace {
+        pose: place.pose * off,
+        ..place
+    });
+    (lens, place)
+}
+
+/// Where the description has a camera, in the recorded frame that carries it.
+fn nominal(model: &RobotModel, mount: &CameraMount) -> Option<CameraPlace> {
+    let link = model.link(&mount.link)?;
+    // What is rigid stays where it is when all joints move.
+    let [still, moved] = [0.0, 0.1].map(|q| model.link_poses(&vec![q; model.joints.len()]));
+    let rigid = |frame: usize| {
+        let [a, b] = [&still, &moved].map(|poses| poses[frame].inverse() * poses[link]);
+        (a.translation.vector - b.translation.vector).norm() < 1e-9
+            && a.rotation.angle_to(&b.rotation) < 1e-9
+    };
+    let frame = model.roles.frames.iter().find(|frame| rigid(frame.link))?;
+    Some(CameraPlace {
+        frame: frame.name.clone(),
+        pose: still[frame.link].inverse() * still[link] * mount.pose,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn drawn(seed: Option<u64>) -> Scenario {
+        let assets = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../assets");
+        let model = RobotModel::load(&assets, "wheelarm").unwrap();
+        let mut scenario = Scenario {
+            calibration_seed: seed,
+            ..Scenario::default()
+        };
+        let usual = model.settings.cameras.iter().filter(|c| !c.on_request);
+        scenario.name_cameras(usual.map(|c| c.name.as_str()));
+        draw(&mut scenario, &model).unwrap();
+        scenario
+    }
+
+    #[test]
+    fn a_specimen_is_within_its_tolerances_and_the_same_every_time() {
+        assert!(drawn(None).cameras.iter().all(|c| c.lens.is_none()));
+        let mut widest = 0.0f64;
+        for seed in 0..40 {
+            let scenario = drawn(Some(seed));
+            assert_eq!(scenario, drawn(Some(seed)));
+            let [wrist, chair] = &scenario.cameras[..] else {
+                panic!("two cameras");
+            };
+            let frames = [wrist, chair].map(|c| c.place.as_ref().unwrap().frame.as_str());
+            assert_eq!(frames, ["end_effector", "wheelchair"]);
+            let focal = wrist.lens.unwrap().focal[0] / 1297.7;
+            assert!((focal - 1.0).abs() <= 0.01, "{focal}");
+            widest = widest.max((focal - 1.0).abs());
+            let place = chair.place.as_ref().unwrap().pose.translation.vector;
+            assert!((place - Vector3::new(0.15, 0.0, 1.75)).amax() <= 0.004);
+        }
+        assert!(widest > 0.007, "{widest}");
+    }
+
+    #[test]
+    fn what_is_given_stays_and_a_wrong_frame_is_refused() {
+        let assets = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../assets");
+        let model = RobotModel::load(&assets, "wheelarm").unwrap();
+        let mut scenario = drawn(Some(1));
+        let before = scenario.clone();
+        scenario.calibration_seed = Some(2);
+        draw(&mut scenario, &model).unwrap();
+        assert_eq!(scenario.cameras, before.cameras);
+        scenario.cameras[0].place.as_mut().unwrap().frame = "moon".to_owned();
+        let told = draw(&mut scenario, &model).unwrap_err().to_string();
+        assert!(
+            told.contains("\"moon\"") && told.contains("end_effector"),
+            "{told}"
+        );
+    }
+}
