@@ -40,6 +40,7 @@ pub fn all_cameras(width: u32, height: u32, rate_hz: f64) -> v1::CameraSetting {
         width,
         height,
         rate_hz: Some(rate_hz),
+        ..v1::CameraSetting::default()
     }
 }
 

@@ -104,6 +104,7 @@ impl Camera {
             width,
             height,
             rate_hz: Some(self.rate),
+            ..CameraSetting::default()
         }
     }
 }

@@ -301,6 +301,7 @@ fn in_a_sealed_lease_nobody_else_commands_in_its_holders_name() {
     let command = |sequence| {
         let mut command = drive(sequence, 0.3);
         command.commander = "anna".into();
+        command.answers_tick = Some(0);
         command.header.as_mut().unwrap().run_id = "a".into();
         command.encode_to_vec()
     };
@@ -322,7 +323,11 @@ fn a_flood_costs_no_memory_and_is_cut_to_its_rate() {
     let mut passed = 0;
     for i in 1..10_000 {
         let now = i as f64 * 1e-4;
-        let command = drive(i, 0.1).encode_to_vec();
+        let command = v1::Command {
+            answers_tick: Some(0),
+            ..drive(i, 0.1)
+        };
+        let command = command.encode_to_vec();
         passed += u32::from(inbox.accept(&command, now).is_ok());
     }
     assert!(inbox.pending.len() <= 256);
