@@ -19,7 +19,7 @@ pub(crate) fn home() -> Scene {
 
 #[test]
 fn every_object_file_loads_and_every_asset_names_origin_and_licence() {
-    for folder in ["scenes", "objects", "materials", "tasks"] {
+    for folder in ["scenes", "objects", "materials", "areas", "templates", "tasks"] {
         let names = names(&assets(), folder).unwrap();
         assert!(!names.is_empty());
         for name in names {

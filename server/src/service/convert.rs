@@ -335,6 +335,7 @@ pub fn goal_kind(goal: &tasks::Goal) -> v1::GoalKind {
         tasks::Goal::Lift => v1::GoalKind::Lift,
         tasks::Goal::Put { .. } => v1::GoalKind::Put,
         tasks::Goal::Open { .. } => v1::GoalKind::Open,
+        tasks::Goal::Close { .. } => v1::GoalKind::Close,
     }
 }
 
@@ -359,9 +360,10 @@ pub fn goal(goal: &tasks::Goal, target: &str, scene: &Scene) -> v1::TaskGoal {
                     ))),
                 });
         }
-        tasks::Goal::Open { joint, travel } => {
-            message.joint.clone_from(joint);
-            message.position = *travel;
+        tasks::Goal::Open { travel: position } | tasks::Goal::Close { position } => {
+            let joint = scene.furniture_named(target).and_then(|i| scene.joint_of(i));
+            message.joint = joint.map_or(String::new(), |joint| joint.name.clone());
+            message.position = *position;
         }
     }
     message
@@ -403,15 +405,18 @@ pub fn scenario(s: &Scenario) -> v1::Scenario {
         slides: s
             .slides
             .iter()
-            .map(|(joint, r)| v1::SlideResistance {
+            .map(|(joint, r, position)| v1::SlideResistance {
                 joint: joint.clone(),
                 friction: Some(r.friction),
                 damping: Some(r.damping),
+                position: Some(*position),
             })
             .collect(),
         start: s.start.as_ref().map(pose),
         instruction: Some(s.instruction.clone()),
         target: Some(s.target.clone()),
+        variant: s.variant.clone(),
+        variant_share: s.variant_share,
     }
 }
 
@@ -454,7 +459,8 @@ fn bounded(asked: &v1::Scenario) -> Result<(), Invalid> {
         ("robot name", asked.robot.as_str()),
         ("target", asked.target()),
     ];
-    for (what, name) in given.into_iter().filter(|(_, name)| !name.is_empty()) {
+    let given = given.into_iter().chain([("variant", asked.variant())]);
+    for (what, name) in given.filter(|(_, name)| !name.is_empty()) {
         check::name(what, name)?;
     }
     let cameras = asked.cameras.iter().map(|c| ("camera name", &c.name));
@@ -491,6 +497,7 @@ pub fn scenario_over(now: &Scenario, asked: &v1::Scenario) -> Result<Scenario, I
         s.start = None;
         s.instruction.clear();
         s.target.clear();
+        s.variant = None;
     }
     if !asked.robot.is_empty() && asked.robot != now.robot {
         s.cameras = Scenario::all_cameras();
@@ -502,6 +509,10 @@ pub fn scenario_over(now: &Scenario, asked: &v1::Scenario) -> Result<Scenario, I
     keep(&mut s.seed, asked.seed);
     keep(&mut s.instruction, asked.instruction.clone());
     keep(&mut s.target, asked.target.clone());
+    keep(&mut s.variant, asked.variant.clone().map(Some));
+    if let Some(share) = asked.variant_share {
+        s.variant_share = Some(check::within("variant_share", share, 0.0, 1.0)?);
+    }
     keep(&mut s.imu_noise, asked.imu_noise);
     keep(&mut s.state_rate_hz, asked.state_rate_hz);
     keep(&mut s.deformable_rate_hz, asked.deformable_rate_hz);
@@ -563,7 +574,12 @@ pub fn scenario_over(now: &Scenario, asked: &v1::Scenario) -> Result<Scenario, I
                 })
             };
             let place = of("slide", &slide.joint);
-            Ok((slide.joint.clone(), resistance().map_err(place)?))
+            let position = || number("position", slide.position.or(Some(0.0)), 0.0, 10.0);
+            Ok((
+                slide.joint.clone(),
+                resistance().map_err(&place)?,
+                position().map_err(&place)?,
+            ))
         })
         .collect::<Result<Vec<_>, Invalid>>()?;
     keep(&mut s.objects, (!objects.is_empty()).then_some(objects));

@@ -46,14 +46,21 @@ pub struct Scenario {
     pub imu_noise: bool,
     /// Placements by object name; empty: drawn from the seed.
     pub objects: Vec<(String, Placement)>,
-    /// Resistance of furniture joints by name; what is missing is drawn.
-    pub slides: Vec<(String, Resistance)>,
+    /// Resistance of furniture joints by name, and their positions at the start,
+    /// metres; what is missing is drawn.
+    pub slides: Vec<(String, Resistance, f64)>,
     /// world_from_wheelchair_root at the start; `None`: drawn.
     pub start: Option<Isometry3<f64>>,
     /// Instruction sentence; empty: one of the task's.
     pub instruction: String,
     /// What the task is about; empty: the task's only target, or drawn.
     pub target: String,
+    /// Variant of the task's area, empty for the first; `None`: that in which the
+    /// given objects are, or drawn.
+    pub variant: Option<String>,
+    /// How often a variant other than the area's first is drawn, 0 to 1; `None`:
+    /// as the area says.
+    pub variant_share: Option<f64>,
 }
 
 /// Name of a camera setting that stands for every camera of the robot that has
@@ -86,6 +93,8 @@ impl Default for Scenario {
             start: None,
             instruction: String::new(),
             target: String::new(),
+            variant: None,
+            variant_share: None,
         }
     }
 }
