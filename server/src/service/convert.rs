@@ -12,7 +12,7 @@ use crate::robot::control::{
 use crate::robot::kinematics;
 use crate::scene::{FurnitureJoint, Placement, Resistance, Scene};
 use crate::sensors::frames::RelativeState;
-use crate::sim::{ALL_CAMERAS, CameraSetting, Quality, Scenario};
+use crate::sim::{ALL_CAMERAS, CameraSetting, Quality, Scenario, Starts};
 use crate::snapshot::{Anomaly, BodyRef, BodyState, Fault};
 use crate::tasks;
 
@@ -361,7 +361,9 @@ pub fn goal(goal: &tasks::Goal, target: &str, scene: &Scene) -> v1::TaskGoal {
                 });
         }
         tasks::Goal::Open { travel: position } | tasks::Goal::Close { position } => {
-            let joint = scene.furniture_named(target).and_then(|i| scene.joint_of(i));
+            let joint = scene
+                .furniture_named(target)
+                .and_then(|i| scene.joint_of(i));
             message.joint = joint.map_or(String::new(), |joint| joint.name.clone());
             message.position = *position;
         }
@@ -415,6 +417,9 @@ pub fn scenario(s: &Scenario) -> v1::Scenario {
         start: s.start.as_ref().map(pose),
         instruction: Some(s.instruction.clone()),
         target: Some(s.target.clone()),
+        starts: s.starts.code().into(),
+        arm_positions: s.arm.map(Vec::from).unwrap_or_default(),
+        knuckle: s.knuckle,
         variant: s.variant.clone(),
         variant_share: s.variant_share,
     }
@@ -498,6 +503,8 @@ pub fn scenario_over(now: &Scenario, asked: &v1::Scenario) -> Result<Scenario, I
         s.instruction.clear();
         s.target.clear();
         s.variant = None;
+        s.arm = None;
+        s.knuckle = None;
     }
     if !asked.robot.is_empty() && asked.robot != now.robot {
         s.cameras = Scenario::all_cameras();
@@ -545,6 +552,22 @@ pub fn scenario_over(now: &Scenario, asked: &v1::Scenario) -> Result<Scenario, I
                 expected: "a value of wheelarm.v1.RenderQuality",
             });
         }
+    }
+    match v1::Starts::try_from(asked.starts) {
+        Ok(code) => keep(&mut s.starts, Starts::told(code)),
+        Err(_) => {
+            return Err(Invalid::Word {
+                what: "starts",
+                value: asked.starts.to_string(),
+                expected: "a value of wheelarm.v1.Starts",
+            });
+        }
+    }
+    if !asked.arm_positions.is_empty() {
+        s.arm = Some(check::list("arm_positions", &asked.arm_positions)?);
+    }
+    if let Some(knuckle) = asked.knuckle {
+        s.knuckle = Some(check::within("knuckle", knuckle, 0.0, 3.2)?);
     }
     if let Some(start) = &asked.start {
         s.start = Some(place("start", Some(start))?);

@@ -22,7 +22,7 @@ use wheelarm_proto::PHYSICS_HZ;
 pub use guard::{anomaly_words, fault_words};
 pub use scenario::{
     ALL_CAMERAS, CameraSetting, MAX_SIZE, Pacing, Quality, SOFT_MASS, Scenario, ScenarioError,
-    Schedules,
+    Schedules, Starts,
 };
 pub use shown::{Recorded, RecordedSkin, Unfit};
 pub use state::StateError;
@@ -34,7 +34,7 @@ use crate::sensors::frames::{self, RelativeState};
 use crate::sensors::imu::{self, Imu};
 use crate::sensors::odometry::Odometry;
 use crate::snapshot::{BodyRef, Contact, Fault, Snapshot};
-use crate::tasks::{self, Draw, Evaluation, Evaluator, SceneDraw, TaskSpec, Variant};
+use crate::tasks::{self, Draw, Evaluation, Evaluator, Floor, SceneDraw, TaskSpec, Variant};
 use crate::world::{World, WorldError, WorstOfSoft};
 
 /// What can be wrong when a simulation is set up.
@@ -170,13 +170,23 @@ impl Simulation {
         };
         scene.keep_optional(variant.as_ref().map_or(&[], |variant| &variant.furniture));
         scenario.variant = variant.as_ref().map(|variant| variant.name.clone());
-        draw_open_values(&mut scenario, &mut scene, task.as_ref().zip(variant.as_ref()))?;
+        let floor = match scenario.starts {
+            Starts::Near => None,
+            Starts::Anywhere => Some(Floor::new(&model, &scene)),
+        };
+        let drawn = task
+            .as_ref()
+            .zip(variant.as_ref())
+            .map(|(task, variant)| (task, variant, floor.as_ref()));
+        draw_open_values(&mut scenario, &mut scene, drawn)?;
+        let arm = *scenario.arm.get_or_insert(model.settings.home);
+        let knuckle = *scenario.knuckle.get_or_insert(0.0);
+        check_pose(&model, &arm, knuckle)?;
         let placements: Vec<_> = scenario.objects.iter().map(|(_, p)| *p).collect();
         let start = scenario.start.unwrap_or(scene.start);
         let gripper = GripperMap::new(&model);
-        let control = RobotControl::new(&model);
-        let home = &model.settings.home;
-        let world = World::new_within(&model, &scene, &placements, &start, home, late)?;
+        let control = RobotControl::at(&model, &arm, knuckle);
+        let world = World::new_within(&model, &scene, &placements, &start, &arm, knuckle, late)?;
         guard::check_new(world.fault(), &model, &scene)?;
         let snapshot = Arc::new(world.snapshot());
         let mut evaluator = task
@@ -484,7 +494,10 @@ fn variant<'a>(task: &'a TaskSpec, scenario: &Scenario) -> Result<&'a Variant, S
             let placed = |variant: &&Variant| {
                 let certain = variant.places.iter().filter(|place| place.is_certain());
                 let there = certain.filter(|place| {
-                    scenario.objects.iter().any(|(name, _)| *name == place.object)
+                    scenario
+                        .objects
+                        .iter()
+                        .any(|(name, _)| *name == place.object)
                 });
                 there.count()
             };
@@ -507,7 +520,7 @@ fn variant<'a>(task: &'a TaskSpec, scenario: &Scenario) -> Result<&'a Variant, S
 fn draw_open_values(
     scenario: &mut Scenario,
     scene: &mut Scene,
-    task: Option<(&TaskSpec, &Variant)>,
+    task: Option<(&TaskSpec, &Variant, Option<&Floor>)>,
 ) -> Result<(), SimError> {
     if let Some((name, _)) = scenario
         .objects
@@ -535,7 +548,7 @@ fn draw_open_values(
     }
     check_soft(scenario, scene)?;
     let drawn = match task {
-        Some((task, variant)) => tasks::draw(task, variant, scene, scenario.seed),
+        Some((task, variant, floor)) => tasks::draw(task, variant, scene, scenario.seed, floor),
         None => undisturbed(scene),
     };
     let given = std::mem::take(&mut scenario.objects);
@@ -566,11 +579,36 @@ fn draw_open_values(
     scenario.slides = slides.collect();
     let start: Isometry3<f64> = scenario.start.unwrap_or(drawn.scene.start);
     scenario.start = Some(start);
+    scenario.arm = scenario.arm.or(drawn.scene.arm);
+    scenario.knuckle = scenario.knuckle.or(drawn.scene.knuckle);
     if scenario.target.is_empty() {
         scenario.target = drawn.target;
     }
     if scenario.instruction.is_empty() {
         scenario.instruction = drawn.instruction;
+    }
+    Ok(())
+}
+
+/// Refuses a start at which a joint stands beyond its limits.
+fn check_pose(
+    model: &RobotModel,
+    arm: &[f64; ARM_JOINTS],
+    knuckle: f64,
+) -> Result<(), ScenarioError> {
+    let joints = model.roles.arm.iter().zip(arm);
+    let gripper = [(&model.roles.knuckles[0], &knuckle)];
+    for (&joint, &position) in joints.chain(gripper) {
+        let joint = &model.joints[joint];
+        let (least, most) = (joint.limits.lower, joint.limits.upper);
+        if !(least..=most).contains(&position) {
+            return Err(ScenarioError::Joint {
+                name: joint.name.clone(),
+                position,
+                least,
+                most,
+            });
+        }
     }
     Ok(())
 }
@@ -600,6 +638,8 @@ fn undisturbed(scene: &Scene) -> Draw {
             slides: scene.joints.iter().map(|joint| joint.resistance).collect(),
             positions: vec![0.0; scene.joints.len()],
             start: scene.start,
+            arm: None,
+            knuckle: None,
             attempts: 0,
             clearance: 0.0,
         },

@@ -3,10 +3,11 @@
 use nalgebra::Isometry3;
 use wheelarm_proto::{CONTROL_HZ, PHYSICS_HZ};
 
+use crate::robot::ARM_JOINTS;
 use crate::scene::{Placement, Resistance};
 use crate::sensors::{BadRate, Schedule};
 
-pub use wheelarm_proto::settings::{Pacing, Quality};
+pub use wheelarm_proto::settings::{Pacing, Quality, Starts};
 
 /// One camera of a scenario.
 #[derive(Clone, Debug, PartialEq)]
@@ -51,6 +52,12 @@ pub struct Scenario {
     pub slides: Vec<(String, Resistance, f64)>,
     /// world_from_wheelchair_root at the start; `None`: drawn.
     pub start: Option<Isometry3<f64>>,
+    /// Where the robot starts when it is drawn.
+    pub starts: Starts,
+    /// Positions of the arm's joints at the start, rad; `None`: drawn.
+    pub arm: Option<[f64; ARM_JOINTS]>,
+    /// Angle of the gripper's knuckle at the start, rad; `None`: drawn.
+    pub knuckle: Option<f64>,
     /// Instruction sentence; empty: one of the task's.
     pub instruction: String,
     /// What the task is about; empty: the task's only target, or drawn.
@@ -91,6 +98,9 @@ impl Default for Scenario {
             objects: Vec::new(),
             slides: Vec::new(),
             start: None,
+            starts: Starts::Near,
+            arm: None,
+            knuckle: None,
             instruction: String::new(),
             target: String::new(),
             variant: None,
@@ -129,6 +139,21 @@ pub enum ScenarioError {
         name: String,
         /// kg.
         mass: f64,
+    },
+    /// A position that a joint of the robot cannot have.
+    #[error(
+        "the start puts {name} at {} rad, expected {least} to {most}",
+        wheelarm_proto::check::Number(*.position)
+    )]
+    Joint {
+        /// The joint.
+        name: String,
+        /// rad.
+        position: f64,
+        /// Lower limit, rad.
+        least: f64,
+        /// Upper limit, rad.
+        most: f64,
     },
     /// A name that could leave the assets folder.
     #[error(

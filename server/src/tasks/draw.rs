@@ -2,6 +2,7 @@
 //! the task, then what the task is about where it has a choice, and the sentence.
 
 use super::area::Variant;
+use super::floor::Floor;
 use super::random::{index, stream};
 use super::scene_draw::{SceneDraw, draw_scene, variant};
 use super::spec::TaskSpec;
@@ -31,10 +32,16 @@ pub fn variant_of(spec: &TaskSpec, seed: u64, share: Option<f64>) -> Option<&Var
 
 /// Draws a start of the task in a variant of its area. The same seed gives the
 /// same draw on any machine. `scene` holds the optional furniture of the variant
-/// and no other.
+/// and no other; with a `floor` the robot starts anywhere on it.
 #[must_use]
-pub fn draw(spec: &TaskSpec, variant: &Variant, scene: &Scene, seed: u64) -> Draw {
-    let drawn = draw_scene(&spec.area, variant, scene, seed);
+pub fn draw(
+    spec: &TaskSpec,
+    variant: &Variant,
+    scene: &Scene,
+    seed: u64,
+    floor: Option<&Floor>,
+) -> Draw {
+    let drawn = draw_scene(&spec.area, variant, scene, seed, floor);
     let mut random = stream(&spec.area.name, seed, &format!("task {}", spec.name));
     let mut one_of = |choices: &[String]| {
         let chosen = index(&mut random, choices.len());

@@ -176,7 +176,10 @@ impl Evaluator {
                     .map(|&joint| child(joint))
                     .collect(),
                 target: object,
-                target_joint: scene.joints.iter().position(|j| Some(j.furniture) == furniture),
+                target_joint: scene
+                    .joints
+                    .iter()
+                    .position(|j| Some(j.furniture) == furniture),
                 decoys: others.filter_map(|name| scene.object_named(name)).collect(),
             },
             carrier: start

@@ -135,9 +135,7 @@ impl<'a> Clearance<'a> {
         let objects = scene.objects.iter();
         Self {
             scene,
-            outlines: objects
-                .map(|body| (Outline::of(body), top(body)))
-                .collect(),
+            outlines: objects.map(|body| (Outline::of(body), top(body))).collect(),
             furniture,
         }
     }

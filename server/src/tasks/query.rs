@@ -17,9 +17,8 @@ pub(super) struct Query {
 
 impl Query {
     fn fits(&self, body: &Body) -> bool {
-        let fits = |asked: &Option<String>, is: &str| {
-            asked.as_deref().is_none_or(|asked| asked == is)
-        };
+        let fits =
+            |asked: &Option<String>, is: &str| asked.as_deref().is_none_or(|asked| asked == is);
         fits(&self.name, &body.name)
             && fits(&self.category, &body.category)
             && fits(&self.colour, &body.colour)
@@ -49,7 +48,10 @@ impl Query {
         area: &AreaSpec,
         scene: &Scene,
     ) -> Result<Vec<String>, SceneError> {
-        let things: Vec<_> = area.sliding(scene).filter(|b| !b.grasps.is_empty()).collect();
+        let things: Vec<_> = area
+            .sliding(scene)
+            .filter(|b| !b.grasps.is_empty())
+            .collect();
         self.among(place, &things, "furniture that slides", area)
     }
 
@@ -105,7 +107,10 @@ impl Query {
         Err(place.wrong(
             format!("{self}"),
             format!("what fits one of the {what} of {}: {known}", area.name),
-            format!("ask for one of these, or add it to areas/{}.toml", area.name),
+            format!(
+                "ask for one of these, or add it to areas/{}.toml",
+                area.name
+            ),
         ))
     }
 }

@@ -118,7 +118,7 @@ fn everything_that_may_be_asked_for_can_be_reached_in_every_scene() {
             scene.keep_optional(&variant.furniture);
             let reach = Reach::new(&scene);
             for seed in 0..100 {
-                let drawn = draw(&spec, variant, &scene, seed);
+                let drawn = draw(&spec, variant, &scene, seed, None);
                 let (pose, grasps, inwards) = match scene.object_named(&drawn.target) {
                     Some(object) => {
                         let place = variant.place(&drawn.target).unwrap();
@@ -141,13 +141,19 @@ fn everything_that_may_be_asked_for_can_be_reached_in_every_scene() {
                 };
                 let stop = reach.stop(&pose, grasps, &inwards, 0.08);
                 let name = &drawn.target;
-                assert!(stop.is_some(), "{} seed {seed}: {name} out of reach", spec.name);
+                assert!(
+                    stop.is_some(),
+                    "{} seed {seed}: {name} out of reach",
+                    spec.name
+                );
                 if let Some(region) = spec.region(&scene) {
                     // As it lay, or turned by a quarter.
                     let stop = [0.0, FRAC_PI_2, -FRAC_PI_2].into_iter().find_map(|turn| {
                         let turn = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), turn);
-                        let there =
-                            Isometry3::from_parts(region.centre().translation, turn * pose.rotation);
+                        let there = Isometry3::from_parts(
+                            region.centre().translation,
+                            turn * pose.rotation,
+                        );
                         reach.stop(&there, grasps, &inwards, 0.08)
                     });
                     assert!(stop.is_some(), "{}: the region is out of reach", spec.name);

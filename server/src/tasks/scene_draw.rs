@@ -9,6 +9,7 @@ use nalgebra::{Isometry3, Vector3};
 use rand_chacha::ChaCha8Rng;
 
 use super::area::{AreaSpec, PlaceSpec, Variant};
+use super::floor::{Floor, Start};
 use super::placement_clearance::{Clearance, Standing};
 use super::random::{fraction, number, shuffle, stream};
 use super::takeable;
@@ -32,6 +33,10 @@ pub struct SceneDraw {
     pub positions: Vec<f64>,
     /// Pose of `wheelchair_root` in `house`.
     pub start: Isometry3<f64>,
+    /// Positions of the arm's joints, radians; `None` for home.
+    pub arm: Option<[f64; 6]>,
+    /// Angle of the gripper's knuckle, radians; `None` for open.
+    pub knuckle: Option<f64>,
     /// How many scenes were begun until one counted.
     pub attempts: usize,
     /// How much room is left, metres; below zero something cannot be taken.
@@ -70,19 +75,34 @@ pub fn variant<'a>(
 }
 
 /// Draws a scene. The same seed gives the same scene on any machine. `scene`
-/// holds the optional furniture of the variant and no other.
+/// holds the optional furniture of the variant and no other; with a `floor` the
+/// robot starts anywhere on it.
 #[must_use]
-pub fn draw_scene(area: &AreaSpec, variant: &Variant, scene: &Scene, seed: u64) -> SceneDraw {
+pub fn draw_scene(
+    area: &AreaSpec,
+    variant: &Variant,
+    scene: &Scene,
+    seed: u64,
+    floor: Option<&Floor>,
+) -> SceneDraw {
     let random = |purpose: &str| stream(&area.name, seed, purpose);
-    let mut start = random("start");
-    let start = Isometry3::new(
+    let mut near = random("start");
+    let near = Isometry3::new(
         Vector3::new(
-            number(&mut start, area.start.x),
-            number(&mut start, area.start.y),
+            number(&mut near, area.start.x),
+            number(&mut near, area.start.y),
             0.0,
         ),
-        Vector3::z() * number(&mut start, area.start.yaw),
+        Vector3::z() * number(&mut near, area.start.yaw),
     );
+    let start = match floor.and_then(|floor| floor.start(area, variant, scene, seed)) {
+        Some(start) => start,
+        None => Start {
+            pose: near,
+            arm: None,
+            knuckle: None,
+        },
+    };
     let mut sliding = random("slides");
     let mut slides: Vec<_> = scene.joints.iter().map(|joint| joint.resistance).collect();
     let mut positions = vec![0.0; slides.len()];
@@ -116,7 +136,9 @@ pub fn draw_scene(area: &AreaSpec, variant: &Variant, scene: &Scene, seed: u64) 
         placements,
         slides,
         positions,
-        start,
+        start: start.pose,
+        arm: start.arm,
+        knuckle: start.knuckle,
         attempts,
         clearance,
     }
@@ -127,6 +149,15 @@ struct Thing<'a> {
     place: &'a PlaceSpec,
     object: usize,
     surface: &'a Surface,
+    /// Radius within which it collides, metres.
+    radius: f64,
+}
+
+impl Thing<'_> {
+    /// The greater, the earlier it is placed.
+    fn rank(&self) -> f64 {
+        self.radius + if self.place.is_certain() { 1e3 } else { 0.0 }
+    }
 }
 
 /// What is placed, and what it is held against.
@@ -147,9 +178,11 @@ impl<'a> Table<'a> {
         };
         // Names were checked when the area was read.
         let things = variant.places.iter().filter_map(|place| {
+            let object = scene.object_named(&place.object)?;
             Some(Thing {
                 place,
-                object: scene.object_named(&place.object)?,
+                object,
+                radius: scene.objects[object].footprint_radius(),
                 surface: scene.surface_named(&place.on, place.surface.as_deref())?,
             })
         });
@@ -175,8 +208,8 @@ impl<'a> Table<'a> {
             }
         }
         shuffle(random, &mut order);
-        // What must be there comes first: what may be missing fills the rest.
-        order.sort_by_key(|thing| !thing.place.is_certain());
+        // Large things first, as who packs does; what may be missing fills the rest.
+        order.sort_by(|a, b| b.rank().total_cmp(&a.rank()));
         let mut least = f64::INFINITY;
         for (placed, thing) in order.iter().enumerate() {
             let mut best = (None, f64::NEG_INFINITY);

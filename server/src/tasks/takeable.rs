@@ -122,12 +122,7 @@ fn way(house_from_grasp: &Isometry3<f64>, inwards: &Vector2<f64>) -> Option<Vec<
         // Behind the fingers the hand rises with its lean.
         return Some(vec![
             piece(direction, [-TIP, PALM], FINGERS, height - fingers),
-            piece(
-                direction,
-                [PALM, BACK],
-                WRIST,
-                height + PALM * LEAN - palm,
-            ),
+            piece(direction, [PALM, BACK], WRIST, height + PALM * LEAN - palm),
         ]);
     }
     // From above: the fingers beside the thing, the wrist leaning back towards

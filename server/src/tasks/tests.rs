@@ -58,10 +58,10 @@ fn scenes_of_every_area_count_lie_inside_their_ranges_and_are_apart() {
         let mut seen: Vec<(&str, Vec<Vector3<f64>>)> = Vec::new();
         let mut positions = Vec::new();
         for seed in 0..60 {
-            let drawn = draw_scene(&area, &variant, &scene, seed);
+            let drawn = draw_scene(&area, &variant, &scene, seed, None);
             let at = format!("{} {:?} seed {seed}", area.name, variant.name);
             if seed < 3 {
-                let again = draw_scene(&area, &variant, &scene, seed);
+                let again = draw_scene(&area, &variant, &scene, seed, None);
                 assert_eq!(drawn, again, "{at} repeats");
             }
             assert!(drawn.clearance >= 0.0, "{at} does not count");
@@ -111,6 +111,33 @@ fn scenes_of_every_area_count_lie_inside_their_ranges_and_are_apart() {
     }
 }
 
+/// Where the robot starts changes nothing of what stands there.
+#[test]
+fn starts_anywhere_are_all_over_the_home_and_leave_the_scene_as_it_is() {
+    let model = RobotModel::load(&assets(), "wheelarm").unwrap_or_else(|error| panic!("{error}"));
+    for (area, variant, scene) in variants() {
+        let floor = Floor::new(&model, &scene);
+        let (mut places, mut closed, mut postures) = (Vec::new(), 0, Vec::new());
+        for seed in 0..24 {
+            let near = draw_scene(&area, &variant, &scene, seed, None);
+            let far = draw_scene(&area, &variant, &scene, seed, Some(&floor));
+            assert_eq!(near.placements, far.placements);
+            assert_eq!((near.arm, near.knuckle), (None, None));
+            let at = format!("{} {:?} seed {seed}", area.name, variant.name);
+            let arm = far.arm.unwrap_or_else(|| panic!("{at} finds no start"));
+            closed += usize::from(far.knuckle.is_some_and(|knuckle| knuckle > 0.0));
+            if !postures.contains(&arm) {
+                postures.push(arm);
+            }
+            places.push(far.start.translation.vector.into());
+        }
+        let spread = Bounds::of_points(places).unwrap().size();
+        assert!(spread.x > 4.0 && spread.y > 3.0, "{}: {spread:?}", area.name);
+        assert!((4..20).contains(&closed), "{}: {closed} closed", area.name);
+        assert!(postures.len() > 8, "{}: {} postures", area.name, postures.len());
+    }
+}
+
 /// Whoever asks for something in an area finds the same scene.
 #[test]
 fn all_tasks_of_an_area_have_the_same_scene_bit_for_bit() {
@@ -118,7 +145,10 @@ fn all_tasks_of_an_area_have_the_same_scene_bit_for_bit() {
     let home = home();
     let mut pairs = 0;
     for (i, first) in tasks.iter().enumerate() {
-        for second in tasks[i + 1..].iter().filter(|t| t.area.name == first.area.name) {
+        for second in tasks[i + 1..]
+            .iter()
+            .filter(|t| t.area.name == first.area.name)
+        {
             assert_eq!(first.area, second.area);
             for seed in 0..40 {
                 let variants = [first, second].map(|task| variant_of(task, seed, None).unwrap());
@@ -132,7 +162,7 @@ fn all_tasks_of_an_area_have_the_same_scene_bit_for_bit() {
                 scene.keep_optional(&variants[0].furniture);
                 let drawn = [first, second].map(|task| {
                     let variant = variants[0];
-                    draw(task, variant, &scene, seed).scene
+                    draw(task, variant, &scene, seed, None).scene
                 });
                 // Debug text tells every bit of a number.
                 let [a, b] = drawn.map(|scene| format!("{scene:?}"));
@@ -165,7 +195,7 @@ fn what_a_scene_draws_does_not_tell_the_task() {
             scene.keep_optional(&variant.furniture);
             for i in 0..SEEDS {
                 // No two tasks share a seed.
-                let drawn = draw(task, variant, &scene, 1000 * label as u64 + i).scene;
+                let drawn = draw(task, variant, &scene, 1000 * label as u64 + i, None).scene;
                 let mut row: Vec<f64> = drawn.start.translation.vector.iter().copied().collect();
                 for placement in &drawn.placements {
                     let placed = placement.map_or([0.0; 5], |p| {
@@ -183,7 +213,10 @@ fn what_a_scene_draws_does_not_tell_the_task() {
         // Four standard errors of a share of this many guesses.
         let count = samples.len() as f64 / 2.0;
         let most = chance + 4.0 * (chance * (1.0 - chance) / count).sqrt();
-        assert!(right <= most, "{area}: {right:.3} right, chance {chance:.3}");
+        assert!(
+            right <= most,
+            "{area}: {right:.3} right, chance {chance:.3}"
+        );
     }
 }
 
@@ -206,7 +239,10 @@ fn nearest_centroid(samples: &[(usize, Vec<f64>)], labels: usize) -> f64 {
         .collect();
     let centroids: Vec<Vec<f64>> = (0..labels)
         .map(|label| {
-            let own: Vec<_> = even().filter(|(l, _)| *l == label).map(|(_, r)| r).collect();
+            let own: Vec<_> = even()
+                .filter(|(l, _)| *l == label)
+                .map(|(_, r)| r)
+                .collect();
             (0..width).map(|i| mean(&own, i)).collect()
         })
         .collect();
@@ -215,9 +251,8 @@ fn nearest_centroid(samples: &[(usize, Vec<f64>)], labels: usize) -> f64 {
         parts.sum()
     };
     let right = odd().filter(|(label, row)| {
-        let nearest = (0..labels).min_by(|a, b| {
-            distance(row, &centroids[*a]).total_cmp(&distance(row, &centroids[*b]))
-        });
+        let nearest = (0..labels)
+            .min_by(|a, b| distance(row, &centroids[*a]).total_cmp(&distance(row, &centroids[*b])));
         nearest == Some(*label)
     });
     right.count() as f64 / odd().count() as f64
@@ -249,7 +284,7 @@ fn a_variant_comes_by_its_share_and_the_bear_always_has_its_own() {
 fn the_sentence_counts_the_cans_as_who_faces_the_shelf_sees_them() {
     let (spec, scene) = (task("select_coke"), home());
     for seed in 0..40 {
-        let drawn = draw(&spec, &spec.area.variants[0], &scene, seed);
+        let drawn = draw(&spec, &spec.area.variants[0], &scene, seed, None);
         let sentence = &drawn.instruction;
         // Facing south the left is east, where x grows.
         let x = |name: &str| {
@@ -668,7 +703,10 @@ fn broken_tasks_are_refused_with_key_values_and_cure() {
             "tasks/pick_mustard.toml",
             "template = \"lift\"",
             "template = \"open\"",
-            &["object is name \"mustard\"", "furniture that slides of coffee_table: none"],
+            &[
+                "object is name \"mustard\"",
+                "furniture that slides of coffee_table: none",
+            ],
         ),
         (
             "tasks/pick_mustard.toml",

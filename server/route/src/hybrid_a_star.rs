@@ -139,6 +139,18 @@ pub fn search(
     goal: Pose2,
     preferences: &PathPreferences,
 ) -> Option<DrivePath> {
+    search_within(footprint, start, goal, preferences, LIMIT)
+}
+
+/// As [`search`], with `limit` nodes at most.
+#[must_use]
+pub fn search_within(
+    footprint: &FootprintCheck,
+    start: Pose2,
+    goal: Pose2,
+    preferences: &PathPreferences,
+    limit: usize,
+) -> Option<DrivePath> {
     // A stop, or the place where the chair stands, may leave less room than is liked.
     let margin = [preferences.margin, preferences.margin / 2.0, 0.0]
         .into_iter()
@@ -160,7 +172,7 @@ pub fn search(
                 cost: nodes[at].cost,
             });
         }
-        if nodes.len() > LIMIT {
+        if nodes.len() > limit {
             return None;
         }
         let (pose, cost) = (nodes[at].pose, nodes[at].cost);
