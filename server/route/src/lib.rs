@@ -7,4 +7,5 @@
 
 pub mod footprint_check;
 pub mod hybrid_a_star;
+mod nearby;
 pub mod obb;

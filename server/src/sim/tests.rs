@@ -333,6 +333,9 @@ fn every_posture_touches_nothing_and_comes_home() {
         }
         let left = sim.arm_positions().into_iter().zip(home);
         let left = left.map(|(is, home)| (is - home).abs());
-        assert!(left.fold(0.0, f64::max) < 0.02, "posture {i} does not come home");
+        assert!(
+            left.fold(0.0, f64::max) < 0.02,
+            "posture {i} does not come home"
+        );
     }
 }

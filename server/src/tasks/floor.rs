@@ -21,7 +21,7 @@ const ROOM: f64 = 0.10;
 const TRIES: usize = 400;
 /// Poses that the search for a way looks at from one place: enough for the far
 /// end of the home, and little where there is no way.
-const NODES: usize = 12_000;
+const NODES: usize = 6_000;
 /// Distances of the chair's frame from the edge of a surface, or from furniture
 /// that slides, at which it would stop there, metres.
 const STOPS: [f64; 4] = [0.95, 1.15, 1.35, 1.6];
@@ -96,9 +96,9 @@ impl Floor {
             let free = self.check.is_free(&place, ROOM) && self.is_inside(scene, &place);
             let way = || {
                 let check = &self.check;
-                hybrid_a_star::search_within(check, place, goal, &PREFERENCES, NODES)
+                hybrid_a_star::has_path(check, place, goal, &PREFERENCES, NODES)
             };
-            if free && way().is_some() {
+            if free && way() {
                 let pose = Isometry3::new(
                     Vector3::new(place.x, place.y, 0.0),
                     Vector3::z() * place.heading,

@@ -132,9 +132,18 @@ fn starts_anywhere_are_all_over_the_home_and_leave_the_scene_as_it_is() {
             places.push(far.start.translation.vector.into());
         }
         let spread = Bounds::of_points(places).unwrap().size();
-        assert!(spread.x > 4.0 && spread.y > 3.0, "{}: {spread:?}", area.name);
+        assert!(
+            spread.x > 4.0 && spread.y > 3.0,
+            "{}: {spread:?}",
+            area.name
+        );
         assert!((4..20).contains(&closed), "{}: {closed} closed", area.name);
-        assert!(postures.len() > 8, "{}: {} postures", area.name, postures.len());
+        assert!(
+            postures.len() > 8,
+            "{}: {} postures",
+            area.name,
+            postures.len()
+        );
     }
 }
 
