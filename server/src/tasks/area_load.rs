@@ -145,10 +145,9 @@ impl AreaSpec {
         for variant in &self.variants {
             let mut scene = scene.clone();
             scene.keep_optional(&variant.furniture);
-            let rooms =
+            let mut rooms =
                 (0..SEEDS).map(|seed| draw_scene(self, variant, &scene, seed, None).clearance);
-            let worst = rooms.fold(f64::INFINITY, f64::min);
-            if worst < 0.0 {
+            if let Some(worst) = rooms.find(|room| *room < 0.0) {
                 let which = match variant.name.as_str() {
                     "" => String::new(),
                     name => format!(" in the variant {name:?}"),
