@@ -496,7 +496,10 @@ pub fn scenario_over(now: &Scenario, asked: &v1::Scenario) -> Result<Scenario, I
         });
     }
     let named = !asked.scene.is_empty() || !asked.robot.is_empty();
-    if named || asked.task.is_some() || asked.seed.is_some() {
+    let elsewhere = Starts::told(asked.starts()).is_some_and(|starts| starts != now.starts);
+    let other = asked.variant.is_some() && asked.variant != now.variant;
+    let anew = asked.task.is_some() || asked.seed.is_some() || elsewhere || other;
+    if named || anew {
         s.objects.clear();
         s.slides.clear();
         s.start = None;
