@@ -6,7 +6,7 @@ use super::{ARM_JOINTS, RobotModel};
 use crate::geometry::bounds;
 
 /// Corners of boxes stand out of round shapes by about this much, metres.
-const SLACK: f64 = 0.01;
+const SLACK: f64 = 0.02;
 
 impl RobotModel {
     /// Whether the robot with its arm at these positions, rad, lies within its
