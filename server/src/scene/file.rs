@@ -218,8 +218,10 @@ pub(super) struct ObjectFile {
     pub origin: String,
     pub license: String,
     /// What kind of thing it is, in one word.
+    #[serde(default)]
     pub category: String,
     /// In one word.
+    #[serde(default)]
     pub colour: String,
     pub mass: f64,
     #[serde(default)]

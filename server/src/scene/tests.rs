@@ -61,6 +61,10 @@ fn every_object_file_loads_and_every_asset_names_origin_and_licence() {
             body.standing_height().abs() < 1e-9,
             "{kind} stands on z = 0"
         );
+        for word in [&body.category, &body.colour] {
+            let single = !word.is_empty() && word.chars().all(|c| c.is_ascii_lowercase());
+            assert!(single, "{kind} is {word:?}");
+        }
     }
 }
 

@@ -13,9 +13,9 @@ const KEPT: (u32, u64) = (3, 0xc625_a508_ac8a_7c62);
 #[test]
 fn another_bit_is_another_physics_version() {
     let assets = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../assets");
+    // No task: what is drawn for one may change, the physics does not with it.
     let scenario = Scenario {
-        task: "pick_mustard".to_owned(),
-        seed: 1,
+        task: String::new(),
         cameras: Vec::new(),
         ..Scenario::default()
     };

@@ -34,7 +34,7 @@ const PREFERENCES: PathPreferences = PathPreferences {
 /// The floor of a home with one robot on it.
 #[derive(Clone, Debug)]
 pub struct Floor {
-    check: FootprintCheck,
+    pub(super) check: FootprintCheck,
     home: [f64; 6],
     postures: Vec<[f64; 6]>,
     /// Knuckle angle of the closed gripper, radians.

@@ -4,17 +4,16 @@
 use std::f64::consts::FRAC_PI_2;
 
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
+use wheelarm_route::footprint_check::{FootprintCheck, Pose2};
 
 use super::*;
 use crate::robot::RobotModel;
 use crate::robot::kinematics::ArmKinematics;
 use crate::scene::tests::{assets, home};
-use crate::scene::{Bounds, Grasp, Scene};
+use crate::scene::{Grasp, Scene};
 
 /// Room that the chair keeps from furniture, metres.
 const MARGIN: f64 = 0.03;
-/// Furniture that begins higher does not hinder the chair, metres.
-const CHAIR_HEIGHT: f64 = 1.1;
 
 /// Where things stand and which arm has to get there.
 struct Reach {
@@ -22,42 +21,31 @@ struct Reach {
     root_from_base: Isometry3<f64>,
     tool: Translation3<f64>,
     home: [f64; 6],
-    footprint: [f64; 4],
-    obstacles: Vec<Bounds>,
+    check: FootprintCheck,
 }
 
 impl Reach {
     fn new(scene: &Scene) -> Self {
         let model = RobotModel::load(&assets(), "wheelarm").unwrap();
         let base = model.link(&model.settings.arm_base_link).unwrap();
-        let obstacles = scene.furniture[1..].iter().flat_map(|body| {
-            body.collision.iter().filter_map(|part| {
-                let mut piece = body.clone();
-                piece.collision = vec![part.clone()];
-                piece.collision_bounds(&body.pose)
-            })
-        });
         Self {
             arm: ArmKinematics::new(&model),
             root_from_base: model.link_poses(&vec![0.0; model.joints.len()])[base],
             tool: Translation3::new(0.0, 0.0, model.settings.tool_length),
             home: model.settings.home,
-            footprint: model.settings.footprint,
-            obstacles: obstacles.filter(|b| b.min.z < CHAIR_HEIGHT).collect(),
+            check: Floor::new(&model, scene).check,
         }
     }
 
-    /// Whether a chair that faces along an axis of the house stands free.
+    /// Whether a chair stands free, its foot plate perhaps below a table.
     fn stands_free(&self, house_from_chair: &Isometry3<f64>) -> bool {
-        let [x0, x1, y0, y1] = self.footprint;
-        let corners =
-            [[x0, y0], [x1, y1]].map(|[x, y]| house_from_chair * nalgebra::Point3::new(x, y, 0.1));
-        let own = Bounds::of_points(corners).unwrap();
-        let own = Bounds {
-            min: own.min - Vector3::new(MARGIN, MARGIN, 0.0),
-            max: own.max + Vector3::new(MARGIN, MARGIN, CHAIR_HEIGHT),
+        let forward = house_from_chair.rotation * Vector3::x();
+        let place = Pose2 {
+            x: house_from_chair.translation.x,
+            y: house_from_chair.translation.y,
+            heading: forward.y.atan2(forward.x),
         };
-        self.obstacles.iter().all(|other| !own.overlaps(other, 0.0))
+        self.check.is_free(&place, MARGIN)
     }
 
     /// A chair facing `inwards` from which the arm gets to one of the grasps and
