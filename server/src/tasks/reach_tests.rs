@@ -65,30 +65,39 @@ impl Reach {
                 let about = |angle: f64| UnitQuaternion::from_axis_angle(&Vector3::z_axis(), angle);
                 let turned = about(std::f64::consts::TAU * f64::from(turn / 2) / f64::from(turns));
                 let half = about(std::f64::consts::PI * f64::from(turn % 2));
-                let at = house_from_body * turned * grasp.pose * half * self.tool.inverse();
-                let forward = at.rotation * Vector3::z();
-                let sideways = forward.xy().norm() > 0.6;
-                if sideways && (forward.dot(inwards) < 0.7 || (at.rotation * Vector3::y()).z < -0.3)
-                {
-                    continue;
-                }
-                for far in [0.70, 0.60, 0.80, 0.50] {
-                    for side in [0.0, 0.15, -0.15] {
-                        let base = self.root_from_base.translation.vector;
-                        let point = (at * self.tool).translation.vector
-                            - heading * Vector3::new(base.x + far, base.y + side, 0.0);
-                        let chair = Isometry3::from_parts(
-                            Translation3::new(point.x, point.y, 0.0),
-                            heading,
-                        );
-                        let from_base = (chair * self.root_from_base).inverse();
-                        let way = [at * Translation3::new(0.0, 0.0, -before), at];
-                        let reached = || {
-                            way.iter()
-                                .all(|pose| self.arm.solve(&(from_base * pose), &self.home).is_ok())
-                        };
-                        if self.stands_free(&chair) && reached() {
-                            return Some(chair);
+                let grasp = house_from_body * turned * grasp.pose * half;
+                let steep = (grasp.rotation * Vector3::z()).z < -0.8;
+                // From above the hand may lean, its camera above, as the operator's does.
+                let leans: &[f64] = if steep { &[0.0, -0.25, -0.5] } else { &[0.0] };
+                for lean in leans {
+                    let leaned = UnitQuaternion::from_axis_angle(&Vector3::x_axis(), *lean);
+                    let at = grasp * leaned * self.tool.inverse();
+                    let forward = at.rotation * Vector3::z();
+                    let sideways = forward.xy().norm() > 0.6;
+                    if sideways
+                        && (forward.dot(inwards) < 0.7 || (at.rotation * Vector3::y()).z < -0.3)
+                    {
+                        continue;
+                    }
+                    for far in [0.70, 0.60, 0.80, 0.50] {
+                        for side in [0.0, 0.15, -0.15] {
+                            let base = self.root_from_base.translation.vector;
+                            let point = (at * self.tool).translation.vector
+                                - heading * Vector3::new(base.x + far, base.y + side, 0.0);
+                            let chair = Isometry3::from_parts(
+                                Translation3::new(point.x, point.y, 0.0),
+                                heading,
+                            );
+                            let from_base = (chair * self.root_from_base).inverse();
+                            let way = [at * Translation3::new(0.0, 0.0, -before), at];
+                            let reached = || {
+                                way.iter().all(|pose| {
+                                    self.arm.solve(&(from_base * pose), &self.home).is_ok()
+                                })
+                            };
+                            if self.stands_free(&chair) && reached() {
+                                return Some(chair);
+                            }
                         }
                     }
                 }
