@@ -552,12 +552,15 @@ fn draw_open_values(
         None => undisturbed(scene),
     };
     let given = std::mem::take(&mut scenario.objects);
+    let tells_none = given.is_empty();
     scenario.objects = scene
         .objects
         .iter()
         .zip(drawn.scene.placements)
         .filter_map(|(object, drawn)| {
             let given = given.iter().find(|(name, _)| *name == object.name);
+            // Of what may be missing, a scenario that tells objects tells all.
+            let drawn = drawn.filter(|_| tells_none || !object.optional);
             let placement = given.map(|(_, p)| *p).or(drawn)?;
             Some((object.name.clone(), placement))
         })
