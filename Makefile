@@ -5,6 +5,8 @@
 # make test-cluster   a campaign on a one-node Slurm cluster in this machine
 # make test-readers   loads exports in lerobot 0.4.4 and robomimic 0.3 (downloads gigabytes),
 #                     holds joint signals against Pinocchio
+# make test-data    what a scene draws does not tell the task: 1,000 seeds of every task
+#                   against three classifiers, and the old draws, which did
 # make test-adversarial   200 operators who mean harm, a minute each, sixty of them at the bear
 # make soak    300 short episodes one right after the other, every file checked
 # make test-original SCRIPTS=DIR   WheelArm-Sim's processing scripts on an episode of ours
@@ -18,7 +20,7 @@ PLAN ?= assets/campaigns/small.toml
 BUILT := $(or $(CARGO_TARGET_DIR),target)/release
 export WHEELARM_PYTHON ?= $(CURDIR)/.venv/bin/python
 
-.PHONY: all build static demo test contract test-cluster test-readers test-original test-adversarial soak bench clean
+.PHONY: all build static demo test contract test-cluster test-readers test-data test-original test-adversarial soak bench clean
 all: build
 
 build:
@@ -54,6 +56,12 @@ test-cluster:
 
 test-readers: build
 	tests/readers.sh
+
+test-data:
+	scripts/setup.sh python numpy scikit-learn:sklearn
+	$(CARGO) build --release -p wheelarm-server
+	$(WHEELARM_PYTHON) tests/python/guess_task.py --before tests/data/draws-before.csv.gz \
+		--server $(BUILT)/wheelarm-server --assets assets
 
 test-adversarial:
 	scripts/setup.sh

@@ -57,9 +57,10 @@ const WRITE: &str = "#[derive(serde::Serialize, serde::Deserialize)] \
     #[serde(default, deny_unknown_fields)]";
 
 /// Fields of a scenario that are written by name, and how.
-const CHOICES: [(&str, &str); 2] = [
+const CHOICES: [(&str, &str); 3] = [
     (".wheelarm.v1.Scenario.pacing", "pacing"),
     (".wheelarm.v1.Scenario.quality", "quality"),
+    (".wheelarm.v1.Scenario.starts", "starts"),
 ];
 
 fn main() -> Result<(), Box<dyn Error>> {

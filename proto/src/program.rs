@@ -54,10 +54,11 @@ pub struct ListedTask {
 }
 
 /// Words of the goals, by their codes.
-const GOALS: [(v1::GoalKind, &str); 3] = [
+const GOALS: [(v1::GoalKind, &str); 4] = [
     (v1::GoalKind::Lift, "lift"),
     (v1::GoalKind::Put, "put"),
     (v1::GoalKind::Open, "open"),
+    (v1::GoalKind::Close, "close"),
 ];
 
 /// The word of a goal; empty for none.

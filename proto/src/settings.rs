@@ -141,6 +141,50 @@ impl Quality {
     }
 }
 
+/// Where the robot starts.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Starts {
+    /// Near by, facing the shelf, the arm at home and the gripper open.
+    #[default]
+    Near,
+    /// Anywhere in the home from where there is a way, the arm in one of the
+    /// robot's postures, the gripper open or closed.
+    Anywhere,
+}
+
+impl Named for Starts {
+    const WHAT: &'static str = "starts";
+    const ALL: &'static [Self] = &[Self::Near, Self::Anywhere];
+
+    fn name(self) -> &'static str {
+        match self {
+            Self::Near => "near",
+            Self::Anywhere => "anywhere",
+        }
+    }
+}
+
+impl Starts {
+    /// What a message tells, if it tells it.
+    #[must_use]
+    pub fn told(code: v1::Starts) -> Option<Self> {
+        match code {
+            v1::Starts::Unspecified => None,
+            v1::Starts::Near => Some(Self::Near),
+            v1::Starts::Anywhere => Some(Self::Anywhere),
+        }
+    }
+
+    /// As a message tells it.
+    #[must_use]
+    pub fn code(self) -> v1::Starts {
+        match self {
+            Self::Near => v1::Starts::Near,
+            Self::Anywhere => v1::Starts::Anywhere,
+        }
+    }
+}
+
 /// How a recording stores depth.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Depth {
@@ -229,6 +273,23 @@ pub(crate) mod text {
         }
     }
 
+    /// Where the robot starts in a scenario.
+    pub mod starts {
+        use super::{Deserializer, Serializer};
+        use crate::settings::Starts;
+        use crate::v1;
+
+        #[expect(clippy::trivially_copy_pass_by_ref, reason = "serde gives a reference")]
+        pub fn serialize<S: Serializer>(number: &i32, to: S) -> Result<S::Ok, S::Error> {
+            let code = v1::Starts::try_from(*number).unwrap_or_default();
+            super::write(Starts::told(code), to)
+        }
+
+        pub fn deserialize<'de, D: Deserializer<'de>>(from: D) -> Result<i32, D::Error> {
+            super::read(from).map(|starts: Starts| starts.code().into())
+        }
+    }
+
     /// The quality of a scenario.
     pub mod quality {
         use super::{Deserializer, Serializer};
@@ -260,6 +321,10 @@ mod tests {
         for quality in Quality::ALL {
             assert_eq!(Quality::told(quality.code()), Some(*quality));
             assert_eq!(Quality::from_name(quality.name()), Ok(*quality));
+        }
+        for starts in Starts::ALL {
+            assert_eq!(Starts::told(starts.code()), Some(*starts));
+            assert_eq!(Starts::from_name(starts.name()), Ok(*starts));
         }
         assert_eq!(Depth::from_name("u16"), Ok(Depth::Millimetres));
         let camera = v1::CameraSetting::from_text("room=640x360@5").unwrap();

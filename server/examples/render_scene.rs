@@ -126,7 +126,7 @@ fn draw_task(options: &Options, quality: Quality, task: &str) -> Result<()> {
         ..Scenario::default()
     };
     let sim = Simulation::new(&options.assets, scenario.clone())?;
-    let area = sim.task().map(|t| t.area.clone()).unwrap_or_default();
+    let area = sim.task().map(|t| t.area.name.clone()).unwrap_or_default();
     let surface = sim
         .scene()
         .surfaces

@@ -1,7 +1,7 @@
 //! `wheelarm-server`: parses and wires; the library runs.
 
 use std::ffi::OsString;
-use std::io::Read;
+use std::io::{Read, Write};
 use std::net::TcpListener;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -12,11 +12,14 @@ use clap::builder::{PossibleValuesParser, TypedValueParser};
 use tokio::signal::unix::{Signal, SignalKind, signal};
 use wheelarm_proto::keys::{self, Keys};
 use wheelarm_proto::program::{EXIT_SCENARIO, Ready, tasks_to_json};
-use wheelarm_proto::settings::{Named, Pacing, Quality};
+use wheelarm_proto::settings::{Named, Pacing, Quality, Starts};
 use wheelarm_proto::v1;
+use wheelarm_server::robot::RobotModel;
+use wheelarm_server::scene::Scene;
 use wheelarm_server::sensors::camera::Renderer;
 use wheelarm_server::service::{self, Options, startup};
-use wheelarm_server::sim::{SimError, Simulation};
+use wheelarm_server::sim::{Scenario, SimError, Simulation};
+use wheelarm_server::tasks::{self, Floor, TaskSpec, table};
 
 /// Headless simulation of a wheelchair with a robotic arm in a home.
 ///
@@ -54,6 +57,14 @@ struct Args {
     /// Seed of every random choice [default: 0].
     #[arg(long)]
     seed: Option<u64>,
+    /// Where the robot starts: near by, or anywhere in the home with the arm in
+    /// any of its postures [default: near].
+    #[arg(long, value_parser = named::<Starts>())]
+    starts: Option<Starts>,
+    /// How often a task's area is drawn in another variant than its first (the
+    /// kitchen table with the teddy bear), 0 to 1 [default: as the area says].
+    #[arg(long, value_name = "SHARE")]
+    variant_share: Option<f64>,
     /// Robot below assets/robots [default: wheelarm].
     #[arg(long)]
     robot: Option<String>,
@@ -100,6 +111,10 @@ struct Args {
     /// activity, area, goal, targets, instructions, predicates.
     #[arg(long, requires = "list_tasks")]
     json: bool,
+    /// Prints what these seeds draw for --task as a table, comma separated with a
+    /// line of names, and ends.
+    #[arg(long, value_name = "A..B", value_parser = seeds)]
+    draws: Option<std::ops::Range<u64>>,
     /// Prints the graphics adapters and ends.
     #[arg(long)]
     list_adapters: bool,
@@ -114,6 +129,46 @@ fn named<T: Named + Send + Sync>() -> impl TypedValueParser<Value = T> {
 /// Longest scenario that is read, bytes.
 const LONGEST_SCENARIO: u64 = 1 << 20;
 
+/// Reads seeds, the last one left out.
+fn seeds(text: &str) -> Result<std::ops::Range<u64>, String> {
+    let read = || {
+        let (first, end) = text.split_once("..")?;
+        Some(first.parse().ok()?..end.parse().ok()?)
+    };
+    read().ok_or_else(|| format!("{text:?} is not A..B, for example 0..1000"))
+}
+
+/// Prints the draws of a task.
+fn print_draws(
+    assets: &Path,
+    scenario: &Scenario,
+    seeds: std::ops::Range<u64>,
+) -> anyhow::Result<()> {
+    let model = RobotModel::load(assets, &scenario.robot)?;
+    let home = Scene::load(assets, &scenario.scene)?;
+    let task = TaskSpec::load(assets, &scenario.task, &home)?;
+    let mut scenes: Vec<(String, Scene, Floor)> = Vec::new();
+    for variant in &task.area.variants {
+        let mut scene = home.clone();
+        scene.keep_optional(&variant.furniture);
+        let floor = Floor::new(&model, &scene);
+        scenes.push((variant.name.clone(), scene, floor));
+    }
+    let mut out = std::io::BufWriter::new(std::io::stdout().lock());
+    writeln!(out, "{}", table::columns(&task.area))?;
+    for seed in seeds {
+        let variant = tasks::variant_of(&task, seed, scenario.variant_share)
+            .context("the area has no variant for this task")?;
+        let found = scenes.iter().find(|(name, ..)| *name == variant.name);
+        let (name, scene, floor) = found.context("the area has no such variant")?;
+        let floor = (scenario.starts == Starts::Anywhere).then_some(floor);
+        let draw = tasks::draw(&task, variant, scene, seed, floor);
+        let row = table::row(&task.area, scene, &task.name, name, seed, &draw);
+        writeln!(out, "{row}")?;
+    }
+    Ok(())
+}
+
 impl Args {
     /// The scenario that file and options ask for.
     fn scenario(&self) -> anyhow::Result<v1::Scenario> {
@@ -124,6 +179,10 @@ impl Args {
         asked.scene = self.scene.clone().unwrap_or(asked.scene);
         asked.task = self.task.clone().or(asked.task);
         asked.seed = self.seed.or(asked.seed);
+        asked.variant_share = self.variant_share.or(asked.variant_share);
+        if let Some(starts) = self.starts {
+            asked.set_starts(starts.code());
+        }
         asked.robot = self.robot.clone().unwrap_or(asked.robot);
         asked.state_rate_hz = self.state_rate.or(asked.state_rate_hz);
         asked.deformable_rate_hz = self.deformable_rate.or(asked.deformable_rate_hz);
@@ -306,6 +365,9 @@ async fn serve(args: Args) -> anyhow::Result<()> {
     }
     let keys = Keys::new(&args.sim)?;
     let mut scenario = startup::scenario(&args.scenario()?)?;
+    if let Some(seeds) = args.draws {
+        return print_draws(&assets, &scenario, seeds);
+    }
     if args.no_cameras {
         scenario.cameras.clear();
     }

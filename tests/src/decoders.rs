@@ -147,12 +147,31 @@ pub fn asset(path: &str, bytes: &[u8]) {
         std::fs::write(&file, bytes).expect("a file");
         if path.starts_with("robots") {
             let _ = RobotModel::load(assets, "wheelarm");
-        } else if let Some(name) = path.strip_prefix("tasks/") {
+        } else if let Some((folder @ ("tasks" | "areas" | "templates"), name)) =
+            path.split_once('/')
+        {
             static HOME: OnceLock<Scene> = OnceLock::new();
             let home = HOME.get_or_init(|| {
                 Scene::load(&root().join("assets"), "home").expect("the scene of this repository")
             });
-            let _ = TaskSpec::load(assets, name.trim_end_matches(".toml"), home);
+            let name = name.trim_end_matches(".toml");
+            let task = match folder {
+                "tasks" => name,
+                // One that uses what was changed.
+                "areas" => match name {
+                    "coffee_table" => "pick_mustard",
+                    "shelf" => "select_coke",
+                    "workstation" => "open_drawer",
+                    _ => "place_knife",
+                },
+                _ => match name {
+                    "lift" => "pick_mustard",
+                    "open" => "open_drawer",
+                    "close" => "close_drawer",
+                    _ => "place_knife",
+                },
+            };
+            let _ = TaskSpec::load(assets, task, home);
         } else {
             let _ = Scene::load(assets, "home");
         }

@@ -1,6 +1,7 @@
 //! The scenario as readable JSON, for people and for tools without protobuf.
 
 use serde_json::{Value, json};
+use wheelarm_proto::settings::{Named, Starts};
 use wheelarm_proto::v1;
 
 /// The scenario with units in its keys.
@@ -34,9 +35,15 @@ pub fn scenario_json(s: &v1::Scenario) -> Value {
             "joint": slide.joint,
             "friction_newton": slide.friction,
             "damping_newton_second_per_metre": slide.damping,
+            "position_m": slide.position,
         })).collect::<Vec<_>>(),
         "target": s.target(),
         "start_of_wheelchair_root_in_house": s.start.as_ref().map(pose),
+        "starts": Starts::told(s.starts()).unwrap_or_default().name(),
+        "arm_positions_rad": s.arm_positions,
+        "knuckle_rad": s.knuckle,
+        "variant": s.variant,
+        "variant_share": s.variant_share,
     })
 }
 

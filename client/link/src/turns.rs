@@ -15,6 +15,9 @@ use super::{Commander, Link, LinkError, Streams};
 /// Silence after which the server is asked whether time waits for us: a clock
 /// may have been published before this commander listened, or be lost.
 const SILENCE: Duration = Duration::from_secs(1);
+/// How long samples that were published before such an answer may still take:
+/// whoever answered without them would answer another state.
+const GRACE: Duration = Duration::from_millis(250);
 
 /// What a commander is told.
 #[derive(Clone, Debug, PartialEq)]
@@ -106,12 +109,15 @@ impl Turns {
         patience: Duration,
         taken: &mut dyn FnMut(Sample),
     ) -> Result<Turn, LinkError> {
-        let mut heard = Instant::now();
+        let (mut heard, mut waiting) = (Instant::now(), None);
         loop {
             let left = patience.saturating_sub(heard.elapsed());
-            let next = self.streams.next(left.min(SILENCE))?;
+            let next = self.streams.next(match waiting {
+                Some(_) => GRACE,
+                None => left.min(SILENCE),
+            })?;
             if next.is_some() {
-                heard = Instant::now();
+                (heard, waiting) = (Instant::now(), None);
             }
             match next {
                 Some(Sample::Clock(clock)) => {
@@ -133,15 +139,21 @@ impl Turns {
                 Some(Sample::EpisodeStop(stopped)) => return Ok(Turn::Ended(stopped)),
                 Some(sample) => taken(sample),
                 None => {
+                    if let Some(clock) = waiting.take() {
+                        let clock: v1::Clock = clock;
+                        self.asked = clock.header.clone().unwrap_or_default();
+                        return Ok(Turn::Answer(clock));
+                    }
                     let status = self.link.ask(&v1::StatusRequest {})?;
                     let header = status.header.clone().unwrap_or_default();
                     let waits = status.episode.is_some() && !status.paused;
                     if waits && self.covered.is_due(&header) {
-                        self.asked = header.clone();
-                        return Ok(Turn::Answer(v1::Clock {
+                        // What was published before may still be on its way.
+                        waiting = Some(v1::Clock {
                             header: Some(header),
                             real_time_factor: status.real_time_factor,
-                        }));
+                        });
+                        continue;
                     }
                     if heard.elapsed() >= patience {
                         return Ok(Turn::Silent(status));

@@ -6,9 +6,9 @@ use std::f64::consts::TAU;
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 use wheelarm_proto::exact;
 
-use super::footprint_check::{Pose2, wrap};
 use super::grasp_candidate::GraspCandidate;
 use super::scene::SceneModel;
+use wheelarm_route::footprint_check::{Pose2, wrap};
 
 /// Answers whether the end effector can reach a pose in `base_link`.
 pub trait ArmReachability {

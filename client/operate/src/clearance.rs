@@ -3,13 +3,11 @@
 
 use nalgebra::{Isometry3, Point3, Translation3};
 
-use super::footprint_check::{FootprintCheck, Level};
 use super::hand::{self, Ball, Hand};
-use super::obb::Obb;
 use super::scene::SceneModel;
+use wheelarm_route::footprint_check::FootprintCheck;
+use wheelarm_route::obb::Obb;
 
-/// Lower than this is floor, metres.
-const FLOOR: f64 = 0.03;
 /// Objects that lie lower than this lie in the chair's way, metres.
 const LOW_OBJECT: f64 = 0.5;
 /// The hand is looked at every so many metres of its path.
@@ -21,17 +19,7 @@ impl SceneModel {
     /// What the chair must not touch, with the things where they are.
     #[must_use]
     pub fn footprint_check(&self, poses: &[Isometry3<f64>]) -> FootprintCheck {
-        let mut bottom = FLOOR;
-        let mut footprint = FootprintCheck { levels: Vec::new() };
-        for (top, outline) in &self.outlines {
-            footprint.levels.push(Level {
-                bottom,
-                top: *top,
-                outline: *outline,
-                obstacles: Vec::new(),
-            });
-            bottom = *top;
-        }
+        let mut footprint = FootprintCheck::of(self.outlines.iter().copied());
         let lying = self
             .placed(poses)
             .map(|(_, obb)| obb)
@@ -219,6 +207,7 @@ mod tests {
             outlines: Vec::new(),
             arm_range: [0.42, 0.88],
             hand: hand::tests::hand(),
+            home: [0.0; 6],
         };
         let poses = [Isometry3::identity()];
         // Tool z along +x, tool x along y, tool y up.

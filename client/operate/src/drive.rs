@@ -2,8 +2,8 @@
 
 use wheelarm_proto::exact;
 
-use super::footprint_check::{Pose2, wrap};
-use super::hybrid_a_star::Segment;
+use wheelarm_route::footprint_check::{Pose2, wrap};
+use wheelarm_route::hybrid_a_star::Segment;
 
 /// Limits of a drive, inside the chair's own profile.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -3,9 +3,9 @@
 use wheelarm_proto::check::{self, Invalid};
 use wheelarm_proto::v1;
 
-use super::obb::Obb;
 use super::pose::read_pose;
 use super::scene::SceneModel;
+use wheelarm_route::obb::Obb;
 
 /// What a task asks for.
 #[derive(Clone, Debug, PartialEq)]
@@ -31,14 +31,44 @@ pub enum Goal {
         /// Wanted joint position, metres.
         position: f64,
     },
+    /// A slide is to be pushed shut.
+    Close {
+        /// Index of the thing that slides.
+        item: usize,
+        /// Index of the slide.
+        slide: usize,
+        /// Wanted joint position, metres.
+        position: f64,
+    },
 }
 
+/// A slide is moved further than asked by this much, metres.
+const MORE: f64 = 0.02;
+
 impl Goal {
+    /// The slide that is moved and the joint position at which the hand aims,
+    /// metres: a little beyond what is asked.
+    #[must_use]
+    pub fn slide(&self) -> Option<(usize, f64)> {
+        match *self {
+            Self::Lift { .. } | Self::Put { .. } => None,
+            Self::Open {
+                slide, position, ..
+            } => Some((slide, position + MORE)),
+            Self::Close {
+                slide, position, ..
+            } => Some((slide, (position - MORE).max(0.0))),
+        }
+    }
+
     /// The thing that the hand takes.
     #[must_use]
     pub fn item(&self) -> usize {
         match self {
-            Self::Lift { item } | Self::Put { item, .. } | Self::Open { item, .. } => *item,
+            Self::Lift { item }
+            | Self::Put { item, .. }
+            | Self::Open { item, .. }
+            | Self::Close { item, .. } => *item,
         }
     }
 
@@ -75,7 +105,7 @@ impl Goal {
                     },
                 })
             }
-            v1::GoalKind::Open => {
+            kind @ (v1::GoalKind::Open | v1::GoalKind::Close) => {
                 let slide = scene
                     .slides
                     .iter()
@@ -83,10 +113,18 @@ impl Goal {
                     .ok_or_else(|| {
                         unknown("joint of the goal", &goal.joint, "a joint of the scene")
                     })?;
-                Some(Self::Open {
-                    item,
-                    slide,
-                    position: check::within("position of the goal", goal.position, 0.0, 2.0)?,
+                let position = check::within("position of the goal", goal.position, 0.0, 2.0)?;
+                Some(match kind {
+                    v1::GoalKind::Close => Self::Close {
+                        item,
+                        slide,
+                        position,
+                    },
+                    _ => Self::Open {
+                        item,
+                        slide,
+                        position,
+                    },
                 })
             }
         })

@@ -205,7 +205,7 @@ fn surroundings(
     let point = house_from_item * grasp.item_from_grasp * Point3::origin();
     let item = goal.item();
     let mut around = scene.near(&point, WIDE, poses, Some(item));
-    if matches!(goal, Goal::Open { .. }) {
+    if goal.slide().is_some() {
         let front = scene.items[item]
             .boxes
             .iter()

@@ -8,12 +8,9 @@
 pub mod base_placement;
 pub mod clearance;
 pub mod drive;
-pub mod footprint_check;
 pub mod goal;
 pub mod grasp_candidate;
 pub mod hand;
-pub mod hybrid_a_star;
-pub mod obb;
 pub mod observation;
 pub mod operator;
 pub mod pose;

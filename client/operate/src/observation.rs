@@ -8,8 +8,8 @@ use wheelarm_proto::robot::Roles;
 use wheelarm_proto::topic::Sample;
 use wheelarm_proto::{TopicId, v1};
 
-use super::footprint_check::Pose2;
 use super::pose::read_pose;
+use wheelarm_route::footprint_check::Pose2;
 
 /// Streams that make up an observation; the clock comes last.
 pub const STREAMS: [TopicId; 7] = [
@@ -33,6 +33,8 @@ pub struct Observation {
     pub chair_speed: [f64; 2],
     /// End effector in `base_link`.
     pub base_from_tool: Isometry3<f64>,
+    /// Positions of the arm's joints, from base to hand, radians.
+    pub arm: [f64; 6],
     /// Where the server wants the end effector to be, in `base_link`.
     pub base_from_desired: Option<Isometry3<f64>>,
     /// Empty, or why the arm does not follow.
@@ -150,6 +152,10 @@ impl Collector {
                 "pose of the end effector",
                 frame(self.roles.end_effector).pose.as_ref(),
             )?,
+            arm: self
+                .roles
+                .arm
+                .map(|index| joints.positions.get(index).copied().unwrap_or(0.0)),
             base_from_desired: desired,
             arm_problem: self
                 .applied

@@ -19,6 +19,7 @@ use super::skill::place::Place;
 use super::skill::pull::Pull;
 use super::skill::reach::Reach;
 use super::skill::release::Release;
+use super::skill::stow::Stow;
 use super::skill::watch::Watch;
 use super::skill::{Memory, Now, Skill, Step};
 
@@ -92,7 +93,7 @@ fn plan(goal: &Goal) -> &'static [Stage] {
             Stage::Place,
             Stage::Watch,
         ],
-        Goal::Open { .. } => &[
+        Goal::Open { .. } | Goal::Close { .. } => &[
             TAKE,
             Stage::Reach,
             Stage::Grasp,
@@ -169,8 +170,13 @@ impl Operator {
         seen: &Observation,
         arm: &mut dyn ArmReachability,
     ) -> (Act, Option<Outcome>) {
+        if self.begun.is_none() && !Stow::is_home(&seen.arm, &self.scene.home) {
+            self.detour = Some(Box::new(Stow::default()));
+        }
         let begun = *self.begun.get_or_insert(seen.time);
-        self.memory.home.get_or_insert(seen.base_from_tool);
+        if self.detour.is_none() {
+            self.memory.home.get_or_insert(seen.base_from_tool);
+        }
         if self.over {
             return (Act::named(Phase::Unspecified, "over"), None);
         }
@@ -304,12 +310,20 @@ impl Operator {
     #[must_use]
     pub fn command(&self, act: &Act) -> v1::Command {
         use v1::{arm_command, gripper_command};
+        let pose = act.tool.map(|pose| {
+            arm_command::Target::Pose(v1::CartesianTarget {
+                frame: v1::CommandFrame::BaseLink.into(),
+                pose: Some(write_pose(&pose)),
+            })
+        });
+        let target = pose.or(act.joints.map(|joints| {
+            arm_command::Target::Joints(v1::JointTarget {
+                positions: joints.to_vec(),
+            })
+        }));
         v1::Command {
-            arm: act.tool.map(|pose| v1::ArmCommand {
-                target: Some(arm_command::Target::Pose(v1::CartesianTarget {
-                    frame: v1::CommandFrame::BaseLink.into(),
-                    pose: Some(write_pose(&pose)),
-                })),
+            arm: target.map(|target| v1::ArmCommand {
+                target: Some(target),
             }),
             base: act
                 .base

@@ -4,14 +4,14 @@
 use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
 
 use super::base_placement::{ArmReachability, standing};
-use super::footprint_check::{Outline, Pose2};
 use super::goal::Goal;
 use super::hand;
-use super::obb::Obb;
 use super::observation::Observation;
 use super::operator::{Act, Operator, Outcome};
 use super::profile::OperatorProfile;
 use super::scene::{Grasp, Item, SceneModel};
+use wheelarm_route::footprint_check::{Outline, Pose2};
+use wheelarm_route::obb::Obb;
 
 const DT: f64 = 1.0 / 60.0;
 const TABLE: f64 = 0.81;
@@ -120,6 +120,7 @@ fn home_scene() -> SceneModel {
         .to_vec(),
         arm_range: [0.42, 0.88],
         hand: hand::tests::hand(),
+        home: [0.0; 6],
     }
 }
 
@@ -177,6 +178,7 @@ impl KinematicWorld {
             house_from_chair: standing(&self.chair),
             chair_speed: self.speed,
             base_from_tool: self.base_from_tool,
+            arm: [0.0; 6],
             base_from_desired: Some(self.target),
             arm_problem: String::new(),
             knuckle: 0.8 * (1.0 - self.opening / 0.085),

@@ -5,7 +5,7 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 use super::drive::DriveLimits;
-use super::hybrid_a_star::PathPreferences;
+use wheelarm_route::hybrid_a_star::PathPreferences;
 
 /// How the hand takes things.
 #[derive(Clone, Copy, Debug, PartialEq)]

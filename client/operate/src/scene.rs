@@ -5,11 +5,11 @@ use nalgebra::{Isometry3, Translation3, Unit, Vector3};
 use wheelarm_proto::check::{self, Invalid};
 use wheelarm_proto::v1;
 
-use super::footprint_check::Outline;
 use super::hand::Hand;
-use super::obb::Obb;
 use super::observation::Observation;
 use super::pose::read_pose;
+use wheelarm_route::footprint_check::Outline;
+use wheelarm_route::obb::Obb;
 
 /// A thing that can be moved: an object, or a piece of furniture that slides.
 #[derive(Clone, Debug, PartialEq)]
@@ -75,6 +75,8 @@ pub struct SceneModel {
     pub arm_range: [f64; 2],
     /// The hand.
     pub hand: Hand,
+    /// Positions of the arm's joints at home, from base to hand, radians.
+    pub home: [f64; 6],
 }
 
 fn read_boxes(boxes: &[v1::BoxGeometry]) -> Result<Vec<Obb>, Invalid> {
@@ -187,6 +189,7 @@ impl SceneModel {
             outlines: outlines.collect::<Result<_, Invalid>>()?,
             arm_range: check::list("range of the arm", &[reach.nearest, reach.furthest])?,
             hand,
+            home: check::list("home of the arm", &robot.home_positions)?,
         })
     }
 

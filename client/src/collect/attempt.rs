@@ -210,6 +210,8 @@ impl Attempt<'_> {
             imu_noise: Some(plan.randomise.imu_noise),
             pacing: v1::Pacing::LockStep.into(),
             quality: plan.quality.code().into(),
+            starts: plan.starts.code().into(),
+            variant_share: plan.bear_share,
             ..v1::Scenario::default()
         }
     }

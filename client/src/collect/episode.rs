@@ -4,7 +4,7 @@
 use std::fmt;
 use std::str::FromStr;
 
-use wheelarm_proto::settings::Named;
+use wheelarm_proto::settings::{Named, Starts};
 
 use super::plan::{ATTEMPT_STRIDE, Plan};
 
@@ -32,12 +32,25 @@ impl Episode {
     }
 }
 
+/// What a plan says of starts, where it says anything: a campaign that was begun
+/// before goes on.
+fn starts(plan: &Plan) -> String {
+    let mut words = String::new();
+    if plan.starts != Starts::default() {
+        words.push_str(&format!(" starts={}", plan.starts.name()));
+    }
+    if let Some(share) = plan.bear_share {
+        words.push_str(&format!(" bear_share={share}"));
+    }
+    words
+}
+
 /// The episodes of a plan, in its order.
 #[must_use]
 pub fn episodes(plan: &Plan) -> Vec<Episode> {
     let cameras: Vec<String> = plan.cameras.iter().map(super::plan::Camera::word).collect();
     let same = format!(
-        "scene={} robot={} cameras={} state_rate={} imu_rate={} imu_noise={} depth={} quality={} operator={}",
+        "scene={} robot={} cameras={} state_rate={} imu_rate={} imu_noise={} depth={} quality={} operator={}{}",
         plan.scene,
         plan.robot,
         cameras.join(","),
@@ -51,6 +64,7 @@ pub fn episodes(plan: &Plan) -> Vec<Episode> {
         } else {
             "fixed"
         },
+        starts(plan),
     );
     let mut all = Vec::with_capacity(plan.episode_count());
     for task in &plan.tasks {

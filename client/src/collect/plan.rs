@@ -13,7 +13,7 @@ use serde::de::Error as _;
 use serde::{Deserialize, Deserializer};
 use toml::Spanned;
 use wheelarm_proto::keys::check_name;
-use wheelarm_proto::settings::{Depth, Named, Quality};
+use wheelarm_proto::settings::{Depth, Named, Quality, Starts};
 use wheelarm_proto::v1::CameraSetting;
 
 /// Seeds of two attempts at one episode lie this far apart, so that attempts
@@ -41,6 +41,11 @@ pub struct Plan {
     pub depth: Depth,
     /// Work per picture.
     pub quality: Quality,
+    /// Where the robot starts.
+    pub starts: Starts,
+    /// How often a rigid task stands beside the teddy bear, 0 to 1; as the areas
+    /// say when absent.
+    pub bear_share: Option<f64>,
     /// Rate of the state streams, Hz.
     pub state_rate: f64,
     /// Rate of the IMU, Hz.
@@ -160,6 +165,9 @@ struct PlanFile {
     depth: Depth,
     #[serde(default, deserialize_with = "named")]
     quality: Quality,
+    #[serde(default, deserialize_with = "named")]
+    starts: Starts,
+    bear_share: Option<Spanned<f64>>,
     #[serde(default = "sixty")]
     state_rate: Spanned<f64>,
     #[serde(default = "imu")]
@@ -252,6 +260,11 @@ impl Plan {
         check.that(*file.attempts.get_ref() > 0, &file.attempts, || {
             "attempts is 0; at least 1 is needed".to_owned()
         })?;
+        if let Some(share) = &file.bear_share {
+            check.that((0.0..=1.0).contains(share.get_ref()), share, || {
+                format!("bear_share is {}; it is a share, 0 to 1", share.get_ref())
+            })?;
+        }
         check.rate("state_rate", &file.state_rate, 60.0)?;
         check.rate("imu_rate", &file.imu_rate, 240.0)?;
         check.rate("sample_rate", &file.sample_rate, 240.0)?;
@@ -263,6 +276,8 @@ impl Plan {
             attempts: file.attempts.into_inner(),
             depth: file.depth,
             quality: file.quality,
+            starts: file.starts,
+            bear_share: file.bear_share.map(Spanned::into_inner),
             state_rate: file.state_rate.into_inner(),
             imu_rate: file.imu_rate.into_inner(),
             sample_rate: file.sample_rate.into_inner(),

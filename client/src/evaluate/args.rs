@@ -4,12 +4,12 @@ use std::path::PathBuf;
 use std::time::Duration;
 
 use clap::Args;
-use wheelarm_proto::settings::Quality;
+use wheelarm_proto::settings::{Quality, Starts};
 use wheelarm_proto::v1;
 use wheelarm_rig::{ServerOptions, all_cameras};
 
 use super::entry::Job;
-use crate::choice::{patience, seed_range};
+use crate::choice::{named, patience, seed_range};
 
 /// Options of `wheelarm evaluate`.
 #[derive(Args, Clone, Debug)]
@@ -44,6 +44,10 @@ pub struct EvaluateArgs {
     /// Does those episodes anew in which something broke; without it they count as done.
     #[arg(long)]
     pub again: bool,
+    /// Where the robot starts: `near` by, or `anywhere` in the home with the arm in
+    /// any of its postures. Give each its own folder.
+    #[arg(long, default_value = "near", value_parser = named::<Starts>())]
+    pub starts: Starts,
     /// Wall seconds without a sign of life after which a server is ended, 1 at least.
     #[arg(long, default_value = "60", value_parser = patience::<1>, value_name = "SECONDS")]
     pub patience: Duration,
@@ -94,6 +98,7 @@ impl EvaluateArgs {
                 cameras,
                 pacing: v1::Pacing::LockStep.into(),
                 quality: Quality::Standard.code().into(),
+                starts: self.starts.code().into(),
                 ..v1::Scenario::default()
             },
             assets: self.assets.clone(),

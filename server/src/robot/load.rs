@@ -480,14 +480,29 @@ impl Reader<'_> {
                 &format!("the turning joints {}", names(&roles.arm)),
             ));
         }
-        for (&joint, home) in roles.arm.iter().zip(settings.home) {
-            let limits = model.joints[joint].limits;
-            if !(limits.lower <= home && home <= limits.upper) {
+        let postures = settings.postures.iter().enumerate();
+        let postures = postures.map(|(i, posture)| (format!("postures[{i}]"), posture));
+        let home = ("home".to_owned(), &settings.home);
+        for (what, posture) in [home].into_iter().chain(postures) {
+            for (&joint, position) in roles.arm.iter().zip(posture) {
+                let limits = model.joints[joint].limits;
+                if !(limits.lower <= *position && *position <= limits.upper) {
+                    return Err(RobotError::Invalid {
+                        path: self.toml.to_owned(),
+                        object: format!("{what} of {}", model.joints[joint].name),
+                        found: position.to_string(),
+                        expected: format!("{} to {} rad", limits.lower, limits.upper),
+                    });
+                }
+            }
+        }
+        for (i, posture) in settings.postures.iter().enumerate() {
+            if !model.is_within_outlines(posture) {
                 return Err(RobotError::Invalid {
                     path: self.toml.to_owned(),
-                    object: format!("home of {}", model.joints[joint].name),
-                    found: home.to_string(),
-                    expected: format!("{} to {} rad", limits.lower, limits.upper),
+                    object: format!("postures[{i}]"),
+                    found: format!("{posture:?} rad, which reaches out of the outlines"),
+                    expected: "an arm within the outlines, above the chair".to_owned(),
                 });
             }
         }

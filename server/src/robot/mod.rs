@@ -2,6 +2,7 @@
 //! no drawing, no network.
 
 mod load;
+mod outline;
 mod roles;
 mod settings;
 

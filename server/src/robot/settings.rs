@@ -24,6 +24,9 @@ pub struct Settings {
     pub tool_length: f64,
     /// Home position of the six arm joints, radians.
     pub home: [f64; 6],
+    /// Other positions of the arm in which the robot may stand and drive: within
+    /// its outlines, radians.
+    pub postures: Vec<[f64; 6]>,
     /// Wheel radius for drive and odometry, metres.
     pub wheel_radius: f64,
     /// Distance between the driven wheels for drive and odometry, metres.
@@ -280,6 +283,8 @@ pub(super) struct File {
     end_effector_link: String,
     tool_length: f64,
     home: [f64; 6],
+    #[serde(default)]
+    postures: Vec<[f64; 6]>,
     footprint: [f64; 4],
     pub joints: Vec<JointTable>,
     pub frames: Vec<FrameTable>,
@@ -376,6 +381,7 @@ impl File {
             arm_base_link: self.arm_base_link.clone(),
             tool_length: self.tool_length,
             home: self.home,
+            postures: self.postures.clone(),
             wheel_radius: self.drive.wheel_radius,
             track: self.drive.track,
             footprint: self.footprint,

@@ -52,6 +52,9 @@ pub(super) struct FurnitureEntry {
     pub name: String,
     #[serde(default)]
     pub area: String,
+    /// What kind of thing it is, in one word.
+    #[serde(default)]
+    pub category: String,
     pub at: [f64; 3],
     #[serde(default)]
     pub yaw_deg: f64,
@@ -59,7 +62,7 @@ pub(super) struct FurnitureEntry {
     pub friction: Option<f64>,
     /// Material of the parts that name none.
     pub material: Option<String>,
-    /// Takes parts, collision, friction and area of an earlier entry.
+    /// Takes parts, collision, friction, area and category of an earlier entry.
     pub like: Option<String>,
     #[serde(default)]
     pub parts: Vec<PartEntry>,
@@ -72,7 +75,7 @@ pub(super) struct FurnitureEntry {
     /// How the end effector can take it, in its own frame; for what slides.
     #[serde(default)]
     pub grasps: Vec<GraspEntry>,
-    /// Only there for a task that puts something on it.
+    /// Only there in the variants of an area that name it.
     #[serde(default)]
     pub optional: bool,
 }
@@ -214,6 +217,12 @@ pub(super) struct ObjectEntry {
 pub(super) struct ObjectFile {
     pub origin: String,
     pub license: String,
+    /// What kind of thing it is, in one word.
+    #[serde(default)]
+    pub category: String,
+    /// In one word.
+    #[serde(default)]
+    pub colour: String,
     pub mass: f64,
     #[serde(default)]
     pub com: [f64; 3],

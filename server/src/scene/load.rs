@@ -120,6 +120,11 @@ impl Scene {
             } else {
                 entry.area.clone()
             },
+            category: match entry.category.as_str() {
+                "" => model.category.clone(),
+                own => own.to_owned(),
+            },
+            colour: String::new(),
             pose,
             mass: None,
             friction: place.key("friction").within(
@@ -238,6 +243,7 @@ impl Scene {
                     "it is a force per speed",
                 )?,
             },
+            start: 0.0,
         })
     }
 

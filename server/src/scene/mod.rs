@@ -56,6 +56,10 @@ pub struct Body {
     pub name: String,
     /// Area it belongs to (`coffee_table`, `kitchen_table`, `shelf`, `workstation`); empty elsewhere.
     pub area: String,
+    /// What kind of thing it is, in one word: `can`, `mug`, `drawer`; may be empty.
+    pub category: String,
+    /// Its colour in one word; may be empty.
+    pub colour: String,
     /// world_from_body; for objects the default place.
     pub pose: Isometry3<f64>,
     /// Mass properties; `None` for bodies that never move.
@@ -75,7 +79,7 @@ pub struct Body {
     /// How the end effector can take it.
     pub grasps: Vec<Grasp>,
     /// An object is only there when a task draws it or a scenario places it,
-    /// furniture when a task puts something on it.
+    /// furniture in the variants of an area that name it.
     pub optional: bool,
 }
 
@@ -113,6 +117,8 @@ pub struct FurnitureJoint {
     pub mass: MassProperties,
     /// What it slides against.
     pub resistance: Resistance,
+    /// Position at the start, metres.
+    pub start: f64,
 }
 
 /// What sliding furniture slides against.
@@ -203,9 +209,9 @@ impl Scene {
         self.furniture.iter().position(|body| body.name == name)
     }
 
-    /// Takes out the optional furniture, all but that of one name.
-    pub fn keep_optional(&mut self, wanted: Option<&str>) {
-        let stays = |body: &Body| !body.optional || wanted == Some(body.name.as_str());
+    /// Takes out the optional furniture, all but that of these names.
+    pub fn keep_optional(&mut self, wanted: &[String]) {
+        let stays = |body: &Body| !body.optional || wanted.contains(&body.name);
         let stays: Vec<bool> = self.furniture.iter().map(stays).collect();
         let index = |old: usize| stays[..old].iter().filter(|stays| **stays).count();
         self.surfaces.retain(|surface| stays[surface.furniture]);

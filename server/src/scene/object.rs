@@ -35,6 +35,8 @@ pub(super) fn read(reader: &Reader<'_>, kind: &str) -> Result<Body, SceneError> 
     let mut body = Body {
         name: kind.to_owned(),
         area: String::new(),
+        category: file.category.clone(),
+        colour: file.colour.clone(),
         pose: Isometry3::identity(),
         mass: None,
         friction,

@@ -19,7 +19,14 @@ pub(crate) fn home() -> Scene {
 
 #[test]
 fn every_object_file_loads_and_every_asset_names_origin_and_licence() {
-    for folder in ["scenes", "objects", "materials", "tasks"] {
+    for folder in [
+        "scenes",
+        "objects",
+        "materials",
+        "areas",
+        "templates",
+        "tasks",
+    ] {
         let names = names(&assets(), folder).unwrap();
         assert!(!names.is_empty());
         for name in names {
@@ -54,6 +61,10 @@ fn every_object_file_loads_and_every_asset_names_origin_and_licence() {
             body.standing_height().abs() < 1e-9,
             "{kind} stands on z = 0"
         );
+        for word in [&body.category, &body.colour] {
+            let single = !word.is_empty() && word.chars().all(|c| c.is_ascii_lowercase());
+            assert!(single, "{kind} is {word:?}");
+        }
     }
 }
 
@@ -179,7 +190,15 @@ pub(crate) struct Copy(pub(crate) PathBuf);
 impl Copy {
     pub(crate) fn new(name: &str) -> Self {
         let root = std::env::temp_dir().join(format!("wheelarm-{name}-{}", std::process::id()));
-        for folder in ["scenes", "objects", "materials", "tasks", "meshes"] {
+        for folder in [
+            "scenes",
+            "objects",
+            "materials",
+            "areas",
+            "templates",
+            "tasks",
+            "meshes",
+        ] {
             std::fs::create_dir_all(root.join(folder)).unwrap();
             for name in names(&assets(), folder).unwrap_or_default() {
                 let path = format!("{folder}/{name}.toml");

@@ -23,7 +23,7 @@ pub fn tasks(assets: &Path) -> Result<Vec<v1::TaskInfo>, String> {
             goal: convert::goal_kind(&t.goal).into(),
             name: t.name,
             activity: t.activity,
-            area: t.area,
+            area: t.area.name,
             instructions: t.instructions,
             targets: t.targets,
         })
@@ -44,6 +44,10 @@ pub(super) fn texts(sim: &Simulation) -> Result<Vec<v1::AssetText>, String> {
         .collect();
     if !scenario.task.is_empty() {
         paths.push(format!("tasks/{}.toml", scenario.task));
+        if let Some(task) = sim.task() {
+            paths.push(format!("areas/{}.toml", task.area.name));
+            paths.push(format!("templates/{}.toml", task.template));
+        }
     }
     paths.extend_from_slice(&sim.scene().files);
     let texts = scene::texts(sim.assets(), &paths).map_err(|e| e.to_string())?;

@@ -12,7 +12,9 @@ use crate::robot::control::{
 use crate::robot::kinematics;
 use crate::scene::{FurnitureJoint, Placement, Resistance, Scene};
 use crate::sensors::frames::RelativeState;
-use crate::sim::{ALL_CAMERAS, CameraPlace, CameraSetting, Lens, MAX_SIZE, Quality, Scenario};
+use crate::sim::{
+    ALL_CAMERAS, CameraPlace, CameraSetting, Lens, MAX_SIZE, Quality, Scenario, Starts,
+};
 use crate::snapshot::{Anomaly, BodyRef, BodyState, Fault};
 use crate::tasks;
 
@@ -335,6 +337,7 @@ pub fn goal_kind(goal: &tasks::Goal) -> v1::GoalKind {
         tasks::Goal::Lift => v1::GoalKind::Lift,
         tasks::Goal::Put { .. } => v1::GoalKind::Put,
         tasks::Goal::Open { .. } => v1::GoalKind::Open,
+        tasks::Goal::Close { .. } => v1::GoalKind::Close,
     }
 }
 
@@ -359,9 +362,12 @@ pub fn goal(goal: &tasks::Goal, target: &str, scene: &Scene) -> v1::TaskGoal {
                     ))),
                 });
         }
-        tasks::Goal::Open { joint, travel } => {
-            message.joint.clone_from(joint);
-            message.position = *travel;
+        tasks::Goal::Open { travel: position } | tasks::Goal::Close { position } => {
+            let joint = scene
+                .furniture_named(target)
+                .and_then(|i| scene.joint_of(i));
+            message.joint = joint.map_or(String::new(), |joint| joint.name.clone());
+            message.position = *position;
         }
     }
     message
@@ -415,16 +421,22 @@ pub fn scenario(s: &Scenario) -> v1::Scenario {
         slides: s
             .slides
             .iter()
-            .map(|(joint, r)| v1::SlideResistance {
+            .map(|(joint, r, position)| v1::SlideResistance {
                 joint: joint.clone(),
                 friction: Some(r.friction),
                 damping: Some(r.damping),
+                position: Some(*position),
             })
             .collect(),
         start: s.start.as_ref().map(pose),
         instruction: Some(s.instruction.clone()),
         target: Some(s.target.clone()),
         calibration_seed: s.calibration_seed,
+        starts: s.starts.code().into(),
+        arm_positions: s.arm.map(Vec::from).unwrap_or_default(),
+        knuckle: s.knuckle,
+        variant: s.variant.clone(),
+        variant_share: s.variant_share,
     }
 }
 
@@ -503,7 +515,8 @@ fn bounded(asked: &v1::Scenario) -> Result<(), Invalid> {
         ("robot name", asked.robot.as_str()),
         ("target", asked.target()),
     ];
-    for (what, name) in given.into_iter().filter(|(_, name)| !name.is_empty()) {
+    let given = given.into_iter().chain([("variant", asked.variant())]);
+    for (what, name) in given.filter(|(_, name)| !name.is_empty()) {
         check::name(what, name)?;
     }
     let cameras = asked.cameras.iter().map(|c| ("camera name", &c.name));
@@ -534,12 +547,18 @@ pub fn scenario_over(now: &Scenario, asked: &v1::Scenario) -> Result<Scenario, I
         });
     }
     let named = !asked.scene.is_empty() || !asked.robot.is_empty();
-    if named || asked.task.is_some() || asked.seed.is_some() {
+    let elsewhere = Starts::told(asked.starts()).is_some_and(|starts| starts != now.starts);
+    let other = asked.variant.is_some() && asked.variant != now.variant;
+    let anew = asked.task.is_some() || asked.seed.is_some() || elsewhere || other;
+    if named || anew {
         s.objects.clear();
         s.slides.clear();
         s.start = None;
         s.instruction.clear();
         s.target.clear();
+        s.variant = None;
+        s.arm = None;
+        s.knuckle = None;
     }
     if !asked.robot.is_empty() && asked.robot != now.robot {
         s.cameras = Scenario::all_cameras();
@@ -551,6 +570,10 @@ pub fn scenario_over(now: &Scenario, asked: &v1::Scenario) -> Result<Scenario, I
     keep(&mut s.seed, asked.seed);
     keep(&mut s.instruction, asked.instruction.clone());
     keep(&mut s.target, asked.target.clone());
+    keep(&mut s.variant, asked.variant.clone().map(Some));
+    if let Some(share) = asked.variant_share {
+        s.variant_share = Some(check::within("variant_share", share, 0.0, 1.0)?);
+    }
     keep(&mut s.imu_noise, asked.imu_noise);
     keep(&mut s.state_rate_hz, asked.state_rate_hz);
     keep(&mut s.deformable_rate_hz, asked.deformable_rate_hz);
@@ -586,6 +609,22 @@ pub fn scenario_over(now: &Scenario, asked: &v1::Scenario) -> Result<Scenario, I
             });
         }
     }
+    match v1::Starts::try_from(asked.starts) {
+        Ok(code) => keep(&mut s.starts, Starts::told(code)),
+        Err(_) => {
+            return Err(Invalid::Word {
+                what: "starts",
+                value: asked.starts.to_string(),
+                expected: "a value of wheelarm.v1.Starts",
+            });
+        }
+    }
+    if !asked.arm_positions.is_empty() {
+        s.arm = Some(check::list("arm_positions", &asked.arm_positions)?);
+    }
+    if let Some(knuckle) = asked.knuckle {
+        s.knuckle = Some(check::within("knuckle", knuckle, 0.0, 3.2)?);
+    }
     if let Some(start) = &asked.start {
         s.start = Some(place("start", Some(start))?);
     }
@@ -614,7 +653,12 @@ pub fn scenario_over(now: &Scenario, asked: &v1::Scenario) -> Result<Scenario, I
                 })
             };
             let place = of("slide", &slide.joint);
-            Ok((slide.joint.clone(), resistance().map_err(place)?))
+            let position = || number("position", slide.position.or(Some(0.0)), 0.0, 10.0);
+            Ok((
+                slide.joint.clone(),
+                resistance().map_err(&place)?,
+                position().map_err(&place)?,
+            ))
         })
         .collect::<Result<Vec<_>, Invalid>>()?;
     keep(&mut s.objects, (!objects.is_empty()).then_some(objects));

@@ -7,15 +7,15 @@ use super::{Scenario, Simulation};
 use crate::robot::control::{ArmIntent, BaseIntent, ControlInput, GripperIntent, IntentFrame};
 
 /// State hash of the run below and the version of the physics that gave it.
-const KEPT: (u32, u64) = (3, 0xc625_a508_ac8a_7c62);
+const KEPT: (u32, u64) = (3, 0x2b68_0705_bfdc_b3c3);
 
 /// Control, contacts, the gripper's friction and the kinematics take part.
 #[test]
 fn another_bit_is_another_physics_version() {
     let assets = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../assets");
+    // No task: what is drawn for one may change, the physics does not with it.
     let scenario = Scenario {
-        task: "pick_mustard".to_owned(),
-        seed: 1,
+        task: String::new(),
         cameras: Vec::new(),
         ..Scenario::default()
     };

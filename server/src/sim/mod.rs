@@ -23,7 +23,7 @@ use wheelarm_proto::PHYSICS_HZ;
 pub use guard::{anomaly_words, fault_words};
 pub use scenario::{
     ALL_CAMERAS, CameraPlace, CameraSetting, HOUSE, Lens, MAX_SIZE, Pacing, Quality, SOFT_MASS,
-    Scenario, ScenarioError, Schedules,
+    Scenario, ScenarioError, Schedules, Starts,
 };
 pub use shown::{Recorded, RecordedSkin, Unfit};
 pub use state::StateError;
@@ -35,7 +35,7 @@ use crate::sensors::frames::{self, RelativeState};
 use crate::sensors::imu::{self, Imu};
 use crate::sensors::odometry::Odometry;
 use crate::snapshot::{BodyRef, Contact, Fault, Snapshot};
-use crate::tasks::{self, Draw, Evaluation, Evaluator, TaskSpec};
+use crate::tasks::{self, Draw, Evaluation, Evaluator, Floor, SceneDraw, TaskSpec, Variant};
 use crate::world::{World, WorldError, WorstOfSoft};
 
 /// What can be wrong when a simulation is set up.
@@ -82,6 +82,16 @@ pub enum SimError {
         /// The frame.
         frame: String,
         /// Frames that there are.
+        known: String,
+    },
+    /// A variant of the area.
+    #[error("the scenario asks for the variant {name:?}, but the task {task:?} is done in {known}")]
+    Variant {
+        /// The variant.
+        name: String,
+        /// The task.
+        task: String,
+        /// The variants in which it can be done.
         known: String,
     },
     /// A furniture joint of the scenario.
@@ -167,14 +177,29 @@ impl Simulation {
             "" => None,
             name => Some(TaskSpec::load(assets, name, &scene)?),
         };
-        scene.keep_optional(task.as_ref().and_then(TaskSpec::region_name));
-        draw_open_values(&mut scenario, &mut scene, task.as_ref())?;
+        let variant = match &task {
+            Some(task) => Some(variant(task, &scenario)?.clone()),
+            None => None,
+        };
+        scene.keep_optional(variant.as_ref().map_or(&[], |variant| &variant.furniture));
+        scenario.variant = variant.as_ref().map(|variant| variant.name.clone());
+        let floor = match scenario.starts {
+            Starts::Near => None,
+            Starts::Anywhere => Some(Floor::new(&model, &scene)),
+        };
+        let drawn = task
+            .as_ref()
+            .zip(variant.as_ref())
+            .map(|(task, variant)| (task, variant, floor.as_ref()));
+        draw_open_values(&mut scenario, &mut scene, drawn)?;
+        let arm = *scenario.arm.get_or_insert(model.settings.home);
+        let knuckle = *scenario.knuckle.get_or_insert(0.0);
+        check_pose(&model, &arm, knuckle)?;
         let placements: Vec<_> = scenario.objects.iter().map(|(_, p)| *p).collect();
         let start = scenario.start.unwrap_or(scene.start);
         let gripper = GripperMap::new(&model);
-        let control = RobotControl::new(&model);
-        let home = &model.settings.home;
-        let world = World::new_within(&model, &scene, &placements, &start, home, late)?;
+        let control = RobotControl::at(&model, &arm, knuckle);
+        let world = World::new_within(&model, &scene, &placements, &start, &arm, knuckle, late)?;
         guard::check_new(world.fault(), &model, &scene)?;
         let snapshot = Arc::new(world.snapshot());
         let mut evaluator = task
@@ -468,12 +493,47 @@ impl Simulation {
     }
 }
 
+/// The variant of a task's area that a scenario names, or whose things it
+/// places; else the one that is drawn.
+fn variant<'a>(task: &'a TaskSpec, scenario: &Scenario) -> Result<&'a Variant, SimError> {
+    let offering = || task.variants();
+    let given = match &scenario.variant {
+        Some(name) => offering().find(|variant| variant.name == *name),
+        None if scenario.objects.is_empty() => {
+            tasks::variant_of(task, scenario.seed, scenario.variant_share)
+        }
+        // A recording that does not tell its variant tells what was there.
+        None => {
+            let placed = |variant: &&Variant| {
+                let certain = variant.places.iter().filter(|place| place.is_certain());
+                let there = certain.filter(|place| {
+                    scenario
+                        .objects
+                        .iter()
+                        .any(|(name, _)| *name == place.object)
+                });
+                there.count()
+            };
+            // Of those with as many, the first has the fewest things missing.
+            offering().rev().max_by_key(placed)
+        }
+    };
+    given.ok_or_else(|| {
+        let known: Vec<_> = offering().map(|v| format!("{:?}", v.name)).collect();
+        SimError::Variant {
+            name: scenario.variant.clone().unwrap_or_default(),
+            task: task.name.clone(),
+            known: known.join(", "),
+        }
+    })
+}
+
 /// Fills in placements, target, start pose and instruction that the scenario
 /// leaves open, and takes what is not there out of the scene.
 fn draw_open_values(
     scenario: &mut Scenario,
     scene: &mut Scene,
-    task: Option<&TaskSpec>,
+    task: Option<(&TaskSpec, &Variant, Option<&Floor>)>,
 ) -> Result<(), SimError> {
     if let Some((name, _)) = scenario
         .objects
@@ -487,10 +547,10 @@ fn draw_open_values(
             known: known.join(", "),
         });
     }
-    if let Some((name, _)) = scenario
+    if let Some((name, ..)) = scenario
         .slides
         .iter()
-        .find(|(n, _)| scene.joint_named(n).is_none())
+        .find(|(n, ..)| scene.joint_named(n).is_none())
     {
         let known: Vec<_> = scene.joints.iter().map(|j| j.name.as_str()).collect();
         return Err(SimError::Slide {
@@ -501,16 +561,19 @@ fn draw_open_values(
     }
     check_soft(scenario, scene)?;
     let drawn = match task {
-        Some(task) => tasks::draw(task, scene, scenario.seed),
+        Some((task, variant, floor)) => tasks::draw(task, variant, scene, scenario.seed, floor),
         None => undisturbed(scene),
     };
     let given = std::mem::take(&mut scenario.objects);
+    let tells_none = given.is_empty();
     scenario.objects = scene
         .objects
         .iter()
-        .zip(drawn.placements)
+        .zip(drawn.scene.placements)
         .filter_map(|(object, drawn)| {
             let given = given.iter().find(|(name, _)| *name == object.name);
+            // Of what may be missing, a scenario that tells objects tells all.
+            let drawn = drawn.filter(|_| tells_none || !object.optional);
             let placement = given.map(|(_, p)| *p).or(drawn)?;
             Some((object.name.clone(), placement))
         })
@@ -521,19 +584,47 @@ fn draw_open_values(
             .iter()
             .any(|(name, _)| *name == object.name)
     });
-    for (joint, drawn) in scene.joints.iter_mut().zip(drawn.slides) {
-        let given = scenario.slides.iter().find(|(name, _)| *name == joint.name);
-        joint.resistance = given.map_or(drawn, |(_, resistance)| *resistance);
+    let slides = drawn.scene.slides.into_iter().zip(drawn.scene.positions);
+    for (joint, drawn) in scene.joints.iter_mut().zip(slides) {
+        let mut given = scenario.slides.iter();
+        let given = given.find(|(name, ..)| *name == joint.name);
+        (joint.resistance, joint.start) = given.map_or(drawn, |(_, r, p)| (*r, *p));
     }
-    let resistances = scene.joints.iter().map(|j| (j.name.clone(), j.resistance));
-    scenario.slides = resistances.collect();
-    let start: Isometry3<f64> = scenario.start.unwrap_or(drawn.start);
+    let slides = scene.joints.iter();
+    let slides = slides.map(|j| (j.name.clone(), j.resistance, j.start));
+    scenario.slides = slides.collect();
+    let start: Isometry3<f64> = scenario.start.unwrap_or(drawn.scene.start);
     scenario.start = Some(start);
+    scenario.arm = scenario.arm.or(drawn.scene.arm);
+    scenario.knuckle = scenario.knuckle.or(drawn.scene.knuckle);
     if scenario.target.is_empty() {
         scenario.target = drawn.target;
     }
     if scenario.instruction.is_empty() {
         scenario.instruction = drawn.instruction;
+    }
+    Ok(())
+}
+
+/// Refuses a start at which a joint stands beyond its limits.
+fn check_pose(
+    model: &RobotModel,
+    arm: &[f64; ARM_JOINTS],
+    knuckle: f64,
+) -> Result<(), ScenarioError> {
+    let joints = model.roles.arm.iter().zip(arm);
+    let gripper = [(&model.roles.knuckles[0], &knuckle)];
+    for (&joint, &position) in joints.chain(gripper) {
+        let joint = &model.joints[joint];
+        let (least, most) = (joint.limits.lower, joint.limits.upper);
+        if !(least..=most).contains(&position) {
+            return Err(ScenarioError::Joint {
+                name: joint.name.clone(),
+                position,
+                least,
+                most,
+            });
+        }
     }
     Ok(())
 }
@@ -558,9 +649,16 @@ fn check_soft(scenario: &Scenario, scene: &Scene) -> Result<(), ScenarioError> {
 fn undisturbed(scene: &Scene) -> Draw {
     let placement = |object: &Body| (!object.optional).then(|| Placement::of(object));
     Draw {
-        placements: scene.objects.iter().map(placement).collect(),
-        slides: scene.joints.iter().map(|joint| joint.resistance).collect(),
-        start: scene.start,
+        scene: SceneDraw {
+            placements: scene.objects.iter().map(placement).collect(),
+            slides: scene.joints.iter().map(|joint| joint.resistance).collect(),
+            positions: vec![0.0; scene.joints.len()],
+            start: scene.start,
+            arm: None,
+            knuckle: None,
+            attempts: 0,
+            clearance: 0.0,
+        },
         target: String::new(),
         instruction: String::new(),
     }

@@ -3,10 +3,11 @@
 use nalgebra::Isometry3;
 use wheelarm_proto::{CONTROL_HZ, PHYSICS_HZ};
 
+use crate::robot::ARM_JOINTS;
 use crate::scene::{Placement, Resistance};
 use crate::sensors::{BadRate, Schedule};
 
-pub use wheelarm_proto::settings::{Pacing, Quality};
+pub use wheelarm_proto::settings::{Pacing, Quality, Starts};
 
 /// One camera of a scenario.
 #[derive(Clone, Debug, PartialEq)]
@@ -73,10 +74,17 @@ pub struct Scenario {
     pub imu_noise: bool,
     /// Placements by object name; empty: drawn from the seed.
     pub objects: Vec<(String, Placement)>,
-    /// Resistance of furniture joints by name; what is missing is drawn.
-    pub slides: Vec<(String, Resistance)>,
+    /// Resistance of furniture joints by name, and their positions at the start,
+    /// metres; what is missing is drawn.
+    pub slides: Vec<(String, Resistance, f64)>,
     /// world_from_wheelchair_root at the start; `None`: drawn.
     pub start: Option<Isometry3<f64>>,
+    /// Where the robot starts when it is drawn.
+    pub starts: Starts,
+    /// Positions of the arm's joints at the start, rad; `None`: drawn.
+    pub arm: Option<[f64; ARM_JOINTS]>,
+    /// Angle of the gripper's knuckle at the start, rad; `None`: drawn.
+    pub knuckle: Option<f64>,
     /// Instruction sentence; empty: one of the task's.
     pub instruction: String,
     /// What the task is about; empty: the task's only target, or drawn.
@@ -84,6 +92,12 @@ pub struct Scenario {
     /// Which specimen of the robot: its cameras' lenses and places are drawn
     /// from it; `None`: as the description says.
     pub calibration_seed: Option<u64>,
+    /// Variant of the task's area, empty for the first; `None`: that in which the
+    /// given objects are, or drawn.
+    pub variant: Option<String>,
+    /// How often a variant other than the area's first is drawn, 0 to 1; `None`:
+    /// as the area says.
+    pub variant_share: Option<f64>,
 }
 
 /// Name of a camera setting that stands for every camera of the robot that has
@@ -114,9 +128,14 @@ impl Default for Scenario {
             objects: Vec::new(),
             slides: Vec::new(),
             start: None,
+            starts: Starts::Near,
+            arm: None,
+            knuckle: None,
             instruction: String::new(),
             target: String::new(),
             calibration_seed: None,
+            variant: None,
+            variant_share: None,
         }
     }
 }
@@ -151,6 +170,21 @@ pub enum ScenarioError {
         name: String,
         /// kg.
         mass: f64,
+    },
+    /// A position that a joint of the robot cannot have.
+    #[error(
+        "the start puts {name} at {} rad, expected {least} to {most}",
+        wheelarm_proto::check::Number(*.position)
+    )]
+    Joint {
+        /// The joint.
+        name: String,
+        /// rad.
+        position: f64,
+        /// Lower limit, rad.
+        least: f64,
+        /// Upper limit, rad.
+        most: f64,
     },
     /// A name that could leave the assets folder.
     #[error(

@@ -8,7 +8,7 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 use super::*;
-use crate::robot::control::BaseIntent;
+use crate::robot::control::{ArmIntent, BaseIntent};
 use crate::scene::Placement;
 use crate::tasks::Failure;
 
@@ -292,5 +292,50 @@ fn a_restored_state_goes_on_with_the_same_bits() {
             second.step(&ControlInput::default());
         }
         assert_eq!(first.world.hash(), second.world.hash());
+    }
+}
+
+/// In every posture of the robot the arm touches nothing of itself and of the
+/// chair, and comes home without doing so, the gripper open or closed.
+#[test]
+fn every_posture_touches_nothing_and_comes_home() {
+    let model = RobotModel::load(&assets(), "wheelarm").expect("a robot");
+    let (postures, home) = (&model.settings.postures, model.settings.home);
+    assert!(postures.len() >= 20, "{}", postures.len());
+    for (i, posture) in postures.iter().enumerate() {
+        let knuckle = [0.0, model.settings.gripper.closed][i % 2];
+        let mut sim = simulation(Scenario {
+            task: String::new(),
+            arm: Some(*posture),
+            knuckle: Some(knuckle),
+            cameras: Vec::new(),
+            ..Scenario::default()
+        });
+        let opening = sim.opening();
+        assert_eq!(opening < 0.01, knuckle > 0.0, "{opening} m");
+        for tick in 0..7 * 60 {
+            let arm = (tick == 30).then_some(ArmIntent::Joints(home));
+            sim.step(&ControlInput {
+                arm,
+                ..ControlInput::default()
+            });
+            if tick < 30 {
+                let moved = sim.arm_positions().into_iter().zip(posture);
+                let moved = moved.map(|(is, was)| (is - was).abs());
+                let moved = moved.fold((sim.opening() - opening).abs() * 10.0, f64::max);
+                assert!(moved < 0.02, "posture {i} moves by {moved} at {tick}");
+            }
+            let touching = sim.snapshot().contacts.iter().find(|contact| {
+                let pair = (contact.first, contact.second);
+                matches!(pair, (BodyRef::Link(_), BodyRef::Link(_)))
+            });
+            assert!(touching.is_none(), "posture {i} at {tick}: {touching:?}");
+        }
+        let left = sim.arm_positions().into_iter().zip(home);
+        let left = left.map(|(is, home)| (is - home).abs());
+        assert!(
+            left.fold(0.0, f64::max) < 0.02,
+            "posture {i} does not come home"
+        );
     }
 }

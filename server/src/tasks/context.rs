@@ -27,6 +27,8 @@ pub(super) struct Context {
     pub wheels: Vec<usize>,
     /// The target, when it is an object.
     pub target: Option<usize>,
+    /// Joint of the target, when it is furniture that slides.
+    pub target_joint: Option<usize>,
     /// Objects that could have been the target.
     pub decoys: Vec<usize>,
 }
@@ -48,6 +50,16 @@ impl Context {
     ) -> Option<(usize, &'a BodyState)> {
         let object = self.object(name)?;
         Some((object, snapshot.objects.get(object)?))
+    }
+
+    /// Position of the joint of this name, or of the target's, metres.
+    pub(super) fn joint_position(&self, name: &str, snapshot: &Snapshot) -> f64 {
+        let joint = match name {
+            TARGET => self.target_joint,
+            name => self.joints.iter().position(|joint| joint == name),
+        };
+        let state = joint.and_then(|joint| snapshot.furniture_joints.get(joint));
+        state.map_or(0.0, |state| state.position)
     }
 
     /// Distance of the object's centre of mass from the middle of a surface on

@@ -150,7 +150,9 @@ impl Evaluator {
             ));
         }
         let others = spec.targets.iter().filter(|name| *name != target);
-        let start = spec.places.iter().find(|place| place.object == target);
+        let furniture = scene.furniture_named(target);
+        let mut variants = spec.area.variants.iter();
+        let start = variants.find_map(|variant| variant.place(target));
         let surfaces = scene.furniture.iter().filter_map(|body| {
             let surface = scene.surface_named(&body.name, None)?;
             Some((body.name.clone(), surface.clone()))
@@ -174,6 +176,10 @@ impl Evaluator {
                     .map(|&joint| child(joint))
                     .collect(),
                 target: object,
+                target_joint: scene
+                    .joints
+                    .iter()
+                    .position(|j| Some(j.furniture) == furniture),
                 decoys: others.filter_map(|name| scene.object_named(name)).collect(),
             },
             carrier: start

@@ -1,10 +1,7 @@
 //! What a task asks for in one word, for who has to do it.
 
-use serde::Deserialize;
-
-/// What is to be done with the target, as the task file says it.
-#[derive(Clone, Debug, PartialEq, Deserialize)]
-#[serde(rename_all = "snake_case", deny_unknown_fields)]
+/// What is to be done with the target.
+#[derive(Clone, Debug, PartialEq)]
 pub enum Goal {
     /// Lift it and hold it.
     Lift,
@@ -13,11 +10,14 @@ pub enum Goal {
         /// Furniture with the surface.
         on: String,
     },
-    /// Move a joint of furniture.
+    /// Draw furniture out.
     Open {
-        /// The joint.
-        joint: String,
-        /// Wanted position, metres.
+        /// Wanted joint position, metres.
         travel: f64,
+    },
+    /// Push furniture in.
+    Close {
+        /// Wanted joint position, metres.
+        position: f64,
     },
 }

@@ -1,34 +1,52 @@
-//! Reads `assets/tasks/NAME.toml` and checks it against its scene.
+//! Reads `assets/tasks/NAME.toml`, resolves what it asks for in its area and
+//! checks it against the scene.
 
 use std::collections::BTreeMap;
-use std::collections::btree_map::Entry;
 use std::path::Path;
 
+use super::area::AreaSpec;
+use super::area_load::scene_of;
 use super::condition::{Name, Threshold};
 use super::context::TARGET;
-use super::draw::clearance_of;
-use super::file::{FailureEntry, PlaceEntry, SlideEntry, Target, TaskFile};
+use super::file::TaskFile;
 use super::goal::Goal;
-use super::spec::{ConditionSpec, FailureSpec, PlaceSpec, Range, SlideSpec, StartSpec, TaskSpec};
+use super::known::known;
+use super::spec::{FailureSpec, TaskSpec};
+use super::template::{FailureEntry, Template, Verb};
 use crate::scene::{Place, Scene, SceneError, names, parse, provenance};
+
+/// Key of a joint position in a template's goal.
+const JOINT_POSITION: [&str; 2] = ["travel", "position"];
 
 /// Every task below `assets/tasks`, by name.
 ///
 /// # Errors
 /// When one of them cannot be used.
 pub fn list(assets: &Path) -> Result<Vec<TaskSpec>, SceneError> {
-    // Most tasks share a scene, and a scene takes far longer to read than a task.
+    // Most tasks share a scene and an area, and these take far longer to read.
     let mut scenes: BTreeMap<String, Scene> = BTreeMap::new();
+    let mut areas: BTreeMap<String, AreaSpec> = BTreeMap::new();
     let mut tasks = Vec::new();
     for name in names(assets, "tasks")? {
         let file = read(assets, &name)?;
-        let scene = match scenes.entry(file.scene.clone()) {
-            Entry::Occupied(known) => known.into_mut(),
-            Entry::Vacant(place) => place.insert(Scene::load(assets, &file.scene)?),
-        };
-        tasks.push(TaskSpec::checked(&name, file, scene)?);
+        let scene_name = scene_of(assets, &place(&name).key("area"), &file.area)?;
+        if !scenes.contains_key(&scene_name) {
+            let scene = Scene::load(assets, &scene_name)?;
+            scenes.insert(scene_name.clone(), scene);
+        }
+        let scene = &scenes[&scene_name];
+        if !areas.contains_key(&file.area) {
+            let area = AreaSpec::load(assets, &file.area, scene)?;
+            areas.insert(file.area.clone(), area);
+        }
+        let area = areas[&file.area].clone();
+        tasks.push(TaskSpec::checked(assets, &name, file, area, scene)?);
     }
     Ok(tasks)
+}
+
+fn place(name: &str) -> Place {
+    Place::file(&format!("tasks/{name}.toml"))
 }
 
 fn read(assets: &Path, name: &str) -> Result<TaskFile, SceneError> {
@@ -43,43 +61,46 @@ impl TaskSpec {
     /// it is to be done, as it was loaded: with all that is optional.
     ///
     /// # Errors
-    /// When the file is missing or something in it cannot be.
+    /// When a file is missing or something in it cannot be.
     pub fn load(assets: &Path, name: &str, scene: &Scene) -> Result<Self, SceneError> {
-        Self::checked(name, read(assets, name)?, scene)
+        let file = read(assets, name)?;
+        scene_of(assets, &place(name).key("area"), &file.area)?;
+        let area = AreaSpec::load(assets, &file.area, scene)?;
+        Self::checked(assets, name, file, area, scene)
     }
 
-    fn checked(name: &str, file: TaskFile, scene: &Scene) -> Result<Self, SceneError> {
-        let place = Place::file(&format!("tasks/{name}.toml"));
-        let targets = match file.target {
-            Target::One(target) => vec![target],
-            Target::OneOf(targets) => targets,
-        };
-        if targets.is_empty() {
-            return Err(place.key("target").wrong(
-                "an empty list",
-                "at least one name",
-                "say what the task is about",
-            ));
-        }
-        for target in &targets {
-            let slides = scene
-                .furniture_named(target)
-                .is_some_and(|body| scene.joint_of(body).is_some());
-            if !slides {
-                known_object(&place.key("target"), scene, target)?;
+    fn checked(
+        assets: &Path,
+        name: &str,
+        file: TaskFile,
+        area: AreaSpec,
+        scene: &Scene,
+    ) -> Result<Self, SceneError> {
+        let place = place(name);
+        let template = Template::read(assets, &place, &file.template, &file.thresholds)?;
+        let asked = place.key("object");
+        let region = match (template.goal, &file.place) {
+            (Verb::Put, Some(query)) => Some(query.region(&place.key("place"), &area, scene)?),
+            (Verb::Put, None) => {
+                return Err(place.key("place").wrong(
+                    "absent",
+                    "where the thing is to be put",
+                    "for example place = { name = \"placemat\" }",
+                ));
             }
-        }
-        if !scene.furniture.iter().any(|body| body.area == file.area) || file.area.is_empty() {
-            let mut areas: Vec<_> = scene.furniture.iter().map(|b| b.area.as_str()).collect();
-            areas.sort_unstable();
-            areas.dedup();
-            areas.retain(|area| !area.is_empty());
-            return Err(place.key("area").wrong(
-                format!("{:?}", file.area),
-                format!("one of {}", areas.join(", ")),
-                "use an area of the scene's furniture",
-            ));
-        }
+            (_, Some(_)) => {
+                return Err(place.key("place").wrong(
+                    "given",
+                    format!("none with the template {:?}", file.template),
+                    "leave it out, or take the template \"put\"",
+                ));
+            }
+            (_, None) => None,
+        };
+        let targets = match template.goal {
+            Verb::Lift | Verb::Put => file.object.objects(&asked, &area, scene)?,
+            Verb::Open | Verb::Close => file.object.sliding(&asked, &area, scene)?,
+        };
         if file.instructions.is_empty() || file.instructions.iter().any(|s| s.trim().is_empty()) {
             return Err(place.key("instructions").wrong(
                 format!("{:?}", file.instructions),
@@ -87,64 +108,83 @@ impl TaskSpec {
                 "write what a person would ask for",
             ));
         }
-        let start = place.key("start");
-        let spec = Self {
+        let joint_of = |name: &String| {
+            let joint = scene.furniture_named(name).and_then(|i| scene.joint_of(i));
+            joint.map_or(String::new(), |joint| joint.name.clone())
+        };
+        let joint = targets.first().map(joint_of).unwrap_or_default();
+        let single = match &targets[..] {
+            [only] => Some([only.as_str(), joint.as_str()]),
+            _ => None,
+        };
+        let conditions = template.conditions(&file.template, single, region.as_deref())?;
+        let time_limit = file.time_limit.unwrap_or(template.time_limit);
+        let mut spec = Self {
             name: name.to_owned(),
+            template: file.template,
             activity: file.activity,
-            area: file.area,
-            scene: file.scene,
+            goal: Goal::Lift,
+            area,
             targets,
-            goal: file.goal,
             instructions: file.instructions,
             time_limit: place.key("time_limit").within(
-                file.time_limit,
+                time_limit,
                 1.0,
                 3600.0,
                 "s",
                 "times are simulated seconds",
             )?,
-            start: StartSpec {
-                x: range(&start.key("x"), file.start.x, -50.0, 50.0, "m")?,
-                y: range(&start.key("y"), file.start.y, -50.0, 50.0, "m")?,
-                yaw: angles(&start.key("yaw_deg"), file.start.yaw_deg)?,
-            },
-            places: file
-                .place
-                .iter()
-                .map(|entry| read_place(&place.entry("place", &entry.object), scene, entry))
-                .collect::<Result<_, _>>()?,
-            slides: file
-                .slide
-                .iter()
-                .map(|entry| read_slide(&place.entry("slide", &entry.joint), scene, entry))
-                .collect::<Result<_, _>>()?,
-            conditions: file
-                .condition
-                .into_iter()
-                .map(|entry| ConditionSpec {
-                    predicate: entry.predicate,
-                    required: entry.required,
-                })
-                .collect(),
-            failure: read_failure(&place.key("failure"), &file.failure)?,
+            conditions,
+            failure: read_failure(&place.key("thresholds.failure"), &template.failure)?,
         };
         spec.check_conditions(&place, scene)?;
-        spec.check_goal(&place, scene)?;
-        spec.check_room(&place, scene)?;
+        spec.goal = match (template.goal, region) {
+            (Verb::Lift, _) => Goal::Lift,
+            (Verb::Put, region) => Goal::Put {
+                on: region.unwrap_or_default(),
+            },
+            (Verb::Open, _) => Goal::Open {
+                travel: spec.joint_position(),
+            },
+            (Verb::Close, _) => Goal::Close {
+                position: spec.joint_position(),
+            },
+        };
+        spec.check_goal(&place)?;
+        if spec.variants().next().is_none() {
+            let offers = |v: &super::area::Variant| match v.name.as_str() {
+                "" => "the area by itself".to_owned(),
+                name => format!("the variant {name:?}"),
+            };
+            let known: Vec<_> = spec.area.variants.iter().map(offers).collect();
+            return Err(asked.wrong(
+                format!("{} with {:?}", spec.targets.join(", "), spec.region_name()),
+                format!("all of it together in {}", known.join(" or ")),
+                format!("ask for less, or add to areas/{}.toml", spec.area.name),
+            ));
+        }
         Ok(spec)
+    }
+
+    /// The joint position that success asks for, metres.
+    fn joint_position(&self) -> f64 {
+        let required = self.conditions.iter().filter(|c| c.required);
+        let mut thresholds = required.flat_map(|c| c.predicate.as_dyn().thresholds());
+        let found = thresholds.find(|t| JOINT_POSITION.contains(&t.key));
+        found.map_or(0.0, |threshold| threshold.value)
     }
 
     fn check_conditions(&self, place: &Place, scene: &Scene) -> Result<(), SceneError> {
         if !self.conditions.iter().any(|c| c.required) {
-            return Err(place.key("condition").wrong(
+            return Err(place.key("template").wrong(
                 format!("a list of {} without a required one", self.conditions.len()),
                 "at least one condition with required = true",
                 "say what success is",
             ));
         }
         for condition in &self.conditions {
-            let place = place.entry("condition", condition.label());
             let predicate = condition.predicate.as_dyn();
+            let place = place.key("thresholds").key(predicate.word());
             for name in predicate.names() {
                 known(&place, scene, name)?;
             }
@@ -163,51 +203,25 @@ impl TaskSpec {
     }
 
     /// Refuses a goal that success does not depend on.
-    fn check_goal(&self, place: &Place, scene: &Scene) -> Result<(), SceneError> {
-        let place = place.key("goal");
-        let asked = match &self.goal {
-            Goal::Lift => Name::Object(TARGET),
-            Goal::Put { on } => Name::Surface(on),
-            Goal::Open { joint, travel } => {
-                let metres = "joint positions of furniture are metres";
-                place
-                    .key("open.travel")
-                    .within(*travel, 0.0, 2.0, "m", metres)?;
-                Name::Joint(joint)
-            }
-        };
-        known(&place, scene, asked)?;
-        let is_target = |object: &str| object == TARGET || self.targets.iter().any(|t| t == object);
+    fn check_goal(&self, place: &Place) -> Result<(), SceneError> {
+        let is_target = |name: &str| name == TARGET || self.targets.iter().any(|t| t == name);
         let required = self.conditions.iter().filter(|c| c.required);
         let judged = required
             .flat_map(|c| c.predicate.as_dyn().names())
-            .any(|name| match (name, asked) {
-                (Name::Object(object), Name::Object(_)) => is_target(object),
-                _ => name == asked,
+            .any(|name| match (name, &self.goal) {
+                (Name::Object(object), Goal::Lift) => is_target(object),
+                (Name::Surface(surface), Goal::Put { on }) => surface == on,
+                (Name::Joint(_), Goal::Open { .. } | Goal::Close { .. }) => true,
+                _ => false,
             });
         if judged {
             return Ok(());
         }
-        Err(place.wrong(
+        Err(place.key("template").wrong(
             format!("{:?}", self.goal),
             "what a required condition names",
             "say what is to be done, and judge it by a condition with required = true",
         ))
-    }
-
-    /// Refuses ranges in which the objects find no room.
-    fn check_room(&self, place: &Place, scene: &Scene) -> Result<(), SceneError> {
-        let worst = (0..8)
-            .map(|seed| clearance_of(self, scene, seed))
-            .fold(f64::INFINITY, f64::min);
-        if worst < 0.0 {
-            return Err(place.key("place").wrong(
-                format!("so tight that objects overlap by {:.0} mm", -worst * 1000.0),
-                "ranges with room for all objects and the gripper",
-                "widen the ranges or move other objects of the scene away",
-            ));
-        }
-        Ok(())
     }
 }
 
@@ -232,116 +246,5 @@ fn read_failure(place: &Place, entry: &FailureEntry) -> Result<FailureSpec, Scen
             "N",
             "it is a force that ends the episode, well above that of a hard touch",
         )?,
-    })
-}
-
-fn read_place(place: &Place, scene: &Scene, entry: &PlaceEntry) -> Result<PlaceSpec, SceneError> {
-    known_object(place, scene, &entry.object)?;
-    let surface = scene.surface(place, &entry.on, entry.surface.as_deref())?;
-    let half = surface.width / 2.0;
-    let (inwards, along) = (place.key("inwards"), place.key("along"));
-    Ok(PlaceSpec {
-        object: entry.object.clone(),
-        on: entry.on.clone(),
-        surface: entry.surface.clone(),
-        inwards: range(&inwards, entry.inwards, 0.0, surface.depth, "m")?,
-        along: range(&along, entry.along, -half, half, "m")?,
-        yaw: angles(&place.key("yaw_deg"), entry.yaw_deg)?,
-        mass: entry
-            .mass
-            .map(|mass| range(&place.key("mass"), mass, 0.001, 100.0, "kg"))
-            .transpose()?,
-        friction: entry
-            .friction
-            .map(|friction| range(&place.key("friction"), friction, 0.0, 2.0, ""))
-            .transpose()?,
-        chance: place.key("chance").within(
-            entry.chance.unwrap_or(1.0),
-            0.0,
-            1.0,
-            "",
-            "1 is always, 0.5 every other time",
-        )?,
-    })
-}
-
-fn read_slide(place: &Place, scene: &Scene, entry: &SlideEntry) -> Result<SlideSpec, SceneError> {
-    let [friction, damping] = ["friction", "damping"].map(|key| place.key(key));
-    known_joint(&place.key("joint"), scene, &entry.joint)?;
-    Ok(SlideSpec {
-        joint: entry.joint.clone(),
-        friction: range(&friction, entry.friction, 0.0, 1000.0, "N")?,
-        damping: range(&damping, entry.damping, 0.0, 10_000.0, "N·s/m")?,
-    })
-}
-
-/// Refuses a name that the scene has not.
-fn known(place: &Place, scene: &Scene, name: Name<'_>) -> Result<(), SceneError> {
-    match name {
-        Name::Object(TARGET) => Ok(()),
-        Name::Object(object) => known_object(&place.key("object"), scene, object),
-        Name::Surface(on) => scene.surface(place, on, None).map(|_| ()),
-        Name::Joint(joint) => known_joint(&place.key("joint"), scene, joint),
-    }
-}
-
-fn known_joint(place: &Place, scene: &Scene, name: &str) -> Result<(), SceneError> {
-    if scene.joint_named(name).is_some() {
-        return Ok(());
-    }
-    let known: Vec<_> = scene.joints.iter().map(|j| j.name.as_str()).collect();
-    Err(place.wrong(
-        format!("{name:?}"),
-        format!("one of {}", known.join(", ")),
-        "correct the name or give the furniture a slide",
-    ))
-}
-
-fn known_object(place: &Place, scene: &Scene, name: &str) -> Result<(), SceneError> {
-    if scene.object_named(name).is_some() {
-        return Ok(());
-    }
-    let known: Vec<_> = scene.objects.iter().map(|o| o.name.as_str()).collect();
-    Err(place.wrong(
-        format!("{name:?}"),
-        format!("one of {}", known.join(", ")),
-        format!(
-            "correct the name or add the object to scenes/{}.toml",
-            scene.name
-        ),
-    ))
-}
-
-fn range(
-    place: &Place,
-    [min, max]: [f64; 2],
-    low: f64,
-    high: f64,
-    unit: &str,
-) -> Result<Range, SceneError> {
-    for value in [min, max] {
-        place.within(
-            value,
-            low,
-            high,
-            unit,
-            "give [least, greatest] within these",
-        )?;
-    }
-    if min > max {
-        return Err(place.wrong(
-            format!("[{min}, {max}]"),
-            "[least, greatest]",
-            "swap the two",
-        ));
-    }
-    Ok(Range { min, max })
-}
-
-fn angles(place: &Place, degrees: [f64; 2]) -> Result<Range, SceneError> {
-    let range = range(place, degrees, -360.0, 360.0, "degrees")?;
-    Ok(Range {
-        min: range.min.to_radians(),
-        max: range.max.to_radians(),
     })
 }

@@ -1,27 +1,42 @@
 //! Tasks: what is asked, where things start, and whether it was done.
 //!
-//! `load` reads `assets/tasks/NAME.toml` into a `spec`, `draw` chooses one start
-//! from a seed, `evaluate` judges snapshots by the `predicates` of the file.
-//! Nothing here moves anything; the same seed and the same snapshots give the
-//! same answers.
+//! `area_load` reads `assets/areas/NAME.toml`: what stands in an area and how it is
+//! drawn. `load` reads `assets/tasks/NAME.toml` into a `spec`: a `template`, and
+//! queries for what it is about. `scene_draw` draws a scene from area and seed and
+//! knows of no task; `draw` then takes a target in it. `evaluate` judges snapshots
+//! by the `predicates` of the template. Nothing here moves anything; the same seed
+//! and the same snapshots give the same answers.
 
+mod area;
+mod area_load;
 mod condition;
 mod context;
 mod draw;
 mod evaluate;
 mod file;
+mod floor;
 mod goal;
+mod known;
 mod load;
 mod placement_clearance;
 mod predicates;
+mod query;
+mod random;
 #[cfg(test)]
 mod reach_tests;
+mod scene_draw;
 mod spec;
+pub mod table;
+mod takeable;
+mod template;
 #[cfg(test)]
 mod tests;
 
-pub use draw::{Draw, draw};
+pub use area::{AreaSpec, PlaceSpec, Range, SlideSpec, StartSpec, Variant};
+pub use draw::{Draw, draw, variant_of};
 pub use evaluate::{Condition, Evaluation, Evaluator, EvaluatorState, Failure, HARD};
+pub use floor::Floor;
 pub use goal::Goal;
 pub use load::list;
-pub use spec::{ConditionSpec, FailureSpec, PlaceSpec, Range, SlideSpec, StartSpec, TaskSpec};
+pub use scene_draw::{SceneDraw, draw_scene};
+pub use spec::{ConditionSpec, FailureSpec, TaskSpec};

@@ -1,33 +1,29 @@
-//! Clearance between things that are placed on surfaces: footprints and what they keep clear of.
+//! Room between things that stand on surfaces: outlines on the floor plan, their
+//! distances, and what a thing keeps clear of.
 
 use nalgebra::{Isometry3, Point2, UnitComplex, Vector2, Vector3};
 use wheelarm_proto::exact;
 
-use super::spec::TaskSpec;
 use crate::geometry::Part;
 use crate::scene::{Body, Bounds, Placement, Scene, Surface};
 
 /// Least distance between two objects, metres.
 const GAP: f64 = 0.02;
-/// Half of the width that the open gripper needs on its way to the target, metres.
-const LANE: f64 = 0.09;
-/// Half of the length of the gripper's way before the target, metres.
-const LANE_LENGTH: f64 = 0.5;
 
 /// The outline of a thing on the floor plan: a rectangle grown by a radius.
 #[derive(Clone, Copy, Debug)]
-struct Footprint {
+pub(super) struct Outline {
     /// Middle of the rectangle, metres.
-    centre: Point2<f64>,
+    pub centre: Point2<f64>,
     /// Direction of its first axis.
-    turn: UnitComplex<f64>,
+    pub turn: UnitComplex<f64>,
     /// Half extents, metres.
-    half: Vector2<f64>,
+    pub half: Vector2<f64>,
     /// What it is grown by, metres.
-    radius: f64,
+    pub radius: f64,
 }
 
-impl Footprint {
+impl Outline {
     /// Of an object in its own frame; what is round stays round.
     fn of(body: &Body) -> Self {
         let bounds = body.collision_bounds(&Isometry3::identity());
@@ -76,35 +72,43 @@ impl Footprint {
 
     /// Distance to another outline, metres, never more than the true one; below
     /// zero when they overlap.
-    fn distance(&self, other: &Self) -> f64 {
+    pub(super) fn distance(&self, other: &Self) -> f64 {
         let between = other.centre - self.centre;
-        let mut axes = vec![
-            self.turn * Vector2::x(),
-            self.turn * Vector2::y(),
-            other.turn * Vector2::x(),
-            other.turn * Vector2::y(),
-        ];
-        axes.extend(between.try_normalize(1e-9));
-        axes.iter()
-            .map(|axis| between.dot(axis).abs() - self.extent(axis) - other.extent(axis))
-            .fold(f64::NEG_INFINITY, f64::max)
-            - self.radius
-            - other.radius
+        let apart = |axis: Vector2<f64>| {
+            between.dot(&axis).abs() - self.extent(&axis) - other.extent(&axis)
+        };
+        let (x, y) = (Vector2::x(), Vector2::y());
+        let mut most = apart(self.turn * x)
+            .max(apart(self.turn * y))
+            .max(apart(other.turn * x))
+            .max(apart(other.turn * y));
+        if let Some(axis) = between.try_normalize(1e-9) {
+            most = most.max(apart(axis));
+        }
+        most - self.radius - other.radius
     }
 }
 
-/// What the objects of a task must keep clear of.
-pub(super) struct PlacementClearance<'a> {
-    scene: &'a Scene,
-    outlines: Vec<Footprint>,
-    /// Parts of the furniture.
-    furniture: Vec<(Bounds, Footprint)>,
-    /// Way of the hand to the region in which the target is put.
-    region: Option<Footprint>,
+/// What stands somewhere: its outline and how high it reaches.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Standing {
+    pub outline: Outline,
+    /// Highest point in `house`, metres.
+    pub top: f64,
 }
 
-impl<'a> PlacementClearance<'a> {
-    pub(super) fn new(spec: &TaskSpec, scene: &'a Scene) -> Self {
+/// What the objects of a scene must keep clear of.
+pub(super) struct Clearance<'a> {
+    scene: &'a Scene,
+    /// Of the objects in their own frames, with their heights.
+    outlines: Vec<(Outline, f64)>,
+    /// Parts of the furniture.
+    furniture: Vec<(Bounds, Outline)>,
+}
+
+impl<'a> Clearance<'a> {
+    /// Of a scene with the optional furniture that is there, and no other.
+    pub(super) fn new(scene: &'a Scene) -> Self {
         let part_bounds = |body: &Body, part: &Part| {
             let mut piece = body.clone();
             piece.hulls.clear();
@@ -114,7 +118,6 @@ impl<'a> PlacementClearance<'a> {
         let furniture = scene
             .furniture
             .iter()
-            .filter(|body| !body.optional || spec.region_name() == Some(body.name.as_str()))
             .flat_map(|body| {
                 let parts = body.collision.iter().filter_map(|p| part_bounds(body, p));
                 let mut hulls = body.clone();
@@ -123,35 +126,52 @@ impl<'a> PlacementClearance<'a> {
                     .chain(hulls.collision_bounds(&body.pose))
                     .collect::<Vec<_>>()
             })
-            .map(|bounds| (bounds, Footprint::filling(&bounds)))
+            .map(|bounds| (bounds, Outline::filling(&bounds)))
             .collect();
+        let top = |body: &Body| {
+            let bounds = body.collision_bounds(&Isometry3::identity());
+            bounds.map_or(0.0, |bounds| bounds.max.z)
+        };
+        let objects = scene.objects.iter();
         Self {
             scene,
-            outlines: scene.objects.iter().map(Footprint::of).collect(),
+            outlines: objects.map(|body| (Outline::of(body), top(body))).collect(),
             furniture,
-            region: spec.region(scene).map(|region| {
-                let outwards = -(region.edge.rotation * Vector3::x()).xy();
-                lane(
-                    Point2::from(region.centre().translation.vector.xy()),
-                    outwards,
-                    region.width / 2.0,
-                )
-            }),
         }
     }
 
-    /// The least distance that `object` on its surface leaves to what already
-    /// stands there, metres; below zero something overlaps.
-    pub(super) fn clearance(
+    /// An object where it is placed: things stand upright.
+    pub(super) fn standing(&self, object: usize, placement: &Placement) -> Standing {
+        let (outline, top) = &self.outlines[object];
+        Standing {
+            outline: outline.at(&placement.pose),
+            top: placement.pose.translation.z + top,
+        }
+    }
+
+    /// The least distance that `object` on its surface leaves to the edges, the
+    /// furniture and the other objects, metres; below zero something overlaps.
+    pub(super) fn of(
         &self,
         object: usize,
         surface: &Surface,
         placements: &[Option<Placement>],
-        target: Option<(usize, &Surface)>,
     ) -> f64 {
         let Some(placement) = &placements[object] else {
             return f64::INFINITY;
         };
+        let outline = self.standing(object, placement).outline;
+        let mut least = f64::INFINITY;
+        let others = placements.iter().enumerate().filter(|(i, _)| *i != object);
+        for (i, other) in others {
+            if let Some(other) = other {
+                let other = self.standing(i, other).outline;
+                least = least.min(outline.distance(&other) - GAP);
+            }
+        }
+        if least < 0.0 {
+            return least;
+        }
         let body = &self.scene.objects[object];
         let on = surface.edge.inverse() * placement.pose;
         let (Some(on), Some(own)) = (
@@ -160,80 +180,17 @@ impl<'a> PlacementClearance<'a> {
         ) else {
             return f64::INFINITY;
         };
-        let mut least = on
-            .min
-            .x
+        least = least
+            .min(on.min.x)
             .min(surface.depth - on.max.x)
             .min(surface.width / 2.0 - on.max.y)
             .min(surface.width / 2.0 + on.min.y);
-        let outline = self.outlines[object].at(&placement.pose);
         for (bounds, other) in &self.furniture {
             let level = own.max.z.min(bounds.max.z) - own.min.z.max(bounds.min.z);
             if level > 0.001 {
                 least = least.min(outline.distance(other) - GAP);
             }
         }
-        let others = placements.iter().enumerate().filter(|(i, _)| *i != object);
-        for (i, other) in others {
-            if let Some(other) = other {
-                let other = self.outlines[i].at(&other.pose);
-                least = least.min(outline.distance(&other) - GAP);
-            }
-        }
-        let Some((target, carrier)) = target else {
-            return least;
-        };
-        let way = self.approach(target, carrier, placements);
-        if target == object {
-            let others = placements.iter().enumerate().filter(|(i, _)| *i != target);
-            for (way, (i, other)) in way.iter().flat_map(|w| others.clone().map(move |o| (w, o))) {
-                if let Some(other) = other {
-                    let other = self.outlines[i].at(&other.pose);
-                    least = least.min(way.distance(&other));
-                }
-            }
-        } else {
-            for way in way.iter().chain(&self.region) {
-                least = least.min(way.distance(&outline));
-            }
-        }
         least
-    }
-
-    /// The lane of the hand from the target out over the approach edge, along
-    /// the grasp that fits that side best.
-    fn approach(
-        &self,
-        target: usize,
-        surface: &Surface,
-        placements: &[Option<Placement>],
-    ) -> Option<Footprint> {
-        let pose = placements[target].as_ref()?.pose;
-        let inwards = (surface.edge.rotation * Vector3::x()).xy();
-        let direction = self.scene.objects[target]
-            .grasps
-            .iter()
-            .map(|grasp| {
-                let z = pose.rotation * grasp.pose.rotation * Vector3::z();
-                // From above the arm comes over the edge all the same.
-                if grasp.symmetric || z.xy().norm() < 0.5 {
-                    inwards
-                } else {
-                    z.xy()
-                }
-            })
-            .max_by(|a, b| a.dot(&inwards).total_cmp(&b.dot(&inwards)))?;
-        let from = Point2::from(pose.translation.vector.xy());
-        Some(lane(from, -direction.normalize(), LANE))
-    }
-}
-
-/// A lane that begins at a point and is twice as wide as `half`.
-fn lane(from: Point2<f64>, direction: Vector2<f64>, half: f64) -> Footprint {
-    Footprint {
-        centre: from + direction * LANE_LENGTH,
-        turn: UnitComplex::new(exact::atan2(direction.y, direction.x)),
-        half: Vector2::new(LANE_LENGTH, 0.0),
-        radius: half,
     }
 }

@@ -4,17 +4,16 @@
 use std::f64::consts::FRAC_PI_2;
 
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
+use wheelarm_route::footprint_check::{FootprintCheck, Pose2};
 
 use super::*;
 use crate::robot::RobotModel;
 use crate::robot::kinematics::ArmKinematics;
 use crate::scene::tests::{assets, home};
-use crate::scene::{Bounds, Grasp, Scene};
+use crate::scene::{Grasp, Scene};
 
 /// Room that the chair keeps from furniture, metres.
 const MARGIN: f64 = 0.03;
-/// Furniture that begins higher does not hinder the chair, metres.
-const CHAIR_HEIGHT: f64 = 1.1;
 
 /// Where things stand and which arm has to get there.
 struct Reach {
@@ -22,42 +21,31 @@ struct Reach {
     root_from_base: Isometry3<f64>,
     tool: Translation3<f64>,
     home: [f64; 6],
-    footprint: [f64; 4],
-    obstacles: Vec<Bounds>,
+    check: FootprintCheck,
 }
 
 impl Reach {
     fn new(scene: &Scene) -> Self {
         let model = RobotModel::load(&assets(), "wheelarm").unwrap();
         let base = model.link(&model.settings.arm_base_link).unwrap();
-        let obstacles = scene.furniture[1..].iter().flat_map(|body| {
-            body.collision.iter().filter_map(|part| {
-                let mut piece = body.clone();
-                piece.collision = vec![part.clone()];
-                piece.collision_bounds(&body.pose)
-            })
-        });
         Self {
             arm: ArmKinematics::new(&model),
             root_from_base: model.link_poses(&vec![0.0; model.joints.len()])[base],
             tool: Translation3::new(0.0, 0.0, model.settings.tool_length),
             home: model.settings.home,
-            footprint: model.settings.footprint,
-            obstacles: obstacles.filter(|b| b.min.z < CHAIR_HEIGHT).collect(),
+            check: Floor::new(&model, scene).check,
         }
     }
 
-    /// Whether a chair that faces along an axis of the house stands free.
+    /// Whether a chair stands free, its foot plate perhaps below a table.
     fn stands_free(&self, house_from_chair: &Isometry3<f64>) -> bool {
-        let [x0, x1, y0, y1] = self.footprint;
-        let corners =
-            [[x0, y0], [x1, y1]].map(|[x, y]| house_from_chair * nalgebra::Point3::new(x, y, 0.1));
-        let own = Bounds::of_points(corners).unwrap();
-        let own = Bounds {
-            min: own.min - Vector3::new(MARGIN, MARGIN, 0.0),
-            max: own.max + Vector3::new(MARGIN, MARGIN, CHAIR_HEIGHT),
+        let forward = house_from_chair.rotation * Vector3::x();
+        let place = Pose2 {
+            x: house_from_chair.translation.x,
+            y: house_from_chair.translation.y,
+            heading: forward.y.atan2(forward.x),
         };
-        self.obstacles.iter().all(|other| !own.overlaps(other, 0.0))
+        self.check.is_free(&place, MARGIN)
     }
 
     /// A chair facing `inwards` from which the arm gets to one of the grasps and
@@ -77,30 +65,39 @@ impl Reach {
                 let about = |angle: f64| UnitQuaternion::from_axis_angle(&Vector3::z_axis(), angle);
                 let turned = about(std::f64::consts::TAU * f64::from(turn / 2) / f64::from(turns));
                 let half = about(std::f64::consts::PI * f64::from(turn % 2));
-                let at = house_from_body * turned * grasp.pose * half * self.tool.inverse();
-                let forward = at.rotation * Vector3::z();
-                let sideways = forward.xy().norm() > 0.6;
-                if sideways && (forward.dot(inwards) < 0.7 || (at.rotation * Vector3::y()).z < -0.3)
-                {
-                    continue;
-                }
-                for far in [0.70, 0.60, 0.80, 0.50] {
-                    for side in [0.0, 0.15, -0.15] {
-                        let base = self.root_from_base.translation.vector;
-                        let point = (at * self.tool).translation.vector
-                            - heading * Vector3::new(base.x + far, base.y + side, 0.0);
-                        let chair = Isometry3::from_parts(
-                            Translation3::new(point.x, point.y, 0.0),
-                            heading,
-                        );
-                        let from_base = (chair * self.root_from_base).inverse();
-                        let way = [at * Translation3::new(0.0, 0.0, -before), at];
-                        let reached = || {
-                            way.iter()
-                                .all(|pose| self.arm.solve(&(from_base * pose), &self.home).is_ok())
-                        };
-                        if self.stands_free(&chair) && reached() {
-                            return Some(chair);
+                let grasp = house_from_body * turned * grasp.pose * half;
+                let steep = (grasp.rotation * Vector3::z()).z < -0.8;
+                // From above the hand may lean, its camera above, as the operator's does.
+                let leans: &[f64] = if steep { &[0.0, -0.25, -0.5] } else { &[0.0] };
+                for lean in leans {
+                    let leaned = UnitQuaternion::from_axis_angle(&Vector3::x_axis(), *lean);
+                    let at = grasp * leaned * self.tool.inverse();
+                    let forward = at.rotation * Vector3::z();
+                    let sideways = forward.xy().norm() > 0.6;
+                    if sideways
+                        && (forward.dot(inwards) < 0.7 || (at.rotation * Vector3::y()).z < -0.3)
+                    {
+                        continue;
+                    }
+                    for far in [0.70, 0.60, 0.80, 0.50] {
+                        for side in [0.0, 0.15, -0.15] {
+                            let base = self.root_from_base.translation.vector;
+                            let point = (at * self.tool).translation.vector
+                                - heading * Vector3::new(base.x + far, base.y + side, 0.0);
+                            let chair = Isometry3::from_parts(
+                                Translation3::new(point.x, point.y, 0.0),
+                                heading,
+                            );
+                            let from_base = (chair * self.root_from_base).inverse();
+                            let way = [at * Translation3::new(0.0, 0.0, -before), at];
+                            let reached = || {
+                                way.iter().all(|pose| {
+                                    self.arm.solve(&(from_base * pose), &self.home).is_ok()
+                                })
+                            };
+                            if self.stands_free(&chair) && reached() {
+                                return Some(chair);
+                            }
                         }
                     }
                 }
@@ -111,45 +108,53 @@ impl Reach {
 }
 
 #[test]
-fn every_draw_of_every_task_can_be_reached() {
+fn everything_that_may_be_asked_for_can_be_reached_in_every_scene() {
     for spec in list(&assets()).unwrap_or_else(|error| panic!("{error}")) {
-        let mut scene = home();
-        scene.keep_optional(spec.region_name());
-        let reach = Reach::new(&scene);
-        for seed in 0..200 {
-            let drawn = draw(&spec, &scene, seed);
-            let (pose, grasps, inwards) = match scene.object_named(&drawn.target) {
-                Some(object) => {
-                    let place = spec.places.iter().find(|p| p.object == drawn.target);
-                    let surface = scene.surface_named(&place.unwrap().on, None).unwrap();
-                    (
-                        drawn.placements[object].unwrap().pose,
-                        &scene.objects[object].grasps,
-                        surface.edge.rotation * Vector3::x(),
-                    )
+        for variant in spec.variants() {
+            let mut scene = home();
+            scene.keep_optional(&variant.furniture);
+            let reach = Reach::new(&scene);
+            for seed in 0..100 {
+                let drawn = draw(&spec, variant, &scene, seed, None);
+                let (pose, grasps, inwards) = match scene.object_named(&drawn.target) {
+                    Some(object) => {
+                        let place = variant.place(&drawn.target).unwrap();
+                        let surface = scene.surface_named(&place.on, None).unwrap();
+                        (
+                            drawn.scene.placements[object].unwrap().pose,
+                            &scene.objects[object].grasps,
+                            surface.edge.rotation * Vector3::x(),
+                        )
+                    }
+                    None => {
+                        let body = scene.furniture_named(&drawn.target).unwrap();
+                        let joint = scene.joint_of(body).unwrap();
+                        let index = scene.joint_named(&joint.name).unwrap();
+                        let out = joint.axis.scale(drawn.scene.positions[index]);
+                        let body = &scene.furniture[body];
+                        let pose = Translation3::from(out) * body.pose;
+                        (pose, &body.grasps, -joint.axis.into_inner())
+                    }
+                };
+                let stop = reach.stop(&pose, grasps, &inwards, 0.08);
+                let name = &drawn.target;
+                assert!(
+                    stop.is_some(),
+                    "{} seed {seed}: {name} out of reach",
+                    spec.name
+                );
+                if let Some(region) = spec.region(&scene) {
+                    // As it lay, or turned by a quarter.
+                    let stop = [0.0, FRAC_PI_2, -FRAC_PI_2].into_iter().find_map(|turn| {
+                        let turn = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), turn);
+                        let there = Isometry3::from_parts(
+                            region.centre().translation,
+                            turn * pose.rotation,
+                        );
+                        reach.stop(&there, grasps, &inwards, 0.08)
+                    });
+                    assert!(stop.is_some(), "{}: the region is out of reach", spec.name);
                 }
-                None => {
-                    let body = scene.furniture_named(&drawn.target).unwrap();
-                    let joint = scene.joint_of(body).unwrap();
-                    let body = &scene.furniture[body];
-                    (body.pose, &body.grasps, -joint.axis.into_inner())
-                }
-            };
-            let stop = reach.stop(&pose, grasps, &inwards, 0.08);
-            assert!(stop.is_some(), "{} seed {seed}: out of reach", spec.name);
-            if let Some(region) = spec.region(&scene) {
-                // As it lay, or turned by a quarter.
-                let stop = [0.0, FRAC_PI_2, -FRAC_PI_2].into_iter().find_map(|turn| {
-                    let turn = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), turn);
-                    let there =
-                        Isometry3::from_parts(region.centre().translation, turn * pose.rotation);
-                    reach.stop(&there, grasps, &inwards, 0.08)
-                });
-                assert!(stop.is_some(), "{}: the region is out of reach", spec.name);
-            }
-            if spec.places.is_empty() {
-                // Every draw is the same.
-                break;
             }
         }
     }

@@ -166,11 +166,11 @@ impl World {
         start: &Isometry3<f64>,
         arm: &[f64; 6],
     ) -> Result<Self, WorldError> {
-        Self::new_within(model, scene, placements, start, arm, &|| false)
+        Self::new_within(model, scene, placements, start, arm, 0.0, &|| false)
     }
 
-    /// As [`World::new`], giving up where soft objects settle for so long that
-    /// `late` says so.
+    /// As [`World::new`] with the gripper's knuckle at an angle, rad, giving up
+    /// where soft objects settle for so long that `late` says so.
     ///
     /// # Errors
     /// As [`World::new`], and [`WorldError::Settling`].
@@ -180,6 +180,7 @@ impl World {
         placements: &[Placement],
         start: &Isometry3<f64>,
         arm: &[f64; 6],
+        knuckle: f64,
         late: &dyn Fn() -> bool,
     ) -> Result<Self, WorldError> {
         let mut physics = engine();
@@ -188,9 +189,17 @@ impl World {
         let soft = soft
             .filter_map(|(i, (body, placement))| SoftObject::placed(i, body, placement))
             .collect();
-        let at_start = |joint: usize| {
-            let place = model.roles.arm_index(joint);
-            place.map_or(0.0, |place| arm[place])
+        let leader = model.roles.knuckles[0];
+        let at_start = |joint: usize| match model.roles.arm_index(joint) {
+            Some(place) => arm[place],
+            None if joint == leader => knuckle,
+            // The rest of the gripper follows; what follows nothing stands at 0.
+            None => match model.joints[joint].mimic {
+                Some((followed, by, offset)) if followed == leader && knuckle != 0.0 => {
+                    by * knuckle + offset
+                }
+                _ => 0.0,
+            },
         };
         let robot = RobotBody::insert(&mut physics, model, start, at_start, |link| {
             drive::surface(model, link)
@@ -211,7 +220,7 @@ impl World {
                 arm_position: *arm,
                 arm_velocity: [0.0; 6],
                 wheel_velocity: [0.0; 2],
-                knuckle_position: 0.0,
+                knuckle_position: knuckle,
                 knuckle_velocity: 0.0,
                 pad_force: model.settings.gripper.force,
             },

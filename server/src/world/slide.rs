@@ -3,7 +3,7 @@
 //! The joint's motor holds still with at most the dry friction; the viscous
 //! part is the body's own damping. Limits are hard stops.
 
-use nalgebra::{Isometry3, Unit, UnitQuaternion, Vector3};
+use nalgebra::{Isometry3, Translation3, Unit, UnitQuaternion, Vector3};
 use rapier3d::dynamics::MotorModel;
 use rapier3d::prelude::{
     GenericJointBuilder, JointAxesMask, JointAxis, PhysicsWorld, RigidBodyBuilder, RigidBodyHandle,
@@ -17,6 +17,14 @@ use crate::snapshot::JointState;
 /// Force per speed at which dry friction sets in, N·s/m: it is whole from
 /// 1.6 mm/s on at the 8 N of a stiff drawer.
 const STICTION: f64 = 5000.0;
+
+/// Pose of the body where it starts: at position 0 the very bits of its rest.
+fn started(joint: &FurnitureJoint, rest: &Isometry3<f64>) -> Isometry3<f64> {
+    if joint.start == 0.0 {
+        return *rest;
+    }
+    Translation3::from(joint.axis.scale(joint.start)) * rest
+}
 
 /// One piece of furniture on its joint.
 #[derive(Clone, Debug)]
@@ -37,7 +45,7 @@ impl Slide {
             inertia: joint.mass.inertia,
         };
         RigidBodyBuilder::dynamic()
-            .pose(pose(&body.pose))
+            .pose(pose(&started(joint, &body.pose)))
             .can_sleep(true)
             .linear_damping(real(joint.resistance.damping / joint.mass.mass))
             .additional_mass_properties(mass_properties(&mass))

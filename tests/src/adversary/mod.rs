@@ -49,7 +49,8 @@ pub struct Run {
 pub fn runs(rigid: usize, soft: usize, first_seed: u64) -> Vec<Run> {
     let tasks: Vec<&'static str> = TASKS
         .into_iter()
-        .filter(|task| *task != "place_teddy_bear")
+        // The runs that broke an earlier physics keep their tasks.
+        .filter(|task| !["place_teddy_bear", "close_drawer"].contains(task))
         .collect();
     let rigid = (0..rigid).map(|i| {
         let kind = Kind::ANYWHERE[i % Kind::ANYWHERE.len()];

@@ -105,7 +105,7 @@ fn run_code(path: &Path) -> Vec<(usize, String)> {
 }
 
 /// Below these paths everything that reaches the state, a draw or a command.
-const EXACT: [&str; 9] = [
+const EXACT: [&str; 10] = [
     "server/src/world",
     "server/src/robot",
     "server/src/sensors",
@@ -115,6 +115,7 @@ const EXACT: [&str; 9] = [
     "server/src/geometry",
     "server/src/service",
     "client/operate/src",
+    "server/route/src",
 ];
 
 #[test]
@@ -189,7 +190,7 @@ fn no_client_depends_on_the_server() {
 const CLIENTS: [(&str, &[&str]); 6] = [
     ("client/link", &["proto"]),
     ("client/dataset", &["proto"]),
-    ("client/operate", &["link", "proto"]),
+    ("client/operate", &["link", "proto", "route"]),
     ("client/record", &["dataset", "link", "proto"]),
     ("client/rig", &["link", "proto"]),
     (
@@ -197,6 +198,27 @@ const CLIENTS: [(&str, &[&str]); 6] = [
         &["dataset", "link", "operate", "proto", "record", "rig"],
     ),
 ];
+
+/// What is computed for server and clients alike names neither.
+#[test]
+fn the_route_package_stands_below_server_and_clients() {
+    for name in dependencies("server/route") {
+        let ours = name.strip_prefix("wheelarm-");
+        assert!(
+            ours.is_none_or(|ours| ours == "proto"),
+            "server/route names {name}"
+        );
+    }
+    for path in list("server/route/src", ".rs") {
+        for (line, text) in code(&path) {
+            assert!(
+                !text.contains("v1::"),
+                "{}:{line} names messages",
+                path.display()
+            );
+        }
+    }
+}
 
 /// Names of the packages that a manifest depends on.
 fn dependencies(folder: &str) -> Vec<String> {

@@ -11,25 +11,28 @@ pub mod place;
 pub mod pull;
 pub mod reach;
 pub mod release;
+pub mod stow;
 pub mod watch;
 
 use nalgebra::Isometry3;
 use wheelarm_proto::v1::Phase;
 
 use super::base_placement::{self, ArmReachability};
-use super::footprint_check::Pose2;
 use super::goal::Goal;
 use super::grasp_candidate::GraspCandidate;
 use super::observation::Observation;
 use super::profile::OperatorProfile;
 use super::scene::SceneModel;
 use super::tool_path::distance;
+use wheelarm_route::footprint_check::Pose2;
 
 /// What is done at one control tick.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Act {
     /// New end effector target in `base_link`, if any.
     pub tool: Option<Isometry3<f64>>,
+    /// New positions of the arm's joints instead, radians, if any.
+    pub joints: Option<[f64; 6]>,
     /// Forward speed, m/s, and turn rate, rad/s, if the chair is commanded.
     pub base: Option<[f64; 2]>,
     /// Opening of the gripper, metres, if it changes.
@@ -46,6 +49,7 @@ impl Act {
     pub fn named(phase: Phase, name: &'static str) -> Self {
         Self {
             tool: None,
+            joints: None,
             base: None,
             opening: None,
             phase,

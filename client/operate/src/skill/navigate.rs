@@ -7,10 +7,10 @@ use wheelarm_proto::v1::Phase;
 use super::{Act, Now, Skill, Step};
 use crate::base_placement::{self, BasePlacement, PLACEMENT_MARGIN};
 use crate::drive::Drive;
-use crate::footprint_check::{FootprintCheck, Pose2};
 use crate::goal::Goal;
 use crate::grasp_candidate::{self, GraspCandidate, MARGINS};
-use crate::hybrid_a_star::{self, DrivePath, PathPreferences, Segment};
+use wheelarm_route::footprint_check::{FootprintCheck, Pose2};
+use wheelarm_route::hybrid_a_star::{self, DrivePath, PathPreferences, Segment};
 
 use super::{lift, place};
 
@@ -155,13 +155,12 @@ fn wanted(
             };
             vec![puts.iter().flat_map(both).collect(), raised.clone()]
         }
-        Goal::Open {
-            slide, position, ..
-        } => {
+        Goal::Open { slide, .. } | Goal::Close { slide, .. } => {
             let slide_now = now.seen.slides.get(*slide).copied().unwrap_or(0.0);
             let axis = now.scene.slides[*slide].axis;
+            let aim = now.goal.slide().map_or(slide_now, |(_, aim)| aim);
             let pulled = |share: f64| {
-                let distance = (position + 0.02 - slide_now).max(0.0) * share;
+                let distance = (aim - slide_now) * share;
                 Translation3::from(axis.scale(distance)) * candidate.grasp
             };
             vec![vec![vec![pulled(1.0)]], vec![vec![pulled(0.3)]]]

@@ -9,8 +9,8 @@ use super::{Act, Now, Skill, Step};
 use crate::clearance::held_balls;
 use crate::goal::Goal;
 use crate::grasp_candidate::GraspCandidate;
-use crate::obb::Obb;
 use crate::tool_path::distance;
+use wheelarm_route::obb::Obb;
 
 /// The hand comes from this far above, metres.
 const ABOVE: f64 = 0.06;

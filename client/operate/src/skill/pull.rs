@@ -1,5 +1,5 @@
-//! Pull: draws a slide open by its handle: with the arm as far as it reaches,
-//! then with the chair.
+//! Pull: draws a slide open by its handle, or pushes it shut: with the arm as far
+//! as it reaches, then with the chair.
 
 use nalgebra::Translation3;
 use wheelarm_proto::v1::Phase;
@@ -8,8 +8,8 @@ use super::motion::{Motion, Progress};
 use super::{Act, Now, Skill, Step};
 use crate::goal::Goal;
 
-/// The slide is drawn further than asked by this much, metres.
-const MORE: f64 = 0.02;
+/// The slide may stay short of the hand's aim by this much, metres.
+const SHORT: f64 = 0.01;
 /// Shares of the distance that are tried with the arm alone.
 const SHARES: [f64; 6] = [1.0, 0.8, 0.6, 0.4, 0.2, 0.1];
 /// The handle has slipped when it moved this far in the hand, metres.
@@ -51,28 +51,28 @@ impl Default for Pull {
 
 impl Skill for Pull {
     fn step(&mut self, now: &mut Now<'_>) -> Step {
-        let Goal::Open {
-            slide, position, ..
-        } = *now.goal
-        else {
+        let Some((slide, aim)) = now.goal.slide() else {
             return Step::Impossible("there is nothing to pull".to_owned());
         };
+        let opens = !matches!(now.goal, Goal::Close { .. });
         let open = now.seen.slides.get(slide).copied().unwrap_or(0.0);
-        let left = position + MORE - open;
-        let act = Act::named(Phase::Retracting, "pulling");
+        // Along the axis, still to go; past the aim is as good.
+        let way = aim - open;
+        let left = if opens { way } else { -way };
+        let act = Act::named(Phase::Retracting, if opens { "pulling" } else { "pushing" });
         let slipped = now.memory.held.is_some_and(|held| {
             let moved = held.translation.vector - now.thing_in_hand().translation.vector;
             moved.norm() > SLIP
         });
-        if slipped && left > MORE / 2.0 {
+        if slipped && left > SHORT {
             return Step::Missed(format!("the handle slipped at {open:.3} m"));
         }
         match self.state.clone() {
             State::Choose => {
                 let start = now.house_from_desired();
                 let axis = now.scene.slides[slide].axis;
-                let pulled =
-                    |share: f64| Translation3::from(axis.scale(left.max(0.0) * share)) * start;
+                let way = if left > 0.0 { way } else { 0.0 };
+                let pulled = |share: f64| Translation3::from(axis.scale(way * share)) * start;
                 let share = SHARES
                     .into_iter()
                     .find(|share| now.reaches(&[pulled(*share)]));
@@ -90,7 +90,7 @@ impl Skill for Pull {
             State::Arm(motion) => match motion.step(now) {
                 Progress::Moving(tool) => Step::Going(Act { tool, ..act }),
                 Progress::Late(_) | Progress::Arrived => {
-                    if left <= MORE / 2.0 {
+                    if left <= SHORT {
                         return Step::Done;
                     }
                     self.state = State::Chair {
@@ -100,7 +100,7 @@ impl Skill for Pull {
                 }
             },
             State::Chair { since } => {
-                if left <= MORE / 2.0 {
+                if left <= SHORT {
                     self.state = State::Stop {
                         since: now.seen.time,
                     };
@@ -108,7 +108,7 @@ impl Skill for Pull {
                     return Step::Missed(format!("the slide stays at {open:.3} m"));
                 }
                 Step::Going(Act {
-                    base: Some([-BACK, 0.0]),
+                    base: Some([if opens { -BACK } else { BACK }, 0.0]),
                     ..act
                 })
             }

@@ -6,10 +6,10 @@ use wheelarm_proto::v1::Phase;
 
 use super::motion::{Motion, Progress};
 use super::{Act, Now, Skill, Step, lift};
-use crate::footprint_check::wrap;
 use crate::goal::Goal;
 use crate::grasp_candidate::{self, GraspCandidate, MARGINS};
 use crate::tool_path::distance;
+use wheelarm_route::footprint_check::wrap;
 
 /// Heights of a path over the things that are tried, metres.
 const OVER: [f64; 5] = [0.08, 0.14, 0.20, 0.26, 0.32];
@@ -147,9 +147,15 @@ fn then_from_pregrasp(now: &Now<'_>, candidate: &GraspCandidate) -> Vec<Vec<Isom
                 height,
             )
         }
-        Goal::Open { slide, .. } => {
+        Goal::Open { slide, .. } | Goal::Close { slide, .. } => {
             let axis = now.scene.slides[*slide].axis;
-            vec![vec![Translation3::from(axis.scale(0.06)) * candidate.grasp]]
+            let first = match now.goal {
+                Goal::Close { .. } => -0.03,
+                _ => 0.06,
+            };
+            vec![vec![
+                Translation3::from(axis.scale(first)) * candidate.grasp,
+            ]]
         }
     };
     then.into_iter()

@@ -137,11 +137,11 @@ pub struct GripperState {
 }
 
 impl GripperState {
-    /// Open and at rest.
-    pub(super) fn new(settings: &GripperSettings) -> GripperState {
+    /// At rest at a knuckle angle, rad; 0 is open.
+    pub(super) fn new(settings: &GripperSettings, knuckle: f64) -> GripperState {
         GripperState {
-            goal: 0.0,
-            position: 0.0,
+            goal: knuckle,
+            position: knuckle,
             velocity: 0.0,
             force: settings.force,
         }

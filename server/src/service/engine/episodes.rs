@@ -126,7 +126,7 @@ impl Engine {
             instruction: instruction.unwrap_or_else(|| scenario.instruction.clone()),
             scenario: Some(convert::scenario(scenario)),
             activity: task.map(|t| t.activity.clone()).unwrap_or_default(),
-            area: task.map(|t| t.area.clone()).unwrap_or_default(),
+            area: task.map(|t| t.area.name.clone()).unwrap_or_default(),
             streams: TopicId::STATES.map(|s| s.name().to_owned()).to_vec(),
             cameras: self.camera_names(),
             adapter: self

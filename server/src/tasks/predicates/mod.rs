@@ -12,7 +12,7 @@ mod robot;
 use serde::Deserialize;
 
 use self::lift::{LiftedAndHeld, LiftedBefore};
-use self::open::OpenedBy;
+use self::open::{ClosedTo, OpenedBy};
 use self::others::{CorrectInstance, NothingKnockedOver};
 use self::put::{AtRest, Inside, Released, Upright};
 use self::robot::{ChairStopped, NoHardCollision};
@@ -29,6 +29,7 @@ pub(super) enum AnyPredicate {
     AtRest(AtRest),
     Released(Released),
     OpenedBy(OpenedBy),
+    ClosedTo(ClosedTo),
     CorrectInstance(CorrectInstance),
     ChairStopped(ChairStopped),
     NothingKnockedOver(NothingKnockedOver),
@@ -46,6 +47,7 @@ impl AnyPredicate {
             Self::AtRest(p) => p,
             Self::Released(p) => p,
             Self::OpenedBy(p) => p,
+            Self::ClosedTo(p) => p,
             Self::CorrectInstance(p) => p,
             Self::ChairStopped(p) => p,
             Self::NothingKnockedOver(p) => p,
@@ -70,7 +72,7 @@ mod tests {
     use super::*;
 
     /// Every predicate as a task file may write it.
-    const WRITTEN: [&str; 11] = [
+    const WRITTEN: [&str; 12] = [
         r#"lifted_and_held = { object = "a", height = 0.1, pad_force = 0.5, secs = 1.0 }"#,
         r#"lifted_before = { object = "a", height = 0.1, pad_force = 0.5 }"#,
         r#"inside = { object = "a", on = "b", above = 0.1 }"#,
@@ -78,6 +80,7 @@ mod tests {
         r#"at_rest = { object = "a", speed = 0.1, turn_rate_deg_s = 3.0, secs = 0.5 }"#,
         r#"released = { object = "a", secs = 0.5 }"#,
         r#"opened_by = { joint = "a", travel = 0.2 }"#,
+        r#"closed_to = { joint = "a", position = 0.02 }"#,
         "correct_instance = { height = 0.1 }",
         "chair_stopped = { speed = 0.1, turn_rate_deg_s = 1.0 }",
         "nothing_knocked_over = { tilt_deg = 30, drop = 0.1 }",

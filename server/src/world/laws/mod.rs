@@ -34,6 +34,8 @@ fn body(name: &str, pose: Isometry3<f64>, friction: f64, shape: Shape) -> Body {
     Body {
         name: name.into(),
         area: String::new(),
+        category: String::new(),
+        colour: String::new(),
         pose,
         mass: None,
         friction,

@@ -151,6 +151,7 @@ fn a_drawer_resists_with_dry_and_viscous_friction() {
             travel: 3.0,
             mass: moving.mass.expect("it has mass"),
             resistance: Resistance { friction, damping },
+            start: 0.0,
         }];
         let mut physics = engine();
         let stage = Stage::insert(&mut physics, &scene, &placements).expect("a stage");

@@ -16,6 +16,7 @@ use std::f64::consts::TAU;
 use wheelarm_proto::exact;
 
 use super::footprint_check::{FootprintCheck, Pose2, wrap};
+use super::nearby::Nearby;
 
 /// One segment of a path.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -42,15 +43,14 @@ impl Segment {
     }
 
     /// Whether the chair stays free on it, looking every 5 cm or 5°.
-    fn is_free(&self, start: &Pose2, footprint: &FootprintCheck, margin: f64) -> bool {
+    fn is_free(&self, start: &Pose2, nearby: &Nearby<'_>) -> bool {
         let steps = match *self {
             Self::Turn(angle) => (angle.abs() / 0.09).ceil(),
             Self::Roll { length, curvature } => (length.abs() / 0.05)
                 .max((length * curvature).abs() / 0.09)
                 .ceil(),
         };
-        (1..=steps as usize)
-            .all(|i| footprint.is_free(&self.after(start, i as f64 / steps), margin))
+        (1..=steps as usize).all(|i| nearby.is_free(&self.after(start, i as f64 / steps)))
     }
 
     /// Rough seconds that it takes.
@@ -82,6 +82,8 @@ const BEND_COST: f64 = 0.3;
 const CELL: f64 = 0.1;
 /// Headings of the search.
 const HEADINGS: i64 = 24;
+/// So much more the way that is left counts where any path will do.
+const GREED: f64 = 4.0;
 /// Greatest number of poses looked at.
 const LIMIT: usize = 60_000;
 
@@ -139,11 +141,38 @@ pub fn search(
     goal: Pose2,
     preferences: &PathPreferences,
 ) -> Option<DrivePath> {
+    weighted(footprint, start, goal, preferences, 1.0, LIMIT)
+}
+
+/// Whether there is any path from `start` to `goal`, be it slow, as far as `limit`
+/// nodes tell. It looks ahead greedily (weighted A*), and so asks far fewer nodes
+/// than [`search`].
+#[must_use]
+pub fn has_path(
+    footprint: &FootprintCheck,
+    start: Pose2,
+    goal: Pose2,
+    preferences: &PathPreferences,
+    limit: usize,
+) -> bool {
+    weighted(footprint, start, goal, preferences, GREED, limit).is_some()
+}
+
+/// The search, with the way that is left counted `weight` times.
+fn weighted(
+    footprint: &FootprintCheck,
+    start: Pose2,
+    goal: Pose2,
+    preferences: &PathPreferences,
+    weight: f64,
+    limit: usize,
+) -> Option<DrivePath> {
     // A stop, or the place where the chair stands, may leave less room than is liked.
     let margin = [preferences.margin, preferences.margin / 2.0, 0.0]
         .into_iter()
         .find(|margin| footprint.is_free(&start, *margin) && footprint.is_free(&goal, *margin))?;
     let bounds = footprint.bounds();
+    let nearby = Nearby::new(footprint, margin);
     let mut nodes = vec![Node {
         pose: start,
         cost: 0.0,
@@ -160,7 +189,7 @@ pub fn search(
                 cost: nodes[at].cost,
             });
         }
-        if nodes.len() > LIMIT {
+        if nodes.len() > limit {
             return None;
         }
         let (pose, cost) = (nodes[at].pose, nodes[at].cost);
@@ -172,7 +201,7 @@ pub fn search(
             continue;
         }
         for segments in analytic_expansions(&pose, &goal, preferences) {
-            if let Some(extra) = price(footprint, &pose, last, &segments, margin) {
+            if let Some(extra) = price(&nearby, &pose, last, &segments) {
                 let rank = cost + extra;
                 let node = Node {
                     pose: goal,
@@ -191,14 +220,14 @@ pub fn search(
             if !inside {
                 continue;
             }
-            let Some(extra) = price(footprint, &pose, last, &[segment], margin) else {
+            let Some(extra) = price(&nearby, &pose, last, &[segment]) else {
                 continue;
             };
             let sum = cost + extra;
             let known = best.entry(cell(&next)).or_insert(f64::INFINITY);
             if sum < *known - 1e-9 {
                 *known = sum;
-                let rank = sum + next.distance(&goal) / 0.45;
+                let rank = sum + next.distance(&goal) / 0.45 * weight;
                 let node = Node {
                     pose: next,
                     cost: sum,
@@ -303,17 +332,16 @@ fn analytic_expansions(
 
 /// Cost of `segments` after `last`, or `None` when something is in the way.
 fn price(
-    footprint: &FootprintCheck,
+    nearby: &Nearby<'_>,
     start: &Pose2,
     last: Option<Segment>,
     segments: &[Segment],
-    margin: f64,
 ) -> Option<f64> {
     let mut pose = *start;
     let mut previous = last;
     let mut cost = 0.0;
     for segment in segments {
-        if !segment.is_free(&pose, footprint, margin) {
+        if !segment.is_free(&pose, nearby) {
             return None;
         }
         let stops = match (previous, segment) {

@@ -174,7 +174,26 @@ pub struct Level {
     pub obstacles: Vec<Rectangle>,
 }
 
+/// Lower than this is floor, metres.
+const FLOOR: f64 = 0.03;
+
 impl FootprintCheck {
+    /// A robot on a free floor: its outlines, bottom up, each with the height up
+    /// to which it holds, metres.
+    #[must_use]
+    pub fn of(outlines: impl IntoIterator<Item = (f64, Outline)>) -> Self {
+        let mut bottom = FLOOR;
+        let levels = outlines.into_iter().map(|(top, outline)| Level {
+            bottom: std::mem::replace(&mut bottom, top),
+            top,
+            outline,
+            obstacles: Vec::new(),
+        });
+        Self {
+            levels: levels.collect(),
+        }
+    }
+
     /// Whether the chair with `margin` around it touches nothing at `pose`.
     #[must_use]
     pub fn is_free(&self, pose: &Pose2, margin: f64) -> bool {

@@ -1,0 +1,138 @@
+//! What belongs to an area of the home and how it is drawn: plain data, checked
+//! against its scene by who loads it. Nothing here knows of tasks.
+
+use crate::scene::{Body, Scene};
+
+/// What belongs to an area, by the same ranges whoever asks for it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct AreaSpec {
+    /// Name of the file below assets/areas.
+    pub name: String,
+    /// Scene below assets/scenes.
+    pub scene: String,
+    /// Where the chair starts when it starts near by.
+    pub start: StartSpec,
+    /// How furniture slides; what is not listed slides as in the scene.
+    pub slides: Vec<SlideSpec>,
+    /// What may stand there: at least one, the first takes the share that the
+    /// others leave.
+    pub variants: Vec<Variant>,
+}
+
+/// One set of things that may stand in an area.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Variant {
+    /// Its name; empty for the first.
+    pub name: String,
+    /// How often it is drawn, 0 to 1.
+    pub share: f64,
+    /// Optional furniture that it needs.
+    pub furniture: Vec<String>,
+    /// Furniture on which things may be put.
+    pub regions: Vec<String>,
+    /// Where objects start.
+    pub places: Vec<PlaceSpec>,
+}
+
+/// A closed range of numbers.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Range {
+    /// Least.
+    pub min: f64,
+    /// Greatest.
+    pub max: f64,
+}
+
+impl Range {
+    /// Whether a number lies inside, rounding aside.
+    #[must_use]
+    pub fn contains(&self, value: f64) -> bool {
+        value >= self.min - 1e-9 && value <= self.max + 1e-9
+    }
+}
+
+/// Ranges of the chair's start: pose of `wheelchair_root` in `house`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct StartSpec {
+    /// Metres.
+    pub x: Range,
+    /// Metres.
+    pub y: Range,
+    /// Radians.
+    pub yaw: Range,
+}
+
+/// Ranges of one object's start, in the frame of the surface's approach edge.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PlaceSpec {
+    /// Object.
+    pub object: String,
+    /// Furniture that carries it.
+    pub on: String,
+    /// Surface of the furniture; the first one when absent.
+    pub surface: Option<String>,
+    /// From the edge inwards, metres.
+    pub inwards: Range,
+    /// Along the edge from its middle, metres.
+    pub along: Range,
+    /// Turn against the inward direction, radians.
+    pub yaw: Range,
+    /// kg; the object's own when absent.
+    pub mass: Option<Range>,
+    /// Coulomb coefficient; the object's own when absent.
+    pub friction: Option<Range>,
+    /// How often it is there at all, 0 to 1.
+    pub chance: f64,
+}
+
+impl PlaceSpec {
+    /// Whether it is there in every scene, so that a task may ask for it.
+    #[must_use]
+    pub fn is_certain(&self) -> bool {
+        self.chance >= 1.0
+    }
+}
+
+/// Ranges of furniture that slides.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SlideSpec {
+    /// Joint, for example `drawer_1_joint`.
+    pub joint: String,
+    /// Dry friction, N.
+    pub friction: Range,
+    /// Viscous friction, N·s/m.
+    pub damping: Range,
+    /// Joint position at the start, metres.
+    pub position: Range,
+}
+
+impl AreaSpec {
+    /// The variant of this name.
+    #[must_use]
+    pub fn variant(&self, name: &str) -> Option<&Variant> {
+        self.variants.iter().find(|variant| variant.name == name)
+    }
+
+    /// Furniture that slides and is drawn, in the order of the file.
+    pub(super) fn sliding<'a>(&'a self, scene: &'a Scene) -> impl Iterator<Item = &'a Body> {
+        self.slides.iter().filter_map(move |slide| {
+            let joint = scene.joint_named(&slide.joint)?;
+            scene.furniture.get(scene.joints[joint].furniture)
+        })
+    }
+}
+
+impl Variant {
+    /// Where an object starts.
+    #[must_use]
+    pub fn place(&self, object: &str) -> Option<&PlaceSpec> {
+        self.places.iter().find(|place| place.object == object)
+    }
+
+    /// Whether an object or region is there in every scene.
+    #[must_use]
+    pub fn offers(&self, name: &str) -> bool {
+        self.place(name).is_some_and(PlaceSpec::is_certain)
+            || self.regions.iter().any(|region| region == name)
+    }
+}

@@ -1,0 +1,317 @@
+//! Reads `assets/areas/NAME.toml` and checks it against its scene.
+//!
+//! Lengths are metres, angles degrees in keys with `_deg`.
+
+use std::path::Path;
+
+use serde::Deserialize;
+
+use super::area::{AreaSpec, PlaceSpec, Range, SlideSpec, StartSpec, Variant};
+use super::known::{known_joint, known_object};
+use super::scene_draw::draw_scene;
+use crate::scene::{Place, Scene, SceneError, names, parse, provenance};
+
+/// Seeds that are drawn when an area is read, to see that there is room.
+const SEEDS: u64 = 4;
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct AreaFile {
+    origin: String,
+    license: String,
+    scene: String,
+    start: StartEntry,
+    #[serde(default)]
+    regions: Vec<String>,
+    #[serde(default)]
+    place: Vec<PlaceEntry>,
+    #[serde(default)]
+    slide: Vec<SlideEntry>,
+    #[serde(default)]
+    variant: Vec<VariantEntry>,
+}
+
+/// Where the chair starts: ranges, least and greatest value.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct StartEntry {
+    x: [f64; 2],
+    y: [f64; 2],
+    yaw_deg: [f64; 2],
+}
+
+/// Where one object starts: ranges in the frame of the surface's approach edge.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct PlaceEntry {
+    object: String,
+    on: String,
+    surface: Option<String>,
+    /// From the edge inwards.
+    inwards: [f64; 2],
+    /// Along the edge from its middle.
+    along: [f64; 2],
+    /// Turn against the inward direction.
+    yaw_deg: [f64; 2],
+    mass: Option<[f64; 2]>,
+    friction: Option<[f64; 2]>,
+    /// How often it is there at all, 0 to 1.
+    chance: Option<f64>,
+}
+
+/// How furniture slides: ranges.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct SlideEntry {
+    /// For example `drawer_1_joint`.
+    joint: String,
+    /// N.
+    friction: [f64; 2],
+    /// N·s/m.
+    damping: [f64; 2],
+    /// Joint position at the start, m.
+    #[serde(default)]
+    position: [f64; 2],
+}
+
+/// What else may stand there.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct VariantEntry {
+    name: String,
+    /// How often it is drawn, 0 to 1.
+    share: f64,
+    /// Optional furniture of the scene.
+    #[serde(default)]
+    furniture: Vec<String>,
+    #[serde(default)]
+    regions: Vec<String>,
+    /// Beside the area's own, or in the place of those of the same object.
+    #[serde(default)]
+    place: Vec<PlaceEntry>,
+}
+
+impl AreaSpec {
+    /// Reads `assets/areas/NAME.toml` and checks it against its scene, as it was
+    /// loaded: with all that is optional.
+    ///
+    /// # Errors
+    /// When the file is missing or something in it cannot be.
+    pub fn load(assets: &Path, name: &str, scene: &Scene) -> Result<Self, SceneError> {
+        let file = read(assets, name)?;
+        let place = Place::file(&format!("areas/{name}.toml"));
+        let start = place.key("start");
+        let mut first = Variant {
+            name: String::new(),
+            share: 1.0,
+            furniture: Vec::new(),
+            regions: regions(&place, scene, &file.regions)?,
+            places: Vec::new(),
+        };
+        for entry in &file.place {
+            let place = place.entry("place", &entry.object);
+            first.places.push(read_place(&place, scene, entry)?);
+        }
+        let mut variants = vec![first];
+        for entry in &file.variant {
+            let place = place.entry("variant", &entry.name);
+            variants.push(read_variant(&place, scene, entry, &variants[0])?);
+        }
+        let others: f64 = variants[1..].iter().map(|v| v.share).sum();
+        let share = place.key("variant.share");
+        let why = "shares of the variants leave the rest to the area without them";
+        variants[0].share = 1.0 - share.within(others, 0.0, 1.0, "", why)?;
+        let spec = Self {
+            name: name.to_owned(),
+            scene: file.scene,
+            start: StartSpec {
+                x: range(&start.key("x"), file.start.x, -50.0, 50.0, "m")?,
+                y: range(&start.key("y"), file.start.y, -50.0, 50.0, "m")?,
+                yaw: angles(&start.key("yaw_deg"), file.start.yaw_deg)?,
+            },
+            slides: file
+                .slide
+                .iter()
+                .map(|entry| read_slide(&place.entry("slide", &entry.joint), scene, entry))
+                .collect::<Result<_, _>>()?,
+            variants,
+        };
+        spec.check_room(&place, scene)?;
+        Ok(spec)
+    }
+
+    /// Refuses ranges in which the objects, or the hand to them, find no room.
+    fn check_room(&self, place: &Place, scene: &Scene) -> Result<(), SceneError> {
+        for variant in &self.variants {
+            let mut scene = scene.clone();
+            scene.keep_optional(&variant.furniture);
+            let mut rooms =
+                (0..SEEDS).map(|seed| draw_scene(self, variant, &scene, seed, None).clearance);
+            if let Some(worst) = rooms.find(|room| *room < 0.0) {
+                let which = match variant.name.as_str() {
+                    "" => String::new(),
+                    name => format!(" in the variant {name:?}"),
+                };
+                return Err(place.key("place").wrong(
+                    format!(
+                        "so tight{which} that {:.0} mm are missing for all objects and the hand",
+                        -worst * 1000.0
+                    ),
+                    "ranges with room for all objects, the regions and the gripper",
+                    "widen the ranges or move other objects of the scene away",
+                ));
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Name of the scene of an area, from its file alone.
+pub(super) fn scene_of(assets: &Path, area: &Place, name: &str) -> Result<String, SceneError> {
+    let known = names(assets, "areas")?;
+    if !known.iter().any(|known| known == name) {
+        return Err(area.wrong(
+            format!("{name:?}"),
+            format!("one of {}", known.join(", ")),
+            "correct the name or add the area in assets/areas",
+        ));
+    }
+    Ok(read(assets, name)?.scene)
+}
+
+fn read(assets: &Path, name: &str) -> Result<AreaFile, SceneError> {
+    let path = format!("areas/{name}.toml");
+    let file: AreaFile = parse(assets, &path)?;
+    provenance(&Place::file(&path), &file.origin, &file.license)?;
+    Ok(file)
+}
+
+fn regions(place: &Place, scene: &Scene, regions: &[String]) -> Result<Vec<String>, SceneError> {
+    for region in regions {
+        scene.surface(&place.key("regions"), region, None)?;
+    }
+    Ok(regions.to_vec())
+}
+
+fn read_variant(
+    place: &Place,
+    scene: &Scene,
+    entry: &VariantEntry,
+    first: &Variant,
+) -> Result<Variant, SceneError> {
+    for name in &entry.furniture {
+        let optional = scene.furniture.iter().filter(|body| body.optional);
+        let known: Vec<_> = optional.map(|body| body.name.as_str()).collect();
+        if !known.contains(&name.as_str()) {
+            return Err(place.key("furniture").wrong(
+                format!("{name:?}"),
+                format!("one of {}", known.join(", ")),
+                "name furniture of the scene that says optional = true",
+            ));
+        }
+    }
+    let mut places = first.places.clone();
+    for entry in &entry.place {
+        let read = read_place(&place.entry("place", &entry.object), scene, entry)?;
+        match places.iter_mut().find(|p| p.object == read.object) {
+            Some(own) => {
+                *own = PlaceSpec {
+                    mass: read.mass.or(own.mass),
+                    friction: read.friction.or(own.friction),
+                    ..read
+                };
+            }
+            None => places.push(read),
+        }
+    }
+    let more = regions(place, scene, &entry.regions)?;
+    Ok(Variant {
+        name: entry.name.clone(),
+        share: place.key("share").within(
+            entry.share,
+            0.0,
+            1.0,
+            "",
+            "1 is always, 0.2 every fifth time",
+        )?,
+        furniture: entry.furniture.clone(),
+        regions: [&first.regions[..], &more[..]].concat(),
+        places,
+    })
+}
+
+fn read_place(place: &Place, scene: &Scene, entry: &PlaceEntry) -> Result<PlaceSpec, SceneError> {
+    known_object(place, scene, &entry.object)?;
+    let surface = scene.surface(place, &entry.on, entry.surface.as_deref())?;
+    let half = surface.width / 2.0;
+    let (inwards, along) = (place.key("inwards"), place.key("along"));
+    Ok(PlaceSpec {
+        object: entry.object.clone(),
+        on: entry.on.clone(),
+        surface: entry.surface.clone(),
+        inwards: range(&inwards, entry.inwards, 0.0, surface.depth, "m")?,
+        along: range(&along, entry.along, -half, half, "m")?,
+        yaw: angles(&place.key("yaw_deg"), entry.yaw_deg)?,
+        mass: entry
+            .mass
+            .map(|mass| range(&place.key("mass"), mass, 0.001, 100.0, "kg"))
+            .transpose()?,
+        friction: entry
+            .friction
+            .map(|friction| range(&place.key("friction"), friction, 0.0, 2.0, ""))
+            .transpose()?,
+        chance: place.key("chance").within(
+            entry.chance.unwrap_or(1.0),
+            0.0,
+            1.0,
+            "",
+            "1 is always, 0.5 every other time",
+        )?,
+    })
+}
+
+fn read_slide(place: &Place, scene: &Scene, entry: &SlideEntry) -> Result<SlideSpec, SceneError> {
+    let [friction, damping, position] =
+        ["friction", "damping", "position"].map(|key| place.key(key));
+    let joint = known_joint(&place.key("joint"), scene, &entry.joint)?;
+    Ok(SlideSpec {
+        joint: entry.joint.clone(),
+        friction: range(&friction, entry.friction, 0.0, 1000.0, "N")?,
+        damping: range(&damping, entry.damping, 0.0, 10_000.0, "N·s/m")?,
+        position: range(&position, entry.position, 0.0, joint.travel, "m")?,
+    })
+}
+
+fn range(
+    place: &Place,
+    [min, max]: [f64; 2],
+    low: f64,
+    high: f64,
+    unit: &str,
+) -> Result<Range, SceneError> {
+    for value in [min, max] {
+        place.within(
+            value,
+            low,
+            high,
+            unit,
+            "give [least, greatest] within these",
+        )?;
+    }
+    if min > max {
+        return Err(place.wrong(
+            format!("[{min}, {max}]"),
+            "[least, greatest]",
+            "swap the two",
+        ));
+    }
+    Ok(Range { min, max })
+}
+
+fn angles(place: &Place, degrees: [f64; 2]) -> Result<Range, SceneError> {
+    let range = range(place, degrees, -360.0, 360.0, "degrees")?;
+    Ok(Range {
+        min: range.min.to_radians(),
+        max: range.max.to_radians(),
+    })
+}

@@ -1,0 +1,164 @@
+//! Whether the hand gets to a thing between the others: corridors of the open
+//! gripper from each grasp back to who approaches, over what is low.
+//!
+//! Sizes are those of a two-finger gripper of 85 mm with its camera and wrist;
+//! the scripted operator holds every way against the robot's own description.
+
+use nalgebra::{Isometry3, Point2, Rotation2, UnitComplex, Vector2, Vector3};
+use wheelarm_proto::exact;
+
+use super::placement_clearance::{Outline, Standing};
+use crate::scene::{Body, Grasp, Surface};
+
+/// Half of the width of the open fingers across the hand, metres.
+const FINGERS: f64 = 0.080;
+/// Half of the width of palm and wrist, metres.
+const WRIST: f64 = 0.052;
+/// The finger tips reach this far beyond the grasp point, metres.
+const TIP: f64 = 0.045;
+/// The fingers reach this far back from the grasp point, metres.
+const PALM: f64 = 0.10;
+/// So far back from the grasp point the way in begins and the wrist ends, metres.
+const BACK: f64 = 0.45;
+/// Half of the height of the fingers and of the palm, metres.
+const THICK: [f64; 2] = [0.02, 0.042];
+/// A level hand may lean forward by as much as this, rad: it comes over what is low.
+const LEAN: f64 = 0.25;
+/// Directions that are looked at for round things, against straight inwards, degrees.
+const ROUND: [f64; 9] = [0.0, 12.5, -12.5, 25.0, -25.0, 37.5, -37.5, 50.0, -50.0];
+/// A level hand comes no more askew than this: cosine against straight inwards.
+const ASKEW: f64 = 0.6;
+/// A hand is level when its direction has at least this part on the floor plan.
+const LEVEL: f64 = 0.8;
+/// The wrist above a thing that is taken from above reaches down to this far
+/// above the grasp point, metres.
+const ABOVE: f64 = 0.10;
+
+/// A piece of the hand's way: what stands in it higher than `bottom` is in the way.
+struct Piece {
+    outline: Outline,
+    bottom: f64,
+}
+
+/// The most room that any way to take `body` at `pose` has, metres; below zero
+/// something is in every way. Things without a grasp need none.
+pub(super) fn room(
+    body: &Body,
+    pose: &Isometry3<f64>,
+    surface: &Surface,
+    others: &[Standing],
+) -> f64 {
+    if body.grasps.is_empty() {
+        return f64::INFINITY;
+    }
+    let inwards = (surface.edge.rotation * Vector3::x()).xy();
+    let mut most = f64::NEG_INFINITY;
+    for grasp in &body.grasps {
+        for turn in turns(grasp) {
+            let about = Isometry3::rotation(Vector3::z() * turn);
+            let level = Isometry3::from_parts(
+                pose.translation,
+                match grasp.symmetric {
+                    // Turned so that it faces inwards, whatever the thing's own turn.
+                    true => facing(grasp, &inwards),
+                    false => pose.rotation,
+                },
+            );
+            let house_from_grasp = level * about * grasp.pose;
+            let Some(way) = way(&house_from_grasp, &inwards) else {
+                continue;
+            };
+            let least = way
+                .iter()
+                .flat_map(|piece| {
+                    let high = others.iter().filter(|other| other.top > piece.bottom);
+                    high.map(|other| piece.outline.distance(&other.outline))
+                })
+                .fold(f64::INFINITY, f64::min);
+            most = most.max(least);
+            if most >= 0.0 {
+                return most;
+            }
+        }
+    }
+    most
+}
+
+/// Turns about the vertical at which a grasp is looked at, radians.
+fn turns(grasp: &Grasp) -> impl Iterator<Item = f64> + use<> {
+    let count = if grasp.symmetric { ROUND.len() } else { 1 };
+    ROUND.into_iter().take(count).map(f64::to_radians)
+}
+
+/// The turn of a round thing at which a grasp's direction on the floor plan, or
+/// the thing's middle seen from it, lies straight inwards.
+fn facing(grasp: &Grasp, inwards: &Vector2<f64>) -> nalgebra::UnitQuaternion<f64> {
+    let forward = (grasp.pose.rotation * Vector3::z()).xy();
+    let own = exact::atan2(forward.y, forward.x);
+    let wanted = exact::atan2(inwards.y, inwards.x);
+    nalgebra::UnitQuaternion::from_axis_angle(&Vector3::z_axis(), wanted - own)
+}
+
+/// The way of the hand to a grasp; `None` when no hand comes like that.
+fn way(house_from_grasp: &Isometry3<f64>, inwards: &Vector2<f64>) -> Option<Vec<Piece>> {
+    let point = Point2::from(house_from_grasp.translation.vector.xy());
+    let height = house_from_grasp.translation.z;
+    let forward = (house_from_grasp.rotation * Vector3::z()).xy();
+    let piece = |direction: Vector2<f64>, [from, to]: [f64; 2], half: f64, bottom: f64| Piece {
+        outline: Outline {
+            centre: point - direction * f64::midpoint(from, to),
+            turn: UnitComplex::new(exact::atan2(direction.y, direction.x)),
+            half: Vector2::new((to - from) / 2.0, half),
+            radius: 0.0,
+        },
+        bottom,
+    };
+    if forward.norm() >= LEVEL {
+        let direction = forward.normalize();
+        if direction.dot(inwards) < ASKEW {
+            return None;
+        }
+        let [fingers, palm] = THICK;
+        // Behind the fingers the hand rises with its lean.
+        return Some(vec![
+            piece(direction, [-TIP, PALM], FINGERS, height - fingers),
+            piece(direction, [PALM, BACK], WRIST, height + PALM * LEAN - palm),
+        ]);
+    }
+    // From above: the fingers beside the thing, the wrist leaning back towards
+    // who approaches, high above what is low.
+    let closing = (house_from_grasp.rotation * Vector3::x()).xy();
+    let closing = closing.try_normalize(1e-6)?;
+    let across = Rotation2::new(std::f64::consts::FRAC_PI_2) * closing;
+    let back = forward.norm();
+    let tips = Piece {
+        outline: Outline {
+            centre: point - forward * 0.1,
+            turn: UnitComplex::new(exact::atan2(across.y, across.x)),
+            half: Vector2::new(WRIST, FINGERS + 0.1 * back),
+            radius: 0.0,
+        },
+        bottom: height - TIP,
+    };
+    Some(vec![
+        tips,
+        piece(*inwards, [0.0, BACK], WRIST, height + ABOVE),
+    ])
+}
+
+/// Whether a region is free: nothing stands within `gap` metres of it.
+pub(super) fn region_room(surface: &Surface, gap: f64, others: &[Standing]) -> f64 {
+    let centre = surface.centre();
+    let inwards = centre.rotation * Vector3::x();
+    let outline = Outline {
+        centre: Point2::from(centre.translation.vector.xy()),
+        turn: UnitComplex::new(exact::atan2(inwards.y, inwards.x)),
+        half: Vector2::new(surface.depth / 2.0, surface.width / 2.0),
+        radius: gap,
+    };
+    let high = others
+        .iter()
+        .filter(|other| other.top > centre.translation.z);
+    let distances = high.map(|other| outline.distance(&other.outline));
+    distances.fold(f64::INFINITY, f64::min)
+}

@@ -1,0 +1,150 @@
+"""Guesses the task from what a scene draws, without picture and sentence.
+
+A scene that tells the task teaches a policy to ignore the sentence. Three
+classifiers (logistic regression, nearest centroid, random forest; five folds) see
+what `wheelarm-server --draws` prints: presence, place, turn, mass and friction of
+every object, slides, the robot's start. The best of them may be right no more
+often than by chance, plus --margin. With --before they see the table of the draws
+as they were when every task drew a scene of its own, where they must be right far
+more often: so the same code is known to bite.
+
+Usage: guess_task.py --server PROGRAM --assets DIR [--seeds N] [--starts near]
+       guess_task.py --before tests/data/draws-before.csv.gz
+"""
+
+import argparse
+import csv
+import gzip
+import json
+import subprocess
+import sys
+import warnings
+
+import numpy
+from sklearn.ensemble import RandomForestClassifier
+from sklearn.linear_model import LogisticRegression
+from sklearn.model_selection import StratifiedKFold, cross_val_score
+from sklearn.neighbors import NearestCentroid
+from sklearn.pipeline import make_pipeline
+from sklearn.preprocessing import StandardScaler
+
+# Columns that never change say nothing, and that is fine.
+warnings.filterwarnings("ignore", message="self.within_class_std_dev_ has at least 1 zero")
+
+LABELS = {"task", "target", "variant", "seed"}
+# Least share of right guesses on the old draws, by area.
+BEFORE = {"coffee_table": 0.60, "kitchen_table": 0.75}
+
+
+def table(lines):
+    """Rows of numbers with their labels; angles as sine and cosine too."""
+    rows = list(csv.DictReader(lines))
+    names = [name for name in rows[0] if name not in LABELS]
+    values = numpy.array([[float(row[name]) for name in names] for row in rows])
+    yaws = [i for i, name in enumerate(names) if name.endswith("yaw")]
+    values = numpy.hstack([values, numpy.sin(values[:, yaws]), numpy.cos(values[:, yaws])])
+    return rows, values
+
+
+def best(values, labels, folds=5):
+    """The share of right guesses of each classifier, the best first."""
+    split = StratifiedKFold(folds, shuffle=True, random_state=0)
+    classifiers = {
+        "logistic regression": make_pipeline(StandardScaler(), LogisticRegression(max_iter=2000)),
+        "nearest centroid": make_pipeline(StandardScaler(), NearestCentroid()),
+        "random forest": RandomForestClassifier(200, random_state=0, n_jobs=-1),
+    }
+    found = {
+        name: cross_val_score(classifier, values, labels, cv=split).mean()
+        for name, classifier in classifiers.items()
+    }
+    return sorted(found.items(), key=lambda item: -item[1])
+
+
+def tell(what, values, labels, low=0.0, high=1.0):
+    """Prints the guesses and whether the best lies where it must."""
+    counts = numpy.unique(labels, return_counts=True)[1]
+    chance = counts.max() / counts.sum()
+    shares = best(values, labels)
+    words = ", ".join(f"{name} {share:.1%}" for name, share in shares)
+    limit = f"at least {low:.0%}" if low else f"at most {chance + high:.1%}"
+    fine = shares[0][1] >= low if low else shares[0][1] <= chance + high
+    print(f"{what}: {len(labels)} draws, chance {chance:.1%}, {limit}: {words}"
+          f"{'' if fine else '  FAILED'}", flush=True)
+    return fine
+
+
+def before(path):
+    fine = True
+    text = gzip.open(path, "rt").read()
+    for part in text.split("# ")[1:]:
+        area, lines = part.split("\n", 1)
+        rows, values = table(lines.splitlines())
+        labels = numpy.array([row["task"] for row in rows])
+        fine &= tell(f"before, {area}", values, labels, low=BEFORE[area])
+    return fine
+
+
+def now(args):
+    listed = [args.server, "--assets", args.assets, "--list-tasks", "--json"]
+    tasks = json.loads(subprocess.run(listed, check=True, capture_output=True).stdout)
+    areas = {}
+    for task in tasks:
+        areas.setdefault(task["area"], []).append(task)
+    fine = True
+    for area, of_area in sorted(areas.items()):
+        lines, header = [], None
+        for number, task in enumerate(of_area):
+            # No two tasks share a seed.
+            first = 10_000 + number * args.seeds
+            command = [args.server, "--assets", args.assets, "--task", task["name"],
+                       "--starts", args.starts, "--draws", f"{first}..{first + args.seeds}"]
+            out = subprocess.run(command, check=True, capture_output=True, text=True).stdout
+            header, *rows = out.splitlines()
+            lines += rows
+        rows, values = table([header, *lines])
+        labels = numpy.array([row["task"] for row in rows])
+        variants = numpy.array([row["variant"] for row in rows])
+        for variant in sorted(set(variants)):
+            # The laws hold inside each variant: the bear's own task has but one.
+            inside = variants == variant
+            if len(set(labels[inside])) > 1:
+                name = f"{area} {variant}".strip()
+                fine &= balanced(f"{name}, task", values[inside], labels[inside], args)
+        for task in of_area:
+            own = labels == task["name"]
+            targets = numpy.array([row["target"] for row in rows])[own]
+            if len(set(targets)) > 1:
+                fine &= tell(f"{area}, {task['name']}, which", values[own], targets, high=args.margin)
+        if len(of_area) > 1 and any(len(task["targets"]) > 1 for task in of_area):
+            both = numpy.array([f"{row['task']} {row['target']}" for row in rows])
+            fine &= tell(f"{area}, task and which", values, both, high=args.margin)
+    return fine
+
+
+def balanced(what, values, labels, args):
+    """As many draws of every task: else the most frequent one would be chance."""
+    names, counts = numpy.unique(labels, return_counts=True)
+    keep = numpy.concatenate([numpy.flatnonzero(labels == name)[: counts.min()] for name in names])
+    return tell(what, values[keep], labels[keep], high=args.margin)
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser.add_argument("--server")
+    parser.add_argument("--assets", default="assets")
+    parser.add_argument("--seeds", type=int, default=1000)
+    parser.add_argument("--starts", default="near")
+    parser.add_argument("--margin", type=float, default=0.03)
+    parser.add_argument("--before")
+    args = parser.parse_args()
+    fine = True
+    if args.before:
+        fine &= before(args.before)
+    if args.server:
+        fine &= now(args)
+    sys.exit(0 if fine else 1)
+
+
+if __name__ == "__main__":
+    main()
