@@ -79,8 +79,8 @@ impl Reach {
                     {
                         continue;
                     }
-                    for far in [0.70, 0.60, 0.80, 0.50] {
-                        for side in [0.0, 0.15, -0.15] {
+                    for far in [0.70, 0.60, 0.80, 0.50, 0.90, 0.40] {
+                        for side in [0.0, 0.15, -0.15, 0.3, -0.3] {
                             let base = self.root_from_base.translation.vector;
                             let point = (at * self.tool).translation.vector
                                 - heading * Vector3::new(base.x + far, base.y + side, 0.0);
