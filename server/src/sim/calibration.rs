@@ -4,8 +4,7 @@ use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 
-use super::SimError;
-use super::scenario::{CameraPlace, HOUSE, Lens, Scenario};
+use super::scenario::{CameraPlace, HOUSE, Lens, Scenario, ScenarioError};
 use crate::robot::{CameraMount, RobotModel};
 
 /// Fills in what `calibration_seed` draws for the robot's cameras that have no
@@ -13,8 +12,8 @@ use crate::robot::{CameraMount, RobotModel};
 /// others are in use.
 ///
 /// # Errors
-/// [`SimError::CameraFrame`] for a place in a frame that the robot has not.
-pub(super) fn draw(scenario: &mut Scenario, model: &RobotModel) -> Result<(), SimError> {
+/// [`ScenarioError::CameraFrame`] for a place in a frame that the robot has not.
+pub(super) fn draw(scenario: &mut Scenario, model: &RobotModel) -> Result<(), ScenarioError> {
     for camera in &mut scenario.cameras {
         if let Some(place) = &camera.place {
             known(model, &camera.name, place)?;
@@ -37,14 +36,14 @@ pub(super) fn draw(scenario: &mut Scenario, model: &RobotModel) -> Result<(), Si
     Ok(())
 }
 
-fn known(model: &RobotModel, camera: &str, place: &CameraPlace) -> Result<(), SimError> {
+fn known(model: &RobotModel, camera: &str, place: &CameraPlace) -> Result<(), ScenarioError> {
     let frames = &model.roles.frames;
     if place.frame == HOUSE || frames.iter().any(|frame| frame.name == place.frame) {
         return Ok(());
     }
     let mut known: Vec<_> = frames.iter().map(|frame| frame.name.as_str()).collect();
     known.push(HOUSE);
-    Err(SimError::CameraFrame {
+    Err(ScenarioError::CameraFrame {
         camera: camera.to_owned(),
         frame: place.frame.clone(),
         known: known.join(", "),

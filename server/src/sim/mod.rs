@@ -74,16 +74,6 @@ pub enum SimError {
         /// The objects that there are.
         known: String,
     },
-    /// A camera's place.
-    #[error("camera {camera:?} is placed in the frame {frame:?}; the robot has {known}")]
-    CameraFrame {
-        /// The camera.
-        camera: String,
-        /// The frame.
-        frame: String,
-        /// Frames that there are.
-        known: String,
-    },
     /// A variant of the area.
     #[error("the scenario asks for the variant {name:?}, but the task {task:?} is done in {known}")]
     Variant {

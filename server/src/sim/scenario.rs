@@ -156,6 +156,16 @@ pub enum ScenarioError {
         /// Pixels.
         height: u32,
     },
+    /// A camera's place.
+    #[error("camera {camera:?} is placed in the frame {frame:?}; the robot has {known}")]
+    CameraFrame {
+        /// The camera.
+        camera: String,
+        /// The frame.
+        frame: String,
+        /// Frames that there are.
+        known: String,
+    },
     /// The same camera twice.
     #[error("camera {0:?} is named twice; name each camera once")]
     Twice(String),
