@@ -3,7 +3,8 @@
 # make test    format, lints, documentation and all tests, as CI runs them
 # make contract    writes proto/contract.txt after a change of the .proto files
 # make test-cluster   a campaign on a one-node Slurm cluster in this machine
-# make test-readers   loads exports in lerobot 0.4.4 and robomimic 0.3 (downloads gigabytes),
+# make test-readers   loads exports in lerobot 0.4.4 (0.6.1 too, with Python 3.12) and robomimic 0.3
+#                     (downloads gigabytes),
 #                     holds joint signals against Pinocchio
 # make test-adversarial   200 operators who mean harm, a minute each, sixty of them at the bear
 # make soak    300 short episodes one right after the other, every file checked
