@@ -2,7 +2,10 @@
 # Records two episodes, exports them, and runs the guide's Python with the real
 # readers: lerobot 0.4.4 and robomimic 0.3.0, in a virtual environment of its
 # own; and holds the joint signals against Pinocchio. The first run downloads several gigabytes (torch).
-#   WHEELARM_READERS   the environment, .venv-readers without it
+# What lerobot gives to a policy is asked of 0.4.4 and, where there is Python 3.12
+# or newer, of 0.6.1 in another environment.
+#   WHEELARM_READERS   the environment, .venv-readers without it; the other one
+#                      lies beside it with `-new` behind its name
 set -euo pipefail
 cd "$(dirname "$0")/.."
 root=$PWD
@@ -24,6 +27,15 @@ has pin 4.1.0 || pip pin==4.1.0
 has robomimic 0.3.0 || pip --no-deps robomimic==0.3.0
 "$python" -c 'import h5py, tensorboard, tensorboardX, imageio, termcolor, psutil, tqdm' 2>/dev/null ||
     pip h5py tensorboard tensorboardX imageio termcolor psutil tqdm
+newer=
+for candidate in python3.12 python3.13; do
+    "$candidate" -c 'import sys; sys.exit(sys.version_info < (3, 12))' 2>/dev/null && newer=$candidate && break
+done
+if [ -n "$newer" ]; then
+    [ -x "$venv-new/bin/python" ] || "$newer" -m venv "$venv-new"
+    "$venv-new/bin/python" -c "from importlib.metadata import version; import sys; sys.exit(version('lerobot') != '0.6.1')" 2>/dev/null ||
+        "$venv-new/bin/python" -m pip install --quiet --disable-pip-version-check lerobot==0.6.1
+fi
 
 folder=$(mktemp -d)
 trap 'rm -rf "$folder"' EXIT
@@ -37,6 +49,13 @@ for chapter in lerobot robomimic; do
     "$python" "$root/tests/python/guide_blocks.py" "$root/client/guide/$chapter.md" python >"read_$chapter.py"
     "$python" "read_$chapter.py"
 done
+echo "== what LeRobot gives to a policy"
+"$python" "$root/tests/python/check_policy_features.py" data/lerobot
+if [ -n "$newer" ]; then
+    "$venv-new/bin/python" "$root/tests/python/check_policy_features.py" data/lerobot
+else
+    echo "lerobot 0.6.1 is not asked: it needs Python 3.12, which is not here"
+fi
 echo "== joint signals against Pinocchio"
 "$python" "$root/tests/python/check_signals.py" data/session/*.h5
 # Through a file: a reader that stops early would break the pipe.

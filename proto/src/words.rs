@@ -49,6 +49,30 @@ fn told(name: &str, prefix: &str, number: i32) -> String {
     }
 }
 
+impl v1::FailureReason {
+    /// For example `dropped`, `none` where nothing failed; empty when it is not
+    /// told. Files hold the word.
+    #[must_use]
+    pub fn word(self) -> String {
+        told(self.as_str_name(), "FAILURE_REASON", self.into())
+    }
+
+    /// The reason of that word.
+    #[must_use]
+    pub fn from_word(text: &str) -> Self {
+        let name = format!("FAILURE_REASON_{}", text.to_ascii_uppercase());
+        Self::from_str_name(&name).unwrap_or_default()
+    }
+}
+
+impl v1::ArmProblem {
+    /// For example `unreachable`; empty when it is not told. Files hold the word.
+    #[must_use]
+    pub fn word(self) -> String {
+        told(self.as_str_name(), "ARM_PROBLEM", self.into())
+    }
+}
+
 impl v1::Device {
     /// For example `keyboard`; empty when it is not told.
     #[must_use]
@@ -76,6 +100,21 @@ impl v1::Assistance {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_reason_is_read_from_its_word() {
+        for reason in [
+            v1::FailureReason::Dropped,
+            v1::FailureReason::HardCollision,
+            v1::FailureReason::None,
+            v1::FailureReason::Unspecified,
+        ] {
+            assert_eq!(v1::FailureReason::from_word(&reason.word()), reason);
+        }
+        assert_eq!(v1::FailureReason::HardCollision.word(), "hard_collision");
+        assert_eq!(v1::FailureReason::Unspecified.word(), "");
+        assert_eq!(v1::ArmProblem::Unreachable.word(), "unreachable");
+    }
 
     #[test]
     fn kinds_of_events_are_read_from_their_words() {

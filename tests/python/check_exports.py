@@ -173,6 +173,13 @@ def csv_table(path, recordings):
             equal(state[row, 80:112:2], streams["joint_state/position"][i], "joints", 1e-12)
             equal(state[row, 42:49], streams["pose/pose"][i, 0], "chair", 1e-12)
             equal(state[row, 7:14], streams["pose/pose"][i, 6], "end effector", 1e-12)
+        with open(path / label / "rows.csv", newline="", encoding="utf-8") as text:
+            made = list(csv.reader(text))
+        assert len(made[0]) == 2 + 27 + 12 and len(rows) - 3 < len(made) <= len(rows)
+        at = len(state) // 2
+        middle = {int(row[0]): np.array([float(v) for v in row]) for row in made[1:]}[at + 1]
+        assert abs(middle[1] - state[at, 112]) < 1e-9
+        equal(middle[29:], next_pose(source, *(float(stamps[k]) for k in (at, at + 1))), "action", 1e-5)
         height, width = streams["camera/gen3/rgb"].shape[1:3]
         for camera in CAMERAS:
             for kind, bits, colour in (("rgb", 8, 2), ("depth", 8, 0), ("depth_mm", 16, 0)):
@@ -183,6 +190,25 @@ def csv_table(path, recordings):
         print(f"{label}: {len(state)} rows of 117 columns")
 
 
+def next_pose(source, stamp, after):
+    """An action of the kind next-pose from the streams alone, for a robot whose
+    commander streams poses: tests/python knows nothing of how it was exported."""
+    streams = source["streams"]
+    ticks = streams["applied/stamp_nanos"][...].astype(float)
+    asked = int(np.searchsorted(ticks, after - 1000.0)) - 1
+    pose = streams["applied/desired_pose"][asked]
+    x, y, z, w = pose[3:] / np.linalg.norm(pose[3:])
+    first = [1 - 2 * (y * y + z * z), 2 * (x * y + z * w), 2 * (x * z - y * w)]
+    second = [2 * (x * y - z * w), 1 - 2 * (x * x + z * z), 2 * (y * z + x * w)]
+    # Wheel speeds hold for a physics tick; their mean by a fine sum.
+    fine = np.linspace(stamp, after, 4801)[:-1] + (after - stamp) / 9600 - 5e8 / 240
+    left, right = (np.interp(fine, ticks, c).mean() for c in streams["applied/wheel_velocity"][...].T)
+    robot = source["robot"].attrs
+    motion = [(left + right) / 2 * robot["wheel_radius"], (right - left) / robot["track"] * robot["wheel_radius"]]
+    knuckle = streams["applied/knuckle"][asked + 1]
+    return np.concatenate([pose[:3], first, second, [knuckle], motion])
+
+
 def lerobot(path, recordings):
     import pyarrow.parquet as pq
 
@@ -191,6 +217,9 @@ def lerobot(path, recordings):
     shape = info["features"]["observation.images.gen3"]["shape"]
     calibration(cameras, h5py.File(recordings[0])["streams"], (shape[1], shape[0]))
     assert info["codebase_version"] == "v3.0"
+    assert info["robot_type"] == h5py.File(recordings[0])["robot"].attrs["name"]
+    told = h5py.File(recordings[0])["robot"].attrs["arm_joints"][0]
+    assert info["features"]["observation.state"]["names"][0] == f"{told}.position"
     table = pq.read_table(sorted(path.glob("data/*/*.parquet")))
     features = info["features"]
     assert set(table.column_names) == set(features)
@@ -218,15 +247,19 @@ def lerobot(path, recordings):
             i = at_stamp(streams["joint_state"], stamp)
             state = np.array(column["observation.state"][row])
             equal(state[:6], streams["joint_state/position"][i, 4:10], "state", 1e-5)
-            equal(state[14:21], streams["pose/pose"][i, 6], "end effector", 1e-5)
-            equal(np.array(column["action"][row])[:6], streams["applied/joint_position"][at_stamp(streams["applied"], stamp)], "action", 1e-5)
+            assert state.shape == (27,)
+            equal(state[14:17], streams["pose/pose"][i, 6, :3], "end effector", 1e-5)
+            equal(np.array(column["privileged.chair_pose"][row]), streams["pose/pose"][i, 0], "chair", 1e-5)
+            if row + 1 < rows[-1]:
+                after = round(column["simulation_time"][row + 1] * 1e9)
+                equal(np.array(column["action"][row]), next_pose(source, stamp, after), "action", 1e-4)
             height, width = shape[:2]
             for camera in CAMERAS:
                 picture = table[f"observation.images.{camera}"][row].as_py()
                 assert png(picture["bytes"]) == (width, height, 8, 2)
     stats = json.loads((path / "meta/stats.json").read_text())
     state = np.array(column["observation.state"])
-    for name, found in (("min", state.min(0)), ("max", state.max(0)), ("mean", state.mean(0)), ("std", state.std(0))):
+    for name, found in (("min", state.min(0)), ("max", state.max(0)), ("mean", state.mean(0)), ("std", np.maximum(state.std(0), 0.01))):
         equal(stats["observation.state"][name], found, name, 1e-9)
     equal(stats["observation.state"]["q90"], np.quantile(state, 0.9, axis=0), "q90", 1e-9)
     assert np.array(stats["observation.images.gen3"]["mean"]).shape == (3, 1, 1)
@@ -263,6 +296,10 @@ def robomimic(path, recordings):
             streams = source["streams"]
             i = at_stamp(streams["joint_state"], round(demo["simulation_time"][n // 2] * 1e9))
             equal(demo["obs/joint_pos"][n // 2], streams["joint_state/position"][i, 4:10], "joints", 1e-12)
+            stamp, after = (round(demo["simulation_time"][k] * 1e9) for k in (n // 2, n // 2 + 1))
+            equal(demo["actions_raw"][n // 2], next_pose(source, stamp, after), "action", 1e-5)
+            assert not {"base_pos", "base_quat"} & set(demo["obs"]) and demo["states"].shape == (n, 27)
+            equal(demo["privileged/base_pos"][n // 2], streams["pose/pose"][i, 0, :3], "chair", 1e-12)
             demo.visititems(described)
             one_frame(demo, source)
         size = data["demo_0/obs/gen3_image"].shape[2:0:-1]

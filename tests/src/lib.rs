@@ -8,6 +8,7 @@ mod operator;
 mod proxy;
 mod recorder;
 mod router;
+pub mod rows;
 mod server;
 
 use std::path::{Path, PathBuf};

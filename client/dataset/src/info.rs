@@ -44,6 +44,12 @@ pub fn info(episode: &Episode) -> Result<String, ReadError> {
     }
     line("time", &time);
     line("state", if s.complete { "complete" } else { "PARTIAL" });
+    if s.as_recorded {
+        line(
+            "as recorded",
+            "its states were taken from another recording and drawn again, not computed",
+        );
+    }
     for problem in &s.problems {
         line("", problem);
     }

@@ -103,10 +103,50 @@ impl Robot {
         })
     }
 
+    /// The joints from the link `base` to the link `tip`; `None` where none lead
+    /// there.
+    #[must_use]
+    pub fn chain(&self, base: &str, tip: &str) -> Option<Chain<'_>> {
+        let mut joints = Vec::new();
+        let mut link = tip;
+        while link != base {
+            let joint = self.joints.iter().find(|joint| joint.child == link)?;
+            // A description that hangs in a loop has no way to the base.
+            if joints.len() == self.joints.len() {
+                return None;
+            }
+            joints.push(joint);
+            link = &joint.parent;
+        }
+        joints.reverse();
+        Some(Chain { joints })
+    }
+
     /// All joints in the order of the file.
     #[must_use]
     pub fn joints(&self) -> &[Joint] {
         &self.joints
+    }
+}
+
+/// Joints that hang from each other.
+#[derive(Clone, Debug)]
+pub struct Chain<'a> {
+    joints: Vec<&'a Joint>,
+}
+
+impl Chain<'_> {
+    /// base_from_tip; `position` tells that of a joint that moves, rad or m, by
+    /// its name.
+    pub fn pose(&self, position: impl Fn(&str) -> f64) -> Pose {
+        self.joints.iter().fold(pose::IDENTITY, |base, joint| {
+            let position = if joint.moves() {
+                position(&joint.name)
+            } else {
+                0.0
+            };
+            pose::compose(&base, &joint.pose(position))
+        })
     }
 }
 
@@ -170,6 +210,10 @@ mod tests {
             }
             assert_eq!(link, "wheelchair_root", "{}", joint.child);
         }
+        let chain = robot.chain("base_link", "end_effector_link").unwrap();
+        let moving = chain.joints.iter().filter(|joint| joint.moves());
+        assert_eq!(moving.count(), 6);
+        assert!(robot.chain("end_effector_link", "base_link").is_none());
         assert!(Robot::parse("<robot").is_err());
     }
 

@@ -23,6 +23,7 @@ mod queries;
 mod recorded;
 mod recorder;
 mod robots;
+mod rows;
 mod settle;
 mod strangers;
 mod tasks;

@@ -153,6 +153,14 @@ pub enum AlignError {
     /// The file.
     #[error(transparent)]
     Read(#[from] ReadError),
+    /// Nothing to make rows of.
+    #[error(
+        "{file} has no pictures, and rows are those of a camera: it was recorded without cameras. `wheelarm replay {file} --out DIR --camera 'NAME=640x360@10'` records it again with one; `export --format mcap` and `label` need none"
+    )]
+    NoPictures {
+        /// The file.
+        file: String,
+    },
     /// The rows.
     #[error(
         "{file} has no pictures of the camera {camera:?} to align to; it has {there:?}: choose one with --reference"
@@ -216,6 +224,11 @@ pub fn align(
     } else {
         Vec::new()
     };
+    if stamps.is_empty() && cameras.is_empty() {
+        return Err(AlignError::NoPictures {
+            file: episode.path().display().to_string(),
+        });
+    }
     if stamps.is_empty() {
         return Err(AlignError::NoReference {
             file: episode.path().display().to_string(),
@@ -281,6 +294,20 @@ pub fn align(
         }
     }
     Ok(aligned)
+}
+
+impl Aligned {
+    /// Without rows, for those who need none.
+    #[must_use]
+    pub fn empty() -> Self {
+        Self {
+            reference: String::new(),
+            stamps: Vec::new(),
+            signals: Vec::new(),
+            coverage: BTreeMap::new(),
+            frames: BTreeMap::new(),
+        }
+    }
 }
 
 fn nanos(seconds: f64) -> u64 {

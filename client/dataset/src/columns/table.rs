@@ -266,6 +266,10 @@ static APPLIED: Table<v1::Applied> = Table {
         ),
         flags("stale", &[], derived(|m, _, o| o.push(u8::from(m.stale)))),
         text("arm_problem", derived_text(|m| m.arm_problem.clone())),
+        text(
+            "arm_problem_code",
+            derived_text(|m| m.arm_problem_code().word()),
+        ),
         text("arm_kind", derived_text(|m| take::arm_kind(m.arm.as_ref()))),
         text(
             "arm_frame",
@@ -461,13 +465,23 @@ fn to_conditions<T: Copy>(
     conditions.zip(values).for_each(|(c, &v)| put(c, v));
 }
 
-// What a condition lacks in a sample is stored as not held and not a number. The
-// code of a failure stands in the closing message; files hold its words.
+// What a condition lacks in a sample is stored as not held and not a number. Its
+// predicate begins its name, as the contract has it.
 static EVALUATION: Table<v1::Evaluation> = Table {
     columns: &[
         flags("success", &[], flag!(success)),
         flags("done", &[], flag!(done)),
         text("failure", words!(failure)),
+        text(
+            "failure_code",
+            TextCodec {
+                take: |m| m.failure_reason().word(),
+                put: |m, text| {
+                    m.set_failure_reason(v1::FailureReason::from_word(&text));
+                    Ok(())
+                },
+            },
+        ),
         f64s("elapsed", "s", "", &[], number!(elapsed_seconds)),
         flags(
             "condition_holds",

@@ -65,3 +65,9 @@ fn limit(text: &str) -> Result<(String, f64), String> {
         .filter(|(stream, seconds)| !stream.is_empty() && (0.0..1e6).contains(seconds))
         .ok_or_else(|| format!("{text:?} is no limit; write it as imu=0.02"))
 }
+
+/// Parses seconds of idleness.
+pub fn idle(text: &str) -> Result<f64, String> {
+    let seconds = text.parse().ok().filter(|s| (0.0..1e6).contains(s));
+    seconds.ok_or_else(|| format!("{text:?} are no seconds; write it as 0.5, 0 or more"))
+}

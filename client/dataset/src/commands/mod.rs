@@ -8,11 +8,13 @@ use std::path::{Path, PathBuf};
 
 use clap::{Parser, Subcommand};
 use wheelarm_dataset::convert::Size;
+use wheelarm_dataset::convert::learning::RowOptions;
 use wheelarm_dataset::finish::finish;
 use wheelarm_dataset::read::Episode;
 use wheelarm_dataset::{info, sheet};
+use wheelarm_policy::ActionKind;
 
-use arguments::{FINE, Files, FormatName, Input, PARTIAL};
+use arguments::{FINE, Files, FormatName, Input, PARTIAL, idle};
 
 /// Looks at recorded episodes, checks them, and turns them into training data.
 #[derive(Parser)]
@@ -78,6 +80,15 @@ enum Command {
         /// as recorded without it.
         #[arg(long, value_name = "WxH")]
         size: Option<Size>,
+        /// What an action is, in lerobot, robomimic and csv: next-pose and
+        /// next-joints are in force at the next picture, applied at this one.
+        #[arg(long, value_name = "KIND", default_value = ActionKind::default().name(),
+            value_parser = str::parse::<ActionKind>)]
+        action: ActionKind,
+        /// Leaves out the idle rows at both ends of each episode but for so many
+        /// seconds; in lerobot, robomimic and csv.
+        #[arg(long, value_name = "SECONDS", value_parser = idle)]
+        trim_idle: Option<f64>,
     },
     /// Checks recordings; exit code 3 when one has problems.
     Validate {
@@ -142,7 +153,12 @@ pub fn run(cli: Cli) -> anyhow::Result<u8> {
             format,
             out,
             size,
-        } => process::export(&input, format, &out, size),
+            action,
+            trim_idle,
+        } => {
+            let rows = RowOptions { action, trim_idle };
+            process::export(&input, format, &out, size, rows)
+        }
         Command::Validate { input } => process::validate(&input),
         Command::Stats { input, plot, csv } => {
             process::stats(&input, plot.as_deref(), csv.as_deref())

@@ -6,6 +6,7 @@ use std::path::Path;
 use wheelarm_dataset::align::{self, accuracy};
 use wheelarm_dataset::convert::batch::{self, each, failures, threads};
 use wheelarm_dataset::convert::csv_table::CsvTable;
+use wheelarm_dataset::convert::learning::RowOptions;
 use wheelarm_dataset::convert::lerobot::LeRobot;
 use wheelarm_dataset::convert::mcap_log::McapLog;
 use wheelarm_dataset::convert::robomimic::Robomimic;
@@ -193,6 +194,7 @@ pub fn export(
     name: FormatName,
     out: &Path,
     size: Option<Size>,
+    rows: RowOptions,
 ) -> anyhow::Result<u8> {
     let (files, options) = (recordings(&input.files)?, options(input)?);
     let jobs = jobs(&input.files);
@@ -202,6 +204,11 @@ pub fn export(
     if size.is_some() && !matches!(name, FormatName::Lerobot | FormatName::Robomimic) {
         anyhow::bail!("--size is for lerobot and robomimic; this format keeps the recorded size");
     }
+    if rows != RowOptions::default() && matches!(name, FormatName::WheelarmSim | FormatName::Mcap) {
+        anyhow::bail!(
+            "--action and --trim-idle are for lerobot, robomimic and csv; this format has no rows of action"
+        );
+    }
     let format: Box<dyn Format> = match name {
         FormatName::WheelarmSim => Box::new(WheelarmSim {
             out: folder,
@@ -209,10 +216,11 @@ pub fn export(
         }),
         FormatName::Csv => Box::new(CsvTable {
             out: folder,
+            rows,
             threads: inner,
         }),
-        FormatName::Lerobot => Box::new(LeRobot::new(out, size, threads())?),
-        FormatName::Robomimic => Box::new(Robomimic::new(out, size, threads())?),
+        FormatName::Lerobot => Box::new(LeRobot::new(out, size, rows, threads())?),
+        FormatName::Robomimic => Box::new(Robomimic::new(out, size, rows, threads())?),
         FormatName::Mcap => Box::new(McapLog {
             out: folder,
             threads: inner,

@@ -98,7 +98,8 @@ pub fn export(
     let bar = bar("rows");
     let jobs = if format.collects() { 1 } else { jobs };
     let mut results = each(files, jobs, |index, file| {
-        let mut recording = Recording::open(file, options, &|s| format.wants(s))?;
+        let needs = format.needs_pictures();
+        let mut recording = Recording::open_for(file, options, &|s| format.wants(s), needs)?;
         recording.number = index + 1;
         bar.inc_length(recording.aligned.stamps.len() as u64);
         let written = format.add(&recording, &|| bar.inc(1))?;

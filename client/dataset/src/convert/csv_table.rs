@@ -3,22 +3,28 @@
 //!
 //! Differences that help: velocities are the simulated ones instead of
 //! differences of positions, orientations are interpolated by slerp, and metric
-//! 16-bit depth (millimetres) lies beside the grey pictures.
+//! 16-bit depth (millimetres) lies beside the grey pictures. What a policy learns
+//! from stands in a table of its own, `rows.csv`.
 
 use std::path::{Path, PathBuf};
 
+use wheelarm_policy::state_names;
 use wheelarm_proto::v1;
 
 use super::batch::parallel;
 use super::intrinsics;
+use super::learning::{self, Learning, RowOptions};
 use super::{Format, PendingFolder, Recording, Size, Written, png_depth, png_grey, png_rgb};
 use crate::align::Signal;
+use crate::ending::PHYSICS;
 
 /// Writes a folder `LABEL` per episode.
 #[derive(Clone, Debug)]
 pub struct CsvTable {
     /// Folder of the folders.
     pub out: PathBuf,
+    /// What the rows of `rows.csv` are.
+    pub rows: RowOptions,
     /// Threads that compress pictures.
     pub threads: usize,
 }
@@ -142,13 +148,21 @@ impl<'a> State<'a> {
 
 impl Format for CsvTable {
     fn wants(&self, stream: &str) -> bool {
-        STREAMS.contains(&stream)
+        STREAMS.contains(&stream) || learning::STREAMS.contains(&stream)
     }
 
     fn add(&self, recording: &Recording, tick: &(dyn Fn() + Sync)) -> anyhow::Result<Written> {
         let (rows, notes) = recording.rows(&STREAMS)?;
         let folder = PendingFolder::new(&self.out.join(&recording.summary.label))?;
         table(&folder.path().join("final_data.csv"), recording, &rows)?;
+        let mut notes = notes;
+        let written = policy_rows(
+            &folder.path().join("rows.csv"),
+            recording,
+            &rows,
+            &self.rows,
+        )?;
+        notes.extend(written);
         let cameras = intrinsics::cameras(recording, None);
         std::fs::write(folder.path().join("cameras.json"), format!("{cameras:#}\n"))?;
         for (camera, source) in &recording.cameras {
@@ -202,6 +216,50 @@ fn table(path: &Path, recording: &Recording, rows: &[usize]) -> anyhow::Result<(
     }
     table.flush()?;
     Ok(())
+}
+
+/// Writes state and action of the same pictures, and returns words about those
+/// that are left out.
+fn policy_rows(
+    path: &Path,
+    recording: &Recording,
+    rows: &[usize],
+    options: &RowOptions,
+) -> anyhow::Result<Vec<String>> {
+    if recording.summary.end_cause == PHYSICS {
+        return Ok(vec![
+            "rows.csv is left out: the physics broke in this episode".to_owned(),
+        ]);
+    }
+    let whole = recording.aligned.whole_rows(&learning::STREAMS, &[]);
+    let wanted: Vec<usize> = rows.iter().copied().filter(|r| whole.contains(r)).collect();
+    let all = Learning::of(recording, wanted, options)?;
+    let mut table = csv::Writer::from_path(path)?;
+    let mut header = vec!["image_frame_id".to_owned(), "sim_time".to_owned()];
+    header.extend(
+        state_names(&recording.robot)
+            .iter()
+            .map(|name| format!("state.{name}")),
+    );
+    let action = options.action.names(&recording.robot);
+    header.extend(action.iter().map(|name| format!("action.{name}")));
+    table.write_record(header)?;
+    let stamps = &recording.aligned.stamps;
+    let start = rows.first().map_or(0, |&r| stamps[r]);
+    for ((&row, state), action) in all.rows.iter().zip(&all.states).zip(&all.actions) {
+        let frame = rows.iter().position(|&r| r == row).map_or(0, |at| at + 1);
+        let time = (stamps[row] - start) as f64 * 1e-9;
+        let mut line = vec![frame.to_string(), time.to_string()];
+        line.extend(state.iter().chain(action).map(f64::to_string));
+        table.write_record(&line)?;
+    }
+    table.flush()?;
+    let lost = rows.len() - all.rows.len();
+    let note = format!(
+        "rows.csv has no row for {lost} of the {} pictures",
+        rows.len()
+    );
+    Ok((lost > 0).then_some(note).into_iter().collect())
 }
 
 #[cfg(test)]

@@ -1,50 +1,60 @@
-//! What a policy learns from, the same for every format that trains one: the
-//! observed state, the action, success, on an exact time grid.
+//! What a policy learns from, the same for every format that trains one: rows of
+//! observed state and of action, success, on an exact time grid. The rows
+//! themselves are made in `wheelarm-policy`; here stands where their numbers lie
+//! in a recording.
 
 use std::collections::BTreeMap;
+
+use wheelarm_policy::{ActionKind, Applied, Observed, state};
+use wheelarm_proto::robot::ARM_JOINTS;
+use wheelarm_proto::v1;
 
 use super::{Recording, Size};
 use crate::align::{Signal, usual_distance};
 use crate::ending::PHYSICS;
+use crate::pose::Pose;
 use crate::read::Values;
+use crate::urdf::Robot;
 
 /// Streams that a row must have.
 pub const STREAMS: [&str; 5] = ["joint_state", "pose", "odometry", "applied", "evaluation"];
+/// Deviation that the statistics tell at least of a value of state or action, and
+/// half the range that scaling to [-1, 1] takes at least; in the value's own unit
+/// (m, rad, 1, m/s, rad/s). A value that hardly changes would be blown up otherwise.
+pub const LEAST_DEVIATION: f64 = 0.01;
 /// Stamps may be this far from the grid, nanoseconds.
 const OFF_GRID: u64 = 100_000;
-const POSE: [&str; 7] = ["x", "y", "z", "qx", "qy", "qz", "qw"];
+/// Slower joints' set points are at rest, rad/s.
+const JOINT_RESTS: f64 = 2e-3;
+/// Slower wheels are at rest, rad/s.
+const WHEEL_RESTS: f64 = 5e-3;
+/// A knuckle that changes less within a row is at rest, rad.
+const KNUCKLE_RESTS: f64 = 1e-4;
 
-/// Names of the state's values: rad, rad/s, m, unit quaternion, m/s.
-#[must_use]
-pub fn state_names() -> Vec<String> {
-    let mut out: Vec<String> = (1..=6).map(|j| format!("joint_{j}.position")).collect();
-    out.push("knuckle.position".into());
-    out.extend((1..=6).map(|j| format!("joint_{j}.velocity")));
-    out.push("knuckle.velocity".into());
-    out.extend(POSE.map(|p| format!("end_effector.{p}")));
-    out.extend(POSE.map(|p| format!("wheelchair.{p}")));
-    out.extend(["linear", "angular"].map(|p| format!("wheelchair.{p}_velocity")));
-    out
+/// What is made into rows.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct RowOptions {
+    /// What the numbers of an action are.
+    pub action: ActionKind,
+    /// Seconds of idleness that stay at either end of an episode; all without it.
+    pub trim_idle: Option<f64>,
 }
 
-/// Names of the action's values: joint targets rad, wheel speeds rad/s, knuckle
-/// target rad, as the controllers got them.
-#[must_use]
-pub fn action_names() -> Vec<String> {
-    let mut out: Vec<String> = (1..=6).map(|j| format!("joint_{j}.target")).collect();
-    out.extend(["left", "right"].map(|w| format!("wheel_{w}.target_velocity")));
-    out.push("knuckle.target".into());
-    out
-}
-
-/// The columns behind state, action and success.
+/// The rows of an episode, and the columns behind them.
 pub struct Learning<'a> {
+    /// Places of the rows in the alignment.
+    pub rows: Vec<usize>,
+    /// A row of state each: `wheelarm_policy::state`.
+    pub states: Vec<Vec<f64>>,
+    /// A row of action each.
+    pub actions: Vec<Vec<f64>>,
+    /// Words about rows that are left out.
+    pub notes: Vec<String>,
     position: &'a Signal,
     velocity: &'a Signal,
     pose: &'a Signal,
     odometry: &'a Signal,
-    target: &'a Signal,
-    wheels: &'a Signal,
+    twist: &'a Signal,
     knuckle: &'a Signal,
     success: &'a [u8],
     joints: Vec<usize>,
@@ -53,11 +63,15 @@ pub struct Learning<'a> {
 }
 
 impl<'a> Learning<'a> {
-    /// Finds them.
+    /// Makes rows of those of the alignment whose places are given, in order.
     ///
     /// # Errors
-    /// When the recording lacks one.
-    pub fn of(recording: &'a Recording) -> anyhow::Result<Self> {
+    /// When the recording lacks a column, or the simulation broke in it.
+    pub fn of(
+        recording: &'a Recording,
+        rows: Vec<usize>,
+        options: &RowOptions,
+    ) -> anyhow::Result<Self> {
         if recording.summary.end_cause == PHYSICS {
             anyhow::bail!("the physics broke in this episode, it is not fit for training");
         }
@@ -68,11 +82,14 @@ impl<'a> Learning<'a> {
         let Values::Flag(success) = &recording.need("evaluation", "success")?.values else {
             anyhow::bail!("evaluation/success holds no truth values");
         };
-        Ok(Self {
+        let mut all = Self {
+            rows,
+            states: Vec::new(),
+            actions: Vec::new(),
+            notes: Vec::new(),
             velocity: recording.need("joint_state", "velocity")?,
-            odometry: recording.need("odometry", "twist")?,
-            target: recording.need("applied", "joint_position")?,
-            wheels: recording.need("applied", "wheel_velocity")?,
+            odometry: recording.need("odometry", "pose")?,
+            twist: recording.need("odometry", "twist")?,
             knuckle: recording.need("applied", "knuckle")?,
             success,
             joints,
@@ -80,7 +97,56 @@ impl<'a> Learning<'a> {
             chair: roles.chair,
             position,
             pose,
-        })
+        };
+        let stamps = &recording.aligned.stamps;
+        let applied = applied(recording)?;
+        if let Some(seconds) = options.trim_idle {
+            let kept = busy(&applied, &all.rows, stamps, seconds);
+            if kept.len() < all.rows.len() {
+                let trimmed = all.rows.len() - kept.len();
+                all.notes
+                    .push(format!("{trimmed} idle rows at the ends are left out"));
+                all.rows = all.rows[kept].to_vec();
+            }
+        }
+        let Some(&start) = all.rows.first() else {
+            return Ok(all);
+        };
+        let start = crate::pose::of(all.odometry.row(start));
+        for (i, &row) in all.rows.iter().enumerate() {
+            let seen = all.observed(row, start);
+            all.states.push(state(&seen).to_vec());
+            let next = all.rows.get(i + 1).map(|&next| seconds(stamps[next]));
+            let action = applied.action(options.action, seconds(stamps[row]), next);
+            all.actions
+                .push(action.ok_or_else(|| anyhow::anyhow!("nothing was applied"))?);
+        }
+        Ok(all)
+    }
+
+    /// The longest run of whole rows that lie on an exact grid, and its rate.
+    ///
+    /// # Errors
+    /// As [`Learning::of`]; when no two rows lie on a grid.
+    pub fn on_grid(recording: &'a Recording, options: &RowOptions) -> anyhow::Result<(u32, Self)> {
+        let (rate, rows, mut notes) = grid(recording)?;
+        let mut all = Self::of(recording, rows, options)?;
+        notes.append(&mut all.notes);
+        all.notes = notes;
+        Ok((rate, all))
+    }
+
+    fn observed(&self, row: usize, start: Pose) -> Observed {
+        let (joints, speeds) = (self.joints(row), self.speeds(row));
+        let arm = |all: &[f64]| std::array::from_fn(|k| all[k]);
+        Observed {
+            joints: arm(&joints),
+            velocities: arm(&speeds),
+            knuckle: [joints[ARM_JOINTS], speeds[ARM_JOINTS]],
+            hand: crate::pose::of(self.effector(row)),
+            odometry: crate::pose::of(self.odometry.row(row)),
+            start,
+        }
     }
 
     /// Positions of the six arm joints and the knuckle, rad.
@@ -107,37 +173,23 @@ impl<'a> Learning<'a> {
         &self.pose.row(row)[7 * self.effector..7 * self.effector + 7]
     }
 
-    /// Pose of the chair in `house`.
+    /// True pose of the chair in `house`, which no robot knows.
     #[must_use]
     pub fn chair(&self, row: usize) -> &[f64] {
         &self.pose.row(row)[7 * self.chair..7 * self.chair + 7]
     }
 
-    /// Forward speed, m/s, and turn rate, rad/s, of the chair.
+    /// Forward speed, m/s, and turn rate, rad/s, of the chair by its odometry.
     #[must_use]
     pub fn chair_speed(&self, row: usize) -> [f64; 2] {
-        let twist = self.odometry.row(row);
+        let twist = self.twist.row(row);
         [twist[0], twist[5]]
     }
 
-    /// The values that [`state_names`] names.
+    /// Set point of the knuckle, rad.
     #[must_use]
-    pub fn state(&self, row: usize) -> Vec<f64> {
-        let mut out = self.joints(row);
-        out.extend(self.speeds(row));
-        out.extend_from_slice(self.effector(row));
-        out.extend_from_slice(self.chair(row));
-        out.extend(self.chair_speed(row));
-        out
-    }
-
-    /// The values that [`action_names`] names.
-    #[must_use]
-    pub fn action(&self, row: usize) -> Vec<f64> {
-        let mut out = self.target.row(row).to_vec();
-        out.extend_from_slice(self.wheels.row(row));
-        out.extend_from_slice(self.knuckle.row(row));
-        out
+    pub fn knuckle_target(&self, row: usize) -> f64 {
+        self.knuckle.row(row).first().copied().unwrap_or(f64::NAN)
     }
 
     /// Whether the task's conditions hold.
@@ -145,6 +197,146 @@ impl<'a> Learning<'a> {
     pub fn success(&self, row: usize) -> bool {
         self.success.get(row).is_some_and(|&s| s != 0)
     }
+}
+
+fn seconds(nanos: u64) -> f64 {
+    nanos as f64 * 1e-9
+}
+
+/// The stream `applied` as it was recorded.
+fn applied(recording: &Recording) -> anyhow::Result<Applied> {
+    let episode = &recording.episode;
+    let robot = &recording.robot;
+    let column = |name: &str| -> anyhow::Result<Vec<f64>> {
+        Ok(episode.f64s("applied", name)?.iter().copied().collect())
+    };
+    fn each<const N: usize>(all: Vec<f64>) -> Vec<[f64; N]> {
+        let rows = all.chunks_exact(N);
+        rows.map(|row| std::array::from_fn(|k| row[k])).collect()
+    }
+    let mut out = Applied::of(robot);
+    let stamps = episode.stamps("applied")?;
+    out.stamps = stamps.into_iter().map(seconds).collect();
+    out.joints = each(column("joint_position")?);
+    out.velocities = each(column("joint_velocity")?);
+    out.desired = each(column("desired_pose")?);
+    let wheels: Vec<[f64; 2]> = each(column("wheel_velocity")?);
+    out.wheels = [0, 1].map(|side| wheels.iter().map(|w| w[side]).collect());
+    out.knuckle = column("knuckle")?;
+    let urdf = Robot::of(&episode.snapshot()?.assets);
+    let ends = [&robot.arm_base_link, &robot.end_effector_link];
+    let chain = urdf.as_ref().and_then(|urdf| urdf.chain(ends[0], ends[1]));
+    out.hand = match chain {
+        Some(chain) => {
+            let names = robot.arm_joint_names();
+            let place = |joint: &[f64; ARM_JOINTS]| {
+                chain.pose(|name| {
+                    let index = names.iter().position(|n| *n == name);
+                    index.map_or(0.0, |index| joint[index])
+                })
+            };
+            out.joints.iter().map(place).collect()
+        }
+        // Without the robot's description every desired pose is taken as it is.
+        None => out.desired.clone(),
+    };
+    let count = out.stamps.len();
+    let lengths = [
+        out.joints.len(),
+        out.velocities.len(),
+        out.desired.len(),
+        wheels.len(),
+        out.knuckle.len(),
+    ];
+    anyhow::ensure!(
+        lengths.iter().all(|&l| l == count),
+        "the stream applied has {count} stamps and columns of {lengths:?} samples: the file is damaged"
+    );
+    Ok(out)
+}
+
+/// The rows in which something is commanded to move, from the first to the last,
+/// and `keep` seconds of those before and behind.
+fn busy(applied: &Applied, rows: &[usize], stamps: &[u64], keep: f64) -> std::ops::Range<usize> {
+    let moves = |i: usize| {
+        let end = rows.get(i + 1).map_or(f64::MAX, |&r| seconds(stamps[r]));
+        let first = applied
+            .stamps
+            .partition_point(|&s| s < seconds(stamps[rows[i]]) - 1e-6);
+        let last = applied.stamps.partition_point(|&s| s < end - 1e-6);
+        let joints = applied.velocities[first..last].iter().flatten();
+        let wheels = applied.wheels.iter().flat_map(|w| &w[first..last]);
+        let knuckle = &applied.knuckle[first..last];
+        let least = knuckle.iter().copied().fold(f64::MAX, f64::min);
+        let most = knuckle.iter().copied().fold(f64::MIN, f64::max);
+        joints.map(|v| v.abs()).fold(0.0, f64::max) > JOINT_RESTS
+            || wheels.map(|v| v.abs()).fold(0.0, f64::max) > WHEEL_RESTS
+            || most - least > KNUCKLE_RESTS
+    };
+    let first = (0..rows.len()).find(|&i| moves(i));
+    let last = (0..rows.len()).rev().find(|&i| moves(i));
+    let (Some(first), Some(last)) = (first, last) else {
+        return 0..rows.len();
+    };
+    let (from, to) = (seconds(stamps[rows[first]]), seconds(stamps[rows[last]]));
+    let keeps = |i: &usize| {
+        let at = seconds(stamps[rows[*i]]);
+        at >= from - keep - 1e-6 && at <= to + keep + 1e-6
+    };
+    let start = (0..=first).find(keeps).unwrap_or(first);
+    let end = (last..rows.len()).rev().find(keeps).unwrap_or(last);
+    start..end + 1
+}
+
+/// What must be the same in all episodes of one set: the robot's joints in their
+/// order, with their limits.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Body {
+    /// Name of the robot.
+    pub robot: String,
+    /// Name, least and greatest position of each joint, rad or m.
+    pub joints: Vec<(String, Option<f64>, Option<f64>)>,
+}
+
+impl Body {
+    /// That of a recording.
+    #[must_use]
+    pub fn of(robot: &v1::RobotDescription) -> Self {
+        let joints = robot.joints.iter();
+        Self {
+            robot: robot.name.clone(),
+            joints: joints.map(|j| (j.name.clone(), j.lower, j.upper)).collect(),
+        }
+    }
+
+    /// Refuses another robot in the same set.
+    ///
+    /// # Errors
+    /// With the first joint that differs.
+    pub fn ensure_same(&self, here: &Self) -> anyhow::Result<()> {
+        if self.joints == here.joints {
+            return Ok(());
+        }
+        let differs = self
+            .joints
+            .iter()
+            .zip(&here.joints)
+            .find(|(a, b)| a != b)
+            .map_or_else(
+                || format!("{} joints, here {}", self.joints.len(), here.joints.len()),
+                |(a, b)| format!("joint {}, here {}", limits(a), limits(b)),
+            );
+        anyhow::bail!(
+            "its robot {:?} is not that of the first episode, {:?} ({differs}); export each robot into a set of its own",
+            here.robot,
+            self.robot
+        )
+    }
+}
+
+fn limits((name, lower, upper): &(String, Option<f64>, Option<f64>)) -> String {
+    let word = |limit: &Option<f64>| limit.map_or("none".to_owned(), |l| format!("{l:.4}"));
+    format!("{name} from {} to {}", word(lower), word(upper))
 }
 
 /// The cameras that have pictures, with the size that these get: `size` where it
@@ -164,7 +356,7 @@ pub fn cameras(recording: &Recording, size: Option<Size>) -> BTreeMap<String, Si
 ///
 /// # Errors
 /// When no two rows lie on a grid.
-pub fn grid(recording: &Recording) -> anyhow::Result<(u32, Vec<usize>, Vec<String>)> {
+fn grid(recording: &Recording) -> anyhow::Result<(u32, Vec<usize>, Vec<String>)> {
     let (rows, mut notes) = recording.rows(&STREAMS)?;
     let stamps = &recording.aligned.stamps;
     let usual = usual_distance(stamps).unwrap_or(0).max(1);
@@ -196,4 +388,58 @@ pub fn grid(recording: &Recording) -> anyhow::Result<(u32, Vec<usize>, Vec<Strin
         ));
     }
     Ok((rate as u32, best.to_vec(), notes))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn idle_ends_are_cut_and_what_is_asked_of_them_stays() {
+        let count = 61;
+        let mut applied = Applied {
+            stamps: (0..count).map(|k| f64::from(k) / 60.0).collect(),
+            velocities: vec![[0.0; 6]; 61],
+            wheels: [vec![0.0; 61], vec![0.0; 61]],
+            knuckle: vec![0.1; 61],
+            ..Applied::default()
+        };
+        let stamps: Vec<u64> = (0..=10).map(|k| k * 100_000_000).collect();
+        let rows: Vec<usize> = (0..11).collect();
+        assert_eq!(busy(&applied, &rows, &stamps, 0.1), 0..11);
+        applied.wheels[1][20] = 0.3;
+        applied.velocities[35][2] = -0.1;
+        assert_eq!(busy(&applied, &rows, &stamps, 0.0), 3..6);
+        assert_eq!(busy(&applied, &rows, &stamps, 0.2), 1..8);
+        assert_eq!(busy(&applied, &rows, &stamps, 9.0), 0..11);
+    }
+
+    #[test]
+    fn a_robot_with_other_joints_is_refused_by_the_joint() {
+        let joint = |name: &str, upper| v1::RobotJoint {
+            name: name.to_owned(),
+            upper,
+            ..Default::default()
+        };
+        let robot = |name: &str, joints: &[v1::RobotJoint]| {
+            Body::of(&v1::RobotDescription {
+                name: name.to_owned(),
+                joints: joints.to_vec(),
+                ..Default::default()
+            })
+        };
+        let first = robot("one", &[joint("a", None), joint("b", Some(1.0))]);
+        assert!(first.ensure_same(&first.clone()).is_ok());
+        let swapped = robot("two", &[joint("b", Some(1.0)), joint("a", None)]);
+        let problem = first.ensure_same(&swapped).unwrap_err().to_string();
+        assert!(
+            problem.contains("joint a") && problem.contains("two"),
+            "{problem}"
+        );
+        let longer = robot("one", &[joint("a", None), joint("b", Some(1.1))]);
+        let problem = first.ensure_same(&longer).unwrap_err().to_string();
+        assert!(problem.contains("1.1000"), "{problem}");
+        let fewer = robot("one", &[joint("a", None)]);
+        assert!(first.ensure_same(&fewer).is_err());
+    }
 }

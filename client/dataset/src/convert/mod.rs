@@ -24,7 +24,7 @@ use anyhow::Context;
 use wheelarm_proto::robot::Roles;
 use wheelarm_proto::{check, v1};
 
-use crate::align::{AlignOptions, Aligned, align};
+use crate::align::{AlignError, AlignOptions, Aligned, align};
 use crate::label::{self, Corrections};
 use crate::pose::Pose;
 use crate::read::{Camera, Episode, Summary};
@@ -69,9 +69,26 @@ impl Recording {
         options: &ReadOptions,
         wanted: &dyn Fn(&str) -> bool,
     ) -> anyhow::Result<Self> {
+        Self::open_for(path, options, wanted, true)
+    }
+
+    /// As [`Recording::open`]; one that was recorded without cameras has no rows
+    /// unless that `needs_pictures`.
+    ///
+    /// # Errors
+    /// As [`Recording::open`].
+    pub fn open_for(
+        path: &Path,
+        options: &ReadOptions,
+        wanted: &dyn Fn(&str) -> bool,
+        needs_pictures: bool,
+    ) -> anyhow::Result<Self> {
         let episode = Episode::open(path)?;
         let summary = episode.summary()?;
-        let aligned = align(&episode, &options.align, wanted)?;
+        let aligned = match align(&episode, &options.align, wanted) {
+            Err(AlignError::NoPictures { .. }) if !needs_pictures => Aligned::empty(),
+            aligned => aligned?,
+        };
         let (robot, roles) = episode.roles()?;
         let found = label::segments(&episode)?;
         let start = summary.span_nanos.0;
@@ -210,6 +227,10 @@ pub struct Written {
 pub trait Format: Sync {
     /// Streams that it reads, as [`Recording::open`] aligns them.
     fn wants(&self, stream: &str) -> bool;
+    /// Whether it makes rows, which are those of a camera.
+    fn needs_pictures(&self) -> bool {
+        true
+    }
     /// Whether all recordings become one data set, in their order.
     fn collects(&self) -> bool {
         false

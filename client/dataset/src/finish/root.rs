@@ -94,6 +94,10 @@ pub(super) fn attributes(
         .text(
             "failure_reason",
             evaluation.map_or("", |e| e.failure.as_str()),
+        )?
+        .text(
+            "failure_code",
+            &evaluation.map_or_else(String::new, |e| e.failure_reason().word()),
         )?;
     if let Some(evaluation) = evaluation {
         at.set("task_seconds", evaluation.elapsed_seconds)?;

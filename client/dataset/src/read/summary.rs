@@ -31,6 +31,8 @@ pub struct Summary {
     pub anomaly_kinds: Vec<String>,
     /// Conditions with their state and measured value at the end.
     pub conditions: Vec<(String, bool, f64)>,
+    /// Its states were shown from another recording, not computed.
+    pub as_recorded: bool,
     /// Everything that was published is there.
     pub complete: bool,
     /// Why not.
@@ -106,6 +108,7 @@ impl Episode {
             anomaly_kinds: texts(at, "anomaly_kinds").unwrap_or_default(),
             conditions,
             complete: number(at, "complete").map_err(|e| self.hdf5("complete", e))?,
+            as_recorded: number(at, "as_recorded").unwrap_or_default(),
             problems: texts(at, "problems").map_err(|e| self.hdf5("problems", e))?,
             streams,
             span_nanos: span,

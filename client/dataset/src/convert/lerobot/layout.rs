@@ -4,28 +4,31 @@
 use std::collections::BTreeMap;
 
 use serde_json::{Value, json};
+use wheelarm_policy::{ActionKind, state_names};
 
 use super::table::{Cells, Column};
-use crate::convert::learning::{self, Learning};
+use crate::convert::learning::{Body, Learning};
 use crate::convert::{Recording, Size};
 
-/// Rate and cameras of the set.
+/// Rate, cameras and robot of the set.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Layout {
     /// Rows per second.
     pub rate: u32,
     /// Cameras with the size of their pictures.
     pub cameras: BTreeMap<String, Size>,
+    /// The robot.
+    pub body: Body,
+    /// Names of the values of [`VECTORS`].
+    pub names: [Vec<String>; 3],
 }
 
 /// Some rows of an episode, with what they are in the set.
 pub(super) struct Block<'a> {
     /// The recording.
     pub recording: &'a Recording,
-    /// Its state and action.
+    /// All rows that the episode has in the set: state and action.
     pub learning: &'a Learning<'a>,
-    /// All rows that the episode has in the set.
-    pub rows: &'a [usize],
     /// The first and how many of them are meant.
     pub part: (usize, usize),
     /// Rows per second.
@@ -46,16 +49,17 @@ impl Block<'_> {
 
     /// The row of the alignment.
     fn row(&self, i: usize) -> usize {
-        self.rows[self.frame(i)]
+        self.learning.rows[self.frame(i)]
     }
 
     /// The row after it; the last one is its own.
     fn next(&self, i: usize) -> usize {
-        self.rows[(self.frame(i) + 1).min(self.rows.len() - 1)]
+        let rows = &self.learning.rows;
+        rows[(self.frame(i) + 1).min(rows.len() - 1)]
     }
 
     fn is_last(&self, i: usize) -> bool {
-        self.frame(i) + 1 == self.rows.len()
+        self.frame(i) + 1 == self.learning.rows.len()
     }
 
     fn label(&self, i: usize) -> usize {
@@ -119,22 +123,18 @@ const FLAT: [(&str, Flat); 11] = [
     ("task_index", Flat::I64(|b, _| b.task)),
 ];
 
-/// A feature of several numbers: its name, the names of the numbers, and the
-/// numbers of a row of the alignment.
-type Vector = (
-    &'static str,
-    fn() -> Vec<String>,
-    fn(&Learning<'_>, usize) -> Vec<f64>,
-);
+/// A feature of several numbers, and those of a row of a block.
+type Vector = (&'static str, fn(&Block<'_>, usize) -> Vec<f64>);
 
-const VECTORS: [Vector; 2] = [
-    (
-        "observation.state",
-        learning::state_names,
-        |learning, row| learning.state(row),
-    ),
-    ("action", learning::action_names, |learning, row| {
-        learning.action(row)
+/// State, action, and what no robot knows of itself, which readers must not take
+/// for an observation: LeRobot feeds whatever is called so to a policy.
+pub(super) const VECTORS: [Vector; 3] = [
+    ("observation.state", |b, i| {
+        b.learning.states[b.frame(i)].clone()
+    }),
+    ("action", |b, i| b.learning.actions[b.frame(i)].clone()),
+    ("privileged.chair_pose", |b, i| {
+        b.learning.chair(b.row(i)).to_vec()
     }),
 ];
 
@@ -146,11 +146,15 @@ pub(super) fn image_key(camera: &str) -> String {
 /// The numeric columns of a block, in the order of [`Layout::features`], behind
 /// the pictures.
 pub(super) fn numbers(block: &Block<'_>) -> Vec<Column> {
-    let vectors = VECTORS.iter().map(|(name, names, of)| {
-        let rows = (0..block.part.1).flat_map(|i| of(block.learning, block.row(i)));
+    let vectors = VECTORS.iter().map(|(name, of)| {
+        let rows: Vec<f32> = (0..block.part.1)
+            .flat_map(|i| of(block, i))
+            .map(|v| v as f32)
+            .collect();
+        let width = rows.len() / block.part.1.max(1);
         Column {
             name: (*name).to_owned(),
-            cells: Cells::F32(vec![names().len()], rows.map(|v| v as f32).collect()),
+            cells: Cells::F32(vec![width], rows),
         }
     });
     let flat = FLAT.iter().map(|(name, flat)| Column {
@@ -161,6 +165,23 @@ pub(super) fn numbers(block: &Block<'_>) -> Vec<Column> {
 }
 
 impl Layout {
+    /// The layout of a recording, with pictures of `cameras`.
+    pub fn of(
+        recording: &Recording,
+        rate: u32,
+        cameras: BTreeMap<String, Size>,
+        action: ActionKind,
+    ) -> Self {
+        let robot = &recording.robot;
+        let pose = ["x", "y", "z", "qx", "qy", "qz", "qw"].map(String::from);
+        Self {
+            rate,
+            cameras,
+            body: Body::of(robot),
+            names: [state_names(robot), action.names(robot), pose.to_vec()],
+        }
+    }
+
     /// The features as `meta/info.json` lists them.
     pub fn features(&self) -> Value {
         let mut out = serde_json::Map::new();
@@ -169,10 +190,9 @@ impl Layout {
                 "names": ["height", "width", "channels"]});
             out.insert(image_key(camera), feature);
         }
-        for (name, names, _) in VECTORS {
-            let names = names();
+        for ((name, _), names) in VECTORS.iter().zip(&self.names) {
             let feature = json!({"dtype": "float32", "shape": [names.len()], "names": names});
-            out.insert(name.into(), feature);
+            out.insert((*name).into(), feature);
         }
         for (name, flat) in FLAT {
             let feature = json!({"dtype": flat.dtype(), "shape": [1], "names": null});
@@ -187,10 +207,10 @@ impl Layout {
         for camera in self.cameras.keys() {
             out.insert(image_key(camera), json!({"_type": "Image"}));
         }
-        for (name, names, _) in VECTORS {
+        for ((name, _), names) in VECTORS.iter().zip(&self.names) {
             let feature = json!({"feature": {"dtype": "float32", "_type": "Value"},
-                "length": names().len(), "_type": "Sequence"});
-            out.insert(name.into(), feature);
+                "length": names.len(), "_type": "Sequence"});
+            out.insert((*name).into(), feature);
         }
         for (name, flat) in FLAT {
             let feature = json!({"dtype": flat.dtype(), "_type": "Value"});

@@ -8,6 +8,7 @@ use super::layout::Layout;
 use super::set::{EpisodeRow, FILE_BYTES, FOLDER_FILES, Set};
 use super::statistics::{Gathered, NAMES};
 use super::table::{Cells, Column, Table};
+use crate::convert::learning::LEAST_DEVIATION;
 use crate::label;
 
 fn column(name: &str, cells: Cells) -> Column {
@@ -56,13 +57,20 @@ pub(super) fn metadata(folder: &Path, set: &Set, layout: &Layout) -> anyhow::Res
     let statistics: serde_json::Map<String, Value> = set
         .statistics
         .iter()
-        .map(|(name, values)| (name.clone(), values.summary().json()))
+        .map(|(name, values)| {
+            let mut summary = values.summary();
+            // What hardly changes must not be blown up by a reader that divides by it.
+            if ["observation.state", "action"].contains(&name.as_str()) {
+                summary.widen(LEAST_DEVIATION);
+            }
+            (name.clone(), summary.json())
+        })
         .collect();
     let write = |name: &str, value: &Value| std::fs::write(meta.join(name), format!("{value:#}\n"));
     write("stats.json", &Value::Object(statistics))?;
     let info = json!({
         "codebase_version": "v3.0",
-        "robot_type": "whill_gen3",
+        "robot_type": layout.body.robot,
         "total_episodes": set.episodes.len(),
         "total_frames": set.rows,
         "total_tasks": set.tasks.len(),

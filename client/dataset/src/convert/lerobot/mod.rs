@@ -25,7 +25,7 @@ use self::statistics::Gathered;
 use self::table::{Cells, Column};
 use super::batch::parallel;
 use super::intrinsics;
-use super::learning::{self, Learning};
+use super::learning::{self, Learning, RowOptions};
 use super::{Format, PendingFolder, Recording, Size, Written, png_rgb, scaled};
 
 /// Rows that are encoded, and written as one row group, together.
@@ -36,6 +36,7 @@ const COUNTED_PIXELS: usize = 20_000;
 /// Writes one data set.
 pub struct LeRobot {
     size: Option<Size>,
+    rows: RowOptions,
     threads: usize,
     set: Mutex<Set>,
 }
@@ -45,9 +46,15 @@ impl LeRobot {
     ///
     /// # Errors
     /// When `out` exists already.
-    pub fn new(out: &Path, size: Option<Size>, threads: usize) -> anyhow::Result<Self> {
+    pub fn new(
+        out: &Path,
+        size: Option<Size>,
+        rows: RowOptions,
+        threads: usize,
+    ) -> anyhow::Result<Self> {
         Ok(Self {
             size,
+            rows,
             threads,
             set: Mutex::new(Set::new(PendingFolder::new(out)?)),
         })
@@ -96,22 +103,27 @@ impl Format for LeRobot {
     }
 
     fn add(&self, recording: &Recording, tick: &(dyn Fn() + Sync)) -> anyhow::Result<Written> {
-        let (rate, rows, notes) = learning::grid(recording)?;
+        let (rate, learning) = Learning::on_grid(recording, &self.rows)?;
         let cameras = learning::cameras(recording, self.size);
-        let layout = Layout { rate, cameras };
+        let layout = Layout::of(recording, rate, cameras, self.rows.action);
         anyhow::ensure!(!layout.cameras.is_empty(), "the episode has no pictures");
         let set = &mut *self.set.lock();
         if let Some(first) = &set.layout {
+            first.body.ensure_same(&layout.body)?;
             anyhow::ensure!(
-                *first == layout,
-                "rate or pictures differ from those of the first episode ({first:?}, here {layout:?}); --size makes sizes equal"
+                (first.rate, &first.cameras) == (layout.rate, &layout.cameras),
+                "rate or pictures differ from those of the first episode ({} Hz, {:?}, here {} Hz, {:?}); --size makes sizes equal",
+                first.rate,
+                first.cameras,
+                layout.rate,
+                layout.cameras
             );
         }
 
         // Everything that can fail because of the recording comes first.
-        let learning = Learning::of(recording)?;
+        let rows = &learning.rows;
         let mut scratch = Scratch::new(set.folder.path())?;
-        let mut statistics = self.encode(recording, &layout, &rows, &mut scratch, tick)?;
+        let mut statistics = self.encode(recording, &layout, rows, &mut scratch, tick)?;
 
         if set.layout.is_none() {
             set.calibration = intrinsics::cameras(recording, self.size);
@@ -122,7 +134,6 @@ impl Format for LeRobot {
         let whole = Block {
             recording,
             learning: &learning,
-            rows: &rows,
             part: (0, 0),
             rate,
             episode,
@@ -142,7 +153,7 @@ impl Format for LeRobot {
         Ok(Written {
             path: PathBuf::from(format!("episode {episode}")),
             samples: rows.len(),
-            notes,
+            notes: learning.notes.clone(),
         })
     }
 
@@ -213,7 +224,7 @@ fn write_rows(
     scratch.file.rewind()?;
     let mut reader = std::io::BufReader::new(&scratch.file);
     let mut lengths = scratch.lengths.iter();
-    let all = whole.rows.len();
+    let all = whole.learning.rows.len();
     for first in (0..all).step_by(BLOCK) {
         let count = BLOCK.min(all - first);
         let mut columns = Vec::new();

@@ -6,6 +6,8 @@ use serde_json::{Value, json};
 pub const NAMES: [&str; 9] = [
     "min", "max", "mean", "std", "q01", "q10", "q50", "q90", "q99",
 ];
+/// Place of the deviation among them.
+const STD: usize = 3;
 const QUANTILES: [f64; 5] = [0.01, 0.10, 0.50, 0.90, 0.99];
 
 /// Values of a feature, gathered row by row.
@@ -169,6 +171,13 @@ fn colour(counts: &[u64; 256]) -> [f64; 9] {
 }
 
 impl Summary {
+    /// Raises every deviation to `least`; least, greatest value and quantiles stay.
+    pub fn widen(&mut self, least: f64) {
+        for deviation in &mut self.lists[STD] {
+            *deviation = deviation.max(least);
+        }
+    }
+
     /// As in `meta/stats.json`.
     #[must_use]
     pub fn json(&self) -> Value {
@@ -210,7 +219,10 @@ mod tests {
         {
             assert!((found - expected).abs() < 1e-4, "{first:?}");
         }
-        assert!(s.lists[3][1].abs() < 1e-9 && s.count == 101);
+        assert!(s.lists[STD][1].abs() < 1e-9 && s.count == 101);
+        let mut wide = s.clone();
+        wide.widen(0.01);
+        assert_eq!(wide.lists[STD], [s.lists[STD][0], 0.01]);
         let mut picture = Gathered::colours();
         picture.picture(&[255, 0, 51].repeat(8), 1);
         let s = picture.summary();

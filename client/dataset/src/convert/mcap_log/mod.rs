@@ -39,6 +39,10 @@ impl Format for McapLog {
         false
     }
 
+    fn needs_pictures(&self) -> bool {
+        false
+    }
+
     fn add(&self, recording: &Recording, tick: &(dyn Fn() + Sync)) -> anyhow::Result<Written> {
         let name = format!("{}.mcap", recording.summary.label);
         let pending = PendingFile::new(&self.out.join(name))?;

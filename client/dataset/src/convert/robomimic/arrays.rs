@@ -5,7 +5,7 @@ use hdf5::{Dataset, Group, H5Type};
 use crate::hdf::Attributes;
 
 /// Unit and frame of a dataset; the frame is empty where there is none.
-pub(super) type What<'a> = (&'static str, &'a str);
+pub(super) type What<'a> = (&'a str, &'a str);
 
 /// Numbers without a unit.
 pub(super) const NUMBER: What<'static> = ("1", "");

@@ -37,10 +37,7 @@ pub(super) fn write(
     let target: &Signal = recording.need("applied", "desired_pose")?;
     let target = matrices(&|r| in_house(r, target.row(r)));
     rows(&info, "target_pose", POSE, &target, &[4, 4])?;
-    let knuckle: Vec<f64> = here
-        .iter()
-        .map(|&r| learning.action(r).last().copied().unwrap_or(0.0))
-        .collect();
+    let knuckle: Vec<f64> = here.iter().map(|&r| learning.knuckle_target(r)).collect();
     let what = ("rad (knuckle)", "");
     rows(&info, "gripper_action", what, &knuckle, &[1])?;
     let objects = info.create_group("object_poses")?;

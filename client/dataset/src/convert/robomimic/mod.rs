@@ -13,11 +13,13 @@ use anyhow::Context;
 use hdf5::Group;
 use parking_lot::Mutex;
 use serde_json::json;
+use wheelarm_policy::{STATE, state_names, state_units};
+use wheelarm_proto::robot::ARM_JOINTS;
 
 use self::arrays::{NUMBER, What, describe, rows};
 use super::batch::parallel;
 use super::intrinsics;
-use super::learning::{self, Learning};
+use super::learning::{self, Body, LEAST_DEVIATION, Learning, RowOptions};
 use super::{Format, PendingFile, Recording, Size, Written, scaled};
 use crate::calibration::{CONVENTION, PIXEL_CENTRE};
 use crate::compress::Deflate;
@@ -31,6 +33,7 @@ const VALIDATION: usize = 10;
 /// Writes one file of all episodes.
 pub struct Robomimic {
     size: Option<Size>,
+    rows: RowOptions,
     threads: usize,
     set: Mutex<Set>,
 }
@@ -49,6 +52,10 @@ struct Common {
     /// Least and greatest raw value of every action component so far.
     range: Range,
     environment: serde_json::Value,
+    /// The robot; every episode has the same.
+    body: Body,
+    /// Names of the values of an action.
+    names: Vec<String>,
     /// Cameras with their sizes; every episode has the same.
     cameras: Vec<(String, Size)>,
     /// Their intrinsics in the first episode, for pictures of these sizes.
@@ -60,12 +67,18 @@ impl Robomimic {
     ///
     /// # Errors
     /// When `out` exists already or cannot be made.
-    pub fn new(out: &Path, size: Option<Size>, threads: usize) -> anyhow::Result<Self> {
+    pub fn new(
+        out: &Path,
+        size: Option<Size>,
+        rows: RowOptions,
+        threads: usize,
+    ) -> anyhow::Result<Self> {
         let pending = PendingFile::new(out)?;
         let file = hdf5::File::create_excl(pending.path())?;
         file.create_group("data")?;
         Ok(Self {
             size,
+            rows,
             threads,
             set: Mutex::new(Set {
                 pending,
@@ -88,12 +101,18 @@ impl Format for Robomimic {
     }
 
     fn add(&self, recording: &Recording, tick: &(dyn Fn() + Sync)) -> anyhow::Result<Written> {
-        let (rate, rows, notes) = learning::grid(recording)?;
+        let (rate, learning) = Learning::on_grid(recording, &self.rows)?;
+        let rows = &learning.rows;
+        anyhow::ensure!(
+            rows.len() > 1,
+            "one row is left, and an action needs a next one"
+        );
         let set = &mut *self.set.lock();
         let cameras: Vec<(String, Size)> = learning::cameras(recording, self.size)
             .into_iter()
             .collect();
         if let Some(common) = &set.common {
+            common.body.ensure_same(&Body::of(&recording.robot))?;
             anyhow::ensure!(
                 common.cameras == cameras,
                 "pictures differ from those of the first episode ({:?}, here {cameras:?}); --size makes sizes equal",
@@ -103,7 +122,7 @@ impl Format for Robomimic {
         let data = set.file.group("data")?;
         let name = format!("demo_{}", set.demos);
         let group = data.create_group(&name)?;
-        let (low, high) = match self.demo(&group, recording, &rows, &cameras, tick) {
+        let (low, high) = match self.demo(&group, recording, &learning, &cameras, tick) {
             Ok(range) => range,
             Err(problem) => {
                 drop(group);
@@ -122,7 +141,9 @@ impl Format for Robomimic {
             None => {
                 set.common = Some(Common {
                     range: (low, high),
-                    environment: environment(recording, rate),
+                    environment: environment(recording, rate, self.rows.action.name()),
+                    body: Body::of(&recording.robot),
+                    names: self.rows.action.names(&recording.robot),
                     cameras,
                     calibration: intrinsics::cameras(recording, self.size),
                 });
@@ -133,7 +154,7 @@ impl Format for Robomimic {
         Ok(Written {
             path: Path::new("data").join(name),
             samples: rows.len() - 1,
-            notes,
+            notes: learning.notes.clone(),
         })
     }
 
@@ -142,13 +163,13 @@ impl Format for Robomimic {
         let Some(common) = set.common else {
             anyhow::bail!("no episode could be taken: there is no data set");
         };
-        let (low, high) = &common.range;
+        let (low, high) = &widened(&common.range);
         let data = set.file.group("data")?;
         let mut train = Vec::new();
         let mut valid = Vec::new();
         for demo in 0..set.demos {
             let name = format!("demo_{demo}");
-            normalise(&data.group(&name)?, low, high)?;
+            normalise(&data.group(&name)?, low, high, &common.names)?;
             let validates = set.demos > 1 && demo % VALIDATION == VALIDATION.min(set.demos) - 1;
             if validates { &mut valid } else { &mut train }.push(name);
         }
@@ -157,7 +178,8 @@ impl Format for Robomimic {
             .text("camera_calibration", &common.calibration.to_string())?
             .set("total", i64::try_from(set.rows)?)?
             .text("env_args", &common.environment.to_string())?
-            .texts("action_names", &learning::action_names())?
+            .text("action_kind", self.rows.action.name())?
+            .texts("action_names", &common.names)?
             .texts("cameras", &cameras)?;
         for (name, values) in [("action_low", low), ("action_high", high)] {
             let attribute = data.new_attr::<f64>().shape([values.len()]).create(name)?;
@@ -177,7 +199,19 @@ impl Format for Robomimic {
     }
 }
 
-fn environment(recording: &Recording, rate: u32) -> serde_json::Value {
+/// A range that scales no value that hardly changes up to the whole of [-1, 1].
+fn widened((low, high): &Range) -> Range {
+    let pairs = low.iter().zip(high).map(|(&low, &high)| {
+        let middle = (low + high) / 2.0;
+        (
+            low.min(middle - LEAST_DEVIATION),
+            high.max(middle + LEAST_DEVIATION),
+        )
+    });
+    pairs.unzip()
+}
+
+fn environment(recording: &Recording, rate: u32, action: &str) -> serde_json::Value {
     let [task, activity, area] = &recording.summary.task;
     // Type 2 is "gym": robomimic knows no type for environments of one's own.
     json!({
@@ -185,13 +219,13 @@ fn environment(recording: &Recording, rate: u32) -> serde_json::Value {
         "env_version": recording.summary.schema_version,
         "type": 2,
         "env_kwargs": {"task": task, "activity": activity, "area": area, "rate_hz": rate,
-            "cameras": recording.camera_names()},
+            "action": action, "cameras": recording.camera_names()},
     })
 }
 
 /// Scales the raw actions into [-1, 1] by the range over the whole set; a
 /// component that never changes becomes 0.
-fn normalise(demo: &Group, low: &[f64], high: &[f64]) -> anyhow::Result<()> {
+fn normalise(demo: &Group, low: &[f64], high: &[f64], names: &[String]) -> anyhow::Result<()> {
     let raw: Vec<f64> = demo.dataset("actions_raw")?.read_raw()?;
     let width = low.len().max(1);
     let scaled: Vec<f64> = raw
@@ -199,11 +233,7 @@ fn normalise(demo: &Group, low: &[f64], high: &[f64]) -> anyhow::Result<()> {
         .enumerate()
         .map(|(i, v)| {
             let (l, h) = (low[i % width], high[i % width]);
-            if h > l {
-                ((v - l) / (h - l) * 2.0 - 1.0).clamp(-1.0, 1.0)
-            } else {
-                0.0
-            }
+            ((v - l) / (h - l) * 2.0 - 1.0).clamp(-1.0, 1.0)
         })
         .collect();
     let what = (
@@ -211,7 +241,7 @@ fn normalise(demo: &Group, low: &[f64], high: &[f64]) -> anyhow::Result<()> {
         "",
     );
     let data = rows(demo, "actions", what, &scaled, &[width])?;
-    Attributes::of(&data).texts("names", &learning::action_names())?;
+    Attributes::of(&data).texts("names", names)?;
     Ok(())
 }
 
@@ -224,17 +254,17 @@ impl Robomimic {
         &self,
         group: &Group,
         recording: &Recording,
-        all: &[usize],
+        learning: &Learning<'_>,
         cameras: &[(String, Size)],
         tick: &(dyn Fn() + Sync),
     ) -> anyhow::Result<Range> {
-        let learning = Learning::of(recording)?;
+        let all = learning.rows.as_slice();
         let here = &all[..all.len() - 1];
-        let next = &all[1..];
-        let range = numbers(group, recording, &learning, all)?;
+        let range = self.numbers(group, recording, learning)?;
         let (obs, next_obs) = (group.create_group("obs")?, group.create_group("next_obs")?);
-        observations(&obs, recording, &learning, here)?;
-        observations(&next_obs, recording, &learning, next)?;
+        observations(&obs, recording, learning, 0..here.len())?;
+        observations(&next_obs, recording, learning, 1..all.len())?;
+        privileged(&group.create_group("privileged")?, learning, here)?;
         for (number, camera) in cameras.iter().enumerate() {
             let tick = || {
                 if number == 0 {
@@ -243,7 +273,7 @@ impl Robomimic {
             };
             self.pictures([&obs, &next_obs], recording, camera, all, &tick)?;
         }
-        datagen::write(group, recording, &learning, here)?;
+        datagen::write(group, recording, learning, here)?;
         Ok(range)
     }
 
@@ -294,102 +324,139 @@ impl Robomimic {
     }
 }
 
-/// Writes actions, states, rewards and labels of the rows `all`, of which the
-/// last one is only somebody's next, and returns the range of the raw actions.
-fn numbers(
-    group: &Group,
-    recording: &Recording,
-    learning: &Learning<'_>,
-    all: &[usize],
-) -> anyhow::Result<Range> {
-    let (here, next) = (&all[..all.len() - 1], &all[1..]);
-    let n = here.len();
-    let action: Vec<f64> = here.iter().flat_map(|&r| learning.action(r)).collect();
-    let width = learning::action_names().len();
-    let what = ("rad (joints, knuckle), rad/s (wheels)", "");
-    let data = rows(group, "actions_raw", what, &action, &[width])?;
-    Attributes::of(&data).texts("names", &learning::action_names())?;
-    let state: Vec<f64> = here.iter().flat_map(|&r| learning.state(r)).collect();
-    let names = learning::state_names();
-    let what = (
-        "rad, rad/s (joints), m, 1 (poses), m/s, rad/s (chair)",
-        "end effector in base_link, wheelchair in house",
-    );
-    let data = rows(group, "states", what, &state, &[names.len()])?;
-    Attributes::of(&data).texts("names", &names)?;
-    let reward = next
-        .iter()
-        .map(|&r| f64::from(u8::from(learning.success(r))));
-    let reward: Vec<f64> = reward.collect();
-    rows(group, "rewards", NUMBER, &reward, &[])?;
-    let dones: Vec<i64> = (1..=n).map(|i| i64::from(i == n)).collect();
-    rows(group, "dones", NUMBER, &dones, &[])?;
-    let stamps = &recording.aligned.stamps;
-    let time: Vec<f64> = here.iter().map(|&r| stamps[r] as f64 * 1e-9).collect();
-    rows(group, "simulation_time", ("s", ""), &time, &[])?;
-    let phase = here.iter().map(|&r| i64::from(recording.labels[r]));
-    let phase: Vec<i64> = phase.collect();
-    let what = ("1 (0 navigating, 1 reaching, 2 grasping, 3 retracting)", "");
-    rows(group, "phase", what, &phase, &[])?;
-    Attributes::of(group)
-        .set("num_samples", i64::try_from(n)?)?
-        .text("label", &recording.summary.label)?
-        .text("instruction", &recording.summary.instruction)?
-        .set("success", recording.summary.success)?;
-    let column = |c: usize| action.iter().skip(c).step_by(width).copied();
-    let extreme = |start: f64, of: fn(f64, f64) -> f64| {
-        (0..width).map(|c| column(c).fold(start, of)).collect()
-    };
-    Ok((extreme(f64::MAX, f64::min), extreme(f64::MIN, f64::max)))
+impl Robomimic {
+    /// Writes actions, states, rewards and labels of the rows, of which the last
+    /// one is only somebody's next, and returns the range of the raw actions.
+    fn numbers(
+        &self,
+        group: &Group,
+        recording: &Recording,
+        learning: &Learning<'_>,
+    ) -> anyhow::Result<Range> {
+        let all = learning.rows.as_slice();
+        let (here, next) = (&all[..all.len() - 1], &all[1..]);
+        let n = here.len();
+        let kind = self.rows.action;
+        let flat = |rows: &[Vec<f64>]| rows[..n].concat();
+        let list = |units: Vec<&str>| units.join(", ");
+        let action = flat(&learning.actions);
+        let width = kind.size();
+        let units = list(kind.units().collect());
+        let data = rows(group, "actions_raw", (&units, ""), &action, &[width])?;
+        Attributes::of(&data).texts("names", &kind.names(&recording.robot))?;
+        let names = state_names(&recording.robot);
+        let units = list(state_units().collect());
+        let frame = format!(
+            "hand in {}, odometry from the first row",
+            recording.robot.arm_base_link
+        );
+        let what = (units.as_str(), frame.as_str());
+        let state = flat(&learning.states);
+        let data = rows(group, "states", what, &state, &[names.len()])?;
+        Attributes::of(&data).texts("names", &names)?;
+        let reward = next
+            .iter()
+            .map(|&r| f64::from(u8::from(learning.success(r))));
+        let reward: Vec<f64> = reward.collect();
+        rows(group, "rewards", NUMBER, &reward, &[])?;
+        let dones: Vec<i64> = (1..=n).map(|i| i64::from(i == n)).collect();
+        rows(group, "dones", NUMBER, &dones, &[])?;
+        let stamps = &recording.aligned.stamps;
+        let time: Vec<f64> = here.iter().map(|&r| stamps[r] as f64 * 1e-9).collect();
+        rows(group, "simulation_time", ("s", ""), &time, &[])?;
+        let phase = here.iter().map(|&r| i64::from(recording.labels[r]));
+        let phase: Vec<i64> = phase.collect();
+        let what = ("1 (0 navigating, 1 reaching, 2 grasping, 3 retracting)", "");
+        rows(group, "phase", what, &phase, &[])?;
+        Attributes::of(group)
+            .set("num_samples", i64::try_from(n)?)?
+            .text("label", &recording.summary.label)?
+            .text("instruction", &recording.summary.instruction)?
+            .set("success", recording.summary.success)?;
+        let column = |c: usize| action.iter().skip(c).step_by(width).copied();
+        let extreme = |start: f64, of: fn(f64, f64) -> f64| {
+            (0..width).map(|c| column(c).fold(start, of)).collect()
+        };
+        Ok((extreme(f64::MAX, f64::min), extreme(f64::MIN, f64::max)))
+    }
 }
+
+const QUATERNION: &str = "1 (unit quaternion x y z w)";
 
 /// An observation: its name, unit and frame, width, and what it takes from a row.
 type Observation<'a> = (&'a str, What<'a>, usize, &'a dyn Fn(usize) -> Vec<f64>);
 
-/// Writes the numbers that a policy sees in each of `list`'s rows.
+/// Writes the numbers that a policy sees in each of some rows.
 fn observations(
     group: &Group,
     recording: &Recording,
     learning: &Learning<'_>,
-    list: &[usize],
+    part: std::ops::Range<usize>,
 ) -> anyhow::Result<()> {
-    const QUATERNION: &str = "1 (unit quaternion x y z w)";
     let base = recording.robot.arm_base_link.as_str();
     let chair = recording.robot.root_link.as_str();
     // Joints of the arm, which stand before the knuckle.
-    let arm = 6;
-    let observed: [Observation<'_>; 8] = [
-        ("joint_pos", ("rad", ""), arm, &|r| {
-            learning.joints(r)[..arm].to_vec()
+    let arm = ARM_JOINTS;
+    let place = |i: usize| learning.rows[i];
+    let observed: [Observation<'_>; 7] = [
+        ("joint_pos", ("rad", ""), arm, &|i| {
+            learning.joints(place(i))[..arm].to_vec()
         }),
-        ("joint_vel", ("rad/s", ""), arm, &|r| {
-            learning.speeds(r)[..arm].to_vec()
+        ("joint_vel", ("rad/s", ""), arm, &|i| {
+            learning.speeds(place(i))[..arm].to_vec()
         }),
-        ("gripper_qpos", ("rad (knuckle)", ""), 1, &|r| {
-            learning.joints(r)[arm..].to_vec()
+        ("gripper_qpos", ("rad (knuckle)", ""), 1, &|i| {
+            learning.joints(place(i))[arm..].to_vec()
         }),
-        ("eef_pos", ("m", base), 3, &|r| {
-            learning.effector(r)[..3].to_vec()
+        ("eef_pos", ("m", base), 3, &|i| {
+            learning.effector(place(i))[..3].to_vec()
         }),
-        ("eef_quat", (QUATERNION, base), 4, &|r| {
-            learning.effector(r)[3..].to_vec()
+        ("eef_quat", (QUATERNION, base), 4, &|i| {
+            learning.effector(place(i))[3..].to_vec()
         }),
-        ("base_pos", ("m", "house"), 3, &|r| {
-            learning.chair(r)[..3].to_vec()
-        }),
-        ("base_quat", (QUATERNION, "house"), 4, &|r| {
-            learning.chair(r)[3..].to_vec()
-        }),
+        (
+            "odometry",
+            (
+                "m (x, y), 1 (cosine and sine of the yaw)",
+                "chair in the first row",
+            ),
+            4,
+            &|i| learning.states[i][STATE - 4..].to_vec(),
+        ),
         (
             "base_vel",
             ("m/s (forward), rad/s (turn)", chair),
             2,
-            &|r| learning.chair_speed(r).to_vec(),
+            &|i| learning.chair_speed(place(i)).to_vec(),
         ),
     ];
     for (name, what, width, of) in observed {
-        let all: Vec<f64> = list.iter().flat_map(|&r| of(r)).collect();
+        let all: Vec<f64> = part.clone().flat_map(of).collect();
         rows(group, name, what, &all, &[width])?;
     }
     Ok(())
+}
+
+/// Writes what no robot knows of itself.
+fn privileged(group: &Group, learning: &Learning<'_>, here: &[usize]) -> anyhow::Result<()> {
+    let all = |from: usize, to: usize| -> Vec<f64> {
+        let poses = here.iter().map(|&r| learning.chair(r));
+        poses.flat_map(|pose| pose[from..to].to_vec()).collect()
+    };
+    rows(group, "base_pos", ("m", "house"), &all(0, 3), &[3])?;
+    rows(group, "base_quat", (QUATERNION, "house"), &all(3, 7), &[4])?;
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_hardly_changes_is_not_blown_up() {
+        let (low, high) = widened(&(vec![0.4, -1.0, 0.0], vec![0.4001, 1.0, 0.0]));
+        assert!((high[0] - low[0] - 0.02).abs() < 1e-12 && low[0] < 0.4 && high[0] > 0.4001);
+        assert_eq!((low[1], high[1]), (-1.0, 1.0));
+        assert_eq!((low[2], high[2]), (-LEAST_DEVIATION, LEAST_DEVIATION));
+    }
 }
