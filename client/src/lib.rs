@@ -26,4 +26,6 @@ pub mod record;
 pub mod replay;
 #[cfg(feature = "terminal")]
 pub mod teleop;
+#[cfg(feature = "hdf5")]
+mod variation;
 pub mod watch;

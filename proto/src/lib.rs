@@ -17,6 +17,7 @@ pub mod robot;
 pub mod rpc;
 pub mod schema;
 pub mod seal;
+pub mod seeds;
 pub mod settings;
 mod time;
 pub mod topic;

@@ -199,7 +199,7 @@ impl Attempt<'_> {
     /// The scenario that is asked for.
     fn scenario(&self) -> v1::Scenario {
         let plan = &self.setup.plan;
-        v1::Scenario {
+        let mut scenario = v1::Scenario {
             scene: plan.scene.clone(),
             robot: plan.robot.clone(),
             task: Some(self.episode.task.clone()),
@@ -210,10 +210,10 @@ impl Attempt<'_> {
             imu_noise: Some(plan.randomise.imu_noise),
             pacing: v1::Pacing::LockStep.into(),
             quality: plan.quality.code().into(),
-            starts: plan.starts.code().into(),
-            variant_share: plan.bear_share,
             ..v1::Scenario::default()
-        }
+        };
+        plan.variation.apply(self.seed, &mut scenario);
+        scenario
     }
 
     fn server(&self) -> Result<Server, Halt> {

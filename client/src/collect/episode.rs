@@ -4,9 +4,10 @@
 use std::fmt;
 use std::str::FromStr;
 
-use wheelarm_proto::settings::{Named, Starts};
+use wheelarm_proto::seeds::ATTEMPT_STRIDE;
+use wheelarm_proto::settings::Named;
 
-use super::plan::{ATTEMPT_STRIDE, Plan};
+use super::plan::Plan;
 
 /// One episode of a plan.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -32,19 +33,6 @@ impl Episode {
     }
 }
 
-/// What a plan says of starts, where it says anything: a campaign that was begun
-/// before goes on.
-fn starts(plan: &Plan) -> String {
-    let mut words = String::new();
-    if plan.starts != Starts::default() {
-        words.push_str(&format!(" starts={}", plan.starts.name()));
-    }
-    if let Some(share) = plan.bear_share {
-        words.push_str(&format!(" bear_share={share}"));
-    }
-    words
-}
-
 /// The episodes of a plan, in its order.
 #[must_use]
 pub fn episodes(plan: &Plan) -> Vec<Episode> {
@@ -64,7 +52,7 @@ pub fn episodes(plan: &Plan) -> Vec<Episode> {
         } else {
             "fixed"
         },
-        starts(plan),
+        plan.variation.words(),
     );
     let mut all = Vec::with_capacity(plan.episode_count());
     for task in &plan.tasks {

@@ -13,12 +13,12 @@ use serde::de::Error as _;
 use serde::{Deserialize, Deserializer};
 use toml::Spanned;
 use wheelarm_proto::keys::check_name;
+use wheelarm_proto::seeds::{ATTEMPT_STRIDE, Purpose};
 use wheelarm_proto::settings::{Depth, Named, Quality, Starts};
 use wheelarm_proto::v1::CameraSetting;
 
-/// Seeds of two attempts at one episode lie this far apart, so that attempts
-/// never meet the seeds of other episodes.
-pub const ATTEMPT_STRIDE: u64 = 1_000_000;
+use crate::variation::Variation;
+
 /// Width and height that a server takes for a picture, pixels.
 const SIDES: RangeInclusive<u32> = 16..=4096;
 
@@ -41,11 +41,10 @@ pub struct Plan {
     pub depth: Depth,
     /// Work per picture.
     pub quality: Quality,
-    /// Where the robot starts.
-    pub starts: Starts,
-    /// How often a rigid task stands beside the teddy bear, 0 to 1; as the areas
-    /// say when absent.
-    pub bear_share: Option<f64>,
+    /// What its episodes are for.
+    pub purpose: Purpose,
+    /// What differs between episodes beside what their task draws.
+    pub variation: Variation,
     /// Rate of the state streams, Hz.
     pub state_rate: f64,
     /// Rate of the IMU, Hz.
@@ -70,6 +69,10 @@ pub struct Randomise {
     /// Adds the noise of the robot description to the IMU.
     #[serde(default)]
     pub imu_noise: bool,
+    /// Specimens of the robot, each with lenses and camera places of its own
+    /// within the tolerances of its description; 0 for the one that it describes.
+    #[serde(default)]
+    pub robots: u32,
 }
 
 impl Default for Randomise {
@@ -77,6 +80,7 @@ impl Default for Randomise {
         Self {
             operator: true,
             imu_noise: false,
+            robots: 0,
         }
     }
 }
@@ -167,6 +171,8 @@ struct PlanFile {
     quality: Quality,
     #[serde(default, deserialize_with = "named")]
     starts: Starts,
+    #[serde(default, deserialize_with = "purpose")]
+    purpose: Option<Purpose>,
     bear_share: Option<Spanned<f64>>,
     #[serde(default = "sixty")]
     state_rate: Spanned<f64>,
@@ -204,6 +210,9 @@ struct TaskFile {
 fn named<'de, T: Named, D: Deserializer<'de>>(from: D) -> Result<T, D::Error> {
     let name = String::deserialize(from)?;
     T::from_name(&name).map_err(D::Error::custom)
+}
+fn purpose<'de, D: Deserializer<'de>>(from: D) -> Result<Option<Purpose>, D::Error> {
+    named(from).map(Some)
 }
 fn yes() -> bool {
     true
@@ -256,6 +265,7 @@ impl Plan {
         let check = Check { path, text: &text };
         let cameras = check.cameras(file.camera)?;
         let tasks = check.tasks(file.task, file.first_seed)?;
+        let purpose = check.purpose(&tasks, file.purpose)?;
         check.name(&file.name)?;
         check.that(*file.attempts.get_ref() > 0, &file.attempts, || {
             "attempts is 0; at least 1 is needed".to_owned()
@@ -276,8 +286,12 @@ impl Plan {
             attempts: file.attempts.into_inner(),
             depth: file.depth,
             quality: file.quality,
-            starts: file.starts,
-            bear_share: file.bear_share.map(Spanned::into_inner),
+            purpose,
+            variation: Variation {
+                starts: file.starts,
+                bear_share: file.bear_share.map(Spanned::into_inner),
+                robots: file.randomise.robots,
+            },
             state_rate: file.state_rate.into_inner(),
             imu_rate: file.imu_rate.into_inner(),
             sample_rate: file.sample_rate.into_inner(),
@@ -399,6 +413,33 @@ impl Check<'_> {
         Ok(checked)
     }
 
+    /// What the seeds of all tasks are for, which is what the plan says if it
+    /// says it.
+    fn purpose(&self, tasks: &[Task], asked: Option<Purpose>) -> Result<Purpose, PlanError> {
+        let mut asked = asked;
+        for task in tasks {
+            let seeds = task.first_seed..task.first_seed.saturating_add(task.episodes.into());
+            let at = |what: String| PlanError {
+                path: self.path.to_owned(),
+                line: Some(task.line),
+                what: format!("task {:?}: {what}", task.name),
+            };
+            let found = Purpose::of_all(seeds.clone()).map_err(|mixed| at(mixed.to_string()))?;
+            let wanted = *asked.get_or_insert(found);
+            if found != wanted {
+                return Err(at(format!(
+                    "seeds {}..{} are for {}, the plan is for {}, whose seeds are {}",
+                    seeds.start,
+                    seeds.end,
+                    found.name(),
+                    wanted.name(),
+                    wanted.seeds()
+                )));
+            }
+        }
+        Ok(asked.unwrap_or_default())
+    }
+
     fn tasks(&self, tasks: Vec<TaskFile>, first_seed: u64) -> Result<Vec<Task>, PlanError> {
         if tasks.is_empty() {
             return Err(self.whole(
@@ -463,6 +504,23 @@ mod tests {
         assert_eq!(plan.cameras[0].word(), "gen3=64x48@10");
         assert_eq!((plan.attempts, plan.depth.name()), (5, "f32"));
         assert_eq!((plan.episode_count(), plan.tasks[0].first_seed), (2, 0));
+    }
+
+    #[test]
+    fn a_plan_has_one_purpose() {
+        let of = |text: &str| parse(&GOOD.replace("name = \"x\"", text));
+        let develop = of("name = \"x\"").unwrap();
+        assert_eq!(develop.purpose, Purpose::Develop);
+        let train = of("name = \"x\"\npurpose = \"train\"\nfirst_seed = 10000").unwrap();
+        assert_eq!(train.purpose, Purpose::Train);
+        for (text, words) in [
+            ("name = \"x\"\npurpose = \"train\"", "p.toml:7: task \"pick_mustard\": seeds 0..2 are for develop, the plan is for train, whose seeds are 10000..1000000"),
+            ("name = \"x\"\nfirst_seed = 199", "below 200 for develop"),
+            ("name = \"x\"\npurpose = \"test\"", "policy-claim"),
+        ] {
+            let problem = of(text).unwrap_err().to_string();
+            assert!(problem.contains(words), "{text:?}: {problem}");
+        }
     }
 
     #[test]

@@ -9,7 +9,9 @@ use wheelarm_proto::v1;
 use wheelarm_rig::{ServerOptions, all_cameras};
 
 use super::entry::Job;
+use super::scope::{Scope, read_split};
 use crate::choice::{named, patience, seed_range};
+use crate::variation::Variation;
 
 /// Options of `wheelarm evaluate`.
 #[derive(Args, Clone, Debug)]
@@ -23,6 +25,10 @@ pub struct EvaluateArgs {
     /// Episodes of each task; from the first seed, 0 when no seeds are given.
     #[arg(long, value_name = "N")]
     pub episodes: Option<u64>,
+    /// A frozen split, for example assets/splits/policy-claim.toml: its seeds, starts
+    /// and all else that it draws. With --episodes the first of its seeds.
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["seeds", "starts"])]
+    pub split: Option<PathBuf>,
     /// Servers at work at one time.
     #[arg(long, default_value_t = 1, value_name = "J")]
     pub jobs: usize,
@@ -45,7 +51,7 @@ pub struct EvaluateArgs {
     #[arg(long)]
     pub again: bool,
     /// Where the robot starts: `near` by, or `anywhere` in the home with the arm in
-    /// any of its postures. Give each its own folder.
+    /// any of its postures.
     #[arg(long, default_value = "near", value_parser = named::<Starts>())]
     pub starts: Starts,
     /// Wall seconds without a sign of life after which a server is ended, 1 at least.
@@ -66,11 +72,30 @@ pub struct EvaluateArgs {
 }
 
 impl EvaluateArgs {
-    /// First seed and the one after the last.
-    pub(super) fn range(&self) -> (u64, u64) {
-        let (first, end) = self.seeds.unwrap_or((0, self.episodes.unwrap_or(10)));
-        let end = self.episodes.map_or(end, |count| end.min(first + count));
-        (first, end)
+    /// Which episodes are done.
+    ///
+    /// # Errors
+    /// When the split holds a mistake.
+    pub(super) fn scope(&self) -> anyhow::Result<Scope> {
+        let mut scope = match &self.split {
+            Some(path) => read_split(path)?,
+            None => {
+                let (first, end) = self.seeds.unwrap_or((0, self.episodes.unwrap_or(10)));
+                Scope {
+                    split: None,
+                    seeds: first..end,
+                    variation: Variation {
+                        starts: self.starts,
+                        ..Variation::default()
+                    },
+                }
+            }
+        };
+        if let Some(count) = self.episodes {
+            let last = scope.seeds.start.saturating_add(count);
+            scope.seeds.end = scope.seeds.end.min(last);
+        }
+        Ok(scope)
     }
 
     /// Cameras of the recordings.
@@ -89,7 +114,7 @@ impl EvaluateArgs {
         job: Option<&Job>,
         cameras: Vec<v1::CameraSetting>,
     ) -> ServerOptions {
-        ServerOptions {
+        let mut options = ServerOptions {
             scenario: v1::Scenario {
                 scene: self.scene.clone(),
                 robot: self.robot.clone(),
@@ -98,11 +123,14 @@ impl EvaluateArgs {
                 cameras,
                 pacing: v1::Pacing::LockStep.into(),
                 quality: Quality::Standard.code().into(),
-                starts: self.starts.code().into(),
                 ..v1::Scenario::default()
             },
             assets: self.assets.clone(),
             ..ServerOptions::default()
+        };
+        if let Some(job) = job {
+            job.variation.apply(job.seed, &mut options.scenario);
         }
+        options
     }
 }

@@ -4,14 +4,17 @@ use serde::{Deserialize, Serialize};
 use wheelarm_proto::v1;
 
 use crate::broken::Broken;
+use crate::variation::Variation;
 
 /// One episode to do.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Job {
     /// Task.
     pub task: String,
     /// Seed of the scenario and of the operator's habits.
     pub seed: u64,
+    /// What differs between episodes beside what their task draws.
+    pub variation: Variation,
 }
 
 impl Job {
@@ -19,6 +22,13 @@ impl Job {
     #[must_use]
     pub fn label(&self) -> String {
         format!("{}-seed{}", self.task, self.seed)
+    }
+
+    /// What its scenario says beside task and seed, as one line; empty for what
+    /// was always so.
+    #[must_use]
+    pub fn settings(&self) -> String {
+        self.variation.words().trim_start().to_owned()
     }
 }
 
@@ -53,6 +63,9 @@ pub struct Entry {
     pub task: String,
     /// Seed of the scenario and of the operator's habits.
     pub seed: u64,
+    /// What else its scenario says, as one line; empty for what was always so.
+    #[serde(default, skip_serializing_if = "String::is_empty")]
+    pub settings: String,
     /// Operator and task agree that it is done.
     pub success: bool,
     /// Empty, or why not in words.
@@ -80,7 +93,7 @@ impl Entry {
     /// Whether it is the result of `job`.
     #[must_use]
     pub fn is_of(&self, job: &Job) -> bool {
-        (&self.task, self.seed) == (&job.task, job.seed)
+        (&self.task, self.seed) == (&job.task, job.seed) && self.settings == job.settings()
     }
 
     /// The entry in one line.

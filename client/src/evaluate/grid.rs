@@ -15,6 +15,7 @@ use wheelarm_rig::{Server, all_cameras};
 use super::args::EvaluateArgs;
 use super::entry::{Entry, Job};
 use super::report::Report;
+use super::scope::Scope;
 
 /// Width and height of the larger picture, pixels.
 const SIZE: [u32; 2] = [480, 270];
@@ -29,7 +30,7 @@ const PICTURE: Duration = Duration::from_secs(5);
 ///
 /// # Errors
 /// When a program does not start or the picture cannot be written.
-pub fn draw(args: &EvaluateArgs, report: &Report, entries: &[Entry]) -> anyhow::Result<PathBuf> {
+pub fn draw(args: &EvaluateArgs, scope: &Scope, report: &Report, entries: &[Entry]) -> anyhow::Result<PathBuf> {
     let mut cells = Vec::new();
     for task in &report.tasks {
         let own = || {
@@ -43,6 +44,7 @@ pub fn draw(args: &EvaluateArgs, report: &Report, entries: &[Entry]) -> anyhow::
         let job = Job {
             task: entry.task.clone(),
             seed: entry.seed,
+            variation: scope.variation.clone(),
         };
         let [mut large, small] = last_pictures(args, &job)?;
         large.inset(&small.smaller(SMALLER));

@@ -74,7 +74,9 @@ impl Ledger {
 
 /// Of an episode that was done again the newest word counts.
 fn take(entries: &mut Vec<Entry>, entry: Entry) {
-    entries.retain(|known| (&known.task, known.seed) != (&entry.task, entry.seed));
+    let of = |e: &Entry| (e.task.clone(), e.seed, e.settings.clone());
+    let new = of(&entry);
+    entries.retain(|known| of(known) != new);
     entries.push(entry);
 }
 
@@ -89,6 +91,7 @@ mod tests {
         let entry = |seed| Entry {
             task: "pick_mustard".to_owned(),
             seed,
+            settings: String::new(),
             success: true,
             why: String::new(),
             conditions: Vec::new(),
@@ -117,6 +120,17 @@ mod tests {
         };
         ledger.add(&broken).unwrap();
         let again = Ledger::open(folder.path()).unwrap().entries();
-        assert_eq!(again, [entry(2), broken], "the newest word counts");
+        assert_eq!(
+            again,
+            [entry(2), broken.clone()],
+            "the newest word counts"
+        );
+        let elsewhere = Entry {
+            settings: "starts=anywhere".to_owned(),
+            ..entry(2)
+        };
+        ledger.add(&elsewhere).unwrap();
+        let again = Ledger::open(folder.path()).unwrap().entries();
+        assert_eq!(again, [entry(2), broken, elsewhere], "other starts are another episode");
     }
 }

@@ -13,6 +13,7 @@ mod grid;
 mod ledger;
 mod pulse;
 mod report;
+mod scope;
 mod worker;
 
 use std::collections::BTreeMap;
@@ -26,6 +27,7 @@ use crate::control::tasks_of_program;
 use entry::Job;
 use ledger::Ledger;
 use report::Report;
+use scope::Scope;
 use worker::Worker;
 
 pub use args::EvaluateArgs;
@@ -44,13 +46,14 @@ pub fn run(args: &EvaluateArgs) -> anyhow::Result<ExitCode> {
     std::fs::create_dir_all(&args.out)
         .with_context(|| format!("making the folder {}", args.out.display()))?;
     let tasks = tasks(args)?;
-    let (first, end) = args.range();
+    let scope = args.scope()?;
     let wanted: Vec<Job> = tasks
         .iter()
         .flat_map(|task| {
-            (first..end).map(|seed| Job {
+            scope.seeds.clone().map(|seed| Job {
                 task: task.clone(),
                 seed,
+                variation: scope.variation.clone(),
             })
         })
         .collect();
@@ -72,7 +75,7 @@ pub fn run(args: &EvaluateArgs) -> anyhow::Result<ExitCode> {
         .into_iter()
         .filter(|entry| done.iter().chain(&open).any(|job| entry.is_of(job)))
         .collect();
-    conclude(args, &Report::new(&tasks, &entries), &entries)?;
+    conclude(args, &scope, &Report::new(&tasks, &entries, &scope), &entries)?;
     Ok(if entries.iter().any(|entry| entry.broken.is_some()) {
         println!(
             "what broke is entered with its scenario in {}; --again does it anew",
@@ -88,13 +91,13 @@ pub fn run(args: &EvaluateArgs) -> anyhow::Result<ExitCode> {
 }
 
 /// Prints the report and writes it, with the pictures unless they are not wanted.
-fn conclude(args: &EvaluateArgs, report: &Report, entries: &[Entry]) -> anyhow::Result<()> {
+fn conclude(args: &EvaluateArgs, scope: &Scope, report: &Report, entries: &[Entry]) -> anyhow::Result<()> {
     print!("{report}");
     let path = args.out.join("report.json");
     std::fs::write(&path, report.json()?).with_context(|| format!("writing {}", path.display()))?;
     println!("report      {}", path.display());
     if !args.no_grid {
-        let path = grid::draw(args, report, entries)?;
+        let path = grid::draw(args, scope, report, entries)?;
         println!("pictures    {}", path.display());
     }
     Ok(())
@@ -203,6 +206,7 @@ fn one_after_another(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::variation::Variation;
     use clap::Parser;
 
     #[derive(Parser)]
@@ -219,6 +223,7 @@ mod tests {
         let job = |seed| Job {
             task: "pick_bowl".to_owned(),
             seed,
+            variation: Variation::default(),
         };
         let done = [job(0), job(1), job(2)];
         let plain = skipped(&args(&[]).args, &done, 4);

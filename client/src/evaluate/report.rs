@@ -6,6 +6,7 @@ use std::fmt;
 use serde::Serialize;
 
 use super::entry::Entry;
+use super::scope::Scope;
 
 /// What came of one task.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -20,6 +21,8 @@ pub struct TaskReport {
     pub broken: usize,
     /// Share of successes; 0 without episodes.
     pub rate: f64,
+    /// Wilson's interval of the share at 95 %, lower and upper end.
+    pub interval: [f64; 2],
     /// Mean simulated seconds of the successful episodes.
     pub mean_seconds: f64,
     /// Simulated seconds per wall second over all episodes.
@@ -35,22 +38,37 @@ pub struct TaskReport {
 /// What came of all tasks.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Report {
+    /// The split; absent where seeds were named.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub split: Option<String>,
+    /// What the seeds are for.
+    pub purpose: &'static str,
+    /// What the scenarios say beside task and seed; empty for what is usual.
+    pub settings: String,
     /// By task.
     pub tasks: Vec<TaskReport>,
     /// All episodes.
     pub episodes: usize,
     /// All successes.
     pub successes: usize,
+    /// Wilson's interval of their share at 95 %, lower and upper end.
+    pub interval: [f64; 2],
 }
 
 impl Report {
     /// Counts the entries of `tasks`.
     #[must_use]
-    pub fn new(tasks: &[String], entries: &[Entry]) -> Self {
+    pub fn new(tasks: &[String], entries: &[Entry], scope: &Scope) -> Self {
         let tasks: Vec<TaskReport> = tasks.iter().map(|task| count(task, entries)).collect();
+        let episodes = tasks.iter().map(|task| task.episodes).sum();
+        let successes = tasks.iter().map(|task| task.successes).sum();
         Self {
-            episodes: tasks.iter().map(|task| task.episodes).sum(),
-            successes: tasks.iter().map(|task| task.successes).sum(),
+            split: scope.split.clone(),
+            purpose: scope.purpose(),
+            settings: scope.variation.words().trim_start().to_owned(),
+            episodes,
+            successes,
+            interval: wilson(successes, episodes),
             tasks,
         }
     }
@@ -62,6 +80,21 @@ impl Report {
     pub fn json(&self) -> serde_json::Result<String> {
         serde_json::to_string_pretty(self).map(|text| text + "\n")
     }
+}
+
+/// 97.5 % quantile of the normal distribution.
+const QUANTILE: f64 = 1.959_963_984_540_054;
+
+/// Wilson's score interval of a share at 95 %; from 0 to 1 without trials.
+fn wilson(successes: usize, trials: usize) -> [f64; 2] {
+    if trials == 0 {
+        return [0.0, 1.0];
+    }
+    let (n, p) = (trials as f64, successes as f64 / trials as f64);
+    let z = QUANTILE * QUANTILE / n;
+    let middle = (p + z / 2.0) / (1.0 + z);
+    let half = (z * p * (1.0 - p) + z * z / 4.0).sqrt() / (1.0 + z);
+    [(middle - half).max(0.0), (middle + half).min(1.0)]
 }
 
 fn count(task: &str, entries: &[Entry]) -> TaskReport {
@@ -91,6 +124,7 @@ fn count(task: &str, entries: &[Entry]) -> TaskReport {
         successes: good.len(),
         broken: own.iter().filter(|entry| entry.broken.is_some()).count(),
         rate: mean(good.len() as f64, own.len()),
+        interval: wilson(good.len(), own.len()),
         mean_seconds: mean(good.iter().map(|entry| entry.seconds).sum(), good.len()),
         factor: if wall > 0.0 { simulated / wall } else { 0.0 },
         failed_conditions,
@@ -103,21 +137,27 @@ fn count(task: &str, entries: &[Entry]) -> TaskReport {
     }
 }
 
+/// An interval of shares, in percent.
+fn percent([low, high]: [f64; 2]) -> String {
+    format!("{:.1}..{:.1} %", 100.0 * low, 100.0 * high)
+}
+
 impl fmt::Display for Report {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         writeln!(
             f,
-            "{:<20} {:>9} {:>6} {:>8} {:>7}",
-            "task", "successes", "rate", "mean", "speed"
+            "{:<20} {:>9} {:>6} {:>13} {:>8} {:>7}",
+            "task", "successes", "rate", "95 %", "mean", "speed"
         )?;
         for task in &self.tasks {
             writeln!(
                 f,
-                "{:<20} {:>4}/{:<4} {:>5.0} % {:>6.1} s {:>6.1}x",
+                "{:<20} {:>4}/{:<4} {:>4.0} % {:>13} {:>6.1} s {:>6.1}x",
                 task.task,
                 task.successes,
                 task.episodes,
                 100.0 * task.rate,
+                percent(task.interval),
                 task.mean_seconds,
                 task.factor
             )?;
@@ -134,7 +174,14 @@ impl fmt::Display for Report {
                 writeln!(f, "    seed {seed}: {why}")?;
             }
         }
-        writeln!(f, "{:<20} {:>4}/{}", "all", self.successes, self.episodes)
+        let [done, all] = [self.successes, self.episodes];
+        writeln!(f, "{:<20} {done:>4}/{all:<4} {:>20}", "all", percent(self.interval))?;
+        let split = self.split.as_deref().map_or(String::new(), |name| format!("split {name}, "));
+        let settings = match self.settings.as_str() {
+            "" => String::new(),
+            words => format!(", {words}"),
+        };
+        writeln!(f, "{split}seeds for {}{settings}", self.purpose)
     }
 }
 
@@ -142,12 +189,14 @@ impl fmt::Display for Report {
 mod tests {
     use super::*;
     use crate::evaluate::entry::Condition;
+    use crate::variation::Variation;
 
     #[test]
     fn rates_count_by_task_and_by_failed_condition() {
         let entry = |task: &str, seed, success| Entry {
             task: task.to_owned(),
             seed,
+            settings: String::new(),
             success,
             why: if success { "" } else { "dropped" }.to_owned(),
             conditions: vec![
@@ -178,7 +227,12 @@ mod tests {
             entry("b", 0, true),
         ];
         let names = ["a", "b", "c"].map(str::to_owned);
-        let report = Report::new(&names, &entries);
+        let scope = Scope {
+            split: Some("develop".to_owned()),
+            seeds: 0..3,
+            variation: Variation::default(),
+        };
+        let report = Report::new(&names, &entries, &scope);
         let [a, b, c] = &report.tasks[..] else {
             panic!("three tasks");
         };
@@ -189,6 +243,25 @@ mod tests {
         assert_eq!(a.reported_conditions["calm"], 3);
         assert_eq!(a.failed_seeds[&1], "dropped");
         assert_eq!((c.episodes, c.rate), (0, 0.0));
-        assert!(report.to_string().contains("3/4"));
+        assert_eq!((c.interval, report.interval), ([0.0, 1.0], wilson(3, 4)));
+        let text = report.to_string();
+        for words in ["3/4", "split develop, seeds for develop"] {
+            assert!(text.contains(words), "{text}");
+        }
+    }
+
+    #[test]
+    fn wilsons_interval_has_the_values_of_the_textbook() {
+        // Roots of (p - k/n)² = z² p (1 - p) / n by bisection.
+        for (successes, trials, low, high) in [
+            (0, 10, 0.000000000000, 0.277532799863),
+            (3, 4, 0.300641842582, 0.954412739190),
+            (48, 50, 0.865399093125, 0.988961115672),
+            (50, 50, 0.928652400867, 1.000000000000),
+            (199, 200, 0.972226295602, 0.999116831284),
+        ] {
+            let [a, b] = wilson(successes, trials);
+            assert!((a - low).abs() < 1e-9 && (b - high).abs() < 1e-9, "{a} {b}");
+        }
     }
 }

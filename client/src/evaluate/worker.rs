@@ -192,6 +192,7 @@ impl Worker {
         Ok(Entry {
             task: job.task.clone(),
             seed: job.seed,
+            settings: job.settings(),
             success: report.succeeded(),
             why: report.why().unwrap_or_default(),
             conditions: report
@@ -230,6 +231,7 @@ fn broken_entry(job: &Job, broken: Broken, why: String, pulse: &Pulse, wall: Dur
     Entry {
         task: job.task.clone(),
         seed: job.seed,
+        settings: job.settings(),
         success: false,
         why: why + &when,
         conditions: Vec::new(),
@@ -250,11 +252,12 @@ fn attempt(
     recorders: u32,
     pulse: &Pulse,
 ) -> Result<Done, Trouble> {
-    let wanted = v1::Scenario {
+    let mut wanted = v1::Scenario {
         task: Some(job.task.clone()),
         seed: Some(job.seed),
         ..v1::Scenario::default()
     };
+    job.variation.apply(job.seed, &mut wanted);
     let scenario = match link.reset(wanted, false) {
         Ok(scenario) => scenario,
         Err(LinkError::Refused { message, .. }) => return Err(Trouble::Refused(message)),

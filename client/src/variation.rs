@@ -1,0 +1,92 @@
+//! What differs between episodes beside what their task draws, as a plan or a
+//! split says it. Everything follows from the scenario's seed, so that what is
+//! apart by seed is apart in all of it.
+
+use wheelarm_proto::seeds::Purpose;
+use wheelarm_proto::settings::{Named, Starts};
+use wheelarm_proto::v1;
+
+/// What differs between episodes beside what their task draws.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Variation {
+    /// Where the robot starts.
+    pub starts: Starts,
+    /// How often a rigid task stands beside the teddy bear, 0 to 1; as the areas
+    /// say when absent.
+    pub bear_share: Option<f64>,
+    /// Specimens of the robot, each with cameras of its own; 0 for the one of the
+    /// description.
+    pub robots: u32,
+}
+
+impl Variation {
+    /// Sets what it says of the episode of `seed` in `scenario`.
+    pub fn apply(&self, seed: u64, scenario: &mut v1::Scenario) {
+        scenario.starts = self.starts.code().into();
+        scenario.variant_share = self.bear_share;
+        scenario.calibration_seed = self.specimen(seed);
+    }
+
+    /// Which specimen of the robot the episode of `seed` has. Those of another
+    /// purpose are others.
+    fn specimen(&self, seed: u64) -> Option<u64> {
+        let kinds = Purpose::ALL.iter();
+        let kind = kinds.take_while(|p| **p != Purpose::of(seed)).count() as u64;
+        let among = u64::from(self.robots);
+        (among > 0).then(|| (kind + 1) * 1_000_000 + seed % among)
+    }
+
+    /// As one line, empty where nothing is said: what was begun before this could
+    /// be said goes on.
+    #[must_use]
+    pub fn words(&self) -> String {
+        let mut words = String::new();
+        if self.starts != Starts::default() {
+            words.push_str(&format!(" starts={}", self.starts.name()));
+        }
+        if let Some(share) = self.bear_share {
+            words.push_str(&format!(" bear_share={share}"));
+        }
+        if self.robots > 0 {
+            words.push_str(&format!(" robots={}", self.robots));
+        }
+        words
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn specimens_repeat_among_seeds_of_one_purpose_and_never_across() {
+        let variation = Variation {
+            robots: 7,
+            ..Variation::default()
+        };
+        let of = |seeds: std::ops::Range<u64>| {
+            let drawn = seeds.filter_map(|seed| variation.specimen(seed));
+            drawn.collect::<std::collections::BTreeSet<u64>>()
+        };
+        let (train, claim) = (of(10_000..10_100), of(500..600));
+        assert_eq!((train.len(), claim.len()), (7, 7));
+        assert!(train.is_disjoint(&claim));
+        assert_eq!(Variation::default().specimen(3), None);
+    }
+
+    #[test]
+    fn a_scenario_takes_over_what_is_said() {
+        let variation = Variation {
+            starts: Starts::Anywhere,
+            bear_share: Some(0.5),
+            robots: 3,
+        };
+        let mut scenario = v1::Scenario::default();
+        variation.apply(10_001, &mut scenario);
+        assert_eq!(scenario.starts(), v1::Starts::Anywhere);
+        assert_eq!(scenario.variant_share, Some(0.5));
+        assert_eq!(scenario.calibration_seed, variation.specimen(10_001));
+        assert_eq!(variation.words(), " starts=anywhere bear_share=0.5 robots=3");
+        assert_eq!(Variation::default().words(), "");
+    }
+}
