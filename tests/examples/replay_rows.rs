@@ -1,6 +1,7 @@
 //! Exported rows replayed open loop at their own rate through public commands,
 //! each on the scenario that it was recorded in: how many succeed, by task and
-//! by kind of action. The rows are those of `wheelarm dataset export`.
+//! by kind of action, and how far chair and hand were from where they had been.
+//! The rows are those of `wheelarm dataset export`.
 //!
 //! `replay_rows [--jobs N] [--only KIND] RECORDINGS…`, where KIND is one of
 //! `next-pose`, `next-joints`, `applied` and `shifted` (next-pose with every row
@@ -62,25 +63,31 @@ fn main() -> anyhow::Result<()> {
             .play(&format!("rows-{}-{i}", std::process::id()))
             .unwrap_or_else(|problem| Played {
                 success: false,
-                chair_off: f64::NAN,
+                off: [f64::NAN; 2],
                 words: format!("{problem:#}"),
             });
         println!(
-            "{task:<20} seed {seed:<5} {name:<12} {} chair off by {:.1} mm  {}",
+            "{task:<20} seed {seed:<5} {name:<12} {} off by {:>6.2} mm chair, {:>6.2} mm hand  {}",
             if played.success { "yes" } else { "NO " },
-            1e3 * played.chair_off,
+            1e3 * played.off[0],
+            1e3 * played.off[1],
             played.words
         );
         Ok((task, name, played))
     })?;
-    let mut table: BTreeMap<(&str, &str), [usize; 2]> = BTreeMap::new();
+    let mut table: BTreeMap<(&str, &str), Vec<&Played>> = BTreeMap::new();
     for (task, name, played) in &results {
-        let cell = table.entry((task, name)).or_default();
-        cell[0] += usize::from(played.success);
-        cell[1] += 1;
+        table.entry((task, name)).or_default().push(played);
     }
-    for ((task, name), [done, all]) in table {
-        println!("{task:<20} {name:<12} {done} of {all}");
+    for ((task, name), played) in table {
+        let done = played.iter().filter(|played| played.success).count();
+        let mean = |k: usize| 1e3 * played.iter().map(|p| p.off[k]).sum::<f64>() / played.len() as f64;
+        println!(
+            "{task:<20} {name:<12} {done} of {}, off by {:.2} mm chair, {:.2} mm hand",
+            played.len(),
+            mean(0),
+            mean(1)
+        );
     }
     Ok(())
 }

@@ -28,10 +28,10 @@ pub struct Rows {
     pub player: Player,
     /// Control ticks before the first picture.
     before: u32,
-    /// Where the chair is in the frames of `PoseSet`.
-    chair: usize,
-    /// True pose of the chair at the last picture.
-    end: [f64; 7],
+    /// Where chair and end effector are in the frames of `PoseSet`.
+    frames: [usize; 2],
+    /// Their true positions at every picture, m.
+    path: Vec<[[f64; 3]; 2]>,
 }
 
 /// What came of them.
@@ -39,8 +39,9 @@ pub struct Rows {
 pub struct Played {
     /// The task was done.
     pub success: bool,
-    /// How far the chair was from where it had been at the last picture, m.
-    pub chair_off: f64,
+    /// How far chair and end effector were from where they had been in the
+    /// recording, mean over the pictures, m.
+    pub off: [f64; 2],
     /// What the server refused, or why the task failed.
     pub words: String,
 }
@@ -73,14 +74,16 @@ impl Rows {
         let stamp = recording.aligned.stamps[all.rows[0]] as f64 * 1e-9;
         let tick = (stamp * PHYSICS_HZ as f64).round() as u64;
         let before = tick.saturating_sub(started.tick) / TICKS_PER_CONTROL;
-        let chair = all.chair(all.rows[last]);
+        let place = |pose: &[f64]| -> [f64; 3] { std::array::from_fn(|k| pose[k]) };
+        let path = all.rows.iter().map(|row| [all.chair(*row), all.effector(*row)].map(place));
+        let roles = Roles::find(&recording.robot)?;
         Ok(Self {
             scenario: recording.episode.scenario()?,
             actions: actions.collect(),
             player,
             before: u32::try_from(before)?,
-            chair: Roles::find(&recording.robot)?.chair,
-            end: std::array::from_fn(|k| chair[k]),
+            frames: [roles.chair, roles.end_effector],
+            path: path.collect(),
         })
     }
 
@@ -117,15 +120,12 @@ impl Rows {
             ..Default::default()
         })?;
         let episode = started.header.unwrap_or_default().episode;
-        let (mut evaluation, mut chair) = (v1::Evaluation::default(), None);
-        let (mut sent, mut off, mut waits) = (0, f64::NAN, self.before);
+        let (mut evaluation, mut poses) = (v1::Evaluation::default(), Vec::new());
+        let (mut sent, mut off, mut waits) = (0, Vec::new(), self.before);
         loop {
             let mut see = |sample| match sample {
                 Sample::Evaluation(sample) => evaluation = sample,
-                Sample::Pose(sample) => {
-                    let frame = sample.frames.get(self.chair);
-                    chair = frame.and_then(|frame| frame.pose?.position);
-                }
+                Sample::Pose(sample) => poses = sample.frames,
                 _ => {}
             };
             let clock = match turns.next(PATIENCE, &mut see)? {
@@ -137,9 +137,8 @@ impl Rows {
             if clock.episode != episode {
                 continue;
             }
-            if sent + 1 == self.actions.len() {
-                let at = chair.context("no pose of the chair")?;
-                off = (at.x - self.end[0]).hypot(at.y - self.end[1]);
+            if let Some(path) = self.path.get(sent).filter(|_| waits == 0) {
+                off.push(self.off(&poses, path)?);
             }
             if evaluation.done || sent == self.actions.len() + HELD {
                 break;
@@ -158,10 +157,25 @@ impl Rows {
         }
         let stopped = link.stop_episode(false)?;
         let told = stopped.evaluation.unwrap_or(evaluation);
+        let mean = |k: usize| {
+            let values: Vec<f64> = off.iter().map(|off| off[k]).collect();
+            values.iter().sum::<f64>() / values.len() as f64
+        };
         Ok(Played {
             success: told.success,
-            chair_off: off,
+            off: [mean(0), mean(1)],
             words: told.failure,
         })
+    }
+
+    /// How far chair and end effector are from where they were, m.
+    fn off(&self, poses: &[v1::FramePose], path: &[[f64; 3]; 2]) -> anyhow::Result<[f64; 2]> {
+        let mut off = [0.0; 2];
+        for ((off, frame), was) in off.iter_mut().zip(self.frames).zip(path) {
+            let pose = poses.get(frame).and_then(|frame| frame.pose?.position);
+            let at = pose.context("no pose of the robot")?;
+            *off = (at.x - was[0]).hypot(at.y - was[1]).hypot(at.z - was[2]);
+        }
+        Ok(off)
     }
 }

@@ -2,7 +2,7 @@
 //! by the command line or by a frozen split.
 
 use std::ops::Range;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use anyhow::{Context, bail};
 use serde::de::Error as _;
@@ -143,14 +143,6 @@ fn sorted(value: &toml::Value) -> serde_json::Value {
     }
 }
 
-/// The splits that ship, for the test that they are frozen.
-#[cfg(test)]
-fn shipped() -> Vec<PathBuf> {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../assets/splits");
-    let entries = std::fs::read_dir(folder).expect("assets/splits");
-    entries.flatten().map(|entry| entry.path()).collect()
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -163,7 +155,9 @@ mod tests {
 
     #[test]
     fn the_splits_that_ship_are_frozen() {
-        let shipped = shipped();
+        let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../assets/splits");
+        let entries = std::fs::read_dir(folder).unwrap().flatten();
+        let shipped: Vec<_> = entries.map(|entry| entry.path()).collect();
         assert!(shipped.len() >= 4, "{shipped:?}");
         for path in shipped {
             let split = read_split(&path).unwrap_or_else(|p| panic!("{p:#}"));
