@@ -9,7 +9,7 @@
 //! | `staging/ID/` | an episode while it is made |
 //! | `failed/ID-attempt-K/` | what the programs said in attempts that failed; `-2` and so on when one was made again |
 //! | `failed/ID-not-in-journal.h5` | a file whose entry in the journal was lost in a power cut |
-//! | `manifest.json`, `report.md` | made from the journals at the end |
+//! | `manifest.json`, `report.md`, `README.md` | made from the journals at the end |
 //!
 //! A file appears under its final name in one step and never replaces another.
 

@@ -73,7 +73,7 @@ pub fn merge(sources: &[PathBuf], out: &Path) -> anyhow::Result<Manifest> {
         }
     }
     let manifest = Manifest::new(&plan.name, &wanted, &ledger);
-    manifest.write(&folder)?;
+    manifest.write(&folder, &plan)?;
     Ok(manifest)
 }
 

@@ -9,6 +9,7 @@
 mod activity;
 mod attempt;
 mod capacity;
+mod card;
 mod episode;
 mod estimate;
 mod fleet;
@@ -197,7 +198,7 @@ fn collect(
     explain(&tally, setup.plan.attempts);
     // A shard knows its own part only: the merge makes the manifest.
     if shard == Shard::WHOLE {
-        manifest.write(folder)?;
+        manifest.write(folder, &setup.plan)?;
         return finish(&tally, tell(&manifest, folder));
     }
     println!("shard {shard}: {}", manifest.line());

@@ -41,6 +41,8 @@ pub struct Plan {
     pub depth: Depth,
     /// Work per picture.
     pub quality: Quality,
+    /// Licence of the dataset, as the Hugging Face hub names licences.
+    pub license: String,
     /// What its episodes are for.
     pub purpose: Purpose,
     /// What differs between episodes beside what their task draws.
@@ -171,6 +173,8 @@ struct PlanFile {
     quality: Quality,
     #[serde(default, deserialize_with = "named")]
     starts: Starts,
+    #[serde(default = "apache")]
+    license: Spanned<String>,
     #[serde(default, deserialize_with = "purpose")]
     purpose: Option<Purpose>,
     bear_share: Option<Spanned<f64>>,
@@ -216,6 +220,9 @@ fn purpose<'de, D: Deserializer<'de>>(from: D) -> Result<Option<Purpose>, D::Err
 }
 fn yes() -> bool {
     true
+}
+fn apache() -> Spanned<String> {
+    Spanned::new(0..0, "apache-2.0".to_owned())
 }
 fn home() -> String {
     "home".to_owned()
@@ -270,6 +277,11 @@ impl Plan {
         check.that(*file.attempts.get_ref() > 0, &file.attempts, || {
             "attempts is 0; at least 1 is needed".to_owned()
         })?;
+        let license = file.license.get_ref();
+        let fits = |c: char| c.is_ascii_alphanumeric() || "-._+".contains(c);
+        check.that(!license.is_empty() && license.chars().all(fits), &file.license, || {
+            format!("license {license:?} is no name of a licence; write for example \"cc-by-4.0\"")
+        })?;
         if let Some(share) = &file.bear_share {
             check.that((0.0..=1.0).contains(share.get_ref()), share, || {
                 format!("bear_share is {}; it is a share, 0 to 1", share.get_ref())
@@ -286,6 +298,7 @@ impl Plan {
             attempts: file.attempts.into_inner(),
             depth: file.depth,
             quality: file.quality,
+            license: file.license.into_inner(),
             purpose,
             variation: Variation {
                 starts: file.starts,

@@ -1,0 +1,248 @@
+//! A dataset's card, `README.md` in the form of the Hugging Face dataset card:
+//! what is in it, how it was made, how well its axes are covered. Made from the
+//! journals alone.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::fmt::Write;
+
+use wheelarm_proto::seeds::Purpose;
+use wheelarm_proto::settings::Named;
+use wheelarm_proto::{CONTRACT_VERSION, PHYSICS_VERSION, v1};
+
+use super::estimate::{bytes, duration};
+use super::journal::Done;
+use super::manifest::Manifest;
+use super::plan::Plan;
+
+/// Widest bar of a histogram, characters.
+const BAR: usize = 40;
+/// Side of a cell of the floor in the histogram of starts, m.
+const CELL: f64 = 1.0;
+/// Bins of durations, simulated seconds.
+const DURATION: f64 = 5.0;
+
+/// What one episode's scenario drew.
+struct Drawn<'a> {
+    done: &'a Done,
+    scenario: v1::Scenario,
+}
+
+/// The card of a dataset.
+#[must_use]
+pub fn card(plan: &Plan, manifest: &Manifest) -> String {
+    let drawn: Vec<Drawn<'_>> = manifest
+        .episodes
+        .iter()
+        .map(|done| Drawn {
+            done,
+            scenario: serde_json::from_value(done.scenario.clone()).unwrap_or_default(),
+        })
+        .collect();
+    let mut text = head(plan, manifest);
+    text += &composition(manifest);
+    text += &coverage(&drawn);
+    text += &making(plan, manifest);
+    text
+}
+
+/// The block for programs and the summary.
+fn head(plan: &Plan, manifest: &Manifest) -> String {
+    let count = manifest.episodes.len();
+    let size = match count {
+        0..1_000 => "n<1K",
+        1_000..10_000 => "1K<n<10K",
+        10_000..100_000 => "10K<n<100K",
+        _ => "100K<n<1M",
+    };
+    format!(
+        "---\n\
+         pretty_name: {name}\n\
+         license: {license}\n\
+         language:\n- en\n\
+         task_categories:\n- robotics\n\
+         tags:\n- WheelArm\n- simulation\n- mobile-manipulation\n- assistive-robotics\n- wheelchair\n\
+         size_categories:\n- {size}\n\
+         ---\n\n\
+         # {name}\n\n\
+         {line}. Recordings of a WHILL Model CR2 wheelchair with a Kinova Gen3 arm and a Robotiq \
+         2F-85 gripper in a simulated home, one HDF5 file an episode, done by the scripted \
+         operator of WheelArm.\n\n\
+         Its seeds are for **{purpose}** ({seeds}). Data of one purpose is never mixed with \
+         another's: what is trained on is not what is claimed with.\n\n",
+        name = plan.name,
+        license = plan.license,
+        line = manifest.line(),
+        purpose = plan.purpose.name(),
+        seeds = plan.purpose.seeds(),
+    )
+}
+
+/// What is in it, by task.
+fn composition(manifest: &Manifest) -> String {
+    let mut text = "## Composition\n\n| task | episodes | failed attempts | scenes | sentences | simulated s | mean s |\n|---|---|---|---|---|---|---|\n".to_owned();
+    let mut tasks: BTreeMap<&str, Vec<&Done>> = BTreeMap::new();
+    for done in &manifest.episodes {
+        tasks.entry(&done.task).or_default().push(done);
+    }
+    for (task, done) in tasks {
+        let failed = manifest.failed_attempts.iter().filter(|f| f.task == task);
+        let seconds: f64 = done.iter().map(|d| d.seconds).sum();
+        let scenes: BTreeSet<u64> = done.iter().map(|d| d.seed).collect();
+        let sentences: BTreeSet<&str> = done.iter().map(|d| d.instruction.as_str()).collect();
+        // Writing into a string cannot fail.
+        let _ = writeln!(
+            text,
+            "| {task} | {} | {} | {} | {} | {seconds:.0} | {:.1} |",
+            done.len(),
+            failed.count(),
+            scenes.len(),
+            sentences.len(),
+            seconds / done.len() as f64
+        );
+    }
+    text + "\n"
+}
+
+/// How the axes are covered.
+fn coverage(drawn: &[Drawn<'_>]) -> String {
+    let mut text = "## Coverage\n\n".to_owned();
+    let scenarios = || drawn.iter().map(|d| &d.scenario);
+    let starts = scenarios().filter_map(|s| Some((s.start?.position?, s.start?.orientation?)));
+    let (mut cells, mut headings) = (Vec::new(), Vec::new());
+    for (at, q) in starts {
+        let corner = |v: f64| (v / CELL).floor() * CELL;
+        cells.push(format!("x {:>4.0} y {:>4.0} m", corner(at.x), corner(at.y)));
+        let yaw = 2.0 * q.z.atan2(q.w).to_degrees();
+        headings.push(format!("{:>4.0}..{:.0}°", sector(yaw), sector(yaw) + 45.0));
+    }
+    text += &histogram("Start of the chair, by square metre", cells);
+    text += &histogram("Heading at the start", headings);
+    let arms = scenarios().map(|s| {
+        let words = s.arm_positions.iter().map(|q| format!("{q:.2}"));
+        words.collect::<Vec<_>>().join(" ")
+    });
+    text += &histogram("Posture of the arm at the start, rad", arms);
+    let grippers = scenarios().map(|s| match s.knuckle {
+        Some(knuckle) => format!("knuckle at {knuckle:.1} rad"),
+        None => "as described".to_owned(),
+    });
+    text += &histogram("Gripper at the start", grippers);
+    text += &histogram(
+        "Variant of the area",
+        scenarios().map(|s| s.variant.clone().unwrap_or_else(|| "-".to_owned())),
+    );
+    text += &histogram(
+        "Specimen of the robot",
+        scenarios().map(|s| match s.calibration_seed {
+            Some(seed) => format!("{seed}"),
+            None => "as described".to_owned(),
+        }),
+    );
+    let durations = drawn.iter().map(|d| {
+        let from = (d.done.seconds / DURATION).floor() * DURATION;
+        format!("{from:>4.0}..{:.0} s", from + DURATION)
+    });
+    text += &histogram("Duration", durations);
+    let words: BTreeSet<String> = drawn
+        .iter()
+        .flat_map(|d| d.done.instruction.split_whitespace())
+        .map(|word| {
+            let letters = word.chars().filter(|c| c.is_alphanumeric());
+            letters.collect::<String>().to_lowercase()
+        })
+        .filter(|word| !word.is_empty())
+        .collect();
+    let sentences: BTreeSet<&str> = drawn.iter().map(|d| d.done.instruction.as_str()).collect();
+    let _ = writeln!(
+        text,
+        "Instructions: {} distinct sentences, {} distinct words.\n",
+        sentences.len(),
+        words.len()
+    );
+    text
+}
+
+/// Lower edge of the sector of 45° in which an angle lies, degrees from -180.
+fn sector(degrees: f64) -> f64 {
+    let turned = (degrees + 180.0).rem_euclid(360.0);
+    (turned / 45.0).floor() * 45.0 - 180.0
+}
+
+/// One axis: how many episodes each value has; left out where all have one.
+fn histogram(title: &str, values: impl IntoIterator<Item = String>) -> String {
+    let mut counts: BTreeMap<String, usize> = BTreeMap::new();
+    for value in values {
+        *counts.entry(value).or_default() += 1;
+    }
+    let Some(most) = counts.values().max().copied().filter(|_| counts.len() > 1) else {
+        let all = counts.into_keys().next();
+        return all.map_or(String::new(), |value| {
+            format!("{title}: {} in all.\n\n", value.trim())
+        });
+    };
+    let widest = counts.keys().map(|key| key.chars().count()).max();
+    let mut text = format!("{title}: {} values.\n\n```text\n", counts.len());
+    for (value, count) in counts {
+        let bar = "#".repeat((count * BAR).div_ceil(most));
+        let _ = writeln!(text, "{value:<w$} {count:>6} {bar}", w = widest.unwrap_or(0));
+    }
+    text + "```\n\n"
+}
+
+/// How it was made and with what.
+fn making(plan: &Plan, manifest: &Manifest) -> String {
+    let origins: BTreeSet<&[String; 2]> = manifest.episodes.iter().map(|d| &d.origin).collect();
+    let origins: Vec<String> = origins.iter().map(|o| format!("{}, {}", o[0], o[1])).collect();
+    let cameras: Vec<String> = plan.cameras.iter().map(|camera| camera.word()).collect();
+    let mut text = "## How it was made\n\n```sh\nwheelarm collect plan.toml\n```\n\n".to_owned();
+    for (key, value) in [
+        ("Program", env!("CARGO_PKG_VERSION").to_owned()),
+        ("Contract", CONTRACT_VERSION.to_string()),
+        ("Physics", PHYSICS_VERSION.to_string()),
+        ("Server and graphics adapter", origins.join("; ")),
+        ("Scene, robot", format!("{}, {}", plan.scene, plan.robot)),
+        ("Cameras", cameras.join(", ")),
+        ("Size", format!("{}, {} simulated", bytes(manifest.bytes as f64), duration(manifest.seconds))),
+    ] {
+        let _ = writeln!(text, "- {key}: {value}");
+    }
+    let purposes: BTreeSet<Purpose> = manifest.episodes.iter().map(|d| Purpose::of(d.seed)).collect();
+    let purposes: Vec<&str> = purposes.into_iter().map(Named::name).collect();
+    let _ = write!(
+        text,
+        "- Purposes of the seeds that are in it: {}\n\
+         - `manifest.json` has the SHA-256, the seed and the whole scenario of every file, and \
+         every failed attempt; `plan.toml` is the plan, `wheelarm replay FILE` runs any episode \
+         again and compares its states.\n\n\
+         ## Limits\n\n\
+         Everything is simulated: one furnished home, fifteen objects, a scripted operator that \
+         knows the true state. Failed attempts are {} of {} and not in `episodes/`. Pictures are \
+         exact and without noise unless the plan draws sensors.\n",
+        purposes.join(", "),
+        manifest.failed_attempts.len(),
+        manifest.failed_attempts.len() + manifest.episodes.len()
+    );
+    text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn angles_fall_into_the_sector_that_holds_them() {
+        for (angle, lower) in [(-180.0, -180.0), (-1.0, -45.0), (0.0, 0.0), (44.9, 0.0), (180.0, -180.0)] {
+            assert_eq!(sector(angle), lower, "{angle}");
+        }
+    }
+
+    #[test]
+    fn a_histogram_counts_and_scales_to_the_most_frequent() {
+        let values = ["a", "b", "b", "b", "b"].map(str::to_owned);
+        let text = histogram("Axis", values);
+        assert!(text.contains(&format!("b      4 {}", "#".repeat(BAR))), "{text}");
+        assert!(text.contains(&format!("a      1 {}\n", "#".repeat(BAR / 4))), "{text}");
+        assert_eq!(histogram("Axis", ["a".to_owned(), "a".to_owned()]), "Axis: a in all.\n\n");
+        assert_eq!(histogram("Axis", []), "");
+    }
+}
