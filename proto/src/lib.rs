@@ -9,8 +9,10 @@
 
 pub mod check;
 pub mod digest;
+pub mod endpoint;
 pub mod exact;
 pub mod keys;
+pub mod output;
 pub mod preview;
 pub mod program;
 pub mod robot;

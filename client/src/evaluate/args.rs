@@ -1,5 +1,6 @@
 //! Options of `wheelarm evaluate`, and the scenarios they ask for.
 
+use std::num::NonZeroUsize;
 use std::path::PathBuf;
 use std::time::Duration;
 
@@ -9,7 +10,7 @@ use wheelarm_proto::v1;
 use wheelarm_rig::{ServerOptions, all_cameras};
 
 use super::entry::Job;
-use crate::choice::{named, patience, seed_range};
+use crate::choice::{MOST_SEEDS, named, patience, seed_range};
 
 /// Options of `wheelarm evaluate`.
 #[derive(Args, Clone, Debug)]
@@ -20,12 +21,12 @@ pub struct EvaluateArgs {
     /// Seeds, `FIRST..LAST` without the last.
     #[arg(long, value_parser = seed_range, value_name = "A..B")]
     pub seeds: Option<(u64, u64)>,
-    /// Episodes of each task; from the first seed, 0 when no seeds are given.
-    #[arg(long, value_name = "N")]
+    /// Episodes of each task, from seed 0; 10 when neither these nor seeds are given.
+    #[arg(long, value_name = "N", conflicts_with = "seeds", value_parser = clap::value_parser!(u64).range(1..=MOST_SEEDS))]
     pub episodes: Option<u64>,
     /// Servers at work at one time.
-    #[arg(long, default_value_t = 1, value_name = "J")]
-    pub jobs: usize,
+    #[arg(long, default_value = "1", value_name = "J")]
+    pub jobs: NonZeroUsize,
     /// Folder for the results; an interrupted run in it is resumed.
     #[arg(long, default_value = "data/evaluate")]
     pub out: PathBuf,
@@ -68,9 +69,7 @@ pub struct EvaluateArgs {
 impl EvaluateArgs {
     /// First seed and the one after the last.
     pub(super) fn range(&self) -> (u64, u64) {
-        let (first, end) = self.seeds.unwrap_or((0, self.episodes.unwrap_or(10)));
-        let end = self.episodes.map_or(end, |count| end.min(first + count));
-        (first, end)
+        self.seeds.unwrap_or((0, self.episodes.unwrap_or(10)))
     }
 
     /// Cameras of the recordings.
