@@ -19,6 +19,7 @@ SEED ?= 0
 STATIC ?= target/static
 PLAN ?= assets/campaigns/small.toml
 BUILT := $(or $(CARGO_TARGET_DIR),target)/release
+export WHEELARM_COMMIT ?= $(shell git rev-parse --short=12 HEAD 2>/dev/null)
 export WHEELARM_PYTHON ?= $(CURDIR)/.venv/bin/python
 
 .PHONY: all build static demo test contract test-cluster test-readers test-data test-original test-adversarial soak bench clean

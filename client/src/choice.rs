@@ -2,22 +2,47 @@
 
 use std::time::Duration;
 
+#[cfg(feature = "hdf5")]
 use clap::builder::{PossibleValuesParser, TypedValueParser};
+use wheelarm_proto::endpoint::check_endpoint;
+use wheelarm_proto::keys::check_name;
+#[cfg(feature = "hdf5")]
 use wheelarm_proto::settings::Named;
 
+/// Reads an endpoint.
+///
+/// # Errors
+/// When it is none.
+pub fn endpoint(text: &str) -> Result<String, String> {
+    let checked = check_endpoint(text).map_err(|bad| bad.to_string());
+    checked.map(|()| text.to_owned())
+}
+
+/// Reads a name that stands in a key: of a commander or a recorder.
+///
+/// # Errors
+/// When it cannot.
+pub fn name(text: &str) -> Result<String, String> {
+    let checked = check_name(text).map_err(|bad| bad.to_string());
+    checked.map(|()| text.to_owned())
+}
+
 /// Takes the names that the contract has for a choice.
+#[cfg(feature = "hdf5")]
 pub fn named<T: Named + Send + Sync>() -> impl TypedValueParser<Value = T> {
     PossibleValuesParser::new(T::ALL.iter().map(|value| value.name()))
         .try_map(|name| T::from_name(&name))
 }
 
 /// Most seeds of one run: what is planned for each takes memory.
-const MOST_SEEDS: u64 = 1_000_000;
+#[cfg(feature = "hdf5")]
+pub const MOST_SEEDS: u64 = 1_000_000;
 
 /// Reads `FIRST..LAST`, for example `0..10`.
 ///
 /// # Errors
 /// When it is something else, or too many.
+#[cfg(feature = "hdf5")]
 pub fn seed_range(text: &str) -> Result<(u64, u64), String> {
     let (first, end): (u64, u64) = text
         .split_once("..")
@@ -52,6 +77,16 @@ pub fn patience<const LEAST: u32>(text: &str) -> Result<Duration, String> {
 mod tests {
     use super::*;
 
+    #[test]
+    fn names_and_endpoints_are_refused_with_what_they_must_be() {
+        assert_eq!(name("anna-2"), Ok("anna-2".to_owned()));
+        for bad in ["", "a/b", "*"] {
+            assert!(name(bad).unwrap_err().contains("1 to 64 letters"));
+        }
+        assert!(endpoint("nonsense").unwrap_err().contains("tcp/HOST:PORT"));
+    }
+
+    #[cfg(feature = "hdf5")]
     #[test]
     fn seed_ranges_are_read_and_wrong_ones_refused() {
         assert_eq!(seed_range("0..10"), Ok((0, 10)));

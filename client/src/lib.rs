@@ -6,7 +6,6 @@
 
 #[cfg(feature = "hdf5")]
 mod broken;
-#[cfg(feature = "hdf5")]
 mod choice;
 #[cfg(feature = "hdf5")]
 pub mod collect;

@@ -3,11 +3,14 @@
 //! Exit codes: 0 ok, 1 failed, 2 wrong command line, 3 finished with loss.
 
 use std::ffi::OsString;
+use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use anyhow::Context;
-use clap::{CommandFactory, Parser, Subcommand};
+use clap::error::ErrorKind;
+use clap::parser::ValueSource;
+use clap::{ArgMatches, CommandFactory, FromArgMatches, Parser, Subcommand};
 use clap_complete::Shell;
 #[cfg(feature = "hdf5")]
 use wheelarm_client::collect::{self, CollectArgs};
@@ -29,7 +32,9 @@ use wheelarm_client::replay::{self, ReplayArgs};
 #[cfg(feature = "terminal")]
 use wheelarm_client::teleop::{self, TeleopArgs};
 use wheelarm_client::watch::{self, WatchArgs};
-use wheelarm_link::{Connect, Link};
+use wheelarm_link::Connect;
+use wheelarm_proto::output::end_with_output;
+use wheelarm_proto::program::{told, version};
 
 /// Clients of the WheelArm simulator: operate, record, replay, watch.
 ///
@@ -38,7 +43,7 @@ use wheelarm_link::{Connect, Link};
 #[derive(Parser)]
 #[command(
     name = "wheelarm",
-    version,
+    version = version(),
     about,
     allow_external_subcommands = true,
     after_long_help = manual::WHEELARM
@@ -162,6 +167,19 @@ enum Command {
         /// Folder for the pages, for example ~/.local/share/man/man1.
         dir: PathBuf,
     },
+    /// Reads, checks, aligns, labels and exports episode files.
+    ///
+    /// Runs the program `wheelarm-dataset`; `wheelarm dataset --help` tells its commands.
+    #[command(disable_help_flag = true)]
+    Dataset {
+        /// What `wheelarm-dataset` is told.
+        #[arg(
+            trailing_var_arg = true,
+            allow_hyphen_values = true,
+            value_name = "WORDS"
+        )]
+        words: Vec<OsString>,
+    },
     /// Any other word X runs the program `wheelarm-X`.
     #[command(external_subcommand)]
     External(Vec<OsString>),
@@ -178,10 +196,15 @@ impl Command {
 }
 
 fn main() -> ExitCode {
-    let cli = Cli::parse();
+    end_with_output();
+    let matches = Cli::command().get_matches();
+    refuse_without_effect(&matches);
+    let cli = Cli::from_arg_matches(&matches).unwrap_or_else(|error| error.exit());
     let filter = tracing_subscriber::EnvFilter::try_from_default_env()
         .unwrap_or_else(|_| tracing_subscriber::EnvFilter::new("warn,zenoh=error"));
-    let messages = tracing_subscriber::fmt().with_env_filter(filter);
+    let messages = tracing_subscriber::fmt()
+        .with_env_filter(filter)
+        .with_ansi(std::io::stderr().is_terminal());
     if cli.command.has_the_screen() && std::env::var_os("RUST_LOG").is_none() {
         // They would be written over its screen.
         messages.with_writer(std::io::sink).init();
@@ -191,15 +214,36 @@ fn main() -> ExitCode {
     match run(cli) {
         Ok(code) => code,
         Err(error) => {
-            eprintln!("error: {error:#}");
+            eprintln!("error: {}", told(error.as_ref()));
             ExitCode::FAILURE
+        }
+    }
+}
+
+/// Refuses the options that say which server, where a command starts its own.
+fn refuse_without_effect(matches: &ArgMatches) {
+    let own = ["demo", "evaluate", "collect", "replay"];
+    let Some((command, _)) = matches.subcommand().filter(|(name, _)| own.contains(name)) else {
+        return;
+    };
+    for (id, option) in [
+        ("connect", "--connect"),
+        ("sim", "--sim"),
+        ("connect_timeout", "--connect-timeout"),
+    ] {
+        if matches.value_source(id) == Some(ValueSource::CommandLine) {
+            let words =
+                format!("`wheelarm {command}` starts servers of its own: leave {option} out\n");
+            Cli::command()
+                .error(ErrorKind::ArgumentConflict, words)
+                .exit();
         }
     }
 }
 
 fn run(cli: Cli) -> anyhow::Result<ExitCode> {
     let connect = Connect::from(&cli.connect);
-    let link = || Link::open(&connect);
+    let link = || control::link(&connect);
     match &cli.command {
         Command::Status => control::status(&connect)?,
         Command::Tasks => control::tasks(&connect)?,
@@ -229,16 +273,29 @@ fn run(cli: Cli) -> anyhow::Result<ExitCode> {
         Command::Replay(args) => return replay::run(args),
         Command::Operate(args) => return operate::run(&link()?, args),
         #[cfg(feature = "terminal")]
-        Command::Teleop(args) => return teleop::run(&connect, args),
-        Command::Preview(args) => return preview::run(&connect, args),
+        Command::Teleop(args) => {
+            control::refuse_closed(&connect.endpoint)?;
+            return teleop::run(&connect, args);
+        }
+        Command::Preview(args) => {
+            control::refuse_closed(&connect.endpoint)?;
+            return preview::run(&connect, args);
+        }
         Command::Watch(args) => return watch::run(&link()?, args),
         Command::Doctor(args) => return doctor::run(&connect, args),
         Command::Shutdown(args) => link()?.shutdown(args.force)?,
         Command::Completions { shell } => {
             let mut command = Cli::command();
-            clap_complete::generate(*shell, &mut command, "wheelarm", &mut std::io::stdout());
+            let mut script = Vec::new();
+            clap_complete::generate(*shell, &mut command, "wheelarm", &mut script);
+            print!("{}", String::from_utf8_lossy(&script));
         }
         Command::Man { dir } => write_manual(dir)?,
+        Command::Dataset { words } => {
+            let name = std::iter::once(OsString::from("dataset"));
+            let words: Vec<OsString> = name.chain(words.iter().cloned()).collect();
+            return control::run_external(&words);
+        }
         Command::External(words) => return control::run_external(words),
     }
     Ok(ExitCode::SUCCESS)

@@ -10,6 +10,7 @@ use wheelarm_operate::operator::Outcome;
 use wheelarm_operate::run::{self as operate, OperateOptions, Report};
 use wheelarm_proto::program::EXIT_NOT_DONE;
 
+use crate::choice;
 use crate::control::evaluation_lines;
 
 /// Options of `wheelarm operate`.
@@ -28,7 +29,7 @@ pub struct OperateArgs {
     #[arg(long, default_value_t = 0, value_name = "N")]
     pub require_recorders: u32,
     /// Name under which the operator commands.
-    #[arg(long, default_value = "operator")]
+    #[arg(long, default_value = "operator", value_parser = choice::name)]
     pub commander: String,
     /// Takes control over from whoever holds it.
     #[arg(long)]

@@ -8,7 +8,7 @@ use wheelarm_link::{Connect, Link, Silence};
 use wheelarm_proto::settings::Depth;
 use wheelarm_record::{self as record, Output, RecordOptions, Told};
 
-use crate::choice::named;
+use crate::choice::{self, named};
 use crate::interrupt::Signals;
 
 /// The server name that stands for every server.
@@ -22,7 +22,7 @@ pub struct RecordArgs {
     #[arg(long, default_value = "data", value_name = "DIR")]
     pub out: PathBuf,
     /// Name of this recorder; several at one server need different ones.
-    #[arg(long, default_value = "recorder")]
+    #[arg(long, default_value = "recorder", value_parser = choice::name)]
     pub name: String,
     /// How depth is stored: `f32` are metres, bit for bit as rendered; `u16` are
     /// millimetres at half the size, 0 where nothing was hit or the surface is

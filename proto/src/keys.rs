@@ -40,10 +40,10 @@ pub struct Keys {
     sim: String,
 }
 
-/// A server name that cannot stand in a key.
+/// A name, of a server, a commander or a recorder, that cannot stand in a key.
 #[derive(Debug, thiserror::Error, PartialEq, Eq)]
 #[error(
-    "server name {0:?} must be 1 to 64 letters, digits, `-` or `_` (it stands in a key expression)"
+    "the name {0:?} must be 1 to 64 letters, digits, `-` or `_` (it stands in a key expression)"
 )]
 pub struct BadName(pub String);
 

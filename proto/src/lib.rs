@@ -9,8 +9,12 @@
 
 pub mod check;
 pub mod digest;
+pub mod endpoint;
 pub mod exact;
+#[cfg(feature = "nalgebra")]
+pub mod geometry;
 pub mod keys;
+pub mod output;
 pub mod preview;
 pub mod program;
 pub mod robot;

@@ -2,11 +2,49 @@
 //! that it serves, its tasks without serving, and exit codes. People read the
 //! rest.
 
+use std::error::Error;
 use std::fmt;
+use std::sync::LazyLock;
 
 use serde::{Deserialize, Serialize};
 
 use crate::v1;
+
+/// What `--version` tells: the version, what must agree between programs, and the
+/// commit that it was built from. The variable `WHEELARM_COMMIT` of the build says
+/// that; the Makefile sets it.
+#[must_use]
+pub fn version() -> &'static str {
+    static LINE: LazyLock<String> = LazyLock::new(|| {
+        format!(
+            "{} (contract {}, physics {}, {})",
+            env!("CARGO_PKG_VERSION"),
+            crate::CONTRACT_VERSION,
+            crate::PHYSICS_VERSION,
+            option_env!("WHEELARM_COMMIT")
+                .filter(|commit| !commit.is_empty())
+                .unwrap_or("commit unknown")
+        )
+    });
+    &LINE
+}
+
+/// An error with its causes in one line, each of them once: many repeat the words
+/// of their cause.
+#[must_use]
+pub fn told(error: &dyn Error) -> String {
+    let mut text = error.to_string().trim_end().to_owned();
+    let mut cause = error.source();
+    while let Some(error) = cause {
+        let words = error.to_string();
+        let words = words.trim_end();
+        if !text.contains(words) {
+            text = format!("{text}: {words}");
+        }
+        cause = error.source();
+    }
+    text
+}
 
 /// The first line of a server's standard output, as soon as it serves.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -149,5 +187,19 @@ mod tests {
         assert!(text.contains("\"goal\":\"open\""), "{text}");
         assert_eq!(tasks_from_json(&text).unwrap(), tasks);
         assert!(tasks_from_json("{}").is_err());
+    }
+
+    #[test]
+    fn a_cause_that_was_told_is_not_told_again() {
+        #[derive(Debug, thiserror::Error)]
+        #[error("scene.toml: {0}")]
+        struct Outer(#[source] std::fmt::Error);
+        let repeated = Outer(std::fmt::Error);
+        assert_eq!(told(&repeated), format!("scene.toml: {}", std::fmt::Error));
+        #[derive(Debug, thiserror::Error)]
+        #[error("no scene")]
+        struct Silent(#[source] std::fmt::Error);
+        let silent = Silent(std::fmt::Error);
+        assert_eq!(told(&silent), format!("no scene: {}", std::fmt::Error));
     }
 }

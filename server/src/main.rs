@@ -1,7 +1,7 @@
 //! `wheelarm-server`: parses and wires; the library runs.
 
 use std::ffi::OsString;
-use std::io::{Read, Write};
+use std::io::{IsTerminal, Read, Write};
 use std::net::TcpListener;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -10,8 +10,10 @@ use anyhow::{Context, bail};
 use clap::Parser;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use tokio::signal::unix::{Signal, SignalKind, signal};
+use wheelarm_proto::endpoint::check_endpoint;
 use wheelarm_proto::keys::{self, Keys};
-use wheelarm_proto::program::{EXIT_SCENARIO, Ready, tasks_to_json};
+use wheelarm_proto::output::end_with_output;
+use wheelarm_proto::program::{EXIT_SCENARIO, Ready, tasks_to_json, told, version};
 use wheelarm_proto::settings::{Named, Pacing, Quality, Starts};
 use wheelarm_proto::v1;
 use wheelarm_server::robot::RobotModel;
@@ -27,16 +29,16 @@ use wheelarm_server::tasks::{self, Floor, TaskSpec, table};
 /// line `ready ENDPOINT sim=NAME` when it serves. Listens on 127.0.0.1 unless
 /// told otherwise; from another machine connect through an SSH tunnel.
 #[derive(Parser, Debug)]
-#[command(version)]
+#[command(version = version())]
 struct Args {
     /// Name of this server, so that several can share one network.
     #[arg(long, default_value = keys::DEFAULT_SIM)]
     sim: String,
     /// Endpoint to listen on; port 0 takes a free one. May be repeated.
-    #[arg(long, default_value = "tcp/127.0.0.1:7447")]
+    #[arg(long, default_value = "tcp/127.0.0.1:7447", value_parser = endpoint)]
     listen: Vec<String>,
     /// Endpoint of a Zenoh router to connect to. May be repeated.
-    #[arg(long)]
+    #[arg(long, value_parser = endpoint)]
     connect: Vec<String>,
     /// Announces the server by multicast on the local network.
     #[arg(long)]
@@ -73,7 +75,7 @@ struct Args {
     assets: Option<PathBuf>,
     /// Camera as NAME=WIDTHxHEIGHT@HZ: one of the robot's, `*` for each of them
     /// that is not named, or `room`. May be repeated; `*=1280x720@10` without it.
-    #[arg(long, value_parser = v1::CameraSetting::from_text)]
+    #[arg(long, value_parser = v1::CameraSetting::from_text, conflicts_with = "no_cameras")]
     camera: Vec<v1::CameraSetting>,
     /// Physics only: no pictures, no graphics driver needed.
     #[arg(long)]
@@ -118,6 +120,11 @@ struct Args {
     /// Prints the graphics adapters and ends.
     #[arg(long)]
     list_adapters: bool,
+}
+
+fn endpoint(text: &str) -> Result<String, String> {
+    let checked = check_endpoint(text).map_err(|bad| bad.to_string());
+    checked.map(|()| text.to_owned())
 }
 
 /// Takes the names that the contract has for a choice.
@@ -262,13 +269,14 @@ fn concrete(endpoint: &str) -> anyhow::Result<String> {
 }
 
 fn main() -> ExitCode {
+    end_with_output();
     let args = Args::parse();
     with_environment();
     let runtime = tokio::runtime::Runtime::new().context("the runtime cannot start");
     let Err(error) = runtime.and_then(|runtime| runtime.block_on(serve(args))) else {
         return ExitCode::SUCCESS;
     };
-    eprintln!("Error: {error:?}");
+    eprintln!("error: {}", told(error.as_ref()));
     match error.downcast_ref() {
         Some(SimError::Broken(_) | SimError::Panicked(_)) => ExitCode::from(EXIT_SCENARIO),
         _ => ExitCode::FAILURE,
@@ -330,6 +338,7 @@ fn sending_threads() -> Option<OsString> {
 async fn serve(args: Args) -> anyhow::Result<()> {
     tracing_subscriber::fmt()
         .with_writer(std::io::stderr)
+        .with_ansi(std::io::stderr().is_terminal())
         .with_env_filter(
             tracing_subscriber::EnvFilter::try_from_default_env()
                 .unwrap_or_else(|_| "warn,wheelarm_server=info,zenoh=error".into()),

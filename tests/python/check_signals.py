@@ -116,7 +116,7 @@ def efforts(file, f, names, q, effort, dt):
 
     objects = list(f["streams/object_pose/pose"].attrs["names"])
     poses = f["streams/object_pose/pose"][()]
-    masses = {o["name"]: o["mass_kg"] for o in json.loads(f["scenario/text"].asstr()[()])["objects"]}
+    masses = {o["name"]: o.get("mass", o.get("mass_kg")) for o in json.loads(f["scenario/text"].asstr()[()])["objects"]}
     held, other = touching(f, links)
     # A drawer in the hand pushes back with a force that no mass tells.
     for i, name in enumerate(held):

@@ -10,10 +10,11 @@ use std::process::ExitCode;
 use clap::Parser;
 
 fn main() -> ExitCode {
+    wheelarm_proto::output::end_with_output();
     match commands::run(commands::Cli::parse()) {
         Ok(code) => ExitCode::from(code),
         Err(problem) => {
-            eprintln!("{problem:#}");
+            eprintln!("{}", wheelarm_proto::program::told(problem.as_ref()));
             ExitCode::FAILURE
         }
     }

@@ -1,77 +1,98 @@
-//! The scenario as readable JSON, for people and for tools without protobuf.
+//! The scenario as readable JSON, for people and for tools without protobuf: in
+//! the words of the message, which are those of the TOML that
+//! `wheelarm-server --scenario` takes. Units stand in `scenario.proto`.
 
-use serde_json::{Value, json};
-use wheelarm_proto::settings::{Named, Starts};
+use serde_json::Value;
+use wheelarm_proto::settings::{Named, Pacing, Quality};
 use wheelarm_proto::v1;
 
-/// The scenario with units in its keys.
+/// The scenario; what is absent in it is left out.
 #[must_use]
 pub fn scenario_json(s: &v1::Scenario) -> Value {
-    json!({
-        "scene": s.scene,
-        "task": s.task(),
-        "seed": s.seed(),
-        "robot": s.robot,
-        "instruction": s.instruction(),
-        "pacing": pacing(s.pacing),
-        "quality": quality(s.quality),
-        "state_rate_hz": s.state_rate_hz(),
-        "deformable_rate_hz": s.deformable_rate_hz(),
-        "imu_rate_hz": s.imu_rate_hz(),
-        "imu_noise": s.imu_noise(),
-        "cameras": s.cameras.iter().map(|c| json!({
-            "name": c.name,
-            "width_pixels": c.width,
-            "height_pixels": c.height,
-            "rate_hz": c.rate_hz(),
-        })).collect::<Vec<_>>(),
-        "objects": s.objects.iter().map(|o| json!({
-            "name": o.name,
-            "pose_in_house": o.pose.as_ref().map(pose),
-            "mass_kg": o.mass,
-            "friction": o.friction,
-        })).collect::<Vec<_>>(),
-        "slides": s.slides.iter().map(|slide| json!({
-            "joint": slide.joint,
-            "friction_newton": slide.friction,
-            "damping_newton_second_per_metre": slide.damping,
-            "position_m": slide.position,
-        })).collect::<Vec<_>>(),
-        "target": s.target(),
-        "start_of_wheelchair_root_in_house": s.start.as_ref().map(pose),
-        "starts": Starts::told(s.starts()).unwrap_or_default().name(),
-        "arm_positions_rad": s.arm_positions,
-        "knuckle_rad": s.knuckle,
-        "variant": s.variant,
-        "variant_share": s.variant_share,
-    })
+    let mut value = serde_json::to_value(s).unwrap_or_default();
+    leave_out_absent(&mut value);
+    value
 }
 
-fn pose(p: &v1::Pose) -> Value {
-    json!({
-        "position_m": p.position.map(|v| [v.x, v.y, v.z]),
-        "quaternion_xyzw": p.orientation.map(|q| [q.x, q.y, q.z, q.w]),
-    })
-}
-
-/// Name of a pacing.
-#[must_use]
-pub fn pacing(value: i32) -> &'static str {
-    match v1::Pacing::try_from(value) {
-        Ok(v1::Pacing::Unspecified | v1::Pacing::RealTime) => "real_time",
-        Ok(v1::Pacing::LockStep) => "lock_step",
-        Ok(v1::Pacing::Fast) => "fast",
-        Err(_) => "unknown",
+/// TOML has no word for what is absent, so neither has the JSON.
+fn leave_out_absent(value: &mut Value) {
+    match value {
+        Value::Object(fields) => {
+            fields.retain(|_, field| !field.is_null());
+            fields.values_mut().for_each(leave_out_absent);
+        }
+        Value::Array(items) => items.iter_mut().for_each(leave_out_absent),
+        _ => {}
     }
 }
 
-/// Name of a quality tier.
+/// Name of a pacing; real time where none is told.
+#[must_use]
+pub fn pacing(value: i32) -> &'static str {
+    let code = v1::Pacing::try_from(value);
+    code.map_or("unknown", |code| {
+        Pacing::told(code).unwrap_or(Pacing::RealTime).name()
+    })
+}
+
+/// Name of a quality; standard where none is told.
 #[must_use]
 pub fn quality(value: i32) -> &'static str {
-    match v1::RenderQuality::try_from(value) {
-        Ok(v1::RenderQuality::Unspecified | v1::RenderQuality::Standard) => "standard",
-        Ok(v1::RenderQuality::Fast) => "fast",
-        Ok(v1::RenderQuality::High) => "high",
-        Err(_) => "unknown",
+    let code = v1::RenderQuality::try_from(value);
+    code.map_or("unknown", |code| {
+        Quality::told(code).unwrap_or(Quality::Standard).name()
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_a_file_shows_is_a_scenario_as_a_server_takes_it() {
+        let pose = v1::Pose {
+            position: Some(v1::Vector3 {
+                x: -3.79,
+                y: 0.1 + 0.2,
+                z: 0.8,
+            }),
+            orientation: Some(v1::Quaternion {
+                w: 1.0,
+                ..v1::Quaternion::default()
+            }),
+        };
+        let scenario = v1::Scenario {
+            scene: "home".into(),
+            task: Some("pick_bowl".into()),
+            seed: Some(7),
+            cameras: vec![v1::CameraSetting {
+                name: "gen3".into(),
+                width: 320,
+                height: 180,
+                rate_hz: Some(10.0),
+                ..v1::CameraSetting::default()
+            }],
+            pacing: v1::Pacing::LockStep.into(),
+            quality: v1::RenderQuality::Fast.into(),
+            starts: v1::Starts::Anywhere.into(),
+            objects: vec![v1::ObjectPlacement {
+                name: "bowl".into(),
+                pose: Some(pose),
+                mass: Some(0.2),
+                friction: None,
+            }],
+            arm_positions: vec![0.5; 7],
+            knuckle: Some(0.0),
+            ..v1::Scenario::default()
+        };
+        let shown = scenario_json(&scenario);
+        assert_eq!(shown["pacing"], "lock-step");
+        assert_eq!(shown["objects"][0]["mass"], 0.2);
+        assert_eq!(shown["objects"][0].get("friction"), None);
+        let pasted = toml::to_string(&shown).unwrap();
+        assert_eq!(toml::from_str(&pasted), Ok(scenario));
+        // Also where nothing is told.
+        let nothing = toml::to_string(&scenario_json(&v1::Scenario::default())).unwrap();
+        assert_eq!(toml::from_str(&nothing), Ok(v1::Scenario::default()));
     }
 }

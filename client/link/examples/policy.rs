@@ -4,7 +4,7 @@
 use std::error::Error;
 use std::time::Duration;
 
-use wheelarm_link::{Connect, Link, Turn};
+use wheelarm_link::{Connect, Link, Turn, Turns};
 use wheelarm_proto::topic::Sample;
 use wheelarm_proto::{TopicId, v1};
 
@@ -26,6 +26,26 @@ fn policy(knuckle: f64) -> v1::Command {
     }
 }
 
+/// Thirty answers; how many there were, and where the knuckle is then, rad.
+fn act(turns: &mut Turns) -> Result<(u32, f64), Box<dyn Error>> {
+    let (mut knuckle, mut answers) = (0.0, 0);
+    loop {
+        let mut see = |sample| {
+            if let Sample::Applied(applied) = sample {
+                knuckle = applied.knuckle;
+            }
+        };
+        match turns.next(Duration::from_secs(20), &mut see)? {
+            Turn::Answer(_) if answers == 30 => return Ok((answers, knuckle)),
+            Turn::Answer(_) => turns.answer(policy(knuckle))?,
+            Turn::Refused(refusal) => return Err(refusal.reason.into()),
+            Turn::Ended(_) => return Err("somebody else ended the episode".into()),
+            Turn::Silent(status) => return Err(status.waiting_for.into()),
+        }
+        answers += 1;
+    }
+}
+
 fn main() -> Result<(), Box<dyn Error>> {
     let words: Vec<String> = std::env::args().skip(1).collect();
     let [endpoint, sim] = words.as_slice() else {
@@ -37,23 +57,10 @@ fn main() -> Result<(), Box<dyn Error>> {
         label: "policy".to_owned(),
         ..Default::default()
     })?;
-    let (mut knuckle, mut answers) = (0.0, 0);
-    loop {
-        let mut see = |sample| {
-            if let Sample::Applied(applied) = sample {
-                knuckle = applied.knuckle;
-            }
-        };
-        match turns.next(Duration::from_secs(20), &mut see)? {
-            Turn::Answer(_) if answers == 30 => break,
-            Turn::Answer(_) => turns.answer(policy(knuckle))?,
-            Turn::Refused(refusal) => return Err(refusal.reason.into()),
-            Turn::Ended(_) => return Err("somebody else ended the episode".into()),
-            Turn::Silent(status) => return Err(status.waiting_for.into()),
-        }
-        answers += 1;
-    }
-    let stopped = link.stop_episode(false)?;
+    let done = act(&mut turns);
+    // Also where it failed: without its policy the episode would go on.
+    let stopped = link.stop_episode(false);
+    let ((answers, knuckle), stopped) = (done?, stopped?);
     let stamp = |header: Option<v1::Header>| header.unwrap_or_default().stamp_nanos as f64 * 1e-9;
     let seconds = stamp(stopped.header) - stamp(started.header);
     println!("{answers} answers, {seconds:.3} s, knuckle at {knuckle:.3} rad");

@@ -23,8 +23,22 @@ impl Link {
     /// headers tell. With 1 the newest is taken.
     ///
     /// # Errors
-    /// [`LinkError::Transport`].
+    /// [`LinkError::NoCamera`] with those in use when it is none of them, else as
+    /// [`Link::ask`] and [`Link::subscribe`].
     pub fn camera(&self, name: &str, kept: usize) -> Result<Camera, LinkError> {
+        let status = self.ask(&v1::StatusRequest {})?;
+        let cameras = status.scenario.unwrap_or_default().cameras;
+        let on = cameras.iter().filter(|one| one.rate_hz != Some(0.0));
+        let names: Vec<&str> = on.map(|one| one.name.as_str()).collect();
+        if !names.contains(&name) {
+            return Err(LinkError::NoCamera {
+                camera: name.to_owned(),
+                found: match names.is_empty() {
+                    true => "none".to_owned(),
+                    false => names.join(", "),
+                },
+            });
+        }
         let (ring, pictures) = RingChannel::new(kept.max(1)).into_handler();
         let key = self.keys().camera(name);
         let subscriber = self.subscribe(&key, move |sample| ring.call(sample))?;

@@ -1,5 +1,6 @@
 //! What can go wrong between a client and a server, in words that name the cure.
 
+use wheelarm_proto::endpoint::BadEndpoint;
 use wheelarm_proto::keys::BadName;
 use wheelarm_proto::schema::OtherVersion;
 use wheelarm_proto::v1::FailureCode;
@@ -9,7 +10,10 @@ use super::frame::BadFrame;
 /// What can go wrong between a client and a server.
 #[derive(Debug, thiserror::Error)]
 pub enum LinkError {
-    /// The server's name cannot stand in a key.
+    /// The endpoint is none.
+    #[error(transparent)]
+    Endpoint(#[from] BadEndpoint),
+    /// A name cannot stand in a key.
     #[error(transparent)]
     Name(#[from] BadName),
     /// Nobody listens.
@@ -94,6 +98,16 @@ pub enum LinkError {
         /// The server's words.
         message: String,
     },
+    /// No pictures come from a camera of that name.
+    #[error(
+        "the camera {camera:?} is not in use (in use: {found}): choose one of them, or ask for it when the server starts (--camera) or with a reset"
+    )]
+    NoCamera {
+        /// The wanted name.
+        camera: String,
+        /// Names of those in use.
+        found: String,
+    },
     /// A message could not be read.
     #[error("{what} cannot be read ({cause}): client and server differ in version?")]
     Garbled {
@@ -122,6 +136,14 @@ pub(super) fn transport(operation: &'static str) -> impl Fn(zenoh::Error) -> Lin
     move |cause| LinkError::Transport {
         operation,
         cause: words(&cause),
+    }
+}
+
+/// Nothing can come any more.
+pub(super) fn closed(operation: &'static str) -> LinkError {
+    LinkError::Transport {
+        operation,
+        cause: "the connection is closed".to_owned(),
     }
 }
 

@@ -26,6 +26,7 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use parking_lot::Mutex;
+use wheelarm_proto::endpoint::check_endpoint;
 use wheelarm_proto::keys::{self, Keys};
 use wheelarm_proto::schema;
 use wheelarm_proto::v1::FailureCode;
@@ -53,6 +54,10 @@ use error::{transport, words};
 /// Where a server listens when nothing else is said.
 pub const DEFAULT_ENDPOINT: &str = "tcp/127.0.0.1:7447";
 
+/// Bounds of the wait for a connection, s; the longest is a day.
+const LEAST_WAIT: f64 = 0.1;
+const LONGEST_WAIT: f64 = 86_400.0;
+
 /// Which server to speak to.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Connect {
@@ -72,6 +77,14 @@ impl Connect {
             endpoint: endpoint.to_owned(),
             sim: sim.to_owned(),
             ..Self::default()
+        }
+    }
+
+    /// The wait, s, as long as it can be.
+    fn wait_secs(&self) -> f64 {
+        match self.timeout_secs.is_nan() {
+            true => LEAST_WAIT,
+            false => self.timeout_secs.clamp(LEAST_WAIT, LONGEST_WAIT),
         }
     }
 }
@@ -104,13 +117,15 @@ pub enum Silence {
 /// Connects to an endpoint, behind which there may be any servers.
 ///
 /// # Errors
-/// [`LinkError::NoServer`] when nobody listens.
+/// [`LinkError::Endpoint`] when it is none, [`LinkError::NoServer`] when nobody
+/// listens.
 pub fn open_session(args: &Connect, silence: Silence) -> Result<Session, LinkError> {
-    zenoh::open(config(&args.endpoint, args.timeout_secs, silence))
+    check_endpoint(&args.endpoint)?;
+    zenoh::open(config(&args.endpoint, args.wait_secs(), silence))
         .wait()
         .map_err(|cause| LinkError::NoServer {
             endpoint: args.endpoint.clone(),
-            seconds: args.timeout_secs,
+            seconds: args.wait_secs(),
             cause: words(&cause),
         })
 }
@@ -131,6 +146,7 @@ impl Link {
     /// Connects and makes sure that the named server is alive.
     ///
     /// # Errors
+    /// [`LinkError::Endpoint`] when the endpoint is none,
     /// [`LinkError::NoServer`] when nobody listens until the wait is over,
     /// [`LinkError::OtherName`] when the server has another name,
     /// [`LinkError::Several`] when it cannot be told from a stranger,
@@ -146,7 +162,7 @@ impl Link {
     pub fn open_as(args: &Connect, silence: Silence) -> Result<Self, LinkError> {
         // A bad name is told before anything else.
         Keys::new(&args.sim)?;
-        let deadline = Instant::now() + Duration::from_secs_f64(args.timeout_secs.max(0.1));
+        let deadline = Instant::now() + Duration::from_secs_f64(args.wait_secs());
         let session = open_session(args, silence)?;
         let link = Self::over(session, &args.endpoint, &args.sim)?;
         link.wait_alive(deadline)?;
@@ -475,7 +491,7 @@ fn decode<M: Message + Default>(payload: &ZBytes, what: &str) -> Result<M, LinkE
 
 /// Client mode, no scouting: a client speaks to the one server it was told.
 fn config(endpoint: &str, timeout_secs: f64, silence: Silence) -> Config {
-    let timeout_ms = (timeout_secs.max(0.1) * 1e3).round();
+    let timeout_ms = (timeout_secs * 1e3).round();
     // Signs of life come every two and a half seconds either way.
     let (lease_ms, signs) = match silence {
         Silence::Gone => (10_000, 4),

@@ -9,6 +9,7 @@ use wheelarm_proto::Topic;
 use zenoh::bytes::ZBytes;
 use zenoh::pubsub::Subscriber;
 
+use super::error::closed;
 use super::{Link, LinkError};
 
 /// A subscribed topic: every message of it, in the order of arrival.
@@ -42,7 +43,7 @@ impl<M: Topic> Samples<M> {
     /// The next message, or `None` when nothing came for `patience`.
     ///
     /// # Errors
-    /// [`LinkError::Garbled`].
+    /// [`LinkError::Garbled`], [`LinkError::Transport`] when the session is closed.
     pub fn next(&self, patience: Duration) -> Result<Option<M>, LinkError> {
         match self.receiver.recv_timeout(patience) {
             Ok(payload) => match M::decode(Bytes::from(payload.to_bytes().into_owned())) {
@@ -52,7 +53,8 @@ impl<M: Topic> Samples<M> {
                     cause,
                 }),
             },
-            Err(RecvTimeoutError::Timeout | RecvTimeoutError::Disconnected) => Ok(None),
+            Err(RecvTimeoutError::Timeout) => Ok(None),
+            Err(RecvTimeoutError::Disconnected) => Err(closed("waiting for a sample")),
         }
     }
 }

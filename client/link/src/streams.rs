@@ -8,6 +8,7 @@ use wheelarm_proto::topic::Sample;
 use zenoh::bytes::ZBytes;
 
 use super::LinkError;
+use super::error::closed;
 
 /// Subscribed topics in one queue, in the order of arrival.
 pub struct Streams {
@@ -19,7 +20,7 @@ impl Streams {
     /// The next sample, or `None` when nothing came for `patience`.
     ///
     /// # Errors
-    /// [`LinkError::Garbled`].
+    /// [`LinkError::Garbled`], [`LinkError::Transport`] when the session is closed.
     pub fn next(&self, patience: Duration) -> Result<Option<Sample>, LinkError> {
         match self.receiver.recv_timeout(patience) {
             Ok((topic, payload)) => match Sample::decode(topic, &payload.to_bytes()) {
@@ -29,7 +30,8 @@ impl Streams {
                     cause,
                 }),
             },
-            Err(RecvTimeoutError::Timeout | RecvTimeoutError::Disconnected) => Ok(None),
+            Err(RecvTimeoutError::Timeout) => Ok(None),
+            Err(RecvTimeoutError::Disconnected) => Err(closed("waiting for a sample")),
         }
     }
 }

@@ -1,9 +1,9 @@
 //! What a task asks for, as the server tells it.
 
 use wheelarm_proto::check::{self, Invalid};
+use wheelarm_proto::geometry::normalized;
 use wheelarm_proto::v1;
 
-use super::pose::read_pose;
 use super::scene::SceneModel;
 use wheelarm_route::obb::Obb;
 
@@ -98,7 +98,7 @@ impl Goal {
                 Some(Self::Put {
                     item,
                     region: Obb {
-                        pose: read_pose("pose of the region", region.pose.as_ref())?,
+                        pose: normalized("pose of the region", region.pose.as_ref())?,
                         half: check::vector("half extents of the region", region.half.as_ref())?
                             .into(),
                         round: false,

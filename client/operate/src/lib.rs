@@ -13,7 +13,6 @@ pub mod grasp_candidate;
 pub mod hand;
 pub mod observation;
 pub mod operator;
-pub mod pose;
 pub mod profile;
 pub mod run;
 pub mod scene;

@@ -4,11 +4,11 @@
 use nalgebra::Isometry3;
 use wheelarm_proto::check::Invalid;
 use wheelarm_proto::exact;
+use wheelarm_proto::geometry::normalized;
 use wheelarm_proto::robot::Roles;
 use wheelarm_proto::topic::Sample;
 use wheelarm_proto::{TopicId, v1};
 
-use super::pose::read_pose;
 use wheelarm_route::footprint_check::Pose2;
 
 /// Streams that make up an observation; the clock comes last.
@@ -136,11 +136,11 @@ impl Collector {
             .applied
             .as_ref()
             .and_then(|applied| applied.desired_pose.as_ref())
-            .map(|pose| read_pose("desired pose", Some(pose)))
+            .map(|pose| normalized("desired pose", Some(pose)))
             .transpose()?;
         Ok(Some(Observation {
             time: stamp_nanos as f64 * 1e-9,
-            house_from_chair: read_pose(
+            house_from_chair: normalized(
                 "pose of the chair",
                 frame(self.roles.chair).pose.as_ref(),
             )?,
@@ -148,7 +148,7 @@ impl Collector {
                 exact::hypot(linear.x, linear.y),
                 twist.angular.unwrap_or_default().z,
             ],
-            base_from_tool: read_pose(
+            base_from_tool: normalized(
                 "pose of the end effector",
                 frame(self.roles.end_effector).pose.as_ref(),
             )?,
@@ -174,7 +174,7 @@ impl Collector {
             objects: objects
                 .poses
                 .iter()
-                .map(|pose| read_pose("pose of an object", Some(pose)))
+                .map(|pose| normalized("pose of an object", Some(pose)))
                 .collect::<Result<_, _>>()?,
             slides: self
                 .slides

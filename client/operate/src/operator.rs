@@ -2,12 +2,12 @@
 //! them fails. Pure: observations in, actions out.
 
 use nalgebra::Isometry3;
+use wheelarm_proto::geometry;
 use wheelarm_proto::v1::{self, Phase};
 
 use super::base_placement::ArmReachability;
 use super::goal::Goal;
 use super::observation::Observation;
-use super::pose::write_pose;
 use super::profile::OperatorProfile;
 use super::scene::SceneModel;
 pub use super::skill::Act;
@@ -313,7 +313,7 @@ impl Operator {
         let pose = act.tool.map(|pose| {
             arm_command::Target::Pose(v1::CartesianTarget {
                 frame: v1::CommandFrame::BaseLink.into(),
-                pose: Some(write_pose(&pose)),
+                pose: Some(geometry::pose(&pose)),
             })
         });
         let target = pose.or(act.joints.map(|joints| {

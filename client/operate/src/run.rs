@@ -4,6 +4,7 @@ use std::time::Duration;
 
 use nalgebra::Isometry3;
 use wheelarm_proto::check::Invalid;
+use wheelarm_proto::geometry;
 use wheelarm_proto::robot::Roles;
 use wheelarm_proto::v1;
 
@@ -11,7 +12,6 @@ use super::base_placement::ArmReachability;
 use super::goal::Goal;
 use super::observation::{self, Collector};
 use super::operator::{Operator, Outcome};
-use super::pose::write_pose;
 use super::profile::OperatorProfile;
 use super::scene::SceneModel;
 use wheelarm_link::{Link, LinkError, Turn, Turns};
@@ -418,7 +418,7 @@ impl ArmReachability for RemoteReach<'_> {
         near: Option<&[f64; 6]>,
     ) -> Option<[f64; 6]> {
         let request = v1::ReachRequest {
-            pose: Some(write_pose(base_from_tool)),
+            pose: Some(geometry::pose(base_from_tool)),
             near_joints: near.map(|joints| joints.to_vec()).unwrap_or_default(),
         };
         match self.link.ask(&request) {

@@ -3,11 +3,11 @@
 
 use nalgebra::{Isometry3, Translation3, Unit, Vector3};
 use wheelarm_proto::check::{self, Invalid};
+use wheelarm_proto::geometry::normalized;
 use wheelarm_proto::v1;
 
 use super::hand::Hand;
 use super::observation::Observation;
-use super::pose::read_pose;
 use wheelarm_route::footprint_check::Outline;
 use wheelarm_route::obb::Obb;
 
@@ -84,7 +84,7 @@ fn read_boxes(boxes: &[v1::BoxGeometry]) -> Result<Vec<Obb>, Invalid> {
         .iter()
         .map(|geometry| {
             Ok(Obb {
-                pose: read_pose("box pose", geometry.pose.as_ref())?,
+                pose: normalized("box pose", geometry.pose.as_ref())?,
                 half: check::vector("box half extents", geometry.half.as_ref())?.into(),
                 round: false,
             })
@@ -106,7 +106,7 @@ fn read_slide(joint: &v1::FurnitureJoint, item: usize) -> Result<Slide, Invalid>
     Ok(Slide {
         name: joint.name.clone(),
         item,
-        rest: read_pose("rest pose of a joint", joint.rest.as_ref())?,
+        rest: normalized("rest pose of a joint", joint.rest.as_ref())?,
         axis: Unit::new_normalize(axis.into()),
     })
 }
@@ -123,7 +123,7 @@ fn read_grasp(grasp: &v1::GraspFrame, items: &[Item]) -> Result<Grasp, Invalid> 
     Ok(Grasp {
         item,
         name: grasp.name.clone(),
-        item_from_grasp: read_pose("grasp pose", grasp.pose.as_ref())?,
+        item_from_grasp: normalized("grasp pose", grasp.pose.as_ref())?,
         width: check::within("grasp width", grasp.width, 0.0, 1.0)?,
         symmetric: grasp.symmetric,
         force: grasp
@@ -183,7 +183,7 @@ impl SceneModel {
             items,
             slides,
             grasps,
-            chair_from_base: read_pose("arm mount", robot.arm_mount.as_ref())?,
+            chair_from_base: normalized("arm mount", robot.arm_mount.as_ref())?,
             tool_length: check::within("tool length", robot.tool_length, 0.0, 0.5)?,
             footprint: footprint(robot.footprint.as_ref())?,
             outlines: outlines.collect::<Result<_, Invalid>>()?,

@@ -36,8 +36,8 @@ pub struct EpisodeStartArgs {
     pub require_recorders: u32,
     /// In lock-step: the commander that the simulation waits for; it must hold
     /// control. Whoever does when absent.
-    #[arg(long, default_value = "")]
-    pub commander: String,
+    #[arg(long, value_parser = crate::choice::name)]
+    pub commander: Option<String>,
 }
 
 /// Options of `wheelarm episode stop`.
@@ -76,7 +76,7 @@ fn start(link: &Link, args: &EpisodeStartArgs) -> anyhow::Result<()> {
         label: args.label.clone(),
         instruction: (!instruction.is_empty()).then(|| instruction.clone()),
         require_recorders: args.require_recorders,
-        commander: args.commander.clone(),
+        commander: args.commander.clone().unwrap_or_default(),
         ..Default::default()
     })?;
     // It is announced: now its recorders open their files, or cannot.

@@ -23,7 +23,7 @@ pub enum LeaseCommand {
     /// Every control tick is answered: by nothing new, or by what a line on
     /// standard input says. The chair keeps its speed until the next line; when
     /// standard input ends, chair and arm stop.
-    #[command(alias = "take")]
+    #[command(alias = "take", after_long_help = super::manual::LEASE)]
     Hold(LeaseHoldArgs),
 }
 
@@ -31,7 +31,7 @@ pub enum LeaseCommand {
 #[derive(Args, Clone, Debug)]
 pub struct LeaseHoldArgs {
     /// Name of the commander.
-    #[arg(long, default_value = "hand")]
+    #[arg(long, default_value = "hand", value_parser = crate::choice::name)]
     pub name: String,
     /// Takes control over from whoever holds it.
     #[arg(long)]
@@ -57,12 +57,17 @@ pub fn lease(link: &Link, command: &LeaseCommand) -> anyhow::Result<ExitCode> {
         link.keys().sim()
     );
     let lines = lines();
-    let (mut hand, mut looked) = (Hand::default(), Instant::now());
+    let robot = link.ask(&v1::SceneRequest {})?.robot;
+    let mut hand = Hand {
+        limits: robot.and_then(|robot| robot.drive),
+        ..Hand::default()
+    };
+    let mut looked = Instant::now();
     while !interrupted.load(Ordering::Acquire) && !hand.quits {
         hand.read(&lines);
         match turns.next(PATIENCE, &mut |_| {})? {
             Turn::Answer(_) => turns.answer(hand.command())?,
-            Turn::Refused(refusal) => eprintln!("refused: {}", refusal.reason),
+            Turn::Refused(refusal) => hand.refused(&refusal),
             Turn::Ended(_) | Turn::Silent(_) => {}
         }
         if looked.elapsed() > LOOK {
@@ -115,6 +120,10 @@ struct Hand {
     /// Goes out with the next command, once.
     next: v1::Command,
     quits: bool,
+    /// What the chair can do, where the server tells it.
+    limits: Option<v1::DriveDescription>,
+    /// Why the newest command was refused, told once.
+    told: String,
     /// No line comes any more.
     alone: bool,
 }
@@ -141,6 +150,19 @@ impl Hand {
         }
     }
 
+    /// A line that is wrong in itself is dropped, or it would be refused at every
+    /// tick. Where only its moment was wrong (a tick that is over, a rate, a break
+    /// before a `reset`), the next tick is answered with it again.
+    fn refused(&mut self, refusal: &v1::Refusal) {
+        let wrong = [v1::RefusalCode::Invalid, v1::RefusalCode::TooLong];
+        let drops = wrong.contains(&refusal.code()) && self.drive.take().is_some();
+        if self.told != refusal.reason {
+            self.told.clone_from(&refusal.reason);
+            let more = if drops { "; the line is dropped" } else { "" };
+            eprintln!("refused: {}{more}", refusal.reason);
+        }
+    }
+
     fn stop(&mut self) {
         self.drive = None;
         self.next.base = Some(v1::BaseCommand::default());
@@ -156,6 +178,7 @@ impl Hand {
             max_force: None,
         };
         let words: Vec<&str> = line.split_whitespace().collect();
+        self.told.clear();
         match words.as_slice() {
             [] => {}
             ["drive", linear, turn] => {
@@ -163,13 +186,37 @@ impl Hand {
                     let read = text.parse::<f64>();
                     read.with_context(|| format!("{text:?} is not a number"))
                 };
-                self.drive = Some([number(linear)?, number(turn)?]);
+                let asked = [number(linear)?, number(turn)?];
+                self.check(asked)?;
+                self.drive = Some(asked);
             }
             ["stop"] => self.stop(),
             ["open"] => self.next.gripper = Some(grip(Target::Knuckle(0.0))),
             ["close"] => self.next.gripper = Some(grip(Target::Opening(0.0))),
             ["quit"] => self.quits = true,
             _ => bail!("{line:?} is not a command: drive LINEAR TURN, stop, open, close or quit"),
+        }
+        Ok(())
+    }
+
+    /// Refuses speeds beyond what the chair can do.
+    fn check(&self, [linear, turn]: [f64; 2]) -> anyhow::Result<()> {
+        let limits = self.limits.unwrap_or(v1::DriveDescription {
+            forward_speed: f64::MAX,
+            backward_speed: f64::MAX,
+            turn_rate: f64::MAX,
+            ..v1::DriveDescription::default()
+        });
+        let (forward, backward) = (limits.forward_speed, limits.backward_speed);
+        if !(-backward..=forward).contains(&linear) {
+            bail!(
+                "LINEAR {linear} m/s: the chair drives from {} to {forward} m/s",
+                -backward
+            );
+        }
+        let rate = limits.turn_rate;
+        if !(-rate..=rate).contains(&turn) {
+            bail!("TURN {turn} rad/s: the chair turns at {rate} rad/s at most");
         }
         Ok(())
     }
@@ -202,6 +249,35 @@ mod tests {
         assert_eq!(command.base, Some(v1::BaseCommand::default()));
         assert!(command.arm.is_some());
         hand.read(&lines);
+        assert_eq!(hand.command(), v1::Command::default());
+    }
+
+    #[test]
+    fn a_line_beyond_the_limits_or_refused_is_dropped() {
+        let mut hand = Hand {
+            limits: Some(v1::DriveDescription {
+                forward_speed: 0.5,
+                backward_speed: 0.3,
+                turn_rate: 1.0,
+                ..v1::DriveDescription::default()
+            }),
+            ..Hand::default()
+        };
+        for wrong in ["drive 5 0", "drive -0.4 0", "drive 0 -1.1", "drive NaN 0"] {
+            let told = hand.take(wrong).unwrap_err().to_string();
+            assert!(told.contains("the chair"), "{told}");
+        }
+        hand.take("drive 0.5 1").unwrap();
+        assert!(hand.command().base.is_some());
+        let refusal = |code: v1::RefusalCode| v1::Refusal {
+            code: code.into(),
+            ..v1::Refusal::default()
+        };
+        for passing in [v1::RefusalCode::Answered, v1::RefusalCode::TooOld] {
+            hand.refused(&refusal(passing));
+            assert!(hand.command().base.is_some());
+        }
+        hand.refused(&refusal(v1::RefusalCode::Invalid));
         assert_eq!(hand.command(), v1::Command::default());
     }
 

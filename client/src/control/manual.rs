@@ -199,7 +199,8 @@ pub const WATCH: &str = manual!(
   wheelarm watch --only camera --cameras --duration 10
 ",
     "  0  measured, nothing missed
-  1  no server answered, or it went away
+  1  no server answered, or one of another version came back; with --once or at
+     the end of --duration also when it went away
   3  measured, samples were missed
 "
 );

@@ -16,6 +16,7 @@ use wheelarm_link::{Connect, Link, LinkError};
 pub use episode::{EpisodeCommand, EpisodeStartArgs, EpisodeStopArgs, episode};
 pub use external::run_external;
 pub use lease::{LeaseCommand, LeaseHoldArgs, lease};
+pub use port::refuse_closed;
 pub use print::{episode_line, evaluation_lines};
 pub use tasks::{tasks, tasks_of_program};
 
@@ -47,14 +48,22 @@ pub struct ShutdownArgs {
     pub force: bool,
 }
 
+/// Connects; where nothing listens on this host it says so at once.
+///
+/// # Errors
+/// [`LinkError`].
+pub fn link(connect: &Connect) -> Result<Link, LinkError> {
+    refuse_closed(&connect.endpoint)?;
+    Link::open(connect)
+}
+
 /// Prints what the server does. Where nothing listens on this host it says so at
 /// once.
 ///
 /// # Errors
 /// [`LinkError`].
 pub fn status(connect: &Connect) -> Result<(), LinkError> {
-    port::refuse_closed(&connect.endpoint)?;
-    let link = Link::open(connect)?;
+    let link = link(connect)?;
     let status: v1::Status = link.ask(&v1::StatusRequest {})?;
     print!("{}", print::status_text(link.keys().sim(), &status));
     Ok(())

@@ -15,7 +15,7 @@ const PATIENCE: Duration = Duration::from_millis(500);
 ///
 /// # Errors
 /// [`LinkError::NoServer`] with the cure.
-pub(super) fn refuse_closed(endpoint: &str) -> Result<(), LinkError> {
+pub fn refuse_closed(endpoint: &str) -> Result<(), LinkError> {
     let Some(addresses) = loopback(endpoint) else {
         return Ok(());
     };

@@ -5,11 +5,11 @@ use std::path::Path;
 use std::process::Command;
 
 use anyhow::{Context, bail};
-use wheelarm_link::{Connect, Link, LinkError};
+use wheelarm_link::{Connect, LinkError};
 use wheelarm_proto::{program, v1};
 use wheelarm_rig::required_program;
 
-use super::{port, print};
+use super::{link, print};
 
 /// Prints the tasks that the server knows; without a server those of the program
 /// beside this one.
@@ -17,9 +17,7 @@ use super::{port, print};
 /// # Errors
 /// When neither can be asked.
 pub fn tasks(connect: &Connect) -> anyhow::Result<()> {
-    let asked = port::refuse_closed(&connect.endpoint)
-        .and_then(|()| Link::open(connect))
-        .and_then(|link| link.ask(&v1::TasksRequest {}));
+    let asked = link(connect).and_then(|link| link.ask(&v1::TasksRequest {}));
     let tasks = match asked {
         Ok(list) => list.tasks,
         Err(LinkError::NoServer { endpoint, .. }) => {
@@ -50,7 +48,9 @@ pub fn tasks_of_program(assets: Option<&Path>) -> anyhow::Result<Vec<v1::TaskInf
     if !output.status.success() {
         bail!(
             "wheelarm-server cannot list its tasks: {}",
-            String::from_utf8_lossy(&output.stderr).trim()
+            String::from_utf8_lossy(&output.stderr)
+                .trim()
+                .trim_start_matches("error: ")
         );
     }
     program::tasks_from_json(&String::from_utf8_lossy(&output.stdout)).context(

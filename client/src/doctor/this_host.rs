@@ -5,6 +5,7 @@ use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
 use super::finding::Finding;
+use wheelarm_proto::program::version;
 use wheelarm_rig::find_program;
 
 /// Cores that a server with two cameras and a recorder want for real time.
@@ -18,10 +19,7 @@ const MINUTES: [u64; 2] = [2, 30];
 const PATIENCE: Duration = Duration::from_secs(20);
 
 pub fn look(out: &Path, tell: &mut dyn FnMut(Finding)) {
-    tell(Finding::ok(
-        "wheelarm",
-        format!("version {}", env!("CARGO_PKG_VERSION")),
-    ));
+    tell(Finding::ok("wheelarm", format!("version {}", version())));
     tell(cores());
     #[cfg(feature = "hdf5")]
     tell(hdf5());
@@ -145,7 +143,7 @@ fn programs() -> Vec<Finding> {
         )];
     };
     let mut findings = Vec::new();
-    let ours = env!("CARGO_PKG_VERSION");
+    let ours = version();
     findings.push(match ask(&server, "--version") {
         Ok(text) if text.ends_with(&format!(" {ours}")) => {
             Finding::ok("wheelarm-server", format!("version {ours}"))

@@ -1,5 +1,6 @@
 //! Options of `wheelarm evaluate`, and the scenarios they ask for.
 
+use std::num::NonZeroUsize;
 use std::path::PathBuf;
 use std::time::Duration;
 
@@ -10,7 +11,7 @@ use wheelarm_rig::{ServerOptions, all_cameras};
 
 use super::entry::Job;
 use super::scope::{Scope, read_split};
-use crate::choice::{named, patience, seed_range};
+use crate::choice::{MOST_SEEDS, named, patience, seed_range};
 use crate::variation::Variation;
 
 /// Options of `wheelarm evaluate`.
@@ -22,16 +23,17 @@ pub struct EvaluateArgs {
     /// Seeds, `FIRST..LAST` without the last.
     #[arg(long, value_parser = seed_range, value_name = "A..B")]
     pub seeds: Option<(u64, u64)>,
-    /// Episodes of each task; from the first seed, 0 when no seeds are given.
-    #[arg(long, value_name = "N")]
+    /// Episodes of each task, from seed 0 or the first of the split; 10 when nothing
+    /// says the seeds.
+    #[arg(long, value_name = "N", conflicts_with = "seeds", value_parser = clap::value_parser!(u64).range(1..=MOST_SEEDS))]
     pub episodes: Option<u64>,
     /// A frozen split, for example assets/splits/policy-claim.toml: its seeds, starts
     /// and all else that it draws. With --episodes the first of its seeds.
     #[arg(long, value_name = "FILE", conflicts_with_all = ["seeds", "starts"])]
     pub split: Option<PathBuf>,
     /// Servers at work at one time.
-    #[arg(long, default_value_t = 1, value_name = "J")]
-    pub jobs: usize,
+    #[arg(long, default_value = "1", value_name = "J")]
+    pub jobs: NonZeroUsize,
     /// Folder for the results; an interrupted run in it is resumed.
     #[arg(long, default_value = "data/evaluate")]
     pub out: PathBuf,

@@ -161,7 +161,7 @@ fn work(args: &EvaluateArgs, open: &[Job], ledger: &Ledger) -> anyhow::Result<()
     let next = AtomicUsize::new(0);
     let trouble: Mutex<Option<anyhow::Error>> = Mutex::new(None);
     std::thread::scope(|scope| {
-        for index in 0..args.jobs.clamp(1, open.len()) {
+        for index in 0..args.jobs.get().min(open.len()) {
             let (trouble, next) = (&trouble, &next);
             scope.spawn(move || {
                 if let Err(error) = one_after_another(args, index, open, next, ledger) {

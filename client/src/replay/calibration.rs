@@ -2,9 +2,8 @@
 //! that an old recording is drawn as its own robot saw it.
 
 use anyhow::Context;
-use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion};
 use wheelarm_dataset::read::Episode;
-use wheelarm_proto::check;
+use wheelarm_proto::geometry::{self, from_columns, normalized};
 use wheelarm_proto::v1;
 
 /// Gives each of the robot's cameras that was recorded the lens and the place of
@@ -17,8 +16,7 @@ pub(super) fn as_recorded(
     episode: &Episode,
 ) -> anyhow::Result<()> {
     let (robot, roles) = episode.roles()?;
-    let (x, q) = check::pose("arm mount", robot.arm_mount.as_ref())?;
-    let chair_from_base = isometry([x[0], x[1], x[2], q[0], q[1], q[2], q[3]]);
+    let chair_from_base = normalized("arm mount", robot.arm_mount.as_ref())?;
     let poses = episode.f64s("pose", "pose")?;
     let stamps = episode.u64s("pose", "stamp_nanos")?;
     for setting in cameras {
@@ -31,7 +29,7 @@ pub(super) fn as_recorded(
         else {
             continue;
         };
-        let pose = |frame: usize| isometry(std::array::from_fn(|k| poses[[row, frame, k]]));
+        let pose = |frame: usize| from_columns(std::array::from_fn(|k| poses[[row, frame, k]]));
         let house_from_chair = pose(roles.chair);
         let (frame, house_from_frame) = match mount.mount() {
             v1::CameraMount::Arm => (
@@ -44,7 +42,7 @@ pub(super) fn as_recorded(
             .frames
             .get(frame)
             .context("the file does not name its frames")?;
-        let optical = house_from_frame.inverse() * isometry(camera.pose(0));
+        let optical = house_from_frame.inverse() * from_columns(camera.pose(0));
         let [width, height, fx, fy, cx, cy] = camera.intrinsics(0);
         setting.lens = Some(v1::Intrinsics {
             width: width as u32,
@@ -56,30 +54,8 @@ pub(super) fn as_recorded(
         });
         setting.place = Some(v1::CameraPlace {
             frame: name.name.clone(),
-            pose: Some(message(&optical)),
+            pose: Some(geometry::pose(&optical)),
         });
     }
     Ok(())
-}
-
-fn isometry([x, y, z, qx, qy, qz, qw]: [f64; 7]) -> Isometry3<f64> {
-    let rotation = UnitQuaternion::new_normalize(Quaternion::new(qw, qx, qy, qz));
-    Isometry3::from_parts(Translation3::new(x, y, z), rotation)
-}
-
-fn message(pose: &Isometry3<f64>) -> v1::Pose {
-    let (x, q) = (pose.translation.vector, pose.rotation.coords);
-    v1::Pose {
-        position: Some(v1::Vector3 {
-            x: x.x,
-            y: x.y,
-            z: x.z,
-        }),
-        orientation: Some(v1::Quaternion {
-            x: q.x,
-            y: q.y,
-            z: q.z,
-            w: q.w,
-        }),
-    }
 }

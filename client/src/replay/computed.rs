@@ -12,6 +12,7 @@ use wheelarm_proto::{TopicId, v1};
 use wheelarm_rig::free_label;
 
 use super::args::ReplayArgs;
+use super::assets;
 use super::comparison::Comparison;
 use super::rig::{NAME, Rig};
 use super::script::{self, Script};
@@ -48,7 +49,7 @@ pub(super) fn run(args: &ReplayArgs, episode: &Episode) -> anyhow::Result<ExitCo
     };
     let started = rig.link.ask(&request);
     let started = started.with_context(|| rig.server.tail())?;
-    let fed = feed(&mut turns, &script, &started);
+    let fed = check_assets(&rig.link, &script).and_then(|()| feed(&mut turns, &script, &started));
     // A replay that broke off is not worth a file.
     rig.link.stop_episode(fed.is_err())?;
     let mut code = fed?.report();
@@ -82,6 +83,31 @@ fn reset(link: &Link, script: &Script, cameras: Vec<v1::CameraSetting>) -> anyho
         bail!(
             "the snapshot puts the server at tick {tick}, the episode began at tick {}; was the file made by another version?",
             script.first_tick
+        );
+    }
+    Ok(())
+}
+
+/// Says what the loaded assets have otherwise than the recorded ones, and refuses
+/// a robot that would move otherwise.
+fn check_assets(link: &Link, script: &Script) -> anyhow::Result<()> {
+    let loaded = link.ask(&v1::SnapshotRequest {})?.assets;
+    let changes = assets::changes(&script.assets, &loaded);
+    let (moving, others): (Vec<_>, Vec<_>) = changes
+        .into_iter()
+        .partition(assets::Change::moves_the_robot);
+    if !others.is_empty() {
+        eprintln!(
+            "assets differ from the recorded ones:\n{}",
+            assets::lines(&others)
+        );
+    }
+    if !moving.is_empty() {
+        bail!(
+            "the robot is another than the recorded one, so it would drift:\n{}\nreplay with the \
+             recorded assets (--assets DIR; their texts stand in the file, `initial_state/assets`), \
+             or draw the recorded states with --as-recorded",
+            assets::lines(&moving)
         );
     }
     Ok(())

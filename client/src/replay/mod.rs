@@ -5,6 +5,7 @@
 //! Nothing is decided here: what was applied at a tick is applied again.
 
 mod args;
+mod assets;
 mod calibration;
 mod comparison;
 mod computed;

@@ -11,6 +11,7 @@ use wheelarm_proto::v1;
 use wheelarm_rig::free_label;
 
 use super::args::ReplayArgs;
+use super::assets;
 use super::calibration;
 use super::rig::Rig;
 use super::script;
@@ -45,6 +46,16 @@ pub(super) fn run(args: &ReplayArgs, out: &Path, episode: &Episode) -> anyhow::R
     };
     let link = &rig.link;
     link.ask(&request).with_context(|| rig.server.tail())?;
+    if let Some(loaded) = link.ask(&v1::SceneRequest {})?.robot {
+        let told = assets::drawn_otherwise(&episode.robot()?, &loaded);
+        if !told.is_empty() {
+            eprintln!(
+                "the loaded robot is drawn, which is another than the recorded one (take the \
+                 recorded assets with --assets):\n  {}",
+                told.join("\n  ")
+            );
+        }
+    }
     link.ask(first).with_context(|| {
         "the recorded states do not fit the assets; replay with those of the recording: --assets"
     })?;

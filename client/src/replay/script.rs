@@ -16,6 +16,8 @@ pub(super) struct Script {
     /// Version of the physics and of the server that made the episode.
     pub made_by: (u32, String),
     pub snapshot: bytes::Bytes,
+    /// Texts of the assets with which it was made.
+    pub assets: Vec<v1::AssetText>,
     pub first_tick: u64,
     pub last_tick: u64,
     /// State hashes by tick.
@@ -57,6 +59,7 @@ impl Script {
             scenario: episode.scenario()?,
             made_by: (started.physics_version, started.version),
             snapshot: snapshot.snapshot,
+            assets: snapshot.assets,
             first_tick: header.tick,
             last_tick,
             hashes: episode.state_hashes()?,
@@ -165,6 +168,7 @@ mod tests {
             },
             made_by: (physics, "0.1.0".into()),
             snapshot: bytes::Bytes::new(),
+            assets: Vec::new(),
             first_tick: 0,
             last_tick: 0,
             hashes: Vec::new(),

@@ -3,13 +3,14 @@
 use std::net::SocketAddr;
 
 use clap::Args;
-use wheelarm_proto::keys::check_name;
+
+use crate::choice;
 
 /// Options of `wheelarm teleop`.
 #[derive(Args, Clone, Debug)]
 pub struct TeleopArgs {
     /// Name under which you command; others see it.
-    #[arg(long, default_value_t = own_name(), value_parser = commander_name, value_name = "NAME")]
+    #[arg(long, default_value_t = own_name(), value_parser = choice::name, value_name = "NAME")]
     pub commander: String,
     /// Takes control from whoever holds it.
     #[arg(long)]
@@ -40,12 +41,6 @@ pub struct TeleopArgs {
     /// No preview page.
     #[arg(long)]
     pub no_page: bool,
-}
-
-fn commander_name(text: &str) -> Result<String, String> {
-    check_name(text)
-        .map(|()| text.to_owned())
-        .map_err(|_| format!("{text:?} must be 1 to 64 letters, digits, `-` or `_`"))
 }
 
 fn dead_man(text: &str) -> Result<f64, String> {

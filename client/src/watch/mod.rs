@@ -25,7 +25,7 @@ pub use report::{Recorder, Report};
 #[cfg(test)]
 pub(crate) use situation::tests::robot as described_robot;
 pub use situation::{Connection, Happening, Situation, Target};
-use wheelarm_link::Link;
+use wheelarm_link::{Link, LinkError};
 
 /// Options of `wheelarm watch`.
 #[derive(Args, Clone, Debug)]
@@ -76,7 +76,7 @@ struct Came {
 /// Runs `wheelarm watch`.
 ///
 /// # Errors
-/// When the server goes away or the output is closed.
+/// When no server answers any more until the end, or the output is closed.
 pub fn run(link: &Link, args: &WatchArgs) -> anyhow::Result<ExitCode> {
     let (sender, receiver) = crossbeam_channel::unbounded::<Came>();
     let mut places = vec![link.keys().streams()];
@@ -113,7 +113,7 @@ pub fn run(link: &Link, args: &WatchArgs) -> anyhow::Result<ExitCode> {
     } else {
         args.interval
     };
-    let mut next = interval;
+    let (mut next, mut lost) = (interval, false);
     loop {
         let left = next - began.elapsed().as_secs_f64();
         if left > 0.0 {
@@ -128,7 +128,25 @@ pub fn run(link: &Link, args: &WatchArgs) -> anyhow::Result<ExitCode> {
         next += interval;
         let now = began.elapsed().as_secs_f64();
         let asked = Instant::now();
-        let status: v1::Status = link.ask(&v1::StatusRequest {})?;
+        let status = match link.ask(&v1::StatusRequest {}) {
+            Ok(status) => status,
+            // A server that is restarted is found again, and its answer tells
+            // whether it speaks the same version.
+            Err(error @ (LinkError::Gone { .. } | LinkError::Silent { .. }))
+                if !args.once && length.is_none_or(|length| now < length) =>
+            {
+                if !lost {
+                    eprintln!("{error}; waiting for it");
+                }
+                lost = true;
+                next = began.elapsed().as_secs_f64() + interval;
+                continue;
+            }
+            Err(error) => return Err(error.into()),
+        };
+        if std::mem::take(&mut lost) {
+            eprintln!("the server is there again");
+        }
         let report = Report::new(
             link.keys().sim(),
             &status,

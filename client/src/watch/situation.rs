@@ -11,7 +11,7 @@ use wheelarm_proto::topic::Sample;
 use wheelarm_proto::v1;
 
 use super::hand;
-use wheelarm_operate::pose::read_pose;
+use wheelarm_proto::geometry::normalized;
 
 /// Newest lines that are kept of what happened.
 const KEPT: usize = 50;
@@ -139,7 +139,7 @@ impl Situation {
             Sample::ObjectPose(objects) => {
                 let poses = objects.poses.iter();
                 self.objects = poses
-                    .filter_map(|pose| read_pose("object pose", Some(pose)).ok())
+                    .filter_map(|pose| normalized("object pose", Some(pose)).ok())
                     .collect();
             }
             Sample::Phase(phase) => self.phase = phase.name,
@@ -187,7 +187,7 @@ impl Situation {
     /// chair and hand are. A malformed one is left out.
     pub fn take_robot(&mut self, robot: &v1::RobotDescription) {
         let roles = Roles::find(robot);
-        let mount = read_pose("arm mount", robot.arm_mount.as_ref());
+        let mount = normalized("arm mount", robot.arm_mount.as_ref());
         if let (Ok(roles), Ok(chair_from_base)) = (roles, mount) {
             self.robot = Some(Robot {
                 roles,
@@ -205,7 +205,7 @@ impl Situation {
         };
         let pose = |index: usize| {
             let frame = set.frames.get(index)?;
-            read_pose("pose", frame.pose.as_ref()).ok()
+            normalized("pose", frame.pose.as_ref()).ok()
         };
         let (chair, tool) = (pose(robot.roles.chair), pose(robot.roles.end_effector));
         self.house_from_chair = chair.or(self.house_from_chair);
@@ -219,7 +219,7 @@ impl Situation {
         }
         let ours = reply.grasps.iter().filter(|g| g.object == reply.target);
         let points: Vec<Vector3<f64>> = ours
-            .filter_map(|g| read_pose("grasp", g.pose.as_ref()).ok())
+            .filter_map(|g| normalized("grasp", g.pose.as_ref()).ok())
             .map(|pose| pose.translation.vector)
             .collect();
         let middle = points.iter().sum::<Vector3<f64>>() / points.len().max(1) as f64;

@@ -32,6 +32,14 @@ pub enum RobotError {
         /// Cause.
         source: std::io::Error,
     },
+    /// There is no such robot.
+    #[error("no robot {name:?}: robots there are: {known}")]
+    Unknown {
+        /// Name.
+        name: String,
+        /// Folders below `robots` with a `robot.toml`.
+        known: String,
+    },
     /// `robot.toml` is malformed.
     #[error("{path}: {source}")]
     Toml {
@@ -84,6 +92,9 @@ impl RobotModel {
     pub fn load(assets_dir: &Path, name: &str) -> Result<RobotModel, RobotError> {
         let folder = format!("robots/{name}");
         let toml_path = assets_dir.join(&folder).join("robot.toml");
+        if !toml_path.is_file() {
+            return Err(unknown(assets_dir, name));
+        }
         let text = read(&toml_path)?;
         let file: File = toml::from_str(&text).map_err(|source| RobotError::Toml {
             path: toml_path.clone(),
@@ -113,6 +124,29 @@ impl RobotModel {
             robot: &robot,
         };
         reader.model()
+    }
+}
+
+fn unknown(assets_dir: &Path, name: &str) -> RobotError {
+    let folder = assets_dir.join("robots");
+    let entries = match std::fs::read_dir(&folder) {
+        Ok(entries) => entries,
+        Err(source) => {
+            return RobotError::Read {
+                path: folder,
+                source,
+            };
+        }
+    };
+    let mut known: Vec<String> = entries
+        .flatten()
+        .filter(|entry| entry.path().join("robot.toml").is_file())
+        .map(|entry| entry.file_name().to_string_lossy().into_owned())
+        .collect();
+    known.sort();
+    RobotError::Unknown {
+        name: name.to_owned(),
+        known: known.join(", "),
     }
 }
 

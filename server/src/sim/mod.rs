@@ -74,6 +74,19 @@ pub enum SimError {
         /// The objects that there are.
         known: String,
     },
+    /// Placements of the scenario that cannot be side by side.
+    #[error(
+        "the scenario places {one:?} and {other:?} into each other by {:.0} mm; move one of them, or leave them out and they are drawn",
+        .depth * 1e3
+    )]
+    Overlap {
+        /// An object.
+        one: String,
+        /// Another object.
+        other: String,
+        /// How far, metres.
+        depth: f64,
+    },
     /// A variant of the area.
     #[error("the scenario asks for the variant {name:?}, but the task {task:?} is done in {known}")]
     Variant {
@@ -181,7 +194,7 @@ impl Simulation {
             .as_ref()
             .zip(variant.as_ref())
             .map(|(task, variant)| (task, variant, floor.as_ref()));
-        draw_open_values(&mut scenario, &mut scene, drawn)?;
+        let placed = draw_open_values(&mut scenario, &mut scene, drawn)?;
         let arm = *scenario.arm.get_or_insert(model.settings.home);
         let knuckle = *scenario.knuckle.get_or_insert(0.0);
         check_pose(&model, &arm, knuckle)?;
@@ -190,6 +203,14 @@ impl Simulation {
         let gripper = GripperMap::new(&model);
         let control = RobotControl::at(&model, &arm, knuckle);
         let world = World::new_within(&model, &scene, &placements, &start, &arm, knuckle, late)?;
+        if let Some((one, other, depth)) = world.overlap(&placed) {
+            let name = |object: usize| scenario.objects[object].0.clone();
+            return Err(SimError::Overlap {
+                one: name(one),
+                other: name(other),
+                depth,
+            });
+        }
         guard::check_new(world.fault(), &model, &scene)?;
         let snapshot = Arc::new(world.snapshot());
         let mut evaluator = task
@@ -519,12 +540,13 @@ fn variant<'a>(task: &'a TaskSpec, scenario: &Scenario) -> Result<&'a Variant, S
 }
 
 /// Fills in placements, target, start pose and instruction that the scenario
-/// leaves open, and takes what is not there out of the scene.
+/// leaves open, and takes what is not there out of the scene. Tells of each object
+/// whether the scenario places it elsewhere than it would be drawn.
 fn draw_open_values(
     scenario: &mut Scenario,
     scene: &mut Scene,
     task: Option<(&TaskSpec, &Variant, Option<&Floor>)>,
-) -> Result<(), SimError> {
+) -> Result<Vec<bool>, SimError> {
     if let Some((name, _)) = scenario
         .objects
         .iter()
@@ -556,18 +578,20 @@ fn draw_open_values(
     };
     let given = std::mem::take(&mut scenario.objects);
     let tells_none = given.is_empty();
-    scenario.objects = scene
+    let placed: Vec<bool>;
+    (scenario.objects, placed) = scene
         .objects
         .iter()
         .zip(drawn.scene.placements)
         .filter_map(|(object, drawn)| {
             let given = given.iter().find(|(name, _)| *name == object.name);
+            let elsewhere = given.is_some_and(|(_, p)| drawn.is_none_or(|d| d.pose != p.pose));
             // Of what may be missing, a scenario that tells objects tells all.
             let drawn = drawn.filter(|_| tells_none || !object.optional);
             let placement = given.map(|(_, p)| *p).or(drawn)?;
-            Some((object.name.clone(), placement))
+            Some(((object.name.clone(), placement), elsewhere))
         })
-        .collect();
+        .unzip();
     scene.objects.retain(|object| {
         scenario
             .objects
@@ -593,7 +617,7 @@ fn draw_open_values(
     if scenario.instruction.is_empty() {
         scenario.instruction = drawn.instruction;
     }
-    Ok(())
+    Ok(placed)
 }
 
 /// Refuses a start at which a joint stands beyond its limits.

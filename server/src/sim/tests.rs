@@ -49,6 +49,29 @@ fn started_in(furniture: &str) -> Scenario {
 }
 
 #[test]
+fn objects_that_are_placed_into_each_other_are_refused_and_drawn_ones_are_not() {
+    let drawn = simulation(scenario("pick_mustard")).scenario().clone();
+    // As it was told, and with one thing moved to where nothing stands.
+    let mut apart = drawn.clone();
+    assert!(Simulation::new(&assets(), apart.clone()).is_ok());
+    apart.objects[0].1.pose.translation.z += 1.0;
+    assert!(Simulation::new(&assets(), apart).is_ok());
+    let mut into = drawn.clone();
+    let place = |name: &str| drawn.objects.iter().position(|(n, _)| n == name).unwrap();
+    let (mustard, soup) = (place("mustard"), place("tomato_soup"));
+    into.objects[mustard].1.pose = drawn.objects[soup].1.pose;
+    let Err(refused) = Simulation::new(&assets(), into) else {
+        panic!("the mustard stands in the soup");
+    };
+    assert!(matches!(refused, SimError::Overlap { .. }), "{refused}");
+    let told = refused.to_string();
+    assert!(
+        told.contains("\"mustard\"") && told.contains("\"tomato_soup\""),
+        "{told}"
+    );
+}
+
+#[test]
 fn a_panic_in_a_step_breaks_the_simulation_and_nothing_else() {
     let mut sim = simulation(scenario("pick_mustard"));
     sim.step(&ControlInput::default());

@@ -27,6 +27,7 @@ mod laws;
 
 use nalgebra::{Isometry3, Vector3};
 use rapier3d::dynamics::{FrictionModel, SpringCoefficients};
+use rapier3d::parry::query;
 use rapier3d::prelude::{IntegrationParameters, PhysicsWorld, RigidBodyHandle};
 use thiserror::Error;
 use wheelarm_proto::PHYSICS_HZ;
@@ -135,6 +136,10 @@ pub enum WorldError {
         problem: String,
     },
 }
+
+/// How far objects may reach into each other where a scenario places them, metres:
+/// what was drawn or has come to rest does so by less.
+const OVERLAP: f64 = 0.005;
 
 /// The simulated home with the robot in it.
 pub struct World {
@@ -323,6 +328,34 @@ impl World {
     #[must_use]
     pub fn worst_of_soft(&self) -> Vec<WorstOfSoft> {
         self.soft.iter().map(SoftObject::worst).collect()
+    }
+
+    /// Two objects that reach into each other by more than [`OVERLAP`], one of them
+    /// of those that `asked` tells by index, and how far, metres. What is soft is
+    /// not looked at: it settles.
+    #[must_use]
+    pub fn overlap(&self, asked: &[bool]) -> Option<(usize, usize, f64)> {
+        let parts = |object: usize| {
+            let body = &self.physics.bodies[self.stage.objects[object]];
+            let colliders = body.colliders().iter();
+            colliders.map(|&handle| &self.physics.colliders[handle])
+        };
+        let count = self.stage.objects.len();
+        let pairs = (0..count).flat_map(|a| (a + 1..count).map(move |b| (a, b)));
+        let is_asked = |object: usize| asked.get(object).copied().unwrap_or_default();
+        pairs
+            .filter(|&(a, b)| is_asked(a) || is_asked(b))
+            .find_map(|(a, b)| {
+                let depths = parts(a).flat_map(|one| {
+                    parts(b).filter_map(move |other| {
+                        let (at, there) = (one.position(), other.position());
+                        let contact = query::contact(at, one.shape(), there, other.shape(), 0.0);
+                        Some(f64::from(-contact.ok()??.dist))
+                    })
+                });
+                let depth = depths.fold(0.0, f64::max);
+                (depth > OVERLAP).then_some((a, b, depth))
+            })
     }
 
     /// Ticks since the start.

@@ -18,7 +18,7 @@ use arguments::{FINE, Files, FormatName, Input, PARTIAL, idle};
 
 /// Looks at recorded episodes, checks them, and turns them into training data.
 #[derive(Parser)]
-#[command(name = "wheelarm-dataset", version, about)]
+#[command(name = "wheelarm-dataset", version = wheelarm_proto::program::version(), about)]
 pub struct Cli {
     #[command(subcommand)]
     command: Command,

@@ -17,7 +17,7 @@ use super::batch::parallel;
 use super::deflate_int64::DeflateInt64;
 use super::{Format, PendingFile, Recording, Written};
 use crate::hdf::{Chunked, Filters, unicode};
-use crate::read::{Episode, Values};
+use crate::read::{Episode, Values, first_robot};
 
 const LEVEL: u8 = 4;
 
@@ -117,6 +117,7 @@ impl Format for WheelarmSim {
 
     fn add(&self, recording: &Recording, tick: &(dyn Fn() + Sync)) -> anyhow::Result<Written> {
         let name = format!("{}.hdf5", recording.summary.label);
+        check_robot(&recording.robot)?;
         let pending = PendingFile::new(&self.out.join(name))?;
         let tracks = Tracks::read(&recording.episode)?;
         let cameras: Vec<String> = recording.camera_names();
@@ -147,6 +148,31 @@ impl Format for WheelarmSim {
             notes,
         })
     }
+}
+
+/// Refuses a robot without the joints and frames that stand in the names of
+/// WheelArm-Sim's datasets.
+fn check_robot(robot: &v1::RobotDescription) -> anyhow::Result<()> {
+    let needed = first_robot()?;
+    let joints = needed.joint_names();
+    let lacking: Vec<&str> = joints
+        .filter(|name| robot.joint_names().all(|own| own != *name))
+        .chain(
+            needed
+                .frames
+                .iter()
+                .map(|frame| frame.name.as_str())
+                .filter(|name| robot.frames.iter().all(|own| own.name != *name)),
+        )
+        .collect();
+    anyhow::ensure!(
+        lacking.is_empty(),
+        "the robot {:?} lacks joints or frames of WheelArm-Sim's layout ({}): its scripts cannot \
+         read such a file; choose another format",
+        robot.name,
+        lacking.join(", ")
+    );
+    Ok(())
 }
 
 fn write(
@@ -343,6 +369,18 @@ pub fn guessed_chunk(length: usize) -> usize {
 
 #[cfg(test)]
 mod tests {
+    use super::*;
+
+    #[test]
+    fn a_robot_without_the_joints_of_the_layout_is_refused_with_their_names() {
+        let mut robot = first_robot().unwrap();
+        assert!(check_robot(&robot).is_ok());
+        robot.joints[4].name = "elbow".to_owned();
+        robot.frames[6].name = "tool".to_owned();
+        let told = check_robot(&robot).unwrap_err().to_string();
+        assert!(told.contains("(joint_1, end_effector)"), "{told}");
+    }
+
     #[test]
     fn chunks_have_the_lengths_of_the_files_of_wheelarm_sim() {
         assert_eq!(super::guessed_chunk(2_764_800), 5_400);

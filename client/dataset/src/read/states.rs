@@ -27,28 +27,34 @@ impl Episode {
         let mut imu = self.messages_of::<v1::Imu>()?.into_iter().peekable();
         let mut applied = self.messages_of::<v1::Applied>()?.into_iter().peekable();
         let mut commands = self.messages_of::<v1::CommandLog>()?.into_iter().peekable();
-        let states = joints.into_iter().map(|(tick, mut joints)| {
-            // The first recordings did not tell it; it follows from the knuckle.
-            if joints.opening.is_none() {
-                let knuckle = joints.positions.get(roles.knuckle);
-                joints.opening = knuckle.and_then(|&knuckle| robot.opening(knuckle));
-            }
-            v1::ShowRequest {
-                tick,
-                joints: Some(joints),
-                poses: Some(poses.remove(&tick).unwrap_or_default()),
-                objects: Some(objects.remove(&tick).unwrap_or_default()),
-                furniture: Some(furniture.remove(&tick).unwrap_or_default()),
-                deformable: shapes.remove(&tick),
-                applied_samples: up_to(&mut applied, tick),
-                commands: up_to(&mut commands, tick),
-                evaluation: evaluations.remove(&tick),
-                phase: phases.remove(&tick),
-                odometry: odometry.remove(&tick),
-                contacts: contacts.remove(&tick),
-                imu_samples: up_to(&mut imu, tick),
-            }
-        });
+        let last = joints.len().saturating_sub(1);
+        let states = joints
+            .into_iter()
+            .enumerate()
+            .map(|(index, (tick, mut joints))| {
+                // What came behind the last state goes with it.
+                let until = if index == last { u64::MAX } else { tick };
+                // The first recordings did not tell it; it follows from the knuckle.
+                if joints.opening.is_none() {
+                    let knuckle = joints.positions.get(roles.knuckle);
+                    joints.opening = knuckle.and_then(|&knuckle| robot.opening(knuckle));
+                }
+                v1::ShowRequest {
+                    tick,
+                    joints: Some(joints),
+                    poses: Some(poses.remove(&tick).unwrap_or_default()),
+                    objects: Some(objects.remove(&tick).unwrap_or_default()),
+                    furniture: Some(furniture.remove(&tick).unwrap_or_default()),
+                    deformable: shapes.remove(&tick),
+                    applied_samples: up_to(&mut applied, until),
+                    commands: up_to(&mut commands, until),
+                    evaluation: evaluations.remove(&tick),
+                    phase: phases.remove(&tick),
+                    odometry: odometry.remove(&tick),
+                    contacts: contacts.remove(&tick),
+                    imu_samples: up_to(&mut imu, until),
+                }
+            });
         Ok(states.collect())
     }
 

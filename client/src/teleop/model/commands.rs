@@ -4,7 +4,7 @@ use wheelarm_proto::v1;
 
 use super::{Effect, Model};
 use crate::teleop::phase::{self, Work};
-use wheelarm_operate::pose::{read_pose, write_pose};
+use wheelarm_proto::geometry::{self, normalized};
 
 impl Model {
     pub(super) fn resize(&mut self, coarser: bool, now: f64) {
@@ -48,7 +48,7 @@ impl Model {
             return Vec::new();
         }
         let desired = self.situation.applied.as_ref();
-        let desired = desired.and_then(|a| read_pose("pose", a.desired_pose.as_ref()).ok());
+        let desired = desired.and_then(|a| normalized("pose", a.desired_pose.as_ref()).ok());
         let present = self.situation.base_from_tool;
         let step = self
             .arm
@@ -65,7 +65,7 @@ impl Model {
             arm: Some(v1::ArmCommand {
                 target: Some(v1::arm_command::Target::Pose(v1::CartesianTarget {
                     frame: v1::CommandFrame::BaseLink.into(),
-                    pose: Some(write_pose(&target)),
+                    pose: Some(geometry::pose(&target)),
                 })),
             }),
             ..v1::Command::default()

@@ -1,0 +1,132 @@
+//! What stands in the scene, what is to be done there, and how it goes.
+
+use wheelarm_proto::geometry::{pose, vector};
+use wheelarm_proto::v1;
+
+use crate::robot::RobotModel;
+use crate::scene::{FurnitureJoint, Scene};
+use crate::snapshot::{Anomaly, BodyRef, Fault};
+use crate::tasks;
+
+fn failure(failure: tasks::Failure) -> v1::FailureReason {
+    use v1::FailureReason as Reason;
+    match failure {
+        tasks::Failure::Dropped => Reason::Dropped,
+        tasks::Failure::Tipped => Reason::Tipped,
+        tasks::Failure::Timeout => Reason::Timeout,
+        tasks::Failure::Unreachable => Reason::Unreachable,
+        tasks::Failure::HardCollision => Reason::HardCollision,
+        tasks::Failure::Lost => Reason::Lost,
+        tasks::Failure::Physics => Reason::Physics,
+    }
+}
+
+/// The code of an anomaly.
+pub fn anomaly_kind(anomaly: &Anomaly) -> v1::AnomalyKind {
+    match anomaly {
+        Anomaly::NotFinite(_) => v1::AnomalyKind::NotFinite,
+        Anomaly::Escaped(_) => v1::AnomalyKind::Escaped,
+        Anomaly::Fast(_) => v1::AnomalyKind::JointFast,
+    }
+}
+
+/// The code of a fault.
+pub fn fault_kind(fault: &Fault) -> v1::AnomalyKind {
+    match fault {
+        Fault::NotFinite(_) => v1::AnomalyKind::FaultNotFinite,
+        Fault::JointSpeed { .. } => v1::AnomalyKind::FaultJointSpeed,
+        Fault::Contact { .. } => v1::AnomalyKind::FaultContactForce,
+        Fault::NodeSpeed { .. } => v1::AnomalyKind::FaultNodeSpeed,
+        Fault::Energy { .. } => v1::AnomalyKind::FaultEnergy,
+        Fault::Outside { .. } => v1::AnomalyKind::FaultOutside,
+        Fault::Panic(_) => v1::AnomalyKind::FaultPanic,
+    }
+}
+
+/// State of the task as a message, without header.
+pub fn evaluation(e: &tasks::Evaluation) -> v1::Evaluation {
+    v1::Evaluation {
+        header: None,
+        success: e.success,
+        done: e.done,
+        failure: e.failure.map(|f| f.to_string()).unwrap_or_default(),
+        failure_reason: e.failure.map_or(v1::FailureReason::None, failure).into(),
+        conditions: e
+            .conditions
+            .iter()
+            .map(|c| v1::Condition {
+                name: c.name.clone(),
+                predicate: c.predicate.to_owned(),
+                holds: c.holds,
+                value: c.value,
+                required: c.required,
+            })
+            .collect(),
+        elapsed_seconds: e.elapsed,
+    }
+}
+
+/// Name of a body for people.
+pub fn body_name(body: BodyRef, model: &RobotModel, scene: &Scene) -> String {
+    let name = match body {
+        BodyRef::Link(i) => model.links.get(i).map(|l| &l.name),
+        BodyRef::Object(i) => scene.objects.get(i).map(|b| &b.name),
+        BodyRef::Furniture(i) => scene.furniture.get(i).map(|b| &b.name),
+    };
+    name.cloned().unwrap_or_default()
+}
+
+/// Furniture that slides, as a message.
+pub fn furniture_joint(joint: &FurnitureJoint, scene: &Scene) -> v1::FurnitureJoint {
+    let body = scene.furniture.get(joint.furniture);
+    v1::FurnitureJoint {
+        name: joint.name.clone(),
+        body: body.map(|b| b.name.clone()).unwrap_or_default(),
+        rest: body.map(|b| pose(&b.pose)),
+        axis: Some(vector(&joint.axis)),
+        travel: joint.travel,
+        r#type: v1::JointType::Prismatic.into(),
+    }
+}
+
+/// What is to be done, for programs.
+pub fn goal_kind(goal: &tasks::Goal) -> v1::GoalKind {
+    match goal {
+        tasks::Goal::Lift => v1::GoalKind::Lift,
+        tasks::Goal::Put { .. } => v1::GoalKind::Put,
+        tasks::Goal::Open { .. } => v1::GoalKind::Open,
+        tasks::Goal::Close { .. } => v1::GoalKind::Close,
+    }
+}
+
+/// What a task asks for, as a message.
+pub fn goal(goal: &tasks::Goal, target: &str, scene: &Scene) -> v1::TaskGoal {
+    let mut message = v1::TaskGoal {
+        kind: goal_kind(goal).into(),
+        target: target.to_owned(),
+        ..v1::TaskGoal::default()
+    };
+    match goal {
+        tasks::Goal::Lift => {}
+        tasks::Goal::Put { on } => {
+            message.region = scene
+                .surface_named(on, None)
+                .map(|surface| v1::BoxGeometry {
+                    pose: Some(pose(&surface.centre())),
+                    half: Some(vector(&nalgebra::Vector3::new(
+                        surface.depth / 2.0,
+                        surface.width / 2.0,
+                        0.0,
+                    ))),
+                });
+        }
+        tasks::Goal::Open { travel: position } | tasks::Goal::Close { position } => {
+            let joint = scene
+                .furniture_named(target)
+                .and_then(|i| scene.joint_of(i));
+            message.joint = joint.map_or(String::new(), |joint| joint.name.clone());
+            message.position = *position;
+        }
+    }
+    message
+}
