@@ -1,7 +1,7 @@
 //! The scenario as readable JSON, for people and for tools without protobuf.
 
 use serde_json::{Value, json};
-use wheelarm_proto::settings::{Named, Starts};
+use wheelarm_proto::settings::{LanguageSplit, Named, Starts};
 use wheelarm_proto::v1;
 
 /// The scenario with units in its keys.
@@ -44,6 +44,16 @@ pub fn scenario_json(s: &v1::Scenario) -> Value {
         "knuckle_rad": s.knuckle,
         "variant": s.variant,
         "variant_share": s.variant_share,
+        "language": s.language.as_ref().map(|l| json!({
+            "seed": l.seed,
+            "split": LanguageSplit::told(l.split()).unwrap_or_default().name(),
+            "typo_share": l.typo_share,
+            "politeness_share": l.politeness_share,
+            "ambiguous_share": l.ambiguous_share,
+            "template": l.template,
+            "ambiguous": l.ambiguous,
+            "question": l.question,
+        })),
     })
 }
 

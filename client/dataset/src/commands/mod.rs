@@ -1,5 +1,6 @@
 //! The subcommands and their options.
 
+mod annotate;
 mod arguments;
 mod files;
 mod process;
@@ -65,6 +66,15 @@ enum Command {
         /// The table of segments; printed without it.
         #[arg(long, value_name = "CSV")]
         out: Option<PathBuf>,
+    },
+    /// Labels in words and boxes: a copy of each recording with the group /labels,
+    /// and tables of phases and questions.
+    Annotate {
+        #[command(flatten)]
+        input: Input,
+        /// Folder for LABEL.labels.h5, subtasks.csv and questions.csv.
+        #[arg(long, value_name = "DIR")]
+        out: PathBuf,
     },
     /// Writes what other programs read.
     Export {
@@ -148,6 +158,7 @@ pub fn run(cli: Cli) -> anyhow::Result<u8> {
             no_pictures,
         } => process::align(&input, out.as_deref(), !no_pictures),
         Command::Label { input, out } => process::label(&input, out.as_deref()),
+        Command::Annotate { input, out } => annotate::annotate(&input, &out),
         Command::Export {
             input,
             format,
