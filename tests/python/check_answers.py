@@ -164,6 +164,8 @@ class Episode:
 
     def answer_side(self, tick, object, side):
         own = self.where(object, tick)
+        if own not in self.areas:
+            return None
         here = self.seen(own, self.position(object, tick)[:3])
         found = []
         for name in self.objects:

@@ -3,7 +3,8 @@
 //!   cargo run --release -p wheelarm-language --example count -- [SCENES] [PER WISH]
 //!
 //! Sentences are counted after lower-casing and without punctuation, politeness
-//! and typing errors. The same arguments print the same.
+//! and typing errors. The same arguments print the same. With 60 scenes or more it
+//! exits with 1 below 20,000 distinct sentences, 1,000 words or 150 templates.
 
 #[path = "../tests/made_up/mod.rs"]
 #[expect(dead_code, reason = "the tests need more of it")]
@@ -69,6 +70,7 @@ fn main() {
     );
     let (nouns, held_out) = grammar.noun_count();
     println!("{nouns} names of things, {held_out} held out");
+    let is_small = distinct.len() < 20_000 || words.len() < 1_000 || templates.len() < 150;
     for (kind, texts) in by_kind.iter().filter(|_| samples > 0) {
         println!("\n{kind}");
         for text in texts
@@ -78,5 +80,9 @@ fn main() {
         {
             println!("  {text}");
         }
+    }
+    if scenes >= 60 && is_small {
+        println!("fewer than 20,000 sentences, 1,000 words or 150 templates");
+        std::process::exit(1);
     }
 }

@@ -9,6 +9,7 @@
 //! stands at an area and looks at it: [`space`] says exactly how.
 
 mod chart;
+mod entries;
 mod grammar;
 mod home;
 mod meaning;

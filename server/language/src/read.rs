@@ -4,127 +4,16 @@
 use std::collections::BTreeSet;
 use std::ops::Range;
 
-use serde::Deserialize;
 use serde::de::DeserializeOwned;
 use toml::Spanned;
 
+use crate::entries::{NounsFile, PhrasesFile, PlacesFile, PolitenessFile, ReasonsFile, VerbFile};
 use crate::grammar::{
     Colour, FILES, Frame, Grammar, GrammarError, Means, NTH, Names, Noun, Pattern, Phrase, Piece,
     PlaceName, Reason, Slot, Template, Use, Verb,
 };
 use crate::space::{Order, Side};
 use crate::words::words;
-
-type Texts = Vec<Spanned<String>>;
-
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct NounsFile {
-    origin: Spanned<String>,
-    license: Spanned<String>,
-    colour: Vec<ColourEntry>,
-    noun: Vec<NounEntry>,
-}
-
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct ColourEntry {
-    name: String,
-    texts: Texts,
-}
-
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct NounEntry {
-    of: Option<Vec<String>>,
-    category: Option<String>,
-    goal: Option<String>,
-    split: Option<Spanned<String>>,
-    said: Option<bool>,
-    texts: Spanned<Texts>,
-}
-
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct PlacesFile {
-    origin: Spanned<String>,
-    license: Spanned<String>,
-    place: Vec<PlaceEntry>,
-}
-
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct PlaceEntry {
-    area: String,
-    prepositions: Spanned<Vec<String>>,
-    split: Option<Spanned<String>>,
-    said: Option<bool>,
-    texts: Texts,
-}
-
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct PhrasesFile {
-    origin: Spanned<String>,
-    license: Spanned<String>,
-    phrase: Vec<PhraseEntry>,
-}
-
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct PhraseEntry {
-    means: Spanned<String>,
-    split: Option<Spanned<String>>,
-    said: Option<bool>,
-    texts: Texts,
-}
-
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct ReasonsFile {
-    origin: Spanned<String>,
-    license: Spanned<String>,
-    reason: Vec<ReasonEntry>,
-}
-
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct ReasonEntry {
-    of: Spanned<Vec<String>>,
-    verb: Option<Verb>,
-    texts: Texts,
-}
-
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct PolitenessFile {
-    origin: Spanned<String>,
-    license: Spanned<String>,
-    before: Texts,
-    after: Texts,
-    thanks: Texts,
-    reasons: Texts,
-}
-
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct VerbFile {
-    origin: Spanned<String>,
-    license: Spanned<String>,
-    verb: Verb,
-    words: Vec<String>,
-    template: Vec<TemplateEntry>,
-}
-
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct TemplateEntry {
-    form: Option<Spanned<String>>,
-    wants: Option<Spanned<Vec<String>>>,
-    split: Option<Spanned<String>>,
-    said: Option<bool>,
-    texts: Texts,
-}
 
 /// A file while it is read.
 struct File<'a> {

@@ -70,7 +70,7 @@ const APART: [&str; 5] = ["if", "when", "hey", "robot", "okay"];
 const PARTICLES: [&str; 8] = ["up", "open", "out", "shut", "closed", "in", "back", "a"];
 /// Most words of such an object.
 const SHORT: usize = 4;
-/// Share of sentences with a reason.
+/// Share of requests with a reason.
 const REASONS: f64 = 0.4;
 /// Share of phrases that try the bare name first.
 const PLAIN: f64 = 0.4;
@@ -158,7 +158,7 @@ impl<'a> Speaker<'a> {
         if random.happens(self.options.politeness) {
             (text, ending) = self.politely(&text, template.is_request, random)?;
         }
-        if random.happens(REASONS) && !template.pattern.text.contains("I ") {
+        if template.is_request && random.happens(REASONS) {
             text = self.with_reason(&text, ending, random).unwrap_or(text);
         }
         let mut text = capitals(&text);

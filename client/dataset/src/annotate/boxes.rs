@@ -63,7 +63,9 @@ pub fn boxes(episode: &Episode, state: &State) -> Result<Vec<CameraBoxes>, ReadE
                 let (projected, area) = seen.unwrap_or(([f64::NAN; 4], f64::NAN));
                 found.visible.push(visible);
                 found.projected.push(projected);
-                found.share.push((pixels as f64 / area).min(1.0));
+                let share = pixels as f64 / area;
+                // `min` would make 1 of NaN.
+                found.share.push(if share > 1.0 { 1.0 } else { share });
             }
         }
         out.push(found);

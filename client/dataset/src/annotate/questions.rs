@@ -4,8 +4,8 @@
 //! arguments and the value are for programs, question and answer for people.
 
 use serde_json::{Value, json};
+use wheelarm_language::Scene;
 use wheelarm_language::space::{self, Side};
-use wheelarm_language::{Role, Scene};
 
 use super::state::{OPEN, State};
 use crate::pose;
@@ -60,7 +60,7 @@ pub(super) fn questions(state: &State) -> Vec<Question> {
         let scene = state.scene(row);
         let asked = [
             place(state, row, &mut turns),
-            count(state, &scene, row, &mut turns),
+            count(state, row, &mut turns),
             side(state, &scene, row, &mut turns),
             reach(state, row, &mut turns),
             held(state, row),
@@ -124,32 +124,42 @@ fn place(state: &State, row: usize, turns: &mut Turns) -> Asked {
     ))
 }
 
-fn count(state: &State, scene: &Scene, row: usize, turns: &mut Turns) -> Asked {
-    let mut categories: Vec<&str> = scene
-        .things
-        .iter()
-        .filter(|t| t.role == Role::Object && !t.category.is_empty())
-        .map(|t| t.category.as_str())
-        .collect();
-    categories.sort_unstable();
-    categories.dedup();
-    let category = *turns.next(&categories)?;
+/// Categories and areas of the home, of which there are some two times of three.
+fn count(state: &State, row: usize, turns: &mut Turns) -> Asked {
+    let all: Vec<usize> = (0..state.objects.len()).collect();
+    let object = *turns.next(&all)?;
+    let [category, _] = state.home.words_of(&state.objects[object]);
+    if category.is_empty() {
+        return None;
+    }
     let areas: Vec<&str> = state.home.areas.iter().map(|a| a.name.as_str()).collect();
-    let area = *turns.next(&areas)?;
+    let own = where_is(state, row, object);
+    let stands = areas.iter().find(|area| **area == own).copied();
+    let area = match stands {
+        Some(area) if *turns.next(&[true, true, false])? => area,
+        _ => *turns.next(&areas)?,
+    };
     let is_counted = |object: &usize| {
         let [own, _] = state.home.words_of(&state.objects[*object]);
         own == category && where_is(state, row, *object) == area
     };
-    let number = (0..state.objects.len()).filter(is_counted).count();
+    let number = all.iter().filter(|object| is_counted(object)).count();
     Some((
-        format!(
-            "How many things of the kind {category} are on the {}?",
-            words(area)
-        ),
+        format!("How many {} are on the {}?", several(category), words(area)),
         number.to_string(),
         json!({"category": category, "area": area}),
         json!(number),
     ))
+}
+
+/// The plural of a category.
+fn several(category: &str) -> String {
+    match category {
+        "knife" => "knives".to_owned(),
+        "fruit" => "pieces of fruit".to_owned(),
+        word if word.ends_with('x') => format!("{word}es"),
+        word => format!("{word}s"),
+    }
 }
 
 const SIDES: [(&str, Side, &str); 4] = [

@@ -99,6 +99,10 @@ enum Command {
         /// seconds; in lerobot, robomimic and csv.
         #[arg(long, value_name = "SECONDS", value_parser = idle)]
         trim_idle: Option<f64>,
+        /// Adds the columns language_persistent and language_events to lerobot, which
+        /// LeRobot reads from 0.6 on and older ones refuse.
+        #[arg(long)]
+        language: bool,
     },
     /// Checks recordings; exit code 3 when one has problems.
     Validate {
@@ -166,9 +170,10 @@ pub fn run(cli: Cli) -> anyhow::Result<u8> {
             size,
             action,
             trim_idle,
+            language,
         } => {
             let rows = RowOptions { action, trim_idle };
-            process::export(&input, format, &out, size, rows)
+            process::export(&input, format, &out, size, rows, language)
         }
         Command::Validate { input } => process::validate(&input),
         Command::Stats { input, plot, csv } => {

@@ -21,6 +21,8 @@ pub(super) struct Layout {
     pub body: Body,
     /// Names of the values of [`VECTORS`].
     pub names: [Vec<String>; 3],
+    /// With the two columns of language.
+    pub language: bool,
 }
 
 /// Some rows of an episode, with what they are in the set.
@@ -179,6 +181,7 @@ impl Layout {
             cameras,
             body: Body::of(robot),
             names: [state_names(robot), action.names(robot), pose.to_vec()],
+            language: false,
         }
     }
 
@@ -198,7 +201,18 @@ impl Layout {
             let feature = json!({"dtype": flat.dtype(), "shape": [1], "names": null});
             out.insert(name.into(), feature);
         }
+        for name in self.languages() {
+            let feature = json!({"dtype": "language", "shape": [1], "names": null});
+            out.insert(name.into(), feature);
+        }
         Value::Object(out)
+    }
+
+    /// Names of the columns of language, where there are some.
+    fn languages(&self) -> impl Iterator<Item = &'static str> {
+        super::language::COLUMNS
+            .into_iter()
+            .filter(|_| self.language)
     }
 
     /// The features as Hugging Face's `datasets` writes them into the footer.
@@ -215,6 +229,9 @@ impl Layout {
         for (name, flat) in FLAT {
             let feature = json!({"dtype": flat.dtype(), "_type": "Value"});
             out.insert(name.into(), feature);
+        }
+        for name in self.languages() {
+            out.insert(name.into(), super::language::footer(name));
         }
         json!({"info": {"features": out}}).to_string()
     }
