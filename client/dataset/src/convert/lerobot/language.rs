@@ -96,7 +96,9 @@ impl Spoken {
                 let Some(pixels) = trace.pixels.get(index) else {
                     continue;
                 };
-                let points = pixels.iter().filter(|p| p.iter().all(|c| c.is_finite()));
+                let (w, h) = (width as f64, height as f64);
+                let inside = |p: &&[f64; 2]| (0.0..w).contains(&p[0]) && (0.0..h).contains(&p[1]);
+                let points = pixels.iter().filter(inside);
                 let points: Vec<Value> = points
                     .map(|p| json!([(p[0] * scale[0]).round(), (p[1] * scale[1]).round()]))
                     .collect();
