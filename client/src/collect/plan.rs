@@ -315,6 +315,7 @@ impl Plan {
                 starts: file.starts,
                 bear_share: file.bear_share.map(Spanned::into_inner),
                 robots: file.randomise.robots,
+                language: None,
             },
             state_rate: file.state_rate.into_inner(),
             imu_rate: file.imu_rate.into_inner(),

@@ -116,6 +116,7 @@ fn parse(path: &Path, text: &str) -> anyhow::Result<Scope> {
             starts: file.starts,
             bear_share: file.bear_share,
             robots: file.robots,
+            language: None,
         },
     })
 }
