@@ -24,7 +24,8 @@ mod words;
 
 pub use grammar::{FILES, Grammar, GrammarError, Split, Verb};
 pub use home::{Home, HomeArea, HomeError};
-pub use parse::{Answer, Meaning, Parser};
+pub use meaning::Meaning;
+pub use parse::{Answer, Parser};
 pub use say::{Options, Said, Wish, say};
 pub use scene::{Area, Role, Scene, Thing, kind_of};
 pub use words::normalised;

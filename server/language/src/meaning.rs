@@ -1,8 +1,19 @@
-//! What a phrase denotes in a scene.
+//! What a sentence asks for, and what a phrase denotes in a scene.
 
-use crate::grammar::{Grammar, Means, Names, Noun};
+use crate::grammar::{Grammar, Means, Names, Noun, Verb};
 use crate::scene::{Role, Scene, Thing};
 use crate::space::{at_place, is, might, nth_of};
+
+/// What a sentence asks for: indices of things of the scene.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Meaning {
+    /// What is to be done.
+    pub verb: Verb,
+    /// With what.
+    pub target: usize,
+    /// Where it is put.
+    pub goal: Option<usize>,
+}
 
 /// A name with a colour or without: indices into the grammar.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]

@@ -8,21 +8,10 @@ use std::collections::BTreeSet;
 
 use crate::chart::Chart;
 use crate::grammar::{Grammar, Verb};
-use crate::meaning::{Named, denotes, fits};
+use crate::meaning::{Meaning, Named, denotes, fits};
 use crate::question::question;
 use crate::scene::{Role, Scene};
 use crate::words::{mended, words};
-
-/// What a sentence asks for: indices of things of the scene.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub struct Meaning {
-    /// What is to be done.
-    pub verb: Verb,
-    /// With what.
-    pub target: usize,
-    /// Where it is put.
-    pub goal: Option<usize>,
-}
 
 /// What the parser says of a sentence.
 #[derive(Clone, Debug, PartialEq, Eq)]

@@ -1,7 +1,7 @@
 //! What is asked back where a sentence may mean several things.
 
 use crate::grammar::{Grammar, NTH};
-use crate::parse::Meaning;
+use crate::meaning::Meaning;
 use crate::scene::{Role, Scene};
 use crate::space::{Order, TIE};
 

@@ -2,8 +2,8 @@
 //! parsed before it is said, and must mean the same or be marked ambiguous.
 
 use crate::grammar::{Grammar, Means, NTH, Phrase, Slot, Split, Template, Verb};
-use crate::meaning::{Named, Node, denotes, is_called};
-use crate::parse::{Answer, Meaning, Parser, role};
+use crate::meaning::{Meaning, Named, Node, denotes, is_called};
+use crate::parse::{Answer, Parser, role};
 use crate::random::Random;
 use crate::scene::Scene;
 use crate::space::at_place;

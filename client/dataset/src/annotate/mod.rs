@@ -8,6 +8,7 @@
 mod boxes;
 mod contacts;
 mod grasps;
+mod labels;
 mod questions;
 mod shapes;
 mod state;
@@ -19,6 +20,7 @@ mod write;
 pub use boxes::{CameraBoxes, boxes};
 pub use contacts::Interval;
 pub use grasps::ChosenGrasp;
+pub use labels::Annotations;
 pub use questions::{KINDS, Question};
 pub use state::State;
 pub use subtasks::Subtask;
@@ -28,23 +30,6 @@ pub use write::write;
 
 use crate::label::Segment;
 use crate::read::{Episode, ReadError};
-
-/// Labels of one episode.
-#[derive(Clone, Debug, Default)]
-pub struct Annotations {
-    /// What is done, phase by phase.
-    pub subtasks: Vec<Subtask>,
-    /// What is to be done, in order, in words.
-    pub plan: Vec<String>,
-    /// Questions with their answers, by time.
-    pub questions: Vec<Question>,
-    /// Touching pairs from when to when.
-    pub contacts: Vec<Interval>,
-    /// Grasps that closed on something.
-    pub grasps: Vec<ChosenGrasp>,
-    /// The way of the hand in the pictures of each camera.
-    pub traces: Vec<Trace>,
-}
 
 /// Makes the labels of an episode whose phases are these.
 ///

@@ -2,7 +2,7 @@
 
 use std::io::Write;
 
-use super::Annotations;
+use super::labels::Annotations;
 use super::questions::KINDS;
 
 /// Writes the phases of several episodes: (label, start in nanoseconds, labels).

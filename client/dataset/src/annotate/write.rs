@@ -6,11 +6,13 @@ use hdf5::{Group, H5Type};
 use wheelarm_language::space;
 
 use super::boxes::CameraBoxes;
-use super::questions::KINDS;
+use super::contacts::Interval;
+use super::labels::Annotations;
+use super::questions::{KINDS, Question};
 use super::shapes;
 use super::state::{HELD, OPEN, State};
+use super::subtasks::Subtask;
 use super::trace::STEPS;
-use super::{Annotations, boxes};
 use crate::hdf::{Attributes, texts};
 
 /// Layout of the group.
@@ -92,7 +94,7 @@ const NANOS: &str = "ns of simulation time";
 
 fn phases(group: &Group, labels: &Annotations) -> hdf5::Result<()> {
     let all = &labels.subtasks;
-    let stamps = |f: fn(&super::Subtask) -> u64| all.iter().map(f).collect::<Vec<_>>();
+    let stamps = |f: fn(&Subtask) -> u64| all.iter().map(f).collect::<Vec<_>>();
     column(group, "from_nanos", &stamps(|s| s.from), NANOS)?;
     column(group, "to_nanos", &stamps(|s| s.to), NANOS)?;
     column(
@@ -101,7 +103,7 @@ fn phases(group: &Group, labels: &Annotations) -> hdf5::Result<()> {
         &stamps(|s| u64::from(s.label)),
         "1 (0 navigating to 3 retracting)",
     )?;
-    let words = |f: fn(&super::Subtask) -> &str| all.iter().map(f).collect::<Vec<_>>();
+    let words = |f: fn(&Subtask) -> &str| all.iter().map(f).collect::<Vec<_>>();
     texts(group, "subtask", &words(|s| &s.text))?;
     texts(group, "object", &words(|s| &s.object))?;
     texts(group, "place", &words(|s| &s.place))?;
@@ -111,7 +113,7 @@ fn phases(group: &Group, labels: &Annotations) -> hdf5::Result<()> {
 fn questions(group: &Group, labels: &Annotations) -> hdf5::Result<()> {
     let all = &labels.questions;
     Attributes::of(group).texts("kinds", &KINDS)?;
-    let numbers = |f: fn(&super::Question) -> u64| all.iter().map(f).collect::<Vec<_>>();
+    let numbers = |f: fn(&Question) -> u64| all.iter().map(f).collect::<Vec<_>>();
     column(group, "stamp_nanos", &numbers(|q| q.stamp), NANOS)?;
     column(group, "tick", &numbers(|q| q.tick), "ticks of 1/240 s")?;
     column(
@@ -120,7 +122,7 @@ fn questions(group: &Group, labels: &Annotations) -> hdf5::Result<()> {
         &numbers(|q| q.kind as u64),
         "1 (place in the attribute kinds)",
     )?;
-    let words = |f: fn(&super::Question) -> String| all.iter().map(f).collect::<Vec<_>>();
+    let words = |f: fn(&Question) -> String| all.iter().map(f).collect::<Vec<_>>();
     texts(group, "question", &words(|q| q.question.clone()))?;
     texts(group, "answer", &words(|q| q.answer.clone()))?;
     texts(group, "arguments", &words(|q| q.arguments.to_string()))?;
@@ -129,7 +131,7 @@ fn questions(group: &Group, labels: &Annotations) -> hdf5::Result<()> {
 
 fn contacts(group: &Group, labels: &Annotations) -> hdf5::Result<()> {
     let all = &labels.contacts;
-    let stamps = |f: fn(&super::Interval) -> u64| all.iter().map(f).collect::<Vec<_>>();
+    let stamps = |f: fn(&Interval) -> u64| all.iter().map(f).collect::<Vec<_>>();
     column(group, "from_nanos", &stamps(|c| c.from), NANOS)?;
     column(group, "to_nanos", &stamps(|c| c.to), NANOS)?;
     let peaks: Vec<f64> = all.iter().map(|c| c.peak).collect();
@@ -201,7 +203,7 @@ fn objects(group: &Group, state: &State) -> hdf5::Result<()> {
     )
 }
 
-fn camera_boxes(group: &Group, found: &boxes::CameraBoxes, objects: usize) -> hdf5::Result<()> {
+fn camera_boxes(group: &Group, found: &CameraBoxes, objects: usize) -> hdf5::Result<()> {
     let pictures = found.share.len() / objects.max(1);
     let corners = "pixels (left, top, right, bottom)";
     let flat = |all: &[[f64; 4]]| all.iter().flatten().copied().collect::<Vec<_>>();

@@ -6,15 +6,12 @@ use std::collections::BTreeMap;
 
 use serde_json::{Value, json};
 
-use super::layout::image_key;
+use super::layout::{LANGUAGE, image_key};
 use super::table::{Cells, Column, Said};
 use crate::annotate::{self, State};
 use crate::convert::learning::Learning;
 use crate::convert::{Recording, Size};
 use crate::label;
-
-/// Names of the two columns.
-pub(super) const COLUMNS: [&str; 2] = ["language_persistent", "language_events"];
 
 /// What is said in an episode.
 pub(super) struct Spoken {
@@ -115,7 +112,7 @@ impl Spoken {
     pub fn columns(&self, (first, count): (usize, usize)) -> Vec<Column> {
         let persistent = vec![self.persistent.clone(); count];
         let events = self.events[first..first + count].to_vec();
-        let [always, at] = COLUMNS.map(str::to_owned);
+        let [always, at] = LANGUAGE.map(str::to_owned);
         vec![
             Column {
                 name: always,
@@ -127,21 +124,4 @@ impl Spoken {
             },
         ]
     }
-}
-
-/// The features of a column as Hugging Face's `datasets` writes them.
-pub(super) fn footer(column: &str) -> Value {
-    let value = |dtype: &str| json!({"dtype": dtype, "_type": "Value"});
-    let mut row = serde_json::Map::new();
-    for name in ["role", "content", "style", "camera"] {
-        row.insert(name.into(), value("string"));
-    }
-    if column == COLUMNS[0] {
-        row.insert("timestamp".into(), value("float32"));
-    }
-    row.insert(
-        "tool_calls".into(),
-        json!({"feature": value("string"), "_type": "List"}),
-    );
-    json!({"feature": row, "_type": "List"})
 }
