@@ -102,8 +102,9 @@ fn seen(scene: &Scene, placements: &[Placement], task: &TaskSpec) -> language::S
     for joint in &scene.joints {
         let body = &scene.furniture[joint.furniture];
         let words = [body.category.as_str(), body.colour.as_str()];
-        let at = body.pose.translation.vector + joint.axis.into_inner() * joint.start;
-        out.add(&body.name, words, Role::Slide, at.into(), Some(&body.area));
+        // Closed: nobody tells drawers apart by how far they stand open.
+        let at = body.pose.translation.vector.into();
+        out.add(&body.name, words, Role::Slide, at, Some(&body.area));
     }
     let regions = task.area.variants.iter().flat_map(|v| &v.regions);
     let mut regions: Vec<&String> = regions.collect();

@@ -87,6 +87,16 @@ impl State {
             .chunks_exact((7 * objects.len()).max(1))
             .map(|row| row.chunks_exact(7).map(pose::of).collect())
             .collect();
+        if ticks.len() != stamps.len() || poses.len() != stamps.len() {
+            let found = format!(
+                "{} stamps, {} ticks and {} rows of {} poses",
+                stamps.len(),
+                ticks.len(),
+                poses.len(),
+                objects.len()
+            );
+            return Err(wrong("object_pose", found));
+        }
         let row_of = |stream: &str| -> Result<Vec<usize>, ReadError> {
             let own = episode.u64s(stream, "tick")?;
             let at = |tick: &u64| own.partition_point(|t| t <= tick).saturating_sub(1);
