@@ -7,7 +7,8 @@
 #                     (downloads gigabytes),
 #                     holds joint signals against Pinocchio
 # make test-data    what a scene draws does not tell the task: 1,000 seeds of every task
-#                   against three classifiers, and the old draws, which did
+#                   against three classifiers, and the old draws, which did; sentences are
+#                   counted, and 500 answers of labelled episodes computed again
 # make test-adversarial   200 operators who mean harm, a minute each, sixty of them at the bear
 # make soak    300 short episodes one right after the other, every file checked
 # make test-original SCRIPTS=DIR   WheelArm-Sim's processing scripts on an episode of ours
@@ -60,10 +61,11 @@ test-readers: build
 	tests/readers.sh
 
 test-data:
-	scripts/setup.sh python numpy scikit-learn:sklearn
-	$(CARGO) build --release -p wheelarm-server
+	scripts/setup.sh python numpy h5py scikit-learn:sklearn
+	$(CARGO) build --release --workspace --bins --examples
 	$(WHEELARM_PYTHON) tests/python/guess_task.py --before tests/data/draws-before.csv.gz \
 		--server $(BUILT)/wheelarm-server --assets assets
+	tests/labels.sh
 
 test-adversarial:
 	scripts/setup.sh

@@ -14,7 +14,7 @@ use protox::prost_reflect::{
 };
 
 /// The messages, by idea. The table of topics follows this order.
-const FILES: [&str; 11] = [
+const FILES: [&str; 12] = [
     "wheelarm/v1/common.proto",
     "wheelarm/v1/scenario.proto",
     "wheelarm/v1/scene.proto",
@@ -24,6 +24,7 @@ const FILES: [&str; 11] = [
     "wheelarm/v1/task.proto",
     "wheelarm/v1/camera.proto",
     "wheelarm/v1/episode.proto",
+    "wheelarm/v1/language.proto",
     "wheelarm/v1/recorder.proto",
     "wheelarm/v1/control.proto",
 ];
@@ -39,7 +40,7 @@ const SHARED_BYTES: [&str; 4] = [
 ];
 
 /// What makes up a scenario: people write it as TOML.
-const WRITTEN: [&str; 9] = [
+const WRITTEN: [&str; 10] = [
     ".wheelarm.v1.Scenario",
     ".wheelarm.v1.CameraSetting",
     ".wheelarm.v1.CameraPlace",
@@ -47,6 +48,7 @@ const WRITTEN: [&str; 9] = [
     ".wheelarm.v1.ObjectPlacement",
     ".wheelarm.v1.SlideResistance",
     ".wheelarm.v1.Pose",
+    ".wheelarm.v1.Language",
     ".wheelarm.v1.Vector3",
     ".wheelarm.v1.Quaternion",
 ];
@@ -57,7 +59,8 @@ const WRITE: &str = "#[derive(serde::Serialize, serde::Deserialize)] \
     #[serde(default, deny_unknown_fields)]";
 
 /// Fields of a scenario that are written by name, and how.
-const CHOICES: [(&str, &str); 3] = [
+const CHOICES: [(&str, &str); 4] = [
+    (".wheelarm.v1.Language.split", "language_split"),
     (".wheelarm.v1.Scenario.pacing", "pacing"),
     (".wheelarm.v1.Scenario.quality", "quality"),
     (".wheelarm.v1.Scenario.starts", "starts"),

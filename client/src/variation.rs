@@ -3,7 +3,7 @@
 //! apart by seed is apart in all of it.
 
 use wheelarm_proto::seeds::Purpose;
-use wheelarm_proto::settings::{Named, Starts};
+use wheelarm_proto::settings::{LanguageSplit, Named, Starts};
 use wheelarm_proto::v1;
 
 /// What differs between episodes beside what their task draws.
@@ -17,6 +17,8 @@ pub struct Variation {
     /// Specimens of the robot, each with cameras of its own; 0 for the one of the
     /// description.
     pub robots: u32,
+    /// Seed and split of sentences by the grammar; `None` says nothing of language.
+    pub language: Option<(u64, LanguageSplit)>,
 }
 
 impl Variation {
@@ -25,6 +27,13 @@ impl Variation {
         scenario.starts = self.starts.code().into();
         scenario.variant_share = self.bear_share;
         scenario.calibration_seed = self.specimen(seed);
+        if let Some((seed, split)) = self.language {
+            scenario.language = Some(v1::Language {
+                seed,
+                split: split.code().into(),
+                ..v1::Language::default()
+            });
+        }
     }
 
     /// Which specimen of the robot the episode of `seed` has. Those of another
@@ -49,6 +58,9 @@ impl Variation {
         }
         if self.robots > 0 {
             words.push_str(&format!(" robots={}", self.robots));
+        }
+        if let Some((seed, split)) = self.language {
+            words.push_str(&format!(" language={seed}/{}", split.name()));
         }
         words
     }
@@ -80,13 +92,18 @@ mod tests {
             starts: Starts::Anywhere,
             bear_share: Some(0.5),
             robots: 3,
+            language: Some((7, LanguageSplit::Train)),
         };
         let mut scenario = v1::Scenario::default();
         variation.apply(10_001, &mut scenario);
         assert_eq!(scenario.starts(), v1::Starts::Anywhere);
         assert_eq!(scenario.variant_share, Some(0.5));
         assert_eq!(scenario.calibration_seed, variation.specimen(10_001));
-        assert_eq!(variation.words(), " starts=anywhere bear_share=0.5 robots=3");
+        assert_eq!(scenario.language.as_ref().map(|l| l.seed), Some(7));
+        assert_eq!(
+            variation.words(),
+            " starts=anywhere bear_share=0.5 robots=3 language=7/train"
+        );
         assert_eq!(Variation::default().words(), "");
     }
 }

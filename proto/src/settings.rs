@@ -185,6 +185,54 @@ impl Starts {
     }
 }
 
+/// Which templates and names of the grammar are said.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum LanguageSplit {
+    /// All.
+    #[default]
+    Any,
+    /// Those that are not held out.
+    Train,
+    /// Those that are.
+    HeldOut,
+}
+
+impl Named for LanguageSplit {
+    const WHAT: &'static str = "split";
+    const ALL: &'static [Self] = &[Self::Any, Self::Train, Self::HeldOut];
+
+    fn name(self) -> &'static str {
+        match self {
+            Self::Any => "any",
+            Self::Train => "train",
+            Self::HeldOut => "held_out",
+        }
+    }
+}
+
+impl LanguageSplit {
+    /// What a message tells, if it tells it.
+    #[must_use]
+    pub fn told(code: v1::LanguageSplit) -> Option<Self> {
+        match code {
+            v1::LanguageSplit::Unspecified => None,
+            v1::LanguageSplit::Any => Some(Self::Any),
+            v1::LanguageSplit::Train => Some(Self::Train),
+            v1::LanguageSplit::HeldOut => Some(Self::HeldOut),
+        }
+    }
+
+    /// As a message tells it.
+    #[must_use]
+    pub fn code(self) -> v1::LanguageSplit {
+        match self {
+            Self::Any => v1::LanguageSplit::Any,
+            Self::Train => v1::LanguageSplit::Train,
+            Self::HeldOut => v1::LanguageSplit::HeldOut,
+        }
+    }
+}
+
 /// How a recording stores depth.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Depth {
@@ -290,6 +338,23 @@ pub(crate) mod text {
         }
     }
 
+    /// Which templates and names are said.
+    pub mod language_split {
+        use super::{Deserializer, Serializer};
+        use crate::settings::LanguageSplit;
+        use crate::v1;
+
+        #[expect(clippy::trivially_copy_pass_by_ref, reason = "serde gives a reference")]
+        pub fn serialize<S: Serializer>(number: &i32, to: S) -> Result<S::Ok, S::Error> {
+            let code = v1::LanguageSplit::try_from(*number).unwrap_or_default();
+            super::write(LanguageSplit::told(code), to)
+        }
+
+        pub fn deserialize<'de, D: Deserializer<'de>>(from: D) -> Result<i32, D::Error> {
+            super::read(from).map(|split: LanguageSplit| split.code().into())
+        }
+    }
+
     /// The quality of a scenario.
     pub mod quality {
         use super::{Deserializer, Serializer};
@@ -325,6 +390,10 @@ mod tests {
         for starts in Starts::ALL {
             assert_eq!(Starts::told(starts.code()), Some(*starts));
             assert_eq!(Starts::from_name(starts.name()), Ok(*starts));
+        }
+        for split in LanguageSplit::ALL {
+            assert_eq!(LanguageSplit::told(split.code()), Some(*split));
+            assert_eq!(LanguageSplit::from_name(split.name()), Ok(*split));
         }
         assert_eq!(Depth::from_name("u16"), Ok(Depth::Millimetres));
         let camera = v1::CameraSetting::from_text("room=640x360@5").unwrap();

@@ -31,6 +31,7 @@ const ROOM: [(&str, std::ops::RangeInclusive<i32>, &[&str]); 4] = [
             "sensors",
             "disturbance",
             "calibration_seed",
+            "language",
         ],
     ),
     ("CameraSetting", 10..=19, &["lens", "place", "sensor"]),

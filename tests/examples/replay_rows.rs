@@ -81,7 +81,8 @@ fn main() -> anyhow::Result<()> {
     }
     for ((task, name), played) in table {
         let done = played.iter().filter(|played| played.success).count();
-        let mean = |k: usize| 1e3 * played.iter().map(|p| p.off[k]).sum::<f64>() / played.len() as f64;
+        let mean =
+            |k: usize| 1e3 * played.iter().map(|p| p.off[k]).sum::<f64>() / played.len() as f64;
         println!(
             "{task:<20} {name:<12} {done} of {}, off by {:.2} mm chair, {:.2} mm hand",
             played.len(),

@@ -75,7 +75,10 @@ impl Rows {
         let tick = (stamp * PHYSICS_HZ as f64).round() as u64;
         let before = tick.saturating_sub(started.tick) / TICKS_PER_CONTROL;
         let place = |pose: &[f64]| -> [f64; 3] { std::array::from_fn(|k| pose[k]) };
-        let path = all.rows.iter().map(|row| [all.chair(*row), all.effector(*row)].map(place));
+        let path = all
+            .rows
+            .iter()
+            .map(|row| [all.chair(*row), all.effector(*row)].map(place));
         let roles = Roles::find(&recording.robot)?;
         Ok(Self {
             scenario: recording.episode.scenario()?,

@@ -10,6 +10,7 @@
 
 pub mod account;
 pub mod align;
+pub mod annotate;
 pub mod calibration;
 pub mod columns;
 pub mod composition;

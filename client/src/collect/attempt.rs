@@ -210,6 +210,10 @@ impl Attempt<'_> {
             imu_noise: Some(plan.randomise.imu_noise),
             pacing: v1::Pacing::LockStep.into(),
             quality: plan.quality.code().into(),
+            language: plan
+                .language
+                .as_ref()
+                .map(|l| l.message(self.episode.sentence)),
             ..v1::Scenario::default()
         };
         plan.variation.apply(self.seed, &mut scenario);

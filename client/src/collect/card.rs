@@ -184,7 +184,11 @@ fn histogram(title: &str, values: impl IntoIterator<Item = String>) -> String {
     let mut text = format!("{title}: {} values.\n\n```text\n", counts.len());
     for (value, count) in counts {
         let bar = "#".repeat((count * BAR).div_ceil(most));
-        let _ = writeln!(text, "{value:<w$} {count:>6} {bar}", w = widest.unwrap_or(0));
+        let _ = writeln!(
+            text,
+            "{value:<w$} {count:>6} {bar}",
+            w = widest.unwrap_or(0)
+        );
     }
     text + "```\n\n"
 }
@@ -192,7 +196,10 @@ fn histogram(title: &str, values: impl IntoIterator<Item = String>) -> String {
 /// How it was made and with what.
 fn making(plan: &Plan, manifest: &Manifest) -> String {
     let origins: BTreeSet<&[String; 2]> = manifest.episodes.iter().map(|d| &d.origin).collect();
-    let origins: Vec<String> = origins.iter().map(|o| format!("{}, {}", o[0], o[1])).collect();
+    let origins: Vec<String> = origins
+        .iter()
+        .map(|o| format!("{}, {}", o[0], o[1]))
+        .collect();
     let cameras: Vec<String> = plan.cameras.iter().map(|camera| camera.word()).collect();
     let mut text = "## How it was made\n\n```sh\nwheelarm collect plan.toml\n```\n\n".to_owned();
     for (key, value) in [
@@ -202,11 +209,22 @@ fn making(plan: &Plan, manifest: &Manifest) -> String {
         ("Server and graphics adapter", origins.join("; ")),
         ("Scene, robot", format!("{}, {}", plan.scene, plan.robot)),
         ("Cameras", cameras.join(", ")),
-        ("Size", format!("{}, {} simulated", bytes(manifest.bytes as f64), duration(manifest.seconds))),
+        (
+            "Size",
+            format!(
+                "{}, {} simulated",
+                bytes(manifest.bytes as f64),
+                duration(manifest.seconds)
+            ),
+        ),
     ] {
         let _ = writeln!(text, "- {key}: {value}");
     }
-    let purposes: BTreeSet<Purpose> = manifest.episodes.iter().map(|d| Purpose::of(d.seed)).collect();
+    let purposes: BTreeSet<Purpose> = manifest
+        .episodes
+        .iter()
+        .map(|d| Purpose::of(d.seed))
+        .collect();
     let purposes: Vec<&str> = purposes.into_iter().map(Named::name).collect();
     let _ = write!(
         text,
@@ -231,7 +249,13 @@ mod tests {
 
     #[test]
     fn angles_fall_into_the_sector_that_holds_them() {
-        for (angle, lower) in [(-180.0, -180.0), (-1.0, -45.0), (0.0, 0.0), (44.9, 0.0), (180.0, -180.0)] {
+        for (angle, lower) in [
+            (-180.0, -180.0),
+            (-1.0, -45.0),
+            (0.0, 0.0),
+            (44.9, 0.0),
+            (180.0, -180.0),
+        ] {
             assert_eq!(sector(angle), lower, "{angle}");
         }
     }
@@ -240,9 +264,18 @@ mod tests {
     fn a_histogram_counts_and_scales_to_the_most_frequent() {
         let values = ["a", "b", "b", "b", "b"].map(str::to_owned);
         let text = histogram("Axis", values);
-        assert!(text.contains(&format!("b      4 {}", "#".repeat(BAR))), "{text}");
-        assert!(text.contains(&format!("a      1 {}\n", "#".repeat(BAR / 4))), "{text}");
-        assert_eq!(histogram("Axis", ["a".to_owned(), "a".to_owned()]), "Axis: a in all.\n\n");
+        assert!(
+            text.contains(&format!("b      4 {}", "#".repeat(BAR))),
+            "{text}"
+        );
+        assert!(
+            text.contains(&format!("a      1 {}\n", "#".repeat(BAR / 4))),
+            "{text}"
+        );
+        assert_eq!(
+            histogram("Axis", ["a".to_owned(), "a".to_owned()]),
+            "Axis: a in all.\n\n"
+        );
         assert_eq!(histogram("Axis", []), "");
     }
 }

@@ -20,6 +20,8 @@ pub struct Episode {
     pub place: usize,
     /// Seed of the first attempt.
     pub seed: u64,
+    /// Which sentence of its scene it has, where the plan says tasks by the grammar.
+    pub sentence: u32,
     /// Everything that the plan fixes about it, as one line.
     pub settings: String,
 }
@@ -57,13 +59,20 @@ pub fn episodes(plan: &Plan) -> Vec<Episode> {
     let mut all = Vec::with_capacity(plan.episode_count());
     for task in &plan.tasks {
         for index in 0..task.episodes {
-            let seed = task.first_seed.wrapping_add(u64::from(index));
+            let (scene, sentence) = match &plan.language {
+                Some(language) => language.place(index),
+                None => (index, 0),
+            };
+            let seed = task.first_seed.wrapping_add(u64::from(scene));
+            let said = plan.language.as_ref();
+            let said = said.map_or(String::new(), |language| language.words(sentence));
             all.push(Episode {
                 id: format!("{}-{index:04}", task.name),
                 task: task.name.clone(),
                 place: all.len(),
                 seed,
-                settings: format!("task={} seed={seed} {same}", task.name),
+                sentence,
+                settings: format!("task={} seed={seed} {same}{said}", task.name),
             });
         }
     }

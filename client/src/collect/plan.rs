@@ -17,6 +17,7 @@ use wheelarm_proto::seeds::{ATTEMPT_STRIDE, Purpose};
 use wheelarm_proto::settings::{Depth, Named, Quality, Starts};
 use wheelarm_proto::v1::CameraSetting;
 
+use super::language::{Language, LanguageFile};
 use crate::variation::Variation;
 
 /// Width and height that a server takes for a picture, pixels.
@@ -55,6 +56,8 @@ pub struct Plan {
     pub sample_rate: f64,
     /// What differs between episodes beside what the task files draw.
     pub randomise: Randomise,
+    /// How tasks are said; by their own sentences when absent.
+    pub language: Option<Language>,
     /// Cameras.
     pub cameras: Vec<Camera>,
     /// Tasks, in the order of the plan.
@@ -186,6 +189,7 @@ struct PlanFile {
     sample_rate: Spanned<f64>,
     #[serde(default)]
     randomise: Randomise,
+    language: Option<LanguageFile>,
     #[serde(default)]
     camera: Vec<CameraFile>,
     #[serde(default)]
@@ -273,15 +277,22 @@ impl Plan {
         let cameras = check.cameras(file.camera)?;
         let tasks = check.tasks(file.task, file.first_seed)?;
         let purpose = check.purpose(&tasks, file.purpose)?;
+        let language = check.language(file.language)?;
         check.name(&file.name)?;
         check.that(*file.attempts.get_ref() > 0, &file.attempts, || {
             "attempts is 0; at least 1 is needed".to_owned()
         })?;
         let license = file.license.get_ref();
         let fits = |c: char| c.is_ascii_alphanumeric() || "-._+".contains(c);
-        check.that(!license.is_empty() && license.chars().all(fits), &file.license, || {
-            format!("license {license:?} is no name of a licence; write for example \"cc-by-4.0\"")
-        })?;
+        check.that(
+            !license.is_empty() && license.chars().all(fits),
+            &file.license,
+            || {
+                format!(
+                    "license {license:?} is no name of a licence; write for example \"cc-by-4.0\""
+                )
+            },
+        )?;
         if let Some(share) = &file.bear_share {
             check.that((0.0..=1.0).contains(share.get_ref()), share, || {
                 format!("bear_share is {}; it is a share, 0 to 1", share.get_ref())
@@ -304,11 +315,13 @@ impl Plan {
                 starts: file.starts,
                 bear_share: file.bear_share.map(Spanned::into_inner),
                 robots: file.randomise.robots,
+                language: None,
             },
             state_rate: file.state_rate.into_inner(),
             imu_rate: file.imu_rate.into_inner(),
             sample_rate: file.sample_rate.into_inner(),
             randomise: file.randomise,
+            language,
             cameras,
             tasks,
             text,
@@ -373,6 +386,22 @@ impl Check<'_> {
                 name.get_ref()
             )
         })
+    }
+
+    fn language(&self, asked: Option<LanguageFile>) -> Result<Option<Language>, PlanError> {
+        let Some(asked) = asked else { return Ok(None) };
+        for (key, share) in asked.shares() {
+            self.that((0.0..=1.0).contains(share.get_ref()), share, || {
+                format!(
+                    "language.{key} is {}; it is a share, 0 to 1",
+                    share.get_ref()
+                )
+            })?;
+        }
+        self.that(*asked.sentences.get_ref() > 0, &asked.sentences, || {
+            "language.sentences is 0; at least 1 is needed".to_owned()
+        })?;
+        Ok(Some(asked.checked()))
     }
 
     fn rate(&self, key: &str, rate: &Spanned<f64>, base: f64) -> Result<(), PlanError> {
@@ -527,7 +556,10 @@ mod tests {
         let train = of("name = \"x\"\npurpose = \"train\"\nfirst_seed = 10000").unwrap();
         assert_eq!(train.purpose, Purpose::Train);
         for (text, words) in [
-            ("name = \"x\"\npurpose = \"train\"", "p.toml:7: task \"pick_mustard\": seeds 0..2 are for develop, the plan is for train, whose seeds are 10000..1000000"),
+            (
+                "name = \"x\"\npurpose = \"train\"",
+                "p.toml:7: task \"pick_mustard\": seeds 0..2 are for develop, the plan is for train, whose seeds are 10000..1000000",
+            ),
             ("name = \"x\"\nfirst_seed = 199", "below 200 for develop"),
             ("name = \"x\"\npurpose = \"test\"", "policy-claim"),
         ] {
@@ -537,8 +569,42 @@ mod tests {
     }
 
     #[test]
+    fn several_sentences_share_a_scene() {
+        let text = GOOD.replace(
+            "[[camera]]",
+            "[language]\nseed = 40\nsentences = 3\n[[camera]]",
+        );
+        let plan = parse(&text.replace("episodes = 2", "episodes = 7")).unwrap();
+        let language = plan.language.unwrap();
+        let places: Vec<_> = (0..7).map(|index| language.place(index)).collect();
+        assert_eq!(
+            places,
+            [(0, 0), (0, 1), (0, 2), (1, 0), (1, 1), (1, 2), (2, 0)]
+        );
+        assert_eq!(language.message(2).seed, 42);
+    }
+
+    #[test]
     fn errors_name_the_line_and_the_cure() {
         for (from, to, line, words) in [
+            (
+                "[[camera]]",
+                "[language]\ntypos = 2.0\n[[camera]]",
+                3,
+                "share",
+            ),
+            (
+                "[[camera]]",
+                "[language]\nsplit = \"test\"\n[[camera]]",
+                3,
+                "held_out",
+            ),
+            (
+                "[[camera]]",
+                "[language]\nsentences = 0\n[[camera]]",
+                3,
+                "at least 1",
+            ),
             ("episodes = 2", "episodes = 0", 7, "leave the task out"),
             ("size = [64, 48]", "size = [0, 48]", 4, "16 to 4096"),
             ("size = [64, 48]", "size = [64, 4097]", 4, "16 to 4096"),

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use std::time::Duration;
 
 use clap::Args;
-use wheelarm_proto::settings::{Quality, Starts};
+use wheelarm_proto::settings::{LanguageSplit, Quality, Starts};
 use wheelarm_proto::v1;
 use wheelarm_rig::{ServerOptions, all_cameras};
 
@@ -56,6 +56,13 @@ pub struct EvaluateArgs {
     /// any of its postures.
     #[arg(long, default_value = "near", value_parser = named::<Starts>())]
     pub starts: Starts,
+    /// Says each task by the grammar, in a sentence of this seed about the scene as it
+    /// is drawn; without it one of the task's own.
+    #[arg(long, value_name = "SEED")]
+    pub language: Option<u64>,
+    /// Which templates and names are said: `any`, `train` or `held_out`.
+    #[arg(long, default_value = "any", value_parser = named::<LanguageSplit>(), requires = "language")]
+    pub language_split: LanguageSplit,
     /// Wall seconds without a sign of life after which a server is ended, 1 at least.
     #[arg(long, default_value = "60", value_parser = patience::<1>, value_name = "SECONDS")]
     pub patience: Duration,
@@ -93,6 +100,7 @@ impl EvaluateArgs {
                 }
             }
         };
+        scope.variation.language = self.language.map(|seed| (seed, self.language_split));
         if let Some(count) = self.episodes {
             let last = scope.seeds.start.saturating_add(count);
             scope.seeds.end = scope.seeds.end.min(last);

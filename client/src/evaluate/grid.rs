@@ -30,7 +30,12 @@ const PICTURE: Duration = Duration::from_secs(5);
 ///
 /// # Errors
 /// When a program does not start or the picture cannot be written.
-pub fn draw(args: &EvaluateArgs, scope: &Scope, report: &Report, entries: &[Entry]) -> anyhow::Result<PathBuf> {
+pub fn draw(
+    args: &EvaluateArgs,
+    scope: &Scope,
+    report: &Report,
+    entries: &[Entry],
+) -> anyhow::Result<PathBuf> {
     let mut cells = Vec::new();
     for task in &report.tasks {
         let own = || {

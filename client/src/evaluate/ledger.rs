@@ -120,17 +120,17 @@ mod tests {
         };
         ledger.add(&broken).unwrap();
         let again = Ledger::open(folder.path()).unwrap().entries();
-        assert_eq!(
-            again,
-            [entry(2), broken.clone()],
-            "the newest word counts"
-        );
+        assert_eq!(again, [entry(2), broken.clone()], "the newest word counts");
         let elsewhere = Entry {
             settings: "starts=anywhere".to_owned(),
             ..entry(2)
         };
         ledger.add(&elsewhere).unwrap();
         let again = Ledger::open(folder.path()).unwrap().entries();
-        assert_eq!(again, [entry(2), broken, elsewhere], "other starts are another episode");
+        assert_eq!(
+            again,
+            [entry(2), broken, elsewhere],
+            "other starts are another episode"
+        );
     }
 }

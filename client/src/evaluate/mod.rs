@@ -75,7 +75,12 @@ pub fn run(args: &EvaluateArgs) -> anyhow::Result<ExitCode> {
         .into_iter()
         .filter(|entry| done.iter().chain(&open).any(|job| entry.is_of(job)))
         .collect();
-    conclude(args, &scope, &Report::new(&tasks, &entries, &scope), &entries)?;
+    conclude(
+        args,
+        &scope,
+        &Report::new(&tasks, &entries, &scope),
+        &entries,
+    )?;
     Ok(if entries.iter().any(|entry| entry.broken.is_some()) {
         println!(
             "what broke is entered with its scenario in {}; --again does it anew",
@@ -91,7 +96,12 @@ pub fn run(args: &EvaluateArgs) -> anyhow::Result<ExitCode> {
 }
 
 /// Prints the report and writes it, with the pictures unless they are not wanted.
-fn conclude(args: &EvaluateArgs, scope: &Scope, report: &Report, entries: &[Entry]) -> anyhow::Result<()> {
+fn conclude(
+    args: &EvaluateArgs,
+    scope: &Scope,
+    report: &Report,
+    entries: &[Entry],
+) -> anyhow::Result<()> {
     print!("{report}");
     let path = args.out.join("report.json");
     std::fs::write(&path, report.json()?).with_context(|| format!("writing {}", path.display()))?;

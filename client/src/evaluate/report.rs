@@ -175,8 +175,16 @@ impl fmt::Display for Report {
             }
         }
         let [done, all] = [self.successes, self.episodes];
-        writeln!(f, "{:<20} {done:>4}/{all:<4} {:>20}", "all", percent(self.interval))?;
-        let split = self.split.as_deref().map_or(String::new(), |name| format!("split {name}, "));
+        writeln!(
+            f,
+            "{:<20} {done:>4}/{all:<4} {:>20}",
+            "all",
+            percent(self.interval)
+        )?;
+        let split = self
+            .split
+            .as_deref()
+            .map_or(String::new(), |name| format!("split {name}, "));
         let settings = match self.settings.as_str() {
             "" => String::new(),
             words => format!(", {words}"),

@@ -116,6 +116,7 @@ fn parse(path: &Path, text: &str) -> anyhow::Result<Scope> {
             starts: file.starts,
             bear_share: file.bear_share,
             robots: file.robots,
+            language: None,
         },
     })
 }
@@ -134,8 +135,10 @@ fn hash(text: &str) -> anyhow::Result<String> {
 fn sorted(value: &toml::Value) -> serde_json::Value {
     match value {
         toml::Value::Table(table) => {
-            let entries: std::collections::BTreeMap<_, _> =
-                table.iter().map(|(key, v)| (key.clone(), sorted(v))).collect();
+            let entries: std::collections::BTreeMap<_, _> = table
+                .iter()
+                .map(|(key, v)| (key.clone(), sorted(v)))
+                .collect();
             serde_json::Value::from_iter(entries)
         }
         toml::Value::Array(values) => values.iter().map(sorted).collect(),
@@ -172,20 +175,42 @@ mod tests {
         let (_, hash) = told.split_once("frozen = \"").unwrap();
         let line = format!("frozen = \"{}\"\n", &hash[..16]);
         let scope = parse(Path::new("s.toml"), &format!("# why\n{line}{open}")).unwrap();
-        assert_eq!((scope.seeds, scope.variation.starts), (0..5, Starts::Anywhere));
+        assert_eq!(
+            (scope.seeds, scope.variation.starts),
+            (0..5, Starts::Anywhere)
+        );
         let changed = format!("{line}{}", open.replace('5', "6"));
-        assert!(problem(&changed).contains("never changed"), "{}", problem(&changed));
+        assert!(
+            problem(&changed).contains("never changed"),
+            "{}",
+            problem(&changed)
+        );
     }
 
     #[test]
     fn mistakes_are_told_with_their_place() {
         for (text, words) in [
-            ("purpose = \"develop\"\nseed = 3", "s.toml:2: unknown field `seed`"),
-            ("purpose = \"test\"\nseeds = [0, 5]", "s.toml:1: purpose \"test\" is none of"),
-            ("purpose = \"train\"\nseeds = [0, 5]", "those for train are 10000..1000000"),
-            ("purpose = \"develop\"\nseeds = [190, 230]", "below 200 for develop"),
+            (
+                "purpose = \"develop\"\nseed = 3",
+                "s.toml:2: unknown field `seed`",
+            ),
+            (
+                "purpose = \"test\"\nseeds = [0, 5]",
+                "s.toml:1: purpose \"test\" is none of",
+            ),
+            (
+                "purpose = \"train\"\nseeds = [0, 5]",
+                "those for train are 10000..1000000",
+            ),
+            (
+                "purpose = \"develop\"\nseeds = [190, 230]",
+                "below 200 for develop",
+            ),
             ("purpose = \"develop\"\nseeds = [5, 5]", "are none"),
-            ("purpose = \"develop\"\nseeds = [0, 5]\nbear_share = 2.0", "0 to 1"),
+            (
+                "purpose = \"develop\"\nseeds = [0, 5]\nbear_share = 2.0",
+                "0 to 1",
+            ),
         ] {
             assert!(problem(text).contains(words), "{text:?}: {}", problem(text));
         }

@@ -25,6 +25,9 @@ pub enum SceneError {
         /// What to do.
         cure: String,
     },
+    /// A file of the grammar that cannot be used.
+    #[error(transparent)]
+    Language(Box<wheelarm_language::GrammarError>),
     /// A value that cannot be.
     #[error("{file}: {key} is {found}, expected {expected}; {cure}")]
     Value {

@@ -25,7 +25,7 @@ pub fn texts(assets: &Path, paths: &[String]) -> Result<Vec<AssetText>, SceneErr
         .iter()
         .map(|path| {
             Ok(AssetText {
-                text: read(assets, path)?,
+                text: text(assets, path)?,
                 path: path.clone(),
             })
         })
@@ -54,7 +54,10 @@ pub(crate) fn names(assets: &Path, folder: &str) -> Result<Vec<String>, SceneErr
 }
 
 /// The text of an asset.
-fn read(assets: &Path, path: &str) -> Result<String, SceneError> {
+///
+/// # Errors
+/// When it cannot be read.
+pub(crate) fn text(assets: &Path, path: &str) -> Result<String, SceneError> {
     let full = assets.join(path);
     std::fs::read_to_string(&full).map_err(|source| {
         let folder = path.split('/').next().unwrap_or(path);
@@ -69,7 +72,7 @@ fn read(assets: &Path, path: &str) -> Result<String, SceneError> {
 
 /// An asset as its file type.
 pub(crate) fn parse<T: DeserializeOwned>(assets: &Path, path: &str) -> Result<T, SceneError> {
-    toml::from_str(&read(assets, path)?).map_err(|source| SceneError::Parse {
+    toml::from_str(&text(assets, path)?).map_err(|source| SceneError::Parse {
         file: path.to_owned(),
         source: Box::new(source),
         cure: "correct the key or the value at the mark".to_owned(),

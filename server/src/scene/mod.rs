@@ -18,7 +18,7 @@ pub use bounds::Bounds;
 pub(crate) use error::Place;
 pub use error::SceneError;
 pub use folder::{AssetText, texts};
-pub(crate) use folder::{names, parse, provenance};
+pub(crate) use folder::{names, parse, provenance, text};
 pub use object::object;
 pub use soft::Soft;
 

@@ -19,6 +19,7 @@ mod episode;
 mod errand;
 mod error;
 pub mod inbox;
+mod language;
 mod leases;
 mod outbox;
 mod pace;

@@ -194,7 +194,11 @@ impl Simulation {
             .as_ref()
             .zip(variant.as_ref())
             .map(|(task, variant)| (task, variant, floor.as_ref()));
+        let is_told = !scenario.instruction.is_empty();
         let placed = draw_open_values(&mut scenario, &mut scene, drawn)?;
+        if let (Some(task), false) = (&task, is_told) {
+            say(assets, &mut scenario, &scene, task)?;
+        }
         let arm = *scenario.arm.get_or_insert(model.settings.home);
         let knuckle = *scenario.knuckle.get_or_insert(0.0);
         check_pose(&model, &arm, knuckle)?;
@@ -618,6 +622,27 @@ fn draw_open_values(
         scenario.instruction = drawn.instruction;
     }
     Ok(placed)
+}
+
+/// Says the task by the grammar, where the scenario asks for it.
+fn say(
+    assets: &Path,
+    scenario: &mut Scenario,
+    scene: &Scene,
+    task: &TaskSpec,
+) -> Result<(), SimError> {
+    let Some(language) = &mut scenario.language else {
+        return Ok(());
+    };
+    let placements: Vec<_> = scenario.objects.iter().map(|(_, p)| *p).collect();
+    let about = (task, scenario.target.as_str());
+    let said = tasks::sentence(assets, about, scene, &placements, scenario.seed, language)?;
+    if let Some(said) = said {
+        scenario.instruction = said.text;
+        language.template = said.template;
+        language.question = said.question;
+    }
+    Ok(())
 }
 
 /// Refuses a start at which a joint stands beyond its limits.

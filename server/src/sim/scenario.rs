@@ -6,6 +6,7 @@ use wheelarm_proto::{CONTROL_HZ, PHYSICS_HZ};
 use crate::robot::ARM_JOINTS;
 use crate::scene::{Placement, Resistance};
 use crate::sensors::{BadRate, Schedule};
+use crate::tasks::Language;
 
 pub use wheelarm_proto::settings::{Pacing, Quality, Starts};
 
@@ -87,6 +88,8 @@ pub struct Scenario {
     pub knuckle: Option<f64>,
     /// Instruction sentence; empty: one of the task's.
     pub instruction: String,
+    /// How the task is said where the sentence is drawn; `None`: one of its own.
+    pub language: Option<Language>,
     /// What the task is about; empty: the task's only target, or drawn.
     pub target: String,
     /// Which specimen of the robot: its cameras' lenses and places are drawn
@@ -132,6 +135,7 @@ impl Default for Scenario {
             arm: None,
             knuckle: None,
             instruction: String::new(),
+            language: None,
             target: String::new(),
             calibration_seed: None,
             variant: None,

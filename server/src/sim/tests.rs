@@ -362,3 +362,50 @@ fn every_posture_touches_nothing_and_comes_home() {
         );
     }
 }
+
+/// A sentence by the grammar tells the target from all else there, and what is
+/// drawn beside it stays.
+#[test]
+fn a_task_that_is_said_by_the_grammar_is_the_same_task() {
+    use wheelarm_proto::settings::LanguageSplit;
+
+    let assets = Path::new(env!("CARGO_MANIFEST_DIR")).join("../assets");
+    for (task, verb) in [
+        ("select_coke", "lift"),
+        ("place_knife", "put"),
+        ("open_drawer", "open"),
+    ] {
+        let plain = Scenario {
+            task: task.into(),
+            seed: 4,
+            ..Scenario::default()
+        };
+        let language = crate::tasks::Language {
+            seed: 9,
+            split: LanguageSplit::Train,
+            typo_share: 0.0,
+            politeness_share: 0.5,
+            ambiguous_share: 0.0,
+            template: String::new(),
+            question: String::new(),
+        };
+        let said = Scenario {
+            language: Some(language),
+            ..plain.clone()
+        };
+        let set_up = |scenario| Simulation::new(&assets, scenario).expect("a simulation");
+        let [plain, said] = [plain, said].map(set_up);
+        let (one, other) = (plain.scenario(), said.scenario());
+        assert_ne!(one.instruction, other.instruction);
+        let told = other.language.as_ref().expect("how it is said");
+        assert!(told.template.starts_with(verb), "{told:?}");
+        assert!(told.question.is_empty(), "{told:?}");
+        assert_eq!(
+            (&one.objects, &one.target, one.start),
+            (&other.objects, &other.target, other.start)
+        );
+        assert_eq!(plain.snapshot(), said.snapshot());
+        let own = plain.task().expect("a task").instructions.clone();
+        assert!(!own.contains(&other.instruction));
+    }
+}

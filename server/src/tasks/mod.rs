@@ -3,7 +3,8 @@
 //! `area_load` reads `assets/areas/NAME.toml`: what stands in an area and how it is
 //! drawn. `load` reads `assets/tasks/NAME.toml` into a `spec`: a `template`, and
 //! queries for what it is about. `scene_draw` draws a scene from area and seed and
-//! knows of no task; `draw` then takes a target in it. `evaluate` judges snapshots
+//! knows of no task; `draw` then takes a target in it, and `sentence` says it by
+//! the grammar where a scenario asks. `evaluate` judges snapshots
 //! by the `predicates` of the template. Nothing here moves anything; the same seed
 //! and the same snapshots give the same answers.
 
@@ -25,6 +26,7 @@ mod random;
 #[cfg(test)]
 mod reach_tests;
 mod scene_draw;
+mod sentence;
 mod spec;
 pub mod table;
 mod takeable;
@@ -39,4 +41,5 @@ pub use floor::Floor;
 pub use goal::Goal;
 pub use load::list;
 pub use scene_draw::{SceneDraw, draw_scene};
+pub use sentence::{Language, POLITENESS, sentence};
 pub use spec::{ConditionSpec, FailureSpec, TaskSpec};

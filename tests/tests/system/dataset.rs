@@ -10,7 +10,13 @@ use wheelarm_proto::topic::Sample;
 use wheelarm_proto::{TopicId, v1};
 use wheelarm_tests::{PATIENCE, Recorder, Server, printed, program, root, wait_until};
 
-const CHAPTERS: [&str; 4] = ["process.md", "look.md", "lerobot.md", "robomimic.md"];
+const CHAPTERS: [&str; 5] = [
+    "process.md",
+    "look.md",
+    "lerobot.md",
+    "robomimic.md",
+    "language.md",
+];
 
 /// Blocks of one language in a chapter.
 fn blocks(chapter: &str, language: &str) -> Vec<String> {
@@ -126,9 +132,34 @@ fn the_guides_commands_run_and_other_libraries_read_what_they_write() {
             assert!(output.status.success(), "{block}{}", printed(&output));
         }
     }
+    labels(folder);
     page_plays(&folder.join("data/pages/pick_mustard-seed0.html"));
     off_sample_rows(folder);
     problems(folder, &all);
+}
+
+/// Labels are what a script of its own computes again from the file, and language
+/// columns what LeRobot says they are.
+fn labels(folder: &Path) {
+    let answers = "tests/python/check_answers.py";
+    let labelled = recordings(&folder.join("data/labels"));
+    assert_eq!(labelled.len(), 2);
+    let language = (
+        "pyarrow",
+        "tests/python/check_language.py",
+        vec![folder.join("data/lerobot-language")],
+    );
+    for (modules, script, files) in [("h5py, numpy", answers, labelled), language] {
+        let Some(python) = python(modules) else {
+            continue;
+        };
+        let output = Command::new(python)
+            .arg(root().join(script))
+            .args(files)
+            .output();
+        let output = output.expect("a process");
+        assert!(output.status.success(), "{script}: {}", printed(&output));
+    }
 }
 
 /// Scripts that were saved from Google Colab, with a drive to mount and a typed

@@ -105,7 +105,7 @@ fn run_code(path: &Path) -> Vec<(usize, String)> {
 }
 
 /// Below these paths everything that reaches the state, a draw or a command.
-const EXACT: [&str; 11] = [
+const EXACT: [&str; 12] = [
     "server/src/world",
     "server/src/robot",
     "server/src/sensors",
@@ -116,6 +116,7 @@ const EXACT: [&str; 11] = [
     "server/src/service",
     "client/operate/src",
     "server/route/src",
+    "server/language/src",
     "client/policy/src",
 ];
 
@@ -191,7 +192,7 @@ fn no_client_depends_on_the_server() {
 const CLIENTS: [(&str, &[&str]); 7] = [
     ("client/link", &["proto"]),
     ("client/policy", &["proto"]),
-    ("client/dataset", &["policy", "proto"]),
+    ("client/dataset", &["language", "policy", "proto"]),
     ("client/operate", &["link", "proto", "route"]),
     ("client/record", &["dataset", "link", "proto"]),
     ("client/rig", &["link", "proto"]),
@@ -203,21 +204,23 @@ const CLIENTS: [(&str, &[&str]); 7] = [
 
 /// What is computed for server and clients alike names neither.
 #[test]
-fn the_route_package_stands_below_server_and_clients() {
-    for name in dependencies("server/route") {
-        let ours = name.strip_prefix("wheelarm-");
-        assert!(
-            ours.is_none_or(|ours| ours == "proto"),
-            "server/route names {name}"
-        );
-    }
-    for path in list("server/route/src", ".rs") {
-        for (line, text) in code(&path) {
+fn the_shared_packages_stand_below_server_and_clients() {
+    for package in ["server/route", "server/language"] {
+        for name in dependencies(package) {
+            let ours = name.strip_prefix("wheelarm-");
             assert!(
-                !text.contains("v1::"),
-                "{}:{line} names messages",
-                path.display()
+                ours.is_none_or(|ours| ours == "proto"),
+                "{package} names {name}"
             );
+        }
+        for path in list(&format!("{package}/src"), ".rs") {
+            for (line, text) in code(&path) {
+                assert!(
+                    !text.contains("v1::"),
+                    "{}:{line} names messages",
+                    path.display()
+                );
+            }
         }
     }
 }
@@ -716,7 +719,7 @@ fn files_of_a_room_of_the_server_do_not_name_each_other_in_circles() {
 /// Rooms of the dataset crate, from the bottom up: each names only rooms below
 /// it. So reading knows nothing of exports, and the table of columns nothing of
 /// files.
-const DATASET: [&str; 27] = [
+const DATASET: [&str; 28] = [
     "pose",
     "coverage",
     "ending",
@@ -737,6 +740,7 @@ const DATASET: [&str; 27] = [
     "info",
     "align",
     "label",
+    "annotate",
     "sheet",
     "convert",
     "plot",
@@ -747,7 +751,7 @@ const DATASET: [&str; 27] = [
 ];
 
 /// Rooms of the dataset crate that may name HDF5.
-const NAME_HDF5: [&str; 5] = ["hdf", "read", "finish", "align", "convert"];
+const NAME_HDF5: [&str; 6] = ["hdf", "read", "finish", "align", "annotate", "convert"];
 
 #[test]
 fn files_of_the_dataset_crate_name_only_what_lies_below_them() {

@@ -1,5 +1,6 @@
 //! The subcommands and their options.
 
+mod annotate;
 mod arguments;
 mod files;
 mod process;
@@ -66,6 +67,15 @@ enum Command {
         #[arg(long, value_name = "CSV")]
         out: Option<PathBuf>,
     },
+    /// Labels in words and boxes: a copy of each recording with the group /labels,
+    /// and tables of phases and questions.
+    Annotate {
+        #[command(flatten)]
+        input: Input,
+        /// Folder for LABEL.labels.h5, subtasks.csv and questions.csv.
+        #[arg(long, value_name = "DIR")]
+        out: PathBuf,
+    },
     /// Writes what other programs read.
     Export {
         #[command(flatten)]
@@ -89,6 +99,10 @@ enum Command {
         /// seconds; in lerobot, robomimic and csv.
         #[arg(long, value_name = "SECONDS", value_parser = idle)]
         trim_idle: Option<f64>,
+        /// Adds the columns language_persistent and language_events to lerobot, which
+        /// LeRobot reads from 0.6 on and older ones refuse.
+        #[arg(long)]
+        language: bool,
     },
     /// Checks recordings; exit code 3 when one has problems.
     Validate {
@@ -148,6 +162,7 @@ pub fn run(cli: Cli) -> anyhow::Result<u8> {
             no_pictures,
         } => process::align(&input, out.as_deref(), !no_pictures),
         Command::Label { input, out } => process::label(&input, out.as_deref()),
+        Command::Annotate { input, out } => annotate::annotate(&input, &out),
         Command::Export {
             input,
             format,
@@ -155,9 +170,10 @@ pub fn run(cli: Cli) -> anyhow::Result<u8> {
             size,
             action,
             trim_idle,
+            language,
         } => {
             let rows = RowOptions { action, trim_idle };
-            process::export(&input, format, &out, size, rows)
+            process::export(&input, format, &out, size, rows, language)
         }
         Command::Validate { input } => process::validate(&input),
         Command::Stats { input, plot, csv } => {

@@ -195,6 +195,7 @@ pub fn export(
     out: &Path,
     size: Option<Size>,
     rows: RowOptions,
+    language: bool,
 ) -> anyhow::Result<u8> {
     let (files, options) = (recordings(&input.files)?, options(input)?);
     let jobs = jobs(&input.files);
@@ -209,6 +210,9 @@ pub fn export(
             "--action and --trim-idle are for lerobot, robomimic and csv; this format has no rows of action"
         );
     }
+    if language && name != FormatName::Lerobot {
+        anyhow::bail!("--language is for lerobot; `annotate` writes labels beside any recording");
+    }
     let format: Box<dyn Format> = match name {
         FormatName::WheelarmSim => Box::new(WheelarmSim {
             out: folder,
@@ -219,7 +223,9 @@ pub fn export(
             rows,
             threads: inner,
         }),
-        FormatName::Lerobot => Box::new(LeRobot::new(out, size, rows, threads())?),
+        FormatName::Lerobot => {
+            Box::new(LeRobot::new(out, size, rows, threads())?.with_language(language))
+        }
         FormatName::Robomimic => Box::new(Robomimic::new(out, size, rows, threads())?),
         FormatName::Mcap => Box::new(McapLog {
             out: folder,

@@ -6,6 +6,7 @@ use wheelarm_proto::geometry::{isometry, pose};
 use wheelarm_proto::v1;
 
 use crate::scene::{Placement, Resistance};
+use crate::service::language;
 use crate::sim::{
     ALL_CAMERAS, CameraPlace, CameraSetting, Lens, MAX_SIZE, Quality, Scenario, Starts,
 };
@@ -67,6 +68,7 @@ pub fn scenario(s: &Scenario) -> v1::Scenario {
             .collect(),
         start: s.start.as_ref().map(pose),
         instruction: Some(s.instruction.clone()),
+        language: s.language.as_ref().map(language::told),
         target: Some(s.target.clone()),
         calibration_seed: s.calibration_seed,
         starts: s.starts.code().into(),
@@ -198,6 +200,10 @@ pub fn scenario_over(now: &Scenario, asked: &v1::Scenario) -> Result<Scenario, I
         s.slides.clear();
         s.start = None;
         s.instruction.clear();
+        if let Some(language) = &mut s.language {
+            language.template.clear();
+            language.question.clear();
+        }
         s.target.clear();
         s.variant = None;
         s.arm = None;
@@ -212,6 +218,13 @@ pub fn scenario_over(now: &Scenario, asked: &v1::Scenario) -> Result<Scenario, I
     keep(&mut s.task, asked.task.clone());
     keep(&mut s.seed, asked.seed);
     keep(&mut s.instruction, asked.instruction.clone());
+    if let Some(asked) = &asked.language {
+        s.language = Some(language::asked(asked)?);
+    }
+    // Another way to say it: the sentence is drawn anew.
+    if asked.language.is_some() && asked.instruction.is_none() {
+        s.instruction.clear();
+    }
     keep(&mut s.target, asked.target.clone());
     keep(&mut s.variant, asked.variant.clone().map(Some));
     if let Some(share) = asked.variant_share {

@@ -21,6 +21,8 @@ pub(super) struct Layout {
     pub body: Body,
     /// Names of the values of [`VECTORS`].
     pub names: [Vec<String>; 3],
+    /// With the two columns of language.
+    pub language: bool,
 }
 
 /// Some rows of an episode, with what they are in the set.
@@ -138,6 +140,9 @@ pub(super) const VECTORS: [Vector; 3] = [
     }),
 ];
 
+/// Columns of language: what holds from a time on, and what happens at a time.
+pub(super) const LANGUAGE: [&str; 2] = ["language_persistent", "language_events"];
+
 /// Feature of a camera's pictures.
 pub(super) fn image_key(camera: &str) -> String {
     format!("observation.images.{camera}")
@@ -179,6 +184,7 @@ impl Layout {
             cameras,
             body: Body::of(robot),
             names: [state_names(robot), action.names(robot), pose.to_vec()],
+            language: false,
         }
     }
 
@@ -198,7 +204,16 @@ impl Layout {
             let feature = json!({"dtype": flat.dtype(), "shape": [1], "names": null});
             out.insert(name.into(), feature);
         }
+        for name in self.languages() {
+            let feature = json!({"dtype": "language", "shape": [1], "names": null});
+            out.insert(name.into(), feature);
+        }
         Value::Object(out)
+    }
+
+    /// Names of the columns of language, where there are some.
+    fn languages(&self) -> impl Iterator<Item = &'static str> {
+        LANGUAGE.into_iter().filter(|_| self.language)
     }
 
     /// The features as Hugging Face's `datasets` writes them into the footer.
@@ -216,6 +231,26 @@ impl Layout {
             let feature = json!({"dtype": flat.dtype(), "_type": "Value"});
             out.insert(name.into(), feature);
         }
+        for name in self.languages() {
+            out.insert(name.into(), language_footer(name));
+        }
         json!({"info": {"features": out}}).to_string()
     }
+}
+
+/// The features of a column of language as Hugging Face's `datasets` writes them.
+fn language_footer(column: &str) -> Value {
+    let value = |dtype: &str| json!({"dtype": dtype, "_type": "Value"});
+    let mut row = serde_json::Map::new();
+    for name in ["role", "content", "style", "camera"] {
+        row.insert(name.into(), value("string"));
+    }
+    if column == LANGUAGE[0] {
+        row.insert("timestamp".into(), value("float32"));
+    }
+    row.insert(
+        "tool_calls".into(),
+        json!({"feature": value("string"), "_type": "List"}),
+    );
+    json!({"feature": row, "_type": "List"})
 }

@@ -4,6 +4,7 @@
 //! An episode's pictures are encoded into a scratch file first, so that a
 //! recording that turns out unreadable leaves nothing behind in the set.
 
+mod language;
 mod layout;
 mod metadata;
 mod set;
@@ -18,6 +19,7 @@ use std::path::{Path, PathBuf};
 use anyhow::Context;
 use parking_lot::Mutex;
 
+use self::language::Spoken;
 use self::layout::{Block, Layout, image_key, numbers};
 use self::metadata::metadata;
 use self::set::{EpisodeRow, Set};
@@ -37,6 +39,7 @@ const COUNTED_PIXELS: usize = 20_000;
 pub struct LeRobot {
     size: Option<Size>,
     rows: RowOptions,
+    language: bool,
     threads: usize,
     set: Mutex<Set>,
 }
@@ -55,9 +58,20 @@ impl LeRobot {
         Ok(Self {
             size,
             rows,
+            language: false,
             threads,
             set: Mutex::new(Set::new(PendingFolder::new(out)?)),
         })
+    }
+}
+
+impl LeRobot {
+    /// With the columns `language_persistent` and `language_events`, which LeRobot
+    /// reads from 0.6 on and older ones refuse.
+    #[must_use]
+    pub fn with_language(mut self, language: bool) -> Self {
+        self.language = language;
+        self
     }
 }
 
@@ -105,7 +119,8 @@ impl Format for LeRobot {
     fn add(&self, recording: &Recording, tick: &(dyn Fn() + Sync)) -> anyhow::Result<Written> {
         let (rate, learning) = Learning::on_grid(recording, &self.rows)?;
         let cameras = learning::cameras(recording, self.size);
-        let layout = Layout::of(recording, rate, cameras, self.rows.action);
+        let mut layout = Layout::of(recording, rate, cameras, self.rows.action);
+        layout.language = self.language;
         anyhow::ensure!(!layout.cameras.is_empty(), "the episode has no pictures");
         let set = &mut *self.set.lock();
         if let Some(first) = &set.layout {
@@ -121,6 +136,10 @@ impl Format for LeRobot {
         }
 
         // Everything that can fail because of the recording comes first.
+        let spoken = match self.language {
+            true => Some(Spoken::of(recording, &learning, &layout.cameras, rate)?),
+            false => None,
+        };
         let rows = &learning.rows;
         let mut scratch = Scratch::new(set.folder.path())?;
         let mut statistics = self.encode(recording, &layout, rows, &mut scratch, tick)?;
@@ -140,7 +159,13 @@ impl Format for LeRobot {
             task,
             before: set.rows,
         };
-        statistics.extend(write_rows(set, &layout, &whole, &mut scratch)?);
+        statistics.extend(write_rows(
+            set,
+            &layout,
+            &whole,
+            &mut scratch,
+            spoken.as_ref(),
+        )?);
         set.finish_episode(EpisodeRow {
             task: recording.summary.instruction.clone(),
             length: rows.len(),
@@ -219,6 +244,7 @@ fn write_rows(
     layout: &Layout,
     whole: &Block<'_>,
     scratch: &mut Scratch,
+    spoken: Option<&Spoken>,
 ) -> anyhow::Result<Statistics> {
     let mut gathered = Statistics::new();
     scratch.file.rewind()?;
@@ -249,6 +275,7 @@ fn write_rows(
             gather(&mut gathered, column);
         }
         columns.extend(numbers);
+        columns.extend(spoken.into_iter().flat_map(|s| s.columns((first, count))));
         set.append(layout, columns)?;
     }
     Ok(gathered)
@@ -261,7 +288,7 @@ fn gather(gathered: &mut Statistics, column: &Column) {
         Cells::F64(_, v) => (1, v.iter().map(|&v| v as f32).collect()),
         Cells::I64(_, v) => (1, v.iter().map(|&v| v as f32).collect()),
         Cells::Bool(v) => (1, v.iter().map(|&v| f32::from(u8::from(v))).collect()),
-        Cells::Text(..) | Cells::Image(_) => return,
+        Cells::Text(..) | Cells::Image(_) | Cells::Said(..) => return,
     };
     gathered
         .entry(column.name.clone())

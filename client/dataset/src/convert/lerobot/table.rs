@@ -7,7 +7,7 @@ use std::sync::Arc;
 
 use anyhow::Context;
 use arrow_array::{
-    ArrayRef, BinaryArray, BooleanArray, Float32Array, Float64Array, Int64Array, ListArray,
+    Array, ArrayRef, BinaryArray, BooleanArray, Float32Array, Float64Array, Int64Array, ListArray,
     RecordBatch, StringArray, StructArray,
 };
 use arrow_buffer::OffsetBuffer;
@@ -43,6 +43,23 @@ pub enum Cells {
     Text(Vec<usize>, Vec<String>),
     /// Encoded pictures with a name: `{bytes, path}`.
     Image(Vec<(Vec<u8>, String)>),
+    /// Lists of what is said, with a time of their own or without.
+    Said(Vec<Vec<Said>>, bool),
+}
+
+/// A row of LeRobot's language columns.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Said {
+    /// `user` or `assistant`.
+    pub role: &'static str,
+    /// What is said.
+    pub content: String,
+    /// What kind of saying it is: `subtask`, `plan`, `vqa`, `trace`.
+    pub style: &'static str,
+    /// From when it holds, seconds from the first row.
+    pub timestamp: f32,
+    /// Feature of the camera that it is about.
+    pub camera: Option<String>,
 }
 
 impl Cells {
@@ -66,8 +83,45 @@ impl Cells {
                 ]);
                 Arc::new(StructArray::new(fields, parts, None))
             }
+            Self::Said(rows, timed) => said(rows, timed),
         }
     }
+}
+
+/// Lists of `{role, content, style, [timestamp], camera, tool_calls}`, as LeRobot
+/// 0.6 names them; nothing here calls a tool.
+fn said(rows: Vec<Vec<Said>>, timed: bool) -> ArrayRef {
+    let offsets = OffsetBuffer::from_lengths(rows.iter().map(Vec::len));
+    let all: Vec<Said> = rows.into_iter().flatten().collect();
+    let text = |of: fn(&Said) -> Option<&str>| -> ArrayRef {
+        Arc::new(StringArray::from_iter(all.iter().map(of)))
+    };
+    let calls = Field::new("element", DataType::Utf8, true);
+    let none = ListArray::new_null(Arc::new(calls), all.len());
+    let mut columns: Vec<(&str, ArrayRef)> = vec![
+        ("role", text(|s| Some(s.role))),
+        ("content", text(|s| Some(&s.content))),
+        ("style", text(|s| Some(s.style))),
+    ];
+    if timed {
+        let times = Float32Array::from_iter_values(all.iter().map(|s| s.timestamp));
+        columns.push(("timestamp", Arc::new(times)));
+    }
+    columns.push(("camera", text(|s| s.camera.as_deref())));
+    columns.push(("tool_calls", Arc::new(none)));
+    let fields = columns.iter();
+    let fields: Fields = fields
+        .map(|(name, array)| Field::new(*name, array.data_type().clone(), true))
+        .collect();
+    let arrays = columns.into_iter().map(|(_, array)| array).collect();
+    let structs = StructArray::new(fields, arrays, None);
+    let element = Field::new("element", structs.data_type().clone(), true);
+    Arc::new(ListArray::new(
+        Arc::new(element),
+        offsets,
+        Arc::new(structs),
+        None,
+    ))
 }
 
 /// Values in lists of lists of the lengths of `shape`, every list full.

@@ -1,0 +1,119 @@
+//! Phases in words: what is done, with what, where, and what is in the hand.
+
+use crate::label::{NAMES, Segment};
+
+use super::state::State;
+
+/// A phase in words.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Subtask {
+    /// From when and until when it lasts, simulation time, nanoseconds.
+    pub from: u64,
+    /// The end, the next one's beginning.
+    pub to: u64,
+    /// 0 to 3, see [`crate::label::NAMES`].
+    pub label: u8,
+    /// In words.
+    pub text: String,
+    /// What it is done with.
+    pub object: String,
+    /// Where: an area, or the goal; empty where neither is known.
+    pub place: String,
+    /// What is held through most of it; empty for nothing.
+    pub held: String,
+}
+
+/// What is done in each phase.
+pub(super) fn subtasks(state: &State, phases: &[Segment]) -> Vec<Subtask> {
+    let end = state.stamps.last().copied().unwrap_or(0);
+    let area = area_of(state);
+    let ends = phases.iter().skip(1).map(|next| next.from).chain([end]);
+    let mut out: Vec<Subtask> = Vec::new();
+    for (phase, to) in phases.iter().zip(ends) {
+        let held = held(state, phase.from, to);
+        let holds_target = !held.is_empty() && held == state.target;
+        let place = match (state.verb.as_str(), phase.label) {
+            ("put", 3) => state.goal.clone(),
+            _ => area.clone(),
+        };
+        let text = words(state, phase.label, holds_target, &area);
+        let (object, label) = (state.target.clone(), phase.label);
+        out.push(Subtask {
+            from: phase.from,
+            to,
+            label,
+            text,
+            object,
+            place,
+            held,
+        });
+    }
+    out
+}
+
+/// The subtasks in order, each once in a row.
+pub(super) fn plan(subtasks: &[Subtask]) -> Vec<String> {
+    let mut plan: Vec<String> = subtasks.iter().map(|s| s.text.clone()).collect();
+    plan.dedup();
+    plan
+}
+
+fn words(state: &State, label: u8, holds_target: bool, area: &str) -> String {
+    let said = |name: &str| name.replace('_', " ");
+    if state.target.is_empty() {
+        return NAMES[usize::from(label).min(3)].to_owned();
+    }
+    let target = state.called(&state.target);
+    let at = match area {
+        "" => String::new(),
+        "workstation" => " of the workstation".to_owned(),
+        area => format!(" on the {}", said(area)),
+    };
+    match (label, state.verb.as_str()) {
+        (0, _) if holds_target => format!("drive with {target} in the hand"),
+        (0, _) if area.is_empty() => format!("drive to {target}"),
+        (0, _) => format!("drive to the {}", said(area)),
+        (1, "open" | "close") => format!("reach for the handle of {target}{at}"),
+        (1, _) => format!("reach for {target}{at}"),
+        (2, "open" | "close") => format!("close the hand on the handle of {target}"),
+        (2, _) => format!("close the hand around {target}"),
+        (_, "open") => format!("pull {target} open"),
+        (_, "close") => format!("push {target} shut"),
+        (_, "put") => format!("put {target} on the {}", said(&state.goal)),
+        _ => format!("lift {target}{}", at.replacen(" on ", " from ", 1)),
+    }
+}
+
+/// The area of the target at the first sample.
+fn area_of(state: &State) -> String {
+    let slide = state
+        .home
+        .slides
+        .iter()
+        .find(|slide| slide.name == state.target);
+    if let Some(slide) = slide {
+        return slide.area.clone();
+    }
+    if state.poses.is_empty() {
+        return String::new();
+    }
+    let scene = state.scene(0);
+    let area = scene
+        .named(&state.target)
+        .and_then(|i| scene.things[i].area);
+    area.map_or(String::new(), |i| scene.areas[i].name.clone())
+}
+
+/// What is held through most samples of a phase.
+fn held(state: &State, from: u64, to: u64) -> String {
+    let first = state.stamps.partition_point(|&t| t < from);
+    let last = state.stamps.partition_point(|&t| t < to);
+    let rows = state.held.get(first..last.max(first)).unwrap_or_default();
+    let mut counts = vec![0; state.objects.len()];
+    for object in rows.iter().flatten() {
+        counts[*object] += 1;
+    }
+    let most = (0..counts.len()).max_by_key(|&i| counts[i]);
+    let most = most.filter(|&i| 2 * counts[i] > rows.len());
+    most.map_or(String::new(), |i| state.objects[i].clone())
+}

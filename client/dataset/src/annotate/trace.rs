@@ -1,0 +1,52 @@
+//! Where the hand goes in a picture: the end effector at the next steps, in the
+//! pixels of the camera as it is now.
+
+use super::state::State;
+use crate::pose;
+use crate::read::{Episode, ReadError};
+
+/// Steps ahead, the picture's own time first.
+pub const STEPS: usize = 16;
+
+/// The way of the hand in the pictures of a camera.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Trace {
+    /// The camera.
+    pub camera: String,
+    /// Column and row, pixels from the left and top edge: picture by step. NaN
+    /// behind the camera and after the end.
+    pub pixels: Vec<[[f64; 2]; STEPS]>,
+}
+
+/// Traces in all cameras; a step is the time from a picture to the next.
+pub(super) fn traces(episode: &Episode, state: &State) -> Result<Vec<Trace>, ReadError> {
+    let mut out = Vec::new();
+    for camera in episode.cameras()? {
+        let pictures = episode.camera(&camera)?;
+        let stamps = pictures.stamps();
+        let hand = |stamp: u64| {
+            let row = state.stamps.partition_point(|&t| t < stamp);
+            state.hand.get(row).map(|hand| [hand[0], hand[1], hand[2]])
+        };
+        let of_picture = |i: usize| {
+            let (lens, at) = (pictures.intrinsics(i), pictures.pose(i));
+            std::array::from_fn(|step| {
+                let then = stamps.get(i + step).and_then(|&stamp| hand(stamp));
+                then.and_then(|point| project(&lens, &at, point))
+                    .unwrap_or([f64::NAN; 2])
+            })
+        };
+        let pixels = (0..pictures.len()).map(of_picture).collect();
+        out.push(Trace { camera, pixels });
+    }
+    Ok(out)
+}
+
+/// Pixel of a point of `house`; `None` behind the camera.
+pub(super) fn project(lens: &[f64; 6], camera: &pose::Pose, point: [f64; 3]) -> Option<[f64; 2]> {
+    let [x, y, z, w] = pose::orientation(camera);
+    let from = [0, 1, 2].map(|k| point[k] - camera[k]);
+    let [right, down, ahead] = pose::turned([-x, -y, -z, w], from);
+    let [_, _, fx, fy, cx, cy] = *lens;
+    (ahead > 0.01).then(|| [cx + fx * right / ahead, cy + fy * down / ahead])
+}

@@ -1,0 +1,127 @@
+//! LeRobot 0.6's language columns of an episode: what holds from a time on
+//! (subtasks, the plan) stands in every row of it, what happens at a time
+//! (questions with answers, the way of the hand) in the row of that time.
+
+use std::collections::BTreeMap;
+
+use serde_json::{Value, json};
+
+use super::layout::{LANGUAGE, image_key};
+use super::table::{Cells, Column, Said};
+use crate::annotate::{self, State};
+use crate::convert::learning::Learning;
+use crate::convert::{Recording, Size};
+use crate::label;
+
+/// What is said in an episode.
+pub(super) struct Spoken {
+    persistent: Vec<Said>,
+    events: Vec<Vec<Said>>,
+}
+
+impl Spoken {
+    /// What is said of the rows of `learning`, pictures being of these sizes.
+    ///
+    /// # Errors
+    /// When the recording lacks the state that it is made of.
+    pub fn of(
+        recording: &Recording,
+        learning: &Learning<'_>,
+        cameras: &BTreeMap<String, Size>,
+        rate: u32,
+    ) -> anyhow::Result<Self> {
+        let phases = label::runs(&recording.aligned.stamps, &recording.labels);
+        let state = State::read(&recording.episode)?;
+        let labels = annotate::annotate(&recording.episode, &state, &phases)?;
+        let stamps: Vec<u64> = learning
+            .rows
+            .iter()
+            .map(|&row| recording.aligned.stamps[row])
+            .collect();
+        let frame = |stamp: u64| stamps.partition_point(|&t| t < stamp);
+        let seconds = |frame: usize| (frame as f64 / f64::from(rate)) as f32;
+        let row = |role, style, content: String, timestamp, camera: Option<&String>| Said {
+            role,
+            content,
+            style,
+            timestamp,
+            camera: camera.map(|camera| image_key(camera)),
+        };
+        let plan = labels.plan.iter().enumerate();
+        let plan: Vec<String> = plan.map(|(i, step)| format!("{}. {step}", i + 1)).collect();
+        let mut persistent = vec![row("assistant", "plan", plan.join("\n"), 0.0, None)];
+        for subtask in &labels.subtasks {
+            // What is trimmed away before the first row begins with it.
+            let from = frame(subtask.from);
+            if from < stamps.len() && frame(subtask.to) > 0 {
+                let text = subtask.text.clone();
+                persistent.push(row("assistant", "subtask", text, seconds(from), None));
+            }
+        }
+        let mut events = vec![Vec::new(); stamps.len()];
+        // Questions are about the state, not about a view; LeRobot wants one named.
+        let camera = cameras.keys().next();
+        for question in &labels.questions {
+            let at = frame(question.stamp);
+            if question.stamp < stamps.first().copied().unwrap_or(0) {
+                continue;
+            }
+            if let Some(event) = events.get_mut(at) {
+                event.push(row("user", "vqa", question.question.clone(), 0.0, camera));
+                event.push(row(
+                    "assistant",
+                    "vqa",
+                    question.answer.clone(),
+                    0.0,
+                    camera,
+                ));
+            }
+        }
+        for trace in &labels.traces {
+            let Some(size) = cameras.get(&trace.camera) else {
+                continue;
+            };
+            for (frame, event) in events.iter_mut().enumerate() {
+                let (source, index) = recording.picture(&trace.camera, learning.rows[frame])?;
+                let Some((width, height)) = source.size() else {
+                    continue;
+                };
+                let scale = [
+                    size.width as f64 / width as f64,
+                    size.height as f64 / height as f64,
+                ];
+                let Some(pixels) = trace.pixels.get(index) else {
+                    continue;
+                };
+                let (w, h) = (width as f64, height as f64);
+                let inside = |p: &&[f64; 2]| (0.0..w).contains(&p[0]) && (0.0..h).contains(&p[1]);
+                let points = pixels.iter().filter(inside);
+                let points: Vec<Value> = points
+                    .map(|p| json!([(p[0] * scale[0]).round(), (p[1] * scale[1]).round()]))
+                    .collect();
+                if !points.is_empty() {
+                    let text = Value::Array(points).to_string();
+                    event.push(row("assistant", "trace", text, 0.0, Some(&trace.camera)));
+                }
+            }
+        }
+        Ok(Self { persistent, events })
+    }
+
+    /// The columns of some rows.
+    pub fn columns(&self, (first, count): (usize, usize)) -> Vec<Column> {
+        let persistent = vec![self.persistent.clone(); count];
+        let events = self.events[first..first + count].to_vec();
+        let [always, at] = LANGUAGE.map(str::to_owned);
+        vec![
+            Column {
+                name: always,
+                cells: Cells::Said(persistent, true),
+            },
+            Column {
+                name: at,
+                cells: Cells::Said(events, false),
+            },
+        ]
+    }
+}

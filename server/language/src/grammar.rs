@@ -1,0 +1,309 @@
+//! A grammar: templates of sentences, phrases that tell one thing from others,
+//! names, places, reasons and politeness, as `assets/language` holds them.
+
+use std::collections::BTreeSet;
+
+use serde::Deserialize;
+
+use crate::space::{Order, Side};
+
+/// Files of a grammar below `assets/language`, in the order in which they are read.
+pub const FILES: [&str; 9] = [
+    "nouns.toml",
+    "places.toml",
+    "phrases.toml",
+    "reasons.toml",
+    "politeness.toml",
+    "lift.toml",
+    "put.toml",
+    "open.toml",
+    "close.toml",
+];
+
+/// A grammar file that cannot be used.
+#[derive(Clone, Debug, thiserror::Error, PartialEq, Eq)]
+#[error("language/{file}:{line}: {key} is {found}, allowed is {allowed}")]
+pub struct GrammarError {
+    /// File below `assets/language`.
+    pub file: String,
+    /// Line, from 1.
+    pub line: usize,
+    /// Key.
+    pub key: String,
+    /// What stands there.
+    pub found: String,
+    /// What may stand there.
+    pub allowed: String,
+}
+
+/// What is asked for.
+#[derive(Clone, Copy, Debug, Deserialize, PartialEq, Eq, PartialOrd, Ord)]
+#[serde(rename_all = "snake_case")]
+pub enum Verb {
+    /// Take it and hold it.
+    Lift,
+    /// Take it somewhere and leave it there.
+    Put,
+    /// Draw it out.
+    Open,
+    /// Push it in.
+    Close,
+}
+
+impl Verb {
+    /// The word in files and reports.
+    #[must_use]
+    pub fn word(self) -> &'static str {
+        match self {
+            Self::Lift => "lift",
+            Self::Put => "put",
+            Self::Open => "open",
+            Self::Close => "close",
+        }
+    }
+}
+
+/// Which templates and names are said.
+#[derive(Clone, Copy, Debug, Default, Deserialize, PartialEq, Eq, PartialOrd, Ord)]
+#[serde(rename_all = "snake_case")]
+pub enum Split {
+    /// All.
+    #[default]
+    Any,
+    /// Those that are not held out.
+    Train,
+    /// A template that is held out, and a name that is for what it is about.
+    HeldOut,
+}
+
+/// A place in a pattern that something else fills.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub(crate) enum Slot {
+    Object,
+    Goal,
+    Place,
+    At,
+    On,
+    Noun,
+    Other,
+    Nth,
+}
+
+impl Slot {
+    pub(crate) const ALL: [(&'static str, Self); 8] = [
+        ("object", Self::Object),
+        ("goal", Self::Goal),
+        ("place", Self::Place),
+        ("at", Self::At),
+        ("on", Self::On),
+        ("noun", Self::Noun),
+        ("other", Self::Other),
+        ("nth", Self::Nth),
+    ];
+}
+
+/// A part of a pattern.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) enum Piece {
+    Word(String),
+    Slot(Slot),
+}
+
+/// A text with slots.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Pattern {
+    /// As it is written.
+    pub text: String,
+    pub pieces: Vec<Piece>,
+}
+
+impl Pattern {
+    pub fn has(&self, slot: Slot) -> bool {
+        self.pieces.contains(&Piece::Slot(slot))
+    }
+}
+
+/// How a phrase tells its thing from others.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub(crate) enum Means {
+    /// By its name alone.
+    Plain,
+    /// By where it is beside another one.
+    Beside(Side),
+    /// The nearest to another one.
+    Next,
+    /// Number `place` in an order; `None`: as `{nth}` says.
+    Order(Order, Option<usize>),
+}
+
+/// What may be said of a text, and when.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Use {
+    pub held_out: bool,
+    /// Understood only, where it is false.
+    pub said: bool,
+}
+
+impl Use {
+    /// Whether a speaker of this split says it as something of no account.
+    pub fn is_in(self, split: Split) -> bool {
+        self.said && (split != Split::Train || !self.held_out)
+    }
+}
+
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Phrase {
+    pub pattern: Pattern,
+    pub means: Means,
+    pub of: Use,
+}
+
+/// What a name stands for.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) enum Names {
+    /// Things of these kinds.
+    Kinds(Vec<String>),
+    /// Things of this category.
+    Category(String),
+    /// The goal of this name.
+    Goal(String),
+}
+
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Noun {
+    pub text: String,
+    pub words: Vec<String>,
+    pub names: Names,
+    pub of: Use,
+}
+
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Colour {
+    pub name: String,
+    pub text: String,
+    pub words: Vec<String>,
+}
+
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct PlaceName {
+    pub area: String,
+    pub text: String,
+    pub words: Vec<String>,
+    pub prepositions: Vec<String>,
+    pub of: Use,
+}
+
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Template {
+    /// Stable name: the verb and the words of the text.
+    pub id: String,
+    pub verb: Verb,
+    pub pattern: Pattern,
+    /// An imperative, before which politeness can stand.
+    pub is_request: bool,
+    /// Kinds of which any is meant, where the text names none.
+    pub wants: Vec<String>,
+    pub of: Use,
+}
+
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Reason {
+    pub text: String,
+    pub words: Vec<String>,
+    pub kinds: Vec<String>,
+    pub verb: Option<Verb>,
+}
+
+/// How a reason and a request stand together.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Frame {
+    pub text: String,
+    pub reason_first: bool,
+    /// Words between the two.
+    pub between: Vec<String>,
+}
+
+/// A grammar.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Grammar {
+    pub(crate) colours: Vec<Colour>,
+    pub(crate) nouns: Vec<Noun>,
+    pub(crate) places: Vec<PlaceName>,
+    pub(crate) phrases: Vec<Phrase>,
+    pub(crate) reasons: Vec<Reason>,
+    /// Politeness: as written, and its words.
+    pub(crate) before: Vec<(String, Vec<String>)>,
+    pub(crate) after: Vec<(String, Vec<String>)>,
+    pub(crate) thanks: Vec<(String, Vec<String>)>,
+    pub(crate) frames: Vec<Frame>,
+    pub(crate) templates: Vec<Template>,
+    /// Words that tell a verb where no template fits.
+    pub(crate) verb_words: Vec<(String, Verb)>,
+    /// Every word of it.
+    pub(crate) vocabulary: BTreeSet<String>,
+}
+
+/// Numbers as people say them.
+pub(crate) const NTH: [&str; 6] = ["first", "second", "third", "fourth", "fifth", "sixth"];
+
+impl Grammar {
+    /// How many templates there are that are said, and how many of them are held out.
+    #[must_use]
+    pub fn template_count(&self) -> (usize, usize) {
+        count(self.templates.iter().map(|t| t.of))
+    }
+
+    /// The same of names of things and goals.
+    #[must_use]
+    pub fn noun_count(&self) -> (usize, usize) {
+        count(self.nouns.iter().map(|n| n.of))
+    }
+
+    /// Whether a template is held out.
+    #[must_use]
+    pub fn is_held_out(&self, template: &str) -> bool {
+        let mut found = self.templates.iter().filter(|t| t.id == template);
+        found.any(|t| t.of.held_out)
+    }
+
+    /// Number of its words, politeness and what is understood only included.
+    #[must_use]
+    pub fn word_count(&self) -> usize {
+        self.vocabulary.len()
+    }
+
+    /// What a person calls things of a kind: the first name of it in the files, its
+    /// own where there is none.
+    #[must_use]
+    pub fn name_of<'a>(&'a self, kind: &'a str) -> &'a str {
+        let names = |noun: &&Noun| match &noun.names {
+            Names::Kinds(kinds) => kinds.iter().any(|k| k == kind),
+            Names::Goal(goal) => goal == kind,
+            Names::Category(_) => false,
+        };
+        self.nouns
+            .iter()
+            .find(names)
+            .map_or(kind, |noun| noun.text.as_str())
+    }
+
+    /// What a person calls an area.
+    #[must_use]
+    pub fn area_name<'a>(&'a self, area: &'a str) -> &'a str {
+        let place = self.places.iter().find(|place| place.area == area);
+        place.map_or(area, |place| place.text.as_str())
+    }
+
+    /// The preposition with which things are at an area.
+    pub(crate) fn preposition(&self, area: &str) -> &str {
+        let place = self.places.iter().find(|place| place.area == area);
+        place
+            .and_then(|p| p.prepositions.first())
+            .map_or("at", String::as_str)
+    }
+}
+
+fn count(uses: impl Iterator<Item = Use>) -> (usize, usize) {
+    let said: Vec<Use> = uses.filter(|of| of.said).collect();
+    (said.len(), said.iter().filter(|of| of.held_out).count())
+}

@@ -1,0 +1,221 @@
+//! A home as its asset files describe it, for who has these texts alone: a client
+//! with a recording, a test.
+
+use std::collections::BTreeMap;
+
+use serde::Deserialize;
+
+use crate::scene::{Area, Role, Scene, kind_of};
+
+/// Asset texts from which no scene can be made.
+#[derive(Clone, Debug, thiserror::Error, PartialEq, Eq)]
+#[error("{file}: {problem}")]
+pub struct HomeError {
+    /// File below the assets folder.
+    pub file: String,
+    /// What is wrong with it.
+    pub problem: String,
+}
+
+/// What of a home's files matters to language.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Home {
+    /// Areas, in the order of the scene file.
+    pub areas: Vec<HomeArea>,
+    /// Category and colour by kind of object.
+    pub kinds: BTreeMap<String, [String; 2]>,
+    /// Furniture that slides.
+    pub slides: Vec<HomeSlide>,
+    /// Other furniture with a surface of its own that belongs to an area, for
+    /// example a mat: name, area, middle of the surface in `house`, and whether it
+    /// is optional.
+    pub goals: Vec<(String, String, Area, bool)>,
+}
+
+/// Furniture that slides.
+#[derive(Clone, Debug, PartialEq)]
+pub struct HomeSlide {
+    /// Its name.
+    pub name: String,
+    /// Area that it belongs to.
+    pub area: String,
+    /// Category, empty where it has none.
+    pub category: String,
+    /// Origin at rest in `house`, m.
+    pub origin: [f64; 3],
+    /// Axis on which it slides, unit vector in `house`.
+    pub axis: [f64; 3],
+}
+
+/// An area of a home.
+pub type HomeArea = Area;
+
+#[derive(Deserialize)]
+struct SceneFile {
+    furniture: Vec<Furniture>,
+}
+
+#[derive(Clone, Deserialize)]
+struct Furniture {
+    name: String,
+    area: Option<String>,
+    category: Option<String>,
+    like: Option<String>,
+    at: [f64; 3],
+    #[serde(default)]
+    yaw_deg: f64,
+    #[serde(default)]
+    optional: bool,
+    #[serde(default)]
+    surfaces: Vec<Surface>,
+    slide: Option<Slide>,
+}
+
+#[derive(Clone, Deserialize)]
+struct Surface {
+    edge: [f64; 3],
+    #[serde(default)]
+    inwards_deg: f64,
+    depth: f64,
+    width: f64,
+}
+
+#[derive(Clone, Deserialize)]
+struct Slide {
+    axis: [f64; 3],
+}
+
+#[derive(Deserialize)]
+struct ObjectFile {
+    #[serde(default)]
+    category: String,
+    #[serde(default)]
+    colour: String,
+}
+
+impl Home {
+    /// Reads a home from asset texts by their paths below the assets folder:
+    /// `scenes/NAME.toml` and `objects/*.toml`.
+    ///
+    /// # Errors
+    /// When a text is none of these or there is no scene.
+    pub fn read<'a>(texts: impl Iterator<Item = (&'a str, &'a str)>) -> Result<Self, HomeError> {
+        let mut home = Self::default();
+        let mut has_scene = false;
+        for (path, text) in texts {
+            let wrong = |e: toml::de::Error| HomeError {
+                file: path.to_owned(),
+                problem: e.to_string(),
+            };
+            let stem = path
+                .rsplit('/')
+                .next()
+                .and_then(|name| name.strip_suffix(".toml"));
+            let Some(stem) = stem else { continue };
+            if path.starts_with("objects/") {
+                let file: ObjectFile = toml::from_str(text).map_err(wrong)?;
+                home.kinds
+                    .insert(stem.to_owned(), [file.category, file.colour]);
+            } else if path.starts_with("scenes/") {
+                has_scene = true;
+                home.furniture(toml::from_str(text).map_err(wrong)?);
+            }
+        }
+        match has_scene {
+            true => Ok(home),
+            false => Err(HomeError {
+                file: "scenes".to_owned(),
+                problem: "there is no scene among the texts".to_owned(),
+            }),
+        }
+    }
+
+    fn furniture(&mut self, file: SceneFile) {
+        for own in &file.furniture {
+            let model = own
+                .like
+                .as_ref()
+                .and_then(|like| file.furniture.iter().find(|f| f.name == *like));
+            let area = own.area.clone().or(model.and_then(|m| m.area.clone()));
+            let Some(area) = area else { continue };
+            let turn = own.yaw_deg.to_radians();
+            if let Some(slide) = own.slide.as_ref().or(model.and_then(|m| m.slide.as_ref())) {
+                let category = own
+                    .category
+                    .clone()
+                    .or(model.and_then(|m| m.category.clone()));
+                let axis = turned(slide.axis, turn);
+                self.slides.push(HomeSlide {
+                    name: own.name.clone(),
+                    area,
+                    category: category.unwrap_or_default(),
+                    origin: own.at,
+                    axis,
+                });
+                continue;
+            }
+            let Some(surface) = own.surfaces.first() else {
+                continue;
+            };
+            let edge = turned(surface.edge, turn);
+            let made = Area {
+                name: own.name.clone(),
+                edge: [0, 1, 2].map(|i| own.at[i] + edge[i]),
+                inwards: turn + surface.inwards_deg.to_radians(),
+                depth: surface.depth,
+                width: surface.width,
+            };
+            if own.name == area {
+                self.areas.push(made);
+            } else {
+                self.goals
+                    .push((own.name.clone(), area, made, own.optional));
+            }
+        }
+    }
+
+    /// The areas, the furniture that slides at its rest, and the goals of which
+    /// `is_there` says so: a scene without objects.
+    #[must_use]
+    pub fn scene(&self, is_there: &dyn Fn(&str) -> bool) -> Scene {
+        let mut scene = Scene {
+            areas: self.areas.clone(),
+            things: Vec::new(),
+        };
+        for slide in &self.slides {
+            let words = [slide.category.as_str(), ""];
+            scene.add(
+                &slide.name,
+                words,
+                Role::Slide,
+                slide.origin,
+                Some(&slide.area),
+            );
+        }
+        for (name, area, surface, optional) in &self.goals {
+            if !optional || is_there(name) {
+                let (sin, cos) = wheelarm_proto::exact::sin_cos(surface.inwards);
+                let [x, y, z] = surface.edge;
+                let middle = [
+                    x + cos * surface.depth / 2.0,
+                    y + sin * surface.depth / 2.0,
+                    z,
+                ];
+                scene.add(name, ["", ""], Role::Goal, middle, Some(area));
+            }
+        }
+        scene
+    }
+
+    /// Category and colour of an object; empty where its file is not known.
+    #[must_use]
+    pub fn words_of(&self, object: &str) -> [&str; 2] {
+        let words = self.kinds.get(kind_of(object));
+        words.map_or(["", ""], |[category, colour]| [category, colour])
+    }
+}
+
+fn turned([x, y, z]: [f64; 3], by: f64) -> [f64; 3] {
+    let (sin, cos) = wheelarm_proto::exact::sin_cos(by);
+    [cos * x - sin * y, sin * x + cos * y, z]
+}

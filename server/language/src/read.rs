@@ -1,0 +1,501 @@
+//! Reads the files of a grammar and refuses what cannot be, with file, line, key,
+//! what was found and what is allowed.
+
+use std::collections::BTreeSet;
+use std::ops::Range;
+
+use serde::de::DeserializeOwned;
+use toml::Spanned;
+
+use crate::entries::{NounsFile, PhrasesFile, PlacesFile, PolitenessFile, ReasonsFile, VerbFile};
+use crate::grammar::{
+    Colour, FILES, Frame, Grammar, GrammarError, Means, NTH, Names, Noun, Pattern, Phrase, Piece,
+    PlaceName, Reason, Slot, Template, Use, Verb,
+};
+use crate::space::{Order, Side};
+use crate::words::words;
+
+/// A file while it is read.
+struct File<'a> {
+    name: &'a str,
+    text: &'a str,
+}
+
+impl File<'_> {
+    fn line(&self, span: &Range<usize>) -> usize {
+        let before = self.text.get(..span.start).unwrap_or(self.text);
+        before.matches('\n').count() + 1
+    }
+
+    fn wrong(
+        &self,
+        at: &Range<usize>,
+        key: &str,
+        found: impl Into<String>,
+        allowed: impl Into<String>,
+    ) -> GrammarError {
+        GrammarError {
+            file: self.name.to_owned(),
+            line: self.line(at),
+            key: key.to_owned(),
+            found: found.into(),
+            allowed: allowed.into(),
+        }
+    }
+
+    fn parse<T: DeserializeOwned>(&self) -> Result<T, GrammarError> {
+        toml::from_str(self.text).map_err(|e| {
+            let at = e.span().unwrap_or(0..0);
+            let found = self.text.get(at.clone()).unwrap_or_default();
+            let found = found.lines().next().unwrap_or_default();
+            self.wrong(
+                &at,
+                found.split('=').next().unwrap_or_default().trim(),
+                format!("{found:?}"),
+                e.message().trim().replace('\n', " "),
+            )
+        })
+    }
+
+    fn provenance(&self, texts: [(&str, &Spanned<String>); 2]) -> Result<(), GrammarError> {
+        for (key, text) in texts {
+            if text.get_ref().trim().is_empty() {
+                return Err(self.wrong(
+                    &text.span(),
+                    key,
+                    "empty",
+                    "where it comes from and its licence",
+                ));
+            }
+        }
+        Ok(())
+    }
+
+    fn of(&self, split: Option<&Spanned<String>>, said: Option<bool>) -> Result<Use, GrammarError> {
+        let held_out = match split.map(|s| s.get_ref().as_str()) {
+            None | Some("train") => false,
+            Some("held_out") => true,
+            Some(other) => {
+                let at = split.map_or(0..0, Spanned::span);
+                return Err(self.wrong(
+                    &at,
+                    "split",
+                    format!("{other:?}"),
+                    "\"train\" or \"held_out\"",
+                ));
+            }
+        };
+        Ok(Use {
+            held_out,
+            said: said.unwrap_or(true),
+        })
+    }
+
+    /// The words of a text without slots.
+    fn plain(&self, text: &Spanned<String>) -> Result<Vec<String>, GrammarError> {
+        let found = words(text.get_ref());
+        if found.is_empty() || text.get_ref().contains(['{', '}']) {
+            let what = format!("{:?}", text.get_ref());
+            return Err(self.wrong(&text.span(), "texts", what, "words without { }"));
+        }
+        Ok(found)
+    }
+
+    /// A text with slots of these.
+    fn pattern(&self, text: &Spanned<String>, allowed: &[Slot]) -> Result<Pattern, GrammarError> {
+        let listed: Vec<String> = Slot::ALL
+            .iter()
+            .filter(|(_, slot)| allowed.contains(slot))
+            .map(|(name, _)| format!("{{{name}}}"))
+            .collect();
+        let wrong = || {
+            let allowed = format!("words and each at most once of {}", listed.join(", "));
+            self.wrong(
+                &text.span(),
+                "texts",
+                format!("{:?}", text.get_ref()),
+                allowed,
+            )
+        };
+        let mut pieces = Vec::new();
+        for part in text.get_ref().split_inclusive('}') {
+            let (before, slot) = match part.split_once('{') {
+                Some((before, slot)) => (before, Some(slot.strip_suffix('}').ok_or_else(wrong)?)),
+                None if part.ends_with('}') => return Err(wrong()),
+                None => (part, None),
+            };
+            pieces.extend(words(before).into_iter().map(Piece::Word));
+            if let Some(name) = slot {
+                let known = Slot::ALL.iter().find(|(known, _)| *known == name);
+                let (_, slot) = known
+                    .filter(|(_, s)| allowed.contains(s))
+                    .ok_or_else(wrong)?;
+                if pieces.contains(&Piece::Slot(*slot)) {
+                    return Err(wrong());
+                }
+                pieces.push(Piece::Slot(*slot));
+            }
+        }
+        if pieces.is_empty() {
+            return Err(wrong());
+        }
+        Ok(Pattern {
+            text: text.get_ref().clone(),
+            pieces,
+        })
+    }
+
+    /// Refuses kinds that no noun names.
+    fn kinds(
+        &self,
+        key: &str,
+        asked: &Spanned<Vec<String>>,
+        known: &BTreeSet<String>,
+    ) -> Result<(), GrammarError> {
+        match asked.get_ref().iter().find(|kind| !known.contains(*kind)) {
+            None => Ok(()),
+            Some(kind) => {
+                let known: Vec<&str> = known.iter().map(String::as_str).collect();
+                Err(self.wrong(
+                    &asked.span(),
+                    key,
+                    format!("{kind:?}"),
+                    format!("kinds of nouns.toml: {}", known.join(", ")),
+                ))
+            }
+        }
+    }
+}
+
+/// What the word `means` of a phrase may be.
+const MEANS: [(&str, Means); 18] = [
+    ("plain", Means::Plain),
+    ("left_of", Means::Beside(Side::Left)),
+    ("right_of", Means::Beside(Side::Right)),
+    ("in_front_of", Means::Beside(Side::Front)),
+    ("behind", Means::Beside(Side::Behind)),
+    ("next_to", Means::Next),
+    ("nth_from_left", Means::Order(Order::Left, None)),
+    ("nth_from_right", Means::Order(Order::Right, None)),
+    ("nth_from_top", Means::Order(Order::Top, None)),
+    ("nth_from_bottom", Means::Order(Order::Bottom, None)),
+    ("first_from_top", Means::Order(Order::Top, Some(0))),
+    ("second_from_top", Means::Order(Order::Top, Some(1))),
+    ("first_from_left", Means::Order(Order::Left, Some(0))),
+    ("first_from_right", Means::Order(Order::Right, Some(0))),
+    ("nearest_edge", Means::Order(Order::Edge, Some(0))),
+    ("nearest_chair", Means::Order(Order::Chair, Some(0))),
+    ("nearest_arm", Means::Order(Order::Arm, Some(0))),
+    ("farthest_chair", Means::Order(Order::Far, Some(0))),
+];
+
+impl Grammar {
+    /// Reads a grammar; `text` gives the text of each of [`FILES`].
+    ///
+    /// # Errors
+    /// When one of them cannot be used.
+    pub fn read(text: &dyn Fn(&str) -> Option<String>) -> Result<Self, GrammarError> {
+        let all = FILES.map(|name| (name, text(name)));
+        let [nouns, places, phrases, reasons, politeness, verbs @ ..] = &all;
+        let mut out = Self {
+            colours: Vec::new(),
+            nouns: Vec::new(),
+            places: Vec::new(),
+            phrases: Vec::new(),
+            reasons: Vec::new(),
+            before: Vec::new(),
+            after: Vec::new(),
+            thanks: Vec::new(),
+            frames: Vec::new(),
+            templates: Vec::new(),
+            verb_words: Vec::new(),
+            vocabulary: NTH.iter().map(|word| (*word).to_owned()).collect(),
+        };
+        let kinds = out.read_nouns(&open(nouns)?)?;
+        out.read_places(&open(places)?)?;
+        out.read_phrases(&open(phrases)?)?;
+        out.read_reasons(&open(reasons)?, &kinds)?;
+        out.read_politeness(&open(politeness)?)?;
+        for verb in verbs {
+            out.read_verb(&open(verb)?, &kinds)?;
+        }
+        out.vocabulary.insert("the".to_owned());
+        Ok(out)
+    }
+
+    fn know<'a>(&mut self, words: impl IntoIterator<Item = &'a String>) {
+        self.vocabulary.extend(words.into_iter().cloned());
+    }
+
+    fn know_pattern(&mut self, pattern: &Pattern) {
+        let words = pattern.pieces.iter().filter_map(|piece| match piece {
+            Piece::Word(word) => Some(word.clone()),
+            Piece::Slot(_) => None,
+        });
+        self.vocabulary.extend(words);
+    }
+
+    fn read_nouns(&mut self, file: &File<'_>) -> Result<BTreeSet<String>, GrammarError> {
+        let read: NounsFile = file.parse()?;
+        file.provenance([("origin", &read.origin), ("license", &read.license)])?;
+        let mut kinds = BTreeSet::new();
+        for colour in &read.colour {
+            for text in &colour.texts {
+                let words = file.plain(text)?;
+                self.know(&words);
+                let (name, text) = (colour.name.clone(), text.get_ref().clone());
+                self.colours.push(Colour { name, text, words });
+            }
+        }
+        for entry in &read.noun {
+            let of = file.of(entry.split.as_ref(), entry.said)?;
+            let names = match (&entry.of, &entry.category, &entry.goal) {
+                (Some(of), None, None) if !of.is_empty() => {
+                    kinds.extend(of.iter().cloned());
+                    Names::Kinds(of.clone())
+                }
+                (None, Some(category), None) => Names::Category(category.clone()),
+                (None, None, Some(goal)) => Names::Goal(goal.clone()),
+                _ => {
+                    let at = entry.texts.span();
+                    return Err(file.wrong(
+                        &at,
+                        "noun",
+                        "of, category, goal together or none of them",
+                        "one of them",
+                    ));
+                }
+            };
+            for text in entry.texts.get_ref() {
+                let words = file.plain(text)?;
+                self.know(&words);
+                let (text, names) = (text.get_ref().clone(), names.clone());
+                self.nouns.push(Noun {
+                    text,
+                    words,
+                    names,
+                    of,
+                });
+            }
+        }
+        Ok(kinds)
+    }
+
+    fn read_places(&mut self, file: &File<'_>) -> Result<(), GrammarError> {
+        let read: PlacesFile = file.parse()?;
+        file.provenance([("origin", &read.origin), ("license", &read.license)])?;
+        for entry in &read.place {
+            let of = file.of(entry.split.as_ref(), entry.said)?;
+            let prepositions = entry.prepositions.get_ref().clone();
+            if prepositions.is_empty() || prepositions.iter().any(|p| words(p).len() != 1) {
+                let at = entry.prepositions.span();
+                return Err(file.wrong(
+                    &at,
+                    "prepositions",
+                    format!("{prepositions:?}"),
+                    "a list of single words",
+                ));
+            }
+            self.know(&prepositions);
+            for text in &entry.texts {
+                let words = file.plain(text)?;
+                self.know(&words);
+                self.places.push(PlaceName {
+                    area: entry.area.clone(),
+                    text: text.get_ref().clone(),
+                    words,
+                    prepositions: prepositions.clone(),
+                    of,
+                });
+            }
+        }
+        Ok(())
+    }
+
+    fn read_phrases(&mut self, file: &File<'_>) -> Result<(), GrammarError> {
+        let read: PhrasesFile = file.parse()?;
+        file.provenance([("origin", &read.origin), ("license", &read.license)])?;
+        for entry in &read.phrase {
+            let of = file.of(entry.split.as_ref(), entry.said)?;
+            let word = entry.means.get_ref().as_str();
+            let Some((_, means)) = MEANS.iter().find(|(name, _)| *name == word) else {
+                let known = MEANS.map(|(name, _)| name).join(", ");
+                return Err(file.wrong(&entry.means.span(), "means", format!("{word:?}"), known));
+            };
+            for text in &entry.texts {
+                let pattern = file.pattern(
+                    text,
+                    &[Slot::Noun, Slot::Other, Slot::Nth, Slot::At, Slot::On],
+                )?;
+                let needs = [
+                    (Slot::Noun, true),
+                    (Slot::Other, matches!(means, Means::Beside(_) | Means::Next)),
+                    (Slot::Nth, matches!(means, Means::Order(_, None))),
+                ];
+                if needs
+                    .iter()
+                    .any(|(slot, needed)| pattern.has(*slot) != *needed)
+                {
+                    let allowed = "{noun}; {other} with a relation to another thing, {nth} with nth_…, and no other";
+                    return Err(file.wrong(
+                        &text.span(),
+                        "texts",
+                        format!("{:?}", text.get_ref()),
+                        allowed,
+                    ));
+                }
+                self.know_pattern(&pattern);
+                self.phrases.push(Phrase {
+                    pattern,
+                    means: *means,
+                    of,
+                });
+            }
+        }
+        Ok(())
+    }
+
+    fn read_reasons(
+        &mut self,
+        file: &File<'_>,
+        kinds: &BTreeSet<String>,
+    ) -> Result<(), GrammarError> {
+        let read: ReasonsFile = file.parse()?;
+        file.provenance([("origin", &read.origin), ("license", &read.license)])?;
+        for entry in &read.reason {
+            file.kinds("of", &entry.of, kinds)?;
+            for text in &entry.texts {
+                let words = file.plain(text)?;
+                self.know(&words);
+                self.reasons.push(Reason {
+                    text: text.get_ref().clone(),
+                    words,
+                    kinds: entry.of.get_ref().clone(),
+                    verb: entry.verb,
+                });
+            }
+        }
+        Ok(())
+    }
+
+    fn read_politeness(&mut self, file: &File<'_>) -> Result<(), GrammarError> {
+        let read: PolitenessFile = file.parse()?;
+        file.provenance([("origin", &read.origin), ("license", &read.license)])?;
+        let lists = [
+            (&read.before, &mut self.before),
+            (&read.after, &mut self.after),
+            (&read.thanks, &mut self.thanks),
+        ];
+        for (texts, list) in lists {
+            for text in texts {
+                let words = file.plain(text)?;
+                self.vocabulary.extend(words.iter().cloned());
+                list.push((text.get_ref().clone(), words));
+            }
+        }
+        for text in &read.reasons {
+            let both = ["{reason}", "{request}"].map(|slot| text.get_ref().find(slot));
+            let [Some(reason), Some(request)] = both else {
+                let found = format!("{:?}", text.get_ref());
+                return Err(file.wrong(
+                    &text.span(),
+                    "reasons",
+                    found,
+                    "{reason} and {request} with words between them",
+                ));
+            };
+            let (from, to) = match reason < request {
+                true => (reason + "{reason}".len(), request),
+                false => (request + "{request}".len(), reason),
+            };
+            let between = words(text.get_ref().get(from..to).unwrap_or_default());
+            self.know(&between);
+            self.frames.push(Frame {
+                text: text.get_ref().clone(),
+                reason_first: reason < request,
+                between,
+            });
+        }
+        Ok(())
+    }
+
+    fn read_verb(&mut self, file: &File<'_>, kinds: &BTreeSet<String>) -> Result<(), GrammarError> {
+        let read: VerbFile = file.parse()?;
+        file.provenance([("origin", &read.origin), ("license", &read.license)])?;
+        let verb = read.verb;
+        self.verb_words
+            .extend(read.words.into_iter().map(|word| (word, verb)));
+        for entry in &read.template {
+            let of = file.of(entry.split.as_ref(), entry.said)?;
+            let is_request = match entry.form.as_ref().map(|f| f.get_ref().as_str()) {
+                None | Some("request") => true,
+                Some("statement") => false,
+                Some(other) => {
+                    let at = entry.form.as_ref().map_or(0..0, Spanned::span);
+                    return Err(file.wrong(
+                        &at,
+                        "form",
+                        format!("{other:?}"),
+                        "\"request\" or \"statement\"",
+                    ));
+                }
+            };
+            let wants = match &entry.wants {
+                None => Vec::new(),
+                Some(wants) => {
+                    file.kinds("wants", wants, kinds)?;
+                    wants.get_ref().clone()
+                }
+            };
+            for text in &entry.texts {
+                let pattern =
+                    file.pattern(text, &[Slot::Object, Slot::Goal, Slot::Place, Slot::At])?;
+                let found = || format!("{:?}", text.get_ref());
+                if pattern.has(Slot::Object) != wants.is_empty() {
+                    return Err(file.wrong(
+                        &text.span(),
+                        "texts",
+                        found(),
+                        "either {object} or a list `wants`",
+                    ));
+                }
+                if pattern.has(Slot::Goal) != (verb == Verb::Put) {
+                    return Err(file.wrong(
+                        &text.span(),
+                        "texts",
+                        found(),
+                        "{goal} with the verb put, and with no other",
+                    ));
+                }
+                let id = format!("{}/{}", verb.word(), words(text.get_ref()).join("-"));
+                if self.templates.iter().any(|t| t.id == id) {
+                    return Err(file.wrong(&text.span(), "texts", found(), "each text once"));
+                }
+                self.know_pattern(&pattern);
+                self.templates.push(Template {
+                    id,
+                    verb,
+                    pattern,
+                    is_request,
+                    wants: wants.clone(),
+                    of,
+                });
+            }
+        }
+        Ok(())
+    }
+}
+
+/// A file that is there.
+fn open<'a>((name, text): &'a (&'static str, Option<String>)) -> Result<File<'a>, GrammarError> {
+    match text {
+        Some(text) => Ok(File { name, text }),
+        None => Err(GrammarError {
+            file: (*name).to_owned(),
+            line: 1,
+            key: "file".to_owned(),
+            found: "absent".to_owned(),
+            allowed: format!("{} in assets/language", FILES.join(", ")),
+        }),
+    }
+}

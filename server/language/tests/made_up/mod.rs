@@ -1,0 +1,213 @@
+//! Scenes by the ranges of `assets/areas`, without the server's rules of what can
+//! be taken: things stand where they may, 0.12 m apart.
+
+use std::path::Path;
+
+use serde::Deserialize;
+use wheelarm_language::{Grammar, Home, Meaning, Role, Scene, Verb};
+
+pub fn text(path: &str) -> String {
+    let full = Path::new(env!("CARGO_MANIFEST_DIR"))
+        .join("../../assets")
+        .join(path);
+    std::fs::read_to_string(&full).unwrap_or_else(|e| panic!("{}: {e}", full.display()))
+}
+
+fn names(folder: &str) -> Vec<String> {
+    let full = Path::new(env!("CARGO_MANIFEST_DIR"))
+        .join("../../assets")
+        .join(folder);
+    let entries = std::fs::read_dir(full).expect("a folder of the assets");
+    let names = entries.map(|e| {
+        e.expect("an entry")
+            .file_name()
+            .to_string_lossy()
+            .into_owned()
+    });
+    let mut names: Vec<String> = names.filter(|n| n.ends_with(".toml")).collect();
+    names.sort();
+    names
+}
+
+pub fn grammar() -> Grammar {
+    Grammar::read(&|name| Some(text(&format!("language/{name}")))).unwrap_or_else(|e| panic!("{e}"))
+}
+
+pub fn home() -> Home {
+    let objects = names("objects")
+        .into_iter()
+        .map(|name| format!("objects/{name}"));
+    let paths = objects.chain(["scenes/home.toml".to_owned()]);
+    let texts: Vec<(String, String)> = paths.map(|path| (path.clone(), text(&path))).collect();
+    let texts = texts
+        .iter()
+        .map(|(path, text)| (path.as_str(), text.as_str()));
+    Home::read(texts).expect("a home")
+}
+
+/// Names of the tasks with their sentences.
+pub fn tasks() -> Vec<(String, Vec<String>)> {
+    #[derive(Deserialize)]
+    struct Task {
+        instructions: Vec<String>,
+    }
+    let read = |name: String| {
+        let task: Task = toml::from_str(&text(&format!("tasks/{name}"))).expect("a task");
+        (name.trim_end_matches(".toml").to_owned(), task.instructions)
+    };
+    names("tasks").into_iter().map(read).collect()
+}
+
+#[derive(Deserialize)]
+struct AreaFile {
+    #[serde(default)]
+    place: Vec<Place>,
+    #[serde(default)]
+    variant: Vec<Variant>,
+}
+
+#[derive(Deserialize)]
+struct Variant {
+    place: Vec<Place>,
+}
+
+#[derive(Clone, Deserialize)]
+struct Place {
+    object: String,
+    on: String,
+    inwards: [f64; 2],
+    along: [f64; 2],
+    chance: Option<f64>,
+}
+
+/// Numbers between 0 and 1 from a seed (splitmix64, Steele et al. 2014).
+pub struct Draws(u64);
+
+impl Draws {
+    pub fn of(seed: u64) -> Self {
+        Self(seed.wrapping_mul(0x9e37_79b9_7f4a_7c15))
+    }
+
+    pub fn fraction(&mut self) -> f64 {
+        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let mut z = self.0;
+        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        ((z ^ (z >> 31)) >> 11) as f64 / (1u64 << 53) as f64
+    }
+}
+
+/// A scene with the things of all areas, the bear's included.
+pub fn scene(home: &Home, seed: u64) -> Scene {
+    let mut scene = home.scene(&|_| true);
+    let mut draws = Draws::of(seed);
+    for name in names("areas") {
+        let file: AreaFile = toml::from_str(&text(&format!("areas/{name}"))).expect("an area");
+        let mut places = file.place;
+        for variant in file.variant {
+            places.retain(|p| variant.place.iter().all(|own| own.object != p.object));
+            places.extend(variant.place);
+        }
+        for place in places {
+            if place.chance.is_some_and(|chance| draws.fraction() > chance) {
+                continue;
+            }
+            stand(&mut scene, home, &place, &mut draws);
+        }
+    }
+    scene
+}
+
+fn stand(scene: &mut Scene, home: &Home, place: &Place, draws: &mut Draws) {
+    let area = scene
+        .areas
+        .iter()
+        .find(|a| a.name == place.on)
+        .expect("an area")
+        .clone();
+    let mut within = |[low, high]: [f64; 2]| low + (high - low) * draws.fraction();
+    for _ in 0..200 {
+        let (inwards, along) = (within(place.inwards), within(place.along));
+        let index = scene.areas.iter().position(|a| a.name == place.on);
+        let is_free = scene.things.iter().all(|t| {
+            t.area != index
+                || t.role != Role::Object
+                || wheelarm_proto::exact::hypot(t.at[0] - inwards, t.at[1] - along) > 0.12
+        });
+        if is_free {
+            put(scene, home, &place.object, &area.name, [inwards, along]);
+            return;
+        }
+    }
+    panic!("no room for {}", place.object);
+}
+
+/// Puts an object on an area: inwards from its edge, along it to the left.
+pub fn put(scene: &mut Scene, home: &Home, object: &str, area: &str, [inwards, along]: [f64; 2]) {
+    let on = scene
+        .areas
+        .iter()
+        .find(|a| a.name == area)
+        .expect("an area");
+    let (sin, cos) = wheelarm_proto::exact::sin_cos(on.inwards);
+    let at = [
+        on.edge[0] + cos * inwards - sin * along,
+        on.edge[1] + sin * inwards + cos * along,
+        on.edge[2],
+    ];
+    scene.add(object, home.words_of(object), Role::Object, at, None);
+    assert!(
+        scene.things.last().is_some_and(|t| t.area.is_some()),
+        "{object} stands on nothing"
+    );
+}
+
+/// The scene of the sentences that were written by hand.
+pub fn fixed(home: &Home) -> Scene {
+    let mut scene = home.scene(&|_| true);
+    for (object, area, at) in [
+        ("mustard", "coffee_table", [0.20, 0.30]),
+        ("tomato_soup", "coffee_table", [0.22, 0.05]),
+        ("crackers", "coffee_table", [0.25, -0.30]),
+        ("grey_cup", "coffee_table", [0.15, -0.50]),
+        ("coffee_can", "coffee_table", [0.50, 0.05]),
+        ("sugar_box", "coffee_table", [0.50, 0.45]),
+        ("blue_mug", "kitchen_table", [0.20, 0.50]),
+        ("silver_bottle", "kitchen_table", [0.20, 0.20]),
+        ("glass_bottle", "kitchen_table", [0.35, -0.40]),
+        ("bowl", "kitchen_table", [0.15, -0.15]),
+        ("meat_can", "kitchen_table", [0.35, 0.45]),
+        ("knife", "kitchen_table", [0.15, -0.30]),
+        ("teddy_bear", "kitchen_table", [0.25, 0.02]),
+        ("coke_1", "shelf", [0.10, 0.225]),
+        ("coke_2", "shelf", [0.10, 0.075]),
+        ("coke_3", "shelf", [0.10, -0.075]),
+        ("coke_4", "shelf", [0.10, -0.225]),
+    ] {
+        put(&mut scene, home, object, area, at);
+    }
+    scene
+}
+
+/// Everything that can be asked for in a scene.
+pub fn wishes(scene: &Scene) -> Vec<Meaning> {
+    let mut out = Vec::new();
+    for (target, thing) in scene.things.iter().enumerate() {
+        let goal = match thing.name.as_str() {
+            "knife" => Some("placemat"),
+            "teddy_bear" => Some("bear_cushion"),
+            _ => None,
+        };
+        let mut add = |verb, goal| out.push(Meaning { verb, target, goal });
+        match (thing.role, goal) {
+            (Role::Slide, _) => {
+                add(Verb::Open, None);
+                add(Verb::Close, None);
+            }
+            (Role::Object, Some(goal)) => add(Verb::Put, scene.named(goal)),
+            (Role::Object, None) => add(Verb::Lift, None),
+            (Role::Goal, _) => {}
+        }
+    }
+    out
+}
