@@ -20,7 +20,7 @@ const LIGHT: Lighting = Lighting {
     ground: [0.3, 0.3, 0.3],
 };
 
-fn item(shape: &Shape, color: [f32; 3], binding: Binding, at: [f64; 3], id: u8) -> RenderItem {
+fn item(shape: &Shape, color: [f32; 3], binding: Binding, at: [f64; 3], id: u16) -> RenderItem {
     let mesh = Arc::new(build(shape, Path::new(".")).unwrap());
     RenderItem {
         coarse: mesh.clone(),
@@ -32,6 +32,8 @@ fn item(shape: &Shape, color: [f32; 3], binding: Binding, at: [f64; 3], id: u8) 
             metallic: 0.0,
             emission: 0.0,
             texture: None,
+            family: None,
+            transmission: 0.0,
         },
         binding,
         body_from_mesh: Translation3::from(at).into(),
@@ -50,6 +52,7 @@ fn scene(items: Vec<RenderItem>, objects: usize) -> RenderScene {
         objects,
         sliding: 0,
         textures: BTreeMap::new(),
+        surrounding: None,
     }
 }
 
@@ -173,7 +176,7 @@ fn a_point_lands_where_the_intrinsics_say() {
     ];
     let ball = Shape::Sphere { radius: 0.03 };
     let items = (0..points.len())
-        .map(|i| item(&ball, [0.5; 3], Binding::Object(i), [0.0; 3], 100 + i as u8))
+        .map(|i| item(&ball, [0.5; 3], Binding::Object(i), [0.0; 3], 100 + i as u16))
         .collect();
     let scene = scene(items, points.len());
     let lens = Intrinsics {
@@ -193,16 +196,16 @@ fn a_point_lands_where_the_intrinsics_say() {
     for (i, point) in points.iter().enumerate() {
         let p = pose.inverse() * Point3::from(*point);
         let (u, v) = (lens.fx * p.x / p.z + lens.cx, lens.fy * p.y / p.z + lens.cy);
-        let id = 100 + i as u8;
+        let id = 100 + i as u16;
         let (mut count, mut sum_u, mut sum_v) = (0.0, 0.0, 0.0);
         for (k, found) in frame.ids().iter().enumerate() {
-            if *found == u16::from(id) {
+            if *found == id {
                 count += 1.0;
                 sum_u += (k % 300) as f64 + 0.5;
                 sum_v += (k / 300) as f64 + 0.5;
             }
         }
-        assert_eq!(frame.ids()[v as usize * 300 + u as usize], u16::from(id));
+        assert_eq!(frame.ids()[v as usize * 300 + u as usize], id);
         assert!(
             (sum_u / count - u).abs() < 0.35,
             "u {} expected {u}",
@@ -347,7 +350,7 @@ fn ids_of_the_home_follow_the_legend() {
     let home = Scene::load(&assets, "home").unwrap();
     let scene = RenderScene::new(&robot, &home, &assets).unwrap();
     for (i, object) in home.objects.iter().enumerate() {
-        assert_eq!(scene.instances[i], (i as u8 + 1, object.name.clone()));
+        assert_eq!(scene.instances[i], (i as u16 + 1, object.name.clone()));
     }
     let names = |from: &str| scene.instances.iter().position(|(_, n)| n == from);
     assert!(names("floor") > names("base_link") && names("base_link") >= Some(home.objects.len()));
@@ -393,7 +396,7 @@ fn ids_of_the_home_follow_the_legend() {
         let id = scene.instances[frame.camera].0;
         assert_eq!(
             frame.ids()[24 * 64 + 32],
-            u16::from(id),
+            id,
             "{}",
             home.objects[frame.camera].name
         );
