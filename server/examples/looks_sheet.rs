@@ -26,7 +26,7 @@ struct Options {
     /// Task whose start is drawn.
     #[arg(long, default_value = "pick_mustard")]
     task: String,
-    /// `table`: the task's area; `close`: things that shine; `room`.
+    /// `table`: the task's area; `close`: what it is about; `room`.
     #[arg(long, default_value = "table")]
     view: String,
     /// Strength of every axis but the cameras'; 0 is no look at all.
@@ -54,18 +54,28 @@ fn main() -> Result<()> {
     let quality = Quality::from_name(&options.quality)?;
     let (sim, area) = parked(&options)?;
     let size = [options.width, options.width * 9 / 16];
-    let (eye, target, fov) = match options.view.as_str() {
-        "table" => ([-0.75, 0.9, 0.75], [0.35, -0.15, -0.1], 1.2),
-        "close" => ([-0.25, 0.30, 0.30], [0.45, 0.12, 0.08], 0.9),
-        "room" => ([-3.6, 2.6, 1.0], [0.5, -0.6, -0.1], 1.25),
-        other => bail!("view is {other:?}, expected table, close or room"),
-    };
-    let camera = CameraSpec {
+    let free = |eye: Point3<f64>, target: Point3<f64>| CameraSpec {
         name: "sheet".into(),
         binding: Binding::World,
-        mount: looking(area * Point3::from(eye), area * Point3::from(target)),
-        intrinsics: Intrinsics::centred(size, fov),
+        mount: looking(eye, target),
+        intrinsics: Intrinsics::centred(size, 1.1),
         range: [0.05, 100.0],
+    };
+    let camera = match options.view.as_str() {
+        "room" => CameraSpec::room(sim.scene(), size),
+        "table" => free(
+            area * Point3::new(-0.75, 0.9, 0.75),
+            area * Point3::new(0.35, -0.15, -0.1),
+        ),
+        "close" => {
+            // Half a metre before what the task is about, from the side of the chair.
+            let aim = sim.scene().object_named(&sim.scenario().target);
+            let aim = aim.context("the task is about no object")?;
+            let at = sim.snapshot().objects[aim].pose.translation.vector;
+            let target = Point3::from(at + Vector3::z() * 0.1);
+            free(target + area.rotation * Vector3::new(-0.42, 0.22, 0.16), target)
+        }
+        other => bail!("view is {other:?}, expected table, close or room"),
     };
     let [w, h] = size.map(|side| side as usize);
     let row = w * options.columns as usize;

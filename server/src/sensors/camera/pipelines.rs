@@ -39,7 +39,7 @@ impl Tier {
             shadow_size,
             // A look has softer shadows.
             shadow_taps: match shadow_taps {
-                1 if lit => 4,
+                1 if lit && std::env::var_os("TAPS4").is_some() => 4,
                 9 if lit => 16,
                 taps => taps,
             },

@@ -24,7 +24,7 @@ struct Camera {
     sun: vec4<f32>,
     sky: vec4<f32>,
     ground: vec4<f32>,
-    // Size of a shadow texel in the map and in the world.
+    // Size of a shadow texel in the map and in the world; number of lamps.
     shadow_texel: vec4<f32>,
     // Light from all around on a normal n: (n, 1)ᵀ M (n, 1).
     irradiance: array<mat4x4<f32>, 3>,
@@ -113,7 +113,7 @@ fn surrounding(lit: Lit) -> vec3<f32> {
         dot(n, camera.irradiance[1] * n),
         dot(n, camera.irradiance[2] * n),
     );
-    for (var i = 0; i < 4; i++) {
+    for (var i = 0; i < i32(camera.shadow_texel.z); i++) {
         let to = camera.lamps[i].at.xyz - lit.world;
         let square = dot(to, to);
         // A shade is no point: it lights a little around the edge.

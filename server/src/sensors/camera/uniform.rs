@@ -19,7 +19,7 @@ pub(super) struct CameraUniform {
     sun: [f32; 4],
     sky: [f32; 4],
     ground: [f32; 4],
-    /// Size of a shadow texel in the map and in the world.
+    /// Size of a shadow texel in the map and in the world; number of lamps.
     shadow_texel: [f32; 4],
     irradiance: [[f32; 16]; 3],
     /// Place and colour of each; dark ones fill up.
@@ -35,6 +35,7 @@ impl CameraUniform {
         texel: [f32; 2],
         surrounding: Option<&Surrounding>,
     ) -> Self {
+        let lamp_count = surrounding.map_or(0, |s| s.lamps.len().min(MOST_LAMPS));
         let mut irradiance = [[0.0; 16]; 3];
         let mut lamps = [[[0.0; 4]; 2]; MOST_LAMPS];
         if let Some(surrounding) = surrounding {
@@ -54,7 +55,7 @@ impl CameraUniform {
             sun: padded(light.sun),
             sky: padded(light.sky),
             ground: padded(light.ground),
-            shadow_texel: [texel[0], texel[1], 0.0, 0.0],
+            shadow_texel: [texel[0], texel[1], lamp_count as f32, 0.0],
             irradiance,
             lamps,
         }
