@@ -2,6 +2,7 @@
 //! split says it. Everything follows from the scenario's seed, so that what is
 //! apart by seed is apart in all of it.
 
+use wheelarm_proto::look::LookText;
 use wheelarm_proto::seeds::Purpose;
 use wheelarm_proto::settings::{Named, Starts};
 use wheelarm_proto::v1;
@@ -17,6 +18,8 @@ pub struct Variation {
     /// Specimens of the robot, each with cameras of its own; 0 for the one of the
     /// description.
     pub robots: u32,
+    /// How the episodes look.
+    pub look: Option<LookText>,
 }
 
 impl Variation {
@@ -25,6 +28,7 @@ impl Variation {
         scenario.starts = self.starts.code().into();
         scenario.variant_share = self.bear_share;
         scenario.calibration_seed = self.specimen(seed);
+        scenario.look = self.look.map(|look| look.of(seed));
     }
 
     /// Which specimen of the robot the episode of `seed` has. Those of another
@@ -49,6 +53,9 @@ impl Variation {
         }
         if self.robots > 0 {
             words.push_str(&format!(" robots={}", self.robots));
+        }
+        if let Some(look) = &self.look {
+            words.push_str(&format!(" look={look}"));
         }
         words
     }
@@ -80,13 +87,16 @@ mod tests {
             starts: Starts::Anywhere,
             bear_share: Some(0.5),
             robots: 3,
+            look: LookText::read("*:light=3").ok(),
         };
         let mut scenario = v1::Scenario::default();
         variation.apply(10_001, &mut scenario);
         assert_eq!(scenario.starts(), v1::Starts::Anywhere);
         assert_eq!(scenario.variant_share, Some(0.5));
+        let look = scenario.look.unwrap();
+        assert_eq!((look.seed, look.light, look.lens), (10_001, 3, 0));
         assert_eq!(scenario.calibration_seed, variation.specimen(10_001));
-        assert_eq!(variation.words(), " starts=anywhere bear_share=0.5 robots=3");
+        assert_eq!(variation.words(), " starts=anywhere bear_share=0.5 robots=3 look=*:light=3");
         assert_eq!(Variation::default().words(), "");
     }
 }

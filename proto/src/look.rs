@@ -1,6 +1,8 @@
 //! Looks as text and as settings. No axis is on that was not named, except by
 //! the short form, which is the usual look.
 
+use std::fmt;
+
 use serde::de::Error as _;
 use serde::{Deserialize, Deserializer};
 
@@ -165,19 +167,32 @@ impl LookText {
     }
 }
 
-impl std::fmt::Display for LookText {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+impl fmt::Display for LookText {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self.seed {
-            Some(seed) => write!(f, "{seed}")?,
-            None => f.write_str(OWN_SEED)?,
+            Some(_) => write!(f, "{}", self.of(0)),
+            None => {
+                f.write_str(OWN_SEED)?;
+                write_axes(f, &self.look)
+            }
         }
-        let on = AXES.iter().filter(|axis| (axis.of)(&self.look) > 0);
-        for (i, axis) in on.enumerate() {
-            let before = if i == 0 { ':' } else { ',' };
-            write!(f, "{before}{}={}", axis.name, (axis.of)(&self.look))?;
-        }
-        Ok(())
     }
+}
+
+impl fmt::Display for Look {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}", self.seed)?;
+        write_axes(f, self)
+    }
+}
+
+fn write_axes(f: &mut fmt::Formatter<'_>, look: &Look) -> fmt::Result {
+    let on = AXES.iter().filter(|axis| (axis.of)(look) > 0);
+    for (i, axis) in on.enumerate() {
+        let before = if i == 0 { ':' } else { ',' };
+        write!(f, "{before}{}={}", axis.name, (axis.of)(look))?;
+    }
+    Ok(())
 }
 
 impl<'de> Deserialize<'de> for LookText {

@@ -13,6 +13,7 @@ use serde::de::Error as _;
 use serde::{Deserialize, Deserializer};
 use toml::Spanned;
 use wheelarm_proto::keys::check_name;
+use wheelarm_proto::look::LookText;
 use wheelarm_proto::seeds::{ATTEMPT_STRIDE, Purpose};
 use wheelarm_proto::settings::{Depth, Named, Quality, Starts};
 use wheelarm_proto::v1::CameraSetting;
@@ -178,6 +179,7 @@ struct PlanFile {
     #[serde(default, deserialize_with = "purpose")]
     purpose: Option<Purpose>,
     bear_share: Option<Spanned<f64>>,
+    look: Option<LookText>,
     #[serde(default = "sixty")]
     state_rate: Spanned<f64>,
     #[serde(default = "imu")]
@@ -304,6 +306,7 @@ impl Plan {
                 starts: file.starts,
                 bear_share: file.bear_share.map(Spanned::into_inner),
                 robots: file.randomise.robots,
+                look: file.look,
             },
             state_rate: file.state_rate.into_inner(),
             imu_rate: file.imu_rate.into_inner(),

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use std::time::Duration;
 
 use clap::Args;
+use wheelarm_proto::look::LookText;
 use wheelarm_proto::settings::{Quality, Starts};
 use wheelarm_proto::v1;
 use wheelarm_rig::{ServerOptions, all_cameras};
@@ -56,6 +57,10 @@ pub struct EvaluateArgs {
     /// any of its postures.
     #[arg(long, default_value = "near", value_parser = named::<Starts>())]
     pub starts: Starts,
+    /// How it looks: SEED[:AXIS=STRENGTH,…] as the server's --look, `*` in the
+    /// place of the seed for each episode's own. Give each its own folder.
+    #[arg(long, value_name = "LOOK", value_parser = LookText::read)]
+    pub look: Option<LookText>,
     /// Wall seconds without a sign of life after which a server is ended, 1 at least.
     #[arg(long, default_value = "60", value_parser = patience::<1>, value_name = "SECONDS")]
     pub patience: Duration,
@@ -88,6 +93,7 @@ impl EvaluateArgs {
                     seeds: first..end,
                     variation: Variation {
                         starts: self.starts,
+                        look: self.look,
                         ..Variation::default()
                     },
                 }

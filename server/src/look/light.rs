@@ -18,6 +18,16 @@ pub(super) struct Light {
     pub outdoors: f32,
 }
 
+impl Light {
+    /// Colour by which the world outside is seen, sRGB: at most 1, darker below a
+    /// dark sky.
+    pub fn outdoors_color(&self) -> [f32; 3] {
+        let brightest = self.pane.into_iter().fold(1e-3, f32::max);
+        let level = self.outdoors.min(1.0).sqrt();
+        self.pane.map(|c| (c / brightest).sqrt() * level)
+    }
+}
+
 /// Farthest turn of the sun at the greatest strength, degrees.
 const SUN_TURN_DEG: f64 = 65.0;
 /// Share of the light from all around that comes from the windows.
@@ -36,7 +46,7 @@ pub(super) fn draw(look: &Look, file: &LookFile, scene: Lighting) -> Light {
         lighting: scene,
         irradiance: Irradiance::of(scene.sky, scene.ground),
         lamps: [None; MOST_LAMPS],
-        pane: [0.9, 0.95, 1.0],
+        pane: [1.0; 3],
         outdoors: 1.0,
     };
     if look.light == 0 {

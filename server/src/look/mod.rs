@@ -104,8 +104,9 @@ pub struct Drawn {
     lamps: [Option<[f32; 3]>; MOST_LAMPS],
     /// What shines of itself is brighter by this.
     gain: f32,
-    /// What is seen through the windows is brighter by this.
+    /// What is seen through the windows shines by this, and has this colour, sRGB.
     outdoors: f32,
+    outdoors_color: [f32; 3],
     /// What stands or hangs beside the furniture.
     pub decoration: Vec<Decoration>,
 }
@@ -128,6 +129,7 @@ impl Drawn {
             lamps: light.lamps.map(|lamp| lamp.map(|c| times(c, gain))),
             gain: (gain[0] + gain[1] + gain[2]) / 3.0,
             outdoors: light.outdoors,
+            outdoors_color: light.outdoors_color(),
             decoration: Vec::new(),
             file,
         };
@@ -147,7 +149,11 @@ impl Drawn {
         let mut seen = palette::swapped(&self.look, &self.file, material);
         seen.emission *= self.gain;
         match seen.family {
-            Some(Family::Outdoors) => seen.emission *= self.outdoors,
+            Some(Family::Outdoors) => {
+                seen.emission *= self.outdoors.min(1.0);
+                let tint = self.outdoors_color;
+                seen.color = std::array::from_fn(|k| seen.color[k] * tint[k]);
+            }
             // Which lamp is on is said where they stand.
             Some(Family::Lamp) if self.look.light > 0 => seen.emission = 0.0,
             _ => {}

@@ -35,14 +35,10 @@ const BYTE_IDS: u16 = 255;
 impl Tier {
     pub(super) fn of(quality: Quality, scene: &RenderScene) -> Self {
         let lit = scene.surrounding.is_some();
-        let tier = |shadow_size, shadow_taps: u32, samples| Self {
+        let tier = |shadow_size, shadow_taps, samples| Self {
             shadow_size,
-            // A look has softer shadows.
-            shadow_taps: match shadow_taps {
-                1 if lit && std::env::var_os("TAPS4").is_some() => 4,
-                9 if lit => 16,
-                taps => taps,
-            },
+            // A look has softer shadows where that does not cost a tenth of the rate.
+            shadow_taps: if lit && shadow_taps > 1 { 16 } else { shadow_taps },
             samples,
             all_glossy: samples > 1,
             lit,

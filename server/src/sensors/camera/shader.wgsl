@@ -5,7 +5,7 @@
 override TEXTURED: bool = false;
 // The sun may reach the surface.
 override SUNNY: bool = true;
-// Shadow map look-ups per pixel: 0, 1, 4, 9 or 16.
+// Shadow map look-ups per pixel: 0, 1, 9 or 16.
 override SHADOW_TAPS: u32 = 1u;
 // The alpha byte holds the instance id; not when samples are averaged.
 override ID_IN_ALPHA: bool = true;
@@ -98,7 +98,7 @@ fn place(v: Vertex, body: u32) -> Lit {
     out.ambient_occlusion = f32((v.packed >> 12u) & 0xffu) * (1.0 / 255.0) * b.more.y;
     // A little outside the surface, more where the light grazes it.
     let slope = 1.0 - abs(dot(out.normal, camera.sun_direction.xyz));
-    let wider = select(1.0, 1.7, LIT);
+    let wider = select(1.0, 1.7, SHADOW_TAPS == 16u);
     let outside = out.world + out.normal * (wider * camera.shadow_texel.y * (0.6 + 1.8 * slope));
     let s = camera.shadow_from_world * vec4(outside, 1.0);
     out.shadow = vec3(s.xy * vec2(0.5, -0.5) + 0.5, s.z);
@@ -236,17 +236,6 @@ fn sunlit(at: vec3<f32>) -> f32 {
     }
     if SHADOW_TAPS == 1u {
         return textureSampleCompareLevel(shadow_map, shadow_sampler, at.xy, at.z);
-    }
-    if SHADOW_TAPS == 4u {
-        // A square that is turned a little.
-        let far = camera.shadow_texel.x * vec2(1.4, 0.6);
-        let four = vec4(
-            textureSampleCompareLevel(shadow_map, shadow_sampler, at.xy + far, at.z),
-            textureSampleCompareLevel(shadow_map, shadow_sampler, at.xy - far, at.z),
-            textureSampleCompareLevel(shadow_map, shadow_sampler, at.xy + vec2(-far.y, far.x), at.z),
-            textureSampleCompareLevel(shadow_map, shadow_sampler, at.xy - vec2(-far.y, far.x), at.z),
-        );
-        return dot(four, vec4(0.25));
     }
     if SHADOW_TAPS == 16u {
         var all = 0.0;

@@ -9,6 +9,7 @@ use nalgebra::{Isometry3, Point3, Rotation3, Translation3, UnitQuaternion, Vecto
 use super::*;
 use crate::geometry::mesh::build;
 use crate::geometry::{Material, Shape, Texture, texture};
+use crate::look::{Drawn, Look};
 use crate::robot::RobotModel;
 use crate::scene::{Lighting, Scene};
 use crate::snapshot::{BodyState, Snapshot};
@@ -400,6 +401,82 @@ fn ids_of_the_home_follow_the_legend() {
             "{}",
             home.objects[frame.camera].name
         );
+    }
+}
+
+#[test]
+fn ids_beyond_a_byte_are_told_in_every_quality() {
+    let ball = Shape::Sphere { radius: 0.02 };
+    let at = |i: usize| [2.0, (i % 20) as f64 * 0.1 - 0.95, (i / 20) as f64 * 0.1 - 0.7];
+    let count = 300;
+    let items = (0..count).map(|i| item(&ball, [0.5; 3], Binding::Object(i), [0.0; 3], 1 + i as u16));
+    let scene = scene(items.collect(), count);
+    let places: Vec<_> = (0..count).map(at).collect();
+    let lens = Intrinsics::centred([400, 320], 1.0);
+    let eye = camera(looking([0.0; 3], [1.0, 0.0, 0.0]), lens);
+    for quality in [Quality::Fast, Quality::Standard, Quality::High] {
+        let Some(mut renderer) = renderer(&scene, std::slice::from_ref(&eye), quality) else {
+            return;
+        };
+        let frame = &renderer.render(&snapshot(&places), &[0]).unwrap()[0];
+        let ids = frame.ids();
+        let z = depth(frame);
+        for (i, [x, y, up]) in places.iter().enumerate() {
+            let u = (lens.fx * -y / x + lens.cx) as usize;
+            let v = (lens.fy * -up / x + lens.cy) as usize;
+            assert_eq!(ids[v * 400 + u], 1 + i as u16, "{quality:?}");
+            assert!((z[v * 400 + u] - 1.98).abs() < 0.005);
+        }
+    }
+}
+
+#[test]
+fn a_look_changes_colours_alone_and_glass_keeps_depth_and_id() {
+    let assets = Path::new(env!("CARGO_MANIFEST_DIR")).join("../assets");
+    let robot = RobotModel::load(&assets, "wheelarm").unwrap();
+    let home = Scene::load(&assets, "home").unwrap();
+    let bottle = home.object_named("glass_bottle").unwrap();
+    let at = Point3::from(home.objects[bottle].pose.translation.vector) + Vector3::z() * 0.2;
+    let eye = at + Vector3::new(-0.6, 0.3, 0.2);
+    let lens = Intrinsics::centred([192, 144], 0.9);
+    let mount = looking(eye.coords.into(), at.coords.into());
+    let cameras = [camera(mount, lens)];
+    let mut now = snapshot(&vec![[0.0; 3]; home.objects.len()]);
+    let gone = BodyState::resting(Translation3::new(0.0, 0.0, -50.0).into());
+    now.links = vec![gone; robot.links.len()];
+    let slides = home.joints.iter();
+    let slides = slides.map(|joint| BodyState::resting(home.furniture[joint.furniture].pose));
+    now.sliding = slides.collect();
+    for (body, object) in now.objects.iter_mut().zip(&home.objects) {
+        body.pose = object.pose;
+    }
+    for quality in [Quality::Standard, Quality::High] {
+        let mut seen = |seed| {
+            let look = Look {
+                seed,
+                light: 3,
+                background: 3,
+                materials: 3,
+                exposure: 3,
+                ..Look::default()
+            };
+            let look = (seed > 0).then(|| Drawn::new(look, &home, &assets).unwrap());
+            let scene = RenderScene::with_look(&robot, &home, &assets, look.as_ref()).unwrap();
+            let frame = renderer(&scene, &cameras, quality)?.render(&now, &[0]);
+            Some(frame.unwrap().remove(0))
+        };
+        let Some(plain) = seen(0) else {
+            return;
+        };
+        let [one, two] = [1, 2].map(|seed| seen(seed).unwrap());
+        assert_ne!(one.rgb, two.rgb);
+        for look in [&one, &two] {
+            assert_ne!(look.rgb, plain.rgb);
+            assert_eq!((&look.depth, &look.ids), (&plain.depth, &plain.ids));
+        }
+        let id = u16::try_from(bottle + 1).unwrap();
+        assert!(one.ids().iter().filter(|i| **i == id).count() > 100);
+        assert_eq!(seen(1).unwrap().rgb, one.rgb);
     }
 }
 
