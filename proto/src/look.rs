@@ -143,7 +143,10 @@ impl LookText {
             })?;
             let axis = AXES.iter().find(|axis| axis.name == name).ok_or_else(|| {
                 let known: Vec<_> = AXES.iter().map(|axis| axis.name).collect();
-                format!("look has the axis {name:?}, expected one of {}", known.join(", "))
+                format!(
+                    "look has the axis {name:?}, expected one of {}",
+                    known.join(", ")
+                )
             })?;
             let strength = strength.parse().ok().filter(|s| *s <= STRONGEST);
             let strength = strength.ok_or_else(|| {
@@ -242,6 +245,9 @@ mod tests {
             ..Look::default()
         };
         let told = wrong.check().unwrap_err().to_string();
-        assert!(told.contains("look") && told.contains("lens is 9"), "{told}");
+        assert!(
+            told.contains("look") && told.contains("lens is 9"),
+            "{told}"
+        );
     }
 }

@@ -73,7 +73,10 @@ fn main() -> Result<()> {
             let aim = aim.context("the task is about no object")?;
             let at = sim.snapshot().objects[aim].pose.translation.vector;
             let target = Point3::from(at + Vector3::z() * 0.1);
-            free(target + area.rotation * Vector3::new(-0.42, 0.22, 0.16), target)
+            free(
+                target + area.rotation * Vector3::new(-0.42, 0.22, 0.16),
+                target,
+            )
         }
         other => bail!("view is {other:?}, expected table, close or room"),
     };
@@ -93,11 +96,15 @@ fn main() -> Result<()> {
         let look = (!look.is_plain())
             .then(|| Drawn::new(look, sim.scene(), &options.assets))
             .transpose()?;
-        let scene = RenderScene::with_look(sim.model(), sim.scene(), &options.assets, look.as_ref())?;
+        let scene =
+            RenderScene::with_look(sim.model(), sim.scene(), &options.assets, look.as_ref())?;
         let mut renderer = Renderer::new(&scene, std::slice::from_ref(&camera), quality, None)?;
         let frames = renderer.render(sim.snapshot(), &[0])?;
         let frame = frames.first().context("a picture")?;
-        let (x, y) = ((i % options.columns) as usize, (i / options.columns) as usize);
+        let (x, y) = (
+            (i % options.columns) as usize,
+            (i / options.columns) as usize,
+        );
         for (line, pixels) in frame.rgb.chunks_exact(w * 3).enumerate() {
             let at = ((y * h + line) * row + x * w) * 3;
             sheet[at..at + w * 3].copy_from_slice(pixels);

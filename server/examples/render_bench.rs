@@ -172,7 +172,10 @@ fn compare(
         let adapter = options.adapter.as_deref();
         let started = Instant::now();
         let renderer = Renderer::new(scene, &cameras[..2], quality, adapter)?;
-        println!("{name}: ready after {:.2} s", started.elapsed().as_secs_f64());
+        println!(
+            "{name}: ready after {:.2} s",
+            started.elapsed().as_secs_f64()
+        );
         renderers.push((renderer, Vec::new()));
     }
     for pair in 0..options.pairs + 5 {

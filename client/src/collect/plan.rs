@@ -553,6 +553,12 @@ mod tests {
             ),
             ("name = \"x\"", "name = \"a/b\"", 1, "letters, digits"),
             (
+                "name = \"x\"",
+                "name = \"x\"\nlook = \"*:light=4\"",
+                2,
+                "expected a strength of 0 (off), 1, 2 or 3",
+            ),
+            (
                 "episodes = 2",
                 "episodes = 2\ncount = 3",
                 8,

@@ -30,7 +30,7 @@ pub struct EvaluateArgs {
     pub episodes: Option<u64>,
     /// A frozen split, for example assets/splits/policy-claim.toml: its seeds, starts
     /// and all else that it draws. With --episodes the first of its seeds.
-    #[arg(long, value_name = "FILE", conflicts_with_all = ["seeds", "starts"])]
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["seeds", "starts", "look"])]
     pub split: Option<PathBuf>,
     /// Servers at work at one time.
     #[arg(long, default_value = "1", value_name = "J")]

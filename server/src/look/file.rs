@@ -134,7 +134,9 @@ impl<'de> Deserialize<'de> for Color {
         let digits = text.strip_prefix('#').filter(|digits| digits.len() == 6);
         let value = digits.and_then(|digits| u32::from_str_radix(digits, 16).ok());
         let value = value.ok_or_else(|| {
-            D::Error::custom(format!("{text:?}, expected a colour as \"#rrggbb\" in sRGB"))
+            D::Error::custom(format!(
+                "{text:?}, expected a colour as \"#rrggbb\" in sRGB"
+            ))
         })?;
         Ok(Self(
             [16, 8, 0].map(|shift| ((value >> shift) & 0xff) as f32 / 255.0),
@@ -208,7 +210,9 @@ fn temperature<'de, D: Deserializer<'de>>(from: D) -> Result<[f64; 2], D::Error>
 fn some<'de, T: Deserialize<'de>, D: Deserializer<'de>>(from: D) -> Result<Vec<T>, D::Error> {
     let list = Vec::deserialize(from)?;
     if list.is_empty() {
-        return Err(D::Error::custom("an empty list, expected one entry or more"));
+        return Err(D::Error::custom(
+            "an empty list, expected one entry or more",
+        ));
     }
     Ok(list)
 }

@@ -61,7 +61,9 @@ pub(super) fn draw(look: &Look, file: &LookFile, scene: Lighting) -> Light {
     let Some(&sky) = random.one_of(&skies) else {
         return plain;
     };
-    let turn = random.about(SUN_TURN_DEG * share_of(look.light)).to_radians();
+    let turn = random
+        .about(SUN_TURN_DEG * share_of(look.light))
+        .to_radians();
     let height = random.range(sky.elevation_deg).to_radians();
     let warmth = kelvin(random.range(sky.kelvin));
     let dim = random.range([0.85, 1.1]) as f32;

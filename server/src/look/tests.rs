@@ -179,18 +179,44 @@ fn a_file_with_a_mistake_is_answered_with_line_key_found_and_allowed() {
         file::load(&folder, "home").unwrap_err().to_string()
     };
     for (from, to, words) in [
-        ("sun = 1.7", "sun = 9.0", ["sun = 9.0", "9, expected 0 to 3"]),
-        ("[35, 50]", "[50, 35]", ["elevation_deg", "lower value first"]),
+        (
+            "sun = 1.7",
+            "sun = 9.0",
+            ["sun = 9.0", "9, expected 0 to 3"],
+        ),
+        (
+            "[35, 50]",
+            "[50, 35]",
+            ["elevation_deg", "lower value first"],
+        ),
         ("\"#bcd6f5\"", "\"blue\"", ["color", "expected a colour as"]),
-        ("family.wall", "family.wal", ["family.wal", "expected one of"]),
-        ("brightness = 1.0", "bright = 1.0", ["bright", "expected one of"]),
-        ("\"rug\"", "\"sofa\"", ["kind = \"sofa\"", "`picture`, `rug`"]),
+        (
+            "family.wall",
+            "family.wal",
+            ["family.wal", "expected one of"],
+        ),
+        (
+            "brightness = 1.0",
+            "bright = 1.0",
+            ["bright", "expected one of"],
+        ),
+        (
+            "\"rug\"",
+            "\"sofa\"",
+            ["kind = \"sofa\"", "`picture`, `rug`"],
+        ),
     ] {
         let told = told(from, to);
-        assert!(told.contains("looks/home.toml") && told.contains("line"), "{told}");
+        assert!(
+            told.contains("looks/home.toml") && told.contains("line"),
+            "{told}"
+        );
         assert!(words.iter().all(|w| told.contains(w)), "{told}");
     }
     let told = told("origin", "origin");
-    assert!(told.contains("family.wall.textures") && told.contains("\"plaster\""), "{told}");
+    assert!(
+        told.contains("family.wall.textures") && told.contains("\"plaster\""),
+        "{told}"
+    );
     std::fs::remove_dir_all(&folder).unwrap();
 }

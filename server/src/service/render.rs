@@ -68,8 +68,7 @@ impl Setup {
         let look = self.scenario.look.filter(|look| !look.is_plain());
         let look = look.map(|look| Drawn::new(look, &self.scene, &self.assets));
         let look = look.transpose()?;
-        let scene =
-            RenderScene::with_look(&self.model, &self.scene, &self.assets, look.as_ref())?;
+        let scene = RenderScene::with_look(&self.model, &self.scene, &self.assets, look.as_ref())?;
         let cameras = self
             .scenario
             .cameras

@@ -194,8 +194,7 @@ mod tests {
                 let share = f64::from(strength) / 3.0;
                 let plain = drawn(Some(seed)).cameras;
                 for (moved, plain) in seen(look, Some(seed)).iter().zip(plain) {
-                    let [moved_at, at] =
-                        [moved, &plain].map(|c| c.place.as_ref().unwrap().pose);
+                    let [moved_at, at] = [moved, &plain].map(|c| c.place.as_ref().unwrap().pose);
                     let error = at.inverse() * moved_at;
                     assert!(error.translation.vector.amax() <= 0.015 * share + 1e-12);
                     let turn = error.rotation.angle().to_degrees();

@@ -26,7 +26,10 @@ pub(super) fn add(
                 let at = pose.translation.vector.cast::<f32>();
                 if let Some(lamp) = look.lamp(number, at.into()) {
                     material.emission = look.lamp_glow();
-                    scene.surrounding.iter_mut().for_each(|s| s.lamps.push(lamp));
+                    scene
+                        .surrounding
+                        .iter_mut()
+                        .for_each(|s| s.lamps.push(lamp));
                 }
                 number += 1;
             }
@@ -69,9 +72,17 @@ fn parts(thing: &Decoration) -> Vec<(Shape, [f64; 3], Material)> {
             let inner = |margin: f64, x: f64| plate([x, w / 2.0 - margin, h / 2.0 - margin]);
             let (broad, narrow) = (0.09 * w.min(h), 0.28 * w.min(h));
             vec![
-                (plate([0.010, w / 2.0, h / 2.0]), [0.010, 0.0, 0.0], first.clone()),
+                (
+                    plate([0.010, w / 2.0, h / 2.0]),
+                    [0.010, 0.0, 0.0],
+                    first.clone(),
+                ),
                 (inner(0.03, 0.002), [0.021, 0.0, 0.0], paper.clone()),
-                (inner(0.03 + broad, 0.002), [0.0225, 0.0, 0.0], second.clone()),
+                (
+                    inner(0.03 + broad, 0.002),
+                    [0.0225, 0.0, 0.0],
+                    second.clone(),
+                ),
                 (
                     inner(0.03 + narrow, 0.002),
                     [0.024, 0.06 * w, 0.08 * h],
@@ -83,7 +94,11 @@ fn parts(thing: &Decoration) -> Vec<(Shape, [f64; 3], Material)> {
             ]
         }
         Kind::Rug => vec![
-            (plate([w / 2.0, h / 2.0, 0.0016]), [0.0, 0.0, 0.0016], first.clone()),
+            (
+                plate([w / 2.0, h / 2.0, 0.0016]),
+                [0.0, 0.0, 0.0016],
+                first.clone(),
+            ),
             (
                 plate([w / 2.0 - 0.12, h / 2.0 - 0.12, 0.0022]),
                 [0.0, 0.0, 0.0022],
@@ -97,7 +112,14 @@ fn parts(thing: &Decoration) -> Vec<(Shape, [f64; 3], Material)> {
                 half_height: 0.2 * h,
             };
             let (r, z) = (0.75 * w, 0.6 * h);
-            let crown = [[0.2, 0.0], [0.7, 0.15], [1.0, 0.45], [0.8, 0.75], [0.4, 0.95], [0.0, 1.0]];
+            let crown = [
+                [0.2, 0.0],
+                [0.7, 0.15],
+                [1.0, 0.45],
+                [0.8, 0.75],
+                [0.4, 0.95],
+                [0.0, 1.0],
+            ];
             let leaves = Shape::Lathe {
                 profile: crown.map(|[x, y]| [x * r, y * z]).to_vec(),
             };

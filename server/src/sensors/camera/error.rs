@@ -26,7 +26,8 @@ pub enum RenderError {
     /// More bodies than a vertex can name.
     #[error(
         "{objects} objects, {links} robot links and {furniture} pieces of furniture are drawn; \
-         {} are too many: join pieces of furniture into one body", super::scene::MOST_BODIES
+         {} are too many: join pieces of furniture into one body",
+        super::scene::MOST_BODIES
     )]
     TooManyInstances {
         /// Objects with visuals.

@@ -38,7 +38,11 @@ impl Tier {
         let tier = |shadow_size, shadow_taps, samples| Self {
             shadow_size,
             // A look has softer shadows where that does not cost a tenth of the rate.
-            shadow_taps: if lit && shadow_taps > 1 { 16 } else { shadow_taps },
+            shadow_taps: if lit && shadow_taps > 1 {
+                16
+            } else {
+                shadow_taps
+            },
             samples,
             all_glossy: samples > 1,
             lit,

@@ -177,7 +177,15 @@ fn a_point_lands_where_the_intrinsics_say() {
     ];
     let ball = Shape::Sphere { radius: 0.03 };
     let items = (0..points.len())
-        .map(|i| item(&ball, [0.5; 3], Binding::Object(i), [0.0; 3], 100 + i as u16))
+        .map(|i| {
+            item(
+                &ball,
+                [0.5; 3],
+                Binding::Object(i),
+                [0.0; 3],
+                100 + i as u16,
+            )
+        })
         .collect();
     let scene = scene(items, points.len());
     let lens = Intrinsics {
@@ -407,9 +415,16 @@ fn ids_of_the_home_follow_the_legend() {
 #[test]
 fn ids_beyond_a_byte_are_told_in_every_quality() {
     let ball = Shape::Sphere { radius: 0.02 };
-    let at = |i: usize| [2.0, (i % 20) as f64 * 0.1 - 0.95, (i / 20) as f64 * 0.1 - 0.7];
+    let at = |i: usize| {
+        [
+            2.0,
+            (i % 20) as f64 * 0.1 - 0.95,
+            (i / 20) as f64 * 0.1 - 0.7,
+        ]
+    };
     let count = 300;
-    let items = (0..count).map(|i| item(&ball, [0.5; 3], Binding::Object(i), [0.0; 3], 1 + i as u16));
+    let items =
+        (0..count).map(|i| item(&ball, [0.5; 3], Binding::Object(i), [0.0; 3], 1 + i as u16));
     let scene = scene(items.collect(), count);
     let places: Vec<_> = (0..count).map(at).collect();
     let lens = Intrinsics::centred([400, 320], 1.0);

@@ -2,8 +2,8 @@
 
 use nalgebra::Matrix4;
 
-use super::view::{View, columns};
 use super::scene::Surrounding;
+use super::view::{View, columns};
 use crate::look::MOST_LAMPS;
 use crate::scene::Lighting;
 
