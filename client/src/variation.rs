@@ -96,7 +96,10 @@ mod tests {
         let look = scenario.look.unwrap();
         assert_eq!((look.seed, look.light, look.lens), (10_001, 3, 0));
         assert_eq!(scenario.calibration_seed, variation.specimen(10_001));
-        assert_eq!(variation.words(), " starts=anywhere bear_share=0.5 robots=3 look=*:light=3");
+        assert_eq!(
+            variation.words(),
+            " starts=anywhere bear_share=0.5 robots=3 look=*:light=3"
+        );
         assert_eq!(Variation::default().words(), "");
     }
 }
