@@ -2,7 +2,8 @@
 
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 
-use super::{Look, Random, Row, share_of};
+use super::random::{Random, Row};
+use super::setting::{Look, share_of};
 
 /// Farthest along each axis at the greatest strength, metres.
 const MOVED: f64 = 0.015;

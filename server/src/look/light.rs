@@ -3,9 +3,10 @@
 use nalgebra::{Point3, Vector3};
 use wheelarm_proto::exact;
 
-use super::environment::Irradiance;
 use super::file::{LookFile, Sky};
-use super::{Look, MOST_LAMPS, Random, Row, share_of, times};
+use super::irradiance::{Irradiance, MOST_LAMPS, times};
+use super::random::{Random, Row};
+use super::setting::{Look, share_of};
 use crate::scene::Lighting;
 
 /// Light before the exposure.

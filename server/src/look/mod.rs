@@ -3,63 +3,29 @@
 //! reaches the physics.
 
 mod camera;
-mod environment;
 mod file;
+mod irradiance;
 mod light;
 mod palette;
+mod random;
+mod reflection;
+mod setting;
 
 use std::path::Path;
 
 use nalgebra::Point3;
-use rand_chacha::ChaCha8Rng;
-use rand_chacha::rand_core::{Rng, SeedableRng};
 
 pub use camera::{CameraError, camera_error};
-pub use environment::{Irradiance, Reflection};
 pub use file::Kind;
+pub use irradiance::{Irradiance, MOST_LAMPS};
+pub use palette::Decoration;
+pub use reflection::Reflection;
+pub use setting::{Look, STRONGEST};
 
 use crate::geometry::{Family, Material};
 use crate::scene::{Lighting, Scene, SceneError};
 use file::LookFile;
-
-/// What is varied, each from 0 (off) to [`STRONGEST`].
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Look {
-    /// Seed of all draws.
-    pub seed: u64,
-    /// Sun, sky, lamps and their colours.
-    pub light: u8,
-    /// Walls, floor, ceiling.
-    pub background: u8,
-    /// Furniture, by families of materials.
-    pub materials: u8,
-    /// Exposure and white balance.
-    pub exposure: u8,
-    /// Things that touch nothing.
-    pub decoration: u8,
-    /// Places of the robot's cameras.
-    pub camera: u8,
-    /// Focal lengths of the robot's cameras.
-    pub lens: u8,
-}
-
-/// Greatest strength.
-pub const STRONGEST: u8 = 3;
-
-impl Look {
-    /// Whether the pictures are drawn as without a look.
-    #[must_use]
-    pub fn is_plain(&self) -> bool {
-        let axes = [
-            self.light,
-            self.background,
-            self.materials,
-            self.exposure,
-            self.decoration,
-        ];
-        axes == [0; 5]
-    }
-}
+use irradiance::times;
 
 /// A lamp that is on.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -68,24 +34,6 @@ pub struct Lamp {
     pub at: Point3<f32>,
     /// Colour times intensity, linear.
     pub color: [f32; 3],
-}
-
-/// Most lamps that light a room at once.
-pub const MOST_LAMPS: usize = 4;
-
-/// A thing that is drawn and touched by nothing.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Decoration {
-    /// What it is.
-    pub kind: Kind,
-    /// Middle of its back (pictures) or of its foot, in `house`, metres.
-    pub at: [f64; 3],
-    /// Where it looks, radians from east.
-    pub along: f64,
-    /// Width and height, metres; of rugs both lie on the floor.
-    pub size: [f64; 2],
-    /// Its materials: frame or pot or shade, picture or leaves or border.
-    pub materials: [Material; 2],
 }
 
 /// A look, drawn.
@@ -125,7 +73,7 @@ impl Drawn {
             look,
             lighting: light.lighting,
             irradiance: light.irradiance.times(gain),
-            reflection: environment::reflection(&file, &light, gain),
+            reflection: reflection::drawn(&file, &light, gain),
             lamps: light.lamps.map(|lamp| lamp.map(|c| times(c, gain))),
             gain: (gain[0] + gain[1] + gain[2]) / 3.0,
             outdoors: light.outdoors,
@@ -182,59 +130,6 @@ impl Drawn {
     pub fn lamp_glow(&self) -> f32 {
         0.9 * self.gain
     }
-}
-
-fn times(a: [f32; 3], b: [f32; 3]) -> [f32; 3] {
-    std::array::from_fn(|k| a[k] * b[k])
-}
-
-/// Random numbers of a look: a row for each thing that is drawn, so that none
-/// depends on another.
-struct Random(ChaCha8Rng);
-
-/// What is drawn from a row of its own.
-#[derive(Clone, Copy)]
-enum Row {
-    Light,
-    Lamps,
-    Exposure,
-    Decoration,
-    Camera,
-    Lens,
-    /// By the hash of its name.
-    Material,
-}
-
-impl Random {
-    fn new(seed: u64, row: Row, number: u32) -> Self {
-        let mut random = ChaCha8Rng::seed_from_u64(seed);
-        random.set_stream((row as u64 + 1) << 32 | u64::from(number));
-        Self(random)
-    }
-
-    /// 0 to 1, from 53 bits: independent of any library's sampling.
-    fn share(&mut self) -> f64 {
-        (self.0.next_u64() >> 11) as f64 / (1u64 << 53) as f64
-    }
-
-    fn range(&mut self, [low, high]: [f64; 2]) -> f64 {
-        low + (high - low) * self.share()
-    }
-
-    /// -`most` to `most`.
-    fn about(&mut self, most: f64) -> f64 {
-        self.range([-most, most])
-    }
-
-    fn one_of<'a, T>(&mut self, list: &'a [T]) -> Option<&'a T> {
-        let at = (self.share() * list.len() as f64) as usize;
-        list.get(at)
-    }
-}
-
-/// A strength as a share of the strongest.
-fn share_of(strength: u8) -> f64 {
-    f64::from(strength.min(STRONGEST)) / f64::from(STRONGEST)
 }
 
 #[cfg(test)]

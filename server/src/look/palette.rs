@@ -1,8 +1,24 @@
 //! Materials by families, and decoration.
 
 use super::file::{Color, Kind, LookFile, Palette, Pattern, Spot};
-use super::{Decoration, Look, Random, Row, share_of};
+use super::random::{Random, Row};
+use super::setting::{Look, share_of};
 use crate::geometry::{Family, Material, Texture};
+
+/// A thing that is drawn and touched by nothing.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Decoration {
+    /// What it is.
+    pub kind: Kind,
+    /// Middle of its back (pictures) or of its foot, in `house`, metres.
+    pub at: [f64; 3],
+    /// Where it looks, radians from east.
+    pub along: f64,
+    /// Width and height, metres; of rugs both lie on the floor.
+    pub size: [f64; 2],
+    /// Its materials: frame or pot or shade, picture or leaves or border.
+    pub materials: [Material; 2],
+}
 
 /// The material that a member of a family has under a look: the same for the same
 /// material, wherever it is.

@@ -7,8 +7,8 @@ use nalgebra::{Point3, Vector3};
 use wheelarm_proto::exact;
 
 use super::ambient_occlusion::{AmbientOcclusion, Corner, Surroundings};
-use super::pipelines::Tier;
 use super::scene::{Binding, RenderItem, RenderScene};
+use super::tier::Tier;
 use crate::geometry::{Material, TriMesh, texture};
 
 /// One vertex, in the frame of its body.

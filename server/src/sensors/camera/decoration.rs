@@ -1,64 +1,10 @@
-//! Decoration as meshes. It belongs to the background: its id is 0.
+//! Shapes of decoration.
 
-use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
-
-use super::RenderError;
-use super::scene::{Binding, MeshCache, RenderItem, RenderScene};
-use crate::geometry::mesh::Detail;
 use crate::geometry::{Material, Shape};
-use crate::look::{Decoration, Drawn, Kind};
-
-/// Adds what a look decorates the room with; its lamps come after those of the
-/// furniture.
-pub(super) fn add(
-    scene: &mut RenderScene,
-    look: &Drawn,
-    meshes: &mut MeshCache<'_>,
-) -> Result<(), RenderError> {
-    let mut number = scene.surrounding.as_ref().map_or(0, |s| s.lamps.len());
-    for thing in &look.decoration {
-        let turn = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), thing.along);
-        let place = Isometry3::from_parts(Translation3::from(thing.at), turn);
-        for (shape, at, mut material) in parts(thing) {
-            let pose = place * Translation3::from(at);
-            let shade = thing.kind == Kind::Lamp && matches!(shape, Shape::Frustum { .. });
-            if shade {
-                let at = pose.translation.vector.cast::<f32>();
-                if let Some(lamp) = look.lamp(number, at.into()) {
-                    material.emission = look.lamp_glow();
-                    scene
-                        .surrounding
-                        .iter_mut()
-                        .for_each(|s| s.lamps.push(lamp));
-                }
-                number += 1;
-            }
-            let mut get = |detail| {
-                meshes
-                    .get(&shape, &material, detail)
-                    .map_err(|source| RenderError::Mesh {
-                        body: "decoration".to_owned(),
-                        index: 0,
-                        source,
-                    })
-            };
-            let (mesh, coarse) = (get(Detail::Full)?, get(Detail::Coarse)?);
-            scene.items.push(RenderItem {
-                mesh,
-                coarse,
-                material,
-                binding: Binding::World,
-                body_from_mesh: pose,
-                instance: 0,
-                casts_shadow: thing.kind == Kind::Plant,
-            });
-        }
-    }
-    Ok(())
-}
+use crate::look::{Decoration, Kind};
 
 /// Shapes of a thing, where they are on it, and what they are made of.
-fn parts(thing: &Decoration) -> Vec<(Shape, [f64; 3], Material)> {
+pub(super) fn parts(thing: &Decoration) -> Vec<(Shape, [f64; 3], Material)> {
     let [w, h] = thing.size;
     let [first, second] = &thing.materials;
     let plate = |half: [f64; 3]| Shape::Cuboid { half };

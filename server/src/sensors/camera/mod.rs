@@ -21,6 +21,7 @@ mod shadow;
 mod soft;
 pub mod spec;
 mod target;
+mod tier;
 mod uniform;
 mod view;
 

@@ -1,8 +1,7 @@
 //! Shader variants and the layouts that they share.
 
-use super::Quality;
 use super::buffers::{Finish, Shine};
-use super::scene::RenderScene;
+use super::tier::Tier;
 
 /// Linear values come out of the shader with the display's gamma already in.
 pub(super) const COLOR: wgpu::TextureFormat = wgpu::TextureFormat::Rgba8Unorm;
@@ -12,66 +11,6 @@ pub(super) const DEPTH: wgpu::TextureFormat = wgpu::TextureFormat::Depth32Float;
 pub(super) const IDS: wgpu::TextureFormat = wgpu::TextureFormat::R16Uint;
 
 const STRIDE: u64 = std::mem::size_of::<super::buffers::Vertex>() as u64;
-
-/// How a quality tier is drawn.
-#[derive(Clone, Copy)]
-pub(super) struct Tier {
-    /// Side of the shadow map, texels; 1 without shadows.
-    pub(super) shadow_size: u32,
-    shadow_taps: u32,
-    /// Colour samples per pixel.
-    pub(super) samples: u32,
-    /// Highlights on rough surfaces too.
-    pub(super) all_glossy: bool,
-    /// A look is drawn: light from all around, glass, metal that mirrors.
-    pub(super) lit: bool,
-    /// There are more ids than a byte tells apart.
-    wide_ids: bool,
-}
-
-/// Greatest id of the alpha byte.
-const BYTE_IDS: u16 = 255;
-
-impl Tier {
-    pub(super) fn of(quality: Quality, scene: &RenderScene) -> Self {
-        let lit = scene.surrounding.is_some();
-        let tier = |shadow_size, shadow_taps, samples| Self {
-            shadow_size,
-            // A look has softer shadows where that does not cost a tenth of the rate.
-            shadow_taps: if lit && shadow_taps > 1 {
-                16
-            } else {
-                shadow_taps
-            },
-            samples,
-            all_glossy: samples > 1,
-            lit,
-            wide_ids: scene.items.iter().any(|item| item.instance > BYTE_IDS),
-        };
-        match quality {
-            Quality::Fast => tier(1, 0, 1),
-            Quality::Standard => tier(2048, 1, 1),
-            Quality::High => tier(4096, 9, 4),
-        }
-    }
-
-    pub(super) fn has_shadows(self) -> bool {
-        self.shadow_taps > 0
-    }
-
-    /// Ids and depth come from a pass of their own, without averaging.
-    pub(super) fn separate_ids(self) -> bool {
-        self.samples > 1 || self.wide_ids
-    }
-
-    /// Finishes that there can be.
-    fn finishes(self) -> &'static [Finish] {
-        match self.lit {
-            true => &Finish::ALL,
-            false => &Finish::ALL[..Finish::PLAIN],
-        }
-    }
-}
 
 /// All pipelines of a renderer.
 pub(super) struct Pipelines {
@@ -168,7 +107,7 @@ impl Pipelines {
             pipeline(device, &module, &stage)
         };
         Self {
-            surfaces: tier.finishes().iter().map(surface).collect(),
+            surfaces: finishes(tier).iter().map(surface).collect(),
             caster: place("caster", &PLACE, None, DepthUse::Shadow),
             erase: place("erase", &[], None, DepthUse::Erase),
             outline: tier.separate_ids().then(|| {
@@ -178,6 +117,14 @@ impl Pipelines {
             scene_layout,
             shadow_layout,
         }
+    }
+}
+
+/// Finishes that there can be.
+fn finishes(tier: Tier) -> &'static [Finish] {
+    match tier.lit {
+        true => &Finish::ALL,
+        false => &Finish::ALL[..Finish::PLAIN],
     }
 }
 

@@ -4,14 +4,15 @@ use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Arc;
 
-use nalgebra::{Isometry3, Point3};
+use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
 
 use super::RenderError;
+use super::decoration::parts;
 use crate::geometry::mesh::{Detail, build_detail};
 use crate::geometry::plush::Skin;
 use crate::geometry::texture::{self, Picture};
 use crate::geometry::{Family, Material, Shape, TriMesh, Visual};
-use crate::look::{Drawn, Irradiance, Lamp, Reflection};
+use crate::look::{Drawn, Irradiance, Kind, Lamp, Reflection};
 use crate::robot::RobotModel;
 use crate::scene::{Body, Lighting, Scene, Soft};
 
@@ -169,8 +170,8 @@ impl RenderScene {
             built.add_body(&body.name, &body.visual, at, paint, &mut meshes)?;
         }
         if let Some(look) = look {
-            built.light_lamps(look);
-            super::decoration::add(&mut built, look, &mut meshes)?;
+            let lamps = built.light_lamps(look);
+            built.decorate(look, lamps, &mut meshes)?;
         }
         built.load_textures(assets)?;
         Ok(built)
@@ -269,19 +270,67 @@ impl RenderScene {
 }
 
 impl RenderScene {
+    /// Adds what a look decorates the room with, of the background's id 0; its
+    /// lamps come after those of the furniture, of which there are `number`.
+    fn decorate(
+        &mut self,
+        look: &Drawn,
+        mut number: usize,
+        meshes: &mut MeshCache<'_>,
+    ) -> Result<(), RenderError> {
+        for thing in &look.decoration {
+            let turn = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), thing.along);
+            let place = Isometry3::from_parts(Translation3::from(thing.at), turn);
+            for (shape, at, mut material) in parts(thing) {
+                let pose = place * Translation3::from(at);
+                if thing.kind == Kind::Lamp && matches!(shape, Shape::Frustum { .. }) {
+                    let at = pose.translation.vector.cast::<f32>();
+                    if let Some(lamp) = look.lamp(number, at.into()) {
+                        material.emission = look.lamp_glow();
+                        self.surrounding.iter_mut().for_each(|s| s.lamps.push(lamp));
+                    }
+                    number += 1;
+                }
+                let mut get = |detail| {
+                    meshes
+                        .get(&shape, &material, detail)
+                        .map_err(|source| RenderError::Mesh {
+                            body: "decoration".to_owned(),
+                            index: 0,
+                            source,
+                        })
+                };
+                let (mesh, coarse) = (get(Detail::Full)?, get(Detail::Coarse)?);
+                self.items.push(RenderItem {
+                    mesh,
+                    coarse,
+                    material,
+                    binding: Binding::World,
+                    body_from_mesh: pose,
+                    instance: 0,
+                    casts_shadow: thing.kind == Kind::Plant,
+                });
+            }
+        }
+        Ok(())
+    }
+
     /// Lights the lamps of the furniture that are on, in the order in which they
-    /// stand there.
-    fn light_lamps(&mut self, look: &Drawn) {
-        let lamps = self.items.iter_mut().filter(|item| {
+    /// stand there, and says how many there are.
+    fn light_lamps(&mut self, look: &Drawn) -> usize {
+        let is_lamp = |item: &&mut RenderItem| {
             item.material.family == Some(Family::Lamp) && item.binding == Binding::World
-        });
-        for (number, item) in lamps.enumerate() {
+        };
+        let lamps: Vec<_> = self.items.iter_mut().filter(is_lamp).collect();
+        let count = lamps.len();
+        for (number, item) in lamps.into_iter().enumerate() {
             let at = item.body_from_mesh.translation.vector.cast::<f32>();
             if let Some(lamp) = look.lamp(number, at.into()) {
                 item.material.emission = look.lamp_glow();
                 self.surrounding.iter_mut().for_each(|s| s.lamps.push(lamp));
             }
         }
+        count
     }
 }
 
@@ -299,13 +348,13 @@ fn is_building(items: &[RenderItem]) -> bool {
 }
 
 /// Meshes with texture coordinates in repetitions, one per shape and texture.
-pub(super) struct MeshCache<'a> {
+struct MeshCache<'a> {
     assets: &'a Path,
     known: BTreeMap<String, Arc<TriMesh>>,
 }
 
 impl MeshCache<'_> {
-    pub(super) fn get(
+    fn get(
         &mut self,
         shape: &Shape,
         material: &Material,

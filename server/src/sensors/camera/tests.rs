@@ -466,7 +466,7 @@ fn a_look_changes_colours_alone_and_glass_keeps_depth_and_id() {
         body.pose = object.pose;
     }
     for quality in [Quality::Standard, Quality::High] {
-        let mut seen = |seed| {
+        let seen = |seed| {
             let look = Look {
                 seed,
                 light: 3,

@@ -1,53 +1,10 @@
-//! Light from all around: how much reaches a surface by its normal, and what
-//! smooth surfaces mirror.
+//! What smooth surfaces mirror: a room with windows, drawn for a sky.
 
-use nalgebra::{Matrix4, Point3, Vector3, Vector4};
+use nalgebra::{Point3, Vector3};
 
 use super::file::LookFile;
+use super::irradiance::times;
 use super::light::Light;
-
-/// Light that reaches a matte surface from all around, by its normal `n`:
-/// `(n, 1)ᵀ M (n, 1)` for each of red, green, blue (Ramamoorthi and Hanrahan 2001).
-#[derive(Clone, Debug, PartialEq)]
-pub struct Irradiance(pub [Matrix4<f32>; 3]);
-
-impl Irradiance {
-    /// Brighter above than below.
-    pub(super) fn of(sky: [f32; 3], ground: [f32; 3]) -> Self {
-        Self(std::array::from_fn(|k| {
-            let mut m = Matrix4::zeros();
-            m[(3, 3)] = 0.5 * (sky[k] + ground[k]);
-            m[(2, 3)] = 0.25 * (sky[k] - ground[k]);
-            m[(3, 2)] = m[(2, 3)];
-            m
-        }))
-    }
-
-    /// Adds light that comes from one direction, of which a surface takes the
-    /// cosine: 1/4 + x/2 + 5/32 (3 x² - 1).
-    pub(super) fn add_from(&mut self, towards: &Vector3<f32>, light: [f32; 3]) {
-        let w = Vector4::new(towards.x, towards.y, towards.z, 0.0);
-        for (m, light) in self.0.iter_mut().zip(light) {
-            *m += w * w.transpose() * (light * 15.0 / 32.0);
-            for k in 0..3 {
-                m[(k, 3)] += 0.25 * light * towards[k];
-                m[(3, k)] += 0.25 * light * towards[k];
-            }
-            m[(3, 3)] += light * (0.25 - 5.0 / 32.0);
-        }
-    }
-
-    pub(super) fn times(&self, gain: [f32; 3]) -> Self {
-        Self(std::array::from_fn(|k| self.0[k] * gain[k]))
-    }
-
-    /// Light on a surface that looks along `n`.
-    #[must_use]
-    pub fn at(&self, n: &Vector3<f32>) -> [f32; 3] {
-        let n = Vector4::new(n.x, n.y, n.z, 1.0);
-        std::array::from_fn(|k| (n.transpose() * self.0[k] * n)[0])
-    }
-}
 
 /// What is around, as an octahedral picture, each level for rougher surfaces.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -68,11 +25,11 @@ const SIDE: usize = 64;
 /// Sharpness of each level after the first, as a power of the cosine.
 const POWERS: [i32; 4] = [300, 40, 8, 2];
 
-pub(super) fn reflection(file: &LookFile, light: &Light, gain: [f32; 3]) -> Reflection {
+pub(super) fn drawn(file: &LookFile, light: &Light, gain: [f32; 3]) -> Reflection {
     let directions = directions(SIDE);
     let sharp: Vec<[f32; 3]> = directions
         .iter()
-        .map(|d| super::times(around(file, light, d), gain))
+        .map(|d| times(around(file, light, d), gain))
         .collect();
     let mut levels = vec![bytes(&sharp)];
     // What the blurred levels are made of: every other pixel each way, and how
@@ -180,10 +137,10 @@ fn around(file: &LookFile, light: &Light, d: &Vector3<f32>) -> [f32; 3] {
             let near = (hit - centre).xy().norm() < LAMP;
             return match lamp {
                 Some(color) if near => color.map(|c| c * 5.0),
-                _ => super::times(CEILING, reaches),
+                _ => times(CEILING, reaches),
             };
         }
-        return super::times(FLOOR, reaches);
+        return times(FLOOR, reaches);
     }
     for window in &file.window {
         let at = Point3::from(window.at);
@@ -198,5 +155,5 @@ fn around(file: &LookFile, light: &Light, d: &Vector3<f32>) -> [f32; 3] {
     let column = (hit[1 - side] / WIDTH).floor() as i64 + 3 * side as i64;
     let furniture = FURNITURE[(column.wrapping_mul(7) & 3) as usize];
     let wall = if hit.z < HEIGHT { furniture } else { WALL };
-    super::times(wall, reaches)
+    times(wall, reaches)
 }
