@@ -127,7 +127,7 @@ fn strong_looks_show_every_sky_and_stay_in_their_families() {
     assert!(file.sky.len() >= 8);
     let mut panes = BTreeSet::new();
     let mut floors = BTreeSet::new();
-    for seed in 0..120 {
+    for seed in 0..60 {
         let seen = drawn(look(seed, 3));
         panes.insert((seen.outdoors * 1e4) as i64);
         for body in &home.furniture {
@@ -156,7 +156,7 @@ fn strong_looks_show_every_sky_and_stay_in_their_families() {
         let oak = &home.furniture[home.furniture_named("coffee_table").unwrap()].visual[0].material;
         assert_eq!(seen.furniture(oak), seen.furniture(&oak.clone()));
     }
-    assert!(panes.len() > 60 && floors.len() == 4, "{floors:?}");
+    assert!(panes.len() > 30 && floors.len() == 4, "{floors:?}");
 }
 
 #[test]
