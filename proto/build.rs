@@ -16,6 +16,7 @@ use protox::prost_reflect::{
 /// The messages, by idea. The table of topics follows this order.
 const FILES: [&str; 12] = [
     "wheelarm/v1/common.proto",
+    "wheelarm/v1/look.proto",
     "wheelarm/v1/scenario.proto",
     "wheelarm/v1/scene.proto",
     "wheelarm/v1/robot.proto",
@@ -45,6 +46,7 @@ const WRITTEN: [&str; 10] = [
     ".wheelarm.v1.CameraSetting",
     ".wheelarm.v1.CameraPlace",
     ".wheelarm.v1.Intrinsics",
+    ".wheelarm.v1.Look",
     ".wheelarm.v1.ObjectPlacement",
     ".wheelarm.v1.SlideResistance",
     ".wheelarm.v1.Pose",
@@ -64,6 +66,17 @@ const CHOICES: [(&str, &str); 4] = [
     (".wheelarm.v1.Scenario.pacing", "pacing"),
     (".wheelarm.v1.Scenario.quality", "quality"),
     (".wheelarm.v1.Scenario.starts", "starts"),
+];
+
+/// Strengths of a look: 0 to 3.
+const STRENGTHS: [&str; 7] = [
+    "light",
+    "background",
+    "materials",
+    "exposure",
+    "decoration",
+    "camera",
+    "lens",
 ];
 
 fn main() -> Result<(), Box<dyn Error>> {
@@ -87,6 +100,10 @@ fn main() -> Result<(), Box<dyn Error>> {
     }
     for (field, module) in CHOICES {
         config.field_attribute(field, format!("#[serde(with = \"crate::settings::text::{module}\", skip_serializing_if = \"crate::settings::text::is_untold\")]"));
+    }
+    for axis in STRENGTHS {
+        let read = "#[serde(deserialize_with = \"crate::look::strength\")]";
+        config.field_attribute(format!(".wheelarm.v1.Look.{axis}"), read);
     }
     config.compile_fds(plain.clone())?;
     for file in &mut plain.file {

@@ -2,6 +2,7 @@
 //! split says it. Everything follows from the scenario's seed, so that what is
 //! apart by seed is apart in all of it.
 
+use wheelarm_proto::look::LookText;
 use wheelarm_proto::seeds::Purpose;
 use wheelarm_proto::settings::{LanguageSplit, Named, Starts};
 use wheelarm_proto::v1;
@@ -19,6 +20,8 @@ pub struct Variation {
     pub robots: u32,
     /// Seed and split of sentences by the grammar; `None` says nothing of language.
     pub language: Option<(u64, LanguageSplit)>,
+    /// How the episodes look.
+    pub look: Option<LookText>,
 }
 
 impl Variation {
@@ -34,6 +37,7 @@ impl Variation {
                 ..v1::Language::default()
             });
         }
+        scenario.look = self.look.map(|look| look.of(seed));
     }
 
     /// Which specimen of the robot the episode of `seed` has. Those of another
@@ -61,6 +65,9 @@ impl Variation {
         }
         if let Some((seed, split)) = self.language {
             words.push_str(&format!(" language={seed}/{}", split.name()));
+        }
+        if let Some(look) = &self.look {
+            words.push_str(&format!(" look={look}"));
         }
         words
     }
@@ -93,16 +100,19 @@ mod tests {
             bear_share: Some(0.5),
             robots: 3,
             language: Some((7, LanguageSplit::Train)),
+            look: LookText::read("*:light=3").ok(),
         };
         let mut scenario = v1::Scenario::default();
         variation.apply(10_001, &mut scenario);
         assert_eq!(scenario.starts(), v1::Starts::Anywhere);
         assert_eq!(scenario.variant_share, Some(0.5));
+        let look = scenario.look.unwrap();
+        assert_eq!((look.seed, look.light, look.lens), (10_001, 3, 0));
         assert_eq!(scenario.calibration_seed, variation.specimen(10_001));
         assert_eq!(scenario.language.as_ref().map(|l| l.seed), Some(7));
         assert_eq!(
             variation.words(),
-            " starts=anywhere bear_share=0.5 robots=3 language=7/train"
+            " starts=anywhere bear_share=0.5 robots=3 language=7/train look=*:light=3"
         );
         assert_eq!(Variation::default().words(), "");
     }

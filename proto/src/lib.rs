@@ -14,6 +14,7 @@ pub mod exact;
 #[cfg(feature = "nalgebra")]
 pub mod geometry;
 pub mod keys;
+pub mod look;
 pub mod output;
 pub mod preview;
 pub mod program;

@@ -12,6 +12,7 @@ use clap::builder::{PossibleValuesParser, TypedValueParser};
 use tokio::signal::unix::{Signal, SignalKind, signal};
 use wheelarm_proto::endpoint::check_endpoint;
 use wheelarm_proto::keys::{self, Keys};
+use wheelarm_proto::look::LookText;
 use wheelarm_proto::output::end_with_output;
 use wheelarm_proto::program::{EXIT_SCENARIO, Ready, tasks_to_json, told, version};
 use wheelarm_proto::settings::{Named, Pacing, Quality, Starts};
@@ -103,6 +104,11 @@ struct Args {
     /// this number [default: as the robot's description says].
     #[arg(long)]
     calibration_seed: Option<u64>,
+    /// How it looks: SEED for the usual look of a seed, SEED:AXIS=STRENGTH,… for
+    /// these axes alone: light, background, materials, exposure, decoration,
+    /// camera, lens, each 1 to 3 [default: as the assets say].
+    #[arg(long, value_name = "SEED[:AXIS=N,…]", value_parser = LookText::read)]
+    look: Option<LookText>,
     /// Ends when standard input is closed: with the program that started it.
     #[arg(long, hide = true)]
     end_with_stdin: bool,
@@ -201,6 +207,9 @@ impl Args {
             asked.set_quality(quality.code());
         }
         asked.calibration_seed = self.calibration_seed.or(asked.calibration_seed);
+        if let Some(look) = &self.look {
+            asked.look = Some(look.of(asked.seed()));
+        }
         if self.imu_noise {
             asked.imu_noise = Some(true);
         }

@@ -8,6 +8,7 @@ use anyhow::{Context, bail};
 use serde::de::Error as _;
 use serde::{Deserialize, Deserializer};
 use sha2::{Digest, Sha256};
+use wheelarm_proto::look::LookText;
 use wheelarm_proto::seeds::Purpose;
 use wheelarm_proto::settings::Named;
 
@@ -44,6 +45,7 @@ struct SplitFile {
     bear_share: Option<f64>,
     #[serde(default)]
     robots: u32,
+    look: Option<LookText>,
     frozen: Option<String>,
 }
 
@@ -117,6 +119,7 @@ fn parse(path: &Path, text: &str) -> anyhow::Result<Scope> {
             bear_share: file.bear_share,
             robots: file.robots,
             language: None,
+            look: file.look,
         },
     })
 }
@@ -193,6 +196,10 @@ mod tests {
             (
                 "purpose = \"develop\"\nseed = 3",
                 "s.toml:2: unknown field `seed`",
+            ),
+            (
+                "look = \"7:light=4\"",
+                "s.toml:1: look has \"light=4\", expected a strength",
             ),
             (
                 "purpose = \"test\"\nseeds = [0, 5]",

@@ -18,6 +18,7 @@ use super::outbox::Outbox;
 use super::preview::Previews;
 use super::priority::step_back;
 use super::signal::Signal;
+use crate::look::Drawn;
 use crate::robot::RobotModel;
 use crate::scene::Scene;
 use crate::sensors::camera::{
@@ -64,7 +65,10 @@ struct Setup {
 
 impl Setup {
     fn renderer(&self) -> Result<(Renderer, RenderScene), RenderError> {
-        let scene = RenderScene::new(&self.model, &self.scene, &self.assets)?;
+        let look = self.scenario.look.filter(|look| !look.is_plain());
+        let look = look.map(|look| Drawn::new(look, &self.scene, &self.assets));
+        let look = look.transpose()?;
+        let scene = RenderScene::with_look(&self.model, &self.scene, &self.assets, look.as_ref())?;
         let cameras = self
             .scenario
             .cameras
@@ -315,7 +319,7 @@ fn draw(
 
 /// What the instance ids stand for.
 fn legend(scene: &RenderScene) -> Vec<v1::Instance> {
-    let kind = |id: u8| {
+    let kind = |id: u16| {
         let item = scene.items.iter().find(|item| item.instance == id);
         match item.map(|item| &item.binding) {
             Some(Binding::Link(_)) => v1::InstanceKind::Robot,

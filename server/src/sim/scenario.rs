@@ -3,6 +3,7 @@
 use nalgebra::Isometry3;
 use wheelarm_proto::{CONTROL_HZ, PHYSICS_HZ};
 
+use crate::look::Look;
 use crate::robot::ARM_JOINTS;
 use crate::scene::{Placement, Resistance};
 use crate::sensors::{BadRate, Schedule};
@@ -95,6 +96,8 @@ pub struct Scenario {
     /// Which specimen of the robot: its cameras' lenses and places are drawn
     /// from it; `None`: as the description says.
     pub calibration_seed: Option<u64>,
+    /// How it looks; `None`: as the files say.
+    pub look: Option<Look>,
     /// Variant of the task's area, empty for the first; `None`: that in which the
     /// given objects are, or drawn.
     pub variant: Option<String>,
@@ -138,6 +141,7 @@ impl Default for Scenario {
             language: None,
             target: String::new(),
             calibration_seed: None,
+            look: None,
             variant: None,
             variant_share: None,
         }

@@ -15,6 +15,7 @@ mod faults_recorder;
 mod faults_server;
 mod forgery;
 mod gate;
+mod looks;
 mod mutation;
 mod over_ticks;
 mod own_client;

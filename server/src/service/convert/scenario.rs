@@ -5,6 +5,7 @@ use wheelarm_proto::check::{self, Invalid};
 use wheelarm_proto::geometry::{isometry, pose};
 use wheelarm_proto::v1;
 
+use crate::look::Look;
 use crate::scene::{Placement, Resistance};
 use crate::service::language;
 use crate::sim::{
@@ -71,6 +72,7 @@ pub fn scenario(s: &Scenario) -> v1::Scenario {
         language: s.language.as_ref().map(language::told),
         target: Some(s.target.clone()),
         calibration_seed: s.calibration_seed,
+        look: s.look.map(told_look),
         starts: s.starts.code().into(),
         arm_positions: s.arm.map(Vec::from).unwrap_or_default(),
         knuckle: s.knuckle,
@@ -119,6 +121,41 @@ fn camera(asked: &v1::CameraSetting) -> Result<CameraSetting, Invalid> {
         lens: asked.lens.as_ref().map(lens).transpose()?,
         place: asked.place.as_ref().map(placed).transpose()?,
     })
+}
+
+/// A look that is told; one that is off is none.
+fn look(asked: &v1::Look) -> Result<Option<Look>, Invalid> {
+    asked.check()?;
+    let look = Look {
+        seed: asked.seed,
+        light: asked.light as u8,
+        background: asked.background as u8,
+        materials: asked.materials as u8,
+        exposure: asked.exposure as u8,
+        decoration: asked.decoration as u8,
+        camera: asked.camera as u8,
+        lens: asked.lens as u8,
+    };
+    Ok((!asked.is_off()).then_some(look))
+}
+
+fn told_look(look: Look) -> v1::Look {
+    v1::Look {
+        seed: look.seed,
+        light: look.light.into(),
+        background: look.background.into(),
+        materials: look.materials.into(),
+        exposure: look.exposure.into(),
+        decoration: look.decoration.into(),
+        camera: look.camera.into(),
+        lens: look.lens.into(),
+    }
+}
+
+/// What of a look moves the cameras.
+fn moves(look: Option<Look>) -> Option<(u64, u8, u8)> {
+    let look = look.filter(|look| look.camera > 0 || look.lens > 0)?;
+    Some((look.seed, look.camera, look.lens))
 }
 
 /// Rate of a camera whose rate is not told, Hz.
@@ -242,14 +279,19 @@ pub fn scenario_over(now: &Scenario, asked: &v1::Scenario) -> Result<Scenario, I
     for (what, rate) in rates {
         check::finite(what, rate)?;
     }
+    let seen = match &asked.look {
+        Some(asked) => look(asked)?,
+        None => now.look,
+    };
+    s.look = seen;
     if !asked.cameras.is_empty() {
         s.cameras = asked
             .cameras
             .iter()
             .map(camera)
             .collect::<Result<_, Invalid>>()?;
-    } else if asked.calibration_seed.is_some() {
-        // Another specimen: what was drawn for the one before goes.
+    } else if asked.calibration_seed.is_some() || moves(seen) != moves(now.look) {
+        // Another specimen or look: what was drawn for the one before goes.
         for camera in &mut s.cameras {
             (camera.lens, camera.place) = (None, None);
         }

@@ -184,6 +184,7 @@ impl Engine {
             && new.robot == old.robot
             && new.task == old.task
             && new.quality == old.quality
+            && new.look == old.look
             && names(&sim) == names(&self.sim);
         let before = std::mem::replace(&mut self.sim, sim);
         if !same_cameras && let Err(e) = self.start_cameras() {
