@@ -105,7 +105,7 @@ fn run_code(path: &Path) -> Vec<(usize, String)> {
 }
 
 /// Below these paths everything that reaches the state, a draw or a command.
-const EXACT: [&str; 11] = [
+const EXACT: [&str; 12] = [
     "server/src/world",
     "server/src/robot",
     "server/src/sensors",
@@ -116,6 +116,7 @@ const EXACT: [&str; 11] = [
     "server/src/service",
     "client/operate/src",
     "server/route/src",
+    "server/sensor-models/src",
     "client/policy/src",
 ];
 
@@ -201,23 +202,27 @@ const CLIENTS: [(&str, &[&str]); 7] = [
     ),
 ];
 
-/// What is computed for server and clients alike names neither.
+/// What is pure and computed for the server, or for server and clients alike,
+/// names neither, no message, no transport and no renderer.
 #[test]
-fn the_route_package_stands_below_server_and_clients() {
-    for name in dependencies("server/route") {
-        let ours = name.strip_prefix("wheelarm-");
-        assert!(
-            ours.is_none_or(|ours| ours == "proto"),
-            "server/route names {name}"
-        );
-    }
-    for path in list("server/route/src", ".rs") {
-        for (line, text) in code(&path) {
+fn the_pure_packages_stand_below_server_and_clients() {
+    for folder in ["server/route", "server/sensor-models"] {
+        for name in dependencies(folder) {
+            let ours = name.strip_prefix("wheelarm-");
+            let foreign = ["zenoh", "wgpu", "tokio"].contains(&name.as_str());
             assert!(
-                !text.contains("v1::"),
-                "{}:{line} names messages",
-                path.display()
+                ours.is_none_or(|ours| ours == "proto") && !foreign,
+                "{folder} names {name}"
             );
+        }
+        for path in list(&format!("{folder}/src"), ".rs") {
+            for (line, text) in code(&path) {
+                assert!(
+                    !text.contains("v1::"),
+                    "{}:{line} names messages",
+                    path.display()
+                );
+            }
         }
     }
 }
