@@ -9,7 +9,7 @@ use wheelarm_proto::exact;
 use crate::block::Coder;
 use crate::delay::Delay;
 use crate::error::{BadParameter, Bounds};
-use crate::noise::{NormalTable, Random};
+use crate::noise::{NormalTape, Random};
 use crate::parameters::Section;
 use crate::picture::{Exact, Lens};
 
@@ -74,7 +74,8 @@ pub struct ColorModel {
     parameters: ColorParameters,
     seed: u64,
     strength: f64,
-    table: NormalTable,
+    /// Made with the first picture, whose rows tell how much is read of it.
+    tape: Option<(usize, NormalTape)>,
     /// Linear value of each sRGB level.
     linear: [f64; 256],
     /// sRGB level of each linear level.
@@ -106,7 +107,7 @@ impl ColorModel {
                 })
                 .collect(),
             balance: [red.max(0.2), 1.0, blue.max(0.2)],
-            table: NormalTable::new(),
+            tape: None,
             gain: None,
             coder: Coder::new(),
             seed,
@@ -134,30 +135,36 @@ impl ColorModel {
         // Electrons of a full level: more gain, fewer electrons.
         let full = p.full_well / gain.max(1.0);
         let top = (LEVELS - 1) as f64;
-        let tables: [Vec<(f32, f32)>; 3] = self.balance.map(|balance| {
-            let entry = |linear: &f64| {
-                let level = (linear * gain * balance).min(1.0);
+        let tables: [[(f32, f32); 256]; 3] = self.balance.map(|balance| {
+            let entry = |v: usize| {
+                let level = (self.linear[v] * gain * balance).min(1.0);
                 let electrons = level * full;
                 let deviation = (electrons + p.read_noise * p.read_noise).sqrt() / full;
                 // Half a level up: what follows cuts off.
                 let deviation = top * deviation * self.strength;
                 ((top * level + 0.5) as f32, deviation as f32)
             };
-            self.linear.iter().map(entry).collect()
+            std::array::from_fn(entry)
         });
         let mut out = vec![0; exact.rgb.len()];
         let row = (3 * exact.lens.width).max(3);
+        let tape = match &self.tape {
+            Some((most, tape)) if *most == row => tape,
+            _ => &self.tape.insert((row, NormalTape::new(self.seed, row))).1,
+        };
         let rows = out.chunks_mut(row).zip(exact.rgb.chunks(row));
         for (y, (to, from)) in rows.enumerate() {
-            let mut random = Random::new(self.seed, [exact.tick, y as u64]);
+            let bits = Random::new(self.seed, [exact.tick, y as u64]).bits();
+            let noise = tape.read(bits, row);
             let (to, _) = to.as_chunks_mut::<3>();
             let (from, _) = from.as_chunks::<3>();
-            for (to, from) in to.iter_mut().zip(from) {
-                let bits = random.bits();
+            let (noise, _) = noise.as_chunks::<3>();
+            for ((to, from), noise) in to.iter_mut().zip(from).zip(noise) {
                 for k in 0..3 {
                     let (level, deviation) = tables[k][usize::from(from[k])];
-                    let noisy = level + deviation * self.table.at(bits >> (12 * k));
-                    to[k] = self.tone[(noisy as usize).min(LEVELS - 1)];
+                    let noisy = level + deviation * noise[k];
+                    let noisy = noisy.clamp(0.0, (LEVELS - 1) as f32);
+                    to[k] = self.tone[noisy as i32 as usize];
                 }
             }
         }

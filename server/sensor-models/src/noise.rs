@@ -101,6 +101,35 @@ impl Default for NormalTable {
     }
 }
 
+/// Normal variates in a row, long enough that nobody sees where it begins again:
+/// whoever starts at a random place reads them one after the other.
+#[derive(Clone, Debug)]
+pub struct NormalTape(Vec<f32>);
+
+/// Variates of a tape.
+const TAPE: usize = 1 << 16;
+
+impl NormalTape {
+    /// A tape that follows from a seed; from it so many can be read at once.
+    #[must_use]
+    pub fn new(seed: u64, most: usize) -> Self {
+        let table = NormalTable::new();
+        let mut random = Random::new(seed, [u64::MAX, TAPE as u64]);
+        let mut tape: Vec<f32> = (0..TAPE).map(|_| table.at(random.bits())).collect();
+        for i in 0..most {
+            tape.push(tape[i]);
+        }
+        Self(tape)
+    }
+
+    /// `count` variates from a place that random bits name.
+    #[must_use]
+    pub fn read(&self, bits: u64, count: usize) -> &[f32] {
+        let from = (bits % TAPE as u64) as usize;
+        &self.0[from..(from + count).min(self.0.len())]
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
