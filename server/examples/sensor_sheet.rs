@@ -1,6 +1,6 @@
 //! Draws what the sensor models make of a picture: for each camera of the robot
 //! exact colour, sensor colour, exact depth, sensor depth side by side, as one
-//! JPEG file; and tells how long each model takes.
+//! JPEG or PNG file; and tells how long each model takes.
 //!
 //! `sensor_sheet [--assets DIR] [--out FILE] [--task NAME] [--seed N]
 //! [--strength S] [--width W] [--height H]`
@@ -131,12 +131,19 @@ fn main() -> Result<()> {
         }
     }
     let [width, height] = [4 * TILE[0], PAIRS.len() * TILE[1]];
-    Encoder::new_file(&options.out, 82)?.encode(
-        &sheet,
-        width as u16,
-        height as u16,
-        ColorType::Rgb,
-    )?;
+    if options.out.extension().is_some_and(|e| e == "png") {
+        let file = std::io::BufWriter::new(std::fs::File::create(&options.out)?);
+        let mut encoder = png::Encoder::new(file, width as u32, height as u32);
+        encoder.set_color(png::ColorType::Rgb);
+        encoder.write_header()?.write_image_data(&sheet)?;
+    } else {
+        Encoder::new_file(&options.out, 82)?.encode(
+            &sheet,
+            width as u16,
+            height as u16,
+            ColorType::Rgb,
+        )?;
+    }
     println!("{}", options.out.display());
     Ok(())
 }

@@ -83,27 +83,30 @@ impl Strip {
 
     #[inline]
     fn take_line(&mut self, square: usize, y: usize, line: &[[u8; 3]; STRIP]) {
+        let mut colours = [[0.0_f32; STRIP]; 3];
+        for (x, pixel) in line.iter().enumerate() {
+            for (colour, value) in colours.iter_mut().zip(pixel) {
+                colour[x] = f32::from(*value);
+            }
+        }
+        let [r, g, b] = &colours;
         let mut luma = [0.0_f32; STRIP];
-        let mut sums = [[0.0_f32; STRIP / 2]; 2];
-        for (x, [r, g, b]) in line.iter().enumerate() {
-            let [r, g, b] = [*r, *g, *b].map(f32::from);
-            // ITU-R BT.601, all levels.
-            let level = 0.299 * r + 0.587 * g + 0.114 * b;
+        let mut chroma = [[0.0_f32; STRIP]; 2];
+        for x in 0..STRIP {
+            // ITU-R BT.601, all levels; a quarter of each of four pixels.
+            let level = 0.299 * r[x] + 0.587 * g[x] + 0.114 * b[x];
             luma[x] = level - 128.0;
-            sums[0][x / 2] += 0.25 * 0.564 * (b - level);
-            sums[1][x / 2] += 0.25 * 0.713 * (r - level);
+            chroma[0][x] = 0.25 * 0.564 * (b[x] - level);
+            chroma[1][x] = 0.25 * 0.713 * (r[x] - level);
         }
         let pair = &mut self.luma[square][y / 8];
         pair[0][y % 8].copy_from_slice(&luma[..8]);
         pair[1][y % 8].copy_from_slice(&luma[8..]);
-        for (sums, blocks) in sums.iter().zip([&mut self.blue, &mut self.red]) {
+        for (chroma, blocks) in chroma.iter().zip([&mut self.blue, &mut self.red]) {
             let row = &mut blocks[square][y / 2];
-            if y % 2 == 0 {
-                *row = *sums;
-            } else {
-                for (to, from) in row.iter_mut().zip(sums) {
-                    *to += from;
-                }
+            for (x, to) in row.iter_mut().enumerate() {
+                let two = chroma[2 * x] + chroma[2 * x + 1];
+                *to = if y % 2 == 0 { two } else { *to + two };
             }
         }
     }
@@ -115,14 +118,20 @@ impl Strip {
             for (square, columns) in pixels.chunks_mut(STRIP).enumerate() {
                 let pair = &self.luma[square][y / 8];
                 let (blue, red) = (&self.blue[square][y / 2], &self.red[square][y / 2]);
+                let mut colours = [[0.0_f32; STRIP]; 3];
+                for half in 0..2 {
+                    for x in 0..8 {
+                        let at = 8 * half + x;
+                        let level = pair[half][y % 8][x] + 128.5;
+                        let (b, r) = (blue[at / 2], red[at / 2]);
+                        colours[0][at] = level + 1.403 * r;
+                        colours[1][at] = level - 0.714 * r - 0.344 * b;
+                        colours[2][at] = level + 1.773 * b;
+                    }
+                }
+                let bytes = colours.map(|colour| colour.map(byte));
                 for (x, pixel) in columns.iter_mut().enumerate() {
-                    let level = pair[x / 8][y % 8][x % 8] + 128.5;
-                    let (b, r) = (blue[x / 2], red[x / 2]);
-                    *pixel = [
-                        byte(level + 1.403 * r),
-                        byte(level - 0.714 * r - 0.344 * b),
-                        byte(level + 1.773 * b),
-                    ];
+                    *pixel = [bytes[0][x], bytes[1][x], bytes[2][x]];
                 }
             }
         }
@@ -192,7 +201,8 @@ impl Coder {
 
     /// A block through transform, steps and back; the bits that it took.
     fn block(&self, block: &mut Block, step: f32) -> f32 {
-        let mut there = forward(&forward(block, &self.cosine), &self.cosine);
+        // Rows and columns are exchanged: steps are the same for both.
+        let mut there = forward(&turned(&forward(block, &self.cosine)), &self.cosine);
         let over = 1.0 / step;
         // The mean is kept finer: it is what is predicted best.
         let mean = there[0][0];
@@ -210,49 +220,64 @@ impl Coder {
             return BITS_OF_BLOCK;
         }
         there[0][0] = mean;
-        *block = backward(&backward(&there, &self.cosine), &self.cosine);
+        *block = backward(&turned(&backward(&there, &self.cosine)), &self.cosine);
         BITS_OF_BLOCK + digits as f32
     }
 }
 
-/// Cosine transform of the rows, rows and columns exchanged: twice makes that of
-/// both. Even coefficients see the sums of opposite values, odd ones the
-/// differences: half the multiplications.
+/// Cosine transform of the columns, eight at a time. Even coefficients see the
+/// sums of opposite values, odd ones the differences: half the multiplications.
+#[inline]
 fn forward(block: &Block, cosine: &Cosine) -> Block {
-    let mut out = [[0.0_f32; 8]; 8];
-    for (i, row) in block.iter().enumerate() {
-        let mut even = [0.0_f32; 4];
-        let mut odd = [0.0_f32; 4];
-        for x in 0..4 {
-            let (sum, difference) = (row[x] + row[7 - x], row[x] - row[7 - x]);
-            for k in 0..4 {
-                even[k] += sum * cosine.even[x][k];
-                odd[k] += difference * cosine.odd[x][k];
-            }
+    let mut sums = [[0.0_f32; 8]; 4];
+    let mut differences = [[0.0_f32; 8]; 4];
+    for x in 0..4 {
+        for lane in 0..8 {
+            sums[x][lane] = block[x][lane] + block[7 - x][lane];
+            differences[x][lane] = block[x][lane] - block[7 - x][lane];
         }
-        for k in 0..4 {
-            out[2 * k][i] = even[k];
-            out[2 * k + 1][i] = odd[k];
+    }
+    let mut out = [[0.0_f32; 8]; 8];
+    for k in 0..4 {
+        for x in 0..4 {
+            let (even, odd) = (cosine.even[x][k], cosine.odd[x][k]);
+            for lane in 0..8 {
+                out[2 * k][lane] += sums[x][lane] * even;
+                out[2 * k + 1][lane] += differences[x][lane] * odd;
+            }
         }
     }
     out
 }
 
-/// The way back, rows and columns exchanged.
+/// The way back.
+#[inline]
 fn backward(block: &Block, cosine: &Cosine) -> Block {
     let mut out = [[0.0_f32; 8]; 8];
-    for (i, row) in block.iter().enumerate() {
-        let mut even = [0.0_f32; 4];
-        let mut odd = [0.0_f32; 4];
+    for x in 0..4 {
+        let mut even = [0.0_f32; 8];
+        let mut odd = [0.0_f32; 8];
         for k in 0..4 {
-            for x in 0..4 {
-                even[x] += row[2 * k] * cosine.even[x][k];
-                odd[x] += row[2 * k + 1] * cosine.odd[x][k];
+            let (of_even, of_odd) = (cosine.even[x][k], cosine.odd[x][k]);
+            for lane in 0..8 {
+                even[lane] += block[2 * k][lane] * of_even;
+                odd[lane] += block[2 * k + 1][lane] * of_odd;
             }
         }
-        for x in 0..4 {
-            out[x][i] = even[x] + odd[x];
-            out[7 - x][i] = even[x] - odd[x];
+        for lane in 0..8 {
+            out[x][lane] = even[lane] + odd[lane];
+            out[7 - x][lane] = even[lane] - odd[lane];
+        }
+    }
+    out
+}
+
+#[inline]
+fn turned(block: &Block) -> Block {
+    let mut out = [[0.0_f32; 8]; 8];
+    for (i, row) in block.iter().enumerate() {
+        for (k, value) in row.iter().enumerate() {
+            out[k][i] = *value;
         }
     }
     out

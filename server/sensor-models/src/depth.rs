@@ -99,6 +99,19 @@ pub struct DepthModel {
     columns: Vec<f32>,
 }
 
+/// Where a point of the source is seen: depth, m, and place, pixels.
+#[derive(Clone, Copy, Default)]
+struct Seen {
+    z: f32,
+    u: f32,
+    v: f32,
+}
+
+/// The next whole number below, -16 for all that lies further down.
+fn floor(x: f32) -> i32 {
+    (x.max(-16.0) + 16.0) as i32 - 16
+}
+
 /// What stands for no depth while pictures are made.
 const NONE: f32 = f32::INFINITY;
 
@@ -165,47 +178,51 @@ impl DepthModel {
         let principal = to.principal.map(|c| c as f32);
         let (depths, _) = exact.depth.as_chunks::<4>();
         let (ids, _) = exact.ids.as_chunks::<2>();
-        // So that what is cut off is what lies below, on either side of 0.
-        const UP: f32 = 16384.0;
-        let floor = |x: f32| ((x + UP) as i32) - UP as i32;
+        let mut row = vec![Seen::default(); self.columns.len()];
         for y in (first[1]..from.height).step_by(stride[1]) {
-            let row = y * from.width;
-            let Some(depths) = depths.get(row..row + from.width) else {
+            let begin = y * from.width;
+            let Some(depths) = depths.get(begin..begin + from.width) else {
                 return;
             };
-            let Some(ids) = ids.get(row..row + from.width) else {
+            let Some(ids) = ids.get(begin..begin + from.width) else {
                 return;
             };
             let down = along(1, y);
-            let each = depths.iter().zip(ids).skip(first[0]).step_by(stride[0]);
-            for ((depth, id), right) in each.zip(&self.columns) {
+            let depths = depths.iter().skip(first[0]).step_by(stride[0]);
+            for ((seen, depth), right) in row.iter_mut().zip(depths).zip(&self.columns) {
                 let z = f32::from_le_bytes(*depth);
-                let seen = z - tz;
-                if !(z < 1.0e4 && seen > 0.01) {
-                    continue;
-                }
-                let over = 1.0 / seen;
+                let away = z - tz;
+                let over = 1.0 / away;
                 let near = z * over;
-                let u = right * near - moved[0] * over + principal[0];
-                let v = down * near - moved[1] * over + principal[1];
-                if !(u.abs() < 8192.0 && v.abs() < 8192.0) {
+                *seen = Seen {
+                    z: away,
+                    u: right * near - moved[0] * over + principal[0],
+                    v: down * near - moved[1] * over + principal[1],
+                };
+            }
+            for (x, seen) in row.iter().enumerate() {
+                let Seen { z, u, v } = *seen;
+                let within = |x: f32, side: usize| x > -1.0 && x < side as f32 + 1.0;
+                if !(z > 0.01 && z < 1.0e4 && within(u, width) && within(v, height)) {
                     continue;
                 }
-                let class = surfaces.get(usize::from(u16::from_le_bytes(*id)));
-                let class = class.copied().unwrap_or_default() as u8;
-                let mut put = |x: i32, y: i32| {
-                    let (Ok(x), Ok(y)) = (usize::try_from(x), usize::try_from(y)) else {
+                let mut put = |column: i32, line: i32| {
+                    let (Ok(column), Ok(line)) = (usize::try_from(column), usize::try_from(line))
+                    else {
                         return;
                     };
-                    if x < width && y < height && seen < self.nearest[y * width + x] {
-                        self.nearest[y * width + x] = seen;
-                        self.class[y * width + x] = class;
+                    let at = line * width + column;
+                    if column < width && line < height && z < self.nearest[at] {
+                        self.nearest[at] = z;
+                        let id = ids[first[0] + x * stride[0]];
+                        let class = surfaces.get(usize::from(u16::from_le_bytes(id)));
+                        self.class[at] = class.copied().unwrap_or_default() as u8;
                     }
                 };
                 if wide {
-                    for y in floor(v - half[1])..=floor(v + half[1]) {
-                        for x in floor(u - half[0])..=floor(u + half[0]) {
-                            put(x, y);
+                    for line in floor(v - half[1])..=floor(v + half[1]) {
+                        for column in floor(u - half[0])..=floor(u + half[0]) {
+                            put(column, line);
                         }
                     }
                 } else {
