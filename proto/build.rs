@@ -33,8 +33,9 @@ const FILES: [&str; 12] = [
 const PACKAGE: &str = "wheelarm.v1";
 
 /// Fields of pictures and of saved states are shared, not copied.
-const SHARED_BYTES: [&str; 4] = [
+const SHARED_BYTES: [&str; 5] = [
     ".wheelarm.v1.CameraFrame",
+    ".wheelarm.v1.SensorFrame",
     ".wheelarm.v1.PreviewFrame",
     ".wheelarm.v1.SnapshotReply.snapshot",
     ".wheelarm.v1.ResetRequest.snapshot",
@@ -44,6 +45,7 @@ const SHARED_BYTES: [&str; 4] = [
 const WRITTEN: [&str; 10] = [
     ".wheelarm.v1.Scenario",
     ".wheelarm.v1.CameraSetting",
+    ".wheelarm.v1.SensorSetting",
     ".wheelarm.v1.CameraPlace",
     ".wheelarm.v1.Intrinsics",
     ".wheelarm.v1.Look",

@@ -78,6 +78,11 @@ struct Args {
     /// that is not named, or `room`. May be repeated; `*=1280x720@10` without it.
     #[arg(long, value_parser = v1::CameraSetting::from_text, conflicts_with = "no_cameras")]
     camera: Vec<v1::CameraSetting>,
+    /// Sensor model that is on, MODEL or MODEL@CAMERA, a file in assets/sensors;
+    /// with =STRENGTH from 0 (perfect) over 1 (as the file says) to 3. May be
+    /// repeated.
+    #[arg(long, value_parser = v1::SensorSetting::from_text, value_name = "MODEL@CAMERA")]
+    sensor: Vec<v1::SensorSetting>,
     /// Physics only: no pictures, no graphics driver needed.
     #[arg(long)]
     no_cameras: bool,
@@ -215,6 +220,9 @@ impl Args {
         }
         if !self.camera.is_empty() {
             asked.cameras.clone_from(&self.camera);
+        }
+        if !self.sensor.is_empty() {
+            asked.sensors.clone_from(&self.sensor);
         }
         Ok(asked)
     }

@@ -101,7 +101,7 @@ pub fn messages(bytes: &[u8]) {
 /// A sample of every stream, as a recorder takes it.
 pub fn samples(bytes: &[u8]) {
     let _ = columns::header_of(bytes);
-    for stream in StreamId::all([]) {
+    for stream in StreamId::all([], []) {
         let _ = columns::check(&stream.to_string(), bytes);
     }
     let _ = log::CameraParts::parse(bytes);

@@ -58,6 +58,10 @@ pub struct DemoArgs {
     /// Pictures per simulated second of each camera; divides 240.
     #[arg(long, default_value_t = 10.0)]
     pub rate: f64,
+    /// Sensor model that is on, MODEL or MODEL@CAMERA, a file in assets/sensors;
+    /// with =STRENGTH from 0 to 3. May be repeated.
+    #[arg(long, value_parser = v1::SensorSetting::from_text, value_name = "MODEL@CAMERA")]
+    pub sensor: Vec<v1::SensorSetting>,
     /// Work per picture.
     #[arg(long, value_parser = named::<Quality>(), default_value = "standard")]
     pub quality: Quality,
@@ -86,6 +90,7 @@ impl DemoArgs {
                 pacing: v1::Pacing::LockStep.into(),
                 quality: self.quality.code().into(),
                 look: self.look.map(|look| look.of(seed)),
+                sensors: self.sensor.clone(),
                 ..v1::Scenario::default()
             },
             assets: self.assets.clone(),

@@ -7,6 +7,7 @@ use wheelarm_proto::v1;
 
 use super::convert;
 use crate::scene;
+use crate::sensors::models;
 use crate::sim::Simulation;
 use crate::tasks::{self, ConditionSpec};
 
@@ -31,7 +32,7 @@ pub fn tasks(assets: &Path) -> Result<Vec<v1::TaskInfo>, String> {
 }
 
 /// The texts of all asset files of a simulation, read when it is set up: those
-/// of the robot, of the task, of the scene.
+/// of the robot, of the task, of the scene, of the sensor models.
 ///
 /// # Errors
 /// When a file cannot be read.
@@ -50,6 +51,7 @@ pub(super) fn texts(sim: &Simulation) -> Result<Vec<v1::AssetText>, String> {
         }
     }
     paths.extend_from_slice(&sim.scene().files);
+    paths.extend(models::files(&scenario.sensors));
     let texts = scene::texts(sim.assets(), &paths).map_err(|e| e.to_string())?;
     let texts = texts.into_iter();
     Ok(texts

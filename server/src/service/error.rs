@@ -1,6 +1,7 @@
 //! Why a service ends early.
 
 use crate::sensors::camera::RenderError;
+use crate::sensors::models::SensorError;
 use crate::sim::SimError;
 
 /// Why a service ended early.
@@ -15,6 +16,9 @@ pub enum ServiceError {
     /// A scenario.
     #[error(transparent)]
     Sim(#[from] SimError),
+    /// The table of materials for sensor models.
+    #[error(transparent)]
+    Sensors(#[from] SensorError),
     /// An asset file that is to be stored with recordings.
     #[error("cannot read {0}")]
     Assets(String),

@@ -6,6 +6,7 @@ use wheelarm_proto::{CONTROL_HZ, PHYSICS_HZ};
 use crate::look::Look;
 use crate::robot::ARM_JOINTS;
 use crate::scene::{Placement, Resistance};
+pub use crate::sensors::models::SensorSetting;
 use crate::sensors::{BadRate, Schedule};
 use crate::tasks::Language;
 
@@ -104,6 +105,8 @@ pub struct Scenario {
     /// How often a variant other than the area's first is drawn, 0 to 1; `None`:
     /// as the area says.
     pub variant_share: Option<f64>,
+    /// Sensor models that are on.
+    pub sensors: Vec<SensorSetting>,
 }
 
 /// Name of a camera setting that stands for every camera of the robot that has
@@ -144,6 +147,7 @@ impl Default for Scenario {
             look: None,
             variant: None,
             variant_share: None,
+            sensors: Vec::new(),
         }
     }
 }

@@ -25,6 +25,7 @@ mod recorded;
 mod recorder;
 mod robots;
 mod rows;
+mod sensors;
 mod settle;
 mod strangers;
 mod tasks;

@@ -4,12 +4,14 @@ use nalgebra::Isometry3;
 use wheelarm_proto::check::{self, Invalid};
 use wheelarm_proto::geometry::{isometry, pose};
 use wheelarm_proto::v1;
+use wheelarm_sensors::model::MAX_STRENGTH;
 
 use crate::look::Look;
 use crate::scene::{Placement, Resistance};
 use crate::service::language;
 use crate::sim::{
-    ALL_CAMERAS, CameraPlace, CameraSetting, Lens, MAX_SIZE, Quality, Scenario, Starts,
+    ALL_CAMERAS, CameraPlace, CameraSetting, Lens, MAX_SIZE, Quality, Scenario, SensorSetting,
+    Starts,
 };
 
 /// A scenario as a message.
@@ -78,6 +80,16 @@ pub fn scenario(s: &Scenario) -> v1::Scenario {
         knuckle: s.knuckle,
         variant: s.variant.clone(),
         variant_share: s.variant_share,
+        sensors: s
+            .sensors
+            .iter()
+            .map(|sensor| v1::SensorSetting {
+                model: sensor.model.clone(),
+                camera: sensor.camera.clone(),
+                seed: sensor.seed,
+                strength: Some(sensor.strength),
+            })
+            .collect(),
     }
 }
 
@@ -85,6 +97,21 @@ pub fn scenario(s: &Scenario) -> v1::Scenario {
 fn place(what: &'static str, p: Option<&v1::Pose>) -> Result<Isometry3<f64>, Invalid> {
     check::place(what, p)?;
     isometry(what, p)
+}
+
+/// Model of a setting that switches all sensor models off.
+const NO_SENSORS: &str = "none";
+
+/// A sensor model that is asked for.
+fn sensor(asked: &v1::SensorSetting) -> Result<SensorSetting, Invalid> {
+    let strength = asked.strength.unwrap_or(1.0);
+    Ok(SensorSetting {
+        model: asked.model.clone(),
+        camera: asked.camera.clone(),
+        seed: asked.seed,
+        strength: check::within("strength", strength, 0.0, MAX_STRENGTH)
+            .map_err(of("sensor", &asked.model))?,
+    })
 }
 
 /// A camera that is asked for.
@@ -182,12 +209,13 @@ fn keep<T>(old: &mut T, new: Option<T>) {
     }
 }
 
-/// Most cameras, objects and slides that a scenario may name.
+/// Most cameras or sensors, objects and slides that a scenario may name.
 const MOST: [usize; 3] = [16, 256, 256];
 
 /// Checks the lengths of all that a scenario message names.
 fn bounded(asked: &v1::Scenario) -> Result<(), Invalid> {
     check::few("cameras", &asked.cameras, MOST[0])?;
+    check::few("sensors", &asked.sensors, MOST[0])?;
     check::few("objects", &asked.objects, MOST[1])?;
     check::few("slides", &asked.slides, MOST[2])?;
     check::instruction(asked.instruction())?;
@@ -205,7 +233,15 @@ fn bounded(asked: &v1::Scenario) -> Result<(), Invalid> {
     let cameras = cameras.filter(|(_, name)| *name != ALL_CAMERAS);
     let objects = asked.objects.iter().map(|o| ("object name", &o.name));
     let slides = asked.slides.iter().map(|s| ("slide name", &s.joint));
-    for (what, name) in cameras.chain(objects).chain(slides) {
+    let sensors = asked.sensors.iter().map(|s| ("sensor model", &s.model));
+    let on = asked.sensors.iter().map(|s| ("sensor camera", &s.camera));
+    let on = on.filter(|(_, camera)| !camera.is_empty());
+    for (what, name) in cameras
+        .chain(objects)
+        .chain(slides)
+        .chain(sensors)
+        .chain(on)
+    {
         check::name(what, name)?;
     }
     Ok(())
@@ -248,6 +284,7 @@ pub fn scenario_over(now: &Scenario, asked: &v1::Scenario) -> Result<Scenario, I
     }
     if !asked.robot.is_empty() && asked.robot != now.robot {
         s.cameras = Scenario::all_cameras();
+        s.sensors.clear();
     }
     let given = |new: &str| (!new.is_empty()).then(|| new.to_owned());
     keep(&mut s.scene, given(&asked.scene));
@@ -297,6 +334,10 @@ pub fn scenario_over(now: &Scenario, asked: &v1::Scenario) -> Result<Scenario, I
         }
     }
     s.calibration_seed = asked.calibration_seed.or(s.calibration_seed);
+    if !asked.sensors.is_empty() {
+        let on = asked.sensors.iter().filter(|s| s.model != NO_SENSORS);
+        s.sensors = on.map(sensor).collect::<Result<_, Invalid>>()?;
+    }
     match v1::RenderQuality::try_from(asked.quality) {
         Ok(code) => keep(&mut s.quality, Quality::told(code)),
         Err(_) => {

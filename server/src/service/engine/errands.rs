@@ -180,6 +180,8 @@ impl Engine {
         let drawing = self.render.as_ref().is_none_or(|r| r.failure().is_none());
         let same_cameras = drawing
             && new.cameras == old.cameras
+            && new.sensors == old.sensors
+            && (new.sensors.is_empty() || new.seed == old.seed)
             && new.scene == old.scene
             && new.robot == old.robot
             && new.task == old.task
