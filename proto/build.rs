@@ -420,7 +420,7 @@ pub static TOPICS: [TopicInfo; {count}] = [
 {impls}
 /// A decoded message of any topic.
 #[derive(Clone, Debug, PartialEq)]
-#[allow(clippy::large_enum_variant, reason = \"a sample is looked at and dropped\")]
+#[expect(clippy::large_enum_variant, reason = \"a sample is looked at and dropped\")]
 pub enum Sample {{
 {samples}}}
 
