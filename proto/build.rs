@@ -14,7 +14,7 @@ use protox::prost_reflect::{
 };
 
 /// The messages, by idea. The table of topics follows this order.
-const FILES: [&str; 12] = [
+const FILES: [&str; 13] = [
     "wheelarm/v1/common.proto",
     "wheelarm/v1/look.proto",
     "wheelarm/v1/scenario.proto",
@@ -42,7 +42,7 @@ const SHARED_BYTES: [&str; 5] = [
 ];
 
 /// What makes up a scenario: people write it as TOML.
-const WRITTEN: [&str; 10] = [
+const WRITTEN: [&str; 12] = [
     ".wheelarm.v1.Scenario",
     ".wheelarm.v1.CameraSetting",
     ".wheelarm.v1.SensorSetting",
@@ -442,7 +442,7 @@ pub static TOPICS: [TopicInfo; {count}] = [
 {impls}
 /// A decoded message of any topic.
 #[derive(Clone, Debug, PartialEq)]
-#[allow(clippy::large_enum_variant, reason = \"a sample is looked at and dropped\")]
+#[expect(clippy::large_enum_variant, reason = \"a sample is looked at and dropped\")]
 pub enum Sample {{
 {samples}}}
 

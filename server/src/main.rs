@@ -164,7 +164,7 @@ fn print_draws(
 ) -> anyhow::Result<()> {
     let model = RobotModel::load(assets, &scenario.robot)?;
     let home = Scene::load(assets, &scenario.scene)?;
-    let task = TaskSpec::load(assets, &scenario.task, &home)?;
+    let task = TaskSpec::load(assets, &scenario.task, &home, &model.settings.corridor)?;
     let mut scenes: Vec<(String, Scene, Floor)> = Vec::new();
     for variant in &task.area.variants {
         let mut scene = home.clone();
@@ -373,7 +373,10 @@ async fn serve(args: Args) -> anyhow::Result<()> {
     }
     let assets = assets(args.assets.clone())?;
     if args.list_tasks {
-        let tasks = service::tasks(&assets).map_err(anyhow::Error::msg)?;
+        let robot = args.robot.clone().unwrap_or(Scenario::default().robot);
+        let model = RobotModel::load(&assets, &robot)?;
+        let tasks =
+            service::tasks(&assets, &model.settings.corridor).map_err(anyhow::Error::msg)?;
         if args.json {
             println!("{}", tasks_to_json(&tasks)?);
             return Ok(());

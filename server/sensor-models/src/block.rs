@@ -106,7 +106,7 @@ impl Strip {
             let row = &mut blocks[square][y / 2];
             for (x, to) in row.iter_mut().enumerate() {
                 let two = chroma[2 * x] + chroma[2 * x + 1];
-                *to = if y % 2 == 0 { two } else { *to + two };
+                *to = if y.is_multiple_of(2) { two } else { *to + two };
             }
         }
     }
@@ -119,10 +119,10 @@ impl Strip {
                 let pair = &self.luma[square][y / 8];
                 let (blue, red) = (&self.blue[square][y / 2], &self.red[square][y / 2]);
                 let mut colours = [[0.0_f32; STRIP]; 3];
-                for half in 0..2 {
-                    for x in 0..8 {
+                for (half, block) in pair.iter().enumerate() {
+                    for (x, value) in block[y % 8].iter().enumerate() {
                         let at = 8 * half + x;
-                        let level = pair[half][y % 8][x] + 128.5;
+                        let level = value + 128.5;
                         let (b, r) = (blue[at / 2], red[at / 2]);
                         colours[0][at] = level + 1.403 * r;
                         colours[1][at] = level - 0.714 * r - 0.344 * b;

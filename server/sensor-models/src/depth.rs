@@ -301,7 +301,8 @@ impl DepthModel {
                     patch = Random::new(!self.seed, key).bits() & 0xffff;
                 }
                 let mut d = disparity[x];
-                if !(d > 0.0) || hidden[x] || patch < self.holes[usize::from(classes[x])] {
+                let is_seen = d > 0.0;
+                if !is_seen || hidden[x] || patch < self.holes[usize::from(classes[x])] {
                     continue;
                 }
                 let beside = disparity[(x + 1).min(width - 1)];

@@ -43,7 +43,7 @@ pub enum SensorError {
     File(#[from] SceneError),
     /// Its content.
     #[error(transparent)]
-    Parameter(#[from] BadParameter),
+    Parameter(Box<BadParameter>),
     /// The camera.
     #[error(
         "the sensor model {model:?} takes the pictures of the camera {camera:?}; allowed is one of {known}"
@@ -72,6 +72,12 @@ pub enum SensorError {
         /// What both make.
         stream: String,
     },
+}
+
+impl From<BadParameter> for SensorError {
+    fn from(problem: BadParameter) -> Self {
+        Self::Parameter(Box::new(problem))
+    }
 }
 
 /// The files that the settings name, below the assets folder.

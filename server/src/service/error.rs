@@ -15,7 +15,7 @@ pub enum ServiceError {
     Render(#[from] RenderError),
     /// A scenario.
     #[error(transparent)]
-    Sim(#[from] SimError),
+    Sim(Box<SimError>),
     /// The table of materials for sensor models.
     #[error(transparent)]
     Sensors(#[from] SensorError),
@@ -28,6 +28,12 @@ pub enum ServiceError {
     /// The simulation thread.
     #[error("the simulation thread {0}")]
     Thread(String),
+}
+
+impl From<SimError> for ServiceError {
+    fn from(e: SimError) -> Self {
+        Self::Sim(Box::new(e))
+    }
 }
 
 impl From<zenoh::Error> for ServiceError {

@@ -186,7 +186,12 @@ impl Simulation {
         let mut scene = Scene::load(assets, &scenario.scene)?;
         let task = match scenario.task.as_str() {
             "" => None,
-            name => Some(TaskSpec::load(assets, name, &scene)?),
+            name => Some(TaskSpec::load(
+                assets,
+                name,
+                &scene,
+                &model.settings.corridor,
+            )?),
         };
         let variant = match &task {
             Some(task) => Some(variant(task, &scenario)?.clone()),

@@ -165,7 +165,7 @@ pub(super) const VECTORS: [Vector; 3] = [
 pub(super) const LANGUAGE: [&str; 2] = ["language_persistent", "language_events"];
 
 /// Feature of a camera's pictures.
-fn image_key(camera: &str) -> String {
+pub(super) fn image_key(camera: &str) -> String {
     format!("observation.images.{camera}")
 }
 
