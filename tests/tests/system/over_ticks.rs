@@ -2,7 +2,7 @@
 
 use wheelarm_proto::topic::Sample;
 use wheelarm_proto::{TICKS_PER_CONTROL, TopicId, v1};
-use wheelarm_tests::{PATIENCE, Recorder, Server};
+use wheelarm_tests::{PATIENCE, Recorder, Server, program};
 
 /// Control ticks of one answer: 10 Hz.
 const OVER: u32 = 6;
@@ -125,10 +125,14 @@ fn one_answer_stands_for_several_ticks_reaches_its_values_and_replays() {
     println!("joints are {:.2} mrad from what was asked", 1e3 * off);
     assert!(off < 5e-3, "{off} rad");
     let file = folder.path().join("over.h5");
-    let replay = server
-        .client(&["replay", &file.to_string_lossy()])
+    let replay = std::process::Command::new(program("wheelarm").expect("the client"))
+        .arg("replay")
+        .arg(&file)
+        .env("WHEELARM_ASSETS", wheelarm_tests::root().join("assets"))
+        .output()
         .expect("a replay");
-    let text = String::from_utf8_lossy(&replay.stdout).into_owned();
+    let said = [replay.stdout, replay.stderr].concat();
+    let text = String::from_utf8_lossy(&said).into_owned();
     assert!(
         replay.status.success() && text.contains("hashes equal"),
         "{text}"

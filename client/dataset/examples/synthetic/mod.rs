@@ -262,6 +262,26 @@ impl Random {
                 hash: self.bits(),
             }
             .encode_to_vec(),
+            "sensed_joint" => v1::SensedJoints {
+                header,
+                positions: self.list(6),
+                velocities: self.list(6),
+                efforts: self.list(6),
+                opening: self.wild(),
+            }
+            .encode_to_vec(),
+            "sensed_odometry" => v1::SensedOdometry {
+                header,
+                pose: Some(self.pose()),
+                twist: Some(self.twist()),
+            }
+            .encode_to_vec(),
+            "sensed_imu" => v1::SensedImu {
+                header,
+                angular_velocity: Some(self.vector()),
+                linear_acceleration: Some(self.vector()),
+            }
+            .encode_to_vec(),
             _ => v1::Event {
                 header,
                 kind: 6,
