@@ -330,7 +330,7 @@ impl World {
         self.soft.iter().map(SoftObject::worst).collect()
     }
 
-    /// Two objects that reach into each other by more than [`OVERLAP`], one of them
+    /// Two objects that reach into each other by more than `OVERLAP`, one of them
     /// of those that `asked` tells by index, and how far, metres. What is soft is
     /// not looked at: it settles.
     #[must_use]
