@@ -138,7 +138,10 @@ fn coverage(drawn: &[Drawn<'_>]) -> String {
     text += &histogram("Gripper at the start", grippers);
     text += &histogram(
         "Variant of the area",
-        scenarios().map(|s| s.variant.clone().unwrap_or_else(|| "-".to_owned())),
+        scenarios().map(|s| match s.variant() {
+            "" => "the only one".to_owned(),
+            name => name.to_owned(),
+        }),
     );
     text += &histogram(
         "Specimen of the robot",
