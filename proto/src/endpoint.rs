@@ -43,7 +43,7 @@ mod tests {
             "tcp/localhost:0",
             "tcp/[::1]:7447",
             "tcp/host.example:7447#iface=eth0",
-            "unixsock-stream//tmp/socket",
+            "unixsock-stream/wheelarm.socket",
         ] {
             assert_eq!(check_endpoint(good), Ok(()));
         }
