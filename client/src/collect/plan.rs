@@ -278,7 +278,7 @@ impl Plan {
         let check = Check { path, text: &text };
         let cameras = check.cameras(file.camera)?;
         let tasks = check.tasks(file.task, file.first_seed)?;
-        let purpose = check.purpose(&tasks, file.purpose)?;
+        let purpose = check.purpose(&tasks, file.purpose, *file.attempts.get_ref())?;
         let language = check.language(file.language)?;
         check.name(&file.name)?;
         check.that(*file.attempts.get_ref() > 0, &file.attempts, || {
@@ -460,15 +460,29 @@ impl Check<'_> {
 
     /// What the seeds of all tasks are for, which is what the plan says if it
     /// says it.
-    fn purpose(&self, tasks: &[Task], asked: Option<Purpose>) -> Result<Purpose, PlanError> {
+    fn purpose(
+        &self,
+        tasks: &[Task],
+        asked: Option<Purpose>,
+        attempts: u32,
+    ) -> Result<Purpose, PlanError> {
         let mut asked = asked;
+        // Seeds of the last attempts are numbers too: one that wraps around would
+        // be another purpose's.
+        let most = u64::MAX - ATTEMPT_STRIDE * (1 + u64::from(attempts));
         for task in tasks {
-            let seeds = task.first_seed..task.first_seed.saturating_add(task.episodes.into());
             let at = |what: String| PlanError {
                 path: self.path.to_owned(),
                 line: Some(task.line),
                 what: format!("task {:?}: {what}", task.name),
             };
+            if task.first_seed > most {
+                return Err(at(format!(
+                    "first_seed is {}; at most {most}, so that later attempts have seeds too",
+                    task.first_seed
+                )));
+            }
+            let seeds = task.first_seed..task.first_seed + u64::from(task.episodes);
             let found = Purpose::of_all(seeds.clone()).map_err(|mixed| at(mixed.to_string()))?;
             let wanted = *asked.get_or_insert(found);
             if found != wanted {
@@ -564,6 +578,10 @@ mod tests {
                 "p.toml:7: task \"pick_mustard\": seeds 0..2 are for develop, the plan is for train, whose seeds are 10000..1000000",
             ),
             ("name = \"x\"\nfirst_seed = 199", "below 200 for develop"),
+            (
+                "name = \"x\"\nfirst_seed = 18446744073709551615",
+                "later attempts have seeds",
+            ),
             ("name = \"x\"\npurpose = \"test\"", "policy-claim"),
         ] {
             let problem = of(text).unwrap_err().to_string();
