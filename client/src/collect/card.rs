@@ -205,6 +205,19 @@ fn histogram(title: &str, values: impl IntoIterator<Item = String>) -> String {
     text + "```\n\n"
 }
 
+/// What the plan has differ between episodes.
+fn differs(plan: &Plan) -> String {
+    let mut words = plan.variation.words();
+    if let Some(language) = &plan.language {
+        words += &language.words(0);
+        words += &format!(" sentences={}", language.sentences);
+    }
+    match words.trim() {
+        "" => "what the tasks draw".to_owned(),
+        words => format!("what the tasks draw, and {words}"),
+    }
+}
+
 /// How it was made and with what.
 fn making(plan: &Plan, manifest: &Manifest) -> String {
     let origins: BTreeSet<&[String; 2]> = manifest.episodes.iter().map(|d| &d.origin).collect();
@@ -221,6 +234,7 @@ fn making(plan: &Plan, manifest: &Manifest) -> String {
         ("Server and graphics adapter", origins.join("; ")),
         ("Scene, robot", format!("{}, {}", plan.scene, plan.robot)),
         ("Cameras", cameras.join(", ")),
+        ("Differs between episodes", differs(plan)),
         (
             "Size",
             format!(
@@ -246,11 +260,16 @@ fn making(plan: &Plan, manifest: &Manifest) -> String {
          again and compares its states.\n\n\
          ## Limits\n\n\
          Everything is simulated: one furnished home, fifteen objects, a scripted operator that \
-         knows the true state. Failed attempts are {} of {} and not in `episodes/`. Pictures are \
-         exact and without noise unless the plan draws sensors.\n",
+         knows the true state. Failed attempts are {} of {} and not in `episodes/`. {pictures}.\n",
         purposes.join(", "),
         manifest.failed_attempts.len(),
-        manifest.failed_attempts.len() + manifest.episodes.len()
+        manifest.failed_attempts.len() + manifest.episodes.len(),
+        pictures = if plan.variation.sensors.is_empty() {
+            "Pictures are exact and without noise"
+        } else {
+            "Pictures of `camera/*` are exact and without noise; what the real sensors would \
+             give stands in `sensor/*` and `sensed_*`"
+        }
     );
     text
 }

@@ -16,7 +16,6 @@ mod fleet;
 mod folder;
 mod journal;
 mod judge;
-mod language;
 mod manifest;
 mod merge;
 mod plan;

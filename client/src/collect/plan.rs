@@ -16,10 +16,10 @@ use wheelarm_proto::keys::check_name;
 use wheelarm_proto::look::LookText;
 use wheelarm_proto::seeds::{ATTEMPT_STRIDE, Purpose};
 use wheelarm_proto::settings::{Depth, Named, Quality, Starts};
-use wheelarm_proto::v1::CameraSetting;
+use wheelarm_proto::v1::{self, CameraSetting};
 
-use super::language::{Language, LanguageFile};
-use crate::variation::Variation;
+use crate::language::{Language, LanguageFile};
+use crate::variation::{Variation, read_sensors};
 
 /// Width and height that a server takes for a picture, pixels.
 const SIDES: RangeInclusive<u32> = 16..=4096;
@@ -183,6 +183,8 @@ struct PlanFile {
     purpose: Option<Purpose>,
     bear_share: Option<Spanned<f64>>,
     look: Option<LookText>,
+    #[serde(default, deserialize_with = "read_sensors")]
+    sensors: Vec<v1::SensorSetting>,
     #[serde(default = "sixty")]
     state_rate: Spanned<f64>,
     #[serde(default = "imu")]
@@ -319,6 +321,7 @@ impl Plan {
                 robots: file.randomise.robots,
                 language: None,
                 look: file.look,
+                sensors: file.sensors,
             },
             state_rate: file.state_rate.into_inner(),
             imu_rate: file.imu_rate.into_inner(),
@@ -392,19 +395,12 @@ impl Check<'_> {
     }
 
     fn language(&self, asked: Option<LanguageFile>) -> Result<Option<Language>, PlanError> {
-        let Some(asked) = asked else { return Ok(None) };
-        for (key, share) in asked.shares() {
-            self.that((0.0..=1.0).contains(share.get_ref()), share, || {
-                format!(
-                    "language.{key} is {}; it is a share, 0 to 1",
-                    share.get_ref()
-                )
-            })?;
-        }
-        self.that(*asked.sentences.get_ref() > 0, &asked.sentences, || {
-            "language.sentences is 0; at least 1 is needed".to_owned()
-        })?;
-        Ok(Some(asked.checked()))
+        let checked = asked.map(LanguageFile::checked).transpose();
+        checked.map_err(|(at, what)| PlanError {
+            path: self.path.to_owned(),
+            line: Some(line_of(self.text, &at)),
+            what,
+        })
     }
 
     fn rate(&self, key: &str, rate: &Spanned<f64>, base: f64) -> Result<(), PlanError> {
