@@ -42,7 +42,8 @@ fn main() -> Result<(), Box<dyn Error>> {
         label: "memory".to_owned(),
         ..Default::default()
     })?;
-    let begun = started.header.ok_or("an episode without a number")?;
+    let begun = started.header.clone();
+    let begun = begun.ok_or("an episode without a number")?;
     let mut memory = Memory::default();
     let mut stopped: Option<v1::EpisodeStopped> = None;
     let mut patience = Instant::now() + Duration::from_secs(60);
@@ -68,7 +69,7 @@ fn main() -> Result<(), Box<dyn Error>> {
             memory.samples.entry(stream).or_default().push(sample);
         }
         if stopped.is_none() && header.stamp_nanos > begun.stamp_nanos + 2_000_000_000 {
-            stopped = Some(link.stop_episode(false)?);
+            stopped = Some(link.stop_episode_of(&started, false)?);
             // The last samples are still on their way.
             patience = Instant::now() + Duration::from_secs(10);
         }

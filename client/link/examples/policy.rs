@@ -59,7 +59,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     })?;
     let done = act(&mut turns);
     // Also where it failed: without its policy the episode would go on.
-    let stopped = link.stop_episode(false);
+    let stopped = link.stop_episode_of(&started, false);
     let ((answers, knuckle), stopped) = (done?, stopped?);
     let stamp = |header: Option<v1::Header>| header.unwrap_or_default().stamp_nanos as f64 * 1e-9;
     let seconds = stamp(stopped.header) - stamp(started.header);

@@ -31,13 +31,35 @@ impl Link {
         Ok(reply.scenario.unwrap_or_default())
     }
 
-    /// Ends the running episode; with `discard` recorders throw it away.
+    /// Ends whichever episode runs; with `discard` recorders throw it away.
     ///
     /// # Errors
     /// [`LinkError`].
     pub fn stop_episode(&self, discard: bool) -> Result<v1::EpisodeStopped, LinkError> {
+        self.stop(None, discard)
+    }
+
+    /// Ends the episode that was started, and never one that somebody else began
+    /// after it; with `discard` recorders throw it away.
+    ///
+    /// # Errors
+    /// [`LinkError`], with the code `NoEpisode` where it is over.
+    pub fn stop_episode_of(
+        &self,
+        started: &v1::EpisodeStarted,
+        discard: bool,
+    ) -> Result<v1::EpisodeStopped, LinkError> {
+        self.stop(started.header.as_ref().map(|h| h.episode), discard)
+    }
+
+    fn stop(
+        &self,
+        episode: Option<u64>,
+        discard: bool,
+    ) -> Result<v1::EpisodeStopped, LinkError> {
         self.ask(&v1::EpisodeStopRequest {
             discard,
+            episode,
             force: false,
             secret: self.secret(),
         })

@@ -21,6 +21,9 @@ const SECONDS: f64 = 25.0;
 /// Bytes per pixel of a picture with colour, depth and ids, in the file
 /// (measured in the home scene at 1280x720, float32 and 16-bit depth).
 const PIXEL_BYTES: [f64; 2] = [2.0, 1.1];
+/// Bytes that sensor models add per pixel of the camera through which they see: noise
+/// cannot be compressed (measured, 640x360, 16-bit depth).
+const SENSED_BYTES: f64 = 2.5;
 /// Bytes of all other streams per simulated second (measured).
 const STATE_BYTES: f64 = 0.32e6;
 /// Simulated seconds per wall second of one worker when nothing is measured: a guess.
@@ -164,7 +167,9 @@ pub fn estimate(
         byte_rate: if measured {
             bytes / simulated
         } else {
-            plan.pixels_per_second() * pixel_bytes + STATE_BYTES
+            plan.pixels_per_second() * pixel_bytes
+                + plan.sensed_pixels_per_second() * SENSED_BYTES
+                + STATE_BYTES
         },
         factor: if measured {
             (simulated / wall, true)

@@ -110,6 +110,10 @@ impl Camera {
         format!("{}={width}x{height}@{}", self.name, self.rate)
     }
 
+    fn pixels_per_second(&self) -> f64 {
+        self.size.map(f64::from).iter().product::<f64>() * self.rate
+    }
+
     /// As a scenario says it.
     #[must_use]
     pub fn setting(&self) -> CameraSetting {
@@ -343,8 +347,16 @@ impl Plan {
     /// Pixels of all cameras per simulated second.
     #[must_use]
     pub fn pixels_per_second(&self) -> f64 {
-        let pixels = |c: &Camera| f64::from(c.size[0]) * f64::from(c.size[1]);
-        self.cameras.iter().map(|c| pixels(c) * c.rate).sum()
+        self.cameras.iter().map(Camera::pixels_per_second).sum()
+    }
+
+    /// Pixels per simulated second of those cameras through which sensor models see.
+    #[must_use]
+    pub fn sensed_pixels_per_second(&self) -> f64 {
+        let sensors = &self.variation.sensors;
+        let sensed = |c: &&Camera| sensors.iter().any(|sensor| sensor.camera == c.name);
+        let cameras = self.cameras.iter().filter(sensed);
+        cameras.map(Camera::pixels_per_second).sum()
     }
 }
 

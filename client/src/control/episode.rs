@@ -61,6 +61,7 @@ pub fn episode(link: &Link, command: &EpisodeCommand) -> anyhow::Result<()> {
         EpisodeCommand::Stop(args) => {
             let stopped = link.ask(&v1::EpisodeStopRequest {
                 discard: args.discard,
+                episode: None,
                 force: args.force,
                 secret: link.secret(),
             })?;

@@ -57,6 +57,7 @@ pub const TASKS: &str = manual!(
 pub const RESET: &str = manual!(
     "  wheelarm reset --seed 7
   wheelarm reset --task pick_mustard --seed 3
+  wheelarm reset --seed 7 --starts anywhere
 ",
     "  0  set up
   1  refused (an episode runs, somebody is in control, no such task), or no server answered

@@ -9,9 +9,12 @@ mod print;
 mod tasks;
 
 use clap::Args;
+use wheelarm_proto::settings::Starts;
 use wheelarm_proto::v1;
 
 use wheelarm_link::{Connect, Link, LinkError};
+
+use crate::choice::named;
 
 pub use episode::{EpisodeCommand, EpisodeStartArgs, EpisodeStopArgs, episode};
 pub use external::run_external;
@@ -32,6 +35,10 @@ pub struct ResetArgs {
     /// Seed of every random choice.
     #[arg(long)]
     pub seed: Option<u64>,
+    /// Where the robot starts: `near` by, or `anywhere` in the home with the arm in
+    /// any of its postures; as before when absent.
+    #[arg(long, value_parser = named::<Starts>())]
+    pub starts: Option<Starts>,
     /// Instruction sentence; drawn from the task's by seed when absent.
     #[arg(long)]
     pub instruction: Option<String>,
@@ -79,6 +86,7 @@ pub fn reset(link: &Link, args: &ResetArgs) -> Result<v1::Scenario, LinkError> {
         task: args.task.clone(),
         seed: args.seed,
         instruction: args.instruction.clone(),
+        starts: args.starts.map_or(0, |starts| starts.code().into()),
         ..v1::Scenario::default()
     };
     link.reset(scenario, args.force)

@@ -117,7 +117,7 @@ fn once(
     let started = started.with_context(|| rig.server.tail())?;
     let fed = check_assets(&rig.link, script).and_then(|()| feed(&mut turns, script, &started));
     // A replay that broke off is not worth a file.
-    rig.link.stop_episode(fed.is_err())?;
+    rig.link.stop_episode_of(&started, fed.is_err())?;
     let (line, mut code) = fed?.report();
     let mut lines = vec![line];
     if let Some(recorded) = rig.recorded(&started)? {

@@ -68,7 +68,7 @@ pub(super) fn run(args: &ReplayArgs, out: &Path, episode: &Episode) -> anyhow::R
     let begun = link.ask(&request).with_context(|| rig.server.tail())?;
     let shown = show(link, others);
     // What broke off is not worth a file.
-    link.stop_episode(shown.is_err())?;
+    link.stop_episode_of(&begun, shown.is_err())?;
     shown?;
     let recorded = rig.recorded(&begun)?.context("nothing was recorded")?;
     println!(

@@ -252,6 +252,25 @@ fn requests_that_are_too_large_are_refused_by_their_length() {
     assert!(server.alive());
 }
 
+#[test]
+fn whoever_ends_its_own_episode_never_ends_another() {
+    let server = Server::start("own", &["--no-cameras"]).expect("a server");
+    let link = server.link();
+    let first = start(&link, "first");
+    link.stop_episode_of(&first, false).expect("its end");
+    let over = |told: Result<v1::EpisodeStopped, wheelarm_link::LinkError>| {
+        let told = told.expect_err("it is over").to_string();
+        assert!(told.contains("is over"), "{told}");
+        told
+    };
+    let told = over(link.stop_episode_of(&first, false));
+    assert!(told.contains("no episode is running"), "{told}");
+    let second = start(&link, "second");
+    let told = over(link.stop_episode_of(&first, true));
+    assert!(told.contains("is running"), "{told}");
+    link.stop_episode_of(&second, false).expect("its own end");
+}
+
 /// State of the simulation, byte by byte, while time is paused.
 fn state(link: &Link) -> Vec<u8> {
     start(link, "look");

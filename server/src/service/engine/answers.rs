@@ -114,6 +114,14 @@ impl Engine {
 
     fn end(&self, payload: &[u8]) -> Result<bool, Denied> {
         let request: v1::EpisodeStopRequest = decode(payload)?;
+        let runs = self.episode_number();
+        if let Some(meant) = request.episode.filter(|meant| *meant != runs) {
+            let words = match runs {
+                0 => format!("episode {meant} is over, and no episode is running"),
+                _ => format!("episode {meant} is over, and episode {runs} is running"),
+            };
+            return Err(Denied::new(FailureCode::NoEpisode, words));
+        }
         if request.discard {
             let what = "a discarded episode is lost";
             self.may(what, request.force, &request.secret)?;
