@@ -23,6 +23,14 @@ fn code(millimetres: u16) -> u16 {
     (share * GREATEST).round_ties_even().clamp(0.0, GREATEST) as u16
 }
 
+/// A depth (m; 0 or infinite for no return) within what codes can tell.
+#[must_use]
+pub fn told(metres: f32) -> f32 {
+    let some = crate::depth::millimetres(metres) > 0;
+    let metres = if some { metres } else { 0.0 };
+    metres.clamp(LEAST as f32, MOST as f32)
+}
+
 /// Codes of a depth picture (m; 0 or infinite for no return), little-endian.
 #[must_use]
 pub fn frame(depth: &[f32]) -> Vec<u8> {
@@ -59,6 +67,8 @@ mod tests {
 
     #[test]
     fn no_return_is_code_zero() {
-        assert_eq!(frame(&[0.0, f32::INFINITY, 20.0]), [0, 0, 0, 0, 255, 15]);
+        let depth = [0.0, f32::INFINITY, 20.0];
+        assert_eq!(frame(&depth), [0, 0, 0, 0, 255, 15]);
+        assert_eq!(depth.map(told), [0.01, 0.01, 10.0]);
     }
 }

@@ -331,10 +331,15 @@ fn frame(
         let (source, index) = recording.sensed_depth(pictures.camera, row)?;
         let depth = source.depth(&recording.episode, index)?;
         let mut counts = Gathered::depths();
-        counts.depth(&depth, pixels / COUNTED_DEPTHS);
-        let bytes = match pictures.codec {
-            Some(_) => depth_code::frame(&depth),
-            None => png_depth(&depth, size)?,
+        let step = pixels / COUNTED_DEPTHS;
+        let bytes = if pictures.codec.is_some() {
+            // The statistics are of what a reader gets.
+            let told: Vec<f32> = depth.iter().map(|&d| depth_code::told(d)).collect();
+            counts.depth(&told, step);
+            depth_code::frame(&depth)
+        } else {
+            counts.depth(&depth, step);
+            png_depth(&depth, size)?
         };
         return Ok((bytes, counts));
     }
