@@ -106,7 +106,9 @@ def main():
     key = next(iter(videos))
     data = reader()("local/wheelarm", root=root, delta_timestamps={key: [-step, 0.0, step]})
     assert data[5][key].shape[0] == 3
-    batch = next(iter(torch.utils.data.DataLoader(data, batch_size=4, shuffle=True)))
+    # Lists of what is said differ in length: LeRobot's training keeps them as lists.
+    collate = importlib.import_module("lerobot.utils.collate").lerobot_collate_fn if language else None
+    batch = next(iter(torch.utils.data.DataLoader(data, batch_size=4, shuffle=True, collate_fn=collate)))
     assert batch[key].shape[:2] == (4, 3)
     if language:
         assert new, "LeRobot reads language from 0.6 on"
