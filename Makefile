@@ -3,8 +3,8 @@
 # make test    format, lints, documentation and all tests, as CI runs them
 # make contract    writes proto/contract.txt after a change of the .proto files
 # make test-cluster   a campaign on a one-node Slurm cluster in this machine
-# make test-readers   loads exports in lerobot 0.4.4 (0.6.1 too, with Python 3.12) and robomimic 0.3
-#                     (downloads gigabytes),
+# make test-readers   loads exports in lerobot 0.4.4 and 0.6.1 (needs Python 3.12 too) and
+#                     robomimic 0.3 (downloads gigabytes): features, videos, depth, language;
 #                     holds joint signals against Pinocchio
 # make test-data    what a scene draws does not tell the task: 1,000 seeds of every task
 #                   against three classifiers, and the old draws, which did; sentences are
@@ -58,6 +58,7 @@ test-cluster:
 	tests/cluster.sh $(PLAN)
 
 test-readers: build
+	scripts/setup.sh python
 	tests/readers.sh
 
 test-data:

@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # Installs what WheelArm needs beside Rust, or prints the exact line that does.
 #   scripts/setup.sh          system packages (HDF5, Vulkan loader and a CPU driver)
-#   scripts/setup.sh python   also strace, and .venv with the Python packages named after it
+#   scripts/setup.sh python   also strace, ffmpeg, and .venv with the Python packages named after it
 #   scripts/setup.sh chromium   also a browser for the test that opens a page, if apt has one
 set -euo pipefail
 cd "$(dirname "$0")/.."
@@ -24,6 +24,8 @@ if [ "${1:-}" = python ]; then
     need python3-venv python3 -c 'import venv, ensurepip'
     # The tests kill recorders at chosen system calls with it.
     need strace strace -V
+    # Data sets for LeRobot have videos.
+    need ffmpeg ffmpeg -version
 fi
 if [ ${#missing[@]} -gt 0 ]; then
     line="apt-get install -y ${missing[*]}"

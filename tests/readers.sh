@@ -2,8 +2,8 @@
 # Records two episodes, exports them, and runs the guide's Python with the real
 # readers: lerobot 0.4.4 and robomimic 0.3.0, in a virtual environment of its
 # own; and holds the joint signals against Pinocchio. The first run downloads several gigabytes (torch).
-# What lerobot gives to a policy is asked of 0.4.4 and, where there is Python 3.12
-# or newer, of 0.6.1 in another environment.
+# Videos, and what lerobot gives to a policy, are asked of 0.4.4 and, in another
+# environment of Python 3.12 or newer, of 0.6.1, which reads depth and language too.
 #   WHEELARM_READERS   the environment, .venv-readers without it; the other one
 #                      lies beside it with `-new` behind its name
 set -euo pipefail
@@ -12,6 +12,12 @@ root=$PWD
 venv=${WHEELARM_READERS:-$root/.venv-readers}
 python=$venv/bin/python
 NEEDED=13
+newer=
+for candidate in python3.12 python3.13 "$HOME"/.pyenv/versions/3.1[23]*/bin/python3; do
+    "$candidate" -c 'import sys; sys.exit(sys.version_info < (3, 12))' 2>/dev/null && newer=$candidate && break
+done
+[ -n "$newer" ] || { echo "lerobot 0.6.1 needs Python 3.12 or 3.13, and neither python3.12 nor python3.13 is found; install one (Debian 13, pyenv install 3.12) and put it on PATH" >&2; exit 1; }
+command -v ffmpeg >/dev/null || { echo "ffmpeg is missing: apt-get install -y ffmpeg" >&2; exit 1; }
 [ -x "$python" ] || python3 -m venv "$venv"
 # What is installed needs no cache beside it.
 export PIP_NO_CACHE_DIR=1
@@ -27,15 +33,10 @@ has pin 4.1.0 || pip pin==4.1.0
 has robomimic 0.3.0 || pip --no-deps robomimic==0.3.0
 "$python" -c 'import h5py, tensorboard, tensorboardX, imageio, termcolor, psutil, tqdm' 2>/dev/null ||
     pip h5py tensorboard tensorboardX imageio termcolor psutil tqdm
-newer=
-for candidate in python3.12 python3.13; do
-    "$candidate" -c 'import sys; sys.exit(sys.version_info < (3, 12))' 2>/dev/null && newer=$candidate && break
-done
-if [ -n "$newer" ]; then
-    [ -x "$venv-new/bin/python" ] || "$newer" -m venv "$venv-new"
-    "$venv-new/bin/python" -c "from importlib.metadata import version; import sys; sys.exit(version('lerobot') != '0.6.1')" 2>/dev/null ||
-        "$venv-new/bin/python" -m pip install --quiet --disable-pip-version-check lerobot==0.6.1
-fi
+new=$venv-new/bin/python
+[ -x "$new" ] || "$newer" -m venv "$venv-new"
+"$new" -c "import av, datasets, h5py; from importlib.metadata import version; import sys; sys.exit(version('lerobot') != '0.6.1')" 2>/dev/null ||
+    "$new" -m pip install --quiet --disable-pip-version-check 'lerobot[dataset]==0.6.1' h5py
 
 folder=$(mktemp -d)
 trap 'rm -rf "$folder"' EXIT
@@ -50,12 +51,24 @@ for chapter in lerobot robomimic; do
     "$python" "read_$chapter.py"
 done
 echo "== what LeRobot gives to a policy"
-"$python" "$root/tests/python/check_policy_features.py" data/lerobot
-if [ -n "$newer" ]; then
-    "$venv-new/bin/python" "$root/tests/python/check_policy_features.py" data/lerobot
-else
-    echo "lerobot 0.6.1 is not asked: it needs Python 3.12, which is not here"
-fi
+wheelarm demo --seed 0 --width 640 --height 360 --no-sheet --out data/sensed \
+    --sensor kinova_vision@gen3 --sensor chair_stereo@wheelchair >/dev/null
+wheelarm dataset export --format lerobot data/sensed --out data/colour >/dev/null
+wheelarm dataset export --format lerobot data/sensed --pictures av1 --out data/av1 >/dev/null
+wheelarm dataset export --format lerobot data/sensed --depth --language --out data/depth >/dev/null
+for set in lerobot colour; do
+    "$python" "$root/tests/python/check_policy_features.py" "data/$set"
+done
+for set in lerobot colour depth; do
+    "$new" "$root/tests/python/check_policy_features.py" "data/$set"
+done
+echo "== videos as LeRobot decodes them"
+check=$root/tests/python/check_videos.py
+for set in colour av1; do
+    "$python" -W ignore "$check" "data/$set" data/sensed/*.h5
+    "$new" -W ignore "$check" "data/$set" data/sensed/*.h5
+done
+"$new" -W ignore "$check" --language data/depth data/sensed/*.h5
 echo "== joint signals against Pinocchio"
 "$python" "$root/tests/python/check_signals.py" data/session/*.h5
 # Through a file: a reader that stops early would break the pipe.

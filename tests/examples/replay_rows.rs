@@ -1,9 +1,10 @@
 //! Exported rows replayed open loop at their own rate through public commands,
 //! each on the scenario that it was recorded in: how many succeed, by task and
 //! by kind of action, and how far chair and hand were from where they had been.
-//! The rows are those of `wheelarm dataset export`.
+//! The rows are those of `wheelarm dataset export`, made anew, or with `--rows`
+//! read from the Parquet files of a LeRobot set that was exported from them.
 //!
-//! `replay_rows [--jobs N] [--only KIND] RECORDINGS…`, where KIND is one of
+//! `replay_rows [--jobs N] [--only KIND | --rows SET] RECORDINGS…`, where KIND is one of
 //! `next-pose`, `next-joints`, `applied` and `shifted` (next-pose with every row
 //! one too late).
 
@@ -13,6 +14,7 @@ use std::path::PathBuf;
 use clap::Parser;
 use wheelarm_dataset::convert::batch;
 use wheelarm_policy::ActionKind;
+use wheelarm_tests::exported::Exported;
 use wheelarm_tests::rows::{Played, Rows};
 
 #[derive(Parser)]
@@ -24,8 +26,11 @@ struct Arguments {
     #[arg(long, default_value_t = 1)]
     jobs: usize,
     /// One kind of rows; all without it.
-    #[arg(long)]
+    #[arg(long, conflicts_with = "rows")]
     only: Option<String>,
+    /// A LeRobot set: its rows are played instead.
+    #[arg(long, value_name = "SET")]
+    rows: Option<PathBuf>,
 }
 
 /// Name, kind of action, and rows by which the actions come late.
@@ -35,6 +40,9 @@ const VARIANTS: [(&str, ActionKind, usize); 4] = [
     ("applied", ActionKind::Applied, 0),
     ("shifted", ActionKind::NextPose, 1),
 ];
+
+/// The rows of a set, whose kind it tells.
+const EXPORTED: [(&str, ActionKind, usize); 1] = [("exported", ActionKind::NextPose, 0)];
 
 fn main() -> anyhow::Result<()> {
     let arguments = Arguments::parse();
@@ -48,15 +56,23 @@ fn main() -> anyhow::Result<()> {
         }
     }
     files.sort();
+    let exported = arguments.rows.as_deref().map(Exported::read).transpose()?;
+    let variants = match exported {
+        Some(_) => &EXPORTED[..],
+        None => &VARIANTS,
+    };
     let wanted = |name: &str| arguments.only.as_deref().is_none_or(|only| only == name);
     let work: Vec<_> = files
         .iter()
-        .flat_map(|file| VARIANTS.map(|variant| (file, variant)))
+        .flat_map(|file| variants.iter().map(move |variant| (file, *variant)))
         .filter(|(_, (name, ..))| wanted(name))
         .collect();
     let results = batch::parallel(work.len(), arguments.jobs, |i| {
         let (file, (name, kind, shift)) = work[i];
-        let rows = Rows::read(file, kind, shift)?;
+        let rows = match &exported {
+            Some(set) => Rows::exported(file, set)?,
+            None => Rows::read(file, kind, shift)?,
+        };
         let task = rows.scenario.task().to_owned();
         let seed = rows.scenario.seed();
         let played = rows

@@ -7,6 +7,8 @@ compared with those in the recordings, which are read with h5py alone.
 
 import csv
 import json
+import os
+import subprocess
 import sys
 from pathlib import Path
 
@@ -209,6 +211,27 @@ def next_pose(source, stamp, after):
     return np.concatenate([pose[:3], first, second, [knuckle], motion])
 
 
+def video(path, key, info, episode, exact, stamps):
+    """An episode's frames, decoded by ffmpeg, are the recorded pictures in order."""
+    place = {name: episode[f"videos/{key}/{name}"] for name in ("chunk_index", "file_index", "from_timestamp", "to_timestamp")}
+    file = path / info["video_path"].format(video_key=key, **place)
+    height, width, _ = info["features"][key]["shape"]
+    ffmpeg = os.environ.get("WHEELARM_FFMPEG") or "ffmpeg"
+    asked = ["-loglevel", "error", "-i", file, "-f", "rawvideo", "-pix_fmt", "rgb24", "-"]
+    raw = subprocess.run([ffmpeg, *asked], check=True, capture_output=True).stdout
+    frames = np.frombuffer(raw, np.uint8).reshape(-1, height, width, 3)
+    first, last = (round(place[f"{end}_timestamp"] * info["fps"]) for end in ("from", "to"))
+    assert last - first == episode["length"] and last <= len(frames)
+    frames = frames[first:last].astype(float)
+    sources = np.stack([exact["rgb"][at_stamp(exact, stamp)] for stamp in stamps]).astype(float)
+    assert frames.shape == sources.shape, (frames.shape, sources.shape)
+    noise = ((frames - sources) ** 2).mean(axis=(1, 2, 3))
+    decibel = 10 * np.log10(255**2 / np.maximum(noise, 1e-9))
+    assert decibel.mean() >= 36 and decibel.min() >= 30, (key, decibel.mean(), decibel.min())
+    still = ((frames[1:] - sources[:-1]) ** 2).mean(axis=(1, 2, 3))
+    assert still.mean() > 2 * noise.mean(), f"{key}: frames are one late as well"
+
+
 def lerobot(path, recordings):
     import pyarrow.parquet as pq
 
@@ -222,8 +245,9 @@ def lerobot(path, recordings):
     assert info["features"]["observation.state"]["names"][0] == f"{told}.position"
     table = pq.read_table(sorted(path.glob("data/*/*.parquet")))
     features = info["features"]
-    assert set(table.column_names) == set(features)
-    assert json.loads(table.schema.metadata[b"huggingface"])["info"]["features"].keys() == features.keys()
+    columns = {name for name, feature in features.items() if feature["dtype"] != "video"}
+    assert set(table.column_names) == columns
+    assert json.loads(table.schema.metadata[b"huggingface"])["info"]["features"].keys() == columns
     assert table.num_rows == info["total_frames"]
     column = {name: table[name].to_pylist() for name in table.column_names if "images" not in name}
     assert column["index"] == list(range(table.num_rows))
@@ -253,10 +277,15 @@ def lerobot(path, recordings):
             if row + 1 < rows[-1]:
                 after = round(column["simulation_time"][row + 1] * 1e9)
                 equal(np.array(column["action"][row]), next_pose(source, stamp, after), "action", 1e-4)
-            height, width = shape[:2]
-            for camera in CAMERAS:
-                picture = table[f"observation.images.{camera}"][row].as_py()
-                assert png(picture["bytes"]) == (width, height, 8, 2)
+        for camera in CAMERAS:
+            key = f"observation.images.{camera}"
+            if features[key]["dtype"] == "video":
+                stamps = [round(column["simulation_time"][row] * 1e9) for row in rows]
+                video(path, key, info, episode, streams[f"camera/{camera}"], stamps)
+                continue
+            for row in (rows[0], rows[-1]):
+                picture = table[key][row].as_py()
+                assert png(picture["bytes"]) == (shape[1], shape[0], 8, 2)
     stats = json.loads((path / "meta/stats.json").read_text())
     state = np.array(column["observation.state"])
     for name, found in (("min", state.min(0)), ("max", state.max(0)), ("mean", state.mean(0)), ("std", np.maximum(state.std(0), 0.01))):

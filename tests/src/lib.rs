@@ -3,6 +3,7 @@
 
 pub mod adversary;
 pub mod decoders;
+pub mod exported;
 pub mod mutate;
 mod operator;
 mod proxy;

@@ -1,9 +1,10 @@
 //! The rows of a recording, played open loop through public commands: what a
 //! policy that answers exactly these would do.
 
+use std::ops::Range;
 use std::path::Path;
 
-use anyhow::{Context, bail};
+use anyhow::{Context, bail, ensure};
 use wheelarm_dataset::convert::learning::{self, Learning, RowOptions};
 use wheelarm_dataset::convert::{ReadOptions, Recording};
 use wheelarm_link::{Link, Turn};
@@ -12,6 +13,7 @@ use wheelarm_proto::robot::Roles;
 use wheelarm_proto::topic::Sample;
 use wheelarm_proto::{PHYSICS_HZ, TICKS_PER_CONTROL, TopicId, v1};
 
+use crate::exported::Exported;
 use crate::{PATIENCE, Server};
 
 /// Rows for which the last one is held while the task has not been done.
@@ -64,6 +66,56 @@ impl Rows {
         let rounded =
             |row: &[f64]| -> Vec<f64> { row.iter().map(|v| f64::from(*v as f32)).collect() };
         let actions = (0..=last).map(|i| rounded(&all.actions[i.saturating_sub(shift)]));
+        let actions = actions.collect();
+        Self::of(&recording, &all, rate, kind, (0..last + 1, actions))
+    }
+
+    /// Reads a recording and takes its actions from a LeRobot set that was exported
+    /// from it.
+    ///
+    /// # Errors
+    /// When the set does not hold the recording's rows.
+    pub fn exported(file: &Path, set: &Exported) -> anyhow::Result<Self> {
+        let wanted = |stream: &str| learning::STREAMS.contains(&stream);
+        let recording = Recording::open(file, &ReadOptions::default(), &wanted)?;
+        let kinds = [
+            ActionKind::NextPose,
+            ActionKind::NextJoints,
+            ActionKind::Applied,
+        ];
+        let mut kinds = kinds.into_iter();
+        let kind = kinds.find(|kind| kind.names(&recording.robot) == set.names);
+        let kind = kind.context("the set's actions are of no known kind")?;
+        let label = &recording.summary.label;
+        let rows = set.episodes.get(label);
+        let rows = rows.with_context(|| format!("the set does not hold {label}"))?;
+        let options = RowOptions {
+            action: kind,
+            trim_idle: None,
+        };
+        let (rate, all) = Learning::on_grid(&recording, &options)?;
+        let time = |row: &usize| recording.aligned.stamps[*row] as f64 * 1e-9;
+        let times: Vec<f64> = all.rows.iter().map(time).collect();
+        let first = times.partition_point(|time| *time < rows[0].0 - 1e-6);
+        let here = first..first + rows.len();
+        let found = times
+            .get(here.clone())
+            .context("rows beyond the recording")?;
+        let far = found.iter().zip(rows).any(|(a, b)| (a - b.0).abs() > 1e-6);
+        ensure!(!far, "the set's rows of {label} have other times");
+        let actions = rows.iter().map(|row| row.1.clone()).collect();
+        Self::of(&recording, &all, rate, kind, (here, actions))
+    }
+
+    /// Actions of some rows of a recording, and what they are held against.
+    fn of(
+        recording: &Recording,
+        all: &Learning<'_>,
+        rate: u32,
+        kind: ActionKind,
+        (rows, actions): (Range<usize>, Vec<Vec<f64>>),
+    ) -> anyhow::Result<Self> {
+        let places = &all.rows[rows];
         let mut player = Player::new(kind, &recording.robot, f64::from(rate));
         player.device = v1::Device::Replay;
         // A force cap is no part of a row: the scene tells a policy what to take.
@@ -71,18 +123,17 @@ impl Rows {
         let caps = applied.iter().filter_map(|a| a.gripper?.max_force);
         player.max_force = caps.reduce(f64::min);
         let started = recording.episode.started()?.header.unwrap_or_default();
-        let stamp = recording.aligned.stamps[all.rows[0]] as f64 * 1e-9;
+        let stamp = recording.aligned.stamps[places[0]] as f64 * 1e-9;
         let tick = (stamp * PHYSICS_HZ as f64).round() as u64;
         let before = tick.saturating_sub(started.tick) / TICKS_PER_CONTROL;
         let place = |pose: &[f64]| -> [f64; 3] { std::array::from_fn(|k| pose[k]) };
-        let path = all
-            .rows
+        let path = places
             .iter()
             .map(|row| [all.chair(*row), all.effector(*row)].map(place));
         let roles = Roles::find(&recording.robot)?;
         Ok(Self {
             scenario: recording.episode.scenario()?,
-            actions: actions.collect(),
+            actions,
             player,
             before: u32::try_from(before)?,
             frames: [roles.chair, roles.end_effector],

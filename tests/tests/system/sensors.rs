@@ -148,16 +148,22 @@ fn what_sensors_give_is_recorded_beside_the_truth_and_made_again_bit_by_bit() {
     assert_eq!(same, exact.rgb(&episode, 3).expect("a picture"));
 
     wheelarm(here, &["dataset", "align", &path, "--out", "aligned"]);
-    for format in ["lerobot", "mcap"] {
+    for (format, more) in [
+        ("lerobot", &["--pictures", "png", "--depth"][..]),
+        ("mcap", &[]),
+    ] {
         let out = format!("exported-{format}");
         let export = [
             "dataset", "export", &path, "--format", format, "--out", &out,
         ];
-        wheelarm(here, &export);
+        wheelarm(here, &[&export, more].concat());
     }
     let features = here.join("exported-lerobot/meta/info.json");
     let features = std::fs::read_to_string(features).expect("features");
-    assert!(features.contains("observation.depth.gen3"), "{features}");
+    assert!(
+        features.contains("observation.images.gen3_depth"),
+        "{features}"
+    );
 }
 
 #[test]

@@ -10,6 +10,7 @@ use std::path::{Path, PathBuf};
 use clap::{Parser, Subcommand};
 use wheelarm_dataset::convert::Size;
 use wheelarm_dataset::convert::learning::RowOptions;
+use wheelarm_dataset::convert::lerobot::{LeRobotOptions, PictureFormat};
 use wheelarm_dataset::finish::finish;
 use wheelarm_dataset::read::Episode;
 use wheelarm_dataset::{info, sheet};
@@ -99,6 +100,14 @@ enum Command {
         /// seconds; in lerobot, robomimic and csv.
         #[arg(long, value_name = "SECONDS", value_parser = idle)]
         trim_idle: Option<f64>,
+        /// How lerobot keeps pictures: as video by ffmpeg (WHEELARM_FFMPEG, else on
+        /// PATH), or as PNG.
+        #[arg(long, value_enum, default_value_t, value_name = "HOW")]
+        pictures: PictureFormat,
+        /// Adds to lerobot what the depth sensors gave; exact depth is never in it.
+        /// LeRobot reads depth videos from 0.6 on.
+        #[arg(long)]
+        depth: bool,
         /// Adds the columns language_persistent and language_events to lerobot, which
         /// LeRobot reads from 0.6 on and older ones refuse.
         #[arg(long)]
@@ -170,10 +179,18 @@ pub fn run(cli: Cli) -> anyhow::Result<u8> {
             size,
             action,
             trim_idle,
+            pictures,
+            depth,
             language,
         } => {
-            let rows = RowOptions { action, trim_idle };
-            process::export(&input, format, &out, size, rows, language)
+            let set = LeRobotOptions {
+                size,
+                rows: RowOptions { action, trim_idle },
+                language,
+                pictures,
+                depth,
+            };
+            process::export(&input, format, &out, set)
         }
         Command::Validate { input } => process::validate(&input),
         Command::Stats { input, plot, csv } => {

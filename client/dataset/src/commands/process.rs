@@ -7,11 +7,11 @@ use wheelarm_dataset::align::{self, accuracy};
 use wheelarm_dataset::convert::batch::{self, each, failures, threads};
 use wheelarm_dataset::convert::csv_table::CsvTable;
 use wheelarm_dataset::convert::learning::RowOptions;
-use wheelarm_dataset::convert::lerobot::LeRobot;
+use wheelarm_dataset::convert::lerobot::{LeRobot, LeRobotOptions, PictureFormat};
 use wheelarm_dataset::convert::mcap_log::McapLog;
 use wheelarm_dataset::convert::robomimic::Robomimic;
 use wheelarm_dataset::convert::wheelarm_sim::WheelarmSim;
-use wheelarm_dataset::convert::{Format, PendingFile, Recording, Size};
+use wheelarm_dataset::convert::{Format, PendingFile, Recording};
 use wheelarm_dataset::label::{self, Agreement, agreement};
 use wheelarm_dataset::read::Episode;
 use wheelarm_dataset::{composition, plot as plots, validate as check, view as pages};
@@ -193,10 +193,9 @@ pub fn export(
     input: &Input,
     name: FormatName,
     out: &Path,
-    size: Option<Size>,
-    rows: RowOptions,
-    language: bool,
+    set: LeRobotOptions,
 ) -> anyhow::Result<u8> {
+    let LeRobotOptions { size, rows, .. } = set;
     let (files, options) = (recordings(&input.files)?, options(input)?);
     let jobs = jobs(&input.files);
     // Files at once times threads of one file: as many as there are processors.
@@ -210,8 +209,15 @@ pub fn export(
             "--action and --trim-idle are for lerobot, robomimic and csv; this format has no rows of action"
         );
     }
-    if language && name != FormatName::Lerobot {
+    let is_lerobot = name == FormatName::Lerobot;
+    if set.language && !is_lerobot {
         anyhow::bail!("--language is for lerobot; `annotate` writes labels beside any recording");
+    }
+    if set.depth && !is_lerobot {
+        anyhow::bail!("--depth is for lerobot; mcap holds what the depth sensors gave as it is");
+    }
+    if set.pictures != PictureFormat::default() && !is_lerobot {
+        anyhow::bail!("--pictures is for lerobot; the other formats have one way to keep pictures");
     }
     let format: Box<dyn Format> = match name {
         FormatName::WheelarmSim => Box::new(WheelarmSim {
@@ -223,9 +229,7 @@ pub fn export(
             rows,
             threads: inner,
         }),
-        FormatName::Lerobot => {
-            Box::new(LeRobot::new(out, size, rows, threads())?.with_language(language))
-        }
+        FormatName::Lerobot => Box::new(LeRobot::new(out, set, threads())?),
         FormatName::Robomimic => Box::new(Robomimic::new(out, size, rows, threads())?),
         FormatName::Mcap => Box::new(McapLog {
             out: folder,

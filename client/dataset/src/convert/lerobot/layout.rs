@@ -7,7 +7,8 @@ use serde_json::{Value, json};
 use wheelarm_policy::{ActionKind, state_names};
 
 use super::table::{Cells, Column};
-use crate::convert::learning::{Body, Learning};
+use super::video::Codec;
+use crate::convert::learning::{self, Body, Learning};
 use crate::convert::{Recording, Size};
 
 /// Rate, cameras and robot of the set.
@@ -15,16 +16,48 @@ use crate::convert::{Recording, Size};
 pub(super) struct Layout {
     /// Rows per second.
     pub rate: u32,
-    /// Cameras with the size of their pictures.
-    pub cameras: BTreeMap<String, Size>,
-    /// Cameras with a depth sensor, and the size of its pictures.
-    pub depths: BTreeMap<String, Size>,
+    /// Cameras and depth sensors.
+    pub streams: Streams,
+    /// What colour is coded by; pictures stand in Parquet without it.
+    pub colour: Option<Codec>,
     /// The robot.
     pub body: Body,
     /// Names of the values of [`VECTORS`].
     pub names: [Vec<String>; 3],
     /// With the two columns of language.
     pub language: bool,
+}
+
+/// What pictures the set has.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Streams {
+    /// Cameras with the size of their pictures.
+    pub cameras: BTreeMap<String, Size>,
+    /// Cameras with a depth sensor, and the size of its pictures.
+    pub depths: BTreeMap<String, Size>,
+}
+
+impl Streams {
+    /// The one place that decides which pictures of a recording are observed: of
+    /// every camera the colour that the robot saw (`Recording::seen`), and with
+    /// `depth` what depth sensors gave, never exact depth.
+    ///
+    /// # Errors
+    /// When there is no picture, or no depth sensor where depth is wanted.
+    pub fn of(recording: &Recording, size: Option<Size>, depth: bool) -> anyhow::Result<Self> {
+        let cameras = learning::cameras(recording, size);
+        anyhow::ensure!(!cameras.is_empty(), "the episode has no pictures");
+        let mut depths = BTreeMap::new();
+        if depth {
+            depths = recording.depth_sensors();
+            anyhow::ensure!(
+                !depths.is_empty(),
+                "{}: no depth sensor was on, and exact depth is never exported, since no robot has it: record with --sensor kinova_vision@gen3 (or another model of assets/sensors), or leave --depth out",
+                recording.summary.label
+            );
+        }
+        Ok(Self { cameras, depths })
+    }
 }
 
 /// A feature of pictures.
@@ -35,8 +68,10 @@ pub(super) struct Pictures<'a> {
     pub camera: &'a str,
     /// Size of its pictures.
     pub size: Size,
-    /// Depth by the camera's depth sensor, 16-bit millimetres; else colour.
+    /// Depth by the camera's depth sensor, millimetres; else colour.
     pub is_depth: bool,
+    /// What it is coded by; PNG in Parquet without it.
+    pub codec: Option<Codec>,
 }
 
 impl Pictures<'_> {
@@ -169,9 +204,10 @@ pub(super) fn image_key(camera: &str) -> String {
     format!("observation.images.{camera}")
 }
 
-/// Feature of what a camera's depth sensor gives. Exact depth is never one.
+/// Feature of what a camera's depth sensor gives, named as LeRobot 0.6 does. Exact
+/// depth is never one.
 fn depth_key(camera: &str) -> String {
-    format!("observation.depth.{camera}")
+    format!("observation.images.{camera}_depth")
 }
 
 /// The numeric columns of a block, in the order of [`Layout::features`], behind
@@ -196,20 +232,14 @@ pub(super) fn numbers(block: &Block<'_>) -> Vec<Column> {
 }
 
 impl Layout {
-    /// The layout of a recording, with pictures of `cameras`.
-    pub fn of(
-        recording: &Recording,
-        rate: u32,
-        cameras: BTreeMap<String, Size>,
-        depths: BTreeMap<String, Size>,
-        action: ActionKind,
-    ) -> Self {
+    /// The layout of a recording, with pictures of `streams`.
+    pub fn of(recording: &Recording, rate: u32, streams: Streams, action: ActionKind) -> Self {
         let robot = &recording.robot;
         let pose = ["x", "y", "z", "qx", "qy", "qz", "qw"].map(String::from);
         Self {
             rate,
-            cameras,
-            depths,
+            streams,
+            colour: None,
             body: Body::of(robot),
             names: [state_names(robot), action.names(robot), pose.to_vec()],
             language: false,
@@ -218,17 +248,19 @@ impl Layout {
 
     /// The features of pictures, in their order.
     pub fn pictures(&self) -> impl Iterator<Item = Pictures<'_>> {
-        let colour = self.cameras.iter().map(|(camera, &size)| Pictures {
+        let colour = self.streams.cameras.iter().map(|(camera, &size)| Pictures {
             key: image_key(camera),
             camera,
             size,
             is_depth: false,
+            codec: self.colour,
         });
-        let depth = self.depths.iter().map(|(camera, &size)| Pictures {
+        let depth = self.streams.depths.iter().map(|(camera, &size)| Pictures {
             key: depth_key(camera),
             camera,
             size,
             is_depth: true,
+            codec: self.colour.map(|_| Codec::Depth),
         });
         colour.chain(depth)
     }
@@ -238,8 +270,19 @@ impl Layout {
         let mut out = serde_json::Map::new();
         for pictures in self.pictures() {
             let Size { width, height } = pictures.size;
-            let feature = json!({"dtype": "image", "shape": [height, width, pictures.channels()],
+            let info = match pictures.codec {
+                Some(codec) => Some(codec.info(pictures.size, self.rate)),
+                None if pictures.is_depth => {
+                    Some(json!({"is_depth_map": true, "depth_unit": "mm"}))
+                }
+                None => None,
+            };
+            let dtype = pictures.codec.map_or("image", |_| "video");
+            let mut feature = json!({"dtype": dtype, "shape": [height, width, pictures.channels()],
                 "names": ["height", "width", "channels"]});
+            if let Some(info) = info {
+                feature["info"] = info;
+            }
             out.insert(pictures.key, feature);
         }
         for ((name, _), names) in VECTORS.iter().zip(&self.names) {
@@ -265,7 +308,8 @@ impl Layout {
     /// The features as Hugging Face's `datasets` writes them into the footer.
     pub fn footer(&self) -> String {
         let mut out = serde_json::Map::new();
-        for pictures in self.pictures() {
+        // A video has no column.
+        for pictures in self.pictures().filter(|p| p.codec.is_none()) {
             out.insert(pictures.key, json!({"_type": "Image"}));
         }
         for ((name, _), names) in VECTORS.iter().zip(&self.names) {

@@ -5,11 +5,14 @@ use std::path::Path;
 use serde_json::{Value, json};
 
 use super::layout::Layout;
-use super::set::{EpisodeRow, FILE_BYTES, FOLDER_FILES, Set};
+use super::set::{EpisodeRow, FILE_BYTES, FOLDER_FILES, Set, VIDEO_BYTES};
 use super::statistics::{Gathered, NAMES};
 use super::table::{Cells, Column, Table};
 use crate::convert::learning::LEAST_DEVIATION;
 use crate::label;
+
+/// Where videos lie, as LeRobot fills it in.
+const VIDEO_PATH: &str = "videos/{video_key}/chunk-{chunk_index:03d}/file-{file_index:03d}.mp4";
 
 fn column(name: &str, cells: Cells) -> Column {
     Column {
@@ -76,20 +79,22 @@ pub(super) fn metadata(folder: &Path, set: &Set, layout: &Layout) -> anyhow::Res
         "total_tasks": set.tasks.len(),
         "chunks_size": FOLDER_FILES,
         "data_files_size_in_mb": FILE_BYTES >> 20,
-        "video_files_size_in_mb": 200,
+        "video_files_size_in_mb": VIDEO_BYTES >> 20,
         "fps": layout.rate,
         "splits": {"train": format!("0:{}", set.episodes.len())},
         "data_path": "data/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet",
-        "video_path": null,
+        "video_path": layout.colour.map(|_| VIDEO_PATH),
         "features": layout.features(),
     });
     write("info.json", &info)?;
     write("cameras.json", &set.calibration)?;
-    episodes_table(&meta.join("episodes/chunk-000/file-000.parquet"), set)
+    let episodes = meta.join("episodes/chunk-000/file-000.parquet");
+    episodes_table(&episodes, set, layout.rate)
 }
 
-/// One row per episode: where it stands in the data files, and its statistics.
-fn episodes_table(path: &Path, set: &Set) -> anyhow::Result<()> {
+/// One row per episode: where it stands in the data files and videos, and its
+/// statistics.
+fn episodes_table(path: &Path, set: &Set, rate: u32) -> anyhow::Result<()> {
     type Number = fn(usize, &EpisodeRow) -> usize;
     let all = &set.episodes;
     let integers = |(name, of): (&str, Number)| {
@@ -109,6 +114,25 @@ fn episodes_table(path: &Path, set: &Set) -> anyhow::Result<()> {
         ("meta/episodes/file_index", |_, _| 0),
     ];
     columns.extend(places.map(integers));
+    for key in set.reels.keys() {
+        let videos = all.iter().map(|e| (e.videos.get(key), e.length));
+        let places: Vec<_> = videos.filter_map(|(p, n)| p.map(|p| (p, n))).collect();
+        let number = |name: &str, of: fn(usize) -> usize| {
+            let values = places.iter().map(|(p, _)| of(p.file) as i64).collect();
+            column(&format!("videos/{key}/{name}"), Cells::I64(vec![], values))
+        };
+        columns.push(number("chunk_index", |file| file / FOLDER_FILES));
+        columns.push(number("file_index", |file| file % FOLDER_FILES));
+        let seconds = |name: &str, frames: Vec<usize>| {
+            let values = frames.into_iter().map(|n| n as f64 / f64::from(rate));
+            let cells = Cells::F64(vec![], values.collect());
+            column(&format!("videos/{key}/{name}"), cells)
+        };
+        let from = places.iter().map(|(p, _)| p.from).collect();
+        let to = places.iter().map(|(p, n)| p.from + n).collect();
+        columns.push(seconds("from_timestamp", from));
+        columns.push(seconds("to_timestamp", to));
+    }
     let labels = all.iter().map(|e| e.label.clone()).collect();
     columns.push(column("recording", Cells::Text(vec![], labels)));
     let success = all.iter().map(|e| e.success).collect();

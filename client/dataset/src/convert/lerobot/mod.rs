@@ -1,15 +1,19 @@
-//! A LeRobot data set, version 3.0: pictures in Parquet, tasks, episodes,
-//! statistics. The whole set is made under another name and renamed at the end.
+//! A LeRobot data set, version 3.0: pictures as video or in Parquet, tasks,
+//! episodes, statistics. The whole set is made under another name and renamed at
+//! the end.
 //!
-//! An episode's pictures are encoded into a scratch file first, so that a
+//! An episode's pictures are encoded into scratch files first, so that a
 //! recording that turns out unreadable leaves nothing behind in the set.
 
+mod depth_code;
 mod language;
 mod layout;
 mod metadata;
+mod reel;
 mod set;
 mod statistics;
 mod table;
+mod video;
 
 use std::collections::BTreeMap;
 use std::fs::File;
@@ -20,7 +24,7 @@ use anyhow::Context;
 use parking_lot::Mutex;
 
 use self::language::Spoken;
-use self::layout::{Block, Layout, numbers};
+use self::layout::{Block, Layout, Pictures, Streams, numbers};
 use self::metadata::metadata;
 use self::set::{EpisodeRow, Set};
 use self::statistics::Gathered;
@@ -30,6 +34,9 @@ use super::intrinsics;
 use super::learning::{self, Learning, RowOptions};
 use super::{Format, PendingFolder, Recording, Size, Written, png_depth, png_rgb, scaled};
 
+use self::video::{Ffmpeg, Stream};
+pub use self::video::{PROGRAM, PictureFormat};
+
 /// Rows that are encoded, and written as one row group, together.
 const BLOCK: usize = 32;
 /// About this many pixels of a picture are counted in the statistics.
@@ -38,50 +45,49 @@ const COUNTED_PIXELS: usize = 20_000;
 /// And this many of a depth picture: its values are kept.
 const COUNTED_DEPTHS: usize = 300;
 
+/// What goes into a data set, and how.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct LeRobotOptions {
+    /// Size of colour pictures; as recorded without it.
+    pub size: Option<Size>,
+    /// Rows of state and action.
+    pub rows: RowOptions,
+    /// With the columns `language_persistent` and `language_events`, which LeRobot
+    /// reads from 0.6 on and older ones refuse.
+    pub language: bool,
+    /// How pictures are kept.
+    pub pictures: PictureFormat,
+    /// With what the depth sensors gave; exact depth is never exported.
+    pub depth: bool,
+}
+
 /// Writes one data set.
 pub struct LeRobot {
-    size: Option<Size>,
-    rows: RowOptions,
-    language: bool,
+    options: LeRobotOptions,
+    ffmpeg: Option<Ffmpeg>,
     threads: usize,
     set: Mutex<Set>,
 }
 
 impl LeRobot {
-    /// A data set at `out`; pictures are scaled to `size` when it is given.
+    /// A data set at `out`.
     ///
     /// # Errors
-    /// When `out` exists already.
-    pub fn new(
-        out: &Path,
-        size: Option<Size>,
-        rows: RowOptions,
-        threads: usize,
-    ) -> anyhow::Result<Self> {
+    /// When `out` exists already, or there is no ffmpeg that makes such videos.
+    pub fn new(out: &Path, options: LeRobotOptions, threads: usize) -> anyhow::Result<Self> {
         Ok(Self {
-            size,
-            rows,
-            language: false,
+            options,
+            ffmpeg: Ffmpeg::find(options.pictures, options.depth)?,
             threads,
             set: Mutex::new(Set::new(PendingFolder::new(out)?)),
         })
     }
 }
 
-impl LeRobot {
-    /// With the columns `language_persistent` and `language_events`, which LeRobot
-    /// reads from 0.6 on and older ones refuse.
-    #[must_use]
-    pub fn with_language(mut self, language: bool) -> Self {
-        self.language = language;
-        self
-    }
-}
-
 /// Statistics of features, by name.
 type Statistics = BTreeMap<String, Gathered>;
 
-/// Pictures of one episode, encoded, in a file that has no name for long.
+/// PNG pictures of one episode in a file that has no name for long.
 struct Scratch {
     file: File,
     lengths: Vec<usize>,
@@ -120,37 +126,47 @@ impl Format for LeRobot {
     }
 
     fn add(&self, recording: &Recording, tick: &(dyn Fn() + Sync)) -> anyhow::Result<Written> {
-        let (rate, learning) = Learning::on_grid(recording, &self.rows)?;
-        let cameras = learning::cameras(recording, self.size);
-        let depths = recording.depth_sensors();
-        let mut layout = Layout::of(recording, rate, cameras, depths, self.rows.action);
-        layout.language = self.language;
-        anyhow::ensure!(!layout.cameras.is_empty(), "the episode has no pictures");
+        let options = &self.options;
+        let (rate, learning) = Learning::on_grid(recording, &options.rows)?;
+        let streams = Streams::of(recording, options.size, options.depth)?;
+        let mut layout = Layout::of(recording, rate, streams, options.rows.action);
+        layout.language = options.language;
+        layout.colour = self.ffmpeg.as_ref().map(|ffmpeg| ffmpeg.colour);
         let set = &mut *self.set.lock();
         if let Some(first) = &set.layout {
             first.body.ensure_same(&layout.body)?;
             anyhow::ensure!(
-                (first.rate, &first.cameras, &first.depths)
-                    == (layout.rate, &layout.cameras, &layout.depths),
+                (first.rate, &first.streams) == (layout.rate, &layout.streams),
                 "rate or pictures differ from those of the first episode ({} Hz, {:?}, here {} Hz, {:?}); --size makes sizes equal",
                 first.rate,
-                first.cameras,
+                first.streams,
                 layout.rate,
-                layout.cameras
+                layout.streams
             );
         }
 
         // Everything that can fail because of the recording comes first.
-        let spoken = match self.language {
-            true => Some(Spoken::of(recording, &learning, &layout.cameras, rate)?),
+        let spoken = match options.language {
+            true => Some(Spoken::of(
+                recording,
+                &learning,
+                &layout.streams.cameras,
+                rate,
+            )?),
             false => None,
         };
         let rows = &learning.rows;
         let mut scratch = Scratch::new(set.folder.path())?;
-        let mut statistics = self.encode(recording, &layout, rows, &mut scratch, tick)?;
+        let mut films = self.films(set, &layout)?;
+        let mut statistics =
+            self.encode(recording, &layout, rows, &mut scratch, &mut films, tick)?;
+        let mut filmed = Vec::new();
+        for Film { key, name, stream } in films {
+            filmed.push((key, name, stream.finish()?));
+        }
 
         if set.layout.is_none() {
-            set.calibration = intrinsics::cameras(recording, self.size);
+            set.calibration = intrinsics::cameras(recording, options.size);
             set.layout = Some(layout.clone());
         }
         let task = set.task(&recording.summary.instruction);
@@ -171,6 +187,11 @@ impl Format for LeRobot {
             &mut scratch,
             spoken.as_ref(),
         )?);
+        let mut videos = BTreeMap::new();
+        for (key, name, bytes) in filmed {
+            let reel = set.reels.entry(key.clone()).or_default();
+            videos.insert(key, reel.add(name, rows.len(), bytes));
+        }
         set.finish_episode(EpisodeRow {
             task: recording.summary.instruction.clone(),
             length: rows.len(),
@@ -178,8 +199,10 @@ impl Format for LeRobot {
             from: set.rows,
             label: recording.summary.label.clone(),
             success: recording.summary.success,
+            videos,
             statistics,
         })?;
+        self.close_reels(set, &layout, false)?;
         Ok(Written {
             path: PathBuf::from(format!("episode {episode}")),
             samples: rows.len(),
@@ -188,14 +211,17 @@ impl Format for LeRobot {
     }
 
     fn finish(self: Box<Self>) -> anyhow::Result<Option<Written>> {
-        let mut set = self.set.into_inner();
+        let mut set = self.set.lock();
         if let Some(table) = set.data.take() {
             table.close()?;
         }
-        let Some(layout) = &set.layout else {
+        let Some(layout) = set.layout.clone() else {
             anyhow::bail!("no episode could be taken: there is no data set");
         };
-        metadata(set.folder.path(), &set, layout)?;
+        self.close_reels(&mut set, &layout, true)?;
+        metadata(set.folder.path(), &set, &layout)?;
+        drop(set);
+        let set = self.set.into_inner();
         Ok(Some(Written {
             samples: set.rows,
             path: set.folder.commit()?,
@@ -205,6 +231,47 @@ impl Format for LeRobot {
 }
 
 impl LeRobot {
+    /// Begins a video of every feature that becomes one.
+    fn films(&self, set: &mut Set, layout: &Layout) -> anyhow::Result<Vec<Film>> {
+        let mut films = Vec::new();
+        let Some(ffmpeg) = &self.ffmpeg else {
+            return Ok(films);
+        };
+        let folder = set.scratch();
+        std::fs::create_dir_all(&folder)?;
+        for pictures in layout.pictures() {
+            let Some(codec) = pictures.codec else {
+                continue;
+            };
+            let name = format!("{}.mp4", set.films);
+            set.films += 1;
+            let stream = ffmpeg.begin(codec, pictures.size, layout.rate, &folder.join(&name))?;
+            films.push(Film {
+                key: pictures.key,
+                name,
+                stream,
+            });
+        }
+        Ok(films)
+    }
+
+    /// Puts the videos that are full, or all of them, into the set.
+    fn close_reels(&self, set: &mut Set, layout: &Layout, all: bool) -> anyhow::Result<()> {
+        let Some(ffmpeg) = &self.ffmpeg else {
+            return Ok(());
+        };
+        let (scratch, folder) = (set.scratch(), set.folder.path());
+        for (key, reel) in &mut set.reels {
+            if all || reel.is_full() {
+                reel.close(ffmpeg, &scratch, folder, key, layout.rate)?;
+            }
+        }
+        if all {
+            std::fs::remove_dir_all(&scratch)?;
+        }
+        Ok(())
+    }
+
     /// Encodes an episode's pictures, block by block and camera by camera, and
     /// returns their statistics.
     fn encode(
@@ -213,6 +280,7 @@ impl LeRobot {
         layout: &Layout,
         rows: &[usize],
         scratch: &mut Scratch,
+        films: &mut [Film],
         tick: &(dyn Fn() + Sync),
     ) -> anyhow::Result<Statistics> {
         let mut gathered: Statistics = layout
@@ -224,25 +292,15 @@ impl LeRobot {
             .collect();
         for block in rows.chunks(BLOCK) {
             for pictures in layout.pictures() {
-                let size = pictures.size;
                 let encoded = parallel(block.len(), self.threads, |i| {
-                    if pictures.is_depth {
-                        let (source, index) = recording.sensed_depth(pictures.camera, block[i])?;
-                        let depth = source.depth(&recording.episode, index)?;
-                        let mut counts = Gathered::depths();
-                        counts.depth(&depth, size.width * size.height / COUNTED_DEPTHS);
-                        return Ok((png_depth(&depth, size)?, counts));
-                    }
-                    let (source, index) = recording.seen(pictures.camera, block[i])?;
-                    let (width, height) = source.size().context("a size")?;
-                    let rgb = source.rgb(&recording.episode, index)?;
-                    let rgb = scaled(rgb, Size { width, height }, size);
-                    let mut counts = Gathered::colours();
-                    counts.picture(&rgb, size.width * size.height / COUNTED_PIXELS);
-                    Ok((png_rgb(&rgb, size)?, counts))
+                    frame(recording, &pictures, block[i])
                 })?;
-                for (png, counts) in &encoded {
-                    scratch.put(png)?;
+                let mut film = films.iter_mut().find(|film| film.key == pictures.key);
+                for (bytes, counts) in &encoded {
+                    match &mut film {
+                        Some(film) => film.stream.put(bytes)?,
+                        None => scratch.put(bytes)?,
+                    }
                     if let Some(all) = gathered.get_mut(&pictures.key) {
                         all.merge(counts);
                     }
@@ -252,6 +310,50 @@ impl LeRobot {
         }
         Ok(gathered)
     }
+}
+
+/// A feature's pictures of one episode on their way into a video.
+struct Film {
+    key: String,
+    name: String,
+    stream: Stream,
+}
+
+/// A picture as a video takes it, raw, or as PNG; and its part of the statistics.
+fn frame(
+    recording: &Recording,
+    pictures: &Pictures<'_>,
+    row: usize,
+) -> anyhow::Result<(Vec<u8>, Gathered)> {
+    let size = pictures.size;
+    let pixels = size.width * size.height;
+    if pictures.is_depth {
+        let (source, index) = recording.sensed_depth(pictures.camera, row)?;
+        let depth = source.depth(&recording.episode, index)?;
+        let mut counts = Gathered::depths();
+        let step = pixels / COUNTED_DEPTHS;
+        let bytes = if pictures.codec.is_some() {
+            // The statistics are of what a reader gets.
+            let told: Vec<f32> = depth.iter().map(|&d| depth_code::told(d)).collect();
+            counts.depth(&told, step);
+            depth_code::frame(&depth)
+        } else {
+            counts.depth(&depth, step);
+            png_depth(&depth, size)?
+        };
+        return Ok((bytes, counts));
+    }
+    let (source, index) = recording.seen(pictures.camera, row)?;
+    let (width, height) = source.size().context("a size")?;
+    let rgb = source.rgb(&recording.episode, index)?;
+    let rgb = scaled(rgb, Size { width, height }, size);
+    let mut counts = Gathered::colours();
+    counts.picture(&rgb, pixels / COUNTED_PIXELS);
+    let bytes = match pictures.codec {
+        Some(_) => rgb,
+        None => png_rgb(&rgb, size)?,
+    };
+    Ok((bytes, counts))
 }
 
 /// Appends an episode's rows and returns the statistics of its numeric features.
@@ -270,7 +372,7 @@ fn write_rows(
     for first in (0..all).step_by(BLOCK) {
         let count = BLOCK.min(all - first);
         let mut columns = Vec::new();
-        for pictures in layout.pictures() {
+        for pictures in layout.pictures().filter(|p| p.codec.is_none()) {
             let mut images = Vec::with_capacity(count);
             for frame in first..first + count {
                 let mut bytes = vec![0; *lengths.next().context("a picture")?];

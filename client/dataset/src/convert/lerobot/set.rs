@@ -1,14 +1,18 @@
 //! The set while it grows: its data files, tasks, episodes and statistics.
 
 use std::collections::BTreeMap;
+use std::path::PathBuf;
 
 use super::layout::Layout;
+use super::reel::{Place, Reel};
 use super::statistics::Gathered;
 use super::table::{Column, Table};
 use crate::convert::PendingFolder;
 
 /// A data file is closed after the episode with which it passes this size.
 pub(super) const FILE_BYTES: usize = 100 << 20;
+/// And a video.
+pub(super) const VIDEO_BYTES: u64 = 200 << 20;
 /// Files in one folder.
 pub(super) const FOLDER_FILES: usize = 1000;
 
@@ -23,6 +27,10 @@ pub(super) struct Set {
     pub data: Option<Table>,
     /// Its number.
     pub file: usize,
+    /// Videos, by feature.
+    pub reels: BTreeMap<String, Reel>,
+    /// Videos that were begun.
+    pub films: usize,
     /// Instructions in the order in which they first appeared.
     pub tasks: Vec<String>,
     /// What `meta/episodes` tells of each.
@@ -49,6 +57,8 @@ pub(super) struct EpisodeRow {
     pub label: String,
     /// Whether the task succeeded.
     pub success: bool,
+    /// Where it stands in the videos, by feature.
+    pub videos: BTreeMap<String, Place>,
     /// By feature.
     pub statistics: BTreeMap<String, Gathered>,
 }
@@ -61,12 +71,19 @@ impl Set {
             layout: None,
             data: None,
             file: 0,
+            reels: BTreeMap::new(),
+            films: 0,
             tasks: Vec::new(),
             episodes: Vec::new(),
             rows: 0,
             statistics: BTreeMap::new(),
             calibration: serde_json::Value::Null,
         }
+    }
+
+    /// Where videos lie until they are put into the set.
+    pub fn scratch(&self) -> PathBuf {
+        self.folder.path().join(".films")
     }
 
     /// Number of a task, which is taken up when it is new.

@@ -1,0 +1,98 @@
+//! The videos of one feature while the set grows: an episode each, joined without
+//! coding them again once they are as large as a file is meant to be.
+
+use std::path::Path;
+
+use super::set::{FOLDER_FILES, VIDEO_BYTES};
+use super::video::Ffmpeg;
+
+/// Where an episode stands in the videos of a feature.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Place {
+    /// Number of the video.
+    pub file: usize,
+    /// Frames before it there.
+    pub from: usize,
+}
+
+/// Videos of a feature.
+#[derive(Debug, Default)]
+pub(super) struct Reel {
+    /// Name and frames of the episodes that are not in a video of the set yet.
+    parts: Vec<(String, usize)>,
+    bytes: u64,
+    frames: usize,
+    file: usize,
+}
+
+impl Reel {
+    /// Takes up an episode's video, a file of the scratch folder.
+    pub fn add(&mut self, name: String, frames: usize, bytes: u64) -> Place {
+        let place = Place {
+            file: self.file,
+            from: self.frames,
+        };
+        self.parts.push((name, frames));
+        self.frames += frames;
+        self.bytes += bytes;
+        place
+    }
+
+    /// Whether the video is as large as one is meant to be.
+    pub fn is_full(&self) -> bool {
+        self.bytes > VIDEO_BYTES
+    }
+
+    /// Puts what has come since the last time into a video of the set.
+    ///
+    /// # Errors
+    /// When it cannot be joined or written.
+    pub fn close(
+        &mut self,
+        ffmpeg: &Ffmpeg,
+        scratch: &Path,
+        set: &Path,
+        key: &str,
+        rate: u32,
+    ) -> anyhow::Result<()> {
+        let (folder, number) = (self.file / FOLDER_FILES, self.file % FOLDER_FILES);
+        let to = set.join(format!(
+            "videos/{key}/chunk-{folder:03}/file-{number:03}.mp4"
+        ));
+        if let Some(folder) = to.parent() {
+            std::fs::create_dir_all(folder)?;
+        }
+        let parts = std::mem::take(&mut self.parts);
+        match parts.as_slice() {
+            [] => return Ok(()),
+            [(one, _)] => std::fs::rename(scratch.join(one), &to)?,
+            all => {
+                ffmpeg.join(scratch, all, rate, &to)?;
+                for (name, _) in all {
+                    std::fs::remove_file(scratch.join(name))?;
+                }
+            }
+        }
+        std::fs::File::open(&to)?.sync_all()?;
+        *self = Self {
+            file: self.file + 1,
+            ..Self::default()
+        };
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn episodes_stand_one_behind_the_other_until_a_video_is_full() {
+        let mut reel = Reel::default();
+        assert_eq!(reel.add("a".into(), 7, 10), Place { file: 0, from: 0 });
+        assert!(!reel.is_full());
+        let second = reel.add("b".into(), 5, VIDEO_BYTES);
+        assert_eq!(second, Place { file: 0, from: 7 });
+        assert!(reel.is_full());
+    }
+}

@@ -1,0 +1,449 @@
+//! Pictures as video by the program `ffmpeg`: which encoder is asked for what, and
+//! frames piped to it as they are. No shell is between, the names of its files are
+//! chosen here, and a stream that is dropped before its end leaves no process.
+
+use std::fs::File;
+use std::io::{ErrorKind, Write};
+use std::path::{Path, PathBuf};
+use std::process::{Child, ChildStdin, Command, Stdio};
+
+use anyhow::{Context, bail, ensure};
+use serde_json::{Map, Value, json};
+
+use super::depth_code;
+use crate::convert::Size;
+
+/// Names the program; without it `ffmpeg` is looked for on PATH.
+pub const PROGRAM: &str = "WHEELARM_FFMPEG";
+/// Of so many frames one is a key frame, from which a reader may begin.
+const KEY_FRAMES: u32 = 2;
+/// How to come by the program, or do without.
+const CURE: &str = "install it (Debian: apt-get install -y ffmpeg), name another one in WHEELARM_FFMPEG, or take --pictures png";
+
+/// How pictures are kept in a LeRobot set.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
+pub enum PictureFormat {
+    /// H.264 where ffmpeg has libx264, else AV1.
+    #[default]
+    Video,
+    /// H.264 with colour at every pixel.
+    H264,
+    /// AV1 with colour at every second pixel, LeRobot's own default.
+    Av1,
+    /// PNG pictures inside Parquet, exact; needs no ffmpeg.
+    Png,
+}
+
+/// What a video is coded by.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Codec {
+    /// AV1 by SVT-AV1.
+    Av1,
+    /// H.264 by x264.
+    H264,
+    /// Codes of depth, lossless, in HEVC by x265: LeRobot 0.6's depth video.
+    Depth,
+}
+
+impl Codec {
+    /// Name of the encoder in ffmpeg.
+    fn encoder(self) -> &'static str {
+        match self {
+            Self::Av1 => "libsvtav1",
+            Self::H264 => "libx264",
+            Self::Depth => "libx265",
+        }
+    }
+
+    /// Name of what it writes, as readers call it.
+    fn name(self) -> &'static str {
+        match self {
+            Self::Av1 => "av1",
+            Self::H264 => "h264",
+            Self::Depth => "hevc",
+        }
+    }
+
+    /// Layout of a pixel in the file.
+    fn pixel(self) -> &'static str {
+        match self {
+            Self::Av1 => "yuv420p",
+            Self::H264 => "yuv444p",
+            Self::Depth => "gray12le",
+        }
+    }
+
+    /// Layout of a pixel in the pipe.
+    fn raw(self) -> &'static str {
+        match self {
+            Self::Av1 | Self::H264 => "rgb24",
+            Self::Depth => "gray12le",
+        }
+    }
+
+    /// Least width and height, and what both are multiples of.
+    fn grid(self) -> (usize, usize) {
+        match self {
+            Self::Av1 => (64, 2),
+            Self::H264 => (2, 1),
+            Self::Depth => (32, 1),
+        }
+    }
+
+    /// Quality and effort, by measurement (guide, LeRobot): at least 38 dB at
+    /// 640×360, depth without loss.
+    fn options(self) -> &'static [&'static str] {
+        match self {
+            Self::Av1 => &["-preset", "8", "-crf", "10"],
+            Self::H264 => &["-preset", "medium", "-crf", "20", "-bf", "0"],
+            Self::Depth => &[
+                "-preset",
+                "veryfast",
+                "-x265-params",
+                "lossless=1:bframes=0:scenecut=0:log-level=error",
+                "-tag:v",
+                "hvc1",
+            ],
+        }
+    }
+
+    /// What ffmpeg is asked: frames of `size` from its input, `rate` of them a
+    /// second, become `path`.
+    fn arguments(self, size: Size, rate: u32, path: &Path) -> Vec<std::ffi::OsString> {
+        let Size { width, height } = size;
+        let (keys, video) = (KEY_FRAMES.to_string(), format!("{width}x{height}"));
+        let rate = rate.to_string();
+        let head = ["-hide_banner", "-loglevel", "error", "-n"];
+        let input = ["-f", "rawvideo", "-pix_fmt", self.raw()];
+        let frames = ["-video_size", &video, "-framerate", &rate, "-i", "pipe:0"];
+        let coder = ["-an", "-c:v", self.encoder(), "-g", &keys];
+        let scaler = ["-sws_flags", "accurate_rnd+full_chroma_int+bicubic"];
+        let end = ["-pix_fmt", self.pixel(), "-f", "mp4"];
+        let all = [&head[..], &input, &frames, &scaler, &coder];
+        let all = all.into_iter().chain([self.options(), &end]).flatten();
+        let all = all.map(std::ffi::OsString::from);
+        all.chain([path.as_os_str().to_owned()]).collect()
+    }
+
+    /// What `meta/info.json` tells of a feature, as LeRobot reads it.
+    pub fn info(self, size: Size, rate: u32) -> Value {
+        let is_depth = self == Self::Depth;
+        let mut info = Map::new();
+        let mut put = |name: &str, value: Value| info.insert(name.to_owned(), value);
+        put("video.height", json!(size.height));
+        put("video.width", json!(size.width));
+        put("video.codec", json!(self.name()));
+        put("video.pix_fmt", json!(self.pixel()));
+        put("video.fps", json!(rate));
+        put("video.channels", json!(if is_depth { 1 } else { 3 }));
+        put("video.g", json!(KEY_FRAMES));
+        put("has_audio", json!(false));
+        put("is_depth_map", json!(is_depth));
+        if is_depth {
+            put("depth_unit", json!("mm"));
+            put("video.depth_min", json!(depth_code::LEAST));
+            put("video.depth_max", json!(depth_code::MOST));
+            put("video.shift", json!(depth_code::SHIFT));
+            put("video.use_log", json!(true));
+            put("video.extra_options", json!({"x265-params": "lossless=1"}));
+        }
+        Value::Object(info)
+    }
+}
+
+/// The program, asked what it can do.
+#[derive(Clone, Debug)]
+pub(super) struct Ffmpeg {
+    program: PathBuf,
+    /// What colour is coded by.
+    pub colour: Codec,
+}
+
+impl Ffmpeg {
+    /// Finds the program and the encoders that `format`, and depth when it is
+    /// wanted, need; nothing for PNG.
+    ///
+    /// # Errors
+    /// When there is none or it lacks an encoder, with the cure.
+    pub fn find(format: PictureFormat, depth: bool) -> anyhow::Result<Option<Self>> {
+        let program = std::env::var_os(PROGRAM).filter(|name| !name.is_empty());
+        let program = program.map_or_else(|| PathBuf::from("ffmpeg"), PathBuf::from);
+        Self::at(program, format, depth)
+    }
+
+    fn at(program: PathBuf, format: PictureFormat, depth: bool) -> anyhow::Result<Option<Self>> {
+        if format == PictureFormat::Png {
+            return Ok(None);
+        }
+        let encoders = ask(&program, &["-encoders"])?;
+        let colour = chosen(&encoders, format)
+            .with_context(|| format!("{} cannot do it: {CURE}", program.display()))?;
+        if depth {
+            let told = ask(&program, &["-h", "encoder=libx265"])?;
+            ensure!(
+                told.contains(Codec::Depth.pixel()),
+                "{} has no libx265 that codes {}, which depth needs: {CURE}",
+                program.display(),
+                Codec::Depth.pixel()
+            );
+        }
+        Ok(Some(Self { program, colour }))
+    }
+
+    /// Begins a video of `size` at `rate` frames a second.
+    ///
+    /// # Errors
+    /// When the codec does not take the size, or the program does not start.
+    pub fn begin(
+        &self,
+        codec: Codec,
+        size: Size,
+        rate: u32,
+        path: &Path,
+    ) -> anyhow::Result<Stream> {
+        let ((least, step), Size { width, height }) = (codec.grid(), size);
+        ensure!(
+            width.min(height) >= least && width % step + height % step == 0,
+            "{} takes pictures of at least {least} pixels each way, in multiples of {step}; these are of {width}x{height}: choose another size with --size, or --pictures",
+            codec.encoder()
+        );
+        let said = path.with_extension("log");
+        let mut child = Command::new(&self.program)
+            .args(codec.arguments(size, rate, path))
+            .stdin(Stdio::piped())
+            .stdout(Stdio::null())
+            .stderr(File::create(&said)?)
+            .spawn()
+            .with_context(|| format!("{} does not start: {CURE}", self.program.display()))?;
+        let input = child.stdin.take();
+        Ok(Stream {
+            program: self.program.clone(),
+            child,
+            input,
+            path: path.to_owned(),
+            said,
+            frames: 0,
+        })
+    }
+
+    /// Puts videos of one codec one behind the other, as they are. All lie in
+    /// `folder`; each has a name of plain letters and its length in frames.
+    ///
+    /// # Errors
+    /// When the program fails.
+    pub fn join(
+        &self,
+        folder: &Path,
+        parts: &[(String, usize)],
+        rate: u32,
+        to: &Path,
+    ) -> anyhow::Result<()> {
+        let mut list = String::from("ffconcat version 1.0\n");
+        for (name, frames) in parts {
+            let seconds = *frames as f64 / f64::from(rate);
+            list.push_str(&format!("file {name}\nduration {seconds:.6}\n"));
+        }
+        let path = folder.join("parts.txt");
+        std::fs::write(&path, list)?;
+        let output = Command::new(&self.program)
+            .args(["-hide_banner", "-loglevel", "error", "-n", "-f", "concat"])
+            .arg("-i")
+            .arg(&path)
+            .args(["-c", "copy", "-f", "mp4"])
+            .arg(to)
+            .stdin(Stdio::null())
+            .output()
+            .with_context(|| format!("{} does not start: {CURE}", self.program.display()))?;
+        let said = String::from_utf8_lossy(&output.stderr);
+        ensure!(
+            output.status.success(),
+            "{} could not join {} videos ({}): {}",
+            self.program.display(),
+            parts.len(),
+            output.status,
+            said.trim()
+        );
+        Ok(())
+    }
+}
+
+/// What the program says of itself.
+fn ask(program: &Path, question: &[&str]) -> anyhow::Result<String> {
+    let output = Command::new(program)
+        .arg("-hide_banner")
+        .args(question)
+        .stdin(Stdio::null())
+        .output();
+    match output {
+        Ok(output) if output.status.success() => {
+            Ok(String::from_utf8_lossy(&output.stdout).into_owned())
+        }
+        Ok(output) => bail!(
+            "{} does not tell what it can do ({}): {CURE}",
+            program.display(),
+            output.status
+        ),
+        Err(problem) if problem.kind() == ErrorKind::NotFound => bail!(
+            "{} is not found, and pictures become video by it: {CURE}",
+            program.display()
+        ),
+        Err(problem) => bail!("{}: {problem}: {CURE}", program.display()),
+    }
+}
+
+/// The codec of `format` among the encoders that ffmpeg lists.
+fn chosen(encoders: &str, format: PictureFormat) -> anyhow::Result<Codec> {
+    let wanted: &[Codec] = match format {
+        PictureFormat::H264 => &[Codec::H264],
+        PictureFormat::Av1 => &[Codec::Av1],
+        PictureFormat::Video | PictureFormat::Png => &[Codec::H264, Codec::Av1],
+    };
+    // A line is `V....D libx264   libx264 H.264 …`.
+    let has = |codec: &Codec| {
+        let mut lines = encoders.lines().map(str::split_whitespace);
+        lines.any(|mut words| words.nth(1) == Some(codec.encoder()))
+    };
+    let names: Vec<_> = wanted.iter().map(|codec| codec.encoder()).collect();
+    let found = wanted.iter().copied().find(has);
+    found.with_context(|| format!("it has no encoder {}", names.join(" or ")))
+}
+
+/// A video that grows.
+pub(super) struct Stream {
+    program: PathBuf,
+    child: Child,
+    input: Option<ChildStdin>,
+    path: PathBuf,
+    said: PathBuf,
+    frames: usize,
+}
+
+impl Stream {
+    /// Appends a frame of as many bytes as its pixels need.
+    ///
+    /// # Errors
+    /// When the program has ended, with what it said.
+    pub fn put(&mut self, frame: &[u8]) -> anyhow::Result<()> {
+        let written = self.input.as_mut().map(|input| input.write_all(frame));
+        if let Some(Ok(())) = written {
+            self.frames += 1;
+            return Ok(());
+        }
+        // It closed its input: what it said is the reason.
+        self.input = None;
+        let status = self.child.wait()?;
+        bail!(self.words(status))
+    }
+
+    /// Waits until all frames are written, and returns how many bytes they take.
+    ///
+    /// # Errors
+    /// When the program fails, with what it said.
+    pub fn finish(mut self) -> anyhow::Result<u64> {
+        self.input = None;
+        let status = self.child.wait()?;
+        ensure!(status.success(), self.words(status));
+        std::fs::remove_file(&self.said)?;
+        Ok(std::fs::metadata(&self.path)?.len())
+    }
+
+    fn words(&self, status: std::process::ExitStatus) -> String {
+        let said = std::fs::read_to_string(&self.said).unwrap_or_default();
+        format!(
+            "{} ended ({status}) after {} frames of {}: {}",
+            self.program.display(),
+            self.frames,
+            self.path.display(),
+            said.trim()
+        )
+    }
+}
+
+impl Drop for Stream {
+    fn drop(&mut self) {
+        // Nothing happens to one that has ended and was waited for.
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const SIZE: Size = Size {
+        width: 96,
+        height: 64,
+    };
+
+    #[test]
+    fn the_encoder_is_chosen_among_those_that_there_are() {
+        let both = " V..... libsvtav1   SVT-AV1 (codec av1)\n V....D libx264   libx264 H.264\n";
+        let one = " V..... libsvtav1   SVT-AV1\n V....D libx264rgb   libx264 H.264 RGB\n";
+        assert_eq!(chosen(both, PictureFormat::Video).unwrap(), Codec::H264);
+        assert_eq!(chosen(both, PictureFormat::Av1).unwrap(), Codec::Av1);
+        assert_eq!(chosen(one, PictureFormat::Video).unwrap(), Codec::Av1);
+        let told = chosen(one, PictureFormat::H264).unwrap_err().to_string();
+        assert!(told.contains("libx264"), "{told}");
+    }
+
+    #[test]
+    fn a_program_that_is_not_there_is_answered_with_the_cure() {
+        let nowhere = || PathBuf::from("/nowhere/ffmpeg");
+        let told = Ffmpeg::at(nowhere(), PictureFormat::Video, false);
+        let told = told.unwrap_err().to_string();
+        for words in [
+            "/nowhere/ffmpeg",
+            "apt-get install",
+            PROGRAM,
+            "--pictures png",
+        ] {
+            assert!(told.contains(words), "{told}");
+        }
+        let png = Ffmpeg::at(nowhere(), PictureFormat::Png, true).unwrap();
+        assert!(png.is_none());
+    }
+
+    #[test]
+    fn a_program_that_ends_early_is_an_error_and_not_a_hang() {
+        let folder = tempfile::tempdir().unwrap();
+        let ffmpeg = Ffmpeg {
+            program: PathBuf::from("false"),
+            colour: Codec::H264,
+        };
+        let path = folder.path().join("0.mp4");
+        let mut stream = ffmpeg.begin(Codec::H264, SIZE, 10, &path).unwrap();
+        let frame = vec![0; 3 * SIZE.width * SIZE.height];
+        let told = (0..100).find_map(|_| stream.put(&frame).err());
+        let told = told.expect("it took all frames").to_string();
+        assert!(told.contains("false ended (exit status: 1)"), "{told}");
+        let odd = Size {
+            width: 97,
+            height: 64,
+        };
+        let told = ffmpeg.begin(Codec::Av1, odd, 10, &path).map(drop);
+        let told = told.unwrap_err().to_string();
+        assert!(told.contains("97x64") && told.contains("--size"), "{told}");
+    }
+
+    #[test]
+    fn arguments_and_metadata_say_the_same() {
+        for codec in [Codec::Av1, Codec::H264, Codec::Depth] {
+            let path = Path::new("a folder/it's $(here).mp4");
+            let asked = codec.arguments(SIZE, 10, path);
+            assert_eq!(asked.last().unwrap(), path.as_os_str());
+            let asked: Vec<_> = asked.iter().map(|a| a.to_string_lossy()).collect();
+            let after = |flag: &str| {
+                let found = asked.iter().rposition(|a| a == flag).unwrap();
+                asked[found + 1].clone()
+            };
+            let info = codec.info(SIZE, 10);
+            assert_eq!(info["video.pix_fmt"], *after("-pix_fmt"));
+            assert_eq!(info["video.g"].to_string(), after("-g"));
+            assert_eq!(info["video.fps"].to_string(), after("-framerate"));
+            assert_eq!(after("-video_size"), "96x64");
+            assert_eq!(info["is_depth_map"], codec == Codec::Depth);
+            assert_eq!(info.get("depth_unit").is_some(), codec == Codec::Depth);
+        }
+    }
+}
