@@ -14,7 +14,7 @@ use protox::prost_reflect::{
 };
 
 /// The messages, by idea. The table of topics follows this order.
-const FILES: [&str; 12] = [
+const FILES: [&str; 13] = [
     "wheelarm/v1/common.proto",
     "wheelarm/v1/scenario.proto",
     "wheelarm/v1/scene.proto",
@@ -24,6 +24,7 @@ const FILES: [&str; 12] = [
     "wheelarm/v1/task.proto",
     "wheelarm/v1/camera.proto",
     "wheelarm/v1/episode.proto",
+    "wheelarm/v1/disturbance.proto",
     "wheelarm/v1/language.proto",
     "wheelarm/v1/recorder.proto",
     "wheelarm/v1/control.proto",
@@ -40,7 +41,7 @@ const SHARED_BYTES: [&str; 4] = [
 ];
 
 /// What makes up a scenario: people write it as TOML.
-const WRITTEN: [&str; 10] = [
+const WRITTEN: [&str; 11] = [
     ".wheelarm.v1.Scenario",
     ".wheelarm.v1.CameraSetting",
     ".wheelarm.v1.CameraPlace",
@@ -48,6 +49,7 @@ const WRITTEN: [&str; 10] = [
     ".wheelarm.v1.ObjectPlacement",
     ".wheelarm.v1.SlideResistance",
     ".wheelarm.v1.Pose",
+    ".wheelarm.v1.Disturbances",
     ".wheelarm.v1.Language",
     ".wheelarm.v1.Vector3",
     ".wheelarm.v1.Quaternion",

@@ -5,7 +5,11 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 use super::drive::DriveLimits;
+use wheelarm_proto::settings::Style;
 use wheelarm_route::hybrid_a_star::PathPreferences;
+
+/// Speeds of the human-like style, as a share of the quick one's.
+const HUMAN: f64 = 0.13;
 
 /// How the hand takes things.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -71,5 +75,23 @@ impl OperatorProfile {
             arch: draw(0.0, 0.05),
             force: 40.0,
         }
+    }
+
+    /// The same operator in a style: a human-like one goes at [`HUMAN`] times the
+    /// speeds.
+    #[must_use]
+    pub fn in_style(mut self, style: Style) -> Self {
+        if style == Style::Human {
+            let squared = HUMAN * HUMAN;
+            self.drive.speed *= HUMAN;
+            self.drive.turn_rate *= HUMAN;
+            self.drive.acceleration *= squared;
+            self.drive.braking *= squared;
+            self.drive.turn_acceleration *= squared;
+            self.free_speed *= HUMAN;
+            self.approach_speed *= HUMAN;
+            self.carry_speed *= HUMAN;
+        }
+        self
     }
 }

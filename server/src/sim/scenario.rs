@@ -1,12 +1,15 @@
 //! `Scenario`: the only way to say what is simulated.
 
 use nalgebra::Isometry3;
+use wheelarm_proto::settings::Style;
 use wheelarm_proto::{CONTROL_HZ, PHYSICS_HZ};
 
 use crate::robot::ARM_JOINTS;
 use crate::scene::{Placement, Resistance};
 use crate::sensors::{BadRate, Schedule};
 use crate::tasks::Language;
+
+use super::disturb::Disturbances;
 
 pub use wheelarm_proto::settings::{Pacing, Quality, Starts};
 
@@ -101,6 +104,13 @@ pub struct Scenario {
     /// How often a variant other than the area's first is drawn, 0 to 1; `None`:
     /// as the area says.
     pub variant_share: Option<f64>,
+    /// What hinders the robot on purpose.
+    pub disturbances: Option<Disturbances>,
+    /// How the scripted operator moves.
+    pub style: Style,
+    /// Simulated seconds after which the task has failed; `None`: as the task
+    /// says; 0: to be set from the way and the style.
+    pub time_limit: Option<f64>,
 }
 
 /// Name of a camera setting that stands for every camera of the robot that has
@@ -140,6 +150,9 @@ impl Default for Scenario {
             calibration_seed: None,
             variant: None,
             variant_share: None,
+            disturbances: None,
+            style: Style::Quick,
+            time_limit: None,
         }
     }
 }
