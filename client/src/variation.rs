@@ -2,9 +2,12 @@
 //! split says it. Everything follows from the scenario's seed, so that what is
 //! apart by seed is apart in all of it.
 
+use wheelarm_operate::forced::ForcedError;
 use wheelarm_proto::seeds::Purpose;
-use wheelarm_proto::settings::{LanguageSplit, Named, Starts};
+use wheelarm_proto::settings::{LanguageSplit, Named, Starts, Style};
 use wheelarm_proto::v1;
+
+use crate::disturb::Disturb;
 
 /// What differs between episodes beside what their task draws.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -19,6 +22,12 @@ pub struct Variation {
     pub robots: u32,
     /// Seed and split of sentences by the grammar; `None` says nothing of language.
     pub language: Option<(u64, LanguageSplit)>,
+    /// What hinders the robot, and what the operator does wrong on purpose.
+    pub disturb: Option<Disturb>,
+    /// How the operator moves.
+    pub style: Style,
+    /// Time limits follow from the way and the style; as the tasks say otherwise.
+    pub time_limits: bool,
 }
 
 impl Variation {
@@ -34,6 +43,17 @@ impl Variation {
                 ..v1::Language::default()
             });
         }
+        scenario.disturbances = self.disturb.map(|disturb| disturb.disturbances(seed));
+        if self.style != Style::default() {
+            scenario.style = Some(self.style.name().to_owned());
+        }
+        scenario.time_limit_seconds = self.time_limits.then_some(0.0);
+    }
+
+    /// The error that the operator makes on purpose in the episode of `seed`.
+    #[must_use]
+    pub fn forced(&self, seed: u64) -> Option<ForcedError> {
+        self.disturb.and_then(|disturb| disturb.forced(seed))
     }
 
     /// Which specimen of the robot the episode of `seed` has. Those of another
@@ -61,6 +81,15 @@ impl Variation {
         }
         if let Some((seed, split)) = self.language {
             words.push_str(&format!(" language={seed}/{}", split.name()));
+        }
+        if let Some(disturb) = &self.disturb {
+            words.push_str(&disturb.words());
+        }
+        if self.style != Style::default() {
+            words.push_str(&format!(" style={}", self.style.name()));
+        }
+        if self.time_limits {
+            words.push_str(" time_limits");
         }
         words
     }
@@ -93,6 +122,7 @@ mod tests {
             bear_share: Some(0.5),
             robots: 3,
             language: Some((7, LanguageSplit::Train)),
+            ..Variation::default()
         };
         let mut scenario = v1::Scenario::default();
         variation.apply(10_001, &mut scenario);

@@ -11,6 +11,7 @@ use sha2::{Digest, Sha256};
 use wheelarm_proto::seeds::Purpose;
 use wheelarm_proto::settings::Named;
 
+use crate::disturb::Disturb;
 use crate::variation::Variation;
 
 /// Which episodes an evaluation does.
@@ -44,6 +45,7 @@ struct SplitFile {
     bear_share: Option<f64>,
     #[serde(default)]
     robots: u32,
+    disturb: Option<Disturb>,
     frozen: Option<String>,
 }
 
@@ -116,7 +118,8 @@ fn parse(path: &Path, text: &str) -> anyhow::Result<Scope> {
             starts: file.starts,
             bear_share: file.bear_share,
             robots: file.robots,
-            language: None,
+            disturb: file.disturb,
+            ..Variation::default()
         },
     })
 }
