@@ -139,6 +139,8 @@ pub struct Operator {
     /// What went wrong or right again since the last command.
     incident: v1::Incident,
     longest: f64,
+    /// Time as the skills see it, and when it was last moved on, seconds.
+    own_time: Option<(f64, f64)>,
 }
 
 /// What may go wrong in an episode, on purpose.
@@ -190,6 +192,7 @@ impl Operator {
             erred: false,
             incident: v1::Incident::Unspecified,
             longest: LONGEST,
+            own_time: None,
         })
     }
 
@@ -264,8 +267,29 @@ impl Operator {
     }
 
     /// Decides what to do at one control tick; the outcome comes once, with
-    /// the last action.
+    /// the last action. In stop and go the skills see a time of their own, which
+    /// rests in a pause, and the chair goes as much slower as that time does.
     pub fn step(
+        &mut self,
+        seen: &Observation,
+        arm: &mut dyn ArmReachability,
+    ) -> (Act, Option<Outcome>) {
+        let Some(pace) = self.profile.pace else {
+            return self.decide(seen, arm);
+        };
+        let (mut own, last) = self.own_time.unwrap_or((seen.time, seen.time));
+        let begun = self.begun.unwrap_or(seen.time);
+        let rate = pace.rate(seen.time - begun);
+        own += (seen.time - last) * rate;
+        self.own_time = Some((own, seen.time));
+        let mut slowed = seen.clone();
+        slowed.time = own;
+        let (mut act, outcome) = self.decide(&slowed, arm);
+        act.base = act.base.map(|base| base.map(|v| v * rate));
+        (act, outcome)
+    }
+
+    fn decide(
         &mut self,
         seen: &Observation,
         arm: &mut dyn ArmReachability,
