@@ -14,8 +14,9 @@ use protox::prost_reflect::{
 };
 
 /// The messages, by idea. The table of topics follows this order.
-const FILES: [&str; 13] = [
+const FILES: [&str; 14] = [
     "wheelarm/v1/common.proto",
+    "wheelarm/v1/look.proto",
     "wheelarm/v1/scenario.proto",
     "wheelarm/v1/scene.proto",
     "wheelarm/v1/robot.proto",
@@ -33,19 +34,22 @@ const FILES: [&str; 13] = [
 const PACKAGE: &str = "wheelarm.v1";
 
 /// Fields of pictures and of saved states are shared, not copied.
-const SHARED_BYTES: [&str; 4] = [
+const SHARED_BYTES: [&str; 5] = [
     ".wheelarm.v1.CameraFrame",
+    ".wheelarm.v1.SensorFrame",
     ".wheelarm.v1.PreviewFrame",
     ".wheelarm.v1.SnapshotReply.snapshot",
     ".wheelarm.v1.ResetRequest.snapshot",
 ];
 
 /// What makes up a scenario: people write it as TOML.
-const WRITTEN: [&str; 11] = [
+const WRITTEN: [&str; 13] = [
     ".wheelarm.v1.Scenario",
     ".wheelarm.v1.CameraSetting",
+    ".wheelarm.v1.SensorSetting",
     ".wheelarm.v1.CameraPlace",
     ".wheelarm.v1.Intrinsics",
+    ".wheelarm.v1.Look",
     ".wheelarm.v1.ObjectPlacement",
     ".wheelarm.v1.SlideResistance",
     ".wheelarm.v1.Pose",
@@ -66,6 +70,17 @@ const CHOICES: [(&str, &str); 4] = [
     (".wheelarm.v1.Scenario.pacing", "pacing"),
     (".wheelarm.v1.Scenario.quality", "quality"),
     (".wheelarm.v1.Scenario.starts", "starts"),
+];
+
+/// Strengths of a look: 0 to 3.
+const STRENGTHS: [&str; 7] = [
+    "light",
+    "background",
+    "materials",
+    "exposure",
+    "decoration",
+    "camera",
+    "lens",
 ];
 
 fn main() -> Result<(), Box<dyn Error>> {
@@ -89,6 +104,10 @@ fn main() -> Result<(), Box<dyn Error>> {
     }
     for (field, module) in CHOICES {
         config.field_attribute(field, format!("#[serde(with = \"crate::settings::text::{module}\", skip_serializing_if = \"crate::settings::text::is_untold\")]"));
+    }
+    for axis in STRENGTHS {
+        let read = "#[serde(deserialize_with = \"crate::look::strength\")]";
+        config.field_attribute(format!(".wheelarm.v1.Look.{axis}"), read);
     }
     config.compile_fds(plain.clone())?;
     for file in &mut plain.file {
@@ -425,7 +444,7 @@ pub static TOPICS: [TopicInfo; {count}] = [
 {impls}
 /// A decoded message of any topic.
 #[derive(Clone, Debug, PartialEq)]
-#[allow(clippy::large_enum_variant, reason = \"a sample is looked at and dropped\")]
+#[expect(clippy::large_enum_variant, reason = \"a sample is looked at and dropped\")]
 pub enum Sample {{
 {samples}}}
 

@@ -2,6 +2,7 @@
 //! split says it. Everything follows from the scenario's seed, so that what is
 //! apart by seed is apart in all of it.
 
+use wheelarm_proto::look::LookText;
 use wheelarm_operate::forced::ForcedError;
 use wheelarm_proto::seeds::Purpose;
 use wheelarm_proto::settings::{LanguageSplit, Named, Starts, Style};
@@ -22,6 +23,8 @@ pub struct Variation {
     pub robots: u32,
     /// Seed and split of sentences by the grammar; `None` says nothing of language.
     pub language: Option<(u64, LanguageSplit)>,
+    /// How the episodes look.
+    pub look: Option<LookText>,
     /// What hinders the robot, and what the operator does wrong on purpose.
     pub disturb: Option<Disturb>,
     /// How the operator moves.
@@ -48,6 +51,7 @@ impl Variation {
             scenario.style = Some(self.style.name().to_owned());
         }
         scenario.time_limit_seconds = self.time_limits.then_some(0.0);
+        scenario.look = self.look.map(|look| look.of(seed));
     }
 
     /// The error that the operator makes on purpose in the episode of `seed`.
@@ -91,6 +95,9 @@ impl Variation {
         if self.time_limits {
             words.push_str(" time_limits");
         }
+        if let Some(look) = &self.look {
+            words.push_str(&format!(" look={look}"));
+        }
         words
     }
 }
@@ -122,17 +129,20 @@ mod tests {
             bear_share: Some(0.5),
             robots: 3,
             language: Some((7, LanguageSplit::Train)),
+            look: LookText::read("*:light=3").ok(),
             ..Variation::default()
         };
         let mut scenario = v1::Scenario::default();
         variation.apply(10_001, &mut scenario);
         assert_eq!(scenario.starts(), v1::Starts::Anywhere);
         assert_eq!(scenario.variant_share, Some(0.5));
+        let look = scenario.look.unwrap();
+        assert_eq!((look.seed, look.light, look.lens), (10_001, 3, 0));
         assert_eq!(scenario.calibration_seed, variation.specimen(10_001));
         assert_eq!(scenario.language.as_ref().map(|l| l.seed), Some(7));
         assert_eq!(
             variation.words(),
-            " starts=anywhere bear_share=0.5 robots=3 language=7/train"
+            " starts=anywhere bear_share=0.5 robots=3 language=7/train look=*:light=3"
         );
         assert_eq!(Variation::default().words(), "");
     }

@@ -9,6 +9,7 @@
 //! | `wheelarm/{sim}/refusal` | `Refusal` | server → commanders |
 //! | `wheelarm/{sim}/stream/{name}` | see [`TOPICS`](crate::topic::TOPICS) | server → all |
 //! | `wheelarm/{sim}/camera/{name}` | `CameraFrame` | server → all |
+//! | `wheelarm/{sim}/sensor/{name}` | `SensorFrame` | server → all |
 //! | `wheelarm/{sim}/preview/{camera}/{level}` | `PreviewFrame` | server → viewers |
 //! | `wheelarm/{sim}/commander/{name}/{run_id}/alive` | liveliness token | commander |
 //! | `wheelarm/{sim}/episode/start` | `EpisodeStarted` | server → all |
@@ -126,6 +127,7 @@ impl Keys {
             "refusal/**",
             "stream/**",
             "camera/**",
+            "sensor/**",
             "preview/**",
             "episode/**",
             "query/**",
@@ -149,6 +151,7 @@ impl Keys {
         match stream {
             StreamId::State(topic) => self.topic(*topic),
             StreamId::Camera(name) => self.key(&format!("camera/{name}")),
+            StreamId::Sensor(name) => self.key(&format!("sensor/{name}")),
             StreamId::Other(name) => self.key(&format!("stream/{name}")),
         }
     }
@@ -166,6 +169,7 @@ impl Keys {
         let rest = rest.strip_prefix(self.sim.as_str())?.strip_prefix('/')?;
         match rest.split_once('/')? {
             ("camera", name) => Some(StreamId::camera(name)),
+            ("sensor", name) => Some(StreamId::sensor(name)),
             ("stream", name) => Some(StreamId::parse(name)),
             _ => None,
         }
@@ -181,6 +185,12 @@ impl Keys {
     #[must_use]
     pub fn camera(&self, name: &str) -> String {
         self.stream(&StreamId::camera(name))
+    }
+
+    /// Pictures of one sensor model.
+    #[must_use]
+    pub fn sensor(&self, sensor: &str) -> String {
+        self.stream(&StreamId::sensor(sensor))
     }
 
     /// Preview of one camera at one level.
@@ -292,7 +302,7 @@ mod tests {
     fn a_stream_is_read_back_from_its_key() {
         let keys = Keys::new("a").unwrap();
         let other = StreamId::Other("whistle".to_owned());
-        for stream in StreamId::all(["gen3"]).chain([other]) {
+        for stream in StreamId::all(["gen3"], ["gen3_depth"]).chain([other]) {
             assert_eq!(keys.stream_of(&keys.stream(&stream)), Some(stream));
         }
         assert_eq!(keys.topic(TopicId::Camera), keys.camera("*"));

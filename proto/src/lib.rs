@@ -14,6 +14,7 @@ pub mod exact;
 #[cfg(feature = "nalgebra")]
 pub mod geometry;
 pub mod keys;
+pub mod look;
 pub mod output;
 pub mod preview;
 pub mod program;
@@ -30,7 +31,7 @@ mod words;
 pub use time::{CONTROL_HZ, PHYSICS_HZ, TICKS_PER_CONTROL, stamp_nanos};
 
 /// Messages of package `wheelarm.v1`.
-#[allow(clippy::doc_markdown, reason = "generated from the .proto files")]
+#[expect(clippy::doc_markdown, reason = "generated from the .proto files")]
 pub mod v1 {
     include!(concat!(env!("OUT_DIR"), "/wheelarm.v1.rs"));
 }

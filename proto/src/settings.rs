@@ -304,6 +304,33 @@ impl v1::CameraSetting {
     }
 }
 
+impl v1::SensorSetting {
+    /// Reads `MODEL`, `MODEL@CAMERA`, either with `=STRENGTH`, for example
+    /// `kinova_vision@gen3=2` or `imu`.
+    ///
+    /// # Errors
+    /// The text and its form.
+    pub fn from_text(text: &str) -> Result<Self, String> {
+        let read = || {
+            let (place, strength) = match text.split_once('=') {
+                Some((place, strength)) => (place, Some(strength.parse().ok()?)),
+                None => (text, None),
+            };
+            let (model, camera) = place.split_once('@').unwrap_or((place, ""));
+            let setting = Self {
+                model: model.to_owned(),
+                camera: camera.to_owned(),
+                seed: None,
+                strength,
+            };
+            (!model.is_empty()).then_some(setting)
+        };
+        read().ok_or_else(|| {
+            format!("{text:?} is not MODEL, MODEL@CAMERA or either with =STRENGTH, for example kinova_vision@gen3=2")
+        })
+    }
+}
+
 /// Reads and writes as text what messages hold as numbers.
 pub(crate) mod text {
     use serde::de::Error;
@@ -421,6 +448,15 @@ mod tests {
         let camera = v1::CameraSetting::from_text("room=640x360@5").unwrap();
         assert_eq!((camera.name.as_str(), camera.rate_hz), ("room", Some(5.0)));
         assert!(v1::CameraSetting::from_text("room=640").is_err());
+        let sensor = v1::SensorSetting::from_text("kinova_vision@gen3=2").unwrap();
+        let told = (sensor.model.as_str(), sensor.camera.as_str());
+        assert_eq!(
+            (told, sensor.strength),
+            (("kinova_vision", "gen3"), Some(2.0))
+        );
+        let imu = v1::SensorSetting::from_text("imu").unwrap();
+        assert_eq!((imu.camera.as_str(), imu.strength), ("", None));
+        assert!(v1::SensorSetting::from_text("imu=much").is_err());
         let words = Quality::from_name("best").unwrap_err().to_string();
         assert_eq!(words, "quality \"best\" is none of fast, standard, high");
     }

@@ -66,7 +66,7 @@ pub enum Record {
     Columns,
     /// Its messages become rows of `/events`.
     Events,
-    /// Its messages become pictures below `/streams/camera`.
+    /// Its messages become pictures below `/streams/camera` or `/streams/sensor`.
     Pictures,
 }
 
@@ -122,14 +122,19 @@ impl fmt::Display for TopicId {
 /// What stands before the name of a camera.
 const CAMERA: &str = "camera/";
 
+/// What stands before the name of a sensor.
+const SENSOR: &str = "sensor/";
+
 /// A stream that is counted, recorded and listed in manifests: `joint_state`,
-/// `event`, `camera/gen3`. It is read and written as that text here alone.
+/// `event`, `camera/gen3`, `sensor/gen3_depth`. It is read and written as that text here alone.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum StreamId {
     /// A state stream or the events.
     State(TopicId),
-    /// The pictures of one camera, by its name.
+    /// The exact pictures of one camera, by its name.
     Camera(String),
+    /// The pictures that a sensor model makes, by the sensor's name.
+    Sensor(String),
     /// A stream that this version does not know.
     Other(String),
 }
@@ -144,18 +149,31 @@ impl StreamId {
         Self::Camera(name.into())
     }
 
+    /// The pictures of a sensor model.
+    #[must_use]
+    pub fn sensor(name: impl Into<String>) -> Self {
+        Self::Sensor(name.into())
+    }
+
     /// What a server of this version publishes: the state streams, the events,
-    /// and the given cameras.
-    pub fn all<'a>(cameras: impl IntoIterator<Item = &'a str>) -> impl Iterator<Item = Self> {
+    /// and the given cameras and picture sensors.
+    pub fn all<'a>(
+        cameras: impl IntoIterator<Item = &'a str>,
+        sensors: impl IntoIterator<Item = &'a str>,
+    ) -> impl Iterator<Item = Self> {
         let states = TopicId::STATES.into_iter().map(Self::State);
         let cameras: Vec<_> = cameras.into_iter().map(Self::camera).collect();
-        states.chain([Self::EVENTS]).chain(cameras)
+        let sensors: Vec<_> = sensors.into_iter().map(Self::sensor).collect();
+        states.chain([Self::EVENTS]).chain(cameras).chain(sensors)
     }
 
     /// Reads the text that [`fmt::Display`] writes.
     #[must_use]
     pub fn parse(text: &str) -> Self {
         let known = || TopicId::from_name(text);
+        if let Some(sensor) = text.strip_prefix(SENSOR) {
+            return Self::sensor(sensor);
+        }
         match text.strip_prefix(CAMERA) {
             Some(camera) => Self::camera(camera),
             None => match known().filter(|t| t.info().key.starts_with("stream/")) {
@@ -170,7 +188,16 @@ impl StreamId {
     pub fn camera_name(&self) -> Option<&str> {
         match self {
             Self::Camera(name) => Some(name),
-            Self::State(_) | Self::Other(_) => None,
+            Self::State(_) | Self::Sensor(_) | Self::Other(_) => None,
+        }
+    }
+
+    /// Name of the sensor, of a sensor model's pictures.
+    #[must_use]
+    pub fn sensor_name(&self) -> Option<&str> {
+        match self {
+            Self::Sensor(name) => Some(name),
+            Self::State(_) | Self::Camera(_) | Self::Other(_) => None,
         }
     }
 
@@ -180,14 +207,21 @@ impl StreamId {
         match self {
             Self::State(topic) => Some(*topic),
             Self::Camera(_) => Some(TopicId::Camera),
+            Self::Sensor(_) => Some(TopicId::Sensor),
             Self::Other(_) => None,
         }
     }
 
-    /// Whether these are pictures.
+    /// Whether these are the exact pictures of a camera.
     #[must_use]
     pub fn is_camera(&self) -> bool {
         matches!(self, Self::Camera(_))
+    }
+
+    /// Whether these are pictures: of a camera, or of a sensor model.
+    #[must_use]
+    pub fn is_pictures(&self) -> bool {
+        matches!(self, Self::Camera(_) | Self::Sensor(_))
     }
 }
 
@@ -196,6 +230,7 @@ impl fmt::Display for StreamId {
         match self {
             Self::State(topic) => f.write_str(topic.name()),
             Self::Camera(name) => write!(f, "{CAMERA}{name}"),
+            Self::Sensor(name) => write!(f, "{SENSOR}{name}"),
             Self::Other(name) => f.write_str(name),
         }
     }
@@ -222,13 +257,16 @@ mod tests {
     #[test]
     fn every_stream_is_read_as_it_is_written() {
         let cameras = ["gen3", "room"];
-        for stream in StreamId::all(cameras) {
+        for stream in StreamId::all(cameras, ["gen3_depth"]) {
             assert_eq!(StreamId::parse(&stream.to_string()), stream);
             assert!(stream.topic().is_some());
         }
         let other = StreamId::parse("whistle");
         assert_eq!(other, StreamId::Other("whistle".to_owned()));
         assert_eq!(StreamId::parse("camera/gen3").camera_name(), Some("gen3"));
+        let sensor = StreamId::parse("sensor/gen3_depth");
+        assert_eq!(sensor.sensor_name(), Some("gen3_depth"));
+        assert!(sensor.is_pictures() && !sensor.is_camera());
         // The topics that are no streams are not taken for one.
         assert_eq!(StreamId::parse("refusal").topic(), None);
     }
@@ -242,7 +280,7 @@ mod tests {
         assert_eq!(v1::JointState::NAME, "joint_state");
         assert_eq!(v1::EpisodeStopped::TOPIC.info().key, "episode/stop");
         assert_eq!(v1::CameraFrame::TOPIC, TopicId::Camera);
-        assert_eq!(TopicId::STATES.len(), 15);
+        assert_eq!(TopicId::STATES.len(), 18);
     }
 
     #[test]

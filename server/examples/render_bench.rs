@@ -3,6 +3,9 @@
 //!
 //! `render_bench [--assets DIR] [--pairs N] [--width W] [--height H]
 //! [--quality fast|standard|high] [--adapter NAME]`
+//!
+//! With `--look SEED` the same under a look of that seed, one pair by turns with
+//! none: as ratios of the rate without.
 
 #![expect(clippy::disallowed_methods, reason = "it measures wall time")]
 
@@ -13,6 +16,7 @@ use std::time::Instant;
 
 use anyhow::{Result, bail};
 use clap::Parser;
+use wheelarm_server::look::{Drawn, Look};
 use wheelarm_server::robot::RobotModel;
 use wheelarm_server::scene::Scene;
 use wheelarm_server::sensors::camera::{CameraSpec, Quality, RenderScene, Renderer};
@@ -37,6 +41,12 @@ struct Options {
     /// Part of an adapter's name.
     #[arg(long)]
     adapter: Option<String>,
+    /// Seed of a look to compare with none.
+    #[arg(long)]
+    look: Option<u64>,
+    /// Strength of its axes, 1 to 3.
+    #[arg(long, default_value_t = 2)]
+    strength: u8,
 }
 
 fn main() -> Result<()> {
@@ -49,6 +59,9 @@ fn main() -> Result<()> {
     };
     let robot = RobotModel::load(&options.assets, "wheelarm")?;
     let scene = Scene::load(&options.assets, "home")?;
+    if let Some(seed) = options.look {
+        return compare(&options, quality, &robot, &scene, seed);
+    }
     let started = Instant::now();
     let render_scene = RenderScene::new(&robot, &scene, &options.assets)?;
     let cameras = CameraSpec::all(&robot, &scene, [options.width, options.height])?;
@@ -118,6 +131,78 @@ fn main() -> Result<()> {
     let rate = options.pairs as f64 / before.elapsed().as_secs_f64();
     renderer.collect()?;
     println!("one pair ahead: {rate:.1} pairs/s");
+    Ok(())
+}
+
+/// Pairs without a look, with one, and with one whose glass and metal are drawn
+/// as without, by turns.
+fn compare(
+    options: &Options,
+    quality: Quality,
+    robot: &RobotModel,
+    scene: &Scene,
+    seed: u64,
+) -> Result<()> {
+    let s = options.strength;
+    let look = Look {
+        seed,
+        light: s,
+        background: s,
+        materials: s,
+        exposure: s,
+        decoration: s,
+        ..Look::default()
+    };
+    let look = Drawn::new(look, scene, &options.assets)?;
+    let plain = RenderScene::new(robot, scene, &options.assets)?;
+    let seen = RenderScene::with_look(robot, scene, &options.assets, Some(&look))?;
+    let mut dull = seen.clone();
+    for item in &mut dull.items {
+        item.material.transmission = 0.0;
+        item.material.metallic = item.material.metallic.min(0.45);
+    }
+    let cameras = CameraSpec::all(robot, scene, [options.width, options.height])?;
+    let kinds = [
+        ("no look", plain),
+        ("look", seen),
+        ("look, no glass or mirror", dull),
+    ];
+    let mut renderers = Vec::new();
+    for (name, scene) in &kinds {
+        let adapter = options.adapter.as_deref();
+        let started = Instant::now();
+        let renderer = Renderer::new(scene, &cameras[..2], quality, adapter)?;
+        println!(
+            "{name}: ready after {:.2} s",
+            started.elapsed().as_secs_f64()
+        );
+        renderers.push((renderer, Vec::new()));
+    }
+    for pair in 0..options.pairs + 5 {
+        let snapshot = motion::moving(robot, scene, pair as f64 * 0.1);
+        for (renderer, times) in &mut renderers {
+            let before = Instant::now();
+            renderer.render(&snapshot, &[0, 1])?;
+            if pair >= 5 {
+                times.push(before.elapsed().as_secs_f64() * 1e3);
+            }
+        }
+    }
+    let of = |times: &[f64]| {
+        let mut sorted = times.to_vec();
+        sorted.sort_by(f64::total_cmp);
+        [sorted[0], sorted[sorted.len() / 2]]
+    };
+    let [least, median] = of(&renderers[0].1);
+    for ((name, _), (_, times)) in kinds.iter().zip(&renderers) {
+        let [own_least, own_median] = of(times);
+        println!(
+            "{name}: min {own_least:.1} ms, median {own_median:.1} ms; rate {:.3} (min), {:.3} \
+             (median) of that without a look",
+            least / own_least,
+            median / own_median
+        );
+    }
     Ok(())
 }
 

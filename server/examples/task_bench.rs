@@ -11,6 +11,7 @@ use std::time::Instant;
 
 use anyhow::Result;
 use nalgebra::Vector3;
+use wheelarm_server::robot::RobotModel;
 use wheelarm_server::robot::control::{
     ArmIntent, BaseIntent, ControlInput, GripperIntent, IntentFrame,
 };
@@ -24,7 +25,8 @@ fn main() -> Result<()> {
         .get(2)
         .map_or(Ok(10), |text| text.parse::<u64>())?;
     let mut slowest = (String::new(), f64::INFINITY);
-    for task in tasks::list(&assets)? {
+    let model = RobotModel::load(&assets, "wheelarm")?;
+    for task in tasks::list(&assets, &model.settings.corridor)? {
         let scenario = Scenario {
             task: task.name.clone(),
             cameras: Vec::new(),

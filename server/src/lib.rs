@@ -13,6 +13,7 @@
 )]
 
 pub mod geometry;
+pub mod look;
 pub mod robot;
 pub mod scene;
 pub mod sensors;

@@ -12,6 +12,7 @@ use clap::builder::{PossibleValuesParser, TypedValueParser};
 use tokio::signal::unix::{Signal, SignalKind, signal};
 use wheelarm_proto::endpoint::check_endpoint;
 use wheelarm_proto::keys::{self, Keys};
+use wheelarm_proto::look::LookText;
 use wheelarm_proto::output::end_with_output;
 use wheelarm_proto::program::{EXIT_SCENARIO, Ready, tasks_to_json, told, version};
 use wheelarm_proto::settings::{Named, Pacing, Quality, Starts};
@@ -77,6 +78,11 @@ struct Args {
     /// that is not named, or `room`. May be repeated; `*=1280x720@10` without it.
     #[arg(long, value_parser = v1::CameraSetting::from_text, conflicts_with = "no_cameras")]
     camera: Vec<v1::CameraSetting>,
+    /// Sensor model that is on, MODEL or MODEL@CAMERA, a file in assets/sensors;
+    /// with =STRENGTH from 0 (perfect) over 1 (as the file says) to 3. May be
+    /// repeated.
+    #[arg(long, value_parser = v1::SensorSetting::from_text, value_name = "MODEL@CAMERA")]
+    sensor: Vec<v1::SensorSetting>,
     /// Physics only: no pictures, no graphics driver needed.
     #[arg(long)]
     no_cameras: bool,
@@ -103,6 +109,11 @@ struct Args {
     /// this number [default: as the robot's description says].
     #[arg(long)]
     calibration_seed: Option<u64>,
+    /// How it looks: SEED for the usual look of a seed, SEED:AXIS=STRENGTH,… for
+    /// these axes alone: light, background, materials, exposure, decoration,
+    /// camera, lens, each 1 to 3 [default: as the assets say].
+    #[arg(long, value_name = "SEED[:AXIS=N,…]", value_parser = LookText::read)]
+    look: Option<LookText>,
     /// Ends when standard input is closed: with the program that started it.
     #[arg(long, hide = true)]
     end_with_stdin: bool,
@@ -153,7 +164,7 @@ fn print_draws(
 ) -> anyhow::Result<()> {
     let model = RobotModel::load(assets, &scenario.robot)?;
     let home = Scene::load(assets, &scenario.scene)?;
-    let task = TaskSpec::load(assets, &scenario.task, &home)?;
+    let task = TaskSpec::load(assets, &scenario.task, &home, &model.settings.corridor)?;
     let mut scenes: Vec<(String, Scene, Floor)> = Vec::new();
     for variant in &task.area.variants {
         let mut scene = home.clone();
@@ -201,11 +212,17 @@ impl Args {
             asked.set_quality(quality.code());
         }
         asked.calibration_seed = self.calibration_seed.or(asked.calibration_seed);
+        if let Some(look) = &self.look {
+            asked.look = Some(look.of(asked.seed()));
+        }
         if self.imu_noise {
             asked.imu_noise = Some(true);
         }
         if !self.camera.is_empty() {
             asked.cameras.clone_from(&self.camera);
+        }
+        if !self.sensor.is_empty() {
+            asked.sensors.clone_from(&self.sensor);
         }
         Ok(asked)
     }
@@ -356,7 +373,10 @@ async fn serve(args: Args) -> anyhow::Result<()> {
     }
     let assets = assets(args.assets.clone())?;
     if args.list_tasks {
-        let tasks = service::tasks(&assets).map_err(anyhow::Error::msg)?;
+        let robot = args.robot.clone().unwrap_or(Scenario::default().robot);
+        let model = RobotModel::load(&assets, &robot)?;
+        let tasks =
+            service::tasks(&assets, &model.settings.corridor).map_err(anyhow::Error::msg)?;
         if args.json {
             println!("{}", tasks_to_json(&tasks)?);
             return Ok(());

@@ -9,8 +9,8 @@ use std::time::Instant;
 use wheelarm_dataset::{columns, log};
 use wheelarm_proto::{Message, StreamId, check, v1};
 use wheelarm_server::geometry::mesh;
-use wheelarm_server::robot::RobotModel;
 use wheelarm_server::robot::control::GripperMap;
+use wheelarm_server::robot::{CorridorSettings, RobotModel};
 use wheelarm_server::scene::Scene;
 use wheelarm_server::service::convert;
 use wheelarm_server::service::inbox::{Asked, Inbox, Life, Listening};
@@ -101,7 +101,7 @@ pub fn messages(bytes: &[u8]) {
 /// A sample of every stream, as a recorder takes it.
 pub fn samples(bytes: &[u8]) {
     let _ = columns::header_of(bytes);
-    for stream in StreamId::all([]) {
+    for stream in StreamId::all([], []) {
         let _ = columns::check(&stream.to_string(), bytes);
     }
     let _ = log::CameraParts::parse(bytes);
@@ -150,9 +150,12 @@ pub fn asset(path: &str, bytes: &[u8]) {
         } else if let Some((folder @ ("tasks" | "areas" | "templates"), name)) =
             path.split_once('/')
         {
-            static HOME: OnceLock<Scene> = OnceLock::new();
-            let home = HOME.get_or_init(|| {
-                Scene::load(&root().join("assets"), "home").expect("the scene of this repository")
+            static HOME: OnceLock<(Scene, CorridorSettings)> = OnceLock::new();
+            let (home, hand) = HOME.get_or_init(|| {
+                let assets = root().join("assets");
+                let model = RobotModel::load(&assets, "wheelarm").expect("its robot");
+                let home = Scene::load(&assets, "home").expect("the scene of this repository");
+                (home, model.settings.corridor)
             });
             let name = name.trim_end_matches(".toml");
             let task = match folder {
@@ -171,7 +174,7 @@ pub fn asset(path: &str, bytes: &[u8]) {
                     _ => "place_knife",
                 },
             };
-            let _ = TaskSpec::load(assets, task, home);
+            let _ = TaskSpec::load(assets, task, home, hand);
         } else {
             let _ = Scene::load(assets, "home");
         }

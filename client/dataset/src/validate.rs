@@ -88,6 +88,9 @@ pub fn validate(path: &Path, threads: usize) -> anyhow::Result<Findings> {
     for camera in episode.cameras()? {
         pictures(&episode, &camera, threads, &mut found).with_context(|| camera.clone())?;
     }
+    for sensor in episode.sensors()? {
+        sensed(&episode, &sensor, threads, &mut found).with_context(|| sensor.clone())?;
+    }
     hashes(&episode, &mut found)?;
     checksum(path, &mut found)?;
     Ok(found)
@@ -127,7 +130,10 @@ fn stream(
         .windows(2)
         .filter(|w| w[1].saturating_sub(w[0]) as f64 > GAP * usual as f64);
     let widest = gaps.clone().map(|w| w[1] - w[0]).max();
-    if let Some(widest) = widest.filter(|_| periodic) {
+    // A sensor's pictures arrive now sooner, now later; none is missing by its
+    // sequence numbers.
+    let even = periodic && StreamId::parse(name).sensor_name().is_none();
+    if let Some(widest) = widest.filter(|_| even) {
         wrong(format!(
             "{} gaps, the widest {:.3} s",
             gaps.count(),
@@ -193,9 +199,13 @@ fn contents(
     if account.digest.is_empty() || id == StreamId::EVENTS {
         return Ok(());
     }
-    let digests = match id.camera_name() {
+    let pictures = match &id {
+        StreamId::Camera(camera) => Some(episode.camera(camera)?),
+        StreamId::Sensor(sensor) => Some(episode.sensor(sensor)?),
+        _ => None,
+    };
+    let digests = match pictures {
         Some(camera) => {
-            let camera = episode.camera(camera)?;
             let all = parallel(camera.len(), threads, |i| {
                 let message = camera.encoded(episode, i)?;
                 Ok(message.map(|m| digest::of_message([&m[..]])))
@@ -305,6 +315,50 @@ fn pictures(
         mean(&|f| f.mean),
         mean(&|f| f.contrast),
         100.0 * mean(&|f| f.hit),
+    ));
+    Ok(())
+}
+
+/// What a sensor model made of a camera's pictures: something is to be seen, the
+/// calibration stays, and nothing arrives before it was exposed.
+fn sensed(
+    episode: &Episode,
+    name: &str,
+    threads: usize,
+    found: &mut Findings,
+) -> anyhow::Result<()> {
+    let sensor = episode.sensor(name)?;
+    let stream = sensor.stream();
+    let all = parallel(sensor.len(), threads, |i| {
+        if !sensor.has_depth() {
+            let rgb = sensor.rgb(episode, i)?;
+            return Ok(rgb.iter().map(|&v| f64::from(v)).sum::<f64>() / rgb.len().max(1) as f64);
+        }
+        let depth = sensor.depth(episode, i)?;
+        let returns = depth.iter().filter(|d| d.is_finite()).count();
+        Ok(100.0 * returns as f64 / depth.len().max(1) as f64)
+    })?;
+    let mut wrong = |words: String| found.problems.push(format!("{stream}: {words}"));
+    let first = sensor.intrinsics(0);
+    if (1..sensor.len()).any(|i| sensor.intrinsics(i) != first) {
+        wrong("the calibration changes within the episode".into());
+    }
+    let ages = sensor.stamps().iter().zip(sensor.exposures());
+    if ages.clone().any(|(arrival, exposure)| arrival < exposure) {
+        wrong("pictures arrive before they are exposed".into());
+    }
+    let age: u64 = ages
+        .map(|(arrival, exposure)| arrival.saturating_sub(*exposure))
+        .sum();
+    let n = all.len().max(1) as f64;
+    let (w, h) = sensor.size().unwrap_or((0, 0));
+    found.facts.push(format!(
+        "{stream}: {} pictures of {w}x{h}, {:.0} ms old when they arrive, {} {:.0}{}",
+        all.len(),
+        age as f64 * 1e-6 / n,
+        ["mean level", "returns at"][usize::from(sensor.has_depth())],
+        all.iter().sum::<f64>() / n,
+        ["", " % of the pixels"][usize::from(sensor.has_depth())],
     ));
     Ok(())
 }

@@ -42,7 +42,10 @@ fn offer_all(writer: &mut EpisodeWriter, seed: u64, samples: u64) -> Offered {
     let mut r = Random(seed);
     let mut offered = Offered::new();
     for i in 0..samples {
-        for stream in &StreamId::all([]).map(|s| s.to_string()).collect::<Vec<_>>() {
+        for stream in &StreamId::all([], [])
+            .map(|s| s.to_string())
+            .collect::<Vec<_>>()
+        {
             let header = synthetic::header(100 + i, 4 * i);
             let payload = Bytes::from(r.message(stream, header, 3));
             writer.offer(stream, payload.clone()).unwrap();

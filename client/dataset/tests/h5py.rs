@@ -45,7 +45,10 @@ fn plain_h5py_reads_every_dataset_and_finds_the_same_pixels() {
         .unwrap();
         let mut r = synthetic::Random(11);
         for i in 0..70 {
-            for stream in &StreamId::all([]).map(|s| s.to_string()).collect::<Vec<_>>() {
+            for stream in &StreamId::all([], [])
+                .map(|s| s.to_string())
+                .collect::<Vec<_>>()
+            {
                 let payload = r.message(stream, synthetic::header(i, 4 * i), 3);
                 writer.offer(stream, payload.into()).unwrap();
             }
@@ -65,7 +68,7 @@ fn plain_h5py_reads_every_dataset_and_finds_the_same_pixels() {
                 writer.offer(&stream, frame.encode_to_vec().into()).unwrap();
             }
         }
-        let counts: Vec<_> = StreamId::all(["gen3", "wheelchair"])
+        let counts: Vec<_> = StreamId::all(["gen3", "wheelchair"], [])
             .map(|s| (s.to_string(), 0, if s.is_camera() { 4 } else { 70 }))
             .collect();
         let stopped = Some(synthetic::stopped(280, &counts));

@@ -295,7 +295,8 @@ async fn subscribe(link: &Link, entrance: &Entrance<Raw>) -> anyhow::Result<Held
     let history = || HistoryConfig::default().detect_late_publishers();
     let recovery = || RecoveryConfig::default().heartbeat();
 
-    for key in [keys.streams(), keys.topic(TopicId::Camera)] {
+    let pictures = [TopicId::Camera, TopicId::Sensor].map(|topic| keys.topic(topic));
+    for key in [keys.streams()].into_iter().chain(pictures) {
         let (to, server, keys) = (entrance.clone(), from(), keys.clone());
         let samples = session
             .declare_subscriber(key)
@@ -306,7 +307,7 @@ async fn subscribe(link: &Link, entrance: &Entrance<Raw>) -> anyhow::Result<Held
                 let Some(stream) = keys.stream_of(sample.key_expr().as_str()) else {
                     return;
                 };
-                let (payload, pictures) = (sample.payload().clone(), stream.is_camera());
+                let (payload, pictures) = (sample.payload().clone(), stream.is_pictures());
                 let bytes = payload.len();
                 to.sample(Raw::Sample(stream, payload), bytes, pictures);
             })
@@ -467,7 +468,7 @@ async fn ask_samples(link: &Link, entrance: &Entrance<Raw>, missing: &Missing) {
             }
             let payload = sample.payload().clone();
             let bytes = payload.len();
-            to.sample(Raw::Sample(id.clone(), payload), bytes, id.is_camera());
+            to.sample(Raw::Sample(id.clone(), payload), bytes, id.is_pictures());
         })
         .consolidation(ConsolidationMode::None)
         .accept_replies(ReplyKeyExpr::Any)

@@ -10,6 +10,7 @@ use wheelarm_proto::settings::Named;
 use wheelarm_proto::{CONTRACT_VERSION, PHYSICS_VERSION, v1};
 
 use super::estimate::{bytes, duration};
+use super::folder::{Folder, write_whole};
 use super::journal::Done;
 use super::manifest::Manifest;
 use super::plan::Plan;
@@ -27,9 +28,17 @@ struct Drawn<'a> {
     scenario: v1::Scenario,
 }
 
+/// Writes the card of a dataset into its folder.
+///
+/// # Errors
+/// When the disk does not take it.
+pub fn write(folder: &Folder, plan: &Plan, manifest: &Manifest) -> anyhow::Result<()> {
+    let text = card(plan, manifest);
+    write_whole(&folder.root().join("README.md"), text.as_bytes())
+}
+
 /// The card of a dataset.
-#[must_use]
-pub fn card(plan: &Plan, manifest: &Manifest) -> String {
+fn card(plan: &Plan, manifest: &Manifest) -> String {
     let drawn: Vec<Drawn<'_>> = manifest
         .episodes
         .iter()

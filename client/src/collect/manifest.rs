@@ -6,12 +6,10 @@ use wheelarm_proto::StreamId;
 
 use serde::Serialize;
 
-use super::card::card;
 use super::episode::Episode;
 use super::estimate::{bytes, duration};
 use super::folder::{Folder, write_whole};
 use super::journal::{Done, Failed, Ledger};
-use super::plan::Plan;
 
 /// What a dataset holds.
 #[derive(Clone, Debug, Serialize)]
@@ -68,16 +66,14 @@ impl Manifest {
         }
     }
 
-    /// Writes manifest, report and card of the dataset of `plan` into its folder.
+    /// Writes both files into the dataset's folder.
     ///
     /// # Errors
     /// When the disk does not take them.
-    pub fn write(&self, folder: &Folder, plan: &Plan) -> anyhow::Result<()> {
+    pub fn write(&self, folder: &Folder) -> anyhow::Result<()> {
         let json = serde_json::to_vec_pretty(self)?;
         write_whole(&folder.root().join("manifest.json"), &json)?;
-        write_whole(&folder.root().join("report.md"), self.report().as_bytes())?;
-        let card = card(plan, self);
-        write_whole(&folder.root().join("README.md"), card.as_bytes())
+        write_whole(&folder.root().join("report.md"), self.report().as_bytes())
     }
 
     /// One line for people.

@@ -9,6 +9,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, bail};
 use wheelarm_dataset::read::Episode as Recording;
 
+use super::card;
 use super::episode::{Episode, episodes};
 use super::folder::{Folder, appear, sha256};
 use super::journal::{Done, Entry, Journal, Ledger};
@@ -73,7 +74,8 @@ pub fn merge(sources: &[PathBuf], out: &Path) -> anyhow::Result<Manifest> {
         }
     }
     let manifest = Manifest::new(&plan.name, &wanted, &ledger);
-    manifest.write(&folder, &plan)?;
+    manifest.write(&folder)?;
+    card::write(&folder, &plan, &manifest)?;
     Ok(manifest)
 }
 

@@ -200,7 +200,8 @@ fn collect(
     explain(&tally, setup.plan.attempts);
     // A shard knows its own part only: the merge makes the manifest.
     if shard == Shard::WHOLE {
-        manifest.write(folder, &setup.plan)?;
+        manifest.write(folder)?;
+        card::write(folder, &setup.plan, &manifest)?;
         return finish(&tally, tell(&manifest, folder));
     }
     println!("shard {shard}: {}", manifest.line());

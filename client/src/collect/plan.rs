@@ -13,6 +13,7 @@ use serde::de::Error as _;
 use serde::{Deserialize, Deserializer};
 use toml::Spanned;
 use wheelarm_proto::keys::check_name;
+use wheelarm_proto::look::LookText;
 use wheelarm_proto::seeds::{ATTEMPT_STRIDE, Purpose};
 use wheelarm_proto::settings::{Depth, Named, Quality, Starts, Style};
 use wheelarm_proto::v1::CameraSetting;
@@ -184,6 +185,7 @@ struct PlanFile {
     #[serde(default, deserialize_with = "purpose")]
     purpose: Option<Purpose>,
     bear_share: Option<Spanned<f64>>,
+    look: Option<LookText>,
     #[serde(default)]
     keep_failed: bool,
     disturb: Option<Disturb>,
@@ -327,6 +329,7 @@ impl Plan {
                 bear_share: file.bear_share.map(Spanned::into_inner),
                 robots: file.randomise.robots,
                 language: None,
+                look: file.look,
                 disturb: file.disturb,
                 style: file.style,
                 time_limits: file.time_limits,
@@ -629,6 +632,12 @@ mod tests {
                 "does not divide 240",
             ),
             ("name = \"x\"", "name = \"a/b\"", 1, "letters, digits"),
+            (
+                "name = \"x\"",
+                "name = \"x\"\nlook = \"*:light=4\"",
+                2,
+                "expected a strength of 0 (off), 1, 2 or 3",
+            ),
             (
                 "episodes = 2",
                 "episodes = 2\ncount = 3",

@@ -12,6 +12,7 @@ use std::time::{Duration, Instant};
 use anyhow::Context;
 use clap::Args;
 use indicatif::{ProgressBar, ProgressStyle};
+use wheelarm_proto::look::LookText;
 use wheelarm_proto::settings::Quality;
 use wheelarm_proto::v1;
 
@@ -57,9 +58,17 @@ pub struct DemoArgs {
     /// Pictures per simulated second of each camera; divides 240.
     #[arg(long, default_value_t = 10.0)]
     pub rate: f64,
+    /// Sensor model that is on, MODEL or MODEL@CAMERA, a file in assets/sensors;
+    /// with =STRENGTH from 0 to 3. May be repeated.
+    #[arg(long, value_parser = v1::SensorSetting::from_text, value_name = "MODEL@CAMERA")]
+    pub sensor: Vec<v1::SensorSetting>,
     /// Work per picture.
     #[arg(long, value_parser = named::<Quality>(), default_value = "standard")]
     pub quality: Quality,
+    /// How it looks: SEED[:AXIS=STRENGTH,…] as the server's --look, `*` in the
+    /// place of the seed for each episode's own.
+    #[arg(long, value_name = "LOOK", value_parser = LookText::read)]
+    pub look: Option<LookText>,
     /// Assets folder; the server looks for it when absent.
     #[arg(long, env = "WHEELARM_ASSETS")]
     pub assets: Option<PathBuf>,
@@ -80,6 +89,8 @@ impl DemoArgs {
                 cameras: vec![all_cameras(self.width, self.height, self.rate)],
                 pacing: v1::Pacing::LockStep.into(),
                 quality: self.quality.code().into(),
+                look: self.look.map(|look| look.of(seed)),
+                sensors: self.sensor.clone(),
                 ..v1::Scenario::default()
             },
             assets: self.assets.clone(),

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use std::time::Duration;
 
 use clap::Args;
+use wheelarm_proto::look::LookText;
 use wheelarm_proto::settings::{LanguageSplit, Quality, Starts, Style};
 use wheelarm_proto::v1;
 use wheelarm_rig::{ServerOptions, all_cameras};
@@ -30,7 +31,7 @@ pub struct EvaluateArgs {
     pub episodes: Option<u64>,
     /// A frozen split, for example assets/splits/policy-claim.toml: its seeds, starts
     /// and all else that it draws. With --episodes the first of its seeds.
-    #[arg(long, value_name = "FILE", conflicts_with_all = ["seeds", "starts"])]
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["seeds", "starts", "look"])]
     pub split: Option<PathBuf>,
     /// Servers at work at one time.
     #[arg(long, default_value = "1", value_name = "J")]
@@ -64,6 +65,10 @@ pub struct EvaluateArgs {
     /// Which templates and names are said: `any`, `train` or `held_out`.
     #[arg(long, default_value = "any", value_parser = named::<LanguageSplit>(), requires = "language")]
     pub language_split: LanguageSplit,
+    /// How it looks: SEED[:AXIS=STRENGTH,…] as the server's --look, `*` in the
+    /// place of the seed for each episode's own. Give each its own folder.
+    #[arg(long, value_name = "LOOK", value_parser = LookText::read)]
+    pub look: Option<LookText>,
     /// Hinders the robot: strength of noise, pushes and slips, 1 to 3.
     #[arg(long, value_name = "STRENGTH", value_parser = clap::value_parser!(u32).range(1..=3), conflicts_with = "split")]
     pub disturb: Option<u32>,
@@ -111,6 +116,7 @@ impl EvaluateArgs {
                     seeds: first..end,
                     variation: Variation {
                         starts: self.starts,
+                        look: self.look,
                         ..Variation::default()
                     },
                 }

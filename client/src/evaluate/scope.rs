@@ -8,6 +8,7 @@ use anyhow::{Context, bail};
 use serde::de::Error as _;
 use serde::{Deserialize, Deserializer};
 use sha2::{Digest, Sha256};
+use wheelarm_proto::look::LookText;
 use wheelarm_proto::seeds::Purpose;
 use wheelarm_proto::settings::Named;
 
@@ -45,6 +46,7 @@ struct SplitFile {
     bear_share: Option<f64>,
     #[serde(default)]
     robots: u32,
+    look: Option<LookText>,
     disturb: Option<Disturb>,
     frozen: Option<String>,
 }
@@ -118,6 +120,7 @@ fn parse(path: &Path, text: &str) -> anyhow::Result<Scope> {
             starts: file.starts,
             bear_share: file.bear_share,
             robots: file.robots,
+            look: file.look,
             disturb: file.disturb,
             ..Variation::default()
         },
@@ -196,6 +199,10 @@ mod tests {
             (
                 "purpose = \"develop\"\nseed = 3",
                 "s.toml:2: unknown field `seed`",
+            ),
+            (
+                "look = \"7:light=4\"",
+                "s.toml:1: look has \"light=4\", expected a strength",
             ),
             (
                 "purpose = \"test\"\nseeds = [0, 5]",

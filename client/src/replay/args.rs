@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use clap::Args;
+use wheelarm_proto::look::LookText;
 use wheelarm_proto::settings::Quality;
 use wheelarm_proto::v1;
 
@@ -31,6 +32,22 @@ pub struct ReplayArgs {
         value_name = "NAME=WxH@HZ"
     )]
     pub camera: Vec<v1::CameraSetting>,
+    /// Records the run this many times, each time under another look: with the
+    /// seeds from --look-seed on, a file each.
+    #[arg(long, requires = "out", conflicts_with = "as_recorded", value_name = "K",
+        value_parser = clap::value_parser!(u32).range(1..=1000))]
+    pub looks: Option<u32>,
+    /// Seed of the first look.
+    #[arg(long, requires = "looks", default_value_t = 1, value_name = "SEED")]
+    pub look_seed: u64,
+    /// Axes of the looks as AXIS=STRENGTH,…, for example light=3,camera=1; the
+    /// usual ones when absent.
+    #[arg(long, requires = "looks", value_name = "AXIS=N,…", value_parser = axes)]
+    pub look_axes: Option<LookText>,
+    /// Runs that are done at a time; half as many as there are cores when absent.
+    #[arg(long, requires = "looks", value_name = "N",
+        value_parser = clap::value_parser!(u32).range(1..=256))]
+    pub jobs: Option<u32>,
     /// Draws the recorded states anew instead of computing them, also those of
     /// another version of the physics: robot, objects, furniture, commands and
     /// evaluation as recorded, and new pictures.
@@ -42,4 +59,23 @@ pub struct ReplayArgs {
     /// Assets folder; the server looks for it when absent.
     #[arg(long, env = "WHEELARM_ASSETS")]
     pub assets: Option<PathBuf>,
+}
+
+impl ReplayArgs {
+    /// The looks that are asked for.
+    pub(super) fn asked_looks(&self) -> Vec<v1::Look> {
+        let usual = |seed| match &self.look_axes {
+            Some(axes) => axes.seeded(seed),
+            None => v1::Look::usual(seed),
+        };
+        let count = u64::from(self.looks.unwrap_or(0));
+        (0..count)
+            .map(|i| usual(self.look_seed.wrapping_add(i)))
+            .collect()
+    }
+}
+
+/// Reads the axes of a look without its seed.
+fn axes(text: &str) -> Result<LookText, String> {
+    LookText::read(&format!("0:{text}"))
 }

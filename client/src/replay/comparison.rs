@@ -53,18 +53,13 @@ impl Comparison {
         Ok(equal)
     }
 
-    /// Prints what came of it; exit code 1 when something differs.
-    pub fn report(&mut self) -> ExitCode {
-        match self.outcome() {
-            Ok(equal) => {
-                println!("replayed {} ticks, {equal} hashes equal", self.ticks);
-                ExitCode::SUCCESS
-            }
-            Err(problem) => {
-                println!("replayed {} ticks, {problem}", self.ticks);
-                ExitCode::FAILURE
-            }
-        }
+    /// What came of it in words; exit code 1 when something differs.
+    pub fn report(&mut self) -> (String, ExitCode) {
+        let (words, code) = match self.outcome() {
+            Ok(equal) => (format!("{equal} hashes equal"), ExitCode::SUCCESS),
+            Err(problem) => (problem, ExitCode::FAILURE),
+        };
+        (format!("replayed {} ticks, {words}", self.ticks), code)
     }
 }
 

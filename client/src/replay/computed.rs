@@ -1,7 +1,9 @@
 //! `wheelarm replay FILE`: the recorded state and the recorded commands again,
-//! and the state hashes compared.
+//! and the state hashes compared, under one look or several.
 
 use std::process::ExitCode;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Mutex, PoisonError};
 use std::time::Duration;
 
 use anyhow::{Context, bail};
@@ -28,19 +30,83 @@ const PATIENCE: Duration = Duration::from_secs(60);
 pub(super) fn run(args: &ReplayArgs, episode: &Episode) -> anyhow::Result<ExitCode> {
     let script = Script::read(episode)?;
     script.check_physics(&args.file)?;
-    let cameras = match &args.out {
-        Some(_) => script::cameras(&script.scenario, args.width, args.height, &args.camera),
+    let looks = args.asked_looks();
+    if looks.is_empty() {
+        let label = format!("{}-replay", script.label);
+        let (lines, code) = once(args, &script, None, &label)?;
+        lines.iter().for_each(|line| println!("{line}"));
+        return Ok(code);
+    }
+    each(args, &script, &looks)
+}
+
+/// Replays under each look, several at a time: the physics of each is its own, so
+/// each compares its hashes.
+fn each(args: &ReplayArgs, script: &Script, looks: &[v1::Look]) -> anyhow::Result<ExitCode> {
+    let cores = std::thread::available_parallelism().map_or(1, |n| n.get() / 2);
+    let jobs = args.jobs.map_or(cores.max(1), |jobs| jobs as usize);
+    let next = AtomicUsize::new(0);
+    let worst = Mutex::new(ExitCode::SUCCESS);
+    let failed: anyhow::Result<()> = std::thread::scope(|scope| {
+        let worker = || -> anyhow::Result<()> {
+            while let Some(look) = looks.get(next.fetch_add(1, Ordering::Relaxed)) {
+                let label = format!("{}-look{}", script.label, look.seed);
+                let done = once(args, script, Some(*look), &label);
+                let (lines, code) = done.with_context(|| format!("look {look}"))?;
+                let mut worst = worst.lock().unwrap_or_else(PoisonError::into_inner);
+                for line in lines {
+                    println!("look {look}: {line}");
+                }
+                if code != ExitCode::SUCCESS && *worst != ExitCode::FAILURE {
+                    *worst = code;
+                }
+            }
+            Ok(())
+        };
+        let workers: Vec<_> = (0..jobs.min(looks.len()))
+            .map(|_| scope.spawn(worker))
+            .collect();
+        workers.into_iter().try_for_each(|worker| {
+            let joined = worker.join();
+            joined.unwrap_or_else(|panic| std::panic::resume_unwind(panic))
+        })
+    });
+    failed?;
+    let code = *worst.lock().unwrap_or_else(PoisonError::into_inner);
+    Ok(code)
+}
+
+/// One replay, under the look of the recording or another one: what is to be
+/// said of it, and the exit code.
+fn once(
+    args: &ReplayArgs,
+    script: &Script,
+    look: Option<v1::Look>,
+    label: &str,
+) -> anyhow::Result<(Vec<String>, ExitCode)> {
+    let mut scenario = script.scenario.clone();
+    let mut cameras = match &args.out {
+        Some(_) => script::cameras(&scenario, args.width, args.height, &args.camera),
         None => Vec::new(),
     };
-    let mut rig = Rig::start(args, &script.scenario, cameras.clone())?;
-    reset(&rig.link, &script, cameras)?;
+    if let Some(look) = look {
+        let before = scenario.look.replace(look).unwrap_or_default();
+        let moves = |look: &v1::Look| look.camera > 0 || look.lens > 0;
+        if moves(&before) || moves(&look) {
+            // Drawn anew: the calibration, and the look on top of it.
+            for camera in &mut cameras {
+                (camera.lens, camera.place) = (None, None);
+            }
+        }
+    }
+    let mut rig = Rig::start(args, &scenario, cameras.clone())?;
+    reset(&rig.link, script, scenario, cameras)?;
     // Subscribed before the episode begins, so that its first state is seen.
     let mut turns = rig.link.turns(NAME, false, &[TopicId::StateHash])?;
-    let label = format!("{}-replay", script.label);
     let request = v1::EpisodeStartRequest {
         label: match &args.out {
-            Some(out) => free_label(out, &label),
-            None => label,
+            Some(out) => free_label(out, label),
+            None => label.to_owned(),
         },
         instruction: Some(script.instruction.clone()),
         require_recorders: rig.recorders(),
@@ -49,24 +115,29 @@ pub(super) fn run(args: &ReplayArgs, episode: &Episode) -> anyhow::Result<ExitCo
     };
     let started = rig.link.ask(&request);
     let started = started.with_context(|| rig.server.tail())?;
-    let fed = check_assets(&rig.link, &script).and_then(|()| feed(&mut turns, &script, &started));
+    let fed = check_assets(&rig.link, script).and_then(|()| feed(&mut turns, script, &started));
     // A replay that broke off is not worth a file.
     rig.link.stop_episode(fed.is_err())?;
-    let mut code = fed?.report();
+    let (line, mut code) = fed?.report();
+    let mut lines = vec![line];
     if let Some(recorded) = rig.recorded(&started)? {
-        println!("recorded {}", recorded.line());
+        lines.push(format!("recorded {}", recorded.line()));
         if code == ExitCode::SUCCESS {
             code = recorded.code();
         }
     }
     drop(turns);
     rig.stop()?;
-    Ok(code)
+    Ok((lines, code))
 }
 
 /// Puts the server into the state at the start of the episode.
-fn reset(link: &Link, script: &Script, cameras: Vec<v1::CameraSetting>) -> anyhow::Result<()> {
-    let mut scenario = script.scenario.clone();
+fn reset(
+    link: &Link,
+    script: &Script,
+    mut scenario: v1::Scenario,
+    cameras: Vec<v1::CameraSetting>,
+) -> anyhow::Result<()> {
     scenario.cameras = cameras;
     // Whatever paced the recording, its commands are applied tick by tick.
     scenario.pacing = v1::Pacing::LockStep.into();

@@ -39,6 +39,7 @@ impl Rig {
                 seed: Some(scenario.seed()),
                 pacing: v1::Pacing::LockStep.into(),
                 quality: quality.unwrap_or(scenario.quality),
+                look: scenario.look,
                 cameras,
                 ..v1::Scenario::default()
             },

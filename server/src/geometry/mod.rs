@@ -117,6 +117,56 @@ pub struct Material {
     pub emission: f32,
     /// Procedural texture that multiplies the colour.
     pub texture: Option<Texture>,
+    /// Materials of one family stand in for each other under a look.
+    pub family: Option<Family>,
+    /// Share of the light that goes through, where a look is drawn.
+    pub transmission: f32,
+}
+
+/// Kinds of materials.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, serde::Deserialize)]
+#[serde(rename_all = "snake_case")]
+#[expect(missing_docs, reason = "the names say it")]
+pub enum Family {
+    Wall,
+    Ceiling,
+    Floor,
+    Wood,
+    Cabinet,
+    Stone,
+    Fabric,
+    Metal,
+    Plastic,
+    Ceramic,
+    Art,
+    Plant,
+    /// Shades of lamps.
+    Lamp,
+    /// What is seen through the windows.
+    Outdoors,
+}
+
+impl Family {
+    /// Its name in files.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Wall => "wall",
+            Self::Ceiling => "ceiling",
+            Self::Floor => "floor",
+            Self::Wood => "wood",
+            Self::Cabinet => "cabinet",
+            Self::Stone => "stone",
+            Self::Fabric => "fabric",
+            Self::Metal => "metal",
+            Self::Plastic => "plastic",
+            Self::Ceramic => "ceramic",
+            Self::Art => "art",
+            Self::Plant => "plant",
+            Self::Lamp => "lamp",
+            Self::Outdoors => "outdoors",
+        }
+    }
 }
 
 /// A procedural texture, 512 x 512.

@@ -16,8 +16,8 @@ use crate::geometry::{Part, Visual};
 pub use load::RobotError;
 pub use roles::{ARM_JOINTS, RecordedFrame, RecordedJoint, Roles};
 pub use settings::{
-    ArmSettings, BallSettings, CameraMount, CameraTolerance, DriveSettings, FrameRole,
-    GripperSettings, ImuSettings, JointRole, OutlineSettings, ReachSettings, Settings,
+    ArmSettings, BallSettings, CameraMount, CameraTolerance, CorridorSettings, DriveSettings,
+    FrameRole, GripperSettings, ImuSettings, JointRole, OutlineSettings, ReachSettings, Settings,
 };
 
 /// A robot read from a URDF and its `robot.toml`.

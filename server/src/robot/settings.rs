@@ -45,6 +45,8 @@ pub struct Settings {
     pub gripper: GripperSettings,
     /// Balls around the gripper, for planning.
     pub balls: BallSettings,
+    /// What the hand takes up on its way to a thing.
+    pub corridor: CorridorSettings,
 }
 
 /// What a recorded joint is for.
@@ -251,6 +253,29 @@ pub struct GripperSettings {
     pub max_force: f64,
 }
 
+/// What the hand takes up with its fingers open on its way to a thing, about the
+/// grasp point.
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct CorridorSettings {
+    /// Half of the width of the open fingers across the hand, metres.
+    pub fingers: f64,
+    /// Half of the width of palm and wrist, metres.
+    pub wrist: f64,
+    /// The finger tips reach this far beyond the grasp point, metres.
+    pub tip: f64,
+    /// The fingers reach this far back from the grasp point, metres.
+    pub palm: f64,
+    /// So far back from the grasp point the wrist ends, metres.
+    pub back: f64,
+    /// Half of the height of the fingers, metres.
+    pub fingers_height: f64,
+    /// Half of the height of the palm, metres.
+    pub palm_height: f64,
+    /// From above the wrist reaches down to this far above the grasp point, metres.
+    pub above: f64,
+}
+
 /// Look of a material beside its colour in the URDF.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -322,6 +347,7 @@ struct GripperTable {
     hand_balls: Vec<[f64; 4]>,
     crank_balls: Vec<[f64; 4]>,
     tip_balls: Vec<[f64; 4]>,
+    corridor: CorridorSettings,
     #[serde(flatten)]
     gripper: GripperSettings,
 }
@@ -395,6 +421,7 @@ impl File {
                 crank: self.gripper.crank_balls.clone(),
                 tip: self.gripper.tip_balls.clone(),
             },
+            corridor: self.gripper.corridor,
         }
     }
 }
@@ -446,6 +473,20 @@ impl Settings {
             ("gripper.acceleration", self.gripper.acceleration),
             ("gripper.force", self.gripper.force),
             ("gripper.max_force", self.gripper.max_force),
+            ("gripper.corridor.fingers", self.corridor.fingers),
+            ("gripper.corridor.wrist", self.corridor.wrist),
+            ("gripper.corridor.tip", self.corridor.tip),
+            ("gripper.corridor.palm", self.corridor.palm),
+            (
+                "gripper.corridor.back - gripper.corridor.palm",
+                self.corridor.back - self.corridor.palm,
+            ),
+            (
+                "gripper.corridor.fingers_height",
+                self.corridor.fingers_height,
+            ),
+            ("gripper.corridor.palm_height", self.corridor.palm_height),
+            ("gripper.corridor.above", self.corridor.above),
         ];
         let gains = (0..6).flat_map(|i| {
             [

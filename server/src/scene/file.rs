@@ -306,6 +306,9 @@ pub(super) struct MaterialEntry {
     #[serde(default)]
     pub emission: f64,
     pub texture: Option<TextureEntry>,
+    pub family: Option<crate::geometry::Family>,
+    #[serde(default)]
+    pub transmission: f64,
 }
 
 #[derive(Debug, Deserialize)]

@@ -71,6 +71,8 @@ fn material(
         metallic: fraction("metallic", entry.metallic, 1.0)?,
         emission: fraction("emission", entry.emission, 4.0)?,
         texture: picture,
+        family: entry.family,
+        transmission: fraction("transmission", entry.transmission, 1.0)?,
     })
 }
 

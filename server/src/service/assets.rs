@@ -6,16 +6,19 @@ use std::path::Path;
 use wheelarm_proto::v1;
 
 use super::convert;
+use crate::robot::CorridorSettings;
 use crate::scene;
+use crate::sensors::models;
 use crate::sim::Simulation;
 use crate::tasks::{self, ConditionSpec};
 
-/// Every task below the assets folder, by name. Needs no simulation.
+/// Every task below the assets folder, by name, for a robot with this hand. Needs
+/// no simulation.
 ///
 /// # Errors
 /// When one of them cannot be used.
-pub fn tasks(assets: &Path) -> Result<Vec<v1::TaskInfo>, String> {
-    let tasks = tasks::list(assets).map_err(|e| e.to_string())?;
+pub fn tasks(assets: &Path, hand: &CorridorSettings) -> Result<Vec<v1::TaskInfo>, String> {
+    let tasks = tasks::list(assets, hand).map_err(|e| e.to_string())?;
     Ok(tasks
         .into_iter()
         .map(|t| v1::TaskInfo {
@@ -31,7 +34,7 @@ pub fn tasks(assets: &Path) -> Result<Vec<v1::TaskInfo>, String> {
 }
 
 /// The texts of all asset files of a simulation, read when it is set up: those
-/// of the robot, of the task, of the scene.
+/// of the robot, of the task, of the scene, of the sensor models.
 ///
 /// # Errors
 /// When a file cannot be read.
@@ -50,6 +53,7 @@ pub(super) fn texts(sim: &Simulation) -> Result<Vec<v1::AssetText>, String> {
         }
     }
     paths.extend_from_slice(&sim.scene().files);
+    paths.extend(models::files(&scenario.sensors));
     let texts = scene::texts(sim.assets(), &paths).map_err(|e| e.to_string())?;
     let texts = texts.into_iter();
     Ok(texts

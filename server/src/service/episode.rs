@@ -26,6 +26,8 @@ pub struct Episode {
     pub snapshot: Bytes,
     /// Stage.
     pub stage: Stage,
+    /// Its commands are those of a recording: as they were applied.
+    pub replayed: bool,
     /// Recorders that must be ready.
     pub required: usize,
     /// Recorders that were ready when time went on.

@@ -1,6 +1,7 @@
 //! Why a service ends early.
 
 use crate::sensors::camera::RenderError;
+use crate::sensors::models::SensorError;
 use crate::sim::SimError;
 
 /// Why a service ended early.
@@ -14,7 +15,10 @@ pub enum ServiceError {
     Render(#[from] RenderError),
     /// A scenario.
     #[error(transparent)]
-    Sim(#[from] SimError),
+    Sim(Box<SimError>),
+    /// The table of materials for sensor models.
+    #[error(transparent)]
+    Sensors(#[from] SensorError),
     /// An asset file that is to be stored with recordings.
     #[error("cannot read {0}")]
     Assets(String),
@@ -24,6 +28,12 @@ pub enum ServiceError {
     /// The simulation thread.
     #[error("the simulation thread {0}")]
     Thread(String),
+}
+
+impl From<SimError> for ServiceError {
+    fn from(e: SimError) -> Self {
+        Self::Sim(Box::new(e))
+    }
 }
 
 impl From<zenoh::Error> for ServiceError {

@@ -50,7 +50,32 @@ fn picture_payload(mut frame: v1::CameraFrame) -> ZBytes {
     payload.finish()
 }
 
-/// Field numbers of the pictures in `wheelarm.v1.CameraFrame`.
+/// An encoded picture of a sensor, its bytes handed over where they lie.
+fn sensor_payload(mut frame: v1::SensorFrame) -> ZBytes {
+    let pictures = [
+        (RGB, std::mem::take(&mut frame.rgb)),
+        (DEPTH, std::mem::take(&mut frame.depth)),
+    ];
+    // In the order of the fields, as the whole message would be encoded.
+    let rest = v1::SensorFrame {
+        rgb_format: std::mem::take(&mut frame.rgb_format),
+        depth_format: std::mem::take(&mut frame.depth_format),
+        camera: std::mem::take(&mut frame.camera),
+        exposure_nanos: std::mem::take(&mut frame.exposure_nanos),
+        exposure_tick: std::mem::take(&mut frame.exposure_tick),
+        ..v1::SensorFrame::default()
+    };
+    let mut payload = ZBytes::writer();
+    payload.append(frame.encode_to_vec().into());
+    for (field, picture) in pictures.into_iter().filter(|(_, p)| !p.is_empty()) {
+        payload.append(field_start(field, &picture).into());
+        payload.append(picture.into());
+    }
+    payload.append(rest.encode_to_vec().into());
+    payload.finish()
+}
+
+/// Field numbers of the pictures in `wheelarm.v1.CameraFrame` and `SensorFrame`.
 const RGB: u32 = 5;
 const DEPTH: u32 = 6;
 const IDS: u32 = 7;
@@ -103,7 +128,7 @@ pub struct Outbox {
     run_id: String,
     /// By key.
     streams: Mutex<BTreeMap<String, Arc<Mutex<Stream>>>>,
-    /// Whether the pictures of a camera are received.
+    /// Whether the pictures of a camera or a sensor are received, by key.
     watched: Mutex<BTreeMap<String, Arc<AtomicBool>>>,
 }
 
@@ -138,21 +163,22 @@ impl Outbox {
         &self.keys
     }
 
-    /// Whether anybody receives a camera's pictures. Never waits for a picture
-    /// that is on its way out.
+    /// Whether anybody receives the pictures of a camera or a sensor. Never waits
+    /// for a picture that is on its way out.
     #[must_use]
-    pub fn is_watched(&self, camera: &str) -> bool {
+    pub fn is_watched(&self, pictures: &StreamId) -> bool {
         let watched = self.watched.lock();
         watched
-            .get(camera)
+            .get(&self.keys.stream(pictures))
             .is_some_and(|watched| watched.load(Ordering::Relaxed))
     }
 
     /// Keeps account of whether a camera's pictures are received.
-    fn watch(&self, camera: &str) -> zenoh::Result<()> {
-        let stream = self.stream(&self.keys.camera(camera), TopicId::Camera.info())?;
+    fn watch(&self, pictures: &StreamId, topic: TopicId) -> zenoh::Result<()> {
+        let key = self.keys.stream(pictures);
+        let stream = self.stream(&key, topic.info())?;
         let mut all = self.watched.lock();
-        if all.contains_key(camera) {
+        if all.contains_key(&key) {
             return Ok(());
         }
         let watched = Arc::new(AtomicBool::new(false));
@@ -168,7 +194,7 @@ impl Outbox {
         if stream.publisher.matching_status().wait()?.matching() {
             watched.store(true, Ordering::Relaxed);
         }
-        all.insert(camera.to_owned(), watched);
+        all.insert(key, watched);
         Ok(())
     }
 
@@ -184,14 +210,17 @@ impl Outbox {
         }
     }
 
-    /// Declares every state stream and the given cameras, so that subscribers
-    /// find them before the first sample.
+    /// Declares every state stream and the given cameras and sensors, so that
+    /// subscribers find them before the first sample.
     ///
     /// # Errors
     /// The transport's error.
-    pub fn declare(&self, cameras: &[String]) -> zenoh::Result<()> {
+    pub fn declare(&self, cameras: &[String], sensors: &[String]) -> zenoh::Result<()> {
         for name in cameras {
-            self.watch(name)?;
+            self.watch(&StreamId::camera(name), TopicId::Camera)?;
+        }
+        for name in sensors {
+            self.watch(&StreamId::sensor(name), TopicId::Sensor)?;
         }
         let own = TOPICS.iter().zip(TopicId::ALL);
         for (row, topic) in own.filter(|(row, _)| row.from == Role::Server) {
@@ -247,6 +276,12 @@ impl Outbox {
         self.publish(&key, episode, tick, message, picture_payload);
     }
 
+    /// Publishes a sensor's picture that arrives at `tick`.
+    pub fn sensor(&self, name: &str, episode: u64, tick: u64, message: v1::SensorFrame) {
+        let key = self.keys.sensor(name);
+        self.publish(&key, episode, tick, message, sensor_payload);
+    }
+
     fn publish<M: Topic>(
         &self,
         key: &str,
@@ -295,34 +330,42 @@ impl Outbox {
 
     /// What every stream published in `episode`, streams without samples included.
     #[must_use]
-    pub fn manifest(&self, episode: u64, cameras: &[String]) -> Vec<v1::StreamCount> {
+    pub fn manifest(
+        &self,
+        episode: u64,
+        cameras: &[String],
+        sensors: &[String],
+    ) -> Vec<v1::StreamCount> {
         let streams = self.streams.lock();
-        StreamId::all(cameras.iter().map(String::as_str))
-            .map(|stream| {
-                let key = self.keys.stream(&stream);
-                let (counter, digest) = streams.get(&key).map_or_else(Default::default, |s| {
-                    let stream = s.lock();
-                    (stream.counter, stream.digest.clone())
-                });
-                let (counter, digest) = if counter.episode == episode {
-                    (counter, digest)
-                } else {
-                    let none = Counter {
-                        first: counter.next,
-                        next: counter.next,
-                        ..Counter::default()
-                    };
-                    (none, StreamDigest::default())
+        StreamId::all(
+            cameras.iter().map(String::as_str),
+            sensors.iter().map(String::as_str),
+        )
+        .map(|stream| {
+            let key = self.keys.stream(&stream);
+            let (counter, digest) = streams.get(&key).map_or_else(Default::default, |s| {
+                let stream = s.lock();
+                (stream.counter, stream.digest.clone())
+            });
+            let (counter, digest) = if counter.episode == episode {
+                (counter, digest)
+            } else {
+                let none = Counter {
+                    first: counter.next,
+                    next: counter.next,
+                    ..Counter::default()
                 };
-                v1::StreamCount {
-                    stream: stream.to_string(),
-                    first: counter.first,
-                    last: counter.next.saturating_sub(1),
-                    count: counter.count,
-                    digest: digest.value().to_vec(),
-                }
-            })
-            .collect()
+                (none, StreamDigest::default())
+            };
+            v1::StreamCount {
+                stream: stream.to_string(),
+                first: counter.first,
+                last: counter.next.saturating_sub(1),
+                count: counter.count,
+                digest: digest.value().to_vec(),
+            }
+        })
+        .collect()
     }
 }
 
@@ -352,6 +395,20 @@ mod tests {
             depth_format: v1::PixelFormat::DepthMetresF32.into(),
             ids_format: v1::PixelFormat::IdU16.into(),
         };
+        let sensor = v1::SensorFrame {
+            header: frame.header.clone(),
+            sensor: "gen3_depth".into(),
+            intrinsics: frame.intrinsics,
+            pose: frame.pose,
+            depth: picture(400, 4),
+            depth_format: v1::PixelFormat::DepthMillimetresU16.into(),
+            camera: "gen3".into(),
+            exposure_nanos: 12,
+            exposure_tick: 3,
+            ..v1::SensorFrame::default()
+        };
+        let payload = sensor_payload(sensor.clone());
+        assert_eq!(*payload.to_bytes(), sensor.encode_to_vec());
         let payload = picture_payload(frame.clone());
         assert_eq!(*payload.to_bytes(), frame.encode_to_vec());
         assert_eq!(v1::CameraFrame::decode(&*payload.to_bytes()), Ok(frame));

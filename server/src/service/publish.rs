@@ -9,6 +9,7 @@ use super::inbox::Taken;
 use super::outbox::Outbox;
 use crate::robot::control::{RobotControl, Targets};
 use crate::sensors::imu;
+use crate::sensors::signals::Signals;
 use crate::sim::Simulation;
 use crate::snapshot::BodyRef;
 
@@ -80,12 +81,37 @@ pub fn imu(outbox: &Outbox, episode: u64, samples: &[imu::Sample]) {
     }
 }
 
+/// Publishes what the sensor model makes of IMU measurements at `rate` Hz.
+pub fn sensed_imu(
+    outbox: &Outbox,
+    episode: u64,
+    samples: &[imu::Sample],
+    rate: f64,
+    signals: &mut Signals,
+) {
+    for sample in samples {
+        let Some([angular_velocity, linear_acceleration]) = signals.imu(sample, rate) else {
+            return;
+        };
+        outbox.put(
+            episode,
+            sample.tick,
+            v1::SensedImu {
+                header: None,
+                angular_velocity: Some(convert::vector(&angular_velocity.into())),
+                linear_acceleration: Some(convert::vector(&linear_acceleration.into())),
+            },
+        );
+    }
+}
+
 /// Publishes the state streams of the present tick; `clock` comes last, so
 /// that whoever sees it has seen everything.
 pub fn state(
     outbox: &Outbox,
     episode: u64,
     sim: &Simulation,
+    signals: &Signals,
     phase: (i32, &str),
     real_time_factor: f64,
 ) {
@@ -98,6 +124,7 @@ pub fn state(
     if sim.state_due() {
         put.joints(sim);
         put.poses(sim);
+        put.sensed(sim, signals);
         put.objects(sim);
         put.furniture(sim);
         put.contacts(sim);
@@ -124,6 +151,29 @@ pub fn state(
             real_time_factor,
         },
     );
+}
+
+/// A pose on the floor.
+fn planar([x, y]: [f64; 2], heading: f64) -> v1::Pose {
+    let (z_sin, z_cos) = exact::sin_cos(heading / 2.0);
+    v1::Pose {
+        position: Some(v1::Vector3 { x, y, z: 0.0 }),
+        orientation: Some(v1::Quaternion {
+            x: 0.0,
+            y: 0.0,
+            z: z_sin,
+            w: z_cos,
+        }),
+    }
+}
+
+/// A velocity on the floor.
+fn planar_twist(linear: f64, angular: f64) -> v1::Twist {
+    let vector = |x, z| v1::Vector3 { x, y: 0.0, z };
+    v1::Twist {
+        linear: Some(vector(linear, 0.0)),
+        angular: Some(vector(0.0, angular)),
+    }
 }
 
 struct Put<'a> {
@@ -157,36 +207,34 @@ impl Put<'_> {
         };
         self.outbox.put(self.episode, self.tick, message);
         let odometry = sim.odometry();
-        let (half_sin, half_cos) = exact::sin_cos(odometry.heading / 2.0);
         let message = v1::Odometry {
             header: None,
-            pose: Some(v1::Pose {
-                position: Some(v1::Vector3 {
-                    x: odometry.position[0],
-                    y: odometry.position[1],
-                    z: 0.0,
-                }),
-                orientation: Some(v1::Quaternion {
-                    x: 0.0,
-                    y: 0.0,
-                    z: half_sin,
-                    w: half_cos,
-                }),
-            }),
-            twist: Some(v1::Twist {
-                linear: Some(v1::Vector3 {
-                    x: odometry.linear,
-                    y: 0.0,
-                    z: 0.0,
-                }),
-                angular: Some(v1::Vector3 {
-                    x: 0.0,
-                    y: 0.0,
-                    z: odometry.angular,
-                }),
-            }),
+            pose: Some(planar(odometry.position, odometry.heading)),
+            twist: Some(planar_twist(odometry.linear, odometry.angular)),
         };
         self.outbox.put(self.episode, self.tick, message);
+    }
+
+    fn sensed(&self, sim: &Simulation, signals: &Signals) {
+        let joints = signals.joints(sim.snapshot(), sim.model(), sim.opening());
+        if let Some(joints) = joints {
+            let message = v1::SensedJoints {
+                header: None,
+                positions: joints.positions,
+                velocities: joints.velocities,
+                efforts: joints.efforts,
+                opening: joints.opening,
+            };
+            self.outbox.put(self.episode, self.tick, message);
+        }
+        if let Some(told) = signals.odometry() {
+            let message = v1::SensedOdometry {
+                header: None,
+                pose: Some(planar(told.position, told.heading)),
+                twist: Some(planar_twist(told.linear, told.angular)),
+            };
+            self.outbox.put(self.episode, self.tick, message);
+        }
     }
 
     fn objects(&self, sim: &Simulation) {

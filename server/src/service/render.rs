@@ -10,19 +10,23 @@ use std::sync::mpsc::{self, Receiver, SyncSender};
 use std::thread::JoinHandle;
 
 use parking_lot::Mutex;
-use wheelarm_proto::v1;
+use wheelarm_proto::{StreamId, v1};
+use wheelarm_sensors::Surface;
 
 use super::convert;
 use super::error::ServiceError;
 use super::outbox::Outbox;
 use super::preview::Previews;
 use super::priority::step_back;
+use super::sensed::Sensed;
 use super::signal::Signal;
+use crate::look::Drawn;
 use crate::robot::RobotModel;
 use crate::scene::Scene;
 use crate::sensors::camera::{
     Binding, CameraSpec, Frame, IN_FLIGHT, Intrinsics, RenderError, RenderScene, Renderer,
 };
+use crate::sensors::models;
 use crate::sim::{CameraSetting, Scenario, Simulation};
 use crate::snapshot::Snapshot;
 
@@ -47,6 +51,7 @@ pub struct RenderThread {
     failed: Arc<Mutex<Option<String>>>,
     outbox: Arc<Outbox>,
     previews: Arc<Previews>,
+    sensed: Arc<Sensed>,
     names: Vec<String>,
     /// Graphics adapter, driver and type.
     pub adapter: String,
@@ -64,7 +69,10 @@ struct Setup {
 
 impl Setup {
     fn renderer(&self) -> Result<(Renderer, RenderScene), RenderError> {
-        let scene = RenderScene::new(&self.model, &self.scene, &self.assets)?;
+        let look = self.scenario.look.filter(|look| !look.is_plain());
+        let look = look.map(|look| Drawn::new(look, &self.scene, &self.assets));
+        let look = look.transpose()?;
+        let scene = RenderScene::with_look(&self.model, &self.scene, &self.assets, look.as_ref())?;
         let cameras = self
             .scenario
             .cameras
@@ -145,6 +153,12 @@ impl RenderThread {
             .map(|c| c.name.clone())
             .collect();
         let previews = Arc::new(Previews::start(&outbox, &names)?);
+        let surfaces = match sim.devices().iter().any(|d| d.model.depth.is_some()) {
+            true => surfaces(&setup)?,
+            false => Vec::new(),
+        };
+        let sensed = Sensed::start(sim.devices(), &drawn(&setup), surfaces, &outbox, &signal)?;
+        let sensed = Arc::new(sensed);
         let (jobs, queue) = mpsc::sync_channel(QUEUE);
         let (ready, standing) = mpsc::sync_channel(1);
         let pending = Arc::new(AtomicUsize::new(0));
@@ -152,6 +166,7 @@ impl RenderThread {
         let thread = {
             let (failed, waiting) = (Arc::clone(&failed), Arc::clone(&pending));
             let (outbox, previews) = (Arc::clone(&outbox), Arc::clone(&previews));
+            let sensed = Arc::clone(&sensed);
             let names = names.clone();
             std::thread::Builder::new()
                 .name("render".to_owned())
@@ -175,6 +190,7 @@ impl RenderThread {
                             for frame in frames {
                                 let name = &names[frame.camera];
                                 previews.offer(&frame, episode, tick);
+                                sensed.offer(&frame, episode, tick);
                                 outbox.camera(name, episode, tick, message(name, frame));
                             }
                             waiting.fetch_sub(1, Ordering::AcqRel);
@@ -201,6 +217,7 @@ impl RenderThread {
             failed,
             outbox,
             previews,
+            sensed,
             names,
             adapter,
             instances,
@@ -210,8 +227,20 @@ impl RenderThread {
     /// Whether anybody looks at a camera, by its index in the scenario.
     #[must_use]
     pub fn is_watched(&self, camera: usize) -> bool {
+        let watched = |stream: StreamId| self.outbox.is_watched(&stream);
         let name = self.names.get(camera);
-        name.is_some_and(|name| self.previews.is_watched(camera) || self.outbox.is_watched(name))
+        let sensed = |name: &String| watched(StreamId::sensor(name));
+        name.is_some_and(|name| {
+            self.previews.is_watched(camera)
+                || watched(StreamId::camera(name))
+                || self.sensed.on(camera).iter().any(sensed)
+        })
+    }
+
+    /// What makes the sensors' pictures.
+    #[must_use]
+    pub fn sensed(&self) -> &Sensed {
+        &self.sensed
     }
 
     /// Whether two batches wait beyond the one at hand.
@@ -223,7 +252,8 @@ impl RenderThread {
     /// Whether everything queued has been published, or nothing more will be.
     #[must_use]
     pub fn is_idle(&self) -> bool {
-        self.pending.load(Ordering::Acquire) == 0 || self.failure().is_some()
+        let drawn = self.pending.load(Ordering::Acquire) == 0;
+        drawn && self.sensed.is_idle() || self.failure().is_some()
     }
 
     /// Queues pictures; waits while the queue is full.
@@ -262,6 +292,22 @@ impl Drop for RenderThread {
             let _ = thread.join();
         }
     }
+}
+
+/// Names of the cameras, empty where one is off.
+fn drawn(setup: &Setup) -> Vec<String> {
+    let cameras = setup.scenario.cameras.iter();
+    let name = |c: &CameraSetting| match c.rate_hz > 0.0 {
+        true => c.name.clone(),
+        false => String::new(),
+    };
+    cameras.map(name).collect()
+}
+
+/// The class of surface of each instance id.
+fn surfaces(setup: &Setup) -> Result<Vec<Surface>, ServiceError> {
+    let scene = RenderScene::new(&setup.model, &setup.scene, &setup.assets)?;
+    Ok(models::surfaces(&setup.assets, &scene)?)
 }
 
 /// A batch that is being drawn.
@@ -315,7 +361,7 @@ fn draw(
 
 /// What the instance ids stand for.
 fn legend(scene: &RenderScene) -> Vec<v1::Instance> {
-    let kind = |id: u8| {
+    let kind = |id: u16| {
         let item = scene.items.iter().find(|item| item.instance == id);
         match item.map(|item| &item.binding) {
             Some(Binding::Link(_)) => v1::InstanceKind::Robot,

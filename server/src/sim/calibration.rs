@@ -5,10 +5,11 @@ use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 
 use super::scenario::{CameraPlace, HOUSE, Lens, Scenario, ScenarioError};
+use crate::look::camera_error;
 use crate::robot::{CameraMount, RobotModel};
 
-/// Fills in what `calibration_seed` draws for the robot's cameras that have no
-/// lens or place of their own. Each camera has its own row of numbers, whatever
+/// Fills in what `calibration_seed` draws, and what the look does to it, for the
+/// robot's cameras that have no lens or place of their own. Each camera has its own row of numbers, whatever
 /// others are in use.
 ///
 /// # Errors
@@ -22,18 +23,44 @@ pub(super) fn draw(scenario: &mut Scenario, model: &RobotModel) -> Result<(), Sc
         let Some(index) = mounts.iter().position(|m| m.name == camera.name) else {
             continue;
         };
-        let Some(seed) = scenario.calibration_seed else {
-            continue;
+        let mount = &mounts[index];
+        let (mut lens, mut place) = match scenario.calibration_seed {
+            Some(seed) => {
+                let mut random = ChaCha8Rng::seed_from_u64(seed);
+                random.set_stream(1 + index as u64);
+                let (lens, place) = specimen(&mut random, model, mount);
+                (Some(lens), place)
+            }
+            None => (None, None),
         };
-        let mut random = ChaCha8Rng::seed_from_u64(seed);
-        random.set_stream(1 + index as u64);
-        let (lens, place) = specimen(&mut random, model, &mounts[index]);
-        camera.lens.get_or_insert(lens);
+        let error = scenario.look.map(|look| camera_error(&look, index));
+        if let Some(focal) = error.and_then(|error| error.focal) {
+            let lens = lens.get_or_insert(described(mount));
+            lens.focal = lens.focal.map(|f| f * focal);
+        }
+        if let Some(moved) = error.and_then(|error| error.moved)
+            && let Some(at) = place.take().or_else(|| nominal(model, mount))
+        {
+            place = Some(CameraPlace {
+                pose: at.pose * moved,
+                ..at
+            });
+        }
+        camera.lens = camera.lens.or(lens);
         if camera.place.is_none() {
             camera.place = place;
         }
     }
     Ok(())
+}
+
+/// The lens of the description.
+fn described(mount: &CameraMount) -> Lens {
+    Lens {
+        size: mount.size,
+        focal: mount.focal,
+        principal: mount.principal,
+    }
 }
 
 fn known(model: &RobotModel, camera: &str, place: &CameraPlace) -> Result<(), ScenarioError> {
@@ -102,6 +129,7 @@ fn nominal(model: &RobotModel, mount: &CameraMount) -> Option<CameraPlace> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::look::Look;
 
     fn drawn(seed: Option<u64>) -> Scenario {
         let assets = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../assets");
@@ -136,6 +164,50 @@ mod tests {
             assert!((place - Vector3::new(0.15, 0.0, 1.75)).norm() <= 0.004 * 3f64.sqrt());
         }
         assert!(widest > 0.007, "{widest}");
+    }
+
+    #[test]
+    fn a_look_moves_the_cameras_on_top_of_their_calibration() {
+        let assets = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../assets");
+        let model = RobotModel::load(&assets, "wheelarm").unwrap();
+        let seen = |look: Look, calibration_seed| {
+            let mut scenario = Scenario {
+                calibration_seed,
+                look: Some(look),
+                ..Scenario::default()
+            };
+            scenario.name_cameras(["gen3", "wheelchair"].into_iter());
+            draw(&mut scenario, &model).unwrap();
+            scenario.cameras
+        };
+        let off = Look::default();
+        assert!(seen(off, None).iter().all(|c| c.place.is_none()));
+        let (mut farthest, mut widest) = (0.0f64, 0.0f64);
+        for seed in 0..60 {
+            for strength in 1..=3 {
+                let look = Look {
+                    seed,
+                    camera: strength,
+                    lens: strength,
+                    ..off
+                };
+                let share = f64::from(strength) / 3.0;
+                let plain = drawn(Some(seed)).cameras;
+                for (moved, plain) in seen(look, Some(seed)).iter().zip(plain) {
+                    let [moved_at, at] = [moved, &plain].map(|c| c.place.as_ref().unwrap().pose);
+                    let error = at.inverse() * moved_at;
+                    assert!(error.translation.vector.amax() <= 0.015 * share + 1e-12);
+                    let turn = error.rotation.angle().to_degrees();
+                    assert!(turn <= 8.0 * share + 1e-9, "{turn} at {strength}");
+                    let focal = moved.lens.unwrap().focal[0] / plain.lens.unwrap().focal[0];
+                    assert!((focal - 1.0).abs() <= 0.12 * share + 1e-12);
+                    farthest = farthest.max(turn);
+                    widest = widest.max((focal - 1.0).abs());
+                }
+                assert_eq!(seen(look, Some(seed)), seen(look, Some(seed)));
+            }
+        }
+        assert!(farthest > 7.0 && widest > 0.11, "{farthest} {widest}");
     }
 
     #[test]

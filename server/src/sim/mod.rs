@@ -26,7 +26,7 @@ pub use disturb::{Disturbance, Disturbances, MAX_STRENGTH, Pushed};
 pub use guard::{anomaly_words, fault_words};
 pub use scenario::{
     ALL_CAMERAS, CameraPlace, CameraSetting, HOUSE, Lens, MAX_SIZE, Pacing, Quality, SOFT_MASS,
-    Scenario, ScenarioError, Schedules, Starts,
+    Scenario, ScenarioError, Schedules, SensorSetting, Starts,
 };
 pub use shown::{Recorded, RecordedSkin, Unfit};
 pub use state::StateError;
@@ -36,6 +36,7 @@ use crate::robot::{ARM_JOINTS, RecordedFrame, RobotError, RobotModel};
 use crate::scene::{Body, Placement, Scene, SceneError};
 use crate::sensors::frames::{self, RelativeState};
 use crate::sensors::imu::{self, Imu};
+use crate::sensors::models::{self, Device, SensorError};
 use crate::sensors::odometry::Odometry;
 use crate::snapshot::{BodyRef, Contact, Fault, Snapshot};
 use crate::tasks::{self, Draw, Evaluation, Evaluator, Floor, SceneDraw, TaskSpec, Variant};
@@ -59,6 +60,9 @@ pub enum SimError {
     /// A stored state.
     #[error(transparent)]
     State(#[from] StateError),
+    /// The sensor models.
+    #[error(transparent)]
+    Sensors(#[from] SensorError),
     /// A scenario that is broken from the start.
     #[error("the scenario cannot be simulated: {0}; correct the poses of `start` and `objects`")]
     Broken(String),
@@ -117,6 +121,7 @@ pub struct Simulation {
     assets: PathBuf,
     scenario: Scenario,
     schedules: Schedules,
+    devices: Vec<Device>,
     model: RobotModel,
     scene: Scene,
     task: Option<TaskSpec>,
@@ -178,10 +183,18 @@ impl Simulation {
         scenario.name_cameras(usual.map(|c| c.name.as_str()));
         calibration::draw(&mut scenario, &model)?;
         let schedules = scenario.schedules()?;
+        let own = model.settings.cameras.iter().map(|c| c.name.as_str());
+        let cameras: Vec<_> = own.chain(["room"]).collect();
+        let devices = models::load(assets, &scenario.sensors, &cameras, scenario.seed)?;
         let mut scene = Scene::load(assets, &scenario.scene)?;
         let task = match scenario.task.as_str() {
             "" => None,
-            name => Some(TaskSpec::load(assets, name, &scene)?),
+            name => Some(TaskSpec::load(
+                assets,
+                name,
+                &scene,
+                &model.settings.corridor,
+            )?),
         };
         let variant = match &task {
             Some(task) => Some(variant(task, &scenario)?.clone()),
@@ -243,6 +256,7 @@ impl Simulation {
             odometry: Odometry::new(model.settings.wheel_radius, model.settings.track),
             scenario,
             schedules,
+            devices,
             model,
             scene,
             task,
@@ -441,6 +455,12 @@ impl Simulation {
     #[must_use]
     pub fn scenario(&self) -> &Scenario {
         &self.scenario
+    }
+
+    /// The sensor models that are on.
+    #[must_use]
+    pub fn devices(&self) -> &[Device] {
+        &self.devices
     }
 
     /// The robot.

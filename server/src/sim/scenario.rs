@@ -4,8 +4,10 @@ use nalgebra::Isometry3;
 use wheelarm_proto::settings::Style;
 use wheelarm_proto::{CONTROL_HZ, PHYSICS_HZ};
 
+use crate::look::Look;
 use crate::robot::ARM_JOINTS;
 use crate::scene::{Placement, Resistance};
+pub use crate::sensors::models::SensorSetting;
 use crate::sensors::{BadRate, Schedule};
 use crate::tasks::Language;
 
@@ -98,12 +100,16 @@ pub struct Scenario {
     /// Which specimen of the robot: its cameras' lenses and places are drawn
     /// from it; `None`: as the description says.
     pub calibration_seed: Option<u64>,
+    /// How it looks; `None`: as the files say.
+    pub look: Option<Look>,
     /// Variant of the task's area, empty for the first; `None`: that in which the
     /// given objects are, or drawn.
     pub variant: Option<String>,
     /// How often a variant other than the area's first is drawn, 0 to 1; `None`:
     /// as the area says.
     pub variant_share: Option<f64>,
+    /// Sensor models that are on.
+    pub sensors: Vec<SensorSetting>,
     /// What hinders the robot on purpose.
     pub disturbances: Option<Disturbances>,
     /// How the scripted operator moves.
@@ -148,8 +154,10 @@ impl Default for Scenario {
             language: None,
             target: String::new(),
             calibration_seed: None,
+            look: None,
             variant: None,
             variant_share: None,
+            sensors: Vec::new(),
             disturbances: None,
             style: Style::Quick,
             time_limit: None,

@@ -1,6 +1,7 @@
 //! What belongs to an area of the home and how it is drawn: plain data, checked
 //! against its scene by who loads it. Nothing here knows of tasks.
 
+use crate::robot::CorridorSettings;
 use crate::scene::{Body, Scene};
 
 /// What belongs to an area, by the same ranges whoever asks for it.
@@ -10,6 +11,8 @@ pub struct AreaSpec {
     pub name: String,
     /// Scene below assets/scenes.
     pub scene: String,
+    /// What the hand of the robot takes up on its way: scenes are drawn for it.
+    pub hand: CorridorSettings,
     /// Where the chair starts when it starts near by.
     pub start: StartSpec,
     /// How furniture slides; what is not listed slides as in the scene.

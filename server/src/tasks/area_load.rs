@@ -9,6 +9,7 @@ use serde::Deserialize;
 use super::area::{AreaSpec, PlaceSpec, Range, SlideSpec, StartSpec, Variant};
 use super::known::{known_joint, known_object};
 use super::scene_draw::draw_scene;
+use crate::robot::CorridorSettings;
 use crate::scene::{Place, Scene, SceneError, names, parse, provenance};
 
 /// Seeds that are drawn when an area is read, to see that there is room.
@@ -93,11 +94,16 @@ struct VariantEntry {
 
 impl AreaSpec {
     /// Reads `assets/areas/NAME.toml` and checks it against its scene, as it was
-    /// loaded: with all that is optional.
+    /// loaded: with all that is optional. Its scenes leave room for the hand.
     ///
     /// # Errors
     /// When the file is missing or something in it cannot be.
-    pub fn load(assets: &Path, name: &str, scene: &Scene) -> Result<Self, SceneError> {
+    pub fn load(
+        assets: &Path,
+        name: &str,
+        scene: &Scene,
+        hand: &CorridorSettings,
+    ) -> Result<Self, SceneError> {
         let file = read(assets, name)?;
         let place = Place::file(&format!("areas/{name}.toml"));
         let start = place.key("start");
@@ -124,6 +130,7 @@ impl AreaSpec {
         let spec = Self {
             name: name.to_owned(),
             scene: file.scene,
+            hand: *hand,
             start: StartSpec {
                 x: range(&start.key("x"), file.start.x, -50.0, 50.0, "m")?,
                 y: range(&start.key("y"), file.start.y, -50.0, 50.0, "m")?,

@@ -13,16 +13,17 @@ use super::goal::Goal;
 use super::known::known;
 use super::spec::{FailureSpec, TaskSpec};
 use super::template::{FailureEntry, Template, Verb};
+use crate::robot::CorridorSettings;
 use crate::scene::{Place, Scene, SceneError, names, parse, provenance};
 
 /// Key of a joint position in a template's goal.
 const JOINT_POSITION: [&str; 2] = ["travel", "position"];
 
-/// Every task below `assets/tasks`, by name.
+/// Every task below `assets/tasks`, by name, for a robot with this hand.
 ///
 /// # Errors
 /// When one of them cannot be used.
-pub fn list(assets: &Path) -> Result<Vec<TaskSpec>, SceneError> {
+pub fn list(assets: &Path, hand: &CorridorSettings) -> Result<Vec<TaskSpec>, SceneError> {
     // Most tasks share a scene and an area, and these take far longer to read.
     let mut scenes: BTreeMap<String, Scene> = BTreeMap::new();
     let mut areas: BTreeMap<String, AreaSpec> = BTreeMap::new();
@@ -36,7 +37,7 @@ pub fn list(assets: &Path) -> Result<Vec<TaskSpec>, SceneError> {
         }
         let scene = &scenes[&scene_name];
         if !areas.contains_key(&file.area) {
-            let area = AreaSpec::load(assets, &file.area, scene)?;
+            let area = AreaSpec::load(assets, &file.area, scene, hand)?;
             areas.insert(file.area.clone(), area);
         }
         let area = areas[&file.area].clone();
@@ -62,10 +63,15 @@ impl TaskSpec {
     ///
     /// # Errors
     /// When a file is missing or something in it cannot be.
-    pub fn load(assets: &Path, name: &str, scene: &Scene) -> Result<Self, SceneError> {
+    pub fn load(
+        assets: &Path,
+        name: &str,
+        scene: &Scene,
+        hand: &CorridorSettings,
+    ) -> Result<Self, SceneError> {
         let file = read(assets, name)?;
         scene_of(assets, &place(name).key("area"), &file.area)?;
-        let area = AreaSpec::load(assets, &file.area, scene)?;
+        let area = AreaSpec::load(assets, &file.area, scene, hand)?;
         Self::checked(assets, name, file, area, scene)
     }
 

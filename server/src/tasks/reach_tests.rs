@@ -109,7 +109,7 @@ impl Reach {
 
 #[test]
 fn everything_that_may_be_asked_for_can_be_reached_in_every_scene() {
-    for spec in list(&assets()).unwrap_or_else(|error| panic!("{error}")) {
+    for spec in list(&assets(), &super::tests::hand()).unwrap_or_else(|error| panic!("{error}")) {
         for variant in spec.variants() {
             let mut scene = home();
             scene.keep_optional(&variant.furniture);

@@ -13,6 +13,7 @@ use super::floor::{Floor, Start};
 use super::placement_clearance::{Clearance, Standing};
 use super::random::{fraction, number, shuffle, stream};
 use super::takeable;
+use crate::robot::CorridorSettings;
 use crate::scene::{Body, Placement, Resistance, Scene, Surface};
 
 /// Scenes that are begun before the best one is taken.
@@ -118,7 +119,7 @@ pub fn draw_scene(
         }
     }
     let mut standing = random("places");
-    let table = Table::new(variant, scene);
+    let table = Table::new(&area.hand, variant, scene);
     let mut best: Option<(Vec<Option<Placement>>, f64)> = None;
     let mut attempts = 0;
     while attempts < ATTEMPTS {
@@ -163,6 +164,7 @@ impl Thing<'_> {
 /// What is placed, and what it is held against.
 struct Table<'a> {
     scene: &'a Scene,
+    hand: &'a CorridorSettings,
     clearance: Clearance<'a>,
     things: Vec<Thing<'a>>,
     regions: Vec<&'a Surface>,
@@ -171,7 +173,7 @@ struct Table<'a> {
 }
 
 impl<'a> Table<'a> {
-    fn new(variant: &'a Variant, scene: &'a Scene) -> Self {
+    fn new(hand: &'a CorridorSettings, variant: &'a Variant, scene: &'a Scene) -> Self {
         let fixed = |body: &Body| {
             let drawn = variant.place(&body.name).is_some();
             (!drawn && !body.optional).then(|| Placement::of(body))
@@ -189,6 +191,7 @@ impl<'a> Table<'a> {
         let regions = variant.regions.iter();
         Self {
             scene,
+            hand,
             clearance: Clearance::new(scene),
             things: things.collect(),
             regions: regions
@@ -261,7 +264,8 @@ impl<'a> Table<'a> {
             let others: Vec<Standing> = others.filter_map(|other| stands(other.object)).collect();
             if let Some(placement) = &placements[target.object] {
                 let body = &self.scene.objects[target.object];
-                let room = takeable::room(body, &placement.pose, target.surface, &others);
+                let room =
+                    takeable::room(self.hand, body, &placement.pose, target.surface, &others);
                 least = least.min(room);
             }
         }

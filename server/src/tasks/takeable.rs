@@ -1,27 +1,16 @@
 //! Whether the hand gets to a thing between the others: corridors of the open
 //! gripper from each grasp back to who approaches, over what is low.
 //!
-//! Sizes are those of a two-finger gripper of 85 mm with its camera and wrist;
-//! the scripted operator holds every way against the robot's own description.
+//! Sizes are those of the robot's folder (`gripper.corridor`); the scripted operator
+//! holds every way against the robot's own description.
 
 use nalgebra::{Isometry3, Point2, Rotation2, UnitComplex, Vector2, Vector3};
 use wheelarm_proto::exact;
 
 use super::placement_clearance::{Outline, Standing};
+use crate::robot::CorridorSettings;
 use crate::scene::{Body, Grasp, Surface};
 
-/// Half of the width of the open fingers across the hand, metres.
-const FINGERS: f64 = 0.080;
-/// Half of the width of palm and wrist, metres.
-const WRIST: f64 = 0.052;
-/// The finger tips reach this far beyond the grasp point, metres.
-const TIP: f64 = 0.045;
-/// The fingers reach this far back from the grasp point, metres.
-const PALM: f64 = 0.10;
-/// So far back from the grasp point the way in begins and the wrist ends, metres.
-const BACK: f64 = 0.45;
-/// Half of the height of the fingers and of the palm, metres.
-const THICK: [f64; 2] = [0.02, 0.042];
 /// A level hand may lean forward by as much as this, rad: it comes over what is low.
 const LEAN: f64 = 0.25;
 /// Directions that are looked at for round things, against straight inwards, degrees.
@@ -30,10 +19,6 @@ const ROUND: [f64; 9] = [0.0, 12.5, -12.5, 25.0, -25.0, 37.5, -37.5, 50.0, -50.0
 const ASKEW: f64 = 0.6;
 /// A hand is level when its direction has at least this part on the floor plan.
 const LEVEL: f64 = 0.8;
-/// The wrist above a thing that is taken from above reaches down to this far
-/// above the grasp point, metres.
-const ABOVE: f64 = 0.10;
-
 /// A piece of the hand's way: what stands in it higher than `bottom` is in the way.
 struct Piece {
     outline: Outline,
@@ -43,6 +28,7 @@ struct Piece {
 /// The most room that any way to take `body` at `pose` has, metres; below zero
 /// something is in every way. Things without a grasp need none.
 pub(super) fn room(
+    hand: &CorridorSettings,
     body: &Body,
     pose: &Isometry3<f64>,
     surface: &Surface,
@@ -65,7 +51,7 @@ pub(super) fn room(
                 },
             );
             let house_from_grasp = level * about * grasp.pose;
-            let Some(way) = way(&house_from_grasp, &inwards) else {
+            let Some(way) = way(hand, &house_from_grasp, &inwards) else {
                 continue;
             };
             let least = way
@@ -100,7 +86,19 @@ fn facing(grasp: &Grasp, inwards: &Vector2<f64>) -> nalgebra::UnitQuaternion<f64
 }
 
 /// The way of the hand to a grasp; `None` when no hand comes like that.
-fn way(house_from_grasp: &Isometry3<f64>, inwards: &Vector2<f64>) -> Option<Vec<Piece>> {
+fn way(
+    hand: &CorridorSettings,
+    house_from_grasp: &Isometry3<f64>,
+    inwards: &Vector2<f64>,
+) -> Option<Vec<Piece>> {
+    let CorridorSettings {
+        fingers,
+        wrist,
+        tip,
+        palm,
+        back,
+        ..
+    } = *hand;
     let point = Point2::from(house_from_grasp.translation.vector.xy());
     let height = house_from_grasp.translation.z;
     let forward = (house_from_grasp.rotation * Vector3::z()).xy();
@@ -118,11 +116,20 @@ fn way(house_from_grasp: &Isometry3<f64>, inwards: &Vector2<f64>) -> Option<Vec<
         if direction.dot(inwards) < ASKEW {
             return None;
         }
-        let [fingers, palm] = THICK;
         // Behind the fingers the hand rises with its lean.
         return Some(vec![
-            piece(direction, [-TIP, PALM], FINGERS, height - fingers),
-            piece(direction, [PALM, BACK], WRIST, height + PALM * LEAN - palm),
+            piece(
+                direction,
+                [-tip, palm],
+                fingers,
+                height - hand.fingers_height,
+            ),
+            piece(
+                direction,
+                [palm, back],
+                wrist,
+                height + palm * LEAN - hand.palm_height,
+            ),
         ]);
     }
     // From above: the fingers beside the thing, the wrist leaning back towards
@@ -130,19 +137,19 @@ fn way(house_from_grasp: &Isometry3<f64>, inwards: &Vector2<f64>) -> Option<Vec<
     let closing = (house_from_grasp.rotation * Vector3::x()).xy();
     let closing = closing.try_normalize(1e-6)?;
     let across = Rotation2::new(std::f64::consts::FRAC_PI_2) * closing;
-    let back = forward.norm();
+    let leaning = forward.norm();
     let tips = Piece {
         outline: Outline {
             centre: point - forward * 0.1,
             turn: UnitComplex::new(exact::atan2(across.y, across.x)),
-            half: Vector2::new(WRIST, FINGERS + 0.1 * back),
+            half: Vector2::new(wrist, fingers + 0.1 * leaning),
             radius: 0.0,
         },
-        bottom: height - TIP,
+        bottom: height - tip,
     };
     Some(vec![
         tips,
-        piece(*inwards, [0.0, BACK], WRIST, height + ABOVE),
+        piece(*inwards, [0.0, back], wrist, height + hand.above),
     ])
 }
 

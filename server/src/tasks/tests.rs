@@ -4,18 +4,27 @@ use nalgebra::{Isometry3, UnitQuaternion, Vector3};
 use wheelarm_proto::PHYSICS_HZ;
 
 use super::*;
-use crate::robot::RobotModel;
+use crate::robot::{CorridorSettings, RobotModel};
 use crate::scene::tests::{assets, home};
 use crate::scene::{Body, Bounds, Scene};
 use crate::snapshot::{Anomaly, BodyRef, BodyState, Contact, JointState, Snapshot};
 
+/// The way of the hand of the robot that ships.
+pub(super) fn hand() -> CorridorSettings {
+    let model = RobotModel::load(&assets(), "wheelarm");
+    model
+        .unwrap_or_else(|error| panic!("{error}"))
+        .settings
+        .corridor
+}
+
 fn task(name: &str) -> TaskSpec {
-    TaskSpec::load(&assets(), name, &home()).unwrap_or_else(|error| panic!("{error}"))
+    TaskSpec::load(&assets(), name, &home(), &hand()).unwrap_or_else(|error| panic!("{error}"))
 }
 
 #[test]
 fn every_task_says_what_is_asked_in_several_ways() {
-    let tasks = list(&assets()).unwrap_or_else(|error| panic!("{error}"));
+    let tasks = list(&assets(), &hand()).unwrap_or_else(|error| panic!("{error}"));
     assert!(tasks.len() >= 13);
     for task in &tasks {
         assert!(task.instructions.len() >= 5, "{}", task.name);
@@ -36,7 +45,7 @@ fn every_task_says_what_is_asked_in_several_ways() {
 /// Every area with its variants, and the home as it is in each of them.
 fn variants() -> Vec<(AreaSpec, Variant, Scene)> {
     let mut areas: Vec<AreaSpec> = Vec::new();
-    for task in list(&assets()).unwrap_or_else(|error| panic!("{error}")) {
+    for task in list(&assets(), &hand()).unwrap_or_else(|error| panic!("{error}")) {
         if areas.iter().all(|area| area.name != task.area.name) {
             areas.push(task.area);
         }
@@ -150,7 +159,7 @@ fn starts_anywhere_are_all_over_the_home_and_leave_the_scene_as_it_is() {
 /// Whoever asks for something in an area finds the same scene.
 #[test]
 fn all_tasks_of_an_area_have_the_same_scene_bit_for_bit() {
-    let tasks = list(&assets()).unwrap_or_else(|error| panic!("{error}"));
+    let tasks = list(&assets(), &hand()).unwrap_or_else(|error| panic!("{error}"));
     let home = home();
     let mut pairs = 0;
     for (i, first) in tasks.iter().enumerate() {
@@ -189,7 +198,7 @@ fn all_tasks_of_an_area_have_the_same_scene_bit_for_bit() {
 #[test]
 fn what_a_scene_draws_does_not_tell_the_task() {
     const SEEDS: u64 = 40;
-    let tasks = list(&assets()).unwrap_or_else(|error| panic!("{error}"));
+    let tasks = list(&assets(), &hand()).unwrap_or_else(|error| panic!("{error}"));
     for area in ["coffee_table", "kitchen_table"] {
         let of_area = tasks.iter().filter(|t| t.area.name == area);
         let of_area: Vec<_> = of_area.filter(|t| t.variants().count() > 0).collect();
@@ -802,7 +811,7 @@ fn broken_tasks_are_refused_with_key_values_and_cure() {
             "tasks/place_knife.toml" => "place_knife",
             _ => "pick_mustard",
         };
-        let error = match TaskSpec::load(&folder.0, task, &home) {
+        let error = match TaskSpec::load(&folder.0, task, &home, &hand()) {
             Ok(_) => panic!("{to} was taken"),
             Err(error) => error.to_string(),
         };

@@ -349,7 +349,7 @@ fn twist(frame: IntentFrame, linear: Vector3<f64>, angular: Vector3<f64>) -> Arm
     }
 }
 
-#[allow(clippy::unnecessary_wraps, reason = "an absent group is none")]
+#[expect(clippy::unnecessary_wraps, reason = "an absent group is none")]
 fn grip(knuckle: f64) -> Option<GripperIntent> {
     Some(GripperIntent {
         knuckle,

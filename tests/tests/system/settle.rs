@@ -1,5 +1,6 @@
 //! Every task's scene is at rest from the first moment on, and stays so.
 
+use wheelarm_server::robot::RobotModel;
 use wheelarm_server::robot::control::ControlInput;
 use wheelarm_server::sim::{Scenario, Simulation};
 use wheelarm_tests::root;
@@ -10,7 +11,8 @@ const TEN_SECONDS: usize = 600;
 #[test]
 fn objects_and_drawers_stay_where_they_were_put() {
     let assets = root().join("assets");
-    let tasks = wheelarm_server::tasks::list(&assets).unwrap();
+    let model = RobotModel::load(&assets, "wheelarm").unwrap();
+    let tasks = wheelarm_server::tasks::list(&assets, &model.settings.corridor).unwrap();
     for task in tasks {
         let scenario = Scenario {
             task: task.name.clone(),

@@ -75,7 +75,34 @@ pub fn write(
             copy_pictures(&group, &camera, frames, tick)?;
         }
     }
+    if !aligned.sensors.is_empty() {
+        let sensors = streams.create_group("sensor")?;
+        for (name, frames) in &aligned.sensors {
+            let sensor = episode.sensor(name)?;
+            let group = sensors.create_group(name)?;
+            camera_columns(&group, &sensor, frames)?;
+            exposures(&group, &sensor, frames)?;
+            if pictures {
+                copy_pictures(&group, &sensor, frames, &|| {})?;
+            }
+        }
+    }
     file.flush()?;
+    Ok(())
+}
+
+/// When the pictures of the rows were exposed.
+fn exposures(group: &Group, sensor: &Camera, frames: &[Option<usize>]) -> anyhow::Result<()> {
+    let all = sensor.exposures();
+    let of = |frame: &Option<usize>| frame.and_then(|i| all.get(i).copied()).unwrap_or(0);
+    let rows: Vec<u64> = frames.iter().map(of).collect();
+    numbers(group, "exposure_nanos", &rows, rows.len(), &[])?;
+    described(
+        group,
+        "exposure_nanos",
+        "ns of simulation time (0: no picture)",
+        "",
+    )?;
     Ok(())
 }
 

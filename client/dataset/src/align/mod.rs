@@ -102,6 +102,8 @@ pub struct Aligned {
     pub coverage: BTreeMap<String, Coverage>,
     /// By camera: the picture of every row.
     pub frames: BTreeMap<String, Vec<Option<usize>>>,
+    /// By picture sensor: the newest picture that had arrived by then.
+    pub sensors: BTreeMap<String, Vec<Option<usize>>>,
 }
 
 impl Aligned {
@@ -242,6 +244,7 @@ pub fn align(
         signals: Vec::new(),
         coverage: BTreeMap::new(),
         frames: BTreeMap::new(),
+        sensors: BTreeMap::new(),
     };
     for stream in episode.streams()? {
         let own = options.limits.get(&stream).copied();
@@ -252,6 +255,13 @@ pub fn align(
             let limit = own.map_or(usual / 2, nanos);
             let frames = aligned.stamps.iter().map(|&t| nearest(&times, t, limit));
             aligned.frames.insert(camera.to_owned(), frames.collect());
+        } else if let Some(sensor) = id.sensor_name() {
+            let times = rising(episode, &stream)?;
+            let usual = usual_distance(&times).unwrap_or(0);
+            let limit = own.map_or(2 * usual, nanos);
+            let frames = aligned.stamps.iter();
+            let frames = frames.map(|&t| newest(&times, t, limit));
+            aligned.sensors.insert(sensor.to_owned(), frames.collect());
         } else if id != StreamId::EVENTS && wanted(&stream) {
             let times = rising(episode, &stream)?;
             let usual = usual_distance(&times).unwrap_or(0) as f64;
@@ -306,8 +316,16 @@ impl Aligned {
             signals: Vec::new(),
             coverage: BTreeMap::new(),
             frames: BTreeMap::new(),
+            sensors: BTreeMap::new(),
         }
     }
+}
+
+/// The last of rising `times` that is not later than `t` and at most `limit`
+/// earlier.
+fn newest(times: &[u64], t: u64, limit: u64) -> Option<usize> {
+    let last = times.partition_point(|&time| time <= t).checked_sub(1)?;
+    (t - times[last] <= limit).then_some(last)
 }
 
 fn nanos(seconds: f64) -> u64 {

@@ -129,6 +129,59 @@ static ODOMETRY: Table<v1::Odometry> = Table {
     ],
 };
 
+static SENSED_JOINT: Table<v1::SensedJoints> = Table {
+    columns: &[
+        f64s("position", "rad", "", &[Axis::ArmJoints], list!(positions)),
+        f64s(
+            "velocity",
+            "rad/s",
+            "",
+            &[Axis::ArmJoints],
+            list!(velocities),
+        ),
+        f64s("effort", "N.m", "", &[Axis::ArmJoints], list!(efforts)),
+        f64s("opening", "m", "", &[], number!(opening)),
+    ],
+};
+
+static SENSED_ODOMETRY: Table<v1::SensedOdometry> = Table {
+    columns: &[
+        f64s(
+            "pose",
+            POSE_UNIT,
+            "wheelchair_root where the episode began",
+            &[POSE],
+            part!(pose, take::pose, to_pose),
+        ),
+        f64s(
+            "twist",
+            TWIST_UNIT,
+            "wheelchair_root",
+            &[TWIST],
+            part!(twist, take::twist, to_twist),
+        ),
+    ],
+};
+
+static SENSED_IMU: Table<v1::SensedImu> = Table {
+    columns: &[
+        f64s(
+            "angular_velocity",
+            "rad/s",
+            "imu_link",
+            &[XYZ],
+            part!(angular_velocity, take::vector, to_vector),
+        ),
+        f64s(
+            "linear_acceleration",
+            "m/s^2",
+            "imu_link",
+            &[XYZ],
+            part!(linear_acceleration, take::vector, to_vector),
+        ),
+    ],
+};
+
 static COMMAND: Table<v1::CommandLog> = Table {
     columns: &[
         text(
@@ -596,8 +649,12 @@ pub fn of(stream: &StreamId) -> Option<&'static dyn Stream> {
         TopicId::Evaluation => &EVALUATION,
         TopicId::Phase => &PHASE,
         TopicId::StateHash => &STATE_HASH,
+        TopicId::SensedJoint => &SENSED_JOINT,
+        TopicId::SensedOdometry => &SENSED_ODOMETRY,
+        TopicId::SensedImu => &SENSED_IMU,
         TopicId::Event
         | TopicId::Camera
+        | TopicId::Sensor
         | TopicId::Preview
         | TopicId::EpisodeStart
         | TopicId::EpisodeStop

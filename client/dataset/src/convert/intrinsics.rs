@@ -10,7 +10,10 @@ use crate::calibration::{CONVENTION, PIXEL_CENTRE};
 #[must_use]
 pub(super) fn cameras(recording: &Recording, size: Option<Size>) -> Value {
     let mut all = serde_json::Map::new();
-    for (name, camera) in &recording.cameras {
+    let depths = recording.sensors.iter().filter(|(_, s)| s.has_depth());
+    for (name, camera) in recording.cameras.iter().chain(depths) {
+        // What a depth sensor gives is not scaled.
+        let size = size.filter(|_| camera.made_from().is_none());
         let [width, height, fx, fy, cx, cy] = camera.intrinsics(0);
         let to = size.map_or([width, height], |s| [s.width as f64, s.height as f64]);
         // Edges stay edges when a picture is scaled, so that nothing is added.

@@ -55,6 +55,8 @@ pub struct Recording {
     pub labels: Vec<u8>,
     /// Its cameras that have pictures.
     pub cameras: BTreeMap<String, Camera>,
+    /// Its picture sensors that have pictures.
+    pub sensors: BTreeMap<String, Camera>,
     /// Its place among the files, from 1: WheelArm-Sim's trial number.
     pub number: usize,
 }
@@ -101,6 +103,13 @@ impl Recording {
                 cameras.insert(name, camera);
             }
         }
+        let mut sensors = BTreeMap::new();
+        for name in episode.sensors()? {
+            let sensor = episode.sensor(&name)?;
+            if sensor.size().is_some() {
+                sensors.insert(name, sensor);
+            }
+        }
         Ok(Self {
             episode,
             summary,
@@ -109,6 +118,7 @@ impl Recording {
             roles,
             labels,
             cameras,
+            sensors,
             number: 1,
         })
     }
@@ -155,6 +165,58 @@ impl Recording {
         }
     }
 
+    /// What the robot saw of a camera in a row: the newest picture of its colour
+    /// sensor where there is one, else the exact picture.
+    ///
+    /// # Errors
+    /// When there is none.
+    pub fn seen(&self, camera: &str, row: usize) -> anyhow::Result<(&Camera, usize)> {
+        match self.sensor_of(camera, Camera::has_rgb) {
+            Some(name) => self.sensed(name, row),
+            None => self.picture(camera, row),
+        }
+    }
+
+    /// The newest picture of a camera's depth sensor in a row.
+    ///
+    /// # Errors
+    /// When there is none.
+    pub fn sensed_depth(&self, camera: &str, row: usize) -> anyhow::Result<(&Camera, usize)> {
+        let name = self.sensor_of(camera, Camera::has_depth);
+        self.sensed(name.unwrap_or_default(), row)
+    }
+
+    /// Cameras that have a depth sensor, with the size of its pictures.
+    #[must_use]
+    pub fn depth_sensors(&self) -> BTreeMap<String, Size> {
+        let sensors = self.sensors.values().filter(|sensor| sensor.has_depth());
+        let sized = sensors.filter_map(|sensor| {
+            let (width, height) = sensor.size()?;
+            Some((sensor.made_from()?.to_owned(), Size { width, height }))
+        });
+        sized.collect()
+    }
+
+    fn sensor_of(&self, camera: &str, has: fn(&Camera) -> bool) -> Option<&str> {
+        let mut all = self.sensors.iter();
+        let found = all.find(|(_, s)| s.made_from() == Some(camera) && has(s));
+        found.map(|(name, _)| name.as_str())
+    }
+
+    fn sensed(&self, sensor: &str, row: usize) -> anyhow::Result<(&Camera, usize)> {
+        let frames = self.aligned.sensors.get(sensor);
+        match (
+            self.sensors.get(sensor),
+            frames.and_then(|f| f.get(row).copied().flatten()),
+        ) {
+            (Some(camera), Some(index)) => Ok((camera, index)),
+            _ => anyhow::bail!(
+                "{}: row {row} has no picture of the sensor {sensor:?}",
+                self.summary.label
+            ),
+        }
+    }
+
     /// A column of the alignment that the format cannot do without.
     ///
     /// # Errors
@@ -185,7 +247,12 @@ impl Recording {
     /// When no row is left.
     pub fn rows(&self, streams: &[&str]) -> anyhow::Result<(Vec<usize>, Vec<String>)> {
         let cameras = self.camera_names();
-        let rows = self.aligned.whole_rows(streams, &cameras);
+        let mut rows = self.aligned.whole_rows(streams, &cameras);
+        let sensors = self.sensors.keys();
+        let arrived: Vec<_> = sensors
+            .filter_map(|s| self.aligned.sensors.get(s))
+            .collect();
+        rows.retain(|&row| arrived.iter().all(|frames| frames[row].is_some()));
         let all = self.aligned.stamps.len();
         let mut notes = Vec::new();
         if rows.len() < all {

@@ -138,6 +138,10 @@ fn write(path: &Path, scan: &Scan, account: &Account) -> Result<(), FinishError>
 
     let group = file.create_group("streams")?;
     let cameras = group.create_group("camera")?;
+    let sensors = match started.sensors.is_empty() {
+        true => None,
+        false => Some(group.create_group("sensor")?),
+    };
     let depth = if scan.preamble.depth_millimetres {
         Depth::Millimetres
     } else {
@@ -163,6 +167,10 @@ fn write(path: &Path, scan: &Scan, account: &Account) -> Result<(), FinishError>
         let stream = if let Some(camera) = id.camera_name() {
             let stream = cameras.create_group(camera)?;
             streams::camera(&stream, camera, depth, scan, &samples)?;
+            stream
+        } else if let Some((sensor, sensors)) = id.sensor_name().zip(sensors.as_ref()) {
+            let stream = sensors.create_group(sensor)?;
+            streams::sensor(&stream, sensor, scan, &samples)?;
             stream
         } else {
             let stream = group.create_group(name)?;
@@ -190,7 +198,7 @@ fn write(path: &Path, scan: &Scan, account: &Account) -> Result<(), FinishError>
         root::account(&file.group("events")?, a)?;
     }
     counts.insert("events".to_owned(), events);
-    drop((group, cameras));
+    drop((group, cameras, sensors));
     file.flush()?;
     file.close()?;
     verify(path, &counts)

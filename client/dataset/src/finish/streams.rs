@@ -156,18 +156,10 @@ pub(super) fn camera(
         pictures.ids.write(index, parts.ids)?;
 
         let h = &entry.header;
-        let numbers = [
-            f64::from(i.width),
-            f64::from(i.height),
-            i.fx,
-            i.fy,
-            i.cx,
-            i.cy,
-        ];
         let cells = header_cells(h.stamp_nanos, h.sequence, h.tick)
             .into_iter()
             .chain([
-                Cell::F64(numbers.to_vec()),
+                Cell::F64(numbers(&i).to_vec()),
                 Cell::F64(pose::of_message(meta.pose.as_ref()).to_vec()),
             ]);
         for (column, cell) in columns.iter_mut().zip(cells) {
@@ -178,6 +170,111 @@ pub(super) fn camera(
         column.finish(&mut deflate)?;
     }
     Ok(())
+}
+
+/// Columns of a sensor's pictures beside those of a camera.
+const EXPOSURE: [ColumnInfo; 2] = [
+    number(
+        "exposure_nanos",
+        "ns of simulation time (the stamp is that of the arrival)",
+    ),
+    number("exposure_tick", "ticks of 1/240 s"),
+];
+
+/// Writes the pictures of a sensor model, colour or depth, chunk by chunk.
+pub(super) fn sensor(
+    group: &Group,
+    name: &str,
+    scan: &Scan,
+    entries: &[&Entry],
+) -> Result<(), FinishError> {
+    let mut deflate = Deflate::default();
+    let context = Context::default();
+    let own = [&INTRINSICS, &CAMERA_POSE].into_iter().chain(&EXPOSURE);
+    let all = HEADER_COLUMNS.iter().chain(own);
+    let mut columns = create(group, all, &context, entries.len())?;
+    let calibration = group.dataset(INTRINSICS.name)?;
+    Attributes::of(&calibration)
+        .set("pixel_centre", PIXEL_CENTRE)?
+        .text("convention", CONVENTION)?;
+    let mut picture = None;
+    for (index, entry) in entries.iter().enumerate() {
+        let bad = |reason: &str| FinishError::Content {
+            stream: StreamId::sensor(name).to_string(),
+            sequence: entry.header.sequence,
+            reason: reason.to_owned(),
+        };
+        let payload = scan.payload(entry)?;
+        let parts = CameraParts::parse(&payload).ok_or_else(|| bad("its parts do not add up"))?;
+        let meta = v1::SensorFrame::decode(parts.meta).map_err(|e| bad(&e.to_string()))?;
+        let i = meta.intrinsics.ok_or_else(|| bad("it has no intrinsics"))?;
+        let colour = parts.depth.is_empty();
+        let (of_colour, chunks) = match &picture {
+            Some(made) => made,
+            None => {
+                Attributes::of(group).text("camera", &meta.camera)?;
+                let size = [i.height as usize, i.width as usize];
+                let made = match colour {
+                    true => rgb_dataset(group, entries.len(), size)?,
+                    false => millimetres_dataset(group, entries.len(), size, "0 for no return")?,
+                };
+                picture.insert((colour, made))
+            }
+        };
+        if *of_colour != colour {
+            return Err(bad("it changes between colour and depth"));
+        }
+        chunks.write(index, if colour { parts.rgb } else { parts.depth })?;
+        let h = &entry.header;
+        let exposure = [meta.exposure_nanos, meta.exposure_tick].map(|v| Cell::U64(vec![v]));
+        let cells = header_cells(h.stamp_nanos, h.sequence, h.tick)
+            .into_iter()
+            .chain([
+                Cell::F64(numbers(&i).to_vec()),
+                Cell::F64(pose::of_message(meta.pose.as_ref()).to_vec()),
+            ])
+            .chain(exposure);
+        for (column, cell) in columns.iter_mut().zip(cells) {
+            column.push(cell, &mut deflate)?;
+        }
+    }
+    for column in columns {
+        column.finish(&mut deflate)?;
+    }
+    Ok(())
+}
+
+fn numbers(i: &v1::Intrinsics) -> [f64; 6] {
+    [
+        f64::from(i.width),
+        f64::from(i.height),
+        i.fx,
+        i.fy,
+        i.cx,
+        i.cy,
+    ]
+}
+
+fn rgb_dataset(group: &Group, count: usize, [h, w]: [usize; 2]) -> hdf5::Result<Chunked> {
+    let rgb = Chunked::create::<u8>(group, "rgb", count, &[h, w, 3], 1, Filters::Deflate)?;
+    describe(rgb.dataset(), "1 (0 to 255, sRGB)")?;
+    Ok(rgb)
+}
+
+fn millimetres_dataset(
+    group: &Group,
+    count: usize,
+    [h, w]: [usize; 2],
+    note: &str,
+) -> hdf5::Result<Chunked> {
+    let shuffle = Filters::ShuffleDeflate;
+    let d = Chunked::create::<u16>(group, "depth", count, &[h, w], 1, shuffle)?;
+    describe(d.dataset(), "mm")?;
+    Attributes::of(d.dataset())
+        .set("scale", 0.001)?
+        .set("invalid", 0_u16)?
+        .text("note", &format!("metres = value * scale; {note}"))?;
+    Ok(d)
 }
 
 struct Pictures {
@@ -197,8 +294,7 @@ impl Pictures {
         id_bytes: usize,
     ) -> hdf5::Result<Self> {
         let (h, w) = (intrinsics.height as usize, intrinsics.width as usize);
-        let rgb = Chunked::create::<u8>(group, "rgb", count, &[h, w, 3], 1, Filters::Deflate)?;
-        describe(rgb.dataset(), "1 (0 to 255, sRGB)")?;
+        let rgb = rgb_dataset(group, count, [h, w])?;
         let shuffle = Filters::ShuffleDeflate;
         let depth = match format {
             Depth::Metres => {
@@ -210,18 +306,7 @@ impl Pictures {
                     .text("note", note)?;
                 d
             }
-            Depth::Millimetres => {
-                let d = Chunked::create::<u16>(group, "depth", count, &[h, w], 1, shuffle)?;
-                describe(d.dataset(), "mm")?;
-                Attributes::of(d.dataset())
-                    .set("scale", 0.001)?
-                    .set("invalid", 0_u16)?
-                    .text(
-                        "note",
-                        &format!("metres = value * scale; {MILLIMETRES_NOTE}"),
-                    )?;
-                d
-            }
+            Depth::Millimetres => millimetres_dataset(group, count, [h, w], MILLIMETRES_NOTE)?,
         };
         let ids = match id_bytes {
             2 => Chunked::create::<u16>(group, "ids", count, &[h, w], 1, shuffle)?,

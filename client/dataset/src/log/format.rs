@@ -187,7 +187,8 @@ pub(super) fn parse_header(bytes: &[u8; RECORD_HEADER]) -> Option<RawHeader> {
 /// pictures, each after its u32 length.
 #[derive(Clone, Copy, Debug)]
 pub struct CameraParts<'a> {
-    /// `CameraFrame` whose `rgb`, `depth` and `ids` are empty.
+    /// `CameraFrame` whose `rgb`, `depth` and `ids` are empty, or `SensorFrame`
+    /// without `rgb` and `depth`: what it did not give is empty below.
     pub meta: &'a [u8],
     /// zlib stream of RGB8.
     pub rgb: &'a [u8],

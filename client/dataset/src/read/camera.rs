@@ -27,6 +27,15 @@ pub struct Camera {
     ticks: Vec<u64>,
     intrinsics: Vec<f64>,
     poses: Vec<f64>,
+    /// Of a sensor: the camera, and stamp and tick of every exposure.
+    sensor: Option<Sensor>,
+}
+
+#[derive(Debug)]
+struct Sensor {
+    camera: String,
+    exposures: Vec<u64>,
+    exposure_ticks: Vec<u64>,
 }
 
 /// One picture.
@@ -60,13 +69,31 @@ impl Episode {
     /// # Errors
     /// When there is no such camera.
     pub fn camera(&self, name: &str) -> Result<Camera, ReadError> {
-        Camera::open(self, name)
+        Camera::open(self, StreamId::camera(name).to_string())
+    }
+
+    /// A picture sensor's pictures: colour without depth or depth without colour,
+    /// and no ids.
+    ///
+    /// # Errors
+    /// When there is no such sensor.
+    pub fn sensor(&self, name: &str) -> Result<Camera, ReadError> {
+        let stream = StreamId::sensor(name).to_string();
+        let camera = super::text(&*self.group(&stream)?, "camera").unwrap_or_default();
+        let sensor = Sensor {
+            camera,
+            exposures: self.u64s(&stream, "exposure_nanos")?,
+            exposure_ticks: self.u64s(&stream, "exposure_tick")?,
+        };
+        Ok(Camera {
+            sensor: Some(sensor),
+            ..Camera::open(self, stream)?
+        })
     }
 }
 
 impl Camera {
-    pub(super) fn open(episode: &Episode, name: &str) -> Result<Self, ReadError> {
-        let stream = StreamId::camera(name).to_string();
+    fn open(episode: &Episode, stream: String) -> Result<Self, ReadError> {
         let column = |c: &str| episode.raw::<u64>(&place(&stream, c));
         // A camera without a single frame has no pictures: their size is unknown.
         let picture = |c: &str| {
@@ -103,6 +130,7 @@ impl Camera {
             millimetres,
             id_bytes,
             name: stream,
+            sensor: None,
         })
     }
 
@@ -127,9 +155,43 @@ impl Camera {
     /// Width and height of the pictures, pixels; `None` without any.
     #[must_use]
     pub fn size(&self) -> Option<(usize, usize)> {
-        match self.rgb.as_ref()?.shape().as_slice() {
-            [_, height, width, 3] => Some((*width, *height)),
+        match self
+            .rgb
+            .as_ref()
+            .or(self.depth.as_ref())?
+            .shape()
+            .as_slice()
+        {
+            [_, height, width, 3] | [_, height, width] => Some((*width, *height)),
             _ => None,
+        }
+    }
+
+    /// Whether there is colour.
+    #[must_use]
+    pub fn has_rgb(&self) -> bool {
+        self.rgb.is_some()
+    }
+
+    /// Whether there is depth.
+    #[must_use]
+    pub fn has_depth(&self) -> bool {
+        self.depth.is_some()
+    }
+
+    /// Of a sensor: the camera whose exact pictures it was made from.
+    #[must_use]
+    pub fn made_from(&self) -> Option<&str> {
+        self.sensor.as_ref().map(|sensor| sensor.camera.as_str())
+    }
+
+    /// When the pictures were exposed, nanoseconds of simulation time: of a sensor
+    /// before the stamps, which tell the arrival.
+    #[must_use]
+    pub fn exposures(&self) -> &[u64] {
+        match &self.sensor {
+            Some(sensor) => &sensor.exposures,
+            None => &self.stamps,
         }
     }
 
@@ -139,7 +201,7 @@ impl Camera {
         self.millimetres
     }
 
-    /// Name of the camera's stream, `camera/NAME`.
+    /// Name of the stream, `camera/NAME` or `sensor/NAME`.
     #[must_use]
     pub fn stream(&self) -> &str {
         &self.name
@@ -302,6 +364,9 @@ impl Camera {
     /// # Errors
     /// As [`Camera::frame`].
     pub fn encoded(&self, episode: &Episode, index: usize) -> Result<Option<Vec<u8>>, ReadError> {
+        if let Some(sensor) = &self.sensor {
+            return self.encoded_sensor(episode, sensor, index).map(Some);
+        }
         if self.millimetres {
             return Ok(None);
         }
@@ -344,6 +409,66 @@ impl Camera {
             ids_format: told(v1::PixelFormat::IdU16),
         };
         Ok(Some(message.encode_to_vec()))
+    }
+}
+
+impl Camera {
+    fn encoded_sensor(
+        &self,
+        episode: &Episode,
+        sensor: &Sensor,
+        index: usize,
+    ) -> Result<Vec<u8>, ReadError> {
+        let (run_id, number) = episode.run()?;
+        let one = |values: &[u64]| values.get(index).copied().unwrap_or_default();
+        let [width, height, fx, fy, cx, cy] = self.intrinsics(index);
+        let [x, y, z, qx, qy, qz, qw] = self.pose(index);
+        let unspecified = v1::PixelFormat::Unspecified;
+        let plane = |there: bool, which: usize, format: v1::PixelFormat| match there {
+            true => Ok((self.bytes(episode, which, index)?, format)),
+            false => Ok((Vec::new(), unspecified)),
+        };
+        let (rgb, rgb_format) = plane(self.has_rgb(), 0, v1::PixelFormat::Rgb8)?;
+        let millimetres = v1::PixelFormat::DepthMillimetresU16;
+        let (depth, depth_format) = plane(self.has_depth(), 1, millimetres)?;
+        let message = v1::SensorFrame {
+            header: Some(v1::Header {
+                run_id,
+                episode: number,
+                sequence: one(&self.sequences),
+                stamp_nanos: one(&self.stamps),
+                tick: one(&self.ticks),
+            }),
+            sensor: StreamId::parse(&self.name)
+                .sensor_name()
+                .unwrap_or_default()
+                .to_owned(),
+            intrinsics: Some(v1::Intrinsics {
+                width: width as u32,
+                height: height as u32,
+                fx,
+                fy,
+                cx,
+                cy,
+            }),
+            pose: Some(v1::Pose {
+                position: Some(v1::Vector3 { x, y, z }),
+                orientation: Some(v1::Quaternion {
+                    x: qx,
+                    y: qy,
+                    z: qz,
+                    w: qw,
+                }),
+            }),
+            rgb: rgb.into(),
+            depth: depth.into(),
+            rgb_format: rgb_format.into(),
+            depth_format: depth_format.into(),
+            camera: sensor.camera.clone(),
+            exposure_nanos: one(&sensor.exposures),
+            exposure_tick: one(&sensor.exposure_ticks),
+        };
+        Ok(message.encode_to_vec())
     }
 }
 

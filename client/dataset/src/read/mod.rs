@@ -87,7 +87,8 @@ impl Episode {
         &self.path
     }
 
-    /// Names of all streams; cameras as `camera/NAME`, events as `event`.
+    /// Names of all streams; cameras as `camera/NAME`, picture sensors as
+    /// `sensor/NAME`, events as `event`.
     ///
     /// # Errors
     /// When the file has no streams.
@@ -96,14 +97,31 @@ impl Episode {
         let names = group
             .and_then(|g| g.member_names())
             .map_err(|e| self.hdf5("streams", e))?;
-        let mut out: Vec<String> = names.into_iter().filter(|n| n != "camera").collect();
+        let pictures = |name: &String| name == "camera" || name == "sensor";
+        let mut out: Vec<String> = names.into_iter().filter(|n| !pictures(n)).collect();
         out.push(StreamId::EVENTS.to_string());
         out.extend(
             self.cameras()?
                 .into_iter()
                 .map(|c| StreamId::Camera(c).to_string()),
         );
+        let sensors = self.sensors()?.into_iter();
+        out.extend(sensors.map(|name| StreamId::Sensor(name).to_string()));
         Ok(out)
+    }
+
+    /// Names of the picture sensors: what sensor models made of the cameras.
+    ///
+    /// # Errors
+    /// When the file cannot be read.
+    pub fn sensors(&self) -> Result<Vec<String>, ReadError> {
+        if !self.file.link_exists("streams/sensor") {
+            return Ok(Vec::new());
+        }
+        let group = self.file.group("streams/sensor");
+        group
+            .and_then(|g| g.member_names())
+            .map_err(|e| self.hdf5("streams/sensor", e))
     }
 
     /// Names of the cameras.

@@ -70,6 +70,29 @@ impl Encoder {
         self.last = out.len();
         out
     }
+
+    /// Record of a sensor's picture, as [`Encoder::camera`]: what the sensor does
+    /// not give is empty.
+    pub fn sensor(&mut self, header: &RecordHeader, mut frame: v1::SensorFrame) -> Vec<u8> {
+        let (rgb, depth) = (
+            std::mem::take(&mut frame.rgb),
+            std::mem::take(&mut frame.depth),
+        );
+        let mut out = begin_record(rgb.len() + depth.len());
+        part(&mut out, |out| {
+            out.extend(frame.encode_to_vec());
+        });
+        for (picture, element) in [(rgb, 1), (depth, 2)] {
+            part(&mut out, |out| {
+                if !picture.is_empty() {
+                    self.deflate.append(&picture, element, out);
+                }
+            });
+        }
+        part(&mut out, |_| {});
+        finish_record(&mut out, header);
+        out
+    }
 }
 
 /// Record that closes a log.

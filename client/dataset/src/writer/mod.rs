@@ -114,7 +114,7 @@ pub struct EpisodeWriter {
 
 struct Slot {
     number: u16,
-    camera: bool,
+    id: StreamId,
     /// Picture size of the first frame; all others must have it.
     size: Option<(u32, u32)>,
 }
@@ -215,10 +215,9 @@ impl EpisodeWriter {
             .into_iter()
             .enumerate()
             .filter_map(|(i, name)| {
-                let camera = StreamId::parse(&name).is_camera();
                 let slot = Slot {
                     number: u16::try_from(i).ok()?,
-                    camera,
+                    id: StreamId::parse(&name),
                     size: None,
                 };
                 Some((name, slot))
@@ -263,7 +262,8 @@ impl EpisodeWriter {
         })
     }
 
-    /// Takes one sample of `stream` (`camera/NAME` for a camera). Waits while
+    /// Takes one sample of `stream` (`camera/NAME` for a camera, `sensor/NAME` for
+    /// what a sensor model makes). Waits while
     /// the queue is full; that wait is what holds a lock-step server back.
     ///
     /// # Errors
@@ -282,7 +282,14 @@ impl EpisodeWriter {
             .get_mut(stream)
             .ok_or_else(|| malformed("the episode does not announce this stream".into()))?;
         let bytes = payload.len();
-        let (header, work) = if slot.camera {
+        let (header, work) = if slot.id.sensor_name().is_some() {
+            let frame = v1::SensorFrame::decode(payload).map_err(|e| malformed(e.to_string()))?;
+            let size = check_sensor(&frame, slot.size).map_err(malformed)?;
+            slot.size = Some(size);
+            let header = frame.header.clone().unwrap_or_default();
+            let record = record_header(Kind::Camera, slot.number, &header);
+            (header, Work::Sensor(record, Box::new(frame)))
+        } else if slot.id.is_camera() {
             let frame = v1::CameraFrame::decode(payload).map_err(|e| malformed(e.to_string()))?;
             let size = check_frame(&frame, slot.size).map_err(malformed)?;
             slot.size = Some(size);
@@ -405,7 +412,10 @@ impl Drop for EpisodeWriter {
 fn stream_names(started: &v1::EpisodeStarted) -> Vec<String> {
     let mut out: Vec<String> = Vec::new();
     let cameras = started.cameras.iter().map(StreamId::camera);
-    let own = std::iter::once(StreamId::EVENTS).chain(cameras);
+    let sensors = started.sensors.iter().map(StreamId::sensor);
+    let own = std::iter::once(StreamId::EVENTS)
+        .chain(cameras)
+        .chain(sensors);
     let own = own.map(|stream| stream.to_string());
     for name in started.streams.iter().cloned().chain(own) {
         if !out.contains(&name) {
@@ -428,8 +438,12 @@ fn record_header(kind: Kind, stream: u16, header: &v1::Header) -> RecordHeader {
 /// Largest picture side, pixels; keeps every length far below 4 GiB.
 const MAX_SIDE: u32 = 8192;
 
-fn check_frame(frame: &v1::CameraFrame, first: Option<(u32, u32)>) -> Result<(u32, u32), String> {
-    let intrinsics = frame.intrinsics.ok_or("it has no intrinsics")?;
+/// Size of a picture by its intrinsics; all of a stream have one.
+fn check_size(
+    intrinsics: Option<v1::Intrinsics>,
+    first: Option<(u32, u32)>,
+) -> Result<(u32, u32), String> {
+    let intrinsics = intrinsics.ok_or("it has no intrinsics")?;
     let (w, h) = (intrinsics.width, intrinsics.height);
     if !(1..=MAX_SIDE).contains(&w) || !(1..=MAX_SIDE).contains(&h) {
         return Err(format!(
@@ -441,6 +455,26 @@ fn check_frame(frame: &v1::CameraFrame, first: Option<(u32, u32)>) -> Result<(u3
     {
         return Err(format!("it is {w}x{h}, the first picture was {fw}x{fh}"));
     }
+    Ok((w, h))
+}
+
+/// A sensor's picture: colour or 16-bit depth, one of them.
+fn check_sensor(frame: &v1::SensorFrame, first: Option<(u32, u32)>) -> Result<(u32, u32), String> {
+    let (w, h) = check_size(frame.intrinsics, first)?;
+    let pixels = w as usize * h as usize;
+    let (rgb, depth) = (frame.rgb.len(), frame.depth.len());
+    if (rgb, depth) == (3 * pixels, 0) || (rgb, depth) == (0, 2 * pixels) {
+        return Ok((w, h));
+    }
+    Err(format!(
+        "rgb has {rgb} bytes and depth {depth}, {w}x{h} needs {} and none, or none and {}",
+        3 * pixels,
+        2 * pixels
+    ))
+}
+
+fn check_frame(frame: &v1::CameraFrame, first: Option<(u32, u32)>) -> Result<(u32, u32), String> {
+    let (w, h) = check_size(frame.intrinsics, first)?;
     let pixels = w as usize * h as usize;
     for (what, got, expected) in [
         ("rgb", frame.rgb.len(), 3 * pixels),

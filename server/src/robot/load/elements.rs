@@ -203,6 +203,8 @@ impl Reader<'_> {
             roughness: surface.map_or(0.6, |surface| surface.roughness),
             metallic: surface.map_or(0.0, |surface| surface.metallic),
             emission: 0.0,
+            family: None,
+            transmission: 0.0,
             texture: surface
                 .and_then(|surface| surface.texture.as_ref())
                 .map(|texture| Texture {

@@ -8,6 +8,7 @@ use wheelarm_proto::exact;
 
 use super::ambient_occlusion::{AmbientOcclusion, Corner, Surroundings};
 use super::scene::{Binding, RenderItem, RenderScene};
+use super::tier::Tier;
 use crate::geometry::{Material, TriMesh, texture};
 
 /// One vertex, in the frame of its body.
@@ -18,7 +19,7 @@ pub(super) struct Vertex {
     /// Octahedral.
     pub(super) normal: [i16; 2],
     pub(super) uv: [f32; 2],
-    /// Body: 8 bits, ambient occlusion: 8 bits, material: 16 bits.
+    /// Body: 12 bits, ambient occlusion: 8 bits, material: 12 bits.
     pub(super) packed: u32,
 }
 
@@ -30,45 +31,75 @@ pub(super) struct GpuMaterial {
     more: [f32; 4],
 }
 
+/// What a pixel shows beside its colour.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Shine {
+    /// Highlights, and a surrounding that is bright above and dark below.
+    Glossy,
+    /// Nothing: lit at its vertices.
+    Matte,
+    /// Mirrors the room; only where a look is drawn.
+    Mirror,
+    /// What is behind it, and the room; only where a look is drawn.
+    Glass,
+}
+
 /// How a pixel is computed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Finish {
     pub(super) textured: bool,
-    /// Highlights and mirrored surroundings; others are lit at their vertices.
-    pub(super) glossy: bool,
+    pub(super) shine: Shine,
     /// May be lit by the sun; others never move and look away from it.
     pub(super) sunny: bool,
 }
 
 impl Finish {
-    /// All, in drawing order.
-    pub(super) const ALL: [Self; 8] = {
+    /// All, in drawing order; without a look the first [`Self::PLAIN`].
+    pub(super) const ALL: [Self; 16] = {
         let mut all = [Self {
             textured: false,
-            glossy: false,
+            shine: Shine::Glossy,
             sunny: false,
-        }; 8];
+        }; 16];
         let mut i = 0;
-        while i < 8 {
+        while i < 16 {
             all[i].textured = i & 4 != 0;
-            all[i].glossy = i & 2 == 0;
+            all[i].shine = match (i & 8 != 0, i & 2 == 0) {
+                (false, true) => Shine::Glossy,
+                (false, false) => Shine::Matte,
+                (true, true) => Shine::Mirror,
+                (true, false) => Shine::Glass,
+            };
             all[i].sunny = i & 1 == 0;
             i += 1;
         }
         all
     };
 
+    /// How many there are without a look.
+    pub(super) const PLAIN: usize = 8;
+
     /// Are items of `material` drawn with it?
-    fn suits(self, material: &Material, all_glossy: bool) -> bool {
-        let glossy = all_glossy
+    fn suits(self, material: &Material, tier: Tier) -> bool {
+        let metal = material.metallic >= MIRROR_METALLIC && material.roughness <= MIRROR_ROUGHNESS;
+        let glossy = tier.all_glossy
             || material.metallic > MATTE_METALLIC
             || material.roughness < MATTE_ROUGHNESS;
-        self.textured == material.texture.is_some() && self.glossy == glossy
+        let shine = match glossy {
+            _ if tier.lit && material.transmission > 0.0 => Shine::Glass,
+            _ if tier.lit && metal => Shine::Mirror,
+            true => Shine::Glossy,
+            false => Shine::Matte,
+        };
+        self.textured == material.texture.is_some() && self.shine == shine
     }
 }
 
 /// Rougher surfaces show no highlight worth its pixels.
 const MATTE_ROUGHNESS: f32 = 0.4;
+/// Smoother metal mirrors the room, rougher metal only light and dark.
+const MIRROR_ROUGHNESS: f32 = 0.5;
+const MIRROR_METALLIC: f32 = 0.5;
 /// Less metallic surfaces mirror nothing worth seeing.
 const MATTE_METALLIC: f32 = 0.2;
 
@@ -90,7 +121,7 @@ pub(super) struct Batch {
 #[derive(Clone, Debug)]
 pub(super) struct Body {
     pub(super) binding: Binding,
-    pub(super) instance: u8,
+    pub(super) instance: u16,
     /// Middle of its bounding box, in its frame.
     pub(super) centre: Point3<f64>,
     /// What throws a shadow.
@@ -118,8 +149,8 @@ pub(super) struct Buffers {
 }
 
 impl Buffers {
-    /// With `all_glossy` highlights are computed on every surface.
-    pub(super) fn new(scene: &RenderScene, surroundings: &Surroundings, all_glossy: bool) -> Self {
+    /// What is drawn how is a matter of the tier.
+    pub(super) fn new(scene: &RenderScene, surroundings: &Surroundings, tier: Tier) -> Self {
         let mut built = Self {
             vertices: Vec::new(),
             indices: Vec::new(),
@@ -139,13 +170,13 @@ impl Buffers {
             for finish in Finish::ALL {
                 let mut chosen: Vec<&RenderItem> = items
                     .iter()
-                    .filter(|i| finish.suits(&i.material, all_glossy))
+                    .filter(|i| finish.suits(&i.material, tier))
                     .collect();
                 // Casters first, so that their part is one range.
                 chosen.sort_by_key(|i| !i.casts_shadow);
                 let materials: Vec<u32> = chosen
                     .iter()
-                    .map(|item| built.material(&mut known, &item.material))
+                    .map(|item| built.material(&mut known, &item.material, finish))
                     .collect();
                 let sun = Vector3::from(scene.lighting.sun_direction);
                 let belongs = |item: &RenderItem, normals: [Vector3<f32>; 3]| {
@@ -156,7 +187,7 @@ impl Buffers {
                 let first_vertex = built.vertices.len();
                 let start = built.indices.len() as u32;
                 for (item, &material) in chosen.iter().zip(&materials) {
-                    let packed = body as u32 | material << 16;
+                    let packed = body as u32 | material << 20;
                     built.append(item, &item.mesh, &mut ambient_occlusion, packed, &belongs);
                 }
                 let middle = built.indices.len() as u32;
@@ -166,7 +197,7 @@ impl Buffers {
                 let (centre, radius) = ball(&built.vertices[first_vertex..]);
                 let mut caster_end = middle;
                 for (item, &material) in chosen.iter().zip(&materials) {
-                    let packed = body as u32 | material << 16;
+                    let packed = body as u32 | material << 20;
                     built.append(item, &item.coarse, &mut ambient_occlusion, packed, &belongs);
                     if item.casts_shadow {
                         caster_end = built.indices.len() as u32;
@@ -200,7 +231,7 @@ impl Buffers {
         built
     }
 
-    fn material(&mut self, known: &mut Vec<Material>, material: &Material) -> u32 {
+    fn material(&mut self, known: &mut Vec<Material>, material: &Material, finish: Finish) -> u32 {
         if let Some(i) = known.iter().position(|m| m == material) {
             return i as u32;
         }
@@ -227,7 +258,10 @@ impl Buffers {
                 material.roughness.clamp(0.12, 1.0),
             ],
             more: [
-                material.metallic.clamp(0.0, 1.0),
+                match finish.shine {
+                    Shine::Glass => material.transmission,
+                    _ => material.metallic.clamp(0.0, 1.0),
+                },
                 material.emission.max(0.0),
                 layer as f32,
                 0.0,
@@ -282,7 +316,7 @@ impl Buffers {
                     position: corner.position.coords.cast::<f32>().into(),
                     normal: octahedral(corner.normal.into()),
                     uv: corner.uv,
-                    packed: packed | ambient_occlusion << 8,
+                    packed: packed | ambient_occlusion << 12,
                 };
                 let key: [u32; 7] = bytemuck::cast(vertex);
                 let index = *known.entry(key).or_insert_with(|| {

@@ -2,6 +2,7 @@
 
 use crate::geometry::mesh::MeshError;
 use crate::geometry::texture::TextureError;
+use crate::scene::SceneError;
 
 /// Why a scene or a picture cannot be drawn.
 #[derive(Debug, thiserror::Error)]
@@ -16,13 +17,17 @@ pub enum RenderError {
         /// The reason.
         source: MeshError,
     },
+    /// A look that cannot be drawn.
+    #[error(transparent)]
+    Look(#[from] SceneError),
     /// A texture that cannot be used.
     #[error(transparent)]
     Texture(#[from] TextureError),
-    /// More bodies than an id byte can tell apart.
+    /// More bodies than a vertex can name.
     #[error(
         "{objects} objects, {links} robot links and {furniture} pieces of furniture are drawn; \
-         instance ids end at 255: join pieces of furniture into one body"
+         {} are too many: join pieces of furniture into one body",
+        super::scene::MOST_BODIES
     )]
     TooManyInstances {
         /// Objects with visuals.

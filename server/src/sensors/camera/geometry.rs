@@ -4,7 +4,7 @@ use nalgebra::{Isometry3, Point3};
 use wgpu::util::DeviceExt;
 
 use super::ambient_occlusion::Surroundings;
-use super::buffers::{Batch, Body, Buffers, Finish, Vertex};
+use super::buffers::{Batch, Body, Buffers, Finish, Shine, Vertex};
 use super::scene::Binding;
 use super::view::View;
 
@@ -108,6 +108,11 @@ impl Geometry {
             })
             .collect();
         seen.sort_by(|a, b| a.0.total_cmp(&b.0));
+        // Glass comes last, what is behind first.
+        let (glass, mut seen): (Vec<_>, Vec<_>) = seen
+            .into_iter()
+            .partition(|(_, s)| s.finish.shine == Shine::Glass);
+        seen.extend(glass.into_iter().rev());
         seen.into_iter().map(|(_, s)| s).collect()
     }
 }
@@ -121,7 +126,7 @@ pub(super) fn body_row(pose: &Isometry3<f64>, body: &Body, surroundings: &Surrou
             row[4 * r + c] = m[(r, c)] as f32;
         }
     }
-    row[12] = f32::from(body.instance) / 255.0;
+    row[12] = f32::from(body.instance);
     // Bodies that never move know it for every vertex.
     row[13] = match body.binding {
         Binding::World => 1.0,

@@ -8,6 +8,7 @@
 mod adapter;
 mod ambient_occlusion;
 mod buffers;
+mod decoration;
 mod error;
 mod geometry;
 mod mapping;
@@ -20,6 +21,7 @@ mod shadow;
 mod soft;
 pub mod spec;
 mod target;
+mod tier;
 mod uniform;
 mod view;
 
@@ -29,7 +31,7 @@ use nalgebra::Isometry3;
 pub use adapter::{AdapterInfo, AdapterKind};
 pub use error::RenderError;
 pub use renderer::{IN_FLIGHT, Renderer};
-pub use scene::{Binding, RenderItem, RenderScene};
+pub use scene::{Binding, MOST_BODIES, RenderItem, RenderScene, Surrounding};
 pub use spec::{CameraSpec, Intrinsics};
 pub use wheelarm_proto::settings::Quality;
 

@@ -5,9 +5,10 @@ use std::collections::BTreeMap;
 use wgpu::util::DeviceExt;
 
 use crate::geometry::texture::{self, Picture};
+use crate::look::Reflection;
 
-/// Repeating with halvings; comparing for the shadow map.
-pub(super) fn samplers(device: &wgpu::Device) -> [wgpu::Sampler; 2] {
+/// Repeating with halvings; comparing for the shadow map; smooth between levels.
+pub(super) fn samplers(device: &wgpu::Device) -> [wgpu::Sampler; 3] {
     let linear = wgpu::FilterMode::Linear;
     [
         device.create_sampler(&wgpu::SamplerDescriptor {
@@ -24,7 +25,43 @@ pub(super) fn samplers(device: &wgpu::Device) -> [wgpu::Sampler; 2] {
             compare: Some(wgpu::CompareFunction::LessEqual),
             ..Default::default()
         }),
+        device.create_sampler(&wgpu::SamplerDescriptor {
+            mag_filter: linear,
+            min_filter: linear,
+            mipmap_filter: wgpu::MipmapFilterMode::Linear,
+            ..Default::default()
+        }),
     ]
+}
+
+/// Uploads what smooth surfaces mirror.
+pub(super) fn upload_reflection(
+    device: &wgpu::Device,
+    queue: &wgpu::Queue,
+    reflection: Option<&Reflection>,
+) -> wgpu::TextureView {
+    let levels = reflection.map_or_else(|| vec![vec![0; 4]], |r| r.levels.clone());
+    let side = reflection.map_or(1, |_| Reflection::SIDE as u32);
+    let texture = device.create_texture_with_data(
+        queue,
+        &wgpu::TextureDescriptor {
+            label: Some("reflection"),
+            size: wgpu::Extent3d {
+                width: side,
+                height: side,
+                depth_or_array_layers: 1,
+            },
+            mip_level_count: levels.len() as u32,
+            sample_count: 1,
+            dimension: wgpu::TextureDimension::D2,
+            format: wgpu::TextureFormat::Rgba8Unorm,
+            usage: wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::COPY_DST,
+            view_formats: &[],
+        },
+        wgpu::util::TextureDataOrder::LayerMajor,
+        &levels.concat(),
+    );
+    texture.create_view(&Default::default())
 }
 
 /// Uploads the pictures of `patterns`, one layer each.

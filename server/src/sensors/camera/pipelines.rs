@@ -1,62 +1,26 @@
 //! Shader variants and the layouts that they share.
 
-use super::Quality;
-use super::buffers::Finish;
+use super::buffers::{Finish, Shine};
+use super::tier::Tier;
 
 /// Linear values come out of the shader with the display's gamma already in.
 pub(super) const COLOR: wgpu::TextureFormat = wgpu::TextureFormat::Rgba8Unorm;
 /// Depth of pictures (reversed) and of the shadow map.
 pub(super) const DEPTH: wgpu::TextureFormat = wgpu::TextureFormat::Depth32Float;
 /// Ids when they do not travel in the alpha byte.
-pub(super) const IDS: wgpu::TextureFormat = wgpu::TextureFormat::R8Unorm;
+pub(super) const IDS: wgpu::TextureFormat = wgpu::TextureFormat::R16Uint;
 
 const STRIDE: u64 = std::mem::size_of::<super::buffers::Vertex>() as u64;
 
-/// How a quality tier is drawn.
-#[derive(Clone, Copy)]
-pub(super) struct Tier {
-    /// Side of the shadow map, texels; 1 without shadows.
-    pub(super) shadow_size: u32,
-    shadow_taps: u32,
-    /// Colour samples per pixel.
-    pub(super) samples: u32,
-    /// Highlights on rough surfaces too.
-    pub(super) all_glossy: bool,
-}
-
-impl Tier {
-    pub(super) fn of(quality: Quality) -> Self {
-        let tier = |shadow_size, shadow_taps, samples| Self {
-            shadow_size,
-            shadow_taps,
-            samples,
-            all_glossy: samples > 1,
-        };
-        match quality {
-            Quality::Fast => tier(1, 0, 1),
-            Quality::Standard => tier(2048, 1, 1),
-            Quality::High => tier(4096, 9, 4),
-        }
-    }
-
-    pub(super) fn has_shadows(self) -> bool {
-        self.shadow_taps > 0
-    }
-
-    /// Ids and depth come from a pass of their own, without averaging.
-    pub(super) fn separate_ids(self) -> bool {
-        self.samples > 1
-    }
-}
-
 /// All pipelines of a renderer.
 pub(super) struct Pipelines {
-    /// Group 0: camera, bodies, materials, pictures.
+    /// Group 0: camera, bodies, materials, pictures, reflection.
     pub(super) scene_layout: wgpu::BindGroupLayout,
     /// Group 1: shadow map.
     pub(super) shadow_layout: wgpu::BindGroupLayout,
-    /// In the order of [`Finish::ALL`].
-    pub(super) surfaces: [wgpu::RenderPipeline; 8],
+    /// In the order of [`Finish::ALL`]; glass takes light away first and adds
+    /// its own in a second pass.
+    surfaces: Vec<(wgpu::RenderPipeline, Option<wgpu::RenderPipeline>)>,
     /// Draws what throws a shadow.
     pub(super) caster: wgpu::RenderPipeline,
     /// Clears a part of the shadow map.
@@ -66,10 +30,14 @@ pub(super) struct Pipelines {
 }
 
 impl Pipelines {
-    /// The pipeline that draws a finish.
-    pub(super) fn surface(&self, finish: Finish) -> &wgpu::RenderPipeline {
+    /// The pipelines that draw a finish, one after the other.
+    pub(super) fn surface(
+        &self,
+        finish: Finish,
+    ) -> (&wgpu::RenderPipeline, Option<&wgpu::RenderPipeline>) {
         let at = Finish::ALL.iter().position(|f| *f == finish);
-        &self.surfaces[at.unwrap_or_default()]
+        let (first, second) = &self.surfaces[at.unwrap_or_default()];
+        (first, second.as_ref())
     }
 
     pub(super) fn new(device: &wgpu::Device, tier: Tier) -> Self {
@@ -89,17 +57,17 @@ impl Pipelines {
         let full = layout(&[Some(&scene_layout), Some(&shadow_layout)]);
         let short = layout(&[Some(&scene_layout)]);
 
-        let surface = |finish: Finish| {
-            let (vertex, fragment) = if finish.glossy {
-                ("surface", "shade")
-            } else {
-                ("matte_surface", "matte_shade")
-            };
+        let drawn = |finish: Finish, vertex, fragment, mix| {
             let constants = [
                 ("TEXTURED", f64::from(u8::from(finish.textured))),
                 ("SUNNY", f64::from(u8::from(finish.sunny))),
                 ("SHADOW_TAPS", f64::from(tier.shadow_taps)),
                 ("ID_IN_ALPHA", f64::from(u8::from(!tier.separate_ids()))),
+                ("LIT", f64::from(u8::from(tier.lit))),
+                (
+                    "MIRRORS",
+                    f64::from(u8::from(finish.shine == Shine::Mirror)),
+                ),
             ];
             let stage = Stage {
                 layout: &full,
@@ -109,8 +77,21 @@ impl Pipelines {
                 constants: &constants,
                 samples: tier.samples,
                 depth: DepthUse::Reversed,
+                mix,
             };
             pipeline(device, &module, &stage)
+        };
+        let surface = |finish: &Finish| {
+            let one = |vertex, fragment| (drawn(*finish, vertex, fragment, Mix::Replace), None);
+            match (finish.shine, tier.lit) {
+                (Shine::Matte, _) => one("matte_surface", "matte_shade"),
+                (Shine::Glass, _) => (
+                    drawn(*finish, "lit_surface", "glass_tint", Mix::Filter),
+                    Some(drawn(*finish, "lit_surface", "glass_gloss", Mix::Cover)),
+                ),
+                (_, true) => one("lit_surface", "lit_shade"),
+                (_, false) => one("surface", "shade"),
+            }
         };
         let place = |vertex, attributes, fragment, depth| {
             let stage = Stage {
@@ -121,11 +102,12 @@ impl Pipelines {
                 constants: &[],
                 samples: 1,
                 depth,
+                mix: Mix::Replace,
             };
             pipeline(device, &module, &stage)
         };
         Self {
-            surfaces: Finish::ALL.map(surface),
+            surfaces: finishes(tier).iter().map(surface).collect(),
             caster: place("caster", &PLACE, None, DepthUse::Shadow),
             erase: place("erase", &[], None, DepthUse::Erase),
             outline: tier.separate_ids().then(|| {
@@ -135,6 +117,14 @@ impl Pipelines {
             scene_layout,
             shadow_layout,
         }
+    }
+}
+
+/// Finishes that there can be.
+fn finishes(tier: Tier) -> &'static [Finish] {
+    match tier.lit {
+        true => &Finish::ALL,
+        false => &Finish::ALL[..Finish::PLAIN],
     }
 }
 
@@ -170,6 +160,37 @@ struct Stage<'a> {
     constants: &'a [(&'a str, f64)],
     samples: u32,
     depth: DepthUse,
+    mix: Mix,
+}
+
+/// What becomes of what is there already.
+#[derive(Clone, Copy, PartialEq)]
+enum Mix {
+    Replace,
+    /// Its colour is multiplied, its id stays.
+    Filter,
+    /// Light is added to its colour, its id is replaced.
+    Cover,
+}
+
+impl Mix {
+    fn blend(self) -> Option<wgpu::BlendState> {
+        use wgpu::BlendFactor::{Dst, One, OneMinusSrc, Zero};
+        let component = |src_factor, dst_factor| wgpu::BlendComponent {
+            src_factor,
+            dst_factor,
+            operation: wgpu::BlendOperation::Add,
+        };
+        let color = match self {
+            Self::Replace => return None,
+            Self::Filter => component(Dst, Zero),
+            Self::Cover => component(One, OneMinusSrc),
+        };
+        Some(wgpu::BlendState {
+            color,
+            alpha: component(One, Zero),
+        })
+    }
 }
 
 #[derive(Clone, Copy)]
@@ -194,8 +215,11 @@ fn pipeline(
     let targets = stage.fragment.map(|(_, format)| {
         [Some(wgpu::ColorTargetState {
             format,
-            blend: None,
-            write_mask: wgpu::ColorWrites::ALL,
+            blend: stage.mix.blend(),
+            write_mask: match stage.mix {
+                Mix::Filter => wgpu::ColorWrites::COLOR,
+                _ => wgpu::ColorWrites::ALL,
+            },
         })]
     });
     let (compare, bias) = match stage.depth {
@@ -271,6 +295,12 @@ fn scene_layout(device: &wgpu::Device) -> wgpu::BindGroupLayout {
         wgpu::BindingType::Texture {
             sample_type: wgpu::TextureSampleType::Float { filterable: true },
             view_dimension: wgpu::TextureViewDimension::D2Array,
+            multisampled: false,
+        },
+        wgpu::BindingType::Sampler(wgpu::SamplerBindingType::Filtering),
+        wgpu::BindingType::Texture {
+            sample_type: wgpu::TextureSampleType::Float { filterable: true },
+            view_dimension: wgpu::TextureViewDimension::D2,
             multisampled: false,
         },
         wgpu::BindingType::Sampler(wgpu::SamplerBindingType::Filtering),

@@ -11,7 +11,7 @@ pub(super) struct Layout {
     height: usize,
     /// Bytes per row of four-byte pixels, padded to what copies want.
     row: usize,
-    /// Bytes per row of one-byte ids when they have a plane of their own.
+    /// Bytes per row of two-byte ids when they have a plane of their own.
     id_row: Option<usize>,
 }
 
@@ -24,7 +24,7 @@ impl Layout {
             width: lens.width as usize,
             height: lens.height as usize,
             row: padded(lens.width * 4),
-            id_row: target.ids.as_ref().map(|_| padded(lens.width)),
+            id_row: target.ids.as_ref().map(|_| padded(lens.width * 2)),
         }
     }
 
@@ -93,8 +93,12 @@ impl Layout {
             match self.id_row {
                 None => widen(&mut ids[line(2)], source.iter().map(|pixel| pixel[3])),
                 Some(row) => {
-                    let source = &bytes[2 * self.plane() + y * row..][..self.width];
-                    widen(&mut ids[line(2)], source.iter().copied());
+                    let source = &bytes[2 * self.plane() + y * row..][..self.width * 2];
+                    let (source, _) = source.as_chunks::<2>();
+                    let (target, _) = ids[line(2)].as_chunks_mut::<2>();
+                    for (to, from) in target.iter_mut().zip(source) {
+                        *to = u16::from_ne_bytes(*from).to_le_bytes();
+                    }
                 }
             }
             let source = &depths[y * self.row..][..self.width * 4];
@@ -110,7 +114,7 @@ impl Layout {
     }
 }
 
-/// Ids as little-endian numbers of 16 bits; the card draws 8 of them.
+/// Ids of the alpha byte as little-endian numbers of 16 bits.
 fn widen(target: &mut [u8], source: impl Iterator<Item = u8>) {
     let (pairs, _) = target.as_chunks_mut::<2>();
     for (to, id) in pairs.iter_mut().zip(source) {

@@ -12,13 +12,14 @@ use super::adapter::{self, AdapterInfo};
 use super::ambient_occlusion::Surroundings;
 use super::buffers::Buffers;
 use super::geometry::{BodyRow, Geometry, Seen, body_row};
-use super::pipelines::{Pipelines, Tier};
+use super::pipelines::Pipelines;
 use super::readback::{Layout, Memory};
-use super::scene::{Binding, RenderScene};
+use super::scene::{Binding, RenderScene, Surrounding};
 use super::shadow::{ShadowMap, SunView};
 use super::soft::SoftMeshes;
 use super::spec::CameraSpec;
 use super::target::{Target, depth_attachment};
+use super::tier::Tier;
 use super::uniform::CameraUniform;
 use super::view::View;
 use super::{Frame, Quality, RenderError, patterns};
@@ -37,6 +38,7 @@ pub struct Renderer {
     soft: SoftMeshes,
     surroundings: Surroundings,
     lighting: Lighting,
+    surrounding: Option<Surrounding>,
     shadow: ShadowMap,
     targets: Vec<Target>,
     scene_groups: Vec<wgpu::BindGroup>,
@@ -91,7 +93,7 @@ impl Renderer {
         adapter: Option<&str>,
     ) -> Result<Self, RenderError> {
         check_cameras(scene, cameras)?;
-        let tier = Tier::of(quality);
+        let tier = Tier::of(quality, scene);
         let Prepared {
             opened,
             pipelines,
@@ -118,7 +120,9 @@ impl Renderer {
             .iter()
             .map(|spec| Target::new(&device, spec.clone(), tier))
             .collect();
-        let [repeating, comparing] = patterns::samplers(&device);
+        let [repeating, comparing, smooth] = patterns::samplers(&device);
+        let reflection = scene.surrounding.as_ref().map(|s| &s.reflection);
+        let reflection = patterns::upload_reflection(&device, &queue, reflection);
         let scene_group = |target: &Target| {
             bind(
                 &device,
@@ -129,6 +133,8 @@ impl Renderer {
                     materials.as_entire_binding(),
                     wgpu::BindingResource::TextureView(&pictures),
                     wgpu::BindingResource::Sampler(&repeating),
+                    wgpu::BindingResource::TextureView(&reflection),
+                    wgpu::BindingResource::Sampler(&smooth),
                 ],
             )
         };
@@ -145,6 +151,7 @@ impl Renderer {
         let renderer = Self {
             shadow,
             lighting: scene.lighting,
+            surrounding: scene.surrounding.clone(),
             surroundings,
             expected: [scene.links, scene.objects, scene.sliding],
             info,
@@ -231,7 +238,13 @@ impl Renderer {
         for (&c, view) in cameras.iter().zip(&views) {
             let sun = &self.shadow.sun;
             let texel = [1.0 / self.tier.shadow_size as f32, sun.texel as f32];
-            let block = CameraUniform::new(view, &self.lighting, &sun.clip_from_world, texel);
+            let block = CameraUniform::new(
+                view,
+                &self.lighting,
+                &sun.clip_from_world,
+                texel,
+                self.surrounding.as_ref(),
+            );
             let uniform = &self.targets[c].uniform;
             self.queue
                 .write_buffer(uniform, 0, bytemuck::bytes_of(&block));
@@ -397,9 +410,14 @@ impl Renderer {
         for s in seen {
             if current != Some(s.finish) {
                 current = Some(s.finish);
-                pass.set_pipeline(self.pipelines.surface(s.finish));
+                pass.set_pipeline(self.pipelines.surface(s.finish).0);
             }
             pass.draw_indexed(s.indices(), 0, 0..1);
+            if let Some(second) = self.pipelines.surface(s.finish).1 {
+                pass.set_pipeline(second);
+                pass.draw_indexed(s.indices(), 0, 0..1);
+                current = None;
+            }
         }
         drop(pass);
         if let (Some(ids), Some(pipeline)) = (&target.ids, &self.pipelines.outline) {
@@ -469,7 +487,7 @@ fn prepare(
     std::thread::scope(|scope| {
         let arranging = scope.spawn(|| {
             let surroundings = Surroundings::new(scene);
-            let buffers = Buffers::new(scene, &surroundings, tier.all_glossy);
+            let buffers = Buffers::new(scene, &surroundings, tier);
             (surroundings, buffers)
         });
         let opened = open(adapter).map(|opened| {

@@ -4,13 +4,15 @@ use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Arc;
 
-use nalgebra::{Isometry3, Point3};
+use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
 
 use super::RenderError;
+use super::decoration::parts;
 use crate::geometry::mesh::{Detail, build_detail};
 use crate::geometry::plush::Skin;
 use crate::geometry::texture::{self, Picture};
-use crate::geometry::{Material, Shape, TriMesh, Visual};
+use crate::geometry::{Family, Material, Shape, TriMesh, Visual};
+use crate::look::{Drawn, Irradiance, Kind, Lamp, Reflection};
 use crate::robot::RobotModel;
 use crate::scene::{Body, Lighting, Scene, Soft};
 
@@ -40,8 +42,8 @@ pub struct RenderItem {
     pub binding: Binding,
     /// Place on its body; world_from_mesh for [`Binding::World`].
     pub body_from_mesh: Isometry3<f64>,
-    /// Instance id, 1 to 255.
-    pub instance: u8,
+    /// Instance id; 0 is the background, as where nothing is hit.
+    pub instance: u16,
     /// Throws a shadow. Walls and floors do not: the sun reaches every room.
     pub casts_shadow: bool,
 }
@@ -55,7 +57,7 @@ pub struct RenderScene {
     pub lighting: Lighting,
     /// Legend of the ids: objects, then links, then furniture; bodies without
     /// visuals have none. 0 is where nothing is hit.
-    pub instances: Vec<(u8, String)>,
+    pub instances: Vec<(u16, String)>,
     /// Links that a snapshot must have.
     pub links: usize,
     /// Objects that a snapshot must have.
@@ -66,7 +68,24 @@ pub struct RenderScene {
     pub sliding: usize,
     /// Pictures of the materials, by the names of their files.
     pub textures: BTreeMap<String, Picture>,
+    /// Light from all around; `None`: a sky above and a ground below.
+    pub surrounding: Option<Surrounding>,
 }
+
+/// Light from all around, where a look is drawn. Only then glass is transparent
+/// and metal mirrors the room.
+#[derive(Clone, Debug)]
+pub struct Surrounding {
+    /// What reaches a matte surface.
+    pub irradiance: Irradiance,
+    /// What smooth surfaces mirror.
+    pub reflection: Reflection,
+    /// Lamps that are on; more than [`crate::look::MOST_LAMPS`] are not drawn.
+    pub lamps: Vec<Lamp>,
+}
+
+/// Most bodies that can be drawn: what a vertex can name.
+pub const MOST_BODIES: usize = 4095;
 
 /// Furniture that reaches this high is part of the building, metres.
 const BUILDING_HEIGHT: f64 = 2.3;
@@ -75,8 +94,23 @@ impl RenderScene {
     /// Meshes of a robot in a home; mesh files are looked up below `assets`.
     ///
     /// # Errors
-    /// When a mesh or a texture cannot be made, or more than 255 bodies are drawn.
+    /// When a mesh or a texture cannot be made, or more than [`MOST_BODIES`] are
+    /// drawn.
     pub fn new(robot: &RobotModel, scene: &Scene, assets: &Path) -> Result<Self, RenderError> {
+        Self::with_look(robot, scene, assets, None)
+    }
+
+    /// The same under a look. Furniture that has a colour by name keeps it, so do
+    /// objects and robot.
+    ///
+    /// # Errors
+    /// As [`RenderScene::new`].
+    pub fn with_look(
+        robot: &RobotModel,
+        scene: &Scene,
+        assets: &Path,
+        look: Option<&Drawn>,
+    ) -> Result<Self, RenderError> {
         let drawn = |visuals: &[Visual]| !visuals.is_empty();
         let seen = |object: &&Body| drawn(&object.visual) || object.soft.is_some();
         let counts = [
@@ -84,7 +118,7 @@ impl RenderScene {
             robot.links.iter().filter(|l| drawn(&l.visual)).count(),
             scene.furniture.iter().filter(|f| drawn(&f.visual)).count(),
         ];
-        if counts.iter().sum::<usize>() > 255 {
+        if counts.iter().sum::<usize>() >= MOST_BODIES {
             return Err(RenderError::TooManyInstances {
                 objects: counts[0],
                 links: counts[1],
@@ -93,28 +127,35 @@ impl RenderScene {
         }
         let mut built = Self {
             items: Vec::new(),
-            lighting: scene.lighting,
+            lighting: look.map_or(scene.lighting, |look| look.lighting),
             instances: Vec::new(),
             links: robot.links.len(),
             objects: scene.objects.len(),
             skins: Vec::new(),
             sliding: scene.joints.len(),
             textures: BTreeMap::new(),
+            surrounding: look.map(|look| Surrounding {
+                irradiance: look.irradiance.clone(),
+                reflection: look.reflection.clone(),
+                lamps: Vec::new(),
+            }),
         };
         let mut meshes = MeshCache {
             assets,
             known: BTreeMap::new(),
         };
+        let kept = |m: &Material| look.map_or_else(|| m.clone(), |look| look.kept(m));
+        let furniture = |m: &Material| look.map_or_else(|| m.clone(), |look| look.furniture(m));
         for (i, object) in scene.objects.iter().enumerate() {
             let at = (Binding::Object(i), Isometry3::identity());
-            built.add_body(&object.name, &object.visual, at, &mut meshes)?;
+            built.add_body(&object.name, &object.visual, at, &kept, &mut meshes)?;
             if let Some(soft) = &object.soft {
                 built.add_soft(i, &object.name, soft);
             }
         }
         for (i, link) in robot.links.iter().enumerate() {
             let at = (Binding::Link(i), Isometry3::identity());
-            built.add_body(&link.name, &link.visual, at, &mut meshes)?;
+            built.add_body(&link.name, &link.visual, at, &kept, &mut meshes)?;
         }
         for (i, body) in scene.furniture.iter().enumerate() {
             let joint = scene.joints.iter().position(|j| j.furniture == i);
@@ -122,7 +163,15 @@ impl RenderScene {
                 Some(joint) => (Binding::Sliding(joint), Isometry3::identity()),
                 None => (Binding::World, body.pose),
             };
-            built.add_body(&body.name, &body.visual, at, &mut meshes)?;
+            let paint: &dyn Fn(&Material) -> Material = match body.colour.as_str() {
+                "" => &furniture,
+                _ => &kept,
+            };
+            built.add_body(&body.name, &body.visual, at, paint, &mut meshes)?;
+        }
+        if let Some(look) = look {
+            let lamps = built.light_lamps(look);
+            built.decorate(look, lamps, &mut meshes)?;
         }
         built.load_textures(assets)?;
         Ok(built)
@@ -145,7 +194,7 @@ impl RenderScene {
     /// One mesh per look of the skin.
     fn add_soft(&mut self, object: usize, name: &str, soft: &Soft) {
         let skin = soft.skin();
-        let instance = self.instances.len() as u8 + 1;
+        let instance = self.instances.len() as u16 + 1;
         self.instances.push((instance, name.to_owned()));
         let mut looks: Vec<&Material> = Vec::new();
         for lobe in &soft.plush.lobes {
@@ -179,17 +228,19 @@ impl RenderScene {
         name: &str,
         visuals: &[Visual],
         (binding, body): (Binding, Isometry3<f64>),
+        paint: &dyn Fn(&Material) -> Material,
         meshes: &mut MeshCache<'_>,
     ) -> Result<(), RenderError> {
         if visuals.is_empty() {
             return Ok(());
         }
-        let instance = self.instances.len() as u8 + 1;
+        let instance = self.instances.len() as u16 + 1;
         self.instances.push((instance, name.to_owned()));
         for (index, visual) in visuals.iter().enumerate() {
+            let material = paint(&visual.material);
             let mut get = |detail| {
                 meshes
-                    .get(&visual.part.shape, &visual.material, detail)
+                    .get(&visual.part.shape, &material, detail)
                     .map_err(|source| RenderError::Mesh {
                         body: name.to_owned(),
                         index,
@@ -202,7 +253,7 @@ impl RenderScene {
                 casts_shadow: visual.material.emission < 0.5,
                 mesh,
                 coarse,
-                material: visual.material.clone(),
+                material,
                 binding,
                 body_from_mesh,
                 instance,
@@ -215,6 +266,71 @@ impl RenderScene {
             }
         }
         Ok(())
+    }
+}
+
+impl RenderScene {
+    /// Adds what a look decorates the room with, of the background's id 0; its
+    /// lamps come after those of the furniture, of which there are `number`.
+    fn decorate(
+        &mut self,
+        look: &Drawn,
+        mut number: usize,
+        meshes: &mut MeshCache<'_>,
+    ) -> Result<(), RenderError> {
+        for thing in &look.decoration {
+            let turn = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), thing.along);
+            let place = Isometry3::from_parts(Translation3::from(thing.at), turn);
+            for (shape, at, mut material) in parts(thing) {
+                let pose = place * Translation3::from(at);
+                if thing.kind == Kind::Lamp && matches!(shape, Shape::Frustum { .. }) {
+                    let at = pose.translation.vector.cast::<f32>();
+                    if let Some(lamp) = look.lamp(number, at.into()) {
+                        material.emission = look.lamp_glow();
+                        self.surrounding.iter_mut().for_each(|s| s.lamps.push(lamp));
+                    }
+                    number += 1;
+                }
+                let mut get = |detail| {
+                    meshes
+                        .get(&shape, &material, detail)
+                        .map_err(|source| RenderError::Mesh {
+                            body: "decoration".to_owned(),
+                            index: 0,
+                            source,
+                        })
+                };
+                let (mesh, coarse) = (get(Detail::Full)?, get(Detail::Coarse)?);
+                self.items.push(RenderItem {
+                    mesh,
+                    coarse,
+                    material,
+                    binding: Binding::World,
+                    body_from_mesh: pose,
+                    instance: 0,
+                    casts_shadow: thing.kind == Kind::Plant,
+                });
+            }
+        }
+        Ok(())
+    }
+
+    /// Lights the lamps of the furniture that are on, in the order in which they
+    /// stand there, and says how many there are.
+    fn light_lamps(&mut self, look: &Drawn) -> usize {
+        let is_lamp = |item: &&mut RenderItem| {
+            item.material.family == Some(Family::Lamp) && item.binding == Binding::World
+        };
+        let lamps: Vec<_> = self.items.iter_mut().filter(is_lamp).collect();
+        let count = lamps.len();
+        for (number, item) in lamps.into_iter().enumerate() {
+            let at = item.body_from_mesh.translation.vector.cast::<f32>();
+            if let Some(lamp) = look.lamp(number, at.into()) {
+                item.material.emission = look.lamp_glow();
+                self.surrounding.iter_mut().for_each(|s| s.lamps.push(lamp));
+            }
+        }
+        count
     }
 }
 

@@ -5,10 +5,16 @@
 override TEXTURED: bool = false;
 // The sun may reach the surface.
 override SUNNY: bool = true;
-// Shadow map look-ups per pixel: 0, 1 or 9.
+// Shadow map look-ups per pixel: 0, 1, 9 or 16.
 override SHADOW_TAPS: u32 = 1u;
 // The alpha byte holds the instance id; not when samples are averaged.
 override ID_IN_ALPHA: bool = true;
+// A look is drawn: light from all around by the normal, and lamps.
+override LIT: bool = false;
+// Mirrors the room.
+override MIRRORS: bool = false;
+
+struct Lamp { at: vec4<f32>, color: vec4<f32> }
 
 struct Camera {
     clip_from_world: mat4x4<f32>,
@@ -18,8 +24,11 @@ struct Camera {
     sun: vec4<f32>,
     sky: vec4<f32>,
     ground: vec4<f32>,
-    // Size of a shadow texel in the map and in the world.
+    // Size of a shadow texel in the map and in the world; number of lamps.
     shadow_texel: vec4<f32>,
+    // Light from all around on a normal n: (n, 1)ᵀ M (n, 1).
+    irradiance: array<mat4x4<f32>, 3>,
+    lamps: array<Lamp, 4>,
 }
 
 // Rows of world_from_body; id and ambient occlusion (1: open).
@@ -32,6 +41,9 @@ struct Material { color: vec4<f32>, more: vec4<f32> }
 @group(0) @binding(2) var<storage, read> materials: array<Material>;
 @group(0) @binding(3) var pictures: texture_2d_array<f32>;
 @group(0) @binding(4) var repeating: sampler;
+// What is around, octahedral; square roots of shares of 6.
+@group(0) @binding(5) var reflection: texture_2d<f32>;
+@group(0) @binding(6) var smooth_levels: sampler;
 @group(1) @binding(0) var shadow_map: texture_depth_2d;
 @group(1) @binding(1) var shadow_sampler: sampler_comparison;
 
@@ -40,7 +52,7 @@ struct Vertex {
     // Octahedral.
     @location(1) normal: vec2<f32>,
     @location(2) uv: vec2<f32>,
-    // Body: 8 bits, ambient occlusion: 8 bits, material: 16 bits.
+    // Body: 12 bits, ambient occlusion: 8 bits, material: 12 bits.
     @location(3) packed: u32,
 }
 
@@ -83,18 +95,37 @@ fn place(v: Vertex, body: u32) -> Lit {
     var out: Lit;
     out.world = to_world(body, v.position);
     out.normal = vec3(dot(b.x.xyz, n), dot(b.y.xyz, n), dot(b.z.xyz, n));
-    out.ambient_occlusion = f32((v.packed >> 8u) & 0xffu) * (1.0 / 255.0) * b.more.y;
+    out.ambient_occlusion = f32((v.packed >> 12u) & 0xffu) * (1.0 / 255.0) * b.more.y;
     // A little outside the surface, more where the light grazes it.
     let slope = 1.0 - abs(dot(out.normal, camera.sun_direction.xyz));
-    let outside = out.world + out.normal * (camera.shadow_texel.y * (0.6 + 1.8 * slope));
+    let wider = select(1.0, 1.7, SHADOW_TAPS == 16u);
+    let outside = out.world + out.normal * (wider * camera.shadow_texel.y * (0.6 + 1.8 * slope));
     let s = camera.shadow_from_world * vec4(outside, 1.0);
     out.shadow = vec3(s.xy * vec2(0.5, -0.5) + 0.5, s.z);
     return out;
 }
 
+// Light from all around and from the lamps.
+fn surrounding(lit: Lit) -> vec3<f32> {
+    let n = vec4(lit.normal, 1.0);
+    var light = vec3(
+        dot(n, camera.irradiance[0] * n),
+        dot(n, camera.irradiance[1] * n),
+        dot(n, camera.irradiance[2] * n),
+    );
+    for (var i = 0; i < i32(camera.shadow_texel.z); i++) {
+        let to = camera.lamps[i].at.xyz - lit.world;
+        let square = dot(to, to);
+        // A shade is no point: it lights a little around the edge.
+        let cosine = max(0.8 * dot(lit.normal, to) * inverseSqrt(square + 1e-4) + 0.2, 0.0);
+        light += camera.lamps[i].color.rgb * (cosine / (square + 0.35));
+    }
+    return max(light, vec3(0.0));
+}
+
 @vertex fn surface(v: Vertex) -> Varying {
-    let body = v.packed & 0xffu;
-    let m = materials[v.packed >> 16u];
+    let body = v.packed & 0xfffu;
+    let m = materials[v.packed >> 20u];
     let lit = place(v, body);
     var out: Varying;
     out.clip = camera.clip_from_world * vec4(lit.world, 1.0);
@@ -104,6 +135,34 @@ fn place(v: Vertex, body: u32) -> Lit {
     out.shadow = lit.shadow;
     out.color = m.color;
     out.more = vec4(m.more.xyz, bodies[body].more.x);
+    return out;
+}
+
+struct LitVarying {
+    @builtin(position) @invariant clip: vec4<f32>,
+    @location(0) normal: vec3<f32>,
+    @location(1) view: vec4<f32>,
+    @location(2) uv: vec2<f32>,
+    @location(3) shadow: vec3<f32>,
+    @location(4) @interpolate(flat) color: vec4<f32>,
+    @location(5) @interpolate(flat) more: vec4<f32>,
+    // Light from all around.
+    @location(6) around: vec3<f32>,
+}
+
+@vertex fn lit_surface(v: Vertex) -> LitVarying {
+    let body = v.packed & 0xfffu;
+    let m = materials[v.packed >> 20u];
+    let lit = place(v, body);
+    var out: LitVarying;
+    out.clip = camera.clip_from_world * vec4(lit.world, 1.0);
+    out.normal = lit.normal;
+    out.view = vec4(camera.eye.xyz - lit.world, lit.ambient_occlusion);
+    out.uv = v.uv;
+    out.shadow = lit.shadow;
+    out.color = m.color;
+    out.more = vec4(m.more.xyz, bodies[body].more.x);
+    out.around = surrounding(lit);
     return out;
 }
 
@@ -120,10 +179,13 @@ struct MatteVarying {
 }
 
 @vertex fn matte_surface(v: Vertex) -> MatteVarying {
-    let body = v.packed & 0xffu;
-    let m = materials[v.packed >> 16u];
+    let body = v.packed & 0xfffu;
+    let m = materials[v.packed >> 20u];
     let lit = place(v, body);
-    let around = mix(camera.ground.rgb, camera.sky.rgb, 0.5 + 0.5 * lit.normal.z);
+    var around = mix(camera.ground.rgb, camera.sky.rgb, 0.5 + 0.5 * lit.normal.z);
+    if LIT {
+        around = surrounding(lit);
+    }
     var out: MatteVarying;
     out.clip = camera.clip_from_world * vec4(lit.world, 1.0);
     out.light = vec4(
@@ -146,7 +208,7 @@ struct MatteVarying {
 struct Place { @location(0) position: vec3<f32>, @location(3) packed: u32 }
 
 @vertex fn caster(v: Place) -> @builtin(position) vec4<f32> {
-    return camera.shadow_from_world * vec4(to_world(v.packed & 0xffu, v.position), 1.0);
+    return camera.shadow_from_world * vec4(to_world(v.packed & 0xfffu, v.position), 1.0);
 }
 
 struct Identified {
@@ -155,12 +217,17 @@ struct Identified {
 }
 
 @vertex fn outline(v: Place) -> Identified {
-    let body = v.packed & 0xffu;
+    let body = v.packed & 0xfffu;
     return Identified(camera.clip_from_world * vec4(to_world(body, v.position), 1.0), bodies[body].more.x);
 }
 
-@fragment fn identify(v: Identified) -> @location(0) vec4<f32> {
-    return vec4(v.id);
+@fragment fn identify(v: Identified) -> @location(0) u32 {
+    return u32(v.id + 0.5);
+}
+
+// What the alpha byte holds.
+fn alpha(id: f32) -> f32 {
+    return select(1.0, id * (1.0 / 255.0), ID_IN_ALPHA);
 }
 
 fn sunlit(at: vec3<f32>) -> f32 {
@@ -169,6 +236,16 @@ fn sunlit(at: vec3<f32>) -> f32 {
     }
     if SHADOW_TAPS == 1u {
         return textureSampleCompareLevel(shadow_map, shadow_sampler, at.xy, at.z);
+    }
+    if SHADOW_TAPS == 16u {
+        var all = 0.0;
+        for (var i = 0; i < 4; i++) {
+            for (var j = 0; j < 4; j++) {
+                let offset = vec2(f32(i) - 1.5, f32(j) - 1.5) * (1.8 * camera.shadow_texel.x);
+                all += textureSampleCompareLevel(shadow_map, shadow_sampler, at.xy + offset, at.z);
+            }
+        }
+        return all * (1.0 / 16.0);
     }
     var sum = 0.0;
     for (var i = -1; i <= 1; i++) {
@@ -202,7 +279,7 @@ fn picture(uv: vec2<f32>, layer: f32) -> vec3<f32> {
         light += camera.sun.rgb * (v.light.a * sunlit(v.shadow));
     }
     let c = base * light;
-    return vec4(display(c), select(1.0, v.color.a, ID_IN_ALPHA));
+    return vec4(display(c), alpha(v.color.a));
 }
 
 @fragment fn shade(v: Varying) -> @location(0) vec4<f32> {
@@ -243,5 +320,87 @@ fn picture(uv: vec2<f32>, layer: f32) -> vec3<f32> {
     let ambient = (matte * around + mirror * mirrored) * v.view.w;
 
     let c = direct + ambient + base * v.more.y;
-    return vec4(display(c), select(1.0, v.more.w, ID_IN_ALPHA));
+    return vec4(display(c), alpha(v.more.w));
+}
+
+// The room in a direction, the rougher the more blurred.
+fn mirrored_room(towards: vec3<f32>, roughness: f32) -> vec3<f32> {
+    let sum = abs(towards.x) + abs(towards.y) + abs(towards.z);
+    var p = towards.xy / sum;
+    if towards.z < 0.0 {
+        let folded = 1.0 - abs(p.yx);
+        p = select(-folded, folded, p >= vec2(0.0));
+    }
+    let root = textureSampleLevel(reflection, smooth_levels, p * 0.5 + 0.5, roughness * 4.0).rgb;
+    return root * root * 6.0;
+}
+
+@fragment fn lit_shade(v: LitVarying) -> @location(0) vec4<f32> {
+    var base = v.color.rgb;
+    if TEXTURED {
+        base *= picture(v.uv, v.more.z);
+    }
+    let metallic = v.more.x;
+    let roughness = v.color.a;
+    let n = normalize(v.normal);
+    let view = normalize(v.view.xyz);
+    let nv = max(dot(n, view), 0.0);
+    let f0 = mix(vec3(0.04), base, metallic);
+    let matte = base * (1.0 - metallic);
+
+    var direct = vec3(0.0);
+    if SUNNY {
+        let sun = camera.sun_direction.xyz;
+        direct = camera.sun.rgb * (matte + f0 * glint(n, view, roughness))
+            * (max(dot(n, sun), 0.0) * sunlit(v.shadow));
+    }
+    let facing = 1.0 - nv;
+    let mirror = f0 + (1.0 - roughness) * (facing * facing * facing * facing * 0.5);
+    var mirrored: vec3<f32>;
+    if MIRRORS {
+        mirrored = mirrored_room(2.0 * nv * n - view, roughness);
+    } else {
+        let up = 2.0 * nv * n.z - view.z;
+        mirrored = mix(camera.ground.rgb, camera.sky.rgb, clamp(0.5 + up * (1.1 - 0.6 * roughness), 0.0, 1.2));
+    }
+    let ambient = (matte * v.around + mirror * mirrored) * v.view.w;
+    let c = direct + ambient + base * v.more.y;
+    return vec4(display(c), alpha(v.more.w));
+}
+
+// As in `shade`.
+fn glint(n: vec3<f32>, view: vec3<f32>, roughness: f32) -> f32 {
+    let sun = camera.sun_direction.xyz;
+    let length2 = 2.0 + 2.0 * dot(view, sun);
+    let nh = dot(n, view + sun);
+    let nh2 = nh * nh / max(length2, 0.01);
+    let vh2 = max(0.25 * length2, 0.01);
+    let a = roughness * roughness;
+    let d = nh2 * (a * a - 1.0) + 1.0;
+    return a * a / (d * d * vh2 * (a * 4.0 + 2.0));
+}
+
+// Glass multiplies what is behind it: the longer the way through, the more. Both
+// passes work on what is displayed, where colours are about square roots.
+@fragment fn glass_tint(v: LitVarying) -> @location(0) vec4<f32> {
+    let n = normalize(v.normal);
+    let nv = max(dot(n, normalize(v.view.xyz)), 0.0);
+    let way = 0.32 / (0.28 + nv);
+    return vec4(pow(v.color.rgb, vec3(way)) * v.more.x, 1.0);
+}
+
+// And adds what it mirrors, and a little of its own.
+@fragment fn glass_gloss(v: LitVarying) -> @location(0) vec4<f32> {
+    let n = normalize(v.normal);
+    let view = normalize(v.view.xyz);
+    let nv = max(dot(n, view), 0.0);
+    let facing = 1.0 - nv;
+    let f = 0.04 + 0.7 * facing * facing * facing * facing * facing;
+    var c = f * mirrored_room(2.0 * nv * n - view, v.color.a) * v.view.w;
+    if SUNNY {
+        let nl = max(dot(n, camera.sun_direction.xyz), 0.0);
+        c += camera.sun.rgb * (0.04 * glint(n, view, v.color.a) * nl * sunlit(v.shadow));
+    }
+    c += v.color.rgb * v.around * (0.6 * (1.0 - v.more.x));
+    return vec4(display(c), alpha(v.more.w));
 }

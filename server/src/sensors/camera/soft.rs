@@ -31,7 +31,7 @@ impl SoftMeshes {
         let mesh = |(object, skin): &(usize, Skin)| {
             let binding = Binding::Object(*object);
             let body = buffers.bodies.iter().position(|b| b.binding == binding)?;
-            let own = |v: &Vertex| (v.packed & 0xff) as usize == body;
+            let own = |v: &Vertex| (v.packed & 0xfff) as usize == body;
             let first = buffers.vertices.iter().position(own)?;
             let bits = |p: [f32; 3]| p.map(f32::to_bits);
             let known: BTreeMap<[u32; 3], usize> = skin

@@ -1,7 +1,8 @@
 //! What one camera draws into.
 
-use super::pipelines::{COLOR, DEPTH, IDS, Tier};
+use super::pipelines::{COLOR, DEPTH, IDS};
 use super::spec::CameraSpec;
+use super::tier::Tier;
 use super::uniform::CameraUniform;
 
 /// Textures of one camera.

@@ -9,6 +9,7 @@ use nalgebra::{Isometry3, Point3, Rotation3, Translation3, UnitQuaternion, Vecto
 use super::*;
 use crate::geometry::mesh::build;
 use crate::geometry::{Material, Shape, Texture, texture};
+use crate::look::{Drawn, Look};
 use crate::robot::RobotModel;
 use crate::scene::{Lighting, Scene};
 use crate::snapshot::{BodyState, Snapshot};
@@ -20,7 +21,7 @@ const LIGHT: Lighting = Lighting {
     ground: [0.3, 0.3, 0.3],
 };
 
-fn item(shape: &Shape, color: [f32; 3], binding: Binding, at: [f64; 3], id: u8) -> RenderItem {
+fn item(shape: &Shape, color: [f32; 3], binding: Binding, at: [f64; 3], id: u16) -> RenderItem {
     let mesh = Arc::new(build(shape, Path::new(".")).unwrap());
     RenderItem {
         coarse: mesh.clone(),
@@ -32,6 +33,8 @@ fn item(shape: &Shape, color: [f32; 3], binding: Binding, at: [f64; 3], id: u8) 
             metallic: 0.0,
             emission: 0.0,
             texture: None,
+            family: None,
+            transmission: 0.0,
         },
         binding,
         body_from_mesh: Translation3::from(at).into(),
@@ -50,6 +53,7 @@ fn scene(items: Vec<RenderItem>, objects: usize) -> RenderScene {
         objects,
         sliding: 0,
         textures: BTreeMap::new(),
+        surrounding: None,
     }
 }
 
@@ -173,7 +177,15 @@ fn a_point_lands_where_the_intrinsics_say() {
     ];
     let ball = Shape::Sphere { radius: 0.03 };
     let items = (0..points.len())
-        .map(|i| item(&ball, [0.5; 3], Binding::Object(i), [0.0; 3], 100 + i as u8))
+        .map(|i| {
+            item(
+                &ball,
+                [0.5; 3],
+                Binding::Object(i),
+                [0.0; 3],
+                100 + i as u16,
+            )
+        })
         .collect();
     let scene = scene(items, points.len());
     let lens = Intrinsics {
@@ -193,16 +205,16 @@ fn a_point_lands_where_the_intrinsics_say() {
     for (i, point) in points.iter().enumerate() {
         let p = pose.inverse() * Point3::from(*point);
         let (u, v) = (lens.fx * p.x / p.z + lens.cx, lens.fy * p.y / p.z + lens.cy);
-        let id = 100 + i as u8;
+        let id = 100 + i as u16;
         let (mut count, mut sum_u, mut sum_v) = (0.0, 0.0, 0.0);
         for (k, found) in frame.ids().iter().enumerate() {
-            if *found == u16::from(id) {
+            if *found == id {
                 count += 1.0;
                 sum_u += (k % 300) as f64 + 0.5;
                 sum_v += (k / 300) as f64 + 0.5;
             }
         }
-        assert_eq!(frame.ids()[v as usize * 300 + u as usize], u16::from(id));
+        assert_eq!(frame.ids()[v as usize * 300 + u as usize], id);
         assert!(
             (sum_u / count - u).abs() < 0.35,
             "u {} expected {u}",
@@ -347,7 +359,7 @@ fn ids_of_the_home_follow_the_legend() {
     let home = Scene::load(&assets, "home").unwrap();
     let scene = RenderScene::new(&robot, &home, &assets).unwrap();
     for (i, object) in home.objects.iter().enumerate() {
-        assert_eq!(scene.instances[i], (i as u8 + 1, object.name.clone()));
+        assert_eq!(scene.instances[i], (i as u16 + 1, object.name.clone()));
     }
     let names = |from: &str| scene.instances.iter().position(|(_, n)| n == from);
     assert!(names("floor") > names("base_link") && names("base_link") >= Some(home.objects.len()));
@@ -393,10 +405,93 @@ fn ids_of_the_home_follow_the_legend() {
         let id = scene.instances[frame.camera].0;
         assert_eq!(
             frame.ids()[24 * 64 + 32],
-            u16::from(id),
+            id,
             "{}",
             home.objects[frame.camera].name
         );
+    }
+}
+
+#[test]
+fn ids_beyond_a_byte_are_told_in_every_quality() {
+    let ball = Shape::Sphere { radius: 0.02 };
+    let at = |i: usize| {
+        [
+            2.0,
+            (i % 20) as f64 * 0.1 - 0.95,
+            (i / 20) as f64 * 0.1 - 0.7,
+        ]
+    };
+    let count = 300;
+    let items =
+        (0..count).map(|i| item(&ball, [0.5; 3], Binding::Object(i), [0.0; 3], 1 + i as u16));
+    let scene = scene(items.collect(), count);
+    let places: Vec<_> = (0..count).map(at).collect();
+    let lens = Intrinsics::centred([400, 320], 1.0);
+    let eye = camera(looking([0.0; 3], [1.0, 0.0, 0.0]), lens);
+    for quality in [Quality::Fast, Quality::Standard, Quality::High] {
+        let Some(mut renderer) = renderer(&scene, std::slice::from_ref(&eye), quality) else {
+            return;
+        };
+        let frame = &renderer.render(&snapshot(&places), &[0]).unwrap()[0];
+        let ids = frame.ids();
+        let z = depth(frame);
+        for (i, [x, y, up]) in places.iter().enumerate() {
+            let u = (lens.fx * -y / x + lens.cx) as usize;
+            let v = (lens.fy * -up / x + lens.cy) as usize;
+            assert_eq!(ids[v * 400 + u], 1 + i as u16, "{quality:?}");
+            assert!((z[v * 400 + u] - 1.98).abs() < 0.005);
+        }
+    }
+}
+
+#[test]
+fn a_look_changes_colours_alone_and_glass_keeps_depth_and_id() {
+    let assets = Path::new(env!("CARGO_MANIFEST_DIR")).join("../assets");
+    let robot = RobotModel::load(&assets, "wheelarm").unwrap();
+    let home = Scene::load(&assets, "home").unwrap();
+    let bottle = home.object_named("glass_bottle").unwrap();
+    let at = Point3::from(home.objects[bottle].pose.translation.vector) + Vector3::z() * 0.2;
+    let eye = at + Vector3::new(-0.6, 0.3, 0.2);
+    let lens = Intrinsics::centred([192, 144], 0.9);
+    let mount = looking(eye.coords.into(), at.coords.into());
+    let cameras = [camera(mount, lens)];
+    let mut now = snapshot(&vec![[0.0; 3]; home.objects.len()]);
+    let gone = BodyState::resting(Translation3::new(0.0, 0.0, -50.0).into());
+    now.links = vec![gone; robot.links.len()];
+    let slides = home.joints.iter();
+    let slides = slides.map(|joint| BodyState::resting(home.furniture[joint.furniture].pose));
+    now.sliding = slides.collect();
+    for (body, object) in now.objects.iter_mut().zip(&home.objects) {
+        body.pose = object.pose;
+    }
+    for quality in [Quality::Standard, Quality::High] {
+        let seen = |seed| {
+            let look = Look {
+                seed,
+                light: 3,
+                background: 3,
+                materials: 3,
+                exposure: 3,
+                ..Look::default()
+            };
+            let look = (seed > 0).then(|| Drawn::new(look, &home, &assets).unwrap());
+            let scene = RenderScene::with_look(&robot, &home, &assets, look.as_ref()).unwrap();
+            let frame = renderer(&scene, &cameras, quality)?.render(&now, &[0]);
+            Some(frame.unwrap().remove(0))
+        };
+        let Some(plain) = seen(0) else {
+            return;
+        };
+        let [one, two] = [1, 2].map(|seed| seen(seed).unwrap());
+        assert_ne!(one.rgb, two.rgb);
+        for look in [&one, &two] {
+            assert_ne!(look.rgb, plain.rgb);
+            assert_eq!((&look.depth, &look.ids), (&plain.depth, &plain.ids));
+        }
+        let id = u16::try_from(bottle + 1).unwrap();
+        assert!(one.ids().iter().filter(|i| **i == id).count() > 100);
+        assert_eq!(seen(1).unwrap().rgb, one.rgb);
     }
 }
 

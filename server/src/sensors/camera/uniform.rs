@@ -2,7 +2,9 @@
 
 use nalgebra::Matrix4;
 
+use super::scene::Surrounding;
 use super::view::{View, columns};
+use crate::look::MOST_LAMPS;
 use crate::scene::Lighting;
 
 /// `Camera` in the shaders, member by member: matrices by columns, vectors with
@@ -17,8 +19,11 @@ pub(super) struct CameraUniform {
     sun: [f32; 4],
     sky: [f32; 4],
     ground: [f32; 4],
-    /// Size of a shadow texel in the map and in the world.
+    /// Size of a shadow texel in the map and in the world; number of lamps.
     shadow_texel: [f32; 4],
+    irradiance: [[f32; 16]; 3],
+    /// Place and colour of each; dark ones fill up.
+    lamps: [[[f32; 4]; 2]; MOST_LAMPS],
 }
 
 impl CameraUniform {
@@ -28,7 +33,19 @@ impl CameraUniform {
         light: &Lighting,
         shadow_from_world: &Matrix4<f64>,
         texel: [f32; 2],
+        surrounding: Option<&Surrounding>,
     ) -> Self {
+        let lamp_count = surrounding.map_or(0, |s| s.lamps.len().min(MOST_LAMPS));
+        let mut irradiance = [[0.0; 16]; 3];
+        let mut lamps = [[[0.0; 4]; 2]; MOST_LAMPS];
+        if let Some(surrounding) = surrounding {
+            for (to, from) in irradiance.iter_mut().zip(&surrounding.irradiance.0) {
+                to.copy_from_slice(from.as_slice());
+            }
+            for (to, lamp) in lamps.iter_mut().zip(&surrounding.lamps) {
+                *to = [padded(lamp.at.into()), padded(lamp.color)];
+            }
+        }
         let eye = view.world_from_optical.translation.vector.cast::<f32>();
         Self {
             clip_from_world: columns(&view.clip_from_world),
@@ -38,7 +55,9 @@ impl CameraUniform {
             sun: padded(light.sun),
             sky: padded(light.sky),
             ground: padded(light.ground),
-            shadow_texel: [texel[0], texel[1], 0.0, 0.0],
+            shadow_texel: [texel[0], texel[1], lamp_count as f32, 0.0],
+            irradiance,
+            lamps,
         }
     }
 }

@@ -5,11 +5,14 @@ use wheelarm_proto::check::{self, Invalid};
 use wheelarm_proto::geometry::{isometry, pose};
 use wheelarm_proto::settings::{Named, Style};
 use wheelarm_proto::v1;
+use wheelarm_sensors::model::MAX_STRENGTH;
 
+use crate::look::Look;
 use crate::scene::{Placement, Resistance};
 use crate::service::{disturbance, language};
 use crate::sim::{
-    ALL_CAMERAS, CameraPlace, CameraSetting, Lens, MAX_SIZE, Quality, Scenario, Starts,
+    ALL_CAMERAS, CameraPlace, CameraSetting, Lens, MAX_SIZE, Quality, Scenario, SensorSetting,
+    Starts,
 };
 
 /// A scenario as a message.
@@ -72,11 +75,22 @@ pub fn scenario(s: &Scenario) -> v1::Scenario {
         language: s.language.as_ref().map(language::told),
         target: Some(s.target.clone()),
         calibration_seed: s.calibration_seed,
+        look: s.look.map(told_look),
         starts: s.starts.code().into(),
         arm_positions: s.arm.map(Vec::from).unwrap_or_default(),
         knuckle: s.knuckle,
         variant: s.variant.clone(),
         variant_share: s.variant_share,
+        sensors: s
+            .sensors
+            .iter()
+            .map(|sensor| v1::SensorSetting {
+                model: sensor.model.clone(),
+                camera: sensor.camera.clone(),
+                seed: sensor.seed,
+                strength: Some(sensor.strength),
+            })
+            .collect(),
         disturbances: s.disturbances.as_ref().map(disturbance::told),
         style: Some(s.style.name().to_owned()),
         time_limit_seconds: s.time_limit,
@@ -87,6 +101,21 @@ pub fn scenario(s: &Scenario) -> v1::Scenario {
 fn place(what: &'static str, p: Option<&v1::Pose>) -> Result<Isometry3<f64>, Invalid> {
     check::place(what, p)?;
     isometry(what, p)
+}
+
+/// Model of a setting that switches all sensor models off.
+const NO_SENSORS: &str = "none";
+
+/// A sensor model that is asked for.
+fn sensor(asked: &v1::SensorSetting) -> Result<SensorSetting, Invalid> {
+    let strength = asked.strength.unwrap_or(1.0);
+    Ok(SensorSetting {
+        model: asked.model.clone(),
+        camera: asked.camera.clone(),
+        seed: asked.seed,
+        strength: check::within("strength", strength, 0.0, MAX_STRENGTH)
+            .map_err(of("sensor", &asked.model))?,
+    })
 }
 
 /// A camera that is asked for.
@@ -125,6 +154,41 @@ fn camera(asked: &v1::CameraSetting) -> Result<CameraSetting, Invalid> {
     })
 }
 
+/// A look that is told; one that is off is none.
+fn look(asked: &v1::Look) -> Result<Option<Look>, Invalid> {
+    asked.check()?;
+    let look = Look {
+        seed: asked.seed,
+        light: asked.light as u8,
+        background: asked.background as u8,
+        materials: asked.materials as u8,
+        exposure: asked.exposure as u8,
+        decoration: asked.decoration as u8,
+        camera: asked.camera as u8,
+        lens: asked.lens as u8,
+    };
+    Ok((!asked.is_off()).then_some(look))
+}
+
+fn told_look(look: Look) -> v1::Look {
+    v1::Look {
+        seed: look.seed,
+        light: look.light.into(),
+        background: look.background.into(),
+        materials: look.materials.into(),
+        exposure: look.exposure.into(),
+        decoration: look.decoration.into(),
+        camera: look.camera.into(),
+        lens: look.lens.into(),
+    }
+}
+
+/// What of a look moves the cameras.
+fn moves(look: Option<Look>) -> Option<(u64, u8, u8)> {
+    let look = look.filter(|look| look.camera > 0 || look.lens > 0)?;
+    Some((look.seed, look.camera, look.lens))
+}
+
 /// Rate of a camera whose rate is not told, Hz.
 const CAMERA_HZ: f64 = 10.0;
 
@@ -149,12 +213,13 @@ fn keep<T>(old: &mut T, new: Option<T>) {
     }
 }
 
-/// Most cameras, objects and slides that a scenario may name.
+/// Most cameras or sensors, objects and slides that a scenario may name.
 const MOST: [usize; 3] = [16, 256, 256];
 
 /// Checks the lengths of all that a scenario message names.
 fn bounded(asked: &v1::Scenario) -> Result<(), Invalid> {
     check::few("cameras", &asked.cameras, MOST[0])?;
+    check::few("sensors", &asked.sensors, MOST[0])?;
     check::few("objects", &asked.objects, MOST[1])?;
     check::few("slides", &asked.slides, MOST[2])?;
     check::instruction(asked.instruction())?;
@@ -172,7 +237,15 @@ fn bounded(asked: &v1::Scenario) -> Result<(), Invalid> {
     let cameras = cameras.filter(|(_, name)| *name != ALL_CAMERAS);
     let objects = asked.objects.iter().map(|o| ("object name", &o.name));
     let slides = asked.slides.iter().map(|s| ("slide name", &s.joint));
-    for (what, name) in cameras.chain(objects).chain(slides) {
+    let sensors = asked.sensors.iter().map(|s| ("sensor model", &s.model));
+    let on = asked.sensors.iter().map(|s| ("sensor camera", &s.camera));
+    let on = on.filter(|(_, camera)| !camera.is_empty());
+    for (what, name) in cameras
+        .chain(objects)
+        .chain(slides)
+        .chain(sensors)
+        .chain(on)
+    {
         check::name(what, name)?;
     }
     Ok(())
@@ -215,6 +288,7 @@ pub fn scenario_over(now: &Scenario, asked: &v1::Scenario) -> Result<Scenario, I
     }
     if !asked.robot.is_empty() && asked.robot != now.robot {
         s.cameras = Scenario::all_cameras();
+        s.sensors.clear();
     }
     let given = |new: &str| (!new.is_empty()).then(|| new.to_owned());
     keep(&mut s.scene, given(&asked.scene));
@@ -259,19 +333,28 @@ pub fn scenario_over(now: &Scenario, asked: &v1::Scenario) -> Result<Scenario, I
     for (what, rate) in rates {
         check::finite(what, rate)?;
     }
+    let seen = match &asked.look {
+        Some(asked) => look(asked)?,
+        None => now.look,
+    };
+    s.look = seen;
     if !asked.cameras.is_empty() {
         s.cameras = asked
             .cameras
             .iter()
             .map(camera)
             .collect::<Result<_, Invalid>>()?;
-    } else if asked.calibration_seed.is_some() {
-        // Another specimen: what was drawn for the one before goes.
+    } else if asked.calibration_seed.is_some() || moves(seen) != moves(now.look) {
+        // Another specimen or look: what was drawn for the one before goes.
         for camera in &mut s.cameras {
             (camera.lens, camera.place) = (None, None);
         }
     }
     s.calibration_seed = asked.calibration_seed.or(s.calibration_seed);
+    if !asked.sensors.is_empty() {
+        let on = asked.sensors.iter().filter(|s| s.model != NO_SENSORS);
+        s.sensors = on.map(sensor).collect::<Result<_, Invalid>>()?;
+    }
     match v1::RenderQuality::try_from(asked.quality) {
         Ok(code) => keep(&mut s.quality, Quality::told(code)),
         Err(_) => {

@@ -244,6 +244,7 @@ impl Engine {
     /// The tasks are read when they are first asked for, on another thread.
     fn answer_tasks(&self, asked: zenoh::query::Query) {
         let (shared, folder) = (Arc::clone(&self.shared), self.sim.assets().to_owned());
+        let hand = self.sim.model().settings.corridor;
         let stamp = self.stamp();
         let header = Some(stamp.clone());
         self.shared.replies.answer_later(asked, stamp, move || {
@@ -251,7 +252,7 @@ impl Engine {
             let tasks = match &*known {
                 Some(tasks) => tasks.clone(),
                 None => known
-                    .insert(assets::tasks(&folder).map_err(Denied::internal)?)
+                    .insert(assets::tasks(&folder, &hand).map_err(Denied::internal)?)
                     .clone(),
             };
             drop(known);

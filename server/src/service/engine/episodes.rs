@@ -75,6 +75,10 @@ impl Engine {
         if !request.replay && !shown {
             self.sim.begin_episode();
         }
+        self.signals.restart();
+        if let Some(lag) = &mut self.lag {
+            lag.restart();
+        }
         let snapshot = match shown {
             true => Vec::new(),
             false => self.sim.save().map_err(Denied::internal)?,
@@ -88,6 +92,7 @@ impl Engine {
             started: started.clone(),
             snapshot: snapshot.into(),
             stage: Stage::Waiting,
+            replayed: request.replay,
             required,
             pictures: BTreeMap::new(),
             participants: Vec::new(),
@@ -129,6 +134,7 @@ impl Engine {
             area: task.map(|t| t.area.name.clone()).unwrap_or_default(),
             streams: TopicId::STATES.map(|s| s.name().to_owned()).to_vec(),
             cameras: self.camera_names(),
+            sensors: self.sensor_names(),
             adapter: self
                 .render
                 .as_ref()
@@ -187,12 +193,18 @@ impl Engine {
         discard: bool,
         cause: v1::EndCause,
     ) -> Option<v1::EpisodeStopped> {
+        if let Some(render) = &self.render {
+            // What has arrived is out, the rest never comes.
+            render
+                .sensed()
+                .stands(self.episode_number(), self.sim.snapshot().tick);
+            render.sensed().settle();
+        }
         let episode = self.episode.take()?;
         let tick = self.sim.snapshot().tick;
-        let mut manifest = self
-            .shared
-            .outbox
-            .manifest(episode.number, &self.camera_names());
+        let (cameras, sensors) = (self.camera_names(), self.sensor_names());
+        let outbox = &self.shared.outbox;
+        let mut manifest = outbox.manifest(episode.number, &cameras, &sensors);
         // Pictures that fell due but were never drawn are missing, not absent.
         for line in &mut manifest {
             let stream = StreamId::parse(&line.stream);

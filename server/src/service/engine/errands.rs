@@ -180,10 +180,13 @@ impl Engine {
         let drawing = self.render.as_ref().is_none_or(|r| r.failure().is_none());
         let same_cameras = drawing
             && new.cameras == old.cameras
+            && new.sensors == old.sensors
+            && (new.sensors.is_empty() || new.seed == old.seed)
             && new.scene == old.scene
             && new.robot == old.robot
             && new.task == old.task
             && new.quality == old.quality
+            && new.look == old.look
             && names(&sim) == names(&self.sim);
         let before = std::mem::replace(&mut self.sim, sim);
         if !same_cameras && let Err(e) = self.start_cameras() {

@@ -25,12 +25,14 @@ use super::episode::{Episode, Stage};
 use super::errand::Errand;
 use super::error::ServiceError;
 use super::inbox::{Listening, Standing};
+use super::lag::Lag;
 use super::pace::Pace;
 use super::render::RenderThread;
 use super::shared::Shared;
 use super::waiting::Waiting;
 use super::{assets, publish};
 use crate::robot::control::GripperMap;
+use crate::sensors::signals::Signals;
 use crate::sim::{Pacing, Simulation};
 use crate::snapshot::{Anomaly, BodyRef, Snapshot};
 
@@ -79,6 +81,10 @@ pub struct Engine {
     pub(in crate::service) made: Made,
     /// The recorded state that is shown.
     pub(super) shown: Option<v1::ShowRequest>,
+    /// Sensor models of the robot's signals.
+    pub(in crate::service) signals: Signals,
+    /// The way from the gate to the robot's control, where it takes time.
+    pub(in crate::service) lag: Option<Lag>,
 }
 
 /// Answers that stay the same while a scenario and an episode are in force.
@@ -103,6 +109,8 @@ impl Engine {
         let mut engine = Self {
             asset_texts,
             pace: Pace::new(sim.scenario().pacing),
+            signals: Signals::new(sim.devices(), sim.model()),
+            lag: Lag::of(sim.devices()),
             sim,
             shared,
             errand: None,
@@ -138,7 +146,13 @@ impl Engine {
             tracing::info!("cameras on {}", render.adapter);
             self.render = Some(render);
         }
-        Ok(self.shared.outbox.declare(&wanted)?)
+        Ok(self.shared.outbox.declare(&wanted, &self.sensor_names())?)
+    }
+
+    /// Picture sensors on the cameras that are drawn.
+    pub(in crate::service) fn sensor_names(&self) -> Vec<String> {
+        let render = self.render.as_ref();
+        render.map_or_else(Vec::new, |render| render.sensed().names())
     }
 
     /// Cameras that are drawn: none when they could not be set up again after a
@@ -293,11 +307,16 @@ impl Engine {
             Pacing::RealTime => self.shared.now(),
             Pacing::LockStep | Pacing::Fast => self.sim.snapshot().stamp_nanos() as f64 * 1e-9,
         };
-        let taken = {
+        let mut taken = {
             let mut inbox = self.shared.inbox.lock();
             inbox.stands(self.standing());
             inbox.take(tick, now)
         };
+        let replayed = self.episode.as_ref().is_some_and(|e| e.replayed);
+        if let Some(lag) = self.lag.as_mut().filter(|_| !replayed) {
+            let input = std::mem::take(&mut taken.input);
+            taken.input = lag.pass(tick, input, taken.stale);
+        }
         let episode = self.episode_number();
         let outbox = Arc::clone(&self.shared.outbox);
         publish::disturbance(&outbox, episode, &self.sim);
@@ -310,6 +329,8 @@ impl Engine {
             return;
         }
         publish::imu(&outbox, episode, &step.imu);
+        let rate = self.sim.scenario().imu_rate_hz;
+        publish::sensed_imu(&outbox, episode, &step.imu, rate, &mut self.signals);
         self.publish_state();
         self.publish_anomalies();
         self.draw(step.frames);
@@ -337,9 +358,12 @@ impl Engine {
         }
     }
 
-    pub(in crate::service) fn publish_state(&self) {
+    pub(in crate::service) fn publish_state(&mut self) {
         let tick = self.sim.snapshot().tick;
         self.shared.stamp_is(self.episode_number(), tick);
+        if let Some(render) = &self.render {
+            render.sensed().stands(self.episode_number(), tick);
+        }
         if self.sim.is_shown() {
             self.publish_shown();
             return;
@@ -348,10 +372,12 @@ impl Engine {
         let (phase, name) = inbox.phase();
         let phase = (phase, name.to_owned());
         drop(inbox);
+        self.signals.update(self.sim.snapshot(), self.sim.model());
         publish::state(
             &self.shared.outbox,
             self.episode_number(),
             &self.sim,
+            &self.signals,
             (phase.0, &phase.1),
             self.pace.factor(),
         );
@@ -404,6 +430,8 @@ impl Engine {
         self.forget_anomalies();
         self.made = Made::default();
         self.shown = None;
+        self.signals = Signals::new(self.sim.devices(), self.sim.model());
+        self.lag = Lag::of(self.sim.devices());
         self.pace.restart();
         self.publish_state();
     }

@@ -12,7 +12,7 @@ mod robot;
 use serde::Deserialize;
 
 use self::lift::{LiftedAndHeld, LiftedBefore};
-use self::open::{ClosedTo, OpenedBy};
+use self::open::Opening;
 use self::others::{CorrectInstance, NothingKnockedOver};
 use self::put::{AtRest, Inside, Released, Upright};
 use self::robot::{ChairStopped, NoHardCollision};
@@ -28,8 +28,8 @@ pub(super) enum AnyPredicate {
     Upright(Upright),
     AtRest(AtRest),
     Released(Released),
-    OpenedBy(OpenedBy),
-    ClosedTo(ClosedTo),
+    OpenedBy(#[serde(deserialize_with = "open::opened_by")] Opening),
+    ClosedTo(#[serde(deserialize_with = "open::closed_to")] Opening),
     CorrectInstance(CorrectInstance),
     ChairStopped(ChairStopped),
     NothingKnockedOver(NothingKnockedOver),
@@ -46,8 +46,7 @@ impl AnyPredicate {
             Self::Upright(p) => p,
             Self::AtRest(p) => p,
             Self::Released(p) => p,
-            Self::OpenedBy(p) => p,
-            Self::ClosedTo(p) => p,
+            Self::OpenedBy(p) | Self::ClosedTo(p) => p,
             Self::CorrectInstance(p) => p,
             Self::ChairStopped(p) => p,
             Self::NothingKnockedOver(p) => p,

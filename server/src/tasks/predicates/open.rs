@@ -1,24 +1,66 @@
-//! Furniture that slides.
+//! Furniture that slides: open far enough, or closed far enough.
 
-use serde::Deserialize;
+use serde::{Deserialize, Deserializer};
 
 use crate::snapshot::Snapshot;
 use crate::tasks::condition::{Measure, Memory, Name, Predicate, Threshold};
 use crate::tasks::context::Context;
 
-/// The joint of furniture is open by at least `travel`. Value: its position,
-/// metres.
-#[derive(Clone, Debug, PartialEq, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(in crate::tasks) struct OpenedBy {
+/// The joint of furniture is open by at least, or at most, so much. Value: its
+/// position, metres.
+#[derive(Clone, Debug, PartialEq)]
+pub(in crate::tasks) struct Opening {
+    side: Side,
     joint: String,
     /// Metres.
-    travel: f64,
+    bound: f64,
 }
 
-impl Predicate for OpenedBy {
+/// Which side of the bound is asked.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Side {
+    /// `opened_by`.
+    AtLeast,
+    /// `closed_to`.
+    AtMost,
+}
+
+/// Reads `opened_by = { joint, travel }`.
+pub(super) fn opened_by<'de, D: Deserializer<'de>>(from: D) -> Result<Opening, D::Error> {
+    #[derive(Deserialize)]
+    #[serde(deny_unknown_fields)]
+    struct Written {
+        joint: String,
+        travel: f64,
+    }
+    Written::deserialize(from).map(|written| Opening {
+        side: Side::AtLeast,
+        joint: written.joint,
+        bound: written.travel,
+    })
+}
+
+/// Reads `closed_to = { joint, position }`.
+pub(super) fn closed_to<'de, D: Deserializer<'de>>(from: D) -> Result<Opening, D::Error> {
+    #[derive(Deserialize)]
+    #[serde(deny_unknown_fields)]
+    struct Written {
+        joint: String,
+        position: f64,
+    }
+    Written::deserialize(from).map(|written| Opening {
+        side: Side::AtMost,
+        joint: written.joint,
+        bound: written.position,
+    })
+}
+
+impl Predicate for Opening {
     fn word(&self) -> &'static str {
-        "opened_by"
+        match self.side {
+            Side::AtLeast => "opened_by",
+            Side::AtMost => "closed_to",
+        }
     }
 
     fn names(&self) -> Vec<Name<'_>> {
@@ -26,7 +68,11 @@ impl Predicate for OpenedBy {
     }
 
     fn thresholds(&self) -> Vec<Threshold> {
-        vec![Threshold::new("travel", self.travel, "m", 2.0)]
+        let key = match self.side {
+            Side::AtLeast => "travel",
+            Side::AtMost => "position",
+        };
+        vec![Threshold::new(key, self.bound, "m", 2.0)]
     }
 
     fn measure(
@@ -38,44 +84,10 @@ impl Predicate for OpenedBy {
         let position = context.joint_position(&self.joint, snapshot);
         Some(Measure {
             value: position,
-            holds: position >= self.travel,
-        })
-    }
-}
-
-/// The joint of furniture is open by at most `position`. Value: its position,
-/// metres.
-#[derive(Clone, Debug, PartialEq, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(in crate::tasks) struct ClosedTo {
-    joint: String,
-    /// Metres.
-    position: f64,
-}
-
-impl Predicate for ClosedTo {
-    fn word(&self) -> &'static str {
-        "closed_to"
-    }
-
-    fn names(&self) -> Vec<Name<'_>> {
-        vec![Name::Joint(&self.joint)]
-    }
-
-    fn thresholds(&self) -> Vec<Threshold> {
-        vec![Threshold::new("position", self.position, "m", 2.0)]
-    }
-
-    fn measure(
-        &self,
-        context: &Context,
-        _memory: &mut Memory,
-        snapshot: &Snapshot,
-    ) -> Option<Measure> {
-        let position = context.joint_position(&self.joint, snapshot);
-        Some(Measure {
-            value: position,
-            holds: position <= self.position,
+            holds: match self.side {
+                Side::AtLeast => position >= self.bound,
+                Side::AtMost => position <= self.bound,
+            },
         })
     }
 }

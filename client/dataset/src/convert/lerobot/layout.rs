@@ -17,12 +17,33 @@ pub(super) struct Layout {
     pub rate: u32,
     /// Cameras with the size of their pictures.
     pub cameras: BTreeMap<String, Size>,
+    /// Cameras with a depth sensor, and the size of its pictures.
+    pub depths: BTreeMap<String, Size>,
     /// The robot.
     pub body: Body,
     /// Names of the values of [`VECTORS`].
     pub names: [Vec<String>; 3],
     /// With the two columns of language.
     pub language: bool,
+}
+
+/// A feature of pictures.
+pub(super) struct Pictures<'a> {
+    /// Its name.
+    pub key: String,
+    /// The camera that it is of.
+    pub camera: &'a str,
+    /// Size of its pictures.
+    pub size: Size,
+    /// Depth by the camera's depth sensor, 16-bit millimetres; else colour.
+    pub is_depth: bool,
+}
+
+impl Pictures<'_> {
+    /// Colours or grey levels of a pixel.
+    fn channels(&self) -> usize {
+        if self.is_depth { 1 } else { 3 }
+    }
 }
 
 /// Some rows of an episode, with what they are in the set.
@@ -148,6 +169,11 @@ pub(super) fn image_key(camera: &str) -> String {
     format!("observation.images.{camera}")
 }
 
+/// Feature of what a camera's depth sensor gives. Exact depth is never one.
+fn depth_key(camera: &str) -> String {
+    format!("observation.depth.{camera}")
+}
+
 /// The numeric columns of a block, in the order of [`Layout::features`], behind
 /// the pictures.
 pub(super) fn numbers(block: &Block<'_>) -> Vec<Column> {
@@ -175,6 +201,7 @@ impl Layout {
         recording: &Recording,
         rate: u32,
         cameras: BTreeMap<String, Size>,
+        depths: BTreeMap<String, Size>,
         action: ActionKind,
     ) -> Self {
         let robot = &recording.robot;
@@ -182,19 +209,38 @@ impl Layout {
         Self {
             rate,
             cameras,
+            depths,
             body: Body::of(robot),
             names: [state_names(robot), action.names(robot), pose.to_vec()],
             language: false,
         }
     }
 
+    /// The features of pictures, in their order.
+    pub fn pictures(&self) -> impl Iterator<Item = Pictures<'_>> {
+        let colour = self.cameras.iter().map(|(camera, &size)| Pictures {
+            key: image_key(camera),
+            camera,
+            size,
+            is_depth: false,
+        });
+        let depth = self.depths.iter().map(|(camera, &size)| Pictures {
+            key: depth_key(camera),
+            camera,
+            size,
+            is_depth: true,
+        });
+        colour.chain(depth)
+    }
+
     /// The features as `meta/info.json` lists them.
     pub fn features(&self) -> Value {
         let mut out = serde_json::Map::new();
-        for (camera, size) in &self.cameras {
-            let feature = json!({"dtype": "image", "shape": [size.height, size.width, 3],
+        for pictures in self.pictures() {
+            let Size { width, height } = pictures.size;
+            let feature = json!({"dtype": "image", "shape": [height, width, pictures.channels()],
                 "names": ["height", "width", "channels"]});
-            out.insert(image_key(camera), feature);
+            out.insert(pictures.key, feature);
         }
         for ((name, _), names) in VECTORS.iter().zip(&self.names) {
             let feature = json!({"dtype": "float32", "shape": [names.len()], "names": names});
@@ -219,8 +265,8 @@ impl Layout {
     /// The features as Hugging Face's `datasets` writes them into the footer.
     pub fn footer(&self) -> String {
         let mut out = serde_json::Map::new();
-        for camera in self.cameras.keys() {
-            out.insert(image_key(camera), json!({"_type": "Image"}));
+        for pictures in self.pictures() {
+            out.insert(pictures.key, json!({"_type": "Image"}));
         }
         for ((name, _), names) in VECTORS.iter().zip(&self.names) {
             let feature = json!({"feature": {"dtype": "float32", "_type": "Value"},

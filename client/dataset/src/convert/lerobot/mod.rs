@@ -20,7 +20,7 @@ use anyhow::Context;
 use parking_lot::Mutex;
 
 use self::language::Spoken;
-use self::layout::{Block, Layout, image_key, numbers};
+use self::layout::{Block, Layout, numbers};
 use self::metadata::metadata;
 use self::set::{EpisodeRow, Set};
 use self::statistics::Gathered;
@@ -28,12 +28,15 @@ use self::table::{Cells, Column};
 use super::batch::parallel;
 use super::intrinsics;
 use super::learning::{self, Learning, RowOptions};
-use super::{Format, PendingFolder, Recording, Size, Written, png_rgb, scaled};
+use super::{Format, PendingFolder, Recording, Size, Written, png_depth, png_rgb, scaled};
 
 /// Rows that are encoded, and written as one row group, together.
 const BLOCK: usize = 32;
 /// About this many pixels of a picture are counted in the statistics.
 const COUNTED_PIXELS: usize = 20_000;
+
+/// And this many of a depth picture: its values are kept.
+const COUNTED_DEPTHS: usize = 300;
 
 /// Writes one data set.
 pub struct LeRobot {
@@ -119,14 +122,16 @@ impl Format for LeRobot {
     fn add(&self, recording: &Recording, tick: &(dyn Fn() + Sync)) -> anyhow::Result<Written> {
         let (rate, learning) = Learning::on_grid(recording, &self.rows)?;
         let cameras = learning::cameras(recording, self.size);
-        let mut layout = Layout::of(recording, rate, cameras, self.rows.action);
+        let depths = recording.depth_sensors();
+        let mut layout = Layout::of(recording, rate, cameras, depths, self.rows.action);
         layout.language = self.language;
         anyhow::ensure!(!layout.cameras.is_empty(), "the episode has no pictures");
         let set = &mut *self.set.lock();
         if let Some(first) = &set.layout {
             first.body.ensure_same(&layout.body)?;
             anyhow::ensure!(
-                (first.rate, &first.cameras) == (layout.rate, &layout.cameras),
+                (first.rate, &first.cameras, &first.depths)
+                    == (layout.rate, &layout.cameras, &layout.depths),
                 "rate or pictures differ from those of the first episode ({} Hz, {:?}, here {} Hz, {:?}); --size makes sizes equal",
                 first.rate,
                 first.cameras,
@@ -210,14 +215,25 @@ impl LeRobot {
         scratch: &mut Scratch,
         tick: &(dyn Fn() + Sync),
     ) -> anyhow::Result<Statistics> {
-        let cameras = layout.cameras.keys();
-        let mut gathered: Statistics = cameras
-            .map(|c| (image_key(c), Gathered::colours()))
+        let mut gathered: Statistics = layout
+            .pictures()
+            .map(|p| match p.is_depth {
+                true => (p.key, Gathered::depths()),
+                false => (p.key, Gathered::colours()),
+            })
             .collect();
         for block in rows.chunks(BLOCK) {
-            for (camera, &size) in &layout.cameras {
+            for pictures in layout.pictures() {
+                let size = pictures.size;
                 let encoded = parallel(block.len(), self.threads, |i| {
-                    let (source, index) = recording.picture(camera, block[i])?;
+                    if pictures.is_depth {
+                        let (source, index) = recording.sensed_depth(pictures.camera, block[i])?;
+                        let depth = source.depth(&recording.episode, index)?;
+                        let mut counts = Gathered::depths();
+                        counts.depth(&depth, size.width * size.height / COUNTED_DEPTHS);
+                        return Ok((png_depth(&depth, size)?, counts));
+                    }
+                    let (source, index) = recording.seen(pictures.camera, block[i])?;
                     let (width, height) = source.size().context("a size")?;
                     let rgb = source.rgb(&recording.episode, index)?;
                     let rgb = scaled(rgb, Size { width, height }, size);
@@ -227,7 +243,7 @@ impl LeRobot {
                 })?;
                 for (png, counts) in &encoded {
                     scratch.put(png)?;
-                    if let Some(all) = gathered.get_mut(&image_key(camera)) {
+                    if let Some(all) = gathered.get_mut(&pictures.key) {
                         all.merge(counts);
                     }
                 }
@@ -254,16 +270,18 @@ fn write_rows(
     for first in (0..all).step_by(BLOCK) {
         let count = BLOCK.min(all - first);
         let mut columns = Vec::new();
-        for camera in layout.cameras.keys() {
+        for pictures in layout.pictures() {
             let mut images = Vec::with_capacity(count);
             for frame in first..first + count {
                 let mut bytes = vec![0; *lengths.next().context("a picture")?];
                 reader.read_exact(&mut bytes)?;
-                let name = format!("{camera}-{:06}-{frame:06}.png", whole.episode);
+                let what = ["", "-depth"][usize::from(pictures.is_depth)];
+                let camera = pictures.camera;
+                let name = format!("{camera}{what}-{:06}-{frame:06}.png", whole.episode);
                 images.push((bytes, name));
             }
             columns.push(Column {
-                name: image_key(camera),
+                name: pictures.key,
                 cells: Cells::Image(images),
             });
         }

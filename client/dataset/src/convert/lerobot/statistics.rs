@@ -17,6 +17,8 @@ pub enum Gathered {
     Numbers(usize, Vec<f32>),
     /// Counts of the 256 values of three colour channels, and pictures.
     Colours(Box<[[u64; 256]; 3]>, usize),
+    /// Depths in millimetres, and pictures.
+    Depths(Vec<f32>, usize),
 }
 
 /// Statistics per component.
@@ -43,6 +45,22 @@ impl Gathered {
         Self::Colours(Box::new([[0; 256]; 3]), 0)
     }
 
+    /// No depth pictures yet.
+    #[must_use]
+    pub fn depths() -> Self {
+        Self::Depths(Vec::new(), 0)
+    }
+
+    /// Counts a depth picture's pixels (m, as millimetres; 0 for no return),
+    /// every `step`-th.
+    pub fn depth(&mut self, depth: &[f32], step: usize) {
+        if let Self::Depths(all, n) = self {
+            let some = depth.iter().step_by(step.max(1));
+            all.extend(some.map(|d| f32::from(crate::depth::millimetres(*d))));
+            *n += 1;
+        }
+    }
+
     /// Adds the rows of another one of the same kind.
     pub fn merge(&mut self, other: &Self) {
         match (self, other) {
@@ -51,6 +69,10 @@ impl Gathered {
                 for (a, b) in all.iter_mut().flatten().zip(more.iter().flatten()) {
                     *a += b;
                 }
+                *n += m;
+            }
+            (Self::Depths(all, n), Self::Depths(more, m)) => {
+                all.extend_from_slice(more);
                 *n += m;
             }
             _ => {}
@@ -82,6 +104,11 @@ impl Gathered {
                     component(&values)
                 });
                 collect(each.collect(), rows, vec![*width])
+            }
+            Self::Depths(all, pictures) => {
+                let mut values = all.clone();
+                values.sort_by(f32::total_cmp);
+                collect(vec![component(&values)], *pictures, vec![1, 1, 1])
             }
             Self::Colours(all, pictures) => {
                 let each = all.iter().map(colour).collect();

@@ -20,7 +20,25 @@ pub(super) fn channels<'a>(
 ) -> anyhow::Result<Vec<Channel<'a>>> {
     let mut out = once(recording, robot, assets)?;
     for (name, camera) in &recording.cameras {
-        out.extend(pictures(recording, name, camera));
+        out.extend(pictures(
+            recording,
+            &format!("/camera/{name}"),
+            name,
+            camera,
+        ));
+    }
+    for (name, sensor) in &recording.sensors {
+        let all = pictures(recording, &format!("/sensor/{name}"), name, sensor);
+        let has = |what: &str| match what {
+            "rgb" => sensor.has_rgb(),
+            "depth" => sensor.has_depth(),
+            "ids" => false,
+            _ => true,
+        };
+        out.extend(
+            all.into_iter()
+                .filter(|channel| has(channel.topic.rsplit('/').next().unwrap_or_default())),
+        );
     }
     // Every topic of the table: what is recorded has a place in the log.
     for topic in TopicId::ALL {
@@ -62,9 +80,14 @@ fn once<'a>(
     Ok(out)
 }
 
-fn pictures<'a>(recording: &'a Recording, name: &str, camera: &'a Camera) -> [Channel<'a>; 5] {
+fn pictures<'a>(
+    recording: &'a Recording,
+    place: &str,
+    name: &str,
+    camera: &'a Camera,
+) -> [Channel<'a>; 5] {
     let (episode, stamps) = (&recording.episode, camera.stamps());
-    let topic = |what: &str| format!("/camera/{name}/{what}");
+    let topic = |what: &str| format!("{place}/{what}");
     [
         Channel::foxglove(topic("rgb"), stamps, |i, stamp| {
             foxglove::colour(episode, camera, i, stamp)
@@ -144,6 +167,9 @@ fn of_topic<'a>(
         TopicId::Disturbance => out.push(Channel::own("/disturbance", topic, samples()?)),
         TopicId::Imu => out.push(Channel::own("/imu", topic, samples()?)),
         TopicId::Odometry => out.push(Channel::own("/odometry", topic, samples()?)),
+        TopicId::SensedJoint => out.push(Channel::own("/sensed/joints", topic, samples()?)),
+        TopicId::SensedOdometry => out.push(Channel::own("/sensed/odometry", topic, samples()?)),
+        TopicId::SensedImu => out.push(Channel::own("/sensed/imu", topic, samples()?)),
         TopicId::Evaluation => out.push(Channel::own("/evaluation", topic, samples()?)),
         TopicId::Phase => out.push(Channel::own("/phase", topic, samples()?)),
         TopicId::Applied => out.push(Channel::own("/applied", topic, samples()?)),
@@ -155,6 +181,7 @@ fn of_topic<'a>(
         | TopicId::StateHash
         | TopicId::Deformable
         | TopicId::Camera
+        | TopicId::Sensor
         | TopicId::Preview
         | TopicId::SentCommand
         | TopicId::Refusal

@@ -1,0 +1,30 @@
+//! What is wrong with a parameter file: file, line, key, what was found, what is
+//! allowed.
+
+use std::fmt;
+
+/// A mistake in a parameter file.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("{file}:{line}: `{key}` is {found}, allowed is {allowed}")]
+pub struct BadParameter {
+    /// Path below the assets folder.
+    pub file: String,
+    /// Line, counting from 1.
+    pub line: usize,
+    /// The key, for example `depth.baseline`.
+    pub key: String,
+    /// What stands there.
+    pub found: String,
+    /// What may stand there, and so the cure.
+    pub allowed: String,
+}
+
+/// Least and greatest value of a parameter, in its unit.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Bounds(pub f64, pub f64);
+
+impl fmt::Display for Bounds {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{} to {}", self.0, self.1)
+    }
+}

@@ -1,0 +1,58 @@
+//! The parameter files that ship: each can be read, says something, and names
+//! materials that there are.
+
+use std::path::{Path, PathBuf};
+
+use wheelarm_sensors::{Model, Surface, Surfaces, surface};
+
+fn assets() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../../assets")
+}
+
+fn text(path: &str) -> String {
+    std::fs::read_to_string(assets().join(path)).unwrap()
+}
+
+#[test]
+fn every_file_is_a_model_with_a_source_for_every_parameter() {
+    let mut names = Vec::new();
+    for entry in std::fs::read_dir(assets().join("sensors")).unwrap() {
+        let name = entry.unwrap().file_name().into_string().unwrap();
+        let path = format!("sensors/{name}");
+        if path == surface::FILE {
+            continue;
+        }
+        let model = Model::read(&path, &text(&path)).unwrap();
+        assert_ne!(model, Model::default(), "{path} describes no sensor");
+        names.push(name);
+    }
+    names.sort();
+    assert!(names.len() >= 6, "{names:?}");
+
+    // What a source is, the reader decides; that it asks for one is shown here.
+    let whole = text("sensors/imu.toml");
+    for line in whole.lines().filter(|l| l.contains("source = \"")) {
+        let source = line.split("source = \"").nth(1).unwrap();
+        let without = whole.replacen(source, "\" }", 1);
+        let told = Model::read("sensors/imu.toml", &without).unwrap_err();
+        assert!(told.to_string().contains("source"), "{told}");
+    }
+}
+
+#[test]
+fn surfaces_are_of_materials_that_there_are() {
+    let surfaces = Surfaces::read(&text(surface::FILE)).unwrap();
+    let materials = text("materials/home.toml");
+    for name in surfaces.materials() {
+        let line = format!("\n{name} = {{");
+        assert!(materials.contains(&line), "no material {name} in home.toml");
+    }
+    for class in &Surface::ALL[1..] {
+        assert!(surfaces.materials().any(|m| surfaces.of(m) == *class));
+    }
+    // Most of what is seen decides.
+    let shown = [("glass", 1.0), ("oak", 3.0), ("glass_green", 1.5)];
+    assert_eq!(surfaces.of_instance(shown), Surface::Matte);
+    let shown = [("glass", 1.0), ("oak", 2.0), ("glass_green", 1.5)];
+    assert_eq!(surfaces.of_instance(shown), Surface::Glass);
+}

@@ -1,0 +1,120 @@
+//! Materials by families, and decoration.
+
+use super::file::{Color, Kind, LookFile, Palette, Pattern, Spot};
+use super::random::{Random, Row};
+use super::setting::{Look, share_of};
+use crate::geometry::{Family, Material, Texture};
+
+/// A thing that is drawn and touched by nothing.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Decoration {
+    /// What it is.
+    pub kind: Kind,
+    /// Middle of its back (pictures) or of its foot, in `house`, metres.
+    pub at: [f64; 3],
+    /// Where it looks, radians from east.
+    pub along: f64,
+    /// Width and height, metres; of rugs both lie on the floor.
+    pub size: [f64; 2],
+    /// Its materials: frame or pot or shade, picture or leaves or border.
+    pub materials: [Material; 2],
+}
+
+/// The material that a member of a family has under a look: the same for the same
+/// material, wherever it is.
+pub(super) fn swapped(look: &Look, file: &LookFile, material: &Material) -> Material {
+    let Some(family) = material.family else {
+        return material.clone();
+    };
+    let strength = match family {
+        Family::Wall | Family::Floor | Family::Ceiling => look.background,
+        Family::Lamp | Family::Outdoors => 0,
+        _ => look.materials,
+    };
+    let mut random = Random::new(look.seed, Row::Material, hash(&material.name));
+    let changes = random.share() < share_of(strength);
+    let (Some(palette), true) = (file.family.get(&family), changes) else {
+        return material.clone();
+    };
+    let texture = random.share();
+    let mut new = drawn(palette, &mut random, material);
+    // At the least strength colours change alone.
+    if strength < 2 {
+        new.texture = material.texture.clone();
+    } else if texture < f64::from(palette.plain) && !palette.textures.is_empty() {
+        new.texture = None;
+    }
+    new
+}
+
+/// One of a palette; what it has no textures for keeps its own.
+fn drawn(palette: &Palette, random: &mut Random, material: &Material) -> Material {
+    let color = random.one_of(&palette.colors).map(|Color(color)| *color);
+    let texture = random
+        .one_of(&palette.textures)
+        .map(|Pattern { pattern, metres }| Texture {
+            pattern: pattern.clone(),
+            metres: *metres as f32,
+        });
+    Material {
+        color: color.unwrap_or(material.color),
+        roughness: random.range(palette.roughness) as f32,
+        texture: texture.or_else(|| material.texture.clone()),
+        ..material.clone()
+    }
+}
+
+/// FNV-1a of a name.
+fn hash(name: &str) -> u32 {
+    name.bytes().fold(0x811c_9dc5, |hash, byte| {
+        (hash ^ u32::from(byte)).wrapping_mul(0x0100_0193)
+    })
+}
+
+/// What decorates the places of the file.
+pub(super) fn decoration(look: &Look, file: &LookFile) -> Vec<Decoration> {
+    if look.decoration == 0 {
+        return Vec::new();
+    }
+    let spots = file.decoration.iter().enumerate();
+    spots
+        .filter_map(|(i, spot)| {
+            let mut random = Random::new(look.seed, Row::Decoration, i as u32);
+            let there = random.share() < share_of(look.decoration);
+            let size = spot.size.map(|s| s * random.range([0.75, 1.0]));
+            let materials = materials(spot, file, &mut random);
+            there.then(|| Decoration {
+                kind: spot.kind,
+                at: spot.at,
+                along: spot.along_deg.to_radians(),
+                size,
+                materials,
+            })
+        })
+        .collect()
+}
+
+fn materials(spot: &Spot, file: &LookFile, random: &mut Random) -> [Material; 2] {
+    let families = match spot.kind {
+        Kind::Picture => [Family::Wood, Family::Art],
+        Kind::Rug => [Family::Fabric, Family::Fabric],
+        Kind::Plant => [Family::Ceramic, Family::Plant],
+        Kind::Lamp => [Family::Fabric, Family::Metal],
+    };
+    families.map(|family| {
+        let bare = Material {
+            name: format!("look_{}", family.name()),
+            color: [0.66, 0.74, 0.55],
+            roughness: 0.85,
+            metallic: if family == Family::Metal { 0.9 } else { 0.0 },
+            emission: 0.0,
+            texture: None,
+            family: None,
+            transmission: 0.0,
+        };
+        match file.family.get(&family) {
+            Some(palette) => drawn(palette, random, &bare),
+            None => bare,
+        }
+    })
+}

@@ -1,0 +1,196 @@
+//! The sensor models of a scenario: their parameter files, and what they take.
+
+use std::collections::BTreeSet;
+use std::path::Path;
+
+use wheelarm_sensors::model::FOLDER;
+use wheelarm_sensors::{BadParameter, Model, Surface, Surfaces, surface};
+
+use super::camera::RenderScene;
+use crate::scene::{self, SceneError};
+
+/// A sensor model that a scenario asks for.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SensorSetting {
+    /// File below assets/sensors, without `.toml`.
+    pub model: String,
+    /// Camera whose pictures it takes; empty for a model of no camera.
+    pub camera: String,
+    /// Seed of its noise; `None`: the scenario's.
+    pub seed: Option<u64>,
+    /// 0 to [`MAX_STRENGTH`](wheelarm_sensors::model::MAX_STRENGTH).
+    pub strength: f64,
+}
+
+/// A sensor model with its parameters.
+#[derive(Clone, Debug)]
+pub struct Device {
+    /// Camera whose pictures it takes; empty for a model of no camera.
+    pub camera: String,
+    /// Seed of its noise.
+    pub seed: u64,
+    /// 0 is perfect, 1 as the file says.
+    pub strength: f64,
+    /// Its parameters.
+    pub model: Model,
+}
+
+/// What is wrong with the sensor models of a scenario.
+#[derive(Debug, thiserror::Error)]
+pub enum SensorError {
+    /// The file.
+    #[error(transparent)]
+    File(#[from] SceneError),
+    /// Its content.
+    #[error(transparent)]
+    Parameter(Box<BadParameter>),
+    /// The camera.
+    #[error(
+        "the sensor model {model:?} takes the pictures of the camera {camera:?}; allowed is one of {known}"
+    )]
+    Camera {
+        /// The model.
+        model: String,
+        /// The camera.
+        camera: String,
+        /// Cameras that there are.
+        known: String,
+    },
+    /// A camera where there is none.
+    #[error(
+        "the sensor model {model:?} takes no pictures, but its `camera` is {camera:?}; leave it out"
+    )]
+    NoCamera {
+        /// The model.
+        model: String,
+        /// The camera.
+        camera: String,
+    },
+    /// One stream from two models.
+    #[error("two sensor models make {stream:?}; leave one out")]
+    Twice {
+        /// What both make.
+        stream: String,
+    },
+}
+
+impl From<BadParameter> for SensorError {
+    fn from(problem: BadParameter) -> Self {
+        Self::Parameter(Box::new(problem))
+    }
+}
+
+/// The files that the settings name, below the assets folder.
+#[must_use]
+pub fn files(settings: &[SensorSetting]) -> Vec<String> {
+    let mut all: BTreeSet<_> = settings
+        .iter()
+        .map(|setting| format!("{FOLDER}/{}.toml", setting.model))
+        .collect();
+    if !all.is_empty() {
+        all.insert(surface::FILE.to_owned());
+    }
+    all.into_iter().collect()
+}
+
+/// Reads the parameters of all settings. `cameras` are those that there can be,
+/// `seed` is that of the scenario.
+///
+/// # Errors
+/// [`SensorError`] that names the file or the setting and the cure.
+pub fn load(
+    assets: &Path,
+    settings: &[SensorSetting],
+    cameras: &[&str],
+    seed: u64,
+) -> Result<Vec<Device>, SensorError> {
+    let mut made = BTreeSet::new();
+    let mut devices = Vec::new();
+    for setting in settings {
+        let (model, camera) = (setting.model.clone(), setting.camera.clone());
+        let file = format!("{FOLDER}/{model}.toml");
+        let text = scene::texts(assets, std::slice::from_ref(&file))?;
+        let parameters = Model::read(&file, text.first().map_or("", |t| &t.text))?;
+        let is_known = cameras.contains(&camera.as_str());
+        match parameters.takes_pictures() {
+            true if !is_known => {
+                let known = cameras.join(", ");
+                return Err(SensorError::Camera {
+                    model,
+                    camera,
+                    known,
+                });
+            }
+            false if !camera.is_empty() => return Err(SensorError::NoCamera { model, camera }),
+            _ => {}
+        }
+        for stream in made_by(&parameters, &camera) {
+            if !made.insert(stream.clone()) {
+                return Err(SensorError::Twice { stream });
+            }
+        }
+        devices.push(Device {
+            camera,
+            seed: setting.seed.unwrap_or(seed),
+            strength: setting.strength,
+            model: parameters,
+        });
+    }
+    Ok(devices)
+}
+
+/// Name of the colour sensor on a camera.
+#[must_use]
+pub fn color_name(camera: &str) -> String {
+    format!("{camera}_color")
+}
+
+/// Name of the depth sensor on a camera.
+#[must_use]
+pub fn depth_name(camera: &str) -> String {
+    format!("{camera}_depth")
+}
+
+/// What a model makes.
+fn made_by(model: &Model, camera: &str) -> Vec<String> {
+    let all = [
+        (model.color.is_some(), color_name(camera)),
+        (model.depth.is_some(), depth_name(camera)),
+        (model.imu.is_some(), "sensed_imu".to_owned()),
+        (model.odometry.is_some(), "sensed_odometry".to_owned()),
+        (model.encoders.is_some(), "sensed_joint".to_owned()),
+        (model.command.is_some(), "the delay of commands".to_owned()),
+    ];
+    let made = all.into_iter().filter(|(has, _)| *has);
+    made.map(|(_, name)| name).collect()
+}
+
+/// The class of each instance id: that of the material of which most is seen.
+///
+/// # Errors
+/// When the table of materials cannot be read.
+pub fn surfaces(assets: &Path, scene: &RenderScene) -> Result<Vec<Surface>, SensorError> {
+    let file = surface::FILE.to_owned();
+    let text = scene::texts(assets, std::slice::from_ref(&file))?;
+    let table = Surfaces::read(text.first().map_or("", |t| &t.text))?;
+    let ids = scene.instances.iter().map(|(id, _)| usize::from(*id));
+    let mut classes = vec![Surface::Matte; ids.max().map_or(1, |most| most + 1)];
+    for (id, class) in classes.iter_mut().enumerate() {
+        let items = scene.items.iter();
+        let shown = items.filter(|item| usize::from(item.instance) == id);
+        *class =
+            table.of_instance(shown.map(|item| (item.material.name.as_str(), area(&item.mesh))));
+    }
+    Ok(classes)
+}
+
+/// Area of a mesh, m².
+fn area(mesh: &crate::geometry::TriMesh) -> f64 {
+    let corner = |i: u32| mesh.positions.get(i as usize).copied().unwrap_or_default();
+    let triangles = mesh.indices.chunks_exact(3);
+    let areas = triangles.map(|t| {
+        let [a, b, c] = [0, 1, 2].map(|k| nalgebra::Vector3::from(corner(t[k])));
+        f64::from((b - a).cross(&(c - a)).norm() / 2.0)
+    });
+    areas.sum()
+}

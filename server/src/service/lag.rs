@@ -1,0 +1,146 @@
+//! The way from the gate to the robot's control, where a sensor model says how
+//! long it takes: what is asked is applied later, and `applied` says when.
+//!
+//! Off, nothing passes here. What the gate does to stop the robot is not delayed:
+//! the watchdog sits at the robot.
+
+use wheelarm_sensors::delay::{Delay, DelayLine};
+use wheelarm_sensors::noise::{Random, key_of};
+
+use crate::robot::control::ControlInput;
+use crate::sensors::models::Device;
+
+/// Inputs on their way.
+#[derive(Debug)]
+pub struct Lag {
+    delay: Delay,
+    seed: u64,
+    on_way: DelayLine<ControlInput>,
+}
+
+impl Lag {
+    /// The lag of the scenario's devices; `None` where commands are at once.
+    #[must_use]
+    pub fn of(devices: &[Device]) -> Option<Self> {
+        devices.iter().find_map(|device| {
+            let delay = device.model.command?.times(device.strength);
+            (delay.most > 0.0).then(|| Self {
+                delay,
+                seed: device.seed ^ key_of("command"),
+                on_way: DelayLine::default(),
+            })
+        })
+    }
+
+    /// Forgets what is on its way.
+    pub fn restart(&mut self) {
+        self.on_way.clear();
+    }
+
+    /// What reaches the control at a control tick at which the gate lets `input`
+    /// through; `stops` when the gate stops the robot by it.
+    pub fn pass(&mut self, tick: u64, input: ControlInput, stops: bool) -> ControlInput {
+        if stops {
+            // What was asked before the stop must not come after it.
+            self.on_way.clear();
+            return input;
+        }
+        if input != ControlInput::default() {
+            let mut random = Random::new(self.seed, [tick, 4]);
+            self.on_way
+                .send(tick + self.delay.ticks(&mut random), input);
+        }
+        let mut taken = ControlInput::default();
+        while let Some((_, input)) = self.on_way.arrived(tick) {
+            taken = ControlInput {
+                arm: input.arm.or(taken.arm),
+                base: input.base.or(taken.base),
+                gripper: input.gripper.or(taken.gripper),
+            };
+        }
+        taken
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::robot::control::ArmIntent;
+    use wheelarm_sensors::Model;
+
+    fn lag(seed: u64, strength: f64) -> Option<Lag> {
+        let command = Delay {
+            mean: 0.05,
+            deviation: 0.015,
+            least: 0.02,
+            most: 0.12,
+        };
+        let device = Device {
+            camera: String::new(),
+            seed,
+            strength,
+            model: Model {
+                command: Some(command),
+                ..Model::default()
+            },
+        };
+        Lag::of(&[device])
+    }
+
+    fn asked(value: f64) -> ControlInput {
+        ControlInput {
+            arm: Some(ArmIntent::Joints([value; 6])),
+            ..ControlInput::default()
+        }
+    }
+
+    fn value(input: &ControlInput) -> Option<f64> {
+        match input.arm {
+            Some(ArmIntent::Joints([value, ..])) => Some(value),
+            _ => None,
+        }
+    }
+
+    #[test]
+    fn commands_come_later_in_their_order_and_by_the_seed() {
+        let run = |seed| {
+            let mut lag = lag(seed, 1.0).unwrap();
+            let ticks = (0..400).map(|k| 4 * k);
+            ticks
+                .map(|tick| value(&lag.pass(tick, asked(tick as f64), false)))
+                .collect::<Vec<_>>()
+        };
+        let all = run(1);
+        assert_eq!(all, run(1));
+        assert_ne!(all, run(2));
+        let mut ages = Vec::new();
+        let mut newest = -1.0;
+        for (k, told) in all.iter().enumerate() {
+            if let Some(told) = told {
+                assert!(*told > newest);
+                newest = *told;
+                ages.push(4.0 * k as f64 - told);
+            }
+        }
+        // Between 4.8 and 28.8 ticks, up to the next control tick.
+        assert!(ages.iter().all(|age| (4.0..=33.0).contains(age)));
+        let mean = ages.iter().sum::<f64>() / ages.len() as f64;
+        assert!((9.0..18.0).contains(&mean), "{mean} ticks");
+        assert!(lag(1, 0.0).is_none());
+    }
+
+    #[test]
+    fn a_stop_is_at_once_and_nothing_comes_after_it() {
+        let mut lag = lag(1, 1.0).unwrap();
+        lag.pass(0, asked(1.0), false);
+        let stop = ControlInput {
+            arm: Some(ArmIntent::Hold),
+            ..ControlInput::default()
+        };
+        assert_eq!(lag.pass(4, stop.clone(), true), stop);
+        for tick in (8..200).step_by(4) {
+            let none = ControlInput::default();
+            assert_eq!(lag.pass(tick, none.clone(), false), none);
+        }
+    }
+}

@@ -1,0 +1,379 @@
+//! Pictures as sensors would give them: a thread takes the exact pictures of the
+//! cameras, makes those of the scenario's sensor models, and publishes each when
+//! it arrives. Nothing is computed on the simulation's thread.
+//!
+//! What is published in an episode follows from its exact pictures, its seeds and
+//! its last tick alone, whatever the clock on the wall does.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
+use std::sync::mpsc::{self, Receiver, RecvTimeoutError, SyncSender};
+use std::thread::JoinHandle;
+use std::time::Duration;
+
+use nalgebra::{Isometry3, Translation3};
+use wheelarm_proto::{PHYSICS_HZ, stamp_nanos, v1};
+use wheelarm_sensors::color::ColorModel;
+use wheelarm_sensors::delay::{Delay, DelayLine};
+use wheelarm_sensors::depth::DepthModel;
+use wheelarm_sensors::noise::{Random, key_of};
+use wheelarm_sensors::{Exact, Lens, Surface};
+
+use super::convert;
+use super::error::ServiceError;
+use super::outbox::Outbox;
+use super::priority::step_back;
+use super::signal::Signal;
+use crate::sensors::camera::{Frame, Intrinsics};
+use crate::sensors::models::{Device, color_name, depth_name};
+
+/// Exact pictures that may wait; more hold the cameras up.
+const QUEUE: usize = 2;
+
+/// How often arrivals are looked for while pictures are on their way.
+const LOOK: Duration = Duration::from_millis(2);
+
+enum Job {
+    Make {
+        frame: Frame,
+        episode: u64,
+        tick: u64,
+    },
+    /// The episode ends: what has arrived is published, the rest never is.
+    Settle(SyncSender<()>),
+}
+
+/// Episode and tick that the simulation is at.
+#[derive(Default)]
+struct Now {
+    episode: AtomicU64,
+    tick: AtomicU64,
+}
+
+/// Handle of the thread; ends with it.
+pub struct Sensed {
+    jobs: Option<SyncSender<Job>>,
+    thread: Option<JoinHandle<()>>,
+    now: Arc<Now>,
+    making: Arc<AtomicUsize>,
+    /// By index of the camera in the scenario: the sensors on it.
+    names: Vec<Vec<String>>,
+}
+
+/// What a sensor makes of pictures.
+enum Kind {
+    Color(Box<ColorModel>),
+    Depth(Box<DepthModel>),
+}
+
+/// A sensor at work.
+struct Sensor {
+    name: String,
+    camera: usize,
+    camera_name: String,
+    kind: Kind,
+    seed: u64,
+    rate: f64,
+    phase: f64,
+    age: Delay,
+    on_way: DelayLine<v1::SensorFrame>,
+    /// The episode that its state is of.
+    episode: u64,
+    /// Number of the last exposure by its own clock.
+    last: Option<i64>,
+}
+
+/// What the thread works with.
+struct Worker {
+    sensors: Vec<Sensor>,
+    surfaces: Vec<Surface>,
+    outbox: Arc<Outbox>,
+    now: Arc<Now>,
+}
+
+impl Sensed {
+    /// Starts the sensors that stand on `cameras`, names in the scenario's order.
+    ///
+    /// # Errors
+    /// When the thread cannot start.
+    pub fn start(
+        devices: &[Device],
+        cameras: &[String],
+        surfaces: Vec<Surface>,
+        outbox: &Arc<Outbox>,
+        signal: &Arc<Signal>,
+    ) -> Result<Self, ServiceError> {
+        let mut sensors = Vec::new();
+        for (camera, name) in cameras.iter().enumerate() {
+            for device in devices.iter().filter(|device| device.camera == *name) {
+                sensors.extend(on_camera(device, camera, name));
+            }
+        }
+        let of_camera = |camera: usize| {
+            let own = sensors.iter().filter(|sensor| sensor.camera == camera);
+            own.map(|sensor| sensor.name.clone()).collect()
+        };
+        let names: Vec<Vec<String>> = (0..cameras.len()).map(of_camera).collect();
+        let now = Arc::new(Now::default());
+        let making = Arc::new(AtomicUsize::new(0));
+        let (mut jobs, mut thread) = (None, None);
+        if !sensors.is_empty() {
+            let (to, queue) = mpsc::sync_channel(QUEUE);
+            let worker = Worker {
+                sensors,
+                surfaces,
+                outbox: Arc::clone(outbox),
+                now: Arc::clone(&now),
+            };
+            let (making, signal) = (Arc::clone(&making), Arc::clone(signal));
+            let started = std::thread::Builder::new()
+                .name("sensors".to_owned())
+                .spawn(move || {
+                    step_back();
+                    worker.run(&queue, &making, &signal);
+                });
+            let failed = |e| ServiceError::Thread(format!("for sensors cannot start: {e}"));
+            (jobs, thread) = (Some(to), Some(started.map_err(failed)?));
+        }
+        Ok(Self {
+            jobs,
+            thread,
+            now,
+            making,
+            names,
+        })
+    }
+
+    /// Names of the sensors on a camera.
+    #[must_use]
+    pub fn on(&self, camera: usize) -> &[String] {
+        self.names.get(camera).map_or(&[], Vec::as_slice)
+    }
+
+    /// Names of all sensors, by camera.
+    #[must_use]
+    pub fn names(&self) -> Vec<String> {
+        self.names.concat()
+    }
+
+    /// Hands over an exact picture; waits while others wait.
+    pub fn offer(&self, frame: &Frame, episode: u64, tick: u64) {
+        let Some(jobs) = self
+            .jobs
+            .as_ref()
+            .filter(|_| !self.on(frame.camera).is_empty())
+        else {
+            return;
+        };
+        self.making.fetch_add(1, Ordering::AcqRel);
+        let job = Job::Make {
+            frame: frame.clone(),
+            episode,
+            tick,
+        };
+        if jobs.send(job).is_err() {
+            self.making.fetch_sub(1, Ordering::AcqRel);
+        }
+    }
+
+    /// Whether every picture that was handed over is made.
+    #[must_use]
+    pub fn is_idle(&self) -> bool {
+        self.making.load(Ordering::Acquire) == 0
+    }
+
+    /// Tells where the simulation is; what has arrived by then is published.
+    pub fn stands(&self, episode: u64, tick: u64) {
+        self.now.episode.store(episode, Ordering::Release);
+        self.now.tick.store(tick, Ordering::Release);
+    }
+
+    /// Waits until everything that has arrived is published; what is still on its
+    /// way is forgotten.
+    pub fn settle(&self) {
+        let (done, wait) = mpsc::sync_channel(1);
+        if let Some(jobs) = &self.jobs
+            && jobs.send(Job::Settle(done)).is_ok()
+        {
+            let _ = wait.recv();
+        }
+    }
+}
+
+impl Drop for Sensed {
+    fn drop(&mut self) {
+        self.jobs.take();
+        if let Some(thread) = self.thread.take() {
+            let _ = thread.join();
+        }
+    }
+}
+
+/// The sensors of a device on a camera.
+fn on_camera(device: &Device, camera: usize, camera_name: &str) -> Vec<Sensor> {
+    let color = device.model.color.as_ref().map(|p| {
+        let name = color_name(camera_name);
+        let seed = device.seed ^ key_of(&name);
+        let model = ColorModel::new(p.clone(), seed, device.strength);
+        let kind = Kind::Color(Box::new(model));
+        (name, seed, kind, [p.rate, p.phase], p.age)
+    });
+    let depth = device.model.depth.as_ref().map(|p| {
+        let name = depth_name(camera_name);
+        let seed = device.seed ^ key_of(&name);
+        let model = DepthModel::new(p.clone(), seed, device.strength);
+        let kind = Kind::Depth(Box::new(model));
+        (name, seed, kind, [p.rate, p.phase], p.age)
+    });
+    let all = [color, depth].into_iter().flatten();
+    all.map(|(name, seed, kind, [rate, phase], age)| Sensor {
+        name,
+        camera,
+        camera_name: camera_name.to_owned(),
+        kind,
+        seed,
+        rate,
+        phase,
+        age: age.times(device.strength),
+        on_way: DelayLine::default(),
+        episode: 0,
+        last: None,
+    })
+    .collect()
+}
+
+impl Worker {
+    fn run(mut self, queue: &Receiver<Job>, making: &AtomicUsize, signal: &Signal) {
+        loop {
+            self.publish();
+            let waiting = self.sensors.iter().any(|sensor| !sensor.on_way.is_empty());
+            let job = match waiting {
+                true => queue.recv_timeout(LOOK),
+                false => queue.recv().map_err(|_| RecvTimeoutError::Disconnected),
+            };
+            match job {
+                Ok(Job::Make {
+                    frame,
+                    episode,
+                    tick,
+                }) => {
+                    for sensor in &mut self.sensors {
+                        if sensor.camera == frame.camera {
+                            sensor.take(&frame, episode, tick, &self.surfaces);
+                        }
+                    }
+                    making.fetch_sub(1, Ordering::AcqRel);
+                    signal.raise();
+                }
+                Ok(Job::Settle(done)) => {
+                    self.publish();
+                    for sensor in &mut self.sensors {
+                        sensor.restart(0);
+                    }
+                    // Whoever asked may have gone.
+                    let _ = done.send(());
+                }
+                Err(RecvTimeoutError::Timeout) => {}
+                Err(RecvTimeoutError::Disconnected) => return,
+            }
+        }
+    }
+
+    /// Publishes what has arrived, and forgets what is of an episode that is over.
+    fn publish(&mut self) {
+        let episode = self.now.episode.load(Ordering::Acquire);
+        let tick = self.now.tick.load(Ordering::Acquire);
+        for sensor in &mut self.sensors {
+            if sensor.episode != episode {
+                // Of one that begins before this was told, it waits.
+                if sensor.episode < episode {
+                    sensor.on_way.clear();
+                }
+                continue;
+            }
+            while let Some((arrival, message)) = sensor.on_way.arrived(tick) {
+                self.outbox.sensor(&sensor.name, episode, arrival, message);
+            }
+        }
+    }
+}
+
+impl Sensor {
+    fn restart(&mut self, episode: u64) {
+        self.episode = episode;
+        self.last = None;
+        self.on_way.clear();
+        if let Kind::Color(model) = &mut self.kind {
+            model.restart();
+        }
+    }
+
+    /// Makes a picture, where one is due by the sensor's clock, and sends it on
+    /// its way.
+    fn take(&mut self, frame: &Frame, episode: u64, tick: u64, surfaces: &[Surface]) {
+        if self.episode != episode {
+            self.restart(episode);
+        }
+        let seconds = tick as f64 / PHYSICS_HZ as f64;
+        let number = ((seconds - self.phase) * self.rate + 1e-9).floor() as i64;
+        if self.last.is_some_and(|last| number <= last) {
+            return;
+        }
+        self.last = Some(number);
+        let exact = Exact {
+            lens: lens(&frame.intrinsics),
+            tick,
+            rgb: &frame.rgb,
+            depth: &frame.depth,
+            ids: &frame.ids,
+        };
+        let mut message = v1::SensorFrame {
+            sensor: self.name.clone(),
+            camera: self.camera_name.clone(),
+            exposure_nanos: stamp_nanos(tick),
+            exposure_tick: tick,
+            ..v1::SensorFrame::default()
+        };
+        match &mut self.kind {
+            Kind::Color(model) => {
+                message.intrinsics = Some(intrinsics(&exact.lens));
+                message.pose = Some(convert::pose(&frame.world_from_optical));
+                message.rgb = model.picture(&exact).into();
+                message.set_rgb_format(v1::PixelFormat::Rgb8);
+            }
+            Kind::Depth(model) => {
+                let [x, y, z] = model.parameters().offset;
+                let moved = Isometry3::from(Translation3::new(x, y, z));
+                message.intrinsics = Some(intrinsics(&model.parameters().lens));
+                message.pose = Some(convert::pose(&(frame.world_from_optical * moved)));
+                message.depth = model.picture(&exact, surfaces).into();
+                message.set_depth_format(v1::PixelFormat::DepthMillimetresU16);
+            }
+        }
+        let age = self
+            .age
+            .ticks(&mut Random::new(self.seed, [tick, u64::MAX - 1]));
+        // Each arrives at a tick of its own.
+        self.on_way.send_after(tick + age, message);
+    }
+}
+
+fn lens(i: &Intrinsics) -> Lens {
+    Lens {
+        width: i.width as usize,
+        height: i.height as usize,
+        focal: [i.fx, i.fy],
+        principal: [i.cx, i.cy],
+    }
+}
+
+fn intrinsics(lens: &Lens) -> v1::Intrinsics {
+    v1::Intrinsics {
+        width: lens.width as u32,
+        height: lens.height as u32,
+        fx: lens.focal[0],
+        fy: lens.focal[1],
+        cx: lens.principal[0],
+        cy: lens.principal[1],
+    }
+}

@@ -1,0 +1,131 @@
+//! One run under several looks: the same physics, other colours.
+
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+use wheelarm_dataset::read::Episode;
+use wheelarm_proto::look::LookText;
+use wheelarm_tests::{printed, program, root};
+
+fn wheelarm(args: &[&str]) -> Output {
+    Command::new(program("wheelarm").expect("the client"))
+        .args(args)
+        .env("WHEELARM_ASSETS", root().join("assets"))
+        .output()
+        .expect("a process")
+}
+
+fn succeeds(args: &[&str]) -> String {
+    let output = wheelarm(args);
+    assert!(output.status.success(), "{args:?}: {}", printed(&output));
+    printed(&output)
+}
+
+/// The files of a folder, sorted.
+fn files(folder: &Path) -> Vec<PathBuf> {
+    let entries = std::fs::read_dir(folder).expect("a folder").flatten();
+    let mut files: Vec<_> = entries.map(|entry| entry.path()).collect();
+    files.retain(|path| path.extension().is_some_and(|ending| ending == "h5"));
+    files.sort();
+    files
+}
+
+#[test]
+fn a_run_under_two_looks_has_the_same_states_depths_and_ids_and_other_colours() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let [first, again] = ["first", "again"].map(|name| folder.path().join(name));
+    let out = first.to_string_lossy();
+    let small = ["--width", "64", "--height", "48", "--rate", "2"];
+    let demo = [
+        "demo",
+        "--look",
+        "9:light=1,lens=2",
+        "--no-sheet",
+        "--out",
+        &out,
+    ];
+    succeeds(&[&demo[..], &small].concat());
+    let recorded = files(&first).remove(0);
+    let file = recorded.to_string_lossy();
+    let original = Episode::open(&recorded).expect("an episode");
+    let scenario = original.scenario().expect("a scenario");
+    let look = LookText::read("9:light=1,lens=2").expect("a look").of(0);
+    assert_eq!(scenario.look, Some(look));
+    assert!(
+        scenario
+            .cameras
+            .iter()
+            .all(|c| c.lens.is_some() && c.place.is_none())
+    );
+
+    let out = again.to_string_lossy();
+    let axes = "light=3,background=3,materials=3,exposure=3";
+    let replay = [
+        "replay",
+        &file,
+        "--looks",
+        "2",
+        "--look-axes",
+        axes,
+        "--out",
+        &out,
+    ];
+    let told = succeeds(&[&replay[..], &["--look-seed", "20"]].concat());
+    assert_eq!(told.matches("hashes equal").count(), 2, "{told}");
+    let made = files(&again);
+    let looks: Vec<Episode> = made
+        .iter()
+        .map(|file| Episode::open(file).expect("an episode"))
+        .collect();
+    assert_eq!(looks.len(), 2, "{made:?}");
+    let hashes = original.state_hashes().expect("hashes");
+    for (look, seed) in looks.iter().zip(20..) {
+        assert_eq!(look.state_hashes().expect("hashes"), hashes);
+        let scenario = look.scenario().expect("a scenario");
+        assert_eq!(scenario.look.map(|look| look.seed), Some(seed));
+    }
+    let [one, two] = [&looks[0], &looks[1]];
+    for name in original.cameras().expect("cameras") {
+        let [a, b] = [one, two].map(|e| e.camera(&name).expect("a camera"));
+        let count = a.stamps().len();
+        assert!(count > 10 && count == b.stamps().len());
+        let mut differ = 0;
+        for i in 0..count {
+            let depths = [(&a, one), (&b, two)].map(|(c, e)| c.depth(e, i).expect("depth"));
+            assert_eq!(depths[0], depths[1], "{name} {i}");
+            let ids = [(&a, one), (&b, two)].map(|(c, e)| c.ids(e, i).expect("ids"));
+            assert_eq!(ids[0], ids[1], "{name} {i}");
+            let colours = [(&a, one), (&b, two)].map(|(c, e)| c.rgb(e, i).expect("colour"));
+            differ += usize::from(colours[0] != colours[1]);
+        }
+        assert_eq!(differ, count, "{name}");
+    }
+}
+
+#[test]
+fn a_look_with_a_mistake_is_answered_with_its_place_and_what_is_allowed() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let file = folder.path().join("scenario.toml");
+    let server = program("wheelarm-server").expect("the server");
+    for (text, words) in [
+        (
+            "look = { seed = 1, light = 4 }",
+            "strength 4, expected 0 (off), 1, 2 or 3",
+        ),
+        ("look = { seed = 1, lihgt = 1 }", "unknown field `lihgt`"),
+    ] {
+        std::fs::write(&file, format!("seed = 3\n{text}\n")).expect("a file");
+        let output = Command::new(&server)
+            .args(["--no-cameras", "--scenario", &file.to_string_lossy()])
+            .env("WHEELARM_ASSETS", root().join("assets"))
+            .output()
+            .expect("a process");
+        let told = printed(&output);
+        assert!(!output.status.success(), "{told}");
+        for part in ["scenario.toml", "line 2", words] {
+            assert!(told.contains(part), "{told}");
+        }
+    }
+    let wrong = wheelarm(&["demo", "--look", "7:light=5"]);
+    assert!(printed(&wrong).contains("\"light=5\", expected a strength"));
+}

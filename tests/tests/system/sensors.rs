@@ -1,0 +1,184 @@
+//! Sensor models beside the truth: recorded, validated, aligned, exported, made
+//! again bit by bit, and without a trace in what is true.
+
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use wheelarm_dataset::read::Episode;
+use wheelarm_link::Link;
+use wheelarm_proto::v1;
+use wheelarm_tests::{IdleCommander, Recorder, Server, printed, program, root, wait_until};
+
+const SMALL: [&str; 4] = ["--camera", "gen3=160x96@10", "--pacing", "lock-step"];
+
+/// Every kind of model; the delay of commands changes what is true, so it is
+/// apart.
+const SENSORS: [&str; 8] = [
+    "--sensor",
+    "kinova_vision@gen3",
+    "--sensor",
+    "imu",
+    "--sensor",
+    "odometry",
+    "--sensor",
+    "encoders",
+];
+
+fn wheelarm(folder: &Path, args: &[&str]) -> String {
+    let output = Command::new(program("wheelarm").expect("the client"))
+        .args(args)
+        .current_dir(folder)
+        .env("WHEELARM_ASSETS", root().join("assets"))
+        .output()
+        .expect("a process");
+    assert!(output.status.success(), "{args:?}: {}", printed(&output));
+    printed(&output)
+}
+
+fn ticks(link: &Link) -> u64 {
+    let status = link.ask(&v1::StatusRequest {}).expect("a status");
+    status.header.map_or(0, |header| header.tick)
+}
+
+/// Two simulated seconds of nothing, recorded in lock-step.
+fn recorded(folder: &Path, label: &str, sensors: &[&str]) -> PathBuf {
+    let args = [&SMALL[..], sensors].concat();
+    let server = Server::start(label, &args).expect("a server");
+    let recorder = Recorder::start(&server, "r", folder, &["--episodes", "1"]);
+    let link = server.link();
+    let commander = IdleCommander::start(&link);
+    let request = v1::EpisodeStartRequest {
+        label: label.to_owned(),
+        require_recorders: 1,
+        commander: IdleCommander::NAME.to_owned(),
+        ..v1::EpisodeStartRequest::default()
+    };
+    link.ask(&request).expect("an episode");
+    wait_until("two seconds have passed", || ticks(&link) >= 480);
+    link.stop_episode(false).expect("its end");
+    drop(commander);
+    recorder.finish();
+    folder.join(format!("{label}.h5"))
+}
+
+#[test]
+fn what_sensors_give_is_recorded_beside_the_truth_and_made_again_bit_by_bit() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let here = folder.path();
+    let file = recorded(here, "sensed", &SENSORS);
+    let path = file.to_string_lossy().into_owned();
+    let fine = wheelarm(here, &["dataset", "validate", &path]);
+    assert!(fine.contains("1 of 1 recordings are fine"), "{fine}");
+    for stream in ["sensor/gen3_color", "sensor/gen3_depth", "sensed_imu"] {
+        let info = wheelarm(here, &["dataset", "info", &path]);
+        assert!(info.contains(stream), "{info}");
+    }
+
+    let episode = Episode::open(&file).expect("an episode");
+    let sensors = episode.sensors().expect("sensors");
+    assert_eq!(sensors, ["gen3_color", "gen3_depth"]);
+    let exact = episode.camera("gen3").expect("a camera");
+    for name in &sensors {
+        let sensor = episode.sensor(name).expect("a sensor");
+        assert_eq!(sensor.made_from(), Some("gen3"));
+        assert!(sensor.len() >= 15, "{} pictures of {name}", sensor.len());
+        for (arrival, exposure) in sensor.stamps().iter().zip(sensor.exposures()) {
+            let age = (arrival - exposure) as f64 * 1e-9;
+            assert!((0.045..0.21).contains(&age), "{age} s");
+            assert!(exact.stamps().contains(exposure), "not of an exact picture");
+        }
+    }
+    let depth = episode.sensor("gen3_depth").expect("a sensor");
+    assert_eq!(
+        (depth.size(), depth.millimetres()),
+        (Some((480, 270)), true)
+    );
+    assert_eq!(
+        episode
+            .f64s("sensed_joint", "position")
+            .expect("rad")
+            .shape()[1],
+        6
+    );
+    let noisy = episode
+        .f64s("sensed_imu", "angular_velocity")
+        .expect("rad/s");
+    let truth = episode.f64s("imu", "angular_velocity").expect("rad/s");
+    assert_eq!(noisy.shape(), truth.shape());
+    assert_ne!(noisy, truth);
+
+    // Again, and every bit is the same.
+    wheelarm(here, &["replay", &path, "--out", "again"]);
+    let again = Episode::open(&here.join("again/sensed-replay.h5")).expect("an episode");
+    for name in &sensors {
+        let [was, is] = [&episode, &again].map(|e| e.sensor(name).expect("a sensor"));
+        assert_eq!(was.stamps(), is.stamps(), "{name}");
+        assert_eq!(was.exposures(), is.exposures(), "{name}");
+        for index in 0..was.len() {
+            let same = match was.has_depth() {
+                true => was.depth(&episode, index).ok() == is.depth(&again, index).ok(),
+                false => was.rgb(&episode, index).ok() == is.rgb(&again, index).ok(),
+            };
+            assert!(same, "{name}, picture {index}");
+        }
+    }
+    for (stream, column) in [
+        ("sensed_imu", "angular_velocity"),
+        ("sensed_imu", "linear_acceleration"),
+        ("sensed_odometry", "pose"),
+        ("sensed_joint", "position"),
+        ("sensed_joint", "effort"),
+    ] {
+        let [was, is] = [&episode, &again].map(|e| e.f64s(stream, column).expect("a column"));
+        let same = was
+            .iter()
+            .zip(is.iter())
+            .all(|(a, b)| a.to_bits() == b.to_bits());
+        assert!(same && was.shape() == is.shape(), "{stream}/{column}");
+    }
+
+    // What is true knows nothing of it.
+    let plain = recorded(here, "plain", &[]);
+    let plain = Episode::open(&plain).expect("an episode");
+    assert!(plain.sensors().expect("none").is_empty());
+    let [with, without] = [&episode, &plain].map(|e| e.state_hashes().expect("hashes"));
+    assert_eq!(with[..2], without[..2]);
+    let camera = plain.camera("gen3").expect("a camera");
+    let same = camera.rgb(&plain, 3).expect("a picture");
+    assert_eq!(same, exact.rgb(&episode, 3).expect("a picture"));
+
+    wheelarm(here, &["dataset", "align", &path, "--out", "aligned"]);
+    for format in ["lerobot", "mcap"] {
+        let out = format!("exported-{format}");
+        let export = [
+            "dataset", "export", &path, "--format", format, "--out", &out,
+        ];
+        wheelarm(here, &export);
+    }
+    let features = here.join("exported-lerobot/meta/info.json");
+    let features = std::fs::read_to_string(features).expect("features");
+    assert!(features.contains("observation.depth.gen3"), "{features}");
+}
+
+#[test]
+fn a_sensor_that_cannot_be_is_refused_with_the_cure() {
+    let cases = [
+        (&["--sensor", "kinova_vision"][..], "allowed is one of gen3"),
+        (
+            &["--sensor", "kinova_vision@moon"],
+            "allowed is one of gen3",
+        ),
+        (&["--sensor", "imu@gen3"], "leave it out"),
+        (&["--sensor", "eyes@gen3"], "kinova_vision"),
+        (&["--sensor", "imu=4"], "strength"),
+        (
+            &["--sensor", "imu", "--sensor", "imu=2"],
+            "two sensor models",
+        ),
+    ];
+    for (args, words) in cases {
+        let args = [&["--no-cameras"], args].concat();
+        let told = Server::start("refused", &args).expect_err("it started");
+        assert!(told.to_string().contains(words), "{args:?}: {told}");
+    }
+}

@@ -1,0 +1,292 @@
+//! Who may name what: crates within the server, packages among each other, and
+//! functions whose bits differ between machines.
+
+use std::fs;
+use std::path::PathBuf;
+
+use super::{code, list, names, root, run_code};
+
+/// `(crate, the only places below server/src that may name it)`.
+const WALLS: [(&str, &[&str]); 5] = [
+    ("rapier3d", &["world/"]),
+    ("wgpu", &["sensors/camera/"]),
+    ("zenoh", &["service/", "main.rs"]),
+    ("zenoh_ext", &["service/", "main.rs"]),
+    ("tokio", &["service/", "main.rs"]),
+];
+
+#[test]
+fn the_walls_of_the_architecture_stand() {
+    let source = root().join("server/src");
+    let mut breaches = Vec::new();
+    for path in list("server/src", ".rs") {
+        let place = path
+            .strip_prefix(&source)
+            .expect("below src")
+            .to_string_lossy()
+            .into_owned();
+        for (line, text) in code(&path) {
+            for (name, allowed) in WALLS {
+                let inside = allowed.iter().any(|a| place.starts_with(a));
+                if names(&text, name) && !inside {
+                    breaches.push(format!("{place}:{line} names {name}"));
+                }
+            }
+            let messages = text.contains("wheelarm_proto::v1") || text.contains("v1::");
+            if messages && !place.starts_with("service/") && place != "main.rs" {
+                breaches.push(format!("{place}:{line} names messages"));
+            }
+        }
+    }
+    assert!(
+        breaches.is_empty(),
+        "walls are broken:\n{}",
+        breaches.join("\n")
+    );
+}
+
+/// Functions of the C library: other bits on another machine.
+const INEXACT: [&str; 22] = [
+    "sin", "cos", "tan", "sin_cos", "asin", "acos", "atan", "atan2", "sinh", "cosh", "tanh", "exp",
+    "exp2", "exp_m1", "ln", "ln_1p", "log", "log2", "log10", "powf", "cbrt", "hypot",
+];
+
+/// Below these paths everything that reaches the state, a draw or a command.
+const EXACT: [&str; 14] = [
+    "server/src/world",
+    "server/src/look",
+    "server/src/robot",
+    "server/src/sensors",
+    "server/src/sim",
+    "server/src/tasks",
+    "server/src/scene",
+    "server/src/geometry",
+    "server/src/service",
+    "client/operate/src",
+    "server/route/src",
+    "server/language/src",
+    "server/sensor-models/src",
+    "client/policy/src",
+];
+
+#[test]
+fn what_reaches_the_state_computes_the_same_bits_everywhere() {
+    let mut found = Vec::new();
+    for path in EXACT.iter().flat_map(|folder| list(folder, ".rs")) {
+        for (line, text) in run_code(&path) {
+            for name in INEXACT {
+                let method = text.contains(&format!(".{name}("));
+                let called = ["f64", "f32"].iter().any(|number| {
+                    let path = format!("{number}::{name}");
+                    let after = text.split(&path).nth(1);
+                    after.is_some_and(|rest| {
+                        !rest.starts_with(|c: char| c.is_alphanumeric() || c == '_')
+                    })
+                });
+                if method || called {
+                    found.push(format!("{}:{line} calls {name}", path.display()));
+                }
+            }
+        }
+    }
+    assert!(
+        found.is_empty(),
+        "use wheelarm_proto::exact instead:\n{}",
+        found.join("\n")
+    );
+}
+
+/// `clamp` panics when a limit is no number or when limits cross, which a
+/// state that went wrong brings about.
+#[test]
+fn no_clamp_on_limits_that_are_computed() {
+    let mut found = Vec::new();
+    for path in ["server/src/world", "server/src/robot"]
+        .iter()
+        .flat_map(|folder| list(folder, ".rs"))
+    {
+        for (line, text) in run_code(&path) {
+            for call in text.split(".clamp(").skip(1) {
+                let limits = call.split(')').next().unwrap_or_default();
+                let constant = limits.split(',').all(|l| l.trim().parse::<f64>().is_ok());
+                // Whoever has a `clamp` of its own takes one thing.
+                let own = !limits.is_empty() && !limits.contains(',');
+                if !constant && !own {
+                    found.push(format!("{}:{line} clamps to {limits:?}", path.display()));
+                }
+            }
+        }
+    }
+    assert!(
+        found.is_empty(),
+        "use wheelarm_proto::exact::within instead:\n{}",
+        found.join("\n")
+    );
+}
+
+#[test]
+fn no_client_depends_on_the_server() {
+    for manifest in list("client", "Cargo.toml") {
+        let text = fs::read_to_string(&manifest).expect("a manifest");
+        assert!(
+            !text.contains("wheelarm-server"),
+            "{} names the server",
+            manifest.display()
+        );
+    }
+}
+
+/// Packages below `client/` and which of this workspace they may name: no arrow
+/// runs up and there is no circle.
+const CLIENTS: [(&str, &[&str]); 7] = [
+    ("client/link", &["proto"]),
+    ("client/policy", &["proto"]),
+    ("client/dataset", &["language", "policy", "proto"]),
+    ("client/operate", &["link", "proto", "route"]),
+    ("client/record", &["dataset", "link", "proto"]),
+    ("client/rig", &["link", "proto"]),
+    (
+        "client",
+        &["dataset", "link", "operate", "proto", "record", "rig"],
+    ),
+];
+
+/// What is pure and computed for the server, or for server and clients alike,
+/// names neither, no message, no transport and no renderer.
+#[test]
+fn the_pure_packages_stand_below_server_and_clients() {
+    for folder in ["server/route", "server/language", "server/sensor-models"] {
+        for name in dependencies(folder) {
+            let ours = name.strip_prefix("wheelarm-");
+            let foreign = ["zenoh", "wgpu", "tokio"].contains(&name.as_str());
+            assert!(
+                ours.is_none_or(|ours| ours == "proto") && !foreign,
+                "{folder} names {name}"
+            );
+        }
+        for path in list(&format!("{folder}/src"), ".rs") {
+            for (line, text) in code(&path) {
+                assert!(
+                    !text.contains("v1::"),
+                    "{}:{line} names messages",
+                    path.display()
+                );
+            }
+        }
+    }
+}
+
+/// Names of the packages that a manifest depends on.
+fn dependencies(folder: &str) -> Vec<String> {
+    let manifest = root().join(folder).join("Cargo.toml");
+    let text = fs::read_to_string(&manifest).expect("a manifest");
+    let lines = text.lines().skip_while(|line| *line != "[dependencies]");
+    let lines = lines.skip(1).take_while(|line| !line.starts_with('['));
+    lines
+        .filter(|line| !line.is_empty() && !line.starts_with('#'))
+        .map(|line| line.split(['.', ' ']).next().unwrap_or_default().to_owned())
+        .collect()
+}
+
+#[test]
+fn a_client_package_names_only_what_lies_below_it() {
+    let found: Vec<String> = list("client", "Cargo.toml")
+        .iter()
+        .filter_map(|path| path.parent()?.strip_prefix(root()).ok().map(PathBuf::from))
+        .map(|folder| folder.to_string_lossy().into_owned())
+        .collect();
+    for folder in &found {
+        let (_, allowed) = CLIENTS
+            .iter()
+            .find(|(name, _)| name == folder)
+            .unwrap_or_else(|| panic!("{folder} is not in the list of client packages"));
+        for name in dependencies(folder) {
+            let Some(ours) = name.strip_prefix("wheelarm-") else {
+                continue;
+            };
+            assert!(allowed.contains(&ours), "{folder} names wheelarm-{ours}");
+        }
+    }
+    assert_eq!(found.len(), CLIENTS.len(), "{found:?}");
+}
+
+/// What `make demo` runs: the programs of a user, and nothing that tests them.
+#[test]
+fn what_is_built_without_asking_is_what_the_demo_runs() {
+    let text = fs::read_to_string(root().join("Cargo.toml")).expect("a manifest");
+    let line = text
+        .lines()
+        .find_map(|l| l.strip_prefix("default-members = "));
+    assert_eq!(line, Some(r#"["server", "client", "client/dataset"]"#));
+    let make = fs::read_to_string(root().join("Makefile")).expect("a Makefile");
+    let build = make.split("\nbuild:\n").nth(1).expect("a target");
+    let build = build.split("\n\n").next().unwrap_or_default();
+    assert!(!build.contains("--workspace"), "{build}");
+    // Each of them has a program, and no other package of a user has one.
+    for package in ["server", "client", "client/dataset"] {
+        assert!(
+            root().join(package).join("src/main.rs").is_file(),
+            "{package}"
+        );
+    }
+    for (package, _) in CLIENTS {
+        let is_program = root().join(package).join("src/main.rs").is_file();
+        assert_eq!(is_program, ["client", "client/dataset"].contains(&package));
+    }
+}
+
+/// Packages without which the thin client is built: its features bring them.
+#[test]
+fn a_thin_client_needs_no_hdf5_and_no_terminal() {
+    let text = fs::read_to_string(root().join("client/Cargo.toml")).expect("a manifest");
+    for name in ["hdf5", "ratatui", "wheelarm-dataset", "wheelarm-record"] {
+        let line = format!("{name} = {{ workspace = true, optional = true }}");
+        assert!(text.contains(&line), "{name} is not optional");
+    }
+    for package in ["client/link", "client/operate", "client/rig"] {
+        for name in dependencies(package) {
+            let heavy = ["hdf5", "ratatui", "clap", "wheelarm-dataset"];
+            assert!(!heavy.contains(&name.as_str()), "{package} names {name}");
+        }
+    }
+}
+
+/// What `wheelarm-link` may be built with: proto, zenoh, and small crates.
+const LINK: [&str; 10] = [
+    "bytes",
+    "parking_lot",
+    "prost",
+    "serde_json",
+    "thiserror",
+    "tokio",
+    "tracing",
+    "wheelarm-proto",
+    "zenoh",
+    "zenoh-ext",
+];
+/// Calls that only Unix has.
+const UNIX: [&str; 7] = [
+    "os::unix",
+    "os::fd",
+    "signal::unix",
+    "libc",
+    "rustix",
+    "\"/proc",
+    "\"/tmp",
+];
+
+#[test]
+fn a_foreign_client_needs_proto_and_zenoh_alone_and_no_unix() {
+    for name in dependencies("client/link") {
+        assert!(LINK.contains(&name.as_str()), "wheelarm-link needs {name}");
+    }
+    let mut found = Vec::new();
+    for path in list("client/link/src", ".rs") {
+        for (line, text) in code(&path) {
+            for call in UNIX.iter().filter(|call| text.contains(**call)) {
+                found.push(format!("{}:{line} names {call}", path.display()));
+            }
+        }
+    }
+    assert!(found.is_empty(), "{}", found.join("\n"));
+}

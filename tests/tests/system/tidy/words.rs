@@ -1,0 +1,189 @@
+//! Words: a unit on every message field, no path of one machine, nothing of the robot
+//! that ships copied from its folder.
+
+use std::fs;
+
+use super::{files, list, root, run_code};
+
+#[test]
+fn every_message_field_says_its_unit() {
+    let units = [
+        "metres",
+        "m/s",
+        "rad",
+        "N",
+        "kg",
+        "Hz",
+        "pixels",
+        "no unit",
+        "ticks",
+        "nanoseconds",
+        " s.",
+        " s,",
+        "count",
+        "bytes",
+        "SI",
+        "unit of the field",
+        " J.",
+        "0 to 255",
+    ];
+    let mut bare = Vec::new();
+    for path in list("proto/wheelarm", ".proto") {
+        let text = fs::read_to_string(&path).expect("a proto file");
+        let mut comment = String::new();
+        for (i, line) in text.lines().enumerate() {
+            let line = line.trim();
+            if let Some(words) = line.strip_prefix("//") {
+                comment.push_str(words.trim());
+                comment.push(' ');
+                continue;
+            }
+            let declares = line.ends_with(';') && line.contains(" = ");
+            let value_of_enum = !line.contains(' ')
+                || line.chars().next().is_some_and(char::is_uppercase)
+                    && line
+                        .split(' ')
+                        .next()
+                        .is_some_and(|w| w.to_uppercase() == w);
+            let message = line.split(' ').next().is_some_and(|w| {
+                w.chars().next().is_some_and(char::is_uppercase) && w.to_uppercase() != w
+            }) || line.starts_with("repeated ")
+                && line
+                    .split(' ')
+                    .nth(1)
+                    .is_some_and(|w| w.chars().next().is_some_and(char::is_uppercase));
+            let exempt = ["syntax", "package", "option "]
+                .iter()
+                .any(|start| line.starts_with(start))
+                || value_of_enum;
+            if declares && !exempt {
+                let typed_parts = message && !comment.is_empty();
+                if !typed_parts && !units.iter().any(|u| comment.contains(u)) {
+                    bare.push(format!("{}:{} {line}", path.display(), i + 1));
+                }
+            }
+            comment.clear();
+        }
+    }
+    assert!(bare.is_empty(), "fields without unit:\n{}", bare.join("\n"));
+}
+
+#[test]
+fn nothing_names_a_path_of_one_machine() {
+    let mut found = Vec::new();
+    for (folder, ending) in [
+        ("server", ".rs"),
+        ("client", ".rs"),
+        ("proto", ".rs"),
+        ("assets", ".toml"),
+        ("scripts", ".sh"),
+        ("tests", ".py"),
+    ] {
+        let mut paths = Vec::new();
+        files(&root().join(folder), ending, &mut paths);
+        for path in paths {
+            let text = fs::read_to_string(&path).unwrap_or_default();
+            for (i, line) in text.lines().enumerate() {
+                if ["/home/", "/root/", "/mnt/"]
+                    .iter()
+                    .any(|p| line.contains(p))
+                {
+                    found.push(format!("{}:{}", path.display(), i + 1));
+                }
+            }
+        }
+    }
+    assert!(
+        found.is_empty(),
+        "paths of one machine:\n{}",
+        found.join("\n")
+    );
+}
+
+/// Words of the contract that happen to be names of the robot's links, too.
+const COMMON: [&str; 5] = [
+    "base_link",
+    "wheelchair_root",
+    "end_effector_link",
+    "end_effector",
+    "imu_link",
+];
+
+/// Where the robot that ships may be known by name: formats of others, and what
+/// reads files that do not tell their robot.
+const KNOW_THE_ROBOT: [&str; 2] = [
+    "client/dataset/src/convert/wheelarm_sim.rs",
+    "client/dataset/src/read/robot.rs",
+];
+
+/// Everything between two marks in a text.
+fn between<'a>(text: &'a str, start: &str, end: &str) -> Vec<&'a str> {
+    let parts = text.split(start).skip(1);
+    parts.filter_map(|part| part.split(end).next()).collect()
+}
+
+/// Numbers with a point as they stand in code, without their underscores.
+fn decimals(text: &str) -> impl Iterator<Item = String> {
+    text.split(|c: char| !(c.is_ascii_digit() || matches!(c, '.' | '_')))
+        .filter(|word| word.contains('.') && word.starts_with(|c: char| c.is_ascii_digit()))
+        .map(|word| word.replace('_', ""))
+}
+
+#[test]
+fn the_robot_is_told_and_not_copied() {
+    let folder = root().join("assets/robots/wheelarm");
+    let read = |file: &str| fs::read_to_string(folder.join(file)).expect("a file of the robot");
+    let (urdf, toml) = (read("wheelarm.urdf"), read("robot.toml"));
+    let mut known: Vec<&str> = between(&urdf, "<link name=\"", "\"");
+    known.extend(between(&urdf, "<joint name=\"", "\""));
+    known.extend(between(&toml, "name = \"", "\""));
+    known.retain(|name| !COMMON.contains(name) && *name != "wheelarm");
+    assert!(known.len() > 50, "{} names", known.len());
+    // Numbers of the gripper, of the chair and of the reach that could be nothing
+    // else, as they stand in the folder.
+    let sizes = [
+        "0.085",
+        "0.7929",
+        "235.0",
+        "0.03060114",
+        "0.05490452",
+        "0.793",
+        "0.414",
+        "0.496",
+        "0.1325",
+        "0.2848",
+        "0.873",
+    ];
+    let told: Vec<String> = decimals(&urdf).chain(decimals(&toml)).collect();
+    for size in sizes {
+        assert!(
+            told.iter().any(|number| number == size),
+            "{size} is no number of the robot"
+        );
+    }
+    let mut copied = Vec::new();
+    for folder in ["proto", "server/src", "client"] {
+        for path in list(folder, ".rs") {
+            let path_text = path.strip_prefix(root()).expect("below the root");
+            let place = path_text.to_string_lossy().into_owned();
+            let exempt = KNOW_THE_ROBOT.iter().any(|known| place.starts_with(known));
+            let of_tests = ["/tests/", "/examples/"].iter();
+            if exempt || of_tests.into_iter().any(|part| place.contains(part)) {
+                continue;
+            }
+            for (line, text) in run_code(&path) {
+                let quoted = text.split('"').skip(1).step_by(2);
+                let names = quoted
+                    .filter(|word| known.contains(word))
+                    .map(str::to_owned);
+                let numbers = decimals(&text).filter(|number| sizes.contains(&number.as_str()));
+                copied.extend(
+                    names
+                        .chain(numbers)
+                        .map(|what| format!("{place}:{line} {what}")),
+                );
+            }
+        }
+    }
+    assert!(copied.is_empty(), "the robot's own:\n{}", copied.join("\n"));
+}
