@@ -3,9 +3,12 @@
 //! apart by seed is apart in all of it.
 
 use wheelarm_proto::look::LookText;
+use wheelarm_operate::forced::ForcedError;
 use wheelarm_proto::seeds::Purpose;
-use wheelarm_proto::settings::{LanguageSplit, Named, Starts};
+use wheelarm_proto::settings::{LanguageSplit, Named, Starts, Style};
 use wheelarm_proto::v1;
+
+use crate::disturb::Disturb;
 
 /// What differs between episodes beside what their task draws.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -22,6 +25,12 @@ pub struct Variation {
     pub language: Option<(u64, LanguageSplit)>,
     /// How the episodes look.
     pub look: Option<LookText>,
+    /// What hinders the robot, and what the operator does wrong on purpose.
+    pub disturb: Option<Disturb>,
+    /// How the operator moves.
+    pub style: Style,
+    /// Time limits follow from the way and the style; as the tasks say otherwise.
+    pub time_limits: bool,
 }
 
 impl Variation {
@@ -37,7 +46,18 @@ impl Variation {
                 ..v1::Language::default()
             });
         }
+        scenario.disturbances = self.disturb.map(|disturb| disturb.disturbances(seed));
+        if self.style != Style::default() {
+            scenario.style = Some(self.style.name().to_owned());
+        }
+        scenario.time_limit_seconds = self.time_limits.then_some(0.0);
         scenario.look = self.look.map(|look| look.of(seed));
+    }
+
+    /// The error that the operator makes on purpose in the episode of `seed`.
+    #[must_use]
+    pub fn forced(&self, seed: u64) -> Option<ForcedError> {
+        self.disturb.and_then(|disturb| disturb.forced(seed))
     }
 
     /// Which specimen of the robot the episode of `seed` has. Those of another
@@ -65,6 +85,15 @@ impl Variation {
         }
         if let Some((seed, split)) = self.language {
             words.push_str(&format!(" language={seed}/{}", split.name()));
+        }
+        if let Some(disturb) = &self.disturb {
+            words.push_str(&disturb.words());
+        }
+        if self.style != Style::default() {
+            words.push_str(&format!(" style={}", self.style.name()));
+        }
+        if self.time_limits {
+            words.push_str(" time_limits");
         }
         if let Some(look) = &self.look {
             words.push_str(&format!(" look={look}"));
@@ -101,6 +130,7 @@ mod tests {
             robots: 3,
             language: Some((7, LanguageSplit::Train)),
             look: LookText::read("*:light=3").ok(),
+            ..Variation::default()
         };
         let mut scenario = v1::Scenario::default();
         variation.apply(10_001, &mut scenario);

@@ -17,6 +17,7 @@ mod folder;
 mod journal;
 mod judge;
 mod language;
+mod loss;
 mod manifest;
 mod merge;
 mod plan;

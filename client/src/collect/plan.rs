@@ -15,10 +15,11 @@ use toml::Spanned;
 use wheelarm_proto::keys::check_name;
 use wheelarm_proto::look::LookText;
 use wheelarm_proto::seeds::{ATTEMPT_STRIDE, Purpose};
-use wheelarm_proto::settings::{Depth, Named, Quality, Starts};
+use wheelarm_proto::settings::{Depth, Named, Quality, Starts, Style};
 use wheelarm_proto::v1::CameraSetting;
 
 use super::language::{Language, LanguageFile};
+use crate::disturb::Disturb;
 use crate::variation::Variation;
 
 /// Width and height that a server takes for a picture, pixels.
@@ -45,6 +46,8 @@ pub struct Plan {
     pub quality: Quality,
     /// Licence of the dataset, as the Hugging Face hub names licences.
     pub license: String,
+    /// Keeps the recordings of attempts that failed at the task.
+    pub keep_failed: bool,
     /// What its episodes are for.
     pub purpose: Purpose,
     /// What differs between episodes beside what their task draws.
@@ -183,6 +186,13 @@ struct PlanFile {
     purpose: Option<Purpose>,
     bear_share: Option<Spanned<f64>>,
     look: Option<LookText>,
+    #[serde(default)]
+    keep_failed: bool,
+    disturb: Option<Disturb>,
+    #[serde(default, deserialize_with = "named")]
+    style: Style,
+    #[serde(default)]
+    time_limits: bool,
     #[serde(default = "sixty")]
     state_rate: Spanned<f64>,
     #[serde(default = "imu")]
@@ -313,12 +323,16 @@ impl Plan {
             quality: file.quality,
             license: file.license.into_inner(),
             purpose,
+            keep_failed: file.keep_failed,
             variation: Variation {
                 starts: file.starts,
                 bear_share: file.bear_share.map(Spanned::into_inner),
                 robots: file.randomise.robots,
                 language: None,
                 look: file.look,
+                disturb: file.disturb,
+                style: file.style,
+                time_limits: file.time_limits,
             },
             state_rate: file.state_rate.into_inner(),
             imu_rate: file.imu_rate.into_inner(),

@@ -12,6 +12,7 @@ use wheelarm_proto::look::LookText;
 use wheelarm_proto::seeds::Purpose;
 use wheelarm_proto::settings::Named;
 
+use crate::disturb::Disturb;
 use crate::variation::Variation;
 
 /// Which episodes an evaluation does.
@@ -46,6 +47,7 @@ struct SplitFile {
     #[serde(default)]
     robots: u32,
     look: Option<LookText>,
+    disturb: Option<Disturb>,
     frozen: Option<String>,
 }
 
@@ -118,8 +120,9 @@ fn parse(path: &Path, text: &str) -> anyhow::Result<Scope> {
             starts: file.starts,
             bear_share: file.bear_share,
             robots: file.robots,
-            language: None,
             look: file.look,
+            disturb: file.disturb,
+            ..Variation::default()
         },
     })
 }

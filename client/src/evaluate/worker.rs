@@ -268,6 +268,7 @@ fn attempt(
     let work = OperateOptions {
         label: Some(free_label(out, &job.label())),
         require_recorders: recorders,
+        forced: job.variation.forced(job.seed),
         ..OperateOptions::default()
     };
     let mut notes = Vec::new();

@@ -12,6 +12,7 @@
 mod assets;
 pub mod convert;
 mod denied;
+mod disturbance;
 pub mod describe;
 mod desk;
 mod engine;

@@ -6,7 +6,9 @@
 #[cfg(test)]
 mod bits;
 mod calibration;
+mod disturb;
 mod envelope;
+mod expected;
 mod guard;
 mod scenario;
 mod shown;
@@ -20,6 +22,7 @@ use std::sync::Arc;
 use nalgebra::Isometry3;
 use wheelarm_proto::PHYSICS_HZ;
 
+pub use disturb::{Disturbance, Disturbances, MAX_STRENGTH, Pushed};
 pub use guard::{anomaly_words, fault_words};
 pub use scenario::{
     ALL_CAMERAS, CameraPlace, CameraSetting, HOUSE, Lens, MAX_SIZE, Pacing, Quality, SOFT_MASS,
@@ -234,6 +237,15 @@ impl Simulation {
             .as_ref()
             .map(|t| Evaluator::new(t, &scene, &model, &scenario.target))
             .transpose()?;
+        if let Some(evaluator) = &mut evaluator {
+            if scenario.time_limit == Some(0.0)
+                && let Some(task) = &task
+            {
+                let expected = expected::seconds(task, &scene, &scenario);
+                scenario.time_limit = Some((expected::ROOM * expected).ceil());
+            }
+            evaluator.bend(scenario.time_limit, scenario.disturbances.is_some());
+        }
         let evaluation = evaluator
             .as_mut()
             .map(|e| e.update(&snapshot))
@@ -302,8 +314,14 @@ impl Simulation {
         input: &ControlInput,
         tell: impl FnOnce(&Targets, &RobotControl),
     ) -> Result<Step, Fault> {
-        let targets = self.control.update(input, &self.snapshot);
+        let disturbance = self.disturbance();
+        let mut targets = self.control.update(input, &self.snapshot);
         tell(&targets[0], &self.control);
+        let push = disturbance.as_ref().and_then(|d| d.push);
+        self.world.push(push.map(|(on, force)| (self.body_of(on), force)));
+        if let Some(disturbance) = &disturbance {
+            disturbance.apply(&mut targets);
+        }
         let mut step = Step::default();
         for (i, target) in targets.iter().enumerate() {
             self.world.apply(target);
@@ -323,6 +341,28 @@ impl Simulation {
             self.evaluation = evaluator.update(&self.snapshot);
         }
         Ok(step)
+    }
+
+    /// What disturbs the coming control tick; `None` where the scenario has no
+    /// disturbances.
+    #[must_use]
+    pub fn disturbance(&self) -> Option<Disturbance> {
+        let disturbances = self.scenario.disturbances.as_ref()?;
+        // What is soft has no weight of its own in the engine, and furniture none.
+        let target = self.scene.object_named(&self.scenario.target);
+        let target = target.filter(|&i| self.scene.objects[i].soft.is_none());
+        let target = target.map(|i| (i, self.scenario.objects[i].1.mass));
+        Some(disturbances.at(self.scenario.seed, self.world.tick(), target))
+    }
+
+    /// The body that a push goes to.
+    #[must_use]
+    pub fn body_of(&self, pushed: Pushed) -> BodyRef {
+        match pushed {
+            Pushed::Chair => BodyRef::Link(0),
+            Pushed::Hand => BodyRef::Link(self.model.roles.end_effector),
+            Pushed::Object(index) => BodyRef::Object(index),
+        }
     }
 
     /// Reads the sensors that are due at the present tick. A whole snapshot is
