@@ -77,6 +77,18 @@ fn uniform(seed: u64, draw: Draw) -> f64 {
 }
 
 impl Disturb {
+    /// Every episode, with all kinds at one strength.
+    #[must_use]
+    pub fn all(strength: u32, error_share: f64) -> Self {
+        Self {
+            share: 1.0,
+            error_share,
+            noise: strength,
+            pushes: strength,
+            slips: strength,
+        }
+    }
+
     /// What hinders the robot in the episode of `seed`; strengths of 0 where nothing
     /// does, so that what was in force before goes.
     #[must_use]

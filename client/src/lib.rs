@@ -5,6 +5,8 @@
 //! feature `hdf5`, teleoperation the feature `terminal`; both are on.
 
 #[cfg(feature = "hdf5")]
+mod axis;
+#[cfg(feature = "hdf5")]
 mod broken;
 mod choice;
 #[cfg(feature = "hdf5")]
@@ -18,6 +20,8 @@ pub mod doctor;
 #[cfg(feature = "hdf5")]
 pub mod evaluate;
 pub mod interrupt;
+#[cfg(feature = "hdf5")]
+mod language;
 pub mod operate;
 pub mod preview;
 #[cfg(feature = "hdf5")]

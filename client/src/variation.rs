@@ -2,13 +2,16 @@
 //! split says it. Everything follows from the scenario's seed, so that what is
 //! apart by seed is apart in all of it.
 
-use wheelarm_proto::look::LookText;
+use serde::de::Error as _;
+use serde::{Deserialize, Deserializer};
 use wheelarm_operate::forced::ForcedError;
+use wheelarm_proto::look::LookText;
 use wheelarm_proto::seeds::Purpose;
-use wheelarm_proto::settings::{LanguageSplit, Named, Starts, Style};
+use wheelarm_proto::settings::{Named, Starts, Style};
 use wheelarm_proto::v1;
 
 use crate::disturb::Disturb;
+use crate::language::Language;
 
 /// What differs between episodes beside what their task draws.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -21,10 +24,12 @@ pub struct Variation {
     /// Specimens of the robot, each with cameras of its own; 0 for the one of the
     /// description.
     pub robots: u32,
-    /// Seed and split of sentences by the grammar; `None` says nothing of language.
-    pub language: Option<(u64, LanguageSplit)>,
+    /// Sentences by the grammar; `None` says nothing of language.
+    pub language: Option<Language>,
     /// How the episodes look.
     pub look: Option<LookText>,
+    /// Sensor models beside the truth.
+    pub sensors: Vec<v1::SensorSetting>,
     /// What hinders the robot, and what the operator does wrong on purpose.
     pub disturb: Option<Disturb>,
     /// How the operator moves.
@@ -39,19 +44,14 @@ impl Variation {
         scenario.starts = self.starts.code().into();
         scenario.variant_share = self.bear_share;
         scenario.calibration_seed = self.specimen(seed);
-        if let Some((seed, split)) = self.language {
-            scenario.language = Some(v1::Language {
-                seed,
-                split: split.code().into(),
-                ..v1::Language::default()
-            });
-        }
+        scenario.language = self.language.as_ref().map(|said| said.message(0));
         scenario.disturbances = self.disturb.map(|disturb| disturb.disturbances(seed));
         if self.style != Style::default() {
             scenario.style = Some(self.style.name().to_owned());
         }
         scenario.time_limit_seconds = self.time_limits.then_some(0.0);
         scenario.look = self.look.map(|look| look.of(seed));
+        scenario.sensors.clone_from(&self.sensors);
     }
 
     /// The error that the operator makes on purpose in the episode of `seed`.
@@ -83,8 +83,8 @@ impl Variation {
         if self.robots > 0 {
             words.push_str(&format!(" robots={}", self.robots));
         }
-        if let Some((seed, split)) = self.language {
-            words.push_str(&format!(" language={seed}/{}", split.name()));
+        if let Some(said) = &self.language {
+            words.push_str(&said.words(0));
         }
         if let Some(disturb) = &self.disturb {
             words.push_str(&disturb.words());
@@ -98,13 +98,30 @@ impl Variation {
         if let Some(look) = &self.look {
             words.push_str(&format!(" look={look}"));
         }
+        if !self.sensors.is_empty() {
+            let sensors: Vec<String> = self.sensors.iter().map(|sensor| sensor.text()).collect();
+            words.push_str(&format!(" sensors={}", sensors.join(",")));
+        }
         words
     }
+}
+
+/// Reads sensor models of a plan or a split, a list of `MODEL[@CAMERA][=STRENGTH]`.
+///
+/// # Errors
+/// The text and its form.
+pub fn read_sensors<'de, D: Deserializer<'de>>(
+    from: D,
+) -> Result<Vec<v1::SensorSetting>, D::Error> {
+    let texts = Vec::<String>::deserialize(from)?;
+    let read = texts.iter().map(|text| v1::SensorSetting::from_text(text));
+    read.collect::<Result<_, _>>().map_err(D::Error::custom)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use wheelarm_proto::settings::LanguageSplit;
 
     #[test]
     fn specimens_repeat_among_seeds_of_one_purpose_and_never_across() {
@@ -128,8 +145,9 @@ mod tests {
             starts: Starts::Anywhere,
             bear_share: Some(0.5),
             robots: 3,
-            language: Some((7, LanguageSplit::Train)),
+            language: Some(Language::new(7, LanguageSplit::Train)),
             look: LookText::read("*:light=3").ok(),
+            sensors: vec![v1::SensorSetting::from_text("imu=2").unwrap()],
             ..Variation::default()
         };
         let mut scenario = v1::Scenario::default();
@@ -142,7 +160,7 @@ mod tests {
         assert_eq!(scenario.language.as_ref().map(|l| l.seed), Some(7));
         assert_eq!(
             variation.words(),
-            " starts=anywhere bear_share=0.5 robots=3 language=7/train look=*:light=3"
+            " starts=anywhere bear_share=0.5 robots=3 language=7/train/0/0.5/0 look=*:light=3 sensors=imu=2"
         );
         assert_eq!(Variation::default().words(), "");
     }

@@ -113,6 +113,26 @@ pub struct LookText {
 }
 
 impl LookText {
+    /// Each episode's own seed with every axis off.
+    #[must_use]
+    pub fn own() -> Self {
+        Self {
+            seed: None,
+            look: Look::default(),
+        }
+    }
+
+    /// The same with an axis at another strength; `axis` is the name of one.
+    #[must_use]
+    pub fn with(mut self, axis: &str, strength: u32) -> Self {
+        let found = AXES.iter().find(|known| known.name == axis);
+        debug_assert!(found.is_some(), "{axis} is an axis");
+        if let Some(found) = found {
+            (found.set)(&mut self.look, strength);
+        }
+        self
+    }
+
     /// Reads `SEED[:AXIS=STRENGTH,…]`.
     ///
     /// # Errors

@@ -305,6 +305,19 @@ impl v1::CameraSetting {
 }
 
 impl v1::SensorSetting {
+    /// As text, the form that [`Self::from_text`] reads.
+    #[must_use]
+    pub fn text(&self) -> String {
+        let mut text = self.model.clone();
+        if !self.camera.is_empty() {
+            text = format!("{text}@{}", self.camera);
+        }
+        match self.strength {
+            Some(strength) => format!("{text}={strength}"),
+            None => text,
+        }
+    }
+
     /// Reads `MODEL`, `MODEL@CAMERA`, either with `=STRENGTH`, for example
     /// `kinova_vision@gen3=2` or `imu`.
     ///
@@ -454,7 +467,9 @@ mod tests {
             (told, sensor.strength),
             (("kinova_vision", "gen3"), Some(2.0))
         );
+        assert_eq!(sensor.text(), "kinova_vision@gen3=2");
         let imu = v1::SensorSetting::from_text("imu").unwrap();
+        assert_eq!(imu.text(), "imu");
         assert_eq!((imu.camera.as_str(), imu.strength), ("", None));
         assert!(v1::SensorSetting::from_text("imu=much").is_err());
         let words = Quality::from_name("best").unwrap_err().to_string();

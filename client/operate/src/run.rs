@@ -184,7 +184,9 @@ pub fn run(
     let profile = OperatorProfile::new(options.profile_seed.unwrap_or(scenario.seed()));
     let operator = Operator::new(scene, goal, profile.in_style(style));
     let operator = operator.map_err(OperateError::Scene)?.troubled(Trouble {
-        hindered: scenario.disturbances.is_some_and(|d| d.noise + d.pushes + d.slips > 0),
+        hindered: scenario
+            .disturbances
+            .is_some_and(|d| d.noise + d.pushes + d.slips > 0),
         forced: options.forced,
         time_limit: scenario.time_limit_seconds,
     });

@@ -12,6 +12,7 @@ use wheelarm_proto::{CONTRACT_VERSION, PHYSICS_VERSION, v1};
 use super::estimate::{bytes, duration};
 use super::folder::{Folder, write_whole};
 use super::journal::Done;
+use super::loss;
 use super::manifest::Manifest;
 use super::plan::Plan;
 
@@ -150,6 +151,7 @@ fn coverage(drawn: &[Drawn<'_>]) -> String {
             None => "as described".to_owned(),
         }),
     );
+    text += &histogram("Hindered by", scenarios().map(hindrance));
     let durations = drawn.iter().map(|d| {
         let from = (d.done.seconds / DURATION).floor() * DURATION;
         format!("{from:>4.0}..{:.0} s", from + DURATION)
@@ -172,6 +174,21 @@ fn coverage(drawn: &[Drawn<'_>]) -> String {
         words.len()
     );
     text
+}
+
+/// What hinders the robot in a scenario.
+fn hindrance(scenario: &v1::Scenario) -> String {
+    let disturbances = scenario.disturbances.unwrap_or_default();
+    let v1::Disturbances {
+        noise,
+        pushes,
+        slips,
+        ..
+    } = disturbances;
+    match noise + pushes + slips {
+        0 => "nothing".to_owned(),
+        _ => format!("noise {noise}, pushes {pushes}, slips {slips}"),
+    }
 }
 
 /// Lower edge of the sector of 45° in which an angle lies, degrees from -180.
@@ -205,6 +222,19 @@ fn histogram(title: &str, values: impl IntoIterator<Item = String>) -> String {
     text + "```\n\n"
 }
 
+/// What the plan has differ between episodes.
+fn differs(plan: &Plan) -> String {
+    let mut words = plan.variation.words();
+    if let Some(language) = &plan.language {
+        words += &language.words(0);
+        words += &format!(" sentences={}", language.sentences);
+    }
+    match words.trim() {
+        "" => "what the tasks draw".to_owned(),
+        words => format!("what the tasks draw, and {words}"),
+    }
+}
+
 /// How it was made and with what.
 fn making(plan: &Plan, manifest: &Manifest) -> String {
     let origins: BTreeSet<&[String; 2]> = manifest.episodes.iter().map(|d| &d.origin).collect();
@@ -221,6 +251,7 @@ fn making(plan: &Plan, manifest: &Manifest) -> String {
         ("Server and graphics adapter", origins.join("; ")),
         ("Scene, robot", format!("{}, {}", plan.scene, plan.robot)),
         ("Cameras", cameras.join(", ")),
+        ("Differs between episodes", differs(plan)),
         (
             "Size",
             format!(
@@ -238,6 +269,10 @@ fn making(plan: &Plan, manifest: &Manifest) -> String {
         .map(|d| Purpose::of(d.seed))
         .collect();
     let purposes: Vec<&str> = purposes.into_iter().map(Named::name).collect();
+    let losses = manifest
+        .failed_attempts
+        .iter()
+        .filter_map(|f| f.loss.as_ref());
     let _ = write!(
         text,
         "- Purposes of the seeds that are in it: {}\n\
@@ -246,11 +281,20 @@ fn making(plan: &Plan, manifest: &Manifest) -> String {
          again and compares its states.\n\n\
          ## Limits\n\n\
          Everything is simulated: one furnished home, fifteen objects, a scripted operator that \
-         knows the true state. Failed attempts are {} of {} and not in `episodes/`. Pictures are \
-         exact and without noise unless the plan draws sensors.\n",
+         knows the true state. Failed attempts are {} of {} and not in `episodes/`. {kept}{pictures}.\n",
         purposes.join(", "),
         manifest.failed_attempts.len(),
-        manifest.failed_attempts.len() + manifest.episodes.len()
+        manifest.failed_attempts.len() + manifest.episodes.len(),
+        kept = loss::sentence(losses).map_or(String::new(), |kept| format!(
+            "{kept} (a split of their own: cause, and tick from which each was lost, in \
+             `manifest.json`). "
+        )),
+        pictures = if plan.variation.sensors.is_empty() {
+            "Pictures are exact and without noise"
+        } else {
+            "Pictures of `camera/*` are exact and without noise; what the real sensors would \
+             give stands in `sensor/*` and `sensed_*`"
+        }
     );
     text
 }

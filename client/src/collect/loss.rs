@@ -7,6 +7,8 @@
 //! | hard collision | that of the collision |
 //! | all others | the last change of the operator's phase: from there it did not get on |
 
+use std::collections::BTreeMap;
+
 use serde::{Deserialize, Serialize};
 use wheelarm_dataset::read::Episode as Recording;
 
@@ -62,6 +64,47 @@ pub struct Loss {
     pub sha256: String,
 }
 
+impl Cause {
+    /// The word of manifests.
+    #[must_use]
+    pub fn word(self) -> &'static str {
+        match self {
+            Self::Dropped => "dropped",
+            Self::Tipped => "tipped",
+            Self::Unreachable => "unreachable",
+            Self::Lost => "lost",
+            Self::HardCollision => "hard_collision",
+            Self::Timeout => "timeout",
+            Self::NoWay => "no_way",
+            Self::NoReach => "no_reach",
+            Self::NoGrip => "no_grip",
+            Self::Slipped => "slipped",
+            Self::NotPut => "not_put",
+            Self::NotMoved => "not_moved",
+            Self::NotHeld => "not_held",
+            Self::GaveUp => "gave_up",
+        }
+    }
+}
+
+/// How many recordings of failed attempts are kept, by cause, as one sentence; `None`
+/// where none is.
+#[must_use]
+pub fn sentence<'a>(losses: impl Iterator<Item = &'a Loss>) -> Option<String> {
+    let mut counts: BTreeMap<&str, usize> = BTreeMap::new();
+    for loss in losses {
+        *counts.entry(loss.cause.word()).or_default() += 1;
+    }
+    let all: usize = counts.values().sum();
+    let each = counts
+        .iter()
+        .map(|(cause, count)| format!("{cause} {count}"));
+    let each = each.collect::<Vec<_>>().join(", ");
+    (all > 0).then(|| {
+        format!("{all} recordings of failed attempts are kept in `failed_episodes/`: {each}")
+    })
+}
+
 /// Cause and tick of the loss of a recorded episode; the end and what is known where
 /// streams are absent.
 #[must_use]
@@ -107,7 +150,14 @@ fn judge(code: &str) -> Option<Cause> {
 /// The cause by the last phase in which the operator was at the task.
 fn by_phase(phases: &[(u64, String)]) -> Cause {
     let mut names = phases.iter().rev().map(|(_, name)| name.as_str());
-    let aside = ["", "over", "thinking", "opening", "retreating", "retracting"];
+    let aside = [
+        "",
+        "over",
+        "thinking",
+        "opening",
+        "retreating",
+        "retracting",
+    ];
     match names.find(|name| !aside.contains(name)).unwrap_or("") {
         "stowing" | "planning" | "driving" | "stopping" => Cause::NoWay,
         "reaching" | "approaching" => Cause::NoReach,
@@ -169,5 +219,22 @@ mod tests {
         assert_eq!(by_phase(&[]), Cause::GaveUp);
         assert_eq!(judge("tipped"), Some(Cause::Tipped));
         assert_eq!(judge("none"), None);
+    }
+
+    #[test]
+    fn kept_failures_are_counted_by_the_words_of_the_manifest() {
+        let loss = |cause| Loss {
+            cause,
+            tick: 8,
+            file: String::new(),
+            sha256: String::new(),
+        };
+        let losses = [Cause::Tipped, Cause::NoGrip, Cause::Tipped].map(loss);
+        let said = sentence(losses.iter()).unwrap();
+        assert!(said.starts_with("3 recordings"), "{said}");
+        assert!(said.ends_with("no_grip 1, tipped 2"), "{said}");
+        assert_eq!(sentence([].into_iter()), None);
+        let json = serde_json::to_value(&losses[1]).unwrap();
+        assert_eq!(json["cause"], Cause::NoGrip.word());
     }
 }

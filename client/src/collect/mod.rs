@@ -16,7 +16,6 @@ mod fleet;
 mod folder;
 mod journal;
 mod judge;
-mod language;
 mod loss;
 mod manifest;
 mod merge;

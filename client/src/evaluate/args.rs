@@ -4,6 +4,7 @@ use std::num::NonZeroUsize;
 use std::path::PathBuf;
 use std::time::Duration;
 
+use anyhow::bail;
 use clap::Args;
 use wheelarm_proto::look::LookText;
 use wheelarm_proto::settings::{LanguageSplit, Quality, Starts, Style};
@@ -12,8 +13,10 @@ use wheelarm_rig::{ServerOptions, all_cameras};
 
 use super::entry::Job;
 use super::scope::{Scope, read_split};
+use crate::axis::AxisAt;
 use crate::choice::{MOST_SEEDS, named, patience, seed_range};
 use crate::disturb::Disturb;
+use crate::language::Language;
 use crate::variation::Variation;
 
 /// Options of `wheelarm evaluate`.
@@ -33,6 +36,11 @@ pub struct EvaluateArgs {
     /// and all else that it draws. With --episodes the first of its seeds.
     #[arg(long, value_name = "FILE", conflicts_with_all = ["seeds", "starts", "look"])]
     pub split: Option<PathBuf>,
+    /// One thing that is made harder than seeds or split say, AXIS=STRENGTH: camera,
+    /// noise, light, background, layout, robot, language, depth or delay, 1 to 3. May be
+    /// given several times.
+    #[arg(long, value_name = "AXIS", value_parser = AxisAt::read)]
+    pub axis: Vec<AxisAt>,
     /// Servers at work at one time.
     #[arg(long, default_value = "1", value_name = "J")]
     pub jobs: NonZeroUsize,
@@ -78,6 +86,9 @@ pub struct EvaluateArgs {
     /// How the operator moves: `quick`, or `human` with time limits to match.
     #[arg(long, default_value = "quick", value_parser = named::<Style>())]
     pub style: Style,
+    /// Time limits from the way and the style, in place of those of the tasks.
+    #[arg(long)]
+    pub time_limits: bool,
     /// Wall seconds without a sign of life after which a server is ended, 1 at least.
     #[arg(long, default_value = "60", value_parser = patience::<1>, value_name = "SECONDS")]
     pub patience: Duration,
@@ -105,7 +116,7 @@ impl EvaluateArgs {
     /// Which episodes are done.
     ///
     /// # Errors
-    /// When the split holds a mistake.
+    /// When the split holds a mistake, or asks for pictures that are not taken.
     pub(super) fn scope(&self) -> anyhow::Result<Scope> {
         let mut scope = match &self.split {
             Some(path) => read_split(path)?,
@@ -123,18 +134,30 @@ impl EvaluateArgs {
             }
         };
         if self.disturb.is_some() || self.error_share > 0.0 {
-            let strength = self.disturb.unwrap_or_default();
-            scope.variation.disturb = Some(Disturb {
-                share: 1.0,
-                error_share: self.error_share,
-                noise: strength,
-                pushes: strength,
-                slips: strength,
-            });
+            scope.variation.disturb = Some(Disturb::all(
+                self.disturb.unwrap_or_default(),
+                self.error_share,
+            ));
         }
         scope.variation.style = self.style;
-        scope.variation.time_limits = self.style == Style::Human;
-        scope.variation.language = self.language.map(|seed| (seed, self.language_split));
+        scope.variation.time_limits = self.time_limits || self.style == Style::Human;
+        if let Some(seed) = self.language {
+            scope.variation.language = Some(Language::new(seed, self.language_split));
+        }
+        for axis in &self.axis {
+            scope.variation.set(*axis);
+        }
+        let sees = scope
+            .variation
+            .sensors
+            .iter()
+            .find(|s| !s.camera.is_empty());
+        if let Some(sensor) = sees.filter(|_| !self.record) {
+            bail!(
+                "the sensor {} sees through a camera, and an evaluation has cameras only where it records; add --record",
+                sensor.text()
+            );
+        }
         if let Some(count) = self.episodes {
             let last = scope.seeds.start.saturating_add(count);
             scope.seeds.end = scope.seeds.end.min(last);

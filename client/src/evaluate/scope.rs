@@ -11,9 +11,12 @@ use sha2::{Digest, Sha256};
 use wheelarm_proto::look::LookText;
 use wheelarm_proto::seeds::Purpose;
 use wheelarm_proto::settings::Named;
+use wheelarm_proto::v1;
 
+use crate::axis::AxisAt;
 use crate::disturb::Disturb;
-use crate::variation::Variation;
+use crate::language::LanguageFile;
+use crate::variation::{Variation, read_sensors};
 
 /// Which episodes an evaluation does.
 #[derive(Clone, Debug, PartialEq)]
@@ -48,6 +51,12 @@ struct SplitFile {
     robots: u32,
     look: Option<LookText>,
     disturb: Option<Disturb>,
+    #[serde(default, deserialize_with = "read_sensors")]
+    sensors: Vec<v1::SensorSetting>,
+    language: Option<LanguageFile>,
+    /// Applied in order, after all else.
+    #[serde(default)]
+    axes: Vec<AxisAt>,
     frozen: Option<String>,
 }
 
@@ -72,11 +81,15 @@ pub fn read_split(path: &Path) -> anyhow::Result<Scope> {
 }
 
 fn parse(path: &Path, text: &str) -> anyhow::Result<Scope> {
-    let file: SplitFile = toml::from_str(text).map_err(|problem| {
-        let before = problem.span().and_then(|span| text.get(..span.start));
+    let at = |span: Option<Range<usize>>, what: &str| {
+        let before = span.and_then(|span| text.get(..span.start));
         let line = before.map_or(0, |before| before.matches('\n').count()) + 1;
-        anyhow::anyhow!("{}:{line}: {}", path.display(), problem.message().trim())
-    })?;
+        anyhow::anyhow!("{}:{line}: {}", path.display(), what.trim())
+    };
+    let file: SplitFile =
+        toml::from_str(text).map_err(|problem| at(problem.span(), problem.message()))?;
+    let language = file.language.map(LanguageFile::checked).transpose();
+    let language = language.map_err(|(span, what)| at(Some(span), &what))?;
     let name = path.file_stem().unwrap_or_default().to_string_lossy();
     let [first, end] = file.seeds;
     if first >= end {
@@ -113,17 +126,21 @@ fn parse(path: &Path, text: &str) -> anyhow::Result<Scope> {
             path.display()
         ),
     }
+    let mut variation = Variation {
+        starts: file.starts,
+        bear_share: file.bear_share,
+        robots: file.robots,
+        language,
+        look: file.look,
+        sensors: file.sensors,
+        disturb: file.disturb,
+        ..Variation::default()
+    };
+    file.axes.into_iter().for_each(|axis| variation.set(axis));
     Ok(Scope {
         split: Some(name.into_owned()),
         seeds: first..end,
-        variation: Variation {
-            starts: file.starts,
-            bear_share: file.bear_share,
-            robots: file.robots,
-            look: file.look,
-            disturb: file.disturb,
-            ..Variation::default()
-        },
+        variation,
     })
 }
 
@@ -165,9 +182,11 @@ mod tests {
     #[test]
     fn the_splits_that_ship_are_frozen() {
         let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../assets/splits");
-        let entries = std::fs::read_dir(folder).unwrap().flatten();
-        let shipped: Vec<_> = entries.map(|entry| entry.path()).collect();
-        assert!(shipped.len() >= 4, "{shipped:?}");
+        let folders = [folder.join("axes"), folder];
+        let entries = folders.iter().flat_map(|f| std::fs::read_dir(f).unwrap());
+        let paths = entries.map(|entry| entry.unwrap().path());
+        let shipped: Vec<_> = paths.filter(|path| path.is_file()).collect();
+        assert!(shipped.len() >= 7 + 27, "{shipped:?}");
         for path in shipped {
             let split = read_split(&path).unwrap_or_else(|p| panic!("{p:#}"));
             assert_eq!(split.split.as_deref(), path.file_stem().unwrap().to_str());
@@ -217,6 +236,18 @@ mod tests {
                 "below 200 for develop",
             ),
             ("purpose = \"develop\"\nseeds = [5, 5]", "are none"),
+            (
+                "purpose = \"develop\"\nseeds = [0, 5]\naxes = [\"light=2\", \"night=1\"]",
+                "s.toml:3: axis \"night\" is none of",
+            ),
+            (
+                "purpose = \"develop\"\nseeds = [0, 5]\nsensors = [\"imu=much\"]",
+                "s.toml:3: \"imu=much\" is not MODEL",
+            ),
+            (
+                "purpose = \"develop\"\nseeds = [0, 5]\n[language]\ntypos = 2.0",
+                "s.toml:4: language.typos is 2",
+            ),
             (
                 "purpose = \"develop\"\nseeds = [0, 5]\nbear_share = 2.0",
                 "0 to 1",

@@ -12,9 +12,9 @@
 mod assets;
 pub mod convert;
 mod denied;
-mod disturbance;
 pub mod describe;
 mod desk;
+mod disturbance;
 mod engine;
 mod episode;
 mod errand;

@@ -98,19 +98,13 @@ impl Disturbances {
     /// scenario of `scenario_seed` about the object `target` (index, kg), if it is
     /// about one that can be pushed.
     #[must_use]
-    pub fn at(
-        &self,
-        scenario_seed: u64,
-        tick: u64,
-        target: Option<(usize, f64)>,
-    ) -> Disturbance {
+    pub fn at(&self, scenario_seed: u64, tick: u64, target: Option<(usize, f64)>) -> Disturbance {
         let draw = Draw(self.seed.unwrap_or(scenario_seed));
         let now = tick / TICKS_PER_CONTROL;
         let of = |table: [f64; 4], strength: u32| table[strength.min(MAX_STRENGTH) as usize];
         let arm = of(ARM_NOISE, self.noise);
-        let joints = |at: u64| {
-            std::array::from_fn(|joint| arm * draw.smooth(Row::Joint, joint as u64, at))
-        };
+        let joints =
+            |at: u64| std::array::from_fn(|joint| arm * draw.smooth(Row::Joint, joint as u64, at));
         let share = of(WHEEL_NOISE, self.noise);
         let wheels =
             std::array::from_fn(|wheel| 1.0 + share * draw.smooth(Row::Wheel, wheel as u64, now));
@@ -224,14 +218,19 @@ mod tests {
             assert_eq!(pair[0].joints[1], pair[1].joints[0]);
         }
         assert_ne!(all[5], ALL.at(8, 20, target));
-        let own = Disturbances { seed: Some(7), ..ALL };
+        let own = Disturbances {
+            seed: Some(7),
+            ..ALL
+        };
         assert_eq!(all[5], own.at(8, 20, target));
     }
 
     #[test]
     fn noise_pushes_and_slips_are_as_strong_and_frequent_as_the_tables_say() {
         let ticks = 120_000;
-        let all: Vec<_> = (0..ticks).map(|k| ALL.at(3, 4 * k, Some((0, 1.0)))).collect();
+        let all: Vec<_> = (0..ticks)
+            .map(|k| ALL.at(3, 4 * k, Some((0, 1.0))))
+            .collect();
         let mean_square = |of: &dyn Fn(&Disturbance) -> f64| {
             all.iter().map(|d| of(d) * of(d)).sum::<f64>() / ticks as f64
         };
@@ -247,12 +246,35 @@ mod tests {
         assert!((pushed / wanted - 1.0).abs() < 0.15, "{pushed} of {wanted}");
         let slipped = share(all.iter().filter(|d| d.grip == SLIP[2]).count());
         let wanted = SLIP_SHARE * SLIP_TICKS as f64 / SLIP_WINDOW as f64;
-        assert!((slipped / wanted - 1.0).abs() < 0.15, "{slipped} of {wanted}");
+        assert!(
+            (slipped / wanted - 1.0).abs() < 0.15,
+            "{slipped} of {wanted}"
+        );
         for on in [Pushed::Chair, Pushed::Hand, Pushed::Object(0)] {
-            assert!(all.iter().any(|d| d.push.is_some_and(|(body, _)| body == on)));
+            assert!(
+                all.iter()
+                    .any(|d| d.push.is_some_and(|(body, _)| body == on))
+            );
         }
-        let calm = Disturbances { noise: 0, pushes: 0, slips: 0, ..ALL };
+        for (on, force) in all.iter().filter_map(|d| d.push) {
+            let wanted = match on {
+                Pushed::Chair => CHAIR_PUSH[2],
+                Pushed::Hand => HAND_PUSH[2],
+                Pushed::Object(_) => TARGET_PUSH[2] * GRAVITY,
+            };
+            assert!((force.norm() - wanted).abs() < 1e-9, "{on:?}: {force}");
+            assert_eq!(force.z, 0.0);
+        }
+        let calm = Disturbances {
+            noise: 0,
+            pushes: 0,
+            slips: 0,
+            ..ALL
+        };
         let calm = calm.at(3, 4, None);
-        assert_eq!((calm.joints, calm.wheels, calm.push, calm.grip), ([[0.0; 6]; 2], [1.0; 2], None, 1.0));
+        assert_eq!(
+            (calm.joints, calm.wheels, calm.push, calm.grip),
+            ([[0.0; 6]; 2], [1.0; 2], None, 1.0)
+        );
     }
 }

@@ -38,7 +38,9 @@ fn what_hinders_is_recorded_beside_the_intent_and_replayed_bit_by_bit() {
     assert_eq!(strengths, Some((2, 2, 2)));
     let ticks = |stream: &str| hindered.u64s(stream, "tick").expect("ticks");
     assert_eq!(ticks("disturbance"), ticks("applied"));
-    let offsets = hindered.f64s("disturbance", "joint_offset").expect("offsets");
+    let offsets = hindered
+        .f64s("disturbance", "joint_offset")
+        .expect("offsets");
     assert!(offsets.iter().any(|o| o.abs() > 1e-3));
     assert!(offsets.iter().all(|o| o.abs() < 0.05));
     let pushed = hindered.texts("disturbance", "pushed").expect("names");
@@ -53,7 +55,12 @@ fn what_hinders_is_recorded_beside_the_intent_and_replayed_bit_by_bit() {
     assert!(text.contains("hashes equal"), "{text}");
 
     let calm = recorded(&folder.path().join("calm"), &[]);
-    assert!(calm.scenario().expect("the scenario").disturbances.is_none());
+    assert!(
+        calm.scenario()
+            .expect("the scenario")
+            .disturbances
+            .is_none()
+    );
     let none = calm.u64s("disturbance", "tick").expect("an empty stream");
     assert!(none.is_empty(), "{none:?}");
     let first = |of: &Episode| of.state_hashes().expect("hashes")[1];

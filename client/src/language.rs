@@ -1,4 +1,7 @@
-//! How a plan says its tasks: sentences by the grammar, several for one scene.
+//! How a plan, a split or an evaluation says its tasks: sentences by the grammar,
+//! several for one scene.
+
+use std::ops::Range;
 
 use serde::de::Error as _;
 use serde::{Deserialize, Deserializer};
@@ -23,10 +26,10 @@ pub struct Language {
     pub sentences: u32,
 }
 
-/// `[language]` of a plan.
+/// `[language]` of a plan or a split.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
-pub(super) struct LanguageFile {
+pub struct LanguageFile {
     #[serde(default)]
     seed: u64,
     #[serde(default, deserialize_with = "split")]
@@ -38,7 +41,7 @@ pub(super) struct LanguageFile {
     #[serde(default = "none")]
     ambiguous: Spanned<f64>,
     #[serde(default = "one")]
-    pub sentences: Spanned<u32>,
+    sentences: Spanned<u32>,
 }
 
 fn split<'de, D: Deserializer<'de>>(from: D) -> Result<LanguageSplit, D::Error> {
@@ -56,28 +59,51 @@ fn one() -> Spanned<u32> {
 }
 
 impl LanguageFile {
-    /// The shares with their keys.
-    pub fn shares(&self) -> [(&'static str, &Spanned<f64>); 3] {
-        [
+    /// What it says, checked.
+    ///
+    /// # Errors
+    /// Where the mistake stands in the text, bytes, and what is allowed.
+    pub fn checked(self) -> Result<Language, (Range<usize>, String)> {
+        for (key, share) in [
             ("typos", &self.typos),
             ("politeness", &self.politeness),
             ("ambiguous", &self.ambiguous),
-        ]
-    }
-
-    pub fn checked(self) -> Language {
-        Language {
+        ] {
+            let value = share.get_ref();
+            if !(0.0..=1.0).contains(value) {
+                let what = format!("language.{key} is {value}; it is a share, 0 to 1");
+                return Err((share.span(), what));
+            }
+        }
+        if *self.sentences.get_ref() == 0 {
+            let what = "language.sentences is 0; at least 1 is needed".to_owned();
+            return Err((self.sentences.span(), what));
+        }
+        Ok(Language {
             seed: self.seed,
             split: self.split,
             typos: self.typos.into_inner(),
             politeness: self.politeness.into_inner(),
             ambiguous: self.ambiguous.into_inner(),
             sentences: self.sentences.into_inner(),
-        }
+        })
     }
 }
 
 impl Language {
+    /// One sentence for each scene, without typing errors, half of them polite.
+    #[must_use]
+    pub fn new(seed: u64, split: LanguageSplit) -> Self {
+        Self {
+            seed,
+            split,
+            typos: 0.0,
+            politeness: 0.5,
+            ambiguous: 0.0,
+            sentences: 1,
+        }
+    }
+
     /// Which scene and which sentence of it an episode of a task has, both from 0.
     #[must_use]
     pub fn place(&self, index: u32) -> (u32, u32) {
