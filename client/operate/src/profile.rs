@@ -119,8 +119,8 @@ impl OperatorProfile {
             // Who moves fast also pauses less.
             let habit = (self.free_speed / HUMAN - 0.25) / 0.10;
             self.pace = Some(StopAndGo {
-                go: 2.8 + 0.8 * habit,
-                stop: 4.0 + 1.5 * (1.0 - habit),
+                go: 1.15 + 0.3 * habit,
+                stop: 2.1 + 1.0 * (1.0 - habit),
             });
         }
         self

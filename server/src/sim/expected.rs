@@ -11,15 +11,17 @@ use crate::tasks::{Floor, Goal, TaskSpec, Variant};
 /// A time limit is the expected time times this.
 pub(super) const ROOM: f64 = 3.0;
 /// Arm work of taking something, s (measured: `client/guide/recover.md`).
-const TAKE: f64 = 20.0;
+const TAKE: f64 = 26.0;
 /// More of it where the thing is put somewhere else, s.
 const PUT: f64 = 14.0;
 /// More where the arm does not start at home, s.
 const STOW: f64 = 6.0;
+/// More where the robot is hindered: an attempt or two made again, s.
+const AGAIN: f64 = 10.0;
 /// Where no way is found: seconds per metre of straight line, with room for detours.
 const LINE: f64 = 6.0;
 /// The human-like style takes longer by this.
-const HUMAN: f64 = 8.0;
+const HUMAN: f64 = 12.0;
 
 /// Simulated seconds.
 pub(super) fn seconds(
@@ -42,11 +44,15 @@ pub(super) fn seconds(
     } else {
         STOW
     };
+    let again = match scenario.disturbances {
+        Some(_) => AGAIN,
+        None => 0.0,
+    };
     let slower = match scenario.style {
         Style::Quick => 1.0,
         Style::Human => HUMAN,
     };
-    (way + TAKE + put + stow) * slower
+    (way + TAKE + put + stow + again) * slower
 }
 
 /// Metres on the floor plan from the chair to the thing.
