@@ -14,7 +14,7 @@ use protox::prost_reflect::{
 };
 
 /// The messages, by idea. The table of topics follows this order.
-const FILES: [&str; 13] = [
+const FILES: [&str; 14] = [
     "wheelarm/v1/common.proto",
     "wheelarm/v1/look.proto",
     "wheelarm/v1/scenario.proto",
@@ -25,6 +25,7 @@ const FILES: [&str; 13] = [
     "wheelarm/v1/task.proto",
     "wheelarm/v1/camera.proto",
     "wheelarm/v1/episode.proto",
+    "wheelarm/v1/disturbance.proto",
     "wheelarm/v1/language.proto",
     "wheelarm/v1/recorder.proto",
     "wheelarm/v1/control.proto",
@@ -42,7 +43,7 @@ const SHARED_BYTES: [&str; 5] = [
 ];
 
 /// What makes up a scenario: people write it as TOML.
-const WRITTEN: [&str; 12] = [
+const WRITTEN: [&str; 13] = [
     ".wheelarm.v1.Scenario",
     ".wheelarm.v1.CameraSetting",
     ".wheelarm.v1.SensorSetting",
@@ -52,6 +53,7 @@ const WRITTEN: [&str; 12] = [
     ".wheelarm.v1.ObjectPlacement",
     ".wheelarm.v1.SlideResistance",
     ".wheelarm.v1.Pose",
+    ".wheelarm.v1.Disturbances",
     ".wheelarm.v1.Language",
     ".wheelarm.v1.Vector3",
     ".wheelarm.v1.Quaternion",

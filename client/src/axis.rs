@@ -101,17 +101,17 @@ impl Variation {
     pub fn set(&mut self, AxisAt(axis, strength): AxisAt) {
         let mut looks = |axes: &[&str]| {
             let look = self.look.unwrap_or_else(LookText::own);
-            self.look = Some(axes.iter().fold(look, |look, axis| look.with(axis, strength)));
+            self.look = Some(
+                axes.iter()
+                    .fold(look, |look, axis| look.with(axis, strength)),
+            );
         };
         match axis {
             Axis::Camera => looks(&["camera", "lens"]),
             Axis::Light => looks(&["light", "exposure"]),
             Axis::Background => looks(&["background", "materials", "decoration"]),
             Axis::Noise => self.sense(&["imu", "encoders", "odometry"], strength),
-            Axis::Depth => self.sense(
-                &["kinova_vision@gen3", "chair_stereo@wheelchair"],
-                strength,
-            ),
+            Axis::Depth => self.sense(&["kinova_vision@gen3", "chair_stereo@wheelchair"], strength),
             Axis::Delay => self.sense(&["command"], strength),
             Axis::Layout => self.bear_share = Some(f64::from(strength) / 3.0),
             Axis::Robot => {

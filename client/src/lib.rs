@@ -15,6 +15,7 @@ pub mod connect;
 pub mod control;
 #[cfg(feature = "hdf5")]
 pub mod demo;
+mod disturb;
 pub mod doctor;
 #[cfg(feature = "hdf5")]
 pub mod evaluate;

@@ -6,6 +6,7 @@ use std::process::ExitCode;
 use anyhow::Context;
 use clap::Args;
 use wheelarm_link::Link;
+use wheelarm_operate::forced::ForcedError;
 use wheelarm_operate::operator::Outcome;
 use wheelarm_operate::run::{self as operate, OperateOptions, Report};
 use wheelarm_proto::program::EXIT_NOT_DONE;
@@ -37,6 +38,10 @@ pub struct OperateArgs {
     /// Seed of the operator profile; the scenario's when absent.
     #[arg(long)]
     pub profile_seed: Option<u64>,
+    /// Makes an error on purpose and corrects it: `wrong-grasp`, `wrong-object` or
+    /// `drop`.
+    #[arg(long, value_name = "ERROR", value_parser = choice::named::<ForcedError>())]
+    pub error: Option<ForcedError>,
     /// Writes how it went as JSON: `outcome` (`done`, `not_done` or `broken`) and `why`.
     #[arg(long, value_name = "FILE")]
     pub report: Option<PathBuf>,
@@ -52,6 +57,7 @@ impl From<&OperateArgs> for OperateOptions {
             commander: args.commander.clone(),
             take: args.take,
             profile_seed: args.profile_seed,
+            forced: args.error,
         }
     }
 }

@@ -4,11 +4,13 @@
 
 use serde::de::Error as _;
 use serde::{Deserialize, Deserializer};
+use wheelarm_operate::forced::ForcedError;
 use wheelarm_proto::look::LookText;
 use wheelarm_proto::seeds::Purpose;
-use wheelarm_proto::settings::{Named, Starts};
+use wheelarm_proto::settings::{Named, Starts, Style};
 use wheelarm_proto::v1;
 
+use crate::disturb::Disturb;
 use crate::language::Language;
 
 /// What differs between episodes beside what their task draws.
@@ -28,6 +30,12 @@ pub struct Variation {
     pub look: Option<LookText>,
     /// Sensor models beside the truth.
     pub sensors: Vec<v1::SensorSetting>,
+    /// What hinders the robot, and what the operator does wrong on purpose.
+    pub disturb: Option<Disturb>,
+    /// How the operator moves.
+    pub style: Style,
+    /// Time limits follow from the way and the style; as the tasks say otherwise.
+    pub time_limits: bool,
 }
 
 impl Variation {
@@ -37,8 +45,19 @@ impl Variation {
         scenario.variant_share = self.bear_share;
         scenario.calibration_seed = self.specimen(seed);
         scenario.language = self.language.as_ref().map(|said| said.message(0));
+        scenario.disturbances = self.disturb.map(|disturb| disturb.disturbances(seed));
+        if self.style != Style::default() {
+            scenario.style = Some(self.style.name().to_owned());
+        }
+        scenario.time_limit_seconds = self.time_limits.then_some(0.0);
         scenario.look = self.look.map(|look| look.of(seed));
         scenario.sensors.clone_from(&self.sensors);
+    }
+
+    /// The error that the operator makes on purpose in the episode of `seed`.
+    #[must_use]
+    pub fn forced(&self, seed: u64) -> Option<ForcedError> {
+        self.disturb.and_then(|disturb| disturb.forced(seed))
     }
 
     /// Which specimen of the robot the episode of `seed` has. Those of another
@@ -66,6 +85,15 @@ impl Variation {
         }
         if let Some(said) = &self.language {
             words.push_str(&said.words(0));
+        }
+        if let Some(disturb) = &self.disturb {
+            words.push_str(&disturb.words());
+        }
+        if self.style != Style::default() {
+            words.push_str(&format!(" style={}", self.style.name()));
+        }
+        if self.time_limits {
+            words.push_str(" time_limits");
         }
         if let Some(look) = &self.look {
             words.push_str(&format!(" look={look}"));
@@ -120,6 +148,7 @@ mod tests {
             language: Some(Language::new(7, LanguageSplit::Train)),
             look: LookText::read("*:light=3").ok(),
             sensors: vec![v1::SensorSetting::from_text("imu=2").unwrap()],
+            ..Variation::default()
         };
         let mut scenario = v1::Scenario::default();
         variation.apply(10_001, &mut scenario);

@@ -185,6 +185,28 @@ impl Starts {
     }
 }
 
+/// How the scripted operator moves; scenarios hold the name.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Style {
+    /// As fast as the robot does it safely.
+    #[default]
+    Quick,
+    /// As slowly and smoothly as people by joystick.
+    Human,
+}
+
+impl Named for Style {
+    const WHAT: &'static str = "style";
+    const ALL: &'static [Self] = &[Self::Quick, Self::Human];
+
+    fn name(self) -> &'static str {
+        match self {
+            Self::Quick => "quick",
+            Self::Human => "human",
+        }
+    }
+}
+
 /// Which templates and names of the grammar are said.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum LanguageSplit {

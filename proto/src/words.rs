@@ -73,6 +73,14 @@ impl v1::ArmProblem {
     }
 }
 
+impl v1::Incident {
+    /// For example `forced_drop`; empty where nothing happened. Files hold the word.
+    #[must_use]
+    pub fn word(self) -> String {
+        told(self.as_str_name(), "INCIDENT", self.into())
+    }
+}
+
 impl v1::Device {
     /// For example `keyboard`; empty when it is not told.
     #[must_use]

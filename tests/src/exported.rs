@@ -79,7 +79,7 @@ fn tables(folder: &Path) -> anyhow::Result<Vec<PathBuf>> {
 fn rows(path: &Path) -> anyhow::Result<Vec<Row>> {
     let reader = SerializedFileReader::new(File::open(path)?)?;
     let all: Result<Vec<_>, _> = reader.get_row_iter(None)?.collect();
-    Ok(all.with_context(|| path.display().to_string())?)
+    all.with_context(|| path.display().to_string())
 }
 
 fn field<'a>(row: &'a Row, name: &str) -> anyhow::Result<&'a Field> {

@@ -52,11 +52,7 @@ impl Link {
         self.stop(started.header.as_ref().map(|h| h.episode), discard)
     }
 
-    fn stop(
-        &self,
-        episode: Option<u64>,
-        discard: bool,
-    ) -> Result<v1::EpisodeStopped, LinkError> {
+    fn stop(&self, episode: Option<u64>, discard: bool) -> Result<v1::EpisodeStopped, LinkError> {
         self.ask(&v1::EpisodeStopRequest {
             discard,
             episode,

@@ -8,6 +8,7 @@
 pub mod base_placement;
 pub mod clearance;
 pub mod drive;
+pub mod forced;
 pub mod goal;
 pub mod grasp_candidate;
 pub mod hand;

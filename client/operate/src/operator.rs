@@ -6,12 +6,14 @@ use wheelarm_proto::geometry;
 use wheelarm_proto::v1::{self, Phase};
 
 use super::base_placement::ArmReachability;
+use super::forced::ForcedError;
 use super::goal::Goal;
 use super::observation::Observation;
 use super::profile::OperatorProfile;
 use super::scene::SceneModel;
 pub use super::skill::Act;
 use super::skill::carry::Carry;
+use super::skill::fumble::Fumble;
 use super::skill::grasp::Grasp;
 use super::skill::lift::Lift;
 use super::skill::navigate::{Navigate, Purpose};
@@ -36,6 +38,8 @@ pub enum Outcome {
 
 /// Attempts at the thing before the operator gives up.
 const ATTEMPTS: usize = 3;
+/// The same where the scenario hinders the robot.
+const HINDERED_ATTEMPTS: usize = 8;
 /// Stops from which the arm did not reach before it gives up.
 const STOPS: usize = 4;
 /// The whole work takes no longer than this, seconds of simulation time.
@@ -72,6 +76,10 @@ impl Stage {
         }
     }
 }
+
+/// Another thing than the goal's, the nearest to it that can be taken; a wrong one
+/// further away than this is none, metres.
+const NEAR: f64 = 0.6;
 
 /// The skills that reach a goal, in their order.
 fn plan(goal: &Goal) -> &'static [Stage] {
@@ -121,6 +129,29 @@ pub struct Operator {
     stops: usize,
     opened: bool,
     over: bool,
+    trouble: Trouble,
+    /// What is asked, while the wrong thing is taken on purpose.
+    asked: Option<Goal>,
+    /// An error is being made on purpose.
+    forcing: bool,
+    /// An error was made that a firm grasp puts right.
+    erred: bool,
+    /// What went wrong or right again since the last command.
+    incident: v1::Incident,
+    longest: f64,
+    /// Time as the skills see it, and when it was last moved on, seconds.
+    own_time: Option<(f64, f64)>,
+}
+
+/// What may go wrong in an episode, on purpose.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Trouble {
+    /// The scenario hinders the robot.
+    pub hindered: bool,
+    /// An error that the operator is to make.
+    pub forced: Option<ForcedError>,
+    /// The scenario's time limit, seconds of simulation time.
+    pub time_limit: Option<f64>,
 }
 
 impl Operator {
@@ -155,7 +186,79 @@ impl Operator {
             stops: 0,
             opened: false,
             over: false,
+            trouble: Trouble::default(),
+            asked: None,
+            forcing: false,
+            erred: false,
+            incident: v1::Incident::Unspecified,
+            longest: LONGEST,
+            own_time: None,
         })
+    }
+
+    /// With something that may go wrong, on purpose.
+    #[must_use]
+    pub fn troubled(mut self, trouble: Trouble) -> Self {
+        self.memory.hindered = trouble.hindered;
+        self.memory.aside = trouble.forced == Some(ForcedError::WrongGrasp);
+        self.longest = trouble.time_limit.unwrap_or(LONGEST);
+        self.trouble = trouble;
+        self
+    }
+
+    /// Begins with the wrong thing, where there is one near by.
+    fn take_the_wrong_one(&mut self, poses: &[Isometry3<f64>]) {
+        let item = self.goal.item();
+        let off = |other: usize| {
+            (poses[other].translation.vector - poses[item].translation.vector).norm()
+        };
+        let others = self.scene.grasps.iter().map(|grasp| grasp.item);
+        let others = others.filter(|&other| other != item && off(other) < NEAR);
+        let slides = matches!(self.goal, Goal::Open { .. } | Goal::Close { .. });
+        let nearest = others.min_by(|&a, &b| off(a).total_cmp(&off(b)));
+        let Some(other) = nearest.filter(|_| !slides) else {
+            self.memory
+                .notes
+                .push("there is no other thing near by to take by mistake".to_owned());
+            return;
+        };
+        self.force(ForcedError::WrongObject);
+        let wrong = Goal::Lift { item: other };
+        self.asked = Some(std::mem::replace(&mut self.goal, wrong));
+    }
+
+    /// Goes on with what is asked.
+    fn correct(&mut self, goal: Goal) {
+        self.memory
+            .notes
+            .push("that was the wrong thing; takes the right one".to_owned());
+        self.goal = goal;
+        self.forcing = false;
+        self.memory.candidate = None;
+        self.memory.refused.clear();
+        self.memory.left.clear();
+        self.at = 0;
+        self.skill = plan(&self.goal)[0].begin();
+        self.detour = Some(Box::new(Release::after_miss()));
+    }
+
+    /// Notes an error that is made on purpose.
+    fn force(&mut self, error: ForcedError) {
+        self.trouble.forced = None;
+        self.forcing = true;
+        self.erred = true;
+        self.incident = error.incident();
+        let note = match error {
+            ForcedError::WrongGrasp => "forced: closes beside it",
+            ForcedError::WrongObject => "forced: takes another thing first",
+            ForcedError::Drop => "forced: drops it",
+        };
+        self.memory.notes.push(note.to_owned());
+    }
+
+    /// What went wrong or right again since the last call.
+    pub fn incident(&mut self) -> v1::Incident {
+        std::mem::take(&mut self.incident)
     }
 
     /// What happened, in words, since the last call.
@@ -164,8 +267,29 @@ impl Operator {
     }
 
     /// Decides what to do at one control tick; the outcome comes once, with
-    /// the last action.
+    /// the last action. In stop and go the skills see a time of their own, which
+    /// rests in a pause, and the chair goes as much slower as that time does.
     pub fn step(
+        &mut self,
+        seen: &Observation,
+        arm: &mut dyn ArmReachability,
+    ) -> (Act, Option<Outcome>) {
+        let Some(pace) = self.profile.pace else {
+            return self.decide(seen, arm);
+        };
+        let (mut own, last) = self.own_time.unwrap_or((seen.time, seen.time));
+        let begun = self.begun.unwrap_or(seen.time);
+        let rate = pace.rate(seen.time - begun);
+        own += (seen.time - last) * rate;
+        self.own_time = Some((own, seen.time));
+        let mut slowed = seen.clone();
+        slowed.time = own;
+        let (mut act, outcome) = self.decide(&slowed, arm);
+        act.base = act.base.map(|base| base.map(|v| v * rate));
+        (act, outcome)
+    }
+
+    fn decide(
         &mut self,
         seen: &Observation,
         arm: &mut dyn ArmReachability,
@@ -186,10 +310,15 @@ impl Operator {
                 seen.failure
             )));
         }
-        if seen.time - begun > LONGEST {
-            return self.finish(Outcome::Failure(format!("not done within {LONGEST} s")));
+        if seen.time - begun > self.longest {
+            let longest = self.longest;
+            return self.finish(Outcome::Failure(format!("not done within {longest} s")));
         }
         let poses = self.scene.poses(seen);
+        if let Some(ForcedError::WrongObject) = self.trouble.forced {
+            self.trouble.forced = None;
+            self.take_the_wrong_one(&poses);
+        }
         for _ in 0..ENDINGS {
             let mut now = Now {
                 scene: &self.scene,
@@ -201,7 +330,12 @@ impl Operator {
                 memory: &mut self.memory,
             };
             let skill = self.detour.as_mut().unwrap_or(&mut self.skill);
-            match skill.step(&mut now) {
+            let was_aside = now.memory.aside;
+            let step = skill.step(&mut now);
+            if was_aside && !self.memory.aside {
+                self.force(ForcedError::WrongGrasp);
+            }
+            match step {
                 Step::Going(mut act) => {
                     // The hand starts open, whatever it was left at.
                     if !self.opened {
@@ -225,7 +359,10 @@ impl Operator {
                         return self.finish(outcome);
                     }
                 }
-                Step::Impossible(why) => return self.finish(Outcome::Failure(why)),
+                Step::Impossible(why) => match self.asked.take() {
+                    Some(goal) => self.correct(goal),
+                    None => return self.finish(Outcome::Failure(why)),
+                },
             }
         }
         (Act::named(Phase::Unspecified, "thinking"), None)
@@ -235,6 +372,22 @@ impl Operator {
     fn done(&mut self) -> Option<Outcome> {
         if self.detour.take().is_some() {
             return None;
+        }
+        let stage = plan(&self.goal).get(self.at).copied();
+        if stage == Some(Stage::Grasp) {
+            if let Some(goal) = self.asked.take() {
+                self.correct(goal);
+                return None;
+            }
+            self.forcing = false;
+            if std::mem::take(&mut self.erred) {
+                self.incident = v1::Incident::Recovered;
+                self.memory.notes.push("has it again".to_owned());
+            }
+            if self.trouble.forced == Some(ForcedError::Drop) {
+                self.force(ForcedError::Drop);
+                self.detour = Some(Box::new(Fumble::default()));
+            }
         }
         self.at += 1;
         match plan(&self.goal).get(self.at) {
@@ -248,15 +401,32 @@ impl Operator {
 
     /// Gives this attempt up: lets go, backs off, looks again; or the end.
     fn missed(&mut self, why: &str) -> Option<Outcome> {
-        self.attempts += 1;
-        self.memory
-            .notes
-            .push(format!("attempt {}: {why}", self.attempts));
+        if let Some(goal) = self.asked.take() {
+            self.correct(goal);
+            return None;
+        }
         self.memory.held = None;
-        if self.attempts >= ATTEMPTS {
-            return Some(Outcome::Failure(format!(
-                "{why}, after {ATTEMPTS} attempts"
-            )));
+        match std::mem::take(&mut self.forcing) {
+            // Meant so: it does not count.
+            true => self.memory.notes.push(why.to_owned()),
+            false => {
+                self.attempts += 1;
+                self.erred = true;
+                let moved = why.starts_with("it was moved");
+                self.incident = match moved {
+                    true => v1::Incident::Moved,
+                    false => v1::Incident::Missed,
+                };
+                let note = format!("attempt {}: {why}", self.attempts);
+                self.memory.notes.push(note);
+            }
+        }
+        let most = match self.trouble.hindered {
+            true => HINDERED_ATTEMPTS,
+            false => ATTEMPTS,
+        };
+        if self.attempts >= most {
+            return Some(Outcome::Failure(format!("{why}, after {most} attempts")));
         }
         let reach = plan(&self.goal)
             .iter()
@@ -269,6 +439,10 @@ impl Operator {
 
     /// Drives to another place for the present skill; or the end.
     fn elsewhere(&mut self, why: String) -> Option<Outcome> {
+        if let Some(goal) = self.asked.take() {
+            self.correct(goal);
+            return None;
+        }
         self.stops += 1;
         if self.stops >= STOPS {
             return Some(Outcome::Failure(format!(

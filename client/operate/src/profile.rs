@@ -5,7 +5,33 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 use super::drive::DriveLimits;
+use wheelarm_proto::exact;
+use wheelarm_proto::settings::Style;
 use wheelarm_route::hybrid_a_star::PathPreferences;
+
+/// Speeds of the human-like style at their peaks, as a share of the quick one's.
+const HUMAN: f64 = 0.5;
+
+/// Stop and go of the human-like style: a while of motion and a pause after it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct StopAndGo {
+    /// Seconds of motion, whose speed swells and ebbs away.
+    pub go: f64,
+    /// Seconds of pause.
+    pub stop: f64,
+}
+
+impl StopAndGo {
+    /// How fast the operator goes at a time since the beginning, 0 to 1.
+    #[must_use]
+    pub fn rate(&self, time: f64) -> f64 {
+        let at = time.rem_euclid(self.go + self.stop);
+        match at < self.go {
+            true => exact::sin(std::f64::consts::PI * at / self.go).powi(2),
+            false => 0.0,
+        }
+    }
+}
 
 /// How the hand takes things.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -39,6 +65,8 @@ pub struct OperatorProfile {
     pub retract: f64,
     /// Force cap at each pad, N.
     pub force: f64,
+    /// Stop and go; none for who goes straight on.
+    pub pace: Option<StopAndGo>,
 }
 
 impl OperatorProfile {
@@ -70,6 +98,31 @@ impl OperatorProfile {
             retract: draw(0.08, 0.13),
             arch: draw(0.0, 0.05),
             force: 40.0,
+            pace: None,
         }
+    }
+
+    /// The same operator in a style: a human-like one goes at [`HUMAN`] times the
+    /// speeds, in stop and go.
+    #[must_use]
+    pub fn in_style(mut self, style: Style) -> Self {
+        if style == Style::Human {
+            let squared = HUMAN * HUMAN;
+            self.drive.speed *= HUMAN;
+            self.drive.turn_rate *= HUMAN;
+            self.drive.acceleration *= squared;
+            self.drive.braking *= squared;
+            self.drive.turn_acceleration *= squared;
+            self.free_speed *= HUMAN;
+            self.approach_speed *= HUMAN;
+            self.carry_speed *= HUMAN;
+            // Who moves fast also pauses less.
+            let habit = (self.free_speed / HUMAN - 0.25) / 0.10;
+            self.pace = Some(StopAndGo {
+                go: 1.15 + 0.3 * habit,
+                stop: 2.1 + 1.0 * (1.0 - habit),
+            });
+        }
+        self
     }
 }

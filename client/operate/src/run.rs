@@ -6,12 +6,14 @@ use nalgebra::Isometry3;
 use wheelarm_proto::check::Invalid;
 use wheelarm_proto::geometry;
 use wheelarm_proto::robot::Roles;
+use wheelarm_proto::settings::{Named, Style};
 use wheelarm_proto::v1;
 
 use super::base_placement::ArmReachability;
+use super::forced::ForcedError;
 use super::goal::Goal;
 use super::observation::{self, Collector};
-use super::operator::{Operator, Outcome};
+use super::operator::{Operator, Outcome, Trouble};
 use super::profile::OperatorProfile;
 use super::scene::SceneModel;
 use wheelarm_link::{Link, LinkError, Turn, Turns};
@@ -33,6 +35,8 @@ pub struct OperateOptions {
     pub take: bool,
     /// Seed of the operator profile; the scenario's when absent.
     pub profile_seed: Option<u64>,
+    /// An error that the operator makes on purpose and corrects.
+    pub forced: Option<ForcedError>,
 }
 
 impl Default for OperateOptions {
@@ -45,6 +49,7 @@ impl Default for OperateOptions {
             commander: "operator".to_owned(),
             take: false,
             profile_seed: None,
+            forced: None,
         }
     }
 }
@@ -175,8 +180,16 @@ pub fn run(
     let scene = SceneModel::read(&reply)?;
     let goal = Goal::read(&reply, &scene)?;
     let roles = Roles::find(&reply.robot.unwrap_or_default())?;
+    let style = Style::from_name(scenario.style()).unwrap_or_default();
     let profile = OperatorProfile::new(options.profile_seed.unwrap_or(scenario.seed()));
-    let operator = Operator::new(scene, goal, profile).map_err(OperateError::Scene)?;
+    let operator = Operator::new(scene, goal, profile.in_style(style));
+    let operator = operator.map_err(OperateError::Scene)?.troubled(Trouble {
+        hindered: scenario
+            .disturbances
+            .is_some_and(|d| d.noise + d.pushes + d.slips > 0),
+        forced: options.forced,
+        time_limit: scenario.time_limit_seconds,
+    });
     let (started, is_ours) = match running {
         Some(running) => (running, false),
         None => (start(link, options, &scenario)?, true),
@@ -299,7 +312,11 @@ impl Work<'_> {
             act.base,
             seen.arm_problem,
         );
-        self.turns.answer(self.operator.command(&act))?;
+        let incident = self.operator.incident();
+        self.turns.answer(v1::Command {
+            incident: incident.into(),
+            ..self.operator.command(&act)
+        })?;
         let notes = self.operator.notes();
         progress(&Progress {
             time: stamp.saturating_sub(self.first.stamp_nanos) as f64 * 1e-9,

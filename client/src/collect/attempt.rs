@@ -13,6 +13,7 @@ use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use anyhow::{Context, anyhow};
+use wheelarm_dataset::read::Episode as Recording;
 use wheelarm_dataset::scenario_text::scenario_json;
 use wheelarm_link::{Connect, Link};
 use wheelarm_operate::run::{self as operate, OperateError, OperateOptions, Progress, Report};
@@ -21,9 +22,10 @@ use wheelarm_rig::{Recorder, RecorderOptions, Server, ServerOptions, StartError,
 
 use super::activity::Activity;
 use super::episode::Episode;
-use super::folder::Folder;
+use super::folder::{Folder, sha256};
 use super::journal::{Done, Failed};
 use super::judge::{Judged, judge};
+use super::loss::{self, Loss};
 use super::plan::Plan;
 use super::slot::Permit;
 use super::stop::Stop;
@@ -192,7 +194,26 @@ impl Attempt<'_> {
         let judged = judged.with_context(|| format!("the recorder said:\n{recorder_said}"))?;
         Ok(match judged {
             Judged::Done(done) => Outcome::Done(done),
-            Judged::Failed(failed) => Outcome::Failed(failed),
+            Judged::Failed(mut failed) => {
+                if self.setup.plan.keep_failed && failed.broken.is_none() {
+                    failed.loss = Some(Box::new(self.keep(&file)?));
+                }
+                Outcome::Failed(failed)
+            }
+        })
+    }
+
+    /// Keeps the recording of an attempt that failed at its task.
+    fn keep(&self, file: &Path) -> anyhow::Result<Loss> {
+        let (cause, tick) = loss::of(&Recording::open(file)?);
+        let sha256 = sha256(file)?;
+        let name = format!("{}-attempt-{}", self.episode.id, self.number);
+        let file = self.setup.folder.keep_recording(file, &name)?;
+        Ok(Loss {
+            cause,
+            tick,
+            file,
+            sha256,
         })
     }
 
@@ -252,6 +273,7 @@ impl Attempt<'_> {
         let work = OperateOptions {
             label: Some(self.episode.id.clone()),
             require_recorders: 1,
+            forced: self.setup.plan.variation.forced(self.seed),
             profile_seed: (!self.setup.plan.randomise.operator).then_some(0),
             ..OperateOptions::default()
         };
@@ -381,6 +403,7 @@ impl Attempt<'_> {
             wall_seconds: self.begun.elapsed().as_secs_f64(),
             broken: Some(broken),
             death: 0,
+            loss: None,
             scenario: Some(told.as_ref().map_or_else(asked, scenario_json)),
         }
     }

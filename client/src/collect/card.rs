@@ -12,6 +12,7 @@ use wheelarm_proto::{CONTRACT_VERSION, PHYSICS_VERSION, v1};
 use super::estimate::{bytes, duration};
 use super::folder::{Folder, write_whole};
 use super::journal::Done;
+use super::loss;
 use super::manifest::Manifest;
 use super::plan::Plan;
 
@@ -150,6 +151,7 @@ fn coverage(drawn: &[Drawn<'_>]) -> String {
             None => "as described".to_owned(),
         }),
     );
+    text += &histogram("Hindered by", scenarios().map(hindrance));
     let durations = drawn.iter().map(|d| {
         let from = (d.done.seconds / DURATION).floor() * DURATION;
         format!("{from:>4.0}..{:.0} s", from + DURATION)
@@ -172,6 +174,21 @@ fn coverage(drawn: &[Drawn<'_>]) -> String {
         words.len()
     );
     text
+}
+
+/// What hinders the robot in a scenario.
+fn hindrance(scenario: &v1::Scenario) -> String {
+    let disturbances = scenario.disturbances.unwrap_or_default();
+    let v1::Disturbances {
+        noise,
+        pushes,
+        slips,
+        ..
+    } = disturbances;
+    match noise + pushes + slips {
+        0 => "nothing".to_owned(),
+        _ => format!("noise {noise}, pushes {pushes}, slips {slips}"),
+    }
 }
 
 /// Lower edge of the sector of 45° in which an angle lies, degrees from -180.
@@ -252,6 +269,10 @@ fn making(plan: &Plan, manifest: &Manifest) -> String {
         .map(|d| Purpose::of(d.seed))
         .collect();
     let purposes: Vec<&str> = purposes.into_iter().map(Named::name).collect();
+    let losses = manifest
+        .failed_attempts
+        .iter()
+        .filter_map(|f| f.loss.as_deref());
     let _ = write!(
         text,
         "- Purposes of the seeds that are in it: {}\n\
@@ -260,10 +281,14 @@ fn making(plan: &Plan, manifest: &Manifest) -> String {
          again and compares its states.\n\n\
          ## Limits\n\n\
          Everything is simulated: one furnished home, fifteen objects, a scripted operator that \
-         knows the true state. Failed attempts are {} of {} and not in `episodes/`. {pictures}.\n",
+         knows the true state. Failed attempts are {} of {} and not in `episodes/`. {kept}{pictures}.\n",
         purposes.join(", "),
         manifest.failed_attempts.len(),
         manifest.failed_attempts.len() + manifest.episodes.len(),
+        kept = loss::sentence(losses).map_or(String::new(), |kept| format!(
+            "{kept} (a split of their own: cause, and tick from which each was lost, in \
+             `manifest.json`). "
+        )),
         pictures = if plan.variation.sensors.is_empty() {
             "Pictures are exact and without noise"
         } else {

@@ -8,6 +8,7 @@
 //! | `journal/*.jsonl` | what has been done, append-only |
 //! | `staging/ID/` | an episode while it is made |
 //! | `failed/ID-attempt-K/` | what the programs said in attempts that failed; `-2` and so on when one was made again |
+//! | `failed_episodes/ID-attempt-K.h5` | recordings of attempts that failed at the task, where the plan keeps them |
 //! | `failed/ID-not-in-journal.h5` | a file whose entry in the journal was lost in a power cut |
 //! | `manifest.json`, `report.md`, `README.md` | made from the journals at the end |
 //!
@@ -188,6 +189,21 @@ impl Folder {
         // The same attempt is made once more after a server's death.
         let kept = free(&self.root.join(name), "");
         std::fs::rename(&staging, &kept).with_context(|| format!("making {}", kept.display()))
+    }
+
+    /// Moves the recording of a failed attempt to `failed_episodes/`; its new path,
+    /// relative to the root.
+    ///
+    /// # Errors
+    /// When it cannot be moved.
+    pub fn keep_recording(&self, file: &Path, name: &str) -> anyhow::Result<String> {
+        let folder = self.root.join("failed_episodes");
+        std::fs::create_dir_all(&folder)
+            .with_context(|| format!("making the folder {}", folder.display()))?;
+        let kept = free(&folder.join(name), ".h5");
+        appear(file, &kept)?;
+        let stem = kept.file_name().unwrap_or_default().to_string_lossy();
+        Ok(format!("failed_episodes/{stem}"))
     }
 
     /// Moves the file of an episode that no journal knows out of the dataset; its

@@ -13,6 +13,7 @@ use anyhow::{Context, bail};
 use serde::{Deserialize, Serialize};
 
 use super::episode::Shard;
+use super::loss::Loss;
 use crate::broken::Broken;
 
 /// One line of a journal.
@@ -91,6 +92,9 @@ pub struct Failed {
     /// none did.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub death: u32,
+    /// Of a kept recording: why the episode was lost, and from when on.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub loss: Option<Box<Loss>>,
     /// Where something broke, the scenario that reproduces it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub scenario: Option<serde_json::Value>,
@@ -279,6 +283,7 @@ mod tests {
             seconds: 1.0,
             wall_seconds: 1.0,
             broken: None,
+            loss: None,
             death: 0,
             scenario: None,
         }

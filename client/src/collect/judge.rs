@@ -53,6 +53,7 @@ pub fn judge(
             wall_seconds,
             broken,
             death: 0,
+            loss: None,
             scenario: broken.map(|_| scenario),
         }));
     }

@@ -33,7 +33,7 @@ pub struct Manifest {
     /// Episodes of the plan that are not there.
     pub missing: Vec<String>,
     /// Attempts that failed, at the task or because something broke; none of them
-    /// is in the dataset.
+    /// is in the dataset; of a kept recording, where it is lost and why.
     pub failed_attempts: Vec<Failed>,
 }
 
@@ -134,8 +134,18 @@ impl Manifest {
         for failed in &self.failed_attempts {
             let _ = writeln!(
                 text,
-                "- {} attempt {}, seed {}, after {:.1} s: {}",
-                failed.episode, failed.attempt, failed.seed, failed.seconds, failed.reason
+                "- {} attempt {}, seed {}, after {:.1} s: {}{}",
+                failed.episode,
+                failed.attempt,
+                failed.seed,
+                failed.seconds,
+                failed.reason,
+                failed.loss.as_ref().map_or(String::new(), |loss| format!(
+                    "; {}: {} from tick {}",
+                    loss.file,
+                    loss.cause.word(),
+                    loss.tick
+                ))
             );
         }
         text

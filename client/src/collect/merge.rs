@@ -12,8 +12,9 @@ use wheelarm_dataset::read::Episode as Recording;
 use super::card;
 use super::episode::{Episode, episodes};
 use super::folder::{Folder, appear, sha256};
-use super::journal::{Done, Entry, Journal, Ledger};
+use super::journal::{Done, Entry, Failed, Journal, Ledger};
 use super::judge::check;
+use super::loss::Loss;
 use super::manifest::Manifest;
 use super::plan::Plan;
 
@@ -54,8 +55,9 @@ pub fn merge(sources: &[PathBuf], out: &Path) -> anyhow::Result<Manifest> {
     });
     for source in sources.iter().filter(|source| !ours(source)) {
         let theirs = Ledger::read(&Folder::at(source).journal())?;
-        for failed in theirs.failed.into_values().flatten() {
+        for mut failed in theirs.failed.into_values().flatten() {
             if !ledger.knows(&failed) {
+                failed.loss = keep(&folder, source, &failed).map(Box::new);
                 journal.append(&Entry::Failed(failed.clone()))?;
                 ledger.add(Entry::Failed(failed));
             }
@@ -130,6 +132,52 @@ fn said(result: anyhow::Result<()>, root: &Path, id: &str) -> bool {
     }
 }
 
+/// Brings the recording of a failed attempt into the dataset, where one was kept. One
+/// that is bad or absent is left out, and said; the attempt itself stays told.
+fn keep(folder: &Folder, source: &Path, failed: &Failed) -> Option<Loss> {
+    let loss = failed.loss.as_ref()?;
+    let name = format!("{}-attempt-{}", failed.episode, failed.attempt);
+    let kept = || -> anyhow::Result<String> {
+        let from = source.join(&loss.file);
+        let found = sha256(&from)?;
+        if found != loss.sha256 {
+            bail!("its SHA-256 is {found}, expected {}", loss.sha256);
+        }
+        let there = folder.root().join(&loss.file);
+        if there.is_file() && sha256(&there)? == loss.sha256 {
+            return Ok(loss.file.clone());
+        }
+        let staging = folder.stage(&name)?;
+        let staged = staging.join(format!("{name}.h5"));
+        bring(&from, &staged)?;
+        let file = folder.keep_recording(&staged, &name)?;
+        folder.clean(&name)?;
+        Ok(file)
+    };
+    match kept() {
+        Ok(file) => Some(Loss {
+            file,
+            ..Loss::clone(loss)
+        }),
+        Err(problem) => {
+            said(Err(problem), source, &name);
+            None
+        }
+    }
+}
+
+/// Links a file, or copies it between disks.
+fn bring(from: &Path, staged: &Path) -> anyhow::Result<()> {
+    if std::fs::hard_link(from, staged).is_err() {
+        std::fs::copy(from, staged)
+            .with_context(|| format!("copying {} to {}", from.display(), staged.display()))?;
+        std::fs::File::open(staged)
+            .and_then(|file| file.sync_all())
+            .with_context(|| format!("syncing {}", staged.display()))?;
+    }
+    Ok(())
+}
+
 /// Brings a file into the dataset.
 fn take(folder: &Folder, from: &Path, done: &Done) -> anyhow::Result<()> {
     let to = folder.file(&done.episode);
@@ -138,13 +186,7 @@ fn take(folder: &Folder, from: &Path, done: &Done) -> anyhow::Result<()> {
     }
     let staging = folder.stage(&done.episode)?;
     let staged = staging.join(format!("{}.h5", done.episode));
-    if std::fs::hard_link(from, &staged).is_err() {
-        std::fs::copy(from, &staged)
-            .with_context(|| format!("copying {} to {}", from.display(), staged.display()))?;
-        std::fs::File::open(&staged)
-            .and_then(|file| file.sync_all())
-            .with_context(|| format!("syncing {}", staged.display()))?;
-    }
+    bring(from, &staged)?;
     appear(&staged, &to)?;
     folder.clean(&done.episode)
 }

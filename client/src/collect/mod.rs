@@ -16,6 +16,7 @@ mod fleet;
 mod folder;
 mod journal;
 mod judge;
+mod loss;
 mod manifest;
 mod merge;
 mod plan;

@@ -7,7 +7,7 @@ use std::time::Duration;
 use anyhow::bail;
 use clap::Args;
 use wheelarm_proto::look::LookText;
-use wheelarm_proto::settings::{LanguageSplit, Quality, Starts};
+use wheelarm_proto::settings::{LanguageSplit, Quality, Starts, Style};
 use wheelarm_proto::v1;
 use wheelarm_rig::{ServerOptions, all_cameras};
 
@@ -15,6 +15,7 @@ use super::entry::Job;
 use super::scope::{Scope, read_split};
 use crate::axis::AxisAt;
 use crate::choice::{MOST_SEEDS, named, patience, seed_range};
+use crate::disturb::Disturb;
 use crate::language::Language;
 use crate::variation::Variation;
 
@@ -76,6 +77,18 @@ pub struct EvaluateArgs {
     /// place of the seed for each episode's own. Give each its own folder.
     #[arg(long, value_name = "LOOK", value_parser = LookText::read)]
     pub look: Option<LookText>,
+    /// Hinders the robot: strength of noise, pushes and slips, 1 to 3.
+    #[arg(long, value_name = "STRENGTH", value_parser = clap::value_parser!(u32).range(1..=3), conflicts_with = "split")]
+    pub disturb: Option<u32>,
+    /// Share of episodes in which the operator errs on purpose and corrects it, 0 to 1.
+    #[arg(long, default_value = "0", value_parser = share, value_name = "SHARE", conflicts_with = "split")]
+    pub error_share: f64,
+    /// How the operator moves: `quick`, or `human` with time limits to match.
+    #[arg(long, default_value = "quick", value_parser = named::<Style>())]
+    pub style: Style,
+    /// Time limits from the way and the style, in place of those of the tasks.
+    #[arg(long)]
+    pub time_limits: bool,
     /// Wall seconds without a sign of life after which a server is ended, 1 at least.
     #[arg(long, default_value = "60", value_parser = patience::<1>, value_name = "SECONDS")]
     pub patience: Duration,
@@ -91,6 +104,12 @@ pub struct EvaluateArgs {
     /// Assets folder; the server looks for it when absent.
     #[arg(long, env = "WHEELARM_ASSETS")]
     pub assets: Option<PathBuf>,
+}
+
+/// A share, 0 to 1.
+fn share(text: &str) -> Result<f64, String> {
+    let share = text.parse().ok().filter(|s| (0.0..=1.0).contains(s));
+    share.ok_or_else(|| format!("{text:?} is no share, 0 to 1"))
 }
 
 impl EvaluateArgs {
@@ -114,13 +133,25 @@ impl EvaluateArgs {
                 }
             }
         };
+        if self.disturb.is_some() || self.error_share > 0.0 {
+            scope.variation.disturb = Some(Disturb::all(
+                self.disturb.unwrap_or_default(),
+                self.error_share,
+            ));
+        }
+        scope.variation.style = self.style;
+        scope.variation.time_limits = self.time_limits || self.style == Style::Human;
         if let Some(seed) = self.language {
             scope.variation.language = Some(Language::new(seed, self.language_split));
         }
         for axis in &self.axis {
             scope.variation.set(*axis);
         }
-        let sees = scope.variation.sensors.iter().find(|s| !s.camera.is_empty());
+        let sees = scope
+            .variation
+            .sensors
+            .iter()
+            .find(|s| !s.camera.is_empty());
         if let Some(sensor) = sees.filter(|_| !self.record) {
             bail!(
                 "the sensor {} sees through a camera, and an evaluation has cameras only where it records; add --record",

@@ -14,6 +14,7 @@ use wheelarm_proto::settings::Named;
 use wheelarm_proto::v1;
 
 use crate::axis::AxisAt;
+use crate::disturb::Disturb;
 use crate::language::LanguageFile;
 use crate::variation::{Variation, read_sensors};
 
@@ -49,6 +50,7 @@ struct SplitFile {
     #[serde(default)]
     robots: u32,
     look: Option<LookText>,
+    disturb: Option<Disturb>,
     #[serde(default, deserialize_with = "read_sensors")]
     sensors: Vec<v1::SensorSetting>,
     language: Option<LanguageFile>,
@@ -131,6 +133,8 @@ fn parse(path: &Path, text: &str) -> anyhow::Result<Scope> {
         language,
         look: file.look,
         sensors: file.sensors,
+        disturb: file.disturb,
+        ..Variation::default()
     };
     file.axes.into_iter().for_each(|axis| variation.set(axis));
     Ok(Scope {

@@ -268,9 +268,12 @@ fn attempt(
     let work = OperateOptions {
         label: Some(free_label(out, &job.label())),
         require_recorders: recorders,
+        forced: job.variation.forced(job.seed),
         ..OperateOptions::default()
     };
-    let mut notes = Vec::new();
+    let limit = scenario.time_limit_seconds;
+    let limit = limit.map(|limit| format!("0.00 s its time limit is {limit:.0} s"));
+    let mut notes: Vec<String> = limit.into_iter().collect();
     let begun = Instant::now();
     let report = operate::run(link, &work, &mut |progress| {
         pulse.beat(progress.time);

@@ -155,7 +155,19 @@ pub fn has_path(
     preferences: &PathPreferences,
     limit: usize,
 ) -> bool {
-    weighted(footprint, start, goal, preferences, GREED, limit).is_some()
+    rough_path(footprint, start, goal, preferences, limit).is_some()
+}
+
+/// A path from `start` to `goal`, be it slow, found as [`has_path`] asks for it.
+#[must_use]
+pub fn rough_path(
+    footprint: &FootprintCheck,
+    start: Pose2,
+    goal: Pose2,
+    preferences: &PathPreferences,
+    limit: usize,
+) -> Option<DrivePath> {
+    weighted(footprint, start, goal, preferences, GREED, limit)
 }
 
 /// The search, with the way that is left counted `weight` times.

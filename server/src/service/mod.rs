@@ -14,6 +14,7 @@ pub mod convert;
 mod denied;
 pub mod describe;
 mod desk;
+mod disturbance;
 mod engine;
 mod episode;
 mod errand;

@@ -4,6 +4,7 @@ use wheelarm_proto::exact;
 use wheelarm_proto::v1;
 
 use super::convert;
+use super::disturbance;
 use super::inbox::Taken;
 use super::outbox::Outbox;
 use crate::robot::control::{RobotControl, Targets};
@@ -52,6 +53,15 @@ pub fn applied(
                 .map(|answered| tick.saturating_sub(answered)),
         };
         outbox.put(episode, tick, log);
+    }
+}
+
+/// Publishes what disturbs the control tick that comes; nothing where the scenario
+/// has no disturbances.
+pub fn disturbance(outbox: &Outbox, episode: u64, sim: &Simulation) {
+    if let Some(disturbance) = sim.disturbance() {
+        let message = disturbance::message(&disturbance, sim);
+        outbox.put(episode, sim.snapshot().tick, message);
     }
 }
 

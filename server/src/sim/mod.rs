@@ -6,8 +6,12 @@
 #[cfg(test)]
 mod bits;
 mod calibration;
+mod disturb;
 mod envelope;
+mod error;
+mod expected;
 mod guard;
+mod open;
 mod scenario;
 mod shown;
 mod state;
@@ -17,9 +21,10 @@ pub(crate) mod tests;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use nalgebra::Isometry3;
 use wheelarm_proto::PHYSICS_HZ;
 
+pub use disturb::{Disturbance, Disturbances, MAX_STRENGTH, Pushed};
+pub use error::SimError;
 pub use guard::{anomaly_words, fault_words};
 pub use scenario::{
     ALL_CAMERAS, CameraPlace, CameraSetting, HOUSE, Lens, MAX_SIZE, Pacing, Quality, SOFT_MASS,
@@ -29,89 +34,16 @@ pub use shown::{Recorded, RecordedSkin, Unfit};
 pub use state::StateError;
 
 use crate::robot::control::{ControlInput, GripperMap, RobotControl, Targets};
-use crate::robot::{ARM_JOINTS, RecordedFrame, RobotError, RobotModel};
-use crate::scene::{Body, Placement, Scene, SceneError};
+use crate::robot::{ARM_JOINTS, RecordedFrame, RobotModel};
+use crate::scene::Scene;
 use crate::sensors::frames::{self, RelativeState};
 use crate::sensors::imu::{self, Imu};
-use crate::sensors::models::{self, Device, SensorError};
+use crate::sensors::models::{self, Device};
 use crate::sensors::odometry::Odometry;
 use crate::snapshot::{BodyRef, Contact, Fault, Snapshot};
-use crate::tasks::{self, Draw, Evaluation, Evaluator, Floor, SceneDraw, TaskSpec, Variant};
-use crate::world::{World, WorldError, WorstOfSoft};
-
-/// What can be wrong when a simulation is set up.
-#[derive(Debug, thiserror::Error)]
-pub enum SimError {
-    /// The scenario.
-    #[error(transparent)]
-    Scenario(#[from] ScenarioError),
-    /// The robot description.
-    #[error(transparent)]
-    Robot(#[from] RobotError),
-    /// The scene or the task.
-    #[error(transparent)]
-    Scene(#[from] SceneError),
-    /// The physics.
-    #[error(transparent)]
-    World(#[from] WorldError),
-    /// A stored state.
-    #[error(transparent)]
-    State(#[from] StateError),
-    /// The sensor models.
-    #[error(transparent)]
-    Sensors(#[from] SensorError),
-    /// A scenario that is broken from the start.
-    #[error("the scenario cannot be simulated: {0}; correct the poses of `start` and `objects`")]
-    Broken(String),
-    /// A scenario in which the simulation panics.
-    #[error(
-        "the scenario cannot be simulated, setting it up panicked: {0}; please report it with the scenario"
-    )]
-    Panicked(String),
-    /// A placement of the scenario.
-    #[error("the scenario places {name:?}, but scene {scene:?} has the objects {known}")]
-    Object {
-        /// The object.
-        name: String,
-        /// The scene.
-        scene: String,
-        /// The objects that there are.
-        known: String,
-    },
-    /// Placements of the scenario that cannot be side by side.
-    #[error(
-        "the scenario places {one:?} and {other:?} into each other by {:.0} mm; move one of them, or leave them out and they are drawn",
-        .depth * 1e3
-    )]
-    Overlap {
-        /// An object.
-        one: String,
-        /// Another object.
-        other: String,
-        /// How far, metres.
-        depth: f64,
-    },
-    /// A variant of the area.
-    #[error("the scenario asks for the variant {name:?}, but the task {task:?} is done in {known}")]
-    Variant {
-        /// The variant.
-        name: String,
-        /// The task.
-        task: String,
-        /// The variants in which it can be done.
-        known: String,
-    },
-    /// A furniture joint of the scenario.
-    #[error("the scenario sets the slide {name:?}, but scene {scene:?} has the joints {known}")]
-    Slide {
-        /// The joint.
-        name: String,
-        /// The scene.
-        scene: String,
-        /// The joints that there are.
-        known: String,
-    },
-}
+use crate::tasks::{Evaluation, Evaluator, Floor, TaskSpec};
+use crate::world::{World, WorstOfSoft};
+use open::{check_pose, draw_open_values, say, variant};
 
 /// A running simulation.
 pub struct Simulation {
@@ -234,6 +166,16 @@ impl Simulation {
             .as_ref()
             .map(|t| Evaluator::new(t, &scene, &model, &scenario.target))
             .transpose()?;
+        if let Some(evaluator) = &mut evaluator {
+            if scenario.time_limit == Some(0.0)
+                && let Some(about) = task.as_ref().zip(variant.as_ref())
+            {
+                let floor = floor.unwrap_or_else(|| Floor::new(&model, &scene));
+                let expected = expected::seconds(about, &floor, &model, &scene, &scenario);
+                scenario.time_limit = Some((expected::ROOM * expected).ceil());
+            }
+            evaluator.bend(scenario.time_limit, scenario.disturbances.is_some());
+        }
         let evaluation = evaluator
             .as_mut()
             .map(|e| e.update(&snapshot))
@@ -302,8 +244,15 @@ impl Simulation {
         input: &ControlInput,
         tell: impl FnOnce(&Targets, &RobotControl),
     ) -> Result<Step, Fault> {
-        let targets = self.control.update(input, &self.snapshot);
+        let disturbance = self.disturbance();
+        let mut targets = self.control.update(input, &self.snapshot);
         tell(&targets[0], &self.control);
+        let push = disturbance.as_ref().and_then(|d| d.push);
+        self.world
+            .push(push.map(|(on, force)| (self.body_of(on), force)));
+        if let Some(disturbance) = &disturbance {
+            disturbance.apply(&mut targets);
+        }
         let mut step = Step::default();
         for (i, target) in targets.iter().enumerate() {
             self.world.apply(target);
@@ -323,6 +272,28 @@ impl Simulation {
             self.evaluation = evaluator.update(&self.snapshot);
         }
         Ok(step)
+    }
+
+    /// What disturbs the coming control tick; `None` where the scenario has no
+    /// disturbances.
+    #[must_use]
+    pub fn disturbance(&self) -> Option<Disturbance> {
+        let disturbances = self.scenario.disturbances.as_ref()?;
+        // What is soft has no weight of its own in the engine, and furniture none.
+        let target = self.scene.object_named(&self.scenario.target);
+        let target = target.filter(|&i| self.scene.objects[i].soft.is_none());
+        let target = target.map(|i| (i, self.scenario.objects[i].1.mass));
+        Some(disturbances.at(self.scenario.seed, self.world.tick(), target))
+    }
+
+    /// The body that a push goes to.
+    #[must_use]
+    pub fn body_of(&self, pushed: Pushed) -> BodyRef {
+        match pushed {
+            Pushed::Chair => BodyRef::Link(0),
+            Pushed::Hand => BodyRef::Link(self.model.roles.end_effector),
+            Pushed::Object(index) => BodyRef::Object(index),
+        }
     }
 
     /// Reads the sensors that are due at the present tick. A whole snapshot is
@@ -472,7 +443,7 @@ impl Simulation {
     }
 
     /// Contacts of the robot with furniture at the present tick that are harder
-    /// than [`tasks::HARD`]; none without a task.
+    /// than [`HARD`](crate::tasks::HARD); none without a task.
     pub fn hard_collisions(&self) -> impl Iterator<Item = &Contact> {
         let judge = self.evaluator.iter();
         judge.flat_map(move |evaluator| evaluator.hard_collisions(&self.snapshot))
@@ -525,200 +496,5 @@ impl Simulation {
                 .map(|c| c.force.norm())
                 .sum()
         })
-    }
-}
-
-/// The variant of a task's area that a scenario names, or whose things it
-/// places; else the one that is drawn.
-fn variant<'a>(task: &'a TaskSpec, scenario: &Scenario) -> Result<&'a Variant, SimError> {
-    let offering = || task.variants();
-    let given = match &scenario.variant {
-        Some(name) => offering().find(|variant| variant.name == *name),
-        None if scenario.objects.is_empty() => {
-            tasks::variant_of(task, scenario.seed, scenario.variant_share)
-        }
-        // A recording that does not tell its variant tells what was there.
-        None => {
-            let placed = |variant: &&Variant| {
-                let certain = variant.places.iter().filter(|place| place.is_certain());
-                let there = certain.filter(|place| {
-                    scenario
-                        .objects
-                        .iter()
-                        .any(|(name, _)| *name == place.object)
-                });
-                there.count()
-            };
-            // Of those with as many, the first has the fewest things missing.
-            offering().rev().max_by_key(placed)
-        }
-    };
-    given.ok_or_else(|| {
-        let known: Vec<_> = offering().map(|v| format!("{:?}", v.name)).collect();
-        SimError::Variant {
-            name: scenario.variant.clone().unwrap_or_default(),
-            task: task.name.clone(),
-            known: known.join(", "),
-        }
-    })
-}
-
-/// Fills in placements, target, start pose and instruction that the scenario
-/// leaves open, and takes what is not there out of the scene. Tells of each object
-/// whether the scenario places it elsewhere than it would be drawn.
-fn draw_open_values(
-    scenario: &mut Scenario,
-    scene: &mut Scene,
-    task: Option<(&TaskSpec, &Variant, Option<&Floor>)>,
-) -> Result<Vec<bool>, SimError> {
-    if let Some((name, _)) = scenario
-        .objects
-        .iter()
-        .find(|(n, _)| !scene.objects.iter().any(|o| o.name == *n))
-    {
-        let known: Vec<_> = scene.objects.iter().map(|o| o.name.as_str()).collect();
-        return Err(SimError::Object {
-            name: name.clone(),
-            scene: scene.name.clone(),
-            known: known.join(", "),
-        });
-    }
-    if let Some((name, ..)) = scenario
-        .slides
-        .iter()
-        .find(|(n, ..)| scene.joint_named(n).is_none())
-    {
-        let known: Vec<_> = scene.joints.iter().map(|j| j.name.as_str()).collect();
-        return Err(SimError::Slide {
-            name: name.clone(),
-            scene: scene.name.clone(),
-            known: known.join(", "),
-        });
-    }
-    check_soft(scenario, scene)?;
-    let drawn = match task {
-        Some((task, variant, floor)) => tasks::draw(task, variant, scene, scenario.seed, floor),
-        None => undisturbed(scene),
-    };
-    let given = std::mem::take(&mut scenario.objects);
-    let tells_none = given.is_empty();
-    let placed: Vec<bool>;
-    (scenario.objects, placed) = scene
-        .objects
-        .iter()
-        .zip(drawn.scene.placements)
-        .filter_map(|(object, drawn)| {
-            let given = given.iter().find(|(name, _)| *name == object.name);
-            let elsewhere = given.is_some_and(|(_, p)| drawn.is_none_or(|d| d.pose != p.pose));
-            // Of what may be missing, a scenario that tells objects tells all.
-            let drawn = drawn.filter(|_| tells_none || !object.optional);
-            let placement = given.map(|(_, p)| *p).or(drawn)?;
-            Some(((object.name.clone(), placement), elsewhere))
-        })
-        .unzip();
-    scene.objects.retain(|object| {
-        scenario
-            .objects
-            .iter()
-            .any(|(name, _)| *name == object.name)
-    });
-    let slides = drawn.scene.slides.into_iter().zip(drawn.scene.positions);
-    for (joint, drawn) in scene.joints.iter_mut().zip(slides) {
-        let mut given = scenario.slides.iter();
-        let given = given.find(|(name, ..)| *name == joint.name);
-        (joint.resistance, joint.start) = given.map_or(drawn, |(_, r, p)| (*r, *p));
-    }
-    let slides = scene.joints.iter();
-    let slides = slides.map(|j| (j.name.clone(), j.resistance, j.start));
-    scenario.slides = slides.collect();
-    let start: Isometry3<f64> = scenario.start.unwrap_or(drawn.scene.start);
-    scenario.start = Some(start);
-    scenario.arm = scenario.arm.or(drawn.scene.arm);
-    scenario.knuckle = scenario.knuckle.or(drawn.scene.knuckle);
-    if scenario.target.is_empty() {
-        scenario.target = drawn.target;
-    }
-    if scenario.instruction.is_empty() {
-        scenario.instruction = drawn.instruction;
-    }
-    Ok(placed)
-}
-
-/// Says the task by the grammar, where the scenario asks for it.
-fn say(
-    assets: &Path,
-    scenario: &mut Scenario,
-    scene: &Scene,
-    task: &TaskSpec,
-) -> Result<(), SimError> {
-    let Some(language) = &mut scenario.language else {
-        return Ok(());
-    };
-    let placements: Vec<_> = scenario.objects.iter().map(|(_, p)| *p).collect();
-    let about = (task, scenario.target.as_str());
-    let said = tasks::sentence(assets, about, scene, &placements, scenario.seed, language)?;
-    if let Some(said) = said {
-        scenario.instruction = said.text;
-        language.template = said.template;
-        language.question = said.question;
-    }
-    Ok(())
-}
-
-/// Refuses a start at which a joint stands beyond its limits.
-fn check_pose(
-    model: &RobotModel,
-    arm: &[f64; ARM_JOINTS],
-    knuckle: f64,
-) -> Result<(), ScenarioError> {
-    let joints = model.roles.arm.iter().zip(arm);
-    let gripper = [(&model.roles.knuckles[0], &knuckle)];
-    for (&joint, &position) in joints.chain(gripper) {
-        let joint = &model.joints[joint];
-        let (least, most) = (joint.limits.lower, joint.limits.upper);
-        if !(least..=most).contains(&position) {
-            return Err(ScenarioError::Joint {
-                name: joint.name.clone(),
-                position,
-                least,
-                most,
-            });
-        }
-    }
-    Ok(())
-}
-
-/// Refuses masses with which what is soft would not settle.
-fn check_soft(scenario: &Scenario, scene: &Scene) -> Result<(), ScenarioError> {
-    let (least, most) = SOFT_MASS;
-    for (name, placement) in &scenario.objects {
-        let mut objects = scene.objects.iter();
-        let soft = objects.any(|o| o.name == *name && o.soft.is_some());
-        if soft && !(least..=most).contains(&placement.mass) {
-            return Err(ScenarioError::SoftMass {
-                name: name.clone(),
-                mass: placement.mass,
-            });
-        }
-    }
-    Ok(())
-}
-
-/// Everything at its place in the scene, without what is optional.
-fn undisturbed(scene: &Scene) -> Draw {
-    let placement = |object: &Body| (!object.optional).then(|| Placement::of(object));
-    Draw {
-        scene: SceneDraw {
-            placements: scene.objects.iter().map(placement).collect(),
-            slides: scene.joints.iter().map(|joint| joint.resistance).collect(),
-            positions: vec![0.0; scene.joints.len()],
-            start: scene.start,
-            arm: None,
-            knuckle: None,
-            attempts: 0,
-            clearance: 0.0,
-        },
-        target: String::new(),
-        instruction: String::new(),
     }
 }

@@ -1,6 +1,7 @@
 //! `Scenario`: the only way to say what is simulated.
 
 use nalgebra::Isometry3;
+use wheelarm_proto::settings::Style;
 use wheelarm_proto::{CONTROL_HZ, PHYSICS_HZ};
 
 use crate::look::Look;
@@ -9,6 +10,8 @@ use crate::scene::{Placement, Resistance};
 pub use crate::sensors::models::SensorSetting;
 use crate::sensors::{BadRate, Schedule};
 use crate::tasks::Language;
+
+use super::disturb::Disturbances;
 
 pub use wheelarm_proto::settings::{Pacing, Quality, Starts};
 
@@ -107,6 +110,13 @@ pub struct Scenario {
     pub variant_share: Option<f64>,
     /// Sensor models that are on.
     pub sensors: Vec<SensorSetting>,
+    /// What hinders the robot on purpose.
+    pub disturbances: Option<Disturbances>,
+    /// How the scripted operator moves.
+    pub style: Style,
+    /// Simulated seconds after which the task has failed; `None`: as the task
+    /// says; 0: to be set from the way and the style.
+    pub time_limit: Option<f64>,
 }
 
 /// Name of a camera setting that stands for every camera of the robot that has
@@ -148,6 +158,9 @@ impl Default for Scenario {
             variant: None,
             variant_share: None,
             sensors: Vec::new(),
+            disturbances: None,
+            style: Style::Quick,
+            time_limit: None,
         }
     }
 }

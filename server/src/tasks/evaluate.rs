@@ -22,6 +22,8 @@ pub struct Evaluator {
     conditions: Vec<(String, AnyPredicate, bool)>,
     failure: FailureSpec,
     time_limit: f64,
+    /// What falls from the hand and stays where the arm gets it is not lost.
+    fetches: bool,
     context: Context,
     /// Surface on which the target starts.
     carrier: Option<Surface>,
@@ -165,6 +167,7 @@ impl Evaluator {
                 .collect(),
             failure: spec.failure,
             time_limit: spec.time_limit,
+            fetches: false,
             context: Context {
                 bodies: scene.objects.clone(),
                 starts: Vec::new(),
@@ -190,6 +193,14 @@ impl Evaluator {
         };
         evaluator.reset();
         Ok(evaluator)
+    }
+
+    /// Takes another time limit, simulated seconds. Where the robot is hindered on
+    /// purpose (`fetches`), what falls back onto what it stood on may be fetched
+    /// again: it is dropped when it falls further.
+    pub fn bend(&mut self, time_limit: Option<f64>, fetches: bool) {
+        self.time_limit = time_limit.unwrap_or(self.time_limit);
+        self.fetches = fetches;
     }
 
     /// Forgets everything; the next snapshot is the first.
@@ -309,7 +320,7 @@ impl Evaluator {
         let goal = self.goal.as_deref();
         let arrived = goal.and_then(|on| self.context.inside(target, state, on, drop));
         let arrived = arrived.is_some_and(|(_, inside)| inside);
-        if !held && !arrived && self.state.was_lifted && rise < drop {
+        if !held && !arrived && !self.fetches && self.state.was_lifted && rise < drop {
             return Some(Failure::Dropped);
         }
         if !held && self.context.lean(target, state) > tilt {

@@ -113,6 +113,27 @@ impl Floor {
         None
     }
 
+    /// The rough seconds of the chair's way from `start` to where it would stop in
+    /// front of an area; `None` when none is found.
+    #[must_use]
+    pub fn way_seconds(
+        &self,
+        start: &Isometry3<f64>,
+        area: &AreaSpec,
+        variant: &Variant,
+        scene: &Scene,
+    ) -> Option<f64> {
+        let goal = self.stop(area, variant, scene)?;
+        let forward = start.rotation * Vector3::x();
+        let start = Pose2 {
+            x: start.translation.x,
+            y: start.translation.y,
+            heading: exact::atan2(forward.y, forward.x),
+        };
+        let path = hybrid_a_star::rough_path(&self.check, start, goal, &PREFERENCES, NODES)?;
+        Some(path.cost)
+    }
+
     /// Whether a place lies on the floor, which is the first piece of furniture.
     fn is_inside(&self, scene: &Scene, place: &Pose2) -> bool {
         let floor = scene.furniture.first();

@@ -141,6 +141,9 @@ pub enum WorldError {
 /// what was drawn or has come to rest does so by less.
 const OVERLAP: f64 = 0.005;
 
+/// Height at which an object is pushed, as a share of that of its middle.
+const PUSH_HEIGHT: f32 = 0.5;
+
 /// The simulated home with the robot in it.
 pub struct World {
     physics: PhysicsWorld,
@@ -153,6 +156,9 @@ pub struct World {
     targets: Targets,
     wheels: Wheels,
     signals: Signals,
+    /// Body and force of the push of the present control tick; not part of the
+    /// state, it is set before every one.
+    push: Option<(RigidBodyHandle, Vector3<f64>)>,
     tick: u64,
     fingerprint: u64,
 }
@@ -231,6 +237,7 @@ impl World {
             },
             wheels,
             signals: Signals::default(),
+            push: None,
             tick: 0,
             fingerprint: 0,
         };
@@ -271,12 +278,59 @@ impl World {
         }
         self.drive();
         self.step_soft();
+        self.begin_push();
         self.grip.begin_tick();
         self.signals.begin_tick(&self.physics, &self.robot);
         self.physics.step_with_events(&self.grip, &());
+        self.end_push();
         self.signals.end_tick(&self.physics, &self.robot);
         self.wheels.roll(&self.physics, &self.robot);
         self.tick += 1;
+    }
+
+    /// Pushes a body with a force in `house`, N, in every tick until the next call.
+    pub fn push(&mut self, push: Option<(BodyRef, Vector3<f64>)>) {
+        self.push = push.and_then(|(body, force)| Some((self.handle(body)?, force)));
+    }
+
+    /// The engine's body of a link or an object.
+    fn handle(&self, body: BodyRef) -> Option<RigidBodyHandle> {
+        match body {
+            BodyRef::Link(link) => match *self.robot.tree.places.get(link)? {
+                Place::InBody(body, _) => self.robot.handles.get(body).copied(),
+                Place::Rolling(_) | Place::Parallel(_) => None,
+            },
+            BodyRef::Object(object) => self.stage.objects.get(object).copied(),
+            BodyRef::Furniture(_) => None,
+        }
+    }
+
+    /// An object is pushed below its middle, as by something that slides against
+    /// it; the robot in the middle of the link.
+    fn begin_push(&mut self) {
+        let Some((handle, force)) = self.push else {
+            return;
+        };
+        let body = &self.physics.bodies[handle];
+        let mut point = body.center_of_mass();
+        if self.stage.objects.contains(&handle) {
+            let colliders = body.colliders().iter();
+            let lowest = colliders.map(|&c| self.physics.colliders[c].compute_aabb().mins.z);
+            let lowest = lowest.fold(point.z, f32::min);
+            point.z = lowest + (point.z - lowest) * PUSH_HEIGHT;
+        }
+        let body = &mut self.physics.bodies[handle];
+        body.add_force_at_point(convert::vector(&force), point, true);
+    }
+
+    /// What was pushed with lasts one tick.
+    fn end_push(&mut self) {
+        let Some((handle, _)) = self.push else {
+            return;
+        };
+        let body = &mut self.physics.bodies[handle];
+        body.reset_forces(false);
+        body.reset_torques(false);
     }
 
     /// Sets all motors for the coming tick.

@@ -7,6 +7,7 @@ mod collect;
 mod collect_many;
 mod control;
 mod dataset;
+mod disturb;
 mod episode;
 mod faults_disk;
 mod faults_hostile;

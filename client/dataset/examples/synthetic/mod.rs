@@ -181,6 +181,7 @@ impl Random {
                     gripper: (self.below(3) > 0).then(|| self.gripper()),
                     phase: self.below(6) as i32,
                     phase_name: self.word(),
+                    incident: self.below(3) as i32,
                     seal: Vec::new(),
                 }),
             }
@@ -280,6 +281,15 @@ impl Random {
                 header,
                 angular_velocity: Some(self.vector()),
                 linear_acceleration: Some(self.vector()),
+            }
+            .encode_to_vec(),
+            "disturbance" => v1::Disturbance {
+                header,
+                joint_offsets: self.list(6),
+                wheel_factors: self.list(2),
+                pushed: self.word(),
+                push_force: (self.below(3) > 0).then(|| self.vector()),
+                grip_factor: self.wild(),
             }
             .encode_to_vec(),
             _ => v1::Event {

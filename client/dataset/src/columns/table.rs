@@ -248,6 +248,14 @@ static COMMAND: Table<v1::CommandLog> = Table {
             "assistance",
             derived_text(|m| take::assistance(m.command.as_ref())),
         ),
+        text(
+            "incident",
+            derived_text(|m| {
+                m.command
+                    .as_ref()
+                    .map_or_else(String::new, |c| c.incident().word())
+            }),
+        ),
         u64s(
             "over_ticks",
             "control ticks of 1/60 s",
@@ -427,6 +435,28 @@ static DEFORMABLE: Table<v1::Deformable> = Table {
         ),
         f64s("elastic_energy", "J", "", &[], number!(elastic_energy)),
         f64s("kinetic_energy", "J", "", &[], number!(kinetic_energy)),
+    ],
+};
+
+static DISTURBANCE: Table<v1::Disturbance> = Table {
+    columns: &[
+        f64s(
+            "joint_offset",
+            "rad",
+            "",
+            &[Axis::ArmJoints],
+            list!(joint_offsets),
+        ),
+        f64s("wheel_factor", "1", "", &[WHEELS], list!(wheel_factors)),
+        text("pushed", words!(pushed)),
+        f64s(
+            "push_force",
+            "N (NaN where nothing is pushed)",
+            "house",
+            &[XYZ],
+            part!(push_force, take::vector, to_vector),
+        ),
+        f64s("grip_factor", "1", "", &[], number!(grip_factor)),
     ],
 };
 
@@ -618,6 +648,7 @@ pub fn of(stream: &StreamId) -> Option<&'static dyn Stream> {
         TopicId::ObjectPose => &OBJECT_POSE,
         TopicId::FurnitureJoint => &FURNITURE_JOINT,
         TopicId::Deformable => &DEFORMABLE,
+        TopicId::Disturbance => &DISTURBANCE,
         TopicId::Contact => &CONTACT,
         TopicId::Evaluation => &EVALUATION,
         TopicId::Phase => &PHASE,

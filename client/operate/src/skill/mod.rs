@@ -3,6 +3,7 @@
 //! of the skills before or after it, beside what is in the hand.
 
 pub mod carry;
+pub mod fumble;
 pub mod grasp;
 pub mod lift;
 pub mod motion;
@@ -114,6 +115,10 @@ pub struct Memory {
     pub rest: Option<Isometry3<f64>>,
     /// What happened, in words.
     pub notes: Vec<String>,
+    /// The scenario hinders the robot: what is taken may be moved by others.
+    pub hindered: bool,
+    /// The next grasp closes beside the thing, on purpose.
+    pub aside: bool,
 }
 
 /// The thing has slipped when it moved this far in the hand, metres.

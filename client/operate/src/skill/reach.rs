@@ -15,6 +15,12 @@ use wheelarm_route::footprint_check::wrap;
 const OVER: [f64; 5] = [0.08, 0.14, 0.20, 0.26, 0.32];
 /// A candidate counts as refused within this, metres and radians.
 const SAME: [f64; 2] = [0.01, 0.1];
+/// Something else has moved the thing when it is this far from where the hand was
+/// aimed at it, metres.
+const MOVED: f64 = 0.015;
+/// How far off the hand closes on purpose: room between finger and thing, and the
+/// way short of it where there is no room beside it, metres.
+const BESIDE: [f64; 2] = [0.015, 0.09];
 /// Candidates that are looked at from one stop.
 const LOOKS: usize = 60;
 
@@ -29,19 +35,33 @@ enum State {
 #[derive(Clone, Debug)]
 pub struct Reach {
     state: State,
+    /// The thing in `house` when the hand was aimed at it.
+    aimed: Option<Isometry3<f64>>,
 }
 
 impl Reach {
     /// Begins.
     #[must_use]
     pub fn new() -> Self {
-        Self { state: State::Aim }
+        Self {
+            state: State::Aim,
+            aimed: None,
+        }
     }
 
     fn aim(&mut self, now: &mut Now<'_>) -> Step {
-        let Some((candidate, stops)) = choose(now) else {
+        let Some((mut candidate, mut stops)) = choose(now) else {
             return now.elsewhere("the arm cannot take it from here");
         };
+        self.aimed = Some(now.thing());
+        if std::mem::take(&mut now.memory.aside) {
+            let by = beside(now, &candidate, &stops);
+            candidate.pregrasp *= by;
+            candidate.grasp *= by;
+            if let Some(last) = stops.last_mut() {
+                *last *= by;
+            }
+        }
         let stops: Vec<_> = stops
             .into_iter()
             .map(|pose| (pose, now.profile.free_speed))
@@ -79,6 +99,10 @@ impl Skill for Reach {
             State::ToPregrasp(motion) => (motion, "reaching"),
             State::Approach(motion) => (motion, "approaching"),
         };
+        let moved = self.aimed.map_or(0.0, |at| distance(&at, &now.thing()));
+        if now.memory.hindered && moved > MOVED {
+            return Step::Missed(format!("it was moved by {:.0} mm", moved * 1e3));
+        }
         match motion.step(now) {
             Progress::Moving(tool) => Step::Going(Act {
                 tool,
@@ -101,6 +125,26 @@ impl Skill for Reach {
             },
         }
     }
+}
+
+/// A shift in the hand's frame with which the fingers close on nothing: to one side
+/// of the thing, or short of it.
+fn beside(
+    now: &mut Now<'_>,
+    candidate: &GraspCandidate,
+    stops: &[Isometry3<f64>],
+) -> Translation3<f64> {
+    let off = (candidate.opening + candidate.width) / 2.0 + BESIDE[0];
+    let start = now.scene.house_from_tool(now.seen);
+    let sides = [off, -off].map(|x| Translation3::new(x, 0.0, 0.0));
+    let free = sides.into_iter().find(|by| {
+        let (pregrasp, grasp) = (candidate.pregrasp * by, candidate.grasp * by);
+        let around = now.scene.around(&[start, pregrasp], now.poses, None);
+        let line = [pregrasp, grasp];
+        around.hand_is_free(&now.scene.hand, candidate.opening, &line, MARGINS[0])
+            && now.reaches(&[stops, &line].concat())
+    });
+    free.unwrap_or_else(|| Translation3::new(0.0, 0.0, -BESIDE[1]))
 }
 
 /// The candidate that fits the chair best and the stops up to its pregrasp.

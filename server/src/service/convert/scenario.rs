@@ -3,12 +3,13 @@
 use nalgebra::Isometry3;
 use wheelarm_proto::check::{self, Invalid};
 use wheelarm_proto::geometry::{isometry, pose};
+use wheelarm_proto::settings::{Named, Style};
 use wheelarm_proto::v1;
 use wheelarm_sensors::model::MAX_STRENGTH;
 
 use crate::look::Look;
 use crate::scene::{Placement, Resistance};
-use crate::service::language;
+use crate::service::{disturbance, language};
 use crate::sim::{
     ALL_CAMERAS, CameraPlace, CameraSetting, Lens, MAX_SIZE, Quality, Scenario, SensorSetting,
     Starts,
@@ -90,6 +91,9 @@ pub fn scenario(s: &Scenario) -> v1::Scenario {
                 strength: Some(sensor.strength),
             })
             .collect(),
+        disturbances: s.disturbances.as_ref().map(disturbance::told),
+        style: Some(s.style.name().to_owned()),
+        time_limit_seconds: s.time_limit,
     }
 }
 
@@ -303,6 +307,19 @@ pub fn scenario_over(now: &Scenario, asked: &v1::Scenario) -> Result<Scenario, I
     keep(&mut s.variant, asked.variant.clone().map(Some));
     if let Some(share) = asked.variant_share {
         s.variant_share = Some(check::within("variant_share", share, 0.0, 1.0)?);
+    }
+    if let Some(asked) = &asked.disturbances {
+        s.disturbances = disturbance::asked(asked)?;
+    }
+    if let Some(style) = &asked.style {
+        s.style = Style::from_name(style).map_err(|_| Invalid::Word {
+            what: "style",
+            value: check::beginning(style),
+            expected: "quick or human",
+        })?;
+    }
+    if let Some(limit) = asked.time_limit_seconds {
+        s.time_limit = Some(check::within("time_limit_seconds", limit, 0.0, 1e5)?);
     }
     keep(&mut s.imu_noise, asked.imu_noise);
     keep(&mut s.state_rate_hz, asked.state_rate_hz);

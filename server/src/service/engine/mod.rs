@@ -319,6 +319,7 @@ impl Engine {
         }
         let episode = self.episode_number();
         let outbox = Arc::clone(&self.shared.outbox);
+        publish::disturbance(&outbox, episode, &self.sim);
         let step = self.sim.step_telling(&taken.input, |targets, control| {
             publish::applied(&outbox, episode, tick, &taken, targets, control);
         });

@@ -1,0 +1,240 @@
+//! From which tick a failed episode was lost, and why, by its recorded signals alone.
+//!
+//! | cause | from which tick |
+//! |---|---|
+//! | dropped, slipped | the last at which both pads pressed |
+//! | tipped, unreachable, lost | the last at which the thing lay still before its last motion |
+//! | hard collision | that of the collision |
+//! | all others | the last change of the operator's phase: from there it did not get on |
+
+use std::collections::BTreeMap;
+
+use serde::{Deserialize, Serialize};
+use wheelarm_dataset::read::Episode as Recording;
+
+/// A pad presses beyond this, N.
+const PRESSES: f64 = 1.0;
+/// What moves slower lies still, m/s.
+const STILL: f64 = 0.02;
+
+/// Why an episode was lost.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Cause {
+    /// The thing fell.
+    Dropped,
+    /// It lies where it stood.
+    Tipped,
+    /// It rests where no arm gets it.
+    Unreachable,
+    /// The simulation lost it.
+    Lost,
+    /// The robot hit furniture much too hard.
+    HardCollision,
+    /// The time was over.
+    Timeout,
+    /// The chair found no way.
+    NoWay,
+    /// The hand did not get there.
+    NoReach,
+    /// The fingers found no grip.
+    NoGrip,
+    /// The thing slipped while it was lifted or carried.
+    Slipped,
+    /// It could not be put where it belongs.
+    NotPut,
+    /// What slides was not moved.
+    NotMoved,
+    /// It was done, and the conditions did not hold.
+    NotHeld,
+    /// The operator gave up otherwise.
+    GaveUp,
+}
+
+/// When and why an episode was lost.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Loss {
+    /// Why.
+    pub cause: Cause,
+    /// From which physics tick on.
+    pub tick: u64,
+    /// The kept recording, relative to the dataset's folder.
+    pub file: String,
+    /// SHA-256 of the file, hexadecimal.
+    pub sha256: String,
+}
+
+impl Cause {
+    /// The word of manifests.
+    #[must_use]
+    pub fn word(self) -> &'static str {
+        match self {
+            Self::Dropped => "dropped",
+            Self::Tipped => "tipped",
+            Self::Unreachable => "unreachable",
+            Self::Lost => "lost",
+            Self::HardCollision => "hard_collision",
+            Self::Timeout => "timeout",
+            Self::NoWay => "no_way",
+            Self::NoReach => "no_reach",
+            Self::NoGrip => "no_grip",
+            Self::Slipped => "slipped",
+            Self::NotPut => "not_put",
+            Self::NotMoved => "not_moved",
+            Self::NotHeld => "not_held",
+            Self::GaveUp => "gave_up",
+        }
+    }
+}
+
+/// How many recordings of failed attempts are kept, by cause, as one sentence; `None`
+/// where none is.
+#[must_use]
+pub fn sentence<'a>(losses: impl Iterator<Item = &'a Loss>) -> Option<String> {
+    let mut counts: BTreeMap<&str, usize> = BTreeMap::new();
+    for loss in losses {
+        *counts.entry(loss.cause.word()).or_default() += 1;
+    }
+    let all: usize = counts.values().sum();
+    let each = counts
+        .iter()
+        .map(|(cause, count)| format!("{cause} {count}"));
+    let each = each.collect::<Vec<_>>().join(", ");
+    (all > 0).then(|| {
+        format!("{all} recordings of failed attempts are kept in `failed_episodes/`: {each}")
+    })
+}
+
+/// Cause and tick of the loss of a recorded episode; the end and what is known where
+/// streams are absent.
+#[must_use]
+pub fn of(recording: &Recording) -> (Cause, u64) {
+    let ticks = |stream: &str| recording.u64s(stream, "tick").unwrap_or_default();
+    let codes = recording.texts("evaluation", "failure_code");
+    let failed = codes.unwrap_or_default();
+    let failed = failed.iter().position(|c| !c.is_empty() && c != "none");
+    let judged = ticks("evaluation");
+    let told = failed.and_then(|i| {
+        let codes = recording.texts("evaluation", "failure_code").ok()?;
+        Some((judge(codes.get(i)?)?, *judged.get(i)?))
+    });
+    let last = judged.last().copied().unwrap_or_default();
+    let names = recording.texts("phase", "name").unwrap_or_default();
+    let phases: Vec<(u64, String)> = ticks("phase").into_iter().zip(names).collect();
+    let (cause, end) = match told {
+        Some(told) => told,
+        None => (by_phase(&phases), last),
+    };
+    let tick = match cause {
+        Cause::HardCollision => Some(end),
+        Cause::Dropped | Cause::Slipped => last_grip(recording, end),
+        Cause::Tipped | Cause::Unreachable | Cause::Lost => last_rest(recording, end),
+        _ => last_change(&phases, end),
+    };
+    (cause, tick.unwrap_or(end))
+}
+
+/// The cause of the judge's word.
+fn judge(code: &str) -> Option<Cause> {
+    Some(match code {
+        "dropped" => Cause::Dropped,
+        "tipped" => Cause::Tipped,
+        "unreachable" => Cause::Unreachable,
+        "hard_collision" => Cause::HardCollision,
+        "lost" => Cause::Lost,
+        "timeout" => Cause::Timeout,
+        _ => return None,
+    })
+}
+
+/// The cause by the last phase in which the operator was at the task.
+fn by_phase(phases: &[(u64, String)]) -> Cause {
+    let mut names = phases.iter().rev().map(|(_, name)| name.as_str());
+    let aside = [
+        "",
+        "over",
+        "thinking",
+        "opening",
+        "retreating",
+        "retracting",
+    ];
+    match names.find(|name| !aside.contains(name)).unwrap_or("") {
+        "stowing" | "planning" | "driving" | "stopping" => Cause::NoWay,
+        "reaching" | "approaching" => Cause::NoReach,
+        "closing" => Cause::NoGrip,
+        "lifting" | "carrying" => Cause::Slipped,
+        "placing" | "letting go" => Cause::NotPut,
+        "pulling" | "pushing" => Cause::NotMoved,
+        "holding" => Cause::NotHeld,
+        _ => Cause::GaveUp,
+    }
+}
+
+fn last_change(phases: &[(u64, String)], end: u64) -> Option<u64> {
+    let mut pairs = phases.windows(2).rev();
+    let change = pairs.find(|p| p[1].0 <= end && p[0].1 != p[1].1 && p[1].1 != "over");
+    change.map(|p| p[1].0)
+}
+
+fn last_grip(recording: &Recording, end: u64) -> Option<u64> {
+    let ticks = recording.u64s("contact", "tick").ok()?;
+    let forces = recording.f64s("contact", "pad_force").ok()?;
+    let mut rows = ticks.iter().zip(forces.outer_iter()).rev();
+    let pressed = rows.find(|(tick, pads)| **tick <= end && pads.iter().all(|f| *f > PRESSES));
+    pressed.map(|(tick, _)| *tick)
+}
+
+fn last_rest(recording: &Recording, end: u64) -> Option<u64> {
+    let target = recording.scenario().ok()?.target?;
+    let names = recording.names("object_pose", "twist").ok()?;
+    let target = names.iter().position(|name| *name == target)?;
+    let ticks = recording.u64s("object_pose", "tick").ok()?;
+    let twists = recording.f64s("object_pose", "twist").ok()?;
+    let speed = |i: usize| {
+        let linear = (0..3).map(|axis| twists[[i, target, axis]]);
+        linear.map(|v| v * v).sum::<f64>().sqrt()
+    };
+    let before = (0..ticks.len()).rev().filter(|&i| ticks[i] <= end);
+    let mut moving = before.skip_while(|&i| speed(i) < STILL);
+    moving.find(|&i| speed(i) < STILL).map(|i| ticks[i])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_phase_in_which_it_stuck_is_the_cause_and_the_tick() {
+        let phases = |names: &[&str]| -> Vec<(u64, String)> {
+            let each = names.iter().enumerate();
+            each.map(|(i, name)| (4 * i as u64, (*name).to_owned()))
+                .collect()
+        };
+        let stuck = phases(&["driving", "reaching", "reaching", "opening", "over"]);
+        assert_eq!(by_phase(&stuck), Cause::NoReach);
+        assert_eq!(last_change(&stuck, 16), Some(12));
+        assert_eq!(last_change(&stuck, 8), Some(4));
+        let carried = phases(&["closing", "carrying", "over"]);
+        assert_eq!(by_phase(&carried), Cause::Slipped);
+        assert_eq!(by_phase(&[]), Cause::GaveUp);
+        assert_eq!(judge("tipped"), Some(Cause::Tipped));
+        assert_eq!(judge("none"), None);
+    }
+
+    #[test]
+    fn kept_failures_are_counted_by_the_words_of_the_manifest() {
+        let loss = |cause| Loss {
+            cause,
+            tick: 8,
+            file: String::new(),
+            sha256: String::new(),
+        };
+        let losses = [Cause::Tipped, Cause::NoGrip, Cause::Tipped].map(loss);
+        let said = sentence(losses.iter()).unwrap();
+        assert!(said.starts_with("3 recordings"), "{said}");
+        assert!(said.ends_with("no_grip 1, tipped 2"), "{said}");
+        assert_eq!(sentence([].into_iter()), None);
+        let json = serde_json::to_value(&losses[1]).unwrap();
+        assert_eq!(json["cause"], Cause::NoGrip.word());
+    }
+}

@@ -1,0 +1,49 @@
+//! Disturbances, between message and scenario.
+
+use wheelarm_proto::check::{self, Invalid};
+use wheelarm_proto::v1;
+
+use super::convert;
+use crate::sim::{Disturbance, Disturbances, MAX_STRENGTH, Simulation};
+
+/// What hinders the robot.
+pub(super) fn told(of: &Disturbances) -> v1::Disturbances {
+    v1::Disturbances {
+        seed: of.seed,
+        noise: of.noise,
+        pushes: of.pushes,
+        slips: of.slips,
+    }
+}
+
+/// What is to hinder the robot; `None` where every strength is 0.
+///
+/// # Errors
+/// [`Invalid`] that names the field.
+pub(super) fn asked(of: &v1::Disturbances) -> Result<Option<Disturbances>, Invalid> {
+    let strength = |what, value: u32| {
+        check::within(what, f64::from(value), 0.0, f64::from(MAX_STRENGTH)).map(|_| value)
+    };
+    let asked = Disturbances {
+        seed: of.seed,
+        noise: strength("disturbances.noise", of.noise)?,
+        pushes: strength("disturbances.pushes", of.pushes)?,
+        slips: strength("disturbances.slips", of.slips)?,
+    };
+    let any = asked.noise + asked.pushes + asked.slips > 0;
+    Ok(any.then_some(asked))
+}
+
+/// What disturbs one control tick, as a message.
+pub(super) fn message(of: &Disturbance, sim: &Simulation) -> v1::Disturbance {
+    let pushed = of.push.map(|(on, _)| sim.body_of(on));
+    let name = |body| convert::body_name(body, sim.model(), sim.scene());
+    v1::Disturbance {
+        header: None,
+        joint_offsets: of.joints[1].to_vec(),
+        wheel_factors: of.wheels.to_vec(),
+        pushed: pushed.map_or_else(String::new, name),
+        push_force: of.push.map(|(_, force)| convert::vector(&force)),
+        grip_factor: of.grip,
+    }
+}

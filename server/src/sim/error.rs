@@ -1,0 +1,82 @@
+//! Why a simulation cannot be set up.
+
+use super::scenario::ScenarioError;
+use super::state::StateError;
+use crate::robot::RobotError;
+use crate::scene::SceneError;
+use crate::sensors::models::SensorError;
+use crate::world::WorldError;
+
+/// What can be wrong when a simulation is set up.
+#[derive(Debug, thiserror::Error)]
+pub enum SimError {
+    /// The scenario.
+    #[error(transparent)]
+    Scenario(#[from] ScenarioError),
+    /// The robot description.
+    #[error(transparent)]
+    Robot(#[from] RobotError),
+    /// The scene or the task.
+    #[error(transparent)]
+    Scene(#[from] SceneError),
+    /// The physics.
+    #[error(transparent)]
+    World(#[from] WorldError),
+    /// A stored state.
+    #[error(transparent)]
+    State(#[from] StateError),
+    /// The sensor models.
+    #[error(transparent)]
+    Sensors(#[from] SensorError),
+    /// A scenario that is broken from the start.
+    #[error("the scenario cannot be simulated: {0}; correct the poses of `start` and `objects`")]
+    Broken(String),
+    /// A scenario in which the simulation panics.
+    #[error(
+        "the scenario cannot be simulated, setting it up panicked: {0}; please report it with the scenario"
+    )]
+    Panicked(String),
+    /// A placement of the scenario.
+    #[error("the scenario places {name:?}, but scene {scene:?} has the objects {known}")]
+    Object {
+        /// The object.
+        name: String,
+        /// The scene.
+        scene: String,
+        /// The objects that there are.
+        known: String,
+    },
+    /// Placements of the scenario that cannot be side by side.
+    #[error(
+        "the scenario places {one:?} and {other:?} into each other by {:.0} mm; move one of them, or leave them out and they are drawn",
+        .depth * 1e3
+    )]
+    Overlap {
+        /// An object.
+        one: String,
+        /// Another object.
+        other: String,
+        /// How far, metres.
+        depth: f64,
+    },
+    /// A variant of the area.
+    #[error("the scenario asks for the variant {name:?}, but the task {task:?} is done in {known}")]
+    Variant {
+        /// The variant.
+        name: String,
+        /// The task.
+        task: String,
+        /// The variants in which it can be done.
+        known: String,
+    },
+    /// A furniture joint of the scenario.
+    #[error("the scenario sets the slide {name:?}, but scene {scene:?} has the joints {known}")]
+    Slide {
+        /// The joint.
+        name: String,
+        /// The scene.
+        scene: String,
+        /// The joints that there are.
+        known: String,
+    },
+}

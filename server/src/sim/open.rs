@@ -1,0 +1,210 @@
+//! What a scenario leaves open, drawn and filled in when a simulation is set up; and
+//! what it says that does not fit the scene or the robot, refused.
+
+use std::path::Path;
+
+use nalgebra::Isometry3;
+
+use super::error::SimError;
+use super::scenario::{SOFT_MASS, Scenario, ScenarioError};
+use crate::robot::{ARM_JOINTS, RobotModel};
+use crate::scene::{Body, Placement, Scene};
+use crate::tasks::{self, Draw, Floor, SceneDraw, TaskSpec, Variant};
+
+/// The variant of a task's area that a scenario names, or whose things it
+/// places; else the one that is drawn.
+pub(super) fn variant<'a>(
+    task: &'a TaskSpec,
+    scenario: &Scenario,
+) -> Result<&'a Variant, SimError> {
+    let offering = || task.variants();
+    let given = match &scenario.variant {
+        Some(name) => offering().find(|variant| variant.name == *name),
+        None if scenario.objects.is_empty() => {
+            tasks::variant_of(task, scenario.seed, scenario.variant_share)
+        }
+        // A recording that does not tell its variant tells what was there.
+        None => {
+            let placed = |variant: &&Variant| {
+                let certain = variant.places.iter().filter(|place| place.is_certain());
+                let there = certain.filter(|place| {
+                    scenario
+                        .objects
+                        .iter()
+                        .any(|(name, _)| *name == place.object)
+                });
+                there.count()
+            };
+            // Of those with as many, the first has the fewest things missing.
+            offering().rev().max_by_key(placed)
+        }
+    };
+    given.ok_or_else(|| {
+        let known: Vec<_> = offering().map(|v| format!("{:?}", v.name)).collect();
+        SimError::Variant {
+            name: scenario.variant.clone().unwrap_or_default(),
+            task: task.name.clone(),
+            known: known.join(", "),
+        }
+    })
+}
+
+/// Fills in placements, target, start pose and instruction that the scenario
+/// leaves open, and takes what is not there out of the scene. Tells of each object
+/// whether the scenario places it elsewhere than it would be drawn.
+pub(super) fn draw_open_values(
+    scenario: &mut Scenario,
+    scene: &mut Scene,
+    task: Option<(&TaskSpec, &Variant, Option<&Floor>)>,
+) -> Result<Vec<bool>, SimError> {
+    if let Some((name, _)) = scenario
+        .objects
+        .iter()
+        .find(|(n, _)| !scene.objects.iter().any(|o| o.name == *n))
+    {
+        let known: Vec<_> = scene.objects.iter().map(|o| o.name.as_str()).collect();
+        return Err(SimError::Object {
+            name: name.clone(),
+            scene: scene.name.clone(),
+            known: known.join(", "),
+        });
+    }
+    if let Some((name, ..)) = scenario
+        .slides
+        .iter()
+        .find(|(n, ..)| scene.joint_named(n).is_none())
+    {
+        let known: Vec<_> = scene.joints.iter().map(|j| j.name.as_str()).collect();
+        return Err(SimError::Slide {
+            name: name.clone(),
+            scene: scene.name.clone(),
+            known: known.join(", "),
+        });
+    }
+    check_soft(scenario, scene)?;
+    let drawn = match task {
+        Some((task, variant, floor)) => tasks::draw(task, variant, scene, scenario.seed, floor),
+        None => undisturbed(scene),
+    };
+    let given = std::mem::take(&mut scenario.objects);
+    let tells_none = given.is_empty();
+    let placed: Vec<bool>;
+    (scenario.objects, placed) = scene
+        .objects
+        .iter()
+        .zip(drawn.scene.placements)
+        .filter_map(|(object, drawn)| {
+            let given = given.iter().find(|(name, _)| *name == object.name);
+            let elsewhere = given.is_some_and(|(_, p)| drawn.is_none_or(|d| d.pose != p.pose));
+            // Of what may be missing, a scenario that tells objects tells all.
+            let drawn = drawn.filter(|_| tells_none || !object.optional);
+            let placement = given.map(|(_, p)| *p).or(drawn)?;
+            Some(((object.name.clone(), placement), elsewhere))
+        })
+        .unzip();
+    scene.objects.retain(|object| {
+        scenario
+            .objects
+            .iter()
+            .any(|(name, _)| *name == object.name)
+    });
+    let slides = drawn.scene.slides.into_iter().zip(drawn.scene.positions);
+    for (joint, drawn) in scene.joints.iter_mut().zip(slides) {
+        let mut given = scenario.slides.iter();
+        let given = given.find(|(name, ..)| *name == joint.name);
+        (joint.resistance, joint.start) = given.map_or(drawn, |(_, r, p)| (*r, *p));
+    }
+    let slides = scene.joints.iter();
+    let slides = slides.map(|j| (j.name.clone(), j.resistance, j.start));
+    scenario.slides = slides.collect();
+    let start: Isometry3<f64> = scenario.start.unwrap_or(drawn.scene.start);
+    scenario.start = Some(start);
+    scenario.arm = scenario.arm.or(drawn.scene.arm);
+    scenario.knuckle = scenario.knuckle.or(drawn.scene.knuckle);
+    if scenario.target.is_empty() {
+        scenario.target = drawn.target;
+    }
+    if scenario.instruction.is_empty() {
+        scenario.instruction = drawn.instruction;
+    }
+    Ok(placed)
+}
+
+/// Says the task by the grammar, where the scenario asks for it.
+pub(super) fn say(
+    assets: &Path,
+    scenario: &mut Scenario,
+    scene: &Scene,
+    task: &TaskSpec,
+) -> Result<(), SimError> {
+    let Some(language) = &mut scenario.language else {
+        return Ok(());
+    };
+    let placements: Vec<_> = scenario.objects.iter().map(|(_, p)| *p).collect();
+    let about = (task, scenario.target.as_str());
+    let said = tasks::sentence(assets, about, scene, &placements, scenario.seed, language)?;
+    if let Some(said) = said {
+        scenario.instruction = said.text;
+        language.template = said.template;
+        language.question = said.question;
+    }
+    Ok(())
+}
+
+/// Refuses a start at which a joint stands beyond its limits.
+pub(super) fn check_pose(
+    model: &RobotModel,
+    arm: &[f64; ARM_JOINTS],
+    knuckle: f64,
+) -> Result<(), ScenarioError> {
+    let joints = model.roles.arm.iter().zip(arm);
+    let gripper = [(&model.roles.knuckles[0], &knuckle)];
+    for (&joint, &position) in joints.chain(gripper) {
+        let joint = &model.joints[joint];
+        let (least, most) = (joint.limits.lower, joint.limits.upper);
+        if !(least..=most).contains(&position) {
+            return Err(ScenarioError::Joint {
+                name: joint.name.clone(),
+                position,
+                least,
+                most,
+            });
+        }
+    }
+    Ok(())
+}
+
+/// Refuses masses with which what is soft would not settle.
+fn check_soft(scenario: &Scenario, scene: &Scene) -> Result<(), ScenarioError> {
+    let (least, most) = SOFT_MASS;
+    for (name, placement) in &scenario.objects {
+        let mut objects = scene.objects.iter();
+        let soft = objects.any(|o| o.name == *name && o.soft.is_some());
+        if soft && !(least..=most).contains(&placement.mass) {
+            return Err(ScenarioError::SoftMass {
+                name: name.clone(),
+                mass: placement.mass,
+            });
+        }
+    }
+    Ok(())
+}
+
+/// Everything at its place in the scene, without what is optional.
+fn undisturbed(scene: &Scene) -> Draw {
+    let placement = |object: &Body| (!object.optional).then(|| Placement::of(object));
+    Draw {
+        scene: SceneDraw {
+            placements: scene.objects.iter().map(placement).collect(),
+            slides: scene.joints.iter().map(|joint| joint.resistance).collect(),
+            positions: vec![0.0; scene.joints.len()],
+            start: scene.start,
+            arm: None,
+            knuckle: None,
+            attempts: 0,
+            clearance: 0.0,
+        },
+        target: String::new(),
+        instruction: String::new(),
+    }
+}

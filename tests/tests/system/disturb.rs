@@ -1,0 +1,68 @@
+//! Disturbances behind the gate and errors on purpose: recorded, computed again by a
+//! replay from the scenario alone, and absent where nobody asks for them.
+
+use std::path::Path;
+use std::process::{Command, Output};
+
+use wheelarm_dataset::read::Episode;
+use wheelarm_tests::{printed, program, root};
+
+fn wheelarm(args: &[&str]) -> Output {
+    Command::new(program("wheelarm").expect("the client"))
+        .args(args)
+        .env("WHEELARM_ASSETS", root().join("assets"))
+        .output()
+        .expect("a process")
+}
+
+/// The recording of one episode, whether it was done or not.
+fn recorded(out: &Path, more: &[&str]) -> Episode {
+    let folder = out.to_string_lossy();
+    let own = ["evaluate", "--task", "pick_mustard", "--seeds", "1..2"];
+    let small = ["--no-grid", "--record", "--camera", "wheelchair=64x48@1"];
+    let output = wheelarm(&[&own[..], &small, &["--out", &folder], more].concat());
+    let file = out.join("pick_mustard-seed1.h5");
+    assert!(file.is_file(), "{}", printed(&output));
+    Episode::open(&file).expect("a recording")
+}
+
+#[test]
+fn what_hinders_is_recorded_beside_the_intent_and_replayed_bit_by_bit() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let hindered = recorded(
+        &folder.path().join("hindered"),
+        &["--disturb", "2", "--error-share", "1"],
+    );
+    let asked = hindered.scenario().expect("the scenario");
+    let strengths = asked.disturbances.map(|d| (d.noise, d.pushes, d.slips));
+    assert_eq!(strengths, Some((2, 2, 2)));
+    let ticks = |stream: &str| hindered.u64s(stream, "tick").expect("ticks");
+    assert_eq!(ticks("disturbance"), ticks("applied"));
+    let offsets = hindered
+        .f64s("disturbance", "joint_offset")
+        .expect("offsets");
+    assert!(offsets.iter().any(|o| o.abs() > 1e-3));
+    assert!(offsets.iter().all(|o| o.abs() < 0.05));
+    let pushed = hindered.texts("disturbance", "pushed").expect("names");
+    assert!(pushed.iter().any(|name| !name.is_empty()));
+    let incidents = hindered.texts("command", "incident").expect("codes");
+    let forced = incidents.iter().filter(|code| code.starts_with("forced_"));
+    assert_eq!(forced.count(), 1);
+
+    let replay = wheelarm(&["replay", &hindered.path().to_string_lossy()]);
+    let text = printed(&replay);
+    assert!(replay.status.success(), "{text}");
+    assert!(text.contains("hashes equal"), "{text}");
+
+    let calm = recorded(&folder.path().join("calm"), &[]);
+    assert!(
+        calm.scenario()
+            .expect("the scenario")
+            .disturbances
+            .is_none()
+    );
+    let none = calm.u64s("disturbance", "tick").expect("an empty stream");
+    assert!(none.is_empty(), "{none:?}");
+    let first = |of: &Episode| of.state_hashes().expect("hashes")[1];
+    assert_ne!(first(&calm), first(&hindered));
+}
