@@ -1,7 +1,6 @@
-//! Why a simulation cannot be set up.
+//! Why a simulation cannot be set up, or a stored state not be continued.
 
 use super::scenario::ScenarioError;
-use super::state::StateError;
 use crate::robot::RobotError;
 use crate::scene::SceneError;
 use crate::sensors::models::SensorError;
@@ -78,5 +77,51 @@ pub enum SimError {
         scene: String,
         /// The joints that there are.
         known: String,
+    },
+}
+
+/// Why a stored state cannot be continued.
+#[derive(Debug, thiserror::Error)]
+pub enum StateError {
+    /// Damaged bytes.
+    #[error(
+        "the stored state cannot be read ({0}); it is damaged, or no stored state: \
+         take it from the recording or from the query `snapshot` again"
+    )]
+    Format(String),
+    /// Another version of the physics.
+    #[error(
+        "the stored state is of physics version {found}, this server has version {}: it would \
+         compute other bits; restore it with a server of version {found}, or record anew",
+        wheelarm_proto::PHYSICS_VERSION
+    )]
+    Version {
+        /// What the state names.
+        found: u32,
+    },
+    /// The physics refuses it.
+    #[error(transparent)]
+    World(#[from] WorldError),
+    /// The physics panics in it.
+    #[error("the stored state is damaged: the physics panics in it ({0}); take another copy of it")]
+    Panics(String),
+    /// Something in it cannot be.
+    #[error("the stored state is damaged: {0}; take another copy of it")]
+    Damaged(String),
+    /// Nothing goes on from a broken state.
+    #[error("the state is broken and is not stored: {0}; ask for `reset`")]
+    Broken(String),
+    /// Recorded states are shown, so there is none that goes on.
+    #[error("recorded states are shown; none of them can be gone on from")]
+    Shown,
+    /// It belongs to another scenario.
+    #[error(
+        "the stored state is of {stored}, but the scenario has {expected}; restore it with its own scenario"
+    )]
+    Scenario {
+        /// What the state names.
+        stored: String,
+        /// What the scenario names.
+        expected: String,
     },
 }

@@ -24,14 +24,13 @@ use std::sync::Arc;
 use wheelarm_proto::PHYSICS_HZ;
 
 pub use disturb::{Disturbance, Disturbances, MAX_STRENGTH, Pushed};
-pub use error::SimError;
+pub use error::{SimError, StateError};
 pub use guard::{anomaly_words, fault_words};
 pub use scenario::{
     ALL_CAMERAS, CameraPlace, CameraSetting, HOUSE, Lens, MAX_SIZE, Pacing, Quality, SOFT_MASS,
     Scenario, ScenarioError, Schedules, SensorSetting, Starts,
 };
 pub use shown::{Recorded, RecordedSkin, Unfit};
-pub use state::StateError;
 
 use crate::robot::control::{ControlInput, GripperMap, RobotControl, Targets};
 use crate::robot::{ARM_JOINTS, RecordedFrame, RobotModel};

@@ -7,6 +7,7 @@
 use serde::{Deserialize, Serialize};
 use wheelarm_proto::PHYSICS_VERSION;
 
+use super::error::StateError;
 use super::guard::{caught, fault_words};
 use super::{Simulation, envelope};
 use crate::robot::control::ControlInput;
@@ -16,52 +17,6 @@ use crate::sensors::odometry::Odometry;
 use crate::snapshot::{Fault, Snapshot};
 use crate::tasks::{Evaluation, EvaluatorState};
 use crate::world::{World, WorldError};
-
-/// Why a stored state cannot be continued.
-#[derive(Debug, thiserror::Error)]
-pub enum StateError {
-    /// Damaged bytes.
-    #[error(
-        "the stored state cannot be read ({0}); it is damaged, or no stored state: \
-         take it from the recording or from the query `snapshot` again"
-    )]
-    Format(String),
-    /// Another version of the physics.
-    #[error(
-        "the stored state is of physics version {found}, this server has version {}: it would \
-         compute other bits; restore it with a server of version {found}, or record anew",
-        wheelarm_proto::PHYSICS_VERSION
-    )]
-    Version {
-        /// What the state names.
-        found: u32,
-    },
-    /// The physics refuses it.
-    #[error(transparent)]
-    World(#[from] WorldError),
-    /// The physics panics in it.
-    #[error("the stored state is damaged: the physics panics in it ({0}); take another copy of it")]
-    Panics(String),
-    /// Something in it cannot be.
-    #[error("the stored state is damaged: {0}; take another copy of it")]
-    Damaged(String),
-    /// Nothing goes on from a broken state.
-    #[error("the state is broken and is not stored: {0}; ask for `reset`")]
-    Broken(String),
-    /// Recorded states are shown, so there is none that goes on.
-    #[error("recorded states are shown; none of them can be gone on from")]
-    Shown,
-    /// It belongs to another scenario.
-    #[error(
-        "the stored state is of {stored}, but the scenario has {expected}; restore it with its own scenario"
-    )]
-    Scenario {
-        /// What the state names.
-        stored: String,
-        /// What the scenario names.
-        expected: String,
-    },
-}
 
 #[derive(Serialize, Deserialize)]
 struct Stored {

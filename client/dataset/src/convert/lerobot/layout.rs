@@ -11,6 +11,13 @@ use super::video::Codec;
 use crate::convert::learning::{self, Body, Learning};
 use crate::convert::{Recording, Size};
 
+/// A data file is closed after the episode with which it passes this size.
+pub(super) const FILE_BYTES: usize = 100 << 20;
+/// And a video.
+pub(super) const VIDEO_BYTES: u64 = 200 << 20;
+/// Files in one folder.
+pub(super) const FOLDER_FILES: usize = 1000;
+
 /// Rate, cameras and robot of the set.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Layout {

@@ -4,8 +4,8 @@ use std::path::Path;
 
 use serde_json::{Value, json};
 
-use super::layout::Layout;
-use super::set::{EpisodeRow, FILE_BYTES, FOLDER_FILES, Set, VIDEO_BYTES};
+use super::layout::{FILE_BYTES, FOLDER_FILES, Layout, VIDEO_BYTES};
+use super::set::{EpisodeRow, Set};
 use super::statistics::{Gathered, NAMES};
 use super::table::{Cells, Column, Table};
 use crate::convert::learning::LEAST_DEVIATION;

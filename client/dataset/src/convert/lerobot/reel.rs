@@ -3,7 +3,7 @@
 
 use std::path::Path;
 
-use super::set::{FOLDER_FILES, VIDEO_BYTES};
+use super::layout::{FOLDER_FILES, VIDEO_BYTES};
 use super::video::Ffmpeg;
 
 /// Where an episode stands in the videos of a feature.

@@ -3,18 +3,11 @@
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
-use super::layout::Layout;
+use super::layout::{FILE_BYTES, FOLDER_FILES, Layout};
 use super::reel::{Place, Reel};
 use super::statistics::Gathered;
 use super::table::{Column, Table};
 use crate::convert::PendingFolder;
-
-/// A data file is closed after the episode with which it passes this size.
-pub(super) const FILE_BYTES: usize = 100 << 20;
-/// And a video.
-pub(super) const VIDEO_BYTES: u64 = 200 << 20;
-/// Files in one folder.
-pub(super) const FOLDER_FILES: usize = 1000;
 
 /// What grows while episodes come.
 pub(super) struct Set {
