@@ -102,7 +102,7 @@ impl OperatorProfile {
         }
     }
 
-    /// The same operator in a style: a human-like one goes at [`HUMAN`] times the
+    /// The same operator in a style: a human-like one goes at `HUMAN` times the
     /// speeds, in stop and go.
     #[must_use]
     pub fn in_style(mut self, style: Style) -> Self {

@@ -90,7 +90,7 @@ impl Simulation {
     /// that `late` says so.
     ///
     /// # Errors
-    /// As [`Simulation::new`], and [`WorldError::Settling`].
+    /// As [`Simulation::new`], and [`WorldError::Settling`](crate::world::WorldError::Settling).
     pub fn new_within(
         assets: &Path,
         scenario: Scenario,
