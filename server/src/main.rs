@@ -402,6 +402,13 @@ async fn serve(args: Args) -> anyhow::Result<()> {
     }
     let pacing = scenario.pacing;
     let sim = Simulation::new(&assets, scenario)?;
+    let mut sensors = args.sensor.iter().filter(|_| args.no_cameras);
+    if let Some(sensor) = sensors.find(|sensor| !sensor.camera.is_empty()) {
+        bail!(
+            "--sensor {} takes the pictures of a camera, and --no-cameras leaves all cameras out; leave one of both out",
+            sensor.text()
+        );
+    }
     let listen = args
         .listen
         .iter()

@@ -44,6 +44,14 @@ pub enum SensorError {
     /// Its content.
     #[error(transparent)]
     Parameter(Box<BadParameter>),
+    /// The model.
+    #[error("there is no sensor model {model:?}; allowed is one of {known}")]
+    Unknown {
+        /// The model.
+        model: String,
+        /// Models that there are.
+        known: String,
+    },
     /// The camera.
     #[error(
         "the sensor model {model:?} takes the pictures of the camera {camera:?}; allowed is one of {known}"
@@ -109,6 +117,11 @@ pub fn load(
     for setting in settings {
         let (model, camera) = (setting.model.clone(), setting.camera.clone());
         let file = format!("{FOLDER}/{model}.toml");
+        let known = names(assets);
+        if !known.is_empty() && !known.contains(&model) {
+            let known = known.into_iter().collect::<Vec<_>>().join(", ");
+            return Err(SensorError::Unknown { model, known });
+        }
         let text = scene::texts(assets, std::slice::from_ref(&file))?;
         let parameters = Model::read(&file, text.first().map_or("", |t| &t.text))?;
         let is_known = cameras.contains(&camera.as_str());
@@ -137,6 +150,19 @@ pub fn load(
         });
     }
     Ok(devices)
+}
+
+/// Names of the models that there are; none where the folder cannot be read.
+fn names(assets: &Path) -> BTreeSet<String> {
+    let entries = std::fs::read_dir(assets.join(FOLDER));
+    let files = entries.into_iter().flatten().flatten();
+    let stems = files.filter_map(|file| {
+        let name = file.file_name().into_string().ok()?;
+        name.strip_suffix(".toml").map(str::to_owned)
+    });
+    stems
+        .filter(|stem| surface::FILE != format!("{FOLDER}/{stem}.toml"))
+        .collect()
 }
 
 /// Name of the colour sensor on a camera.
