@@ -10,15 +10,12 @@ use super::grasp_candidate::GraspCandidate;
 use super::scene::SceneModel;
 use wheelarm_route::footprint_check::{Pose2, wrap};
 
-/// Answers whether the end effector can reach a pose in `base_link`.
+/// Answers whether the end effector can reach poses in `base_link`.
 pub trait ArmReachability {
-    /// Joint angles that reach it, radians: any, or only such as lie near others
-    /// if those are given; `None` when there are none.
-    fn reach(
-        &mut self,
-        base_from_tool: &Isometry3<f64>,
-        near: Option<&[f64; 6]>,
-    ) -> Option<[f64; 6]>;
+    /// Whether there are joint angles for the first of `poses`, and for each other
+    /// one near those of the pose before it, no joint changing by more than
+    /// `max_joint_change` radians.
+    fn follows(&mut self, poses: &[Isometry3<f64>], max_joint_change: f64) -> bool;
 }
 
 /// Where the chair stops for a grasp candidate.
@@ -110,32 +107,18 @@ pub fn reaches(
     poses: &[Isometry3<f64>],
     reach: &mut dyn ArmReachability,
 ) -> bool {
-    let Some(mut near) = reach.reach(base_from_tool, None) else {
-        return false;
-    };
     let mut start = *base_from_tool;
+    let mut line = vec![start];
     for pose in poses {
         let length = (pose.translation.vector - start.translation.vector)
             .norm()
             .max(0.3 * start.rotation.angle_to(&pose.rotation));
         let samples = (length / SAMPLE).ceil().max(1.0) as usize;
-        for sample in 1..=samples {
-            let at = start.lerp_slerp(pose, sample as f64 / samples as f64);
-            let Some(joints) = reach.reach(&at, Some(&near)) else {
-                return false;
-            };
-            let folds = near
-                .iter()
-                .zip(&joints)
-                .any(|(a, b)| wrap(a - b).abs() > JOINT_CHANGE);
-            if folds {
-                return false;
-            }
-            near = joints;
-        }
+        let share = |sample| sample as f64 / samples as f64;
+        line.extend((1..=samples).map(|sample| start.lerp_slerp(pose, share(sample))));
         start = *pose;
     }
-    true
+    reach.follows(&line, JOINT_CHANGE)
 }
 
 /// Whether the arm of a chair at `house_from_chair` with the end effector at

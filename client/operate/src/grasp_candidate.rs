@@ -101,7 +101,7 @@ pub fn candidates(
             for half in [0.0, PI] {
                 let flipped = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), half);
                 let house_from_grasp = house_from_item * turned * grasp.item_from_grasp * flipped;
-                for lean in leans(&house_from_grasp) {
+                for lean in leans(&house_from_grasp, grasp.from_above) {
                     candidates.extend(deepest(
                         scene,
                         grasp,
@@ -118,13 +118,14 @@ pub fn candidates(
     candidates
 }
 
-/// Angles by which a hand may lean about its closing axis at a grasp.
-fn leans(house_from_grasp: &Isometry3<f64>) -> &'static [f64] {
+/// Angles by which a hand may lean about its closing axis at a grasp, one that is
+/// only `from_above` or any.
+fn leans(house_from_grasp: &Isometry3<f64>, from_above: bool) -> &'static [f64] {
     let axis = |v: Vector3<f64>| (house_from_grasp.rotation * v).z;
     let (closing, up, forward) = (axis(Vector3::x()), axis(Vector3::y()), axis(Vector3::z()));
     if forward < -0.8 {
         &TOP_LEAN
-    } else if forward > 0.3 {
+    } else if from_above || forward > 0.3 {
         // Not from below.
         &[]
     } else if closing.abs() > 0.8 {

@@ -23,14 +23,12 @@ struct Shell {
 }
 
 impl ArmReachability for Shell {
-    fn reach(
-        &mut self,
-        base_from_tool: &Isometry3<f64>,
-        _near: Option<&[f64; 6]>,
-    ) -> Option<[f64; 6]> {
+    fn follows(&mut self, poses: &[Isometry3<f64>], _max_joint_change: f64) -> bool {
         let shoulder = Vector3::new(0.0, -0.005, 0.285);
-        let length = (base_from_tool.translation.vector - shoulder).norm();
-        (0.40..self.longest).contains(&length).then_some([0.0; 6])
+        let lengths = poses.iter().map(|pose| pose.translation.vector - shoulder);
+        lengths
+            .map(|v| v.norm())
+            .all(|length| (0.40..self.longest).contains(&length))
     }
 }
 
@@ -101,6 +99,7 @@ fn home_scene() -> SceneModel {
                 ),
                 width: 0.058,
                 symmetric: false,
+                from_above: false,
                 force: None,
             })
             .to_vec(),

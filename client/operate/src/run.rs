@@ -429,21 +429,19 @@ struct RemoteReach<'a> {
 }
 
 impl ArmReachability for RemoteReach<'_> {
-    fn reach(
-        &mut self,
-        base_from_tool: &Isometry3<f64>,
-        near: Option<&[f64; 6]>,
-    ) -> Option<[f64; 6]> {
+    fn follows(&mut self, poses: &[Isometry3<f64>], max_joint_change: f64) -> bool {
+        let mut poses = poses.iter().map(geometry::pose);
         let request = v1::ReachRequest {
-            pose: Some(geometry::pose(base_from_tool)),
-            near_joints: near.map(|joints| joints.to_vec()).unwrap_or_default(),
+            pose: poses.next(),
+            near_joints: Vec::new(),
+            next_poses: poses.collect(),
+            max_joint_change: Some(max_joint_change),
         };
         match self.link.ask(&request) {
-            Ok(reply) if reply.reachable => reply.joints.as_slice().try_into().ok(),
-            Ok(_) => None,
+            Ok(reply) => reply.reachable,
             Err(error) => {
                 self.error.get_or_insert(error);
-                None
+                false
             }
         }
     }

@@ -46,6 +46,8 @@ pub struct Grasp {
     pub width: f64,
     /// Any turn about the thing's z axis will do.
     pub symmetric: bool,
+    /// Only where the hand comes from above.
+    pub from_above: bool,
     /// Cap of the pads' force, N; `None` leaves it to the operator profile.
     pub force: Option<f64>,
 }
@@ -126,6 +128,7 @@ fn read_grasp(grasp: &v1::GraspFrame, items: &[Item]) -> Result<Grasp, Invalid> 
         item_from_grasp: normalized("grasp pose", grasp.pose.as_ref())?,
         width: check::within("grasp width", grasp.width, 0.0, 1.0)?,
         symmetric: grasp.symmetric,
+        from_above: grasp.from_above,
         force: grasp
             .force
             .map(|force| check::within("grasp force", force, 0.0, 1e4))

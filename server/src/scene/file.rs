@@ -284,6 +284,9 @@ pub(super) struct GraspEntry {
     pub symmetric: bool,
     /// Cap of the force at each pad, N.
     pub force: Option<f64>,
+    /// Only where the hand comes from above.
+    #[serde(default)]
+    pub from_above: bool,
 }
 
 /// `assets/materials/*.toml`.

@@ -155,6 +155,8 @@ pub struct Grasp {
     pub symmetric: bool,
     /// Cap of the force at each pad for what is soft, N; 0 leaves it to whoever grasps.
     pub force: f64,
+    /// Only where the hand comes from above, for what has fallen over.
+    pub from_above: bool,
 }
 
 /// Light of the scene.

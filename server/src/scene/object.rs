@@ -175,5 +175,6 @@ pub(super) fn grasp(place: &Place, entry: &GraspEntry) -> Result<Grasp, SceneErr
             "N",
             "no gripper presses that hard",
         )?,
+        from_above: entry.from_above,
     })
 }

@@ -39,7 +39,8 @@ pub(super) fn room(
     }
     let inwards = (surface.edge.rotation * Vector3::x()).xy();
     let mut most = f64::NEG_INFINITY;
-    for grasp in &body.grasps {
+    // Things stand as they were set up here.
+    for grasp in body.grasps.iter().filter(|grasp| !grasp.from_above) {
         for turn in turns(grasp) {
             let about = Isometry3::rotation(Vector3::z() * turn);
             let level = Isometry3::from_parts(

@@ -120,6 +120,8 @@ fn damaged_messages_are_survived() {
         v1::ReachRequest {
             pose: Some(pose()),
             near_joints: vec![0.1; 6],
+            next_poses: vec![pose(); 2],
+            max_joint_change: Some(1.0),
         }
         .encode_to_vec(),
         v1::LeaseRequest {

@@ -475,19 +475,52 @@ fn reach_tells_a_code_beside_its_words() {
     let told = poses.next(PATIENCE).expect("a link").expect("a sample");
     let pose = told.frames[roles.end_effector].pose;
     let ask = |pose| {
-        let near_joints = Vec::new();
-        let request = v1::ReachRequest { pose, near_joints };
+        let request = v1::ReachRequest {
+            pose,
+            ..Default::default()
+        };
         link.ask(&request).expect("an answer")
     };
     let here = ask(pose);
     assert!(here.reachable && here.reason.is_empty(), "{here:?}");
     assert_eq!(here.problem(), v1::ReachProblem::Unspecified);
-    let mut far = pose.expect("a pose");
-    far.position = Some(v1::Vector3 {
+    let mut away = pose.expect("a pose");
+    away.position = Some(v1::Vector3 {
         x: 3.0,
         ..Default::default()
     });
-    let far = ask(Some(far));
+    let far = ask(Some(away));
     assert!(!far.reachable && far.reason.contains("shoulder"), "{far:?}");
     assert_eq!(far.problem(), v1::ReachProblem::TooFar);
+    assert_eq!(far.reached_count, 0);
+
+    // A path: as far as it goes, and why no further.
+    let mut higher = pose.expect("a pose");
+    if let Some(at) = &mut higher.position {
+        at.z += 0.02;
+    }
+    let follow = |next_poses: Vec<v1::Pose>, max_joint_change| {
+        link.ask(&v1::ReachRequest {
+            pose,
+            next_poses,
+            max_joint_change,
+            ..Default::default()
+        })
+    };
+    let path = follow(vec![higher, pose.expect("a pose")], Some(1.0)).expect("an answer");
+    assert!(path.reachable && path.joints.len() == 6, "{path:?}");
+    assert_eq!(path.reached_count, 3);
+    let cut = follow(vec![higher, away, higher], None).expect("an answer");
+    assert!(!cut.reachable && cut.joints.is_empty(), "{cut:?}");
+    assert_eq!(cut.reached_count, 2);
+    let jump = follow(vec![higher], Some(1e-6)).expect("an answer");
+    assert_eq!(jump.problem(), v1::ReachProblem::Jump, "{jump:?}");
+    for (path, most, cure) in [
+        (vec![higher; 1025], None, "in parts"),
+        (vec![higher], Some(-1.0), "more than 0"),
+        (vec![v1::Pose::default()], None, "next_poses"),
+    ] {
+        let told = follow(path, most).expect_err("a refusal").to_string();
+        assert!(told.contains(cure), "{told}");
+    }
 }

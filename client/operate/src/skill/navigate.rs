@@ -1,6 +1,8 @@
 //! Navigate: looks for a base placement and a path to it, drives there, waits
 //! until the chair is at rest.
 
+use std::collections::BTreeSet;
+
 use nalgebra::{Isometry3, Translation3};
 use wheelarm_proto::v1::Phase;
 
@@ -176,6 +178,7 @@ impl Wanted {
         level: usize,
         now: &mut Now<'_>,
         house_from_chair: &Isometry3<f64>,
+        never: impl FnOnce(),
     ) -> bool {
         let tool = now.seen.base_from_tool;
         let scene = now.scene;
@@ -183,13 +186,30 @@ impl Wanted {
             base_placement::reaches_from(scene, house_from_chair, &tool, poses, now.reach)
         };
         // Most placements are out for the approach already.
-        reaches(&self.approach)
-            && self.then.get(level).is_some_and(|lists| {
-                lists
-                    .iter()
-                    .any(|list| reaches(&[&self.approach[..], &list[..]].concat()))
-            })
+        if !reaches(&self.approach) {
+            never();
+            return false;
+        }
+        self.then.get(level).is_some_and(|lists| {
+            lists
+                .iter()
+                .any(|list| reaches(&[&self.approach[..], &list[..]].concat()))
+        })
     }
+}
+
+/// Approaches, of an arm at a place, that it does not reach: they come again with the
+/// next level and the next margin.
+type Unreached = BTreeSet<[u64; 10]>;
+
+/// Tells one approach of an arm with its base at `house_from_base` from another.
+fn key(house_from_base: &Isometry3<f64>, candidate: &GraspCandidate) -> [u64; 10] {
+    let grasp = house_from_base.inv_mul(&candidate.grasp);
+    let pregrasp = house_from_base.inv_mul(&candidate.pregrasp);
+    let [x, y, z] = grasp.translation.vector.into();
+    let [i, j, k, w] = grasp.rotation.coords.into();
+    let [a, b, c] = pregrasp.translation.vector.into();
+    [x, y, z, i, j, k, w, a, b, c].map(f64::to_bits)
 }
 
 /// What became of the placements that were looked at.
@@ -210,6 +230,7 @@ fn find(now: &mut Now<'_>, purpose: Purpose) -> Result<Drive, String> {
     let chair = now.seen.chair();
     let footprint = now.scene.footprint_check(now.poses);
     let mut tally = Tally::default();
+    let mut unreached = Unreached::default();
     for margin in MARGINS {
         let candidates = candidates(now, purpose, margin);
         tally.candidates = tally.candidates.max(candidates.len());
@@ -224,7 +245,7 @@ fn find(now: &mut Now<'_>, purpose: Purpose) -> Result<Drive, String> {
         };
         // Placements from which everything can be done come first.
         for level in 0..LEVELS {
-            if let Some(drive) = choice.drive(level, now, &footprint, &mut tally) {
+            if let Some(drive) = choice.drive(level, now, &footprint, &mut tally, &mut unreached) {
                 return Ok(drive);
             }
         }
@@ -268,6 +289,7 @@ impl Choice {
         now: &mut Now<'_>,
         footprint: &FootprintCheck,
         tally: &mut Tally,
+        unreached: &mut Unreached,
     ) -> Option<Drive> {
         let chair = now.seen.chair();
         let mut looked = 0;
@@ -295,7 +317,12 @@ impl Choice {
             tally.tried += 1;
             let candidate = &self.candidates[placement.candidate];
             let wanted = wanted(now, candidate, self.purpose, &base);
-            if !wanted.is_reached(level, now, &at) {
+            let key = key(&base, candidate);
+            if unreached.contains(&key)
+                || !wanted.is_reached(level, now, &at, || {
+                    unreached.insert(key);
+                })
+            {
                 tally.unreached += 1;
                 refused.push((placement.chair, placement.candidate));
                 continue;

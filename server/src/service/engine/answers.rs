@@ -6,6 +6,7 @@ use bytes::Bytes;
 use wheelarm_proto::Query;
 use wheelarm_proto::v1::FailureCode;
 use wheelarm_proto::{Message, v1};
+use wheelarm_route::footprint_check::wrap;
 
 use super::Engine;
 use crate::geometry::bounds;
@@ -19,6 +20,8 @@ use crate::sim::Scenario;
 
 /// How far a joint may turn from where a solution is looked for nearby, radians.
 const NEAR_CHANGE: f64 = 1.2;
+/// Most poses of a path that one question may hold.
+const MOST_POSES: usize = 1024;
 
 impl Engine {
     /// Answers one query, or begins what it asks for; a refused one gets a
@@ -282,6 +285,7 @@ impl Engine {
                 width: g.width,
                 symmetric: g.symmetric,
                 force: (g.force > 0.0).then_some(g.force),
+                from_above: g.from_above,
             })
         });
         let room = &scene.room_camera;
@@ -321,31 +325,63 @@ impl Engine {
 
     fn reach(&self, request: v1::ReachRequest) -> Result<v1::ReachReply, Denied> {
         let pose = convert::isometry("pose", request.pose.as_ref())?;
+        if request.next_poses.len() > MOST_POSES {
+            let words = format!(
+                "next_poses has {} poses; allowed is at most {MOST_POSES}: ask for it in parts",
+                request.next_poses.len()
+            );
+            return Err(Denied::new(FailureCode::Invalid, words));
+        }
+        let path = request.next_poses.iter();
+        let path = path.map(|pose| convert::isometry("next_poses", Some(pose)));
+        let path = path.collect::<Result<Vec<_>, _>>()?;
+        let most = request.max_joint_change.unwrap_or(f64::INFINITY);
+        if most.is_nan() || most <= 0.0 {
+            let words = format!("max_joint_change is {most}; allowed is more than 0 rad");
+            return Err(Denied::new(FailureCode::Invalid, words));
+        }
         let kinematics = self.sim.control().kinematics();
-        let solved = match request.near_joints.as_slice() {
+        let mut solved = match request.near_joints.as_slice() {
             [] => kinematics.solve(&pose, &self.sim.arm_positions()),
             near => {
                 let near = wheelarm_proto::check::list::<6>("near_joints", near);
                 kinematics.solve_local(&pose, &near?, NEAR_CHANGE)
             }
         };
-        let header = Some(self.stamp());
-        Ok(match solved {
-            Ok(solution) => v1::ReachReply {
-                header,
-                reachable: true,
-                joints: solution.joints.to_vec(),
-                reason: String::new(),
-                problem: v1::ReachProblem::Unspecified.into(),
-            },
-            Err(e) => v1::ReachReply {
-                header,
-                reachable: false,
-                joints: Vec::new(),
-                reason: e.to_string(),
-                problem: convert::reach_problem(e.reason).into(),
-            },
-        })
+        let mut reply = v1::ReachReply {
+            header: Some(self.stamp()),
+            ..v1::ReachReply::default()
+        };
+        let mut path = path.iter();
+        loop {
+            let joints = match solved {
+                Ok(solution) => solution.joints,
+                Err(e) => {
+                    reply.reason = e.to_string();
+                    reply.set_problem(convert::reach_problem(e.reason));
+                    return Ok(reply);
+                }
+            };
+            reply.reached_count += 1;
+            let Some(pose) = path.next() else {
+                reply.reachable = true;
+                reply.joints = joints.to_vec();
+                return Ok(reply);
+            };
+            solved = kinematics.solve_local(pose, &joints, NEAR_CHANGE);
+            let jump = solved.as_ref().ok().and_then(|next| {
+                let changes = joints
+                    .iter()
+                    .zip(&next.joints)
+                    .map(|(a, b)| wrap(a - b).abs());
+                changes.enumerate().find(|(_, change)| *change > most)
+            });
+            if let Some((joint, change)) = jump {
+                reply.reason = format!("joint {} would jump by {change:.2} rad", joint + 1);
+                reply.set_problem(v1::ReachProblem::Jump);
+                return Ok(reply);
+            }
+        }
     }
 
     /// Megabytes that many may ask for: written once in an episode.

@@ -3,7 +3,7 @@
 
 use std::sync::Arc;
 use std::sync::mpsc::{self, Receiver, TryRecvError};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use wheelarm_proto::v1::FailureCode;
 use wheelarm_proto::{Message, v1};
@@ -15,8 +15,17 @@ use crate::service::render::RenderThread;
 use crate::service::{assets, convert};
 use crate::sim::{Scenario, Simulation};
 
-/// Longest time for soft objects to settle in a new scenario.
+/// Longest time for soft objects to settle in a new scenario, on the processor: a
+/// busy machine refuses nothing that an idle one takes.
 const SETTLING: Duration = Duration::from_secs(5);
+
+/// Time that this thread has run on a processor.
+fn on_processor() -> Duration {
+    let time = rustix::time::clock_gettime(rustix::time::ClockId::ThreadCPUTime);
+    let seconds = u64::try_from(time.tv_sec).unwrap_or_default();
+    let nanos = u32::try_from(time.tv_nsec).unwrap_or_default();
+    Duration::new(seconds, nanos)
+}
 
 impl Engine {
     /// Begins to set up another scenario.
@@ -39,8 +48,8 @@ impl Engine {
         );
         let thread = std::thread::Builder::new().name("loading".to_owned());
         let thread = thread.spawn(move || {
-            let since = Instant::now();
-            let late = move || since.elapsed() > SETTLING;
+            let since = on_processor();
+            let late = move || on_processor().saturating_sub(since) > SETTLING;
             let load = || {
                 let mut sim =
                     Simulation::new_within(&folder, scenario, &late).map_err(Denied::scenario)?;
