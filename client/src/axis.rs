@@ -75,6 +75,12 @@ const TYPOS: f64 = 0.5;
 pub struct AxisAt(Axis, u32);
 
 impl AxisAt {
+    /// Whether it asks for other layouts.
+    #[must_use]
+    pub fn is_layout(&self) -> bool {
+        self.0 == Axis::Layout
+    }
+
     /// Reads `AXIS=STRENGTH`, for example `light=2`.
     ///
     /// # Errors
@@ -171,7 +177,7 @@ mod tests {
                 variation.set(at);
                 let text = of(&variation);
                 assert!(!seen.contains(&text), "{at:?} is like another");
-                assert!(!variation.words().is_empty(), "{at:?}");
+                assert!(!variation.words(0).is_empty(), "{at:?}");
                 seen.push(text);
             }
         }

@@ -8,6 +8,8 @@ use wheelarm_proto::seeds::ATTEMPT_STRIDE;
 use wheelarm_proto::settings::Named;
 use wheelarm_proto::v1;
 
+use crate::variation::{EpisodeSeed, mixed};
+
 /// Greatest strength of a disturbance.
 const MAX_STRENGTH: u32 = 3;
 
@@ -64,16 +66,11 @@ enum Draw {
 
 /// 0 to 1, below 1, the same for the same seed on every machine (SplitMix64). Later
 /// attempts draw what the first did, so that failures do not change the shares.
-fn uniform(seed: u64, draw: Draw) -> f64 {
-    let first = seed % ATTEMPT_STRIDE;
-    let mut x = first ^ (draw as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15);
-    for _ in 0..2 {
-        x = x.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        x = (x ^ (x >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        x = (x ^ (x >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        x ^= x >> 31;
-    }
-    (x >> 11) as f64 / (1u64 << 53) as f64
+fn uniform(seed: EpisodeSeed, draw: Draw) -> f64 {
+    let first = seed.scene % ATTEMPT_STRIDE;
+    let sentence = u64::from(seed.sentence).wrapping_mul(0xd1b5_4a32_d192_ed03);
+    let x = first ^ sentence ^ (draw as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15);
+    (mixed(mixed(x)) >> 11) as f64 / (1u64 << 53) as f64
 }
 
 impl Disturb {
@@ -89,24 +86,24 @@ impl Disturb {
         }
     }
 
-    /// What hinders the robot in the episode of `seed`; strengths of 0 where nothing
-    /// does, so that what was in force before goes.
+    /// What hinders the robot in an episode; strengths of 0 where nothing does, so that
+    /// what was in force before goes.
     #[must_use]
-    pub fn disturbances(&self, seed: u64) -> v1::Disturbances {
+    pub fn disturbances(&self, seed: EpisodeSeed) -> v1::Disturbances {
         if uniform(seed, Draw::Disturbed) >= self.share {
             return v1::Disturbances::default();
         }
         v1::Disturbances {
-            seed: None,
+            seed: (seed.sentence > 0).then(|| seed.own()),
             noise: self.noise,
             pushes: self.pushes,
             slips: self.slips,
         }
     }
 
-    /// The error that the operator makes in the episode of `seed`, if it makes one.
+    /// The error that the operator makes in an episode, if it makes one.
     #[must_use]
-    pub fn forced(&self, seed: u64) -> Option<ForcedError> {
+    pub fn forced(&self, seed: EpisodeSeed) -> Option<ForcedError> {
         let all = ForcedError::ALL;
         let which = uniform(seed, Draw::Error) * all.len() as f64;
         (uniform(seed, Draw::Errs) < self.error_share).then(|| all[which as usize])
@@ -131,10 +128,12 @@ mod tests {
         let text = "share = 0.3\nerror_share = 0.15\nnoise = 1\npushes = 2\nslips = 3\n";
         let disturb: Disturb = toml::from_str(text).unwrap();
         let seeds = 10_000..20_000;
-        let disturbed = seeds.clone().filter(|s| disturb.disturbances(*s).noise > 0);
+        let disturbed = seeds
+            .clone()
+            .filter(|s| disturb.disturbances((*s).into()).noise > 0);
         let disturbed = disturbed.count() as f64 / 10_000.0;
         assert!((disturbed - 0.3).abs() < 0.02, "{disturbed}");
-        let errors: Vec<_> = seeds.filter_map(|s| disturb.forced(s)).collect();
+        let errors: Vec<_> = seeds.filter_map(|s| disturb.forced(s.into())).collect();
         let erred = errors.len() as f64 / 10_000.0;
         assert!((erred - 0.15).abs() < 0.015, "{erred}");
         for kind in ForcedError::ALL {

@@ -38,41 +38,86 @@ pub struct Variation {
     pub time_limits: bool,
 }
 
+/// From what everything in an episode is drawn: its scenario's seed, and which of the
+/// episodes with that scene it is, from 0. They have another sentence each, and look,
+/// sensors, specimen, disturbances and operator of their own: a scene that is said
+/// three times is done in three ways.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct EpisodeSeed {
+    /// The scenario's seed.
+    pub scene: u64,
+    /// Number of the sentence.
+    pub sentence: u32,
+}
+
+impl From<u64> for EpisodeSeed {
+    fn from(scene: u64) -> Self {
+        Self { scene, sentence: 0 }
+    }
+}
+
+impl EpisodeSeed {
+    /// Seed of what the episodes with one scene do not share: the scenario's for the
+    /// first of them.
+    #[must_use]
+    pub fn own(self) -> u64 {
+        match self.sentence {
+            0 => self.scene,
+            sentence => mixed(self.scene ^ mixed(u64::from(sentence))),
+        }
+    }
+}
+
+/// The finaliser of SplitMix64 (Steele, Lea and Flood 2014).
+pub fn mixed(x: u64) -> u64 {
+    let mut x = x.wrapping_add(0x9e37_79b9_7f4a_7c15);
+    x = (x ^ (x >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    x = (x ^ (x >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+    x ^ (x >> 31)
+}
+
 impl Variation {
-    /// Sets what it says of the episode of `seed` in `scenario`.
-    pub fn apply(&self, seed: u64, scenario: &mut v1::Scenario) {
+    /// Sets what it says of an episode in `scenario`.
+    pub fn apply(&self, seed: impl Into<EpisodeSeed>, scenario: &mut v1::Scenario) {
+        let seed = seed.into();
         scenario.starts = self.starts.code().into();
         scenario.variant_share = self.bear_share;
         scenario.calibration_seed = self.specimen(seed);
-        scenario.language = self.language.as_ref().map(|said| said.message(0));
+        let scenario_language = self.language.as_ref();
+        scenario.language = scenario_language.map(|said| said.message(seed.sentence));
         scenario.disturbances = self.disturb.map(|disturb| disturb.disturbances(seed));
         if self.style != Style::default() {
             scenario.style = Some(self.style.name().to_owned());
         }
         scenario.time_limit_seconds = self.time_limits.then_some(0.0);
-        scenario.look = self.look.map(|look| look.of(seed));
+        scenario.look = self.look.map(|look| look.of(seed.own()));
         scenario.sensors.clone_from(&self.sensors);
+        for sensor in scenario.sensors.iter_mut().filter(|_| seed.sentence > 0) {
+            sensor.seed.get_or_insert(seed.own());
+        }
     }
 
-    /// The error that the operator makes on purpose in the episode of `seed`.
+    /// The error that the operator makes on purpose in an episode.
     #[must_use]
-    pub fn forced(&self, seed: u64) -> Option<ForcedError> {
+    pub fn forced(&self, seed: impl Into<EpisodeSeed>) -> Option<ForcedError> {
+        let seed = seed.into();
         self.disturb.and_then(|disturb| disturb.forced(seed))
     }
 
-    /// Which specimen of the robot the episode of `seed` has. Those of another
-    /// purpose are others.
-    fn specimen(&self, seed: u64) -> Option<u64> {
+    /// Which specimen of the robot an episode has. Those of another purpose are others.
+    fn specimen(&self, seed: EpisodeSeed) -> Option<u64> {
         let kinds = Purpose::ALL.iter();
-        let kind = kinds.take_while(|p| **p != Purpose::of(seed)).count() as u64;
+        let kind = kinds.take_while(|p| **p != Purpose::of(seed.scene));
+        let kind = kind.count() as u64;
         let among = u64::from(self.robots);
-        (among > 0).then(|| (kind + 1) * 1_000_000 + seed % among)
+        let which = seed.scene.wrapping_add(u64::from(seed.sentence));
+        (among > 0).then(|| (kind + 1) * 1_000_000 + which % among)
     }
 
-    /// As one line, empty where nothing is said: what was begun before this could
-    /// be said goes on.
+    /// As one line with sentence number `sentence`, empty where nothing is said: what
+    /// was begun before this could be said goes on.
     #[must_use]
-    pub fn words(&self) -> String {
+    pub fn words(&self, sentence: u32) -> String {
         let mut words = String::new();
         if self.starts != Starts::default() {
             words.push_str(&format!(" starts={}", self.starts.name()));
@@ -84,7 +129,7 @@ impl Variation {
             words.push_str(&format!(" robots={}", self.robots));
         }
         if let Some(said) = &self.language {
-            words.push_str(&said.words(0));
+            words.push_str(&said.words(sentence));
         }
         if let Some(disturb) = &self.disturb {
             words.push_str(&disturb.words());
@@ -130,13 +175,13 @@ mod tests {
             ..Variation::default()
         };
         let of = |seeds: std::ops::Range<u64>| {
-            let drawn = seeds.filter_map(|seed| variation.specimen(seed));
+            let drawn = seeds.filter_map(|seed| variation.specimen(seed.into()));
             drawn.collect::<std::collections::BTreeSet<u64>>()
         };
         let (train, claim) = (of(10_000..10_100), of(500..600));
         assert_eq!((train.len(), claim.len()), (7, 7));
         assert!(train.is_disjoint(&claim));
-        assert_eq!(Variation::default().specimen(3), None);
+        assert_eq!(Variation::default().specimen(3.into()), None);
     }
 
     #[test]
@@ -156,12 +201,50 @@ mod tests {
         assert_eq!(scenario.variant_share, Some(0.5));
         let look = scenario.look.unwrap();
         assert_eq!((look.seed, look.light, look.lens), (10_001, 3, 0));
-        assert_eq!(scenario.calibration_seed, variation.specimen(10_001));
+        assert_eq!(scenario.calibration_seed, variation.specimen(10_001.into()));
         assert_eq!(scenario.language.as_ref().map(|l| l.seed), Some(7));
         assert_eq!(
-            variation.words(),
+            variation.words(0),
             " starts=anywhere bear_share=0.5 robots=3 language=7/train/0/0.5/0 look=*:light=3 sensors=imu=2"
         );
-        assert_eq!(Variation::default().words(), "");
+        assert_eq!(Variation::default().words(0), "");
+    }
+
+    #[test]
+    fn episodes_with_one_scene_differ_in_all_but_the_scene() {
+        let variation = Variation {
+            robots: 5,
+            language: Some(Language::new(7, LanguageSplit::Train)),
+            look: LookText::read("*").ok(),
+            disturb: Some(Disturb::all(1, 0.5)),
+            ..Variation::default()
+        };
+        let of = |sentence| {
+            let mut scenario = v1::Scenario::default();
+            let seed = EpisodeSeed {
+                scene: 10_001,
+                sentence,
+            };
+            variation.apply(seed, &mut scenario);
+            (scenario, seed.own())
+        };
+        let [(first, own), (second, other)] = [of(0), of(1)];
+        assert_eq!(own, 10_001);
+        assert_ne!(own, other);
+        assert_eq!(second.language.map(|l| l.seed), Some(8));
+        assert_ne!(first.look, second.look);
+        assert_ne!(first.calibration_seed, second.calibration_seed);
+        assert_ne!(first.disturbances, second.disturbances);
+        let scenes = 10_000..10_400;
+        let forced = |sentence| {
+            scenes
+                .clone()
+                .map(move |scene| EpisodeSeed { scene, sentence })
+        };
+        let [first, second] = [forced(0), forced(1)].map(|seeds| {
+            let errors = seeds.map(|seed| variation.forced(seed));
+            errors.collect::<Vec<_>>()
+        });
+        assert_ne!(first, second);
     }
 }

@@ -89,6 +89,9 @@ pub struct ListedTask {
     pub instructions: Vec<String>,
     /// Its conditions: predicates with what they are about.
     pub predicates: Vec<String>,
+    /// Variants of its area in which it can be done; the first has no name.
+    #[serde(default)]
+    pub variants: Vec<String>,
 }
 
 /// Words of the goals, by their codes.
@@ -121,6 +124,7 @@ pub fn tasks_to_json(tasks: &[v1::TaskInfo]) -> serde_json::Result<String> {
             targets: task.targets.clone(),
             instructions: task.instructions.clone(),
             predicates: task.predicates.clone(),
+            variants: task.variants.clone(),
         })
         .collect();
     serde_json::to_string(&listed)
@@ -146,6 +150,7 @@ pub fn tasks_from_json(text: &str) -> serde_json::Result<Vec<v1::TaskInfo>> {
                     .map_or(v1::GoalKind::Unspecified, |(kind, _)| *kind)
                     .into(),
                 targets: task.targets,
+                variants: task.variants,
             }
         })
         .collect())
@@ -182,6 +187,7 @@ mod tests {
             predicates: vec!["opened_by(drawer_1_joint)".to_owned()],
             goal: v1::GoalKind::Open.into(),
             targets: vec!["drawer_1".to_owned()],
+            variants: vec![String::new()],
         }];
         let text = tasks_to_json(&tasks).unwrap();
         assert!(text.contains("\"goal\":\"open\""), "{text}");

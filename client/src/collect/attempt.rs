@@ -31,6 +31,7 @@ use super::slot::Permit;
 use super::stop::Stop;
 use super::watch::Watch;
 use crate::broken::Broken;
+use crate::variation::EpisodeSeed;
 
 /// Simulation time may stall for as long as the server may be silent, and
 /// for this long in any case, while the server answers.
@@ -190,7 +191,14 @@ impl Attempt<'_> {
         drop(rig);
         self.activity.tell("checking the file");
         let file = self.staging.join(format!("{}.h5", self.episode.id));
-        let judged = judge(self.episode, self.number, &file, &report, wall_seconds);
+        let judged = judge(
+            self.episode,
+            self.number,
+            &file,
+            &self.scenario(),
+            &report,
+            wall_seconds,
+        );
         let judged = judged.with_context(|| format!("the recorder said:\n{recorder_said}"))?;
         Ok(match judged {
             Judged::Done(done) => Outcome::Done(done),
@@ -217,6 +225,14 @@ impl Attempt<'_> {
         })
     }
 
+    /// From what the episode is drawn.
+    fn drawn(&self) -> EpisodeSeed {
+        EpisodeSeed {
+            scene: self.seed,
+            sentence: self.episode.sentence,
+        }
+    }
+
     /// The scenario that is asked for.
     fn scenario(&self) -> v1::Scenario {
         let plan = &self.setup.plan;
@@ -231,13 +247,9 @@ impl Attempt<'_> {
             imu_noise: Some(plan.randomise.imu_noise),
             pacing: v1::Pacing::LockStep.into(),
             quality: plan.quality.code().into(),
-            language: plan
-                .language
-                .as_ref()
-                .map(|l| l.message(self.episode.sentence)),
             ..v1::Scenario::default()
         };
-        plan.variation.apply(self.seed, &mut scenario);
+        plan.variation.apply(self.drawn(), &mut scenario);
         scenario
     }
 
@@ -273,8 +285,12 @@ impl Attempt<'_> {
         let work = OperateOptions {
             label: Some(self.episode.id.clone()),
             require_recorders: 1,
-            forced: self.setup.plan.variation.forced(self.seed),
-            profile_seed: (!self.setup.plan.randomise.operator).then_some(0),
+            forced: self.setup.plan.variation.forced(self.drawn()),
+            profile_seed: match self.setup.plan.randomise.operator {
+                // The scenario's seed, for the first sentence of a scene.
+                true => (self.episode.sentence > 0).then(|| self.drawn().own()),
+                false => Some(0),
+            },
             ..OperateOptions::default()
         };
         let connect = server.connect().clone();

@@ -224,9 +224,8 @@ fn histogram(title: &str, values: impl IntoIterator<Item = String>) -> String {
 
 /// What the plan has differ between episodes.
 fn differs(plan: &Plan) -> String {
-    let mut words = plan.variation.words();
-    if let Some(language) = &plan.language {
-        words += &language.words(0);
+    let mut words = plan.variation.words(0);
+    if let Some(language) = &plan.variation.language {
         words += &format!(" sentences={}", language.sentences);
     }
     match words.trim() {

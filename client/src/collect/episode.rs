@@ -40,7 +40,7 @@ impl Episode {
 pub fn episodes(plan: &Plan) -> Vec<Episode> {
     let cameras: Vec<String> = plan.cameras.iter().map(super::plan::Camera::word).collect();
     let same = format!(
-        "scene={} robot={} cameras={} state_rate={} imu_rate={} imu_noise={} depth={} quality={} operator={}{}",
+        "scene={} robot={} cameras={} state_rate={} imu_rate={} imu_noise={} depth={} quality={} operator={}",
         plan.scene,
         plan.robot,
         cameras.join(","),
@@ -54,18 +54,16 @@ pub fn episodes(plan: &Plan) -> Vec<Episode> {
         } else {
             "fixed"
         },
-        plan.variation.words(),
     );
     let mut all = Vec::with_capacity(plan.episode_count());
     for task in &plan.tasks {
         for index in 0..task.episodes {
-            let (scene, sentence) = match &plan.language {
+            let (scene, sentence) = match &plan.variation.language {
                 Some(language) => language.place(index),
                 None => (index, 0),
             };
             let seed = task.first_seed.wrapping_add(u64::from(scene));
-            let said = plan.language.as_ref();
-            let said = said.map_or(String::new(), |language| language.words(sentence));
+            let said = plan.variation.words(sentence);
             all.push(Episode {
                 id: format!("{}-{index:04}", task.name),
                 task: task.name.clone(),

@@ -25,6 +25,9 @@ use wheelarm_dataset::publish;
 use super::journal::Done;
 use wheelarm_rig::remove_socket;
 
+/// Folder of the kept recordings of failed attempts.
+const FAILED_EPISODES: &str = "failed_episodes";
+
 /// Name of the note in a staging folder that says what is about to be published.
 const RESULT: &str = "result.json";
 
@@ -197,13 +200,43 @@ impl Folder {
     /// # Errors
     /// When it cannot be moved.
     pub fn keep_recording(&self, file: &Path, name: &str) -> anyhow::Result<String> {
-        let folder = self.root.join("failed_episodes");
+        let folder = self.root.join(FAILED_EPISODES);
         std::fs::create_dir_all(&folder)
             .with_context(|| format!("making the folder {}", folder.display()))?;
         let kept = free(&folder.join(name), ".h5");
         appear(file, &kept)?;
         let stem = kept.file_name().unwrap_or_default().to_string_lossy();
-        Ok(format!("failed_episodes/{stem}"))
+        Ok(format!("{FAILED_EPISODES}/{stem}"))
+    }
+
+    /// Moves recordings of failed attempts at `episodes` to `failed/` that are not
+    /// among those that are `told`, relative to the root; their new paths.
+    ///
+    /// # Errors
+    /// When one cannot be moved.
+    pub fn set_orphans_aside<'a>(
+        &self,
+        episodes: impl Iterator<Item = &'a str>,
+        told: &[&str],
+    ) -> anyhow::Result<Vec<PathBuf>> {
+        let episodes: Vec<&str> = episodes.collect();
+        let kept = std::fs::read_dir(self.root.join(FAILED_EPISODES));
+        let mut moved = Vec::new();
+        for entry in kept.into_iter().flatten().flatten() {
+            let name = entry.file_name().to_string_lossy().into_owned();
+            let is_mine = name
+                .rsplit_once("-attempt-")
+                .is_some_and(|(episode, _)| episodes.contains(&episode));
+            if !is_mine || told.contains(&format!("{FAILED_EPISODES}/{name}").as_str()) {
+                continue;
+            }
+            let stem = name.strip_suffix(".h5").unwrap_or(&name);
+            let aside = self.root.join(format!("failed/{stem}-not-in-journal"));
+            let aside = free(&aside, ".h5");
+            appear(&entry.path(), &aside)?;
+            moved.push(aside);
+        }
+        Ok(moved)
     }
 
     /// Moves the file of an episode that no journal knows out of the dataset; its

@@ -8,6 +8,7 @@ use anyhow::{Context, bail};
 use wheelarm_dataset::read::{Episode as Recording, Summary};
 use wheelarm_dataset::scenario_text::scenario_json;
 use wheelarm_operate::run::Report;
+use wheelarm_proto::v1;
 
 use super::episode::Episode;
 use super::folder::{Folder, sha256};
@@ -22,8 +23,8 @@ pub enum Judged {
     Failed(Failed),
 }
 
-/// Reads the finished file of an attempt and decides. `wall_seconds` is what the
-/// attempt took.
+/// Reads the finished file of an attempt at the scenario `asked` and decides.
+/// `wall_seconds` is what the attempt took.
 ///
 /// # Errors
 /// When it is not the complete recording of the episode.
@@ -31,6 +32,7 @@ pub fn judge(
     episode: &Episode,
     number: u32,
     file: &Path,
+    asked: &v1::Scenario,
     report: &Report,
     wall_seconds: f64,
 ) -> anyhow::Result<Judged> {
@@ -39,7 +41,9 @@ pub fn judge(
     let summary = recording.summary()?;
     check(&summary, episode, seed)?;
     let seconds = summary.span_nanos.1.saturating_sub(summary.span_nanos.0) as f64 * 1e-9;
-    let scenario = scenario_json(&recording.scenario()?);
+    let scenario = recording.scenario()?;
+    check_settings(&scenario, asked)?;
+    let scenario = scenario_json(&scenario);
     if recording.is_broken() || !(report.succeeded() && summary.success) {
         let broken = recording.is_broken().then_some(Broken::Physics);
         return Ok(Judged::Failed(Failed {
@@ -114,6 +118,43 @@ pub fn check(summary: &Summary, episode: &Episode, seed: u64) -> anyhow::Result<
             wanted.1,
             wanted.2
         );
+    }
+    Ok(())
+}
+
+/// Whether a recording was made with the settings that were asked for.
+///
+/// # Errors
+/// With the setting that is another.
+fn check_settings(recorded: &v1::Scenario, asked: &v1::Scenario) -> anyhow::Result<()> {
+    let language = |scenario: &v1::Scenario| {
+        let said = scenario.language.as_ref();
+        said.map(|said| (said.seed, said.split))
+    };
+    let look = |scenario: &v1::Scenario| scenario.look.as_ref().map(|look| look.seed);
+    let hindered = |scenario: &v1::Scenario| {
+        let by = scenario
+            .disturbances
+            .filter(|d| d.noise + d.pushes + d.slips > 0);
+        by.map(|d| (d.noise, d.pushes, d.slips))
+    };
+    let sensors = |scenario: &v1::Scenario| scenario.sensors.len();
+    for (name, same) in [
+        ("language", language(recorded) == language(asked)),
+        ("look", look(recorded) == look(asked)),
+        ("disturbances", hindered(recorded) == hindered(asked)),
+        ("sensors", sensors(recorded) == sensors(asked)),
+        (
+            "calibration_seed",
+            recorded.calibration_seed == asked.calibration_seed,
+        ),
+        ("style", recorded.style == asked.style),
+    ] {
+        if !same {
+            bail!(
+                "the recording was not made with the {name} that the plan asks for; programs of one version make a campaign"
+            );
+        }
     }
     Ok(())
 }

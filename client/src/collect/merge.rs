@@ -181,8 +181,17 @@ fn bring(from: &Path, staged: &Path) -> anyhow::Result<()> {
 /// Brings a file into the dataset.
 fn take(folder: &Folder, from: &Path, done: &Done) -> anyhow::Result<()> {
     let to = folder.file(&done.episode);
-    if to.is_file() && sha256(&to)? == done.sha256 {
-        return Ok(());
+    if to.is_file() {
+        if sha256(&to)? == done.sha256 {
+            return Ok(());
+        }
+        // It was found to be damaged, and a good one comes.
+        let aside = folder.set_aside(&done.episode)?;
+        eprintln!(
+            "{} is another file; it lies in {} now",
+            to.display(),
+            aside.display()
+        );
     }
     let staging = folder.stage(&done.episode)?;
     let staged = staging.join(format!("{}.h5", done.episode));

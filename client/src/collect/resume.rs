@@ -101,6 +101,20 @@ pub fn settle(
             aside.display()
         );
     }
+    // Kept recordings of failed attempts whose lines never came.
+    let journals = Ledger::read(&folder.journal())?;
+    let told = journals.failed.values().flatten();
+    let told: Vec<&str> = told
+        .filter_map(|f| f.loss.as_ref())
+        .map(|loss| loss.file.as_str())
+        .collect();
+    for aside in folder.set_orphans_aside(mine.iter().map(|episode| episode.id.as_str()), &told)? {
+        tracing::warn!(
+            "{}: the recording of a failed attempt that no journal tells, most likely of a run that \
+             was killed; the attempt is made again",
+            aside.display()
+        );
+    }
     // Last, for the line that was cut is dropped with it.
     for entry in finished {
         journal.append(&entry)?;
@@ -155,12 +169,20 @@ mod tests {
         let [first, second] = [entry(&mine[0]), entry(&mine[1])];
         let text = format!("{first}\n{second}\n");
         let journal = folder.journal().join("shard-0-of-1.jsonl");
+        let mut orphans = 0;
         // Whole, then cut anywhere in the second line.
         for (cut, aside) in [(text.len(), 0), (first.len() + 2, 1), (text.len() - 2, 2)] {
             std::fs::write(&journal, &text[..cut]).unwrap();
             for episode in &mine {
                 std::fs::write(folder.file(&episode.id), "abc").unwrap();
             }
+            // Kept by a run that was killed before it could tell.
+            let kept = root.path().join("failed_episodes");
+            std::fs::create_dir_all(&kept).unwrap();
+            let orphan = kept.join(format!("{}-attempt-0.h5", mine[0].id));
+            std::fs::write(&orphan, "lost").unwrap();
+            let others = kept.join("other-attempt-0.h5");
+            std::fs::write(&others, "of another shard").unwrap();
             let mut open = Journal::open(&folder.journal(), Shard::WHOLE).unwrap();
             let (mut known, warnings) = ledger(&folder, &mine).unwrap();
             settle(&folder, &mine, &mut open, &mut known).unwrap();
@@ -171,7 +193,9 @@ mod tests {
             assert_eq!(folder.file(&mine[1].id).exists(), is_whole);
             // The file itself is never lost.
             let failed = std::fs::read_dir(root.path().join("failed")).unwrap();
-            assert_eq!(failed.count(), aside);
+            orphans += 1;
+            assert_eq!(failed.count(), aside + orphans);
+            assert!(!orphan.exists() && others.exists());
         }
         // Without a line that was cut nobody knows what such a file is.
         std::fs::write(&journal, format!("{first}\n")).unwrap();

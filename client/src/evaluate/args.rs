@@ -123,6 +123,7 @@ impl EvaluateArgs {
             None => {
                 let (first, end) = self.seeds.unwrap_or((0, self.episodes.unwrap_or(10)));
                 Scope {
+                    layout: false,
                     split: None,
                     seeds: first..end,
                     variation: Variation {
@@ -145,6 +146,7 @@ impl EvaluateArgs {
             scope.variation.language = Some(Language::new(seed, self.language_split));
         }
         for axis in &self.axis {
+            scope.layout |= axis.is_layout();
             scope.variation.set(*axis);
         }
         let sees = scope

@@ -28,7 +28,7 @@ impl Job {
     /// was always so.
     #[must_use]
     pub fn settings(&self) -> String {
-        self.variation.words().trim_start().to_owned()
+        self.variation.words(0).trim_start().to_owned()
     }
 }
 

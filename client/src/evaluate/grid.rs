@@ -143,7 +143,11 @@ fn last_pictures(args: &EvaluateArgs, job: &Job) -> anyhow::Result<[Picture; 2]>
     let [chair, arm] = cameras(&robot)?;
     // The newest picture of each is kept.
     let seen = [(chair, link.camera(chair, 1)?), (arm, link.camera(arm, 1)?)];
-    operate::run(&link, &OperateOptions::default(), &mut |_| {})
+    let work = OperateOptions {
+        forced: job.variation.forced(job.seed),
+        ..OperateOptions::default()
+    };
+    operate::run(&link, &work, &mut |_| {})
         .with_context(|| format!("{} seed {}", job.task, job.seed))?;
     let last = seen.map(|(name, camera)| {
         let frame = camera.next(PICTURE)?;

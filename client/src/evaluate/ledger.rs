@@ -30,16 +30,17 @@ impl Ledger {
             .append(true)
             .open(&path)
             .with_context(context)?;
-        let mut text = String::new();
-        file.read_to_string(&mut text).with_context(context)?;
+        let mut text = Vec::new();
+        file.read_to_end(&mut text).with_context(context)?;
         let mut entries = Vec::new();
+        // A line that was cut may end in the middle of a character.
         for entry in text
-            .lines()
-            .filter_map(|line| serde_json::from_str(line).ok())
+            .split(|byte| *byte == b'\n')
+            .filter_map(|line| serde_json::from_slice(line).ok())
         {
             take(&mut entries, entry);
         }
-        if !text.is_empty() && !text.ends_with('\n') {
+        if !text.is_empty() && !text.ends_with(b"\n") {
             file.write_all(b"\n").with_context(context)?;
         }
         Ok(Self {
@@ -107,6 +108,11 @@ mod tests {
         ledger.add(&entry(1)).unwrap();
         let path = folder.path().join("episodes.jsonl");
         let text = std::fs::read_to_string(&path).unwrap();
+        // In the middle of a character, too.
+        let cut = [text.as_bytes(), "{\"task\": \"90°".as_bytes()].concat();
+        std::fs::write(&path, &cut[..cut.len() - 1]).unwrap();
+        let ledger = Ledger::open(folder.path()).unwrap();
+        assert_eq!(ledger.entries(), [entry(0), entry(1)]);
         std::fs::write(&path, &text[..text.len() - 9]).unwrap();
         let ledger = Ledger::open(folder.path()).unwrap();
         assert_eq!(ledger.entries(), [entry(0)]);

@@ -22,6 +22,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 use anyhow::{Context, bail};
 use parking_lot::Mutex;
+use wheelarm_proto::v1;
 
 use crate::control::tasks_of_program;
 use entry::Job;
@@ -45,8 +46,8 @@ const BROKEN: u8 = 3;
 pub fn run(args: &EvaluateArgs) -> anyhow::Result<ExitCode> {
     std::fs::create_dir_all(&args.out)
         .with_context(|| format!("making the folder {}", args.out.display()))?;
-    let tasks = tasks(args)?;
     let scope = args.scope()?;
+    let tasks = tasks(args, scope.layout)?;
     let wanted: Vec<Job> = tasks
         .iter()
         .flat_map(|task| {
@@ -143,12 +144,24 @@ fn skipped(args: &EvaluateArgs, done: &[Job], wanted: usize) -> String {
     text
 }
 
-/// Names of the tasks to do, as the assets have them.
-fn tasks(args: &EvaluateArgs) -> anyhow::Result<Vec<String>> {
+/// Names of the tasks to do, as the assets have them; of all, where other layouts are
+/// asked for, those that have several.
+fn tasks(args: &EvaluateArgs, layout: bool) -> anyhow::Result<Vec<String>> {
     let listed = tasks_of_program(args.assets.as_deref())?;
-    let all: Vec<String> = listed.into_iter().map(|task| task.name).collect();
+    let (several, one): (Vec<_>, Vec<_>) = listed.iter().partition(|task| task.variants.len() > 1);
+    let names = |tasks: Vec<&v1::TaskInfo>| {
+        let names = tasks.into_iter().map(|task| task.name.clone());
+        names.collect::<Vec<String>>()
+    };
+    let (several, one, all) = (names(several), names(one), names(listed.iter().collect()));
     if args.task == "all" {
-        return Ok(all);
+        if layout {
+            eprintln!(
+                "left out, for there is one layout of them: {}",
+                one.join(", ")
+            );
+        }
+        return Ok(if layout { several } else { all });
     }
     let mut tasks = Vec::new();
     for name in args.task.split(',') {
@@ -156,6 +169,12 @@ fn tasks(args: &EvaluateArgs) -> anyhow::Result<Vec<String>> {
             bail!(
                 "there is no task {name:?}; the tasks are: {}",
                 all.join(", ")
+            );
+        }
+        if layout && one.iter().any(|task| task == name) {
+            bail!(
+                "there is one layout of the task {name:?}, so the axis `layout` changes nothing; several have: {}",
+                several.join(", ")
             );
         }
         tasks.push(name.to_owned());

@@ -65,7 +65,7 @@ impl Report {
         Self {
             split: scope.split.clone(),
             purpose: scope.purpose(),
-            settings: scope.variation.words().trim_start().to_owned(),
+            settings: scope.variation.words(0).trim_start().to_owned(),
             episodes,
             successes,
             interval: wilson(successes, episodes),
@@ -236,6 +236,7 @@ mod tests {
         ];
         let names = ["a", "b", "c"].map(str::to_owned);
         let scope = Scope {
+            layout: false,
             split: Some("develop".to_owned()),
             seeds: 0..3,
             variation: Variation::default(),

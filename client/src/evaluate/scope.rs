@@ -27,6 +27,8 @@ pub struct Scope {
     pub seeds: Range<u64>,
     /// What differs between episodes beside what their task draws.
     pub variation: Variation,
+    /// Other layouts are asked for: tasks with one alone are left out.
+    pub layout: bool,
 }
 
 impl Scope {
@@ -136,8 +138,10 @@ fn parse(path: &Path, text: &str) -> anyhow::Result<Scope> {
         disturb: file.disturb,
         ..Variation::default()
     };
+    let layout = file.axes.iter().any(|axis| axis.is_layout());
     file.axes.into_iter().for_each(|axis| variation.set(axis));
     Ok(Scope {
+        layout,
         split: Some(name.into_owned()),
         seeds: first..end,
         variation,

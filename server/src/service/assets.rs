@@ -23,6 +23,7 @@ pub fn tasks(assets: &Path, hand: &CorridorSettings) -> Result<Vec<v1::TaskInfo>
         .into_iter()
         .map(|t| v1::TaskInfo {
             predicates: t.conditions.iter().map(ConditionSpec::label).collect(),
+            variants: t.variants().map(|v| v.name.clone()).collect(),
             goal: convert::goal_kind(&t.goal).into(),
             name: t.name,
             activity: t.activity,

@@ -68,6 +68,39 @@ pub enum SimError {
         /// The variants in which it can be done.
         known: String,
     },
+    /// No start anywhere.
+    #[error(
+        "with the seed {seed} there is no start anywhere from which a way leads to the area {area:?}; \
+         take another seed, or `starts = \"near\"`"
+    )]
+    NoStart {
+        /// The area.
+        area: String,
+        /// The scenario's seed.
+        seed: u64,
+    },
+    /// No scene in which everything can be taken.
+    #[error(
+        "with the seed {seed} no scene of the area {area:?} was found in which everything can be taken; \
+         take another seed, or tell `objects`"
+    )]
+    NoRoom {
+        /// The area.
+        area: String,
+        /// The scenario's seed.
+        seed: u64,
+    },
+    /// A sentence of a split.
+    #[error(
+        "the grammar has no sentence of the split {split:?} for the task {task:?} in this scene; \
+         take another seed, or the split \"any\""
+    )]
+    Unsaid {
+        /// The task.
+        task: String,
+        /// The split.
+        split: &'static str,
+    },
     /// A furniture joint of the scenario.
     #[error("the scenario sets the slide {name:?}, but scene {scene:?} has the joints {known}")]
     Slide {

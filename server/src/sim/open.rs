@@ -4,6 +4,7 @@
 use std::path::Path;
 
 use nalgebra::Isometry3;
+use wheelarm_proto::settings::{LanguageSplit, Named};
 
 use super::error::SimError;
 use super::scenario::{SOFT_MASS, Scenario, ScenarioError};
@@ -88,6 +89,21 @@ pub(super) fn draw_open_values(
     };
     let given = std::mem::take(&mut scenario.objects);
     let tells_none = given.is_empty();
+    if let Some((task, ..)) = task {
+        let area = || task.area.name.clone();
+        if scenario.start.is_none() && !drawn.scene.has_start {
+            return Err(SimError::NoStart {
+                area: area(),
+                seed: scenario.seed,
+            });
+        }
+        if tells_none && drawn.scene.clearance < 0.0 {
+            return Err(SimError::NoRoom {
+                area: area(),
+                seed: scenario.seed,
+            });
+        }
+    }
     let placed: Vec<bool>;
     (scenario.objects, placed) = scene
         .objects
@@ -143,11 +159,19 @@ pub(super) fn say(
     let placements: Vec<_> = scenario.objects.iter().map(|(_, p)| *p).collect();
     let about = (task, scenario.target.as_str());
     let said = tasks::sentence(assets, about, scene, &placements, scenario.seed, language)?;
-    if let Some(said) = said {
-        scenario.instruction = said.text;
-        language.template = said.template;
-        language.question = said.question;
-    }
+    let Some(said) = said else {
+        // Another sentence would pass for one of the split.
+        return match language.split {
+            LanguageSplit::Any => Ok(()),
+            split => Err(SimError::Unsaid {
+                task: task.name.clone(),
+                split: split.name(),
+            }),
+        };
+    };
+    scenario.instruction = said.text;
+    language.template = said.template;
+    language.question = said.question;
     Ok(())
 }
 
@@ -203,6 +227,7 @@ fn undisturbed(scene: &Scene) -> Draw {
             knuckle: None,
             attempts: 0,
             clearance: 0.0,
+            has_start: true,
         },
         target: String::new(),
         instruction: String::new(),

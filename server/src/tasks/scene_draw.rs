@@ -42,6 +42,8 @@ pub struct SceneDraw {
     pub attempts: usize,
     /// How much room is left, metres; below zero something cannot be taken.
     pub clearance: f64,
+    /// A start was found where one was asked for.
+    pub has_start: bool,
 }
 
 /// The variant of an area that a seed takes out of those that offer what is
@@ -96,7 +98,9 @@ pub fn draw_scene(
         ),
         Vector3::z() * number(&mut near, area.start.yaw),
     );
-    let start = match floor.and_then(|floor| floor.start(area, variant, scene, seed)) {
+    let anywhere = floor.map(|floor| floor.start(area, variant, scene, seed));
+    let has_start = anywhere.as_ref().is_none_or(Option::is_some);
+    let start = match anywhere.flatten() {
         Some(start) => start,
         None => Start {
             pose: near,
@@ -142,6 +146,7 @@ pub fn draw_scene(
         knuckle: start.knuckle,
         attempts,
         clearance,
+        has_start,
     }
 }
 

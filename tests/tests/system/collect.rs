@@ -209,7 +209,9 @@ fn a_campaign_that_is_stopped_killed_twice_and_interrupted_ends_complete() {
 
 #[test]
 fn the_next_episode_runs_while_a_file_is_finished_and_both_can_be_thrown_away() {
-    let (_folder, plan, out) = planned(&PLAN.replace("episodes = 2", "episodes = 3"));
+    let plan = PLAN.replace("episodes = 2", "episodes = 3");
+    let plan = plan.replace("[[task]]", "[language]\nseed = 40\nsentences = 2\n[[task]]");
+    let (_folder, plan, out) = planned(&plan);
     let args = one_worker(&plan, &out);
     let staged = || std::fs::read_dir(out.join("staging")).map_or(0, Iterator::count);
     let campaign = Campaign::start(&args);
@@ -233,6 +235,23 @@ fn the_next_episode_runs_while_a_file_is_finished_and_both_can_be_thrown_away() 
     );
     assert_eq!((after.len(), done_lines(&out).len()), (3, 3));
     manifest_is_true(&out);
+    a_scene_is_said_and_done_in_two_ways(&out);
+}
+
+/// Two episodes with one scene, another sentence and another operator each.
+fn a_scene_is_said_and_done_in_two_ways(out: &Path) {
+    let mut done = done_lines(out);
+    done.sort_by_key(|line| line["episode"].to_string());
+    let said = |line: &Value| line["scenario"]["language"]["seed"].as_u64();
+    let [first, second, third] = &done[..] else {
+        panic!("{done:?}");
+    };
+    assert_eq!([first, second, third].map(said), [40, 41, 40].map(Some));
+    assert_eq!(first["seed"], second["seed"]);
+    assert_ne!(first["seed"], third["seed"]);
+    assert_eq!(first["scenario"]["objects"], second["scenario"]["objects"]);
+    assert_ne!(first["instruction"], second["instruction"]);
+    assert_ne!(first["seconds"], second["seconds"], "the same run twice");
 }
 
 #[test]

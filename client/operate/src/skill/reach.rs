@@ -50,7 +50,13 @@ impl Reach {
     }
 
     fn aim(&mut self, now: &mut Now<'_>) -> Step {
-        let Some((mut candidate, mut stops)) = choose(now) else {
+        let mut chosen = choose(now);
+        // What hindered it the last time may be gone.
+        if chosen.is_none() && now.memory.hindered && !now.memory.refused.is_empty() {
+            now.memory.refused.clear();
+            chosen = choose(now);
+        }
+        let Some((mut candidate, mut stops)) = chosen else {
             return now.elsewhere("the arm cannot take it from here");
         };
         self.aimed = Some(now.thing());

@@ -19,7 +19,6 @@ pub use self::parts::{Camera, PlanError, Task};
 
 use self::check::{Check, line_of};
 use self::form::PlanFile;
-use crate::language::Language;
 use crate::variation::Variation;
 
 /// A checked plan.
@@ -57,8 +56,6 @@ pub struct Plan {
     pub sample_rate: f64,
     /// What differs between episodes beside what the task files draw.
     pub randomise: Randomise,
-    /// How tasks are said; by their own sentences when absent.
-    pub language: Option<Language>,
     /// Cameras.
     pub cameras: Vec<Camera>,
     /// Tasks, in the order of the plan.
@@ -134,7 +131,7 @@ impl Plan {
                 starts: file.starts,
                 bear_share: file.bear_share.map(Spanned::into_inner),
                 robots: file.randomise.robots,
-                language: None,
+                language,
                 look: file.look,
                 disturb: file.disturb,
                 style: file.style,
@@ -145,7 +142,6 @@ impl Plan {
             imu_rate: file.imu_rate.into_inner(),
             sample_rate: file.sample_rate.into_inner(),
             randomise: file.randomise,
-            language,
             cameras,
             tasks,
             text,
@@ -224,7 +220,7 @@ mod tests {
             "[language]\nseed = 40\nsentences = 3\n[[camera]]",
         );
         let plan = parse(&text.replace("episodes = 2", "episodes = 7")).unwrap();
-        let language = plan.language.unwrap();
+        let language = plan.variation.language.unwrap();
         let places: Vec<_> = (0..7).map(|index| language.place(index)).collect();
         assert_eq!(
             places,
