@@ -75,6 +75,12 @@ const TYPOS: f64 = 0.5;
 pub struct AxisAt(Axis, u32);
 
 impl AxisAt {
+    /// The axis.
+    #[must_use]
+    pub fn axis(&self) -> Axis {
+        self.0
+    }
+
     /// Whether it asks for other layouts.
     #[must_use]
     pub fn is_layout(&self) -> bool {

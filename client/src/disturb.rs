@@ -8,7 +8,7 @@ use wheelarm_proto::seeds::ATTEMPT_STRIDE;
 use wheelarm_proto::settings::Named;
 use wheelarm_proto::v1;
 
-use crate::variation::{EpisodeSeed, mixed};
+use crate::episode_seed::{EpisodeSeed, mixed};
 
 /// Greatest strength of a disturbance.
 const MAX_STRENGTH: u32 = 3;

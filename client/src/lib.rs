@@ -17,6 +17,7 @@ pub mod control;
 pub mod demo;
 mod disturb;
 pub mod doctor;
+mod episode_seed;
 #[cfg(feature = "hdf5")]
 pub mod evaluate;
 pub mod interrupt;

@@ -1,5 +1,6 @@
 //! `wheelarm operate`: the scripted operator with options and words.
 
+use std::io::Write;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
@@ -96,6 +97,12 @@ impl From<&Report> for Told {
     }
 }
 
+/// Writes a line. Who listens no longer ends no work: the episode would run on
+/// without its operator.
+fn say(line: std::fmt::Arguments<'_>) {
+    let _ = writeln!(std::io::stdout(), "{line}");
+}
+
 /// Does the task and prints how it goes.
 ///
 /// # Errors
@@ -105,10 +112,10 @@ pub fn run(link: &Link, args: &OperateArgs) -> anyhow::Result<ExitCode> {
     let report = operate::run(link, &args.into(), &mut |progress| {
         if progress.phase != phase {
             progress.phase.clone_into(&mut phase);
-            println!("{:7.2} s  {phase}", progress.time);
+            say(format_args!("{:7.2} s  {phase}", progress.time));
         }
         for note in progress.notes {
-            println!("{:7.2} s  {note}", progress.time);
+            say(format_args!("{:7.2} s  {note}", progress.time));
         }
     })?;
     let told = Told::from(&report);

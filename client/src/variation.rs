@@ -11,6 +11,7 @@ use wheelarm_proto::settings::{Named, Starts, Style};
 use wheelarm_proto::v1;
 
 use crate::disturb::Disturb;
+use crate::episode_seed::EpisodeSeed;
 use crate::language::Language;
 
 /// What differs between episodes beside what their task draws.
@@ -36,44 +37,6 @@ pub struct Variation {
     pub style: Style,
     /// Time limits follow from the way and the style; as the tasks say otherwise.
     pub time_limits: bool,
-}
-
-/// From what everything in an episode is drawn: its scenario's seed, and which of the
-/// episodes with that scene it is, from 0. They have another sentence each, and look,
-/// sensors, specimen, disturbances and operator of their own: a scene that is said
-/// three times is done in three ways.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct EpisodeSeed {
-    /// The scenario's seed.
-    pub scene: u64,
-    /// Number of the sentence.
-    pub sentence: u32,
-}
-
-impl From<u64> for EpisodeSeed {
-    fn from(scene: u64) -> Self {
-        Self { scene, sentence: 0 }
-    }
-}
-
-impl EpisodeSeed {
-    /// Seed of what the episodes with one scene do not share: the scenario's for the
-    /// first of them.
-    #[must_use]
-    pub fn own(self) -> u64 {
-        match self.sentence {
-            0 => self.scene,
-            sentence => mixed(self.scene ^ mixed(u64::from(sentence))),
-        }
-    }
-}
-
-/// The finaliser of SplitMix64 (Steele, Lea and Flood 2014).
-pub fn mixed(x: u64) -> u64 {
-    let mut x = x.wrapping_add(0x9e37_79b9_7f4a_7c15);
-    x = (x ^ (x >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-    x = (x ^ (x >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-    x ^ (x >> 31)
 }
 
 impl Variation {
@@ -160,7 +123,21 @@ pub fn read_sensors<'de, D: Deserializer<'de>>(
 ) -> Result<Vec<v1::SensorSetting>, D::Error> {
     let texts = Vec::<String>::deserialize(from)?;
     let read = texts.iter().map(|text| v1::SensorSetting::from_text(text));
-    read.collect::<Result<_, _>>().map_err(D::Error::custom)
+    let read: Vec<_> = read.collect::<Result<_, _>>().map_err(D::Error::custom)?;
+    let place = |sensor: &v1::SensorSetting| (sensor.model.clone(), sensor.camera.clone());
+    for (i, sensor) in read.iter().enumerate() {
+        if read[..i]
+            .iter()
+            .any(|before| place(before) == place(sensor))
+        {
+            let words = format!(
+                "the sensor {:?} stands there twice; leave one out",
+                texts[i]
+            );
+            return Err(D::Error::custom(words));
+        }
+    }
+    Ok(read)
 }
 
 #[cfg(test)]

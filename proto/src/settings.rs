@@ -304,6 +304,9 @@ impl v1::CameraSetting {
     }
 }
 
+/// Greatest strength of a sensor model.
+pub const MAX_SENSOR_STRENGTH: f64 = 3.0;
+
 impl v1::SensorSetting {
     /// As text, the form that [`Self::from_text`] reads.
     #[must_use]
@@ -338,6 +341,13 @@ impl v1::SensorSetting {
             };
             (!model.is_empty()).then_some(setting)
         };
+        let range = 0.0..=MAX_SENSOR_STRENGTH;
+        let strength = read().and_then(|setting| setting.strength);
+        if let Some(strength) = strength.filter(|strength| !range.contains(strength)) {
+            return Err(format!(
+                "{text:?}: the strength is {strength}; allowed is 0 to {MAX_SENSOR_STRENGTH}"
+            ));
+        }
         read().ok_or_else(|| {
             format!("{text:?} is not MODEL, MODEL@CAMERA or either with =STRENGTH, for example kinova_vision@gen3=2")
         })

@@ -160,8 +160,9 @@ fn stream(
         };
         let rule = Rule::of(&meta);
         let bad = all.iter().filter(|v| !v.is_finite()).count();
-        // A command that was not given is NaN; so is a contact that is not there.
-        let optional = matches!(name, "command" | "contact" | "evaluation")
+        // A command that was not given is NaN; so are a contact that is not there and a
+        // push that nobody gives.
+        let optional = matches!(name, "command" | "contact" | "evaluation" | "disturbance")
             || (name == "applied" && (rule == Rule::Nearest || rule == Rule::Pose));
         if bad > 0 && !optional {
             wrong(format!("{}: {bad} numbers are not finite", meta.name));

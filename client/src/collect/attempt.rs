@@ -31,7 +31,7 @@ use super::slot::Permit;
 use super::stop::Stop;
 use super::watch::Watch;
 use crate::broken::Broken;
-use crate::variation::EpisodeSeed;
+use crate::episode_seed::EpisodeSeed;
 
 /// Simulation time may stall for as long as the server may be silent, and
 /// for this long in any case, while the server answers.

@@ -148,7 +148,10 @@ fn check_settings(recorded: &v1::Scenario, asked: &v1::Scenario) -> anyhow::Resu
             "calibration_seed",
             recorded.calibration_seed == asked.calibration_seed,
         ),
-        ("style", recorded.style == asked.style),
+        (
+            "style",
+            asked.style.is_none() || recorded.style == asked.style,
+        ),
     ] {
         if !same {
             bail!(

@@ -26,9 +26,24 @@ use super::plan::Plan;
 pub fn merge(sources: &[PathBuf], out: &Path) -> anyhow::Result<Manifest> {
     let mut wanted: Vec<Episode> = Vec::new();
     let mut plan: Option<Plan> = None;
-    for source in sources {
+    // What lies in the target already belongs to it, too.
+    let filled = Folder::at(out).plan().is_file();
+    for source in sources
+        .iter()
+        .map(PathBuf::as_path)
+        .chain(filled.then_some(out))
+    {
         let read = Plan::read(&Folder::at(source).plan())
             .with_context(|| format!("{} is no folder of `wheelarm collect`", source.display()))?;
+        if let Some(known) = plan.as_ref().filter(|known| known.name != read.name) {
+            bail!(
+                "the folders are of different campaigns: {} is of {:?}, one before of {:?}; \
+                 merge them apart, or name another --out",
+                source.display(),
+                read.name,
+                known.name
+            );
+        }
         add(&mut wanted, episodes(&read), source)?;
         // The largest plan is kept: a campaign may have grown.
         if plan

@@ -7,13 +7,13 @@ use std::time::Duration;
 use anyhow::bail;
 use clap::Args;
 use wheelarm_proto::look::LookText;
-use wheelarm_proto::settings::{LanguageSplit, Quality, Starts, Style};
+use wheelarm_proto::settings::{LanguageSplit, Named, Quality, Starts, Style};
 use wheelarm_proto::v1;
 use wheelarm_rig::{ServerOptions, all_cameras};
 
 use super::entry::Job;
 use super::scope::{Scope, read_split};
-use crate::axis::AxisAt;
+use crate::axis::{Axis, AxisAt};
 use crate::choice::{MOST_SEEDS, named, patience, seed_range};
 use crate::disturb::Disturb;
 use crate::language::Language;
@@ -34,7 +34,7 @@ pub struct EvaluateArgs {
     pub episodes: Option<u64>,
     /// A frozen split, for example assets/splits/policy-claim.toml: its seeds, starts
     /// and all else that it draws. With --episodes the first of its seeds.
-    #[arg(long, value_name = "FILE", conflicts_with_all = ["seeds", "starts", "look"])]
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["seeds", "starts", "look", "language", "language_split", "style"])]
     pub split: Option<PathBuf>,
     /// One thing that is made harder than seeds or split say, AXIS=STRENGTH: camera,
     /// noise, light, background, layout, robot, language, depth or delay, 1 to 3. May be
@@ -145,7 +145,21 @@ impl EvaluateArgs {
         if let Some(seed) = self.language {
             scope.variation.language = Some(Language::new(seed, self.language_split));
         }
-        for axis in &self.axis {
+        for (i, axis) in self.axis.iter().enumerate() {
+            if self.axis[..i]
+                .iter()
+                .any(|before| before.axis() == axis.axis())
+            {
+                bail!(
+                    "--axis {} stands there twice; say it once",
+                    axis.axis().name()
+                );
+            }
+            if axis.axis() == Axis::Language && self.language.is_some() {
+                bail!(
+                    "--axis language says how tasks are said, and so does --language; leave one out"
+                );
+            }
             scope.layout |= axis.is_layout();
             scope.variation.set(*axis);
         }

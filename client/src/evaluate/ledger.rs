@@ -1,11 +1,11 @@
 //! The results as they come, one JSON object per line. A line that was cut off
 //! by an interruption is left out, and its episode is done again.
 
-use std::fs::{File, OpenOptions};
+use std::fs::{File, OpenOptions, TryLockError};
 use std::io::{Read, Write};
 use std::path::{Path, PathBuf};
 
-use anyhow::Context;
+use anyhow::{Context, bail};
 use parking_lot::Mutex;
 
 use super::entry::Entry;
@@ -30,6 +30,14 @@ impl Ledger {
             .append(true)
             .open(&path)
             .with_context(context)?;
+        match file.try_lock() {
+            Err(TryLockError::WouldBlock) => bail!(
+                "another `wheelarm evaluate` writes {}; wait for its end, or take another --out",
+                path.display()
+            ),
+            // Some network file systems know no locks.
+            Ok(()) | Err(TryLockError::Error(_)) => {}
+        }
         let mut text = Vec::new();
         file.read_to_end(&mut text).with_context(context)?;
         let mut entries = Vec::new();
@@ -106,6 +114,7 @@ mod tests {
         let ledger = Ledger::open(folder.path()).unwrap();
         ledger.add(&entry(0)).unwrap();
         ledger.add(&entry(1)).unwrap();
+        drop(ledger);
         let path = folder.path().join("episodes.jsonl");
         let text = std::fs::read_to_string(&path).unwrap();
         // In the middle of a character, too.
@@ -113,28 +122,32 @@ mod tests {
         std::fs::write(&path, &cut[..cut.len() - 1]).unwrap();
         let ledger = Ledger::open(folder.path()).unwrap();
         assert_eq!(ledger.entries(), [entry(0), entry(1)]);
+        drop(ledger);
         std::fs::write(&path, &text[..text.len() - 9]).unwrap();
         let ledger = Ledger::open(folder.path()).unwrap();
         assert_eq!(ledger.entries(), [entry(0)]);
-        ledger.add(&entry(2)).unwrap();
-        let again = Ledger::open(folder.path()).unwrap().entries();
-        assert_eq!(again, [entry(0), entry(2)]);
+        // Nobody else writes meanwhile.
+        let told = Ledger::open(folder.path()).err().unwrap().to_string();
+        assert!(told.contains("another `wheelarm evaluate`"), "{told}");
+        drop(ledger);
+        let with = |entry: &Entry| {
+            Ledger::open(folder.path()).unwrap().add(entry).unwrap();
+            Ledger::open(folder.path()).unwrap().entries()
+        };
+        assert_eq!(with(&entry(2)), [entry(0), entry(2)]);
         let broken = Entry {
             success: false,
             broken: Some(Broken::Server),
             ..entry(0)
         };
-        ledger.add(&broken).unwrap();
-        let again = Ledger::open(folder.path()).unwrap().entries();
+        let again = with(&broken);
         assert_eq!(again, [entry(2), broken.clone()], "the newest word counts");
         let elsewhere = Entry {
             settings: "starts=anywhere".to_owned(),
             ..entry(2)
         };
-        ledger.add(&elsewhere).unwrap();
-        let again = Ledger::open(folder.path()).unwrap().entries();
         assert_eq!(
-            again,
+            with(&elsewhere),
             [entry(2), broken, elsewhere],
             "other starts are another episode"
         );

@@ -45,7 +45,7 @@ impl Scope {
 struct SplitFile {
     #[serde(deserialize_with = "named")]
     purpose: Purpose,
-    seeds: [u64; 2],
+    seeds: Vec<u64>,
     #[serde(default, deserialize_with = "named")]
     starts: wheelarm_proto::settings::Starts,
     bear_share: Option<f64>,
@@ -93,7 +93,13 @@ fn parse(path: &Path, text: &str) -> anyhow::Result<Scope> {
     let language = file.language.map(LanguageFile::checked).transpose();
     let language = language.map_err(|(span, what)| at(Some(span), &what))?;
     let name = path.file_stem().unwrap_or_default().to_string_lossy();
-    let [first, end] = file.seeds;
+    let &[first, end] = file.seeds.as_slice() else {
+        bail!(
+            "{}: seeds has {} numbers; say the first and the one after the last",
+            path.display(),
+            file.seeds.len()
+        );
+    };
     if first >= end {
         bail!(
             "{}: seeds = [{first}, {end}] are none; say the first and the one after the last",
@@ -240,6 +246,18 @@ mod tests {
                 "below 200 for develop",
             ),
             ("purpose = \"develop\"\nseeds = [5, 5]", "are none"),
+            (
+                "purpose = \"develop\"\nseeds = [0, 5, 9]",
+                "seeds has 3 numbers",
+            ),
+            (
+                "purpose = \"develop\"\nseeds = [0, 5]\nsensors = [\"imu=4\"]",
+                "s.toml:3: \"imu=4\": the strength is 4; allowed is 0 to 3",
+            ),
+            (
+                "purpose = \"develop\"\nseeds = [0, 5]\nsensors = [\"imu\", \"imu=2\"]",
+                "s.toml:3: the sensor \"imu=2\" stands there twice",
+            ),
             (
                 "purpose = \"develop\"\nseeds = [0, 5]\naxes = [\"light=2\", \"night=1\"]",
                 "s.toml:3: axis \"night\" is none of",

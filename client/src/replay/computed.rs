@@ -99,7 +99,7 @@ fn once(
             }
         }
     }
-    let mut rig = Rig::start(args, &scenario, cameras.clone())?;
+    let mut rig = Rig::start(args, &scenario, cameras.clone(), script.depth)?;
     reset(&rig.link, script, scenario, cameras)?;
     // Subscribed before the episode begins, so that its first state is seen.
     let mut turns = rig.link.turns(NAME, false, &[TopicId::StateHash])?;

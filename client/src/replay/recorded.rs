@@ -34,7 +34,7 @@ pub(super) fn run(args: &ReplayArgs, out: &Path, episode: &Episode) -> anyhow::R
     let mut cameras = script::cameras(&scenario, args.width, args.height, &args.camera);
     calibration::as_recorded(&mut cameras, episode)?;
     check_rates(&cameras, scenario.state_rate_hz())?;
-    let mut rig = Rig::start(args, &scenario, cameras.clone())?;
+    let mut rig = Rig::start(args, &scenario, cameras.clone(), script::depth(episode)?)?;
     let request = v1::ResetRequest {
         scenario: Some(v1::Scenario {
             cameras,
@@ -76,6 +76,14 @@ pub(super) fn run(args: &ReplayArgs, out: &Path, episode: &Episode) -> anyhow::R
         states.len(),
         recorded.line()
     );
+    let computed = episode.streams()?.into_iter();
+    let computed: Vec<_> = computed.filter(|name| is_computed(name)).collect();
+    if !computed.is_empty() {
+        println!(
+            "left out, for nothing was computed: {}",
+            computed.join(", ")
+        );
+    }
     rig.stop()?;
     Ok(recorded.code())
 }
@@ -106,6 +114,11 @@ fn check_rates(cameras: &[v1::CameraSetting], state_rate: f64) -> anyhow::Result
         }
     }
     Ok(())
+}
+
+/// Streams that follow from a computation and not from a state.
+fn is_computed(stream: &str) -> bool {
+    stream.starts_with("sensed_") || matches!(stream, "disturbance" | "state_hash")
 }
 
 #[cfg(test)]

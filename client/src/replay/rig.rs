@@ -4,6 +4,7 @@
 use std::process::ExitCode;
 
 use wheelarm_link::Link;
+use wheelarm_proto::settings::Depth;
 use wheelarm_proto::v1;
 use wheelarm_rig::{Recorder, RecorderOptions, Server, ServerOptions};
 
@@ -21,7 +22,7 @@ pub(super) struct Rig {
 
 impl Rig {
     /// Starts them. Scene, task, robot, seed and, unless the options say
-    /// otherwise, quality are the recording's.
+    /// otherwise, quality are the recording's; so is the form of its depth.
     ///
     /// # Errors
     /// When one of them does not start.
@@ -29,6 +30,7 @@ impl Rig {
         args: &ReplayArgs,
         scenario: &v1::Scenario,
         cameras: Vec<v1::CameraSetting>,
+        depth: Depth,
     ) -> anyhow::Result<Self> {
         let quality = args.quality.map(|quality| quality.code().into());
         let server = Server::start(&ServerOptions {
@@ -47,10 +49,10 @@ impl Rig {
             ..ServerOptions::default()
         })?;
         let link = server.link()?;
-        let options = args
-            .out
-            .as_deref()
-            .map(|out| RecorderOptions::lasting(NAME, out));
+        let options = args.out.as_deref().map(|out| RecorderOptions {
+            depth,
+            ..RecorderOptions::lasting(NAME, out)
+        });
         let recorder = options
             .map(|options| Recorder::start(server.connect(), &options))
             .transpose()?;

@@ -5,6 +5,7 @@ use std::path::Path;
 
 use anyhow::{Context, bail};
 use wheelarm_dataset::read::Episode;
+use wheelarm_proto::settings::Depth;
 use wheelarm_proto::{PHYSICS_VERSION, TICKS_PER_CONTROL, v1};
 
 /// An episode as a script.
@@ -13,6 +14,8 @@ pub(super) struct Script {
     pub label: String,
     pub instruction: String,
     pub scenario: v1::Scenario,
+    /// How its depth is stored.
+    pub depth: Depth,
     /// Version of the physics and of the server that made the episode.
     pub made_by: (u32, String),
     pub snapshot: bytes::Bytes,
@@ -24,6 +27,17 @@ pub(super) struct Script {
     pub hashes: Vec<(u64, u64)>,
     applied: BTreeMap<u64, v1::Applied>,
     phases: BTreeMap<u64, (i32, String)>,
+}
+
+/// How depth is stored in a recording.
+pub(super) fn depth(episode: &Episode) -> anyhow::Result<Depth> {
+    for name in episode.cameras()? {
+        let camera = episode.camera(&name)?;
+        if camera.has_depth() && camera.millimetres() {
+            return Ok(Depth::Millimetres);
+        }
+    }
+    Ok(Depth::Metres)
 }
 
 impl Script {
@@ -57,6 +71,7 @@ impl Script {
             label: started.label.clone(),
             instruction: started.instruction.clone(),
             scenario: episode.scenario()?,
+            depth: depth(episode)?,
             made_by: (started.physics_version, started.version),
             snapshot: snapshot.snapshot,
             assets: snapshot.assets,
@@ -160,6 +175,7 @@ mod tests {
     fn made_by(physics: u32) -> Script {
         Script {
             label: String::new(),
+            depth: Depth::Metres,
             instruction: String::new(),
             scenario: v1::Scenario {
                 task: Some("pick_mustard".into()),

@@ -43,12 +43,13 @@ pub(super) struct Shared {
 }
 
 /// Largest request of a query, bytes. A reset may hold a snapshot, and the
-/// start of an episode an instruction.
+/// start of an episode an instruction, and a question of reach a path.
 fn most_bytes(query: Query) -> usize {
     match query {
         Query::Reset => 4 << 20,
         Query::Show => 1 << 20,
         Query::EpisodeStart => 128 << 10,
+        Query::Reach => 32 << 10,
         _ => 4 << 10,
     }
 }

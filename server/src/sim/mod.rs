@@ -111,8 +111,12 @@ impl Simulation {
         scenario.name_cameras(usual.map(|c| c.name.as_str()));
         calibration::draw(&mut scenario, &model)?;
         let schedules = scenario.schedules()?;
+        // A sensor takes pictures that are made; where none are, it has none.
         let own = model.settings.cameras.iter().map(|c| c.name.as_str());
-        let cameras: Vec<_> = own.chain(["room"]).collect();
+        let cameras: Vec<_> = match scenario.cameras.is_empty() {
+            true => own.chain(["room"]).collect(),
+            false => scenario.cameras.iter().map(|c| c.name.as_str()).collect(),
+        };
         let devices = models::load(assets, &scenario.sensors, &cameras, scenario.seed)?;
         let mut scene = Scene::load(assets, &scenario.scene)?;
         let task = match scenario.task.as_str() {

@@ -353,6 +353,25 @@ fn merging_checks_every_file(out: &Path, merged: &Path) {
     );
     let again = run(&args(merged.to_str().expect("text")));
     assert_eq!(again.status.code(), Some(0), "{}", printed(&again));
+    // A file of the target that is damaged is replaced by a good one.
+    let file = merged.join("episodes/pick_mustard-0000.h5");
+    std::fs::remove_file(&file).expect("the file");
+    std::fs::write(&file, "damaged").expect("a file");
+    let mended = run(&args(merged.to_str().expect("text")));
+    assert_eq!(mended.status.code(), Some(0), "{}", printed(&mended));
+    assert!(std::fs::metadata(&file).expect("the file").len() > 1000);
+    // Another campaign's folder stays as it is.
+    let other = merged.with_file_name("other");
+    std::fs::create_dir(&other).expect("a folder");
+    let plan = PLAN.replace("\"tiny\"", "\"other\"");
+    std::fs::write(other.join("plan.toml"), &plan).expect("a plan");
+    let refused = run(&args(other.to_str().expect("text")));
+    let text = printed(&refused);
+    assert!(text.contains("different campaigns"), "{text}");
+    assert_eq!(
+        std::fs::read_to_string(other.join("plan.toml")).expect("a plan"),
+        plan
+    );
 }
 
 fn another_plan_is_refused(plan: &Path, args: &[&str]) {

@@ -516,7 +516,7 @@ fn reach_tells_a_code_beside_its_words() {
     let jump = follow(vec![higher], Some(1e-6)).expect("an answer");
     assert_eq!(jump.problem(), v1::ReachProblem::Jump, "{jump:?}");
     for (path, most, cure) in [
-        (vec![higher; 1025], None, "in parts"),
+        (vec![higher; 257], None, "in parts"),
         (vec![higher], Some(-1.0), "more than 0"),
         (vec![v1::Pose::default()], None, "next_poses"),
     ] {

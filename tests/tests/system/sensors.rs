@@ -192,4 +192,16 @@ fn a_sensor_that_cannot_be_is_refused_with_the_cure() {
         let told = Server::start("refused", &args).expect_err("it started");
         assert!(told.to_string().contains(words), "{args:?}: {told}");
     }
+    // A camera of the robot that makes no pictures.
+    let args = [
+        "--camera",
+        "gen3=64x48@5",
+        "--sensor",
+        "chair_stereo@wheelchair",
+    ];
+    let told = Server::start("blind", &args).expect_err("it started");
+    assert!(
+        told.to_string().contains("allowed is one of gen3"),
+        "{told}"
+    );
 }

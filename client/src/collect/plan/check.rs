@@ -7,7 +7,8 @@ use std::path::Path;
 use toml::Spanned;
 use wheelarm_proto::keys::check_name;
 use wheelarm_proto::seeds::{ATTEMPT_STRIDE, Purpose};
-use wheelarm_proto::settings::Named;
+use wheelarm_proto::settings::{LanguageSplit, Named};
+use wheelarm_proto::v1;
 
 use super::form::{CameraFile, TaskFile};
 use super::parts::{Camera, PlanError, Task};
@@ -72,6 +73,42 @@ impl Check<'_> {
             line: Some(line_of(self.text, &at)),
             what,
         })
+    }
+
+    /// What training must not see.
+    pub(super) fn apart(
+        &self,
+        purpose: Purpose,
+        language: Option<&Language>,
+    ) -> Result<(), PlanError> {
+        let held_out = language.is_some_and(|said| said.split != LanguageSplit::Train);
+        if purpose == Purpose::Train && held_out {
+            return Err(self.whole(
+                "[language] of a plan for training says sentences that are held out for tests; \
+                 write split = \"train\"",
+            ));
+        }
+        Ok(())
+    }
+
+    /// Sensors see through cameras that are recorded.
+    pub(super) fn sensors(
+        &self,
+        sensors: &[v1::SensorSetting],
+        cameras: &[Camera],
+    ) -> Result<(), PlanError> {
+        let is_known = |name: &str| name.is_empty() || cameras.iter().any(|c| c.name == name);
+        let Some(blind) = sensors.iter().find(|sensor| !is_known(&sensor.camera)) else {
+            return Ok(());
+        };
+        let known: Vec<&str> = cameras.iter().map(|camera| camera.name.as_str()).collect();
+        Err(self.whole(&format!(
+            "the sensor {:?} sees through the camera {:?}, which the plan does not record; \
+             its cameras are {}",
+            blind.text(),
+            blind.camera,
+            known.join(", ")
+        )))
     }
 
     pub(super) fn rate(&self, key: &str, rate: &Spanned<f64>, base: f64) -> Result<(), PlanError> {

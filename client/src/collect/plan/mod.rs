@@ -94,6 +94,8 @@ impl Plan {
         let purpose = check.purpose(&tasks, file.purpose, *file.attempts.get_ref())?;
         let language = check.language(file.language)?;
         check.name(&file.name)?;
+        check.apart(purpose, language.as_ref())?;
+        check.sensors(&file.sensors, &cameras)?;
         check.that(*file.attempts.get_ref() > 0, &file.attempts, || {
             "attempts is 0; at least 1 is needed".to_owned()
         })?;
@@ -227,6 +229,26 @@ mod tests {
             [(0, 0), (0, 1), (0, 2), (1, 0), (1, 1), (1, 2), (2, 0)]
         );
         assert_eq!(language.message(2).seed, 42);
+    }
+
+    #[test]
+    fn training_sees_no_test_sentences_and_no_sensor_is_blind() {
+        let told = |more: &str| {
+            let text = GOOD.replace("[[camera]]", &format!("{more}\n[[camera]]"));
+            parse(&text).map(|_| ()).map_err(|e| e.to_string())
+        };
+        let train = "purpose = \"train\"\nfirst_seed = 10000\n";
+        for split in ["held_out", "any"] {
+            let held_out = format!("{train}[language]\nsplit = \"{split}\"");
+            assert!(told(&held_out).unwrap_err().contains("split = \"train\""));
+        }
+        assert_eq!(
+            told(&format!("{train}[language]\nsplit = \"train\"")),
+            Ok(())
+        );
+        assert_eq!(told("sensors = [\"kinova_vision@gen3\", \"imu\"]"), Ok(()));
+        let blind = told("sensors = [\"chair_stereo@wheelchair\"]").unwrap_err();
+        assert!(blind.contains("its cameras are gen3"), "{blind}");
     }
 
     #[test]

@@ -3,6 +3,7 @@
 use nalgebra::Isometry3;
 use wheelarm_proto::check::{self, Invalid};
 use wheelarm_proto::geometry::{isometry, pose};
+use wheelarm_proto::settings::MAX_SENSOR_STRENGTH;
 use wheelarm_proto::settings::{Named, Style};
 use wheelarm_proto::v1;
 use wheelarm_sensors::model::MAX_STRENGTH;
@@ -113,7 +114,7 @@ fn sensor(asked: &v1::SensorSetting) -> Result<SensorSetting, Invalid> {
         model: asked.model.clone(),
         camera: asked.camera.clone(),
         seed: asked.seed,
-        strength: check::within("strength", strength, 0.0, MAX_STRENGTH)
+        strength: check::within("strength", strength, 0.0, MAX_SENSOR_STRENGTH)
             .map_err(of("sensor", &asked.model))?,
     })
 }
@@ -421,6 +422,9 @@ pub fn scenario_over(now: &Scenario, asked: &v1::Scenario) -> Result<Scenario, I
     keep(&mut s.slides, (!slides.is_empty()).then_some(slides));
     Ok(s)
 }
+
+// What clients check is what the models take.
+const _: () = assert!(MAX_SENSOR_STRENGTH == MAX_STRENGTH);
 
 #[cfg(test)]
 mod tests {

@@ -21,7 +21,7 @@ use crate::sim::Scenario;
 /// How far a joint may turn from where a solution is looked for nearby, radians.
 const NEAR_CHANGE: f64 = 1.2;
 /// Most poses of a path that one question may hold.
-const MOST_POSES: usize = 1024;
+const MOST_POSES: usize = 256;
 
 impl Engine {
     /// Answers one query, or begins what it asks for; a refused one gets a
