@@ -267,6 +267,7 @@ SERVICE = {
         cpu_none=r"recorders 0: .* server # s",
         cpu_four=r"recorders 4: .* server # s",
     ),
+    "sensors": dict(share=r"without, # of it", with_models=r"sensors: # simulated", without=r"with, # without"),
     "flood": dict(alone=r"control ticks # per s alone", flooded=r"alone, # flooded", sent=r"hostile messages # per s"),
 }
 TICK_MS = 1000 / 60
@@ -274,7 +275,7 @@ TICK_MS = 1000 / 60
 
 def service_rows(service, row):
     """Start-up, latency, recorders and the flood, against their goals."""
-    start, latency, recorders, flood = service.values()
+    start, latency, recorders, sensors, flood = service.values()
 
     def against(what, measurement, figure, unit, goal, reference):
         a = measurement.best(figure)
@@ -293,6 +294,8 @@ def service_rows(service, row):
         row(f"wall time with {count} recorder(s)", text(recorders.best(count), "x", 2), "none", recorders.best(count), "")
     a, b = recorders.best("cpu_four"), recorders.best("cpu_none")
     row("  server's CPU with four", text(a, "s/s", 2), text(b, "s/s without", 2), ratio(a, b), "")
+    a, b = sensors.best("with_models", max), sensors.best("without", max)
+    row("sensors: both cameras recorded, s/s", text(a, "", 2), text(b, "without models", 2), sensors.best("share", max), ">= 0.8x")
     a, b = flood.best("flooded", max), flood.best("alone", max)
     sent = text(flood.best("sent", max), "hostile messages/s", 0)
     row("control ticks/s in a flood", text(a, "", 2), text(b, "alone", 2), ratio(a, b), f">= 0.99x at {sent}")

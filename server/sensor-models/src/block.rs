@@ -2,164 +2,198 @@
 //! luma and, at half the size, chroma, each coefficient in whole steps. The step
 //! follows from the bit rate, picture by picture. Nothing is coded here: the bits
 //! that an entropy coder would take are estimated.
+//!
+//! Four blocks go through at a time, one in each lane: a band of 32×16 pixels is
+//! two squares of 16×16, four blocks of luma above as many, and two of blue beside
+//! two of red.
 
 use wheelarm_proto::exact;
+use wide::{f32x4, i32x4};
 
-/// Bits of a coefficient by its magnitude: 4 of one step, two more for each digit
-/// more.
-const DIGITS: [i32; 64] = {
-    let mut all = [0; 64];
-    let mut level = 1;
-    while level < 64 {
-        all[level] = 4 + 2 * level.ilog2() as i32;
-        level += 1;
-    }
-    all
-};
+use crate::transform::{Blocks, EMPTY, backward, factor, forward};
+
 /// More than there are steps of a mean: what is cut off is what lies below.
 const MEANS: f32 = 16384.0;
-/// Bits of a block without coefficients.
+/// Bits of a block without coefficients. A coefficient of one step takes 4 more,
+/// and two for each binary digit beyond the first.
 const BITS_OF_BLOCK: f32 = 0.5;
+/// Magnitudes beyond take as many bits as this one.
+const DIGITS: f32 = 63.0;
 /// A coefficient counts from this part of a step on: two thirds, as H.264's
 /// reference coder rounds in pictures of their own.
 const ROUND: f32 = 1.0 / 3.0;
 /// Finest and coarsest step, levels of 255.
 const STEPS: (f64, f64) = (0.5, 120.0);
+/// Side of a square, pixels: four blocks of luma, one of each chroma.
+const SQUARE: usize = 16;
+/// Columns of a band: two squares.
+const BAND: usize = 2 * SQUARE;
+/// Bytes of a line of it, so that four can be read from each pixel on.
+const PADDED: usize = 3 * BAND + 4;
 
-/// c(u)/2 · cos((2x + 1)uπ/16) of the first four values `[x]`, by the even and by
-/// the odd coefficients.
-#[derive(Clone, Debug)]
-struct Cosine {
-    even: [[f32; 4]; 4],
-    odd: [[f32; 4]; 4],
-}
+/// ITU-R BT.601, all levels: shares of red, green and blue in luma, and of the
+/// differences in chroma, with a quarter for each of four pixels.
+const LUMA: [f32; 3] = [0.299, 0.587, 0.114];
+const CHROMA: [f32; 2] = [0.25 * 0.564, 0.25 * 0.713];
 
 /// Takes pictures through a coder and back.
 #[derive(Clone, Debug)]
 pub(crate) struct Coder {
-    cosine: Cosine,
     /// The step in force, levels of 255.
     step: f64,
 }
 
-type Block = [[f32; 8]; 8];
-
-/// Rows that are coded together: two blocks of luma, one of chroma.
-const STRIP: usize = 16;
-
-/// Blocks of 16 rows: luma in pairs above each other, chroma at half the size.
-struct Strip {
-    /// By 16 columns: the two upper blocks, the two lower ones.
-    luma: Vec<[[Block; 2]; 2]>,
-    blue: Vec<Block>,
-    red: Vec<Block>,
+/// What a step makes of scaled coefficients.
+struct Steps {
+    /// Steps of one scaled coefficient.
+    up: [[f32; 8]; 8],
+    /// Scaled coefficient of one step, for the way back.
+    down: [[f32; 8]; 8],
 }
 
-impl Strip {
-    fn new(width: usize) -> Self {
-        let squares = width.div_ceil(STRIP);
+impl Steps {
+    fn of(step: f64) -> Self {
+        let each = |of: &dyn Fn(f64) -> f64| {
+            std::array::from_fn(|v| std::array::from_fn(|u| of(factor(v, u)) as f32))
+        };
         Self {
-            luma: vec![[[[[0.0; 8]; 8]; 2]; 2]; squares],
-            blue: vec![[[0.0; 8]; 8]; squares],
-            red: vec![[[0.0; 8]; 8]; squares],
+            up: each(&|factor| 1.0 / (8.0 * factor * step)),
+            down: each(&|factor| step * factor / 8.0),
         }
     }
 
-    /// Takes rows of RGB8 apart; what lies beyond an edge repeats it.
-    fn take(&mut self, rows: &[u8], width: usize) {
-        let (pixels, _) = rows.as_chunks::<3>();
-        let height = (pixels.len() / width).max(1);
-        for y in 0..STRIP {
-            let from = y.min(height - 1) * width;
-            let line = &pixels[from..from + width];
-            let last = line[width - 1];
-            for (square, columns) in line.chunks(STRIP).enumerate() {
-                let mut sixteen = [last; STRIP];
-                sixteen[..columns.len()].copy_from_slice(columns);
-                self.take_line(square, y, &sixteen);
+    /// Blocks through transform, steps and back; the bits that each took.
+    fn pass(&self, blocks: &mut Blocks) -> [f32; 4] {
+        forward(blocks);
+        // The mean is kept finer: it is what is predicted best.
+        let finer = blocks[0][0] * f32x4::splat(2.0 * self.up[0][0]);
+        let finer = (finer + f32x4::splat(MEANS + 0.5)).fast_trunc_int();
+        let finer = finer.round_float() - f32x4::splat(MEANS);
+        let mean = finer * f32x4::splat(0.5 * self.down[0][0]);
+        blocks[0][0] = f32x4::ZERO;
+        let mut bits = i32x4::ZERO;
+        for (v, row) in blocks.iter_mut().enumerate() {
+            for (u, c) in row.iter_mut().enumerate() {
+                let (up, down) = (f32x4::splat(self.up[v][u]), f32x4::splat(self.down[v][u]));
+                let level = (c.abs() * up + f32x4::splat(ROUND)).fast_trunc_int();
+                let level = level.round_float();
+                // The exponent of a whole number is how many digits it has beyond
+                // the first; that of zero is least.
+                let counted: i32x4 = bytemuck::cast(level.fast_min(f32x4::splat(DIGITS)));
+                let digits = (counted >> 23) - i32x4::splat(125);
+                let below: i32x4 = digits >> 31;
+                bits += (digits + digits) & !below;
+                let sign = *c & f32x4::splat(-0.0);
+                *c = (level * down) | sign;
             }
         }
-    }
-
-    #[inline]
-    fn take_line(&mut self, square: usize, y: usize, line: &[[u8; 3]; STRIP]) {
-        let mut colours = [[0.0_f32; STRIP]; 3];
-        for (x, pixel) in line.iter().enumerate() {
-            for (colour, value) in colours.iter_mut().zip(pixel) {
-                colour[x] = f32::from(*value);
-            }
+        blocks[0][0] = mean;
+        if bits == i32x4::ZERO {
+            *blocks = [[mean; 8]; 8];
+        } else {
+            backward(blocks);
         }
-        let [r, g, b] = &colours;
-        let mut luma = [0.0_f32; STRIP];
-        let mut chroma = [[0.0_f32; STRIP]; 2];
-        for x in 0..STRIP {
-            // ITU-R BT.601, all levels; a quarter of each of four pixels.
-            let level = 0.299 * r[x] + 0.587 * g[x] + 0.114 * b[x];
-            luma[x] = level - 128.0;
-            chroma[0][x] = 0.25 * 0.564 * (b[x] - level);
-            chroma[1][x] = 0.25 * 0.713 * (r[x] - level);
-        }
-        let pair = &mut self.luma[square][y / 8];
-        pair[0][y % 8].copy_from_slice(&luma[..8]);
-        pair[1][y % 8].copy_from_slice(&luma[8..]);
-        for (chroma, blocks) in chroma.iter().zip([&mut self.blue, &mut self.red]) {
-            let row = &mut blocks[square][y / 2];
-            for (x, to) in row.iter_mut().enumerate() {
-                let two = chroma[2 * x] + chroma[2 * x + 1];
-                *to = if y.is_multiple_of(2) { two } else { *to + two };
-            }
-        }
-    }
-
-    /// Puts the blocks back into rows of RGB8.
-    fn put(&self, rows: &mut [u8], width: usize) {
-        for (y, line) in rows.chunks_mut(3 * width).enumerate() {
-            let (pixels, _) = line.as_chunks_mut::<3>();
-            for (square, columns) in pixels.chunks_mut(STRIP).enumerate() {
-                let pair = &self.luma[square][y / 8];
-                let (blue, red) = (&self.blue[square][y / 2], &self.red[square][y / 2]);
-                let mut colours = [[0.0_f32; STRIP]; 3];
-                for (half, block) in pair.iter().enumerate() {
-                    for (x, value) in block[y % 8].iter().enumerate() {
-                        let at = 8 * half + x;
-                        let level = value + 128.5;
-                        let (b, r) = (blue[at / 2], red[at / 2]);
-                        colours[0][at] = level + 1.403 * r;
-                        colours[1][at] = level - 0.714 * r - 0.344 * b;
-                        colours[2][at] = level + 1.773 * b;
-                    }
-                }
-                let bytes = colours.map(|colour| colour.map(byte));
-                for (x, pixel) in columns.iter_mut().enumerate() {
-                    *pixel = [bytes[0][x], bytes[1][x], bytes[2][x]];
-                }
-            }
-        }
+        bits.to_array().map(|bits| BITS_OF_BLOCK + bits as f32)
     }
 }
 
-/// What is cut off is what lies below; limits first, so that the conversion is
-/// one instruction.
+/// A band: luma above and below, and chroma, blue in the first two lanes. Lanes of
+/// luma are the left half of each square, then the right half.
+struct Band {
+    luma: [Blocks; 2],
+    chroma: Blocks,
+}
+
+/// Column of a band that stands in a lane at a place of its block.
 #[inline]
-fn byte(level: f32) -> u8 {
-    level.clamp(0.0, 255.0) as i32 as u8
+fn column(lane: usize, x: usize) -> usize {
+    SQUARE * (lane % 2) + 8 * (lane / 2) + x
+}
+
+impl Band {
+    /// Takes a line of RGB8 apart.
+    #[inline]
+    fn take(&mut self, y: usize, line: &[[u8; 3]; BAND]) {
+        let luma = &mut self.luma[y / 8][y % 8];
+        let chroma = &mut self.chroma[y / 2];
+        let [of_red, of_green, of_blue] = LUMA.map(f32x4::splat);
+        let [blues, reds] = CHROMA.map(f32x4::splat);
+        let mut bytes = [0; PADDED];
+        bytes[..3 * BAND].copy_from_slice(line.as_flattened());
+        // Red is the lowest byte, blue the third; the fourth is of the next pixel.
+        let word = |at: usize| {
+            let at = 3 * at;
+            i32::from_le_bytes([bytes[at], bytes[at + 1], bytes[at + 2], bytes[at + 3]])
+        };
+        let low = i32x4::splat(0xff);
+        for half in 0..4 {
+            let mut both = [f32x4::ZERO; 2];
+            for x in [2 * half, 2 * half + 1] {
+                let pixels = i32x4::from([
+                    word(column(0, x)),
+                    word(column(1, x)),
+                    word(column(2, x)),
+                    word(column(3, x)),
+                ]);
+                let (green, blue): (i32x4, i32x4) = (pixels >> 8, pixels >> 16);
+                let r = (pixels & low).round_float();
+                let g = (green & low).round_float();
+                let b = (blue & low).round_float();
+                let level = of_red * r + of_green * g + of_blue * b;
+                luma[x] = level - f32x4::splat(128.0);
+                both[0] += blues * (b - level);
+                both[1] += reds * (r - level);
+            }
+            let [[b0, b1, b2, b3], [r0, r1, r2, r3]] = both.map(f32x4::to_array);
+            let (left, right) = (f32x4::from([b0, b1, r0, r1]), f32x4::from([b2, b3, r2, r3]));
+            if y.is_multiple_of(2) {
+                (chroma[half], chroma[4 + half]) = (left, right);
+            } else {
+                chroma[half] += left;
+                chroma[4 + half] += right;
+            }
+        }
+    }
+
+    /// Puts a line back together.
+    #[inline]
+    fn put(&self, y: usize, line: &mut [[u8; 3]; BAND]) {
+        let luma = &self.luma[y / 8][y % 8];
+        let chroma = &self.chroma[y / 2];
+        let mut words = [0_i32; BAND];
+        for half in 0..4 {
+            let [b0, b1, r0, r1] = chroma[half].to_array();
+            let [b2, b3, r2, r3] = chroma[4 + half].to_array();
+            let (b, r) = (f32x4::from([b0, b1, b2, b3]), f32x4::from([r0, r1, r2, r3]));
+            let colours = [
+                r * f32x4::splat(1.403),
+                r * f32x4::splat(-0.714) - b * f32x4::splat(0.344),
+                b * f32x4::splat(1.773),
+            ];
+            for x in [2 * half, 2 * half + 1] {
+                // Half a level up: what follows cuts off.
+                let level = luma[x] + f32x4::splat(128.5);
+                let byte = |colour: f32x4| {
+                    let level = (level + colour).fast_max(f32x4::ZERO);
+                    level.fast_min(f32x4::splat(255.0)).fast_trunc_int()
+                };
+                let (green, blue): (i32x4, i32x4) = (byte(colours[1]) << 8, byte(colours[2]) << 16);
+                let pixels = (byte(colours[0]) | green | blue).to_array();
+                for (lane, pixel) in pixels.into_iter().enumerate() {
+                    words[column(lane, x)] = pixel;
+                }
+            }
+        }
+        for (pixel, word) in line.iter_mut().zip(words) {
+            let [r, g, b, _] = word.to_le_bytes();
+            *pixel = [r, g, b];
+        }
+    }
 }
 
 impl Coder {
     pub fn new() -> Self {
-        let entry = |x: usize, u: usize| {
-            let scale = if u == 0 { 0.125_f64.sqrt() } else { 0.5 };
-            let angle = (2 * x + 1) as f64 * u as f64 * std::f64::consts::PI / 16.0;
-            (scale * exact::cos(angle)) as f32
-        };
-        let of = |first: usize| {
-            std::array::from_fn(|x| std::array::from_fn(|k| entry(x, 2 * k + first)))
-        };
-        let cosine = Cosine {
-            even: of(0),
-            odd: of(1),
-        };
-        Self { cosine, step: 6.0 }
+        Self { step: 6.0 }
     }
 
     /// Begins anew.
@@ -173,114 +207,68 @@ impl Coder {
         if width == 0 {
             return 0.0;
         }
-        let step = self.step as f32;
-        let mut strip = Strip::new(width);
+        let steps = Steps::of(self.step);
+        let (pixels, _) = rgb.as_chunks_mut::<3>();
+        let count = (width * height).min(pixels.len());
         let mut taken = 0.0_f64;
-        for rows in rgb
-            .chunks_mut(3 * width * STRIP)
-            .take(height.div_ceil(STRIP))
-        {
-            strip.take(rows, width);
-            let mut of_strip = 0.0_f32;
-            for [first, second] in &mut strip.luma {
-                for block in first.iter_mut().chain(second) {
-                    of_strip += self.block(block, step);
-                }
+        for rows in pixels[..count].chunks_mut(width * SQUARE) {
+            for from in (0..width).step_by(BAND) {
+                taken += f64::from(pass_band(&steps, rows, width, from));
             }
-            for block in strip.blue.iter_mut().chain(&mut strip.red) {
-                of_strip += self.block(block, step);
-            }
-            taken += f64::from(of_strip);
-            strip.put(rows, width);
         }
         // Halfway to the step that would have done.
         let wanted = self.step * exact::powf((taken / bits).clamp(0.1, 10.0), 0.5);
         self.step = wanted.clamp(STEPS.0, STEPS.1);
         taken
     }
-
-    /// A block through transform, steps and back; the bits that it took.
-    fn block(&self, block: &mut Block, step: f32) -> f32 {
-        // Rows and columns are exchanged: steps are the same for both.
-        let mut there = forward(&turned(&forward(block, &self.cosine)), &self.cosine);
-        let over = 1.0 / step;
-        // The mean is kept finer: it is what is predicted best.
-        let mean = there[0][0];
-        let mean = 0.5 * step * (((mean * over * 2.0 + MEANS + 0.5) as i32) as f32 - MEANS);
-        there[0][0] = 0.0;
-        let mut digits = 0;
-        for c in there.as_flattened_mut() {
-            let level = (c.abs() * over + ROUND) as i32;
-            digits += DIGITS[(level as usize).min(DIGITS.len() - 1)];
-            let whole = step * level as f32;
-            *c = if *c < 0.0 { -whole } else { whole };
-        }
-        if digits == 0 {
-            *block = [[mean * 0.125; 8]; 8];
-            return BITS_OF_BLOCK;
-        }
-        there[0][0] = mean;
-        *block = backward(&turned(&backward(&there, &self.cosine)), &self.cosine);
-        BITS_OF_BLOCK + digits as f32
-    }
 }
 
-/// Cosine transform of the columns, eight at a time. Even coefficients see the
-/// sums of opposite values, odd ones the differences: half the multiplications.
-#[inline]
-fn forward(block: &Block, cosine: &Cosine) -> Block {
-    let mut sums = [[0.0_f32; 8]; 4];
-    let mut differences = [[0.0_f32; 8]; 4];
-    for x in 0..4 {
-        for lane in 0..8 {
-            sums[x][lane] = block[x][lane] + block[7 - x][lane];
-            differences[x][lane] = block[x][lane] - block[7 - x][lane];
-        }
-    }
-    let mut out = [[0.0_f32; 8]; 8];
-    for k in 0..4 {
-        for x in 0..4 {
-            let (even, odd) = (cosine.even[x][k], cosine.odd[x][k]);
-            for lane in 0..8 {
-                out[2 * k][lane] += sums[x][lane] * even;
-                out[2 * k + 1][lane] += differences[x][lane] * odd;
+/// Takes a band of rows through the coder, from a column on; the bits that it took.
+/// What lies beyond an edge repeats it.
+fn pass_band(steps: &Steps, rows: &mut [[u8; 3]], width: usize, from: usize) -> f32 {
+    let to = (from + BAND).min(width);
+    let height = (rows.len() / width).max(1);
+    let mut band = Band {
+        luma: [EMPTY; 2],
+        chroma: EMPTY,
+    };
+    for y in 0..SQUARE {
+        let row = y.min(height - 1) * width;
+        let Some(part) = rows.get(row + from..row + to) else {
+            break;
+        };
+        match part.as_array() {
+            Some(line) => band.take(y, line),
+            None => {
+                let mut line = [part[part.len() - 1]; BAND];
+                line[..part.len()].copy_from_slice(part);
+                band.take(y, &line);
             }
         }
     }
-    out
-}
-
-/// The way back.
-#[inline]
-fn backward(block: &Block, cosine: &Cosine) -> Block {
-    let mut out = [[0.0_f32; 8]; 8];
-    for x in 0..4 {
-        let mut even = [0.0_f32; 8];
-        let mut odd = [0.0_f32; 8];
-        for k in 0..4 {
-            let (of_even, of_odd) = (cosine.even[x][k], cosine.odd[x][k]);
-            for lane in 0..8 {
-                even[lane] += block[2 * k][lane] * of_even;
-                odd[lane] += block[2 * k + 1][lane] * of_odd;
+    let squares = (to - from).div_ceil(SQUARE);
+    let mut taken = 0.0;
+    for blocks in band.luma.iter_mut().chain([&mut band.chroma]) {
+        let bits = steps.pass(blocks);
+        for square in 0..squares {
+            taken += bits[square] + bits[2 + square];
+        }
+    }
+    for (y, row) in rows.chunks_mut(width).enumerate() {
+        let Some(part) = row.get_mut(from..to) else {
+            break;
+        };
+        match part.as_mut_array() {
+            Some(line) => band.put(y, line),
+            None => {
+                let mut line = [[0; 3]; BAND];
+                band.put(y, &mut line);
+                let count = part.len();
+                part.copy_from_slice(&line[..count]);
             }
         }
-        for lane in 0..8 {
-            out[x][lane] = even[lane] + odd[lane];
-            out[7 - x][lane] = even[lane] - odd[lane];
-        }
     }
-    out
-}
-
-#[inline]
-fn turned(block: &Block) -> Block {
-    let mut out = [[0.0_f32; 8]; 8];
-    for (i, row) in block.iter().enumerate() {
-        for (k, value) in row.iter().enumerate() {
-            out[k][i] = *value;
-        }
-    }
-    out
+    taken
 }
 
 #[cfg(test)]

@@ -67,6 +67,8 @@ impl ColorParameters {
 
 /// Levels of the pixel before the tone curve.
 const LEVELS: usize = 1 << 12;
+/// From here to twice as much an f32 tells whole numbers apart and no more.
+const WHOLE: f32 = (1 << 23) as f32;
 
 /// A colour camera at work.
 #[derive(Clone, Debug)]
@@ -79,7 +81,7 @@ pub struct ColorModel {
     /// Linear value of each sRGB level.
     linear: [f64; 256],
     /// sRGB level of each linear level.
-    tone: Vec<u8>,
+    tone: Box<[u8; LEVELS]>,
     /// Gains of red, green and blue of this specimen.
     balance: [f64; 3],
     /// Exposure over the exact picture; `None` before the first picture.
@@ -99,13 +101,11 @@ impl ColorModel {
         let gamma = 1.0 + (parameters.gamma - 1.0) * strength.min(1.0);
         Self {
             linear: std::array::from_fn(|v| to_linear(v as f64 / 255.0)),
-            tone: (0..LEVELS)
-                .map(|l| {
-                    let level = l as f64 / (LEVELS - 1) as f64;
-                    let toned = exact::powf(level, gamma);
-                    (255.0 * to_srgb(toned)).round() as u8
-                })
-                .collect(),
+            tone: Box::new(std::array::from_fn(|l| {
+                let level = l as f64 / (LEVELS - 1) as f64;
+                let toned = exact::powf(level, gamma);
+                (255.0 * to_srgb(toned)).round() as u8
+            })),
             balance: [red.max(0.2), 1.0, blue.max(0.2)],
             tape: None,
             gain: None,
@@ -140,9 +140,8 @@ impl ColorModel {
                 let level = (self.linear[v] * gain * balance).min(1.0);
                 let electrons = level * full;
                 let deviation = (electrons + p.read_noise * p.read_noise).sqrt() / full;
-                // Half a level up: what follows cuts off.
                 let deviation = top * deviation * self.strength;
-                ((top * level + 0.5) as f32, deviation as f32)
+                ((top * level) as f32, deviation as f32)
             };
             std::array::from_fn(entry)
         });
@@ -164,7 +163,9 @@ impl ColorModel {
                     let (level, deviation) = tables[k][usize::from(from[k])];
                     let noisy = level + deviation * noise[k];
                     let noisy = noisy.clamp(0.0, (LEVELS - 1) as f32);
-                    to[k] = self.tone[noisy as i32 as usize];
+                    // Its lowest bits are the nearest whole number.
+                    let level = (noisy + WHOLE).to_bits() as usize;
+                    to[k] = self.tone[level % LEVELS];
                 }
             }
         }

@@ -20,6 +20,7 @@ pub mod odometry;
 mod parameters;
 pub mod picture;
 pub mod surface;
+mod transform;
 
 pub use error::{BadParameter, Bounds};
 pub use model::Model;

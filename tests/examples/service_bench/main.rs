@@ -1,8 +1,9 @@
 //! Measures the service with real processes on loopback: start-up and memory,
-//! latency of commands, cost of recorders, a flood of hostile messages.
+//! latency of commands, cost of recorders and of sensor models, a flood of hostile
+//! messages.
 //! Prints one line per figure; `tests/bench/compare.py` puts them in its table.
 //!
-//! `service_bench start|latency|recorders|flood`
+//! `service_bench start|latency|recorders|sensors|flood`
 
 mod latency;
 
@@ -31,8 +32,9 @@ fn main() -> anyhow::Result<()> {
         "start" => start(),
         "latency" => latency::measure(),
         "recorders" => recorders(),
+        "sensors" => sensors(),
         "flood" => flood(),
-        other => bail!("{other:?} is not start, latency, recorders or flood"),
+        other => bail!("{other:?} is not start, latency, recorders, sensors or flood"),
     }
 }
 
@@ -141,6 +143,71 @@ fn recorders() -> anyhow::Result<()> {
         );
     }
     Ok(())
+}
+
+/// Rate of recording both cameras with the models of both robot sensors, over that
+/// without, in turns; the median of the pairs.
+fn sensors() -> anyhow::Result<()> {
+    const PAIRS: usize = 5;
+    const PLAIN: [&str; 6] = [
+        "--camera",
+        "gen3=640x360@10",
+        "--camera",
+        "wheelchair=640x360@10",
+        "--pacing",
+        "lock-step",
+    ];
+    const MODELS: [&str; 4] = [
+        "--sensor",
+        "kinova_vision@gen3",
+        "--sensor",
+        "chair_stereo@wheelchair",
+    ];
+    let mut pairs: Vec<[f64; 3]> = Vec::new();
+    for _ in 0..PAIRS {
+        let without = recorded_rate(&PLAIN)?;
+        let with = recorded_rate(&[&PLAIN[..], &MODELS].concat())?;
+        pairs.push([with / without, with, without]);
+    }
+    pairs.sort_by(|a, b| a[0].total_cmp(&b[0]));
+    let [share, with, without] = pairs[PAIRS / 2];
+    println!(
+        "sensors: {with:.3} simulated s per s with, {without:.3} without, {share:.3} of it ({:.3} to {:.3})",
+        pairs[0][0],
+        pairs[PAIRS - 1][0]
+    );
+    Ok(())
+}
+
+/// Simulated seconds per second of a recorded episode in lock-step.
+fn recorded_rate(args: &[&str]) -> anyhow::Result<f64> {
+    const SECONDS: u64 = 4;
+    let server = Server::start("sensors", args)?;
+    let link = server.link();
+    let folder = tempfile::tempdir()?;
+    let recorder = Recorder::start(&server, "r", folder.path(), &["--episodes", "1"]);
+    let idle = IdleCommander::start(&server.link());
+    let request = v1::EpisodeStartRequest {
+        label: "sensors".into(),
+        require_recorders: 1,
+        ..Default::default()
+    };
+    let _: v1::EpisodeStarted = link.ask(&request)?;
+    let from = tick(&link)?;
+    wait_until("time passes", || tick(&link).is_ok_and(|t| t > from + 60));
+    let (from, begun) = (tick(&link)?, Instant::now());
+    wait_until("time passes", || {
+        tick(&link).is_ok_and(|t| t > from + SECONDS * 240)
+    });
+    let simulated = (tick(&link)? - from) as f64 / 240.0;
+    let rate = simulated / begun.elapsed().as_secs_f64();
+    let _: v1::EpisodeStopped = link.ask(&v1::EpisodeStopRequest::default())?;
+    drop(idle);
+    let text = recorder.finish();
+    if !text.contains("complete") {
+        bail!("a recording is not complete: {text}");
+    }
+    Ok(rate)
 }
 
 /// Control ticks per second with and without 100 000 hostile messages a second.
