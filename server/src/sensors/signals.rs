@@ -4,6 +4,7 @@
 
 use wheelarm_sensors::encoders::{Encoders, Joints};
 use wheelarm_sensors::imu::ImuModel;
+use wheelarm_sensors::noise::key_of;
 use wheelarm_sensors::odometry::{OdometryModel, Told};
 
 use super::imu;
@@ -20,6 +21,12 @@ pub struct Signals {
     told: Told,
 }
 
+/// Seed of a model: two models of one scenario draw nothing alike, or the error of one
+/// would tell that of the other.
+fn own(seed: u64, model: &str) -> u64 {
+    seed ^ key_of(model)
+}
+
 impl Signals {
     /// Those of `devices` on a robot.
     #[must_use]
@@ -34,13 +41,19 @@ impl Signals {
         } in devices
         {
             if let Some(p) = &model.encoders {
-                signals.encoders = Some(Encoders::new(p.clone(), *seed, *strength));
+                signals.encoders =
+                    Some(Encoders::new(p.clone(), own(*seed, "encoders"), *strength));
             }
             if let Some(p) = model.odometry {
-                signals.odometry = Some(OdometryModel::new(p, wheels, *seed, *strength));
+                signals.odometry = Some(OdometryModel::new(
+                    p,
+                    wheels,
+                    own(*seed, "odometry"),
+                    *strength,
+                ));
             }
             if let Some(p) = model.imu {
-                signals.imu = Some(ImuModel::new(p, *seed, *strength));
+                signals.imu = Some(ImuModel::new(p, own(*seed, "imu"), *strength));
             }
         }
         signals
@@ -99,5 +112,23 @@ impl Signals {
         ];
         let imu = self.imu.as_mut()?;
         Some(imu.measure(sample.tick, rate, truth))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use wheelarm_sensors::noise::Random;
+
+    #[test]
+    fn no_model_draws_what_another_one_does() {
+        let first = |model| {
+            let mut random = Random::new(own(7, model), [0, u64::MAX]);
+            [random.normal(), random.normal()]
+        };
+        let all = ["encoders", "odometry", "imu"].map(first);
+        for (i, one) in all.iter().enumerate() {
+            assert!(all[i + 1..].iter().all(|other| other != one), "{all:?}");
+        }
     }
 }

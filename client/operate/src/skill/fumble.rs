@@ -10,6 +10,8 @@ use crate::goal::Goal;
 /// Height from which a thing is dropped, metres: it mostly stays upright, and no
 /// task counts it as lifted.
 const HEIGHT: f64 = 0.02;
+/// The same of what is soft, which falls over from higher.
+const SOFT_HEIGHT: f64 = 0.004;
 
 /// See the module.
 #[derive(Clone, Debug, Default)]
@@ -24,7 +26,12 @@ impl Skill for Fumble {
             return over();
         }
         if self.motion.is_none() {
-            let up = Translation3::new(0.0, 0.0, HEIGHT) * now.house_from_desired();
+            let taken = now.memory.candidate;
+            let height = match taken.is_some_and(|candidate| candidate.force.is_some()) {
+                true => SOFT_HEIGHT,
+                false => HEIGHT,
+            };
+            let up = Translation3::new(0.0, 0.0, height) * now.house_from_desired();
             self.motion = Some(Motion::new(now, &[(up, now.profile.carry_speed)]));
         }
         match self.motion.as_ref().map(|motion| motion.step(now)) {
