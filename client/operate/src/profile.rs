@@ -119,8 +119,8 @@ impl OperatorProfile {
             // Who moves fast also pauses less.
             let habit = (self.free_speed / HUMAN - 0.25) / 0.10;
             self.pace = Some(StopAndGo {
-                go: 1.15 + 0.3 * habit,
-                stop: 2.1 + 1.0 * (1.0 - habit),
+                go: 0.72 + 0.17 * habit,
+                stop: 1.27 + 0.6 * (1.0 - habit),
             });
         }
         self
