@@ -6,7 +6,7 @@ use std::path::Path;
 
 use anyhow::{Context, bail, ensure};
 use wheelarm_dataset::convert::learning::{self, Learning, RowOptions};
-use wheelarm_dataset::convert::{ReadOptions, Recording};
+use wheelarm_dataset::convert::{ReadOptions, Recording, Sees};
 use wheelarm_link::{Link, Turn};
 use wheelarm_policy::{ActionKind, Player};
 use wheelarm_proto::robot::Roles;
@@ -61,7 +61,7 @@ impl Rows {
             action: kind,
             trim_idle: None,
         };
-        let (rate, all) = Learning::on_grid(&recording, &options)?;
+        let (rate, all) = Learning::on_grid(&recording, &options, Sees::Colour)?;
         let last = all.rows.len() - 1;
         let rounded =
             |row: &[f64]| -> Vec<f64> { row.iter().map(|v| f64::from(*v as f32)).collect() };
@@ -93,7 +93,7 @@ impl Rows {
             action: kind,
             trim_idle: None,
         };
-        let (rate, all) = Learning::on_grid(&recording, &options)?;
+        let (rate, all) = Learning::on_grid(&recording, &options, Sees::Colour)?;
         let time = |row: &usize| recording.aligned.stamps[*row] as f64 * 1e-9;
         let times: Vec<f64> = all.rows.iter().map(time).collect();
         let first = times.partition_point(|time| *time < rows[0].0 - 1e-6);

@@ -167,6 +167,30 @@ fn what_sensors_give_is_recorded_beside_the_truth_and_made_again_bit_by_bit() {
 }
 
 #[test]
+fn rows_stay_where_pictures_of_sensors_come_late_and_out_of_step() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let here = folder.path();
+    let path = recorded(here, "late", &["--sensor", "kinova_vision@gen3=3"]);
+    let episode = Episode::open(&path).expect("an episode");
+    let first = |name: &str| episode.sensor(name).expect("a sensor").stamps()[0];
+    let since = first("gen3_color").max(first("gen3_depth"));
+    let camera = episode.camera("gen3").expect("a camera");
+    let rows = camera.stamps().iter().filter(|&&stamp| stamp >= since);
+    let rows = rows.count();
+    let path = path.to_string_lossy().into_owned();
+    let export = ["dataset", "export", &path, "--format", "lerobot"];
+    let more = ["--pictures", "png", "--depth", "--out", "set"];
+    wheelarm(here, &[&export[..], &more].concat());
+    let info = std::fs::read_to_string(here.join("set/meta/info.json")).expect("a set");
+    let info: serde_json::Value = serde_json::from_str(&info).expect("JSON");
+    let frames = info["total_frames"].as_u64().expect("a number") as usize;
+    assert!(rows >= 12 && frames + 1 >= rows, "{frames} of {rows} rows");
+    let cameras = std::fs::read_to_string(here.join("set/meta/cameras.json")).expect("cameras");
+    let cameras: serde_json::Value = serde_json::from_str(&cameras).expect("JSON");
+    assert_eq!(cameras["by_episode"][0]["episodes"], serde_json::json!([0]));
+}
+
+#[test]
 fn a_sensor_that_cannot_be_is_refused_with_the_cure() {
     let cases = [
         (&["--sensor", "kinova_vision"][..], "allowed is one of gen3"),

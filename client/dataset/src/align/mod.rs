@@ -257,8 +257,8 @@ pub fn align(
             aligned.frames.insert(camera.to_owned(), frames.collect());
         } else if let Some(sensor) = id.sensor_name() {
             let times = rising(episode, &stream)?;
-            let usual = usual_distance(&times).unwrap_or(0);
-            let limit = own.map_or(2 * usual, nanos);
+            // The newest is what a robot has, however old: `exposure_nanos` tells it.
+            let limit = own.map_or(u64::MAX, nanos);
             let frames = aligned.stamps.iter();
             let frames = frames.map(|&t| newest(&times, t, limit));
             aligned.sensors.insert(sensor.to_owned(), frames.collect());

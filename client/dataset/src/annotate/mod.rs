@@ -40,13 +40,14 @@ pub fn annotate(
     state: &State,
     phases: &[Segment],
 ) -> Result<Annotations, ReadError> {
-    let subtasks = subtasks::subtasks(state, phases);
+    let grasps = grasps::grasps(state);
+    let subtasks = subtasks::subtasks(state, phases, &grasps);
     Ok(Annotations {
         plan: subtasks::plan(&subtasks),
         subtasks,
         questions: questions::questions(state),
         contacts: contacts::intervals(episode)?,
-        grasps: grasps::grasps(state),
+        grasps,
         traces: trace::traces(episode, state)?,
     })
 }

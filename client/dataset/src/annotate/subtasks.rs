@@ -2,6 +2,7 @@
 
 use crate::label::{NAMES, Segment};
 
+use super::grasps::ChosenGrasp;
 use super::state::State;
 
 /// A phase in words.
@@ -24,20 +25,26 @@ pub struct Subtask {
 }
 
 /// What is done in each phase.
-pub(super) fn subtasks(state: &State, phases: &[Segment]) -> Vec<Subtask> {
+pub(super) fn subtasks(state: &State, phases: &[Segment], grasps: &[ChosenGrasp]) -> Vec<Subtask> {
     let end = state.stamps.last().copied().unwrap_or(0);
     let area = area_of(state);
     let ends = phases.iter().skip(1).map(|next| next.from).chain([end]);
     let mut out: Vec<Subtask> = Vec::new();
-    for (phase, to) in phases.iter().zip(ends) {
+    for (at, (phase, to)) in phases.iter().zip(ends).enumerate() {
+        let object = taken(phases, at, grasps)
+            .unwrap_or(&state.target)
+            .to_owned();
         let held = held(state, phase.from, to);
         let holds_target = !held.is_empty() && held == state.target;
         let place = match (state.verb.as_str(), phase.label) {
             ("put", 3) => state.goal.clone(),
             _ => area.clone(),
         };
-        let text = words(state, phase.label, holds_target, &area);
-        let (object, label) = (state.target.clone(), phase.label);
+        let label = phase.label;
+        let text = match object == state.target || label == 0 {
+            true => words(state, label, holds_target, &area),
+            false => amiss(state, label, &object),
+        };
         out.push(Subtask {
             from: phase.from,
             to,
@@ -56,6 +63,30 @@ pub(super) fn plan(subtasks: &[Subtask]) -> Vec<String> {
     let mut plan: Vec<String> = subtasks.iter().map(|s| s.text.clone()).collect();
     plan.dedup();
     plan
+}
+
+/// What the hand is after in a phase: what the attempt that it belongs to takes, which
+/// may be another thing than the target; `None` where it takes nothing.
+fn taken<'a>(phases: &[Segment], at: usize, grasps: &'a [ChosenGrasp]) -> Option<&'a str> {
+    // An attempt begins with driving or reaching after anything else.
+    let begins = |i: usize| i == 0 || phases[i].label < phases[i - 1].label;
+    let first = (0..=at).rev().find(|&i| begins(i)).unwrap_or(0);
+    let next = (at + 1..phases.len()).find(|&i| begins(i));
+    let from = phases[first].from;
+    let to = next.map_or(u64::MAX, |i| phases[i].from);
+    let inside = |grasp: &&ChosenGrasp| (from..to).contains(&grasp.stamp);
+    let grasp = grasps.iter().find(inside);
+    grasp.map(|grasp| grasp.object.as_str())
+}
+
+/// A phase with another thing than the target, in words.
+fn amiss(state: &State, label: u8, object: &str) -> String {
+    let object = state.called(object);
+    match label {
+        1 => format!("reach for {object}"),
+        2 => format!("close the hand around {object}"),
+        _ => format!("let go of {object}"),
+    }
 }
 
 fn words(state: &State, label: u8, holds_target: bool, area: &str) -> String {
@@ -116,4 +147,31 @@ fn held(state: &State, from: u64, to: u64) -> String {
     let most = (0..counts.len()).max_by_key(|&i| counts[i]);
     let most = most.filter(|&i| 2 * counts[i] > rows.len());
     most.map_or(String::new(), |i| state.objects[i].clone())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_attempt_at_the_wrong_thing_is_told_as_one() {
+        let phase = |(from, label)| Segment { from, label };
+        // Drives, takes the can, lets it go, reaches again and takes the bottle.
+        let phases = [(0, 0), (10, 1), (20, 2), (30, 3), (50, 1), (60, 2), (70, 3)].map(phase);
+        let grasp = |(stamp, object): (u64, &str)| ChosenGrasp {
+            stamp,
+            object: object.to_owned(),
+            name: String::new(),
+            index: 0,
+            distance: 0.0,
+            angle: 0.0,
+            alternatives: Vec::new(),
+        };
+        let grasps = [(24, "can"), (66, "bottle")].map(grasp);
+        let all = (0..phases.len()).map(|at| taken(&phases, at, &grasps));
+        let all: Vec<_> = all.collect();
+        let [can, bottle] = ["can", "bottle"].map(Some);
+        assert_eq!(all, [can, can, can, can, bottle, bottle, bottle]);
+        assert_eq!(taken(&phases, 1, &[]), None);
+    }
 }

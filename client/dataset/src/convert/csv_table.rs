@@ -14,7 +14,7 @@ use wheelarm_proto::v1;
 use super::batch::parallel;
 use super::intrinsics;
 use super::learning::{self, Learning, RowOptions};
-use super::{Format, PendingFolder, Recording, Size, Written, png_depth, png_grey, png_rgb};
+use super::{Format, PendingFolder, Recording, Sees, Size, Written, png_depth, png_grey, png_rgb};
 use crate::align::Signal;
 use crate::ending::PHYSICS;
 
@@ -152,7 +152,7 @@ impl Format for CsvTable {
     }
 
     fn add(&self, recording: &Recording, tick: &(dyn Fn() + Sync)) -> anyhow::Result<Written> {
-        let (rows, notes) = recording.rows(&STREAMS)?;
+        let (rows, notes) = recording.rows(&STREAMS, Sees::Exact)?;
         let folder = PendingFolder::new(&self.out.join(&recording.summary.label))?;
         table(&folder.path().join("final_data.csv"), recording, &rows)?;
         let mut notes = notes;

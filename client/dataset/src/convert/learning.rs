@@ -9,7 +9,7 @@ use wheelarm_policy::{ActionKind, Applied, Observed, state};
 use wheelarm_proto::robot::ARM_JOINTS;
 use wheelarm_proto::v1;
 
-use super::{Recording, Size};
+use super::{Recording, Sees, Size};
 use crate::align::{Signal, usual_distance};
 use crate::ending::PHYSICS;
 use crate::pose::Pose;
@@ -128,8 +128,12 @@ impl<'a> Learning<'a> {
     ///
     /// # Errors
     /// As [`Learning::of`]; when no two rows lie on a grid.
-    pub fn on_grid(recording: &'a Recording, options: &RowOptions) -> anyhow::Result<(u32, Self)> {
-        let (rate, rows, mut notes) = grid(recording)?;
+    pub fn on_grid(
+        recording: &'a Recording,
+        options: &RowOptions,
+        sees: Sees,
+    ) -> anyhow::Result<(u32, Self)> {
+        let (rate, rows, mut notes) = grid(recording, sees)?;
         let mut all = Self::of(recording, rows, options)?;
         notes.append(&mut all.notes);
         all.notes = notes;
@@ -356,8 +360,8 @@ pub fn cameras(recording: &Recording, size: Option<Size>) -> BTreeMap<String, Si
 ///
 /// # Errors
 /// When no two rows lie on a grid.
-fn grid(recording: &Recording) -> anyhow::Result<(u32, Vec<usize>, Vec<String>)> {
-    let (rows, mut notes) = recording.rows(&STREAMS)?;
+fn grid(recording: &Recording, sees: Sees) -> anyhow::Result<(u32, Vec<usize>, Vec<String>)> {
+    let (rows, mut notes) = recording.rows(&STREAMS, sees)?;
     let stamps = &recording.aligned.stamps;
     let usual = usual_distance(stamps).unwrap_or(0).max(1);
     let rate = (1e9 / usual as f64).round().max(1.0);

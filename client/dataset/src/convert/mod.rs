@@ -177,6 +177,22 @@ impl Recording {
         }
     }
 
+    /// The exact picture that shows what the robot saw of a camera in a row: that of
+    /// the exposure where a colour sensor gave the row's picture. `None` where the
+    /// recording does not have it.
+    ///
+    /// # Errors
+    /// When the row has no picture.
+    pub fn shown(&self, camera: &str, row: usize) -> anyhow::Result<Option<(&Camera, usize)>> {
+        let (seen, index) = self.seen(camera, row)?;
+        let exact = self.cameras.get(camera);
+        let Some((exact, exposed)) = exact.zip(seen.exposures().get(index)) else {
+            return Ok(Some((seen, index)));
+        };
+        let at = exact.stamps().binary_search(exposed);
+        Ok(at.ok().map(|index| (exact, index)))
+    }
+
     /// The newest picture of a camera's depth sensor in a row.
     ///
     /// # Errors
@@ -240,23 +256,32 @@ impl Recording {
         Ok([x, y, z, qx, qy, qz, qw])
     }
 
-    /// Rows that have all of `streams` and every camera, and words about those
-    /// that do not.
+    /// Rows that have all of `streams`, every camera, and a picture of every sensor
+    /// that the format uses, and words about those that do not.
     ///
     /// # Errors
     /// When no row is left.
-    pub fn rows(&self, streams: &[&str]) -> anyhow::Result<(Vec<usize>, Vec<String>)> {
+    pub fn rows(&self, streams: &[&str], sees: Sees) -> anyhow::Result<(Vec<usize>, Vec<String>)> {
         let cameras = self.camera_names();
         let mut rows = self.aligned.whole_rows(streams, &cameras);
-        let sensors = self.sensors.keys();
-        let arrived: Vec<_> = sensors
-            .filter_map(|s| self.aligned.sensors.get(s))
+        let used = self.sensors.iter().filter(|(_, sensor)| match sees {
+            Sees::Exact => false,
+            Sees::Colour => sensor.has_rgb(),
+            Sees::ColourAndDepth => true,
+        });
+        let arrived: Vec<_> = used
+            .filter_map(|(name, _)| self.aligned.sensors.get(name))
             .collect();
+        let before = rows.len();
         rows.retain(|&row| arrived.iter().all(|frames| frames[row].is_some()));
+        let early = before - rows.len();
         let all = self.aligned.stamps.len();
         let mut notes = Vec::new();
         if rows.len() < all {
             notes.push(format!("{} of {all} rows are left out", all - rows.len()));
+            if early > 0 {
+                notes.push(format!("{early} before every sensor had given a picture"));
+            }
             for stream in streams {
                 let lost = self
                     .aligned
@@ -277,6 +302,17 @@ impl Recording {
         }
         Ok((rows, notes))
     }
+}
+
+/// Which pictures a format uses where there are sensors.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Sees {
+    /// The exact ones.
+    Exact,
+    /// Those of colour sensors.
+    Colour,
+    /// Those of colour and of depth sensors.
+    ColourAndDepth,
 }
 
 /// What became of one recording.

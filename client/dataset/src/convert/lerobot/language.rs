@@ -82,7 +82,10 @@ impl Spoken {
                 continue;
             };
             for (frame, event) in events.iter_mut().enumerate() {
-                let (source, index) = recording.picture(&trace.camera, learning.rows[frame])?;
+                let Some((source, index)) = recording.shown(&trace.camera, learning.rows[frame])?
+                else {
+                    continue;
+                };
                 let Some((width, height)) = source.size() else {
                     continue;
                 };

@@ -87,9 +87,24 @@ pub(super) fn metadata(folder: &Path, set: &Set, layout: &Layout) -> anyhow::Res
         "features": layout.features(),
     });
     write("info.json", &info)?;
-    write("cameras.json", &set.calibration)?;
+    write("cameras.json", &cameras(&set.calibrations))?;
     let episodes = meta.join("episodes/chunk-000/file-000.parquet");
     episodes_table(&episodes, set, layout.rate)
+}
+
+/// Intrinsics: those of the first episode, and all with their episodes.
+fn cameras(calibrations: &[(Value, Vec<usize>)]) -> Value {
+    let mut told = calibrations
+        .first()
+        .map_or(Value::Null, |(first, _)| first.clone());
+    let all: Vec<Value> = calibrations
+        .iter()
+        .map(|(of, episodes)| json!({"episodes": episodes, "cameras": of["cameras"]}))
+        .collect();
+    if let Some(told) = told.as_object_mut() {
+        told.insert("by_episode".to_owned(), all.into());
+    }
+    told
 }
 
 /// One row per episode: where it stands in the data files and videos, and its
@@ -155,4 +170,18 @@ fn episodes_table(path: &Path, set: &Set, rate: u32) -> anyhow::Result<()> {
         columns.push(column(&name, Cells::I64(vec![1], counts)));
     }
     Table::create(path, columns, &[])?.close()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn cameras_are_told_for_every_specimen() {
+        let of = |fx: f64| json!({"units": "pixels", "cameras": {"gen3": {"fx": fx}}});
+        let told = cameras(&[(of(600.0), vec![0, 2]), (of(610.0), vec![1])]);
+        assert_eq!(told["cameras"]["gen3"]["fx"], 600.0);
+        assert_eq!(told["by_episode"][1]["episodes"], json!([1]));
+        assert_eq!(told["by_episode"][1]["cameras"]["gen3"]["fx"], 610.0);
+    }
 }

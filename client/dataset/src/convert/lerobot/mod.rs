@@ -32,7 +32,7 @@ use self::table::{Cells, Column};
 use super::batch::parallel;
 use super::intrinsics;
 use super::learning::{self, Learning, RowOptions};
-use super::{Format, PendingFolder, Recording, Size, Written, png_depth, png_rgb, scaled};
+use super::{Format, PendingFolder, Recording, Sees, Size, Written, png_depth, png_rgb, scaled};
 
 use self::video::{Ffmpeg, Stream};
 pub use self::video::{PROGRAM, PictureFormat};
@@ -127,7 +127,11 @@ impl Format for LeRobot {
 
     fn add(&self, recording: &Recording, tick: &(dyn Fn() + Sync)) -> anyhow::Result<Written> {
         let options = &self.options;
-        let (rate, learning) = Learning::on_grid(recording, &options.rows)?;
+        let sees = match options.depth {
+            true => Sees::ColourAndDepth,
+            false => Sees::Colour,
+        };
+        let (rate, learning) = Learning::on_grid(recording, &options.rows, sees)?;
         let streams = Streams::of(recording, options.size, options.depth)?;
         let mut layout = Layout::of(recording, rate, streams, options.rows.action);
         layout.language = options.language;
@@ -166,11 +170,16 @@ impl Format for LeRobot {
         }
 
         if set.layout.is_none() {
-            set.calibration = intrinsics::cameras(recording, options.size);
             set.layout = Some(layout.clone());
         }
         let task = set.task(&recording.summary.instruction);
         let episode = set.episodes.len();
+        let calibration = intrinsics::cameras(recording, options.size);
+        let known = set.calibrations.iter_mut();
+        match { known }.find(|(known, _)| *known == calibration) {
+            Some((_, episodes)) => episodes.push(episode),
+            None => set.calibrations.push((calibration, vec![episode])),
+        }
         let whole = Block {
             recording,
             learning: &learning,

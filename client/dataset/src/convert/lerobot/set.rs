@@ -32,8 +32,9 @@ pub(super) struct Set {
     pub rows: usize,
     /// By feature, over all episodes.
     pub statistics: BTreeMap<String, Gathered>,
-    /// Intrinsics of the first episode's cameras, for pictures of the set's size.
-    pub calibration: serde_json::Value,
+    /// Intrinsics of cameras for pictures of the set's size, with the episodes that
+    /// have them: specimens of the robot differ.
+    pub calibrations: Vec<(serde_json::Value, Vec<usize>)>,
 }
 
 /// One episode of the set.
@@ -70,7 +71,7 @@ impl Set {
             episodes: Vec::new(),
             rows: 0,
             statistics: BTreeMap::new(),
-            calibration: serde_json::Value::Null,
+            calibrations: Vec::new(),
         }
     }
 

@@ -7,6 +7,7 @@
 mod arrays;
 mod datagen;
 
+use std::collections::BTreeSet;
 use std::path::Path;
 
 use anyhow::Context;
@@ -20,14 +21,14 @@ use self::arrays::{NUMBER, What, describe, rows};
 use super::batch::parallel;
 use super::intrinsics;
 use super::learning::{self, Body, LEAST_DEVIATION, Learning, RowOptions};
-use super::{Format, PendingFile, Recording, Size, Written, scaled};
+use super::{Format, PendingFile, Recording, Sees, Size, Written, scaled};
 use crate::calibration::{CONVENTION, PIXEL_CENTRE};
 use crate::compress::Deflate;
 use crate::hdf::{Attributes, Chunked, Filters};
 
 /// Pictures that are compressed together.
 const BLOCK: usize = 16;
-/// Every so many episodes one goes to the validation mask.
+/// Of so many scenes one goes to the validation mask.
 const VALIDATION: usize = 10;
 
 /// Writes one file of all episodes.
@@ -43,8 +44,31 @@ struct Set {
     file: hdf5::File,
     demos: usize,
     rows: usize,
+    /// Seed of each demo's scene.
+    scenes: Vec<u64>,
     /// What the first episode decides; none yet without it.
     common: Option<Common>,
+}
+
+/// Seeds of the scenes that validate, a tenth of them and at least one of several, the
+/// same whatever the order. Episodes with one scene, of another sentence or another
+/// task of the area, stay together: else what validates was seen in training.
+fn held_out(scenes: &[u64]) -> BTreeSet<u64> {
+    let all: BTreeSet<u64> = scenes.iter().copied().collect();
+    // The finaliser of SplitMix64 (Steele, Lea and Flood 2014).
+    let rank = |seed: &u64| {
+        let mut x = seed.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        x = (x ^ (x >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        x = (x ^ (x >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        x ^ (x >> 31)
+    };
+    let count = match all.len() {
+        0 | 1 => 0,
+        several => several.div_ceil(VALIDATION),
+    };
+    let mut ranked: Vec<u64> = all.into_iter().collect();
+    ranked.sort_by_key(rank);
+    ranked.into_iter().take(count).collect()
 }
 
 /// What holds for all episodes.
@@ -84,6 +108,7 @@ impl Robomimic {
                 pending,
                 file,
                 demos: 0,
+                scenes: Vec::new(),
                 rows: 0,
                 common: None,
             }),
@@ -101,7 +126,7 @@ impl Format for Robomimic {
     }
 
     fn add(&self, recording: &Recording, tick: &(dyn Fn() + Sync)) -> anyhow::Result<Written> {
-        let (rate, learning) = Learning::on_grid(recording, &self.rows)?;
+        let (rate, learning) = Learning::on_grid(recording, &self.rows, Sees::Exact)?;
         let rows = &learning.rows;
         anyhow::ensure!(
             rows.len() > 1,
@@ -149,6 +174,10 @@ impl Format for Robomimic {
                 });
             }
         }
+        set.scenes.push(recording.summary.seed);
+        let calibration = intrinsics::cameras(recording, self.size).to_string();
+        let demo = set.file.group("data")?.group(&name)?;
+        Attributes::of(&demo).text("camera_calibration", &calibration)?;
         set.demos += 1;
         set.rows += rows.len() - 1;
         Ok(Written {
@@ -167,10 +196,11 @@ impl Format for Robomimic {
         let data = set.file.group("data")?;
         let mut train = Vec::new();
         let mut valid = Vec::new();
+        let held = held_out(&set.scenes);
         for demo in 0..set.demos {
             let name = format!("demo_{demo}");
             normalise(&data.group(&name)?, low, high, &common.names)?;
-            let validates = set.demos > 1 && demo % VALIDATION == VALIDATION.min(set.demos) - 1;
+            let validates = held.contains(&set.scenes[demo]);
             if validates { &mut valid } else { &mut train }.push(name);
         }
         let cameras: Vec<&str> = common.cameras.iter().map(|c| c.0.as_str()).collect();
@@ -451,6 +481,18 @@ fn privileged(group: &Group, learning: &Learning<'_>, here: &[usize]) -> anyhow:
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn episodes_with_one_scene_train_or_validate_together() {
+        let scenes: Vec<u64> = (0..60).map(|demo| 10_000 + demo / 3).collect();
+        let held = held_out(&scenes);
+        assert_eq!(held.len(), 2);
+        let mut backwards = scenes.clone();
+        backwards.reverse();
+        assert_eq!(held_out(&backwards), held);
+        assert_eq!(held_out(&[5, 5, 5]).len(), 0);
+        assert_eq!(held_out(&[5, 6]).len(), 1);
+    }
 
     #[test]
     fn what_hardly_changes_is_not_blown_up() {
