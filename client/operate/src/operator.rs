@@ -138,6 +138,8 @@ pub struct Operator {
     erred: bool,
     /// What went wrong or right again since the last command.
     incident: v1::Incident,
+    /// What will be told when the hand sets off for the wrong thing.
+    about_to: Option<v1::Incident>,
     longest: f64,
     /// Time as the skills see it, and when it was last moved on, seconds.
     own_time: Option<(f64, f64)>,
@@ -191,6 +193,7 @@ impl Operator {
             forcing: false,
             erred: false,
             incident: v1::Incident::Unspecified,
+            about_to: None,
             longest: LONGEST,
             own_time: None,
         })
@@ -234,6 +237,7 @@ impl Operator {
             .push("that was the wrong thing; takes the right one".to_owned());
         self.goal = goal;
         self.forcing = false;
+        self.about_to = None;
         self.memory.candidate = None;
         self.memory.refused.clear();
         self.memory.left.clear();
@@ -247,7 +251,11 @@ impl Operator {
         self.trouble.forced = None;
         self.forcing = true;
         self.erred = true;
-        self.incident = error.incident();
+        match error {
+            // Told when the hand sets off: until then the way is the same.
+            ForcedError::WrongObject => self.about_to = Some(error.incident()),
+            ForcedError::WrongGrasp | ForcedError::Drop => self.incident = error.incident(),
+        }
         let note = match error {
             ForcedError::WrongGrasp => "forced: closes beside it",
             ForcedError::WrongObject => "forced: takes another thing first",
@@ -392,6 +400,11 @@ impl Operator {
         self.at += 1;
         match plan(&self.goal).get(self.at) {
             Some(stage) => {
+                if *stage == Stage::Reach
+                    && let Some(incident) = self.about_to.take()
+                {
+                    self.incident = incident;
+                }
                 self.skill = stage.begin();
                 None
             }

@@ -243,14 +243,18 @@ fn policy_rows(
     );
     let action = options.action.names(&recording.robot);
     header.extend(action.iter().map(|name| format!("action.{name}")));
+    header.push("incident".to_owned());
     table.write_record(header)?;
     let stamps = &recording.aligned.stamps;
     let start = rows.first().map_or(0, |&r| stamps[r]);
-    for ((&row, state), action) in all.rows.iter().zip(&all.states).zip(&all.actions) {
+    let incidents = all.incidents.iter();
+    let told = all.rows.iter().zip(&all.states).zip(&all.actions);
+    for (((&row, state), action), incident) in told.zip(incidents) {
         let frame = rows.iter().position(|&r| r == row).map_or(0, |at| at + 1);
         let time = (stamps[row] - start) as f64 * 1e-9;
         let mut line = vec![frame.to_string(), time.to_string()];
         line.extend(state.iter().chain(action).map(f64::to_string));
+        line.push(incident.to_string());
         table.write_record(&line)?;
     }
     table.flush()?;

@@ -48,6 +48,9 @@ pub struct Learning<'a> {
     pub states: Vec<Vec<f64>>,
     /// A row of action each.
     pub actions: Vec<Vec<f64>>,
+    /// The error on purpose that is under way in a row and not yet put right, a code of
+    /// `v1::Incident` (1 to 3); 0 for none.
+    pub incidents: Vec<usize>,
     /// Words about rows that are left out.
     pub notes: Vec<String>,
     position: &'a Signal,
@@ -86,6 +89,7 @@ impl<'a> Learning<'a> {
             rows,
             states: Vec::new(),
             actions: Vec::new(),
+            incidents: Vec::new(),
             notes: Vec::new(),
             velocity: recording.need("joint_state", "velocity")?,
             odometry: recording.need("odometry", "pose")?,
@@ -109,6 +113,9 @@ impl<'a> Learning<'a> {
                 all.rows = all.rows[kept].to_vec();
             }
         }
+        let told = incidents(recording);
+        let stamped = all.rows.iter().map(|&row| stamps[row]);
+        all.incidents = stamped.map(|stamp| under_way(&told, stamp)).collect();
         let Some(&start) = all.rows.first() else {
             return Ok(all);
         };
@@ -343,6 +350,30 @@ fn limits((name, lower, upper): &(String, Option<f64>, Option<f64>)) -> String {
     format!("{name} from {} to {}", word(lower), word(upper))
 }
 
+/// What went wrong or right again, with its time, nanoseconds.
+fn incidents(recording: &Recording) -> Vec<(u64, v1::Incident)> {
+    // Without commands, or in a file of before, nothing was told.
+    let commands = recording.episode.commands().unwrap_or_default();
+    let told = commands.into_iter().filter_map(|log| {
+        let stamp = log.header?.stamp_nanos;
+        Some((stamp, log.command?.incident()))
+    });
+    told.filter(|(_, incident)| *incident != v1::Incident::Unspecified)
+        .collect()
+}
+
+/// The error on purpose that is under way at a time: from when it is told until the
+/// thing is in the hand again.
+fn under_way(told: &[(u64, v1::Incident)], stamp: u64) -> usize {
+    use v1::Incident::{ForcedDrop, ForcedWrongGrasp, ForcedWrongObject, Recovered};
+    let before = told.iter().take_while(|(at, _)| *at <= stamp);
+    before.fold(0, |code, (_, incident)| match incident {
+        ForcedWrongGrasp | ForcedWrongObject | ForcedDrop => *incident as usize,
+        Recovered => 0,
+        _ => code,
+    })
+}
+
 /// The cameras that have pictures, with the size that these get: `size` where it
 /// is given, else their own.
 pub fn cameras(recording: &Recording, size: Option<Size>) -> BTreeMap<String, Size> {
@@ -397,6 +428,19 @@ fn grid(recording: &Recording, sees: Sees) -> anyhow::Result<(u32, Vec<usize>, V
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn an_error_on_purpose_lasts_until_it_is_put_right() {
+        use v1::Incident::{ForcedWrongObject, Missed, Recovered};
+        let told = [
+            (10, ForcedWrongObject),
+            (20, Missed),
+            (30, Recovered),
+            (40, Missed),
+        ];
+        let codes = [5, 10, 25, 29, 30, 50].map(|stamp| under_way(&told, stamp));
+        assert_eq!(codes, [0, 2, 2, 2, 0, 0]);
+    }
 
     #[test]
     fn idle_ends_are_cut_and_what_is_asked_of_them_stays() {

@@ -127,6 +127,10 @@ impl Block<'_> {
         self.frame(i) + 1 == self.learning.rows.len()
     }
 
+    fn incident(&self, i: usize) -> usize {
+        self.learning.incidents[self.frame(i)]
+    }
+
     fn label(&self, i: usize) -> usize {
         usize::from(self.recording.labels[self.row(i)])
     }
@@ -162,7 +166,7 @@ impl Flat {
 }
 
 /// Features with one value per row.
-const FLAT: [(&str, Flat); 11] = [
+const FLAT: [(&str, Flat); 12] = [
     (
         "next.reward",
         Flat::F32(|b, i| f32::from(u8::from(b.learning.success(b.next(i))))),
@@ -174,6 +178,7 @@ const FLAT: [(&str, Flat); 11] = [
     ),
     ("phase", Flat::I64(|b, i| b.label(i))),
     ("subtask_index", Flat::I64(|b, i| b.label(i))),
+    ("incident", Flat::I64(|b, i| b.incident(i))),
     (
         "simulation_time",
         Flat::F64(|b, i| b.recording.aligned.stamps[b.row(i)] as f64 * 1e-9),

@@ -398,6 +398,13 @@ impl Robomimic {
         let phase: Vec<i64> = phase.collect();
         let what = ("1 (0 navigating, 1 reaching, 2 grasping, 3 retracting)", "");
         rows(group, "phase", what, &phase, &[])?;
+        let incident = learning.incidents.iter().take(n);
+        let incident: Vec<i64> = incident.map(|&code| code as i64).collect();
+        let what = (
+            "1 (0 none; on purpose: 1 wrong grasp, 2 wrong object, 3 drop)",
+            "",
+        );
+        rows(group, "incident", what, &incident, &[])?;
         Attributes::of(group)
             .set("num_samples", i64::try_from(n)?)?
             .text("label", &recording.summary.label)?
