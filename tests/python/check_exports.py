@@ -177,11 +177,12 @@ def csv_table(path, recordings):
             equal(state[row, 7:14], streams["pose/pose"][i, 6], "end effector", 1e-12)
         with open(path / label / "rows.csv", newline="", encoding="utf-8") as text:
             made = list(csv.reader(text))
-        assert len(made[0]) == 2 + 27 + 12 and len(rows) - 3 < len(made) <= len(rows)
+        assert len(made[0]) == 2 + 27 + 12 + 1 and len(rows) - 3 < len(made) <= len(rows)
         at = len(state) // 2
         middle = {int(row[0]): np.array([float(v) for v in row]) for row in made[1:]}[at + 1]
         assert abs(middle[1] - state[at, 112]) < 1e-9
-        equal(middle[29:], next_pose(source, *(float(stamps[k]) for k in (at, at + 1))), "action", 1e-5)
+        assert middle[41] == 0, "an error on purpose where none was made"
+        equal(middle[29:41], next_pose(source, *(float(stamps[k]) for k in (at, at + 1))), "action", 1e-5)
         height, width = streams["camera/gen3/rgb"].shape[1:3]
         for camera in CAMERAS:
             for kind, bits, colour in (("rgb", 8, 2), ("depth", 8, 0), ("depth_mm", 16, 0)):
