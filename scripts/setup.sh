@@ -17,6 +17,10 @@ have_lib() { PATH=$PATH:/sbin:/usr/sbin ldconfig -p | grep "$1" >/dev/null; }
 have_icd() { compgen -G '/usr/share/vulkan/icd.d/*.json' || compgen -G '/etc/vulkan/icd.d/*.json'; }
 need build-essential cc --version
 need pkg-config pkg-config --version
+# ISA-L compresses the recordings and is built from its source.
+need autoconf autoreconf --version
+need libtool libtoolize --version
+need nasm nasm --version
 need libhdf5-dev pkg-config --exists hdf5
 need libvulkan1 have_lib libvulkan.so.1
 need mesa-vulkan-drivers have_icd

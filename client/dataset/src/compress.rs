@@ -1,4 +1,8 @@
 //! Deflate and byte shuffle as HDF5's built-in filters expect them.
+//!
+//! At [`LEVEL`] chunks are deflated by ISA-L's igzip on processors for which it
+//! has assembly, otherwise by libdeflate. Both write plain deflate: every reader
+//! takes either, and no file says which it was.
 
 use libdeflater::{CompressionLvl, Compressor};
 
@@ -19,7 +23,7 @@ const ZLIB: [u8; 2] = [0x78, 0x01];
 
 /// Compresses chunks; one per thread.
 pub struct Deflate {
-    deflate: Compressor,
+    coder: Coder,
     shuffled: Vec<u8>,
     /// Pieces that stand for a plane.
     pieces: Vec<u8>,
@@ -38,9 +42,16 @@ impl Deflate {
     /// Compresses at a level from 1 to 12.
     #[must_use]
     pub fn at_level(level: u8) -> Self {
-        Self {
+        Self::with(Coder {
+            igzip: level == LEVEL && igzip::suits(),
             // `fastest()` is level 0, which only stores.
-            deflate: Compressor::new(CompressionLvl::new(i32::from(level)).unwrap_or_default()),
+            libdeflate: Compressor::new(CompressionLvl::new(i32::from(level)).unwrap_or_default()),
+        })
+    }
+
+    fn with(coder: Coder) -> Self {
+        Self {
+            coder,
             shuffled: Vec::new(),
             pieces: Vec::new(),
             stream: Vec::new(),
@@ -69,7 +80,7 @@ impl Deflate {
         out.extend(ZLIB);
         store(&source[..noise], out);
         out.extend_from_slice(deflated(
-            &mut self.deflate,
+            &mut self.coder,
             &source[noise..],
             &mut self.stream,
         ));
@@ -88,23 +99,64 @@ impl Deflate {
             for from in (0..PIECES).map(|i| i * (plane.len() / PIECES)) {
                 self.pieces.extend_from_slice(&plane[from..from + PIECE]);
             }
-            let shrunk = deflated(&mut self.deflate, &self.pieces, &mut self.stream);
+            let shrunk = deflated(&mut self.coder, &self.pieces, &mut self.stream);
             shrunk.len() as f64 > HARDLY_SHRINKS * self.pieces.len() as f64
         };
         planes.chunks_exact(plane).take_while(is_noise).count() * plane
     }
 }
 
+/// What makes a deflate stream.
+struct Coder {
+    /// Whether igzip does it; what it cannot do, libdeflate does.
+    igzip: bool,
+    libdeflate: Compressor,
+}
+
 /// The deflate stream of `bytes`, in `room`.
-fn deflated<'a>(deflate: &mut Compressor, bytes: &[u8], room: &'a mut Vec<u8>) -> &'a [u8] {
-    let bound = deflate.deflate_compress_bound(bytes.len());
+fn deflated<'a>(coder: &mut Coder, bytes: &[u8], room: &'a mut Vec<u8>) -> &'a [u8] {
+    let bound = coder.libdeflate.deflate_compress_bound(bytes.len());
     if room.len() < bound {
         room.resize(bound, 0);
     }
-    // With this much room it cannot fail; a stream without its deflate part
-    // cannot be read, and whoever reads the file is told.
-    let length = deflate.deflate_compress(bytes, room).unwrap_or(0);
+    let by_igzip = coder.igzip.then(|| igzip::deflate(bytes, room)).flatten();
+    // With this much room libdeflate cannot fail; a stream without its deflate
+    // part cannot be read, and whoever reads the file is told.
+    let length = by_igzip
+        .or_else(|| coder.libdeflate.deflate_compress(bytes, room).ok())
+        .unwrap_or(0);
     &room[..length]
+}
+
+/// The deflate of Intel's ISA-L: on pictures two to four times as fast as
+/// libdeflate's level 1, at up to 8 % more bytes (`make bench` measures it).
+#[cfg(target_arch = "x86_64")]
+mod igzip {
+    use isal::{Codec, CompressionLevel};
+
+    /// Whether this processor has what igzip's fast paths need.
+    pub fn suits() -> bool {
+        std::arch::is_x86_feature_detected!("avx2")
+    }
+
+    /// Length of the stream in `room`, or nothing where it cannot be made
+    /// (without room, or longer than a number of 32 bits tells).
+    pub fn deflate(bytes: &[u8], room: &mut [u8]) -> Option<usize> {
+        u32::try_from(bytes.len().max(room.len())).ok()?;
+        isal::compress_into(bytes, room, CompressionLevel::One, Codec::Deflate).ok()
+    }
+}
+
+/// ISA-L is built for x86-64 alone.
+#[cfg(not(target_arch = "x86_64"))]
+mod igzip {
+    pub fn suits() -> bool {
+        false
+    }
+
+    pub fn deflate(_: &[u8], _: &mut [u8]) -> Option<usize> {
+        None
+    }
 }
 
 /// Appends `bytes` in stored blocks, none of them the last of the stream.
@@ -164,6 +216,21 @@ mod tests {
         out
     }
 
+    /// One of each that this processor can run.
+    fn each() -> Vec<Deflate> {
+        let libdeflate = || Compressor::new(CompressionLvl::new(i32::from(LEVEL)).unwrap());
+        [false, true]
+            .into_iter()
+            .filter(|&igzip| !igzip || igzip::suits())
+            .map(|igzip| {
+                Deflate::with(Coder {
+                    igzip,
+                    libdeflate: libdeflate(),
+                })
+            })
+            .collect()
+    }
+
     /// Numbers without a pattern.
     fn noise() -> impl Iterator<Item = u32> {
         let mut state = 1_u32;
@@ -184,17 +251,18 @@ mod tests {
                 .take(COUNT)
                 .flat_map(|(n, i)| (n & noisy | (i >> 4) & !noisy).to_le_bytes())
                 .collect();
-            let mut out = vec![9; 3];
-            let mut deflate = Deflate::default();
-            let length = deflate.append(&bytes, 4, &mut out);
-            assert_eq!(length, out.len() - 3);
             let mut shuffled = Vec::new();
             shuffle(&bytes, 4, &mut shuffled);
-            assert_eq!(inflated(&out[3..], bytes.len()), shuffled, "{noisy:#x}");
-            assert_eq!(deflate.noise(&shuffled, COUNT), stored, "{noisy:#x}");
-            let begins_stored = out[3..6] == [0x78, 1, 0] && out[6..10] == [255, 255, 0, 0];
-            assert_eq!(begins_stored, stored > 0, "{noisy:#x}");
-            assert!(length > stored && length < bytes.len(), "{noisy:#x}");
+            for mut deflate in each() {
+                let mut out = vec![9; 3];
+                let length = deflate.append(&bytes, 4, &mut out);
+                assert_eq!(length, out.len() - 3);
+                assert_eq!(inflated(&out[3..], bytes.len()), shuffled, "{noisy:#x}");
+                assert_eq!(deflate.noise(&shuffled, COUNT), stored, "{noisy:#x}");
+                let begins_stored = out[3..6] == [0x78, 1, 0] && out[6..10] == [255, 255, 0, 0];
+                assert_eq!(begins_stored, stored > 0, "{noisy:#x}");
+                assert!(length > stored && length < bytes.len(), "{noisy:#x}");
+            }
         }
     }
 
@@ -205,14 +273,15 @@ mod tests {
                 .flat_map(u32::to_le_bytes)
                 .take(element * WORTH_A_LOOK + 1)
                 .collect();
-            let mut out = Vec::new();
-            let mut deflate = Deflate::default();
-            deflate.append(&bytes, element, &mut out);
             let mut shuffled = Vec::new();
             shuffle(&bytes, element, &mut shuffled);
-            let planes = element * WORTH_A_LOOK;
-            assert_eq!(deflate.noise(&shuffled, WORTH_A_LOOK), planes);
-            assert_eq!(inflated(&out, bytes.len()), shuffled, "{element}");
+            for mut deflate in each() {
+                let mut out = Vec::new();
+                deflate.append(&bytes, element, &mut out);
+                let planes = element * WORTH_A_LOOK;
+                assert_eq!(deflate.noise(&shuffled, WORTH_A_LOOK), planes);
+                assert_eq!(inflated(&out, bytes.len()), shuffled, "{element}");
+            }
         }
     }
 
@@ -220,13 +289,15 @@ mod tests {
     fn bytes_and_small_chunks_are_compressed_as_they_are() {
         let bytes: Vec<u8> = noise().take(1000).flat_map(u32::to_le_bytes).collect();
         for (element, bytes) in [(1, bytes.as_slice()), (4, &bytes), (1, &[])] {
-            let mut out = Vec::new();
-            Deflate::default().append(bytes, element, &mut out);
             let mut expected = bytes.to_vec();
             if element > 1 {
                 shuffle(bytes, element, &mut expected);
             }
-            assert_eq!(inflated(&out, bytes.len()), expected);
+            for mut deflate in each() {
+                let mut out = Vec::new();
+                deflate.append(bytes, element, &mut out);
+                assert_eq!(inflated(&out, bytes.len()), expected);
+            }
         }
     }
 }
