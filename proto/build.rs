@@ -14,7 +14,7 @@ use protox::prost_reflect::{
 };
 
 /// The messages, by idea. The table of topics follows this order.
-const FILES: [&str; 14] = [
+const FILES: [&str; 15] = [
     "wheelarm/v1/common.proto",
     "wheelarm/v1/look.proto",
     "wheelarm/v1/scenario.proto",
@@ -29,15 +29,17 @@ const FILES: [&str; 14] = [
     "wheelarm/v1/language.proto",
     "wheelarm/v1/recorder.proto",
     "wheelarm/v1/control.proto",
+    "wheelarm/v1/policy.proto",
 ];
 
 const PACKAGE: &str = "wheelarm.v1";
 
 /// Fields of pictures and of saved states are shared, not copied.
-const SHARED_BYTES: [&str; 5] = [
+const SHARED_BYTES: [&str; 6] = [
     ".wheelarm.v1.CameraFrame",
     ".wheelarm.v1.SensorFrame",
     ".wheelarm.v1.PreviewFrame",
+    ".wheelarm.v1.PolicyPicture",
     ".wheelarm.v1.SnapshotReply.snapshot",
     ".wheelarm.v1.ResetRequest.snapshot",
 ];

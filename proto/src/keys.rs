@@ -18,6 +18,7 @@
 //! | `wheelarm/{sim}/recorder/{name}/alive` | liveliness token | recorder |
 //! | `wheelarm/{sim}/query/lease/{commander}` | `LeaseRequest` | query |
 //! | `wheelarm/{sim}/query/{name}` | see [`Query`]; `service Simulation` | query |
+//! | `wheelarm/policy/{name}/{describe,reset,infer}` | see [`PolicyKeys`] | query to a policy |
 //!
 //! A query answers either its reply message or, as an error reply, `Failure`.
 //!
@@ -44,9 +45,13 @@ pub struct Keys {
 /// A name, of a server, a commander or a recorder, that cannot stand in a key.
 #[derive(Debug, thiserror::Error, PartialEq, Eq)]
 #[error(
-    "the name {0:?} must be 1 to 64 letters, digits, `-` or `_` (it stands in a key expression)"
+    "the name {0:?} must be 1 to 64 letters, digits, `-` or `_` (it stands in a key expression), \
+     and `policy` is taken"
 )]
 pub struct BadName(pub String);
+
+/// What no server may be called: policies have their keys below it.
+const POLICY: &str = "policy";
 
 /// Checks a name that stands in a key: 1 to 64 letters, digits, `-`, `_`.
 ///
@@ -81,6 +86,9 @@ impl Keys {
     /// [`BadName`] when the name cannot stand in a key expression.
     pub fn new(sim: &str) -> Result<Self, BadName> {
         check_name(sim)?;
+        if sim == POLICY {
+            return Err(BadName(sim.to_owned()));
+        }
         Ok(Self {
             sim: sim.to_owned(),
         })
@@ -264,9 +272,71 @@ impl Keys {
     }
 }
 
+/// The keys of one policy, which belongs to no server.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct PolicyKeys {
+    name: String,
+}
+
+impl PolicyKeys {
+    /// Keys of the policy `name`.
+    ///
+    /// # Errors
+    /// [`BadName`] when the name cannot stand in a key expression.
+    pub fn new(name: &str) -> Result<Self, BadName> {
+        check_name(name)?;
+        Ok(Self {
+            name: name.to_owned(),
+        })
+    }
+
+    /// The policy's name.
+    #[must_use]
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    fn key(&self, rest: &str) -> String {
+        format!("{PREFIX}/{POLICY}/{}/{rest}", self.name)
+    }
+
+    /// Liveliness token.
+    #[must_use]
+    pub fn alive(&self) -> String {
+        self.key("alive")
+    }
+
+    /// `PolicyDescribeRequest` is answered by `PolicySpec`.
+    #[must_use]
+    pub fn describe(&self) -> String {
+        self.key("describe")
+    }
+
+    /// `PolicyResetRequest` is answered by `PolicyResetReply`.
+    #[must_use]
+    pub fn reset(&self) -> String {
+        self.key("reset")
+    }
+
+    /// `InferRequest` is answered by `InferReply`.
+    #[must_use]
+    pub fn infer(&self) -> String {
+        self.key("infer")
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_policy_has_keys_that_no_server_can_have() {
+        let keys = PolicyKeys::new("act").unwrap();
+        assert_eq!(keys.infer(), "wheelarm/policy/act/infer");
+        assert_eq!(Keys::new("policy"), Err(BadName("policy".to_owned())));
+        assert!(PolicyKeys::new("a/b").is_err());
+        assert_eq!(Keys::server_of(&keys.alive()), None);
+    }
 
     #[test]
     fn keys_of_two_servers_differ() {
