@@ -15,4 +15,6 @@ pub enum Broken {
     Scenario,
     /// The operator panicked or stalled; the server was well.
     Operator,
+    /// The policy died, fell silent or answered what cannot be carried out.
+    Policy,
 }

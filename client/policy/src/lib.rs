@@ -10,6 +10,7 @@
 mod action;
 mod applied;
 mod mean;
+mod pilot;
 mod player;
 mod rotation;
 mod state;
@@ -17,6 +18,7 @@ mod state;
 pub use action::{ActionKind, NoKind};
 pub use applied::{Applied, NEAR_ANGLE, NEAR_DISTANCE};
 pub use mean::mean;
+pub use pilot::{ChunkError, Pilot, PilotOptions};
 pub use player::{Player, RowError};
 pub use rotation::{from_six, to_six};
 pub use state::{Observed, STATE, state, state_names, state_units};

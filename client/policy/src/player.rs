@@ -21,7 +21,15 @@ pub struct Player {
     pub device: v1::Device,
     /// Wheel radius and distance between the wheels, m.
     drive: [f64; 2],
+    /// Least and greatest forward speed, m/s, and greatest turn rate, rad/s, either
+    /// way.
+    speeds: [f64; 3],
+    /// Greatest angle of the knuckle, rad.
+    closed: f64,
 }
+
+/// No value of a row, in SI units, is as great as this: what is, is no answer.
+const ABSURD: f64 = 100.0;
 
 /// A row that no command can be made of.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -44,6 +52,16 @@ pub enum RowError {
         /// What stands there.
         value: f64,
     },
+    /// So large that it can be no pose, angle or speed of the robot.
+    #[error(
+        "number {index} of the row is {value}; allowed is less than {ABSURD} (m, rad, m/s, rad/s)"
+    )]
+    Absurd {
+        /// Place in the row, from 0.
+        index: usize,
+        /// What stands there.
+        value: f64,
+    },
     /// The six numbers of the rotation are no rotation.
     #[error("the rotation of the hand {0:?} spans no plane: its two columns are parallel or zero")]
     Rotation([f64; 6]),
@@ -55,16 +73,25 @@ impl Player {
     pub fn new(kind: ActionKind, robot: &v1::RobotDescription, rate_hz: f64) -> Self {
         let drive = robot.drive.unwrap_or_default();
         let ticks = (CONTROL_HZ as f64 / rate_hz).round().max(1.0);
+        let or_none = |limit: f64| if limit > 0.0 { limit } else { f64::INFINITY };
+        let knuckle = robot.gripper_or_default().max_knuckle;
         Self {
             kind,
             over_ticks: ticks as u32,
             max_force: None,
             device: v1::Device::Policy,
             drive: [drive.wheel_radius, drive.track],
+            speeds: [
+                -or_none(drive.backward_speed),
+                or_none(drive.forward_speed),
+                or_none(drive.turn_rate),
+            ],
+            closed: or_none(knuckle),
         }
     }
 
-    /// The command of a row.
+    /// The command of a row. What a network answers may lie a hair beyond what the
+    /// robot can: speeds and the knuckle are cut to their limits.
     ///
     /// # Errors
     /// [`RowError`].
@@ -79,6 +106,10 @@ impl Player {
         if let Some(index) = row.iter().position(|value| !value.is_finite()) {
             let value = row[index];
             return Err(RowError::NotFinite { index, value });
+        }
+        if let Some(index) = row.iter().position(|value| value.abs() >= ABSURD) {
+            let value = row[index];
+            return Err(RowError::Absurd { index, value });
         }
         let joints = || {
             let positions = row[..ARM_JOINTS].to_vec();
@@ -96,6 +127,10 @@ impl Player {
                 (joints(), [row[8], motion[0], motion[1]])
             }
         };
+        let [least, most, turn] = self.speeds;
+        let linear = linear.max(least).min(most);
+        let angular = angular.max(-turn).min(turn);
+        let knuckle = knuckle.max(0.0).min(self.closed);
         Ok(v1::Command {
             arm: Some(v1::ArmCommand { target: Some(arm) }),
             base: Some(v1::BaseCommand { linear, angular }),
@@ -170,6 +205,31 @@ mod tests {
     }
 
     #[test]
+    fn a_hair_beyond_what_the_robot_can_is_cut() {
+        let mut robot = robot();
+        robot.gripper = Some(v1::GripperDescription {
+            max_knuckle: 0.8,
+            ..Default::default()
+        });
+        let drive = robot.drive.as_mut().unwrap();
+        (drive.forward_speed, drive.backward_speed, drive.turn_rate) = (1.0, 0.5, 2.0);
+        let player = Player::new(ActionKind::NextJoints, &robot, 10.0);
+        let cut = |knuckle: f64, linear: f64, angular: f64| {
+            let row = [[0.0; 6].as_slice(), &[knuckle, linear, angular]].concat();
+            let command = player.command(&row).unwrap();
+            let base = command.base.unwrap();
+            let target = command.gripper.unwrap().target.unwrap();
+            let v1::gripper_command::Target::Knuckle(knuckle) = target else {
+                panic!("no knuckle")
+            };
+            [knuckle, base.linear, base.angular]
+        };
+        assert_eq!(cut(-0.01, 1.1, -2.1), [0.0, 1.0, -2.0]);
+        assert_eq!(cut(0.81, -0.6, 2.1), [0.8, -0.5, 2.0]);
+        assert_eq!(cut(0.4, 0.3, 0.2), [0.4, 0.3, 0.2]);
+    }
+
+    #[test]
     fn a_hostile_row_is_an_error_and_no_command() {
         let player = Player::new(ActionKind::NextPose, &robot(), 10.0);
         let mut row = [0.0; 12];
@@ -177,6 +237,9 @@ mod tests {
         row[11] = f64::INFINITY;
         let problem = player.command(&row).unwrap_err();
         assert!(matches!(problem, RowError::NotFinite { index: 11, .. }));
+        row[11] = 1e9;
+        let problem = player.command(&row).unwrap_err();
+        assert!(matches!(problem, RowError::Absurd { index: 11, .. }));
         let problem = player.command(&row[..9]).unwrap_err().to_string();
         assert!(problem.contains("12") && problem.contains('9'), "{problem}");
     }

@@ -17,7 +17,7 @@ mod socket;
 mod work;
 
 pub use label::free_label;
-pub use process::{Input, Launch, Process};
+pub use process::{Input, Launch, Process, Program};
 pub use program::{find_program, required_program};
 pub use recorder::{Recorder, RecorderOptions};
 pub use server::{Server, ServerOptions, StartError, all_cameras};

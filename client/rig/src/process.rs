@@ -26,15 +26,26 @@ const TAIL_BYTES: u64 = 1 << 16;
 pub struct Launch {
     /// What it is in words, for errors and the name of its log: `server`.
     pub name: &'static str,
-    /// The program, found beside this one or on PATH.
-    pub program: &'static str,
+    /// The program.
+    pub program: Program,
     /// Its arguments.
     pub arguments: Vec<OsString>,
+    /// Environment variables that it has beside those of this process.
+    pub environment: Vec<(&'static str, OsString)>,
     /// What it reads, and with what it ends.
     pub input: Input,
     /// Folder for its messages as `NAME.log`; without one they are kept while
     /// it is watched.
     pub folder: Option<PathBuf>,
+}
+
+/// Which program is started.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Program {
+    /// One of WheelArm's, found beside this one or on PATH.
+    Own(&'static str),
+    /// A command line of the user's, for `sh`; arguments follow it as they are.
+    Shell(String),
 }
 
 /// What a program has as its standard input, and with what it ends.
@@ -63,7 +74,15 @@ impl Process {
     /// # Errors
     /// When it is not there or does not start.
     pub fn start(launch: Launch) -> anyhow::Result<Self> {
-        let path = required_program(launch.program)?;
+        let mut command = match &launch.program {
+            Program::Own(name) => Command::new(required_program(name)?),
+            Program::Shell(line) => {
+                let mut shell = Command::new("sh");
+                // In the place of the shell, so that what is ended is the program.
+                shell.args(["-c", &format!("exec {line} \"$@\""), "sh"]);
+                shell
+            }
+        };
         let log = match &launch.folder {
             Some(folder) => {
                 let file = folder.join(format!("{}.log", launch.name));
@@ -77,9 +96,9 @@ impl Process {
             )?,
         };
         let another = || log.try_clone().context("keeping the messages of a program");
-        let mut command = Command::new(&path);
         command
             .args(&launch.arguments)
+            .envs(launch.environment)
             .stdin(Stdio::piped())
             .stdout(another()?)
             .stderr(another()?)
@@ -95,7 +114,7 @@ impl Process {
         }
         let child = command
             .spawn()
-            .with_context(|| format!("starting {}", path.display()))?;
+            .with_context(|| format!("starting the {}", launch.name))?;
         let mut process = Self {
             name: launch.name,
             child,
@@ -256,8 +275,9 @@ mod tests {
     fn shell(script: &str, input: Input, folder: Option<PathBuf>) -> Process {
         let launch = Launch {
             name: "shell",
-            program: "sh",
-            arguments: vec!["-c".into(), script.into()],
+            program: Program::Shell(format!("sh -c '{}'", script.replace('\'', "'\\''"))),
+            arguments: Vec::new(),
+            environment: Vec::new(),
             input,
             folder,
         };
@@ -310,8 +330,9 @@ mod tests {
     fn a_program_that_is_absent_is_told_with_the_cure() {
         let launch = Launch {
             name: "ghost",
-            program: "wheelarm-ghost",
+            program: Program::Own("wheelarm-ghost"),
             arguments: Vec::new(),
+            environment: Vec::new(),
             input: Input::Lifeline,
             folder: None,
         };

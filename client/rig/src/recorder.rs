@@ -11,7 +11,7 @@ use wheelarm_proto::settings::{Depth, Named};
 use wheelarm_proto::v1;
 
 use crate::limits;
-use crate::process::{Input, Launch, Process};
+use crate::process::{Input, Launch, Process, Program};
 
 /// What a recorder is started with.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -80,7 +80,8 @@ impl Recorder {
         arguments.extend(more.iter().map(OsString::from));
         let process = Process::start(Launch {
             name: "recorder",
-            program: "wheelarm",
+            program: Program::Own("wheelarm"),
+            environment: Vec::new(),
             arguments,
             input,
             folder,

@@ -12,7 +12,7 @@ use wheelarm_proto::program::{EXIT_SCENARIO, Ready};
 use wheelarm_proto::v1;
 
 use crate::limits;
-use crate::process::{Input, Launch, Process};
+use crate::process::{Input, Launch, Process, Program};
 use crate::socket::socket_folder;
 
 /// What a server is started with.
@@ -100,7 +100,8 @@ impl Server {
             toml::to_string(&options.scenario).context("writing the scenario as TOML")?;
         let process = Process::start(Launch {
             name: "server",
-            program: "wheelarm-server",
+            program: Program::Own("wheelarm-server"),
+            environment: Vec::new(),
             arguments: arguments(options, &sim, &listen),
             input: Input::Text(scenario),
             folder: options.folder.clone(),

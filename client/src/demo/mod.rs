@@ -21,7 +21,7 @@ use summary::Summary;
 use wheelarm_link::Link;
 use wheelarm_operate::run::{self as operate, OperateOptions, Progress};
 use wheelarm_rig::{
-    Input, Launch, Process, Recorder, RecorderOptions, Server, ServerOptions, all_cameras,
+    Input, Launch, Process, Program, Recorder, RecorderOptions, Server, ServerOptions, all_cameras,
     free_label,
 };
 
@@ -222,7 +222,8 @@ fn sheet(file: &Path) -> anyhow::Result<Option<PathBuf>> {
     let picture = file.with_extension("png");
     let mut program = Process::start(Launch {
         name: "sheet",
-        program: "wheelarm-dataset",
+        program: Program::Own("wheelarm-dataset"),
+        environment: Vec::new(),
         arguments: vec![
             "sheet".into(),
             file.into(),

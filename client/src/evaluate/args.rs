@@ -11,6 +11,7 @@ use wheelarm_proto::settings::{LanguageSplit, Named, Quality, Starts, Style};
 use wheelarm_proto::v1;
 use wheelarm_rig::{ServerOptions, all_cameras};
 
+use super::driver::Choice;
 use super::entry::Job;
 use super::scope::{Scope, read_split};
 use crate::axis::{Axis, AxisAt};
@@ -41,6 +42,36 @@ pub struct EvaluateArgs {
     /// given several times.
     #[arg(long, value_name = "AXIS", value_parser = AxisAt::read)]
     pub axis: Vec<AxisAt>,
+    /// Who does the tasks: `operator`, the scripted one; `hold` and `repeat`, which know
+    /// nothing; `replay:DIR`, the recording in DIR whose first pictures are nearest;
+    /// `act:FILE`, a network for `wheelarm-learn serve`; `exec:COMMAND`, a program that
+    /// answers as a policy; `zenoh:NAME`, one that runs behind --policy-connect.
+    #[arg(long, default_value = "operator", value_name = "POLICY", value_parser = Choice::read)]
+    pub policy: Choice,
+    /// Endpoint behind which the policy of `zenoh:NAME` is found.
+    #[arg(long, default_value = wheelarm_link::DEFAULT_ENDPOINT, value_name = "ENDPOINT")]
+    pub policy_connect: String,
+    /// Rows of an answer that are carried out; the policy's own number without it.
+    #[arg(long, value_name = "ROWS", value_parser = clap::value_parser!(u32).range(1..=1000))]
+    pub execute: Option<u32>,
+    /// Ticks (1/240 s) between a question and the use of its answer; in whole rows. With
+    /// 0 time waits while the policy thinks.
+    #[arg(long, default_value = "0", value_name = "TICKS", value_parser = clap::value_parser!(u32).range(..=2400))]
+    pub latency: u32,
+    /// Asks at every row and takes the mean of all answers about it, the one of i rows
+    /// ago weighted by exp(-K·age), the oldest counting most.
+    #[arg(long, value_name = "K", value_parser = weight, conflicts_with_all = ["execute", "latency"])]
+    pub ensemble: Option<f64>,
+    /// Asks the policy about one observation at a time, so that a policy on a processor
+    /// answers the same bits for any --jobs.
+    #[arg(long)]
+    pub deterministic: bool,
+    /// Evaluates on seeds that the policy was trained on all the same.
+    #[arg(long)]
+    pub training_seeds: bool,
+    /// Wall seconds that the policy has for an answer.
+    #[arg(long, default_value = "30", value_parser = patience::<1>, value_name = "SECONDS")]
+    pub policy_patience: Duration,
     /// Servers at work at one time.
     #[arg(long, default_value = "1", value_name = "J")]
     pub jobs: NonZeroUsize,
@@ -106,6 +137,12 @@ pub struct EvaluateArgs {
     pub assets: Option<PathBuf>,
 }
 
+/// A weight, 0 or more.
+fn weight(text: &str) -> Result<f64, String> {
+    let weight = text.parse().ok().filter(|k| (0.0..=100.0).contains(k));
+    weight.ok_or_else(|| format!("{text:?} is no weight, 0 to 100"))
+}
+
 /// A share, 0 to 1.
 fn share(text: &str) -> Result<f64, String> {
     let share = text.parse().ok().filter(|s| (0.0..=1.0).contains(s));
@@ -168,7 +205,8 @@ impl EvaluateArgs {
             .sensors
             .iter()
             .find(|s| !s.camera.is_empty());
-        if let Some(sensor) = sees.filter(|_| !self.record) {
+        let is_blind = !self.record && !self.policy.has_cameras();
+        if let Some(sensor) = sees.filter(|_| is_blind) {
             bail!(
                 "the sensor {} sees through a camera, and an evaluation has cameras only where it records; add --record",
                 sensor.text()

@@ -15,6 +15,8 @@ pub struct Job {
     pub seed: u64,
     /// What differs between episodes beside what their task draws.
     pub variation: Variation,
+    /// Name of the policy that does it; empty for the scripted operator.
+    pub policy: String,
 }
 
 impl Job {
@@ -66,6 +68,9 @@ pub struct Entry {
     /// What else its scenario says, as one line; empty for what was always so.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub settings: String,
+    /// Name of the policy; empty for the scripted operator.
+    #[serde(default, skip_serializing_if = "String::is_empty")]
+    pub policy: String,
     /// Operator and task agree that it is done.
     pub success: bool,
     /// Empty, or why not in words.
@@ -81,6 +86,10 @@ pub struct Entry {
     pub hash: String,
     /// What the operator noted.
     pub notes: Vec<String>,
+    /// Wall time of the policy's answers, s: their number, mean, and what 99 of 100
+    /// stayed below.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub thinking: Option<(usize, f64, f64)>,
     /// What broke; absent when nothing did.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub broken: Option<Broken>,
@@ -93,7 +102,8 @@ impl Entry {
     /// Whether it is the result of `job`.
     #[must_use]
     pub fn is_of(&self, job: &Job) -> bool {
-        (&self.task, self.seed) == (&job.task, job.seed) && self.settings == job.settings()
+        (&self.task, self.seed, &self.policy) == (&job.task, job.seed, &job.policy)
+            && self.settings == job.settings()
     }
 
     /// The entry in one line.

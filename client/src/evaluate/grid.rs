@@ -50,6 +50,7 @@ pub fn draw(
             task: entry.task.clone(),
             seed: entry.seed,
             variation: scope.variation.clone(),
+            policy: entry.policy.clone(),
         };
         let [mut large, small] = last_pictures(args, &job)?;
         large.inset(&small.smaller(SMALLER));

@@ -101,6 +101,8 @@ mod tests {
             task: "pick_mustard".to_owned(),
             seed,
             settings: String::new(),
+            policy: String::new(),
+            thinking: None,
             success: true,
             why: String::new(),
             conditions: Vec::new(),

@@ -8,9 +8,11 @@
 //! scenario that reproduces it, and a new server goes on.
 
 mod args;
+mod driver;
 mod entry;
 mod grid;
 mod ledger;
+mod nearest;
 mod pulse;
 mod report;
 mod scope;
@@ -25,6 +27,7 @@ use parking_lot::Mutex;
 use wheelarm_proto::v1;
 
 use crate::control::tasks_of_program;
+use driver::Driver;
 use entry::Job;
 use ledger::Ledger;
 use report::Report;
@@ -48,6 +51,8 @@ pub fn run(args: &EvaluateArgs) -> anyhow::Result<ExitCode> {
         .with_context(|| format!("making the folder {}", args.out.display()))?;
     let scope = args.scope()?;
     let tasks = tasks(args, scope.layout)?;
+    let driver = Driver::start(args, &scope)?;
+    let policy = driver.name();
     let wanted: Vec<Job> = tasks
         .iter()
         .flat_map(|task| {
@@ -55,6 +60,7 @@ pub fn run(args: &EvaluateArgs) -> anyhow::Result<ExitCode> {
                 task: task.clone(),
                 seed,
                 variation: scope.variation.clone(),
+                policy: policy.clone(),
             })
         })
         .collect();
@@ -70,7 +76,7 @@ pub fn run(args: &EvaluateArgs) -> anyhow::Result<ExitCode> {
     if !done.is_empty() {
         print!("{}", skipped(args, &done, done.len() + open.len()));
     }
-    work(args, &open, &ledger)?;
+    work(args, &driver, &open, &ledger)?;
     let entries: Vec<Entry> = ledger
         .entries()
         .into_iter()
@@ -107,7 +113,8 @@ fn conclude(
     let path = args.out.join("report.json");
     std::fs::write(&path, report.json()?).with_context(|| format!("writing {}", path.display()))?;
     println!("report      {}", path.display());
-    if !args.no_grid {
+    // Drawn by doing episodes again, which the scripted operator does alike.
+    if !args.no_grid && args.policy == driver::Choice::Operator {
         let path = grid::draw(args, scope, report, entries)?;
         println!("pictures    {}", path.display());
     }
@@ -183,7 +190,7 @@ fn tasks(args: &EvaluateArgs, layout: bool) -> anyhow::Result<Vec<String>> {
 }
 
 /// Does the open episodes with as many servers as asked.
-fn work(args: &EvaluateArgs, open: &[Job], ledger: &Ledger) -> anyhow::Result<()> {
+fn work(args: &EvaluateArgs, driver: &Driver, open: &[Job], ledger: &Ledger) -> anyhow::Result<()> {
     if open.is_empty() {
         return Ok(());
     }
@@ -193,7 +200,7 @@ fn work(args: &EvaluateArgs, open: &[Job], ledger: &Ledger) -> anyhow::Result<()
         for index in 0..args.jobs.get().min(open.len()) {
             let (trouble, next) = (&trouble, &next);
             scope.spawn(move || {
-                if let Err(error) = one_after_another(args, index, open, next, ledger) {
+                if let Err(error) = one_after_another((args, driver), index, open, next, ledger) {
                     // The others finish what they are at.
                     next.store(open.len(), Ordering::Relaxed);
                     trouble.lock().get_or_insert(error);
@@ -206,7 +213,7 @@ fn work(args: &EvaluateArgs, open: &[Job], ledger: &Ledger) -> anyhow::Result<()
 
 /// A worker's episodes: whichever are next, with a new server where one is spent.
 fn one_after_another(
-    args: &EvaluateArgs,
+    (args, driver): (&EvaluateArgs, &Driver),
     index: usize,
     open: &[Job],
     next: &AtomicUsize,
@@ -220,7 +227,7 @@ fn one_after_another(
         };
         let able = match &mut worker {
             Some(worker) => worker,
-            none => none.insert(Worker::start(args, index)?),
+            none => none.insert(Worker::start(args, driver, index)?),
         };
         let (entry, lives) = able.episode(job)?;
         if !lives {
@@ -253,6 +260,7 @@ mod tests {
             task: "pick_bowl".to_owned(),
             seed,
             variation: Variation::default(),
+            policy: String::new(),
         };
         let done = [job(0), job(1), job(2)];
         let plain = skipped(&args(&[]).args, &done, 4);

@@ -205,6 +205,8 @@ mod tests {
             task: task.to_owned(),
             seed,
             settings: String::new(),
+            policy: String::new(),
+            thinking: None,
             success,
             why: if success { "" } else { "dropped" }.to_owned(),
             conditions: vec![
@@ -240,6 +242,7 @@ mod tests {
             split: Some("develop".to_owned()),
             seeds: 0..3,
             variation: Variation::default(),
+            policy: String::new(),
         };
         let report = Report::new(&names, &entries, &scope);
         let [a, b, c] = &report.tasks[..] else {

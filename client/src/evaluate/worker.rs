@@ -9,11 +9,13 @@ use std::time::{Duration, Instant};
 use wheelarm_link::{Link, LinkError};
 use wheelarm_operate::operator::Outcome;
 use wheelarm_operate::run::{self as operate, OperateError, OperateOptions};
+use wheelarm_pilot::fly::{self, Flight, FlyError, FlyOptions};
 use wheelarm_proto::topic::Sample;
 use wheelarm_proto::{TopicId, v1};
 use wheelarm_rig::{Recorder, RecorderOptions, Server, Work, free_label, limits};
 
 use super::args::EvaluateArgs;
+use super::driver::Driver;
 use super::entry::{Condition, Entry, Job};
 use super::pulse::Pulse;
 use crate::broken::Broken;
@@ -26,14 +28,24 @@ pub struct Worker {
     server: Server,
     link: Link,
     recorder: Option<Recorder>,
+    driver: Driver,
     out: PathBuf,
     patience: Duration,
 }
 
-/// What the operator came to.
+/// What an episode came to, whoever did it.
 struct Done {
-    report: operate::Report,
+    started: v1::EpisodeStarted,
+    success: bool,
+    /// Empty, or why not in words.
+    why: String,
+    /// What broke.
+    broken: Option<Broken>,
+    evaluation: v1::Evaluation,
+    /// Simulated seconds.
+    seconds: f64,
     notes: Vec<String>,
+    thinking: Option<(usize, f64, f64)>,
     hash: String,
     /// Wall seconds.
     wall: f64,
@@ -52,6 +64,12 @@ impl From<LinkError> for Trouble {
     }
 }
 
+impl From<FlyError> for Trouble {
+    fn from(problem: FlyError) -> Self {
+        Self::Work(problem.into())
+    }
+}
+
 impl From<OperateError> for Trouble {
     fn from(problem: OperateError) -> Self {
         Self::Work(problem.into())
@@ -63,8 +81,9 @@ impl Worker {
     ///
     /// # Errors
     /// When one of them does not start.
-    pub fn start(args: &EvaluateArgs, index: usize) -> anyhow::Result<Self> {
-        let server = Server::start(&args.server(None, args.cameras()))?;
+    pub fn start(args: &EvaluateArgs, driver: &Driver, index: usize) -> anyhow::Result<Self> {
+        let cameras = driver.cameras(args.cameras(), !args.camera.is_empty())?;
+        let server = Server::start(&args.server(None, cameras))?;
         let link = server.link()?;
         let options = RecorderOptions::lasting(&format!("evaluate-{index}"), &args.out);
         let recorder = args
@@ -75,8 +94,10 @@ impl Worker {
             server,
             link,
             recorder,
+            driver: driver.clone(),
             out: args.out.clone(),
-            patience: args.patience,
+            // A policy may think meanwhile.
+            patience: args.patience.max(args.policy_patience * 3),
         })
     }
 
@@ -130,9 +151,9 @@ impl Worker {
     fn begin(&self, job: &Job, pulse: &Arc<Pulse>) -> anyhow::Result<Work<Result<Done, Trouble>>> {
         let (link, out, job) = (self.link.clone(), self.out.clone(), job.clone());
         let recorders = u32::from(self.recorder.is_some());
-        let pulse = Arc::clone(pulse);
+        let (pulse, driver) = (Arc::clone(pulse), self.driver.clone());
         Work::start("operator", move || {
-            attempt(&link, &out, &job, recorders, &pulse)
+            attempt(&link, &out, (&job, &driver), recorders, &pulse)
         })
     }
 
@@ -183,30 +204,27 @@ impl Worker {
 
     /// The result of an episode that went to its end.
     fn entry(&mut self, job: &Job, done: Done, pulse: &Pulse) -> anyhow::Result<Entry> {
-        let report = &done.report;
         if let Some(recorder) = &mut self.recorder {
-            recorder.finished(&self.link, report.episode())?;
+            let episode = done.started.header.as_ref().map_or(0, |h| h.episode);
+            recorder.finished(&self.link, episode)?;
         }
-        let seconds = report.seconds().max(pulse.seconds());
-        let physics = matches!(report.outcome, Outcome::Broken(_));
+        let seconds = done.seconds.max(pulse.seconds());
+        let conditions = done.evaluation.conditions.iter();
         Ok(Entry {
             task: job.task.clone(),
             seed: job.seed,
             settings: job.settings(),
-            success: report.succeeded(),
-            why: report.why().unwrap_or_default(),
-            conditions: report
-                .evaluation
-                .conditions
-                .iter()
-                .map(Condition::from)
-                .collect(),
+            policy: job.policy.clone(),
+            success: done.success,
+            why: done.why,
+            conditions: conditions.map(Condition::from).collect(),
             seconds,
             factor: seconds / done.wall.max(1e-9),
             hash: done.hash,
             notes: done.notes,
-            broken: physics.then_some(Broken::Physics),
-            scenario: pulse.scenario().filter(|_| physics),
+            thinking: done.thinking,
+            broken: done.broken,
+            scenario: pulse.scenario().filter(|_| done.broken.is_some()),
         })
     }
 
@@ -232,6 +250,8 @@ fn broken_entry(job: &Job, broken: Broken, why: String, pulse: &Pulse, wall: Dur
         task: job.task.clone(),
         seed: job.seed,
         settings: job.settings(),
+        policy: job.policy.clone(),
+        thinking: None,
         success: false,
         why: why + &when,
         conditions: Vec::new(),
@@ -244,11 +264,11 @@ fn broken_entry(job: &Job, broken: Broken, why: String, pulse: &Pulse, wall: Dur
     }
 }
 
-/// Sets the scenario up and lets the operator do it.
+/// Sets the scenario up and lets the driver do it.
 fn attempt(
     link: &Link,
     out: &Path,
-    job: &Job,
+    (job, driver): (&Job, &Driver),
     recorders: u32,
     pulse: &Pulse,
 ) -> Result<Done, Trouble> {
@@ -265,34 +285,94 @@ fn attempt(
     };
     pulse.set_up(&scenario);
     let hashes = link.streams(&[TopicId::StateHash])?;
-    let work = OperateOptions {
-        label: Some(free_label(out, &job.label())),
-        require_recorders: recorders,
-        forced: job.variation.forced(job.seed),
-        ..OperateOptions::default()
-    };
+    let label = free_label(out, &job.label());
     let limit = scenario.time_limit_seconds;
     let limit = limit.map(|limit| format!("0.00 s its time limit is {limit:.0} s"));
     let mut notes: Vec<String> = limit.into_iter().collect();
     let begun = Instant::now();
+    let mut done = match driver {
+        Driver::Operator => operated(link, label, recorders, job, pulse, &mut notes)?,
+        Driver::Policy(policy, options) => {
+            let options = FlyOptions {
+                label,
+                require_recorders: recorders,
+                ..options.clone()
+            };
+            let told = &mut |seconds| pulse.beat(seconds);
+            flown(fly::run(link, policy.as_ref(), &options, told)?)
+        }
+    };
+    done.wall = begun.elapsed().as_secs_f64();
+    done.notes = notes;
+    while let Some(sample) = hashes.next(Duration::from_millis(1))? {
+        if let Sample::StateHash(sample) = sample {
+            done.hash = format!("{:016x}", sample.hash);
+        }
+    }
+    Ok(done)
+}
+
+/// The scripted operator does it.
+fn operated(
+    link: &Link,
+    label: String,
+    recorders: u32,
+    job: &Job,
+    pulse: &Pulse,
+    notes: &mut Vec<String>,
+) -> Result<Done, Trouble> {
+    let work = OperateOptions {
+        label: Some(label),
+        require_recorders: recorders,
+        forced: job.variation.forced(job.seed),
+        ..OperateOptions::default()
+    };
     let report = operate::run(link, &work, &mut |progress| {
         pulse.beat(progress.time);
         let told = progress.notes.iter();
         notes.extend(told.map(|note| format!("{:.2} s {note}", progress.time)));
     })?;
-    let wall = begun.elapsed().as_secs_f64();
-    let mut hash = String::new();
-    while let Some(sample) = hashes.next(Duration::from_millis(1))? {
-        if let Sample::StateHash(sample) = sample {
-            hash = format!("{:016x}", sample.hash);
-        }
-    }
+    let broken = matches!(report.outcome, Outcome::Broken(_));
     Ok(Done {
-        report,
-        notes,
-        hash,
-        wall,
+        success: report.succeeded(),
+        why: report.why().unwrap_or_default(),
+        broken: broken.then_some(Broken::Physics),
+        seconds: report.seconds(),
+        started: report.started,
+        evaluation: report.evaluation,
+        notes: Vec::new(),
+        thinking: None,
+        hash: String::new(),
+        wall: 0.0,
     })
+}
+
+/// What came of a policy's episode.
+fn flown(flight: Flight) -> Done {
+    let evaluation = flight.evaluation.clone();
+    let (broken, why) = match (&flight.broken, &flight.error) {
+        (Some(words), _) => (Some(Broken::Physics), format!("the physics broke: {words}")),
+        (None, Some(problem)) => (Some(Broken::Policy), problem.to_string()),
+        (None, None) if evaluation.success => (None, String::new()),
+        (None, None) => (None, format!("the task failed: {}", evaluation.failure)),
+    };
+    let mut thinking = flight.thinking.clone();
+    thinking.sort_by(f64::total_cmp);
+    let count = thinking.len();
+    let mean = thinking.iter().sum::<f64>() / count.max(1) as f64;
+    let slow = thinking.get((count * 99 / 100).min(count.saturating_sub(1)));
+    Done {
+        success: evaluation.success && broken.is_none(),
+        why,
+        broken,
+        seconds: flight.seconds(),
+        thinking: slow.map(|slow| (count, mean, *slow)),
+        started: flight.started,
+        evaluation,
+        notes: Vec::new(),
+        hash: String::new(),
+        wall: 0.0,
+    }
 }
 
 /// Whether a problem is that the server does not answer.
@@ -310,6 +390,11 @@ fn is_of_server(problem: &anyhow::Error) -> bool {
         Some(OperateError::Link(e)) => of_link(e),
         Some(OperateError::Silent(..)) => true,
         Some(_) => false,
-        None => problem.downcast_ref::<LinkError>().is_some_and(of_link),
+        None => match problem.downcast_ref::<FlyError>() {
+            Some(FlyError::Link(e)) => of_link(e),
+            Some(FlyError::Silent(..)) => true,
+            Some(_) => false,
+            None => problem.downcast_ref::<LinkError>().is_some_and(of_link),
+        },
     }
 }

@@ -1,0 +1,204 @@
+//! What a policy sees, live: samples and pictures of one tick together, as the
+//! exports tell them.
+
+use std::collections::VecDeque;
+use std::time::{Duration, Instant};
+
+use wheelarm_link::{Camera, Frame, Link, LinkError};
+use wheelarm_policy::{Observed, state};
+use wheelarm_proto::robot::Roles;
+use wheelarm_proto::topic::Sample;
+use wheelarm_proto::{TopicId, v1};
+
+use crate::fly::FlyError;
+
+/// Streams that make up a row of state, and how the task stands.
+pub(crate) const STREAMS: [TopicId; 4] = [
+    TopicId::JointState,
+    TopicId::Pose,
+    TopicId::Odometry,
+    TopicId::Evaluation,
+];
+/// Pictures of a camera that may wait.
+const KEPT: usize = 4;
+
+/// Collects what a policy sees.
+pub(crate) struct Eyes {
+    roles: Roles,
+    cameras: Vec<(v1::PolicyCamera, Camera)>,
+    joints: v1::JointState,
+    poses: v1::PoseSet,
+    odometry: v1::Odometry,
+    /// The newest evaluation.
+    pub evaluation: v1::Evaluation,
+    /// Odometry at the first moment.
+    start: Option<[f64; 7]>,
+    /// The newest last.
+    moments: VecDeque<v1::PolicyMoment>,
+    history: usize,
+}
+
+impl Eyes {
+    /// Subscribes to the cameras that a policy wants.
+    ///
+    /// # Errors
+    /// [`LinkError::NoCamera`] and what else a subscription says.
+    pub fn open(link: &Link, spec: &v1::PolicySpec, roles: Roles) -> Result<Self, LinkError> {
+        let camera = |wanted: &v1::PolicyCamera| {
+            let camera = link.camera(&wanted.name, KEPT)?;
+            Ok((wanted.clone(), camera))
+        };
+        Ok(Self {
+            roles,
+            cameras: spec
+                .cameras
+                .iter()
+                .map(camera)
+                .collect::<Result<_, LinkError>>()?,
+            joints: v1::JointState::default(),
+            poses: v1::PoseSet::default(),
+            odometry: v1::Odometry::default(),
+            evaluation: v1::Evaluation::default(),
+            start: None,
+            moments: VecDeque::new(),
+            history: spec.history.max(1) as usize,
+        })
+    }
+
+    /// Takes a sample; others than those of [`STREAMS`] are left alone.
+    pub fn take(&mut self, sample: Sample) {
+        match sample {
+            Sample::JointState(s) => self.joints = s,
+            Sample::Pose(s) => self.poses = s,
+            Sample::Odometry(s) => self.odometry = s,
+            Sample::Evaluation(s) => self.evaluation = s,
+            _ => {}
+        }
+    }
+
+    /// Sees what is there at `now`, the stamp of a picture, and remembers it.
+    /// Returns whether it is the first moment.
+    ///
+    /// # Errors
+    /// [`FlyError::Sees`] when a sample or a picture is not there.
+    pub fn see(&mut self, now: &v1::Header, patience: Duration) -> Result<bool, FlyError> {
+        let is_first = self.start.is_none();
+        let state_values = self.state(now)?;
+        let deadline = Instant::now() + patience;
+        let mut pictures = Vec::with_capacity(self.cameras.len());
+        for (wanted, camera) in &self.cameras {
+            pictures.push(picture(wanted, camera, now, deadline)?);
+        }
+        let moment = v1::PolicyMoment {
+            state_values,
+            pictures,
+        };
+        while self.moments.len() + 1 < self.history {
+            self.moments.push_back(moment.clone());
+        }
+        self.moments.push_back(moment);
+        while self.moments.len() > self.history {
+            self.moments.pop_front();
+        }
+        Ok(is_first)
+    }
+
+    /// What is remembered, the newest last.
+    pub fn moments(&self) -> Vec<v1::PolicyMoment> {
+        self.moments.iter().cloned().collect()
+    }
+
+    fn state(&mut self, now: &v1::Header) -> Result<Vec<f64>, FlyError> {
+        let headers = [
+            ("joint_state", &self.joints.header),
+            ("pose", &self.poses.header),
+            ("odometry", &self.odometry.header),
+        ];
+        for (stream, header) in headers {
+            let tick = header.as_ref().map(|header| header.tick);
+            if tick != Some(now.tick) {
+                return Err(FlyError::Sees(format!(
+                    "the newest sample of `{stream}` is not of tick {} but of {tick:?}: policies \
+                     need the state at 60 Hz",
+                    now.tick
+                )));
+            }
+        }
+        let lacks = |what: &str| FlyError::Sees(format!("the server's samples lack {what}"));
+        let of = |all: &[f64]| -> Option<([f64; 6], f64)> {
+            Some((self.roles.arm_of(all)?, *all.get(self.roles.knuckle)?))
+        };
+        let (joints, knuckle) = of(&self.joints.positions).ok_or_else(|| lacks("joints"))?;
+        let (velocities, turning) =
+            of(&self.joints.velocities).ok_or_else(|| lacks("joint velocities"))?;
+        let hand = self.poses.frames.get(self.roles.end_effector);
+        let hand = hand.and_then(|frame| values(frame.pose.as_ref()));
+        let odometry = values(self.odometry.pose.as_ref()).ok_or_else(|| lacks("odometry"))?;
+        let seen = Observed {
+            joints,
+            velocities,
+            knuckle: [knuckle, turning],
+            hand: hand.ok_or_else(|| lacks("the pose of the hand"))?,
+            odometry,
+            start: *self.start.get_or_insert(odometry),
+        };
+        Ok(state(&seen).to_vec())
+    }
+}
+
+/// Position and quaternion of a pose.
+fn values(pose: Option<&v1::Pose>) -> Option<[f64; 7]> {
+    let (p, q) = (pose?.position?, pose?.orientation?);
+    Some([p.x, p.y, p.z, q.x, q.y, q.z, q.w])
+}
+
+/// The picture of a camera at a tick.
+fn picture(
+    wanted: &v1::PolicyCamera,
+    camera: &Camera,
+    now: &v1::Header,
+    deadline: Instant,
+) -> Result<v1::PolicyPicture, FlyError> {
+    loop {
+        let left = deadline.saturating_duration_since(Instant::now());
+        let Some(frame) = camera.next(left)? else {
+            return Err(FlyError::Sees(format!(
+                "no picture of camera {:?} came for tick {}",
+                wanted.name, now.tick
+            )));
+        };
+        let header = &frame.header;
+        if (header.episode, header.tick) != (now.episode, now.tick) {
+            continue;
+        }
+        let (width, height) = (frame.intrinsics.width, frame.intrinsics.height);
+        if (width, height) != (wanted.width, wanted.height) {
+            return Err(FlyError::Sees(format!(
+                "camera {:?} gives pictures of {width}x{height}, the policy was made for {}x{}: \
+                 start the server with --camera {0}={}x{}",
+                wanted.name, wanted.width, wanted.height, wanted.width, wanted.height
+            )));
+        }
+        let depth = if wanted.depth {
+            depth(&frame)
+        } else {
+            Vec::new()
+        };
+        return Ok(v1::PolicyPicture {
+            camera: wanted.name.clone(),
+            width,
+            height,
+            rgb: frame.rgb,
+            depth: depth.into(),
+        });
+    }
+}
+
+/// Depth as little-endian float32, m.
+fn depth(frame: &Frame) -> Vec<u8> {
+    frame
+        .depth
+        .iter()
+        .flat_map(|metres| metres.to_le_bytes())
+        .collect()
+}

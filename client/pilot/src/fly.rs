@@ -1,0 +1,412 @@
+//! One episode of a policy: it is asked at pictures, and its rows are carried out
+//! in lock-step, until the task is over.
+
+use std::time::{Duration, Instant};
+
+use wheelarm_link::{Link, LinkError, Turn, Turns};
+use wheelarm_policy::{Pilot, PilotOptions, Player};
+use wheelarm_proto::check::Invalid;
+use wheelarm_proto::robot::Roles;
+use wheelarm_proto::{TICKS_PER_CONTROL, v1};
+
+use crate::eyes::{Eyes, STREAMS};
+use crate::policy::{Policy, PolicyError, checked};
+
+/// Silence after which the server is asked what it waits for.
+const SILENCE: Duration = Duration::from_secs(1);
+/// Times of silence after which the episode is given up.
+const GIVE_UP: u32 = 60;
+/// For a picture to be drawn and to come.
+const PICTURE: Duration = Duration::from_secs(60);
+
+/// How an episode is flown.
+#[derive(Clone, Debug)]
+pub struct FlyOptions {
+    /// Label of the episode.
+    pub label: String,
+    /// Instruction sentence; the scenario's when empty.
+    pub instruction: String,
+    /// Recorders that must be ready before time goes on.
+    pub require_recorders: u32,
+    /// Name under which the policy commands.
+    pub commander: String,
+    /// Rows carried out of an answer; the policy's own number without it.
+    pub execute: Option<u32>,
+    /// Rows between a question and the use of its answer.
+    pub latency: u32,
+    /// Temporal ensemble: see [`PilotOptions::ensemble`].
+    pub ensemble: Option<f64>,
+    /// The policy gives control up after so many simulated seconds, its episode goes
+    /// on: somebody else does the rest.
+    pub until_seconds: Option<f64>,
+    /// What the commands say of their device.
+    pub device: v1::Device,
+}
+
+impl Default for FlyOptions {
+    fn default() -> Self {
+        Self {
+            label: String::new(),
+            instruction: String::new(),
+            require_recorders: 0,
+            commander: "policy".to_owned(),
+            execute: None,
+            latency: 0,
+            ensemble: None,
+            until_seconds: None,
+            device: v1::Device::Policy,
+        }
+    }
+}
+
+/// Why an episode could not be flown to its end.
+#[derive(Debug, thiserror::Error)]
+pub enum FlyError {
+    /// The connection to the server.
+    #[error(transparent)]
+    Link(#[from] LinkError),
+    /// A message is not as the contract says.
+    #[error("a message of the server is wrong: {0}")]
+    Message(#[from] Invalid),
+    /// The policy cannot be shown what it was made for.
+    #[error("{0}")]
+    Sees(String),
+    /// The episode ended under the policy's hands.
+    #[error("the episode was ended by somebody else")]
+    Ended,
+    /// Nothing came for a long time.
+    #[error("the server sent nothing for {0:.0} s; it waits for: {1}")]
+    Silent(f64, String),
+}
+
+/// How an episode went.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Flight {
+    /// The episode.
+    pub started: v1::EpisodeStarted,
+    /// Its end; absent where it goes on.
+    pub stopped: Option<v1::EpisodeStopped>,
+    /// Last evaluation of the task.
+    pub evaluation: v1::Evaluation,
+    /// What the policy did wrong, which ended the episode.
+    pub error: Option<PolicyError>,
+    /// The state of the simulation broke, in words.
+    pub broken: Option<String>,
+    /// Rows that were carried out.
+    pub rows: u64,
+    /// Wall time of each of the policy's answers, s.
+    pub thinking: Vec<f64>,
+}
+
+impl Flight {
+    /// Simulated seconds from the episode's beginning to its end.
+    #[must_use]
+    pub fn seconds(&self) -> f64 {
+        let stamp = |header: Option<&v1::Header>| header.map_or(0, |h| h.stamp_nanos);
+        let begun = stamp(self.started.header.as_ref());
+        let ended = stamp(self.stopped.as_ref().and_then(|s| s.header.as_ref()));
+        ended.saturating_sub(begun) as f64 * 1e-9
+    }
+}
+
+/// Ends the episode where the flight ends without having done so.
+struct Own<'a> {
+    link: &'a Link,
+    started: &'a v1::EpisodeStarted,
+    open: bool,
+}
+
+impl Drop for Own<'_> {
+    fn drop(&mut self) {
+        if self.open
+            && let Err(e) = self.link.stop_episode_of(self.started, false)
+        {
+            tracing::warn!("the episode could not be ended: {e}");
+        }
+    }
+}
+
+/// Flies the task in force, which must wait for an episode in lock-step. `told`
+/// hears the simulated seconds at every row.
+///
+/// # Errors
+/// [`FlyError`] when server or scenario are at fault; what the policy does wrong is a
+/// [`Flight`] with an error.
+pub fn run(
+    link: &Link,
+    policy: &dyn Policy,
+    options: &FlyOptions,
+    told: &mut dyn FnMut(f64),
+) -> Result<Flight, FlyError> {
+    let spec = policy.spec();
+    let scene = link.ask(&v1::SceneRequest {})?;
+    let status = link.ask(&v1::StatusRequest {})?;
+    let scenario = status.scenario.unwrap_or_default();
+    let cap = force_cap(&scene);
+    let robot = scene.robot.unwrap_or_default();
+    let fits = fitting(spec, &robot);
+    let (kind, over_ticks) = match fits {
+        Ok(fits) => fits,
+        Err(problem) => return Err(FlyError::Sees(problem.to_string())),
+    };
+    let mut player = Player::new(kind, &robot, spec.rate_hz);
+    player.device = options.device;
+    player.max_force = cap;
+    let turns = link.turns(&options.commander, false, &STREAMS)?;
+    let eyes = Eyes::open(link, spec, Roles::find(&robot)?)?;
+    let started = link.ask(&v1::EpisodeStartRequest {
+        label: options.label.clone(),
+        instruction: (!options.instruction.is_empty()).then(|| options.instruction.clone()),
+        require_recorders: options.require_recorders,
+        commander: options.commander.clone(),
+        ..Default::default()
+    })?;
+    let instruction = match started.instruction.is_empty() {
+        true => scenario.instruction().to_owned(),
+        false => started.instruction.clone(),
+    };
+    let first = started.header.clone().unwrap_or_default();
+    let flight = Flight {
+        started: started.clone(),
+        stopped: None,
+        evaluation: v1::Evaluation::default(),
+        error: None,
+        broken: None,
+        rows: 0,
+        thinking: Vec::new(),
+    };
+    let mut work = Work {
+        own: Own {
+            link,
+            started: &started,
+            open: true,
+        },
+        policy,
+        turns,
+        eyes,
+        pilot: Pilot::new(
+            player,
+            PilotOptions {
+                execute: options.execute.unwrap_or(spec.execute).min(spec.chunk) as usize,
+                latency: options.latency as usize,
+                ensemble: options.ensemble,
+            },
+        ),
+        over_ticks,
+        key: format!("{}-{}", first.run_id, first.episode),
+        seed: scenario.seed(),
+        instruction,
+        first,
+        until: options.until_seconds,
+        flight,
+    };
+    let over = work.fly(told)?;
+    work.finish(over)
+}
+
+/// Kind of the rows and control ticks of one, where the policy fits the robot.
+fn fitting(
+    spec: &v1::PolicySpec,
+    robot: &v1::RobotDescription,
+) -> Result<(wheelarm_policy::ActionKind, u32), PolicyError> {
+    let (kind, ticks) = checked(spec)?;
+    let names = [
+        (
+            "state",
+            &spec.state_names,
+            wheelarm_policy::state_names(robot),
+        ),
+        ("action", &spec.action_names, kind.names(robot)),
+    ];
+    for (what, theirs, ours) in names {
+        if !theirs.is_empty() && *theirs != ours {
+            let differs = theirs.iter().zip(&ours).position(|(a, b)| a != b);
+            let at = differs.unwrap_or(theirs.len().min(ours.len()));
+            let name = |list: &[String]| list.get(at).cloned().unwrap_or_default();
+            return Err(PolicyError::Unfit(format!(
+                "its {what} has {} numbers and at place {at} {:?}; that of this robot {} and {:?}",
+                theirs.len(),
+                name(theirs),
+                ours.len(),
+                name(&ours)
+            )));
+        }
+    }
+    Ok((kind, ticks))
+}
+
+/// Cap of the pads' force where the task's object is soft, N.
+fn force_cap(scene: &v1::SceneReply) -> Option<f64> {
+    let own = scene
+        .grasps
+        .iter()
+        .filter(|grasp| grasp.object == scene.target);
+    own.filter_map(|grasp| grasp.force).reduce(f64::min)
+}
+
+/// How the loop ended.
+enum Over {
+    /// The task is over, or the policy broke: the episode is to be ended.
+    Done,
+    /// Somebody else goes on.
+    Given,
+    /// It was ended by the server.
+    Stopped,
+}
+
+struct Work<'a> {
+    /// Ended before control is given back with the turns.
+    own: Own<'a>,
+    policy: &'a dyn Policy,
+    turns: Turns,
+    eyes: Eyes,
+    pilot: Pilot,
+    over_ticks: u32,
+    key: String,
+    seed: u64,
+    instruction: String,
+    first: v1::Header,
+    until: Option<f64>,
+    flight: Flight,
+}
+
+impl Work<'_> {
+    fn fly(&mut self, told: &mut dyn FnMut(f64)) -> Result<Over, FlyError> {
+        let mut silent = 0;
+        let reset = v1::PolicyResetRequest {
+            episode_key: self.key.clone(),
+            seed: self.seed,
+            instruction: self.instruction.clone(),
+        };
+        if let Err(problem) = self.policy.reset(reset) {
+            self.flight.error = Some(problem);
+            return Ok(Over::Done);
+        }
+        loop {
+            let eyes = &mut self.eyes;
+            match self.turns.next(SILENCE, &mut |s| eyes.take(s))? {
+                Turn::Answer(clock) => {
+                    let header = clock.header.unwrap_or_default();
+                    if header.episode != self.first.episode {
+                        continue;
+                    }
+                    silent = 0;
+                    let since = header.stamp_nanos.saturating_sub(self.first.stamp_nanos);
+                    let since = since as f64 * 1e-9;
+                    told(since);
+                    if self.eyes.evaluation.done {
+                        return Ok(Over::Done);
+                    }
+                    if self.until.is_some_and(|until| since >= until) {
+                        return Ok(Over::Given);
+                    }
+                    if !self.answer(&header)? {
+                        return Ok(Over::Done);
+                    }
+                }
+                Turn::Refused(refusal) => {
+                    self.flight.error = Some(PolicyError::Refused(refusal.reason));
+                    return Ok(Over::Done);
+                }
+                Turn::Ended(end) if self.is_end(&end) => {
+                    self.own.open = false;
+                    if end.cause() != v1::EndCause::Physics {
+                        return Err(FlyError::Ended);
+                    }
+                    self.flight.stopped = Some(end);
+                    return Ok(Over::Stopped);
+                }
+                Turn::Ended(_) => {}
+                Turn::Silent(status) => {
+                    silent += 1;
+                    if status.episode.is_none() {
+                        self.own.open = false;
+                        if status.broken.is_empty() {
+                            return Err(FlyError::Ended);
+                        }
+                        self.flight.broken = Some(status.broken);
+                        return Ok(Over::Stopped);
+                    }
+                    if silent > GIVE_UP && !status.paused {
+                        let seconds = SILENCE.as_secs_f64() * f64::from(silent);
+                        return Err(FlyError::Silent(seconds, status.waiting_for));
+                    }
+                }
+            }
+        }
+    }
+
+    /// Answers one turn; whether the policy could.
+    fn answer(&mut self, now: &v1::Header) -> Result<bool, FlyError> {
+        let picture = u64::from(self.over_ticks) * TICKS_PER_CONTROL;
+        let beyond = now.tick % picture;
+        if beyond != 0 {
+            // Until the first picture.
+            let rest = (picture - beyond) / TICKS_PER_CONTROL;
+            self.turns.answer(v1::Command {
+                over_ticks: rest as u32,
+                ..Default::default()
+            })?;
+            return Ok(true);
+        }
+        let is_first = self.eyes.see(now, PICTURE)?;
+        let command = match self.ask(now, is_first) {
+            Ok(command) => command,
+            Err(problem) => {
+                self.flight.error = Some(problem);
+                return Ok(false);
+            }
+        };
+        let hold = || v1::Command {
+            over_ticks: self.over_ticks,
+            ..Default::default()
+        };
+        self.turns.answer(command.unwrap_or_else(hold))?;
+        self.flight.rows += 1;
+        Ok(true)
+    }
+
+    /// The policy's command until the next picture.
+    fn ask(&mut self, now: &v1::Header, first: bool) -> Result<Option<v1::Command>, PolicyError> {
+        if self.pilot.asks() {
+            let begun = Instant::now();
+            let chunk = self.policy.infer(v1::PolicyObservation {
+                episode_key: self.key.clone(),
+                seed: self.seed,
+                first,
+                tick: now.tick,
+                instruction: self.instruction.clone(),
+                moments: self.eyes.moments(),
+            })?;
+            self.flight.thinking.push(begun.elapsed().as_secs_f64());
+            self.pilot.take(chunk.rows as usize, &chunk.values)?;
+        }
+        Ok(self.pilot.command()?)
+    }
+
+    /// Ends the episode, unless somebody else goes on or has ended it.
+    fn finish(mut self, over: Over) -> Result<Flight, FlyError> {
+        if matches!(over, Over::Given) {
+            self.own.open = false;
+        }
+        if std::mem::take(&mut self.own.open) {
+            let stopped = self.own.link.stop_episode_of(self.own.started, false)?;
+            self.flight.stopped = Some(stopped);
+        }
+        let end = self.flight.stopped.as_ref();
+        let told = end.and_then(|stopped| stopped.evaluation.clone());
+        self.flight.evaluation = told.unwrap_or_else(|| self.eyes.evaluation.clone());
+        if let Some(end) = end.filter(|end| end.cause() == v1::EndCause::Physics) {
+            let words = end.anomalies.last().cloned().unwrap_or_default();
+            self.flight.broken.get_or_insert(words);
+        }
+        if self.flight.broken.is_some() || self.flight.error.is_some() {
+            self.flight.evaluation.success = false;
+        }
+        Ok(self.flight)
+    }
+
+    fn is_end(&self, stopped: &v1::EpisodeStopped) -> bool {
+        stopped.header.as_ref().map_or(0, |h| h.episode) == self.first.episode
+    }
+}

@@ -1,0 +1,257 @@
+//! Who does the tasks of an evaluation: the scripted operator or a policy.
+
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use anyhow::{Context, bail};
+use wheelarm_link::Connect;
+use wheelarm_pilot::fly::FlyOptions;
+use wheelarm_pilot::{Batched, Hold, Host, Policy, Repeat};
+use wheelarm_proto::v1;
+use wheelarm_rig::Program;
+
+use super::args::EvaluateArgs;
+use super::nearest::Nearest;
+use super::scope::Scope;
+
+/// Words of `--policy`.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub enum Choice {
+    /// The scripted operator.
+    #[default]
+    Operator,
+    /// Stands still.
+    Hold,
+    /// Goes on as before.
+    Repeat,
+    /// Plays the nearest recording of a folder.
+    Replay(PathBuf),
+    /// A network in a file, answered for by `wheelarm-learn serve`.
+    Act(PathBuf),
+    /// A program of the user's.
+    Exec(String),
+    /// One that runs elsewhere.
+    Zenoh(String),
+}
+
+impl Choice {
+    /// Reads the words of `--policy`.
+    ///
+    /// # Errors
+    /// With what there is.
+    pub fn read(text: &str) -> Result<Self, String> {
+        let rest = |word: &str| text.strip_prefix(word).filter(|rest| !rest.is_empty());
+        Ok(match text {
+            "operator" => Self::Operator,
+            "hold" => Self::Hold,
+            "repeat" => Self::Repeat,
+            _ => match (rest("replay:"), rest("act:"), rest("exec:"), rest("zenoh:")) {
+                (Some(folder), ..) => Self::Replay(folder.into()),
+                (_, Some(file), ..) => Self::Act(file.into()),
+                (_, _, Some(line), _) => Self::Exec(line.to_owned()),
+                (.., Some(name)) => Self::Zenoh(name.to_owned()),
+                _ => {
+                    return Err(format!(
+                        "{text:?} is no policy; there are operator, hold, repeat, replay:DIR, act:FILE, exec:COMMAND and zenoh:NAME"
+                    ));
+                }
+            },
+        })
+    }
+
+    /// Whether it may want pictures.
+    #[must_use]
+    pub fn has_cameras(&self) -> bool {
+        !matches!(self, Self::Operator | Self::Hold | Self::Repeat)
+    }
+}
+
+/// Who does the tasks.
+#[derive(Clone)]
+pub enum Driver {
+    /// The scripted operator.
+    Operator,
+    /// A policy, and how its answers are carried out.
+    Policy(Arc<dyn Policy>, FlyOptions),
+}
+
+impl Driver {
+    /// Starts what `--policy` says.
+    ///
+    /// # Errors
+    /// When the policy does not start, does not fit, or was trained on seeds that are
+    /// to be evaluated.
+    pub fn start(args: &EvaluateArgs, scope: &Scope) -> anyhow::Result<Self> {
+        let patience = args.policy_patience;
+        let most = args.deterministic.then_some(1);
+        let process = |program: Program, arguments: Vec<String>| {
+            let log = args.out.clone();
+            let start = move || Host::start(program, arguments, log, patience);
+            Batched::start(start, most)
+        };
+        let policy: Arc<dyn Policy> = match &args.policy {
+            Choice::Operator => return Ok(Self::Operator),
+            Choice::Hold => Arc::new(Hold::default()),
+            Choice::Repeat => Arc::new(Repeat::default()),
+            Choice::Replay(folder) => Arc::new(Nearest::of(folder)?),
+            Choice::Act(file) => {
+                if !file.exists() {
+                    bail!("there is no file {}", file.display());
+                }
+                let arguments = vec!["serve".to_owned(), file.display().to_string()];
+                Arc::new(process(Program::Own("wheelarm-learn"), arguments)?)
+            }
+            Choice::Exec(line) => Arc::new(process(Program::Shell(line.clone()), Vec::new())?),
+            Choice::Zenoh(name) => {
+                let connect = Connect::to(&args.policy_connect, "");
+                let name = name.clone();
+                let start = move || Host::find(&name, &connect, patience);
+                Arc::new(Batched::start(start, most)?)
+            }
+        };
+        let spec = policy.spec();
+        if !args.training_seeds {
+            apart(spec, scope)?;
+        }
+        let (_, ticks) = wheelarm_pilot::checked(spec)?;
+        let row = ticks * wheelarm_proto::TICKS_PER_CONTROL as u32;
+        if args.latency % row != 0 {
+            bail!(
+                "--latency {}: a row of this policy takes {row} ticks; say a multiple of it",
+                args.latency
+            );
+        }
+        let options = FlyOptions {
+            execute: args.execute,
+            latency: args.latency / row,
+            ensemble: args.ensemble,
+            ..FlyOptions::default()
+        };
+        Ok(Self::Policy(policy, options))
+    }
+
+    /// Name for results; empty for the scripted operator.
+    #[must_use]
+    pub fn name(&self) -> String {
+        let Self::Policy(policy, options) = self else {
+            return String::new();
+        };
+        let spec = policy.spec();
+        let hash = spec.weights_sha256.get(..12).map(|hash| format!("@{hash}"));
+        let mut name = spec.name.clone() + &hash.unwrap_or_default();
+        let execute = options.execute.filter(|rows| *rows != spec.execute);
+        name += &execute.map_or(String::new(), |rows| format!(", execute {rows}"));
+        if options.latency > 0 {
+            name += &format!(", latency {} rows", options.latency);
+        }
+        name + &options
+            .ensemble
+            .map_or(String::new(), |k| format!(", ensemble {k}"))
+    }
+
+    /// Cameras that its servers need; those of the recordings are `recorded`.
+    ///
+    /// # Errors
+    /// Where a recording asks for other pictures of a camera than the policy.
+    pub fn cameras(
+        &self,
+        recorded: Vec<v1::CameraSetting>,
+        is_asked: bool,
+    ) -> anyhow::Result<Vec<v1::CameraSetting>> {
+        let Self::Policy(policy, _) = self else {
+            return Ok(recorded);
+        };
+        let spec = policy.spec();
+        if spec.cameras.is_empty() {
+            return Ok(recorded);
+        }
+        let mut cameras: Vec<v1::CameraSetting> = spec
+            .cameras
+            .iter()
+            .map(|camera| v1::CameraSetting {
+                name: camera.name.clone(),
+                width: camera.width,
+                height: camera.height,
+                rate_hz: Some(spec.rate_hz),
+                ..Default::default()
+            })
+            .collect();
+        for camera in recorded.into_iter().filter(|_| is_asked) {
+            match cameras
+                .iter()
+                .find(|own| own.name == camera.name || camera.name == "*")
+            {
+                Some(own) if *own == camera => {}
+                Some(own) => bail!(
+                    "the policy sees camera {:?} at {}x{} and {} Hz, and --camera asks for other pictures of it; leave it out",
+                    own.name,
+                    own.width,
+                    own.height,
+                    spec.rate_hz
+                ),
+                None => cameras.push(camera),
+            }
+        }
+        Ok(cameras)
+    }
+}
+
+/// Refuses to evaluate on what a policy was trained on.
+fn apart(spec: &v1::PolicySpec, scope: &Scope) -> anyhow::Result<()> {
+    let seeds = &scope.seeds;
+    let both = spec
+        .training_seeds
+        .iter()
+        .find(|trained| trained.first < seeds.end && seeds.start < trained.end);
+    let Some(both) = both else {
+        return Ok(());
+    };
+    Err(anyhow::anyhow!(
+        "the policy {:?} was trained on the seeds {}..{}, and {}..{} are to be evaluated",
+        spec.name, both.first, both.end, seeds.start, seeds.end
+    ))
+    .context("evaluate on others (assets/splits/policy-claim.toml), or say --training-seeds to see what it remembers")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::variation::Variation;
+
+    #[test]
+    fn a_policy_is_read_from_words_and_what_is_none_is_told_what_there_is() {
+        assert_eq!(Choice::read("hold"), Ok(Choice::Hold));
+        let file = Choice::read("act:a/b.safetensors");
+        assert_eq!(file, Ok(Choice::Act("a/b.safetensors".into())));
+        let line = Choice::read("exec:python3 p.py --x a:b");
+        assert_eq!(line, Ok(Choice::Exec("python3 p.py --x a:b".to_owned())));
+        for bad in ["", "act:", "openvla", "zenoh:"] {
+            let told = Choice::read(bad).unwrap_err();
+            assert!(told.contains("exec:COMMAND"), "{told}");
+        }
+    }
+
+    #[test]
+    fn what_it_was_trained_on_is_not_evaluated() {
+        let spec = v1::PolicySpec {
+            training_seeds: vec![v1::SeedRange {
+                first: 500,
+                end: 600,
+            }],
+            ..Default::default()
+        };
+        let scope = |seeds| Scope {
+            split: None,
+            seeds,
+            variation: Variation::default(),
+            layout: false,
+        };
+        assert!(apart(&spec, &scope(0..500)).is_ok());
+        assert!(apart(&spec, &scope(600..700)).is_ok());
+        let told = format!("{:#}", apart(&spec, &scope(599..610)).unwrap_err());
+        assert!(
+            told.contains("500..600") && told.contains("--training-seeds"),
+            "{told}"
+        );
+    }
+}
