@@ -66,6 +66,8 @@ pub struct Process {
     name: &'static str,
     child: Child,
     log: File,
+    /// Where its own messages begin: those of another before it may stand there.
+    begin: u64,
 }
 
 impl Process {
@@ -95,6 +97,7 @@ impl Process {
                 "keeping the messages of a program; set TMPDIR to a folder that can be written",
             )?,
         };
+        let begin = log.metadata().map_or(0, |file| file.len());
         let another = || log.try_clone().context("keeping the messages of a program");
         command
             .args(&launch.arguments)
@@ -119,6 +122,7 @@ impl Process {
             name: launch.name,
             child,
             log,
+            begin,
         };
         if let Input::Text(text) = launch.input
             && let Some(mut input) = process.child.stdin.take()
@@ -189,7 +193,8 @@ impl Process {
     #[must_use]
     pub fn messages(&self) -> String {
         let length = self.log.metadata().map_or(0, |file| file.len());
-        let from = length.saturating_sub(TAIL_BYTES);
+        let from = length.saturating_sub(TAIL_BYTES).max(self.begin);
+        let length = length.max(from);
         let mut bytes = vec![0; usize::try_from(length - from).unwrap_or_default()];
         match self.log.read_exact_at(&mut bytes, from) {
             Ok(()) => String::from_utf8_lossy(&bytes).into_owned(),

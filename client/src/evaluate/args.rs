@@ -62,6 +62,11 @@ pub struct EvaluateArgs {
     /// ago weighted by exp(-K·age), the oldest counting most.
     #[arg(long, value_name = "K", value_parser = weight, conflicts_with_all = ["execute", "latency"])]
     pub ensemble: Option<f64>,
+    /// The policy drives for a time that the seed draws, this at most, and the scripted
+    /// operator does the rest: with --record corrections to learn from (DAgger), whose
+    /// rows by the policy are marked.
+    #[arg(long, value_name = "SECONDS", value_parser = patience::<1>)]
+    pub takeover: Option<Duration>,
     /// Asks the policy about one observation at a time, so that a policy on a processor
     /// answers the same bits for any --jobs.
     #[arg(long)]

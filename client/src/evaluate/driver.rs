@@ -73,6 +73,8 @@ pub enum Driver {
     Operator,
     /// A policy, and how its answers are carried out.
     Policy(Arc<dyn Policy>, FlyOptions),
+    /// A policy, and after some time, this at most, the operator.
+    Both(Arc<dyn Policy>, FlyOptions, f64),
 }
 
 impl Driver {
@@ -127,14 +129,18 @@ impl Driver {
             ensemble: args.ensemble,
             ..FlyOptions::default()
         };
-        Ok(Self::Policy(policy, options))
+        Ok(match args.takeover {
+            Some(most) => Self::Both(policy, options, most.as_secs_f64()),
+            None => Self::Policy(policy, options),
+        })
     }
 
     /// Name for results; empty for the scripted operator.
     #[must_use]
     pub fn name(&self) -> String {
-        let Self::Policy(policy, options) = self else {
-            return String::new();
+        let (policy, options) = match self {
+            Self::Operator => return String::new(),
+            Self::Policy(policy, options) | Self::Both(policy, options, _) => (policy, options),
         };
         let spec = policy.spec();
         let hash = spec.weights_sha256.get(..12).map(|hash| format!("@{hash}"));
@@ -144,9 +150,13 @@ impl Driver {
         if options.latency > 0 {
             name += &format!(", latency {} rows", options.latency);
         }
-        name + &options
-            .ensemble
-            .map_or(String::new(), |k| format!(", ensemble {k}"))
+        if let Some(k) = options.ensemble {
+            name += &format!(", ensemble {k}");
+        }
+        if let Self::Both(_, _, most) = self {
+            name += &format!(", operator after {most} s at most");
+        }
+        name
     }
 
     /// Cameras that its servers need; those of the recordings are `recorded`.
@@ -158,7 +168,7 @@ impl Driver {
         recorded: Vec<v1::CameraSetting>,
         is_asked: bool,
     ) -> anyhow::Result<Vec<v1::CameraSetting>> {
-        let Self::Policy(policy, _) = self else {
+        let (Self::Policy(policy, _) | Self::Both(policy, ..)) = self else {
             return Ok(recorded);
         };
         let spec = policy.spec();

@@ -242,7 +242,6 @@ mod tests {
             split: Some("develop".to_owned()),
             seeds: 0..3,
             variation: Variation::default(),
-            policy: String::new(),
         };
         let report = Report::new(&names, &entries, &scope);
         let [a, b, c] = &report.tasks[..] else {

@@ -301,6 +301,24 @@ fn attempt(
             let told = &mut |seconds| pulse.beat(seconds);
             flown(fly::run(link, policy.as_ref(), &options, told)?)
         }
+        Driver::Both(policy, options, most) => {
+            let options = FlyOptions {
+                label: label.clone(),
+                require_recorders: recorders,
+                until_seconds: Some(most * share(job.seed)),
+                ..options.clone()
+            };
+            let told = &mut |seconds| pulse.beat(seconds);
+            let flight = fly::run(link, policy.as_ref(), &options, told)?;
+            match flight.stopped.is_some() {
+                // The task was over, or the policy broke, before.
+                true => flown(flight),
+                false => {
+                    notes.push(format!("{:.2} s the operator takes over", pulse.seconds()));
+                    operated(link, label, recorders, job, pulse, &mut notes)?
+                }
+            }
+        }
     };
     done.wall = begun.elapsed().as_secs_f64();
     done.notes = notes;
@@ -310,6 +328,11 @@ fn attempt(
         }
     }
     Ok(done)
+}
+
+/// Which share of the longest time the policy drives: of the seed, 0 to 1.
+fn share(seed: u64) -> f64 {
+    (crate::episode_seed::mixed(seed ^ 0x7a6b_0c57_11d3_95e1) >> 11) as f64 / (1_u64 << 53) as f64
 }
 
 /// The scripted operator does it.
@@ -327,11 +350,15 @@ fn operated(
         forced: job.variation.forced(job.seed),
         ..OperateOptions::default()
     };
-    let report = operate::run(link, &work, &mut |progress| {
+    let mut report = operate::run(link, &work, &mut |progress| {
         pulse.beat(progress.time);
         let told = progress.notes.iter();
         notes.extend(told.map(|note| format!("{:.2} s {note}", progress.time)));
     })?;
+    // One that a policy began goes on until it is ended.
+    if report.stopped.is_none() {
+        report.stopped = Some(link.stop_episode_of(&report.started, false)?);
+    }
     let broken = matches!(report.outcome, Outcome::Broken(_));
     Ok(Done {
         success: report.succeeded(),

@@ -20,6 +20,7 @@ mod looks;
 mod mutation;
 mod over_ticks;
 mod own_client;
+mod policies;
 mod preview;
 mod queries;
 mod recorded;

@@ -1,0 +1,76 @@
+//! A policy for the tests: it holds the robot, and on some seeds it misbehaves.
+//!
+//! `wheelarm-test-policy MISBEHAVIOUR…`, for the seeds from 0 on: `well`, `shape`,
+//! `nan`, `huge`, `words`, `silent`, `dies`, `keys`; or at once `unfit` and `crash`.
+
+use wheelarm_link::Connect;
+use wheelarm_pilot::{Answers, NAME_VARIABLE, POLICY_VARIABLE, serve};
+use wheelarm_proto::v1;
+
+/// Where hand and knuckle stand in a row of state.
+const HAND: std::ops::Range<usize> = 14..23;
+const KNUCKLE: usize = 12;
+
+struct Misbehaves {
+    how: Vec<String>,
+}
+
+impl Answers for Misbehaves {
+    fn spec(&self) -> v1::PolicySpec {
+        v1::PolicySpec {
+            name: "test".to_owned(),
+            rate_hz: if self.how == ["unfit"] { 7.0 } else { 10.0 },
+            chunk: 5,
+            execute: 5,
+            max_batch: 4,
+            ..Default::default()
+        }
+    }
+
+    fn reset(&mut self, _: &v1::PolicyResetRequest) {}
+
+    fn infer(&mut self, request: &v1::InferRequest) -> v1::InferReply {
+        let chunks = request.observations.iter().map(|o| self.chunk(o)).collect();
+        v1::InferReply { chunks }
+    }
+}
+
+impl Misbehaves {
+    fn chunk(&self, observation: &v1::PolicyObservation) -> v1::PolicyChunk {
+        let state = &observation.moments[0].state_values;
+        let mut row: Vec<f32> = state[HAND].iter().map(|&v| v as f32).collect();
+        row.extend([state[KNUCKLE] as f32, 0.0, 0.0]);
+        let mut chunk = v1::PolicyChunk {
+            episode_key: observation.episode_key.clone(),
+            tick: observation.tick,
+            rows: 5,
+            values: row.repeat(5),
+            problem: String::new(),
+        };
+        let how = self.how.get(observation.seed as usize);
+        match how.map_or("well", String::as_str) {
+            "shape" => chunk.rows = u32::MAX,
+            "nan" => chunk.values[17] = f32::NAN,
+            "huge" => chunk.values[10] = 1e9,
+            "words" => chunk.problem = "it is dark here".to_owned(),
+            "keys" => chunk.tick += 1,
+            "silent" => std::thread::sleep(std::time::Duration::from_secs(3600)),
+            "dies" => {
+                eprintln!("error: the network is on fire");
+                std::process::exit(1);
+            }
+            _ => {}
+        }
+        chunk
+    }
+}
+
+fn main() -> anyhow::Result<()> {
+    let how: Vec<String> = std::env::args().skip(1).collect();
+    if how == ["crash"] {
+        anyhow::bail!("no such file: weights.safetensors");
+    }
+    let connect = Connect::to(&std::env::var(POLICY_VARIABLE)?, "sim");
+    let mut policy = Misbehaves { how };
+    serve(&mut policy, &std::env::var(NAME_VARIABLE)?, &connect, || {})
+}

@@ -1,0 +1,219 @@
+//! Policies as processes: what they see is what exports tell, and what they do
+//! wrong costs one episode.
+
+use std::path::Path;
+use std::process::{Command, Output};
+use std::sync::Mutex;
+
+use serde_json::Value;
+use wheelarm_dataset::convert::learning::{self, Learning, RowOptions};
+use wheelarm_dataset::convert::{ReadOptions, Recording, Sees};
+use wheelarm_pilot::{Hold, Policy, PolicyError, fly};
+use wheelarm_proto::v1;
+use wheelarm_tests::{Recorder, Server, printed, program, root, wait_until};
+
+/// Holds the hand, drives on, and remembers what it saw.
+struct Witness {
+    spec: v1::PolicySpec,
+    saw: Mutex<Vec<v1::PolicyObservation>>,
+}
+
+impl Policy for Witness {
+    fn spec(&self) -> &v1::PolicySpec {
+        &self.spec
+    }
+
+    fn reset(&self, request: v1::PolicyResetRequest) -> Result<(), PolicyError> {
+        assert!(!request.instruction.is_empty());
+        Ok(())
+    }
+
+    fn infer(&self, observation: v1::PolicyObservation) -> Result<v1::PolicyChunk, PolicyError> {
+        let mut chunk = Hold::default().infer(observation.clone())?;
+        let mut saw = self.saw.lock().expect("a lock");
+        saw.push(observation);
+        chunk.values[0] += 0.02;
+        chunk.values[10] = 0.2;
+        chunk.values[11] = 0.3;
+        match saw.len() {
+            0..25 => Ok(chunk),
+            _ => Err(PolicyError::Said("enough".to_owned())),
+        }
+    }
+}
+
+#[test]
+fn a_policy_sees_live_what_an_export_of_its_episode_tells() {
+    let arguments = [
+        "--pacing",
+        "lock-step",
+        "--camera",
+        "*=96x54@10",
+        "--task",
+        "pick_bowl",
+    ];
+    let server = Server::start("seen", &arguments).expect("a server");
+    let folder = tempfile::tempdir().expect("a folder");
+    let recorder = Recorder::start(&server, "witness", folder.path(), &["--episodes", "1"]);
+    let link = server.link();
+    let status = || link.ask(&v1::StatusRequest {}).expect("an answer");
+    wait_until("the recorder is there", || !status().recorders.is_empty());
+    let camera = |name: &str| v1::PolicyCamera {
+        name: name.to_owned(),
+        width: 96,
+        height: 54,
+        depth: name == "gen3",
+    };
+    let policy = Witness {
+        spec: v1::PolicySpec {
+            name: "witness".to_owned(),
+            cameras: vec![camera("gen3"), camera("wheelchair")],
+            history: 2,
+            rate_hz: 10.0,
+            chunk: 1,
+            execute: 1,
+            ..Default::default()
+        },
+        saw: Mutex::default(),
+    };
+    let options = fly::FlyOptions {
+        label: "seen".to_owned(),
+        require_recorders: 1,
+        ..Default::default()
+    };
+    let flight = fly::run(&link, &policy, &options, &mut |_| {}).expect("a flight");
+    assert_eq!(flight.error, Some(PolicyError::Said("enough".to_owned())));
+    assert_eq!((flight.rows, flight.thinking.len()), (24, 24));
+    recorder.finish();
+
+    let wanted = |stream: &str| learning::STREAMS.contains(&stream);
+    let file = folder.path().join("seen.h5");
+    let recording = Recording::open(&file, &ReadOptions::default(), &wanted).expect("a recording");
+    let rows = RowOptions::default();
+    let (rate, all) = Learning::on_grid(&recording, &rows, Sees::Colour).expect("rows");
+    assert_eq!(rate, 10);
+    let saw = policy.saw.into_inner().expect("a lock");
+    assert!(all.states.len() >= 24, "{}", all.states.len());
+    for (i, (observation, state)) in saw.iter().zip(&all.states).enumerate() {
+        assert_eq!(observation.first, i == 0);
+        let [before, now] = observation.moments.as_slice() else {
+            panic!("{} moments", observation.moments.len());
+        };
+        assert_eq!(&now.state_values, state, "row {i}");
+        let earlier = &all.states[i.saturating_sub(1)];
+        assert_eq!(&before.state_values, earlier, "row {i}");
+        for picture in &now.pictures {
+            let camera = &recording.cameras[&picture.camera];
+            let stamp = recording.aligned.stamps[all.rows[i]];
+            let at = camera.stamps().partition_point(|s| *s < stamp);
+            let rgb = camera.rgb(&recording.episode, at).expect("a picture");
+            assert!(picture.rgb == rgb, "{} of row {i}", picture.camera);
+            let has_depth = picture.camera == "gen3";
+            let depth: Vec<u8> = match has_depth {
+                true => {
+                    let depth = camera.depth(&recording.episode, at).expect("a picture");
+                    depth
+                        .iter()
+                        .flat_map(|metres| metres.to_le_bytes())
+                        .collect()
+                }
+                false => Vec::new(),
+            };
+            assert!(
+                picture.depth == depth,
+                "depth of {} of row {i}",
+                picture.camera
+            );
+        }
+    }
+    // It moved, and the rows that it answered stand in the export.
+    let row = &all.actions[10];
+    assert!(
+        (row[10] - 0.2).abs() < 0.05 && (row[11] - 0.3).abs() < 0.05,
+        "{row:?}"
+    );
+}
+
+fn evaluate(out: &Path, policy: &str, more: &[&str]) -> Output {
+    Command::new(program("wheelarm").expect("the client"))
+        .args(["evaluate", "--task", "pick_bowl", "--policy", policy])
+        .args(["--no-grid", "--out"])
+        .arg(out)
+        .args(more)
+        .env("WHEELARM_ASSETS", root().join("assets"))
+        .output()
+        .expect("a process")
+}
+
+fn entries(out: &Path) -> Vec<Value> {
+    let text = std::fs::read_to_string(out.join("episodes.jsonl")).unwrap_or_default();
+    text.lines()
+        .map(|line| serde_json::from_str(line).expect("JSON"))
+        .collect()
+}
+
+fn misbehaves(how: &str) -> String {
+    let path = program("wheelarm-test-policy").expect("the policy");
+    format!("exec:{} {how}", path.display())
+}
+
+#[test]
+fn what_a_policy_does_wrong_costs_the_episode_in_which_it_does() {
+    let wrongs = [
+        ("well", "the task failed: timeout"),
+        ("shape", "rows of 12"),
+        ("nan", "number 5 of the row is NaN"),
+        ("huge", "1000000000"),
+        ("words", "it is dark here"),
+        ("keys", "a chunk for episode"),
+        ("dies", "the network is on fire"),
+        ("silent", "did not answer `infer` within 2 s"),
+        ("well", "the task failed: timeout"),
+    ];
+    let folder = tempfile::tempdir().expect("a folder");
+    let policy = misbehaves(&wrongs.map(|(how, _)| how).join(" "));
+    let more = ["--seeds", "0..9", "--jobs", "3", "--policy-patience", "2"];
+    let output = evaluate(folder.path(), &policy, &more);
+    let told = printed(&output);
+    assert_eq!(output.status.code(), Some(3), "{told}");
+    let mut all = entries(folder.path());
+    all.sort_by_key(|entry| entry["seed"].as_u64());
+    assert_eq!(all.len(), wrongs.len(), "{told}");
+    for (entry, (how, words)) in all.iter().zip(wrongs) {
+        let why = entry["why"].as_str().unwrap_or_default();
+        assert!(why.contains(words), "{how}: {why}");
+        let broken = if how == "well" {
+            Value::Null
+        } else {
+            "policy".into()
+        };
+        assert_eq!(entry["broken"], broken, "{how}: {entry}");
+        assert_eq!(entry["policy"], "test");
+    }
+    assert!(told.contains("broken: 7"), "{told}");
+}
+
+#[test]
+fn a_policy_that_cannot_be_had_is_told_before_anything_is_done() {
+    let folder = tempfile::tempdir().expect("a folder");
+    for (policy, words) in [
+        (misbehaves("unfit"), "divides 60"),
+        (misbehaves("crash"), "weights.safetensors"),
+        ("exec:/no/such/program".to_owned(), "/no/such/program"),
+        (
+            "act:/no/such/file".to_owned(),
+            "there is no file /no/such/file",
+        ),
+        (
+            format!("replay:{}", folder.path().display()),
+            "holds no recordings",
+        ),
+        ("zenoh:anna".to_owned(), "no server answers"),
+    ] {
+        let output = evaluate(folder.path(), &policy, &["--seeds", "0..1"]);
+        let told = printed(&output);
+        assert_eq!(output.status.code(), Some(1), "{policy}: {told}");
+        assert!(told.contains(words), "{policy}: {told}");
+        assert!(entries(folder.path()).is_empty());
+    }
+}
