@@ -1,0 +1,3 @@
+//! The program `wheelarm-learn`.
+
+fn main() {}
