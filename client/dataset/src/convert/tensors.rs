@@ -105,7 +105,7 @@ impl Format for Tensors {
         });
         let views = views.collect::<Result<Vec<_>, safetensors::SafeTensorError>>()?;
         let metadata = [("wheelarm".to_owned(), about)].into();
-        safetensors::serialize_to_file(views, Some(metadata), file.path())?;
+        std::fs::write(file.path(), safetensors::serialize(views, Some(metadata))?)?;
         Ok(Written {
             path: file.commit()?,
             samples: count,
