@@ -142,7 +142,7 @@ const CLIENTS: [(&str, &[&str]); 8] = [
     ("client/link", &["proto"]),
     ("client/policy", &["proto"]),
     ("client/dataset", &["language", "policy", "proto"]),
-    ("client/learn", &["policy", "proto"]),
+    ("client/learn", &["link", "policy", "proto"]),
     ("client/operate", &["link", "proto", "route"]),
     ("client/record", &["dataset", "link", "proto"]),
     ("client/rig", &["link", "proto"]),
