@@ -10,6 +10,7 @@ import torch
 from safetensors import safe_open
 from safetensors.torch import save
 
+from episodes import indices
 from network import Policy, Shape
 
 FORMAT = "wheelarm-policy/1"
@@ -107,3 +108,26 @@ def prepared(pictures, card):
     shape = (1, 1, 3, 1, 1)
     to = dict(device=x.device)
     return (x - torch.tensor(mean, **to).view(shape)) / torch.tensor(deviation, **to).view(shape)
+
+
+def padded(picture, multiple):
+    """[H, W, 3] bytes, the edge repeated on all sides up to multiples."""
+    sides = [(-side % multiple) for side in picture.shape[:2]]
+    around = [(side // 2, side - side // 2) for side in sides] + [(0, 0)]
+    return np.pad(picture, around, mode="edge")
+
+
+@torch.no_grad()
+def ask(network, card, pictures, state, sentence, noise=None):
+    """Rows of action [chunk, action] in their units, for pictures (a list of arrays
+    [H, W, 3] in the order of the card) and a state in its units."""
+    told = card["state"]
+    shown = np.array([name not in told["hidden"] for name in told["names"]])
+    state = (np.asarray(state, np.float32) - np.float32(told["mean"])) / np.float32(told["std"]) * shown
+    seen = np.stack([padded(picture, card["picture"]["multiple"]) for picture in pictures])
+    device = next(network.parameters()).device
+    words = torch.tensor([indices(sentence, card["vocabulary"]) or [-1]], device=device)
+    seen = prepared(torch.from_numpy(seen)[None].to(device), card)
+    found = network(seen, torch.from_numpy(state.astype(np.float32))[None].to(device), words, noise)
+    action = card["action"]
+    return found[0].float().cpu().numpy() * np.float32(action["std"]) + np.float32(action["mean"])

@@ -210,12 +210,16 @@ impl Card {
         }
         for name in &self.state.hidden {
             if !self.state.names.contains(name) {
-                return says(format!("that {name:?} is hidden, and the state has no such"));
+                return says(format!(
+                    "that {name:?} is hidden, and the state has no such"
+                ));
             }
         }
         if self.history != 1 {
             let history = self.history;
-            return says(format!("a history of {history} moments; this program knows 1"));
+            return says(format!(
+                "a history of {history} moments; this program knows 1"
+            ));
         }
         if self.picture.padding != "edge" || !(1..=1024).contains(&self.picture.multiple) {
             return says(format!(

@@ -87,7 +87,10 @@ impl Trained {
             moment.state_values.len()
         );
         let names = self.card.state.names.iter();
-        if let Some((name, value)) = names.zip(&moment.state_values).find(|(_, v)| !v.is_finite()) {
+        if let Some((name, value)) = names
+            .zip(&moment.state_values)
+            .find(|(_, v)| !v.is_finite())
+        {
             anyhow::bail!("{name} is {value}");
         }
         ensure!(
@@ -124,8 +127,30 @@ impl Trained {
         Ok(moment)
     }
 
-    /// Rows of every observation, in their units; all have been checked.
-    fn rows(&self, seen: &[(&v1::PolicyObservation, &v1::PolicyMoment)]) -> Vec<Vec<f32>> {
+    /// The rows of one observation, a flow's from a noise of the caller's.
+    ///
+    /// # Errors
+    /// When the observation does not fit.
+    pub fn answer(&self, seen: &v1::PolicyObservation, noise: &[f32]) -> anyhow::Result<Vec<f32>> {
+        let moment = self.moment(seen)?;
+        let shape = &self.card.network;
+        let count = shape.chunk * shape.action;
+        ensure!(
+            noise.len() == count,
+            "{} numbers of noise, expected {count}",
+            noise.len()
+        );
+        let rows = self.rows(&[(seen, moment)], &|_, _| noise.to_vec());
+        rows.into_iter().next().context("no answer")
+    }
+
+    /// Rows of every observation, in their units; all have been checked. A flow
+    /// starts from the noise of seed and tick.
+    fn rows(
+        &self,
+        seen: &[(&v1::PolicyObservation, &v1::PolicyMoment)],
+        noise: &dyn Fn(u64, u64) -> Vec<f32>,
+    ) -> Vec<Vec<f32>> {
         let (shape, batch) = (&self.card.network, seen.len());
         let pictures = seen.iter().flat_map(|(_, moment)| &moment.pictures);
         let pictures: Vec<&[u8]> = pictures.map(|p| p.rgb.as_ref()).collect();
@@ -137,9 +162,9 @@ impl Trained {
             Tensor::from_data(shares, &self.device)
         });
         let noise = (shape.kind == Kind::Flow).then(|| {
-            let count = shape.chunk * shape.action;
-            let noise = seen.iter().flat_map(|(s, _)| noise(s.seed, s.tick, count));
-            let noise = TensorData::new(noise.collect(), [batch, shape.chunk, shape.action]);
+            let noise = seen.iter().flat_map(|(s, _)| noise(s.seed, s.tick));
+            let noise: Vec<f32> = noise.collect();
+            let noise = TensorData::new(noise, [batch, shape.chunk, shape.action]);
             Tensor::from_data(noise, &self.device)
         });
         let inputs = Inputs {
@@ -148,7 +173,7 @@ impl Trained {
             words,
         };
         let found = self.network.forward(inputs, noise).into_data();
-        let found: Vec<f32> = found.convert::<f32>().into_vec().unwrap_or_default();
+        let found: Vec<f32> = found.convert::<f32>().try_into_vec().unwrap_or_default();
         let action = &self.card.action;
         let scaled = |row: &[f32]| -> Vec<f32> {
             let numbers = row.iter().zip(&action.mean).zip(&action.std);
@@ -267,9 +292,10 @@ impl Policy for Trained {
         let fit = seen.iter().zip(&checked);
         let fit = fit.filter_map(|(s, m)| m.as_ref().ok().map(|m| (*s, *m)));
         let fit: Vec<_> = fit.collect();
+        let count = self.card.network.chunk * self.card.network.action;
         let mut rows = Vec::with_capacity(fit.len());
         for part in fit.chunks(MAX_BATCH as usize) {
-            rows.append(&mut self.rows(part));
+            rows.append(&mut self.rows(part, &|seed, tick| noise(seed, tick, count)));
         }
         let mut rows = rows.into_iter();
         let chunks = seen.iter().zip(&checked).map(|(seen, checked)| {

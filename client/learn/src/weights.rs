@@ -8,8 +8,8 @@ use std::path::{Path, PathBuf};
 use burn::module::{Module, ModuleMapper, ModuleVisitor, Param};
 use burn::prelude::*;
 use burn::tensor::TensorData;
-use safetensors::tensor::{Dtype, TensorView};
 use safetensors::SafeTensors;
+use safetensors::tensor::{Dtype, TensorView};
 use sha2::{Digest, Sha256};
 
 use crate::card::KEY;
@@ -58,7 +58,9 @@ pub enum WeightsError {
         source: safetensors::SafeTensorError,
     },
     /// A type of numbers that is not read.
-    #[error("{name} has numbers of the type {dtype}; F32, F16, BF16 and I8 with {name}{SCALE} are read")]
+    #[error(
+        "{name} has numbers of the type {dtype}; F32, F16, BF16 and I8 with {name}{SCALE} are read"
+    )]
     Type {
         /// Name of the tensor.
         name: String,
@@ -232,14 +234,20 @@ impl Weights {
 /// The numbers of a tensor, integers as they are.
 fn numbers(name: &str, view: &TensorView<'_>) -> Result<Vec<f32>, WeightsError> {
     let bytes = view.data();
-    let pairs = || bytes.chunks_exact(2).map(|b| u16::from_le_bytes([b[0], b[1]]));
+    let pairs = || {
+        bytes
+            .chunks_exact(2)
+            .map(|b| u16::from_le_bytes([b[0], b[1]]))
+    };
     Ok(match view.dtype() {
         Dtype::F32 => bytes
             .chunks_exact(4)
             .map(|b| f32::from_le_bytes([b[0], b[1], b[2], b[3]]))
             .collect(),
         Dtype::F16 => pairs().map(half).collect(),
-        Dtype::BF16 => pairs().map(|b| f32::from_bits(u32::from(b) << 16)).collect(),
+        Dtype::BF16 => pairs()
+            .map(|b| f32::from_bits(u32::from(b) << 16))
+            .collect(),
         Dtype::I8 => bytes.iter().map(|&b| f32::from(b as i8)).collect(),
         other => {
             return Err(WeightsError::Type {
@@ -287,7 +295,7 @@ impl ModuleVisitor for Reader {
     fn visit_float<const D: usize>(&mut self, parameter: &Param<Tensor<D>>) {
         let data = parameter.val().into_data().convert::<f32>();
         let shape = parameter.val().dims().to_vec();
-        let values = data.into_vec().expect("single precision");
+        let values = data.try_into_vec().expect("single precision");
         self.tensors.insert(name_of(&self.path), (shape, values));
     }
 }

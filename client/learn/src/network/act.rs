@@ -147,7 +147,9 @@ impl Act {
         let (batch, device) = (state.dims()[0], state.device());
         let latent = latent.unwrap_or_else(|| Tensor::zeros([batch, self.latent], &device));
         let mut tokens: Vec<Tensor<3>> = vec![
-            self.encoder_latent_input_proj.forward(latent).unsqueeze_dim(1),
+            self.encoder_latent_input_proj
+                .forward(latent)
+                .unsqueeze_dim(1),
             self.encoder_robot_state_input_proj
                 .forward(state)
                 .unsqueeze_dim(1),

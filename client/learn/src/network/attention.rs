@@ -44,11 +44,7 @@ impl Attention {
             x.reshape([batch, count, self.heads, dim / self.heads])
                 .swap_dims(1, 2)
         };
-        let (q, k, v) = (
-            projected(query, 0),
-            projected(key, 1),
-            projected(value, 2),
-        );
+        let (q, k, v) = (projected(query, 0), projected(key, 1), projected(value, 2));
         let keys = k.dims()[2];
         let scale = ((dim / self.heads) as f64).sqrt();
         let mut scores = q.matmul(k.swap_dims(2, 3)) / scale;

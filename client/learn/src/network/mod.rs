@@ -44,8 +44,8 @@ impl Network {
     #[must_use]
     pub fn new(shape: &Shape, device: &Device) -> Self {
         let flow = (shape.kind == Kind::Flow).then(|| Flow::new(shape, device));
-        let words = (shape.words > 0)
-            .then(|| Embedding::new(shape.words, shape.word_width, 1.0, device));
+        let words =
+            (shape.words > 0).then(|| Embedding::new(shape.words, shape.word_width, 1.0, device));
         Self {
             model: Act::new(shape, device),
             flow,
@@ -59,7 +59,9 @@ impl Network {
     pub fn forward(&self, inputs: Inputs, noise: Option<Tensor<3>>) -> Tensor<3> {
         let language = self.language(inputs.words);
         let Some(flow) = &self.flow else {
-            return self.model.forward(inputs.pictures, inputs.state, language, None);
+            return self
+                .model
+                .forward(inputs.pictures, inputs.state, language, None);
         };
         let memory = self
             .model

@@ -7,7 +7,12 @@ use burn::tensor::TensorData;
 const TEMPERATURE: f64 = 10_000.0;
 
 /// Rows of a table whose values come from row and column.
-fn table(rows: usize, columns: usize, value: impl Fn(usize, usize) -> f64, device: &Device) -> Tensor<2> {
+fn table(
+    rows: usize,
+    columns: usize,
+    value: impl Fn(usize, usize) -> f64,
+    device: &Device,
+) -> Tensor<2> {
     let values = (0..rows).flat_map(|row| (0..columns).map(move |column| (row, column)));
     let values: Vec<f32> = values.map(|(r, c)| value(r, c) as f32).collect();
     Tensor::from_data(TensorData::new(values, [rows, columns]), device)
@@ -24,7 +29,12 @@ fn wave(place: f64, column: usize, width: usize) -> f64 {
 
 /// Places of a sequence: count × dim (Vaswani et al. 2017).
 pub(super) fn of_sequence(count: usize, dim: usize, device: &Device) -> Tensor<2> {
-    table(count, dim, |row, column| wave(row as f64, column, dim), device)
+    table(
+        count,
+        dim,
+        |row, column| wave(row as f64, column, dim),
+        device,
+    )
 }
 
 /// Places of a picture's features, row by row: height * width × dim. The first half
@@ -32,9 +42,8 @@ pub(super) fn of_sequence(count: usize, dim: usize, device: &Device) -> Tensor<2
 /// (Carion et al. 2020).
 pub(super) fn of_picture(height: usize, width: usize, dim: usize, device: &Device) -> Tensor<2> {
     let half = dim / 2;
-    let turn = |place: usize, of: usize| {
-        (place + 1) as f64 / (of as f64 + 1e-6) * std::f64::consts::TAU
-    };
+    let turn =
+        |place: usize, of: usize| (place + 1) as f64 / (of as f64 + 1e-6) * std::f64::consts::TAU;
     let value = |at: usize, column: usize| match column < half {
         true => wave(turn(at / width, height), column, half),
         false => wave(turn(at % width, width), column - half, half),

@@ -9,9 +9,6 @@ use burn::tensor::activation::relu;
 use super::layer::PictureNorm;
 use super::shape::Shape;
 
-/// A picture's sides are divided by this.
-pub const STRIDE: usize = 32;
-
 /// Batch × 3 × height × width to batch × 8 width × height / 32 × width / 32.
 #[derive(Module, Debug)]
 pub struct ResNet18 {
