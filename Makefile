@@ -9,6 +9,8 @@
 # make test-data    what a scene draws does not tell the task: 1,000 seeds of every task
 #                   against three classifiers, and the old draws, which did; sentences are
 #                   counted, and 500 answers of labelled episodes computed again
+# make test-learn   lints, documents and tests client/learn, which trains and serves networks
+#                   (burn, about nine minutes of one core the first time)
 # make test-adversarial   200 operators who mean harm, a minute each, sixty of them at the bear
 # make soak    300 short episodes one right after the other, every file checked
 # make test-original SCRIPTS=DIR   WheelArm-Sim's processing scripts on an episode of ours
@@ -19,11 +21,13 @@ OUT ?= data/demo
 SEED ?= 0
 STATIC ?= target/static
 PLAN ?= assets/campaigns/small.toml
+# burn compiles for minutes: only `make test-learn` builds what learns.
+WITHOUT_LEARN := --exclude wheelarm-learn
 BUILT := $(or $(CARGO_TARGET_DIR),target)/release
 export WHEELARM_COMMIT ?= $(shell git rev-parse --short=12 HEAD 2>/dev/null)
 export WHEELARM_PYTHON ?= $(CURDIR)/.venv/bin/python
 
-.PHONY: all build static demo test contract test-cluster test-readers test-data test-original test-adversarial soak bench clean
+.PHONY: all build static demo test test-learn contract test-cluster test-readers test-data test-original test-adversarial soak bench clean
 all: build
 
 build:
@@ -44,17 +48,24 @@ test:
 	scripts/setup.sh chromium
 	scripts/setup.sh python numpy h5py pyarrow mcap protobuf:google.protobuf foxglove-schemas-protobuf:foxglove_schemas_protobuf
 	$(CARGO) fmt --all --check
-	$(CARGO) clippy --release --workspace --all-targets -- -D warnings
-	RUSTDOCFLAGS="-D warnings" $(CARGO) doc --release --workspace --no-deps
-	$(CARGO) build --release --workspace --bins --tests
-	$(CARGO) test --release --workspace
+	$(CARGO) clippy --release --workspace $(WITHOUT_LEARN) --all-targets -- -D warnings
+	RUSTDOCFLAGS="-D warnings" $(CARGO) doc --release --workspace $(WITHOUT_LEARN) --no-deps
+	$(CARGO) build --release --workspace $(WITHOUT_LEARN) --bins --tests
+	$(CARGO) test --release --workspace $(WITHOUT_LEARN)
+
+test-learn:
+	scripts/setup.sh python numpy matplotlib safetensors
+	$(CARGO) fmt --package wheelarm-learn --check
+	$(CARGO) clippy --release -p wheelarm-learn --all-targets -- -D warnings
+	RUSTDOCFLAGS="-D warnings" $(CARGO) doc --release -p wheelarm-learn --no-deps
+	$(CARGO) test --release -p wheelarm-learn
 
 contract:
 	WHEELARM_WRITE_CONTRACT=1 $(CARGO) test --release -p wheelarm-proto --test evolution
 
 test-cluster:
 	scripts/setup.sh python kubernetes-validate:kubernetes_validate
-	$(CARGO) build --release --workspace --bins
+	$(CARGO) build --release --workspace $(WITHOUT_LEARN) --bins
 	tests/cluster.sh $(PLAN)
 
 test-readers: build
@@ -63,19 +74,19 @@ test-readers: build
 
 test-data:
 	scripts/setup.sh python numpy h5py scikit-learn:sklearn
-	$(CARGO) build --release --workspace --bins --examples
+	$(CARGO) build --release --workspace $(WITHOUT_LEARN) --bins --examples
 	$(WHEELARM_PYTHON) tests/python/guess_task.py --before tests/data/draws-before.csv.gz \
 		--server $(BUILT)/wheelarm-server --assets assets
 	tests/labels.sh
 
 test-adversarial:
 	scripts/setup.sh
-	$(CARGO) build --release --workspace --bins
+	$(CARGO) build --release --workspace $(WITHOUT_LEARN) --bins
 	$(BUILT)/adversarial
 
 soak:
 	scripts/setup.sh
-	$(CARGO) build --release --workspace --bins --examples
+	$(CARGO) build --release --workspace $(WITHOUT_LEARN) --bins --examples
 	$(BUILT)/examples/soak
 
 test-original: build
@@ -83,7 +94,7 @@ test-original: build
 
 bench:
 	scripts/setup.sh python numpy h5py mujoco
-	$(CARGO) build --release --workspace --bins --examples
+	$(CARGO) build --release --workspace $(WITHOUT_LEARN) --bins --examples
 	tests/bench.sh
 
 clean:

@@ -54,6 +54,8 @@ pub enum FormatName {
     Lerobot,
     /// robomimic HDF5 with MimicGen's additions.
     Robomimic,
+    /// safetensors, a file per episode: what trainers read fastest.
+    Tensors,
     /// MCAP for Foxglove.
     Mcap,
 }

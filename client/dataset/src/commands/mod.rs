@@ -87,17 +87,17 @@ enum Command {
         /// Folder; for lerobot the data set's folder, for robomimic its file.
         #[arg(long, value_name = "PATH")]
         out: PathBuf,
-        /// Size of pictures in lerobot and robomimic, for example 320x180;
+        /// Size of pictures in lerobot, robomimic and tensors, for example 320x180;
         /// as recorded without it.
         #[arg(long, value_name = "WxH")]
         size: Option<Size>,
-        /// What an action is, in lerobot, robomimic and csv: next-pose and
+        /// What an action is, in lerobot, robomimic, tensors and csv: next-pose and
         /// next-joints are in force at the next picture, applied at this one.
         #[arg(long, value_name = "KIND", default_value = ActionKind::default().name(),
             value_parser = str::parse::<ActionKind>)]
         action: ActionKind,
         /// Leaves out the idle rows at both ends of each episode but for so many
-        /// seconds; in lerobot, robomimic and csv.
+        /// seconds; in lerobot, robomimic, tensors and csv.
         #[arg(long, value_name = "SECONDS", value_parser = idle)]
         trim_idle: Option<f64>,
         /// How lerobot keeps pictures: as video by ffmpeg (WHEELARM_FFMPEG, else on

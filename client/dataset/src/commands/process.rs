@@ -10,6 +10,7 @@ use wheelarm_dataset::convert::learning::RowOptions;
 use wheelarm_dataset::convert::lerobot::{LeRobot, LeRobotOptions, PictureFormat};
 use wheelarm_dataset::convert::mcap_log::McapLog;
 use wheelarm_dataset::convert::robomimic::Robomimic;
+use wheelarm_dataset::convert::tensors::Tensors;
 use wheelarm_dataset::convert::wheelarm_sim::WheelarmSim;
 use wheelarm_dataset::convert::{Format, PendingFile, Recording};
 use wheelarm_dataset::label::{self, Agreement, agreement};
@@ -201,12 +202,18 @@ pub fn export(
     // Files at once times threads of one file: as many as there are processors.
     let inner = (threads() / jobs.min(files.len().max(1))).max(1);
     let folder = out.to_owned();
-    if size.is_some() && !matches!(name, FormatName::Lerobot | FormatName::Robomimic) {
-        anyhow::bail!("--size is for lerobot and robomimic; this format keeps the recorded size");
+    let scales = matches!(
+        name,
+        FormatName::Lerobot | FormatName::Robomimic | FormatName::Tensors
+    );
+    if size.is_some() && !scales {
+        anyhow::bail!(
+            "--size is for lerobot, robomimic and tensors; this format keeps the recorded size"
+        );
     }
     if rows != RowOptions::default() && matches!(name, FormatName::WheelarmSim | FormatName::Mcap) {
         anyhow::bail!(
-            "--action and --trim-idle are for lerobot, robomimic and csv; this format has no rows of action"
+            "--action and --trim-idle are for lerobot, robomimic, tensors and csv; this format has no rows of action"
         );
     }
     let is_lerobot = name == FormatName::Lerobot;
@@ -231,6 +238,12 @@ pub fn export(
         }),
         FormatName::Lerobot => Box::new(LeRobot::new(out, set, threads())?),
         FormatName::Robomimic => Box::new(Robomimic::new(out, size, rows, threads())?),
+        FormatName::Tensors => Box::new(Tensors {
+            out: folder,
+            size,
+            rows,
+            threads: inner,
+        }),
         FormatName::Mcap => Box::new(McapLog {
             out: folder,
             threads: inner,

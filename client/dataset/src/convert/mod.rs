@@ -12,6 +12,7 @@ pub mod learning;
 pub mod lerobot;
 pub mod mcap_log;
 pub mod robomimic;
+pub mod tensors;
 pub mod wheelarm_sim;
 
 pub use atomic::{PendingFile, PendingFolder};

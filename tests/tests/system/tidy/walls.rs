@@ -142,6 +142,7 @@ const CLIENTS: [(&str, &[&str]); 8] = [
     ("client/link", &["proto"]),
     ("client/policy", &["proto"]),
     ("client/dataset", &["language", "policy", "proto"]),
+    ("client/learn", &["link", "policy", "proto"]),
     ("client/operate", &["link", "proto", "route"]),
     ("client/record", &["dataset", "link", "proto"]),
     ("client/rig", &["link", "proto"]),
@@ -225,7 +226,8 @@ fn what_is_built_without_asking_is_what_the_demo_runs() {
     let build = make.split("\nbuild:\n").nth(1).expect("a target");
     let build = build.split("\n\n").next().unwrap_or_default();
     assert!(!build.contains("--workspace"), "{build}");
-    // Each of them has a program, and no other package of a user has one.
+    // Each of them has a program, and no other package of a user has one but what
+    // learns, which is built when it is asked for.
     for package in ["server", "client", "client/dataset"] {
         assert!(
             root().join(package).join("src/main.rs").is_file(),
@@ -234,7 +236,8 @@ fn what_is_built_without_asking_is_what_the_demo_runs() {
     }
     for (package, _) in CLIENTS {
         let is_program = root().join(package).join("src/main.rs").is_file();
-        assert_eq!(is_program, ["client", "client/dataset"].contains(&package));
+        let programs = ["client", "client/dataset", "client/learn"];
+        assert_eq!(is_program, programs.contains(&package));
     }
 }
 

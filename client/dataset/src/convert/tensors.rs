@@ -1,0 +1,166 @@
+//! What a trainer reads fastest: a safetensors file per episode, with the rows of
+//! a policy and the pictures as they lie in memory, neither compressed nor scaled
+//! to a range. Episodes are independent, so all processors write, and a trainer
+//! maps the files and copies them to the GPU.
+
+use std::path::PathBuf;
+
+use safetensors::tensor::{Dtype, TensorView};
+use serde_json::{Value, json};
+use wheelarm_policy::{STATE, state_names, state_units};
+
+use super::batch::parallel;
+use super::csv_table::{State, state_columns};
+use super::intrinsics;
+use super::learning::{self, Learning, RowOptions};
+use super::{Format, PendingFile, Recording, Sees, Size, Written, scaled};
+
+/// Version of the layout.
+pub const LAYOUT: &str = "wheelarm-tensors/1";
+/// Streams of WheelArm-Sim's 112 values; without them that table is left out.
+const TABLE: [&str; 3] = ["joint_state", "pose", "imu"];
+
+/// Writes a file `LABEL.safetensors` per episode.
+///
+/// | tensor | shape and type | what |
+/// |---|---|---|
+/// | `states` | N × 27, f32 | rows of state |
+/// | `actions` | N × 9 or 12, f32 | rows of action |
+/// | `seconds` | N, f64 | simulation time |
+/// | `phase`, `incident`, `success` | N, u8 | label 0 to 3; error on purpose 0 to 3; the task holds |
+/// | `table` | N × 112, f32 | WheelArm-Sim's columns; only with an IMU in the recording |
+/// | `pictures.CAMERA` | N × height × width × 3, u8 | what the robot saw, sRGB |
+///
+/// The metadata has one key, `wheelarm`, whose text is JSON: the layout, label,
+/// instruction, task, seed, success, rate, names and units, cameras.
+#[derive(Clone, Debug)]
+pub struct Tensors {
+    /// Folder of the files.
+    pub out: PathBuf,
+    /// Pictures are scaled to this size; as recorded without it.
+    pub size: Option<Size>,
+    /// What the rows are.
+    pub rows: RowOptions,
+    /// Threads that read the pictures of one episode.
+    pub threads: usize,
+}
+
+impl Format for Tensors {
+    fn wants(&self, stream: &str) -> bool {
+        TABLE.contains(&stream) || learning::STREAMS.contains(&stream)
+    }
+
+    fn add(&self, recording: &Recording, tick: &(dyn Fn() + Sync)) -> anyhow::Result<Written> {
+        let (rate, learning) = Learning::on_grid(recording, &self.rows, Sees::Colour)?;
+        let rows = learning.rows.as_slice();
+        let name = format!("{}.safetensors", recording.summary.label);
+        let file = PendingFile::new(&self.out.join(name))?;
+        let count = rows.len();
+        let stamps = &recording.aligned.stamps;
+        let seconds = rows.iter().map(|&row| stamps[row] as f64 * 1e-9);
+        let bytes = |row: &dyn Fn(usize) -> u8| rows.iter().map(|&r| row(r)).collect();
+        let incidents = learning.incidents.iter().map(|&code| code as u8).collect();
+        let width = self.rows.action.size();
+        let mut tensors = vec![
+            of_f32("states", &learning.states, STATE),
+            of_f32("actions", &learning.actions, width),
+            Tensor {
+                name: "seconds".to_owned(),
+                dtype: Dtype::F64,
+                shape: vec![count],
+                bytes: seconds.flat_map(f64::to_le_bytes).collect(),
+            },
+            of_bytes("phase", bytes(&|row| recording.labels[row])),
+            of_bytes("incident", incidents),
+            of_bytes("success", bytes(&|row| u8::from(learning.success(row)))),
+        ];
+        let has_table = !recording.aligned.whole_rows(&TABLE, &[]).is_empty();
+        if has_table {
+            let state = State::of(recording)?;
+            let table: Vec<Vec<f64>> = rows.iter().map(|&row| state.row(row)).collect();
+            tensors.push(of_f32("table", &table, table[0].len()));
+        }
+        let cameras = learning::cameras(recording, self.size);
+        for (number, (camera, to)) in cameras.iter().enumerate() {
+            let pictures = parallel(count, self.threads, |i| {
+                let (source, index) = recording.seen(camera, rows[i])?;
+                let (width, height) = source.size().unwrap_or_default();
+                let rgb = source.rgb(&recording.episode, index)?;
+                if number == 0 {
+                    tick();
+                }
+                Ok(scaled(rgb, Size { width, height }, *to))
+            })?;
+            tensors.push(Tensor {
+                name: format!("pictures.{camera}"),
+                dtype: Dtype::U8,
+                shape: vec![count, to.height, to.width, 3],
+                bytes: pictures.concat(),
+            });
+        }
+        let about = self.about(recording, rate, has_table).to_string();
+        let views = tensors.iter().map(|t| {
+            let view = TensorView::new(t.dtype, t.shape.clone(), &t.bytes)?;
+            Ok((t.name.as_str(), view))
+        });
+        let views = views.collect::<Result<Vec<_>, safetensors::SafeTensorError>>()?;
+        let metadata = [("wheelarm".to_owned(), about)].into();
+        std::fs::write(file.path(), safetensors::serialize(views, Some(metadata))?)?;
+        Ok(Written {
+            path: file.commit()?,
+            samples: count,
+            notes: learning.notes,
+        })
+    }
+}
+
+impl Tensors {
+    fn about(&self, recording: &Recording, rate: u32, has_table: bool) -> Value {
+        let (summary, kind) = (&recording.summary, self.rows.action);
+        let [task, activity, area] = &summary.task;
+        let table = has_table.then(|| state_columns(&recording.robot));
+        json!({
+            "layout": LAYOUT,
+            "label": summary.label,
+            "instruction": summary.instruction,
+            "task": task, "activity": activity, "area": area,
+            "seed": summary.seed,
+            "success": summary.success,
+            "rate_hz": rate,
+            "robot": recording.robot.name,
+            "action": kind.name(),
+            "state_names": state_names(&recording.robot),
+            "state_units": state_units().collect::<Vec<_>>(),
+            "action_names": kind.names(&recording.robot),
+            "action_units": kind.units().collect::<Vec<_>>(),
+            "table_names": table,
+            "calibration": intrinsics::cameras(recording, self.size),
+        })
+    }
+}
+
+struct Tensor {
+    name: String,
+    dtype: Dtype,
+    shape: Vec<usize>,
+    bytes: Vec<u8>,
+}
+
+fn of_bytes(name: &str, bytes: Vec<u8>) -> Tensor {
+    Tensor {
+        name: name.to_owned(),
+        dtype: Dtype::U8,
+        shape: vec![bytes.len()],
+        bytes,
+    }
+}
+
+fn of_f32(name: &str, rows: &[Vec<f64>], width: usize) -> Tensor {
+    let values = rows.iter().flatten();
+    Tensor {
+        name: name.to_owned(),
+        dtype: Dtype::F32,
+        shape: vec![rows.len(), width],
+        bytes: values.flat_map(|&v| (v as f32).to_le_bytes()).collect(),
+    }
+}

@@ -1,0 +1,211 @@
+"""Episodes as `wheelarm dataset export --format tensors` writes them, on one device.
+
+Pictures stay bytes: a thousand short episodes with two cameras of 224 x 126 take
+32 GB. A batch is one gather that also pads and shifts.
+"""
+
+import hashlib
+import json
+import re
+import time
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import torch
+from safetensors import safe_open
+
+LAYOUT = "wheelarm-tensors/1"
+LEAST_DEVIATION = 0.01  # in a value's own unit: what hardly changes is not blown up
+UNKNOWN = 0  # the word that stands for all that were never seen
+WRONG_ON_PURPOSE = (1, 2)  # incidents that are no example: wrong grasp, wrong object
+
+
+class NoData(Exception):
+    """What is wrong with the episodes, and what to do."""
+
+
+def words_of(sentence):
+    """Its words, in lower case."""
+    return re.findall(r"[a-z0-9']+", sentence.lower())
+
+
+def indices(sentence, vocabulary):
+    """Places of its words in the vocabulary, of which the first is the unknown one."""
+    places = {word: place for place, word in enumerate(vocabulary)}
+    return [places.get(word, UNKNOWN) for word in words_of(sentence)]
+
+
+@dataclass
+class File:
+    path: Path
+    about: dict
+    shapes: dict
+
+    @staticmethod
+    def open(path):
+        with safe_open(path, "np") as file:
+            metadata = file.metadata() or {}
+            shapes = {name: file.get_slice(name).get_shape() for name in file.keys()}
+        about = json.loads(metadata.get("wheelarm", "{}"))
+        if about.get("layout") != LAYOUT:
+            raise NoData(
+                f"{path} has the layout {about.get('layout')!r}, expected {LAYOUT!r}: "
+                "write it anew by `wheelarm dataset export --format tensors`"
+            )
+        return File(Path(path), about, shapes)
+
+    @property
+    def rows(self):
+        return self.shapes["states"][0]
+
+    @property
+    def cameras(self):
+        return {n.removeprefix("pictures."): tuple(s[1:3]) for n, s in self.shapes.items() if n.startswith("pictures.")}
+
+
+def find(folders, keep_failed=False):
+    """Files of the folders, in the order of their names; episodes of one kind."""
+    paths = sorted(path for folder in folders for path in Path(folder).rglob("*.safetensors"))
+    if not paths:
+        raise NoData(
+            f"there is no *.safetensors below {', '.join(map(str, folders))}: write them by "
+            "`wheelarm dataset export --format tensors RECORDINGS --out FOLDER`"
+        )
+    with ThreadPoolExecutor(16) as pool:
+        files = list(pool.map(File.open, paths))
+    if not keep_failed:
+        files = [file for file in files if file.about["success"]]
+    if not files:
+        raise NoData("no episode succeeded, and --keep-failed was not given")
+    first = files[0]
+    for file in files:
+        for key in ("action", "action_names", "state_names", "rate_hz", "robot"):
+            if file.about[key] != first.about[key]:
+                raise NoData(f"{file.path} has {key} {file.about[key]!r}, and {first.path} {first.about[key]!r}")
+        if file.cameras != first.cameras:
+            raise NoData(
+                f"{file.path} has the pictures {file.cameras}, and {first.path} {first.cameras}: "
+                "export all with one --size"
+            )
+    return files
+
+
+def split(files, share):
+    """Training and validation: whole seeds, the same whatever else is there."""
+    seeds = sorted({file.about["seed"] for file in files})
+    ranked = sorted(seeds, key=lambda s: hashlib.sha256(str(s).encode()).digest())
+    count = 0 if share <= 0 or len(seeds) < 2 else max(1, round(share * len(seeds)))
+    held = set(ranked[:count])
+    return [f for f in files if f.about["seed"] not in held], [f for f in files if f.about["seed"] in held]
+
+
+class Episodes:
+    """All rows of all files, one behind the other."""
+
+    def __init__(self, files, cameras, device, store, say=lambda words: None):
+        start, self.files, self.cameras, self.device = time.monotonic(), files, cameras, device
+        ends = np.cumsum([file.rows for file in files])
+        starts = ends - [file.rows for file in files]
+        total = int(ends[-1])
+        self.pictures = {
+            name: torch.empty((total, height, width, 3), dtype=torch.uint8, device=store)
+            for name, (height, width) in cameras
+        }
+        states = np.empty((total, files[0].shapes["states"][1]), np.float32)
+        actions = np.empty((total, files[0].shapes["actions"][1]), np.float32)
+        incidents = np.empty(total, np.uint8)
+
+        def load(number):
+            at = slice(int(starts[number]), int(ends[number]))
+            with safe_open(files[number].path, "pt") as file:
+                for name, pictures in self.pictures.items():
+                    pictures[at].copy_(file.get_tensor(f"pictures.{name}"))
+                states[at] = file.get_tensor("states").numpy()
+                actions[at] = file.get_tensor("actions").numpy()
+                incidents[at] = file.get_tensor("incident").numpy()
+
+        with ThreadPoolExecutor(8) as pool:
+            for _ in pool.map(load, range(len(files))):
+                pass
+        if not (np.isfinite(states).all() and np.isfinite(actions).all()):
+            raise NoData("there are states or actions that are no numbers: `wheelarm dataset validate` finds the file")
+        # Where the rows that may be imitated end, seen from each row.
+        limits = np.empty(total, np.int64)
+        for start_row, end in zip(starts, ends):
+            limit = end
+            for row in range(end - 1, start_row - 1, -1):
+                if incidents[row] in WRONG_ON_PURPOSE:
+                    limit = row
+                limits[row] = limit
+        self.states, self.actions, self.total = states, actions, total
+        self.state = torch.from_numpy(states).to(device)
+        self.action = torch.from_numpy(actions).to(device)
+        self.limit = torch.from_numpy(limits).to(device)
+        self.episode = torch.from_numpy(np.repeat(np.arange(len(files)), ends - starts)).to(device)
+        self.starts, self.ends = starts, ends
+        say(f"{len(files)} episodes, {total} rows read in {time.monotonic() - start:.1f} s")
+
+    def tell(self, vocabulary):
+        """Gives every episode its words: [episodes, longest], -1 where there is none."""
+        told = [indices(file.about["instruction"], vocabulary) for file in self.files]
+        longest = max(1, max(map(len, told)))
+        table = np.full((len(told), longest), -1, np.int64)
+        for row, places in zip(table, told):
+            row[: len(places)] = places
+        self.words = torch.from_numpy(table).to(self.device)
+
+    def weights(self, knuckle, around, factor):
+        """How often each row is drawn: `factor` within `around` rows of a change of
+        the gripper, 0 where nothing may be imitated, else 1."""
+        weights = np.ones(self.total, np.float32)
+        for start, end in zip(self.starts, self.ends):
+            change = np.abs(np.diff(self.actions[start:end, knuckle])) > 0.01
+            for row in np.nonzero(change)[0]:
+                weights[max(start, start + row - around) : min(end, start + row + around + 1)] = factor
+        limit = self.limit.cpu().numpy()
+        weights[limit <= np.arange(self.total)] = 0
+        return torch.from_numpy(weights).to(self.device)
+
+    def numbers(self, rows, chunk):
+        """State [B, S], actions [B, chunk, A], whether padding [B, chunk], words."""
+        at = rows[:, None] + torch.arange(chunk, device=rows.device)
+        limit = self.limit[rows][:, None]
+        actions = self.action[torch.minimum(at, (limit - 1).clamp(min=0))]
+        return self.state[rows], actions, at >= limit, self.words[self.episode[rows]]
+
+    def seen(self, rows, padded, shift):
+        """Pictures [B, cameras, height, width, 3], bytes. Padded on all sides by the
+        edge to (height, width); each shifted by up to `shift` pixels either way."""
+        out = []
+        for name, (height, width) in self.cameras:
+            store = self.pictures[name]
+            count, device = len(rows), store.device
+            top, left = (padded[0] - height) // 2, (padded[1] - width) // 2
+            move = torch.zeros((2, count, 1), dtype=torch.long, device=device)
+            if shift:
+                move = torch.randint(-shift, shift + 1, (2, count, 1), device=device)
+            y = (torch.arange(padded[0], device=device) - top + move[0]).clamp(0, height - 1)
+            x = (torch.arange(padded[1], device=device) - left + move[1]).clamp(0, width - 1)
+            at = rows.to(device)[:, None, None]
+            out.append(store[at, y[:, :, None], x[:, None, :]].to(self.device, non_blocking=True))
+        return torch.stack(out, 1)
+
+
+def statistics(episodes):
+    """Mean and deviation of states and actions, the deviation 0.01 at least."""
+    out = {}
+    for name, rows in (("state", episodes.states), ("action", episodes.actions)):
+        rows = rows.astype(np.float64)
+        out[name] = (
+            rows.mean(0).astype(np.float32),
+            np.maximum(rows.std(0), LEAST_DEVIATION).astype(np.float32),
+        )
+    return out
+
+
+def digest(files):
+    """A hash of what was learned from: labels, seeds, sentences and row counts."""
+    told = [[f.about["label"], f.about["seed"], f.about["instruction"], f.rows] for f in files]
+    return hashlib.sha256(json.dumps(sorted(told)).encode()).hexdigest()

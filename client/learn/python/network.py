@@ -1,0 +1,422 @@
+"""The networks: ACT as LeRobot has it, and a flow-matching head on the same encoder.
+
+Names of the parameters are those of LeRobot 0.4's `ACT`, so that weights go both
+ways; what LeRobot does not have (word vectors, the flow head) has names of its own.
+"""
+
+import math
+from dataclasses import asdict, dataclass
+
+import torch
+import torch.nn.functional as F
+from torch import nn
+
+
+@dataclass
+class Shape:
+    """Sizes of a network; the defaults are those that ship."""
+
+    kind: str = "act"  # act, or flow
+    state: int = 27
+    action: int = 12
+    chunk: int = 20
+    cameras: int = 2
+    words: int = 0  # size of the vocabulary with the unknown word; 0: no language
+    word_width: int = 300
+    width: int = 64  # channels of ResNet18's first stage
+    norm: str = "group"  # group, or frozen-bn
+    group_channels: int = 16  # channels that a group norm takes together
+    dim: int = 256
+    feedforward: int = 1024
+    heads: int = 8
+    encoder_layers: int = 4
+    decoder_layers: int = 1
+    vae_layers: int = 4
+    latent: int = 32
+    dropout: float = 0.1
+    flow_layers: int = 6
+    flow_steps: int = 10
+
+    def told(self):
+        return asdict(self)
+
+
+class FrozenNorm(nn.Module):
+    """Batch norm with constant statistics, as torchvision's FrozenBatchNorm2d."""
+
+    def __init__(self, channels):
+        super().__init__()
+        for name, value in [("weight", 1.0), ("bias", 0.0), ("running_mean", 0.0), ("running_var", 1.0)]:
+            self.register_buffer(name, torch.full((channels,), value))
+
+    def forward(self, x):
+        scale = self.weight * (self.running_var + 1e-5).rsqrt()
+        shift = self.bias - self.running_mean * scale
+        return x * scale[:, None, None] + shift[:, None, None]
+
+
+def make_norm(shape, channels):
+    if shape.norm == "frozen-bn":
+        return FrozenNorm(channels)
+    if shape.norm != "group":
+        raise ValueError(f"no norm is called {shape.norm!r}; there are group and frozen-bn")
+    if channels % shape.group_channels:
+        raise ValueError(
+            f"{channels} channels are no multiple of the {shape.group_channels} of a group: "
+            "choose --width or --group-channels so that they are"
+        )
+    return nn.GroupNorm(channels // shape.group_channels, channels)
+
+
+class Block(nn.Module):
+    """ResNet's basic block, with torchvision's names."""
+
+    def __init__(self, shape, inputs, outputs, stride):
+        super().__init__()
+        self.conv1 = nn.Conv2d(inputs, outputs, 3, stride, 1, bias=False)
+        self.bn1 = make_norm(shape, outputs)
+        self.conv2 = nn.Conv2d(outputs, outputs, 3, 1, 1, bias=False)
+        self.bn2 = make_norm(shape, outputs)
+        self.downsample = None
+        if stride != 1 or inputs != outputs:
+            self.downsample = nn.Sequential(
+                nn.Conv2d(inputs, outputs, 1, stride, bias=False), make_norm(shape, outputs)
+            )
+
+    def forward(self, x):
+        y = F.relu(self.bn1(self.conv1(x)))
+        y = self.bn2(self.conv2(y))
+        return F.relu(y + (x if self.downsample is None else self.downsample(x)))
+
+
+class ResNet18(nn.Module):
+    """[N, 3, H, W] to [N, 8 width, H/32, W/32]."""
+
+    def __init__(self, shape):
+        super().__init__()
+        width = shape.width
+        self.conv1 = nn.Conv2d(3, width, 7, 2, 3, bias=False)
+        self.bn1 = make_norm(shape, width)
+        inputs = width
+        for stage in range(4):
+            outputs = width << stage
+            stride = 1 if stage == 0 else 2
+            blocks = [Block(shape, inputs, outputs, stride), Block(shape, outputs, outputs, 1)]
+            setattr(self, f"layer{stage + 1}", nn.Sequential(*blocks))
+            inputs = outputs
+        for module in self.modules():
+            if isinstance(module, nn.Conv2d):
+                nn.init.kaiming_normal_(module.weight, mode="fan_out", nonlinearity="relu")
+
+    def forward(self, x):
+        x = F.max_pool2d(F.relu(self.bn1(self.conv1(x))), 3, 2, 1)
+        return self.layer4(self.layer3(self.layer2(self.layer1(x))))
+
+
+class Attention(nn.Module):
+    """`nn.MultiheadAttention` by its names, [batch, tokens, dim] throughout."""
+
+    def __init__(self, dim, heads, dropout):
+        super().__init__()
+        self.heads, self.dropout = heads, dropout
+        self.in_proj_weight = nn.Parameter(torch.empty(3 * dim, dim))
+        self.in_proj_bias = nn.Parameter(torch.zeros(3 * dim))
+        self.out_proj = nn.Linear(dim, dim)
+        nn.init.xavier_uniform_(self.in_proj_weight)
+        nn.init.zeros_(self.out_proj.bias)
+
+    def forward(self, query, key, value, allowed=None):
+        """`allowed`: [batch, keys], true where a key may be looked at."""
+        weights, biases = self.in_proj_weight.chunk(3), self.in_proj_bias.chunk(3)
+        q, k, v = (
+            F.linear(x, w, b).unflatten(-1, (self.heads, -1)).transpose(1, 2)
+            for x, w, b in zip((query, key, value), weights, biases)
+        )
+        mask = None if allowed is None else allowed[:, None, None, :]
+        dropout = self.dropout if self.training else 0.0
+        out = F.scaled_dot_product_attention(q, k, v, attn_mask=mask, dropout_p=dropout)
+        return self.out_proj(out.transpose(1, 2).flatten(2))
+
+
+class EncoderLayer(nn.Module):
+    def __init__(self, shape):
+        super().__init__()
+        dim = shape.dim
+        self.self_attn = Attention(dim, shape.heads, shape.dropout)
+        self.linear1 = nn.Linear(dim, shape.feedforward)
+        self.linear2 = nn.Linear(shape.feedforward, dim)
+        self.norm1, self.norm2 = nn.LayerNorm(dim), nn.LayerNorm(dim)
+        self.dropout = nn.Dropout(shape.dropout)
+
+    def forward(self, x, position, allowed=None):
+        placed = x + position
+        x = self.norm1(x + self.dropout(self.self_attn(placed, placed, x, allowed)))
+        y = self.linear2(self.dropout(F.relu(self.linear1(x))))
+        return self.norm2(x + self.dropout(y))
+
+
+class Encoder(nn.Module):
+    def __init__(self, shape, count):
+        super().__init__()
+        self.layers = nn.ModuleList(EncoderLayer(shape) for _ in range(count))
+
+    def forward(self, x, position, allowed=None):
+        for layer in self.layers:
+            x = layer(x, position, allowed)
+        return x
+
+
+class DecoderLayer(nn.Module):
+    def __init__(self, shape):
+        super().__init__()
+        dim = shape.dim
+        self.self_attn = Attention(dim, shape.heads, shape.dropout)
+        self.multihead_attn = Attention(dim, shape.heads, shape.dropout)
+        self.linear1 = nn.Linear(dim, shape.feedforward)
+        self.linear2 = nn.Linear(shape.feedforward, dim)
+        self.norm1, self.norm2, self.norm3 = nn.LayerNorm(dim), nn.LayerNorm(dim), nn.LayerNorm(dim)
+        self.dropout = nn.Dropout(shape.dropout)
+
+    def forward(self, x, memory, place, memory_place):
+        placed = x + place
+        x = self.norm1(x + self.dropout(self.self_attn(placed, placed, x)))
+        y = self.multihead_attn(x + place, memory + memory_place, memory)
+        x = self.norm2(x + self.dropout(y))
+        y = self.linear2(self.dropout(F.relu(self.linear1(x))))
+        return self.norm3(x + self.dropout(y))
+
+
+class Decoder(nn.Module):
+    def __init__(self, shape):
+        super().__init__()
+        self.layers = nn.ModuleList(DecoderLayer(shape) for _ in range(shape.decoder_layers))
+        self.norm = nn.LayerNorm(shape.dim)
+
+    def forward(self, x, memory, place, memory_place):
+        for layer in self.layers:
+            x = layer(x, memory, place, memory_place)
+        return self.norm(x)
+
+
+def sinusoids(count, dim):
+    """[count, dim]: sine and cosine by turns, wavelengths from 2 pi to 10000 * 2 pi."""
+    place = torch.arange(count, dtype=torch.float64)[:, None]
+    rate = 10000 ** (2 * (torch.arange(dim, dtype=torch.float64) // 2) / dim)
+    angle = place / rate
+    out = torch.empty(count, dim, dtype=torch.float64)
+    out[:, 0::2], out[:, 1::2] = angle[:, 0::2].sin(), angle[:, 1::2].cos()
+    return out.float()
+
+
+def picture_places(height, width, dim):
+    """[height * width, dim]: half for the row, half for the column, each from
+    1/height and 1/width of a full turn to one turn."""
+    half = dim // 2
+    rate = 10000.0 ** (2 * (torch.arange(half, dtype=torch.float32) // 2) / half)
+
+    def along(count):
+        at = torch.arange(1, count + 1, dtype=torch.float32)
+        angle = (at / (count + 1e-6) * (2 * math.pi))[:, None] / rate
+        return torch.stack((angle[:, 0::2].sin(), angle[:, 1::2].cos()), -1).flatten(1)
+
+    rows = along(height)[:, None].expand(height, width, half)
+    columns = along(width)[None].expand(height, width, half)
+    return torch.cat((rows, columns), -1).flatten(0, 1)
+
+
+class Act(nn.Module):
+    """Action chunking transformer (Zhao et al. 2023).
+
+    Pictures [B, cameras, 3, H, W], normalised; state [B, state], normalised; words
+    [B, L] indices, -1 where there is none. Answers [B, chunk, action], normalised.
+    """
+
+    def __init__(self, shape):
+        super().__init__()
+        self.shape = shape
+        dim = shape.dim
+        if shape.kind == "act":
+            self.vae_encoder = Encoder(shape, shape.vae_layers)
+            self.vae_encoder_cls_embed = nn.Embedding(1, dim)
+            self.vae_encoder_robot_state_input_proj = nn.Linear(shape.state, dim)
+            self.vae_encoder_action_input_proj = nn.Linear(shape.action, dim)
+            self.vae_encoder_latent_output_proj = nn.Linear(dim, 2 * shape.latent)
+            places = sinusoids(2 + shape.chunk, dim)[None]
+            self.register_buffer("vae_encoder_pos_enc", places)
+        self.backbone = ResNet18(shape)
+        self.encoder = Encoder(shape, shape.encoder_layers)
+        self.encoder_robot_state_input_proj = nn.Linear(shape.state, dim)
+        tokens = 2
+        if shape.words:
+            self.encoder_env_state_input_proj = nn.Linear(shape.word_width, dim)
+            tokens = 3
+        self.encoder_latent_input_proj = nn.Linear(shape.latent, dim)
+        self.encoder_img_feat_input_proj = nn.Conv2d(8 * shape.width, dim, 1)
+        self.encoder_1d_feature_pos_embed = nn.Embedding(tokens, dim)
+        if shape.kind == "act":
+            self.decoder = Decoder(shape)
+            self.decoder_pos_embed = nn.Embedding(shape.chunk, dim)
+            self.action_head = nn.Linear(dim, shape.action)
+        parts = [self.encoder] + ([self.decoder] if shape.kind == "act" else [])
+        for parameter in (p for part in parts for p in part.parameters()):
+            if parameter.dim() > 1:
+                nn.init.xavier_uniform_(parameter)
+
+    def latent(self, state, actions, is_pad, noise=None):
+        """Mean and logarithm of the variance [B, latent], and a draw."""
+        shape, batch = self.shape, len(state)
+        first = self.vae_encoder_cls_embed.weight.expand(batch, 1, -1)
+        told = self.vae_encoder_robot_state_input_proj(state)[:, None]
+        x = torch.cat((first, told, self.vae_encoder_action_input_proj(actions)), 1)
+        allowed = F.pad(~is_pad, (2, 0), value=True)
+        out = self.vae_encoder(x, self.vae_encoder_pos_enc, allowed)[:, 0]
+        mean, log_variance = self.vae_encoder_latent_output_proj(out).split(shape.latent, -1)
+        noise = torch.randn_like(mean) if noise is None else noise
+        return mean, log_variance, mean + (log_variance / 2).exp() * noise
+
+    def remember(self, pictures, state, language, latent):
+        """Tokens [B, N, dim] and their places [1, N, dim]."""
+        shape, batch = self.shape, len(state)
+        tokens = [self.encoder_latent_input_proj(latent), self.encoder_robot_state_input_proj(state)]
+        if shape.words:
+            tokens.append(self.encoder_env_state_input_proj(language))
+        features = self.encoder_img_feat_input_proj(self.backbone(pictures.flatten(0, 1)))
+        height, width = features.shape[-2:]
+        seen = features.flatten(2).transpose(1, 2).reshape(batch, -1, shape.dim)
+        place = picture_places(height, width, shape.dim).to(seen)
+        places = torch.cat([self.encoder_1d_feature_pos_embed.weight] + [place] * shape.cameras)[None]
+        x = torch.cat((torch.stack(tokens, 1), seen), 1)
+        return self.encoder(x, places), places
+
+    def forward(self, pictures, state, language=None, actions=None, is_pad=None, noise=None):
+        """Actions, and mean and logarithm of the variance of the latent where
+        `actions` are told (in training)."""
+        mean = log_variance = None
+        if actions is None:
+            latent = state.new_zeros(len(state), self.shape.latent)
+        else:
+            mean, log_variance, latent = self.latent(state, actions, is_pad, noise)
+        memory, places = self.remember(pictures, state, language, latent)
+        query = memory.new_zeros(len(state), self.shape.chunk, self.shape.dim)
+        place = self.decoder_pos_embed.weight[None]
+        return self.action_head(self.decoder(query, memory, place, places)), mean, log_variance
+
+
+class FlowBlock(nn.Module):
+    """A layer of the diffusion transformer (Peebles and Xie 2023) with cross
+    attention; what time says is shared by all layers but for a bias of each
+    (Chen et al. 2023, PixArt)."""
+
+    def __init__(self, shape):
+        super().__init__()
+        dim = shape.dim
+        self.self_attn = Attention(dim, shape.heads, 0.0)
+        self.cross_attn = Attention(dim, shape.heads, 0.0)
+        self.linear1 = nn.Linear(dim, shape.feedforward)
+        self.linear2 = nn.Linear(shape.feedforward, dim)
+        self.table = nn.Parameter(torch.randn(9, dim) / dim**0.5)
+
+    def forward(self, x, memory, key, told):
+        """`told`: [B, 9, dim], shift, scale and gate of the three parts."""
+        m = (told + self.table)[:, :, None].unbind(1)
+
+        def norm(x, k):
+            return F.layer_norm(x, x.shape[-1:]) * (1 + m[k + 1]) + m[k]
+
+        y = norm(x, 0)
+        x = x + m[2] * self.self_attn(y, y, y)
+        x = x + m[5] * self.cross_attn(norm(x, 3), key, memory)
+        y = self.linear2(F.gelu(self.linear1(norm(x, 6)), approximate="tanh"))
+        return x + m[8] * y
+
+
+class Flow(nn.Module):
+    """Velocity of actions from noise at time 0 to data at time 1 (Lipman et al. 2023)."""
+
+    def __init__(self, shape):
+        super().__init__()
+        dim = shape.dim
+        self.action_in = nn.Linear(shape.action, dim)
+        self.place = nn.Embedding(shape.chunk, dim)
+        self.time1, self.time2 = nn.Linear(dim, dim), nn.Linear(dim, dim)
+        self.told = nn.Linear(dim, 9 * dim)
+        self.layers = nn.ModuleList(FlowBlock(shape) for _ in range(shape.flow_layers))
+        self.norm = nn.LayerNorm(dim)
+        self.action_out = nn.Linear(dim, shape.action)
+        nn.init.zeros_(self.told.weight)
+        nn.init.zeros_(self.told.bias)
+        nn.init.zeros_(self.action_out.weight)
+        nn.init.zeros_(self.action_out.bias)
+        half = dim // 2
+        rates = torch.exp(torch.arange(half, dtype=torch.float32) * (-math.log(1e4) / half))
+        self.register_buffer("rates", rates, persistent=False)
+
+    def forward(self, actions, time, memory, key):
+        """Velocity [B, chunk, action]; `time` [B], 0 to 1."""
+        angle = 1000 * time[:, None] * self.rates
+        told = self.time2(F.silu(self.time1(torch.cat((angle.cos(), angle.sin()), -1))))
+        told = self.told(F.silu(told)).unflatten(-1, (9, -1))
+        x = self.action_in(actions) + self.place.weight
+        for layer in self.layers:
+            x = layer(x, memory, key, told)
+        return self.action_out(self.norm(x))
+
+
+class Policy(nn.Module):
+    """The whole network with its words: what is trained, saved and served."""
+
+    def __init__(self, shape):
+        super().__init__()
+        self.shape = shape
+        self.model = Act(shape)
+        if shape.kind == "flow":
+            self.flow = Flow(shape)
+        elif shape.kind != "act":
+            raise ValueError(f"no network is called {shape.kind!r}; there are act and flow")
+        if shape.words:
+            self.words = nn.Embedding(shape.words, shape.word_width)
+
+    def language(self, words):
+        """The mean of the vectors of the words: [B, L] indices, -1 for none."""
+        if not self.shape.words:
+            return None
+        known = (words >= 0)[..., None]
+        vectors = self.words(words.clamp(min=0)) * known
+        return vectors.sum(1) / known.sum(1).clamp(min=1)
+
+    def loss(self, pictures, state, words, actions, is_pad, kl_weight):
+        """The loss, and its parts by name. Padding counts as no error, as in LeRobot."""
+        language = self.language(words)
+        if self.shape.kind == "act":
+            found, mean, log_variance = self.model(pictures, state, language, actions, is_pad)
+            l1 = ((found - actions).abs() * ~is_pad[..., None]).mean()
+            kl = (-0.5 * (1 + log_variance - mean**2 - log_variance.exp())).sum(-1).mean()
+            return l1 + kl_weight * kl, {"l1": l1, "kl": kl}
+        memory, key = self.memory(pictures, state, language)
+        noise = torch.randn_like(actions)
+        # Times near the noise are drawn more often, as in pi0 (Black et al. 2024).
+        time = 1 - 0.999 * torch.rand(len(state), device=state.device) ** (1 / 1.5)
+        at = time[:, None, None]
+        found = self.flow(at * actions + (1 - at) * noise, time, memory, key)
+        square = ((found - (actions - noise)) ** 2 * ~is_pad[..., None]).mean()
+        return square, {"flow": square}
+
+    def memory(self, pictures, state, language):
+        latent = state.new_zeros(len(state), self.shape.latent)
+        memory, places = self.model.remember(pictures, state, language, latent)
+        return memory, memory + places
+
+    def forward(self, pictures, state, words=None, noise=None):
+        """Actions [B, chunk, action], normalised. A flow starts from `noise` of that
+        shape, which is drawn when it is not given."""
+        language = self.language(words)
+        if self.shape.kind == "act":
+            return self.model(pictures, state, language)[0]
+        memory, key = self.memory(pictures, state, language)
+        if noise is None:
+            noise = torch.randn(len(state), self.shape.chunk, self.shape.action, device=state.device)
+        x, steps = noise, self.shape.flow_steps
+        for step in range(steps):
+            time = state.new_full((len(state),), step / steps)
+            x = x + self.flow(x, time, memory, key) / steps
+        return x

@@ -1,0 +1,203 @@
+//! Action chunking transformer as LeRobot 0.4 has it.
+
+use burn::nn::PaddingConfig2d;
+use burn::nn::conv::{Conv2d, Conv2dConfig};
+use burn::prelude::*;
+
+use super::layer::{Embedding, Linear};
+use super::places;
+use super::resnet::ResNet18;
+use super::shape::{Kind, Shape};
+use super::transformer::{Decoder, Encoder, Memory};
+
+/// The network; its parameters have LeRobot's names.
+#[derive(Module, Debug)]
+pub struct Act {
+    vae_encoder: Option<Encoder>,
+    vae_encoder_cls_embed: Option<Embedding>,
+    vae_encoder_robot_state_input_proj: Option<Linear>,
+    vae_encoder_action_input_proj: Option<Linear>,
+    vae_encoder_latent_output_proj: Option<Linear>,
+    backbone: ResNet18,
+    encoder: Encoder,
+    encoder_robot_state_input_proj: Linear,
+    encoder_env_state_input_proj: Option<Linear>,
+    encoder_latent_input_proj: Linear,
+    encoder_img_feat_input_proj: Conv2d,
+    encoder_1d_feature_pos_embed: Embedding,
+    decoder: Option<Decoder>,
+    decoder_pos_embed: Option<Embedding>,
+    action_head: Option<Linear>,
+    cameras: usize,
+    latent: usize,
+}
+
+/// What the encoder of the latent tells of a chunk of actions.
+#[derive(Clone, Debug)]
+pub struct Latent {
+    /// Batch × latent.
+    pub mean: Tensor<2>,
+    /// Batch × latent.
+    pub log_variance: Tensor<2>,
+    /// Batch × latent: one draw.
+    pub drawn: Tensor<2>,
+}
+
+impl Latent {
+    /// Divergence from the standard normal distribution, nats, mean over the batch.
+    #[must_use]
+    pub fn divergence(&self) -> Tensor<1> {
+        let square = self.mean.clone().square();
+        let log = self.log_variance.clone();
+        let each = (log.clone() + 1.0 - square - log.exp()) * -0.5;
+        each.sum_dim(1).mean()
+    }
+}
+
+impl Act {
+    /// With random weights.
+    #[must_use]
+    pub fn new(shape: &Shape, device: &Device) -> Self {
+        let dim = shape.dim;
+        let is_act = shape.kind == Kind::Act;
+        let learns = is_act && shape.vae_layers > 0;
+        let linear = |inputs, outputs| Linear::new(inputs, outputs, device);
+        let embedding = |rows| Embedding::new(rows, dim, 1.0, device);
+        let language = shape.words > 0;
+        Self {
+            vae_encoder: learns.then(|| Encoder::new(shape, shape.vae_layers, device)),
+            vae_encoder_cls_embed: learns.then(|| embedding(1)),
+            vae_encoder_robot_state_input_proj: learns.then(|| linear(shape.state, dim)),
+            vae_encoder_action_input_proj: learns.then(|| linear(shape.action, dim)),
+            vae_encoder_latent_output_proj: learns.then(|| linear(dim, 2 * shape.latent)),
+            backbone: ResNet18::new(shape, device),
+            encoder: Encoder::new(shape, shape.encoder_layers, device),
+            encoder_robot_state_input_proj: linear(shape.state, dim),
+            encoder_env_state_input_proj: language.then(|| linear(shape.word_width, dim)),
+            encoder_latent_input_proj: linear(shape.latent, dim),
+            encoder_img_feat_input_proj: Conv2dConfig::new([8 * shape.width, dim], [1, 1])
+                .with_padding(PaddingConfig2d::Valid)
+                .init(device),
+            encoder_1d_feature_pos_embed: embedding(2 + usize::from(language)),
+            decoder: is_act.then(|| Decoder::new(shape, device)),
+            decoder_pos_embed: is_act.then(|| embedding(shape.chunk)),
+            action_head: is_act.then(|| linear(dim, shape.action)),
+            cameras: shape.cameras,
+            latent: shape.latent,
+        }
+    }
+
+    /// What the latent's encoder makes of actions, batch × chunk × action; `padding`
+    /// batch × chunk is true behind the end, `noise` batch × latent.
+    ///
+    /// # Panics
+    /// Without that encoder, which only training needs.
+    #[must_use]
+    pub fn latent(
+        &self,
+        state: Tensor<2>,
+        actions: Tensor<3>,
+        padding: Tensor<2, Bool>,
+        noise: Tensor<2>,
+    ) -> Latent {
+        const NEEDED: &str = "the latent's encoder";
+        let [batch, chunk, _] = actions.dims();
+        let project = |part: &Option<Linear>| part.clone().expect(NEEDED);
+        let first = self.vae_encoder_cls_embed.as_ref().expect(NEEDED);
+        let first = first.weight.val().unsqueeze_dim::<3>(0);
+        let dim = first.dims()[2];
+        let told = project(&self.vae_encoder_robot_state_input_proj).forward(state);
+        let rows = project(&self.vae_encoder_action_input_proj).forward(actions);
+        let x = Tensor::cat(
+            vec![first.expand([batch, 1, dim]), told.unsqueeze_dim(1), rows],
+            1,
+        );
+        let device = x.device();
+        let here = Tensor::<2>::zeros([batch, 2], &device).greater_elem(0.5);
+        let hidden = Tensor::cat(vec![here, padding], 1);
+        let places = places::of_sequence(2 + chunk, dim, &device).unsqueeze_dim(0);
+        let encoder = self.vae_encoder.as_ref().expect(NEEDED);
+        let out = encoder.forward(x, &places, Some(&hidden));
+        let out = out.slice([0..batch, 0..1]).reshape([batch, dim]);
+        let told = project(&self.vae_encoder_latent_output_proj).forward(out);
+        let half = |from: usize| {
+            let part = from..from + self.latent;
+            told.clone().slice([0..batch, part])
+        };
+        let (mean, log_variance) = (half(0), half(self.latent));
+        let drawn = mean.clone() + (log_variance.clone() / 2.0).exp() * noise;
+        Latent {
+            mean,
+            log_variance,
+            drawn,
+        }
+    }
+
+    /// What the encoder makes of pictures (batch * cameras × 3 × height × width),
+    /// state (batch × state) and language (batch × word width). The latent is 0
+    /// where none is given.
+    #[must_use]
+    pub fn remember(
+        &self,
+        pictures: Tensor<4>,
+        state: Tensor<2>,
+        language: Option<Tensor<2>>,
+        latent: Option<Tensor<2>>,
+    ) -> Memory {
+        let (batch, device) = (state.dims()[0], state.device());
+        let latent = latent.unwrap_or_else(|| Tensor::zeros([batch, self.latent], &device));
+        let mut tokens: Vec<Tensor<3>> = vec![
+            self.encoder_latent_input_proj
+                .forward(latent)
+                .unsqueeze_dim(1),
+            self.encoder_robot_state_input_proj
+                .forward(state)
+                .unsqueeze_dim(1),
+        ];
+        if let Some(project) = &self.encoder_env_state_input_proj {
+            let language = language.expect("a sentence for a network with language");
+            tokens.push(project.forward(language).unsqueeze_dim(1));
+        }
+        let features = self.backbone.forward(pictures);
+        let features = self.encoder_img_feat_input_proj.forward(features);
+        let [_, dim, height, width] = features.dims();
+        let seen = features
+            .reshape([batch, self.cameras, dim, height * width])
+            .swap_dims(2, 3)
+            .reshape([batch, self.cameras * height * width, dim]);
+        tokens.push(seen);
+        let place = places::of_picture(height, width, dim, &device);
+        let mut places = vec![self.encoder_1d_feature_pos_embed.weight.val()];
+        places.extend(std::iter::repeat_n(place, self.cameras));
+        let places = Tensor::cat(places, 0).unsqueeze_dim::<3>(0);
+        let tokens = self.encoder.forward(Tensor::cat(tokens, 1), &places, None);
+        Memory {
+            placed: tokens.clone() + places,
+            tokens,
+        }
+    }
+
+    /// Actions, batch × chunk × action; arguments as [`Act::remember`].
+    ///
+    /// # Panics
+    /// When it is the encoder of a flow.
+    #[must_use]
+    pub fn forward(
+        &self,
+        pictures: Tensor<4>,
+        state: Tensor<2>,
+        language: Option<Tensor<2>>,
+        latent: Option<Tensor<2>>,
+    ) -> Tensor<3> {
+        const NEEDED: &str = "the decoder of ACT";
+        let memory = self.remember(pictures, state, language, latent);
+        let place = self.decoder_pos_embed.as_ref().expect(NEEDED);
+        let place = place.weight.val().unsqueeze_dim::<3>(0);
+        let [_, chunk, dim] = place.dims();
+        let batch = memory.tokens.dims()[0];
+        let query = Tensor::zeros([batch, chunk, dim], &memory.tokens.device());
+        let decoder = self.decoder.as_ref().expect(NEEDED);
+        let head = self.action_head.as_ref().expect(NEEDED);
+        head.forward(decoder.forward(query, &place, &memory))
+    }
+}

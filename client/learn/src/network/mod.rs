@@ -1,0 +1,97 @@
+//! The networks. Parameters have the names and the layout of LeRobot's ACT and of
+//! PyTorch (`weight` is outputs by inputs), so that weights go both ways as they are.
+//!
+//! Nothing here reads a file or knows a robot: tensors in, tensors out.
+
+mod act;
+mod attention;
+mod flow;
+mod layer;
+mod places;
+mod resnet;
+mod shape;
+mod transformer;
+
+pub use act::{Act, Latent};
+pub use flow::Flow;
+pub use layer::{Embedding, Linear, PictureNorm};
+pub use resnet::ResNet18;
+pub use shape::{Kind, NormKind, Shape, ShapeError};
+
+use burn::prelude::*;
+
+/// The whole network with its words: what is trained, stored and served.
+#[derive(Module, Debug)]
+pub struct Network {
+    model: Act,
+    flow: Option<Flow>,
+    words: Option<Embedding>,
+}
+
+/// What a network sees; all in the units that it was trained in.
+#[derive(Clone, Debug)]
+pub struct Inputs {
+    /// Pictures, cameras of an observation together: batch * cameras × 3 × height × width.
+    pub pictures: Tensor<4>,
+    /// Batch × state.
+    pub state: Tensor<2>,
+    /// Share of each word of the vocabulary in the sentence: batch × words.
+    pub words: Option<Tensor<2>>,
+}
+
+impl Network {
+    /// With random weights, drawn from the device's seed.
+    #[must_use]
+    pub fn new(shape: &Shape, device: &Device) -> Self {
+        let flow = (shape.kind == Kind::Flow).then(|| Flow::new(shape, device));
+        let words =
+            (shape.words > 0).then(|| Embedding::new(shape.words, shape.word_width, 1.0, device));
+        Self {
+            model: Act::new(shape, device),
+            flow,
+            words,
+        }
+    }
+
+    /// Actions, batch × chunk × action, in the units of training. A flow starts from
+    /// `noise` of that shape; ACT needs none.
+    #[must_use]
+    pub fn forward(&self, inputs: Inputs, noise: Option<Tensor<3>>) -> Tensor<3> {
+        let language = self.language(inputs.words);
+        let Some(flow) = &self.flow else {
+            return self
+                .model
+                .forward(inputs.pictures, inputs.state, language, None);
+        };
+        let memory = self
+            .model
+            .remember(inputs.pictures, inputs.state, language, None);
+        flow.actions(noise.expect("a flow starts from noise"), memory)
+    }
+
+    /// Actions as ACT answers them while it trains: with the latent of the actions
+    /// that are to be answered. Padding is `true` where a row lies behind the end.
+    #[must_use]
+    pub fn trained(
+        &self,
+        inputs: Inputs,
+        actions: Tensor<3>,
+        padding: Tensor<2, Bool>,
+        noise: Tensor<2>,
+    ) -> (Tensor<3>, Latent) {
+        let language = self.language(inputs.words);
+        let latent = self
+            .model
+            .latent(inputs.state.clone(), actions, padding, noise);
+        let drawn = Some(latent.drawn.clone());
+        let found = self
+            .model
+            .forward(inputs.pictures, inputs.state, language, drawn);
+        (found, latent)
+    }
+
+    fn language(&self, words: Option<Tensor<2>>) -> Option<Tensor<2>> {
+        let vectors = self.words.as_ref()?;
+        Some(words?.matmul(vectors.weight.val()))
+    }
+}

@@ -1,0 +1,164 @@
+//! Sizes of a network, as they stand in a model card.
+
+use serde::{Deserialize, Serialize};
+
+/// Which network.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Kind {
+    /// Action chunking transformer (Zhao et al. 2023).
+    #[default]
+    Act,
+    /// Flow matching on the same encoder.
+    Flow,
+}
+
+/// Norms of the ResNet.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub enum NormKind {
+    /// Group norm, for training from scratch.
+    #[default]
+    #[serde(rename = "group")]
+    Group,
+    /// Batch norm with the statistics of its training, for given weights.
+    #[serde(rename = "frozen-bn")]
+    FrozenBatch,
+}
+
+/// Sizes; the defaults are those that ship.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct Shape {
+    /// Which network.
+    pub kind: Kind,
+    /// Numbers of a state.
+    pub state: usize,
+    /// Numbers of an action.
+    pub action: usize,
+    /// Rows of an answer.
+    pub chunk: usize,
+    /// Cameras.
+    pub cameras: usize,
+    /// Words of the vocabulary with the unknown one; 0: no language.
+    pub words: usize,
+    /// Numbers of a word's vector.
+    pub word_width: usize,
+    /// Channels of the ResNet's first stage.
+    pub width: usize,
+    /// Norms of the ResNet.
+    pub norm: NormKind,
+    /// Channels that a group norm takes together.
+    pub group_channels: usize,
+    /// Numbers of a token.
+    pub dim: usize,
+    /// Inner numbers of a feed-forward part.
+    pub feedforward: usize,
+    /// Heads of an attention.
+    pub heads: usize,
+    /// Layers of the encoder.
+    pub encoder_layers: usize,
+    /// Layers of the decoder.
+    pub decoder_layers: usize,
+    /// Layers of the encoder of the latent, in training; 0: without.
+    pub vae_layers: usize,
+    /// Numbers of the latent.
+    pub latent: usize,
+    /// Share of what is dropped in PyTorch's training; Rust's drops nothing.
+    pub dropout: f64,
+    /// Layers of the flow.
+    pub flow_layers: usize,
+    /// Euler steps of the flow.
+    pub flow_steps: usize,
+}
+
+impl Default for Shape {
+    fn default() -> Self {
+        Self {
+            kind: Kind::Act,
+            state: wheelarm_policy::STATE,
+            action: 12,
+            chunk: 20,
+            cameras: 2,
+            words: 0,
+            word_width: 300,
+            width: 64,
+            norm: NormKind::Group,
+            group_channels: 16,
+            dim: 256,
+            feedforward: 1024,
+            heads: 8,
+            encoder_layers: 4,
+            decoder_layers: 1,
+            vae_layers: 4,
+            latent: 32,
+            dropout: 0.1,
+            flow_layers: 6,
+            flow_steps: 10,
+        }
+    }
+}
+
+/// Sizes that no network has.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("no network has {what} = {value}; {rule}")]
+pub struct ShapeError {
+    what: &'static str,
+    value: usize,
+    rule: &'static str,
+}
+
+impl Shape {
+    /// Refuses what would panic or take all memory later.
+    ///
+    /// # Errors
+    /// [`ShapeError`] with the first size that is wrong.
+    pub fn checked(&self) -> Result<(), ShapeError> {
+        let ranges = [
+            ("state", self.state, 1, 4096),
+            ("action", self.action, 1, 4096),
+            ("chunk", self.chunk, 1, 1000),
+            ("cameras", self.cameras, 1, 16),
+            ("words", self.words, 0, 1 << 20),
+            ("word_width", self.word_width, 1, 4096),
+            ("width", self.width, 1, 512),
+            ("group_channels", self.group_channels, 1, 4096),
+            ("dim", self.dim, 4, 4096),
+            ("feedforward", self.feedforward, 1, 1 << 16),
+            ("heads", self.heads, 1, 256),
+            ("encoder_layers", self.encoder_layers, 0, 64),
+            ("decoder_layers", self.decoder_layers, 1, 64),
+            ("vae_layers", self.vae_layers, 0, 64),
+            ("latent", self.latent, 1, 4096),
+            ("flow_layers", self.flow_layers, 1, 64),
+            ("flow_steps", self.flow_steps, 1, 1000),
+        ];
+        for (what, value, least, most) in ranges {
+            if !(least..=most).contains(&value) {
+                let rule = "that is out of range";
+                return Err(ShapeError { what, value, rule });
+            }
+        }
+        let divides = [
+            (
+                "dim",
+                self.dim,
+                self.heads,
+                "it must be a multiple of the heads",
+            ),
+            ("dim", self.dim, 4, "it must be a multiple of 4"),
+        ];
+        for (what, value, by, rule) in divides {
+            if value % by != 0 {
+                return Err(ShapeError { what, value, rule });
+            }
+        }
+        if self.norm == NormKind::Group && self.width % self.group_channels != 0 {
+            return Err(ShapeError {
+                what: "width",
+                value: self.width,
+                rule: "with group norm it must be a multiple of group_channels",
+            });
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,273 @@
+//! Equal to PyTorch, whose answers `python/reference.py` stored, and refused when
+//! it is not the same network.
+
+use std::path::{Path, PathBuf};
+
+use burn::prelude::Device;
+use safetensors::SafeTensors;
+use wheelarm_learn::network::{Network, Shape};
+use wheelarm_learn::serve::Policy;
+use wheelarm_learn::trained::Trained;
+use wheelarm_learn::weights::{Weights, WeightsFile};
+use wheelarm_proto::v1;
+
+fn data(name: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR"))
+        .join("tests/data")
+        .join(name)
+}
+
+/// What PyTorch was asked and answered.
+struct Answers {
+    seen: v1::PolicyObservation,
+    noise: Vec<f32>,
+    rows: Vec<f32>,
+}
+
+fn answers(name: &str) -> Answers {
+    let bytes = std::fs::read(data(&format!("{name}.answers.safetensors"))).expect("a file");
+    let (_, header) = SafeTensors::read_metadata(&bytes).expect("a header");
+    let sentence = header.metadata().as_ref().expect("metadata")["wheelarm"].clone();
+    let file = SafeTensors::deserialize(&bytes).expect("tensors");
+    let numbers = |name: &str| -> Vec<f32> {
+        let view = file.tensor(name).expect("a tensor");
+        let numbers = view.data().chunks_exact(4);
+        numbers
+            .map(|b| f32::from_le_bytes(b.try_into().expect("four bytes")))
+            .collect()
+    };
+    let pictures = file.tensor("pictures").expect("pictures");
+    let [_, height, width, _] = pictures.shape() else {
+        panic!("{:?}", pictures.shape())
+    };
+    let each = pictures.data().chunks(height * width * 3);
+    let pictures = ["left", "right"]
+        .iter()
+        .zip(each)
+        .map(|(camera, rgb)| v1::PolicyPicture {
+            camera: (*camera).to_owned(),
+            width: *width as u32,
+            height: *height as u32,
+            rgb: rgb.to_vec().into(),
+            ..Default::default()
+        });
+    let moment = v1::PolicyMoment {
+        state_values: numbers("state").into_iter().map(f64::from).collect(),
+        pictures: pictures.collect(),
+    };
+    Answers {
+        seen: v1::PolicyObservation {
+            episode_key: "one".to_owned(),
+            seed: 3,
+            tick: 240,
+            instruction: sentence,
+            moments: vec![moment],
+            ..Default::default()
+        },
+        noise: numbers("noise"),
+        rows: numbers("rows"),
+    }
+}
+
+fn apart(a: &[f32], b: &[f32]) -> f32 {
+    assert_eq!(a.len(), b.len());
+    a.iter()
+        .zip(b)
+        .map(|(a, b)| (a - b).abs())
+        .fold(0.0, f32::max)
+}
+
+const CASES: [&str; 5] = ["act", "act-frozen", "act-16bit", "act-8bit", "flow"];
+
+#[test]
+fn answers_are_those_of_pytorch() {
+    for name in CASES {
+        let policy = Trained::read(&data(&format!("{name}.safetensors"))).expect("a policy");
+        let told = answers(name);
+        let rows = policy.answer(&told.seen, &told.noise).expect("rows");
+        let error = apart(&rows, &told.rows);
+        println!("{name}: {error:e}");
+        assert!(error < 1e-4, "{name}: {error}");
+        // A sentence and a picture are looked at, so that equality says something.
+        let mut other = told.seen.clone();
+        other.moments[0].pictures[1].rgb = vec![90; 41 * 50 * 3].into();
+        assert!(apart(&policy.answer(&other, &told.noise).expect("rows"), &rows) > 1e-3);
+        if !policy.card().vocabulary.is_empty() {
+            let mut other = told.seen.clone();
+            other.instruction = "mug".to_owned();
+            assert!(apart(&policy.answer(&other, &told.noise).expect("rows"), &rows) > 1e-3);
+        }
+    }
+}
+
+#[test]
+fn a_batch_is_answered_in_order_and_what_does_not_fit_in_words() {
+    for name in ["act", "flow"] {
+        let mut policy = Trained::read(&data(&format!("{name}.safetensors"))).expect("a policy");
+        let told = answers(name);
+        let key = |seen: &v1::PolicyObservation, key: &str| v1::PolicyObservation {
+            episode_key: key.to_owned(),
+            ..seen.clone()
+        };
+        let mut all = vec![key(&told.seen, "good")];
+        let spoilt: [(&str, &dyn Fn(&mut v1::PolicyMoment)); 5] = [
+            ("state has 4", &|m| m.state_values.truncate(4)),
+            ("beta is NaN", &|m| m.state_values[1] = f64::NAN),
+            ("1 pictures", &|m| m.pictures.truncate(1)),
+            ("41x50", &|m| {
+                (m.pictures[0].width, m.pictures[0].height) = (41, 50)
+            }),
+            ("5 bytes", &|m| m.pictures[1].rgb = vec![0; 5].into()),
+        ];
+        for (words, spoil) in spoilt {
+            let mut seen = key(&told.seen, words);
+            spoil(&mut seen.moments[0]);
+            all.push(seen);
+        }
+        let mut late = key(&told.seen, "late");
+        late.moments[0].state_values[0] += 1.0;
+        all.push(late);
+        let mut empty = key(&told.seen, "no moment");
+        empty.moments.clear();
+        all.push(empty);
+        let reply = policy.infer(&v1::InferRequest { observations: all });
+        assert_eq!(reply.chunks.len(), 8);
+        for chunk in &reply.chunks {
+            let fits = ["good", "late"].contains(&chunk.episode_key.as_str());
+            assert_eq!(chunk.values.len(), if fits { 36 } else { 0 });
+            assert_eq!(chunk.tick, 240);
+            let told = fits || chunk.problem.contains(&chunk.episode_key);
+            assert!(told, "{}: {}", chunk.episode_key, chunk.problem);
+        }
+        let alone = policy.infer(&v1::InferRequest {
+            observations: vec![key(&told.seen, "good")],
+        });
+        assert!(apart(&alone.chunks[0].values, &reply.chunks[0].values) < 1e-5);
+        assert!(apart(&reply.chunks[0].values, &reply.chunks[6].values) > 1e-3);
+    }
+}
+
+#[test]
+fn a_spec_says_what_the_card_says() {
+    let policy = Trained::read(&data("act.safetensors")).expect("a policy");
+    let spec = policy.spec();
+    assert_eq!((spec.chunk, spec.execute, spec.rate_hz), (4, 2, 10.0));
+    assert_eq!(spec.action(), v1::PolicyAction::NextJoints);
+    assert_eq!(spec.weights_sha256.len(), 64);
+    let seeds: Vec<_> = spec
+        .training_seeds
+        .iter()
+        .map(|r| (r.first, r.end))
+        .collect();
+    assert_eq!(seeds, [(1, 4), (9, 10)]);
+}
+
+#[test]
+fn weights_come_back_as_they_were_written() {
+    let folder = tempfile::tempdir().expect("a folder");
+    for name in ["act", "act-frozen", "flow"] {
+        let file = WeightsFile::read(&data(&format!("{name}.safetensors"))).expect("a file");
+        let policy = Trained::read(&data(&format!("{name}.safetensors"))).expect("a policy");
+        let shape = policy.card().network.clone();
+        let network = file
+            .weights
+            .clone()
+            .into_network(Network::new(&shape, &Device::flex()))
+            .expect("fits");
+        let path = folder.path().join("again.safetensors");
+        Weights::of_network(&network)
+            .write(&path, file.card.as_deref())
+            .expect("written");
+        let again = WeightsFile::read(&path).expect("a file");
+        assert_eq!(again.card, file.card);
+        let count = again.weights.names().count();
+        assert!(count > 60, "{count} tensors");
+        for name in again.weights.names() {
+            assert_eq!(again.weights.get(name), file.weights.get(name), "{name}");
+        }
+    }
+}
+
+#[test]
+fn weights_of_another_network_are_refused_by_the_tensor() {
+    let file = WeightsFile::read(&data("act.safetensors")).expect("a file");
+    let shape = Trained::read(&data("act.safetensors"))
+        .expect("a policy")
+        .card()
+        .network
+        .clone();
+    let refused = |shape: &Shape| {
+        let network = Network::new(shape, &Device::flex());
+        file.weights
+            .clone()
+            .into_network(network)
+            .unwrap_err()
+            .to_string()
+    };
+    let wider = Shape {
+        dim: 32,
+        ..shape.clone()
+    };
+    let told = refused(&wider);
+    assert!(told.contains("32]") && told.contains("[48, 16]"), "{told}");
+    let fewer = Shape {
+        encoder_layers: 1,
+        ..shape.clone()
+    };
+    let told = refused(&fewer);
+    assert!(told.contains("model.encoder.layers.1"), "{told}");
+    let more = Shape {
+        decoder_layers: 2,
+        ..shape
+    };
+    let told = refused(&more);
+    assert!(
+        told.contains("model.decoder.layers.1") && told.contains("none"),
+        "{told}"
+    );
+}
+
+#[test]
+fn a_file_that_is_no_policy_is_refused_in_words() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("bad.safetensors");
+    let good = std::fs::read(data("act.safetensors")).expect("a file");
+    let refused = |bytes: &[u8]| {
+        std::fs::write(&path, bytes).expect("written");
+        format!("{:#}", Trained::read(&path).unwrap_err())
+    };
+    let told = refused(b"");
+    assert!(told.contains("no safetensors file"), "{told}");
+    let told = refused(&good[..good.len() / 2]);
+    assert!(told.contains("no safetensors file"), "{told}");
+    let told = refused(&std::fs::read(data("act.answers.safetensors")).expect("a file"));
+    assert!(told.contains("U8"), "{told}");
+    let weights = WeightsFile::read(&data("act.safetensors"))
+        .expect("a file")
+        .weights;
+    weights.write(&path, None).expect("written");
+    let told = format!("{:#}", Trained::read(&path).unwrap_err());
+    assert!(told.contains("no model card"), "{told}");
+    let text = String::from_utf8_lossy(&good).into_owned();
+    for (from, to, words) in [
+        (
+            "wheelarm-policy/1",
+            "wheelarm-policy/9",
+            "wheelarm-policy/9",
+        ),
+        (r#"\"chunk\": 4"#, r#"\"chunk\": 5"#, "5"),
+        (r#"\"heads\": 2"#, r#"\"heads\": 3"#, "heads"),
+        (r#"\"history\": 1"#, r#"\"history\": 2"#, "history"),
+    ] {
+        assert!(text.contains(from), "{from}");
+        // The length stays, so that the header does.
+        let at = good
+            .windows(from.len())
+            .position(|w| w == from.as_bytes())
+            .expect("there");
+        let mut bad = good.clone();
+        bad[at..at + to.len()].copy_from_slice(to.as_bytes());
+        let told = refused(&bad);
+        assert!(told.contains(words), "{told}");
+    }
+}

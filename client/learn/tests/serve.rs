@@ -1,0 +1,168 @@
+//! The program `wheelarm-learn serve`, asked over Zenoh as a pilot asks it.
+
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Stdio};
+use std::time::{Duration, Instant};
+
+use wheelarm_learn::serve::{ENDPOINT_VARIABLE, NAME_VARIABLE};
+use wheelarm_proto::keys::PolicyKeys;
+use wheelarm_proto::{Message, schema, v1};
+use zenoh::{Config, Session, Wait};
+
+fn data(name: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR"))
+        .join("tests/data")
+        .join(name)
+}
+
+/// A session that listens at an endpoint.
+fn listening(endpoint: &str) -> Session {
+    let mut config = Config::default();
+    for (key, value) in [
+        ("mode", "\"peer\"".to_owned()),
+        ("listen/endpoints", format!("[\"{endpoint}\"]")),
+        ("scouting/multicast/enabled", "false".to_owned()),
+        ("scouting/gossip/enabled", "false".to_owned()),
+    ] {
+        config.insert_json5(key, &value).expect("a setting");
+    }
+    zenoh::open(config).wait().expect("a session")
+}
+
+/// A served policy, ended with this.
+struct Served(Child);
+
+impl Drop for Served {
+    fn drop(&mut self) {
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
+}
+
+fn ask<R: Message + Default>(
+    session: &Session,
+    key: String,
+    message: &str,
+    bytes: Vec<u8>,
+) -> Result<R, v1::Failure> {
+    let replies = session
+        .get(key)
+        .payload(bytes)
+        .encoding(schema::encoding(message))
+        .timeout(Duration::from_secs(60))
+        .wait()
+        .expect("a query");
+    let reply = replies.recv().expect("an answer");
+    match reply.result() {
+        Ok(sample) => {
+            schema::check(&sample.encoding().to_string()).expect("our version");
+            Ok(R::decode(&*sample.payload().to_bytes()).expect("a message"))
+        }
+        Err(error) => Err(v1::Failure::decode(&*error.payload().to_bytes()).expect("a failure")),
+    }
+}
+
+fn observation(key: &str) -> v1::PolicyObservation {
+    let picture = |camera: &str| v1::PolicyPicture {
+        camera: camera.to_owned(),
+        width: 50,
+        height: 41,
+        rgb: (0..41 * 50 * 3).map(|i| (i * 7 % 251) as u8).collect(),
+        ..Default::default()
+    };
+    v1::PolicyObservation {
+        episode_key: key.to_owned(),
+        seed: 5,
+        first: true,
+        tick: 48,
+        instruction: "get me the mug".to_owned(),
+        moments: vec![v1::PolicyMoment {
+            state_values: vec![0.1, -0.2, 0.3, 0.4, 0.5],
+            pictures: vec![picture("left"), picture("right")],
+        }],
+    }
+}
+
+#[test]
+fn a_policy_is_found_describes_itself_and_answers_each_and_all() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let endpoint = format!("unixsock-stream/{}/policy", folder.path().display());
+    let session = listening(&endpoint);
+    let child = Command::new(env!("CARGO_BIN_EXE_wheelarm-learn"))
+        .arg("serve")
+        .arg(data("flow.safetensors"))
+        .env(ENDPOINT_VARIABLE, &endpoint)
+        .env(NAME_VARIABLE, "tested")
+        .stdout(Stdio::null())
+        .spawn();
+    let _served = Served(child.expect("a process"));
+    let keys = PolicyKeys::new("tested").expect("a name");
+    let deadline = Instant::now() + Duration::from_secs(60);
+    let is_there = || {
+        let replies = session.liveliness().get(keys.alive()).wait();
+        replies.expect("a query").into_iter().next().is_some()
+    };
+    while !is_there() {
+        assert!(Instant::now() < deadline, "it does not come");
+        std::thread::sleep(Duration::from_millis(20));
+    }
+
+    let spec: v1::PolicySpec = ask(
+        &session,
+        keys.describe(),
+        "wheelarm.v1.PolicyDescribeRequest",
+        Vec::new(),
+    )
+    .expect("a spec");
+    assert_eq!((spec.name.as_str(), spec.stochastic), ("flow", true));
+    let reset = v1::PolicyResetRequest::default().encode_to_vec();
+    let reset: Result<v1::PolicyResetReply, _> = ask(
+        &session,
+        keys.reset(),
+        "wheelarm.v1.PolicyResetRequest",
+        reset,
+    );
+    assert!(reset.is_ok());
+
+    let infer = |observations| {
+        let request = v1::InferRequest { observations };
+        let bytes = request.encode_to_vec();
+        ask::<v1::InferReply>(&session, keys.infer(), "wheelarm.v1.InferRequest", bytes)
+    };
+    let one = infer(vec![observation("one")]).expect("an answer");
+    let again = infer(vec![observation("one")]).expect("an answer");
+    assert_eq!(one, again, "the noise follows from seed and tick");
+    let mut bad = observation("bad");
+    bad.moments[0].state_values.clear();
+    let all = infer(vec![bad, observation("two")]).expect("an answer");
+    assert_eq!(all.chunks[0].episode_key, "bad");
+    assert!(
+        all.chunks[0].problem.contains("state"),
+        "{:?}",
+        all.chunks[0]
+    );
+    assert_eq!(all.chunks[1].rows, 4);
+
+    // What cannot be read is a failure in words, and the policy goes on.
+    let failure = ask::<v1::InferReply>(
+        &session,
+        keys.infer(),
+        "wheelarm.v1.InferRequest",
+        vec![0xff; 40],
+    );
+    let words = failure.expect_err("no answer").message;
+    assert!(words.contains("cannot be read"), "{words}");
+    assert_eq!(infer(vec![observation("one")]).expect("an answer"), one);
+}
+
+#[test]
+fn a_file_that_is_no_policy_ends_the_program_with_words() {
+    let output = Command::new(env!("CARGO_BIN_EXE_wheelarm-learn"))
+        .args(["serve", "--connect", "tcp/127.0.0.1:1"])
+        .arg(data("flow.answers.safetensors"))
+        .output()
+        .expect("a process");
+    assert_eq!(output.status.code(), Some(1));
+    let words = String::from_utf8_lossy(&output.stderr);
+    assert!(words.contains("pictures"), "{words}");
+}
