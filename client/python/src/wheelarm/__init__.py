@@ -1,0 +1,77 @@
+"""Client of WheelArm, a headless simulator of a wheelchair with a robotic arm.
+
+    import wheelarm
+
+    with wheelarm.Server(task="pick_mustard", pacing="lock-step") as server:
+        with server.connect() as client, client.lockstep("me") as episode:
+            moment = episode.step(wheelarm.command(linear=0.3, over_ticks=6))
+            print(moment.samples["joint_state"].arrays()["position"])
+
+SI units, radians, z up, quaternions x y z w. `wheelarm.v1` holds the messages.
+"""
+
+from __future__ import annotations
+
+from importlib.metadata import PackageNotFoundError
+from importlib.metadata import version as _version
+
+from . import v1
+from ._contract import CONTRACT_VERSION, TASKS
+from .client import Client, camera_setting, connect, scenario_of
+from .commander import Commander, command
+from .errors import (
+    Forked,
+    Garbled,
+    Gone,
+    NoServer,
+    OtherName,
+    OtherVersion,
+    Refused,
+    Silent,
+    WheelArmError,
+)
+from .frame import Frame
+from .local import Server, find_program
+from .lockstep import Ended, LockStep, Moment
+from .streams import Camera, Sample, Streams, arrays, pose, quaternion, twist, vector
+
+try:
+    __version__ = _version("wheelarm")
+except PackageNotFoundError:  # beside a checkout, not installed
+    __version__ = "0.0.0"
+
+__all__ = [
+    "CONTRACT_VERSION",
+    "TASKS",
+    "Camera",
+    "Client",
+    "Commander",
+    "Ended",
+    "Forked",
+    "Frame",
+    "Garbled",
+    "Gone",
+    "LockStep",
+    "Moment",
+    "NoServer",
+    "OtherName",
+    "OtherVersion",
+    "Refused",
+    "Sample",
+    "Server",
+    "Silent",
+    "Streams",
+    "WheelArmError",
+    "__version__",
+    "arrays",
+    "camera_setting",
+    "command",
+    "connect",
+    "find_program",
+    "pose",
+    "quaternion",
+    "scenario_of",
+    "twist",
+    "v1",
+    "vector",
+]
