@@ -1,0 +1,101 @@
+#!/usr/bin/env python3
+"""Serves a policy by PyTorch, on a GPU where there is one.
+
+    wheelarm evaluate --policy "exec:python3 serve.py policy.safetensors" ...
+
+Answers what `wheelarm-learn serve` answers, without PyTorch, on the processor. Needs the
+package `wheelarm` (client/python), torch, numpy and safetensors.
+"""
+
+import argparse
+import sys
+from pathlib import Path
+
+import numpy as np
+import torch
+from wheelarm import policy, v1
+
+import policy_file
+from episodes import indices
+
+ACTIONS = {"next-pose": v1.POLICY_ACTION_NEXT_POSE, "next-joints": v1.POLICY_ACTION_NEXT_JOINTS}
+
+
+class Trained:
+    """A network with its card."""
+
+    def __init__(self, path, device, batch):
+        self.network, self.card = policy_file.load(path, device)
+        self.device, self.batch, self.hash = device, batch, policy_file.sha256(path)
+        told = self.card["state"]
+        self.shown = np.array([name not in told["hidden"] for name in told["names"]])
+
+    def spec(self):
+        card = self.card
+        return v1.PolicySpec(
+            name=card["name"],
+            weights_sha256=self.hash,
+            cameras=[
+                v1.PolicyCamera(name=c["name"], width=c["width"], height=c["height"]) for c in card["cameras"]
+            ],
+            state_names=card["state"]["names"],
+            history=1,
+            rate_hz=card["rate_hz"],
+            chunk=card["network"]["chunk"],
+            execute=card["execute"],
+            action=ACTIONS[card["action"]["kind"]],
+            action_names=card["action"]["names"],
+            max_batch=self.batch,
+            stochastic=card["network"]["kind"] == "flow",
+            training_seeds=[v1.SeedRange(first=first, end=end) for first, end in card["training"]["seeds"]],
+        )
+
+    def reset(self, request):
+        pass
+
+    @torch.no_grad()
+    def infer(self, observations):
+        card, told, shape = self.card, self.card["state"], self.network.shape
+        states = np.stack([observation.state for observation in observations]).astype(np.float32)
+        states = (states - np.float32(told["mean"])) / np.float32(told["std"]) * self.shown
+        multiple = card["picture"]["multiple"]
+        names = [camera["name"] for camera in card["cameras"]]
+        seen = np.stack([
+            np.stack([policy_file.padded(observation.pictures[-1][name], multiple) for name in names])
+            for observation in observations
+        ])
+        words = [indices(observation.instruction, card["vocabulary"]) or [-1] for observation in observations]
+        longest = max(map(len, words))
+        words = torch.tensor([row + [-1] * (longest - len(row)) for row in words], device=self.device)
+        noise = None
+        if shape.kind == "flow":
+            noise = torch.stack([self.noise(o.seed, o.tick) for o in observations]).to(self.device)
+        pictures = policy_file.prepared(torch.from_numpy(seen).to(self.device), card)
+        state = torch.from_numpy(states.astype(np.float32)).to(self.device)
+        found = self.network(pictures, state, words, noise).float().cpu().numpy()
+        rows = found * np.float32(card["action"]["std"]) + np.float32(card["action"]["mean"])
+        return list(rows)
+
+    def noise(self, seed, tick):
+        """The same for the same episode and row."""
+        generator = torch.Generator().manual_seed((seed * 1_000_003 + tick) % 2**63)
+        return torch.randn(self.network.shape.chunk, self.network.shape.action, generator=generator)
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("policy", type=Path)
+    parser.add_argument("--device", default="cuda" if torch.cuda.is_available() else "cpu")
+    parser.add_argument("--batch", type=int, default=64, help="observations at a time")
+    options = parser.parse_args()
+    try:
+        trained = Trained(options.policy, options.device, options.batch)
+    except (OSError, ValueError) as problem:
+        print(f"error: {problem}", file=sys.stderr)
+        return 1
+    policy.serve(trained)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
