@@ -14,12 +14,14 @@
 # make test-adversarial   200 operators who mean harm, a minute each, sixty of them at the bear
 # make soak    300 short episodes one right after the other, every file checked
 # make test-original SCRIPTS=DIR   WheelArm-Sim's processing scripts on an episode of ours
+# make train-mustard   episodes, policy, corrections, policy, evaluation, on a big GPU (RUN=data/mustard)
 # make bench   step, kinematics, cameras and recording beside their references
 
 CARGO ?= cargo
 OUT ?= data/demo
 SEED ?= 0
 STATIC ?= target/static
+RUN ?= data/mustard
 PLAN ?= assets/campaigns/small.toml
 # burn compiles for minutes: only `make test-learn` builds what learns.
 WITHOUT_LEARN := --exclude wheelarm-learn
@@ -27,7 +29,7 @@ BUILT := $(or $(CARGO_TARGET_DIR),target)/release
 export WHEELARM_COMMIT ?= $(shell git rev-parse --short=12 HEAD 2>/dev/null)
 export WHEELARM_PYTHON ?= $(CURDIR)/.venv/bin/python
 
-.PHONY: all build static demo test test-learn contract test-cluster test-readers test-data test-original test-adversarial soak bench clean
+.PHONY: all build static demo test test-learn contract test-cluster test-readers test-data test-original test-adversarial soak train-mustard bench clean
 all: build
 
 build:
@@ -91,6 +93,11 @@ soak:
 
 test-original: build
 	tests/original.sh $(SCRIPTS)
+
+train-mustard:
+	scripts/setup.sh
+	$(CARGO) build --release --bins
+	scripts/train_policy.sh $(RUN)
 
 bench:
 	scripts/setup.sh python numpy h5py mujoco

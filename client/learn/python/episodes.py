@@ -116,6 +116,7 @@ class Episodes:
         states = np.empty((total, files[0].shapes["states"][1]), np.float32)
         actions = np.empty((total, files[0].shapes["actions"][1]), np.float32)
         incidents = np.empty(total, np.uint8)
+        experts = np.ones(total, np.uint8)
 
         def load(number):
             at = slice(int(starts[number]), int(ends[number]))
@@ -125,6 +126,8 @@ class Episodes:
                 states[at] = file.get_tensor("states").numpy()
                 actions[at] = file.get_tensor("actions").numpy()
                 incidents[at] = file.get_tensor("incident").numpy()
+                if "expert" in files[number].shapes:
+                    experts[at] = file.get_tensor("expert").numpy()
 
         with ThreadPoolExecutor(8) as pool:
             for _ in pool.map(load, range(len(files))):
@@ -136,7 +139,7 @@ class Episodes:
         for start_row, end in zip(starts, ends):
             limit = end
             for row in range(end - 1, start_row - 1, -1):
-                if incidents[row] in WRONG_ON_PURPOSE:
+                if incidents[row] in WRONG_ON_PURPOSE or not experts[row]:
                     limit = row
                 limits[row] = limit
         self.states, self.actions, self.total = states, actions, total

@@ -21,6 +21,17 @@ from episodes import indices
 ACTIONS = {"next-pose": v1.POLICY_ACTION_NEXT_POSE, "next-joints": v1.POLICY_ACTION_NEXT_JOINTS}
 
 
+def ranges(seeds):
+    """Runs of seeds as first and one after the last."""
+    out = []
+    for seed in sorted(seeds):
+        if out and out[-1][1] == seed:
+            out[-1][1] = seed + 1
+        else:
+            out.append([seed, seed + 1])
+    return out
+
+
 class Trained:
     """A network with its card."""
 
@@ -47,7 +58,7 @@ class Trained:
             action_names=card["action"]["names"],
             max_batch=self.batch,
             stochastic=card["network"]["kind"] == "flow",
-            training_seeds=[v1.SeedRange(first=first, end=end) for first, end in card["training"]["seeds"]],
+            training_seeds=[v1.SeedRange(first=first, end=end) for first, end in ranges(card["training_seeds"])],
         )
 
     def reset(self, request):

@@ -56,7 +56,14 @@ fn a_recording_of_the_first_contract_is_read_validated_aligned_exported_and_show
     ] {
         succeeds(here, command);
     }
-    for format in ["wheelarm-sim", "csv", "lerobot", "robomimic", "tensors", "mcap"] {
+    for format in [
+        "wheelarm-sim",
+        "csv",
+        "lerobot",
+        "robomimic",
+        "tensors",
+        "mcap",
+    ] {
         let out = format!("exported-{format}");
         let export = ["dataset", "export", "old.h5", "--format", format, "--out"];
         let mut export = [&export[..], &[&out]].concat();

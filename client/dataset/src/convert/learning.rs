@@ -51,6 +51,8 @@ pub struct Learning<'a> {
     /// The error on purpose that is under way in a row and not yet put right, a code of
     /// `v1::Incident` (1 to 3); 0 for none.
     pub incidents: Vec<usize>,
+    /// Whether a policy commanded in a row: what it did is no example.
+    pub by_policy: Vec<bool>,
     /// Words about rows that are left out.
     pub notes: Vec<String>,
     position: &'a Signal,
@@ -90,6 +92,7 @@ impl<'a> Learning<'a> {
             states: Vec::new(),
             actions: Vec::new(),
             incidents: Vec::new(),
+            by_policy: Vec::new(),
             notes: Vec::new(),
             velocity: recording.need("joint_state", "velocity")?,
             odometry: recording.need("odometry", "pose")?,
@@ -116,6 +119,10 @@ impl<'a> Learning<'a> {
         let told = incidents(recording);
         let stamped = all.rows.iter().map(|&row| stamps[row]);
         all.incidents = stamped.map(|stamp| under_way(&told, stamp)).collect();
+        let devices = devices(recording);
+        let stamped = all.rows.iter().map(|&row| stamps[row]);
+        let is_policy = |stamp| device(&devices, stamp) == Some(v1::Device::Policy);
+        all.by_policy = stamped.map(is_policy).collect();
         let Some(&start) = all.rows.first() else {
             return Ok(all);
         };
@@ -372,6 +379,25 @@ fn under_way(told: &[(u64, v1::Incident)], stamp: u64) -> usize {
         Recovered => 0,
         _ => code,
     })
+}
+
+/// With what was commanded, with its time, nanoseconds.
+fn devices(recording: &Recording) -> Vec<(u64, v1::Device)> {
+    let commands = recording.episode.commands().unwrap_or_default();
+    let told = commands.into_iter().filter_map(|log| {
+        let stamp = log.header?.stamp_nanos;
+        Some((stamp, log.command?.device()))
+    });
+    told.filter(|(_, device)| *device != v1::Device::Unspecified)
+        .collect()
+}
+
+/// With what the row of a picture was commanded: the answer to the picture comes
+/// within a control tick.
+fn device(told: &[(u64, v1::Device)], stamp: u64) -> Option<v1::Device> {
+    let until = stamp + 1_000_000_000 / wheelarm_proto::CONTROL_HZ;
+    let behind = told.partition_point(|(at, _)| *at <= until);
+    Some(told.get(behind.checked_sub(1)?)?.1)
 }
 
 /// The cameras that have pictures, with the size that these get: `size` where it

@@ -28,6 +28,7 @@ const TABLE: [&str; 3] = ["joint_state", "pose", "imu"];
 /// | `actions` | N × 9 or 12, f32 | rows of action |
 /// | `seconds` | N, f64 | simulation time |
 /// | `phase`, `incident`, `success` | N, u8 | label 0 to 3; error on purpose 0 to 3; the task holds |
+/// | `expert` | N, u8 | 0 where a policy commanded, whose deeds are no example |
 /// | `table` | N × 112, f32 | WheelArm-Sim's columns; only with an IMU in the recording |
 /// | `pictures.CAMERA` | N × height × width × 3, u8 | what the robot saw, sRGB |
 ///
@@ -72,6 +73,10 @@ impl Format for Tensors {
             },
             of_bytes("phase", bytes(&|row| recording.labels[row])),
             of_bytes("incident", incidents),
+            of_bytes(
+                "expert",
+                learning.by_policy.iter().map(|p| u8::from(!p)).collect(),
+            ),
             of_bytes("success", bytes(&|row| u8::from(learning.success(row)))),
         ];
         let has_table = !recording.aligned.whole_rows(&TABLE, &[]).is_empty();
