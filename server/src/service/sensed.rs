@@ -1,6 +1,6 @@
-//! Pictures as sensors would give them: a thread takes the exact pictures of the
-//! cameras, makes those of the scenario's sensor models, and publishes each when
-//! it arrives. Nothing is computed on the simulation's thread.
+//! Pictures as sensors would give them: each sensor of the scenario has a thread that
+//! takes the exact pictures of its camera, makes its own of them, and publishes each
+//! when it arrives. Nothing is computed on the simulation's thread.
 //!
 //! What is published in an episode follows from its exact pictures, its seeds and
 //! its last tick alone, whatever the clock on the wall does.
@@ -50,10 +50,9 @@ struct Now {
     tick: AtomicU64,
 }
 
-/// Handle of the thread; ends with it.
+/// Handle of the threads; they end with it.
 pub struct Sensed {
-    jobs: Option<SyncSender<Job>>,
-    thread: Option<JoinHandle<()>>,
+    sensors: Vec<AtWork>,
     now: Arc<Now>,
     making: Arc<AtomicUsize>,
     /// By index of the camera in the scenario: the sensors on it.
@@ -83,9 +82,16 @@ struct Sensor {
     last: Option<i64>,
 }
 
-/// What the thread works with.
+/// One sensor's thread.
+struct AtWork {
+    camera: usize,
+    jobs: SyncSender<Job>,
+    thread: JoinHandle<()>,
+}
+
+/// What a thread works with.
 struct Worker {
-    sensors: Vec<Sensor>,
+    sensor: Sensor,
     surfaces: Vec<Surface>,
     outbox: Arc<Outbox>,
     now: Arc<Now>,
@@ -95,7 +101,7 @@ impl Sensed {
     /// Starts the sensors that stand on `cameras`, names in the scenario's order.
     ///
     /// # Errors
-    /// When the thread cannot start.
+    /// When a thread cannot start.
     pub fn start(
         devices: &[Device],
         cameras: &[String],
@@ -116,12 +122,13 @@ impl Sensed {
         let names: Vec<Vec<String>> = (0..cameras.len()).map(of_camera).collect();
         let now = Arc::new(Now::default());
         let making = Arc::new(AtomicUsize::new(0));
-        let (mut jobs, mut thread) = (None, None);
-        if !sensors.is_empty() {
-            let (to, queue) = mpsc::sync_channel(QUEUE);
+        let mut at_work = Vec::new();
+        for sensor in sensors {
+            let (jobs, queue) = mpsc::sync_channel(QUEUE);
+            let camera = sensor.camera;
             let worker = Worker {
-                sensors,
-                surfaces,
+                sensor,
+                surfaces: surfaces.clone(),
                 outbox: Arc::clone(outbox),
                 now: Arc::clone(&now),
             };
@@ -133,11 +140,14 @@ impl Sensed {
                     worker.run(&queue, &making, &signal);
                 });
             let failed = |e| ServiceError::Thread(format!("for sensors cannot start: {e}"));
-            (jobs, thread) = (Some(to), Some(started.map_err(failed)?));
+            at_work.push(AtWork {
+                camera,
+                jobs,
+                thread: started.map_err(failed)?,
+            });
         }
         Ok(Self {
-            jobs,
-            thread,
+            sensors: at_work,
             now,
             making,
             names,
@@ -158,21 +168,16 @@ impl Sensed {
 
     /// Hands over an exact picture; waits while others wait.
     pub fn offer(&self, frame: &Frame, episode: u64, tick: u64) {
-        let Some(jobs) = self
-            .jobs
-            .as_ref()
-            .filter(|_| !self.on(frame.camera).is_empty())
-        else {
-            return;
-        };
-        self.making.fetch_add(1, Ordering::AcqRel);
-        let job = Job::Make {
-            frame: frame.clone(),
-            episode,
-            tick,
-        };
-        if jobs.send(job).is_err() {
-            self.making.fetch_sub(1, Ordering::AcqRel);
+        for sensor in self.sensors.iter().filter(|s| s.camera == frame.camera) {
+            self.making.fetch_add(1, Ordering::AcqRel);
+            let job = Job::Make {
+                frame: frame.clone(),
+                episode,
+                tick,
+            };
+            if sensor.jobs.send(job).is_err() {
+                self.making.fetch_sub(1, Ordering::AcqRel);
+            }
         }
     }
 
@@ -191,10 +196,15 @@ impl Sensed {
     /// Waits until everything that has arrived is published; what is still on its
     /// way is forgotten.
     pub fn settle(&self) {
-        let (done, wait) = mpsc::sync_channel(1);
-        if let Some(jobs) = &self.jobs
-            && jobs.send(Job::Settle(done)).is_ok()
-        {
+        let asked: Vec<Receiver<()>> = self
+            .sensors
+            .iter()
+            .filter_map(|sensor| {
+                let (done, wait) = mpsc::sync_channel(1);
+                sensor.jobs.send(Job::Settle(done)).ok().map(|()| wait)
+            })
+            .collect();
+        for wait in asked {
             let _ = wait.recv();
         }
     }
@@ -202,8 +212,9 @@ impl Sensed {
 
 impl Drop for Sensed {
     fn drop(&mut self) {
-        self.jobs.take();
-        if let Some(thread) = self.thread.take() {
+        let sensors = std::mem::take(&mut self.sensors);
+        let threads: Vec<JoinHandle<()>> = sensors.into_iter().map(|s| s.thread).collect();
+        for thread in threads {
             let _ = thread.join();
         }
     }
@@ -246,10 +257,9 @@ impl Worker {
     fn run(mut self, queue: &Receiver<Job>, making: &AtomicUsize, signal: &Signal) {
         loop {
             self.publish();
-            let waiting = self.sensors.iter().any(|sensor| !sensor.on_way.is_empty());
-            let job = match waiting {
-                true => queue.recv_timeout(LOOK),
-                false => queue.recv().map_err(|_| RecvTimeoutError::Disconnected),
+            let job = match self.sensor.on_way.is_empty() {
+                false => queue.recv_timeout(LOOK),
+                true => queue.recv().map_err(|_| RecvTimeoutError::Disconnected),
             };
             match job {
                 Ok(Job::Make {
@@ -257,19 +267,13 @@ impl Worker {
                     episode,
                     tick,
                 }) => {
-                    for sensor in &mut self.sensors {
-                        if sensor.camera == frame.camera {
-                            sensor.take(&frame, episode, tick, &self.surfaces);
-                        }
-                    }
+                    self.sensor.take(&frame, episode, tick, &self.surfaces);
                     making.fetch_sub(1, Ordering::AcqRel);
                     signal.raise();
                 }
                 Ok(Job::Settle(done)) => {
                     self.publish();
-                    for sensor in &mut self.sensors {
-                        sensor.restart(0);
-                    }
+                    self.sensor.restart(0);
                     // Whoever asked may have gone.
                     let _ = done.send(());
                 }
@@ -283,17 +287,16 @@ impl Worker {
     fn publish(&mut self) {
         let episode = self.now.episode.load(Ordering::Acquire);
         let tick = self.now.tick.load(Ordering::Acquire);
-        for sensor in &mut self.sensors {
-            if sensor.episode != episode {
-                // Of one that begins before this was told, it waits.
-                if sensor.episode < episode {
-                    sensor.on_way.clear();
-                }
-                continue;
+        let sensor = &mut self.sensor;
+        if sensor.episode != episode {
+            // Of one that begins before this was told, it waits.
+            if sensor.episode < episode {
+                sensor.on_way.clear();
             }
-            while let Some((arrival, message)) = sensor.on_way.arrived(tick) {
-                self.outbox.sensor(&sensor.name, episode, arrival, message);
-            }
+            return;
+        }
+        while let Some((arrival, message)) = sensor.on_way.arrived(tick) {
+            self.outbox.sensor(&sensor.name, episode, arrival, message);
         }
     }
 }
