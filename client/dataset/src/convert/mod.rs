@@ -10,8 +10,12 @@ mod image;
 mod intrinsics;
 pub mod learning;
 pub mod lerobot;
+mod links;
 pub mod mcap_log;
 pub mod robomimic;
+mod ros2;
+pub mod rosbag2;
+mod series;
 pub mod wheelarm_sim;
 
 pub use atomic::{PendingFile, PendingFolder};
