@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Records three short episodes, exports them as bags, and has others read every
+# Records short episodes, exports them as bags, and has others read every
 # message of them: rclpy of ROS 2 Jazzy and of Kilted, rosbags, mcap-ros2-support.
 # What they decode is held against the recordings.
 #   WHEELARM_ROS   folder of the virtual environments, .venv-ros without it

@@ -463,9 +463,8 @@ def by_rclpy(bag):
 
 def by_rosbags(bag):
     """Messages as rosbags reads them through metadata.yaml, with its own types."""
-    from rosbags.interfaces import QosDurability
     from rosbags.rosbag2 import Reader
-    from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+    from rosbags.typesys import Stores, get_typestore
 
     store = get_typestore(Stores.ROS2_JAZZY)
     with Reader(bag) as reader:
@@ -473,9 +472,7 @@ def by_rosbags(bag):
         counts, stamps = collections.Counter(), []
         for connection in reader.connections:
             assert connection.digest == store.hash_rihs01(connection.msgtype), connection.msgtype
-            latched = [p.durability == QosDurability.TRANSIENT_LOCAL for p in connection.ext.offered_qos_profiles]
-            once = ("/tf_static", "/robot_description", "/instruction", "/instance_ids")
-            assert latched == ([True] if connection.topic in once else []), connection.topic
+            latched(connection)
         for connection, stamp, data in reader.messages():
             counts[connection.topic] += 1
             stamps.append(stamp)
@@ -486,7 +483,20 @@ def by_rosbags(bag):
         # Its end is that of a span without its last nanosecond.
         assert (reader.start_time, reader.end_time) == (min(stamps), max(stamps) + 1)
         assert reader.duration == max(stamps) - min(stamps) + 1
+    with Reader(bag / f"{bag.name}_0.mcap") as reader:
+        for connection in reader.connections:
+            latched(connection)
     metadata(bag)
+
+
+def latched(connection):
+    """Late subscribers get what is said once."""
+    from rosbags.interfaces import QosDurability
+
+    found = [profile.durability for profile in connection.ext.offered_qos_profiles]
+    once = ("/tf_static", "/robot_description", "/instruction", "/instance_ids")
+    wanted = [QosDurability.TRANSIENT_LOCAL] if connection.topic in once else []
+    assert found == wanted, f"{connection.topic}: {found}, expected {wanted}"
 
 
 def metadata(bag):

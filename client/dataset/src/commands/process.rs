@@ -219,7 +219,9 @@ pub fn export(
         anyhow::bail!("--language is for lerobot; `annotate` writes labels beside any recording");
     }
     if set.depth && !is_lerobot {
-        anyhow::bail!("--depth is for lerobot; mcap and rosbag2 hold what the depth sensors gave as it is");
+        anyhow::bail!(
+            "--depth is for lerobot; mcap and rosbag2 hold what the depth sensors gave as it is"
+        );
     }
     if set.pictures != PictureFormat::default() && !is_lerobot {
         anyhow::bail!("--pictures is for lerobot; the other formats have one way to keep pictures");

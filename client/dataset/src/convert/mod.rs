@@ -6,6 +6,7 @@ mod atomic;
 pub mod batch;
 pub mod csv_table;
 mod deflate_int64;
+pub(crate) mod ffmpeg;
 mod image;
 mod intrinsics;
 pub mod learning;

@@ -17,10 +17,7 @@ const LINE: &str =
 /// The messages of a bag and what they are made of: full name, and fields as in the
 /// `.msg` file without its comments.
 const DEFINITIONS: [(&str, &str); 24] = [
-    (
-        "builtin_interfaces/msg/Time",
-        "int32 sec\nuint32 nanosec\n",
-    ),
+    ("builtin_interfaces/msg/Time", "int32 sec\nuint32 nanosec\n"),
     (
         "std_msgs/msg/Header",
         "builtin_interfaces/Time stamp\nstring frame_id\n",

@@ -39,13 +39,17 @@ pub(super) struct Topic {
 }
 
 impl Topic {
-    /// How its publisher offered it, as YAML; nothing where as usual.
+    /// How its publisher offered it, as the file of messages tells it: with numbers
+    /// in place of words, which older and newer versions of ROS 2 understand.
+    /// Nothing where it is as usual.
     pub fn quality(&self) -> String {
-        if self.latched {
-            LATCHED.to_owned()
-        } else {
-            String::new()
+        if !self.latched {
+            return String::new();
         }
+        let words = ["keep_last", "reliable", "transient_local", "automatic"];
+        words
+            .iter()
+            .fold(LATCHED.to_owned(), |text, word| text.replace(word, "1"))
     }
 }
 
@@ -72,7 +76,10 @@ impl Bag {
 
     /// The file `metadata.yaml`.
     pub fn text(&self) -> String {
-        format!("rosbag2_bagfile_information:\n{}", indented(&self.entries(), 2))
+        format!(
+            "rosbag2_bagfile_information:\n{}",
+            indented(&self.entries(), 2)
+        )
     }
 
     /// The entries of that file.
@@ -189,5 +196,7 @@ mod tests {
         ] {
             assert!(lines.contains(&wanted), "{wanted:?} is not in\n{text}");
         }
+        let [latched, usual] = [0, 1].map(|k| bag.topics[k].quality());
+        assert!(latched.contains("  durability: 1\n") && usual.is_empty());
     }
 }

@@ -270,7 +270,12 @@ fn of_topic<'a>(
     let episode = &recording.episode;
     let described = &recording.robot;
     let samples = || Ok::<_, anyhow::Error>(Arc::new(episode.samples(topic.name())?));
-    let imu = |m: (Option<v1::Quaternion>, Option<v1::Vector3>, Option<v1::Vector3>), stamp| Imu {
+    let imu = |m: (
+        Option<v1::Quaternion>,
+        Option<v1::Vector3>,
+        Option<v1::Vector3>,
+    ),
+               stamp| Imu {
         stamp,
         frame: described.imu_link.clone(),
         orientation: m.0.map(|q| [q.x, q.y, q.z, q.w]),
@@ -454,9 +459,9 @@ fn poses<'a>(
         "/tf",
         samples,
         move |m: v1::PoseSet, stamp| {
-            let each = shown.iter().map(|(parent, link, place)| {
-                transform(stamp, parent, link, pose_of(&m, *place))
-            });
+            let each = shown
+                .iter()
+                .map(|(parent, link, place)| transform(stamp, parent, link, pose_of(&m, *place)));
             TFMessage(each.collect())
         },
     ));
