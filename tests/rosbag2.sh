@@ -73,11 +73,13 @@ export PATH=$built:$PATH WHEELARM_ASSETS=$root/assets
 mkdir -p "$folder"
 cd "$folder"
 if [ ! -e recordings ]; then
-    # Sensors and a soft thing, so that every kind of message is met.
+    # Sensors, a soft thing and disturbances, so that every kind of message is met.
     wheelarm demo --seed 0 --width 160 --height 90 --no-sheet --out recordings \
         --sensor kinova_vision@gen3 --sensor chair_stereo@wheelchair --sensor encoders \
         --sensor odometry --sensor imu >/dev/null
     wheelarm demo --task place_teddy_bear --seed 0 --width 96 --height 54 --no-sheet --out recordings >/dev/null
+    wheelarm evaluate --task pick_mustard --seeds 1..2 --disturb 2 --record --camera gen3=64x36@5 --out hindered >/dev/null
+    mv hindered/*.h5 recordings
 fi
 rm -rf bags
 wheelarm-dataset export --format rosbag2 recordings --out bags

@@ -199,7 +199,7 @@ fn palette(size: Size, rate: f64, path: &Path) -> Vec<OsString> {
 
 fn gif(size: Size, rate: f64, colours: &Path, path: &Path) -> Vec<OsString> {
     // An ordered pattern stands still where the picture does, and so packs well.
-    let dither = "paletteuse=dither=bayer:bayer_scale=4:diff_mode=rectangle";
+    let dither = "paletteuse=dither=bayer:bayer_scale=5:diff_mode=rectangle";
     let colours = colours.to_string_lossy();
     let rest = ["-i", &colours, "-lavfi", dither, "-loop", "0", "-f", "gif"];
     arguments(size, rate, &rest, path)

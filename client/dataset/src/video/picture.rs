@@ -138,7 +138,8 @@ impl Painter<'_> {
             return Ok(());
         }
         let radius = small as i32 * 3 / 10;
-        let dot = (margin + radius, second + 1);
+        // Letters stand a little above the middle of their line.
+        let dot = (margin + radius, second - small as i32 / 6);
         root.draw(&Circle::new(dot, radius, phase_colour(part.phase).filled()))?;
         let x = margin + 3 * radius + 4;
         label::left(root, &part.words, (x, second), small, BRIGHT)?;
