@@ -6,6 +6,8 @@
 # make test-readers   loads exports in lerobot 0.4.4 and 0.6.1 (needs Python 3.12 too) and
 #                     robomimic 0.3 (downloads gigabytes): features, videos, depth, language;
 #                     holds joint signals against Pinocchio
+# make test-rosbag2   bags are decoded by rclpy of ROS 2 Jazzy and Kilted, rosbags and
+#                     mcap-ros2-support, message by message (installs 0.8 GB)
 # make test-data    what a scene draws does not tell the task: 1,000 seeds of every task
 #                   against three classifiers, and the old draws, which did; sentences are
 #                   counted, and 500 answers of labelled episodes computed again
@@ -29,7 +31,7 @@ BUILT := $(or $(CARGO_TARGET_DIR),target)/release
 export WHEELARM_COMMIT ?= $(shell git rev-parse --short=12 HEAD 2>/dev/null)
 export WHEELARM_PYTHON ?= $(CURDIR)/.venv/bin/python
 
-.PHONY: all build static demo test test-learn contract test-cluster test-readers test-data test-original test-adversarial soak train-mustard bench clean
+.PHONY: all build static demo test test-learn contract test-cluster test-readers test-data test-original test-adversarial soak train-mustard bench test-rosbag2 clean
 all: build
 
 build:
@@ -48,7 +50,7 @@ demo: build
 
 test:
 	scripts/setup.sh chromium
-	scripts/setup.sh python numpy h5py pyarrow mcap protobuf:google.protobuf foxglove-schemas-protobuf:foxglove_schemas_protobuf
+	scripts/setup.sh python numpy h5py pyarrow mcap protobuf:google.protobuf foxglove-schemas-protobuf:foxglove_schemas_protobuf rosbags==0.11.9:rosbags
 	$(CARGO) fmt --all --check
 	$(CARGO) clippy --release --workspace $(WITHOUT_LEARN) --all-targets -- -D warnings
 	RUSTDOCFLAGS="-D warnings" $(CARGO) doc --release --workspace $(WITHOUT_LEARN) --no-deps
@@ -73,6 +75,10 @@ test-cluster:
 test-readers: build
 	scripts/setup.sh python
 	tests/readers.sh
+
+test-rosbag2: build
+	scripts/setup.sh python
+	tests/rosbag2.sh
 
 test-data:
 	scripts/setup.sh python numpy h5py scikit-learn:sklearn

@@ -33,5 +33,6 @@ pub mod scenario_text;
 pub mod sheet;
 pub mod urdf;
 pub mod validate;
+pub mod video;
 pub mod view;
 pub mod writer;

@@ -41,6 +41,15 @@ pub fn compose(a: &Pose, b: &Pose) -> Pose {
     ]
 }
 
+/// `b_from_a` out of `a_from_b`.
+#[must_use]
+pub fn inverse(pose: &Pose) -> Pose {
+    let [x, y, z, w] = orientation(pose);
+    let turn = [-x, -y, -z, w];
+    let [px, py, pz] = turned(turn, [-pose[0], -pose[1], -pose[2]]);
+    [px, py, pz, -x, -y, -z, w]
+}
+
 /// The quaternion of a pose.
 #[must_use]
 pub fn orientation(pose: &Pose) -> [f64; 4] {
@@ -157,6 +166,8 @@ mod tests {
             .collect();
         near(&matrix(&compose(&a, &b)), &product);
         near(&compose(&a, &IDENTITY), &a);
+        near(&compose(&inverse(&a), &a), &IDENTITY);
+        near(&compose(&inverse(&a), &compose(&a, &b)), &b);
     }
 
     #[test]

@@ -10,12 +10,13 @@ use wheelarm_proto::topic::Sample;
 use wheelarm_proto::{TopicId, v1};
 use wheelarm_tests::{PATIENCE, Recorder, Server, printed, program, root, wait_until};
 
-const CHAPTERS: [&str; 5] = [
+const CHAPTERS: [&str; 6] = [
     "process.md",
     "look.md",
     "lerobot.md",
     "robomimic.md",
     "language.md",
+    "rosbag2.md",
 ];
 
 /// Blocks of one language in a chapter.
@@ -122,6 +123,8 @@ fn the_guides_commands_run_and_other_libraries_read_what_they_write() {
     );
     let mcap = "h5py, numpy, mcap, google.protobuf, foxglove_schemas_protobuf";
     check(folder, "mcap", "data/mcap", &all, mcap);
+    bag(folder, &all[0]);
+    moving_pictures(folder, &all[0]);
     if let Some(python) = python("h5py, numpy") {
         for block in blocks("process.md", "python") {
             let output = Command::new(&python)
@@ -140,6 +143,77 @@ fn the_guides_commands_run_and_other_libraries_read_what_they_write() {
 
 /// Labels are what a script of its own computes again from the file, and language
 /// columns what LeRobot says they are.
+/// Runs a program of `tests/python` and what it is given.
+fn runs(folder: &Path, python: &str, script: &str, arguments: &[&str]) {
+    let output = Command::new(python)
+        .arg(root().join("tests/python").join(script))
+        .args(arguments)
+        .current_dir(folder)
+        .output()
+        .expect("a process");
+    assert!(output.status.success(), "{script}: {}", printed(&output));
+}
+
+/// The guide's bag is read by a library with its own definitions of the messages,
+/// and by the guide's own lines.
+fn bag(folder: &Path, recording: &Path) {
+    let Some(python) = python("h5py, numpy, rosbags.rosbag2") else {
+        return;
+    };
+    let recording = recording.to_string_lossy();
+    let arguments = ["rosbags", "data/bags", &*recording];
+    runs(folder, &python, "check_rosbag2.py", &arguments);
+    for block in blocks("rosbag2.md", "python") {
+        let output = Command::new(&python)
+            .args(["-c", &block])
+            .current_dir(folder)
+            .output();
+        let output = output.expect("a process");
+        assert!(output.status.success(), "{block}{}", printed(&output));
+    }
+}
+
+/// The guide's videos, and one of a camera alone, show the recorded pictures; what
+/// cannot be shown is told with the cure.
+fn moving_pictures(folder: &Path, recording: &Path) {
+    let file = recording.display();
+    let line = format!(
+        "wheelarm dataset video {file} --out data/plain.mp4 --plain --camera gen3 --width 320"
+    );
+    let output = shell(folder, &line);
+    assert!(output.status.success(), "{line}: {}", printed(&output));
+    if let Some(python) = python("h5py, numpy") {
+        let arguments = [
+            &*recording.to_string_lossy(),
+            "data/plain.mp4",
+            "gen3",
+            "data/episode.gif",
+            "2",
+            "10",
+        ];
+        runs(folder, &python, "check_video.py", &arguments);
+    }
+    for (options, words) in [
+        ("--camera room", "--camera room=640x360@10"),
+        ("--out data/episode.avi", "end in .mp4 or .gif"),
+        ("--out data/late.mp4 --from 900", "s long"),
+        ("--out data/plain.mp4", "exists already"),
+    ] {
+        let output = shell(folder, &format!("wheelarm dataset video {file} {options}"));
+        let told = printed(&output);
+        assert!(
+            output.status.code() == Some(1) && told.contains(words),
+            "{options}: {told}"
+        );
+    }
+    let left = std::fs::read_dir(folder.join("data")).expect("the folder");
+    let left = left.flatten().map(|e| e.file_name());
+    let half_made: Vec<_> = left
+        .filter(|name| name.to_string_lossy().contains(".part"))
+        .collect();
+    assert!(half_made.is_empty(), "{half_made:?}");
+}
+
 fn labels(folder: &Path) {
     let answers = "tests/python/check_answers.py";
     let labelled = recordings(&folder.join("data/labels"));

@@ -58,6 +58,8 @@ pub enum FormatName {
     Tensors,
     /// MCAP for Foxglove.
     Mcap,
+    /// Bag for ROS 2, Jazzy and later: the folder LABEL with LABEL_0.mcap.
+    Rosbag2,
 }
 
 /// Parses `STREAM=SECONDS`.

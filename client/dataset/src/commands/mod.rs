@@ -4,6 +4,7 @@ mod annotate;
 mod arguments;
 mod files;
 mod process;
+mod video;
 
 use std::path::{Path, PathBuf};
 
@@ -145,6 +146,9 @@ enum Command {
         #[arg(long, value_name = "DIR")]
         out: Option<PathBuf>,
     },
+    /// Makes a moving picture, MP4 or GIF, by ffmpeg: cameras side by side with
+    /// instruction, phase and time.
+    Video(video::Video),
 }
 
 /// Runs a command and returns the exit code.
@@ -198,6 +202,7 @@ pub fn run(cli: Cli) -> anyhow::Result<u8> {
         }
         Command::Plot { input, out } => process::plot(&input, out.as_deref()),
         Command::View { input, out } => process::view(&input, out.as_deref()),
+        Command::Video(asked) => video::video(asked),
     }
 }
 

@@ -10,6 +10,7 @@ use wheelarm_dataset::convert::learning::RowOptions;
 use wheelarm_dataset::convert::lerobot::{LeRobot, LeRobotOptions, PictureFormat};
 use wheelarm_dataset::convert::mcap_log::McapLog;
 use wheelarm_dataset::convert::robomimic::Robomimic;
+use wheelarm_dataset::convert::rosbag2::Rosbag2;
 use wheelarm_dataset::convert::tensors::Tensors;
 use wheelarm_dataset::convert::wheelarm_sim::WheelarmSim;
 use wheelarm_dataset::convert::{Format, PendingFile, Recording};
@@ -211,7 +212,11 @@ pub fn export(
             "--size is for lerobot, robomimic and tensors; this format keeps the recorded size"
         );
     }
-    if rows != RowOptions::default() && matches!(name, FormatName::WheelarmSim | FormatName::Mcap) {
+    let has_rows = !matches!(
+        name,
+        FormatName::WheelarmSim | FormatName::Mcap | FormatName::Rosbag2
+    );
+    if rows != RowOptions::default() && !has_rows {
         anyhow::bail!(
             "--action and --trim-idle are for lerobot, robomimic, tensors and csv; this format has no rows of action"
         );
@@ -221,7 +226,9 @@ pub fn export(
         anyhow::bail!("--language is for lerobot; `annotate` writes labels beside any recording");
     }
     if set.depth && !is_lerobot {
-        anyhow::bail!("--depth is for lerobot; mcap holds what the depth sensors gave as it is");
+        anyhow::bail!(
+            "--depth is for lerobot; mcap and rosbag2 hold what the depth sensors gave as it is"
+        );
     }
     if set.pictures != PictureFormat::default() && !is_lerobot {
         anyhow::bail!("--pictures is for lerobot; the other formats have one way to keep pictures");
@@ -245,6 +252,10 @@ pub fn export(
             threads: inner,
         }),
         FormatName::Mcap => Box::new(McapLog {
+            out: folder,
+            threads: inner,
+        }),
+        FormatName::Rosbag2 => Box::new(Rosbag2 {
             out: folder,
             threads: inner,
         }),

@@ -6,12 +6,17 @@ mod atomic;
 pub mod batch;
 pub mod csv_table;
 mod deflate_int64;
+pub(crate) mod ffmpeg;
 mod image;
 mod intrinsics;
 pub mod learning;
 pub mod lerobot;
+mod links;
 pub mod mcap_log;
 pub mod robomimic;
+mod ros2;
+pub mod rosbag2;
+mod series;
 pub mod tensors;
 pub mod wheelarm_sim;
 

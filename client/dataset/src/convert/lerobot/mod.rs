@@ -29,13 +29,13 @@ use self::metadata::metadata;
 use self::set::{EpisodeRow, Set};
 use self::statistics::Gathered;
 use self::table::{Cells, Column};
+use self::video::Ffmpeg;
+pub use self::video::PictureFormat;
 use super::batch::parallel;
+use super::ffmpeg::Stream;
 use super::intrinsics;
 use super::learning::{self, Learning, RowOptions};
 use super::{Format, PendingFolder, Recording, Sees, Size, Written, png_depth, png_rgb, scaled};
-
-use self::video::{Ffmpeg, Stream};
-pub use self::video::{PROGRAM, PictureFormat};
 
 /// Rows that are encoded, and written as one row group, together.
 const BLOCK: usize = 32;

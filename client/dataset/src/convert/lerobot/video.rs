@@ -1,24 +1,19 @@
-//! Pictures as video by the program `ffmpeg`: which encoder is asked for what, and
-//! frames piped to it as they are. No shell is between, the names of its files are
-//! chosen here, and a stream that is dropped before its end leaves no process.
+//! Pictures as LeRobot's videos: which encoder is asked for what.
 
-use std::fs::File;
-use std::io::{ErrorKind, Write};
-use std::path::{Path, PathBuf};
-use std::process::{Child, ChildStdin, Command, Stdio};
+use std::ffi::OsString;
+use std::path::Path;
 
-use anyhow::{Context, bail, ensure};
+use anyhow::{Context, ensure};
 use serde_json::{Map, Value, json};
 
 use super::depth_code;
 use crate::convert::Size;
+use crate::convert::ffmpeg::{Encoders, Program, Stream};
 
-/// Names the program; without it `ffmpeg` is looked for on PATH.
-pub const PROGRAM: &str = "WHEELARM_FFMPEG";
 /// Of so many frames one is a key frame, from which a reader may begin.
 const KEY_FRAMES: u32 = 2;
-/// How to come by the program, or do without.
-const CURE: &str = "install it (Debian: apt-get install -y ffmpeg), name another one in WHEELARM_FFMPEG, or take --pictures png";
+/// How to do without the program.
+const WITHOUT: &str = "take --pictures png";
 
 /// How pictures are kept in a LeRobot set.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
@@ -109,7 +104,7 @@ impl Codec {
 
     /// What ffmpeg is asked: frames of `size` from its input, `rate` of them a
     /// second, become `path`.
-    fn arguments(self, size: Size, rate: u32, path: &Path) -> Vec<std::ffi::OsString> {
+    fn arguments(self, size: Size, rate: u32, path: &Path) -> Vec<OsString> {
         let Size { width, height } = size;
         let (keys, video) = (KEY_FRAMES.to_string(), format!("{width}x{height}"));
         let rate = rate.to_string();
@@ -121,7 +116,7 @@ impl Codec {
         let end = ["-pix_fmt", self.pixel(), "-f", "mp4"];
         let all = [&head[..], &input, &frames, &scaler, &coder];
         let all = all.into_iter().chain([self.options(), &end]).flatten();
-        let all = all.map(std::ffi::OsString::from);
+        let all = all.map(OsString::from);
         all.chain([path.as_os_str().to_owned()]).collect()
     }
 
@@ -154,7 +149,7 @@ impl Codec {
 /// The program, asked what it can do.
 #[derive(Clone, Debug)]
 pub(super) struct Ffmpeg {
-    program: PathBuf,
+    program: Program,
     /// What colour is coded by.
     pub colour: Codec,
 }
@@ -166,25 +161,24 @@ impl Ffmpeg {
     /// # Errors
     /// When there is none or it lacks an encoder, with the cure.
     pub fn find(format: PictureFormat, depth: bool) -> anyhow::Result<Option<Self>> {
-        let program = std::env::var_os(PROGRAM).filter(|name| !name.is_empty());
-        let program = program.map_or_else(|| PathBuf::from("ffmpeg"), PathBuf::from);
-        Self::at(program, format, depth)
+        Self::of(Program::named(WITHOUT), format, depth)
     }
 
-    fn at(program: PathBuf, format: PictureFormat, depth: bool) -> anyhow::Result<Option<Self>> {
+    fn of(program: Program, format: PictureFormat, depth: bool) -> anyhow::Result<Option<Self>> {
         if format == PictureFormat::Png {
             return Ok(None);
         }
-        let encoders = ask(&program, &["-encoders"])?;
+        let encoders = program.encoders()?;
         let colour = chosen(&encoders, format)
-            .with_context(|| format!("{} cannot do it: {CURE}", program.display()))?;
+            .with_context(|| format!("{} cannot do it: {}", program.name(), program.cure()))?;
         if depth {
-            let told = ask(&program, &["-h", "encoder=libx265"])?;
+            let told = program.ask(&["-h", "encoder=libx265"])?;
             ensure!(
                 told.contains(Codec::Depth.pixel()),
-                "{} has no libx265 that codes {}, which depth needs: {CURE}",
-                program.display(),
-                Codec::Depth.pixel()
+                "{} has no libx265 that codes {}, which depth needs: {}",
+                program.name(),
+                Codec::Depth.pixel(),
+                program.cure()
             );
         }
         Ok(Some(Self { program, colour }))
@@ -207,23 +201,7 @@ impl Ffmpeg {
             "{} takes pictures of at least {least} pixels each way, in multiples of {step}; these are of {width}x{height}: choose another size with --size, or --pictures",
             codec.encoder()
         );
-        let said = path.with_extension("log");
-        let mut child = Command::new(&self.program)
-            .args(codec.arguments(size, rate, path))
-            .stdin(Stdio::piped())
-            .stdout(Stdio::null())
-            .stderr(File::create(&said)?)
-            .spawn()
-            .with_context(|| format!("{} does not start: {CURE}", self.program.display()))?;
-        let input = child.stdin.take();
-        Ok(Stream {
-            program: self.program.clone(),
-            child,
-            input,
-            path: path.to_owned(),
-            said,
-            frames: 0,
-        })
+        self.program.begin(&codec.arguments(size, rate, path), path)
     }
 
     /// Puts videos of one codec one behind the other, as they are. All lie in
@@ -245,20 +223,25 @@ impl Ffmpeg {
         }
         let path = folder.join("parts.txt");
         std::fs::write(&path, list)?;
-        let output = Command::new(&self.program)
-            .args(["-hide_banner", "-loglevel", "error", "-n", "-f", "concat"])
-            .arg("-i")
-            .arg(&path)
-            .args(["-c", "copy", "-f", "mp4"])
-            .arg(to)
-            .stdin(Stdio::null())
-            .output()
-            .with_context(|| format!("{} does not start: {CURE}", self.program.display()))?;
+        let head = [
+            "-hide_banner",
+            "-loglevel",
+            "error",
+            "-n",
+            "-f",
+            "concat",
+            "-i",
+        ];
+        let mut arguments: Vec<OsString> = head.map(OsString::from).to_vec();
+        arguments.push(path.into());
+        arguments.extend(["-c", "copy", "-f", "mp4"].map(OsString::from));
+        arguments.push(to.into());
+        let output = self.program.run(&arguments)?;
         let said = String::from_utf8_lossy(&output.stderr);
         ensure!(
             output.status.success(),
             "{} could not join {} videos ({}): {}",
-            self.program.display(),
+            self.program.name(),
             parts.len(),
             output.status,
             said.trim()
@@ -267,104 +250,17 @@ impl Ffmpeg {
     }
 }
 
-/// What the program says of itself.
-fn ask(program: &Path, question: &[&str]) -> anyhow::Result<String> {
-    let output = Command::new(program)
-        .arg("-hide_banner")
-        .args(question)
-        .stdin(Stdio::null())
-        .output();
-    match output {
-        Ok(output) if output.status.success() => {
-            Ok(String::from_utf8_lossy(&output.stdout).into_owned())
-        }
-        Ok(output) => bail!(
-            "{} does not tell what it can do ({}): {CURE}",
-            program.display(),
-            output.status
-        ),
-        Err(problem) if problem.kind() == ErrorKind::NotFound => bail!(
-            "{} is not found, and pictures become video by it: {CURE}",
-            program.display()
-        ),
-        Err(problem) => bail!("{}: {problem}: {CURE}", program.display()),
-    }
-}
-
 /// The codec of `format` among the encoders that ffmpeg lists.
-fn chosen(encoders: &str, format: PictureFormat) -> anyhow::Result<Codec> {
+fn chosen(encoders: &Encoders, format: PictureFormat) -> anyhow::Result<Codec> {
     let wanted: &[Codec] = match format {
         PictureFormat::H264 => &[Codec::H264],
         PictureFormat::Av1 => &[Codec::Av1],
         PictureFormat::Video | PictureFormat::Png => &[Codec::H264, Codec::Av1],
     };
-    // A line is `V....D libx264   libx264 H.264 …`.
-    let has = |codec: &Codec| {
-        let mut lines = encoders.lines().map(str::split_whitespace);
-        lines.any(|mut words| words.nth(1) == Some(codec.encoder()))
-    };
+    let has = |codec: &Codec| encoders.has(codec.encoder());
     let names: Vec<_> = wanted.iter().map(|codec| codec.encoder()).collect();
     let found = wanted.iter().copied().find(has);
     found.with_context(|| format!("it has no encoder {}", names.join(" or ")))
-}
-
-/// A video that grows.
-pub(super) struct Stream {
-    program: PathBuf,
-    child: Child,
-    input: Option<ChildStdin>,
-    path: PathBuf,
-    said: PathBuf,
-    frames: usize,
-}
-
-impl Stream {
-    /// Appends a frame of as many bytes as its pixels need.
-    ///
-    /// # Errors
-    /// When the program has ended, with what it said.
-    pub fn put(&mut self, frame: &[u8]) -> anyhow::Result<()> {
-        let written = self.input.as_mut().map(|input| input.write_all(frame));
-        if let Some(Ok(())) = written {
-            self.frames += 1;
-            return Ok(());
-        }
-        // It closed its input: what it said is the reason.
-        self.input = None;
-        let status = self.child.wait()?;
-        bail!(self.words(status))
-    }
-
-    /// Waits until all frames are written, and returns how many bytes they take.
-    ///
-    /// # Errors
-    /// When the program fails, with what it said.
-    pub fn finish(mut self) -> anyhow::Result<u64> {
-        self.input = None;
-        let status = self.child.wait()?;
-        ensure!(status.success(), self.words(status));
-        std::fs::remove_file(&self.said)?;
-        Ok(std::fs::metadata(&self.path)?.len())
-    }
-
-    fn words(&self, status: std::process::ExitStatus) -> String {
-        let said = std::fs::read_to_string(&self.said).unwrap_or_default();
-        format!(
-            "{} ended ({status}) after {} frames of {}: {}",
-            self.program.display(),
-            self.frames,
-            self.path.display(),
-            said.trim()
-        )
-    }
-}
-
-impl Drop for Stream {
-    fn drop(&mut self) {
-        // Nothing happens to one that has ended and was waited for.
-        let _ = self.child.kill();
-        let _ = self.child.wait();
-    }
 }
 
 #[cfg(test)]
@@ -378,8 +274,11 @@ mod tests {
 
     #[test]
     fn the_encoder_is_chosen_among_those_that_there_are() {
-        let both = " V..... libsvtav1   SVT-AV1 (codec av1)\n V....D libx264   libx264 H.264\n";
-        let one = " V..... libsvtav1   SVT-AV1\n V....D libx264rgb   libx264 H.264 RGB\n";
+        let both = &Encoders::of(
+            " V..... libsvtav1   SVT-AV1 (codec av1)\n V....D libx264   libx264 H.264\n",
+        );
+        let one =
+            &Encoders::of(" V..... libsvtav1   SVT-AV1\n V....D libx264rgb   libx264 H.264 RGB\n");
         assert_eq!(chosen(both, PictureFormat::Video).unwrap(), Codec::H264);
         assert_eq!(chosen(both, PictureFormat::Av1).unwrap(), Codec::Av1);
         assert_eq!(chosen(one, PictureFormat::Video).unwrap(), Codec::Av1);
@@ -388,40 +287,24 @@ mod tests {
     }
 
     #[test]
-    fn a_program_that_is_not_there_is_answered_with_the_cure() {
-        let nowhere = || PathBuf::from("/nowhere/ffmpeg");
-        let told = Ffmpeg::at(nowhere(), PictureFormat::Video, false);
-        let told = told.unwrap_err().to_string();
-        for words in [
-            "/nowhere/ffmpeg",
-            "apt-get install",
-            PROGRAM,
-            "--pictures png",
-        ] {
-            assert!(told.contains(words), "{told}");
-        }
-        let png = Ffmpeg::at(nowhere(), PictureFormat::Png, true).unwrap();
+    fn png_needs_no_program_and_a_size_that_no_encoder_takes_is_told() {
+        let nowhere = Program::at("/nowhere/ffmpeg".into(), WITHOUT);
+        let png = Ffmpeg::of(nowhere.clone(), PictureFormat::Png, true).unwrap();
         assert!(png.is_none());
-    }
-
-    #[test]
-    fn a_program_that_ends_early_is_an_error_and_not_a_hang() {
-        let folder = tempfile::tempdir().unwrap();
-        let ffmpeg = Ffmpeg {
-            program: PathBuf::from("false"),
-            colour: Codec::H264,
-        };
-        let path = folder.path().join("0.mp4");
-        let mut stream = ffmpeg.begin(Codec::H264, SIZE, 10, &path).unwrap();
-        let frame = vec![0; 3 * SIZE.width * SIZE.height];
-        let told = (0..100).find_map(|_| stream.put(&frame).err());
-        let told = told.expect("it took all frames").to_string();
-        assert!(told.contains("false ended (exit status: 1)"), "{told}");
+        let told = Ffmpeg::of(nowhere.clone(), PictureFormat::Video, false);
+        let told = told.unwrap_err().to_string();
+        assert!(told.contains("or take --pictures png"), "{told}");
         let odd = Size {
             width: 97,
             height: 64,
         };
-        let told = ffmpeg.begin(Codec::Av1, odd, 10, &path).map(drop);
+        let ffmpeg = Ffmpeg {
+            program: nowhere,
+            colour: Codec::Av1,
+        };
+        let told = ffmpeg
+            .begin(Codec::Av1, odd, 10, Path::new("0.mp4"))
+            .map(drop);
         let told = told.unwrap_err().to_string();
         assert!(told.contains("97x64") && told.contains("--size"), "{told}");
     }

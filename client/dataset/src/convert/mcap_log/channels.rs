@@ -7,10 +7,10 @@ use wheelarm_proto::{TopicId, v1};
 
 use super::channel::Channel;
 use super::foxglove::{self, FrameTransforms, transform};
-use crate::convert::Recording;
+use crate::convert::{Recording, links};
 use crate::pose::{self, Pose};
 use crate::read::Camera;
-use crate::urdf::{self, Joint, Robot};
+use crate::urdf::{self, Robot};
 
 /// Every channel of a recording.
 pub(super) fn channels<'a>(
@@ -59,9 +59,7 @@ fn once<'a>(
     let mut out = Vec::new();
     if let Some(robot) = robot {
         let recorded = recording.episode.names("joint_state", "position")?;
-        let still = robot.joints().iter();
-        let still = still.filter(move |j| !j.moves() || !recorded.contains(&j.name));
-        let still: Vec<&Joint> = still.collect();
+        let still = links::still(robot, &recorded);
         out.push(Channel::foxglove(
             "/tf_static",
             &[stamp],
@@ -214,10 +212,7 @@ fn joint_state<'a>(
     let Some(robot) = robot else {
         return Ok(());
     };
-    let names = &samples.context().joints;
-    let moving = robot.joints().iter().filter(|j| j.moves());
-    let moving = moving.filter_map(|j| Some((names.iter().position(|n| *n == j.name)?, j)));
-    let moving: Vec<(usize, &Joint)> = moving.collect();
+    let moving = links::moving(robot, &samples.context().joints);
     out.push(Channel::foxglove("/tf/links", &stamps, move |i, stamp| {
         let m: v1::JointState = samples.message(i)?;
         let each = moving.iter().map(|(place, joint)| {
@@ -244,16 +239,7 @@ fn poses<'a>(
     let samples = Arc::new(recording.episode.samples(TopicId::Pose.name())?);
     let stamps = samples.stamps().to_vec();
     let (described, roles) = (&recording.robot, &recording.roles);
-    // Parent, link and place among the frames.
-    let shown: Vec<(&str, &str, usize)> = match robot {
-        Some(_) => vec![("house", &described.root_link, roles.chair)],
-        None => {
-            let frames = described.frames.iter().enumerate();
-            frames
-                .map(|(place, f)| (f.parent.as_str(), f.link.as_str(), place))
-                .collect()
-        }
-    };
+    let shown = links::posed(recording, robot);
     let tree = samples.clone();
     out.push(Channel::foxglove("/tf", &stamps, move |i, stamp| {
         let m: v1::PoseSet = tree.message(i)?;

@@ -14,16 +14,13 @@ use std::path::{Path, PathBuf};
 use mcap::records::MessageHeader;
 use wheelarm_proto::v1;
 
-use self::channel::Channel;
-use super::batch::parallel;
+use super::series::in_order;
 use super::{Format, PendingFile, Recording, Written};
 use crate::urdf::Robot;
 
 /// What cx and cy of a calibration count from.
 const CONVENTION: &str = "pixel centre, as OpenCV and ROS count: u, v, cx and cy are 0 at the \
 centre of the first pixel; the recording counts from the picture's edge, there they are greater by 0.5";
-/// Messages that are encoded together: about half a second.
-const BLOCK: usize = 512;
 
 /// Writes `LABEL.mcap` per episode.
 #[derive(Clone, Debug)]
@@ -71,7 +68,7 @@ fn write(
         .create(BufWriter::new(File::create_new(path)?))?;
     let mut ids = Vec::new();
     for channel in &channels {
-        let schema = &channel.schema;
+        let schema = &channel.kind;
         let id = writer.add_schema(&schema.name, schema.language, schema.description)?;
         let none = BTreeMap::new();
         ids.push(writer.add_channel(id, &channel.topic, schema.encoding, &none)?);
@@ -89,39 +86,22 @@ fn write(
             data: Cow::Borrowed(asset.text.as_bytes()),
         })?;
     }
-    let order = in_order(&channels);
     let reference = format!("/camera/{}/rgb", recording.aligned.reference);
-    for block in order.chunks(BLOCK) {
-        let messages = parallel(block.len(), threads, |at| {
-            let (stamp, k, i) = block[at];
-            channels[k].message(i, stamp)
-        })?;
-        for (&(stamp, k, i), message) in block.iter().zip(&messages) {
-            let header = MessageHeader {
-                channel_id: ids[k],
-                sequence: i as u32,
-                log_time: stamp,
-                publish_time: stamp,
-            };
-            writer.write_to_known_channel(&header, message)?;
-            if channels[k].topic == reference {
-                tick();
-            }
+    let count = in_order(&channels, threads, |message| {
+        let header = MessageHeader {
+            channel_id: ids[message.series],
+            sequence: message.sample as u32,
+            log_time: message.stamp,
+            publish_time: message.stamp,
+        };
+        writer.write_to_known_channel(&header, message.bytes)?;
+        if channels[message.series].topic == reference {
+            tick();
         }
-    }
+        Ok(())
+    })?;
     writer.finish()?;
-    Ok(order.len())
-}
-
-/// Every sample of every channel in the order of time: stamp, channel, sample.
-fn in_order(channels: &[Channel<'_>]) -> Vec<(u64, usize, usize)> {
-    let each = channels.iter().enumerate().flat_map(|(k, channel)| {
-        let stamps = channel.stamps.iter().enumerate();
-        stamps.map(move |(i, &stamp)| (stamp, k, i))
-    });
-    let mut order: Vec<_> = each.collect();
-    order.sort_unstable();
-    order
+    Ok(count)
 }
 
 /// What stands once in the file: the episode, the convention of its

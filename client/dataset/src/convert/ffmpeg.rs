@@ -1,0 +1,239 @@
+//! The program `ffmpeg`, the one foreign program that the data tools start: how it
+//! is found, and frames piped to it as they are. No shell is between, the names of
+//! its files are chosen here, and a stream that is dropped before its end leaves no
+//! process.
+
+use std::ffi::OsString;
+use std::fs::File;
+use std::io::{ErrorKind, Write};
+use std::path::{Path, PathBuf};
+use std::process::{Child, ChildStdin, Command, Output, Stdio};
+
+use anyhow::{Context, bail, ensure};
+
+/// Names the program; without it `ffmpeg` is looked for on PATH.
+pub const PROGRAM: &str = "WHEELARM_FFMPEG";
+/// How to come by the program.
+const CURE: &str =
+    "install it (Debian: apt-get install -y ffmpeg), name another one in WHEELARM_FFMPEG";
+
+/// The program.
+#[derive(Clone, Debug)]
+pub(crate) struct Program {
+    path: PathBuf,
+    /// How to come by it, or do without.
+    cure: String,
+}
+
+impl Program {
+    /// The one that is named or on PATH, which need not be there; `or` says how to
+    /// do without it.
+    pub fn named(or: &str) -> Self {
+        let path = std::env::var_os(PROGRAM).filter(|name| !name.is_empty());
+        Self::at(path.map_or_else(|| "ffmpeg".into(), PathBuf::from), or)
+    }
+
+    /// The one at `path`.
+    pub fn at(path: PathBuf, or: &str) -> Self {
+        Self {
+            path,
+            cure: format!("{CURE}, or {or}"),
+        }
+    }
+
+    pub fn name(&self) -> impl std::fmt::Display {
+        self.path.display()
+    }
+
+    pub fn cure(&self) -> &str {
+        &self.cure
+    }
+
+    /// What it says of itself.
+    ///
+    /// # Errors
+    /// When there is none or it does not answer, with the cure.
+    pub fn ask(&self, question: &[&str]) -> anyhow::Result<String> {
+        let (name, cure) = (self.name(), &self.cure);
+        let output = Command::new(&self.path)
+            .arg("-hide_banner")
+            .args(question)
+            .stdin(Stdio::null())
+            .output();
+        match output {
+            Ok(output) if output.status.success() => {
+                Ok(String::from_utf8_lossy(&output.stdout).into_owned())
+            }
+            Ok(output) => bail!(
+                "{name} does not tell what it can do ({}): {cure}",
+                output.status
+            ),
+            Err(problem) if problem.kind() == ErrorKind::NotFound => {
+                bail!("{name} is not found, and pictures become video by it: {cure}")
+            }
+            Err(problem) => bail!("{name}: {problem}: {cure}"),
+        }
+    }
+
+    /// Whether it lists an encoder.
+    ///
+    /// # Errors
+    /// As [`Program::ask`].
+    pub fn encoders(&self) -> anyhow::Result<Encoders> {
+        Ok(Encoders(self.ask(&["-encoders"])?))
+    }
+
+    /// Runs it to its end.
+    ///
+    /// # Errors
+    /// When it does not start.
+    pub fn run(&self, arguments: &[OsString]) -> anyhow::Result<Output> {
+        Command::new(&self.path)
+            .args(arguments)
+            .stdin(Stdio::null())
+            .output()
+            .with_context(|| self.no_start())
+    }
+
+    /// Starts it to make `path` out of frames that are still to come.
+    ///
+    /// # Errors
+    /// When it does not start.
+    pub fn begin(&self, arguments: &[OsString], path: &Path) -> anyhow::Result<Stream> {
+        let said = path.with_extension("log");
+        let mut child = Command::new(&self.path)
+            .args(arguments)
+            .stdin(Stdio::piped())
+            .stdout(Stdio::null())
+            .stderr(File::create(&said)?)
+            .spawn()
+            .with_context(|| self.no_start())?;
+        let input = child.stdin.take();
+        Ok(Stream {
+            program: self.path.clone(),
+            child,
+            input,
+            path: path.to_owned(),
+            said,
+            frames: 0,
+        })
+    }
+
+    fn no_start(&self) -> String {
+        format!("{} does not start: {}", self.name(), self.cure)
+    }
+}
+
+/// What the program lists as its encoders.
+pub(crate) struct Encoders(String);
+
+impl Encoders {
+    #[cfg(test)]
+    pub fn of(text: &str) -> Self {
+        Self(text.to_owned())
+    }
+
+    /// Whether there is one of this name.
+    pub fn has(&self, encoder: &str) -> bool {
+        // A line is `V....D libx264   libx264 H.264 …`.
+        let mut lines = self.0.lines().map(str::split_whitespace);
+        lines.any(|mut words| words.nth(1) == Some(encoder))
+    }
+}
+
+/// A video that grows.
+pub(crate) struct Stream {
+    program: PathBuf,
+    child: Child,
+    input: Option<ChildStdin>,
+    path: PathBuf,
+    said: PathBuf,
+    frames: usize,
+}
+
+impl Stream {
+    /// Appends a frame of as many bytes as its pixels need.
+    ///
+    /// # Errors
+    /// When the program has ended, with what it said.
+    pub fn put(&mut self, frame: &[u8]) -> anyhow::Result<()> {
+        let written = self.input.as_mut().map(|input| input.write_all(frame));
+        if let Some(Ok(())) = written {
+            self.frames += 1;
+            return Ok(());
+        }
+        // It closed its input: what it said is the reason.
+        self.input = None;
+        let status = self.child.wait()?;
+        bail!(self.words(status))
+    }
+
+    /// Waits until all frames are written, and returns how many bytes they take.
+    ///
+    /// # Errors
+    /// When the program fails, with what it said.
+    pub fn finish(mut self) -> anyhow::Result<u64> {
+        self.input = None;
+        let status = self.child.wait()?;
+        ensure!(status.success(), self.words(status));
+        std::fs::remove_file(&self.said)?;
+        Ok(std::fs::metadata(&self.path)?.len())
+    }
+
+    fn words(&self, status: std::process::ExitStatus) -> String {
+        let said = std::fs::read_to_string(&self.said).unwrap_or_default();
+        format!(
+            "{} ended ({status}) after {} frames of {}: {}",
+            self.program.display(),
+            self.frames,
+            self.path.display(),
+            said.trim()
+        )
+    }
+}
+
+impl Drop for Stream {
+    fn drop(&mut self) {
+        // Nothing happens to one that has ended and was waited for.
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_encoder_is_known_by_its_whole_name() {
+        let told =
+            Encoders::of(" V..... libsvtav1   SVT-AV1\n V....D libx264rgb   libx264 H.264\n");
+        assert!(told.has("libsvtav1") && told.has("libx264rgb"));
+        assert!(!told.has("libx264"));
+    }
+
+    #[test]
+    fn a_program_that_is_not_there_is_answered_with_the_cure() {
+        let nowhere = Program::at("/nowhere/ffmpeg".into(), "take --pictures png");
+        let told = nowhere.ask(&["-encoders"]).unwrap_err().to_string();
+        for words in [
+            "/nowhere/ffmpeg",
+            "apt-get install",
+            PROGRAM,
+            "or take --pictures png",
+        ] {
+            assert!(told.contains(words), "{told}");
+        }
+    }
+
+    #[test]
+    fn a_program_that_ends_early_is_an_error_and_not_a_hang() {
+        let folder = tempfile::tempdir().unwrap();
+        let ends = Program::at("false".into(), "do without");
+        let mut stream = ends.begin(&[], &folder.path().join("0.mp4")).unwrap();
+        let frame = vec![0; 3 * 96 * 64];
+        let told = (0..100).find_map(|_| stream.put(&frame).err());
+        let told = told.expect("it took all frames").to_string();
+        assert!(told.contains("false ended (exit status: 1)"), "{told}");
+    }
+}

@@ -1,0 +1,13 @@
+//! ROS 2's messages without ROS 2: how values are encoded, which fields a message
+//! has, the hash of its type, and what becomes of ours in them. No files, and
+//! nothing of a recording.
+
+mod cdr;
+mod definition;
+mod message;
+
+pub(super) use definition::{description, type_hash};
+pub(super) use message::{
+    CameraInfo, Clock, Image, Imu, JointState, Odometry, PointCloud2, PoseStamped, RosMessage,
+    TFMessage, Text, Transform, TwistStamped,
+};

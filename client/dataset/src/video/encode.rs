@@ -1,0 +1,245 @@
+//! Which encoder is asked for what. A GIF takes two passes: its 256 colours are
+//! chosen from all frames, then the frames are drawn in them.
+
+use std::ffi::OsString;
+use std::path::Path;
+
+use anyhow::{bail, ensure};
+
+use crate::convert::Size;
+use crate::convert::ffmpeg::Program;
+
+/// How to do without the program.
+const WITHOUT: &str = "look at the episode by `wheelarm dataset view`, which needs none";
+/// The encoder of MP4 that every player and browser reads.
+const H264: &str = "libx264";
+
+/// What a video is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Kind {
+    Mp4,
+    Gif,
+}
+
+impl Kind {
+    /// By the ending of the file.
+    ///
+    /// # Errors
+    /// When it is another one.
+    pub fn of(out: &Path) -> anyhow::Result<Self> {
+        let ending = out.extension().unwrap_or_default().to_string_lossy();
+        match ending.to_ascii_lowercase().as_str() {
+            "mp4" => Ok(Self::Mp4),
+            "gif" => Ok(Self::Gif),
+            _ => bail!(
+                "{} is to be no video that can be made: let it end in .mp4 or .gif",
+                out.display()
+            ),
+        }
+    }
+
+    pub fn ending(self) -> &'static str {
+        match self {
+            Self::Mp4 => "mp4",
+            Self::Gif => "gif",
+        }
+    }
+
+    /// Frames per second: those that are asked for, or `there` and no more than one
+    /// likes to see, for a GIF to carry.
+    ///
+    /// # Errors
+    /// When a player cannot show as many.
+    pub fn rate(self, asked: Option<f64>, there: f64) -> anyhow::Result<f64> {
+        // A GIF counts hundredths of a second, and viewers take less than two for ten.
+        let (most, usual) = match self {
+            Self::Mp4 => (120.0, 30.0),
+            Self::Gif => (50.0, 10.0),
+        };
+        let Some(asked) = asked else {
+            return Ok(there.clamp(1.0, usual));
+        };
+        ensure!(
+            (0.1..=most).contains(&asked),
+            "--fps {asked} is outside of 0.1 to {most} for {}",
+            self.ending()
+        );
+        Ok(asked)
+    }
+
+    /// Width of the frame: what is asked for, or that of the pictures side by side
+    /// and no more than a page shows.
+    ///
+    /// # Errors
+    /// When there are no pictures.
+    pub fn width(self, asked: Option<usize>, sizes: &[Size]) -> anyhow::Result<usize> {
+        let tallest = sizes.iter().map(|size| size.height).max();
+        let Some(tallest) = tallest else {
+            bail!("there are no pictures");
+        };
+        let side_by_side = sizes.iter().map(|s| s.width * tallest / s.height).sum();
+        let most = match self {
+            Self::Mp4 => 1920,
+            Self::Gif => 800,
+        };
+        // Words need some room, however small the pictures are.
+        Ok(asked.unwrap_or_else(|| most.min(side_by_side).max(480)))
+    }
+}
+
+/// Draws all frames in their order into what takes them.
+type Draw<'a> = &'a dyn Fn(&mut dyn FnMut(&[u8]) -> anyhow::Result<()>) -> anyhow::Result<()>;
+
+/// The program for one kind of video.
+pub(super) struct Encoder {
+    program: Program,
+    kind: Kind,
+}
+
+impl Encoder {
+    /// Finds the program and what it has to be able to do.
+    ///
+    /// # Errors
+    /// When there is none or it cannot, with the cure.
+    pub fn find(kind: Kind) -> anyhow::Result<Self> {
+        let program = Program::named(WITHOUT);
+        let wanted = match kind {
+            Kind::Mp4 => H264,
+            Kind::Gif => "gif",
+        };
+        ensure!(
+            program.encoders()?.has(wanted),
+            "{} has no encoder {wanted}: {}",
+            program.name(),
+            program.cure()
+        );
+        Ok(Self { program, kind })
+    }
+
+    /// How often all frames are drawn.
+    pub fn passes(&self) -> usize {
+        match self.kind {
+            Kind::Mp4 => 1,
+            Kind::Gif => 2,
+        }
+    }
+
+    /// Makes `path` of the frames of `size` that `draw` draws; returns its bytes.
+    /// What lies beside it is thrown away with its folder.
+    ///
+    /// # Errors
+    /// When the program or a frame fails.
+    pub fn encode(
+        &self,
+        path: &Path,
+        size: Size,
+        rate: f64,
+        draw: Draw<'_>,
+    ) -> anyhow::Result<u64> {
+        match self.kind {
+            Kind::Mp4 => self.pass(&mp4(size, rate, path), path, draw),
+            Kind::Gif => {
+                let colours = path.with_file_name("colours.png");
+                self.pass(&palette(size, rate, &colours), &colours, draw)?;
+                self.pass(&gif(size, rate, &colours, path), path, draw)
+            }
+        }
+    }
+
+    fn pass(&self, arguments: &[OsString], path: &Path, draw: Draw<'_>) -> anyhow::Result<u64> {
+        let mut stream = self.program.begin(arguments, path)?;
+        draw(&mut |frame| stream.put(frame))?;
+        stream.finish()
+    }
+}
+
+/// Frames of `size` from the pipe, then `rest`, then the file.
+fn arguments(size: Size, rate: f64, rest: &[&str], path: &Path) -> Vec<OsString> {
+    let (video, rate) = (format!("{}x{}", size.width, size.height), rate.to_string());
+    let head = ["-hide_banner", "-loglevel", "error", "-n"];
+    let input = ["-f", "rawvideo", "-pix_fmt", "rgb24", "-video_size", &video];
+    let pipe = ["-framerate", &rate, "-i", "pipe:0"];
+    let all = head.iter().chain(&input).chain(&pipe).chain(rest);
+    let all = all.map(OsString::from);
+    all.chain([path.as_os_str().to_owned()]).collect()
+}
+
+fn mp4(size: Size, rate: f64, path: &Path) -> Vec<OsString> {
+    // Colour at every second pixel is what browsers decode; a moving picture may
+    // begin to play before all of it is there.
+    let rest = [
+        "-an",
+        "-c:v",
+        H264,
+        "-preset",
+        "medium",
+        "-crf",
+        "20",
+        "-pix_fmt",
+        "yuv420p",
+        "-movflags",
+        "+faststart",
+        "-f",
+        "mp4",
+    ];
+    arguments(size, rate, &rest, path)
+}
+
+fn palette(size: Size, rate: f64, path: &Path) -> Vec<OsString> {
+    let rest = [
+        "-vf",
+        "palettegen=stats_mode=full",
+        "-f",
+        "image2",
+        "-update",
+        "1",
+    ];
+    arguments(size, rate, &rest, path)
+}
+
+fn gif(size: Size, rate: f64, colours: &Path, path: &Path) -> Vec<OsString> {
+    // An ordered pattern stands still where the picture does, and so packs well.
+    let dither = "paletteuse=dither=bayer:bayer_scale=5:diff_mode=rectangle";
+    let colours = colours.to_string_lossy();
+    let rest = ["-i", &colours, "-lavfi", dither, "-loop", "0", "-f", "gif"];
+    arguments(size, rate, &rest, path)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const SIZE: Size = Size {
+        width: 640,
+        height: 360,
+    };
+
+    #[test]
+    fn the_ending_says_what_is_made() {
+        for (name, kind) in [("a/b.mp4", Kind::Mp4), ("b.x.GIF", Kind::Gif)] {
+            assert_eq!(Kind::of(Path::new(name)).unwrap(), kind);
+        }
+        for name in ["a.avi", "gif", "b."] {
+            let told = Kind::of(Path::new(name)).unwrap_err().to_string();
+            assert!(told.contains(".mp4 or .gif"), "{told}");
+        }
+    }
+
+    #[test]
+    fn rate_and_width_are_those_of_the_pictures_within_reason() {
+        assert_eq!(Kind::Mp4.rate(None, 10.0).unwrap(), 10.0);
+        assert_eq!(Kind::Mp4.rate(None, 240.0).unwrap(), 30.0);
+        assert_eq!(Kind::Gif.rate(None, 20.0).unwrap(), 10.0);
+        assert_eq!(Kind::Gif.rate(Some(25.0), 1.0).unwrap(), 25.0);
+        let told = Kind::Gif.rate(Some(60.0), 10.0).unwrap_err().to_string();
+        assert!(told.contains("--fps 60") && told.contains("50"), "{told}");
+        assert_eq!(Kind::Mp4.width(None, &[SIZE, SIZE]).unwrap(), 1280);
+        assert_eq!(Kind::Gif.width(None, &[SIZE, SIZE]).unwrap(), 800);
+        assert_eq!(Kind::Gif.width(Some(300), &[SIZE]).unwrap(), 300);
+        let small = Size {
+            width: 64,
+            height: 36,
+        };
+        assert_eq!(Kind::Mp4.width(None, &[small]).unwrap(), 480);
+    }
+}
