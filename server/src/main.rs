@@ -11,6 +11,7 @@ use clap::Parser;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use tokio::signal::unix::{Signal, SignalKind, signal};
 use wheelarm_proto::endpoint::check_endpoint;
+use wheelarm_proto::installed;
 use wheelarm_proto::keys::{self, Keys};
 use wheelarm_proto::look::LookText;
 use wheelarm_proto::output::end_with_output;
@@ -249,8 +250,7 @@ impl Args {
     }
 }
 
-/// The assets folder: as told, in the working directory, or beside the
-/// checkout that the program was built in.
+/// The assets folder: as told, or where [`installed::assets`] finds one.
 fn assets(told: Option<PathBuf>) -> anyhow::Result<PathBuf> {
     if let Some(told) = told {
         if !told.join("scenes").is_dir() {
@@ -261,14 +261,7 @@ fn assets(told: Option<PathBuf>) -> anyhow::Result<PathBuf> {
         }
         return Ok(told);
     }
-    let program = std::env::current_exe().unwrap_or_default();
-    let beside = program
-        .ancestors()
-        .skip(1)
-        .map(|folder| folder.join("assets"));
-    std::iter::once(PathBuf::from("assets"))
-        .chain(beside)
-        .find(|folder| folder.join("scenes").is_dir())
+    installed::assets()
         .context("no assets folder found; name it with --assets DIR or WHEELARM_ASSETS")
 }
 
