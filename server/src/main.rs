@@ -7,8 +7,8 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use anyhow::{Context, bail};
-use clap::Parser;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
+use clap::{CommandFactory, Parser};
 use tokio::signal::unix::{Signal, SignalKind, signal};
 use wheelarm_proto::endpoint::check_endpoint;
 use wheelarm_proto::installed;
@@ -132,6 +132,9 @@ struct Args {
     /// Prints the graphics adapters and ends.
     #[arg(long)]
     list_adapters: bool,
+    /// Prints the man page and ends, for packages.
+    #[arg(long, hide = true)]
+    man: bool,
 }
 
 fn endpoint(text: &str) -> Result<String, String> {
@@ -346,6 +349,11 @@ fn sending_threads() -> Option<OsString> {
 }
 
 async fn serve(args: Args) -> anyhow::Result<()> {
+    if args.man {
+        return clap_mangen::Man::new(Args::command())
+            .render(&mut std::io::stdout())
+            .context("printing the man page");
+    }
     tracing_subscriber::fmt()
         .with_writer(std::io::stderr)
         .with_ansi(std::io::stderr().is_terminal())
