@@ -25,7 +25,7 @@ Format: https://www.debian.org/doc/packaging-manuals/copyright-format/1.0/
 Upstream-Name: wheelarm
 
 Files: *
-Copyright: The WheelArm authors
+Copyright: $(date -u -d "@$SOURCE_DATE_EPOCH" +%Y) The WheelArm authors
 License: Apache-2.0
 Comment: The programs contain crates and C libraries of others; which, and under
  which licences, stands in THIRD_PARTY.txt.gz beside this file.
