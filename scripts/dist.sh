@@ -109,6 +109,8 @@ wheels() {
     (cd $package && hatchling build -t wheel -d "$out")
     (cd $package && WHEELARM_WHEEL_PREFIX=$stage WHEELARM_WHEEL_PLATFORM=manylinux_${glibc/./_}_x86_64 \
         hatchling build -t wheel -d "$out")
+    compgen -G "$out/wheelarm-$version-*-manylinux*.whl" >/dev/null ||
+        die "no wheel with programs was made: $package/pyproject.toml lacks the line [tool.hatch.build.targets.wheel.hooks.custom]"
 }
 
 all=(programs archive deb wheels image)
@@ -133,6 +135,8 @@ for part in "${parts[@]}"; do
 done
 cd "$out"
 rm -f SHA256SUMS
-# shellcheck disable=SC2035
-[ -z "$(ls)" ] || sha256sum * >/tmp/wheelarm-sums.$$ && mv /tmp/wheelarm-sums.$$ SHA256SUMS
+if [ -n "$(ls)" ]; then
+    sums=$(sha256sum -- *)
+    echo "$sums" >SHA256SUMS
+fi
 ls -l

@@ -107,17 +107,16 @@ check_apptainer() {
         wheelarm-server --list-adapters"'
     local job='SLURM_JOB_ID=1 SLURM_ARRAY_TASK_COUNT=2 SLURM_CPUS_PER_TASK=1 WHEELARM_IMAGE=$HOME/wheelarm.sif'
     data=$root/scratch/campaign
-    # Shard 0 is killed without warning; then its time is over after an episode;
-    # then it has the time it needs.
+    # Shard 0 is killed without warning, for shard 1 the time is over while it
+    # makes its first episode; then both have the time they need.
     as_user "$root" "$job SLURM_ARRAY_TASK_ID=0 bash /scratch/slurm.sbatch /scratch/plan.toml /scratch/campaign" >"$log" 2>&1 &
     killed=$!
     first_episode "$data" $killed "$log"
     kill -KILL $killed
     wait $killed 2>/dev/null || true
     echo "killed after $(find "$data/episodes" -name '*.h5' | wc -l) episode(s)"
-    rm -rf "$data"
-    as_user "$root" "$job SLURM_ARRAY_TASK_ID=0 bash /scratch/slurm.sbatch /scratch/plan.toml /scratch/campaign &
-        until ls /scratch/campaign/staging >/dev/null 2>&1; do kill -0 \$! || exit 1; sleep 0.2; done
+    as_user "$root" "$job SLURM_ARRAY_TASK_ID=1 bash /scratch/slurm.sbatch /scratch/plan.toml /scratch/campaign &
+        until pgrep -x wheelarm-server >/dev/null; do kill -0 \$! || exit 1; sleep 0.2; done
         kill -USR1 \$!; wait \$!" >"$log" 2>&1 || true
     grep -qx 'requeue 1' "$root/scratch/requeued" || die "the job did not requeue itself: $(tail -n 5 "$log")"
     echo "out of time after $(find "$data/episodes" -name '*.h5' | wc -l) episode(s), requeued"
