@@ -48,9 +48,7 @@ tools() {
 # The three programs, for $glibc, without the paths of this machine.
 programs() {
     say "programs for $target, glibc $glibc"
-    local cargo_home=${CARGO_HOME:-$HOME/.cargo} std
-    std=$(rustc --print sysroot)
-    local from=("$cargo_home/registry/src" "$PWD" "$std") to=(/cargo /wheelarm /rust) rust= c=
+    local from=("${CARGO_HOME:-$HOME/.cargo}/registry/src" "$PWD") to=(/cargo /wheelarm) rust= c=
     for i in "${!from[@]}"; do
         rust+=" --remap-path-prefix=${from[i]}=${to[i]}"
         c+=" -ffile-prefix-map=${from[i]}=${to[i]}"
