@@ -48,7 +48,7 @@ tools() {
 # The three programs, for $glibc, without the paths of this machine.
 programs() {
     say "programs for $target, glibc $glibc"
-    local from=("${CARGO_HOME:-$HOME/.cargo}/registry/src" "$PWD") to=(/cargo /wheelarm) rust= c=
+    local from=("${CARGO_HOME:-$HOME/.cargo}/registry/src" "$PWD") to=(/cargo /wheelarm) rust='' c=''
     for i in "${!from[@]}"; do
         rust+=" --remap-path-prefix=${from[i]}=${to[i]}"
         c+=" -ffile-prefix-map=${from[i]}=${to[i]}"

@@ -90,16 +90,24 @@ check_bits() {
             [ "$told" = "$first" ] || die "$suite: $told"
             echo "$(basename "$file"): $suite, glibc $(glibc_of "$work/$suite"): $told"
         done
-        rm -rf "$work/$suite"
+        rm -rf "${work:?}/$suite"
     done
 }
 
-# A bookworm with Python and a Vulkan driver, without Rust and HDF5, in which the
-# wheel is installed from files alone.
+# Whether there is a wheel with programs, and a bookworm for it: with Python and a
+# Vulkan driver, without Rust and HDF5.
+can_install_wheel() {
+    compgen -G "$dist/wheelarm-*manylinux*.whl" >/dev/null || {
+        skip "there is no wheel with programs in $dist"
+        return 1
+    }
+    system bookworm wheel python3-venv,libvulkan1,mesa-vulkan-drivers
+}
+
+# Installs the wheel, from files alone, in a copy of that system.
 with_wheel() {
     local root=$1 wheel
-    wheel=$(ls "$dist"/wheelarm-*manylinux*.whl 2>/dev/null) || return 1
-    system bookworm wheel python3-venv,libvulkan1,mesa-vulkan-drivers || return 1
+    wheel=$(ls "$dist"/wheelarm-*manylinux*.whl)
     if [ ! -d "$work/wheelhouse" ]; then
         python3 -m venv "$work/pip"
         "$work/pip/bin/pip" download --quiet --disable-pip-version-check --dest "$work/wheelhouse" \
@@ -109,8 +117,9 @@ with_wheel() {
     copy_of "$chroots/bookworm-wheel" "$root"
     mkdir "$root/wheels"
     cp "$work"/wheelhouse/*.whl "$root/wheels/"
-    ! find "$root" -xdev \( -name 'libhdf5*' -o -name rustc -o -name cargo \) | grep . ||
+    if find "$root" -xdev \( -name 'libhdf5*' -o -name rustc -o -name cargo \) | grep .; then
         die "the clean system holds HDF5 or Rust"
+    fi
     offline "$root" python3 -m venv /v
     offline "$root" /v/bin/pip install --quiet --no-index --find-links /wheels "/wheels/$(basename "$wheel")"
 }
@@ -118,10 +127,8 @@ with_wheel() {
 # Two commands from a wheel to an episode with pictures.
 check_wheel() {
     say "wheel: pip install, then the demo, without Rust, HDF5 and network"
-    with_wheel "$work/wheel" || {
-        skip "the wheel; there is none in $dist, or no system for it"
-        return
-    }
+    can_install_wheel || return 0
+    with_wheel "$work/wheel"
     offline "$work/wheel" /v/bin/wheelarm --version
     offline "$work/wheel" /v/bin/wheelarm doctor || true
     # shellcheck disable=SC2086
@@ -138,11 +145,8 @@ check_network() {
         skip "no strace; install it once: apt-get install -y strace"
         return
     }
-    with_wheel "$work/network" || {
-        skip "the wheel; there is none in $dist, or no system for it"
-        return
-    }
-    online "$work/network" true
+    can_install_wheel || return 0
+    with_wheel "$work/network"
     STRACE=$work/connects online "$work/network" /v/bin/wheelarm demo --out /data \
         --width 160 --height 90 --rate 2 --no-sheet >"$work/demo" || die "the demo: $(cat "$work/demo")"
     python3 tests/dist/connects.py "$work/connects"
@@ -179,7 +183,9 @@ check_deb() {
     offline "$root" wheelarm collect assets/campaigns/small.toml --dry-run | tail -n 3
     offline "$root" wheelarm demo --out /data --width 160 --height 90 --rate 2 | tail -n 4
     online "$root" sh -c 'apt-get purge -y -qq wheelarm' >"$work/apt.log" 2>&1 || die "apt purge: $(tail -n 5 "$work/apt.log")"
-    ! find "$root/usr" -name 'wheelarm*' | grep . || die "the removed package left these"
+    if find "$root/usr" -name 'wheelarm*' | grep .; then
+        die "the removed package left these"
+    fi
     echo "purge leaves nothing"
     rm -rf "$root"
 }

@@ -45,7 +45,10 @@ check_image() {
         unshare --pid --fork --kill-child --mount-proc \
             buildah "${store[@]}" run --volume "$data:/data" "$container" -- "$@"
     }
-    in_image sh -euc 'test "$(id -u)" = 1000; ! touch /usr/x 2>/dev/null; wheelarm --version; wheelarm-server --list-adapters'
+    in_image sh -euc 'test "$(id -u)" = 1000
+        if touch /usr/x 2>/dev/null; then echo "/usr can be written"; exit 1; fi
+        wheelarm --version
+        wheelarm-server --list-adapters'
     in_image wheelarm collect plan.toml --out campaign --workers 1 --shard 0/2 >"$log" 2>&1 &
     killed=$!
     first_episode "$data/campaign" $killed "$log"
@@ -103,7 +106,7 @@ check_apptainer() {
     echo "$(chroot "$root" apptainer --version): wheelarm.sif of $(du -m "$root/home/u/wheelarm.sif" | cut -f1) MB"
     as_user "$root" 'apptainer --quiet exec wheelarm.sif sh -euc "
         test \$(id -u) = 1000
-        ! touch /usr/x /data/x 2>/dev/null
+        if touch /usr/x 2>/dev/null || touch /data/x 2>/dev/null; then echo written; exit 1; fi
         wheelarm-server --list-adapters"'
     local job='SLURM_JOB_ID=1 SLURM_ARRAY_TASK_COUNT=2 SLURM_CPUS_PER_TASK=1 WHEELARM_IMAGE=$HOME/wheelarm.sif'
     data=$root/scratch/campaign
