@@ -22,7 +22,7 @@ for program in "$@"; do
         esac
     done
     # A file at most, so that a page of them is not printed.
-    if told=$(strings -a "$program" | grep -F -m1 "$HOME/"); then
+    if told=$(strings -a "$program" | grep -F -m1 -e "$HOME/" -e "$PWD/"); then
         echo "error: $program tells a path of this machine: $told; see --remap-path-prefix in scripts/dist.sh" >&2
         exit 1
     fi
