@@ -1,5 +1,7 @@
 # make demo    records one episode of the mustard task and shows pictures of it
 # make static  the same programs with HDF5 inside, in target/static (needs CMake 3.26)
+# make dist    what is shipped, in dist/: archive, wheels, Debian package, image (JOBS=N)
+# make test-dist   installs and runs what is in dist/ in clean Debian systems (as root)
 # make test    format, lints, documentation and all tests, as CI runs them
 # make contract    writes proto/contract.txt after a change of the .proto files
 # make test-cluster   a campaign on a one-node Slurm cluster in this machine
@@ -31,7 +33,7 @@ BUILT := $(or $(CARGO_TARGET_DIR),target)/release
 export WHEELARM_COMMIT ?= $(shell git rev-parse --short=12 HEAD 2>/dev/null)
 export WHEELARM_PYTHON ?= $(CURDIR)/.venv/bin/python
 
-.PHONY: all build static demo test test-learn contract test-cluster test-readers test-data test-original test-adversarial soak train-mustard bench test-rosbag2 clean
+.PHONY: all build static demo test test-learn contract test-cluster test-readers test-data test-original test-adversarial soak train-mustard bench test-rosbag2 dist test-dist clean
 all: build
 
 build:
@@ -44,6 +46,13 @@ static:
 	scripts/setup.sh
 	$(CARGO) build --release --bins --features wheelarm-client/static-hdf5,wheelarm-dataset/static-hdf5 --target-dir $(STATIC)
 	! ldd $(STATIC)/release/wheelarm $(STATIC)/release/wheelarm-dataset | grep -E 'libhdf5|libcurl|libssl'
+
+dist:
+	scripts/dist.sh
+
+test-dist:
+	scripts/setup.sh python numpy h5py
+	tests/dist.sh
 
 demo: build
 	$(BUILT)/wheelarm demo --seed $(SEED) --out $(OUT)

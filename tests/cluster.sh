@@ -18,15 +18,20 @@ skip() {
 # The Kubernetes file, against the published schema of batch/v1.
 if .venv/bin/python -c 'import kubernetes_validate, yaml' 2>/dev/null; then
     .venv/bin/python - <<'PYTHON'
+import tomllib
+
 import kubernetes_validate, yaml
 
 path = "client/cluster/kubernetes.yaml"
 job = yaml.safe_load(open(path))
-version = kubernetes_validate.validate(job, "1.32", strict=True)
+schema = kubernetes_validate.validate(job, "1.32", strict=True)
 spec = job["spec"]
 variables = {v["name"]: v["value"] for v in spec["template"]["spec"]["containers"][0]["env"]}
 assert spec["completions"] == int(variables["SHARDS"]), "completions and SHARDS differ"
-print(f"{path}: valid against Kubernetes {version}; not run on a cluster")
+image = spec["template"]["spec"]["containers"][0]["image"]
+version = tomllib.load(open("Cargo.toml", "rb"))["workspace"]["package"]["version"]
+assert image.endswith(f"/wheelarm:{version}"), f"{image} is not of version {version}"
+print(f"{path}: valid against Kubernetes {schema}; not run on a cluster")
 PYTHON
 else
     echo "skipped: the schema check of client/cluster/kubernetes.yaml; run: scripts/setup.sh python kubernetes-validate:kubernetes_validate"

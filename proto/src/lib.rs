@@ -13,6 +13,7 @@ pub mod endpoint;
 pub mod exact;
 #[cfg(feature = "nalgebra")]
 pub mod geometry;
+pub mod installed;
 pub mod keys;
 pub mod look;
 pub mod output;

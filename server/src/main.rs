@@ -7,10 +7,11 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use anyhow::{Context, bail};
-use clap::Parser;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
+use clap::{CommandFactory, Parser};
 use tokio::signal::unix::{Signal, SignalKind, signal};
 use wheelarm_proto::endpoint::check_endpoint;
+use wheelarm_proto::installed;
 use wheelarm_proto::keys::{self, Keys};
 use wheelarm_proto::look::LookText;
 use wheelarm_proto::output::end_with_output;
@@ -131,6 +132,9 @@ struct Args {
     /// Prints the graphics adapters and ends.
     #[arg(long)]
     list_adapters: bool,
+    /// Prints the man page and ends, for packages.
+    #[arg(long, hide = true)]
+    man: bool,
 }
 
 fn endpoint(text: &str) -> Result<String, String> {
@@ -249,8 +253,7 @@ impl Args {
     }
 }
 
-/// The assets folder: as told, in the working directory, or beside the
-/// checkout that the program was built in.
+/// The assets folder: as told, or where [`installed::assets`] finds one.
 fn assets(told: Option<PathBuf>) -> anyhow::Result<PathBuf> {
     if let Some(told) = told {
         if !told.join("scenes").is_dir() {
@@ -261,14 +264,7 @@ fn assets(told: Option<PathBuf>) -> anyhow::Result<PathBuf> {
         }
         return Ok(told);
     }
-    let program = std::env::current_exe().unwrap_or_default();
-    let beside = program
-        .ancestors()
-        .skip(1)
-        .map(|folder| folder.join("assets"));
-    std::iter::once(PathBuf::from("assets"))
-        .chain(beside)
-        .find(|folder| folder.join("scenes").is_dir())
+    installed::assets()
         .context("no assets folder found; name it with --assets DIR or WHEELARM_ASSETS")
 }
 
@@ -353,6 +349,11 @@ fn sending_threads() -> Option<OsString> {
 }
 
 async fn serve(args: Args) -> anyhow::Result<()> {
+    if args.man {
+        return clap_mangen::Man::new(Args::command())
+            .render(&mut std::io::stdout())
+            .context("printing the man page");
+    }
     tracing_subscriber::fmt()
         .with_writer(std::io::stderr)
         .with_ansi(std::io::stderr().is_terminal())

@@ -156,8 +156,10 @@ fn one(args: &DemoArgs, seed: u64) -> anyhow::Result<Summary> {
         bar: &bar,
         link: &link,
         seed,
+        begun,
         asked: Instant::now(),
         frames: 0,
+        first_picture: None,
     };
     let report =
         operate::run(&link, &work, &mut |progress| watch.show(progress)).with_context(|| {
@@ -167,6 +169,7 @@ fn one(args: &DemoArgs, seed: u64) -> anyhow::Result<Summary> {
                 recorder.tail()
             )
         })?;
+    let first_picture = watch.first_picture;
     bar.set_message(format!("seed {seed}: finishing the file"));
     let recorded = recorder.finished(&link, report.episode())?;
     let wall = begun.elapsed();
@@ -184,6 +187,7 @@ fn one(args: &DemoArgs, seed: u64) -> anyhow::Result<Summary> {
         report,
         recorded,
         adapter: status.adapter,
+        first_picture,
         wall,
         sheet,
     })
@@ -194,8 +198,10 @@ struct Watch<'a> {
     bar: &'a ProgressBar,
     link: &'a Link,
     seed: u64,
+    begun: Instant,
     asked: Instant,
     frames: u64,
+    first_picture: Option<Duration>,
 }
 
 impl Watch<'_> {
@@ -208,6 +214,10 @@ impl Watch<'_> {
             self.asked = Instant::now();
             if let Ok(status) = self.link.ask(&v1::StatusRequest {}) {
                 self.frames = status.recorders.iter().map(|r| r.accepted_frames).sum();
+                if self.frames > 0 {
+                    self.first_picture
+                        .get_or_insert_with(|| self.begun.elapsed());
+                }
             }
         }
         self.bar.set_message(format!(

@@ -20,6 +20,9 @@ pub struct Summary {
     pub recorded: v1::RecorderStatus,
     /// Graphics adapter.
     pub adapter: String,
+    /// From the start of the server until the recorder had a picture, as far as it
+    /// was asked: twice a second.
+    pub first_picture: Option<Duration>,
     /// From the start of the server to the finished file.
     pub wall: Duration,
     /// Contact sheet, if it was drawn.
@@ -104,9 +107,12 @@ impl fmt::Display for Summary {
         }
         writeln!(
             f,
-            "  time        {simulated:.1} s simulated in {wall:.1} s ({:.2}x real time), {:.1} s with start and file",
+            "  time        {simulated:.1} s simulated in {wall:.1} s ({:.2}x real time), {:.1} s with start and file{}",
             simulated / wall,
-            self.wall.as_secs_f64()
+            self.wall.as_secs_f64(),
+            self.first_picture
+                .map(|first| format!(", first picture after {:.1} s", first.as_secs_f64()))
+                .unwrap_or_default()
         )
     }
 }

@@ -8,6 +8,7 @@ use anyhow::{Context, bail};
 use serde::de::Error as _;
 use serde::{Deserialize, Deserializer};
 use sha2::{Digest, Sha256};
+use wheelarm_proto::installed::file_or_asset;
 use wheelarm_proto::look::LookText;
 use wheelarm_proto::seeds::Purpose;
 use wheelarm_proto::settings::Named;
@@ -73,6 +74,7 @@ fn named<'de, T: Named, D: Deserializer<'de>>(from: D) -> Result<T, D::Error> {
 /// With file and line and the cure: it cannot be read, holds a mistake, mixes
 /// purposes, or is not what was frozen.
 pub fn read_split(path: &Path) -> anyhow::Result<Scope> {
+    let path = &file_or_asset(path);
     let text = std::fs::read_to_string(path).with_context(|| {
         format!(
             "reading the split {}; name a file, for example assets/splits/policy-claim.toml",

@@ -16,6 +16,7 @@ mod faults_recorder;
 mod faults_server;
 mod forgery;
 mod gate;
+mod installed;
 mod looks;
 mod mutation;
 mod over_ticks;

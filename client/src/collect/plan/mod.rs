@@ -11,6 +11,7 @@ mod parts;
 use std::path::{Path, PathBuf};
 
 use toml::Spanned;
+use wheelarm_proto::installed::file_or_asset;
 use wheelarm_proto::seeds::Purpose;
 use wheelarm_proto::settings::{Depth, Quality};
 
@@ -68,6 +69,7 @@ impl Plan {
     /// # Errors
     /// [`PlanError`] with file, line and cure.
     pub fn read(path: &Path) -> Result<Self, PlanError> {
+        let path = &file_or_asset(path);
         let text = std::fs::read_to_string(path).map_err(|source| PlanError {
             path: path.to_owned(),
             line: None,

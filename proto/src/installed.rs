@@ -1,0 +1,115 @@
+//! Where the assets of a program lie, in a checkout and installed.
+
+use std::path::{Path, PathBuf};
+
+/// The environment's word for the assets folder.
+pub const ASSETS_VARIABLE: &str = "WHEELARM_ASSETS";
+
+/// Whether a folder is an assets folder of WheelArm: it holds scenes and robots.
+#[must_use]
+pub fn is_assets(folder: &Path) -> bool {
+    folder.join("scenes").is_dir() && folder.join("robots").is_dir()
+}
+
+/// The assets folder of this program, when nobody told one.
+///
+/// In this order: `assets` in the working directory;
+/// `<program>/../share/wheelarm/assets`, where a wheel, a Debian package, an
+/// archive and an image have it; `assets` in a folder above the program, as in a
+/// checkout.
+#[must_use]
+pub fn assets() -> Option<PathBuf> {
+    let program = std::env::current_exe().unwrap_or_default();
+    candidates(&program).find(|folder| is_assets(folder))
+}
+
+/// A file that was named. When it is not there and the name begins with
+/// `assets`, it is looked for in the assets folder that `WHEELARM_ASSETS` tells,
+/// else in [`assets`]: `assets/campaigns/small.toml` is a plan also where
+/// nobody has a checkout.
+#[must_use]
+pub fn file_or_asset(named: &Path) -> PathBuf {
+    let told = std::env::var_os(ASSETS_VARIABLE).map(PathBuf::from);
+    match told.or_else(assets) {
+        Some(folder) => file_or_asset_of(&folder, named),
+        None => named.to_owned(),
+    }
+}
+
+/// [`file_or_asset`] with a given assets folder.
+fn file_or_asset_of(folder: &Path, named: &Path) -> PathBuf {
+    let inside = named.strip_prefix("assets").map(|path| folder.join(path));
+    match inside {
+        Ok(inside) if !named.exists() && inside.exists() => inside,
+        _ => named.to_owned(),
+    }
+}
+
+/// Where the assets of `program` may lie; relative ones to the working directory.
+fn candidates(program: &Path) -> impl Iterator<Item = PathBuf> {
+    let shared = program.ancestors().nth(2);
+    let shared = shared.map(|prefix| prefix.join("share/wheelarm/assets"));
+    let above = program.ancestors().skip(1);
+    let above = above.map(|folder| folder.join("assets"));
+    std::iter::once(PathBuf::from("assets"))
+        .chain(shared)
+        .chain(above)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The first of the candidates below `prefix` that is an assets folder.
+    fn found(prefix: &Path, program: &str) -> Option<PathBuf> {
+        candidates(&prefix.join(program))
+            .find(|folder| folder.starts_with(prefix) && is_assets(folder))
+    }
+
+    fn make(folder: &Path) {
+        std::fs::create_dir_all(folder.join("scenes")).unwrap();
+        std::fs::create_dir_all(folder.join("robots")).unwrap();
+    }
+
+    #[test]
+    fn an_installed_program_finds_its_share_before_a_folder_above() {
+        let home = tempfile::tempdir().unwrap();
+        let prefix = home.path().join("v");
+        std::fs::create_dir_all(prefix.join("bin")).unwrap();
+        assert_eq!(found(home.path(), "v/bin/wheelarm-server"), None);
+        // Not of WheelArm: it has no robots.
+        std::fs::create_dir_all(home.path().join("v/assets/scenes")).unwrap();
+        assert_eq!(found(home.path(), "v/bin/wheelarm-server"), None);
+        make(&home.path().join("assets"));
+        assert_eq!(
+            found(home.path(), "v/bin/wheelarm-server"),
+            Some(home.path().join("assets"))
+        );
+        let share = prefix.join("share/wheelarm/assets");
+        make(&share);
+        assert_eq!(found(home.path(), "v/bin/wheelarm-server"), Some(share));
+    }
+
+    #[test]
+    fn a_program_of_a_checkout_finds_the_assets_above() {
+        let checkout = tempfile::tempdir().unwrap();
+        make(&checkout.path().join("assets"));
+        assert_eq!(
+            found(checkout.path(), "target/release/wheelarm-server"),
+            Some(checkout.path().join("assets"))
+        );
+    }
+
+    #[test]
+    fn a_named_asset_is_found_without_a_checkout() {
+        let folder = tempfile::tempdir().unwrap();
+        let plans = folder.path().join("campaigns");
+        std::fs::create_dir_all(&plans).unwrap();
+        std::fs::write(plans.join("mine.toml"), "").unwrap();
+        let there = |named: &str| file_or_asset_of(folder.path(), Path::new(named));
+        assert_eq!(there("assets/campaigns/mine.toml"), plans.join("mine.toml"));
+        for named in ["assets/campaigns/other.toml", "mine.toml", "/assets/x"] {
+            assert_eq!(there(named), Path::new(named));
+        }
+    }
+}
