@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rig import INDEX, NAMES, forward, from_vector, places, skin
+from rig import FINGERS, INDEX, NAMES, forward, from_vector, places, skin
 from shape import shaped
 from simplify import simplified
 from source import BODY_VERTICES
@@ -17,7 +17,6 @@ MATERIALS = [
     "skin",
     "lips",
     "mouth",
-    "teeth",
     "brows",
     "hair",
     "shirt",
@@ -37,8 +36,9 @@ BUDGET = {
     "scalp": 330,
     "long_hair": 260,
     "eyes": 150,
-    "teeth": 60,
 }
+# A vertex of the mouth's inside, behind the upper lip.
+INSIDE_MOUTH = 588
 # How far the shells stand off the skin, m. [choice]
 SHIRT, TROUSERS, SHOES = 0.010, 0.008, 0.009
 HAIR = {"cropped": 0.004, "short": 0.013, "long": 0.016, "bun": 0.012}
@@ -93,26 +93,23 @@ class Wardrobe:
 
         # Head and neck.
         head = of("head", "jaw", "neck_1", "neck_2")
-        triangles = body[head[body].any(axis=1)]
+        triangles = body[_whole(head[body].any(axis=1))]
         parts = [Part("head", triangles, self._face_labels(triangles), none)]
         for side in ("left", "right"):
-            triangles = body[hand(side)[body].any(axis=1)]
+            triangles = body[_whole(hand(side)[body].any(axis=1))]
             labels = np.full(len(triangles), MATERIAL["skin"])
             parts.append(Part(f"{side}_hand", triangles, labels, none))
         # Clothes.
         triangles = source.triangles("helper-tights")
-        middle = reference[triangles].mean(axis=1)
+        middle = _middle(reference, triangles)
         waist = joints["spine_1"][2] + 0.015
         ankle = joints["left_foot"][2] + 0.02
         labels = np.full(len(triangles), MATERIAL["shirt"])
-        arms = of(*(n for n in NAMES if "forearm" in n))[triangles].sum(axis=1) >= 2
-        labels[arms | hand("left")[triangles].any(1) | hand("right")[triangles].any(1)] = MATERIAL[
-            "sleeves"
-        ]
-        legs = of(*(n for n in NAMES if n.split("_")[-1] in ("thigh", "shank", "foot")))
-        low = (middle[:, 2] < waist) & (labels == MATERIAL["shirt"])
-        low &= np.abs(middle[:, 1]) < np.abs(joints["left_forearm"][1])
-        labels[low & (legs[triangles].all(1) | (middle[:, 2] < waist))] = MATERIAL["trousers"]
+        arms = of(*(n for n in NAMES if "forearm" in n or _is_hand(n)))
+        labels[_whole(arms[triangles].sum(axis=1) >= 2)] = MATERIAL["sleeves"]
+        elbow = np.abs(joints["left_forearm"][1])
+        low = (middle[:, 2] < waist) & (np.abs(middle[:, 1]) < elbow)
+        labels[low & (labels == MATERIAL["shirt"])] = MATERIAL["trousers"]
         labels[middle[:, 2] < ankle] = MATERIAL["shoes"]
         offset = np.zeros(count)
         for name, out in (("shirt", SHIRT), ("sleeves", SHIRT), ("trousers", TROUSERS), ("shoes", SHOES)):
@@ -122,8 +119,9 @@ class Wardrobe:
         parts.append(Part("clothes", triangles, labels, offset))
         # Hair.
         scalp = self._scalp()
-        triangles = body[scalp[body].all(axis=1)]
-        rim = np.unique(body[scalp[body].any(axis=1) & ~scalp[body].all(axis=1)])
+        inside = _whole(scalp[body].sum(axis=1) >= 2)
+        triangles = body[inside]
+        rim = np.intersect1d(triangles, body[~inside])
         offset = np.zeros(count)
         offset[np.unique(triangles)] = 1.0
         offset[rim] = 0.15
@@ -131,7 +129,9 @@ class Wardrobe:
         parts.append(Part("scalp", triangles, hair, offset))
         triangles = source.triangles("helper-hair")
         chin = joints["head"][2]
-        triangles = triangles[reference[triangles][:, :, 2].max(axis=1) > chin - 0.03]
+        middle = _middle(reference, triangles)
+        # To the shoulders, and not before the face.
+        triangles = triangles[(middle[:, 2] > chin - 0.06) & (middle[:, 0] < self.eye[0] - 0.062)]
         parts.append(Part("long_hair", triangles, np.full(len(triangles), MATERIAL["hair"]), none))
         # Eyes.
         triangles = source.triangles("helper-l-eye", "helper-r-eye")
@@ -144,17 +144,31 @@ class Wardrobe:
             ahead = reference[triangles][:, :, 0] > middle[0] + 0.3 * (front - middle[0])
             labels[(near & ahead).all(axis=1)] = MATERIAL["iris"]
         parts.append(Part("eyes", triangles, labels, none))
-        triangles = source.triangles("helper-upper-teeth")
-        parts.append(Part("teeth", triangles, np.full(len(triangles), MATERIAL["teeth"]), none))
         return parts
 
     def _face_labels(self, triangles):
         reference, source = self.reference, self.source
-        middle = reference[triangles].mean(axis=1)
         labels = np.full(len(triangles), MATERIAL["skin"])
-        mouth = source.place(source.bones["jaw"]["head"], reference)
-        eye = reference[np.unique(source.triangles("helper-l-eye"))].mean(axis=0)
-        self.eye, self.jaw = eye, mouth
+        jaw = source.place(source.bones["jaw"]["head"], reference)
+        self.eye = reference[np.unique(source.triangles("helper-l-eye"))].mean(axis=0)
+        x, y, z = (_middle(reference, triangles) - jaw).T
+        y = np.abs(y)
+        # Numbers of the body of reference, m, from the jaw's joint.
+        lips = ((y / 0.028) ** 2 + ((z + 0.0425) / 0.0120) ** 2 < 1) & (x > 0.0955 - 12 * y**2)
+        labels[lips] = MATERIAL["lips"]
+        # The mouth's inside: what hangs together behind the lips.
+        region = (y < 0.037) & (z > -0.08) & (z < 0.012) & ~lips & (x < 0.0975)
+        inside = {INSIDE_MOUTH}
+        grown = True
+        while grown:
+            touched = region & np.isin(triangles, list(inside)).any(axis=1)
+            before = len(inside)
+            inside |= set(triangles[touched].ravel().tolist())
+            grown = len(inside) > before
+        labels[touched] = MATERIAL["mouth"]
+        arch = 0.0545 - 0.25 * np.maximum(y - 0.034, 0)
+        brows = (np.abs(z - arch) < 0.0038) & (y > 0.012) & (y < 0.050) & (x > 0.06)
+        labels[brows] = MATERIAL["brows"]
         return labels
 
     def _scalp(self):
@@ -202,12 +216,10 @@ class Wardrobe:
         """Where an error counts more: face."""
         out = np.ones(len(self.reference))
         if part.name == "head":
-            mouth = self.jaw
             face = self.reference[:, 0] > self.eye[0] - 0.045
             out[face] = 6.0
             neck = np.isin(self.table.argmax(1), [INDEX["neck_1"], INDEX["neck_2"]])
             out[neck] = 0.5
-            del mouth
         return out
 
     def _pushed(self, vertices, hair=0.013):
@@ -239,8 +251,18 @@ class Wardrobe:
         return tuple(np.concatenate(x) for x in (points, directions, origin, triangles, labels))
 
 
+def _middle(points, triangles):
+    """Middle of each triangle's quad; triangles come in pairs, (T, 3)."""
+    return points[triangles].mean(axis=1).reshape(-1, 2, 3).mean(axis=1).repeat(2, axis=0)
+
+
+def _whole(chosen):
+    """Chosen triangles with the other half of their quads."""
+    return chosen.reshape(-1, 2).any(axis=1).repeat(2)
+
+
 def _is_hand(name):
-    return name.split("_")[1] in ("hand", "thumb", "index", "middle", "ring", "little")
+    return bool({"hand", *FINGERS} & set(name.split("_")))
 
 
 def _trial_turns():

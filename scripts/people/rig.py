@@ -1,4 +1,4 @@
-"""The skeleton of a person: 46 joints made of MakeHuman's 163 bones, weights and posing.
+"""The skeleton of a person: 48 joints made of MakeHuman's 163 bones, weights and posing.
 
 At rest every joint's axes are those of the person (x forward, y left, z up), so a joint
 has a place and no turn of its own. A posture turns joints; `skin` moves vertices with
@@ -27,13 +27,14 @@ def _joints():
     for side, s in (("left", "L"), ("right", "R")):
         rows += [
             (f"{side}_clavicle", "spine_5", [f"clavicle.{s}", f"shoulder01.{s}"], f"clavicle.{s}"),
+            (f"{side}_upper_arm", f"{side}_clavicle", [f"upperarm01.{s}"], f"upperarm01.{s}"),
             (
+                f"{side}_upper_arm_turn",
                 f"{side}_upper_arm",
-                f"{side}_clavicle",
-                [f"upperarm01.{s}", f"upperarm02.{s}"],
-                f"upperarm01.{s}",
+                [f"upperarm02.{s}"],
+                f"upperarm02.{s}",
             ),
-            (f"{side}_forearm", f"{side}_upper_arm", [f"lowerarm01.{s}"], f"lowerarm01.{s}"),
+            (f"{side}_forearm", f"{side}_upper_arm_turn", [f"lowerarm01.{s}"], f"lowerarm01.{s}"),
             (f"{side}_forearm_turn", f"{side}_forearm", [f"lowerarm02.{s}"], f"lowerarm02.{s}"),
             (
                 f"{side}_hand",
@@ -80,7 +81,7 @@ for _k in range(len(NAMES)):
 
 
 def weights(source):
-    """Weights (N, 46) of all vertices: at most four joints each, multiples of 1/255, sum 1."""
+    """Weights (N, 48) of all vertices: at most four joints each, multiples of 1/255, sum 1."""
     joint_of = {bone: k for k, row in enumerate(ROWS) for bone in row[2]}
 
     def joint(bone):
@@ -111,7 +112,7 @@ def four(table):
 
 
 def places(source, vertices):
-    """Where the joints of a shaped mesh stand, (46, 3) m."""
+    """Where the joints of a shaped mesh stand, (48, 3) m."""
     return np.array([source.place(source.bones[row[3]]["head"], vertices) for row in ROWS])
 
 
@@ -121,10 +122,10 @@ def tip(source, vertices, bone):
 
 
 def forward(rest, root, turns):
-    """World rotations (46, 3, 3) and places (46, 3) of the joints.
+    """World rotations (48, 3, 3) and places (48, 3) of the joints.
 
     `rest`: places at rest; `root`: where the pelvis stands; `turns`: rotation of each
-    joint against its parent (46, 3, 3).
+    joint against its parent (48, 3, 3).
     """
     rotations, at = np.empty((len(rest), 3, 3)), np.empty((len(rest), 3))
     for k, parent in enumerate(PARENTS):
@@ -137,7 +138,7 @@ def forward(rest, root, turns):
 
 
 def skin(vertices, table, rest, rotations, at):
-    """Vertices (N, 3) moved with the joints; `table` holds their weights (N, 46)."""
+    """Vertices (N, 3) moved with the joints; `table` holds their weights (N, 48)."""
     shift = at - np.einsum("kij,kj->ki", rotations, rest)
     out = np.zeros_like(vertices)
     for k in range(len(rest)):

@@ -15,13 +15,21 @@ from source import BODY_VERTICES
 DENSITY = 1010.0
 # Girth where the weight axis ends, targets with weights. [choice]
 GIRTH = {
-    "torso/measure-waist-circ-incr": 0.8,
-    "stomach/stomach-pregnant-incr": 0.30,
-    "stomach/stomach-tone-decr": 0.5,
-    "torso/torso-scale-depth-incr": 0.35,
-    "torso/torso-scale-horiz-incr": 0.15,
+    "torso/measure-waist-circ-incr": 0.7,
+    "stomach/stomach-pregnant-incr": 0.16,
+    "stomach/stomach-tone-decr": 0.4,
+    "torso/torso-scale-depth-incr": 0.30,
+    "torso/torso-scale-horiz-incr": 0.12,
     "torso/measure-bust-circ-incr": 0.4,
     "torso/measure-underbust-circ-incr": 0.4,
+    "arms/l-upperarm-fat-incr": 0.4,
+    "arms/r-upperarm-fat-incr": 0.4,
+    "arms/l-lowerarm-fat-incr": 0.3,
+    "arms/r-lowerarm-fat-incr": 0.3,
+    "legs/l-upperleg-fat-incr": 0.5,
+    "legs/r-upperleg-fat-incr": 0.5,
+    "legs/l-lowerleg-fat-incr": 0.3,
+    "legs/r-lowerleg-fat-incr": 0.3,
 }
 
 
@@ -75,6 +83,8 @@ def shaped(source, wanted, weight, height, girth=0.0):
         add(name, part)
     if girth:
         for name, part in sorted(GIRTH.items()):
+            if source.target(name) is None:
+                raise SystemExit(f"no target {name} in the wheel")
             add(name, girth * part)
     return vertices
 
