@@ -214,44 +214,60 @@ class Support:
         return out
 
 
-def posed(person, chair, cushion, spec):
-    """The whole posture: a Pose with facts about how well it fits."""
+def posed(person, chair, cushion, spec, before=()):
+    """The whole posture: a Pose with facts about how well it fits.
+
+    `before`: poses of the same person; one with the same trunk and hands lends its arms.
+    """
     pose = seat(person, chair, cushion, spec)
     solids = chair.raised(cushion)
+    key = tuple(spec.get(k, 0) for k in ("lean_forward", "lean_left", "turn_left", "left", "right"))
+    alike = next((p for p in before if p.facts["key"] == key), None)
+    if alike:
+        for k, name in enumerate(NAMES):
+            if _of_arm(name):
+                pose.rotations[k], pose.at[k] = alike.rotations[k], alike.at[k]
+        pose.facts.update(alike.facts)
+        return pose
     for side, sign in (("left", 1), ("right", -1)):
-        place = spec[side]
-        others = person.main
-        arm = [INDEX[n] for n in NAMES if n.startswith(side) and _of_arm(n)]
-        other = "right" if side == "left" else "left"
-        # The other arm counts once it is in place.
-        ignore = arm if side == "right" else arm + [
-            INDEX[n] for n in NAMES if n.startswith(other) and _of_arm(n)
-        ]
-        points = rig.skin(person.points, person.weights, person.rest, pose.rotations, pose.at)
-        legs = _among(person, "left_thigh", "right_thigh")
-        ahead = legs & (points[:, 0] > pose.facts["hip"][0] + 0.5 * pose.facts["thigh"])
-        legs_top = points[ahead, 2].max() + 0.035
-        clear = ~np.isin(others, ignore + [INDEX[n] for n in ("head", "jaw")])
-        faces = person.triangles[clear[person.triangles].all(axis=1)]
-        # Higher up the body overhangs the lap.
-        faces = faces[points[faces][:, :, 2].mean(axis=1) < pose.facts["hip"][2] + 0.23]
-        support = Support(points, faces, solids, legs_top)
-        moving = np.nonzero(np.isin(person.main, arm))[0]
-        best = None
-        for swivel in (5, 15, 25, 35, 45, 55, 65, 75):
-            for lift in np.arange(-0.03, 0.13, 0.0125):
-                trial = _arm(person, pose, support, chair, side, sign, place, swivel, lift)
-                cost, found = _judge(person, trial, support, solids, side, moving, swivel, place)
-                if best is None or cost < best[0]:
-                    best = (cost, trial, found, swivel, lift)
-        _, pose, found, swivel, lift = best
-        for fine in lift + np.array([-0.009, -0.006, -0.003, 0.003, 0.006, 0.009]):
-            trial = _arm(person, pose, support, chair, side, sign, place, swivel, fine)
-            cost, found = _judge(person, trial, support, solids, side, moving, swivel, place)
-            if cost < best[0]:
-                best = (cost, trial, found, swivel, fine)
-        pose = best[1]
-        pose.facts[side] = {**best[2], "swivel": swivel, "lift": float(best[4]), "cost": best[0]}
+        pose = _search(person, pose, chair, solids, side, sign, spec[side])
+    pose.facts["key"] = key
+    return pose
+
+
+def _search(person, pose, chair, solids, side, sign, place):
+    """The pose with one arm where it fits best; the right arm minds the left."""
+    arm = [INDEX[n] for n in NAMES if n.startswith(side) and _of_arm(n)]
+    both = [INDEX[n] for n in NAMES if _of_arm(n)]
+    points = rig.skin(person.points, person.weights, person.rest, pose.rotations, pose.at)
+    legs = _among(person, "left_thigh", "right_thigh")
+    ahead = legs & (points[:, 0] > pose.facts["hip"][0] + 0.5 * pose.facts["thigh"])
+    legs_top = points[ahead, 2].max() + 0.035
+    clear = ~np.isin(person.main, (arm if side == "right" else both) + [INDEX["head"], INDEX["jaw"]])
+    faces = person.triangles[clear[person.triangles].all(axis=1)]
+    # Higher up the body overhangs the lap.
+    faces = faces[points[faces][:, :, 2].mean(axis=1) < pose.facts["hip"][2] + 0.23]
+    support = Support(points, faces, solids, legs_top)
+    moving = np.nonzero(np.isin(person.main, arm))[0]
+
+    def tried(swivel, lift):
+        trial = _arm(person, pose, support, chair, side, sign, place, swivel, lift)
+        cost, found = _judge(person, trial, support, solids, side, moving, swivel)
+        return cost, swivel, lift, trial, found
+
+    best = None
+    for swivel in (5, 15, 25, 35, 45, 55, 65, 75):
+        for lift in np.arange(-0.03, 0.13, 0.0125):
+            found = tried(swivel, lift)
+            if best is None or found[0] < best[0]:
+                best = found
+    _, swivel, lift, _, _ = best
+    for fine in lift + np.array([-0.009, -0.006, -0.003, 0.003, 0.006, 0.009]):
+        found = tried(swivel, fine)
+        if found[0] < best[0]:
+            best = found
+    cost, swivel, lift, pose, found = best
+    pose.facts[side] = {**found, "swivel": swivel, "lift": float(lift), "cost": cost}
     return pose
 
 
@@ -259,7 +275,7 @@ def _of_arm(name):
     return any(w in name for w in ("arm", "hand", *FINGERS))
 
 
-def _judge(person, pose, support, solids, side, moving, swivel, place):
+def _judge(person, pose, support, solids, side, moving, swivel):
     """How bad an arm's pose is, and why: in the chair, in the body, hand in the air, wrist bent."""
     points = rig.skin(
         person.points[moving], person.weights[moving], person.rest, pose.rotations, pose.at
