@@ -74,7 +74,7 @@ def fitted(points, across=False):
         a, b, radius = a + step[:3], b + step[3:6], max(radius + step[6], 0.004)
     if across:
         x, z = (a[0] + b[0]) / 2, (a[2] + b[2]) / 2
-        half = abs(a[1] - b[1]) / 2
+        half = max(abs(a[1] - b[1]) / 2, 0.005)
         a, b = np.array([x, -half, z]), np.array([x, half, z])
     return a, b, radius
 

@@ -39,8 +39,8 @@ BUDGET = {
 }
 # A vertex of the mouth's inside, behind the upper lip.
 INSIDE_MOUTH = 588
-# How far the shells stand off the skin, m. [choice]
-SHIRT, TROUSERS, SHOES = 0.010, 0.008, 0.009
+# How far clothes are pushed out of their shell, m, which stands 8 mm off the skin. [choice]
+SHIRT, TROUSERS, SHOES = 0.003, 0.002, 0.006
 HAIR = {"cropped": 0.004, "short": 0.013, "long": 0.016, "bun": 0.012}
 
 

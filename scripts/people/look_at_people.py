@@ -109,12 +109,12 @@ def bodies():
     return sorted(p.parent.name for p in PEOPLE.glob("*/person.toml"))
 
 
-def shares(room):
+def shares(room, chosen):
     """A table: share of the picture, %, and how many of the pictures show knees and hands."""
     width, height = 320, 180
     total, shown, worst = 0, 0, {}
     names = None
-    for name in bodies():
+    for name in chosen:
         asset = reader.load(PEOPLE / name)
         if names is None:
             names = list(asset.postures)
@@ -143,7 +143,7 @@ def main():
     arguments = parser.parse_args()
     room = Room()
     if arguments.what == "shares":
-        return shares(room)
+        return shares(room, arguments.bodies or bodies())
     if not arguments.out:
         raise SystemExit(f"{arguments.what} needs the name of a picture to write")
     names = arguments.bodies or bodies()

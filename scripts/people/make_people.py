@@ -80,7 +80,8 @@ def make(name, wanted, source, table, wardrobe, chair, postures, looks, folder):
         for k, finger in enumerate(FINGERS, start=1)
     }
     person = sit.Person(
-        points, normals, table[vertex], triangles, labels, rest, ends, wanted.get("stoop", 0.0), 0.0
+        points, normals, table[vertex], triangles, labels, rest, ends, wanted.get("stoop", 0.0),
+        wanted.get("lean", 1.0), 0.0,
     )
     written(
         folder / "person.glb", name, points, normals, table[vertex], triangles, labels, rest,

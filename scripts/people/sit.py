@@ -17,12 +17,12 @@ from rig import FINGERS, INDEX, NAMES, between, turn
 # How far flesh and upholstery give way together, m. [choice]
 SINK_SEAT, SINK_BACK = 0.025, 0.012
 # Thickest cushion that raises a long-legged person, m. [choice]
-CUSHION = 0.06
+CUSHION = 0.03
 # Where the toes may end: the plate's front end is 0.7925. [derived from the URDF]
 TOES = 0.785
 # Pitch of the trunk from the pelvis to the head, degrees forward: upright and stooped.
 TRUNK = ["pelvis", "spine_1", "spine_2", "spine_3", "spine_4", "spine_5", "neck_1", "neck_2", "head"]
-UPRIGHT = np.array([-12.0, -11, -9, -8, -6, -4, 2, 2, 5])
+UPRIGHT = np.array([-12.0, -12, -11, -10, -9, -7, 0, 2, 4])
 STOOPED = np.array([-16.0, -13, -8, 1, 10, 18, 28, 28, 13])
 # Part of lean and turn that each of them takes, and of the head's own motion.
 LEAN = np.array([0.0, 0.2, 0.4, 0.6, 0.8, 1.0, 1.0, 1.0, 1.0])
@@ -44,6 +44,8 @@ class Person:
     rest: np.ndarray
     finger_ends: dict
     stoop: float
+    # Part of a posture's lean forward that the belly lets it do.
+    lean: float
     sole: float
     main: np.ndarray = field(init=False)
 
@@ -73,7 +75,7 @@ def _among(person, *names):
 def seat(person, chair, cushion, spec):
     """Trunk, head and legs; arms hang as at rest. Pose with facts about the legs."""
     pitch = (1 - person.stoop) * UPRIGHT + person.stoop * STOOPED
-    pitch = pitch + LEAN * spec.get("lean_forward", 0.0) + HEAD * spec.get("head_down", 0.0)
+    pitch = pitch + LEAN * spec.get("lean_forward", 0.0) * person.lean + HEAD * spec.get("head_down", 0.0)
     roll = -LEAN * spec.get("lean_left", 0.0) - HEAD * spec.get("head_tilt_left", 0.0)
     yaw = LEAN * spec.get("turn_left", 0.0) + HEAD * spec.get("head_left", 0.0)
     world = {
@@ -107,7 +109,7 @@ def seat(person, chair, cushion, spec):
         need = hip[2] - chair.plate_top - ankle
         toes = points[_among(person, "left_foot", "right_foot"), 0].max() + offset[0]
         lower += np.degrees((TOES - toes) / shank) if toes > TOES else 0.0
-        lower = min(max(lower, -8.0), 12.0)
+        lower = min(max(lower, -13.0), 12.0)
         sine = (shank * np.cos(np.radians(lower)) - need) / thigh
         tilt = np.degrees(np.arcsin(np.clip(sine, -0.9, 0.9)))
         tilt = min(max(tilt, -9.0), 20.0)
@@ -119,7 +121,7 @@ def seat(person, chair, cushion, spec):
 def cushion_for(person, chair):
     """Thickness of the cushion, m in steps of 5 mm, that keeps the thighs near the level."""
     facts = seat(person, chair, 0.0, {}).facts
-    excess = facts["thigh"] * (np.sin(np.radians(facts["thigh_tilt"])) - np.sin(np.radians(6.0)))
+    excess = facts["thigh"] * (np.sin(np.radians(facts["thigh_tilt"])) - np.sin(np.radians(7.0)))
     return round(min(max(excess, 0.0), CUSHION) / 0.005) * 0.005
 
 
@@ -324,7 +326,7 @@ def _arm(person, pose, support, chair, side, sign, place, swivel, lift):
         fingers, bend = np.array([1.0, -0.12 * sign, slope]), FLAT
         palm_side = np.array([0.0, 0.1 * sign, 1.0])
     elif place == "armrest":
-        wrist = np.array([min(0.33, shoulder[0] + 0.12 + 0.9 * b), sign * 0.247, 0.0])
+        wrist = np.array([min(0.30, shoulder[0] + 0.12 + 0.9 * b), sign * 0.252, 0.0])
         fingers, bend = np.array([1.0, -0.08 * sign, -0.03]), RELAXED
         palm_side = np.array([0.0, 0.0, 1.0])
     elif place == "joystick":

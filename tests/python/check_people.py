@@ -33,6 +33,7 @@ HANDS, UPHOLSTERY, ELSEWHERE = 0.010, 0.045, 0.022
 # Joint ranges of healthy adults, degrees. [textbook values, rounded up]
 ELBOW, KNEE, HIP, WRIST, FOREARM, FINGER = 150, 130, 115, 45, 95, 100
 HEAD = {"yaw": 60, "pitch": (-45, 75), "roll": 35}
+LIMB = "arm|hand|thumb|index|middle|ring|little"
 PARTS = [
     "head", "face", "neck", "shoulders", "chest", "waist", "belly", "pelvis",
     *(f"{s}_{p}" for s in ("left", "right") for p in
@@ -63,6 +64,38 @@ def volume(points, triangles):
     return abs(np.einsum("ij,ij->i", a, np.cross(b, c)).sum() / 6)
 
 
+def closed(points, triangles):
+    """The mesh with a fan over every hole."""
+    edges = {}
+    for face in triangles:
+        for k in range(3):
+            edges[(int(face[k]), int(face[(k + 1) % 3]))] = True
+    onward = {b: a for a, b in edges if (b, a) not in edges}
+    points, triangles = list(points), list(triangles)
+    while onward:
+        start, ring = next(iter(onward)), []
+        at = start
+        while at in onward:
+            ring.append(at)
+            at = onward.pop(at)
+        assert at == start, "the clothes' rim does not close"
+        points.append(np.mean([points[k] for k in ring], axis=0))
+        triangles += [[ring[k - 1], ring[k], len(points) - 1] for k in range(len(ring))]
+    return np.array(points), np.array(triangles)
+
+
+def samples(points, triangles):
+    """Points all over triangles, at most about 1 cm apart where triangles are small."""
+    corner, steps = points[triangles], 6
+    return np.concatenate(
+        [
+            np.einsum("k,tkj->tj", np.array([i, j, steps - i - j]) / steps, corner)
+            for i in range(steps + 1)
+            for j in range(steps + 1 - i)
+        ]
+    )
+
+
 def check_mesh(name, asset):
     count = len(asset.points)
     assert len(asset.triangles) <= TRIANGLES, f"{name}: {len(asset.triangles)} triangles"
@@ -86,7 +119,7 @@ def check_mesh(name, asset):
     # Left and right are named as they lie.
     for joint, at in zip(asset.joints, asset.rest):
         side = 1 if joint.startswith("left") else -1 if joint.startswith("right") else 0
-        assert side * at[1] > 0.005 if side else abs(at[1]) < 1e-3, (name, joint, at)
+        assert side * at[1] > 0.005 if side else abs(at[1]) < 0.006, (name, joint, at)
 
 
 def check_size(name, asset):
@@ -97,9 +130,11 @@ def check_size(name, asset):
         assert abs(facts["mass"] / mass - 1) < 0.02, (name, facts["mass"])
     shoes = np.ptp(asset.points[:, 2]) - facts["stature"]
     assert 0 < shoes < 0.05, f"{name}: shoes and hair add {shoes:.3f} m to the stature"
-    # The dressed mesh has the body's volume and that of clothes and hair.
-    shown = 1010 * volume(asset.points, asset.triangles) / facts["mass"]
-    assert 1.0 < shown < 1.25, f"{name}: the mesh has {shown:.2f} of the mass"
+    # Clothes have the body's volume less head and hands (about a tenth) and their own.
+    worn = [asset.materials.index(m) for m in ("shirt", "sleeves", "trousers", "shoes")]
+    clothes = closed(asset.points, asset.triangles[np.isin(asset.labels, worn)])
+    shown = 1010 * volume(*clothes) / facts["mass"]
+    assert 0.93 < shown < 1.17, f"{name}: what the clothes hold has {shown:.2f} of the mass"
     box, head = facts["head_box"], asset.rest[asset.joints.index("head")]
     main = np.array(asset.joints)[asset.weights.argmax(axis=1)]
     inside = np.abs(asset.points[np.isin(main, ["head", "jaw"])] - head - box["at"])
@@ -173,6 +208,14 @@ def check_limits(name, asset, posture, rotations, at):
     )
 
 
+def upper_side(solid):
+    """Points on the upper side of a box."""
+    _, _, rotation, at, half = solid
+    u, v = np.meshgrid(np.linspace(-1, 1, 60), np.linspace(-1, 1, 9))
+    local = np.stack([u * half[0], v * half[1], np.full_like(u, half[2])], axis=-1)
+    return local.reshape(-1, 3) @ rotation.T + at
+
+
 def check_seat(name, asset, posture, chair, points, spec, worst):
     main = np.array(asset.joints)[asset.weights.argmax(axis=1)]
     arms = np.array([bool(re.search("forearm|hand|thumb|index|middle|ring|little", m)) for m in main])
@@ -184,6 +227,7 @@ def check_seat(name, asset, posture, chair, points, spec, worst):
             key = (what, "upholstery" if soft else "hard")
             worst[key] = max(worst.get(key, 0), found)
             assert found <= most, f"{name}, {posture}: {what} {found * 1e3:.0f} mm in {solid[0]}"
+    boards = np.concatenate([upper_side(s) for s in chair.solids if s[0] == "joystick" or s[0].endswith("armrest")])
     feet = points[[m.endswith("foot") for m in main]]
     gap = feet[:, 2].min() - chair.plate_top
     assert -0.012 < gap < 0.015, f"{name}, {posture}: soles {gap * 1e3:.0f} mm over the plate"
@@ -194,17 +238,21 @@ def check_seat(name, asset, posture, chair, points, spec, worst):
     for side, sign in (("left", 1), ("right", -1)):
         hand = points[[m.startswith(side) and bool(re.search("hand|thumb|index|middle|ring|little", m)) for m in main]]
         middle = hand.mean(axis=0)
-        if spec[side] == "armrest":
-            assert 0.18 < sign * middle[1] < 0.32 and hand[:, 2].min() < 0.775, (name, posture, side, middle)
-        elif spec[side] == "joystick":
+        where = spec[side]
+        if where == "armrest":
+            assert 0.18 < sign * middle[1] < 0.32 and 0.1 < middle[0] < 0.5, (name, posture, side, middle)
+        elif where == "joystick":
             low, high = chair.joystick
             near = np.linalg.norm(hand - [(low[0] + high[0]) / 2, (low[1] + high[1]) / 2, high[2]], axis=1)
             assert near.min() < 0.02, f"{name}, {posture}: hand {near.min() * 1e3:.0f} mm off the stick"
         else:
-            legs = points[[m.endswith("thigh") for m in main]]
-            near = np.linalg.norm(hand[:, None] - legs[None], axis=2).min()
-            assert near < 0.035, f"{name}, {posture}: {side} hand {near * 1e3:.0f} mm off the thigh"
-            assert abs(middle[1]) < 0.2, (name, posture, side, middle)
+            assert -0.02 < sign * middle[1] < 0.22, (name, posture, side, middle)
+        other = ~np.array([bool(re.search(f"{side}.*({LIMB})", m)) for m in main])
+        faces = asset.triangles[other[asset.triangles].all(axis=1)]
+        near = np.abs(points[faces].mean(axis=1) - middle).max(axis=1) < 0.25
+        ground = np.concatenate([samples(points, faces[near]), boards])
+        gap = min(np.linalg.norm(ground - p, axis=1).min() for p in hand)
+        assert gap < 0.012, f"{name}, {posture}: {side} hand {gap * 1e3:.0f} mm off what it lies on"
 
 
 def check_mass(name, asset, posture, points):
