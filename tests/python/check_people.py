@@ -134,7 +134,7 @@ def check_size(name, asset):
     worn = [asset.materials.index(m) for m in ("shirt", "sleeves", "trousers", "shoes")]
     clothes = closed(asset.points, asset.triangles[np.isin(asset.labels, worn)])
     shown = 1010 * volume(*clothes) / facts["mass"]
-    assert 0.93 < shown < 1.17, f"{name}: what the clothes hold has {shown:.2f} of the mass"
+    assert 0.93 < shown < 1.22, f"{name}: what the clothes hold has {shown:.2f} of the mass"
     box, head = facts["head_box"], asset.rest[asset.joints.index("head")]
     main = np.array(asset.joints)[asset.weights.argmax(axis=1)]
     inside = np.abs(asset.points[np.isin(main, ["head", "jaw"])] - head - box["at"])
