@@ -141,7 +141,7 @@ enum Command {
     /// Does tasks over many seeds and counts the successes.
     #[cfg(feature = "hdf5")]
     #[command(after_long_help = manual::EVALUATE)]
-    Evaluate(EvaluateArgs),
+    Evaluate(Box<EvaluateArgs>),
     /// Makes a whole dataset from a plan, on this machine or as a part of many.
     #[cfg(feature = "hdf5")]
     #[command(after_long_help = manual::COLLECT)]
@@ -266,7 +266,7 @@ fn run(cli: Cli) -> anyhow::Result<ExitCode> {
         #[cfg(feature = "hdf5")]
         Command::Demo(args) => return demo::run(args),
         #[cfg(feature = "hdf5")]
-        Command::Evaluate(args) => return evaluate::run(args),
+        Command::Evaluate(args) => return evaluate::run(args.as_ref()),
         #[cfg(feature = "hdf5")]
         Command::Collect(args) => return collect::run(args),
         #[cfg(feature = "hdf5")]

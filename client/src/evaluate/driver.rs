@@ -117,7 +117,7 @@ impl Driver {
         }
         let (_, ticks) = wheelarm_pilot::checked(spec)?;
         let row = ticks * wheelarm_proto::TICKS_PER_CONTROL as u32;
-        if args.latency % row != 0 {
+        if !args.latency.is_multiple_of(row) {
             bail!(
                 "--latency {}: a row of this policy takes {row} ticks; say a multiple of it",
                 args.latency
