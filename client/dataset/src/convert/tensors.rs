@@ -28,7 +28,7 @@ const TABLE: [&str; 3] = ["joint_state", "pose", "imu"];
 /// | `actions` | N × 9 or 12, f32 | rows of action |
 /// | `seconds` | N, f64 | simulation time |
 /// | `phase`, `incident`, `success` | N, u8 | label 0 to 3; error on purpose 0 to 3; the task holds |
-/// | `table` | N × 112, f32 | WheelArm-Sim's columns; only with an IMU in the recording |
+/// | `table` | N × 112, f32 | WheelArm-Sim's columns, not a number where there is no sample; only with an IMU in the recording |
 /// | `pictures.CAMERA` | N × height × width × 3, u8 | what the robot saw, sRGB |
 ///
 /// The metadata has one key, `wheelarm`, whose text is JSON: the layout, label,
