@@ -69,6 +69,8 @@ for set in colour av1; do
     "$new" -W ignore "$check" "data/$set" data/sensed/*.h5
 done
 "$new" -W ignore "$check" --language data/depth data/sensed/*.h5
+echo "== ACT against LeRobot's"
+"$python" -W ignore "$root/tests/python/check_act.py" "$root/client/learn/python"
 echo "== joint signals against Pinocchio"
 "$python" "$root/tests/python/check_signals.py" data/session/*.h5
 # Through a file: a reader that stops early would break the pipe.

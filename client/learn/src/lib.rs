@@ -7,8 +7,12 @@
 #![warn(missing_docs)]
 
 pub mod card;
+pub mod episodes;
+mod figure;
+pub mod language;
 pub mod network;
 pub mod picture;
 pub mod serve;
+pub mod train;
 pub mod trained;
 pub mod weights;

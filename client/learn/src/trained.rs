@@ -1,6 +1,5 @@
 //! A trained policy at work: observations in, rows of action out.
 
-use std::collections::HashMap;
 use std::path::Path;
 
 use anyhow::{Context, ensure};
@@ -12,6 +11,7 @@ use wheelarm_policy::ActionKind;
 use wheelarm_proto::v1;
 
 use crate::card::Card;
+use crate::language::Vocabulary;
 use crate::network::{Inputs, Kind, Network};
 use crate::picture;
 use crate::serve::Policy;
@@ -26,7 +26,7 @@ pub struct Trained {
     network: Network,
     card: Card,
     spec: v1::PolicySpec,
-    words: HashMap<String, usize>,
+    vocabulary: Vocabulary,
     hidden: Vec<bool>,
     device: Device,
 }
@@ -59,10 +59,9 @@ impl Trained {
     /// # Errors
     /// When the card says what cannot be served.
     pub fn new(network: Network, card: Card, sha256: String) -> anyhow::Result<Self> {
-        let words = card.vocabulary.iter().cloned().enumerate();
         let hidden = card.state.names.iter();
         Ok(Self {
-            words: words.map(|(place, word)| (word, place)).collect(),
+            vocabulary: Vocabulary::new(&card.vocabulary),
             hidden: hidden.map(|n| card.state.hidden.contains(n)).collect(),
             spec: spec(&card, sha256)?,
             device: network.devices().first().cloned().unwrap_or(Device::flex()),
@@ -157,7 +156,7 @@ impl Trained {
         let states = seen.iter().flat_map(|(_, moment)| self.state(moment));
         let states = TensorData::new(states.collect::<Vec<_>>(), [batch, shape.state]);
         let words = (shape.words > 0).then(|| {
-            let shares = seen.iter().flat_map(|(s, _)| self.shares(&s.instruction));
+            let shares = seen.iter().flat_map(|(s, _)| self.vocabulary.shares(&s.instruction));
             let shares = TensorData::new(shares.collect::<Vec<_>>(), [batch, shape.words]);
             Tensor::from_data(shares, &self.device)
         });
@@ -168,7 +167,7 @@ impl Trained {
             Tensor::from_data(noise, &self.device)
         });
         let inputs = Inputs {
-            pictures: picture::numbers(&self.card, &pictures, &self.device),
+            pictures: picture::numbers(&self.card, &pictures, None, &self.device),
             state: Tensor::from_data(states, &self.device),
             words,
         };
@@ -196,31 +195,10 @@ impl Trained {
             })
             .collect()
     }
-
-    /// Share of each word of the vocabulary in a sentence.
-    fn shares(&self, sentence: &str) -> Vec<f32> {
-        let mut shares = vec![0.0; self.card.network.words];
-        let words = words_of(sentence);
-        for word in &words {
-            let place = self.words.get(word).copied().unwrap_or(0);
-            shares[place] += 1.0 / words.len() as f32;
-        }
-        shares
-    }
-}
-
-/// Words of a sentence, in lower case.
-fn words_of(sentence: &str) -> Vec<String> {
-    let lower = sentence.to_lowercase();
-    let words = lower.split(|c: char| !(c.is_ascii_alphanumeric() || c == '\''));
-    words
-        .filter(|word| !word.is_empty())
-        .map(str::to_owned)
-        .collect()
 }
 
 /// Standard normal numbers that seed and tick alone decide (Box and Muller).
-fn noise(seed: u64, tick: u64, count: usize) -> Vec<f32> {
+pub(crate) fn noise(seed: u64, tick: u64, count: usize) -> Vec<f32> {
     use rand::RngExt;
     let mut random = ChaCha8Rng::seed_from_u64(seed);
     random.set_stream(tick);
@@ -338,12 +316,5 @@ mod tests {
         assert_ne!(all[..9], noise(4, 240, 9)[..]);
         let mean = |f: fn(f32) -> f32| all.iter().map(|&v| f(v)).sum::<f32>() / 20_000.0;
         assert!(mean(|v| v).abs() < 0.03 && (mean(|v| v * v) - 1.0).abs() < 0.05);
-    }
-
-    #[test]
-    fn words_are_those_of_the_trainer() {
-        let told = words_of("Please, get me the mug that's LEFT of box-2!");
-        let wanted = "please get me the mug that's left of box 2";
-        assert_eq!(told.join(" "), wanted);
     }
 }

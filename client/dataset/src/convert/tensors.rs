@@ -30,6 +30,7 @@ const TABLE: [&str; 3] = ["joint_state", "pose", "imu"];
 /// | `phase`, `incident`, `success` | N, u8 | label 0 to 3; error on purpose 0 to 3; the task holds |
 /// | `expert` | N, u8 | 0 where a policy commanded, whose deeds are no example |
 /// | `table` | N × 112, f32 | WheelArm-Sim's columns; only with an IMU in the recording |
+/// | `table` | N × 112, f32 | WheelArm-Sim's columns, not a number where there is no sample; only with an IMU in the recording |
 /// | `pictures.CAMERA` | N × height × width × 3, u8 | what the robot saw, sRGB |
 ///
 /// The metadata has one key, `wheelarm`, whose text is JSON: the layout, label,

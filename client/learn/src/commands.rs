@@ -1,0 +1,299 @@
+//! The subcommands and their options.
+
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+
+use clap::{Args, Parser, Subcommand};
+use wheelarm_learn::episodes::{self, Episode};
+use wheelarm_learn::network::Shape;
+use wheelarm_learn::serve::{ENDPOINT_VARIABLE, NAME_VARIABLE, Policy, serve};
+use wheelarm_learn::train::act::{ActLesson, ActOptions};
+use wheelarm_learn::train::{self, Schedule};
+use wheelarm_learn::trained::Trained;
+use wheelarm_link::Connect;
+use wheelarm_proto::v1;
+
+/// Exit code when steps are left.
+const UNFINISHED: u8 = 4;
+
+/// Serves, trains and measures networks on the CPU.
+#[derive(Parser)]
+#[command(name = "wheelarm-learn", version = wheelarm_proto::program::version(), about)]
+pub struct Cli {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    /// Serves a policy: answers whoever asks for it over Zenoh, until it is ended.
+    Serve {
+        /// The policy, a safetensors file with its card.
+        file: PathBuf,
+        /// Endpoint of whoever asks.
+        #[arg(long, env = ENDPOINT_VARIABLE)]
+        connect: String,
+        /// Its name in the keys.
+        #[arg(long, env = NAME_VARIABLE, default_value = "policy")]
+        name: String,
+    },
+    /// Prints a policy's card.
+    Card {
+        /// The policy.
+        file: PathBuf,
+    },
+    /// Asks a policy at every row of recorded episodes: error by row of its answer,
+    /// and time. Nothing moves: it says little about success.
+    Try {
+        /// The policy.
+        file: PathBuf,
+        /// Folders or files of `wheelarm dataset export --format tensors`.
+        #[arg(required = true)]
+        data: Vec<PathBuf>,
+        /// Asks at so many rows at most, evenly spaced.
+        #[arg(long, default_value_t = 500)]
+        rows: usize,
+    },
+    /// Trains ACT on the CPU: tiny ones. Large ones are for python/train.py and a GPU.
+    TrainAct(TrainAct),
+}
+
+#[derive(Args)]
+struct TrainAct {
+    /// Folders or files of `wheelarm dataset export --format tensors`.
+    #[arg(required = true)]
+    data: Vec<PathBuf>,
+    /// Folder for checkpoint, log, curves and policy. A run that lies there goes on.
+    #[arg(long, value_name = "DIR")]
+    out: PathBuf,
+    /// Name of the policy; that of the folder without it.
+    #[arg(long)]
+    name: Option<String>,
+    /// Steps in all.
+    #[arg(long, default_value_t = 2000)]
+    steps: u64,
+    /// Ends this call after so many seconds.
+    #[arg(long)]
+    seconds: Option<f64>,
+    /// Rows of a step.
+    #[arg(long, default_value_t = 16)]
+    batch: usize,
+    /// Learning rate.
+    #[arg(long, default_value_t = 1e-3)]
+    lr: f64,
+    /// Steps until the learning rate is reached.
+    #[arg(long, default_value_t = 50)]
+    warm_up: u64,
+    /// Weight of the latent's divergence.
+    #[arg(long, default_value_t = 5.0)]
+    kl: f64,
+    /// Rows that are answered.
+    #[arg(long, default_value_t = 20)]
+    chunk: usize,
+    /// Rows of these that are carried out.
+    #[arg(long, default_value_t = 10)]
+    execute: usize,
+    /// Channels of the ResNet's first stage.
+    #[arg(long, default_value_t = 16)]
+    width: usize,
+    /// Channels of a group of its norms.
+    #[arg(long, default_value_t = 8)]
+    group_channels: usize,
+    /// Numbers of a token.
+    #[arg(long, default_value_t = 128)]
+    dim: usize,
+    /// Inner numbers of a feed-forward part.
+    #[arg(long, default_value_t = 256)]
+    feedforward: usize,
+    /// Heads of an attention.
+    #[arg(long, default_value_t = 4)]
+    heads: usize,
+    /// Layers of the encoder.
+    #[arg(long, default_value_t = 2)]
+    encoder_layers: usize,
+    /// Layers of the latent's encoder; 0: no latent is learned.
+    #[arg(long, default_value_t = 1)]
+    vae_layers: usize,
+    /// Pixels that pictures are shifted at most.
+    #[arg(long, default_value_t = 2)]
+    shift: i32,
+    /// The sentence is not read.
+    #[arg(long)]
+    no_language: bool,
+    /// Share of the seeds that is held out.
+    #[arg(long, default_value_t = 0.1)]
+    validation: f64,
+    /// Steps between lines of the log.
+    #[arg(long, default_value_t = 100)]
+    interval: u64,
+    /// Intervals without progress after which it ends; never without it.
+    #[arg(long)]
+    patience: Option<usize>,
+    /// Seed of all that is drawn.
+    #[arg(long, default_value_t = 0)]
+    seed: u64,
+}
+
+/// Runs a subcommand and returns the exit code.
+pub fn run(cli: Cli) -> anyhow::Result<u8> {
+    match cli.command {
+        Command::Serve {
+            file,
+            connect,
+            name,
+        } => {
+            let mut policy = Trained::read(&file)?;
+            let connect = Connect::to(&connect, "");
+            serve(&mut policy, &name, &connect, || {
+                println!("ready {name} {}", file.display());
+            })?;
+            Ok(0)
+        }
+        Command::Card { file } => {
+            let policy = Trained::read(&file)?;
+            println!("{}", serde_json::to_string_pretty(policy.card())?);
+            Ok(0)
+        }
+        Command::Try { file, data, rows } => tried(&file, &data, rows),
+        Command::TrainAct(options) => train_act(options),
+    }
+}
+
+fn train_act(options: TrainAct) -> anyhow::Result<u8> {
+    let episodes = episodes::read(&options.data)?;
+    let (learned, held) = episodes::split(episodes, options.validation);
+    let folder = options.out.file_name().unwrap_or_default();
+    let name = options.name.clone();
+    let name = name.unwrap_or_else(|| folder.to_string_lossy().into_owned());
+    println!("{} episodes, {} held out", learned.len(), held.len());
+    let shape = Shape {
+        chunk: options.chunk,
+        width: options.width,
+        group_channels: options.group_channels,
+        dim: options.dim,
+        feedforward: options.feedforward,
+        heads: options.heads,
+        encoder_layers: options.encoder_layers,
+        vae_layers: options.vae_layers,
+        dropout: 0.0,
+        ..Shape::default()
+    };
+    let all: usize = learned.iter().map(Episode::rows).sum();
+    let lesson = ActLesson::new(
+        ActOptions {
+            name,
+            shape,
+            execute: options.execute,
+            batch: options.batch.max(1),
+            rate: options.lr,
+            warm_up: options.warm_up,
+            steps: options.steps,
+            divergence: options.kl,
+            shift: options.shift.max(0),
+            language: !options.no_language,
+            seed: options.seed,
+        },
+        learned.clone(),
+        held,
+    )?;
+    let network = lesson.network();
+    println!(
+        "{:.2} M parameters, {all} rows",
+        burn::module::Module::num_params(&network) as f64 / 1e6
+    );
+    let schedule = Schedule {
+        out: options.out,
+        steps: options.steps,
+        limit: options.seconds.map(|s| Duration::from_secs_f64(s.clamp(0.0, 1e9))),
+        interval: options.interval.max(1),
+        patience: options.patience,
+        weight_decay: 1e-4,
+        clip: 10.0,
+    };
+    let (network, told) = train::run(&lesson, network, &schedule)?;
+    let network = burn::module::Module::valid(&network);
+    let [error, held] = lesson.errors(&network, &learned, 256);
+    println!("on what it learned from: L1 {error:.4}, holding the row's action {held:.4}");
+    Ok(if told.is_over { 0 } else { UNFINISHED })
+}
+
+fn tried(file: &Path, data: &[PathBuf], most: usize) -> anyhow::Result<u8> {
+    let mut policy = Trained::read(file)?;
+    let episodes = episodes::read(data)?;
+    let card = policy.card().clone();
+    let total: usize = episodes.iter().map(Episode::rows).sum();
+    let step = (total / most.max(1)).max(1);
+    let (chunk, width) = (card.chunk, card.network.action);
+    let mut sums = vec![[0.0_f64; 2]; chunk];
+    let mut counts = vec![0.0_f64; chunk];
+    let mut millis = Vec::new();
+    let mut at = 0;
+    for episode in &episodes {
+        for row in 0..episode.rows() {
+            at += 1;
+            if at % step != 0 {
+                continue;
+            }
+            let request = v1::InferRequest {
+                observations: vec![observation(episode, row, &card.cameras)],
+            };
+            let begun = Instant::now();
+            let reply = policy.infer(&request);
+            millis.push(begun.elapsed().as_secs_f64() * 1e3);
+            let answer = &reply.chunks[0];
+            anyhow::ensure!(answer.problem.is_empty(), "{}", answer.problem);
+            for k in 0..chunk.min(episode.rows() - row) {
+                let wanted = episode.actions.row(row + k);
+                let found = &answer.values[k * width..(k + 1) * width];
+                let now = episode.actions.row(row);
+                for (i, std) in card.action.std.iter().enumerate() {
+                    let share = f64::from(std * width as f32);
+                    sums[k][0] += f64::from((found[i] - wanted[i]).abs()) / share;
+                    sums[k][1] += f64::from((now[i] - wanted[i]).abs()) / share;
+                }
+                counts[k] += 1.0;
+            }
+        }
+    }
+    millis.sort_by(f64::total_cmp);
+    println!("row  L1      holding the row's action");
+    for (k, (sum, count)) in sums.iter().zip(&counts).enumerate() {
+        println!("{:3}  {:.4}  {:.4}", k + 1, sum[0] / count, sum[1] / count);
+    }
+    let all = |i: usize| sums.iter().map(|s| s[i]).sum::<f64>() / counts.iter().sum::<f64>();
+    println!("all  {:.4}  {:.4}", all(0), all(1));
+    let middle = millis.get(millis.len() / 2).copied().unwrap_or(f64::NAN);
+    println!("{} questions, {middle:.1} ms each in the middle", millis.len());
+    Ok(0)
+}
+
+/// A recorded row as a pilot would ask about it.
+fn observation(
+    episode: &Episode,
+    row: usize,
+    cameras: &[wheelarm_learn::card::CameraCard],
+) -> v1::PolicyObservation {
+    let pictures = cameras.iter().filter(|camera| episode.cameras.contains_key(&camera.name));
+    let pictures = pictures.map(|camera| {
+        let size = &episode.cameras[&camera.name];
+        v1::PolicyPicture {
+            camera: camera.name.clone(),
+            width: size.width as u32,
+            height: size.height as u32,
+            rgb: episode.picture(&camera.name, row).to_vec().into(),
+            ..Default::default()
+        }
+    });
+    let state = episode.states.row(row).iter().copied().map(f64::from);
+    v1::PolicyObservation {
+        episode_key: episode.about.label.clone(),
+        seed: episode.about.seed,
+        first: row == 0,
+        tick: row as u64,
+        instruction: episode.about.instruction.clone(),
+        moments: vec![v1::PolicyMoment {
+            state_values: state.collect(),
+            pictures: pictures.collect(),
+        }],
+    }
+}

@@ -1,0 +1,314 @@
+//! Episodes as `wheelarm dataset export --format tensors` writes them.
+
+use std::collections::BTreeMap;
+use std::ops::Range;
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, bail, ensure};
+use safetensors::SafeTensors;
+use safetensors::tensor::Dtype;
+use serde::Deserialize;
+use sha2::{Digest, Sha256};
+
+use crate::card::KEY;
+
+/// Version of the layout that is read.
+const LAYOUT: &str = "wheelarm-tensors/1";
+/// The least deviation of a number, in its own unit: what hardly changes is not
+/// blown up.
+pub const LEAST_DEVIATION: f32 = 0.01;
+
+/// What a file says of its episode.
+#[derive(Clone, Debug, Deserialize)]
+pub struct About {
+    layout: String,
+    /// Label of the episode.
+    pub label: String,
+    /// What was said.
+    pub instruction: String,
+    /// Task.
+    pub task: String,
+    /// Seed of the scenario.
+    pub seed: u64,
+    /// The task succeeded.
+    pub success: bool,
+    /// Rows per second.
+    pub rate_hz: f64,
+    /// Name of the robot.
+    pub robot: String,
+    /// Kind of action.
+    pub action: String,
+    /// Names of the numbers of a state.
+    pub state_names: Vec<String>,
+    /// Names of the numbers of an action.
+    pub action_names: Vec<String>,
+    /// Units of the numbers of an action.
+    pub action_units: Vec<String>,
+    /// Names of WheelArm-Sim's columns; none without an IMU in the recording.
+    pub table_names: Option<Vec<String>>,
+}
+
+/// Rows of numbers.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Table {
+    /// Numbers of a row.
+    pub width: usize,
+    /// Row by row.
+    pub values: Vec<f32>,
+}
+
+impl Table {
+    /// One row.
+    #[must_use]
+    pub fn row(&self, row: usize) -> &[f32] {
+        &self.values[row * self.width..(row + 1) * self.width]
+    }
+
+    /// Count of rows.
+    #[must_use]
+    pub fn rows(&self) -> usize {
+        self.values.len() / self.width.max(1)
+    }
+}
+
+/// Pictures of one camera, as bytes in the file.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Pictures {
+    /// Pixels.
+    pub height: usize,
+    /// Pixels.
+    pub width: usize,
+    bytes: Range<usize>,
+}
+
+/// One episode.
+#[derive(Clone, Debug)]
+pub struct Episode {
+    /// What its file says.
+    pub about: About,
+    /// Rows of state.
+    pub states: Table,
+    /// Rows of action.
+    pub actions: Table,
+    /// WheelArm-Sim's columns, where the recording had an IMU; not a number in rows
+    /// without a sample of it.
+    pub table: Option<Table>,
+    /// Cameras by name.
+    pub cameras: BTreeMap<String, Pictures>,
+    file: Vec<u8>,
+}
+
+impl Episode {
+    /// Reads a file.
+    ///
+    /// # Errors
+    /// When it is no episode, or damaged.
+    pub fn read(path: &Path) -> anyhow::Result<Self> {
+        let name = || path.display().to_string();
+        let file = std::fs::read(path).with_context(name)?;
+        let (header, metadata) = SafeTensors::read_metadata(&file).with_context(name)?;
+        let about = metadata.metadata().as_ref().and_then(|m| m.get(KEY));
+        let about = about.with_context(|| {
+            format!(
+                "{} is no episode: they are written by `wheelarm dataset export --format tensors`",
+                path.display()
+            )
+        })?;
+        let about: About = serde_json::from_str(about).with_context(name)?;
+        ensure!(
+            about.layout == LAYOUT,
+            "{} has the layout {:?}, expected {LAYOUT:?}: export it anew",
+            path.display(),
+            about.layout
+        );
+        let tensors = SafeTensors::deserialize(&file).with_context(name)?;
+        let table = |what: &str| -> anyhow::Result<Table> {
+            let view = tensors.tensor(what).with_context(name)?;
+            let &[_, width] = view.shape() else {
+                bail!("{}: {what} is no table", path.display())
+            };
+            ensure!(
+                view.dtype() == Dtype::F32 && width > 0,
+                "{}: {what} holds no numbers of single precision",
+                path.display()
+            );
+            let numbers = view.data().chunks_exact(4);
+            let numbers = numbers.map(|b| f32::from_le_bytes([b[0], b[1], b[2], b[3]]));
+            let values: Vec<f32> = numbers.collect();
+            ensure!(
+                what == "table" || values.iter().all(|v| v.is_finite()),
+                "{}: {what} has numbers that are not finite",
+                path.display()
+            );
+            Ok(Table { width, values })
+        };
+        let (states, actions) = (table("states")?, table("actions")?);
+        let has_table = about.table_names.is_some();
+        let table = has_table.then(|| table("table")).transpose()?;
+        let mut cameras = BTreeMap::new();
+        for name in tensors.names() {
+            let Some(camera) = name.strip_prefix("pictures.") else {
+                continue;
+            };
+            let info = metadata.info(name).context("a tensor")?;
+            let &[count, height, width, 3] = info.shape.as_slice() else {
+                bail!("{}: {name} are no pictures", path.display())
+            };
+            ensure!(
+                info.dtype == Dtype::U8 && count == states.rows(),
+                "{}: {count} pictures of {camera} and {} rows",
+                path.display(),
+                states.rows()
+            );
+            let (from, to) = info.data_offsets;
+            // Behind the length of the header and the header.
+            let bytes = header + 8 + from..header + 8 + to;
+            let pictures = Pictures {
+                height,
+                width,
+                bytes,
+            };
+            cameras.insert(camera.to_owned(), pictures);
+        }
+        let rows = [Some(actions.rows()), table.as_ref().map(Table::rows)];
+        ensure!(
+            rows.into_iter().flatten().all(|r| r == states.rows()) && states.rows() > 0,
+            "{}: its tables have different or no rows",
+            path.display()
+        );
+        ensure!(
+            states.width == about.state_names.len() && actions.width == about.action_names.len(),
+            "{}: its tables have other widths than names",
+            path.display()
+        );
+        Ok(Self {
+            about,
+            states,
+            actions,
+            table,
+            cameras,
+            file,
+        })
+    }
+
+    /// Count of rows.
+    #[must_use]
+    pub fn rows(&self) -> usize {
+        self.states.rows()
+    }
+
+    /// A picture: bytes of red, green, blue from the top left.
+    ///
+    /// # Panics
+    /// Without that camera or row.
+    #[must_use]
+    pub fn picture(&self, camera: &str, row: usize) -> &[u8] {
+        let pictures = &self.cameras[camera];
+        let size = pictures.height * pictures.width * 3;
+        let from = pictures.bytes.start + row * size;
+        &self.file[from..from + size]
+    }
+}
+
+/// Files of the folders, in the order of their names.
+///
+/// # Errors
+/// When there is none.
+pub fn files(folders: &[PathBuf]) -> anyhow::Result<Vec<PathBuf>> {
+    let mut found = Vec::new();
+    let mut open: Vec<PathBuf> = folders.to_vec();
+    while let Some(path) = open.pop() {
+        let is_episode = path.extension().is_some_and(|e| e == "safetensors");
+        if path.is_dir() {
+            let entries = std::fs::read_dir(&path).with_context(|| path.display().to_string())?;
+            for entry in entries {
+                open.push(entry?.path());
+            }
+        } else if is_episode {
+            found.push(path);
+        }
+    }
+    found.sort();
+    ensure!(
+        !found.is_empty(),
+        "there is no *.safetensors in {folders:?}: write them by `wheelarm dataset export --format tensors RECORDINGS --out FOLDER`"
+    );
+    Ok(found)
+}
+
+/// Reads all; episodes that failed are left out.
+///
+/// # Errors
+/// When a file is no episode, or they have different rows or pictures.
+pub fn read(folders: &[PathBuf]) -> anyhow::Result<Vec<Episode>> {
+    let mut all: Vec<Episode> = Vec::new();
+    for path in files(folders)? {
+        let episode = Episode::read(&path)?;
+        if !episode.about.success {
+            continue;
+        }
+        if let Some(first) = all.first() {
+            let (a, b) = (&first.about, &episode.about);
+            let sizes = |e: &Episode| -> Vec<_> {
+                let cameras = e.cameras.iter();
+                cameras
+                    .map(|(name, p)| (name.clone(), p.height, p.width))
+                    .collect()
+            };
+            ensure!(
+                a.action == b.action
+                    && a.action_names == b.action_names
+                    && a.state_names == b.state_names
+                    && a.table_names == b.table_names
+                    && a.rate_hz == b.rate_hz
+                    && sizes(first) == sizes(&episode),
+                "{} has other rows, another rate or other pictures than {}: export all alike",
+                path.display(),
+                a.label
+            );
+        }
+        all.push(episode);
+    }
+    ensure!(!all.is_empty(), "no episode succeeded");
+    Ok(all)
+}
+
+/// Puts whole seeds aside, `share` of them, and at least one of several; the same
+/// ones whatever else is there.
+#[must_use]
+pub fn split(episodes: Vec<Episode>, share: f64) -> (Vec<Episode>, Vec<Episode>) {
+    let mut seeds: Vec<u64> = episodes.iter().map(|e| e.about.seed).collect();
+    seeds.sort_unstable();
+    seeds.dedup();
+    let count = match seeds.len() {
+        0 | 1 => 0,
+        _ if share <= 0.0 => 0,
+        several => ((share * several as f64).round() as usize).clamp(1, several - 1),
+    };
+    seeds.sort_by_key(|seed| Sha256::digest(seed.to_string()));
+    let held = &seeds[..count];
+    let is_held = |episode: &Episode| held.contains(&episode.about.seed);
+    let (held, learned) = episodes.into_iter().partition(is_held);
+    (learned, held)
+}
+
+/// Mean and deviation of the columns of tables, the deviation [`LEAST_DEVIATION`]
+/// at least.
+#[must_use]
+pub fn statistics<'a>(tables: impl Iterator<Item = &'a Table> + Clone) -> (Vec<f32>, Vec<f32>) {
+    let width = tables.clone().next().map_or(0, |table| table.width);
+    let rows: usize = tables.clone().map(Table::rows).sum();
+    let each = |value: &dyn Fn(f64, usize) -> f64| -> Vec<f64> {
+        let mut sums = vec![0.0; width];
+        for row in tables.clone().flat_map(|t| t.values.chunks(width)) {
+            for (column, (sum, &v)) in sums.iter_mut().zip(row).enumerate() {
+                *sum += value(f64::from(v), column);
+            }
+        }
+        sums.into_iter().map(|sum| sum / rows.max(1) as f64).collect()
+    };
+    let mean = each(&|v, _| v);
+    let variance = each(&|v, column| (v - mean[column]).powi(2));
+    let deviation = variance.into_iter().map(|v| (v.sqrt() as f32).max(LEAST_DEVIATION));
+    (mean.iter().map(|&v| v as f32).collect(), deviation.collect())
+}
