@@ -159,6 +159,7 @@ class WheelArmEnv(gymnasium.Env[dict[str, Any], Any]):
         server: Arguments of `wheelarm.Server`, for example ``{"adapter": "llvmpipe"}``.
         endpoint: A running server to use instead of starting one.
         sim: Its name.
+        scenario_seeds: ``reset(seed=s)`` takes `s` itself as the scenario's seed.
 
     Seeds: ``reset(seed=s)`` draws the scenario's seed from the environment's generator;
     ``reset(options={"scenario_seed": 7})`` takes this one, as ``wheelarm evaluate`` does.
@@ -185,6 +186,7 @@ class WheelArmEnv(gymnasium.Env[dict[str, Any], Any]):
         server: Mapping[str, Any] | None = None,
         endpoint: str | None = None,
         sim: str = "sim",
+        scenario_seeds: bool = False,
     ) -> None:
         for what, value, known in (
             ("obs_mode", obs_mode, OBS_MODES),
@@ -205,7 +207,7 @@ class WheelArmEnv(gymnasium.Env[dict[str, Any], Any]):
             self._pictures.setdefault(render_camera, _sizes({"": render_size})[""])
         self._scenario = dict(scenario or {})
         self._server_options = dict(server or {})
-        self._endpoint, self._sim = endpoint, sim
+        self._endpoint, self._sim, self._scenario_seeds = endpoint, sim, scenario_seeds
         #: Names of `agent_pos` and of the action, as in exports; those of the robot after
         #: the first reset.
         self.state_names = state_names()
@@ -333,7 +335,7 @@ class WheelArmEnv(gymnasium.Env[dict[str, Any], Any]):
         super().reset(seed=seed)
         refuse_fork(self._owner if self._client is not None else None)
         options = options or {}
-        drawn = options.get("scenario_seed")
+        drawn = options.get("scenario_seed", seed if self._scenario_seeds else None)
         if drawn is None:
             drawn = self.np_random.integers(2**31)
         self._end_episode()
