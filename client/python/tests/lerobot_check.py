@@ -16,7 +16,6 @@ import re
 import sys
 
 import numpy as np
-import pyarrow.parquet as parquet
 import torch
 from lerobot.datasets.lerobot_dataset import LeRobotDataset
 from lerobot.envs.configs import EnvConfig
@@ -24,6 +23,7 @@ from lerobot.envs.factory import make_env
 from lerobot.processor import PolicyProcessorPipeline
 from lerobot.scripts.lerobot_eval import rollout
 from lerobot.utils.import_utils import register_third_party_plugins
+from pyarrow import parquet
 
 
 def rows_of(folder: pathlib.Path, seed: int):
@@ -62,7 +62,11 @@ class Rows(torch.nn.Module):
 
 
 def main() -> None:
-    exported, recorded, seed = pathlib.Path(sys.argv[1]), pathlib.Path(sys.argv[2]), int(sys.argv[3])
+    exported, recorded, seed = (
+        pathlib.Path(sys.argv[1]),
+        pathlib.Path(sys.argv[2]),
+        int(sys.argv[3]),
+    )
     state, action, names = rows_of(exported, seed)
     register_third_party_plugins()
     config = EnvConfig.get_choice_class("wheelarm")(
@@ -74,9 +78,7 @@ def main() -> None:
         return PolicyProcessorPipeline(steps=[])
 
     def same() -> PolicyProcessorPipeline:
-        return PolicyProcessorPipeline(
-            steps=[], to_transition=lambda x: x, to_output=lambda x: x
-        )
+        return PolicyProcessorPipeline(steps=[], to_transition=lambda x: x, to_output=lambda x: x)
 
     told = rollout(envs, Rows(action), empty(), same(), same(), same(), seeds=[seed])
     envs.close()

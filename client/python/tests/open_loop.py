@@ -18,7 +18,7 @@ import pathlib
 import re
 
 import numpy as np
-import pyarrow.parquet as parquet
+from pyarrow import parquet
 
 import wheelarm
 from wheelarm.rows import action_names
@@ -37,9 +37,7 @@ def main() -> None:
     features = info["features"]
     names = features["action"]["names"]
     mode = next(
-        mode
-        for mode, kind in wheelarm.env.ROW_KINDS.items()
-        if action_names(kind) == names
+        mode for mode, kind in wheelarm.env.ROW_KINDS.items() if action_names(kind) == names
     )
     data = parquet.read_table(sorted(args.set.glob("data/**/*.parquet")))
     episodes = parquet.read_table(sorted(args.set.glob("meta/episodes/**/*.parquet")))
@@ -60,7 +58,10 @@ def main() -> None:
                         height, width, _ = feature["shape"]
                         sizes[key.rsplit(".", 1)[1]] = (width, height)
             env = wheelarm.WheelArmEnv(
-                task, control_mode=mode, obs_mode=args.obs_mode, cameras=sizes or None,
+                task,
+                control_mode=mode,
+                obs_mode=args.obs_mode,
+                cameras=sizes or None,
                 control_rate=info["fps"],
             )
         chosen = number == index

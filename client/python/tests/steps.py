@@ -22,7 +22,11 @@ def main() -> None:
     asked.add_argument("--obs-mode", default="state")
     asked.add_argument("--seconds", type=float, default=5.0)
     args = asked.parse_args()
-    more = {} if args.obs_mode == "state" else {"cameras": {"gen3": (320, 180), "wheelchair": (320, 180)}}
+    more = (
+        {}
+        if args.obs_mode == "state"
+        else {"cameras": {"gen3": (320, 180), "wheelchair": (320, 180)}}
+    )
     alone = 0.0
     for count in range(1, args.most + 1):
         envs = wheelarm.WheelArmVectorEnv(
@@ -39,7 +43,8 @@ def main() -> None:
         alone = alone or rate
         print(
             f"{args.obs_mode}: {count} environments, {rate:.1f} steps/s of 0.1 s "
-            f"({rate / 10:.1f} simulated seconds per second), {rate / alone:.2f} x one", flush=True,
+            f"({rate / 10:.1f} simulated seconds per second), {rate / alone:.2f} x one",
+            flush=True,
         )
         envs.close()
 

@@ -45,6 +45,10 @@ def test_another_version_of_the_contract_is_told_with_both_numbers():
     own = _wire.encoding("Clock")
     assert own == f"application/protobuf;wheelarm.v1.Clock@{_contract.CONTRACT_VERSION}"
     _wire.check_encoding(own)
-    for other in ("zenoh/bytes", "application/protobuf", "application/protobuf;wheelarm.v1.Clock@99"):
+    for other in (
+        "zenoh/bytes",
+        "application/protobuf",
+        "application/protobuf;wheelarm.v1.Clock@99",
+    ):
         with pytest.raises(_wire.OtherVersion, match="version"):
             _wire.check_encoding(other)

@@ -37,14 +37,14 @@ def publish(endpoint: str, rate: float, go, over) -> None:
     }.items():
         config.insert_json5(key, value)
     session = zenoh.open(config)
-    status = v1.Status(scenario=v1.Scenario(
-        cameras=[v1.CameraSetting(name=name, rate_hz=rate) for name in CAMERAS]
-    ))
+    status = v1.Status(
+        scenario=v1.Scenario(
+            cameras=[v1.CameraSetting(name=name, rate_hz=rate) for name in CAMERAS]
+        )
+    )
 
     def answer(query) -> None:
-        query.reply(
-            query.key_expr, status.SerializeToString(), encoding=_wire.encoding("Status")
-        )
+        query.reply(query.key_expr, status.SerializeToString(), encoding=_wire.encoding("Status"))
 
     kept = [
         session.declare_queryable("wheelarm/bench/query/status", answer),
@@ -57,7 +57,9 @@ def publish(endpoint: str, rate: float, go, over) -> None:
         "rgb": draw.integers(0, 255, width * height * 3, np.uint8).tobytes(),
         "depth": draw.random(width * height, np.float32).tobytes(),
         "ids": draw.integers(0, 99, width * height).astype("<u2").tobytes(),
-        "rgb_format": 1, "depth_format": 2, "ids_format": 5,
+        "rgb_format": 1,
+        "depth_format": 2,
+        "ids_format": 5,
     }
     # Encoded once but for the header, which may stand before: fields may come in any order.
     rest = {name: v1.CameraFrame(camera=name, **plain).SerializeToString() for name in CAMERAS}

@@ -12,9 +12,10 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import gymnasium
-import wheelarm
 from lerobot.configs.types import FeatureType, PolicyFeature
 from lerobot.envs.configs import EnvConfig
+
+import wheelarm
 from wheelarm.env import WheelArmEnv
 from wheelarm.rows import STATE
 

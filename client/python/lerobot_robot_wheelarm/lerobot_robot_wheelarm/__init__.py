@@ -1,6 +1,6 @@
 """WheelArm as a robot of LeRobot.
 
-    lerobot-record --robot.type=wheelarm --robot.task=pick_mustard --teleop.type=wheelarm …
+lerobot-record --robot.type=wheelarm --robot.task=pick_mustard --teleop.type=wheelarm …
 """
 
 # LeRobot before 0.6 imports no module for its environments' sake.

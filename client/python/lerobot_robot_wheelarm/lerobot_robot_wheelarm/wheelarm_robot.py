@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 from lerobot.robots.robot import Robot
+
 from wheelarm.env import WheelArmEnv
 from wheelarm.rows import state_names
 

@@ -10,9 +10,10 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-import pyarrow.parquet as parquet
-import wheelarm
 from lerobot.teleoperators.teleoperator import Teleoperator
+from pyarrow import parquet
+
+import wheelarm
 from wheelarm.rows import action_names
 
 from .config_wheelarm import WheelArmTeleoperatorConfig
@@ -70,8 +71,18 @@ class WheelArmTeleoperator(Teleoperator):  # type: ignore[misc]
         with tempfile.TemporaryDirectory() as folder:
             out = pathlib.Path(folder) / "set"
             words = [
-                str(wheelarm.find_program("wheelarm")), "dataset", "export", "--format", "lerobot",
-                "--pictures", "png", "--action", self.config.action, str(path), "--out", str(out),
+                str(wheelarm.find_program("wheelarm")),
+                "dataset",
+                "export",
+                "--format",
+                "lerobot",
+                "--pictures",
+                "png",
+                "--action",
+                self.config.action,
+                str(path),
+                "--out",
+                str(out),
             ]
             done = subprocess.run(words, capture_output=True, text=True, check=False)
             if done.returncode != 0:
@@ -85,7 +96,9 @@ class WheelArmTeleoperator(Teleoperator):  # type: ignore[misc]
         )
         chosen = np.array(data["episode_index"]) == episode
         if not chosen.any():
-            raise ValueError(f"{folder} has no episode {episode}: 0 to {info['total_episodes'] - 1}")
+            raise ValueError(
+                f"{folder} has no episode {episode}: 0 to {info['total_episodes'] - 1}"
+            )
         self._rows = np.stack(data["action"].to_numpy()[chosen])
         self._names, self._next = info["features"]["action"]["names"], 0
 

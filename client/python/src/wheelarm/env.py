@@ -201,7 +201,9 @@ class WheelArmEnv(gymnasium.Env[dict[str, Any], Any]):
         self.control_rate, self.over_ticks = control_rate, CONTROL_HZ // control_rate
         self.render_mode, self.render_camera = render_mode, render_camera
         self.metadata = {**type(self).metadata, "render_fps": control_rate}  # type: ignore[misc]
-        self.cameras = {} if obs_mode == "state" else _sizes(CAMERAS if cameras is None else cameras)
+        self.cameras = (
+            {} if obs_mode == "state" else _sizes(CAMERAS if cameras is None else cameras)
+        )
         self._pictures = dict(self.cameras)
         if render_mode is not None:
             self._pictures.setdefault(render_camera, _sizes({"": render_size})[""])
@@ -249,7 +251,10 @@ class WheelArmEnv(gymnasium.Env[dict[str, Any], Any]):
         else:
             keys = (KEYS_CHAIR, KEYS_HAND, KEYS_HAND, KEYS_GRIPPER)
             return spaces.MultiDiscrete([len(one) for one in keys])
-        if self._scenario.get("robot", "wheelarm") != "wheelarm" and self.control_mode != "ee_delta":
+        if (
+            self._scenario.get("robot", "wheelarm") != "wheelarm"
+            and self.control_mode != "ee_delta"
+        ):
             low, high = [-np.inf] * len(low), [np.inf] * len(high)
         return spaces.Box(np.array(low, np.float32), np.array(high, np.float32), dtype=np.float32)
 
@@ -348,9 +353,7 @@ class WheelArmEnv(gymnasium.Env[dict[str, Any], Any]):
         topics = ["joint_state", "pose", "odometry", "evaluation", "applied"]
         if self.obs_mode == "state":
             topics += ["object_pose", "furniture_joint", "contact"]
-        self._lockstep = client.lockstep(
-            "gym", label, topics=topics, cameras=tuple(self._pictures)
-        )
+        self._lockstep = client.lockstep("gym", label, topics=topics, cameras=tuple(self._pictures))
         self._episodes += 1
         self._seed_in_force = int(scenario.seed)
         self.task_description = scenario.instruction
@@ -372,9 +375,7 @@ class WheelArmEnv(gymnasium.Env[dict[str, Any], Any]):
         )
         self._player.max_force = force_cap(scene)
 
-    def step(
-        self, action: Any
-    ) -> tuple[dict[str, Any], float, bool, bool, dict[str, Any]]:
+    def step(self, action: Any) -> tuple[dict[str, Any], float, bool, bool, dict[str, Any]]:
         """Carries out an action for 1 / `control_rate` s of simulated time.
 
         Raises:
@@ -461,9 +462,7 @@ class WheelArmEnv(gymnasium.Env[dict[str, Any], Any]):
                 target[:3] + moved, multiply(target[3:], from_vector(turned))
             )
             self._aim(out, position, quaternion)
-        self._player.chair_and_gripper(
-            out, float(closed + knuckle), float(linear), float(angular)
-        )
+        self._player.chair_and_gripper(out, float(closed + knuckle), float(linear), float(angular))
         return out
 
     def _hand(self) -> NDArray[np.float64]:

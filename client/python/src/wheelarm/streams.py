@@ -117,7 +117,7 @@ class Sample:
         topic: Name of the topic, for example ``joint_state``.
     """
 
-    __slots__ = ("topic", "_payload", "_message")
+    __slots__ = ("_message", "_payload", "topic")
 
     def __init__(self, topic: str, payload: bytes) -> None:
         self.topic = topic

@@ -70,5 +70,6 @@ class WheelArmVectorEnv(SyncVectorEnv):
         ):
             # One that is reset in this step takes no action.
             if not over:
-                env.unwrapped.send(action)
+                single: Any = env.unwrapped
+                single.send(action)
         return super().step(actions)
