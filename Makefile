@@ -6,6 +6,11 @@
 # make test-readers   loads exports in lerobot 0.4.4 and 0.6.1 (needs Python 3.12 too) and
 #                     robomimic 0.3 (downloads gigabytes): features, videos, depth, language;
 #                     holds joint signals against Pinocchio
+# make contract-python   writes what the Python package has of the contract, after such a change
+# make test-python   the Python package with Python 3.10 to 3.13 and protobuf 3.20 to 7: every
+#                    task and mode, types, the guide, the notebook; downloads some packages
+# make test-lerobot   lerobot-eval and lerobot-record of 0.4.4 and 0.6.1 with our plugins, and
+#                     rows of exports played open loop (downloads gigabytes)
 # make test-data    what a scene draws does not tell the task: 1,000 seeds of every task
 #                   against three classifiers, and the old draws, which did; sentences are
 #                   counted, and 500 answers of labelled episodes computed again
@@ -29,7 +34,7 @@ BUILT := $(or $(CARGO_TARGET_DIR),target)/release
 export WHEELARM_COMMIT ?= $(shell git rev-parse --short=12 HEAD 2>/dev/null)
 export WHEELARM_PYTHON ?= $(CURDIR)/.venv/bin/python
 
-.PHONY: all build static demo test test-learn contract test-cluster test-readers test-data test-original test-adversarial soak train-mustard bench clean
+.PHONY: all build static demo test test-learn contract contract-python test-python test-lerobot test-cluster test-readers test-data test-original test-adversarial soak train-mustard bench clean
 all: build
 
 build:
@@ -48,12 +53,14 @@ demo: build
 
 test:
 	scripts/setup.sh chromium
-	scripts/setup.sh python numpy h5py pyarrow mcap protobuf:google.protobuf foxglove-schemas-protobuf:foxglove_schemas_protobuf
+	scripts/setup.sh python numpy h5py pyarrow mcap protobuf:google.protobuf foxglove-schemas-protobuf:foxglove_schemas_protobuf \
+		eclipse-zenoh==1.10.2:zenoh gymnasium pytest grpcio-tools:grpc_tools
 	$(CARGO) fmt --all --check
 	$(CARGO) clippy --release --workspace $(WITHOUT_LEARN) --all-targets -- -D warnings
 	RUSTDOCFLAGS="-D warnings" $(CARGO) doc --release --workspace $(WITHOUT_LEARN) --no-deps
 	$(CARGO) build --release --workspace $(WITHOUT_LEARN) --bins --tests
 	$(CARGO) test --release --workspace $(WITHOUT_LEARN)
+	PYTHONPATH=client/python/src $(WHEELARM_PYTHON) -m pytest -q -m "not slow" client/python/tests
 
 test-learn:
 	scripts/setup.sh python numpy matplotlib safetensors
@@ -64,6 +71,16 @@ test-learn:
 
 contract:
 	WHEELARM_WRITE_CONTRACT=1 $(CARGO) test --release -p wheelarm-proto --test evolution
+
+contract-python:
+	scripts/setup.sh python grpcio-tools:grpc_tools
+	$(WHEELARM_PYTHON) client/python/scripts/make_contract.py
+
+test-python: build
+	tests/python.sh
+
+test-lerobot: build
+	tests/lerobot.sh
 
 test-cluster:
 	scripts/setup.sh python kubernetes-validate:kubernetes_validate
