@@ -10,6 +10,11 @@
 #                     holds joint signals against Pinocchio
 # make test-rosbag2   bags are decoded by rclpy of ROS 2 Jazzy and Kilted, rosbags and
 #                     mcap-ros2-support, message by message (installs 0.8 GB)
+# make contract-python   writes what the Python package has of the contract, after such a change
+# make test-python   the Python package with Python 3.10 to 3.13 and protobuf 3.20 to 7: every
+#                    task and mode, types, the guide, the notebook; downloads some packages
+# make test-lerobot   lerobot-eval and lerobot-record of 0.4.4 and 0.6.1 with our plugins, and
+#                     rows of exports played open loop (downloads gigabytes)
 # make test-data    what a scene draws does not tell the task: 1,000 seeds of every task
 #                   against three classifiers, and the old draws, which did; sentences are
 #                   counted, and 500 answers of labelled episodes computed again
@@ -33,7 +38,7 @@ BUILT := $(or $(CARGO_TARGET_DIR),target)/release
 export WHEELARM_COMMIT ?= $(shell git rev-parse --short=12 HEAD 2>/dev/null)
 export WHEELARM_PYTHON ?= $(CURDIR)/.venv/bin/python
 
-.PHONY: all build static demo test test-learn contract test-cluster test-readers test-data test-original test-adversarial soak train-mustard bench test-rosbag2 dist test-dist clean
+.PHONY: all build static demo test test-learn contract test-cluster test-readers test-data test-original test-adversarial soak train-mustard bench test-rosbag2 dist test-dist contract-python test-python test-lerobot clean
 all: build
 
 build:
@@ -60,11 +65,14 @@ demo: build
 test:
 	scripts/setup.sh chromium
 	scripts/setup.sh python numpy h5py pyarrow mcap protobuf:google.protobuf foxglove-schemas-protobuf:foxglove_schemas_protobuf rosbags==0.11.9:rosbags
+	scripts/setup.sh python numpy h5py pyarrow mcap protobuf:google.protobuf foxglove-schemas-protobuf:foxglove_schemas_protobuf \
+		eclipse-zenoh==1.10.2:zenoh gymnasium pytest grpcio-tools:grpc_tools
 	$(CARGO) fmt --all --check
 	$(CARGO) clippy --release --workspace $(WITHOUT_LEARN) --all-targets -- -D warnings
 	RUSTDOCFLAGS="-D warnings" $(CARGO) doc --release --workspace $(WITHOUT_LEARN) --no-deps
 	$(CARGO) build --release --workspace $(WITHOUT_LEARN) --bins --tests
 	$(CARGO) test --release --workspace $(WITHOUT_LEARN)
+	PYTHONPATH=client/python/src $(WHEELARM_PYTHON) -m pytest -q -m "not slow" client/python/tests
 
 test-learn:
 	scripts/setup.sh python numpy matplotlib safetensors
@@ -75,6 +83,16 @@ test-learn:
 
 contract:
 	WHEELARM_WRITE_CONTRACT=1 $(CARGO) test --release -p wheelarm-proto --test evolution
+
+contract-python:
+	scripts/setup.sh python grpcio-tools:grpc_tools
+	$(WHEELARM_PYTHON) client/python/scripts/make_contract.py
+
+test-python: build
+	tests/python.sh
+
+test-lerobot: build
+	tests/lerobot.sh
 
 test-cluster:
 	scripts/setup.sh python kubernetes-validate:kubernetes_validate

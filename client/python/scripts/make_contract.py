@@ -205,7 +205,7 @@ class Stub:
         return [f'{indent}"""{lines[0]}', *(indent + line for line in lines[1:]), f'{indent}"""']
 
     def enum(self, file, enum, path: str) -> None:
-        self.out.append(f"class {enum.name}(int, metaclass=_EnumWrapper):  # type: ignore[misc]")
+        self.out.append(f"class {enum.name}(int, metaclass=_EnumWrapper):")
         self.out += self.documented("    ", self.comment(file, path))
         for i, value in enumerate(enum.value):
             self.out.append(f"    {value.name}: _ClassVar[{enum.name}]")
@@ -269,7 +269,9 @@ def main() -> None:
             parse = descriptor_pb2.FileDescriptorSet.FromString
             same = parse(there) == parse(content)
         if not same:
-            raise SystemExit(f"{name} is not in date with the .proto files: run `make contract-python`")
+            raise SystemExit(
+                f"{name} is not in date with the .proto files: run `make contract-python`"
+            )
 
 
 if __name__ == "__main__":

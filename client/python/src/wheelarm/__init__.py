@@ -75,3 +75,21 @@ __all__ = [
     "v1",
     "vector",
 ]
+
+_ENVIRONMENTS = ["WheelArmEnv", "WheelArmVectorEnv", "env_id", "register_task"]
+
+try:
+    import gymnasium as _gymnasium  # noqa: F401
+except ImportError:  # the environments are an extra
+
+    def __getattr__(name: str) -> object:
+        if name in _ENVIRONMENTS:
+            raise ImportError(f"wheelarm.{name} needs Gymnasium: pip install 'wheelarm[gym]'")
+        raise AttributeError(f"module 'wheelarm' has no attribute {name!r}")
+
+else:
+    from .env import WheelArmEnv, env_id, register_all, register_task
+    from .vector import WheelArmVectorEnv
+
+    register_all()
+    __all__ += ["WheelArmEnv", "WheelArmVectorEnv", "env_id", "register_task"]

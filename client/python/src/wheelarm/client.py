@@ -31,9 +31,7 @@ _OF_REQUEST = {row[1]: row for row in QUERIES}
 _PATIENCE = {"reset": 120.0, "episode_start": 120.0, "episode_stop": 120.0}
 
 
-def connect(
-    endpoint: str = DEFAULT_ENDPOINT, sim: str = "sim", *, timeout: float = 5.0
-) -> Client:
+def connect(endpoint: str = DEFAULT_ENDPOINT, sim: str = "sim", *, timeout: float = 5.0) -> Client:
     """Connects to a server and makes sure that both speak the same contract.
 
     Args:
@@ -135,7 +133,8 @@ class Client:
                 if answer.ok is not None:
                     check_encoding(str(answer.ok.encoding))
                     return read(getattr(v1, reply), answer.ok.payload.to_bytes(), name)
-                failure = read(v1.Failure, answer.err.payload.to_bytes(), name)
+                told = answer.err.payload.to_bytes() if answer.err else b""
+                failure = read(v1.Failure, told, name)
                 if failure.message:
                     raise Refused(name, failure.code, failure.message)
         except zenoh.ZError as cause:
@@ -167,9 +166,7 @@ class Client:
         """The library of tasks."""
         return list(self.ask(v1.TasksRequest()).tasks)
 
-    def reach(
-        self, pose: v1.Pose, near_joints: Iterable[float] = (), **more: Any
-    ) -> v1.ReachReply:
+    def reach(self, pose: v1.Pose, near_joints: Iterable[float] = (), **more: Any) -> v1.ReachReply:
         """Whether the end effector can reach a pose in `base_link`, metres.
 
         Args:

@@ -39,10 +39,10 @@ def seal(encoded: bytes, secret: str) -> bytes:
     return encoded + _SEAL + hmac.new(secret.encode(), encoded, hashlib.sha256).digest()
 
 
-def _frame(name: str) -> int:
+def _frame(name: str) -> Any:
     if name not in _FRAMES:
         raise ValueError(f"there is no frame {name!r}; choose of {', '.join(_FRAMES)}")
-    return int(getattr(v1, "COMMAND_FRAME_" + _FRAMES[name]))
+    return getattr(v1, "COMMAND_FRAME_" + _FRAMES[name])
 
 
 def _numbers(what: str, values: Sequence[float], count: int) -> list[float]:
@@ -216,7 +216,9 @@ class Commander:
                 raise NoServer(f"the server does not see the token of commander {self.name!r}")
             time.sleep(0.02)
 
-    def send(self, asked: v1.Command | None = None, *, header: v1.Header | None = None, **plain: Any) -> None:
+    def send(
+        self, asked: v1.Command | None = None, *, header: v1.Header | None = None, **plain: Any
+    ) -> None:
         """Sends a command as the answer to a control tick: `v1.Command`, or the
         arguments of `wheelarm.command`: ``commander.send(linear=0.2, angular=0.0)``.
 
@@ -282,7 +284,8 @@ class Commander:
                 self._client.ask(self._request(release=True), timeout=1.0)
         except WheelArmError:
             pass  # Without an answer control ends with the token, a little later.
-        for one in [*self._subscribers, self._publisher, self._token]:
+        declared: list[Any] = [*self._subscribers, self._publisher, self._token]
+        for one in declared:
             one.undeclare()
 
     def __enter__(self) -> Commander:

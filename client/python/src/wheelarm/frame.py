@@ -124,6 +124,4 @@ class Frame:
             shape = (height, width, 3) if channels == 3 else (height, width)
             return np.frombuffer(planes[name], dtype=dtype).reshape(shape)
 
-        return cls(
-            camera, header, intrinsics, pose, plane("rgb"), plane("depth"), plane("ids")
-        )
+        return cls(camera, header, intrinsics, pose, plane("rgb"), plane("depth"), plane("ids"))

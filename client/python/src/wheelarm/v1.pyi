@@ -10,7 +10,7 @@ from google.protobuf.internal.containers import RepeatedScalarFieldContainer as 
 from google.protobuf.internal.enum_type_wrapper import EnumTypeWrapper as _EnumWrapper
 from google.protobuf.message import Message as _Message
 
-class FailureCode(int, metaclass=_EnumWrapper):  # type: ignore[misc]
+class FailureCode(int, metaclass=_EnumWrapper):
     """Why a request was not carried out, for programs."""
     FAILURE_CODE_UNSPECIFIED: _ClassVar[FailureCode]
     """Not told."""
@@ -59,7 +59,7 @@ FAILURE_CODE_FOREIGN: FailureCode
 FAILURE_CODE_VERSION: FailureCode
 FAILURE_CODE_INTERNAL: FailureCode
 
-class PixelFormat(int, metaclass=_EnumWrapper):  # type: ignore[misc]
+class PixelFormat(int, metaclass=_EnumWrapper):
     """How the pixels of a plane are written; rows follow each other from the top, numbers are
     little-endian.
     """
@@ -83,7 +83,7 @@ PIXEL_FORMAT_DEPTH_MILLIMETRES_U16: PixelFormat
 PIXEL_FORMAT_ID_U8: PixelFormat
 PIXEL_FORMAT_ID_U16: PixelFormat
 
-class PreviewLevel(int, metaclass=_EnumWrapper):  # type: ignore[misc]
+class PreviewLevel(int, metaclass=_EnumWrapper):
     """Size, rate and quality of a preview."""
     PREVIEW_LEVEL_UNSPECIFIED: _ClassVar[PreviewLevel]
     """Not told."""
@@ -99,7 +99,7 @@ PREVIEW_LEVEL_LOW: PreviewLevel
 PREVIEW_LEVEL_MEDIUM: PreviewLevel
 PREVIEW_LEVEL_HIGH: PreviewLevel
 
-class CommandFrame(int, metaclass=_EnumWrapper):  # type: ignore[misc]
+class CommandFrame(int, metaclass=_EnumWrapper):
     """Frame in which a Cartesian command is expressed."""
     COMMAND_FRAME_UNSPECIFIED: _ClassVar[CommandFrame]
     """Taken as `base_link`."""
@@ -118,7 +118,7 @@ COMMAND_FRAME_END_EFFECTOR: CommandFrame
 COMMAND_FRAME_WHEELCHAIR: CommandFrame
 COMMAND_FRAME_HOUSE: CommandFrame
 
-class Phase(int, metaclass=_EnumWrapper):  # type: ignore[misc]
+class Phase(int, metaclass=_EnumWrapper):
     """Phase of the work as the operator sees it."""
     PHASE_UNSPECIFIED: _ClassVar[Phase]
     """Not told."""
@@ -137,7 +137,7 @@ PHASE_REACHING: Phase
 PHASE_GRASPING: Phase
 PHASE_RETRACTING: Phase
 
-class Device(int, metaclass=_EnumWrapper):  # type: ignore[misc]
+class Device(int, metaclass=_EnumWrapper):
     """What a person, or a program, commands with."""
     DEVICE_UNSPECIFIED: _ClassVar[Device]
     """Not told."""
@@ -180,7 +180,7 @@ DEVICE_POLICY: Device
 DEVICE_REPLAY: Device
 DEVICE_PROGRAM: Device
 
-class InputMode(int, metaclass=_EnumWrapper):  # type: ignore[misc]
+class InputMode(int, metaclass=_EnumWrapper):
     """How an input becomes motion."""
     INPUT_MODE_UNSPECIFIED: _ClassVar[InputMode]
     """Not told."""
@@ -202,7 +202,7 @@ INPUT_MODE_STEP: InputMode
 INPUT_MODE_GOAL: InputMode
 INPUT_MODE_STREAM: InputMode
 
-class Assistance(int, metaclass=_EnumWrapper):  # type: ignore[misc]
+class Assistance(int, metaclass=_EnumWrapper):
     """What helps the person who commands."""
     ASSISTANCE_UNSPECIFIED: _ClassVar[Assistance]
     """Not told."""
@@ -218,7 +218,7 @@ ASSISTANCE_SKILL: Assistance
 ASSISTANCE_SHARED: Assistance
 ASSISTANCE_NONE: Assistance
 
-class Incident(int, metaclass=_EnumWrapper):  # type: ignore[misc]
+class Incident(int, metaclass=_EnumWrapper):
     """What a commander says of an error of its own, for the recording."""
     INCIDENT_UNSPECIFIED: _ClassVar[Incident]
     """Nothing."""
@@ -243,7 +243,7 @@ INCIDENT_MISSED: Incident
 INCIDENT_MOVED: Incident
 INCIDENT_RECOVERED: Incident
 
-class RefusalCode(int, metaclass=_EnumWrapper):  # type: ignore[misc]
+class RefusalCode(int, metaclass=_EnumWrapper):
     """Why a command was not taken, for programs."""
     REFUSAL_CODE_UNSPECIFIED: _ClassVar[RefusalCode]
     """Not told."""
@@ -295,7 +295,7 @@ REFUSAL_CODE_CLOSED: RefusalCode
 REFUSAL_CODE_FOREIGN: RefusalCode
 REFUSAL_CODE_VERSION: RefusalCode
 
-class JointRole(int, metaclass=_EnumWrapper):  # type: ignore[misc]
+class JointRole(int, metaclass=_EnumWrapper):
     """What a joint of the robot is for."""
     JOINT_ROLE_UNSPECIFIED: _ClassVar[JointRole]
     """Nothing that a client has to know."""
@@ -335,7 +335,7 @@ JOINT_ROLE_FINGER_TIP_RIGHT: JointRole
 JOINT_ROLE_INNER_KNUCKLE_LEFT: JointRole
 JOINT_ROLE_INNER_KNUCKLE_RIGHT: JointRole
 
-class JointType(int, metaclass=_EnumWrapper):  # type: ignore[misc]
+class JointType(int, metaclass=_EnumWrapper):
     """How a joint moves."""
     JOINT_TYPE_UNSPECIFIED: _ClassVar[JointType]
     """Not told."""
@@ -351,7 +351,7 @@ JOINT_TYPE_REVOLUTE: JointType
 JOINT_TYPE_CONTINUOUS: JointType
 JOINT_TYPE_PRISMATIC: JointType
 
-class FrameRole(int, metaclass=_EnumWrapper):  # type: ignore[misc]
+class FrameRole(int, metaclass=_EnumWrapper):
     """What a recorded frame is."""
     FRAME_ROLE_UNSPECIFIED: _ClassVar[FrameRole]
     """Nothing that a client has to know."""
@@ -367,7 +367,7 @@ FRAME_ROLE_CHAIR: FrameRole
 FRAME_ROLE_ARM_LINK: FrameRole
 FRAME_ROLE_END_EFFECTOR: FrameRole
 
-class CameraMount(int, metaclass=_EnumWrapper):  # type: ignore[misc]
+class CameraMount(int, metaclass=_EnumWrapper):
     """What a camera of the robot rides on."""
     CAMERA_MOUNT_UNSPECIFIED: _ClassVar[CameraMount]
     """Not told."""
@@ -380,7 +380,7 @@ CAMERA_MOUNT_UNSPECIFIED: CameraMount
 CAMERA_MOUNT_CHAIR: CameraMount
 CAMERA_MOUNT_ARM: CameraMount
 
-class ReachProblem(int, metaclass=_EnumWrapper):  # type: ignore[misc]
+class ReachProblem(int, metaclass=_EnumWrapper):
     """Why the end effector does not reach a pose."""
     REACH_PROBLEM_UNSPECIFIED: _ClassVar[ReachProblem]
     """It does; or not told by an older server."""
@@ -399,7 +399,7 @@ REACH_PROBLEM_JOINT_LIMITS: ReachProblem
 REACH_PROBLEM_NO_SOLUTION: ReachProblem
 REACH_PROBLEM_JUMP: ReachProblem
 
-class LanguageSplit(int, metaclass=_EnumWrapper):  # type: ignore[misc]
+class LanguageSplit(int, metaclass=_EnumWrapper):
     """Which templates and names of the grammar are said."""
     LANGUAGE_SPLIT_UNSPECIFIED: _ClassVar[LanguageSplit]
     """The one in force; at first all."""
@@ -415,7 +415,7 @@ LANGUAGE_SPLIT_ANY: LanguageSplit
 LANGUAGE_SPLIT_TRAIN: LanguageSplit
 LANGUAGE_SPLIT_HELD_OUT: LanguageSplit
 
-class Pacing(int, metaclass=_EnumWrapper):  # type: ignore[misc]
+class Pacing(int, metaclass=_EnumWrapper):
     """How simulation time relates to wall time."""
     PACING_UNSPECIFIED: _ClassVar[Pacing]
     """The one in force."""
@@ -431,7 +431,7 @@ PACING_REAL_TIME: Pacing
 PACING_LOCK_STEP: Pacing
 PACING_FAST: Pacing
 
-class RenderQuality(int, metaclass=_EnumWrapper):  # type: ignore[misc]
+class RenderQuality(int, metaclass=_EnumWrapper):
     """How much work goes into a camera picture. Recorded with the data."""
     RENDER_QUALITY_UNSPECIFIED: _ClassVar[RenderQuality]
     """The one in force."""
@@ -447,7 +447,7 @@ RENDER_QUALITY_FAST: RenderQuality
 RENDER_QUALITY_STANDARD: RenderQuality
 RENDER_QUALITY_HIGH: RenderQuality
 
-class Starts(int, metaclass=_EnumWrapper):  # type: ignore[misc]
+class Starts(int, metaclass=_EnumWrapper):
     """Where the robot starts."""
     STARTS_UNSPECIFIED: _ClassVar[Starts]
     """The one in force."""
@@ -462,7 +462,7 @@ STARTS_UNSPECIFIED: Starts
 STARTS_NEAR: Starts
 STARTS_ANYWHERE: Starts
 
-class GoalKind(int, metaclass=_EnumWrapper):  # type: ignore[misc]
+class GoalKind(int, metaclass=_EnumWrapper):
     """What a task asks for."""
     GOAL_KIND_UNSPECIFIED: _ClassVar[GoalKind]
     """No task."""
@@ -481,7 +481,7 @@ GOAL_KIND_PUT: GoalKind
 GOAL_KIND_OPEN: GoalKind
 GOAL_KIND_CLOSE: GoalKind
 
-class FailureReason(int, metaclass=_EnumWrapper):  # type: ignore[misc]
+class FailureReason(int, metaclass=_EnumWrapper):
     """Why a task failed, for programs."""
     FAILURE_REASON_UNSPECIFIED: _ClassVar[FailureReason]
     """Not told: the first recordings have the words alone."""
@@ -512,7 +512,7 @@ FAILURE_REASON_LOST: FailureReason
 FAILURE_REASON_PHYSICS: FailureReason
 FAILURE_REASON_NONE: FailureReason
 
-class InstanceKind(int, metaclass=_EnumWrapper):  # type: ignore[misc]
+class InstanceKind(int, metaclass=_EnumWrapper):
     """What an instance id stands for."""
     INSTANCE_KIND_UNSPECIFIED: _ClassVar[InstanceKind]
     """Not told."""
@@ -531,7 +531,7 @@ INSTANCE_KIND_OBJECT: InstanceKind
 INSTANCE_KIND_ROBOT: InstanceKind
 INSTANCE_KIND_PERSON: InstanceKind
 
-class BodyPart(int, metaclass=_EnumWrapper):  # type: ignore[misc]
+class BodyPart(int, metaclass=_EnumWrapper):
     """A part of a person."""
     BODY_PART_UNSPECIFIED: _ClassVar[BodyPart]
     """None, or the whole person."""
@@ -562,7 +562,7 @@ BODY_PART_HANDS: BodyPart
 BODY_PART_LAP: BodyPart
 BODY_PART_LEGS: BodyPart
 
-class EndCause(int, metaclass=_EnumWrapper):  # type: ignore[misc]
+class EndCause(int, metaclass=_EnumWrapper):
     """Why an episode ended."""
     END_CAUSE_UNSPECIFIED: _ClassVar[EndCause]
     """Not told: an older server."""
@@ -583,7 +583,7 @@ END_CAUSE_PHYSICS: EndCause
 END_CAUSE_RECORDERS: EndCause
 END_CAUSE_SHUTDOWN: EndCause
 
-class AnomalyKind(int, metaclass=_EnumWrapper):  # type: ignore[misc]
+class AnomalyKind(int, metaclass=_EnumWrapper):
     """What was odd in an episode: the first three go on, the others are faults that end it.
     """
     ANOMALY_KIND_UNSPECIFIED: _ClassVar[AnomalyKind]
@@ -621,7 +621,7 @@ ANOMALY_KIND_FAULT_ENERGY: AnomalyKind
 ANOMALY_KIND_FAULT_OUTSIDE: AnomalyKind
 ANOMALY_KIND_FAULT_PANIC: AnomalyKind
 
-class RecorderState(int, metaclass=_EnumWrapper):  # type: ignore[misc]
+class RecorderState(int, metaclass=_EnumWrapper):
     """Progress of one recorder."""
     RECORDER_STATE_UNSPECIFIED: _ClassVar[RecorderState]
     """Not told."""
@@ -645,7 +645,7 @@ RECORDER_STATE_FINISHED: RecorderState
 RECORDER_STATE_FAILED: RecorderState
 RECORDER_STATE_FINISHING: RecorderState
 
-class ArmProblem(int, metaclass=_EnumWrapper):  # type: ignore[misc]
+class ArmProblem(int, metaclass=_EnumWrapper):
     """Why the arm does not follow, for programs."""
     ARM_PROBLEM_UNSPECIFIED: _ClassVar[ArmProblem]
     """Not told: the first recordings have the words alone."""
@@ -667,7 +667,7 @@ ARM_PROBLEM_STALLED: ArmProblem
 ARM_PROBLEM_HINDERED: ArmProblem
 ARM_PROBLEM_NONE: ArmProblem
 
-class ControlChange(int, metaclass=_EnumWrapper):  # type: ignore[misc]
+class ControlChange(int, metaclass=_EnumWrapper):
     """What became of control."""
     CONTROL_CHANGE_UNSPECIFIED: _ClassVar[ControlChange]
     """Not told."""
@@ -686,7 +686,7 @@ CONTROL_CHANGE_TAKEN: ControlChange
 CONTROL_CHANGE_RETURNED: ControlChange
 CONTROL_CHANGE_LOST: ControlChange
 
-class EventKind(int, metaclass=_EnumWrapper):  # type: ignore[misc]
+class EventKind(int, metaclass=_EnumWrapper):
     """What kind of thing happened."""
     EVENT_KIND_UNSPECIFIED: _ClassVar[EventKind]
     """Not told."""
@@ -714,7 +714,7 @@ EVENT_KIND_RESUMED: EventKind
 EVENT_KIND_CONTROL: EventKind
 EVENT_KIND_NOTE: EventKind
 
-class WaitingFor(int, metaclass=_EnumWrapper):  # type: ignore[misc]
+class WaitingFor(int, metaclass=_EnumWrapper):
     """What the simulation waits for, for programs."""
     WAITING_FOR_UNSPECIFIED: _ClassVar[WaitingFor]
     """Not told."""
@@ -748,7 +748,7 @@ WAITING_FOR_COMMANDER: WaitingFor
 WAITING_FOR_CONTROL: WaitingFor
 WAITING_FOR_NOTHING: WaitingFor
 
-class PolicyAction(int, metaclass=_EnumWrapper):  # type: ignore[misc]
+class PolicyAction(int, metaclass=_EnumWrapper):
     """What the numbers of an action row are."""
     POLICY_ACTION_UNSPECIFIED: _ClassVar[PolicyAction]
     """As POLICY_ACTION_NEXT_POSE."""

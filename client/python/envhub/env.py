@@ -1,0 +1,17 @@
+"""WheelArm for LeRobot's EnvHub: put this file at the root of a hub repository."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import wheelarm
+
+
+def make_env(n_envs: int = 1, use_async_envs: bool = False, cfg: Any = None) -> dict[str, Any]:
+    """Environments by suite and task; they compute side by side either way."""
+    task = getattr(cfg, "task", None) or "pick_mustard"
+    size = {"gen3": (320, 180), "wheelchair": (320, 180)}
+    envs = wheelarm.WheelArmVectorEnv(
+        n_envs, task=task, obs_mode="pixels", cameras=size, autoreset_mode="SameStep"
+    )
+    return {"wheelarm": {0: envs}}
