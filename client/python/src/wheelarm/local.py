@@ -156,7 +156,9 @@ class Server:
             start_new_session=True,
         )
         _lifelines.add(self.process.stdin)
-        self._finalizer = weakref.finalize(self, _end, self.process, self._folder, os.getpid())
+        self._finalizer = weakref.finalize(
+            self, _end, self.process, self._log, self._folder, os.getpid()
+        )
         try:
             self._wait_until_ready()
             if scenario is not None or fields:
@@ -168,6 +170,8 @@ class Server:
 
     def messages(self) -> str:
         """What the server has said so far, the newest 64 KiB."""
+        if self._log.closed:
+            return ""
         # Read beside the place at which the server writes.
         length = os.fstat(self._log.fileno()).st_size
         start = max(0, length - (1 << 16))
@@ -205,7 +209,7 @@ class Server:
         return f"Server({self.endpoint!r}, sim={self.sim!r}, pid={self.process.pid})"
 
 
-def _end(process: subprocess.Popen[bytes], folder: str, owner: int) -> None:
+def _end(process: subprocess.Popen[bytes], log: IO[bytes], folder: str, owner: int) -> None:
     if owner != os.getpid():
         return
     if process.stdin is not None:
@@ -220,6 +224,7 @@ def _end(process: subprocess.Popen[bytes], folder: str, owner: int) -> None:
         except subprocess.TimeoutExpired:
             harder()
     process.wait()
+    log.close()
     shutil.rmtree(folder, ignore_errors=True)
 
 

@@ -748,6 +748,21 @@ WAITING_FOR_COMMANDER: WaitingFor
 WAITING_FOR_CONTROL: WaitingFor
 WAITING_FOR_NOTHING: WaitingFor
 
+class PolicyAction(int, metaclass=_EnumWrapper):  # type: ignore[misc]
+    """What the numbers of an action row are."""
+    POLICY_ACTION_UNSPECIFIED: _ClassVar[PolicyAction]
+    """As POLICY_ACTION_NEXT_POSE."""
+    POLICY_ACTION_NEXT_POSE: _ClassVar[PolicyAction]
+    """In force at the next picture: pose of the hand in `base_link` (3 m, and 6 of its rotation),
+    knuckle (rad); forward speed (m/s) and turn rate (rad/s) until then.
+    """
+    POLICY_ACTION_NEXT_JOINTS: _ClassVar[PolicyAction]
+    """The same with the six joints of the arm (rad) in place of the hand's pose."""
+
+POLICY_ACTION_UNSPECIFIED: PolicyAction
+POLICY_ACTION_NEXT_POSE: PolicyAction
+POLICY_ACTION_NEXT_JOINTS: PolicyAction
+
 class Header(_Message):
     """Stands first in every message that is published and in every answer."""
     run_id: str
@@ -3108,4 +3123,210 @@ class ShowRequest(_Message):
         odometry: Odometry | _Mapping[str, _Any] | None = ...,
         contacts: Contacts | _Mapping[str, _Any] | None = ...,
         imu_samples: _Iterable[Imu | _Mapping[str, _Any]] | None = ...,
+    ) -> None: ...
+
+class PolicyCamera(_Message):
+    """Pictures that a policy wants."""
+    name: str
+    """Name of the robot's camera (no unit)."""
+    width: int
+    """Width (pixels)."""
+    height: int
+    """Height (pixels)."""
+    depth: bool
+    """Depth is wanted beside the colours (no unit)."""
+    def __init__(
+        self,
+        *,
+        name: str | None = ...,
+        width: int | None = ...,
+        height: int | None = ...,
+        depth: bool | None = ...,
+    ) -> None: ...
+
+class SeedRange(_Message):
+    """A range of seeds."""
+    first: int
+    """First seed (no unit)."""
+    end: int
+    """One after the last (no unit)."""
+    def __init__(
+        self,
+        *,
+        first: int | None = ...,
+        end: int | None = ...,
+    ) -> None: ...
+
+class PolicyDescribeRequest(_Message):
+    """Asks a policy what it is. Query `describe`."""
+
+class PolicySpec(_Message):
+    """Answers the query `describe`."""
+    name: str
+    """Name, for reports (no unit)."""
+    weights_sha256: str
+    """SHA-256 of its weights, hexadecimal; empty without weights (no unit)."""
+    cameras: _Messages[PolicyCamera]
+    """Pictures that every observation holds, in this order."""
+    state_names: _Scalars[str]
+    """Names of the state that it was made for, in order; empty for any (no unit)."""
+    history: int
+    """Moments that an observation holds, the newest last; 0 for 1 (count)."""
+    rate_hz: float
+    """Observations and rows of action per second, Hz."""
+    chunk: int
+    """Rows of an answer (count)."""
+    execute: int
+    """Rows of an answer that are carried out before it is asked again (count)."""
+    action: PolicyAction
+    """What a row is (no unit)."""
+    action_names: _Scalars[str]
+    """Names of the numbers of a row, in order; empty for any (no unit)."""
+    max_batch: int
+    """Observations that one request may hold; 0 for 1 (count)."""
+    stochastic: bool
+    """It draws random numbers, from the seeds of the observations alone (no unit)."""
+    training_seeds: _Messages[SeedRange]
+    """Seeds whose episodes it was trained on."""
+    def __init__(
+        self,
+        *,
+        name: str | None = ...,
+        weights_sha256: str | None = ...,
+        cameras: _Iterable[PolicyCamera | _Mapping[str, _Any]] | None = ...,
+        state_names: _Iterable[str] | None = ...,
+        history: int | None = ...,
+        rate_hz: float | None = ...,
+        chunk: int | None = ...,
+        execute: int | None = ...,
+        action: PolicyAction | str | int | None = ...,
+        action_names: _Iterable[str] | None = ...,
+        max_batch: int | None = ...,
+        stochastic: bool | None = ...,
+        training_seeds: _Iterable[SeedRange | _Mapping[str, _Any]] | None = ...,
+    ) -> None: ...
+
+class PolicyResetRequest(_Message):
+    """An episode begins. Query `reset`."""
+    episode_key: str
+    """Names the episode among those that run at one time (no unit)."""
+    seed: int
+    """Seed of its scenario (no unit)."""
+    instruction: str
+    """What the person says (no unit)."""
+    def __init__(
+        self,
+        *,
+        episode_key: str | None = ...,
+        seed: int | None = ...,
+        instruction: str | None = ...,
+    ) -> None: ...
+
+class PolicyResetReply(_Message):
+    """Answers the query `reset`."""
+
+class PolicyPicture(_Message):
+    """One picture."""
+    camera: str
+    """Name of the camera (no unit)."""
+    width: int
+    """Width (pixels)."""
+    height: int
+    """Height (pixels)."""
+    rgb: bytes
+    """Red, green, blue, 8 bits each, sRGB, row-major from the top left (no unit)."""
+    depth: bytes
+    """Depth along the optical axis, little-endian float32, infinite where nothing is, m; empty
+    where it is not wanted.
+    """
+    def __init__(
+        self,
+        *,
+        camera: str | None = ...,
+        width: int | None = ...,
+        height: int | None = ...,
+        rgb: bytes | None = ...,
+        depth: bytes | None = ...,
+    ) -> None: ...
+
+class PolicyMoment(_Message):
+    """What is seen at one instant."""
+    state_values: _Scalars[float]
+    """Row of state; radians, rad/s, metres."""
+    pictures: _Messages[PolicyPicture]
+    """Pictures in the order of the spec."""
+    def __init__(
+        self,
+        *,
+        state_values: _Iterable[float] | None = ...,
+        pictures: _Iterable[PolicyPicture | _Mapping[str, _Any]] | None = ...,
+    ) -> None: ...
+
+class PolicyObservation(_Message):
+    """What a policy is asked about."""
+    episode_key: str
+    """Names the episode (no unit)."""
+    seed: int
+    """Seed of its scenario (no unit)."""
+    first: bool
+    """It is the first of its episode (no unit)."""
+    tick: int
+    """Tick of the newest moment, 1/240 s."""
+    instruction: str
+    """What the person says (no unit)."""
+    moments: _Messages[PolicyMoment]
+    """As many as the spec says, the newest last; at the beginning of an episode the first stands
+    there several times.
+    """
+    def __init__(
+        self,
+        *,
+        episode_key: str | None = ...,
+        seed: int | None = ...,
+        first: bool | None = ...,
+        tick: int | None = ...,
+        instruction: str | None = ...,
+        moments: _Iterable[PolicyMoment | _Mapping[str, _Any]] | None = ...,
+    ) -> None: ...
+
+class InferRequest(_Message):
+    """Asks a policy what is to be done. Query `infer`."""
+    observations: _Messages[PolicyObservation]
+    """One for each episode that waits."""
+    def __init__(
+        self,
+        *,
+        observations: _Iterable[PolicyObservation | _Mapping[str, _Any]] | None = ...,
+    ) -> None: ...
+
+class PolicyChunk(_Message):
+    """Answer to one observation."""
+    episode_key: str
+    """Episode of the observation (no unit)."""
+    tick: int
+    """Tick of the observation, 1/240 s."""
+    rows: int
+    """Rows (count)."""
+    values: _Scalars[float]
+    """The rows, one after the other; metres, radians, m/s, rad/s."""
+    problem: str
+    """Why there are no rows, for people; empty where there are some (no unit)."""
+    def __init__(
+        self,
+        *,
+        episode_key: str | None = ...,
+        tick: int | None = ...,
+        rows: int | None = ...,
+        values: _Iterable[float] | None = ...,
+        problem: str | None = ...,
+    ) -> None: ...
+
+class InferReply(_Message):
+    """Answers the query `infer`."""
+    chunks: _Messages[PolicyChunk]
+    """In the order of the observations."""
+    def __init__(
+        self,
+        *,
+        chunks: _Iterable[PolicyChunk | _Mapping[str, _Any]] | None = ...,
     ) -> None: ...

@@ -1,0 +1,671 @@
+"""Gymnasium environments: every task, in lock-step with a server of their own.
+
+    import gymnasium
+    env = gymnasium.make("wheelarm:wheelarm/PickMustard-v0", obs_mode="pixels")
+
+`WheelArmEnv` says what observations and actions are. Nothing is started before the
+first `reset`.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+from collections.abc import Mapping, Sequence
+from typing import Any, ClassVar
+
+import gymnasium
+import numpy as np
+from gymnasium import spaces
+from numpy.typing import NDArray
+
+from . import v1
+from ._contract import TASKS
+from ._session import refuse_fork
+from .client import Client, camera_setting
+from .errors import Refused, WheelArmError
+from .local import Server
+from .lockstep import Ended, LockStep, Moment
+from .rows import (
+    CONTROL_HZ,
+    STATE,
+    Observer,
+    Player,
+    action_names,
+    arm_joint_names,
+    force_cap,
+    from_vector,
+    multiply,
+    state_names,
+)
+from .streams import pose as pose_of
+from .streams import twist as twist_of
+from .streams import vector
+
+OBS_MODES = ("state", "pixels", "rgbd")
+CONTROL_MODES = ("row", "joint_pos", "applied", "ee_pose", "ee_delta", "keys")
+RENDER_MODES = ("rgb_array", "depth_array", "rgbd_tuple")
+#: Kind of action row of the control modes that are one.
+ROW_KINDS = {"row": "next-pose", "joint_pos": "next-joints", "applied": "applied"}
+#: Cameras where nothing is said: width and height, pixels.
+CAMERAS = {"gen3": (320, 180), "wheelchair": (320, 180)}
+
+_POSE = ("x", "y", "z", "qx", "qy", "qz", "qw")
+_TWIST = ("vx", "vy", "vz", "wx", "wy", "wz")
+#: Names of the values of `privileged_state`.
+PRIVILEGED = (
+    *(f"chair.{part}" for part in (*_POSE, *_TWIST)),
+    *(f"target.{part}" for part in (*_POSE, *_TWIST)),
+    "pad_left.force",
+    "pad_right.force",
+    "goal.x",
+    "goal.y",
+    "goal.z",
+)
+
+#: Directions of the chair's keys: forward, left; 0 is the stop key.
+KEYS_CHAIR = {
+    "k": (0, 0),
+    "u": (1, 1),
+    "i": (1, 0),
+    "o": (1, -1),
+    "j": (0, 1),
+    "l": (0, -1),
+    "m": (-1, -1),
+    ",": (-1, 0),
+    ".": (-1, 1),
+}
+#: Keys of the hand: axis of `base_link` or of the tool, and direction; 0 is none.
+KEYS_HAND = {
+    "": (0, 0),
+    "n": (0, 1),
+    "v": (0, -1),
+    "f": (1, 1),
+    "h": (1, -1),
+    "g": (2, 1),
+    "b": (2, -1),
+}
+#: Keys of the gripper: none, close, open.
+KEYS_GRIPPER = {"": 0, "r": 1, "y": -1}
+#: Speeds of the keys, m/s and rad/s, and their steps, m, rad and rad at the knuckle: those
+#: with which `wheelarm teleop` begins.
+KEY_SPEEDS = (0.5, 1.0)
+KEY_STEPS = (0.025, 0.05, 0.05)
+#: The hand's target leads the hand by so much at most, m and rad.
+LEAD = (0.12, 0.40)
+
+
+def _row_bounds(kind: str) -> tuple[list[float], list[float]]:
+    """Bounds of a row for the robot that ships: SI units and radians."""
+    turn = 2.0 * np.pi
+    joints = [turn, 2.24, 2.57, turn, 2.09, turn]
+    chair_low, chair_high = [0.0, -0.5, -1.0], [0.8, 0.5, 1.0]
+    if kind == "next-pose":
+        hand = [1.5, 1.5, 1.5, *[1.0] * 6]
+        return [*(-v for v in hand), *chair_low], [*hand, *chair_high]
+    if kind == "next-joints":
+        return [*(-v for v in joints), *chair_low], [*joints, *chair_high]
+    return [*(-v for v in joints), -8.0, -8.0, 0.0], [*joints, 8.0, 8.0, 0.8]
+
+
+class WheelArmEnv(gymnasium.Env[dict[str, Any], Any]):
+    """One task in a server of its own, which time waits for this program in.
+
+    Observations are a dict:
+
+    ================== ===================== ===============================================
+    key                shape                 what
+    ================== ===================== ===============================================
+    agent_pos          (27,) float64         what the robot knows of itself: `state_names`,
+                                             the same as ``observation.state`` of exports
+    privileged_state   (31,) float64         the truth, with `obs_mode="state"` alone:
+                                             `privileged_names`; metres, m/s, rad/s, N
+    pixels             NAME: (h, w, 3) uint8 with ``pixels`` and ``rgbd``: sRGB
+    depth              NAME: (h, w) float32  with ``rgbd``: metres, infinite where nothing is
+    ================== ===================== ===============================================
+
+    Actions, one per step of 1 / `control_rate` s, by `control_mode`:
+
+    ========= ==================================================================================
+    row       (12,) the row that exports call ``action``: pose of the hand in `base_link` (m,
+              two columns of its rotation), knuckle (rad), v (m/s), ω (rad/s) in force at the
+              next picture
+    joint_pos (9,) the same with six joints (rad) in place of the pose: exports with
+              ``--action next-joints``
+    applied   (9,) six joints (rad), two wheel speeds (rad/s), knuckle (rad): exports with
+              ``--action applied``
+    ee_pose   (10,) hand x y z (m), qx qy qz qw in `base_link`, knuckle (rad), v, ω
+    ee_delta  (9,) in [-1, 1]: translation in `base_link`, rotation about the tool's axes,
+              knuckle (1 closes), forward, left; 1 is the robot's greatest speed
+    keys      (4,) MultiDiscrete: keys of `wheelarm teleop` for the chair (9), the hand (7),
+              its turn (7), the gripper (3); see `KEYS_CHAIR` and its neighbours
+    ========= ==================================================================================
+
+    The reward is 1 while the task's conditions hold, else 0. `terminated` tells that the
+    task is over, `truncated` that its time is. `info` holds ``is_success``, ``success``,
+    ``failure``, ``conditions``, ``elapsed`` (s), ``tick``, ``instruction``.
+
+    Args:
+        task: Name of the task; see `wheelarm.TASKS`.
+        obs_mode: ``state``, ``pixels`` or ``rgbd``.
+        control_mode: See above.
+        control_rate: Steps per simulated second, Hz; must divide 60.
+        cameras: ``{"gen3": (width, height)}``, pixels; ``room`` stands in the home.
+        render_mode: ``rgb_array``, ``depth_array`` or ``rgbd_tuple``.
+        render_camera: Camera of `render`.
+        render_size: Its width and height, pixels, where it is none of `cameras`.
+        scenario: Other fields of `v1.Scenario`, for example
+            ``{"starts": "anywhere", "look": {"seed": 3, "light": 2}}``.
+        server: Arguments of `wheelarm.Server`, for example ``{"adapter": "llvmpipe"}``.
+        endpoint: A running server to use instead of starting one.
+        sim: Its name.
+
+    Seeds: ``reset(seed=s)`` draws the scenario's seed from the environment's generator;
+    ``reset(options={"scenario_seed": 7})`` takes this one, as ``wheelarm evaluate`` does.
+    ``options={"scenario": {...}}`` changes other fields of one episode.
+    """
+
+    metadata: ClassVar[dict[str, Any]] = {  # type: ignore[misc]
+        "render_modes": list(RENDER_MODES),
+        "render_fps": 10,
+    }
+
+    def __init__(
+        self,
+        task: str = "pick_mustard",
+        *,
+        obs_mode: str = "state",
+        control_mode: str = "row",
+        control_rate: int = 10,
+        cameras: Mapping[str, Sequence[int]] | None = None,
+        render_mode: str | None = None,
+        render_camera: str = "room",
+        render_size: Sequence[int] = (320, 180),
+        scenario: Mapping[str, Any] | None = None,
+        server: Mapping[str, Any] | None = None,
+        endpoint: str | None = None,
+        sim: str = "sim",
+    ) -> None:
+        for what, value, known in (
+            ("obs_mode", obs_mode, OBS_MODES),
+            ("control_mode", control_mode, CONTROL_MODES),
+            ("render_mode", render_mode, (None, *RENDER_MODES)),
+        ):
+            if value not in known:
+                raise ValueError(f"{what}={value!r} is not known; choose of {known}")
+        if control_rate <= 0 or CONTROL_HZ % control_rate:
+            raise ValueError(f"control_rate={control_rate} does not divide {CONTROL_HZ} Hz")
+        self.task, self.obs_mode, self.control_mode = task, obs_mode, control_mode
+        self.control_rate, self.over_ticks = control_rate, CONTROL_HZ // control_rate
+        self.render_mode, self.render_camera = render_mode, render_camera
+        self.metadata = {**type(self).metadata, "render_fps": control_rate}  # type: ignore[misc]
+        self.cameras = {} if obs_mode == "state" else _sizes(CAMERAS if cameras is None else cameras)
+        self._pictures = dict(self.cameras)
+        if render_mode is not None:
+            self._pictures.setdefault(render_camera, _sizes({"": render_size})[""])
+        self._scenario = dict(scenario or {})
+        self._server_options = dict(server or {})
+        self._endpoint, self._sim = endpoint, sim
+        #: Names of `agent_pos` and of the action, as in exports; those of the robot after
+        #: the first reset.
+        self.state_names = state_names()
+        self.privileged_names = list(PRIVILEGED)
+        self.action_names = self._action_names()
+        #: The sentence that says the task; of the present episode after a reset.
+        self.task_description = task.replace("_", " ")
+        self.observation_space = self._observation_space()
+        self.action_space = self._action_space()
+        self._owner = os.getpid()
+        self._server: Server | None = None
+        self._client: Client | None = None
+        self._lockstep: LockStep | None = None
+        self._sent = False
+        self._episodes = 0
+
+    # -- spaces ----------------------------------------------------------------------
+
+    def _action_names(self, joints: Sequence[str] | None = None) -> list[str]:
+        if self.control_mode in ROW_KINDS:
+            kind = ROW_KINDS[self.control_mode]
+            return action_names(kind) if joints is None else action_names(kind, joints)
+        if self.control_mode == "ee_pose":
+            chair = ["knuckle.target", "chair.linear", "chair.angular"]
+            return [*(f"hand.{part}" for part in _POSE), *chair]
+        if self.control_mode == "ee_delta":
+            hand = [f"hand.{part}.delta" for part in ("x", "y", "z", "rx", "ry", "rz")]
+            return [*hand, "knuckle.delta", "chair.forward", "chair.left"]
+        return ["keys.chair", "keys.hand", "keys.turn", "keys.gripper"]
+
+    def _action_space(self) -> spaces.Space[Any]:
+        if self.control_mode in ROW_KINDS:
+            low, high = _row_bounds(ROW_KINDS[self.control_mode])
+        elif self.control_mode == "ee_pose":
+            low = [*[-1.5] * 3, *[-1.0] * 4, 0.0, -0.5, -1.0]
+            high = [*[1.5] * 3, *[1.0] * 4, 0.8, 0.5, 1.0]
+        elif self.control_mode == "ee_delta":
+            low, high = [-1.0] * 9, [1.0] * 9
+        else:
+            keys = (KEYS_CHAIR, KEYS_HAND, KEYS_HAND, KEYS_GRIPPER)
+            return spaces.MultiDiscrete([len(one) for one in keys])
+        if self._scenario.get("robot", "wheelarm") != "wheelarm" and self.control_mode != "ee_delta":
+            low, high = [-np.inf] * len(low), [np.inf] * len(high)
+        return spaces.Box(np.array(low, np.float32), np.array(high, np.float32), dtype=np.float32)
+
+    def _observation_space(self) -> spaces.Dict:
+        def numbers(count: int) -> spaces.Box:
+            return spaces.Box(-np.inf, np.inf, (count,), np.float64)
+
+        parts: dict[str, spaces.Space[Any]] = {"agent_pos": numbers(STATE)}
+        if self.obs_mode == "state":
+            parts["privileged_state"] = numbers(len(PRIVILEGED))
+            return spaces.Dict(parts)
+        sizes = {name: (height, width) for name, (width, height) in self.cameras.items()}
+        parts["pixels"] = spaces.Dict(
+            {name: spaces.Box(0, 255, (*size, 3), np.uint8) for name, size in sizes.items()}
+        )
+        if self.obs_mode == "rgbd":
+            parts["depth"] = spaces.Dict(
+                {name: spaces.Box(0.0, np.inf, size, np.float32) for name, size in sizes.items()}
+            )
+        return spaces.Dict(parts)
+
+    @property
+    def _max_episode_steps(self) -> int:
+        """Steps until the task's time is over (LeRobot asks for it)."""
+        return round(TASKS.get(self.task, 100.0) * self.control_rate)
+
+    # -- server ----------------------------------------------------------------------
+
+    @property
+    def client(self) -> Client:
+        """The connection to the environment's server; it is started where it is not yet."""
+        if self._client is None:
+            self.start()
+        assert self._client is not None
+        return self._client
+
+    def start(self) -> None:
+        """Starts the server, or connects to the one that was named. `reset` does so too.
+
+        Raises:
+            Forked: in a process that was forked after a connection had been opened.
+        """
+        if self._client is not None:
+            return
+        refuse_fork()
+        if self._endpoint is not None:
+            self._client = Client(self._endpoint, self._sim)
+        else:
+            options = {"pacing": "lock-step", **self._server_options}
+            self._server = Server(
+                task=self.task,
+                cameras={name: (*size, self.control_rate) for name, size in self._pictures.items()},
+                **options,
+            )
+            self._client = self._server.connect()
+        self._owner = os.getpid()
+
+    def _fields(self, seed: int, more: Mapping[str, Any]) -> dict[str, Any]:
+        cameras = [
+            camera_setting(name, *size, rate_hz=self.control_rate)
+            for name, size in self._pictures.items()
+        ]
+        if self._endpoint is not None and not cameras:
+            # What another left on would be drawn for nobody.
+            cameras = [camera_setting("*", rate_hz=0.0)]
+        return {
+            "task": self.task,
+            "pacing": "lock-step",
+            "state_rate_hz": 60.0,
+            "cameras": cameras,
+            **self._scenario,
+            **more,
+            "seed": seed,
+        }
+
+    # -- episodes --------------------------------------------------------------------
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[dict[str, Any], dict[str, Any]]:
+        """Begins an episode; see the class for seeds and options. Other options are left
+        alone."""
+        super().reset(seed=seed)
+        refuse_fork(self._owner if self._client is not None else None)
+        options = options or {}
+        drawn = options.get("scenario_seed")
+        if drawn is None:
+            drawn = self.np_random.integers(2**31)
+        self._end_episode()
+        client = self.client
+        fields = self._fields(int(drawn), options.get("scenario") or {})
+        label = str(options.get("label") or f"{self.task}-seed{int(drawn)}")
+        scenario = client.reset(**fields)
+        scene = client.scene()
+        self._scene_known(scene)
+        topics = ["joint_state", "pose", "odometry", "evaluation", "applied"]
+        if self.obs_mode == "state":
+            topics += ["object_pose", "furniture_joint", "contact"]
+        self._lockstep = client.lockstep(
+            "gym", label, topics=topics, cameras=tuple(self._pictures)
+        )
+        self._episodes += 1
+        self._seed_in_force = int(scenario.seed)
+        self.task_description = scenario.instruction
+        self._target_start: NDArray[np.float64] | None = None
+        self._sent, self._over = False, False
+        self._moment = self._lockstep.now
+        self._observation = self._observed(self._moment)
+        return self._observation, self._info(self._moment.message("evaluation"))
+
+    def _scene_known(self, scene: v1.SceneReply) -> None:
+        robot = scene.robot
+        joints = arm_joint_names(robot)
+        self.state_names = state_names(joints)
+        self.action_names = self._action_names(joints)
+        self._scene, self._robot = scene, robot
+        self._observer = Observer.of(robot)
+        self._player = Player(
+            ROW_KINDS.get(self.control_mode, "next-pose"), robot, float(self.control_rate)
+        )
+        self._player.max_force = force_cap(scene)
+
+    def step(
+        self, action: Any
+    ) -> tuple[dict[str, Any], float, bool, bool, dict[str, Any]]:
+        """Carries out an action for 1 / `control_rate` s of simulated time.
+
+        Raises:
+            ValueError: when the action is none; nothing was sent then.
+            Refused: when the server does not take it.
+        """
+        if not self._sent:
+            self.send(action)
+        self._sent = False
+        if self._lockstep is None:
+            raise gymnasium.error.ResetNeeded("call reset before step")
+        try:
+            self._moment = self._lockstep.receive()
+        except Ended as ended:
+            # The physics broke, or somebody ended the episode: nothing new is known.
+            self._lockstep.close()
+            self._lockstep, self._over = None, True
+            info = self._info(ended.stopped.evaluation)
+            info["failure"] = "physics" if ended.stopped.cause == v1.END_CAUSE_PHYSICS else "ended"
+            info["is_success"] = info["success"] = False
+            return self._observation, 0.0, True, False, info
+        evaluation = self._moment.message("evaluation")
+        self._observation = self._observed(self._moment)
+        info = self._info(evaluation)
+        is_late = evaluation.failure_reason == v1.FAILURE_REASON_TIMEOUT
+        terminated = bool(evaluation.done) and not is_late
+        return self._observation, float(evaluation.success), terminated, is_late, info
+
+    def send(self, action: Any) -> None:
+        """The first half of `step`: sends the action and does not wait. The next `step`
+        takes its result, whatever action it is given."""
+        refuse_fork(self._owner)
+        if self._lockstep is None:
+            raise gymnasium.error.ResetNeeded("call reset before step")
+        self._lockstep.send(self.command(action))
+        self._sent = True
+
+    def command(self, action: Any) -> v1.Command:
+        """The command of an action at the present moment.
+
+        Raises:
+            ValueError: when it has a wrong length or a number that is not finite.
+        """
+        if self.control_mode in ROW_KINDS:
+            return self._player.command(action)
+        values = np.asarray(action, dtype=np.float64)
+        if values.shape != self.action_space.shape or not np.isfinite(values).all():
+            raise ValueError(
+                f"an action of {self.control_mode} has {self.action_space.shape} finite numbers, "
+                f"this one is {action!r}"
+            )
+        out = v1.Command(
+            over_ticks=self.over_ticks, device=v1.DEVICE_POLICY, mode=v1.INPUT_MODE_STREAM
+        )
+        if self.control_mode == "ee_pose":
+            norm = float(np.linalg.norm(values[3:7]))
+            if norm < 1e-6:
+                raise ValueError("the quaternion of the action has length 0")
+            self._aim(out, values[:3], values[3:7] / norm)
+            self._player.chair_and_gripper(out, *values[7:].tolist())
+            return out
+        if self.control_mode == "ee_delta":
+            values = np.clip(values, -1.0, 1.0)
+            arm, drive = self._robot.arm, self._robot.drive
+            seconds = 1.0 / self.control_rate
+            moved = values[:3] * arm.tool_speed * seconds
+            turned = values[3:6] * arm.tool_turn_rate * seconds
+            knuckle = values[6] * self._robot.gripper.max_velocity * seconds
+            linear = values[7] * (drive.forward_speed if values[7] > 0 else drive.backward_speed)
+            angular = values[8] * drive.turn_rate
+        else:
+            chair, hand, turn, gripper = (int(v) for v in values)
+            forward, left = list(KEYS_CHAIR.values())[chair]
+            linear, angular = forward * KEY_SPEEDS[0], left * KEY_SPEEDS[1]
+            moved, turned = _key(hand) * KEY_STEPS[0], _key(turn) * KEY_STEPS[1]
+            knuckle = list(KEYS_GRIPPER.values())[gripper] * KEY_STEPS[2]
+        applied = self._moment.samples.get("applied")
+        if applied is None:  # before the first tick: what the robot does now
+            target, closed = self._hand(), self._observation["agent_pos"][12]
+        else:
+            target, closed = pose_of(applied.message.desired_pose), applied.message.knuckle
+        if moved.any() or turned.any():
+            position, quaternion = self._led(
+                target[:3] + moved, multiply(target[3:], from_vector(turned))
+            )
+            self._aim(out, position, quaternion)
+        self._player.chair_and_gripper(
+            out, float(closed + knuckle), float(linear), float(angular)
+        )
+        return out
+
+    def _hand(self) -> NDArray[np.float64]:
+        frame = self._moment.message("pose").frames[self._observer.hand]
+        return pose_of(frame.pose)
+
+    def _led(
+        self, position: NDArray[np.float64], quaternion: NDArray[np.float64]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """A target that leads the hand by `LEAD` at most: what asks faster than the arm
+        moves piles nothing up."""
+        hand = self._hand()
+        ahead = position - hand[:3]
+        far = float(np.linalg.norm(ahead))
+        if far > LEAD[0]:
+            position = hand[:3] + ahead * (LEAD[0] / far)
+        between = multiply(quaternion, [*-hand[3:6], hand[6]])
+        if between[3] < 0.0:
+            between = -between
+        sine = float(np.linalg.norm(between[:3]))
+        angle = 2.0 * float(np.arctan2(sine, between[3]))
+        if angle > LEAD[1]:
+            quaternion = multiply(from_vector(between[:3] / sine * LEAD[1]), hand[3:])
+        return position, quaternion / np.linalg.norm(quaternion)
+
+    @staticmethod
+    def _aim(
+        out: v1.Command, position: NDArray[np.float64], quaternion: NDArray[np.float64]
+    ) -> None:
+        target = out.arm.pose
+        target.frame = v1.COMMAND_FRAME_BASE_LINK
+        p, q = target.pose.position, target.pose.orientation
+        p.x, p.y, p.z = position.tolist()
+        q.x, q.y, q.z, q.w = quaternion.tolist()
+
+    # -- observations ----------------------------------------------------------------
+
+    def _observed(self, moment: Moment) -> dict[str, Any]:
+        for topic in ("joint_state", "pose", "odometry"):
+            if moment.samples[topic].tick != moment.tick:
+                raise WheelArmError(
+                    f"the newest sample of `{topic}` is of tick {moment.samples[topic].tick}, not "
+                    f"of {moment.tick}: leave state_rate_hz at 60"
+                )
+        row = self._observer.row(
+            moment.message("joint_state"), moment.message("pose"), moment.message("odometry")
+        )
+        out: dict[str, Any] = {"agent_pos": row}
+        if self.obs_mode == "state":
+            out["privileged_state"] = self._privileged(moment)
+            return out
+        frames = {name: moment.frames[name] for name in self.cameras}
+        # The caller's own: a frame is a view into a message, and read-only.
+        out["pixels"] = {name: np.array(frame.rgb) for name, frame in frames.items()}
+        if self.obs_mode == "rgbd":
+            out["depth"] = {name: np.array(frame.depth) for name, frame in frames.items()}
+        return out
+
+    def _privileged(self, moment: Moment) -> NDArray[np.float64]:
+        chair = moment.message("pose").frames[self._observer.chair]
+        pads = list(moment.message("contact").pad_forces) or [0.0, 0.0]
+        target = self._target(moment)
+        if self._target_start is None:
+            self._target_start = target[:3].copy()
+        parts = (
+            pose_of(chair.pose),
+            twist_of(chair.twist),
+            target,
+            pads[:2],
+            self._goal(),
+        )
+        return np.concatenate([np.asarray(part, dtype=np.float64) for part in parts])
+
+    def _target(self, moment: Moment) -> NDArray[np.float64]:
+        """Pose and velocity of what the task is about in `house`, (13,)."""
+        name = self._scene.goal.target or self._scene.target
+        if name in self._scene.objects:
+            objects, index = moment.message("object_pose"), list(self._scene.objects).index(name)
+            return np.concatenate([pose_of(objects.poses[index]), twist_of(objects.twists[index])])
+        for index, joint in enumerate(self._scene.joints):
+            if name in (joint.body, joint.name):
+                joints = moment.message("furniture_joint")
+                axis, rest = vector(joint.axis), pose_of(joint.rest)
+                rest[:3] += axis * joints.positions[index]
+                return np.concatenate([rest, axis * joints.velocities[index], np.zeros(3)])
+        return np.zeros(13)
+
+    def _goal(self) -> NDArray[np.float64]:
+        """Where it is to go, in `house`, (3,), metres: the middle of the region, the place of
+        the furniture at the wanted position; where a thing is to be lifted, its start."""
+        goal = self._scene.goal
+        if goal.kind == v1.GOAL_KIND_PUT:
+            return vector(goal.region.pose.position)
+        for joint in self._scene.joints:
+            if goal.joint and joint.name == goal.joint:
+                return pose_of(joint.rest)[:3] + vector(joint.axis) * goal.position
+        assert self._target_start is not None
+        return self._target_start
+
+    def _info(self, evaluation: v1.Evaluation) -> dict[str, Any]:
+        reason = v1.FailureReason.Name(evaluation.failure_reason)
+        word = reason.removeprefix("FAILURE_REASON_").lower()
+        return {
+            "is_success": bool(evaluation.success),
+            "success": bool(evaluation.success),
+            "failure": "" if word in ("none", "unspecified") else word,
+            "conditions": {one.name: bool(one.holds) for one in evaluation.conditions},
+            "elapsed": float(evaluation.elapsed_seconds),
+            "tick": self._moment.tick,
+            "scenario_seed": self._seed_in_force,
+            "instruction": self.task_description,
+        }
+
+    def render(self) -> Any:
+        """The newest picture of `render_camera`: (h, w, 3) uint8, depth (h, w) float32 in
+        metres, or both."""
+        if self.render_mode is None:
+            gymnasium.logger.warn('no render_mode was given, for example render_mode="rgb_array"')
+            return None
+        if self._lockstep is None and not self._over:
+            raise gymnasium.error.ResetNeeded("call reset before render")
+        frame = self._moment.frames[self.render_camera]
+        if self.render_mode == "rgb_array":
+            return np.array(frame.rgb)
+        if self.render_mode == "depth_array":
+            return np.array(frame.depth)
+        return np.array(frame.rgb), np.array(frame.depth)
+
+    # -- end -------------------------------------------------------------------------
+
+    def _end_episode(self) -> None:
+        lockstep, self._lockstep = self._lockstep, None
+        if lockstep is not None:
+            lockstep.close()
+
+    def close(self) -> None:
+        """Ends the episode and the server; may be called again."""
+        if self._owner != os.getpid():
+            return
+        # Also where the server has died.
+        with contextlib.suppress(WheelArmError):
+            self._end_episode()
+        client, self._client = self._client, None
+        if client is not None:
+            client.close()
+        server, self._server = self._server, None
+        if server is not None:
+            server.close()
+        super().close()
+
+
+def _key(index: int) -> NDArray[np.float64]:
+    axis, sign = list(KEYS_HAND.values())[index]
+    out = np.zeros(3)
+    out[axis] = sign
+    return out
+
+
+def _sizes(cameras: Mapping[str, Sequence[int]]) -> dict[str, tuple[int, int]]:
+    out = {}
+    for name, size in cameras.items():
+        width, height = (int(v) for v in size)
+        if not (1 <= width <= 8192 and 1 <= height <= 8192):
+            raise ValueError(f"the camera {name!r} has {width}x{height} pixels; give width, height")
+        out[name] = (width, height)
+    return out
+
+
+def env_id(task: str) -> str:
+    """Id of a task's environment: ``pick_mustard`` is ``wheelarm/PickMustard-v0``."""
+    return f"wheelarm/{task.title().replace('_', '')}-v0"
+
+
+def register_task(task: str, seconds: float) -> str:
+    """Registers the environment of a task, with its time limit in simulated seconds.
+
+    Returns:
+        Its id.
+    """
+    name = env_id(task)
+    if name not in gymnasium.registry:
+        gymnasium.register(
+            id=name,
+            entry_point="wheelarm.env:WheelArmEnv",
+            vector_entry_point="wheelarm.vector:WheelArmVectorEnv",
+            max_episode_steps=round(seconds * 10.0),
+            kwargs={"task": task},
+        )
+    return name
+
+
+def register_all() -> None:
+    """Registers every task that ships."""
+    for task, seconds in TASKS.items():
+        register_task(task, seconds)
+
+
+__all__ = [
+    "CONTROL_MODES",
+    "OBS_MODES",
+    "PRIVILEGED",
+    "Refused",
+    "WheelArmEnv",
+    "env_id",
+    "register_all",
+    "register_task",
+]
