@@ -312,7 +312,7 @@ class WheelArmEnv(gymnasium.Env[dict[str, Any], Any]):
         ]
         if self._endpoint is not None and not cameras:
             # What another left on would be drawn for nobody.
-            cameras = [camera_setting("*", rate_hz=0.0)]
+            cameras = [camera_setting("*", 320, 180, rate_hz=0.0)]
         return {
             "task": self.task,
             "pacing": "lock-step",

@@ -1,0 +1,51 @@
+"""Fixtures: a server of the tests' own, found as users find theirs."""
+
+from __future__ import annotations
+
+import os
+import pathlib
+import time
+
+import pytest
+
+import wheelarm
+
+ROOT = pathlib.Path(__file__).resolve().parents[3]
+
+
+def pytest_configure() -> None:
+    if (ROOT / "assets/scenes").is_dir():
+        os.environ.setdefault("WHEELARM_ASSETS", str(ROOT / "assets"))
+
+
+@pytest.fixture(scope="session", autouse=True)
+def program() -> pathlib.Path:
+    """The server; without one nothing here can be tested, which is no skip but an error."""
+    return wheelarm.find_program()
+
+
+@pytest.fixture
+def server():
+    """A server in lock-step without cameras."""
+    with wheelarm.Server(task="pick_mustard", seed=0, pacing="lock-step") as server:
+        yield server
+
+
+@pytest.fixture
+def client(server):
+    with server.connect() as client:
+        yield client
+
+
+def gone(pid: int, within: float) -> bool:
+    """Whether a process has ended within so many seconds."""
+    deadline = time.monotonic() + within
+    while time.monotonic() < deadline:
+        try:
+            state = pathlib.Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()[0]
+        except OSError:
+            return True
+        if state == "Z":
+            return True
+        time.sleep(0.02)
+    return False

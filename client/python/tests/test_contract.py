@@ -1,0 +1,50 @@
+"""The contract in the package is that of the .proto files."""
+
+from __future__ import annotations
+
+import pathlib
+import subprocess
+import sys
+
+import pytest
+
+from wheelarm import _contract, _wire, v1
+
+SCRIPT = pathlib.Path(__file__).resolve().parents[1] / "scripts/make_contract.py"
+
+
+def test_the_package_is_in_date_with_the_proto_files():
+    pytest.importorskip("grpc_tools", reason="grpcio-tools compiles the .proto files")
+    found = subprocess.run(
+        [sys.executable, str(SCRIPT), "--check"], capture_output=True, text=True, check=False
+    )
+    assert found.returncode == 0, found.stdout + found.stderr
+
+
+def test_every_query_and_topic_has_its_messages():
+    for name, request, reply, field in _contract.QUERIES:
+        asked = getattr(v1, request)()
+        assert not field or hasattr(asked, field), name
+        assert getattr(v1, reply)() is not None
+    assert len(_contract.TOPICS) > 20
+    for row in _contract.TOPICS:
+        assert "header" in getattr(v1, row[2]).DESCRIPTOR.fields_by_name, row
+
+
+def test_messages_are_in_a_pool_of_their_own():
+    from google.protobuf import descriptor_pool
+
+    with pytest.raises(KeyError):
+        descriptor_pool.Default().FindMessageTypeByName("wheelarm.v1.Clock")
+    clock = v1.Clock(header=v1.Header(tick=4))
+    assert v1.Clock.FromString(clock.SerializeToString()).header.tick == 4
+    assert v1.Pacing.Name(v1.PACING_LOCK_STEP) == "PACING_LOCK_STEP"
+
+
+def test_another_version_of_the_contract_is_told_with_both_numbers():
+    own = _wire.encoding("Clock")
+    assert own == f"application/protobuf;wheelarm.v1.Clock@{_contract.CONTRACT_VERSION}"
+    _wire.check_encoding(own)
+    for other in ("zenoh/bytes", "application/protobuf", "application/protobuf;wheelarm.v1.Clock@99"):
+        with pytest.raises(_wire.OtherVersion, match="version"):
+            _wire.check_encoding(other)

@@ -1,0 +1,112 @@
+"""Pictures are read where they lie, and what is damaged is an error."""
+
+from __future__ import annotations
+
+import random
+
+import numpy as np
+import pytest
+
+import wheelarm
+from wheelarm import Frame, Garbled, _wire, v1
+
+
+def picture(**more):
+    depth = np.array([2.0, np.inf], "<f4")
+    fields = {
+        "header": v1.Header(tick=24, stamp_nanos=100_000_000, episode=3),
+        "camera": "gen3",
+        "intrinsics": v1.Intrinsics(width=2, height=1, fx=2.0, fy=2.0, cx=1.0, cy=0.5),
+        "pose": v1.Pose(position=v1.Vector3(x=1.5)),
+        "rgb": bytes([1, 2, 3, 4, 5, 6]),
+        "depth": depth.tobytes(),
+        "ids": np.array([256, 7], "<u2").tobytes(),
+        "rgb_format": v1.PIXEL_FORMAT_RGB8,
+        "depth_format": v1.PIXEL_FORMAT_DEPTH_METRES_F32,
+        "ids_format": v1.PIXEL_FORMAT_ID_U16,
+    }
+    return v1.CameraFrame(**{**fields, **more})
+
+
+def test_planes_are_views_into_the_bytes_that_came():
+    data = picture().SerializeToString()
+    frame = Frame.of(data)
+    assert (frame.camera, frame.tick, frame.header.episode) == ("gen3", 24, 3)
+    assert frame.pose.position.x == 1.5
+    assert frame.rgb.tolist() == [[[1, 2, 3], [4, 5, 6]]]
+    assert frame.depth.tolist() == [[2.0, np.inf]]
+    assert frame.ids.tolist() == [[256, 7]]
+    whole = np.frombuffer(data, np.uint8)
+    for plane in (frame.rgb, frame.depth_raw, frame.ids):
+        assert np.shares_memory(plane, whole) and not plane.flags.writeable
+    # Counted from the middle of the first pixel, as OpenCV does.
+    assert frame.matrix.tolist() == [[2.0, 0.0, 0.5], [0.0, 2.0, 0.0], [0.0, 0.0, 1.0]]
+
+
+def test_millimetres_and_small_ids_are_read_too():
+    coarse = picture(
+        depth=np.array([2000, 0], "<u2").tobytes(),
+        depth_format=v1.PIXEL_FORMAT_DEPTH_MILLIMETRES_U16,
+        ids=bytes([3, 9]),
+        ids_format=v1.PIXEL_FORMAT_ID_U8,
+    )
+    frame = Frame.of(coarse.SerializeToString())
+    assert frame.depth.tolist() == [[2.0, np.inf]] and frame.depth.dtype == np.float32
+    assert frame.ids.tolist() == [[3, 9]]
+
+
+def test_the_walker_reads_what_protobuf_reads():
+    frame = Frame.of(v1.SensorFrame(
+        header=v1.Header(tick=7), sensor="gen3_depth", camera="gen3",
+        intrinsics=v1.Intrinsics(width=1, height=1), depth=b"\x01\x02",
+        depth_format=v1.PIXEL_FORMAT_DEPTH_MILLIMETRES_U16, exposure_nanos=5,
+    ).SerializeToString())
+    assert frame.rgb is None and frame.ids is None
+    assert frame.depth_raw.tolist() == [[0x0201]]
+
+
+@pytest.mark.parametrize("change", [
+    {"depth": b"1234567"},
+    {"rgb": b""  , "depth": b"1"},
+    {"ids_format": 99},
+    {"rgb_format": v1.PIXEL_FORMAT_ID_U8},
+    {"intrinsics": v1.Intrinsics(width=2**32 - 1, height=2**32 - 1)},
+])
+def test_a_picture_that_is_not_as_it_says_is_refused(change):
+    with pytest.raises(Garbled):
+        Frame.of(picture(**change).SerializeToString())
+
+
+def test_damaged_bytes_are_an_error_and_never_another():
+    good, draw = picture().SerializeToString(), random.Random(0)
+    refused = 0
+    for _ in range(3000):
+        data = bytearray(good)
+        for _ in range(draw.randint(1, 4)):
+            data[draw.randrange(len(data))] = draw.randrange(256)
+        cut = bytes(data[: draw.randint(0, len(data))])
+        try:
+            Frame.of(cut)
+        except (Garbled, UnicodeDecodeError):
+            refused += 1
+    assert refused > 1000
+
+
+def test_numbers_of_messages_become_arrays_under_the_names_of_files():
+    joints = v1.JointState(positions=[1.0, 2.0], velocities=[3.0, 4.0])
+    columns = wheelarm.arrays(joints)
+    assert columns["position"].tolist() == [1.0, 2.0]
+    assert columns["velocity"].tolist() == [3.0, 4.0]
+    assert np.isnan(columns["opening"])
+    frame = v1.FramePose(pose=v1.Pose(orientation=v1.Quaternion(w=1.0)), twist=v1.Twist())
+    poses = wheelarm.arrays(v1.PoseSet(frames=[frame, frame]))
+    assert poses["pose"].shape == (2, 7) and poses["twist"].shape == (2, 6)
+    assert poses["pose"][0].tolist() == [0, 0, 0, 0, 0, 0, 1]
+    assert wheelarm.arrays(v1.ObjectPoses())["pose"].shape == (0, 7)
+    assert wheelarm.arrays(v1.Deformable(vertices=[0, 1, 2]))["vertices"].shape == (1, 3)
+
+
+def test_names_that_would_break_a_key_are_refused():
+    for bad in ("", "a/b", "*", "ü", "x" * 65):
+        with pytest.raises(ValueError, match="letters"):
+            _wire.check_name(bad)
