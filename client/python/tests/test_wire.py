@@ -103,7 +103,7 @@ def test_numbers_of_messages_become_arrays_under_the_names_of_files():
     assert poses["pose"].shape == (2, 7) and poses["twist"].shape == (2, 6)
     assert poses["pose"][0].tolist() == [0, 0, 0, 0, 0, 0, 1]
     assert wheelarm.arrays(v1.ObjectPoses())["pose"].shape == (0, 7)
-    assert wheelarm.arrays(v1.Deformable(vertices=[0, 1, 2]))["vertices"].shape == (1, 3)
+    assert wheelarm.arrays(v1.Deformable(vertices=[0, 1, 2]))["vertex"].shape == (1, 3)
 
 
 def test_names_that_would_break_a_key_are_refused():

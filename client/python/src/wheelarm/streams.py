@@ -34,6 +34,8 @@ _SINGULAR = {
     "joint_velocities": "joint_velocity",
     "wheel_velocities": "wheel_velocity",
     "pad_forces": "pad_force",
+    "vertices": "vertex",
+    "elapsed_seconds": "elapsed",
 }
 
 
@@ -87,7 +89,7 @@ def arrays(message: Any) -> dict[str, NDArray[Any]]:
                 out["twist"] = np.array([twist(one.twist) for one in value]).reshape(-1, 6)
         elif kind in (1, 2):
             if field.name == "vertices":
-                out["vertices"] = np.array(value, dtype=np.float32).reshape(-1, 3)
+                out[name] = np.array(value, dtype=np.float32).reshape(-1, 3)
             elif many:
                 out[name] = np.array(value, dtype=np.float64)
             else:

@@ -1,0 +1,92 @@
+"""What Python hears is what the recorder wrote, sample by sample."""
+
+from __future__ import annotations
+
+import subprocess
+import threading
+
+import numpy as np
+import pytest
+
+import wheelarm
+
+h5py = pytest.importorskip("h5py", reason="recorded files are HDF5")
+
+
+def recorder_program():
+    try:
+        return wheelarm.find_program("wheelarm")
+    except wheelarm.NoServer:
+        beside = wheelarm.find_program().with_name("wheelarm")
+        assert beside.is_file(), "the recorder `wheelarm` is neither on PATH nor beside the server"
+        return beside
+
+
+TOPICS = [
+    "joint_state", "pose", "imu", "odometry", "evaluation", "clock", "command", "applied",
+    "object_pose", "furniture_joint", "deformable", "contact", "phase", "state_hash",
+]
+
+
+def test_streams_and_pictures_equal_the_file(tmp_path):
+    cameras = {"gen3": (64, 36, 10.0), "wheelchair": (64, 36, 10.0)}
+    with (
+        wheelarm.Server(task="place_teddy_bear", seed=2, pacing="lock-step", cameras=cameras) as server,
+        server.connect() as client,
+        client.streams(*TOPICS) as streams,
+        client.camera("gen3", kept=1000) as gen3,
+        client.camera("wheelchair", kept=1000) as wheelchair,
+    ):
+        recorder = subprocess.Popen(
+            [recorder_program(), "record", "--connect", server.endpoint, "--sim", server.sim,
+             "--out", tmp_path, "--episodes", "1"],
+            stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
+        )
+        with client.lockstep("me", "both", recorders=1) as episode:
+            for i in range(10):
+                episode.step(wheelarm.command(
+                    linear=0.2, angular=0.1 * i, knuckle=0.02 * i, over_ticks=6
+                ))
+            number, stopped = episode.episode, episode.stop()
+        # Its words must not fill the pipe.
+        words: list[str] = []
+        reader = threading.Thread(target=lambda: words.extend(recorder.stdout), daemon=True)
+        reader.start()
+        assert recorder.wait(60) == 0, words
+        wanted = {one.stream: one.count for one in stopped.manifest}
+        heard: dict[str, list[wheelarm.Sample]] = {topic: [] for topic in TOPICS}
+        while (sample := streams.next(timeout=2.0)) is not None:
+            if sample.header.episode == number:
+                heard[sample.topic].append(sample)
+            if all(len(heard[topic]) == wanted.get(topic, 0) for topic in TOPICS):
+                break
+        pictures = {}
+        for camera in (gen3, wheelchair):
+            frames = []
+            while (frame := camera.next(timeout=0.5)) is not None:
+                if frame.header.episode == number:
+                    frames.append(frame)
+            pictures[frames[0].camera] = frames
+    compared = 0
+    with h5py.File(tmp_path / "both.h5") as file:
+        for topic in TOPICS:
+            group, samples = file["streams"][topic], heard[topic]
+            assert len(samples) == wanted.get(topic, 0) == len(group["tick"]), topic
+            for name in ("tick", "sequence", "stamp_nanos"):
+                assert [getattr(one.header, name) for one in samples] == group[name][:].tolist()
+            columns = [sample.arrays() for sample in samples]
+            for name in columns[0] if columns else ():
+                if name in group:
+                    ours = np.array([column[name] for column in columns])
+                    assert np.array_equal(ours, group[name][:], equal_nan=True), (topic, name)
+                    compared += 1
+        for camera, frames in pictures.items():
+            group = file["streams/camera"][camera]
+            assert len(frames) == wanted[f"camera/{camera}"] == 11
+            for name in ("rgb", "depth", "ids"):
+                ours = np.array([getattr(frame, name) for frame in frames])
+                assert np.array_equal(ours, group[name][:]), (camera, name)
+                compared += 1
+            poses = np.array([wheelarm.pose(frame.pose) for frame in frames])
+            assert np.array_equal(poses, group["pose"][:])
+    assert compared >= 30, compared
