@@ -308,11 +308,15 @@ class Wishes:
     #: Targets in force (`applied`): arm joints, knuckle; `None` before the first.
     targets: tuple[list[float], float] | None = None
 
-    def clear(self) -> None:
-        """Forgets every wish, as after a reset."""
+    def drop(self) -> None:
+        """Forgets every wish."""
         self.drive, self._stop, self._hold = None, False, False
         self._arm, self._pose, self._trajectory = {}, None, None
         self._knuckle = self._opening = self._goal = None
+
+    def clear(self) -> None:
+        """Forgets every wish and the targets in force, as after a reset."""
+        self.drop()
         self.targets = None
 
     @property
