@@ -302,9 +302,11 @@ class WheelArmNode(Node):
             camera.name: (camera.link, camera.pose)
             for camera in [*scene.robot.cameras, *scene.cameras]
         }
+        links = {name: link for name, _, link in robot.frames}
         for camera in status.scenario.cameras:
             if camera.HasField("place"):
-                places[camera.name] = (camera.place.frame, camera.place.pose)
+                frame = camera.place.frame
+                places[camera.name] = (links.get(frame, frame), camera.place.pose)
         transforms += [
             mapping.transform_stamped(tree.of_pose(pose), stamp, link, optical_frame(name))
             for name, (link, pose) in places.items()
