@@ -16,6 +16,7 @@ from conftest import until
 from test_types import FRAMES, JOINTS
 from wheelarm.ros import mapping, tree
 from wheelarm.ros.link import Link
+from wheelarm.ros.node import Options, WheelArmNode
 from wheelarm.ros.outputs import LATCHED, PICTURES, TRANSFORMS
 
 
@@ -257,22 +258,29 @@ def test_the_chain_of_tf_is_the_recorded_pose(server, bridge, peer, client, odom
 def test_the_robot_description_is_there_for_who_comes_late(server, bridge, peer, client):
     endpoint = server("--no-cameras")
     bridge(endpoint, "--ros-args", "-p", "mesh_folder:=file:///somewhere")
-    text = until(lambda: peer.hear("robot_description", String, LATCHED))[0].data
+    heard = peer.hear("robot_description", String, LATCHED)
+    text = until(lambda: heard)[0].data
     urdf = client(endpoint).ask("scene").robot.urdf_text
     assert tree.joints(text) == tree.joints(urdf)
     assert 'filename="file:///somewhere/meshes/chair_body.obj"' in text
 
 
-def test_nobody_listens_and_nothing_is_received(server, bridge, peer, client):
-    endpoint = server("--camera", "gen3=64x36@10", "--camera", "wheelchair=64x36@10")
-    program = bridge(endpoint)
-    link, pictures = client(endpoint), []
-    heard = peer.hear("camera/gen3/color/image_raw", Image, PICTURES)
-    until(lambda: len(heard) >= 3)
-    others = peer.node.get_publishers_info_by_topic("/camera/wheelchair/color/image_raw")
-    assert others, "the other camera is offered"
-    assert program.process.poll() is None
-    del link, pictures
+def test_a_camera_is_received_only_while_somebody_subscribes(server, peer):
+    node = WheelArmNode(Options(endpoint=server("--camera", "*=64x36@10")))
+    peer.executor.add_node(node)
+    try:
+        pictures = []
+        subscription = peer.node.create_subscription(
+            Image, "camera/gen3/color/image_raw", pictures.append, PICTURES
+        )
+        until(lambda: len(pictures) >= 3)
+        assert node.cameras["gen3"].is_open
+        assert not node.cameras["wheelchair"].is_open
+        peer.node.destroy_subscription(subscription)
+        until(lambda: not node.cameras["gen3"].is_open)
+    finally:
+        peer.executor.remove_node(node)
+        node.close()
 
 
 def test_a_transform_and_its_inverse_are_none():

@@ -101,6 +101,11 @@ class _Camera:
         self._thread = threading.Thread(target=self._run, name=f"camera {name}", daemon=True)
         self._thread.start()
 
+    @property
+    def is_open(self) -> bool:
+        """Whether pictures are received."""
+        return self._subscription is not None
+
     def look(self) -> None:
         """Receives pictures if somebody wants them now."""
         topics = [topic for topic, _ in self.topics]
@@ -386,11 +391,12 @@ class WheelArmNode(Node):
 
     def _moving(self, joints, poses, odometry) -> TFMessage:
         stamp, robot = joints.header.stamp_nanos, self.robot
-        chair = next(
-            tree.of_pose(frame.pose)
+        told = {
+            (parent, link): tree.of_pose(frame.pose)
             for (_, parent, link), frame in zip(robot.frames, poses.frames)
-            if parent == WORLD and link == robot.root
-        )
+        }
+        chair = told[WORLD, robot.root]
+        in_base = {link: place for (parent, link), place in told.items() if parent == robot.arm_base}
         if self.options.odom_frame:
             odom_from_chair = tree.of_pose(odometry.pose)
             house_from_odom = tree.chained(chair, tree.inverse(odom_from_chair))
@@ -403,7 +409,7 @@ class WheelArmNode(Node):
         positions = dict(zip(robot.joints, joints.positions))
         transforms += [
             mapping.transform_stamped(place, stamp, joint.parent, joint.child)
-            for joint, place in tree.moving(robot.tree, positions)
+            for joint, place in tree.moving(robot.tree, positions, robot.arm_base, in_base)
         ]
         return TFMessage(transforms=transforms)
 

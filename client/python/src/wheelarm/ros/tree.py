@@ -149,14 +149,61 @@ def joints(urdf: str) -> list[Joint]:
     return [_joint(element) for element in root.findall("joint")]
 
 
-def moving(tree: list[Joint], positions: Mapping[str, float]) -> list[tuple[Joint, Transform]]:
-    """Joints of ``positions`` (name to radians or metres) and where they are; fixed
-    joints are not among them."""
-    return [
-        (joint, joint.at(positions[joint.name]))
-        for joint in tree
-        if joint.kind != "fixed" and joint.name in positions
-    ]
+def moving(
+    tree: list[Joint],
+    positions: Mapping[str, float],
+    base: str = "",
+    in_base: Mapping[str, Transform] | None = None,
+) -> list[tuple[Joint, Transform]]:
+    """Joints of ``positions`` (name to radians or metres) and where their children
+    are in their parents; fixed joints are not among them.
+
+    ``in_base`` holds links whose pose in the link ``base`` is known. The joint that
+    carries such a link, itself or by fixed joints, stands so that the chain from
+    ``base`` gives this pose: joint positions alone give the physics' links only to
+    about 1e-6 m, because its joints give way that much.
+    """
+    carried = _carried(tree, in_base or {})
+    places: dict[str, Transform] = {base: IDENTITY}
+    found = []
+    for joint in _outwards(tree, base):
+        place = joint.at(positions.get(joint.name, 0.0))
+        parent = places.get(joint.parent)
+        if parent is not None:
+            child = carried.get(joint.name)
+            if child is not None:
+                place = chained(inverse(parent), child)
+            places[joint.child] = chained(parent, place)
+        if joint.kind != "fixed" and joint.name in positions:
+            found.append((joint, place))
+    return found
+
+
+def _carried(tree: list[Joint], in_base: Mapping[str, Transform]) -> dict[str, Transform]:
+    """By moving joint, where its child is, from a link that it carries rigidly."""
+    above = {joint.child: joint for joint in tree}
+    found = {}
+    for link, place in in_base.items():
+        joint, inner = above.get(link), IDENTITY
+        while joint is not None and joint.kind == "fixed":
+            inner, joint = chained(joint.origin, inner), above.get(joint.parent)
+        if joint is not None:
+            found[joint.name] = chained(place, inverse(inner))
+    return found
+
+
+def _outwards(tree: list[Joint], base: str) -> list[Joint]:
+    """The joints, those outwards of ``base`` in the order from it."""
+    below: dict[str, list[Joint]] = {}
+    for joint in tree:
+        below.setdefault(joint.parent, []).append(joint)
+    ordered, links = [], [base]
+    while links:
+        for joint in below.get(links.pop(), []):
+            ordered.append(joint)
+            links.append(joint.child)
+    inside = {joint.name for joint in ordered}
+    return [joint for joint in tree if joint.name not in inside] + ordered
 
 
 def with_mesh_folder(urdf: str, folder: str) -> str:

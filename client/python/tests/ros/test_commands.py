@@ -1,0 +1,194 @@
+"""What ROS asks moves the robot, for as long as it is asked, and one at a time."""
+
+import math
+
+import pytest
+from diagnostic_msgs.msg import DiagnosticArray
+from geometry_msgs.msg import PoseStamped, Twist, TwistStamped
+from nav_msgs.msg import Odometry
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64
+from std_srvs.srv import Trigger
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+
+from conftest import until
+from test_streams import client, stamp  # noqa: F401
+from wheelarm.ros import mapping
+from wheelarm.ros.link import Control, Refused
+
+ARM = [f"joint_{number}" for number in range(1, 7)]
+KNUCKLE = "robotiq_85_left_knuckle_joint"
+
+
+def joint(message, name):
+    return message.position[list(message.name).index(name)]
+
+
+@pytest.mark.parametrize("stamped", [False, True])
+def test_the_chair_drives_by_cmd_vel_and_stops_in_silence(server, bridge, peer, stamped):
+    bridge(server("--no-cameras"), "--ros-args", "-p", f"cmd_vel_stamped:={str(stamped).lower()}")
+    odom = peer.hear("odom", Odometry, 1000)
+    kind = TwistStamped if stamped else Twist
+    drive, message = peer.publisher("cmd_vel", kind), kind()
+    (message.twist if stamped else message).linear.x = 0.3
+    until(lambda: odom)
+    begin = stamp(odom[-1])
+
+    def driven():
+        # Slower than the server's own limit of 0.25 s: the node keeps it going.
+        rate.sleep()
+        drive.publish(message)
+        return stamp(odom[-1]) > begin + 2_000_000_000
+
+    rate = peer.node.create_rate(2.5)
+    until(driven)
+    last = stamp(odom[-1])
+    until(lambda: stamp(odom[-1]) > last + 2_000_000_000)
+    samples = list(odom)
+    speeds = {stamp(one): one.twist.twist.linear.x for one in samples}
+    cruise = [v for at, v in speeds.items() if begin + 1_200_000_000 < at < last]
+    print(f"speed in the second half {min(cruise):.4f} to {max(cruise):.4f} m/s")
+    assert min(cruise) > 0.28, "it did not stutter between messages 0.4 s apart"
+    # 0.5 s of the node and 0.7 s in which the chair comes to rest, of simulation time.
+    still = [abs(v) for at, v in speeds.items() if at > last + 1_200_000_000]
+    rest = min(at for at, v in speeds.items() if at > last and abs(v) < 1e-3)
+    print(f"at rest {1e-9 * (rest - last):.3f} s after the last message")
+    assert still and max(still) < 5e-3
+    assert abs(samples[-1].pose.pose.position.x) > 0.3
+
+
+def test_a_second_commander_is_refused_in_words(server, bridge, peer, client):  # noqa: F811
+    endpoint = server("--no-cameras")
+    other = Control(client(endpoint), "anna")
+    other.ask(False)
+    program = bridge(endpoint)
+    told, odom = peer.hear("/diagnostics", DiagnosticArray), peer.hear("odom", Odometry)
+    drive, message = peer.publisher("cmd_vel", Twist), Twist()
+    message.linear.x = 0.3
+    until(lambda: told and odom)
+
+    def refused():
+        drive.publish(message)
+        return [one for one in list(told) if "anna" in one.status[0].message]
+
+    words = until(refused)[0].status[0].message
+    assert "no command is taken" in words
+    assert "anna" in program.wait_for("no command is taken")
+    answer = peer.call("wheelarm/take_control", Trigger)
+    assert not answer.success and "anna" in answer.message
+    assert all(abs(one.twist.twist.linear.x) < 0.01 for one in odom)
+    other.close()
+    until(lambda: drive.publish(message) or odom[-1].twist.twist.linear.x > 0.1)
+    # And the other way round.
+    with pytest.raises(Refused, match="ros"):
+        Control(client(endpoint), "anna").ask(False)
+
+
+def test_control_is_given_back_when_nothing_is_wished(server, bridge, peer, client):  # noqa: F811
+    endpoint = server("--no-cameras")
+    bridge(endpoint, "--ros-args", "-p", "lease_timeout:=0.5")
+    link = client(endpoint)
+    peer.publisher("gripper", Float64).publish(Float64(data=0.04))
+    until(lambda: link.ask("status").holder == "ros")
+    until(lambda: link.ask("status").holder == "")
+
+
+def test_joints_pose_gripper_and_trajectory_are_reached(server, bridge, peer, client):  # noqa: F811
+    endpoint = server("--no-cameras")
+    bridge(endpoint)
+    states, clock = peer.hear("joint_states", JointState), peer.hear("/clock", Clock)
+    until(lambda: states and clock)
+    begin = [joint(states[-1], name) for name in ARM]
+    # Some joints alone, twice in a row: the others keep their place, the first goal too.
+    arm = peer.publisher("joint_command", JointState)
+    arm.publish(JointState(name=["joint_1"], position=[begin[0] + 0.3]))
+    arm.publish(JointState(name=["joint_6", KNUCKLE], position=[begin[5] + 0.4, 0.2]))
+    goal = [begin[0] + 0.3, *begin[1:5], begin[5] + 0.4]
+
+    def at(wanted, within=2e-3):
+        return lambda: all(
+            abs(joint(states[-1], name) - value) < within for name, value in zip(ARM, wanted)
+        )
+
+    until(at(goal))
+    until(lambda: abs(joint(states[-1], KNUCKLE) - 0.2) < 0.01)
+    # The gripper by metres.
+    peer.publisher("gripper", Float64).publish(Float64(data=0.085))
+    until(lambda: joint(states[-1], KNUCKLE) < 0.02)
+    # A trajectory over 1 s, by position and speed.
+    planned, message = peer.publisher("joint_trajectory", JointTrajectory), JointTrajectory()
+    message.joint_names = ["joint_6", "joint_1"]
+    for seconds, part in ((0.5, 0.5), (1.0, 1.0)):
+        point = JointTrajectoryPoint()
+        point.positions = [goal[5] - 0.4 * part, goal[0] - 0.3 * part]
+        point.time_from_start.sec = int(seconds)
+        point.time_from_start.nanosec = int(seconds % 1 * 1e9)
+        message.points.append(point)
+    sent = mapping.nanos(clock[-1].clock)
+    planned.publish(message)
+    until(at(begin))
+    took = (mapping.nanos(clock[-1].clock) - sent) * 1e-9
+    assert took > 0.9, "it was on the way for as long as it was to be"
+    # A pose in metres in the arm's base: 4 cm up from where the hand is.
+    poses = []
+    client(endpoint).listen(["pose"], lambda _, sample: poses.append(sample.frames[6].pose))
+    until(lambda: poses)
+    here = poses[-1]
+    wanted = PoseStamped(pose=mapping.pose(here))
+    wanted.header.frame_id = "base_link"
+    wanted.pose.position.z += 0.04
+    peer.publisher("desired_pose", PoseStamped).publish(wanted)
+    until(lambda: abs(poses[-1].position.z - wanted.pose.position.z) < 1e-3)
+    assert math.dist(
+        (poses[-1].position.x, poses[-1].position.y), (here.position.x, here.position.y)
+    ) < 2e-3
+
+
+BAD = {
+    "names a wheel": (
+        "joint_command",
+        JointState(name=["back_left_wheel_joint"], position=[1.0]),
+        "driven by cmd_vel",
+    ),
+    "an unknown joint": ("joint_command", JointState(name=["elbow"], position=[1.0]), "elbow"),
+    "too few positions": (
+        "joint_command",
+        JointState(name=["joint_1", "joint_2"], position=[1.0]),
+        "2 names and 1 positions",
+    ),
+    "not a number": (
+        "joint_command",
+        JointState(name=["joint_1"], position=[math.nan]),
+        "finite",
+    ),
+    "no unit quaternion": ("desired_pose", PoseStamped(), "unit quaternion"),
+    "fingers apart": (
+        "joint_command",
+        JointState(name=[KNUCKLE, "robotiq_85_right_knuckle_joint"], position=[0.2, 0.2]),
+        "move together",
+    ),
+    # The server's own words.
+    "wider than it opens": ("gripper", Float64(data=0.5), "refused"),
+}
+BAD["no unit quaternion"][1].pose.orientation.w = 0.0
+
+
+def test_what_cannot_be_done_is_refused_in_words(server, bridge, peer):
+    program = bridge(server("--no-cameras"))
+    states = peer.hear("joint_states", JointState)
+    told = peer.hear("/diagnostics", DiagnosticArray, 100)
+    until(lambda: states and told)
+    before = [joint(states[-1], name) for name in ARM]
+    publishers = {}
+    for name, (topic, message, words) in BAD.items():
+        if topic not in publishers:
+            publishers[topic] = peer.publisher(topic, type(message))
+        told.clear()
+        publishers[topic].publish(message)
+        until(
+            lambda: [one for one in list(told) if words in one.status[0].message],
+            f"{name}: {words!r} was not told",
+        )
+    assert program.process.poll() is None
+    assert all(abs(joint(states[-1], n) - v) < 1e-3 for n, v in zip(ARM, before))
