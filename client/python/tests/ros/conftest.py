@@ -24,6 +24,8 @@ os.environ["ROS_DOMAIN_ID"] = str(random.randrange(1, 101))
 import rclpy  # noqa: E402
 from rclpy.executors import SingleThreadedExecutor  # noqa: E402
 
+import wheelarm  # noqa: E402
+
 PROGRAM = os.environ.get("WHEELARM_SERVER", str(ROOT / "target/release/wheelarm-server"))
 ASSETS = os.environ.get("WHEELARM_ASSETS", str(ROOT / "assets"))
 #: Patience with a busy machine, s; no test is about time.
@@ -160,6 +162,51 @@ def until(is_so, otherwise="it never happened", patience=PATIENCE):
             return found
         assert time.monotonic() < deadline, otherwise
         time.sleep(0.01)
+
+
+class Ear:
+    """A client of our own beside ROS, with all that it hears."""
+
+    def __init__(self, endpoint):
+        self.client = wheelarm.connect(endpoint, timeout=PATIENCE)
+
+    def _each(self, source, taken):
+        def run():
+            for one in source:
+                taken(one)
+
+        threading.Thread(target=run, daemon=True).start()
+
+    def hear(self, *topics) -> dict:
+        """Messages by topic and stamp, growing."""
+        heard = {topic: {} for topic in topics}
+
+        def taken(sample):
+            heard[sample.topic][sample.header.stamp_nanos] = sample.message
+
+        self._each(self.client.streams(*topics), taken)
+        return heard
+
+    def see(self, camera) -> dict:
+        """Pictures by stamp, growing."""
+        seen = {}
+        pictures = self.client.camera(camera, kept=64)
+        self._each(pictures, lambda frame: seen.update({frame.header.stamp_nanos: frame}))
+        return seen
+
+
+@pytest.fixture
+def ear():
+    """`ear(endpoint)` is a client of our own."""
+    opened = []
+
+    def start(endpoint):
+        opened.append(Ear(endpoint))
+        return opened[-1]
+
+    yield start
+    for one in opened:
+        one.client.close()
 
 
 @pytest.fixture(scope="session")

@@ -13,9 +13,9 @@ from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from conftest import until
-from test_streams import client, stamp  # noqa: F401
+from test_streams import stamp
+from wheelarm import Refused
 from wheelarm.ros import mapping
-from wheelarm.ros.link import Control, Refused
 
 ARM = [f"joint_{number}" for number in range(1, 7)]
 KNUCKLE = "robotiq_85_left_knuckle_joint"
@@ -34,34 +34,35 @@ def test_the_chair_drives_by_cmd_vel_and_stops_in_silence(server, bridge, peer, 
     (message.twist if stamped else message).linear.x = 0.3
     until(lambda: odom)
     begin = stamp(odom[-1])
+    rate = peer.node.create_rate(2.5)
 
     def driven():
         # Slower than the server's own limit of 0.25 s: the node keeps it going.
         rate.sleep()
         drive.publish(message)
-        return stamp(odom[-1]) > begin + 2_000_000_000
+        return stamp(odom[-1]) > begin + 4_000_000_000
 
-    rate = peer.node.create_rate(2.5)
     until(driven)
     last = stamp(odom[-1])
     until(lambda: stamp(odom[-1]) > last + 2_000_000_000)
     samples = list(odom)
     speeds = {stamp(one): one.twist.twist.linear.x for one in samples}
-    cruise = [v for at, v in speeds.items() if begin + 1_200_000_000 < at < last]
-    print(f"speed in the second half {min(cruise):.4f} to {max(cruise):.4f} m/s")
-    assert min(cruise) > 0.28, "it did not stutter between messages 0.4 s apart"
-    # 0.5 s of the node and 0.7 s in which the chair comes to rest, of simulation time.
+    driving = [v for at, v in speeds.items() if begin < at < last]
+    loss = max(a - b for a, b in zip(driving, driving[1:]))
+    print(f"up to {max(driving):.4f} m/s, falls by {loss:.5f} m/s at most from sample to sample")
+    assert max(driving) > 0.29
+    assert loss < 2e-3, "it stutters between messages that come 0.4 s apart"
+    # 0.5 s of the node and 0.7 s in which the chair comes to rest.
     still = [abs(v) for at, v in speeds.items() if at > last + 1_200_000_000]
     rest = min(at for at, v in speeds.items() if at > last and abs(v) < 1e-3)
     print(f"at rest {1e-9 * (rest - last):.3f} s after the last message")
     assert still and max(still) < 5e-3
-    assert abs(samples[-1].pose.pose.position.x) > 0.3
+    assert abs(samples[-1].pose.pose.position.x) > 0.5
 
 
-def test_a_second_commander_is_refused_in_words(server, bridge, peer, client):  # noqa: F811
+def test_a_second_commander_is_refused_in_words(server, bridge, peer, ear):
     endpoint = server("--no-cameras")
-    other = Control(client(endpoint), "anna")
-    other.ask(False)
+    other = ear(endpoint).client.commander("anna")
     program = bridge(endpoint)
     told, odom = peer.hear("/diagnostics", DiagnosticArray), peer.hear("odom", Odometry)
     drive, message = peer.publisher("cmd_vel", Twist), Twist()
@@ -82,19 +83,19 @@ def test_a_second_commander_is_refused_in_words(server, bridge, peer, client):  
     until(lambda: drive.publish(message) or odom[-1].twist.twist.linear.x > 0.1)
     # And the other way round.
     with pytest.raises(Refused, match="ros"):
-        Control(client(endpoint), "anna").ask(False)
+        ear(endpoint).client.commander("anna")
 
 
-def test_control_is_given_back_when_nothing_is_wished(server, bridge, peer, client):  # noqa: F811
+def test_control_is_given_back_when_nothing_is_wished(server, bridge, peer, ear):
     endpoint = server("--no-cameras")
     bridge(endpoint, "--ros-args", "-p", "lease_timeout:=0.5")
-    link = client(endpoint)
+    client = ear(endpoint).client
     peer.publisher("gripper", Float64).publish(Float64(data=0.04))
-    until(lambda: link.ask("status").holder == "ros")
-    until(lambda: link.ask("status").holder == "")
+    until(lambda: client.status().holder == "ros")
+    until(lambda: client.status().holder == "")
 
 
-def test_joints_pose_gripper_and_trajectory_are_reached(server, bridge, peer, client):  # noqa: F811
+def test_joints_pose_gripper_and_trajectory_are_reached(server, bridge, peer, ear):
     endpoint = server("--no-cameras")
     bridge(endpoint)
     states, clock = peer.hear("joint_states", JointState), peer.hear("/clock", Clock)
@@ -131,17 +132,20 @@ def test_joints_pose_gripper_and_trajectory_are_reached(server, bridge, peer, cl
     took = (mapping.nanos(clock[-1].clock) - sent) * 1e-9
     assert took > 0.9, "it was on the way for as long as it was to be"
     # A pose in metres in the arm's base: 4 cm up from where the hand is.
-    poses = []
-    client(endpoint).listen(["pose"], lambda _, sample: poses.append(sample.frames[6].pose))
-    until(lambda: poses)
-    here = poses[-1]
+    heard = ear(endpoint).hear("pose")["pose"]
+
+    def hand():
+        return list(heard.values())[-1].frames[6].pose
+
+    until(lambda: heard)
+    here = hand()
     wanted = PoseStamped(pose=mapping.pose(here))
     wanted.header.frame_id = "base_link"
     wanted.pose.position.z += 0.04
     peer.publisher("desired_pose", PoseStamped).publish(wanted)
-    until(lambda: abs(poses[-1].position.z - wanted.pose.position.z) < 1e-3)
+    until(lambda: abs(hand().position.z - wanted.pose.position.z) < 1e-3)
     assert math.dist(
-        (poses[-1].position.x, poses[-1].position.y), (here.position.x, here.position.y)
+        (hand().position.x, hand().position.y), (here.position.x, here.position.y)
     ) < 2e-3
 
 

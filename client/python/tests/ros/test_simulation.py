@@ -17,10 +17,9 @@ from nav_msgs.msg import Odometry
 from rosgraph_msgs.msg import Clock
 from std_srvs.srv import Trigger
 
+import wheelarm
 from conftest import until
-from test_streams import client  # noqa: F401
 from wheelarm.ros import mapping
-from wheelarm.ros.link import Control, v1
 
 STOPPED, PLAYING, PAUSED = (
     SimulationState.STATE_STOPPED,
@@ -63,69 +62,56 @@ def ok(result):
     assert result.result == Result.RESULT_OK, result.error_message
 
 
-def hashes_of(link):
-    found = {}
-    link.listen(["state_hash"], lambda _, s: found.update({s.header.tick: s.hash}))
-    return found
+def hashes_of(own) -> dict:
+    """State hashes by stamp, growing."""
+    return own.hear("state_hash")["state_hash"]
 
 
-def own_hash(link, answers, over):
-    """State hashes of an episode that our own client steps: `answers` empty
-    commands, each for `over` control ticks."""
-    found, clocks = hashes_of(link), []
-    link.listen(["clock"], lambda _, s: clocks.append(s.header))
-    control = Control(link, "own")
-    control.ask(False)
-    started = link.ask("episode_start", v1.EpisodeStartRequest(label="own", commander="own"))
-    tick = started.header.tick
-    for _ in range(answers):
-        header = until(
-            lambda: next(
-                (h for h in clocks if h.tick == tick and h.episode == started.header.episode), None
-            )
-        )
-        control.answer(header, v1.Command(over_ticks=over))
-        tick += 4 * over
-    until(lambda: found.get(tick))
-    link.ask("episode_stop", v1.EpisodeStopRequest(secret=control.secret))
-    control.close()
-    return tick - started.header.tick, dict(found)
+SECOND = 1_000_000_000
 
 
-def test_sixty_steps_are_one_second_with_the_hash_of_our_own_client(
-    server, bridge, peer, steering, client  # noqa: F811
-):
+def own_hash(own, answers, over) -> int:
+    """State hash at one second of an episode that our own client steps: `answers`
+    empty commands, each for `over` control ticks."""
+    found = hashes_of(own)
+    with own.client.lockstep("own", topics=()) as episode:
+        for _ in range(answers):
+            moment = episode.step(wheelarm.command(over_ticks=over))
+        assert moment.header.stamp_nanos == SECOND
+    return until(lambda: found.get(SECOND)).hash
+
+
+def test_sixty_steps_are_one_second_with_the_hash_of_our_own_client(server, bridge, peer, steering, ear):
     flags = ["--no-cameras", "--pacing", "lock-step", "--seed", "11"]
-    ticks, own = own_hash(client(server(*flags)), 60, 1)
-    assert ticks == 240
-    assert own_hash(client(server(*flags)), 1, 60)[1][240] == own[240]
+    own = own_hash(ear(server(*flags)), 60, 1)
+    assert own_hash(ear(server(*flags)), 1, 60) == own
+    assert own_hash(ear(server("--no-cameras", "--pacing", "lock-step", "--seed", "12")), 1, 60) != own
     endpoint = server(*flags)
     bridge(endpoint)
-    link = client(endpoint)
-    found, clock = hashes_of(link), peer.hear("/clock", Clock)
+    other = ear(endpoint)
+    found, clock, client = hashes_of(other), peer.hear("/clock", Clock), other.client
     assert steering.state() == STOPPED
-    before = link.ask("status").header
+    before = client.status().header
     ok(steering.step(60))
-    after = link.ask("status").header
-    assert after.stamp_nanos - before.stamp_nanos == 1_000_000_000
+    after = client.status().header
+    assert after.stamp_nanos - before.stamp_nanos == SECOND
     assert after.tick - before.tick == 240
-    until(lambda: 240 in found)
-    print(f"hash at 1 s: {found[240]:016x} by steps, {own[240]:016x} by our own client")
-    assert found[240] == own[240]
-    until(lambda: clock and mapping.nanos(clock[-1].clock) == 1_000_000_000)
+    told = until(lambda: found.get(SECOND)).hash
+    print(f"hash at 1 s: {told:016x} by steps, {own:016x} by our own client")
+    assert told == own
+    until(lambda: clock and mapping.nanos(clock[-1].clock) == SECOND)
     assert steering.state() == PAUSED
     # Step by step, and time stands between them.
     for number in range(1, 4):
         ok(steering.step(1))
-        assert link.ask("status").header.tick == 240 + 4 * number
+        assert client.status().header.tick == 240 + 4 * number
     # From the start again, with the same hash.
     found.clear()
     ok(steering.reset())
     assert steering.state() == STOPPED
-    assert link.ask("status").header.tick == 0
+    assert client.status().header.tick == 0
     ok(steering.step(60))
-    until(lambda: 240 in found)
-    assert found[240] == own[240]
+    assert until(lambda: found.get(SECOND)).hash == own
 
 
 def test_commands_go_with_the_steps(server, bridge, peer, steering):
@@ -144,35 +130,35 @@ def test_commands_go_with_the_steps(server, bridge, peer, steering):
     until(lambda: abs(odom[-1].twist.twist.linear.x) < 1e-3)
 
 
-def test_real_time_is_paused_played_and_reset(server, bridge, peer, steering, client):  # noqa: F811
+def test_real_time_is_paused_played_and_reset(server, bridge, peer, steering, ear):
     endpoint = server("--no-cameras")
     bridge(endpoint)
-    link = client(endpoint)
+    client = ear(endpoint).client
     assert steering.state() == PLAYING
     again = steering.set(PLAYING)
     assert again.result == SetSimulationState.Response.ALREADY_IN_TARGET_STATE
     ok(steering.set(PAUSED))
     assert steering.state() == PAUSED
-    here = link.ask("status").header.tick
+    here = client.status().header.tick
     steps = steering.step(5)
     assert steps.result == Result.RESULT_FEATURE_UNSUPPORTED
     assert "--pacing lock-step" in steps.error_message
-    assert link.ask("status").header.tick == here
+    assert client.status().header.tick == here
     ok(steering.set(STOPPED))
-    assert steering.state() == STOPPED and link.ask("status").header.tick == 0
+    assert steering.state() == STOPPED and client.status().header.tick == 0
     ok(steering.set(PLAYING))
-    until(lambda: link.ask("status").header.tick > 40)
+    until(lambda: client.status().header.tick > 40)
     scope = steering.reset(ResetSimulation.Request.SCOPE_TIME)
     assert scope.result == Result.RESULT_FEATURE_UNSUPPORTED
     ok(steering.reset(ResetSimulation.Request.SCOPE_ALL))
 
 
-def test_lock_step_is_played_and_paused(server, bridge, peer, steering, client):  # noqa: F811
+def test_lock_step_is_played_and_paused(server, bridge, peer, steering, ear):
     endpoint = server("--no-cameras", "--pacing", "lock-step")
     bridge(endpoint, "--ros-args", "-p", "play_rate:=0.0")
-    link = client(endpoint)
+    client = ear(endpoint).client
     ok(steering.set(PLAYING))
-    until(lambda: link.ask("status").header.tick > 480)
+    until(lambda: client.status().header.tick > 480)
     assert steering.state() == PLAYING
     refused = steering.step(5)
     assert refused.result == Result.RESULT_OPERATION_FAILED and "pause" in refused.error_message
@@ -180,16 +166,13 @@ def test_lock_step_is_played_and_paused(server, bridge, peer, steering, client):
     assert steering.state() == PAUSED
     ok(steering.step(10))
     ok(steering.set(STOPPED))
-    assert steering.state() == STOPPED and link.ask("status").header.tick == 0
+    assert steering.state() == STOPPED and client.status().header.tick == 0
 
 
-def test_somebody_else_is_in_control_and_nothing_is_stepped(
-    server, bridge, peer, steering, client  # noqa: F811
-):
+def test_somebody_else_is_in_control_and_nothing_is_stepped(server, bridge, peer, steering, ear):
     endpoint = server("--no-cameras", "--pacing", "lock-step")
     bridge(endpoint)
-    other = Control(client(endpoint), "anna")
-    other.ask(False)
+    other = ear(endpoint).client.commander("anna")
     for result in (steering.step(1), steering.set(PLAYING), steering.reset()):
         assert result.result == Result.RESULT_OPERATION_FAILED
         assert "anna" in result.error_message
@@ -207,15 +190,11 @@ def test_features_say_what_this_server_does(server, bridge, peer):
     assert "--pacing lock-step" in features.custom_info
 
 
-def test_entities_are_the_robot_objects_and_drawers(server, bridge, peer, client):  # noqa: F811
+def test_entities_are_the_robot_objects_and_drawers(server, bridge, peer, ear):
     endpoint = server("--no-cameras", "--task", "open_drawer")
     bridge(endpoint)
-    link, sent = client(endpoint), {}
-    link.listen(
-        ["object_pose", "pose"],
-        lambda topic, s: sent.setdefault(topic, {}).update({s.header.stamp_nanos: s}),
-    )
-    scene = link.ask("scene")
+    own = ear(endpoint)
+    sent, scene = own.hear("object_pose"), own.client.scene()
 
     def entities(**filters):
         request = GetEntities.Request()
@@ -255,16 +234,16 @@ def test_entities_are_the_robot_objects_and_drawers(server, bridge, peer, client
     assert len(all_states.states) == len(all_states.entities) == len(answer.entities)
 
 
-def test_an_episode_is_begun_and_ended(server, bridge, peer, client):  # noqa: F811
+def test_an_episode_is_begun_and_ended(server, bridge, peer, ear):
     endpoint = server("--no-cameras")
     bridge(endpoint, "--ros-args", "-p", "label:=mine", "-p", "instruction:=Take the cup")
-    link = client(endpoint)
+    client = ear(endpoint).client
     ended = peer.call("wheelarm/episode_stop", Trigger)
     assert not ended.success and "episode" in ended.message
     begun = peer.call("wheelarm/episode_start", Trigger)
     assert begun.success and "mine" in begun.message and "Take the cup" in begun.message
-    assert link.ask("status").episode.label == "mine"
+    assert client.status().episode.label == "mine"
     twice = peer.call("wheelarm/episode_start", Trigger)
     assert not twice.success and "episode" in twice.message
     assert peer.call("wheelarm/episode_stop", Trigger).success
-    assert not link.ask("status").HasField("episode")
+    assert not client.status().HasField("episode")

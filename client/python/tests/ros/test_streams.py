@@ -15,23 +15,8 @@ from tf2_msgs.msg import TFMessage
 from conftest import until
 from test_types import FRAMES, JOINTS
 from wheelarm.ros import mapping, tree
-from wheelarm.ros.link import Link
 from wheelarm.ros.node import Options, WheelArmNode
 from wheelarm.ros.outputs import LATCHED, PICTURES, TRANSFORMS
-
-
-@pytest.fixture
-def client():
-    """`client(endpoint)` is a client of our own."""
-    opened = []
-
-    def start(endpoint):
-        opened.append(Link(endpoint, "sim"))
-        return opened[-1]
-
-    yield start
-    for one in opened:
-        one.close()
 
 
 def stamp(message) -> int:
@@ -47,20 +32,19 @@ def both(sent: dict, heard, count=5):
 
     def pairs():
         came = by_stamp(heard)
-        common = sorted(sent.keys() & came.keys())
+        common = sorted(set(sent) & came.keys())
         return [(sent[one], came[one]) for one in common] if len(common) >= count else None
 
     return until(pairs, "ROS and our client have no samples in common")
 
 
 @pytest.mark.parametrize("encoding", ["32FC1", "16UC1"])
-def test_pictures_are_those_our_own_client_sees(server, bridge, peer, client, encoding):
+def test_pictures_are_those_our_own_client_sees(server, bridge, peer, ear, encoding):
     endpoint = server("--camera", "*=64x36@10")
     bridge(endpoint, "--seed-topics", "--ros-args", "-p", f"depth_encoding:={encoding}")
-    link, sent, heard = client(endpoint), {}, {}
+    own, sent, heard = ear(endpoint), {}, {}
     for camera in ("gen3", "wheelchair"):
-        sent[camera] = {}
-        link.camera(camera, lambda frame, c=camera: sent[c].update({frame.header.stamp_nanos: frame}))
+        sent[camera] = own.see(camera)
         topics = {
             "color": (f"camera/{camera}/color/image_raw", Image),
             "depth": (f"camera/{camera}/depth/image_raw", Image),
@@ -105,14 +89,10 @@ def test_pictures_are_those_our_own_client_sees(server, bridge, peer, client, en
             assert info.header.frame_id == f"{camera}_optical_frame"
 
 
-def test_states_are_those_our_own_client_sees(server, bridge, peer, client):
+def test_states_are_those_our_own_client_sees(server, bridge, peer, ear):
     endpoint = server("--no-cameras")
     bridge(endpoint, "--seed-topics")
-    link, sent = client(endpoint), {}
-    topics = ["joint_state", "pose", "imu", "odometry", "clock", "applied"]
-    link.listen(
-        topics, lambda topic, s: sent.setdefault(topic, {}).update({s.header.stamp_nanos: s})
-    )
+    sent = ear(endpoint).hear("joint_state", "pose", "imu", "odometry", "clock", "applied")
     joints, imu = peer.hear("joint_states", JointState), peer.hear("imu/data", Imu, 50)
     seed_imu, odom = peer.hear("imu", Imu, 50), peer.hear("odom", Odometry)
     clock, steps = peer.hear("clock", Clock, 50), peer.hear("processed_data/timesteps", Clock, 50)
@@ -125,8 +105,6 @@ def test_states_are_those_our_own_client_sees(server, bridge, peer, client):
         name: peer.hear(f"processed_data/cartesian_velocity/{name}", TwistStamped)
         for name in FRAMES
     }
-    until(lambda: "joint_state" in sent)
-    peer.publisher("cmd_vel", Twist).publish(Twist())
     for sample, message in both(sent["joint_state"], joints):
         assert list(message.name) == JOINTS
         assert message.position == array.array("d", sample.positions)
@@ -163,7 +141,7 @@ def test_states_are_those_our_own_client_sees(server, bridge, peer, client):
         until(lambda: len(heard) >= 5)
         times = [mapping.nanos(one.clock) for one in list(heard)]
         assert times == sorted(set(times))
-        assert set(times) & sent["clock"].keys()
+        assert set(times) & set(sent["clock"])
     until(lambda: len(desired) >= 5)
     known = {
         (1e3 * s.desired_pose.position.x, s.desired_pose.orientation.w)
@@ -195,16 +173,13 @@ def apart(first, second) -> float:
 
 
 @pytest.mark.parametrize("odom", [True, False])
-def test_the_chain_of_tf_is_the_recorded_pose(server, bridge, peer, client, odom):
+def test_the_chain_of_tf_is_the_recorded_pose(server, bridge, peer, ear, odom):
     endpoint = server("--camera", "*=64x36@10", "--calibration-seed", "5")
     bridge(endpoint, "--ros-args", "-p", f"odom_frame:={str(odom).lower()}")
-    link, sent, pictures = client(endpoint), {}, {}
-    link.listen(["pose"], lambda _, s: sent.update({s.header.stamp_nanos: s}))
-    for camera in ("gen3", "wheelchair"):
-        link.camera(
-            camera, lambda f, c=camera: pictures.setdefault(c, {}).update({f.header.stamp_nanos: f})
-        )
-    robot = link.ask("scene").robot
+    own = ear(endpoint)
+    sent = own.hear("pose")["pose"]
+    pictures = {camera: own.see(camera) for camera in ("gen3", "wheelchair")}
+    robot = own.client.scene().robot
     moving, static = peer.hear("tf", TFMessage, TRANSFORMS), peer.hear("tf_static", TFMessage, LATCHED)
     # All that can move moves meanwhile.
     drive, arm = peer.publisher("cmd_vel", Twist), peer.publisher("joint_command", JointState)
@@ -255,12 +230,12 @@ def test_the_chain_of_tf_is_the_recorded_pose(server, bridge, peer, client, odom
     assert ("odom" in transforms) == odom
 
 
-def test_the_robot_description_is_there_for_who_comes_late(server, bridge, peer, client):
+def test_the_robot_description_is_there_for_who_comes_late(server, bridge, peer, ear):
     endpoint = server("--no-cameras")
     bridge(endpoint, "--ros-args", "-p", "mesh_folder:=file:///somewhere")
     heard = peer.hear("robot_description", String, LATCHED)
     text = until(lambda: heard)[0].data
-    urdf = client(endpoint).ask("scene").robot.urdf_text
+    urdf = ear(endpoint).client.scene().robot.urdf_text
     assert tree.joints(text) == tree.joints(urdf)
     assert 'filename="file:///somewhere/meshes/chair_body.obj"' in text
 

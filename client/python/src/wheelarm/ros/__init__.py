@@ -7,6 +7,5 @@ services of ``simulation_interfaces`` steer time where that package is installed
 ``mapping`` turns messages into messages, ``tree`` places the frames of a URDF,
 ``robot``, ``entities`` and ``command`` hold what is known and what is wished,
 ``pilot`` takes control and sends commands, ``simulation`` steers time and
-episodes; ``link`` alone speaks to the server, ``node`` and ``services`` alone know
-rclpy.
+episodes; ``outputs``, ``seed``, ``services`` and ``node`` alone know rclpy.
 """

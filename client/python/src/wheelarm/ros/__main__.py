@@ -45,7 +45,7 @@ def main(words: list[str] | None = None) -> int:
         return 1
     words = sys.argv if words is None else ["wheelarm.ros", *words]
     chosen = arguments(remove_ros_args(words)[1:])
-    from .link import Refused, Silent
+    from ..errors import WheelArmError
     from .node import Options, WheelArmNode
 
     rclpy.init(args=words)
@@ -61,7 +61,7 @@ def main(words: list[str] | None = None) -> int:
         executor.spin()
     except (KeyboardInterrupt, ExternalShutdownException):
         pass
-    except (Refused, Silent, ValueError) as problem:
+    except (WheelArmError, ValueError) as problem:
         print(problem, file=sys.stderr)
         return 1
     finally:

@@ -13,6 +13,7 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
+from .. import v1
 from .robot import Robot
 from .tree import Transform
 
@@ -34,7 +35,7 @@ class Wanted:
     #: Targets of the arm's joints from base to hand, radians.
     joints: list[float] | None = None
     #: Frame of the contract (``CommandFrame``) and pose of the end effector, metres.
-    pose: tuple[str, Transform] | None = None
+    pose: tuple[int, Transform] | None = None
     #: Angle of the gripper's knuckle, radians.
     knuckle: float | None = None
     #: Distance between the pads, metres.
@@ -57,9 +58,7 @@ class Wanted:
         elif self.pose is not None:
             frame, ((x, y, z), (qx, qy, qz, qw)) = self.pose
             target = command.arm.pose
-            target.frame = target.DESCRIPTOR.fields_by_name["frame"].enum_type.values_by_name[
-                frame
-            ].number
+            target.frame = frame
             place, turn = target.pose.position, target.pose.orientation
             place.x, place.y, place.z = x, y, z
             turn.x, turn.y, turn.z, turn.w = qx, qy, qz, qw
@@ -92,14 +91,14 @@ def base_of(twist) -> tuple[float, float]:
     return forward, turn
 
 
-def pose_of(message, robot: Robot) -> tuple[str, Transform]:
+def pose_of(message, robot: Robot) -> tuple[int, Transform]:
     """Frame and pose of a ``geometry_msgs/PoseStamped`` for the end effector."""
     frames = {
-        "": "COMMAND_FRAME_BASE_LINK",
-        robot.arm_base: "COMMAND_FRAME_BASE_LINK",
-        robot.root: "COMMAND_FRAME_WHEELCHAIR",
-        robot.world: "COMMAND_FRAME_HOUSE",
-        robot.end_effector: "COMMAND_FRAME_END_EFFECTOR",
+        "": v1.COMMAND_FRAME_BASE_LINK,
+        robot.arm_base: v1.COMMAND_FRAME_BASE_LINK,
+        robot.root: v1.COMMAND_FRAME_WHEELCHAIR,
+        robot.world: v1.COMMAND_FRAME_HOUSE,
+        robot.end_effector: v1.COMMAND_FRAME_END_EFFECTOR,
     }
     name = message.header.frame_id.lstrip("/")
     if name not in frames:
@@ -299,7 +298,7 @@ class Wishes:
     _stop: bool = False
     _arm: dict[int, float] = field(default_factory=dict)
     _hold: bool = False
-    _pose: tuple[str, Transform] | None = None
+    _pose: tuple[int, Transform] | None = None
     _knuckle: float | None = None
     _opening: float | None = None
     _trajectory: Trajectory | None = None

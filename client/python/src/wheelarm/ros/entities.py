@@ -10,6 +10,7 @@ import math
 import re
 from dataclasses import dataclass, field
 
+from .. import v1
 from .robot import Robot
 from .tree import IDENTITY, Transform, Vector, chained, inverse, of_pose, turned
 
@@ -45,14 +46,12 @@ class Entities:
     @staticmethod
     def of(scene, robot: Robot) -> Entities:
         """Entities of a ``wheelarm.v1.SceneReply``."""
-        joint_type = scene.DESCRIPTOR.fields_by_name["joints"].message_type.fields_by_name["type"]
-        prismatic = joint_type.enum_type.values_by_name["JOINT_TYPE_PRISMATIC"].number
         furniture = tuple(
             (
                 joint.body,
                 of_pose(joint.rest),
                 (joint.axis.x, joint.axis.y, joint.axis.z),
-                joint.type == prismatic,
+                joint.type == v1.JOINT_TYPE_PRISMATIC,
             )
             for joint in scene.joints
         )

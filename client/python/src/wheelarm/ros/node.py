@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
-import queue
 import threading
+import time
 from collections import deque
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
@@ -20,20 +20,25 @@ from std_msgs.msg import Float64, String
 from tf2_msgs.msg import TFMessage
 from trajectory_msgs.msg import JointTrajectory
 
+from .. import v1
+from ..client import Client
+from ..errors import Gone, WheelArmError
+from ..streams import Camera, Sample
 from . import mapping, tree
 from .command import CMD_VEL_TIMEOUT, Wishes
 from .entities import Entities
-from .link import Link, Refused, Silent
 from .outputs import LATCHED, PICTURES, TRANSFORMS, Outputs
 from .pilot import Pilot
 from .robot import ODOM, WORLD, Robot, optical_frame
-from .seed import SeedTopics, picture_topics
+from .seed import IMU_TOPICS, SeedTopics, picture_topics
 from .services import HAS_STANDARD, StandardServices, trigger_services
 from .simulation import EpisodeOptions, Simulation
 
 STREAMS = ["joint_state", "pose", "imu", "odometry", "applied", "object_pose", "furniture_joint"]
 #: Told by the server's own topics, in the order of arrival behind the streams.
-OTHERS = ["clock", "refusal", "episode/stop"]
+OTHERS = ["clock", "refusal", "episode_stop"]
+#: Seconds of silence after which the server is asked whether it is there.
+SILENCE = 1.0
 
 
 def color_topic(camera: str) -> str:
@@ -89,61 +94,45 @@ class _Camera:
 
     def __init__(self, node: WheelArmNode, name: str):
         self.node, self.name = node, name
-        self._newest: deque = deque(maxlen=2)
-        self._there = threading.Semaphore(0)
-        self._subscription = None
-        self._ended = False
+        self._pictures: Camera | None = None
         color, depth = color_topic(name), depth_topic(name)
-        self.topics = [(color, Image), (depth, Image)]
-        self.topics += [(info_topic(color), CameraInfo), (info_topic(depth), CameraInfo)]
-        for topic, kind in self.topics:
+        topics = [(color, Image), (depth, Image)]
+        topics += [(info_topic(color), CameraInfo), (info_topic(depth), CameraInfo)]
+        for topic, kind in topics:
             node.outputs.declare(topic, kind, PICTURES)
-        self._thread = threading.Thread(target=self._run, name=f"camera {name}", daemon=True)
-        self._thread.start()
+        self.topics = [topic for topic, _ in topics]
+        if node.options.seed_topics:
+            self.topics += picture_topics(name)
 
     @property
     def is_open(self) -> bool:
         """Whether pictures are received."""
-        return self._subscription is not None
+        return self._pictures is not None
 
     def look(self) -> None:
         """Receives pictures if somebody wants them now."""
-        topics = [topic for topic, _ in self.topics]
-        if self.node.seed is not None:
-            topics += picture_topics(self.name)
-        wanted = any(map(self.node.outputs.is_wanted, topics))
-        if wanted and self._subscription is None:
-            self._subscription = self.node.link.camera(self.name, self._taken)
-        elif not wanted and self._subscription is not None:
-            self._subscription.close()
-            self._subscription = None
+        wanted = any(map(self.node.outputs.is_wanted, self.topics))
+        if wanted and self._pictures is None:
+            self._pictures = self.node.client.camera(self.name, kept=2)
+            words = {"name": f"camera {self.name}", "args": (self._pictures,)}
+            threading.Thread(target=self._run, daemon=True, **words).start()
+        elif not wanted:
+            self.close()
 
-    def _taken(self, frame) -> None:
-        self._newest.append(frame)
-        self._there.release()
-
-    def _run(self) -> None:
-        while True:
-            self._there.acquire()
-            if self._ended:
-                return
-            try:
-                frame = self._newest.popleft()
-            except IndexError:
-                continue
+    def _run(self, pictures: Camera) -> None:
+        for frame in pictures:
             try:
                 self.node.publish_picture(self.name, frame)
             except Exception as problem:
-                if self._ended:
+                if self._pictures is not pictures:
                     return
-                self.node.tell(f"a picture of {self.name} was not published: {problem}")
+                self.node.tell(f"a picture of {self.name} was not published: {problem!r}")
 
     def close(self) -> None:
-        self._ended = True
-        if self._subscription is not None:
-            self._subscription.close()
-        self._there.release()
-        self._thread.join(timeout=5)
+        """Ends the subscription."""
+        pictures, self._pictures = self._pictures, None
+        if pictures is not None:
+            pictures.close()
 
 
 class WheelArmNode(Node):
@@ -153,25 +142,26 @@ class WheelArmNode(Node):
     def __init__(self, options: Options = Options()):
         """Parameters take the place of ``options``.
 
-        Raises ``Silent`` or ``Refused`` when no server answers.
+        Raises ``wheelarm.WheelArmError`` when no server answers, ``ValueError`` when a
+        parameter is wrong.
         """
         super().__init__("wheelarm")
         self.options = self._declare(options)
-        self.link = Link(self.options.endpoint, self.options.sim)
+        self.client = Client(self.options.endpoint, self.options.sim)
         self.outputs = Outputs(self)
         self.cameras: dict[str, _Camera] = {}
         self.seed: SeedTopics | None = None
         self.robot: Robot | None = None
         self.entities: Entities | None = None
         self._run_id, self._tick = "", 0
-        self._samples: queue.SimpleQueue = queue.SimpleQueue()
+        self._heard = time.monotonic()
         self._last: dict[str, object] = {}
         self._told: deque[str] = deque(maxlen=5)
         self._ended = False
-        status, scene = self.link.ask("status"), self.link.ask("scene")
+        status, scene = self.client.status(), self.client.scene()
         robot = Robot.of(scene.robot)
         self.pilot = Pilot(
-            self.link,
+            self.client,
             Wishes(robot, self.options.cmd_vel_timeout),
             self.options.commander,
             take=self.options.take,
@@ -179,7 +169,7 @@ class WheelArmNode(Node):
             rate=self.options.play_rate,
             tell=self.tell,
         )
-        self.simulation = Simulation(self.link, self.pilot, self._episode_options)
+        self.simulation = Simulation(self.client, self.pilot, self._episode_options)
         self._declare_outputs()
         self._adopt(status, scene, robot)
         self._inputs()
@@ -194,9 +184,7 @@ class WheelArmNode(Node):
         steady, group = RosClock(clock_type=ClockType.STEADY_TIME), MutuallyExclusiveCallbackGroup()
         self.create_timer(0.2, self._look, callback_group=group, clock=steady)
         self.create_timer(1.0, self._diagnose, callback_group=group, clock=steady)
-        self._subscription = self.link.listen(
-            STREAMS + OTHERS, lambda topic, sample: self._samples.put((topic, sample))
-        )
+        self._streams = self.client.streams(*STREAMS, *OTHERS)
         self._thread = threading.Thread(target=self._run, name="streams", daemon=True)
         self._thread.start()
 
@@ -245,6 +233,7 @@ class WheelArmNode(Node):
         if self.options.seed_topics:
             # WheelArm-Sim's own name of it.
             self.outputs.declare("imu", Imu)
+        self._imu_topics = ["imu/data", "imu", *IMU_TOPICS]
 
     def _inputs(self) -> None:
         group = MutuallyExclusiveCallbackGroup()
@@ -278,11 +267,10 @@ class WheelArmNode(Node):
         self.robot, self.entities = robot, Entities.of(scene, robot)
         with self.pilot.changed:
             self.pilot.wishes.robot = robot
-        kind = status.scenario.DESCRIPTOR.fields_by_name["pacing"].enum_type.values_by_number
-        lock_step = kind[status.scenario.pacing].name == "PACING_LOCK_STEP"
+        lock_step = status.scenario.pacing == v1.PACING_LOCK_STEP
         self.pilot.lock_step = self.pilot.wishes.in_simulation_time = lock_step
         self._run_id, self._tick = status.header.run_id, status.header.tick
-        names = [camera.name for camera in status.scenario.cameras if camera.rate_hz > 0]
+        names = [camera.name for camera in status.scenario.cameras if camera.rate_hz > 0.0]
         for name in names:
             if name not in self.cameras:
                 self.cameras[name] = _Camera(self, name)
@@ -321,27 +309,33 @@ class WheelArmNode(Node):
     # What comes from the server.
 
     def _run(self) -> None:
-        while True:
-            topic, sample = self._samples.get()
-            if self._ended:
-                return
+        while not self._ended:
             try:
-                self._take(topic, sample)
-            except (Refused, Silent) as problem:
+                sample = self._streams.next(0.5)
+                if sample is not None:
+                    self._heard = time.monotonic()
+                    self._take(sample)
+            except Gone:
+                return
+            except WheelArmError as problem:
                 self.tell(str(problem))
             except Exception as problem:
                 if self._ended:
                     return
-                self.tell(f"a sample of {topic} was not published: {problem!r}")
+                self.tell(f"a sample was not published: {problem!r}")
 
-    def _take(self, topic: str, sample) -> None:
+    def _take(self, told: Sample) -> None:
+        topic = told.topic
+        if topic == "imu" and not any(map(self.outputs.is_wanted, self._imu_topics)):
+            return
+        sample = told.message
         if topic == "refusal":
             self.pilot.refusal(sample)
             return
         header = sample.header
         if header.run_id != self._run_id or (topic == "clock" and header.tick < self._tick):
             # A reset or another server: what stands there may be another.
-            self._adopt(self.link.ask("status"), self.link.ask("scene"))
+            self._adopt(self.client.status(), self.client.scene())
             self._last.clear()
         if topic == "clock":
             self._tick = header.tick
@@ -363,7 +357,7 @@ class WheelArmNode(Node):
             put("odom", lambda: mapping.odometry(sample, ODOM, robot.root))
         elif topic == "applied":
             self.pilot.applied(sample)
-        elif topic == "episode/stop":
+        elif topic == "episode_stop":
             self.pilot.episode_ended()
         elif topic == "clock":
             self._transforms()
@@ -437,6 +431,16 @@ class WheelArmNode(Node):
         self._diagnose(words)
 
     def _look(self) -> None:
+        try:
+            self._look_around()
+        except (WheelArmError, ValueError) as problem:
+            self.tell(str(problem))
+
+    def _look_around(self) -> None:
+        if time.monotonic() - self._heard > SILENCE:
+            # Paused, or gone: whoever comes back is found by asking.
+            self._heard = time.monotonic()
+            self.client.ask(v1.StatusRequest(), timeout=2.0)
         for camera in list(self.cameras.values()):
             camera.look()
         if self.seed is not None:
@@ -447,7 +451,7 @@ class WheelArmNode(Node):
             return
         values = {"commander": self.pilot.name, "refused": str(self.pilot.refused)}
         try:
-            status = self.link.ask("status", patience=2.0)
+            status = self.client.ask(v1.StatusRequest(), timeout=2.0)
             waits = status.waiting_for
             level, words = DiagnosticStatus.OK, "in use" if not status.paused else "paused"
             if status.broken:
@@ -460,7 +464,7 @@ class WheelArmNode(Node):
                 "simulation_time": f"{status.header.stamp_nanos * 1e-9:.3f}",
                 "adapter": status.adapter,
             }
-        except (Refused, Silent) as silent:
+        except WheelArmError as silent:
             level, words = DiagnosticStatus.STALE, str(silent)
         if problem or (self.pilot.problem and level == DiagnosticStatus.OK):
             level, words = DiagnosticStatus.WARN, problem or self.pilot.problem
@@ -478,13 +482,12 @@ class WheelArmNode(Node):
     def close(self) -> None:
         """Gives control back and ends every thread."""
         self._ended = True
-        self._subscription.close()
-        self._samples.put(("", None))
+        self._streams.close()
         self._thread.join(timeout=5)
         for camera in self.cameras.values():
             camera.close()
         self.pilot.close()
-        self.link.close()
+        self.client.close()
         self.destroy_node()
 
 

@@ -12,13 +12,13 @@ import threading
 import time
 from collections.abc import Callable
 
+from .. import v1
+from ..client import Client
+from ..commander import Commander
+from ..errors import WheelArmError
+from ..lockstep import CONTROL_HZ, TICKS_PER_CONTROL
 from .command import BadCommand, Wishes
-from .link import Control, Link, Refused, Silent, v1
 
-#: Physics ticks of one control tick.
-TICKS_PER_CONTROL = 4
-#: Control ticks per second of simulation time.
-CONTROL_HZ = 60
 #: Seconds between two tries to take control that somebody else holds.
 AGAIN = 1.0
 #: Seconds of silence after which the server is asked whether time waits for us: a
@@ -27,7 +27,16 @@ SILENCE = 1.0
 #: Joint and wheel speeds below which the robot is at rest, rad/s.
 AT_REST = 1e-6
 
-_Refusal = v1.Refusal.DESCRIPTOR.fields_by_name["code"].enum_type.values_by_number
+#: Refusals that end control.
+_LOST = (
+    v1.REFUSAL_CODE_NO_CONTROL,
+    v1.REFUSAL_CODE_CONTROL_HELD,
+    v1.REFUSAL_CODE_SEAL,
+)
+
+
+class Unable(WheelArmError):
+    """What was asked cannot be done; the words say why and what would help."""
 
 
 class Pilot:
@@ -35,7 +44,7 @@ class Pilot:
 
     def __init__(
         self,
-        link: Link,
+        client: Client,
         wishes: Wishes,
         name: str,
         *,
@@ -48,11 +57,11 @@ class Pilot:
         whoever holds it. It is given back after ``lease_timeout`` seconds without a
         wish, 0 keeps it. ``rate`` is simulated seconds per second while lock-step
         time is played, 0 for as fast as it goes. ``tell`` hears problems in words."""
-        self.link, self.wishes, self.name, self.take = link, wishes, name, take
+        self.client, self.wishes, self.name, self.take = client, wishes, name, take
         self.lease_timeout, self.rate, self.tell = lease_timeout, rate, tell
         #: Time waits for its commander.
         self.lock_step = False
-        self.control: Control | None = None
+        self.control: Commander | None = None
         #: Commands that were refused.
         self.refused = 0
         #: The newest problem in words; empty while all is well.
@@ -82,7 +91,7 @@ class Pilot:
                 self.wishes.clear()
                 self._answered = None
             if restarted:
-                self.control = None
+                self._lost()
             self.changed.notify_all()
 
     def applied(self, sample) -> None:
@@ -97,16 +106,15 @@ class Pilot:
         """A command was not taken."""
         if sample.commander != self.name:
             return
-        code = _Refusal[sample.code].name.removeprefix("REFUSAL_CODE_")
         with self.changed:
             self.refused += max(1, sample.count)
             self.problem = sample.reason
-            if code == "INVALID":
+            if sample.code == v1.REFUSAL_CODE_INVALID:
                 # The same again would be refused again.
                 self.wishes.drop()
-            if code in ("NO_CONTROL", "CONTROL_HELD", "SEAL"):
+            if sample.code in _LOST:
                 self._lost()
-            if code not in ("ANSWERED", "TOO_OLD"):
+            if sample.code not in (v1.REFUSAL_CODE_ANSWERED, v1.REFUSAL_CODE_TOO_OLD):
                 # In lock-step the tick is still to be answered.
                 self._answered = None
             self.changed.notify_all()
@@ -138,17 +146,12 @@ class Pilot:
     def take_control(self) -> None:
         """Takes control, if it is not there already.
 
-        Raises ``Refused`` in words that name who holds it.
+        Raises ``wheelarm.Refused`` in words that name who holds it.
         """
         with self._lease:
             if self.control is not None:
                 return
-            control = Control(self.link, self.name)
-            try:
-                control.ask(self.take)
-            except (Refused, Silent):
-                control.close()
-                raise
+            control = self.client.commander(self.name, take=self.take)
             with self.changed:
                 self.control, self.problem = control, ""
                 self._wished = time.monotonic()
@@ -162,12 +165,6 @@ class Pilot:
                 self._playing, self._until = False, None
             if control is not None:
                 control.close()
-
-    @property
-    def secret(self) -> str:
-        """Secret of the lease; empty without control."""
-        control = self.control
-        return control.secret if control is not None else ""
 
     @property
     def is_playing(self) -> bool:
@@ -185,7 +182,7 @@ class Pilot:
         """Answers ``steps`` control ticks of a lock-step episode from ``tick`` on
         and returns when the state after the last one has come.
 
-        Raises ``Refused`` when the episode or control ends meanwhile.
+        Raises ``Unable`` when the episode or control ends meanwhile.
         """
         with self.changed:
             self._until = until = tick + steps * TICKS_PER_CONTROL
@@ -200,7 +197,7 @@ class Pilot:
             clock, self._until = self._clock, None
             if clock is None or clock.episode != episode or clock.tick < until:
                 reached = clock.tick if clock is not None else tick
-                raise Refused(
+                raise Unable(
                     f"{(reached - tick) // TICKS_PER_CONTROL} of {steps} steps are done: "
                     + (self.problem or "the episode or control ended")
                 )
@@ -262,7 +259,7 @@ class Pilot:
                 if self.control is None and not self._try_control():
                     continue
                 self._answer(header)
-            except (Refused, Silent) as problem:
+            except WheelArmError as problem:
                 self._report(str(problem))
 
     def _try_control(self) -> bool:
@@ -272,7 +269,7 @@ class Pilot:
             return False
         try:
             self.take_control()
-        except (Refused, Silent) as problem:
+        except WheelArmError as problem:
             with self.changed:
                 self.wishes.drop()
             self._not_before = time.monotonic() + AGAIN
@@ -288,15 +285,15 @@ class Pilot:
             wanted = self.wishes.at(time.monotonic(), header.stamp_nanos)
             command = v1.Command()
             wanted.fill(command)
-            kinds = command.DESCRIPTOR.fields_by_name
-            command.device = kinds["device"].enum_type.values_by_name["DEVICE_PROGRAM"].number
+            command.device = v1.DEVICE_PROGRAM
             goal = wanted.pose is not None
-            mode = "INPUT_MODE_GOAL" if goal else "INPUT_MODE_STREAM"
-            command.mode = kinds["mode"].enum_type.values_by_name[mode].number
+            command.mode = v1.INPUT_MODE_GOAL if goal else v1.INPUT_MODE_STREAM
             self._answered = self._name_of(header)
             if wanted:
                 self._wished = time.monotonic()
-        control.answer(header, command)
+        control.send(command, header=header)
+        # The node hears refusals with all other topics.
+        control.refusals()
 
     def _look_around(self) -> None:
         """Between ticks: a clock that was lost, control that nobody needs."""
@@ -314,7 +311,7 @@ class Pilot:
                 and not self.wishes.is_waiting
             )
         if silent:
-            status = self.link.ask("status")
+            status = self.client.status()
             with self.changed:
                 self._heard = now
                 if status.HasField("episode") and not status.paused:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
+from .. import v1
 from . import tree
 
 #: The world frame.
@@ -47,25 +48,26 @@ class Robot:
 
         Raises ``ValueError`` when its URDF cannot be read.
         """
-        roles = description.DESCRIPTOR.fields_by_name["joints"].message_type
-        role = roles.fields_by_name["role"].enum_type.values_by_number
+        def named(*roles: int) -> list:
+            return [joint for joint in description.joints if joint.role in roles]
 
-        def named(*wanted: str) -> list:
-            names = {f"JOINT_ROLE_{one}" for one in wanted}
-            return [joint for joint in description.joints if role[joint.role].name in names]
-
-        def one(wanted: str) -> str:
-            found = named(wanted)
+        def one(role: int) -> str:
+            found = named(role)
             return found[0].name if found else ""
 
-        arm = sorted(named("ARM"), key=lambda joint: joint.arm_index)
-        wheels = named("WHEEL_LEFT", "WHEEL_RIGHT", "CASTER_LEFT", "CASTER_RIGHT")
+        arm = sorted(named(v1.JOINT_ROLE_ARM), key=lambda joint: joint.arm_index)
+        wheels = named(
+            v1.JOINT_ROLE_WHEEL_LEFT,
+            v1.JOINT_ROLE_WHEEL_RIGHT,
+            v1.JOINT_ROLE_CASTER_LEFT,
+            v1.JOINT_ROLE_CASTER_RIGHT,
+        )
         return Robot(
             name=description.name,
             joints=tuple(joint.name for joint in description.joints),
             arm=tuple(joint.name for joint in arm),
-            knuckle=one("KNUCKLE"),
-            knuckle_right=one("KNUCKLE_RIGHT"),
+            knuckle=one(v1.JOINT_ROLE_KNUCKLE),
+            knuckle_right=one(v1.JOINT_ROLE_KNUCKLE_RIGHT),
             wheels=frozenset(joint.name for joint in wheels),
             frames=tuple((frame.name, frame.parent, frame.link) for frame in description.frames),
             root=description.root_link,

@@ -25,6 +25,8 @@ PREFIX = "processed_data"
 IMU = f"{PREFIX}/imu"
 DESIRED_POSE = f"{PREFIX}/desired_pose"
 TIMESTEPS = f"{PREFIX}/timesteps"
+#: Orientation, linear acceleration, angular velocity.
+IMU_TOPICS = (f"{IMU}/orientation", f"{IMU}/linear_acceleration", f"{IMU}/angular_velocity")
 
 
 def joint_topic(joint: str) -> str:

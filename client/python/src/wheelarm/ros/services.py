@@ -8,9 +8,9 @@ from rclpy.callback_groups import MutuallyExclusiveCallbackGroup, ReentrantCallb
 from rclpy.node import Node
 from std_srvs.srv import Trigger
 
+from ..errors import WheelArmError
 from . import mapping
 from .entities import Entities
-from .link import Refused, Silent
 from .pilot import Pilot
 from .simulation import Already, Simulation, Unsupported, WrongState
 
@@ -34,7 +34,7 @@ def trigger_services(node: Node, simulation: Simulation, pilot: Pilot) -> None:
         def answer(_, response: Trigger.Response) -> Trigger.Response:
             try:
                 response.message, response.success = act(), True
-            except (Refused, Silent) as problem:
+            except WheelArmError as problem:
                 response.message, response.success = str(problem), False
                 node.get_logger().error(f"{name}: {problem}")
             return response
@@ -102,7 +102,7 @@ class StandardServices:
         except WrongState as problem:
             # The definition of StepSimulation names this code for this case.
             result.result, words = Result.RESULT_OPERATION_FAILED, str(problem)
-        except (Refused, Silent, ValueError) as problem:
+        except (WheelArmError, ValueError) as problem:
             result.result, words = Result.RESULT_OPERATION_FAILED, str(problem)
         result.error_message = words
 
@@ -125,7 +125,7 @@ class StandardServices:
             if self.simulation.pilot.lock_step:
                 offered += ["STEP_SIMULATION_SINGLE", "STEP_SIMULATION_MULTIPLE"]
                 words = "a step is 1/60 s"
-        except (Refused, Silent) as problem:
+        except WheelArmError as problem:
             words = str(problem)
         response.features.features = [
             getattr(has, name) for name in offered if hasattr(has, name)

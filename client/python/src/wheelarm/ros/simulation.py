@@ -15,22 +15,23 @@ import datetime
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from .link import Link, Refused, v1
-from .pilot import CONTROL_HZ, Pilot
+from .. import v1
+from ..client import Client
+from .pilot import Pilot, Unable
 
 #: States of ``simulation_interfaces/SimulationState``.
 STOPPED, PLAYING, PAUSED, QUITTING = 0, 1, 2, 3
 
 
-class WrongState(Refused):
+class WrongState(Unable):
     """It cannot be done now; the words say what has to be done before."""
 
 
-class Unsupported(Refused):
+class Unsupported(Unable):
     """It cannot be done here at all; the words say why."""
 
 
-class Already(Refused):
+class Already(Unable):
     """It is so already."""
 
 
@@ -46,26 +47,20 @@ class EpisodeOptions:
     require_recorders: int = 0
 
 
-def _pacing(status) -> str:
-    kind = status.scenario.DESCRIPTOR.fields_by_name["pacing"].enum_type
-    return kind.values_by_number[status.scenario.pacing].name.removeprefix("PACING_")
-
-
 class Simulation:
     """Steers time and episodes of one server."""
 
-    def __init__(self, link: Link, pilot: Pilot, options: Callable[[], EpisodeOptions]):
+    def __init__(self, client: Client, pilot: Pilot, options: Callable[[], EpisodeOptions]):
         """``options`` tells how the next episode is begun."""
-        self.link, self.pilot, self.options = link, pilot, options
+        self.client, self.pilot, self.options = client, pilot, options
         #: Real time: it was stopped and not played since.
         self._stopped = False
 
     def look(self):
         """The server's ``Status``; takes over its pacing."""
-        status = self.link.ask("status")
-        self.pilot.lock_step = self.pilot.wishes.in_simulation_time = (
-            _pacing(status) == "LOCK_STEP"
-        )
+        status = self.client.status()
+        lock_step = status.scenario.pacing == v1.PACING_LOCK_STEP
+        self.pilot.lock_step = self.pilot.wishes.in_simulation_time = lock_step
         return status
 
     def state(self) -> int:
@@ -90,7 +85,7 @@ class Simulation:
         """Stops, plays, pauses or ends the simulation.
 
         Raises ``Already`` when it is so, ``Unsupported`` for another state, and
-        ``Refused`` in the server's words.
+        ``wheelarm.Refused`` in the server's words.
         """
         status = self.look()
         if target not in (STOPPED, PLAYING, PAUSED, QUITTING):
@@ -98,17 +93,20 @@ class Simulation:
         if self._state_of(status) == target:
             raise Already("the simulation is in this state already")
         if target == QUITTING:
-            self.link.ask("shutdown", v1.ShutdownRequest(secret=self.pilot.secret))
+            self.client.shutdown()
         elif target == STOPPED:
             self.reset()
             if not self.pilot.lock_step:
-                self.link.ask("pause")
+                self.client.pause()
                 self._stopped = True
         elif self.pilot.lock_step:
             self._in_episode(status)
             self.pilot.play(target == PLAYING)
         else:
-            self.link.ask("resume" if target == PLAYING else "pause")
+            if target == PLAYING:
+                self.client.resume()
+            else:
+                self.client.pause()
             self._stopped = False
 
     def _in_episode(self, status):
@@ -116,7 +114,7 @@ class Simulation:
         self.pilot.take_control()
         if status.HasField("episode"):
             if status.paused:
-                self.link.ask("resume")
+                self.client.resume()
             return status.header
         return self.start().header
 
@@ -124,13 +122,14 @@ class Simulation:
         """Goes on by ``steps`` control ticks, exactly, and stands still again.
 
         Raises ``Unsupported`` where time does not wait, ``WrongState`` while it is
-        played, ``Refused`` when somebody else is in control.
+        played, ``wheelarm.Refused`` when somebody else is in control.
         """
         status = self.look()
         if not self.pilot.lock_step:
+            pacing = v1.Pacing.Name(status.scenario.pacing).removeprefix("PACING_").lower()
             raise Unsupported(
                 "steps need lock-step pacing, and this server runs in "
-                f"{_pacing(status).lower().replace('_', ' ')}: start it with --pacing lock-step"
+                f"{pacing.replace('_', '-')}: start it with --pacing lock-step"
             )
         if self.pilot.is_playing:
             raise WrongState("the simulation is played: pause it before it is stepped")
@@ -143,13 +142,13 @@ class Simulation:
         """Everything as at the start, with what was drawn then; time begins at 0.
         An episode that runs ends before.
 
-        Raises ``Refused`` when somebody else is in control.
+        Raises ``wheelarm.Refused`` when somebody else is in control.
         """
         status = self.look()
         if status.HasField("episode"):
             self.stop()
         self.pilot.play(False)
-        self.link.ask("reset", v1.ResetRequest(secret=self.pilot.secret), patience=60.0)
+        self.client.reset()
 
     def start(self):
         """Begins an episode; ``EpisodeStarted``. In lock-step time then waits for
@@ -158,25 +157,21 @@ class Simulation:
             self.pilot.take_control()
         wanted = self.options()
         now = datetime.datetime.now()
-        request = v1.EpisodeStartRequest(
-            label=wanted.label or f"ros-{now:%Y%m%d-%H%M%S-%f}",
-            require_recorders=wanted.require_recorders,
+        return self.client.start_episode(
+            wanted.label or f"ros-{now:%Y%m%d-%H%M%S-%f}",
+            instruction=wanted.instruction or None,
+            recorders=wanted.require_recorders,
             commander=self.pilot.name if self.pilot.lock_step else "",
         )
-        if wanted.instruction:
-            request.instruction = wanted.instruction
-        return self.link.ask("episode_start", request, patience=60.0)
 
     def stop(self, discard: bool = False):
         """Ends the running episode; ``EpisodeStopped``. With ``discard`` recorders
         throw it away."""
         self.pilot.play(False)
-        request = v1.EpisodeStopRequest(discard=discard, secret=self.pilot.secret)
-        return self.link.ask("episode_stop", request, patience=60.0)
+        return self.client.stop_episode(discard=discard)
 
 
 __all__ = [
-    "CONTROL_HZ",
     "PAUSED",
     "PLAYING",
     "QUITTING",
