@@ -6,6 +6,8 @@
 # make test-readers   loads exports in lerobot 0.4.4 and 0.6.1 (needs Python 3.12 too) and
 #                     robomimic 0.3 (downloads gigabytes): features, videos, depth, language;
 #                     holds joint signals against Pinocchio
+# make test-ros     the ROS 2 node against the real rclpy of Kilted and Jazzy (from PyPI,
+#                   built once in some minutes)
 # make test-data    what a scene draws does not tell the task: 1,000 seeds of every task
 #                   against three classifiers, and the old draws, which did; sentences are
 #                   counted, and 500 answers of labelled episodes computed again
@@ -23,7 +25,7 @@ BUILT := $(or $(CARGO_TARGET_DIR),target)/release
 export WHEELARM_COMMIT ?= $(shell git rev-parse --short=12 HEAD 2>/dev/null)
 export WHEELARM_PYTHON ?= $(CURDIR)/.venv/bin/python
 
-.PHONY: all build static demo test contract test-cluster test-readers test-data test-original test-adversarial soak bench clean
+.PHONY: all build static demo test contract test-cluster test-readers test-ros test-data test-original test-adversarial soak bench clean
 all: build
 
 build:
@@ -60,6 +62,11 @@ test-cluster:
 test-readers: build
 	scripts/setup.sh python
 	tests/readers.sh
+
+test-ros:
+	scripts/setup.sh python
+	$(CARGO) build --release --bins
+	WHEELARM_SERVER=$(BUILT)/wheelarm-server client/python/tests/ros/run.sh -s
 
 test-data:
 	scripts/setup.sh python numpy h5py scikit-learn:sklearn

@@ -29,7 +29,7 @@ import wheelarm  # noqa: E402
 PROGRAM = os.environ.get("WHEELARM_SERVER", str(ROOT / "target/release/wheelarm-server"))
 ASSETS = os.environ.get("WHEELARM_ASSETS", str(ROOT / "assets"))
 #: Patience with a busy machine, s; no test is about time.
-PATIENCE = 60.0
+PATIENCE = 240.0
 
 
 class Program:
