@@ -1,10 +1,11 @@
 """What ROS asks moves the robot, for as long as it is asked, and one at a time."""
 
 import math
+import socket
 
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray
-from geometry_msgs.msg import PoseStamped, Twist, TwistStamped
+from geometry_msgs.msg import Pose, PoseStamped, Twist, TwistStamped
 from nav_msgs.msg import Odometry
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
@@ -12,7 +13,7 @@ from std_msgs.msg import Float64
 from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
-from conftest import until
+from conftest import ASSETS, PROGRAM, until
 from test_streams import stamp
 from wheelarm import Refused
 from wheelarm.ros import mapping
@@ -196,3 +197,51 @@ def test_what_cannot_be_done_is_refused_in_words(server, bridge, peer):
         )
     assert program.process.poll() is None
     assert all(abs(joint(states[-1], n) - v) < 1e-3 for n, v in zip(ARM, before))
+
+
+def test_a_server_that_comes_back_is_spoken_for_again(programs, bridge, peer, ear):
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        endpoint = f"tcp/127.0.0.1:{free.getsockname()[1]}"
+
+    def start():
+        program = programs(
+            PROGRAM, "--assets", ASSETS, "--listen", endpoint, "--no-cameras", "--seed", "3"
+        )
+        program.wait_for("ready ")
+        return program
+
+    first = start()
+    bridge(endpoint)
+    clock, odom = peer.hear("/clock", Clock, 100), peer.hear("odom", Odometry, 100)
+    gripper = peer.publisher("gripper", Float64)
+    gripper.publish(Float64(data=0.05))
+    until(lambda: ear(endpoint).client.status().holder == "ros")
+    until(lambda: clock and clock[-1].clock.sec >= 1)
+    first.close()
+    start()
+    clock.clear()
+    odom.clear()
+    until(lambda: len(clock) > 10 and len(odom) > 10, "nothing comes from the second server")
+    client = ear(endpoint).client
+    until(lambda: gripper.publish(Float64(data=0.05)) or client.status().holder == "ros")
+
+
+def test_topics_that_others_publish_are_left_to_them(server, bridge, peer, ear):
+    bridge(server("--no-cameras"), "--seed-topics")
+    heard = peer.hear("processed_data/desired_pose", Pose)
+    steps = peer.hear("processed_data/timesteps", Clock)
+    until(lambda: len(heard) > 3)
+    other = peer.node.create_publisher(Pose, "processed_data/desired_pose", 10)
+
+    def quiet():
+        heard.clear()
+        steps.clear()
+        until(lambda: len(steps) > 30)
+        return not heard
+
+    until(quiet)
+    mine = Pose()
+    mine.position.x = 123.0
+    until(lambda: other.publish(mine) or heard)
+    assert {one.position.x for one in heard} == {123.0}
