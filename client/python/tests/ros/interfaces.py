@@ -33,7 +33,13 @@ PACKAGES = {
                 *(
                     f"uint8 RESULT_{name}={value}"
                     for value, name in enumerate(
-                        ["FEATURE_UNSUPPORTED", "OK", "NOT_FOUND", "INCORRECT_STATE", "OPERATION_FAILED"]
+                        [
+                            "FEATURE_UNSUPPORTED",
+                            "OK",
+                            "NOT_FOUND",
+                            "INCORRECT_STATE",
+                            "OPERATION_FAILED",
+                        ]
                     )
                 ),
                 "uint8 result",

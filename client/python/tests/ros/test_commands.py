@@ -5,6 +5,7 @@ import socket
 import time
 
 import pytest
+from conftest import ASSETS, PROGRAM, until
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import Pose, PoseStamped, Twist, TwistStamped
 from nav_msgs.msg import Odometry
@@ -12,12 +13,12 @@ from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64
 from std_srvs.srv import Trigger
+from test_streams import stamp
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
-from conftest import ASSETS, PROGRAM, until
-from test_streams import stamp
 from wheelarm import Refused
 from wheelarm.ros import mapping
+import itertools
 
 ARM = [f"joint_{number}" for number in range(1, 7)]
 KNUCKLE = "robotiq_85_left_knuckle_joint"
@@ -51,10 +52,10 @@ def test_the_chair_drives_by_cmd_vel_and_stops_in_silence(server, bridge, peer, 
     samples = list(odom)
     speeds = {stamp(one): one.twist.twist.linear.x for one in samples}
     driving = [v for at, v in speeds.items() if begin < at < last]
-    loss = max(a - b for a, b in zip(driving, driving[1:]))
+    loss = max(a - b for a, b in itertools.pairwise(driving))
     print(f"up to {max(driving):.4f} m/s, falls by {loss:.5f} m/s at most from sample to sample")
     assert max(driving) > 0.25
-    late = max(b - a for a, b in zip(sent, sent[1:]))
+    late = max(b - a for a, b in itertools.pairwise(sent))
     if late < 0.45:
         assert loss < 2e-3, "it stutters between messages that come 0.4 s apart"
     else:
@@ -116,7 +117,8 @@ def test_joints_pose_gripper_and_trajectory_are_reached(server, bridge, peer, ea
 
     def at(wanted, within=2e-3):
         return lambda: all(
-            abs(joint(states[-1], name) - value) < within for name, value in zip(ARM, wanted)
+            abs(joint(states[-1], name) - value) < within
+            for name, value in zip(ARM, wanted, strict=False)
         )
 
     until(at(goal))
@@ -151,9 +153,9 @@ def test_joints_pose_gripper_and_trajectory_are_reached(server, bridge, peer, ea
     wanted.pose.position.z += 0.04
     peer.publisher("desired_pose", PoseStamped).publish(wanted)
     until(lambda: abs(hand().position.z - wanted.pose.position.z) < 1e-3)
-    assert math.dist(
-        (hand().position.x, hand().position.y), (here.position.x, here.position.y)
-    ) < 2e-3
+    assert (
+        math.dist((hand().position.x, hand().position.y), (here.position.x, here.position.y)) < 2e-3
+    )
 
 
 BAD = {
@@ -202,7 +204,7 @@ def test_what_cannot_be_done_is_refused_in_words(server, bridge, peer):
             f"{name}: {words!r} was not told",
         )
     assert program.process.poll() is None
-    assert all(abs(joint(states[-1], n) - v) < 1e-3 for n, v in zip(ARM, before))
+    assert all(abs(joint(states[-1], n) - v) < 1e-3 for n, v in zip(ARM, before, strict=False))
 
 
 def test_a_server_that_comes_back_is_spoken_for_again(programs, bridge, peer, ear):

@@ -1,6 +1,10 @@
 """Time by `simulation_interfaces`: states, steps, resets, entities."""
 
 import pytest
+from conftest import until
+from geometry_msgs.msg import Twist, Vector3
+from nav_msgs.msg import Odometry
+from rosgraph_msgs.msg import Clock
 from simulation_interfaces.msg import Bounds, Result, SimulationState, SimulatorFeatures
 from simulation_interfaces.srv import (
     GetEntities,
@@ -12,13 +16,9 @@ from simulation_interfaces.srv import (
     SetSimulationState,
     StepSimulation,
 )
-from geometry_msgs.msg import Twist, Vector3
-from nav_msgs.msg import Odometry
-from rosgraph_msgs.msg import Clock
 from std_srvs.srv import Trigger
 
 import wheelarm
-from conftest import until
 from wheelarm.ros import mapping
 
 STOPPED, PLAYING, PAUSED = (
@@ -81,11 +81,15 @@ def own_hash(own, answers, over) -> int:
     return until(lambda: found.get(SECOND)).hash
 
 
-def test_sixty_steps_are_one_second_with_the_hash_of_our_own_client(server, bridge, peer, steering, ear):
+def test_sixty_steps_are_one_second_with_the_hash_of_our_own_client(
+    server, bridge, peer, steering, ear
+):
     flags = ["--no-cameras", "--pacing", "lock-step", "--seed", "11"]
     own = own_hash(ear(server(*flags)), 60, 1)
     assert own_hash(ear(server(*flags)), 1, 60) == own
-    assert own_hash(ear(server("--no-cameras", "--pacing", "lock-step", "--seed", "12")), 1, 60) != own
+    assert (
+        own_hash(ear(server("--no-cameras", "--pacing", "lock-step", "--seed", "12")), 1, 60) != own
+    )
     endpoint = server(*flags)
     bridge(endpoint)
     other = ear(endpoint)

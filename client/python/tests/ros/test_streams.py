@@ -5,15 +5,15 @@ import math
 
 import numpy as np
 import pytest
+from conftest import until
 from geometry_msgs.msg import Pose, PoseStamped, Twist, TwistStamped
 from nav_msgs.msg import Odometry
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import CameraInfo, Image, Imu, JointState
 from std_msgs.msg import Float64, String
+from test_types import FRAMES, JOINTS
 from tf2_msgs.msg import TFMessage
 
-from conftest import until
-from test_types import FRAMES, JOINTS
 from wheelarm.ros import mapping, tree
 from wheelarm.ros.node import Options, WheelArmNode
 from wheelarm.ros.outputs import LATCHED, PICTURES, TRANSFORMS
@@ -97,7 +97,9 @@ def test_states_are_those_our_own_client_sees(server, bridge, peer, ear):
     seed_imu, odom = peer.hear("imu", Imu, 50), peer.hear("odom", Odometry)
     clock, steps = peer.hear("clock", Clock, 50), peer.hear("processed_data/timesteps", Clock, 50)
     desired = peer.hear("processed_data/desired_pose", Pose)
-    one_joint = {name: peer.hear(f"processed_data/joint_state/{name}", JointState) for name in JOINTS}
+    one_joint = {
+        name: peer.hear(f"processed_data/joint_state/{name}", JointState) for name in JOINTS
+    }
     poses = {
         name: peer.hear(f"processed_data/cartesian_pose/{name}", PoseStamped) for name in FRAMES
     }
@@ -166,9 +168,9 @@ def of_message(message):
 
 def apart(first, second) -> float:
     """Greatest difference of two transforms; the sign of a quaternion is free."""
-    sign = 1.0 if sum(a * b for a, b in zip(first[1], second[1])) > 0 else -1.0
-    turns = [a - sign * b for a, b in zip(first[1], second[1])]
-    places = [a - b for a, b in zip(first[0], second[0])]
+    sign = 1.0 if sum(a * b for a, b in zip(first[1], second[1], strict=False)) > 0 else -1.0
+    turns = [a - sign * b for a, b in zip(first[1], second[1], strict=False)]
+    places = [a - b for a, b in zip(first[0], second[0], strict=False)]
     return max(map(abs, turns + places))
 
 
@@ -180,7 +182,10 @@ def test_the_chain_of_tf_is_the_recorded_pose(server, bridge, peer, ear, odom):
     sent = own.hear("pose")["pose"]
     pictures = {camera: own.see(camera) for camera in ("gen3", "wheelchair")}
     robot = own.client.scene().robot
-    moving, static = peer.hear("tf", TFMessage, TRANSFORMS), peer.hear("tf_static", TFMessage, LATCHED)
+    moving, static = (
+        peer.hear("tf", TFMessage, TRANSFORMS),
+        peer.hear("tf_static", TFMessage, LATCHED),
+    )
     # All that can move moves meanwhile.
     drive, arm = peer.publisher("cmd_vel", Twist), peer.publisher("joint_command", JointState)
     gripper = peer.publisher("gripper", Float64)
@@ -209,7 +214,7 @@ def test_the_chain_of_tf_is_the_recorded_pose(server, bridge, peer, ear, odom):
             assert stamp(one) == at
             assert one.child_frame_id not in transforms, "a frame has two parents"
             transforms[one.child_frame_id] = (one.header.frame_id, of_message(one))
-        poses = {n: tree.of_pose(f.pose) for n, f in zip(names, sent[at].frames)}
+        poses = {n: tree.of_pose(f.pose) for n, f in zip(names, sent[at].frames, strict=False)}
         base = tree.chained(poses["wheelchair"], mount)
         for frame in robot.frames:
             want = poses[frame.name]

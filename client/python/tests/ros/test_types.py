@@ -5,7 +5,6 @@ import sys
 from pathlib import Path
 
 import pytest
-
 from conftest import until
 
 SHARE = Path(sys.prefix) / "share"
@@ -103,7 +102,10 @@ FRAMES = [
 #: What WheelArm-Sim's recorder subscribes to.
 SEED_TOPICS = {
     **{f"/processed_data/joint_state/{joint}": "sensor_msgs/msg/JointState" for joint in JOINTS},
-    **{f"/processed_data/cartesian_pose/{frame}": "geometry_msgs/msg/PoseStamped" for frame in FRAMES},
+    **{
+        f"/processed_data/cartesian_pose/{frame}": "geometry_msgs/msg/PoseStamped"
+        for frame in FRAMES
+    },
     **{
         f"/processed_data/cartesian_velocity/{frame}": "geometry_msgs/msg/TwistStamped"
         for frame in FRAMES

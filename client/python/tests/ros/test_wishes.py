@@ -112,7 +112,12 @@ def planned(names, *rows, stamp=0):
 def test_a_trajectory_goes_straight_and_ends_with_its_last_point(wishes):
     message = planned(["joint_2", "right"], (1.0, [1.0, -0.5], []), (2.0, [3.0, -0.5], []))
     wishes.trajectory(message, 5 * SECOND, mapping.nanos)
-    for after, joint, knuckle in ((0.0, 0.0, 0.1), (0.5, 0.5, 0.3), (1.5, 2.0, 0.5), (2.5, 3.0, 0.5)):
+    for after, joint, knuckle in (
+        (0.0, 0.0, 0.1),
+        (0.5, 0.5, 0.3),
+        (1.5, 2.0, 0.5),
+        (2.5, 3.0, 0.5),
+    ):
         wanted = wishes.at(0.0, 5 * SECOND + round(after * SECOND))
         assert wanted.joints == pytest.approx([0, joint, 0, 0, 0, 0])
         assert wanted.knuckle == pytest.approx(knuckle)
@@ -176,7 +181,7 @@ def test_a_pose_names_its_frame_and_fills_a_command(wishes):
         assert command.arm.pose.pose.orientation.w == 1.0
         assert not command.HasField("base") and not command.HasField("gripper")
     message.header.frame_id = "map"
-    with pytest.raises(BadCommand, match="'map'.*house"):
+    with pytest.raises(BadCommand, match=r"'map'.*house"):
         wishes.desired_pose(message)
 
 
@@ -204,7 +209,10 @@ def test_a_stamp_of_many_seconds_keeps_its_nanoseconds():
 def test_a_urdf_that_cannot_be_read_is_told():
     for text, words in (
         ("<robot", "cannot be read"),
-        ("<robot><joint name='a' type='ball'><parent link='x'/><child link='y'/></joint></robot>", "ball"),
+        (
+            "<robot><joint name='a' type='ball'><parent link='x'/><child link='y'/></joint></robot>",
+            "ball",
+        ),
         ("<robot><joint name='a' type='fixed'/></robot>", "no parent"),
     ):
         with pytest.raises(ValueError, match=words):

@@ -103,9 +103,7 @@ def pose_of(message, robot: Robot) -> tuple[int, Transform]:
     name = message.header.frame_id.lstrip("/")
     if name not in frames:
         known = ", ".join(filter(None, frames))
-        raise BadCommand(
-            f"desired_pose is in the frame {name!r}; it can be in {known} (metres)"
-        )
+        raise BadCommand(f"desired_pose is in the frame {name!r}; it can be in {known} (metres)")
     place, turn = message.pose.position, message.pose.orientation
     x, y, z = _finite("the position of desired_pose", [place.x, place.y, place.z])
     rotation = _finite("the orientation of desired_pose", [turn.x, turn.y, turn.z, turn.w])
@@ -129,7 +127,7 @@ def joints_of(
         )
     if len(set(names)) != len(names):
         raise BadCommand(f"{what} names a joint twice: {', '.join(names)}")
-    told = dict(zip(names, _finite(what, positions)))
+    told = dict(zip(names, _finite(what, positions), strict=False))
     unknown = [name for name in told if name not in robot.joints]
     wheels = [name for name in told if name in robot.wheels]
     if unknown or wheels:
@@ -149,9 +147,7 @@ def joints_of(
             )
         knuckle = -right if knuckle is None else knuckle
     if not arm and knuckle is None and told:
-        raise BadCommand(
-            f"{what} names only joints that follow another one: {', '.join(told)}"
-        )
+        raise BadCommand(f"{what} names only joints that follow another one: {', '.join(told)}")
     return arm, knuckle
 
 
@@ -184,14 +180,14 @@ class Trajectory:
         first, last = self.positions[before], self.positions[behind]
         leaving, coming = self.velocities[before], self.velocities[behind]
         if leaving is None or coming is None:
-            return [a + part * (b - a) for a, b in zip(first, last)]
+            return [a + part * (b - a) for a, b in zip(first, last, strict=False)]
         # Cubic Hermite: positions and velocities of both ends.
         h01 = part * part * (3 - 2 * part)
         h10 = part * (1 - part) ** 2 * span
         h11 = part * part * (part - 1) * span
         return [
             a + h01 * (b - a) + h10 * va + h11 * vb
-            for a, b, va, vb in zip(first, last, leaving, coming)
+            for a, b, va, vb in zip(first, last, leaving, coming, strict=False)
         ]
 
     def is_over(self, nanos: int) -> bool:
@@ -202,6 +198,7 @@ class Trajectory:
 def trajectory_of(
     message,
     robot: Robot,
+    *,
     now: int,
     present: Sequence[float],
     knuckle: float,
@@ -216,9 +213,7 @@ def trajectory_of(
         return None
     begin = stamp_of(message.header.stamp) or now
     width = len(message.joint_names)
-    arm, last_knuckle = joints_of(
-        "joint_trajectory", message.joint_names, [0.0] * width, robot
-    )
+    arm, last_knuckle = joints_of("joint_trajectory", message.joint_names, [0.0] * width, robot)
     has_knuckle = last_knuckle is not None
     # Where each joint stands in a point: its place and its sign.
     places: dict[int, int] = {
@@ -243,17 +238,16 @@ def trajectory_of(
     for number, one in enumerate(message.points):
         what = f"point {number} of joint_trajectory"
         if len(one.positions) != width:
-            raise BadCommand(
-                f"{what} has {len(one.positions)} positions for {width} joints"
-            )
+            raise BadCommand(f"{what} has {len(one.positions)} positions for {width} joints")
         if len(one.velocities) not in (0, width):
             raise BadCommand(
                 f"{what} has {len(one.velocities)} velocities for {width} joints: none, or all"
             )
         after = stamp_of(one.time_from_start)
-        if previous is not None and after <= previous or after < 0:
+        if (previous is not None and after <= previous) or after < 0:
             raise BadCommand(
-                f"{what} is {after * 1e-9:.3f} s from the start: times must grow from point to point"
+                f"{what} is {after * 1e-9:.3f} s from the start: "
+                "times must grow from point to point"
             )
         previous = after
         joints_of(what, message.joint_names, one.positions, robot)
@@ -272,8 +266,8 @@ def trajectory_of(
         velocities.append(speed)
     if len(stamps) == 1 and begin + (previous or 0) < now:
         raise BadCommand(
-            f"joint_trajectory ended at {(begin + previous) * 1e-9:.3f} s of simulation time and it is "
-            f"{now * 1e-9:.3f} s: stamp it with simulation time (use_sim_time), or with 0 for now"
+            f"joint_trajectory ended at {(begin + previous) * 1e-9:.3f} s of simulation time "
+            f"and it is {now * 1e-9:.3f} s: stamp it with simulation time (use_sim_time), or with 0 for now"
         )
     return Trajectory(stamps, positions, velocities, has_knuckle, not arm)
 
@@ -340,9 +334,7 @@ class Wishes:
         """``sensor_msgs/JointState``: positions of arm joints and knuckle. What is
         not named keeps its target."""
         if not len(message.position):
-            raise BadCommand(
-                "joint_command has no positions; velocities and efforts are not taken"
-            )
+            raise BadCommand("joint_command has no positions; velocities and efforts are not taken")
         arm, knuckle = joints_of("joint_command", message.name, message.position, self.robot)
         if arm:
             known = self._arm.keys() | arm.keys()
@@ -375,7 +367,9 @@ class Wishes:
                 "before time goes on: send it again"
             )
         joints, knuckle = self._goal or self.targets[0], self.targets[1]
-        found = trajectory_of(message, self.robot, nanos, joints, knuckle, stamp_of)
+        found = trajectory_of(
+            message, self.robot, now=nanos, present=joints, knuckle=knuckle, stamp_of=stamp_of
+        )
         if found is None:
             self._hold = self._trajectory is not None
         self._trajectory = found

@@ -67,8 +67,16 @@ class Entities:
         bottom, outlines = 0.0, []
         for outline in scene.robot.outlines:
             area, top = outline.footprint, outline.top
-            centre = ((area.x_min + area.x_max) / 2, (area.y_min + area.y_max) / 2, (bottom + top) / 2)
-            half = ((area.x_max - area.x_min) / 2, (area.y_max - area.y_min) / 2, (top - bottom) / 2)
+            centre = (
+                (area.x_min + area.x_max) / 2,
+                (area.y_min + area.y_max) / 2,
+                (bottom + top) / 2,
+            )
+            half = (
+                (area.x_max - area.x_min) / 2,
+                (area.y_max - area.y_min) / 2,
+                (top - bottom) / 2,
+            )
             outlines.append(((centre, IDENTITY[1]), half))
             bottom = top
         boxes[robot.name] = outlines
@@ -85,18 +93,18 @@ class Entities:
 
     def poses(self, sample) -> None:
         """Takes a ``wheelarm.v1.PoseSet``: the chair in the world."""
-        for (_, parent, link), frame in zip(self.robot.frames, sample.frames):
+        for (_, parent, link), frame in zip(self.robot.frames, sample.frames, strict=False):
             if parent == self.robot.world and link == self.robot.root:
                 self.states[self.robot.name] = _state(frame.pose, frame.twist, sample)
 
     def object_poses(self, sample) -> None:
         """Takes a ``wheelarm.v1.ObjectPoses``."""
-        for name, pose, twist in zip(self.objects, sample.poses, sample.twists):
+        for name, pose, twist in zip(self.objects, sample.poses, sample.twists, strict=False):
             self.states[name] = _state(pose, twist, sample)
 
     def furniture_joints(self, sample) -> None:
         """Takes a ``wheelarm.v1.FurnitureJoints``."""
-        moved = zip(self.furniture, sample.positions, sample.velocities)
+        moved = zip(self.furniture, sample.positions, sample.velocities, strict=False)
         for (body, rest, axis, slides), position, speed in moved:
             along = tuple(position * part for part in axis)
             velocity = tuple(speed * part for part in axis)
@@ -143,8 +151,10 @@ class Entities:
         for box, half in self.boxes.get(name, []):
             place, rotation = inverse(chained(state.pose, box))
             turned_centre = turned(rotation, centre)
-            inside = tuple(a + b for a, b in zip(place, turned_centre))
-            beyond = [max(0.0, abs(part) - reach) for part, reach in zip(inside, half)]
+            inside = tuple(a + b for a, b in zip(place, turned_centre, strict=False))
+            beyond = [
+                max(0.0, abs(part) - reach) for part, reach in zip(inside, half, strict=False)
+            ]
             if math.hypot(*beyond) <= radius:
                 return True
         return False

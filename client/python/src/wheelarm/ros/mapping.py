@@ -133,9 +133,7 @@ def imu(sample, frame: str) -> Imu:
 def odometry(sample, frame: str, child: str) -> Odometry:
     """``wheelarm.v1.Odometry``: the pose of ``child`` in ``frame``, its twist in
     ``child``. Covariances are 0, which says that they are not known."""
-    message = Odometry(
-        header=header(sample.header.stamp_nanos, frame), child_frame_id=child
-    )
+    message = Odometry(header=header(sample.header.stamp_nanos, frame), child_frame_id=child)
     message.pose.pose = pose(sample.pose)
     message.twist.twist = twist(sample.twist)
     return message

@@ -204,9 +204,7 @@ class WheelArmNode(Node):
         chosen = Options(**values)
         if chosen.depth_encoding not in mapping.DEPTH_ENCODINGS:
             known = ", ".join(mapping.DEPTH_ENCODINGS)
-            raise ValueError(
-                f"depth_encoding is {chosen.depth_encoding!r}; it can be {known}"
-            )
+            raise ValueError(f"depth_encoding is {chosen.depth_encoding!r}; it can be {known}")
         for name in ("cmd_vel_timeout", "lease_timeout", "play_rate"):
             number = getattr(chosen, name)
             if not mapping.is_finite(number) or number < 0:
@@ -387,10 +385,12 @@ class WheelArmNode(Node):
         stamp, robot = joints.header.stamp_nanos, self.robot
         told = {
             (parent, link): tree.of_pose(frame.pose)
-            for (_, parent, link), frame in zip(robot.frames, poses.frames)
+            for (_, parent, link), frame in zip(robot.frames, poses.frames, strict=False)
         }
         chair = told[WORLD, robot.root]
-        in_base = {link: place for (parent, link), place in told.items() if parent == robot.arm_base}
+        in_base = {
+            link: place for (parent, link), place in told.items() if parent == robot.arm_base
+        }
         if self.options.odom_frame:
             odom_from_chair = tree.of_pose(odometry.pose)
             house_from_odom = tree.chained(chair, tree.inverse(odom_from_chair))
@@ -400,7 +400,7 @@ class WheelArmNode(Node):
             ]
         else:
             transforms = [mapping.transform_stamped(chair, stamp, WORLD, robot.root)]
-        positions = dict(zip(robot.joints, joints.positions))
+        positions = dict(zip(robot.joints, joints.positions, strict=False))
         transforms += [
             mapping.transform_stamped(place, stamp, joint.parent, joint.child)
             for joint, place in tree.moving(robot.tree, positions, robot.arm_base, in_base)

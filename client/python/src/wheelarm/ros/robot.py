@@ -48,6 +48,7 @@ class Robot:
 
         Raises ``ValueError`` when its URDF cannot be read.
         """
+
         def named(*roles: int) -> list:
             return [joint for joint in description.joints if joint.role in roles]
 

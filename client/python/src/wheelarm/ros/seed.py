@@ -79,19 +79,21 @@ class SeedTopics:
         """Takes a ``wheelarm.v1.JointState``."""
         names = self.robot.joints
         for index, name in enumerate(names):
-            self.outputs.put(
-                joint_topic(name), lambda i=index: mapping.one_joint(sample, names, i)
-            )
+            self.outputs.put(joint_topic(name), lambda i=index: mapping.one_joint(sample, names, i))
 
     def poses(self, sample) -> None:
         """Takes a ``wheelarm.v1.PoseSet``."""
         stamp = sample.header.stamp_nanos
-        for (name, parent, _), frame in zip(self.robot.frames, sample.frames):
+        for (name, parent, _), frame in zip(self.robot.frames, sample.frames, strict=False):
             self.outputs.put(
-                pose_topic(name), lambda: mapping.pose_stamped(frame.pose, stamp, parent)
+                pose_topic(name),
+                lambda pose=frame.pose, parent=parent: mapping.pose_stamped(pose, stamp, parent),
             )
             self.outputs.put(
-                velocity_topic(name), lambda: mapping.twist_stamped(frame.twist, stamp, parent)
+                velocity_topic(name),
+                lambda twist=frame.twist, parent=parent: mapping.twist_stamped(
+                    twist, stamp, parent
+                ),
             )
 
     def imu(self, sample) -> None:

@@ -49,9 +49,9 @@ def trigger_services(node: Node, simulation: Simulation, pilot: Pilot) -> None:
     def stop(discard: bool) -> str:
         stopped = simulation.stop(discard)
         success = "success" if stopped.evaluation.success else "no success"
-        return f"episode {stopped.header.episode} at {stopped.header.stamp_nanos * 1e-9:.3f} s, {success}" + (
-            ", thrown away" if discard else ""
-        )
+        stamp = stopped.header.stamp_nanos * 1e-9
+        away = ", thrown away" if discard else ""
+        return f"episode {stopped.header.episode} at {stamp:.3f} s, {success}{away}"
 
     def take() -> str:
         pilot.take_control()
@@ -127,9 +127,7 @@ class StandardServices:
                 words = "a step is 1/60 s"
         except WheelArmError as problem:
             words = str(problem)
-        response.features.features = [
-            getattr(has, name) for name in offered if hasattr(has, name)
-        ]
+        response.features.features = [getattr(has, name) for name in offered if hasattr(has, name)]
         response.features.custom_info = f"WheelArm; {words}"
         return response
 
@@ -199,9 +197,7 @@ class StandardServices:
         entities = self.entities()
         known = entities.states.get(name)
         if known is None:
-            raise ValueError(
-                f"no state of {name!r} is known before time goes on: step or play"
-            )
+            raise ValueError(f"no state of {name!r} is known before time goes on: step or play")
         state.header = mapping.header(known.stamp_nanos, entities.robot.world)
         place, turn = known.pose
         _set(state.pose.position, place)
@@ -228,7 +224,7 @@ class StandardServices:
             kind = type(standard.GetEntityState.Response().state)
             names = self._matching(request.filters)
             states = [kind() for _ in names]
-            for name, state in zip(names, states):
+            for name, state in zip(names, states, strict=False):
                 self._fill(name, state)
             response.entities, response.states = names, states
 
@@ -237,5 +233,5 @@ class StandardServices:
 
 
 def _set(target, numbers) -> None:
-    for name, number in zip("xyzw", numbers):
+    for name, number in zip("xyzw", numbers, strict=False):
         setattr(target, name, number)
