@@ -267,7 +267,8 @@ def trajectory_of(
     if len(stamps) == 1 and begin + (previous or 0) < now:
         raise BadCommand(
             f"joint_trajectory ended at {(begin + previous) * 1e-9:.3f} s of simulation time "
-            f"and it is {now * 1e-9:.3f} s: stamp it with simulation time (use_sim_time), or with 0 for now"
+            f"and it is {now * 1e-9:.3f} s: stamp it with simulation time (use_sim_time), "
+            "or with 0 for now"
         )
     return Trajectory(stamps, positions, velocities, has_knuckle, not arm)
 
