@@ -8,6 +8,7 @@ here=$(cd "$(dirname "$0")" && pwd)
 root=$(cd "$here/../../../.." && pwd)
 # Of another such environment: it would take the libraries of that one.
 unset _ROS_WHEELS_BOOTSTRAP_COMPLETE LD_LIBRARY_PATH AMENT_PREFIX_PATH PYTHONPATH
+export PYTHONPATH=$root/client/python/src
 status=0 ran=0
 for distro in ${WHEELARM_ROS_DISTROS:-kilted jazzy}; do
     folder=${WHEELARM_ROS_ENVS:-$root}/.venv-ros-$distro

@@ -1,14 +1,15 @@
 """What ROS asks moves the robot, for as long as it is asked, and one at a time."""
 
+import itertools
 import math
 import socket
 import time
 
 import pytest
-from conftest import ASSETS, PROGRAM, until
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import Pose, PoseStamped, Twist, TwistStamped
 from nav_msgs.msg import Odometry
+from peer import ASSETS, PROGRAM, until
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64
@@ -18,7 +19,6 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from wheelarm import Refused
 from wheelarm.ros import mapping
-import itertools
 
 ARM = [f"joint_{number}" for number in range(1, 7)]
 KNUCKLE = "robotiq_85_left_knuckle_joint"

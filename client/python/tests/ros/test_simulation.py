@@ -1,9 +1,9 @@
 """Time by `simulation_interfaces`: states, steps, resets, entities."""
 
 import pytest
-from conftest import until
 from geometry_msgs.msg import Twist, Vector3
 from nav_msgs.msg import Odometry
+from peer import until
 from rosgraph_msgs.msg import Clock
 from simulation_interfaces.msg import Bounds, Result, SimulationState, SimulatorFeatures
 from simulation_interfaces.srv import (

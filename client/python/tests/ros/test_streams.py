@@ -5,9 +5,9 @@ import math
 
 import numpy as np
 import pytest
-from conftest import until
 from geometry_msgs.msg import Pose, PoseStamped, Twist, TwistStamped
 from nav_msgs.msg import Odometry
+from peer import until
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import CameraInfo, Image, Imu, JointState
 from std_msgs.msg import Float64, String

@@ -5,7 +5,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from conftest import until
+from peer import until
 
 SHARE = Path(sys.prefix) / "share"
 
