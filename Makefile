@@ -15,6 +15,8 @@
 #                    task and mode, types, the guide, the notebook; downloads some packages
 # make test-lerobot   lerobot-eval and lerobot-record of 0.4.4 and 0.6.1 with our plugins, and
 #                     rows of exports played open loop (downloads gigabytes)
+# make test-ros     the ROS 2 node against the real rclpy of Kilted and Jazzy (from PyPI,
+#                   built once in some minutes)
 # make test-data    what a scene draws does not tell the task: 1,000 seeds of every task
 #                   against three classifiers, and the old draws, which did; sentences are
 #                   counted, and 500 answers of labelled episodes computed again
@@ -38,7 +40,7 @@ BUILT := $(or $(CARGO_TARGET_DIR),target)/release
 export WHEELARM_COMMIT ?= $(shell git rev-parse --short=12 HEAD 2>/dev/null)
 export WHEELARM_PYTHON ?= $(CURDIR)/.venv/bin/python
 
-.PHONY: all build static demo test test-learn contract test-cluster test-readers test-data test-original test-adversarial soak train-mustard bench test-rosbag2 dist test-dist contract-python test-python test-lerobot clean
+.PHONY: all build static demo test test-learn contract test-cluster test-readers test-data test-original test-adversarial soak train-mustard bench test-rosbag2 dist test-dist contract-python test-python test-lerobot test-ros clean
 all: build
 
 build:
@@ -106,6 +108,10 @@ test-readers: build
 test-rosbag2: build
 	scripts/setup.sh python
 	tests/rosbag2.sh
+test-ros:
+	scripts/setup.sh python
+	$(CARGO) build --release --bins
+	WHEELARM_SERVER=$(BUILT)/wheelarm-server client/python/tests/ros/run.sh -s
 
 test-data:
 	scripts/setup.sh python numpy h5py scikit-learn:sklearn

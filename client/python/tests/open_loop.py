@@ -19,6 +19,7 @@ import re
 
 import numpy as np
 from pyarrow import parquet
+import pyarrow.parquet as parquet
 
 import wheelarm
 from wheelarm.rows import action_names
@@ -38,6 +39,9 @@ def main() -> None:
     names = features["action"]["names"]
     mode = next(
         mode for mode, kind in wheelarm.env.ROW_KINDS.items() if action_names(kind) == names
+        mode
+        for mode, kind in wheelarm.env.ROW_KINDS.items()
+        if action_names(kind) == names
     )
     data = parquet.read_table(sorted(args.set.glob("data/**/*.parquet")))
     episodes = parquet.read_table(sorted(args.set.glob("meta/episodes/**/*.parquet")))
@@ -62,6 +66,7 @@ def main() -> None:
                 control_mode=mode,
                 obs_mode=args.obs_mode,
                 cameras=sizes or None,
+                task, control_mode=mode, obs_mode=args.obs_mode, cameras=sizes or None,
                 control_rate=info["fps"],
             )
         chosen = number == index

@@ -72,4 +72,5 @@ class WheelArmVectorEnv(SyncVectorEnv):
             if not over:
                 single: Any = env.unwrapped
                 single.send(action)
+                env.unwrapped.send(action)
         return super().step(actions)

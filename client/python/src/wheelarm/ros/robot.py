@@ -1,0 +1,80 @@
+"""What the node has to know of a robot, from its description and its URDF."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from .. import v1
+from . import tree
+
+#: The world frame.
+WORLD = "house"
+#: Frame of the wheel odometry, between the world and the chair (REP 105).
+ODOM = "odom"
+
+
+def optical_frame(camera: str) -> str:
+    """Name of a camera's optical frame: z forward, x right, y down."""
+    return f"{camera}_optical_frame"
+
+
+@dataclass(frozen=True)
+class Robot:
+    """Names and frames of a robot."""
+
+    name: str
+    #: Joints in the order of ``JointState``.
+    joints: tuple[str, ...]
+    #: The arm's joints from base to hand.
+    arm: tuple[str, ...]
+    knuckle: str
+    knuckle_right: str
+    #: Wheels, driven or not.
+    wheels: frozenset[str]
+    #: Recorded frames in the order of ``PoseSet``: name, parent, link.
+    frames: tuple[tuple[str, str, str], ...]
+    root: str
+    arm_base: str
+    end_effector: str
+    imu: str
+    #: Joints of the URDF.
+    tree: list[tree.Joint] = field(repr=False)
+    urdf: str = field(repr=False)
+    world: str = WORLD
+
+    @staticmethod
+    def of(description) -> Robot:
+        """A robot of a ``wheelarm.v1.RobotDescription``.
+
+        Raises ``ValueError`` when its URDF cannot be read.
+        """
+
+        def named(*roles: int) -> list:
+            return [joint for joint in description.joints if joint.role in roles]
+
+        def one(role: int) -> str:
+            found = named(role)
+            return found[0].name if found else ""
+
+        arm = sorted(named(v1.JOINT_ROLE_ARM), key=lambda joint: joint.arm_index)
+        wheels = named(
+            v1.JOINT_ROLE_WHEEL_LEFT,
+            v1.JOINT_ROLE_WHEEL_RIGHT,
+            v1.JOINT_ROLE_CASTER_LEFT,
+            v1.JOINT_ROLE_CASTER_RIGHT,
+        )
+        return Robot(
+            name=description.name,
+            joints=tuple(joint.name for joint in description.joints),
+            arm=tuple(joint.name for joint in arm),
+            knuckle=one(v1.JOINT_ROLE_KNUCKLE),
+            knuckle_right=one(v1.JOINT_ROLE_KNUCKLE_RIGHT),
+            wheels=frozenset(joint.name for joint in wheels),
+            frames=tuple((frame.name, frame.parent, frame.link) for frame in description.frames),
+            root=description.root_link,
+            arm_base=description.arm_base_link,
+            end_effector=description.end_effector_link,
+            imu=description.imu_link,
+            tree=tree.joints(description.urdf_text),
+            urdf=description.urdf_text,
+        )

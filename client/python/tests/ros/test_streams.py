@@ -1,0 +1,275 @@
+"""What the node publishes is what the server tells, beside a client of our own."""
+
+import array
+import math
+
+import numpy as np
+import pytest
+from geometry_msgs.msg import Pose, PoseStamped, Twist, TwistStamped
+from nav_msgs.msg import Odometry
+from peer import until
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import CameraInfo, Image, Imu, JointState
+from std_msgs.msg import Float64, String
+from test_types import FRAMES, JOINTS
+from tf2_msgs.msg import TFMessage
+
+from wheelarm.ros import mapping, tree
+from wheelarm.ros.node import Options, WheelArmNode
+from wheelarm.ros.outputs import LATCHED, PICTURES, TRANSFORMS
+
+
+def stamp(message) -> int:
+    return mapping.nanos(message.header.stamp)
+
+
+def by_stamp(messages) -> dict:
+    return {stamp(one): one for one in list(messages)}
+
+
+def both(sent: dict, heard, count=5):
+    """Pairs of what our client saw and what came over ROS, by stamp."""
+
+    def pairs():
+        came = by_stamp(heard)
+        common = sorted(set(sent) & came.keys())
+        return [(sent[one], came[one]) for one in common] if len(common) >= count else None
+
+    return until(pairs, "ROS and our client have no samples in common")
+
+
+@pytest.mark.parametrize("encoding", ["32FC1", "16UC1"])
+def test_pictures_are_those_our_own_client_sees(server, bridge, peer, ear, encoding):
+    endpoint = server("--camera", "*=64x36@10")
+    bridge(endpoint, "--seed-topics", "--ros-args", "-p", f"depth_encoding:={encoding}")
+    own, sent, heard = ear(endpoint), {}, {}
+    for camera in ("gen3", "wheelchair"):
+        sent[camera] = own.see(camera)
+        topics = {
+            "color": (f"camera/{camera}/color/image_raw", Image),
+            "depth": (f"camera/{camera}/depth/image_raw", Image),
+            "info": (f"camera/{camera}/depth/camera_info", CameraInfo),
+            "seed_color": (f"processed_data/cameras/rgb/{camera}", Image),
+            "seed_depth": (f"processed_data/cameras/depth/{camera}", Image),
+        }
+        heard[camera] = {
+            name: peer.hear(topic, kind, PICTURES) for name, (topic, kind) in topics.items()
+        }
+    for camera, topics in heard.items():
+        for frame, image in both(sent[camera], topics["color"]):
+            assert (image.encoding, image.is_bigendian) == ("rgb8", 0)
+            assert (image.height, image.width, image.step) == (36, 64, 3 * 64)
+            assert image.header.frame_id == f"{camera}_optical_frame"
+            assert image.data.tobytes() == frame.rgb.tobytes()
+            assert len(set(image.data)) > 10, "a picture of nothing proves nothing"
+        for frame, image in both(sent[camera], topics["depth"]):
+            assert (image.encoding, image.is_bigendian) == (encoding, 0)
+            if encoding == "32FC1":
+                assert image.step == 4 * 64
+                assert image.data.tobytes() == frame.depth.tobytes()
+            else:
+                millimetres = np.frombuffer(image.data.tobytes(), "<u2").reshape(36, 64)
+                hit = np.isfinite(frame.depth)
+                assert np.all(np.abs(millimetres[hit] / 1e3 - frame.depth[hit]) <= 0.51e-3)
+                assert np.all(millimetres[~hit] == 0)
+        for frame, image in both(sent[camera], topics["seed_color"]):
+            assert image.data.tobytes() == frame.rgb.tobytes()
+        for frame, image in both(sent[camera], topics["seed_depth"]):
+            assert (image.encoding, image.data.tobytes()) == ("32FC1", frame.depth.tobytes())
+        for frame, info in both(sent[camera], topics["info"]):
+            lens = frame.intrinsics
+            assert (info.height, info.width, info.distortion_model) == (36, 64, "plumb_bob")
+            assert list(info.d) == [0.0] * 5
+            assert list(info.k) == [lens.fx, 0, lens.cx - 0.5, 0, lens.fy, lens.cy - 0.5, 0, 0, 1]
+            assert list(info.p) == [
+                *(lens.fx, 0, lens.cx - 0.5, 0),
+                *(0, lens.fy, lens.cy - 0.5, 0),
+                *(0, 0, 1, 0),
+            ]
+            assert info.header.frame_id == f"{camera}_optical_frame"
+
+
+def test_states_are_those_our_own_client_sees(server, bridge, peer, ear):
+    endpoint = server("--no-cameras")
+    bridge(endpoint, "--seed-topics")
+    sent = ear(endpoint).hear("joint_state", "pose", "imu", "odometry", "clock", "applied")
+    joints, imu = peer.hear("joint_states", JointState), peer.hear("imu/data", Imu, 50)
+    seed_imu, odom = peer.hear("imu", Imu, 50), peer.hear("odom", Odometry)
+    clock, steps = peer.hear("clock", Clock, 50), peer.hear("processed_data/timesteps", Clock, 50)
+    desired = peer.hear("processed_data/desired_pose", Pose)
+    one_joint = {
+        name: peer.hear(f"processed_data/joint_state/{name}", JointState) for name in JOINTS
+    }
+    poses = {
+        name: peer.hear(f"processed_data/cartesian_pose/{name}", PoseStamped) for name in FRAMES
+    }
+    twists = {
+        name: peer.hear(f"processed_data/cartesian_velocity/{name}", TwistStamped)
+        for name in FRAMES
+    }
+    for sample, message in both(sent["joint_state"], joints):
+        assert list(message.name) == JOINTS
+        assert message.position == array.array("d", sample.positions)
+        assert message.velocity == array.array("d", sample.velocities)
+        assert message.effort == array.array("d", sample.efforts)
+    for index, name in enumerate(JOINTS):
+        for sample, message in both(sent["joint_state"], one_joint[name]):
+            assert list(message.name) == [name] and not len(message.effort)
+            assert message.position[0] == sample.positions[index]
+            assert message.velocity[0] == sample.velocities[index]
+    for heard in (imu, seed_imu):
+        for sample, message in both(sent["imu"], heard):
+            assert message.header.frame_id == "imu_link"
+            told = message.linear_acceleration
+            want = sample.linear_acceleration
+            assert (told.x, told.y, told.z) == (want.x, want.y, want.z)
+            assert 9.0 < told.z < 10.6
+            assert message.orientation.w == sample.orientation.w
+            assert message.angular_velocity.z == sample.angular_velocity.z
+    for sample, message in both(sent["odometry"], odom):
+        assert (message.header.frame_id, message.child_frame_id) == ("odom", "wheelchair_root")
+        assert message.pose.pose.position.x == sample.pose.position.x
+        assert message.twist.twist.linear.x == sample.twist.linear.x
+    for index, name in enumerate(FRAMES):
+        parent = "house" if name == "wheelchair" else "base_link"
+        for sample, message in both(sent["pose"], poses[name]):
+            want, told = sample.frames[index].pose, message.pose
+            assert message.header.frame_id == parent
+            assert (told.position.x, told.position.z) == (want.position.x, want.position.z)
+            assert told.orientation.w == want.orientation.w
+        for sample, message in both(sent["pose"], twists[name]):
+            assert message.twist.linear.x == sample.frames[index].twist.linear.x
+    for heard in (clock, steps):
+        until(lambda: len(heard) >= 5)
+        times = [mapping.nanos(one.clock) for one in list(heard)]
+        assert times == sorted(set(times))
+        assert set(times) & set(sent["clock"])
+    until(lambda: len(desired) >= 5)
+    known = {
+        (1e3 * s.desired_pose.position.x, s.desired_pose.orientation.w)
+        for s in list(sent["applied"].values())
+    }
+    assert any((one.position.x, one.orientation.w) in known for one in list(desired))
+
+
+def chain(transforms: dict, frame: str, root: str = "house"):
+    """Where `frame` is in `root`, along a tree of child -> (parent, transform)."""
+    found = tree.IDENTITY
+    while frame != root:
+        parent, step = transforms[frame]
+        found, frame = tree.chained(step, found), parent
+    return found
+
+
+def of_message(message):
+    place, turn = message.transform.translation, message.transform.rotation
+    return (place.x, place.y, place.z), (turn.x, turn.y, turn.z, turn.w)
+
+
+def apart(first, second) -> float:
+    """Greatest difference of two transforms; the sign of a quaternion is free."""
+    sign = 1.0 if sum(a * b for a, b in zip(first[1], second[1], strict=False)) > 0 else -1.0
+    turns = [a - sign * b for a, b in zip(first[1], second[1], strict=False)]
+    places = [a - b for a, b in zip(first[0], second[0], strict=False)]
+    return max(map(abs, turns + places))
+
+
+@pytest.mark.parametrize("odom", [True, False])
+def test_the_chain_of_tf_is_the_recorded_pose(server, bridge, peer, ear, odom):
+    endpoint = server("--camera", "*=64x36@10", "--calibration-seed", "5")
+    bridge(endpoint, "--ros-args", "-p", f"odom_frame:={str(odom).lower()}")
+    own = ear(endpoint)
+    sent = own.hear("pose")["pose"]
+    pictures = {camera: own.see(camera) for camera in ("gen3", "wheelchair")}
+    robot = own.client.scene().robot
+    moving, static = (
+        peer.hear("tf", TFMessage, TRANSFORMS),
+        peer.hear("tf_static", TFMessage, LATCHED),
+    )
+    # All that can move moves meanwhile.
+    drive, arm = peer.publisher("cmd_vel", Twist), peer.publisher("joint_command", JointState)
+    gripper = peer.publisher("gripper", Float64)
+    until(lambda: static and len(moving) > 2)
+    begin = len(moving)
+    arm.publish(JointState(name=["joint_1", "joint_6"], position=[0.3, -1.0]))
+    gripper.publish(Float64(data=0.03))
+    twist = Twist()
+    twist.linear.x, twist.angular.z = 0.2, 0.3
+
+    def enough():
+        drive.publish(twist)
+        return len(moving) > begin + 90
+
+    until(enough)
+    fixed = {t.child_frame_id: (t.header.frame_id, of_message(t)) for t in static[-1].transforms}
+    names = [frame.name for frame in robot.frames]
+    mount, worst, seen, travelled = tree.of_pose(robot.arm_mount), 0.0, 0, set()
+    lens_worst, lenses = 0.0, 0
+    for message in list(moving):
+        at = stamp(message.transforms[0])
+        if at not in sent:
+            continue
+        transforms = dict(fixed)
+        for one in message.transforms:
+            assert stamp(one) == at
+            assert one.child_frame_id not in transforms, "a frame has two parents"
+            transforms[one.child_frame_id] = (one.header.frame_id, of_message(one))
+        poses = {n: tree.of_pose(f.pose) for n, f in zip(names, sent[at].frames, strict=False)}
+        base = tree.chained(poses["wheelchair"], mount)
+        for frame in robot.frames:
+            want = poses[frame.name]
+            if frame.parent != "house":
+                want = tree.chained(base, want)
+            worst = max(worst, apart(chain(transforms, frame.link), want))
+        for camera, frames in pictures.items():
+            if at in frames:
+                want = tree.of_pose(frames[at].pose)
+                told = chain(transforms, f"{camera}_optical_frame")
+                lens_worst, lenses = max(lens_worst, apart(told, want)), lenses + 1
+        travelled.add(round(poses["wheelchair"][0][0], 4))
+        seen += 1
+    print(f"{seen} stamps, worst {worst:.3g}; {lenses} pictures, worst {lens_worst:.3g}")
+    assert seen >= 60 and lenses >= 5 and len(travelled) > 10
+    assert worst < 1e-9
+    assert lens_worst < 1e-9
+    assert ("odom" in transforms) == odom
+
+
+def test_the_robot_description_is_there_for_who_comes_late(server, bridge, peer, ear):
+    endpoint = server("--no-cameras")
+    bridge(endpoint, "--ros-args", "-p", "mesh_folder:=file:///somewhere")
+    heard = peer.hear("robot_description", String, LATCHED)
+    text = until(lambda: heard)[0].data
+    urdf = ear(endpoint).client.scene().robot.urdf_text
+    assert tree.joints(text) == tree.joints(urdf)
+    assert 'filename="file:///somewhere/meshes/chair_body.obj"' in text
+
+
+def test_a_camera_is_received_only_while_somebody_subscribes(server, peer):
+    node = WheelArmNode(Options(endpoint=server("--camera", "*=64x36@10")))
+    peer.executor.add_node(node)
+    try:
+        pictures = []
+        subscription = peer.node.create_subscription(
+            Image, "camera/gen3/color/image_raw", pictures.append, PICTURES
+        )
+        until(lambda: len(pictures) >= 3)
+        assert node.cameras["gen3"].is_open
+        assert not node.cameras["wheelchair"].is_open
+        peer.node.destroy_subscription(subscription)
+        until(lambda: not node.cameras["gen3"].is_open)
+    finally:
+        peer.executor.remove_node(node)
+        node.close()
+
+
+def test_a_transform_and_its_inverse_are_none():
+    import random
+
+    draw = random.Random(3)
+    for _ in range(100):
+        axis = [draw.gauss(0, 1) for _ in range(3)]
+        length = math.hypot(*axis)
+        turn = tree.about(tuple(part / length for part in axis), draw.uniform(-3, 3))
+        one = (tuple(draw.uniform(-2, 2) for _ in range(3)), turn)
+        assert apart(tree.chained(one, tree.inverse(one)), tree.IDENTITY) < 1e-12
