@@ -66,9 +66,8 @@ demo: build
 
 test:
 	scripts/setup.sh chromium
-	scripts/setup.sh python numpy h5py pyarrow mcap protobuf:google.protobuf foxglove-schemas-protobuf:foxglove_schemas_protobuf rosbags==0.11.9:rosbags
 	scripts/setup.sh python numpy h5py pyarrow mcap protobuf:google.protobuf foxglove-schemas-protobuf:foxglove_schemas_protobuf \
-		eclipse-zenoh==1.10.2:zenoh gymnasium pytest grpcio-tools:grpc_tools
+		rosbags==0.11.9:rosbags eclipse-zenoh==1.10.2:zenoh gymnasium pytest grpcio-tools:grpc_tools
 	$(CARGO) fmt --all --check
 	$(CARGO) clippy --release --workspace $(WITHOUT_LEARN) --all-targets -- -D warnings
 	RUSTDOCFLAGS="-D warnings" $(CARGO) doc --release --workspace $(WITHOUT_LEARN) --no-deps
@@ -108,6 +107,7 @@ test-readers: build
 test-rosbag2: build
 	scripts/setup.sh python
 	tests/rosbag2.sh
+
 test-ros:
 	scripts/setup.sh python
 	$(CARGO) build --release --bins
