@@ -183,8 +183,9 @@ fn moving_pictures(folder: &Path, recording: &Path) {
     let output = shell(folder, &line);
     assert!(output.status.success(), "{line}: {}", printed(&output));
     if let Some(python) = python("h5py, numpy") {
+        let recording = recording.to_string_lossy();
         let arguments = [
-            &*recording.to_string_lossy(),
+            &*recording,
             "data/plain.mp4",
             "gen3",
             "data/episode.gif",
