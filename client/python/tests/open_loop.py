@@ -19,7 +19,6 @@ import re
 
 import numpy as np
 from pyarrow import parquet
-import pyarrow.parquet as parquet
 
 import wheelarm
 from wheelarm.rows import action_names
@@ -39,9 +38,6 @@ def main() -> None:
     names = features["action"]["names"]
     mode = next(
         mode for mode, kind in wheelarm.env.ROW_KINDS.items() if action_names(kind) == names
-        mode
-        for mode, kind in wheelarm.env.ROW_KINDS.items()
-        if action_names(kind) == names
     )
     data = parquet.read_table(sorted(args.set.glob("data/**/*.parquet")))
     episodes = parquet.read_table(sorted(args.set.glob("meta/episodes/**/*.parquet")))
@@ -66,7 +62,6 @@ def main() -> None:
                 control_mode=mode,
                 obs_mode=args.obs_mode,
                 cameras=sizes or None,
-                task, control_mode=mode, obs_mode=args.obs_mode, cameras=sizes or None,
                 control_rate=info["fps"],
             )
         chosen = number == index

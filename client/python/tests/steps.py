@@ -27,7 +27,6 @@ def main() -> None:
         if args.obs_mode == "state"
         else {"cameras": {"gen3": (320, 180), "wheelchair": (320, 180)}}
     )
-    more = {} if args.obs_mode == "state" else {"cameras": {"gen3": (320, 180), "wheelchair": (320, 180)}}
     alone = 0.0
     for count in range(1, args.most + 1):
         envs = wheelarm.WheelArmVectorEnv(
@@ -46,7 +45,6 @@ def main() -> None:
             f"{args.obs_mode}: {count} environments, {rate:.1f} steps/s of 0.1 s "
             f"({rate / 10:.1f} simulated seconds per second), {rate / alone:.2f} x one",
             flush=True,
-            f"({rate / 10:.1f} simulated seconds per second), {rate / alone:.2f} x one", flush=True,
         )
         envs.close()
 

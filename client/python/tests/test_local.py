@@ -30,7 +30,6 @@ def test_a_server_ends_with_its_parent(how):
     parent = subprocess.Popen(
         [sys.executable, "-c", PARENT, *how], stdout=subprocess.PIPE, text=True
     )
-    parent = subprocess.Popen([sys.executable, "-c", PARENT, *how], stdout=subprocess.PIPE, text=True)
     pid = int(parent.stdout.readline())
     if "wait" in how:
         parent.send_signal(signal.SIGKILL)
@@ -60,9 +59,6 @@ def test_fields_of_a_scenario_are_those_of_the_contract():
         ) as server,
         server.connect() as client,
     ):
-    with wheelarm.Server(
-        task="pick_bowl", seed=4, pacing="lock-step", starts="anywhere", time_limit_seconds=12.0
-    ) as server, server.connect() as client:
         scenario = client.status().scenario
         assert scenario.time_limit_seconds == 12.0 and scenario.seed == 4
         pid = server.process.pid

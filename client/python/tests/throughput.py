@@ -45,14 +45,6 @@ def publish(endpoint: str, rate: float, go, over) -> None:
 
     def answer(query) -> None:
         query.reply(query.key_expr, status.SerializeToString(), encoding=_wire.encoding("Status"))
-    status = v1.Status(scenario=v1.Scenario(
-        cameras=[v1.CameraSetting(name=name, rate_hz=rate) for name in CAMERAS]
-    ))
-
-    def answer(query) -> None:
-        query.reply(
-            query.key_expr, status.SerializeToString(), encoding=_wire.encoding("Status")
-        )
 
     kept = [
         session.declare_queryable("wheelarm/bench/query/status", answer),
@@ -68,7 +60,6 @@ def publish(endpoint: str, rate: float, go, over) -> None:
         "rgb_format": 1,
         "depth_format": 2,
         "ids_format": 5,
-        "rgb_format": 1, "depth_format": 2, "ids_format": 5,
     }
     # Encoded once but for the header, which may stand before: fields may come in any order.
     rest = {name: v1.CameraFrame(camera=name, **plain).SerializeToString() for name in CAMERAS}

@@ -36,16 +36,6 @@ from .lockstep import Ended, LockStep, Moment
 from .streams import Camera, Sample, Streams, arrays, pose, quaternion, twist, vector
 
 try:
-    import gymnasium as _gymnasium
-except ImportError:  # the environments need wheelarm[gym]
-    _gymnasium = None
-if _gymnasium is not None:
-    from .env import WheelArmEnv, env_id, register_all, register_task
-    from .vector import WheelArmVectorEnv
-
-    register_all()
-
-try:
     __version__ = _version("wheelarm")
 except PackageNotFoundError:  # beside a checkout, not installed
     __version__ = "0.0.0"

@@ -204,14 +204,12 @@ class WheelArmEnv(gymnasium.Env[dict[str, Any], Any]):
         self.cameras = (
             {} if obs_mode == "state" else _sizes(CAMERAS if cameras is None else cameras)
         )
-        self.cameras = {} if obs_mode == "state" else _sizes(CAMERAS if cameras is None else cameras)
         self._pictures = dict(self.cameras)
         if render_mode is not None:
             self._pictures.setdefault(render_camera, _sizes({"": render_size})[""])
         self._scenario = dict(scenario or {})
         self._server_options = dict(server or {})
         self._endpoint, self._sim, self._scenario_seeds = endpoint, sim, scenario_seeds
-        self._endpoint, self._sim = endpoint, sim
         #: Names of `agent_pos` and of the action, as in exports; those of the robot after
         #: the first reset.
         self.state_names = state_names()
@@ -257,7 +255,6 @@ class WheelArmEnv(gymnasium.Env[dict[str, Any], Any]):
             self._scenario.get("robot", "wheelarm") != "wheelarm"
             and self.control_mode != "ee_delta"
         ):
-        if self._scenario.get("robot", "wheelarm") != "wheelarm" and self.control_mode != "ee_delta":
             low, high = [-np.inf] * len(low), [np.inf] * len(high)
         return spaces.Box(np.array(low, np.float32), np.array(high, np.float32), dtype=np.float32)
 
@@ -344,7 +341,6 @@ class WheelArmEnv(gymnasium.Env[dict[str, Any], Any]):
         refuse_fork(self._owner if self._client is not None else None)
         options = options or {}
         drawn = options.get("scenario_seed", seed if self._scenario_seeds else None)
-        drawn = options.get("scenario_seed")
         if drawn is None:
             drawn = self.np_random.integers(2**31)
         self._end_episode()
@@ -358,9 +354,6 @@ class WheelArmEnv(gymnasium.Env[dict[str, Any], Any]):
         if self.obs_mode == "state":
             topics += ["object_pose", "furniture_joint", "contact"]
         self._lockstep = client.lockstep("gym", label, topics=topics, cameras=tuple(self._pictures))
-        self._lockstep = client.lockstep(
-            "gym", label, topics=topics, cameras=tuple(self._pictures)
-        )
         self._episodes += 1
         self._seed_in_force = int(scenario.seed)
         self.task_description = scenario.instruction
@@ -383,9 +376,6 @@ class WheelArmEnv(gymnasium.Env[dict[str, Any], Any]):
         self._player.max_force = force_cap(scene)
 
     def step(self, action: Any) -> tuple[dict[str, Any], float, bool, bool, dict[str, Any]]:
-    def step(
-        self, action: Any
-    ) -> tuple[dict[str, Any], float, bool, bool, dict[str, Any]]:
         """Carries out an action for 1 / `control_rate` s of simulated time.
 
         Raises:
@@ -473,9 +463,6 @@ class WheelArmEnv(gymnasium.Env[dict[str, Any], Any]):
             )
             self._aim(out, position, quaternion)
         self._player.chair_and_gripper(out, float(closed + knuckle), float(linear), float(angular))
-        self._player.chair_and_gripper(
-            out, float(closed + knuckle), float(linear), float(angular)
-        )
         return out
 
     def _hand(self) -> NDArray[np.float64]:

@@ -749,7 +749,6 @@ WAITING_FOR_CONTROL: WaitingFor
 WAITING_FOR_NOTHING: WaitingFor
 
 class PolicyAction(int, metaclass=_EnumWrapper):
-class PolicyAction(int, metaclass=_EnumWrapper):  # type: ignore[misc]
     """What the numbers of an action row are."""
     POLICY_ACTION_UNSPECIFIED: _ClassVar[PolicyAction]
     """As POLICY_ACTION_NEXT_POSE."""

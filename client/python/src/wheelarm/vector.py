@@ -72,5 +72,4 @@ class WheelArmVectorEnv(SyncVectorEnv):
             if not over:
                 single: Any = env.unwrapped
                 single.send(action)
-                env.unwrapped.send(action)
         return super().step(actions)
