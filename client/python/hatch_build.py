@@ -19,7 +19,14 @@ PREFIX = "WHEELARM_WHEEL_PREFIX"
 PLATFORM = "WHEELARM_WHEEL_PLATFORM"
 PROGRAMS = ("wheelarm", "wheelarm-dataset", "wheelarm-server")
 # Of the prefix: what a virtual environment has a use for.
-SHARED = ("share/wheelarm", "share/man", "share/doc", "share/bash-completion", "share/zsh", "share/fish")
+SHARED = (
+    "share/wheelarm",
+    "share/man",
+    "share/doc",
+    "share/bash-completion",
+    "share/zsh",
+    "share/fish",
+)
 
 
 class ProgramsHook(BuildHookInterface):
@@ -34,13 +41,23 @@ class ProgramsHook(BuildHookInterface):
             return
         platform = os.environ.get(PLATFORM)
         if not platform:
-            raise SystemExit(f"{PREFIX} is set, but {PLATFORM} is not; for example {PLATFORM}=manylinux_2_28_x86_64")
+            raise SystemExit(
+                f"{PREFIX} is set, but {PLATFORM} is not; for example {PLATFORM}=manylinux_2_28_x86_64"
+            )
         prefix = Path(named).resolve()
         programs = [prefix / "bin" / name for name in PROGRAMS]
-        missing = [path for path in (*programs, prefix / "share/wheelarm/assets/scenes") if not path.exists()]
+        missing = [
+            path
+            for path in (*programs, prefix / "share/wheelarm/assets/scenes")
+            if not path.exists()
+        ]
         if missing:
-            raise SystemExit(f"{PREFIX}={named} lacks {missing[0]}; make the prefix by: scripts/dist.sh programs archive")
+            raise SystemExit(
+                f"{PREFIX}={named} lacks {missing[0]}; make the prefix by: scripts/dist.sh programs archive"
+            )
         build_data["pure_python"] = False
         build_data["tag"] = f"py3-none-{platform}"
         build_data["shared_scripts"].update({str(path): path.name for path in programs})
-        build_data["shared_data"].update({str(prefix / part): part for part in SHARED if (prefix / part).is_dir()})
+        build_data["shared_data"].update(
+            {str(prefix / part): part for part in SHARED if (prefix / part).is_dir()}
+        )

@@ -20,6 +20,7 @@ import torch
 from lerobot.datasets.lerobot_dataset import LeRobotDataset
 from lerobot.envs.configs import EnvConfig
 from lerobot.envs.factory import make_env
+from lerobot.envs.utils import _call_make_env, _load_module_from_path, _normalize_hub_result
 from lerobot.processor import PolicyProcessorPipeline
 from lerobot.scripts.lerobot_eval import rollout
 from lerobot.utils.import_utils import register_third_party_plugins
@@ -85,6 +86,15 @@ def main() -> None:
     success = told["success"].any().item()
     print(f"rollout of recorded rows: {told['action'].shape[1]} steps, success {success}")
     assert success, "LeRobot counts no success"
+
+    # As LeRobot does it with a repository of its hub, the download left out.
+    file = pathlib.Path(__file__).resolve().parents[1] / "envhub/env.py"
+    module = _load_module_from_path(str(file))
+    hub = _normalize_hub_result(_call_make_env(module, n_envs=1, use_async_envs=False, cfg=None))
+    shape = hub["wheelarm"][0].reset(seed=0)[0]["pixels"]["gen3"].shape
+    hub["wheelarm"][0].close()
+    print(f"EnvHub: pictures {shape}")
+    assert shape == (1, 180, 320, 3), shape
 
     data = LeRobotDataset("me/wheelarm", root=recorded)
     item = data[0]

@@ -131,6 +131,39 @@ def test_pictures_of_a_tick_show_what_the_scene_tells():
         assert np.isfinite(frame.depth).mean() > 0.5 and frame.depth.min() > 0.0
 
 
+def test_a_picture_that_was_lost_is_asked_for_again():
+    with (
+        wheelarm.Server(
+            task="pick_mustard", pacing="lock-step", cameras={"gen3": (64, 36, 10.0)}
+        ) as server,
+        server.connect() as client,
+        client.lockstep("me", cameras=["gen3"]) as episode,
+    ):
+        lost, put = [], episode._queue.put
+
+        class Lossy:
+            """The queue, into which the next picture does not find its way."""
+
+            get = episode._queue.get
+
+            @staticmethod
+            def put(item):
+                if item[0] == "camera/gen3" and not lost:
+                    lost.append(item)
+                else:
+                    put(item)
+
+        for subscriber in episode._subscribers:
+            subscriber.undeclare()
+        episode._subscribers, episode._queue = [], Lossy
+        for topic in ("clock", "refusal", "episode_stop"):
+            episode._subscribe(topic, client._topic_key(topic))
+        episode._subscribe("camera/gen3", client._key("camera/gen3"))
+        moment = episode.step(wheelarm.command(over_ticks=6))
+        assert lost and moment.frames["gen3"].tick == moment.tick == 24
+        assert episode.step(wheelarm.command(over_ticks=6)).frames["gen3"].tick == 48
+
+
 def test_in_real_time_a_commander_drives_and_what_is_for_lock_step_is_refused():
     with wheelarm.Server(task="pick_mustard", pacing="real-time") as server:
         with server.connect() as client, client.commander("me") as me:

@@ -502,10 +502,10 @@ class WheelArmEnv(gymnasium.Env[dict[str, Any], Any]):
 
     def _observed(self, moment: Moment) -> dict[str, Any]:
         for topic in ("joint_state", "pose", "odometry"):
-            if moment.samples[topic].tick != moment.tick:
+            if topic not in moment.samples or moment.samples[topic].tick != moment.tick:
                 raise WheelArmError(
-                    f"the newest sample of `{topic}` is of tick {moment.samples[topic].tick}, not "
-                    f"of {moment.tick}: leave state_rate_hz at 60"
+                    f"there is no sample of `{topic}` of tick {moment.tick}: leave state_rate_hz at "
+                    "60; where it is, the sample was lost on the way"
                 )
         row = self._observer.row(
             moment.message("joint_state"), moment.message("pose"), moment.message("odometry")

@@ -176,7 +176,7 @@ class LockStep:
         heard = time.monotonic()
         header: v1.Header | None = None
         while True:
-            if header is not None and not self._owed(header.tick):
+            if header is not None and not self._owing(header.tick):
                 break
             try:
                 name, sample = self._queue.get(timeout=_SILENCE)
@@ -211,16 +211,30 @@ class LockStep:
         }
         return Moment(header, samples, dict(self._frames))
 
-    def _owed(self, tick: int) -> bool:
-        """Whether a picture that is due by a tick has not come."""
+    def _owing(self, tick: int) -> list[str]:
+        """Cameras whose picture that is due by a tick has not come."""
+        owing = []
         for camera, period in self._periods.items():
             due = tick - tick % period
-            if due < self.started.header.tick:
-                continue
             frame = self._frames.get(camera)
-            if frame is None or frame.tick < due:
-                return True
-        return False
+            if due >= self.started.header.tick and (frame is None or frame.tick < due):
+                owing.append(camera)
+        return owing
+
+    def ask_again(self, name: str) -> None:
+        """Asks the server's cache for the newest sample of a topic, or of ``camera/NAME``:
+        one that was lost on the way. It is taken like one that comes late."""
+        key = self._client._key(name) if "/" in name else self._client._topic_key(name)
+        replies = self._client._session.get(
+            f"{key}/@adv/**?_max=1",
+            accept_replies=zenoh.ReplyKeyExpr.ANY,
+            target=zenoh.QueryTarget.ALL,
+            consolidation=zenoh.ConsolidationMode.NONE,
+            timeout=5.0,
+        )
+        for reply in replies:
+            if reply.ok is not None and str(reply.ok.key_expr) == key:
+                self._queue.put((name, reply.ok))
 
     def _asked_status(
         self, target: int, header: v1.Header | None, heard: float
@@ -236,6 +250,10 @@ class LockStep:
                     stopped = one
             self._running = False
             raise Ended(stopped)
+        if header is not None:
+            # A picture may have been lost on the way; the server still has it.
+            for camera in self._owing(header.tick):
+                self.ask_again("camera/" + camera)
         if header is None and status.header.tick >= target and not status.paused:
             return status.header
         if time.monotonic() - heard > self.patience:
