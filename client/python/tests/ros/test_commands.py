@@ -37,14 +37,16 @@ def test_the_chair_drives_by_cmd_vel_and_stops_in_silence(server, bridge, peer, 
     (message.twist if stamped else message).linear.x = 0.3
     until(lambda: odom)
     begin = stamp(odom[-1])
-    rate, sent = peer.node.create_rate(2.5), []
+    sent = []
 
     def driven():
-        # Slower than the server's own limit of 0.25 s: the node keeps it going.
-        rate.sleep()
+        # 0.4 s is longer than the server's own limit of 0.25 s: the node keeps the
+        # chair going. A machine that is too busy for that gets messages more often.
+        time.sleep(0.4 if len(sent) < 12 else 0.1)
         drive.publish(message)
         sent.append(time.monotonic())
-        return stamp(odom[-1]) > begin + 4_000_000_000
+        long = stamp(odom[-1]) > begin + 3_000_000_000
+        return long and odom[-1].twist.twist.linear.x > 0.29
 
     until(driven)
     last = stamp(odom[-1])
@@ -54,7 +56,6 @@ def test_the_chair_drives_by_cmd_vel_and_stops_in_silence(server, bridge, peer, 
     driving = [v for at, v in speeds.items() if begin < at < last]
     loss = max(a - b for a, b in itertools.pairwise(driving))
     print(f"up to {max(driving):.4f} m/s, falls by {loss:.5f} m/s at most from sample to sample")
-    assert max(driving) > 0.25
     late = max(b - a for a, b in itertools.pairwise(sent))
     if late < 0.45:
         assert loss < 2e-3, "it stutters between messages that come 0.4 s apart"
