@@ -4,6 +4,7 @@
 # make test-dist   installs and runs what is in dist/ in clean Debian systems (as root)
 # make test    format, lints, documentation and all tests, as CI runs them
 # make contract    writes proto/contract.txt after a change of the .proto files
+# make people WHEEL=FILE   makes assets/people again (assets/people/README.md)
 # make test-cluster   a campaign on a one-node Slurm cluster in this machine
 # make test-readers   loads exports in lerobot 0.4.4 and 0.6.1 (needs Python 3.12 too) and
 #                     robomimic 0.3 (downloads gigabytes): features, videos, depth, language;
@@ -40,7 +41,7 @@ BUILT := $(or $(CARGO_TARGET_DIR),target)/release
 export WHEELARM_COMMIT ?= $(shell git rev-parse --short=12 HEAD 2>/dev/null)
 export WHEELARM_PYTHON ?= $(CURDIR)/.venv/bin/python
 
-.PHONY: all build static demo test test-learn contract test-cluster test-readers test-data test-original test-adversarial soak train-mustard bench test-rosbag2 dist test-dist contract-python test-python test-lerobot test-ros clean
+.PHONY: all build static demo test test-learn contract test-cluster test-readers test-data test-original test-adversarial soak train-mustard bench test-rosbag2 dist test-dist contract-python test-python test-lerobot test-ros people clean
 all: build
 
 build:
@@ -81,6 +82,11 @@ test-learn:
 	$(CARGO) clippy --release -p wheelarm-learn --all-targets -- -D warnings
 	RUSTDOCFLAGS="-D warnings" $(CARGO) doc --release -p wheelarm-learn --no-deps
 	$(CARGO) test --release -p wheelarm-learn
+	$(CARGO) clippy --release --workspace --all-targets -- -D warnings
+	RUSTDOCFLAGS="-D warnings" $(CARGO) doc --release --workspace --no-deps
+	$(CARGO) build --release --workspace --bins --tests
+	$(CARGO) test --release --workspace
+	$(WHEELARM_PYTHON) tests/python/check_people.py
 
 contract:
 	WHEELARM_WRITE_CONTRACT=1 $(CARGO) test --release -p wheelarm-proto --test evolution
@@ -94,6 +100,11 @@ test-python: build
 
 test-lerobot: build
 	tests/lerobot.sh
+people:
+	scripts/setup.sh python numpy pillow:PIL
+	$(WHEELARM_PYTHON) scripts/people/make_people.py $(WHEEL)
+	$(WHEELARM_PYTHON) tests/python/check_people.py
+	$(WHEELARM_PYTHON) scripts/people/look_at_people.py guide client/guide/images/people.png
 
 test-cluster:
 	scripts/setup.sh python kubernetes-validate:kubernetes_validate

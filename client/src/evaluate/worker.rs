@@ -96,8 +96,13 @@ impl Worker {
             recorder,
             driver: driver.clone(),
             out: args.out.clone(),
-            // A policy may think meanwhile.
-            patience: args.patience.max(args.policy_patience * 3),
+            // A policy may think meanwhile, and be started again.
+            patience: match driver {
+                Driver::Operator => args.patience,
+                Driver::Policy(..) | Driver::Both(..) => {
+                    args.patience.max(3 * args.policy_patience)
+                }
+            },
         })
     }
 
