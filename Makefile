@@ -77,7 +77,7 @@ test:
 	PYTHONPATH=client/python/src $(WHEELARM_PYTHON) -m pytest -q -m "not slow" client/python/tests
 
 test-learn:
-	scripts/setup.sh python numpy matplotlib safetensors
+	scripts/setup.sh
 	$(CARGO) fmt --package wheelarm-learn --check
 	$(CARGO) clippy --release -p wheelarm-learn --all-targets -- -D warnings
 	RUSTDOCFLAGS="-D warnings" $(CARGO) doc --release -p wheelarm-learn --no-deps

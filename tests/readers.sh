@@ -71,6 +71,20 @@ done
 "$new" -W ignore "$check" --language data/depth data/sensed/*.h5
 echo "== ACT against LeRobot's"
 "$python" -W ignore "$root/tests/python/check_act.py" "$root/client/learn/python"
+echo "== our trainer, in two pieces"
+wheelarm dataset export --format tensors data/session --size 64x36 --trim-idle 0.5 --out data/tensors >/dev/null
+train() {
+    "$python" -W ignore "$root/client/learn/python/train.py" data/tensors --out run --steps 6 --interval 2 --batch 4 \
+        --width 4 --group-channels 2 --dim 16 --feedforward 16 --heads 2 --encoder-layers 1 --vae-layers 1 \
+        --validation 0.5 --device cpu --travel run/travel "$@"
+}
+status=0
+train --seconds 0 || status=$?
+[ "$status" = 4 ] || { echo "a piece that leaves steps ended with $status, expected 4" >&2; exit 1; }
+train
+rm run/checkpoint.pt
+train | grep "goes on from step 6"
+"$python" "$root/client/learn/python/export.py" run/policy.safetensors --bits 8 --out small.safetensors
 echo "== joint signals against Pinocchio"
 "$python" "$root/tests/python/check_signals.py" data/session/*.h5
 # Through a file: a reader that stops early would break the pipe.

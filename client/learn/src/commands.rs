@@ -204,7 +204,9 @@ fn train_act(options: TrainAct) -> anyhow::Result<u8> {
     let schedule = Schedule {
         out: options.out,
         steps: options.steps,
-        limit: options.seconds.map(|s| Duration::from_secs_f64(s.clamp(0.0, 1e9))),
+        limit: options
+            .seconds
+            .map(|s| Duration::from_secs_f64(s.clamp(0.0, 1e9))),
         interval: options.interval.max(1),
         patience: options.patience,
         weight_decay: 1e-4,
@@ -263,7 +265,10 @@ fn tried(file: &Path, data: &[PathBuf], most: usize) -> anyhow::Result<u8> {
     let all = |i: usize| sums.iter().map(|s| s[i]).sum::<f64>() / counts.iter().sum::<f64>();
     println!("all  {:.4}  {:.4}", all(0), all(1));
     let middle = millis.get(millis.len() / 2).copied().unwrap_or(f64::NAN);
-    println!("{} questions, {middle:.1} ms each in the middle", millis.len());
+    println!(
+        "{} questions, {middle:.1} ms each in the middle",
+        millis.len()
+    );
     Ok(0)
 }
 
@@ -273,7 +278,9 @@ fn observation(
     row: usize,
     cameras: &[wheelarm_learn::card::CameraCard],
 ) -> v1::PolicyObservation {
-    let pictures = cameras.iter().filter(|camera| episode.cameras.contains_key(&camera.name));
+    let pictures = cameras
+        .iter()
+        .filter(|camera| episode.cameras.contains_key(&camera.name));
     let pictures = pictures.map(|camera| {
         let size = &episode.cameras[&camera.name];
         v1::PolicyPicture {

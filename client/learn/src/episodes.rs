@@ -305,10 +305,17 @@ pub fn statistics<'a>(tables: impl Iterator<Item = &'a Table> + Clone) -> (Vec<f
                 *sum += value(f64::from(v), column);
             }
         }
-        sums.into_iter().map(|sum| sum / rows.max(1) as f64).collect()
+        sums.into_iter()
+            .map(|sum| sum / rows.max(1) as f64)
+            .collect()
     };
     let mean = each(&|v, _| v);
     let variance = each(&|v, column| (v - mean[column]).powi(2));
-    let deviation = variance.into_iter().map(|v| (v.sqrt() as f32).max(LEAST_DEVIATION));
-    (mean.iter().map(|&v| v as f32).collect(), deviation.collect())
+    let deviation = variance
+        .into_iter()
+        .map(|v| (v.sqrt() as f32).max(LEAST_DEVIATION));
+    (
+        mean.iter().map(|&v| v as f32).collect(),
+        deviation.collect(),
+    )
 }

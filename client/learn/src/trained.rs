@@ -156,7 +156,9 @@ impl Trained {
         let states = seen.iter().flat_map(|(_, moment)| self.state(moment));
         let states = TensorData::new(states.collect::<Vec<_>>(), [batch, shape.state]);
         let words = (shape.words > 0).then(|| {
-            let shares = seen.iter().flat_map(|(s, _)| self.vocabulary.shares(&s.instruction));
+            let shares = seen
+                .iter()
+                .flat_map(|(s, _)| self.vocabulary.shares(&s.instruction));
             let shares = TensorData::new(shares.collect::<Vec<_>>(), [batch, shape.words]);
             Tensor::from_data(shares, &self.device)
         });

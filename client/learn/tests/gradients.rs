@@ -1,6 +1,8 @@
 //! Gradients in double precision equal central differences, in every tensor of both
 //! networks and of all norms.
 
+use std::sync::OnceLock;
+
 use burn::module::{Module, ModuleMapper, ModuleVisitor, Param};
 use burn::prelude::*;
 use burn::tensor::{Distribution, FloatDType, Gradients, TensorData};
@@ -9,12 +11,17 @@ use wheelarm_learn::network::{Inputs, Kind, Network, NormKind, Shape};
 /// Step of the differences.
 const STEP: f64 = 1e-6;
 /// Numbers that are tried in each tensor.
-const TRIED: usize = 3;
+const TRIED: usize = 2;
 
+/// A device says once in a process what its numbers are.
 fn device() -> Device {
-    let mut device = Device::flex();
-    device.configure(FloatDType::F64).expect("double precision");
-    device.autodiff()
+    static DEVICE: OnceLock<Device> = OnceLock::new();
+    let device = DEVICE.get_or_init(|| {
+        let mut device = Device::flex();
+        device.configure(FloatDType::F64).expect("double precision");
+        device
+    });
+    device.clone().autodiff()
 }
 
 fn tiny() -> Shape {
@@ -165,8 +172,11 @@ fn check(shape: &Shape) {
             tried += 1;
         }
     }
-    println!("{:?} {:?}: {tried} numbers, worst {worst:e}", shape.kind, shape.norm);
-    assert!(tried > 150, "{tried}");
+    println!(
+        "{:?} {:?}: {tried} numbers, worst {worst:e}",
+        shape.kind, shape.norm
+    );
+    assert!(tried > 120, "{tried}");
 }
 
 #[test]

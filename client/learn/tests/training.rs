@@ -127,7 +127,12 @@ fn act_learns_what_a_picture_tells_and_its_file_answers_it() {
     let [error, held] = lesson.errors(&network.valid(), &all, 1000);
     println!("L1 {error:.4}, holding {held:.4}, best {:?}", told.best);
     assert!(error < 0.1 && held > 3.0 * error, "{error}, {held}");
-    assert!(std::fs::metadata(out.join("curves.png")).expect("curves").len() > 1000);
+    assert!(
+        std::fs::metadata(out.join("curves.png"))
+            .expect("curves")
+            .len()
+            > 1000
+    );
 
     // The best network on the seeds that were held out.
     let mut policy = Trained::read(&out.join("policy.safetensors")).expect("a policy");
@@ -189,7 +194,11 @@ fn a_run_that_was_cut_goes_on_as_if_it_had_not_been() {
     assert!(whole == pieces, "the same bits");
     // Another network does not go on from it.
     let other = lesson(episodes.clone(), 40, 1);
-    let refused = train::run(&other, other.network(), &schedule(&folder.join("whole"), 80));
+    let refused = train::run(
+        &other,
+        other.network(),
+        &schedule(&folder.join("whole"), 80),
+    );
     let words = refused.err().map(|e| e.to_string()).unwrap_or_default();
     assert!(words.contains("choose another folder"), "{words}");
 }

@@ -183,11 +183,7 @@ impl ActLesson {
     }
 }
 
-fn normal<'a>(
-    row: &'a [f32],
-    mean: &'a [f32],
-    std: &'a [f32],
-) -> impl Iterator<Item = f32> + 'a {
+fn normal<'a>(row: &'a [f32], mean: &'a [f32], std: &'a [f32]) -> impl Iterator<Item = f32> + 'a {
     let numbers = row.iter().zip(mean).zip(std);
     numbers.map(|((v, mean), std)| (v - mean) / std)
 }

@@ -98,8 +98,7 @@ pub fn run<L: Lesson>(
     schedule: &Schedule,
 ) -> anyhow::Result<(L::Network, Told)> {
     let begun = Instant::now();
-    std::fs::create_dir_all(&schedule.out)
-        .with_context(|| schedule.out.display().to_string())?;
+    std::fs::create_dir_all(&schedule.out).with_context(|| schedule.out.display().to_string())?;
     let optimiser = AdamWConfig::new()
         .with_epsilon(1e-8)
         .with_weight_decay(schedule.weight_decay)
@@ -127,7 +126,9 @@ pub fn run<L: Lesson>(
         let is_late = schedule.limit.is_some_and(|limit| begun.elapsed() > limit);
         told.seconds = before + begun.elapsed().as_secs_f64();
         if told.step % schedule.interval == 0 || told.step == schedule.steps {
-            let means = sums.iter().map(|(name, sum)| ((*name).to_owned(), sum / counted));
+            let means = sums
+                .iter()
+                .map(|(name, sum)| ((*name).to_owned(), sum / counted));
             let entry = Entry {
                 step: told.step,
                 training: means.collect(),
@@ -245,7 +246,9 @@ fn resumed<M: Module>(
     };
     let told = std::fs::read(&files.told).map_err(|e| wrong(&e))?;
     let told: Told = serde_json::from_slice(&told).map_err(|e| wrong(&e))?;
-    let network = network.try_load_file(&files.network).map_err(|e| wrong(&e))?;
+    let network = network
+        .try_load_file(&files.network)
+        .map_err(|e| wrong(&e))?;
     let optimiser = optimiser.load(&files.optimiser).map_err(|e| wrong(&e))?;
     println!("goes on from step {}", told.step);
     Ok((network, optimiser, told))
