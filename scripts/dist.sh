@@ -67,6 +67,7 @@ stage() {
         "$stage"/share/{bash-completion/completions,zsh/site-functions,fish/vendor_completions.d} \
         "$stage"/share/wheelarm/{assets,cluster,proto}
     install -m 755 "$built"/{wheelarm,wheelarm-server,wheelarm-dataset} "$stage/bin/"
+    "$venv/bin/python" scripts/dist/neutral.py "$built"/build/hdf5-metno-src-*/out "$PWD" "$HOME" -- "$stage"/bin/*
     scripts/dist/symbols.sh "$stage"/bin/*
     # What git keeps of the assets, and nothing that lies about beside them.
     git ls-files -z assets | tar -c --null -T - | tar -x -C "$stage/share/wheelarm"
