@@ -67,6 +67,7 @@ stage() {
         "$stage"/share/{bash-completion/completions,zsh/site-functions,fish/vendor_completions.d} \
         "$stage"/share/wheelarm/{assets,cluster,proto}
     install -m 755 "$built"/{wheelarm,wheelarm-server,wheelarm-dataset} "$stage/bin/"
+    "$venv/bin/python" scripts/dist/neutral.py "$built"/build/hdf5-metno-src-*/out "$PWD" "$HOME" -- "$stage"/bin/*
     scripts/dist/symbols.sh "$stage"/bin/*
     # What git keeps of the assets, and nothing that lies about beside them.
     git ls-files -z assets | tar -c --null -T - | tar -x -C "$stage/share/wheelarm"
@@ -95,7 +96,7 @@ archive() {
 # The wheel with the programs and, of the same sources, the one without for
 # macOS, Windows and other processors: pip takes the first where it fits.
 wheels() {
-    local package=client/python told
+    local package=client/python plugin told
     if [ ! -f $package/pyproject.toml ]; then
         echo "skipped: wheels; there is no $package/pyproject.toml"
         return
@@ -109,6 +110,12 @@ wheels() {
         hatchling build -t wheel -d "$out")
     compgen -G "$out/wheelarm-$version-*-manylinux*.whl" >/dev/null ||
         die "no wheel with programs was made: $package/pyproject.toml lacks the line [tool.hatch.build.targets.wheel.hooks.custom]"
+    # Plugins that LeRobot finds by the beginning of their names.
+    for plugin in "$package"/lerobot_*/pyproject.toml; do
+        plugin=$(dirname "$plugin")
+        rm -f "$out/$(basename "$plugin")"-*.whl
+        (cd "$plugin" && hatchling build -t wheel -d "$out")
+    done
 }
 
 all=(programs archive deb wheels image)

@@ -63,7 +63,7 @@ check_bits() {
         [ -x "$native" ] || native=$work/$name/bin/wheelarm
         for task in pick_mustard open_drawer place_teddy_bear; do
             WHEELARM_ASSETS=$PWD/assets "$native" evaluate --task $task --seeds 0..1 --record \
-                --camera '*=160x90@1' --no-grid --out "$work/recorded/$task" >"$work/recorded-$task.log" 2>&1 ||
+                --patience 600 --camera '*=160x90@1' --no-grid --out "$work/recorded/$task" >"$work/recorded-$task.log" 2>&1 ||
                 die "recording $task: $(tail -n 5 "$work/recorded-$task.log")"
         done
         mapfile -t files < <(find "$work/recorded" -name '*.h5' | sort)

@@ -57,7 +57,7 @@ Version: $version-1
 Architecture: amd64
 Maintainer: $maintainer
 Installed-Size: $(du -ks --exclude=DEBIAN "$root" | cut -f1)
-Depends: libc6 (>= 2.28), libgcc-s1
+Depends: libc6 (>= 2.28)
 Recommends: libvulkan1, mesa-vulkan-drivers
 Suggests: ffmpeg
 Section: science

@@ -7,7 +7,7 @@ plan=$PWD/tests/dist/plan.toml
 # The campaign by the programs of the archive, once.
 native_campaign() {
     [ ! -d "$work/native" ] || return 0
-    "$work/$name/bin/wheelarm" collect "$plan" --out "$work/native" --workers 1 >"$work/native.log" 2>&1 ||
+    "$work/$name/bin/wheelarm" collect "$plan" --out "$work/native" --workers 1 --patience 600 >"$work/native.log" 2>&1 ||
         die "the campaign on this machine: $(tail -n 5 "$work/native.log")"
 }
 
@@ -49,14 +49,14 @@ check_image() {
         if touch /usr/x 2>/dev/null; then echo "/usr can be written"; exit 1; fi
         wheelarm --version
         wheelarm-server --list-adapters'
-    in_image wheelarm collect plan.toml --out campaign --workers 1 --shard 0/2 >"$log" 2>&1 &
+    in_image wheelarm collect plan.toml --out campaign --workers 1 --patience 600 --shard 0/2 >"$log" 2>&1 &
     killed=$!
     first_episode "$data/campaign" $killed "$log"
     kill -KILL $killed
     wait $killed 2>/dev/null || true
     echo "killed after $(find "$data/campaign/episodes" -name '*.h5' | wc -l) episode(s)"
     for shard in 0 1; do
-        in_image wheelarm collect plan.toml --out campaign --workers 1 --shard $shard/2 >"$log" 2>&1 ||
+        in_image wheelarm collect plan.toml --out campaign --workers 1 --patience 600 --shard $shard/2 >"$log" 2>&1 ||
             die "shard $shard: $(tail -n 5 "$log")"
     done
     in_image wheelarm collect --merge campaign | tail -n 1

@@ -49,7 +49,13 @@ fn cores() -> Finding {
 fn hdf5() -> Finding {
     let (major, minor, patch) = hdf5::library_version();
     let version = format!("version {major}.{minor}.{patch}");
-    if (major, minor) >= (1, 10) {
+    if !hdf5::filters::deflate_available() {
+        Finding::fail(
+            "HDF5 library",
+            format!("{version}, without deflate: it reads no episode"),
+            "use a release's programs, or an HDF5 with zlib: apt-get install libhdf5-dev, then build again",
+        )
+    } else if (major, minor) >= (1, 10) {
         Finding::ok("HDF5 library", version)
     } else {
         Finding::fail(
