@@ -66,8 +66,7 @@ demo: build
 
 test:
 	scripts/setup.sh chromium
-	scripts/setup.sh python numpy h5py pyarrow mcap protobuf:google.protobuf foxglove-schemas-protobuf:foxglove_schemas_protobuf rosbags==0.11.9:rosbags
-	scripts/setup.sh python numpy h5py pyarrow mcap protobuf:google.protobuf foxglove-schemas-protobuf:foxglove_schemas_protobuf \
+	scripts/setup.sh python numpy h5py pyarrow mcap protobuf:google.protobuf foxglove-schemas-protobuf:foxglove_schemas_protobuf rosbags==0.11.9:rosbags \
 		eclipse-zenoh==1.10.2:zenoh gymnasium pytest grpcio-tools:grpc_tools
 	$(CARGO) fmt --all --check
 	$(CARGO) clippy --release --workspace $(WITHOUT_LEARN) --all-targets -- -D warnings
