@@ -74,6 +74,7 @@ test:
 	RUSTDOCFLAGS="-D warnings" $(CARGO) doc --release --workspace $(WITHOUT_LEARN) --no-deps
 	$(CARGO) build --release --workspace $(WITHOUT_LEARN) --bins --tests
 	$(CARGO) test --release --workspace $(WITHOUT_LEARN)
+	$(WHEELARM_PYTHON) tests/python/check_people.py
 	PYTHONPATH=client/python/src $(WHEELARM_PYTHON) -m pytest -q -m "not slow" client/python/tests
 
 test-learn:
@@ -82,11 +83,6 @@ test-learn:
 	$(CARGO) clippy --release -p wheelarm-learn --all-targets -- -D warnings
 	RUSTDOCFLAGS="-D warnings" $(CARGO) doc --release -p wheelarm-learn --no-deps
 	$(CARGO) test --release -p wheelarm-learn
-	$(CARGO) clippy --release --workspace --all-targets -- -D warnings
-	RUSTDOCFLAGS="-D warnings" $(CARGO) doc --release --workspace --no-deps
-	$(CARGO) build --release --workspace --bins --tests
-	$(CARGO) test --release --workspace
-	$(WHEELARM_PYTHON) tests/python/check_people.py
 
 contract:
 	WHEELARM_WRITE_CONTRACT=1 $(CARGO) test --release -p wheelarm-proto --test evolution
@@ -100,6 +96,7 @@ test-python: build
 
 test-lerobot: build
 	tests/lerobot.sh
+
 people:
 	scripts/setup.sh python numpy pillow:PIL
 	$(WHEELARM_PYTHON) scripts/people/make_people.py $(WHEEL)
