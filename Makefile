@@ -74,7 +74,6 @@ test:
 	RUSTDOCFLAGS="-D warnings" $(CARGO) doc --release --workspace $(WITHOUT_LEARN) --no-deps
 	$(CARGO) build --release --workspace $(WITHOUT_LEARN) --bins --tests
 	$(CARGO) test --release --workspace $(WITHOUT_LEARN)
-	$(WHEELARM_PYTHON) tests/python/check_people.py
 	PYTHONPATH=client/python/src $(WHEELARM_PYTHON) -m pytest -q -m "not slow" client/python/tests
 
 test-learn:
