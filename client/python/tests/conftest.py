@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import pathlib
-import time
 
 import pytest
 
@@ -35,17 +34,3 @@ def server():
 def client(server):
     with server.connect() as client:
         yield client
-
-
-def gone(pid: int, within: float) -> bool:
-    """Whether a process has ended within so many seconds."""
-    deadline = time.monotonic() + within
-    while time.monotonic() < deadline:
-        try:
-            state = pathlib.Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()[0]
-        except OSError:
-            return True
-        if state == "Z":
-            return True
-        time.sleep(0.02)
-    return False

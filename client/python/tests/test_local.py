@@ -2,14 +2,30 @@
 
 from __future__ import annotations
 
+import pathlib
 import signal
 import subprocess
 import sys
+import time
 
 import pytest
-from conftest import gone
 
 import wheelarm
+
+
+def gone(pid: int, within: float) -> bool:
+    """Whether a process has ended within so many seconds."""
+    deadline = time.monotonic() + within
+    while time.monotonic() < deadline:
+        try:
+            state = pathlib.Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()[0]
+        except OSError:
+            return True
+        if state == "Z":
+            return True
+        time.sleep(0.02)
+    return False
+
 
 PARENT = """
 import os, sys, time

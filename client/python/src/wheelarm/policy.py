@@ -78,7 +78,7 @@ class Observation:
         """Of a `PolicyObservation`."""
 
         def planes(moment: Any, plane: str) -> dict[str, np.ndarray]:
-            out = {}
+            out: dict[str, np.ndarray] = {}
             for picture in moment.pictures:
                 data = getattr(picture, plane)
                 if plane == "rgb":
