@@ -382,11 +382,11 @@ def _close_session(session: zenoh.Session, owner: int) -> None:
 
 
 def camera_setting(
-    name: str, width: int = 0, height: int = 0, rate_hz: float = 10.0
+    name: str, width: int, height: int, rate_hz: float = 10.0
 ) -> v1.CameraSetting:
     """A camera of a scenario: ``*`` stands for each of the robot's that is not named,
-    ``room`` for the one that stands in the home. Pixels and Hz; size 0 is as the camera
-    delivers, rate 0 is off."""
+    ``room`` for the one that stands in the home. Pixels, 16 to 4096 each way, and Hz; rate
+    0 is off."""
     return v1.CameraSetting(name=name, width=width, height=height, rate_hz=rate_hz)
 
 
