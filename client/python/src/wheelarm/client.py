@@ -381,9 +381,7 @@ def _close_session(session: zenoh.Session, owner: int) -> None:
         session.close()
 
 
-def camera_setting(
-    name: str, width: int, height: int, rate_hz: float = 10.0
-) -> v1.CameraSetting:
+def camera_setting(name: str, width: int, height: int, rate_hz: float = 10.0) -> v1.CameraSetting:
     """A camera of a scenario: ``*`` stands for each of the robot's that is not named,
     ``room`` for the one that stands in the home. Pixels, 16 to 4096 each way, and Hz; rate
     0 is off."""

@@ -155,7 +155,8 @@ class WheelArmEnv(gymnasium.Env[dict[str, Any], Any]):
         render_camera: Camera of `render`.
         render_size: Its width and height, pixels, where it is none of `cameras`.
         scenario: Other fields of `v1.Scenario`, for example
-            ``{"starts": "anywhere", "look": {"seed": 3, "light": 2}}``.
+            ``{"starts": "anywhere", "look": {"seed": 3, "light": 2}}``. State streams come
+            `control_rate` times a second; who records gives ``{"state_rate_hz": 60.0}``.
         server: Arguments of `wheelarm.Server`, for example ``{"adapter": "llvmpipe"}``.
         endpoint: A running server to use instead of starting one.
         sim: Its name.
@@ -323,7 +324,8 @@ class WheelArmEnv(gymnasium.Env[dict[str, Any], Any]):
         return {
             "task": self.task,
             "pacing": "lock-step",
-            "state_rate_hz": 60.0,
+            # More would be published for nobody, a third of what a step costs.
+            "state_rate_hz": float(self.control_rate),
             "cameras": cameras,
             **self._scenario,
             **more,
@@ -350,7 +352,9 @@ class WheelArmEnv(gymnasium.Env[dict[str, Any], Any]):
         scenario = client.reset(**fields)
         scene = client.scene()
         self._scene_known(scene)
-        topics = ["joint_state", "pose", "odometry", "evaluation", "applied"]
+        topics = ["joint_state", "pose", "odometry", "evaluation"]
+        if self.control_mode in ("ee_delta", "keys"):
+            topics.append("applied")
         if self.obs_mode == "state":
             topics += ["object_pose", "furniture_joint", "contact"]
         self._lockstep = client.lockstep("gym", label, topics=topics, cameras=tuple(self._pictures))
@@ -504,8 +508,8 @@ class WheelArmEnv(gymnasium.Env[dict[str, Any], Any]):
         for topic in ("joint_state", "pose", "odometry"):
             if topic not in moment.samples or moment.samples[topic].tick != moment.tick:
                 raise WheelArmError(
-                    f"there is no sample of `{topic}` of tick {moment.tick}: leave state_rate_hz at "
-                    "60; where it is, the sample was lost on the way"
+                    f"there is no sample of `{topic}` of tick {moment.tick}: leave state_rate_hz "
+                    "alone; where it is, the sample was lost on the way"
                 )
         row = self._observer.row(
             moment.message("joint_state"), moment.message("pose"), moment.message("odometry")
