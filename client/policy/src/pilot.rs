@@ -187,11 +187,14 @@ mod tests {
         Pilot::new(player, options)
     }
 
-    /// Rows whose forward speed is `at`, `at` + 1, …
+    /// Speeds are told in these, so that none is absurd.
+    const UNIT: f64 = 1.0 / 128.0;
+
+    /// Rows whose forward speed is `at`, `at` + 1, … times [`UNIT`].
     fn chunk(at: usize, rows: usize) -> Vec<f32> {
         let row = |i: usize| {
             let mut row = [0.0; 9];
-            row[7] = (at + i) as f32;
+            row[7] = (at + i) as f32 * UNIT as f32;
             row
         };
         (0..rows).flat_map(row).collect()
@@ -206,7 +209,7 @@ mod tests {
                 pilot.take(rows, &chunk(100 * picture, rows)).unwrap();
             }
             let command = pilot.command().unwrap();
-            speeds.push(command.map(|command| command.base.unwrap().linear));
+            speeds.push(command.map(|command| command.base.unwrap().linear / UNIT));
         }
         (speeds, asked)
     }
