@@ -419,6 +419,13 @@ pub fn cameras(recording: &Recording, size: Option<Size>) -> BTreeMap<String, Si
 /// When no two rows lie on a grid.
 fn grid(recording: &Recording, sees: Sees) -> anyhow::Result<(u32, Vec<usize>, Vec<String>)> {
     let (rows, mut notes) = recording.rows(&STREAMS, sees)?;
+    if rows.len() < 2 {
+        anyhow::bail!(
+            "{}: a policy learns from two pictures and more, and this episode has {}: it ended at once; leave it out",
+            recording.summary.label,
+            rows.len()
+        );
+    }
     let stamps = &recording.aligned.stamps;
     let usual = usual_distance(stamps).unwrap_or(0).max(1);
     let rate = (1e9 / usual as f64).round().max(1.0);
