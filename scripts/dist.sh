@@ -53,7 +53,7 @@ programs() {
         rust+=" --remap-path-prefix=${from[i]}=${to[i]}"
         c+=" -ffile-prefix-map=${from[i]}=${to[i]}"
     done
-    RUSTFLAGS=${rust# } CFLAGS_x86_64_unknown_linux_gnu=${c# } CXXFLAGS_x86_64_unknown_linux_gnu=${c# } \
+    CONFIG_SITE=$PWD/scripts/dist/config.site RUSTFLAGS=${rust# } CFLAGS_x86_64_unknown_linux_gnu=${c# } CXXFLAGS_x86_64_unknown_linux_gnu=${c# } \
         cargo zigbuild --locked --profile dist --target "$target.$glibc" --target-dir "$build" \
         ${JOBS:+-j "$JOBS"} --bins --features wheelarm-client/static-hdf5,wheelarm-dataset/static-hdf5
 }
