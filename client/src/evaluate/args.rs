@@ -11,7 +11,8 @@ use wheelarm_proto::settings::{LanguageSplit, Named, Quality, Starts, Style};
 use wheelarm_proto::v1;
 use wheelarm_rig::{ServerOptions, all_cameras};
 
-use super::driver::Choice;
+use super::chosen::Choice;
+use super::compare::CompareArgs;
 use super::entry::Job;
 use super::scope::{Scope, read_split};
 use crate::axis::{Axis, AxisAt};
@@ -20,9 +21,19 @@ use crate::disturb::Disturb;
 use crate::language::Language;
 use crate::variation::Variation;
 
+/// What `wheelarm evaluate` can do instead of evaluating.
+#[derive(clap::Subcommand, Clone, Debug)]
+pub enum Instead {
+    /// Compares two evaluations of the same episodes, pair by pair.
+    Compare(CompareArgs),
+}
+
 /// Options of `wheelarm evaluate`.
 #[derive(Args, Clone, Debug)]
+#[command(args_conflicts_with_subcommands = true)]
 pub struct EvaluateArgs {
+    #[command(subcommand)]
+    pub instead: Option<Instead>,
     /// Task, or `all`.
     #[arg(long, default_value = "all")]
     pub task: String,

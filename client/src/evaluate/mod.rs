@@ -8,6 +8,8 @@
 //! scenario that reproduces it, and a new server goes on.
 
 mod args;
+mod chosen;
+mod compare;
 mod driver;
 mod entry;
 mod grid;
@@ -16,6 +18,7 @@ mod nearest;
 mod pulse;
 mod report;
 mod scope;
+mod statistics;
 mod worker;
 
 use std::collections::BTreeMap;
@@ -47,6 +50,10 @@ const BROKEN: u8 = 3;
 /// When a program cannot be started, a recorder fails, or the folder cannot be
 /// written.
 pub fn run(args: &EvaluateArgs) -> anyhow::Result<ExitCode> {
+    if let Some(args::Instead::Compare(args)) = &args.instead {
+        compare::run(args)?;
+        return Ok(ExitCode::SUCCESS);
+    }
     std::fs::create_dir_all(&args.out)
         .with_context(|| format!("making the folder {}", args.out.display()))?;
     let scope = args.scope()?;
@@ -114,7 +121,7 @@ fn conclude(
     std::fs::write(&path, report.json()?).with_context(|| format!("writing {}", path.display()))?;
     println!("report      {}", path.display());
     // Drawn by doing episodes again, which the scripted operator does alike.
-    if !args.no_grid && args.policy == driver::Choice::Operator {
+    if !args.no_grid && args.policy == chosen::Choice::Operator {
         let path = grid::draw(args, scope, report, entries)?;
         println!("pictures    {}", path.display());
     }

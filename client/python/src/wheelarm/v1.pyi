@@ -3236,8 +3236,8 @@ class PolicyPicture(_Message):
     rgb: bytes
     """Red, green, blue, 8 bits each, sRGB, row-major from the top left (no unit)."""
     depth: bytes
-    """Depth along the optical axis, little-endian float32, infinite where nothing is, m; empty
-    where it is not wanted.
+    """Depth along the optical axis as little-endian float32, metres; infinite where nothing is.
+    Empty where it is not wanted.
     """
     def __init__(
         self,

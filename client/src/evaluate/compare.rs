@@ -1,0 +1,157 @@
+//! `wheelarm evaluate compare A B`: two evaluations of the same episodes, pair by
+//! pair.
+
+use std::collections::BTreeMap;
+use std::fmt::Write as _;
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, ensure};
+use clap::Args;
+
+use super::entry::Entry;
+use super::statistics::{clopper_pearson, mcnemar};
+
+/// Options of `wheelarm evaluate compare`.
+#[derive(Args, Clone, Debug)]
+pub struct CompareArgs {
+    /// Folder of an evaluation.
+    pub one: PathBuf,
+    /// Folder of another one.
+    pub other: PathBuf,
+}
+
+/// Task, seed and settings: what makes two episodes a pair.
+type Key = (String, u64, String);
+
+/// Prints what came of the pairs.
+///
+/// # Errors
+/// When a folder holds no evaluation, or the two have no episode in common.
+pub fn run(args: &CompareArgs) -> anyhow::Result<()> {
+    let [one, other] = [read(&args.one)?, read(&args.other)?];
+    let text = told(&one, &other).with_context(|| {
+        format!(
+            "comparing {} and {}",
+            args.one.display(),
+            args.other.display()
+        )
+    })?;
+    print!("{text}");
+    Ok(())
+}
+
+/// The results of a folder.
+fn read(folder: &Path) -> anyhow::Result<BTreeMap<Key, Entry>> {
+    let path = folder.join("episodes.jsonl");
+    let text = std::fs::read_to_string(&path).with_context(|| {
+        format!(
+            "reading {}; name the folder that `wheelarm evaluate --out` wrote",
+            path.display()
+        )
+    })?;
+    // Of an episode that was done again the last counts; a line that was cut does not.
+    let entries = text
+        .lines()
+        .filter_map(|line| serde_json::from_str::<Entry>(line).ok());
+    Ok(entries
+        .map(|entry| {
+            let key = (entry.task.clone(), entry.seed, entry.settings.clone());
+            (key, entry)
+        })
+        .collect())
+}
+
+/// What came of the pairs, by task and of all.
+fn told(one: &BTreeMap<Key, Entry>, other: &BTreeMap<Key, Entry>) -> anyhow::Result<String> {
+    let mut tables: BTreeMap<&str, [usize; 4]> = BTreeMap::new();
+    let mut all = [0; 4];
+    for (key, a) in one {
+        let Some(b) = other.get(key) else {
+            continue;
+        };
+        let cell = 2 * usize::from(a.success) + usize::from(b.success);
+        tables.entry(&key.0).or_default()[cell] += 1;
+        all[cell] += 1;
+    }
+    let pairs = all.iter().sum::<usize>();
+    ensure!(
+        pairs > 0,
+        "they have no episode in common: evaluate both on the same tasks and seeds, with the same settings"
+    );
+    let name = |entries: &BTreeMap<Key, Entry>| {
+        let policy = entries.values().next().map(|entry| entry.policy.clone());
+        policy
+            .filter(|name| !name.is_empty())
+            .unwrap_or("the operator".to_owned())
+    };
+    let mut text = format!("A  {}\nB  {}\n", name(one), name(other));
+    writeln!(
+        text,
+        "{:<20} {:>6} {:>6} {:>6} {:>6} {:>8} {:>8}  {:>9}",
+        "task", "pairs", "A", "B", "only A", "only B", "neither", "p"
+    )?;
+    for (task, cells) in tables.iter().map(|(task, cells)| (*task, cells)) {
+        text += &line(task, cells);
+    }
+    text += &line("all", &all);
+    let [low, high] = clopper_pearson(all[2] + all[3], pairs);
+    let [from, to] = clopper_pearson(all[1] + all[3], pairs);
+    writeln!(
+        text,
+        "95 % (Clopper-Pearson): A {:.1}..{:.1} %, B {:.1}..{:.1} %; p: McNemar's exact test, two-sided",
+        100.0 * low,
+        100.0 * high,
+        100.0 * from,
+        100.0 * to
+    )?;
+    let left = one.len() + other.len() - 2 * pairs;
+    if left > 0 {
+        writeln!(text, "{left} episodes stand in one of the two alone")?;
+    }
+    Ok(text)
+}
+
+/// `cells` by success of A (times two) and of B.
+fn line(task: &str, &[neither, only_b, only_a, both]: &[usize; 4]) -> String {
+    format!(
+        "{task:<20} {:>6} {:>6} {:>6} {only_a:>6} {only_b:>8} {neither:>8}  {:>9.2e}\n",
+        neither + only_b + only_a + both,
+        only_a + both,
+        only_b + both,
+        mcnemar(only_a, only_b)
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn entries(successes: &[bool]) -> BTreeMap<Key, Entry> {
+        let line = |(seed, success): (usize, &bool)| {
+            let text = format!(
+                r#"{{"task":"pick_bowl","seed":{seed},"success":{success},"why":"","conditions":[],"seconds":1.0,"factor":1.0,"hash":"","notes":[]}}"#
+            );
+            let entry: Entry = serde_json::from_str(&text).unwrap();
+            let key = (entry.task.clone(), entry.seed, entry.settings.clone());
+            (key, entry)
+        };
+        successes.iter().enumerate().map(line).collect()
+    }
+
+    #[test]
+    fn pairs_are_counted_by_who_succeeded() {
+        let one = entries(&[true, true, true, false, false]);
+        let other = entries(&[true, false, false, true]);
+        let text = told(&one, &other).unwrap();
+        let line: Vec<&str> = text
+            .lines()
+            .find(|line| line.starts_with("pick_bowl"))
+            .unwrap()
+            .split_whitespace()
+            .collect();
+        assert_eq!(line[1..], ["4", "3", "2", "2", "1", "0", "1.00e0"]);
+        assert!(text.contains("1 episodes stand in one"), "{text}");
+        let none = told(&one, &BTreeMap::new()).unwrap_err().to_string();
+        assert!(none.contains("no episode in common"), "{none}");
+    }
+}
