@@ -102,8 +102,13 @@ fn serve(host: &mut Host, asked: &Receiver<Ask>, most: usize) {
         };
         match next {
             Ok(Ask::Reset(request, answer)) => {
+                let told = match host.reset(&request) {
+                    // It had ended before it was asked, and has been started again.
+                    Err(PolicyError::Gone(_)) => host.reset(&request),
+                    told => told,
+                };
                 // Who asked may have given up.
-                let _ = answer.send(host.reset(&request));
+                let _ = answer.send(told);
             }
             Ok(Ask::Infer(observation, answer)) => {
                 if waiting.is_empty() {
@@ -130,7 +135,12 @@ fn answer(host: &mut Host, waiting: Vec<v1::PolicyObservation>, answers: Vec<Ans
     };
     let all = match host.infer(&request) {
         Ok(chunks) => chunks.into_iter().map(Ok).collect(),
-        Err(problem) if request.observations.len() == 1 => vec![Err(problem)],
+        // It may have ended before it was asked: then once more, as after a batch.
+        Err(problem)
+            if request.observations.len() == 1 && !matches!(problem, PolicyError::Gone(_)) =>
+        {
+            vec![Err(problem)]
+        }
         Err(_) => one_by_one(host, request.observations),
     };
     for (chunk, answer) in all.into_iter().zip(answers) {

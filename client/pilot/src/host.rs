@@ -16,8 +16,6 @@ use crate::remote::{Remote, listen};
 pub const POLICY_VARIABLE: &str = "WHEELARM_POLICY_ENDPOINT";
 /// Environment variable that tells a policy its name in the keys.
 pub const NAME_VARIABLE: &str = "WHEELARM_POLICY_NAME";
-/// The name of one that is started here.
-const NAME: &str = "policy";
 /// For a policy to start: large networks are read, libraries are imported.
 const START: Duration = Duration::from_secs(180);
 
@@ -36,8 +34,13 @@ pub struct Host {
 struct Start {
     program: Program,
     arguments: Vec<String>,
+    session: Session,
     endpoint: String,
     log: PathBuf,
+    patience: Duration,
+    /// How often it was started. Each has a name of its own: the transport still
+    /// knows for some seconds what one declared that was killed.
+    count: u32,
     _socket: TempDir,
 }
 
@@ -59,15 +62,17 @@ impl Host {
             .tempdir();
         let socket = socket.map_err(|e| PolicyError::Start(e.to_string()))?;
         let (session, endpoint) = listen(socket.path())?;
-        let start = Start {
+        let mut start = Start {
             program,
             arguments,
+            session: session.clone(),
             endpoint,
             log,
+            patience,
+            count: 0,
             _socket: socket,
         };
-        let remote = Remote::new(session.clone(), NAME, patience)?;
-        let (process, spec) = start.run(&remote)?;
+        let (remote, process, spec) = start.run()?;
         Ok(Self {
             remote,
             spec,
@@ -132,7 +137,7 @@ impl Host {
             problem,
             PolicyError::Gone(_) | PolicyError::Silent { .. } | PolicyError::Start(_)
         );
-        let Some(start) = self.start.as_ref().filter(|_| is_over) else {
+        let Some(start) = self.start.as_mut().filter(|_| is_over) else {
             return problem;
         };
         let problem = match (&problem, self.process.take()) {
@@ -143,9 +148,9 @@ impl Host {
             }
             _ => problem,
         };
-        match start.run(&self.remote) {
-            Ok((process, spec)) => {
-                self.process = Some(process);
+        match start.run() {
+            Ok((remote, process, spec)) => {
+                (self.remote, self.process) = (remote, Some(process));
                 if spec != self.spec {
                     tracing::warn!("the policy describes itself otherwise than before");
                 }
@@ -159,11 +164,14 @@ impl Host {
 
 impl Start {
     /// Runs it until it serves.
-    fn run(&self, remote: &Remote) -> Result<(Process, v1::PolicySpec), PolicyError> {
+    fn run(&mut self) -> Result<(Remote, Process, v1::PolicySpec), PolicyError> {
         let failed = |e: anyhow::Error| PolicyError::Start(format!("{e:#}"));
+        self.count += 1;
+        let name = format!("policy-{}", self.count);
+        let remote = Remote::new(self.session.clone(), &name, self.patience)?;
         let environment = [
             (POLICY_VARIABLE, self.endpoint.clone()),
-            (NAME_VARIABLE, NAME.to_owned()),
+            (NAME_VARIABLE, name),
         ];
         let mut process = Process::start(Launch {
             name: "policy",
@@ -181,7 +189,7 @@ impl Start {
         })?;
         let spec = remote.describe()?;
         checked(&spec)?;
-        Ok((process, spec))
+        Ok((remote, process, spec))
     }
 }
 
