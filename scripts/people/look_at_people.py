@@ -166,18 +166,16 @@ def main():
     else:
         order = [n for n in LOOKS if n in assets]
         cells = [
-            view(room, assets[n], LOOKS[n], postures[k % len(postures)], [2.0, -1.2, 1.55], [0.27, 0.02, 0.80], 330, 190, 212)
+            view(room, assets[n], LOOKS[n], postures[k % len(postures)], [2.0, -1.2, 1.55], [0.27, 0.02, 0.80], 480, 270, 300)
             for k, n in enumerate(order)
         ]
-        for n, posture in (("man_p50", "hands_in_lap"), ("woman_80", "hand_on_joystick"), ("girl_12", "looking_left"), ("man_p95", "hands_on_thighs")):
-            cells.append(chair_view(room, assets[n], LOOKS[n], posture, 332, 187).bytes())
+        for n, posture in (("man_p50", "hands_in_lap"), ("woman_p50", "hand_on_joystick"), ("girl_12", "looking_left"), ("man_p95", "hands_on_thighs")):
+            cells.append(chair_view(room, assets[n], LOOKS[n], posture, 472, 266).bytes())
         rows = [np.hstack(cells[0:7]), np.hstack(cells[7:14])]
         last = np.hstack(cells[14:])
         last = np.hstack([last, np.full((last.shape[0], max(rows[0].shape[1] - last.shape[1], 0), 3), 255, np.uint8)])
         rows.append(last[:, : rows[0].shape[1]])
     image = Image.fromarray(np.vstack(rows))
-    if arguments.what == "guide":
-        image = image.quantize(200, method=Image.Quantize.MEDIANCUT, dither=Image.Dither.NONE)
     image.save(arguments.out, optimize=True)
 
 

