@@ -112,7 +112,7 @@ impl FlowLayer {
     fn forward(&self, x: Tensor<3>, memory: &Memory, told: Tensor<2>) -> Tensor<3> {
         let told = told + self.table.val();
         let dim = told.dims()[1];
-        let part = |k: usize| told.clone().slice([k..k + 1]).reshape([1, 1, dim]);
+        let part = |k: usize| told.clone().narrow(0, k, 1).reshape([1, 1, dim]);
         let device = x.device();
         let norm = |x: Tensor<3>, k: usize| {
             let normed = layer_norm(x, Tensor::ones([dim], &device), None, 1e-5);

@@ -148,11 +148,11 @@ impl Shape {
             ("dim", self.dim, 4, "it must be a multiple of 4"),
         ];
         for (what, value, by, rule) in divides {
-            if value % by != 0 {
+            if !value.is_multiple_of(by) {
                 return Err(ShapeError { what, value, rule });
             }
         }
-        if self.norm == NormKind::Group && self.width % self.group_channels != 0 {
+        if self.norm == NormKind::Group && !self.width.is_multiple_of(self.group_channels) {
             return Err(ShapeError {
                 what: "width",
                 value: self.width,
