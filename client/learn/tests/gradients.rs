@@ -139,8 +139,8 @@ fn check(shape: &Shape) {
     network.visit(&mut read);
     let (mut worst, mut tried) = (0.0_f64, 0);
     for (tensor, (name, gradient)) in read.found.into_iter().enumerate() {
-        let frozen = shape.norm == NormKind::FrozenBatch && name.contains("bn")
-            || name.contains("downsample.norm") && shape.norm == NormKind::FrozenBatch;
+        let is_norm = name.contains("bn") || name.contains("downsample.norm");
+        let frozen = shape.norm == NormKind::FrozenBatch && is_norm;
         let Some(gradient) = gradient else {
             assert!(frozen, "{name} has no gradient");
             continue;

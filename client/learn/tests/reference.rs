@@ -77,6 +77,9 @@ fn apart(a: &[f32], b: &[f32]) -> f32 {
         .fold(0.0, f32::max)
 }
 
+/// Makes a moment one that does not fit.
+type Spoil = fn(&mut v1::PolicyMoment);
+
 const CASES: [&str; 5] = ["act", "act-frozen", "act-16bit", "act-8bit", "flow"];
 
 #[test]
@@ -110,14 +113,14 @@ fn a_batch_is_answered_in_order_and_what_does_not_fit_in_words() {
             ..seen.clone()
         };
         let mut all = vec![key(&told.seen, "good")];
-        let spoilt: [(&str, &dyn Fn(&mut v1::PolicyMoment)); 5] = [
-            ("state has 4", &|m| m.state_values.truncate(4)),
-            ("beta is NaN", &|m| m.state_values[1] = f64::NAN),
-            ("1 pictures", &|m| m.pictures.truncate(1)),
-            ("41x50", &|m| {
+        let spoilt: [(&str, Spoil); 5] = [
+            ("state has 4", |m| m.state_values.truncate(4)),
+            ("beta is NaN", |m| m.state_values[1] = f64::NAN),
+            ("1 pictures", |m| m.pictures.truncate(1)),
+            ("41x50", |m| {
                 (m.pictures[0].width, m.pictures[0].height) = (41, 50)
             }),
-            ("5 bytes", &|m| m.pictures[1].rgb = vec![0; 5].into()),
+            ("5 bytes", |m| m.pictures[1].rgb = vec![0; 5].into()),
         ];
         for (words, spoil) in spoilt {
             let mut seen = key(&told.seen, words);
