@@ -11,7 +11,7 @@ use crate::state::SIX;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum ActionKind {
     /// In force at the next picture: pose of the hand in `base_link` (3, and 6
-    /// of its rotation), knuckle; v and ω as means until then. 12 numbers.
+    /// of its rotation), knuckle, v and ω. 12 numbers.
     #[default]
     NextPose,
     /// The same with the arm's joints instead of the hand's pose. 9 numbers.

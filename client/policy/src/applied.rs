@@ -1,10 +1,9 @@
 //! From what was applied at every control tick to the action of a picture.
 
 use wheelarm_proto::robot::ARM_JOINTS;
-use wheelarm_proto::{PHYSICS_HZ, v1};
+use wheelarm_proto::v1;
 
 use crate::action::ActionKind;
-use crate::mean::mean;
 use crate::rotation::to_six;
 
 /// A desired pose further than this from where the set points have the hand is a
@@ -14,8 +13,6 @@ use crate::rotation::to_six;
 pub const NEAR_DISTANCE: f64 = 0.15;
 /// The same for the rotation, rad.
 pub const NEAR_ANGLE: f64 = 0.8;
-/// Half a physics tick, s: a sample holds during the tick behind its stamp.
-const HALF_TICK: f64 = 0.5 / PHYSICS_HZ as f64;
 
 /// The stream `applied` of an episode, one entry per control tick.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -64,7 +61,7 @@ impl Applied {
         let index = |time: f64| self.stamps.partition_point(|&s| s < time - 1e-6).min(last);
         let at = index(to.unwrap_or(from));
         let asked = index(to.unwrap_or(from)).saturating_sub(1);
-        let [linear, angular] = to.map_or([0.0; 2], |to| self.motion(from, to));
+        let [linear, angular] = to.map_or([0.0; 2], |_| self.motion(asked));
         let rest = [self.knuckle[at], linear, angular];
         Some(match kind {
             ActionKind::NextPose => {
@@ -86,16 +83,12 @@ impl Applied {
         })
     }
 
-    /// Means of the chair's forward speed, m/s, and turn rate, rad/s.
-    fn motion(&self, from: f64, to: f64) -> [f64; 2] {
-        let [left, right] = [0, 1].map(|side| {
-            mean(
-                &self.stamps,
-                &self.wheels[side],
-                from - HALF_TICK,
-                to - HALF_TICK,
-            )
-        });
+    /// The chair's forward speed, m/s, and turn rate, rad/s, at a sample. The server
+    /// goes straight from row to row and is there with the last tick before the
+    /// next picture, so the way is that of the recorded speeds by the trapezoid
+    /// rule. Means until the next picture would be reached half a row late.
+    fn motion(&self, at: usize) -> [f64; 2] {
+        let [left, right] = [0, 1].map(|side| self.wheels[side][at]);
         let [radius, track] = self.drive;
         [
             (right + left) / 2.0 * radius,
@@ -162,9 +155,8 @@ mod tests {
         let pose = row(ActionKind::NextPose, 0.1, Some(0.2));
         // Asked with the tick before the next picture, the twelfth.
         near(&pose[..9], &[0.076, 0.0, 0.5, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0]);
-        // Wheels in the middle of the span, seen half a physics tick before.
-        let left = 0.1 * (0.15 - HALF_TICK) * 60.0;
-        let rest = [0.24, (left + 0.5) * 0.2, 0.4];
+        // The left wheel turns at 1.1 rad/s by then, the right one 1 rad/s faster.
+        let rest = [0.24, 1.6 * 0.2, 0.4];
         near(&pose[9..], &rest);
         let joints = row(ActionKind::NextJoints, 0.1, Some(0.2));
         near(&joints[..6], &[0.12 + 0.6 * 0.06; 6]);
@@ -178,14 +170,24 @@ mod tests {
     }
 
     #[test]
-    fn the_means_of_all_rows_give_the_whole_way() {
+    fn speeds_that_go_straight_from_row_to_row_go_the_recorded_way() {
         let all = applied();
-        let way = |from: f64, to: f64| (to - from) * all.motion(from, to)[0];
-        let rows: f64 = (0..5)
-            .map(|i| f64::from(i) / 10.0)
-            .map(|t| way(t, t + 0.1))
-            .sum();
-        assert!((rows - way(0.0, 0.5)).abs() < 1e-12);
+        let speed = |at: usize| all.motion(at)[0];
+        // The row at 0.1 s is in force from the sixth tick on and reached by the
+        // eleventh; what was in force before is what the row before reached.
+        let row = |i: u32| {
+            let from = f64::from(i) / 10.0;
+            let row = all.action(ActionKind::NextJoints, from, Some(from + 0.1));
+            row.unwrap()[7]
+        };
+        for i in 1..5 {
+            for k in 1..=6_u32 {
+                let (last, now) = (row(i - 1), row(i));
+                let played = last + (now - last) * f64::from(k) / 6.0;
+                let tick = usize::try_from(6 * i + k - 1).unwrap();
+                assert!((played - speed(tick)).abs() < 1e-12, "{i}, {k}");
+            }
+        }
     }
 
     #[test]

@@ -9,7 +9,6 @@
 
 mod action;
 mod applied;
-mod mean;
 mod pilot;
 mod player;
 mod rotation;
@@ -17,7 +16,6 @@ mod state;
 
 pub use action::{ActionKind, NoKind};
 pub use applied::{Applied, NEAR_ANGLE, NEAR_DISTANCE};
-pub use mean::mean;
 pub use pilot::{ChunkError, Pilot, PilotOptions};
 pub use player::{Player, RowError};
 pub use rotation::{from_six, to_six};
