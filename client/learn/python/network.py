@@ -4,6 +4,7 @@ Names of the parameters are those of LeRobot 0.4's `ACT`, so that weights go bot
 ways; what LeRobot does not have (word vectors, the flow head) has names of its own.
 """
 
+import functools
 import math
 from dataclasses import asdict, dataclass
 
@@ -24,7 +25,7 @@ class Shape:
     words: int = 0  # size of the vocabulary with the unknown word; 0: no language
     word_width: int = 300
     width: int = 64  # channels of ResNet18's first stage
-    norm: str = "group"  # group, or frozen-bn
+    norm: str = "group"  # group, frozen-bn, or in training batch, which is served as frozen-bn
     group_channels: int = 16  # channels that a group norm takes together
     dim: int = 256
     feedforward: int = 1024
@@ -39,6 +40,10 @@ class Shape:
 
     def told(self):
         return asdict(self)
+
+    def served(self):
+        """As `told`, for a network that no longer learns."""
+        return {**self.told(), "norm": "frozen-bn" if self.norm == "batch" else self.norm}
 
 
 class FrozenNorm(nn.Module):
@@ -58,8 +63,10 @@ class FrozenNorm(nn.Module):
 def make_norm(shape, channels):
     if shape.norm == "frozen-bn":
         return FrozenNorm(channels)
+    if shape.norm == "batch":
+        return nn.BatchNorm2d(channels)
     if shape.norm != "group":
-        raise ValueError(f"no norm is called {shape.norm!r}; there are group and frozen-bn")
+        raise ValueError(f"no norm is called {shape.norm!r}; there are group, batch and frozen-bn")
     if channels % shape.group_channels:
         raise ValueError(
             f"{channels} channels are no multiple of the {shape.group_channels} of a group: "
@@ -208,7 +215,8 @@ def sinusoids(count, dim):
     return out.float()
 
 
-def picture_places(height, width, dim):
+@functools.lru_cache
+def picture_places(height, width, dim, device):
     """[height * width, dim]: half for the row, half for the column, each from
     1/height and 1/width of a full turn to one turn."""
     half = dim // 2
@@ -221,7 +229,7 @@ def picture_places(height, width, dim):
 
     rows = along(height)[:, None].expand(height, width, half)
     columns = along(width)[None].expand(height, width, half)
-    return torch.cat((rows, columns), -1).flatten(0, 1)
+    return torch.cat((rows, columns), -1).flatten(0, 1).to(device)
 
 
 class Act(nn.Module):
@@ -283,7 +291,7 @@ class Act(nn.Module):
         features = self.encoder_img_feat_input_proj(self.backbone(pictures.flatten(0, 1)))
         height, width = features.shape[-2:]
         seen = features.flatten(2).transpose(1, 2).reshape(batch, -1, shape.dim)
-        place = picture_places(height, width, shape.dim).to(seen)
+        place = picture_places(height, width, shape.dim, seen.device).to(seen.dtype)
         places = torch.cat([self.encoder_1d_feature_pos_embed.weight] + [place] * shape.cameras)[None]
         x = torch.cat((torch.stack(tokens, 1), seen), 1)
         return self.encoder(x, places), places

@@ -17,6 +17,7 @@ FORMAT = "wheelarm-policy/1"
 SCALE = ".scale"
 LEAST_QUANTISED = 4096  # smaller tensors are too few bytes to lose precision for
 ONLY_IN_TRAINING = "model.vae_encoder"
+COUNTER = ".num_batches_tracked"  # of a batch norm, which needs it no more
 
 
 def packed(state, bits):
@@ -60,6 +61,7 @@ def write(path, state, card, bits=16, training=False):
     Without `training` the part that only training needs is left out."""
     path = Path(path)
     state = {n: t for n, t in state.items() if training or not n.startswith(ONLY_IN_TRAINING)}
+    state = {n: t for n, t in state.items() if not n.endswith(COUNTER)}
     card = {"format": FORMAT, **card, "bits": bits}
     text = json.dumps(card, indent=1)
     part = path.with_name(path.name + ".part")
