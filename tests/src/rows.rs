@@ -55,7 +55,7 @@ impl Rows {
     /// # Errors
     /// When it cannot be read or has no rows.
     pub fn read(file: &Path, kind: ActionKind, shift: usize) -> anyhow::Result<Self> {
-        let wanted = |stream: &str| learning::STREAMS.contains(&stream);
+        let wanted = learning::reads;
         let recording = Recording::open(file, &ReadOptions::default(), &wanted)?;
         let options = RowOptions {
             action: kind,
@@ -76,7 +76,7 @@ impl Rows {
     /// # Errors
     /// When the set does not hold the recording's rows.
     pub fn exported(file: &Path, set: &Exported) -> anyhow::Result<Self> {
-        let wanted = |stream: &str| learning::STREAMS.contains(&stream);
+        let wanted = learning::reads;
         let recording = Recording::open(file, &ReadOptions::default(), &wanted)?;
         let kinds = [
             ActionKind::NextPose,

@@ -13,10 +13,12 @@ use wheelarm_proto::{TopicId, v1};
 use crate::fly::FlyError;
 
 /// Streams that make up a row of state, and how the task stands.
-pub(crate) const STREAMS: [TopicId; 4] = [
+pub(crate) const STREAMS: [TopicId; 6] = [
     TopicId::JointState,
     TopicId::Pose,
     TopicId::Odometry,
+    TopicId::SensedJoint,
+    TopicId::SensedOdometry,
     TopicId::Evaluation,
 ];
 /// Pictures of a camera that may wait.
@@ -29,6 +31,8 @@ pub(crate) struct Eyes {
     joints: v1::JointState,
     poses: v1::PoseSet,
     odometry: v1::Odometry,
+    sensed_joints: v1::SensedJoints,
+    sensed_odometry: v1::SensedOdometry,
     /// The newest evaluation.
     pub evaluation: v1::Evaluation,
     /// Odometry at the first moment.
@@ -50,6 +54,8 @@ impl Eyes {
         };
         Ok(Self {
             roles,
+            sensed_joints: v1::SensedJoints::default(),
+            sensed_odometry: v1::SensedOdometry::default(),
             cameras: spec
                 .cameras
                 .iter()
@@ -71,6 +77,8 @@ impl Eyes {
             Sample::JointState(s) => self.joints = s,
             Sample::Pose(s) => self.poses = s,
             Sample::Odometry(s) => self.odometry = s,
+            Sample::SensedJoint(s) => self.sensed_joints = s,
+            Sample::SensedOdometry(s) => self.sensed_odometry = s,
             Sample::Evaluation(s) => self.evaluation = s,
             _ => {}
         }
@@ -109,12 +117,21 @@ impl Eyes {
     }
 
     fn state(&mut self, now: &v1::Header) -> Result<Vec<f64>, FlyError> {
+        // Sensor models publish where they are on, with every other sample of a tick.
+        let has_encoders = self.sensed_joints.header.is_some();
+        let has_odometry = self.sensed_odometry.header.is_some();
         let headers = [
-            ("joint_state", &self.joints.header),
-            ("pose", &self.poses.header),
-            ("odometry", &self.odometry.header),
+            ("joint_state", &self.joints.header, true),
+            ("pose", &self.poses.header, true),
+            ("odometry", &self.odometry.header, true),
+            ("sensed_joint", &self.sensed_joints.header, has_encoders),
+            (
+                "sensed_odometry",
+                &self.sensed_odometry.header,
+                has_odometry,
+            ),
         ];
-        for (stream, header) in headers {
+        for (stream, header, _) in headers.into_iter().filter(|(.., is_on)| *is_on) {
             let tick = header.as_ref().map(|header| header.tick);
             if tick != Some(now.tick) {
                 return Err(FlyError::Sees(format!(
@@ -128,12 +145,21 @@ impl Eyes {
         let of = |all: &[f64]| -> Option<([f64; 6], f64)> {
             Some((self.roles.arm_of(all)?, *all.get(self.roles.knuckle)?))
         };
-        let (joints, knuckle) = of(&self.joints.positions).ok_or_else(|| lacks("joints"))?;
-        let (velocities, turning) =
+        let (mut joints, knuckle) = of(&self.joints.positions).ok_or_else(|| lacks("joints"))?;
+        let (mut velocities, turning) =
             of(&self.joints.velocities).ok_or_else(|| lacks("joint velocities"))?;
+        if has_encoders {
+            let arm = |all: &[f64]| all.try_into().map_err(|_| lacks("sensed joints"));
+            joints = arm(&self.sensed_joints.positions)?;
+            velocities = arm(&self.sensed_joints.velocities)?;
+        }
         let hand = self.poses.frames.get(self.roles.end_effector);
         let hand = hand.and_then(|frame| values(frame.pose.as_ref()));
-        let odometry = values(self.odometry.pose.as_ref()).ok_or_else(|| lacks("odometry"))?;
+        let odometry = match has_odometry {
+            true => self.sensed_odometry.pose.as_ref(),
+            false => self.odometry.pose.as_ref(),
+        };
+        let odometry = values(odometry).ok_or_else(|| lacks("odometry"))?;
         let seen = Observed {
             joints,
             velocities,

@@ -133,7 +133,7 @@ impl Policy for Nearest {
 
 /// What a policy of a recording would be, and its demonstration where it succeeded.
 fn read(file: &Path) -> anyhow::Result<(v1::PolicySpec, Option<Demonstration>)> {
-    let wanted = |stream: &str| learning::STREAMS.contains(&stream);
+    let wanted = learning::reads;
     let recording = Recording::open(file, &ReadOptions::default(), &wanted)?;
     let options = RowOptions {
         action: ActionKind::NextPose,

@@ -44,6 +44,15 @@ impl Policy for Witness {
 
 #[test]
 fn a_policy_sees_live_what_an_export_of_its_episode_tells() {
+    seen("seen", &[]);
+}
+
+#[test]
+fn a_policy_sees_what_sensor_models_tell_as_an_export_does() {
+    seen("sensed", &["--sensor", "encoders", "--sensor", "odometry"]);
+}
+
+fn seen(name: &str, sensors: &[&str]) {
     let arguments = [
         "--pacing",
         "lock-step",
@@ -52,7 +61,7 @@ fn a_policy_sees_live_what_an_export_of_its_episode_tells() {
         "--task",
         "pick_bowl",
     ];
-    let server = Server::start("seen", &arguments).expect("a server");
+    let server = Server::start(name, &[&arguments, sensors].concat()).expect("a server");
     let folder = tempfile::tempdir().expect("a folder");
     let recorder = Recorder::start(&server, "witness", folder.path(), &["--episodes", "1"]);
     let link = server.link();
@@ -86,13 +95,16 @@ fn a_policy_sees_live_what_an_export_of_its_episode_tells() {
     assert_eq!((flight.rows, flight.thinking.len()), (24, 24));
     recorder.finish();
 
-    let wanted = |stream: &str| learning::STREAMS.contains(&stream);
+    let wanted = learning::reads;
     let file = folder.path().join("seen.h5");
     let recording = Recording::open(&file, &ReadOptions::default(), &wanted).expect("a recording");
     let rows = RowOptions::default();
     let (rate, all) = Learning::on_grid(&recording, &rows, Sees::Colour).expect("rows");
     assert_eq!(rate, 10);
     let saw = policy.saw.into_inner().expect("a lock");
+    // What a model of the encoders tells is a little off what is exact.
+    let off = (0..6).map(|j| (all.states[20][j] - all.joints(all.rows[20])[j]).abs());
+    assert_eq!(off.sum::<f64>() > 0.0, !sensors.is_empty());
     assert!(all.states.len() >= 24, "{}", all.states.len());
     for (i, (observation, state)) in saw.iter().zip(&all.states).enumerate() {
         assert_eq!(observation.first, i == 0);

@@ -148,7 +148,7 @@ impl<'a> State<'a> {
 
 impl Format for CsvTable {
     fn wants(&self, stream: &str) -> bool {
-        STREAMS.contains(&stream) || learning::STREAMS.contains(&stream)
+        STREAMS.contains(&stream) || learning::reads(stream)
     }
 
     fn add(&self, recording: &Recording, tick: &(dyn Fn() + Sync)) -> anyhow::Result<Written> {

@@ -18,6 +18,8 @@ use crate::urdf::Robot;
 
 /// Streams that a row must have.
 pub const STREAMS: [&str; 5] = ["joint_state", "pose", "odometry", "applied", "evaluation"];
+/// Streams of sensor models that stand in a row in the place of what is exact.
+const SENSED: [&str; 2] = ["sensed_joint", "sensed_odometry"];
 /// Deviation that the statistics tell at least of a value of state or action, and
 /// half the range that scaling to [-1, 1] takes at least; in the value's own unit
 /// (m, rad, 1, m/s, rad/s). A value that hardly changes would be blown up otherwise.
@@ -30,6 +32,12 @@ const JOINT_RESTS: f64 = 2e-3;
 const WHEEL_RESTS: f64 = 5e-3;
 /// A knuckle that changes less within a row is at rest, rad.
 const KNUCKLE_RESTS: f64 = 1e-4;
+
+/// Whether rows are made of a stream.
+#[must_use]
+pub fn reads(stream: &str) -> bool {
+    STREAMS.contains(&stream) || SENSED.contains(&stream)
+}
 
 /// What is made into rows.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -59,6 +67,10 @@ pub struct Learning<'a> {
     velocity: &'a Signal,
     pose: &'a Signal,
     odometry: &'a Signal,
+    /// Positions and velocities of the arm by its encoders, where a sensor model was on.
+    sensed_arm: Option<[&'a Signal; 2]>,
+    /// Pose by odometry with the errors of real wheels, where a sensor model was on.
+    sensed_odometry: Option<&'a Signal>,
     twist: &'a Signal,
     knuckle: &'a Signal,
     success: &'a [u8],
@@ -82,6 +94,12 @@ impl<'a> Learning<'a> {
         }
         let position = recording.need("joint_state", "position")?;
         let pose = recording.need("pose", "pose")?;
+        // Columns of streams that nothing was published on are empty.
+        let is_on = |stream| !recording.aligned.whole_rows(&[stream], &[]).is_empty();
+        let sensed = |stream, column| {
+            let signal = recording.aligned.signal(stream, column);
+            signal.filter(|_| is_on(stream))
+        };
         let roles = &recording.roles;
         let joints = roles.arm.iter().copied().chain([roles.knuckle]).collect();
         let Values::Flag(success) = &recording.need("evaluation", "success")?.values else {
@@ -96,6 +114,10 @@ impl<'a> Learning<'a> {
             notes: Vec::new(),
             velocity: recording.need("joint_state", "velocity")?,
             odometry: recording.need("odometry", "pose")?,
+            sensed_arm: sensed("sensed_joint", "position")
+                .zip(sensed("sensed_joint", "velocity"))
+                .map(<[_; 2]>::from),
+            sensed_odometry: sensed("sensed_odometry", "pose"),
             twist: recording.need("odometry", "twist")?,
             knuckle: recording.need("applied", "knuckle")?,
             success,
@@ -126,7 +148,7 @@ impl<'a> Learning<'a> {
         let Some(&start) = all.rows.first() else {
             return Ok(all);
         };
-        let start = crate::pose::of(all.odometry.row(start));
+        let start = all.told_pose(start);
         for (i, &row) in all.rows.iter().enumerate() {
             let seen = all.observed(row, start);
             all.states.push(state(&seen).to_vec());
@@ -157,14 +179,23 @@ impl<'a> Learning<'a> {
     fn observed(&self, row: usize, start: Pose) -> Observed {
         let (joints, speeds) = (self.joints(row), self.speeds(row));
         let arm = |all: &[f64]| std::array::from_fn(|k| all[k]);
+        let [told, told_speeds] = match self.sensed_arm {
+            Some(sensed) => sensed.map(|signal| arm(signal.row(row))),
+            None => [arm(&joints), arm(&speeds)],
+        };
         Observed {
-            joints: arm(&joints),
-            velocities: arm(&speeds),
+            joints: told,
+            velocities: told_speeds,
             knuckle: [joints[ARM_JOINTS], speeds[ARM_JOINTS]],
             hand: crate::pose::of(self.effector(row)),
-            odometry: crate::pose::of(self.odometry.row(row)),
+            odometry: self.told_pose(row),
             start,
         }
+    }
+
+    /// Pose by odometry: that of the sensor model where one was on.
+    fn told_pose(&self, row: usize) -> Pose {
+        crate::pose::of(self.sensed_odometry.unwrap_or(self.odometry).row(row))
     }
 
     /// Positions of the six arm joints and the knuckle, rad.

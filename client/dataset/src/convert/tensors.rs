@@ -49,7 +49,7 @@ pub struct Tensors {
 
 impl Format for Tensors {
     fn wants(&self, stream: &str) -> bool {
-        TABLE.contains(&stream) || learning::STREAMS.contains(&stream)
+        TABLE.contains(&stream) || learning::reads(stream)
     }
 
     fn add(&self, recording: &Recording, tick: &(dyn Fn() + Sync)) -> anyhow::Result<Written> {

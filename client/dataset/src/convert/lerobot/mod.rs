@@ -118,7 +118,7 @@ impl Scratch {
 
 impl Format for LeRobot {
     fn wants(&self, stream: &str) -> bool {
-        learning::STREAMS.contains(&stream)
+        learning::reads(stream)
     }
 
     fn collects(&self) -> bool {

@@ -118,7 +118,7 @@ impl Robomimic {
 
 impl Format for Robomimic {
     fn wants(&self, stream: &str) -> bool {
-        learning::STREAMS.contains(&stream) || stream == "object_pose"
+        learning::reads(stream) || stream == "object_pose"
     }
 
     fn collects(&self) -> bool {
