@@ -1,5 +1,5 @@
-//! One camera's pictures, decoded; the newest few are kept, older ones are let
-//! go.
+//! Pictures of one camera, or of a sensor on one, decoded; the newest few are kept,
+//! older ones are let go.
 
 use std::time::{Duration, Instant};
 
@@ -46,6 +46,53 @@ impl Link {
             pictures,
             _subscriber: subscriber,
         })
+    }
+}
+
+/// A subscribed sensor on a camera.
+pub struct SensorPictures {
+    pictures: RingChannelHandler<Sample>,
+    _subscriber: Subscriber<()>,
+}
+
+impl Link {
+    /// Subscribes to a sensor on a camera, by the name that `sensors` tells. Up to
+    /// `kept` pictures wait to be taken; then the oldest is let go.
+    ///
+    /// # Errors
+    /// As [`Link::subscribe`].
+    pub fn sensor(&self, name: &str, kept: usize) -> Result<SensorPictures, LinkError> {
+        let (ring, pictures) = RingChannel::new(kept.max(1)).into_handler();
+        let key = self.keys().sensor(name);
+        let subscriber = self.subscribe(&key, move |sample| ring.call(sample))?;
+        Ok(SensorPictures {
+            pictures,
+            _subscriber: subscriber,
+        })
+    }
+}
+
+impl SensorPictures {
+    /// The next picture, or `None` when none came for `patience`.
+    ///
+    /// # Errors
+    /// [`LinkError::Garbled`] when it cannot be read, [`LinkError::Transport`] when
+    /// the session is closed.
+    pub fn next(&self, patience: Duration) -> Result<Option<v1::SensorFrame>, LinkError> {
+        let sample = self
+            .pictures
+            .recv_deadline(Instant::now() + patience)
+            .map_err(transport("waiting for a sensor's picture"))?;
+        sample
+            .map(|sample| {
+                // Planes share these bytes.
+                let bytes = Bytes::from(sample.payload().to_bytes().into_owned());
+                v1::SensorFrame::decode(bytes).map_err(|cause| LinkError::Garbled {
+                    what: "a sensor's picture".to_owned(),
+                    cause,
+                })
+            })
+            .transpose()
     }
 }
 

@@ -38,7 +38,7 @@ use zenoh::query::{ConsolidationMode, QueryTarget};
 use zenoh::sample::{Sample, SourceInfo};
 use zenoh::{Config, Session, Wait};
 
-pub use camera::Camera;
+pub use camera::{Camera, SensorPictures};
 pub use commander::Commander;
 pub use error::LinkError;
 pub use frame::{BadFrame, Frame};

@@ -4,7 +4,7 @@
 use std::collections::VecDeque;
 use std::time::{Duration, Instant};
 
-use wheelarm_link::{Camera, Frame, Link, LinkError};
+use wheelarm_link::{Camera, Frame, Link, LinkError, SensorPictures};
 use wheelarm_policy::{Observed, state};
 use wheelarm_proto::robot::Roles;
 use wheelarm_proto::topic::Sample;
@@ -24,10 +24,26 @@ pub(crate) const STREAMS: [TopicId; 6] = [
 /// Pictures of a camera that may wait.
 const KEPT: usize = 4;
 
+/// What a policy sees of a camera: what the sensors on it give where there are some,
+/// else the exact pictures.
+struct View {
+    wanted: v1::PolicyCamera,
+    exact: Option<Camera>,
+    color: Option<Sensor>,
+    depth: Option<Sensor>,
+}
+
+/// A sensor on a camera.
+struct Sensor {
+    name: String,
+    pictures: SensorPictures,
+    newest: Option<v1::SensorFrame>,
+}
+
 /// Collects what a policy sees.
 pub(crate) struct Eyes {
     roles: Roles,
-    cameras: Vec<(v1::PolicyCamera, Camera)>,
+    views: Vec<View>,
     joints: v1::JointState,
     poses: v1::PoseSet,
     odometry: v1::Odometry,
@@ -48,18 +64,42 @@ impl Eyes {
     /// # Errors
     /// [`LinkError::NoCamera`] and what else a subscription says.
     pub fn open(link: &Link, spec: &v1::PolicySpec, roles: Roles) -> Result<Self, LinkError> {
-        let camera = |wanted: &v1::PolicyCamera| {
-            let camera = link.camera(&wanted.name, KEPT)?;
-            Ok((wanted.clone(), camera))
+        let sensors = match spec.cameras.is_empty() {
+            true => Vec::new(),
+            false => link.ask(&v1::SensorsRequest {})?.sensors,
+        };
+        let view = |wanted: &v1::PolicyCamera| {
+            let sensor = |is_depth: bool| {
+                let mut on = sensors.iter().filter(|sensor| sensor.camera == wanted.name);
+                let found = on.find(|sensor| sensor.depth == is_depth);
+                let open = |given: &v1::SensorGiven| {
+                    Ok::<_, LinkError>(Sensor {
+                        name: given.sensor.clone(),
+                        pictures: link.sensor(&given.sensor, KEPT)?,
+                        newest: None,
+                    })
+                };
+                found.map(open).transpose()
+            };
+            let color = sensor(false)?;
+            let depth = if wanted.depth { sensor(true)? } else { None };
+            let is_exact = color.is_none() || wanted.depth && depth.is_none();
+            let exact = is_exact.then(|| link.camera(&wanted.name, KEPT));
+            Ok(View {
+                wanted: wanted.clone(),
+                exact: exact.transpose()?,
+                color,
+                depth,
+            })
         };
         Ok(Self {
             roles,
             sensed_joints: v1::SensedJoints::default(),
             sensed_odometry: v1::SensedOdometry::default(),
-            cameras: spec
+            views: spec
                 .cameras
                 .iter()
-                .map(camera)
+                .map(view)
                 .collect::<Result<_, LinkError>>()?,
             joints: v1::JointState::default(),
             poses: v1::PoseSet::default(),
@@ -85,18 +125,36 @@ impl Eyes {
     }
 
     /// Sees what is there at `now`, the stamp of a picture, and remembers it.
-    /// Returns whether it is the first moment.
+    /// Returns whether it is the first moment; `None` while a sensor has not given a
+    /// picture yet.
     ///
     /// # Errors
     /// [`FlyError::Sees`] when a sample or a picture is not there.
-    pub fn see(&mut self, now: &v1::Header, patience: Duration) -> Result<bool, FlyError> {
+    pub fn see(
+        &mut self,
+        link: &Link,
+        now: &v1::Header,
+        patience: Duration,
+    ) -> Result<Option<bool>, FlyError> {
         let is_first = self.start.is_none();
-        let state_values = self.state(now)?;
         let deadline = Instant::now() + patience;
-        let mut pictures = Vec::with_capacity(self.cameras.len());
-        for (wanted, camera) in &self.cameras {
-            pictures.push(picture(wanted, camera, now, deadline)?);
+        let has_sensors = |view: &View| view.color.is_some() || view.depth.is_some();
+        let given = match self.views.iter().any(has_sensors) {
+            true => link.ask(&v1::SensorsRequest {})?.sensors,
+            false => Vec::new(),
+        };
+        let mut pictures = Vec::with_capacity(self.views.len());
+        let mut is_blind = false;
+        for view in &mut self.views {
+            match view.see(&given, now, deadline)? {
+                Some(picture) => pictures.push(picture),
+                None => is_blind = true,
+            }
         }
+        if is_blind {
+            return Ok(None);
+        }
+        let state_values = self.state(now)?;
         let moment = v1::PolicyMoment {
             state_values,
             pictures,
@@ -108,7 +166,7 @@ impl Eyes {
         while self.moments.len() > self.history {
             self.moments.pop_front();
         }
-        Ok(is_first)
+        Ok(Some(is_first))
     }
 
     /// What is remembered, the newest last.
@@ -178,8 +236,103 @@ fn values(pose: Option<&v1::Pose>) -> Option<[f64; 7]> {
     Some([p.x, p.y, p.z, q.x, q.y, q.z, q.w])
 }
 
-/// The picture of a camera at a tick.
-fn picture(
+impl View {
+    /// The picture at a tick; `None` while a sensor has not given any.
+    fn see(
+        &mut self,
+        given: &[v1::SensorGiven],
+        now: &v1::Header,
+        deadline: Instant,
+    ) -> Result<Option<v1::PolicyPicture>, FlyError> {
+        let mut picture = match &self.exact {
+            Some(camera) => exact(&self.wanted, camera, now, deadline)?,
+            None => v1::PolicyPicture::default(),
+        };
+        for sensor in [&mut self.color, &mut self.depth].into_iter().flatten() {
+            if !sensor.wait(given, now, deadline)? {
+                return Ok(None);
+            }
+        }
+        if let Some(color) = &self.color {
+            picture.rgb = color.plane(&self.wanted, |frame| frame.rgb.clone())?;
+        }
+        if let Some(depth) = &self.depth {
+            let millimetres = depth.plane(&self.wanted, |frame| frame.depth.clone())?;
+            let all = millimetres.chunks_exact(2);
+            let metres = all.map(|b| metres(u16::from_le_bytes([b[0], b[1]])));
+            picture.depth = metres.flat_map(f32::to_le_bytes).collect();
+        }
+        Ok(Some(v1::PolicyPicture {
+            camera: self.wanted.name.clone(),
+            width: self.wanted.width,
+            height: self.wanted.height,
+            ..picture
+        }))
+    }
+}
+
+/// What a depth sensor tells, m; infinite where it has no return.
+fn metres(millimetres: u16) -> f32 {
+    match millimetres {
+        0 => f32::INFINITY,
+        _ => f32::from(millimetres) * 1e-3,
+    }
+}
+
+impl Sensor {
+    /// Waits for the newest picture that has arrived by `now`; whether there is one.
+    fn wait(
+        &mut self,
+        given: &[v1::SensorGiven],
+        now: &v1::Header,
+        deadline: Instant,
+    ) -> Result<bool, FlyError> {
+        let Some(told) = given.iter().find(|told| told.sensor == self.name) else {
+            let words = format!("the sensor {:?} is gone", self.name);
+            return Err(FlyError::Sees(words));
+        };
+        if told.pictures == 0 {
+            return Ok(false);
+        }
+        loop {
+            let header = self.newest.as_ref().and_then(|frame| frame.header.as_ref());
+            if header.is_some_and(|h| h.episode == now.episode && h.sequence >= told.newest) {
+                return Ok(true);
+            }
+            let left = deadline.saturating_duration_since(Instant::now());
+            match self.pictures.next(left)? {
+                Some(frame) => self.newest = Some(frame),
+                None => {
+                    return Err(FlyError::Sees(format!(
+                        "picture {} of the sensor {:?} did not come",
+                        told.newest, self.name
+                    )));
+                }
+            }
+        }
+    }
+
+    /// A plane of the newest picture, which must be of the wanted size.
+    fn plane(
+        &self,
+        wanted: &v1::PolicyCamera,
+        plane: fn(&v1::SensorFrame) -> bytes::Bytes,
+    ) -> Result<bytes::Bytes, FlyError> {
+        let frame = self.newest.clone().unwrap_or_default();
+        let size = frame.intrinsics.as_ref().map(|i| [i.width, i.height]);
+        match size.unwrap_or_default() {
+            found if found == [wanted.width, wanted.height] => Ok(plane(&frame)),
+            [width, height] => Err(FlyError::Sees(format!(
+                "the sensor {:?} gives pictures of {width}x{height}, the policy was made for {}x{}: \
+                 make it for that size, or leave this sensor model out",
+                self.name, wanted.width, wanted.height
+            ))),
+        }
+    }
+}
+
+/// The exact picture of a camera at a tick.
+fn exact(
     wanted: &v1::PolicyCamera,
     camera: &Camera,
     now: &v1::Header,
@@ -211,11 +364,9 @@ fn picture(
             Vec::new()
         };
         return Ok(v1::PolicyPicture {
-            camera: wanted.name.clone(),
-            width,
-            height,
             rgb: frame.rgb,
             depth: depth.into(),
+            ..Default::default()
         });
     }
 }

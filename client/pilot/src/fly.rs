@@ -349,17 +349,22 @@ impl Work<'_> {
             })?;
             return Ok(true);
         }
-        let is_first = self.eyes.see(now, PICTURE)?;
+        let over_ticks = self.over_ticks;
+        let hold = || v1::Command {
+            over_ticks,
+            ..Default::default()
+        };
+        let Some(is_first) = self.eyes.see(self.own.link, now, PICTURE)? else {
+            // A sensor has not given its first picture.
+            self.turns.answer(hold())?;
+            return Ok(true);
+        };
         let command = match self.ask(now, is_first) {
             Ok(command) => command,
             Err(problem) => {
                 self.flight.error = Some(problem);
                 return Ok(false);
             }
-        };
-        let hold = || v1::Command {
-            over_ticks: self.over_ticks,
-            ..Default::default()
         };
         self.turns.answer(command.unwrap_or_else(hold))?;
         self.flight.rows += 1;

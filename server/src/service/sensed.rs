@@ -39,6 +39,8 @@ enum Job {
         episode: u64,
         tick: u64,
     },
+    /// What has arrived is published.
+    Publish(SyncSender<()>),
     /// The episode ends: what has arrived is published, the rest never is.
     Settle(SyncSender<()>),
 }
@@ -57,6 +59,18 @@ pub struct Sensed {
     making: Arc<AtomicUsize>,
     /// By index of the camera in the scenario: the sensors on it.
     names: Vec<Vec<String>>,
+    kinds: Vec<SensorKind>,
+}
+
+/// A sensor on a camera.
+#[derive(Clone, Debug)]
+pub struct SensorKind {
+    /// Its name.
+    pub name: String,
+    /// Name of the camera.
+    pub camera: String,
+    /// Whether it gives depth, and not colour.
+    pub is_depth: bool,
 }
 
 /// What a sensor makes of pictures.
@@ -120,6 +134,12 @@ impl Sensed {
             own.map(|sensor| sensor.name.clone()).collect()
         };
         let names: Vec<Vec<String>> = (0..cameras.len()).map(of_camera).collect();
+        let kind = |sensor: &Sensor| SensorKind {
+            name: sensor.name.clone(),
+            camera: sensor.camera_name.clone(),
+            is_depth: matches!(sensor.kind, Kind::Depth(_)),
+        };
+        let kinds = sensors.iter().map(kind).collect();
         let now = Arc::new(Now::default());
         let making = Arc::new(AtomicUsize::new(0));
         let mut at_work = Vec::new();
@@ -151,6 +171,7 @@ impl Sensed {
             now,
             making,
             names,
+            kinds,
         })
     }
 
@@ -164,6 +185,12 @@ impl Sensed {
     #[must_use]
     pub fn names(&self) -> Vec<String> {
         self.names.concat()
+    }
+
+    /// All sensors, by camera.
+    #[must_use]
+    pub fn kinds(&self) -> &[SensorKind] {
+        &self.kinds
     }
 
     /// Hands over an exact picture; waits while others wait.
@@ -193,15 +220,25 @@ impl Sensed {
         self.now.tick.store(tick, Ordering::Release);
     }
 
+    /// Waits until everything that has arrived is published.
+    pub fn publish(&self) {
+        self.each(Job::Publish);
+    }
+
     /// Waits until everything that has arrived is published; what is still on its
     /// way is forgotten.
     pub fn settle(&self) {
+        self.each(Job::Settle);
+    }
+
+    /// Gives every sensor a job and waits until all have done it.
+    fn each(&self, job: fn(SyncSender<()>) -> Job) {
         let asked: Vec<Receiver<()>> = self
             .sensors
             .iter()
             .filter_map(|sensor| {
                 let (done, wait) = mpsc::sync_channel(1);
-                sensor.jobs.send(Job::Settle(done)).ok().map(|()| wait)
+                sensor.jobs.send(job(done)).ok().map(|()| wait)
             })
             .collect();
         for wait in asked {
@@ -270,6 +307,11 @@ impl Worker {
                     self.sensor.take(&frame, episode, tick, &self.surfaces);
                     making.fetch_sub(1, Ordering::AcqRel);
                     signal.raise();
+                }
+                Ok(Job::Publish(done)) => {
+                    self.publish();
+                    // Whoever asked may have gone.
+                    let _ = done.send(());
                 }
                 Ok(Job::Settle(done)) => {
                     self.publish();

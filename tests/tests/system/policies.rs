@@ -49,7 +49,16 @@ fn a_policy_sees_live_what_an_export_of_its_episode_tells() {
 
 #[test]
 fn a_policy_sees_what_sensor_models_tell_as_an_export_does() {
-    seen("sensed", &["--sensor", "encoders", "--sensor", "odometry"]);
+    let sensors = [
+        "encoders",
+        "odometry",
+        "kinova_vision@gen3",
+        "chair_stereo@wheelchair",
+    ];
+    seen(
+        "sensed",
+        &sensors.map(|sensor| ["--sensor", sensor]).concat(),
+    );
 }
 
 fn seen(name: &str, sensors: &[&str]) {
@@ -71,7 +80,8 @@ fn seen(name: &str, sensors: &[&str]) {
         name: name.to_owned(),
         width: 96,
         height: 54,
-        depth: name == "gen3",
+        // A depth sensor has a lens and a size of its own.
+        depth: name == "gen3" && sensors.is_empty(),
     };
     let policy = Witness {
         spec: v1::PolicySpec {
@@ -115,12 +125,10 @@ fn seen(name: &str, sensors: &[&str]) {
         let earlier = &all.states[i.saturating_sub(1)];
         assert_eq!(&before.state_values, earlier, "row {i}");
         for picture in &now.pictures {
-            let camera = &recording.cameras[&picture.camera];
-            let stamp = recording.aligned.stamps[all.rows[i]];
-            let at = camera.stamps().partition_point(|s| *s < stamp);
+            let (camera, at) = recording.seen(&picture.camera, all.rows[i]).expect("one");
             let rgb = camera.rgb(&recording.episode, at).expect("a picture");
             assert!(picture.rgb == rgb, "{} of row {i}", picture.camera);
-            let has_depth = picture.camera == "gen3";
+            let has_depth = picture.camera == "gen3" && sensors.is_empty();
             let depth: Vec<u8> = match has_depth {
                 true => {
                     let depth = camera.depth(&recording.episode, at).expect("a picture");

@@ -18,6 +18,7 @@ QUERIES = [
     ("episode_stop", "EpisodeStopRequest", "EpisodeStopped", ""),
     ("episode", "EpisodeRequest", "EpisodeState", ""),
     ("snapshot", "SnapshotRequest", "SnapshotReply", ""),
+    ("sensors", "SensorsRequest", "SensorsReply", ""),
     ("shutdown", "ShutdownRequest", "Ack", ""),
 ]
 

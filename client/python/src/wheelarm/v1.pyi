@@ -3058,6 +3058,47 @@ class ResetReply(_Message):
         scenario: Scenario | _Mapping[str, _Any] | None = ...,
     ) -> None: ...
 
+class SensorsRequest(_Message):
+    """Asks what the sensors on cameras have given by the present tick. In lock-step the answer
+    waits until every picture of the tick is drawn, so that who waits for the pictures that it
+    counts sees what the robot knows. Query `sensors`. An empty message.
+    """
+
+class SensorGiven(_Message):
+    """What a sensor on a camera has given."""
+    sensor: str
+    """Name of the sensor, as in the key of its pictures (no unit)."""
+    camera: str
+    """Camera whose exact pictures it takes (no unit)."""
+    depth: bool
+    """It gives depth, and not colour (no unit)."""
+    pictures: int
+    """Pictures of the running episode that have arrived (count)."""
+    newest: int
+    """Sequence number of the newest of them; 0 without any (no unit)."""
+    def __init__(
+        self,
+        *,
+        sensor: str | None = ...,
+        camera: str | None = ...,
+        depth: bool | None = ...,
+        pictures: int | None = ...,
+        newest: int | None = ...,
+    ) -> None: ...
+
+class SensorsReply(_Message):
+    """Answers `sensors`."""
+    header: Header
+    """Stamp of the answer."""
+    sensors: _Messages[SensorGiven]
+    """Every sensor on a camera; none where no sensor model is on."""
+    def __init__(
+        self,
+        *,
+        header: Header | _Mapping[str, _Any] | None = ...,
+        sensors: _Iterable[SensorGiven | _Mapping[str, _Any]] | None = ...,
+    ) -> None: ...
+
 class ShutdownRequest(_Message):
     """Asks the server to end. Refused while somebody else is in control. An empty request is one
     without force.

@@ -1,9 +1,11 @@
 //! Answers the queries of the control plane.
 
 use std::sync::Arc;
+use std::time::{Duration, Instant};
 
 use bytes::Bytes;
 use wheelarm_proto::Query;
+use wheelarm_proto::topic::StreamId;
 use wheelarm_proto::v1::FailureCode;
 use wheelarm_proto::{Message, v1};
 use wheelarm_route::footprint_check::wrap;
@@ -15,11 +17,14 @@ use crate::service::denied::Denied;
 use crate::service::desk::Request;
 use crate::service::errand::{Errand, Right};
 use crate::service::render::RenderThread;
+use crate::service::sensed::SensorKind;
 use crate::service::{assets, convert, describe, leases, wall};
-use crate::sim::Scenario;
+use crate::sim::{Pacing, Scenario};
 
 /// How far a joint may turn from where a solution is looked for nearby, radians.
 const NEAR_CHANGE: f64 = 1.2;
+/// Longest time that a question about sensors waits for pictures of the tick.
+const DRAWN_WITHIN: Duration = Duration::from_secs(5);
 /// Most poses of a path that one question may hold.
 const MOST_POSES: usize = 256;
 
@@ -173,6 +178,7 @@ impl Engine {
             }
             Query::Episode => self.episode_state().encode_to_vec().into(),
             Query::Snapshot => self.snapshot()?,
+            Query::Sensors => self.sensors_given().encode_to_vec().into(),
             Query::Shutdown => {
                 let request: v1::ShutdownRequest = decode(payload)?;
                 self.may("the server would end", request.force, &request.secret)?;
@@ -184,6 +190,47 @@ impl Engine {
             // The others are answered elsewhere.
             _ => self.ack(),
         })
+    }
+
+    /// What the sensors on cameras have given by this tick. Where time waits for
+    /// commands every picture of the tick is drawn first; in real time none is waited
+    /// for.
+    fn sensors_given(&self) -> v1::SensorsReply {
+        let header = Some(self.stamp());
+        let Some(render) = self.render.as_ref() else {
+            return v1::SensorsReply {
+                header,
+                ..Default::default()
+            };
+        };
+        let (episode, sensed) = (self.episode_number(), render.sensed());
+        let deadline = Instant::now() + DRAWN_WITHIN;
+        let waits = self.sim.scenario().pacing == Pacing::LockStep && !sensed.kinds().is_empty();
+        while waits && !render.is_idle() && Instant::now() < deadline {
+            std::thread::sleep(Duration::from_micros(100));
+        }
+        sensed.stands(episode, self.sim.snapshot().tick);
+        sensed.publish();
+        let manifest = self.shared.outbox.manifest(episode, &[], &sensed.names());
+        let given = |kind: &SensorKind| {
+            let stream = StreamId::sensor(&kind.name).to_string();
+            let count = manifest.iter().find(|count| count.stream == stream);
+            let of = |value: fn(&v1::StreamCount) -> u64| {
+                let own = count.filter(|count| count.count > 0);
+                own.map_or(0, value)
+            };
+            v1::SensorGiven {
+                sensor: kind.name.clone(),
+                camera: kind.camera.clone(),
+                depth: kind.is_depth,
+                pictures: of(|count| count.count),
+                newest: of(|count| count.last),
+            }
+        };
+        v1::SensorsReply {
+            header,
+            sensors: sensed.kinds().iter().map(given).collect(),
+        }
     }
 
     fn ack(&self) -> Bytes {
