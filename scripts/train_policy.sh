@@ -29,7 +29,7 @@ say() { printf '%s  %s\n' "$(date -u +%H:%M:%S)" "$*"; }
 # A stage is done when its mark is there.
 done_before() { [ -e "$out/$1.done" ]; }
 mark() { touch "$out/$1.done"; }
-network=(--width 48 --batch 128 --lr 2e-4 --warm-up 300 --execute 10)
+network=(--width 48 --norm batch --precision bf16 --batch 128 --lr 2e-4 --warm-up 300 --shift 4 --execute 10)
 train() { # name, steps, more arguments
     local name=$1 steps=$2
     shift 2
