@@ -46,6 +46,7 @@ def arguments():
     add("--name", help="name of the policy; that of --out without it")
     add("--kind", choices=["act", "flow"], default="act")
     add("--steps", type=int, default=30000, help="training steps in all; the cosine ends with them")
+    add("--within", type=float, metavar="SECONDS", help="time of training in all: steps and cosine end with it at the latest")
     add("--seconds", type=float, help="ends this call after so many seconds, with a checkpoint")
     add("--batch", type=int, default=64)
     add("--lr", type=float, default=1e-4)
@@ -234,7 +235,7 @@ def card(options, shape, about, cameras, numbers, vocabulary, hidden, learned, h
             "device": torch.cuda.get_device_name() if options.device.startswith("cuda") else "cpu",
             "parameters": sum(p.numel() for p in network.parameters()),
             "options": {k: str(v) if isinstance(v, Path) else v for k, v in vars(options).items()
-                if k not in ("data", "out", "travel", "seconds", "device", "init", "backbone")},
+                if k not in ("data", "out", "travel", "seconds", "within", "device", "init", "backbone")},
             "init": policy_file.sha256(options.init) if options.init else None,
             "backbone": policy_file.sha256(options.backbone) if options.backbone else None,
         },
@@ -342,14 +343,14 @@ class Run:
         self.begin()
         began, before = time.monotonic(), self.spent
         saved, first, sums, counted = began, self.step, {}, 0
-        while self.step < options.steps:
+        while self.progress() < 1:
             parts = self.advance()
             counted += 1
             for key, value in parts.items():
                 sums[key] = sums.get(key, 0.0) + value
             now = time.monotonic()
             self.spent = before + now - began
-            if self.step % options.interval == 0 or self.step == options.steps:
+            if self.step % options.interval == 0 or self.progress() >= 1:
                 entry = self.measured(sums, counted, now - began, first)
                 sums, counted = {}, 0
                 log.add(entry)
@@ -363,9 +364,14 @@ class Run:
                 self.save(log)
                 saved = time.monotonic()
         self.save(log)
-        is_done = self.step >= options.steps
+        is_done = self.progress() >= 1
         log.say(f"step {self.step} of {options.steps}: {'done' if is_done else 'the same command goes on'}")
         return 0 if is_done else UNFINISHED
+
+    def progress(self):
+        """Share of the training that is done, by steps or by time."""
+        within = self.options.within
+        return max(self.step / self.options.steps, self.spent / within if within else 0.0)
 
     def pictures(self):
         return self.options.batch * self.network.shape.cameras
@@ -373,7 +379,7 @@ class Run:
     def advance(self):
         options = self.options
         share = min(1.0, (self.step + 1) / max(1, options.warm_up))
-        share *= 0.5 * (1 + math.cos(math.pi * self.step / options.steps))
+        share *= 0.5 * (1 + math.cos(math.pi * min(1.0, self.progress())))
         for group in self.optimiser.param_groups:
             rate = max(1e-7, group["base"] * share)
             if isinstance(group["lr"], torch.Tensor):
