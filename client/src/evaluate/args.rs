@@ -97,6 +97,11 @@ pub struct EvaluateArgs {
     /// Records every episode as an HDF5 file into the folder.
     #[arg(long)]
     pub record: bool,
+    /// Draws so many failed episodes again at 720p, from recordings that are kept of
+    /// failures alone unless there is --record; their contact sheets stand in
+    /// report.html.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1000))]
+    pub redraw_failures: Option<u32>,
     /// Camera of the recordings, `NAME=WIDTHxHEIGHT@HZ`, may be given several
     /// times, `*` for each of the robot's that is not named; `*=640x360@10` when absent.
     #[arg(
@@ -233,6 +238,11 @@ impl EvaluateArgs {
             scope.seeds.end = scope.seeds.end.min(last);
         }
         Ok(scope)
+    }
+
+    /// Whether episodes are recorded, be it for a time.
+    pub(super) fn records(&self) -> bool {
+        self.record || self.redraw_failures.is_some()
     }
 
     /// Cameras of the recordings.
