@@ -56,12 +56,23 @@ pub struct EvaluateArgs {
     /// Who does the tasks: `operator`, the scripted one; `hold` and `repeat`, which know
     /// nothing; `replay:DIR`, the recording in DIR whose first pictures are nearest;
     /// `act:FILE`, a network for `wheelarm-learn serve`; `exec:COMMAND`, a program that
-    /// answers as a policy; `zenoh:NAME`, one that runs behind --policy-connect.
+    /// answers as a policy; `zenoh:NAME`, one that runs behind --policy-connect;
+    /// `openpi:ws://HOST:PORT`, one that speaks openpi's protocol or RoboArena's, named
+    /// by --policy-map; `lerobot:DIR`, a checkpoint of LeRobot, in the Python of
+    /// WHEELARM_PYTHON (or python3), which has lerobot and wheelarm.
     #[arg(long, default_value = "operator", value_name = "POLICY", value_parser = Choice::read)]
     pub policy: Choice,
     /// Endpoint behind which the policy of `zenoh:NAME` is found.
     #[arg(long, default_value = wheelarm_link::DEFAULT_ENDPOINT, value_name = "ENDPOINT")]
     pub policy_connect: String,
+    /// What is named how to a policy of `openpi:`: pictures, numbers, columns of an
+    /// answer.
+    #[arg(
+        long,
+        default_value = "assets/policies/openpi.toml",
+        value_name = "FILE"
+    )]
+    pub policy_map: PathBuf,
     /// Rows of an answer that are carried out; the policy's own number without it.
     #[arg(long, value_name = "ROWS", value_parser = clap::value_parser!(u32).range(1..=1000))]
     pub execute: Option<u32>,

@@ -200,8 +200,9 @@ impl Follower {
         let robot = robot.ok_or(Invalid::Missing("description of the robot"))?;
         let goal = scene.goal.clone().unwrap_or_default();
         let slide = scene.joints.iter().enumerate();
+        let way = Way::to(goal.kind());
         let slide = slide
-            .filter(|(_, joint)| joint.name == goal.joint)
+            .filter(|(_, joint)| way == Way::Slide && joint.name == goal.joint)
             .map(|(index, joint)| {
                 let axis = joint.axis.unwrap_or_default();
                 let rest = normalized("rest pose of a joint", joint.rest.as_ref())?;
@@ -246,7 +247,7 @@ impl Follower {
         Ok(Self {
             roles: Roles::find(robot)?,
             sought: Sought {
-                way: Way::to(goal.kind()),
+                way,
                 object: scene.objects.iter().position(|name| *name == goal.target),
                 slide,
                 position: goal.position,
