@@ -18,3 +18,17 @@ pub enum Broken {
     /// The policy died, fell silent or answered what cannot be carried out.
     Policy,
 }
+
+impl Broken {
+    /// In words.
+    #[must_use]
+    pub fn words(self) -> &'static str {
+        match self {
+            Self::Physics => "physics broke",
+            Self::Server => "server broke",
+            Self::Scenario => "scenario refused",
+            Self::Operator => "operator broke",
+            Self::Policy => "policy broke",
+        }
+    }
+}

@@ -7,6 +7,8 @@ use std::sync::OnceLock;
 use std::time::Instant;
 
 use wheelarm_dataset::{columns, log};
+use wheelarm_pilot::openpi;
+use wheelarm_policy::{Pilot, PilotOptions, Player};
 use wheelarm_proto::{Message, StreamId, check, v1};
 use wheelarm_server::geometry::mesh;
 use wheelarm_server::robot::control::GripperMap;
@@ -105,6 +107,53 @@ pub fn samples(bytes: &[u8]) {
         let _ = columns::check(&stream.to_string(), bytes);
     }
     let _ = log::CameraParts::parse(bytes);
+}
+
+/// What a policy answers: its description, its rows, and those by openpi's protocol.
+/// Whatever it is, it ends in commands of finite numbers or in a problem.
+pub fn policy_reply(bytes: &[u8]) {
+    let robot = v1::RobotDescription::default();
+    let fly = |spec: &v1::PolicySpec, rows: usize, values: &[f32]| {
+        let Ok((kind, _)) = wheelarm_pilot::checked(spec) else {
+            return;
+        };
+        for ensemble in [None, Some(0.1)] {
+            let options = PilotOptions {
+                execute: spec.execute as usize,
+                latency: rows % 3,
+                ensemble,
+            };
+            let mut pilot = Pilot::new(Player::new(kind, &robot, spec.rate_hz), options);
+            for _ in 0..4 {
+                if pilot.asks() && pilot.take(rows, values).is_err() {
+                    return;
+                }
+                let Ok(Some(command)) = pilot.command() else {
+                    continue;
+                };
+                let base = command.base.unwrap_or_default();
+                assert!(base.linear.is_finite() && base.angular.is_finite());
+            }
+        }
+    };
+    let usual = v1::PolicySpec {
+        rate_hz: 10.0,
+        chunk: 4,
+        execute: 2,
+        ..Default::default()
+    };
+    if let Ok(spec) = v1::PolicySpec::decode(bytes) {
+        fly(&spec, 1, &[0.1; 12]);
+    }
+    if let Ok(reply) = v1::InferReply::decode(bytes) {
+        for chunk in &reply.chunks {
+            fly(&usual, chunk.rows as usize, &chunk.values);
+        }
+    }
+    if let Ok(rows) = openpi::rows(bytes, "actions") {
+        assert_eq!(rows.count.checked_mul(rows.size), Some(rows.values.len()));
+        fly(&usual, rows.count, &rows.values);
+    }
 }
 
 /// The log of a recorder.

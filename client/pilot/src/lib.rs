@@ -2,7 +2,8 @@
 //! ([`Remote`]); one that this program starts is started again when it dies or
 //! falls silent ([`Host`]); many episodes ask one policy together ([`Batched`]);
 //! and [`fly`] carries its answers out, an episode at a time, in lock-step. [`serve`]
-//! is the other side: what a program calls to be a policy.
+//! is the other side: what a program calls to be a policy. [`openpi`] asks policies that
+//! speak that protocol instead.
 //!
 //! What a row of state or action is stands in `wheelarm-policy`. Nothing here
 //! knows a task, a file or a network's layers. A policy that breaks costs the
@@ -14,6 +15,7 @@ mod batched;
 mod eyes;
 pub mod fly;
 mod host;
+pub mod openpi;
 mod policy;
 mod remote;
 mod serve;

@@ -63,6 +63,24 @@ pub enum PolicyError {
     Unfit(String),
 }
 
+impl PolicyError {
+    /// Its kind in one word, for counts.
+    #[must_use]
+    pub fn kind(&self) -> &'static str {
+        match self {
+            Self::Start(_) => "start",
+            Self::Gone(_) => "ended",
+            Self::Silent { .. } => "silent",
+            Self::Said(_) => "said",
+            Self::Garbled { .. } => "garbled",
+            Self::Chunk(_) => "chunk",
+            Self::Row(_) => "row",
+            Self::Refused(_) => "refused",
+            Self::Unfit(_) => "unfit",
+        }
+    }
+}
+
 /// Kind of the rows of a spec, and control ticks of one.
 ///
 /// # Errors

@@ -56,12 +56,23 @@ pub struct EvaluateArgs {
     /// Who does the tasks: `operator`, the scripted one; `hold` and `repeat`, which know
     /// nothing; `replay:DIR`, the recording in DIR whose first pictures are nearest;
     /// `act:FILE`, a network for `wheelarm-learn serve`; `exec:COMMAND`, a program that
-    /// answers as a policy; `zenoh:NAME`, one that runs behind --policy-connect.
+    /// answers as a policy; `zenoh:NAME`, one that runs behind --policy-connect;
+    /// `openpi:ws://HOST:PORT`, one that speaks openpi's protocol or RoboArena's, named
+    /// by --policy-map; `lerobot:DIR`, a checkpoint of LeRobot, in the Python of
+    /// WHEELARM_PYTHON (or python3), which has lerobot and wheelarm.
     #[arg(long, default_value = "operator", value_name = "POLICY", value_parser = Choice::read)]
     pub policy: Choice,
     /// Endpoint behind which the policy of `zenoh:NAME` is found.
     #[arg(long, default_value = wheelarm_link::DEFAULT_ENDPOINT, value_name = "ENDPOINT")]
     pub policy_connect: String,
+    /// What is named how to a policy of `openpi:`: pictures, numbers, columns of an
+    /// answer.
+    #[arg(
+        long,
+        default_value = "assets/policies/openpi.toml",
+        value_name = "FILE"
+    )]
+    pub policy_map: PathBuf,
     /// Rows of an answer that are carried out; the policy's own number without it.
     #[arg(long, value_name = "ROWS", value_parser = clap::value_parser!(u32).range(1..=1000))]
     pub execute: Option<u32>,
@@ -97,6 +108,11 @@ pub struct EvaluateArgs {
     /// Records every episode as an HDF5 file into the folder.
     #[arg(long)]
     pub record: bool,
+    /// Draws so many failed episodes again at 720p, from recordings that are kept of
+    /// failures alone unless there is --record; their contact sheets stand in
+    /// report.html.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1000))]
+    pub redraw_failures: Option<u32>,
     /// Camera of the recordings, `NAME=WIDTHxHEIGHT@HZ`, may be given several
     /// times, `*` for each of the robot's that is not named; `*=640x360@10` when absent.
     #[arg(
@@ -233,6 +249,11 @@ impl EvaluateArgs {
             scope.seeds.end = scope.seeds.end.min(last);
         }
         Ok(scope)
+    }
+
+    /// Whether episodes are recorded, be it for a time.
+    pub(super) fn records(&self) -> bool {
+        self.record || self.redraw_failures.is_some()
     }
 
     /// Cameras of the recordings.

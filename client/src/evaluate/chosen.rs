@@ -20,6 +20,10 @@ pub enum Choice {
     Exec(String),
     /// One that runs elsewhere.
     Zenoh(String),
+    /// One behind a WebSocket, by openpi's protocol or RoboArena's.
+    Openpi(String),
+    /// A checkpoint of LeRobot, in a Python process of ours.
+    Lerobot(PathBuf),
 }
 
 impl Choice {
@@ -33,17 +37,25 @@ impl Choice {
             "operator" => Self::Operator,
             "hold" => Self::Hold,
             "repeat" => Self::Repeat,
-            _ => match (rest("replay:"), rest("act:"), rest("exec:"), rest("zenoh:")) {
-                (Some(folder), ..) => Self::Replay(folder.into()),
-                (_, Some(file), ..) => Self::Act(file.into()),
-                (_, _, Some(line), _) => Self::Exec(line.to_owned()),
-                (.., Some(name)) => Self::Zenoh(name.to_owned()),
-                _ => {
+            _ => {
+                if let Some(folder) = rest("replay:") {
+                    Self::Replay(folder.into())
+                } else if let Some(file) = rest("act:") {
+                    Self::Act(file.into())
+                } else if let Some(line) = rest("exec:") {
+                    Self::Exec(line.to_owned())
+                } else if let Some(name) = rest("zenoh:") {
+                    Self::Zenoh(name.to_owned())
+                } else if let Some(address) = rest("openpi:") {
+                    Self::Openpi(address.to_owned())
+                } else if let Some(folder) = rest("lerobot:") {
+                    Self::Lerobot(folder.into())
+                } else {
                     return Err(format!(
-                        "{text:?} is no policy; there are operator, hold, repeat, replay:DIR, act:FILE, exec:COMMAND and zenoh:NAME"
+                        "{text:?} is no policy; there are operator, hold, repeat, replay:DIR, act:FILE, exec:COMMAND, zenoh:NAME, openpi:ws://HOST:PORT and lerobot:DIR"
                     ));
                 }
-            },
+            }
         })
     }
 
@@ -65,7 +77,16 @@ mod tests {
         assert_eq!(file, Ok(Choice::Act("a/b.safetensors".into())));
         let line = Choice::read("exec:python3 p.py --x a:b");
         assert_eq!(line, Ok(Choice::Exec("python3 p.py --x a:b".to_owned())));
-        for bad in ["", "act:", "openvla", "zenoh:"] {
+        let address = Choice::read("openpi:ws://localhost:8000");
+        assert_eq!(
+            address,
+            Ok(Choice::Openpi("ws://localhost:8000".to_owned()))
+        );
+        assert_eq!(
+            Choice::read("lerobot:a/b"),
+            Ok(Choice::Lerobot("a/b".into()))
+        );
+        for bad in ["", "act:", "openvla", "zenoh:", "lerobot:"] {
             let told = Choice::read(bad).unwrap_err();
             assert!(told.contains("exec:COMMAND"), "{told}");
         }

@@ -9,7 +9,9 @@ use anyhow::{Context, ensure};
 use clap::Args;
 
 use super::entry::Entry;
-use super::statistics::{clopper_pearson, mcnemar};
+use wheelarm_dataset::sheet::chart;
+
+use super::statistics::{bootstrap, clopper_pearson, mcnemar, mean};
 
 /// Options of `wheelarm evaluate compare`.
 #[derive(Args, Clone, Debug)]
@@ -18,6 +20,9 @@ pub struct CompareArgs {
     pub one: PathBuf,
     /// Folder of another one.
     pub other: PathBuf,
+    /// Folder for the pictures `pairs.png` and `difference.png`; none without it.
+    #[arg(long)]
+    pub out: Option<PathBuf>,
 }
 
 /// Task, seed and settings: what makes two episodes a pair.
@@ -37,6 +42,11 @@ pub fn run(args: &CompareArgs) -> anyhow::Result<()> {
         )
     })?;
     print!("{text}");
+    if let Some(out) = &args.out {
+        std::fs::create_dir_all(out).with_context(|| format!("making {}", out.display()))?;
+        draw(&one, &other, out)?;
+        println!("pictures    {}", out.display());
+    }
     Ok(())
 }
 
@@ -104,11 +114,69 @@ fn told(one: &BTreeMap<Key, Entry>, other: &BTreeMap<Key, Entry>) -> anyhow::Res
         100.0 * from,
         100.0 * to
     )?;
+    let differences = differences(one, other);
+    if !differences.is_empty() {
+        let [low, high] = bootstrap(&differences);
+        writeln!(
+            text,
+            "progress: B - A {:+.1} points on average of {} pairs, 95 % {low:+.1}..{high:+.1} (bootstrap)",
+            mean(&differences),
+            differences.len()
+        )?;
+    }
     let left = one.len() + other.len() - 2 * pairs;
     if left > 0 {
         writeln!(text, "{left} episodes stand in one of the two alone")?;
     }
     Ok(text)
+}
+
+/// How much further B came than A, pair by pair, points of progress.
+fn differences(one: &BTreeMap<Key, Entry>, other: &BTreeMap<Key, Entry>) -> Vec<f64> {
+    let percent = |entry: &Entry| Some(f64::from(entry.course.as_ref()?.percent));
+    let pairs = one.iter().filter_map(|(key, a)| {
+        let b = other.get(key)?;
+        Some(percent(b)? - percent(a)?)
+    });
+    pairs.collect()
+}
+
+/// Who succeeded in which pair, and how the differences of progress lie.
+fn draw(
+    one: &BTreeMap<Key, Entry>,
+    other: &BTreeMap<Key, Entry>,
+    out: &Path,
+) -> anyhow::Result<()> {
+    let kinds = ["both", "neither", "only A", "only B"].map(str::to_owned);
+    let mut rows: BTreeMap<&str, Vec<(u64, usize)>> = BTreeMap::new();
+    for (key, a) in one {
+        if let Some(b) = other.get(key) {
+            let kind = match (a.success, b.success) {
+                (true, true) => 0,
+                (false, false) => 1,
+                (true, false) => 2,
+                (false, true) => 3,
+            };
+            rows.entry(&key.0).or_default().push((key.1, kind));
+        }
+    }
+    let rows: Vec<_> = rows
+        .into_iter()
+        .map(|(task, pairs)| (task.to_owned(), pairs))
+        .collect();
+    let path = out.join("pairs.png");
+    chart::squares("Pairs by task and seed", &kinds, &rows, &path)?;
+    let differences = differences(one, other);
+    if !differences.is_empty() {
+        chart::histogram(
+            "Progress of B less that of A, pair by pair",
+            "points of progress",
+            &differences,
+            bootstrap(&differences),
+            &out.join("difference.png"),
+        )?;
+    }
+    Ok(())
 }
 
 /// `cells` by success of A (times two) and of B.
@@ -129,7 +197,8 @@ mod tests {
     fn entries(successes: &[bool]) -> BTreeMap<Key, Entry> {
         let line = |(seed, success): (usize, &bool)| {
             let text = format!(
-                r#"{{"task":"pick_bowl","seed":{seed},"success":{success},"why":"","conditions":[],"seconds":1.0,"factor":1.0,"hash":"","notes":[]}}"#
+                r#"{{"task":"pick_bowl","seed":{seed},"success":{success},"course":{{"way":"lift","percent":{},"reached":[]}},"why":"","conditions":[],"seconds":1.0,"factor":1.0,"hash":"","notes":[]}}"#,
+                if *success { 100 } else { 40 }
             );
             let entry: Entry = serde_json::from_str(&text).unwrap();
             let key = (entry.task.clone(), entry.seed, entry.settings.clone());
@@ -151,6 +220,16 @@ mod tests {
             .collect();
         assert_eq!(line[1..], ["4", "3", "2", "2", "1", "0", "1.00e0"]);
         assert!(text.contains("1 episodes stand in one"), "{text}");
+        // 0, -60, -60 and 60 points.
+        assert!(
+            text.contains("B - A -15.0 points on average of 4"),
+            "{text}"
+        );
+        let folder = tempfile::tempdir().unwrap();
+        draw(&one, &other, folder.path()).unwrap();
+        for name in ["pairs.png", "difference.png"] {
+            assert!(folder.path().join(name).is_file(), "{name}");
+        }
         let none = told(&one, &BTreeMap::new()).unwrap_err().to_string();
         assert!(none.contains("no episode in common"), "{none}");
     }

@@ -1,11 +1,14 @@
 //! Who does the tasks of an evaluation: the scripted operator or a policy.
 
+use std::path::Path;
 use std::sync::Arc;
 
 use anyhow::{Context, bail};
 use wheelarm_link::Connect;
 use wheelarm_pilot::fly::FlyOptions;
+use wheelarm_pilot::openpi::{NameMap, OpenPi};
 use wheelarm_pilot::{Batched, Hold, Host, Policy, Repeat};
+use wheelarm_proto::installed::file_or_asset;
 use wheelarm_proto::v1;
 use wheelarm_rig::Program;
 
@@ -52,6 +55,22 @@ impl Driver {
                 Arc::new(process(Program::Own("wheelarm-learn"), arguments)?)
             }
             Choice::Exec(line) => Arc::new(process(Program::Shell(line.clone()), Vec::new())?),
+            Choice::Openpi(address) => {
+                let map = name_map(&args.policy_map)?;
+                let alone = args.deterministic;
+                Arc::new(OpenPi::connect(address, map, patience, alone)?)
+            }
+            Choice::Lerobot(folder) => {
+                if !folder.join("config.json").is_file() {
+                    bail!(
+                        "{} holds no LeRobot checkpoint: config.json is missing; name its folder `pretrained_model`",
+                        folder.display()
+                    );
+                }
+                let line = "\"${WHEELARM_PYTHON:-python3}\" -m wheelarm.lerobot_policy";
+                let arguments = vec![folder.display().to_string()];
+                Arc::new(process(Program::Shell(line.to_owned()), arguments)?)
+            }
             Choice::Zenoh(name) => {
                 let connect = Connect::to(&args.policy_connect, "");
                 let name = name.clone();
@@ -152,6 +171,18 @@ impl Driver {
         }
         Ok(cameras)
     }
+}
+
+/// The map of names of a policy behind a WebSocket.
+fn name_map(path: &Path) -> anyhow::Result<NameMap> {
+    let path = &file_or_asset(path);
+    let text = std::fs::read_to_string(path).with_context(|| {
+        format!(
+            "reading the map of names {}; say --policy-map FILE, for example assets/policies/openpi.toml",
+            path.display()
+        )
+    })?;
+    NameMap::read(&text).map_err(|problem| anyhow::anyhow!("{}: {problem}", path.display()))
 }
 
 /// Refuses to evaluate on what a policy was trained on.

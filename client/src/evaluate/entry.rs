@@ -3,6 +3,7 @@
 use serde::{Deserialize, Serialize};
 use wheelarm_proto::v1;
 
+use super::progress::Course;
 use crate::broken::Broken;
 use crate::variation::Variation;
 
@@ -75,6 +76,13 @@ pub struct Entry {
     pub success: bool,
     /// Empty, or why not in words.
     pub why: String,
+    /// How it ended, in a word or two: `success`, the task's reason to fail
+    /// (`timeout`, `dropped`, …), `gave up` where the operator did, or what broke.
+    #[serde(default, skip_serializing_if = "String::is_empty")]
+    pub end: String,
+    /// How far it came; absent where nobody watched.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub course: Option<Course>,
     /// The task's conditions at the end.
     pub conditions: Vec<Condition>,
     /// Simulated seconds.
@@ -104,6 +112,30 @@ impl Entry {
     pub fn is_of(&self, job: &Job) -> bool {
         (&self.task, self.seed, &self.policy) == (&job.task, job.seed, &job.policy)
             && self.settings == job.settings()
+    }
+
+    /// Why it failed, in words that many episodes may share; `success` otherwise.
+    #[must_use]
+    pub fn cause(&self) -> String {
+        let end = match self.end.as_str() {
+            "" => "failed",
+            end => end,
+        };
+        let missing = self.course.as_ref().and_then(|course| course.missing);
+        match missing.filter(|_| !self.success && self.broken.is_none()) {
+            Some(step) => format!("{end}, not {}", step.words()),
+            None => end.to_owned(),
+        }
+    }
+
+    /// Whether something else than the target was knocked over.
+    #[must_use]
+    pub fn knocked_over(&self) -> bool {
+        let knocks = |c: &&Condition| c.name.starts_with("nothing_knocked_over");
+        self.conditions
+            .iter()
+            .find(knocks)
+            .is_some_and(|c| !c.holds)
     }
 
     /// The entry in one line.

@@ -105,6 +105,8 @@ mod tests {
             thinking: None,
             success: true,
             why: String::new(),
+            end: String::new(),
+            course: None,
             conditions: Vec::new(),
             seconds: 16.5,
             factor: 8.0,

@@ -15,10 +15,14 @@ mod entry;
 mod grid;
 mod ledger;
 mod nearest;
+mod page;
+mod progress;
 mod pulse;
+mod redraw;
 mod report;
 mod scope;
 mod statistics;
+mod witness;
 mod worker;
 
 use std::collections::BTreeMap;
@@ -120,6 +124,9 @@ fn conclude(
     let path = args.out.join("report.json");
     std::fs::write(&path, report.json()?).with_context(|| format!("writing {}", path.display()))?;
     println!("report      {}", path.display());
+    let redrawn = redraw::draw(args, scope, entries)?;
+    let path = page::write(&args.out, report, entries, &redrawn)?;
+    println!("page        {}", path.display());
     // Drawn by doing episodes again, which the scripted operator does alike.
     if !args.no_grid && args.policy == chosen::Choice::Operator {
         let path = grid::draw(args, scope, report, entries)?;

@@ -7,7 +7,7 @@ use serde::Serialize;
 
 use super::entry::Entry;
 use super::scope::Scope;
-use super::statistics::{clopper_pearson, wilson};
+use super::statistics::{clopper_pearson, mean, quantiles, wilson};
 
 /// What came of one task.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -28,6 +28,29 @@ pub struct TaskReport {
     pub exact_interval: [f64; 2],
     /// Mean simulated seconds of the successful episodes.
     pub mean_seconds: f64,
+    /// Simulated seconds of the successful episodes: quantiles of [`SHARES`]; absent
+    /// without any.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub seconds_quantiles: Option<[f64; 5]>,
+    /// How far the episodes came; absent where none was watched.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub progress: Option<ProgressReport>,
+    /// Episodes in which something else than the target was knocked over.
+    pub knocked_over: usize,
+    /// Episodes in which the robot hit something hard, and how often in all.
+    pub hard_contacts: [usize; 2],
+    /// The policy's answers: their number, mean wall time and the time that 99 of 100
+    /// stayed below in the slowest episode, milliseconds.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub inference_ms: Option<(usize, f64, f64)>,
+    /// What the policy did wrong, by kind, and how often.
+    pub policy_errors: BTreeMap<String, usize>,
+    /// How the episodes ended, and how often.
+    pub ends: BTreeMap<String, usize>,
+    /// Why they failed, and the seeds, the most frequent first.
+    pub causes: Vec<(String, Vec<u64>)>,
+    /// Hash of the newest state by seed.
+    pub state_hashes: BTreeMap<u64, String>,
     /// Simulated seconds per wall second over all episodes.
     pub factor: f64,
     /// How often each required condition did not hold at the end.
@@ -38,12 +61,28 @@ pub struct TaskReport {
     pub failed_seeds: BTreeMap<u64, String>,
 }
 
+/// Shares of which quantiles are told.
+pub const SHARES: [f64; 5] = [0.1, 0.25, 0.5, 0.75, 0.9];
+
+/// How far episodes came, percent of the way.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct ProgressReport {
+    /// Mean, percent.
+    pub mean: f64,
+    /// Quantiles of [`SHARES`], percent.
+    pub quantiles: [f64; 5],
+    /// Share of the episodes that came to each step, in words, and no further.
+    pub furthest: Vec<(String, f64)>,
+}
+
 /// What came of all tasks.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Report {
     /// The split; absent where seeds were named.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub split: Option<String>,
+    /// Name of the policy; `operator` for the scripted one.
+    pub policy: String,
     /// What the seeds are for.
     pub purpose: &'static str,
     /// What the scenarios say beside task and seed; empty for what is usual.
@@ -69,6 +108,11 @@ impl Report {
         let successes = tasks.iter().map(|task| task.successes).sum();
         Self {
             split: scope.split.clone(),
+            policy: entries
+                .iter()
+                .map(|entry| entry.policy.clone())
+                .find(|name| !name.is_empty())
+                .unwrap_or_else(|| "operator".to_owned()),
             purpose: scope.purpose(),
             settings: scope.variation.words(0).trim_start().to_owned(),
             episodes,
@@ -103,7 +147,27 @@ fn count(task: &str, entries: &[Entry]) -> TaskReport {
             *counts.entry(condition.name.clone()).or_insert(0) += 1;
         }
     }
-    let mean = |sum: f64, count: usize| if count == 0 { 0.0 } else { sum / count as f64 };
+    let seconds: Vec<f64> = good.iter().map(|entry| entry.seconds).collect();
+    let mut policy_errors = BTreeMap::new();
+    let mut ends = BTreeMap::new();
+    let mut causes: BTreeMap<String, Vec<u64>> = BTreeMap::new();
+    for entry in &own {
+        if let Some(kind) = entry.end.strip_prefix("policy ") {
+            *policy_errors.entry(kind.to_owned()).or_insert(0) += 1;
+        }
+        *ends.entry(entry.end.clone()).or_insert(0) += 1;
+        if !entry.success {
+            causes.entry(entry.cause()).or_default().push(entry.seed);
+        }
+    }
+    ends.remove("");
+    let mut causes: Vec<_> = causes.into_iter().collect();
+    causes.sort_by_key(|(_, seeds)| std::cmp::Reverse(seeds.len()));
+    for (_, seeds) in &mut causes {
+        seeds.sort_unstable();
+    }
+    let hits = own.iter().filter_map(|entry| entry.course.as_ref());
+    let hits: Vec<usize> = hits.map(|course| course.hard_contacts.len()).collect();
     let simulated: f64 = own.iter().map(|entry| entry.seconds).sum();
     let wall: f64 = own
         .iter()
@@ -114,10 +178,22 @@ fn count(task: &str, entries: &[Entry]) -> TaskReport {
         episodes: own.len(),
         successes: good.len(),
         broken: own.iter().filter(|entry| entry.broken.is_some()).count(),
-        rate: mean(good.len() as f64, own.len()),
+        rate: good.len() as f64 / own.len().max(1) as f64,
         interval: wilson(good.len(), own.len()),
         exact_interval: clopper_pearson(good.len(), own.len()),
-        mean_seconds: mean(good.iter().map(|entry| entry.seconds).sum(), good.len()),
+        mean_seconds: mean(&seconds),
+        seconds_quantiles: quantiles(&seconds, SHARES),
+        progress: progress(&own),
+        knocked_over: own.iter().filter(|entry| entry.knocked_over()).count(),
+        hard_contacts: [hits.iter().filter(|n| **n > 0).count(), hits.iter().sum()],
+        inference_ms: inference(&own),
+        policy_errors,
+        ends,
+        causes,
+        state_hashes: own
+            .iter()
+            .map(|entry| (entry.seed, entry.hash.clone()))
+            .collect(),
         factor: if wall > 0.0 { simulated / wall } else { 0.0 },
         failed_conditions,
         reported_conditions,
@@ -127,6 +203,42 @@ fn count(task: &str, entries: &[Entry]) -> TaskReport {
             .map(|entry| (entry.seed, entry.why.clone()))
             .collect(),
     }
+}
+
+/// How far they came, and how many came no further than each step.
+fn progress(own: &[&Entry]) -> Option<ProgressReport> {
+    let courses: Vec<_> = own
+        .iter()
+        .filter_map(|entry| entry.course.as_ref())
+        .collect();
+    let percents: Vec<f64> = courses.iter().map(|c| f64::from(c.percent)).collect();
+    let way = courses.first()?.way.steps();
+    let steps = way.iter().map(|(step, percent)| (*percent, step.words()));
+    let share = |percent: u8| {
+        let as_far = courses.iter().filter(|c| c.percent == percent).count();
+        as_far as f64 / courses.len() as f64
+    };
+    Some(ProgressReport {
+        mean: mean(&percents),
+        quantiles: quantiles(&percents, SHARES)?,
+        furthest: [(0, "nothing")]
+            .into_iter()
+            .chain(steps)
+            .map(|(percent, words)| (words.to_owned(), share(percent)))
+            .collect(),
+    })
+}
+
+/// The policy's answers in all episodes: number, mean and slowest 99 %, milliseconds.
+fn inference(own: &[&Entry]) -> Option<(usize, f64, f64)> {
+    let all: Vec<_> = own.iter().filter_map(|entry| entry.thinking).collect();
+    let count = all.iter().map(|(count, ..)| count).sum::<usize>();
+    let sum: f64 = all
+        .iter()
+        .map(|(count, mean, _)| *count as f64 * mean)
+        .sum();
+    let slowest = all.iter().map(|(.., slow)| *slow).fold(0.0, f64::max);
+    (count > 0).then(|| (count, 1e3 * sum / count as f64, 1e3 * slowest))
 }
 
 /// An interval of shares, in percent.
@@ -189,6 +301,7 @@ impl fmt::Display for Report {
 mod tests {
     use super::*;
     use crate::evaluate::entry::Condition;
+    use crate::evaluate::progress::{Course, Milestone, Way};
     use crate::variation::Variation;
 
     #[test]
@@ -201,6 +314,14 @@ mod tests {
             thinking: None,
             success,
             why: if success { "" } else { "dropped" }.to_owned(),
+            end: if success { "success" } else { "timeout" }.to_owned(),
+            course: Some(Course {
+                way: Way::Lift,
+                percent: if success { 100 } else { 40 },
+                missing: (!success).then_some(Milestone::Gripped),
+                reached: Vec::new(),
+                hard_contacts: vec!["arm on table".to_owned(); seed as usize],
+            }),
             conditions: vec![
                 Condition {
                     name: "held".to_owned(),
@@ -246,6 +367,16 @@ mod tests {
         assert_eq!(a.reported_conditions["calm"], 3);
         assert_eq!(a.failed_seeds[&1], "dropped");
         assert_eq!((c.episodes, c.rate), (0, 0.0));
+        let far = a.progress.clone().unwrap();
+        assert!((far.mean - 80.0).abs() < 1e-12, "{far:?}");
+        assert_eq!(far.quantiles[2], 100.0);
+        let shares: Vec<f64> = far.furthest.iter().map(|(_, share)| *share).collect();
+        assert_eq!(shares, [0.0, 0.0, 1.0 / 3.0, 0.0, 0.0, 2.0 / 3.0]);
+        assert_eq!(a.hard_contacts, [2, 3]);
+        assert_eq!(a.ends["timeout"], 1);
+        assert_eq!(a.causes, [("timeout, not both pads".to_owned(), vec![1])]);
+        assert_eq!(a.seconds_quantiles.unwrap()[2], 11.0);
+        assert_eq!((&c.progress, c.seconds_quantiles), (&None, None));
         assert_eq!((c.interval, report.interval), ([0.0, 1.0], wilson(3, 4)));
         let text = report.to_string();
         for words in ["3/4", "split develop, seeds for develop"] {

@@ -1,4 +1,6 @@
-//! Intervals of shares and a test of pairs.
+//! Intervals of shares, a test of pairs, quantiles, and a bootstrap of means.
+
+use crate::episode_seed::mixed;
 
 /// 97.5 % quantile of the normal distribution.
 const QUANTILE: f64 = 1.959_963_984_540_054;
@@ -48,6 +50,45 @@ pub fn mcnemar(one: usize, other: usize) -> f64 {
     (2.0 * (1.0 - at_least(fewer + 1, all, 0.5))).min(1.0)
 }
 
+/// Quantiles at `shares`, 0 to 1, between neighbours in proportion (as numpy's usual
+/// ones); `None` without values.
+#[must_use]
+pub fn quantiles<const N: usize>(values: &[f64], shares: [f64; N]) -> Option<[f64; N]> {
+    let mut sorted = values.to_vec();
+    sorted.sort_by(f64::total_cmp);
+    let last = sorted.len().checked_sub(1)?;
+    Some(shares.map(|share| {
+        let place = share * last as f64;
+        let (below, above) = (place.floor() as usize, place.ceil() as usize);
+        sorted[below] + (place - below as f64) * (sorted[above] - sorted[below])
+    }))
+}
+
+/// Mean; 0 without values.
+#[must_use]
+pub fn mean(values: &[f64]) -> f64 {
+    values.iter().sum::<f64>() / values.len().max(1) as f64
+}
+
+/// Samples of a bootstrap.
+const RESAMPLES: u64 = 10_000;
+
+/// Where the mean lies at 95 %: percentiles of the means of resampled values. Always
+/// the same for the same values.
+#[must_use]
+pub fn bootstrap(values: &[f64]) -> [f64; 2] {
+    let count = values.len() as u64;
+    if count == 0 {
+        return [f64::NEG_INFINITY, f64::INFINITY];
+    }
+    let sample = |resample: u64| {
+        let drawn = (0..count).map(|i| mixed(mixed(resample) ^ i) % count);
+        drawn.map(|at| values[at as usize]).sum::<f64>() / count as f64
+    };
+    let means: Vec<f64> = (0..RESAMPLES).map(sample).collect();
+    quantiles(&means, [TAIL, 1.0 - TAIL]).unwrap_or_default()
+}
+
 /// Where a condition that holds from some place on begins, 0 to 1.
 fn root(holds: impl Fn(f64) -> bool) -> f64 {
     let (mut low, mut high) = (0.0, 1.0);
@@ -94,51 +135,44 @@ mod tests {
     use super::*;
 
     #[test]
-    fn wilsons_interval_has_the_values_of_the_textbook() {
-        // Roots of (p - k/n)² = z² p (1 - p) / n by bisection.
-        for (successes, trials, low, high) in [
-            (0, 10, 0.000000000000, 0.277532799863),
-            (3, 4, 0.300641842582, 0.954412739190),
-            (48, 50, 0.865399093125, 0.988961115672),
-            (50, 50, 0.928652400867, 1.000000000000),
-            (199, 200, 0.972226295602, 0.999116831284),
-        ] {
-            let [a, b] = wilson(successes, trials);
-            assert!((a - low).abs() < 1e-9 && (b - high).abs() < 1e-9, "{a} {b}");
+    fn intervals_and_tests_are_those_of_scipy_and_statsmodels() {
+        // Written by tests/python/intervals.py.
+        let lines = include_str!("intervals.csv").lines().skip(1);
+        let mut counts = [0; 3];
+        for line in lines {
+            let cells: Vec<&str> = line.split(',').collect();
+            let whole = |i: usize| cells[i].parse::<usize>().unwrap();
+            let real = |i: usize| cells[i].parse::<f64>().unwrap();
+            let (a, b) = (whole(1), whole(2));
+            let (which, found) = match cells[0] {
+                "wilson" => (0, wilson(a, b)),
+                "clopper_pearson" => (1, clopper_pearson(a, b)),
+                "mcnemar" => (2, [mcnemar(a, b), 0.0]),
+                other => panic!("{other}"),
+            };
+            counts[which] += 1;
+            for (found, wanted) in found.into_iter().zip([real(3), real(4)]) {
+                assert!((found - wanted).abs() < 1e-9, "{line}: {found}");
+            }
         }
+        assert_eq!(counts, [100, 100, 196]);
     }
 
     #[test]
-    fn the_exact_interval_and_test_have_scipys_values() {
-        // scipy.stats.beta.ppf(0.025, k, n - k + 1) and (0.975, k + 1, n - k).
-        for (successes, trials, low, high) in [
-            (0, 10, 0.000000000000, 0.308497107819),
-            (3, 4, 0.194120449683, 0.993690536790),
-            (48, 50, 0.862862374396, 0.995118566574),
-            (50, 50, 0.928878263536, 1.000000000000),
-            (120, 200, 0.528535672797, 0.668453736264),
-            (199, 200, 0.972458101543, 0.999873418972),
-            (1, 1000, 0.000025317487, 0.005558924280),
-            (1500, 3000, 0.481948769327, 0.518051230673),
-        ] {
-            let [a, b] = clopper_pearson(successes, trials);
-            assert!(
-                (a - low).abs() < 1e-9 && (b - high).abs() < 1e-9,
-                "{successes} of {trials}: {a} {b}"
-            );
+    fn quantiles_are_numpys_and_a_bootstrap_covers_the_mean() {
+        // numpy.quantile([3, 1, 4, 1, 5], [0, 0.25, 0.5, 0.9, 1]).
+        let found = quantiles(&[3.0, 1.0, 4.0, 1.0, 5.0], [0.0, 0.25, 0.5, 0.9, 1.0]).unwrap();
+        for (found, wanted) in found.into_iter().zip([1.0, 1.0, 3.0, 4.6, 5.0]) {
+            assert!((found - wanted).abs() < 1e-12, "{found} {wanted}");
         }
-        // scipy.stats.binomtest(min(b, c), b + c, 0.5).pvalue.
-        for (one, other, p) in [
-            (0, 0, 1.000000000000),
-            (1, 0, 1.000000000000),
-            (5, 5, 1.000000000000),
-            (3, 12, 0.035156250000),
-            (0, 20, 0.000001907349),
-            (40, 70, 0.005447429511),
-            (200, 260, 0.005883922473),
-        ] {
-            let found = mcnemar(one, other);
-            assert!((found - p).abs() < 1e-9, "{one} {other}: {found}");
-        }
+        assert_eq!(quantiles(&[], [0.5]), None);
+        let values: Vec<f64> = (0..100).map(|i| f64::from(i % 5) * 20.0).collect();
+        let [low, high] = bootstrap(&values);
+        // The standard error is 28.28 / 10.
+        let half = 1.96 * 2.828;
+        assert!((low - (40.0 - half)).abs() < 0.5, "{low}");
+        assert!((high - (40.0 + half)).abs() < 0.5, "{high}");
+        assert_eq!(bootstrap(&values), [low, high]);
+        assert_eq!(bootstrap(&[7.0; 9]), [7.0, 7.0]);
     }
 }

@@ -6,18 +6,21 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
+use anyhow::Context;
 use wheelarm_link::{Link, LinkError};
 use wheelarm_operate::operator::Outcome;
 use wheelarm_operate::run::{self as operate, OperateError, OperateOptions};
+use wheelarm_pilot::PolicyError;
 use wheelarm_pilot::fly::{self, Flight, FlyError, FlyOptions};
-use wheelarm_proto::topic::Sample;
-use wheelarm_proto::{TopicId, v1};
+use wheelarm_proto::v1;
 use wheelarm_rig::{Recorder, RecorderOptions, Server, Work, free_label, limits};
 
 use super::args::EvaluateArgs;
 use super::driver::Driver;
 use super::entry::{Condition, Entry, Job};
+use super::progress::Course;
 use super::pulse::Pulse;
+use super::witness::Witness;
 use crate::broken::Broken;
 
 /// How long the operator may take to notice that its server is gone.
@@ -31,6 +34,8 @@ pub struct Worker {
     driver: Driver,
     out: PathBuf,
     patience: Duration,
+    /// Recordings of successes are not kept.
+    forgets: bool,
 }
 
 /// What an episode came to, whoever did it.
@@ -41,6 +46,9 @@ struct Done {
     why: String,
     /// What broke.
     broken: Option<Broken>,
+    /// What the policy did wrong, in a word.
+    fault: Option<&'static str>,
+    course: Option<Course>,
     evaluation: v1::Evaluation,
     /// Simulated seconds.
     seconds: f64,
@@ -87,7 +95,7 @@ impl Worker {
         let link = server.link()?;
         let options = RecorderOptions::lasting(&format!("evaluate-{index}"), &args.out);
         let recorder = args
-            .record
+            .records()
             .then(|| Recorder::start(server.connect(), &options))
             .transpose()?;
         Ok(Self {
@@ -96,6 +104,7 @@ impl Worker {
             recorder,
             driver: driver.clone(),
             out: args.out.clone(),
+            forgets: !args.record,
             // A policy may think meanwhile, and be started again.
             patience: match driver {
                 Driver::Operator => args.patience,
@@ -212,6 +221,11 @@ impl Worker {
         if let Some(recorder) = &mut self.recorder {
             let episode = done.started.header.as_ref().map_or(0, |h| h.episode);
             recorder.finished(&self.link, episode)?;
+            if self.forgets && done.success {
+                let file = self.out.join(format!("{}.h5", done.started.label));
+                std::fs::remove_file(&file)
+                    .with_context(|| format!("removing {}", file.display()))?;
+            }
         }
         let seconds = done.seconds.max(pulse.seconds());
         let conditions = done.evaluation.conditions.iter();
@@ -221,6 +235,8 @@ impl Worker {
             settings: job.settings(),
             policy: job.policy.clone(),
             success: done.success,
+            end: end(&done),
+            course: done.course,
             why: done.why,
             conditions: conditions.map(Condition::from).collect(),
             seconds,
@@ -243,6 +259,23 @@ impl Worker {
     }
 }
 
+/// How an episode ended, in a word or two.
+fn end(done: &Done) -> String {
+    use v1::FailureReason as Reason;
+    match (done.success, done.broken, done.fault) {
+        (true, ..) => "success".to_owned(),
+        (_, _, Some(fault)) => format!("policy {fault}"),
+        (_, Some(broken), _) => broken.words().to_owned(),
+        _ => match done.evaluation.failure_reason() {
+            Reason::Unspecified | Reason::None => "gave up".to_owned(),
+            reason => {
+                let name = reason.as_str_name().trim_start_matches("FAILURE_REASON_");
+                name.to_lowercase().replace('_', " ")
+            }
+        },
+    }
+}
+
 /// The result of an episode in which something broke.
 fn broken_entry(job: &Job, broken: Broken, why: String, pulse: &Pulse, wall: Duration) -> Entry {
     let seconds = pulse.seconds();
@@ -258,6 +291,8 @@ fn broken_entry(job: &Job, broken: Broken, why: String, pulse: &Pulse, wall: Dur
         policy: job.policy.clone(),
         thinking: None,
         success: false,
+        end: broken.words().to_owned(),
+        course: None,
         why: why + &when,
         conditions: Vec::new(),
         seconds,
@@ -289,7 +324,7 @@ fn attempt(
         Err(problem) => return Err(problem.into()),
     };
     pulse.set_up(&scenario);
-    let hashes = link.streams(&[TopicId::StateHash])?;
+    let witness = Witness::start(link).map_err(Trouble::Work)?;
     let label = free_label(out, &job.label());
     let limit = scenario.time_limit_seconds;
     let limit = limit.map(|limit| format!("0.00 s its time limit is {limit:.0} s"));
@@ -327,10 +362,9 @@ fn attempt(
     };
     done.wall = begun.elapsed().as_secs_f64();
     done.notes = notes;
-    while let Some(sample) = hashes.next(Duration::from_millis(1))? {
-        if let Sample::StateHash(sample) = sample {
-            done.hash = format!("{:016x}", sample.hash);
-        }
+    if let Some(seen) = witness.saw() {
+        done.course = Some(seen.follower.course(done.success, done.seconds));
+        done.hash = seen.hash;
     }
     Ok(done)
 }
@@ -372,6 +406,8 @@ fn operated(
         seconds: report.seconds(),
         started: report.started,
         evaluation: report.evaluation,
+        fault: None,
+        course: None,
         notes: Vec::new(),
         thinking: None,
         hash: String::new(),
@@ -397,6 +433,8 @@ fn flown(flight: Flight) -> Done {
         success: evaluation.success && broken.is_none(),
         why,
         broken,
+        fault: flight.error.as_ref().map(PolicyError::kind),
+        course: None,
         seconds: flight.seconds(),
         thinking: slow.map(|slow| (count, mean, *slow)),
         started: flight.started,

@@ -65,6 +65,41 @@ fn command() -> v1::Command {
 }
 
 #[test]
+fn damaged_answers_of_policies_are_survived() {
+    let chunk = v1::PolicyChunk {
+        episode_key: "run-1".to_owned(),
+        tick: 24,
+        rows: 4,
+        values: [0.4, 0.1, 0.3, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.2, 0.1, -0.1].repeat(4),
+        problem: String::new(),
+    };
+    let reply = v1::InferReply {
+        chunks: vec![chunk.clone(), chunk],
+    };
+    read_damaged(
+        "reply",
+        &reply.encode_to_vec(),
+        3000,
+        decoders::policy_reply,
+    );
+    let spec = v1::PolicySpec {
+        name: "act".to_owned(),
+        rate_hz: 10.0,
+        chunk: 4,
+        execute: 2,
+        ..Default::default()
+    };
+    read_damaged("spec", &spec.encode_to_vec(), 1500, decoders::policy_reply);
+    // As openpi's `msgpack_numpy.packb({"actions": numpy.zeros((2, 12), "<f4")})`.
+    let mut packed = b"\x81\xa7actions\x84\xc4\x0b__ndarray__\xc3\xc4\x04data\xc4\x60".to_vec();
+    packed.extend([0; 96]);
+    packed.extend(b"\xc4\x05dtype\xa3<f4\xc4\x05shape\x92\x02\x0c");
+    let rows = wheelarm_pilot::openpi::rows(&packed, "actions").expect("rows");
+    assert_eq!((rows.count, rows.size), (2, 12));
+    read_damaged("msgpack", &packed, 3000, decoders::policy_reply);
+}
+
+#[test]
 fn damaged_messages_are_survived() {
     let sent = command();
     read_damaged("command", &sent.encode_to_vec(), 4000, decoders::command);

@@ -2,6 +2,7 @@
 //! every camera with depth over time, then plots of the movement.
 
 pub(crate) mod axis;
+pub mod chart;
 mod crowd;
 pub(crate) mod error;
 pub mod grid;

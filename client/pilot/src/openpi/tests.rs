@@ -1,0 +1,259 @@
+//! Against a server of these tests, which does what is asked of it.
+
+use std::net::TcpListener;
+use std::sync::mpsc::{Receiver, channel};
+
+use super::array::{at, bytes, floats, read};
+use super::*;
+
+const MAP: &str = r#"
+rate_hz = 10.0
+chunk = 4
+execute = 2
+action = "next-joints"
+prompt = "prompt"
+[[pictures]]
+key = "observation/image"
+camera = "wheelchair"
+width = 16
+height = 8
+pad = [16, 16]
+[[numbers]]
+key = "observation/joint_position"
+places = [0, 1, 2, 3, 4, 5]
+[[numbers]]
+key = "observation/state"
+"#;
+
+fn map() -> NameMap {
+    NameMap::read(MAP).unwrap()
+}
+
+fn packed(value: &Value) -> Vec<u8> {
+    let mut out = Vec::new();
+    rmpv::encode::write_value(&mut out, value).unwrap();
+    out
+}
+
+/// A server that answers by turns what stands in `answers`, a connection for each
+/// `None`; and what it was told.
+fn server(answers: Vec<Option<Message>>) -> (String, Receiver<Value>) {
+    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+    let address = format!("ws://{}", listener.local_addr().unwrap());
+    let (tell, told) = channel();
+    std::thread::spawn(move || {
+        let mut answers = answers.into_iter();
+        let mut over = false;
+        while !over {
+            let (stream, _) = listener.accept().unwrap();
+            let mut socket = tungstenite::accept(stream).unwrap();
+            let metadata = Value::Map(vec![("name".into(), "test".into())]);
+            socket.send(Message::binary(packed(&metadata))).unwrap();
+            loop {
+                let Ok(Message::Binary(asked)) = socket.read() else {
+                    break;
+                };
+                tell.send(read(&asked).unwrap()).unwrap();
+                match answers.next() {
+                    Some(Some(answer)) => socket.send(answer).unwrap(),
+                    Some(None) => break,
+                    None => {
+                        over = true;
+                        break;
+                    }
+                }
+            }
+        }
+    });
+    (address, told)
+}
+
+fn actions(rows: usize, size: usize) -> Message {
+    let values: Vec<f32> = (0..rows * size).map(|i| i as f32 / 10.0).collect();
+    let mut array = floats(&values);
+    if let Value::Map(entries) = &mut array {
+        entries[3].1 = Value::Array(vec![(rows as u64).into(), (size as u64).into()]);
+    }
+    Message::binary(packed(&Value::Map(vec![("actions".into(), array)])))
+}
+
+fn observation() -> v1::PolicyObservation {
+    v1::PolicyObservation {
+        episode_key: "run-7".to_owned(),
+        tick: 24,
+        instruction: "Take the mug".to_owned(),
+        moments: vec![v1::PolicyMoment {
+            state_values: (0..STATE).map(|i| i as f64).collect(),
+            pictures: vec![v1::PolicyPicture {
+                camera: "wheelchair".to_owned(),
+                width: 16,
+                height: 8,
+                rgb: vec![7; 3 * 16 * 8].into(),
+                depth: Default::default(),
+            }],
+        }],
+        ..Default::default()
+    }
+}
+
+const PATIENCE: Duration = Duration::from_secs(5);
+
+#[test]
+fn an_observation_goes_out_under_its_names_and_rows_come_back() {
+    let (address, told) = server(vec![Some(actions(4, 9))]);
+    let policy = OpenPi::connect(&address, map(), PATIENCE, false).unwrap();
+    let chunk = policy.infer(observation()).unwrap();
+    assert_eq!((chunk.rows, chunk.values.len(), chunk.tick), (4, 36, 24));
+    assert_eq!(chunk.values[10], 1.0);
+    let asked = told.recv().unwrap();
+    assert_eq!(at(&asked, "prompt").unwrap().as_str(), Some("Take the mug"));
+    let joints = at(&asked, "observation/joint_position").unwrap();
+    let wanted = floats(&[0.0, 1.0, 2.0, 3.0, 4.0, 5.0]);
+    assert_eq!(joints, &wanted);
+    let picture = at(&asked, "observation/image").unwrap();
+    let mut pixels = vec![0; 3 * 16 * 16];
+    pixels[3 * 16 * 4..3 * 16 * 12].fill(7);
+    assert_eq!(picture, &bytes(&[16, 16, 3], pixels));
+    assert_eq!(at(&asked, "endpoint"), None);
+}
+
+#[test]
+fn columns_are_chosen_and_what_is_not_there_is_zero() {
+    let text = "columns = [7, 6, 5, 4, 3, 2, 1, -1, -1]\n\
+        scale = [1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 2.0, 1.0, 1.0]\nprompt =";
+    let text = MAP.replacen("prompt =", text, 1);
+    let map = NameMap::read(&text).unwrap();
+    let (address, _told) = server(vec![Some(actions(2, 8)), Some(actions(2, 3))]);
+    let policy = OpenPi::connect(&address, map, PATIENCE, true).unwrap();
+    let chunk = policy.infer(observation()).unwrap();
+    assert_eq!(
+        chunk.values[..9],
+        [0.7, 0.6, 0.5, 0.4, 0.3, 0.2, 0.2, 0.0, 0.0]
+    );
+    let wrong = policy.infer(observation()).unwrap_err().to_string();
+    assert!(wrong.contains("names column 7"), "{wrong}");
+}
+
+#[test]
+fn roboarena_is_told_the_endpoint_and_the_session() {
+    let map = NameMap::read(&format!("protocol = \"roboarena\"\n{MAP}")).unwrap();
+    let array = match actions(2, 9) {
+        Message::Binary(bytes) => at(&read(&bytes).unwrap(), "actions").unwrap().clone(),
+        _ => unreachable!(),
+    };
+    // Its servers answer with the array alone.
+    let answers = vec![
+        Some(Message::text("reset successful")),
+        Some(Message::binary(packed(&array))),
+    ];
+    let (address, told) = server(answers);
+    let policy = OpenPi::connect(&address, map, PATIENCE, false).unwrap();
+    let reset = v1::PolicyResetRequest {
+        episode_key: "run-7".to_owned(),
+        ..Default::default()
+    };
+    policy.reset(reset).unwrap();
+    assert_eq!(policy.infer(observation()).unwrap().rows, 2);
+    for endpoint in ["reset", "infer"] {
+        let asked = told.recv().unwrap();
+        assert_eq!(at(&asked, "endpoint").unwrap().as_str(), Some(endpoint));
+        assert_eq!(at(&asked, "session_id").unwrap().as_str(), Some("run-7"));
+    }
+}
+
+#[test]
+fn what_a_server_does_wrong_is_told_and_the_next_question_is_asked_anew() {
+    let answers = vec![
+        Some(Message::text(
+            "Traceback\n  line 3\nValueError: it is dark here",
+        )),
+        Some(actions(4, 9)),
+        None,
+        Some(actions(4, 9)),
+        Some(Message::binary(vec![0xc1])),
+        Some(Message::binary(packed(&Value::Map(vec![(
+            "state".into(),
+            1.into(),
+        )])))),
+    ];
+    let (address, _told) = server(answers);
+    let policy = OpenPi::connect(&address, map(), PATIENCE, false).unwrap();
+    let mut ask = || policy.infer(observation()).map(|chunk| chunk.rows);
+    assert_eq!(
+        ask(),
+        Err(PolicyError::Said("ValueError: it is dark here".to_owned()))
+    );
+    assert_eq!(ask(), Ok(4));
+    // The connection breaks under the question, which is asked once more.
+    assert_eq!(ask(), Ok(4));
+    assert!(ask().unwrap_err().to_string().contains("no msgpack"));
+    let keys = ask().unwrap_err().to_string();
+    assert!(keys.contains("no \"actions\", but \"state\""), "{keys}");
+}
+
+#[test]
+fn who_is_silent_or_not_there_is_told_with_the_cure() {
+    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+    let at = listener.local_addr().unwrap();
+    let connect = |address: &str| {
+        let policy = OpenPi::connect(address, map(), Duration::from_millis(300), false);
+        policy.err().unwrap().to_string()
+    };
+    // It takes connections and says nothing.
+    let silent = connect(&format!("ws://{at}"));
+    assert!(
+        silent.contains("does not answer") || silent.contains("no WebSocket"),
+        "{silent}"
+    );
+    drop(listener);
+    let gone = connect(&format!("ws://{at}"));
+    assert!(gone.contains("is the policy's server running?"), "{gone}");
+    assert!(connect("wss://localhost:1").contains("ssh -L"));
+    assert!(connect("nonsense").contains("ws://HOST:PORT"));
+}
+
+#[test]
+fn a_map_with_a_mistake_is_refused_in_words() {
+    for (from, to, words) in [
+        (
+            "next-joints",
+            "joint",
+            "there are next-pose and next-joints",
+        ),
+        ("[0, 1, 2, 3, 4, 5]", "[27]", "place 27"),
+        ("pad = [16, 16]", "pad = [8, 8]", "does not fit"),
+        ("prompt", "promt", "promt"),
+        ("execute = 2", "execute = 2\ncolumns = [0]", "9 numbers"),
+    ] {
+        let told = NameMap::read(&MAP.replacen(from, to, 1)).unwrap_err();
+        assert!(told.contains(words), "{told}");
+    }
+    let unfit = NameMap::read(&MAP.replace("rate_hz = 10.0", "rate_hz = 7.0")).unwrap();
+    let told = OpenPi::connect("ws://127.0.0.1:9", unfit, PATIENCE, false)
+        .err()
+        .unwrap();
+    assert!(matches!(told, PolicyError::Unfit(_)), "{told}");
+}
+
+#[test]
+fn arrays_that_lie_about_their_size_are_refused() {
+    let lie = |dtype: &str, shape: &[u64], data: usize| {
+        let mut array = floats(&vec![0.0; data]);
+        if let Value::Map(entries) = &mut array {
+            entries[2].1 = dtype.into();
+            entries[3].1 = Value::Array(shape.iter().map(|side| (*side).into()).collect());
+        }
+        rows(&packed(&array), "actions").map(|rows| (rows.count, rows.size))
+    };
+    assert_eq!(lie("<f4", &[2, 3], 6), Ok((2, 3)));
+    assert_eq!(lie("<f8", &[1, 3], 6), Ok((1, 3)));
+    for wrong in [
+        lie("<f4", &[u64::MAX, u64::MAX], 6),
+        lie("<f4", &[1 << 40, 1], 6),
+        lie("<f4", &[3, 3], 6),
+        lie("|O", &[2, 3], 6),
+        lie("<f4", &[1, 2, 3], 6),
+    ] {
+        assert!(wrong.is_err(), "{wrong:?}");
+    }
+}

@@ -1,0 +1,7 @@
+//! What a policy answers.
+#![no_main]
+
+use libfuzzer_sys::fuzz_target;
+use wheelarm_tests::decoders;
+
+fuzz_target!(|bytes: &[u8]| decoders::policy_reply(bytes));
