@@ -12,6 +12,7 @@
     allow(clippy::disallowed_methods, reason = "tests reckon freely")
 )]
 
+pub mod environment;
 pub mod geometry;
 pub mod look;
 pub mod robot;

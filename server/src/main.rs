@@ -1,6 +1,5 @@
 //! `wheelarm-server`: parses and wires; the library runs.
 
-use std::ffi::OsString;
 use std::io::{IsTerminal, Read, Write};
 use std::net::TcpListener;
 use std::path::{Path, PathBuf};
@@ -18,9 +17,10 @@ use wheelarm_proto::output::end_with_output;
 use wheelarm_proto::program::{EXIT_SCENARIO, Ready, tasks_to_json, told, version};
 use wheelarm_proto::settings::{Named, Pacing, Quality, Starts};
 use wheelarm_proto::v1;
+use wheelarm_server::environment;
 use wheelarm_server::robot::RobotModel;
 use wheelarm_server::scene::Scene;
-use wheelarm_server::sensors::camera::Renderer;
+use wheelarm_server::sensors::camera::{Graphics, Renderer};
 use wheelarm_server::service::{self, Options, startup};
 use wheelarm_server::sim::{Scenario, SimError, Simulation};
 use wheelarm_server::tasks::{self, Floor, TaskSpec, table};
@@ -90,8 +90,9 @@ struct Args {
     /// Work per picture [default: standard].
     #[arg(long, value_parser = named::<Quality>())]
     quality: Option<Quality>,
-    /// Graphics adapter by a part of its name (see --list-adapters).
-    #[arg(long)]
+    /// Graphics adapter by its index, its PCI id (0000:65:00.0) or a part of its
+    /// name (see --list-adapters) [default: the strongest].
+    #[arg(long, value_name = "INDEX|PCI-ID|NAME")]
     adapter: Option<String>,
     /// Rate of the state streams, Hz; divides 60 [default: 60].
     #[arg(long)]
@@ -129,7 +130,7 @@ struct Args {
     /// line of names, and ends.
     #[arg(long, value_name = "A..B", value_parser = seeds)]
     draws: Option<std::ops::Range<u64>>,
-    /// Prints the graphics adapters and ends.
+    /// Prints the graphics adapters and ends: index, name, driver and PCI id.
     #[arg(long)]
     list_adapters: bool,
     /// Prints the man page and ends, for packages.
@@ -284,7 +285,7 @@ fn concrete(endpoint: &str) -> anyhow::Result<String> {
 fn main() -> ExitCode {
     end_with_output();
     let args = Args::parse();
-    with_environment();
+    environment::complete();
     let runtime = tokio::runtime::Runtime::new().context("the runtime cannot start");
     let Err(error) = runtime.and_then(|runtime| runtime.block_on(serve(args))) else {
         return ExitCode::SUCCESS;
@@ -294,58 +295,6 @@ fn main() -> ExitCode {
         Some(SimError::Broken(_) | SimError::Panicked(_)) => ExitCode::from(EXIT_SCENARIO),
         _ => ExitCode::FAILURE,
     }
-}
-
-/// Starts this program again with what graphics drivers and the transport read
-/// from the environment, unless it is set already; where that fails, they do
-/// without.
-fn with_environment() {
-    use std::os::unix::process::CommandExt;
-    let wanted = [
-        (
-            "XDG_RUNTIME_DIR",
-            runtime_folder as fn() -> Option<OsString>,
-        ),
-        ("LP_NUM_THREADS", drawing_threads),
-        ("ZENOH_RUNTIME", sending_threads),
-    ];
-    let missing: Vec<(&str, OsString)> = wanted
-        .iter()
-        .filter(|(name, _)| std::env::var_os(name).is_none())
-        .filter_map(|(name, value)| Some((*name, value()?)))
-        .collect();
-    if let (false, Ok(program)) = (missing.is_empty(), std::env::current_exe()) {
-        let _ = std::process::Command::new(program)
-            .args(std::env::args_os().skip(1))
-            .envs(missing)
-            .exec();
-    }
-}
-
-/// A private folder: without one, as in containers and batch jobs, drivers
-/// complain on stderr.
-fn runtime_folder() -> Option<OsString> {
-    use std::os::unix::fs::{DirBuilderExt, MetadataExt};
-    let user = std::fs::metadata("/proc/self").map(|m| m.uid()).ok()?;
-    let folder = std::env::temp_dir().join(format!("wheelarm-runtime-{user}"));
-    let _ = std::fs::DirBuilder::new().mode(0o700).create(&folder);
-    let ours = std::fs::metadata(&folder).is_ok_and(|m| m.is_dir() && m.uid() == user);
-    ours.then(|| folder.into())
-}
-
-/// Threads of Mesa's lavapipe: one more than there are cores. With as many as
-/// cores the kernel now and then leaves two of them on one and the other idle
-/// (measured on two cores).
-fn drawing_threads() -> Option<OsString> {
-    let cores = std::thread::available_parallelism().ok()?.get();
-    (cores > 1).then(|| (cores + 1).to_string().into())
-}
-
-/// Threads with which the transport sends to all peers, one unless said. The end
-/// of a connection whose peer does not read keeps one busy for as long as
-/// somebody waits to send to it, and with one alone nobody would hear anything.
-fn sending_threads() -> Option<OsString> {
-    Some("(tx: (worker_threads: 4))".into())
 }
 
 async fn serve(args: Args) -> anyhow::Result<()> {
@@ -368,7 +317,7 @@ async fn serve(args: Args) -> anyhow::Result<()> {
             bail!(wheelarm_server::sensors::camera::RenderError::NoDriver);
         }
         for adapter in adapters {
-            println!("{adapter}");
+            println!("{}: {adapter}", adapter.index);
         }
         return Ok(());
     }
@@ -422,7 +371,7 @@ async fn serve(args: Args) -> anyhow::Result<()> {
     let endpoint = listen.first().cloned().unwrap_or_default();
     let options = Options {
         keys,
-        adapter: args.adapter,
+        graphics: Graphics::on(args.adapter.as_deref()),
         no_cameras: args.no_cameras,
     };
     let (name, end_with_stdin) = (args.sim, args.end_with_stdin);

@@ -170,6 +170,23 @@ impl Link {
         Ok(link)
     }
 
+    /// A link to the server `sim` in this process, over the session that it serves:
+    /// what is published is handed over where it lies.
+    ///
+    /// # Errors
+    /// As [`Link::open`].
+    pub fn within(session: Session, sim: &str) -> Result<Self, LinkError> {
+        let link = Self::over(session, "this process", sim)?;
+        link.wait_alive(Instant::now() + MEETING)?;
+        Ok(link)
+    }
+
+    /// Whether the server is in this process, over the same session.
+    #[must_use]
+    pub fn is_within(&self) -> bool {
+        self.server.is(self.session.zid())
+    }
+
     /// A link to the server `sim` over a session that stands; whether it is
     /// alive is not asked.
     ///

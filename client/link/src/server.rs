@@ -86,10 +86,12 @@ impl Server {
             return false;
         }
         let info = session.info();
+        // A server of this very session is as near as one that was dialled.
         let connected: Vec<ZenohId> = info
             .routers_zid()
             .wait()
             .chain(info.peers_zid().wait())
+            .chain([session.zid()])
             .collect();
         let mut known = self.known.write();
         let before = known.chosen;

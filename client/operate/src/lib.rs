@@ -12,6 +12,7 @@ pub mod forced;
 pub mod goal;
 pub mod grasp_candidate;
 pub mod hand;
+pub mod log;
 pub mod observation;
 pub mod operator;
 pub mod profile;

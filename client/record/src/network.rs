@@ -12,7 +12,6 @@ use wheelarm_link::{Link, session_of};
 use wheelarm_proto::keys::check_name;
 use wheelarm_proto::schema;
 use wheelarm_proto::{Message, StreamId, TopicId, v1};
-use zenoh::Session;
 use zenoh::bytes::ZBytes;
 use zenoh::pubsub::Publisher;
 use zenoh::qos::{CongestionControl, Priority};
@@ -164,7 +163,7 @@ impl Desk<'_> {
 
     /// Looks whether the server is there, and publishes the status again.
     async fn look(&mut self) {
-        match self.connection.look(self.link.session()).await {
+        match self.connection.look(self.link).await {
             // A server that was restarted has another session.
             Seen::There if self.link.look_for_server() => self.hint(),
             Seen::There => {
@@ -383,10 +382,11 @@ impl Connection {
         }
     }
 
-    async fn look(&mut self, session: &Session) -> Seen {
-        let info = session.info();
-        let there =
-            info.routers_zid().await.next().is_some() || info.peers_zid().await.next().is_some();
+    async fn look(&mut self, link: &Link) -> Seen {
+        let info = link.session().info();
+        let there = link.is_within()
+            || info.routers_zid().await.next().is_some()
+            || info.peers_zid().await.next().is_some();
         if there {
             self.lost = false;
             return match self.since.take() {

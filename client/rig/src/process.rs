@@ -7,7 +7,7 @@ use std::io::Write;
 use std::os::unix::fs::FileExt;
 use std::os::unix::process::CommandExt;
 use std::path::PathBuf;
-use std::process::{Child, Command, ExitStatus, Stdio};
+use std::process::{Child, ChildStdin, ChildStdout, Command, ExitStatus, Stdio};
 use std::time::{Duration, Instant};
 
 use anyhow::Context;
@@ -58,6 +58,9 @@ pub enum Input {
     /// Nothing, until this process is gone or lets it end: the program ends by
     /// itself then, in good order.
     Lifeline,
+    /// What is written into [`Process::take_pipes`], whose other end is what it
+    /// prints. The kernel kills it as one that reads a text.
+    Orders,
 }
 
 /// A child process; killed when dropped.
@@ -99,11 +102,15 @@ impl Process {
         };
         let begin = log.metadata().map_or(0, |file| file.len());
         let another = || log.try_clone().context("keeping the messages of a program");
+        let output = match launch.input {
+            Input::Orders => Stdio::piped(),
+            Input::Text(_) | Input::Lifeline => another()?.into(),
+        };
         command
             .args(&launch.arguments)
             .envs(launch.environment)
             .stdin(Stdio::piped())
-            .stdout(another()?)
+            .stdout(output)
             .stderr(another()?)
             .process_group(0);
         // Its last words are shown, and a backtrace behind them would hide them;
@@ -112,7 +119,7 @@ impl Process {
         if std::env::var_os(BACKTRACE).is_none() {
             command.env(BACKTRACE, "0");
         }
-        if let Input::Text(_) = launch.input {
+        if let Input::Text(_) | Input::Orders = launch.input {
             end_with_parent(&mut command);
         }
         let child = command
@@ -131,6 +138,12 @@ impl Process {
             let _ = input.write_all(text.as_bytes());
         }
         Ok(process)
+    }
+
+    /// What it reads and what it prints, once, of one that takes orders.
+    #[must_use]
+    pub fn take_pipes(&mut self) -> Option<(ChildStdin, ChildStdout)> {
+        self.child.stdin.take().zip(self.child.stdout.take())
     }
 
     /// How it ended, if it has.

@@ -9,10 +9,11 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use parking_lot::Mutex;
 use wheelarm_rig::Panicked;
 
-use super::attempt::{Outcome, Setup, attempt};
+use super::attempt::{Outcome, Setup};
 use super::capacity::free_disk;
 use super::episode::Episode;
 use super::estimate::bytes;
+use super::make::attempt;
 use super::journal::{DEATHS, Done, Entry, Failed, Journal};
 use super::progress::Show;
 use super::slot::{Permit, Slot};
@@ -70,13 +71,13 @@ struct Shared<'a> {
     busy: AtomicUsize,
 }
 
-/// Makes all jobs with `workers` workers, each of which has two pipelines.
+/// Makes all jobs with a worker in each slot, which has two pipelines.
 #[must_use]
 pub fn work(
     setup: &Setup,
     jobs: Vec<Job>,
     journal: Journal,
-    workers: usize,
+    slots: &[Slot],
     largest: f64,
     (stop, show): (&Stop, &Show),
 ) -> Tally {
@@ -90,13 +91,12 @@ pub fn work(
         largest,
         busy: AtomicUsize::new(0),
     };
-    let slots: Vec<Slot> = (0..workers).map(|_| Slot::default()).collect();
     std::thread::scope(|scope| {
-        let (shared, slots) = (&shared, &slots);
-        let threads: Vec<_> = (0..PIPELINES * workers)
+        let shared = &shared;
+        let threads: Vec<_> = (0..PIPELINES * slots.len())
             .map(|number| Place {
                 pipeline: number,
-                slot: &slots[number % workers],
+                slot: &slots[number % slots.len()],
             })
             .map(|place| scope.spawn(move || shared.run(place)))
             .collect();
@@ -219,7 +219,8 @@ impl Shared<'_> {
         number: u32,
     ) -> anyhow::Result<Outcome> {
         let activity = self.show.activity(place.pipeline);
-        let run = || attempt(self.setup, episode, number, permit, self.stop, &activity);
+        let held = (place.slot, permit);
+        let run = || attempt(self.setup, (episode, number), held, self.stop, &activity);
         // What it shares with others is locked for single steps alone.
         let made = catch_unwind(AssertUnwindSafe(run));
         made.unwrap_or_else(|cause| Err(Panicked::because_of(&*cause).into()))

@@ -1,13 +1,16 @@
 //! `wheelarm collect`: a whole dataset from one plan, on one machine or on many.
 //!
 //! Each worker runs a server, a recorder and the operator in lock-step, one
-//! episode at a time. What has been done stands in append-only journals and
+//! episode at a time, in one process or in three. What has been done stands in append-only journals and
 //! nowhere else, so any kill at any time costs the running episodes at most.
 //! Shards need no coordinator: name, seed and shard of an episode follow from
 //! the plan alone.
 
 mod activity;
+mod adapters;
 mod attempt;
+mod by_process;
+mod by_socket;
 mod capacity;
 mod card;
 mod episode;
@@ -17,6 +20,7 @@ mod folder;
 mod journal;
 mod judge;
 mod loss;
+mod make;
 mod manifest;
 mod merge;
 mod plan;
@@ -35,9 +39,10 @@ use std::time::Duration;
 use anyhow::{Context, bail};
 use clap::Args;
 
-use crate::choice::patience;
+use crate::choice::{named, patience};
 use crate::control::tasks_of_program;
-use attempt::Setup;
+use adapters::Adapters;
+use attempt::{Setup, Way};
 use capacity::Host;
 use episode::{Episode, Shard, episodes};
 use estimate::{Estimate, estimate};
@@ -47,6 +52,7 @@ use journal::Journal;
 use manifest::Manifest;
 use plan::Plan;
 use progress::Show;
+use slot::Slot;
 use resume::{jobs, ledger, settle};
 use stop::Stop;
 
@@ -80,9 +86,18 @@ pub struct CollectArgs {
     /// Assets folder; the server looks for it when absent.
     #[arg(long, env = "WHEELARM_ASSETS")]
     pub assets: Option<PathBuf>,
-    /// Graphics adapter by a part of its name (`wheelarm-server --list-adapters`).
-    #[arg(long)]
+    /// Graphics adapter by its index, its PCI id or a part of its name
+    /// (`wheelarm-server --list-adapters`).
+    #[arg(long, value_name = "INDEX|PCI-ID|NAME", conflicts_with = "adapters")]
     pub adapter: Option<String>,
+    /// Several graphics adapters, by index or PCI id, comma separated: the workers
+    /// take them in turn; `all` is every graphics card.
+    #[arg(long, value_name = "all|N,N,…")]
+    pub adapters: Option<Adapters>,
+    /// How a worker runs: `process` is server, recorder and operator in one process,
+    /// `socket` each in its own.
+    #[arg(long, value_parser = named::<Way>(), default_value = "process")]
+    pub worker: Way,
     /// Wall seconds without an answer after which a server is ended, 5 at least.
     #[arg(long, default_value = "180", value_parser = patience::<5>, value_name = "SECONDS")]
     pub patience: Duration,
@@ -92,7 +107,7 @@ pub struct CollectArgs {
         long,
         value_name = "DIR",
         num_args = 1..,
-        conflicts_with_all = ["plan", "dry_run", "durations", "workers", "shard", "adapter"]
+        conflicts_with_all = ["plan", "dry_run", "durations", "workers", "shard", "adapter", "adapters"]
     )]
     pub merge: Vec<PathBuf>,
 }
@@ -148,10 +163,15 @@ pub fn run(args: &CollectArgs) -> anyhow::Result<ExitCode> {
         plan,
         folder: Folder::make(&out)?,
         assets: args.assets.clone(),
-        adapter: args.adapter.clone(),
+        way: args.worker,
         patience: args.patience,
     };
-    collect(&setup, args.shard, mine, &estimate, workers)
+    let slots = match &args.adapters {
+        Some(adapters) => adapters.spread(workers, adapters::listed)?,
+        None => vec![args.adapter.clone(); workers],
+    };
+    let slots: Vec<Slot> = slots.into_iter().map(Slot::on).collect();
+    collect(&setup, args.shard, mine, &estimate, &slots)
 }
 
 /// Makes what is missing of the episodes `mine`.
@@ -160,7 +180,7 @@ fn collect(
     shard: Shard,
     mine: Vec<Episode>,
     estimate: &Estimate,
-    workers: usize,
+    slots: &[Slot],
 ) -> anyhow::Result<ExitCode> {
     let stop = Stop::default();
     stop.listen()?;
@@ -171,7 +191,8 @@ fn collect(
     folder.keep_plan(&setup.plan.text)?;
     settle(folder, &mine, &mut journal, &mut ledger)?;
     let jobs = jobs(&mine, &ledger, estimate);
-    let workers = workers.min(jobs.len().max(1));
+    let slots = &slots[..slots.len().min(jobs.len().max(1))];
+    let workers = slots.len();
     println!(
         "{}: {} of {} episodes are there, {workers} workers make the others in {}",
         setup.plan.name,
@@ -190,7 +211,7 @@ fn collect(
         setup,
         jobs,
         journal,
-        workers,
+        slots,
         estimate.largest(),
         (&stop, &show),
     );

@@ -24,6 +24,9 @@ const QUESTIONS: u32 = 3;
 /// Asks the server while it is held.
 pub struct Watch {
     seen: Arc<Mutex<Seen>>,
+    activity: Activity,
+    /// Longest time without an answer that one look can show.
+    longest: Duration,
 }
 
 struct Seen {
@@ -58,21 +61,10 @@ impl Watch {
     /// slowness within `patience`.
     #[must_use]
     pub fn start(connect: Connect, activity: &Activity, patience: Duration) -> Self {
-        let (answer, longest) = (
-            ANSWER.min(patience / QUESTIONS),
-            LONGEST.min(patience / QUESTIONS),
-        );
-        let seen = Arc::new(Mutex::new(Seen {
-            wanted: true,
-            tick: 0,
-            looked: Instant::now(),
-            still: Duration::ZERO,
-            waiting_for: String::new(),
-            silent: Duration::ZERO,
-            answered: None,
-            scenario: None,
-        }));
-        let (told, activity) = (Arc::clone(&seen), activity.clone());
+        let answer = ANSWER.min(patience / QUESTIONS);
+        let watch = Self::told(activity, patience);
+        let longest = watch.longest;
+        let (told, activity) = (Arc::clone(&watch.seen), activity.clone());
         std::thread::spawn(move || {
             let mut open = None;
             while told.lock().wanted {
@@ -92,7 +84,39 @@ impl Watch {
                 let _ = link.close();
             }
         });
-        Self { seen }
+        watch
+    }
+
+    /// Goes by what [`Watch::take`] is given, once a second, and [`Watch::look`]s at
+    /// the time in between.
+    #[must_use]
+    pub fn told(activity: &Activity, patience: Duration) -> Self {
+        let seen = Arc::new(Mutex::new(Seen {
+            wanted: true,
+            tick: 0,
+            looked: Instant::now(),
+            still: Duration::ZERO,
+            waiting_for: String::new(),
+            silent: Duration::ZERO,
+            answered: None,
+            scenario: None,
+        }));
+        Self {
+            seen,
+            activity: activity.clone(),
+            longest: LONGEST.min(patience / QUESTIONS),
+        }
+    }
+
+    /// Takes what the simulation told of itself.
+    pub fn take(&self, status: &v1::Status) {
+        self.look();
+        follow(status, Instant::now(), &self.seen, &self.activity);
+    }
+
+    /// Takes the time since the last look.
+    pub fn look(&self) {
+        self.seen.lock().look(self.longest);
     }
 
     /// For how long simulation time has stalled while the server answered.

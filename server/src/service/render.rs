@@ -24,7 +24,7 @@ use crate::look::Drawn;
 use crate::robot::RobotModel;
 use crate::scene::Scene;
 use crate::sensors::camera::{
-    Binding, CameraSpec, Frame, IN_FLIGHT, Intrinsics, RenderError, RenderScene, Renderer,
+    Binding, CameraSpec, Frame, Graphics, IN_FLIGHT, Intrinsics, RenderError, RenderScene, Renderer,
 };
 use crate::sensors::models;
 use crate::sim::{CameraSetting, Scenario, Simulation};
@@ -64,7 +64,7 @@ struct Setup {
     model: RobotModel,
     assets: PathBuf,
     scenario: Scenario,
-    adapter: Option<String>,
+    graphics: Graphics,
 }
 
 impl Setup {
@@ -80,7 +80,7 @@ impl Setup {
             .map(|c| self.camera(c))
             .collect::<Result<Vec<_>, _>>()?;
         let quality = self.scenario.quality;
-        let renderer = Renderer::new(&scene, &cameras, quality, self.adapter.as_deref())?;
+        let renderer = Renderer::over(&self.graphics, &scene, &cameras, quality)?;
         Ok((renderer, scene))
     }
 }
@@ -135,7 +135,7 @@ impl RenderThread {
     /// [`ServiceError`] with the cure, for example when there is no Vulkan driver.
     pub fn start(
         sim: &Simulation,
-        adapter: Option<&str>,
+        graphics: &Graphics,
         outbox: Arc<Outbox>,
         signal: Arc<Signal>,
     ) -> Result<Self, ServiceError> {
@@ -144,7 +144,7 @@ impl RenderThread {
             model: sim.model().clone(),
             assets: sim.assets().to_owned(),
             scenario: sim.scenario().clone(),
-            adapter: adapter.map(str::to_owned),
+            graphics: graphics.clone(),
         };
         let names: Vec<String> = setup
             .scenario

@@ -75,6 +75,30 @@ pub fn open(
     Ok(zenoh::open(config).wait()?)
 }
 
+/// Opens a session for a server whose clients are in this process: it listens
+/// nowhere and looks for nobody. What is published reaches them where it lies.
+///
+/// # Errors
+/// The transport's error.
+pub fn within() -> Result<Session, ServiceError> {
+    let mut config = Config::default();
+    for (key, value) in [
+        ("mode", "\"peer\""),
+        ("scouting/multicast/enabled", "false"),
+        ("scouting/gossip/enabled", "false"),
+        ("scouting/delay", "0"),
+        ("timestamping/enabled", "true"),
+        ("transport/shared_memory/enabled", "false"),
+        ("listen/endpoints", "[]"),
+        ("connect/endpoints", "[]"),
+    ] {
+        config
+            .insert_json5(key, value)
+            .map_err(|e| ServiceError::Zenoh(format!("setting {key} to {value}: {e}")))?;
+    }
+    Ok(zenoh::open(config).wait()?)
+}
+
 /// Access control of the router that the server is: its own keys are closed to
 /// everybody who is connected to it. Behind another router that one would have
 /// to do the same; therefore clients look at ids and digests as well. Tokens

@@ -81,10 +81,12 @@ pub enum RenderError {
          its vendor's driver, or run without cameras (--no-cameras)"
     )]
     NoDriver,
-    /// No adapter of that name.
-    #[error("no Vulkan adapter has '{wanted}' in its name; present are: {present}")]
+    /// No such adapter.
+    #[error(
+        "no Vulkan adapter has the index, the PCI id or the part of a name '{wanted}'; present are: {present}"
+    )]
     UnknownAdapter {
-        /// Name asked for.
+        /// What was asked for.
         wanted: String,
         /// Names of all adapters.
         present: String,

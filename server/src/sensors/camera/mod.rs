@@ -11,6 +11,7 @@ mod buffers;
 mod decoration;
 mod error;
 mod geometry;
+mod graphics;
 mod mapping;
 mod patterns;
 mod pipelines;
@@ -30,6 +31,7 @@ use nalgebra::Isometry3;
 
 pub use adapter::{AdapterInfo, AdapterKind};
 pub use error::RenderError;
+pub use graphics::Graphics;
 pub use renderer::{IN_FLIGHT, Renderer};
 pub use scene::{Binding, MOST_BODIES, RenderItem, RenderScene, Surrounding};
 pub use spec::{CameraSpec, Intrinsics};

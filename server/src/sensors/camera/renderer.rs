@@ -2,6 +2,7 @@
 
 use std::collections::VecDeque;
 use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use bytes::Bytes;
 use nalgebra::Isometry3;
@@ -11,6 +12,7 @@ use wgpu::util::DeviceExt;
 use super::adapter::{self, AdapterInfo};
 use super::ambient_occlusion::Surroundings;
 use super::buffers::Buffers;
+use super::graphics::{Graphics, Opened};
 use super::geometry::{BodyRow, Geometry, Seen, body_row};
 use super::pipelines::Pipelines;
 use super::readback::{Layout, Memory};
@@ -32,8 +34,9 @@ pub struct Renderer {
     device: wgpu::Device,
     queue: wgpu::Queue,
     failure: Arc<Mutex<Option<String>>>,
+    broken: Arc<AtomicBool>,
     tier: Tier,
-    pipelines: Pipelines,
+    pipelines: Arc<Pipelines>,
     geometry: Geometry,
     soft: SoftMeshes,
     surroundings: Surroundings,
@@ -82,15 +85,29 @@ impl Renderer {
         adapter::list()
     }
 
-    /// Uploads a scene. `adapter` is a part of an adapter's name; without it the strongest is taken.
+    /// As [`Renderer::over`] on a device of its own. `adapter` is an index, a PCI id or a
+    /// part of an adapter's name; without it the strongest is taken.
     ///
     /// # Errors
-    /// When there is no Vulkan driver, no such adapter, a camera cannot be, or the adapter fails.
+    /// As [`Renderer::over`].
     pub fn new(
         scene: &RenderScene,
         cameras: &[CameraSpec],
         quality: Quality,
         adapter: Option<&str>,
+    ) -> Result<Self, RenderError> {
+        Self::over(&Graphics::on(adapter), scene, cameras, quality)
+    }
+
+    /// Uploads a scene to a device that others may use as well.
+    ///
+    /// # Errors
+    /// When there is no Vulkan driver, no such adapter, a camera cannot be, or the adapter fails.
+    pub fn over(
+        graphics: &Graphics,
+        scene: &RenderScene,
+        cameras: &[CameraSpec],
+        quality: Quality,
     ) -> Result<Self, RenderError> {
         check_cameras(scene, cameras)?;
         let tier = Tier::of(quality, scene);
@@ -99,12 +116,13 @@ impl Renderer {
             pipelines,
             surroundings,
             buffers,
-        } = prepare(scene, tier, adapter)?;
+        } = prepare(scene, tier, graphics)?;
         let Opened {
             info,
             device,
             queue,
             failure,
+            broken,
         } = opened;
         let sun = SunView::new(scene, &buffers, tier.shadow_size);
         let geometry = Geometry::upload(&device, &buffers);
@@ -158,6 +176,7 @@ impl Renderer {
             device,
             queue,
             failure,
+            broken,
             tier,
             pipelines,
             geometry,
@@ -340,6 +359,7 @@ impl Renderer {
     }
 
     fn failed(&self, reason: String) -> RenderError {
+        self.broken.store(true, Ordering::Release);
         RenderError::Device {
             adapter: self.info.name.clone(),
             reason,
@@ -473,7 +493,7 @@ fn check_cameras(scene: &RenderScene, cameras: &[CameraSpec]) -> Result<(), Rend
 /// What a renderer is made of before anything is uploaded.
 struct Prepared {
     opened: Opened,
-    pipelines: Pipelines,
+    pipelines: Arc<Pipelines>,
     surroundings: Surroundings,
     buffers: Buffers,
 }
@@ -482,7 +502,7 @@ struct Prepared {
 fn prepare(
     scene: &RenderScene,
     tier: Tier,
-    adapter: Option<&str>,
+    graphics: &Graphics,
 ) -> Result<Prepared, RenderError> {
     std::thread::scope(|scope| {
         let arranging = scope.spawn(|| {
@@ -490,10 +510,7 @@ fn prepare(
             let buffers = Buffers::new(scene, &surroundings, tier);
             (surroundings, buffers)
         });
-        let opened = open(adapter).map(|opened| {
-            let pipelines = Pipelines::new(&opened.device, tier);
-            (opened, pipelines)
-        });
+        let opened = graphics.open(tier);
         let (surroundings, buffers) = joined(arranging);
         let (opened, pipelines) = opened?;
         Ok(Prepared {
@@ -514,43 +531,6 @@ fn read_buffers(device: &wgpu::Device, target: &Target) -> [wgpu::Buffer; IN_FLI
             usage: wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST,
             mapped_at_creation: false,
         })
-    })
-}
-
-/// A device and where it tells of its failures.
-struct Opened {
-    info: AdapterInfo,
-    device: wgpu::Device,
-    queue: wgpu::Queue,
-    failure: Arc<Mutex<Option<String>>>,
-}
-
-fn open(adapter: Option<&str>) -> Result<Opened, RenderError> {
-    let (info, chosen) = adapter::choose(adapter)?;
-    let (device, queue) = pollster::block_on(chosen.request_device(&wgpu::DeviceDescriptor {
-        required_limits: wgpu::Limits {
-            max_buffer_size: chosen.limits().max_buffer_size,
-            ..Default::default()
-        },
-        ..Default::default()
-    }))
-    .map_err(|e| RenderError::Device {
-        adapter: info.name.clone(),
-        reason: e.to_string(),
-    })?;
-    let failure = Arc::new(Mutex::new(None));
-    device.on_uncaptured_error(Arc::new({
-        let failure = failure.clone();
-        move |error: wgpu::Error| {
-            let mut slot = failure.lock();
-            slot.get_or_insert(error.to_string());
-        }
-    }));
-    Ok(Opened {
-        info,
-        device,
-        queue,
-        failure,
     })
 }
 

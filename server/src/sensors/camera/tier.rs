@@ -4,7 +4,7 @@ use super::Quality;
 use super::scene::RenderScene;
 
 /// How a quality tier is drawn.
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, PartialEq, Eq)]
 pub(super) struct Tier {
     /// Side of the shadow map, texels; 1 without shadows.
     pub(super) shadow_size: u32,

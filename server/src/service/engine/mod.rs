@@ -32,6 +32,7 @@ use super::shared::Shared;
 use super::waiting::Waiting;
 use super::{assets, publish};
 use crate::robot::control::GripperMap;
+use crate::sensors::camera::Graphics;
 use crate::sensors::signals::Signals;
 use crate::sim::{Pacing, Simulation};
 use crate::snapshot::{Anomaly, BodyRef, Snapshot};
@@ -48,8 +49,8 @@ pub(in crate::service) const NAP: Duration = Duration::from_millis(50);
 pub struct Options {
     /// Keys of this server.
     pub keys: Keys,
-    /// Graphics adapter by a part of its name; `None` takes the best.
-    pub adapter: Option<String>,
+    /// The adapter that draws; another service may draw on it, too.
+    pub graphics: Graphics,
     /// Physics only: no pictures, no driver needed.
     pub no_cameras: bool,
 }
@@ -139,7 +140,7 @@ impl Engine {
         if !wanted.is_empty() {
             let render = RenderThread::start(
                 &self.sim,
-                self.options.adapter.as_deref(),
+                &self.options.graphics,
                 Arc::clone(&self.shared.outbox),
                 Arc::clone(&self.shared.signal),
             )?;

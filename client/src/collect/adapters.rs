@@ -1,0 +1,127 @@
+//! Several graphics adapters: which of them the workers of a campaign draw on.
+
+use std::process::Command;
+use std::str::FromStr;
+
+use anyhow::{Context, bail};
+use wheelarm_rig::required_program;
+
+/// What `--adapters` says.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Adapters {
+    /// Every graphics card of the host.
+    All,
+    /// These, by index or PCI id.
+    These(Vec<String>),
+}
+
+impl FromStr for Adapters {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        if text.trim() == "all" {
+            return Ok(Self::All);
+        }
+        let names: Vec<String> = text.split(',').map(|name| name.trim().to_owned()).collect();
+        if names.iter().any(String::is_empty) {
+            return Err(format!(
+                "{text:?} is neither `all` nor indices or PCI ids separated by commas, for example 0,1"
+            ));
+        }
+        Ok(Self::These(names))
+    }
+}
+
+impl Adapters {
+    /// The adapter of each of `workers` workers, in turn. `listed` gives the lines of
+    /// `wheelarm-server --list-adapters`.
+    ///
+    /// # Errors
+    /// When the host's adapters cannot be listed, or it has none.
+    pub fn spread(
+        &self,
+        workers: usize,
+        listed: impl FnOnce() -> anyhow::Result<String>,
+    ) -> anyhow::Result<Vec<Option<String>>> {
+        let names = match self {
+            Self::These(names) => names.clone(),
+            Self::All => cards(&listed()?),
+        };
+        if names.is_empty() {
+            bail!("this host has no graphics adapter; see wheelarm-server --list-adapters");
+        }
+        let in_turn = names.iter().cycle().take(workers);
+        Ok(in_turn.map(|name| Some(name.clone())).collect())
+    }
+}
+
+/// Indices of the graphics cards among the lines of `--list-adapters`; where there
+/// is none, of what else draws.
+fn cards(listed: &str) -> Vec<String> {
+    let all: Vec<(&str, &str)> = listed
+        .lines()
+        .filter_map(|line| line.split_once(": "))
+        .filter(|(index, _)| index.bytes().all(|c| c.is_ascii_digit()))
+        .collect();
+    let of = |kind: &str| -> Vec<String> {
+        let lines = all.iter().filter(|(_, words)| words.contains(kind));
+        lines.map(|(index, _)| (*index).to_owned()).collect()
+    };
+    let cards = of("[GPU, ");
+    match cards.is_empty() {
+        false => cards,
+        true => all.iter().take(1).map(|(index, _)| (*index).to_owned()).collect(),
+    }
+}
+
+/// What `wheelarm-server --list-adapters` prints.
+///
+/// # Errors
+/// When it is not there or has nothing to list, with its words.
+pub fn listed() -> anyhow::Result<String> {
+    let program = required_program("wheelarm-server")?;
+    let output = Command::new(program).arg("--list-adapters").output();
+    let output = output.context("starting wheelarm-server --list-adapters")?;
+    if !output.status.success() {
+        bail!("{}", String::from_utf8_lossy(&output.stderr).trim());
+    }
+    Ok(String::from_utf8_lossy(&output.stdout).into_owned())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const LISTED: &str = "0: llvmpipe (LLVM 15.0.6, 256 bits) [CPU, llvmpipe Mesa 22, vulkan]\n\
+        1: NVIDIA H100 [GPU, NVIDIA 570, vulkan, PCI 0000:1b:00.0]\n\
+        2: NVIDIA H100 [GPU, NVIDIA 570, vulkan, PCI 0000:65:00.0]\n";
+
+    #[test]
+    fn workers_take_the_cards_in_turn() {
+        let names = |adapters: &str, workers| -> Vec<String> {
+            let adapters: Adapters = adapters.parse().unwrap();
+            let spread = adapters.spread(workers, || Ok(LISTED.to_owned())).unwrap();
+            spread.into_iter().flatten().collect()
+        };
+        assert_eq!(names("all", 5), ["1", "2", "1", "2", "1"]);
+        assert_eq!(names("2, 0", 3), ["2", "0", "2"]);
+        assert_eq!(names("0000:65:00.0", 2), ["0000:65:00.0", "0000:65:00.0"]);
+    }
+
+    #[test]
+    fn without_a_card_the_processor_draws_and_without_anything_it_is_told() {
+        let cpu = "0: llvmpipe (LLVM 15) [CPU, llvmpipe Mesa, vulkan]\n";
+        let spread = Adapters::All.spread(2, || Ok(cpu.to_owned())).unwrap();
+        assert_eq!(spread, [Some("0".to_owned()), Some("0".to_owned())]);
+        let none = Adapters::All.spread(2, || Ok(String::new())).unwrap_err();
+        assert!(none.to_string().contains("--list-adapters"), "{none}");
+    }
+
+    #[test]
+    fn what_is_no_list_is_refused() {
+        for text in ["", "0,", ",1"] {
+            let words = Adapters::from_str(text).unwrap_err();
+            assert!(words.contains("for example 0,1"), "{words}");
+        }
+    }
+}

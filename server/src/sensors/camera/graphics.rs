@@ -1,0 +1,111 @@
+//! A graphics device and its pipelines, kept from one renderer to the next: drivers
+//! take long to start and to compile.
+
+use std::fmt;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use parking_lot::Mutex;
+
+use super::RenderError;
+use super::adapter::{self, AdapterInfo};
+use super::pipelines::Pipelines;
+use super::tier::Tier;
+
+/// An adapter that renderers share, opened with the first of them. A device that
+/// failed is not handed out again.
+#[derive(Clone, Default)]
+pub struct Graphics {
+    wanted: Option<String>,
+    kept: Arc<Mutex<Kept>>,
+}
+
+#[derive(Default)]
+struct Kept {
+    opened: Option<Opened>,
+    pipelines: Vec<(Tier, Arc<Pipelines>)>,
+}
+
+/// A device and where it tells of its failures.
+#[derive(Clone)]
+pub(super) struct Opened {
+    pub(super) info: AdapterInfo,
+    pub(super) device: wgpu::Device,
+    pub(super) queue: wgpu::Queue,
+    pub(super) failure: Arc<Mutex<Option<String>>>,
+    /// It has failed once.
+    pub(super) broken: Arc<AtomicBool>,
+}
+
+impl fmt::Debug for Graphics {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Graphics")
+            .field("wanted", &self.wanted)
+            .finish_non_exhaustive()
+    }
+}
+
+impl Graphics {
+    /// The adapter that `wanted` names: its index in the list, its PCI id, or a part
+    /// of its name; without it the strongest.
+    #[must_use]
+    pub fn on(wanted: Option<&str>) -> Self {
+        Self {
+            wanted: wanted.map(str::to_owned),
+            ..Self::default()
+        }
+    }
+
+    /// The device and the pipelines of a tier.
+    pub(super) fn open(&self, tier: Tier) -> Result<(Opened, Arc<Pipelines>), RenderError> {
+        let mut kept = self.kept.lock();
+        let broken = |opened: &Opened| opened.broken.load(Ordering::Acquire);
+        if kept.opened.as_ref().is_some_and(broken) {
+            *kept = Kept::default();
+        }
+        let opened = match &kept.opened {
+            Some(opened) => opened.clone(),
+            None => kept.opened.insert(open(self.wanted.as_deref())?).clone(),
+        };
+        let known = kept.pipelines.iter().find(|(of, _)| *of == tier);
+        let pipelines = match known {
+            Some((_, pipelines)) => Arc::clone(pipelines),
+            None => {
+                let pipelines = Arc::new(Pipelines::new(&opened.device, tier));
+                kept.pipelines.push((tier, Arc::clone(&pipelines)));
+                pipelines
+            }
+        };
+        Ok((opened, pipelines))
+    }
+}
+
+fn open(adapter: Option<&str>) -> Result<Opened, RenderError> {
+    let (info, chosen) = adapter::choose(adapter)?;
+    let (device, queue) = pollster::block_on(chosen.request_device(&wgpu::DeviceDescriptor {
+        required_limits: wgpu::Limits {
+            max_buffer_size: chosen.limits().max_buffer_size,
+            ..Default::default()
+        },
+        ..Default::default()
+    }))
+    .map_err(|e| RenderError::Device {
+        adapter: info.name.clone(),
+        reason: e.to_string(),
+    })?;
+    let failure = Arc::new(Mutex::new(None));
+    device.on_uncaptured_error(Arc::new({
+        let failure = failure.clone();
+        move |error: wgpu::Error| {
+            let mut slot = failure.lock();
+            slot.get_or_insert(error.to_string());
+        }
+    }));
+    Ok(Opened {
+        info,
+        device,
+        queue,
+        failure,
+        broken: Arc::default(),
+    })
+}

@@ -1,0 +1,126 @@
+//! `wheelarm-worker`: server, recorder and scripted operator in one process.
+//!
+//! `wheelarm collect` and `wheelarm evaluate` start it and give it orders
+//! (`wheelarm_rig::order`), one episode each. All of them share one session that
+//! reaches nobody else, so that a picture goes from the renderer into the log without
+//! a copy; the graphics device stays from one episode to the next. Each episode has
+//! a service and a recorder of its own, which are as fresh as in a process of their
+//! own. This is the only package that names both server and clients.
+
+mod episode;
+mod serving;
+mod voice;
+
+use std::collections::BTreeMap;
+use std::io::BufRead;
+use std::path::PathBuf;
+use std::process::ExitCode;
+use std::sync::Arc;
+
+use anyhow::{Context, bail};
+use clap::Parser;
+use parking_lot::Mutex;
+use wheelarm_proto::installed;
+use wheelarm_proto::program::{told, version};
+use wheelarm_rig::order::{Asked, Said};
+use wheelarm_server::environment;
+use wheelarm_server::sensors::camera::Graphics;
+use wheelarm_server::service;
+
+use episode::{Room, Stop};
+use voice::Voice;
+
+/// Makes episodes of a campaign in one process. Started by `wheelarm collect` and
+/// `wheelarm evaluate`, which give it orders by its standard input.
+#[derive(Parser, Debug)]
+#[command(name = "wheelarm-worker", version = version())]
+struct Args {
+    /// Assets folder; found beside the program when absent.
+    #[arg(long, env = "WHEELARM_ASSETS")]
+    assets: Option<PathBuf>,
+    /// Graphics adapter by its index, its PCI id or a part of its name
+    /// (`wheelarm-server --list-adapters`) [default: the strongest].
+    #[arg(long, value_name = "INDEX|PCI-ID|NAME")]
+    adapter: Option<String>,
+    /// For what it works: for people who list processes.
+    #[arg(long = "for", value_name = "DIR")]
+    _folder: Option<PathBuf>,
+}
+
+fn main() -> ExitCode {
+    let args = Args::parse();
+    environment::complete();
+    match work(args) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("error: {}", told(error.as_ref()));
+            ExitCode::FAILURE
+        }
+    }
+}
+
+fn assets(told: Option<PathBuf>) -> anyhow::Result<PathBuf> {
+    if let Some(told) = told {
+        if !told.join("scenes").is_dir() {
+            bail!(
+                "{} holds no folder `scenes`; name the assets folder of WheelArm",
+                told.display()
+            );
+        }
+        return Ok(told);
+    }
+    installed::assets()
+        .context("no assets folder found; name it with --assets DIR or WHEELARM_ASSETS")
+}
+
+/// Takes orders until its standard input ends: then whoever gave them is gone, and
+/// what is under way would be made again.
+fn work(args: Args) -> anyhow::Result<()> {
+    tracing_subscriber::fmt()
+        .with_writer(std::io::stderr)
+        .with_ansi(false)
+        .with_env_filter(
+            tracing_subscriber::EnvFilter::try_from_default_env()
+                .unwrap_or_else(|_| "warn,zenoh=error".into()),
+        )
+        .init();
+    let assets = assets(args.assets)?;
+    let runtime = tokio::runtime::Builder::new_multi_thread()
+        .worker_threads(1)
+        .enable_all()
+        .build()
+        .context("the runtime cannot start")?;
+    let room = Arc::new(Room {
+        session: service::session::within()?,
+        assets,
+        graphics: Graphics::on(args.adapter.as_deref()),
+        runtime: runtime.handle().clone(),
+    });
+    let voice = Voice::default();
+    voice.say(&Said::Ready);
+    let stops: Arc<Mutex<BTreeMap<u64, Stop>>> = Arc::default();
+    for line in std::io::stdin().lock().lines() {
+        let line = line.context("reading orders")?;
+        match serde_json::from_str(&line).context("an order cannot be read")? {
+            Asked::Do(order) => {
+                let (number, stop) = (order.number, Stop::default());
+                stops.lock().insert(number, stop.clone());
+                let (room, voice, stops) = (Arc::clone(&room), voice.of(number), stops.clone());
+                let thread = std::thread::Builder::new().name("episode".to_owned());
+                thread
+                    .spawn(move || {
+                        episode::make(&room, &order, &stop, &voice);
+                        stops.lock().remove(&number);
+                    })
+                    .context("starting the thread of an episode")?;
+            }
+            Asked::Cancel { order } => {
+                if let Some(stop) = stops.lock().get(&order) {
+                    stop.ask();
+                }
+            }
+        }
+    }
+    // Threads of episodes and of drivers are not waited for.
+    std::process::exit(0)
+}
