@@ -121,9 +121,8 @@ def campaign(options, kind, adapters, cores, place, simulated, deadline):
         out = folder / "set"
         words = [options.programs / "wheelarm", "collect", plan, "--out", out]
         words += ["--workers", workers, "--assets", options.assets]
-        words += ["--adapters", ",".join(adapters)]
         if options.worker != "none":
-            words += ["--worker", options.worker]
+            words += ["--adapters", ",".join(adapters), "--worker", options.worker]
         words = [str(word) for word in words]
         print(" ".join(words), flush=True)
         dropper = Dropper(out)

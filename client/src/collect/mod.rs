@@ -41,8 +41,9 @@ use clap::Args;
 
 use crate::choice::{named, patience};
 use crate::control::tasks_of_program;
+use crate::way::Way;
 use adapters::Adapters;
-use attempt::{Setup, Way};
+use attempt::Setup;
 use capacity::Host;
 use episode::{Episode, Shard, episodes};
 use estimate::{Estimate, estimate};

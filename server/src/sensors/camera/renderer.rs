@@ -507,7 +507,9 @@ fn prepare(
     std::thread::scope(|scope| {
         let arranging = scope.spawn(|| {
             let surroundings = Surroundings::new(scene);
-            let buffers = Buffers::new(scene, &surroundings, tier);
+            let mut light = graphics.last_home().of(&surroundings);
+            let buffers = Buffers::new(scene, &mut light, tier);
+            graphics.last_home().keep(light);
             (surroundings, buffers)
         });
         let opened = graphics.open(tier);
