@@ -197,7 +197,7 @@ def main():
     options.add_argument("--assets", type=Path, default=root / "assets")
     options.add_argument("--memory", type=Path, default=Path("/dev/shm"))
     options.add_argument("--disk", type=Path, default=Path(tempfile.gettempdir()))
-    options.add_argument("--out", type=Path, default=Path("bench_device"))
+    options.add_argument("--out", type=Path, default=root / "data" / "bench_device")
     options.add_argument("--seconds", type=float, default=460.0, help="wall time for everything")
     options.add_argument("--simulated", type=float, default=100.0, help="seconds per worker into memory")
     options.add_argument("--worker", default="process", help="`none` for programs that know one way alone")
