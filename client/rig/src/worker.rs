@@ -212,7 +212,8 @@ impl Ongoing {
                 .changed
                 .wait_until(&mut heard, deadline)
                 .timed_out();
-            if timed_out || heard.closed && heard.told.get(&self.number).is_none_or(|q| q.is_empty())
+            if timed_out
+                || heard.closed && heard.told.get(&self.number).is_none_or(|q| q.is_empty())
             {
                 return heard.told.get_mut(&self.number)?.pop_front();
             }

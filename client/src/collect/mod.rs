@@ -53,8 +53,8 @@ use journal::Journal;
 use manifest::Manifest;
 use plan::Plan;
 use progress::Show;
-use slot::Slot;
 use resume::{jobs, ledger, settle};
+use slot::Slot;
 use stop::Stop;
 
 pub use plan::PlanError;

@@ -257,6 +257,9 @@ mod tests {
         let both = "0: llvmpipe (LLVM 15), Cpu\n1: NVIDIA H200, PCI 0000:1b:00.0";
         let finding = adapter(both);
         assert_eq!(finding.level, Level::Ok);
-        assert!(finding.found.contains("1: NVIDIA H200, PCI 0000:1b:00.0"), "{finding}");
+        assert!(
+            finding.found.contains("1: NVIDIA H200, PCI 0000:1b:00.0"),
+            "{finding}"
+        );
     }
 }

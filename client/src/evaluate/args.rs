@@ -16,11 +16,11 @@ use super::compare::CompareArgs;
 use super::entry::Job;
 use super::scope::{Scope, read_split};
 use crate::axis::{Axis, AxisAt};
-use crate::way::Way;
 use crate::choice::{MOST_SEEDS, named, patience, seed_range};
 use crate::disturb::Disturb;
 use crate::language::Language;
 use crate::variation::Variation;
+use crate::way::Way;
 
 /// What `wheelarm evaluate` can do instead of evaluating.
 #[derive(clap::Subcommand, Clone, Debug)]

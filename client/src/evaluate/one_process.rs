@@ -166,7 +166,9 @@ fn entry(job: &Job, tried: Tried) -> Entry {
         conditions: conditions.map(Condition::from).collect(),
         seconds,
         factor: seconds / tried.wall_seconds.max(1e-9),
-        hash: tried.hash.map_or_else(String::new, |hash| format!("{hash:016x}")),
+        hash: tried
+            .hash
+            .map_or_else(String::new, |hash| format!("{hash:016x}")),
         notes: limit.into_iter().chain(tried.notes).collect(),
         thinking: None,
         broken,

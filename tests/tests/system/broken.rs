@@ -241,7 +241,11 @@ fn a_server_that_dies_and_one_that_hangs_cost_one_episode_each() {
 fn one_episode_each(what: &str, name: impl Fn(&Path, u32) -> String) {
     let folder = tempfile::tempdir().expect("a folder");
     let out = folder.path();
-    let worker = if what == "worker" { "process" } else { "socket" };
+    let worker = if what == "worker" {
+        "process"
+    } else {
+        "socket"
+    };
     let args = ["--seeds", "0..4", "--patience", "5", "--worker", worker];
     let run = Evaluation::start(out, &args);
     let name = name(out, run.0.id());
@@ -273,7 +277,10 @@ fn one_episode_each(what: &str, name: impl Fn(&Path, u32) -> String) {
             assert_eq!(entry["broken"], "server", "{entry}");
         }
     }
-    assert!(text.contains(&format!("the {what} died (signal: 9")), "{text}");
+    assert!(
+        text.contains(&format!("the {what} died (signal: 9")),
+        "{text}"
+    );
     assert!(!text.contains("did not finish within"), "{text}");
     // They count as done, unless they are asked for.
     let (code, text) = Evaluation::start(out, &["--seeds", "0..4"]).end();

@@ -395,7 +395,11 @@ fn one_process_records_what_three_record_and_its_second_episode_is_as_fresh() {
     });
     assert!(process.0.len() > 200, "{} files", process.0.len());
     assert!(process.0 == socket.0, "rows or pictures differ");
-    assert!(process.1[0].len() > 5 && process.1 == socket.1, "{:?}", process.1);
+    assert!(
+        process.1[0].len() > 5 && process.1 == socket.1,
+        "{:?}",
+        process.1
+    );
 }
 
 fn manifest_is_true(out: &Path) {

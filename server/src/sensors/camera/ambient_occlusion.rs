@@ -217,7 +217,6 @@ impl LastHome {
 }
 
 impl AmbientOcclusion<'_> {
-
     /// Share of the light from all around that reaches a surface, 0 to 1.
     pub(super) fn of_surface(&mut self, p: &Point3<f64>, normal: &Vector3<f64>) -> f64 {
         let key = [p.x, p.y, p.z, normal.x, normal.y, normal.z].map(f64::to_bits);

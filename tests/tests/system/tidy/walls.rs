@@ -237,7 +237,10 @@ fn what_is_built_without_asking_is_what_the_demo_runs() {
     let line = text
         .lines()
         .find_map(|l| l.strip_prefix("default-members = "));
-    assert_eq!(line, Some(r#"["server", "client", "client/dataset", "worker"]"#));
+    assert_eq!(
+        line,
+        Some(r#"["server", "client", "client/dataset", "worker"]"#)
+    );
     let make = fs::read_to_string(root().join("Makefile")).expect("a Makefile");
     let build = make.split("\nbuild:\n").nth(1).expect("a target");
     let build = build.split("\n\n").next().unwrap_or_default();
