@@ -188,7 +188,7 @@ fn tell_status(link: &Link, voice: &OrderVoice) -> std::io::Result<SyncSender<()
     thread.spawn(move || {
         while ended.recv_timeout(STATUS) == Err(RecvTimeoutError::Timeout) {
             if let Ok(status) = link.ask_within(&v1::StatusRequest {}, ANSWER) {
-                voice.tell(Told::Status(status));
+                voice.tell(Told::Status(Box::new(status)));
             }
         }
     })?;

@@ -103,7 +103,7 @@ impl OneProcess {
                     };
                 }
                 Some(Told::Status(status)) => {
-                    let header = status.header.unwrap_or_default();
+                    let header = status.header.clone().unwrap_or_default();
                     // What was told first is newer than the first look.
                     if newest.is_none()
                         && let Some(scenario) = &status.scenario

@@ -9,12 +9,11 @@ use super::worker::Worker;
 use crate::way::Way;
 
 /// A place for one episode at a time.
-#[expect(clippy::large_enum_variant, reason = "there is one for each job")]
 pub enum Station {
     /// Server, recorder and scripted operator in one process.
-    Process(OneProcess),
+    Process(Box<OneProcess>),
     /// Each in its own.
-    Socket(Worker),
+    Socket(Box<Worker>),
 }
 
 impl Station {
@@ -24,9 +23,15 @@ impl Station {
     /// When a program does not start.
     pub fn start(args: &EvaluateArgs, driver: &Driver, index: usize) -> anyhow::Result<Self> {
         match (args.worker, driver) {
-            (Way::Process, Driver::Operator) => OneProcess::start(args, index).map(Self::Process),
+            (Way::Process, Driver::Operator) => {
+                let process = OneProcess::start(args, index)?;
+                Ok(Self::Process(Box::new(process)))
+            }
             // A policy is asked from this process.
-            _ => Worker::start(args, driver, index).map(Self::Socket),
+            _ => {
+                let worker = Worker::start(args, driver, index)?;
+                Ok(Self::Socket(Box::new(worker)))
+            }
         }
     }
 
