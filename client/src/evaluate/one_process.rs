@@ -55,7 +55,7 @@ impl OneProcess {
         let (begun, pulse) = (Instant::now(), Pulse::default());
         let mut ongoing = self.worker.begin(self.order(job)?)?;
         let came = self.follow(&mut ongoing, &pulse)?;
-        let lives = self.worker.death(Duration::ZERO)?.is_none();
+        let lives = !self.worker.is_worn() && self.worker.death(Duration::ZERO)?.is_none();
         Ok(match came {
             Came::Tried(tried) => (entry(job, *tried), lives),
             Came::Broke(broken, why) => {
