@@ -45,8 +45,10 @@ KINDS = {
     "small": dict(size=(224, 126), depth="u16", per_core=1.0),
     "720p": dict(size=(1280, 720), depth="f32", per_core=0.75),
 }
-# Times real time summed, of one big card with 16 cores.
+# Times real time summed, of one big card with 16 cores, and for each core of a host
+# that draws on its processor.
 GOALS = {("small", 1, "memory"): 60.0}
+CORE_GOALS = {("small", 1, "memory"): 3.0}
 # Two cards with twice the cores over one.
 SCALING = 1.9
 
@@ -221,6 +223,9 @@ def main():
         try:
             row |= campaign(options, kind, adapters, share, place, simulated, deadline)
             row["goal"] = GOALS.get((kind, count, into))
+            if "[GPU, " not in found[0][1]:
+                goal = CORE_GOALS.get((kind, count, into))
+                row["goal"] = goal and goal * len(share)
             if count == 2 and into == "memory":
                 one = next((r for r in rows if r["pictures"] == kind and r["cards"] == 1 and "factor" in r), None)
                 row["goal"] = SCALING * one["factor"] if one else None
