@@ -52,8 +52,8 @@ build:
 # Needs CMake 3.26 or newer.
 static:
 	scripts/setup.sh
-	$(CARGO) build --release --bins --features wheelarm-client/static-hdf5,wheelarm-dataset/static-hdf5 --target-dir $(STATIC)
-	! ldd $(STATIC)/release/wheelarm $(STATIC)/release/wheelarm-dataset | grep -E 'libhdf5|libcurl|libssl'
+	$(CARGO) build --release --bins --features wheelarm-client/static-hdf5,wheelarm-dataset/static-hdf5,wheelarm-worker/static-hdf5 --target-dir $(STATIC)
+	! ldd $(STATIC)/release/wheelarm $(STATIC)/release/wheelarm-dataset $(STATIC)/release/wheelarm-worker | grep -E 'libhdf5|libcurl|libssl'
 
 dist:
 	scripts/dist.sh

@@ -55,7 +55,7 @@ programs() {
     done
     CONFIG_SITE=$PWD/scripts/dist/config.site RUSTFLAGS=${rust# } CFLAGS_x86_64_unknown_linux_gnu=${c# } CXXFLAGS_x86_64_unknown_linux_gnu=${c# } \
         cargo zigbuild --locked --profile dist --target "$target.$glibc" --target-dir "$build" \
-        ${JOBS:+-j "$JOBS"} --bins --features wheelarm-client/static-hdf5,wheelarm-dataset/static-hdf5
+        ${JOBS:+-j "$JOBS"} --bins --features wheelarm-client/static-hdf5,wheelarm-dataset/static-hdf5,wheelarm-worker/static-hdf5
 }
 
 # One prefix as it is installed: bin and share. Every package is made of it.
@@ -66,7 +66,7 @@ stage() {
     mkdir -p "$stage"/{bin,share/man/man1,share/doc/wheelarm} \
         "$stage"/share/{bash-completion/completions,zsh/site-functions,fish/vendor_completions.d} \
         "$stage"/share/wheelarm/{assets,cluster,proto}
-    install -m 755 "$built"/{wheelarm,wheelarm-server,wheelarm-dataset} "$stage/bin/"
+    install -m 755 "$built"/{wheelarm,wheelarm-server,wheelarm-worker,wheelarm-dataset} "$stage/bin/"
     "$venv/bin/python" scripts/dist/neutral.py "$built"/build/hdf5-metno-src-*/out "$PWD" "$HOME" -- "$stage"/bin/*
     scripts/dist/symbols.sh "$stage"/bin/*
     # What git keeps of the assets, and nothing that lies about beside them.

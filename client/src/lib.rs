@@ -34,3 +34,5 @@ pub mod teleop;
 #[cfg(feature = "hdf5")]
 mod variation;
 pub mod watch;
+#[cfg(feature = "hdf5")]
+mod way;

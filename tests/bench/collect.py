@@ -2,6 +2,7 @@
 
 collect.py ASSETS [--workers 1 2] [--depth f32 u16] [--size 1280x720]
            [--episodes 1] [--programs DIR] [--folder DIR] [--adapter NAME]
+           [--worker process|socket]
 
 Every line is a whole campaign: simulated seconds in the dataset over wall
 seconds from the call to the manifest, start of the servers included.
@@ -10,6 +11,7 @@ seconds from the call to the manifest, start of the servers included.
 
 import argparse
 import json
+import resource
 import shutil
 import subprocess
 import tempfile
@@ -41,9 +43,14 @@ def campaign(options, depth, workers, folder):
     words += ["--workers", workers, "--assets", options.assets]
     if options.adapter:
         words += ["--adapter", options.adapter]
+    if options.worker:
+        words += ["--worker", options.worker]
+    before = resource.getrusage(resource.RUSAGE_CHILDREN)
     begun = time.monotonic()
     done = subprocess.run([str(word) for word in words], capture_output=True, text=True)
     wall = time.monotonic() - begun
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    cpu = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
     if done.returncode != 0:
         raise SystemExit(f"exit {done.returncode}: {done.stdout}{done.stderr}")
     manifest = json.loads((out / "manifest.json").read_text())
@@ -52,6 +59,7 @@ def campaign(options, depth, workers, folder):
         f"{depth}, {workers} workers: {manifest['seconds'] / wall:.2f} x real time summed, "
         f"{pictures / wall:.1f} pictures/s, {manifest['bytes'] / pictures * 1e-6:.2f} MB per picture, "
         f"{manifest['seconds']:.1f} s simulated in {wall:.1f} s, "
+        f"{1000 * cpu / manifest['seconds']:.0f} ms of CPU per simulated s, "
         f"{len(manifest['failed_attempts'])} failed attempts",
         flush=True,
     )
@@ -68,6 +76,7 @@ def main():
     options.add_argument("--programs", type=Path, default=Path(__file__).resolve().parents[2] / "target" / "release")
     options.add_argument("--folder", type=Path)
     options.add_argument("--adapter")
+    options.add_argument("--worker", help="absent for programs that know one way alone")
     options = options.parse_args()
     with tempfile.TemporaryDirectory(prefix="wheelarm_collect_", dir=options.folder) as folder:
         for depth in options.depth:

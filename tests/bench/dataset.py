@@ -80,8 +80,9 @@ def main():
         for name, command in jobs.items():
             seconds = run(*command)
             print(f"{name:<14} {rows / seconds:8.1f} rows/s  {size(Path(command[-1])):8.1f} MB", flush=True)
-        aligned = next((folder / "aligned").iterdir())
-        original = next((folder / "wheelarm-sim").iterdir())
+        aligned = next((folder / "aligned").glob("*.h5"))
+        # Beside the samples lies what the original keeps of its cameras.
+        original = next((folder / "wheelarm-sim").glob("*.hdf5"))
         best = [float("inf")] * 2
         for _ in range(3):
             for i, (read, path) in enumerate(((read_aligned, aligned), (read_original, original))):

@@ -22,9 +22,9 @@ use wheelarm_proto::{TopicId, v1};
 use wheelarm_record::{ExitSummary, RecordOptions};
 use wheelarm_rig::order::{Came, Order, Recording, Told, Tried};
 use wheelarm_rig::{Panicked, limits};
+use wheelarm_server::sensors::camera::Graphics;
 use wheelarm_server::service::startup;
 use wheelarm_server::sim::{SimError, Simulation};
-use wheelarm_server::sensors::camera::Graphics;
 use zenoh::Session;
 
 use super::serving::Serving;
@@ -188,7 +188,7 @@ fn tell_status(link: &Link, voice: &OrderVoice) -> std::io::Result<SyncSender<()
     thread.spawn(move || {
         while ended.recv_timeout(STATUS) == Err(RecvTimeoutError::Timeout) {
             if let Ok(status) = link.ask_within(&v1::StatusRequest {}, ANSWER) {
-                voice.tell(Told::Status(status));
+                voice.tell(Told::Status(Box::new(status)));
             }
         }
     })?;
@@ -200,9 +200,10 @@ type Outcome = Result<Result<Tried, OperateError>, Panicked>;
 
 /// The operator begins on a thread of its own.
 fn begin(link: &Link, order: &Order) -> anyhow::Result<Receiver<Outcome>> {
-    let forced = order.forced.as_deref().map(|name| {
-        ForcedError::from_name(name).map_err(|unknown| anyhow::anyhow!("{unknown}"))
-    });
+    let forced = order
+        .forced
+        .as_deref()
+        .map(|name| ForcedError::from_name(name).map_err(|unknown| anyhow::anyhow!("{unknown}")));
     let options = OperateOptions {
         label: Some(order.label.clone()),
         require_recorders: u32::from(order.record.is_some()),
@@ -210,9 +211,10 @@ fn begin(link: &Link, order: &Order) -> anyhow::Result<Receiver<Outcome>> {
         profile_seed: order.profile_seed,
         ..OperateOptions::default()
     };
-    let log = order.log.as_deref().map(|path| {
-        Log::create(path).with_context(|| format!("making {}", path.display()))
-    });
+    let log = order
+        .log
+        .as_deref()
+        .map(|path| Log::create(path).with_context(|| format!("making {}", path.display())));
     let (mut log, link) = (log.transpose()?, link.clone());
     let (done, outcome) = mpsc::sync_channel(1);
     let thread = std::thread::Builder::new().name("operator".to_owned());

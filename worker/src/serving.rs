@@ -52,18 +52,28 @@ impl Serving {
                     let _ = ended.await;
                 };
                 let serve = service::run(session, sim, options, ready, ended);
-                runtime.block_on(serve).map_err(|problem| problem.to_string())
+                runtime
+                    .block_on(serve)
+                    .map_err(|problem| problem.to_string())
             })
             .context("starting the thread of the service")?;
         let deadline = Instant::now() + limits::READY;
         loop {
             match serves.recv_timeout(limits::LOOK) {
                 Ok(()) => break,
-                Err(RecvTimeoutError::Timeout) if !stop.is_asked() && Instant::now() < deadline => {}
-                Err(RecvTimeoutError::Timeout) => anyhow::bail!("the service did not start in time"),
+                Err(RecvTimeoutError::Timeout) if !stop.is_asked() && Instant::now() < deadline => {
+                }
+                Err(RecvTimeoutError::Timeout) => {
+                    anyhow::bail!("the service did not start in time")
+                }
                 Err(RecvTimeoutError::Disconnected) => {
-                    let why = thread.join().unwrap_or_else(|_| Err("it panicked".to_owned()));
-                    anyhow::bail!("the service did not start: {}", why.err().unwrap_or_default());
+                    let why = thread
+                        .join()
+                        .unwrap_or_else(|_| Err("it panicked".to_owned()));
+                    anyhow::bail!(
+                        "the service did not start: {}",
+                        why.err().unwrap_or_default()
+                    );
                 }
             }
         }

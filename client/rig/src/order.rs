@@ -67,15 +67,11 @@ pub enum Said {
 
 /// What a worker tells of an order.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[expect(
-    clippy::large_enum_variant,
-    reason = "one a second, and it is read at once"
-)]
 pub enum Told {
     /// The scenario cannot be simulated, in its words.
     Scenario(String),
     /// The simulation's state, once a second.
-    Status(#[serde(with = "message")] v1::Status),
+    Status(#[serde(with = "message")] Box<v1::Status>),
     /// The operator is at its end.
     Tried(Box<Tried>),
     /// The operator panicked.

@@ -18,6 +18,10 @@ use crate::limits;
 use crate::order::{Asked, Order, Said, Told};
 use crate::process::{Input, Launch, Process, Program};
 
+/// Orders of one worker: it grows by some megabytes with each (9 MB measured, with
+/// cameras), and starting another takes about a second.
+const MOST_ORDERS: u64 = 64;
+
 /// What a worker is started with.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct WorkerOptions {
@@ -127,6 +131,13 @@ impl Worker {
         written.context("the worker takes no orders")
     }
 
+    /// Whether it has had so many orders that a new one is to follow: what drivers and
+    /// allocators keep for good goes with it.
+    #[must_use]
+    pub fn is_worn(&self) -> bool {
+        self.next.load(Ordering::Relaxed) > MOST_ORDERS
+    }
+
     /// Whether it has said that it takes orders.
     #[must_use]
     pub fn is_ready(&self) -> bool {
@@ -212,7 +223,8 @@ impl Ongoing {
                 .changed
                 .wait_until(&mut heard, deadline)
                 .timed_out();
-            if timed_out || heard.closed && heard.told.get(&self.number).is_none_or(|q| q.is_empty())
+            if timed_out
+                || heard.closed && heard.told.get(&self.number).is_none_or(|q| q.is_empty())
             {
                 return heard.told.get_mut(&self.number)?.pop_front();
             }

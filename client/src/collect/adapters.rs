@@ -70,7 +70,11 @@ fn cards(listed: &str) -> Vec<String> {
     let cards = of("[GPU, ");
     match cards.is_empty() {
         false => cards,
-        true => all.iter().take(1).map(|(index, _)| (*index).to_owned()).collect(),
+        true => all
+            .iter()
+            .take(1)
+            .map(|(index, _)| (*index).to_owned())
+            .collect(),
     }
 }
 

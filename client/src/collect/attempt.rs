@@ -14,7 +14,6 @@ use anyhow::Context;
 use wheelarm_dataset::read::Episode as Recording;
 use wheelarm_dataset::scenario_text::scenario_json;
 use wheelarm_operate::run::Report;
-use wheelarm_proto::settings::Named;
 use wheelarm_proto::v1;
 
 use super::activity::Activity;
@@ -28,6 +27,7 @@ use super::slot::Slot;
 use super::stop::Stop;
 use crate::broken::Broken;
 use crate::episode_seed::EpisodeSeed;
+use crate::way::Way;
 
 /// Simulation time may stall for as long as the server may be silent, and
 /// for this long in any case, while the server answers.
@@ -35,28 +35,6 @@ pub const STALL: Duration = Duration::from_secs(60);
 
 /// File for what the operator does, in a staging folder.
 pub const OPERATOR_LOG: &str = "operator.log";
-
-/// How a worker runs.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Way {
-    /// Server, recorder and operator in one process.
-    #[default]
-    Process,
-    /// Each in a process of its own, over a socket.
-    Socket,
-}
-
-impl Named for Way {
-    const WHAT: &'static str = "kind of worker";
-    const ALL: &'static [Self] = &[Self::Process, Self::Socket];
-
-    fn name(self) -> &'static str {
-        match self {
-            Self::Process => "process",
-            Self::Socket => "socket",
-        }
-    }
-}
 
 /// What every attempt of a campaign needs.
 #[derive(Clone, Debug)]

@@ -20,7 +20,9 @@ use crate::broken::Broken;
 /// [`Halt`].
 pub fn run(attempt: &Attempt<'_>, permit: Permit<'_>) -> Result<Outcome, Halt> {
     attempt.activity.tell("starting");
-    let worker = attempt.slot.worker(&attempt.setup.assets, attempt.setup.folder.root())?;
+    let worker = attempt
+        .slot
+        .worker(&attempt.setup.assets, attempt.setup.folder.root())?;
     let mut making = Making {
         attempt,
         ongoing: worker.begin(attempt.order())?,

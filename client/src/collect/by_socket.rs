@@ -250,4 +250,3 @@ fn work_at(
     let _ = link.close();
     report
 }
-

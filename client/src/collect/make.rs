@@ -3,11 +3,12 @@
 use std::time::Instant;
 
 use super::activity::Activity;
-use super::attempt::{Attempt, Halt, Outcome, Setup, Way};
+use super::attempt::{Attempt, Halt, Outcome, Setup};
 use super::episode::Episode;
 use super::slot::{Permit, Slot};
 use super::stop::Stop;
 use super::{by_process, by_socket};
+use crate::way::Way;
 
 /// Makes one attempt; the file lies in the staging folder afterwards. `permit`
 /// is held while it simulates and is over before the file is finished.

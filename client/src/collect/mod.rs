@@ -41,8 +41,9 @@ use clap::Args;
 
 use crate::choice::{named, patience};
 use crate::control::tasks_of_program;
+use crate::way::Way;
 use adapters::Adapters;
-use attempt::{Setup, Way};
+use attempt::Setup;
 use capacity::Host;
 use episode::{Episode, Shard, episodes};
 use estimate::{Estimate, estimate};
@@ -52,8 +53,8 @@ use journal::Journal;
 use manifest::Manifest;
 use plan::Plan;
 use progress::Show;
-use slot::Slot;
 use resume::{jobs, ledger, settle};
+use slot::Slot;
 use stop::Stop;
 
 pub use plan::PlanError;

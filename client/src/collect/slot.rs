@@ -47,13 +47,14 @@ impl Slot {
     }
 
     /// The process of this slot that works for the dataset in `folder`; a new one
-    /// where there is none or it has died.
+    /// where there is none, or it has died or done its share.
     ///
     /// # Errors
     /// When it cannot be started.
     pub fn worker(&self, assets: &Option<PathBuf>, folder: &Path) -> anyhow::Result<Arc<Worker>> {
         let mut worker = self.worker.lock();
         if let Some(worker) = &*worker
+            && !worker.is_worn()
             && worker.death(Duration::ZERO)?.is_none()
         {
             return Ok(Arc::clone(worker));

@@ -184,17 +184,21 @@ fn programs() -> Vec<Finding> {
     findings
 }
 
+/// What draws: every adapter with its index, by which `--adapter` and `--adapters`
+/// choose.
 fn adapter(adapters: &str) -> Finding {
     let what = "graphics driver";
     let is_cpu = |line: &&str| {
         let line = line.to_lowercase();
         line.contains("llvmpipe") || line.contains("lavapipe") || line.contains("cpu")
     };
-    match adapters.lines().find(|line| !is_cpu(line)) {
-        Some(gpu) => Finding::ok(what, gpu.to_owned()),
-        None => Finding::warn(
+    let all: Vec<&str> = adapters.lines().collect();
+    let found = all.join("; ");
+    match all.iter().any(|line| !is_cpu(line)) {
+        true => Finding::ok(what, found),
+        false => Finding::warn(
             what,
-            adapters.lines().next().unwrap_or_default().to_owned(),
+            found,
             "pictures are drawn on the CPU: fine for small ones; for more install the GPU maker's Vulkan driver",
         ),
     }
@@ -250,7 +254,12 @@ mod tests {
     #[test]
     fn a_driver_on_the_cpu_is_told_from_a_gpu() {
         assert_eq!(adapter("llvmpipe (LLVM 15), Mesa, Cpu").level, Level::Warn);
-        let both = "llvmpipe (LLVM 15), Cpu\nNVIDIA H200, Discrete";
-        assert_eq!(adapter(both).level, Level::Ok);
+        let both = "0: llvmpipe (LLVM 15), Cpu\n1: NVIDIA H200, PCI 0000:1b:00.0";
+        let finding = adapter(both);
+        assert_eq!(finding.level, Level::Ok);
+        assert!(
+            finding.found.contains("1: NVIDIA H200, PCI 0000:1b:00.0"),
+            "{finding}"
+        );
     }
 }

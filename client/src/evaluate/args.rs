@@ -20,6 +20,7 @@ use crate::choice::{MOST_SEEDS, named, patience, seed_range};
 use crate::disturb::Disturb;
 use crate::language::Language;
 use crate::variation::Variation;
+use crate::way::Way;
 
 /// What `wheelarm evaluate` can do instead of evaluating.
 #[derive(clap::Subcommand, Clone, Debug)]
@@ -99,6 +100,10 @@ pub struct EvaluateArgs {
     /// Wall seconds that the policy has for an answer.
     #[arg(long, default_value = "30", value_parser = patience::<1>, value_name = "SECONDS")]
     pub policy_patience: Duration,
+    /// How a worker with the scripted operator runs: `process` is server, recorder and
+    /// operator in one process, `socket` each in its own; a policy's is always that.
+    #[arg(long, value_parser = named::<Way>(), default_value = "process")]
+    pub worker: Way,
     /// Servers at work at one time.
     #[arg(long, default_value = "1", value_name = "J")]
     pub jobs: NonZeroUsize,

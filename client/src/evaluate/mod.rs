@@ -15,12 +15,14 @@ mod entry;
 mod grid;
 mod ledger;
 mod nearest;
+mod one_process;
 mod page;
 mod progress;
 mod pulse;
 mod redraw;
 mod report;
 mod scope;
+mod station;
 mod statistics;
 mod witness;
 mod worker;
@@ -39,7 +41,7 @@ use entry::Job;
 use ledger::Ledger;
 use report::Report;
 use scope::Scope;
-use worker::Worker;
+use station::Station;
 
 pub use args::EvaluateArgs;
 pub use entry::Entry;
@@ -233,7 +235,7 @@ fn one_after_another(
     next: &AtomicUsize,
     ledger: &Ledger,
 ) -> anyhow::Result<()> {
-    let mut worker: Option<Worker> = None;
+    let mut worker: Option<Station> = None;
     loop {
         let at = next.fetch_add(1, Ordering::Relaxed);
         let Some(job) = open.get(at) else {
@@ -241,7 +243,7 @@ fn one_after_another(
         };
         let able = match &mut worker {
             Some(worker) => worker,
-            none => none.insert(Worker::start(args, driver, index)?),
+            none => none.insert(Station::start(args, driver, index)?),
         };
         let (entry, lives) = able.episode(job)?;
         if !lives {
@@ -250,7 +252,7 @@ fn one_after_another(
         println!("{:>4} of {}  {}", at + 1, open.len(), entry.line());
         ledger.add(&entry)?;
     }
-    worker.map_or(Ok(()), Worker::stop)
+    worker.map_or(Ok(()), Station::stop)
 }
 
 #[cfg(test)]

@@ -277,7 +277,13 @@ fn end(done: &Done) -> String {
 }
 
 /// The result of an episode in which something broke.
-fn broken_entry(job: &Job, broken: Broken, why: String, pulse: &Pulse, wall: Duration) -> Entry {
+pub fn broken_entry(
+    job: &Job,
+    broken: Broken,
+    why: String,
+    pulse: &Pulse,
+    wall: Duration,
+) -> Entry {
     let seconds = pulse.seconds();
     let when = match seconds > 0.0 {
         true => format!(", after {seconds:.1} simulated s"),

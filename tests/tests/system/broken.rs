@@ -184,13 +184,12 @@ impl Evaluation {
 
     /// Sends a signal to the evaluation's server once `done` results are in,
     /// while the next episode runs.
-    fn hurt_server(&self, out: &Path, done: usize, signal: &str) {
+    fn hurt_server(&self, out: &Path, done: usize, signal: &str, name: &str) {
         wait_until("the results before are in", || entries(out).len() >= done);
-        let name = format!("local-{}", self.0.id());
         // Some simulated seconds of the next one.
-        std::thread::sleep(Duration::from_millis(500));
+        std::thread::sleep(Duration::from_millis(200));
         assert_eq!(entries(out).len(), done, "the next episode runs");
-        let servers = processes(&name);
+        let servers = processes(name);
         assert_eq!(servers.len(), 1, "{servers:?}");
         let line = format!("kill -{signal} {}", servers[0]);
         let status = Command::new("sh").args(["-c", &line]).status();
@@ -228,19 +227,42 @@ fn entries(out: &Path) -> Vec<Value> {
 }
 
 #[test]
+fn a_worker_that_dies_and_one_that_hangs_cost_one_episode_each() {
+    one_episode_each("worker", |out, _| format!("--for\0{}\0", out.display()));
+}
+
+#[test]
 fn a_server_that_dies_and_one_that_hangs_cost_one_episode_each() {
+    one_episode_each("server", |_, evaluation| format!("local-{evaluation}"));
+}
+
+/// `name` is what the command line of what simulates holds of the folder and the
+/// evaluation's process.
+fn one_episode_each(what: &str, name: impl Fn(&Path, u32) -> String) {
     let folder = tempfile::tempdir().expect("a folder");
     let out = folder.path();
-    let run = Evaluation::start(out, &["--seeds", "0..4", "--patience", "5"]);
-    run.hurt_server(out, 1, "KILL");
-    run.hurt_server(out, 3, "STOP");
+    let worker = if what == "worker" {
+        "process"
+    } else {
+        "socket"
+    };
+    let args = ["--seeds", "0..4", "--patience", "5", "--worker", worker];
+    let run = Evaluation::start(out, &args);
+    let name = name(out, run.0.id());
+    run.hurt_server(out, 1, "KILL", &name);
+    run.hurt_server(out, 3, "STOP", &name);
     let (code, text) = run.end();
     assert_eq!(code, Some(3), "{text}");
     let done = entries(out);
     assert_eq!(done.len(), 4, "{text}");
     for (seed, (entry, words)) in done
         .iter()
-        .zip(["", "the server died (signal: 9", "", "the server stalled"])
+        .zip([
+            "",
+            &format!("the {what} died (signal: 9"),
+            "",
+            &format!("the {what} stalled"),
+        ])
         .enumerate()
     {
         assert_eq!(entry["seed"], seed as u64, "{entry}");
@@ -255,7 +277,10 @@ fn a_server_that_dies_and_one_that_hangs_cost_one_episode_each() {
             assert_eq!(entry["broken"], "server", "{entry}");
         }
     }
-    assert!(text.contains("the server died (signal: 9"), "{text}");
+    assert!(
+        text.contains(&format!("the {what} died (signal: 9")),
+        "{text}"
+    );
     assert!(!text.contains("did not finish within"), "{text}");
     // They count as done, unless they are asked for.
     let (code, text) = Evaluation::start(out, &["--seeds", "0..4"]).end();

@@ -146,8 +146,18 @@ fn files(out: &Path) -> BTreeMap<PathBuf, SystemTime> {
 
 #[test]
 fn a_campaign_that_is_stopped_killed_twice_and_interrupted_ends_complete() {
+    ends_complete_however_it_is_ended("process");
+}
+
+#[test]
+fn one_over_sockets_that_is_stopped_killed_twice_and_interrupted_ends_complete() {
+    ends_complete_however_it_is_ended("socket");
+}
+
+fn ends_complete_however_it_is_ended(worker: &str) {
     let (folder, plan, out) = planned(PLAN);
-    let args = one_worker(&plan, &out);
+    let one = one_worker(&plan, &out);
+    let args = [&one[..], &["--worker", worker]].concat();
 
     let dry = run(&[&args[..], &["--dry-run"]].concat());
     let text = printed(&dry);
@@ -255,20 +265,49 @@ fn a_scene_is_said_and_done_in_two_ways(out: &Path) {
 }
 
 #[test]
+fn a_worker_that_dies_and_one_that_hangs_are_entered_and_the_campaign_ends_complete() {
+    let words = [
+        "the worker died (signal: 9",
+        "the worker stalled and told nothing for 6 s",
+    ];
+    what_dies_and_what_hangs_is_entered("process", words, |out, _| {
+        format!("--for\0{}\0", out.display())
+    });
+}
+
+#[test]
 fn a_server_that_dies_and_one_that_hangs_are_entered_and_the_campaign_ends_complete() {
+    let words = [
+        "the server died (signal: 9",
+        "the server stalled and answered nothing for 6 s",
+    ];
+    what_dies_and_what_hangs_is_entered("socket", words, |_, staging| {
+        let socket = std::fs::read_to_string(staging.join("socket"));
+        let socket = socket.expect("where the server listens");
+        format!("unixsock-stream/{socket}/server\0--scenario")
+    });
+}
+
+/// `line` is what the command line of the simulation holds of a dataset's folder and
+/// an episode's.
+fn what_dies_and_what_hangs_is_entered(
+    worker: &str,
+    words: [&str; 2],
+    line: impl Fn(&Path, &Path) -> String,
+) {
     let (_folder, plan, out) = planned(PLAN);
-    let args = one_worker(&plan, &out);
+    let one = one_worker(&plan, &out);
+    let args = [&one[..], &["--worker", worker]].concat();
     let campaign = Campaign::start(&[&args[..], &["--patience", "6"]].concat());
     // One dies while the first episode is made, one hangs during the second.
     for (index, signal) in [(0, "KILL"), (1, "STOP")] {
         let staging = out.join(format!("staging/pick_mustard-000{index}"));
-        wait_for("an operator at work", || {
+        let other = out.join(format!("staging/pick_mustard-000{}", 1 - index));
+        wait_for("an operator at work, and no file in the making", || {
             let log = std::fs::metadata(staging.join("operator.log"));
-            log.is_ok_and(|log| log.len() > 0)
+            log.is_ok_and(|log| log.len() > 0) && !other.exists()
         });
-        let socket = std::fs::read_to_string(staging.join("socket"));
-        let socket = socket.expect("where the server listens");
-        let servers = processes(&format!("unixsock-stream/{socket}/server\0--scenario"));
+        let servers = processes(&line(&out, &staging));
         assert_eq!(servers.len(), 1, "{servers:?}");
         let line = format!("kill -{signal} {}", servers[0]);
         let status = Command::new("sh").args(["-c", &line]).status();
@@ -285,10 +324,6 @@ fn a_server_that_dies_and_one_that_hangs_are_entered_and_the_campaign_ends_compl
     let manifest: Value = serde_json::from_str(&manifest).expect("JSON");
     let failed = manifest["failed_attempts"].as_array().expect("a list");
     assert_eq!(failed.len(), 2, "{failed:?}");
-    let words = [
-        "the server died (signal: 9",
-        "the server stalled and answered nothing for 6 s",
-    ];
     for (index, (failed, words)) in failed.iter().zip(words).enumerate() {
         assert_eq!(failed["episode"], format!("pick_mustard-000{index}"));
         assert_eq!(failed["broken"], "server", "{failed}");
@@ -307,6 +342,64 @@ fn a_server_that_dies_and_one_that_hangs_are_entered_and_the_campaign_ends_compl
     let again = run(&args);
     assert_eq!(again.status.code(), Some(0), "{}", printed(&again));
     assert!(left_behind(&out).is_empty());
+}
+
+/// What stands in a folder's files, by their names.
+fn contents(folder: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
+    let mut found = BTreeMap::new();
+    let mut open = vec![folder.to_owned()];
+    while let Some(next) = open.pop() {
+        for entry in std::fs::read_dir(&next).expect("a folder").flatten() {
+            let path = entry.path();
+            if path.is_dir() {
+                open.push(path);
+                continue;
+            }
+            let name = path.strip_prefix(folder).expect("below").to_owned();
+            found.insert(name, std::fs::read(&path).expect("a file"));
+        }
+    }
+    found
+}
+
+#[test]
+fn one_process_records_what_three_record_and_its_second_episode_is_as_fresh() {
+    let depth = PLAN.replace("quality = \"fast\"", "quality = \"fast\"\ndepth = \"u16\"");
+    let (folder, plan, _) = planned(&depth);
+    let [process, socket] = ["process", "socket"].map(|worker| {
+        let out = folder.path().join(worker);
+        let args = [&one_worker(&plan, &out)[..], &["--worker", worker]].concat();
+        let made = run(&args);
+        assert_eq!(made.status.code(), Some(0), "{}", printed(&made));
+        manifest_is_true(&out);
+        // Rows and pictures, the file's own words left out: a run's id and times.
+        let text = folder.path().join(format!("{worker}-csv"));
+        let episodes = out.join("episodes");
+        let exported = Command::new(program("wheelarm-dataset").expect("the tool"))
+            .args(["export", "--format", "csv"])
+            .arg(&episodes)
+            .arg("--out")
+            .arg(&text)
+            .output()
+            .expect("the tool");
+        assert!(exported.status.success(), "{}", printed(&exported));
+        let hashes: Vec<Vec<u64>> = (0..2)
+            .map(|index| {
+                let file = episodes.join(format!("pick_mustard-000{index}.h5"));
+                let file = hdf5::File::open(file).expect("an episode");
+                let hashes = file.dataset("streams/state_hash/hash").expect("hashes");
+                hashes.read_raw().expect("numbers")
+            })
+            .collect();
+        (contents(&text), hashes)
+    });
+    assert!(process.0.len() > 200, "{} files", process.0.len());
+    assert!(process.0 == socket.0, "rows or pictures differ");
+    assert!(
+        process.1[0].len() > 5 && process.1 == socket.1,
+        "{:?}",
+        process.1
+    );
 }
 
 fn manifest_is_true(out: &Path) {

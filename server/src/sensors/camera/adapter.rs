@@ -122,7 +122,9 @@ fn chosen(found: &[AdapterInfo], wanted: Option<&str>) -> Result<usize, RenderEr
         lower.parse().ok().filter(|&index| index < found.len())
     } else if is_pci(&lower) {
         let place = with_domain(&lower);
-        found.iter().position(|info| with_domain(&info.pci) == place)
+        found
+            .iter()
+            .position(|info| with_domain(&info.pci) == place)
     } else {
         let has = |info: &AdapterInfo| info.name.to_lowercase().contains(&lower);
         found.iter().position(has)
@@ -205,10 +207,18 @@ mod tests {
     #[test]
     fn what_is_not_there_is_told_with_what_is() {
         let all = adapters();
-        for wanted in ["3", "65:00.0", "0000:ff:00.0", "radeon", "99999999999999999999"] {
+        for wanted in [
+            "3",
+            "65:00.0",
+            "0000:ff:00.0",
+            "radeon",
+            "99999999999999999999",
+        ] {
             let words = chosen(&all, Some(wanted)).unwrap_err().to_string();
             assert!(
-                words.contains(wanted) && words.contains("2: NVIDIA H100") && words.contains("PCI 0001:65:00.0"),
+                words.contains(wanted)
+                    && words.contains("2: NVIDIA H100")
+                    && words.contains("PCI 0001:65:00.0"),
                 "{words}"
             );
         }

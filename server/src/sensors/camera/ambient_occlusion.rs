@@ -5,6 +5,7 @@
 use std::collections::BTreeMap;
 
 use nalgebra::{Point3, Vector3};
+use parking_lot::Mutex;
 use wheelarm_proto::exact;
 
 use super::scene::{Binding, RenderItem, RenderScene};
@@ -167,17 +168,55 @@ const LONGEST: f64 = 0.4;
 /// their corners, and near and far detail of a board are the same triangles.
 pub(super) struct AmbientOcclusion<'a> {
     around: &'a Surroundings,
-    known: BTreeMap<[u64; 6], f64>,
+    known: Known,
 }
 
-impl<'a> AmbientOcclusion<'a> {
-    pub(super) fn new(around: &'a Surroundings) -> Self {
-        Self {
+/// Light of places by the bits of place and normal, of one home.
+type Known = BTreeMap<[u64; 6], f64>;
+
+/// What was worked out for the home that was drawn last: the next scene is most often
+/// another draw of the same one.
+#[derive(Default)]
+pub(super) struct LastHome(Mutex<Option<(Home, Known)>>);
+
+/// Cells that hold something, by which homes are told apart.
+#[derive(PartialEq)]
+struct Home {
+    low: Point3<f64>,
+    count: [usize; 3],
+    filled: Vec<bool>,
+}
+
+impl LastHome {
+    /// Takes what is known of a home out.
+    pub(super) fn of<'a>(&self, around: &'a Surroundings) -> AmbientOcclusion<'a> {
+        let known = self.0.lock().take();
+        let same = |home: &Home| {
+            (home.low, home.count) == (around.low, around.count) && home.filled == around.filled
+        };
+        AmbientOcclusion {
             around,
-            known: BTreeMap::new(),
+            known: known
+                .filter(|(home, _)| same(home))
+                .map_or_else(Known::new, |(_, known)| known),
         }
     }
 
+    /// Keeps it for the next scene.
+    pub(super) fn keep(&self, worked_out: AmbientOcclusion<'_>) {
+        let Surroundings {
+            low, count, filled, ..
+        } = worked_out.around;
+        let home = Home {
+            low: *low,
+            count: *count,
+            filled: filled.clone(),
+        };
+        *self.0.lock() = Some((home, worked_out.known));
+    }
+}
+
+impl AmbientOcclusion<'_> {
     /// Share of the light from all around that reaches a surface, 0 to 1.
     pub(super) fn of_surface(&mut self, p: &Point3<f64>, normal: &Vector3<f64>) -> f64 {
         let key = [p.x, p.y, p.z, normal.x, normal.y, normal.z].map(f64::to_bits);
@@ -243,6 +282,27 @@ mod tests {
     }
 
     #[test]
+    fn what_is_kept_of_a_home_is_used_for_the_same_one_alone() {
+        let last = LastHome::default();
+        let at = (Point3::new(0.3, 0.0, 0.0), Vector3::z());
+        let light = |around: &Surroundings| {
+            let mut known = last.of(around);
+            let before = known.known.len();
+            let light = known.of_surface(&at.0, &at.1);
+            last.keep(known);
+            (before, light)
+        };
+        let mut walled = empty();
+        let wall = |y: f64, z: f64| Point3::new(0.5, y, z);
+        walled.fill([wall(-1.5, 0.0), wall(1.5, 0.0), wall(1.5, 2.0)]);
+        let (first, again) = (light(&empty()), light(&empty()));
+        assert_eq!((first.0, again), (0, (1, first.1)));
+        let dark = light(&walled);
+        assert!(dark.0 == 0 && dark.1 < first.1, "{dark:?} {first:?}");
+        assert_eq!(light(&empty()), first);
+    }
+
+    #[test]
     fn a_wall_darkens_the_floor_beside_it_and_not_further_off() {
         let mut around = empty();
         let wall = |y: f64, z: f64| Point3::new(0.5, y, z);
@@ -275,7 +335,7 @@ mod tests {
             corner(1.5, 1.5),
             corner(-1.5, 1.5),
         ];
-        let mut ambient_occlusion = AmbientOcclusion::new(&around);
+        let mut ambient_occlusion = LastHome::default().of(&around);
         let mut pieces = ambient_occlusion.cut([a, b, c]);
         pieces.extend(ambient_occlusion.cut([a, c, d]));
         assert!(pieces.len() > 20);

@@ -6,7 +6,7 @@ use std::ops::Range;
 use nalgebra::{Point3, Vector3};
 use wheelarm_proto::exact;
 
-use super::ambient_occlusion::{AmbientOcclusion, Corner, Surroundings};
+use super::ambient_occlusion::{AmbientOcclusion, Corner};
 use super::scene::{Binding, RenderItem, RenderScene};
 use super::tier::Tier;
 use crate::geometry::{Material, TriMesh, texture};
@@ -150,7 +150,11 @@ pub(super) struct Buffers {
 
 impl Buffers {
     /// What is drawn how is a matter of the tier.
-    pub(super) fn new(scene: &RenderScene, surroundings: &Surroundings, tier: Tier) -> Self {
+    pub(super) fn new(
+        scene: &RenderScene,
+        ambient_occlusion: &mut AmbientOcclusion<'_>,
+        tier: Tier,
+    ) -> Self {
         let mut built = Self {
             vertices: Vec::new(),
             indices: Vec::new(),
@@ -160,7 +164,6 @@ impl Buffers {
             batches: Vec::new(),
         };
         let mut known: Vec<Material> = Vec::new();
-        let mut ambient_occlusion = AmbientOcclusion::new(surroundings);
         let same =
             |a: &RenderItem, b: &RenderItem| a.instance == b.instance && a.binding == b.binding;
         for items in scene.items.chunk_by(same) {
@@ -188,7 +191,7 @@ impl Buffers {
                 let start = built.indices.len() as u32;
                 for (item, &material) in chosen.iter().zip(&materials) {
                     let packed = body as u32 | material << 20;
-                    built.append(item, &item.mesh, &mut ambient_occlusion, packed, &belongs);
+                    built.append(item, &item.mesh, ambient_occlusion, packed, &belongs);
                 }
                 let middle = built.indices.len() as u32;
                 if middle == start {
@@ -198,7 +201,7 @@ impl Buffers {
                 let mut caster_end = middle;
                 for (item, &material) in chosen.iter().zip(&materials) {
                     let packed = body as u32 | material << 20;
-                    built.append(item, &item.coarse, &mut ambient_occlusion, packed, &belongs);
+                    built.append(item, &item.coarse, ambient_occlusion, packed, &belongs);
                     if item.casts_shadow {
                         caster_end = built.indices.len() as u32;
                     }

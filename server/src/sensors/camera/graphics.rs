@@ -9,6 +9,7 @@ use parking_lot::Mutex;
 
 use super::RenderError;
 use super::adapter::{self, AdapterInfo};
+use super::ambient_occlusion::LastHome;
 use super::pipelines::Pipelines;
 use super::tier::Tier;
 
@@ -18,6 +19,7 @@ use super::tier::Tier;
 pub struct Graphics {
     wanted: Option<String>,
     kept: Arc<Mutex<Kept>>,
+    last_home: Arc<LastHome>,
 }
 
 #[derive(Default)]
@@ -54,6 +56,11 @@ impl Graphics {
             wanted: wanted.map(str::to_owned),
             ..Self::default()
         }
+    }
+
+    /// The light of the home that was drawn last.
+    pub(super) fn last_home(&self) -> &LastHome {
+        &self.last_home
     }
 
     /// The device and the pipelines of a tier.

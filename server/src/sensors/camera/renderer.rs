@@ -12,8 +12,8 @@ use wgpu::util::DeviceExt;
 use super::adapter::{self, AdapterInfo};
 use super::ambient_occlusion::Surroundings;
 use super::buffers::Buffers;
-use super::graphics::{Graphics, Opened};
 use super::geometry::{BodyRow, Geometry, Seen, body_row};
+use super::graphics::{Graphics, Opened};
 use super::pipelines::Pipelines;
 use super::readback::{Layout, Memory};
 use super::scene::{Binding, RenderScene, Surrounding};
@@ -499,15 +499,13 @@ struct Prepared {
 }
 
 /// Works out what needs no adapter while the driver starts and compiles.
-fn prepare(
-    scene: &RenderScene,
-    tier: Tier,
-    graphics: &Graphics,
-) -> Result<Prepared, RenderError> {
+fn prepare(scene: &RenderScene, tier: Tier, graphics: &Graphics) -> Result<Prepared, RenderError> {
     std::thread::scope(|scope| {
         let arranging = scope.spawn(|| {
             let surroundings = Surroundings::new(scene);
-            let buffers = Buffers::new(scene, &surroundings, tier);
+            let mut light = graphics.last_home().of(&surroundings);
+            let buffers = Buffers::new(scene, &mut light, tier);
+            graphics.last_home().keep(light);
             (surroundings, buffers)
         });
         let opened = graphics.open(tier);

@@ -136,6 +136,22 @@ fn no_client_depends_on_the_server() {
     }
 }
 
+/// The worker alone stands above both: nobody but tests names it.
+#[test]
+fn nobody_names_the_worker() {
+    for folder in ["server", "client", "proto"] {
+        for manifest in list(folder, "Cargo.toml") {
+            let text = fs::read_to_string(&manifest).expect("a manifest");
+            assert!(!text.contains("wheelarm-worker"), "{}", manifest.display());
+        }
+    }
+    let below = dependencies("worker");
+    for name in ["wheelarm-server", "wheelarm-record", "wheelarm-operate"] {
+        assert!(below.iter().any(|below| below == name), "{below:?}");
+    }
+    assert!(below.iter().all(|name| name != "wheelarm-client"));
+}
+
 /// Packages below `client/` and which of this workspace they may name: no arrow
 /// runs up and there is no circle.
 const CLIENTS: [(&str, &[&str]); 9] = [
@@ -145,7 +161,7 @@ const CLIENTS: [(&str, &[&str]); 9] = [
     ("client/learn", &["link", "policy", "proto"]),
     ("client/operate", &["link", "proto", "route"]),
     ("client/record", &["dataset", "link", "proto"]),
-    ("client/rig", &["link", "proto"]),
+    ("client/rig", &["link", "operate", "proto"]),
     ("client/pilot", &["link", "policy", "proto", "rig"]),
     (
         "client",
@@ -221,14 +237,17 @@ fn what_is_built_without_asking_is_what_the_demo_runs() {
     let line = text
         .lines()
         .find_map(|l| l.strip_prefix("default-members = "));
-    assert_eq!(line, Some(r#"["server", "client", "client/dataset"]"#));
+    assert_eq!(
+        line,
+        Some(r#"["server", "client", "client/dataset", "worker"]"#)
+    );
     let make = fs::read_to_string(root().join("Makefile")).expect("a Makefile");
     let build = make.split("\nbuild:\n").nth(1).expect("a target");
     let build = build.split("\n\n").next().unwrap_or_default();
     assert!(!build.contains("--workspace"), "{build}");
     // Each of them has a program, and no other package of a user has one but what
     // learns, which is built when it is asked for.
-    for package in ["server", "client", "client/dataset"] {
+    for package in ["server", "client", "client/dataset", "worker"] {
         assert!(
             root().join(package).join("src/main.rs").is_file(),
             "{package}"

@@ -1,0 +1,248 @@
+"""What a host with one or several graphics cards makes of `wheelarm collect`.
+
+device.py [--programs DIR] [--assets DIR] [--memory /dev/shm] [--disk DIR]
+          [--out DIR] [--seconds 460] [--simulated 100] [--worker process]
+
+Needs Python's own library and the programs `wheelarm`, `wheelarm-server` and
+`wheelarm-worker` alone. Each row is a whole campaign, start and manifest
+included: simulated seconds in the dataset over wall seconds. Rows with fewer
+cards than the host has get as large a share of its cores. A file is dropped as
+soon as the campaign has checked and entered it: what counts is that it was
+written. `report.md` and `report.json` are written into --out; the exit code is 1
+when a row misses its goal, 2 when one could not be measured.
+"""
+
+import argparse
+import json
+import math
+import os
+import re
+import resource
+import shutil
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+from pathlib import Path
+
+PLAN = """
+name = "bench"
+depth = "{depth}"
+[[camera]]
+name = "gen3"
+size = [{width}, {height}]
+[[camera]]
+name = "wheelchair"
+size = [{width}, {height}]
+[[task]]
+name = "pick_mustard"
+episodes = {episodes}
+"""
+# A successful episode of that task lasts 14 to 17 s.
+EPISODE_SECONDS = 14.0
+KINDS = {
+    "small": dict(size=(224, 126), depth="u16", per_core=1.0),
+    "720p": dict(size=(1280, 720), depth="f32", per_core=0.75),
+}
+# Times real time summed, of one big card with 16 cores, and for each core of a host
+# that draws on its processor.
+GOALS = {("small", 1, "memory"): 60.0}
+CORE_GOALS = {("small", 1, "memory"): 3.0}
+# Two cards with twice the cores over one.
+SCALING = 1.9
+
+
+def cards(programs):
+    """Indices and words of the graphics cards, or of what else draws."""
+    words = [str(programs / "wheelarm-server"), "--list-adapters"]
+    done = subprocess.run(words, capture_output=True, text=True)
+    if done.returncode != 0:
+        sys.exit(f"no adapter: {done.stderr.strip()}")
+    found = re.findall(r"^(\d+): (.*)$", done.stdout, re.M)
+    return [pair for pair in found if "[GPU, " in pair[1]] or found[:1]
+
+
+class Dropper(threading.Thread):
+    """Empties files that are done: they keep their length and take no room."""
+
+    def __init__(self, folder):
+        super().__init__(daemon=True)
+        self.folder, self.done = folder, threading.Event()
+        self.dropped = set()
+
+    def journal(self):
+        names = set()
+        for path in self.folder.glob("journal/*.jsonl"):
+            for line in path.read_text().splitlines():
+                try:
+                    entry = json.loads(line)
+                except ValueError:
+                    continue
+                if entry.get("kind") == "done":
+                    names.add(entry["file"])
+        return names
+
+    def run(self):
+        while not self.done.wait(0.5):
+            for name in self.journal() - self.dropped:
+                path = self.folder / name
+                size = path.stat().st_size
+                os.truncate(path, 0)
+                os.truncate(path, size)
+                self.dropped.add(name)
+
+
+def disk_rate(folder, seconds=4.0):
+    """Bytes per second that the disk takes until they are durable."""
+    block = os.urandom(1 << 24)
+    path = folder / "rate.bin"
+    begun, written = time.monotonic(), 0
+    with open(path, "wb", buffering=0) as file:
+        while time.monotonic() - begun < seconds:
+            written += file.write(block)
+            if written % (1 << 28) == 0:
+                os.fsync(file.fileno())
+        os.fsync(file.fileno())
+    rate = written / (time.monotonic() - begun)
+    path.unlink()
+    return rate
+
+
+def campaign(options, kind, adapters, cores, place, simulated, deadline):
+    """One row."""
+    settings = KINDS[kind]
+    width, height = settings["size"]
+    workers = max(1, round(len(cores) * settings["per_core"]))
+    episodes = workers * math.ceil(simulated / EPISODE_SECONDS)
+    folder = Path(tempfile.mkdtemp(prefix="wheelarm_device_", dir=place))
+    try:
+        rate = disk_rate(folder) if place == options.disk else None
+        plan = folder / "plan.toml"
+        plan.write_text(PLAN.format(depth=settings["depth"], width=width, height=height, episodes=episodes))
+        out = folder / "set"
+        words = [options.programs / "wheelarm", "collect", plan, "--out", out]
+        words += ["--workers", workers, "--assets", options.assets]
+        if options.worker != "none":
+            words += ["--adapters", ",".join(adapters), "--worker", options.worker]
+        words = [str(word) for word in words]
+        print(" ".join(words), flush=True)
+        dropper = Dropper(out)
+        dropper.start()
+        before = resource.getrusage(resource.RUSAGE_CHILDREN)
+        begun = time.monotonic()
+        left = deadline - begun
+        if left < 20:
+            raise RuntimeError("no time was left")
+        with tempfile.TemporaryFile("w+") as said:
+            child = subprocess.Popen(
+                words, stdout=said, stderr=said, preexec_fn=lambda: os.sched_setaffinity(0, cores)
+            )
+            try:
+                status = child.wait(timeout=left)
+            except subprocess.TimeoutExpired:
+                child.terminate()
+                child.wait(timeout=30)
+                status = "too slow for the time that was left"
+            wall = time.monotonic() - begun
+            said.seek(0)
+            tail = said.read()[-2000:]
+        dropper.done.set()
+        dropper.join()
+        after = resource.getrusage(resource.RUSAGE_CHILDREN)
+        if status != 0:
+            raise RuntimeError(f"exit {status}: {tail}")
+        manifest = json.loads((out / "manifest.json").read_text())
+        made = manifest["episodes"]
+        pictures = sum(count for e in made for name, count in e["counts"].items() if name.startswith("camera/"))
+        cpu = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+        return dict(
+            factor=manifest["seconds"] / wall,
+            simulated=manifest["seconds"],
+            wall=wall,
+            workers=workers,
+            cores=len(cores),
+            pictures_per_second=pictures / wall,
+            megabytes_per_second=manifest["bytes"] * 1e-6 / wall,
+            cpu_ms_per_simulated_second=1000 * cpu / manifest["seconds"],
+            missed=sum(e["missed"] for e in made),
+            failed=len(manifest["failed_attempts"]),
+            disk_megabytes_per_second=None if rate is None else rate * 1e-6,
+            command=" ".join(words),
+        )
+    finally:
+        shutil.rmtree(folder, ignore_errors=True)
+
+
+def table(rows):
+    head = "| pictures | cards | cores | workers | into | x real time | goal | simulated s | MB/s | the disk alone MB/s | CPU ms per simulated s | missed |"
+    lines = [head, "|" + " --- |" * (head.count("|") - 1)]
+    for row in rows:
+        name = f"| {row['pictures']} | {row['cards']} |"
+        if "problem" in row:
+            lines.append(f"{name} | | {row['into']} | not measured: {row['problem'].splitlines()[0]} | | | | | | |")
+            continue
+        goal = "" if row["goal"] is None else f">= {row['goal']:.1f}"
+        disk = row["disk_megabytes_per_second"]
+        lines.append(
+            f"{name} {row['cores']} | {row['workers']} | {row['into']} | {row['factor']:.1f} | {goal} "
+            f"| {row['simulated']:.0f} | {row['megabytes_per_second']:.0f} | {'' if disk is None else f'{disk:.0f}'} "
+            f"| {row['cpu_ms_per_simulated_second']:.0f} | {row['missed']} |"
+        )
+    return "\n".join(lines)
+
+
+def main():
+    root = Path(__file__).resolve().parents[2]
+    options = argparse.ArgumentParser()
+    options.add_argument("--programs", type=Path, default=root / "target" / "release")
+    options.add_argument("--assets", type=Path, default=root / "assets")
+    options.add_argument("--memory", type=Path, default=Path("/dev/shm"))
+    options.add_argument("--disk", type=Path, default=Path(tempfile.gettempdir()))
+    options.add_argument("--out", type=Path, default=root / "data" / "bench_device")
+    options.add_argument("--seconds", type=float, default=460.0, help="wall time for everything")
+    options.add_argument("--simulated", type=float, default=100.0, help="seconds per worker into memory")
+    options.add_argument("--worker", default="process", help="`none` for programs that know one way alone")
+    options.add_argument("--kinds", nargs="+", default=list(KINDS), choices=list(KINDS))
+    options = options.parse_args()
+    options.out.mkdir(parents=True, exist_ok=True)
+    deadline = time.monotonic() + options.seconds
+    found = cards(options.programs)
+    cores = sorted(os.sched_getaffinity(0))
+    print(f"{len(cores)} cores; " + "; ".join(f"{index}: {words}" for index, words in found), flush=True)
+    counts = sorted({1, min(2, len(found)), len(found)})
+    wanted = [(kind, count, "memory") for kind in options.kinds for count in counts]
+    wanted += [(kind, counts[-1], "disk") for kind in options.kinds]
+    rows = []
+    for kind, count, into in wanted:
+        share = cores[: max(1, len(cores) * count // counts[-1])]
+        adapters = [index for index, _ in found[:count]]
+        # A disk takes less, and the same again adds nothing.
+        place, simulated = (options.memory, options.simulated) if into == "memory" else (options.disk, 0.4 * options.simulated)
+        row = dict(pictures=kind, cards=count, into=into)
+        try:
+            row |= campaign(options, kind, adapters, share, place, simulated, deadline)
+            row["goal"] = GOALS.get((kind, count, into))
+            if "[GPU, " not in found[0][1]:
+                goal = CORE_GOALS.get((kind, count, into))
+                row["goal"] = goal and goal * len(share)
+            if count == 2 and into == "memory":
+                one = next((r for r in rows if r["pictures"] == kind and r["cards"] == 1 and "factor" in r), None)
+                row["goal"] = SCALING * one["factor"] if one else None
+        except (OSError, RuntimeError, subprocess.SubprocessError) as problem:
+            row["problem"] = str(problem)
+        rows.append(row)
+        print(table([row]).splitlines()[-1], flush=True)
+        text = table(rows)
+        (options.out / "report.md").write_text(text + "\n")
+        report = dict(cores=len(cores), adapters=[words for _, words in found], rows=rows)
+        (options.out / "report.json").write_text(json.dumps(report, indent=1) + "\n")
+    print("\n" + table(rows))
+    if any("problem" in row for row in rows):
+        return 2
+    met = all(row["goal"] is None or row["factor"] >= row["goal"] for row in rows)
+    return 0 if met and all(row["missed"] == 0 for row in rows) else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())
