@@ -58,7 +58,7 @@ for distribution in jazzy kilted; do
             echo "!!!!!!!! no rclpy of $distribution from this index: its readers are NOT run !!!!!!!!" >&2
             continue
         fi
-        "$venv/bin/python" tests/python/build_tf2_msgs.py
+        "$venv/bin/python" client/python/tests/ros/interfaces.py tf2_msgs
     fi
     distributions+=("$distribution")
 done

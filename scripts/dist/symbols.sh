@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
 # Fails where a program asks for more than what is promised: a glibc above 2.28,
-# a library beside glibc, or where it tells a path of this machine.
+# a library beside glibc, the C library's trigonometry for the physics, or where
+# it tells a path of this machine.
 #   scripts/dist/symbols.sh PROGRAM...
 set -euo pipefail
 most=2.28
@@ -21,6 +22,15 @@ for program in "$@"; do
             ;;
         esac
     done
+    case $(basename "$program") in wheelarm-server)
+        # server/src/world/clib.rs defines them, the same for every glibc.
+        foreign=$(nm -D --undefined-only "$program" | grep -owE '(acos|cos|sin|sincos)f' | xargs || true)
+        if [ -n "$foreign" ]; then
+            echo "error: the physics of $program calls $foreign of the C library, which has other bits elsewhere" >&2
+            exit 1
+        fi
+        ;;
+    esac
     # All of them are read: a pipe that ends early is a failure to pipefail.
     told=$(strings -a "$program" | grep -F -e "$HOME/" -e "$PWD/" || true)
     if [ -n "$told" ]; then

@@ -6,6 +6,7 @@
 //! also across `save` and `restore`.
 
 mod body;
+mod clib;
 mod contact;
 mod convert;
 mod drive;

@@ -6,7 +6,7 @@ as the node speaks them, and builds them into the virtual environment whose
 Python runs it. ``test_types.py`` holds the hash of each type against that of the
 published package.
 
-Use: VENV/bin/python interfaces.py
+Use: VENV/bin/python interfaces.py [PACKAGE...]     all of them without a name
 """
 
 import os
@@ -240,8 +240,12 @@ def build(prefix: Path, package: str) -> None:
 
 def main() -> None:
     prefix = Path(sys.prefix)
+    wanted = sys.argv[1:] or list(PACKAGES)
+    unknown = set(wanted) - set(PACKAGES)
+    if unknown:
+        sys.exit(f"{', '.join(sorted(unknown))}: what can be built is {', '.join(PACKAGES)}")
     mend_paths(prefix)
-    for package in PACKAGES:
+    for package in wanted:
         mark = prefix / "share" / package / "package.xml"
         source = prefix / "share" / package / "written_by_tests.txt"
         text = repr(PACKAGES[package])

@@ -1,0 +1,22 @@
+"""`ros2 run wheelarm_ros2 node`: the node of the Python package `wheelarm`."""
+
+import sys
+
+
+def main() -> int:
+    """Runs until it is interrupted; 1 when it could not begin."""
+    try:
+        from wheelarm.ros.__main__ import main as run
+    except ImportError as problem:
+        print(
+            f"the Python package wheelarm cannot be imported ({problem}): install its wheel "
+            f"for {sys.executable}, for example "
+            "`pip install --break-system-packages wheelarm-*-py3-none-any.whl`",
+            file=sys.stderr,
+        )
+        return 1
+    return run()
+
+
+if __name__ == "__main__":
+    sys.exit(main())
