@@ -26,6 +26,7 @@ const FILES: [&str; 15] = [
     "wheelarm/v1/camera.proto",
     "wheelarm/v1/episode.proto",
     "wheelarm/v1/disturbance.proto",
+    "wheelarm/v1/person.proto",
     "wheelarm/v1/language.proto",
     "wheelarm/v1/recorder.proto",
     "wheelarm/v1/control.proto",

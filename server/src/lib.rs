@@ -14,6 +14,7 @@
 
 pub mod geometry;
 pub mod look;
+pub mod people;
 pub mod robot;
 pub mod scene;
 pub mod sensors;

@@ -32,6 +32,7 @@ pub use scenario::{
 };
 pub use shown::{Recorded, RecordedSkin, Unfit};
 
+use crate::people::{Motion, Person};
 use crate::robot::control::{ControlInput, GripperMap, RobotControl, Targets};
 use crate::robot::{ARM_JOINTS, RecordedFrame, RobotModel};
 use crate::scene::Scene;
@@ -42,7 +43,7 @@ use crate::sensors::odometry::Odometry;
 use crate::snapshot::{BodyRef, Contact, Fault, Snapshot};
 use crate::tasks::{Evaluation, Evaluator, Floor, TaskSpec};
 use crate::world::{World, WorstOfSoft};
-use open::{check_pose, draw_open_values, say, variant};
+use open::{check_pose, draw_open_values, say, seated, variant};
 
 /// A running simulation.
 pub struct Simulation {
@@ -56,6 +57,8 @@ pub struct Simulation {
     gripper: GripperMap,
     control: RobotControl,
     world: World,
+    person: Option<Arc<Person>>,
+    motion: Option<Motion>,
     imu: Imu,
     odometry: Odometry,
     evaluator: Option<Evaluator>,
@@ -154,7 +157,13 @@ impl Simulation {
         let start = scenario.start.unwrap_or(scene.start);
         let gripper = GripperMap::new(&model);
         let control = RobotControl::at(&model, &arm, knuckle);
-        let world = World::new_within(&model, &scene, &placements, &start, &arm, knuckle, late)?;
+        let mut world =
+            World::new_within(&model, &scene, &placements, &start, &arm, knuckle, late)?;
+        let person = seated(assets, &mut scenario, &model)?;
+        if let Some((person, motion)) = &person {
+            world.seat(person, *motion);
+        }
+        let (person, motion) = person.unzip();
         if let Some((one, other, depth)) = world.overlap(&placed) {
             let name = |object: usize| scenario.objects[object].0.clone();
             return Err(SimError::Overlap {
@@ -196,6 +205,8 @@ impl Simulation {
             gripper,
             control,
             world,
+            person,
+            motion,
             evaluator,
             evaluation,
             snapshot,
@@ -407,6 +418,12 @@ impl Simulation {
     #[must_use]
     pub fn scene(&self) -> &Scene {
         &self.scene
+    }
+
+    /// Who sits in the chair.
+    #[must_use]
+    pub fn person(&self) -> Option<&Arc<Person>> {
+        self.person.as_ref()
     }
 
     /// The task, if there is one.

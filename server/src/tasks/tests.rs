@@ -412,7 +412,8 @@ impl Stage {
             skins: Vec::new(),
             furniture_joints: vec![JointState::default(); 4],
             sliding: Vec::new(),
-            contacts: Vec::new(),
+            person: None,
+        contacts: Vec::new(),
             anomalies: Vec::new(),
         };
         // Of a drawer there is no object: what is lifted then does not matter.

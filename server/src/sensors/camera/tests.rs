@@ -71,6 +71,7 @@ fn snapshot(objects: &[[f64; 3]]) -> Snapshot {
         skins: Vec::new(),
         furniture_joints: Vec::new(),
         sliding: Vec::new(),
+        person: None,
         contacts: Vec::new(),
         anomalies: Vec::new(),
     }

@@ -3,6 +3,7 @@
 use wheelarm_proto::geometry::{pose, vector};
 use wheelarm_proto::v1;
 
+use crate::people::person_part;
 use crate::robot::RobotModel;
 use crate::scene::{FurnitureJoint, Scene};
 use crate::snapshot::{Anomaly, BodyRef, Fault};
@@ -72,6 +73,7 @@ pub fn body_name(body: BodyRef, model: &RobotModel, scene: &Scene) -> String {
         BodyRef::Link(i) => model.links.get(i).map(|l| &l.name),
         BodyRef::Object(i) => scene.objects.get(i).map(|b| &b.name),
         BodyRef::Furniture(i) => scene.furniture.get(i).map(|b| &b.name),
+        BodyRef::Person(i) => return person_part(i),
     };
     name.cloned().unwrap_or_default()
 }
