@@ -50,7 +50,7 @@ impl Person {
             return Err(broken("other joints than person.toml".to_owned()));
         }
         let joint = |name: &str, key: &str| {
-            let found = raw.joints.iter().position(|joint| joint == name);
+            let found = person.joints.iter().position(|joint| joint == name);
             found.ok_or_else(|| {
                 let words = format!("{name:?}");
                 place.key(key).wrong(words, "a joint of `joints`", "correct the name")

@@ -90,7 +90,7 @@ impl Raw {
         }
         let mesh = document.meshes().next().ok_or("it has no mesh")?;
         let mut primitives: Vec<(String, Vec<[usize; 3]>)> = Vec::new();
-        let mut vertices = None;
+        let mut vertices: Option<(Option<usize>, Vec<_>, Vec<_>, Vec<_>)> = None;
         for primitive in mesh.primitives() {
             let reader = primitive.reader(|_| Some(&blob));
             let positions = primitive.get(&gltf::Semantic::Positions).map(|a| a.index());

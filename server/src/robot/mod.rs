@@ -15,7 +15,7 @@ use crate::geometry::{Part, Visual};
 
 pub use load::RobotError;
 pub use roles::{ARM_JOINTS, RecordedFrame, RecordedJoint, Roles};
-pub use settings::{
+pub use settings::{SeatSettings, 
     ArmSettings, BallSettings, CameraMount, CameraTolerance, CorridorSettings, DriveSettings,
     FrameRole, GripperSettings, ImuSettings, JointRole, OutlineSettings, ReachSettings, Settings,
 };

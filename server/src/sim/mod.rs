@@ -426,6 +426,23 @@ impl Simulation {
         self.person.as_ref()
     }
 
+    /// Contacts of the robot, and of what it touches itself, with the person.
+    pub fn touches(&self) -> impl Iterator<Item = &Contact> {
+        let contacts = &self.snapshot.contacts;
+        let held = move |object: BodyRef| {
+            let mut all = contacts.iter();
+            all.any(|c| matches!(c.first, BodyRef::Link(_)) && c.second == object)
+        };
+        contacts.iter().filter(move |contact| {
+            let by_robot = match contact.first {
+                BodyRef::Link(_) => true,
+                BodyRef::Object(_) => held(contact.first),
+                BodyRef::Furniture(_) | BodyRef::Person(_) => false,
+            };
+            by_robot && matches!(contact.second, BodyRef::Person(_))
+        })
+    }
+
     /// The task, if there is one.
     #[must_use]
     pub fn task(&self) -> Option<&TaskSpec> {

@@ -7,6 +7,7 @@ use nalgebra::{Point3, Vector3};
 use wheelarm_proto::exact;
 
 use super::ambient_occlusion::{AmbientOcclusion, Corner, Surroundings};
+use super::person::REACH;
 use super::scene::{Binding, RenderItem, RenderScene};
 use super::tier::Tier;
 use crate::geometry::{Material, TriMesh, texture};
@@ -163,8 +164,11 @@ impl Buffers {
         let mut ambient_occlusion = AmbientOcclusion::new(surroundings);
         let same =
             |a: &RenderItem, b: &RenderItem| a.instance == b.instance && a.binding == b.binding;
+        let person = scene.person.iter().flat_map(|p| &p.parts);
+        let person: Vec<u16> = person.map(|(instance, _)| *instance).collect();
         for items in scene.items.chunk_by(same) {
             let body = built.bodies.len();
+            let moves = person.contains(&items[0].instance);
             let mut casters = Vec::new();
             let body_start = built.vertices.len();
             for finish in Finish::ALL {
@@ -194,7 +198,10 @@ impl Buffers {
                 if middle == start {
                     continue;
                 }
-                let (centre, radius) = ball(&built.vertices[first_vertex..]);
+                let (centre, mut radius) = ball(&built.vertices[first_vertex..]);
+                if moves {
+                    radius += REACH;
+                }
                 let mut caster_end = middle;
                 for (item, &material) in chosen.iter().zip(&materials) {
                     let packed = body as u32 | material << 20;

@@ -14,6 +14,7 @@ mod geometry;
 mod mapping;
 mod patterns;
 mod pipelines;
+mod person;
 mod readback;
 mod renderer;
 pub mod scene;

@@ -16,6 +16,7 @@ use super::pipelines::Pipelines;
 use super::readback::{Layout, Memory};
 use super::scene::{Binding, RenderScene, Surrounding};
 use super::shadow::{ShadowMap, SunView};
+use super::person::PersonMesh;
 use super::soft::SoftMeshes;
 use super::spec::CameraSpec;
 use super::target::{Target, depth_attachment};
@@ -36,6 +37,7 @@ pub struct Renderer {
     pipelines: Pipelines,
     geometry: Geometry,
     soft: SoftMeshes,
+    person: Option<PersonMesh>,
     surroundings: Surroundings,
     lighting: Lighting,
     surrounding: Option<Surrounding>,
@@ -109,6 +111,7 @@ impl Renderer {
         let sun = SunView::new(scene, &buffers, tier.shadow_size);
         let geometry = Geometry::upload(&device, &buffers);
         let soft = SoftMeshes::find(scene, &buffers);
+        let person = PersonMesh::find(scene, &buffers);
         let materials = device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
             label: Some("materials"),
             contents: bytemuck::cast_slice(&buffers.materials),
@@ -162,6 +165,7 @@ impl Renderer {
             pipelines,
             geometry,
             soft,
+            person,
             targets,
             scene_groups,
             shadow_group,
@@ -226,6 +230,9 @@ impl Renderer {
         self.queue
             .write_buffer(&self.geometry.body_rows, 0, bytemuck::cast_slice(&rows));
         self.soft.write(&self.queue, &self.geometry, snapshot);
+        if let Some(person) = &self.person {
+            person.write(&self.queue, &self.geometry, snapshot);
+        }
         let views: Vec<View> = cameras
             .iter()
             .map(|&c| {

@@ -15,7 +15,7 @@ use crate::service::denied::Denied;
 use crate::service::desk::Request;
 use crate::service::errand::{Errand, Right};
 use crate::service::render::RenderThread;
-use crate::service::{assets, convert, describe, leases, wall};
+use crate::service::{assets, convert, describe, leases, person, wall};
 use crate::sim::Scenario;
 
 /// How far a joint may turn from where a solution is looked for nearby, radians.
@@ -307,6 +307,7 @@ impl Engine {
             }),
             cameras: vec![describe::room_camera(room)],
             robot: Some(describe::robot(model, &self.arm_mount())),
+            persons: self.sim.person().map(|p| person::seated(p)).into_iter().collect(),
         }
     }
 
