@@ -6,6 +6,7 @@
 #[cfg(test)]
 mod bits;
 mod calibration;
+mod clear;
 mod disturb;
 mod envelope;
 mod error;
@@ -43,6 +44,7 @@ use crate::sensors::odometry::Odometry;
 use crate::snapshot::{BodyRef, Contact, Fault, Snapshot};
 use crate::tasks::{Evaluation, Evaluator, Floor, TaskSpec};
 use crate::world::{World, WorstOfSoft};
+use clear::ArmBalls;
 use open::{check_pose, draw_open_values, say, seated, variant};
 
 /// A running simulation.
@@ -59,6 +61,7 @@ pub struct Simulation {
     world: World,
     person: Option<Arc<Person>>,
     motion: Option<Motion>,
+    arm_balls: ArmBalls,
     imu: Imu,
     odometry: Odometry,
     evaluator: Option<Evaluator>,
@@ -164,6 +167,7 @@ impl Simulation {
             world.seat(person, *motion);
         }
         let (person, motion) = person.unzip();
+        let arm_balls = ArmBalls::new(&model);
         if let Some((one, other, depth)) = world.overlap(&placed) {
             let name = |object: usize| scenario.objects[object].0.clone();
             return Err(SimError::Overlap {
@@ -176,7 +180,7 @@ impl Simulation {
         let snapshot = Arc::new(world.snapshot());
         let mut evaluator = task
             .as_ref()
-            .map(|t| Evaluator::new(t, &scene, &model, &scenario.target))
+            .map(|t| Evaluator::new(t, &scene, &model, &scenario.target, person.is_some()))
             .transpose()?;
         if let Some(evaluator) = &mut evaluator {
             if scenario.time_limit == Some(0.0)
@@ -207,6 +211,7 @@ impl Simulation {
             world,
             person,
             motion,
+            arm_balls,
             evaluator,
             evaluation,
             snapshot,
@@ -259,6 +264,7 @@ impl Simulation {
         tell: impl FnOnce(&Targets, &RobotControl),
     ) -> Result<Step, Fault> {
         let disturbance = self.disturbance();
+        self.control.limit_tool_speed(self.guarded_speed());
         let mut targets = self.control.update(input, &self.snapshot);
         tell(&targets[0], &self.control);
         let push = disturbance.as_ref().and_then(|d| d.push);

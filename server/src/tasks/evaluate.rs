@@ -126,7 +126,7 @@ impl Evaluation {
 
 impl Evaluator {
     /// A judge for `spec` in `scene` with this robot, `target` being the one of
-    /// its targets that was drawn.
+    /// its targets that was drawn; `person`: somebody sits in the chair.
     ///
     /// # Errors
     /// When the scene lacks the target.
@@ -135,6 +135,7 @@ impl Evaluator {
         scene: &Scene,
         model: &RobotModel,
         target: &str,
+        person: bool,
     ) -> Result<Self, SceneError> {
         let child = |joint: usize| model.joints[joint].child;
         let roles = &model.roles;
@@ -163,6 +164,7 @@ impl Evaluator {
             conditions: spec
                 .conditions
                 .iter()
+                .filter(|c| person || !c.with_person)
                 .map(|c| (c.label(), c.predicate.clone(), c.required))
                 .collect(),
             failure: spec.failure,

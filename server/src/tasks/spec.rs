@@ -40,6 +40,8 @@ pub struct ConditionSpec {
     pub(super) predicate: AnyPredicate,
     /// Needed for success, or only reported.
     pub required: bool,
+    /// Only where somebody sits in the chair.
+    pub with_person: bool,
 }
 
 /// When the target counts as dropped or tipped.

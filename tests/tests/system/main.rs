@@ -22,6 +22,7 @@ mod mutation;
 mod over_ticks;
 mod own_client;
 mod policies;
+mod person;
 mod preview;
 mod queries;
 mod recorded;

@@ -69,4 +69,6 @@ impl Frame {
 }
 
 #[cfg(test)]
+mod people_tests;
+#[cfg(test)]
 mod tests;

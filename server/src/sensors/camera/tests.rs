@@ -53,6 +53,7 @@ fn scene(items: Vec<RenderItem>, objects: usize) -> RenderScene {
         objects,
         sliding: 0,
         textures: BTreeMap::new(),
+        person: None,
         surrounding: None,
     }
 }

@@ -363,6 +363,11 @@ impl Engine {
                     return Ok(reply);
                 }
             };
+            if let Some(part) = self.sim.arm_meets(&joints) {
+                reply.reason = format!("the arm would touch the person ({part})");
+                reply.set_problem(v1::ReachProblem::Person);
+                return Ok(reply);
+            }
             reply.reached_count += 1;
             let Some(pose) = path.next() else {
                 reply.reachable = true;

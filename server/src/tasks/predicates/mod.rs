@@ -15,7 +15,7 @@ use self::lift::{LiftedAndHeld, LiftedBefore};
 use self::open::Opening;
 use self::others::{CorrectInstance, NothingKnockedOver};
 use self::put::{AtRest, Inside, Released, Upright};
-use self::robot::{ChairStopped, NoHardCollision};
+use self::robot::{ChairStopped, ClearOfPerson, NoHardCollision};
 use super::condition::{Name, Predicate};
 
 /// A predicate as it stands in a task file: its word and its thresholds.
@@ -34,6 +34,7 @@ pub(super) enum AnyPredicate {
     ChairStopped(ChairStopped),
     NothingKnockedOver(NothingKnockedOver),
     NoHardCollision(NoHardCollision),
+    ClearOfPerson(ClearOfPerson),
 }
 
 impl AnyPredicate {
@@ -51,6 +52,7 @@ impl AnyPredicate {
             Self::ChairStopped(p) => p,
             Self::NothingKnockedOver(p) => p,
             Self::NoHardCollision(p) => p,
+            Self::ClearOfPerson(p) => p,
         }
     }
 
@@ -71,7 +73,7 @@ mod tests {
     use super::*;
 
     /// Every predicate as a task file may write it.
-    const WRITTEN: [&str; 12] = [
+    const WRITTEN: [&str; 13] = [
         r#"lifted_and_held = { object = "a", height = 0.1, pad_force = 0.5, secs = 1.0 }"#,
         r#"lifted_before = { object = "a", height = 0.1, pad_force = 0.5 }"#,
         r#"inside = { object = "a", on = "b", above = 0.1 }"#,
@@ -84,6 +86,7 @@ mod tests {
         "chair_stopped = { speed = 0.1, turn_rate_deg_s = 1.0 }",
         "nothing_knocked_over = { tilt_deg = 30, drop = 0.1 }",
         "no_hard_collision = { force = 50.0 }",
+        "clear_of_person = { force = 5.0 }",
     ];
 
     #[test]
