@@ -42,6 +42,19 @@ impl Default for PersonSetting {
     }
 }
 
+impl PersonSetting {
+    /// Who is drawn where a task needs somebody and the scenario names nobody: still
+    /// hands that leave the lap free, and the guard.
+    #[must_use]
+    pub fn cared_for() -> Self {
+        Self {
+            posture: "hands_on_armrests".to_owned(),
+            guard: true,
+            ..Self::default()
+        }
+    }
+}
+
 /// Who sits there.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct DrawnPerson {

@@ -108,7 +108,6 @@ pub(super) fn seated(person: &Person) -> v1::SeatedPerson {
             moves: capsule.moves,
         }
     });
-    let [length, width] = person.lap.size;
     v1::SeatedPerson {
         drawn: Some(drawn(&person.drawn)),
         words: person.words.clone(),
@@ -117,15 +116,21 @@ pub(super) fn seated(person: &Person) -> v1::SeatedPerson {
         seat_height: person.seat_height,
         capsules: capsules.collect(),
         margin: person.margin,
-        lap: Some(v1::BoxGeometry {
-            pose: Some(pose(&nalgebra::Translation3::from(person.lap.at.coords).into())),
-            half: Some(v1::Vector3 {
-                x: length / 2.0,
-                y: width / 2.0,
-                z: 0.0,
-            }),
-        }),
+        lap: Some(lap(person)),
         mouth: Some(pose(&person.mouth(&straight))),
+    }
+}
+
+/// The lap, in the frame of the chair.
+pub(super) fn lap(person: &Person) -> v1::BoxGeometry {
+    let [length, width] = person.lap.size;
+    v1::BoxGeometry {
+        pose: Some(pose(&nalgebra::Translation3::from(person.lap.at.coords).into())),
+        half: Some(v1::Vector3 {
+            x: length / 2.0,
+            y: width / 2.0,
+            z: 0.0,
+        }),
     }
 }
 

@@ -33,7 +33,7 @@ pub use scenario::{
 };
 pub use shown::{Recorded, RecordedSkin, Unfit};
 
-use crate::people::{Motion, Person};
+use crate::people::{Motion, Person, PersonSetting};
 use crate::robot::control::{ControlInput, GripperMap, RobotControl, Targets};
 use crate::robot::{ARM_JOINTS, RecordedFrame, RobotModel};
 use crate::scene::Scene;
@@ -42,7 +42,7 @@ use crate::sensors::imu::{self, Imu};
 use crate::sensors::models::{self, Device};
 use crate::sensors::odometry::Odometry;
 use crate::snapshot::{BodyRef, Contact, Fault, Snapshot};
-use crate::tasks::{Evaluation, Evaluator, Floor, TaskSpec};
+use crate::tasks::{Evaluation, Evaluator, Floor, Goal, TaskSpec};
 use crate::world::{World, WorstOfSoft};
 use clear::ArmBalls;
 use open::{check_pose, draw_open_values, say, seated, variant};
@@ -162,6 +162,10 @@ impl Simulation {
         let control = RobotControl::at(&model, &arm, knuckle);
         let mut world =
             World::new_within(&model, &scene, &placements, &start, &arm, knuckle, late)?;
+        if task.as_ref().is_some_and(|task| task.goal == Goal::Give) {
+            // Somebody must be there to take it; who cares is careful.
+            scenario.person.get_or_insert_with(PersonSetting::cared_for);
+        }
         let person = seated(assets, &mut scenario, &model)?;
         if let Some((person, motion)) = &person {
             world.seat(person, *motion);
@@ -180,7 +184,7 @@ impl Simulation {
         let snapshot = Arc::new(world.snapshot());
         let mut evaluator = task
             .as_ref()
-            .map(|t| Evaluator::new(t, &scene, &model, &scenario.target, person.is_some()))
+            .map(|t| Evaluator::new(t, &scene, &model, &scenario.target, person.as_deref()))
             .transpose()?;
         if let Some(evaluator) = &mut evaluator {
             if scenario.time_limit == Some(0.0)

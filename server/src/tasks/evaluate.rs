@@ -7,6 +7,7 @@ use super::condition::{Memory, seconds};
 use super::context::Context;
 use super::predicates::AnyPredicate;
 use super::spec::{FailureSpec, TaskSpec};
+use crate::people::Person;
 use crate::robot::RobotModel;
 use crate::scene::{Scene, SceneError, Surface};
 use crate::snapshot::{Anomaly, BodyRef, Contact, Snapshot};
@@ -135,7 +136,7 @@ impl Evaluator {
         scene: &Scene,
         model: &RobotModel,
         target: &str,
-        person: bool,
+        person: Option<&Person>,
     ) -> Result<Self, SceneError> {
         let child = |joint: usize| model.joints[joint].child;
         let roles = &model.roles;
@@ -164,7 +165,7 @@ impl Evaluator {
             conditions: spec
                 .conditions
                 .iter()
-                .filter(|c| person || !c.with_person)
+                .filter(|c| person.is_some() || !c.with_person)
                 .map(|c| (c.label(), c.predicate.clone(), c.required))
                 .collect(),
             failure: spec.failure,
@@ -185,6 +186,7 @@ impl Evaluator {
                     .joints
                     .iter()
                     .position(|j| Some(j.furniture) == furniture),
+                lap: person.map(|person| person.lap),
                 decoys: others.filter_map(|name| scene.object_named(name)).collect(),
             },
             carrier: start

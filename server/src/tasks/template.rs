@@ -20,6 +20,7 @@ const REGION: &str = "region";
 pub(super) enum Verb {
     Lift,
     Put,
+    Give,
     Open,
     Close,
 }

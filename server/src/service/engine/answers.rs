@@ -303,7 +303,8 @@ impl Engine {
                 .collect(),
             goal: self.sim.task().map(|task| {
                 let target = &self.sim.scenario().target;
-                convert::goal(&task.goal, target, scene)
+                let lap = self.sim.person().map(|person| person::lap(person));
+                convert::goal(&task.goal, target, scene, lap.as_ref())
             }),
             cameras: vec![describe::room_camera(room)],
             robot: Some(describe::robot(model, &self.arm_mount())),

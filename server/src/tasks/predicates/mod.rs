@@ -14,7 +14,7 @@ use serde::Deserialize;
 use self::lift::{LiftedAndHeld, LiftedBefore};
 use self::open::Opening;
 use self::others::{CorrectInstance, NothingKnockedOver};
-use self::put::{AtRest, Inside, Released, Upright};
+use self::put::{AtRest, InLap, Inside, Released, Upright};
 use self::robot::{ChairStopped, ClearOfPerson, NoHardCollision};
 use super::condition::{Name, Predicate};
 
@@ -25,6 +25,7 @@ pub(super) enum AnyPredicate {
     LiftedAndHeld(LiftedAndHeld),
     LiftedBefore(LiftedBefore),
     Inside(Inside),
+    InLap(InLap),
     Upright(Upright),
     AtRest(AtRest),
     Released(Released),
@@ -44,6 +45,7 @@ impl AnyPredicate {
             Self::LiftedAndHeld(p) => p,
             Self::LiftedBefore(p) => p,
             Self::Inside(p) => p,
+            Self::InLap(p) => p,
             Self::Upright(p) => p,
             Self::AtRest(p) => p,
             Self::Released(p) => p,
@@ -73,7 +75,7 @@ mod tests {
     use super::*;
 
     /// Every predicate as a task file may write it.
-    const WRITTEN: [&str; 13] = [
+    const WRITTEN: [&str; 14] = [
         r#"lifted_and_held = { object = "a", height = 0.1, pad_force = 0.5, secs = 1.0 }"#,
         r#"lifted_before = { object = "a", height = 0.1, pad_force = 0.5 }"#,
         r#"inside = { object = "a", on = "b", above = 0.1 }"#,
@@ -82,6 +84,7 @@ mod tests {
         r#"released = { object = "a", secs = 0.5 }"#,
         r#"opened_by = { joint = "a", travel = 0.2 }"#,
         r#"closed_to = { joint = "a", position = 0.02 }"#,
+        r#"in_lap = { object = "a", above = 0.1 }"#,
         "correct_instance = { height = 0.1 }",
         "chair_stopped = { speed = 0.1, turn_rate_deg_s = 1.0 }",
         "nothing_knocked_over = { tilt_deg = 30, drop = 0.1 }",
