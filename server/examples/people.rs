@@ -7,6 +7,8 @@
 
 #![expect(clippy::disallowed_methods, reason = "it measures wall time")]
 
+use std::fs;
+use std::io::BufWriter;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
@@ -79,7 +81,12 @@ fn simulation(options: &Options, seed: u64, person: Option<&v1::Person>) -> Resu
 fn renderer(options: &Options, sim: &Simulation, cameras: &[CameraSpec]) -> Result<Renderer> {
     let (model, scene) = (sim.model(), sim.scene());
     let seen = RenderScene::with_person(model, scene, &options.assets, None, sim.person())?;
-    Ok(Renderer::new(&seen, cameras, Quality::Standard, options.adapter.as_deref())?)
+    Ok(Renderer::new(
+        &seen,
+        cameras,
+        Quality::Standard,
+        options.adapter.as_deref(),
+    )?)
 }
 
 /// world_from_optical of a camera at `eye` that looks at `at`.
@@ -104,7 +111,12 @@ fn bench(options: &Options) -> Result<()> {
         simulation(options, options.seed, Some(&any))?,
     ];
     let cameras = |sim: &Simulation| -> Result<Vec<CameraSpec>> {
-        let mounts = sim.model().settings.cameras.iter().filter(|c| !c.on_request);
+        let mounts = sim
+            .model()
+            .settings
+            .cameras
+            .iter()
+            .filter(|c| !c.on_request);
         let size = [options.width, options.height];
         let specs = mounts.map(|mount| CameraSpec::on_robot(sim.model(), mount, size));
         Ok(specs.collect::<Result<_, _>>()?)
@@ -145,7 +157,10 @@ fn bench(options: &Options) -> Result<()> {
         values.sort_by(f64::total_cmp);
         values[values.len() / 2]
     };
-    for (what, times) in [("control step", &mut steps), ("pair of pictures", &mut pictures)] {
+    for (what, times) in [
+        ("control step", &mut steps),
+        ("pair of pictures", &mut pictures),
+    ] {
         let [without, with] = times;
         let (without, with) = (median(without), median(with));
         println!(
@@ -182,7 +197,13 @@ fn sheet(options: &Options, file: &PathBuf) -> Result<()> {
             }
         };
         let mut renderer = renderer(options, &sim, &[camera])?;
-        tiles.push(renderer.render(sim.snapshot(), &[0])?.remove(0).rgb.to_vec());
+        tiles.push(
+            renderer
+                .render(sim.snapshot(), &[0])?
+                .remove(0)
+                .rgb
+                .to_vec(),
+        );
     }
     let columns = options.columns.min(tiles.len()).max(1);
     let rows = tiles.len().div_ceil(columns);

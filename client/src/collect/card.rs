@@ -153,10 +153,12 @@ fn coverage(drawn: &[Drawn<'_>]) -> String {
     );
     text += &histogram("Hindered by", scenarios().map(hindrance));
     let seated = |of: fn(&v1::PersonDrawn) -> &String| {
-        scenarios().map(move |s| match s.person.as_ref().and_then(|p| p.drawn.as_ref()) {
-            Some(drawn) => of(drawn).clone(),
-            None => "nobody".to_owned(),
-        })
+        scenarios().map(
+            move |s| match s.person.as_ref().and_then(|p| p.drawn.as_ref()) {
+                Some(drawn) => of(drawn).clone(),
+                None => "nobody".to_owned(),
+            },
+        )
     };
     text += &histogram("Person in the chair", seated(|drawn| &drawn.body));
     text += &histogram("Posture of the person", seated(|drawn| &drawn.posture));

@@ -40,7 +40,13 @@ impl PersonSetting {
         let names: Vec<&str> = looks.skin.iter().map(|s| s.name.as_str()).collect();
         let skin = pick("person.skin", &given.skin, &self.skin, &names, SKIN)?;
         let names: Vec<&str> = looks.clothes.iter().map(|c| c.name.as_str()).collect();
-        let clothes = pick("person.clothes", &given.clothes, &self.clothes, &names, CLOTHES)?;
+        let clothes = pick(
+            "person.clothes",
+            &given.clothes,
+            &self.clothes,
+            &names,
+            CLOTHES,
+        )?;
         let all = looks.hair.iter().map(|h| h.name.as_str());
         let suits = looks.hair.iter().filter(|h| h.ages.contains(&person.age));
         // Asked for, any hair will do; drawn, it suits.
@@ -55,7 +61,9 @@ impl PersonSetting {
             false => &given.posture,
         };
         let posture = match told.is_empty() {
-            true => postures.at_share(random::uniform(seed, POSTURE, 0)).to_owned(),
+            true => postures
+                .at_share(random::uniform(seed, POSTURE, 0))
+                .to_owned(),
             false => {
                 let names: Vec<&str> = postures.names().collect();
                 known("person.posture", told, &names)?.to_owned()

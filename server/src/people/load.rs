@@ -43,7 +43,11 @@ impl Person {
         let looks: Looks = read(assets, &format!("{FOLDER}/looks.toml"))?;
         let file = format!("{FOLDER}/{}/{}", drawn.body, person.mesh);
         let broken = |words: String| {
-            Place::file(&file).wrong(words, "a mesh of scripts/people", "make it again: make people")
+            Place::file(&file).wrong(
+                words,
+                "a mesh of scripts/people",
+                "make it again: make people",
+            )
         };
         let raw = Raw::read(&assets.join(&file)).map_err(broken)?;
         if raw.joints != person.joints {
@@ -53,7 +57,9 @@ impl Person {
             let found = person.joints.iter().position(|joint| joint == name);
             found.ok_or_else(|| {
                 let words = format!("{name:?}");
-                place.key(key).wrong(words, "a joint of `joints`", "correct the name")
+                place
+                    .key(key)
+                    .wrong(words, "a joint of `joints`", "correct the name")
             })
         };
         let head = joint("head", "joints")?;
@@ -65,7 +71,9 @@ impl Person {
         let mesh = SkinnedMesh::new(raw, head, face_from, material).map_err(broken)?;
         let mouth = person.landmark.get("mouth").ok_or_else(|| {
             let expected = "a point between the lips";
-            place.key("landmark.mouth").wrong("missing", expected, "make it again: make people")
+            place
+                .key("landmark.mouth")
+                .wrong("missing", expected, "make it again: make people")
         })?;
         let [xx, yy, zz, xy, xz, yz] = posture.inertia;
         let inertia = Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz);
@@ -82,14 +90,26 @@ impl Person {
         let m = &person.head_motion;
         Ok(Self {
             words: person.words,
-            stature: place.key("stature").within(person.stature, 0.5, 2.5, "m", "metres")?,
-            mass: place.key("mass").within(person.mass, light, heavy, "kg", "kilograms")?,
+            stature: place
+                .key("stature")
+                .within(person.stature, 0.5, 2.5, "m", "metres")?,
+            mass: place
+                .key("mass")
+                .within(person.mass, light, heavy, "kg", "kilograms")?,
             com: posture_place.key("com").position(posture.com)?.into(),
             inertia,
             seat_height: place.key("seat_height").length(person.seat_height)?,
-            cushion: place.key("cushion").within(person.cushion, 0.0, 0.2, "m", "metres")?,
+            cushion: place
+                .key("cushion")
+                .within(person.cushion, 0.0, 0.2, "m", "metres")?,
             capsules,
-            margin: place.key("capsules.margin").within(person.capsules.margin, 0.0, 0.1, "m", "metres")?,
+            margin: place.key("capsules.margin").within(
+                person.capsules.margin,
+                0.0,
+                0.1,
+                "m",
+                "metres",
+            )?,
             lap: Lap {
                 at: place.key("lap.at").position(person.lap.at)?.into(),
                 size: person.lap.size,
@@ -149,21 +169,27 @@ fn capsules(
         let Some((i, table)) = tables.find(|(_, table)| table.part == *name) else {
             let found = format!("{} capsules", person.capsule.len());
             let expected = format!("one of the part {name:?}");
-            return Err(place.key("capsule").wrong(found, expected, "make it again: make people"));
+            return Err(place
+                .key("capsule")
+                .wrong(found, expected, "make it again: make people"));
         };
         let place = place.entry("capsule", i);
         let joint = joint(&table.joint, "capsule.joint")?;
         let end = |key: &str, at: [f64; 3]| place.key(key).position(at).map(Point3::from);
         let part = BodyPart::of(&table.part).ok_or_else(|| {
             let found = format!("{:?}", table.part);
-            place.key("part").wrong(found, "a part of a body", "correct the name")
+            place
+                .key("part")
+                .wrong(found, "a part of a body", "correct the name")
         })?;
         Ok(Capsule {
             name: table.part.clone(),
             part,
             joint,
             ends: [end("a", table.a)?, end("b", table.b)?],
-            radius: place.key("radius").within(table.radius, 0.005, 0.4, "m", "metres")?,
+            radius: place
+                .key("radius")
+                .within(table.radius, 0.005, 0.4, "m", "metres")?,
             moves: skeleton.moves(joint),
         })
     });
@@ -211,7 +237,9 @@ fn material(looks: &Looks, drawn: &DrawnPerson, name: &str) -> Option<Material> 
 
 /// `#rrggbb` as sRGB, 0 to 1.
 fn rgb(text: &str) -> Option<[f32; 3]> {
-    let digits = text.strip_prefix('#').filter(|d| d.len() == 6 && d.is_ascii())?;
+    let digits = text
+        .strip_prefix('#')
+        .filter(|d| d.len() == 6 && d.is_ascii())?;
     let mut color = [0.0; 3];
     for (i, value) in color.iter_mut().enumerate() {
         let byte = u8::from_str_radix(&digits[2 * i..2 * i + 2], 16).ok()?;

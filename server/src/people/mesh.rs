@@ -141,7 +141,10 @@ impl Raw {
             normals,
             weights,
             primitives,
-            joints: nodes.iter().map(|n| n.name().unwrap_or_default().to_owned()).collect(),
+            joints: nodes
+                .iter()
+                .map(|n| n.name().unwrap_or_default().to_owned())
+                .collect(),
             parents,
             rest,
         })
@@ -159,12 +162,15 @@ impl SkinnedMesh {
     ) -> Result<Self, String> {
         let main = |vertex: usize| {
             let weights = &raw.weights[vertex];
-            let most = weights.iter().fold((0, -1.0), |most, w| if w.1 > most.1 { *w } else { most });
+            let most = weights
+                .iter()
+                .fold((0, -1.0), |most, w| if w.1 > most.1 { *w } else { most });
             most.0
         };
         let mut surfaces: Vec<Surface> = Vec::new();
         for (name, triangles) in &raw.primitives {
-            let look = material(name).ok_or_else(|| format!("looks.toml has no material {name:?}"))?;
+            let look =
+                material(name).ok_or_else(|| format!("looks.toml has no material {name:?}"))?;
             for triangle in triangles {
                 let joint = main(triangle[0]);
                 let of = BodyPart::of(&raw.joints[joint]);
@@ -176,7 +182,9 @@ impl SkinnedMesh {
                         BodyPart::Face
                     }
                     (_, Some(part)) => part,
-                    (_, None) => return Err(format!("the joint {:?} is of no part", raw.joints[joint])),
+                    (_, None) => {
+                        return Err(format!("the joint {:?} is of no part", raw.joints[joint]));
+                    }
                 };
                 let same = |s: &&mut Surface| s.part == part && s.material == look;
                 match surfaces.iter_mut().find(same) {
@@ -214,7 +222,9 @@ impl SkinnedMesh {
     #[must_use]
     pub fn moves(&self, vertex: usize, skeleton: &Skeleton) -> bool {
         let weights = self.weights[vertex].iter();
-        weights.into_iter().any(|(joint, w)| *w > 0.0 && skeleton.moves(*joint))
+        weights
+            .into_iter()
+            .any(|(joint, w)| *w > 0.0 && skeleton.moves(*joint))
     }
 
     /// Place and normal of vertices in the frame of the chair.

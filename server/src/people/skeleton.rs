@@ -100,7 +100,9 @@ impl Skeleton {
     /// All of them.
     #[must_use]
     pub fn joints(&self, head: &HeadPose) -> Vec<Isometry3<f64>> {
-        (0..self.len()).map(|joint| self.joint(joint, head)).collect()
+        (0..self.len())
+            .map(|joint| self.joint(joint, head))
+            .collect()
     }
 
     /// What the motion adds to a joint's own rotation.

@@ -19,7 +19,10 @@ fn the_seed_draws_everybody_and_a_name_is_taken() {
     assert_eq!((all(|d| &d.body), all(|d| &d.posture)), (14, 13));
     assert_eq!((all(|d| &d.skin), all(|d| &d.clothes)), (8, 10));
     let lap = drawn.iter().filter(|d| d.posture == "hands_in_lap").count();
-    let right = drawn.iter().filter(|d| d.posture == "leaning_right").count();
+    let right = drawn
+        .iter()
+        .filter(|d| d.posture == "leaning_right")
+        .count();
     assert!(lap > 3 * right, "{lap} {right}");
     let named = PersonSetting {
         body: "man_p95".into(),
@@ -40,7 +43,10 @@ fn the_seed_draws_everybody_and_a_name_is_taken() {
         ..PersonSetting::default()
     };
     let words = wrong.draw(&assets(), 0).unwrap_err().to_string();
-    assert!(words.contains("handstand") && words.contains("hands_in_lap"), "{words}");
+    assert!(
+        words.contains("handstand") && words.contains("hands_in_lap"),
+        "{words}"
+    );
 }
 
 #[test]
@@ -55,7 +61,9 @@ fn the_mesh_lies_in_the_capsules_and_the_head_turns_about_the_neck() {
         jaw: person.limits.jaw,
     };
     let place = |head: &HeadPose| -> Vec<Point3<f32>> {
-        let posed = person.mesh.posed(0..person.mesh.len(), &person.skeleton, head);
+        let posed = person
+            .mesh
+            .posed(0..person.mesh.len(), &person.skeleton, head);
         posed.map(|(at, _)| at).collect()
     };
     let before = place(&straight);
@@ -112,7 +120,9 @@ fn the_head_begins_straight_moves_smoothly_within_its_range_and_the_mouth_opens(
     assert!(most(|h| h.pitch) > 0.05 && most(|h| h.pitch) < 0.4);
     assert!(most(|h| h.jaw) > 0.05 && most(|h| h.jaw) < 0.35);
     for pair in all.windows(2) {
-        let step = (pair[1].yaw - pair[0].yaw).abs().max((pair[1].jaw - pair[0].jaw).abs());
+        let step = (pair[1].yaw - pair[0].yaw)
+            .abs()
+            .max((pair[1].jaw - pair[0].jaw).abs());
         assert!(step * 240.0 < 3.0, "{step}");
     }
     let waits = Motion {

@@ -125,7 +125,9 @@ pub(super) fn seated(person: &Person) -> v1::SeatedPerson {
 pub(super) fn lap(person: &Person) -> v1::BoxGeometry {
     let [length, width] = person.lap.size;
     v1::BoxGeometry {
-        pose: Some(pose(&nalgebra::Translation3::from(person.lap.at.coords).into())),
+        pose: Some(pose(
+            &nalgebra::Translation3::from(person.lap.at.coords).into(),
+        )),
         half: Some(v1::Vector3 {
             x: length / 2.0,
             y: width / 2.0,

@@ -382,7 +382,9 @@ fn legend(scene: &RenderScene) -> Vec<v1::Instance> {
     };
     let part = |id: u16| {
         let mut parts = scene.person.iter().flat_map(|person| &person.parts);
-        parts.find(|(instance, _)| *instance == id).map(|(_, part)| *part)
+        parts
+            .find(|(instance, _)| *instance == id)
+            .map(|(_, part)| *part)
     };
     let legend = scene.instances.iter();
     legend

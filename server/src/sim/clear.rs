@@ -42,7 +42,10 @@ impl ArmBalls {
                     continue;
                 };
                 let long = half.imax();
-                let radius = (0..3).filter(|i| *i != long).map(|i| half[i]).fold(0.0, f64::max);
+                let radius = (0..3)
+                    .filter(|i| *i != long)
+                    .map(|i| half[i])
+                    .fold(0.0, f64::max);
                 let way = (half[long] - radius).max(0.0);
                 let count = (way / radius.max(1e-3)).ceil() as i32;
                 for k in -count..=count {
@@ -64,7 +67,11 @@ impl ArmBalls {
         self.balls.iter().find_map(|(link, at, radius)| {
             let at = poses[*link] * at;
             let near = placed.iter().find(|(capsule, ends)| {
-                let room = if capsule.moves { ROOM + HEAD_ROOM } else { ROOM };
+                let room = if capsule.moves {
+                    ROOM + HEAD_ROOM
+                } else {
+                    ROOM
+                };
                 distance(&at, ends) < capsule.radius + radius + room
             });
             near.map(|(capsule, _)| capsule.name.as_str())
@@ -76,7 +83,11 @@ impl ArmBalls {
 fn distance(at: &Point3<f64>, [a, b]: &[Point3<f64>; 2]) -> f64 {
     let along: Vector3<f64> = b - a;
     let length = along.norm_squared();
-    let part = if length > 0.0 { (at - a).dot(&along) / length } else { 0.0 };
+    let part = if length > 0.0 {
+        (at - a).dot(&along) / length
+    } else {
+        0.0
+    };
     (at - (a + along * part.clamp(0.0, 1.0))).norm()
 }
 
@@ -91,7 +102,8 @@ impl Simulation {
         for (&joint, &position) in self.model.roles.arm.iter().zip(arm) {
             positions[joint] = position;
         }
-        self.arm_balls.meets(person, &self.model.link_poses(&positions))
+        self.arm_balls
+            .meets(person, &self.model.link_poses(&positions))
     }
 
     /// Greatest speed of the grasp point that the guard allows now, m/s; `None` where

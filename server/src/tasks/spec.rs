@@ -88,7 +88,9 @@ impl TaskSpec {
         let asked: Vec<&str> = match self.goal {
             // Furniture is always there.
             Goal::Open { .. } | Goal::Close { .. } => Vec::new(),
-            Goal::Lift | Goal::Give | Goal::Put { .. } => objects.chain(self.region_name()).collect(),
+            Goal::Lift | Goal::Give | Goal::Put { .. } => {
+                objects.chain(self.region_name()).collect()
+            }
         };
         let variants = self.area.variants.iter();
         variants.filter(move |variant| asked.iter().all(|name| variant.offers(name)))

@@ -413,7 +413,7 @@ impl Stage {
             furniture_joints: vec![JointState::default(); 4],
             sliding: Vec::new(),
             person: None,
-        contacts: Vec::new(),
+            contacts: Vec::new(),
             anomalies: Vec::new(),
         };
         // Of a drawer there is no object: what is lifted then does not matter.
@@ -697,8 +697,14 @@ fn a_restored_evaluator_goes_on_as_if_never_interrupted() {
     stage.raise(0.12);
     stage.run(0.8);
     let bytes = postcard::to_stdvec(stage.evaluator.state()).unwrap();
-    let mut other =
-        Evaluator::new(&task("pick_mustard"), &stage.scene, &stage.model, "mustard", None).unwrap();
+    let mut other = Evaluator::new(
+        &task("pick_mustard"),
+        &stage.scene,
+        &stage.model,
+        "mustard",
+        None,
+    )
+    .unwrap();
     other.restore(postcard::from_bytes(&bytes).unwrap());
     for _ in 0..30 {
         stage.snapshot.tick += PHYSICS_HZ / 60;

@@ -55,7 +55,9 @@ impl Seated {
             com: person.com,
             inertia: person.inertia,
         };
-        let mass = robot.tree.bodies[index].mass.plus(&own.seen_from(&body_from_chair));
+        let mass = robot.tree.bodies[index]
+            .mass
+            .plus(&own.seen_from(&body_from_chair));
         physics.bodies[body].set_additional_mass_properties(mass_properties(&mass), true);
         let head = motion.at(0);
         let mut moving = Vec::new();
@@ -168,7 +170,11 @@ impl Seated {
             jaw,
         } = self.state.head;
         let drawn = &self.person.drawn;
-        let names = drawn.body.bytes().chain(drawn.posture.bytes()).map(u64::from);
+        let names = drawn
+            .body
+            .bytes()
+            .chain(drawn.posture.bytes())
+            .map(u64::from);
         let numbers = [yaw, pitch, roll, jaw, self.state.robot_force];
         let numbers = numbers.into_iter().chain(self.state.forces);
         numbers.map(f64::to_bits).chain(names)

@@ -194,7 +194,8 @@ fn same_shape(a: &Collider, b: &Collider, moves: bool) -> bool {
         && a.user_data == b.user_data
         && a.collision_groups() == b.collision_groups()
         && (moves || a.position_wrt_parent() == b.position_wrt_parent())
-        && b.position_wrt_parent().is_none_or(|place| place.is_finite())
+        && b.position_wrt_parent()
+            .is_none_or(|place| place.is_finite())
         && a.friction() == b.friction()
         && a.restitution() == b.restitution()
         && a.shape().shape_type() == b.shape().shape_type()

@@ -46,9 +46,16 @@ fn a_person_is_drawn_recorded_by_parts_and_replayed_bit_by_bit() {
     let most = force.iter().copied().fold(0.0, f64::max);
     assert!(most < 5.0, "{most} N on the person: {printed_words}");
     let names = seated.snapshot().expect("the legend").instances;
-    let parts = names.iter().filter(|i| i.kind() == v1::InstanceKind::Person);
+    let parts = names
+        .iter()
+        .filter(|i| i.kind() == v1::InstanceKind::Person);
     let parts: Vec<_> = parts.map(v1::Instance::part).collect();
-    for part in [v1::BodyPart::Head, v1::BodyPart::Face, v1::BodyPart::Hands, v1::BodyPart::Lap] {
+    for part in [
+        v1::BodyPart::Head,
+        v1::BodyPart::Face,
+        v1::BodyPart::Hands,
+        v1::BodyPart::Lap,
+    ] {
         assert!(parts.contains(&part), "{parts:?}");
     }
 

@@ -268,7 +268,12 @@ fn candidates(now: &Now<'_>, purpose: Purpose, margin: f64) -> Vec<GraspCandidat
         Purpose::Put => {
             let held = now.memory.held.unwrap_or_else(|| now.thing_in_hand());
             let taken = now.memory.candidate;
-            place::candidates(now, &now.seen.house_from_chair, &held, taken.map_or(0.03, |taken| taken.width))
+            place::candidates(
+                now,
+                &now.seen.house_from_chair,
+                &held,
+                taken.map_or(0.03, |taken| taken.width),
+            )
         }
     }
 }

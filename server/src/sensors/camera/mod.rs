@@ -13,8 +13,8 @@ mod error;
 mod geometry;
 mod mapping;
 mod patterns;
-mod pipelines;
 mod person;
+mod pipelines;
 mod readback;
 mod renderer;
 pub mod scene;
@@ -32,7 +32,7 @@ use nalgebra::Isometry3;
 pub use adapter::{AdapterInfo, AdapterKind};
 pub use error::RenderError;
 pub use renderer::{IN_FLIGHT, Renderer};
-pub use scene::{Binding, MOST_BODIES, RenderItem, RenderScene, Surrounding};
+pub use scene::{Binding, MOST_BODIES, RenderItem, RenderScene, RenderedPerson, Surrounding};
 pub use spec::{CameraSpec, Intrinsics};
 pub use wheelarm_proto::settings::Quality;
 

@@ -81,7 +81,10 @@ impl Stage {
             head: HeadPose::default(),
             ..PersonState::default()
         });
-        let frame = renderer.render(&snapshot, &[0]).expect("a picture").remove(0);
+        let frame = renderer
+            .render(&snapshot, &[0])
+            .expect("a picture")
+            .remove(0);
         let ids = frame.ids();
         let parts = seen.person.as_ref().expect("a person").parts.iter();
         let share = |id: u16| ids.iter().filter(|i| **i == id).count() as f64 / ids.len() as f64;
@@ -90,9 +93,16 @@ impl Stage {
 }
 
 fn names() -> (Vec<String>, Vec<String>) {
-    let folders = std::fs::read_dir(assets().join("people")).expect("people").flatten();
+    let folders = std::fs::read_dir(assets().join("people"))
+        .expect("people")
+        .flatten();
     let folders = folders.map(|e| e.path()).filter(|p| p.is_dir());
-    let name = |p: PathBuf| p.file_name().unwrap_or_default().to_string_lossy().into_owned();
+    let name = |p: PathBuf| {
+        p.file_name()
+            .unwrap_or_default()
+            .to_string_lossy()
+            .into_owned()
+    };
     let mut bodies: Vec<String> = folders.map(name).collect();
     bodies.sort();
     let text = std::fs::read_to_string(assets().join("people/postures.toml")).expect("postures");
@@ -114,14 +124,25 @@ fn check(pairs: impl Iterator<Item = (String, String)>) {
         count += 1;
         seen += usize::from(shown >= SEEN);
         most = most.max(head);
-        println!("{body:12} {posture:18} head {:5.1} %, knees and hands {:5.1} %", head * 100.0, shown * 100.0);
+        println!(
+            "{body:12} {posture:18} head {:5.1} %, knees and hands {:5.1} %",
+            head * 100.0,
+            shown * 100.0
+        );
         if head > HEAD {
             wrong.push(format!("{body}, {posture}: head {:.1} %", head * 100.0));
         }
     }
     let part = f64::from(seen as u32) / f64::from(count);
-    println!("{count} pictures: head at most {:.1} %, knees or hands in {:.1} %", most * 100.0, part * 100.0);
-    assert!(part >= KNEES_OR_HANDS, "knees or hands in {seen} of {count}");
+    println!(
+        "{count} pictures: head at most {:.1} %, knees or hands in {:.1} %",
+        most * 100.0,
+        part * 100.0
+    );
+    assert!(
+        part >= KNEES_OR_HANDS,
+        "knees or hands in {seen} of {count}"
+    );
     assert!(wrong.is_empty(), "{}", wrong.join("\n"));
 }
 
@@ -130,7 +151,12 @@ fn check(pairs: impl Iterator<Item = (String, String)>) {
 fn the_chair_camera_sees_knees_and_hands_and_hardly_the_head() {
     let (bodies, postures) = names();
     let posture = |i: usize| postures[(5 * i) % postures.len()].clone();
-    check(bodies.into_iter().enumerate().map(|(i, body)| (body, posture(i))));
+    check(
+        bodies
+            .into_iter()
+            .enumerate()
+            .map(|(i, body)| (body, posture(i))),
+    );
 }
 
 /// Every body in every posture: `make test-people`.
@@ -138,6 +164,8 @@ fn the_chair_camera_sees_knees_and_hands_and_hardly_the_head() {
 #[ignore = "takes minutes: make test-people"]
 fn the_chair_camera_sees_knees_and_hands_of_everybody_in_every_posture() {
     let (bodies, postures) = names();
-    let pairs = bodies.iter().flat_map(|b| postures.iter().map(move |p| (b.clone(), p.clone())));
+    let pairs = bodies
+        .iter()
+        .flat_map(|b| postures.iter().map(move |p| (b.clone(), p.clone())));
     check(pairs);
 }

@@ -260,7 +260,11 @@ impl RenderScene {
             person: Arc::clone(person),
             parts,
         });
-        let seat = robot.settings.seat.as_ref().filter(|_| person.cushion > 0.0);
+        let seat = robot
+            .settings
+            .seat
+            .as_ref()
+            .filter(|_| person.cushion > 0.0);
         match seat {
             Some(seat) => self.add_cushion(seat, person.cushion, robot, assets, paint),
             None => Ok(()),
@@ -284,13 +288,12 @@ impl RenderScene {
         let half = [seat.size[0] / 2.0, seat.size[1] / 2.0, thickness / 2.0];
         let [x, y, z] = seat.at;
         let cushion = Shape::Cuboid { half };
-        let mut mesh = build_detail(&cushion, assets, Detail::Full).map_err(|source| {
-            RenderError::Mesh {
+        let mut mesh =
+            build_detail(&cushion, assets, Detail::Full).map_err(|source| RenderError::Mesh {
                 body: "seat_cushion".to_owned(),
                 index: 0,
                 source,
-            }
-        })?;
+            })?;
         let material = paint(look);
         if let Some(t) = &material.texture {
             for uv in &mut mesh.uvs {

@@ -308,7 +308,12 @@ impl Engine {
             }),
             cameras: vec![describe::room_camera(room)],
             robot: Some(describe::robot(model, &self.arm_mount())),
-            persons: self.sim.person().map(|p| person::seated(p)).into_iter().collect(),
+            persons: self
+                .sim
+                .person()
+                .map(|p| person::seated(p))
+                .into_iter()
+                .collect(),
         }
     }
 

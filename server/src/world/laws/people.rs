@@ -48,7 +48,11 @@ fn every_body_in_every_posture_sits_still() {
     let bodies = names(&assets().join("people"), Path::is_dir);
     let list = std::fs::read_to_string(assets().join("people/postures.toml")).unwrap();
     let list: toml::Table = list.parse().unwrap();
-    let postures: Vec<&String> = list.iter().filter(|(_, v)| v.is_table()).map(|(k, _)| k).collect();
+    let postures: Vec<&String> = list
+        .iter()
+        .filter(|(_, v)| v.is_table())
+        .map(|(k, _)| k)
+        .collect();
     assert_eq!((bodies.len(), postures.len()), (14, 13));
     let mut wrong = Vec::new();
     std::thread::scope(|scope| {
@@ -89,7 +93,11 @@ fn sits(body: &str, posture: &str) -> Option<String> {
     if let Some(contact) = touched {
         return Some(format!("{body}, {posture}: touched by {contact:?}"));
     }
-    let speed = snapshot.links.iter().map(|l| l.linear.norm()).fold(0.0, f64::max);
+    let speed = snapshot
+        .links
+        .iter()
+        .map(|l| l.linear.norm())
+        .fold(0.0, f64::max);
     // A heavier chair sinks a little further into its wheels' contacts.
     (far > 3e-3 || turn > 5e-3 || speed > 5e-3 || !snapshot.anomalies.is_empty())
         .then(|| format!("{body}, {posture}: moved by {far} m, {turn} rad, {speed} m/s"))
@@ -120,10 +128,16 @@ fn the_chair_stops_with_who_sits_in_it() {
         }
         let mut control = RobotControl::new(&model);
         let (mut torque, mut least, mut tilt): (f64, f64, f64) = (0.0, f64::MAX, 0.0);
-        let mut drive = |world: &mut World, linear: f64, ticks: usize, mut each: Option<&mut dyn FnMut(&World)>| {
+        let mut drive = |world: &mut World,
+                         linear: f64,
+                         ticks: usize,
+                         mut each: Option<&mut dyn FnMut(&World)>| {
             for _ in 0..ticks {
                 let input = ControlInput {
-                    base: Some(BaseIntent { linear, angular: 0.0 }),
+                    base: Some(BaseIntent {
+                        linear,
+                        angular: 0.0,
+                    }),
                     ..ControlInput::default()
                 };
                 for targets in control.update(&input, &world.snapshot()) {
@@ -147,7 +161,11 @@ fn the_chair_stops_with_who_sits_in_it() {
         drive(&mut world, 0.0, 60, None);
         drive(&mut world, 0.5, 240, None);
         let cruising = world.snapshot().links[0];
-        assert!((cruising.linear.norm() - 0.5).abs() < 0.01, "{}", cruising.linear.norm());
+        assert!(
+            (cruising.linear.norm() - 0.5).abs() < 0.01,
+            "{}",
+            cruising.linear.norm()
+        );
         let mut rest = None;
         let mut ticks = 0;
         let mut stop = |world: &World| {
@@ -156,7 +174,9 @@ fn the_chair_stops_with_who_sits_in_it() {
             rest = if slow { rest.or(Some(ticks)) } else { None };
         };
         drive(&mut world, 0.0, 60, Some(&mut stop));
-        let way = (world.snapshot().links[0].pose.translation.vector - cruising.pose.translation.vector).norm();
+        let way = (world.snapshot().links[0].pose.translation.vector
+            - cruising.pose.translation.vector)
+            .norm();
         let rest = f64::from(rest.expect("it stops")) / 60.0;
         println!(
             "{kilograms:>5} kg: at rest after {rest:.2} s and {way:.3} m, torque at most {torque:.1} N·m, \
@@ -187,7 +207,9 @@ fn what_lies_in_the_lap_presses_with_its_weight() {
         at(middle.x, 0.0, middle.z + 0.14),
         0.5,
         [0.02, 0.16, 0.01],
-        Shape::Cuboid { half: [0.02, 0.16, 0.01] },
+        Shape::Cuboid {
+            half: [0.02, 0.16, 0.01],
+        },
     );
     let (scene, placements) = scene(vec![floor()], vec![bar]);
     let home = model.settings.home;
@@ -200,7 +222,10 @@ fn what_lies_in_the_lap_presses_with_its_weight() {
     let all: f64 = state.forces.iter().sum();
     assert!(height > 0.6, "it fell to {height} m");
     assert!((all - 0.5 * 9.81).abs() < 0.2, "{:?}", state.forces);
-    assert_eq!((state.forces[BodyPart::Face.index()], state.robot_force), (0.0, 0.0));
+    assert_eq!(
+        (state.forces[BodyPart::Face.index()], state.robot_force),
+        (0.0, 0.0)
+    );
 }
 
 /// A head that moves under a load: the same bits again, and after a restore in the
