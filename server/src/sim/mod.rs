@@ -3,6 +3,7 @@
 //! No I/O after loading, no wall clock, no network: the same scenario and the
 //! same inputs give the same bits.
 
+mod arm_balls;
 #[cfg(test)]
 mod bits;
 mod calibration;
@@ -44,7 +45,7 @@ use crate::sensors::odometry::Odometry;
 use crate::snapshot::{BodyRef, Contact, Fault, Snapshot};
 use crate::tasks::{Evaluation, Evaluator, Floor, Goal, TaskSpec};
 use crate::world::{World, WorstOfSoft};
-use clear::ArmBalls;
+use arm_balls::ArmBalls;
 use open::{check_pose, draw_open_values, say, seated, variant};
 
 /// A running simulation.

@@ -7,8 +7,7 @@ use nalgebra::{Point3, Vector3};
 use wheelarm_proto::exact;
 
 use super::ambient_occlusion::{AmbientOcclusion, Corner, Surroundings};
-use super::person::REACH;
-use super::scene::{Binding, RenderItem, RenderScene};
+use super::scene::{Binding, RenderItem, RenderScene, RenderedPerson};
 use super::tier::Tier;
 use crate::geometry::{Material, TriMesh, texture};
 
@@ -200,7 +199,7 @@ impl Buffers {
                 }
                 let (centre, mut radius) = ball(&built.vertices[first_vertex..]);
                 if moves {
-                    radius += REACH;
+                    radius += RenderedPerson::REACH;
                 }
                 let mut caster_end = middle;
                 for (item, &material) in chosen.iter().zip(&materials) {

@@ -12,9 +12,6 @@ use super::scene::RenderScene;
 use crate::people::Person;
 use crate::snapshot::Snapshot;
 
-/// How far head and jaw move what is drawn, metres: culling allows for it.
-pub(super) const REACH: f64 = 0.12;
-
 /// The moving part of a person on the adapter.
 pub(super) struct PersonMesh {
     person: Arc<Person>,

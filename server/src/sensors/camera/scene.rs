@@ -85,6 +85,11 @@ pub struct RenderedPerson {
     pub parts: Vec<(u16, BodyPart)>,
 }
 
+impl RenderedPerson {
+    /// How far head and jaw move what is drawn, metres: culling allows for it.
+    pub(super) const REACH: f64 = 0.12;
+}
+
 /// Light from all around, where a look is drawn. Only then glass is transparent
 /// and metal mirrors the room.
 #[derive(Clone, Debug)]
