@@ -4,6 +4,8 @@
 # make test-dist   installs and runs what is in dist/ in clean Debian systems (as root)
 # make test    format, lints, documentation and all tests, as CI runs them
 # make contract    writes proto/contract.txt after a change of the .proto files
+# make test-people   the chair camera's view of every body in every posture, and the
+#                    assets (assets/people/README.md): takes some minutes
 # make people WHEEL=FILE   makes assets/people again (assets/people/README.md)
 # make test-cluster   a campaign on a one-node Slurm cluster in this machine
 # make test-readers   loads exports in lerobot 0.4.4 and 0.6.1 (needs Python 3.12 too) and
@@ -41,7 +43,7 @@ BUILT := $(or $(CARGO_TARGET_DIR),target)/release
 export WHEELARM_COMMIT ?= $(shell git rev-parse --short=12 HEAD 2>/dev/null)
 export WHEELARM_PYTHON ?= $(CURDIR)/.venv/bin/python
 
-.PHONY: all build static demo test test-learn contract test-cluster test-readers test-data test-original test-adversarial soak train-mustard bench test-rosbag2 dist test-dist contract-python test-python test-lerobot test-ros people clean
+.PHONY: all build static demo test test-learn contract test-cluster test-readers test-data test-original test-adversarial soak train-mustard bench test-rosbag2 dist test-dist contract-python test-python test-lerobot test-ros people test-people clean
 all: build
 
 build:
@@ -101,6 +103,11 @@ people:
 	$(WHEELARM_PYTHON) scripts/people/make_people.py $(WHEEL)
 	$(WHEELARM_PYTHON) tests/python/check_people.py
 	$(WHEELARM_PYTHON) scripts/people/look_at_people.py guide client/guide/images/people.png
+
+test-people:
+	scripts/setup.sh python numpy
+	$(WHEELARM_PYTHON) tests/python/check_people.py
+	$(CARGO) test --release -p wheelarm-server --lib of_everybody -- --ignored --nocapture
 
 test-cluster:
 	scripts/setup.sh python kubernetes-validate:kubernetes_validate

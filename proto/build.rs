@@ -14,7 +14,7 @@ use protox::prost_reflect::{
 };
 
 /// The messages, by idea. The table of topics follows this order.
-const FILES: [&str; 15] = [
+const FILES: [&str; 16] = [
     "wheelarm/v1/common.proto",
     "wheelarm/v1/look.proto",
     "wheelarm/v1/scenario.proto",
@@ -26,6 +26,7 @@ const FILES: [&str; 15] = [
     "wheelarm/v1/camera.proto",
     "wheelarm/v1/episode.proto",
     "wheelarm/v1/disturbance.proto",
+    "wheelarm/v1/person.proto",
     "wheelarm/v1/language.proto",
     "wheelarm/v1/recorder.proto",
     "wheelarm/v1/control.proto",
@@ -45,7 +46,7 @@ const SHARED_BYTES: [&str; 6] = [
 ];
 
 /// What makes up a scenario: people write it as TOML.
-const WRITTEN: [&str; 13] = [
+const WRITTEN: [&str; 15] = [
     ".wheelarm.v1.Scenario",
     ".wheelarm.v1.CameraSetting",
     ".wheelarm.v1.SensorSetting",
@@ -57,6 +58,8 @@ const WRITTEN: [&str; 13] = [
     ".wheelarm.v1.Pose",
     ".wheelarm.v1.Disturbances",
     ".wheelarm.v1.Language",
+    ".wheelarm.v1.Person",
+    ".wheelarm.v1.PersonDrawn",
     ".wheelarm.v1.Vector3",
     ".wheelarm.v1.Quaternion",
 ];

@@ -33,6 +33,8 @@ pub struct Variation {
     pub sensors: Vec<v1::SensorSetting>,
     /// What hinders the robot, and what the operator does wrong on purpose.
     pub disturb: Option<Disturb>,
+    /// Who sits in the chair.
+    pub person: Option<v1::Person>,
     /// How the operator moves.
     pub style: Style,
     /// Time limits follow from the way and the style; as the tasks say otherwise.
@@ -54,6 +56,10 @@ impl Variation {
         }
         scenario.time_limit_seconds = self.time_limits.then_some(0.0);
         scenario.look = self.look.map(|look| look.of(seed.own()));
+        scenario.person.clone_from(&self.person);
+        if let Some(person) = scenario.person.as_mut().filter(|_| seed.sentence > 0) {
+            person.seed.get_or_insert(seed.own());
+        }
         scenario.sensors.clone_from(&self.sensors);
         for sensor in scenario.sensors.iter_mut().filter(|_| seed.sentence > 0) {
             sensor.seed.get_or_insert(seed.own());
@@ -106,12 +112,25 @@ impl Variation {
         if let Some(look) = &self.look {
             words.push_str(&format!(" look={look}"));
         }
+        if let Some(person) = &self.person {
+            words.push_str(&format!(" person={}", person.text()));
+        }
         if !self.sensors.is_empty() {
             let sensors: Vec<String> = self.sensors.iter().map(|sensor| sensor.text()).collect();
             words.push_str(&format!(" sensors={}", sensors.join(",")));
         }
         words
     }
+}
+
+/// Reads who sits in the chair, as `--person` does.
+///
+/// # Errors
+/// The text and its form.
+pub fn read_person<'de, D: Deserializer<'de>>(from: D) -> Result<Option<v1::Person>, D::Error> {
+    let text = String::deserialize(from)?;
+    let read = v1::Person::from_text(&text).map_err(D::Error::custom)?;
+    Ok(Some(read))
 }
 
 /// Reads sensor models of a plan or a split, a list of `MODEL[@CAMERA][=STRENGTH]`.

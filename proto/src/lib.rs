@@ -17,6 +17,7 @@ pub mod installed;
 pub mod keys;
 pub mod look;
 pub mod output;
+pub mod person;
 pub mod preview;
 pub mod program;
 pub mod robot;

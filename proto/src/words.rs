@@ -27,7 +27,7 @@ impl v1::EventKind {
     #[must_use]
     pub fn is_serious(self) -> bool {
         match self {
-            Self::Refused | Self::Collision | Self::Anomaly => true,
+            Self::Refused | Self::Collision | Self::Anomaly | Self::PersonContact => true,
             Self::Unspecified | Self::Paused | Self::Resumed | Self::Control | Self::Note => false,
         }
     }

@@ -15,6 +15,7 @@
 pub mod environment;
 pub mod geometry;
 pub mod look;
+pub mod people;
 pub mod robot;
 pub mod scene;
 pub mod sensors;

@@ -116,6 +116,10 @@ struct Args {
     /// camera, lens, each 1 to 3 [default: as the assets say].
     #[arg(long, value_name = "SEED[:AXIS=N,…]", value_parser = LookText::read)]
     look: Option<LookText>,
+    /// Who sits in the chair: any (drawn by the seed), none, or BODY[/POSTURE], a
+    /// folder in assets/people; then ,guard ,mouth_open ,motion=0..1 [default: none].
+    #[arg(long, value_name = "PERSON", value_parser = v1::Person::from_text)]
+    person: Option<v1::Person>,
     /// Ends when standard input is closed: with the program that started it.
     #[arg(long, hide = true)]
     end_with_stdin: bool,
@@ -219,6 +223,9 @@ impl Args {
         asked.calibration_seed = self.calibration_seed.or(asked.calibration_seed);
         if let Some(look) = &self.look {
             asked.look = Some(look.of(asked.seed()));
+        }
+        if let Some(person) = &self.person {
+            asked.person = Some(person.clone());
         }
         if self.imu_noise {
             asked.imu_noise = Some(true);

@@ -3,6 +3,8 @@
 use nalgebra::{Isometry3, Point3, Vector3};
 use wheelarm_proto::stamp_nanos;
 
+use crate::people::{HeadPose, PARTS};
+
 /// State of the simulation after one physics tick. Never changed afterwards.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Snapshot {
@@ -23,6 +25,8 @@ pub struct Snapshot {
     pub sliding: Vec<BodyState>,
     /// Touching pairs that involve the robot or an object, summed per pair.
     pub contacts: Vec<Contact>,
+    /// Who sits in the chair; `None` where nobody does.
+    pub person: Option<PersonState>,
     /// Oddities that were met in this step; empty when all is well.
     pub anomalies: Vec<Anomaly>,
 }
@@ -70,6 +74,18 @@ pub struct SoftSkin {
     pub kinetic_energy: f64,
 }
 
+/// A person in the chair.
+#[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
+pub struct PersonState {
+    /// How head and jaw are turned beside the posture.
+    pub head: HeadPose,
+    /// What presses on each part of the body, in the order of `PARTS`: the greatest
+    /// of the control tick's physics ticks, N.
+    pub forces: [f64; PARTS.len()],
+    /// What the robot itself presses on all of it, likewise, N.
+    pub robot_force: f64,
+}
+
 impl BodyState {
     /// A body at rest.
     #[must_use]
@@ -108,6 +124,8 @@ pub enum BodyRef {
     Object(usize),
     /// Index into `Scene::furniture`.
     Furniture(usize),
+    /// Capsule of the person in the chair, index into `people::CAPSULES`.
+    Person(usize),
 }
 
 /// A touching pair, summed over its points.

@@ -254,8 +254,15 @@ def check_seat(name, asset, posture, chair, points, spec, worst):
         faces = asset.triangles[other[asset.triangles].all(axis=1)]
         near = np.abs(points[faces].mean(axis=1) - middle).max(axis=1) < 0.25
         ground = np.concatenate([samples(points, faces[near]), boards])
-        gap = min(np.linalg.norm(ground - p, axis=1).min() for p in hand)
-        assert gap < 0.012, f"{name}, {posture}: {side} hand {gap * 1e3:.0f} mm off what it lies on"
+        forearm = points[[m.startswith(f"{side}_forearm") for m in main]]
+
+        def off(what):
+            return 1e3 * min(np.linalg.norm(ground - p, axis=1).min() for p in what)
+
+        # A forearm on the armrest may hold the hand up a little.
+        assert off(hand) < 12 or off(forearm) < 5 and off(hand) < 25, (
+            f"{name}, {posture}: {side} hand {off(hand):.0f} mm, forearm {off(forearm):.0f} mm off what it lies on"
+        )
 
 
 def check_mass(name, asset, posture, points):

@@ -23,6 +23,7 @@ WORDS = {
     "/contact": "streams/contact",
     "/command": "streams/command",
     "/disturbance": "streams/disturbance",
+    "/person": "streams/person",
     "/state_hash": "streams/state_hash",
     "/events": "events",
 }

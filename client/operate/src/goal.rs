@@ -1,5 +1,6 @@
 //! What a task asks for, as the server tells it.
 
+use nalgebra::Isometry3;
 use wheelarm_proto::check::{self, Invalid};
 use wheelarm_proto::geometry::normalized;
 use wheelarm_proto::v1;
@@ -21,6 +22,13 @@ pub enum Goal {
         item: usize,
         /// The region in `house`.
         region: Obb,
+    },
+    /// A thing is to be put into the lap and left there.
+    Give {
+        /// Index of the thing.
+        item: usize,
+        /// The lap in `wheelchair_root`.
+        lap: Obb,
     },
     /// A slide is to be pulled open.
     Open {
@@ -51,7 +59,7 @@ impl Goal {
     #[must_use]
     pub fn slide(&self) -> Option<(usize, f64)> {
         match *self {
-            Self::Lift { .. } | Self::Put { .. } => None,
+            Self::Lift { .. } | Self::Put { .. } | Self::Give { .. } => None,
             Self::Open {
                 slide, position, ..
             } => Some((slide, position + MORE)),
@@ -61,12 +69,24 @@ impl Goal {
         }
     }
 
+    /// The region in `house` into which a thing is put, of a chair that stands at
+    /// `house_from_chair`.
+    #[must_use]
+    pub fn region(&self, house_from_chair: &Isometry3<f64>) -> Option<Obb> {
+        match self {
+            Self::Put { region, .. } => Some(*region),
+            Self::Give { lap, .. } => Some(lap.at(house_from_chair)),
+            Self::Lift { .. } | Self::Open { .. } | Self::Close { .. } => None,
+        }
+    }
+
     /// The thing that the hand takes.
     #[must_use]
     pub fn item(&self) -> usize {
         match self {
             Self::Lift { item }
             | Self::Put { item, .. }
+            | Self::Give { item, .. }
             | Self::Open { item, .. }
             | Self::Close { item, .. } => *item,
         }
@@ -93,16 +113,16 @@ impl Goal {
         Ok(match goal.kind() {
             v1::GoalKind::Unspecified => None,
             v1::GoalKind::Lift => Some(Self::Lift { item }),
-            v1::GoalKind::Put => {
-                let region = goal.region.unwrap_or_default();
-                Some(Self::Put {
-                    item,
-                    region: Obb {
-                        pose: normalized("pose of the region", region.pose.as_ref())?,
-                        half: check::vector("half extents of the region", region.half.as_ref())?
-                            .into(),
-                        round: false,
-                    },
+            kind @ (v1::GoalKind::Put | v1::GoalKind::Give) => {
+                let told = goal.region.unwrap_or_default();
+                let region = Obb {
+                    pose: normalized("pose of the region", told.pose.as_ref())?,
+                    half: check::vector("half extents of the region", told.half.as_ref())?.into(),
+                    round: false,
+                };
+                Some(match kind {
+                    v1::GoalKind::Give => Self::Give { item, lap: region },
+                    _ => Self::Put { item, region },
                 })
             }
             kind @ (v1::GoalKind::Open | v1::GoalKind::Close) => {

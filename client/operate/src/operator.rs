@@ -93,7 +93,7 @@ fn plan(goal: &Goal) -> &'static [Stage] {
             Stage::Carry,
             Stage::Watch,
         ],
-        Goal::Put { .. } => &[
+        Goal::Put { .. } | Goal::Give { .. } => &[
             TAKE,
             Stage::Reach,
             Stage::Grasp,

@@ -152,6 +152,16 @@ fn coverage(drawn: &[Drawn<'_>]) -> String {
         }),
     );
     text += &histogram("Hindered by", scenarios().map(hindrance));
+    let seated = |of: fn(&v1::PersonDrawn) -> &String| {
+        scenarios().map(
+            move |s| match s.person.as_ref().and_then(|p| p.drawn.as_ref()) {
+                Some(drawn) => of(drawn).clone(),
+                None => "nobody".to_owned(),
+            },
+        )
+    };
+    text += &histogram("Person in the chair", seated(|drawn| &drawn.body));
+    text += &histogram("Posture of the person", seated(|drawn| &drawn.posture));
     let durations = drawn.iter().map(|d| {
         let from = (d.done.seconds / DURATION).floor() * DURATION;
         format!("{from:>4.0}..{:.0} s", from + DURATION)

@@ -139,11 +139,17 @@ fn check_settings(recorded: &v1::Scenario, asked: &v1::Scenario) -> anyhow::Resu
         by.map(|d| (d.noise, d.pushes, d.slips))
     };
     let sensors = |scenario: &v1::Scenario| scenario.sensors.len();
+    let person = |scenario: &v1::Scenario| {
+        let asked = scenario.person.as_ref();
+        let asked = asked.filter(|person| person.body != wheelarm_proto::person::NOBODY);
+        asked.map(|person| (person.body.clone(), person.posture.clone(), person.guard))
+    };
     for (name, same) in [
         ("language", language(recorded) == language(asked)),
         ("look", look(recorded) == look(asked)),
         ("disturbances", hindered(recorded) == hindered(asked)),
         ("sensors", sensors(recorded) == sensors(asked)),
+        ("person", person(recorded) == person(asked)),
         (
             "calibration_seed",
             recorded.calibration_seed == asked.calibration_seed,

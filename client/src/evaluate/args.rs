@@ -145,6 +145,10 @@ pub struct EvaluateArgs {
     /// place of the seed for each episode's own. Give each its own folder.
     #[arg(long, value_name = "LOOK", value_parser = LookText::read)]
     pub look: Option<LookText>,
+    /// Who sits in the chair: any (drawn by the seed), none, or BODY[/POSTURE], then
+    /// ,guard ,mouth_open ,motion=0..1.
+    #[arg(long, value_name = "PERSON", value_parser = v1::Person::from_text, conflicts_with = "split")]
+    pub person: Option<v1::Person>,
     /// Hinders the robot: strength of noise, pushes and slips, 1 to 3.
     #[arg(long, value_name = "STRENGTH", value_parser = clap::value_parser!(u32).range(1..=3), conflicts_with = "split")]
     pub disturb: Option<u32>,
@@ -215,6 +219,9 @@ impl EvaluateArgs {
             ));
         }
         scope.variation.style = self.style;
+        if self.person.is_some() {
+            scope.variation.person.clone_from(&self.person);
+        }
         scope.variation.time_limits = self.time_limits || self.style == Style::Human;
         if let Some(seed) = self.language {
             scope.variation.language = Some(Language::new(seed, self.language_split));

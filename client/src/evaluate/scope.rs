@@ -17,7 +17,7 @@ use wheelarm_proto::v1;
 use crate::axis::AxisAt;
 use crate::disturb::Disturb;
 use crate::language::LanguageFile;
-use crate::variation::{Variation, read_sensors};
+use crate::variation::{Variation, read_person, read_sensors};
 
 /// Which episodes an evaluation does.
 #[derive(Clone, Debug, PartialEq)]
@@ -54,6 +54,8 @@ struct SplitFile {
     robots: u32,
     look: Option<LookText>,
     disturb: Option<Disturb>,
+    #[serde(default, deserialize_with = "read_person")]
+    person: Option<v1::Person>,
     #[serde(default, deserialize_with = "read_sensors")]
     sensors: Vec<v1::SensorSetting>,
     language: Option<LanguageFile>,
@@ -144,6 +146,7 @@ fn parse(path: &Path, text: &str) -> anyhow::Result<Scope> {
         look: file.look,
         sensors: file.sensors,
         disturb: file.disturb,
+        person: file.person,
         ..Variation::default()
     };
     let layout = file.axes.iter().any(|axis| axis.is_layout());

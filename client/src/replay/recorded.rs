@@ -118,7 +118,7 @@ fn check_rates(cameras: &[v1::CameraSetting], state_rate: f64) -> anyhow::Result
 
 /// Streams that follow from a computation and not from a state.
 fn is_computed(stream: &str) -> bool {
-    stream.starts_with("sensed_") || matches!(stream, "disturbance" | "state_hash")
+    stream.starts_with("sensed_") || matches!(stream, "disturbance" | "state_hash" | "person")
 }
 
 #[cfg(test)]

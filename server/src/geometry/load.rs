@@ -122,7 +122,7 @@ fn load_obj(path: &Path) -> Result<Soup, MeshError> {
 
 /// A binary file tells its length, its header of 12 bytes included; the library
 /// subtracts those unchecked.
-fn check_glb_length(path: &Path, bytes: &[u8]) -> Result<(), MeshError> {
+pub(crate) fn check_glb_length(path: &Path, bytes: &[u8]) -> Result<(), MeshError> {
     const HEADER: u32 = 12;
     let length = bytes.get(8..12).and_then(|field| field.try_into().ok());
     match length.map(u32::from_le_bytes) {

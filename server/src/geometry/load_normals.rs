@@ -51,7 +51,7 @@ pub(super) fn crease_normals(mesh: &TriMesh) -> TriMesh {
 }
 
 /// Texture coordinates in metres, projected along the largest part of the normal.
-pub(super) fn box_uvs(mesh: &mut TriMesh) {
+pub(crate) fn box_uvs(mesh: &mut TriMesh) {
     for ((uv, p), n) in mesh.uvs.iter_mut().zip(&mesh.positions).zip(&mesh.normals) {
         let [x, y, z] = n.map(f32::abs);
         *uv = if z >= x && z >= y {

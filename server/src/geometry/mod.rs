@@ -10,6 +10,9 @@ pub mod plush;
 pub mod tetrahedra;
 pub mod texture;
 
+pub(crate) use load::check_glb_length;
+pub(crate) use load_normals::box_uvs;
+
 use nalgebra::{Isometry3, Vector3};
 
 /// A solid or a surface in its own frame, metres. Axes of symmetry are z.

@@ -17,7 +17,8 @@ pub use load::RobotError;
 pub use roles::{ARM_JOINTS, RecordedFrame, RecordedJoint, Roles};
 pub use settings::{
     ArmSettings, BallSettings, CameraMount, CameraTolerance, CorridorSettings, DriveSettings,
-    FrameRole, GripperSettings, ImuSettings, JointRole, OutlineSettings, ReachSettings, Settings,
+    FrameRole, GripperSettings, ImuSettings, JointRole, OutlineSettings, ReachSettings,
+    SeatSettings, Settings,
 };
 
 /// A robot read from a URDF and its `robot.toml`.

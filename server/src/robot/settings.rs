@@ -47,6 +47,20 @@ pub struct Settings {
     pub balls: BallSettings,
     /// What the hand takes up on its way to a thing.
     pub corridor: CorridorSettings,
+    /// Where a person sits, if anybody can.
+    pub seat: Option<SeatSettings>,
+}
+
+/// Where a person sits. Frame of the root, `wheelchair_root`.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SeatSettings {
+    /// Middle of the upper side, metres.
+    pub at: [f64; 3],
+    /// Along x and y, metres.
+    pub size: [f64; 2],
+    /// Material of a cushion on it, one of the URDF's.
+    pub material: String,
 }
 
 /// What a recorded joint is for.
@@ -319,6 +333,7 @@ pub(super) struct File {
     arm: ArmSettings,
     gripper: GripperTable,
     imu: ImuTable,
+    seat: Option<SeatSettings>,
     #[serde(default)]
     camera: Vec<CameraTable>,
     #[serde(default)]
@@ -422,6 +437,7 @@ impl File {
                 tip: self.gripper.tip_balls.clone(),
             },
             corridor: self.gripper.corridor,
+            seat: self.seat.clone(),
         }
     }
 }
@@ -531,6 +547,14 @@ impl Settings {
                 (format!("outline[{i}]: y max - y min"), y_max - y_min),
             ]
         });
+        let seat = self.seat.iter().flat_map(|seat| {
+            let [length, width] = seat.size;
+            [
+                ("seat.at[2]".to_owned(), seat.at[2]),
+                ("seat.size[0]".to_owned(), length),
+                ("seat.size[1]".to_owned(), width),
+            ]
+        });
         let [x_min, x_max, y_min, y_max] = self.footprint;
         let footprint = [
             ("footprint: x max - x min".to_owned(), x_max - x_min),
@@ -549,6 +573,7 @@ impl Settings {
             .chain(balls)
             .chain(outlines)
             .chain(footprint)
+            .chain(seat)
             .find(|(_, value)| !(value.is_finite() && *value > 0.0))
             .map(|(name, value)| (name, value, "greater than 0"))
             .or_else(|| {

@@ -6,6 +6,7 @@ use std::path::Path;
 use wheelarm_proto::v1;
 
 use super::convert;
+use crate::people;
 use crate::robot::CorridorSettings;
 use crate::scene;
 use crate::sensors::models;
@@ -55,6 +56,9 @@ pub(super) fn texts(sim: &Simulation) -> Result<Vec<v1::AssetText>, String> {
     }
     paths.extend_from_slice(&sim.scene().files);
     paths.extend(models::files(&scenario.sensors));
+    if let Some(person) = sim.person() {
+        paths.extend(people::files(&person.drawn));
+    }
     let texts = scene::texts(sim.assets(), &paths).map_err(|e| e.to_string())?;
     let texts = texts.into_iter();
     Ok(texts

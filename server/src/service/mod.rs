@@ -25,6 +25,7 @@ mod language;
 mod leases;
 mod outbox;
 mod pace;
+mod person;
 mod preview;
 mod priority;
 mod publish;

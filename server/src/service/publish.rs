@@ -7,6 +7,7 @@ use super::convert;
 use super::disturbance;
 use super::inbox::Taken;
 use super::outbox::Outbox;
+use super::person;
 use crate::robot::control::{RobotControl, Targets};
 use crate::sensors::imu;
 use crate::sensors::signals::Signals;
@@ -128,6 +129,9 @@ pub fn state(
         put.objects(sim);
         put.furniture(sim);
         put.contacts(sim);
+        if let Some(message) = person::state(sim) {
+            outbox.put(episode, tick, message);
+        }
         outbox.put(episode, tick, convert::evaluation(sim.evaluation()));
         let (phase, name) = phase;
         let sample = v1::PhaseSample {

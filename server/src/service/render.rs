@@ -16,11 +16,13 @@ use wheelarm_sensors::Surface;
 use super::convert;
 use super::error::ServiceError;
 use super::outbox::Outbox;
+use super::person;
 use super::preview::Previews;
 use super::priority::step_back;
 use super::sensed::Sensed;
 use super::signal::Signal;
 use crate::look::Drawn;
+use crate::people::Person;
 use crate::robot::RobotModel;
 use crate::scene::Scene;
 use crate::sensors::camera::{
@@ -65,6 +67,7 @@ struct Setup {
     assets: PathBuf,
     scenario: Scenario,
     graphics: Graphics,
+    person: Option<Arc<Person>>,
 }
 
 impl Setup {
@@ -72,7 +75,13 @@ impl Setup {
         let look = self.scenario.look.filter(|look| !look.is_plain());
         let look = look.map(|look| Drawn::new(look, &self.scene, &self.assets));
         let look = look.transpose()?;
-        let scene = RenderScene::with_look(&self.model, &self.scene, &self.assets, look.as_ref())?;
+        let scene = RenderScene::with_person(
+            &self.model,
+            &self.scene,
+            &self.assets,
+            look.as_ref(),
+            self.person.as_ref(),
+        )?;
         let cameras = self
             .scenario
             .cameras
@@ -145,6 +154,7 @@ impl RenderThread {
             assets: sim.assets().to_owned(),
             scenario: sim.scenario().clone(),
             graphics: graphics.clone(),
+            person: sim.person().cloned(),
         };
         let names: Vec<String> = setup
             .scenario
@@ -370,13 +380,24 @@ fn legend(scene: &RenderScene) -> Vec<v1::Instance> {
             None => v1::InstanceKind::Unspecified,
         }
     };
+    let part = |id: u16| {
+        let mut parts = scene.person.iter().flat_map(|person| &person.parts);
+        parts
+            .find(|(instance, _)| *instance == id)
+            .map(|(_, part)| *part)
+    };
     let legend = scene.instances.iter();
     legend
         .map(|(id, name)| v1::Instance {
             id: u32::from(*id),
             name: name.clone(),
-            kind: kind(*id).into(),
-            part: v1::BodyPart::Unspecified.into(),
+            kind: match part(*id) {
+                Some(_) => v1::InstanceKind::Person.into(),
+                None => kind(*id).into(),
+            },
+            part: part(*id)
+                .map_or(v1::BodyPart::Unspecified, person::part)
+                .into(),
         })
         .collect()
 }

@@ -35,6 +35,11 @@ pub enum SimError {
         "the scenario cannot be simulated, setting it up panicked: {0}; please report it with the scenario"
     )]
     Panicked(String),
+    /// A robot on which nobody sits.
+    #[error(
+        "the robot {0:?} has no seat for a person; give its robot.toml a table [seat], or person.body = \"none\""
+    )]
+    NoSeat(String),
     /// A placement of the scenario.
     #[error("the scenario places {name:?}, but scene {scene:?} has the objects {known}")]
     Object {

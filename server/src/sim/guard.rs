@@ -8,6 +8,7 @@ use std::sync::Arc;
 use wheelarm_proto::check::Number;
 
 use super::{SimError, Simulation, Step};
+use crate::people::person_part;
 use crate::robot::RobotModel;
 use crate::scene::Scene;
 use crate::snapshot::{Anomaly, BodyRef, Fault, Snapshot};
@@ -71,6 +72,7 @@ fn name(body: BodyRef, model: &RobotModel, scene: &Scene) -> String {
         BodyRef::Link(i) => model.links.get(i).map(|l| &l.name),
         BodyRef::Object(i) => scene.objects.get(i).map(|b| &b.name),
         BodyRef::Furniture(i) => scene.furniture.get(i).map(|b| &b.name),
+        BodyRef::Person(i) => return person_part(i),
     };
     name.cloned().unwrap_or_default()
 }

@@ -3,9 +3,11 @@
 //! No I/O after loading, no wall clock, no network: the same scenario and the
 //! same inputs give the same bits.
 
+mod arm_balls;
 #[cfg(test)]
 mod bits;
 mod calibration;
+mod clear;
 mod disturb;
 mod envelope;
 mod error;
@@ -32,6 +34,7 @@ pub use scenario::{
 };
 pub use shown::{Recorded, RecordedSkin, Unfit};
 
+use crate::people::{Motion, Person, PersonSetting};
 use crate::robot::control::{ControlInput, GripperMap, RobotControl, Targets};
 use crate::robot::{ARM_JOINTS, RecordedFrame, RobotModel};
 use crate::scene::Scene;
@@ -40,9 +43,10 @@ use crate::sensors::imu::{self, Imu};
 use crate::sensors::models::{self, Device};
 use crate::sensors::odometry::Odometry;
 use crate::snapshot::{BodyRef, Contact, Fault, Snapshot};
-use crate::tasks::{Evaluation, Evaluator, Floor, TaskSpec};
+use crate::tasks::{Evaluation, Evaluator, Floor, Goal, TaskSpec};
 use crate::world::{World, WorstOfSoft};
-use open::{check_pose, draw_open_values, say, variant};
+use arm_balls::ArmBalls;
+use open::{check_pose, draw_open_values, say, seated, variant};
 
 /// A running simulation.
 pub struct Simulation {
@@ -56,6 +60,9 @@ pub struct Simulation {
     gripper: GripperMap,
     control: RobotControl,
     world: World,
+    person: Option<Arc<Person>>,
+    motion: Option<Motion>,
+    arm_balls: ArmBalls,
     imu: Imu,
     odometry: Odometry,
     evaluator: Option<Evaluator>,
@@ -154,7 +161,18 @@ impl Simulation {
         let start = scenario.start.unwrap_or(scene.start);
         let gripper = GripperMap::new(&model);
         let control = RobotControl::at(&model, &arm, knuckle);
-        let world = World::new_within(&model, &scene, &placements, &start, &arm, knuckle, late)?;
+        let mut world =
+            World::new_within(&model, &scene, &placements, &start, &arm, knuckle, late)?;
+        if task.as_ref().is_some_and(|task| task.goal == Goal::Give) {
+            // Somebody must be there to take it; who cares is careful.
+            scenario.person.get_or_insert_with(PersonSetting::cared_for);
+        }
+        let person = seated(assets, &mut scenario, &model)?;
+        if let Some((person, motion)) = &person {
+            world.seat(person, *motion);
+        }
+        let (person, motion) = person.unzip();
+        let arm_balls = ArmBalls::new(&model);
         if let Some((one, other, depth)) = world.overlap(&placed) {
             let name = |object: usize| scenario.objects[object].0.clone();
             return Err(SimError::Overlap {
@@ -167,7 +185,7 @@ impl Simulation {
         let snapshot = Arc::new(world.snapshot());
         let mut evaluator = task
             .as_ref()
-            .map(|t| Evaluator::new(t, &scene, &model, &scenario.target))
+            .map(|t| Evaluator::new(t, &scene, &model, &scenario.target, person.as_deref()))
             .transpose()?;
         if let Some(evaluator) = &mut evaluator {
             if scenario.time_limit == Some(0.0)
@@ -196,6 +214,9 @@ impl Simulation {
             gripper,
             control,
             world,
+            person,
+            motion,
+            arm_balls,
             evaluator,
             evaluation,
             snapshot,
@@ -248,6 +269,7 @@ impl Simulation {
         tell: impl FnOnce(&Targets, &RobotControl),
     ) -> Result<Step, Fault> {
         let disturbance = self.disturbance();
+        self.control.limit_tool_speed(self.guarded_speed());
         let mut targets = self.control.update(input, &self.snapshot);
         tell(&targets[0], &self.control);
         let push = disturbance.as_ref().and_then(|d| d.push);
@@ -407,6 +429,29 @@ impl Simulation {
     #[must_use]
     pub fn scene(&self) -> &Scene {
         &self.scene
+    }
+
+    /// Who sits in the chair.
+    #[must_use]
+    pub fn person(&self) -> Option<&Arc<Person>> {
+        self.person.as_ref()
+    }
+
+    /// Contacts of the robot, and of what it touches itself, with the person.
+    pub fn touches(&self) -> impl Iterator<Item = &Contact> {
+        let contacts = &self.snapshot.contacts;
+        let held = move |object: BodyRef| {
+            let mut all = contacts.iter();
+            all.any(|c| matches!(c.first, BodyRef::Link(_)) && c.second == object)
+        };
+        contacts.iter().filter(move |contact| {
+            let by_robot = match contact.first {
+                BodyRef::Link(_) => true,
+                BodyRef::Object(_) => held(contact.first),
+                BodyRef::Furniture(_) | BodyRef::Person(_) => false,
+            };
+            by_robot && matches!(contact.second, BodyRef::Person(_))
+        })
     }
 
     /// The task, if there is one.

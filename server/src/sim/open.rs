@@ -2,12 +2,14 @@
 //! what it says that does not fit the scene or the robot, refused.
 
 use std::path::Path;
+use std::sync::Arc;
 
 use nalgebra::Isometry3;
 use wheelarm_proto::settings::{LanguageSplit, Named};
 
 use super::error::SimError;
 use super::scenario::{SOFT_MASS, Scenario, ScenarioError};
+use crate::people::{Motion, Person};
 use crate::robot::{ARM_JOINTS, RobotModel};
 use crate::scene::{Body, Placement, Scene};
 use crate::tasks::{self, Draw, Floor, SceneDraw, TaskSpec, Variant};
@@ -212,6 +214,30 @@ fn check_soft(scenario: &Scenario, scene: &Scene) -> Result<(), ScenarioError> {
         }
     }
     Ok(())
+}
+
+/// Draws who sits in the chair, where a scenario wants somebody there.
+pub(super) fn seated(
+    assets: &Path,
+    scenario: &mut Scenario,
+    model: &RobotModel,
+) -> Result<Option<(Arc<Person>, Motion)>, SimError> {
+    let Some(setting) = &mut scenario.person else {
+        return Ok(None);
+    };
+    if model.settings.seat.is_none() {
+        return Err(SimError::NoSeat(scenario.robot.clone()));
+    }
+    let drawn = setting.draw(assets, scenario.seed)?;
+    setting.drawn = Some(drawn.clone());
+    let person = Person::load(assets, drawn)?;
+    let motion = Motion {
+        seed: setting.seed.unwrap_or(scenario.seed),
+        strength: setting.motion,
+        mouth_open: setting.mouth_open,
+        limits: person.limits,
+    };
+    Ok(Some((Arc::new(person), motion)))
 }
 
 /// Everything at its place in the scene, without what is optional.

@@ -5,6 +5,7 @@ use wheelarm_proto::settings::Style;
 use wheelarm_proto::{CONTROL_HZ, PHYSICS_HZ};
 
 use crate::look::Look;
+use crate::people::PersonSetting;
 use crate::robot::ARM_JOINTS;
 use crate::scene::{Placement, Resistance};
 pub use crate::sensors::models::SensorSetting;
@@ -112,6 +113,8 @@ pub struct Scenario {
     pub sensors: Vec<SensorSetting>,
     /// What hinders the robot on purpose.
     pub disturbances: Option<Disturbances>,
+    /// Who sits in the chair; `None`: nobody.
+    pub person: Option<PersonSetting>,
     /// How the scripted operator moves.
     pub style: Style,
     /// Simulated seconds after which the task has failed; `None`: as the task
@@ -159,6 +162,7 @@ impl Default for Scenario {
             variant_share: None,
             sensors: Vec::new(),
             disturbances: None,
+            person: None,
             style: Style::Quick,
             time_limit: None,
         }

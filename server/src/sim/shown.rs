@@ -6,7 +6,7 @@
 use std::sync::Arc;
 
 use super::{Simulation, Step};
-use crate::snapshot::{BodyState, JointState, Snapshot};
+use crate::snapshot::{BodyState, JointState, PersonState, Snapshot};
 
 /// One recorded state.
 #[derive(Clone, Debug, PartialEq)]
@@ -123,6 +123,10 @@ impl Simulation {
             furniture_joints: recorded.furniture_joints.clone(),
             sliding: sliding.collect(),
             contacts: Vec::new(),
+            person: self.motion.map(|motion| PersonState {
+                head: motion.at(recorded.tick),
+                ..PersonState::default()
+            }),
             anomalies: Vec::new(),
         })
     }

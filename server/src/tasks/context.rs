@@ -2,6 +2,7 @@
 
 use nalgebra::{Isometry3, Point3, Vector3};
 
+use crate::people::Lap;
 use crate::scene::{Body, Surface};
 use crate::snapshot::{BodyRef, BodyState, Contact, Snapshot};
 
@@ -29,6 +30,8 @@ pub(super) struct Context {
     pub target: Option<usize>,
     /// Joint of the target, when it is furniture that slides.
     pub target_joint: Option<usize>,
+    /// The lap of who sits in the chair.
+    pub lap: Option<Lap>,
     /// Objects that could have been the target.
     pub decoys: Vec<usize>,
 }
@@ -82,6 +85,25 @@ impl Context {
         let bottom = body.collision_bounds(&state.pose)?.min.z;
         let level = (bottom - surface.edge.translation.z).abs() <= above;
         Some((distance, level && surface.spans(&com)))
+    }
+
+    /// Distance of the object's centre of mass from the middle of the lap on the floor
+    /// plan, metres, and whether it lies there, its lowest point within `above` metres.
+    pub(super) fn in_lap(
+        &self,
+        object: usize,
+        state: &BodyState,
+        above: f64,
+        snapshot: &Snapshot,
+    ) -> Option<(f64, bool)> {
+        let (lap, body) = (self.lap?, self.bodies.get(object)?);
+        let chair = snapshot.links.first()?.pose;
+        let com = body.mass.map_or(Point3::origin(), |mass| mass.com);
+        let com = chair.inverse() * (state.pose * com) - lap.at;
+        let top = (chair * lap.at).z;
+        let level = (body.collision_bounds(&state.pose)?.min.z - top).abs() <= above;
+        let within = (0..2).all(|i| com[i].abs() <= lap.size[i] / 2.0);
+        Some((com.xy().norm(), level && within))
     }
 
     /// Force of the robot on an object, N; `None` when they do not touch.

@@ -7,6 +7,7 @@ use super::condition::{Memory, seconds};
 use super::context::Context;
 use super::predicates::AnyPredicate;
 use super::spec::{FailureSpec, TaskSpec};
+use crate::people::Person;
 use crate::robot::RobotModel;
 use crate::scene::{Scene, SceneError, Surface};
 use crate::snapshot::{Anomaly, BodyRef, Contact, Snapshot};
@@ -126,7 +127,7 @@ impl Evaluation {
 
 impl Evaluator {
     /// A judge for `spec` in `scene` with this robot, `target` being the one of
-    /// its targets that was drawn.
+    /// its targets that was drawn; `person`: somebody sits in the chair.
     ///
     /// # Errors
     /// When the scene lacks the target.
@@ -135,6 +136,7 @@ impl Evaluator {
         scene: &Scene,
         model: &RobotModel,
         target: &str,
+        person: Option<&Person>,
     ) -> Result<Self, SceneError> {
         let child = |joint: usize| model.joints[joint].child;
         let roles = &model.roles;
@@ -163,6 +165,7 @@ impl Evaluator {
             conditions: spec
                 .conditions
                 .iter()
+                .filter(|c| person.is_some() || !c.with_person)
                 .map(|c| (c.label(), c.predicate.clone(), c.required))
                 .collect(),
             failure: spec.failure,
@@ -183,6 +186,7 @@ impl Evaluator {
                     .joints
                     .iter()
                     .position(|j| Some(j.furniture) == furniture),
+                lap: person.map(|person| person.lap),
                 decoys: others.filter_map(|name| scene.object_named(name)).collect(),
             },
             carrier: start

@@ -10,6 +10,8 @@ pub enum Goal {
         /// Furniture with the surface.
         on: String,
     },
+    /// Put it into the lap of who sits in the chair and leave it there.
+    Give,
     /// Draw furniture out.
     Open {
         /// Wanted joint position, metres.

@@ -104,7 +104,7 @@ impl TaskSpec {
             (_, None) => None,
         };
         let targets = match template.goal {
-            Verb::Lift | Verb::Put => file.object.objects(&asked, &area, scene)?,
+            Verb::Lift | Verb::Put | Verb::Give => file.object.objects(&asked, &area, scene)?,
             Verb::Open | Verb::Close => file.object.sliding(&asked, &area, scene)?,
         };
         if file.instructions.is_empty() || file.instructions.iter().any(|s| s.trim().is_empty()) {
@@ -146,6 +146,7 @@ impl TaskSpec {
         spec.check_conditions(&place, scene)?;
         spec.goal = match (template.goal, region) {
             (Verb::Lift, _) => Goal::Lift,
+            (Verb::Give, _) => Goal::Give,
             (Verb::Put, region) => Goal::Put {
                 on: region.unwrap_or_default(),
             },
@@ -215,7 +216,7 @@ impl TaskSpec {
         let judged = required
             .flat_map(|c| c.predicate.as_dyn().names())
             .any(|name| match (name, &self.goal) {
-                (Name::Object(object), Goal::Lift) => is_target(object),
+                (Name::Object(object), Goal::Lift | Goal::Give) => is_target(object),
                 (Name::Surface(surface), Goal::Put { on }) => surface == on,
                 (Name::Joint(_), Goal::Open { .. } | Goal::Close { .. }) => true,
                 _ => false,

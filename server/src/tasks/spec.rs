@@ -40,6 +40,8 @@ pub struct ConditionSpec {
     pub(super) predicate: AnyPredicate,
     /// Needed for success, or only reported.
     pub required: bool,
+    /// Only where somebody sits in the chair.
+    pub with_person: bool,
 }
 
 /// When the target counts as dropped or tipped.
@@ -70,7 +72,7 @@ impl TaskSpec {
     pub fn region_name(&self) -> Option<&str> {
         match &self.goal {
             Goal::Put { on } => Some(on),
-            Goal::Lift | Goal::Open { .. } | Goal::Close { .. } => None,
+            Goal::Lift | Goal::Give | Goal::Open { .. } | Goal::Close { .. } => None,
         }
     }
 
@@ -86,7 +88,9 @@ impl TaskSpec {
         let asked: Vec<&str> = match self.goal {
             // Furniture is always there.
             Goal::Open { .. } | Goal::Close { .. } => Vec::new(),
-            Goal::Lift | Goal::Put { .. } => objects.chain(self.region_name()).collect(),
+            Goal::Lift | Goal::Give | Goal::Put { .. } => {
+                objects.chain(self.region_name()).collect()
+            }
         };
         let variants = self.area.variants.iter();
         variants.filter(move |variant| asked.iter().all(|name| variant.offers(name)))

@@ -20,6 +20,7 @@ const REGION: &str = "region";
 pub(super) enum Verb {
     Lift,
     Put,
+    Give,
     Open,
     Close,
 }
@@ -43,6 +44,9 @@ struct ConditionEntry {
     /// Only where the task could mean one of several things.
     #[serde(default)]
     when_several: bool,
+    /// Only where somebody sits in the chair.
+    #[serde(default)]
+    with_person: bool,
     predicate: Table,
 }
 
@@ -159,6 +163,7 @@ impl Template {
                 Ok(ConditionSpec {
                     predicate,
                     required: entry.required,
+                    with_person: entry.with_person,
                 })
             })
             .collect()

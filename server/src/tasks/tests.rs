@@ -393,7 +393,7 @@ impl Stage {
         let scene = home();
         let model =
             RobotModel::load(&assets(), "wheelarm").unwrap_or_else(|error| panic!("{error}"));
-        let evaluator = Evaluator::new(&task(name), &scene, &model, target)
+        let evaluator = Evaluator::new(&task(name), &scene, &model, target, None)
             .unwrap_or_else(|error| panic!("{error}"));
         let rest = |pose: Isometry3<f64>| BodyState {
             pose,
@@ -412,6 +412,7 @@ impl Stage {
             skins: Vec::new(),
             furniture_joints: vec![JointState::default(); 4],
             sliding: Vec::new(),
+            person: None,
             contacts: Vec::new(),
             anomalies: Vec::new(),
         };
@@ -664,7 +665,7 @@ fn another_can_is_not_the_one_that_was_asked_for() {
     assert!(condition(&evaluation, "lifted_and_held(target)").holds);
     assert!(!condition(&evaluation, "correct_instance").holds && !evaluation.success);
     let model = &stage.model;
-    let wrong = Evaluator::new(&task("select_coke"), &stage.scene, model, "mustard");
+    let wrong = Evaluator::new(&task("select_coke"), &stage.scene, model, "mustard", None);
     assert!(wrong.unwrap_err().to_string().contains("coke_4"));
 }
 
@@ -696,8 +697,14 @@ fn a_restored_evaluator_goes_on_as_if_never_interrupted() {
     stage.raise(0.12);
     stage.run(0.8);
     let bytes = postcard::to_stdvec(stage.evaluator.state()).unwrap();
-    let mut other =
-        Evaluator::new(&task("pick_mustard"), &stage.scene, &stage.model, "mustard").unwrap();
+    let mut other = Evaluator::new(
+        &task("pick_mustard"),
+        &stage.scene,
+        &stage.model,
+        "mustard",
+        None,
+    )
+    .unwrap();
     other.restore(postcard::from_bytes(&bytes).unwrap());
     for _ in 0..30 {
         stage.snapshot.tick += PHYSICS_HZ / 60;

@@ -419,6 +419,15 @@ fn joint_data(model: &RobotModel, tree_joint: &TreeJoint) -> GenericJoint {
     data.build()
 }
 
+/// Collision groups of who sits in the chair: those of the chair, but for the floor.
+pub(super) fn person_groups() -> InteractionGroups {
+    let chair = groups(None);
+    InteractionGroups {
+        filter: chair.filter - FLOOR_GROUP,
+        ..chair
+    }
+}
+
 /// Number of moving joints between the arm's base and each link; `None` on the chair.
 fn arm_depths(model: &RobotModel) -> Vec<Option<u32>> {
     let mut depths = vec![None; model.links.len()];

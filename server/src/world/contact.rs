@@ -19,6 +19,7 @@ pub(super) fn tag(body: BodyRef) -> u128 {
         BodyRef::Link(i) => (0, i),
         BodyRef::Object(i) => (1, i),
         BodyRef::Furniture(i) => (2, i),
+        BodyRef::Person(i) => (3, i),
     };
     (kind << KINDS) | (index as u128)
 }
@@ -29,6 +30,7 @@ pub(super) fn body_of(tag: u128) -> BodyRef {
     match tag >> KINDS {
         0 => BodyRef::Link(index),
         1 => BodyRef::Object(index),
+        3 => BodyRef::Person(index),
         _ => BodyRef::Furniture(index),
     }
 }
@@ -44,6 +46,21 @@ struct Sum {
 /// The pairs that touch with force: the robot with anything but the floor,
 /// objects with objects and furniture. Sorted by pair.
 pub(super) fn contacts(physics: &PhysicsWorld) -> Vec<Contact> {
+    contacts_where(physics, |first, second| {
+        !matches!(
+            (first, second),
+            (BodyRef::Link(_), BodyRef::Furniture(0))
+                | (BodyRef::Furniture(_), BodyRef::Furniture(_))
+        )
+    })
+}
+
+/// The pairs of which `wanted(first, second)` says so, sorted by pair; the lesser
+/// body is the first.
+pub(super) fn contacts_where(
+    physics: &PhysicsWorld,
+    wanted: impl Fn(BodyRef, BodyRef) -> bool,
+) -> Vec<Contact> {
     let mut sums: BTreeMap<(BodyRef, BodyRef), Sum> = BTreeMap::new();
     for pair in physics.narrow_phase.contact_pairs() {
         let (Some(a), Some(b)) = (
@@ -54,12 +71,7 @@ pub(super) fn contacts(physics: &PhysicsWorld) -> Vec<Contact> {
         };
         let (a, b) = (body_of(a.user_data), body_of(b.user_data));
         let (first, second) = if a <= b { (a, b) } else { (b, a) };
-        let rolls = matches!(
-            (first, second),
-            (BodyRef::Link(_), BodyRef::Furniture(0))
-                | (BodyRef::Furniture(_), BodyRef::Furniture(_))
-        );
-        if rolls {
+        if !wanted(first, second) {
             continue;
         }
         for manifold in pair.solver_manifolds() {

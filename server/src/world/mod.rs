@@ -13,6 +13,7 @@ mod drive;
 mod grip;
 pub mod health;
 mod mass;
+mod seat;
 mod shape;
 mod signals;
 mod slide;
@@ -26,6 +27,8 @@ mod wheels;
 #[cfg(test)]
 mod laws;
 
+use std::sync::Arc;
+
 use nalgebra::{Isometry3, Vector3};
 use rapier3d::dynamics::{FrictionModel, SpringCoefficients};
 use rapier3d::parry::query;
@@ -33,6 +36,7 @@ use rapier3d::prelude::{IntegrationParameters, PhysicsWorld, RigidBodyHandle};
 use thiserror::Error;
 use wheelarm_proto::PHYSICS_HZ;
 
+use crate::people::{Motion, Person};
 use crate::robot::RobotModel;
 use crate::robot::control::Targets;
 use crate::scene::{Placement, Scene};
@@ -40,6 +44,7 @@ use crate::snapshot::{Anomaly, BodyRef, BodyState, JointState, Snapshot};
 use body::RobotBody;
 use drive::Drives;
 use grip::GripFriction;
+use seat::Seated;
 use signals::Signals;
 use soft::SoftObject;
 pub use soft::Worst as WorstOfSoft;
@@ -157,6 +162,7 @@ pub struct World {
     targets: Targets,
     wheels: Wheels,
     signals: Signals,
+    seated: Option<Seated>,
     /// Body and force of the push of the present control tick; not part of the
     /// state, it is set before every one.
     push: Option<(RigidBodyHandle, Vector3<f64>)>,
@@ -238,6 +244,7 @@ impl World {
             },
             wheels,
             signals: Signals::default(),
+            seated: None,
             push: None,
             tick: 0,
             fingerprint: 0,
@@ -247,6 +254,13 @@ impl World {
         world.signals = Signals::at_rest(&world.physics, &world.robot);
         world.fingerprint = world.hash();
         Ok(world)
+    }
+
+    /// Puts a person into the seat, before the first tick.
+    pub fn seat(&mut self, person: &Arc<Person>, motion: Motion) {
+        let person = Arc::clone(person);
+        self.seated = Seated::insert(&mut self.physics, &self.robot, person, motion);
+        self.fingerprint = self.hash();
     }
 
     /// What the drives follow from the next tick on. A target that is not
@@ -280,12 +294,18 @@ impl World {
         self.drive();
         self.step_soft();
         self.begin_push();
+        if let Some(seated) = &mut self.seated {
+            seated.begin_tick(&mut self.physics, self.tick);
+        }
         self.grip.begin_tick();
         self.signals.begin_tick(&self.physics, &self.robot);
         self.physics.step_with_events(&self.grip, &());
         self.end_push();
         self.signals.end_tick(&self.physics, &self.robot);
         self.wheels.roll(&self.physics, &self.robot);
+        if let Some(seated) = &mut self.seated {
+            seated.end_tick(&self.physics);
+        }
         self.tick += 1;
     }
 
@@ -302,7 +322,7 @@ impl World {
                 Place::Rolling(_) | Place::Parallel(_) => None,
             },
             BodyRef::Object(object) => self.stage.objects.get(object).copied(),
-            BodyRef::Furniture(_) => None,
+            BodyRef::Furniture(_) | BodyRef::Person(_) => None,
         }
     }
 
@@ -465,6 +485,7 @@ impl World {
             objects,
             furniture_joints: slides.iter().map(|s| s.state(&self.physics)).collect(),
             sliding: slides.iter().map(|s| free_body(s.handle)).collect(),
+            person: self.seated.as_ref().map(Seated::state),
             anomalies,
         }
     }

@@ -5,10 +5,12 @@ use serde::{Deserialize, Serialize};
 use wheelarm_proto::PHYSICS_VERSION;
 
 use super::grip::Bristles;
+use super::seat::Seated;
 use super::signals::Signals;
 use super::soft::{self, SoftObject};
 use super::{World, WorldError};
 use crate::robot::control::Targets;
+use crate::snapshot::PersonState;
 
 /// Everything that a tick changes, to be written.
 #[derive(Serialize)]
@@ -42,6 +44,9 @@ pub(super) struct Read {
     pub(super) bristles: Bristles,
     pub(super) soft: Vec<soft::Saved>,
     pub(super) physics: PhysicsWorld,
+    /// Follows the rest where somebody sits in the chair.
+    #[serde(skip)]
+    pub(super) person: Option<PersonState>,
 }
 
 impl World {
@@ -64,7 +69,12 @@ impl World {
         };
         // Writing to memory fails for types that cannot be written at all,
         // which the tests would show.
-        postcard::to_stdvec(&written).unwrap_or_default()
+        let mut bytes = postcard::to_stdvec(&written).unwrap_or_default();
+        // A chair without a person is stored as it was before there were any.
+        if let Some(seated) = &self.seated {
+            bytes.extend(postcard::to_stdvec(&seated.state()).unwrap_or_default());
+        }
+        bytes
     }
 
     /// What soft objects are in [`World::save`], for who damages it.
@@ -104,7 +114,11 @@ impl World {
         if found != PHYSICS_VERSION {
             return Err(WorldError::OtherPhysics { found });
         }
-        let (read, rest) = postcard::take_from_bytes::<Read>(bytes)?;
+        let (mut read, mut rest) = postcard::take_from_bytes::<Read>(bytes)?;
+        if self.seated.is_some() && read.fingerprint == self.fingerprint {
+            let (person, after) = postcard::take_from_bytes::<PersonState>(rest)?;
+            (read.person, rest) = (Some(person), after);
+        }
         if !rest.is_empty() {
             let problem = format!("{} bytes follow its end", rest.len());
             return Err(WorldError::Damaged { problem });
@@ -140,6 +154,9 @@ impl World {
         self.signals = read.signals;
         self.grip.restore(read.bristles);
         self.physics = read.physics;
+        if let (Some(seated), Some(person)) = (&mut self.seated, read.person) {
+            seated.restore(person, read.tick);
+        }
     }
 
     /// Hash of all poses, velocities, bristles and soft nodes (FNV-1a over their bits).
@@ -160,6 +177,9 @@ impl World {
             hash.add(&bits.to_le_bytes());
         }
         for bits in self.soft.iter().flat_map(SoftObject::bits) {
+            hash.add(&bits.to_le_bytes());
+        }
+        for bits in self.seated.iter().flat_map(Seated::bits) {
             hash.add(&bits.to_le_bytes());
         }
         hash.0

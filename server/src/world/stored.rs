@@ -10,6 +10,8 @@ use super::state::Read;
 use super::{WILD, World};
 use crate::snapshot::BodyRef;
 
+/// No force on the person is greater, N.
+const STORED_FORCE: f64 = 1e6;
 /// Most revolutions that a wheel has counted, as an angle, rad.
 const MOST_TURNED: f64 = 1e9;
 
@@ -31,6 +33,10 @@ impl World {
         within("the angle of a wheel", wheels, MOST_TURNED)?;
         let signals: Vec<f64> = read.signals.numbers().chain(read.wheel_rates).collect();
         within("what the sensor of a joint shows", &signals, WILD)?;
+        if let Some(person) = &read.person {
+            let forces = person.forces.iter().chain([&person.robot_force]);
+            within("a force on the person", forces, STORED_FORCE)?;
+        }
         for (soft, saved) in self.soft.iter().zip(&read.soft) {
             soft.examine(saved)?;
         }
@@ -60,8 +66,9 @@ impl World {
                 return Err(format!("{} has other shapes", name()));
             }
         }
-        for ((_, ours), (_, theirs)) in own.colliders.iter().zip(read.colliders.iter()) {
-            if !same_shape(ours, theirs) {
+        for ((handle, ours), (_, theirs)) in own.colliders.iter().zip(read.colliders.iter()) {
+            let moves = self.seated.as_ref().is_some_and(|s| s.moves(handle));
+            if !same_shape(ours, theirs, moves) {
                 let body = super::contact::body_of(ours.user_data);
                 return Err(format!("a shape of {} is another", self.label(body)));
             }
@@ -139,6 +146,7 @@ impl World {
             ),
             BodyRef::Object(object) => format!("object number {}", object + 1),
             BodyRef::Furniture(body) => format!("piece of furniture number {}", body + 1),
+            BodyRef::Person(_) => "the person".to_owned(),
         }
     }
 }
@@ -176,7 +184,8 @@ fn same_kind(a: &RigidBody, b: &RigidBody) -> bool {
         && a.additional_solver_iterations() == b.additional_solver_iterations()
 }
 
-fn same_shape(a: &Collider, b: &Collider) -> bool {
+/// The same shape in the same place, unless it `moves` on its body.
+fn same_shape(a: &Collider, b: &Collider, moves: bool) -> bool {
     let (box_a, box_b) = (
         a.shape().compute_local_aabb(),
         b.shape().compute_local_aabb(),
@@ -184,7 +193,9 @@ fn same_shape(a: &Collider, b: &Collider) -> bool {
     a.parent() == b.parent()
         && a.user_data == b.user_data
         && a.collision_groups() == b.collision_groups()
-        && a.position_wrt_parent() == b.position_wrt_parent()
+        && (moves || a.position_wrt_parent() == b.position_wrt_parent())
+        && b.position_wrt_parent()
+            .is_none_or(|place| place.is_finite())
         && a.friction() == b.friction()
         && a.restitution() == b.restitution()
         && a.shape().shape_type() == b.shape().shape_type()

@@ -21,6 +21,7 @@ mod looks;
 mod mutation;
 mod over_ticks;
 mod own_client;
+mod person;
 mod policies;
 mod preview;
 mod queries;

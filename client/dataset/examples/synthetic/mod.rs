@@ -292,6 +292,15 @@ impl Random {
                 grip_factor: self.wild(),
             }
             .encode_to_vec(),
+            "person" => v1::PersonState {
+                header,
+                head: self.list(3),
+                jaw: self.wild(),
+                mouth: Some(self.pose()),
+                forces: self.list(8),
+                robot_force: self.wild(),
+            }
+            .encode_to_vec(),
             _ => v1::Event {
                 header,
                 kind: 6,

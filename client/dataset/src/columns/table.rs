@@ -18,6 +18,10 @@ const BASE: Axis = Axis::Components(&["linear", "angular"]);
 const GRIPPER: Axis = Axis::Components(&["opening", "knuckle", "max_force"]);
 const WHEELS: Axis = Axis::Names(&["left", "right"]);
 const PADS: Axis = Axis::Names(&["left", "right"]);
+const HEAD_TURNS: Axis = Axis::Names(&["yaw", "pitch", "roll"]);
+const BODY_PARTS: Axis = Axis::Names(&[
+    "head", "face", "mouth", "torso", "arms", "hands", "lap", "legs",
+]);
 
 const POSE_UNIT: &str = "m (x y z), 1 (unit quaternion x y z w)";
 const TWIST_UNIT: &str = "m/s (linear), rad/s (angular)";
@@ -460,6 +464,34 @@ static DISTURBANCE: Table<v1::Disturbance> = Table {
     ],
 };
 
+static PERSON: Table<v1::PersonState> = Table {
+    columns: &[
+        f64s(
+            "head",
+            "rad (to the left, down, to the right)",
+            "",
+            &[HEAD_TURNS],
+            list!(head),
+        ),
+        f64s("jaw", "rad", "", &[], number!(jaw)),
+        f64s(
+            "mouth",
+            POSE_UNIT,
+            "house",
+            &[POSE],
+            part!(mouth, take::pose, to_pose),
+        ),
+        f64s(
+            "force",
+            "N (greatest of the physics ticks)",
+            "",
+            &[BODY_PARTS],
+            list!(forces),
+        ),
+        f64s("robot_force", "N", "", &[], number!(robot_force)),
+    ],
+};
+
 static CONTACT: Table<v1::Contacts> = Table {
     columns: &[
         f64s(
@@ -649,6 +681,7 @@ pub fn of(stream: &StreamId) -> Option<&'static dyn Stream> {
         TopicId::FurnitureJoint => &FURNITURE_JOINT,
         TopicId::Deformable => &DEFORMABLE,
         TopicId::Disturbance => &DISTURBANCE,
+        TopicId::Person => &PERSON,
         TopicId::Contact => &CONTACT,
         TopicId::Evaluation => &EVALUATION,
         TopicId::Phase => &PHASE,

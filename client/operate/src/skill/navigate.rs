@@ -148,9 +148,10 @@ fn wanted(
             let best = [&raised[0][..], &[back]].concat();
             vec![vec![best], raised]
         }
-        Goal::Put { .. } => {
+        Goal::Put { .. } | Goal::Give { .. } => {
+            let chair = house_from_base * now.scene.chair_from_base.inverse();
             let held = candidate.grasp.inv_mul(&now.thing());
-            let puts = place::candidates(now, &held, candidate.width);
+            let puts = place::candidates(now, &chair, &held, candidate.width);
             let both = |put: &GraspCandidate| {
                 let then = |up: &Vec<_>| [&up[..], &[put.pregrasp, put.grasp]].concat();
                 raised.iter().take(2).map(then).collect::<Vec<_>>()
@@ -267,7 +268,12 @@ fn candidates(now: &Now<'_>, purpose: Purpose, margin: f64) -> Vec<GraspCandidat
         Purpose::Put => {
             let held = now.memory.held.unwrap_or_else(|| now.thing_in_hand());
             let taken = now.memory.candidate;
-            place::candidates(now, &held, taken.map_or(0.03, |taken| taken.width))
+            place::candidates(
+                now,
+                &now.seen.house_from_chair,
+                &held,
+                taken.map_or(0.03, |taken| taken.width),
+            )
         }
     }
 }

@@ -7,7 +7,6 @@ use wheelarm_proto::v1::Phase;
 use super::motion::{Motion, Progress};
 use super::{Act, Now, Skill, Step};
 use crate::clearance::held_balls;
-use crate::goal::Goal;
 use crate::grasp_candidate::GraspCandidate;
 use crate::tool_path::distance;
 use wheelarm_route::obb::Obb;
@@ -157,17 +156,19 @@ impl Skill for Place {
     }
 }
 
-/// Candidates to put down a thing that sits in the hand as `tool_from_item` says.
+/// Candidates to put down a thing that sits in the hand as `tool_from_item` says, for
+/// a chair at `house_from_chair`.
 #[must_use]
 pub fn candidates(
     now: &Now<'_>,
+    house_from_chair: &Isometry3<f64>,
     tool_from_item: &Isometry3<f64>,
     width: f64,
 ) -> Vec<GraspCandidate> {
-    let Goal::Put { item, region } = now.goal else {
+    let Some(region) = now.goal.region(house_from_chair) else {
         return Vec::new();
     };
-    let boxes = &now.scene.items[*item].boxes;
+    let boxes = &now.scene.items[now.goal.item()].boxes;
     // As it lay before it was taken, or as it lies now.
     let lying = now.memory.rest.unwrap_or_else(|| now.thing()).rotation;
     let top = region.pose.translation.z - region.half.z;
@@ -223,7 +224,7 @@ fn choose(now: &mut Now<'_>) -> Option<(GraspCandidate, Vec<Isometry3<f64>>)> {
         .candidate
         .map_or(0.03, |candidate| candidate.width);
     let balls = held_balls(&slices(&now.scene.items[item].boxes), &held);
-    let candidates = candidates(now, &held, width);
+    let candidates = candidates(now, &now.seen.house_from_chair, &held, width);
     let base = now.scene.house_from_base(now.seen).translation.vector;
     let towards = Vector3::new(
         base.x - start.translation.x,

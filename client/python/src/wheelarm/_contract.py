@@ -37,6 +37,7 @@ TOPICS = [
     ("sensed_odometry", "stream/sensed_odometry", "SensedOdometry", "state", "m and 1, m/s and rad/s", "wheelchair_root where the episode began", "server"),
     ("sensed_imu", "stream/sensed_imu", "SensedImu", "imu", "rad/s, m/s²", "imu_link", "server"),
     ("disturbance", "stream/disturbance", "Disturbance", "event", "rad, 1, N, 1", "house", "server"),
+    ("person", "stream/person", "PersonState", "state", "rad, m, N", "house", "server"),
     ("evaluation", "stream/evaluation", "Evaluation", "state", "SI", "", "server"),
     ("episode_start", "episode/start", "EpisodeStarted", "event", "", "", "server"),
     ("episode_stop", "episode/stop", "EpisodeStopped", "event", "", "", "server"),
@@ -55,7 +56,9 @@ TOPICS = [
 
 # Tasks that ship, with their time limit in simulated seconds.
 TASKS = {
+    "clear_can": 150.0,
     "close_drawer": 120.0,
+    "give_crackers": 150.0,
     "open_drawer": 120.0,
     "pick_blue_mug": 100.0,
     "pick_bowl": 100.0,

@@ -392,12 +392,15 @@ class ReachProblem(int, metaclass=_EnumWrapper):
     """Within reach, but no joint positions were found."""
     REACH_PROBLEM_JUMP: _ClassVar[ReachProblem]
     """Near the given joint positions only a jump of a joint leads there."""
+    REACH_PROBLEM_PERSON: _ClassVar[ReachProblem]
+    """The arm would touch the person in the chair."""
 
 REACH_PROBLEM_UNSPECIFIED: ReachProblem
 REACH_PROBLEM_TOO_FAR: ReachProblem
 REACH_PROBLEM_JOINT_LIMITS: ReachProblem
 REACH_PROBLEM_NO_SOLUTION: ReachProblem
 REACH_PROBLEM_JUMP: ReachProblem
+REACH_PROBLEM_PERSON: ReachProblem
 
 class LanguageSplit(int, metaclass=_EnumWrapper):
     """Which templates and names of the grammar are said."""
@@ -474,12 +477,15 @@ class GoalKind(int, metaclass=_EnumWrapper):
     """A joint of furniture is opened."""
     GOAL_KIND_CLOSE: _ClassVar[GoalKind]
     """A joint of furniture is closed."""
+    GOAL_KIND_GIVE: _ClassVar[GoalKind]
+    """The target is put into the lap of the person in the chair and left there."""
 
 GOAL_KIND_UNSPECIFIED: GoalKind
 GOAL_KIND_LIFT: GoalKind
 GOAL_KIND_PUT: GoalKind
 GOAL_KIND_OPEN: GoalKind
 GOAL_KIND_CLOSE: GoalKind
+GOAL_KIND_GIVE: GoalKind
 
 class FailureReason(int, metaclass=_EnumWrapper):
     """Why a task failed, for programs."""
@@ -704,6 +710,8 @@ class EventKind(int, metaclass=_EnumWrapper):
     """Control was given, given back, taken over or lost."""
     EVENT_KIND_NOTE: _ClassVar[EventKind]
     """Something else that people may want to know."""
+    EVENT_KIND_PERSON_CONTACT: _ClassVar[EventKind]
+    """The robot, or what it holds, touched the person in the chair."""
 
 EVENT_KIND_UNSPECIFIED: EventKind
 EVENT_KIND_REFUSED: EventKind
@@ -713,6 +721,7 @@ EVENT_KIND_PAUSED: EventKind
 EVENT_KIND_RESUMED: EventKind
 EVENT_KIND_CONTROL: EventKind
 EVENT_KIND_NOTE: EventKind
+EVENT_KIND_PERSON_CONTACT: EventKind
 
 class WaitingFor(int, metaclass=_EnumWrapper):
     """What the simulation waits for, for programs."""
@@ -1921,6 +1930,101 @@ class Look(_Message):
         lens: int | None = ...,
     ) -> None: ...
 
+class Person(_Message):
+    """Who is to sit in the chair. Names are those of assets/people; what is empty is drawn by the
+    seed.
+    """
+    body: str
+    """Body, for example `woman_p50`; `none`: nobody sits there (no unit)."""
+    posture: str
+    """Posture, for example `hands_in_lap` (no unit)."""
+    skin: str
+    """Colour of the skin, by name (no unit)."""
+    hair: str
+    """Colour of the hair, by name (no unit)."""
+    clothes: str
+    """Clothes, by name (no unit)."""
+    seed: int
+    """Seed of what is drawn and of the motion of head and mouth; absent: the scenario's (no unit).
+    Optional.
+    """
+    motion: float
+    """How much head and mouth move, 0 (still) to 1; absent: 1 (no unit). Optional."""
+    mouth_open: bool
+    """The mouth opens in the first second and stays open, as of who waits for a sip (no unit).
+    """
+    guard: bool
+    """The server slows the arm near the face: the grasp point moves at 0.03 m/s at most, and 0.4
+    m/s more for each metre beyond 0.15 m that it is away from the head (no unit).
+    """
+    drawn: PersonDrawn
+    """Who was drawn; where it is told it is taken as it is."""
+    def __init__(
+        self,
+        *,
+        body: str | None = ...,
+        posture: str | None = ...,
+        skin: str | None = ...,
+        hair: str | None = ...,
+        clothes: str | None = ...,
+        seed: int | None = ...,
+        motion: float | None = ...,
+        mouth_open: bool | None = ...,
+        guard: bool | None = ...,
+        drawn: PersonDrawn | _Mapping[str, _Any] | None = ...,
+    ) -> None: ...
+
+class PersonDrawn(_Message):
+    """Who was drawn. Names are those of assets/people."""
+    body: str
+    """Body (no unit)."""
+    posture: str
+    """Posture (no unit)."""
+    skin: str
+    """Colour of the skin (no unit)."""
+    hair: str
+    """Colour of the hair (no unit)."""
+    clothes: str
+    """Clothes (no unit)."""
+    def __init__(
+        self,
+        *,
+        body: str | None = ...,
+        posture: str | None = ...,
+        skin: str | None = ...,
+        hair: str | None = ...,
+        clothes: str | None = ...,
+    ) -> None: ...
+
+class PersonState(_Message):
+    """The person in the chair; published where somebody sits there."""
+    header: Header
+    """Stamp of the sample."""
+    head: _Scalars[float]
+    """How the head is turned beside the posture: to the left, down, to the right, rad."""
+    jaw: float
+    """How far the jaw is turned down, rad."""
+    mouth: Pose
+    """Pose of the mouth in `house`: origin between the lips, x out of the mouth, z up, metres.
+    """
+    forces: _Scalars[float]
+    """What presses on each part of the body, in the order of `BodyPart` from the head on: the sum
+    of the forces of all that touches it, of four physics ticks the greatest, N. What touches
+    the mouth also counts for the face.
+    """
+    robot_force: float
+    """What the robot itself presses on all of the body, likewise, N."""
+    def __init__(
+        self,
+        *,
+        header: Header | _Mapping[str, _Any] | None = ...,
+        head: _Iterable[float] | None = ...,
+        jaw: float | None = ...,
+        mouth: Pose | _Mapping[str, _Any] | None = ...,
+        forces: _Iterable[float] | None = ...,
+        robot_force: float | None = ...,
+    ) -> None: ...
+
 class CameraSetting(_Message):
     """One camera of the scenario."""
     name: str
@@ -2097,6 +2201,10 @@ class Scenario(_Message):
     """How the scripted operator moves: `quick` or `human`. Absent takes the one in force, at
     start-up `quick` (no unit). Optional.
     """
+    person: Person
+    """Who sits in the chair. Absent takes what is in force, at start-up nobody; what of it is
+    drawn is drawn anew as the scene is. Optional.
+    """
     starts: Starts
     """Where the robot starts; at start-up near by (no unit)."""
     arm_positions: _Scalars[float]
@@ -2148,6 +2256,7 @@ class Scenario(_Message):
         look: Look | _Mapping[str, _Any] | None = ...,
         disturbances: Disturbances | _Mapping[str, _Any] | None = ...,
         style: str | None = ...,
+        person: Person | _Mapping[str, _Any] | None = ...,
         starts: Starts | str | int | None = ...,
         arm_positions: _Iterable[float] | None = ...,
         knuckle: float | None = ...,
@@ -2165,7 +2274,8 @@ class TaskGoal(_Message):
     """Object or furniture that the hand takes (no unit)."""
     region: BoxGeometry
     """GOAL_KIND_PUT: the rectangle in which the target's centre of mass is to be, its x axis
-    pointing away from who approaches; metres in `house`.
+    pointing away from who approaches; metres in `house`. GOAL_KIND_GIVE: the lap, metres in
+    `wheelchair_root`.
     """
     joint: str
     """GOAL_KIND_OPEN and GOAL_KIND_CLOSE: name of the joint (no unit)."""
@@ -2401,6 +2511,8 @@ class SceneReply(_Message):
     """Cameras that stand in the scene; their link is `house`."""
     robot: RobotDescription
     """The robot in it."""
+    persons: _Messages[SeatedPerson]
+    """Who sits in the chair; none or one."""
     def __init__(
         self,
         *,
@@ -2414,6 +2526,67 @@ class SceneReply(_Message):
         goal: TaskGoal | _Mapping[str, _Any] | None = ...,
         cameras: _Iterable[RobotCamera | _Mapping[str, _Any]] | None = ...,
         robot: RobotDescription | _Mapping[str, _Any] | None = ...,
+        persons: _Iterable[SeatedPerson | _Mapping[str, _Any]] | None = ...,
+    ) -> None: ...
+
+class SeatedPerson(_Message):
+    """Who sits in the chair. Places are in `wheelchair_root`, with the head as the posture has it.
+    """
+    drawn: PersonDrawn
+    """Who, how and in what."""
+    words: str
+    """The body in words (no unit)."""
+    stature: float
+    """Sole to crown, metres."""
+    mass: float
+    """Mass, kg."""
+    seat_height: float
+    """Height of the seat over the foot plate, metres."""
+    capsules: _Messages[PersonCapsule]
+    """What stands for the body in contacts and for planning."""
+    margin: float
+    """How far clothes and skin may stand out of the capsules, metres."""
+    lap: BoxGeometry
+    """Where a thing may lie in the lap: its upper side has no height, metres."""
+    mouth: Pose
+    """Pose of the mouth: origin between the lips, x out of the mouth, z up, metres."""
+    def __init__(
+        self,
+        *,
+        drawn: PersonDrawn | _Mapping[str, _Any] | None = ...,
+        words: str | None = ...,
+        stature: float | None = ...,
+        mass: float | None = ...,
+        seat_height: float | None = ...,
+        capsules: _Iterable[PersonCapsule | _Mapping[str, _Any]] | None = ...,
+        margin: float | None = ...,
+        lap: BoxGeometry | _Mapping[str, _Any] | None = ...,
+        mouth: Pose | _Mapping[str, _Any] | None = ...,
+    ) -> None: ...
+
+class PersonCapsule(_Message):
+    """A capsule of a person's body."""
+    name: str
+    """Name, for example `left_forearm` (no unit)."""
+    part: BodyPart
+    """Part of the body (no unit)."""
+    a: Vector3
+    """One end of its axis, metres."""
+    b: Vector3
+    """The other end, metres."""
+    radius: float
+    """Metres."""
+    moves: bool
+    """It moves with the head (no unit)."""
+    def __init__(
+        self,
+        *,
+        name: str | None = ...,
+        part: BodyPart | str | int | None = ...,
+        a: Vector3 | _Mapping[str, _Any] | None = ...,
+        b: Vector3 | _Mapping[str, _Any] | None = ...,
+        radius: float | None = ...,
+        moves: bool | None = ...,
     ) -> None: ...
 
 class EpisodeStartRequest(_Message):

@@ -12,7 +12,7 @@ use wheelarm_proto::v1;
 
 use crate::disturb::Disturb;
 use crate::language::LanguageFile;
-use crate::variation::read_sensors;
+use crate::variation::{read_person, read_sensors};
 
 /// What differs between episodes beside what the task files draw.
 #[derive(Clone, Copy, Debug, Deserialize, PartialEq, Eq)]
@@ -76,6 +76,8 @@ pub(super) struct PlanFile {
     pub(super) style: Style,
     #[serde(default)]
     pub(super) time_limits: bool,
+    #[serde(default, deserialize_with = "read_person")]
+    pub(super) person: Option<v1::Person>,
     #[serde(default, deserialize_with = "read_sensors")]
     pub(super) sensors: Vec<v1::SensorSetting>,
     #[serde(default = "sixty")]

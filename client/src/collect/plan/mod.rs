@@ -138,6 +138,7 @@ impl Plan {
                 language,
                 look: file.look,
                 disturb: file.disturb,
+                person: file.person,
                 style: file.style,
                 time_limits: file.time_limits,
                 sensors: file.sensors,

@@ -128,6 +128,9 @@ pub(super) struct ArmControl {
     pub kinematics: ArmKinematics,
     settings: ArmSettings,
     tool_length: f64,
+    /// Greatest speed of the grasp point in this control tick, m/s, if there is one
+    /// beside the robot's own. Not part of the state: set before every tick.
+    pub limit: Option<f64>,
     /// Link of the arm's base.
     base_link: usize,
     /// chair_from_base.
@@ -140,6 +143,7 @@ impl ArmControl {
             kinematics: ArmKinematics::new(model),
             settings: model.settings.arm,
             tool_length: model.settings.tool_length,
+            limit: None,
             base_link: model.roles.arm_base,
             chair_from_base: model.arm_mount(),
         }
@@ -281,10 +285,11 @@ impl ArmControl {
     fn follow(&self, state: &mut ArmState, mut wanted: [f64; 6], jacobian: &Matrix6<f64>, dt: f64) {
         let speed = self.kinematics.speed();
         let tool_speed = self.tool_speed(jacobian, &wanted);
-        let excess = (0..6).map(|i| wanted[i].abs() / speed[i]).fold(
-            tool_speed / (TOOL_SHARE * self.settings.tool_speed),
-            f64::max,
-        );
+        let most = self.settings.tool_speed;
+        let most = self.limit.map_or(most, |limit| limit.min(most));
+        let excess = (0..6)
+            .map(|i| wanted[i].abs() / speed[i])
+            .fold(tool_speed / (TOOL_SHARE * most), f64::max);
         if excess > 1.0 {
             wanted = wanted.map(|part| part / excess);
         }

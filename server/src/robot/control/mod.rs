@@ -70,6 +70,12 @@ impl RobotControl {
         }
     }
 
+    /// The grasp point moves no faster than this in the control tick that comes, m/s,
+    /// where that is slower than the robot's own limit.
+    pub fn limit_tool_speed(&mut self, most: Option<f64>) {
+        self.arm.limit = most;
+    }
+
     /// One control tick: takes what is newly asked and returns the targets of
     /// the physics ticks up to the next one. Numbers that are not finite are
     /// not taken.

@@ -37,6 +37,7 @@ fn snapshot(model: &RobotModel, house_from_chair: Isometry3<f64>) -> Snapshot {
         skins: Vec::new(),
         furniture_joints: Vec::new(),
         sliding: Vec::new(),
+        person: None,
         contacts: Vec::new(),
         anomalies: Vec::new(),
     }

@@ -7,7 +7,7 @@ use nalgebra::{Point3, Vector3};
 use wheelarm_proto::exact;
 
 use super::ambient_occlusion::{AmbientOcclusion, Corner};
-use super::scene::{Binding, RenderItem, RenderScene};
+use super::scene::{Binding, RenderItem, RenderScene, RenderedPerson};
 use super::tier::Tier;
 use crate::geometry::{Material, TriMesh, texture};
 
@@ -166,8 +166,11 @@ impl Buffers {
         let mut known: Vec<Material> = Vec::new();
         let same =
             |a: &RenderItem, b: &RenderItem| a.instance == b.instance && a.binding == b.binding;
+        let person = scene.person.iter().flat_map(|p| &p.parts);
+        let person: Vec<u16> = person.map(|(instance, _)| *instance).collect();
         for items in scene.items.chunk_by(same) {
             let body = built.bodies.len();
+            let moves = person.contains(&items[0].instance);
             let mut casters = Vec::new();
             let body_start = built.vertices.len();
             for finish in Finish::ALL {
@@ -197,7 +200,10 @@ impl Buffers {
                 if middle == start {
                     continue;
                 }
-                let (centre, radius) = ball(&built.vertices[first_vertex..]);
+                let (centre, mut radius) = ball(&built.vertices[first_vertex..]);
+                if moves {
+                    radius += RenderedPerson::REACH;
+                }
                 let mut caster_end = middle;
                 for (item, &material) in chosen.iter().zip(&materials) {
                     let packed = body as u32 | material << 20;

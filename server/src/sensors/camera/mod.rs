@@ -14,6 +14,7 @@ mod geometry;
 mod graphics;
 mod mapping;
 mod patterns;
+mod person;
 mod pipelines;
 mod readback;
 mod renderer;
@@ -33,7 +34,7 @@ pub use adapter::{AdapterInfo, AdapterKind};
 pub use error::RenderError;
 pub use graphics::Graphics;
 pub use renderer::{IN_FLIGHT, Renderer};
-pub use scene::{Binding, MOST_BODIES, RenderItem, RenderScene, Surrounding};
+pub use scene::{Binding, MOST_BODIES, RenderItem, RenderScene, RenderedPerson, Surrounding};
 pub use spec::{CameraSpec, Intrinsics};
 pub use wheelarm_proto::settings::Quality;
 
@@ -69,5 +70,7 @@ impl Frame {
     }
 }
 
+#[cfg(test)]
+mod people_tests;
 #[cfg(test)]
 mod tests;

@@ -14,6 +14,7 @@ use super::ambient_occlusion::Surroundings;
 use super::buffers::Buffers;
 use super::geometry::{BodyRow, Geometry, Seen, body_row};
 use super::graphics::{Graphics, Opened};
+use super::person::PersonMesh;
 use super::pipelines::Pipelines;
 use super::readback::{Layout, Memory};
 use super::scene::{Binding, RenderScene, Surrounding};
@@ -39,6 +40,7 @@ pub struct Renderer {
     pipelines: Arc<Pipelines>,
     geometry: Geometry,
     soft: SoftMeshes,
+    person: Option<PersonMesh>,
     surroundings: Surroundings,
     lighting: Lighting,
     surrounding: Option<Surrounding>,
@@ -127,6 +129,7 @@ impl Renderer {
         let sun = SunView::new(scene, &buffers, tier.shadow_size);
         let geometry = Geometry::upload(&device, &buffers);
         let soft = SoftMeshes::find(scene, &buffers);
+        let person = PersonMesh::find(scene, &buffers);
         let materials = device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
             label: Some("materials"),
             contents: bytemuck::cast_slice(&buffers.materials),
@@ -181,6 +184,7 @@ impl Renderer {
             pipelines,
             geometry,
             soft,
+            person,
             targets,
             scene_groups,
             shadow_group,
@@ -245,6 +249,9 @@ impl Renderer {
         self.queue
             .write_buffer(&self.geometry.body_rows, 0, bytemuck::cast_slice(&rows));
         self.soft.write(&self.queue, &self.geometry, snapshot);
+        if let Some(person) = &self.person {
+            person.write(&self.queue, &self.geometry, snapshot);
+        }
         let views: Vec<View> = cameras
             .iter()
             .map(|&c| {

@@ -13,7 +13,8 @@ use crate::geometry::plush::Skin;
 use crate::geometry::texture::{self, Picture};
 use crate::geometry::{Family, Material, Shape, TriMesh, Visual};
 use crate::look::{Drawn, Irradiance, Kind, Lamp, Reflection};
-use crate::robot::RobotModel;
+use crate::people::{BodyPart, Person};
+use crate::robot::{RobotModel, SeatSettings};
 use crate::scene::{Body, Lighting, Scene, Soft};
 
 /// What a mesh or a camera moves with.
@@ -68,8 +69,25 @@ pub struct RenderScene {
     pub sliding: usize,
     /// Pictures of the materials, by the names of their files.
     pub textures: BTreeMap<String, Picture>,
+    /// Who sits in the chair, with the ids of the parts and the vertices of those that
+    /// the head moves.
+    pub person: Option<RenderedPerson>,
     /// Light from all around; `None`: a sky above and a ground below.
     pub surrounding: Option<Surrounding>,
+}
+
+/// A person as the cameras see them.
+#[derive(Clone, Debug)]
+pub struct RenderedPerson {
+    /// Who.
+    pub person: Arc<Person>,
+    /// Ids of the parts, and of which part each is.
+    pub parts: Vec<(u16, BodyPart)>,
+}
+
+impl RenderedPerson {
+    /// How far head and jaw move what is drawn, metres: culling allows for it.
+    pub(super) const REACH: f64 = 0.12;
 }
 
 /// Light from all around, where a look is drawn. Only then glass is transparent
@@ -111,6 +129,20 @@ impl RenderScene {
         assets: &Path,
         look: Option<&Drawn>,
     ) -> Result<Self, RenderError> {
+        Self::with_person(robot, scene, assets, look, None)
+    }
+
+    /// The same with a person in the chair, whose clothes and skin no look changes.
+    ///
+    /// # Errors
+    /// As [`RenderScene::new`].
+    pub fn with_person(
+        robot: &RobotModel,
+        scene: &Scene,
+        assets: &Path,
+        look: Option<&Drawn>,
+        person: Option<&Arc<Person>>,
+    ) -> Result<Self, RenderError> {
         let drawn = |visuals: &[Visual]| !visuals.is_empty();
         let seen = |object: &&Body| drawn(&object.visual) || object.soft.is_some();
         let counts = [
@@ -134,6 +166,7 @@ impl RenderScene {
             skins: Vec::new(),
             sliding: scene.joints.len(),
             textures: BTreeMap::new(),
+            person: None,
             surrounding: look.map(|look| Surrounding {
                 irradiance: look.irradiance.clone(),
                 reflection: look.reflection.clone(),
@@ -169,6 +202,9 @@ impl RenderScene {
             };
             built.add_body(&body.name, &body.visual, at, paint, &mut meshes)?;
         }
+        if let Some(person) = person {
+            built.add_person(person, robot, assets, &kept)?;
+        }
         if let Some(look) = look {
             let lamps = built.light_lamps(look);
             built.decorate(look, lamps, &mut meshes)?;
@@ -188,6 +224,99 @@ impl RenderScene {
                 self.textures.insert(texture.pattern.clone(), picture);
             }
         }
+        Ok(())
+    }
+
+    /// One id for each part of a person's body, a cushion under them.
+    fn add_person(
+        &mut self,
+        person: &Arc<Person>,
+        robot: &RobotModel,
+        assets: &Path,
+        paint: &dyn Fn(&Material) -> Material,
+    ) -> Result<(), RenderError> {
+        let mut parts: Vec<(u16, BodyPart)> = Vec::new();
+        for surface in &person.mesh.surfaces {
+            if parts.last().is_none_or(|(_, part)| *part != surface.part) {
+                let instance = self.instances.len() as u16 + 1;
+                let name = format!("person_{}", surface.part.name());
+                self.instances.push((instance, name));
+                parts.push((instance, surface.part));
+            }
+            let (mut mesh, _) = person.mesh.part(surface, &person.skeleton);
+            let material = paint(&surface.material);
+            if let Some(t) = &material.texture {
+                for uv in &mut mesh.uvs {
+                    *uv = uv.map(|x| x / t.metres.max(1e-3));
+                }
+            }
+            let mesh = Arc::new(mesh);
+            self.items.push(RenderItem {
+                coarse: mesh.clone(),
+                mesh,
+                material,
+                binding: Binding::Link(0),
+                body_from_mesh: Isometry3::identity(),
+                instance: self.instances.len() as u16,
+                casts_shadow: true,
+            });
+        }
+        self.person = Some(RenderedPerson {
+            person: Arc::clone(person),
+            parts,
+        });
+        let seat = robot
+            .settings
+            .seat
+            .as_ref()
+            .filter(|_| person.cushion > 0.0);
+        match seat {
+            Some(seat) => self.add_cushion(seat, person.cushion, robot, assets, paint),
+            None => Ok(()),
+        }
+    }
+
+    /// The seat, so much thicker.
+    fn add_cushion(
+        &mut self,
+        seat: &SeatSettings,
+        thickness: f64,
+        robot: &RobotModel,
+        assets: &Path,
+        paint: &dyn Fn(&Material) -> Material,
+    ) -> Result<(), RenderError> {
+        let visuals = robot.links.iter().flat_map(|link| &link.visual);
+        let mut looks = visuals.map(|visual| &visual.material);
+        let Some(look) = looks.find(|look| look.name == seat.material) else {
+            return Ok(());
+        };
+        let half = [seat.size[0] / 2.0, seat.size[1] / 2.0, thickness / 2.0];
+        let [x, y, z] = seat.at;
+        let cushion = Shape::Cuboid { half };
+        let mut mesh =
+            build_detail(&cushion, assets, Detail::Full).map_err(|source| RenderError::Mesh {
+                body: "seat_cushion".to_owned(),
+                index: 0,
+                source,
+            })?;
+        let material = paint(look);
+        if let Some(t) = &material.texture {
+            for uv in &mut mesh.uvs {
+                *uv = uv.map(|x| x / t.metres.max(1e-3));
+            }
+        }
+        let mesh = Arc::new(mesh);
+        let instance = self.instances.len() as u16 + 1;
+        self.instances.push((instance, "seat_cushion".to_owned()));
+        self.items.push(RenderItem {
+            coarse: mesh.clone(),
+            mesh,
+            material,
+            binding: Binding::Link(0),
+            body_from_mesh: Isometry3::translation(x, y, z + thickness / 2.0),
+            instance,
+            casts_shadow: true,
+        });
         Ok(())
     }
 

@@ -53,6 +53,7 @@ fn scene(items: Vec<RenderItem>, objects: usize) -> RenderScene {
         objects,
         sliding: 0,
         textures: BTreeMap::new(),
+        person: None,
         surrounding: None,
     }
 }
@@ -71,6 +72,7 @@ fn snapshot(objects: &[[f64; 3]]) -> Snapshot {
         skins: Vec::new(),
         furniture_joints: Vec::new(),
         sliding: Vec::new(),
+        person: None,
         contacts: Vec::new(),
         anomalies: Vec::new(),
     }

@@ -10,7 +10,7 @@ use wheelarm_sensors::model::MAX_STRENGTH;
 
 use crate::look::Look;
 use crate::scene::{Placement, Resistance};
-use crate::service::{disturbance, language};
+use crate::service::{disturbance, language, person};
 use crate::sim::{
     ALL_CAMERAS, CameraPlace, CameraSetting, Lens, MAX_SIZE, Quality, Scenario, SensorSetting,
     Starts,
@@ -93,6 +93,7 @@ pub fn scenario(s: &Scenario) -> v1::Scenario {
             })
             .collect(),
         disturbances: s.disturbances.as_ref().map(disturbance::told),
+        person: s.person.as_ref().map(person::told),
         style: Some(s.style.name().to_owned()),
         time_limit_seconds: s.time_limit,
     }
@@ -282,6 +283,9 @@ pub fn scenario_over(now: &Scenario, asked: &v1::Scenario) -> Result<Scenario, I
             language.template.clear();
             language.question.clear();
         }
+        if let Some(person) = &mut s.person {
+            person.drawn = None;
+        }
         s.target.clear();
         s.variant = None;
         s.arm = None;
@@ -311,6 +315,9 @@ pub fn scenario_over(now: &Scenario, asked: &v1::Scenario) -> Result<Scenario, I
     }
     if let Some(asked) = &asked.disturbances {
         s.disturbances = disturbance::asked(asked)?;
+    }
+    if let Some(asked) = &asked.person {
+        s.person = person::asked(asked)?;
     }
     if let Some(style) = &asked.style {
         s.style = Style::from_name(style).map_err(|_| Invalid::Word {

@@ -3,6 +3,7 @@
 use wheelarm_proto::geometry::{pose, vector};
 use wheelarm_proto::v1;
 
+use crate::people::person_part;
 use crate::robot::RobotModel;
 use crate::scene::{FurnitureJoint, Scene};
 use crate::snapshot::{Anomaly, BodyRef, Fault};
@@ -72,6 +73,7 @@ pub fn body_name(body: BodyRef, model: &RobotModel, scene: &Scene) -> String {
         BodyRef::Link(i) => model.links.get(i).map(|l| &l.name),
         BodyRef::Object(i) => scene.objects.get(i).map(|b| &b.name),
         BodyRef::Furniture(i) => scene.furniture.get(i).map(|b| &b.name),
+        BodyRef::Person(i) => return person_part(i),
     };
     name.cloned().unwrap_or_default()
 }
@@ -94,13 +96,19 @@ pub fn goal_kind(goal: &tasks::Goal) -> v1::GoalKind {
     match goal {
         tasks::Goal::Lift => v1::GoalKind::Lift,
         tasks::Goal::Put { .. } => v1::GoalKind::Put,
+        tasks::Goal::Give => v1::GoalKind::Give,
         tasks::Goal::Open { .. } => v1::GoalKind::Open,
         tasks::Goal::Close { .. } => v1::GoalKind::Close,
     }
 }
 
-/// What a task asks for, as a message.
-pub fn goal(goal: &tasks::Goal, target: &str, scene: &Scene) -> v1::TaskGoal {
+/// What a task asks for, as a message; `lap`: that of who sits in the chair.
+pub fn goal(
+    goal: &tasks::Goal,
+    target: &str,
+    scene: &Scene,
+    lap: Option<&v1::BoxGeometry>,
+) -> v1::TaskGoal {
     let mut message = v1::TaskGoal {
         kind: goal_kind(goal).into(),
         target: target.to_owned(),
@@ -108,6 +116,7 @@ pub fn goal(goal: &tasks::Goal, target: &str, scene: &Scene) -> v1::TaskGoal {
     };
     match goal {
         tasks::Goal::Lift => {}
+        tasks::Goal::Give => message.region = lap.copied(),
         tasks::Goal::Put { on } => {
             message.region = scene
                 .surface_named(on, None)

@@ -49,6 +49,7 @@ impl Engine {
                 self.seen_anomalies.push(anomaly);
             }
         }
+        self.publish_touches();
         let hard: Vec<Contact> = self.sim.hard_collisions().copied().collect();
         for contact in hard {
             let pair = (contact.first, contact.second);
@@ -66,6 +67,29 @@ impl Engine {
                 });
                 self.seen_collisions.push(pair);
             }
+        }
+    }
+
+    /// Tells once of every pair of the robot, or of what it holds, with the person.
+    fn publish_touches(&mut self) {
+        let touches: Vec<Contact> = self.sim.touches().copied().collect();
+        for contact in touches {
+            let pair = (contact.first, contact.second);
+            if self.seen_collisions.contains(&pair) {
+                continue;
+            }
+            let name = |body| convert::body_name(body, self.sim.model(), self.sim.scene());
+            let (first, second) = (name(pair.0), name(pair.1));
+            let force = contact.force.norm();
+            self.tell(v1::Event {
+                kind: v1::EventKind::PersonContact.into(),
+                text: format!("{first} touches {second} with {force:.1} N"),
+                body: first,
+                other_body: second,
+                force: Some(force),
+                ..v1::Event::default()
+            });
+            self.seen_collisions.push(pair);
         }
     }
 }

@@ -18,7 +18,7 @@ use crate::service::desk::Request;
 use crate::service::errand::{Errand, Right};
 use crate::service::render::RenderThread;
 use crate::service::sensed::SensorKind;
-use crate::service::{assets, convert, describe, leases, wall};
+use crate::service::{assets, convert, describe, leases, person, wall};
 use crate::sim::{Pacing, Scenario};
 
 /// How far a joint may turn from where a solution is looked for nearby, radians.
@@ -350,10 +350,17 @@ impl Engine {
                 .collect(),
             goal: self.sim.task().map(|task| {
                 let target = &self.sim.scenario().target;
-                convert::goal(&task.goal, target, scene)
+                let lap = self.sim.person().map(|person| person::lap(person));
+                convert::goal(&task.goal, target, scene, lap.as_ref())
             }),
             cameras: vec![describe::room_camera(room)],
             robot: Some(describe::robot(model, &self.arm_mount())),
+            persons: self
+                .sim
+                .person()
+                .map(|p| person::seated(p))
+                .into_iter()
+                .collect(),
         }
     }
 
@@ -409,6 +416,11 @@ impl Engine {
                     return Ok(reply);
                 }
             };
+            if let Some(part) = self.sim.arm_meets(&joints) {
+                reply.reason = format!("the arm would touch the person ({part})");
+                reply.set_problem(v1::ReachProblem::Person);
+                return Ok(reply);
+            }
             reply.reached_count += 1;
             let Some(pose) = path.next() else {
                 reply.reachable = true;

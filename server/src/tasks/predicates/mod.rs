@@ -14,8 +14,8 @@ use serde::Deserialize;
 use self::lift::{LiftedAndHeld, LiftedBefore};
 use self::open::Opening;
 use self::others::{CorrectInstance, NothingKnockedOver};
-use self::put::{AtRest, Inside, Released, Upright};
-use self::robot::{ChairStopped, NoHardCollision};
+use self::put::{AtRest, InLap, Inside, Released, Upright};
+use self::robot::{ChairStopped, ClearOfPerson, NoHardCollision};
 use super::condition::{Name, Predicate};
 
 /// A predicate as it stands in a task file: its word and its thresholds.
@@ -25,6 +25,7 @@ pub(super) enum AnyPredicate {
     LiftedAndHeld(LiftedAndHeld),
     LiftedBefore(LiftedBefore),
     Inside(Inside),
+    InLap(InLap),
     Upright(Upright),
     AtRest(AtRest),
     Released(Released),
@@ -34,6 +35,7 @@ pub(super) enum AnyPredicate {
     ChairStopped(ChairStopped),
     NothingKnockedOver(NothingKnockedOver),
     NoHardCollision(NoHardCollision),
+    ClearOfPerson(ClearOfPerson),
 }
 
 impl AnyPredicate {
@@ -43,6 +45,7 @@ impl AnyPredicate {
             Self::LiftedAndHeld(p) => p,
             Self::LiftedBefore(p) => p,
             Self::Inside(p) => p,
+            Self::InLap(p) => p,
             Self::Upright(p) => p,
             Self::AtRest(p) => p,
             Self::Released(p) => p,
@@ -51,6 +54,7 @@ impl AnyPredicate {
             Self::ChairStopped(p) => p,
             Self::NothingKnockedOver(p) => p,
             Self::NoHardCollision(p) => p,
+            Self::ClearOfPerson(p) => p,
         }
     }
 
@@ -71,7 +75,7 @@ mod tests {
     use super::*;
 
     /// Every predicate as a task file may write it.
-    const WRITTEN: [&str; 12] = [
+    const WRITTEN: [&str; 14] = [
         r#"lifted_and_held = { object = "a", height = 0.1, pad_force = 0.5, secs = 1.0 }"#,
         r#"lifted_before = { object = "a", height = 0.1, pad_force = 0.5 }"#,
         r#"inside = { object = "a", on = "b", above = 0.1 }"#,
@@ -80,10 +84,12 @@ mod tests {
         r#"released = { object = "a", secs = 0.5 }"#,
         r#"opened_by = { joint = "a", travel = 0.2 }"#,
         r#"closed_to = { joint = "a", position = 0.02 }"#,
+        r#"in_lap = { object = "a", above = 0.1 }"#,
         "correct_instance = { height = 0.1 }",
         "chair_stopped = { speed = 0.1, turn_rate_deg_s = 1.0 }",
         "nothing_knocked_over = { tilt_deg = 30, drop = 0.1 }",
         "no_hard_collision = { force = 50.0 }",
+        "clear_of_person = { force = 5.0 }",
     ];
 
     #[test]

@@ -43,6 +43,42 @@ impl Predicate for Inside {
     }
 }
 
+/// The object's centre of mass is above the lap of who sits in the chair, and its
+/// lowest point within `above` of it. Value: the distance of the centre of mass from
+/// the middle of the lap on the floor plan, metres.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(in crate::tasks) struct InLap {
+    object: String,
+    /// Metres.
+    above: f64,
+}
+
+impl Predicate for InLap {
+    fn word(&self) -> &'static str {
+        "in_lap"
+    }
+
+    fn names(&self) -> Vec<Name<'_>> {
+        vec![Name::Object(&self.object)]
+    }
+
+    fn thresholds(&self) -> Vec<Threshold> {
+        vec![Threshold::new("above", self.above, "m", 1.0)]
+    }
+
+    fn measure(
+        &self,
+        context: &Context,
+        _memory: &mut Memory,
+        snapshot: &Snapshot,
+    ) -> Option<Measure> {
+        let (object, state) = context.object_in(&self.object, snapshot)?;
+        let (value, holds) = context.in_lap(object, state, self.above, snapshot)?;
+        Some(Measure { value, holds })
+    }
+}
+
 /// The object leans by no more than `tilt_deg` from how it stood. Value: the
 /// lean, rad.
 #[derive(Clone, Debug, PartialEq, Deserialize)]

@@ -2,7 +2,8 @@
 
 use serde::Deserialize;
 
-use crate::snapshot::Snapshot;
+use crate::people::BodyPart;
+use crate::snapshot::{PersonState, Snapshot};
 use crate::tasks::condition::{Measure, Memory, Name, Predicate, Threshold};
 use crate::tasks::context::Context;
 
@@ -79,6 +80,56 @@ impl Predicate for NoHardCollision {
         snapshot: &Snapshot,
     ) -> Option<Measure> {
         memory.worst = memory.worst.max(context.collision_force(snapshot));
+        Some(Measure {
+            value: memory.worst,
+            holds: memory.worst <= self.force,
+        })
+    }
+}
+
+/// Nothing has ever pressed the person in the chair with more than `force`: the robot
+/// anywhere, whatever it is on head, torso and arms. Things may lie in lap and hands.
+/// Value: the greatest force so far, N.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(in crate::tasks) struct ClearOfPerson {
+    /// N.
+    force: f64,
+}
+
+/// Parts on which nothing is to lie.
+const BARE: [BodyPart; 4] = [
+    BodyPart::Head,
+    BodyPart::Face,
+    BodyPart::Torso,
+    BodyPart::Arms,
+];
+
+impl Predicate for ClearOfPerson {
+    fn word(&self) -> &'static str {
+        "clear_of_person"
+    }
+
+    fn names(&self) -> Vec<Name<'_>> {
+        Vec::new()
+    }
+
+    fn thresholds(&self) -> Vec<Threshold> {
+        vec![Threshold::new("force", self.force, "N", 1_000.0)]
+    }
+
+    fn measure(
+        &self,
+        _context: &Context,
+        memory: &mut Memory,
+        snapshot: &Snapshot,
+    ) -> Option<Measure> {
+        let force = |person: &PersonState| {
+            let bare = BARE.map(|part| person.forces[part.index()]);
+            bare.into_iter().fold(person.robot_force, f64::max)
+        };
+        let now = snapshot.person.as_ref().map_or(0.0, force);
+        memory.worst = memory.worst.max(now);
         Some(Measure {
             value: memory.worst,
             holds: memory.worst <= self.force,

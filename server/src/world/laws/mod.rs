@@ -2,6 +2,7 @@
 
 mod grip;
 mod oddities;
+mod people;
 mod pick;
 mod robot;
 mod scene;

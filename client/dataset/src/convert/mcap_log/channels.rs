@@ -163,6 +163,7 @@ fn of_topic<'a>(
         }
         TopicId::Contact => out.push(Channel::own("/contact", topic, samples()?)),
         TopicId::Disturbance => out.push(Channel::own("/disturbance", topic, samples()?)),
+        TopicId::Person => out.push(Channel::own("/person", topic, samples()?)),
         TopicId::Imu => out.push(Channel::own("/imu", topic, samples()?)),
         TopicId::Odometry => out.push(Channel::own("/odometry", topic, samples()?)),
         TopicId::SensedJoint => out.push(Channel::own("/sensed/joints", topic, samples()?)),

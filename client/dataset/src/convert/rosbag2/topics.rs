@@ -381,6 +381,7 @@ fn of_topic<'a>(
         TopicId::Contact => words(out, recording, topic, "/contact")?,
         TopicId::Command => words(out, recording, topic, "/command")?,
         TopicId::Disturbance => words(out, recording, topic, "/disturbance")?,
+        TopicId::Person => words(out, recording, topic, "/person")?,
         TopicId::StateHash => words(out, recording, topic, "/state_hash")?,
         // The clock comes before all; pictures are taken by camera; the rest is not
         // recorded.

@@ -1,0 +1,171 @@
+//! What the chair's camera sees of who sits in the chair, counted by instance ids.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use crate::people::{BodyPart, HeadPose, Person, PersonSetting};
+use crate::robot::RobotModel;
+use crate::scene::Scene;
+use crate::sensors::camera::{CameraSpec, Quality, RenderScene, Renderer};
+use crate::sim::{Scenario, Simulation};
+use crate::snapshot::{PersonState, Snapshot};
+
+/// Pixels.
+const SIZE: [u32; 2] = [160, 90];
+/// Share of a picture that the head may take at most, and of pictures in which knees
+/// or hands are to be seen, by [`SEEN`] of the pixels at least.
+const HEAD: f64 = 0.05;
+const KNEES_OR_HANDS: f64 = 0.90;
+const SEEN: f64 = 0.005;
+
+fn assets() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../assets")
+}
+
+/// An empty home, and the robot in it at home.
+struct Stage {
+    model: RobotModel,
+    scene: Scene,
+    snapshot: Snapshot,
+}
+
+impl Stage {
+    fn new() -> Self {
+        let scenario = Scenario {
+            task: String::new(),
+            cameras: Vec::new(),
+            ..Scenario::default()
+        };
+        let sim = Simulation::new(&assets(), scenario).expect("a simulation");
+        let mut scene = sim.scene().clone();
+        let mut snapshot = (**sim.snapshot()).clone();
+        scene.furniture.clear();
+        scene.objects.clear();
+        scene.joints.clear();
+        snapshot.objects.clear();
+        snapshot.sliding.clear();
+        snapshot.skins.clear();
+        Self {
+            model: sim.model().clone(),
+            scene,
+            snapshot,
+        }
+    }
+
+    /// Part of the chair camera's picture that each part of the body takes; `None`
+    /// without a graphics adapter.
+    fn shares(&self, body: &str, posture: &str) -> Option<BTreeMap<BodyPart, f64>> {
+        let setting = PersonSetting {
+            body: body.into(),
+            posture: posture.into(),
+            ..PersonSetting::default()
+        };
+        let drawn = setting.draw(&assets(), 1).expect("a person");
+        let person = Arc::new(Person::load(&assets(), drawn).expect("a person"));
+        let (model, scene) = (&self.model, &self.scene);
+        let seen = RenderScene::with_person(model, scene, &assets(), None, Some(&person));
+        let seen = seen.expect("a scene");
+        let mut mounts = model.settings.cameras.iter();
+        let mount = mounts.find(|c| c.name == "wheelchair").expect("a camera");
+        let camera = CameraSpec::on_robot(model, mount, SIZE).expect("a camera");
+        let mut renderer = match Renderer::new(&seen, &[camera], Quality::Fast, None) {
+            Ok(renderer) => renderer,
+            Err(e) => {
+                eprintln!("no pictures here: {e}");
+                return None;
+            }
+        };
+        let mut snapshot = self.snapshot.clone();
+        snapshot.person = Some(PersonState {
+            head: HeadPose::default(),
+            ..PersonState::default()
+        });
+        let frame = renderer
+            .render(&snapshot, &[0])
+            .expect("a picture")
+            .remove(0);
+        let ids = frame.ids();
+        let parts = seen.person.as_ref().expect("a person").parts.iter();
+        let share = |id: u16| ids.iter().filter(|i| **i == id).count() as f64 / ids.len() as f64;
+        Some(parts.map(|&(id, part)| (part, share(id))).collect())
+    }
+}
+
+fn names() -> (Vec<String>, Vec<String>) {
+    let folders = std::fs::read_dir(assets().join("people"))
+        .expect("people")
+        .flatten();
+    let folders = folders.map(|e| e.path()).filter(|p| p.is_dir());
+    let name = |p: PathBuf| {
+        p.file_name()
+            .unwrap_or_default()
+            .to_string_lossy()
+            .into_owned()
+    };
+    let mut bodies: Vec<String> = folders.map(name).collect();
+    bodies.sort();
+    let text = std::fs::read_to_string(assets().join("people/postures.toml")).expect("postures");
+    let table: toml::Table = text.parse().expect("postures");
+    let postures = table.iter().filter(|(_, v)| v.is_table());
+    (bodies, postures.map(|(k, _)| k.clone()).collect())
+}
+
+fn check(pairs: impl Iterator<Item = (String, String)>) {
+    let stage = Stage::new();
+    let (mut count, mut seen, mut wrong, mut most) = (0, 0, Vec::new(), 0.0_f64);
+    for (body, posture) in pairs {
+        let Some(shares) = stage.shares(&body, &posture) else {
+            return;
+        };
+        let of = |parts: &[BodyPart]| parts.iter().filter_map(|p| shares.get(p)).sum::<f64>();
+        let head = of(&[BodyPart::Head, BodyPart::Face, BodyPart::Mouth]);
+        let shown = of(&[BodyPart::Lap, BodyPart::Hands]);
+        count += 1;
+        seen += usize::from(shown >= SEEN);
+        most = most.max(head);
+        println!(
+            "{body:12} {posture:18} head {:5.1} %, knees and hands {:5.1} %",
+            head * 100.0,
+            shown * 100.0
+        );
+        if head > HEAD {
+            wrong.push(format!("{body}, {posture}: head {:.1} %", head * 100.0));
+        }
+    }
+    let part = f64::from(seen as u32) / f64::from(count);
+    println!(
+        "{count} pictures: head at most {:.1} %, knees or hands in {:.1} %",
+        most * 100.0,
+        part * 100.0
+    );
+    assert!(
+        part >= KNEES_OR_HANDS,
+        "knees or hands in {seen} of {count}"
+    );
+    assert!(wrong.is_empty(), "{}", wrong.join("\n"));
+}
+
+/// Every body once, each in another posture.
+#[test]
+fn the_chair_camera_sees_knees_and_hands_and_hardly_the_head() {
+    let (bodies, postures) = names();
+    let posture = |i: usize| postures[(5 * i) % postures.len()].clone();
+    check(
+        bodies
+            .into_iter()
+            .enumerate()
+            .map(|(i, body)| (body, posture(i))),
+    );
+}
+
+/// Every body in every posture: `make test-people`.
+#[test]
+#[ignore = "takes minutes: make test-people"]
+fn the_chair_camera_sees_knees_and_hands_of_everybody_in_every_posture() {
+    let (bodies, postures) = names();
+    let pairs = bodies
+        .iter()
+        .flat_map(|b| postures.iter().map(move |p| (b.clone(), p.clone())));
+    check(pairs);
+}

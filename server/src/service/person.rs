@@ -1,0 +1,153 @@
+//! Who sits in the chair, between message and scenario.
+
+use wheelarm_proto::check::{self, Invalid};
+use wheelarm_proto::geometry::{pose, vector};
+use wheelarm_proto::person::NOBODY;
+use wheelarm_proto::v1;
+
+use crate::people::{BodyPart, DrawnPerson, HeadPose, Person, PersonSetting};
+use crate::sim::Simulation;
+
+/// Who is to sit there.
+pub(super) fn told(of: &PersonSetting) -> v1::Person {
+    v1::Person {
+        body: of.body.clone(),
+        posture: of.posture.clone(),
+        skin: of.skin.clone(),
+        hair: of.hair.clone(),
+        clothes: of.clothes.clone(),
+        seed: of.seed,
+        motion: Some(of.motion),
+        mouth_open: of.mouth_open,
+        guard: of.guard,
+        drawn: of.drawn.as_ref().map(drawn),
+    }
+}
+
+fn drawn(of: &DrawnPerson) -> v1::PersonDrawn {
+    v1::PersonDrawn {
+        body: of.body.clone(),
+        posture: of.posture.clone(),
+        skin: of.skin.clone(),
+        hair: of.hair.clone(),
+        clothes: of.clothes.clone(),
+    }
+}
+
+/// Who is to sit there; `None` for nobody.
+///
+/// # Errors
+/// [`Invalid`] that names the field.
+pub(super) fn asked(of: &v1::Person) -> Result<Option<PersonSetting>, Invalid> {
+    if of.body == NOBODY {
+        return Ok(None);
+    }
+    let none = v1::PersonDrawn::default();
+    let drawn = of.drawn.as_ref().unwrap_or(&none);
+    for (what, name) in [
+        ("person.body", &of.body),
+        ("person.posture", &of.posture),
+        ("person.skin", &of.skin),
+        ("person.hair", &of.hair),
+        ("person.clothes", &of.clothes),
+        ("person.drawn.body", &drawn.body),
+        ("person.drawn.posture", &drawn.posture),
+        ("person.drawn.skin", &drawn.skin),
+        ("person.drawn.hair", &drawn.hair),
+        ("person.drawn.clothes", &drawn.clothes),
+    ] {
+        if !name.is_empty() {
+            check::name(what, name)?;
+        }
+    }
+    Ok(Some(PersonSetting {
+        body: of.body.clone(),
+        posture: of.posture.clone(),
+        skin: of.skin.clone(),
+        hair: of.hair.clone(),
+        clothes: of.clothes.clone(),
+        seed: of.seed,
+        motion: check::within("person.motion", of.motion.unwrap_or(1.0), 0.0, 1.0)?,
+        mouth_open: of.mouth_open,
+        guard: of.guard,
+        drawn: of.drawn.as_ref().map(|drawn| DrawnPerson {
+            body: drawn.body.clone(),
+            posture: drawn.posture.clone(),
+            skin: drawn.skin.clone(),
+            hair: drawn.hair.clone(),
+            clothes: drawn.clothes.clone(),
+        }),
+    }))
+}
+
+/// A part of the body, for programs.
+pub(super) fn part(of: BodyPart) -> v1::BodyPart {
+    match of {
+        BodyPart::Head => v1::BodyPart::Head,
+        BodyPart::Face => v1::BodyPart::Face,
+        BodyPart::Mouth => v1::BodyPart::Mouth,
+        BodyPart::Torso => v1::BodyPart::Torso,
+        BodyPart::Arms => v1::BodyPart::Arms,
+        BodyPart::Hands => v1::BodyPart::Hands,
+        BodyPart::Lap => v1::BodyPart::Lap,
+        BodyPart::Legs => v1::BodyPart::Legs,
+    }
+}
+
+/// Who sits there, for the scene query.
+pub(super) fn seated(person: &Person) -> v1::SeatedPerson {
+    let straight = HeadPose::default();
+    let capsules = person.capsules.iter().map(|capsule| {
+        let [a, b] = person.ends(capsule, &straight);
+        v1::PersonCapsule {
+            name: capsule.name.clone(),
+            part: part(capsule.part).into(),
+            a: Some(vector(&a.coords)),
+            b: Some(vector(&b.coords)),
+            radius: capsule.radius,
+            moves: capsule.moves,
+        }
+    });
+    v1::SeatedPerson {
+        drawn: Some(drawn(&person.drawn)),
+        words: person.words.clone(),
+        stature: person.stature,
+        mass: person.mass,
+        seat_height: person.seat_height,
+        capsules: capsules.collect(),
+        margin: person.margin,
+        lap: Some(lap(person)),
+        mouth: Some(pose(&person.mouth(&straight))),
+    }
+}
+
+/// The lap, in the frame of the chair.
+pub(super) fn lap(person: &Person) -> v1::BoxGeometry {
+    let [length, width] = person.lap.size;
+    v1::BoxGeometry {
+        pose: Some(pose(
+            &nalgebra::Translation3::from(person.lap.at.coords).into(),
+        )),
+        half: Some(v1::Vector3 {
+            x: length / 2.0,
+            y: width / 2.0,
+            z: 0.0,
+        }),
+    }
+}
+
+/// The person at the present tick, as a message.
+pub(super) fn state(sim: &Simulation) -> Option<v1::PersonState> {
+    let (person, snapshot) = (sim.person()?, sim.snapshot());
+    let state = snapshot.person.as_ref()?;
+    let chair = snapshot.links.first()?.pose;
+    let head = &state.head;
+    Some(v1::PersonState {
+        header: None,
+        head: vec![head.yaw, head.pitch, head.roll],
+        jaw: head.jaw,
+        mouth: Some(pose(&(chair * person.mouth(head)))),
+        forces: state.forces.to_vec(),
+        robot_force: state.robot_force,
+    })
+}

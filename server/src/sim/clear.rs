@@ -1,0 +1,138 @@
+//! How far the arm is from who sits in the chair: for `reach`, and for the guard
+//! that slows the arm near the face.
+
+use nalgebra::Point3;
+
+use super::Simulation;
+use super::arm_balls::distance;
+use crate::people::BodyPart;
+use crate::robot::ARM_JOINTS;
+
+/// Speed of the grasp point at the face under the guard, m/s.
+const GUARD_SPEED: f64 = 0.03;
+/// So much more for each metre beyond [`GUARD_NEAR`], 1/s.
+const GUARD_RATE: f64 = 0.4;
+/// Metres.
+const GUARD_NEAR: f64 = 0.15;
+
+impl Simulation {
+    /// The part of the person that the arm would be too near to with its joints at
+    /// these positions, rad; `None` where it keeps clear, or nobody sits there.
+    #[must_use]
+    pub fn arm_meets(&self, arm: &[f64; ARM_JOINTS]) -> Option<&str> {
+        let person = self.person.as_ref()?;
+        let joints = self.snapshot.joints.iter();
+        let mut positions: Vec<f64> = joints.map(|joint| joint.position).collect();
+        for (&joint, &position) in self.model.roles.arm.iter().zip(arm) {
+            positions[joint] = position;
+        }
+        self.arm_balls
+            .meets(person, &self.model.link_poses(&positions))
+    }
+
+    /// Greatest speed of the grasp point that the guard allows now, m/s; `None` where
+    /// there is none.
+    pub(super) fn guarded_speed(&self) -> Option<f64> {
+        let asked = self.scenario.person.as_ref().filter(|person| person.guard);
+        let (person, _) = self.person.as_ref().zip(asked)?;
+        let head = self.snapshot.person.as_ref()?.head;
+        let chair = self.snapshot.links.first()?.pose;
+        let hand = self.snapshot.links.get(self.model.roles.end_effector)?.pose;
+        let tip = Point3::new(0.0, 0.0, self.model.settings.tool_length);
+        let tip = chair.inverse() * hand * tip;
+        let head_parts = person.capsules.iter();
+        let head_parts = head_parts.filter(|c| matches!(c.part, BodyPart::Head | BodyPart::Face));
+        let gaps = head_parts.map(|c| distance(&tip, &person.ends(c, &head)) - c.radius);
+        let gap = gaps.fold(f64::INFINITY, f64::min);
+        Some(GUARD_SPEED + GUARD_RATE * (gap - GUARD_NEAR).max(0.0))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::Vector3;
+
+    use super::*;
+    use crate::people::{HeadPose, PersonSetting};
+    use crate::robot::control::{ArmIntent, ControlInput, IntentFrame};
+    use crate::sim::Scenario;
+    use crate::sim::tests::simulation;
+
+    fn seated(guard: bool) -> Simulation {
+        simulation(Scenario {
+            task: String::new(),
+            cameras: Vec::new(),
+            person: Some(PersonSetting {
+                body: "man_p50".to_owned(),
+                posture: "hands_in_lap".to_owned(),
+                motion: 0.0,
+                guard,
+                ..PersonSetting::default()
+            }),
+            ..Scenario::default()
+        })
+    }
+
+    #[test]
+    fn the_arm_meets_nobody_at_home_and_the_body_where_it_swings_inwards() {
+        let sim = seated(false);
+        let home = sim.model().settings.home;
+        assert_eq!(sim.arm_meets(&home), None);
+        let swung = |by: f64| {
+            let mut arm = home;
+            arm[0] += by;
+            sim.arm_meets(&arm)
+        };
+        let met = (1..=15).find_map(|i| swung(0.1 * f64::from(i)).or(swung(-0.1 * f64::from(i))));
+        assert!(met.is_some(), "no turn of the first joint brings it near");
+        let empty = simulation(Scenario {
+            task: String::new(),
+            cameras: Vec::new(),
+            ..Scenario::default()
+        });
+        assert!((0..30).all(|i| {
+            let mut arm = home;
+            arm[0] += 0.1 * f64::from(i - 15);
+            empty.arm_meets(&arm).is_none()
+        }));
+    }
+
+    /// Towards the face with half a metre per second as asked: under the guard the
+    /// grasp point keeps to the speed that its distance allows.
+    #[test]
+    fn the_guard_slows_the_arm_near_the_face() {
+        let fastest = |guard: bool| {
+            let mut sim = seated(guard);
+            let tip = |sim: &Simulation| {
+                let hand = sim.snapshot.links[sim.model.roles.end_effector].pose;
+                hand * Point3::new(0.0, 0.0, sim.model.settings.tool_length)
+            };
+            let (mut most, mut last) = (0.0_f64, tip(&sim));
+            for tick in 0..90 {
+                let person = sim.person.as_ref().expect("a person");
+                let mouth = sim.snapshot.links[0].pose * person.mouth(&HeadPose::default());
+                let way = mouth.translation.vector - last.coords;
+                let allowed = sim.guarded_speed();
+                assert_eq!(allowed.is_some(), guard);
+                sim.step(&ControlInput {
+                    arm: Some(ArmIntent::Twist {
+                        frame: IntentFrame::House,
+                        linear: way.normalize() * 0.5,
+                        angular: Vector3::zeros(),
+                    }),
+                    ..ControlInput::default()
+                });
+                let now = tip(&sim);
+                let speed = (now - last).norm() * 60.0;
+                last = now;
+                most = most.max(speed);
+                if let (Some(allowed), true) = (allowed, tick > 20) {
+                    assert!(speed < 1.2 * allowed + 0.03, "{speed} of {allowed} m/s");
+                }
+            }
+            most
+        };
+        let (free, guarded) = (fastest(false), fastest(true));
+        assert!(guarded < 0.8 * free, "{guarded} {free}");
+    }
+}

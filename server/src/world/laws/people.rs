@@ -1,0 +1,272 @@
+//! People in the seat: every body in every posture rests there without a motion, the
+//! chair keeps its laws with them, and what touches them presses as it should.
+
+use std::sync::Arc;
+
+use super::super::contact::contacts_where;
+use super::*;
+use crate::people::{BodyPart, HeadPose, Motion, Person, PersonSetting};
+use crate::snapshot::BodyRef;
+
+fn assets() -> std::path::PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../assets")
+}
+
+fn person(body: &str, posture: &str) -> Arc<Person> {
+    let setting = PersonSetting {
+        body: body.into(),
+        posture: posture.into(),
+        ..PersonSetting::default()
+    };
+    let drawn = setting.draw(&assets(), 1).expect("a person");
+    Arc::new(Person::load(&assets(), drawn).expect("a person"))
+}
+
+fn motion(person: &Person, strength: f64) -> Motion {
+    Motion {
+        seed: 3,
+        strength,
+        mouth_open: false,
+        limits: person.limits,
+    }
+}
+
+fn names(folder: &Path, wanted: fn(&Path) -> bool) -> Vec<String> {
+    let entries = std::fs::read_dir(folder).expect("a folder").flatten();
+    let paths = entries.map(|e| e.path()).filter(|p| wanted(p));
+    let mut names: Vec<String> = paths
+        .map(|p| p.file_name().unwrap().to_string_lossy().into_owned())
+        .collect();
+    names.sort();
+    names
+}
+
+/// Nothing of the robot at home touches anybody, and nothing moves: the capsules
+/// neither lie in the arm nor push the chair about.
+#[test]
+fn every_body_in_every_posture_sits_still() {
+    let bodies = names(&assets().join("people"), Path::is_dir);
+    let list = std::fs::read_to_string(assets().join("people/postures.toml")).unwrap();
+    let list: toml::Table = list.parse().unwrap();
+    let postures: Vec<&String> = list
+        .iter()
+        .filter(|(_, v)| v.is_table())
+        .map(|(k, _)| k)
+        .collect();
+    assert_eq!((bodies.len(), postures.len()), (14, 13));
+    let mut wrong = Vec::new();
+    std::thread::scope(|scope| {
+        let work = bodies.chunks(bodies.len().div_ceil(4)).map(|bodies| {
+            let postures = &postures;
+            scope.spawn(move || {
+                let mut wrong = Vec::new();
+                for body in bodies {
+                    for posture in postures {
+                        wrong.extend(sits(body, posture));
+                    }
+                }
+                wrong
+            })
+        });
+        for done in work.collect::<Vec<_>>() {
+            wrong.extend(done.join().expect("no panic"));
+        }
+    });
+    assert!(wrong.is_empty(), "{}", wrong.join("\n"));
+}
+
+/// What is wrong with who sits for 2 s.
+fn sits(body: &str, posture: &str) -> Option<String> {
+    let (mut world, _, start) = robot_alone();
+    let person = person(body, posture);
+    world.seat(&person, motion(&person, 1.0));
+    let mut touched = None;
+    seconds(&mut world, 2.0, |world, _| {
+        let state = world.snapshot().person.expect("a person");
+        if state.forces.iter().any(|f| *f > 0.0) {
+            touched = world.snapshot().contacts.first().copied();
+        }
+    });
+    let snapshot = world.snapshot();
+    let moved = start.inverse() * snapshot.links[0].pose;
+    let (far, turn) = (moved.translation.vector.norm(), moved.rotation.angle());
+    if let Some(contact) = touched {
+        return Some(format!("{body}, {posture}: touched by {contact:?}"));
+    }
+    let speed = snapshot
+        .links
+        .iter()
+        .map(|l| l.linear.norm())
+        .fold(0.0, f64::max);
+    // A heavier chair sinks a little further into its wheels' contacts.
+    (far > 3e-3 || turn > 5e-3 || speed > 5e-3 || !snapshot.anomalies.is_empty())
+        .then(|| format!("{body}, {posture}: moved by {far} m, {turn} rad, {speed} m/s"))
+}
+
+/// Loads of the four wheels on the floor, N.
+fn wheel_loads(world: &World) -> Vec<f64> {
+    let on_floor = contacts_where(&world.physics, |a, b| {
+        matches!((a, b), (BodyRef::Link(_), BodyRef::Furniture(0)))
+    });
+    on_floor.iter().map(|c| -c.force.z).collect()
+}
+
+/// With nobody, 42 kg and 106 kg, from 0.5 m/s by the chair's own profile: at rest by
+/// 0.7 s, all wheels on the floor, the drive below its cap. `cargo test … -- --nocapture`
+/// prints the table.
+#[test]
+fn the_chair_stops_with_who_sits_in_it() {
+    use crate::robot::control::{BaseIntent, ControlInput, RobotControl};
+    let model = model();
+    let most = model.settings.drive.wheel_torque;
+    for (body, kilograms) in [("", 0.0), ("girl_12", 42.0), ("man_p95", 106.0)] {
+        let (mut world, ..) = robot_alone();
+        if !body.is_empty() {
+            let person = person(body, "hands_in_lap");
+            assert!((person.mass - kilograms).abs() < 0.03 * kilograms);
+            world.seat(&person, motion(&person, 0.0));
+        }
+        let mut control = RobotControl::new(&model);
+        let (mut torque, mut least, mut tilt): (f64, f64, f64) = (0.0, f64::MAX, 0.0);
+        let mut drive = |world: &mut World,
+                         linear: f64,
+                         ticks: usize,
+                         mut each: Option<&mut dyn FnMut(&World)>| {
+            for _ in 0..ticks {
+                let input = ControlInput {
+                    base: Some(BaseIntent {
+                        linear,
+                        angular: 0.0,
+                    }),
+                    ..ControlInput::default()
+                };
+                for targets in control.update(&input, &world.snapshot()) {
+                    world.apply(&targets);
+                    world.step();
+                }
+                let snapshot = world.snapshot();
+                for wheel in model.roles.wheels {
+                    torque = torque.max(snapshot.joints[wheel].effort.abs());
+                }
+                let loads = wheel_loads(world);
+                assert_eq!(loads.len(), 4, "a wheel lifts: {loads:?}");
+                least = loads.into_iter().fold(least, f64::min);
+                let up = snapshot.links[0].pose.rotation * Vector3::z();
+                tilt = tilt.max((1.0 - up.z * up.z).max(0.0).sqrt());
+                if let Some(each) = each.as_deref_mut() {
+                    each(world);
+                }
+            }
+        };
+        drive(&mut world, 0.0, 60, None);
+        drive(&mut world, 0.5, 240, None);
+        let cruising = world.snapshot().links[0];
+        assert!(
+            (cruising.linear.norm() - 0.5).abs() < 0.01,
+            "{}",
+            cruising.linear.norm()
+        );
+        let mut rest = None;
+        let mut ticks = 0;
+        let mut stop = |world: &World| {
+            ticks += 1;
+            let slow = world.snapshot().links[0].linear.norm() < 0.01;
+            rest = if slow { rest.or(Some(ticks)) } else { None };
+        };
+        drive(&mut world, 0.0, 60, Some(&mut stop));
+        let way = (world.snapshot().links[0].pose.translation.vector
+            - cruising.pose.translation.vector)
+            .norm();
+        let rest = f64::from(rest.expect("it stops")) / 60.0;
+        println!(
+            "{kilograms:>5} kg: at rest after {rest:.2} s and {way:.3} m, torque at most {torque:.1} N·m, \
+             least wheel load {least:.0} N, tilt at most {:.2} degrees",
+            tilt.asin().to_degrees()
+        );
+        assert!(rest <= 0.7, "{body}: {rest} s");
+        assert!(torque < 0.98 * most, "{body}: {torque} N·m");
+        assert!(least > 20.0, "{body}: {least} N");
+    }
+}
+
+/// A bar on thighs and hands presses there with what it weighs, and nowhere else.
+#[test]
+fn what_lies_in_the_lap_presses_with_its_weight() {
+    let model = model();
+    let person = person("woman_p50", "hands_on_thighs");
+    let [a, b] = person
+        .capsules
+        .iter()
+        .find(|c| c.name == "left_thigh")
+        .map(|c| person.ends(c, &HeadPose::default()))
+        .unwrap();
+    // A bar across both thighs.
+    let middle = nalgebra::center(&a, &b);
+    let bar = object(
+        "bar",
+        at(middle.x, 0.0, middle.z + 0.14),
+        0.5,
+        [0.02, 0.16, 0.01],
+        Shape::Cuboid {
+            half: [0.02, 0.16, 0.01],
+        },
+    );
+    let (scene, placements) = scene(vec![floor()], vec![bar]);
+    let home = model.settings.home;
+    let mut world =
+        World::new(&model, &scene, &placements, &Isometry3::identity(), &home).expect("a world");
+    world.seat(&person, motion(&person, 0.0));
+    seconds(&mut world, 3.0, |_, _| {});
+    let state = world.snapshot().person.expect("a person");
+    let height = world.snapshot().objects[0].pose.translation.z;
+    let all: f64 = state.forces.iter().sum();
+    assert!(height > 0.6, "it fell to {height} m");
+    assert!((all - 0.5 * 9.81).abs() < 0.2, "{:?}", state.forces);
+    assert_eq!(
+        (state.forces[BodyPart::Face.index()], state.robot_force),
+        (0.0, 0.0)
+    );
+}
+
+/// A head that moves under a load: the same bits again, and after a restore in the
+/// middle.
+#[test]
+fn a_run_with_a_person_is_the_same_again_and_from_the_middle() {
+    let make = |body: &str| {
+        let (mut world, targets, _) = robot_alone();
+        let person = person(body, "hands_in_lap");
+        world.seat(&person, motion(&person, 1.0));
+        (world, targets.arm_position)
+    };
+    let run = |world: &mut World, home: [f64; 6], from: f64, to: f64| {
+        let (first, last) = ((from * 240.0) as u64, (to * 240.0) as u64);
+        for tick in first..last {
+            // Towards the chest and the face, until it is touched.
+            let t = tick as f64 / 240.0;
+            let mut targets = hold(home);
+            targets.arm_position[0] += 0.6 * t;
+            targets.arm_velocity[0] = 0.6;
+            world.apply(&targets);
+            world.step();
+        }
+        world.hash()
+    };
+    let (mut first, home) = make("man_p50");
+    let end = run(&mut first, home, 0.0, 3.0);
+    let (mut second, _) = make("man_p50");
+    run(&mut second, home, 0.0, 1.5);
+    let saved = second.save();
+    assert_eq!(run(&mut second, home, 1.5, 3.0), end);
+    let (mut third, _) = make("man_p50");
+    third.restore(&saved).expect("a state of this world");
+    assert_eq!(third.snapshot().person, {
+        second.restore(&saved).expect("its own state");
+        second.snapshot().person
+    });
+    assert_eq!(run(&mut third, home, 1.5, 3.0), end);
+    // Somebody else, or nobody, is another world.
+    let (mut other, _) = make("woman_p5");
+    assert!(other.restore(&saved).is_err());
+    let (mut empty, ..) = robot_alone();
+    assert!(empty.restore(&saved).is_err());
+}

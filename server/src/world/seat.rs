@@ -1,0 +1,182 @@
+//! Who sits in the chair: mass on the chair's body, capsules that everything but the
+//! chair touches, and what presses on them.
+//!
+//! The body is rigid with the chair but for head and jaw, whose capsules stand where
+//! the motion's track has them at every tick.
+
+use std::sync::Arc;
+
+use nalgebra::Isometry3;
+use rapier3d::prelude::{
+    ColliderBuilder, ColliderHandle, PhysicsWorld, RigidBodyHandle, SharedShape,
+};
+use wheelarm_proto::TICKS_PER_CONTROL;
+
+use super::body::{RobotBody, person_groups};
+use super::contact::{contacts_where, tag};
+use super::convert::{mass_properties, point, pose, real};
+use super::mass::Mass;
+use super::tree::Place;
+use crate::people::{BodyPart, HeadPose, Motion, PARTS, Person};
+use crate::snapshot::{BodyRef, PersonState};
+
+/// Friction of clothes and skin, the mean with the other body's counts. [guess]
+const FRICTION: f32 = 0.6;
+/// What touches the face this near to the mouth touches the mouth, metres.
+const MOUTH: f64 = 0.035;
+
+/// A person in the engine.
+#[derive(Clone, Debug)]
+pub(super) struct Seated {
+    person: Arc<Person>,
+    motion: Motion,
+    body_from_chair: Isometry3<f64>,
+    body: RigidBodyHandle,
+    /// Capsules that move with the head: index and collider.
+    moving: Vec<(usize, ColliderHandle)>,
+    /// Now.
+    state: PersonState,
+}
+
+impl Seated {
+    /// Puts a person into the seat of a robot; `None` where its root is no body.
+    pub(super) fn insert(
+        physics: &mut PhysicsWorld,
+        robot: &RobotBody,
+        person: Arc<Person>,
+        motion: Motion,
+    ) -> Option<Self> {
+        let Place::InBody(index, body_from_chair) = *robot.tree.places.first()? else {
+            return None;
+        };
+        let body = *robot.handles.get(index)?;
+        let own = Mass {
+            mass: person.mass,
+            com: person.com,
+            inertia: person.inertia,
+        };
+        let mass = robot.tree.bodies[index]
+            .mass
+            .plus(&own.seen_from(&body_from_chair));
+        physics.bodies[body].set_additional_mass_properties(mass_properties(&mass), true);
+        let head = motion.at(0);
+        let mut moving = Vec::new();
+        for (index, capsule) in person.capsules.iter().enumerate() {
+            let [a, b] = capsule.ends.map(|end| point(&end));
+            let chair_from_joint = person.skeleton.joint(capsule.joint, &head);
+            let collider = ColliderBuilder::new(SharedShape::capsule(a, b, real(capsule.radius)))
+                .position(pose(&(body_from_chair * chair_from_joint)))
+                .density(0.0)
+                .friction(FRICTION)
+                .collision_groups(person_groups())
+                .user_data(tag(BodyRef::Person(index)));
+            let handle = physics.insert_collider(collider, Some(body));
+            if capsule.moves {
+                moving.push((index, handle));
+            }
+        }
+        Some(Self {
+            person,
+            motion,
+            body_from_chair,
+            body,
+            moving,
+            state: PersonState {
+                head,
+                ..PersonState::default()
+            },
+        })
+    }
+
+    /// Head and jaw go where they are at the end of the tick after `tick`.
+    pub(super) fn begin_tick(&mut self, physics: &mut PhysicsWorld, tick: u64) {
+        if tick.is_multiple_of(TICKS_PER_CONTROL) {
+            self.state.forces = [0.0; PARTS.len()];
+            self.state.robot_force = 0.0;
+        }
+        let head = self.motion.at(tick + 1);
+        if head == self.state.head {
+            return;
+        }
+        self.state.head = head;
+        for (index, handle) in &self.moving {
+            let capsule = &self.person.capsules[*index];
+            let chair_from_joint = self.person.skeleton.joint(capsule.joint, &head);
+            let place = pose(&(self.body_from_chair * chair_from_joint));
+            if let Some(collider) = physics.colliders.get_mut(*handle) {
+                collider.set_position_wrt_parent(place);
+            }
+        }
+    }
+
+    /// Takes up what presses after a tick: the greatest since the control tick began.
+    pub(super) fn end_tick(&mut self, physics: &PhysicsWorld) {
+        let is_person = |body| matches!(body, BodyRef::Person(_));
+        let contacts = contacts_where(physics, |a, b| is_person(a) || is_person(b));
+        if contacts.is_empty() {
+            return;
+        }
+        let root = super::convert::from_pose(physics.bodies[self.body].position());
+        let mouth = root * self.body_from_chair * self.person.mouth(&self.state.head);
+        let mut forces = [0.0; PARTS.len()];
+        let mut robot = 0.0;
+        for contact in contacts {
+            let BodyRef::Person(index) = contact.second else {
+                continue;
+            };
+            let force = contact.force.norm();
+            let part = self.person.capsules[index].part;
+            forces[part.index()] += force;
+            let near = (contact.point - mouth.translation.vector).norm() < MOUTH;
+            if part == BodyPart::Face && near {
+                forces[BodyPart::Mouth.index()] += force;
+            }
+            if matches!(contact.first, BodyRef::Link(_)) {
+                robot += force;
+            }
+        }
+        for (most, force) in self.state.forces.iter_mut().zip(forces) {
+            *most = most.max(force);
+        }
+        self.state.robot_force = self.state.robot_force.max(robot);
+    }
+
+    /// Now.
+    pub(super) fn state(&self) -> PersonState {
+        self.state
+    }
+
+    /// Goes on from a saved state at a tick.
+    pub(super) fn restore(&mut self, state: PersonState, tick: u64) {
+        self.state = PersonState {
+            // The colliders stand in the engine's state; the track tells the rest.
+            head: self.motion.at(tick),
+            ..state
+        };
+    }
+
+    /// Whether the collider is one that the motion moves.
+    pub(super) fn moves(&self, collider: ColliderHandle) -> bool {
+        self.moving.iter().any(|(_, handle)| *handle == collider)
+    }
+
+    /// What tells this person from others, and numbers that take part in the state's
+    /// hash.
+    pub(super) fn bits(&self) -> impl Iterator<Item = u64> + '_ {
+        let HeadPose {
+            yaw,
+            pitch,
+            roll,
+            jaw,
+        } = self.state.head;
+        let drawn = &self.person.drawn;
+        let names = drawn
+            .body
+            .bytes()
+            .chain(drawn.posture.bytes())
+            .map(u64::from);
+        let numbers = [yaw, pitch, roll, jaw, self.state.robot_force];
+        let numbers = numbers.into_iter().chain(self.state.forces);
+        numbers.map(f64::to_bits).chain(names)
+    }
+}
