@@ -57,7 +57,6 @@ TOPICS = [
 TASKS = {
     "clear_can": 150.0,
     "close_drawer": 120.0,
-    "give_crackers": 150.0,
     "open_drawer": 120.0,
     "pick_blue_mug": 100.0,
     "pick_bowl": 100.0,
