@@ -55,7 +55,6 @@ TOPICS = [
 
 # Tasks that ship, with their time limit in simulated seconds.
 TASKS = {
-    "clear_can": 150.0,
     "close_drawer": 120.0,
     "open_drawer": 120.0,
     "pick_blue_mug": 100.0,
