@@ -104,6 +104,8 @@ class LockStep:
         self._kept: dict[str, Any] = {}
         self._frames: dict[str, Frame] = {}
         self._running = False
+        self._target: int | None = None
+        self._heard = time.monotonic()
         self.commander = client.commander(name, take=take)
         try:
             self._periods = self._camera_periods(cameras)
@@ -144,11 +146,26 @@ class LockStep:
 
     def _subscribe(self, name: str, key: str) -> None:
         put = self._queue.put
-        self._subscribers.append(
-            self._client._session.declare_subscriber(
-                key, direct(lambda sample: put((name, sample)))
-            )
-        )
+
+        def taken(sample: zenoh.Sample) -> None:
+            if name != "clock" or self._is_awaited(sample):
+                put((name, sample))
+
+        self._subscribers.append(self._client._session.declare_subscriber(key, direct(taken)))
+
+    def _is_awaited(self, clock: zenoh.Sample) -> bool:
+        """Whether a clock is more than a sign of life: the ticks for which an answer
+        stands pass without waking who waits for its end."""
+        if self._target is None or not self._client._speaker.sent(clock):
+            return True
+        try:
+            tick = int(v1.Clock.FromString(clock.payload.to_bytes()).header.tick)
+        except Exception:
+            return True  # Who waits says what is wrong with it.
+        if tick < self._target:
+            self._heard = time.monotonic()
+            return False
+        return True
 
     @property
     def episode(self) -> int:
@@ -176,12 +193,13 @@ class LockStep:
 
     def receive(self) -> Moment:
         """The second half of `step`: waits for the next tick that is to be answered."""
+        assert self._target is not None, "send comes first"
         self.now = self._until(self._target)
         return self.now
 
     def _until(self, target: int) -> Moment:
         """Takes what comes until the clock of a tick, and the pictures due by then."""
-        heard = time.monotonic()
+        self._heard = time.monotonic()
         header: v1.Header | None = None
         asked: set[str] = set()
         while True:
@@ -190,11 +208,11 @@ class LockStep:
             try:
                 name, sample = self._queue.get(timeout=_SILENCE)
             except queue.Empty:
-                header = self._asked_status(target, header, heard)
+                header = self._asked_status(target, header)
                 continue
             if not self._client._speaker.sent(sample):
                 continue
-            heard = time.monotonic()
+            self._heard = time.monotonic()
             if name == "clock":
                 clock = read(v1.Clock, sample.payload.to_bytes(), name).header
                 if clock.episode == self.episode and clock.tick >= target:
@@ -262,9 +280,7 @@ class LockStep:
             if reply.ok is not None and str(reply.ok.key_expr) == key:
                 self._queue.put((name, reply.ok))
 
-    def _asked_status(
-        self, target: int, header: v1.Header | None, heard: float
-    ) -> v1.Header | None:
+    def _asked_status(self, target: int, header: v1.Header | None) -> v1.Header | None:
         """What silence means: a clock may have been lost on the way."""
         if self._client.is_closed:
             raise Gone("the client is closed")
@@ -282,7 +298,7 @@ class LockStep:
                 self.ask_again("camera/" + camera)
         if header is None and status.header.tick >= target and not status.paused:
             return status.header
-        if time.monotonic() - heard > self.patience:
+        if time.monotonic() - self._heard > self.patience:
             missing = "pictures of the cameras" if header is not None else f"tick {target}"
             raise Silent(
                 f"waited {self.patience:.0f} s for {missing}; the server says: "
