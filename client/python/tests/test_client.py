@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import socket
+import time
 
 import numpy as np
 import pytest
@@ -162,6 +163,23 @@ def test_a_picture_that_was_lost_is_asked_for_again():
         moment = episode.step(wheelarm.command(over_ticks=6))
         assert lost and moment.frames["gen3"].tick == moment.tick == 24
         assert episode.step(wheelarm.command(over_ticks=6)).frames["gen3"].tick == 48
+
+
+def test_a_sample_of_somebody_else_is_not_taken_for_the_servers():
+    with (
+        wheelarm.Server(task="pick_mustard", pacing="lock-step") as server,
+        server.connect() as client,
+        client.lockstep("me", topics=["joint_state"]) as episode,
+    ):
+        for over_ticks in (1, 6):
+            episode.send(wheelarm.command(over_ticks=over_ticks))
+            # The server has published and waits; then somebody else's comes last.
+            while client.status().header.tick < episode.now.tick + 4 * over_ticks:
+                time.sleep(0.01)
+            client._session.put(client._topic_key("joint_state"), b"noise")
+            time.sleep(0.1)
+            moment = episode.receive()
+            assert moment.message("joint_state").header.tick == moment.tick
 
 
 def test_in_real_time_a_commander_drives_and_what_is_for_lock_step_is_refused():

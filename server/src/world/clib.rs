@@ -45,9 +45,10 @@ pub extern "C" fn sincosf(x: f32, sine: &mut MaybeUninit<f32>, cosine: &mut Mayb
     cosine.write(wave(x, true));
 }
 
-/// A quarter of a turn and half of one in two parts, the first of few digits.
-const QUARTER: [f32; 2] = [1.5707963, 7.549_789_4e-8];
-const HALF: f32 = 3.1415925;
+/// A quarter of a turn, rad, in two parts: rounded down, and what that leaves out.
+const QUARTER: [f32; 2] = [f32::from_bits(0x3fc9_0fda), 7.549_789_4e-8];
+/// Half of a turn, rad, rounded down; what is left out is twice that of a quarter.
+const HALF: f32 = f32::from_bits(0x4049_0fda);
 
 fn acos(x: f32) -> f32 {
     let size = x.abs();

@@ -99,12 +99,22 @@ class LockStep:
         self._queue: queue.SimpleQueue[tuple[str, zenoh.Sample]] = queue.SimpleQueue()
         self._subscribers: list[Any] = []
         self._newest: dict[str, zenoh.Sample] = {}
+        # Topics of which only the newest sample counts: kept by the transport, so that
+        # what passes between two answers costs this interpreter nothing.
+        self._kept: dict[str, Any] = {}
         self._frames: dict[str, Frame] = {}
         self._running = False
+        self._target: int | None = None
+        self._heard = time.monotonic()
         self.commander = client.commander(name, take=take)
         try:
             self._periods = self._camera_periods(cameras)
-            for topic in {"clock", "refusal", "episode_stop", *map(known_topic, topics)}:
+            steering = {"clock", "refusal", "episode_stop"}
+            for topic in set(map(known_topic, topics)) - steering:
+                self._kept[topic] = client._session.declare_subscriber(
+                    client._topic_key(topic), zenoh.handlers.RingChannel(1)
+                )
+            for topic in steering:
                 self._subscribe(topic, client._topic_key(topic))
             for camera in cameras:
                 self._subscribe("camera/" + camera, client._key(f"camera/{camera}"))
@@ -136,11 +146,26 @@ class LockStep:
 
     def _subscribe(self, name: str, key: str) -> None:
         put = self._queue.put
-        self._subscribers.append(
-            self._client._session.declare_subscriber(
-                key, direct(lambda sample: put((name, sample)))
-            )
-        )
+
+        def taken(sample: zenoh.Sample) -> None:
+            if name != "clock" or self._is_awaited(sample):
+                put((name, sample))
+
+        self._subscribers.append(self._client._session.declare_subscriber(key, direct(taken)))
+
+    def _is_awaited(self, clock: zenoh.Sample) -> bool:
+        """Whether a clock is more than a sign of life: the ticks for which an answer
+        stands pass without waking who waits for its end."""
+        if self._target is None or not self._client._speaker.sent(clock):
+            return True
+        try:
+            tick = int(v1.Clock.FromString(clock.payload.to_bytes()).header.tick)
+        except Exception:
+            return True  # Who waits says what is wrong with it.
+        if tick < self._target:
+            self._heard = time.monotonic()
+            return False
+        return True
 
     @property
     def episode(self) -> int:
@@ -168,24 +193,26 @@ class LockStep:
 
     def receive(self) -> Moment:
         """The second half of `step`: waits for the next tick that is to be answered."""
+        assert self._target is not None, "send comes first"
         self.now = self._until(self._target)
         return self.now
 
     def _until(self, target: int) -> Moment:
         """Takes what comes until the clock of a tick, and the pictures due by then."""
-        heard = time.monotonic()
+        self._heard = time.monotonic()
         header: v1.Header | None = None
+        asked: set[str] = set()
         while True:
-            if header is not None and not self._owing(header.tick):
+            if header is not None and self._taken(asked) and not self._owing(header.tick):
                 break
             try:
                 name, sample = self._queue.get(timeout=_SILENCE)
             except queue.Empty:
-                header = self._asked_status(target, header, heard)
+                header = self._asked_status(target, header)
                 continue
             if not self._client._speaker.sent(sample):
                 continue
-            heard = time.monotonic()
+            self._heard = time.monotonic()
             if name == "clock":
                 clock = read(v1.Clock, sample.payload.to_bytes(), name).header
                 if clock.episode == self.episode and clock.tick >= target:
@@ -210,6 +237,23 @@ class LockStep:
             if not name.startswith("camera/")
         }
         return Moment(header, samples, dict(self._frames))
+
+    def _taken(self, asked: set[str]) -> bool:
+        """Takes the newest sample of every topic; time waits, so that none comes after.
+        Where somebody else's has taken its place, the server is asked for its own, once:
+        who was asked about stands in ``asked``."""
+        whole = True
+        for topic, subscriber in self._kept.items():
+            sample = subscriber.try_recv()
+            if sample is None:
+                continue
+            if self._client._speaker.sent(sample):
+                self._newest[topic] = sample
+            elif topic not in asked:
+                asked.add(topic)
+                self.ask_again(topic)
+                whole = False
+        return whole
 
     def _owing(self, tick: int) -> list[str]:
         """Cameras whose picture that is due by a tick has not come."""
@@ -236,9 +280,7 @@ class LockStep:
             if reply.ok is not None and str(reply.ok.key_expr) == key:
                 self._queue.put((name, reply.ok))
 
-    def _asked_status(
-        self, target: int, header: v1.Header | None, heard: float
-    ) -> v1.Header | None:
+    def _asked_status(self, target: int, header: v1.Header | None) -> v1.Header | None:
         """What silence means: a clock may have been lost on the way."""
         if self._client.is_closed:
             raise Gone("the client is closed")
@@ -256,7 +298,7 @@ class LockStep:
                 self.ask_again("camera/" + camera)
         if header is None and status.header.tick >= target and not status.paused:
             return status.header
-        if time.monotonic() - heard > self.patience:
+        if time.monotonic() - self._heard > self.patience:
             missing = "pictures of the cameras" if header is not None else f"tick {target}"
             raise Silent(
                 f"waited {self.patience:.0f} s for {missing}; the server says: "
@@ -281,9 +323,9 @@ class LockStep:
                 self._client.stop_episode(episode=self.episode)
             except WheelArmError:
                 pass
-        for subscriber in self._subscribers:
+        for subscriber in [*self._subscribers, *self._kept.values()]:
             subscriber.undeclare()
-        self._subscribers = []
+        self._subscribers, self._kept = [], {}
         self.commander.close()
 
     def __enter__(self) -> LockStep:

@@ -2032,11 +2032,11 @@ class CameraSetting(_Message):
     named (no unit).
     """
     width: int
-    """Picture width, pixels; the intrinsics scale with it. Width and height 0: as the camera
-    delivers.
+    """Picture width, 16 to 4096 pixels; the intrinsics scale with it. There is no usual size: 0 is
+    refused.
     """
     height: int
-    """Picture height, pixels."""
+    """Picture height, 16 to 4096 pixels."""
     rate_hz: float
     """Pictures per second of simulation time, Hz; must divide 240. Absent takes 10, 0 is off.
     Optional.
