@@ -69,6 +69,32 @@ for set in colour av1; do
     "$new" -W ignore "$check" "data/$set" data/sensed/*.h5
 done
 "$new" -W ignore "$check" --language data/depth data/sensed/*.h5
+echo "== openpi and RoboArena"
+has openpi-client 0.1.2 || pip --no-deps openpi-client==0.1.2
+"$python" -c 'import msgpack, websockets, tree' 2>/dev/null || pip msgpack websockets dm-tree
+sed 's/^protocol = .*/protocol = "roboarena"/' "$root/assets/policies/openpi.toml" >roboarena.toml
+for protocol in openpi roboarena; do
+    map=$root/assets/policies/openpi.toml
+    [ "$protocol" = openpi ] || map=$PWD/roboarena.toml
+    "$python" "$root/tests/python/openpi_server.py" port 6 "$protocol" & server=$!
+    while [ ! -s port ]; do kill -0 "$server"; sleep 0.1; done
+    # It ends the only episode by an error, which is counted.
+    wheelarm evaluate --task pick_bowl --seeds 0..1 --policy "openpi:ws://127.0.0.1:$(cat port)" --policy-map "$map" \
+        --no-grid --out "$protocol" >told || [ $? = 3 ]
+    grep -q 'RuntimeError: that is enough' told || { cat told; exit 1; }
+    wait "$server"
+    rm port
+done
+echo "== checkpoints of LeRobot"
+"$python" -c 'import zenoh' 2>/dev/null || pip eclipse-zenoh==1.10.2
+export PYTHONPATH=$root/client/python/src
+"$python" -W ignore "$root/tests/python/check_lerobot_policy.py" "$folder/checkpoints"
+for kind in act diffusion; do
+    WHEELARM_PYTHON=$python wheelarm evaluate --task pick_bowl --seeds 0..1 --policy "lerobot:checkpoints/$kind" --time-limits \
+        --no-grid --out "lerobot-$kind" >told || [ $? = 1 ] || [ $? = 3 ]
+    grep -q "lerobot $kind" "lerobot-$kind/report.json" || { cat told; exit 1; }
+done
+unset PYTHONPATH
 echo "== ACT against LeRobot's"
 "$python" -W ignore "$root/tests/python/check_act.py" "$root/client/learn/python"
 echo "== our trainer, in two pieces"

@@ -106,6 +106,19 @@ pub struct Entry {
     pub scenario: Option<serde_json::Value>,
 }
 
+/// How a task failed, in a word or two; `gave up` where the task itself had not.
+#[must_use]
+pub fn failed(evaluation: &v1::Evaluation) -> String {
+    use v1::FailureReason as Reason;
+    match evaluation.failure_reason() {
+        Reason::Unspecified | Reason::None => "gave up".to_owned(),
+        reason => {
+            let name = reason.as_str_name().trim_start_matches("FAILURE_REASON_");
+            name.to_lowercase().replace('_', " ")
+        }
+    }
+}
+
 impl Entry {
     /// Whether it is the result of `job`.
     #[must_use]

@@ -11,7 +11,7 @@ use wheelarm_rig::{Ongoing, Worker, WorkerOptions, free_label, limits};
 
 use super::args::EvaluateArgs;
 use super::driver::Driver;
-use super::entry::{Condition, Entry, Job};
+use super::entry::{Condition, Entry, Job, failed};
 use super::pulse::Pulse;
 use super::worker::broken_entry;
 use crate::broken::Broken;
@@ -162,6 +162,13 @@ fn entry(job: &Job, tried: Tried) -> Entry {
         settings: job.settings(),
         policy: job.policy.clone(),
         success: report.succeeded(),
+        end: match (report.succeeded(), broken) {
+            (true, _) => "success".to_owned(),
+            (false, Some(broken)) => broken.words().to_owned(),
+            (false, None) => failed(&report.evaluation),
+        },
+        // Nobody watches beside the operator.
+        course: None,
         why: report.why().unwrap_or_default(),
         conditions: conditions.map(Condition::from).collect(),
         seconds,

@@ -23,7 +23,8 @@ impl Station {
     /// When a program does not start.
     pub fn start(args: &EvaluateArgs, driver: &Driver, index: usize) -> anyhow::Result<Self> {
         match (args.worker, driver) {
-            (Way::Process, Driver::Operator) => {
+            // What is kept of failures alone is told apart there.
+            (Way::Process, Driver::Operator) if args.redraw_failures.is_none() => {
                 let process = OneProcess::start(args, index)?;
                 Ok(Self::Process(Box::new(process)))
             }

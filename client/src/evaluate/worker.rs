@@ -17,7 +17,7 @@ use wheelarm_rig::{Recorder, RecorderOptions, Server, Work, free_label, limits};
 
 use super::args::EvaluateArgs;
 use super::driver::Driver;
-use super::entry::{Condition, Entry, Job};
+use super::entry::{Condition, Entry, Job, failed};
 use super::progress::Course;
 use super::pulse::Pulse;
 use super::witness::Witness;
@@ -261,18 +261,11 @@ impl Worker {
 
 /// How an episode ended, in a word or two.
 fn end(done: &Done) -> String {
-    use v1::FailureReason as Reason;
     match (done.success, done.broken, done.fault) {
         (true, ..) => "success".to_owned(),
         (_, _, Some(fault)) => format!("policy {fault}"),
         (_, Some(broken), _) => broken.words().to_owned(),
-        _ => match done.evaluation.failure_reason() {
-            Reason::Unspecified | Reason::None => "gave up".to_owned(),
-            reason => {
-                let name = reason.as_str_name().trim_start_matches("FAILURE_REASON_");
-                name.to_lowercase().replace('_', " ")
-            }
-        },
+        _ => failed(&done.evaluation),
     }
 }
 

@@ -1,0 +1,65 @@
+"""A policy behind openpi's protocol, with the message code of the real `openpi-client`: it
+checks what it is sent and holds the robot. Ends after an episode of so many questions.
+
+    python openpi_server.py PORT_FILE QUESTIONS [roboarena]
+"""
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import websockets.sync.server
+from openpi_client import image_tools, msgpack_numpy
+
+HAND, KNUCKLE, ROWS = slice(14, 23), 12, 10
+
+
+def answer(observation, roboarena):
+    image = observation["observation/image"]
+    assert image.shape == (224, 224, 3) and image.dtype == np.uint8, (image.shape, image.dtype)
+    assert observation["observation/wrist_image"].shape == (224, 224, 3)
+    state = observation["observation/state"]
+    assert state.shape == (27,) and state.dtype == np.float32, (state.shape, state.dtype)
+    assert isinstance(observation["prompt"], str) and observation["prompt"]
+    # The picture stands in the middle, as openpi's own clients put it there.
+    inner = image[49:175]
+    assert inner.any() and not image[:49].any() and not image[175:].any()
+    again = image_tools.resize_with_pad(inner, 224, 224)
+    assert np.array_equal(again, image)
+    if roboarena:
+        assert observation["session_id"], observation.keys()
+    row = np.concatenate([state[HAND], [state[KNUCKLE], 0, 0]]).astype(np.float32)
+    return np.tile(row, (ROWS, 1))
+
+
+def main():
+    port_file, questions, roboarena = Path(sys.argv[1]), int(sys.argv[2]), "roboarena" in sys.argv
+    asked, resets = [], []
+
+    def handle(connection):
+        packer = msgpack_numpy.Packer()
+        metadata = {"image_resolution": (224, 224), "needs_session_id": True} if roboarena else {"name": "hold"}
+        connection.send(packer.pack(metadata))
+        for message in connection:
+            observation = msgpack_numpy.unpackb(message)
+            if roboarena and observation["endpoint"] == "reset":
+                resets.append(observation["session_id"])
+                connection.send("reset successful")
+                continue
+            asked.append(observation)
+            if len(asked) > questions:
+                connection.send("Traceback (most recent call last):\nRuntimeError: that is enough")
+                connection.close()
+                server.shutdown()
+                return
+            rows = answer(observation, roboarena)
+            connection.send(packer.pack(rows if roboarena else {"actions": rows, "server_timing": {"infer_ms": 1.0}}))
+
+    server = websockets.sync.server.serve(handle, "127.0.0.1", 0, compression=None, max_size=None)
+    port_file.write_text(str(server.socket.getsockname()[1]))
+    server.serve_forever()
+    assert len(asked) == questions + 1 and bool(resets) == roboarena, (len(asked), resets)
+    print(f"{questions} observations were read by openpi-client's own code, {len(resets)} resets")
+
+
+main()
