@@ -171,7 +171,7 @@ check_deb() {
     cp "$deb" "$root/tmp/wheelarm.deb"
     online "$root" sh -c 'apt-get update -qq && DEBIAN_FRONTEND=noninteractive apt-get install -y -qq --install-recommends /tmp/wheelarm.deb' \
         >"$work/apt.log" 2>&1 || die "apt install: $(tail -n 5 "$work/apt.log")"
-    for file in bin/wheelarm bin/wheelarm-server bin/wheelarm-dataset share/man/man1/wheelarm-demo.1.gz \
+    for file in bin/wheelarm bin/wheelarm-server bin/wheelarm-worker bin/wheelarm-dataset share/man/man1/wheelarm-demo.1.gz \
         share/man/man1/wheelarm-server.1.gz share/bash-completion/completions/wheelarm \
         share/zsh/vendor-completions/_wheelarm share/fish/vendor_completions.d/wheelarm.fish \
         share/wheelarm/assets/scenes/home.toml share/doc/wheelarm/copyright; do

@@ -17,7 +17,7 @@ from hatchling.builders.hooks.plugin.interface import BuildHookInterface
 
 PREFIX = "WHEELARM_WHEEL_PREFIX"
 PLATFORM = "WHEELARM_WHEEL_PLATFORM"
-PROGRAMS = ("wheelarm", "wheelarm-dataset", "wheelarm-server")
+PROGRAMS = ("wheelarm", "wheelarm-dataset", "wheelarm-server", "wheelarm-worker")
 # Of the prefix: what a virtual environment has a use for.
 SHARED = (
     "share/wheelarm",
