@@ -91,7 +91,8 @@ impl Way {
     fn to(goal: v1::GoalKind) -> Self {
         match goal {
             v1::GoalKind::Unspecified => Self::None,
-            v1::GoalKind::Lift => Self::Lift,
+            // What is handed over is lifted; where to, moves with the chair.
+            v1::GoalKind::Lift | v1::GoalKind::Give => Self::Lift,
             v1::GoalKind::Put => Self::Put,
             v1::GoalKind::Open | v1::GoalKind::Close => Self::Slide,
         }

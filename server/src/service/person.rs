@@ -144,7 +144,7 @@ pub(super) fn state(sim: &Simulation) -> Option<v1::PersonState> {
     let head = &state.head;
     Some(v1::PersonState {
         header: None,
-        head: vec![head.yaw, head.pitch, head.roll],
+        head_angles: vec![head.yaw, head.pitch, head.roll],
         jaw: head.jaw,
         mouth: Some(pose(&(chair * person.mouth(head)))),
         forces: state.forces.to_vec(),

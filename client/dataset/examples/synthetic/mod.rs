@@ -294,7 +294,7 @@ impl Random {
             .encode_to_vec(),
             "person" => v1::PersonState {
                 header,
-                head: self.list(3),
+                head_angles: self.list(3),
                 jaw: self.wild(),
                 mouth: Some(self.pose()),
                 forces: self.list(8),

@@ -471,7 +471,7 @@ static PERSON: Table<v1::PersonState> = Table {
             "rad (to the left, down, to the right)",
             "",
             &[HEAD_TURNS],
-            list!(head),
+            list!(head_angles),
         ),
         f64s("jaw", "rad", "", &[], number!(jaw)),
         f64s(

@@ -178,7 +178,7 @@ fn what_a_server_does_wrong_is_told_and_the_next_question_is_asked_anew() {
     ];
     let (address, _told) = server(answers);
     let policy = OpenPi::connect(&address, map(), PATIENCE, false).unwrap();
-    let mut ask = || policy.infer(observation()).map(|chunk| chunk.rows);
+    let ask = || policy.infer(observation()).map(|chunk| chunk.rows);
     assert_eq!(
         ask(),
         Err(PolicyError::Said("ValueError: it is dark here".to_owned()))

@@ -2000,7 +2000,7 @@ class PersonState(_Message):
     """The person in the chair; published where somebody sits there."""
     header: Header
     """Stamp of the sample."""
-    head: _Scalars[float]
+    head_angles: _Scalars[float]
     """How the head is turned beside the posture: to the left, down, to the right, rad."""
     jaw: float
     """How far the jaw is turned down, rad."""
@@ -2018,7 +2018,7 @@ class PersonState(_Message):
         self,
         *,
         header: Header | _Mapping[str, _Any] | None = ...,
-        head: _Iterable[float] | None = ...,
+        head_angles: _Iterable[float] | None = ...,
         jaw: float | None = ...,
         mouth: Pose | _Mapping[str, _Any] | None = ...,
         forces: _Iterable[float] | None = ...,
