@@ -173,7 +173,7 @@ fn bench(options: &Options) -> Result<()> {
     Ok(())
 }
 
-fn sheet(options: &Options, file: &PathBuf) -> Result<()> {
+fn sheet(options: &Options, file: &Path) -> Result<()> {
     let size = [options.width, options.height];
     let mut tiles = Vec::new();
     for person in &options.person {

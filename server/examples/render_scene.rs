@@ -227,6 +227,7 @@ fn snapshot(robot: &RobotModel, scene: &Scene, root: &Isometry3<f64>, arm: &[f64
             .collect(),
         contacts: Vec::new(),
         anomalies: Vec::new(),
+        person: None,
     }
 }
 

@@ -182,7 +182,7 @@ def csv_table(path, recordings):
         middle = {int(row[0]): np.array([float(v) for v in row]) for row in made[1:]}[at + 1]
         assert abs(middle[1] - state[at, 112]) < 1e-9
         assert middle[41] == 0, "an error on purpose where none was made"
-        equal(middle[29:41], next_pose(source, *(float(stamps[k]) for k in (at, at + 1))), "action", 1e-5)
+        equal(middle[29:41], next_pose(source, float(stamps[at + 1])), "action", 1e-5)
         height, width = streams["camera/gen3/rgb"].shape[1:3]
         for camera in CAMERAS:
             for kind, bits, colour in (("rgb", 8, 2), ("depth", 8, 0), ("depth_mm", 16, 0)):
@@ -193,7 +193,7 @@ def csv_table(path, recordings):
         print(f"{label}: {len(state)} rows of 117 columns")
 
 
-def next_pose(source, stamp, after):
+def next_pose(source, after):
     """An action of the kind next-pose from the streams alone, for a robot whose
     commander streams poses: tests/python knows nothing of how it was exported."""
     streams = source["streams"]
@@ -203,9 +203,7 @@ def next_pose(source, stamp, after):
     x, y, z, w = pose[3:] / np.linalg.norm(pose[3:])
     first = [1 - 2 * (y * y + z * z), 2 * (x * y + z * w), 2 * (x * z - y * w)]
     second = [2 * (x * y - z * w), 1 - 2 * (x * x + z * z), 2 * (y * z + x * w)]
-    # Wheel speeds hold for a physics tick; their mean by a fine sum.
-    fine = np.linspace(stamp, after, 4801)[:-1] + (after - stamp) / 9600 - 5e8 / 240
-    left, right = (np.interp(fine, ticks, c).mean() for c in streams["applied/wheel_velocity"][...].T)
+    left, right = streams["applied/wheel_velocity"][asked]
     robot = source["robot"].attrs
     motion = [(left + right) / 2 * robot["wheel_radius"], (right - left) / robot["track"] * robot["wheel_radius"]]
     knuckle = streams["applied/knuckle"][asked + 1]
@@ -277,7 +275,7 @@ def lerobot(path, recordings):
             equal(np.array(column["privileged.chair_pose"][row]), streams["pose/pose"][i, 0], "chair", 1e-5)
             if row + 1 < rows[-1]:
                 after = round(column["simulation_time"][row + 1] * 1e9)
-                equal(np.array(column["action"][row]), next_pose(source, stamp, after), "action", 1e-4)
+                equal(np.array(column["action"][row]), next_pose(source, after), "action", 1e-4)
         for camera in CAMERAS:
             key = f"observation.images.{camera}"
             if features[key]["dtype"] == "video":
@@ -326,8 +324,8 @@ def robomimic(path, recordings):
             streams = source["streams"]
             i = at_stamp(streams["joint_state"], round(demo["simulation_time"][n // 2] * 1e9))
             equal(demo["obs/joint_pos"][n // 2], streams["joint_state/position"][i, 4:10], "joints", 1e-12)
-            stamp, after = (round(demo["simulation_time"][k] * 1e9) for k in (n // 2, n // 2 + 1))
-            equal(demo["actions_raw"][n // 2], next_pose(source, stamp, after), "action", 1e-5)
+            after = round(demo["simulation_time"][n // 2 + 1] * 1e9)
+            equal(demo["actions_raw"][n // 2], next_pose(source, after), "action", 1e-5)
             assert not {"base_pos", "base_quat"} & set(demo["obs"]) and demo["states"].shape == (n, 27)
             equal(demo["privileged/base_pos"][n // 2], streams["pose/pose"][i, 0, :3], "chair", 1e-12)
             demo.visititems(described)

@@ -50,5 +50,6 @@ pub fn moving(robot: &RobotModel, scene: &Scene, time: f64) -> Snapshot {
             .collect(),
         contacts: Vec::new(),
         anomalies: Vec::new(),
+        person: None,
     }
 }

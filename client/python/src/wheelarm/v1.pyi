@@ -2203,7 +2203,7 @@ class Scenario(_Message):
     """
     person: Person
     """Who sits in the chair. Absent takes what is in force, at start-up nobody; what of it is
-    drawn is drawn anew as the scene is. Optional.
+    drawn is drawn anew as the scene is (no unit). Optional.
     """
     starts: Starts
     """Where the robot starts; at start-up near by (no unit)."""
@@ -2575,7 +2575,7 @@ class PersonCapsule(_Message):
     b: Vector3
     """The other end, metres."""
     radius: float
-    """Metres."""
+    """Its radius, metres."""
     moves: bool
     """It moves with the head (no unit)."""
     def __init__(

@@ -100,8 +100,10 @@ fn nothing_names_a_path_of_one_machine() {
     );
 }
 
-/// Words of the contract that happen to be names of the robot's links, too.
-const COMMON: [&str; 5] = [
+/// Words of the contract and of the human body that happen to be names of the
+/// robot's links, too.
+const COMMON: [&str; 6] = [
+    "forearm",
     "base_link",
     "wheelchair_root",
     "end_effector_link",
