@@ -280,7 +280,7 @@ mod tests {
         assert_eq!(v1::JointState::NAME, "joint_state");
         assert_eq!(v1::EpisodeStopped::TOPIC.info().key, "episode/stop");
         assert_eq!(v1::CameraFrame::TOPIC, TopicId::Camera);
-        assert_eq!(TopicId::STATES.len(), 18);
+        assert_eq!(TopicId::STATES.len(), 19);
     }
 
     #[test]

@@ -567,7 +567,7 @@ mod tests {
         assert_eq!(percent(&[]), (0, Some(M::InReach)));
         // Standing far away, or passing by, is not in reach.
         assert_eq!(percent(&[far(), far(), drives()]), (0, Some(M::InReach)));
-        assert_eq!(percent(&[far(), stands()]), (0, Some(M::InReach)));
+        assert_eq!(percent(&[far(), drives(), stands()]), (0, Some(M::InReach)));
         assert_eq!(percent(&[stands(), stands()]), (20, Some(M::Touched)));
         assert_eq!(percent(&[stands(), by_chair()]).0, 20);
         assert_eq!(percent(&[stands(), by_finger()]), (40, Some(M::Gripped)));

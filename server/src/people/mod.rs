@@ -2,7 +2,7 @@
 //! seed, posed, with what physics, pictures and clients need to know of them.
 //!
 //! Names neither rapier nor wgpu. A [`Person`] never changes; what moves (head and
-//! jaw) follows from a seed and the tick alone ([`motion`]). All places are in the
+//! jaw) follows from a seed and the tick alone (`motion`). All places are in the
 //! frame of the chair, `wheelchair_root`, unless they say otherwise.
 
 mod draw;

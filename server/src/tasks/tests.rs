@@ -721,7 +721,7 @@ fn broken_tasks_are_refused_with_key_values_and_cure() {
             "tasks/pick_mustard.toml",
             "template = \"lift\"",
             "template = \"juggle\"",
-            &["template is \"juggle\"", "close, lift, open, put"],
+            &["template is \"juggle\"", "close, give, lift, open, put"],
         ),
         (
             "tasks/pick_mustard.toml",

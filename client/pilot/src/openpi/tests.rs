@@ -170,7 +170,7 @@ fn what_a_server_does_wrong_is_told_and_the_next_question_is_asked_anew() {
         Some(actions(4, 9)),
         None,
         Some(actions(4, 9)),
-        Some(Message::binary(vec![0xc1])),
+        Some(Message::binary(vec![0x81])),
         Some(Message::binary(packed(&Value::Map(vec![(
             "state".into(),
             1.into(),
@@ -209,7 +209,7 @@ fn who_is_silent_or_not_there_is_told_with_the_cure() {
     let gone = connect(&format!("ws://{at}"));
     assert!(gone.contains("is the policy's server running?"), "{gone}");
     assert!(connect("wss://localhost:1").contains("ssh -L"));
-    assert!(connect("nonsense").contains("ws://HOST:PORT"));
+    assert!(connect("non sense").contains("ws://HOST:PORT"));
 }
 
 #[test]

@@ -284,6 +284,16 @@ impl ArmControl {
     /// the joints by them.
     fn follow(&self, state: &mut ArmState, mut wanted: [f64; 6], jacobian: &Matrix6<f64>, dt: f64) {
         let speed = self.kinematics.speed();
+        let (lower, upper) = (self.kinematics.lower(), self.kinematics.upper());
+        // Once below the stopping speed, a joint can always stay below it.
+        let room = |distance: f64| stopping_speed(distance, self.settings.acceleration, dt);
+        if self.limit.is_some() {
+            // A joint that stops at its end no longer turns against the others.
+            for i in 0..6 {
+                let (below, above) = (state.position[i] - lower[i], upper[i] - state.position[i]);
+                wanted[i] = exact::within(wanted[i], -room(below), room(above));
+            }
+        }
         let tool_speed = self.tool_speed(jacobian, &wanted);
         let most = self.settings.tool_speed;
         let most = self.limit.map_or(most, |limit| limit.min(most));
@@ -303,10 +313,7 @@ impl ArmControl {
         } else {
             1.0
         };
-        let (lower, upper) = (self.kinematics.lower(), self.kinematics.upper());
         for i in 0..6 {
-            // Once below the stopping speed, a joint can always stay below it.
-            let room = |distance: f64| stopping_speed(distance, self.settings.acceleration, dt);
             let velocity = exact::within(
                 state.velocity[i] + part * change[i],
                 -room(state.position[i] - lower[i]),
