@@ -26,7 +26,7 @@ pub struct RecordArgs {
     pub name: String,
     /// How depth is stored: `f32` are metres, bit for bit as rendered; `u16` are
     /// millimetres at half the size, 0 where nothing was hit or the surface is
-    /// farther than 65.535 m.
+    /// farther than 65.535 m; `none` leaves it out.
     #[arg(long, value_parser = named::<Depth>(), default_value = "f32")]
     pub depth: Depth,
     /// Ends when standard input is closed: with the program that started it.

@@ -264,16 +264,19 @@ pub enum Depth {
     /// 16-bit millimetres at half the size, rounded to the nearest; 0 where
     /// nothing is hit or the surface is farther than 65.535 m.
     Millimetres,
+    /// Not at all: recordings for what learns from colour alone.
+    Nothing,
 }
 
 impl Named for Depth {
     const WHAT: &'static str = "depth";
-    const ALL: &'static [Self] = &[Self::Metres, Self::Millimetres];
+    const ALL: &'static [Self] = &[Self::Metres, Self::Millimetres, Self::Nothing];
 
     fn name(self) -> &'static str {
         match self {
             Self::Metres => "f32",
             Self::Millimetres => "u16",
+            Self::Nothing => "none",
         }
     }
 }

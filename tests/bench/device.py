@@ -28,6 +28,8 @@ from pathlib import Path
 
 PLAN = """
 name = "bench"
+purpose = "train"
+first_seed = 10000
 depth = "{depth}"
 [[camera]]
 name = "gen3"
@@ -42,7 +44,7 @@ episodes = {episodes}
 # A successful episode of that task lasts 14 to 17 s.
 EPISODE_SECONDS = 14.0
 KINDS = {
-    "small": dict(size=(224, 126), depth="u16", per_core=1.0),
+    "small": dict(size=(224, 126), depth="none", per_core=1.0),
     "720p": dict(size=(1280, 720), depth="f32", per_core=0.75),
 }
 # Times real time summed, of one big card with 16 cores, and for each core of a host

@@ -262,7 +262,10 @@ fn pictures(
     }
     let all = parallel(camera.len(), threads, |i| {
         let rgb = camera.rgb(episode, i)?;
-        let depth = camera.depth(episode, i)?;
+        let depth = match camera.has_depth() {
+            true => camera.depth(episode, i)?,
+            false => Vec::new(),
+        };
         let n = rgb.len().max(1) as f64;
         let mean = rgb.iter().map(|&v| f64::from(v)).sum::<f64>() / n;
         let variance = rgb
@@ -288,7 +291,7 @@ fn pictures(
         wrong(format!("{bad} depths are NaN or negative"));
     }
     let empty = all.iter().filter(|f| f.hit == 0.0).count();
-    if empty > 0 {
+    if empty > 0 && camera.has_depth() {
         wrong(format!("{empty} pictures without any depth"));
     }
     let size = camera.size().unwrap_or((0, 0));
@@ -308,14 +311,18 @@ fn pictures(
         wrong("the calibration changes within the episode".into());
     }
     let mean = |f: &dyn Fn(&Figures) -> f64| all.iter().map(f).sum::<f64>() / all.len() as f64;
+    let depth = match camera.has_depth() {
+        true => format!("depth at {:.1} % of the pixels", 100.0 * mean(&|f| f.hit)),
+        false => "no depth".to_owned(),
+    };
     found.facts.push(format!(
-        "{stream}: {} pictures of {}x{}, mean level {:.0}, contrast {:.0}, depth at {:.1} % of the pixels",
+        "{stream}: {} pictures of {}x{}, mean level {:.0}, contrast {:.0}, {}",
         all.len(),
         size.0,
         size.1,
         mean(&|f| f.mean),
         mean(&|f| f.contrast),
-        100.0 * mean(&|f| f.hit),
+        depth,
     ));
     Ok(())
 }

@@ -452,6 +452,31 @@ fn depth_in_millimetres_is_the_rounded_depth_in_metres() {
 }
 
 #[test]
+fn without_depth_there_are_colour_and_ids_as_they_came() {
+    let dir = tempfile::tempdir().unwrap();
+    let options = WriterOptions {
+        depth: Depth::Nothing,
+        ..Default::default()
+    };
+    let (log, offered) = record(dir.path(), "colour", &options, 7);
+    let finished = finish(&log, None).unwrap();
+    let episode = Episode::open(&finished.path).unwrap();
+    let camera = episode.camera("gen3").unwrap();
+    assert!(camera.has_rgb() && !camera.has_depth());
+    assert_eq!(camera.len(), offered["camera/gen3"].len());
+    for (i, payload) in offered["camera/gen3"].iter().enumerate() {
+        let sent = v1::CameraFrame::decode(payload.clone()).unwrap();
+        let read = camera.frame(&episode, i).unwrap();
+        assert_eq!(read.rgb, sent.rgb);
+        assert!(read.depth.is_empty());
+        assert!(camera.encoded(&episode, i).unwrap().is_none());
+    }
+    let asked = camera.depth(&episode, 0).unwrap_err().to_string();
+    assert!(asked.contains("depth"), "{asked}");
+    assert_eq!(episode.summary().unwrap().depth_unit, "none");
+}
+
+#[test]
 fn samples_of_the_wrong_kind_are_refused_and_do_no_harm() {
     let dir = tempfile::tempdir().unwrap();
     let mut writer = EpisodeWriter::open(

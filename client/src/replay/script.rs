@@ -33,7 +33,10 @@ pub(super) struct Script {
 pub(super) fn depth(episode: &Episode) -> anyhow::Result<Depth> {
     for name in episode.cameras()? {
         let camera = episode.camera(&name)?;
-        if camera.has_depth() && camera.millimetres() {
+        if !camera.is_empty() && !camera.has_depth() {
+            return Ok(Depth::Nothing);
+        }
+        if camera.millimetres() {
             return Ok(Depth::Millimetres);
         }
     }

@@ -170,7 +170,8 @@ impl Format for CsvTable {
                 continue;
             };
             let size = Size { width, height };
-            for kind in ["rgb", "depth", "depth_mm"] {
+            let kinds = ["rgb", "depth", "depth_mm"];
+            for kind in &kinds[..if source.has_depth() { 3 } else { 1 }] {
                 std::fs::create_dir(folder.path().join(format!("{camera}_{kind}")))?;
             }
             for (block, part) in rows.chunks(BLOCK).enumerate() {
@@ -181,9 +182,11 @@ impl Format for CsvTable {
                         std::fs::write(to, bytes)
                     };
                     save("rgb", png_rgb(&recording.rgb(camera, part[i])?, size)?)?;
-                    let depth = recording.depth(camera, part[i])?;
-                    save("depth", png_grey(&depth, size)?)?;
-                    save("depth_mm", png_depth(&depth, size)?)?;
+                    if source.has_depth() {
+                        let depth = recording.depth(camera, part[i])?;
+                        save("depth", png_grey(&depth, size)?)?;
+                        save("depth_mm", png_depth(&depth, size)?)?;
+                    }
                     Ok(())
                 })?;
                 if Some(camera) == recording.cameras.keys().next() {

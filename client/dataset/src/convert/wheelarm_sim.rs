@@ -182,6 +182,12 @@ fn write(
     threads: usize,
     tick: &(dyn Fn() + Sync),
 ) -> anyhow::Result<usize> {
+    let without = recording.cameras.iter().find(|(_, c)| !c.has_depth());
+    if let Some((name, _)) = without {
+        anyhow::bail!(
+            "{name} was recorded without depth, which this format has; record with --depth u16"
+        );
+    }
     let file = hdf5::File::create_excl(path)?;
     let data = file.create_group("data")?;
     let stamps = &recording.aligned.stamps;

@@ -16,7 +16,6 @@ use wheelarm_proto::{StreamId, TopicId, v1};
 
 use crate::account::Account;
 use crate::columns::{self, Context};
-use crate::depth::Depth;
 use crate::hdf::Attributes;
 use crate::log::{LogError, Scan, scan};
 use crate::publish;
@@ -142,11 +141,7 @@ fn write(path: &Path, scan: &Scan, account: &Account) -> Result<(), FinishError>
         true => None,
         false => Some(group.create_group("sensor")?),
     };
-    let depth = if scan.preamble.depth_millimetres {
-        Depth::Millimetres
-    } else {
-        Depth::Metres
-    };
+    let depth = scan.preamble.depth();
     let mut counts = BTreeMap::new();
     let mut rows = begun(&started);
     for (number, name) in scan.preamble.streams.iter().enumerate() {

@@ -8,6 +8,7 @@ use wheelarm_proto::v1;
 
 use crate::account::{Account, StreamAccount};
 use crate::columns::Context;
+use crate::depth::Depth;
 use crate::ending::end_cause;
 use crate::hdf::{self, Attributes};
 use crate::log::{Preamble, Scan};
@@ -49,10 +50,10 @@ pub(super) fn attributes(
         .set("first_tick", header.tick)?
         .text(
             "depth_unit",
-            if preamble.depth_millimetres {
-                "mm"
-            } else {
-                "m"
+            match preamble.depth() {
+                Depth::Metres => "m",
+                Depth::Millimetres => "mm",
+                Depth::Nothing => "none",
             },
         )?;
 

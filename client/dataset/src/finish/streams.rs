@@ -152,7 +152,9 @@ pub(super) fn camera(
             return Err(bad("its ids have another width than those before"));
         }
         pictures.rgb.write(index, parts.rgb)?;
-        pictures.depth.write(index, parts.depth)?;
+        if let Some(depth) = &pictures.depth {
+            depth.write(index, parts.depth)?;
+        }
         pictures.ids.write(index, parts.ids)?;
 
         let h = &entry.header;
@@ -279,7 +281,7 @@ fn millimetres_dataset(
 
 struct Pictures {
     rgb: Chunked,
-    depth: Chunked,
+    depth: Option<Chunked>,
     ids: Chunked,
     /// Bytes of one id.
     id_bytes: usize,
@@ -304,9 +306,13 @@ impl Pictures {
                 Attributes::of(d.dataset())
                     .set("scale", 1.0)?
                     .text("note", note)?;
-                d
+                Some(d)
             }
-            Depth::Millimetres => millimetres_dataset(group, count, [h, w], MILLIMETRES_NOTE)?,
+            Depth::Millimetres => {
+                let note = MILLIMETRES_NOTE;
+                Some(millimetres_dataset(group, count, [h, w], note)?)
+            }
+            Depth::Nothing => None,
         };
         let ids = match id_bytes {
             2 => Chunked::create::<u16>(group, "ids", count, &[h, w], 1, shuffle)?,

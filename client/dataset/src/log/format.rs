@@ -3,6 +3,8 @@
 use prost::Message;
 use wheelarm_proto::v1;
 
+use crate::depth::Depth;
+
 /// First bytes of a log; the digit is the version of the format.
 pub(crate) const FILE_MAGIC: &[u8; 8] = b"WHLLOG1\n";
 /// First bytes of a record.
@@ -34,6 +36,21 @@ pub struct Preamble {
     /// Stream names by record stream number; cameras as `camera/NAME`.
     #[prost(string, repeated, tag = "6")]
     pub streams: Vec<String>,
+    /// Cameras are stored without depth.
+    #[prost(bool, tag = "7")]
+    pub without_depth: bool,
+}
+
+impl Preamble {
+    /// How the cameras' depth is stored.
+    #[must_use]
+    pub fn depth(&self) -> Depth {
+        match (self.without_depth, self.depth_millimetres) {
+            (true, _) => Depth::Nothing,
+            (false, true) => Depth::Millimetres,
+            (false, false) => Depth::Metres,
+        }
+    }
 }
 
 /// Samples of one stream that arrived out of order because they were sent again.

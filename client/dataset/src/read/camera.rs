@@ -235,7 +235,10 @@ impl Camera {
             return read.map_err(|e| failed(hdf5::Error::Internal(e.to_string())));
         }
         let data = [&self.rgb, &self.depth, &self.ids][which];
-        let data = data.as_ref().ok_or_else(|| self.absent(episode, index))?;
+        let data = data.as_ref().ok_or_else(|| {
+            let plane = ["colour", "depth", "ids"][which];
+            failed(hdf5::Error::Internal(format!("it has no {plane}").into()))
+        })?;
         Ok(match (which, self.millimetres) {
             (0, _) => {
                 data.read_slice::<u8, _, ndarray::Ix3>(s![index, .., .., ..])
@@ -344,7 +347,10 @@ impl Camera {
             width,
             height,
             rgb: self.rgb(episode, index)?,
-            depth: self.depth(episode, index)?,
+            depth: match self.has_depth() {
+                true => self.depth(episode, index)?,
+                false => Vec::new(),
+            },
             ids: self.ids(episode, index)?,
             intrinsics: v1::Intrinsics {
                 width: width as u32,
@@ -367,7 +373,7 @@ impl Camera {
         if let Some(sensor) = &self.sensor {
             return self.encoded_sensor(episode, sensor, index).map(Some);
         }
-        if self.millimetres {
+        if self.millimetres || !self.has_depth() {
             return Ok(None);
         }
         let (run_id, number) = episode.run()?;

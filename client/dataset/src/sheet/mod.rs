@@ -32,6 +32,17 @@ struct Strip {
     range: (f32, f32),
 }
 
+impl Strip {
+    /// Rows of pictures: colour, and depth where it was recorded.
+    fn rows(&self) -> i32 {
+        let colour_alone = |frame: &Frame| frame.depth.is_empty();
+        match !self.frames.is_empty() && self.frames.iter().all(colour_alone) {
+            true => 1,
+            false => 2,
+        }
+    }
+}
+
 /// Draws the sheet of an episode into `out`.
 ///
 /// # Errors
@@ -58,7 +69,8 @@ pub fn sheet(episode: &Episode, out: &Path) -> Result<(), SheetError> {
                 .map_or(40, |f| tile * f.height as i32 / f.width as i32)
         })
         .collect();
-    let pictures: i32 = heights.iter().map(|h| 2 * (h + GAP) + GAP).sum();
+    let sizes = strips.iter().zip(&heights);
+    let pictures: i32 = sizes.map(|(strip, h)| strip.rows() * (h + GAP) + GAP).sum();
     let height = HEADER + TIMES + pictures + PLOTS + MARGIN;
     let mut canvas = Canvas::new(WIDTH as usize, height as usize, PAPER.rgb());
 
@@ -70,13 +82,15 @@ pub fn sheet(episode: &Episode, out: &Path) -> Result<(), SheetError> {
             let (w, h) = (tile as usize, h as usize);
             canvas.put(&picture::colour(frame, w, h), x, y as usize);
             let below = y as usize + h + GAP as usize;
-            canvas.put(&picture::depth(frame, strip.range, w, h), x, below);
+            if strip.rows() > 1 {
+                canvas.put(&picture::depth(frame, strip.range, w, h), x, below);
+            }
         }
-        if !strip.frames.is_empty() {
+        if strip.rows() > 1 && !strip.frames.is_empty() {
             bar(&mut canvas, MARGIN + GUTTER - 34, y + h + GAP, h);
         }
         rows.push((y, h));
-        y += 2 * (h + GAP) + GAP;
+        y += strip.rows() * (h + GAP) + GAP;
     }
 
     {
@@ -226,6 +240,9 @@ fn labels(root: &Area<'_>, strip: &Strip, y: i32, h: i32) -> Result<(), SheetErr
     }
     label::left(root, "colour", (MARGIN, y + 48), 20, GREY)?;
     let below = y + h + GAP;
+    if strip.rows() == 1 {
+        return Ok(());
+    }
     label::left(root, "depth", (MARGIN, below + 12), 20, GREY)?;
     let x = MARGIN + GUTTER - 42;
     let (near, far) = strip.range;

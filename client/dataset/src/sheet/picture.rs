@@ -78,6 +78,9 @@ pub fn colour(frame: &Frame, width: usize, height: usize) -> Canvas {
 /// The depth picture: near is warm, far is cold, nothing is dark grey.
 pub fn depth(frame: &Frame, range: (f32, f32), width: usize, height: usize) -> Canvas {
     let mut out = Canvas::new(width, height, (58, 60, 64));
+    if frame.depth.is_empty() {
+        return out;
+    }
     for y in 0..height {
         for x in 0..width {
             // The nearest surface of the block keeps thin things visible.

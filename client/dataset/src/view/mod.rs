@@ -80,16 +80,24 @@ pub fn page(
                     return Ok(None);
                 };
                 let frame = camera.frame(&recording.episode, index)?;
-                let depth = picture::depth(&frame, range, small.width, small.height).pixels;
+                let depth = match camera.has_depth() {
+                    true => {
+                        let picture = picture::depth(&frame, range, small.width, small.height);
+                        Some(jpeg(&picture.pixels, small)?)
+                    }
+                    false => None,
+                };
                 let rgb = scaled(frame.rgb, Size { width, height }, small);
-                Ok(Some([jpeg(&rgb, small)?, jpeg(&depth, small)?]))
+                Ok(Some((jpeg(&rgb, small)?, depth)))
             })?;
             writeln!(file, "<script>")?;
             for (row, pictures) in block.iter().zip(encoded) {
-                if let Some([rgb, depth]) = pictures {
+                if let Some((rgb, depth)) = pictures {
                     let key = serde_json::to_string(name)?.replace("</", "<\\/");
                     writeln!(file, "picture({key}+\"/rgb\",{row},\"{rgb}\");")?;
-                    writeln!(file, "picture({key}+\"/depth\",{row},\"{depth}\");")?;
+                    if let Some(depth) = depth {
+                        writeln!(file, "picture({key}+\"/depth\",{row},\"{depth}\");")?;
+                    }
                 }
                 if number == 0 {
                     tick();
@@ -137,9 +145,11 @@ fn data(recording: &Recording) -> Value {
     let s = &recording.summary;
     let pictures: Vec<Value> = recording
         .cameras
-        .keys()
-        .flat_map(|c| {
-            ["rgb", "depth"].map(|kind| json!({"key": format!("{c}/{kind}"), "title": format!("{c}, {}", if kind == "rgb" { "colour" } else { "depth (warm is near)" })}))
+        .iter()
+        .flat_map(|(c, camera)| {
+            let kinds = [("rgb", "colour"), ("depth", "depth (warm is near)")];
+            let kinds = kinds.into_iter().take(1 + usize::from(camera.has_depth()));
+            kinds.map(move |(kind, words)| json!({"key": format!("{c}/{kind}"), "title": format!("{c}, {words}")}))
         })
         .collect();
     let mut facts = vec![

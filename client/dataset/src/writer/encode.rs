@@ -62,6 +62,7 @@ impl Encoder {
                 to_millimetres(&frame.depth, &mut self.millimetres);
                 self.deflate.append(&self.millimetres, 2, out);
             }
+            Depth::Nothing => {}
         });
         part(&mut out, |out| {
             self.deflate.append(&frame.ids, ids::bytes(frame), out);

@@ -206,6 +206,7 @@ impl EpisodeWriter {
             software: env!("CARGO_PKG_VERSION").to_owned(),
             depth_millimetres: options.depth == Depth::Millimetres,
             streams: names.clone(),
+            without_depth: options.depth == Depth::Nothing,
         };
         let appender = Appender::start(log_file, &preamble).map_err(|source| LogError::Io {
             path: log.display().to_string(),

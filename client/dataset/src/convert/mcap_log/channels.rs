@@ -20,12 +20,8 @@ pub(super) fn channels<'a>(
 ) -> anyhow::Result<Vec<Channel<'a>>> {
     let mut out = once(recording, robot, assets)?;
     for (name, camera) in &recording.cameras {
-        out.extend(pictures(
-            recording,
-            &format!("/camera/{name}"),
-            name,
-            camera,
-        ));
+        let all = pictures(recording, &format!("/camera/{name}"), name, camera).into_iter();
+        out.extend(all.filter(|channel| camera.has_depth() || !channel.topic.ends_with("/depth")));
     }
     for (name, sensor) in &recording.sensors {
         let all = pictures(recording, &format!("/sensor/{name}"), name, sensor);
