@@ -49,8 +49,10 @@ mmdebstrap --quiet --variant=minbase \
     --customize-hook='chroot "$1" useradd --uid 1000 --user-group --create-home wheelarm' \
     --customize-hook='mkdir -p "$1/data" && chmod 1777 "$1/data"' \
     --customize-hook="mkdir -p \"\$1/usr/share/vulkan/icd.d\" && cat nvidia_icd.json >\"\$1/usr/share/vulkan/icd.d/nvidia_icd.json\"" \
-    --customize-hook='rm -rf "$1"/var/lib/apt/lists/* "$1"/var/cache/* "$1"/var/log/* "$1"/etc/hostname "$1"/etc/resolv.conf "$1"/dev/*' \
+    --customize-hook='rm -rf "$1"/var/lib/apt/lists/* "$1"/var/cache/* "$1"/var/log/* "$1"/etc/hostname "$1"/etc/resolv.conf' \
     bookworm "$work/rootfs.tar" ${MIRROR:+"$MIRROR"}
+# The container's runtime brings /dev; nodes of it cannot be unpacked everywhere.
+tar --delete --wildcards --file "$work/rootfs.tar" './dev/*' 2>/dev/null || true
 
 container=$(buildah from scratch)
 buildah add "$container" "$work/rootfs.tar" / >/dev/null
