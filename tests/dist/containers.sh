@@ -19,6 +19,12 @@ first_episode() { # FOLDER PID LOG
     done
 }
 
+# Waits until what was killed is gone: the kernel takes a moment for all of a
+# namespace, and the shard is locked until then.
+gone() { # WORDS OF ITS COMMAND LINE
+    while pgrep -f "$1" >/dev/null; do sleep 0.1; done
+}
+
 same_data() {
     .venv/bin/python tests/dist/same_data.py "$work/native" "$1"
 }
@@ -54,6 +60,7 @@ check_image() {
     first_episode "$data/campaign" $killed "$log"
     kill -KILL $killed
     wait $killed 2>/dev/null || true
+    gone 'collect plan.toml --out campaign --workers 1'
     echo "killed after $(find "$data/campaign/episodes" -name '*.h5' | wc -l) episode(s)"
     for shard in 0 1; do
         in_image wheelarm collect plan.toml --out campaign --workers 1 --patience 600 --shard $shard/2 >"$log" 2>&1 ||
@@ -117,9 +124,10 @@ check_apptainer() {
     first_episode "$data" $killed "$log"
     kill -KILL $killed
     wait $killed 2>/dev/null || true
+    gone '/scratch/plan.toml'
     echo "killed after $(find "$data/episodes" -name '*.h5' | wc -l) episode(s)"
     as_user "$root" "$job SLURM_ARRAY_TASK_ID=1 bash /scratch/slurm.sbatch /scratch/plan.toml /scratch/campaign &
-        until pgrep -x wheelarm-server >/dev/null; do kill -0 \$! || exit 1; sleep 0.2; done
+        until pgrep -x wheelarm-worker >/dev/null; do kill -0 \$! || exit 1; sleep 0.2; done
         kill -USR1 \$!; wait \$!" >"$log" 2>&1 || true
     grep -qx 'requeue 1' "$root/scratch/requeued" || die "the job did not requeue itself: $(tail -n 5 "$log")"
     echo "out of time after $(find "$data/episodes" -name '*.h5' | wc -l) episode(s), requeued"
