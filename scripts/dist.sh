@@ -78,6 +78,7 @@ stage() {
     "$venv/bin/python" scripts/dist/third_party.py --target "$target" --out "$stage/share/doc/wheelarm/THIRD_PARTY.txt"
     "$stage/bin/wheelarm" man "$stage/share/man/man1"
     "$stage/bin/wheelarm-server" --man >"$stage/share/man/man1/wheelarm-server.1"
+    "$stage/bin/wheelarm-worker" --man >"$stage/share/man/man1/wheelarm-worker.1"
     for page in "$stage"/share/man/man1/*; do gzip -9n "$page"; done
     "$stage/bin/wheelarm" completions bash >"$stage/share/bash-completion/completions/wheelarm"
     "$stage/bin/wheelarm" completions zsh >"$stage/share/zsh/site-functions/_wheelarm"

@@ -95,6 +95,13 @@ check_apptainer() {
         skip "there is no $oci"
         return
     }
+    case $(stat -c %A /dev/fuse 2>/dev/null) in
+    *rw?) ;;
+    *)
+        skip "/dev/fuse is closed to users, which Apptainer mounts images by: chmod 666 /dev/fuse"
+        return
+        ;;
+    esac
     system sid apptainer apptainer,squashfuse,procps || return 0
     native_campaign
     local root=$work/sid killed log=$work/apptainer.log data

@@ -18,7 +18,7 @@ use std::process::ExitCode;
 use std::sync::Arc;
 
 use anyhow::{Context, bail};
-use clap::Parser;
+use clap::{CommandFactory, Parser};
 use parking_lot::Mutex;
 use wheelarm_proto::installed;
 use wheelarm_proto::program::{told, version};
@@ -45,12 +45,21 @@ struct Args {
     /// For what it works: for people who list processes.
     #[arg(long = "for", value_name = "DIR")]
     _folder: Option<PathBuf>,
+    /// Prints the man page and ends, for packages.
+    #[arg(long, hide = true)]
+    man: bool,
 }
 
 fn main() -> ExitCode {
     let args = Args::parse();
     environment::complete();
-    match work(args) {
+    let done = match args.man {
+        true => clap_mangen::Man::new(Args::command())
+            .render(&mut std::io::stdout())
+            .context("printing the man page"),
+        false => work(args),
+    };
+    match done {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
             eprintln!("error: {}", told(error.as_ref()));
