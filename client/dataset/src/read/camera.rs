@@ -237,7 +237,7 @@ impl Camera {
         let data = [&self.rgb, &self.depth, &self.ids][which];
         let data = data.as_ref().ok_or_else(|| {
             let plane = ["colour", "depth", "ids"][which];
-            failed(hdf5::Error::Internal(format!("it has no {plane}").into()))
+            failed(hdf5::Error::Internal(format!("it has no {plane}")))
         })?;
         Ok(match (which, self.millimetres) {
             (0, _) => {
