@@ -22,8 +22,8 @@ install() { # environment, Python, what
     [ -x "$1/bin/python" ] || "$2" -m venv "$1"
     "$1/bin/python" -c "from importlib.metadata import version; import sys; sys.exit(version('lerobot') != '${3##*==}')" 2>/dev/null ||
         "$1/bin/python" -m pip install -q "$3"
-    "$1/bin/python" -c 'import zenoh, pyarrow, hatchling, editables' 2>/dev/null ||
-        "$1/bin/python" -m pip install -q 'eclipse-zenoh>=1.10,<1.11' pyarrow hatchling editables
+    "$1/bin/python" -c 'import zenoh, google.protobuf, pyarrow, hatchling, editables' 2>/dev/null ||
+        "$1/bin/python" -m pip install -q 'eclipse-zenoh>=1.10,<1.11' 'protobuf>=3.20.3,<8' pyarrow hatchling editables
     for part in "" /lerobot_env_wheelarm /lerobot_robot_wheelarm /lerobot_teleoperator_wheelarm; do
         "$1/bin/python" -m pip install -q --no-build-isolation --no-deps -e "$package$part"
     done
