@@ -24,6 +24,8 @@ pub mod interrupt;
 #[cfg(feature = "hdf5")]
 mod language;
 pub mod operate;
+#[cfg(feature = "hdf5")]
+pub mod policy;
 pub mod preview;
 #[cfg(feature = "hdf5")]
 pub mod record;

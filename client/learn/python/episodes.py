@@ -17,6 +17,7 @@ import torch
 from safetensors import safe_open
 
 LAYOUT = "wheelarm-tensors/1"
+STILL = {"hand": 1e-3, "knuckle": 5e-3, "chair": 1e-2}  # changes of a row below which nothing moves
 LEAST_DEVIATION = 0.01  # in a value's own unit: what hardly changes is not blown up
 UNKNOWN = 0  # the word that stands for all that were never seen
 WRONG_ON_PURPOSE = (1, 2)  # incidents that are no example: wrong grasp, wrong object
@@ -101,13 +102,39 @@ def split(files, share):
     return [f for f in files if f.about["seed"] not in held], [f for f in files if f.about["seed"] in held]
 
 
-class Episodes:
-    """All rows of all files, one behind the other."""
+def without_pauses(actions, names, longest):
+    """Places of the rows that stay when of every pause, in which nothing is asked to
+    move, `longest` rows stay. Who sees one row at a time cannot know how long a pause
+    has lasted, and learns to stay in it."""
+    change = np.abs(np.diff(actions, axis=0, prepend=actions[:1]))
+    change[0] = np.inf
+    moves = np.zeros(len(actions), bool)
+    for column, name in enumerate(names):
+        kind = name.split(".")[0]
+        told = np.abs(actions[:, column]) if kind == "chair" else change[:, column]
+        moves |= told > STILL.get(kind, STILL["hand"])
+    since = np.zeros(len(actions), np.int64)  # rows since something moved
+    for row in range(1, len(actions)):
+        since[row] = 0 if moves[row] else since[row - 1] + 1
+    return np.nonzero(since <= longest)[0]
 
-    def __init__(self, files, cameras, device, store, say=lambda words: None):
+
+class Episodes:
+    """All rows of all files, one behind the other, without what is too long of pauses."""
+
+    def __init__(self, files, cameras, device, store, say=lambda words: None, pause=None):
         start, self.files, self.cameras, self.device = time.monotonic(), files, cameras, device
-        ends = np.cumsum([file.rows for file in files])
-        starts = ends - [file.rows for file in files]
+
+        def stays(file):
+            with safe_open(file.path, "np") as opened:
+                actions = opened.get_tensor("actions")
+            names = file.about["action_names"]
+            return without_pauses(actions, names, len(actions) if pause is None else pause)
+
+        with ThreadPoolExecutor(8) as pool:
+            kept = list(pool.map(stays, files))
+        ends = np.cumsum([len(rows) for rows in kept])
+        starts = ends - [len(rows) for rows in kept]
         total = int(ends[-1])
         self.pictures = {
             name: torch.empty((total, height, width, 3), dtype=torch.uint8, device=store)
@@ -119,15 +146,15 @@ class Episodes:
         experts = np.ones(total, np.uint8)
 
         def load(number):
-            at = slice(int(starts[number]), int(ends[number]))
+            at, rows = slice(int(starts[number]), int(ends[number])), kept[number]
             with safe_open(files[number].path, "pt") as file:
                 for name, pictures in self.pictures.items():
-                    pictures[at].copy_(file.get_tensor(f"pictures.{name}"))
-                states[at] = file.get_tensor("states").numpy()
-                actions[at] = file.get_tensor("actions").numpy()
-                incidents[at] = file.get_tensor("incident").numpy()
+                    pictures[at].copy_(file.get_tensor(f"pictures.{name}")[torch.from_numpy(rows)])
+                states[at] = file.get_tensor("states").numpy()[rows]
+                actions[at] = file.get_tensor("actions").numpy()[rows]
+                incidents[at] = file.get_tensor("incident").numpy()[rows]
                 if "expert" in files[number].shapes:
-                    experts[at] = file.get_tensor("expert").numpy()
+                    experts[at] = file.get_tensor("expert").numpy()[rows]
 
         with ThreadPoolExecutor(8) as pool:
             for _ in pool.map(load, range(len(files))):
@@ -148,7 +175,8 @@ class Episodes:
         self.limit = torch.from_numpy(limits).to(device)
         self.episode = torch.from_numpy(np.repeat(np.arange(len(files)), ends - starts)).to(device)
         self.starts, self.ends = starts, ends
-        say(f"{len(files)} episodes, {total} rows read in {time.monotonic() - start:.1f} s")
+        whole = sum(file.rows for file in files)
+        say(f"{len(files)} episodes, {total} of {whole} rows read in {time.monotonic() - start:.1f} s")
 
     def tell(self, vocabulary):
         """Gives every episode its words: [episodes, longest], -1 where there is none."""

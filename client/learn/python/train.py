@@ -19,6 +19,7 @@ import signal
 import subprocess
 import sys
 import time
+from fnmatch import fnmatch
 from pathlib import Path
 
 import numpy as np
@@ -74,7 +75,8 @@ def arguments():
     add("--no-language", action="store_true", help="the sentence is not read")
     add("--unknown-words", type=float, default=0.05, help="share of words hidden in training")
     add("--cameras", help="names, comma separated; all without it")
-    add("--without-state", default="", help="beginnings of names of the state that stay hidden, comma separated")
+    add("--without-state", default="", metavar="PATTERNS",
+        help="names of the state that stay hidden, comma separated, * for any letters: '*.velocity,odometry.*'")
     add("--state-noise", type=float, default=0.0, help="deviations of noise on the state")
     add("--shift", type=int, default=8, help="pixels that pictures are shifted at most")
     add("--jitter", type=float, default=0.3, help="strength of changes of brightness, contrast, saturation")
@@ -82,6 +84,7 @@ def arguments():
     add("--gripper-seconds", type=float, default=1.0, help="seconds before and behind that count as about it")
     add("--ema", type=float, default=0.999, help="decay of the mean of the weights that is saved")
     add("--validation", type=float, default=0.05, help="share of the seeds that is held out")
+    add("--pause", type=int, metavar="ROWS", help="rows that stay of a pause in which nothing moves; all without it")
     add("--keep-failed", action="store_true", help="also learns from episodes that failed")
     add("--init", type=Path, help="policy to start from")
     add("--precision", choices=["tf32", "bf16", "fp32"], default="tf32")
@@ -127,8 +130,8 @@ def train(options, started):
     padded = tuple(-(-side // MULTIPLE) * MULTIPLE for side in cameras[0][1])
     learned, held = split(files, options.validation)
     store = place(options, device, files, names)
-    episodes = Episodes(learned, cameras, device, store, log.say)
-    tests = Episodes(held, cameras, device, store, log.say) if held else None
+    episodes = Episodes(learned, cameras, device, store, log.say, options.pause)
+    tests = Episodes(held, cameras, device, store, log.say, options.pause) if held else None
     numbers = statistics(episodes)
     vocabulary = []
     if not options.no_language:
@@ -172,12 +175,12 @@ def place(options, device, files, names):
     return device if size < free * 0.67 else torch.device("cpu")
 
 
-def hidden_state(names, beginnings):
-    beginnings = [b for b in beginnings.split(",") if b]
-    for beginning in beginnings:
-        if not any(name.startswith(beginning) for name in names):
-            raise ValueError(f"no name of the state begins with {beginning!r}: {', '.join(names)}")
-    return [any(name.startswith(b) for b in beginnings) for name in names]
+def hidden_state(names, patterns):
+    patterns = [p for p in patterns.split(",") if p]
+    for pattern in patterns:
+        if not any(fnmatch(name, pattern) for name in names):
+            raise ValueError(f"no name of the state is {pattern!r}: {', '.join(names)}")
+    return [any(fnmatch(name, p) for p in patterns) for name in names]
 
 
 def backbone(network, options):

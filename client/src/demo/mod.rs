@@ -1,4 +1,4 @@
-//! `wheelarm demo`: a server, a recorder and the operator on loopback in
+//! `wheelarm demo`: a server, a recorder and the operator, or a policy, on loopback in
 //! lock-step; then the episode's file, its pictures and what came of it.
 //!
 //! The demo uses only what every user has: the three programs and the link.
@@ -17,9 +17,12 @@ use wheelarm_proto::settings::Quality;
 use wheelarm_proto::v1;
 
 use crate::choice::{named, seed_range};
+use crate::policy::{Driver, PolicyArgs, Start};
 use summary::Summary;
 use wheelarm_link::Link;
-use wheelarm_operate::run::{self as operate, OperateOptions, Progress};
+use wheelarm_operate::operator::Outcome;
+use wheelarm_operate::run::{self as operate, OperateOptions, Progress, Report};
+use wheelarm_pilot::fly::{self, FlyOptions};
 use wheelarm_rig::{
     Input, Launch, Process, Program, Recorder, RecorderOptions, Server, ServerOptions, all_cameras,
     free_label,
@@ -75,18 +78,20 @@ pub struct DemoArgs {
     /// No contact sheet.
     #[arg(long)]
     pub no_sheet: bool,
+    #[command(flatten)]
+    pub policy: PolicyArgs,
 }
 
 impl DemoArgs {
     /// What the server of an episode is started with.
-    fn server(&self, seed: u64) -> ServerOptions {
+    fn server(&self, seed: u64, cameras: Vec<v1::CameraSetting>) -> ServerOptions {
         ServerOptions {
             scenario: v1::Scenario {
                 scene: self.scene.clone(),
                 task: Some(self.task.clone()),
                 robot: self.robot.clone(),
                 seed: Some(seed),
-                cameras: vec![all_cameras(self.width, self.height, self.rate)],
+                cameras,
                 pacing: v1::Pacing::LockStep.into(),
                 quality: self.quality.code().into(),
                 look: self.look.map(|look| look.of(seed)),
@@ -108,9 +113,21 @@ pub fn run(args: &DemoArgs) -> anyhow::Result<ExitCode> {
     let (first, end) = args.seeds.unwrap_or((args.seed, args.seed + 1));
     std::fs::create_dir_all(&args.out)
         .with_context(|| format!("making the folder {}", args.out.display()))?;
+    let driver = Driver::start(
+        &args.policy,
+        &Start {
+            seeds: first..end,
+            log: &args.out,
+            alone: true,
+            takeover: None,
+        },
+    )?;
+    if let Some(policy) = driver.told() {
+        println!("{policy}");
+    }
     let mut done = Vec::new();
     for seed in first..end {
-        let summary = one(args, seed)?;
+        let summary = one(args, &driver, seed)?;
         print!("{summary}");
         done.push(summary);
     }
@@ -134,23 +151,21 @@ pub fn run(args: &DemoArgs) -> anyhow::Result<ExitCode> {
 }
 
 /// Records one episode.
-fn one(args: &DemoArgs, seed: u64) -> anyhow::Result<Summary> {
+fn one(args: &DemoArgs, driver: &Driver, seed: u64) -> anyhow::Result<Summary> {
     let begun = Instant::now();
     let bar = ProgressBar::new_spinner().with_style(ProgressStyle::with_template(
         "{spinner} {elapsed_precise} {msg}",
     )?);
     bar.enable_steady_tick(Duration::from_millis(120));
     bar.set_message(format!("seed {seed}: starting the server"));
-    let server = Server::start(&args.server(seed))?;
+    // A policy sees what it was made for, and that is recorded.
+    let cameras = vec![all_cameras(args.width, args.height, args.rate)];
+    let server = Server::start(&args.server(seed, driver.cameras(cameras, false)?))?;
     let link = server.link()?;
     let status: v1::Status = link.ask(&v1::StatusRequest {})?;
     let recording = RecorderOptions::lasting("demo", &args.out);
     let mut recorder = Recorder::start(server.connect(), &recording)?;
-    let work = OperateOptions {
-        label: Some(free_label(&args.out, &format!("{}-seed{seed}", args.task))),
-        require_recorders: 1,
-        ..OperateOptions::default()
-    };
+    let label = free_label(&args.out, &format!("{}-seed{seed}", args.task));
     bar.set_message(format!("seed {seed}: {}", status.adapter));
     let mut watch = Watch {
         bar: &bar,
@@ -161,14 +176,13 @@ fn one(args: &DemoArgs, seed: u64) -> anyhow::Result<Summary> {
         frames: 0,
         first_picture: None,
     };
-    let report =
-        operate::run(&link, &work, &mut |progress| watch.show(progress)).with_context(|| {
-            format!(
-                "the server said:\n{}the recorder said:\n{}",
-                server.tail(),
-                recorder.tail()
-            )
-        })?;
+    let report = work(&link, driver, label, &mut watch).with_context(|| {
+        format!(
+            "the server said:\n{}the recorder said:\n{}",
+            server.tail(),
+            recorder.tail()
+        )
+    })?;
     let first_picture = watch.first_picture;
     bar.set_message(format!("seed {seed}: finishing the file"));
     let recorded = recorder.finished(&link, report.episode())?;
@@ -190,6 +204,57 @@ fn one(args: &DemoArgs, seed: u64) -> anyhow::Result<Summary> {
         first_picture,
         wall,
         sheet,
+    })
+}
+
+/// Who does the task does it.
+fn work(
+    link: &Link,
+    driver: &Driver,
+    label: String,
+    watch: &mut Watch<'_>,
+) -> anyhow::Result<Report> {
+    Ok(match driver {
+        Driver::Operator => {
+            let options = OperateOptions {
+                label: Some(label),
+                require_recorders: 1,
+                ..OperateOptions::default()
+            };
+            operate::run(link, &options, &mut |progress| watch.show(progress))?
+        }
+        Driver::Policy(policy, options) | Driver::Both(policy, options, _) => {
+            let options = FlyOptions {
+                label,
+                require_recorders: 1,
+                ..options.clone()
+            };
+            let begun = Instant::now();
+            let flight = fly::run(link, policy.as_ref(), &options, &mut |time| {
+                let factor = time / begun.elapsed().as_secs_f64().max(1e-9);
+                watch.show(&Progress {
+                    time,
+                    phase: "policy",
+                    factor,
+                    notes: &[],
+                });
+            })?;
+            let outcome = match (flight.broken, flight.error) {
+                (Some(words), _) => Outcome::Broken(words),
+                (None, Some(problem)) => Outcome::Failure(problem.to_string()),
+                (None, None) if flight.evaluation.success => Outcome::Success,
+                (None, None) => {
+                    Outcome::Failure(format!("the task failed: {}", flight.evaluation.failure))
+                }
+            };
+            Report {
+                outcome,
+                started: flight.started,
+                stopped: flight.stopped,
+                evaluation: flight.evaluation,
+                ticks: flight.rows * (60.0 / policy.spec().rate_hz).round() as u64,
+            }
+        }
     })
 }
 

@@ -11,7 +11,6 @@ use wheelarm_proto::settings::{LanguageSplit, Named, Quality, Starts, Style};
 use wheelarm_proto::v1;
 use wheelarm_rig::{ServerOptions, all_cameras};
 
-use super::chosen::Choice;
 use super::compare::CompareArgs;
 use super::entry::Job;
 use super::scope::{Scope, read_split};
@@ -19,6 +18,7 @@ use crate::axis::{Axis, AxisAt};
 use crate::choice::{MOST_SEEDS, named, patience, seed_range};
 use crate::disturb::Disturb;
 use crate::language::Language;
+use crate::policy::PolicyArgs;
 use crate::variation::Variation;
 use crate::way::Way;
 
@@ -54,37 +54,8 @@ pub struct EvaluateArgs {
     /// given several times.
     #[arg(long, value_name = "AXIS", value_parser = AxisAt::read)]
     pub axis: Vec<AxisAt>,
-    /// Who does the tasks: `operator`, the scripted one; `hold` and `repeat`, which know
-    /// nothing; `replay:DIR`, the recording in DIR whose first pictures are nearest;
-    /// `act:FILE`, a network for `wheelarm-learn serve`; `exec:COMMAND`, a program that
-    /// answers as a policy; `zenoh:NAME`, one that runs behind --policy-connect;
-    /// `openpi:ws://HOST:PORT`, one that speaks openpi's protocol or RoboArena's, named
-    /// by --policy-map; `lerobot:DIR`, a checkpoint of LeRobot, in the Python of
-    /// WHEELARM_PYTHON (or python3), which has lerobot and wheelarm.
-    #[arg(long, default_value = "operator", value_name = "POLICY", value_parser = Choice::read)]
-    pub policy: Choice,
-    /// Endpoint behind which the policy of `zenoh:NAME` is found.
-    #[arg(long, default_value = wheelarm_link::DEFAULT_ENDPOINT, value_name = "ENDPOINT")]
-    pub policy_connect: String,
-    /// What is named how to a policy of `openpi:`: pictures, numbers, columns of an
-    /// answer.
-    #[arg(
-        long,
-        default_value = "assets/policies/openpi.toml",
-        value_name = "FILE"
-    )]
-    pub policy_map: PathBuf,
-    /// Rows of an answer that are carried out; the policy's own number without it.
-    #[arg(long, value_name = "ROWS", value_parser = clap::value_parser!(u32).range(1..=1000))]
-    pub execute: Option<u32>,
-    /// Ticks (1/240 s) between a question and the use of its answer; in whole rows. With
-    /// 0 time waits while the policy thinks.
-    #[arg(long, default_value = "0", value_name = "TICKS", value_parser = clap::value_parser!(u32).range(..=2400))]
-    pub latency: u32,
-    /// Asks at every row and takes the mean of all answers about it, the one of i rows
-    /// ago weighted by exp(-K·age), the oldest counting most.
-    #[arg(long, value_name = "K", value_parser = weight, conflicts_with_all = ["execute", "latency"])]
-    pub ensemble: Option<f64>,
+    #[command(flatten)]
+    pub policy: PolicyArgs,
     /// The policy drives for a time that the seed draws, this at most, and the scripted
     /// operator does the rest: with --record corrections to learn from (DAgger), whose
     /// rows by the policy are marked.
@@ -94,12 +65,6 @@ pub struct EvaluateArgs {
     /// answers the same bits for any --jobs.
     #[arg(long)]
     pub deterministic: bool,
-    /// Evaluates on seeds that the policy was trained on all the same.
-    #[arg(long)]
-    pub training_seeds: bool,
-    /// Wall seconds that the policy has for an answer.
-    #[arg(long, default_value = "30", value_parser = patience::<1>, value_name = "SECONDS")]
-    pub policy_patience: Duration,
     /// How a worker with the scripted operator runs: `process` is server, recorder and
     /// operator in one process, `socket` each in its own; a policy's is always that.
     #[arg(long, value_parser = named::<Way>(), default_value = "process")]
@@ -178,12 +143,6 @@ pub struct EvaluateArgs {
     pub assets: Option<PathBuf>,
 }
 
-/// A weight, 0 or more.
-fn weight(text: &str) -> Result<f64, String> {
-    let weight = text.parse().ok().filter(|k| (0.0..=100.0).contains(k));
-    weight.ok_or_else(|| format!("{text:?} is no weight, 0 to 100"))
-}
-
 /// A share, 0 to 1.
 fn share(text: &str) -> Result<f64, String> {
     let share = text.parse().ok().filter(|s| (0.0..=1.0).contains(s));
@@ -249,7 +208,7 @@ impl EvaluateArgs {
             .sensors
             .iter()
             .find(|s| !s.camera.is_empty());
-        let is_blind = !self.record && !self.policy.has_cameras();
+        let is_blind = !self.record && !self.policy.policy.has_cameras();
         if let Some(sensor) = sees.filter(|_| is_blind) {
             bail!(
                 "the sensor {} sees through a camera, and an evaluation has cameras only where it records; add --record",

@@ -8,13 +8,10 @@
 //! scenario that reproduces it, and a new server goes on.
 
 mod args;
-mod chosen;
 mod compare;
-mod driver;
 mod entry;
 mod grid;
 mod ledger;
-mod nearest;
 mod one_process;
 mod page;
 mod progress;
@@ -36,7 +33,7 @@ use parking_lot::Mutex;
 use wheelarm_proto::v1;
 
 use crate::control::tasks_of_program;
-use driver::Driver;
+use crate::policy::{Choice, Driver, Start};
 use entry::Job;
 use ledger::Ledger;
 use report::Report;
@@ -64,7 +61,15 @@ pub fn run(args: &EvaluateArgs) -> anyhow::Result<ExitCode> {
         .with_context(|| format!("making the folder {}", args.out.display()))?;
     let scope = args.scope()?;
     let tasks = tasks(args, scope.layout)?;
-    let driver = Driver::start(args, &scope)?;
+    let driver = Driver::start(
+        &args.policy,
+        &Start {
+            seeds: scope.seeds.clone(),
+            log: &args.out,
+            alone: args.deterministic,
+            takeover: args.takeover,
+        },
+    )?;
     let policy = driver.name();
     let wanted: Vec<Job> = tasks
         .iter()
@@ -130,7 +135,7 @@ fn conclude(
     let path = page::write(&args.out, report, entries, &redrawn)?;
     println!("page        {}", path.display());
     // Drawn by doing episodes again, which the scripted operator does alike.
-    if !args.no_grid && args.policy == chosen::Choice::Operator {
+    if !args.no_grid && args.policy.policy == Choice::Operator {
         let path = grid::draw(args, scope, report, entries)?;
         println!("pictures    {}", path.display());
     }

@@ -10,11 +10,11 @@ use wheelarm_rig::order::{Order, Recording, Told, Tried};
 use wheelarm_rig::{Ongoing, Worker, WorkerOptions, free_label, limits};
 
 use super::args::EvaluateArgs;
-use super::driver::Driver;
 use super::entry::{Condition, Entry, Job, failed};
 use super::pulse::Pulse;
 use super::worker::broken_entry;
 use crate::broken::Broken;
+use crate::policy::Driver;
 
 /// A worker for one episode after another.
 pub struct OneProcess {

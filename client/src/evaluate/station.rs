@@ -2,10 +2,10 @@
 //! server with clients.
 
 use super::args::EvaluateArgs;
-use super::driver::Driver;
 use super::entry::{Entry, Job};
 use super::one_process::OneProcess;
 use super::worker::Worker;
+use crate::policy::Driver;
 use crate::way::Way;
 
 /// A place for one episode at a time.

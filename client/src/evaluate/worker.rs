@@ -16,12 +16,12 @@ use wheelarm_proto::v1;
 use wheelarm_rig::{Recorder, RecorderOptions, Server, Work, free_label, limits};
 
 use super::args::EvaluateArgs;
-use super::driver::Driver;
 use super::entry::{Condition, Entry, Job, failed};
 use super::progress::Course;
 use super::pulse::Pulse;
 use super::witness::Witness;
 use crate::broken::Broken;
+use crate::policy::Driver;
 
 /// How long the operator may take to notice that its server is gone.
 const NOTICE: Duration = Duration::from_secs(60);
@@ -109,7 +109,7 @@ impl Worker {
             patience: match driver {
                 Driver::Operator => args.patience,
                 Driver::Policy(..) | Driver::Both(..) => {
-                    args.patience.max(3 * args.policy_patience)
+                    args.patience.max(3 * args.policy.policy_patience)
                 }
             },
         })

@@ -1,7 +1,9 @@
-//! Who does the tasks of an evaluation: the scripted operator or a policy.
+//! Who does the tasks: the scripted operator or a policy.
 
+use std::ops::Range;
 use std::path::Path;
 use std::sync::Arc;
+use std::time::Duration;
 
 use anyhow::{Context, bail};
 use wheelarm_link::Connect;
@@ -12,10 +14,8 @@ use wheelarm_proto::installed::file_or_asset;
 use wheelarm_proto::v1;
 use wheelarm_rig::Program;
 
-use super::args::EvaluateArgs;
-use super::chosen::Choice;
 use super::nearest::Nearest;
-use super::scope::Scope;
+use super::{Choice, PolicyArgs};
 
 /// Who does the tasks.
 #[derive(Clone)]
@@ -28,17 +28,30 @@ pub enum Driver {
     Both(Arc<dyn Policy>, FlyOptions, f64),
 }
 
+/// What a driver is started for.
+#[derive(Clone, Debug)]
+pub struct Start<'a> {
+    /// Seeds of its episodes.
+    pub seeds: Range<u64>,
+    /// Folder for what the policy's process says.
+    pub log: &'a Path,
+    /// It is asked about one observation at a time.
+    pub alone: bool,
+    /// The scripted operator takes over, after this at the latest.
+    pub takeover: Option<Duration>,
+}
+
 impl Driver {
     /// Starts what `--policy` says.
     ///
     /// # Errors
     /// When the policy does not start, does not fit, or was trained on seeds that are
     /// to be evaluated.
-    pub fn start(args: &EvaluateArgs, scope: &Scope) -> anyhow::Result<Self> {
+    pub fn start(args: &PolicyArgs, start: &Start<'_>) -> anyhow::Result<Self> {
         let patience = args.policy_patience;
-        let most = args.deterministic.then_some(1);
+        let most = start.alone.then_some(1);
         let process = |program: Program, arguments: Vec<String>| {
-            let log = args.out.clone();
+            let log = start.log.to_owned();
             let start = move || Host::start(program, arguments, log, patience);
             Batched::start(start, most)
         };
@@ -57,7 +70,7 @@ impl Driver {
             Choice::Exec(line) => Arc::new(process(Program::Shell(line.clone()), Vec::new())?),
             Choice::Openpi(address) => {
                 let map = name_map(&args.policy_map)?;
-                let alone = args.deterministic;
+                let alone = start.alone;
                 Arc::new(OpenPi::connect(address, map, patience, alone)?)
             }
             Choice::Lerobot(folder) => {
@@ -80,7 +93,7 @@ impl Driver {
         };
         let spec = policy.spec();
         if !args.training_seeds {
-            apart(spec, scope)?;
+            apart(spec, &start.seeds)?;
         }
         let (_, ticks) = wheelarm_pilot::checked(spec)?;
         let row = ticks * wheelarm_proto::TICKS_PER_CONTROL as u32;
@@ -96,10 +109,36 @@ impl Driver {
             ensemble: args.ensemble,
             ..FlyOptions::default()
         };
-        Ok(match args.takeover {
+        Ok(match start.takeover {
             Some(most) => Self::Both(policy, options, most.as_secs_f64()),
             None => Self::Policy(policy, options),
         })
+    }
+
+    /// What people are told of a policy before it begins.
+    #[must_use]
+    pub fn told(&self) -> Option<String> {
+        let (Self::Policy(policy, _) | Self::Both(policy, ..)) = self else {
+            return None;
+        };
+        let spec = policy.spec();
+        let seeds: u64 = spec.training_seeds.iter().map(|r| r.end - r.first).sum();
+        let cameras = spec.cameras.iter();
+        let cameras: Vec<String> = cameras
+            .map(|c| format!("{} {}x{}", c.name, c.width, c.height))
+            .collect();
+        Some(format!(
+            "policy {}: sees {}, answers {} rows at {} Hz of which {} are carried out, trained on {seeds} seeds",
+            self.name(),
+            if cameras.is_empty() {
+                "no pictures".to_owned()
+            } else {
+                cameras.join(" and ")
+            },
+            spec.chunk,
+            spec.rate_hz,
+            spec.execute
+        ))
     }
 
     /// Name for results; empty for the scripted operator.
@@ -185,9 +224,8 @@ fn name_map(path: &Path) -> anyhow::Result<NameMap> {
     NameMap::read(&text).map_err(|problem| anyhow::anyhow!("{}: {problem}", path.display()))
 }
 
-/// Refuses to evaluate on what a policy was trained on.
-fn apart(spec: &v1::PolicySpec, scope: &Scope) -> anyhow::Result<()> {
-    let seeds = &scope.seeds;
+/// Refuses seeds that a policy was trained on.
+fn apart(spec: &v1::PolicySpec, seeds: &Range<u64>) -> anyhow::Result<()> {
     let both = spec
         .training_seeds
         .iter()
@@ -196,16 +234,15 @@ fn apart(spec: &v1::PolicySpec, scope: &Scope) -> anyhow::Result<()> {
         return Ok(());
     };
     Err(anyhow::anyhow!(
-        "the policy {:?} was trained on the seeds {}..{}, and {}..{} are to be evaluated",
+        "the policy {:?} was trained on the seeds {}..{}, and {}..{} are asked for",
         spec.name, both.first, both.end, seeds.start, seeds.end
     ))
-    .context("evaluate on others (assets/splits/policy-claim.toml), or say --training-seeds to see what it remembers")
+    .context("take others (assets/splits/policy-claim.toml), or say --training-seeds to see what it remembers")
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::variation::Variation;
 
     #[test]
     fn what_it_was_trained_on_is_not_evaluated() {
@@ -216,15 +253,9 @@ mod tests {
             }],
             ..Default::default()
         };
-        let scope = |seeds| Scope {
-            split: None,
-            seeds,
-            variation: Variation::default(),
-            layout: false,
-        };
-        assert!(apart(&spec, &scope(0..500)).is_ok());
-        assert!(apart(&spec, &scope(600..700)).is_ok());
-        let told = format!("{:#}", apart(&spec, &scope(599..610)).unwrap_err());
+        assert!(apart(&spec, &(0..500)).is_ok());
+        assert!(apart(&spec, &(600..700)).is_ok());
+        let told = format!("{:#}", apart(&spec, &(599..610)).unwrap_err());
         assert!(
             told.contains("500..600") && told.contains("--training-seeds"),
             "{told}"
