@@ -28,6 +28,8 @@
 # make test-adversarial   200 operators who mean harm, a minute each, sixty of them at the bear
 # make soak    300 short episodes one right after the other, every file checked
 # make test-original SCRIPTS=DIR   WheelArm-Sim's processing scripts on an episode of ours
+# make demo-policy   the policy that ships takes the mustard, seen through its own small
+#                    pictures (builds client/learn first, about nine minutes of one core)
 # make train-mustard   episodes, policy, corrections, policy, evaluation, on a big GPU (RUN=data/mustard)
 # make bench   step, kinematics, cameras and recording beside their references
 
@@ -36,6 +38,7 @@ OUT ?= data/demo
 SEED ?= 0
 STATIC ?= target/static
 RUN ?= data/mustard
+POLICY_SEED ?= 557
 PLAN ?= assets/campaigns/small.toml
 # burn compiles for minutes: only `make test-learn` builds what learns.
 WITHOUT_LEARN := --exclude wheelarm-learn
@@ -43,7 +46,7 @@ BUILT := $(or $(CARGO_TARGET_DIR),target)/release
 export WHEELARM_COMMIT ?= $(shell git rev-parse --short=12 HEAD 2>/dev/null)
 export WHEELARM_PYTHON ?= $(CURDIR)/.venv/bin/python
 
-.PHONY: all build static demo test test-learn contract test-cluster test-readers test-data test-original test-adversarial soak train-mustard bench test-rosbag2 dist test-dist contract-python test-python test-lerobot test-ros people test-people clean
+.PHONY: all build static demo test test-learn contract test-cluster test-readers test-data test-original test-adversarial soak train-mustard demo-policy bench test-rosbag2 dist test-dist contract-python test-python test-lerobot test-ros people test-people clean
 all: build
 
 build:
@@ -146,6 +149,11 @@ soak:
 
 test-original: build
 	tests/original.sh $(SCRIPTS)
+
+# The policy that ships at work: on the processor, without Python.
+demo-policy: build
+	$(CARGO) build --release -p wheelarm-learn
+	$(BUILT)/wheelarm demo --policy act:assets/policies/pick_mustard.safetensors --seed $(POLICY_SEED) --out data/demo-policy
 
 train-mustard:
 	scripts/setup.sh

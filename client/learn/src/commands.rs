@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use clap::{Args, Parser, Subcommand};
+use wheelarm_learn::baseline::{self, RunOptions};
 use wheelarm_learn::episodes::{self, Episode};
 use wheelarm_learn::network::Shape;
 use wheelarm_learn::serve::{ENDPOINT_VARIABLE, NAME_VARIABLE, Policy, serve};
@@ -54,8 +55,38 @@ enum Command {
         #[arg(long, default_value_t = 500)]
         rows: usize,
     },
+    /// The baseline of WheelArm-Sim's paper: trained as the paper prints it and
+    /// corrected, with a table of errors beside two rules that know nothing, and a
+    /// figure of predictions over truth. The same command goes on where it was cut.
+    Baseline(BaselineArgs),
     /// Trains ACT on the CPU: tiny ones. Large ones are for python/train.py and a GPU.
     TrainAct(TrainAct),
+}
+
+#[derive(Args)]
+struct BaselineArgs {
+    /// Folders or files of `wheelarm dataset export --format tensors`, of 24 seeds or
+    /// more: split 16 to 4 to 4 by seed.
+    #[arg(required = true)]
+    data: Vec<PathBuf>,
+    /// Folder for features, checkpoints, table.md, table.csv, table.json and figures.
+    #[arg(long, value_name = "DIR")]
+    out: PathBuf,
+    /// Rows that are seen: 20 in the paper's table, 15 in its text.
+    #[arg(long, default_value_t = 20, value_parser = clap::value_parser!(u16).range(1..=1000))]
+    length: u16,
+    /// Epochs at most; three without progress end it.
+    #[arg(long, default_value_t = 100, value_parser = clap::value_parser!(u64).range(1..=100_000))]
+    epochs: u64,
+    /// Weights of torchvision's resnet18, .pth or .safetensors; drawn without it.
+    #[arg(long, value_name = "FILE")]
+    backbone: Option<PathBuf>,
+    /// Vectors of words to begin with, a text file of word2vec of 300 numbers.
+    #[arg(long, value_name = "FILE")]
+    word_vectors: Option<PathBuf>,
+    /// Seed of all that is drawn.
+    #[arg(long, default_value_t = 0)]
+    seed: u64,
 }
 
 #[derive(Args)]
@@ -156,6 +187,20 @@ pub fn run(cli: Cli) -> anyhow::Result<u8> {
         }
         Command::Try { file, data, rows } => tried(&file, &data, rows),
         Command::TrainAct(options) => train_act(options),
+        Command::Baseline(args) => {
+            let options = RunOptions {
+                out: args.out,
+                length: usize::from(args.length),
+                epochs: args.epochs,
+                backbone: args.backbone,
+                vectors: args.word_vectors,
+                seed: args.seed,
+            };
+            let report = baseline::run(&episodes::read(&args.data)?, &options)?;
+            println!("{}", report.markdown());
+            println!("table and figures: {}", options.out.display());
+            Ok(0)
+        }
     }
 }
 

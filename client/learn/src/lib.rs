@@ -6,6 +6,7 @@
 
 #![warn(missing_docs)]
 
+pub mod baseline;
 pub mod card;
 pub mod episodes;
 mod figure;

@@ -7,6 +7,7 @@ use std::path::{Path, PathBuf};
 
 use burn::module::{Module, ModuleMapper, ModuleVisitor, Param};
 use burn::prelude::*;
+use burn::store::pytorch_reader::{DType as PytorchType, PytorchReader};
 use burn::tensor::TensorData;
 use safetensors::SafeTensors;
 use safetensors::tensor::{Dtype, TensorView};
@@ -18,6 +19,8 @@ use crate::card::KEY;
 const SCALE: &str = ".scale";
 /// What only training needs and a stored policy may leave out.
 const ONLY_IN_TRAINING: &str = "model.vae_encoder";
+/// A count that batch norms of PyTorch store and nobody needs.
+const COUNTER: &str = "num_batches_tracked";
 /// A constant that PyTorch stores and this program computes.
 const COMPUTED: &str = "model.vae_encoder_pos_enc";
 
@@ -75,6 +78,14 @@ pub enum WeightsError {
         /// Its first dimension.
         outputs: usize,
     },
+    /// It is no checkpoint of PyTorch that can be read.
+    #[error("{}: {why}; save it by torch.save(model.state_dict(), FILE), or as safetensors", path.display())]
+    Checkpoint {
+        /// Which.
+        path: PathBuf,
+        /// Why.
+        why: String,
+    },
     /// The network needs another shape, or there is no such tensor.
     #[error("the network needs {name} of shape {expected:?}, and the file has {found}")]
     Unfit {
@@ -130,7 +141,7 @@ impl Weights {
     pub fn of(file: &SafeTensors<'_>) -> Result<Self, WeightsError> {
         let mut tensors = BTreeMap::new();
         for (name, view) in file.tensors() {
-            if name.ends_with(SCALE) {
+            if name.ends_with(SCALE) || name.ends_with(COUNTER) {
                 continue;
             }
             let mut values = numbers(&name, &view)?;
@@ -170,6 +181,38 @@ impl Weights {
     pub fn get(&self, name: &str) -> Option<(&[usize], &[f32])> {
         let (shape, values) = self.tensors.get(name)?;
         Some((shape, values))
+    }
+
+    /// Those of torchvision's ResNet18, `.pth` or `.safetensors`, without its last layer.
+    ///
+    /// # Errors
+    /// [`WeightsError::File`], [`WeightsError::Format`], [`WeightsError::Checkpoint`].
+    pub fn of_backbone(path: &Path) -> Result<Self, WeightsError> {
+        let is_used = |name: &str| !(name.starts_with("fc.") || name.ends_with(COUNTER));
+        if path.extension().is_some_and(|e| e == "safetensors") {
+            let mut weights = WeightsFile::read(path)?.weights;
+            weights.tensors.retain(|name, _| is_used(name));
+            return Ok(weights);
+        }
+        let wrong = |why: String| WeightsError::Checkpoint {
+            path: path.to_owned(),
+            why,
+        };
+        let file = PytorchReader::new(path).map_err(|e| wrong(e.to_string()))?;
+        let mut tensors = BTreeMap::new();
+        for (name, tensor) in file.into_tensors() {
+            if !is_used(&name) {
+                continue;
+            }
+            if !matches!(tensor.dtype(), PytorchType::F32) {
+                return Err(wrong(format!("{name} is not of single precision")));
+            }
+            let bytes = tensor.read().map_err(|e| wrong(e.to_string()))?;
+            let values = bytes.chunks_exact(4);
+            let values = values.map(|b| f32::from_le_bytes([b[0], b[1], b[2], b[3]]));
+            tensors.insert(name, (tensor.shape().to_vec(), values.collect()));
+        }
+        Ok(Self { tensors })
     }
 
     /// Names of all.

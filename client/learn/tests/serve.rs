@@ -83,8 +83,8 @@ fn observation(key: &str) -> v1::PolicyObservation {
     }
 }
 
-#[test]
-fn a_policy_is_found_describes_itself_and_answers_each_and_all() {
+/// The flow of the tests, served; the folder is that of its socket.
+fn served(name: &str) -> (tempfile::TempDir, Session, Served, PolicyKeys) {
     let folder = tempfile::tempdir().expect("a folder");
     let endpoint = format!("unixsock-stream/{}/policy", folder.path().display());
     let session = listening(&endpoint);
@@ -92,11 +92,11 @@ fn a_policy_is_found_describes_itself_and_answers_each_and_all() {
         .arg("serve")
         .arg(data("flow.safetensors"))
         .env(ENDPOINT_VARIABLE, &endpoint)
-        .env(NAME_VARIABLE, "tested")
+        .env(NAME_VARIABLE, name)
         .stdout(Stdio::null())
         .spawn();
-    let _served = Served(child.expect("a process"));
-    let keys = PolicyKeys::new("tested").expect("a name");
+    let served = Served(child.expect("a process"));
+    let keys = PolicyKeys::new(name).expect("a name");
     let deadline = Instant::now() + Duration::from_secs(60);
     let is_there = || {
         let replies = session.liveliness().get(keys.alive()).wait();
@@ -106,7 +106,44 @@ fn a_policy_is_found_describes_itself_and_answers_each_and_all() {
         assert!(Instant::now() < deadline, "it does not come");
         std::thread::sleep(Duration::from_millis(20));
     }
+    (folder, session, served, keys)
+}
 
+#[test]
+fn three_thousand_answers_take_no_more_memory_than_a_thousand() {
+    let (_folder, session, served, keys) = served("flat");
+    let resident = || {
+        let path = format!("/proc/{}/statm", served.0.id());
+        let pages = std::fs::read_to_string(path).expect("a process");
+        let pages: usize = pages
+            .split(' ')
+            .nth(1)
+            .and_then(|p| p.parse().ok())
+            .expect("pages");
+        pages * 4096
+    };
+    let mut before = 0;
+    for step in 0..3000 {
+        if step == 1000 {
+            before = resident();
+        }
+        let request = v1::InferRequest {
+            observations: vec![observation("one")],
+        };
+        let bytes = request.encode_to_vec();
+        ask::<v1::InferReply>(&session, keys.infer(), "wheelarm.v1.InferRequest", bytes)
+            .expect("an answer");
+    }
+    let grown = resident().saturating_sub(before);
+    assert!(
+        grown < 4 << 20,
+        "{grown} bytes more after 3000 answers than after 1000"
+    );
+}
+
+#[test]
+fn a_policy_is_found_describes_itself_and_answers_each_and_all() {
+    let (_folder, session, _served, keys) = served("tested");
     let spec: v1::PolicySpec = ask(
         &session,
         keys.describe(),

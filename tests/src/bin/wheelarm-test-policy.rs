@@ -1,7 +1,8 @@
 //! A policy for the tests: it holds the robot, and on some seeds it misbehaves.
 //!
 //! `wheelarm-test-policy MISBEHAVIOUR…`, for the seeds from 0 on: `well`, `shape`,
-//! `nan`, `huge`, `words`, `silent`, `dies`, `keys`; or at once `unfit` and `crash`.
+//! `nan`, `huge`, `words`, `silent`, `dies`, `keys`, `sways` (its speed is that of how
+//! many are asked about together, as a network's last bits are); or at once `unfit` and `crash`.
 
 use wheelarm_link::Connect;
 use wheelarm_pilot::{Answers, NAME_VARIABLE, POLICY_VARIABLE, serve};
@@ -30,13 +31,15 @@ impl Answers for Misbehaves {
     fn reset(&mut self, _: &v1::PolicyResetRequest) {}
 
     fn infer(&mut self, request: &v1::InferRequest) -> v1::InferReply {
-        let chunks = request.observations.iter().map(|o| self.chunk(o)).collect();
+        let together = request.observations.len();
+        let chunks = request.observations.iter();
+        let chunks = chunks.map(|o| self.chunk(o, together)).collect();
         v1::InferReply { chunks }
     }
 }
 
 impl Misbehaves {
-    fn chunk(&self, observation: &v1::PolicyObservation) -> v1::PolicyChunk {
+    fn chunk(&self, observation: &v1::PolicyObservation, together: usize) -> v1::PolicyChunk {
         let state = &observation.moments[0].state_values;
         let mut row: Vec<f32> = state[HAND].iter().map(|&v| v as f32).collect();
         row.extend([state[KNUCKLE] as f32, 0.0, 0.0]);
@@ -54,6 +57,13 @@ impl Misbehaves {
             "huge" => chunk.values[10] = 1e9,
             "words" => chunk.problem = "it is dark here".to_owned(),
             "keys" => chunk.tick += 1,
+            "sways" if observation.tick >= observation.seed * 48 + 480 => {
+                chunk.problem = "far enough".to_owned();
+            }
+            "sways" => {
+                let speed = 0.1 * together as f32;
+                chunk.values.chunks_mut(12).for_each(|row| row[10] = speed);
+            }
             "silent" => std::thread::sleep(std::time::Duration::from_secs(3600)),
             "dies" => {
                 eprintln!("error: the network is on fire");

@@ -237,3 +237,34 @@ fn a_policy_that_cannot_be_had_is_told_before_anything_is_done() {
         assert!(entries(folder.path()).is_empty());
     }
 }
+
+#[test]
+fn a_policy_that_is_asked_alone_gives_equal_states_for_any_number_of_servers() {
+    let policy = misbehaves("sways sways sways sways");
+    let hashes = |jobs: &str| {
+        let folder = tempfile::tempdir().expect("a folder");
+        let more = ["--seeds", "0..4", "--jobs", jobs, "--deterministic"];
+        let told = printed(&evaluate(folder.path(), &policy, &more));
+        let mut all = entries(folder.path());
+        all.sort_by_key(|entry| entry["seed"].as_u64());
+        let why = all
+            .iter()
+            .map(|entry| entry["why"].as_str().unwrap_or_default());
+        assert_eq!(
+            why.filter(|why| why.contains("far enough")).count(),
+            4,
+            "{told}"
+        );
+        let hashes = all
+            .iter()
+            .map(|entry| entry["hash"].as_str().unwrap_or_default());
+        hashes.map(str::to_owned).collect::<Vec<_>>()
+    };
+    let (one, four) = (hashes("1"), hashes("4"));
+    let known: std::collections::BTreeSet<&String> = one.iter().collect();
+    assert!(
+        known.len() == 4 && !known.contains(&String::new()),
+        "{one:?}"
+    );
+    assert_eq!(one, four);
+}

@@ -1,0 +1,417 @@
+//! How the baseline is taught: as the paper prints it, and corrected.
+
+use std::path::Path;
+
+use anyhow::{Context, ensure};
+use burn::prelude::*;
+use burn::tensor::TensorData;
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use serde::Serialize;
+
+use super::columns::{OUTPUTS, Trial};
+use super::errors::{Predictions, lasts};
+use super::features::Features;
+use super::network::{Baseline, Sizes, WORD};
+use crate::episodes::{Episode, LEAST_DEVIATION};
+use crate::language::{Vocabulary, vocabulary};
+use crate::train::{self, Told};
+use crate::weights::Weights;
+
+/// File of the weights in a run's folder.
+const FILE: &str = "baseline.safetensors";
+/// Least deviation of a change, in its own unit, so that what does not move (the
+/// chair's height) is not blown up.
+const LEAST_CHANGE: f32 = 1e-3;
+
+/// Rows of the table.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Kind {
+    /// As the paper says it: columns and poses as they are.
+    AsPrinted,
+    /// Columns standardised; told are changes since the last row in units of their
+    /// deviation.
+    Corrected,
+    /// The same, blind.
+    CorrectedBlind,
+}
+
+impl Kind {
+    /// All.
+    pub const ALL: [Self; 3] = [Self::AsPrinted, Self::Corrected, Self::CorrectedBlind];
+
+    /// Name of its row and folder.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::AsPrinted => "as printed",
+            Self::Corrected => "corrected",
+            Self::CorrectedBlind => "corrected, without pictures",
+        }
+    }
+}
+
+/// How it is taught; the defaults are the paper's.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct LessonOptions {
+    /// Which row of the table.
+    pub kind: Kind,
+    /// Rows that are seen.
+    pub length: usize,
+    /// Rows ahead that are told.
+    pub ahead: Vec<usize>,
+    /// Windows of a step.
+    pub batch: usize,
+    /// Learning rate of the first epochs.
+    pub rate: f64,
+    /// Epochs after which it falls to a tenth, again and again.
+    pub fall: u64,
+    /// Seed of all that is drawn.
+    pub seed: u64,
+}
+
+impl LessonOptions {
+    /// The paper's.
+    #[must_use]
+    pub fn of(kind: Kind) -> Self {
+        Self {
+            kind,
+            length: 20,
+            ahead: vec![1, 10, 20],
+            batch: 16,
+            rate: 1e-4,
+            fall: 5,
+            seed: 0,
+        }
+    }
+
+    pub(super) fn longest(&self) -> usize {
+        self.ahead.iter().copied().max().unwrap_or(1)
+    }
+}
+
+/// Means and deviations.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+struct Scale {
+    /// Of the columns; and of the time, which is the last.
+    state: [Vec<f32>; 2],
+    /// Of the changes: by time ahead.
+    change: Vec<[f32; OUTPUTS]>,
+}
+
+/// Trials, and what is to be learned of them.
+#[derive(Debug)]
+pub struct Lesson<'a> {
+    options: LessonOptions,
+    episodes: &'a [Episode],
+    features: Option<&'a Features>,
+    learned: &'a [Trial],
+    held: &'a [Trial],
+    /// Trial and last row of all windows.
+    windows: Vec<(usize, usize)>,
+    vocabulary: Vec<String>,
+    places: Vocabulary,
+    vectors: Option<Vec<f32>>,
+    scale: Scale,
+    device: Device,
+}
+
+impl<'a> Lesson<'a> {
+    /// Of trials to learn from, others to be held against, and what is seen in their
+    /// pictures. `vectors` is a text file of word2vec: a word and 300 numbers a line.
+    ///
+    /// # Errors
+    /// When the trials are too short, or the vectors cannot be read.
+    pub fn new(
+        options: LessonOptions,
+        episodes: &'a [Episode],
+        features: Option<&'a Features>,
+        (learned, held): (&'a [Trial], &'a [Trial]),
+        vectors: Option<&Path>,
+    ) -> anyhow::Result<Self> {
+        ensure!(
+            options.length > 0 && options.batch > 0 && !options.ahead.contains(&0),
+            "a window has rows, a step windows, and what is told lies ahead"
+        );
+        let windows = windows(learned, &options);
+        ensure!(
+            !windows.is_empty() && !self::windows(held, &options).is_empty(),
+            "no episode is longer than the {} rows that are seen and the {} that are told",
+            options.length,
+            options.longest()
+        );
+        let sentences = learned
+            .iter()
+            .map(|t| episodes[t.episode].about.instruction.as_str());
+        let words = vocabulary(sentences);
+        let vectors = vectors
+            .map(|path| read_vectors(path, &words, options.seed))
+            .transpose()?;
+        Ok(Self {
+            features: features.filter(|_| options.kind != Kind::CorrectedBlind),
+            scale: scale(learned, &options),
+            places: Vocabulary::new(&words),
+            vocabulary: words,
+            device: Device::flex().autodiff(),
+            windows,
+            vectors,
+            options,
+            episodes,
+            learned,
+            held,
+        })
+    }
+
+    /// Steps of an epoch.
+    #[must_use]
+    pub fn epoch(&self) -> u64 {
+        self.windows.len().div_ceil(self.options.batch) as u64
+    }
+
+    /// A network with random weights, for training.
+    #[must_use]
+    pub fn network(&self) -> Baseline {
+        self.device.seed(self.options.seed);
+        let network = Baseline::new(&self.sizes(), &self.device);
+        match &self.vectors {
+            Some(vectors) => {
+                let data = TensorData::new(vectors.clone(), [self.vocabulary.len(), WORD]);
+                network.with_words(Tensor::<2>::from_data(data, &self.device))
+            }
+            None => network,
+        }
+    }
+
+    /// The best network of a run in a folder.
+    ///
+    /// # Errors
+    /// When there is none that fits.
+    pub fn best(&self, folder: &Path) -> anyhow::Result<Baseline> {
+        let file = crate::weights::WeightsFile::read(&folder.join(FILE))?;
+        let network = Baseline::new(&self.sizes(), &Device::flex());
+        Ok(file.weights.into_network(network)?)
+    }
+
+    fn sizes(&self) -> Sizes {
+        Sizes {
+            seen: self.features.map_or(0, |f| f.width),
+            state: self.scale.state[0].len(),
+            words: self.vocabulary.len(),
+            ahead: self.options.ahead.len(),
+        }
+    }
+
+    /// What windows of trials show, and what is true behind them, in units of training.
+    fn batch(
+        &self,
+        trials: &[Trial],
+        windows: &[(usize, usize)],
+        device: &Device,
+    ) -> (Tensor<3>, Tensor<2>, Tensor<3>) {
+        let (mut rows, mut words, mut wanted) = (Vec::new(), Vec::new(), Vec::new());
+        for &(number, last) in windows {
+            let trial = &trials[number];
+            for row in last + 1 - self.options.length..=last {
+                if let Some(features) = self.features {
+                    rows.extend_from_slice(features.row(trial.episode, trial.first + row));
+                }
+                rows.extend(self.state(trial, row));
+            }
+            words.extend(
+                self.places
+                    .shares(&self.episodes[trial.episode].about.instruction),
+            );
+            for (k, ahead) in self.options.ahead.iter().enumerate() {
+                let (now, then) = (&trial.outputs[last], &trial.outputs[last + ahead]);
+                wanted.extend((0..OUTPUTS).map(|i| match self.options.kind {
+                    Kind::AsPrinted => then[i],
+                    _ => (then[i] - now[i]) / self.scale.change[k][i],
+                }));
+            }
+        }
+        let (count, sizes) = (windows.len(), self.sizes());
+        let width = sizes.seen + sizes.state;
+        let rows = TensorData::new(rows, [count, self.options.length, width]);
+        let words = TensorData::new(words, [count, sizes.words]);
+        let wanted = TensorData::new(wanted, [count, sizes.ahead, OUTPUTS]);
+        (
+            Tensor::from_data(rows, device),
+            Tensor::from_data(words, device),
+            Tensor::from_data(wanted, device),
+        )
+    }
+
+    fn state(&self, trial: &Trial, row: usize) -> Vec<f32> {
+        let mut state = with_time(trial, row);
+        if self.options.kind != Kind::AsPrinted {
+            let [mean, deviation] = &self.scale.state;
+            for (value, (mean, deviation)) in state.iter_mut().zip(mean.iter().zip(deviation)) {
+                *value = (*value - mean) / deviation;
+            }
+        }
+        state
+    }
+
+    /// What a network says of all windows of trials: by time ahead.
+    #[must_use]
+    pub fn predict(&self, network: &Baseline, trials: &[Trial]) -> Vec<Predictions> {
+        let device = Device::flex();
+        let empty = vec![Vec::new(); trials.len()];
+        let mut out = vec![empty; self.options.ahead.len()];
+        for part in windows(trials, &self.options).chunks(4 * self.options.batch) {
+            let (rows, words, _) = self.batch(trials, part, &device);
+            let found = network.forward(rows, words).into_data();
+            let found: Vec<f32> = found.iter::<f32>().collect();
+            let of_window = self.options.ahead.len() * OUTPUTS;
+            for (&(number, last), values) in part.iter().zip(found.chunks(of_window)) {
+                let now = &trials[number].outputs[last];
+                for (k, values) in values.chunks(OUTPUTS).enumerate() {
+                    out[k][number].push(std::array::from_fn(|i| match self.options.kind {
+                        Kind::AsPrinted => values[i],
+                        _ => now[i] + values[i] * self.scale.change[k][i],
+                    }));
+                }
+            }
+        }
+        out
+    }
+}
+
+impl train::Lesson for Lesson<'_> {
+    type Network = Baseline;
+
+    fn loss(&self, network: &Baseline, step: u64) -> (Tensor<1>, Vec<(&'static str, f64)>) {
+        let mut random = ChaCha8Rng::seed_from_u64(self.options.seed);
+        random.set_stream(step + 1);
+        let drawn = (0..self.options.batch)
+            .map(|_| self.windows[random.random_range(0..self.windows.len())]);
+        let drawn: Vec<_> = drawn.collect();
+        let (rows, words, wanted) = self.batch(self.learned, &drawn, &self.device);
+        let loss = (network.forward(rows, words) - wanted).square().mean();
+        let told = loss.clone().into_scalar::<f64>();
+        (loss, vec![("mse", told)])
+    }
+
+    fn validate(&self, network: &Baseline) -> Option<f64> {
+        let device = Device::flex();
+        let (mut sum, mut count) = (0.0, 0.0);
+        for part in windows(self.held, &self.options).chunks(4 * self.options.batch) {
+            let (rows, words, wanted) = self.batch(self.held, part, &device);
+            let error = (network.forward(rows, words) - wanted).square().mean();
+            sum += error.into_scalar::<f64>() * part.len() as f64;
+            count += part.len() as f64;
+        }
+        Some(sum / count)
+    }
+
+    fn rate(&self, step: u64) -> f64 {
+        let falls = step / self.epoch() / self.options.fall.max(1);
+        self.options.rate * 0.1_f64.powi(falls.min(100) as i32)
+    }
+
+    fn keep(&self, network: &Baseline, told: &Told, folder: &Path) -> anyhow::Result<()> {
+        let seeds = |trials: &[Trial]| trials.iter().map(|t| t.seed).collect::<Vec<_>>();
+        let card = serde_json::json!({
+            "format": "wheelarm-baseline/1",
+            "options": self.options,
+            "vocabulary": self.vocabulary,
+            "scale": self.scale,
+            "training_seeds": seeds(self.learned),
+            "validation_seeds": seeds(self.held),
+            "steps": told.step, "seconds": told.seconds, "best": told.best,
+            "program": format!("wheelarm-learn {}", wheelarm_proto::program::version()),
+        });
+        let text = serde_json::to_string_pretty(&card)?;
+        Weights::of_network(network).write(&folder.join(FILE), Some(&text))?;
+        std::fs::write(folder.join("baseline.json"), text + "\n")?;
+        Ok(())
+    }
+}
+
+/// Trial and last row of all windows.
+fn windows(trials: &[Trial], options: &LessonOptions) -> Vec<(usize, usize)> {
+    let each = trials.iter().enumerate();
+    let each = each.flat_map(|(number, trial)| {
+        lasts(trial, options.length, options.longest()).map(move |last| (number, last))
+    });
+    each.collect()
+}
+
+/// The columns of a row, and the seconds since the beginning at ten rows a second.
+fn with_time(trial: &Trial, row: usize) -> Vec<f32> {
+    let mut state = trial.state[row].clone();
+    state.push((trial.first + row) as f32 * 0.1);
+    state
+}
+
+fn scale(trials: &[Trial], options: &LessonOptions) -> Scale {
+    let rows: Vec<Vec<f32>> = trials
+        .iter()
+        .flat_map(|t| (0..t.state.len()).map(|row| with_time(t, row)))
+        .collect();
+    let width = rows.first().map_or(0, Vec::len);
+    let moments = |column: usize| {
+        let values = rows.iter().map(|row| f64::from(row[column]));
+        let mean = values.clone().sum::<f64>() / rows.len().max(1) as f64;
+        let square = values.map(|v| (v - mean).powi(2)).sum::<f64>() / rows.len().max(1) as f64;
+        (mean as f32, (square.sqrt() as f32).max(LEAST_DEVIATION))
+    };
+    let (mean, deviation) = (0..width).map(moments).unzip();
+    let change = options.ahead.iter().map(|ahead| {
+        std::array::from_fn(|i| {
+            let changes = trials.iter().flat_map(|t| {
+                let pairs = t.outputs.iter().zip(t.outputs.iter().skip(*ahead));
+                pairs.map(move |(now, then)| f64::from(then[i] - now[i]))
+            });
+            let count = changes.clone().count().max(1) as f64;
+            let square = changes.map(|c| c * c).sum::<f64>() / count;
+            (square.sqrt() as f32).max(LEAST_CHANGE)
+        })
+    });
+    Scale {
+        state: [mean, deviation],
+        change: change.collect(),
+    }
+}
+
+/// Vectors of the vocabulary's words out of a text file of word2vec; words that it has
+/// not are drawn.
+fn read_vectors(path: &Path, words: &[String], seed: u64) -> anyhow::Result<Vec<f32>> {
+    let text =
+        std::fs::read_to_string(path).with_context(|| format!("reading {}", path.display()))?;
+    let mut random = ChaCha8Rng::seed_from_u64(seed);
+    let mut vectors: Vec<f32> = (0..words.len() * WORD)
+        .map(|_| random.random_range(-1.0..1.0))
+        .collect();
+    let mut known = 0;
+    for (number, line) in text.lines().enumerate() {
+        let mut parts = line.split_whitespace();
+        let Some(place) = parts
+            .next()
+            .and_then(|word| words.iter().position(|w| w == word))
+        else {
+            continue;
+        };
+        let values = parts.map(str::parse).collect::<Result<Vec<f32>, _>>();
+        let values = values
+            .ok()
+            .filter(|v| v.len() == WORD && v.iter().all(|v| v.is_finite()));
+        let values = values.with_context(|| {
+            format!(
+                "{}:{}: a word and {WORD} numbers are expected",
+                path.display(),
+                number + 1
+            )
+        })?;
+        vectors[place * WORD..(place + 1) * WORD].copy_from_slice(&values);
+        known += 1;
+    }
+    ensure!(
+        known > 0,
+        "{} has none of the words {}",
+        path.display(),
+        words.join(", ")
+    );
+    Ok(vectors)
+}
