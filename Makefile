@@ -16,6 +16,8 @@
 # make contract-python   writes what the Python package has of the contract, after such a change
 # make test-python   the Python package with Python 3.10 to 3.13 and protobuf 3.20 to 7: every
 #                    task and mode, types, the guide, the notebook; downloads some packages
+# make test-drive   the page that drives: every device, accessibility, a headset, in Chromium
+#                   (installs it and four npm packages)
 # make test-lerobot   lerobot-eval and lerobot-record of 0.4.4 and 0.6.1 with our plugins, and
 #                     rows of exports played open loop (downloads gigabytes)
 # make test-ros     the ROS 2 node against the real rclpy of Kilted and Jazzy (from PyPI,
@@ -46,7 +48,7 @@ BUILT := $(or $(CARGO_TARGET_DIR),target)/release
 export WHEELARM_COMMIT ?= $(shell git rev-parse --short=12 HEAD 2>/dev/null)
 export WHEELARM_PYTHON ?= $(CURDIR)/.venv/bin/python
 
-.PHONY: all build static demo test test-learn contract test-cluster test-readers test-data test-original test-adversarial soak train-mustard demo-policy bench test-rosbag2 dist test-dist contract-python test-python test-lerobot test-ros people test-people clean
+.PHONY: all build static demo test test-learn contract test-cluster test-readers test-data test-original test-adversarial soak train-mustard demo-policy bench test-rosbag2 dist test-dist contract-python test-python test-lerobot test-drive test-ros people test-people clean
 all: build
 
 build:
@@ -74,6 +76,7 @@ test:
 	scripts/setup.sh chromium
 	scripts/setup.sh python numpy h5py pyarrow mcap protobuf:google.protobuf foxglove-schemas-protobuf:foxglove_schemas_protobuf \
 		rosbags==0.11.9:rosbags eclipse-zenoh==1.10.2:zenoh gymnasium pytest grpcio-tools:grpc_tools
+	tests/drive.sh fast
 	$(CARGO) fmt --all --check
 	$(CARGO) clippy --release --workspace $(WITHOUT_LEARN) --all-targets -- -D warnings
 	RUSTDOCFLAGS="-D warnings" $(CARGO) doc --release --workspace $(WITHOUT_LEARN) --no-deps
@@ -97,6 +100,9 @@ contract-python:
 
 test-python: build
 	tests/python.sh
+
+test-drive:
+	tests/drive.sh
 
 test-lerobot: build
 	tests/lerobot.sh

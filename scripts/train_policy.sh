@@ -11,6 +11,8 @@
 #   TRAINING  seconds of training: of the first policy and of the one behind each round
 #   PIECE     seconds of training at a time (500)
 #   CORRECTIONS      episodes with corrections in each round (250)
+#   CORRECTED_FROM   first seed of these (20000)
+#   INIT      policy that the first begins from; its seeds should be others
 #   TAKEOVER  seconds after which the operator takes over at the latest (25)
 #   NETWORK   more options of train.py
 #   SPLIT     what is evaluated (assets/splits/policy-claim.toml)
@@ -23,6 +25,8 @@ jobs=${JOBS:-$(nproc)}
 read -ra training <<<"${TRAINING:-200 250 400}"
 piece=${PIECE:-500}
 corrections=${CORRECTIONS:-250}
+corrected_from=${CORRECTED_FROM:-20000}
+init=(${INIT:+--init "$INIT"})
 takeover=${TAKEOVER:-25}
 split=${SPLIT:-assets/splits/policy-claim.toml}
 python=${PYTHON:-python3}
@@ -65,7 +69,7 @@ train() { # name, seconds, more arguments
 correct() { # round
     done_before "corrections-$1" && return
     say "corrections, round $1"
-    local first=$((20000 + ($1 - 1) * corrections))
+    local first=$((corrected_from + ($1 - 1) * corrections))
     # Not all succeed, which is no failure of this stage.
     wheelarm evaluate --task "$task" --seeds $first..$((first + corrections)) --jobs "$jobs" \
         --policy "exec:$python $learn/serve.py $out/policy-$(($1 - 1))/policy.safetensors" --takeover "$takeover" \
@@ -79,7 +83,7 @@ collect 0
 collect 1 &
 second_half=$!
 status=0
-train policy-0 "${training[0]}" "$out/tensors/data-0" || status=$?
+train policy-0 "${training[0]}" "$out/tensors/data-0" "${init[@]}" || status=$?
 wait $second_half
 [ $status -eq 0 ] || exit $status
 rounds=$((${#training[@]} - 1))

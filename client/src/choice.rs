@@ -73,6 +73,33 @@ pub fn patience<const LEAST: u32>(text: &str) -> Result<Duration, String> {
         .ok_or_else(|| format!("{text:?} is no number of seconds from {LEAST} to {MOST_PATIENCE}"))
 }
 
+/// The user's name and the host's, as far as they can stand in a key; `otherwise`
+/// where there are none.
+#[must_use]
+pub fn own_name(otherwise: &str) -> String {
+    let user = std::env::var("USER").unwrap_or_default();
+    let host = rustix::system::uname();
+    let host = host.nodename().to_string_lossy().into_owned();
+    let host = host.split('.').next().unwrap_or_default().to_owned();
+    let words = [user, host].map(|word| {
+        word.chars()
+            .map(|c| if c.is_ascii_alphanumeric() { c } else { '-' })
+            .take(30)
+            .collect::<String>()
+    });
+    let name = words
+        .iter()
+        .filter(|w| !w.is_empty())
+        .cloned()
+        .collect::<Vec<_>>()
+        .join("-");
+    if name.is_empty() {
+        otherwise.to_owned()
+    } else {
+        name
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

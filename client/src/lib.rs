@@ -4,6 +4,7 @@
 //! memory, files or code with it. What makes or reads episode files needs the
 //! feature `hdf5`, teleoperation the feature `terminal`; both are on.
 
+pub mod access;
 #[cfg(feature = "hdf5")]
 mod axis;
 #[cfg(feature = "hdf5")]
@@ -17,6 +18,7 @@ pub mod control;
 pub mod demo;
 mod disturb;
 pub mod doctor;
+pub mod drive;
 mod episode_seed;
 #[cfg(feature = "hdf5")]
 pub mod evaluate;

@@ -12,6 +12,8 @@ use clap::error::ErrorKind;
 use clap::parser::ValueSource;
 use clap::{ArgMatches, CommandFactory, FromArgMatches, Parser, Subcommand};
 use clap_complete::Shell;
+use wheelarm_access::About;
+use wheelarm_client::access::{self, KeysCommand, UsersCommand};
 #[cfg(feature = "hdf5")]
 use wheelarm_client::collect::{self, CollectArgs};
 use wheelarm_client::connect::ConnectArgs;
@@ -21,6 +23,7 @@ use wheelarm_client::control::{
 #[cfg(feature = "hdf5")]
 use wheelarm_client::demo::{self, DemoArgs};
 use wheelarm_client::doctor::{self, DoctorArgs};
+use wheelarm_client::drive::{self, DriveArgs};
 #[cfg(feature = "hdf5")]
 use wheelarm_client::evaluate::{self, EvaluateArgs};
 use wheelarm_client::operate::{self, OperateArgs};
@@ -38,8 +41,9 @@ use wheelarm_proto::program::{told, version};
 
 /// Clients of the WheelArm simulator: operate, record, replay, watch.
 ///
-/// Every command speaks to one server, which listens on 127.0.0.1 only; from
-/// another machine bring its port near through SSH.
+/// Every command speaks to one server, which listens on 127.0.0.1 unless it was
+/// given keys; then --connect tls/HOST:7447 --keys DIR reaches it from anywhere.
+/// Without keys bring its port near through SSH.
 #[derive(Parser)]
 #[command(
     name = "wheelarm",
@@ -115,6 +119,13 @@ enum Command {
     #[cfg(feature = "terminal")]
     #[command(after_long_help = manual::TELEOP)]
     Teleop(TeleopArgs),
+    /// Drive chair, arm and gripper from a browser.
+    ///
+    /// Serves a page on this host: cameras, keys, mouse, touch, gamepad, one switch,
+    /// voice, headset. It prints two links, one to drive and one to watch. When a
+    /// page, a browser or a link dies the chair brakes and the arm holds.
+    #[command(after_long_help = manual::DRIVE)]
+    Drive(DriveArgs),
     /// Serves what the cameras see as a local web page.
     ///
     /// It shows pictures and state and never commands. Pictures are compressed
@@ -134,6 +145,18 @@ enum Command {
     /// port, version, round trip and clock of the server. It changes nothing.
     #[command(after_long_help = manual::DOCTOR)]
     Doctor(DoctorArgs),
+    /// Makes the keys by which users and servers know each other.
+    ///
+    /// On the host of the server: an authority of your own, the server's
+    /// certificate, and a folder for each user to take along (--keys DIR).
+    #[command(subcommand, after_long_help = manual::KEYS)]
+    Keys(KeysCommand),
+    /// Says who may connect, and what each may do.
+    ///
+    /// Adds, removes and lists the users of a folder of keys (--keys DIR), and
+    /// sets their passwords for the web page.
+    #[command(subcommand, after_long_help = manual::USERS)]
+    Users(UsersCommand),
     /// Records an episode with a server, a recorder and the operator of its own.
     #[cfg(feature = "hdf5")]
     #[command(after_long_help = manual::DEMO)]
@@ -186,6 +209,19 @@ enum Command {
 }
 
 impl Command {
+    /// Whether it needs no server.
+    fn works_on_files(&self) -> bool {
+        matches!(
+            self,
+            Self::Keys(_)
+                | Self::Users(_)
+                | Self::Completions { .. }
+                | Self::Man { .. }
+                | Self::Dataset { .. }
+                | Self::External(_)
+        )
+    }
+
     /// Whether it draws on the whole terminal.
     fn has_the_screen(&self) -> bool {
         #[cfg(feature = "terminal")]
@@ -199,7 +235,7 @@ fn main() -> ExitCode {
     end_with_output();
     let matches = Cli::command().get_matches();
     refuse_without_effect(&matches);
-    let cli = Cli::from_arg_matches(&matches).unwrap_or_else(|error| error.exit());
+    let mut cli = Cli::from_arg_matches(&matches).unwrap_or_else(|error| error.exit());
     let filter = tracing_subscriber::EnvFilter::try_from_default_env()
         .unwrap_or_else(|_| tracing_subscriber::EnvFilter::new("warn,zenoh=error"));
     let messages = tracing_subscriber::fmt()
@@ -211,12 +247,48 @@ fn main() -> ExitCode {
     } else {
         messages.with_writer(std::io::stderr).init();
     }
-    match run(cli) {
+    let connect = match cli.connect.connect() {
+        Ok(connect) => connect,
+        // These need no server.
+        Err(_) if cli.command.works_on_files() => Connect::from(&cli.connect),
+        Err(error) => {
+            eprintln!("error: {}", told(error.as_ref()));
+            return ExitCode::FAILURE;
+        }
+    };
+    name_by_keys(&mut cli, &connect, &matches);
+    match run(cli, connect) {
         Ok(code) => code,
         Err(error) => {
             eprintln!("error: {}", told(error.as_ref()));
             ExitCode::FAILURE
         }
+    }
+}
+
+/// Who commands or records does so under the name of its keys, unless it is told
+/// another: with keys a server takes no other.
+fn name_by_keys(cli: &mut Cli, connect: &Connect, matches: &ArgMatches) {
+    let Some(identity) = &connect.identity else {
+        return;
+    };
+    let about = About::beside(identity.folder()).map(|about| about.user);
+    let Some(user) = about.or_else(|| cli.connect.user.clone()) else {
+        return;
+    };
+    let mut named = matches;
+    while let Some((_, inner)) = named.subcommand() {
+        named = inner;
+    }
+    let is_told = |id: &str| named.value_source(id) == Some(ValueSource::CommandLine);
+    match &mut cli.command {
+        Command::Operate(args) if !is_told("commander") => args.commander = user,
+        Command::Lease(LeaseCommand::Hold(args)) if !is_told("name") => args.name = user,
+        #[cfg(feature = "terminal")]
+        Command::Teleop(args) if !is_told("commander") => args.commander = user,
+        #[cfg(feature = "hdf5")]
+        Command::Record(args) if !is_told("name") => args.name = user,
+        _ => {}
     }
 }
 
@@ -241,8 +313,8 @@ fn refuse_without_effect(matches: &ArgMatches) {
     }
 }
 
-fn run(cli: Cli) -> anyhow::Result<ExitCode> {
-    let connect = Connect::from(&cli.connect);
+fn run(cli: Cli, connect: Connect) -> anyhow::Result<ExitCode> {
+    let keys = cli.connect.keys.as_ref();
     let link = || control::link(&connect);
     match &cli.command {
         Command::Status => control::status(&connect)?,
@@ -277,6 +349,7 @@ fn run(cli: Cli) -> anyhow::Result<ExitCode> {
             control::refuse_closed(&connect.endpoint)?;
             return teleop::run(&connect, args);
         }
+        Command::Drive(args) => return drive::run(&connect, args),
         Command::Preview(args) => {
             control::refuse_closed(&connect.endpoint)?;
             return preview::run(&connect, args);
@@ -284,6 +357,8 @@ fn run(cli: Cli) -> anyhow::Result<ExitCode> {
         Command::Watch(args) => return watch::run(&link()?, args),
         Command::Doctor(args) => return doctor::run(&connect, args),
         Command::Shutdown(args) => link()?.shutdown(args.force)?,
+        Command::Keys(command) => access::keys(keys, command)?,
+        Command::Users(command) => access::users(keys, command)?,
         Command::Completions { shell } => {
             let mut command = Cli::command();
             let mut script = Vec::new();

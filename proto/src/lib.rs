@@ -7,6 +7,7 @@
 //! Conventions: right-handed frames, z up, x forward, y left; SI units and
 //! radians; quaternions x y z w; `house` is the world frame.
 
+pub mod bundle;
 pub mod check;
 pub mod digest;
 pub mod endpoint;

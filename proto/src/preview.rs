@@ -11,11 +11,17 @@ pub enum PreviewLevel {
     Medium,
     /// For local networks.
     High,
+    /// Raw, for who encodes on the same host.
+    Flat,
+    /// The same, larger.
+    FlatLarge,
 }
 
 impl PreviewLevel {
-    /// Every level, least first.
+    /// Every compressed level, least first: what a link may carry.
     pub const ALL: [Self; 3] = [Self::Low, Self::Medium, Self::High];
+    /// Raw levels, for who encodes on the same host.
+    pub const FLAT: [Self; 2] = [Self::Flat, Self::FlatLarge];
 
     /// Last chunk of the key.
     #[must_use]
@@ -24,6 +30,8 @@ impl PreviewLevel {
             Self::Low => "low",
             Self::Medium => "medium",
             Self::High => "high",
+            Self::Flat => "flat",
+            Self::FlatLarge => "flat-large",
         }
     }
 
@@ -35,6 +43,8 @@ impl PreviewLevel {
             v1::PreviewLevel::Low => Some(Self::Low),
             v1::PreviewLevel::Medium => Some(Self::Medium),
             v1::PreviewLevel::High => Some(Self::High),
+            v1::PreviewLevel::Flat => Some(Self::Flat),
+            v1::PreviewLevel::FlatLarge => Some(Self::FlatLarge),
         }
     }
 
@@ -45,6 +55,8 @@ impl PreviewLevel {
             Self::Low => v1::PreviewLevel::Low,
             Self::Medium => v1::PreviewLevel::Medium,
             Self::High => v1::PreviewLevel::High,
+            Self::Flat => v1::PreviewLevel::Flat,
+            Self::FlatLarge => v1::PreviewLevel::FlatLarge,
         }
     }
 
@@ -53,8 +65,8 @@ impl PreviewLevel {
     pub fn width(self) -> u32 {
         match self {
             Self::Low => 320,
-            Self::Medium => 640,
-            Self::High => 1280,
+            Self::Medium | Self::Flat => 640,
+            Self::High | Self::FlatLarge => 1280,
         }
     }
 
@@ -64,17 +76,18 @@ impl PreviewLevel {
         match self {
             Self::Low => Some(5.0),
             Self::Medium => Some(10.0),
-            Self::High => None,
+            Self::High | Self::Flat | Self::FlatLarge => None,
         }
     }
 
-    /// JPEG quality, 1 to 100.
+    /// JPEG quality, 1 to 100; `None` where the picture is raw.
     #[must_use]
-    pub fn quality(self) -> u8 {
+    pub fn quality(self) -> Option<u8> {
         match self {
-            Self::Low => 50,
-            Self::Medium => 65,
-            Self::High => 80,
+            Self::Low => Some(50),
+            Self::Medium => Some(65),
+            Self::High => Some(80),
+            Self::Flat | Self::FlatLarge => None,
         }
     }
 }
@@ -85,7 +98,7 @@ mod tests {
 
     #[test]
     fn every_level_is_told_and_read() {
-        for level in PreviewLevel::ALL {
+        for level in PreviewLevel::ALL.into_iter().chain(PreviewLevel::FLAT) {
             assert_eq!(PreviewLevel::told(level.code()), Some(level));
         }
         assert_eq!(PreviewLevel::told(v1::PreviewLevel::Unspecified), None);

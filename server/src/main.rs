@@ -9,6 +9,7 @@ use anyhow::{Context, bail};
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::{CommandFactory, Parser};
 use tokio::signal::unix::{Signal, SignalKind, signal};
+use wheelarm_access::Folder;
 use wheelarm_proto::endpoint::check_endpoint;
 use wheelarm_proto::installed;
 use wheelarm_proto::keys::{self, Keys};
@@ -21,6 +22,7 @@ use wheelarm_server::environment;
 use wheelarm_server::robot::RobotModel;
 use wheelarm_server::scene::Scene;
 use wheelarm_server::sensors::camera::{Graphics, Renderer};
+use wheelarm_server::service::session::Reach;
 use wheelarm_server::service::{self, Options, startup};
 use wheelarm_server::sim::{Scenario, SimError, Simulation};
 use wheelarm_server::tasks::{self, Floor, TaskSpec, table};
@@ -29,16 +31,31 @@ use wheelarm_server::tasks::{self, Floor, TaskSpec, table};
 ///
 /// Publishes sensor streams over Zenoh and takes protobuf commands. Prints one
 /// line `ready ENDPOINT sim=NAME` when it serves. Listens on 127.0.0.1 unless
-/// told otherwise; from another machine connect through an SSH tunnel.
+/// told otherwise; from another machine connect with keys (--keys), or through an
+/// SSH tunnel.
 #[derive(Parser, Debug)]
 #[command(version = version())]
 struct Args {
     /// Name of this server, so that several can share one network.
     #[arg(long, default_value = keys::DEFAULT_SIM)]
     sim: String,
-    /// Endpoint to listen on; port 0 takes a free one. May be repeated.
-    #[arg(long, default_value = "tcp/127.0.0.1:7447", value_parser = endpoint)]
+    /// Endpoint to listen on; port 0 takes a free one. May be repeated
+    /// [default: tcp/127.0.0.1:7447, with --keys tls/0.0.0.0:7447].
+    #[arg(long, value_parser = endpoint)]
     listen: Vec<String>,
+    /// Folder of keys and users (`wheelarm keys init`): clients come over TLS, each
+    /// with a certificate of its own, and may do what the user's role says.
+    #[arg(
+        long,
+        value_name = "DIR",
+        env = "WHEELARM_SERVER_KEYS",
+        conflicts_with = "insecure"
+    )]
+    keys: Option<PathBuf>,
+    /// Lets other hosts connect without keys: everybody who reaches the port may
+    /// drive and end this server.
+    #[arg(long)]
+    insecure: bool,
     /// Endpoint of a Zenoh router to connect to. May be repeated.
     #[arg(long, value_parser = endpoint)]
     connect: Vec<String>,
@@ -197,6 +214,30 @@ fn print_draws(
 }
 
 impl Args {
+    /// How the server is to be reached.
+    fn reach(&self) -> anyhow::Result<Reach> {
+        let keys = self.keys.as_deref().map(Folder::open).transpose()?;
+        let usual = match keys {
+            Some(_) => "tls/0.0.0.0:7447",
+            None => "tcp/127.0.0.1:7447",
+        };
+        let listen: Vec<String> = match self.listen.is_empty() {
+            true => vec![usual.to_owned()],
+            false => self
+                .listen
+                .iter()
+                .map(|e| concrete(e))
+                .collect::<Result<_, _>>()?,
+        };
+        Ok(Reach {
+            listen,
+            connect: self.connect.clone(),
+            multicast: self.multicast,
+            keys,
+            insecure: self.insecure,
+        })
+    }
+
     /// The scenario that file and options ask for.
     fn scenario(&self) -> anyhow::Result<v1::Scenario> {
         let mut asked = match &self.scenario {
@@ -276,17 +317,21 @@ fn assets(told: Option<PathBuf>) -> anyhow::Result<PathBuf> {
         .context("no assets folder found; name it with --assets DIR or WHEELARM_ASSETS")
 }
 
-/// Replaces port 0 of a TCP endpoint by a free one.
+/// Replaces port 0 of an endpoint by a free one.
 fn concrete(endpoint: &str) -> anyhow::Result<String> {
-    let Some(address) = endpoint
-        .strip_prefix("tcp/")
-        .and_then(|a| a.strip_suffix(":0"))
+    let Some((transport, address)) = endpoint
+        .split_once('/')
+        .filter(|(transport, _)| ["tcp", "tls"].contains(transport))
+        .and_then(|(transport, rest)| Some((transport, rest.strip_suffix(":0")?)))
     else {
         return Ok(endpoint.to_owned());
     };
     let listener = TcpListener::bind((address, 0))
         .with_context(|| format!("cannot listen on {address}; is it an address of this host?"))?;
-    Ok(format!("tcp/{address}:{}", listener.local_addr()?.port()))
+    Ok(format!(
+        "{transport}/{address}:{}",
+        listener.local_addr()?.port()
+    ))
 }
 
 fn main() -> ExitCode {
@@ -366,20 +411,23 @@ async fn serve(args: Args) -> anyhow::Result<()> {
             sensor.text()
         );
     }
-    let listen = args
-        .listen
-        .iter()
-        .map(|e| concrete(e))
-        .collect::<anyhow::Result<Vec<_>>>()?;
-    let session = service::session::open(&keys, &listen, &args.connect, args.multicast, pacing)
-        .with_context(|| {
-            format!("cannot listen on {}; is another server running there? Choose another port with --listen tcp/127.0.0.1:PORT", listen.join(", "))
-        })?;
-    let endpoint = listen.first().cloned().unwrap_or_default();
+    let reach = args.reach()?;
+    let access = reach.access()?;
+    let listen = reach.listen.join(", ");
+    let session = service::session::open(&keys, &reach, pacing).with_context(|| {
+        format!("cannot listen on {listen}; is another server running there? Choose another port with --listen tcp/127.0.0.1:PORT")
+    })?;
+    if access == v1::Access::Insecure {
+        tracing::warn!(
+            "{listen}: INSECURE, everybody who reaches this port may drive and end this server"
+        );
+    }
+    let endpoint = reach.listen.first().cloned().unwrap_or_default();
     let options = Options {
         keys,
         graphics: Graphics::on(args.adapter.as_deref()),
         no_cameras: args.no_cameras,
+        access,
     };
     let (name, end_with_stdin) = (args.sim, args.end_with_stdin);
     // Heard from here on: whoever reads that the server is ready may end it.

@@ -162,9 +162,16 @@ pub fn recorder_log(bytes: &[u8]) {
     if let Ok(scan) = log::scan(&file.path) {
         assert_eq!(scan.good + scan.lost, bytes.len() as u64);
         assert_eq!(scan.damage.is_some(), scan.lost > 0);
+        let mut buffer = Vec::new();
         for entry in &scan.entries {
-            let payload = scan.payload(entry).expect("a payload that was checked");
-            let _ = log::CameraParts::parse(&payload);
+            let payload = scan.payload(entry, &mut buffer);
+            let _ = log::CameraParts::parse(payload.expect("a payload that was checked"));
+        }
+        // What the headers alone promise holds, or shows when it is read.
+        if let Ok(Some(outline)) = log::outline(&file.path) {
+            let sound = |e| outline.payload(e, &mut buffer).is_ok();
+            let whole = outline.entries.iter().all(sound);
+            assert_eq!(whole, scan.closing.is_some());
         }
     }
 }

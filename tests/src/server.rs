@@ -19,6 +19,8 @@ pub struct Server {
     pub endpoint: String,
     /// Name of the server.
     pub sim: String,
+    /// Keys of whom it is reached as, where it takes keys.
+    pub identity: Option<wheelarm_proto::bundle::Identity>,
 }
 
 impl Server {
@@ -53,6 +55,8 @@ impl Server {
             .arg("--assets")
             .arg(assets)
             .args(args)
+            // With `--end-with-stdin` it ends with this process.
+            .stdin(Stdio::piped())
             .stdout(Stdio::piped())
             .stderr(Stdio::piped())
             .spawn()?;
@@ -67,6 +71,7 @@ impl Server {
             child,
             endpoint: String::new(),
             sim: sim.to_owned(),
+            identity: None,
         };
         loop {
             match lines.recv_timeout(Duration::from_secs(60)) {
@@ -132,6 +137,7 @@ impl Server {
             endpoint: endpoint.to_owned(),
             sim: self.sim.clone(),
             timeout_secs: 20.0,
+            identity: self.identity.clone(),
         }
     }
 

@@ -82,14 +82,22 @@ fn a_log_cut_or_changed_anywhere_gives_its_valid_prefix() {
     }
     // Some of them all the way into a file that says what it lacks.
     for at in places(good.len(), 24) {
-        let out = tempfile::tempdir().unwrap();
-        std::fs::write(&log, &good[..at]).unwrap();
-        if let Ok(finished) = finish(&log, Some(out.path())) {
-            assert!(!finished.account.complete(), "cut at {at}");
+        let mut changed = good.clone();
+        changed[at] ^= 0x10;
+        for bytes in [&good[..at], &changed] {
+            let out = tempfile::tempdir().unwrap();
+            std::fs::write(&log, bytes).unwrap();
+            let kept = scan(&log).map(|scan| scan.entries.len() as u64);
+            let Ok(finished) = finish(&log, Some(out.path())) else {
+                continue;
+            };
+            let account = &finished.account;
+            assert!(!account.complete(), "cut or changed at {at}");
+            assert_eq!(account.total(|s| s.received), kept.unwrap(), "at {at}");
             let summary = Episode::open(&finished.path).unwrap().summary().unwrap();
             assert!(
                 !summary.complete && !summary.problems.is_empty(),
-                "cut at {at}"
+                "cut or changed at {at}"
             );
         }
     }

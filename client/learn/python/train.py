@@ -153,11 +153,11 @@ def train(options, started):
         network.model.backbone.to(memory_format=torch.channels_last)
     if options.backbone:
         backbone(network, options)
-    if options.init:
-        begin_from(network, options.init)
+    before = begin_from(network, options.init) if options.init else {}
     hidden = hidden_state(about["state_names"], options.without_state)
     run = Run(options, network, episodes, tests, numbers, hidden, padded, about, device)
     run.card = card(options, shape, about, cameras, numbers, vocabulary, hidden, learned, held, network)
+    run.card["training_seeds"] = sorted({*run.card["training_seeds"], *before.get("training_seeds", [])})
     run.resume(log)
     parameters = sum(p.numel() for p in network.parameters())
     log.say(f"{options.kind}, {parameters / 1e6:.2f} M parameters, {len(learned)} episodes, {len(held)} held out, on {device}")
@@ -199,13 +199,15 @@ def backbone(network, options):
 
 
 def begin_from(network, path):
-    """Takes every tensor that fits; words and sizes may differ."""
-    state, _ = policy_file.read(path)
+    """Takes every tensor that fits; words and sizes may differ. Gives the card of the
+    policy, whose training seeds are those of this one too."""
+    state, before = policy_file.read(path)
     own = network.state_dict()
     fits = {name: t for name, t in state.items() if name in own and own[name].shape == t.shape}
     if not fits:
         raise ValueError(f"{path} has no tensor that fits this network")
     network.load_state_dict(fits, strict=False)
+    return before
 
 
 def card(options, shape, about, cameras, numbers, vocabulary, hidden, learned, held, network):

@@ -5,6 +5,7 @@
 //! that know nothing.
 
 pub mod columns;
+mod depth;
 pub mod errors;
 mod features;
 mod lesson;
@@ -12,6 +13,7 @@ mod network;
 mod run;
 mod table;
 
+pub use depth::{DepthNetwork, Depths};
 pub use features::{Features, features};
 pub use lesson::{Kind, Lesson, LessonOptions};
 pub use network::{Baseline, Sizes};

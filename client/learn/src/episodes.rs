@@ -95,6 +95,8 @@ pub struct Episode {
     pub table: Option<Table>,
     /// Cameras by name.
     pub cameras: BTreeMap<String, Pictures>,
+    /// Depth by camera, where it was exported (`--depth`).
+    pub depths: BTreeMap<String, Pictures>,
     file: Vec<u8>,
 }
 
@@ -145,8 +147,28 @@ impl Episode {
         let (states, actions) = (table("states")?, table("actions")?);
         let has_table = about.table_names.is_some();
         let table = has_table.then(|| table("table")).transpose()?;
-        let mut cameras = BTreeMap::new();
+        let (mut cameras, mut depths) = (BTreeMap::new(), BTreeMap::new());
         for name in tensors.names() {
+            if let Some(camera) = name.strip_prefix("depth.") {
+                let info = metadata.info(name).context("a tensor")?;
+                let &[count, height, width] = info.shape.as_slice() else {
+                    bail!("{}: {name} is no depth", path.display())
+                };
+                ensure!(
+                    info.dtype == Dtype::U16 && count == states.rows() && height * width > 0,
+                    "{}: {count} depths of {camera} and {} rows",
+                    path.display(),
+                    states.rows()
+                );
+                let (from, to) = info.data_offsets;
+                let pictures = Pictures {
+                    height,
+                    width,
+                    bytes: header + 8 + from..header + 8 + to,
+                };
+                depths.insert(camera.to_owned(), pictures);
+                continue;
+            }
             let Some(camera) = name.strip_prefix("pictures.") else {
                 continue;
             };
@@ -187,6 +209,7 @@ impl Episode {
             actions,
             table,
             cameras,
+            depths,
             file,
         })
     }
@@ -207,6 +230,18 @@ impl Episode {
         let size = pictures.height * pictures.width * 3;
         let from = pictures.bytes.start + row * size;
         &self.file[from..from + size]
+    }
+
+    /// Depth of a row from the top left, millimetres; 0 where nothing is.
+    ///
+    /// # Panics
+    /// Without depth of that camera or that row.
+    pub fn depth(&self, camera: &str, row: usize) -> impl Iterator<Item = u16> {
+        let pictures = &self.depths[camera];
+        let size = pictures.height * pictures.width * 2;
+        let from = pictures.bytes.start + row * size;
+        let pairs = self.file[from..from + size].chunks_exact(2);
+        pairs.map(|b| u16::from_le_bytes([b[0], b[1]]))
     }
 }
 

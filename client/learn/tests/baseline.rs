@@ -10,6 +10,7 @@ use wheelarm_learn::baseline::errors::{errors, extrapolated, repeated, truth};
 use wheelarm_learn::baseline::{self, Kind, Lesson, LessonOptions, RunOptions};
 use wheelarm_learn::episodes::{self, Episode};
 use wheelarm_learn::train::{self, Schedule};
+use wheelarm_learn::weights::WeightsFile;
 
 const ROWS: usize = 70;
 const SIDE: usize = 32;
@@ -55,6 +56,9 @@ fn write(folder: &Path, seed: u64, first: usize) {
     let bytes = |count: usize| vec![0_u8; count];
     let (states, actions) = (bytes(ROWS * 4 * 2), bytes(ROWS * 4 * 9));
     let pictures = vec![90_u8; ROWS * SIDE * SIDE * 3];
+    let depth: Vec<u8> = (0..ROWS * SIDE * SIDE)
+        .flat_map(|i| (1000 + (i % 777) as u16).to_le_bytes())
+        .collect();
     let names_of = |count: usize| (0..count).map(|k| format!("n{k}")).collect::<Vec<_>>();
     let about = serde_json::json!({
         "layout": "wheelarm-tensors/1", "label": format!("jump-{seed}"), "instruction": "go to and fro",
@@ -71,6 +75,7 @@ fn write(folder: &Path, seed: u64, first: usize) {
             "pictures.eye",
             view(Dtype::U8, &[ROWS, SIDE, SIDE, 3], &pictures),
         ),
+        ("depth.eye", view(Dtype::U16, &[ROWS, SIDE, SIDE], &depth)),
     ];
     let tensors = tensors.map(|(name, view)| (name, view.expect("a tensor")));
     let metadata = [("wheelarm".to_owned(), about.to_string())].into();
@@ -151,6 +156,16 @@ fn the_whole_table_is_made_and_goes_on_where_it_was_cut() {
         "features.safetensors",
     ] {
         assert!(options.out.join(file).is_file(), "{file}");
+    }
+    // Who sees looks at depth too, and who is blind does not.
+    for (kind, sees) in [("as-printed", true), ("corrected--without-pictures", false)] {
+        let path = options.out.join(kind).join("baseline.safetensors");
+        let file = WeightsFile::read(&path).expect("weights");
+        let layer = file.weights.get("depth.conv1.weight");
+        assert_eq!(
+            layer.map(|(shape, _)| shape),
+            sees.then_some(&[16, 1, 5, 5][..])
+        );
     }
     // Nothing is left to be done: the same numbers again.
     let again = baseline::run(&episodes, &options).expect("a report");

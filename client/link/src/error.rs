@@ -1,5 +1,6 @@
 //! What can go wrong between a client and a server, in words that name the cure.
 
+use wheelarm_proto::bundle::NoIdentity;
 use wheelarm_proto::endpoint::BadEndpoint;
 use wheelarm_proto::keys::BadName;
 use wheelarm_proto::schema::OtherVersion;
@@ -13,6 +14,9 @@ pub enum LinkError {
     /// The endpoint is none.
     #[error(transparent)]
     Endpoint(#[from] BadEndpoint),
+    /// The keys are not where they were looked for.
+    #[error(transparent)]
+    Identity(#[from] NoIdentity),
     /// A name cannot stand in a key.
     #[error(transparent)]
     Name(#[from] BadName),
@@ -27,6 +31,21 @@ pub enum LinkError {
         seconds: f64,
         /// The transport's own words.
         cause: String,
+    },
+    /// The endpoint takes keys, and none were given.
+    #[error(
+        "{0} takes keys: name the folder that you were given with --keys DIR, or on the server's host its folder of keys with --keys DIR --user NAME"
+    )]
+    NoKeys(String),
+    /// A server took the keys and shows nothing to their user.
+    #[error(
+        "a server answers at {endpoint}, and shows no server {sim:?} to the user of these keys: the user was removed, or the server started before it was added, or has another name; ask who runs it (`wheelarm users list`, then start the server anew)"
+    )]
+    NoRights {
+        /// Where it answers.
+        endpoint: String,
+        /// The wanted name.
+        sim: String,
     },
     /// Somebody listens, but under another name.
     #[error(
@@ -78,7 +97,7 @@ pub enum LinkError {
     },
     /// The query ended early and without an answer, though the server is there.
     #[error(
-        "the server {sim:?} is there, but `{query}` ended after {seconds:.1} s without an answer: it is asked more than it can answer, or it just came back; ask again"
+        "the server {sim:?} is there, but `{query}` ended after {seconds:.1} s without an answer: it is asked more than it can answer, or it just came back; ask again. With keys: their user may not ask this (`wheelarm doctor` tells)"
     )]
     Unanswered {
         /// Server name.

@@ -26,7 +26,8 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use parking_lot::Mutex;
-use wheelarm_proto::endpoint::check_endpoint;
+use wheelarm_proto::bundle::Identity;
+use wheelarm_proto::endpoint::{self, check_endpoint};
 use wheelarm_proto::keys::{self, Keys};
 use wheelarm_proto::schema;
 use wheelarm_proto::v1::FailureCode;
@@ -67,6 +68,9 @@ pub struct Connect {
     pub sim: String,
     /// Longest wait for the connection, s.
     pub timeout_secs: f64,
+    /// Keys of the user, for an endpoint `tls/HOST:PORT`; others take none. Absent,
+    /// those are taken that the environment names (`WHEELARM_KEYS`).
+    pub identity: Option<Identity>,
 }
 
 impl Connect {
@@ -95,6 +99,7 @@ impl Default for Connect {
             endpoint: DEFAULT_ENDPOINT.to_owned(),
             sim: keys::DEFAULT_SIM.to_owned(),
             timeout_secs: 5.0,
+            identity: None,
         }
     }
 }
@@ -118,16 +123,28 @@ pub enum Silence {
 ///
 /// # Errors
 /// [`LinkError::Endpoint`] when it is none, [`LinkError::NoServer`] when nobody
-/// listens.
+/// listens, [`LinkError::NoKeys`] when it takes keys and none are given.
 pub fn open_session(args: &Connect, silence: Silence) -> Result<Session, LinkError> {
     check_endpoint(&args.endpoint)?;
-    zenoh::open(config(&args.endpoint, args.wait_secs(), silence))
+    let identity = match (is_guarded(args), &args.identity) {
+        (false, _) => None,
+        (true, Some(identity)) => Some(identity.clone()),
+        (true, None) => Some(
+            Identity::of_environment()?.ok_or_else(|| LinkError::NoKeys(args.endpoint.clone()))?,
+        ),
+    };
+    zenoh::open(config(args, identity.as_ref(), silence))
         .wait()
         .map_err(|cause| LinkError::NoServer {
             endpoint: args.endpoint.clone(),
             seconds: args.wait_secs(),
             cause: words(&cause),
         })
+}
+
+/// Whether an endpoint takes keys.
+fn is_guarded(args: &Connect) -> bool {
+    endpoint::parts(&args.endpoint).0 == "tls"
 }
 
 /// An open connection to one server.
@@ -149,6 +166,7 @@ impl Link {
     /// [`LinkError::Endpoint`] when the endpoint is none,
     /// [`LinkError::NoServer`] when nobody listens until the wait is over,
     /// [`LinkError::OtherName`] when the server has another name,
+    /// [`LinkError::NoRights`] when it shows nothing to the user of these keys,
     /// [`LinkError::Several`] when it cannot be told from a stranger,
     /// [`LinkError::Version`] when it speaks another version of the contract.
     pub fn open(args: &Connect) -> Result<Self, LinkError> {
@@ -165,7 +183,15 @@ impl Link {
         let deadline = Instant::now() + Duration::from_secs_f64(args.wait_secs());
         let session = open_session(args, silence)?;
         let link = Self::over(session, &args.endpoint, &args.sim)?;
-        link.wait_alive(deadline)?;
+        link.wait_alive(deadline).map_err(|error| match error {
+            LinkError::OtherName { found, .. } if is_guarded(args) && found == NONE => {
+                LinkError::NoRights {
+                    endpoint: args.endpoint.clone(),
+                    sim: args.sim.clone(),
+                }
+            }
+            other => other,
+        })?;
         link.meet()?;
         Ok(link)
     }
@@ -242,7 +268,7 @@ impl Link {
                     endpoint: self.endpoint.clone(),
                     sim: self.keys.sim().to_owned(),
                     found: if found.is_empty() {
-                        "none".to_owned()
+                        NONE.to_owned()
                     } else {
                         found.join(", ")
                     },
@@ -487,6 +513,9 @@ impl Link {
     }
 }
 
+/// Stands where no server was found.
+const NONE: &str = "none";
+
 /// Longest wait for the answer that tells the server's version.
 const MEETING: Duration = Duration::from_secs(2);
 
@@ -507,8 +536,8 @@ fn decode<M: Message + Default>(payload: &ZBytes, what: &str) -> Result<M, LinkE
 }
 
 /// Client mode, no scouting: a client speaks to the one server it was told.
-fn config(endpoint: &str, timeout_secs: f64, silence: Silence) -> Config {
-    let timeout_ms = (timeout_secs * 1e3).round();
+fn config(args: &Connect, identity: Option<&Identity>, silence: Silence) -> Config {
+    let timeout_ms = (args.wait_secs() * 1e3).round();
     // Signs of life come every two and a half seconds either way.
     let (lease_ms, signs) = match silence {
         Silence::Gone => (10_000, 4),
@@ -520,7 +549,7 @@ fn config(endpoint: &str, timeout_secs: f64, silence: Silence) -> Config {
         ("transport/link/tx/keep_alive", format!("{signs}")),
         (
             "connect/endpoints",
-            serde_json::json!([endpoint]).to_string(),
+            serde_json::json!([args.endpoint]).to_string(),
         ),
         ("connect/timeout_ms", timeout_ms.to_string()),
         ("connect/exit_on_failure", "true".to_owned()),
@@ -541,14 +570,28 @@ fn config(endpoint: &str, timeout_secs: f64, silence: Silence) -> Config {
             "50000".to_owned(),
         ),
     ];
+    let shown = identity.map(|identity| ("transport/link/tls", tls(identity)));
     let mut config = Config::default();
-    for (key, value) in settings {
+    for (key, value) in settings.into_iter().chain(shown) {
         if let Err(error) = config.insert_json5(key, &value) {
             // Only a wrong endpoint can get here; opening then names it.
             tracing::warn!("setting {key} = {value} was not taken: {error}");
         }
     }
     config
+}
+
+/// Both sides show certificates of one authority; the server's must be for the
+/// host that was dialled.
+fn tls(identity: &Identity) -> String {
+    serde_json::json!({
+        "root_ca_certificate": identity.authority,
+        "connect_certificate": identity.certificate,
+        "connect_private_key": identity.key,
+        "enable_mtls": true,
+        "verify_name_on_connect": true,
+    })
+    .to_string()
 }
 
 #[cfg(test)]

@@ -20,6 +20,7 @@ fn args(endpoint: &str, sim: &str) -> Connect {
         endpoint: endpoint.to_owned(),
         sim: sim.to_owned(),
         timeout_secs: 2.0,
+        identity: None,
     }
 }
 
@@ -34,6 +35,13 @@ fn listen(endpoint: &str) -> Session {
         config.insert_json5(key, &value).unwrap();
     }
     zenoh::open(config).wait().unwrap()
+}
+
+#[test]
+fn an_endpoint_that_takes_keys_is_not_dialled_without() {
+    let error = Link::open(&args("tls/127.0.0.1:1", "sim")).err().unwrap();
+    assert!(matches!(error, LinkError::NoKeys(_)), "{error}");
+    assert!(error.to_string().contains("--keys DIR"), "{error}");
 }
 
 #[test]
@@ -250,6 +258,7 @@ fn a_server_of_another_version_is_refused_at_connection_with_the_cure() {
             endpoint,
             sim: "old".to_owned(),
             timeout_secs: 10.0,
+            identity: None,
         };
         let error = Link::open(&args).err().unwrap();
         assert!(matches!(error, LinkError::Version(_)), "{error}");

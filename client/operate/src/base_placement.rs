@@ -35,6 +35,11 @@ pub const PLACEMENT_MARGIN: f64 = 0.045;
 const STEP: f64 = 0.025;
 /// A hand from above is best this much nearer than a level one, metres.
 const NEARER: f64 = 0.14;
+/// What stands lower than this is taken near by, for the arm reaches down to it from
+/// its shoulder, metres over the floor.
+const LOW: f64 = 0.35;
+/// No further from the arm's base than this then, metres.
+const LOW_FURTHEST: f64 = 0.66;
 /// Poses of the hand's path are looked at every so many metres.
 const SAMPLE: f64 = 0.10;
 /// Greatest change of a joint between two of them, radians: more means that
@@ -52,10 +57,14 @@ pub fn placements(
 ) -> Vec<BasePlacement> {
     let arm = scene.chair_from_base.translation;
     let [nearest, furthest] = scene.arm_range;
-    let steps = ((furthest - nearest) / STEP).round() as usize;
     let mut placements = Vec::new();
     for (index, candidate) in candidates.iter().enumerate() {
         let point = candidate.point(&scene.hand);
+        let furthest = match point.z < LOW {
+            true => furthest.min(LOW_FURTHEST),
+            false => furthest,
+        };
+        let steps = ((furthest - nearest) / STEP).round() as usize;
         let headings: Vec<(f64, f64)> = match candidate.heading() {
             Some(direction) => (-6..=6)
                 .map(|i| f64::from(i) * 0.1)

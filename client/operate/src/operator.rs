@@ -51,6 +51,7 @@ const ENDINGS: usize = 4;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Stage {
     Navigate(Purpose),
+    Before,
     Reach,
     Grasp,
     Lift,
@@ -65,6 +66,7 @@ impl Stage {
     fn begin(self) -> Box<dyn Skill> {
         match self {
             Self::Navigate(purpose) => Box::new(Navigate::new(purpose)),
+            Self::Before => Box::new(Reach::before()),
             Self::Reach => Box::new(Reach::new()),
             Self::Grasp => Box::new(Grasp::default()),
             Self::Lift => Box::new(Lift::default()),
@@ -81,9 +83,29 @@ impl Stage {
 /// further away than this is none, metres.
 const NEAR: f64 = 0.6;
 
+/// How much of the work is done.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Extent {
+    /// All of it, until the task's conditions hold.
+    #[default]
+    Task,
+    /// Until the hand stands before the thing.
+    Near,
+    /// Until the thing is held and lifted.
+    Take,
+    /// From there on: what the hand holds is put into the region.
+    Put,
+}
+
 /// The skills that reach a goal, in their order.
-fn plan(goal: &Goal) -> &'static [Stage] {
+fn plan(goal: &Goal, extent: Extent) -> &'static [Stage] {
     const TAKE: Stage = Stage::Navigate(Purpose::Take);
+    match extent {
+        Extent::Task => {}
+        Extent::Near => return &[TAKE, Stage::Before],
+        Extent::Take => return &[TAKE, Stage::Reach, Stage::Grasp, Stage::Lift],
+        Extent::Put => return &[Stage::Navigate(Purpose::Put), Stage::Place],
+    }
     match goal {
         Goal::Lift { .. } => &[
             TAKE,
@@ -116,6 +138,7 @@ fn plan(goal: &Goal) -> &'static [Stage] {
 pub struct Operator {
     scene: SceneModel,
     goal: Goal,
+    extent: Extent,
     profile: OperatorProfile,
     /// Index of the stage in the plan.
     at: usize,
@@ -174,10 +197,11 @@ impl Operator {
                 scene.items[goal.item()].name
             ));
         }
-        let skill = plan(&goal)[0].begin();
+        let skill = plan(&goal, Extent::Task)[0].begin();
         Ok(Self {
             scene,
             goal,
+            extent: Extent::Task,
             profile,
             at: 0,
             skill,
@@ -197,6 +221,14 @@ impl Operator {
             longest: LONGEST,
             own_time: None,
         })
+    }
+
+    /// That does only a part of the work.
+    #[must_use]
+    pub fn only(mut self, extent: Extent) -> Self {
+        self.extent = extent;
+        self.skill = plan(&self.goal, extent)[0].begin();
+        self
     }
 
     /// With something that may go wrong, on purpose.
@@ -242,7 +274,7 @@ impl Operator {
         self.memory.refused.clear();
         self.memory.left.clear();
         self.at = 0;
-        self.skill = plan(&self.goal)[0].begin();
+        self.skill = plan(&self.goal, self.extent)[0].begin();
         self.detour = Some(Box::new(Release::after_miss()));
     }
 
@@ -302,7 +334,8 @@ impl Operator {
         seen: &Observation,
         arm: &mut dyn ArmReachability,
     ) -> (Act, Option<Outcome>) {
-        if self.begun.is_none() && !Stow::is_home(&seen.arm, &self.scene.home) {
+        let holds = self.extent == Extent::Put;
+        if self.begun.is_none() && !holds && !Stow::is_home(&seen.arm, &self.scene.home) {
             self.detour = Some(Box::new(Stow::default()));
         }
         let begun = *self.begun.get_or_insert(seen.time);
@@ -312,7 +345,7 @@ impl Operator {
         if self.over {
             return (Act::named(Phase::Unspecified, "over"), None);
         }
-        if seen.done && !seen.success {
+        if self.extent == Extent::Task && seen.done && !seen.success {
             return self.finish(Outcome::Failure(format!(
                 "the task failed: {}",
                 seen.failure
@@ -346,7 +379,7 @@ impl Operator {
             match step {
                 Step::Going(mut act) => {
                     // The hand starts open, whatever it was left at.
-                    if !self.opened {
+                    if !self.opened && !holds {
                         self.opened = true;
                         act.opening.get_or_insert(self.scene.hand.stroke);
                     }
@@ -381,7 +414,7 @@ impl Operator {
         if self.detour.take().is_some() {
             return None;
         }
-        let stage = plan(&self.goal).get(self.at).copied();
+        let stage = plan(&self.goal, self.extent).get(self.at).copied();
         if stage == Some(Stage::Grasp) {
             if let Some(goal) = self.asked.take() {
                 self.correct(goal);
@@ -398,7 +431,7 @@ impl Operator {
             }
         }
         self.at += 1;
-        match plan(&self.goal).get(self.at) {
+        match plan(&self.goal, self.extent).get(self.at) {
             Some(stage) => {
                 if *stage == Stage::Reach
                     && let Some(incident) = self.about_to.take()
@@ -438,14 +471,17 @@ impl Operator {
             true => HINDERED_ATTEMPTS,
             false => ATTEMPTS,
         };
+        let reach = plan(&self.goal, self.extent)
+            .iter()
+            .position(|stage| matches!(stage, Stage::Reach | Stage::Before));
+        let Some(reach) = reach else {
+            return Some(Outcome::Failure(why.to_owned()));
+        };
         if self.attempts >= most {
             return Some(Outcome::Failure(format!("{why}, after {most} attempts")));
         }
-        let reach = plan(&self.goal)
-            .iter()
-            .position(|stage| *stage == Stage::Reach);
-        self.at = reach.unwrap_or(0);
-        self.skill = Stage::Reach.begin();
+        self.at = reach;
+        self.skill = plan(&self.goal, self.extent)[reach].begin();
         self.detour = Some(Box::new(Release::after_miss()));
         None
     }
@@ -465,7 +501,7 @@ impl Operator {
         self.memory
             .notes
             .push(format!("{why}, looks for another place"));
-        let stage = plan(&self.goal)[self.at];
+        let stage = plan(&self.goal, self.extent)[self.at];
         let purpose = if stage == Stage::Place {
             Purpose::Put
         } else {

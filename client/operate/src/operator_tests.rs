@@ -3,8 +3,9 @@
 
 use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
 
-use super::base_placement::{ArmReachability, standing};
+use super::base_placement::{self, ArmReachability, standing};
 use super::goal::Goal;
+use super::grasp_candidate::GraspCandidate;
 use super::hand;
 use super::observation::Observation;
 use super::operator::{Act, Operator, Outcome};
@@ -309,4 +310,39 @@ fn a_bottle_out_of_reach_is_given_up_with_a_reason() {
         panic!("a short arm cannot take it");
     };
     assert!(why.contains("mustard") && why.contains("reach"), "{why}");
+}
+
+/// The arm reaches down to the floor from its shoulder: what stands there is taken
+/// from nearer than what stands on a table.
+#[test]
+fn the_chair_stops_nearer_to_what_stands_on_the_floor() {
+    let scene = home_scene();
+    let furthest = |height: f64| {
+        let mut at = scene.grasps[0].item_from_grasp;
+        at.translation = Translation3::new(-7.0, 3.0, height);
+        let candidate = GraspCandidate {
+            pregrasp: at * Translation3::new(0.0, 0.0, -0.1),
+            grasp: at,
+            opening: 0.08,
+            width: 0.058,
+            force: None,
+            lean: 0.0,
+            backoff: 0.0,
+            cost: 0.0,
+        };
+        let point = candidate.point(&scene.hand);
+        let chair = Pose2 {
+            x: -6.6,
+            y: 3.4,
+            heading: 0.0,
+        };
+        let placements = base_placement::placements(&scene, &chair, &[candidate], 0.74);
+        let far = placements.iter().map(|placement| {
+            let base = standing(&placement.chair) * scene.chair_from_base;
+            (Point3::from(base.translation.vector) - point).xy().norm()
+        });
+        far.fold(0.0, f64::max)
+    };
+    assert!((furthest(0.14) - 0.66).abs() < 0.02, "{}", furthest(0.14));
+    assert!((furthest(0.9) - 0.88).abs() < 0.02, "{}", furthest(0.9));
 }

@@ -202,7 +202,7 @@ pub fn run(
         turns,
         operator,
         collector: Collector::new(roles),
-        reach: RemoteReach { link, error: None },
+        reach: RemoteReach::new(link),
         first: started.header.clone().unwrap_or_default(),
         started,
         stopped: None,
@@ -296,7 +296,7 @@ impl Work<'_> {
             return Ok(None);
         };
         let (act, outcome) = self.operator.step(&seen, &mut self.reach);
-        if let Some(error) = self.reach.error.take() {
+        if let Some(error) = self.reach.take_error() {
             return Err(error.into());
         }
         tracing::debug!(
@@ -423,9 +423,22 @@ fn start(
 }
 
 /// Asks the server's kinematics.
-struct RemoteReach<'a> {
+pub struct RemoteReach<'a> {
     link: &'a Link,
     error: Option<LinkError>,
+}
+
+impl<'a> RemoteReach<'a> {
+    /// Of the server at the other end of `link`.
+    #[must_use]
+    pub fn new(link: &'a Link) -> Self {
+        Self { link, error: None }
+    }
+
+    /// Why a question was not answered, since the last call.
+    pub fn take_error(&mut self) -> Option<LinkError> {
+        self.error.take()
+    }
 }
 
 impl ArmReachability for RemoteReach<'_> {

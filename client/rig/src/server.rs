@@ -112,6 +112,7 @@ impl Server {
                 endpoint: listen,
                 sim,
                 timeout_secs: limits::CONNECT.as_secs_f64(),
+                identity: None,
             },
             _socket: socket,
         })

@@ -7,6 +7,8 @@ macro_rules! environment {
             "Environment:\n",
             "  WHEELARM_CONNECT  endpoint of the server, as --connect\n",
             "  WHEELARM_SIM      name of the server, as --sim\n",
+            "  WHEELARM_KEYS     folder of keys, as --keys\n",
+            "  WHEELARM_USER     whose keys of that folder, as --user\n",
             "  RUST_LOG          more messages on standard error, for example RUST_LOG=wheelarm_client=debug",
             $($more)*
         )
@@ -41,6 +43,31 @@ pub const STATUS: &str = manual!(
 ",
     "  0  a server answered
   1  none did
+"
+);
+
+/// `wheelarm keys`.
+pub const KEYS: &str = manual!(
+    "  wheelarm keys init --host sim-host --keys /srv/wheelarm/keys
+  wheelarm users add anna --role operator --keys /srv/wheelarm/keys
+  wheelarm keys user anna --days 90 --keys /srv/wheelarm/keys
+  wheelarm-server --keys /srv/wheelarm/keys --listen tls/0.0.0.0:7447
+  wheelarm --connect tls/sim-host:7447 --keys anna teleop
+  wheelarm keys router --out zenohd.json5 --keys /srv/wheelarm/keys
+",
+    "  0  made
+  1  a folder or a user is not as it must be
+"
+);
+
+/// `wheelarm users`.
+pub const USERS: &str = manual!(
+    "  wheelarm users add anna --role operator --keys /srv/wheelarm/keys
+  wheelarm users password anna --keys /srv/wheelarm/keys
+  wheelarm users list --keys /srv/wheelarm/keys
+",
+    "  0  done
+  1  a folder or a user is not as it must be
 "
 );
 
@@ -180,6 +207,17 @@ pub const TELEOP: &str = manual!(
   s  →  ← ←  d d        start, finish, redo, discard an episode
   t  p  a  !            task and seed, pause, reach shell, take control
   Ctrl-C                leave"
+);
+
+/// `wheelarm drive`.
+pub const DRIVE: &str = manual!(
+    "  wheelarm drive                         the server that runs on this host
+  wheelarm drive --task pick_mustard --out data/drive   one of its own, recorded
+  ssh -N -L 7460:127.0.0.1:7460 HOST     then open the printed link here
+",
+    "  0  interrupted; the chair was stopped and control given back
+  1  no server answers, or the address cannot be used
+"
 );
 
 /// `wheelarm preview`.

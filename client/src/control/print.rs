@@ -90,6 +90,11 @@ pub(super) fn status_text(sim: &str, status: &v1::Status) -> String {
         },
     );
     line("refused", format!("{} commands", status.refused));
+    line("reached", reached(status.access()).to_owned());
+    if status.strange > 0 {
+        let strange = "messages named somebody else than their key, or could not be read";
+        line("STRANGE", format!("{} {strange}", status.strange));
+    }
     for recorder in &status.recorders {
         line("recorder", recorder_line(recorder));
     }
@@ -120,6 +125,15 @@ fn recorder_line(recorder: &v1::RecorderStatus) -> String {
         }
     }
     line
+}
+
+fn reached(access: v1::Access) -> &'static str {
+    match access {
+        v1::Access::Unspecified => "",
+        v1::Access::Local => "from its own host",
+        v1::Access::Keys => "with keys",
+        v1::Access::Insecure => "INSECURE, from everywhere and by everybody",
+    }
 }
 
 fn pacing(pacing: v1::Pacing) -> &'static str {

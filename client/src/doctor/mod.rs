@@ -2,6 +2,7 @@
 //! server, and names the cure of what is wrong. It changes nothing.
 
 mod finding;
+mod rights;
 mod server;
 mod this_host;
 

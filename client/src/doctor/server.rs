@@ -31,7 +31,14 @@ pub fn look(connect: &Connect, wanted: bool, tell: &mut dyn FnMut(Finding)) {
             tell(Finding::fail(
                 "server",
                 error.to_string(),
-                "another program may hold the port: start the server with --listen tcp/127.0.0.1:PORT and name it with --connect",
+                match &connect.identity {
+                    Some(_) => {
+                        "the host behind tls/ must be one that `wheelarm keys init --host` was told, and the keys those of this server and not over"
+                    }
+                    None => {
+                        "another program may hold the port: start the server with --listen tcp/127.0.0.1:PORT and name it with --connect"
+                    }
+                },
             ));
             return;
         }
@@ -68,11 +75,14 @@ pub fn look(connect: &Connect, wanted: bool, tell: &mut dyn FnMut(Finding)) {
         tell(clocks(offset));
     }
     tell(load(&status));
+    super::rights::look(connect, &link, &status, tell);
 }
 
-/// Host and port of a TCP endpoint.
+/// Host and port of an endpoint that is reached over TCP.
 fn host_and_port(endpoint: &str) -> Option<&str> {
-    let rest = endpoint.strip_prefix("tcp/")?;
+    let rest = endpoint
+        .strip_prefix("tcp/")
+        .or_else(|| endpoint.strip_prefix("tls/"))?;
     Some(rest.split(['#', '?']).next().unwrap_or(rest))
 }
 
@@ -87,7 +97,7 @@ fn port(endpoint: &str, wanted: bool) -> Finding {
             return Finding::fail(
                 what,
                 format!("{address}: {error}"),
-                "check the name after --connect; its form is tcp/HOST:PORT",
+                "check the name after --connect; its form is tcp/HOST:PORT or tls/HOST:PORT",
             );
         }
     };
@@ -103,7 +113,9 @@ fn port(endpoint: &str, wanted: bool) -> Finding {
     if here && !wanted {
         return Finding::ok(what, format!("{address} is free: no server runs here"));
     }
-    let cure = if here {
+    let cure = if endpoint.starts_with("tls/") {
+        "start it there with `wheelarm-server --keys DIR`, or check the firewall"
+    } else if here {
         "start wheelarm-server here, or bring a remote one near: ssh -N -L 7447:127.0.0.1:7447 HOST"
     } else {
         "the server listens on 127.0.0.1 of its host: use an SSH tunnel (ssh -N -L 7447:127.0.0.1:7447 HOST), or check the firewall"

@@ -28,6 +28,20 @@ pub fn look(out: &Path, tell: &mut dyn FnMut(Finding)) {
         tell(finding);
     }
     tell(terminal());
+    tell(congestion());
+}
+
+/// How the kernel answers loss on the connections of `wheelarm drive`.
+fn congestion() -> Finding {
+    let what = "links with loss";
+    let setting = "/proc/sys/net/ipv4/tcp_allowed_congestion_control";
+    let allowed = std::fs::read_to_string(setting).unwrap_or_default();
+    if allowed.split_whitespace().any(|name| name == "bbr") {
+        return Finding::ok(what, "BBR is allowed");
+    }
+    let cure = "`wheelarm drive` is slower over links that lose packets: modprobe tcp_bbr && \
+                sysctl -w net.ipv4.tcp_allowed_congestion_control=\"reno cubic bbr\"";
+    Finding::warn(what, "BBR is not allowed", cure)
 }
 
 fn cores() -> Finding {

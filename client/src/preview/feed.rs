@@ -12,7 +12,7 @@ use wheelarm_proto::preview::PreviewLevel;
 use wheelarm_proto::{Message, v1};
 use zenoh::pubsub::Subscriber;
 
-use super::ladder::Ladder;
+use wheelarm_drive::ladder::Ladder;
 use wheelarm_link::Link;
 
 /// Nobody watches any more after this long without a question.

@@ -3,10 +3,9 @@
 //!
 //! The page is served from this program alone, without any other resource. It
 //! shows and never commands. Pictures come as the server's preview streams, at
-//! a level that [`ladder`] chooses by what the link and the browser manage.
+//! a level that [`wheelarm_drive::ladder`] chooses by what the link and the browser manage.
 
 mod feed;
-pub mod ladder;
 mod serve;
 mod state;
 
@@ -23,9 +22,9 @@ use tokio::net::TcpListener;
 use tokio::sync::watch as latest;
 
 use crate::interrupt::Signals;
-use crate::watch::{Heard, Line, Situation};
 pub use serve::Source;
 pub use state::state_text;
+use wheelarm_drive::watch::{Heard, Line, Situation};
 use wheelarm_link::Connect;
 
 /// Where the page is served when nothing else is said.
@@ -133,7 +132,7 @@ pub fn run(connect: &Connect, args: &PreviewArgs) -> anyhow::Result<ExitCode> {
                 let now = began.elapsed().as_secs_f64();
                 match heard {
                     Ok(Heard::Connected(link)) => {
-                        situation.connection = crate::watch::Connection::Open;
+                        situation.connection = wheelarm_drive::watch::Connection::Open;
                         link_in.send_replace(Some(*link));
                     }
                     Ok(Heard::Sample(sample)) => situation.take(*sample, now),
@@ -143,7 +142,7 @@ pub fn run(connect: &Connect, args: &PreviewArgs) -> anyhow::Result<ExitCode> {
                     }
                     Ok(Heard::Silent) => situation.fall_silent(now),
                     Ok(Heard::Lost(reason)) => {
-                        if !matches!(situation.connection, crate::watch::Connection::Lost(..)) {
+                        if !matches!(situation.connection, wheelarm_drive::watch::Connection::Lost(..)) {
                             eprintln!("not connected: {reason}; trying again");
                         }
                         situation.lose(now, &reason);

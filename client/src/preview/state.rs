@@ -2,7 +2,8 @@
 
 use serde::Serialize;
 
-use crate::watch::{Connection, Happening, Recorder, Situation};
+use crate::watch::Recorder;
+use wheelarm_drive::watch::{Connection, Happening, Situation};
 
 /// Newest happenings that the page gets.
 const HAPPENINGS: usize = 6;

@@ -10,7 +10,7 @@ use crate::choice;
 #[derive(Args, Clone, Debug)]
 pub struct TeleopArgs {
     /// Name under which you command; others see it.
-    #[arg(long, default_value_t = own_name(), value_parser = choice::name, value_name = "NAME")]
+    #[arg(long, default_value_t = choice::own_name("teleop"), value_parser = choice::name, value_name = "NAME")]
     pub commander: String,
     /// Takes control from whoever holds it.
     #[arg(long)]
@@ -48,29 +48,4 @@ fn dead_man(text: &str) -> Result<f64, String> {
         .ok()
         .filter(|s: &f64| (0.3..=60.0).contains(s))
         .ok_or_else(|| format!("{text:?} is not a number of seconds from 0.3 to 60"))
-}
-
-/// The user's name and the host's, as far as they can stand in a key.
-fn own_name() -> String {
-    let user = std::env::var("USER").unwrap_or_default();
-    let host = rustix::system::uname();
-    let host = host.nodename().to_string_lossy().into_owned();
-    let host = host.split('.').next().unwrap_or_default().to_owned();
-    let words = [user, host].map(|word| {
-        word.chars()
-            .map(|c| if c.is_ascii_alphanumeric() { c } else { '-' })
-            .take(30)
-            .collect::<String>()
-    });
-    let name = words
-        .iter()
-        .filter(|w| !w.is_empty())
-        .cloned()
-        .collect::<Vec<_>>()
-        .join("-");
-    if name.is_empty() {
-        "teleop".to_owned()
-    } else {
-        name
-    }
 }

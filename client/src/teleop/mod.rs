@@ -4,16 +4,14 @@
 //! terminal and to the server. Nothing here looks at the wall clock but `run`.
 
 mod args;
-pub mod arm;
+#[cfg(test)]
+mod described;
 pub mod drive;
-mod errands;
 pub mod form;
 pub mod keys;
 pub mod model;
-mod phase;
 mod quiet;
 mod run;
-mod send;
 mod terminal;
 pub mod view;
 

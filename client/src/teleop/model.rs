@@ -10,13 +10,15 @@ use wheelarm_proto::topic::Sample;
 use wheelarm_proto::v1;
 use wheelarm_proto::v1::RefusalCode;
 
-use super::arm::{self, Arm};
+use wheelarm_drive::arm::{self, Arm};
+
 use super::drive::Drive;
 use super::form::{Answer, Form, Leaving};
 use super::keys::Key;
-use crate::watch::{Connection, Situation};
+use wheelarm_drive::watch::{Connection, Situation};
 
 pub use control::Control;
+pub use wheelarm_drive::errand::{Done, Errand, Start};
 
 /// A second press within this time confirms, s.
 const CONFIRM: f64 = 2.5;
@@ -34,68 +36,6 @@ pub enum Effect {
     Errand(Errand),
     /// End the program.
     Quit,
-}
-
-/// A query that takes time; its result comes back as [`Done`].
-#[derive(Clone, Debug, PartialEq)]
-pub enum Errand {
-    /// Ask for control; `take` takes it from whoever holds it.
-    Lease {
-        /// Take it over.
-        take: bool,
-    },
-    /// Start an episode.
-    Start(Start),
-    /// End the running episode.
-    Stop {
-        /// Throw it away.
-        discard: bool,
-    },
-    /// Throw the running episode away, set the scene up again, start again.
-    Redo(Start),
-    /// Set up a scenario.
-    Reset {
-        /// Task.
-        task: String,
-        /// Seed.
-        seed: u64,
-    },
-    /// Stop time, or let it go on.
-    Pause(bool),
-    /// List the tasks.
-    Tasks,
-    /// Read the scene, for the target hint.
-    Scene,
-}
-
-/// How an episode is started.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Start {
-    /// File label.
-    pub label: String,
-    /// Instruction sentence.
-    pub instruction: String,
-    /// Recorders that must be ready.
-    pub recorders: u32,
-}
-
-/// What came of an errand; the error in words.
-#[derive(Clone, Debug, PartialEq)]
-pub enum Done {
-    /// Control is ours, or why not.
-    Lease(Result<(), String>),
-    /// An episode began.
-    Started(Result<Box<v1::EpisodeStarted>, String>),
-    /// An episode ended.
-    Stopped(Result<Box<v1::EpisodeStopped>, String>),
-    /// A scenario is set up.
-    Reset(Result<Box<v1::Scenario>, String>),
-    /// Time is paused, or resumes.
-    Paused(Result<bool, String>),
-    /// The tasks.
-    Tasks(Result<Vec<v1::TaskInfo>, String>),
-    /// The scene.
-    Scene(Result<Box<v1::SceneReply>, String>),
 }
 
 /// Settings of one run.

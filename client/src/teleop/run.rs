@@ -8,14 +8,14 @@ use crossbeam_channel::{Receiver, Sender, unbounded};
 use tokio::sync::watch as latest;
 
 use super::args::TeleopArgs;
-use super::errands::{self, Brought};
 use super::keys::Key;
 use super::model::{Effect, Errand, Model, Settings};
-use super::send::Commands;
 use super::terminal::{Screen, Typed, read_keys};
 use super::view::{self, Theme};
 use crate::preview::{self, Page};
-use crate::watch::{Heard, Line};
+use wheelarm_drive::errand::{self, Brought};
+use wheelarm_drive::send::Commands;
+use wheelarm_drive::watch::{Heard, Line};
 use wheelarm_link::{Commander, Connect, Link};
 
 /// Streams that the screen shows.
@@ -289,7 +289,7 @@ impl Operation {
                         // Two lives of one commander would hold each other up.
                         let asks = matches!(errand, Errand::Lease { .. });
                         let former = if asks { self.commands.take() } else { None };
-                        errands::run(link.clone(), name, errand, former, move |brought| {
+                        errand::run(link.clone(), name, errand, former, move |brought| {
                             // A closed queue means that the program ends.
                             let _ = events.send(Event::Brought(brought));
                         });

@@ -1,13 +1,8 @@
-//! Watching a simulation: `wheelarm watch` measures every stream, [`Situation`]
-//! keeps the newest of everything, [`Line`] keeps a connection open.
-//!
-//! Nothing here commands; `teleop` and `preview` build on it.
+//! Watching a simulation: `wheelarm watch` measures every stream. Nothing here
+//! commands.
 
-mod hand;
-mod line;
 mod meter;
 mod report;
-mod situation;
 
 use std::collections::BTreeMap;
 use std::io::{IsTerminal, Write};
@@ -18,13 +13,8 @@ use anyhow::Context;
 use clap::Args;
 use wheelarm_proto::{Message, TopicId, v1};
 
-pub use hand::seen_from_the_chair;
-pub use line::{Heard, Line};
 pub use meter::{Figures, Meter};
 pub use report::{Recorder, Report};
-#[cfg(test)]
-pub(crate) use situation::tests::robot as described_robot;
-pub use situation::{Connection, Happening, Situation, Target};
 use wheelarm_link::{Link, LinkError};
 
 /// Options of `wheelarm watch`.

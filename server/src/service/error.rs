@@ -10,6 +10,12 @@ pub enum ServiceError {
     /// The transport.
     #[error("Zenoh: {0}")]
     Zenoh(String),
+    /// An endpoint to listen on or to connect to.
+    #[error("{0}")]
+    Endpoint(String),
+    /// Keys or users.
+    #[error(transparent)]
+    Access(#[from] wheelarm_access::AccessError),
     /// The cameras.
     #[error(transparent)]
     Render(#[from] RenderError),

@@ -70,6 +70,7 @@ impl Leases {
                 if from == request.commander {
                     return self.reply(request);
                 }
+                self.shared.note_strange();
                 let words = format!(
                     "the request names {:?} and came under the key of {from:?}; ask under \
                      `query/lease/NAME` with your own name",

@@ -26,6 +26,7 @@ mod leases;
 mod outbox;
 mod pace;
 mod person;
+mod pick;
 mod preview;
 mod priority;
 mod publish;
@@ -96,6 +97,7 @@ pub async fn run(
             .declare_subscriber(keys.recorder("*"))
             .callback(move |sample| {
                 if sample.payload().len() > MAX_STATUS {
+                    shared.note_strange();
                     return;
                 }
                 let from = Keys::sender_of(sample.key_expr().as_str());
@@ -105,9 +107,12 @@ pub async fn run(
                 }
                 let status = v1::RecorderStatus::decode(&*sample.payload().to_bytes());
                 // Nobody speaks for another recorder.
-                if let Some(status) = status.ok().filter(|status| status.recorder == from) {
-                    shared.recorders.lock().update(status);
-                    shared.signal.raise();
+                match status.ok().filter(|status| status.recorder == from) {
+                    Some(status) => {
+                        shared.recorders.lock().update(status);
+                        shared.signal.raise();
+                    }
+                    None => shared.note_strange(),
                 }
             })
             .wait()?

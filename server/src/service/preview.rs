@@ -76,7 +76,7 @@ impl Previews {
         let mut cameras = Vec::new();
         for name in names {
             let mut levels = Vec::new();
-            for level in PreviewLevel::ALL {
+            for level in PreviewLevel::ALL.into_iter().chain(PreviewLevel::FLAT) {
                 let publisher = outbox
                     .session()
                     .declare_publisher(outbox.keys().preview(name, level))
@@ -119,10 +119,11 @@ impl Previews {
         camera.is_some_and(|c| c.levels.iter().any(Level::is_watched))
     }
 
-    /// Takes a picture if anybody wants it; never waits for the encoder.
-    pub fn offer(&self, frame: &Frame, episode: u64, tick: u64) {
+    /// Takes a picture if anybody wants it, and whether anybody does; never waits
+    /// for the encoder.
+    pub fn offer(&self, frame: &Frame, episode: u64, tick: u64) -> bool {
         if !self.is_watched(frame.camera) {
-            return;
+            return false;
         }
         let picture = Picture {
             rgb: frame.rgb.clone(),
@@ -138,6 +139,7 @@ impl Previews {
             *slot = Some(picture);
         }
         self.shared.changed.notify_all();
+        true
     }
 }
 
@@ -225,10 +227,14 @@ fn message(
 ) -> Result<v1::PreviewFrame, String> {
     let (width, height, rgb) = scale(picture, level.width());
     let side = |n: u32| u16::try_from(n).map_err(|_| format!("{width}x{height} is too large"));
-    let mut jpeg = Vec::new();
-    Encoder::new(&mut jpeg, level.quality())
-        .encode(&rgb, side(width)?, side(height)?, ColorType::Rgb)
-        .map_err(|e| e.to_string())?;
+    let (mut jpeg, mut i420) = (Vec::new(), Vec::new());
+    let (mut width, mut height) = (width, height);
+    match level.quality() {
+        Some(quality) => Encoder::new(&mut jpeg, quality)
+            .encode(&rgb, side(width)?, side(height)?, ColorType::Rgb)
+            .map_err(|e| e.to_string())?,
+        None => (width, height, i420) = planes(width, height, &rgb),
+    }
     Ok(v1::PreviewFrame {
         header: Some(v1::Header {
             sequence,
@@ -239,8 +245,43 @@ fn message(
         width,
         height,
         jpeg: jpeg.into(),
+        i420: i420.into(),
         sent_unix_nanos: wall::unix_nanos(),
     })
+}
+
+/// A picture as I420 (BT.601, 16 to 235) of even sides, the last odd row and column
+/// left out; its width and height.
+fn planes(width: u32, height: u32, rgb: &[u8]) -> (u32, u32, Vec<u8>) {
+    let row = width as usize * 3;
+    let (w, h) = ((width & !1) as usize, (height & !1) as usize);
+    let (pixels, quarter) = (w * h, w * h / 4);
+    let mut out = vec![0; pixels + 2 * quarter];
+    let (luma, colour) = out.split_at_mut(pixels);
+    let (blue, red) = colour.split_at_mut(quarter);
+    for (y, rows) in rgb.chunks_exact(2 * row).take(h / 2).enumerate() {
+        let (upper, lower) = rows.split_at(row);
+        for x in 0..w / 2 {
+            let mut sums = [0_i32; 3];
+            for (line, side) in [upper, lower].into_iter().enumerate() {
+                for column in 0..2 {
+                    let at = 2 * x + column;
+                    let pixel = [0, 1, 2].map(|i| i32::from(side[3 * at + i]));
+                    let [r, g, b] = pixel;
+                    luma[(2 * y + line) * w + at] =
+                        (16 + ((66 * r + 129 * g + 25 * b + 128) >> 8)) as u8;
+                    for (sum, value) in sums.iter_mut().zip(pixel) {
+                        *sum += value;
+                    }
+                }
+            }
+            let [r, g, b] = sums.map(|sum| (sum + 2) >> 2);
+            let at = y * (w / 2) + x;
+            blue[at] = (128 + ((112 * b - 38 * r - 74 * g + 128) >> 8)) as u8;
+            red[at] = (128 + ((112 * r - 94 * g - 18 * b + 128) >> 8)) as u8;
+        }
+    }
+    (w as u32, h as u32, out)
 }
 
 /// Scales a picture down to at most `most` pixels of width: every new pixel is
@@ -301,6 +342,25 @@ mod tests {
         assert!(rgb.chunks_exact(3).all(|p| p == [200, 3, 90]));
         let small = picture(64, 48, |x, y| [x as u8, y as u8, 0]);
         assert_eq!(scale(&small, 320), (64, 48, small.rgb.clone()));
+    }
+
+    #[test]
+    fn a_raw_picture_has_even_sides_and_the_colours_of_the_standard() {
+        for (colour, expected) in [
+            ([255, 255, 255], [235, 128, 128]),
+            ([0, 0, 0], [16, 128, 128]),
+            ([255, 0, 0], [82, 90, 240]),
+            ([0, 0, 255], [41, 240, 110]),
+        ] {
+            let picture = picture(5, 3, |_, _| colour);
+            let (w, h, planes) = planes(5, 3, &picture.rgb);
+            assert_eq!((w, h, planes.len()), (4, 2, 12));
+            assert!(planes[..8].iter().all(|&y| y == expected[0]), "{planes:?}");
+            assert_eq!(
+                planes[8..],
+                [expected[1], expected[1], expected[2], expected[2]]
+            );
+        }
     }
 
     #[test]

@@ -17,6 +17,7 @@ use super::convert;
 use super::error::ServiceError;
 use super::outbox::Outbox;
 use super::person;
+use super::pick::Picked;
 use super::preview::Previews;
 use super::priority::step_back;
 use super::sensed::Sensed;
@@ -53,6 +54,7 @@ pub struct RenderThread {
     failed: Arc<Mutex<Option<String>>>,
     outbox: Arc<Outbox>,
     previews: Arc<Previews>,
+    picked: Arc<Picked>,
     sensed: Arc<Sensed>,
     names: Vec<String>,
     /// Graphics adapter, driver and type.
@@ -163,6 +165,7 @@ impl RenderThread {
             .map(|c| c.name.clone())
             .collect();
         let previews = Arc::new(Previews::start(&outbox, &names)?);
+        let picked = Arc::new(Picked::of(&names));
         let surfaces = match sim.devices().iter().any(|d| d.model.depth.is_some()) {
             true => surfaces(&setup)?,
             false => Vec::new(),
@@ -176,6 +179,7 @@ impl RenderThread {
         let thread = {
             let (failed, waiting) = (Arc::clone(&failed), Arc::clone(&pending));
             let (outbox, previews) = (Arc::clone(&outbox), Arc::clone(&previews));
+            let picked = Arc::clone(&picked);
             let sensed = Arc::clone(&sensed);
             let names = names.clone();
             std::thread::Builder::new()
@@ -199,7 +203,9 @@ impl RenderThread {
                             let (episode, tick) = (of.episode, of.snapshot.tick);
                             for frame in frames {
                                 let name = &names[frame.camera];
-                                previews.offer(&frame, episode, tick);
+                                if previews.offer(&frame, episode, tick) {
+                                    picked.keep(&frame, tick);
+                                }
                                 sensed.offer(&frame, episode, tick);
                                 outbox.camera(name, episode, tick, message(name, frame));
                             }
@@ -227,6 +233,7 @@ impl RenderThread {
             failed,
             outbox,
             previews,
+            picked,
             sensed,
             names,
             adapter,
@@ -245,6 +252,12 @@ impl RenderThread {
                 || watched(StreamId::camera(name))
                 || self.sensed.on(camera).iter().any(sensed)
         })
+    }
+
+    /// The newest pictures that somebody previewed.
+    #[must_use]
+    pub fn picked(&self) -> &Arc<Picked> {
+        &self.picked
     }
 
     /// What makes the sensors' pictures.

@@ -1,6 +1,9 @@
 //! The Zenoh session of a server.
 
+use wheelarm_access::Folder;
+use wheelarm_proto::endpoint;
 use wheelarm_proto::keys::Keys;
+use wheelarm_proto::v1::Access;
 use zenoh::{Config, Session, Wait};
 
 use super::error::ServiceError;
@@ -10,21 +13,66 @@ use crate::sim::Pacing;
 /// colour, depth and ids, and room for the rest, bytes.
 const MAX_MESSAGE: usize = 4096 * 4096 * 8 + (1 << 20);
 
-/// Opens a session that listens on `listen` and connects to `connect`.
+/// How a server is reached.
+#[derive(Clone, Debug, Default)]
+pub struct Reach {
+    /// Endpoints that it listens on.
+    pub listen: Vec<String>,
+    /// Endpoints of routers that it connects to.
+    pub connect: Vec<String>,
+    /// It is announced by multicast on the local network.
+    pub multicast: bool,
+    /// Keys and users: who connects shows a certificate and may do what its
+    /// role says.
+    pub keys: Option<Folder>,
+    /// It may listen to other hosts without keys.
+    pub insecure: bool,
+}
+
+impl Reach {
+    /// Who may connect.
+    ///
+    /// # Errors
+    /// [`ServiceError::Endpoint`] when other hosts would get in without keys, or
+    /// keys and endpoints do not go together.
+    pub fn access(&self) -> Result<Access, ServiceError> {
+        let transport = |endpoint: &String| endpoint::parts(endpoint).0.to_owned();
+        let endpoints = self.listen.iter().chain(&self.connect);
+        if self.keys.is_some() {
+            if let Some(open) = endpoints.clone().find(|e| transport(e) == "tcp") {
+                return Err(ServiceError::Endpoint(format!(
+                    "with --keys everything goes over tls/HOST:PORT or unixsock-stream/PATH, and {open} would let everybody in: leave it out"
+                )));
+            }
+            return Ok(Access::Keys);
+        }
+        if let Some(guarded) = endpoints.clone().find(|e| transport(e) == "tls") {
+            return Err(ServiceError::Endpoint(format!(
+                "{guarded} needs keys: make them with `wheelarm keys init --keys DIR` and name the folder with --keys DIR"
+            )));
+        }
+        match self.listen.iter().find(|e| !endpoint::is_local(e)) {
+            None => Ok(Access::Local),
+            Some(_) if self.insecure => Ok(Access::Insecure),
+            Some(far) => Err(ServiceError::Endpoint(format!(
+                "{far} is open to other hosts, where everybody could drive and end this server: listen on tcp/127.0.0.1:PORT and use an SSH tunnel, or give users keys (`wheelarm keys init --keys DIR`, then --keys DIR --listen tls/0.0.0.0:PORT), or say --insecure where the network itself keeps strangers out"
+            ))),
+        }
+    }
+}
+
+/// Opens a session that is reached as `reach` says.
 ///
 /// The server is a Zenoh router, so that its clients also see each other.
-/// Nothing is announced by multicast unless `multicast` is set. What others
-/// publish or answer under the server's own keys is not let through.
+/// What others publish or answer under the server's own keys is not let through,
+/// and with keys nothing that a user's role does not allow.
 ///
 /// # Errors
-/// The transport's error, for example an address in use.
-pub fn open(
-    keys: &Keys,
-    listen: &[String],
-    connect: &[String],
-    multicast: bool,
-    pacing: Pacing,
-) -> Result<Session, ServiceError> {
+/// [`ServiceError::Endpoint`], [`ServiceError::Access`], or the transport's error,
+/// for example an address in use.
+pub fn open(keys: &Keys, reach: &Reach, pacing: Pacing) -> Result<Session, ServiceError> {
+    reach.access()?;
+    let (listen, connect, multicast) = (&reach.listen, &reach.connect, reach.multicast);
     let mut config = Config::default();
     let mut set = |key: &str, value: String| {
         config
@@ -57,7 +105,18 @@ pub fn open(
     let alone = !multicast && connect.is_empty();
     let delay = if alone { "0" } else { "500" };
     set("scouting/delay", delay.to_owned())?;
-    set("access_control", own_keys_only(keys))?;
+    match &reach.keys {
+        None => set("access_control", own_keys_only(keys))?,
+        Some(folder) => {
+            let link = wheelarm_access::tls(folder);
+            for (key, value) in link.as_object().into_iter().flatten() {
+                set(&format!("transport/link/{key}"), value.to_string())?;
+            }
+            let rules = wheelarm_access::access_control(&folder.users()?, keys.sim());
+            set("access_control", rules.to_string())?;
+            set("adminspace/enabled", "false".to_owned())?;
+        }
+    }
     // A camera message waits for room instead of being dropped after 1 ms. In
     // lock-step the simulation waits anyway, so it may wait long; a receiver
     // that stands still costs this once, for then it counts as congested.
@@ -72,7 +131,11 @@ pub fn open(
         &format!("{drop}/max_wait_before_drop_fragments"),
         wait_micros.to_string(),
     )?;
-    Ok(zenoh::open(config).wait()?)
+    // The file of a local socket is the user's own, whom the rules call admin.
+    let before = rustix::process::umask(rustix::fs::Mode::from_raw_mode(0o177));
+    let opened = zenoh::open(config).wait();
+    rustix::process::umask(before);
+    Ok(opened?)
 }
 
 /// Opens a session for a server whose clients are in this process: it listens

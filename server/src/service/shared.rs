@@ -37,6 +37,8 @@ pub(super) struct Shared {
     newest: [AtomicU64; 2],
     pub(super) recorders: Mutex<Recorders>,
     pub(super) signal: Arc<Signal>,
+    /// Messages that name somebody else than their key, or that cannot be read.
+    strange: AtomicU64,
     /// Zero of the wall clock of the gate.
     started: Instant,
     pub(super) stop: AtomicBool,
@@ -67,6 +69,7 @@ impl Shared {
             newest: Default::default(),
             recorders: Mutex::default(),
             signal: Arc::default(),
+            strange: AtomicU64::new(0),
             started: Instant::now(),
             stop: AtomicBool::new(false),
         }
@@ -88,8 +91,23 @@ impl Shared {
             // Lock-step waits for it, and real time takes its tick early. What is
             // refused wakes nobody: a flood must not keep the loop busy.
             Ok(()) => self.signal.raise(),
-            Err(refused) => self.refusals.lock().push(refused, now),
+            Err(refused) => {
+                if refused.code == v1::RefusalCode::Foreign || refused.commander.is_empty() {
+                    self.note_strange();
+                }
+                self.refusals.lock().push(refused, now);
+            }
         }
+    }
+
+    /// Counts what names somebody else than its key, or cannot be read.
+    pub(super) fn note_strange(&self) {
+        self.strange.fetch_add(1, Ordering::Relaxed);
+    }
+
+    /// How many were counted.
+    pub(super) fn strange(&self) -> u64 {
+        self.strange.load(Ordering::Relaxed)
     }
 
     /// Queues a query for whoever answers it. Nothing is copied here, and

@@ -43,7 +43,7 @@ use crate::sensors::imu::{self, Imu};
 use crate::sensors::models::{self, Device};
 use crate::sensors::odometry::Odometry;
 use crate::snapshot::{BodyRef, Contact, Fault, Snapshot};
-use crate::tasks::{Evaluation, Evaluator, Floor, Goal, TaskSpec};
+use crate::tasks::{Evaluation, Evaluator, Floor, TaskSpec};
 use crate::world::{World, WorstOfSoft};
 use arm_balls::ArmBalls;
 use open::{check_pose, draw_open_values, say, seated, variant};
@@ -163,8 +163,8 @@ impl Simulation {
         let control = RobotControl::at(&model, &arm, knuckle);
         let mut world =
             World::new_within(&model, &scene, &placements, &start, &arm, knuckle, late)?;
-        if task.as_ref().is_some_and(|task| task.goal == Goal::Give) {
-            // Somebody must be there to take it; who cares is careful.
+        if task.as_ref().is_some_and(TaskSpec::is_care) {
+            // Somebody must be there; who cares is careful.
             scenario.person.get_or_insert_with(PersonSetting::cared_for);
         }
         let person = seated(assets, &mut scenario, &model)?;

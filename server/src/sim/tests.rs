@@ -409,3 +409,27 @@ fn a_task_that_is_said_by_the_grammar_is_the_same_task() {
         assert!(!own.contains(&other.instruction));
     }
 }
+
+/// Who cares for somebody needs somebody, and goes slowly near the face.
+#[test]
+fn in_tasks_of_care_somebody_sits_in_the_chair_and_the_guard_is_on() {
+    let mut bodies = Vec::new();
+    for seed in 0..6 {
+        for task in ["take_floor_crackers", "throw_meat_can"] {
+            let sim = simulation(Scenario {
+                seed,
+                ..scenario(task)
+            });
+            let person = sim.scenario().person.as_ref().expect("somebody");
+            assert!(person.guard && sim.person().is_some(), "{task}");
+            let drawn = person.drawn.as_ref().expect("who it is");
+            assert_eq!(drawn.posture, "hands_on_armrests");
+            bodies.push(drawn.body.clone());
+        }
+    }
+    bodies.sort_unstable();
+    bodies.dedup();
+    assert!(bodies.len() > 2, "{bodies:?}");
+    let other = simulation(scenario("pick_mustard"));
+    assert!(other.scenario().person.is_none() && other.person().is_none());
+}

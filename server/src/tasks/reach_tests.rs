@@ -68,7 +68,12 @@ impl Reach {
                 let grasp = house_from_body * turned * grasp.pose * half;
                 let steep = (grasp.rotation * Vector3::z()).z < -0.8;
                 // From above the hand may lean, its camera above, as the operator's does.
-                let leans: &[f64] = if steep { &[0.0, -0.25, -0.5] } else { &[0.0] };
+                let leans: &[f64] = match (steep, at_floor(&grasp)) {
+                    (true, _) => &[0.0, -0.25, -0.5],
+                    (false, false) => &[0.0],
+                    // As the operator's level hand leans.
+                    (false, true) => &[0.0, 0.25, 0.5, 0.75],
+                };
                 for lean in leans {
                     let leaned = UnitQuaternion::from_axis_angle(&Vector3::x_axis(), *lean);
                     let at = grasp * leaned * self.tool.inverse();
@@ -79,8 +84,8 @@ impl Reach {
                     {
                         continue;
                     }
-                    for far in [0.70, 0.60, 0.80, 0.50, 0.90, 0.40] {
-                        for side in [0.0, 0.15, -0.15, 0.3, -0.3] {
+                    for far in [0.70, 0.60, 0.80, 0.50, 0.90, 0.40, 0.30, 0.20] {
+                        for side in [0.0, 0.15, -0.15, 0.3, -0.3, 0.45, -0.45] {
                             let base = self.root_from_base.translation.vector;
                             let point = (at * self.tool).translation.vector
                                 - heading * Vector3::new(base.x + far, base.y + side, 0.0);
@@ -105,6 +110,11 @@ impl Reach {
         }
         None
     }
+}
+
+/// Whether a grasp is at what stands on the floor.
+fn at_floor(grasp: &Isometry3<f64>) -> bool {
+    grasp.translation.z < 0.35
 }
 
 #[test]
@@ -136,7 +146,13 @@ fn everything_that_may_be_asked_for_can_be_reached_in_every_scene() {
                         (pose, &body.grasps, -joint.axis.into_inner())
                     }
                 };
-                let stop = reach.stop(&pose, grasps, &inwards, 0.08);
+                // What stands on the floor is got at from all sides.
+                let ways = if spec.area.name == "floor" { 8 } else { 1 };
+                let stop = (0..ways).find_map(|way| {
+                    let turn = std::f64::consts::FRAC_PI_4 * f64::from(way);
+                    let turn = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), turn);
+                    reach.stop(&pose, grasps, &(turn * inwards), 0.08)
+                });
                 let name = &drawn.target;
                 assert!(
                     stop.is_some(),

@@ -66,7 +66,17 @@ impl ConditionSpec {
     }
 }
 
+/// Activity of the tasks that are done for somebody in the seat.
+const CARE: &str = "care";
+
 impl TaskSpec {
+    /// Whether it is done for somebody in the seat: one is drawn where the scenario
+    /// names nobody, and the face guard is on.
+    #[must_use]
+    pub fn is_care(&self) -> bool {
+        self.activity == CARE || self.goal == Goal::Give
+    }
+
     /// The furniture on which the task puts something, if it does.
     #[must_use]
     pub fn region_name(&self) -> Option<&str> {

@@ -25,14 +25,14 @@ fn task(name: &str) -> TaskSpec {
 #[test]
 fn every_task_says_what_is_asked_in_several_ways() {
     let tasks = list(&assets(), &hand()).unwrap_or_else(|error| panic!("{error}"));
-    assert!(tasks.len() >= 13);
+    assert!(tasks.len() >= 16);
     for task in &tasks {
         assert!(task.instructions.len() >= 5, "{}", task.name);
-        assert!(["serve", "organize"].contains(&task.activity.as_str()));
+        assert!(["serve", "organize", "care"].contains(&task.activity.as_str()));
         let turn = match task.area.name.as_str() {
             "coffee_table" => "right",
-            "kitchen_table" => "left",
-            "shelf" => "straight",
+            "kitchen_table" | "kitchen_bin" => "left",
+            "shelf" | "floor" => "straight",
             "workstation" => "around",
             other => panic!("{} is in {other}", task.name),
         };
@@ -626,6 +626,33 @@ fn a_knife_is_placed_when_it_was_lifted_and_lies_released_on_the_mat() {
     beside.raise(0.0);
     beside.snapshot.objects[beside.target].pose.translation.x += 0.5;
     assert_eq!(beside.run(0.1).failure, Some(Failure::Dropped));
+}
+
+#[test]
+fn a_can_counts_at_the_bottom_of_the_bin_and_neither_above_it_nor_beside_it() {
+    let bin = home().surface_named("table_bin", None).unwrap().centre();
+    let released = |offset: Vector3<f64>| {
+        let mut stage = Stage::of("throw_meat_can", "meat_can");
+        stage.run(0.1);
+        stage.grip();
+        stage.raise(0.08);
+        assert!(!stage.run(0.2).done);
+        let up = Vector3::z() * stage.scene.objects[stage.target].standing_height();
+        let can = &mut stage.snapshot.objects[stage.target].pose;
+        can.translation.vector = bin.translation.vector + up + offset;
+        assert!(!stage.run(2.0).done, "still in the hand");
+        stage.snapshot.contacts.clear();
+        stage
+    };
+    let bottom = Vector3::z() * -0.114;
+    let mut in_bin = released(bottom);
+    assert!(!in_bin.run(0.3).done, "released for 0.3 s only");
+    assert!(in_bin.run(0.4).success);
+
+    for elsewhere in [Vector3::z() * 0.15, bottom + Vector3::x() * 0.4] {
+        let judged = released(elsewhere).run(2.0);
+        assert!(!judged.done && !condition(&judged, "inside").holds);
+    }
 }
 
 #[test]

@@ -9,6 +9,7 @@ use anyhow::Context;
 use tokio::sync::oneshot;
 use wheelarm_link::Link;
 use wheelarm_proto::keys::Keys;
+use wheelarm_proto::v1;
 use wheelarm_rig::{Panicked, limits};
 use wheelarm_server::service::{self, Options};
 use wheelarm_server::sim::Simulation;
@@ -38,6 +39,7 @@ impl Serving {
             keys: Keys::new(name)?,
             graphics: room.graphics.clone(),
             no_cameras: !draws,
+            access: v1::Access::Local,
         };
         let (end, ended) = oneshot::channel::<()>();
         let (ready, serves) = mpsc::sync_channel(1);

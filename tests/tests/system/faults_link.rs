@@ -2,8 +2,8 @@
 
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
-use wheelarm_client::preview::ladder::Ladder;
 use wheelarm_dataset::read::Episode;
+use wheelarm_drive::ladder::Ladder;
 use wheelarm_link::{Commander, Link, Streams};
 use wheelarm_proto::preview::PreviewLevel;
 use wheelarm_proto::topic::Sample;

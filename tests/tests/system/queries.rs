@@ -444,6 +444,7 @@ fn signals_are_heard_before_the_server_says_that_it_is_ready() {
         endpoint,
         sim: "early".into(),
         timeout_secs: PATIENCE.as_secs_f64(),
+        identity: None,
     };
     // It answers: all that is left is to say so.
     let link = Link::open(&connect).expect("a link");

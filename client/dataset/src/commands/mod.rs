@@ -106,7 +106,8 @@ enum Command {
         #[arg(long, value_enum, default_value_t, value_name = "HOW")]
         pictures: PictureFormat,
         /// Adds to lerobot what the depth sensors gave; exact depth is never in it.
-        /// LeRobot reads depth videos from 0.6 on.
+        /// LeRobot reads depth videos from 0.6 on. Adds to tensors the same, and exact
+        /// depth where there was no sensor.
         #[arg(long)]
         depth: bool,
         /// Adds the columns language_persistent and language_events to lerobot, which

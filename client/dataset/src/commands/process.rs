@@ -225,9 +225,9 @@ pub fn export(
     if set.language && !is_lerobot {
         anyhow::bail!("--language is for lerobot; `annotate` writes labels beside any recording");
     }
-    if set.depth && !is_lerobot {
+    if set.depth && !is_lerobot && name != FormatName::Tensors {
         anyhow::bail!(
-            "--depth is for lerobot; mcap and rosbag2 hold what the depth sensors gave as it is"
+            "--depth is for lerobot and tensors; mcap and rosbag2 hold what the depth sensors gave as it is"
         );
     }
     if set.pictures != PictureFormat::default() && !is_lerobot {
@@ -248,6 +248,7 @@ pub fn export(
         FormatName::Tensors => Box::new(Tensors {
             out: folder,
             size,
+            depth: set.depth,
             rows,
             threads: inner,
         }),

@@ -32,6 +32,7 @@ const TABLE: [&str; 3] = ["joint_state", "pose", "imu"];
 /// | `table` | N × 112, f32 | WheelArm-Sim's columns; only with an IMU in the recording |
 /// | `table` | N × 112, f32 | WheelArm-Sim's columns, not a number where there is no sample; only with an IMU in the recording |
 /// | `pictures.CAMERA` | N × height × width × 3, u8 | what the robot saw, sRGB |
+/// | `depth.CAMERA` | N × height × width, u16 | with [`Tensors::depth`]: millimetres, 0 where nothing is |
 ///
 /// The metadata has one key, `wheelarm`, whose text is JSON: the layout, label,
 /// instruction, task, seed, success, rate, names and units, cameras.
@@ -41,6 +42,8 @@ pub struct Tensors {
     pub out: PathBuf,
     /// Pictures are scaled to this size; as recorded without it.
     pub size: Option<Size>,
+    /// With depth: what a depth sensor gave, else the exact one.
+    pub depth: bool,
     /// What the rows are.
     pub rows: RowOptions,
     /// Threads that read the pictures of one episode.
@@ -53,7 +56,11 @@ impl Format for Tensors {
     }
 
     fn add(&self, recording: &Recording, tick: &(dyn Fn() + Sync)) -> anyhow::Result<Written> {
-        let (rate, learning) = Learning::on_grid(recording, &self.rows, Sees::Colour)?;
+        let sees = match self.depth {
+            true => Sees::ColourAndDepth,
+            false => Sees::Colour,
+        };
+        let (rate, learning) = Learning::on_grid(recording, &self.rows, sees)?;
         let rows = learning.rows.as_slice();
         let name = format!("{}.safetensors", recording.summary.label);
         let file = PendingFile::new(&self.out.join(name))?;
@@ -103,6 +110,9 @@ impl Format for Tensors {
                 shape: vec![count, to.height, to.width, 3],
                 bytes: pictures.concat(),
             });
+            if self.depth {
+                tensors.push(self.depths(recording, camera, rows, *to)?);
+            }
         }
         let about = self.about(recording, rate, has_table).to_string();
         let views = tensors.iter().map(|t| {
@@ -121,6 +131,44 @@ impl Format for Tensors {
 }
 
 impl Tensors {
+    /// Depth of one camera in every row, from the nearest pixel of the picture.
+    fn depths(
+        &self,
+        recording: &Recording,
+        camera: &str,
+        rows: &[usize],
+        to: Size,
+    ) -> anyhow::Result<Tensor> {
+        let is_sensed = recording.depth_sensors().contains_key(camera);
+        let pictures = parallel(rows.len(), self.threads, |i| {
+            let (source, index) = match is_sensed {
+                true => recording.sensed_depth(camera, rows[i])?,
+                false => recording.picture(camera, rows[i])?,
+            };
+            let (width, height) = source.size().unwrap_or_default();
+            let metres = source.depth(&recording.episode, index)?;
+            let mut out = Vec::with_capacity(to.width * to.height * 2);
+            for y in 0..to.height {
+                let row = (2 * y + 1) * height / (2 * to.height) * width;
+                for x in 0..to.width {
+                    let told = metres[row + (2 * x + 1) * width / (2 * to.width)];
+                    // Beyond what 16 bits hold, and where nothing is: 0.
+                    let millimetres = (told * 1e3).round();
+                    let is_told = (0.0..=f32::from(u16::MAX)).contains(&millimetres);
+                    let stored = if is_told { millimetres as u16 } else { 0 };
+                    out.extend(stored.to_le_bytes());
+                }
+            }
+            Ok(out)
+        })?;
+        Ok(Tensor {
+            name: format!("depth.{camera}"),
+            dtype: Dtype::U16,
+            shape: vec![rows.len(), to.height, to.width],
+            bytes: pictures.concat(),
+        })
+    }
+
     fn about(&self, recording: &Recording, rate: u32, has_table: bool) -> Value {
         let (summary, kind) = (&recording.summary, self.rows.action);
         let [task, activity, area] = &summary.task;

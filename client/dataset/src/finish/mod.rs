@@ -9,20 +9,27 @@ mod streams;
 pub use error::FinishError;
 
 use std::collections::BTreeMap;
+use std::fs::File;
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 
+use crossbeam_channel::{Receiver, RecvTimeoutError};
 use prost::Message;
 use wheelarm_proto::{StreamId, TopicId, v1};
 
 use crate::account::Account;
 use crate::columns::{self, Context};
 use crate::hdf::Attributes;
-use crate::log::{LogError, Scan, scan};
+use crate::log::{LogError, Scan, outline, read_ahead, scan};
 use crate::publish;
 use crate::read::first_robot;
 use crate::writer::file_path;
 
 use events::{Phases, Row};
+
+/// Pause between two syncs of a file in the making, so that the last one finds
+/// little to do.
+const SYNC_PERIOD: Duration = Duration::from_millis(40);
 
 /// A finished file.
 #[derive(Clone, Debug)]
@@ -42,7 +49,19 @@ pub struct Finished {
 /// # Errors
 /// [`FinishError`]; the log stays and nothing half-written is left behind.
 pub fn finish(log: &Path, out: Option<&Path>) -> Result<Finished, FinishError> {
-    let scan = scan(log)?;
+    // A log that was closed in order is read once: whether a record is damaged
+    // shows when it is copied, and then the whole log is looked at first.
+    if let Some(outline) = outline(log)? {
+        match make(log, out, outline) {
+            Err(FinishError::Log(LogError::Damaged { .. })) => {}
+            made => return made,
+        }
+    }
+    make(log, out, scan(log)?)
+}
+
+/// Makes the file of what `scan` found in the log.
+fn make(log: &Path, out: Option<&Path>, scan: Scan) -> Result<Finished, FinishError> {
     scan.lock()?;
     let label = scan.preamble.started.as_ref().map_or("", |s| &s.label);
     if let Err(invalid) = wheelarm_proto::check::label(label) {
@@ -99,6 +118,8 @@ pub fn finish(log: &Path, out: Option<&Path>) -> Result<Finished, FinishError> {
             log.display()
         ));
     }
+    // The system takes a long log apart when the last who holds it lets go.
+    std::thread::spawn(move || drop(scan));
     Ok(Finished {
         path: target,
         bytes,
@@ -116,7 +137,37 @@ fn is_placeholder(target: &Path, log: &Path) -> bool {
     own && found.is_ok_and(|found| found.is_file() && found.len() == 0)
 }
 
+/// Writes the file, and begins to bring it to the disk while it is written.
 fn write(path: &Path, scan: &Scan, account: &Account) -> Result<(), FinishError> {
+    let io = |source| FinishError::Io {
+        path: path.to_owned(),
+        log: scan.path().to_owned(),
+        source,
+    };
+    let file = hdf5::File::create(path)?;
+    let syncing = File::open(path).map_err(io)?;
+    let (done, ended) = crossbeam_channel::bounded(0);
+    std::thread::scope(|scope| {
+        // What the disk refuses is told to one sync alone, so that this one's
+        // answer counts as much as that of the last.
+        let synced = scope.spawn(move || sync(&syncing, &ended));
+        let filled = fill(file, path, scan, account);
+        drop(done);
+        let failed = || std::io::Error::other("the thread that syncs it panicked");
+        let synced = synced.join().unwrap_or_else(|_| Err(failed()));
+        filled.and_then(|()| synced.map_err(io))
+    })
+}
+
+/// Syncs again and again until `ended` is closed.
+fn sync(file: &File, ended: &Receiver<()>) -> std::io::Result<()> {
+    while ended.recv_timeout(SYNC_PERIOD) == Err(RecvTimeoutError::Timeout) {
+        file.sync_data()?;
+    }
+    Ok(())
+}
+
+fn fill(file: hdf5::File, path: &Path, scan: &Scan, account: &Account) -> Result<(), FinishError> {
     let started = scan.preamble.started.clone().unwrap_or_default();
     let evaluation_stream = index(scan, "evaluation");
     let last = last_evaluation(scan, evaluation_stream)?;
@@ -129,7 +180,6 @@ fn write(path: &Path, scan: &Scan, account: &Account) -> Result<(), FinishError>
         conditions: conditions(scan, evaluation_stream)?,
         ..Context::of(&robot)
     };
-    let file = hdf5::File::create(path)?;
     root::attributes(&file, scan, account, last.as_ref(), &context)?;
     root::scenario(&file, scan)?;
     root::initial_state(&file, &scan.preamble)?;
@@ -144,28 +194,33 @@ fn write(path: &Path, scan: &Scan, account: &Account) -> Result<(), FinishError>
     let depth = scan.preamble.depth();
     let mut counts = BTreeMap::new();
     let mut rows = begun(&started);
+    let mut buffer = Vec::new();
     for (number, name) in scan.preamble.streams.iter().enumerate() {
         let samples = streams::samples(scan, number);
         let id = StreamId::parse(name);
         if id == StreamId::EVENTS {
             for entry in &samples {
-                rows.extend(Row::event(&scan.payload(entry)?));
+                rows.extend(Row::event(scan.payload(entry, &mut buffer)?));
             }
             continue;
         }
         if id == StreamId::State(TopicId::Phase) {
             let mut phases = Phases::default();
             for entry in &samples {
-                rows.extend(phases.changed(&scan.payload(entry)?));
+                rows.extend(phases.changed(scan.payload(entry, &mut buffer)?));
             }
         }
         let stream = if let Some(camera) = id.camera_name() {
             let stream = cameras.create_group(camera)?;
-            streams::camera(&stream, camera, depth, scan, &samples)?;
+            read_ahead(scan, &samples, |payloads| {
+                streams::camera(&stream, camera, depth, payloads, &samples)
+            })?;
             stream
         } else if let Some((sensor, sensors)) = id.sensor_name().zip(sensors.as_ref()) {
             let stream = sensors.create_group(sensor)?;
-            streams::sensor(&stream, sensor, scan, &samples)?;
+            read_ahead(scan, &samples, |payloads| {
+                streams::sensor(&stream, sensor, payloads, &samples)
+            })?;
             stream
         } else {
             let stream = group.create_group(name)?;
@@ -267,7 +322,7 @@ fn last_evaluation(
     let Some(last) = streams::samples(scan, stream).pop() else {
         return Ok(None);
     };
-    Ok(v1::Evaluation::decode(scan.payload(last)?.as_slice()).ok())
+    Ok(v1::Evaluation::decode(scan.payload(last, &mut Vec::new())?).ok())
 }
 
 /// Vertices of the soft object in the first sample that shows it.
@@ -276,7 +331,7 @@ fn vertices(scan: &Scan, stream: Option<usize>) -> Result<usize, FinishError> {
     let Some(first) = first else {
         return Ok(0);
     };
-    let sample = v1::Deformable::decode(scan.payload(first)?.as_slice());
+    let sample = v1::Deformable::decode(scan.payload(first, &mut Vec::new())?);
     Ok(sample.map_or(0, |shape| shape.vertices.len() / 3))
 }
 
@@ -286,8 +341,9 @@ fn conditions(scan: &Scan, stream: Option<usize>) -> Result<Vec<String>, FinishE
     let Some(stream) = stream else {
         return Ok(out);
     };
+    let mut buffer = Vec::new();
     for entry in streams::samples(scan, stream) {
-        let Ok(sample) = v1::Evaluation::decode(scan.payload(entry)?.as_slice()) else {
+        let Ok(sample) = v1::Evaluation::decode(scan.payload(entry, &mut buffer)?) else {
             continue;
         };
         for condition in sample.conditions {

@@ -12,7 +12,7 @@ use crate::compress::Deflate;
 use crate::depth::{Depth, MILLIMETRES_NOTE};
 use crate::hdf::{Attributes, Chunked, ColumnWriter, Filters};
 use crate::ids;
-use crate::log::{CameraParts, Entry, Scan};
+use crate::log::{Ahead, CameraParts, Entry, Scan};
 use crate::pose;
 
 use super::error::FinishError;
@@ -81,12 +81,12 @@ pub(super) fn state(
     let own = stream.columns();
     let all = HEADER_COLUMNS.iter().chain(&own);
     let mut columns = create(group, all, context, entries.len())?;
-    let mut irregular = 0;
+    let (mut irregular, mut buffer) = (0, Vec::new());
     for entry in entries {
-        let payload = scan.payload(entry)?;
+        let payload = scan.payload(entry, &mut buffer)?;
         let (cells, regular) =
             stream
-                .extract(&payload, context)
+                .extract(payload, context)
                 .map_err(|e| FinishError::Content {
                     stream: stream.name().to_owned(),
                     sequence: entry.header.sequence,
@@ -116,12 +116,13 @@ fn create<'a>(
     made.collect()
 }
 
-/// Writes a camera's pictures chunk by chunk as they stand in the log.
+/// Writes a camera's pictures chunk by chunk as they stand in the log; `payloads`
+/// are those of `entries`.
 pub(super) fn camera(
     group: &Group,
     name: &str,
     depth: Depth,
-    scan: &Scan,
+    payloads: &mut Ahead,
     entries: &[&Entry],
 ) -> Result<(), FinishError> {
     let mut deflate = Deflate::default();
@@ -139,8 +140,8 @@ pub(super) fn camera(
             sequence: entry.header.sequence,
             reason: reason.to_owned(),
         };
-        let payload = scan.payload(entry)?;
-        let parts = CameraParts::parse(&payload).ok_or_else(|| bad("its parts do not add up"))?;
+        let payload = payloads.read().ok_or_else(|| bad("it was not read"))??;
+        let parts = CameraParts::parse(payload).ok_or_else(|| bad("its parts do not add up"))?;
         let meta = v1::CameraFrame::decode(parts.meta).map_err(|e| bad(&e.to_string()))?;
         let i = meta.intrinsics.ok_or_else(|| bad("it has no intrinsics"))?;
         let each = ids::bytes(&meta);
@@ -187,7 +188,7 @@ const EXPOSURE: [ColumnInfo; 2] = [
 pub(super) fn sensor(
     group: &Group,
     name: &str,
-    scan: &Scan,
+    payloads: &mut Ahead,
     entries: &[&Entry],
 ) -> Result<(), FinishError> {
     let mut deflate = Deflate::default();
@@ -206,8 +207,8 @@ pub(super) fn sensor(
             sequence: entry.header.sequence,
             reason: reason.to_owned(),
         };
-        let payload = scan.payload(entry)?;
-        let parts = CameraParts::parse(&payload).ok_or_else(|| bad("its parts do not add up"))?;
+        let payload = payloads.read().ok_or_else(|| bad("it was not read"))??;
+        let parts = CameraParts::parse(payload).ok_or_else(|| bad("its parts do not add up"))?;
         let meta = v1::SensorFrame::decode(parts.meta).map_err(|e| bad(&e.to_string()))?;
         let i = meta.intrinsics.ok_or_else(|| bad("it has no intrinsics"))?;
         let colour = parts.depth.is_empty();
@@ -352,9 +353,10 @@ pub(super) fn unknown(group: &Group, scan: &Scan, entries: &[&Entry]) -> Result<
     let context = Context::default();
     let all = HEADER_COLUMNS.iter().chain([&MESSAGE]);
     let mut columns = create(group, all, &context, entries.len())?;
+    let mut buffer = Vec::new();
     for entry in entries {
         let h = &entry.header;
-        let message = Cell::Bytes(scan.payload(entry)?);
+        let message = Cell::Bytes(scan.payload(entry, &mut buffer)?.to_vec());
         let cells = header_cells(h.stamp_nanos, h.sequence, h.tick);
         for (column, cell) in columns.iter_mut().zip(cells.into_iter().chain([message])) {
             column.push(cell, &mut deflate)?;

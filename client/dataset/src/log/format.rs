@@ -143,7 +143,14 @@ pub struct RecordHeader {
 /// Starts a record: reserves its header; the payload is appended by the caller.
 #[must_use]
 pub fn begin_record(capacity: usize) -> Vec<u8> {
-    let mut out = Vec::with_capacity(RECORD_HEADER + capacity);
+    begin_record_in(Vec::new(), capacity)
+}
+
+/// The same in memory that is there already, whatever it holds.
+#[must_use]
+pub fn begin_record_in(mut out: Vec<u8>, capacity: usize) -> Vec<u8> {
+    out.clear();
+    out.reserve(RECORD_HEADER + capacity);
     out.resize(RECORD_HEADER, 0);
     out
 }

@@ -9,18 +9,20 @@
 //! ```
 //! All numbers are little-endian; a record's CRC covers everything after it.
 
+mod ahead;
 mod append;
 mod format;
 mod scan;
 
+pub use ahead::{Ahead, read_ahead};
 pub(crate) use append::create_file;
 pub use append::{Appender, LogFile};
 pub(crate) use format::FILE_MAGIC as MAGIC;
 pub use format::{
     CameraParts, Closing, Kind, MAX_PAYLOAD, Preamble, RECORD_HEADER, Received, RecordHeader,
-    Recovered, begin_record, finish_record,
+    Recovered, begin_record, begin_record_in, finish_record,
 };
-pub use scan::{Entry, Scan, scan};
+pub use scan::{Entry, Scan, outline, scan};
 
 /// What is wrong with a log.
 #[derive(Debug, thiserror::Error)]
@@ -48,6 +50,14 @@ pub enum LogError {
         path: String,
         /// What was found.
         reason: String,
+    },
+    /// A record is not what its checksum says.
+    #[error("log {path}: the checksum of the record at byte {at} is wrong")]
+    Damaged {
+        /// The file.
+        path: String,
+        /// Where the record begins, bytes.
+        at: u64,
     },
     /// A recorder still writes to it.
     #[error(

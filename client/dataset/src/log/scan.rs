@@ -2,7 +2,7 @@
 //! told. Nothing in here panics, whatever the bytes.
 
 use std::fs::File;
-use std::io::{BufReader, Read};
+use std::io::{BufReader, Read, Seek};
 use std::os::unix::fs::FileExt;
 use std::path::{Path, PathBuf};
 
@@ -20,6 +20,8 @@ pub struct Entry {
     pub offset: u64,
     /// Length of its payload, bytes.
     pub length: usize,
+    /// Checksum of the record, as it stands in its header.
+    crc: u32,
 }
 
 /// The index of a log.
@@ -42,19 +44,33 @@ pub struct Scan {
 }
 
 impl Scan {
-    /// Reads a record's payload.
+    /// Reads a record's payload into `buffer`, which may hold anything before and
+    /// is best kept for the next one, and compares its checksum.
     ///
     /// # Errors
-    /// [`LogError::Io`].
-    pub fn payload(&self, entry: &Entry) -> Result<Vec<u8>, LogError> {
-        let mut out = vec![0; entry.length];
+    /// [`LogError::Io`]; [`LogError::Damaged`].
+    pub fn payload<'a>(
+        &self,
+        entry: &Entry,
+        buffer: &'a mut Vec<u8>,
+    ) -> Result<&'a [u8], LogError> {
+        let path = || self.path.display().to_string();
+        let whole = RECORD_HEADER + entry.length;
+        if buffer.len() < whole {
+            buffer.resize(whole, 0);
+        }
+        let record = &mut buffer[..whole];
+        let at = entry.offset - RECORD_HEADER as u64;
         self.file
-            .read_exact_at(&mut out, entry.offset)
+            .read_exact_at(record, at)
             .map_err(|source| LogError::Io {
-                path: self.path.display().to_string(),
+                path: path(),
                 source,
             })?;
-        Ok(out)
+        match crc32fast::hash(&record[8..]) == entry.crc {
+            true => Ok(&buffer[RECORD_HEADER..whole]),
+            false => Err(LogError::Damaged { path: path(), at }),
+        }
     }
 
     /// Takes the log for this process alone; another recorder or a second
@@ -85,6 +101,29 @@ impl Scan {
 /// [`LogError::NoLog`] when the beginning is not readable; damage behind it is
 /// no error but told in [`Scan::damage`].
 pub fn scan(path: &Path) -> Result<Scan, LogError> {
+    read(path, Payloads::Checked)
+}
+
+/// The index of a log that was closed in order, by the headers of its records;
+/// nothing when it ends otherwise, which [`scan`] looks into. Whether payloads
+/// are what was written shows when they are read ([`Scan::payload`]), so that
+/// nothing is read twice.
+///
+/// # Errors
+/// [`LogError::NoLog`] when the beginning is not readable.
+pub fn outline(path: &Path) -> Result<Option<Scan>, LogError> {
+    let found = read(path, Payloads::Skipped)?;
+    Ok((found.closing.is_some() && found.damage.is_none()).then_some(found))
+}
+
+/// What becomes of payloads while the index is made.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Payloads {
+    Checked,
+    Skipped,
+}
+
+fn read(path: &Path, payloads: Payloads) -> Result<Scan, LogError> {
     let io = |source| LogError::Io {
         path: path.display().to_string(),
         source,
@@ -108,7 +147,11 @@ pub fn scan(path: &Path) -> Result<Scan, LogError> {
         return Err(absent("it is a folder; name a log in it, LABEL.h5.wal"));
     }
     let total = metadata.len();
-    let mut input = BufReader::with_capacity(1 << 18, file.try_clone().map_err(io)?);
+    let ahead = match payloads {
+        Payloads::Checked => 1 << 18,
+        Payloads::Skipped => 1 << 13,
+    };
+    let mut input = BufReader::with_capacity(ahead, file.try_clone().map_err(io)?);
 
     let mut head = [0; 16];
     input
@@ -141,7 +184,7 @@ pub fn scan(path: &Path) -> Result<Scan, LogError> {
         lost: 0,
         damage: None,
     };
-    out.damage = records(&mut input, total, &mut out).err();
+    out.damage = records(&mut input, total, payloads, &mut out).err();
     out.lost = total.saturating_sub(out.good);
     Ok(out)
 }
@@ -173,7 +216,12 @@ fn foreign(path: &Path, head: &[u8]) -> String {
 }
 
 /// Reads records up to the end or the first bad one, which it describes.
-fn records(input: &mut impl Read, total: u64, out: &mut Scan) -> Result<(), String> {
+fn records(
+    input: &mut (impl Read + Seek),
+    total: u64,
+    payloads: Payloads,
+    out: &mut Scan,
+) -> Result<(), String> {
     let mut block = vec![0; 1 << 16];
     while out.good < total && out.closing.is_none() {
         let at = out.good;
@@ -191,22 +239,26 @@ fn records(input: &mut impl Read, total: u64, out: &mut Scan) -> Result<(), Stri
                 total.saturating_sub(offset)
             ));
         }
+        let bad = |e| format!("the record at byte {at} cannot be read: {e}");
+        let checked = payloads == Payloads::Checked || raw.header.kind == Kind::Closing;
         let mut crc = crc32fast::Hasher::new();
         crc.update(&head[8..]);
         let mut closing = Vec::new();
         let mut rest = raw.length;
+        if !checked {
+            input.seek_relative(rest as i64).map_err(bad)?;
+            rest = 0;
+        }
         while rest > 0 {
             let piece = &mut block[..rest.min(1 << 16)];
-            input
-                .read_exact(piece)
-                .map_err(|e| format!("the record at byte {at} cannot be read: {e}"))?;
+            input.read_exact(piece).map_err(bad)?;
             crc.update(piece);
             if raw.header.kind == Kind::Closing {
                 closing.extend_from_slice(piece);
             }
             rest -= piece.len();
         }
-        if crc.finalize() != raw.crc {
+        if checked && crc.finalize() != raw.crc {
             return Err(format!("the checksum of the record at byte {at} is wrong"));
         }
         if raw.header.kind == Kind::Closing {
@@ -224,6 +276,7 @@ fn records(input: &mut impl Read, total: u64, out: &mut Scan) -> Result<(), Stri
                 header: raw.header,
                 offset,
                 length: raw.length,
+                crc: raw.crc,
             });
         }
         out.good = offset + raw.length as u64;

@@ -1,12 +1,13 @@
 //! From a message to a record: what the compression workers do.
 
+use crossbeam_channel::Receiver;
 use prost::Message;
 use wheelarm_proto::v1;
 
 use crate::compress::Deflate;
 use crate::depth::{Depth, to_millimetres};
 use crate::ids;
-use crate::log::{Kind, RecordHeader, begin_record, finish_record};
+use crate::log::{Kind, RecordHeader, begin_record, begin_record_in, finish_record};
 
 /// One worker's buffers.
 pub(super) struct Encoder {
@@ -15,15 +16,19 @@ pub(super) struct Encoder {
     depth: Depth,
     /// Length of the last picture record, the best guess for the next one.
     last: usize,
+    /// Memory of records that are in the log: fresh memory of that size costs
+    /// more than what is written into it.
+    spare: Receiver<Vec<u8>>,
 }
 
 impl Encoder {
-    pub fn new(depth: Depth) -> Self {
+    pub fn new(depth: Depth, spare: Receiver<Vec<u8>>) -> Self {
         Self {
             deflate: Deflate::default(),
             millimetres: Vec::new(),
             depth,
             last: 0,
+            spare,
         }
     }
 
@@ -47,7 +52,8 @@ impl Encoder {
             ids_format: frame.ids_format,
             ..Default::default()
         };
-        let mut out = begin_record(self.last + self.last / 8);
+        let spare = self.spare.try_recv().unwrap_or_default();
+        let mut out = begin_record_in(spare, self.last + self.last / 8);
         part(&mut out, |out| {
             out.extend(meta.encode_to_vec());
         });

@@ -6,6 +6,7 @@
 
 mod budget;
 mod encode;
+mod memory;
 mod threads;
 
 use std::collections::BTreeMap;
@@ -37,7 +38,7 @@ pub struct WriterOptions {
     pub recorder: String,
     /// Compression threads; 2 keep up with two cameras at 1280x720 and 15 Hz.
     pub workers: usize,
-    /// Bytes that may wait between the threads, about ten frames of two
+    /// Bytes that may wait between the threads, about four frames of two
     /// cameras at 1280x720.
     pub queue_bytes: usize,
 }
@@ -48,7 +49,7 @@ impl Default for WriterOptions {
             depth: Depth::Metres,
             recorder: "recorder".into(),
             workers: 2,
-            queue_bytes: 128 << 20,
+            queue_bytes: 64 << 20,
         }
     }
 }
@@ -198,6 +199,7 @@ impl EpisodeWriter {
         snapshot: &v1::SnapshotReply,
         options: &WriterOptions,
     ) -> Result<Self, WriteError> {
+        memory::keep();
         let names = stream_names(started);
         let preamble = Preamble {
             started: Some(started.clone()),
@@ -229,10 +231,11 @@ impl EpisodeWriter {
         let progress = Arc::new(Progress::default());
         let (queue, jobs) = crossbeam_channel::unbounded();
         let (to_log, records) = crossbeam_channel::unbounded();
+        let (used, spare) = crossbeam_channel::bounded(threads::SPARE);
         let mut handles = Vec::new();
         for _ in 0..options.workers.max(1) {
             let (jobs, to_log) = (jobs.clone(), to_log.clone());
-            let encoder = Encoder::new(options.depth);
+            let encoder = Encoder::new(options.depth, spare.clone());
             handles.push(std::thread::spawn(move || {
                 threads::compress(&jobs, &to_log, encoder);
             }));
@@ -240,7 +243,7 @@ impl EpisodeWriter {
         drop(to_log);
         let (shared, told) = (budget.clone(), progress.clone());
         handles.push(std::thread::spawn(move || {
-            threads::append(&records, appender, &shared, &told);
+            threads::append(&records, &used, appender, &shared, &told);
         }));
         let sync = syncing.map(|syncing| {
             let (sync, done) = crossbeam_channel::bounded(0);

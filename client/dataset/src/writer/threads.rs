@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use std::fs::File;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use bytes::Bytes;
 use crossbeam_channel::{Receiver, Sender};
@@ -18,8 +18,14 @@ use crate::log::{Appender, Closing, LogFile, RecordHeader};
 
 /// Pause between two group syncs.
 const SYNC_PERIOD: Duration = Duration::from_millis(200);
+/// Bytes of the log after which the next sync does not wait.
+const SYNC_BYTES: u64 = 16 << 20;
+/// How often is looked whether there are as many.
+const SYNC_LOOK: Duration = Duration::from_millis(20);
 /// Small records are written together up to this size, bytes.
 const GROUP: usize = 1 << 16;
+/// Memory of so many written records is kept for the next ones.
+pub(super) const SPARE: usize = 4;
 
 /// One piece of work, numbered in the order of arrival.
 pub(super) struct Job {
@@ -88,9 +94,11 @@ pub(super) fn compress(jobs: &Receiver<Job>, records: &Sender<Record>, mut encod
     }
 }
 
-/// Appends in the order of the tickets until the workers are gone.
+/// Appends in the order of the tickets until the workers are gone; the memory of
+/// large records goes back to the workers.
 pub(super) fn append<F: LogFile>(
     records: &Receiver<Record>,
+    used: &Sender<Vec<u8>>,
     mut log: Appender<F>,
     budget: &Budget,
     progress: &Progress,
@@ -109,7 +117,11 @@ pub(super) fn append<F: LogFile>(
             grouped.0 += 1;
             grouped.1 += record.bytes;
             if group.is_empty() && record.data.len() >= GROUP {
-                group = record.data;
+                let before = std::mem::replace(&mut group, record.data);
+                if before.capacity() >= GROUP {
+                    // Who has enough of it lets it go.
+                    let _ = used.try_send(before);
+                }
             } else {
                 group.extend_from_slice(&record.data);
             }
@@ -145,16 +157,19 @@ fn flush<F: LogFile>(
 
 /// Syncs in groups until `done` is closed, and a last time then.
 pub(super) fn sync(file: &File, done: &Receiver<()>, progress: &Arc<Progress>) {
-    let mut synced = 0;
+    let (mut synced, mut bytes, mut since) = (0, 0, Instant::now());
     loop {
         let last =
-            done.recv_timeout(SYNC_PERIOD) != Err(crossbeam_channel::RecvTimeoutError::Timeout);
+            done.recv_timeout(SYNC_LOOK) != Err(crossbeam_channel::RecvTimeoutError::Timeout);
         let written = progress.acknowledged.load(Ordering::Acquire);
-        if written != synced || last {
+        let length = progress.log_bytes.load(Ordering::Acquire);
+        // What is much goes at once, so that the last sync finds little to do.
+        let due = since.elapsed() >= SYNC_PERIOD || length.saturating_sub(bytes) >= SYNC_BYTES;
+        if (due && written != synced) || last {
             if let Err(problem) = file.sync_data() {
                 progress.fail(format!("cannot sync the log to the disk: {problem}"));
             }
-            synced = written;
+            (synced, bytes, since) = (written, length, Instant::now());
         }
         if last {
             return;

@@ -10,6 +10,7 @@ use rand_chacha::ChaCha8Rng;
 use serde::Serialize;
 
 use super::columns::{OUTPUTS, Trial};
+use super::depth::{Depths, SIDE};
 use super::errors::{Predictions, lasts};
 use super::features::Features;
 use super::network::{Baseline, Sizes, WORD};
@@ -106,6 +107,7 @@ pub struct Lesson<'a> {
     options: LessonOptions,
     episodes: &'a [Episode],
     features: Option<&'a Features>,
+    depths: Option<Depths>,
     learned: &'a [Trial],
     held: &'a [Trial],
     /// Trial and last row of all windows.
@@ -115,6 +117,25 @@ pub struct Lesson<'a> {
     vectors: Option<Vec<f32>>,
     scale: Scale,
     device: Device,
+}
+
+/// Windows as tensors.
+struct Batch {
+    rows: Tensor<3>,
+    depth: Option<Tensor<4>>,
+    words: Tensor<2>,
+    wanted: Tensor<3>,
+}
+
+impl Batch {
+    fn told(self, network: &Baseline) -> Tensor<3> {
+        network.forward(self.rows, self.depth, self.words)
+    }
+
+    fn loss(self, network: &Baseline) -> Tensor<1> {
+        let wanted = self.wanted.clone();
+        (self.told(network) - wanted).square().mean()
+    }
 }
 
 impl<'a> Lesson<'a> {
@@ -148,8 +169,11 @@ impl<'a> Lesson<'a> {
         let vectors = vectors
             .map(|path| read_vectors(path, &words, options.seed))
             .transpose()?;
+        let features = features.filter(|_| options.kind != Kind::CorrectedBlind);
+        let is_metric = options.kind != Kind::AsPrinted;
         Ok(Self {
-            features: features.filter(|_| options.kind != Kind::CorrectedBlind),
+            depths: features.and_then(|_| Depths::of(episodes, is_metric)),
+            features,
             scale: scale(learned, &options),
             places: Vocabulary::new(&words),
             vocabulary: words,
@@ -196,20 +220,23 @@ impl<'a> Lesson<'a> {
     fn sizes(&self) -> Sizes {
         Sizes {
             seen: self.features.map_or(0, |f| f.width),
+            depths: self.depths.as_ref().map_or(0, |d| d.cameras),
             state: self.scale.state[0].len(),
             words: self.vocabulary.len(),
             ahead: self.options.ahead.len(),
         }
     }
 
+    /// Depth is seen.
+    #[must_use]
+    pub fn sees_depth(&self) -> bool {
+        self.depths.is_some()
+    }
+
     /// What windows of trials show, and what is true behind them, in units of training.
-    fn batch(
-        &self,
-        trials: &[Trial],
-        windows: &[(usize, usize)],
-        device: &Device,
-    ) -> (Tensor<3>, Tensor<2>, Tensor<3>) {
+    fn batch(&self, trials: &[Trial], windows: &[(usize, usize)], device: &Device) -> Batch {
         let (mut rows, mut words, mut wanted) = (Vec::new(), Vec::new(), Vec::new());
+        let mut depth = Vec::new();
         for &(number, last) in windows {
             let trial = &trials[number];
             for row in last + 1 - self.options.length..=last {
@@ -217,6 +244,10 @@ impl<'a> Lesson<'a> {
                     rows.extend_from_slice(features.row(trial.episode, trial.first + row));
                 }
                 rows.extend(self.state(trial, row));
+                if let Some(depths) = &self.depths {
+                    let told = depths.row(trial.episode, trial.first + row);
+                    depth.extend(told.iter().map(|&v| f32::from(v) / 255.0));
+                }
             }
             words.extend(
                 self.places
@@ -232,14 +263,17 @@ impl<'a> Lesson<'a> {
         }
         let (count, sizes) = (windows.len(), self.sizes());
         let width = sizes.seen + sizes.state;
+        let pictures = [count * self.options.length * sizes.depths, 1, SIDE, SIDE];
+        let depth = (sizes.depths > 0).then(|| TensorData::new(depth, pictures));
         let rows = TensorData::new(rows, [count, self.options.length, width]);
         let words = TensorData::new(words, [count, sizes.words]);
         let wanted = TensorData::new(wanted, [count, sizes.ahead, OUTPUTS]);
-        (
-            Tensor::from_data(rows, device),
-            Tensor::from_data(words, device),
-            Tensor::from_data(wanted, device),
-        )
+        Batch {
+            rows: Tensor::from_data(rows, device),
+            depth: depth.map(|depth| Tensor::from_data(depth, device)),
+            words: Tensor::from_data(words, device),
+            wanted: Tensor::from_data(wanted, device),
+        }
     }
 
     fn state(&self, trial: &Trial, row: usize) -> Vec<f32> {
@@ -260,8 +294,8 @@ impl<'a> Lesson<'a> {
         let empty = vec![Vec::new(); trials.len()];
         let mut out = vec![empty; self.options.ahead.len()];
         for part in windows(trials, &self.options).chunks(4 * self.options.batch) {
-            let (rows, words, _) = self.batch(trials, part, &device);
-            let found = network.forward(rows, words).into_data();
+            let batch = self.batch(trials, part, &device);
+            let found = batch.told(network).into_data();
             let found: Vec<f32> = found.iter::<f32>().collect();
             let of_window = self.options.ahead.len() * OUTPUTS;
             for (&(number, last), values) in part.iter().zip(found.chunks(of_window)) {
@@ -287,8 +321,7 @@ impl train::Lesson for Lesson<'_> {
         let drawn = (0..self.options.batch)
             .map(|_| self.windows[random.random_range(0..self.windows.len())]);
         let drawn: Vec<_> = drawn.collect();
-        let (rows, words, wanted) = self.batch(self.learned, &drawn, &self.device);
-        let loss = (network.forward(rows, words) - wanted).square().mean();
+        let loss = self.batch(self.learned, &drawn, &self.device).loss(network);
         let told = loss.clone().into_scalar::<f64>();
         (loss, vec![("mse", told)])
     }
@@ -297,8 +330,7 @@ impl train::Lesson for Lesson<'_> {
         let device = Device::flex();
         let (mut sum, mut count) = (0.0, 0.0);
         for part in windows(self.held, &self.options).chunks(4 * self.options.batch) {
-            let (rows, words, wanted) = self.batch(self.held, part, &device);
-            let error = (network.forward(rows, words) - wanted).square().mean();
+            let error = self.batch(self.held, part, &device).loss(network);
             sum += error.into_scalar::<f64>() * part.len() as f64;
             count += part.len() as f64;
         }

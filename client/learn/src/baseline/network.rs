@@ -5,6 +5,7 @@ use burn::prelude::*;
 use burn::tensor::activation::{relu, sigmoid, tanh};
 
 use super::columns::OUTPUTS;
+use super::depth::{DepthNetwork, WIDTH};
 use crate::network::{Embedding, Linear};
 
 /// Numbers of a word's vector.
@@ -17,6 +18,8 @@ const FUSION: [usize; 3] = [512, 256, 128];
 pub struct Sizes {
     /// Numbers of what is seen in a row; 0: no pictures.
     pub seen: usize,
+    /// Depth pictures of a row; 0: no depth.
+    pub depths: usize,
     /// Columns of state.
     pub state: usize,
     /// Words of the vocabulary.
@@ -29,6 +32,7 @@ pub struct Sizes {
 #[derive(Module, Debug)]
 pub struct Baseline {
     words: Embedding,
+    depth: Option<DepthNetwork>,
     fusion: Vec<Linear>,
     /// Gates of what comes in: input, forget, cell, output.
     input: Linear,
@@ -41,7 +45,7 @@ impl Baseline {
     /// With random weights.
     #[must_use]
     pub fn new(sizes: &Sizes, device: &Device) -> Self {
-        let mut width = sizes.seen + sizes.state + WORD;
+        let mut width = sizes.seen + sizes.depths * WIDTH + sizes.state + WORD;
         let mut fusion = Vec::new();
         for outputs in FUSION {
             fusion.push(Linear::new(width, outputs, device));
@@ -49,6 +53,7 @@ impl Baseline {
         }
         Self {
             words: Embedding::new(sizes.words, WORD, 1.0, device),
+            depth: (sizes.depths > 0).then(|| DepthNetwork::new(device)),
             fusion,
             input: Linear::new(width, 4 * width, device),
             state: Linear::new(width, 4 * width, device),
@@ -63,14 +68,26 @@ impl Baseline {
         self
     }
 
-    /// Rows (batch × rows × what is seen and measured) and shares of words (batch ×
+    /// Rows (batch × rows × what is seen and measured), depth pictures (batch * rows *
+    /// cameras × 1 × side × side) where the sizes have any, and shares of words (batch ×
     /// vocabulary) to outputs (batch × times ahead × 16).
     #[must_use]
-    pub fn forward(&self, rows: Tensor<3>, words: Tensor<2>) -> Tensor<3> {
+    pub fn forward(
+        &self,
+        rows: Tensor<3>,
+        depth: Option<Tensor<4>>,
+        words: Tensor<2>,
+    ) -> Tensor<3> {
         let [batch, length, _] = rows.dims();
         let said = words.matmul(self.words.weight.val());
         let said = said.unsqueeze_dim::<3>(1).expand([batch, length, WORD]);
-        let mut x = Tensor::cat(vec![rows, said], 2);
+        let mut parts = vec![rows, said];
+        if let Some((network, pictures)) = self.depth.as_ref().zip(depth) {
+            let told = network.forward(pictures);
+            let [pictures, numbers] = told.dims();
+            parts.push(told.reshape([batch, length, pictures / (batch * length) * numbers]));
+        }
+        let mut x = Tensor::cat(parts, 2);
         for layer in &self.fusion {
             x = relu(layer.forward(x));
         }

@@ -92,7 +92,11 @@ pub fn run(episodes: &[Episode], options: &RunOptions) -> anyhow::Result<Report>
             (&learned, &held),
             options.vectors.as_deref(),
         )?;
-        println!("{}: {} steps an epoch", kind.name(), lesson.epoch());
+        let depth = match (kind, lesson.sees_depth()) {
+            (Kind::CorrectedBlind, _) | (_, true) => "",
+            _ => ", without depth: the export has none (--depth)",
+        };
+        println!("{}: {} steps an epoch{depth}", kind.name(), lesson.epoch());
         let folder = options.out.join(kind.name().replace([',', ' '], "-"));
         let schedule = Schedule {
             out: folder.clone(),

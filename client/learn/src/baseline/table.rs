@@ -83,6 +83,22 @@ impl Report {
                     values.collect::<Vec<_>>().join(" | ")
                 );
             }
+            let names = ahead.of.iter().map(|(name, _)| name.as_str());
+            let _ = write!(
+                text,
+                "\nMean squared error:\n\n| output | {} |\n|---|{}\n",
+                names.collect::<Vec<_>>().join(" | "),
+                "---|".repeat(ahead.of.len())
+            );
+            for (i, output) in SHORT.iter().enumerate() {
+                let values = ahead.of.iter().map(|(_, e)| format!("{:.1e}", e.mse[i]));
+                let _ = writeln!(
+                    text,
+                    "| {} | {} |",
+                    squared(output),
+                    values.collect::<Vec<_>>().join(" | ")
+                );
+            }
             let _ = write!(
                 text,
                 "\nSkill, 1 - MAE / MAE of the better of the two that know nothing, with the middle 95 % over episodes drawn again:\n\n| output | {} |\n|---|{}\n",
@@ -145,6 +161,14 @@ impl Report {
         }
         std::fs::write(folder.join("table.csv"), csv)?;
         Ok(())
+    }
+}
+
+/// The output with its unit squared.
+fn squared(output: &str) -> String {
+    match output.contains(", ") {
+        true => format!("{output}²"),
+        false => output.to_owned(),
     }
 }
 

@@ -37,6 +37,8 @@ pub struct Reach {
     state: State,
     /// The thing in `house` when the hand was aimed at it.
     aimed: Option<Isometry3<f64>>,
+    /// It ends before the thing.
+    before: bool,
 }
 
 impl Reach {
@@ -46,6 +48,16 @@ impl Reach {
         Self {
             state: State::Aim,
             aimed: None,
+            before: false,
+        }
+    }
+
+    /// Begins, and ends before the thing.
+    #[must_use]
+    pub fn before() -> Self {
+        Self {
+            before: true,
+            ..Self::new()
         }
     }
 
@@ -119,7 +131,7 @@ impl Skill for Reach {
                 Step::Missed(format!("{name}: {why}"))
             }
             Progress::Arrived => match (&self.state, now.memory.candidate) {
-                (State::ToPregrasp(_), Some(candidate)) => {
+                (State::ToPregrasp(_), Some(candidate)) if !self.before => {
                     let stop = (candidate.grasp, now.profile.approach_speed);
                     self.state = State::Approach(Motion::new(now, &[stop]));
                     Step::Going(Act::named(Phase::Reaching, "approaching"))

@@ -10,6 +10,7 @@ QUERIES = [
     ("tasks", "TasksRequest", "TaskList", ""),
     ("lease", "LeaseRequest", "LeaseReply", "commander"),
     ("reach", "ReachRequest", "ReachReply", ""),
+    ("pick", "PickRequest", "PickReply", ""),
     ("reset", "ResetRequest", "ResetReply", ""),
     ("pause", "PauseRequest", "Ack", ""),
     ("resume", "ResumeRequest", "Ack", ""),
@@ -70,4 +71,6 @@ TASKS = {
     "place_knife": 150.0,
     "place_teddy_bear": 150.0,
     "select_coke": 100.0,
+    "take_floor_crackers": 100.0,
+    "throw_meat_can": 150.0,
 }

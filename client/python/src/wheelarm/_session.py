@@ -8,6 +8,7 @@ from __future__ import annotations
 import json
 import math
 import os
+import pathlib
 import threading
 import time
 from collections.abc import Callable
@@ -56,6 +57,35 @@ def words(cause: BaseException) -> str:
     return str(cause).split(" at /", maxsplit=1)[0]
 
 
+def keys_of_environment(endpoint: str) -> dict[str, Any]:
+    """The settings for an endpoint that takes keys, which ``WHEELARM_KEYS`` names, and
+    ``WHEELARM_USER`` where that is a folder of several users' keys.
+
+    Raises:
+        NoServer: when the endpoint takes keys, and there are none.
+    """
+    if not endpoint.startswith("tls/"):
+        return {}
+    folder, user = os.environ.get("WHEELARM_KEYS"), os.environ.get("WHEELARM_USER")
+    if folder is None:
+        raise NoServer(
+            f"{endpoint} takes keys: name the folder that you were given with WHEELARM_KEYS"
+        )
+    path = pathlib.Path(folder)
+    if user is not None and (path / "users").is_dir():
+        path = path / "users" / user
+    files = {
+        "root_ca_certificate": path / "ca.pem",
+        "connect_certificate": path / "user.pem",
+        "connect_private_key": path / "user.key",
+    }
+    for file in files.values():
+        if not file.is_file():
+            raise NoServer(f"{path} holds no {file.name}: name the folder that you were given")
+    names = {name: str(file) for name, file in files.items()}
+    return {"transport/link/tls": {**names, "enable_mtls": True, "verify_name_on_connect": True}}
+
+
 def open_session(endpoint: str, timeout: float) -> zenoh.Session:
     """Connects to an endpoint.
 
@@ -82,6 +112,7 @@ def open_session(endpoint: str, timeout: float) -> zenoh.Session:
         },
         "scouting/multicast/enabled": False,
         "scouting/gossip/enabled": False,
+        **keys_of_environment(endpoint),
     }
     try:
         for key, value in settings.items():

@@ -93,11 +93,17 @@ class PreviewLevel(int, metaclass=_EnumWrapper):
     """For links of about 3 Mbit/s."""
     PREVIEW_LEVEL_HIGH: _ClassVar[PreviewLevel]
     """For local networks."""
+    PREVIEW_LEVEL_FLAT: _ClassVar[PreviewLevel]
+    """Raw pictures of 640 pixels' width, for who encodes them on the same host."""
+    PREVIEW_LEVEL_FLAT_LARGE: _ClassVar[PreviewLevel]
+    """Raw pictures of 1280 pixels' width, for who encodes them on the same host."""
 
 PREVIEW_LEVEL_UNSPECIFIED: PreviewLevel
 PREVIEW_LEVEL_LOW: PreviewLevel
 PREVIEW_LEVEL_MEDIUM: PreviewLevel
 PREVIEW_LEVEL_HIGH: PreviewLevel
+PREVIEW_LEVEL_FLAT: PreviewLevel
+PREVIEW_LEVEL_FLAT_LARGE: PreviewLevel
 
 class CommandFrame(int, metaclass=_EnumWrapper):
     """Frame in which a Cartesian command is expressed."""
@@ -723,6 +729,22 @@ EVENT_KIND_CONTROL: EventKind
 EVENT_KIND_NOTE: EventKind
 EVENT_KIND_PERSON_CONTACT: EventKind
 
+class Access(int, metaclass=_EnumWrapper):
+    """From where a server is reached, and who may do what there."""
+    ACCESS_UNSPECIFIED: _ClassVar[Access]
+    """Not told."""
+    ACCESS_LOCAL: _ClassVar[Access]
+    """From this host alone, where everybody may do everything."""
+    ACCESS_KEYS: _ClassVar[Access]
+    """With the keys of a user, who may do what the user's role says."""
+    ACCESS_INSECURE: _ClassVar[Access]
+    """From other hosts without keys: everybody may do everything."""
+
+ACCESS_UNSPECIFIED: Access
+ACCESS_LOCAL: Access
+ACCESS_KEYS: Access
+ACCESS_INSECURE: Access
+
 class WaitingFor(int, metaclass=_EnumWrapper):
     """What the simulation waits for, for programs."""
     WAITING_FOR_UNSPECIFIED: _ClassVar[WaitingFor]
@@ -1025,6 +1047,10 @@ class PreviewFrame(_Message):
     """Wall clock of the server when the picture was sent, nanoseconds since 1970 (Unix time):
     differences tell the growth of the delay.
     """
+    i420: bytes
+    """Raw picture in the place of a JPEG file: I420, BT.601 with values 16 to 235, rows from the
+    top, width and height even (bytes).
+    """
     def __init__(
         self,
         *,
@@ -1035,6 +1061,7 @@ class PreviewFrame(_Message):
         height: int | None = ...,
         jpeg: bytes | None = ...,
         sent_unix_nanos: int | None = ...,
+        i420: bytes | None = ...,
     ) -> None: ...
 
 class JointTarget(_Message):
@@ -2529,6 +2556,66 @@ class SceneReply(_Message):
         persons: _Iterable[SeatedPerson | _Mapping[str, _Any]] | None = ...,
     ) -> None: ...
 
+class PickRequest(_Message):
+    """Asks what stands at a pixel of a picture that was shown. Query `pick`. The server knows the
+    last 30 pictures of each camera that somebody previews.
+    """
+    camera: str
+    """Camera (no unit)."""
+    tick: int
+    """Tick of the picture (ticks)."""
+    u: float
+    """Place from the left edge, 0 to 1 (share of the width, no unit)."""
+    v: float
+    """Place from the upper edge, 0 to 1 (share of the height, no unit)."""
+    snap: float
+    """The nearest thing that can be taken is looked for within this share of the width, at most
+    0.25; 0 takes what stands at the pixel (no unit).
+    """
+    def __init__(
+        self,
+        *,
+        camera: str | None = ...,
+        tick: int | None = ...,
+        u: float | None = ...,
+        v: float | None = ...,
+        snap: float | None = ...,
+    ) -> None: ...
+
+class PickReply(_Message):
+    """Answers the query `pick`."""
+    header: Header
+    """Stamp of the answer."""
+    body: str
+    """Body at the pixel, or the thing that it snapped to; empty where nothing is (no unit).
+    """
+    kind: InstanceKind
+    """What it is (no unit)."""
+    graspable: bool
+    """It has grasps: the operator's skills can take it (no unit)."""
+    point: Vector3
+    """The point that was met, in `house`, metres; absent where nothing is."""
+    u: float
+    """Where it was met, from the left edge, 0 to 1 (no unit)."""
+    v: float
+    """Where it was met, from the upper edge, 0 to 1 (no unit)."""
+    bounds: _Scalars[float]
+    """Box around what is seen of it: left, upper, right and lower edge, 0 to 1; empty where
+    nothing is (no unit).
+    """
+    def __init__(
+        self,
+        *,
+        header: Header | _Mapping[str, _Any] | None = ...,
+        body: str | None = ...,
+        kind: InstanceKind | str | int | None = ...,
+        graspable: bool | None = ...,
+        point: Vector3 | _Mapping[str, _Any] | None = ...,
+        u: float | None = ...,
+        v: float | None = ...,
+        bounds: _Iterable[float] | None = ...,
+    ) -> None: ...
+
 class SeatedPerson(_Message):
     """Who sits in the chair. Places are in `wheelchair_root`, with the head as the posture has it.
     """
@@ -3118,6 +3205,13 @@ class Status(_Message):
     """
     waiting_for_code: WaitingFor
     """What the simulation waits for, for programs (no unit)."""
+    access: Access
+    """From where the server is reached, and who may do what (no unit)."""
+    strange: int
+    """Messages since the start whose sender named somebody else than the key under which it sent,
+    or that could not be read; commands among them are also in `refused`. What the transport's
+    own rules refuse never gets here (count).
+    """
     def __init__(
         self,
         *,
@@ -3137,6 +3231,8 @@ class Status(_Message):
         unix_nanos: int | None = ...,
         broken: str | None = ...,
         waiting_for_code: WaitingFor | str | int | None = ...,
+        access: Access | str | int | None = ...,
+        strange: int | None = ...,
     ) -> None: ...
 
 class LeaseRequest(_Message):

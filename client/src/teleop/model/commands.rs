@@ -3,7 +3,7 @@
 use wheelarm_proto::v1;
 
 use super::{Effect, Model};
-use crate::teleop::phase::{self, Work};
+use wheelarm_drive::phase::{self, Work};
 use wheelarm_proto::geometry::{self, normalized};
 
 impl Model {

@@ -3,7 +3,7 @@
 use wheelarm_proto::v1;
 
 use super::{Effect, Errand, Form, Model};
-use crate::watch::Connection;
+use wheelarm_drive::watch::Connection;
 
 /// A status this soon after control was given may be older than that, s.
 const FRESH: f64 = 2.0;

@@ -2,6 +2,8 @@
 
 use wheelarm_proto::v1;
 
+use wheelarm_drive::errand::{label_of, next_label};
+
 use super::{CONFIRM, Done, Effect, Errand, Form, Model, Start, Twice};
 
 impl Model {
@@ -222,44 +224,5 @@ impl Model {
         self.situation.header.episode = 0;
         self.answer_due = None;
         self.pending = v1::Command::default();
-    }
-}
-
-/// The label that a scenario suggests.
-fn label_of(scenario: &v1::Scenario) -> String {
-    let task = if scenario.task().is_empty() {
-        "episode"
-    } else {
-        scenario.task()
-    };
-    format!("{task}-seed{}-1", scenario.seed())
-}
-
-/// The label with its last number counted up: a recorder refuses a taken name.
-fn next_label(label: &str) -> String {
-    let digits = label
-        .bytes()
-        .rev()
-        .take_while(u8::is_ascii_digit)
-        .count()
-        .min(9);
-    let (stem, number) = label.split_at(label.len() - digits);
-    match number.parse::<u64>() {
-        Ok(number) => format!("{stem}{}", number + 1),
-        Err(_) if label.is_empty() => String::new(),
-        Err(_) => format!("{label}-2"),
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn labels_count_up() {
-        assert_eq!(next_label("try-9"), "try-10");
-        assert_eq!(next_label("demo"), "demo-2");
-        assert_eq!(next_label(""), "");
-        assert!(next_label(&"9".repeat(100)).ends_with("1000000000"));
     }
 }

@@ -4,6 +4,7 @@ use wheelarm_proto::topic::Sample;
 use wheelarm_proto::v1;
 
 use super::*;
+use crate::teleop::described::robot as described_robot;
 
 const ANNA: &str = "anna";
 
@@ -51,7 +52,7 @@ fn operating() -> Model {
     assert_eq!(asked, [Effect::Errand(Errand::Lease { take: false })]);
     model.done(Done::Lease(Ok(())), 0.0);
     model.status(status(ANNA), 0.002, 0.0);
-    model.robot(&crate::watch::described_robot());
+    model.robot(&described_robot());
     let mut frames = vec![v1::FramePose::default(); 2];
     frames[0].pose = Some(pose(-0.5, 0.0, 0.5));
     let header = None;

@@ -4,10 +4,10 @@ use ratatui::text::{Line, Span};
 use wheelarm_proto::v1;
 
 use super::theme::{Theme, WIDE};
-use crate::teleop::arm::{self, label, pointing};
 use crate::teleop::drive::DIRECTIONS;
 use crate::teleop::model::{Control, Model};
-use crate::watch::Connection;
+use wheelarm_drive::arm::{self, label, pointing};
+use wheelarm_drive::watch::Connection;
 
 /// Older than this a figure is shown as stale, s.
 const STALE: f64 = 2.0;

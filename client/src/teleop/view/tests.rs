@@ -5,8 +5,9 @@ use ratatui::backend::TestBackend;
 use wheelarm_proto::v1;
 
 use super::*;
+use crate::teleop::described::robot as described_robot;
 use crate::teleop::model::{Control, Settings};
-use crate::watch::Connection;
+use wheelarm_drive::watch::Connection;
 
 fn model() -> Model {
     let mut model = Model::new(Settings {
@@ -49,7 +50,7 @@ fn model() -> Model {
         ..Default::default()
     };
     model.situation.take_status(status, 0.0123);
-    model.robot(&crate::watch::described_robot());
+    model.robot(&described_robot());
     model
 }
 

@@ -68,6 +68,7 @@ struct AreaFile {
 
 #[derive(Deserialize)]
 struct Variant {
+    #[serde(default)]
     place: Vec<Place>,
 }
 
@@ -110,6 +111,10 @@ pub fn scene(home: &Home, seed: u64) -> Scene {
         }
         for place in places {
             if place.chance.is_some_and(|chance| draws.fraction() > chance) {
+                continue;
+            }
+            // What two areas have stands in one of them.
+            if scene.things.iter().any(|thing| thing.name == place.object) {
                 continue;
             }
             stand(&mut scene, home, &place, &mut draws);

@@ -38,6 +38,7 @@ impl Engine {
         match query {
             Query::Scene => self.answer_scene(asked),
             Query::Tasks => self.answer_tasks(asked),
+            Query::Pick => self.answer_pick(asked, &payload),
             Query::Reset => {
                 let wanted = self.wanted(&payload);
                 let begun = wanted.and_then(|(scenario, snapshot, right)| {
@@ -275,6 +276,8 @@ impl Engine {
             held_seconds: held.held_seconds,
             unix_nanos: wall::unix_nanos(),
             broken: self.sim.broken().unwrap_or_default().to_owned(),
+            access: self.options.access.into(),
+            strange: self.shared.strange(),
         }
     }
 
@@ -296,6 +299,32 @@ impl Engine {
                 ..scene.as_ref().clone()
             };
             Ok(reply.encode_to_vec().into())
+        });
+    }
+
+    /// What stands at a pixel is looked up on another thread.
+    fn answer_pick(&mut self, asked: zenoh::query::Query, payload: &[u8]) {
+        let request: v1::PickRequest = match decode(payload) {
+            Ok(request) => request,
+            Err(why) => return self.refuse(asked, why),
+        };
+        let Some(render) = &self.render else {
+            let why = "this server has no cameras, so no picture can be pointed at";
+            return self.refuse(asked, Denied::new(FailureCode::Invalid, why.to_owned()));
+        };
+        let picked = Arc::clone(render.picked());
+        let instances = render.instances.clone();
+        let scene = self.sim.scene();
+        let bodies = scene.furniture.iter().chain(&scene.objects);
+        let graspable: Vec<String> = bodies
+            .filter(|body| !body.grasps.is_empty())
+            .map(|body| body.name.clone())
+            .collect();
+        let stamp = self.stamp();
+        let header = Some(stamp.clone());
+        self.shared.replies.answer_later(asked, stamp, move || {
+            let reply = picked.at(&request, &instances, &graspable)?;
+            Ok(v1::PickReply { header, ..reply }.encode_to_vec().into())
         });
     }
 

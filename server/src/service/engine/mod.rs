@@ -53,6 +53,8 @@ pub struct Options {
     pub graphics: Graphics,
     /// Physics only: no pictures, no driver needed.
     pub no_cameras: bool,
+    /// Who may connect, for who asks.
+    pub access: v1::Access,
 }
 
 /// The simulation thread.

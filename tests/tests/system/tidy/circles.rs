@@ -153,7 +153,8 @@ fn circles(mut arrows: BTreeMap<String, BTreeSet<String>>) -> BTreeMap<String, B
 
 /// Packages of the clients whose files name each other in one direction; those
 /// of the dataset crate are held to an order below.
-const STRAIGHT: [&str; 5] = [
+const STRAIGHT: [&str; 6] = [
+    "client/drive/src",
     "client/link/src",
     "client/operate/src",
     "client/record/src",

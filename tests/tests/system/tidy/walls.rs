@@ -157,10 +157,14 @@ fn nobody_names_the_worker() {
 
 /// Packages below `client/` and which of this workspace they may name: no arrow
 /// runs up and there is no circle.
-const CLIENTS: [(&str, &[&str]); 9] = [
+const CLIENTS: [(&str, &[&str]); 10] = [
     ("client/link", &["proto"]),
     ("client/policy", &["proto"]),
     ("client/dataset", &["language", "policy", "proto"]),
+    (
+        "client/drive",
+        &["access", "link", "operate", "proto", "route"],
+    ),
     ("client/learn", &["link", "policy", "proto"]),
     ("client/operate", &["link", "proto", "route"]),
     ("client/record", &["dataset", "link", "proto"]),
@@ -169,10 +173,22 @@ const CLIENTS: [(&str, &[&str]); 9] = [
     (
         "client",
         &[
-            "dataset", "link", "operate", "pilot", "policy", "proto", "record", "rig",
+            "access", "dataset", "drive", "link", "operate", "pilot", "policy", "proto", "record",
+            "rig",
         ],
     ),
 ];
+
+/// Users and keys stand below server and clients and open no connection.
+#[test]
+fn access_opens_no_connection() {
+    for name in dependencies("server/access") {
+        let ours = name.strip_prefix("wheelarm-");
+        let foreign = ["rapier3d", "wgpu", "tokio", "zenoh"].contains(&name.as_str());
+        let allowed = ours.is_none_or(|ours| ours == "proto") && !foreign;
+        assert!(allowed, "server/access names {name}");
+    }
+}
 
 /// What is pure and computed for the server, or for server and clients alike,
 /// names neither, no message, no transport and no renderer.

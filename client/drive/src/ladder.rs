@@ -187,7 +187,7 @@ mod tests {
                 let (bytes, rate) = match ladder.level() {
                     PreviewLevel::Low => (8e3, 5.0),
                     PreviewLevel::Medium => (35e3, 10.0),
-                    PreviewLevel::High => (160e3, 10.0),
+                    _ => (160e3, 10.0),
                 };
                 next = now + 1.0 / rate;
                 sequence += 1;

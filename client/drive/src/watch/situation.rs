@@ -95,6 +95,8 @@ pub struct Situation {
     pub applied: Option<v1::Applied>,
     /// Normal force at the left and the right pad, N.
     pub pad_force: [f64; 2],
+    /// Pairs of the robot and anything else that touch, strongest first.
+    pub contacts: Vec<v1::Contact>,
     /// Finer name of the phase of the work, as the operator tells it.
     pub phase: String,
     /// What happened, oldest first.
@@ -135,6 +137,7 @@ impl Situation {
                 // Without the sign of a zero.
                 let force = |i: usize| contacts.pad_forces.get(i).map_or(0.0, |f| f + 0.0);
                 self.pad_force = [force(0), force(1)];
+                self.contacts = contacts.contacts;
             }
             Sample::ObjectPose(objects) => {
                 let poses = objects.poses.iter();
@@ -334,49 +337,9 @@ impl Situation {
 }
 
 #[cfg(test)]
-pub(crate) mod tests {
+mod tests {
+    use super::super::tests::described as robot;
     use super::*;
-
-    /// A robot: frames hand and chair, joints wheels, knuckle and arm, the arm's
-    /// base turned by half a turn.
-    pub(crate) fn robot() -> v1::RobotDescription {
-        let frame = |name: &str, role: v1::FrameRole| v1::RobotFrame {
-            name: name.to_owned(),
-            role: role.into(),
-            ..Default::default()
-        };
-        let joint = |role: v1::JointRole, arm_index| v1::RobotJoint {
-            role: role.into(),
-            arm_index,
-            ..Default::default()
-        };
-        let wheels = [v1::JointRole::WheelLeft, v1::JointRole::WheelRight];
-        let others = wheels.into_iter().chain([v1::JointRole::Knuckle]);
-        let arm = (0..6).map(|index| joint(v1::JointRole::Arm, index));
-        v1::RobotDescription {
-            joints: others.map(|role| joint(role, 0)).chain(arm).collect(),
-            frames: vec![
-                frame("hand", v1::FrameRole::EndEffector),
-                frame("chair", v1::FrameRole::Chair),
-            ],
-            arm_mount: Some(v1::Pose {
-                position: Some(v1::Vector3 {
-                    x: 0.4,
-                    y: 0.3,
-                    z: 0.5,
-                }),
-                orientation: Some(v1::Quaternion {
-                    z: 1.0,
-                    ..Default::default()
-                }),
-            }),
-            gripper: Some(v1::GripperDescription {
-                max_knuckle: 0.8,
-                ..Default::default()
-            }),
-            ..Default::default()
-        }
-    }
 
     #[test]
     fn a_server_that_starts_anew_replaces_the_clock() {

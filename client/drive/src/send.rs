@@ -7,9 +7,8 @@ use std::time::{Duration, Instant};
 
 use crossbeam_channel::{Sender, bounded};
 use parking_lot::Mutex;
-use wheelarm_proto::{Message, TopicId, v1};
-
 use wheelarm_link::{Commander, Link};
+use wheelarm_proto::{Message, TopicId, v1};
 
 /// Commands that may wait for the link; more are not sent at all.
 const WAITING: usize = 32;

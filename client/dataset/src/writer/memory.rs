@@ -1,0 +1,32 @@
+//! What the allocator does with the memory of pictures.
+
+/// Has the allocator keep what pictures leave behind, up to 128 MiB of each
+/// of its arenas, for the pictures to come. As it is, glibc hands blocks of their
+/// size back to the system, whose fresh pages then cost several times what is
+/// written into them. It holds for the whole process, from the first episode on.
+#[cfg(all(target_os = "linux", target_env = "gnu"))]
+pub(super) fn keep() {
+    use std::sync::Once;
+
+    // About what may wait between the threads of a writer.
+    const KEPT: i32 = 128 << 20;
+    // Greater blocks come from the system one by one; more glibc does not take.
+    const BLOCK: i32 = 32 << 20;
+    static ONCE: Once = Once::new();
+
+    ONCE.call_once(|| {
+        #[expect(
+            unsafe_code,
+            reason = "two calls into the C library that take numbers; what it refuses it leaves as it was"
+        )]
+        // SAFETY: `mallopt` may be called at any time, from one thread.
+        unsafe {
+            libc::mallopt(libc::M_MMAP_THRESHOLD, BLOCK);
+            libc::mallopt(libc::M_TRIM_THRESHOLD, KEPT);
+        }
+    });
+}
+
+/// Other allocators do as they like.
+#[cfg(not(all(target_os = "linux", target_env = "gnu")))]
+pub(super) fn keep() {}

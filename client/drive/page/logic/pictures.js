@@ -1,0 +1,87 @@
+// The pictures that come: their header, what is painted, what is acknowledged and
+// how old it is. Pure: pictures are opaque things with `close()`.
+
+export const HEADER_BYTES = 40;
+/** Without a new picture for this long the picture is frozen, ms. */
+export const FROZEN_MS = 1000;
+
+/** The header of a message and where the picture begins; an Error when it is none. */
+export function readHeader(buffer) {
+  if (buffer.byteLength <= HEADER_BYTES) throw new Error("a picture without content");
+  const view = new DataView(buffer);
+  const version = view.getUint8(0);
+  if (version !== 1) throw new Error(`pictures of version ${version}: load the page again`);
+  return {
+    codec: ["jpeg", "h264"][view.getUint8(1)] || "unknown",
+    key: (view.getUint8(2) & 1) === 1,
+    camera: view.getUint8(3),
+    width: view.getUint16(4, true),
+    height: view.getUint16(6, true),
+    seq: view.getUint32(8, true),
+    tick: Number(view.getBigUint64(16, true)),
+    stamp: Number(view.getBigUint64(24, true)),
+    sent: Number(view.getBigUint64(32, true)),
+    body: new Uint8Array(buffer, HEADER_BYTES),
+  };
+}
+
+/** What waits to be painted and what was painted, by camera. */
+export class Pictures {
+  constructor() {
+    this.waiting = new Map();
+    this.painted = new Map();
+  }
+
+  /** A decoded picture; an older one of its camera that waits is given up. */
+  decoded(header, picture) {
+    const old = this.waiting.get(header.camera);
+    if (old && old.header.seq > header.seq) {
+      picture.close();
+      return;
+    }
+    if (old) old.picture.close();
+    this.waiting.set(header.camera, { header, picture });
+  }
+
+  /**
+   * In the animation frame: `paint(header, picture)` for each that waits. Returns
+   * the acknowledgements; each speaks for all older ones of its camera.
+   */
+  paint(now, paint) {
+    const acks = [];
+    for (const [camera, { header, picture }] of this.waiting) {
+      paint(header, picture);
+      picture.close();
+      const last = this.painted.get(camera);
+      const times = (last?.times || []).filter((time) => now - time < 3000);
+      this.painted.set(camera, { ...header, body: undefined, at: now, times: [...times, now] });
+      acks.push({ t: "ack", camera, seq: header.seq, painted: true });
+    }
+    this.waiting.clear();
+    return acks;
+  }
+
+  /** The lowest tick on the screen among these cameras, or null. */
+  shown(cameras, now) {
+    if (cameras.length === 0 || this.frozenFor(cameras, now) > FROZEN_MS) return null;
+    return Math.min(...cameras.map((camera) => this.painted.get(camera).tick));
+  }
+
+  /** How long the oldest picture on the screen has stood, ms; Infinity before the first. */
+  frozenFor(cameras, now) {
+    return Math.max(0, ...cameras.map((camera) => now - (this.painted.get(camera)?.at ?? -Infinity)));
+  }
+
+  /** Pictures per second of a camera. */
+  rate(camera, now) {
+    const times = (this.painted.get(camera)?.times || []).filter((time) => now - time < 3000);
+    return times.length > 1 ? ((times.length - 1) * 1000) / (times.at(-1) - times[0]) : 0;
+  }
+
+  /** The sockets are new: numbers begin again. */
+  forget() {
+    for (const { picture } of this.waiting.values()) picture.close();
+    this.waiting.clear();
+    this.painted.clear();
+  }
+}

@@ -1,0 +1,38 @@
+// What may be done now and why not, and the age of the loop in words. Pure.
+
+/** No situation for this long: the gateway is not heard, ms. */
+const SILENT_MS = 1500;
+
+/**
+ * Why nothing may be driven: {reason, why, stepsOnly}; an empty reason when it may.
+ * `s` is the newest situation or null; `frozenMs` how long the picture has stood.
+ */
+export function rights({ s, heardMs, role, lanes, frozenMs, hidden, away }) {
+  const no = (reason, why = "guard") => ({ reason, why, stepsOnly: false });
+  if (!s || heardMs > SILENT_MS) return no("The gateway does not answer");
+  if (role === "viewer") return no("You are watching: this name may not drive");
+  if (lanes === 0) return no("No connection for commands");
+  if (hidden) return no("The page is hidden", "hidden");
+  if (s.link !== "open") return no("The gateway does not hear the robot");
+  if (!s.lease?.mine) {
+    return no(s.lease?.holder ? `${s.lease.holder} is in control` : "Nobody is in control: ask for it");
+  }
+  if (away) return no("Driving is off while the settings are open");
+  if (s.paused) return no("Time is paused");
+  if (s.control?.allow === "stop") return no(s.control.why || "Only STOP is allowed now", "frozen");
+  if (frozenMs > 1000) return no("The picture is frozen: only STOP", "frozen");
+  return { reason: "", why: "", stepsOnly: s.control?.allow === "steps" };
+}
+
+/** The age of the loop and what it means for the speed: {text, state}. */
+export function loopAge(control) {
+  if (!control || control.age_ms === null || control.age_ms === undefined) return { text: "–", state: "" };
+  const age = control.age_ms < 950 ? `${Math.round(control.age_ms / 10) * 10} ms` : `${(control.age_ms / 1000).toFixed(1)} s`;
+  if (control.allow === "stop") return { text: `${age}, only STOP`, state: "bad" };
+  if (control.allow === "steps") return { text: `${age}, only steps`, state: "careful" };
+  const share = control.cap?.share ?? 1;
+  if (share < 0.995) {
+    return { text: `${age}, at most ${control.cap.chair.toFixed(2)} m/s`, state: "careful" };
+  }
+  return { text: age, state: "good" };
+}

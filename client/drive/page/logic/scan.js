@@ -1,0 +1,224 @@
+// Scanning with one switch or two: a frame goes from item to item, a press takes
+// the one that is framed. Pure: presses and time in, what was taken out.
+//
+// STOP is the first item of every cycle, also within a row.
+
+export const SCAN_DEFAULTS = {
+  /** "rows" (row, then item), "linear" (every item), "two" (one switch steps, one takes). */
+  kind: "rows",
+  /** How long an item is framed, ms, 500 to 5000. */
+  interval: 1200,
+  /** So much longer for the first item of a cycle, ms. */
+  first: 800,
+  /** Cycles until scanning rests, or goes back from a row. */
+  loops: 3,
+  /** A press counts when it was held for this long, ms. */
+  hold: 250,
+  /** After a press that counted, presses are ignored for this long, ms. */
+  debounce: 400,
+};
+
+const STOP = { id: "stop", label: "STOP" };
+
+export class Scanner {
+  constructor(settings = {}) {
+    this.settings = { ...SCAN_DEFAULTS, ...settings };
+    this.rows = [];
+    this.row = null;
+    this.index = 0;
+    this.loops = 0;
+    this.resting = true;
+    this.since = 0;
+    this.down = new Map();
+    this.due = [];
+    this.last = -Infinity;
+  }
+
+  /** Rows of items: [{id, label, items: [{id, label}]}]. */
+  items(rows, now) {
+    const same = JSON.stringify(rows) === JSON.stringify(this.rows);
+    if (same) return;
+    const framed = this.framed();
+    this.rows = rows;
+    if (this.row !== null && !rows.some((row) => row.id === this.row)) this.row = null;
+    // The frame stays where it was, if that is still there.
+    const at = framed ? this.cycle().findIndex((item) => item.id === framed.id) : -1;
+    if (at >= 0) this.index = at;
+    else {
+      this.index = 0;
+      this.since = now;
+    }
+  }
+
+  /** What the frame goes over now; STOP comes first. */
+  cycle() {
+    if (this.settings.kind === "rows" && this.row === null) {
+      // A row of one item is that item.
+      return [STOP, ...this.rows.map((row) =>
+        (row.items.length === 1 ? row.items[0] : { id: row.id, label: row.label, row: true }))];
+    }
+    if (this.settings.kind === "rows") {
+      const row = this.rows.find((candidate) => candidate.id === this.row);
+      return [STOP, ...row.items, { id: "back", label: "Back" }];
+    }
+    return [STOP, ...this.rows.flatMap((row) => row.items)];
+  }
+
+  /** The framed item, or null while it rests. */
+  framed() {
+    return this.resting ? null : this.cycle()[this.index] || STOP;
+  }
+
+  /** A switch goes down: 1 (takes, or with two switches steps), 2 (takes). */
+  press(which, now) {
+    if (this.down.has(which)) return;
+    this.down.set(which, { at: now, counted: false });
+  }
+
+  /** A switch comes up; a press shorter than the filter does not count. */
+  release(which, now) {
+    const press = this.down.get(which);
+    this.down.delete(which);
+    // Long enough, but up again before the next frame looked.
+    if (press && !press.counted && now - press.at >= this.settings.hold) this.due.push(which);
+  }
+
+  /** The presses that count now, each once. */
+  presses(now) {
+    const due = this.due.splice(0);
+    for (const [which, press] of this.down) {
+      if (press.counted || now - press.at < this.settings.hold) continue;
+      press.counted = true;
+      due.push(which);
+    }
+    return due.filter(() => {
+      if (now - this.last < this.settings.debounce) return false;
+      this.last = now;
+      return true;
+    });
+  }
+
+  /** What is held is forgotten. */
+  forget() {
+    this.down.clear();
+    this.due = [];
+  }
+
+  /** A press was used for something else (STOP): it must come up first. */
+  spend(which, now) {
+    this.down.set(which, { at: now, counted: true });
+    this.last = now;
+    this.since = now;
+  }
+
+  /** Time has come to `now`. Returns the id that was taken, or null. */
+  tick(now) {
+    for (const which of this.presses(now)) {
+      const taken = this.pressed(which, now);
+      if (taken !== null) return taken;
+    }
+    if (!this.resting && this.settings.kind !== "two") this.move(now);
+    return null;
+  }
+
+  move(now) {
+    // Nothing moves on under a finger that is just pressing.
+    if ([...this.down.values()].some((press) => !press.counted)) return;
+    const wait = this.settings.interval + (this.index === 0 ? this.settings.first : 0);
+    if (now - this.since < wait) return;
+    this.since = now;
+    this.index += 1;
+    if (this.index < this.cycle().length) return;
+    this.index = 0;
+    this.loops += 1;
+    if (this.loops < this.settings.loops) return;
+    this.loops = 0;
+    if (this.row !== null) this.row = null;
+    else this.resting = true;
+  }
+
+  pressed(which, now) {
+    this.since = now;
+    this.loops = 0;
+    if (this.resting) {
+      this.resting = false;
+      this.index = 0;
+      return null;
+    }
+    if (this.settings.kind === "two" && which === 1) {
+      this.index = (this.index + 1) % this.cycle().length;
+      return null;
+    }
+    const item = this.framed();
+    if (item.row) {
+      this.row = item.id;
+      this.index = 0;
+      return null;
+    }
+    if (item.id === "back") {
+      this.row = null;
+      this.index = 0;
+      return null;
+    }
+    // The same item can be taken again at once: it stays framed for its time.
+    return item.id;
+  }
+}
+
+/**
+ * A place in a picture by one switch: a line sweeps down, a press holds it, a
+ * second one sweeps across, a press takes the place. STOP stays outside of it.
+ */
+export class Cross {
+  constructor(now, sweep = 8000) {
+    this.sweep = sweep;
+    this.began = now;
+    this.v = null;
+  }
+
+  /** Where the lines are now: {u, v}, u null while the first one sweeps. */
+  at(now) {
+    const phase = ((now - this.began) / this.sweep) % 1;
+    return this.v === null ? { u: null, v: phase } : { u: phase, v: this.v };
+  }
+
+  /** Three sweeps without a press are enough. */
+  over(now) {
+    return now - this.began > 3 * this.sweep;
+  }
+
+  /** Takes a press; returns the place when it is the second. */
+  press(now) {
+    const { u, v } = this.at(now);
+    if (u === null) {
+      this.v = v;
+      this.began = now;
+      return null;
+    }
+    return { u, v };
+  }
+}
+
+/** A frame that a stick moves from item to item; STOP is the first one here too. */
+export class Cursor {
+  constructor() {
+    this.list = [STOP];
+    this.index = 0;
+  }
+
+  /** Items of all rows; the frame stays on its item. */
+  items(rows) {
+    const framed = this.framed().id;
+    this.list = [STOP, ...rows.flatMap((row) => row.items)];
+    this.index = Math.max(0, this.list.findIndex((item) => item.id === framed));
+  }
+
+  framed() {
+    return this.list[this.index] || STOP;
+  }
+
+  /** Goes on (1) or back (-1), round and round. */
+  move(by) {
+    this.index = (this.index + by + this.list.length) % this.list.length;
+  }
+}

@@ -1,0 +1,43 @@
+// What may be said, all of it. Pure: words in, what is meant out. A phrase moves
+// one step or presses a button; it never starts a motion that lasts.
+
+const PHRASES = {
+  "chair forward": { step: "chair.forward" }, "chair back": { step: "chair.back" },
+  "chair left": { step: "chair.left" }, "chair right": { step: "chair.right" },
+  "hand forward": { step: "hand.forward" }, "hand back": { step: "hand.back" },
+  "hand left": { step: "hand.left" }, "hand right": { step: "hand.right" },
+  "hand up": { step: "hand.up" }, "hand down": { step: "hand.down" },
+  "roll left": { step: "turn.roll_minus" }, "roll right": { step: "turn.roll_plus" },
+  "tip up": { step: "turn.pitch_minus" }, "tip down": { step: "turn.pitch_plus" },
+  "swing left": { step: "turn.yaw_plus" }, "swing right": { step: "turn.yaw_minus" },
+  "open gripper": { step: "grip.open" }, "close gripper": { step: "grip.close" },
+  again: { again: true },
+  slower: { speed: -1 }, faster: { speed: 1 },
+  "go near": { menu: "near" }, "take it": { menu: "take" }, "put here": { menu: "put" }, cancel: { menu: "cancel" },
+  "read aloud": { press: "read" }, "start episode": { press: "start" }, "finish episode": { press: "finish" },
+};
+
+/** What is often heard instead of a word of the grammar. */
+const HEARD_AS = {
+  forwards: "forward", ahead: "forward", backwards: "back", backward: "back", stopp: "stop", halt: "stop",
+  grip: "gripper", grippa: "gripper", write: "right", and: "hand",
+};
+
+/** Everything that may be said, for the list on the page. */
+export const GRAMMAR = ["stop", ...Object.keys(PHRASES)];
+
+const words = (text) => text.toLowerCase().replace(/[^a-z ]/g, " ").split(/\s+/).filter(Boolean)
+  .map((word) => HEARD_AS[word] || word);
+
+/** Whether STOP was said anywhere in it; asked of unfinished results too. */
+export const saysStop = (text) => words(text).includes("stop");
+
+/**
+ * What a finished result means, or null. The phrase must be all that was said,
+ * but for "please" and "the": talk in the room moves nothing.
+ */
+export function understand(text) {
+  if (saysStop(text)) return { stop: true };
+  const said = words(text).filter((word) => !["please", "the", "a"].includes(word)).join(" ");
+  return Object.hasOwn(PHRASES, said) ? { ...PHRASES[said], said } : null;
+}

@@ -1,0 +1,506 @@
+// The page: devices in, intents out, pictures and state on the screen.
+
+import { Driver } from "./logic/driver.js";
+import { STICK_MODES } from "./logic/gamepad.js";
+import { Pictures, FROZEN_MS } from "./logic/pictures.js";
+import { movePad, sizePad } from "./logic/profile.js";
+import { rights } from "./logic/rights.js";
+import { Twice } from "./logic/twice.js";
+import { Decoders, oneInOneOut } from "./parts/decode.js";
+import { $, button, children, elementOf, takesKeys, text } from "./parts/dom.js";
+import { closeLetters, openLetters } from "./parts/letters.js";
+import { Inputs } from "./parts/input.js";
+import { Pads } from "./parts/pads.js";
+import { Panels, message } from "./parts/panels.js";
+import { Settings, keep, stored } from "./parts/settings.js";
+import { Sockets, http } from "./parts/sockets.js";
+import { readAloud } from "./parts/sound.js";
+import { Stage } from "./parts/stage.js";
+import { Voice } from "./parts/voice.js";
+
+const now = () => performance.now();
+
+class Page {
+  constructor() {
+    this.settings = stored();
+    this.driver = new Driver();
+    this.driver.speed = this.settings.speed;
+    this.pictures = new Pictures();
+    this.twice = new Twice();
+    this.situation = null;
+    this.heardAt = -Infinity;
+    this.role = "viewer";
+    this.codecs = ["jpeg"];
+    this.clickDevice = null;
+    this.candidates = null;
+    this.lastStep = null;
+    this.inForce = false;
+    this.isArranging = false;
+    this.where = "login";
+    this.xr = null;
+    this.now = now;
+    this.sockets = new Sockets({
+      heard: (kind, data) => this.heard(kind, data),
+      opened: (kind) => this.opened(kind),
+      closed: (kind, reason) => this.closed(reason),
+      login: () => this.view("login"),
+    });
+    this.decoders = new Decoders(this.pictures, (message_) => this.sockets.video(message_));
+    this.stage = new Stage(this);
+    this.panels = new Panels(this);
+    this.pads = new Pads(this);
+    this.settingsView = new Settings(this);
+    this.inputs = new Inputs(this);
+    this.voice = new Voice({
+      heard: (meaning_, words) => this.spoken(meaning_, words),
+      stop: () => this.stop("voice"),
+      failed: (error) => this.say(`Speech recognition: ${error}`, true),
+      changed: () => this.drawVoice(),
+    });
+  }
+
+  async begin() {
+    this.buttons();
+    this.inputs.listen();
+    this.applySettings();
+    this.loop();
+    try {
+      const { status, body } = await http("/session");
+      if (status === 200) await this.signedIn(body);
+      else this.view("login");
+    } catch {
+      this.view("login");
+      text($("login_error"), "The gateway does not answer. Is it running?");
+    }
+  }
+
+  // Signing in and the views
+
+  async signedIn(session) {
+    this.role = session.role;
+    this.user = session.user;
+    text($("login_error"), "");
+    this.view("drive");
+    if (await oneInOneOut()) this.codecs = ["h264", "jpeg"];
+    this.sockets.start(this.role);
+  }
+
+  view(where) {
+    if (where === "login") this.sockets.end();
+    if (this.where === "drive" && where !== "drive") this.driver.guard("guard", "");
+    this.where = where;
+    closeLetters();
+    for (const id of ["login", "drive", "settings"]) $(id).hidden = id !== where;
+    $("menu").hidden = where === "login";
+    $("chips").hidden = where === "login" || !this.situation;
+    if (where === "settings") {
+      this.settingsView.draw();
+      $("settings_title").focus();
+    } else if (where === "login") $("user").focus();
+    else $("stage").focus({ preventScroll: true });
+    this.applySettings();
+    window.scrollTo(0, 0);
+  }
+
+  buttons() {
+    $("menu").append(
+      button("settings", "Settings", () => this.view(this.where === "settings" ? "drive" : "settings")),
+      button("xr", "Headset", () => this.enterXr(), { hidden: true }),
+    );
+    $("login_buttons").append(
+      button("login", "Sign in", () => {}, { type: "submit", className: "first" }),
+      button("write:user", "Letters for the name", () => openLetters($("user")), { hidden: true }),
+      button("write:password", "Letters for the password", () => openLetters($("password")), { hidden: true }),
+    );
+    $("login_form").addEventListener("submit", (event) => {
+      event.preventDefault();
+      this.login();
+    });
+    $("instruction_buttons").append(button("read", "Read aloud", () => {
+      if (!readAloud($("instruction").textContent || "No instruction")) this.say("This browser cannot read aloud", true);
+    }));
+    navigator.xr?.isSessionSupported?.("immersive-vr").then((can) => {
+      document.querySelector('[data-item="xr"]').hidden = !can;
+    }).catch(() => {});
+  }
+
+  async logout() {
+    this.stop("mouse");
+    await http("/logout", {});
+    this.view("login");
+  }
+
+  async login() {
+    const [user, password] = [$("user"), $("password")];
+    closeLetters();
+    try {
+      const { status, body } = await http("/login", { user: user.value, password: password.value });
+      password.value = "";
+      if (status === 200) await this.signedIn(body);
+      else text($("login_error"), body.error || `the gateway answered ${status}`);
+    } catch {
+      text($("login_error"), "The gateway does not answer. Is it running?");
+    }
+  }
+
+  // Settings
+
+  change(settings) {
+    this.settings = settings;
+    keep(settings);
+    this.applySettings();
+  }
+
+  applySettings() {
+    const { settings } = this;
+    document.documentElement.dataset.theme = settings.theme;
+    this.driver.speed = settings.speed;
+    this.inputs.apply(settings);
+    this.pads.draw(this.isArranging);
+    this.drawVoice();
+    // A finger taps the picture itself.
+    document.body.classList.toggle("tap", settings.preset === "touch");
+    for (const item of ["write:user", "write:password"]) {
+      const one = document.querySelector(`[data-item="${item}"]`);
+      if (one) one.hidden = !this.letters();
+    }
+  }
+
+  /** Whether letters on the screen are of use. */
+  letters() {
+    return this.settings.scan.on || this.settings.dwell.on || this.inputs.gamepads.pads.size > 0;
+  }
+
+  arranging(on) {
+    this.isArranging = on;
+    if (on) this.view("drive");
+    else this.applySettings();
+  }
+
+  arrange(name, what) {
+    const { pads } = this.settings;
+    const made = { earlier: () => movePad(pads, name, -1), later: () => movePad(pads, name, 1),
+      larger: () => sizePad(pads, name, 8), smaller: () => sizePad(pads, name, -8),
+      hide: () => pads.map((pad) => (pad.name === name ? { ...pad, hidden: !pad.hidden } : pad)) }[what]();
+    this.change({ ...this.settings, pads: made });
+    elementOf(`arrange:${name}:${what}`)?.focus();
+  }
+
+  hiddenPad(name) {
+    return this.settings.pads.some((pad) => pad.name === name && pad.hidden);
+  }
+
+  setSpeed(speed) {
+    this.change({ ...this.settings, speed: Math.min(5, Math.max(1, speed)) });
+    this.say(`Speed ${this.driver.speed}`, false);
+  }
+
+  setMode(mode) {
+    this.driver.guard("guard", "");
+    this.change({ ...this.settings, mode });
+  }
+
+  // What the gateway says
+
+  heard(kind, data) {
+    if (kind === "video") {
+      this.decoders.take(data);
+      return;
+    }
+    const at = now();
+    if (data.t === "situation") {
+      this.situation = data;
+      this.heardAt = at;
+      this.driver.heard(data.control, data.goal, Boolean(data.robot?.moving), at);
+      this.inForce = Boolean(data.control?.stopped);
+      this.stage.cameras(data.cameras || []);
+      this.panels.show(data, at);
+    } else if (data.t === "refusal") {
+      this.driver.guard("guard", "");
+      this.say(data.reason, true);
+    } else if (data.t === "stopped") this.inForce = true;
+    else if (data.t === "note") this.say(data.text, data.bad);
+  }
+
+  opened(kind) {
+    if (kind === "video") {
+      this.decoders.forget();
+      this.pictures.forget();
+      this.want(true);
+    }
+    if (kind === "state") {
+      this.sockets.ask("tasks").then(({ tasks }) => {
+        this.panels.tasks = tasks || [];
+        this.refresh();
+      }).catch(() => {});
+    }
+  }
+
+  closed(reason) {
+    if (reason) this.say(reason, true);
+    if (this.sockets.lanes() === 0) this.driver.guard("guard", "The connection is lost: everything stops");
+  }
+
+  want(force) {
+    const want = JSON.stringify(this.stage.want(this.codecs));
+    if (!force && want === this.wanted) return;
+    this.wanted = want;
+    this.sockets.video(JSON.parse(want));
+  }
+
+  refresh() {
+    if (this.situation) this.panels.show(this.situation, now());
+  }
+
+  say(words, bad) {
+    message(words, bad);
+    text($("said"), words);
+    text($("hint"), words);
+    $("hint").className = bad ? "bad" : "";
+    this.saidAt = now();
+  }
+
+  // Asking
+
+  async ask(what, fields) {
+    try {
+      const answer = await this.sockets.ask(what, fields);
+      if (answer.text) this.say(answer.text, false);
+      return answer;
+    } catch (error) {
+      this.say(error.message, true);
+      return null;
+    }
+  }
+
+  async episode(what) {
+    this.driver.guard("guard", "");
+    if (what !== "start") {
+      await this.ask(`episode.${what}`);
+      return;
+    }
+    const answer = await this.ask("episode.start", { label: $("label").value.trim(), instruction: $("sentence").value.trim(), recorders: 0 });
+    if (!answer) return;
+    this.say(`Episode ${answer.number} runs`, false);
+    $("label").value = "";
+    $("sentence").value = "";
+  }
+
+  twicePressed(what, act) {
+    if (this.twice.press(what, now())) act();
+    else this.say("Press again to do it", false);
+    this.refresh();
+  }
+
+  choosing(on) {
+    this.closeMenu();
+    this.stage.picking = on;
+    if (on && (this.settings.scan.on || this.inputs.inMenu())) this.inputs.openCross();
+    this.refresh();
+  }
+
+  async picked(camera, at, u, v) {
+    if (this.driver.lock) {
+      this.say(this.driver.lock, true);
+      return;
+    }
+    this.stage.cross = null;
+    const answer = await this.ask("pick", { camera, tick: at, u, v });
+    this.stage.picking = false;
+    if (answer) {
+      const { candidates = [], note } = answer;
+      this.candidates = { list: candidates, chosen: 0, note, camera };
+      this.outline();
+      this.say(this.panels.words(this.candidates), false);
+    }
+    this.refresh();
+  }
+
+  outline() {
+    const one = this.candidates?.list[this.candidates.chosen];
+    this.stage.outline = one?.outline ? { camera: this.candidates.camera, points: one.outline } : null;
+  }
+
+  otherCandidate() {
+    this.candidates.chosen = (this.candidates.chosen + 1) % this.candidates.list.length;
+    this.outline();
+    this.refresh();
+  }
+
+  closeMenu() {
+    this.candidates = null;
+    this.stage.outline = null;
+    this.stage.cross = null;
+    this.stage.picking = false;
+    this.refresh();
+  }
+
+  async startGoal(candidate, action) {
+    this.closeMenu();
+    // From here on any press stops, also before the first situation that names it.
+    if (await this.ask("goal.start", { candidate, action })) this.driver.goal = true;
+  }
+
+  cancelGoal() {
+    this.ask("goal.cancel");
+  }
+
+  // Devices
+
+  stop(device) {
+    this.driver.stop("person", device);
+    this.inputs.gamepads.disarm();
+    this.stage.cross = null;
+    this.flush();
+    this.say("STOP", false);
+  }
+
+  flush() {
+    const at = now();
+    this.sockets.control(this.driver.frame(at, this.pictures.shown(this.stage.shown(), at)));
+  }
+
+  /** Presses what an item stands for, for a device that cannot hold. */
+  activate(item, device) {
+    if (item === "stop") {
+      this.stop(device);
+      return;
+    }
+    if (this.driver.intercept(device, now())) {
+      this.flush();
+      return;
+    }
+    const element = elementOf(item);
+    if (!element || element.disabled) return;
+    this.clickDevice = device;
+    if (element.tagName === "CANVAS") this.stage.pick(Number(item.split(":")[1]), this.inputs.pointer.u, this.inputs.pointer.v);
+    else element.click();
+    this.clickDevice = null;
+  }
+
+  spoken(said, words) {
+    if (!said) {
+      this.say(`Not understood: ${words.slice(0, 60)}`, false);
+      return;
+    }
+    if (said.stop) return;
+    const at = now();
+    if (this.driver.intercept("voice", at)) {
+      this.flush();
+      return;
+    }
+    if (said.again) said = this.lastStep || {};
+    if (said.step) {
+      this.lastStep = said;
+      this.driver.step(said.step, "voice", at);
+      this.flush();
+    } else if (said.speed) this.setSpeed(this.driver.speed + said.speed);
+    else if (said.press) this.activate(said.press, "voice");
+    else if (said.menu) this.activate(said.menu === "cancel" ? (this.situation?.goal ? "goal:cancel" : "goal:none") : `goal:${said.menu}`, "voice");
+    this.say(`Heard: ${words}`, false);
+  }
+
+  drawVoice() {
+    const on = this.settings.voice.on && Voice.possible;
+    $("voice").hidden = !on && !this.isArranging;
+    children($("voice"), JSON.stringify([on, this.voice.listening, this.isArranging]), () => [
+      ...(on ? [button("voice", this.voice.listening ? "Listening: say a phrase" : "Press to talk", () => this.voice.toggle(this.settings.voice.local),
+        { "aria-pressed": String(this.voice.listening) })] : []),
+      ...(this.isArranging ? [button("arrange:done", "Pads are as I want them", () => this.arranging(false), { className: "first" })] : []),
+    ]);
+  }
+
+  // Only the thread that paints sends what is held.
+  loop() {
+    const frame = () => {
+      requestAnimationFrame(frame);
+      // In a headset its own frames drive the page.
+      if (!this.xr) this.frame(now());
+    };
+    requestAnimationFrame(frame);
+    // Captions, rights, and words need no more than this.
+    setInterval(() => this.slow(now()), 200);
+  }
+
+  frame(at) {
+    this.inputs.frame(at);
+    for (const ack of this.pictures.paint(at, (header, picture) => this.paint(header, picture))) this.sockets.video(ack);
+    const shown = this.stage.shown();
+    const frozenMs = shown.length === 0 ? Infinity : this.pictures.frozenFor(shown, at);
+    const right = rights({ s: this.situation, heardMs: at - this.heardAt, role: this.role, lanes: this.sockets.lanes(),
+      frozenMs, hidden: document.hidden, away: this.where !== "drive" });
+    this.driver.locked(right.reason, right.why, right.stepsOnly);
+    this.sockets.control(this.driver.frame(at, this.pictures.shown(shown, at)));
+    this.shownFrozen = frozenMs > FROZEN_MS;
+    this.draw(at);
+  }
+
+  paint(header, picture) {
+    this.stage.paint(header, picture);
+    this.xr?.paint(header, picture);
+  }
+
+  draw(at) {
+    for (const note of this.driver.takeNotes()) this.say(note.text, note.bad);
+    const active = this.driver.active().join();
+    if (active !== this.drawn || this.situation !== this.drawnFor) {
+      this.drawn = active;
+      this.drawnFor = this.situation;
+      this.pads.show(this.driver.active(), this.driver.latch?.names, this.situation?.blocked || {});
+      this.stage.show(at, this.shownFrozen);
+      document.body.classList.toggle("locked", this.driver.lock !== "");
+      $("stop").classList.toggle("inforce", this.inForce);
+    } else if (this.stage.cross || this.stage.outline) this.stage.drawOver(at);
+    this.inputs.frameShown();
+    this.inputs.ring(at);
+  }
+
+  slow(at) {
+    const { lock } = this.driver;
+    if (this.where === "drive") {
+      text($("alarm"), this.situation && at - this.heardAt > 1500 ? "The gateway does not answer: everything stops by itself."
+        : this.shownFrozen && this.situation && !this.situation.paused && this.stage.figures.size > 0 ? "The picture is not live: only STOP works." : "");
+    } else text($("alarm"), "");
+    if (at - (this.saidAt ?? -Infinity) > 6000) {
+      text($("hint"), this.where === "drive" && this.situation ? lock : "");
+      $("hint").className = "";
+    }
+    if (this.situation && this.twice.asked) {
+      this.twice.asks(at);
+      this.refresh();
+    }
+    this.stage.show(at, Boolean(this.shownFrozen));
+    text($("keys_state"), this.keysState());
+    $("keys_state").classList.toggle("told", lock !== "" || this.settings.scan.on || this.inputs.gamepads.pads.size > 0);
+  }
+
+  keysState() {
+    const { settings, driver } = this;
+    if (this.situation?.goal) return "The robot moves on its own: any press stops it.";
+    if (driver.lock) return `Driving is off: ${driver.lock}.`;
+    if (settings.scan.on) return this.inputs.scanner.resting ? "Scanning rests. Press the switch." : "Scanning.";
+    if (this.inputs.gamepads.pads.size > 0) return `Stick: ${STICK_MODES[this.inputs.gamepads.mode].label}`;
+    if (!settings.keysOn) return "";
+    if (takesKeys(document.activeElement)) return "Keys are for the button or field that has the focus. Press Esc or click a picture to drive by keys.";
+    return `Keys drive: W A S D or arrows the chair; V N H F G B the hand (${this.inputs.turning ? "turning" : "moving"}, Space changes); R Y the gripper.`;
+  }
+
+  // The headset
+
+  async enterXr() {
+    try {
+      const { Headset } = await import("./xr/headset.js");
+      this.xr = await Headset.enter(this, () => {
+        this.xr = null;
+        this.driver.guard("lost_device", "The headset's session ended: everything stops");
+        this.flush();
+      });
+    } catch (error) {
+      this.xr = null;
+      this.say(`The headset cannot be used: ${error.message}`, true);
+    }
+  }
+}
+
+const page = new Page();
+page.begin();

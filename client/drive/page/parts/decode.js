@@ -1,0 +1,141 @@
+// Encoded pictures become pictures: JPEG by createImageBitmap, H.264 by WebCodecs
+// where the decoder gives one picture for each that it gets.
+
+import { readHeader } from "../logic/pictures.js";
+import { TEST_STREAM } from "./test_stream.js";
+
+export const CONFIG = {
+  codec: "avc1.42E01F", optimizeForLatency: true, hardwareAcceleration: "prefer-software",
+};
+/** A decoder that has not given a picture after this keeps it back, ms. */
+const PATIENCE_MS = 700;
+
+const bytes = (base64) => Uint8Array.from(atob(base64), (c) => c.charCodeAt(0));
+
+/**
+ * Feeds ten pictures, each only after the one before came out. Whether all came:
+ * some decoders hold eight pictures back, which would be eight tenths of a second.
+ */
+export async function oneInOneOut(scope = globalThis, stream = TEST_STREAM, patience = PATIENCE_MS) {
+  const { VideoDecoder, EncodedVideoChunk } = scope;
+  if (!VideoDecoder || !EncodedVideoChunk || !scope.isSecureContext) return false;
+  let came = () => {};
+  let decoder;
+  try {
+    if (!(await VideoDecoder.isConfigSupported(CONFIG)).supported) return false;
+    decoder = new VideoDecoder({
+      output: (frame) => {
+        frame.close();
+        came(true);
+      },
+      error: () => came(false),
+    });
+    decoder.configure(CONFIG);
+    for (const [index, data] of stream.entries()) {
+      const out = new Promise((resolve) => {
+        came = resolve;
+        setTimeout(() => resolve(false), patience);
+      });
+      decoder.decode(new EncodedVideoChunk({
+        type: index === 0 ? "key" : "delta", timestamp: index, data: bytes(data),
+      }));
+      if (!(await out)) return false;
+    }
+    return true;
+  } catch {
+    return false;
+  } finally {
+    if (decoder && decoder.state !== "closed") decoder.close();
+  }
+}
+
+export class Decoders {
+  /** `pictures` takes what is decoded; `send` sends on the video socket. */
+  constructor(pictures, send) {
+    this.pictures = pictures;
+    this.send = send;
+    this.cameras = new Map();
+    this.problem = "";
+  }
+
+  /** A binary message. */
+  take(buffer) {
+    let header;
+    try {
+      header = readHeader(buffer);
+    } catch (error) {
+      this.problem = error.message;
+      return;
+    }
+    if (header.codec === "jpeg") this.jpeg(header);
+    else if (header.codec === "h264") this.h264(header);
+    else this.lost(header);
+  }
+
+  async jpeg(header) {
+    try {
+      const picture = await createImageBitmap(new Blob([header.body], { type: "image/jpeg" }));
+      this.pictures.decoded(header, picture);
+    } catch {
+      this.lost(header);
+    }
+  }
+
+  h264(header) {
+    let one = this.cameras.get(header.camera);
+    if (!one || one.decoder.state === "closed") {
+      one = this.opened(header.camera);
+      this.cameras.set(header.camera, one);
+    }
+    if (one.wantsKey && !header.key) {
+      this.lost(header);
+      return;
+    }
+    one.wantsKey = false;
+    one.headers.set(header.seq, header);
+    try {
+      one.decoder.decode(new EncodedVideoChunk({
+        type: header.key ? "key" : "delta", timestamp: header.seq, data: header.body,
+      }));
+    } catch {
+      this.broken(header.camera);
+    }
+  }
+
+  opened(camera) {
+    const one = { headers: new Map(), wantsKey: true, decoder: null };
+    one.decoder = new VideoDecoder({
+      output: (frame) => {
+        const header = one.headers.get(frame.timestamp);
+        for (const seq of one.headers.keys()) if (seq <= frame.timestamp) one.headers.delete(seq);
+        if (header) this.pictures.decoded(header, frame);
+        else frame.close();
+      },
+      error: () => this.broken(camera),
+    });
+    one.decoder.configure(CONFIG);
+    return one;
+  }
+
+  /** A picture that cannot be shown is acknowledged, or no other would come. */
+  lost(header) {
+    this.send({ t: "ack", camera: header.camera, seq: header.seq, painted: false });
+    if (!header.key) this.send({ t: "key", camera: header.camera });
+  }
+
+  broken(camera) {
+    const one = this.cameras.get(camera);
+    if (!one) return;
+    this.cameras.delete(camera);
+    const last = Math.max(0, ...one.headers.keys());
+    if (one.decoder.state !== "closed") one.decoder.close();
+    if (last > 0) this.send({ t: "ack", camera, seq: last, painted: false });
+    this.send({ t: "key", camera });
+  }
+
+  /** The socket is new. */
+  forget() {
+    for (const { decoder } of this.cameras.values()) if (decoder.state !== "closed") decoder.close();
+    this.cameras.clear();
+  }
+}

@@ -1,0 +1,161 @@
+// The pictures on the page: painting, enlarging, and choosing a place in them.
+
+import { $, button, h, text } from "./dom.js";
+
+const NAMES = { gen3: "Hand camera", wheelchair: "Chair camera", room: "Room camera" };
+
+export class Stage {
+  constructor(app) {
+    this.app = app;
+    this.figures = new Map();
+    this.large = null;
+    this.off = new Set();
+    this.picking = false;
+    this.cross = null;
+    this.outline = null;
+    this.key = "";
+  }
+
+  /** The cameras of the newest situation. */
+  cameras(list) {
+    const key = JSON.stringify(list.map((camera) => [camera.index, camera.name]));
+    if (key === this.key) return;
+    this.key = key;
+    for (const { figure } of this.figures.values()) figure.remove();
+    this.figures.clear();
+    for (const camera of list) this.figures.set(camera.index, this.figure(camera));
+    $("nothing").hidden = list.length > 0;
+    // A narrow page shows one camera large, the other small.
+    if (window.innerWidth <= 560 && list.length > 1) this.large ??= list[0].index;
+    this.arrange();
+  }
+
+  figure({ index, name }) {
+    const title = NAMES[name] || name;
+    const canvas = h("canvas", { width: 640, height: 360, role: "img", "aria-label": title });
+    const over = h("canvas", { className: "over", width: 640, height: 360, "aria-hidden": "true" });
+    const figures = h("span", { className: "figures quiet" }, "");
+    const larger = button(`enlarge:${index}`, "Larger", () => {
+      this.large = this.large === index ? null : index;
+      this.arrange();
+    }, { "aria-label": `Larger: ${title}` });
+    const hide = button(`camera:${index}`, "Hide", () => {
+      if (this.off.has(index)) this.off.delete(index);
+      else if (this.shown().length > 1) this.off.add(index);
+      this.arrange();
+    }, { "aria-label": `Hide: ${title}` });
+    const row = h("div", { className: "buttons", "data-row": title }, larger, hide);
+    const figure = h("figure", {}, canvas, over, h("figcaption", {}, h("span", {}, title), figures, row));
+    canvas.addEventListener("click", (event) => {
+      const box = canvas.getBoundingClientRect();
+      this.pick(index, (event.clientX - box.left) / box.width, (event.clientY - box.top) / box.height);
+    });
+    $("stage").append(figure);
+    return { figure, canvas, over, figures, larger, hide, title, context: canvas.getContext("2d") };
+  }
+
+  /** The cameras that are shown, by index. */
+  shown() {
+    return [...this.figures.keys()].filter((index) => !this.off.has(index));
+  }
+
+  /** What is to be sent: codecs and widths. */
+  want(codecs) {
+    const width = (index) => {
+      const wide = (this.figures.get(index).canvas.clientWidth || 640) * Math.min(2, devicePixelRatio || 1);
+      if (this.large === index && wide > 700) return 1280;
+      return wide > 340 ? 640 : 320;
+    };
+    return { t: "want", codecs, cameras: this.shown().map((index) => ({ camera: index, width: width(index) })) };
+  }
+
+  arrange() {
+    const stage = $("stage");
+    stage.classList.toggle("enlarged", this.large !== null);
+    for (const [index, { figure, larger, hide, canvas, over, title }] of this.figures) {
+      const large = this.large === index;
+      figure.classList.toggle("large", large);
+      canvas.hidden = this.off.has(index);
+      over.hidden = this.off.has(index);
+      text(larger, large ? "Smaller" : "Larger");
+      larger.setAttribute("aria-label", `${large ? "Smaller" : "Larger"}: ${title}`);
+      const off = this.off.has(index);
+      text(hide, off ? "Show" : "Hide");
+      hide.setAttribute("aria-label", `${off ? "Show" : "Hide"}: ${title}`);
+    }
+    this.app.want();
+  }
+
+  /** Paints a decoded picture. */
+  paint(header, picture) {
+    const one = this.figures.get(header.camera);
+    if (!one) return;
+    const { canvas, context } = one;
+    if (canvas.width !== header.width) canvas.width = header.width;
+    if (canvas.height !== header.height) canvas.height = header.height;
+    context.drawImage(picture, 0, 0, canvas.width, canvas.height);
+  }
+
+  /** Captions and what lies over the pictures. */
+  show(now, frozen) {
+    const { pictures } = this.app;
+    $("stage").classList.toggle("picking", this.picking);
+    for (const [index, { figure, figures, canvas }] of this.figures) {
+      const last = pictures.painted.get(index);
+      figure.classList.toggle("frozen", frozen && Boolean(last) && !this.off.has(index));
+      text(figures, last ? `${pictures.rate(index, now).toFixed(0)} /s, ${canvas.width}×${canvas.height}` : "waiting");
+    }
+    this.drawOver(now);
+  }
+
+  drawOver(now) {
+    for (const [index, { over, canvas }] of this.figures) {
+      const drawn = (this.cross && this.cross.camera === index) || (this.outline && this.outline.camera === index);
+      if (!drawn && !over.used) continue;
+      over.used = drawn;
+      if (over.width !== canvas.width) over.width = canvas.width;
+      if (over.height !== canvas.height) over.height = canvas.height;
+      const context = over.getContext("2d");
+      context.clearRect(0, 0, over.width, over.height);
+      if (this.outline?.camera === index) outlined(context, over, this.outline.points);
+      if (this.cross?.camera === index) crossed(context, over, this.cross.at(now));
+    }
+  }
+
+  /** A place in a picture was pointed at. */
+  pick(camera, u, v) {
+    const tick = this.app.pictures.painted.get(camera)?.tick;
+    if (tick === undefined || u < 0 || u > 1 || v < 0 || v > 1) return;
+    this.app.picked(camera, tick, u, v);
+  }
+}
+
+function stroke(context, over) {
+  const unit = over.width / 320;
+  // Dark below light: seen on every picture.
+  for (const [colour, width] of [["#000", 4 * unit], ["#ffe14d", 2 * unit]]) {
+    context.strokeStyle = colour;
+    context.lineWidth = width;
+    context.stroke();
+  }
+}
+
+function outlined(context, over, points) {
+  context.beginPath();
+  for (const [u, v] of points) context.lineTo(u * over.width, v * over.height);
+  context.closePath();
+  stroke(context, over);
+}
+
+function crossed(context, over, { u, v }) {
+  context.beginPath();
+  if (v !== null) {
+    context.moveTo(0, v * over.height);
+    context.lineTo(over.width, v * over.height);
+  }
+  if (u !== null) {
+    context.moveTo(u * over.width, 0);
+    context.lineTo(u * over.width, over.height);
+  }
+  stroke(context, over);
+}

@@ -1,0 +1,14 @@
+// What the decoder's self-test feeds: a moving square, 64x48, constrained baseline, Base64.
+
+export const TEST_STREAM = [
+  "AAAAAWdCwAqMjUI5NwENAQeEQjUAAAABaM48gAAAAAFluAAEAAAJ///4IooAAgO+OAASjgAE5OTk+P//BFFAAEIrxwACccAAlT11///wRRQABCL8cAAlHAAJ1114",
+  "AAAAAWHgAEAAvkCeVwEDgmJAcAAmAUEgUTIOAATAKCQKJkHAAJgFBIFEyDgAEwCgkCiYeTgpzw==",
+  "AAAAAWHgAIABPkC+WCmiD0dcFOeA",
+  "AAAAAWHgAMABvkDeWCmiPwU16eA=",
+  "AAAAAWHgAQACPkD+U8nBTC2ta11MxMxKxKxwU5o=",
+  "AAAAAWHgAUACvkBHmgp8FOaA",
+  "AAAAAWHgAYADPkBfmgpnI+NXKq5M+Z+CmeO3M/HLsr4brDQ=",
+  "AAAAAWHgAcADvkBnmFyUd4Ka9wU5YA==",
+  "AAAAAWHgAgAEPkBvnYMeiPwUzx1LWbLuXLLA",
+  "AAAAAWHgAkAEvkB3ngp8FNE/LA==",
+];

@@ -1,0 +1,209 @@
+//! The gateway: a hub beside a site.
+
+use std::net::SocketAddr;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::time::Instant;
+
+use anyhow::{Context, bail};
+use parking_lot::Mutex;
+use tokio::net::TcpListener;
+use tokio::sync::Semaphore;
+use tokio_rustls::TlsAcceptor;
+use tokio_rustls::rustls::ServerConfig;
+use tokio_rustls::rustls::crypto::ring;
+use wheelarm_access::Folder;
+use wheelarm_link::Connect;
+use wheelarm_proto::keys;
+
+use crate::audit::Audit;
+use crate::feed::Feeds;
+use crate::files::Files;
+use crate::hub::{Event, Hub};
+use crate::pipe::Shared;
+use crate::registry::Registry;
+use crate::session::{Sessions, secret};
+use crate::site::{self, LogIn, Site, Token};
+use crate::visitor::{Role, Visitor};
+
+/// How a gateway is opened.
+#[derive(Clone, Debug)]
+pub struct Options {
+    /// The server.
+    pub connect: Connect,
+    /// Where the page is served; another port is taken when it is in use.
+    pub listen: SocketAddr,
+    /// Name under which the person at the page commands.
+    pub commander: String,
+    /// Where the audit is written.
+    pub audit: Option<PathBuf>,
+    /// Folder of the page's files, for who works on them.
+    pub files: Option<PathBuf>,
+    /// Folder of keys and users: encrypts, and lets in by password. Without it only
+    /// this host is let in, by a token.
+    pub keys: Option<PathBuf>,
+    /// Names by which browsers know this host, beside those of the loopback interface.
+    pub names: Vec<String>,
+}
+
+/// A gateway at work, until it is dropped or finished.
+pub struct Gateway {
+    address: SocketAddr,
+    tokens: Option<[String; 2]>,
+    hub: Hub,
+    thread: Option<std::thread::JoinHandle<()>>,
+    task: tokio::task::AbortHandle,
+}
+
+impl Gateway {
+    /// Opens it within a runtime.
+    ///
+    /// # Errors
+    /// When the address cannot be used, or may not be.
+    pub async fn open(options: &Options) -> anyhow::Result<Self> {
+        if options.keys.is_none() && !options.listen.ip().is_loopback() {
+            bail!(
+                "{} can be reached from other machines, which needs certificates and users: make \
+                 them with `wheelarm keys init` and name their folder with --keys, or listen on \
+                 127.0.0.1 and come through an SSH tunnel",
+                options.listen
+            );
+        }
+        let access = options.keys.as_deref().map(access).transpose()?;
+        keys::check_name(&options.commander)?;
+        let audit = Audit::open(options.audit.as_deref())?;
+        let listener = match TcpListener::bind(options.listen).await {
+            Err(error) if error.kind() == std::io::ErrorKind::AddrInUse => {
+                TcpListener::bind(SocketAddr::new(options.listen.ip(), 0)).await
+            }
+            bound => bound,
+        };
+        let listener = listener.with_context(|| {
+            format!(
+                "listening on {}; choose another address with --page ADDRESS:PORT",
+                options.listen
+            )
+        })?;
+        let address = listener
+            .local_addr()
+            .context("reading the page's address")?;
+        let tokens = [
+            secret().context("drawing a token")?,
+            secret().context("drawing a token")?,
+        ];
+        let visitor = |name: &str, role| Visitor {
+            name: name.to_owned(),
+            role,
+        };
+        let visitors = [
+            visitor(&options.commander, Role::Operator),
+            visitor("viewer", Role::Viewer),
+        ];
+        let (hub, thread) = Hub::start(&options.connect, audit);
+        let site = Site {
+            shared: Arc::new(Shared {
+                feeds: Feeds::new(hub.link.clone()),
+                hub: hub.clone(),
+                sessions: Sessions::default(),
+                registry: Registry::default(),
+            }),
+            files: Files {
+                folder: options.files.clone(),
+            },
+            address,
+            users: access.as_ref().map(|(_, users)| Arc::clone(users)),
+            tls: access.as_ref().map(|(tls, _)| tls.clone()),
+            names: options.names.clone(),
+            tries: Mutex::default(),
+            gate: Semaphore::new(1),
+            began: Instant::now(),
+            // Who has users has no need of links that let anybody in.
+            tokens: match access {
+                Some(_) => Vec::new(),
+                None => tokens
+                    .iter()
+                    .zip(visitors)
+                    .map(|(secret, visitor)| Token {
+                        secret: secret.clone(),
+                        visitor,
+                    })
+                    .collect(),
+            },
+        };
+        let task = tokio::spawn(site::serve(listener, Arc::new(site)));
+        Ok(Self {
+            address,
+            tokens: options.keys.is_none().then_some(tokens),
+            hub,
+            thread: Some(thread),
+            task: task.abort_handle(),
+        })
+    }
+
+    /// What to open in a browser to drive.
+    #[must_use]
+    pub fn drive_url(&self) -> String {
+        self.url(0)
+    }
+
+    /// What to open in a browser to watch.
+    #[must_use]
+    pub fn watch_url(&self) -> String {
+        self.url(1)
+    }
+
+    fn url(&self, which: usize) -> String {
+        match &self.tokens {
+            Some(tokens) => format!("http://{}/?token={}", self.address, tokens[which]),
+            None => format!("https://{}/", self.address),
+        }
+    }
+
+    /// Brakes the chair, holds the arm, gives control back, and ends.
+    pub fn finish(mut self) {
+        self.end();
+    }
+
+    fn end(&mut self) {
+        self.hub.tell(Event::End);
+        if let Some(thread) = self.thread.take() {
+            // A panic of the thread has been printed already.
+            let _ = thread.join();
+        }
+        self.task.abort();
+    }
+}
+
+impl Drop for Gateway {
+    fn drop(&mut self) {
+        self.end();
+    }
+}
+
+/// What encrypts, and who is let in, by a folder of keys and users.
+fn access(folder: &Path) -> anyhow::Result<(TlsAcceptor, LogIn)> {
+    let folder = Folder::open(folder)?;
+    let identity = folder.server_identity()?;
+    let config = ServerConfig::builder_with_provider(Arc::new(ring::default_provider()))
+        .with_safe_default_protocol_versions()
+        .context("setting up TLS")?
+        .with_no_client_auth()
+        .with_single_cert(identity.certificates, identity.key)
+        .context("taking the server's certificate")?;
+    // A wrong file is told at the start; later ones are read anew at every log-in, so
+    // that a new password or a user who is gone counts at once.
+    folder.users()?;
+    let users: LogIn = Arc::new(move |name, password| {
+        let users = folder
+            .users()
+            .inspect_err(|e| tracing::error!("nobody is let in: {e}"))
+            .ok()?;
+        let role = users.verify(name, password)?;
+        Some(match role {
+            wheelarm_access::Role::Viewer | wheelarm_access::Role::Recorder => Role::Viewer,
+            wheelarm_access::Role::Operator => Role::Operator,
+            wheelarm_access::Role::Admin => Role::Admin,
+        })
+    });
+    Ok((TlsAcceptor::from(Arc::new(config)), users))
+}

@@ -1,0 +1,310 @@
+//! Who is in control: one page, through one lease of the server.
+
+use serde_json::json;
+use wheelarm_proto::v1;
+
+use super::{Effect, Model, note};
+use crate::errand::Errand;
+use crate::watch::Connection;
+
+/// A status this soon after control was given may be older than that, s.
+const FRESH: f64 = 2.0;
+/// Time between two attempts to get lost control back, s.
+const AGAIN: f64 = 1.0;
+
+/// Who is in control.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub enum Control {
+    /// No page.
+    #[default]
+    None,
+    /// The server is being asked for a page.
+    Asking {
+        /// The page.
+        page: String,
+        /// Name under which it will command.
+        name: String,
+        /// Number of the page's question, if it asked.
+        id: Option<u64>,
+    },
+    /// A page.
+    Ours {
+        /// The page.
+        page: String,
+        /// Name under which it commands.
+        name: String,
+        /// When control was given, s.
+        since: f64,
+    },
+}
+
+impl Control {
+    /// The page in control.
+    #[must_use]
+    pub fn page(&self) -> Option<&str> {
+        match self {
+            Self::Ours { page, .. } => Some(page),
+            Self::None | Self::Asking { .. } => None,
+        }
+    }
+
+    /// Whether this gateway commands.
+    #[must_use]
+    pub fn is_ours(&self) -> bool {
+        matches!(self, Self::Ours { .. })
+    }
+
+    /// Whether this gateway commands under `name`.
+    #[must_use]
+    pub fn is_named(&self, name: &str) -> bool {
+        matches!(self, Self::Ours { name: ours, .. } if ours == name)
+    }
+}
+
+impl Model {
+    /// The connection stands.
+    pub fn connected(&mut self, time: f64) -> Vec<Effect> {
+        self.situation.connection = Connection::Open;
+        self.situation.note(time, false, "connected".to_owned());
+        match self.control.page().map(str::to_owned) {
+            Some(page) => self.ask_again(&page, time),
+            None => Vec::new(),
+        }
+    }
+
+    /// The connection is gone; it is tried again by itself.
+    pub fn lost(&mut self, reason: &str, time: f64) -> Vec<Effect> {
+        self.situation.lose(time, reason);
+        let mut effects = self.halt("the connection to the simulation is lost", time);
+        effects.extend(self.answer_errand(Err("the connection was lost".to_owned())));
+        if let Control::Asking { page, id, .. } = self.control.clone() {
+            self.control = Control::None;
+            effects.extend(self.refuse_ask(&page, id, "the connection was lost"));
+        }
+        effects
+    }
+
+    /// The server did not answer in time.
+    pub fn silent(&mut self, time: f64) -> Vec<Effect> {
+        // While it works on an errand its silence is expected.
+        if self.busy.is_some() {
+            return Vec::new();
+        }
+        self.situation.fall_silent(time);
+        self.halt("the simulation does not answer", time)
+    }
+
+    /// The server's account of itself, and the round trip it took, s.
+    pub fn status(&mut self, status: v1::Status, round_trip: f64, time: f64) -> Vec<Effect> {
+        let holder = status.holder.clone();
+        self.situation.take_status(status, round_trip);
+        let Control::Ours { page, name, since } = &self.control else {
+            return Vec::new();
+        };
+        if time - since < FRESH || holder == *name {
+            return Vec::new();
+        }
+        let page = page.clone();
+        if holder.is_empty() {
+            return self.ask_again(&page, time);
+        }
+        let mut effects = self.halt(&format!("{holder} took control"), time);
+        effects.push(note(&page, true, &format!("{holder} took control")));
+        effects.push(self.audit(&page, "lost", &holder));
+        effects.push(Effect::Release);
+        self.control = Control::None;
+        effects
+    }
+
+    /// A page asks for control, or takes it.
+    pub(super) fn ask_lease(&mut self, page: &str, id: u64, take: bool, time: f64) -> Vec<Effect> {
+        let Some(asker) = self.pages.get(page).map(|p| p.visitor.clone()) else {
+            return Vec::new();
+        };
+        if !asker.role.may_drive() {
+            return self.refuse_ask(page, Some(id), "a viewer cannot drive");
+        }
+        if self.situation.connection != Connection::Open {
+            return self.refuse_ask(page, Some(id), "there is no connection to the simulation");
+        }
+        match self.control.clone() {
+            Control::Asking { .. } => {
+                self.refuse_ask(page, Some(id), "somebody is being given control; ask again")
+            }
+            Control::Ours { page: holder, .. } if holder == page => self.mine(page, Some(id)),
+            // A page that was loaded anew is another page of the same person.
+            Control::Ours { page: holder, .. } if !take && self.is_open(&holder) => {
+                let owner = self.pages.get(&holder).map(|p| p.visitor.name.clone());
+                let owner = owner.unwrap_or_default();
+                if !self.asked.contains(&asker.name) {
+                    self.asked.push(asker.name.clone());
+                }
+                let mut effects = vec![
+                    note(&holder, false, &format!("{} asks for control", asker.name)),
+                    self.audit(page, "asked", &owner),
+                ];
+                effects.extend(self.refuse_ask(
+                    page,
+                    Some(id),
+                    &format!("{owner} is in control and was told that you ask"),
+                ));
+                effects
+            }
+            Control::Ours {
+                page: holder, name, ..
+            } => {
+                let words = format!("{} took control", asker.name);
+                let mut effects = self.end_goal(&words, time);
+                effects.extend(self.cut(&holder, &words, time));
+                effects.push(note(&holder, true, &words));
+                effects.push(self.audit(page, "took", &name));
+                if name == asker.name {
+                    self.control = Control::Ours {
+                        page: page.to_owned(),
+                        name,
+                        since: time,
+                    };
+                    self.forget_motion(page);
+                    effects.extend(self.mine(page, Some(id)));
+                    return effects;
+                }
+                effects.extend(self.ask_server(page, &asker.name, Some(id), true));
+                effects
+            }
+            Control::None => {
+                let mut effects = vec![self.audit(page, if take { "took" } else { "asked" }, "")];
+                effects.extend(self.ask_server(page, &asker.name, Some(id), take));
+                effects
+            }
+        }
+    }
+
+    fn is_open(&self, page: &str) -> bool {
+        self.pages.get(page).is_some_and(|page| page.is_open())
+    }
+
+    fn ask_server(&mut self, page: &str, name: &str, id: Option<u64>, take: bool) -> Vec<Effect> {
+        self.control = Control::Asking {
+            page: page.to_owned(),
+            name: name.to_owned(),
+            id,
+        };
+        vec![Effect::Errand(Errand::Lease { take }, name.to_owned())]
+    }
+
+    /// Control that this page had was lost without anybody taking it.
+    pub(super) fn ask_again(&mut self, page: &str, time: f64) -> Vec<Effect> {
+        let Control::Ours { name, since, .. } = &self.control else {
+            return Vec::new();
+        };
+        if time - since < AGAIN {
+            return Vec::new();
+        }
+        let name = name.clone();
+        self.forget_motion(page);
+        self.ask_server(page, &name, None, false)
+    }
+
+    /// What was pressed before control came moves nothing.
+    fn forget_motion(&mut self, page: &str) {
+        if let Some(page) = self.pages.get_mut(page) {
+            page.motion.forget();
+        }
+    }
+
+    /// What came of asking the server.
+    pub(super) fn leased(&mut self, result: Result<(), String>, time: f64) -> Vec<Effect> {
+        let Control::Asking { page, name, id } = std::mem::take(&mut self.control) else {
+            return Vec::new();
+        };
+        match result {
+            Ok(()) => {
+                self.sent = 0;
+                self.numbers.clear();
+                self.asked.retain(|asked| *asked != name);
+                self.control = Control::Ours {
+                    page: page.clone(),
+                    name,
+                    since: time,
+                };
+                self.forget_motion(&page);
+                let mut effects = vec![self.audit(&page, "control", "")];
+                effects.extend(self.mine(&page, id));
+                effects
+            }
+            Err(why) => {
+                let mut effects = vec![note(&page, true, &why)];
+                effects.extend(self.refuse_ask(&page, id, &why));
+                effects
+            }
+        }
+    }
+
+    fn mine(&self, page: &str, id: Option<u64>) -> Vec<Effect> {
+        let answer = id.map(|id| json!({"t": "answer", "id": id, "ok": true, "mine": true}));
+        let say = answer.map(|answer| Effect::Say(page.to_owned(), answer));
+        say.into_iter().collect()
+    }
+
+    fn refuse_ask(&self, page: &str, id: Option<u64>, why: &str) -> Vec<Effect> {
+        let answer = id.map(|id| json!({"t": "answer", "id": id, "ok": false, "error": why}));
+        let say = answer.map(|answer| Effect::Say(page.to_owned(), answer));
+        say.into_iter().collect()
+    }
+
+    /// The page in control gives it up, and offers it to somebody.
+    pub(super) fn give_lease(
+        &mut self,
+        page: &str,
+        id: u64,
+        to: Option<&str>,
+        time: f64,
+    ) -> Vec<Effect> {
+        if self.control.page() != Some(page) {
+            return self.refuse_ask(page, Some(id), "this page is not in control");
+        }
+        let mut effects = self.end_goal("control was given back", time);
+        effects.extend(self.cut(page, "control was given back", time));
+        effects.push(self.audit(page, "gave", to.unwrap_or_default()));
+        effects.extend(self.give_up("control was given back"));
+        let offered = to
+            .map(str::to_owned)
+            .or_else(|| self.asked.first().cloned());
+        if let Some(offered) = offered {
+            self.asked.retain(|asked| *asked != offered);
+            let pages = self.pages.iter();
+            let theirs = pages.filter(|(_, p)| p.is_open() && p.visitor.name == offered);
+            for (name, _) in theirs {
+                effects.push(note(name, false, "control is offered to you: take it"));
+            }
+        }
+        let answer = json!({"t": "answer", "id": id, "ok": true, "mine": false});
+        effects.push(Effect::Say(page.to_owned(), answer));
+        effects
+    }
+
+    pub(super) fn give_up(&mut self, why: &str) -> Vec<Effect> {
+        let Control::Ours { page, .. } = std::mem::take(&mut self.control) else {
+            return Vec::new();
+        };
+        self.forget_motion(&page);
+        vec![self.audit(&page, "released", why), Effect::Release]
+    }
+
+    /// The gateway ends: everything stops and control goes back.
+    pub fn farewell(&mut self, time: f64) -> Vec<Effect> {
+        let mut effects = self.end_goal("the gateway ends", time);
+        if let Some(page) = self.control.page().map(str::to_owned) {
+            let command = v1::Command {
+                base: Some(v1::BaseCommand::default()),
+                arm: Some(v1::ArmCommand {
+                    target: Some(v1::arm_command::Target::Hold(true)),
+                }),
+                ..v1::Command::default()
+            };
+            effects.push(self.send(self.situation.header.clone(), command));
+            self.forget_motion(&page);
+        }
+        effects
+    }
+}

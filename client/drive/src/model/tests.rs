@@ -1,0 +1,527 @@
+//! Pages, control and episodes, without sockets and without a server.
+
+use serde_json::Value;
+use wheelarm_proto::geometry;
+use wheelarm_proto::v1;
+
+use super::*;
+use crate::errand::Done;
+use crate::protocol::{self, Asked, Held};
+use crate::visitor::Role;
+use crate::watch::tests::described;
+
+fn visitor(name: &str, role: Role) -> Visitor {
+    Visitor {
+        name: name.to_owned(),
+        role,
+    }
+}
+
+fn header(tick: u64) -> v1::Header {
+    v1::Header {
+        run_id: "run".to_owned(),
+        tick,
+        episode: 3,
+        ..Default::default()
+    }
+}
+
+fn status(holder: &str) -> v1::Status {
+    v1::Status {
+        header: Some(header(2400)),
+        holder: holder.to_owned(),
+        scenario: Some(v1::Scenario {
+            task: Some("pick_mustard".to_owned()),
+            seed: Some(5),
+            cameras: vec![v1::CameraSetting {
+                name: "eye".to_owned(),
+                ..Default::default()
+            }],
+            ..Default::default()
+        }),
+        ..Default::default()
+    }
+}
+
+/// Connected; anna and ben have pages with all sockets, carl watches.
+fn open() -> Model {
+    let mut model = Model::default();
+    model.connected(0.0);
+    model.robot(&described());
+    model.status(status(""), 0.001, 0.0);
+    for (page, who) in [("a", "anna"), ("b", "ben")] {
+        let visitor = visitor(who, Role::Operator);
+        for socket in [
+            Socket::State,
+            Socket::Video,
+            Socket::Control(0),
+            Socket::Control(1),
+        ] {
+            model.joined(page, &visitor, socket, 0.0);
+        }
+    }
+    model.joined("c", &visitor("carl", Role::Viewer), Socket::State, 0.0);
+    model.situation.base_from_tool = Some(nalgebra::Isometry3::translation(-0.5, 0.0, 0.5));
+    model.situation.house_from_chair = Some(nalgebra::Isometry3::identity());
+    model.situation.applied = Some(v1::Applied {
+        desired_pose: model.situation.base_from_tool.as_ref().map(geometry::pose),
+        ..Default::default()
+    });
+    model
+}
+
+fn ask(model: &mut Model, page: &str, text: &str, time: f64) -> Vec<Effect> {
+    let asked: Asked = protocol::read(&format!(r#"{{"t":"ask","id":7,{text}}}"#)).unwrap();
+    model.asked(page, &asked, time)
+}
+
+/// As [`open`], with anna in control.
+fn driving() -> Model {
+    let mut model = open();
+    let effects = ask(&mut model, "a", r#""ask":"lease.ask""#, 0.0);
+    let lease = Effect::Errand(Errand::Lease { take: false }, "anna".to_owned());
+    assert!(effects.contains(&lease), "{effects:?}");
+    let effects = model.done(Done::Lease(Ok(())), 0.1);
+    assert_eq!(answers(&effects)["mine"], true);
+    model.status(status("anna"), 0.001, 0.1);
+    model
+}
+
+fn answers(effects: &[Effect]) -> Value {
+    let said = effects.iter().find_map(|effect| match effect {
+        Effect::Say(_, said) if said["t"] == "answer" => Some(said.clone()),
+        _ => None,
+    });
+    said.unwrap_or_default()
+}
+
+fn notes<'a>(effects: &'a [Effect], page: &str) -> Vec<&'a str> {
+    let said = effects.iter().filter_map(|effect| match effect {
+        Effect::Say(to, said) if to == page => said["text"].as_str(),
+        _ => None,
+    });
+    said.collect()
+}
+
+fn sent(effects: &[Effect]) -> Vec<&v1::Command> {
+    let sent = effects.iter().filter_map(|effect| match effect {
+        Effect::Send(_, command) => Some(&**command),
+        _ => None,
+    });
+    sent.collect()
+}
+
+fn intent(seq: u32, epoch: u32, chair: f64) -> Intent {
+    Intent {
+        seq,
+        epoch,
+        shown: Some(2390),
+        ms: 0.0,
+        device: v1::Device::Keyboard,
+        mode: v1::InputMode::Hold,
+        speed: 3,
+        action: Action::Drive(Held {
+            chair: [chair, 0.0],
+            ..Held::default()
+        }),
+    }
+}
+
+fn stop(seq: u32) -> Intent {
+    Intent {
+        action: Action::Stop,
+        ..intent(seq, 1, 0.0)
+    }
+}
+
+fn drives(effects: &[Effect]) -> bool {
+    sent(effects)
+        .iter()
+        .any(|c| wheelarm_proto::check::drives(c))
+}
+
+fn stops(effects: &[Effect]) -> bool {
+    sent(effects)
+        .iter()
+        .any(|c| wheelarm_proto::check::stops(c))
+}
+
+#[test]
+fn only_the_page_in_control_drives_and_any_operator_stops() {
+    let mut model = driving();
+    let effects = model.intent("a", &intent(1, 1, 1.0), 0.2);
+    assert!(drives(&effects));
+    let Effect::Send(header, _) = &effects[0] else {
+        panic!("{effects:?}");
+    };
+    assert_eq!((header.tick, header.episode), (2390, 3));
+    let refused = model.intent("b", &intent(1, 1, 1.0), 0.2);
+    assert!(sent(&refused).is_empty(), "{refused:?}");
+    assert!(model.intent("c", &intent(1, 1, 1.0), 0.2).is_empty());
+    assert!(model.intent("c", &stop(2), 0.2).is_empty(), "a viewer");
+    assert!(model.intent("nobody", &intent(1, 1, 1.0), 0.2).is_empty());
+    let effects = model.intent("b", &stop(2), 0.25);
+    assert!(stops(&effects));
+    assert!(
+        notes(&effects, "a")
+            .iter()
+            .any(|n| n.contains("ben stopped")),
+        "{effects:?}"
+    );
+    assert!(
+        !drives(&model.intent("a", &intent(2, 1, 1.0), 0.3)),
+        "the same press"
+    );
+    assert!(drives(&model.intent("a", &intent(3, 2, 1.0), 0.3)));
+}
+
+#[test]
+fn control_is_asked_for_taken_and_given() {
+    let mut model = driving();
+    model.intent("a", &intent(1, 1, 1.0), 0.2);
+    let effects = ask(&mut model, "b", r#""ask":"lease.ask""#, 0.3);
+    assert_eq!(answers(&effects)["ok"], false);
+    assert_eq!(notes(&effects, "a"), ["ben asks for control"]);
+    assert_eq!(model.asked, ["ben"]);
+    assert!(
+        drives(&model.intent("a", &intent(2, 1, 1.0), 0.3)),
+        "asking moves nobody"
+    );
+    // Taking stops what moves and tells who had it.
+    let effects = ask(&mut model, "b", r#""ask":"lease.take""#, 0.4);
+    assert!(stops(&effects), "{effects:?}");
+    assert!(notes(&effects, "a").contains(&"ben took control"));
+    let lease = Effect::Errand(Errand::Lease { take: true }, "ben".to_owned());
+    assert!(effects.contains(&lease));
+    assert!(!drives(&model.intent("a", &intent(3, 2, 1.0), 0.4)));
+    let effects = model.done(Done::Lease(Ok(())), 0.5);
+    assert_eq!(answers(&effects)["mine"], true);
+    assert!(model.asked.is_empty());
+    assert!(!drives(&model.intent("a", &intent(4, 3, 1.0), 0.5)));
+    assert!(drives(&model.intent("b", &intent(5, 9, 1.0), 0.5)));
+    let effects = ask(&mut model, "b", r#""ask":"lease.give","to":"anna""#, 0.6);
+    assert!(stops(&effects) && effects.contains(&Effect::Release));
+    assert!(notes(&effects, "a").iter().any(|n| n.contains("offered")));
+    assert!(!drives(&model.intent("b", &intent(6, 10, 1.0), 0.6)));
+    // A viewer never gets it.
+    let effects = ask(&mut model, "c", r#""ask":"lease.take""#, 0.7);
+    assert_eq!(answers(&effects)["ok"], false);
+    assert!(effects.iter().all(|e| matches!(e, Effect::Say(..))));
+}
+
+#[test]
+fn control_that_somebody_takes_at_the_server_is_lost_at_once() {
+    let mut model = driving();
+    model.intent("a", &intent(1, 1, 1.0), 4.9);
+    let effects = model.status(status("operator"), 0.001, 5.0);
+    assert!(effects.contains(&Effect::Release), "{effects:?}");
+    assert!(notes(&effects, "a").contains(&"operator took control"));
+    assert!(!drives(&model.intent("a", &intent(2, 1, 1.0), 5.1)));
+    assert!(!drives(&model.intent("a", &intent(3, 2, 1.0), 5.1)));
+    // An answer that was under way when control was given does not take it.
+    let mut model = driving();
+    assert!(model.status(status(""), 0.001, 0.5).is_empty());
+    assert!(drives(&model.intent("a", &intent(1, 1, 1.0), 0.6)));
+}
+
+#[test]
+fn both_lanes_lost_stop_the_chair_and_one_does_not() {
+    let mut model = driving();
+    model.intent("a", &intent(1, 1, 1.0), 0.2);
+    assert!(model.left("a", Socket::Control(0), 0.25).is_empty());
+    assert!(drives(&model.intent("a", &intent(2, 1, 1.0), 0.3)));
+    let effects = model.left("a", Socket::Control(1), 0.35);
+    assert!(stops(&effects));
+    model.joined(
+        "a",
+        &visitor("anna", Role::Operator),
+        Socket::Control(0),
+        0.5,
+    );
+    assert!(!drives(&model.intent("a", &intent(3, 1, 1.0), 0.6)));
+    assert!(drives(&model.intent("a", &intent(4, 2, 1.0), 0.6)));
+}
+
+#[test]
+fn a_page_that_stays_away_loses_control() {
+    let mut model = driving();
+    for socket in [
+        Socket::State,
+        Socket::Video,
+        Socket::Control(0),
+        Socket::Control(1),
+    ] {
+        model.left("a", socket, 1.0);
+    }
+    assert!(!model.tick(5.0).contains(&Effect::Release));
+    assert_eq!(model.control.page(), Some("a"));
+    assert!(model.tick(12.0).contains(&Effect::Release));
+    assert_eq!(model.control, Control::None);
+}
+
+#[test]
+fn a_page_that_is_loaded_anew_is_given_control_at_once() {
+    let mut model = driving();
+    for socket in [
+        Socket::State,
+        Socket::Video,
+        Socket::Control(0),
+        Socket::Control(1),
+    ] {
+        model.left("a", socket, 1.0);
+    }
+    model.joined("a2", &visitor("anna", Role::Operator), Socket::State, 1.5);
+    model.joined(
+        "a2",
+        &visitor("anna", Role::Operator),
+        Socket::Control(0),
+        1.5,
+    );
+    let effects = ask(&mut model, "a2", r#""ask":"lease.ask""#, 1.6);
+    assert_eq!(answers(&effects)["mine"], true);
+    assert!(drives(&model.intent("a2", &intent(1, 1, 1.0), 1.7)));
+}
+
+#[test]
+fn nobody_drives_in_lock_step() {
+    let mut model = driving();
+    let mut told = status("anna");
+    if let Some(scenario) = &mut told.scenario {
+        scenario.pacing = v1::Pacing::LockStep.into();
+    }
+    told.episode = Some(v1::EpisodeStarted::default());
+    model.status(told, 0.001, 0.1);
+    let effects = model.intent("a", &intent(1, 1, 1.0), 0.2);
+    assert!(sent(&effects).is_empty(), "{effects:?}");
+    assert!(
+        effects
+            .iter()
+            .any(|e| matches!(e, Effect::Say(_, s) if s["code"] == "LOCK_STEP"))
+    );
+}
+
+#[test]
+fn a_lost_connection_moves_nothing_when_it_returns() {
+    let mut model = driving();
+    model.intent("a", &intent(1, 1, 1.0), 0.2);
+    model.lost("the server has gone", 0.3);
+    assert!(sent(&model.intent("a", &intent(2, 2, 1.0), 0.4)).is_empty());
+    let effects = model.connected(3.0);
+    let lease = Effect::Errand(Errand::Lease { take: false }, "anna".to_owned());
+    assert_eq!(effects, [lease]);
+    model.done(Done::Lease(Ok(())), 3.1);
+    assert!(
+        !drives(&model.intent("a", &intent(3, 2, 1.0), 3.2)),
+        "an old press"
+    );
+    assert!(drives(&model.intent("a", &intent(4, 3, 1.0), 3.2)));
+}
+
+#[test]
+fn a_refusal_and_a_contact_end_the_press_and_are_told() {
+    let mut model = driving();
+    model.intent("a", &intent(7, 1, 1.0), 0.2);
+    let refusal = v1::Refusal {
+        commander: "anna".to_owned(),
+        sequence: 0,
+        reason: "no".to_owned(),
+        code: v1::RefusalCode::TooOld.into(),
+        ..Default::default()
+    };
+    let effects = model.sample(Sample::Refusal(refusal.clone()), 0.25);
+    let told = effects.iter().find_map(|effect| match effect {
+        Effect::Say(_, said) if said["t"] == "refusal" => Some(said.clone()),
+        _ => None,
+    });
+    let told = told.unwrap();
+    assert_eq!(
+        (told["seq"].as_u64(), told["code"].as_str()),
+        (Some(7), Some("TOO_OLD"))
+    );
+    assert!(stops(&effects));
+    assert!(!drives(&model.intent("a", &intent(8, 1, 1.0), 0.3)));
+    assert!(drives(&model.intent("a", &intent(9, 2, 1.0), 0.3)));
+    // Of somebody else's commands nothing is taken.
+    let other = v1::Refusal {
+        commander: "zoe".to_owned(),
+        ..refusal
+    };
+    assert!(model.sample(Sample::Refusal(other), 0.3).is_empty());
+    let event = v1::Event {
+        kind: v1::EventKind::Collision.into(),
+        text: "chair and table".to_owned(),
+        ..Default::default()
+    };
+    let effects = model.sample(Sample::Event(event), 0.35);
+    assert!(stops(&effects), "{effects:?}");
+    assert!(!drives(&model.intent("a", &intent(10, 2, 1.0), 0.4)));
+}
+
+#[test]
+fn a_stop_is_told_when_the_server_has_taken_it() {
+    let mut model = driving();
+    model.intent("a", &intent(1, 1, 1.0), 0.2);
+    model.intent("a", &stop(2), 0.3);
+    let log = |sequence| {
+        Sample::Command(v1::CommandLog {
+            command: Some(v1::Command {
+                commander: "anna".to_owned(),
+                header: Some(v1::Header {
+                    sequence,
+                    ..Default::default()
+                }),
+                ..Default::default()
+            }),
+            ..Default::default()
+        })
+    };
+    assert_eq!(model.sample(log(0), 0.31), []);
+    let effects = model.sample(log(1), 0.32);
+    assert_eq!(
+        effects,
+        [Effect::Say("a".into(), json!({"t": "stopped", "seq": 2}))]
+    );
+}
+
+#[test]
+fn episodes_belong_to_the_page_in_control_and_stop_what_moves() {
+    let mut model = driving();
+    model.intent("a", &intent(1, 1, 1.0), 0.2);
+    let start = r#""ask":"episode.start","label":"","instruction":"""#;
+    assert_eq!(answers(&ask(&mut model, "b", start, 0.3))["ok"], false);
+    assert_eq!(answers(&ask(&mut model, "c", start, 0.3))["ok"], false);
+    let effects = ask(&mut model, "a", start, 0.3);
+    assert!(stops(&effects));
+    let begun = effects.iter().find_map(|effect| match effect {
+        Effect::Errand(Errand::Start(start), name) => Some((start.label.clone(), name.clone())),
+        _ => None,
+    });
+    let expected = ("pick_mustard-seed5-1".to_owned(), "anna".to_owned());
+    assert_eq!(begun, Some(expected));
+    // One errand at a time.
+    assert!(answers(&ask(&mut model, "a", start, 0.3))["error"].is_string());
+    let started = v1::EpisodeStarted {
+        header: Some(header(2500)),
+        label: "x".to_owned(),
+        ..Default::default()
+    };
+    let effects = model.done(Done::Started(Ok(Box::new(started))), 0.5);
+    assert_eq!(answers(&effects)["number"], 3);
+    assert_eq!(
+        answers(&ask(&mut model, "a", start, 0.6))["ok"],
+        false,
+        "one runs"
+    );
+    let effects = ask(&mut model, "a", r#""ask":"episode.redo""#, 0.6);
+    assert!(
+        effects
+            .iter()
+            .any(|e| matches!(e, Effect::Errand(Errand::Redo(_), _)))
+    );
+    let effects = model.done(Done::Started(Err("the disk is full".to_owned())), 0.7);
+    assert_eq!(answers(&effects)["error"], "the disk is full");
+}
+
+#[test]
+fn a_goal_is_picked_begun_marked_and_ended_by_hand() {
+    let mut model = driving();
+    model.intent(
+        "a",
+        &Intent {
+            action: Action::Alive,
+            ..intent(1, 0, 0.0)
+        },
+        0.2,
+    );
+    let pick = r#""ask":"pick","camera":0,"tick":2390,"u":0.5,"v":0.5"#;
+    let effects = ask(&mut model, "a", pick, 0.2);
+    assert!(
+        matches!(&effects[..], [Effect::Pick(p)] if p.request.camera == "eye"),
+        "{effects:?}"
+    );
+    let reply = v1::PickReply {
+        body: "mustard".to_owned(),
+        graspable: true,
+        kind: v1::InstanceKind::Object.into(),
+        point: Some(v1::Vector3 {
+            x: 0.6,
+            y: 0.0,
+            z: 0.8,
+        }),
+        bounds: vec![0.4, 0.4, 0.6, 0.6],
+        ..Default::default()
+    };
+    let effects = model.picked("a", 7, Ok(reply), 0.3);
+    let candidate = answers(&effects)["candidates"][0].clone();
+    assert_eq!(candidate["actions"], json!(["near", "take"]));
+    assert_eq!(candidate["outline"][2], json!([0.6, 0.6]));
+    let key = candidate["candidate"].as_str().unwrap().to_owned();
+    let begin = format!(r#""ask":"goal.start","candidate":"{key}","action":"take""#);
+    let wrong = begin.replace("take", "put");
+    assert_eq!(answers(&ask(&mut model, "a", &wrong, 0.3))["ok"], false);
+    let effects = ask(&mut model, "a", &begin, 0.3);
+    assert_eq!(answers(&effects)["goal"], 1);
+    assert!(effects.iter().any(|e| matches!(e, Effect::Goal(_))));
+    let command = v1::Command {
+        phase_name: "reaching".to_owned(),
+        device: v1::Device::Script.into(),
+        ..Default::default()
+    };
+    let effects = model.goal_acts(1, header(2400), command.clone(), &[]);
+    let told = sent(&effects)[0];
+    assert_eq!(told.phase_name, "assist:reaching");
+    assert_eq!(told.mode(), v1::InputMode::Goal);
+    assert_eq!(told.assistance(), v1::Assistance::Skill);
+    assert!(
+        model
+            .goal_acts(9, header(2400), command.clone(), &[])
+            .is_empty()
+    );
+    // Whatever is done by hand ends it; what the skill still says is not heard.
+    let effects = model.intent("a", &intent(2, 1, 1.0), 0.4);
+    assert!(effects.contains(&Effect::EndGoal(1)) && stops(&effects) && !drives(&effects));
+    assert!(model.goal_acts(1, header(2404), command, &[]).is_empty());
+    // A choice does not last.
+    assert!(model.candidates.contains_key(&key));
+    model.tick(40.0);
+    assert!(model.candidates.is_empty());
+}
+
+#[test]
+fn a_goal_ends_with_the_page_that_looks_on() {
+    for why in ["silence", "picture", "lanes"] {
+        let mut model = driving();
+        let alive = |seq, shown| Intent {
+            action: Action::Alive,
+            shown,
+            ..intent(seq, 0, 0.0)
+        };
+        model.intent("a", &alive(1, Some(2390)), 0.2);
+        model.candidates.insert(
+            "c1".to_owned(),
+            Candidate {
+                body: "mustard".to_owned(),
+                point: [0.0; 3],
+                actions: vec!["take"],
+                until: 30.0,
+            },
+        );
+        let begin = r#""ask":"goal.start","candidate":"c1","action":"take""#;
+        ask(&mut model, "a", begin, 0.3);
+        assert!(model.goal.is_some());
+        assert!(model.tick(0.9).is_empty());
+        let effects = match why {
+            "silence" => model.tick(1.3),
+            "picture" => {
+                model.intent("a", &alive(2, None), 0.9);
+                model.tick(1.0)
+            }
+            _ => {
+                model.left("a", Socket::Control(0), 0.9);
+                model.left("a", Socket::Control(1), 0.9)
+            }
+        };
+        assert!(effects.contains(&Effect::EndGoal(1)), "{why}: {effects:?}");
+        assert!(stops(&effects), "{why}");
+    }
+}

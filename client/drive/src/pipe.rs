@@ -1,0 +1,146 @@
+//! What the sockets of a page have in common: what they share, how they read and
+//! write, and with what they are closed.
+
+use std::time::{Duration, Instant};
+
+use futures_util::{SinkExt, StreamExt};
+use hyper::upgrade::Upgraded;
+use hyper_util::rt::TokioIo;
+use tokio_tungstenite::WebSocketStream;
+use tokio_tungstenite::tungstenite::protocol::frame::coding::CloseCode;
+use tokio_tungstenite::tungstenite::protocol::{CloseFrame, Role, WebSocketConfig};
+use tokio_tungstenite::tungstenite::{Error, Message};
+
+use crate::feed::Feeds;
+use crate::hub::Hub;
+use crate::model::Socket;
+use crate::protocol::MOST_BYTES;
+use crate::rate::Allowance;
+use crate::registry::Registry;
+use crate::session::Sessions;
+use crate::visitor::Visitor;
+
+/// Longest wait for a page that does not read.
+const PATIENCE: Duration = Duration::from_secs(10);
+
+/// What all sockets share.
+pub struct Shared {
+    /// The hub.
+    pub hub: Hub,
+    /// Pictures.
+    pub feeds: Feeds,
+    /// Who has signed in.
+    pub sessions: Sessions,
+    /// Open sockets.
+    pub registry: Registry,
+}
+
+/// Why a socket is closed, with its code.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) struct Close {
+    pub(crate) code: u16,
+    pub(crate) why: String,
+}
+
+impl Close {
+    pub(crate) fn new(code: u16, why: impl Into<String>) -> Self {
+        let why = why.into();
+        Self { code, why }
+    }
+}
+
+/// An open socket of a page.
+pub(crate) struct Pipe {
+    stream: WebSocketStream<TokioIo<Upgraded>>,
+    allowance: Allowance,
+    began: Instant,
+}
+
+impl Pipe {
+    pub(crate) async fn new(upgraded: Upgraded) -> Self {
+        let config = WebSocketConfig::default()
+            .read_buffer_size(8 << 10)
+            .write_buffer_size(0)
+            .max_write_buffer_size(4 << 20)
+            .max_message_size(Some(MOST_BYTES))
+            .max_frame_size(Some(MOST_BYTES));
+        let io = TokioIo::new(upgraded);
+        Self {
+            stream: WebSocketStream::from_raw_socket(io, Role::Server, Some(config)).await,
+            allowance: Allowance::new(0.0),
+            began: Instant::now(),
+        }
+    }
+
+    /// The next text; `None` at the end of the socket.
+    ///
+    /// # Errors
+    /// [`Close`] when the page does what it may not.
+    pub(crate) async fn next(&mut self) -> Result<Option<String>, Close> {
+        loop {
+            let message = match self.stream.next().await {
+                Some(Ok(message)) => message,
+                Some(Err(Error::Capacity(_))) => {
+                    let words = format!("a message has at most {MOST_BYTES} bytes");
+                    return Err(Close::new(4400, words));
+                }
+                Some(Err(_)) | None => return Ok(None),
+            };
+            if !self.allowance.take(self.began.elapsed().as_secs_f64()) {
+                return Err(Close::new(
+                    4429,
+                    "too many messages; 100 a second are taken",
+                ));
+            }
+            match message {
+                Message::Text(text) => return Ok(Some(text.as_str().to_owned())),
+                Message::Close(_) => return Ok(None),
+                Message::Binary(_) => return Err(Close::new(4400, "messages are text")),
+                Message::Ping(_) | Message::Pong(_) | Message::Frame(_) => {}
+            }
+        }
+    }
+
+    /// Sends; false when the page is gone or does not read.
+    pub(crate) async fn send(&mut self, message: Message) -> bool {
+        let sent = tokio::time::timeout(PATIENCE, self.stream.send(message)).await;
+        matches!(sent, Ok(Ok(())))
+    }
+
+    /// Sends text.
+    pub(crate) async fn say(&mut self, text: String) -> bool {
+        self.send(Message::Text(text.into())).await
+    }
+
+    pub(crate) async fn close(mut self, close: Close) {
+        let mut why = close.why;
+        // A reason has at most 123 bytes.
+        while why.len() > 120 {
+            why.pop();
+        }
+        let frame = CloseFrame {
+            code: CloseCode::from(close.code),
+            reason: why.into(),
+        };
+        let closing = async {
+            let _ = self.stream.close(Some(frame)).await;
+            // The page answers with its own end.
+            while let Some(Ok(_)) = self.stream.next().await {}
+        };
+        let _ = tokio::time::timeout(Duration::from_secs(1), closing).await;
+    }
+}
+
+/// A socket that was let in.
+pub(crate) struct Entered {
+    pub(crate) page: String,
+    pub(crate) visitor: Visitor,
+    pub(crate) socket: Socket,
+    pub(crate) number: u64,
+    pub(crate) replaced: tokio::sync::oneshot::Receiver<()>,
+}
+
+/// What a socket is closed with when a newer one took its place.
+pub(crate) fn replaced() -> Close {
+    Close::new(4409, "this page opened the same socket anew")
+}

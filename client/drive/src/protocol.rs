@@ -1,0 +1,462 @@
+//! What a page says, as `PROTOCOL.md` has it: read with limits, never trusted.
+//! Unknown fields and kinds are left alone, so that a page may be newer.
+
+use serde::Deserialize;
+use wheelarm_proto::v1;
+
+/// Version of the protocol.
+pub const PROTOCOL: u32 = 1;
+/// Longest message of a page, bytes.
+pub const MOST_BYTES: usize = 4096;
+
+/// The first message of every socket.
+#[derive(Clone, Debug, Deserialize)]
+pub struct Hello {
+    /// `hello`.
+    pub t: String,
+    /// Version of the page's protocol.
+    pub protocol: u32,
+    /// Ticket, once.
+    pub ticket: String,
+    /// The page, drawn at random when it was loaded.
+    pub page: String,
+    /// Which of the two control sockets, 0 or 1.
+    #[serde(default)]
+    pub lane: u8,
+}
+
+/// What the page can move by steps.
+#[derive(Clone, Copy, Debug, Deserialize, PartialEq, Eq)]
+#[serde(rename_all = "snake_case")]
+pub enum Part {
+    /// The chair: forward, left turn.
+    Chair,
+    /// The hand's place: forward, left, up.
+    Hand,
+    /// The hand's turn about its own axes.
+    Turn,
+    /// The fingers.
+    Grip,
+}
+
+/// What a person's controller has moved since it was engaged, in axes of the chair.
+#[derive(Clone, Copy, Debug, Deserialize, PartialEq)]
+pub struct Clutch {
+    /// Forward, left, up, m.
+    #[serde(rename = "move")]
+    pub moved: [f64; 3],
+    /// Quaternion x, y, z, w.
+    pub turn: [f64; 4],
+}
+
+/// What the person does now.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Action {
+    /// What is held, -1 to 1 each.
+    Drive(Held),
+    /// One step.
+    Step {
+        /// Of what.
+        part: Part,
+        /// Index of the axis.
+        axis: usize,
+        /// 1 or -1.
+        sign: f64,
+    },
+    /// Everything stops.
+    Stop,
+    /// Nothing; the page is there.
+    Alive,
+}
+
+/// What is held, -1 to 1 each.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Held {
+    /// Forward, left turn.
+    pub chair: [f64; 2],
+    /// Forward, left, up.
+    pub hand: [f64; 3],
+    /// Roll, pitch, yaw about the tool's own axes.
+    pub turn: [f64; 3],
+    /// 1 opens, -1 closes.
+    pub grip: f64,
+    /// A controller in the hand.
+    pub clutch: Option<Clutch>,
+}
+
+impl Held {
+    /// Nothing is held.
+    #[must_use]
+    pub fn is_rest(&self) -> bool {
+        *self == Self::default()
+    }
+}
+
+/// A message on a control socket.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Intent {
+    /// Counts up over both lanes.
+    pub seq: u32,
+    /// Counts up at every fresh press.
+    pub epoch: u32,
+    /// Tick of the picture that was painted last.
+    pub shown: Option<u64>,
+    /// The page's own clock, ms.
+    pub ms: f64,
+    /// What it is commanded with.
+    pub device: v1::Device,
+    /// How the input becomes motion.
+    pub mode: v1::InputMode,
+    /// The person's speed, 1 to 5.
+    pub speed: u8,
+    /// What is wanted.
+    pub action: Action,
+}
+
+#[derive(Deserialize)]
+struct Said {
+    t: String,
+    seq: u32,
+    epoch: u32,
+    shown: Option<u64>,
+    #[serde(default)]
+    ms: f64,
+    #[serde(default)]
+    device: String,
+    #[serde(default)]
+    mode: String,
+    #[serde(default = "middle")]
+    speed: u8,
+    #[serde(default)]
+    chair: [f64; 2],
+    #[serde(default)]
+    hand: [f64; 3],
+    #[serde(default)]
+    turn: [f64; 3],
+    #[serde(default)]
+    grip: f64,
+    clutch: Option<Clutch>,
+    part: Option<Part>,
+    #[serde(default)]
+    axis: usize,
+    #[serde(default)]
+    sign: f64,
+}
+
+fn middle() -> u8 {
+    3
+}
+
+/// Why a message is not taken; the page is told.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("{0}")]
+pub struct Unreadable(pub String);
+
+impl Intent {
+    /// Reads a message of a control socket; `None` for a kind that is not known.
+    ///
+    /// # Errors
+    /// [`Unreadable`] when it is not as the protocol says.
+    pub fn read(text: &str) -> Result<Option<Self>, Unreadable> {
+        let said: Said = read(text)?;
+        let finite = |values: &[f64]| values.iter().all(|v| v.is_finite() && v.abs() <= 1.0);
+        let action = match said.t.as_str() {
+            "drive" => {
+                let single = [said.grip];
+                let held: [&[f64]; 4] = [&said.chair, &said.hand, &said.turn, &single];
+                if !held.iter().all(|values| finite(values)) {
+                    return Err(Unreadable("what is held is -1 to 1".to_owned()));
+                }
+                if let Some(clutch) = &said.clutch {
+                    let far = clutch
+                        .moved
+                        .iter()
+                        .any(|m| !(0.0..=10.0).contains(&m.abs()));
+                    let norm: f64 = clutch.turn.iter().map(|q| q * q).sum();
+                    if far || !(0.25..4.0).contains(&norm) {
+                        let words = "clutch.move is within 10 m and clutch.turn a unit quaternion";
+                        return Err(Unreadable(words.to_owned()));
+                    }
+                }
+                Action::Drive(Held {
+                    chair: said.chair,
+                    hand: said.hand,
+                    turn: said.turn,
+                    grip: said.grip,
+                    clutch: said.clutch,
+                })
+            }
+            "step" => {
+                let part = said
+                    .part
+                    .ok_or_else(|| Unreadable("a step names its part".to_owned()))?;
+                let axes = match part {
+                    Part::Chair => 2,
+                    Part::Hand | Part::Turn => 3,
+                    Part::Grip => 1,
+                };
+                if said.axis >= axes || said.sign.abs() != 1.0 {
+                    let words = format!("a step's axis is below {axes} and its sign 1 or -1");
+                    return Err(Unreadable(words));
+                }
+                Action::Step {
+                    part,
+                    axis: said.axis,
+                    sign: said.sign,
+                }
+            }
+            "stop" => Action::Stop,
+            "alive" => Action::Alive,
+            _ => return Ok(None),
+        };
+        Ok(Some(Self {
+            seq: said.seq,
+            epoch: said.epoch,
+            shown: said.shown,
+            ms: if said.ms.is_finite() { said.ms } else { 0.0 },
+            device: device(&said.device),
+            mode: mode(&said.mode),
+            speed: said.speed.clamp(1, 5),
+            action,
+        }))
+    }
+}
+
+/// Reads any message of a page.
+///
+/// # Errors
+/// [`Unreadable`] with what is wrong.
+pub fn read<'a, T: Deserialize<'a>>(text: &'a str) -> Result<T, Unreadable> {
+    serde_json::from_str(text).map_err(|e| Unreadable(format!("the message cannot be read: {e}")))
+}
+
+fn device(word: &str) -> v1::Device {
+    match word {
+        "keyboard" => v1::Device::Keyboard,
+        "mouse" => v1::Device::Mouse,
+        "touch" => v1::Device::Touch,
+        "gamepad" => v1::Device::Gamepad,
+        "switch" => v1::Device::Switch,
+        "dwell" => v1::Device::Dwell,
+        "voice" => v1::Device::Voice,
+        "vr" => v1::Device::Vr,
+        _ => v1::Device::Unspecified,
+    }
+}
+
+fn mode(word: &str) -> v1::InputMode {
+    match word {
+        "hold" => v1::InputMode::Hold,
+        "latch" => v1::InputMode::Latch,
+        "step" => v1::InputMode::Step,
+        "stream" => v1::InputMode::Stream,
+        _ => v1::InputMode::Unspecified,
+    }
+}
+
+/// A camera that a page wants to see.
+#[derive(Clone, Copy, Debug, Deserialize, PartialEq, Eq)]
+pub struct WantedCamera {
+    /// Its index among the cameras.
+    pub camera: usize,
+    /// What can be shown, pixels.
+    pub width: u32,
+}
+
+/// A message on the video socket.
+#[derive(Clone, Debug, Deserialize, PartialEq)]
+#[serde(tag = "t", rename_all = "snake_case")]
+pub enum Viewing {
+    /// What is wanted from now on.
+    Want {
+        /// Codecs in order of preference.
+        #[serde(default)]
+        codecs: Vec<String>,
+        /// Cameras.
+        cameras: Vec<WantedCamera>,
+    },
+    /// Pictures of a camera came, up to this one.
+    Ack {
+        /// Index of the camera.
+        camera: usize,
+        /// Newest number.
+        seq: u32,
+        /// It was painted.
+        #[serde(default)]
+        painted: bool,
+    },
+    /// The next picture must be a key picture.
+    Key {
+        /// Index of the camera.
+        camera: usize,
+    },
+    /// A kind that is not known.
+    #[serde(other)]
+    Unknown,
+}
+
+/// A question on the state socket, with its number.
+#[derive(Clone, Debug, Deserialize, PartialEq)]
+pub struct Asked {
+    /// Comes back in the answer.
+    pub id: u64,
+    /// What is asked.
+    #[serde(flatten)]
+    pub ask: Ask,
+}
+
+/// What a page asks.
+#[derive(Clone, Debug, Deserialize, PartialEq)]
+#[serde(tag = "ask")]
+pub enum Ask {
+    /// Control, if nobody has it.
+    #[serde(rename = "lease.ask")]
+    LeaseAsk,
+    /// Control, whoever has it.
+    #[serde(rename = "lease.take")]
+    LeaseTake,
+    /// Control is given up.
+    #[serde(rename = "lease.give")]
+    LeaseGive {
+        /// Whom it is offered.
+        to: Option<String>,
+    },
+    /// The tasks.
+    #[serde(rename = "tasks")]
+    Tasks,
+    /// A scenario.
+    #[serde(rename = "scene.reset")]
+    Reset {
+        /// Task.
+        task: String,
+        /// Seed.
+        #[serde(default)]
+        seed: u64,
+    },
+    /// An episode begins.
+    #[serde(rename = "episode.start")]
+    Start {
+        /// File label; the scenario's when empty.
+        #[serde(default)]
+        label: String,
+        /// Instruction; the scenario's when empty.
+        #[serde(default)]
+        instruction: String,
+        /// Recorders that must be ready.
+        #[serde(default)]
+        recorders: u32,
+    },
+    /// The episode is kept.
+    #[serde(rename = "episode.finish")]
+    Finish,
+    /// The episode is thrown away.
+    #[serde(rename = "episode.discard")]
+    Discard,
+    /// The episode is thrown away and begins anew.
+    #[serde(rename = "episode.redo")]
+    Redo,
+    /// Time stops.
+    #[serde(rename = "time.pause")]
+    Pause,
+    /// Time goes on.
+    #[serde(rename = "time.resume")]
+    Resume,
+    /// What stands at a pixel.
+    #[serde(rename = "pick")]
+    Pick {
+        /// Index of the camera.
+        camera: usize,
+        /// Tick of the picture.
+        tick: u64,
+        /// From the left edge, 0 to 1.
+        u: f64,
+        /// From the upper edge, 0 to 1.
+        v: f64,
+    },
+    /// A skill begins.
+    #[serde(rename = "goal.start")]
+    GoalStart {
+        /// What was picked.
+        candidate: String,
+        /// `near`, `take` or `put`.
+        action: String,
+    },
+    /// The skill ends.
+    #[serde(rename = "goal.cancel")]
+    GoalCancel,
+    /// A question that is not known.
+    #[serde(other)]
+    Unknown,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const DRIVE: &str = r#"{"t":"drive","seq":41,"epoch":7,"shown":5012,"ms":81234.5,
+        "device":"keyboard","mode":"hold","speed":3,"chair":[1,0],"hand":[0,0,0],"turn":[0,0,0],"grip":0}"#;
+
+    #[test]
+    fn the_examples_of_the_protocol_are_read() {
+        let intent = Intent::read(DRIVE).unwrap().unwrap();
+        assert_eq!(
+            (intent.seq, intent.epoch, intent.shown),
+            (41, 7, Some(5012))
+        );
+        assert_eq!(intent.device, v1::Device::Keyboard);
+        let Action::Drive(held) = intent.action else {
+            panic!("{intent:?}");
+        };
+        assert_eq!(held.chair, [1.0, 0.0]);
+        let step = r#"{"t":"step","seq":42,"epoch":8,"shown":null,"ms":1,"device":"switch",
+            "mode":"step","speed":3,"part":"hand","axis":2,"sign":1}"#;
+        let step = Intent::read(step).unwrap().unwrap();
+        let expected = Action::Step {
+            part: Part::Hand,
+            axis: 2,
+            sign: 1.0,
+        };
+        assert_eq!((step.action, step.shown), (expected, None));
+        let vr = r#"{"t":"drive","seq":43,"epoch":9,"shown":5016,"device":"vr","mode":"stream",
+            "speed":3,"chair":[0,0],"grip":-1,"clutch":{"move":[0.012,0,0.004],"turn":[0,0,0,1]}}"#;
+        assert!(matches!(
+            Intent::read(vr).unwrap().unwrap().action,
+            Action::Drive(Held {
+                clutch: Some(_),
+                ..
+            })
+        ));
+        let ask = r#"{"t":"ask","id":9,"ask":"pick","camera":0,"tick":5012,"u":0.52,"v":0.31}"#;
+        let ask: Asked = read(ask).unwrap();
+        assert!(matches!(ask.ask, Ask::Pick { tick: 5012, .. }), "{ask:?}");
+        let newer: Asked = read(r#"{"t":"ask","id":1,"ask":"sing","song":2}"#).unwrap();
+        assert_eq!(newer.ask, Ask::Unknown);
+        let want = r#"{"t":"want","codecs":["h264","jpeg"],"cameras":[{"camera":0,"width":1280}]}"#;
+        assert!(matches!(read(want).unwrap(), Viewing::Want { .. }));
+        assert_eq!(
+            read::<Viewing>(r#"{"t":"zoom"}"#).unwrap(),
+            Viewing::Unknown
+        );
+        assert_eq!(Intent::read(r#"{"t":"wave","seq":1,"epoch":1}"#), Ok(None));
+    }
+
+    #[test]
+    fn what_is_out_of_range_is_refused() {
+        for bad in [
+            "",
+            "{}",
+            "[]",
+            r#"{"t":"drive","seq":-1,"epoch":1}"#,
+            r#"{"t":"drive","seq":1,"epoch":1,"chair":[2,0]}"#,
+            r#"{"t":"drive","seq":1,"epoch":1,"chair":[1e999,0]}"#,
+            r#"{"t":"drive","seq":1,"epoch":1,"chair":[1]}"#,
+            r#"{"t":"step","seq":1,"epoch":1,"part":"hand","axis":3,"sign":1}"#,
+            r#"{"t":"step","seq":1,"epoch":1,"part":"hand","axis":0,"sign":0.5}"#,
+            r#"{"t":"step","seq":1,"epoch":1}"#,
+            r#"{"t":"drive","seq":1,"epoch":1,"clutch":{"move":[1e9,0,0],"turn":[0,0,0,1]}}"#,
+            r#"{"t":"drive","seq":1,"epoch":1,"clutch":{"move":[0,0,0],"turn":[0,0,0,0]}}"#,
+        ] {
+            assert!(Intent::read(bad).is_err(), "{bad}");
+        }
+    }
+}

@@ -1,0 +1,119 @@
+//! One WebSocket: its first message, its limits, its end.
+
+mod control;
+mod state;
+mod video;
+
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use hyper::upgrade::Upgraded;
+
+use crate::hub::Event;
+use crate::model::Socket;
+use crate::pipe::{Close, Entered, Pipe, Shared};
+use crate::protocol::{self, Hello, PROTOCOL};
+use crate::registry::Full;
+
+/// Longest wait for the first message.
+const HELLO: Duration = Duration::from_secs(5);
+/// Longest name of a page, bytes.
+const PAGE: usize = 64;
+
+/// What a socket is for, by its path.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Kind {
+    /// `/ws/state`.
+    State,
+    /// `/ws/video`.
+    Video,
+    /// `/ws/control`.
+    Control,
+}
+
+/// Serves a socket until its end. `cookie` came with the request for it.
+pub async fn serve(shared: Arc<Shared>, kind: Kind, upgraded: Upgraded, cookie: Option<String>) {
+    let mut pipe = Pipe::new(upgraded).await;
+    let close = match enter(&shared, kind, &mut pipe, cookie.as_deref()).await {
+        Ok(entered) => live(&shared, &mut pipe, entered).await,
+        Err(close) => Some(close),
+    };
+    if let Some(close) = close {
+        if close.code != 4409 && close.code != 1000 {
+            let line = serde_json::json!({"what": "closed", "code": close.code, "text": close.why});
+            shared.hub.tell(Event::Audit(line));
+        }
+        pipe.close(close).await;
+    }
+}
+
+async fn enter(
+    shared: &Shared,
+    kind: Kind,
+    pipe: &mut Pipe,
+    cookie: Option<&str>,
+) -> Result<Entered, Close> {
+    let first = tokio::time::timeout(HELLO, pipe.next()).await;
+    let first = first.map_err(|_| Close::new(4408, "no hello came within 5 s"))??;
+    let text = first.ok_or_else(|| Close::new(1000, ""))?;
+    let hello: Hello = protocol::read(&text).map_err(|e| Close::new(4400, e.to_string()))?;
+    if hello.t != "hello" {
+        return Err(Close::new(4400, "the first message is a hello"));
+    }
+    if hello.protocol != PROTOCOL {
+        let words = format!("this gateway speaks protocol {PROTOCOL}; load the page again");
+        return Err(Close::new(4426, words));
+    }
+    let visitor = shared.sessions.enter(&hello.ticket, cookie, Instant::now());
+    let visitor = visitor.ok_or_else(|| {
+        Close::new(
+            4401,
+            "the ticket is unknown, used or expired; ask for another",
+        )
+    })?;
+    let named = !hello.page.is_empty()
+        && hello.page.len() <= PAGE
+        && hello.page.bytes().all(|b| b.is_ascii_alphanumeric());
+    if !named || hello.lane > 1 {
+        return Err(Close::new(
+            4400,
+            "page is 1 to 64 letters and digits, lane 0 or 1",
+        ));
+    }
+    let socket = match kind {
+        Kind::State => Socket::State,
+        Kind::Video => Socket::Video,
+        Kind::Control if !visitor.role.may_drive() => {
+            return Err(Close::new(4403, "a viewer cannot drive"));
+        }
+        Kind::Control => Socket::Control(hello.lane),
+    };
+    let opened = shared.registry.open(&hello.page, &visitor, socket);
+    let (number, replaced) = opened.map_err(|full| match full {
+        Full::Pages => Close::new(4429, "too many pages are open"),
+        Full::Foreign => Close::new(4401, "this page is somebody else's"),
+    })?;
+    Ok(Entered {
+        page: hello.page,
+        visitor,
+        socket,
+        number,
+        replaced,
+    })
+}
+
+async fn live(shared: &Arc<Shared>, pipe: &mut Pipe, entered: Entered) -> Option<Close> {
+    let welcome = serde_json::json!({"t": "welcome", "protocol": PROTOCOL}).to_string();
+    let (page, socket, number) = (entered.page.clone(), entered.socket, entered.number);
+    let close = match pipe.say(welcome).await {
+        false => None,
+        true => match socket {
+            Socket::State => state::serve(shared, pipe, entered).await,
+            Socket::Video => video::serve(shared, pipe, entered).await,
+            Socket::Control(_) => control::serve(shared, pipe, entered).await,
+        },
+    };
+    shared.registry.close(&page, socket, number);
+    shared.hub.tell(Event::Left(page, socket));
+    close
+}

@@ -1,0 +1,28 @@
+//! A control socket: intents, of which the same come on two lanes.
+
+use crate::hub::Event;
+use crate::pipe::{Close, Entered, Pipe, Shared, replaced};
+use crate::protocol::Intent;
+
+/// Serves until its end; why it is closed, if it is.
+pub(super) async fn serve(shared: &Shared, pipe: &mut Pipe, entered: Entered) -> Option<Close> {
+    let mut ended = entered.replaced;
+    let joined = Event::Joined(entered.page.clone(), entered.visitor, entered.socket, None);
+    shared.hub.tell(joined);
+    loop {
+        let next = tokio::select! {
+            _ = &mut ended => return Some(replaced()),
+            next = pipe.next() => next,
+        };
+        let text = match next {
+            Ok(Some(text)) => text,
+            Ok(None) => return None,
+            Err(close) => return Some(close),
+        };
+        match Intent::read(&text) {
+            Ok(Some(intent)) => shared.hub.tell(Event::Intent(entered.page.clone(), intent)),
+            Ok(None) => {}
+            Err(why) => return Some(Close::new(4400, why.to_string())),
+        }
+    }
+}

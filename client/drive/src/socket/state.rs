@@ -1,0 +1,51 @@
+//! A state socket: reports ten times a second, answers and words at once, questions.
+
+use tokio::sync::{mpsc, watch as latest};
+
+use crate::hub::{Event, Outlet};
+use crate::pipe::{Close, Entered, Pipe, Shared, replaced};
+use crate::protocol::{self, Asked};
+
+/// Words that may wait for a page that reads slowly.
+const WAITING: usize = 64;
+
+/// Serves until its end; why it is closed, if it is.
+pub(super) async fn serve(shared: &Shared, pipe: &mut Pipe, entered: Entered) -> Option<Close> {
+    let mut ended = entered.replaced;
+    let (said, mut words) = mpsc::channel(WAITING);
+    let (report, mut reports) = latest::channel(String::new());
+    reports.mark_unchanged();
+    let outlet = Outlet { said, report };
+    let page = entered.page;
+    let joined = Event::Joined(page.clone(), entered.visitor, entered.socket, Some(outlet));
+    shared.hub.tell(joined);
+    loop {
+        let text = tokio::select! {
+            biased;
+            _ = &mut ended => return Some(replaced()),
+            word = words.recv() => match word {
+                Some(word) => word,
+                None => return Some(Close::new(4429, "this page does not read")),
+            },
+            next = pipe.next() => {
+                let text = match next {
+                    Ok(Some(text)) => text,
+                    Ok(None) => return None,
+                    Err(close) => return Some(close),
+                };
+                match protocol::read::<Asked>(&text) {
+                    Ok(asked) => shared.hub.tell(Event::Asked(page.clone(), asked)),
+                    Err(why) => return Some(Close::new(4400, why.to_string())),
+                }
+                continue;
+            }
+            changed = reports.changed() => match changed {
+                Ok(()) => reports.borrow_and_update().clone(),
+                Err(_) => return Some(Close::new(1001, "the gateway ends")),
+            },
+        };
+        if !pipe.say(text).await {
+            return None;
+        }
+    }
+}

@@ -1,0 +1,23 @@
+//! `wheelarm keys` and `wheelarm users`: who may connect to the servers of this
+//! host, and what each may do there. Works on files alone.
+
+mod keys;
+mod secret;
+mod users;
+
+pub use keys::{KeysCommand, keys};
+pub use users::{UsersCommand, users};
+
+use std::path::{Path, PathBuf};
+
+use anyhow::Context;
+
+/// The folder of keys, which every command here needs.
+fn folder(named: Option<&PathBuf>) -> anyhow::Result<&Path> {
+    named
+        .map(PathBuf::as_path)
+        .context("name the folder of keys with --keys DIR or WHEELARM_KEYS")
+}
+
+/// What must follow a change, for rules are read when a server starts.
+const START_ANEW: &str = "servers and routers that run go by it once they are started anew";

@@ -1,0 +1,25 @@
+//! Who may do what: users with roles and passwords, certificates of a private
+//! authority, and the rules of the transport that are made of both.
+//!
+//! [`Users`] is the file `users.toml`; [`Folder`] the folder of keys around it;
+//! [`access_control`] and [`router`] write the transport's configuration. Nothing
+//! here opens a connection, and nobody's password or private key is printed.
+
+#![warn(missing_docs)]
+
+mod authority;
+mod error;
+mod folder;
+mod password;
+mod role;
+mod rules;
+mod transport;
+mod users;
+
+pub use authority::{LONGEST_DAYS, SHORTEST_DAYS};
+pub use error::AccessError;
+pub use folder::{About, Folder, SERVER, ServerIdentity};
+pub use role::Role;
+pub use rules::{Flow, Grant, Kind, grants, grants_of_servers};
+pub use transport::{access_control, router, tls};
+pub use users::{User, Users};

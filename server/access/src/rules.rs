@@ -1,0 +1,259 @@
+//! Which messages of which keys each role may send and be sent: the table.
+//!
+//! Everything else is refused. A key here must include the key of the message:
+//! `*` and `**` do not stand for chunks that begin with `@`, so those of the
+//! publishers' caches (`@adv`) are named. `sim` may be `*`, for a router.
+
+use serde::Serialize;
+
+use wheelarm_proto::keys::PREFIX;
+use wheelarm_proto::preview::PreviewLevel;
+
+use super::{Role, User};
+
+/// A kind of message, as the transport calls it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Kind {
+    /// A sample.
+    Put,
+    /// The end of a sample.
+    Delete,
+    /// Somebody listens.
+    DeclareSubscriber,
+    /// A question.
+    Query,
+    /// Its answer.
+    Reply,
+    /// Somebody answers.
+    DeclareQueryable,
+    /// A sign of life.
+    LivelinessToken,
+    /// A question who is alive.
+    LivelinessQuery,
+    /// Somebody listens for signs of life.
+    DeclareLivelinessSubscriber,
+}
+
+impl Kind {
+    /// All of them.
+    pub const ALL: [Self; 9] = [
+        Self::Put,
+        Self::Delete,
+        Self::DeclareSubscriber,
+        Self::Query,
+        Self::Reply,
+        Self::DeclareQueryable,
+        Self::LivelinessToken,
+        Self::LivelinessQuery,
+        Self::DeclareLivelinessSubscriber,
+    ];
+}
+
+/// Which way a message goes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Flow {
+    /// From the user.
+    Ingress,
+    /// To the user.
+    Egress,
+}
+
+/// What is let through.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Grant {
+    /// Which way.
+    pub flow: Flow,
+    /// Kinds of messages.
+    pub kinds: Vec<Kind>,
+    /// Keys; each includes those of the messages.
+    pub keys: Vec<String>,
+}
+
+/// What a user may send and be sent, of the server `sim`.
+#[must_use]
+pub fn grants(user: &User, sim: &str) -> Vec<Grant> {
+    let mut table = Table::new(sim);
+    let me = &user.name;
+    match user.role {
+        Role::Viewer => table.viewer(),
+        Role::Operator => {
+            table.viewer();
+            table.operator(me);
+            if user.pictures {
+                table.pictures();
+                table.ask(&["sensors"]);
+            }
+        }
+        Role::Recorder => {
+            table.viewer();
+            table.recorder(me);
+        }
+        Role::Admin => table.admin(),
+    }
+    table.grants
+}
+
+/// What servers may send each other through a router, and a router to them: all
+/// that belongs to this system.
+#[must_use]
+pub fn grants_of_servers() -> Vec<Grant> {
+    let keys = vec![format!("{PREFIX}/**"), format!("{PREFIX}/**/@adv/**")];
+    let both = [Flow::Ingress, Flow::Egress];
+    both.map(|flow| Grant {
+        flow,
+        kinds: Kind::ALL.to_vec(),
+        keys: keys.clone(),
+    })
+    .to_vec()
+}
+
+/// Queries that change something or tell what only a commander asks.
+const OF_OPERATORS: [&str; 7] = [
+    "reach",
+    "pick",
+    "reset",
+    "pause",
+    "resume",
+    "episode_start",
+    "episode_stop",
+];
+
+struct Table {
+    sim: String,
+    grants: Vec<Grant>,
+}
+
+impl Table {
+    /// With what everybody sees: which servers there are, and who listens and
+    /// answers, for the transport sends nothing where it knows of nobody.
+    fn new(sim: &str) -> Self {
+        let mut table = Self {
+            sim: sim.to_owned(),
+            grants: Vec::new(),
+        };
+        table.watch(vec![format!("{PREFIX}/*/alive/*")]);
+        let all = vec![table.key("**")];
+        table.let_out(&[Kind::DeclareSubscriber, Kind::DeclareQueryable], all);
+        table
+    }
+
+    fn key(&self, rest: &str) -> String {
+        format!("{PREFIX}/{}/{rest}", self.sim)
+    }
+
+    fn let_in(&mut self, kinds: &[Kind], keys: Vec<String>) {
+        self.grants.push(Grant {
+            flow: Flow::Ingress,
+            kinds: kinds.to_vec(),
+            keys,
+        });
+    }
+
+    fn let_out(&mut self, kinds: &[Kind], keys: Vec<String>) {
+        self.grants.push(Grant {
+            flow: Flow::Egress,
+            kinds: kinds.to_vec(),
+            keys,
+        });
+    }
+
+    /// Signs of life of others.
+    fn watch(&mut self, keys: Vec<String>) {
+        let asked = [Kind::LivelinessQuery, Kind::DeclareLivelinessSubscriber];
+        self.let_in(&asked, keys.clone());
+        self.let_out(&[Kind::LivelinessToken], keys);
+    }
+
+    /// A sign of life of its own, which it may also ask for: whether the name is
+    /// free.
+    fn live(&mut self, key: &str) {
+        let keys = vec![self.key(key)];
+        self.let_in(&[Kind::LivelinessToken], keys.clone());
+        self.watch(keys);
+    }
+
+    fn send(&mut self, key: &str) {
+        let keys = vec![self.key(key)];
+        self.let_in(&[Kind::Put], keys);
+    }
+
+    fn ask(&mut self, queries: &[&str]) {
+        let keys: Vec<String> = queries
+            .iter()
+            .map(|query| self.key(&format!("query/{query}")))
+            .collect();
+        self.let_in(&[Kind::Query], keys.clone());
+        self.let_out(&[Kind::Reply], keys);
+    }
+
+    /// What is published under these keys, with what the publishers keep of it
+    /// for who came late or missed something.
+    fn listen(&mut self, keys: &[&str]) {
+        let data: Vec<String> = keys.iter().map(|key| self.key(key)).collect();
+        let kept: Vec<String> = data.iter().map(|key| format!("{key}/@adv/**")).collect();
+        let both = [&data[..], &kept[..]].concat();
+        self.let_in(&[Kind::DeclareSubscriber], both.clone());
+        self.let_out(&[Kind::Put, Kind::Delete], both.clone());
+        // What was missed comes as the answer to a question, under its own key.
+        self.let_in(&[Kind::Query], kept.clone());
+        self.let_out(&[Kind::Reply], both);
+        self.let_out(&[Kind::DeclareQueryable], kept.clone());
+        self.watch(kept);
+    }
+
+    fn viewer(&mut self) {
+        self.listen(&["stream/*", "episode/*", "refusal"]);
+        let levels: Vec<String> = PreviewLevel::ALL
+            .iter()
+            .map(|level| format!("preview/*/{}", level.name()))
+            .collect();
+        let levels: Vec<&str> = levels.iter().map(String::as_str).collect();
+        self.listen(&levels);
+        self.ask(&["status", "scene", "tasks"]);
+    }
+
+    fn operator(&mut self, me: &str) {
+        self.send(&format!("command/{me}"));
+        self.live(&format!("commander/{me}/*/alive"));
+        self.ask(&[&format!("lease/{me}")]);
+        self.ask(&OF_OPERATORS);
+    }
+
+    fn pictures(&mut self) {
+        self.listen(&["camera/*", "sensor/*"]);
+    }
+
+    fn recorder(&mut self, me: &str) {
+        self.send(&format!("recorder/{me}"));
+        self.live(&format!("recorder/{me}/alive"));
+        self.pictures();
+        // Which episode runs: a recorder that comes late or lost a message.
+        self.ask(&["snapshot", "episode"]);
+    }
+
+    /// Everything but what the server alone says and answers, and its sign of
+    /// life.
+    fn admin(&mut self) {
+        self.send("command/*");
+        self.send("recorder/*");
+        self.live("commander/*/*/alive");
+        self.live("recorder/*/alive");
+        let (all, kept) = (self.key("**"), self.key("**/@adv/**"));
+        let both = vec![all.clone(), kept.clone()];
+        self.let_in(&[Kind::DeclareSubscriber, Kind::Query], both.clone());
+        self.watch(both.clone());
+        self.let_out(
+            &[Kind::Put, Kind::Delete, Kind::Reply, Kind::DeclareQueryable],
+            both,
+        );
+        // Policies that answer through this server.
+        let policies = vec![format!("{PREFIX}/policy/**")];
+        self.let_in(&Kind::ALL, policies.clone());
+        self.let_out(&Kind::ALL, policies);
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,155 @@
+//! The transport's configuration, as JSON values that go under its own keys.
+
+use serde_json::{Value, json};
+
+use super::rules::{Flow, Grant, grants, grants_of_servers};
+use super::{AccessError, Folder, SERVER, Users};
+
+/// What a listener over a network is asked for: by certificates of this folder on
+/// both sides, ended when one is over. Goes under `transport/link`.
+#[must_use]
+pub fn tls(folder: &Folder) -> Value {
+    let path = |path: std::path::PathBuf| path.display().to_string();
+    json!({
+        "protocols": ["tls", "unixsock-stream"],
+        "tls": {
+            "root_ca_certificate": path(folder.authority()),
+            "listen_certificate": path(folder.certificate()),
+            "listen_private_key": path(folder.key()),
+            // Towards a router a server shows the same certificate.
+            "connect_certificate": path(folder.certificate()),
+            "connect_private_key": path(folder.key()),
+            "enable_mtls": true,
+            "verify_name_on_connect": true,
+            "close_link_on_expiration": true,
+        },
+    })
+}
+
+/// The rules of the server `sim` (`*` for a router in front of many): what no
+/// rule allows is refused. Goes under `access_control`.
+///
+/// A user is whose certificate has its name. Who connects through a local
+/// socket, a file of mode 0600, is the user of this process, and may what an
+/// admin may.
+#[must_use]
+pub fn access_control(users: &Users, sim: &str) -> Value {
+    let mut lists = Lists::default();
+    for user in users.iter() {
+        let name = format!("user-{}", user.name);
+        let who = json!({
+            "id": name,
+            "cert_common_names": [user.name],
+            "link_protocols": ["tls"],
+        });
+        lists.add(&name, who, &grants(user, sim));
+    }
+    let local = super::User::local();
+    let who = json!({ "id": "local", "link_protocols": ["unixsock-stream"] });
+    lists.add("local", who, &grants(&local, sim));
+    let who = json!({
+        "id": "servers",
+        "cert_common_names": [SERVER],
+        "link_protocols": ["tls"],
+    });
+    lists.add("servers", who, &grants_of_servers());
+    json!({
+        "enabled": true,
+        "default_permission": "deny",
+        "rules": lists.rules,
+        "subjects": lists.subjects,
+        "policies": lists.policies,
+    })
+}
+
+#[derive(Default)]
+struct Lists {
+    rules: Vec<Value>,
+    subjects: Vec<Value>,
+    policies: Vec<Value>,
+}
+
+impl Lists {
+    fn add(&mut self, name: &str, who: Value, grants: &[Grant]) {
+        let mut ids = Vec::new();
+        for (i, grant) in grants.iter().enumerate() {
+            let id = format!("{name}-{i}");
+            let Grant { flow, kinds, keys } = grant;
+            let flow: &Flow = flow;
+            self.rules.push(json!({
+                "id": id,
+                "permission": "allow",
+                "flows": [flow],
+                "messages": kinds,
+                "key_exprs": keys,
+            }));
+            ids.push(id);
+        }
+        self.subjects.push(who);
+        self.policies
+            .push(json!({ "rules": ids, "subjects": [name] }));
+    }
+}
+
+/// The whole configuration of a router (`zenohd -c FILE`) that listens at
+/// `endpoints` and lets servers and users of this folder through, each to what
+/// it may.
+///
+/// # Errors
+/// As [`Folder::users`].
+pub fn router(folder: &Folder, endpoints: &[String]) -> Result<String, AccessError> {
+    let users = folder.users()?;
+    let mut link = tls(folder);
+    // Samples wait for room, where the default drops them after a millisecond.
+    link["tx"] = json!({ "queue": { "congestion_control": { "drop": {
+        "wait_before_drop": 5_000_000,
+        "max_wait_before_drop_fragments": 5_000_000,
+    } } } });
+    let config = json!({
+        "mode": "router",
+        "listen": { "endpoints": endpoints },
+        "scouting": { "multicast": { "enabled": false }, "gossip": { "enabled": false } },
+        "timestamping": { "enabled": true },
+        "adminspace": { "enabled": false },
+        "transport": { "link": link, "shared_memory": { "enabled": false } },
+        "access_control": access_control(&users, "*"),
+    });
+    serde_json::to_string_pretty(&config)
+        .map_err(AccessError::crypto("writing a router's configuration"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{Role, User};
+
+    #[test]
+    fn the_transport_takes_the_configuration_of_many_users() {
+        let temporary = tempfile::tempdir().unwrap();
+        let hosts = ["localhost".to_owned()];
+        let folder = Folder::init(&temporary.path().join("keys"), &hosts).unwrap();
+        let mut users = folder.users().unwrap();
+        // Names that clash with our own ids, were they not told apart.
+        for name in ["local", "servers", "anna", "anna-0"] {
+            for role in Role::ALL {
+                let name = format!("{name}{role}");
+                users.add(User::new(&name, role).unwrap()).unwrap();
+            }
+            users.add(User::new(name, Role::Viewer).unwrap()).unwrap();
+        }
+        users.save(&folder.users_file()).unwrap();
+        let text = router(&folder, &["tls/127.0.0.1:7447".to_owned()]).unwrap();
+        let config = zenoh::Config::from_json5(&text).unwrap();
+        let rules = config.get_json("access_control/rules").unwrap();
+        assert!(rules.contains("wheelarm/*/command/annaoperator"), "{rules}");
+        assert!(!rules.contains("deny"));
+    }
+
+    #[test]
+    fn without_users_the_local_one_alone_is_let_in() {
+        let rules = access_control(&Users::default(), "lab");
+        assert_eq!(rules["default_permission"], "deny");
+        let subjects = rules["subjects"].as_array().unwrap();
+        assert_eq!(subjects.len(), 2, "local and servers: {subjects:?}");
+    }
+}

@@ -1,0 +1,332 @@
+//! The file `users.toml`: who there is, in which role, with which password.
+
+use std::fs;
+use std::path::Path;
+
+use serde::{Deserialize, Serialize};
+use wheelarm_proto::keys::check_name;
+
+use super::folder::{SERVER, write_private};
+use super::{AccessError, Role, password};
+
+/// Largest file of users that is read, bytes.
+const MOST_BYTES: u64 = 1 << 20;
+
+/// One user.
+#[derive(Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct User {
+    /// Name, as in the keys of what it sends: 1 to 64 letters, digits, `-`, `_`.
+    pub name: String,
+    /// What it may do.
+    pub role: Role,
+    /// An operator that also takes full pictures, as a policy does.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub pictures: bool,
+    /// Argon2id hash of its password, for the web page; without one it has
+    /// certificates only.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    password: Option<String>,
+}
+
+impl std::fmt::Debug for User {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("User")
+            .field("name", &self.name)
+            .field("role", &self.role)
+            .field("pictures", &self.pictures)
+            .field("has_password", &self.has_password())
+            .finish()
+    }
+}
+
+impl User {
+    /// A user without a password.
+    ///
+    /// # Errors
+    /// [`AccessError::Name`], [`AccessError::Reserved`].
+    pub fn new(name: &str, role: Role) -> Result<Self, AccessError> {
+        let user = Self {
+            name: name.to_owned(),
+            role,
+            pictures: false,
+            password: None,
+        };
+        user.check()?;
+        Ok(user)
+    }
+
+    /// Whoever runs the server.
+    pub(crate) fn local() -> Self {
+        Self {
+            name: "local".to_owned(),
+            role: Role::Admin,
+            pictures: false,
+            password: None,
+        }
+    }
+
+    /// Whether it can log in with a password.
+    #[must_use]
+    pub fn has_password(&self) -> bool {
+        self.password.is_some()
+    }
+
+    fn check(&self) -> Result<(), AccessError> {
+        check_name(&self.name)?;
+        match self.name == SERVER {
+            true => Err(AccessError::Reserved(self.name.clone())),
+            false => Ok(()),
+        }
+    }
+}
+
+/// Every user.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Users {
+    /// In the order of the file.
+    #[serde(default, rename = "user", skip_serializing_if = "Vec::is_empty")]
+    users: Vec<User>,
+}
+
+impl Users {
+    /// Reads a file.
+    ///
+    /// # Errors
+    /// [`AccessError::File`], [`AccessError::Users`] with line and cure.
+    pub fn load(path: &Path) -> Result<Self, AccessError> {
+        let about = fs::metadata(path).map_err(AccessError::file("reading", path))?;
+        if about.len() > MOST_BYTES {
+            return Err(AccessError::Users {
+                path: path.to_owned(),
+                why: format!(
+                    "it has {} bytes, at most {MOST_BYTES} are read",
+                    about.len()
+                ),
+            });
+        }
+        let text = fs::read_to_string(path).map_err(AccessError::file("reading", path))?;
+        Self::read(&text).map_err(|why| AccessError::Users {
+            path: path.to_owned(),
+            why,
+        })
+    }
+
+    /// Reads the text of a file.
+    ///
+    /// # Errors
+    /// What is wrong, in words.
+    pub fn read(text: &str) -> Result<Self, String> {
+        let read: Self = toml::from_str(text).map_err(|e| e.to_string())?;
+        for (i, user) in read.users.iter().enumerate() {
+            user.check().map_err(|e| e.to_string())?;
+            if read.users[..i].iter().any(|other| other.name == user.name) {
+                return Err(format!("the user {:?} stands there twice", user.name));
+            }
+            if user.pictures && user.role != Role::Operator {
+                return Err(format!(
+                    "{:?} is no operator: only operators have `pictures`, a {} has its role's",
+                    user.name, user.role
+                ));
+            }
+            if let Some(hash) = &user.password {
+                password::check(hash).map_err(|why| {
+                    format!(
+                        "the password of {:?} is not taken: {why}; set it with `wheelarm users password`",
+                        user.name
+                    )
+                })?;
+            }
+        }
+        Ok(read)
+    }
+
+    /// Writes a file that only its owner reads.
+    ///
+    /// # Errors
+    /// [`AccessError::File`].
+    pub fn save(&self, path: &Path) -> Result<(), AccessError> {
+        let text = toml::to_string(self).map_err(AccessError::crypto("writing users as TOML"))?;
+        write_private(path, text.as_bytes())
+    }
+
+    /// The role of a user whose password this is. Takes as long for an unknown
+    /// user as for a wrong password.
+    #[must_use]
+    pub fn verify(&self, name: &str, password: &str) -> Option<Role> {
+        let user = self.get(name);
+        let stored = user.and_then(|user| user.password.as_deref());
+        let right = password::verify(password, stored);
+        user.filter(|_| right).map(|user| user.role)
+    }
+
+    /// One of them.
+    #[must_use]
+    pub fn get(&self, name: &str) -> Option<&User> {
+        self.users.iter().find(|user| user.name == name)
+    }
+
+    /// All of them, in the order of the file.
+    pub fn iter(&self) -> impl Iterator<Item = &User> {
+        self.users.iter()
+    }
+
+    /// Whether there is nobody.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.users.is_empty()
+    }
+
+    /// Adds one.
+    ///
+    /// # Errors
+    /// [`AccessError::Taken`], [`AccessError::Name`], [`AccessError::Reserved`].
+    pub fn add(&mut self, user: User) -> Result<(), AccessError> {
+        user.check()?;
+        if self.get(&user.name).is_some() {
+            return Err(AccessError::Taken(user.name));
+        }
+        self.users.push(user);
+        Ok(())
+    }
+
+    /// Takes one away.
+    ///
+    /// # Errors
+    /// [`AccessError::Unknown`].
+    pub fn remove(&mut self, name: &str) -> Result<User, AccessError> {
+        let at = self.users.iter().position(|user| user.name == name);
+        let at = at.ok_or_else(|| self.unknown(name))?;
+        Ok(self.users.remove(at))
+    }
+
+    /// Sets a password, or takes it away.
+    ///
+    /// # Errors
+    /// [`AccessError::Unknown`], [`AccessError::Password`].
+    pub fn set_password(&mut self, name: &str, new: Option<&str>) -> Result<(), AccessError> {
+        let hash = new.map(password::hash).transpose()?;
+        let unknown = self.unknown(name);
+        let user = self.users.iter_mut().find(|user| user.name == name);
+        user.ok_or(unknown)?.password = hash;
+        Ok(())
+    }
+
+    /// That there is no such user.
+    pub(crate) fn unknown(&self, name: &str) -> AccessError {
+        let found: Vec<&str> = self.users.iter().map(|user| user.name.as_str()).collect();
+        AccessError::Unknown {
+            name: name.to_owned(),
+            found: match found.is_empty() {
+                true => "none".to_owned(),
+                false => found.join(", "),
+            },
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn users() -> Users {
+        let mut users = Users::default();
+        for (name, role) in [("anna", Role::Operator), ("veit", Role::Viewer)] {
+            users.add(User::new(name, role).unwrap()).unwrap();
+        }
+        users
+    }
+
+    #[test]
+    fn a_password_opens_its_own_user_and_no_other() {
+        let mut users = users();
+        users.set_password("anna", Some("correct horse")).unwrap();
+        assert_eq!(users.verify("anna", "correct horse"), Some(Role::Operator));
+        for (name, password) in [
+            ("anna", "wrong horse!"),
+            ("anna", ""),
+            ("veit", "correct horse"),
+            ("veit", ""),
+            ("nobody", "correct horse"),
+            ("anna", &"x".repeat(100_000)),
+        ] {
+            assert_eq!(users.verify(name, password), None, "{name}");
+        }
+        users.set_password("anna", None).unwrap();
+        assert_eq!(users.verify("anna", "correct horse"), None);
+    }
+
+    #[test]
+    fn a_file_is_read_back_and_shows_no_password() {
+        let mut users = users();
+        users.set_password("anna", Some("correct horse")).unwrap();
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("users.toml");
+        users.save(&path).unwrap();
+        let text = fs::read_to_string(&path).unwrap();
+        assert!(
+            text.contains("$argon2id$") && !text.contains("horse"),
+            "{text}"
+        );
+        assert!(!format!("{users:?}").contains("argon2id"));
+        assert_eq!(Users::load(&path).unwrap(), users);
+        use std::os::unix::fs::PermissionsExt;
+        let mode = fs::metadata(&path).unwrap().permissions().mode();
+        assert_eq!(mode & 0o777, 0o600);
+    }
+
+    #[test]
+    fn a_wrong_file_is_told_with_the_cure() {
+        let bcrypt = "$2b$12$R9h/cIPz0gi.URNNX3kh2OPST9/PgBkqquzi.Ss7KIUgO2t0jWMUW";
+        let costly =
+            "$argon2id$v=19$m=4194304,t=2,p=1$c29tZXNhbHQ$RdescudvJCsgt3ub+b0h8nTLvX5hJgtw";
+        for (text, words) in [
+            ("[[user]]\nname = \"a\"", "missing field `role`"),
+            ("[[user]]\nname = \"a\"\nrole = \"king\"", "unknown variant"),
+            ("[[user]]\nname = \"a b\"\nrole = \"viewer\"", "letters"),
+            (
+                "[[user]]\nname = \"a\"\nrole = \"viewer\"\nrole2 = 1",
+                "unknown field",
+            ),
+            (
+                "[[user]]\nname = \"wheelarm-server\"\nrole = \"viewer\"",
+                "servers",
+            ),
+            (
+                "[[user]]\nname = \"a\"\nrole = \"viewer\"\npictures = true",
+                "no operator",
+            ),
+            (
+                "[[user]]\nname = \"a\"\nrole = \"viewer\"\n[[user]]\nname = \"a\"\nrole = \"admin\"",
+                "twice",
+            ),
+            (
+                &format!("[[user]]\nname = \"a\"\nrole = \"viewer\"\npassword = \"{bcrypt}\""),
+                "wheelarm users password",
+            ),
+            (
+                &format!("[[user]]\nname = \"a\"\nrole = \"viewer\"\npassword = \"{costly}\""),
+                "KiB",
+            ),
+        ] {
+            let told = Users::read(text).unwrap_err();
+            assert!(told.contains(words), "{text}\n{told}");
+        }
+        assert!(Users::read("").unwrap().is_empty());
+    }
+
+    #[test]
+    fn nobody_is_there_twice_or_removed_twice() {
+        let mut users = users();
+        let again = users.add(User::new("anna", Role::Admin).unwrap());
+        assert!(matches!(again, Err(AccessError::Taken(_))));
+        users.remove("anna").unwrap();
+        let told = users.remove("anna").unwrap_err().to_string();
+        assert!(told.contains("there are: veit"), "{told}");
+        assert!(matches!(
+            users.set_password("veit", Some("short")),
+            Err(AccessError::Password { found: 5, .. })
+        ));
+    }
+}

@@ -1,0 +1,34 @@
+#!/usr/bin/env bash
+# Tests the page that drives (client/drive/page).
+#   tests/drive.sh        its logic by node, then every device, accessibility and a headset
+#                         in Chromium; installs Chromium and four npm packages if they are missing
+#   tests/drive.sh fast   only its logic: seconds, node alone
+set -euo pipefail
+cd "$(dirname "$0")/drive"
+
+if ! command -v node >/dev/null; then
+    if [ "${1:-}" = fast ]; then
+        echo "node is missing: the tests of the driving page are skipped (apt-get install nodejs)"
+        exit 0
+    fi
+    echo "node 20 or newer is needed: apt-get install nodejs npm" >&2
+    exit 1
+fi
+node -e 'process.exit(Number(process.versions.node.split(".")[0]) < 20 ? 1 : 0)' || {
+    echo "node $(node --version) is too old for the tests of the driving page: 20 or newer is needed" >&2
+    [ "${1:-}" = fast ] && exit 0
+    exit 1
+}
+node --test unit/
+[ "${1:-}" = fast ] && exit 0
+
+../../scripts/setup.sh chromium
+for browser in chromium chromium-browser google-chrome; do
+    CHROMIUM=${CHROMIUM:-$(command -v "$browser" || true)}
+done
+[ -n "$CHROMIUM" ] || { echo "no Chromium: apt-get install chromium" >&2; exit 1; }
+export CHROMIUM
+[ -d node_modules/ws ] || npm install --no-audit --no-fund --no-package-lock --silent
+# One file after the other: each starts a browser, and a page that waits for a
+# processor is frozen by its own rules.
+node --test --test-concurrency=1 browser/

@@ -1,0 +1,75 @@
+// Pictures of the page as each person sees it: node look.js FOLDER [NAME…]
+
+import { mkdirSync } from "node:fs";
+
+import { preset } from "../../client/drive/page/logic/profile.js";
+import { launch, open } from "./browser.js";
+
+const PHONE = { width: 360, height: 740 };
+const wait = (page, ms) => page.waitForTimeout(ms);
+
+export const LOOKS = {
+  login: { user: null },
+  keyboard: { settings: preset("keyboard"), episode: true, after: async ({ page, gateway }) => {
+    gateway.faults.blocked = { "hand.up": "limit", "chair.forward": "contact" };
+    await page.keyboard.down("KeyN");
+    await wait(page, 300);
+  } },
+  touch: { settings: preset("touch"), size: PHONE, touch: true, episode: true },
+  switch: { settings: preset("one_switch"), episode: true, after: async ({ page }) => {
+    for (const pause of [700, 3600]) {
+      await page.keyboard.down("Space");
+      await wait(page, 400);
+      await page.keyboard.up("Space");
+      await wait(page, pause);
+    }
+  } },
+  dwell: { settings: preset("dwell"), episode: true, after: async ({ page }) => {
+    const box = await page.locator('[data-item="hand.forward"]').boundingBox();
+    await page.mouse.move(box.x + 40, box.y + 60);
+    await wait(page, 600);
+  } },
+  gamepad: { settings: preset("gamepad"), scripts: ["navigator.getGamepads = () => [{ id: 'Xbox Adaptive Controller', index: 0, connected: true, mapping: 'standard', axes: [0,0,0,0], buttons: Array.from({length:17},()=>({pressed:false,value:0})) }]"] },
+  voice: { settings: preset("voice") },
+  spectator: { user: "vera", drive: false },
+  other: { drive: false, after: async ({ gateway, page }) => {
+    gateway.holder = "ben";
+    await wait(page, 300);
+    await page.locator('[data-item="take"]').click();
+    await wait(page, 300);
+  } },
+  menu: { episode: true, after: async ({ page }) => {
+    await page.locator("#stage canvas").first().click({ position: { x: 150, y: 40 } });
+    await wait(page, 400);
+  } },
+  frozen: { after: async ({ gateway, page }) => {
+    gateway.frozen = true;
+    await wait(page, 1800);
+  } },
+  settings: { after: async ({ page }) => {
+    await page.locator('[data-item="settings"]').click();
+  } },
+  arrange: { after: async ({ page }) => {
+    await page.locator('[data-item="settings"]').click();
+    await page.locator('[data-item="arrange"]').click();
+  } },
+  zoom: { size: { width: 320, height: 256 } },
+};
+
+if (import.meta.url === `file://${process.argv[1]}`) {
+  const [folder, ...names] = process.argv.slice(2);
+  mkdirSync(folder, { recursive: true });
+  const browser = await launch();
+  for (const [name, look] of Object.entries(LOOKS)) {
+    if (names.length > 0 && !names.includes(name)) continue;
+    for (const dark of [false, true]) {
+      const one = await open(browser, { codec: "jpeg", slow: false, ...look, dark });
+      await wait(one.page, 800);
+      if (look.after) await look.after(one);
+      await wait(one.page, 300);
+      await one.page.screenshot({ path: `${folder}/${name}-${dark ? "dark" : "light"}.png`, fullPage: process.env.FULL === "1" });
+      await one.close().catch((error) => console.log(name, error.message));
+    }
+  }
+  await browser.close();
+}

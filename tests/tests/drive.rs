@@ -1,0 +1,394 @@
+//! Driving through the gateway, against a real server: a WebSocket client in the
+//! place of the page. Order and ticks are looked at, and no times.
+
+#[path = "drive/page.rs"]
+mod page;
+#[path = "drive/safe.rs"]
+mod safe;
+
+use serde_json::json;
+use wheelarm_proto::v1;
+use wheelarm_tests::{Server, printed, wait_until};
+
+use page::{Gateway, Held, Page};
+use safe::Safe;
+
+const CAMERA: [&str; 4] = ["--camera", "gen3=64x48@10", "--quality", "fast"];
+
+fn server(name: &str) -> Server {
+    Server::start(name, &CAMERA).expect("a server")
+}
+
+/// Ticks pass on the server.
+fn pass(page: &Page, ticks: u64) {
+    let from = page.tick();
+    wait_until("time goes on", || page.tick() >= from + ticks);
+}
+
+/// Where the chair stands and looks, from the server itself.
+fn chair(page: &Page) -> [f64; 3] {
+    let place = page.situation()["robot"]["chair"].clone();
+    [0, 1, 2].map(|i| place[i].as_f64().expect("a place of the chair"))
+}
+
+fn moved(page: &Page, from: [f64; 3]) -> f64 {
+    let [x, y, _] = chair(page);
+    (x - from[0]).hypot(y - from[1])
+}
+
+/// The chair stands.
+fn rests(page: &Page) {
+    wait_until("the chair rests", || {
+        let speed = &page.situation()["robot"]["speed"];
+        let still = |i: usize, most: f64| speed[i].as_f64().is_some_and(|v| v.abs() < most);
+        still(0, 0.01) && still(1, 0.02)
+    });
+}
+
+/// Drives until the chair moves; a press that a busy machine broke off is pressed
+/// again.
+fn gets_going(page: &mut Page, held: Held) {
+    let from = chair(page);
+    page.press(held);
+    wait_until("the chair moves", || {
+        let dead = page.situation()["control"]["dead"].as_u64().unwrap_or(0);
+        if dead >= u64::from(page.epoch().0) {
+            page.press(held);
+        }
+        moved(page, from) > 0.05
+    });
+}
+
+#[test]
+fn a_page_drives_and_stops_and_nothing_moves_after_a_freeze_or_a_cut() {
+    let server = server("drive");
+    let gateway = Gateway::open(&server);
+    let mut page = Page::open(&gateway, "a1", true);
+    assert_eq!(page.ask("lease.ask", json!({}))["mine"], true);
+    // Held, and let go.
+    gets_going(&mut page, Held::back());
+    page.release();
+    rests(&page);
+    // Stopped: the page is told when the server has taken it.
+    gets_going(&mut page, Held::back());
+    page.stop();
+    wait_until("the stop is in force", || page.was_told("stopped"));
+    rests(&page);
+    let stopped = page.situation();
+    assert_eq!(stopped["control"]["stopped"], true, "{stopped}");
+    let at = chair(&page);
+    page.hold_on();
+    pass(&page, 240);
+    assert!(moved(&page, at) < 0.01, "the same press moved it again");
+    // The picture freezes while the key is held.
+    gets_going(&mut page, Held::forward());
+    page.freeze(true);
+    wait_until("the freeze is seen", || {
+        page.situation()["control"]["allow"] != "drive"
+    });
+    rests(&page);
+    wait_until("only a stop is allowed", || {
+        page.situation()["control"]["allow"] == "stop"
+    });
+    page.forget_told();
+    page.stop();
+    wait_until("a stop is taken all the same", || page.was_told("stopped"));
+    page.freeze(false);
+    wait_until("pictures are fresh", || {
+        page.situation()["control"]["allow"] == "drive"
+    });
+    // The line is cut while driving.
+    gets_going(&mut page, Held::forward());
+    let epoch = page.epoch();
+    page.cut();
+    drop(page);
+    let mut again = Page::open(&gateway, "a1", true);
+    again.goes_on_from(epoch);
+    assert_eq!(again.ask("lease.ask", json!({}))["mine"], true);
+    rests(&again);
+    let at = chair(&again);
+    again.hold(Held::forward());
+    pass(&again, 240);
+    assert!(
+        moved(&again, at) < 0.01,
+        "a press from before the cut moved it"
+    );
+    gets_going(&mut again, Held::back());
+    again.release();
+    rests(&again);
+    // A browser that is gone lets the chair stand.
+    gets_going(&mut again, Held::back());
+    drop(again);
+    let watching = Page::open(&gateway, "w1", false);
+    rests(&watching);
+    let status: v1::Status = server.link().ask(&v1::StatusRequest {}).expect("a status");
+    assert_eq!(
+        status.refused, 0,
+        "the gate refused commands of the gateway"
+    );
+}
+
+#[test]
+fn two_operators_hand_control_over_and_a_viewer_has_none() {
+    let server = server("two");
+    let gateway = Gateway::open(&server);
+    let mut anna = Page::open(&gateway, "a1", true);
+    let mut ben = Page::open(&gateway, "b1", true);
+    let carl = Page::open(&gateway, "c1", false);
+    assert_eq!(anna.ask("lease.ask", json!({}))["mine"], true);
+    let refused = ben.ask("lease.ask", json!({}));
+    assert_eq!(refused["ok"], false, "{refused}");
+    wait_until("anna is told", || anna.was_noted("asks for control"));
+    gets_going(&mut anna, Held::back());
+    assert_eq!(ben.ask("lease.take", json!({}))["mine"], true);
+    wait_until("anna is told", || anna.was_noted("took control"));
+    rests(&carl);
+    let at = chair(&carl);
+    anna.hold_on();
+    pass(&carl, 120);
+    assert!(moved(&carl, at) < 0.01);
+    gets_going(&mut ben, Held::forward());
+    // Whoever is an operator may stop.
+    anna.stop();
+    wait_until("ben is told", || ben.was_noted("stopped everything"));
+    rests(&carl);
+    assert_eq!(ben.ask("lease.give", json!({}))["ok"], true);
+    wait_until("nobody is in control", || {
+        let situation = carl.situation();
+        situation["lease"]["holder"] == "" && situation["lease"]["mine"] == false
+    });
+    assert_eq!(carl.refused_socket(&gateway, "/ws/control"), Some(4403));
+    assert_eq!(carl.situation()["you"]["role"], "viewer");
+}
+
+#[test]
+fn what_is_hostile_is_refused_and_moves_nothing() {
+    let server = server("hostile");
+    let gateway = Gateway::open(&server);
+    let mut anna = Page::open(&gateway, "a1", true);
+    assert_eq!(anna.ask("lease.ask", json!({}))["mine"], true);
+    let at = chair(&anna);
+    let own = gateway.address.clone();
+    let cookie = gateway.cookie(true);
+    // Whose page it is, by which name it was asked, and who asks.
+    for (host, origin, cookie, code) in [
+        (own.as_str(), "http://evil.example", cookie.as_str(), 403),
+        (
+            own.as_str(),
+            &format!("http://{own}.evil.example"),
+            &cookie,
+            403,
+        ),
+        (own.as_str(), &format!("https://{own}"), &cookie, 403),
+        (own.as_str(), "", &cookie, 403),
+        ("evil.example", "http://evil.example", &cookie, 403),
+        (own.as_str(), &format!("http://{own}"), "", 401),
+        (own.as_str(), &format!("http://{own}"), "wheelarm-1=0", 401),
+    ] {
+        let refused = gateway.upgrade("/ws/control", host, origin, cookie);
+        assert_eq!(refused.err(), Some(code), "{host} {origin} {cookie}");
+    }
+    let (code, _) = gateway.get("/session", &own, "");
+    assert_eq!(code, 401);
+    let (code, _) = gateway.get("/", "evil.example", "");
+    assert_eq!(code, 403);
+    let (code, _) = gateway.get("/?token=0123456789abcdef", &own, "");
+    assert_eq!(code, 401);
+    let (code, _) = gateway.get("/../../Cargo.toml", &own, "");
+    assert_eq!(code, 404);
+    let foreign = [("Origin", "http://evil.example")];
+    assert_eq!(gateway.post("/ticket", &cookie, &foreign, "{}").0, 403);
+    let cross = [("Sec-Fetch-Site", "cross-site")];
+    assert_eq!(gateway.post("/ticket", &cookie, &cross, "{}").0, 403);
+    let long = format!("{{\"count\":1,\"x\":\"{}\"}}", "x".repeat(5000));
+    assert_eq!(gateway.post("/ticket", &cookie, &[], &long).0, 413);
+    assert_eq!(gateway.post("/ticket", "", &[], "{}").0, 401);
+
+    // Tickets: none, twice, another's.
+    let hello =
+        |ticket: &str| json!({"t":"hello","protocol":1,"ticket":ticket,"page":"x1","lane":0});
+    let ticket = gateway.ticket(true);
+    let first = gateway.enter("/ws/state", true, &hello(&ticket));
+    assert!(first.is_ok(), "{:?}", first.err());
+    for (said, code) in [
+        (hello(&ticket), 4401),
+        (hello("nothing"), 4401),
+        (hello(&gateway.ticket(false)), 4401),
+        (json!({"t":"drive","seq":1,"epoch":1}), 4400),
+        (
+            json!({"t":"hello","protocol":2,"ticket":ticket,"page":"x1"}),
+            4426,
+        ),
+        (
+            json!({"t":"hello","protocol":1,"ticket":gateway.ticket(true),"page":"../x"}),
+            4400,
+        ),
+    ] {
+        let refused = gateway.enter("/ws/control", true, &said);
+        assert_eq!(refused.err(), Some(code), "{said}");
+    }
+
+    // Too long, too many, no text, no JSON.
+    let oversize = "x".repeat(5000);
+    let drive = json!({"t":"drive","seq":1,"epoch":1,"shown":null,"chair":[1,0]}).to_string();
+    for (text, count, code) in [
+        (oversize.as_str(), 1, 4400),
+        (drive.as_str(), 400, 4429),
+        ("nothing", 1, 4400),
+    ] {
+        let hello = hello(&gateway.ticket(true));
+        let socket = gateway
+            .enter("/ws/control", true, &hello)
+            .expect("a socket");
+        assert_eq!(page::flood(socket, text, count), Some(code), "{count}");
+    }
+    // Nothing of it moved the chair, and whoever is in control still is.
+    pass(&anna, 60);
+    assert!(moved(&anna, at) < 0.01);
+    gets_going(&mut anna, Held::back());
+    anna.release();
+    rests(&anna);
+}
+
+#[test]
+fn an_episode_through_the_gateway_replays_with_the_same_hashes() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let server = server("replayed");
+    let recorder =
+        wheelarm_tests::Recorder::start(&server, "disk", folder.path(), &["--episodes", "1"]);
+    let gateway = Gateway::open(&server);
+    let mut page = Page::open(&gateway, "a1", true);
+    assert_eq!(page.ask("lease.ask", json!({}))["mine"], true);
+    wait_until("the recorder is there", || {
+        !page.situation()["recorders"]
+            .as_array()
+            .is_none_or(Vec::is_empty)
+    });
+    let started = page.ask("episode.start", json!({"label": "driven", "recorders": 1}));
+    assert_eq!(started["ok"], true, "{started}");
+    wait_until("it runs", || {
+        page.situation()["episode"]["label"] == "driven"
+    });
+    gets_going(&mut page, Held::back());
+    page.release();
+    rests(&page);
+    page.step("hand", 2, 1);
+    page.step("grip", 0, -1);
+    pass(&page, 240);
+    // The recording spans two hashes.
+    pass(&page, 240);
+    let finished = page.ask("episode.finish", json!({}));
+    assert_eq!(finished["ok"], true, "{finished}");
+    let _ = recorder.finish();
+    let file = folder.path().join("driven.h5");
+    let output = std::process::Command::new(wheelarm_tests::program("wheelarm").expect("a client"))
+        .arg("replay")
+        .arg(&file)
+        .output()
+        .expect("a replay");
+    assert!(output.status.success(), "{}", printed(&output));
+    let commands = page::recorded_commands(&file);
+    assert!(
+        commands
+            .iter()
+            .any(|c| c.device == "keyboard" && c.mode == "hold")
+    );
+    assert!(commands.iter().any(|c| c.mode == "step"));
+    assert!(
+        commands.iter().any(|c| c.loop_age_ticks > 0),
+        "{commands:?}"
+    );
+}
+
+#[test]
+fn a_click_names_a_thing_and_a_hand_on_the_keys_ends_the_skill() {
+    let server = Server::start(
+        "goal",
+        &[
+            "--camera",
+            "wheelchair=64x48@10",
+            "--camera",
+            "gen3=64x48@10",
+            "--quality",
+            "fast",
+        ],
+    )
+    .expect("a server");
+    let gateway = Gateway::open(&server);
+    let mut page = Page::open(&gateway, "a1", true);
+    assert_eq!(page.ask("lease.ask", json!({}))["mine"], true);
+    let chosen = page
+        .points_at_anything()
+        .expect("something that can be taken");
+    let begun = page.ask(
+        "goal.start",
+        json!({"candidate": chosen["candidate"], "action": "near"}),
+    );
+    assert_eq!(begun["ok"], true, "{begun}");
+    wait_until("a skill is at work", || {
+        page.situation()["goal"]["stage"]
+            .as_str()
+            .is_some_and(|s| !s.is_empty())
+    });
+    wait_until("its phase is told", || {
+        let phase = page.situation()["robot"]["phase"].clone();
+        phase.as_str().is_some_and(|p| p.starts_with("assist:"))
+    });
+    page.press(Held::forward());
+    wait_until("the goal is over", || page.situation()["goal"].is_null());
+    rests(&page);
+    let at = chair(&page);
+    page.hold_on();
+    pass(&page, 120);
+    assert!(moved(&page, at) < 0.01);
+}
+
+#[test]
+fn other_machines_are_let_in_encrypted_and_by_password_alone() {
+    let refused =
+        std::process::Command::new(wheelarm_tests::program("wheelarm").expect("a client"))
+            .args(["drive", "--page", "0.0.0.0:0", "--task", "pick_mustard"])
+            .output()
+            .expect("a refusal");
+    assert!(!refused.status.success());
+    assert!(
+        printed(&refused).contains("--keys"),
+        "{}",
+        printed(&refused)
+    );
+
+    let folder = tempfile::tempdir().expect("a folder");
+    let keys = folder.path().join("keys");
+    let safe = Safe::open(server("keys"), &keys);
+    // Plain HTTP gets nothing but the end of the connection.
+    assert_eq!(safe.plain(), None);
+    let (code, text) = safe.ask("GET /session", "", "");
+    assert_eq!(code, 401, "{text}");
+    let (code, _) = safe.ask("GET /?token=0", "", "");
+    assert_eq!(code, 401, "there are no links that let in");
+    let login = |user: &str, password: &str| {
+        let body = json!({"user": user, "password": password}).to_string();
+        safe.ask("POST /login", "", &body)
+    };
+    let (code, head) = login("anna", "right and long");
+    assert_eq!(code, 200, "{head}");
+    assert!(head.contains("\"role\":\"operator\""), "{head}");
+    let cookie = head.lines().find_map(|l| l.strip_prefix("set-cookie: "));
+    let cookie = cookie.expect("a cookie");
+    for word in ["__Host-", "Secure", "HttpOnly", "SameSite=Strict"] {
+        assert!(cookie.contains(word), "{cookie}");
+    }
+    let cookie = cookie.split(';').next().expect("a value");
+    assert_eq!(safe.ask("GET /session", cookie, "").0, 200);
+    let (code, text) = safe.ask("POST /ticket", cookie, "{\"count\":1}");
+    assert_eq!(code, 200, "{text}");
+    assert!(safe.welcomes(cookie, &text));
+    for _ in 0..5 {
+        assert_eq!(login("anna", "wrong").0, 401);
+    }
+    // Now not even the right one, and nobody else's either.
+    assert_eq!(login("anna", "right and long").0, 429);
+    assert_eq!(login("nobody", "wrong").0, 429);
+    assert_eq!(safe.ask("POST /logout", cookie, "{}").0, 204);
+    assert_eq!(safe.ask("GET /session", cookie, "").0, 401);
+}

@@ -1,0 +1,606 @@
+//! A gateway process, and a client that does what the page does.
+
+use std::collections::BTreeMap;
+use std::io::{BufRead, BufReader, Read, Write};
+use std::net::{Shutdown, TcpStream};
+use std::path::Path;
+use std::process::{Child, Command, Stdio};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{self, Receiver, Sender};
+use std::thread::JoinHandle;
+use std::time::Duration;
+
+use parking_lot::Mutex;
+use serde_json::{Value, json};
+use tungstenite::client::IntoClientRequest;
+use tungstenite::{Error, Message, WebSocket};
+use wheelarm_tests::{Server, program, wait_until};
+
+/// Longest wait of one read.
+const PATIENCE: Duration = Duration::from_secs(20);
+/// Time between two looks at what is to be sent.
+const LOOK: Duration = Duration::from_millis(5);
+/// Time between two messages of a held key.
+const HOLD: Duration = Duration::from_millis(33);
+
+/// `wheelarm drive`; killed when dropped.
+pub struct Gateway {
+    child: Child,
+    /// Host and port.
+    pub address: String,
+    cookies: [String; 2],
+}
+
+type Socket = WebSocket<TcpStream>;
+
+impl Gateway {
+    /// Starts it beside a server, and signs in as operator and as viewer.
+    pub fn open(server: &Server) -> Self {
+        let mut child = Command::new(program("wheelarm").expect("the client"))
+            .args(["--connect", &server.endpoint, "--sim", &server.sim])
+            .args(["drive", "--page", "127.0.0.1:0", "--commander", "anna"])
+            .stdout(Stdio::piped())
+            .spawn()
+            .expect("the gateway");
+        let pipe = child.stdout.take().expect("a pipe");
+        let mut lines = BufReader::new(pipe).lines().map_while(Result::ok);
+        let mut url = |word: &str| {
+            let line = lines.next().expect("a line");
+            let url = line.strip_prefix(&format!("{word} http://"));
+            url.expect("an address").to_owned()
+        };
+        let urls = [url("drive"), url("watch")];
+        let address = urls[0].split('/').next().expect("an address").to_owned();
+        let mut gateway = Self {
+            child,
+            address,
+            cookies: Default::default(),
+        };
+        for (i, url) in urls.iter().enumerate() {
+            let path = url.strip_prefix(&gateway.address).expect("a path");
+            let (code, head) = gateway.get(path, &gateway.address, "");
+            assert_eq!(code, 303, "{head}");
+            let cookie = head.lines().find_map(|l| l.strip_prefix("set-cookie: "));
+            let cookie = cookie.and_then(|c| c.split(';').next()).expect("a cookie");
+            gateway.cookies[i] = cookie.to_owned();
+        }
+        gateway
+    }
+
+    /// The cookie of an operator, or of a viewer.
+    pub fn cookie(&self, operator: bool) -> String {
+        self.cookies[usize::from(!operator)].clone()
+    }
+
+    fn ask(&self, question: &str) -> (u16, String) {
+        let mut stream = self.connect();
+        stream.write_all(question.as_bytes()).expect("a question");
+        let mut answer = Vec::new();
+        // Whoever is refused early is cut off while it still sends.
+        let _ = stream.read_to_end(&mut answer);
+        let text = String::from_utf8_lossy(&answer).into_owned();
+        let code = text.split(' ').nth(1).and_then(|code| code.parse().ok());
+        (code.unwrap_or(0), text)
+    }
+
+    fn connect(&self) -> TcpStream {
+        let stream = TcpStream::connect(&self.address).expect("a connection");
+        stream.set_read_timeout(Some(PATIENCE)).expect("a patience");
+        stream.set_nodelay(true).expect("no delay");
+        stream
+    }
+
+    /// Status and text of the answer to a GET.
+    pub fn get(&self, path: &str, host: &str, cookie: &str) -> (u16, String) {
+        self.ask(&format!(
+            "GET {path} HTTP/1.1\r\nHost: {host}\r\nCookie: {cookie}\r\nConnection: close\r\n\r\n"
+        ))
+    }
+
+    /// Status and text of the answer to a POST.
+    pub fn post(
+        &self,
+        path: &str,
+        cookie: &str,
+        more: &[(&str, &str)],
+        body: &str,
+    ) -> (u16, String) {
+        let more: String = more.iter().map(|(k, v)| format!("{k}: {v}\r\n")).collect();
+        self.ask(&format!(
+            "POST {path} HTTP/1.1\r\nHost: {}\r\nCookie: {cookie}\r\n{more}Content-Type: \
+             application/json\r\nContent-Length: {}\r\nConnection: close\r\n\r\n{body}",
+            self.address,
+            body.len()
+        ))
+    }
+
+    /// A ticket of an operator, or of a viewer.
+    pub fn ticket(&self, operator: bool) -> String {
+        let (code, text) = self.post("/ticket", &self.cookie(operator), &[], "{\"count\":1}");
+        assert_eq!(code, 200, "{text}");
+        let body = text.split("\r\n\r\n").nth(1).expect("a body");
+        let body: Value = serde_json::from_str(body).expect("JSON");
+        body["tickets"][0].as_str().expect("a ticket").to_owned()
+    }
+
+    /// Opens a WebSocket; the status where it is refused.
+    pub fn upgrade(
+        &self,
+        path: &str,
+        host: &str,
+        origin: &str,
+        cookie: &str,
+    ) -> Result<Socket, u16> {
+        let url = format!("ws://{}{path}", self.address);
+        let mut request = url.into_client_request().expect("a request");
+        let headers = request.headers_mut();
+        headers.insert("host", host.parse().expect("a host"));
+        if !origin.is_empty() {
+            headers.insert("origin", origin.parse().expect("an origin"));
+        }
+        if !cookie.is_empty() {
+            headers.insert("cookie", cookie.parse().expect("a cookie"));
+        }
+        match tungstenite::client(request, self.connect()) {
+            Ok((socket, _)) => Ok(socket),
+            Err(tungstenite::HandshakeError::Failure(Error::Http(answer))) => {
+                Err(answer.status().as_u16())
+            }
+            Err(other) => panic!("{other}"),
+        }
+    }
+
+    /// Opens a WebSocket of the page itself and says hello; the code with which it
+    /// is closed.
+    pub fn enter(&self, path: &str, operator: bool, hello: &Value) -> Result<Socket, u16> {
+        let origin = format!("http://{}", self.address);
+        let cookie = self.cookie(operator);
+        let mut socket = self
+            .upgrade(path, &self.address, &origin, &cookie)
+            .expect("a socket");
+        let said = Message::Text(hello.to_string().into());
+        socket.send(said).expect("a hello");
+        match socket.read().expect("an answer") {
+            Message::Text(text) => {
+                assert!(text.contains("welcome"), "{text}");
+                Ok(socket)
+            }
+            Message::Close(Some(frame)) => Err(frame.code.into()),
+            other => panic!("{other:?}"),
+        }
+    }
+}
+
+impl Drop for Gateway {
+    fn drop(&mut self) {
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}
+
+/// Sends a text many times; the code with which the socket is closed.
+pub fn flood(mut socket: Socket, text: &str, count: usize) -> Option<u16> {
+    for _ in 0..count {
+        if socket.send(Message::Text(text.into())).is_err() {
+            break;
+        }
+    }
+    loop {
+        match socket.read() {
+            Ok(Message::Close(Some(frame))) => return Some(frame.code.into()),
+            Ok(_) => {}
+            Err(_) => return None,
+        }
+    }
+}
+
+/// What is held.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Held {
+    chair: [f64; 2],
+}
+
+impl Held {
+    /// The chair goes forward.
+    pub fn forward() -> Self {
+        Self { chair: [1.0, 0.0] }
+    }
+
+    /// The chair goes back.
+    pub fn back() -> Self {
+        Self { chair: [-1.0, 0.0] }
+    }
+}
+
+#[derive(Default)]
+struct Known {
+    seq: u32,
+    epoch: u32,
+    held: Option<Held>,
+    frozen: bool,
+    painted: BTreeMap<u8, u64>,
+    situation: Value,
+    answers: BTreeMap<u64, Value>,
+    said: Vec<Value>,
+    asked: u64,
+}
+
+impl Known {
+    fn message(&mut self, kind: &str, mode: &str, more: &Value) -> String {
+        self.seq += 1;
+        let mut message = json!({
+            "t": kind, "seq": self.seq, "epoch": self.epoch,
+            "shown": self.painted.values().min(), "ms": 0.0,
+            "device": "keyboard", "mode": mode, "speed": 2,
+        });
+        if let (Value::Object(message), Value::Object(more)) = (&mut message, more) {
+            message.extend(more.clone());
+        }
+        message.to_string()
+    }
+}
+
+/// A page with its sockets.
+pub struct Page {
+    known: Arc<Mutex<Known>>,
+    state: Sender<String>,
+    lanes: Vec<Sender<String>>,
+    streams: Vec<TcpStream>,
+    ended: Arc<AtomicBool>,
+    threads: Vec<JoinHandle<()>>,
+}
+
+impl Page {
+    /// Opens all sockets that the role may open, and shows every camera.
+    pub fn open(gateway: &Gateway, page: &str, operator: bool) -> Self {
+        let known = Arc::new(Mutex::new(Known::default()));
+        let ended = Arc::new(AtomicBool::new(false));
+        let (mut streams, mut threads) = (Vec::new(), Vec::new());
+        let mut open = |path: &str, lane: u8, heard: Heard| {
+            let ticket = gateway.ticket(operator);
+            let hello = json!({"t":"hello","protocol":1,"ticket":ticket,"page":page,"lane":lane});
+            let socket = gateway.enter(path, operator, &hello).expect("a socket");
+            streams.push(socket.get_ref().try_clone().expect("a stream"));
+            let (said, to_say) = mpsc::channel();
+            let (known, ended) = (Arc::clone(&known), Arc::clone(&ended));
+            threads.push(std::thread::spawn(move || {
+                serve(socket, &to_say, &known, &ended, heard);
+            }));
+            said
+        };
+        let state = open("/ws/state", 0, state);
+        let video = open("/ws/video", 0, video);
+        let lanes: Vec<_> = (0..2)
+            .filter(|_| operator)
+            .map(|lane| open("/ws/control", lane, |_, _| None))
+            .collect();
+        let opened = Self {
+            known,
+            state,
+            lanes,
+            streams,
+            ended,
+            threads,
+        };
+        wait_until("a situation", || opened.tick() > 0);
+        let cameras = opened.situation()["cameras"].as_array().map_or(0, Vec::len);
+        let wanted: Vec<_> = (0..cameras)
+            .map(|camera| json!({"camera": camera, "width": 640}))
+            .collect();
+        let want = json!({"t":"want","codecs":["jpeg"],"cameras":wanted});
+        video.send(want.to_string()).expect("the video socket");
+        wait_until("every camera is shown", || {
+            opened.known.lock().painted.len() == cameras
+        });
+        opened.keep_holding()
+    }
+
+    /// Says what is held, or that the page is there.
+    fn keep_holding(mut self) -> Self {
+        let (known, ended) = (Arc::clone(&self.known), Arc::clone(&self.ended));
+        let lanes = self.lanes.clone();
+        self.threads.push(std::thread::spawn(move || {
+            let mut rounds = 0_u64;
+            while !ended.load(Ordering::Acquire) {
+                rounds += 1;
+                let message = {
+                    let mut known = known.lock();
+                    match known.held {
+                        Some(held) => {
+                            let held = json!({"chair": held.chair, "hand": [0, 0, 0],
+                                "turn": [0, 0, 0], "grip": 0});
+                            Some(known.message("drive", "hold", &held))
+                        }
+                        None if rounds.is_multiple_of(7) => {
+                            Some(known.message("alive", "hold", &json!({})))
+                        }
+                        None => None,
+                    }
+                };
+                if let Some(message) = message {
+                    for lane in &lanes {
+                        let _ = lane.send(message.clone());
+                    }
+                }
+                std::thread::sleep(HOLD);
+            }
+        }));
+        self
+    }
+
+    /// The newest situation.
+    pub fn situation(&self) -> Value {
+        self.known.lock().situation.clone()
+    }
+
+    /// Tick of the newest situation.
+    pub fn tick(&self) -> u64 {
+        self.situation()["tick"].as_u64().unwrap_or(0)
+    }
+
+    /// Asks, and waits for the answer.
+    pub fn ask(&mut self, what: &str, more: Value) -> Value {
+        let id = {
+            let mut known = self.known.lock();
+            known.asked += 1;
+            known.asked
+        };
+        let mut asked = json!({"t": "ask", "id": id, "ask": what});
+        if let (Value::Object(asked), Value::Object(more)) = (&mut asked, more) {
+            asked.extend(more);
+        }
+        self.state
+            .send(asked.to_string())
+            .expect("the state socket");
+        let mut answer = Value::Null;
+        wait_until("an answer", || {
+            let found = self.known.lock().answers.remove(&id);
+            answer = found.unwrap_or_default();
+            !answer.is_null()
+        });
+        answer
+    }
+
+    /// A fresh press, held from now on.
+    pub fn press(&mut self, held: Held) {
+        let mut known = self.known.lock();
+        known.epoch += 1;
+        known.held = Some(held);
+    }
+
+    /// What is held stays so, without a fresh press.
+    pub fn hold_on(&mut self) {
+        assert!(self.known.lock().held.is_some(), "nothing is held");
+    }
+
+    /// Holds without a fresh press.
+    pub fn hold(&mut self, held: Held) {
+        self.known.lock().held = Some(held);
+    }
+
+    /// Lets go.
+    pub fn release(&mut self) {
+        for _ in 0..3 {
+            let message = {
+                let mut known = self.known.lock();
+                known.held = None;
+                known.message("drive", "hold", &json!({}))
+            };
+            self.say(&message);
+        }
+    }
+
+    /// Presses stop.
+    pub fn stop(&mut self) {
+        for _ in 0..3 {
+            let why = json!({"why": "person"});
+            let message = self.known.lock().message("stop", "hold", &why);
+            self.say(&message);
+        }
+    }
+
+    /// One step.
+    pub fn step(&mut self, part: &str, axis: usize, sign: i32) {
+        let message = {
+            let mut known = self.known.lock();
+            known.epoch += 1;
+            let step = json!({"part": part, "axis": axis, "sign": sign});
+            known.message("step", "step", &step)
+        };
+        self.say(&message);
+    }
+
+    fn say(&self, message: &str) {
+        for lane in &self.lanes {
+            let _ = lane.send(message.to_owned());
+        }
+    }
+
+    /// Number of the newest press, and of the newest message.
+    pub fn epoch(&self) -> (u32, u32) {
+        let known = self.known.lock();
+        (known.epoch, known.seq)
+    }
+
+    /// Goes on as the same page with other sockets.
+    pub fn goes_on_from(&mut self, (epoch, seq): (u32, u32)) {
+        let mut known = self.known.lock();
+        known.epoch = epoch;
+        known.seq += seq;
+    }
+
+    /// Paints nothing any more, or again.
+    pub fn freeze(&mut self, frozen: bool) {
+        self.known.lock().frozen = frozen;
+    }
+
+    /// The line is cut: nothing more goes, and nobody is told.
+    pub fn cut(&mut self) {
+        self.ended.store(true, Ordering::Release);
+        for stream in &self.streams {
+            let _ = stream.shutdown(Shutdown::Both);
+        }
+    }
+
+    /// Whether a message of this kind came.
+    pub fn was_told(&self, kind: &str) -> bool {
+        self.known.lock().said.iter().any(|said| said["t"] == kind)
+    }
+
+    /// Forgets what was said.
+    pub fn forget_told(&mut self) {
+        self.known.lock().said.clear();
+    }
+
+    /// Whether a note with these words came.
+    pub fn was_noted(&self, words: &str) -> bool {
+        let known = self.known.lock();
+        let mut notes = known.said.iter().filter_map(|said| said["text"].as_str());
+        notes.any(|note| note.contains(words))
+    }
+
+    /// The code with which a viewer's socket is closed.
+    pub fn refused_socket(&self, gateway: &Gateway, path: &str) -> Option<u16> {
+        let ticket = gateway.ticket(false);
+        let hello = json!({"t":"hello","protocol":1,"ticket":ticket,"page":"v1","lane":0});
+        gateway.enter(path, false, &hello).err()
+    }
+
+    /// A candidate that can be taken, wherever it is seen.
+    pub fn points_at_anything(&mut self) -> Option<Value> {
+        let cameras: Vec<u8> = self.known.lock().painted.keys().copied().collect();
+        for camera in cameras {
+            for cell in 0..48 {
+                let tick = self.known.lock().painted[&camera];
+                let u = (f64::from(cell % 8) + 0.5) / 8.0;
+                let v = (f64::from(cell / 8) + 0.5) / 6.0;
+                let asked = json!({"camera": camera, "tick": tick, "u": u, "v": v});
+                let answer = self.ask("pick", asked);
+                assert_eq!(answer["ok"], true, "{answer}");
+                let found = &answer["candidates"][0];
+                if !found.is_null() {
+                    assert_eq!(found["outline"].as_array().map(Vec::len), Some(4));
+                    return Some(found.clone());
+                }
+            }
+        }
+        None
+    }
+}
+
+impl Drop for Page {
+    fn drop(&mut self) {
+        self.cut();
+        for thread in self.threads.drain(..) {
+            let _ = thread.join();
+        }
+    }
+}
+
+/// What is done with a message; what is answered.
+type Heard = fn(&mut Known, Message) -> Option<String>;
+
+/// Sends what is to be said and hears what comes, until the end.
+fn serve(
+    mut socket: Socket,
+    to_say: &Receiver<String>,
+    known: &Mutex<Known>,
+    ended: &AtomicBool,
+    heard: Heard,
+) {
+    let stream = socket.get_ref();
+    stream.set_read_timeout(Some(LOOK)).expect("a patience");
+    while !ended.load(Ordering::Acquire) {
+        for text in to_say.try_iter() {
+            if socket.send(Message::Text(text.into())).is_err() {
+                return;
+            }
+        }
+        match socket.read() {
+            Ok(Message::Close(_)) => return,
+            Ok(message) => {
+                let answer = heard(&mut known.lock(), message);
+                if let Some(answer) = answer
+                    && socket.send(Message::Text(answer.into())).is_err()
+                {
+                    return;
+                }
+            }
+            Err(Error::Io(e))
+                if matches!(
+                    e.kind(),
+                    std::io::ErrorKind::WouldBlock | std::io::ErrorKind::TimedOut
+                ) => {}
+            Err(_) => return,
+        }
+    }
+}
+
+fn state(known: &mut Known, message: Message) -> Option<String> {
+    let Message::Text(text) = message else {
+        return None;
+    };
+    let said: Value = serde_json::from_str(&text).expect("JSON");
+    match said["t"].as_str().unwrap_or_default() {
+        "situation" => known.situation = said,
+        "answer" => {
+            let id = said["id"].as_u64().expect("a number");
+            known.answers.insert(id, said);
+        }
+        _ => known.said.push(said),
+    }
+    None
+}
+
+fn video(known: &mut Known, message: Message) -> Option<String> {
+    let Message::Binary(bytes) = message else {
+        return None;
+    };
+    assert_eq!((bytes[0], bytes[1], bytes[2]), (1, 0, 1), "a JPEG");
+    assert!(bytes[40..].starts_with(&[0xff, 0xd8, 0xff]), "no JPEG");
+    let camera = bytes[3];
+    let seq = u32::from_le_bytes(bytes[8..12].try_into().expect("four bytes"));
+    let tick = u64::from_le_bytes(bytes[16..24].try_into().expect("eight bytes"));
+    let painted = !known.frozen;
+    if painted {
+        known.painted.insert(camera, tick);
+    }
+    let ack = json!({"t": "ack", "camera": camera, "seq": seq, "painted": painted});
+    Some(ack.to_string())
+}
+
+/// A command as it was recorded.
+#[derive(Debug)]
+pub struct Recorded {
+    /// What it was commanded with.
+    pub device: String,
+    /// How the input became motion.
+    pub mode: String,
+    /// Age of the state that it answers, ticks.
+    pub loop_age_ticks: u64,
+}
+
+/// The commands of a file.
+pub fn recorded_commands(file: &Path) -> Vec<Recorded> {
+    let file = hdf5::File::open(file).expect("an episode");
+    let texts = |name: &str| -> Vec<String> {
+        let column = file
+            .dataset(&format!("streams/command/{name}"))
+            .expect(name);
+        let texts: Vec<hdf5::types::VarLenUnicode> = column.read_raw().expect("texts");
+        texts.iter().map(|text| text.as_str().to_owned()).collect()
+    };
+    let ages = file.dataset("streams/command/loop_age").expect("ages");
+    let ages: Vec<f64> = ages.read_raw().expect("numbers");
+    texts("device")
+        .into_iter()
+        .zip(texts("mode"))
+        .zip(ages)
+        .map(|((device, mode), age)| Recorded {
+            device,
+            mode,
+            loop_age_ticks: if age.is_finite() { age as u64 } else { 0 },
+        })
+        .collect()
+}
