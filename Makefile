@@ -18,6 +18,8 @@
 #                    task and mode, types, the guide, the notebook; downloads some packages
 # make test-drive   the page that drives: every device, accessibility, a headset, in Chromium
 #                   (installs it and four npm packages)
+# make bench-drive   what a driver sees and feels through the gateway on a good line and a
+#                 bad one (root: network namespaces)
 # make test-lerobot   lerobot-eval and lerobot-record of 0.4.4 and 0.6.1 with our plugins, and
 #                     rows of exports played open loop (downloads gigabytes)
 # make test-ros     the ROS 2 node against the real rclpy of Kilted and Jazzy (from PyPI,
@@ -48,7 +50,7 @@ BUILT := $(or $(CARGO_TARGET_DIR),target)/release
 export WHEELARM_COMMIT ?= $(shell git rev-parse --short=12 HEAD 2>/dev/null)
 export WHEELARM_PYTHON ?= $(CURDIR)/.venv/bin/python
 
-.PHONY: all build static demo test test-learn contract test-cluster test-readers test-data test-original test-adversarial soak train-mustard demo-policy bench test-rosbag2 dist test-dist contract-python test-python test-lerobot test-drive test-ros people test-people clean
+.PHONY: all build static demo test test-learn contract test-cluster test-readers test-data test-original test-adversarial soak train-mustard demo-policy bench test-rosbag2 dist test-dist contract-python test-python test-lerobot test-drive bench-drive test-ros people test-people clean
 all: build
 
 build:
@@ -103,6 +105,10 @@ test-python: build
 
 test-drive:
 	tests/drive.sh
+
+bench-drive: build
+	scripts/setup.sh python numpy eclipse-zenoh==1.10.2:zenoh protobuf:google.protobuf websockets
+	$(WHEELARM_PYTHON) -W ignore::DeprecationWarning tests/drive/figures.py
 
 test-lerobot: build
 	tests/lerobot.sh
