@@ -103,7 +103,7 @@ contract-python:
 test-python: build
 	tests/python.sh
 
-test-drive:
+test-drive: build
 	tests/drive.sh
 
 bench-drive: build

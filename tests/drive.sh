@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # Tests the page that drives (client/drive/page).
 #   tests/drive.sh        its logic by node, then every device, accessibility and a headset
-#                         in Chromium; installs Chromium and four npm packages if they are missing
+#                         in Chromium, and one switch that lifts the mustard; installs Chromium and four npm packages if they are missing
 #   tests/drive.sh fast   only its logic: seconds, node alone
 set -euo pipefail
 cd "$(dirname "$0")/drive"
@@ -32,3 +32,9 @@ export CHROMIUM
 # One file after the other: each starts a browser, and a page that waits for a
 # processor is frozen by its own rules.
 node --test --test-concurrency=1 browser/
+# Against the real server: the whole task with one switch.
+if [ -x ../../target/release/wheelarm ]; then
+    node lift.js
+else
+    echo "one switch alone was not tried: there are no programs (make build)"
+fi

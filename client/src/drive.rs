@@ -92,6 +92,7 @@ pub fn run(connect: &Connect, args: &DriveArgs) -> anyhow::Result<ExitCode> {
         files: args.files.clone(),
         keys: args.keys.clone(),
         names: args.name.clone(),
+        watch_only: false,
     };
     let gateway = runtime.block_on(Gateway::open(&options))?;
     // Who reads the first line and closes the pipe has the address.

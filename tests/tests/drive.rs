@@ -129,6 +129,23 @@ fn a_page_drives_and_stops_and_nothing_moves_after_a_freeze_or_a_cut() {
 }
 
 #[test]
+fn a_preview_is_the_same_page_and_nobody_drives_from_it() {
+    let server = server("preview");
+    let gateway = Gateway::preview(&server);
+    let (code, text) = gateway.get("/", &gateway.address, "");
+    assert_eq!(code, 200);
+    assert!(text.contains("default-src 'none'"), "{text}");
+    assert_eq!(gateway.get("/", "evil.example", "").0, 403);
+    assert_eq!(gateway.get("/../etc/passwd", &gateway.address, "").0, 404);
+    let page = Page::open(&gateway, "w1", false);
+    wait_until("a picture is painted", || page.has_painted());
+    let situation = page.situation();
+    assert_eq!(situation["you"]["role"], "viewer", "{situation}");
+    assert_eq!(situation["scenario"]["task"], "pick_mustard", "{situation}");
+    assert_eq!(page.refused_socket(&gateway, "/ws/control"), Some(4403));
+}
+
+#[test]
 fn two_operators_hand_control_over_and_a_viewer_has_none() {
     let server = server("two");
     let gateway = Gateway::open(&server);

@@ -44,11 +44,15 @@ pub struct Options {
     pub keys: Option<PathBuf>,
     /// Names by which browsers know this host, beside those of the loopback interface.
     pub names: Vec<String>,
+    /// The page is to watch alone: nobody may drive, whatever the role, and without
+    /// keys everybody on this host may look.
+    pub watch_only: bool,
 }
 
 /// A gateway at work, until it is dropped or finished.
 pub struct Gateway {
     address: SocketAddr,
+    is_encrypted: bool,
     tokens: Option<[String; 2]>,
     hub: Hub,
     thread: Option<std::thread::JoinHandle<()>>,
@@ -69,7 +73,12 @@ impl Gateway {
                 options.listen
             );
         }
-        let access = options.keys.as_deref().map(access).transpose()?;
+        let most = match options.watch_only {
+            true => Role::Viewer,
+            false => Role::Admin,
+        };
+        let access = options.keys.as_deref().map(|keys| access(keys, most));
+        let access = access.transpose()?;
         keys::check_name(&options.commander)?;
         let audit = Audit::open(options.audit.as_deref())?;
         let listener = match TcpListener::bind(options.listen).await {
@@ -117,12 +126,17 @@ impl Gateway {
             tries: Mutex::default(),
             gate: Semaphore::new(1),
             began: Instant::now(),
+            everybody: visitors
+                .last()
+                .filter(|_| options.watch_only && access.is_none())
+                .cloned(),
             // Who has users has no need of links that let anybody in.
             tokens: match access {
                 Some(_) => Vec::new(),
+                None if options.watch_only => Vec::new(),
                 None => tokens
                     .iter()
-                    .zip(visitors)
+                    .zip(visitors.clone())
                     .map(|(secret, visitor)| Token {
                         secret: secret.clone(),
                         visitor,
@@ -133,14 +147,21 @@ impl Gateway {
         let task = tokio::spawn(site::serve(listener, Arc::new(site)));
         Ok(Self {
             address,
-            tokens: options.keys.is_none().then_some(tokens),
+            is_encrypted: options.keys.is_some(),
+            tokens: (options.keys.is_none() && !options.watch_only).then_some(tokens),
             hub,
             thread: Some(thread),
             task: task.abort_handle(),
         })
     }
 
-    /// What to open in a browser to drive.
+    /// Where it listens.
+    #[must_use]
+    pub fn address(&self) -> SocketAddr {
+        self.address
+    }
+
+    /// What to open in a browser to drive; where all only watch, to watch.
     #[must_use]
     pub fn drive_url(&self) -> String {
         self.url(0)
@@ -155,7 +176,8 @@ impl Gateway {
     fn url(&self, which: usize) -> String {
         match &self.tokens {
             Some(tokens) => format!("http://{}/?token={}", self.address, tokens[which]),
-            None => format!("https://{}/", self.address),
+            None if self.is_encrypted => format!("https://{}/", self.address),
+            None => format!("http://{}", self.address),
         }
     }
 
@@ -180,8 +202,9 @@ impl Drop for Gateway {
     }
 }
 
-/// What encrypts, and who is let in, by a folder of keys and users.
-fn access(folder: &Path) -> anyhow::Result<(TlsAcceptor, LogIn)> {
+/// What encrypts, and who is let in with `most` rights at most, by a folder of keys
+/// and users.
+fn access(folder: &Path, most: Role) -> anyhow::Result<(TlsAcceptor, LogIn)> {
     let folder = Folder::open(folder)?;
     let identity = folder.server_identity()?;
     let config = ServerConfig::builder_with_provider(Arc::new(ring::default_provider()))
@@ -199,11 +222,12 @@ fn access(folder: &Path) -> anyhow::Result<(TlsAcceptor, LogIn)> {
             .inspect_err(|e| tracing::error!("nobody is let in: {e}"))
             .ok()?;
         let role = users.verify(name, password)?;
-        Some(match role {
+        let role = match role {
             wheelarm_access::Role::Viewer | wheelarm_access::Role::Recorder => Role::Viewer,
             wheelarm_access::Role::Operator => Role::Operator,
             wheelarm_access::Role::Admin => Role::Admin,
-        })
+        };
+        Some(role.min(most))
     });
     Ok((TlsAcceptor::from(Arc::new(config)), users))
 }

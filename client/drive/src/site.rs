@@ -69,6 +69,8 @@ pub struct Site {
     pub address: SocketAddr,
     /// Links that let in.
     pub tokens: Vec<Token>,
+    /// As whom everybody is let in who opens the page.
+    pub everybody: Option<Visitor>,
     /// Users with passwords, if there are any.
     pub users: Option<LogIn>,
     /// Encrypts, if it does.
@@ -161,6 +163,12 @@ impl Site {
             (Method::GET, "/situation") => self.situation(request.headers()).await,
             (Method::GET, "/") if request.uri().query().is_some_and(|q| q.contains("token=")) => {
                 self.token(request.uri().query().unwrap_or_default())
+            }
+            (Method::GET, "/") if self.visitor(request.headers()).is_none() => {
+                match &self.everybody {
+                    Some(visitor) => self.let_in(self.file("/"), visitor),
+                    None => self.file("/"),
+                }
             }
             (Method::GET, path) => self.file(path),
             (Method::POST, path) => {

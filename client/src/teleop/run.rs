@@ -5,14 +5,13 @@ use wheelarm_proto::TopicId;
 
 use anyhow::Context;
 use crossbeam_channel::{Receiver, Sender, unbounded};
-use tokio::sync::watch as latest;
 
 use super::args::TeleopArgs;
 use super::keys::Key;
 use super::model::{Effect, Errand, Model, Settings};
 use super::terminal::{Screen, Typed, read_keys};
 use super::view::{self, Theme};
-use crate::preview::{self, Page};
+use crate::preview::{self, PreviewArgs};
 use wheelarm_drive::errand::{self, Brought};
 use wheelarm_drive::send::Commands;
 use wheelarm_drive::watch::{Heard, Line};
@@ -34,8 +33,6 @@ const STREAMS: [TopicId; 11] = [
 ];
 /// Time between two pictures of the screen.
 const FRAME: f64 = 1.0 / 12.0;
-/// Time between two states for the page.
-const STATE: f64 = 0.2;
 /// Time from the last command until the connection is closed.
 const FAREWELL: Duration = Duration::from_millis(150);
 
@@ -61,8 +58,6 @@ struct Operation {
     events: Sender<Event>,
     link: Option<Link>,
     commands: Option<Commands>,
-    page_link: latest::Sender<Option<Link>>,
-    page_state: latest::Sender<String>,
     began: Instant,
     ended: Option<Ended>,
     redraw: bool,
@@ -79,16 +74,15 @@ pub fn run(connect: &Connect, args: &TeleopArgs) -> anyhow::Result<Ended> {
         .enable_all()
         .build()
         .context("starting the runtime")?;
-    let (page_link, link_for_page) = latest::channel(None);
-    let (page_state, state_for_page) = latest::channel(String::from("{}"));
     let page = if args.no_page {
         None
     } else {
-        let source = preview::Source {
-            link: link_for_page,
-            state: state_for_page,
+        let page = PreviewArgs {
+            page: args.page,
+            keys: None,
+            name: Vec::new(),
         };
-        Some(runtime.block_on(Page::open(args.page, source))?)
+        Some(preview::open(&runtime, connect, &page)?)
     };
     watch_signals(&runtime, events.clone());
     let mut screen = Screen::open()?;
@@ -102,14 +96,12 @@ pub fn run(connect: &Connect, args: &TeleopArgs) -> anyhow::Result<Ended> {
         events: events.clone(),
         link: None,
         commands: None,
-        page_link,
-        page_state,
         began: Instant::now(),
         ended: None,
         redraw: false,
     };
     if let Some(page) = &page {
-        operation.model.page = page.address();
+        operation.model.page = page.watch_url();
     }
     let line = Line::open(connect.clone(), streams, events, Event::Heard);
     let theme = Theme {
@@ -120,6 +112,7 @@ pub fn run(connect: &Connect, args: &TeleopArgs) -> anyhow::Result<Ended> {
     operation.farewell();
     drop(screen);
     drop(line);
+    drop(page);
     runtime.shutdown_timeout(Duration::from_millis(200));
     Ok(ended)
 }
@@ -168,7 +161,7 @@ impl Operation {
 
     /// The loop: ends when the person leaves or nobody is there any more.
     fn work(&mut self, came: &Receiver<Event>, screen: &mut Screen, theme: Theme) -> Ended {
-        let (mut next_frame, mut next_state) = (0.0_f64, 0.0_f64);
+        let mut next_frame = 0.0_f64;
         loop {
             let now = self.now();
             let due = self.model.next_tick(now).min(next_frame.max(now));
@@ -185,11 +178,6 @@ impl Operation {
             self.perform(effects);
             if let Some(ended) = self.ended {
                 return ended;
-            }
-            if now >= next_state {
-                next_state = now + STATE;
-                let state = preview::state_text(&self.model.situation, now);
-                self.page_state.send_replace(state);
             }
             if now >= next_frame {
                 next_frame = now + FRAME;
@@ -236,7 +224,6 @@ impl Operation {
     fn hear(&mut self, heard: Heard, now: f64) -> Vec<Effect> {
         match heard {
             Heard::Connected(link) => {
-                self.page_link.send_replace(Some((*link).clone()));
                 self.link = Some(*link);
                 self.model.connected(now)
             }
@@ -249,7 +236,6 @@ impl Operation {
             }
             Heard::Lost(reason) => {
                 self.model.lost(&reason, now);
-                self.page_link.send_replace(None);
                 self.link = None;
                 if let Some(commands) = self.commands.take() {
                     // Its thread may hang in the dead link.

@@ -34,6 +34,13 @@ pub struct Gateway {
 
 type Socket = WebSocket<TcpStream>;
 
+/// The cookie of an answer.
+fn set_cookie(head: &str) -> String {
+    let cookie = head.lines().find_map(|l| l.strip_prefix("set-cookie: "));
+    let cookie = cookie.and_then(|c| c.split(';').next());
+    cookie.expect("a cookie").to_owned()
+}
+
 impl Gateway {
     /// Starts it beside a server, and signs in as operator and as viewer.
     pub fn open(server: &Server) -> Self {
@@ -57,15 +64,42 @@ impl Gateway {
             address,
             cookies: Default::default(),
         };
-        for (i, url) in urls.iter().enumerate() {
-            let path = url.strip_prefix(&gateway.address).expect("a path");
-            let (code, head) = gateway.get(path, &gateway.address, "");
-            assert_eq!(code, 303, "{head}");
-            let cookie = head.lines().find_map(|l| l.strip_prefix("set-cookie: "));
-            let cookie = cookie.and_then(|c| c.split(';').next()).expect("a cookie");
-            gateway.cookies[i] = cookie.to_owned();
-        }
+        gateway.cookies = urls.map(|url| gateway.signed_in(&url));
         gateway
+    }
+
+    /// `wheelarm preview`, where both cookies are a viewer's.
+    pub fn preview(server: &Server) -> Self {
+        let mut child = Command::new(program("wheelarm").expect("the client"))
+            .args(["--connect", &server.endpoint, "--sim", &server.sim])
+            .args(["preview", "--page", "127.0.0.1:0"])
+            .stdout(Stdio::piped())
+            .spawn()
+            .expect("the page");
+        let mut line = String::new();
+        let mut pipe = BufReader::new(child.stdout.take().expect("a pipe"));
+        pipe.read_line(&mut line).expect("a line");
+        let url = line.trim().strip_prefix("page http://");
+        let url = url.expect("an address");
+        let mut gateway = Self {
+            child,
+            address: url.split('/').next().expect("an address").to_owned(),
+            cookies: Default::default(),
+        };
+        // Who opens the page looks, without a link of their own.
+        let (code, head) = gateway.get("/", &gateway.address, "");
+        assert_eq!(code, 200, "{head}");
+        let cookie = set_cookie(&head);
+        gateway.cookies = [cookie.clone(), cookie];
+        gateway
+    }
+
+    /// The cookie that an address with a token gives.
+    fn signed_in(&self, url: &str) -> String {
+        let path = url.strip_prefix(&self.address).expect("a path");
+        let (code, head) = self.get(path, &self.address, "");
+        assert_eq!(code, 303, "{head}");
+        set_cookie(&head)
     }
 
     /// The cookie of an operator, or of a viewer.
@@ -441,6 +475,11 @@ impl Page {
         for stream in &self.streams {
             let _ = stream.shutdown(Shutdown::Both);
         }
+    }
+
+    /// Whether a picture was painted.
+    pub fn has_painted(&self) -> bool {
+        !self.known.lock().painted.is_empty()
     }
 
     /// Whether a message of this kind came.

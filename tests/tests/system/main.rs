@@ -23,7 +23,6 @@ mod over_ticks;
 mod own_client;
 mod person;
 mod policies;
-mod preview;
 mod queries;
 mod recorded;
 mod recorder;
