@@ -43,6 +43,9 @@ pub struct OperateArgs {
     /// `drop`.
     #[arg(long, value_name = "ERROR", value_parser = choice::named::<ForcedError>())]
     pub error: Option<ForcedError>,
+    /// Goes on from wherever chair and hand are, instead of bringing the arm home first.
+    #[arg(long)]
+    pub on_the_spot: bool,
     /// Writes how it went as JSON: `outcome` (`done`, `not_done` or `broken`) and `why`.
     #[arg(long, value_name = "FILE")]
     pub report: Option<PathBuf>,
@@ -59,6 +62,7 @@ impl From<&OperateArgs> for OperateOptions {
             take: args.take,
             profile_seed: args.profile_seed,
             forced: args.error,
+            on_the_spot: args.on_the_spot,
         }
     }
 }

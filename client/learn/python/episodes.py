@@ -128,8 +128,12 @@ class Episodes:
         def stays(file):
             with safe_open(file.path, "np") as opened:
                 actions = opened.get_tensor("actions")
+                experts = opened.get_tensor("expert") if "expert" in file.shapes else np.ones(len(actions))
             names = file.about["action_names"]
-            return without_pauses(actions, names, len(actions) if pause is None else pause)
+            rows = without_pauses(actions, names, len(actions) if pause is None else pause)
+            # What a policy did before somebody took over is no example, and takes room.
+            first = np.argmax(experts != 0) if experts.any() else len(experts)
+            return rows[rows >= first]
 
         with ThreadPoolExecutor(8) as pool:
             kept = list(pool.map(stays, files))

@@ -44,7 +44,7 @@ fn write(folder: &Path, seed: u64, first: usize) {
         let mut values = vec![0.0; width];
         (values[6], values[13]) = (1.0, if row % 2 == 0 { 1.0 } else { -1.0 });
         let mixed = (seed * 7919 + row as u64 * 104_729) % 1009;
-        let way = if mixed % 2 == 0 { 1.0 } else { -1.0 };
+        let way = if mixed.is_multiple_of(2) { 1.0 } else { -1.0 };
         values[7] = x;
         values[16] = way;
         x += 0.1 * way;

@@ -2,6 +2,7 @@
 //! had not ended, and its policy answers what it was taught.
 
 use std::path::Path;
+use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
 use burn::module::Module;
@@ -14,6 +15,13 @@ use wheelarm_learn::train::{self, Schedule};
 use wheelarm_learn::trained::Trained;
 use wheelarm_learn::weights::Weights;
 use wheelarm_proto::v1;
+
+/// The generator of random numbers is one for the process: these tests run one by one.
+static GENERATOR: Mutex<()> = Mutex::new(());
+
+fn alone() -> MutexGuard<'static, ()> {
+    GENERATOR.lock().unwrap_or_else(PoisonError::into_inner)
+}
 
 const ROWS: usize = 24;
 const SIDES: [usize; 2] = [18, 40];
@@ -109,6 +117,7 @@ fn schedule(out: &Path, steps: u64) -> Schedule {
 
 #[test]
 fn act_learns_what_a_picture_tells_and_its_file_answers_it() {
+    let _alone = alone();
     let folder = tempfile::tempdir().expect("a folder");
     let folder = folder.path();
     let data = folder.join("data");
@@ -168,6 +177,7 @@ fn act_learns_what_a_picture_tells_and_its_file_answers_it() {
 
 #[test]
 fn a_run_that_was_cut_goes_on_as_if_it_had_not_been() {
+    let _alone = alone();
     let folder = tempfile::tempdir().expect("a folder");
     let folder = folder.path();
     write(folder, 0);
@@ -205,6 +215,7 @@ fn a_run_that_was_cut_goes_on_as_if_it_had_not_been() {
 
 #[test]
 fn a_run_without_progress_ends() {
+    let _alone = alone();
     let folder = tempfile::tempdir().expect("a folder");
     let folder = folder.path();
     for seed in [0, 7, 13] {

@@ -44,6 +44,12 @@ const HINDERED_ATTEMPTS: usize = 8;
 const STOPS: usize = 4;
 /// The whole work takes no longer than this, seconds of simulation time.
 const LONGEST: f64 = 150.0;
+/// A pad presses on something from this force, N.
+const PRESSES: f64 = 2.0;
+/// A chair that goes faster is under way, m/s and rad/s.
+const SLOW: [f64; 2] = [0.05, 0.1];
+/// What lies further beyond the arm's range is not tried on the spot, metres.
+const NEARLY: f64 = 0.2;
 /// Skills that may end at one tick.
 const ENDINGS: usize = 4;
 
@@ -164,6 +170,8 @@ pub struct Operator {
     /// What will be told when the hand sets off for the wrong thing.
     about_to: Option<v1::Incident>,
     longest: f64,
+    /// The hand is not brought home first, as long as that works.
+    on_the_spot: bool,
     /// Time as the skills see it, and when it was last moved on, seconds.
     own_time: Option<(f64, f64)>,
 }
@@ -219,6 +227,7 @@ impl Operator {
             incident: v1::Incident::Unspecified,
             about_to: None,
             longest: LONGEST,
+            on_the_spot: false,
             own_time: None,
         })
     }
@@ -228,6 +237,16 @@ impl Operator {
     pub fn only(mut self, extent: Extent) -> Self {
         self.extent = extent;
         self.skill = plan(&self.goal, extent)[0].begin();
+        self
+    }
+
+    /// That goes on from wherever somebody else left the hand, instead of bringing it
+    /// home and looking for a place to stop: who learns from that sees how to put right
+    /// what is a little off, and not how to begin again. Where the arm cannot take the
+    /// thing from there, and after a miss, it begins again.
+    #[must_use]
+    pub fn on_the_spot(mut self) -> Self {
+        self.on_the_spot = true;
         self
     }
 
@@ -329,17 +348,55 @@ impl Operator {
         (act, outcome)
     }
 
+    /// Chooses what to begin with: the plan from its start, with the arm home, or what
+    /// can be gone on with on the spot.
+    fn set_off(&mut self, seen: &Observation) {
+        let is_home = Stow::is_home(&seen.arm, &self.scene.home);
+        let [speed, rate] = seen.chair_speed;
+        // A chair under way with the arm home goes on driving.
+        let drives = is_home && (speed.abs() > SLOW[0] || rate.abs() > SLOW[1]);
+        // What is between both pads already is held on to.
+        let presses = seen.pad_force.iter().all(|force| *force > PRESSES);
+        let stage = if presses { Stage::Grasp } else { Stage::Reach };
+        let plan = plan(&self.goal, self.extent);
+        let at = plan.iter().position(|other| *other == stage);
+        self.on_the_spot &= !drives && at.is_some() && self.is_near(seen);
+        if self.on_the_spot {
+            self.at = at.unwrap_or_default();
+            self.skill = match stage {
+                Stage::Reach => Box::new(Reach::on_the_spot()),
+                _ => stage.begin(),
+            };
+            if is_home {
+                self.memory.home = Some(seen.base_from_tool);
+            }
+        } else if !is_home {
+            self.detour = Some(Box::new(Stow::default()));
+        }
+    }
+
+    /// The thing may be in the arm's reach from where the chair stands.
+    fn is_near(&self, seen: &Observation) -> bool {
+        let poses = self.scene.poses(seen);
+        let base = self.scene.house_from_base(seen).translation.vector;
+        let thing = poses.get(self.goal.item());
+        thing.is_some_and(|thing| {
+            let away = (thing.translation.vector - base).xy().norm();
+            away < self.scene.arm_range[1] + NEARLY
+        })
+    }
+
     fn decide(
         &mut self,
         seen: &Observation,
         arm: &mut dyn ArmReachability,
     ) -> (Act, Option<Outcome>) {
         let holds = self.extent == Extent::Put;
-        if self.begun.is_none() && !holds && !Stow::is_home(&seen.arm, &self.scene.home) {
-            self.detour = Some(Box::new(Stow::default()));
+        if self.begun.is_none() && !holds {
+            self.set_off(seen);
         }
         let begun = *self.begun.get_or_insert(seen.time);
-        if self.detour.is_none() {
+        if self.detour.is_none() && !self.on_the_spot {
             self.memory.home.get_or_insert(seen.base_from_tool);
         }
         if self.over {
@@ -445,8 +502,23 @@ impl Operator {
         }
     }
 
+    /// Begins again from the start of the plan, with the arm home.
+    fn begin_again(&mut self, why: &str) {
+        self.memory.notes.push(format!("{why}, begins again"));
+        self.memory.held = None;
+        self.on_the_spot = false;
+        self.opened = false;
+        self.at = 0;
+        self.skill = plan(&self.goal, self.extent)[0].begin();
+        self.detour = Some(Box::new(Stow::default()));
+    }
+
     /// Gives this attempt up: lets go, backs off, looks again; or the end.
     fn missed(&mut self, why: &str) -> Option<Outcome> {
+        if self.on_the_spot {
+            self.begin_again(why);
+            return None;
+        }
         if let Some(goal) = self.asked.take() {
             self.correct(goal);
             return None;
@@ -488,6 +560,10 @@ impl Operator {
 
     /// Drives to another place for the present skill; or the end.
     fn elsewhere(&mut self, why: String) -> Option<Outcome> {
+        if self.on_the_spot {
+            self.begin_again(&why);
+            return None;
+        }
         if let Some(goal) = self.asked.take() {
             self.correct(goal);
             return None;

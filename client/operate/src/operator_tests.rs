@@ -234,14 +234,31 @@ impl KinematicWorld {
         self.time += DT;
     }
 
+    /// Somebody who takes the bottle.
+    fn operator(&self, seed: u64) -> Operator {
+        let goal = Some(Goal::Lift { item: 0 });
+        Operator::new(self.scene.clone(), goal, OperatorProfile::new(seed)).unwrap()
+    }
+
+    /// Goes on until the operator does what is called `name`.
+    fn until(&mut self, operator: &mut Operator, name: &str) {
+        loop {
+            let (act, outcome) = operator.step(&self.observe(), &mut self.arm);
+            assert_eq!(outcome, None, "before {name}");
+            if act.name == name {
+                return;
+            }
+            self.apply(&act);
+        }
+    }
+
     /// Runs to the end; every pose on the way must be free of collisions.
-    fn run(mut self, seed: u64) -> (Outcome, f64, Vec<String>) {
-        let mut operator = Operator::new(
-            self.scene.clone(),
-            Some(Goal::Lift { item: 0 }),
-            OperatorProfile::new(seed),
-        )
-        .unwrap();
+    fn run(self, seed: u64) -> (Outcome, f64, Vec<String>) {
+        let operator = self.operator(seed);
+        self.run_by(operator)
+    }
+
+    fn run_by(mut self, mut operator: Operator) -> (Outcome, f64, Vec<String>) {
         let mut notes = Vec::new();
         loop {
             let seen = self.observe();
@@ -299,6 +316,56 @@ fn a_slip_is_noticed_and_the_third_attempt_is_the_last() {
         panic!("three slips cannot succeed");
     };
     assert!(why.contains("3 attempts"), "{why}");
+}
+
+#[test]
+fn a_hand_left_beside_the_bottle_is_put_right_on_the_spot() {
+    for (aside, forward) in [(0.03, 0.0), (-0.04, -0.02), (0.0, 0.03), (0.06, -0.03)] {
+        let mut world = KinematicWorld::new([-8.80, 2.10], 0.0, [-8.85, 1.50], 0);
+        let mut first = world.operator(3);
+        world.until(&mut first, "approaching");
+        world.base_from_tool *= Translation3::new(aside, 0.0, forward);
+        world.target = world.base_from_tool;
+        let (chair, begun) = (world.chair, world.time);
+        let operator = world.operator(3).on_the_spot();
+        let (outcome, time, notes) = world.run_by(operator);
+        assert_eq!(outcome, Outcome::Success, "{notes:?}");
+        let drove = notes.iter().any(|note| note.contains("drives to"));
+        assert!(!drove, "from {chair:?}: {notes:?}");
+        assert!(notes[0].contains("where the hand is"), "{notes:?}");
+        assert!(time - begun < 15.0, "took {:.1} s", time - begun);
+    }
+}
+
+#[test]
+fn what_the_pads_hold_already_is_lifted() {
+    let mut world = KinematicWorld::new([-8.80, 2.10], 0.0, [-8.85, 1.50], 0);
+    let mut first = world.operator(3);
+    world.until(&mut first, "lifting");
+    let mut second = world.operator(3).on_the_spot();
+    let mut opens = false;
+    for _ in 0..60 {
+        let (act, _) = second.step(&world.observe(), &mut world.arm);
+        opens |= act.opening.is_some_and(|opening| opening > 0.01);
+        world.apply(&act);
+    }
+    assert!(!opens && world.held.is_some());
+}
+
+#[test]
+fn who_cannot_go_on_from_the_spot_begins_again() {
+    // The chair stands too far away for the arm, and the arm is not home.
+    let mut world = KinematicWorld::new([-8.80, 2.10], 0.0, [-8.85, 1.50], 0);
+    let mut first = world.operator(3);
+    world.until(&mut first, "approaching");
+    world.chair = world.chair.rolled(-0.3, 0.0);
+    let operator = world.operator(3).on_the_spot();
+    let (outcome, _, notes) = world.run_by(operator);
+    assert_eq!(outcome, Outcome::Success, "{notes:?}");
+    assert!(
+        notes.iter().any(|note| note.contains("drives to")),
+        "{notes:?}"
+    );
 }
 
 #[test]

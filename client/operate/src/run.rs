@@ -37,6 +37,8 @@ pub struct OperateOptions {
     pub profile_seed: Option<u64>,
     /// An error that the operator makes on purpose and corrects.
     pub forced: Option<ForcedError>,
+    /// Goes on from where the hand is ([`Operator::on_the_spot`]).
+    pub on_the_spot: bool,
 }
 
 impl Default for OperateOptions {
@@ -50,6 +52,7 @@ impl Default for OperateOptions {
             take: false,
             profile_seed: None,
             forced: None,
+            on_the_spot: false,
         }
     }
 }
@@ -183,7 +186,11 @@ pub fn run(
     let style = Style::from_name(scenario.style()).unwrap_or_default();
     let profile = OperatorProfile::new(options.profile_seed.unwrap_or(scenario.seed()));
     let operator = Operator::new(scene, goal, profile.in_style(style));
-    let operator = operator.map_err(OperateError::Scene)?.troubled(Trouble {
+    let mut operator = operator.map_err(OperateError::Scene)?;
+    if options.on_the_spot {
+        operator = operator.on_the_spot();
+    }
+    let operator = operator.troubled(Trouble {
         hindered: scenario
             .disturbances
             .is_some_and(|d| d.noise + d.pushes + d.slips > 0),

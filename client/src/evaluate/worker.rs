@@ -330,7 +330,7 @@ fn attempt(
     let mut notes: Vec<String> = limit.into_iter().collect();
     let begun = Instant::now();
     let mut done = match driver {
-        Driver::Operator => operated(link, label, recorders, job, pulse, &mut notes)?,
+        Driver::Operator => operated(link, label, recorders, job, false, pulse, &mut notes)?,
         Driver::Policy(policy, options) => {
             let options = FlyOptions {
                 label,
@@ -354,7 +354,7 @@ fn attempt(
                 true => flown(flight),
                 false => {
                     notes.push(format!("{:.2} s the operator takes over", pulse.seconds()));
-                    operated(link, label, recorders, job, pulse, &mut notes)?
+                    operated(link, label, recorders, job, true, pulse, &mut notes)?
                 }
             }
         }
@@ -373,12 +373,13 @@ fn share(seed: u64) -> f64 {
     (crate::episode_seed::mixed(seed ^ 0x7a6b_0c57_11d3_95e1) >> 11) as f64 / (1_u64 << 53) as f64
 }
 
-/// The scripted operator does it.
+/// The scripted operator does it, from the start or `on_the_spot`.
 fn operated(
     link: &Link,
     label: String,
     recorders: u32,
     job: &Job,
+    on_the_spot: bool,
     pulse: &Pulse,
     notes: &mut Vec<String>,
 ) -> Result<Done, Trouble> {
@@ -386,6 +387,7 @@ fn operated(
         label: Some(label),
         require_recorders: recorders,
         forced: job.variation.forced(job.seed),
+        on_the_spot,
         ..OperateOptions::default()
     };
     let mut report = operate::run(link, &work, &mut |progress| {

@@ -190,8 +190,8 @@ pub(super) mod tests {
     #[test]
     fn quaternions_keep_their_sign() {
         let mut rows = made(0, 4, 0.0).outputs;
-        for at in 3..7 {
-            rows[2][at] = -rows[2][at];
+        for value in &mut rows[2][3..7] {
+            *value = -*value;
         }
         rows[0][13] = -1.0;
         one_sign(&mut rows);

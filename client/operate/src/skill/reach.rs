@@ -1,5 +1,6 @@
 //! Reach: chooses a grasp candidate from where the chair stands, moves the hand
-//! to the pregrasp and then straight to the grasp.
+//! to the pregrasp and then straight to the grasp. A hand that somebody else left
+//! before the thing is corrected on the spot: no further back than it must.
 
 use nalgebra::{Isometry3, Translation3};
 use wheelarm_proto::v1::Phase;
@@ -23,9 +24,19 @@ const MOVED: f64 = 0.015;
 const BESIDE: [f64; 2] = [0.015, 0.09];
 /// Candidates that are looked at from one stop.
 const LOOKS: usize = 60;
+/// How far before the grasp a hand is brought that is corrected on the spot, metres.
+const SHORT_STANDOFF: f64 = 0.03;
+/// Such a hand is this close to the pregrasp at most, metres and radians.
+const ON_THE_SPOT: [f64; 2] = [0.25, 0.9];
+/// How far it is drawn back first, metres: as little as will do.
+const BACK: [f64; 6] = [0.0, 0.02, 0.04, 0.06, 0.09, 0.12];
+/// Longest time until chair and fingers are ready for it, seconds.
+const LONGEST_READY: f64 = 3.0;
 
 #[derive(Clone, Debug)]
 enum State {
+    /// Brakes and opens, since then.
+    Ready(Option<f64>),
     Aim,
     ToPregrasp(Motion),
     Approach(Motion),
@@ -39,6 +50,8 @@ pub struct Reach {
     aimed: Option<Isometry3<f64>>,
     /// It ends before the thing.
     before: bool,
+    /// From wherever the hand was left.
+    on_the_spot: bool,
 }
 
 impl Reach {
@@ -49,6 +62,18 @@ impl Reach {
             state: State::Aim,
             aimed: None,
             before: false,
+            on_the_spot: false,
+        }
+    }
+
+    /// Begins with a hand that somebody else has left anywhere: brakes and opens,
+    /// and then goes straight on where the hand is before the thing.
+    #[must_use]
+    pub fn on_the_spot() -> Self {
+        Self {
+            state: State::Ready(None),
+            on_the_spot: true,
+            ..Self::new()
         }
     }
 
@@ -61,7 +86,41 @@ impl Reach {
         }
     }
 
+    /// Waits until the chair rests and the fingers are open.
+    fn ready(&mut self, since: Option<f64>, now: &Now<'_>) -> Step {
+        let begun = since.unwrap_or(now.seen.time);
+        let waited = now.seen.time - begun;
+        let [speed, rate] = now.seen.chair_speed;
+        let rests = speed.abs() < 0.005 && rate.abs() < 0.01;
+        let ready = rests && now.scene.hand.is_open(now.seen.knuckle);
+        self.state = match ready || waited > LONGEST_READY {
+            true => State::Aim,
+            false => State::Ready(Some(begun)),
+        };
+        Step::Going(Act {
+            base: Some([0.0, 0.0]),
+            opening: since.is_none().then_some(now.scene.hand.stroke),
+            ..Act::named(Phase::Reaching, "getting ready")
+        })
+    }
+
     fn aim(&mut self, now: &mut Now<'_>) -> Step {
+        if self.on_the_spot
+            && let Some((candidate, stops)) = choose_on_the_spot(now)
+        {
+            self.aimed = Some(now.thing());
+            let stops: Vec<_> = stops
+                .into_iter()
+                .map(|pose| (pose, now.profile.approach_speed))
+                .collect();
+            self.state = State::ToPregrasp(Motion::new(now, &stops));
+            now.memory.candidate = Some(candidate);
+            now.note("goes on from where the hand is".to_owned());
+            return Step::Going(Act {
+                opening: Some(candidate.opening),
+                ..Act::named(Phase::Reaching, "reaching")
+            });
+        }
         let mut chosen = choose(now);
         // What hindered it the last time may be gone.
         if chosen.is_none() && now.memory.hindered && !now.memory.refused.is_empty() {
@@ -113,6 +172,7 @@ impl Default for Reach {
 impl Skill for Reach {
     fn step(&mut self, now: &mut Now<'_>) -> Step {
         let (motion, name) = match &self.state {
+            State::Ready(since) => return self.ready(*since, now),
             State::Aim => return self.aim(now),
             State::ToPregrasp(motion) => (motion, "reaching"),
             State::Approach(motion) => (motion, "approaching"),
@@ -191,6 +251,45 @@ fn choose(now: &mut Now<'_>) -> Option<(GraspCandidate, Vec<Isometry3<f64>>)> {
         for candidate in candidates.into_iter().take(LOOKS) {
             if let Some(stops) = path_to(now, &start, &candidate, margin) {
                 return Some((candidate, stops));
+            }
+        }
+    }
+    None
+}
+
+/// The nearest candidate to a hand that is before the thing already, with a short
+/// way in, and the stops up to its pregrasp.
+fn choose_on_the_spot(now: &mut Now<'_>) -> Option<(GraspCandidate, Vec<Isometry3<f64>>)> {
+    let start = now.scene.house_from_tool(now.seen);
+    let off = |candidate: &GraspCandidate| {
+        let turn = start.rotation.angle_to(&candidate.pregrasp.rotation);
+        let way = distance(&start, &candidate.pregrasp);
+        (way < ON_THE_SPOT[0] && turn < ON_THE_SPOT[1]).then_some(way + 0.1 * turn)
+    };
+    for margin in MARGINS {
+        let standoff = SHORT_STANDOFF;
+        let found = grasp_candidate::candidates(now.scene, now.goal, now.poses, standoff, margin);
+        let mut near: Vec<_> = found
+            .into_iter()
+            .filter_map(|candidate| Some((off(&candidate)? + 0.05 * candidate.cost, candidate)))
+            .collect();
+        near.sort_by(|a, b| a.0.total_cmp(&b.0));
+        for back in BACK {
+            for (_, candidate) in near.iter().take(LOOKS) {
+                let back_first = start * Translation3::new(0.0, 0.0, -back);
+                let line = [back_first, candidate.pregrasp];
+                let around = now.scene.around(&line, now.poses, None);
+                if !around.hand_is_free(&now.scene.hand, candidate.opening, &line, margin) {
+                    continue;
+                }
+                let stops = &line[usize::from(back == 0.0)..];
+                let then = then_from_pregrasp(now, candidate);
+                let reached = then
+                    .iter()
+                    .any(|then| now.reaches(&[stops, &then[..]].concat()));
+                if reached {
+                    return Some((*candidate, stops.to_vec()));
+                }
             }
         }
     }

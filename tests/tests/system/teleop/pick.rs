@@ -15,6 +15,8 @@ const STAND: [f64; 2] = [1.19, 0.36];
 const STRAIGHT: f64 = 0.55;
 /// The chair stands well enough, m and rad.
 const NEAR: [f64; 2] = [0.05, 0.05];
+/// The screen shows no less, m.
+const SHOWN: f64 = 0.001;
 /// A hand whose numbers stay for so long rests, simulated s.
 const REST: f64 = 0.4;
 /// Longest time for one movement: something hangs.
@@ -157,10 +159,12 @@ impl Person {
         let mut before = f64::INFINITY;
         loop {
             let off = until("the bottle's place", || self.away())[axis] - goal;
-            let presses = (off.abs() / step).round() as usize;
-            if presses == 0 {
+            // Of the two places a step apart that it comes to rest at in turns, one
+            // counts as near enough, as the screen rounds.
+            if off.abs() < step / 2.0 + SHOWN {
                 return;
             }
+            let presses = (off.abs() / step).round().max(1.0) as usize;
             assert!(
                 since.elapsed() < PATIENCE,
                 "the hand stays {off:.3} m off along {axis}; the screen:\n{}",
