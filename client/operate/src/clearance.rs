@@ -208,6 +208,7 @@ mod tests {
             arm_range: [0.42, 0.88],
             hand: hand::tests::hand(),
             home: [0.0; 6],
+            person: None,
         };
         let poses = [Isometry3::identity()];
         // Tool z along +x, tool x along y, tool y up.

@@ -1,6 +1,6 @@
 //! What a task asks for, as the server tells it.
 
-use nalgebra::Isometry3;
+use nalgebra::{Isometry3, Point3};
 use wheelarm_proto::check::{self, Invalid};
 use wheelarm_proto::geometry::normalized;
 use wheelarm_proto::v1;
@@ -29,6 +29,13 @@ pub enum Goal {
         item: usize,
         /// The lap in `wheelchair_root`.
         lap: Obb,
+    },
+    /// The tip of a thing is to be brought to the mouth and held there.
+    Bring {
+        /// Index of the thing.
+        item: usize,
+        /// Its tip in its own frame.
+        tip: Point3<f64>,
     },
     /// A slide is to be pulled open.
     Open {
@@ -59,7 +66,7 @@ impl Goal {
     #[must_use]
     pub fn slide(&self) -> Option<(usize, f64)> {
         match *self {
-            Self::Lift { .. } | Self::Put { .. } | Self::Give { .. } => None,
+            Self::Lift { .. } | Self::Put { .. } | Self::Give { .. } | Self::Bring { .. } => None,
             Self::Open {
                 slide, position, ..
             } => Some((slide, position + MORE)),
@@ -76,7 +83,7 @@ impl Goal {
         match self {
             Self::Put { region, .. } => Some(*region),
             Self::Give { lap, .. } => Some(lap.at(house_from_chair)),
-            Self::Lift { .. } | Self::Open { .. } | Self::Close { .. } => None,
+            Self::Lift { .. } | Self::Bring { .. } | Self::Open { .. } | Self::Close { .. } => None,
         }
     }
 
@@ -87,6 +94,7 @@ impl Goal {
             Self::Lift { item }
             | Self::Put { item, .. }
             | Self::Give { item, .. }
+            | Self::Bring { item, .. }
             | Self::Open { item, .. }
             | Self::Close { item, .. } => *item,
         }
@@ -113,6 +121,13 @@ impl Goal {
         Ok(match goal.kind() {
             v1::GoalKind::Unspecified => None,
             v1::GoalKind::Lift => Some(Self::Lift { item }),
+            v1::GoalKind::Bring => {
+                let tip = check::vector("tip of the goal", goal.tip.as_ref())?;
+                Some(Self::Bring {
+                    item,
+                    tip: tip.into(),
+                })
+            }
             kind @ (v1::GoalKind::Put | v1::GoalKind::Give) => {
                 let told = goal.region.unwrap_or_default();
                 let region = Obb {

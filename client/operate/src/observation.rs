@@ -12,7 +12,7 @@ use wheelarm_proto::{TopicId, v1};
 use wheelarm_route::footprint_check::Pose2;
 
 /// Streams that make up an observation; the clock comes last.
-pub const STREAMS: [TopicId; 7] = [
+pub const STREAMS: [TopicId; 8] = [
     TopicId::JointState,
     TopicId::Pose,
     TopicId::ObjectPose,
@@ -20,6 +20,7 @@ pub const STREAMS: [TopicId; 7] = [
     TopicId::Contact,
     TopicId::Evaluation,
     TopicId::Applied,
+    TopicId::Person,
 ];
 
 /// State of the world at one control tick.
@@ -45,6 +46,8 @@ pub struct Observation {
     pub pad_force: [f64; 2],
     /// Objects in `house`.
     pub objects: Vec<Isometry3<f64>>,
+    /// The mouth of who sits in the chair, in `house`, x out of it.
+    pub mouth: Option<Isometry3<f64>>,
     /// Positions of the furniture's joints, metres.
     pub slides: Vec<f64>,
     /// All required conditions hold.
@@ -79,6 +82,7 @@ pub struct Collector {
     contacts: Option<v1::Contacts>,
     evaluation: Option<v1::Evaluation>,
     applied: Option<v1::Applied>,
+    person: Option<v1::PersonState>,
 }
 
 impl Collector {
@@ -95,6 +99,7 @@ impl Collector {
             contacts: None,
             evaluation: None,
             applied: None,
+            person: None,
         }
     }
 
@@ -108,6 +113,7 @@ impl Collector {
             Sample::Contact(s) => self.contacts = Some(s),
             Sample::Evaluation(s) => self.evaluation = Some(s),
             Sample::Applied(s) => self.applied = Some(s),
+            Sample::Person(s) => self.person = Some(s),
             _ => {}
         }
     }
@@ -176,6 +182,11 @@ impl Collector {
                 .iter()
                 .map(|pose| normalized("pose of an object", Some(pose)))
                 .collect::<Result<_, _>>()?,
+            mouth: self
+                .person
+                .as_ref()
+                .map(|person| normalized("pose of the mouth", person.mouth.as_ref()))
+                .transpose()?,
             slides: self
                 .slides
                 .as_ref()

@@ -12,6 +12,7 @@ use super::observation::Observation;
 use super::profile::OperatorProfile;
 use super::scene::SceneModel;
 pub use super::skill::Act;
+use super::skill::bring::Bring;
 use super::skill::carry::Carry;
 use super::skill::fumble::Fumble;
 use super::skill::grasp::Grasp;
@@ -63,6 +64,7 @@ enum Stage {
     Lift,
     Carry,
     Place,
+    Bring,
     Pull,
     LetGo,
     Watch,
@@ -78,6 +80,7 @@ impl Stage {
             Self::Lift => Box::new(Lift::default()),
             Self::Carry => Box::new(Carry::default()),
             Self::Place => Box::new(Place::new()),
+            Self::Bring => Box::new(Bring::new()),
             Self::Pull => Box::new(Pull::new()),
             Self::LetGo => Box::new(Release::let_go()),
             Self::Watch => Box::new(Watch::default()),
@@ -128,6 +131,14 @@ fn plan(goal: &Goal, extent: Extent) -> &'static [Stage] {
             Stage::Lift,
             Stage::Place,
             Stage::Watch,
+        ],
+        Goal::Bring { .. } => &[
+            TAKE,
+            Stage::Reach,
+            Stage::Grasp,
+            Stage::Lift,
+            Stage::Carry,
+            Stage::Bring,
         ],
         Goal::Open { .. } | Goal::Close { .. } => &[
             TAKE,

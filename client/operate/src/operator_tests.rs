@@ -121,6 +121,7 @@ fn home_scene() -> SceneModel {
         arm_range: [0.42, 0.88],
         hand: hand::tests::hand(),
         home: [0.0; 6],
+        person: None,
     }
 }
 
@@ -184,6 +185,7 @@ impl KinematicWorld {
             knuckle: 0.8 * (1.0 - self.opening / 0.085),
             pad_force: if gripped { [30.0, 30.0] } else { [0.0, 0.0] },
             objects: self.objects.clone(),
+            mouth: None,
             slides: Vec::new(),
             success: raised > 0.1 && self.held_for > 1.0,
             done: false,

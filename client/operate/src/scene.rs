@@ -1,7 +1,7 @@
 //! What stands around: the server's answer to the `scene` query, checked.
 //! Nothing is decided here.
 
-use nalgebra::{Isometry3, Translation3, Unit, Vector3};
+use nalgebra::{Isometry3, Point3, Translation3, Unit, Vector3};
 use wheelarm_proto::check::{self, Invalid};
 use wheelarm_proto::geometry::normalized;
 use wheelarm_proto::v1;
@@ -52,6 +52,38 @@ pub struct Grasp {
     pub force: Option<f64>,
 }
 
+/// Who sits in the chair, in `wheelchair_root`, with the head straight.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Seated {
+    /// What stands for the body.
+    pub capsules: Vec<Capsule>,
+    /// Between the lips, x out of the mouth.
+    pub mouth: Isometry3<f64>,
+}
+
+/// A capsule of a body.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Capsule {
+    /// Ends of its axis.
+    pub ends: [Point3<f64>; 2],
+    /// Metres.
+    pub radius: f64,
+    /// It moves with the head.
+    pub moves: bool,
+}
+
+impl Capsule {
+    /// Distance of a point from the surface, metres; negative inside.
+    #[must_use]
+    pub fn distance(&self, at: &Point3<f64>) -> f64 {
+        let [a, b] = self.ends;
+        let along = b - a;
+        let length = along.norm_squared().max(1e-12);
+        let share = ((at - a).dot(&along) / length).clamp(0.0, 1.0);
+        (at - (a + along * share)).norm() - self.radius
+    }
+}
+
 /// Geometry of one scenario.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SceneModel {
@@ -79,6 +111,8 @@ pub struct SceneModel {
     pub hand: Hand,
     /// Positions of the arm's joints at home, from base to hand, radians.
     pub home: [f64; 6],
+    /// Who sits in the chair.
+    pub person: Option<Seated>,
 }
 
 fn read_boxes(boxes: &[v1::BoxGeometry]) -> Result<Vec<Obb>, Invalid> {
@@ -133,6 +167,23 @@ fn read_grasp(grasp: &v1::GraspFrame, items: &[Item]) -> Result<Grasp, Invalid> 
             .force
             .map(|force| check::within("grasp force", force, 0.0, 1e4))
             .transpose()?,
+    })
+}
+
+fn read_seated(told: &v1::SeatedPerson) -> Result<Seated, Invalid> {
+    let read = |capsule: &v1::PersonCapsule| {
+        let end = |end: Option<&v1::Vector3>| {
+            check::vector("end of a person's capsule", end).map(Point3::from)
+        };
+        Ok(Capsule {
+            ends: [end(capsule.a.as_ref())?, end(capsule.b.as_ref())?],
+            radius: check::within("radius of a person's capsule", capsule.radius, 0.0, 1.0)?,
+            moves: capsule.moves,
+        })
+    };
+    Ok(Seated {
+        capsules: told.capsules.iter().map(read).collect::<Result<_, _>>()?,
+        mouth: normalized("pose of the mouth", told.mouth.as_ref())?,
     })
 }
 
@@ -193,6 +244,7 @@ impl SceneModel {
             arm_range: check::list("range of the arm", &[reach.nearest, reach.furthest])?,
             hand,
             home: check::list("home of the arm", &robot.home_positions)?,
+            person: reply.persons.first().map(read_seated).transpose()?,
         })
     }
 

@@ -92,7 +92,7 @@ impl Way {
         match goal {
             v1::GoalKind::Unspecified => Self::None,
             // What is handed over is lifted; where to, moves with the chair.
-            v1::GoalKind::Lift | v1::GoalKind::Give => Self::Lift,
+            v1::GoalKind::Lift | v1::GoalKind::Give | v1::GoalKind::Bring => Self::Lift,
             v1::GoalKind::Put => Self::Put,
             v1::GoalKind::Open | v1::GoalKind::Close => Self::Slide,
         }
@@ -471,6 +471,7 @@ mod tests {
             }],
             goal: Some(v1::TaskGoal {
                 kind: kind.into(),
+                tip: None,
                 target: match kind {
                     v1::GoalKind::Open | v1::GoalKind::Close => "drawer",
                     _ => "mug",

@@ -8,7 +8,7 @@ use serde::Deserialize;
 use crate::space::{Order, Side};
 
 /// Files of a grammar below `assets/language`, in the order in which they are read.
-pub const FILES: [&str; 9] = [
+pub const FILES: [&str; 10] = [
     "nouns.toml",
     "places.toml",
     "phrases.toml",
@@ -18,6 +18,7 @@ pub const FILES: [&str; 9] = [
     "put.toml",
     "open.toml",
     "close.toml",
+    "bring.toml",
 ];
 
 /// A grammar file that cannot be used.
@@ -48,6 +49,8 @@ pub enum Verb {
     Open,
     /// Push it in.
     Close,
+    /// Bring it to the mouth.
+    Bring,
 }
 
 impl Verb {
@@ -59,6 +62,7 @@ impl Verb {
             Self::Put => "put",
             Self::Open => "open",
             Self::Close => "close",
+            Self::Bring => "bring",
         }
     }
 }

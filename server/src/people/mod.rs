@@ -86,6 +86,13 @@ pub struct Landmark {
     pub at: Point3<f64>,
 }
 
+/// A mouth with what moves it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Mouth {
+    skeleton: Skeleton,
+    at: Landmark,
+}
+
 /// Where a thing may lie in the lap.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Lap {
@@ -107,8 +114,31 @@ impl Person {
     /// the mouth, z up.
     #[must_use]
     pub fn mouth(&self, head: &HeadPose) -> nalgebra::Isometry3<f64> {
-        let pose = self.skeleton.joint(self.mouth.joint, head);
-        pose * nalgebra::Translation3::from(self.mouth.at.coords)
+        self.mouth.on(&self.skeleton, head)
+    }
+
+    /// The mouth with what moves it, without the rest of the body.
+    #[must_use]
+    pub fn own_mouth(&self) -> Mouth {
+        Mouth {
+            skeleton: self.skeleton.clone(),
+            at: self.mouth,
+        }
+    }
+}
+
+impl Landmark {
+    /// Frame of the landmark, turned as its joint is, with the head as told.
+    fn on(&self, skeleton: &Skeleton, head: &HeadPose) -> nalgebra::Isometry3<f64> {
+        skeleton.joint(self.joint, head) * nalgebra::Translation3::from(self.at.coords)
+    }
+}
+
+impl Mouth {
+    /// Frame of the mouth with the head as told, see [`Person::mouth`].
+    #[must_use]
+    pub fn with(&self, head: &HeadPose) -> nalgebra::Isometry3<f64> {
+        self.at.on(&self.skeleton, head)
     }
 }
 

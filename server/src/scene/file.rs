@@ -239,6 +239,8 @@ pub(super) struct ObjectFile {
     pub lobes: Vec<LobeEntry>,
     #[serde(default)]
     pub grasps: Vec<GraspEntry>,
+    /// Where one drinks or eats from it.
+    pub tip: Option<[f64; 3]>,
 }
 
 /// What a soft object is made of.

@@ -149,6 +149,7 @@ impl Scene {
                 .enumerate()
                 .map(|(i, grasp)| object::grasp(&place.entry("grasps", i), grasp))
                 .collect::<Result<_, _>>()?,
+            tip: None,
             optional: entry.optional,
         };
         if let Some(slide) = entry.slide.as_ref().or(model.slide.as_ref()) {

@@ -78,6 +78,8 @@ pub struct Body {
     pub soft: Option<Soft>,
     /// How the end effector can take it.
     pub grasps: Vec<Grasp>,
+    /// Where one drinks or eats from it, in the body frame: what goes to the mouth.
+    pub tip: Option<Point3<f64>>,
     /// An object is only there when a task draws it or a scenario places it,
     /// furniture in the variants of an area that name it.
     pub optional: bool,

@@ -45,6 +45,11 @@ pub(super) fn read(reader: &Reader<'_>, kind: &str) -> Result<Body, SceneError> 
         soft: soft::read(reader, &place, &file)?,
         visual: parts.visual,
         grasps: Vec::new(),
+        tip: file
+            .tip
+            .map(|tip| place.key("tip").position(tip))
+            .transpose()?
+            .map(Point3::from),
         optional: false,
     };
     body.mass = Some(mass(&place, file.mass, file.com, file.inertia, &body)?);

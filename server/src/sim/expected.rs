@@ -35,7 +35,7 @@ pub(super) fn seconds(
     let way = floor.way_seconds(&start, &task.area, variant, scene);
     let way = way.unwrap_or_else(|| LINE * straight(scene, scenario));
     let put = match task.goal {
-        Goal::Put { .. } | Goal::Give => PUT,
+        Goal::Put { .. } | Goal::Give | Goal::Bring => PUT,
         Goal::Lift | Goal::Open { .. } | Goal::Close { .. } => 0.0,
     };
     let home = model.settings.home;

@@ -34,7 +34,7 @@ pub use scenario::{
 };
 pub use shown::{Recorded, RecordedSkin, Unfit};
 
-use crate::people::{Motion, Person, PersonSetting};
+use crate::people::{Motion, Person};
 use crate::robot::control::{ControlInput, GripperMap, RobotControl, Targets};
 use crate::robot::{ARM_JOINTS, RecordedFrame, RobotModel};
 use crate::scene::Scene;
@@ -163,9 +163,9 @@ impl Simulation {
         let control = RobotControl::at(&model, &arm, knuckle);
         let mut world =
             World::new_within(&model, &scene, &placements, &start, &arm, knuckle, late)?;
-        if task.as_ref().is_some_and(TaskSpec::is_care) {
+        if let Some(care) = task.as_ref().filter(|task| task.is_care()) {
             // Somebody must be there; who cares is careful.
-            scenario.person.get_or_insert_with(PersonSetting::cared_for);
+            scenario.person.get_or_insert_with(|| care.cared_for());
         }
         let person = seated(assets, &mut scenario, &model)?;
         if let Some((person, motion)) = &person {

@@ -415,7 +415,12 @@ fn a_task_that_is_said_by_the_grammar_is_the_same_task() {
 fn in_tasks_of_care_somebody_sits_in_the_chair_and_the_guard_is_on() {
     let mut bodies = Vec::new();
     for seed in 0..6 {
-        for task in ["take_floor_crackers", "throw_meat_can"] {
+        for task in [
+            "take_floor_crackers",
+            "throw_meat_can",
+            "serve_drink",
+            "serve_spoonful",
+        ] {
             let sim = simulation(Scenario {
                 seed,
                 ..scenario(task)

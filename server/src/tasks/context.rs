@@ -2,7 +2,7 @@
 
 use nalgebra::{Isometry3, Point3, Vector3};
 
-use crate::people::Lap;
+use crate::people::{Lap, Mouth};
 use crate::scene::{Body, Surface};
 use crate::snapshot::{BodyRef, BodyState, Contact, Snapshot};
 
@@ -32,6 +32,8 @@ pub(super) struct Context {
     pub target_joint: Option<usize>,
     /// The lap of who sits in the chair.
     pub lap: Option<Lap>,
+    /// The mouth of who sits in the chair.
+    pub mouth: Option<Mouth>,
     /// Objects that could have been the target.
     pub decoys: Vec<usize>,
 }
@@ -104,6 +106,21 @@ impl Context {
         let level = (body.collision_bounds(&state.pose)?.min.z - top).abs() <= above;
         let within = (0..2).all(|i| com[i].abs() <= lap.size[i] / 2.0);
         Some((com.xy().norm(), level && within))
+    }
+
+    /// Distance of the object's tip from the middle of the lips, metres; `None` where
+    /// it has no tip or nobody sits in the chair.
+    pub(super) fn tip_to_mouth(
+        &self,
+        object: usize,
+        state: &BodyState,
+        snapshot: &Snapshot,
+    ) -> Option<f64> {
+        let tip = state.pose * self.bodies.get(object)?.tip?;
+        let head = &snapshot.person.as_ref()?.head;
+        let chair = snapshot.links.first()?.pose;
+        let lips = chair * self.mouth.as_ref()?.with(head);
+        Some((tip.coords - lips.translation.vector).norm())
     }
 
     /// Force of the robot on an object, N; `None` when they do not touch.

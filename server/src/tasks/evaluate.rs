@@ -187,6 +187,7 @@ impl Evaluator {
                     .iter()
                     .position(|j| Some(j.furniture) == furniture),
                 lap: person.map(|person| person.lap),
+                mouth: person.map(Person::own_mouth),
                 decoys: others.filter_map(|name| scene.object_named(name)).collect(),
             },
             carrier: start

@@ -12,6 +12,8 @@ pub enum Goal {
     },
     /// Put it into the lap of who sits in the chair and leave it there.
     Give,
+    /// Bring its tip to the mouth of who sits in the chair and hold it there.
+    Bring,
     /// Draw furniture out.
     Open {
         /// Wanted joint position, metres.

@@ -11,8 +11,8 @@ use super::context::TARGET;
 use super::file::TaskFile;
 use super::goal::Goal;
 use super::known::known;
-use super::spec::{FailureSpec, TaskSpec};
-use super::template::{FailureEntry, Template, Verb};
+use super::spec::{FailureSpec, TaskSpec, WaitSpec};
+use super::template::{FailureEntry, PersonEntry, Template, Verb};
 use crate::robot::CorridorSettings;
 use crate::scene::{Place, Scene, SceneError, names, parse, provenance};
 
@@ -104,7 +104,9 @@ impl TaskSpec {
             (_, None) => None,
         };
         let targets = match template.goal {
-            Verb::Lift | Verb::Put | Verb::Give => file.object.objects(&asked, &area, scene)?,
+            Verb::Lift | Verb::Put | Verb::Give | Verb::Bring => {
+                file.object.objects(&asked, &area, scene)?
+            }
             Verb::Open | Verb::Close => file.object.sliding(&asked, &area, scene)?,
         };
         if file.instructions.is_empty() || file.instructions.iter().any(|s| s.trim().is_empty()) {
@@ -142,11 +144,13 @@ impl TaskSpec {
             )?,
             conditions,
             failure: read_failure(&place.key("thresholds.failure"), &template.failure)?,
+            waits: read_waits(&place.key("template"), template.person)?,
         };
         spec.check_conditions(&place, scene)?;
         spec.goal = match (template.goal, region) {
             (Verb::Lift, _) => Goal::Lift,
             (Verb::Give, _) => Goal::Give,
+            (Verb::Bring, _) => Goal::Bring,
             (Verb::Put, region) => Goal::Put {
                 on: region.unwrap_or_default(),
             },
@@ -158,6 +162,7 @@ impl TaskSpec {
             },
         };
         spec.check_goal(&place)?;
+        spec.check_tips(&asked, scene)?;
         if spec.variants().next().is_none() {
             let offers = |v: &super::area::Variant| match v.name.as_str() {
                 "" => "the area by itself".to_owned(),
@@ -216,7 +221,7 @@ impl TaskSpec {
         let judged = required
             .flat_map(|c| c.predicate.as_dyn().names())
             .any(|name| match (name, &self.goal) {
-                (Name::Object(object), Goal::Lift | Goal::Give) => is_target(object),
+                (Name::Object(object), Goal::Lift | Goal::Give | Goal::Bring) => is_target(object),
                 (Name::Surface(surface), Goal::Put { on }) => surface == on,
                 (Name::Joint(_), Goal::Open { .. } | Goal::Close { .. }) => true,
                 _ => false,
@@ -230,6 +235,38 @@ impl TaskSpec {
             "say what is to be done, and judge it by a condition with required = true",
         ))
     }
+
+    /// Refuses to bring to the mouth what has nothing to drink or eat from.
+    fn check_tips(&self, asked: &Place, scene: &Scene) -> Result<(), SceneError> {
+        if self.goal != Goal::Bring {
+            return Ok(());
+        }
+        let tip = |name: &String| scene.objects[scene.object_named(name)?].tip;
+        match self.targets.iter().find(|name| tip(name).is_none()) {
+            None => Ok(()),
+            Some(name) => Err(asked.wrong(
+                format!("{name:?}, which has no tip"),
+                "an object with a tip",
+                "name another, or give `tip` in the object's file: where one drinks or eats",
+            )),
+        }
+    }
+}
+
+fn read_waits(place: &Place, entry: Option<PersonEntry>) -> Result<WaitSpec, SceneError> {
+    let Some(PersonEntry { motion, mouth_open }) = entry else {
+        return Ok(WaitSpec::default());
+    };
+    Ok(WaitSpec {
+        motion: place.key("person.motion").within(
+            motion,
+            0.0,
+            1.0,
+            "",
+            "0 sits still, 1 moves as people do who wait",
+        )?,
+        mouth_open,
+    })
 }
 
 fn read_failure(place: &Place, entry: &FailureEntry) -> Result<FailureSpec, SceneError> {

@@ -42,4 +42,4 @@ pub use goal::Goal;
 pub use load::list;
 pub use scene_draw::{SceneDraw, draw_scene};
 pub use sentence::{Language, POLITENESS, sentence};
-pub use spec::{ConditionSpec, FailureSpec, TaskSpec};
+pub use spec::{ConditionSpec, FailureSpec, TaskSpec, WaitSpec};

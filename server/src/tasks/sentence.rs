@@ -62,6 +62,7 @@ pub fn sentence(
         Goal::Lift => (Verb::Lift, None),
         // The grammar has no words for a lap: one of the task's own sentences is said.
         Goal::Give => return Ok(None),
+        Goal::Bring => (Verb::Bring, None),
         Goal::Put { on } => (Verb::Put, seen.named(on)),
         Goal::Open { .. } => (Verb::Open, None),
         Goal::Close { .. } => (Verb::Close, None),

@@ -3,6 +3,7 @@
 use super::area::{AreaSpec, Variant};
 use super::goal::Goal;
 use super::predicates::AnyPredicate;
+use crate::people::PersonSetting;
 use crate::scene::{Place, Scene, Surface};
 
 /// What is asked, of what, and when it is done.
@@ -31,6 +32,26 @@ pub struct TaskSpec {
     pub conditions: Vec<ConditionSpec>,
     /// When the target counts as lost.
     pub failure: FailureSpec,
+    /// How somebody sits there who is drawn because the scenario names nobody.
+    pub waits: WaitSpec,
+}
+
+/// How somebody waits for what a task brings.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct WaitSpec {
+    /// How much the head moves, 0 to 1.
+    pub motion: f64,
+    /// The mouth opens and stays open.
+    pub mouth_open: bool,
+}
+
+impl Default for WaitSpec {
+    fn default() -> Self {
+        Self {
+            motion: 1.0,
+            mouth_open: false,
+        }
+    }
 }
 
 /// A condition of the task.
@@ -74,7 +95,17 @@ impl TaskSpec {
     /// names nobody, and the face guard is on.
     #[must_use]
     pub fn is_care(&self) -> bool {
-        self.activity == CARE || self.goal == Goal::Give
+        self.activity == CARE || matches!(self.goal, Goal::Give | Goal::Bring)
+    }
+
+    /// Who is drawn where the task is done for somebody and the scenario names nobody.
+    #[must_use]
+    pub fn cared_for(&self) -> PersonSetting {
+        PersonSetting {
+            motion: self.waits.motion,
+            mouth_open: self.waits.mouth_open,
+            ..PersonSetting::cared_for()
+        }
     }
 
     /// The furniture on which the task puts something, if it does.
@@ -82,7 +113,7 @@ impl TaskSpec {
     pub fn region_name(&self) -> Option<&str> {
         match &self.goal {
             Goal::Put { on } => Some(on),
-            Goal::Lift | Goal::Give | Goal::Open { .. } | Goal::Close { .. } => None,
+            Goal::Lift | Goal::Give | Goal::Bring | Goal::Open { .. } | Goal::Close { .. } => None,
         }
     }
 
@@ -98,7 +129,7 @@ impl TaskSpec {
         let asked: Vec<&str> = match self.goal {
             // Furniture is always there.
             Goal::Open { .. } | Goal::Close { .. } => Vec::new(),
-            Goal::Lift | Goal::Give | Goal::Put { .. } => {
+            Goal::Lift | Goal::Give | Goal::Bring | Goal::Put { .. } => {
                 objects.chain(self.region_name()).collect()
             }
         };

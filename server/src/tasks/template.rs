@@ -21,6 +21,7 @@ pub(super) enum Verb {
     Lift,
     Put,
     Give,
+    Bring,
     Open,
     Close,
 }
@@ -35,6 +36,15 @@ pub(super) struct Template {
     pub time_limit: f64,
     condition: Vec<ConditionEntry>,
     pub failure: FailureEntry,
+    /// How somebody waits for it.
+    pub person: Option<PersonEntry>,
+}
+
+#[derive(Clone, Copy, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct PersonEntry {
+    pub motion: f64,
+    pub mouth_open: bool,
 }
 
 #[derive(Debug, Deserialize)]

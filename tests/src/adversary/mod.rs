@@ -54,6 +54,8 @@ pub fn runs(rigid: usize, soft: usize, first_seed: u64) -> Vec<Run> {
             ![
                 "place_teddy_bear",
                 "close_drawer",
+                "serve_drink",
+                "serve_spoonful",
                 "take_floor_crackers",
                 "throw_meat_can",
             ]

@@ -28,7 +28,11 @@ const TOWARDS: [f64; 3] = [0.08, 0.15, 0.22];
 pub fn height(goal: &Goal, lift: f64) -> f64 {
     match goal {
         Goal::Put { .. } => 0.4 * lift,
-        Goal::Lift { .. } | Goal::Give { .. } | Goal::Open { .. } | Goal::Close { .. } => lift,
+        Goal::Lift { .. }
+        | Goal::Give { .. }
+        | Goal::Bring { .. }
+        | Goal::Open { .. }
+        | Goal::Close { .. } => lift,
     }
 }
 

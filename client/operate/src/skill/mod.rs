@@ -2,6 +2,7 @@
 //! what to do, and ends done, missed or unable. It knows nothing of tasks and
 //! of the skills before or after it, beside what is in the hand.
 
+pub mod bring;
 pub mod carry;
 pub mod fumble;
 pub mod grasp;

@@ -14,7 +14,7 @@ use crate::grasp_candidate::{self, GraspCandidate, MARGINS};
 use wheelarm_route::footprint_check::{FootprintCheck, Pose2};
 use wheelarm_route::hybrid_a_star::{self, DrivePath, PathPreferences, Segment};
 
-use super::{lift, place};
+use super::{bring, lift, place};
 
 /// Placements that are checked for reach and path per stop.
 const PLACES: usize = 120;
@@ -157,6 +157,20 @@ fn wanted(
                 raised.iter().take(2).map(then).collect::<Vec<_>>()
             };
             vec![puts.iter().flat_map(both).collect(), raised.clone()]
+        }
+        Goal::Bring { .. } => {
+            let chair = house_from_base * now.scene.chair_from_base.inverse();
+            let held = candidate.grasp.inv_mul(&now.thing());
+            let both = |up: &Vec<Isometry3<f64>>| {
+                let raised = up.last().copied().unwrap_or(candidate.grasp);
+                let brought = bring::paths(now, &chair, &held, &raised).into_iter();
+                let then = |path: Vec<_>| [&up[..], &path[..]].concat();
+                brought.map(then).collect::<Vec<_>>()
+            };
+            vec![
+                raised.iter().take(1).flat_map(both).collect(),
+                raised.clone(),
+            ]
         }
         Goal::Open { slide, .. } | Goal::Close { slide, .. } => {
             let slide_now = now.seen.slides.get(*slide).copied().unwrap_or(0.0);

@@ -300,7 +300,7 @@ fn choose_on_the_spot(now: &mut Now<'_>) -> Option<(GraspCandidate, Vec<Isometry
 /// which one will do.
 fn then_from_pregrasp(now: &Now<'_>, candidate: &GraspCandidate) -> Vec<Vec<Isometry3<f64>>> {
     let then = match now.goal {
-        Goal::Lift { .. } | Goal::Put { .. } | Goal::Give { .. } => {
+        Goal::Lift { .. } | Goal::Put { .. } | Goal::Give { .. } | Goal::Bring { .. } => {
             let height = lift::height(now.goal, now.profile.grasp.lift);
             lift::lift_paths(
                 &now.scene.house_from_base(now.seen),

@@ -485,6 +485,8 @@ class GoalKind(int, metaclass=_EnumWrapper):
     """A joint of furniture is closed."""
     GOAL_KIND_GIVE: _ClassVar[GoalKind]
     """The target is put into the lap of the person in the chair and left there."""
+    GOAL_KIND_BRING: _ClassVar[GoalKind]
+    """The target's tip is brought to the mouth of the person in the chair and held there."""
 
 GOAL_KIND_UNSPECIFIED: GoalKind
 GOAL_KIND_LIFT: GoalKind
@@ -492,6 +494,7 @@ GOAL_KIND_PUT: GoalKind
 GOAL_KIND_OPEN: GoalKind
 GOAL_KIND_CLOSE: GoalKind
 GOAL_KIND_GIVE: GoalKind
+GOAL_KIND_BRING: GoalKind
 
 class FailureReason(int, metaclass=_EnumWrapper):
     """Why a task failed, for programs."""
@@ -2308,6 +2311,10 @@ class TaskGoal(_Message):
     """GOAL_KIND_OPEN and GOAL_KIND_CLOSE: name of the joint (no unit)."""
     position: float
     """GOAL_KIND_OPEN and GOAL_KIND_CLOSE: wanted joint position, metres."""
+    tip: Vector3
+    """GOAL_KIND_BRING: the point of the target that goes to the mouth, metres in the target's own
+    frame.
+    """
     def __init__(
         self,
         *,
@@ -2316,6 +2323,7 @@ class TaskGoal(_Message):
         region: BoxGeometry | _Mapping[str, _Any] | None = ...,
         joint: str | None = ...,
         position: float | None = ...,
+        tip: Vector3 | _Mapping[str, _Any] | None = ...,
     ) -> None: ...
 
 class TaskInfo(_Message):

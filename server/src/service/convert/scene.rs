@@ -97,6 +97,7 @@ pub fn goal_kind(goal: &tasks::Goal) -> v1::GoalKind {
         tasks::Goal::Lift => v1::GoalKind::Lift,
         tasks::Goal::Put { .. } => v1::GoalKind::Put,
         tasks::Goal::Give => v1::GoalKind::Give,
+        tasks::Goal::Bring => v1::GoalKind::Bring,
         tasks::Goal::Open { .. } => v1::GoalKind::Open,
         tasks::Goal::Close { .. } => v1::GoalKind::Close,
     }
@@ -117,6 +118,12 @@ pub fn goal(
     match goal {
         tasks::Goal::Lift => {}
         tasks::Goal::Give => message.region = lap.copied(),
+        tasks::Goal::Bring => {
+            let target = scene.object_named(target).map(|i| &scene.objects[i]);
+            message.tip = target
+                .and_then(|body| body.tip)
+                .map(|tip| vector(&tip.coords));
+        }
         tasks::Goal::Put { on } => {
             message.region = scene
                 .surface_named(on, None)

@@ -4,6 +4,7 @@
 //! an arm here: whatever is forgotten does not compile.
 
 mod lift;
+mod mouth;
 mod open;
 mod others;
 mod put;
@@ -12,6 +13,7 @@ mod robot;
 use serde::Deserialize;
 
 use self::lift::{LiftedAndHeld, LiftedBefore};
+use self::mouth::{AtMouth, GentleOnFace, KeptLevel};
 use self::open::Opening;
 use self::others::{CorrectInstance, NothingKnockedOver};
 use self::put::{AtRest, InLap, Inside, Released, Upright};
@@ -36,6 +38,9 @@ pub(super) enum AnyPredicate {
     NothingKnockedOver(NothingKnockedOver),
     NoHardCollision(NoHardCollision),
     ClearOfPerson(ClearOfPerson),
+    AtMouth(AtMouth),
+    GentleOnFace(GentleOnFace),
+    KeptLevel(KeptLevel),
 }
 
 impl AnyPredicate {
@@ -55,6 +60,9 @@ impl AnyPredicate {
             Self::NothingKnockedOver(p) => p,
             Self::NoHardCollision(p) => p,
             Self::ClearOfPerson(p) => p,
+            Self::AtMouth(p) => p,
+            Self::GentleOnFace(p) => p,
+            Self::KeptLevel(p) => p,
         }
     }
 
@@ -75,7 +83,7 @@ mod tests {
     use super::*;
 
     /// Every predicate as a task file may write it.
-    const WRITTEN: [&str; 14] = [
+    const WRITTEN: [&str; 17] = [
         r#"lifted_and_held = { object = "a", height = 0.1, pad_force = 0.5, secs = 1.0 }"#,
         r#"lifted_before = { object = "a", height = 0.1, pad_force = 0.5 }"#,
         r#"inside = { object = "a", on = "b", above = 0.1 }"#,
@@ -90,6 +98,9 @@ mod tests {
         "nothing_knocked_over = { tilt_deg = 30, drop = 0.1 }",
         "no_hard_collision = { force = 50.0 }",
         "clear_of_person = { force = 5.0 }",
+        r#"at_mouth = { object = "a", distance = 0.03, tilt_deg = 15, force = 2.0, secs = 2.5 }"#,
+        "gentle_on_face = { force = 2.0 }",
+        r#"kept_level = { object = "a", tilt_deg = 30 }"#,
     ];
 
     #[test]

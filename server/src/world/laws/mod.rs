@@ -48,6 +48,7 @@ fn body(name: &str, pose: Isometry3<f64>, friction: f64, shape: Shape) -> Body {
         soft: None,
         visual: Vec::new(),
         grasps: Vec::new(),
+        tip: None,
         optional: false,
     }
 }

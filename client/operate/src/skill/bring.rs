@@ -1,0 +1,467 @@
+//! Bring: carries what is in the hand round to the mouth of who sits in the chair,
+//! level all the way, and holds its tip before the lips until the task is done.
+//!
+//! All of it is planned in the frame of the chair, `wheelchair_root`: the hand goes
+//! about the arm's base on a curve, then straight to the lips, and follows them.
+
+use std::f64::consts::TAU;
+
+use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
+use wheelarm_proto::exact;
+use wheelarm_proto::v1::Phase;
+
+use super::{Act, Now, Skill, Step};
+use crate::clearance::{Surroundings, held_balls};
+use crate::goal::Goal;
+use crate::hand::Ball;
+use crate::scene::Seated;
+use crate::tool_path::distance;
+use wheelarm_route::footprint_check::wrap;
+
+/// The tip is held this far before the lips, metres.
+const BEFORE: f64 = 0.018;
+/// The straight way to the lips begins this far before them, metres.
+const AWAY: f64 = 0.11;
+/// Headings of the hand at the mouth that are tried, against the chair's, degrees.
+const HEADINGS: [f64; 15] = [
+    -150.0, -135.0, -165.0, -120.0, -180.0, -142.5, -157.5, -105.0, -127.5, -172.5, -112.5, -90.0,
+    -97.5, -187.5, -195.0,
+];
+/// Distances of the grasp point from the arm's base on the way round, metres.
+const ROUND: [f64; 4] = [0.45, 0.52, 0.60, 0.67];
+/// Its height on the way round, metres over the floor.
+const HEIGHTS: [f64; 3] = [1.06, 1.14, 1.21];
+/// Parts of the way round that are looked at.
+const PARTS: usize = 16;
+/// What is carried keeps this far from the person's capsules, metres, and from the
+/// head, which moves; the second where there is no way with the first.
+const ROOMS: [[f64; 2]; 2] = [[0.02, 0.04], [0.01, 0.025]];
+/// Hand and thing keep this far from everything else, metres.
+const CLEAR: f64 = 0.01;
+/// Peak speed of the grasp point on the way round, m/s: below what the guard allows.
+const ROUND_SPEED: f64 = 0.12;
+/// Speed to the lips and after them, m/s: below what the guard allows at the face.
+const LIPS_SPEED: f64 = 0.025;
+/// A radian of turning counts as much as this, metres.
+const METRES_PER_RADIAN: f64 = 0.15;
+/// A smooth start and stop (fifth order) is faster in the middle than on average.
+const PEAK: f64 = 1.875;
+/// Extra time for the hand to come round, seconds.
+const LATE: f64 = 4.0;
+/// Longest time at the mouth without success, seconds.
+const WAIT: f64 = 25.0;
+/// Success is watched for this long, seconds.
+const WATCH: f64 = 1.0;
+/// The hand counts as come round within this, metres.
+const ARRIVED: f64 = 0.012;
+
+/// A way of the end effector to the mouth.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Way {
+    /// Places of the grasp point on the way round: distance from the arm's base,
+    /// direction from there, height, and heading of the hand beside that at the
+    /// start; metres and radians.
+    corners: Vec<[f64; 4]>,
+    /// The end effector at its start, in `base_link` turned as the chair.
+    start: Isometry3<f64>,
+    /// Heading of the hand at the mouth beside that at the start, radians.
+    turn: f64,
+}
+
+/// What a way is planned for.
+struct Plan<'a> {
+    person: &'a Seated,
+    /// The arm's base in the frame of the chair.
+    base: Translation3<f64>,
+    /// The mouth in the frame of the chair.
+    mouth: Isometry3<f64>,
+    /// The tip in the end effector's frame.
+    tip: Point3<f64>,
+    tool_length: f64,
+}
+
+impl Plan<'_> {
+    /// The end effector, turned by `turn` about the vertical from `start`, with the
+    /// tip `before` metres before the lips, in the frame of the chair.
+    fn at_lips(&self, start: &Isometry3<f64>, turn: f64, before: f64) -> Isometry3<f64> {
+        let out = self.mouth.rotation * Vector3::x();
+        let out = Vector3::new(out.x, out.y, 0.0);
+        let out = out.try_normalize(1e-6).unwrap_or_else(Vector3::x);
+        let aim = self.mouth.translation.vector + out * before;
+        let rotation = about(turn) * start.rotation;
+        Isometry3::from_parts(
+            Translation3::from(aim - rotation * self.tip.coords),
+            rotation,
+        )
+    }
+
+    /// The grasp point of an end effector.
+    fn grip(&self, tool: &Isometry3<f64>) -> Point3<f64> {
+        tool * Point3::new(0.0, 0.0, self.tool_length)
+    }
+
+    /// The grasp point about the arm's base: distance, direction, height.
+    fn polar(&self, tool: &Isometry3<f64>) -> [f64; 3] {
+        let grip = self.grip(tool);
+        let off = grip.coords - self.base.vector;
+        [
+            exact::hypot(off.x, off.y),
+            exact::atan2(off.y, off.x),
+            grip.z,
+        ]
+    }
+
+    /// The end effector at a corner of a way.
+    fn tool(&self, start: &Isometry3<f64>, [far, to, height, turn]: [f64; 4]) -> Isometry3<f64> {
+        let (sin, cos) = exact::sin_cos(to);
+        let rotation = about(turn) * start.rotation;
+        let grip = Vector3::new(self.base.x + far * cos, self.base.y + far * sin, height);
+        let palm = rotation * Vector3::new(0.0, 0.0, self.tool_length);
+        Isometry3::from_parts(Translation3::from(grip - palm), rotation)
+    }
+
+    /// Ways that may do, the best first, from an end effector at `start`.
+    fn ways(&self, start: &Isometry3<f64>) -> Vec<Way> {
+        let forward = start.rotation * Vector3::z();
+        let heading = exact::atan2(forward.y, forward.x);
+        let [far, from, height] = self.polar(start);
+        let mut ways = Vec::new();
+        for up in HEIGHTS {
+            for round in ROUND {
+                for end in HEADINGS {
+                    let turn = end.to_radians() - heading;
+                    let [near, mut to, low] = self.polar(&self.at_lips(start, turn, AWAY));
+                    // Round by the front, not over the person.
+                    if to > 0.3 {
+                        to -= TAU;
+                    }
+                    let mut corners = vec![[far, from, height, 0.0], [round, from, up, 0.0]];
+                    for part in 1..=PARTS {
+                        let share = part as f64 / PARTS as f64;
+                        let late = (2.0 * share - 1.0).max(0.0);
+                        corners.push([
+                            round + (near - round) * late,
+                            from + (to - from) * share,
+                            up + (low - up) * share,
+                            turn * share,
+                        ]);
+                    }
+                    ways.push(Way {
+                        corners,
+                        start: *start,
+                        turn,
+                    });
+                }
+            }
+        }
+        ways
+    }
+
+    /// The end effector along a way, up to the lips.
+    fn poses(&self, way: &Way) -> Vec<Isometry3<f64>> {
+        let round = way.corners.iter().skip(1);
+        let round = round.map(|corner| self.tool(&way.start, *corner));
+        let straight = [0.5 * (AWAY + BEFORE), BEFORE];
+        let straight = straight.map(|before| self.at_lips(&way.start, way.turn, before));
+        round.chain(straight).collect()
+    }
+
+    /// Whether what is in the hand keeps clear of the person on the way round, and on
+    /// the straight way to the lips of all but the head.
+    fn keeps_clear(&self, way: &Way, balls: &[Ball], room: [f64; 2]) -> bool {
+        let poses = self.poses(way);
+        let straight = poses.len() - way.corners.len() + 1;
+        poses.iter().rev().enumerate().all(|(back, tool)| {
+            balls.iter().all(|ball| {
+                let at = tool * Point3::from(ball.centre);
+                self.person.capsules.iter().all(|capsule| {
+                    let room = room[usize::from(capsule.moves)];
+                    back < straight && capsule.moves || capsule.distance(&at) > ball.radius + room
+                })
+            })
+        })
+    }
+}
+
+/// A turn about the vertical.
+fn about(angle: f64) -> UnitQuaternion<f64> {
+    UnitQuaternion::from_axis_angle(&Vector3::z_axis(), angle)
+}
+
+/// The plan for a thing that sits in the hand as `tool_from_item` says; `None` where
+/// nobody sits there or nothing is to be brought.
+fn plan<'a>(
+    now: &Now<'a>,
+    tool_from_item: &Isometry3<f64>,
+    mouth: Option<Isometry3<f64>>,
+) -> Option<Plan<'a>> {
+    let (Goal::Bring { tip, .. }, Some(person)) = (now.goal, &now.scene.person) else {
+        return None;
+    };
+    Some(Plan {
+        person,
+        base: now.scene.chair_from_base.translation,
+        mouth: mouth.unwrap_or(person.mouth),
+        tip: tool_from_item * tip,
+        tool_length: now.scene.tool_length,
+    })
+}
+
+/// Paths of the end effector in `house` to the mouth, of which one has to be reached,
+/// for a chair at `house_from_chair` and a hand that has raised the thing at `raised`.
+#[must_use]
+pub fn paths(
+    now: &Now<'_>,
+    house_from_chair: &Isometry3<f64>,
+    tool_from_item: &Isometry3<f64>,
+    raised: &Isometry3<f64>,
+) -> Vec<Vec<Isometry3<f64>>> {
+    let Some(plan) = plan(now, tool_from_item, None) else {
+        return Vec::new();
+    };
+    let balls = held_balls(&now.scene.items[now.goal.item()].boxes, tool_from_item);
+    let start = house_from_chair.inverse() * raised;
+    let ways = plan.ways(&start);
+    let clear = |room: &[f64; 2]| -> Vec<&Way> {
+        let clear = ways.iter();
+        clear
+            .filter(|way| plan.keeps_clear(way, &balls, *room))
+            .take(HEADINGS.len())
+            .collect()
+    };
+    let ways = ROOMS.iter().map(clear).find(|ways| !ways.is_empty());
+    let in_house = |way: &Way| {
+        let poses = plan.poses(way).into_iter();
+        poses.map(|pose| house_from_chair * pose).collect()
+    };
+    ways.into_iter().flatten().map(in_house).collect()
+}
+
+#[derive(Clone, Debug)]
+enum State {
+    Choose,
+    Round {
+        way: Way,
+        begun: f64,
+    },
+    Lips {
+        since: f64,
+        turn: f64,
+        start: Isometry3<f64>,
+        aim: Isometry3<f64>,
+    },
+}
+
+/// See the module.
+#[derive(Clone, Debug)]
+pub struct Bring {
+    state: State,
+    success_since: Option<f64>,
+}
+
+impl Bring {
+    /// Begins.
+    #[must_use]
+    pub fn new() -> Self {
+        Self {
+            state: State::Choose,
+            success_since: None,
+        }
+    }
+
+    fn choose(&mut self, now: &mut Now<'_>) -> Step {
+        let way = match choose(now) {
+            Ok(way) => way,
+            Err(why) => {
+                return Step::Impossible(format!("the arm finds no way to the mouth: {why}"));
+            }
+        };
+        now.note(format!(
+            "comes round to the mouth, turned by {:.0}°",
+            way.turn.to_degrees()
+        ));
+        self.state = State::Round {
+            way,
+            begun: now.seen.time,
+        };
+        Step::Going(Act::named(Phase::Retracting, "carrying"))
+    }
+}
+
+impl Default for Bring {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl Skill for Bring {
+    fn step(&mut self, now: &mut Now<'_>) -> Step {
+        if let Some(why) = now.slipped() {
+            return Step::Missed(why);
+        }
+        let time = now.seen.time;
+        let held = now.memory.held.unwrap_or_else(|| now.thing_in_hand());
+        let mouth = mouth(now);
+        if matches!(self.state, State::Choose) {
+            return self.choose(now);
+        }
+        let Some(plan) = plan(now, &held, mouth) else {
+            return Step::Impossible("nobody sits there to whom it could be brought".to_owned());
+        };
+        let base = now.scene.chair_from_base;
+        let still = Some([0.0, 0.0]);
+        match &mut self.state {
+            State::Choose => Step::Going(Act::named(Phase::Retracting, "carrying")),
+            State::Round { way, begun } => {
+                let seconds = plan.seconds(way);
+                let since = time - *begun;
+                let target = plan.along(way, since + 1.0 / 60.0);
+                let tool = base * now.seen.base_from_tool;
+                let off = distance(&tool, &plan.along(way, seconds));
+                if since > seconds && (off < ARRIVED || since > seconds + LATE) {
+                    if off >= ARRIVED {
+                        let problem = &now.seen.arm_problem;
+                        return Step::Impossible(format!(
+                            "on the way to the mouth the hand stays {:.0} mm off {problem}",
+                            off * 1e3
+                        ));
+                    }
+                    let aim = plan.along(way, seconds);
+                    self.state = State::Lips {
+                        since: time,
+                        turn: way.turn,
+                        start: way.start,
+                        aim,
+                    };
+                    return Step::Going(Act::named(Phase::Retracting, "bringing"));
+                }
+                Step::Going(Act {
+                    tool: Some(base.inverse() * target),
+                    base: still,
+                    ..Act::named(Phase::Retracting, "carrying")
+                })
+            }
+            State::Lips {
+                since,
+                turn,
+                start,
+                aim,
+            } => {
+                self.success_since = now.seen.success.then(|| self.success_since.unwrap_or(time));
+                if self
+                    .success_since
+                    .is_some_and(|first| time - first >= WATCH)
+                {
+                    return Step::Done;
+                }
+                if time - *since > WAIT && self.success_since.is_none() {
+                    return Step::Impossible(
+                        "the tip does not come to rest at the lips".to_owned(),
+                    );
+                }
+                let wanted = plan.at_lips(start, *turn, BEFORE);
+                let way = wanted.translation.vector - aim.translation.vector;
+                let most = LIPS_SPEED / 60.0;
+                aim.translation.vector += way * (most / way.norm().max(most));
+                Step::Going(Act {
+                    tool: Some(base.inverse() * *aim),
+                    base: still,
+                    ..Act::named(Phase::Retracting, "bringing")
+                })
+            }
+        }
+    }
+}
+
+impl Plan<'_> {
+    /// Lengths of the way round from corner to corner, metres; turning counts.
+    fn lengths(&self, way: &Way) -> Vec<f64> {
+        let leg = |pair: &[[f64; 4]]| {
+            let [a, b] = [pair[0], pair[1]].map(|corner| self.tool(&way.start, corner));
+            let grips = self.grip(&a) - self.grip(&b);
+            grips.norm() + METRES_PER_RADIAN * wrap(pair[1][3] - pair[0][3]).abs()
+        };
+        way.corners.windows(2).map(leg).collect()
+    }
+
+    /// Seconds of the way round.
+    fn seconds(&self, way: &Way) -> f64 {
+        PEAK * self.lengths(way).iter().sum::<f64>() / ROUND_SPEED
+    }
+
+    /// The end effector `time` seconds after the start of the way round.
+    fn along(&self, way: &Way, time: f64) -> Isometry3<f64> {
+        let lengths = self.lengths(way);
+        let whole: f64 = lengths.iter().sum();
+        let t = (time * ROUND_SPEED / (PEAK * whole).max(1e-9)).clamp(0.0, 1.0);
+        let mut left = t * t * t * (10.0 - 15.0 * t + 6.0 * t * t) * whole;
+        for (pair, length) in way.corners.windows(2).zip(&lengths) {
+            if left <= *length {
+                let share = left / length.max(1e-9);
+                let corner = [0, 1, 2, 3].map(|i| pair[0][i] + (pair[1][i] - pair[0][i]) * share);
+                return self.tool(&way.start, corner);
+            }
+            left -= length;
+        }
+        let last = way.corners.last().copied().unwrap_or_default();
+        self.tool(&way.start, last)
+    }
+}
+
+/// The mouth now, in the frame of the chair.
+fn mouth(now: &Now<'_>) -> Option<Isometry3<f64>> {
+    let chair = now.seen.house_from_chair;
+    now.seen.mouth.map(|mouth| chair.inverse() * mouth)
+}
+
+/// The best way that the arm can go and on which nothing is touched, or what hinders.
+fn choose(now: &mut Now<'_>) -> Result<Way, String> {
+    const NOBODY: &str = "nobody sits there";
+    let held = now.memory.held.unwrap_or_else(|| now.thing_in_hand());
+    let item = now.goal.item();
+    let balls = held_balls(&now.scene.items[item].boxes, &held);
+    let width = now
+        .memory
+        .candidate
+        .map_or(0.0, |candidate| candidate.width);
+    let chair = now.seen.house_from_chair;
+    let start = chair.inverse() * now.house_from_desired();
+    let ways = plan(now, &held, mouth(now)).ok_or(NOBODY)?.ways(&start);
+    let [mut person, mut things, mut reach] = [0; 3];
+    for room in ROOMS {
+        for way in &ways {
+            let plan = plan(now, &held, mouth(now)).ok_or(NOBODY)?;
+            if !plan.keeps_clear(way, &balls, room) {
+                person += 1;
+                continue;
+            }
+            let poses: Vec<_> = plan.poses(way).iter().map(|pose| chair * pose).collect();
+            let stops = [&[chair * start], &poses[..]].concat();
+            let around = now.scene.around(&stops, now.poses, Some(item));
+            if !is_free(&around, now, &stops, &balls, width) {
+                things += 1;
+            } else if now.reaches(&poses) {
+                return Ok(way.clone());
+            } else {
+                reach += 1;
+            }
+        }
+    }
+    Err(format!(
+        "{person} touch the person, {things} something else, {reach} are out of the arm's reach"
+    ))
+}
+
+/// Whether hand and thing keep clear of furniture and other things between `stops`.
+fn is_free(
+    around: &Surroundings,
+    now: &Now<'_>,
+    stops: &[Isometry3<f64>],
+    balls: &[Ball],
+    width: f64,
+) -> bool {
+    around.hand_is_free(&now.scene.hand, width, stops, CLEAR)
+        && stops
+            .windows(2)
+            .all(|leg| around.is_free(balls, &leg[0], &leg[1], CLEAR))
+}
