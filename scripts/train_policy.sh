@@ -13,7 +13,7 @@
 #   CORRECTIONS      episodes with corrections in each round (250)
 #   CORRECTED_FROM   first seed of these (20000)
 #   INIT      policy that the first begins from; its seeds should be others
-#   TAKEOVER  seconds after which the operator takes over at the latest (25)
+#   TAKEOVER  seconds after which the operator takes over at the latest (30)
 #   NETWORK   more options of train.py
 #   SPLIT     what is evaluated (assets/splits/policy-claim.toml)
 set -euo pipefail
@@ -27,7 +27,7 @@ piece=${PIECE:-500}
 corrections=${CORRECTIONS:-250}
 corrected_from=${CORRECTED_FROM:-20000}
 init=(${INIT:+--init "$INIT"})
-takeover=${TAKEOVER:-25}
+takeover=${TAKEOVER:-30}
 split=${SPLIT:-assets/splits/policy-claim.toml}
 python=${PYTHON:-python3}
 export PATH="$PWD/target/release:$PATH" PYTHONPATH="$PWD/client/python/src${PYTHONPATH:+:$PYTHONPATH}"

@@ -141,9 +141,14 @@ fn the_sentences_of_the_tasks_are_understood() {
             "pick" | "select" | "take" => Verb::Lift,
             "place" | "throw" => Verb::Put,
             "open" => Verb::Open,
+            "serve" => Verb::Bring,
             _ => Verb::Close,
         };
-        let object = object.trim_start_matches("floor_");
+        let object = match object.trim_start_matches("floor_") {
+            "drink" => "straw_cup",
+            "spoonful" => "feeding_spoon",
+            other => other,
+        };
         for sentence in sentences {
             count += 1;
             let numbered = object == "coke" || object == "drawer";
