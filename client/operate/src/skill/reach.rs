@@ -6,7 +6,7 @@ use nalgebra::{Isometry3, Translation3};
 use wheelarm_proto::v1::Phase;
 
 use super::motion::{Motion, Progress};
-use super::{Act, Now, Skill, Step, lift};
+use super::{Act, Now, Skill, Step, bring, lift};
 use crate::goal::Goal;
 use crate::grasp_candidate::{self, GraspCandidate, MARGINS};
 use crate::tool_path::distance;
@@ -225,8 +225,40 @@ fn beside(
     free.unwrap_or_else(|| Translation3::new(0.0, 0.0, -BESIDE[1]))
 }
 
-/// The candidate that fits the chair best and the stops up to its pregrasp.
+/// The candidate that fits the chair best and the stops up to its pregrasp; one after
+/// which all of the work can be reached, if there is any.
 fn choose(now: &mut Now<'_>) -> Option<(GraspCandidate, Vec<Isometry3<f64>>)> {
+    let whole = match now.goal {
+        Goal::Bring { .. } => choose_for(now, can_bring),
+        _ => None,
+    };
+    whole.or_else(|| choose_for(now, |_, _| true))
+}
+
+/// Whether the thing can be brought to the mouth when it is taken so.
+fn can_bring(now: &mut Now<'_>, candidate: &GraspCandidate) -> bool {
+    let height = lift::height(now.goal, now.profile.grasp.lift);
+    let base = now.scene.house_from_base(now.seen);
+    let Some(up) = lift::lift_paths(&base, &candidate.grasp, height)
+        .into_iter()
+        .next()
+    else {
+        return false;
+    };
+    let raised = up.last().copied().unwrap_or(candidate.grasp);
+    let held = candidate.grasp.inv_mul(&now.thing());
+    let approach = [candidate.pregrasp, candidate.grasp];
+    let paths = bring::paths(now, &now.seen.house_from_chair, &held, &raised);
+    paths
+        .iter()
+        .any(|path| now.reaches(&[&approach, &up[..], &path[..]].concat()))
+}
+
+/// The best of those that `will_do`.
+fn choose_for(
+    now: &mut Now<'_>,
+    will_do: impl Fn(&mut Now<'_>, &GraspCandidate) -> bool,
+) -> Option<(GraspCandidate, Vec<Isometry3<f64>>)> {
     let chair = now.seen.chair();
     let thing = now.thing();
     let start = now.scene.house_from_tool(now.seen);
@@ -249,7 +281,9 @@ fn choose(now: &mut Now<'_>) -> Option<(GraspCandidate, Vec<Isometry3<f64>>)> {
         };
         candidates.sort_by(|a, b| rank(a).total_cmp(&rank(b)));
         for candidate in candidates.into_iter().take(LOOKS) {
-            if let Some(stops) = path_to(now, &start, &candidate, margin) {
+            if will_do(now, &candidate)
+                && let Some(stops) = path_to(now, &start, &candidate, margin)
+            {
                 return Some((candidate, stops));
             }
         }
