@@ -1,7 +1,7 @@
 //! The skills in the order that a goal asks for, and what to do when one of
 //! them fails. Pure: observations in, actions out.
 
-use nalgebra::Isometry3;
+use nalgebra::{Isometry3, Point3};
 use wheelarm_proto::geometry;
 use wheelarm_proto::v1::{self, Phase};
 
@@ -47,6 +47,8 @@ const STOPS: usize = 4;
 const LONGEST: f64 = 150.0;
 /// A pad presses on something from this force, N.
 const PRESSES: f64 = 2.0;
+/// What the pads hold lies no further than this from where they meet, metres.
+const HELD: f64 = 0.02;
 /// A chair that goes faster is under way, m/s and rad/s.
 const SLOW: [f64; 2] = [0.05, 0.1];
 /// What lies further beyond the arm's range is not tried on the spot, metres.
@@ -366,9 +368,12 @@ impl Operator {
         let [speed, rate] = seen.chair_speed;
         // A chair under way with the arm home goes on driving.
         let drives = is_home && (speed.abs() > SLOW[0] || rate.abs() > SLOW[1]);
-        // What is between both pads already is held on to.
+        // The thing between both pads already is held on to.
         let presses = seen.pad_force.iter().all(|force| *force > PRESSES);
-        let stage = if presses { Stage::Grasp } else { Stage::Reach };
+        let stage = match presses && self.is_between_pads(seen) {
+            true => Stage::Grasp,
+            false => Stage::Reach,
+        };
         let plan = plan(&self.goal, self.extent);
         let at = plan.iter().position(|other| *other == stage);
         self.on_the_spot &= !drives && at.is_some() && self.is_near(seen);
@@ -384,6 +389,14 @@ impl Operator {
         } else if !is_home {
             self.detour = Some(Box::new(Stow::default()));
         }
+    }
+
+    /// The goal's thing is where the pads meet, and not another.
+    fn is_between_pads(&self, seen: &Observation) -> bool {
+        let pads = Point3::new(0.0, 0.0, self.scene.tool_length);
+        let point = self.thing_in_hand(seen).inverse() * pads;
+        let boxes = self.scene.items[self.goal.item()].boxes.iter();
+        boxes.map(|obb| obb.distance(&point)).any(|off| off < HELD)
     }
 
     /// The thing may be in the arm's reach from where the chair stands.

@@ -354,6 +354,18 @@ fn what_the_pads_hold_already_is_lifted() {
     assert!(!opens && world.held.is_some());
 }
 
+/// The pads press on something, but not on the bottle.
+#[test]
+fn what_the_pads_hold_by_mistake_is_let_go() {
+    let mut world = KinematicWorld::new([-8.80, 2.10], 0.0, [-8.85, 1.50], 0);
+    let mut first = world.operator(3);
+    world.until(&mut first, "approaching");
+    let mut seen = world.observe();
+    seen.pad_force = [20.0, 20.0];
+    let (act, _) = world.operator(3).on_the_spot().step(&seen, &mut world.arm);
+    assert!(act.opening.is_some_and(|opening| opening > 0.08), "{act:?}");
+}
+
 #[test]
 fn who_cannot_go_on_from_the_spot_begins_again() {
     // The chair stands too far away for the arm, and the arm is not home.

@@ -10,6 +10,8 @@
 
 mod area;
 mod area_load;
+#[cfg(test)]
+mod care_tests;
 mod condition;
 mod context;
 mod draw;

@@ -1,14 +1,13 @@
 //! Draws over many seeds, and judgement of synthetic snapshots.
 
-use nalgebra::{Isometry3, Point3, UnitQuaternion, Vector3};
+use nalgebra::{Isometry3, UnitQuaternion, Vector3};
 use wheelarm_proto::PHYSICS_HZ;
 
 use super::*;
-use crate::people::{BodyPart, HeadPose, PARTS, Person, PersonSetting};
 use crate::robot::{CorridorSettings, RobotModel};
 use crate::scene::tests::{assets, home};
 use crate::scene::{Body, Bounds, Scene};
-use crate::snapshot::{Anomaly, BodyRef, BodyState, Contact, JointState, PersonState, Snapshot};
+use crate::snapshot::{Anomaly, BodyRef, BodyState, Contact, JointState, Snapshot};
 
 /// The way of the hand of the robot that ships.
 pub(super) fn hand() -> CorridorSettings {
@@ -19,7 +18,7 @@ pub(super) fn hand() -> CorridorSettings {
         .corridor
 }
 
-fn task(name: &str) -> TaskSpec {
+pub(super) fn task(name: &str) -> TaskSpec {
     TaskSpec::load(&assets(), name, &home(), &hand()).unwrap_or_else(|error| panic!("{error}"))
 }
 
@@ -377,12 +376,12 @@ fn assert_apart(scene: &Scene, drawn: &SceneDraw, at: &str) {
 }
 
 /// A world of the home's objects at their places, robot far away and at rest.
-struct Stage {
-    scene: Scene,
-    model: RobotModel,
-    evaluator: Evaluator,
-    snapshot: Snapshot,
-    target: usize,
+pub(super) struct Stage {
+    pub(super) scene: Scene,
+    pub(super) model: RobotModel,
+    pub(super) evaluator: Evaluator,
+    pub(super) snapshot: Snapshot,
+    pub(super) target: usize,
 }
 
 impl Stage {
@@ -390,7 +389,7 @@ impl Stage {
         Self::of("pick_mustard", "mustard")
     }
 
-    fn of(name: &str, target: &str) -> Self {
+    pub(super) fn of(name: &str, target: &str) -> Self {
         let scene = home();
         let model =
             RobotModel::load(&assets(), "wheelarm").unwrap_or_else(|error| panic!("{error}"));
@@ -447,7 +446,7 @@ impl Stage {
         });
     }
 
-    fn grip(&mut self) {
+    pub(super) fn grip(&mut self) {
         for tip in [
             "robotiq_85_left_finger_tip_link",
             "robotiq_85_right_finger_tip_link",
@@ -457,7 +456,7 @@ impl Stage {
         }
     }
 
-    fn raise(&mut self, metres: f64) {
+    pub(super) fn raise(&mut self, metres: f64) {
         let object = &mut self.snapshot.objects[self.target];
         object.pose.translation.z = self.scene.objects[self.target].pose.translation.z + metres;
     }
@@ -468,7 +467,7 @@ impl Stage {
     }
 
     /// Judges every control tick for `secs`, and gives the last answer.
-    fn run(&mut self, secs: f64) -> Evaluation {
+    pub(super) fn run(&mut self, secs: f64) -> Evaluation {
         let mut last = self.evaluator.update(&self.snapshot);
         for _ in 0..(secs * 60.0).round() as u64 {
             self.snapshot.tick += PHYSICS_HZ / 60;
@@ -478,7 +477,7 @@ impl Stage {
     }
 }
 
-fn condition<'a>(evaluation: &'a Evaluation, name: &str) -> &'a Condition {
+pub(super) fn condition<'a>(evaluation: &'a Evaluation, name: &str) -> &'a Condition {
     evaluation
         .conditions
         .iter()
@@ -654,102 +653,6 @@ fn a_can_counts_at_the_bottom_of_the_bin_and_neither_above_it_nor_beside_it() {
         let judged = released(elsewhere).run(2.0);
         assert!(!judged.done && !condition(&judged, "inside").holds);
     }
-}
-
-/// A stage with somebody in the chair, and the beaker held with the end of its straw
-/// `before` metres before the lips, leaning by `degrees`.
-struct Sip {
-    stage: Stage,
-    person: Person,
-}
-
-impl Sip {
-    fn new() -> Self {
-        let setting = PersonSetting {
-            body: "woman_p50".to_owned(),
-            posture: "hands_on_armrests".to_owned(),
-            ..PersonSetting::default()
-        };
-        let person = setting
-            .draw(&assets(), 1)
-            .and_then(|drawn| Person::load(&assets(), drawn))
-            .unwrap_or_else(|error| panic!("{error}"));
-        let mut stage = Stage::of("serve_drink", "straw_cup");
-        let (task, model) = (task("serve_drink"), &stage.model);
-        stage.evaluator = Evaluator::new(&task, &stage.scene, model, "straw_cup", Some(&person))
-            .unwrap_or_else(|error| panic!("{error}"));
-        stage.snapshot.person = Some(PersonState {
-            head: HeadPose::default(),
-            forces: [0.0; PARTS.len()],
-            robot_force: 0.0,
-        });
-        let mut sip = Self { stage, person };
-        sip.stage.run(0.1);
-        sip.stage.grip();
-        sip.stage.raise(0.08);
-        assert!(!sip.stage.run(0.2).done);
-        sip
-    }
-
-    fn bring(&mut self, before: f64, degrees: f64) {
-        let chair = self.stage.snapshot.links[0].pose;
-        let lips = chair * self.person.mouth(&HeadPose::default());
-        let aim = lips * Point3::new(before, 0.0, 0.0);
-        let tip = self.stage.scene.objects[self.stage.target].tip.unwrap();
-        let cup = &mut self.stage.snapshot.objects[self.stage.target].pose;
-        cup.rotation = UnitQuaternion::from_axis_angle(&Vector3::x_axis(), degrees.to_radians());
-        cup.translation.vector = aim.coords - cup.rotation * tip.coords;
-    }
-
-    fn press_face(&mut self, newtons: f64) {
-        let person = self.stage.snapshot.person.as_mut().unwrap();
-        person.forces[BodyPart::Face.index()] = newtons;
-    }
-}
-
-#[test]
-fn a_sip_is_served_level_at_the_lips_for_two_seconds() {
-    let mut sip = Sip::new();
-    sip.bring(0.02, 5.0);
-    let early = sip.stage.run(1.8);
-    assert!(!early.done);
-    assert!((condition(&early, "at_mouth").value - 0.02).abs() < 1e-3);
-    assert!(sip.stage.run(0.4).success);
-
-    let mut far = Sip::new();
-    far.bring(0.05, 0.0);
-    assert!(!condition(&far.stage.run(3.0), "at_mouth").holds);
-
-    let mut tilted = Sip::new();
-    tilted.bring(0.02, 20.0);
-    let judged = tilted.stage.run(3.0);
-    assert!(!judged.done && condition(&judged, "kept_level").holds);
-    // Level again: what leant no more than 30 degrees has spilt nothing.
-    tilted.bring(0.02, 0.0);
-    assert!(tilted.stage.run(2.5).success);
-
-    let mut spilt = Sip::new();
-    spilt.bring(0.02, 40.0);
-    spilt.stage.run(0.1);
-    spilt.bring(0.02, 0.0);
-    let judged = spilt.stage.run(3.0);
-    assert!(!judged.success && !condition(&judged, "kept_level").holds);
-}
-
-#[test]
-fn whoever_presses_the_face_has_failed_even_if_it_was_only_once() {
-    let mut hard = Sip::new();
-    hard.press_face(2.5);
-    hard.stage.run(0.0);
-    hard.press_face(0.0);
-    hard.bring(0.02, 0.0);
-    let judged = hard.stage.run(3.0);
-    let gentle = condition(&judged, "gentle_on_face");
-    assert!(!judged.success && !gentle.holds && gentle.value == 2.5);
-    let mut light = Sip::new();
-    light.press_face(1.5);
-    light.bring(0.02, 0.0);
-    assert!(light.stage.run(2.5).success);
 }
 
 #[test]

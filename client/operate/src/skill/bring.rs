@@ -10,9 +10,10 @@ use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
 use wheelarm_proto::exact;
 use wheelarm_proto::v1::Phase;
 
-use super::{Act, Now, Skill, Step};
+use super::{Act, Now, Skill, Step, lift};
 use crate::clearance::{Surroundings, held_balls};
 use crate::goal::Goal;
+use crate::grasp_candidate::GraspCandidate;
 use crate::hand::Ball;
 use crate::scene::Seated;
 use crate::tool_path::distance;
@@ -207,10 +208,33 @@ fn plan<'a>(
     })
 }
 
+/// Poses of the end effector in `house` from the lift of a thing that is taken by
+/// `candidate` up to the mouth, for a chair at `house_from_chair`; several lists of which
+/// one has to be reached.
+#[must_use]
+pub fn after(
+    now: &Now<'_>,
+    house_from_chair: &Isometry3<f64>,
+    candidate: &GraspCandidate,
+) -> Vec<Vec<Isometry3<f64>>> {
+    let base = house_from_chair * now.scene.chair_from_base;
+    let height = lift::height(now.goal, now.profile.grasp.lift);
+    let held = candidate.grasp.inv_mul(&now.thing());
+    let lifts = lift::lift_paths(&base, &candidate.grasp, height);
+    // Straight up: round to the mouth goes another way than back to the arm.
+    let straight = lifts.into_iter().take(1);
+    straight
+        .flat_map(|up| {
+            let raised = up.last().copied().unwrap_or(candidate.grasp);
+            let brought = paths(now, house_from_chair, &held, &raised).into_iter();
+            brought.map(move |path| [&up[..], &path[..]].concat())
+        })
+        .collect()
+}
+
 /// Paths of the end effector in `house` to the mouth, of which one has to be reached,
 /// for a chair at `house_from_chair` and a hand that has raised the thing at `raised`.
-#[must_use]
-pub fn paths(
+fn paths(
     now: &Now<'_>,
     house_from_chair: &Isometry3<f64>,
     tool_from_item: &Isometry3<f64>,

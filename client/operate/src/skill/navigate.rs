@@ -160,17 +160,7 @@ fn wanted(
         }
         Goal::Bring { .. } => {
             let chair = house_from_base * now.scene.chair_from_base.inverse();
-            let held = candidate.grasp.inv_mul(&now.thing());
-            let both = |up: &Vec<Isometry3<f64>>| {
-                let raised = up.last().copied().unwrap_or(candidate.grasp);
-                let brought = bring::paths(now, &chair, &held, &raised).into_iter();
-                let then = |path: Vec<_>| [&up[..], &path[..]].concat();
-                brought.map(then).collect::<Vec<_>>()
-            };
-            vec![
-                raised.iter().take(1).flat_map(both).collect(),
-                raised.clone(),
-            ]
+            vec![bring::after(now, &chair, candidate), raised]
         }
         Goal::Open { slide, .. } | Goal::Close { slide, .. } => {
             let slide_now = now.seen.slides.get(*slide).copied().unwrap_or(0.0);

@@ -237,21 +237,11 @@ fn choose(now: &mut Now<'_>) -> Option<(GraspCandidate, Vec<Isometry3<f64>>)> {
 
 /// Whether the thing can be brought to the mouth when it is taken so.
 fn can_bring(now: &mut Now<'_>, candidate: &GraspCandidate) -> bool {
-    let height = lift::height(now.goal, now.profile.grasp.lift);
-    let base = now.scene.house_from_base(now.seen);
-    let Some(up) = lift::lift_paths(&base, &candidate.grasp, height)
-        .into_iter()
-        .next()
-    else {
-        return false;
-    };
-    let raised = up.last().copied().unwrap_or(candidate.grasp);
-    let held = candidate.grasp.inv_mul(&now.thing());
     let approach = [candidate.pregrasp, candidate.grasp];
-    let paths = bring::paths(now, &now.seen.house_from_chair, &held, &raised);
-    paths
+    let lists = bring::after(now, &now.seen.house_from_chair, candidate);
+    lists
         .iter()
-        .any(|path| now.reaches(&[&approach, &up[..], &path[..]].concat()))
+        .any(|then| now.reaches(&[&approach, &then[..]].concat()))
 }
 
 /// The best of those that `will_do`.
