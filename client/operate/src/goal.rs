@@ -1,6 +1,6 @@
 //! What a task asks for, as the server tells it.
 
-use nalgebra::{Isometry3, Point3};
+use nalgebra::Point3;
 use wheelarm_proto::check::{self, Invalid};
 use wheelarm_proto::geometry::normalized;
 use wheelarm_proto::v1;
@@ -76,14 +76,16 @@ impl Goal {
         }
     }
 
-    /// The region in `house` into which a thing is put, of a chair that stands at
-    /// `house_from_chair`.
+    /// The region in `house` into which a thing is put.
     #[must_use]
-    pub fn region(&self, house_from_chair: &Isometry3<f64>) -> Option<Obb> {
+    pub fn region(&self) -> Option<Obb> {
         match self {
             Self::Put { region, .. } => Some(*region),
-            Self::Give { lap, .. } => Some(lap.at(house_from_chair)),
-            Self::Lift { .. } | Self::Bring { .. } | Self::Open { .. } | Self::Close { .. } => None,
+            Self::Lift { .. }
+            | Self::Give { .. }
+            | Self::Bring { .. }
+            | Self::Open { .. }
+            | Self::Close { .. } => None,
         }
     }
 

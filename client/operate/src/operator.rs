@@ -126,12 +126,21 @@ fn plan(goal: &Goal, extent: Extent) -> &'static [Stage] {
             Stage::Carry,
             Stage::Watch,
         ],
-        Goal::Put { .. } | Goal::Give { .. } => &[
+        Goal::Put { .. } => &[
             TAKE,
             Stage::Reach,
             Stage::Grasp,
             Stage::Lift,
             Stage::Place,
+            Stage::Watch,
+        ],
+        Goal::Give { .. } => &[
+            TAKE,
+            Stage::Reach,
+            Stage::Grasp,
+            Stage::Lift,
+            Stage::Bring,
+            Stage::LetGo,
             Stage::Watch,
         ],
         Goal::Bring { .. } => &[

@@ -7,15 +7,15 @@
 use std::sync::Arc;
 
 use nalgebra::Isometry3;
-use rapier3d::prelude::{
-    ColliderBuilder, ColliderHandle, PhysicsWorld, RigidBodyHandle, SharedShape,
-};
+use rapier3d::math::Pose;
+use rapier3d::prelude::{ColliderBuilder, ColliderHandle, PhysicsWorld, RigidBodyHandle};
 use wheelarm_proto::TICKS_PER_CONTROL;
 
 use super::body::{RobotBody, person_groups};
 use super::contact::{contacts_where, tag};
-use super::convert::{mass_properties, point, pose, real};
+use super::convert::{mass_properties, pose};
 use super::mass::Mass;
+use super::shape;
 use super::tree::Place;
 use crate::people::{BodyPart, HeadPose, Motion, PARTS, Person};
 use crate::snapshot::{BodyRef, PersonState};
@@ -32,8 +32,8 @@ pub(super) struct Seated {
     motion: Motion,
     body_from_chair: Isometry3<f64>,
     body: RigidBodyHandle,
-    /// Capsules that move with the head: index and collider.
-    moving: Vec<(usize, ColliderHandle)>,
+    /// Capsules that move with the head: index, collider, and its pose at the joint.
+    moving: Vec<(usize, ColliderHandle, Pose)>,
     /// Now.
     state: PersonState,
 }
@@ -62,17 +62,21 @@ impl Seated {
         let head = motion.at(0);
         let mut moving = Vec::new();
         for (index, capsule) in person.capsules.iter().enumerate() {
-            let [a, b] = capsule.ends.map(|end| point(&end));
+            let [a, b] = &capsule.ends;
+            // What has no size was refused when the person was loaded.
+            let Ok((joint_from_shape, shape)) = shape::capsule(a, b, capsule.radius) else {
+                continue;
+            };
             let chair_from_joint = person.skeleton.joint(capsule.joint, &head);
-            let collider = ColliderBuilder::new(SharedShape::capsule(a, b, real(capsule.radius)))
-                .position(pose(&(body_from_chair * chair_from_joint)))
+            let collider = ColliderBuilder::new(shape)
+                .position(pose(&(body_from_chair * chair_from_joint)) * joint_from_shape)
                 .density(0.0)
                 .friction(FRICTION)
                 .collision_groups(person_groups())
                 .user_data(tag(BodyRef::Person(index)));
             let handle = physics.insert_collider(collider, Some(body));
             if capsule.moves {
-                moving.push((index, handle));
+                moving.push((index, handle, joint_from_shape));
             }
         }
         Some(Self {
@@ -99,10 +103,10 @@ impl Seated {
             return;
         }
         self.state.head = head;
-        for (index, handle) in &self.moving {
+        for (index, handle, joint_from_shape) in &self.moving {
             let capsule = &self.person.capsules[*index];
             let chair_from_joint = self.person.skeleton.joint(capsule.joint, &head);
-            let place = pose(&(self.body_from_chair * chair_from_joint));
+            let place = pose(&(self.body_from_chair * chair_from_joint)) * *joint_from_shape;
             if let Some(collider) = physics.colliders.get_mut(*handle) {
                 collider.set_position_wrt_parent(place);
             }
@@ -157,7 +161,7 @@ impl Seated {
 
     /// Whether the collider is one that the motion moves.
     pub(super) fn moves(&self, collider: ColliderHandle) -> bool {
-        self.moving.iter().any(|(_, handle)| *handle == collider)
+        self.moving.iter().any(|(_, handle, _)| *handle == collider)
     }
 
     /// What tells this person from others, and numbers that take part in the state's

@@ -3,9 +3,9 @@
 //! Shapes with an axis have it along z; the engine's stand along y. Curved
 //! walls become polygons of equal cross section.
 
-use std::f64::consts::{FRAC_PI_2, TAU};
+use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
-use nalgebra::{Isometry3, Point3, Vector3};
+use nalgebra::{Isometry3, Point3, UnitQuaternion, Vector3, center};
 use rapier3d::math::{Pose, Vector};
 use rapier3d::prelude::SharedShape;
 use wheelarm_proto::exact;
@@ -20,6 +20,11 @@ const CUP_SIDES: usize = 16;
 /// The wall of a cup begins this far above its foot, so that only the floor
 /// of the cup carries it, metres.
 const CUP_FOOT: f64 = 0.002;
+
+/// Sides of the polygon that stands for a capsule of a person.
+const CAPSULE_SIDES: usize = 16;
+/// Its edges are round with this radius at most, metres.
+const CAPSULE_RIM: f64 = 0.01;
 
 /// A shape as the engine wants it, with its pose in the body.
 pub(super) type Solid = (Pose, SharedShape);
@@ -110,6 +115,36 @@ pub(super) fn solids(part: &Part, rim: f64) -> Result<Vec<Solid>, String> {
             "mesh {path} has no vertices here; a scene gives its hulls, a robot collides as solids"
         )),
     }
+}
+
+/// A solid for a capsule with the axis from `a` to `b` in the body frame, metres: a
+/// polygon with rings towards the poles, of the same cross section.
+///
+/// The engine's own capsule is round along its axis: what lies on two of them, a box for
+/// example, gets other contact points and normals at every tick, rocks for ever and
+/// wanders off.
+pub(super) fn capsule(a: &Point3<f64>, b: &Point3<f64>, radius: f64) -> Result<Solid, String> {
+    positive("radius", &[radius])?;
+    let half = (b - a).norm() / 2.0;
+    let rim = CAPSULE_RIM.min(0.4 * radius);
+    let core = radius - rim;
+    let mut points = Vec::new();
+    for latitude in [0.0, PI / 6.0, PI / 3.0] {
+        let (sin, cos) = (exact::sin(latitude), exact::cos(latitude));
+        for side in [-1.0, 1.0] {
+            let height = side * (half + core * sin);
+            points.extend(ring(CAPSULE_SIDES, core * cos, height));
+        }
+    }
+    for side in [-1.0, 1.0] {
+        points.push(point(&Point3::new(0.0, 0.0, side * (half + core))));
+    }
+    let shape = SharedShape::round_convex_hull(&points, real(rim));
+    let shape = shape.ok_or("no convex hull of a capsule")?;
+    let turn = UnitQuaternion::rotation_between(&Vector3::z(), &(b - a));
+    let turn = turn.unwrap_or_else(|| UnitQuaternion::from_axis_angle(&Vector3::x_axis(), PI));
+    let at = Isometry3::from_parts(center(a, b).into(), turn);
+    Ok((pose(&at), shape))
 }
 
 /// A convex solid through points in the body frame, metres.

@@ -148,17 +148,16 @@ fn wanted(
             let best = [&raised[0][..], &[back]].concat();
             vec![vec![best], raised]
         }
-        Goal::Put { .. } | Goal::Give { .. } => {
-            let chair = house_from_base * now.scene.chair_from_base.inverse();
+        Goal::Put { .. } => {
             let held = candidate.grasp.inv_mul(&now.thing());
-            let puts = place::candidates(now, &chair, &held, candidate.width);
+            let puts = place::candidates(now, &held, candidate.width);
             let both = |put: &GraspCandidate| {
                 let then = |up: &Vec<_>| [&up[..], &[put.pregrasp, put.grasp]].concat();
                 raised.iter().take(2).map(then).collect::<Vec<_>>()
             };
             vec![puts.iter().flat_map(both).collect(), raised.clone()]
         }
-        Goal::Bring { .. } => {
+        Goal::Give { .. } | Goal::Bring { .. } => {
             let chair = house_from_base * now.scene.chair_from_base.inverse();
             vec![bring::after(now, &chair, candidate), raised]
         }
@@ -272,12 +271,7 @@ fn candidates(now: &Now<'_>, purpose: Purpose, margin: f64) -> Vec<GraspCandidat
         Purpose::Put => {
             let held = now.memory.held.unwrap_or_else(|| now.thing_in_hand());
             let taken = now.memory.candidate;
-            place::candidates(
-                now,
-                &now.seen.house_from_chair,
-                &held,
-                taken.map_or(0.03, |taken| taken.width),
-            )
+            place::candidates(now, &held, taken.map_or(0.03, |taken| taken.width))
         }
     }
 }

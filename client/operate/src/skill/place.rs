@@ -156,16 +156,14 @@ impl Skill for Place {
     }
 }
 
-/// Candidates to put down a thing that sits in the hand as `tool_from_item` says, for
-/// a chair at `house_from_chair`.
+/// Candidates to put down a thing that sits in the hand as `tool_from_item` says.
 #[must_use]
 pub fn candidates(
     now: &Now<'_>,
-    house_from_chair: &Isometry3<f64>,
     tool_from_item: &Isometry3<f64>,
     width: f64,
 ) -> Vec<GraspCandidate> {
-    let Some(region) = now.goal.region(house_from_chair) else {
+    let Some(region) = now.goal.region() else {
         return Vec::new();
     };
     let boxes = &now.scene.items[now.goal.item()].boxes;
@@ -224,7 +222,7 @@ fn choose(now: &mut Now<'_>) -> Option<(GraspCandidate, Vec<Isometry3<f64>>)> {
         .candidate
         .map_or(0.03, |candidate| candidate.width);
     let balls = held_balls(&slices(&now.scene.items[item].boxes), &held);
-    let candidates = candidates(now, &now.seen.house_from_chair, &held, width);
+    let candidates = candidates(now, &held, width);
     let base = now.scene.house_from_base(now.seen).translation.vector;
     let towards = Vector3::new(
         base.x - start.translation.x,

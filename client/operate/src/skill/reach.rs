@@ -229,13 +229,13 @@ fn beside(
 /// which all of the work can be reached, if there is any.
 fn choose(now: &mut Now<'_>) -> Option<(GraspCandidate, Vec<Isometry3<f64>>)> {
     let whole = match now.goal {
-        Goal::Bring { .. } => choose_for(now, can_bring),
+        Goal::Give { .. } | Goal::Bring { .. } => choose_for(now, can_bring),
         _ => None,
     };
     whole.or_else(|| choose_for(now, |_, _| true))
 }
 
-/// Whether the thing can be brought to the mouth when it is taken so.
+/// Whether the thing can be brought to who asks when it is taken so.
 fn can_bring(now: &mut Now<'_>, candidate: &GraspCandidate) -> bool {
     let approach = [candidate.pregrasp, candidate.grasp];
     let lists = bring::after(now, &now.seen.house_from_chair, candidate);

@@ -228,6 +228,55 @@ fn what_lies_in_the_lap_presses_with_its_weight() {
     );
 }
 
+/// What is let go over the thighs comes to rest there and stays so.
+#[test]
+fn what_is_let_go_over_the_lap_comes_to_rest() {
+    let model = model();
+    let half = [0.085, 0.021, 0.011];
+    let mut restless = Vec::new();
+    for body in [
+        "woman_p5",
+        "woman_heavy",
+        "woman_80",
+        "man_p50",
+        "man_p95",
+        "girl_12",
+    ] {
+        let person = person(body, "hands_on_armrests");
+        let lap = person.lap.at;
+        let mut bar = object(
+            "bar",
+            at(lap.x, 0.0, lap.z + 0.02 + half[2]),
+            0.11,
+            half,
+            Shape::Cuboid { half },
+        );
+        bar.friction = 0.6;
+        bar.pose.rotation =
+            UnitQuaternion::from_axis_angle(&Vector3::z_axis(), std::f64::consts::FRAC_PI_2);
+        let (scene, placements) = scene(vec![floor()], vec![bar]);
+        let home = model.settings.home;
+        let mut world = World::new(&model, &scene, &placements, &Isometry3::identity(), &home)
+            .expect("a world");
+        world.seat(&person, motion(&person, 0.0));
+        let mut fastest = [0.0_f64; 2];
+        seconds(&mut world, 4.0, |world, time| {
+            let snapshot = world.snapshot();
+            let state = &snapshot.objects[0];
+            if time > 2.0 {
+                fastest[0] = fastest[0].max(state.linear.norm());
+                fastest[1] = fastest[1].max(state.angular.norm());
+            }
+        });
+        let height = world.snapshot().objects[0].pose.translation.z;
+        println!("{body}: {fastest:?} height {height} lap {}", lap.z);
+        if fastest[0] > 0.01 || fastest[1] > 0.1 || height < lap.z - 0.1 {
+            restless.push(format!("{body}: {fastest:?}, at {height} m"));
+        }
+    }
+    assert!(restless.is_empty(), "{restless:#?}");
+}
+
 /// A head that moves under a load: the same bits again, and after a restore in the
 /// middle.
 #[test]
