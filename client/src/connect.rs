@@ -39,7 +39,7 @@ impl ConnectArgs {
     /// # Errors
     /// When the keys that the endpoint takes are not there.
     pub fn connect(&self) -> anyhow::Result<Connect> {
-        let guarded = endpoint::parts(&self.connect).0 == "tls";
+        let guarded = endpoint::is_guarded(&self.connect);
         let folder = self.keys.as_ref().filter(|_| guarded);
         let find = |folder: &PathBuf| Identity::find(folder, self.user.as_deref());
         let identity = folder.map(find).transpose();

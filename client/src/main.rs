@@ -38,6 +38,7 @@ use wheelarm_client::watch::{self, WatchArgs};
 use wheelarm_link::Connect;
 use wheelarm_proto::output::end_with_output;
 use wheelarm_proto::program::{told, version};
+use wheelarm_proto::restart;
 
 /// Clients of the WheelArm simulator: operate, record, replay, watch.
 ///
@@ -256,6 +257,9 @@ fn main() -> ExitCode {
             return ExitCode::FAILURE;
         }
     };
+    if connect.is_guarded() && !cli.command.works_on_files() {
+        restart::for_tls();
+    }
     name_by_keys(&mut cli, &connect, &matches);
     match run(cli, connect) {
         Ok(code) => code,

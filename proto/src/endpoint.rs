@@ -33,6 +33,12 @@ pub fn check_endpoint(text: &str) -> Result<(), BadEndpoint> {
     }
 }
 
+/// Whether an endpoint takes keys: who connects there or listens there speaks TLS.
+#[must_use]
+pub fn is_guarded(endpoint: &str) -> bool {
+    parts(endpoint).0 == "tls"
+}
+
 /// Transport of an endpoint of the right form, and host or path behind it.
 #[must_use]
 pub fn parts(endpoint: &str) -> (&str, &str) {

@@ -21,6 +21,7 @@ pub mod output;
 pub mod person;
 pub mod preview;
 pub mod program;
+pub mod restart;
 pub mod robot;
 pub mod rpc;
 pub mod schema;

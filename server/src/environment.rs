@@ -3,31 +3,33 @@
 
 use std::ffi::OsString;
 
+use wheelarm_proto::restart::{self, ONE_TRANSPORT_THREAD, TRANSPORT_THREADS};
+
 /// Starts this program again with what graphics drivers and the transport read
 /// from the environment, unless it is set already; where that fails, they do
-/// without.
-pub fn complete() {
-    use std::os::unix::process::CommandExt;
+/// without. `guarded` says that it has connections over TLS.
+pub fn complete(guarded: bool) {
+    let threads = if guarded {
+        ONE_TRANSPORT_THREAD
+    } else {
+        SENDING_THREADS
+    };
     let wanted = [
-        (
-            "XDG_RUNTIME_DIR",
-            runtime_folder as fn() -> Option<OsString>,
-        ),
-        ("LP_NUM_THREADS", drawing_threads),
-        ("ZENOH_RUNTIME", sending_threads),
+        ("XDG_RUNTIME_DIR", runtime_folder()),
+        ("LP_NUM_THREADS", drawing_threads()),
+        (TRANSPORT_THREADS, Some(threads.into())),
     ];
-    let missing: Vec<(&str, OsString)> = wanted
-        .iter()
-        .filter(|(name, _)| std::env::var_os(name).is_none())
-        .filter_map(|(name, value)| Some((*name, value()?)))
-        .collect();
-    if let (false, Ok(program)) = (missing.is_empty(), std::env::current_exe()) {
-        let _ = std::process::Command::new(program)
-            .args(std::env::args_os().skip(1))
-            .envs(missing)
-            .exec();
-    }
+    let known = wanted
+        .into_iter()
+        .filter_map(|(name, value)| Some((name, value?)));
+    restart::with_variables(known);
 }
+
+/// Threads with which the transport sends to all peers, one unless said. The end
+/// of a connection whose peer does not read keeps one busy for as long as
+/// somebody waits to send to it, and with one alone nobody would hear anything.
+/// Over TLS there is no choice.
+const SENDING_THREADS: &str = "(tx: (worker_threads: 4))";
 
 /// A private folder: without one, as in containers and batch jobs, drivers
 /// complain on stderr.
@@ -46,11 +48,4 @@ fn runtime_folder() -> Option<OsString> {
 fn drawing_threads() -> Option<OsString> {
     let cores = std::thread::available_parallelism().ok()?.get();
     (cores > 1).then(|| (cores + 1).to_string().into())
-}
-
-/// Threads with which the transport sends to all peers, one unless said. The end
-/// of a connection whose peer does not read keeps one busy for as long as
-/// somebody waits to send to it, and with one alone nobody would hear anything.
-fn sending_threads() -> Option<OsString> {
-    Some("(tx: (worker_threads: 4))".into())
 }

@@ -84,6 +84,13 @@ impl Connect {
         }
     }
 
+    /// Whether the endpoint takes keys. A program that connects to such a one calls
+    /// [`wheelarm_proto::restart::for_tls`] first of all.
+    #[must_use]
+    pub fn is_guarded(&self) -> bool {
+        endpoint::is_guarded(&self.endpoint)
+    }
+
     /// The wait, s, as long as it can be.
     fn wait_secs(&self) -> f64 {
         match self.timeout_secs.is_nan() {
@@ -126,7 +133,7 @@ pub enum Silence {
 /// listens, [`LinkError::NoKeys`] when it takes keys and none are given.
 pub fn open_session(args: &Connect, silence: Silence) -> Result<Session, LinkError> {
     check_endpoint(&args.endpoint)?;
-    let identity = match (is_guarded(args), &args.identity) {
+    let identity = match (args.is_guarded(), &args.identity) {
         (false, _) => None,
         (true, Some(identity)) => Some(identity.clone()),
         (true, None) => Some(
@@ -140,11 +147,6 @@ pub fn open_session(args: &Connect, silence: Silence) -> Result<Session, LinkErr
             seconds: args.wait_secs(),
             cause: words(&cause),
         })
-}
-
-/// Whether an endpoint takes keys.
-fn is_guarded(args: &Connect) -> bool {
-    endpoint::parts(&args.endpoint).0 == "tls"
 }
 
 /// An open connection to one server.
@@ -184,7 +186,7 @@ impl Link {
         let session = open_session(args, silence)?;
         let link = Self::over(session, &args.endpoint, &args.sim)?;
         link.wait_alive(deadline).map_err(|error| match error {
-            LinkError::OtherName { found, .. } if is_guarded(args) && found == NONE => {
+            LinkError::OtherName { found, .. } if args.is_guarded() && found == NONE => {
                 LinkError::NoRights {
                     endpoint: args.endpoint.clone(),
                     sim: args.sim.clone(),

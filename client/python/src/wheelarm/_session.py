@@ -121,6 +121,10 @@ def open_session(endpoint: str, timeout: float) -> zenoh.Session:
         raise ValueError(
             f"{endpoint!r} is no endpoint: write it as tcp/127.0.0.1:7447 ({words(cause)})"
         ) from None
+    if endpoint.startswith("tls/"):
+        # One thread sends and receives: from two the transport breaks its memory when a
+        # TLS connection ends (eclipse-zenoh/zenoh#2557). It looks before its first session.
+        os.environ.setdefault("ZENOH_RUNTIME", "(rx: (worker_threads: 1), tx: (handover: rx))")
     _opened = True
     try:
         return zenoh.open(config)
