@@ -8,7 +8,7 @@ use serde::Deserialize;
 use crate::space::{Order, Side};
 
 /// Files of a grammar below `assets/language`, in the order in which they are read.
-pub const FILES: [&str; 10] = [
+pub const FILES: [&str; 11] = [
     "nouns.toml",
     "places.toml",
     "phrases.toml",
@@ -19,6 +19,7 @@ pub const FILES: [&str; 10] = [
     "open.toml",
     "close.toml",
     "bring.toml",
+    "give.toml",
 ];
 
 /// A grammar file that cannot be used.
@@ -51,6 +52,8 @@ pub enum Verb {
     Close,
     /// Bring it to the mouth.
     Bring,
+    /// Lay it into the lap.
+    Give,
 }
 
 impl Verb {
@@ -63,6 +66,7 @@ impl Verb {
             Self::Open => "open",
             Self::Close => "close",
             Self::Bring => "bring",
+            Self::Give => "give",
         }
     }
 }

@@ -209,9 +209,16 @@ impl<'a> Parser<'a> {
         let goal = last(&chart.goals).filter(|(at, _)| *at > 0);
         // What is put has a place; what opens or closes slides.
         let has = |verb: Verb| verbs.iter().any(|(_, v)| *v == verb);
-        let verb = [Verb::Bring, Verb::Open, Verb::Close, Verb::Put, Verb::Lift]
-            .into_iter()
-            .find(|&verb| has(verb) && (verb != Verb::Put || goal.is_some()));
+        let verb = [
+            Verb::Bring,
+            Verb::Give,
+            Verb::Open,
+            Verb::Close,
+            Verb::Put,
+            Verb::Lift,
+        ]
+        .into_iter()
+        .find(|&verb| has(verb) && (verb != Verb::Put || goal.is_some()));
         let Some(verb) = verb else { return false };
         let goal = goal.filter(|_| verb == Verb::Put);
         let place = last(&chart.places).map(|(_, i)| i);
@@ -242,7 +249,7 @@ impl<'a> Parser<'a> {
 /// What a verb is done with.
 pub(crate) fn role(verb: Verb) -> Role {
     match verb {
-        Verb::Lift | Verb::Put | Verb::Bring => Role::Object,
+        Verb::Lift | Verb::Put | Verb::Bring | Verb::Give => Role::Object,
         Verb::Open | Verb::Close => Role::Slide,
     }
 }

@@ -141,12 +141,14 @@ fn the_sentences_of_the_tasks_are_understood() {
             "pick" | "select" | "take" => Verb::Lift,
             "place" | "throw" => Verb::Put,
             "open" => Verb::Open,
+            "serve" if object == "remote" => Verb::Give,
             "serve" => Verb::Bring,
             _ => Verb::Close,
         };
         let object = match object.trim_start_matches("floor_") {
             "drink" => "straw_cup",
             "spoonful" => "feeding_spoon",
+            "remote" => "remote_control",
             other => other,
         };
         for sentence in sentences {

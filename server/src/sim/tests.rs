@@ -419,6 +419,7 @@ fn in_tasks_of_care_somebody_sits_in_the_chair_and_the_guard_is_on() {
             "take_floor_crackers",
             "throw_meat_can",
             "serve_drink",
+            "serve_remote",
             "serve_spoonful",
         ] {
             let sim = simulation(Scenario {

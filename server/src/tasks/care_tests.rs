@@ -1,4 +1,4 @@
-//! What is brought to the mouth, judged on made-up states.
+//! What is brought to the mouth or laid into the lap, judged on made-up states.
 
 use nalgebra::{Point3, UnitQuaternion, Vector3};
 
@@ -8,8 +8,31 @@ use crate::people::{BodyPart, HeadPose, PARTS, Person, PersonSetting};
 use crate::scene::tests::assets;
 use crate::snapshot::PersonState;
 
-/// A stage with somebody in the chair, and the beaker held with the end of its straw
-/// `before` metres before the lips, leaning by `degrees`.
+/// A stage of a task with somebody in the chair.
+fn seated(name: &str, target: &str) -> (Stage, Person) {
+    let setting = PersonSetting {
+        body: "woman_p50".to_owned(),
+        posture: "hands_on_armrests".to_owned(),
+        ..PersonSetting::default()
+    };
+    let person = setting
+        .draw(&assets(), 1)
+        .and_then(|drawn| Person::load(&assets(), drawn))
+        .unwrap_or_else(|error| panic!("{error}"));
+    let mut stage = Stage::of(name, target);
+    let (task, model) = (task(name), &stage.model);
+    stage.evaluator = Evaluator::new(&task, &stage.scene, model, target, Some(&person))
+        .unwrap_or_else(|error| panic!("{error}"));
+    stage.snapshot.person = Some(PersonState {
+        head: HeadPose::default(),
+        forces: [0.0; PARTS.len()],
+        robot_force: 0.0,
+    });
+    (stage, person)
+}
+
+/// The beaker held with the end of its straw `before` metres before the lips, leaning
+/// by `degrees`.
 struct Sip {
     stage: Stage,
     person: Person,
@@ -17,24 +40,7 @@ struct Sip {
 
 impl Sip {
     fn new() -> Self {
-        let setting = PersonSetting {
-            body: "woman_p50".to_owned(),
-            posture: "hands_on_armrests".to_owned(),
-            ..PersonSetting::default()
-        };
-        let person = setting
-            .draw(&assets(), 1)
-            .and_then(|drawn| Person::load(&assets(), drawn))
-            .unwrap_or_else(|error| panic!("{error}"));
-        let mut stage = Stage::of("serve_drink", "straw_cup");
-        let (task, model) = (task("serve_drink"), &stage.model);
-        stage.evaluator = Evaluator::new(&task, &stage.scene, model, "straw_cup", Some(&person))
-            .unwrap_or_else(|error| panic!("{error}"));
-        stage.snapshot.person = Some(PersonState {
-            head: HeadPose::default(),
-            forces: [0.0; PARTS.len()],
-            robot_force: 0.0,
-        });
+        let (stage, person) = seated("serve_drink", "straw_cup");
         let mut sip = Self { stage, person };
         sip.stage.run(0.1);
         sip.stage.grip();
@@ -102,4 +108,37 @@ fn whoever_presses_the_face_has_failed_even_if_it_was_only_once() {
     light.press_face(1.5);
     light.bring(0.02, 0.0);
     assert!(light.stage.run(2.5).success);
+}
+
+/// The remote control, taken and then `forward` metres before the middle of the lap,
+/// `above` metres over it.
+fn given(forward: f64, above: f64) -> Stage {
+    let (mut stage, person) = seated("serve_remote", "remote_control");
+    stage.run(0.1);
+    stage.grip();
+    stage.raise(0.08);
+    assert!(!stage.run(0.2).done);
+    let at = stage.snapshot.links[0].pose * person.lap.at;
+    let remote = &mut stage.snapshot.objects[stage.target].pose;
+    remote.translation.vector = at.coords + Vector3::new(forward, 0.0, above);
+    stage
+}
+
+#[test]
+fn a_thing_is_given_when_it_lies_in_the_lap_and_is_let_go() {
+    let mut held = given(0.0, 0.01);
+    let judged = held.run(2.0);
+    assert!(!judged.done && condition(&judged, "in_lap").holds);
+    assert!(!condition(&judged, "released").holds);
+    held.snapshot.contacts.clear();
+    assert!(held.run(0.6).success);
+
+    for (forward, above) in [(0.4, 0.01), (0.0, 0.15), (0.0, -0.15)] {
+        let mut beside = given(forward, above);
+        beside.snapshot.contacts.clear();
+        let judged = beside.run(2.0);
+        let lies = condition(&judged, "in_lap");
+        assert!(!judged.success && !lies.holds, "{forward} {above}");
+        assert!((lies.value - forward).abs() < 0.01, "{}", lies.value);
+    }
 }

@@ -60,8 +60,7 @@ pub fn sentence(
     let seen = seen(scene, placements, task);
     let (verb, goal) = match &task.goal {
         Goal::Lift => (Verb::Lift, None),
-        // The grammar has no words for a lap: one of the task's own sentences is said.
-        Goal::Give => return Ok(None),
+        Goal::Give => (Verb::Give, None),
         Goal::Bring => (Verb::Bring, None),
         Goal::Put { on } => (Verb::Put, seen.named(on)),
         Goal::Open { .. } => (Verb::Open, None),

@@ -55,6 +55,7 @@ pub fn runs(rigid: usize, soft: usize, first_seed: u64) -> Vec<Run> {
                 "place_teddy_bear",
                 "close_drawer",
                 "serve_drink",
+                "serve_remote",
                 "serve_spoonful",
                 "take_floor_crackers",
                 "throw_meat_can",

@@ -211,11 +211,14 @@ fn header(root: &Area<'_>, summary: &Summary) -> Result<(), SheetError> {
     );
     label::left(root, &facts, (x + 14, 119), 25, GREY)?;
 
-    let (mut x, y) = (MARGIN, 168);
+    let (mut x, mut y) = (MARGIN, 168);
     for (name, holds, value) in &summary.conditions {
         let colour = if *holds { GREEN } else { RED };
-        root.draw(&Circle::new((x + 8, y + 1), 7, colour.filled()))?;
         let words = format!("{name}: {value:.3}");
+        if x + 26 + label::width(&words, 22) > WIDTH as i32 - MARGIN {
+            (x, y) = (MARGIN, y + 29);
+        }
+        root.draw(&Circle::new((x + 8, y + 1), 7, colour.filled()))?;
         x += 26 + label::left(root, &words, (x + 26, y), 22, INK)? + 36;
     }
     label::left(root, &summary.failure_reason, (x, y), 22, RED)?;

@@ -72,6 +72,7 @@ TASKS = {
     "place_teddy_bear": 150.0,
     "select_coke": 100.0,
     "serve_drink": 150.0,
+    "serve_remote": 150.0,
     "serve_spoonful": 150.0,
     "take_floor_crackers": 100.0,
     "throw_meat_can": 150.0,
