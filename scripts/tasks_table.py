@@ -2,6 +2,7 @@
 """The table of `train_tasks.sh`: successes by task of every evaluation in a folder.
 
     python3 scripts/tasks_table.py OUT TASK,TASK,...
+    python3 scripts/tasks_table.py --whole OUT/EVALUATION TASK,...   # seeds of which all tasks are there
 """
 
 import json
@@ -54,7 +55,20 @@ def touched(told):
     return f"{sum(reached)} of {len(reached)}"
 
 
+def whole(folder, tasks):
+    """Seeds, from the first, of which all tasks are there."""
+    there = {(entry["task"], entry["seed"]) for entry in entries(folder)}
+    seeds = sorted({seed for _, seed in there})
+    count = 0
+    while count < len(seeds) and all((task, seeds[0] + count) in there for task in tasks):
+        count += 1
+    return count
+
+
 def main():
+    if sys.argv[1] == "--whole":
+        print(whole(Path(sys.argv[2]), sys.argv[3].split(",")))
+        return
     out, tasks = Path(sys.argv[1]), sys.argv[2].split(",")
     all_of = {name: entries(out / name) for name in EVALUATIONS}
     shown = [name for name in EVALUATIONS if all_of[name]]

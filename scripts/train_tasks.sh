@@ -19,6 +19,7 @@
 #   CORRECTED_FROM   first of these (80000)
 #   TAKEOVER  seconds after which the operator takes over at the latest (20)
 #   SEEDS     of each task that are evaluated, from 500 (20)
+#   HELD_SEEDS  of each task that are evaluated in held-out sentences (SEEDS)
 #   KNOWING   seeds of each task for `hold`, `repeat` and `replay` (SEEDS)
 #   LAST      seconds after the start of this call after which nothing goes on but the
 #             table of what is there (no end)
@@ -26,6 +27,7 @@
 #             the plan's episodes is begun; half of them are made in any case (no end)
 #   TENSORS   folder of the exported episodes, 30 GB for the plan (OUT/tensors); the
 #             corrections', as much again, are in OUT/tensors
+#   PROGRAMS  folder of wheelarm and its programs (target/release)
 #   NETWORK   more options of train.py
 #   DEVICE_OPTIONS   of train.py for another device (--precision bf16 --store device)
 set -euo pipefail
@@ -39,12 +41,13 @@ corrections=${CORRECTIONS:-22}
 corrected_from=${CORRECTED_FROM:-80000}
 takeover=${TAKEOVER:-20}
 seeds=${SEEDS:-20}
+held_seeds=${HELD_SEEDS:-$seeds}
 knowing=${KNOWING:-$seeds}
 last=${LAST:-1000000}
 collected_by=${COLLECTED_BY:-1000000}
 tensors=${TENSORS:-$out/tensors}
 python=${PYTHON:-python3}
-export PATH="$PWD/target/release:$PATH" PYTHONPATH="$PWD/client/python/src${PYTHONPATH:+:$PYTHONPATH}"
+export PATH="$(realpath "${PROGRAMS:-target/release}"):$PATH" PYTHONPATH="$PWD/client/python/src${PYTHONPATH:+:$PYTHONPATH}"
 export PYTHONUNBUFFERED=1 OMP_NUM_THREADS=${OMP_NUM_THREADS:-4}
 learn=client/learn/python
 seen_split=assets/splits/axes/language-1.toml
@@ -137,19 +140,22 @@ correct() { # round, number of the policy
     mark "corrections-$1"
 }
 # Its seeds come one after the other, every task of each: what was ended before has as
-# many of all. Ended or not, the report is of what is there.
+# many of all, and its report is of the seeds of which all tasks are there.
 evaluate() { # name, jobs, seeds, policy, more arguments
-    local name=$1 jobs=$2 count=$3 policy=$4 status=0
+    local name=$1 jobs=$2 count=$3 policy=$4 status=0 whole
     shift 4
     done_before "$name" && return
     say "evaluation $name: $policy"
-    limited wheelarm evaluate --task "$tasks" --episodes "$count" --jobs "$jobs" --no-grid --policy "$policy" \
-        --out "$out/$name" "$@" >"$out/$name.log" 2>&1 || status=$?
-    if [ $status -le 3 ] && [ "$(wc -l <"$out/$name/episodes.jsonl")" -ge "$((count * $(tr , '\n' <<<"$tasks" | wc -l)))" ]; then
+    local command=(wheelarm evaluate --task "$tasks" --jobs "$jobs" --no-grid --policy "$policy" --out "$out/$name" "$@")
+    limited "${command[@]}" --episodes "$count" >"$out/$name.log" 2>&1 </dev/null || status=$?
+    [ -e "$out/$name/episodes.jsonl" ] || { say "evaluation $name: nothing: $(tail -n 2 "$out/$name.log" 2>&1)" && return; }
+    whole=$("$python" scripts/tasks_table.py --whole "$out/$name" "$tasks")
+    if [ "$whole" -ge "$count" ]; then
         mark "$name"
-    else
-        say "evaluation $name ended with $status after $(wc -l <"$out/$name/episodes.jsonl") episodes: $(tail -n 1 "$out/$name.log")"
+        return
     fi
+    say "evaluation $name ended with $status: $whole of $count seeds of all tasks are there: $(tail -n 1 "$out/$name.log")"
+    [ "$whole" -eq 0 ] || "${command[@]}" --episodes "$whole" >"$out/$name-part.log" 2>&1 </dev/null || true
 }
 # Whether it uses eyes and ears: another episode's pictures, and the sentence of another
 # task of the same table. Tasks of an area have the same scene for the same seed, so what
@@ -174,6 +180,7 @@ PAIRS
 }
 table() { "$python" scripts/tasks_table.py "$out" "$tasks" >"$out/table.md" && cat "$out/table.md"; }
 
+trap 'jobs -p | xargs -r kill 2>/dev/null || true' EXIT
 say "begin; tasks: $tasks"
 check
 collect 0 1
@@ -191,30 +198,37 @@ for round in $(seq 1 $rounds); do
         correct "$round" $((round - 1)) &
         correcting=$!
     elif [ "$knowing" -gt 0 ]; then
-        # Nothing is left to correct: who knows nothing is measured meanwhile.
+        # Nothing is left to correct: who knows nothing is measured meanwhile, and the
+        # rest of it at the end.
         {
+            last=$((SECONDS + ${training[$round]} + 20 < last ? SECONDS + ${training[$round]} + 20 : last))
             mkdir -p "$out/recordings"
             for file in "$out"/data-[0-3]/episodes/*.h5; do ln -sf "$(realpath "$file")" "$out/recordings/"; done
             evaluate replay "$jobs" "$knowing" "replay:$out/recordings" --split "$seen_split"
         } &
         correcting=$!
     fi
-    train "$round" "${training[$round]}" "${folders[@]}"
-    wait "${correcting:-}" || die "what ran beside the training of policy-$round failed"
+    # A process of its own: should it fail, the policy before it is what there is.
+    train "$round" "${training[$round]}" "${folders[@]}" &
+    wait $! || { say "policy-$round is left out" && rounds=$((round - 1)); }
+    wait "${correcting:-}" || say "what ran beside the training of policy-$round failed; it goes on without"
+    [ "$rounds" -ge "$round" ] || break
     [ ! -e "$out/tensors/corrections-$round" ] || folders+=("$out/tensors/corrections-$round")
 done
 final=$out/tasks.safetensors
 [ -e "$final" ] || "$python" $learn/export.py "$out/policy-$rounds/policy.safetensors" --bits 8 --out "$final"
 served="exec:$python $learn/serve.py $final"
-half=$(((jobs + 1) / 2))
+# Servers wait for answers, so that there are a few more than processors.
+half=$(((jobs * 5 + 7) / 8))
 evaluate seen "$half" "$seeds" "$served" --split "$seen_split" &
 seen=$!
-evaluate held_out "$half" "$seeds" "$served" --split "$held_split" &
+evaluate held_out "$half" "$held_seeds" "$served" --split "$held_split" &
 held=$!
 wait $seen $held
 table
 eyes_and_ears
 if [ "$knowing" -gt 0 ]; then
+    evaluate replay "$jobs" "$knowing" "replay:$out/recordings" --split "$seen_split"
     evaluate hold "$jobs" "$knowing" hold --split "$seen_split"
     evaluate repeat "$jobs" "$knowing" repeat --split "$seen_split"
     table
