@@ -75,6 +75,7 @@ check() {
     for what in wheelarm wheelarm-server wheelarm-worker wheelarm-dataset; do
         command -v "$what" >/dev/null || die "the program $what is not in PATH"
     done
+    wheelarm evaluate --help | grep -e --depth >/dev/null || die "wheelarm is older than this script: evaluate has no --depth"
     for what in "$plan" "$seen_split" "$held_split" ${init:+"$init"} $learn/train.py; do
         [ -e "$what" ] || die "there is no $what"
     done
