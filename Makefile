@@ -35,6 +35,7 @@
 # make demo-policy   the policy that ships takes the mustard, seen through its own small
 #                    pictures (builds client/learn first, about nine minutes of one core)
 # make train-mustard   episodes, policy, corrections, policy, evaluation, on a big GPU (RUN=data/mustard)
+# make train-tasks     one policy for all tasks, told in words, likewise (RUN=data/tasks)
 # make bench   step, kinematics, cameras and recording beside their references
 
 CARGO ?= cargo
@@ -50,7 +51,7 @@ BUILT := $(or $(CARGO_TARGET_DIR),target)/release
 export WHEELARM_COMMIT ?= $(shell git rev-parse --short=12 HEAD 2>/dev/null)
 export WHEELARM_PYTHON ?= $(CURDIR)/.venv/bin/python
 
-.PHONY: all build static demo test test-learn contract test-cluster test-readers test-data test-original test-adversarial soak train-mustard demo-policy bench test-rosbag2 dist test-dist contract-python test-python test-lerobot test-drive bench-drive test-ros people test-people clean
+.PHONY: all build static demo test test-learn contract test-cluster test-readers test-data test-original test-adversarial soak train-mustard train-tasks demo-policy bench test-rosbag2 dist test-dist contract-python test-python test-lerobot test-drive bench-drive test-ros people test-people clean
 all: build
 
 build:
@@ -171,6 +172,12 @@ train-mustard:
 	scripts/setup.sh
 	$(CARGO) build --release --bins
 	scripts/train_policy.sh $(RUN)
+
+train-tasks: RUN := data/tasks
+train-tasks:
+	scripts/setup.sh
+	$(CARGO) build --release --bins
+	scripts/train_tasks.sh $(RUN)
 
 bench:
 	scripts/setup.sh python numpy h5py mujoco

@@ -10,6 +10,7 @@ import re
 import time
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from fnmatch import fnmatch
 from pathlib import Path
 
 import numpy as np
@@ -179,21 +180,36 @@ class Episodes:
         self.limit = torch.from_numpy(limits).to(device)
         self.episode = torch.from_numpy(np.repeat(np.arange(len(files)), ends - starts)).to(device)
         self.starts, self.ends = starts, ends
+        self.tasks = sorted({file.about["task"] for file in files})
+        self.kinds = np.array([self.tasks.index(file.about["task"]) for file in files])
+        self.task = torch.from_numpy(np.repeat(self.kinds, ends - starts)).to(device)
         whole = sum(file.rows for file in files)
         say(f"{len(files)} episodes, {total} of {whole} rows read in {time.monotonic() - start:.1f} s")
 
-    def tell(self, vocabulary):
-        """Gives every episode its words: [episodes, longest], -1 where there is none."""
+    def tell(self, vocabulary, shared=()):
+        """Gives every episode its words: [episodes, longest], -1 where there is none.
+        `shared` are patterns of tasks whose episodes may be told each other's."""
         told = [indices(file.about["instruction"], vocabulary) for file in self.files]
         longest = max(1, max(map(len, told)))
         table = np.full((len(told), longest), -1, np.int64)
         for row, places in zip(table, told):
             row[: len(places)] = places
         self.words = torch.from_numpy(table).to(self.device)
+        # Episodes by task, one behind the other; first and number of those each may be told of.
+        order = np.argsort(self.kinds, kind="stable")
+        places = np.argsort(order, kind="stable")
+        first, count = places.copy(), np.ones(len(told), np.int64)
+        for kind, task in enumerate(self.tasks):
+            own = self.kinds == kind
+            if own.any() and any(fnmatch(task, pattern) for pattern in shared):
+                first[own], count[own] = places[own].min(), own.sum()
+        tensor = lambda values: torch.from_numpy(np.asarray(values, np.int64)).to(self.device)  # noqa: E731
+        self.by_task, self.first_told, self.count_told = tensor(order), tensor(first), tensor(count)
 
-    def weights(self, knuckle, around, factor):
+    def weights(self, knuckle, around, factor, balanced=False):
         """How often each row is drawn: `factor` within `around` rows of a change of
-        the gripper, 0 where nothing may be imitated, else 1."""
+        the gripper, 0 where nothing may be imitated, else 1. `balanced`: those of
+        every task together alike."""
         weights = np.ones(self.total, np.float32)
         for start, end in zip(self.starts, self.ends):
             change = np.abs(np.diff(self.actions[start:end, knuckle])) > 0.01
@@ -201,14 +217,23 @@ class Episodes:
                 weights[max(start, start + row - around) : min(end, start + row + around + 1)] = factor
         limit = self.limit.cpu().numpy()
         weights[limit <= np.arange(self.total)] = 0
+        if balanced:
+            tasks = np.repeat(self.kinds, self.ends - self.starts)
+            sums = np.bincount(tasks, weights, len(self.tasks))
+            weights *= (weights.sum() / len(self.tasks) / np.maximum(sums, 1e-9))[tasks].astype(np.float32)
         return torch.from_numpy(weights).to(self.device)
 
-    def numbers(self, rows, chunk):
+    def numbers(self, rows, chunk, is_training):
         """State [B, S], actions [B, chunk, A], whether padding [B, chunk], words."""
         at = rows[:, None] + torch.arange(chunk, device=rows.device)
         limit = self.limit[rows][:, None]
         actions = self.action[torch.minimum(at, (limit - 1).clamp(min=0))]
-        return self.state[rows], actions, at >= limit, self.words[self.episode[rows]]
+        told = self.episode[rows]
+        if is_training:
+            count = self.count_told[told]
+            other = (torch.rand(len(rows), device=rows.device) * count).long().clamp(max=count - 1)
+            told = self.by_task[self.first_told[told] + other]
+        return self.state[rows], actions, at >= limit, self.words[told]
 
     def seen(self, rows, padded, shift):
         """Pictures [B, cameras, height, width, 3], bytes. Padded on all sides by the

@@ -27,6 +27,7 @@ import torch
 
 import curves
 import policy_file
+from begin import begin_from
 from episodes import Episodes, NoData, digest, find, split, statistics, words_of
 from network import Policy, Shape
 
@@ -74,6 +75,10 @@ def arguments():
     add("--dropout", type=float, default=shape.dropout)
     add("--no-language", action="store_true", help="the sentence is not read")
     add("--unknown-words", type=float, default=0.05, help="share of words hidden in training")
+    add("--share-sentences", default="", metavar="PATTERNS",
+        help="tasks, comma separated, * for any letters, of which each sentence fits every episode: a row is told one of "
+        "all that its task has; 'pick_*'")
+    add("--balance-tasks", action="store_true", help="draws rows of every task alike, however many it has")
     add("--cameras", help="names, comma separated; all without it")
     add("--without-state", default="", metavar="PATTERNS",
         help="names of the state that stay hidden, comma separated, * for any letters: '*.velocity,odometry.*'")
@@ -138,7 +143,7 @@ def train(options, started):
         vocabulary = ["<unknown>"] + sorted({w for f in learned for w in words_of(f.about["instruction"])})
     for part in (episodes, tests):
         if part is not None:
-            part.tell(vocabulary)
+            part.tell(vocabulary, [p for p in options.share_sentences.split(",") if p])
 
     shape = Shape(
         kind=options.kind, state=len(about["state_names"]), action=len(about["action_names"]),
@@ -153,10 +158,11 @@ def train(options, started):
         network.model.backbone.to(memory_format=torch.channels_last)
     if options.backbone:
         backbone(network, options)
-    before = begin_from(network, options.init) if options.init else {}
     hidden = hidden_state(about["state_names"], options.without_state)
+    told = card(options, shape, about, cameras, numbers, vocabulary, hidden, learned, held, network)
+    before = begin_from(network, options.init, told) if options.init else {}
     run = Run(options, network, episodes, tests, numbers, hidden, padded, about, device)
-    run.card = card(options, shape, about, cameras, numbers, vocabulary, hidden, learned, held, network)
+    run.card = told
     run.card["training_seeds"] = sorted({*run.card["training_seeds"], *before.get("training_seeds", [])})
     run.resume(log)
     parameters = sum(p.numel() for p in network.parameters())
@@ -196,18 +202,6 @@ def backbone(network, options):
     missing, unknown = network.model.backbone.load_state_dict(state, strict=False)
     if missing or unknown:
         raise ValueError(f"{options.backbone} is no resnet18: missing {missing[:3]}, unknown {unknown[:3]}")
-
-
-def begin_from(network, path):
-    """Takes every tensor that fits; words and sizes may differ. Gives the card of the
-    policy, whose training seeds are those of this one too."""
-    state, before = policy_file.read(path)
-    own = network.state_dict()
-    fits = {name: t for name, t in state.items() if name in own and own[name].shape == t.shape}
-    if not fits:
-        raise ValueError(f"{path} has no tensor that fits this network")
-    network.load_state_dict(fits, strict=False)
-    return before
 
 
 def card(options, shape, about, cameras, numbers, vocabulary, hidden, learned, held, network):
@@ -302,14 +296,14 @@ class Run:
         self.channels = [torch.tensor(IMAGENET[k], device=device).view(1, 1, 3, 1, 1) for k in ("mean", "std")]
         knuckle = about["action_names"].index("knuckle.target")
         around = round(options.gripper_seconds * about["rate_hz"])
-        self.weights = episodes.weights(knuckle, around, options.gripper_weight)
+        self.weights = episodes.weights(knuckle, around, options.gripper_weight, options.balance_tasks)
         # torch draws by weight from 2^24 rows at most; the sums do for any number.
         self.sums = self.weights.double().cumsum(0)
 
     # What a step sees.
     def batch(self, rows, source, is_training):
         options = self.options
-        state, actions, is_pad, words = source.numbers(rows, options.chunk)
+        state, actions, is_pad, words = source.numbers(rows, options.chunk, is_training)
         state = (state - self.state_mean) / self.state_std
         pictures = source.seen(rows, self.padded, options.shift if is_training else 0)
         pictures = policy_file.prepared(pictures, self.card) if not is_training else self.altered(pictures)
@@ -485,13 +479,17 @@ class Run:
         self.network.eval()
         noise = torch.Generator(device=self.device).manual_seed(0)
         error, held, count = 0.0, 0.0, 0.0
+        by_task = torch.zeros(2, len(tests.tasks), device=self.device)
         for part in rows.split(options.batch):
             pictures, state, words, actions, is_pad = self.batch(part, tests, False)
             start = torch.randn(actions.shape, device=self.device, generator=noise)
             with torch.autocast(self.device.type, torch.bfloat16, enabled=options.precision == "bf16"):
                 found = self.network(pictures, state, words, start)
             kept = (~is_pad[..., None]).float()
-            error = error + ((found.float() - actions).abs() * kept).mean(2).sum(0)
+            own_error = ((found.float() - actions).abs() * kept).mean(2)
+            error = error + own_error.sum(0)
+            by_task[0].index_add_(0, tests.task[part], own_error.sum(1))
+            by_task[1].index_add_(0, tests.task[part], kept.squeeze(2).sum(1))
             held = held + ((actions[:, :1] - actions).abs() * kept).mean(2).sum(0)
             count = count + kept.squeeze(2).sum(0)
         self.network.load_state_dict(own)
@@ -501,6 +499,9 @@ class Run:
             "validation": (error.sum() / count.sum()).item(),
             "hold_first_row": (held.sum() / count.sum()).item(),
             "validation_by_row": [round(value, 5) for value in by_row],
+            "validation_by_task": {
+                task: round(value, 5) for task, value in zip(tests.tasks, (by_task[0] / by_task[1].clamp(min=1)).tolist())
+            },
         }
 
     def save(self, log):
@@ -518,7 +519,7 @@ class Run:
         torch.save(state, part)
         part.replace(path)
         entries = log.entries()
-        last = {k: v for k, v in entries[-1].items() if k != "validation_by_row"} if entries else {}
+        last = {k: v for k, v in entries[-1].items() if not k.startswith("validation_by_")} if entries else {}
         reached = {"steps": self.step, "seconds": round(self.spent, 1), "last": last}
         card = {**self.card, "training": {**self.card["training"], **reached}}
         policy_file.write(self.options.out / "policy.safetensors", self.mean, card)

@@ -7,7 +7,7 @@ use std::time::Duration;
 use anyhow::bail;
 use clap::Args;
 use wheelarm_proto::look::LookText;
-use wheelarm_proto::settings::{LanguageSplit, Named, Quality, Starts, Style};
+use wheelarm_proto::settings::{Depth, LanguageSplit, Named, Quality, Starts, Style};
 use wheelarm_proto::v1;
 use wheelarm_rig::{ServerOptions, all_cameras};
 
@@ -92,6 +92,9 @@ pub struct EvaluateArgs {
         value_name = "CAMERA"
     )]
     pub camera: Vec<v1::CameraSetting>,
+    /// Depth of the recordings: `f32` metres, `u16` millimetres, or `none`.
+    #[arg(long, requires = "record", value_parser = named::<Depth>(), default_value = "f32")]
+    pub depth: Depth,
     /// Does those episodes anew in which something broke; without it they count as done.
     #[arg(long)]
     pub again: bool,

@@ -71,14 +71,19 @@ pub fn run(args: &EvaluateArgs) -> anyhow::Result<ExitCode> {
         },
     )?;
     let policy = driver.name();
-    let wanted: Vec<Job> = tasks
-        .iter()
-        .flat_map(|task| {
-            scope.seeds.clone().map(|seed| Job {
-                task: task.clone(),
-                seed,
-                variation: scope.variation.clone(),
-                policy: policy.clone(),
+    // Seed by seed, so that what was interrupted has about as many of every task.
+    let wanted: Vec<Job> = scope
+        .seeds
+        .clone()
+        .flat_map(|seed| {
+            tasks.iter().map({
+                let (variation, policy) = (&scope.variation, &policy);
+                move |task| Job {
+                    task: task.clone(),
+                    seed,
+                    variation: variation.clone(),
+                    policy: policy.clone(),
+                }
             })
         })
         .collect();

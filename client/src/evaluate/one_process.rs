@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 
 use anyhow::bail;
 use wheelarm_operate::operator::Outcome;
-use wheelarm_proto::settings::{Depth, Named};
+use wheelarm_proto::settings::Named;
 use wheelarm_rig::order::{Order, Recording, Told, Tried};
 use wheelarm_rig::{Ongoing, Worker, WorkerOptions, free_label, limits};
 
@@ -75,7 +75,7 @@ impl OneProcess {
             label: free_label(&args.out, &job.label()),
             record: args.record.then(|| Recording {
                 out: args.out.clone(),
-                depth: Depth::Metres.name().to_owned(),
+                depth: args.depth.name().to_owned(),
                 name: format!("evaluate-{}", self.index),
             }),
             log: None,

@@ -93,7 +93,10 @@ impl Worker {
         let cameras = driver.cameras(args.cameras(), !args.camera.is_empty())?;
         let server = Server::start(&args.server(None, cameras))?;
         let link = server.link()?;
-        let options = RecorderOptions::lasting(&format!("evaluate-{index}"), &args.out);
+        let options = RecorderOptions {
+            depth: args.depth,
+            ..RecorderOptions::lasting(&format!("evaluate-{index}"), &args.out)
+        };
         let recorder = args
             .records()
             .then(|| Recorder::start(server.connect(), &options))

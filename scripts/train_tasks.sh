@@ -1,0 +1,237 @@
+#!/usr/bin/env bash
+# Makes one policy for many tasks, told in words, on a machine with one big GPU: episodes,
+# a first policy, rounds of corrections by the scripted operator (DAgger) and a policy
+# behind each, then its success on seeds that nothing was trained on, in sentences of the
+# training's split and in held-out ones, beside policies that know nothing. Processors
+# and GPU work at one time: while one policy trains, the one before it is corrected.
+#   scripts/train_tasks.sh OUT
+# Every stage goes on where it was interrupted; run it again until it says that all is
+# done. The times of all stages stand in OUT/times.txt, the results in OUT/table.md.
+# Needs python3 with torch, numpy, safetensors, eclipse-zenoh and protobuf.
+#   PLAN      campaign of the episodes (assets/campaigns/all-near.toml)
+#   TASKS     what is corrected and evaluated, comma separated (all of the plan)
+#   CORRECTED_TASKS  what is corrected (TASKS without place_teddy_bear, which is slow)
+#   INIT      policy that the first begins from (assets/policies/pick_mustard.safetensors)
+#   JOBS      servers at work at one time (a processor each)
+#   TRAINING  seconds of training: of the first policy, which sees half of the episodes,
+#             of one on all of them, and of the one behind each round of corrections
+#   CORRECTIONS      seeds of each task that are corrected in a round (22)
+#   CORRECTED_FROM   first of these (80000)
+#   TAKEOVER  seconds after which the operator takes over at the latest (20)
+#   SEEDS     of each task that are evaluated, from 500 (20)
+#   HELD_SEEDS  of each task that are evaluated in held-out sentences (SEEDS)
+#   KNOWING   seeds of each task for `hold`, `repeat` and `replay` (SEEDS)
+#   LAST      seconds after the start of this call after which nothing goes on but the
+#             table of what is there (no end)
+#   COLLECTED_BY  seconds after the start of this call after which no further quarter of
+#             the plan's episodes is begun; half of them are made in any case (no end)
+#   TENSORS   folder of the exported episodes, 30 GB for the plan (OUT/tensors); the
+#             corrections', as much again, are in OUT/tensors
+#   PROGRAMS  folder of wheelarm and its programs (target/release)
+#   NETWORK   more options of train.py
+#   DEVICE_OPTIONS   of train.py for another device (--precision bf16 --store device)
+set -euo pipefail
+cd "$(dirname "$0")/.."
+out=${1:?say a folder}
+plan=${PLAN:-assets/campaigns/all-near.toml}
+init=${INIT-assets/policies/pick_mustard.safetensors}
+jobs=${JOBS:-$(nproc)}
+read -ra training <<<"${TRAINING:-140 200 220 230}"
+corrections=${CORRECTIONS:-22}
+corrected_from=${CORRECTED_FROM:-80000}
+takeover=${TAKEOVER:-20}
+seeds=${SEEDS:-20}
+held_seeds=${HELD_SEEDS:-$seeds}
+knowing=${KNOWING:-$seeds}
+last=${LAST:-1000000}
+collected_by=${COLLECTED_BY:-1000000}
+tensors=${TENSORS:-$out/tensors}
+python=${PYTHON:-python3}
+export PATH="$(realpath "${PROGRAMS:-target/release}"):$PATH" PYTHONPATH="$PWD/client/python/src${PYTHONPATH:+:$PYTHONPATH}"
+export PYTHONUNBUFFERED=1 OMP_NUM_THREADS=${OMP_NUM_THREADS:-4}
+learn=client/learn/python
+seen_split=assets/splits/axes/language-1.toml
+held_split=assets/splits/policy-claim-sentences.toml
+mkdir -p "$out" "$tensors"
+tasks=${TASKS:-$(sed -n '/^\[\[task\]\]/,/^name/s/^name = "\(.*\)"/\1/p' "$plan" | paste -sd,)}
+corrected_tasks=${CORRECTED_TASKS:-$(tr , '\n' <<<"$tasks" | grep -v '^place_teddy_bear$' | paste -sd,)}
+read -ra device <<<"${DEVICE_OPTIONS:---precision bf16 --store device}"
+read -ra network <<<"--width 48 --norm batch --batch 128 --lr 2e-4 --warm-up 200 --shift 4 --execute 10 --pause 2 --without-state *.velocity,odometry.* --share-sentences pick_*,place_* --balance-tasks --unknown-words 0.1 --validation 0.04 ${NETWORK:-}"
+
+say() { printf '%4d s  %s  %s\n' "$SECONDS" "$(date -u +%H:%M:%S)" "$*" | tee -a "$out/times.txt"; }
+die() { say "failed: $*" && exit 1; }
+done_before() { [ -e "$out/$1.done" ]; }
+mark() { touch "$out/$1.done" && say "done: $1"; }
+left() { echo $((last - SECONDS)); }
+# A stage that runs no longer than there is time; fails when there is none.
+limited() { # command
+    [ "$(left)" -gt 5 ] || return 124
+    timeout --signal=TERM --kill-after=10 "$(left)" "$@"
+}
+
+# What is missing is said before an hour of work.
+check() {
+    local what
+    for what in wheelarm wheelarm-server wheelarm-worker wheelarm-dataset; do
+        command -v "$what" >/dev/null || die "the program $what is not in PATH"
+    done
+    wheelarm evaluate --help | grep -e --depth >/dev/null || die "wheelarm is older than this script: evaluate has no --depth"
+    for what in "$plan" "$seen_split" "$held_split" ${init:+"$init"} $learn/train.py; do
+        [ -e "$what" ] || die "there is no $what"
+    done
+    "$python" -c 'import google.protobuf, numpy, safetensors, torch, zenoh; from wheelarm import policy; print("torch", torch.__version__, "on", torch.cuda.get_device_name() if torch.cuda.is_available() else "cpu")' \
+        || die "$python lacks a package"
+    wheelarm collect "$plan" --dry-run >"$out/plan.txt" || die "the plan $plan is refused"
+    wheelarm-server --list-adapters >"$out/adapters.txt" 2>&1 || die "wheelarm-server --list-adapters: $(tail -n 2 "$out/adapters.txt")"
+    say "$(tail -n 1 "$out/adapters.txt"); $(df -h --output=avail "$out" "$tensors" | tail -n 2 | paste -sd' ') free in $out and $tensors"
+}
+
+export_rows() { # recordings, folder
+    wheelarm-dataset export --format tensors --trim-idle 0.5 "$1" --out "$2" >"$out/export-${2##*/}.log" 2>&1 \
+        || say "export of $2: $(tail -n 2 "$out/export-${2##*/}.log")"
+    [ "$(find "$2" -name '*.safetensors' | wc -l)" -gt 0 ] || die "nothing was exported of $1"
+    say "$(find "$2" -name '*.safetensors' | wc -l) episodes exported in $2, $(du -sh "$2" | cut -f1)"
+}
+# Two quarters of the plan's episodes: training begins with the first two, while the
+# processors make the others.
+collect() { # quarters
+    local part status
+    for part in "$@"; do
+        done_before "data-$part" && continue
+        if [ "$part" -ge 2 ] && [ $SECONDS -gt "$collected_by" ]; then
+            say "quarter $part is left out: it is late"
+            continue
+        fi
+        say "episodes by $plan, quarter $part"
+        status=0
+        wheelarm collect "$plan" --out "$out/data-$part" --shard "$part/4" --workers "$jobs" >"$out/collect-$part.log" 2>&1 || status=$?
+        # 3: some episodes are missing.
+        [ $status -eq 0 ] || [ $status -eq 3 ] || die "quarter $part: $(tail -n 3 "$out/collect-$part.log")"
+        say "$(tail -n 1 "$out/collect-$part.log")"
+        export_rows "$out/data-$part/episodes" "$tensors/data-$part"
+        mark "data-$part"
+    done
+}
+train() { # number, seconds, folders
+    local name=policy-$1 seconds=$2
+    shift 2
+    done_before "$name" && return
+    say "training $name, $seconds s, on $*"
+    local before=$out/policy-$((${name#policy-} - 1))/policy.safetensors status=0
+    [ -e "$before" ] || before=$init
+    limited "$python" $learn/train.py "$@" --out "$out/$name" --name "tasks-$name" --steps 1000000 --within "$seconds" \
+        ${before:+--init "$before"} "${device[@]}" "${network[@]}" >"$out/$name.log" 2>&1 || status=$?
+    [ $status -eq 0 ] || die "$name ended with $status: $(tail -n 3 "$out/$name.log")"
+    grep -E 'parameters|^step' "$out/$name.log" | sed -n '1p;$p' | while read -r line; do say "$name: $line"; done
+    mark "$name"
+}
+correct() { # round, number of the policy
+    done_before "corrections-$1" && return
+    local first=$((corrected_from + ($1 - 1) * corrections)) status=0
+    say "corrections, round $1, of policy-$2, seeds $first.."
+    # Not all succeed, which is no failure of this stage.
+    limited wheelarm evaluate --task "$corrected_tasks" --seeds "$first..$((first + corrections))" --jobs "$jobs" \
+        --language 0 --language-split train --takeover "$takeover" --record --depth none --no-grid \
+        --policy "exec:$python $learn/serve.py $out/policy-$2/policy.safetensors" \
+        --out "$out/corrections-$1" >"$out/corrections-$1.log" 2>&1 || status=$?
+    [ $status -le 3 ] || die "corrections $1 ended with $status: $(tail -n 3 "$out/corrections-$1.log")"
+    say "corrections $1: $(grep -c '"success":true' "$out/corrections-$1/episodes.jsonl") of $(wc -l <"$out/corrections-$1/episodes.jsonl") succeed"
+    export_rows "$out/corrections-$1" "$out/tensors/corrections-$1"
+    rm -f "$out/corrections-$1"/*.h5
+    mark "corrections-$1"
+}
+# Its seeds come one after the other, every task of each: what was ended before has as
+# many of all, and its report is of the seeds of which all tasks are there.
+evaluate() { # name, jobs, seeds, policy, more arguments
+    local name=$1 jobs=$2 count=$3 policy=$4 status=0 whole
+    shift 4
+    done_before "$name" && return
+    say "evaluation $name: $policy"
+    local command=(wheelarm evaluate --task "$tasks" --jobs "$jobs" --no-grid --policy "$policy" --out "$out/$name" "$@")
+    limited "${command[@]}" --episodes "$count" >"$out/$name.log" 2>&1 </dev/null || status=$?
+    [ -e "$out/$name/episodes.jsonl" ] || { say "evaluation $name: nothing: $(tail -n 2 "$out/$name.log" 2>&1)" && return; }
+    whole=$("$python" scripts/tasks_table.py --whole "$out/$name" "$tasks")
+    if [ "$whole" -ge "$count" ]; then
+        mark "$name"
+        return
+    fi
+    say "evaluation $name ended with $status: $whole of $count seeds of all tasks are there: $(tail -n 1 "$out/$name.log")"
+    [ "$whole" -eq 0 ] || "${command[@]}" --episodes "$whole" >"$out/$name-part.log" 2>&1 </dev/null || true
+}
+# Whether it uses eyes and ears: another episode's pictures, and the sentence of another
+# task of the same table. Tasks of an area have the same scene for the same seed, so what
+# is reached for with that sentence is told by the other task.
+eyes_and_ears() {
+    local task=pick_mustard pictures
+    pictures=$(find "$tensors/data-0" -name "$task-*.safetensors" | sort | paste -sd' ')
+    has() { [[ ,$tasks, == *,$1,* ]]; }
+    if has $task && [ -n "$pictures" ]; then
+        tasks=$task evaluate "blind-$task" "$jobs" "$seeds" "$served --pictures-of $pictures" --split "$seen_split"
+        [ -z "$init" ] || tasks=$task evaluate "blind-shipped" "$jobs" "$seeds" \
+            "exec:$python $learn/serve.py $init --pictures-of $pictures" --split assets/splits/policy-claim.toml
+    fi
+    local from to sentence
+    while read -r from to sentence; do
+        has "$from" && has "$to" || continue
+        tasks=$from,$to evaluate "told-$to" "$jobs" "$seeds" "$served --say '$sentence'" --split "$seen_split"
+    done <<'PAIRS'
+pick_mustard pick_crackers Please get me the crackers from the coffee table
+pick_bowl pick_blue_mug Please get me the mug from the kitchen table
+PAIRS
+}
+table() { "$python" scripts/tasks_table.py "$out" "$tasks" >"$out/table.md" && cat "$out/table.md"; }
+
+trap 'jobs -p | xargs -r kill 2>/dev/null || true' EXIT
+say "begin; tasks: $tasks"
+check
+collect 0 1
+collect 2 3 &
+second=$!
+train 0 "${training[0]}" "$tensors/data-0" "$tensors/data-1"
+wait $second || die "the second half of the episodes is missing"
+rounds=$((${#training[@]} - 1))
+folders=()
+for part in 0 1 2 3; do
+    [ ! -e "$tensors/data-$part" ] || folders+=("$tensors/data-$part")
+done
+for round in $(seq 1 $rounds); do
+    if [ "$round" -lt "$rounds" ]; then
+        correct "$round" $((round - 1)) &
+        correcting=$!
+    elif [ "$knowing" -gt 0 ]; then
+        # Nothing is left to correct: who knows nothing is measured meanwhile, and the
+        # rest of it at the end.
+        {
+            last=$((SECONDS + ${training[$round]} + 20 < last ? SECONDS + ${training[$round]} + 20 : last))
+            mkdir -p "$out/recordings"
+            for file in "$out"/data-[0-3]/episodes/*.h5; do ln -sf "$(realpath "$file")" "$out/recordings/"; done
+            evaluate replay "$jobs" "$knowing" "replay:$out/recordings" --split "$seen_split"
+        } &
+        correcting=$!
+    fi
+    # A process of its own: should it fail, the policy before it is what there is.
+    train "$round" "${training[$round]}" "${folders[@]}" &
+    wait $! || { say "policy-$round is left out" && rounds=$((round - 1)); }
+    wait "${correcting:-}" || say "what ran beside the training of policy-$round failed; it goes on without"
+    [ "$rounds" -ge "$round" ] || break
+    [ ! -e "$out/tensors/corrections-$round" ] || folders+=("$out/tensors/corrections-$round")
+done
+final=$out/tasks.safetensors
+[ -e "$final" ] || "$python" $learn/export.py "$out/policy-$rounds/policy.safetensors" --bits 8 --out "$final"
+served="exec:$python $learn/serve.py $final"
+# Servers wait for answers, so that there are a few more than processors.
+half=$(((jobs * 5 + 7) / 8))
+evaluate seen "$half" "$seeds" "$served" --split "$seen_split" &
+seen=$!
+evaluate held_out "$half" "$held_seeds" "$served" --split "$held_split" &
+held=$!
+wait $seen $held
+table
+eyes_and_ears
+if [ "$knowing" -gt 0 ]; then
+    evaluate replay "$jobs" "$knowing" "replay:$out/recordings" --split "$seen_split"
+    evaluate hold "$jobs" "$knowing" hold --split "$seen_split"
+    evaluate repeat "$jobs" "$knowing" repeat --split "$seen_split"
+    table
+fi
+say "all is done: $final"
