@@ -2,10 +2,13 @@
 //! back into memory. The arm, the chair and an object move in every pair.
 //!
 //! `render_bench [--assets DIR] [--pairs N] [--width W] [--height H]
-//! [--quality fast|standard|high] [--adapter NAME]`
+//! [--quality fast|standard|high] [--adapter NAME] [--packing adapter|processor]`
 //!
 //! With `--look SEED` the same under a look of that seed, one pair by turns with
 //! none: as ratios of the rate without.
+//!
+//! `--packing` says who packs the pictures; else it is as the server has it. With
+//! `--compare-packing` both do, one pair by turns, and must give the same bytes.
 
 #![expect(clippy::disallowed_methods, reason = "it measures wall time")]
 
@@ -19,7 +22,10 @@ use clap::Parser;
 use wheelarm_server::look::{Drawn, Look};
 use wheelarm_server::robot::RobotModel;
 use wheelarm_server::scene::Scene;
-use wheelarm_server::sensors::camera::{CameraSpec, Quality, RenderScene, Renderer};
+use wheelarm_server::sensors::camera::{
+    CameraSpec, Graphics, Packing, Quality, RenderScene, Renderer,
+};
+use wheelarm_server::snapshot::Snapshot;
 
 #[derive(Parser)]
 struct Options {
@@ -47,6 +53,39 @@ struct Options {
     /// Strength of its axes, 1 to 3.
     #[arg(long, default_value_t = 2)]
     strength: u8,
+    /// Who packs the pictures: adapter or processor.
+    #[arg(long)]
+    packing: Option<String>,
+    /// Both, one pair by turns.
+    #[arg(long)]
+    compare_packing: bool,
+}
+
+impl Options {
+    fn packing(&self) -> Result<Option<Packing>> {
+        Ok(match self.packing.as_deref() {
+            None => None,
+            Some("adapter") => Some(Packing::Adapter),
+            Some("processor") => Some(Packing::Processor),
+            Some(other) => bail!("packing is '{other}', expected adapter or processor"),
+        })
+    }
+
+    /// A renderer of the first two cameras.
+    fn renderer(
+        &self,
+        scene: &RenderScene,
+        cameras: &[CameraSpec],
+        quality: Quality,
+        packing: Option<Packing>,
+    ) -> Result<Renderer> {
+        let graphics = Graphics::on(self.adapter.as_deref());
+        let graphics = match packing {
+            Some(packing) => graphics.packing(packing),
+            None => graphics,
+        };
+        Ok(Renderer::over(&graphics, scene, &cameras[..2], quality)?)
+    }
 }
 
 fn main() -> Result<()> {
@@ -59,18 +98,16 @@ fn main() -> Result<()> {
     };
     let robot = RobotModel::load(&options.assets, "wheelarm")?;
     let scene = Scene::load(&options.assets, "home")?;
+    if options.compare_packing {
+        return compare_packing(&options, quality, &robot, &scene);
+    }
     if let Some(seed) = options.look {
         return compare(&options, quality, &robot, &scene, seed);
     }
     let started = Instant::now();
     let render_scene = RenderScene::new(&robot, &scene, &options.assets)?;
     let cameras = CameraSpec::all(&robot, &scene, [options.width, options.height])?;
-    let mut renderer = Renderer::new(
-        &render_scene,
-        &cameras[..2],
-        quality,
-        options.adapter.as_deref(),
-    )?;
+    let mut renderer = options.renderer(&render_scene, &cameras, quality, options.packing()?)?;
     let triangles: usize = render_scene
         .items
         .iter()
@@ -117,21 +154,108 @@ fn main() -> Result<()> {
         1e3 / median
     );
 
-    // As the server draws when it is behind: the next pair is begun before this
-    // one is read.
-    let snapshots: Vec<_> = (0..=options.pairs)
-        .map(|pair| motion::moving(&robot, &scene, pair as f64 * 0.1))
+    ahead(&mut renderer, &robot, &scene, options.pairs)
+}
+
+/// As the server draws when it is behind: the next pair is begun before this one
+/// is read. Prints the rate, and where the time of this thread goes.
+fn ahead(renderer: &mut Renderer, robot: &RobotModel, scene: &Scene, pairs: usize) -> Result<()> {
+    let snapshots: Vec<Snapshot> = (0..=pairs)
+        .map(|pair| motion::moving(robot, scene, pair as f64 * 0.1))
         .collect();
     renderer.submit(&snapshots[0], &[0, 1])?;
     let before = Instant::now();
+    let mut submitting = 0.0;
     for snapshot in &snapshots[1..] {
+        let start = Instant::now();
         renderer.submit(snapshot, &[0, 1])?;
+        submitting += start.elapsed().as_secs_f64();
         renderer.collect()?;
     }
-    let rate = options.pairs as f64 / before.elapsed().as_secs_f64();
+    let seconds = before.elapsed().as_secs_f64();
     renderer.collect()?;
-    println!("one pair ahead: {rate:.1} pairs/s");
+    let each = 1e3 / pairs as f64;
+    println!(
+        "one pair ahead: {:.1} pairs/s, {:.1} pictures/s; a pair takes {:.3} ms to submit and \
+         {:.3} ms to wait for and read",
+        pairs as f64 / seconds,
+        2.0 * pairs as f64 / seconds,
+        submitting * each,
+        (seconds - submitting) * each
+    );
     Ok(())
+}
+
+/// Pairs that the processor packs and pairs that the adapter packs, by turns.
+fn compare_packing(
+    options: &Options,
+    quality: Quality,
+    robot: &RobotModel,
+    scene: &Scene,
+) -> Result<()> {
+    let drawn = match options.look {
+        Some(seed) => {
+            let look = Drawn::new(look(options, seed), scene, &options.assets)?;
+            RenderScene::with_look(robot, scene, &options.assets, Some(&look))?
+        }
+        None => RenderScene::new(robot, scene, &options.assets)?,
+    };
+    let cameras = CameraSpec::all(robot, scene, [options.width, options.height])?;
+    let mut renderers = Vec::new();
+    for packing in [Packing::Processor, Packing::Adapter] {
+        let renderer = options.renderer(&drawn, &cameras, quality, Some(packing))?;
+        renderers.push((packing, renderer, Vec::new()));
+    }
+    for pair in 0..options.pairs + 5 {
+        let snapshot = motion::moving(robot, scene, pair as f64 * 0.1);
+        let mut seen = Vec::new();
+        for (_, renderer, times) in &mut renderers {
+            let before = Instant::now();
+            seen.push(renderer.render(&snapshot, &[0, 1])?);
+            if pair >= 5 {
+                times.push(before.elapsed().as_secs_f64() * 1e3);
+            }
+        }
+        for (one, two) in seen[0].iter().zip(&seen[1]) {
+            if (&one.rgb, &one.depth, &one.ids) != (&two.rgb, &two.depth, &two.ids) {
+                bail!("pair {pair}: pictures of camera {} differ", one.camera);
+            }
+        }
+    }
+    let [least, median] = middle(&renderers[0].2);
+    for (packing, renderer, times) in &mut renderers {
+        let [own_least, own_median] = middle(times);
+        println!(
+            "{packing:?}: min {own_least:.2} ms, median {own_median:.2} ms; rate {:.3} (min), \
+             {:.3} (median) of the processor's",
+            least / own_least,
+            median / own_median
+        );
+        ahead(renderer, robot, scene, options.pairs)?;
+    }
+    println!("the same bytes in {} pairs", options.pairs + 5);
+    Ok(())
+}
+
+/// The look that is drawn.
+fn look(options: &Options, seed: u64) -> Look {
+    let s = options.strength;
+    Look {
+        seed,
+        light: s,
+        background: s,
+        materials: s,
+        exposure: s,
+        decoration: s,
+        ..Look::default()
+    }
+}
+
+/// Least and median.
+fn middle(times: &[f64]) -> [f64; 2] {
+    let mut sorted = times.to_vec();
+    sorted.sort_by(f64::total_cmp);
+    [sorted[0], sorted[sorted.len() / 2]]
 }
 
 /// Pairs without a look, with one, and with one whose glass and metal are drawn
@@ -143,17 +267,7 @@ fn compare(
     scene: &Scene,
     seed: u64,
 ) -> Result<()> {
-    let s = options.strength;
-    let look = Look {
-        seed,
-        light: s,
-        background: s,
-        materials: s,
-        exposure: s,
-        decoration: s,
-        ..Look::default()
-    };
-    let look = Drawn::new(look, scene, &options.assets)?;
+    let look = Drawn::new(look(options, seed), scene, &options.assets)?;
     let plain = RenderScene::new(robot, scene, &options.assets)?;
     let seen = RenderScene::with_look(robot, scene, &options.assets, Some(&look))?;
     let mut dull = seen.clone();
@@ -169,9 +283,8 @@ fn compare(
     ];
     let mut renderers = Vec::new();
     for (name, scene) in &kinds {
-        let adapter = options.adapter.as_deref();
         let started = Instant::now();
-        let renderer = Renderer::new(scene, &cameras[..2], quality, adapter)?;
+        let renderer = options.renderer(scene, &cameras, quality, options.packing()?)?;
         println!(
             "{name}: ready after {:.2} s",
             started.elapsed().as_secs_f64()
@@ -188,20 +301,16 @@ fn compare(
             }
         }
     }
-    let of = |times: &[f64]| {
-        let mut sorted = times.to_vec();
-        sorted.sort_by(f64::total_cmp);
-        [sorted[0], sorted[sorted.len() / 2]]
-    };
-    let [least, median] = of(&renderers[0].1);
-    for ((name, _), (_, times)) in kinds.iter().zip(&renderers) {
-        let [own_least, own_median] = of(times);
+    let [least, median] = middle(&renderers[0].1);
+    for ((name, _), (renderer, times)) in kinds.iter().zip(&mut renderers) {
+        let [own_least, own_median] = middle(times);
         println!(
             "{name}: min {own_least:.1} ms, median {own_median:.1} ms; rate {:.3} (min), {:.3} \
              (median) of that without a look",
             least / own_least,
             median / own_median
         );
+        ahead(renderer, robot, scene, options.pairs)?;
     }
     Ok(())
 }

@@ -23,6 +23,19 @@ pub(super) type BodyRow = [f32; 16];
 /// Coarse triangles serve where 5 mm are less than a pixel.
 const COARSE_BELOW: f64 = 0.005;
 
+/// Rank of large batches: further than any other is.
+const LARGE: f64 = 100.0;
+
+/// In which order batches are drawn.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub(super) enum Order {
+    /// Strictly front to back, for a CPU adapter: what is hidden costs more there than
+    /// a change of pipeline.
+    Depth,
+    /// By pipeline, each front to back, for a graphics card: there it is the other way.
+    Finish,
+}
+
 /// A batch in view.
 pub(super) struct Seen<'a> {
     pub(super) finish: Finish,
@@ -82,9 +95,14 @@ impl Geometry {
         pass.set_index_buffer(self.indices.slice(..), wgpu::IndexFormat::Uint32);
     }
 
-    /// Batches in view, near ones first; large ones (rugs, walls, the floor) last,
-    /// the largest at the end: they are mostly hidden.
-    pub(super) fn seen(&self, view: &View, poses: &[Isometry3<f64>]) -> Vec<Seen<'_>> {
+    /// Batches in view, in `order`; large ones (rugs, walls, the floor) last: they are
+    /// mostly hidden.
+    pub(super) fn seen(
+        &self,
+        view: &View,
+        poses: &[Isometry3<f64>],
+        order: Order,
+    ) -> Vec<Seen<'_>> {
         let mut seen: Vec<(f64, Seen<'_>)> = self
             .batches
             .iter()
@@ -92,7 +110,7 @@ impl Geometry {
                 let centre: Point3<f64> = poses[batch.body] * batch.centre;
                 let distance = view.distance(&centre, batch.radius)?;
                 let rank = if batch.radius > 1.5 {
-                    100.0 + batch.radius
+                    LARGE + batch.radius
                 } else {
                     distance
                 };
@@ -108,6 +126,10 @@ impl Geometry {
             })
             .collect();
         seen.sort_by(|a, b| a.0.total_cmp(&b.0));
+        if order == Order::Finish {
+            let finish = |of: Finish| Finish::ALL.iter().position(|f| *f == of);
+            seen.sort_by_key(|(rank, s)| (*rank >= LARGE, finish(s.finish)));
+        }
         // Glass comes last, what is behind first.
         let (glass, mut seen): (Vec<_>, Vec<_>) = seen
             .into_iter()
@@ -117,8 +139,46 @@ impl Geometry {
     }
 }
 
+/// What the shader knows of the bodies. Rows of bodies that stand still are kept: what
+/// lights a body is looked up in many places around it.
+#[derive(Default)]
+pub(super) struct BodyRows {
+    poses: Vec<Isometry3<f64>>,
+    rows: Vec<BodyRow>,
+}
+
+impl BodyRows {
+    /// Brings the rows up to date; whether any changed.
+    pub(super) fn update(
+        &mut self,
+        poses: &[Isometry3<f64>],
+        bodies: &[Body],
+        surroundings: &Surroundings,
+    ) -> bool {
+        let mut changed = self.rows.len() != poses.len();
+        if changed {
+            self.poses = poses.to_vec();
+            self.rows = vec![[0.0; 16]; poses.len()];
+        }
+        let all = changed;
+        let own = self.poses.iter_mut().zip(&mut self.rows);
+        for ((pose, body), (old, row)) in poses.iter().zip(bodies).zip(own) {
+            if all || pose != old {
+                *row = body_row(pose, body, surroundings);
+                *old = *pose;
+                changed = true;
+            }
+        }
+        changed
+    }
+
+    pub(super) fn all(&self) -> &[BodyRow] {
+        &self.rows
+    }
+}
+
 /// What the shader knows of a body at `pose`.
-pub(super) fn body_row(pose: &Isometry3<f64>, body: &Body, surroundings: &Surroundings) -> BodyRow {
+fn body_row(pose: &Isometry3<f64>, body: &Body, surroundings: &Surroundings) -> BodyRow {
     let m = pose.to_homogeneous();
     let mut row = [0.0; 16];
     for r in 0..3 {

@@ -8,8 +8,9 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use parking_lot::Mutex;
 
 use super::RenderError;
-use super::adapter::{self, AdapterInfo};
+use super::adapter::{self, AdapterInfo, AdapterKind};
 use super::ambient_occlusion::LastHome;
+use super::packing::{Packer, Packing};
 use super::pipelines::Pipelines;
 use super::tier::Tier;
 
@@ -18,6 +19,8 @@ use super::tier::Tier;
 #[derive(Clone, Default)]
 pub struct Graphics {
     wanted: Option<String>,
+    /// `None`: as suits the adapter.
+    packing: Option<Packing>,
     kept: Arc<Mutex<Kept>>,
     last_home: Arc<LastHome>,
 }
@@ -26,7 +29,11 @@ pub struct Graphics {
 struct Kept {
     opened: Option<Opened>,
     pipelines: Vec<(Tier, Arc<Pipelines>)>,
+    packer: Option<Arc<Packer>>,
 }
+
+/// What a renderer is opened with.
+type Parts = (Opened, Arc<Pipelines>, Option<Arc<Packer>>);
 
 /// A device and where it tells of its failures.
 #[derive(Clone)]
@@ -58,13 +65,23 @@ impl Graphics {
         }
     }
 
+    /// The same with pictures packed there; else as suits the adapter: the processor
+    /// packs what it has drawn itself.
+    #[must_use]
+    pub fn packing(self, packing: Packing) -> Self {
+        Self {
+            packing: Some(packing),
+            ..self
+        }
+    }
+
     /// The light of the home that was drawn last.
     pub(super) fn last_home(&self) -> &LastHome {
         &self.last_home
     }
 
-    /// The device and the pipelines of a tier.
-    pub(super) fn open(&self, tier: Tier) -> Result<(Opened, Arc<Pipelines>), RenderError> {
+    /// The device, the pipelines of a tier, and what packs pictures if the adapter does.
+    pub(super) fn open(&self, tier: Tier) -> Result<Parts, RenderError> {
         let mut kept = self.kept.lock();
         let broken = |opened: &Opened| opened.broken.load(Ordering::Acquire);
         if kept.opened.as_ref().is_some_and(broken) {
@@ -83,7 +100,15 @@ impl Graphics {
                 pipelines
             }
         };
-        Ok((opened, pipelines))
+        let packing = self.packing.unwrap_or(match opened.info.kind {
+            AdapterKind::Cpu => Packing::Processor,
+            _ => Packing::Adapter,
+        });
+        let packer = (packing == Packing::Adapter).then(|| {
+            let new = || Arc::new(Packer::new(&opened.device));
+            Arc::clone(kept.packer.get_or_insert_with(new))
+        });
+        Ok((opened, pipelines, packer))
     }
 }
 

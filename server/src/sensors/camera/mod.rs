@@ -1,9 +1,9 @@
 //! Cameras: colour, depth in metres and instance ids, drawn headless with
 //! Vulkan. The only folder that names wgpu. Reads snapshots, changes nothing.
 //!
-//! Every picture is a submission of its own, so that one is unpacked while the
-//! next is drawn. On one adapter
-//! the same snapshot gives the same bytes; adapters differ in single bits.
+//! The pictures of a batch are one submission, all drawn before the first is read:
+//! what ends a pass ends the work of a CPU adapter too. On one adapter the same
+//! snapshot gives the same bytes; adapters differ in single bits.
 
 mod adapter;
 mod ambient_occlusion;
@@ -13,11 +13,13 @@ mod error;
 mod geometry;
 mod graphics;
 mod mapping;
+mod packing;
 mod patterns;
 mod person;
 mod pipelines;
 mod readback;
 mod renderer;
+mod ring;
 pub mod scene;
 mod shadow;
 mod soft;
@@ -33,6 +35,7 @@ use nalgebra::Isometry3;
 pub use adapter::{AdapterInfo, AdapterKind};
 pub use error::RenderError;
 pub use graphics::Graphics;
+pub use packing::Packing;
 pub use renderer::{IN_FLIGHT, Renderer};
 pub use scene::{Binding, MOST_BODIES, RenderItem, RenderScene, RenderedPerson, Surrounding};
 pub use spec::{CameraSpec, Intrinsics};
@@ -70,6 +73,8 @@ impl Frame {
     }
 }
 
+#[cfg(test)]
+mod packing_tests;
 #[cfg(test)]
 mod people_tests;
 #[cfg(test)]

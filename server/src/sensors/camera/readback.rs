@@ -1,8 +1,93 @@
-//! From textures to bytes: copies with padded rows, unpacked on the CPU.
+//! From textures to bytes: packed on the adapter and handed out as they are, or
+//! copied with padded rows and packed by the processor.
 
 use bytes::{Bytes, BytesMut};
+use parking_lot::Mutex;
 
+use super::geometry::Order;
+use super::packing::{CameraPacker, Packer};
+use super::ring::Ring;
 use super::target::Target;
+
+/// How the pictures of one camera reach the processor.
+pub(super) struct ReadBack {
+    ring: Ring,
+    way: Way,
+}
+
+enum Way {
+    Packed(CameraPacker),
+    Unpacked(Layout, [f64; 2], Mutex<Memory>),
+}
+
+impl ReadBack {
+    /// By `packer`, where there is one and it can.
+    pub(super) fn new(device: &wgpu::Device, target: &Target, packer: Option<&Packer>) -> Self {
+        let packed = packer.and_then(|packer| packer.for_camera(device, target));
+        let way = match packed {
+            Some(packed) => Way::Packed(packed),
+            None => Way::Unpacked(Layout::of(target), target.spec.range, Mutex::default()),
+        };
+        let bytes = match &way {
+            Way::Packed(packed) => packed.planes.bytes(),
+            Way::Unpacked(layout, ..) => layout.bytes(),
+        };
+        Self {
+            ring: Ring::new(&target.spec.name, bytes),
+            way,
+        }
+    }
+
+    /// In which order what the adapter draws is best drawn.
+    pub(super) fn order(&self) -> Order {
+        match self.is_packed() {
+            true => Order::Finish,
+            false => Order::Depth,
+        }
+    }
+
+    /// Whether nothing is left to do for the processor.
+    pub(super) fn is_packed(&self) -> bool {
+        matches!(self.way, Way::Packed(_))
+    }
+
+    /// Appends what brings the picture that was drawn into a buffer, and names it.
+    pub(super) fn copy(
+        &self,
+        device: &wgpu::Device,
+        encoder: &mut wgpu::CommandEncoder,
+        target: &Target,
+    ) -> wgpu::Buffer {
+        let buffer = self.ring.take(device);
+        match &self.way {
+            Way::Packed(packed) => packed.pack(encoder, &buffer),
+            Way::Unpacked(layout, ..) => layout.copy(encoder, target, &buffer),
+        }
+        buffer
+    }
+
+    /// Colour, depth and ids of a buffer that is mapped.
+    pub(super) fn planes(&self, buffer: wgpu::Buffer) -> Result<[Bytes; 3], String> {
+        match &self.way {
+            Way::Packed(packed) => {
+                let all = self.ring.lend(buffer)?;
+                Ok(packed.planes.ranges().map(|range| all.slice(range)))
+            }
+            Way::Unpacked(layout, range, memory) => {
+                let mapped = buffer.get_mapped_range(..).map_err(|e| e.to_string())?;
+                let planes = layout.unpack(&mapped, *range, &mut memory.lock());
+                drop(mapped);
+                self.ring.give_back(buffer);
+                Ok(planes)
+            }
+        }
+    }
+
+    #[cfg(test)]
+    pub(super) fn ring(&self) -> &Ring {
+        &self.ring
+    }
+}
 
 /// Bytes of the planes of one camera in its read buffer.
 #[derive(Clone, Copy)]
@@ -85,20 +170,14 @@ impl Layout {
         for y in 0..self.height {
             let line = |width: usize| y * self.width * width..(y + 1) * self.width * width;
             let source = &colors[y * self.row..][..self.width * 4];
-            let (source, _) = source.as_chunks::<4>();
-            let (target, _) = rgb[line(3)].as_chunks_mut::<3>();
-            for (to, from) in target.iter_mut().zip(source) {
-                *to = [from[0], from[1], from[2]];
-            }
-            match self.id_row {
-                None => widen(&mut ids[line(2)], source.iter().map(|pixel| pixel[3])),
-                Some(row) => {
-                    let source = &bytes[2 * self.plane() + y * row..][..self.width * 2];
-                    let (source, _) = source.as_chunks::<2>();
-                    let (target, _) = ids[line(2)].as_chunks_mut::<2>();
-                    for (to, from) in target.iter_mut().zip(source) {
-                        *to = u16::from_ne_bytes(*from).to_le_bytes();
-                    }
+            let ids = &mut ids[line(2)];
+            take_apart(source, &mut rgb[line(3)], ids);
+            if let Some(row) = self.id_row {
+                let source = &bytes[2 * self.plane() + y * row..][..self.width * 2];
+                let (source, _) = source.as_chunks::<2>();
+                let (target, _) = ids.as_chunks_mut::<2>();
+                for (to, from) in target.iter_mut().zip(source) {
+                    *to = u16::from_ne_bytes(*from).to_le_bytes();
                 }
             }
             let source = &depths[y * self.row..][..self.width * 4];
@@ -114,11 +193,34 @@ impl Layout {
     }
 }
 
-/// Ids of the alpha byte as little-endian numbers of 16 bits.
-fn widen(target: &mut [u8], source: impl Iterator<Item = u8>) {
-    let (pairs, _) = target.as_chunks_mut::<2>();
-    for (to, id) in pairs.iter_mut().zip(source) {
-        *to = [id, 0];
+/// Colour without alpha, and alpha as numbers of 16 bits: four pixels at a time, as
+/// three words and two.
+fn take_apart(pixels: &[u8], rgb: &mut [u8], ids: &mut [u8]) {
+    let (fours, rest) = pixels.as_chunks::<16>();
+    let (rgb_fours, rgb_rest) = rgb.as_chunks_mut::<12>();
+    let (id_fours, id_rest) = ids.as_chunks_mut::<8>();
+    for ((from, rgb), ids) in fours.iter().zip(rgb_fours).zip(id_fours) {
+        let all = u128::from_le_bytes(*from);
+        let [a, b, c, d] = [0, 32, 64, 96].map(|shift| (all >> shift) as u32);
+        let words = [
+            a & 0x00ff_ffff | b << 24,
+            b >> 8 & 0xffff | c << 16,
+            c >> 16 & 0xff | d << 8,
+        ];
+        for (to, word) in rgb.as_chunks_mut::<4>().0.iter_mut().zip(words) {
+            *to = word.to_le_bytes();
+        }
+        let pairs = [a >> 24 | b >> 24 << 16, c >> 24 | d >> 24 << 16];
+        for (to, pair) in ids.as_chunks_mut::<4>().0.iter_mut().zip(pairs) {
+            *to = pair.to_le_bytes();
+        }
+    }
+    let (rest, _) = rest.as_chunks::<4>();
+    let rgb_rest = rgb_rest.as_chunks_mut::<3>().0.iter_mut();
+    let id_rest = id_rest.as_chunks_mut::<2>().0.iter_mut();
+    for (([r, g, b, id], rgb), ids) in rest.iter().zip(rgb_rest).zip(id_rest) {
+        *rgb = [*r, *g, *b];
+        *ids = [*id, 0];
     }
 }
 
@@ -157,5 +259,23 @@ impl Memory {
         }
         self.given.push(frame.clone());
         frame
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn pixels_are_taken_apart_whatever_their_number() {
+        for count in [1, 3, 4, 5, 8, 225] {
+            let pixels: Vec<u8> = (0..count * 4).map(|i| (i * 37 + i / 7) as u8).collect();
+            let (mut rgb, mut ids) = (vec![0; count * 3], vec![1; count * 2]);
+            take_apart(&pixels, &mut rgb, &mut ids);
+            let all = pixels.as_chunks::<4>().0;
+            let colour: Vec<u8> = all.iter().flat_map(|p| [p[0], p[1], p[2]]).collect();
+            let alpha: Vec<u8> = all.iter().flat_map(|p| [p[3], 0]).collect();
+            assert_eq!((rgb, ids), (colour, alpha), "{count}");
+        }
     }
 }

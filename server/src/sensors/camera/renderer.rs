@@ -12,11 +12,12 @@ use wgpu::util::DeviceExt;
 use super::adapter::{self, AdapterInfo};
 use super::ambient_occlusion::Surroundings;
 use super::buffers::Buffers;
-use super::geometry::{BodyRow, Geometry, Seen, body_row};
+use super::geometry::{BodyRows, Geometry, Seen};
 use super::graphics::{Graphics, Opened};
+use super::packing::Packer;
 use super::person::PersonMesh;
 use super::pipelines::Pipelines;
-use super::readback::{Layout, Memory};
+use super::readback::ReadBack;
 use super::scene::{Binding, RenderScene, Surrounding};
 use super::shadow::{ShadowMap, SunView};
 use super::soft::SoftMeshes;
@@ -39,6 +40,7 @@ pub struct Renderer {
     tier: Tier,
     pipelines: Arc<Pipelines>,
     geometry: Geometry,
+    rows: BodyRows,
     soft: SoftMeshes,
     person: Option<PersonMesh>,
     surroundings: Surroundings,
@@ -50,25 +52,15 @@ pub struct Renderer {
     shadow_group: wgpu::BindGroup,
     /// Links, objects and sliding furniture that a snapshot must have.
     expected: [usize; 3],
-    /// Read buffers of each camera, one per batch in flight.
-    read: Vec<[wgpu::Buffer; IN_FLIGHT]>,
-    memory: Vec<Memory>,
-    /// Batches in flight, oldest first.
-    pending: VecDeque<Batch>,
-    /// Read buffers that the next batch uses.
-    turn: usize,
+    /// One for each camera.
+    read_back: Vec<ReadBack>,
+    /// Batches in flight, oldest first: pictures that were asked for together.
+    pending: VecDeque<Vec<Pending>>,
 }
 
 /// Batches that can be drawn before the first one is read: the adapter goes on
 /// with the second while the first is unpacked and sent.
 pub const IN_FLIGHT: usize = 2;
-
-/// Pictures that were asked for together.
-struct Batch {
-    pictures: Vec<Pending>,
-    /// Index of their read buffers.
-    turn: usize,
-}
 
 /// Reversed depth where nothing is hit.
 const FARTHEST: wgpu::LoadOp<f32> = wgpu::LoadOp::Clear(0.0);
@@ -78,6 +70,8 @@ struct Pending {
     submission: wgpu::SubmissionIndex,
     camera: usize,
     world_from_optical: Isometry3<f64>,
+    /// What it is read through.
+    buffer: wgpu::Buffer,
 }
 
 impl Renderer {
@@ -116,6 +110,7 @@ impl Renderer {
         let Prepared {
             opened,
             pipelines,
+            packer,
             surroundings,
             buffers,
         } = prepare(scene, tier, graphics)?;
@@ -168,7 +163,8 @@ impl Renderer {
                 wgpu::BindingResource::Sampler(&comparing),
             ],
         );
-        let read = targets.iter().map(|t| read_buffers(&device, t)).collect();
+        let read_back = |target: &Target| ReadBack::new(&device, target, packer.as_deref());
+        let read_back = targets.iter().map(read_back).collect();
         let renderer = Self {
             shadow,
             lighting: scene.lighting,
@@ -183,15 +179,14 @@ impl Renderer {
             tier,
             pipelines,
             geometry,
+            rows: BodyRows::default(),
             soft,
             person,
             targets,
             scene_groups,
             shadow_group,
-            memory: cameras.iter().map(|_| Memory::default()).collect(),
-            read,
+            read_back,
             pending: VecDeque::new(),
-            turn: 0,
         };
         renderer.check_failure()?;
         Ok(renderer)
@@ -241,13 +236,13 @@ impl Renderer {
             .iter()
             .map(|b| world_from(b.binding, snapshot))
             .collect();
-        let rows: Vec<BodyRow> = poses
-            .iter()
-            .zip(&self.geometry.bodies)
-            .map(|(pose, body)| body_row(pose, body, &self.surroundings))
-            .collect();
-        self.queue
-            .write_buffer(&self.geometry.body_rows, 0, bytemuck::cast_slice(&rows));
+        if self
+            .rows
+            .update(&poses, &self.geometry.bodies, &self.surroundings)
+        {
+            let rows = bytemuck::cast_slice(self.rows.all());
+            self.queue.write_buffer(&self.geometry.body_rows, 0, rows);
+        }
         self.soft.write(&self.queue, &self.geometry, snapshot);
         if let Some(person) = &self.person {
             person.write(&self.queue, &self.geometry, snapshot);
@@ -280,26 +275,30 @@ impl Renderer {
             self.shadow
                 .draw(&mut encoder, &self.pipelines, group, &self.geometry, &poses);
         }
-        // One submission each: a picture is unpacked while the next is drawn.
-        let turn = self.turn;
-        self.turn = (turn + 1) % IN_FLIGHT;
-        let mut pictures = Vec::with_capacity(cameras.len());
+        // All are drawn before the first is copied: a copy waits for what it copies, and
+        // a CPU adapter draws nothing meanwhile.
         for (&c, view) in cameras.iter().zip(&views) {
-            let seen = self.geometry.seen(view, &poses);
+            let order = self.read_back[c].order();
+            let seen = self.geometry.seen(view, &poses, order);
             self.draw_camera(&mut encoder, c, &seen);
-            let target = &self.targets[c];
-            Layout::of(target).copy(&mut encoder, target, &self.read[c][turn]);
-            let next = self.device.create_command_encoder(&Default::default());
-            let full = std::mem::replace(&mut encoder, next);
-            let submission = self.queue.submit([full.finish()]);
-            self.read[c][turn].map_async(wgpu::MapMode::Read, .., |_| {});
+        }
+        let mut buffers = Vec::with_capacity(cameras.len());
+        for &c in cameras {
+            let (read_back, target) = (&self.read_back[c], &self.targets[c]);
+            buffers.push(read_back.copy(&self.device, &mut encoder, target));
+        }
+        let submission = self.queue.submit([encoder.finish()]);
+        let mut pictures = Vec::with_capacity(cameras.len());
+        for ((&camera, view), buffer) in cameras.iter().zip(&views).zip(buffers) {
+            buffer.map_async(wgpu::MapMode::Read, .., |_| {});
             pictures.push(Pending {
-                submission,
-                camera: c,
+                submission: submission.clone(),
+                camera,
                 world_from_optical: view.world_from_optical,
+                buffer,
             });
         }
-        self.pending.push_back(Batch { pictures, turn });
+        self.pending.push_back(pictures);
         Ok(())
     }
 
@@ -309,16 +308,12 @@ impl Renderer {
     /// # Errors
     /// When the adapter fails.
     pub fn collect(&mut self) -> Result<Vec<Frame>, RenderError> {
-        let Some(Batch { pictures, turn }) = self.pending.pop_front() else {
+        let Some(pictures) = self.pending.pop_front() else {
             return Ok(Vec::new());
         };
-        let mut memory: Vec<Memory> = pictures
-            .iter()
-            .map(|p| std::mem::take(&mut self.memory[p.camera]))
-            .collect();
-        let unpacked = std::thread::scope(|scope| -> Result<Vec<_>, RenderError> {
+        let planes = std::thread::scope(|scope| -> Result<Vec<_>, RenderError> {
             let mut jobs = Vec::with_capacity(pictures.len());
-            for (p, memory) in pictures.iter().zip(&mut memory) {
+            for p in &pictures {
                 self.device
                     .poll(wgpu::PollType::Wait {
                         submission_index: Some(p.submission.clone()),
@@ -326,25 +321,18 @@ impl Renderer {
                     })
                     .map_err(|e| self.failed(e.to_string()))?;
                 self.check_failure()?;
-                let (target, buffer) = (&self.targets[p.camera], &self.read[p.camera][turn]);
-                jobs.push(scope.spawn(move || -> Result<[Bytes; 3], String> {
-                    let mapped = buffer.get_mapped_range(..).map_err(|e| e.to_string())?;
-                    Ok(Layout::of(target).unpack(&mapped, target.spec.range, memory))
-                }));
+                let (read_back, buffer) = (&self.read_back[p.camera], p.buffer.clone());
+                let read = move || read_back.planes(buffer);
+                jobs.push(match read_back.is_packed() {
+                    true => Reading::Done(read()),
+                    false => Reading::UnderWay(scope.spawn(read)),
+                });
             }
-            let joined = jobs.into_iter().map(|job| {
-                job.join()
-                    .unwrap_or_else(|_| Err("reading a picture failed".into()))
-            });
-            Ok(joined.collect())
+            Ok(jobs.into_iter().map(Reading::wait).collect())
         })?;
-        for (p, memory) in pictures.iter().zip(memory) {
-            self.memory[p.camera] = memory;
-        }
-        let mut frames = Vec::with_capacity(unpacked.len());
-        for (p, bytes) in pictures.iter().zip(unpacked) {
-            self.read[p.camera][turn].unmap();
-            let [rgb, depth, ids] = bytes.map_err(|reason| self.failed(reason))?;
+        let mut frames = Vec::with_capacity(planes.len());
+        for (p, planes) in pictures.iter().zip(planes) {
+            let [rgb, depth, ids] = planes.map_err(|reason| self.failed(reason))?;
             frames.push(Frame {
                 camera: p.camera,
                 intrinsics: self.targets[p.camera].spec.intrinsics,
@@ -355,6 +343,11 @@ impl Renderer {
             });
         }
         Ok(frames)
+    }
+
+    #[cfg(test)]
+    pub(super) fn ring(&self, camera: usize) -> &super::ring::Ring {
+        self.read_back[camera].ring()
     }
 
     fn check_failure(&self) -> Result<(), RenderError> {
@@ -432,7 +425,6 @@ impl Renderer {
         pass.set_bind_group(0, &self.scene_groups[camera], &[]);
         pass.set_bind_group(1, &self.shadow_group, &[]);
         self.geometry.set(&mut pass);
-        // Strictly front to back: what is hidden costs more than a change of pipeline.
         let mut current = None;
         for s in seen {
             if current != Some(s.finish) {
@@ -501,6 +493,7 @@ fn check_cameras(scene: &RenderScene, cameras: &[CameraSpec]) -> Result<(), Rend
 struct Prepared {
     opened: Opened,
     pipelines: Arc<Pipelines>,
+    packer: Option<Arc<Packer>>,
     surroundings: Surroundings,
     buffers: Buffers,
 }
@@ -517,26 +510,34 @@ fn prepare(scene: &RenderScene, tier: Tier, graphics: &Graphics) -> Result<Prepa
         });
         let opened = graphics.open(tier);
         let (surroundings, buffers) = joined(arranging);
-        let (opened, pipelines) = opened?;
+        let (opened, pipelines, packer) = opened?;
         Ok(Prepared {
             opened,
             pipelines,
+            packer,
             surroundings,
             buffers,
         })
     })
 }
 
-/// Buffers that a camera's pictures are read through, one per batch in flight.
-fn read_buffers(device: &wgpu::Device, target: &Target) -> [wgpu::Buffer; IN_FLIGHT] {
-    std::array::from_fn(|_| {
-        device.create_buffer(&wgpu::BufferDescriptor {
-            label: Some(&target.spec.name),
-            size: Layout::of(target).bytes(),
-            usage: wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST,
-            mapped_at_creation: false,
-        })
-    })
+/// The planes of a picture, read or being read.
+enum Reading<'scope> {
+    Done(Planes),
+    UnderWay(std::thread::ScopedJoinHandle<'scope, Planes>),
+}
+
+type Planes = Result<[Bytes; 3], String>;
+
+impl Reading<'_> {
+    fn wait(self) -> Planes {
+        match self {
+            Self::Done(planes) => planes,
+            Self::UnderWay(job) => job
+                .join()
+                .unwrap_or_else(|_| Err("reading a picture failed".into())),
+        }
+    }
 }
 
 fn joined<T>(job: std::thread::ScopedJoinHandle<'_, T>) -> T {

@@ -21,7 +21,13 @@ const LIGHT: Lighting = Lighting {
     ground: [0.3, 0.3, 0.3],
 };
 
-fn item(shape: &Shape, color: [f32; 3], binding: Binding, at: [f64; 3], id: u16) -> RenderItem {
+pub(super) fn item(
+    shape: &Shape,
+    color: [f32; 3],
+    binding: Binding,
+    at: [f64; 3],
+    id: u16,
+) -> RenderItem {
     let mesh = Arc::new(build(shape, Path::new(".")).unwrap());
     RenderItem {
         coarse: mesh.clone(),
@@ -43,7 +49,7 @@ fn item(shape: &Shape, color: [f32; 3], binding: Binding, at: [f64; 3], id: u16)
     }
 }
 
-fn scene(items: Vec<RenderItem>, objects: usize) -> RenderScene {
+pub(super) fn scene(items: Vec<RenderItem>, objects: usize) -> RenderScene {
     RenderScene {
         instances: items.iter().map(|i| (i.instance, String::new())).collect(),
         items,
@@ -58,7 +64,7 @@ fn scene(items: Vec<RenderItem>, objects: usize) -> RenderScene {
     }
 }
 
-fn snapshot(objects: &[[f64; 3]]) -> Snapshot {
+pub(super) fn snapshot(objects: &[[f64; 3]]) -> Snapshot {
     let body = |at: &[f64; 3]| BodyState {
         pose: Translation3::from(*at).into(),
         linear: Vector3::zeros(),
@@ -79,7 +85,7 @@ fn snapshot(objects: &[[f64; 3]]) -> Snapshot {
 }
 
 /// world_from_optical: at `eye`, looking at `target`, upright.
-fn looking(eye: [f64; 3], target: [f64; 3]) -> Isometry3<f64> {
+pub(super) fn looking(eye: [f64; 3], target: [f64; 3]) -> Isometry3<f64> {
     let eye = Point3::from(eye);
     let z = (Point3::from(target) - eye).normalize();
     let x = z.cross(&Vector3::z()).normalize();
@@ -88,7 +94,7 @@ fn looking(eye: [f64; 3], target: [f64; 3]) -> Isometry3<f64> {
     Isometry3::from_parts(eye.coords.into(), turn)
 }
 
-fn camera(mount: Isometry3<f64>, intrinsics: Intrinsics) -> CameraSpec {
+pub(super) fn camera(mount: Isometry3<f64>, intrinsics: Intrinsics) -> CameraSpec {
     CameraSpec {
         name: "test".into(),
         binding: Binding::World,
@@ -231,7 +237,7 @@ fn a_point_lands_where_the_intrinsics_say() {
 }
 
 /// A floor with a floating box whose shadow falls away from the sun.
-fn floor_and_box() -> RenderScene {
+pub(super) fn floor_and_box() -> RenderScene {
     let floor = Shape::Cuboid {
         half: [2.0, 2.0, 0.05],
     };

@@ -1,0 +1,189 @@
+//! Pictures packed on the adapter: what is read back is what is handed out.
+
+use std::ops::Range;
+
+use wgpu::util::DeviceExt;
+
+use super::target::Target;
+
+/// Where pictures are packed: colour without alpha, depth in metres, ids of 16
+/// bits. The bytes are the same.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Packing {
+    /// On the adapter; the pictures are handed out in the memory that it wrote.
+    Adapter,
+    /// By the processor, which reads what the adapter drew.
+    Processor,
+}
+
+/// Where the planes of a packed picture lie, bytes. Each begins at a whole word.
+#[derive(Clone, Copy)]
+pub(super) struct Planes {
+    width: u32,
+    pixels: usize,
+}
+
+impl Planes {
+    pub(super) fn of(target: &Target) -> Self {
+        let lens = &target.spec.intrinsics;
+        Self {
+            width: lens.width,
+            pixels: lens.width as usize * lens.height as usize,
+        }
+    }
+
+    /// Pixels, four by four.
+    fn fours(self) -> usize {
+        self.pixels.div_ceil(4)
+    }
+
+    /// Colour, depth, ids.
+    pub(super) fn ranges(self) -> [Range<usize>; 3] {
+        let (depth, ids) = (self.fours() * 12, self.fours() * 28);
+        [
+            0..self.pixels * 3,
+            depth..depth + self.pixels * 4,
+            ids..ids + self.pixels * 2,
+        ]
+    }
+
+    /// All of it.
+    pub(super) fn bytes(self) -> u64 {
+        self.fours() as u64 * 36
+    }
+}
+
+/// `Planes` in the shader.
+#[repr(C)]
+#[derive(Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
+struct PlanesUniform {
+    width: u32,
+    count: u32,
+    depth: u32,
+    ids: u32,
+    near: u32,
+    far: u32,
+}
+
+/// Pixels of one workgroup.
+const PER_GROUP: usize = 256;
+/// Most workgroups along one axis.
+const MOST_GROUPS: usize = 32_768;
+
+/// The pipelines that pack.
+pub(super) struct Packer {
+    /// Ids in the alpha bytes.
+    narrow: wgpu::ComputePipeline,
+    /// Ids in a texture of their own.
+    wide: wgpu::ComputePipeline,
+}
+
+impl Packer {
+    pub(super) fn new(device: &wgpu::Device) -> Self {
+        let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
+            label: Some("pack.wgsl"),
+            source: wgpu::ShaderSource::Wgsl(include_str!("pack.wgsl").into()),
+        });
+        let pipeline = |entry| {
+            device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+                label: Some(entry),
+                layout: None,
+                module: &module,
+                entry_point: Some(entry),
+                compilation_options: Default::default(),
+                cache: None,
+            })
+        };
+        Self {
+            narrow: pipeline("pack"),
+            wide: pipeline("pack_wide"),
+        }
+    }
+
+    /// What packs the pictures of a camera; `None` where they are larger than what
+    /// a shader of this adapter can write.
+    pub(super) fn for_camera(
+        &self,
+        device: &wgpu::Device,
+        target: &Target,
+    ) -> Option<CameraPacker> {
+        let planes = Planes::of(target);
+        let [near, far] = target.spec.range.map(|metres| metres as f32);
+        let most = device.limits().max_storage_buffer_binding_size;
+        if planes.bytes() > most || !near.is_normal() {
+            return None;
+        }
+        let [_, depth, ids] = planes.ranges();
+        let uniform = PlanesUniform {
+            width: planes.width,
+            count: planes.pixels as u32,
+            depth: (depth.start / 4) as u32,
+            ids: (ids.start / 4) as u32,
+            near: near.to_bits(),
+            far: far.to_bits(),
+        };
+        let uniform = device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
+            label: Some("planes"),
+            contents: bytemuck::bytes_of(&uniform),
+            usage: wgpu::BufferUsages::UNIFORM,
+        });
+        let packed = device.create_buffer(&wgpu::BufferDescriptor {
+            label: Some("packed"),
+            size: planes.bytes(),
+            usage: wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC,
+            mapped_at_creation: false,
+        });
+        let pipeline = match target.ids {
+            None => &self.narrow,
+            Some(_) => &self.wide,
+        };
+        let view = wgpu::BindingResource::TextureView;
+        let mut resources = vec![
+            uniform.as_entire_binding(),
+            view(&target.color.view),
+            view(&target.depth.view),
+            packed.as_entire_binding(),
+        ];
+        resources.extend(target.ids.iter().map(|ids| view(&ids.view)));
+        let entries: Vec<_> = (0..)
+            .zip(resources)
+            .map(|(binding, resource)| wgpu::BindGroupEntry { binding, resource })
+            .collect();
+        let group = device.create_bind_group(&wgpu::BindGroupDescriptor {
+            label: Some("pack"),
+            layout: &pipeline.get_bind_group_layout(0),
+            entries: &entries,
+        });
+        let groups = planes.pixels.div_ceil(PER_GROUP);
+        let across = groups.min(MOST_GROUPS);
+        Some(CameraPacker {
+            planes,
+            pipeline: pipeline.clone(),
+            group,
+            groups: [across as u32, groups.div_ceil(across) as u32],
+            packed,
+        })
+    }
+}
+
+/// What packs the pictures of one camera.
+pub(super) struct CameraPacker {
+    pub(super) planes: Planes,
+    pipeline: wgpu::ComputePipeline,
+    group: wgpu::BindGroup,
+    groups: [u32; 2],
+    packed: wgpu::Buffer,
+}
+
+impl CameraPacker {
+    /// Appends what packs the picture that was drawn and copies it to `read`.
+    pub(super) fn pack(&self, encoder: &mut wgpu::CommandEncoder, read: &wgpu::Buffer) {
+        let mut pass = encoder.begin_compute_pass(&Default::default());
+        pass.set_pipeline(&self.pipeline);
+        pass.set_bind_group(0, &self.group, &[]);
+        let [x, y] = self.groups;
+        pass.dispatch_workgroups(x, y, 1);
+        drop(pass);
+        encoder.copy_buffer_to_buffer(&self.packed, 0, read, 0, self.planes.bytes());
+    }
+}

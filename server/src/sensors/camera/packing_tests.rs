@@ -1,0 +1,136 @@
+//! Pictures that the adapter packs are those that the processor packs, bit for bit.
+
+use super::tests::{camera, floor_and_box, item, looking, scene, snapshot};
+use super::*;
+use crate::geometry::Shape;
+
+/// The same renderer twice; `None`, with the reason printed, only where there is
+/// no Vulkan driver.
+fn both(scene: &RenderScene, cameras: &[CameraSpec], quality: Quality) -> Option<[Renderer; 2]> {
+    let made = [Packing::Adapter, Packing::Processor].map(|packing| {
+        let graphics = Graphics::on(None).packing(packing);
+        match Renderer::over(&graphics, scene, cameras, quality) {
+            Ok(renderer) => Some(renderer),
+            Err(reason @ RenderError::NoDriver) => {
+                eprintln!("skipped: {reason}");
+                None
+            }
+            Err(other) => panic!("{other}"),
+        }
+    });
+    let [Some(adapter), Some(processor)] = made else {
+        return None;
+    };
+    Some([adapter, processor])
+}
+
+/// Odd and even sizes, rows that are padded in copies and one that is not, the least.
+const SIZES: [[u32; 2]; 6] = [[225, 127], [64, 48], [97, 61], [3, 5], [2, 1], [1, 1]];
+
+fn sizes() -> Vec<CameraSpec> {
+    let ranges = [[0.05, 20.0], [0.0123, 2.9], [0.3, f64::INFINITY]];
+    let sizes = SIZES.iter().zip(ranges.iter().cycle());
+    sizes
+        .map(|(&size, &range)| CameraSpec {
+            range,
+            ..camera(
+                looking([2.5, 1.0, 1.5], [0.0; 3]),
+                Intrinsics::centred(size, 1.1),
+            )
+        })
+        .collect()
+}
+
+#[test]
+fn both_pack_the_same_bits_of_every_size_and_quality() {
+    let scene = floor_and_box();
+    let cameras = sizes();
+    let all: Vec<usize> = (0..cameras.len()).collect();
+    for quality in [Quality::Fast, Quality::Standard, Quality::High] {
+        let Some([mut adapter, mut processor]) = both(&scene, &cameras, quality) else {
+            return;
+        };
+        for at in [[0.2, 0.1, 0.6], [-0.9, 0.4, 0.35]] {
+            let now = snapshot(&[at]);
+            let one = adapter.render(&now, &all).unwrap();
+            let two = processor.render(&now, &all).unwrap();
+            for (one, two) in one.iter().zip(&two) {
+                let [width, height] = SIZES[one.camera].map(|side| side as usize);
+                assert_eq!(one.rgb.len(), width * height * 3);
+                assert_eq!(one.depth.len(), width * height * 4);
+                assert_eq!(one.ids.len(), width * height * 2);
+                assert_eq!(one.rgb, two.rgb, "{quality:?} {width}x{height}");
+                assert_eq!(one.depth, two.depth, "{quality:?} {width}x{height}");
+                assert_eq!(one.ids, two.ids, "{quality:?} {width}x{height}");
+            }
+            let ids = one[0].ids();
+            assert!(ids.iter().any(|id| *id != ids[0]));
+        }
+    }
+}
+
+#[test]
+fn both_pack_the_same_ids_beyond_a_byte() {
+    let ball = Shape::Sphere { radius: 0.2 };
+    let place = |i: usize| [2.0, i as f64 * 0.5 - 1.0, 0.0];
+    let ids = [1, 255, 256, 300, 4001];
+    let items = ids
+        .iter()
+        .enumerate()
+        .map(|(i, id)| item(&ball, [0.5; 3], Binding::Object(i), [0.0; 3], *id));
+    let scene = scene(items.collect(), ids.len());
+    let eye = camera(
+        looking([0.0; 3], [1.0, 0.0, 0.0]),
+        Intrinsics::centred([101, 63], 1.2),
+    );
+    for quality in [Quality::Standard, Quality::High] {
+        let Some([mut adapter, mut processor]) = both(&scene, std::slice::from_ref(&eye), quality)
+        else {
+            return;
+        };
+        let now = snapshot(&[0, 1, 2, 3, 4].map(place));
+        let one = adapter.render(&now, &[0]).unwrap();
+        let two = processor.render(&now, &[0]).unwrap();
+        assert_eq!(one[0].ids, two[0].ids);
+        assert_eq!((&one[0].rgb, &one[0].depth), (&two[0].rgb, &two[0].depth));
+        let seen = one[0].ids();
+        assert!(ids.iter().all(|id| seen.contains(id)));
+    }
+}
+
+#[test]
+fn pictures_that_are_kept_stay_and_their_memory_comes_back() {
+    let scene = floor_and_box();
+    let eye = camera(
+        looking([2.5, 1.0, 1.5], [0.0; 3]),
+        Intrinsics::centred([33, 21], 1.1),
+    );
+    let Some([mut adapter, mut processor]) =
+        both(&scene, std::slice::from_ref(&eye), Quality::Standard)
+    else {
+        return;
+    };
+    let place = |i: usize| snapshot(&[[-0.9 + 0.1 * i as f64, 0.1, 0.6]]);
+    // More than are handed out without a copy.
+    let kept: Vec<Frame> = (0..20)
+        .flat_map(|i| adapter.render(&place(i), &[0]).unwrap())
+        .collect();
+    for (i, kept) in kept.iter().enumerate() {
+        let again = processor.render(&place(i), &[0]).unwrap();
+        assert_eq!(kept.rgb, again[0].rgb, "{i}");
+        assert_eq!((&kept.depth, &kept.ids), (&again[0].depth, &again[0].ids));
+    }
+    let [spare, lent] = adapter.ring(0).counts();
+    assert_eq!(lent, 12);
+    // A part is enough to keep a picture.
+    let depth: Vec<_> = kept.into_iter().map(|frame| frame.depth).collect();
+    assert_eq!(adapter.ring(0).counts(), [spare, lent]);
+    drop(depth);
+    assert_eq!(adapter.ring(0).counts(), [spare + lent, 0]);
+    let last = adapter.render(&place(3), &[0]).unwrap();
+    assert_eq!(adapter.ring(0).counts(), [spare + lent - 1, 1]);
+    // It outlives the renderer.
+    drop(adapter);
+    let again = processor.render(&place(3), &[0]).unwrap();
+    assert_eq!(last[0].rgb, again[0].rgb);
+}

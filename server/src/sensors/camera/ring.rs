@@ -1,0 +1,102 @@
+//! Buffers that pictures of one camera are read through. Each stays mapped where
+//! the adapter writes, and can be handed out as the picture itself; it comes back
+//! when nobody holds that any more.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use bytes::Bytes;
+use parking_lot::Mutex;
+
+/// Most that are handed out at a time: those that a transport keeps for
+/// latecomers, and those on their way. More pictures are copied.
+const MOST_LENT: usize = 12;
+
+/// The buffers of one camera.
+pub(super) struct Ring {
+    name: String,
+    bytes: u64,
+    spare: Arc<Spare>,
+}
+
+#[derive(Default)]
+struct Spare {
+    buffers: Mutex<Vec<wgpu::Buffer>>,
+    lent: AtomicUsize,
+}
+
+impl Ring {
+    pub(super) fn new(name: &str, bytes: u64) -> Self {
+        Self {
+            name: name.to_owned(),
+            bytes,
+            spare: Arc::default(),
+        }
+    }
+
+    /// A buffer that nobody reads.
+    pub(super) fn take(&self, device: &wgpu::Device) -> wgpu::Buffer {
+        let spare = self.spare.buffers.lock().pop();
+        spare.unwrap_or_else(|| {
+            device.create_buffer(&wgpu::BufferDescriptor {
+                label: Some(&self.name),
+                size: self.bytes,
+                usage: wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST,
+                mapped_at_creation: false,
+            })
+        })
+    }
+
+    /// Ends the reading of a buffer, of which no view is left.
+    pub(super) fn give_back(&self, buffer: wgpu::Buffer) {
+        buffer.unmap();
+        self.spare.buffers.lock().push(buffer);
+    }
+
+    /// Hands out what a mapped buffer holds, without a copy while few are out.
+    pub(super) fn lend(&self, buffer: wgpu::Buffer) -> Result<Bytes, String> {
+        let view = buffer.get_mapped_range(..).map_err(|e| e.to_string())?;
+        if self.spare.lent.load(Ordering::Relaxed) >= MOST_LENT {
+            let copy = Bytes::copy_from_slice(&view);
+            drop(view);
+            self.give_back(buffer);
+            return Ok(copy);
+        }
+        self.spare.lent.fetch_add(1, Ordering::Relaxed);
+        Ok(Bytes::from_owner(Lent {
+            view: Some(view),
+            buffer,
+            spare: Arc::clone(&self.spare),
+        }))
+    }
+
+    #[cfg(test)]
+    pub(super) fn counts(&self) -> [usize; 2] {
+        let spare = self.spare.buffers.lock().len();
+        [spare, self.spare.lent.load(Ordering::Relaxed)]
+    }
+}
+
+/// A mapped buffer in somebody's hands.
+struct Lent {
+    /// There until the end.
+    view: Option<wgpu::BufferView>,
+    buffer: wgpu::Buffer,
+    spare: Arc<Spare>,
+}
+
+impl AsRef<[u8]> for Lent {
+    fn as_ref(&self) -> &[u8] {
+        self.view.as_deref().unwrap_or_default()
+    }
+}
+
+impl Drop for Lent {
+    fn drop(&mut self) {
+        // Before the buffer may be unmapped.
+        self.view = None;
+        self.buffer.unmap();
+        self.spare.buffers.lock().push(self.buffer.clone());
+        self.spare.lent.fetch_sub(1, Ordering::Relaxed);
+    }
+}
