@@ -32,7 +32,7 @@ def wilson(successes, count, z=1.959964):
         return 0.0, 1.0
     share, square = successes / count, z * z / count
     middle, half = share + square / 2, z * math.sqrt(share * (1 - share) / count + square / (4 * count))
-    return (middle - half) / (1 + square), (middle + half) / (1 + square)
+    return max(0.0, (middle - half) / (1 + square)), min(1.0, (middle + half) / (1 + square))
 
 
 def counted(told):
@@ -70,7 +70,7 @@ def main():
         print(whole(Path(sys.argv[2]), sys.argv[3].split(",")))
         return
     out, tasks = Path(sys.argv[1]), sys.argv[2].split(",")
-    all_of = {name: entries(out / name) for name in EVALUATIONS}
+    all_of = {name: [e for e in entries(out / name) if e["task"] in tasks] for name in EVALUATIONS}
     shown = [name for name in EVALUATIONS if all_of[name]]
     print("| task | " + " | ".join(shown) + " | progress seen, % | ends seen |")
     print("|---" * (len(shown) + 3) + "|")
