@@ -78,4 +78,5 @@ pub const CONTRACT_VERSION: u32 = 2;
 /// - 3: rounded rims of the robot, softer contacts with what stands fixed, an arm
 ///   that brakes what outruns it, even ramps of the chair, debts of soft objects.
 /// - 4: the chair camera's boom, draws by area.
-pub const PHYSICS_VERSION: u32 = 4;
+/// - 5: a person's capsules as polygons, and what touches somebody stops rocking.
+pub const PHYSICS_VERSION: u32 = 5;

@@ -304,7 +304,7 @@ impl World {
         self.signals.end_tick(&self.physics, &self.robot);
         self.wheels.roll(&self.physics, &self.robot);
         if let Some(seated) = &mut self.seated {
-            seated.end_tick(&self.physics);
+            seated.end_tick(&mut self.physics);
         }
         self.tick += 1;
     }

@@ -12,7 +12,7 @@ use rapier3d::prelude::{ColliderBuilder, ColliderHandle, PhysicsWorld, RigidBody
 use wheelarm_proto::TICKS_PER_CONTROL;
 
 use super::body::{RobotBody, person_groups};
-use super::contact::{contacts_where, tag};
+use super::contact::{body_of, contacts_where, tag};
 use super::convert::{mass_properties, pose};
 use super::mass::Mass;
 use super::shape;
@@ -22,6 +22,9 @@ use crate::snapshot::{BodyRef, PersonState};
 
 /// Friction of clothes and skin, the mean with the other body's counts. [guess]
 const FRICTION: f32 = 0.6;
+/// What touches somebody loses its turning at this rate, 1/s: flesh gives way around
+/// it. On rigid bodies a bar over both thighs rocks on two points for ever. [guess]
+const FLESH: f32 = 100.0;
 /// What touches the face this near to the mouth touches the mouth, metres.
 const MOUTH: f64 = 0.035;
 
@@ -34,6 +37,8 @@ pub(super) struct Seated {
     body: RigidBodyHandle,
     /// Capsules that move with the head: index, collider, and its pose at the joint.
     moving: Vec<(usize, ColliderHandle, Pose)>,
+    /// Objects that touch the person, while a tick runs.
+    cushioned: Vec<RigidBodyHandle>,
     /// Now.
     state: PersonState,
 }
@@ -85,6 +90,7 @@ impl Seated {
             body_from_chair,
             body,
             moving,
+            cushioned: Vec::new(),
             state: PersonState {
                 head,
                 ..PersonState::default()
@@ -98,6 +104,8 @@ impl Seated {
             self.state.forces = [0.0; PARTS.len()];
             self.state.robot_force = 0.0;
         }
+        self.cushioned = objects_at_person(physics);
+        self.damp(physics, FLESH);
         let head = self.motion.at(tick + 1);
         if head == self.state.head {
             return;
@@ -114,7 +122,9 @@ impl Seated {
     }
 
     /// Takes up what presses after a tick: the greatest since the control tick began.
-    pub(super) fn end_tick(&mut self, physics: &PhysicsWorld) {
+    pub(super) fn end_tick(&mut self, physics: &mut PhysicsWorld) {
+        // So that no saved state holds it.
+        self.damp(physics, 0.0);
         let is_person = |body| matches!(body, BodyRef::Person(_));
         let contacts = contacts_where(physics, |a, b| is_person(a) || is_person(b));
         if contacts.is_empty() {
@@ -143,6 +153,15 @@ impl Seated {
             *most = most.max(force);
         }
         self.state.robot_force = self.state.robot_force.max(robot);
+    }
+
+    /// Objects that touch the person lose their turning at a rate, 1/s.
+    fn damp(&self, physics: &mut PhysicsWorld, rate: f32) {
+        for handle in &self.cushioned {
+            if let Some(body) = physics.bodies.get_mut(*handle) {
+                body.set_angular_damping(rate);
+            }
+        }
     }
 
     /// Now.
@@ -183,4 +202,22 @@ impl Seated {
         let numbers = numbers.into_iter().chain(self.state.forces);
         numbers.map(f64::to_bits).chain(names)
     }
+}
+
+/// The objects that touched the person at the end of the last tick.
+fn objects_at_person(physics: &PhysicsWorld) -> Vec<RigidBodyHandle> {
+    let pairs = physics.narrow_phase.contact_pairs();
+    pairs
+        .filter(|pair| pair.has_any_active_contact())
+        .filter_map(|pair| {
+            let [a, b] =
+                [pair.collider1, pair.collider2].map(|collider| physics.colliders.get(collider));
+            let (a, b) = (a?, b?);
+            match (body_of(a.user_data), body_of(b.user_data)) {
+                (BodyRef::Object(_), BodyRef::Person(_)) => a.parent(),
+                (BodyRef::Person(_), BodyRef::Object(_)) => b.parent(),
+                _ => None,
+            }
+        })
+        .collect()
 }
