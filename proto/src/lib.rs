@@ -78,5 +78,6 @@ pub const CONTRACT_VERSION: u32 = 2;
 /// - 3: rounded rims of the robot, softer contacts with what stands fixed, an arm
 ///   that brakes what outruns it, even ramps of the chair, debts of soft objects.
 /// - 4: the chair camera's boom, draws by area.
-/// - 5: a person's capsules as polygons, and what touches somebody stops rocking.
+/// - 5: a person's capsules as polygons, what touches somebody stops rocking, soft
+///   objects solved in single precision and asleep where they lie still.
 pub const PHYSICS_VERSION: u32 = 5;

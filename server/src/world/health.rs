@@ -140,7 +140,7 @@ impl World {
             if speed.is_nan() || speed > NODE_SPEED {
                 return Some(Fault::NodeSpeed { object, speed });
             }
-            if !self.tick.is_multiple_of(ENERGY_TICKS) {
+            if !self.tick.is_multiple_of(ENERGY_TICKS) || soft.is_asleep() {
                 return None;
             }
             let energy = soft.energy();

@@ -20,6 +20,9 @@ fn bear(pose: Isometry3<f64>) -> Body {
     bear
 }
 
+/// Where the plates stand at first, metres before and behind the waist.
+const ASIDE: f64 = 0.08;
+
 /// The robot far away, the bear on the table, a plate before and behind it.
 struct Press {
     world: World,
@@ -28,6 +31,10 @@ struct Press {
 }
 
 fn press() -> Press {
+    press_from(ASIDE)
+}
+
+fn press_from(aside: f64) -> Press {
     let seat = at(0.3, 0.0, TABLE_TOP);
     let middle = Vector3::new(0.3, 0.0, TABLE_TOP + WAIST);
     let plate = |y: f64| {
@@ -39,7 +46,7 @@ fn press() -> Press {
     let weight = bear.mass.expect("the bear has mass").mass * GRAVITY;
     let (scene, placements) = scene(
         vec![floor(), table(0.0)],
-        vec![bear, plate(0.08), plate(-0.08)],
+        vec![bear, plate(aside), plate(-aside)],
     );
     let model = model();
     let home = model.settings.home;
@@ -343,6 +350,46 @@ fn a_bear_that_is_shaken_keeps_the_laws() {
     lawful(&press.world);
     let worst = press.world.worst_of_soft()[0];
     assert!(worst.speed < 20.0 && worst.energy < 20.0, "{worst:?}");
+}
+
+/// A bear that lies still sleeps: nothing of it changes, it weighs what it weighs,
+/// also after restoring; what comes near wakes it.
+#[test]
+fn a_bear_that_lies_still_sleeps_until_something_comes() {
+    const AWAY: f64 = 0.3;
+    let mut press = press_from(AWAY);
+    press.run(6.0);
+    assert!(press.world.soft[0].is_asleep(), "it does not sleep");
+    let weighs = |press: &Press| {
+        let up = press.force(BodyRef::Furniture(1));
+        assert!((up.z / press.weight - 1.0).abs() < 0.01, "{up} N");
+    };
+    weighs(&press);
+    let (skin, saved) = (press.world.snapshot().skins, press.world.save());
+    press.run(1.0);
+    assert_eq!(
+        press.world.snapshot().skins,
+        skin,
+        "it changed in its sleep"
+    );
+    weighs(&press);
+    let mut other = press_from(AWAY);
+    other.world.restore(&saved).expect("the same world");
+    other.run(1.0);
+    weighs(&other);
+    assert_eq!(
+        press.world.snapshot().contacts,
+        other.world.snapshot().contacts
+    );
+    for press in [&mut press, &mut other] {
+        press.close_to(0.058);
+        assert!(!press.world.soft[0].is_asleep(), "it sleeps on");
+        for force in press.plates() {
+            assert!(force.norm() > 0.3, "{force} N of a plate");
+        }
+        lawful(&press.world);
+    }
+    assert_eq!(press.world.hash(), other.world.hash());
 }
 
 #[test]

@@ -4,7 +4,8 @@ use std::collections::BTreeMap;
 
 use nalgebra::{Isometry3, Point3, Vector3};
 use rapier3d::geometry::{ColliderHandle, Shape, TypedShape};
-use rapier3d::prelude::{PhysicsWorld, RigidBodyHandle};
+use rapier3d::parry::bounding_volume::BoundingSphere;
+use rapier3d::prelude::{Collider, PhysicsWorld, RigidBodyHandle};
 use serde::{Deserialize, Serialize};
 
 use super::super::contact::body_of;
@@ -42,6 +43,17 @@ impl Bristles {
 pub(super) struct Skin {
     places: Vec<Embedded>,
     stiffness: Vec<f64>,
+    patches: Vec<Patch>,
+}
+
+/// The vertices that one cell carries.
+#[derive(Clone, Debug)]
+struct Patch {
+    cell: usize,
+    vertices: Vec<usize>,
+    /// How far they may lie outside the box around the cell's corners, in units of
+    /// its edges.
+    beyond: f64,
 }
 
 /// The contact candidates of one tick, with what each touches.
@@ -50,6 +62,8 @@ pub(super) struct Near {
     /// The solids that they touch.
     pub solids: Vec<Mobility>,
     pub(super) sites: Vec<ContactSite>,
+    /// Whether all solids around stand fixed or sleep.
+    pub is_alone: bool,
 }
 
 /// The solid under a contact candidate.
@@ -66,7 +80,7 @@ pub(super) struct ContactSite {
 /// A solid near the soft object.
 struct Solid<'a> {
     handle: ColliderHandle,
-    collider: &'a rapier3d::prelude::Collider,
+    collider: &'a Collider,
     house_from_solid: Isometry3<f64>,
     low: Vector3<f64>,
     high: Vector3<f64>,
@@ -78,19 +92,22 @@ struct Solid<'a> {
 
 impl Skin {
     pub(super) fn new(tet_mesh: &Tetrahedra, skin: &plush::Skin) -> Self {
+        let places = tet_mesh.embed(&skin.positions);
         Self {
-            places: tet_mesh.embed(&skin.positions),
+            patches: patches(&places),
+            places,
             stiffness: skin.areas().iter().map(|a| a * FOUNDATION).collect(),
         }
     }
 
     /// Where the vertices are with the nodes at positions, or how fast with velocities.
     pub(super) fn points(&self, body: &Elastic, of: &[Vector3<f64>]) -> Vec<Vector3<f64>> {
-        let point = |e: &Embedded| {
-            let nodes = body.cells[e.cell].nodes.iter().zip(&e.weights);
-            nodes.map(|(i, w)| of[*i] * *w).sum()
-        };
-        self.places.iter().map(point).collect()
+        self.places.iter().map(|e| place(e, body, of)).collect()
+    }
+
+    /// A box that holds the skin.
+    pub(super) fn room(&self, state: &State, body: &Elastic) -> Room {
+        around(self.patches.iter().map(|p| p.room(body, &state.position)))
     }
 
     /// The vertices that may touch a solid within a tick of `h` seconds.
@@ -99,26 +116,33 @@ impl Skin {
         state: &State,
         body: &Elastic,
         bristles: &Bristles,
-        physics: &PhysicsWorld,
+        (spheres, physics): (&Spheres, &PhysicsWorld),
         friction: f64,
         h: f64,
     ) -> Near {
-        let points = self.points(body, &state.position);
         let margin = MARGIN + state.fastest() * h;
-        let mut low = Vector3::repeat(f64::INFINITY);
-        let mut high = -low;
-        for p in &points {
-            low = low.inf(p);
-            high = high.sup(p);
-        }
+        let boxes = self.patches.iter().map(|p| p.room(body, &state.position));
+        let boxes: Vec<Room> = boxes.collect();
+        let room = around(boxes.iter().copied());
         let mut near = Near {
             candidates: Vec::new(),
             solids: Vec::new(),
             sites: Vec::new(),
+            is_alone: true,
         };
         let mut mobilities = Mobilities::new(physics);
-        for solid in solids(physics, &low, &high, margin, friction) {
-            for (i, p) in points.iter().enumerate() {
+        let mut vertices = Vec::new();
+        for solid in solids(spheres, physics, &room, margin, friction) {
+            near.is_alone &= stands(solid.collider, physics);
+            vertices.clear();
+            for (patch, (from, to)) in self.patches.iter().zip(&boxes) {
+                if (0..3).all(|a| to[a] >= solid.low[a] && from[a] <= solid.high[a]) {
+                    vertices.extend_from_slice(&patch.vertices);
+                }
+            }
+            vertices.sort_unstable();
+            for &i in &vertices {
+                let p = &place(&self.places[i], body, &state.position);
                 if (0..3).any(|a| p[a] < solid.low[a] || p[a] > solid.high[a]) {
                     continue;
                 }
@@ -157,29 +181,114 @@ impl Skin {
     }
 }
 
+/// Corners of a box, metres.
+pub(super) type Room = (Vector3<f64>, Vector3<f64>);
+
+/// A box that holds boxes.
+fn around(boxes: impl Iterator<Item = Room>) -> Room {
+    let nothing = Vector3::repeat(f64::INFINITY);
+    boxes.fold((nothing, -nothing), |(low, high), (from, to)| {
+        (low.inf(&from), high.sup(&to))
+    })
+}
+
+/// Whether a collider stands fixed or sleeps; what is pushed does not sleep.
+fn stands(collider: &Collider, physics: &PhysicsWorld) -> bool {
+    let body = collider.parent().and_then(|body| physics.bodies.get(body));
+    body.is_none_or(|body| body.is_fixed() || body.is_sleeping())
+}
+
+/// Spheres around all colliders, which tell at once that most are far away.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Spheres(Vec<(ColliderHandle, BoundingSphere)>);
+
+impl Spheres {
+    /// The colliders of a world. Shapes never change; colliders are only added.
+    pub(super) fn update(&mut self, physics: &PhysicsWorld) {
+        if self.0.len() != physics.colliders.len() {
+            let sphere = |collider: &Collider| collider.shape().compute_local_bounding_sphere();
+            let colliders = physics.colliders.iter();
+            self.0 = colliders.map(|(h, c)| (h, sphere(c))).collect();
+        }
+    }
+
+    /// The colliders that may reach into a box that is larger by `margin` metres, in
+    /// the engine's order.
+    fn around<'a>(
+        &'a self,
+        physics: &'a PhysicsWorld,
+        (low, high): &'a Room,
+        margin: f64,
+    ) -> impl Iterator<Item = (ColliderHandle, &'a Collider)> + 'a {
+        const ROUNDING: f64 = 1e-3;
+        self.0.iter().filter_map(move |(handle, sphere)| {
+            let collider = physics.colliders.get(*handle)?;
+            let centre = from_vector(collider.position().transform_point(sphere.center));
+            let away = centre - centre.sup(low).inf(high);
+            let radius = f64::from(sphere.radius) + margin + ROUNDING;
+            (away.norm_squared() <= radius * radius || !radius.is_finite())
+                .then_some((*handle, collider))
+        })
+    }
+
+    /// Whether something that neither stands fixed nor sleeps reaches into a box, or
+    /// nearly.
+    pub(super) fn visit(&self, room: &Room, physics: &PhysicsWorld) -> bool {
+        let (low, high) = room;
+        self.around(physics, room, MARGIN).any(|(_, collider)| {
+            !stands(collider, physics) && reach(collider, physics, low, high, MARGIN).is_some()
+        })
+    }
+}
+
+/// The vertices of every cell that carries any.
+fn patches(places: &[Embedded]) -> Vec<Patch> {
+    let mut patches: BTreeMap<usize, Patch> = BTreeMap::new();
+    for (vertex, at) in places.iter().enumerate() {
+        let patch = patches.entry(at.cell).or_insert(Patch {
+            cell: at.cell,
+            vertices: Vec::new(),
+            beyond: 0.0,
+        });
+        patch.vertices.push(vertex);
+        let negative: f64 = at.weights.iter().filter(|w| **w < 0.0).sum();
+        patch.beyond = patch.beyond.max(-negative);
+    }
+    patches.into_values().collect()
+}
+
+impl Patch {
+    /// A box that holds all its vertices.
+    fn room(&self, body: &Elastic, position: &[Vector3<f64>]) -> Room {
+        const ROUNDING: f64 = 1e-9;
+        let [a, b, c, d] = body.cells[self.cell].nodes.map(|i| position[i]);
+        let (low, high) = (a.inf(&b).inf(&c.inf(&d)), a.sup(&b).sup(&c.sup(&d)));
+        let around = (high - low) * self.beyond + Vector3::repeat(ROUNDING);
+        (low - around, high + around)
+    }
+}
+
+/// Where a vertex is with the nodes at positions.
+fn place(at: &Embedded, body: &Elastic, of: &[Vector3<f64>]) -> Vector3<f64> {
+    let nodes = body.cells[at.cell].nodes.iter().zip(&at.weights);
+    nodes.map(|(i, w)| of[*i] * *w).sum()
+}
+
 /// The solids whose boxes reach into a box.
 fn solids<'a>(
+    spheres: &'a Spheres,
     physics: &'a PhysicsWorld,
-    low: &Vector3<f64>,
-    high: &Vector3<f64>,
+    room: &'a Room,
     margin: f64,
     friction: f64,
 ) -> Vec<Solid<'a>> {
+    let (low, high) = room;
     let mut solids = Vec::new();
-    for (handle, collider) in physics.colliders.iter() {
+    for (handle, collider) in spheres.around(physics, room, margin) {
+        let Some((from, to)) = reach(collider, physics, low, high, margin) else {
+            continue;
+        };
         let body = collider.parent().map(|b| &physics.bodies[b]);
-        if !collider.is_enabled() || body.is_some_and(|b| !b.is_enabled()) {
-            continue;
-        }
-        let aabb = collider.compute_aabb();
-        let reach = Vector3::repeat(margin);
-        let (from, to) = (
-            from_vector(aabb.mins) - reach,
-            from_vector(aabb.maxs) + reach,
-        );
-        if (0..3).any(|a| high[a] < from[a] || low[a] > to[a]) {
-            continue;
-        }
         let zero = Vector3::zeros();
         solids.push(Solid {
             handle,
@@ -195,6 +304,29 @@ fn solids<'a>(
         });
     }
     solids
+}
+
+/// The box of a collider, larger by `margin` metres, where it reaches into a box.
+fn reach(
+    collider: &Collider,
+    physics: &PhysicsWorld,
+    low: &Vector3<f64>,
+    high: &Vector3<f64>,
+    margin: f64,
+) -> Option<Room> {
+    let body = collider.parent().map(|b| &physics.bodies[b]);
+    if !collider.is_enabled() || body.is_some_and(|b| !b.is_enabled()) {
+        return None;
+    }
+    let aabb = collider.compute_aabb();
+    let reach = Vector3::repeat(margin);
+    let (from, to) = (
+        from_vector(aabb.mins) - reach,
+        from_vector(aabb.maxs) + reach,
+    );
+    (0..3)
+        .all(|a| high[a] >= from[a] && low[a] <= to[a])
+        .then_some((from, to))
 }
 
 impl Solid<'_> {

@@ -5,6 +5,7 @@
 
 use nalgebra::{Matrix3, Vector3};
 
+use super::lanes::{Block, Lanes, lanes};
 use super::rotation::Rotation;
 use crate::geometry::tetrahedra::Tetrahedra;
 
@@ -119,52 +120,92 @@ impl Elastic {
     }
 
     /// Lets the rotation of every cell follow its deformation.
+    #[cfg(test)]
     pub(super) fn extract_rotation(&self, position: &[Vector3<f64>], rotations: &mut [Rotation]) {
         for (cell, rotation) in self.cells.iter().zip(rotations) {
             rotation.extract_rotation(&self.deformation(cell, position));
         }
     }
 
-    /// Adds the elastic forces on the nodes, N, and `scale` times the stiffness,
-    /// N/m, to a matrix of blocks; returns the elastic energy, J.
+    /// Lets the rotation of every cell follow its deformation. Adds to the nodes'
+    /// impulses, N·s, what the elastic forces do in `h` seconds, less `stiff` times
+    /// the stiffness times the velocities, and to a matrix of blocks `stiff` times
+    /// the stiffness, N/m; returns the elastic energy, J.
     pub(super) fn assemble(
         &self,
-        position: &[Vector3<f64>],
-        rotations: &[Rotation],
-        scale: f64,
-        force: &mut [Vector3<f64>],
-        matrix: &mut [Matrix3<f64>],
+        [position, velocity]: [&[Vector3<f64>]; 2],
+        rotations: &mut [Rotation],
+        [h, stiff]: [f64; 2],
+        impulse: &mut [Vector3<f64>],
+        matrix: &mut [Block],
     ) -> f64 {
         let mut energy = 0.0;
         for (cell, rotation) in self.cells.iter().zip(rotations) {
+            let deformation = self.deformation(cell, position);
+            rotation.extract_rotation(&deformation);
             let r = rotation.matrix();
-            let (stress, density) =
-                self.stress(&(r.transpose() * self.deformation(cell, position)));
+            let (stress, density) = self.stress(&(r.transpose() * deformation));
             energy += density * cell.volume;
-            let push = r * stress * -cell.volume;
-            let turned = cell.gradients.map(|g| r * g);
+            let resistance = self.resistance(&(r.transpose() * self.deformation(cell, velocity)));
+            let push = r * (stress * h + resistance * stiff) * -cell.volume;
             for (i, g) in cell.nodes.iter().zip(&cell.gradients) {
-                force[*i] += push * g;
+                impulse[*i] += push * g;
             }
-            let (lambda, mu) = (
-                self.lambda * cell.volume * scale,
-                self.mu * cell.volume * scale,
-            );
-            for (a, row) in cell.blocks.iter().enumerate() {
-                for (b, &block) in row.iter().enumerate() {
-                    let (ga, gb) = (turned[a], turned[b]);
-                    let along = mu * ga.dot(&gb);
-                    let out = &mut matrix[block];
-                    for i in 0..3 {
-                        for j in 0..3 {
-                            out[(i, j)] += lambda * ga[i] * gb[j] + mu * gb[i] * ga[j];
-                        }
-                        out[(i, i)] += along;
-                    }
+            let turned = cell.gradients.map(|g| lanes(&(r * g)));
+            self.stiffen(cell, turned, (cell.volume * stiff) as f32, matrix);
+        }
+        energy
+    }
+
+    /// Adds a cell's stiffness times `scale` m³, of turned gradients.
+    fn stiffen(&self, cell: &Cell, turned: [Lanes; 4], scale: f32, matrix: &mut [Block]) {
+        const UNIT: Block = [
+            Lanes::new([1.0, 0.0, 0.0, 0.0]),
+            Lanes::new([0.0, 1.0, 0.0, 0.0]),
+            Lanes::new([0.0, 0.0, 1.0, 0.0]),
+        ];
+        let (lambda, mu) = (self.lambda as f32 * scale, self.mu as f32 * scale);
+        let spread = |g: Lanes, by: f32| {
+            let [x, y, z, _] = (g * Lanes::splat(by)).to_array();
+            [x, y, z].map(Lanes::splat)
+        };
+        let bulk = turned.map(|g| spread(g, lambda));
+        let shear = turned.map(|g| spread(g, mu));
+        for (a, row) in cell.blocks.iter().enumerate() {
+            for (b, &block) in row.iter().enumerate() {
+                let (ga, gb) = (turned[a], turned[b]);
+                let [x, y, z, _] = (ga * gb).to_array();
+                let along = Lanes::splat(mu * (x + y + z));
+                for (j, column) in matrix[block].iter_mut().enumerate() {
+                    *column += ga * bulk[b][j] + gb * shear[a][j] + UNIT[j] * along;
                 }
             }
         }
-        energy
+    }
+
+    /// Takes `stiff` times the stiffness times changes of the velocities off the
+    /// nodes' impulses, N·s.
+    pub(super) fn resist(
+        &self,
+        changes: &[Vector3<f64>],
+        rotations: &[Rotation],
+        stiff: f64,
+        impulse: &mut [Vector3<f64>],
+    ) {
+        for (cell, rotation) in self.cells.iter().zip(rotations) {
+            let r = rotation.matrix();
+            let resistance = self.resistance(&(r.transpose() * self.deformation(cell, changes)));
+            let push = r * resistance * -(cell.volume * stiff);
+            for (i, g) in cell.nodes.iter().zip(&cell.gradients) {
+                impulse[*i] += push * g;
+            }
+        }
+    }
+
+    /// Change of the stress with a deformation, in the cell's own frame.
+    fn resistance(&self, unturned: &Matrix3<f64>) -> Matrix3<f64> {
+        let strain = (unturned + unturned.transpose()) * 0.5;
+        strain * (2.0 * self.mu) + Matrix3::identity() * (self.lambda * strain.trace())
     }
 
     /// Stress of a cell's own frame, Pa, and density of energy, J/m³, at a

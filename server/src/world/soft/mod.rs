@@ -8,6 +8,7 @@
 mod candidates;
 mod contact_force;
 mod elastic;
+mod lanes;
 #[cfg(test)]
 mod laws;
 mod ledger;
@@ -20,12 +21,12 @@ mod tank;
 use nalgebra::{Isometry3, Matrix3, Point3, Quaternion, Translation3, UnitQuaternion, Vector3};
 use rapier3d::prelude::PhysicsWorld;
 
-use candidates::{Bristles, Skin};
+use candidates::{Bristles, Skin, Spheres};
 pub use elastic::{Elastic, Elasticity};
 pub use ledger::Worst;
 use ledger::{Energy, Ledger};
 pub use motion::State;
-use motion::{Acting, step};
+use motion::{Acting, standing, step};
 use rotation::Rotation;
 use solver::Scratch;
 use tank::Tank;
@@ -42,9 +43,12 @@ pub(super) struct SoftObject {
     pub object: usize,
     body: Elastic,
     skin: Skin,
+    spheres: Spheres,
     pub friction: f64,
     state: State,
     bristles: Bristles,
+    /// Ticks in which it hardly moved and nothing that moves was near.
+    still: u32,
     /// A tick has led to numbers that are not finite: it stays where it was.
     broken: bool,
     contacts: Vec<Contact>,
@@ -54,7 +58,13 @@ pub(super) struct SoftObject {
 }
 
 /// What a saved world holds of a soft object.
-pub(super) type Saved = (State, Bristles, Tank, bool);
+pub(super) type Saved = (State, Bristles, Tank, u32, bool);
+
+/// Speed of the fastest node at which an object hardly moves, m/s.
+const HARDLY: f64 = 1e-4;
+/// Ticks of hardly any motion after which an object sleeps: nothing of it changes
+/// until something that can move comes near.
+const SLEEPY: u32 = 120;
 
 impl SoftObject {
     /// The object at its place; `None` when it is a rigid one.
@@ -73,8 +83,10 @@ impl SoftObject {
             state: State::placed(&elastic, &placement.pose),
             skin: Skin::new(&tet_mesh, &skin),
             body: elastic,
+            spheres: Spheres::default(),
             friction: placement.friction,
             bristles: Bristles::default(),
+            still: 0,
             broken: false,
             contacts: Vec::new(),
             tank: Tank::default(),
@@ -85,7 +97,8 @@ impl SoftObject {
 
     /// One tick of `h` seconds; pushes the solids that it touches.
     pub(super) fn step(&mut self, physics: &mut PhysicsWorld, gravity: f64, h: f64) {
-        if self.broken {
+        self.spheres.update(physics);
+        if self.broken || self.sleeps(physics, h) {
             return;
         }
         let before = self.state.clone();
@@ -93,7 +106,7 @@ impl SoftObject {
             &self.state,
             &self.body,
             &self.bristles,
-            physics,
+            (&self.spheres, &*physics),
             self.friction,
             h,
         );
@@ -136,6 +149,44 @@ impl SoftObject {
         self.bristles = near.bristles(forces);
         self.contacts = near.contacts(BodyRef::Object(self.object), forces);
         near.push(physics, forces);
+        if near.is_alone && speed < HARDLY {
+            self.still += 1;
+        } else {
+            self.still = 0;
+        }
+        if self.still == SLEEPY {
+            self.damp(0.0);
+            self.still = SLEEPY;
+            self.lie(physics, h);
+        }
+    }
+
+    /// Whether it lies still and nothing that moves is near.
+    fn sleeps(&mut self, physics: &PhysicsWorld, h: f64) -> bool {
+        if !self.is_asleep() {
+            return false;
+        }
+        if self
+            .spheres
+            .visit(&self.skin.room(&self.state, &self.body), physics)
+        {
+            self.still = 0;
+            return false;
+        }
+        // A saved state does not hold them.
+        if self.contacts.is_empty() {
+            self.lie(physics, h);
+        }
+        true
+    }
+
+    /// Tells the contacts on which it lies.
+    fn lie(&mut self, physics: &PhysicsWorld, h: f64) {
+        let (skin, body, state) = (&self.skin, &self.body, &self.state);
+        let around = (&self.spheres, physics);
+        let near = skin.near(state, body, &self.bristles, around, self.friction, h);
+        let forces = standing(body, state, &near.candidates, &near.solids, h);
+        self.contacts = near.contacts(BodyRef::Object(self.object), &forces);
     }
 
     /// The worst that was seen of it.
@@ -165,6 +216,11 @@ impl SoftObject {
         elastic + kinetic
     }
 
+    /// Whether nothing of it changes.
+    pub(super) fn is_asleep(&self) -> bool {
+        self.still >= SLEEPY
+    }
+
     /// Gives one node a speed beyond all numbers, to see what happens.
     #[cfg(test)]
     pub(super) fn spoil(&mut self) {
@@ -180,6 +236,7 @@ impl SoftObject {
     pub(super) fn damp(&mut self, keep: f64) {
         self.tank.empty();
         self.ledger.restart();
+        self.still = 0;
         for v in &mut self.state.velocity {
             *v = if keep == 0.0 {
                 Vector3::zeros()
@@ -226,14 +283,18 @@ impl SoftObject {
     /// What the next tick depends on.
     pub(super) fn save(&self) -> Saved {
         let (state, bristles, tank) = (&self.state, &self.bristles, &self.tank);
-        (state.clone(), bristles.clone(), tank.clone(), self.broken)
+        let (state, bristles, tank) = (state.clone(), bristles.clone(), tank.clone());
+        (state, bristles, tank, self.still, self.broken)
     }
 
     /// What is wrong with a saved state of this object.
     ///
     /// # Errors
     /// In words.
-    pub(super) fn examine(&self, (state, bristles, tank, broken): &Saved) -> Result<(), String> {
+    pub(super) fn examine(
+        &self,
+        (state, bristles, tank, still, broken): &Saved,
+    ) -> Result<(), String> {
         let own = &self.state;
         if state.position.len() != own.position.len()
             || state.velocity.len() != own.velocity.len()
@@ -251,6 +312,9 @@ impl SoftObject {
             &numbers(&state.velocity),
             STORED_SPEED,
         )?;
+        if *still >= SLEEPY && state.velocity.iter().any(|v| *v != Vector3::zeros()) {
+            return Err("the soft object sleeps in it, and moves".to_owned());
+        }
         let bristles: Vec<f64> = bristles.numbers().collect();
         within("a bristle of the soft object", &bristles, FARTHEST)?;
         within("the energy of a contact", &tank.numbers(), FARTHEST)?;
@@ -268,10 +332,11 @@ impl SoftObject {
     }
 
     /// Takes over a saved state that has been examined.
-    pub(super) fn restore(&mut self, (state, bristles, tank, broken): Saved) {
+    pub(super) fn restore(&mut self, (state, bristles, tank, still, broken): Saved) {
         self.state = state;
         self.bristles = bristles;
         self.tank = tank;
+        self.still = still;
         self.broken = broken;
         self.contacts.clear();
         self.ledger.restart();

@@ -7,13 +7,13 @@
 //! solution: freely at first, then only by giving way, until every contact does
 //! what it may.
 
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
 use super::contact_force::{ContactCandidate, ContactForce, ContactSolution, Mobility};
 use super::elastic::Elastic;
 use super::rotation::Rotation;
-use super::solver::Scratch;
+use super::solver::{Scratch, Tick};
 
 /// Solutions in which contacts may close and hold more again.
 const FREE: usize = 3;
@@ -119,21 +119,20 @@ pub(super) fn step(
         soften,
     } = acting;
     scratch.prepare(body);
-    body.extract_rotation(&state.position, &mut state.rotations);
     // An implicit step damps as much as a damping time of its own length.
     let stiff = h * (h + (body.damping - h).max(0.0));
     let elastic = body.assemble(
-        &state.position,
-        &state.rotations,
-        stiff,
+        [&state.position, &state.velocity],
+        &mut state.rotations,
+        [h, stiff],
         &mut scratch.force,
-        &mut scratch.elastic,
+        &mut scratch.matrix,
     );
     for i in 0..body.nodes() {
-        let m = body.masses[i];
-        scratch.elastic[body.diagonal[i]] += Matrix3::identity() * m;
-        scratch.force[i] = state.velocity[i] * m + (scratch.force[i] + load(i)) * h;
+        scratch.force[i] += load(i) * h;
+        scratch.weigh(body, i);
     }
+    scratch.begin(body, held);
     let mut solution = ContactSolution::new(
         body,
         &state.position,
@@ -144,10 +143,16 @@ pub(super) fn step(
     );
     let share = soften(elastic, solution.energy());
     solution.soften(share);
+    let before = state.velocity.clone();
+    let tick = Tick {
+        body,
+        rotations: &state.rotations,
+        stiff,
+        before: &before,
+    };
     for round in 0..ROUNDS {
-        scratch.add_springs(body, solution.springs());
-        scratch.hold(body, held, &state.velocity);
-        scratch.solve(body, &mut state.velocity);
+        scratch.put_springs(body, solution.springs());
+        scratch.solve(tick, &mut state.velocity);
         if round + 1 == ROUNDS {
             scratch.unsettled += 1;
         } else if solution.agree(body, &state.velocity, round >= FREE) {
@@ -167,4 +172,16 @@ pub(super) fn step(
         kick,
         share,
     }
+}
+
+/// Forces of the contacts of a body that does not move.
+pub(super) fn standing(
+    body: &Elastic,
+    state: &State,
+    candidates: &[ContactCandidate],
+    solids: &[Mobility],
+    h: f64,
+) -> Vec<ContactForce> {
+    let (position, velocity) = (&state.position, &state.velocity);
+    ContactSolution::new(body, position, velocity, candidates, solids, h).done(body, velocity)
 }

@@ -1,6 +1,7 @@
-//! The rotation in a deformation gradient, by an iterative polar
-//! decomposition that starts from the last one (Müller et al. 2016, "A Robust Method to
-//! Extract the Rotational Part of Deformations"), inverted cells included.
+//! The rotation in a deformation gradient, by an iterative polar decomposition
+//! that starts from the last one: steps of Newton where the present rotation is
+//! near, those of Müller et al. 2016 ("A Robust Method to Extract the Rotational
+//! Part of Deformations") elsewhere, inverted cells included.
 //!
 //! Only sums, products, quotients and square roots: the same bits everywhere.
 
@@ -9,6 +10,10 @@ use serde::{Deserialize, Serialize};
 
 /// Changes below this are no change, rad.
 const ENOUGH: f64 = 1e-9;
+/// The same of a step of Newton, whose error is squared.
+const NEAR: f64 = 1e-5;
+/// Least curvature of what Newton climbs, in units of the mean.
+const CURVED: f64 = 0.1;
 /// Most steps; one or two suffice from tick to tick.
 const STEPS: usize = 20;
 
@@ -55,17 +60,19 @@ impl Rotation {
     /// Turns towards the rotation in `f`, from where it is.
     pub fn extract_rotation(&mut self, f: &Matrix3<f64>) {
         for _ in 0..STEPS {
-            let r = self.matrix();
-            let mut twist = Vector3::zeros();
-            let mut grip = 0.0;
-            for i in 0..3 {
-                let (a, b) = (r.column(i), f.column(i));
-                twist += a.cross(&b);
-                grip += a.dot(&b);
-            }
-            let step = twist / (grip.abs() + 1e-9);
+            // What is left of the deformation, seen from outside: symmetric where
+            // the rotation is found.
+            let q = f * self.matrix().transpose();
+            let twist = Vector3::new(
+                q[(2, 1)] - q[(1, 2)],
+                q[(0, 2)] - q[(2, 0)],
+                q[(1, 0)] - q[(0, 1)],
+            );
+            let newton = newton(&q, &twist);
+            let step = newton.unwrap_or_else(|| twist / (q.trace().abs() + 1e-9));
             self.rotate(&step);
-            if step.norm_squared() < ENOUGH * ENOUGH {
+            let enough = if newton.is_some() { NEAR } else { ENOUGH };
+            if step.norm_squared() < enough * enough {
                 return;
             }
         }
@@ -84,4 +91,37 @@ impl Rotation {
         let norm = turned.iter().map(|q| q * q).sum::<f64>().sqrt();
         self.0 = turned.map(|q| q / norm);
     }
+}
+
+/// The step to the greatest trace of what is left, where that is near: the trace
+/// must curve down in all directions.
+fn newton(q: &Matrix3<f64>, twist: &Vector3<f64>) -> Option<Vector3<f64>> {
+    let trace = q.trace();
+    let least = CURVED * trace;
+    // trace - symmetric part, by its Cholesky factors.
+    let (xx, yy, zz) = (trace - q[(0, 0)], trace - q[(1, 1)], trace - q[(2, 2)]);
+    let (xy, xz, yz) = (
+        -0.5 * (q[(0, 1)] + q[(1, 0)]),
+        -0.5 * (q[(0, 2)] + q[(2, 0)]),
+        -0.5 * (q[(1, 2)] + q[(2, 1)]),
+    );
+    if !(least > 0.0 && xx > least) {
+        return None;
+    }
+    let (a, b) = (xy / xx, xz / xx);
+    let second = yy - a * xy;
+    let mixed = yz - a * xz;
+    if second <= least {
+        return None;
+    }
+    let c = mixed / second;
+    let third = zz - b * xz - c * mixed;
+    if third <= least {
+        return None;
+    }
+    let y = twist.y - a * twist.x;
+    let z = (twist.z - b * twist.x - c * y) / third;
+    let y = y / second - c * z;
+    let x = twist.x / xx - a * y - b * z;
+    Some(Vector3::new(x, y, z))
 }

@@ -1,14 +1,24 @@
 //! The linear system of a tick: blocks of 3 x 3, conjugate gradients.
+//!
+//! What is left to solve, and the velocities, are kept in double precision; the
+//! change of the velocities is found in single precision (`lanes`).
 
 use nalgebra::{Matrix3, Vector3};
 
 use super::elastic::Elastic;
+use super::lanes::{Block, Lanes, block, inverse, lanes, sum, times};
+use super::rotation::Rotation;
 
 /// Most conjugate-gradient steps of a solution.
-const STEPS: usize = 80;
+const STEPS: u64 = 80;
 /// Error of the velocities at which a solution is good, m/s; it weighs the
 /// motion of the whole ten times less than that of a node.
 const GOOD: f64 = 1e-6;
+/// Part of [`GOOD`] that single precision is asked for.
+const ASKED: f64 = 0.5;
+/// Change of the velocities, m/s, after which what is left to solve is worked out
+/// anew: single precision knows it within 1e-7 of the change, and some.
+const TRUSTED: f64 = 0.05;
 
 /// A contact as the system sees it: a spring from a point of the body to a
 /// target that moves with the solid.
@@ -26,16 +36,28 @@ pub(super) struct Spring {
 /// The system, and scratch memory to solve it.
 #[derive(Clone, Debug, Default)]
 pub struct Scratch {
-    /// Masses and stiffness without contacts; filled by the step.
-    pub(super) elastic: Vec<Matrix3<f64>>,
-    matrix: Vec<Matrix3<f64>>,
-    inverse: Vec<Matrix3<f64>>,
-    /// Right side without contacts; filled by the step.
+    /// Masses, stiffness and the springs that are in.
+    pub(super) matrix: Vec<Block>,
+    /// Inverses of the blocks on the diagonal; none of held nodes.
+    inverse: Vec<Block>,
+    /// What the velocities before leave to solve without springs, N·s; filled by
+    /// the step.
     pub(super) force: Vec<Vector3<f64>>,
-    right: Vec<Vector3<f64>>,
-    residual: Vec<Vector3<f64>>,
-    direction: Vec<Vector3<f64>>,
-    product: Vec<Vector3<f64>>,
+    /// The same of the present velocities.
+    rest: Vec<Vector3<f64>>,
+    /// The same with springs.
+    left: Vec<Vector3<f64>>,
+    springs: Vec<Spring>,
+    /// Blocks as they were before the springs, in the order in which they changed.
+    covered: Vec<(usize, Block)>,
+    is_covered: Vec<bool>,
+    is_held: Vec<bool>,
+    residual: Vec<Lanes>,
+    change: Vec<Lanes>,
+    direction: Vec<Lanes>,
+    product: Vec<Lanes>,
+    /// How far the velocities changed since `rest` was worked out, m/s.
+    moved: f64,
     /// Conjugate-gradient steps since the start.
     pub steps: u64,
     /// Solutions since the start.
@@ -44,108 +66,247 @@ pub struct Scratch {
     pub unsettled: u64,
 }
 
+/// What the stiffness of a tick depends on.
+#[derive(Clone, Copy)]
+pub(super) struct Tick<'a> {
+    pub body: &'a Elastic,
+    pub rotations: &'a [Rotation],
+    /// Factor of the stiffness, s².
+    pub stiff: f64,
+    /// Velocities before, m/s.
+    pub before: &'a [Vector3<f64>],
+}
+
 impl Scratch {
     /// Makes room and sets everything to zero.
     pub(super) fn prepare(&mut self, body: &Elastic) {
         let n = body.nodes();
-        for blocks in [&mut self.elastic, &mut self.matrix] {
-            blocks.clear();
-            blocks.resize(body.columns.len(), Matrix3::zeros());
-        }
-        self.inverse.resize(n, Matrix3::zeros());
-        for vectors in [
-            &mut self.force,
-            &mut self.right,
+        self.matrix.clear();
+        self.matrix.resize(body.columns.len(), Block::default());
+        self.force.clear();
+        self.force.resize(n, Vector3::zeros());
+        self.springs.clear();
+        self.covered.clear();
+        self.is_covered.clear();
+        self.is_covered.resize(body.cells.len(), false);
+        for lanes in [
             &mut self.residual,
+            &mut self.change,
             &mut self.direction,
             &mut self.product,
         ] {
-            vectors.clear();
-            vectors.resize(n, Vector3::zeros());
+            lanes.resize(n, Lanes::default());
         }
     }
 
-    /// The body's own system with contacts in it.
-    pub(super) fn add_springs(&mut self, body: &Elastic, springs: impl Iterator<Item = Spring>) {
-        self.matrix.copy_from_slice(&self.elastic);
-        self.right.copy_from_slice(&self.force);
-        for spring in springs {
-            let cell = &body.cells[spring.cell];
-            for a in 0..4 {
-                self.right[cell.nodes[a]] += spring.push * spring.weights[a];
-                for b in 0..4 {
-                    self.matrix[cell.blocks[a][b]] +=
-                        spring.block * (spring.weights[a] * spring.weights[b]);
-                }
-            }
+    /// Adds the mass of a node.
+    pub(super) fn weigh(&mut self, body: &Elastic, node: usize) {
+        let mass = body.masses[node] as f32;
+        let mut lane = [0.0; 4];
+        for (j, column) in self.matrix[body.diagonal[node]].iter_mut().enumerate() {
+            lane[j] = mass;
+            *column += Lanes::new(lane);
+            lane[j] = 0.0;
         }
     }
 
-    /// Rows of held nodes say that nothing changes.
-    pub(super) fn hold(&mut self, body: &Elastic, held: &[usize], velocity: &[Vector3<f64>]) {
+    /// Takes up the system that the step has filled in; held nodes keep their
+    /// velocities.
+    pub(super) fn begin(&mut self, body: &Elastic, held: &[usize]) {
+        self.rest.clone_from(&self.force);
+        self.moved = 0.0;
+        self.is_held.clear();
+        self.is_held.resize(body.nodes(), false);
         for &i in held {
-            for block in body.rows[i]..body.rows[i + 1] {
-                let j = body.columns[block];
-                self.matrix[block] = Matrix3::zeros();
-                for other in body.rows[j]..body.rows[j + 1] {
-                    if body.columns[other] == i {
-                        let blocked = self.matrix[other];
-                        self.right[j] -= blocked * velocity[i];
-                        self.matrix[other] = Matrix3::zeros();
+            self.is_held[i] = true;
+        }
+        self.inverse.clear();
+        self.inverse.resize(body.nodes(), Block::default());
+        for i in 0..body.nodes() {
+            self.invert(body, i);
+        }
+    }
+
+    /// Puts springs into the system in the place of those that are in.
+    pub(super) fn put_springs(&mut self, body: &Elastic, springs: impl Iterator<Item = Spring>) {
+        let last = std::mem::take(&mut self.springs);
+        for (block, before) in self.covered.drain(..).rev() {
+            self.matrix[block] = before;
+        }
+        for spring in &last {
+            self.is_covered[spring.cell] = false;
+        }
+        self.springs.extend(springs);
+        for spring in &self.springs {
+            let cell = &body.cells[spring.cell];
+            let blocks = cell.blocks.iter().flatten();
+            if !std::mem::replace(&mut self.is_covered[spring.cell], true) {
+                let matrix = &self.matrix;
+                let before = blocks.clone().map(|&block| (block, matrix[block]));
+                self.covered.extend(before);
+            }
+            let own = block(&spring.block);
+            for (a, row) in cell.blocks.iter().enumerate() {
+                for (b, &place) in row.iter().enumerate() {
+                    let weight = Lanes::splat((spring.weights[a] * spring.weights[b]) as f32);
+                    for (column, own) in self.matrix[place].iter_mut().zip(&own) {
+                        *column += *own * weight;
                     }
                 }
             }
-            self.matrix[body.diagonal[i]] = Matrix3::identity();
-            self.right[i] = velocity[i];
+        }
+        // The nodes that had springs or have some.
+        let mut cells: Vec<usize> = last.iter().chain(&self.springs).map(|s| s.cell).collect();
+        cells.dedup();
+        for cell in cells {
+            for node in body.cells[cell].nodes {
+                self.invert(body, node);
+            }
         }
     }
 
-    /// Conjugate gradients from the velocities before.
-    pub(super) fn solve(&mut self, body: &Elastic, velocity: &mut [Vector3<f64>]) {
+    fn invert(&mut self, body: &Elastic, node: usize) {
+        if !self.is_held[node] {
+            self.inverse[node] = inverse(&self.matrix[body.diagonal[node]]);
+        }
+    }
+
+    /// Conjugate gradients from the present velocities, until what is left is good.
+    pub(super) fn solve(&mut self, tick: Tick<'_>, velocity: &mut [Vector3<f64>]) {
         self.solutions += 1;
-        let good = GOOD * GOOD * body.mass;
-        for i in 0..body.nodes() {
-            let block = self.matrix[body.diagonal[i]];
-            self.inverse[i] = block.try_inverse().unwrap_or_default();
+        let good = GOOD * GOOD * tick.body.mass;
+        let mut left = STEPS;
+        loop {
+            let size = self.look(tick.body, velocity);
+            if size <= good || left == 0 || !size.is_finite() {
+                return;
+            }
+            let taken = self.descend(tick.body, size, good * ASKED * ASKED, left);
+            self.steps += taken;
+            left -= taken;
+            let mut furthest: f32 = 0.0;
+            for (v, change) in velocity.iter_mut().zip(&self.change) {
+                let change = change.to_array();
+                for (v, change) in v.iter_mut().zip(change) {
+                    *v += f64::from(change);
+                    furthest = furthest.max(change.abs());
+                }
+            }
+            self.moved += f64::from(furthest);
+            if self.moved > TRUSTED {
+                self.work_out(tick, velocity);
+            } else {
+                self.take_over(tick.body, velocity);
+            }
         }
-        let mut size = 0.0;
+    }
+
+    /// What is left to solve, as lanes; returns its size.
+    fn look(&mut self, body: &Elastic, velocity: &[Vector3<f64>]) -> f64 {
+        self.left.clone_from(&self.rest);
+        press(&mut self.left, &self.springs, body, velocity, 1.0);
+        let mut size = Lanes::default();
         for i in 0..body.nodes() {
-            let residual = self.right[i] - self.row(body, i, velocity);
-            let wanted = self.inverse[i] * residual;
+            let residual = lanes(&self.left[i]);
             self.residual[i] = residual;
-            self.direction[i] = wanted;
-            size += residual.dot(&wanted);
+            self.direction[i] = times(&self.inverse[i], residual);
+            size += residual * self.direction[i];
         }
-        for _ in 0..STEPS {
-            if size <= good || !size.is_finite() {
-                break;
-            }
-            self.steps += 1;
-            let mut curve = 0.0;
+        f64::from(sum(size))
+    }
+
+    /// Steps from no change until `good`, at most `most`; returns how many.
+    fn descend(&mut self, body: &Elastic, size: f64, good: f64, most: u64) -> u64 {
+        let good = good as f32;
+        let mut size = size as f32;
+        self.change.fill(Lanes::default());
+        for taken in 1..=most {
+            let mut curve = Lanes::default();
             for i in 0..body.nodes() {
-                self.product[i] = self.row(body, i, &self.direction);
-                curve += self.product[i].dot(&self.direction[i]);
+                let blocks = body.rows[i]..body.rows[i + 1];
+                let product = row(
+                    &self.matrix[blocks.clone()],
+                    &body.columns[blocks],
+                    &self.direction,
+                );
+                self.product[i] = product;
+                curve += product * self.direction[i];
             }
-            let far = size / curve;
-            let mut next = 0.0;
-            for (i, velocity) in velocity.iter_mut().enumerate().take(body.nodes()) {
-                *velocity += self.direction[i] * far;
-                self.residual[i] -= self.product[i] * far;
-                next += self.residual[i].dot(&(self.inverse[i] * self.residual[i]));
-            }
-            let keep = next / size;
+            let far = Lanes::splat(size / sum(curve));
+            let mut next = Lanes::default();
             for i in 0..body.nodes() {
-                self.direction[i] = self.inverse[i] * self.residual[i] + self.direction[i] * keep;
+                self.change[i] += self.direction[i] * far;
+                let residual = self.residual[i] - self.product[i] * far;
+                self.residual[i] = residual;
+                let wanted = times(&self.inverse[i], residual);
+                self.product[i] = wanted;
+                next += residual * wanted;
+            }
+            let next = sum(next);
+            if next <= good || !next.is_finite() {
+                return taken;
+            }
+            let keep = Lanes::splat(next / size);
+            for (direction, wanted) in self.direction.iter_mut().zip(&self.product) {
+                *direction = *wanted + *direction * keep;
             }
             size = next;
         }
+        most
     }
 
-    fn row(&self, body: &Elastic, i: usize, of: &[Vector3<f64>]) -> Vector3<f64> {
-        let mut sum = Vector3::zeros();
-        for block in body.rows[i]..body.rows[i + 1] {
-            sum += self.matrix[block] * of[body.columns[block]];
+    /// What single precision says is left becomes what is left.
+    fn take_over(&mut self, body: &Elastic, velocity: &[Vector3<f64>]) {
+        for (i, rest) in self.rest.iter_mut().enumerate() {
+            if !self.is_held[i] {
+                let [x, y, z, _] = self.residual[i].to_array().map(f64::from);
+                *rest = Vector3::new(x, y, z);
+            }
         }
-        sum
+        press(&mut self.rest, &self.springs, body, velocity, -1.0);
     }
+
+    /// Works out what is left without springs in double precision.
+    fn work_out(&mut self, tick: Tick<'_>, velocity: &[Vector3<f64>]) {
+        self.moved = 0.0;
+        let changes = velocity.iter().zip(tick.before).map(|(now, v)| now - v);
+        let changes: Vec<Vector3<f64>> = changes.collect();
+        self.rest.clone_from(&self.force);
+        let masses = tick.body.masses.iter().zip(&changes);
+        for (rest, (mass, change)) in self.rest.iter_mut().zip(masses) {
+            *rest -= change * *mass;
+        }
+        tick.body
+            .resist(&changes, tick.rotations, tick.stiff, &mut self.rest);
+    }
+}
+
+/// Adds the impulses of springs at velocities, times `sign`.
+fn press(
+    to: &mut [Vector3<f64>],
+    springs: &[Spring],
+    body: &Elastic,
+    velocity: &[Vector3<f64>],
+    sign: f64,
+) {
+    for spring in springs {
+        let nodes = body.cells[spring.cell].nodes;
+        let corners = nodes.iter().zip(&spring.weights);
+        let speed: Vector3<f64> = corners.clone().map(|(&i, w)| velocity[i] * *w).sum();
+        let impulse = (spring.push - spring.block * speed) * sign;
+        for (&i, weight) in corners {
+            to[i] += impulse * *weight;
+        }
+    }
+}
+
+fn row(blocks: &[Block], columns: &[usize], of: &[Lanes]) -> Lanes {
+    let (mut x, mut y, mut z) = (Lanes::default(), Lanes::default(), Lanes::default());
+    for (block, &column) in blocks.iter().zip(columns) {
+        let [a, b, c, _] = of[column].to_array();
+        x += block[0] * Lanes::splat(a);
+        y += block[1] * Lanes::splat(b);
+        z += block[2] * Lanes::splat(c);
+    }
+    x + y + z
 }
