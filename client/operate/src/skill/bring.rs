@@ -33,6 +33,8 @@ const HEADINGS: [f64; 15] = [
     -150.0, -135.0, -165.0, -120.0, -180.0, -142.5, -157.5, -105.0, -127.5, -172.5, -112.5, -90.0,
     -97.5, -187.5, -195.0,
 ];
+/// The hand turns by less than this on the way round, radians.
+const MOST_TURN: f64 = 5.0;
 /// Directions of a thing's longest side in the lap: across the thighs, radians.
 const ACROSS: [f64; 2] = [FRAC_PI_2, -FRAC_PI_2];
 /// How far the hand leans forward there, so that a belly has room, radians.
@@ -46,7 +48,9 @@ const HEIGHTS: [f64; 3] = [1.06, 1.14, 1.21];
 /// The same for a hand that points down.
 const LAP_HEIGHTS: [f64; 3] = [0.98, 0.93, 1.04];
 /// Ways that are looked at for one stop of the chair.
-const TRIED: usize = 24;
+const TRIED: usize = 40;
+/// Whether the hand turns evenly on the way round, in its first half or in its second.
+const TURNS: [[f64; 2]; 3] = [[0.0, 1.0], [0.0, 0.5], [0.5, 1.0]];
 /// Parts of the way round that are looked at.
 const PARTS: usize = 16;
 /// What is carried keeps this far from the person's capsules, metres, and from the
@@ -160,12 +164,19 @@ impl Plan<'_> {
         match self.to {
             To::Lips(_) => {
                 let forward = heading(start.rotation * Vector3::z());
-                let end = |to: &f64| End {
-                    turn: to.to_radians() - forward,
+                // The shorter turn of the hand first, then the other way about.
+                let turn = |to: &f64| wrap(to.to_radians() - forward);
+                let short = HEADINGS.iter().map(turn);
+                let long = short.clone().map(|turn| turn - TAU * turn.signum());
+                let end = |turn| End {
+                    turn,
                     lean: 0.0,
                     forward: 0.0,
                 };
-                HEADINGS.iter().map(end).collect()
+                short
+                    .chain(long.filter(|turn| turn.abs() < MOST_TURN))
+                    .map(end)
+                    .collect()
             }
             To::Lap(_) => {
                 let long = heading(start.rotation * self.long);
@@ -218,32 +229,34 @@ impl Plan<'_> {
         };
         let [far, from, height] = self.polar(start);
         let mut ways = Vec::new();
-        for up in heights {
-            for round in ROUND {
-                for end in self.ends(start) {
-                    let [near, mut to, low] = self.polar(&self.at(start, end, AWAY));
-                    // Round by the front, not over the person.
-                    if to > 0.3 {
-                        to -= TAU;
+        for [begun, done] in TURNS {
+            for up in heights {
+                for round in ROUND {
+                    for end in self.ends(start) {
+                        let [near, mut to, low] = self.polar(&self.at(start, end, AWAY));
+                        // Round by the front, not over the person.
+                        if to > 0.3 {
+                            to -= TAU;
+                        }
+                        let mut corners =
+                            vec![[far, from, height, 0.0, 0.0], [round, from, up, 0.0, 0.0]];
+                        for part in 1..=PARTS {
+                            let share = part as f64 / PARTS as f64;
+                            let late = (2.0 * share - 1.0).max(0.0);
+                            corners.push([
+                                round + (near - round) * late,
+                                from + (to - from) * share,
+                                up + (low - up) * share,
+                                end.turn * ((share - begun) / (done - begun)).clamp(0.0, 1.0),
+                                end.lean * late,
+                            ]);
+                        }
+                        ways.push(Way {
+                            corners,
+                            start: *start,
+                            end,
+                        });
                     }
-                    let mut corners =
-                        vec![[far, from, height, 0.0, 0.0], [round, from, up, 0.0, 0.0]];
-                    for part in 1..=PARTS {
-                        let share = part as f64 / PARTS as f64;
-                        let late = (2.0 * share - 1.0).max(0.0);
-                        corners.push([
-                            round + (near - round) * late,
-                            from + (to - from) * share,
-                            up + (low - up) * share,
-                            end.turn * share,
-                            end.lean * late,
-                        ]);
-                    }
-                    ways.push(Way {
-                        corners,
-                        start: *start,
-                        end,
-                    });
                 }
             }
         }
@@ -391,10 +404,12 @@ fn paths(
     let ways = plan.ways(&start);
     let clear = |room: &[f64; 2]| -> Vec<&Way> {
         let clear = ways.iter();
-        clear
+        let clear: Vec<&Way> = clear
             .filter(|way| plan.keeps_clear(way, &balls, *room))
-            .take(TRIED)
-            .collect()
+            .collect();
+        // Some of each kind.
+        let step = clear.len().div_ceil(TRIED).max(1);
+        clear.into_iter().step_by(step).collect()
     };
     let ways = ROOMS.iter().map(clear).find(|ways| !ways.is_empty());
     let in_house = |way: &Way| {
