@@ -4,12 +4,12 @@
 /// reads it once, before a process opens its first session.
 pub const TRANSPORT_THREADS: &str = "ZENOH_RUNTIME";
 
-/// Its value for a process with a session over TLS: one thread both sends and
-/// receives.
+/// Its value for a client of a server over TLS: one thread both sends and receives.
 ///
 /// The transport reads and writes the same TLS connection without a lock, from two
 /// threads unless told otherwise, and a connection that breaks while something is sent
-/// then reads memory that has gone (eclipse-zenoh/zenoh#2557).
+/// then reads memory that has gone (eclipse-zenoh/zenoh#2557). A server cannot do with
+/// one thread: it hands on between clients, and waits for itself when a queue is full.
 pub const ONE_TRANSPORT_THREAD: &str = "(rx: (worker_threads: 1), tx: (handover: rx))";
 
 /// Batches that may wait for that thread, by priority: the setting
@@ -19,11 +19,15 @@ pub const TRANSPORT_QUEUES: &str = r#"{"control": 16, "real_time": 16, "interact
 
 /// Starts this program again, with the same words, in the same process, with those
 /// variables that are not set already. Returns where nothing is missing, where the
-/// system cannot do that, and where it fails: then the program goes on without.
+/// system cannot do that, and where it fails: then the program goes on without. What a
+/// client set for itself ([`ONE_TRANSPORT_THREAD`]) does not count in what it starts.
 pub fn with_variables<'a>(wanted: impl IntoIterator<Item = (&'a str, std::ffi::OsString)>) {
     let missing: Vec<_> = wanted
         .into_iter()
-        .filter(|(name, _)| std::env::var_os(name).is_none())
+        .filter(|(name, value)| match std::env::var_os(name) {
+            None => true,
+            Some(now) => now == ONE_TRANSPORT_THREAD && now != *value,
+        })
         .collect();
     if missing.is_empty() {
         return;
@@ -38,7 +42,7 @@ pub fn with_variables<'a>(wanted: impl IntoIterator<Item = (&'a str, std::ffi::O
     }
 }
 
-/// [`with_variables`] for a program that opens sessions over TLS.
+/// [`with_variables`] for a client that opens sessions over TLS.
 pub fn for_tls() {
     with_variables([(TRANSPORT_THREADS, ONE_TRANSPORT_THREAD.into())]);
 }

@@ -3,21 +3,16 @@
 
 use std::ffi::OsString;
 
-use wheelarm_proto::restart::{self, ONE_TRANSPORT_THREAD, TRANSPORT_THREADS};
+use wheelarm_proto::restart::{self, TRANSPORT_THREADS};
 
 /// Starts this program again with what graphics drivers and the transport read
 /// from the environment, unless it is set already; where that fails, they do
-/// without. `guarded` says that it has connections over TLS.
-pub fn complete(guarded: bool) {
-    let threads = if guarded {
-        ONE_TRANSPORT_THREAD
-    } else {
-        SENDING_THREADS
-    };
+/// without.
+pub fn complete() {
     let wanted = [
         ("XDG_RUNTIME_DIR", runtime_folder()),
         ("LP_NUM_THREADS", drawing_threads()),
-        (TRANSPORT_THREADS, Some(threads.into())),
+        (TRANSPORT_THREADS, Some(SENDING_THREADS.into())),
     ];
     let known = wanted
         .into_iter()
@@ -28,7 +23,8 @@ pub fn complete(guarded: bool) {
 /// Threads with which the transport sends to all peers, one unless said. The end
 /// of a connection whose peer does not read keeps one busy for as long as
 /// somebody waits to send to it, and with one alone nobody would hear anything.
-/// Over TLS there is no choice.
+/// Over TLS too, although the transport is not safe from several there: a server
+/// with one thread for both directions stalls.
 const SENDING_THREADS: &str = "(tx: (worker_threads: 4))";
 
 /// A private folder: without one, as in containers and batch jobs, drivers

@@ -10,7 +10,7 @@ use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::{CommandFactory, Parser};
 use tokio::signal::unix::{Signal, SignalKind, signal};
 use wheelarm_access::Folder;
-use wheelarm_proto::endpoint::{check_endpoint, is_guarded};
+use wheelarm_proto::endpoint::check_endpoint;
 use wheelarm_proto::installed;
 use wheelarm_proto::keys::{self, Keys};
 use wheelarm_proto::look::LookText;
@@ -214,12 +214,6 @@ fn print_draws(
 }
 
 impl Args {
-    /// Whether it has connections over TLS.
-    fn is_guarded(&self) -> bool {
-        let mut endpoints = self.listen.iter().chain(&self.connect);
-        self.keys.is_some() || endpoints.any(|endpoint| is_guarded(endpoint))
-    }
-
     /// How the server is to be reached.
     fn reach(&self) -> anyhow::Result<Reach> {
         let keys = self.keys.as_deref().map(Folder::open).transpose()?;
@@ -343,7 +337,7 @@ fn concrete(endpoint: &str) -> anyhow::Result<String> {
 fn main() -> ExitCode {
     end_with_output();
     let args = Args::parse();
-    environment::complete(args.is_guarded());
+    environment::complete();
     let runtime = tokio::runtime::Runtime::new().context("the runtime cannot start");
     let Err(error) = runtime.and_then(|runtime| runtime.block_on(serve(args))) else {
         return ExitCode::SUCCESS;

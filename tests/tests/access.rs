@@ -16,7 +16,6 @@ use parking_lot::Mutex;
 use wheelarm_access::{Folder, Role, User};
 use wheelarm_link::{Connect, Link, LinkError, Silence, open_session};
 use wheelarm_proto::bundle::Identity;
-use wheelarm_proto::restart;
 use wheelarm_proto::{Message, Query, TopicId, schema, v1};
 use wheelarm_tests::{PATIENCE, Server, printed, program, wait_until};
 use zenoh::pubsub::Subscriber;
@@ -46,9 +45,6 @@ struct Keys {
 
 impl Keys {
     fn new() -> Self {
-        // This process speaks TLS too. The first test that comes here starts all of them
-        // again.
-        restart::for_tls();
         let temporary = tempfile::tempdir().expect("a folder");
         let place = temporary.path().to_owned();
         let hosts = ["127.0.0.1".to_owned(), "localhost".to_owned()];

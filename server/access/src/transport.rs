@@ -1,7 +1,6 @@
 //! The transport's configuration, as JSON values that go under its own keys.
 
 use serde_json::{Value, json};
-use wheelarm_proto::restart::TRANSPORT_QUEUES;
 
 use super::rules::{Flow, Grant, grants, grants_of_servers};
 use super::{AccessError, Folder, SERVER, Users};
@@ -106,7 +105,6 @@ pub fn router(folder: &Folder, endpoints: &[String]) -> Result<String, AccessErr
         "wait_before_drop": 5_000_000,
         "max_wait_before_drop_fragments": 5_000_000,
     } } } });
-    link["tx"]["queue"]["size"] = serde_json::from_str(TRANSPORT_QUEUES).unwrap_or_default();
     let config = json!({
         "mode": "router",
         "listen": { "endpoints": endpoints },

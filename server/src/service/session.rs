@@ -3,7 +3,6 @@
 use wheelarm_access::Folder;
 use wheelarm_proto::endpoint;
 use wheelarm_proto::keys::Keys;
-use wheelarm_proto::restart::TRANSPORT_QUEUES;
 use wheelarm_proto::v1::Access;
 use zenoh::{Config, Session, Wait};
 
@@ -116,7 +115,6 @@ pub fn open(keys: &Keys, reach: &Reach, pacing: Pacing) -> Result<Session, Servi
             let rules = wheelarm_access::access_control(&folder.users()?, keys.sim());
             set("access_control", rules.to_string())?;
             set("adminspace/enabled", "false".to_owned())?;
-            set("transport/link/tx/queue/size", TRANSPORT_QUEUES.to_owned())?;
         }
     }
     // A camera message waits for room instead of being dropped after 1 ms. In

@@ -6,6 +6,7 @@
 //! have happened is kept in the [`Memory`], so that a saved evaluation resumes
 //! as if it had not been interrupted.
 
+use nalgebra::Isometry3;
 use serde::{Deserialize, Serialize};
 use wheelarm_proto::PHYSICS_HZ;
 
@@ -92,9 +93,22 @@ pub(super) struct Memory {
     since: Option<u64>,
     /// Greatest value so far.
     pub worst: f64,
+    /// Tick and pose of what was looked at before.
+    before: Option<(u64, Isometry3<f64>)>,
 }
 
 impl Memory {
+    /// Speed, m/s, and turn rate, rad/s, of what stands at `pose` now, by where it was
+    /// when it was last asked; `None` the first time.
+    pub(super) fn rates(&mut self, tick: u64, pose: &Isometry3<f64>) -> Option<[f64; 2]> {
+        let before = self.before.replace((tick, *pose));
+        let (since, last) = before.filter(|(since, _)| *since < tick)?;
+        let secs = seconds(tick - since);
+        let way = (pose.translation.vector - last.translation.vector).norm();
+        let turn = 2.0 * last.rotation.rotation_to(&pose.rotation).imag().norm();
+        Some([way / secs, turn / secs])
+    }
+
     /// Whether `now` has been true for `secs` seconds without a break.
     pub(super) fn lasted(&mut self, now: bool, tick: u64, secs: f64) -> bool {
         if !now {

@@ -52,7 +52,7 @@ struct Args {
 
 fn main() -> ExitCode {
     let args = Args::parse();
-    environment::complete(false);
+    environment::complete();
     let done = match args.man {
         true => clap_mangen::Man::new(Args::command())
             .render(&mut std::io::stdout())
