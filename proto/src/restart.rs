@@ -12,11 +12,6 @@ pub const TRANSPORT_THREADS: &str = "ZENOH_RUNTIME";
 /// one thread: it hands on between clients, and waits for itself when a queue is full.
 pub const ONE_TRANSPORT_THREAD: &str = "(rx: (worker_threads: 1), tx: (handover: rx))";
 
-/// Batches that may wait for that thread, by priority: the setting
-/// `transport/link/tx/queue/size`. While it receives it sends nothing, so what it hands
-/// on by itself needs room.
-pub const TRANSPORT_QUEUES: &str = r#"{"control": 16, "real_time": 16, "interactive_high": 16, "interactive_low": 16, "data_high": 16, "data": 16, "data_low": 16, "background": 16}"#;
-
 /// Starts this program again, with the same words, in the same process, with those
 /// variables that are not set already. Returns where nothing is missing, where the
 /// system cannot do that, and where it fails: then the program goes on without. What a

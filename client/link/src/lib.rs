@@ -29,7 +29,6 @@ use parking_lot::Mutex;
 use wheelarm_proto::bundle::Identity;
 use wheelarm_proto::endpoint::{self, check_endpoint};
 use wheelarm_proto::keys::{self, Keys};
-use wheelarm_proto::restart::TRANSPORT_QUEUES;
 use wheelarm_proto::schema;
 use wheelarm_proto::v1::FailureCode;
 use wheelarm_proto::{Message, Query, Rpc, TopicId, v1};
@@ -573,13 +572,7 @@ fn config(args: &Connect, identity: Option<&Identity>, silence: Silence) -> Conf
             "50000".to_owned(),
         ),
     ];
-    let shown = identity.into_iter().flat_map(|identity| {
-        let queues = TRANSPORT_QUEUES.to_owned();
-        [
-            ("transport/link/tls", tls(identity)),
-            ("transport/link/tx/queue/size", queues),
-        ]
-    });
+    let shown = identity.map(|identity| ("transport/link/tls", tls(identity)));
     let mut config = Config::default();
     for (key, value) in settings.into_iter().chain(shown) {
         if let Err(error) = config.insert_json5(key, &value) {

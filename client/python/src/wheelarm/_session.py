@@ -21,16 +21,6 @@ from .errors import Forked, NoServer, OtherName
 
 DEFAULT_ENDPOINT = "tcp/127.0.0.1:7447"
 PREFIX = "wheelarm"
-PRIORITIES = (
-    "control",
-    "real_time",
-    "interactive_high",
-    "interactive_low",
-    "data_high",
-    "data",
-    "data_low",
-    "background",
-)
 
 #: This process has opened a session; a child of it that was forked can open none.
 _opened = False
@@ -93,10 +83,7 @@ def keys_of_environment(endpoint: str) -> dict[str, Any]:
         if not file.is_file():
             raise NoServer(f"{path} holds no {file.name}: name the folder that you were given")
     names = {name: str(file) for name, file in files.items()}
-    return {
-        "transport/link/tls": {**names, "enable_mtls": True, "verify_name_on_connect": True},
-        "transport/link/tx/queue/size": dict.fromkeys(PRIORITIES, 16),
-    }
+    return {"transport/link/tls": {**names, "enable_mtls": True, "verify_name_on_connect": True}}
 
 
 def open_session(endpoint: str, timeout: float) -> zenoh.Session:
