@@ -80,4 +80,5 @@ pub const CONTRACT_VERSION: u32 = 2;
 /// - 4: the chair camera's boom, draws by area.
 /// - 5: a person's capsules as polygons, what touches somebody stops rocking, soft
 ///   objects solved in single precision and asleep where they lie still.
-pub const PHYSICS_VERSION: u32 = 5;
+/// - 6: contacts begin a tick with 0.9 of the last one's impulses.
+pub const PHYSICS_VERSION: u32 = 6;

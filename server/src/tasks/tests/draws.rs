@@ -1,0 +1,342 @@
+//! Draws over many seeds.
+
+use nalgebra::{Isometry3, Vector3};
+
+use super::super::*;
+use super::{hand, task};
+use crate::robot::RobotModel;
+use crate::scene::tests::{assets, home};
+use crate::scene::{Body, Bounds, Scene};
+
+/// Every area with its variants, and the home as it is in each of them.
+fn variants() -> Vec<(AreaSpec, Variant, Scene)> {
+    let mut areas: Vec<AreaSpec> = Vec::new();
+    for task in list(&assets(), &hand()).unwrap_or_else(|error| panic!("{error}")) {
+        if areas.iter().all(|area| area.name != task.area.name) {
+            areas.push(task.area);
+        }
+    }
+    let variants = areas.into_iter().flat_map(|area| {
+        let variants = area.variants.clone();
+        variants.into_iter().map(move |variant| {
+            let mut scene = home();
+            scene.keep_optional(&variant.furniture);
+            (area.clone(), variant, scene)
+        })
+    });
+    variants.collect()
+}
+
+#[test]
+fn scenes_of_every_area_count_lie_inside_their_ranges_and_are_apart() {
+    for (area, variant, scene) in variants() {
+        let mut seen: Vec<(&str, Vec<Vector3<f64>>)> = Vec::new();
+        let mut positions = Vec::new();
+        for seed in 0..60 {
+            let drawn = draw_scene(&area, &variant, &scene, seed, None);
+            let at = format!("{} {:?} seed {seed}", area.name, variant.name);
+            if seed < 3 {
+                let again = draw_scene(&area, &variant, &scene, seed, None);
+                assert_eq!(drawn, again, "{at} repeats");
+            }
+            assert!(drawn.clearance >= 0.0, "{at} does not count");
+            let start = drawn.start;
+            assert!(area.start.x.contains(start.translation.x));
+            assert!(area.start.y.contains(start.translation.y));
+            assert!(area.start.yaw.contains(start.rotation.euler_angles().2));
+            for place in &variant.places {
+                let object = scene.object_named(&place.object).unwrap();
+                let Some(placement) = drawn.placements[object] else {
+                    assert!(!place.is_certain(), "{at}: no {}", place.object);
+                    continue;
+                };
+                let surface = scene.surface_named(&place.on, None).unwrap();
+                let on = surface.edge.inverse() * placement.pose;
+                assert!(place.inwards.contains(on.translation.x), "{at}");
+                assert!(place.along.contains(on.translation.y), "{at}");
+                assert!(place.yaw.contains(on.rotation.euler_angles().2), "{at}");
+                assert!(place.mass.is_none_or(|m| m.contains(placement.mass)));
+                let friction = placement.friction;
+                assert!(place.friction.is_none_or(|f| f.contains(friction)));
+                match seen.iter_mut().find(|(name, _)| *name == place.object) {
+                    Some((_, places)) => places.push(on.translation.vector),
+                    None => seen.push((&place.object, vec![on.translation.vector])),
+                }
+            }
+            for slide in &area.slides {
+                let joint = scene.joint_named(&slide.joint).unwrap();
+                assert!(slide.friction.contains(drawn.slides[joint].friction));
+                assert!(slide.damping.contains(drawn.slides[joint].damping));
+                assert!(slide.position.contains(drawn.positions[joint]), "{at}");
+                positions.push(drawn.positions[joint]);
+            }
+            assert_apart(&scene, &drawn, &at);
+        }
+        for (name, places) in seen {
+            let spread = Bounds::of_points(places.into_iter().map(Into::into)).unwrap();
+            let wide = area.name != "shelf";
+            let enough = spread.size().x > 0.03 && (!wide || spread.size().y > 0.2);
+            assert!(enough, "{name}: {spread:?}");
+        }
+        assert_eq!(positions.is_empty(), area.slides.is_empty());
+        positions.sort_by(f64::total_cmp);
+        if let [least, .., greatest] = positions[..] {
+            assert!(greatest - least > 0.04, "{least} to {greatest} m");
+        }
+    }
+}
+
+/// Where the robot starts changes nothing of what stands there.
+#[test]
+fn starts_anywhere_are_all_over_the_home_and_leave_the_scene_as_it_is() {
+    let model = RobotModel::load(&assets(), "wheelarm").unwrap_or_else(|error| panic!("{error}"));
+    for (area, variant, scene) in variants() {
+        let floor = Floor::new(&model, &scene);
+        let (mut places, mut closed, mut postures) = (Vec::new(), 0, Vec::new());
+        for seed in 0..24 {
+            let near = draw_scene(&area, &variant, &scene, seed, None);
+            let far = draw_scene(&area, &variant, &scene, seed, Some(&floor));
+            assert_eq!(near.placements, far.placements);
+            assert_eq!((near.arm, near.knuckle), (None, None));
+            let at = format!("{} {:?} seed {seed}", area.name, variant.name);
+            let arm = far.arm.unwrap_or_else(|| panic!("{at} finds no start"));
+            closed += usize::from(far.knuckle.is_some_and(|knuckle| knuckle > 0.0));
+            if !postures.contains(&arm) {
+                postures.push(arm);
+            }
+            places.push(far.start.translation.vector.into());
+        }
+        let spread = Bounds::of_points(places).unwrap().size();
+        assert!(
+            spread.x > 4.0 && spread.y > 3.0,
+            "{}: {spread:?}",
+            area.name
+        );
+        assert!((4..20).contains(&closed), "{}: {closed} closed", area.name);
+        assert!(
+            postures.len() > 8,
+            "{}: {} postures",
+            area.name,
+            postures.len()
+        );
+    }
+}
+
+/// Whoever asks for something in an area finds the same scene.
+#[test]
+fn all_tasks_of_an_area_have_the_same_scene_bit_for_bit() {
+    let tasks = list(&assets(), &hand()).unwrap_or_else(|error| panic!("{error}"));
+    let home = home();
+    let model = RobotModel::load(&assets(), "wheelarm").unwrap_or_else(|error| panic!("{error}"));
+    let mut pairs = 0;
+    for (i, first) in tasks.iter().enumerate() {
+        for second in tasks[i + 1..]
+            .iter()
+            .filter(|t| t.area.name == first.area.name)
+        {
+            assert_eq!(first.area, second.area);
+            for seed in 0..40 {
+                let variants = [first, second].map(|task| variant_of(task, seed, None).unwrap());
+                let both = [first, second].map(|task| task.variants().count() > 1);
+                if variants[0].name != variants[1].name {
+                    // Only the bear's own task cannot take the other variant.
+                    assert!(!(both[0] && both[1]), "seed {seed}: {}", first.name);
+                    continue;
+                }
+                let mut scene = home.clone();
+                scene.keep_optional(&variants[0].furniture);
+                // Few starts anywhere, which take longer.
+                let floor = (seed < 3).then(|| Floor::new(&model, &scene));
+                for floor in [None, floor.as_ref()] {
+                    let drawn = [first, second].map(|task| {
+                        let variant = variants[0];
+                        draw(task, variant, &scene, seed, floor).scene
+                    });
+                    // Debug text tells every bit of a number.
+                    let [a, b] = drawn.map(|scene| format!("{scene:?}"));
+                    assert_eq!(a, b, "{} and {} seed {seed}", first.name, second.name);
+                }
+                pairs += 1;
+            }
+        }
+    }
+    assert!(pairs > 600, "{pairs}");
+}
+
+/// A nearest centroid on all that a scene draws, trained on half of the seeds,
+/// guesses the task of the others no better than by chance. `make test-data`
+/// holds more seeds against better classifiers.
+#[test]
+fn what_a_scene_draws_does_not_tell_the_task() {
+    const SEEDS: u64 = 40;
+    let tasks = list(&assets(), &hand()).unwrap_or_else(|error| panic!("{error}"));
+    for area in ["coffee_table", "kitchen_table"] {
+        let of_area = tasks.iter().filter(|t| t.area.name == area);
+        let of_area: Vec<_> = of_area.filter(|t| t.variants().count() > 0).collect();
+        let of_area: Vec<_> = of_area
+            .into_iter()
+            .filter(|t| t.variants().any(|v| v.name.is_empty()))
+            .collect();
+        let mut samples: Vec<(usize, Vec<f64>)> = Vec::new();
+        for (label, task) in of_area.iter().enumerate() {
+            let variant = &task.area.variants[0];
+            let mut scene = home();
+            scene.keep_optional(&variant.furniture);
+            for i in 0..SEEDS {
+                // No two tasks share a seed.
+                let drawn = draw(task, variant, &scene, 1000 * label as u64 + i, None).scene;
+                let mut row: Vec<f64> = drawn.start.translation.vector.iter().copied().collect();
+                for placement in &drawn.placements {
+                    let placed = placement.map_or([0.0; 5], |p| {
+                        let at = p.pose.translation;
+                        let yaw = p.pose.rotation.euler_angles().2;
+                        [at.x, at.y, yaw, p.mass, p.friction]
+                    });
+                    row.extend(placed);
+                }
+                samples.push((label, row));
+            }
+        }
+        let right = nearest_centroid(&samples, of_area.len());
+        let chance = 1.0 / of_area.len() as f64;
+        // Four standard errors of a share of this many guesses.
+        let count = samples.len() as f64 / 2.0;
+        let most = chance + 4.0 * (chance * (1.0 - chance) / count).sqrt();
+        assert!(
+            right <= most,
+            "{area}: {right:.3} right, chance {chance:.3}"
+        );
+    }
+}
+
+/// The share of the odd samples that are nearest to the middle of the even ones
+/// of their own label, every number by its own spread.
+fn nearest_centroid(samples: &[(usize, Vec<f64>)], labels: usize) -> f64 {
+    let width = samples[0].1.len();
+    let even = || samples.iter().step_by(2);
+    let odd = || samples.iter().skip(1).step_by(2);
+    let mean = |rows: &[&Vec<f64>], i: usize| {
+        rows.iter().map(|row| row[i]).sum::<f64>() / rows.len().max(1) as f64
+    };
+    let all: Vec<_> = even().map(|(_, row)| row).collect();
+    let spread: Vec<f64> = (0..width)
+        .map(|i| {
+            let middle = mean(&all, i);
+            let squares: f64 = all.iter().map(|row| (row[i] - middle).powi(2)).sum();
+            (squares / all.len() as f64).sqrt().max(1e-9)
+        })
+        .collect();
+    let centroids: Vec<Vec<f64>> = (0..labels)
+        .map(|label| {
+            let own: Vec<_> = even()
+                .filter(|(l, _)| *l == label)
+                .map(|(_, r)| r)
+                .collect();
+            (0..width).map(|i| mean(&own, i)).collect()
+        })
+        .collect();
+    let distance = |row: &[f64], centroid: &[f64]| -> f64 {
+        let parts = (0..width).map(|i| ((row[i] - centroid[i]) / spread[i]).powi(2));
+        parts.sum()
+    };
+    let right = odd().filter(|(label, row)| {
+        let nearest = (0..labels)
+            .min_by(|a, b| distance(row, &centroids[*a]).total_cmp(&distance(row, &centroids[*b])));
+        nearest == Some(*label)
+    });
+    right.count() as f64 / odd().count() as f64
+}
+
+#[test]
+fn the_classifier_finds_what_does_tell() {
+    let told = |i: usize| (i / 2 % 3, vec![(i / 2 % 3) as f64, (i % 7) as f64]);
+    let samples: Vec<_> = (0..120).map(told).collect();
+    assert_eq!(nearest_centroid(&samples, 3), 1.0);
+}
+
+#[test]
+fn a_variant_comes_by_its_share_and_the_bear_always_has_its_own() {
+    let (mug, bear) = (task("pick_blue_mug"), task("place_teddy_bear"));
+    let bears = |share: Option<f64>| {
+        let seeds = 0..1000;
+        let taken = seeds.filter(|seed| variant_of(&mug, *seed, share).unwrap().name == "bear");
+        taken.count()
+    };
+    assert!((160..240).contains(&bears(None)), "{}", bears(None));
+    assert_eq!((bears(Some(0.0)), bears(Some(1.0))), (0, 1000));
+    for seed in 0..20 {
+        assert_eq!(variant_of(&bear, seed, Some(0.0)).unwrap().name, "bear");
+    }
+}
+
+#[test]
+fn the_sentence_counts_the_cans_as_who_faces_the_shelf_sees_them() {
+    let (spec, scene) = (task("select_coke"), home());
+    for seed in 0..40 {
+        let drawn = draw(&spec, &spec.area.variants[0], &scene, seed, None);
+        let sentence = &drawn.instruction;
+        // Facing south the left is east, where x grows.
+        let x = |name: &str| {
+            let object = scene.object_named(name).unwrap();
+            drawn.scene.placements[object].unwrap().pose.translation.x
+        };
+        let mut order: Vec<_> = spec.targets.iter().collect();
+        order.sort_by(|a, b| x(b).total_cmp(&x(a)));
+        if sentence.contains("the right") {
+            order.reverse();
+        }
+        let words = ["first", "second", "third", "fourth"];
+        let index = words.iter().position(|w| sentence.contains(w)).unwrap();
+        assert_eq!(order[index], &drawn.target, "seed {seed}: {sentence}");
+    }
+}
+
+/// No object overlaps another or furniture, and each stands on what carries it.
+/// Bounds are taken along the first one's axes, then along the other's.
+fn assert_apart(scene: &Scene, drawn: &SceneDraw, at: &str) {
+    let bodies: Vec<_> = scene
+        .objects
+        .iter()
+        .zip(&drawn.placements)
+        .filter_map(|(body, placement)| Some((body, placement.as_ref()?.pose)))
+        .collect();
+    let overlap = |(a, a_pose): (&Body, Isometry3<f64>), (b, b_pose): (&Body, Isometry3<f64>)| {
+        let seen_from = |frame: Isometry3<f64>| {
+            let a = a.collision_bounds(&(frame.inverse() * a_pose)).unwrap();
+            let b = b.collision_bounds(&(frame.inverse() * b_pose)).unwrap();
+            a.overlaps(&b, 1e-6)
+        };
+        let between = (b_pose.translation.vector - a_pose.translation.vector).xy();
+        let line = Isometry3::rotation(Vector3::z() * between.y.atan2(between.x));
+        // What is round is apart along the line between the middles.
+        let round = |body: &Body| body.grasps.iter().any(|grasp| grasp.symmetric);
+        let along = !(round(a) && round(b)) || seen_from(line);
+        along && seen_from(a_pose) && seen_from(b_pose)
+    };
+    for (i, own) in bodies.iter().enumerate() {
+        for other in &bodies[i + 1..] {
+            let names = (&own.0.name, &other.0.name);
+            assert!(!overlap(*own, *other), "{at}: {names:?} overlap");
+        }
+        let bounds = own.0.collision_bounds(&own.1).unwrap();
+        let mut gap = f64::INFINITY;
+        for body in &scene.furniture {
+            // Part by part: the bounds of a whole table reach down to the floor.
+            for part in &body.collision {
+                let mut piece = body.clone();
+                piece.collision = vec![part.clone()];
+                let hit = overlap(*own, (&piece, body.pose));
+                assert!(!hit, "{at}: {} in {}", own.0.name, body.name);
+                let other = piece.collision_bounds(&body.pose).unwrap();
+                let column = Bounds {
+                    min: [bounds.min.x, bounds.min.y, other.min.z].into(),
+                    max: bounds.max,
+                };
+                if column.overlaps(&other, 1e-6) {
+                    gap = gap.min((bounds.min.z - other.max.z).abs());
+                }
+            }
+        }
+        assert!(gap <= 0.0005, "{at}: {} hangs {gap} m high", own.0.name);
+    }
+}
