@@ -18,6 +18,8 @@ const APPLIED: usize = 500;
 const MOVES: usize = 60;
 /// What counts as motion, rad: far above what a resting knuckle does.
 const MOVED: f64 = 2e-4;
+/// Longest wait for what a command does.
+const LONGEST: Duration = Duration::from_secs(5);
 
 pub fn measure() -> anyhow::Result<()> {
     println!("two cameras of 160x90 at 30 Hz stream meanwhile");
@@ -62,11 +64,39 @@ fn knuckle(radians: f64) -> v1::Command {
 }
 
 /// Sent at any time of the control tick, as a person's commands are.
-fn sent_at_any_time(commander: &mut Commander, i: usize, target: f64) -> anyhow::Result<Instant> {
+fn sent_at_any_time(
+    commander: &mut Commander,
+    streams: &Streams,
+    i: usize,
+    target: f64,
+) -> anyhow::Result<Instant> {
     std::thread::sleep(Duration::from_micros((i as u64 * 7919) % 16_667));
+    let seen = newest(streams)?;
     let sent = Instant::now();
-    send(commander, target)?;
+    send(commander, &seen, target)?;
     Ok(sent)
+}
+
+/// Header of the newest sample; waits for one where none has come.
+fn newest(streams: &Streams) -> anyhow::Result<v1::Header> {
+    let mut seen = None;
+    while let Some(sample) = streams.next(Duration::ZERO)? {
+        seen = sample.header().cloned();
+    }
+    if seen.is_none() {
+        let sample = streams.next(LONGEST)?.context("no sample came")?;
+        seen = sample.header().cloned();
+    }
+    seen.context("a sample without a header")
+}
+
+/// An error where `sent` is too long ago: a command was refused or got lost.
+fn in_time(sent: Instant) -> anyhow::Result<()> {
+    anyhow::ensure!(
+        sent.elapsed() < LONGEST,
+        "a command was not applied within {LONGEST:?}; the server's log says whether it was refused"
+    );
+    Ok(())
 }
 
 fn applied(link: &Link) -> anyhow::Result<Vec<f64>> {
@@ -74,9 +104,10 @@ fn applied(link: &Link) -> anyhow::Result<Vec<f64>> {
     let mut commander = link.commander("bench", false)?;
     let mut times = Vec::new();
     for i in 0..APPLIED {
-        let sent = sent_at_any_time(&mut commander, i, 0.2)?;
+        let sent = sent_at_any_time(&mut commander, &streams, i, 0.2)?;
         loop {
-            let sample = streams.next(Duration::from_secs(5))?;
+            in_time(sent)?;
+            let sample = streams.next(LONGEST)?;
             if let Sample::Applied(sample) = sample.context("no sample came")?
                 && sample.gripper.is_some()
             {
@@ -100,10 +131,10 @@ fn moved(link: &Link) -> anyhow::Result<Vec<f64>> {
     let mut times = Vec::new();
     for i in 0..MOVES {
         let rest = settle(&streams, joint)?;
-        while streams.next(Duration::ZERO)?.is_some() {}
-        let sent = sent_at_any_time(&mut commander, i, [0.5, 0.2][i % 2])?;
+        let sent = sent_at_any_time(&mut commander, &streams, i, [0.5, 0.2][i % 2])?;
         loop {
-            let sample = streams.next(Duration::from_secs(5))?;
+            in_time(sent)?;
+            let sample = streams.next(LONGEST)?;
             if let Sample::JointState(sample) = sample.context("no sample came")?
                 && (sample.positions[joint] - rest).abs() > MOVED
             {
@@ -115,8 +146,8 @@ fn moved(link: &Link) -> anyhow::Result<Vec<f64>> {
     Ok(times)
 }
 
-fn send(commander: &mut Commander, target: f64) -> anyhow::Result<()> {
-    Ok(commander.answer(&v1::Header::default(), knuckle(target))?)
+fn send(commander: &mut Commander, seen: &v1::Header, target: f64) -> anyhow::Result<()> {
+    Ok(commander.answer(seen, knuckle(target))?)
 }
 
 /// Waits until the joint rests; where it does.
