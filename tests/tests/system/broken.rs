@@ -83,9 +83,13 @@ fn physics_that_breaks_ends_the_episode_and_not_the_server() {
     assert_eq!(evaluation.failure, "physics");
 
     // Time is paused, everything is answered, nothing can be begun.
+    // The end is told before the next turn, which says what it waits for.
+    wait_until("it waits for a reset", || {
+        status().waiting_for.contains("reset")
+    });
     let now = status();
     assert_eq!(now.broken, *words);
-    assert!(now.episode.is_none() && now.waiting_for.contains("reset"));
+    assert!(now.episode.is_none());
     let refused = start(&link, "next", 0).expect_err("a broken state");
     assert!(refused.to_string().contains("reset"), "{refused}");
     let told = server.client(&["status"]).expect("a client");

@@ -1,6 +1,7 @@
 //! Draws over many seeds.
 
 use nalgebra::{Isometry3, Vector3};
+use wheelarm_proto::exact;
 
 use super::super::*;
 use super::{hand, task};
@@ -307,7 +308,7 @@ fn assert_apart(scene: &Scene, drawn: &SceneDraw, at: &str) {
             a.overlaps(&b, 1e-6)
         };
         let between = (b_pose.translation.vector - a_pose.translation.vector).xy();
-        let line = Isometry3::rotation(Vector3::z() * between.y.atan2(between.x));
+        let line = Isometry3::rotation(Vector3::z() * exact::atan2(between.y, between.x));
         // What is round is apart along the line between the middles.
         let round = |body: &Body| body.grasps.iter().any(|grasp| grasp.symmetric);
         let along = !(round(a) && round(b)) || seen_from(line);
