@@ -63,6 +63,7 @@ impl From<&OperateArgs> for OperateOptions {
             profile_seed: args.profile_seed,
             forced: args.error,
             on_the_spot: args.on_the_spot,
+            ..Self::default()
         }
     }
 }

@@ -65,7 +65,7 @@ fn simulation(options: &Options, seed: u64, person: Option<&v1::Person>) -> Resu
         body: p.body.clone(),
         posture: p.posture.clone(),
         seed: p.seed,
-        motion: p.motion.unwrap_or(1.0),
+        motion: p.motion,
         mouth_open: p.mouth_open,
         ..PersonSetting::default()
     });

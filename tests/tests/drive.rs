@@ -6,6 +6,8 @@ mod page;
 #[path = "drive/safe.rs"]
 mod safe;
 
+use std::time::Duration;
+
 use serde_json::json;
 use wheelarm_proto::v1;
 use wheelarm_tests::{Server, printed, wait_until};
@@ -62,6 +64,8 @@ fn gets_going(page: &mut Page, held: Held) {
 #[test]
 fn a_page_drives_and_stops_and_nothing_moves_after_a_freeze_or_a_cut() {
     let server = server("drive");
+    let link = server.link();
+    let refusals = link.samples::<v1::Refusal>().expect("refusals");
     let gateway = Gateway::open(&server);
     let mut page = Page::open(&gateway, "a1", true);
     assert_eq!(page.ask("lease.ask", json!({}))["mine"], true);
@@ -121,11 +125,16 @@ fn a_page_drives_and_stops_and_nothing_moves_after_a_freeze_or_a_cut() {
     drop(again);
     let watching = Page::open(&gateway, "w1", false);
     rests(&watching);
-    let status: v1::Status = server.link().ask(&v1::StatusRequest {}).expect("a status");
-    assert_eq!(
-        status.refused, 0,
-        "the gate refused commands of the gateway"
-    );
+    let status: v1::Status = link.ask(&v1::StatusRequest {}).expect("a status");
+    let mut told = 0;
+    wait_until("every refusal is told", || {
+        while let Some(refusal) = refusals.next(Duration::ZERO).expect("a refusal") {
+            // A busy machine can hold up a command on its way; nothing else is refused.
+            assert_eq!(refusal.code(), v1::RefusalCode::TooOld, "{refusal:?}");
+            told += refusal.count.max(1);
+        }
+        told >= status.refused
+    });
 }
 
 #[test]

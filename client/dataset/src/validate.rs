@@ -14,7 +14,7 @@ use wheelarm_proto::digest::{self, StreamDigest};
 use crate::account::StreamAccount;
 use crate::align::{Rule, is_periodic, usual_distance};
 use crate::convert::batch::parallel;
-use crate::read::{ElementKind, Episode, Values};
+use crate::read::{ElementKind, Episode, ReadError, Values};
 
 /// Samples farther apart than this many usual distances are a gap.
 const GAP: f64 = 1.75;
@@ -96,6 +96,26 @@ pub fn validate(path: &Path, threads: usize) -> anyhow::Result<Findings> {
     Ok(found)
 }
 
+/// What was read; a dataset of another size than it must have is a problem of the
+/// recording, and the check goes on.
+fn sized<T>(read: Result<T, ReadError>, found: &mut Findings) -> Result<Option<T>, ReadError> {
+    match read {
+        Err(ReadError::Shape {
+            dataset,
+            found: has,
+            expected,
+            ..
+        }) => {
+            let words = format!("{dataset} has {has}, expected {expected}");
+            if !found.problems.contains(&words) {
+                found.problems.push(words);
+            }
+            Ok(None)
+        }
+        read => read.map(Some),
+    }
+}
+
 fn stream(
     episode: &Episode,
     name: &str,
@@ -103,13 +123,14 @@ fn stream(
     found: &mut Findings,
 ) -> anyhow::Result<()> {
     let stamps = episode.stamps(name)?;
-    let sequence = episode.u64s(name, "sequence")?;
+    // Where they have another size that is told, and nothing is missing by them.
+    let sequence = sized(episode.u64s(name, "sequence"), found)?;
+    let sequence = sequence.unwrap_or_else(|| (0..stamps.len() as u64).collect());
     let mut wrong = |words: String| found.problems.push(format!("{name}: {words}"));
-    if stamps.len() as u64 != received || sequence.len() != stamps.len() {
+    if stamps.len() as u64 != received {
         wrong(format!(
-            "{} stamps and {} sequence numbers, the account says {received}",
-            stamps.len(),
-            sequence.len()
+            "{} stamps, the account says {received}",
+            stamps.len()
         ));
     }
     let periodic = is_periodic(name);
@@ -141,23 +162,31 @@ fn stream(
         ));
     }
     for meta in episode.columns(name)? {
-        if meta.count != stamps.len() {
-            wrong(format!(
-                "{} has {} rows, expected {}",
-                meta.name,
-                meta.count,
-                stamps.len()
-            ));
-        }
+        let mut wrong = |words: String| found.problems.push(format!("{name}: {words}"));
         if meta.units.is_empty() {
             wrong(format!("{} has no units", meta.name));
         }
-        if meta.kind != ElementKind::F64 || meta.width() == 0 {
+        if meta.kind == ElementKind::Other {
+            if meta.count != stamps.len() {
+                wrong(format!(
+                    "{} has {} rows, expected {}",
+                    meta.name,
+                    meta.count,
+                    stamps.len()
+                ));
+            }
             continue;
         }
-        let Values::F64(all) = episode.values(&meta)? else {
+        let Some(values) = sized(episode.values(&meta), found)? else {
             continue;
         };
+        let Values::F64(all) = values else {
+            continue;
+        };
+        if meta.width() == 0 {
+            continue;
+        }
+        let mut wrong = |words: String| found.problems.push(format!("{name}: {words}"));
         let rule = Rule::of(&meta);
         let bad = all.iter().filter(|v| !v.is_finite()).count();
         // A command that was not given is NaN; so are a contact that is not there and a
@@ -201,10 +230,14 @@ fn contents(
         return Ok(());
     }
     let pictures = match &id {
-        StreamId::Camera(camera) => Some(episode.camera(camera)?),
-        StreamId::Sensor(sensor) => Some(episode.sensor(sensor)?),
+        StreamId::Camera(camera) => sized(episode.camera(camera), found)?,
+        StreamId::Sensor(sensor) => sized(episode.sensor(sensor), found)?,
         _ => None,
     };
+    let has_pictures = id.camera_name().or(id.sensor_name()).is_some();
+    if has_pictures && pictures.is_none() {
+        return Ok(());
+    }
     let digests = match pictures {
         Some(camera) => {
             let all = parallel(camera.len(), threads, |i| {
@@ -213,7 +246,7 @@ fn contents(
             })?;
             all.into_iter().collect::<Option<Vec<_>>>()
         }
-        None => episode.encoded(name)?.map(|all| {
+        None => sized(episode.encoded(name), found)?.flatten().map(|all| {
             let messages = all.iter().map(|m| digest::of_message([&m[..]]));
             messages.collect()
         }),
@@ -252,7 +285,9 @@ fn pictures(
     threads: usize,
     found: &mut Findings,
 ) -> anyhow::Result<()> {
-    let camera = episode.camera(name)?;
+    let Some(camera) = sized(episode.camera(name), found)? else {
+        return Ok(());
+    };
     let stream = camera.stream();
     if camera.is_empty() {
         found
@@ -335,7 +370,9 @@ fn sensed(
     threads: usize,
     found: &mut Findings,
 ) -> anyhow::Result<()> {
-    let sensor = episode.sensor(name)?;
+    let Some(sensor) = sized(episode.sensor(name), found)? else {
+        return Ok(());
+    };
     let stream = sensor.stream();
     let all = parallel(sensor.len(), threads, |i| {
         if !sensor.has_depth() {
@@ -378,7 +415,9 @@ fn hashes(episode: &Episode, found: &mut Findings) -> anyhow::Result<()> {
             .push("there are no state hashes: a replay cannot be checked".into());
         return Ok(());
     }
-    let all = episode.state_hashes()?;
+    let Some(all) = sized(episode.state_hashes(), found)? else {
+        return Ok(());
+    };
     if all
         .windows(2)
         .any(|w| w[1].0.saturating_sub(w[0].0) != HASH_TICKS)

@@ -95,6 +95,100 @@ fn a_path_that_is_no_episode_is_named_with_its_cure() {
     );
 }
 
+/// A copy of `whole.h5` whose dataset at `path` is cut to `rows` and `width`.
+fn resized(folder: &Path, name: &str, path: &str, (rows, width): (usize, usize)) {
+    std::fs::copy(folder.join("whole.h5"), folder.join(name)).unwrap();
+    let file = hdf5::File::open_rw(folder.join(name)).unwrap();
+    file.unlink(path).unwrap();
+    let data = file.new_dataset::<f64>().shape([rows, width]);
+    let data = data.create(path).unwrap();
+    data.write_raw(&vec![0.0; rows * width]).unwrap();
+}
+
+#[test]
+fn a_recording_of_the_wrong_size_is_told_with_its_dataset_and_the_rest_goes_on() {
+    let _turn = alone();
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    episode(folder, "whole");
+    let path = "streams/joint_state/position";
+    let file = hdf5::File::open(folder.join("whole.h5")).unwrap();
+    let shape = file.dataset(path).unwrap().shape();
+    drop(file);
+    let [rows, width] = shape[..] else {
+        panic!("{shape:?}")
+    };
+    for (name, size, words) in [
+        (
+            "short.h5",
+            (rows - 3, width),
+            format!("{path} has {} rows, expected {rows}", rows - 3),
+        ),
+        (
+            "narrow.h5",
+            (rows, width - 1),
+            format!(
+                "{path} has rows of [{}] numbers, expected [{width}]",
+                width - 1
+            ),
+        ),
+    ] {
+        resized(folder, name, path, size);
+        let output = run(folder, &["stats", "whole.h5", name]);
+        let (out, err) = (
+            String::from_utf8_lossy(&output.stdout).into_owned(),
+            String::from_utf8_lossy(&output.stderr).into_owned(),
+        );
+        assert_eq!(output.status.code(), Some(1), "{err}");
+        assert!(out.contains("trajectories"), "{out}");
+        assert!(
+            err.contains(&format!("{name}: {words}")) && err.contains("copy it again"),
+            "{err}"
+        );
+        let checked = run(folder, &["validate", name]);
+        let said = String::from_utf8_lossy(&checked.stdout).into_owned();
+        assert_eq!(checked.status.code(), Some(3), "{said}");
+        assert!(said.contains(&format!("PROBLEM {words}")), "{said}");
+    }
+}
+
+#[test]
+fn a_label_that_leads_out_of_the_folder_is_refused() {
+    let _turn = alone();
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    episode(folder, "whole");
+    let file = hdf5::File::open_rw(folder.join("whole.h5")).unwrap();
+    let label: hdf5::types::VarLenUnicode = "../escaped".parse().unwrap();
+    file.attr("label").unwrap().write_scalar(&label).unwrap();
+    drop(file);
+    for format in ["csv", "mcap", "tensors", "wheelarm-sim", "rosbag2"] {
+        let words = refused(
+            folder,
+            &["export", "--format", format, "--out", "in/out", "whole.h5"],
+        );
+        assert!(words.contains("the attribute `label`"), "{words}");
+        let left = std::fs::read_dir(folder).unwrap().flatten();
+        let left: Vec<_> = left.map(|entry| entry.file_name()).collect();
+        assert!(
+            left.iter().all(|name| name == "whole.h5" || name == "in"),
+            "{left:?}"
+        );
+        assert!(!folder.join("in/escaped").exists());
+    }
+}
+
+#[test]
+fn what_is_no_regular_file_is_refused_and_not_waited_for() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    std::os::unix::net::UnixListener::bind(folder.join("pipe.h5")).unwrap();
+    for command in ["info", "recover"] {
+        let words = refused(folder, &[command, "pipe.h5"]);
+        assert!(words.contains("name a regular file"), "{words}");
+    }
+}
+
 /// Bytes of the file that a log becomes; the log stays.
 fn finished(log: &Path) -> Vec<u8> {
     let other = tempfile::tempdir().unwrap();

@@ -16,12 +16,17 @@ pub struct Audit {
 }
 
 impl Audit {
-    /// Appends to a file, if one is named.
+    /// Appends to a file, if one is named; it and its folder are made where they are not.
     ///
     /// # Errors
     /// When it cannot be opened.
     pub fn open(path: Option<&Path>) -> anyhow::Result<Self> {
         let file = path.map(|path| {
+            if let Some(folder) = path.parent() {
+                std::fs::create_dir_all(folder).with_context(|| {
+                    format!("making the folder {} of the audit file", folder.display())
+                })?;
+            }
             let file = File::options().create(true).append(true).open(path);
             file.with_context(|| format!("opening the audit file {}", path.display()))
         });
@@ -42,5 +47,21 @@ impl Audit {
             tracing::error!("the audit file cannot be written, and is closed: {error}");
             self.file = None;
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_folder_of_the_file_is_made() {
+        let folder = std::env::temp_dir().join(format!("wheelarm-audit-{}", std::process::id()));
+        let path = folder.join("a/b/audit.jsonl");
+        let mut audit = Audit::open(Some(&path)).unwrap();
+        audit.write(&json!({"what": "lease"}));
+        let line = std::fs::read_to_string(path).unwrap();
+        std::fs::remove_dir_all(folder).unwrap();
+        assert!(line.contains("lease"), "{line}");
     }
 }

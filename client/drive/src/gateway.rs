@@ -52,6 +52,8 @@ pub struct Options {
 /// A gateway at work, until it is dropped or finished.
 pub struct Gateway {
     address: SocketAddr,
+    /// Host and port as browsers are to say them.
+    host: String,
     is_encrypted: bool,
     tokens: Option<[String; 2]>,
     hub: Hub,
@@ -146,6 +148,7 @@ impl Gateway {
         };
         let task = tokio::spawn(site::serve(listener, Arc::new(site)));
         Ok(Self {
+            host: host(address, &options.names),
             address,
             is_encrypted: options.keys.is_some(),
             tokens: (options.keys.is_none() && !options.watch_only).then_some(tokens),
@@ -175,9 +178,9 @@ impl Gateway {
 
     fn url(&self, which: usize) -> String {
         match &self.tokens {
-            Some(tokens) => format!("http://{}/?token={}", self.address, tokens[which]),
-            None if self.is_encrypted => format!("https://{}/", self.address),
-            None => format!("http://{}", self.address),
+            Some(tokens) => format!("http://{}/?token={}", self.host, tokens[which]),
+            None if self.is_encrypted => format!("https://{}/", self.host),
+            None => format!("http://{}", self.host),
         }
     }
 
@@ -199,6 +202,15 @@ impl Gateway {
 impl Drop for Gateway {
     fn drop(&mut self) {
         self.end();
+    }
+}
+
+/// How a browser is to name the page: by the first of its names where other machines
+/// come, else by its address.
+fn host(address: SocketAddr, names: &[String]) -> String {
+    match names.first().filter(|_| !address.ip().is_loopback()) {
+        Some(name) => format!("{name}:{}", address.port()),
+        None => address.to_string(),
     }
 }
 
@@ -230,4 +242,18 @@ fn access(folder: &Path, most: Role) -> anyhow::Result<(TlsAcceptor, LogIn)> {
         Some(role.min(most))
     });
     Ok((TlsAcceptor::from(Arc::new(config)), users))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_page_for_other_machines_is_told_by_its_name() {
+        let names = ["lab.example".to_owned()];
+        let told = |ip: [u8; 4], names| host(SocketAddr::from((ip, 7460)), names);
+        assert_eq!(told([0, 0, 0, 0], &names), "lab.example:7460");
+        assert_eq!(told([0, 0, 0, 0], &[]), "0.0.0.0:7460");
+        assert_eq!(told([127, 0, 0, 1], &names), "127.0.0.1:7460");
+    }
 }

@@ -6,19 +6,26 @@
 //! only a stop. Whatever ends a motion (a stop, silence, a refusal, a contact, a
 //! frozen picture, the loss of control) ends its epoch: the same press never moves
 //! anything again. Times are seconds of the caller's clock.
+//!
+//! They stand here; what they let through becomes a command in `press`, by what
+//! `chair`, `hand` and `fingers` may do.
 
+mod chair;
 mod chair_step;
 mod clutch;
+mod fingers;
+mod hand;
+mod press;
 
-use nalgebra::Vector3;
-use wheelarm_proto::geometry::{self, normalized};
 use wheelarm_proto::v1;
 
+use self::chair::Chair;
 use self::chair_step::ChairStep;
 use self::clutch::Engaged;
+use self::fingers::Fingers;
 use crate::phase::{self, Work};
-use crate::protocol::{Action, Held, Intent, Part};
-use crate::speed::{self, Allow, Speeds};
+use crate::protocol::{Action, Held, Intent};
+use crate::speed::{self, Allow};
 use crate::watch::Situation;
 
 /// Silence of the page after which what it drives is stopped, s.
@@ -31,13 +38,6 @@ pub const LATCH: f64 = 2.0;
 const AGAIN: f64 = 0.05;
 /// Messages that say stop, after the first.
 const STOPS: u8 = 2;
-/// A step of the hand is not added while it has this far to go, m and rad.
-const LEAD: [f64; 2] = [0.12, 0.40];
-/// Longest time between two messages that counts for the fingers, s.
-const GRIP_TIME: f64 = 0.1;
-/// Distance from the middle of the axle to the farthest corner of a robot that is
-/// not described yet, m.
-const FAR_CORNER: f64 = 1.0;
 
 /// What comes of an intent, or of time.
 #[derive(Clone, Debug, PartialEq)]
@@ -87,26 +87,6 @@ struct Driving {
     arm: bool,
 }
 
-/// What the description of the robot tells.
-#[derive(Clone, Debug, PartialEq)]
-struct Limits {
-    /// Farthest corner of the footprint from the axle's middle, m.
-    corner: f64,
-    /// Widest opening of the fingers, m.
-    stroke: f64,
-    linkage: Option<v1::GripperLinkage>,
-}
-
-impl Default for Limits {
-    fn default() -> Self {
-        Self {
-            corner: FAR_CORNER,
-            stroke: 0.0,
-            linkage: None,
-        }
-    }
-}
-
 /// What is known besides the intent.
 #[derive(Clone, Copy)]
 pub struct Now<'a> {
@@ -131,7 +111,8 @@ impl Now<'_> {
 /// One page's motion.
 #[derive(Clone, Debug, Default)]
 pub struct Motion {
-    limits: Limits,
+    chair: Chair,
+    fingers: Fingers,
     seq: Option<u32>,
     epoch: u32,
     dead: u32,
@@ -147,8 +128,6 @@ pub struct Motion {
     /// What still is to be stopped once more: how often, and when next, s.
     stops: u8,
     next_stop: f64,
-    /// The fingers' target, m, and when it was moved, s.
-    grip: Option<(f64, f64)>,
     clutch: Option<Engaged>,
     /// Epoch of which a refusal was told.
     told: u32,
@@ -159,16 +138,8 @@ pub struct Motion {
 impl Motion {
     /// Takes the limits of the robot that is simulated.
     pub fn fit(&mut self, robot: &v1::RobotDescription) {
-        let corner = robot.footprint.map(|f| {
-            let x = f.x_min.abs().max(f.x_max.abs());
-            let y = f.y_min.abs().max(f.y_max.abs());
-            x.hypot(y)
-        });
-        self.limits = Limits {
-            corner: corner.filter(|c| *c > 0.0).unwrap_or(FAR_CORNER),
-            stroke: robot.gripper.as_ref().map_or(0.0, |g| g.stroke),
-            linkage: robot.gripper.as_ref().and_then(|g| g.linkage),
-        };
+        self.chair = Chair::of(robot);
+        self.fingers.fit(robot.gripper.as_ref());
     }
 
     /// Newest number that was taken.
@@ -223,19 +194,7 @@ impl Motion {
     /// Directions in which the hand was moved last, as pages name them.
     #[must_use]
     pub fn hand_directions(&self) -> Vec<&'static str> {
-        const NAMES: [[&str; 2]; 6] = [
-            ["hand.forward", "hand.back"],
-            ["hand.left", "hand.right"],
-            ["hand.up", "hand.down"],
-            ["turn.roll_plus", "turn.roll_minus"],
-            ["turn.pitch_plus", "turn.pitch_minus"],
-            ["turn.yaw_plus", "turn.yaw_minus"],
-        ];
-        let held = self.held.hand.into_iter().chain(self.held.turn);
-        let moved = held.zip(NAMES).filter(|(value, _)| *value != 0.0);
-        moved
-            .map(|(value, [plus, minus])| if value > 0.0 { plus } else { minus })
-            .collect()
+        hand::directions(&self.held)
     }
 
     /// Takes an intent.
@@ -275,7 +234,7 @@ impl Motion {
         match (Allow::at(age), intent.action) {
             (Allow::Drive, _) | (Allow::Steps, Action::Step { .. }) => {}
             (Allow::Steps, _) => {
-                let words = "the picture is more than 1 s old: only single steps are taken";
+                let words = "the picture is more than 0.9 s old: only single steps are taken";
                 return self.refuse(intent, "TOO_OLD", words, now);
             }
             (Allow::Stop, _) => {
@@ -362,7 +321,7 @@ impl Motion {
         self.dead = self.epoch;
         self.stops = 0;
         self.clutch = None;
-        self.grip = None;
+        self.fingers.rest();
     }
 
     fn stop(&mut self, intent: &Intent, now: Now<'_>) -> Vec<Out> {
@@ -372,7 +331,7 @@ impl Motion {
         self.dead = self.epoch;
         self.stopped = true;
         self.clutch = None;
-        self.grip = None;
+        self.fingers.rest();
         self.stops = STOPS;
         self.next_stop = now.time + AGAIN;
         let seq = Some(intent.seq);
@@ -402,7 +361,7 @@ impl Motion {
         };
         self.going = Going::Rest;
         self.clutch = None;
-        self.grip = None;
+        self.fingers.rest();
         if dead {
             self.dead = self.epoch;
         }
@@ -431,218 +390,6 @@ impl Motion {
         out
     }
 
-    /// What is held, as velocities.
-    fn drive(&mut self, intent: &Intent, held: &Held, now: Now<'_>) -> Vec<Out> {
-        let latch = intent.mode == v1::InputMode::Latch;
-        let before = match self.going {
-            Going::Driving(driving) => Some(driving),
-            Going::Rest | Going::Stepping(_) => None,
-        };
-        let since = match before {
-            Some(driving) if driving.epoch == intent.epoch => driving.since,
-            _ => now.time,
-        };
-        if latch && now.time - since >= LATCH {
-            return self.end(now, true);
-        }
-        let speeds = Speeds::of(intent.speed);
-        let base = self.base(held, &speeds, now);
-        let was = before.unwrap_or(Driving {
-            epoch: intent.epoch,
-            since,
-            latch,
-            base: matches!(self.going, Going::Stepping(_)),
-            arm: false,
-        });
-        let arm = match held.clutch {
-            Some(clutch) => match self.follow(intent.epoch, &clutch, now) {
-                Ok(target) => Some(target),
-                Err(why) => return self.refuse(intent, "NO_POSE", why, now),
-            },
-            None => {
-                self.clutch = None;
-                self.twist(held, &speeds, now)
-            }
-        };
-        let gripper = self.grip(held.grip, &speeds, now);
-        self.held = *held;
-        self.stopped = false;
-        self.stops = 0;
-        self.going = Going::Driving(Driving {
-            epoch: intent.epoch,
-            since,
-            latch,
-            base: base.is_some(),
-            arm: arm.is_some(),
-        });
-        let work = match (&base, &arm) {
-            (Some(_), _) => Work::Chair,
-            (None, Some(_)) => Work::Arm,
-            (None, None) => Work::Gripper,
-        };
-        let hold = v1::arm_command::Target::Hold(true);
-        let command = v1::Command {
-            base: base.or(was.base.then(v1::BaseCommand::default)),
-            arm: arm
-                .or(was.arm.then_some(hold))
-                .map(|target| v1::ArmCommand {
-                    target: Some(target),
-                }),
-            gripper,
-            ..v1::Command::default()
-        };
-        let (shown, seq) = (intent.shown, Some(intent.seq));
-        vec![self.command(command, Some(work), shown, seq, now)]
-    }
-
-    /// The chair's speeds, no faster than the age of the picture allows.
-    fn base(&self, held: &Held, speeds: &Speeds, now: Now<'_>) -> Option<v1::BaseCommand> {
-        if held.chair == [0.0; 2] {
-            return None;
-        }
-        let linear = held.chair[0] * speeds.chair[0];
-        let angular = held.chair[1] * speeds.chair[1];
-        let cap = speed::cap(self.age(now.newest())?);
-        // No corner of the chair turns faster than the chair may go.
-        let fastest = linear.abs().max(angular.abs() * self.limits.corner);
-        let share = (cap / fastest.max(cap)).min(1.0);
-        Some(v1::BaseCommand {
-            linear: linear * share,
-            angular: angular * share,
-        })
-    }
-
-    /// The hand's velocity: along the axes of the chair, turning about its own.
-    fn twist(&self, held: &Held, speeds: &Speeds, now: Now<'_>) -> Option<v1::arm_command::Target> {
-        if held.hand == [0.0; 3] && held.turn == [0.0; 3] {
-            return None;
-        }
-        let most = |v: Vector3<f64>| v / v.norm().max(1.0);
-        let share = (speed::cap(self.age(now.newest())?) / speed::cap(0.0)).min(1.0);
-        let linear = most(Vector3::from(held.hand)) * speeds.hand[0] * share;
-        let about_tool = most(tool_axes(held.turn)) * speeds.hand[1] * share;
-        let mount = now.situation.mount()?;
-        let tool = now.situation.base_from_tool?.rotation;
-        Some(v1::arm_command::Target::Twist(v1::CartesianTwist {
-            frame: v1::CommandFrame::Wheelchair.into(),
-            twist: Some(geometry::twist(&linear, &(mount * tool * about_tool))),
-        }))
-    }
-
-    fn follow(
-        &mut self,
-        epoch: u32,
-        clutch: &crate::protocol::Clutch,
-        now: Now<'_>,
-    ) -> Result<v1::arm_command::Target, &'static str> {
-        let unknown = "the hand's pose has not come yet";
-        let present = now.situation.base_from_tool.ok_or(unknown)?;
-        let mount = now.situation.mount().ok_or(unknown)?;
-        let mut engaged = match self.clutch.take() {
-            Some(engaged) if engaged.epoch() == epoch => engaged,
-            _ => Engaged::new(epoch, present),
-        };
-        let target = engaged.follow(clutch, &mount, &present);
-        self.clutch = Some(engaged);
-        Ok(v1::arm_command::Target::Pose(v1::CartesianTarget {
-            frame: v1::CommandFrame::BaseLink.into(),
-            pose: Some(geometry::pose(&target)),
-        }))
-    }
-
-    /// The fingers' target after as much time as has passed.
-    fn grip(&mut self, way: f64, speeds: &Speeds, now: Now<'_>) -> Option<v1::GripperCommand> {
-        if way == 0.0 {
-            self.grip = None;
-            return None;
-        }
-        let (from, at) = match self.grip {
-            Some(grip) => grip,
-            None => (self.opening(now.situation)?, now.time),
-        };
-        let passed = (now.time - at).clamp(0.0, GRIP_TIME);
-        let opening = (from + way * speeds.grip * passed).clamp(0.0, self.limits.stroke);
-        self.grip = Some((opening, now.time));
-        Some(opening_of(opening))
-    }
-
-    /// Opening that the fingers were told last, m.
-    fn opening(&self, situation: &Situation) -> Option<f64> {
-        let told = situation.applied.as_ref().map(|a| a.knuckle);
-        let opening = self.limits.linkage.zip(told.or(situation.knuckle()));
-        opening.map(|(linkage, knuckle)| linkage.opening(knuckle).max(0.0))
-    }
-
-    fn step(
-        &mut self,
-        intent: &Intent,
-        part: Part,
-        axis: usize,
-        sign: f64,
-        now: Now<'_>,
-    ) -> Vec<Out> {
-        let speeds = Speeds::of(intent.speed);
-        let [metres, radians] = speeds.step;
-        let unknown = "the robot's pose has not come yet";
-        let mut command = v1::Command::default();
-        match part {
-            Part::Chair => {
-                let way = if axis == 0 { metres } else { radians };
-                let Some(step) = ChairStep::new(axis == 1, sign * way, now.time, now.situation)
-                else {
-                    return self.refuse(intent, "NO_POSE", unknown, now);
-                };
-                self.dead = intent.epoch;
-                self.stopped = false;
-                self.stops = 0;
-                self.going = Going::Stepping(step);
-                return self.tick(now);
-            }
-            Part::Hand | Part::Turn => {
-                if let Some(why) = behind(now.situation) {
-                    return self.refuse(intent, "AHEAD", why, now);
-                }
-                let mut along = [0.0; 3];
-                along[axis] = sign;
-                self.held = Held::default();
-                match part {
-                    Part::Hand => self.held.hand = along,
-                    _ => self.held.turn = along,
-                }
-                let (translation, rotation) = match part {
-                    Part::Hand => (Vector3::from(along) * metres, Vector3::zeros()),
-                    _ => (Vector3::zeros(), tool_axes(along) * radians),
-                };
-                command.arm = Some(v1::ArmCommand {
-                    target: Some(v1::arm_command::Target::Step(v1::CartesianStep {
-                        frame: v1::CommandFrame::Wheelchair.into(),
-                        translation: Some(geometry::vector(&translation)),
-                        rotation: Some(geometry::vector(&rotation)),
-                    })),
-                });
-            }
-            Part::Grip => {
-                let Some(from) = self.opening(now.situation) else {
-                    return self.refuse(intent, "NO_POSE", unknown, now);
-                };
-                let opening = from + sign * speeds.grip_step;
-                command.gripper = Some(opening_of(opening.clamp(0.0, self.limits.stroke)));
-            }
-        }
-        // One press is one step, however often it is said.
-        self.dead = intent.epoch;
-        self.stopped = false;
-        let work = match part {
-            Part::Grip => Work::Gripper,
-            _ => Work::Arm,
-        };
-        // The gate takes no answers to states that are a second old; a step ends by
-        // itself, so the gateway answers for it.
-        let fresh = self.age(now.newest()).is_some_and(|age| age < 0.9);
-        let shown = intent.shown.filter(|_| fresh);
-        vec![self.command(command, Some(work), shown, Some(intent.seq), now)]
-    }
-
     fn command(
         &self,
         mut command: v1::Command,
@@ -667,19 +414,6 @@ impl Motion {
     }
 }
 
-/// Roll to the right, pitch downwards and yaw to the left as turns about the tool's
-/// own axes: x is to the left, y upwards and z ahead of a level hand.
-fn tool_axes([roll, pitch, yaw]: [f64; 3]) -> Vector3<f64> {
-    Vector3::new(pitch, yaw, roll)
-}
-
-fn opening_of(metres: f64) -> v1::GripperCommand {
-    v1::GripperCommand {
-        target: Some(v1::gripper_command::Target::Opening(metres)),
-        max_force: None,
-    }
-}
-
 /// A chair at rest and an arm that holds.
 fn rest(base: bool, arm: bool) -> v1::Command {
     v1::Command {
@@ -689,16 +423,6 @@ fn rest(base: bool, arm: bool) -> v1::Command {
         }),
         ..v1::Command::default()
     }
-}
-
-/// Why the hand takes no further step now.
-fn behind(situation: &Situation) -> Option<&'static str> {
-    let applied = situation.applied.as_ref()?;
-    let desired = normalized("desired pose", applied.desired_pose.as_ref()).ok()?;
-    let present = situation.base_from_tool?;
-    let way = (desired.translation.vector - present.translation.vector).norm();
-    let turn = desired.rotation.angle_to(&present.rotation);
-    (way > LEAD[0] || turn > LEAD[1]).then_some("the hand is still on its way")
 }
 
 #[cfg(test)]

@@ -127,7 +127,7 @@ pub fn of_page(
         (false, ..) => "there is no connection to the simulation",
         (_, false, ..) => "this page is not in control",
         (_, _, Allow::Drive, _) => "",
-        (_, _, Allow::Steps, _) => "the picture is more than 1 s old: steps and goals only",
+        (_, _, Allow::Steps, _) => "the picture is more than 0.9 s old: steps and goals only",
         (_, _, Allow::Stop, None) => "no picture is shown",
         (_, _, Allow::Stop, Some(_)) => "the picture is more than 2 s old",
     };

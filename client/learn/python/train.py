@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Trains a policy on a GPU (or, small ones, on a CPU).
 
-    wheelarm dataset export --format tensors data/mustard --trim-idle 0.5 --out data/tensors
+    wheelarm dataset export --format tensors data/mustard/episodes --trim-idle 0.5 --out data/tensors
     python3 train.py data/tensors --out runs/mustard --steps 30000 --seconds 500
     python3 train.py data/tensors --out runs/mustard --steps 30000 --seconds 500    # goes on
     wheelarm-learn serve runs/mustard/policy.safetensors

@@ -59,6 +59,15 @@ pub fn placements(
     let [nearest, furthest] = scene.arm_range;
     let mut placements = Vec::new();
     for (index, candidate) in candidates.iter().enumerate() {
+        // Where the chair stood when it was shown comes first.
+        if let Some(shown) = candidate.shown {
+            let turned = wrap(shown.chair.heading - chair.heading).abs();
+            placements.push(BasePlacement {
+                chair: shown.chair,
+                candidate: index,
+                cost: candidate.cost + 0.5 * shown.chair.distance(chair) + 0.3 * turned,
+            });
+        }
         let point = candidate.point(&scene.hand);
         let furthest = match point.z < LOW {
             true => furthest.min(LOW_FURTHEST),

@@ -5,6 +5,7 @@ use std::f64::consts::{PI, TAU};
 
 use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
 use wheelarm_proto::exact;
+use wheelarm_route::footprint_check::Pose2;
 
 use super::clearance::Surroundings;
 use super::goal::Goal;
@@ -31,6 +32,20 @@ pub struct GraspCandidate {
     pub backoff: f64,
     /// What it has against it; 0 for a hand that comes as the grasp says.
     pub cost: f64,
+    /// The demonstration that it is of; `None` for one of the operator's own.
+    pub shown: Option<Shown>,
+}
+
+/// Of which demonstration a grasp candidate is.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Shown {
+    /// Its index.
+    pub index: usize,
+    /// The thing stands as in the demonstration after this turn about its own vertical,
+    /// radians.
+    pub turn: f64,
+    /// Where the chair stood.
+    pub chair: Pose2,
 }
 
 impl GraspCandidate {
@@ -90,7 +105,8 @@ pub fn candidates(
     };
     let mut candidates = Vec::new();
     for grasp in scene.grasps.iter().filter(|g| g.item == goal.item()) {
-        let around = surroundings(scene, goal, poses, house_from_item, grasp);
+        let point = house_from_item * grasp.item_from_grasp * Point3::origin();
+        let around = surroundings(scene, goal, poses, &point);
         let turns = if grasp.symmetric { TURNS } else { 1 };
         for turn in 0..turns {
             let turned = UnitQuaternion::from_axis_angle(
@@ -174,6 +190,7 @@ fn deepest(
                 lean,
                 backoff: *backoff,
                 cost: (lean / 0.4).powi(2) + backoff / 0.02 * 0.3,
+                shown: None,
             })
         })
 }
@@ -193,25 +210,23 @@ fn outside(scene: &SceneModel, grasp: &Grasp) -> f64 {
     corners.map(before).fold(0.0, f64::max)
 }
 
-/// What the hand must not touch at a grasp. An object is in the fingers'
-/// hold; of a slide only the handle is.
-fn surroundings(
+/// What the hand must not touch where it takes the goal's thing at `point`. An object
+/// is in the fingers' hold; of a slide only the handle is.
+pub(crate) fn surroundings(
     scene: &SceneModel,
     goal: &Goal,
     poses: &[Isometry3<f64>],
-    house_from_item: &Isometry3<f64>,
-    grasp: &Grasp,
+    point: &Point3<f64>,
 ) -> Surroundings {
     const WIDE: f64 = 0.75;
-    let point = house_from_item * grasp.item_from_grasp * Point3::origin();
     let item = goal.item();
-    let mut around = scene.near(&point, WIDE, poses, Some(item));
+    let mut around = scene.near(point, WIDE, poses, Some(item));
     if goal.slide().is_some() {
         let front = scene.items[item]
             .boxes
             .iter()
-            .map(|obb| obb.at(house_from_item))
-            .filter(|obb| obb.distance(&point) > HANDLE);
+            .map(|obb| obb.at(&poses[item]))
+            .filter(|obb| obb.distance(point) > HANDLE);
         around.boxes.extend(front);
     }
     around

@@ -7,6 +7,7 @@
 
 pub mod base_placement;
 pub mod clearance;
+pub mod demonstration;
 pub mod drive;
 pub mod forced;
 pub mod goal;

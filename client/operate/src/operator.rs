@@ -1,29 +1,29 @@
 //! The skills in the order that a goal asks for, and what to do when one of
 //! them fails. Pure: observations in, actions out.
+//!
+//! `plan` is that order, `start` where in it to begin, `recovery` what follows a skill
+//! that failed, `mistake` what is done wrong on purpose.
 
-use nalgebra::{Isometry3, Point3};
+mod mistake;
+mod plan;
+mod recovery;
+mod start;
+
+use nalgebra::Isometry3;
 use wheelarm_proto::geometry;
 use wheelarm_proto::v1::{self, Phase};
 
+pub use self::plan::Extent;
+use self::plan::{Stage, plan};
 use super::base_placement::ArmReachability;
+use super::demonstration::Demonstrations;
 use super::forced::ForcedError;
 use super::goal::Goal;
 use super::observation::Observation;
 use super::profile::OperatorProfile;
 use super::scene::SceneModel;
 pub use super::skill::Act;
-use super::skill::bring::Bring;
-use super::skill::carry::Carry;
 use super::skill::fumble::Fumble;
-use super::skill::grasp::Grasp;
-use super::skill::lift::Lift;
-use super::skill::navigate::{Navigate, Purpose};
-use super::skill::place::Place;
-use super::skill::pull::Pull;
-use super::skill::reach::Reach;
-use super::skill::release::Release;
-use super::skill::stow::Stow;
-use super::skill::watch::Watch;
 use super::skill::{Memory, Now, Skill, Step};
 
 /// How the work ended.
@@ -37,130 +37,10 @@ pub enum Outcome {
     Broken(String),
 }
 
-/// Attempts at the thing before the operator gives up.
-const ATTEMPTS: usize = 3;
-/// The same where the scenario hinders the robot.
-const HINDERED_ATTEMPTS: usize = 8;
-/// Stops from which the arm did not reach before it gives up.
-const STOPS: usize = 4;
 /// The whole work takes no longer than this, seconds of simulation time.
 const LONGEST: f64 = 150.0;
-/// A pad presses on something from this force, N.
-const PRESSES: f64 = 2.0;
-/// What the pads hold lies no further than this from where they meet, metres.
-const HELD: f64 = 0.02;
-/// A chair that goes faster is under way, m/s and rad/s.
-const SLOW: [f64; 2] = [0.05, 0.1];
-/// What lies further beyond the arm's range is not tried on the spot, metres.
-const NEARLY: f64 = 0.2;
 /// Skills that may end at one tick.
 const ENDINGS: usize = 4;
-
-/// One step of the plan: which skill comes.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Stage {
-    Navigate(Purpose),
-    Before,
-    Reach,
-    Grasp,
-    Lift,
-    Carry,
-    Place,
-    Bring,
-    Pull,
-    LetGo,
-    Watch,
-}
-
-impl Stage {
-    fn begin(self) -> Box<dyn Skill> {
-        match self {
-            Self::Navigate(purpose) => Box::new(Navigate::new(purpose)),
-            Self::Before => Box::new(Reach::before()),
-            Self::Reach => Box::new(Reach::new()),
-            Self::Grasp => Box::new(Grasp::default()),
-            Self::Lift => Box::new(Lift::default()),
-            Self::Carry => Box::new(Carry::default()),
-            Self::Place => Box::new(Place::new()),
-            Self::Bring => Box::new(Bring::new()),
-            Self::Pull => Box::new(Pull::new()),
-            Self::LetGo => Box::new(Release::let_go()),
-            Self::Watch => Box::new(Watch::default()),
-        }
-    }
-}
-
-/// Another thing than the goal's, the nearest to it that can be taken; a wrong one
-/// further away than this is none, metres.
-const NEAR: f64 = 0.6;
-
-/// How much of the work is done.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Extent {
-    /// All of it, until the task's conditions hold.
-    #[default]
-    Task,
-    /// Until the hand stands before the thing.
-    Near,
-    /// Until the thing is held and lifted.
-    Take,
-    /// From there on: what the hand holds is put into the region.
-    Put,
-}
-
-/// The skills that reach a goal, in their order.
-fn plan(goal: &Goal, extent: Extent) -> &'static [Stage] {
-    const TAKE: Stage = Stage::Navigate(Purpose::Take);
-    match extent {
-        Extent::Task => {}
-        Extent::Near => return &[TAKE, Stage::Before],
-        Extent::Take => return &[TAKE, Stage::Reach, Stage::Grasp, Stage::Lift],
-        Extent::Put => return &[Stage::Navigate(Purpose::Put), Stage::Place],
-    }
-    match goal {
-        Goal::Lift { .. } => &[
-            TAKE,
-            Stage::Reach,
-            Stage::Grasp,
-            Stage::Lift,
-            Stage::Carry,
-            Stage::Watch,
-        ],
-        Goal::Put { .. } => &[
-            TAKE,
-            Stage::Reach,
-            Stage::Grasp,
-            Stage::Lift,
-            Stage::Place,
-            Stage::Watch,
-        ],
-        Goal::Give { .. } => &[
-            TAKE,
-            Stage::Reach,
-            Stage::Grasp,
-            Stage::Lift,
-            Stage::Bring,
-            Stage::LetGo,
-            Stage::Watch,
-        ],
-        Goal::Bring { .. } => &[
-            TAKE,
-            Stage::Reach,
-            Stage::Grasp,
-            Stage::Lift,
-            Stage::Carry,
-            Stage::Bring,
-        ],
-        Goal::Open { .. } | Goal::Close { .. } => &[
-            TAKE,
-            Stage::Reach,
-            Stage::Grasp,
-            Stage::Pull,
-            Stage::LetGo,
-            Stage::Watch,
-        ],
-    }
-}
 
 /// The operator of one episode.
 pub struct Operator {
@@ -168,6 +48,7 @@ pub struct Operator {
     goal: Goal,
     extent: Extent,
     profile: OperatorProfile,
+    shown: Demonstrations,
     /// Index of the stage in the plan.
     at: usize,
     skill: Box<dyn Skill>,
@@ -233,6 +114,7 @@ impl Operator {
             goal,
             extent: Extent::Task,
             profile,
+            shown: Demonstrations::default(),
             at: 0,
             skill,
             detour: None,
@@ -262,6 +144,22 @@ impl Operator {
         self
     }
 
+    /// That takes the thing as somebody has shown it, by one of `shown`, and in no other
+    /// way; of none it knows its own ways.
+    #[must_use]
+    pub fn shown(mut self, shown: Demonstrations) -> Self {
+        self.shown = shown;
+        self
+    }
+
+    /// The episode of the demonstration by which it took the thing last.
+    #[must_use]
+    pub fn source(&self) -> Option<&str> {
+        let shown = self.memory.candidate.as_ref()?.shown?;
+        let one = self.shown.list.get(shown.index)?;
+        Some(&one.source)
+    }
+
     /// That goes on from wherever somebody else left the hand, instead of bringing it
     /// home and looking for a place to stop: who learns from that sees how to put right
     /// what is a little off, and not how to begin again. Where the arm cannot take the
@@ -280,61 +178,6 @@ impl Operator {
         self.longest = trouble.time_limit.unwrap_or(LONGEST);
         self.trouble = trouble;
         self
-    }
-
-    /// Begins with the wrong thing, where there is one near by.
-    fn take_the_wrong_one(&mut self, poses: &[Isometry3<f64>]) {
-        let item = self.goal.item();
-        let off = |other: usize| {
-            (poses[other].translation.vector - poses[item].translation.vector).norm()
-        };
-        let others = self.scene.grasps.iter().map(|grasp| grasp.item);
-        let others = others.filter(|&other| other != item && off(other) < NEAR);
-        let slides = matches!(self.goal, Goal::Open { .. } | Goal::Close { .. });
-        let nearest = others.min_by(|&a, &b| off(a).total_cmp(&off(b)));
-        let Some(other) = nearest.filter(|_| !slides) else {
-            self.memory
-                .notes
-                .push("there is no other thing near by to take by mistake".to_owned());
-            return;
-        };
-        self.force(ForcedError::WrongObject);
-        let wrong = Goal::Lift { item: other };
-        self.asked = Some(std::mem::replace(&mut self.goal, wrong));
-    }
-
-    /// Goes on with what is asked.
-    fn correct(&mut self, goal: Goal) {
-        self.memory
-            .notes
-            .push("that was the wrong thing; takes the right one".to_owned());
-        self.goal = goal;
-        self.forcing = false;
-        self.about_to = None;
-        self.memory.candidate = None;
-        self.memory.refused.clear();
-        self.memory.left.clear();
-        self.at = 0;
-        self.skill = plan(&self.goal, self.extent)[0].begin();
-        self.detour = Some(Box::new(Release::after_miss()));
-    }
-
-    /// Notes an error that is made on purpose.
-    fn force(&mut self, error: ForcedError) {
-        self.trouble.forced = None;
-        self.forcing = true;
-        self.erred = true;
-        match error {
-            // Told when the hand sets off: until then the way is the same.
-            ForcedError::WrongObject => self.about_to = Some(error.incident()),
-            ForcedError::WrongGrasp | ForcedError::Drop => self.incident = error.incident(),
-        }
-        let note = match error {
-            ForcedError::WrongGrasp => "forced: closes beside it",
-            ForcedError::WrongObject => "forced: takes another thing first",
-            ForcedError::Drop => "forced: drops it",
-        };
-        self.memory.notes.push(note.to_owned());
     }
 
     /// What went wrong or right again since the last call.
@@ -368,55 +211,6 @@ impl Operator {
         let (mut act, outcome) = self.decide(&slowed, arm);
         act.base = act.base.map(|base| base.map(|v| v * rate));
         (act, outcome)
-    }
-
-    /// Chooses what to begin with: the plan from its start, with the arm home, or what
-    /// can be gone on with on the spot.
-    fn set_off(&mut self, seen: &Observation) {
-        let is_home = Stow::is_home(&seen.arm, &self.scene.home);
-        let [speed, rate] = seen.chair_speed;
-        // A chair under way with the arm home goes on driving.
-        let drives = is_home && (speed.abs() > SLOW[0] || rate.abs() > SLOW[1]);
-        // The thing between both pads already is held on to.
-        let presses = seen.pad_force.iter().all(|force| *force > PRESSES);
-        let stage = match presses && self.is_between_pads(seen) {
-            true => Stage::Grasp,
-            false => Stage::Reach,
-        };
-        let plan = plan(&self.goal, self.extent);
-        let at = plan.iter().position(|other| *other == stage);
-        self.on_the_spot &= !drives && at.is_some() && self.is_near(seen);
-        if self.on_the_spot {
-            self.at = at.unwrap_or_default();
-            self.skill = match stage {
-                Stage::Reach => Box::new(Reach::on_the_spot()),
-                _ => stage.begin(),
-            };
-            if is_home {
-                self.memory.home = Some(seen.base_from_tool);
-            }
-        } else if !is_home {
-            self.detour = Some(Box::new(Stow::default()));
-        }
-    }
-
-    /// The goal's thing is where the pads meet, and not another.
-    fn is_between_pads(&self, seen: &Observation) -> bool {
-        let pads = Point3::new(0.0, 0.0, self.scene.tool_length);
-        let point = self.thing_in_hand(seen).inverse() * pads;
-        let boxes = self.scene.items[self.goal.item()].boxes.iter();
-        boxes.map(|obb| obb.distance(&point)).any(|off| off < HELD)
-    }
-
-    /// The thing may be in the arm's reach from where the chair stands.
-    fn is_near(&self, seen: &Observation) -> bool {
-        let poses = self.scene.poses(seen);
-        let base = self.scene.house_from_base(seen).translation.vector;
-        let thing = poses.get(self.goal.item());
-        thing.is_some_and(|thing| {
-            let away = (thing.translation.vector - base).xy().norm();
-            away < self.scene.arm_range[1] + NEARLY
-        })
     }
 
     fn decide(
@@ -458,6 +252,7 @@ impl Operator {
                 seen,
                 poses: &poses,
                 reach: &mut *arm,
+                shown: &self.shown,
                 memory: &mut self.memory,
             };
             let skill = self.detour.as_mut().unwrap_or(&mut self.skill);
@@ -533,92 +328,6 @@ impl Operator {
             }
             None => Some(Outcome::Success),
         }
-    }
-
-    /// Begins again from the start of the plan, with the arm home.
-    fn begin_again(&mut self, why: &str) {
-        self.memory.notes.push(format!("{why}, begins again"));
-        self.memory.held = None;
-        self.on_the_spot = false;
-        self.opened = false;
-        self.at = 0;
-        self.skill = plan(&self.goal, self.extent)[0].begin();
-        self.detour = Some(Box::new(Stow::default()));
-    }
-
-    /// Gives this attempt up: lets go, backs off, looks again; or the end.
-    fn missed(&mut self, why: &str) -> Option<Outcome> {
-        if self.on_the_spot {
-            self.begin_again(why);
-            return None;
-        }
-        if let Some(goal) = self.asked.take() {
-            self.correct(goal);
-            return None;
-        }
-        self.memory.held = None;
-        match std::mem::take(&mut self.forcing) {
-            // Meant so: it does not count.
-            true => self.memory.notes.push(why.to_owned()),
-            false => {
-                self.attempts += 1;
-                self.erred = true;
-                let moved = why.starts_with("it was moved");
-                self.incident = match moved {
-                    true => v1::Incident::Moved,
-                    false => v1::Incident::Missed,
-                };
-                let note = format!("attempt {}: {why}", self.attempts);
-                self.memory.notes.push(note);
-            }
-        }
-        let most = match self.trouble.hindered {
-            true => HINDERED_ATTEMPTS,
-            false => ATTEMPTS,
-        };
-        let reach = plan(&self.goal, self.extent)
-            .iter()
-            .position(|stage| matches!(stage, Stage::Reach | Stage::Before));
-        let Some(reach) = reach else {
-            return Some(Outcome::Failure(why.to_owned()));
-        };
-        if self.attempts >= most {
-            return Some(Outcome::Failure(format!("{why}, after {most} attempts")));
-        }
-        self.at = reach;
-        self.skill = plan(&self.goal, self.extent)[reach].begin();
-        self.detour = Some(Box::new(Release::after_miss()));
-        None
-    }
-
-    /// Drives to another place for the present skill; or the end.
-    fn elsewhere(&mut self, why: String) -> Option<Outcome> {
-        if self.on_the_spot {
-            self.begin_again(&why);
-            return None;
-        }
-        if let Some(goal) = self.asked.take() {
-            self.correct(goal);
-            return None;
-        }
-        self.stops += 1;
-        if self.stops >= STOPS {
-            return Some(Outcome::Failure(format!(
-                "{why}, from none of {STOPS} stops"
-            )));
-        }
-        self.memory
-            .notes
-            .push(format!("{why}, looks for another place"));
-        let stage = plan(&self.goal, self.extent)[self.at];
-        let purpose = if stage == Stage::Place {
-            Purpose::Put
-        } else {
-            Purpose::Take
-        };
-        self.skill = stage.begin();
-        self.detour = Some(Stage::Navigate(purpose).begin());
-        None
     }
 
     fn finish(&mut self, outcome: Outcome) -> (Act, Option<Outcome>) {

@@ -58,7 +58,7 @@ fn obb(at: [f64; 3], half: [f64; 3]) -> Obb {
     }
 }
 
-fn home_scene() -> SceneModel {
+pub(crate) fn home_scene() -> SceneModel {
     let bottle_half = [0.048, 0.029, 0.0955];
     // Approach along +x of the bottle, closing along its y.
     let grasp = UnitQuaternion::from_basis_unchecked(&[Vector3::y(), Vector3::z(), Vector3::x()]);
@@ -410,6 +410,7 @@ fn the_chair_stops_nearer_to_what_stands_on_the_floor() {
             lean: 0.0,
             backoff: 0.0,
             cost: 0.0,
+            shown: None,
         };
         let point = candidate.point(&scene.hand);
         let chair = Pose2 {

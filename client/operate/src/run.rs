@@ -10,6 +10,7 @@ use wheelarm_proto::settings::{Named, Style};
 use wheelarm_proto::v1;
 
 use super::base_placement::ArmReachability;
+use super::demonstration::Demonstrations;
 use super::forced::ForcedError;
 use super::goal::Goal;
 use super::observation::{self, Collector};
@@ -39,6 +40,8 @@ pub struct OperateOptions {
     pub forced: Option<ForcedError>,
     /// Goes on from where the hand is ([`Operator::on_the_spot`]).
     pub on_the_spot: bool,
+    /// How the thing is taken ([`Operator::shown`]); the operator's own ways with none.
+    pub shown: Demonstrations,
 }
 
 impl Default for OperateOptions {
@@ -53,6 +56,7 @@ impl Default for OperateOptions {
             profile_seed: None,
             forced: None,
             on_the_spot: false,
+            shown: Demonstrations::default(),
         }
     }
 }
@@ -106,6 +110,8 @@ pub struct Report {
     pub evaluation: v1::Evaluation,
     /// Control ticks answered.
     pub ticks: u64,
+    /// The episode whose demonstration was adapted, if one was.
+    pub source: Option<String>,
 }
 
 impl Report {
@@ -186,7 +192,9 @@ pub fn run(
     let style = Style::from_name(scenario.style()).unwrap_or_default();
     let profile = OperatorProfile::new(options.profile_seed.unwrap_or(scenario.seed()));
     let operator = Operator::new(scene, goal, profile.in_style(style));
-    let mut operator = operator.map_err(OperateError::Scene)?;
+    let mut operator = operator
+        .map_err(OperateError::Scene)?
+        .shown(options.shown.clone());
     if options.on_the_spot {
         operator = operator.on_the_spot();
     }
@@ -401,6 +409,7 @@ impl Work<'_> {
         Ok(Report {
             outcome,
             ticks: self.turns.commander().sent(),
+            source: self.operator.source().map(str::to_owned),
             started: self.started,
             stopped: self.stopped,
             evaluation,

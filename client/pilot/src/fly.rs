@@ -187,11 +187,12 @@ pub fn run(
         pilot: Pilot::new(
             player,
             PilotOptions {
-                execute: options.execute.unwrap_or(spec.execute).min(spec.chunk) as usize,
+                execute: options.execute.unwrap_or(spec.execute) as usize,
                 latency: options.latency as usize,
                 ensemble: options.ensemble,
             },
-        ),
+        )
+        .at_most(spec.chunk as usize),
         over_ticks,
         key: format!("{}-{}", first.run_id, first.episode),
         seed: scenario.seed(),

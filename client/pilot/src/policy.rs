@@ -1,5 +1,7 @@
 //! What answers for a robot, and what can be wrong with it.
 
+use std::ops::RangeInclusive;
+
 use wheelarm_policy::{ActionKind, ChunkError, RowError};
 use wheelarm_proto::v1;
 
@@ -113,10 +115,14 @@ pub fn checked(spec: &v1::PolicySpec) -> Result<(ActionKind, u32), PolicyError> 
     }
     for camera in &spec.cameras {
         let sides = [camera.width, camera.height];
-        if !sides.iter().all(|side| (8..=4096).contains(side)) {
+        if !sides.iter().all(|side| SIDES.contains(side)) {
             return unfit(format!(
-                "it wants pictures of {}x{} pixels of {:?}; allowed is 8 to 4096 a side",
-                camera.width, camera.height, camera.name
+                "it wants pictures of {}x{} pixels of {:?}; allowed is {} to {} a side",
+                camera.width,
+                camera.height,
+                camera.name,
+                SIDES.start(),
+                SIDES.end()
             ));
         }
     }
@@ -129,6 +135,8 @@ const MOST_ROWS: u32 = 1000;
 const MOST_MOMENTS: u32 = 64;
 /// Most observations of a request.
 const MOST_OBSERVATIONS: u32 = 256;
+/// Sides that a server's pictures may have, pixels.
+const SIDES: RangeInclusive<u32> = 16..=4096;
 
 #[cfg(test)]
 mod tests {
@@ -148,6 +156,12 @@ mod tests {
             change(&mut spec);
             checked(&spec).unwrap_err().to_string()
         };
+        let camera = |width, height| v1::PolicyCamera {
+            name: "gen3".to_owned(),
+            width,
+            height,
+            depth: false,
+        };
         for (words, told) in [
             ("divides 60", wrong(&|s| s.rate_hz = 7.0)),
             ("divides 60", wrong(&|s| s.rate_hz = f64::NAN)),
@@ -157,16 +171,10 @@ mod tests {
             ("1 to 1000 rows", wrong(&|s| s.chunk = u32::MAX)),
             ("moments", wrong(&|s| s.history = 1 << 20)),
             (
-                "8 to 4096",
-                wrong(&|s| {
-                    s.cameras.push(v1::PolicyCamera {
-                        name: "gen3".to_owned(),
-                        width: 1 << 30,
-                        height: 8,
-                        depth: false,
-                    });
-                }),
+                "16 to 4096",
+                wrong(&|s| s.cameras.push(camera(1 << 30, 16))),
             ),
+            ("16 to 4096", wrong(&|s| s.cameras.push(camera(8, 8)))),
         ] {
             assert!(told.contains(words), "{told}");
         }

@@ -35,6 +35,16 @@ pub enum ChunkError {
         /// Values that came.
         values: usize,
     },
+    /// More rows than the policy said.
+    #[error(
+        "the policy answered {rows} rows, and its description says {most} at most; describe as many (`chunk`) as it answers"
+    )]
+    Long {
+        /// Rows that came.
+        rows: usize,
+        /// Most rows that were described.
+        most: usize,
+    },
     /// Fewer rows than are carried out.
     #[error("the policy answered {rows} rows; {needed} are carried out before its next answer")]
     Short {
@@ -65,6 +75,8 @@ struct Chunk {
 pub struct Pilot {
     player: Player,
     options: PilotOptions,
+    /// Most rows of an answer.
+    most: usize,
     /// Pictures that were answered by a command.
     now: usize,
     /// The newest last; more than two only with an ensemble.
@@ -82,9 +94,17 @@ impl Pilot {
         Self {
             player,
             options,
+            most: usize::MAX,
             now: 0,
             chunks: VecDeque::new(),
         }
+    }
+
+    /// Takes no answer of more than `most` rows: what a policy describes (its `chunk`).
+    #[must_use]
+    pub fn at_most(mut self, most: usize) -> Self {
+        self.most = most;
+        self
     }
 
     /// Whether the policy is to be asked at this picture.
@@ -110,6 +130,10 @@ impl Pilot {
         if rows.checked_mul(size) != Some(values.len()) {
             let values = values.len();
             return Err(ChunkError::Shape { rows, size, values });
+        }
+        if rows > self.most {
+            let most = self.most;
+            return Err(ChunkError::Long { rows, most });
         }
         let needed = match self.options.ensemble {
             Some(_) => 1,
@@ -264,6 +288,10 @@ mod tests {
         assert!(pilot.take(usize::MAX, &[]).is_err());
         let short = pilot.take(2, &chunk(0, 2)).unwrap_err();
         assert_eq!(short, ChunkError::Short { rows: 2, needed: 3 });
+        let mut described = pilot.clone().at_most(3);
+        assert_eq!(described.take(3, &chunk(0, 3)), Ok(()));
+        let long = described.take(4, &chunk(0, 4)).unwrap_err();
+        assert_eq!(long, ChunkError::Long { rows: 4, most: 3 });
         let mut values = chunk(0, 3);
         values[12] = f32::NAN;
         let problem = pilot.take(3, &values).unwrap_err();

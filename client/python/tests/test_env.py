@@ -128,6 +128,53 @@ def test_a_scenario_seed_is_that_of_the_other_tools():
     env.close()
 
 
+def test_a_field_of_one_episode_is_not_that_of_the_next():
+    more = {
+        "person": {"body": "woman_p50", "posture": "hands_in_lap"},
+        "look": {"seed": 3, "light": 2},
+        "disturbances": {"noise": 2},
+        "starts": "anywhere",
+        "time_limit_seconds": 5.0,
+        "style": "human",
+        "imu_noise": True,
+    }
+    env = gymnasium.make(MUSTARD, scenario={"deformable_rate_hz": 0.0})
+
+    def scenario(**options):
+        observation, _ = env.reset(options={"scenario_seed": 7, **options})
+        found = env.unwrapped.client.status().scenario
+        # Of a time limit the server tells no more where it came from.
+        if found.time_limit_seconds == wheelarm.TASKS["pick_mustard"]:
+            found.ClearField("time_limit_seconds")
+        return observation, found
+
+    first = scenario()
+    server = env.unwrapped._server
+    other = scenario(scenario=more)
+    assert other[1].person.body == "woman_p50" and other[1].time_limit_seconds == 5.0
+    again = scenario()
+    assert again[1] == first[1] and equal(again[0], first[0])
+    assert env.unwrapped._server is server
+    # What no reset takes back goes with its server.
+    said = scenario(scenario={"language": {"seed": 3}})
+    assert said[1].HasField("language")
+    again = scenario()
+    assert again[1] == first[1] and equal(again[0], first[0])
+    env.close()
+
+
+def test_what_a_running_server_keeps_is_told(server):
+    env = gymnasium.make(MUSTARD, endpoint=server.endpoint, sim=server.sim)
+    _, before = env.reset(seed=0), env.unwrapped.client.status().scenario
+    env.reset(seed=0, options={"scenario": {"language": {"seed": 3}, "time_limit_seconds": 5.0}})
+    with pytest.raises(ValueError, match="language"):
+        env.reset(seed=0)
+    env.reset(seed=0, options={"scenario": {"language": {"seed": 3}}})
+    limit = env.unwrapped.client.status().scenario.time_limit_seconds
+    assert limit == wheelarm.TASKS["pick_mustard"] and not before.time_limit_seconds
+    env.close()
+
+
 def test_what_it_tells_is_what_the_server_tells():
     env = gymnasium.make(MUSTARD)
     observation, info = env.reset(seed=1)

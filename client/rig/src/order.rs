@@ -38,6 +38,19 @@ pub struct Order {
     pub profile_seed: Option<u64>,
     /// Name of the error that the operator makes on purpose.
     pub forced: Option<String>,
+    /// Demonstrations by which the thing is taken; the operator's own ways without.
+    pub shown: Option<ShownFile>,
+}
+
+/// Demonstrations for one episode.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ShownFile {
+    /// A list of [`Demonstration`](wheelarm_operate::demonstration::Demonstration) as JSON.
+    pub file: PathBuf,
+    /// Which are liked best, and how the hand is off.
+    pub seed: u64,
+    /// Deviation of the hand from what was shown, metres.
+    pub noise: f64,
 }
 
 /// How an episode is recorded.
@@ -116,6 +129,8 @@ pub struct Tried {
     pub hash: Option<u64>,
     /// Wall time from the first control tick to the end, s.
     pub wall_seconds: f64,
+    /// The episode whose demonstration was adapted, if one was.
+    pub source: Option<String>,
 }
 
 /// The operator's own word.
@@ -143,6 +158,7 @@ impl Tried {
             stopped: Some(self.stopped.clone()),
             evaluation: self.evaluation.clone(),
             ticks: self.ticks,
+            source: self.source.clone(),
         }
     }
 }
@@ -200,6 +216,7 @@ mod tests {
             log: Some("/tmp/a \"b\"\n.log".into()),
             profile_seed: Some(7),
             forced: None,
+            shown: None,
         }));
         let line = serde_json::to_string(&asked).unwrap();
         assert!(!line.contains('\n'), "{line}");
@@ -214,6 +231,7 @@ mod tests {
             notes: vec!["1.00 s begun".into()],
             hash: Some(u64::MAX),
             wall_seconds: 0.5,
+            source: None,
         };
         assert_eq!(tried.report().why(), Some("no way".into()));
         let said = Said::Of {

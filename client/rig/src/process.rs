@@ -1,5 +1,6 @@
 //! A child process under supervision: its messages are kept in a file, the
-//! terminal's Ctrl-C does not reach it, and it does not outlive this process.
+//! terminal's Ctrl-C does not reach it, and it does not outlive this process. It has a
+//! process group of its own: what it starts ends with it.
 
 use std::ffi::OsString;
 use std::fs::File;
@@ -11,7 +12,7 @@ use std::process::{Child, ChildStdin, ChildStdout, Command, ExitStatus, Stdio};
 use std::time::{Duration, Instant};
 
 use anyhow::Context;
-use rustix::process::{Pid, Signal, kill_process};
+use rustix::process::{Pid, Signal, kill_process_group};
 
 use crate::limits;
 use crate::program::required_program;
@@ -68,6 +69,8 @@ pub enum Input {
 pub struct Process {
     name: &'static str,
     child: Child,
+    /// How it ended, once that is known.
+    status: Option<ExitStatus>,
     log: File,
     /// Where its own messages begin: those of another before it may stand there.
     begin: u64,
@@ -128,6 +131,7 @@ impl Process {
         let mut process = Self {
             name: launch.name,
             child,
+            status: None,
             log,
             begin,
         };
@@ -146,14 +150,27 @@ impl Process {
         self.child.stdin.take().zip(self.child.stdout.take())
     }
 
-    /// How it ended, if it has.
+    /// How it ended, if it has. What it started and left behind is killed then.
     ///
     /// # Errors
     /// When the operating system does not tell.
     pub fn ended(&mut self) -> anyhow::Result<Option<ExitStatus>> {
-        self.child
-            .try_wait()
-            .with_context(|| format!("watching the {}", self.name))
+        if self.status.is_none() {
+            let status = self.child.try_wait();
+            self.status = status.with_context(|| format!("watching the {}", self.name))?;
+            if self.status.is_some() {
+                self.signal(Signal::KILL);
+            }
+        }
+        Ok(self.status)
+    }
+
+    /// Signals the whole group. The group may be gone; its number is nobody else's while
+    /// one of it lives, or its first has not been waited for.
+    fn signal(&self, signal: Signal) {
+        if let Some(group) = i32::try_from(self.child.id()).ok().and_then(Pid::from_raw) {
+            let _ = kill_process_group(group, signal);
+        }
     }
 
     /// How it ended, if it does so within `patience`.
@@ -171,8 +188,8 @@ impl Process {
     }
 
     /// Ends it: its standard input is closed, with which one that holds it as a
-    /// lifeline ends; after [`limits::END`] it is terminated, then killed. How
-    /// it ended.
+    /// lifeline ends; after [`limits::END`] it is terminated with all that it started,
+    /// then killed. How it ended.
     ///
     /// # Errors
     /// When the operating system does not tell.
@@ -183,9 +200,8 @@ impl Process {
                 return Ok(status);
             }
         }
-        if let Some(id) = i32::try_from(self.child.id()).ok().and_then(Pid::from_raw) {
-            // It may have ended by itself.
-            let _ = kill_process(id, Signal::TERM);
+        if self.ended()?.is_none() {
+            self.signal(Signal::TERM);
         }
         if let Some(status) = self.ended_within(limits::END)? {
             return Ok(status);
@@ -195,11 +211,12 @@ impl Process {
         status.with_context(|| format!("watching the {}", self.name))
     }
 
-    /// Kills it, also when it is stopped.
+    /// Kills it and all that it started, also when it is stopped.
     pub fn kill(&mut self) {
-        // It may have ended by itself.
-        let _ = self.child.kill();
-        let _ = self.child.wait();
+        if self.status.is_none() {
+            self.signal(Signal::KILL);
+            self.status = self.child.wait().ok();
+        }
     }
 
     /// Its newest messages, 64 KiB at most.
@@ -342,6 +359,38 @@ mod tests {
             std::thread::sleep(limits::LOOK);
         }
         assert_eq!(other.end().unwrap().code(), Some(5));
+    }
+
+    /// Whether a process runs; one that nobody has waited for does not.
+    fn runs(id: &str) -> bool {
+        let status = std::fs::read_to_string(format!("/proc/{id}/status"));
+        status.is_ok_and(|status| !status.contains("State:\tZ"))
+    }
+
+    #[test]
+    #[cfg(target_os = "linux")]
+    fn what_a_launcher_started_ends_with_it() {
+        // Once it is ended, once it ends by itself.
+        for rest in ["wait", "exit 0"] {
+            let script = format!("sleep 600 & echo $!; {rest}");
+            let mut launcher = shell(&script, Input::Text(String::new()), None);
+            while launcher.messages().is_empty() {
+                std::thread::sleep(limits::LOOK);
+            }
+            let id = launcher.messages().trim().to_owned();
+            if rest == "wait" {
+                assert!(runs(&id));
+                launcher.kill();
+            } else {
+                let status = launcher.ended_within(limits::END).unwrap();
+                assert_eq!(status.and_then(|status| status.code()), Some(0));
+            }
+            let deadline = Instant::now() + limits::END;
+            while runs(&id) && Instant::now() < deadline {
+                std::thread::sleep(limits::LOOK);
+            }
+            assert!(!runs(&id), "{rest}");
+        }
     }
 
     #[test]

@@ -69,6 +69,7 @@ impl Attempt<'_> {
             log: Some(self.staging.join(OPERATOR_LOG)),
             profile_seed: self.profile_seed(),
             forced: forced.map(|forced| forced.name().to_owned()),
+            shown: None,
         }
     }
 }

@@ -284,10 +284,12 @@ impl Shared<'_> {
                     return Ok(Tried::Stopped);
                 }
                 Err(problem) => {
-                    last = format!("{problem:#}");
+                    last = without_log(&format!("{problem:#}"));
                     let words = format!("{} broke: {last}", episode.id);
                     self.show.end(place.pipeline, 0.0, 0.0, false, &words);
                     self.setup.folder.keep_failed(&episode.id, number)?;
+                    // A disk that was full stays full: that ends the run, with its cure.
+                    self.room(self.busy.load(Ordering::Acquire))?;
                     if self.stop.asked() {
                         return Ok(Tried::Stopped);
                     }
@@ -307,6 +309,26 @@ impl Shared<'_> {
     }
 }
 
+/// The words of a problem without those that lead to the log of the recording: a
+/// campaign makes the episode again and keeps no log.
+fn without_log(words: &str) -> String {
+    let leads = |clause: &str| clause.contains(".h5.wal") || clause.contains("dataset recover");
+    let mut dropped = false;
+    let lines = words.lines().map(|line| {
+        let clauses = line.split("; ").filter_map(|clause| {
+            let (kept, _) = clause.split_once(". The recording").unwrap_or((clause, ""));
+            dropped |= leads(clause);
+            (!leads(kept)).then_some(kept)
+        });
+        clauses.collect::<Vec<_>>().join("; ")
+    });
+    let kept = lines.collect::<Vec<_>>().join("\n");
+    match dropped {
+        true => format!("{kept}; its log is not kept, the episode is made again"),
+        false => words.to_owned(),
+    }
+}
+
 enum Tried {
     /// It is done.
     Done(Box<Done>),
@@ -314,4 +336,35 @@ enum Tried {
     Again,
     Broken,
     Stopped,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_log_that_is_removed_is_not_named() {
+        for (words, kept) in [
+            (
+                "a.h5 cannot be written: No space left; the recording is still in a.h5.wal, `wheelarm dataset recover a.h5.wal` tries again",
+                "a.h5 cannot be written: No space left",
+            ),
+            (
+                "cannot append to the log after 9 good bytes: No space left; free space on the disk, then `wheelarm dataset recover LOG` keeps what was acknowledged; what was acknowledged is still in s/a.h5.wal",
+                "cannot append to the log after 9 good bytes: No space left",
+            ),
+            (
+                "making the file panicked; please report it. The recording is still in a.h5.wal, `wheelarm dataset recover a.h5.wal` tries again",
+                "making the file panicked; please report it",
+            ),
+        ] {
+            let told = without_log(words);
+            assert_eq!(
+                told,
+                format!("{kept}; its log is not kept, the episode is made again")
+            );
+        }
+        let other = "the recorder said:\nnothing; at all";
+        assert_eq!(without_log(other), other);
+    }
 }

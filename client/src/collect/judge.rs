@@ -8,6 +8,7 @@ use anyhow::{Context, bail};
 use wheelarm_dataset::read::{Episode as Recording, Summary};
 use wheelarm_dataset::scenario_text::scenario_json;
 use wheelarm_operate::run::Report;
+use wheelarm_proto::person::NOBODY;
 use wheelarm_proto::v1;
 
 use super::episode::Episode;
@@ -139,17 +140,15 @@ fn check_settings(recorded: &v1::Scenario, asked: &v1::Scenario) -> anyhow::Resu
         by.map(|d| (d.noise, d.pushes, d.slips))
     };
     let sensors = |scenario: &v1::Scenario| scenario.sensors.len();
-    let person = |scenario: &v1::Scenario| {
-        let asked = scenario.person.as_ref();
-        let asked = asked.filter(|person| person.body != wheelarm_proto::person::NOBODY);
-        asked.map(|person| (person.body.clone(), person.posture.clone(), person.guard))
-    };
     for (name, same) in [
         ("language", language(recorded) == language(asked)),
         ("look", look(recorded) == look(asked)),
         ("disturbances", hindered(recorded) == hindered(asked)),
         ("sensors", sensors(recorded) == sensors(asked)),
-        ("person", person(recorded) == person(asked)),
+        (
+            "person",
+            is_person(recorded.person.as_ref(), asked.person.as_ref()),
+        ),
         (
             "calibration_seed",
             recorded.calibration_seed == asked.calibration_seed,
@@ -166,6 +165,25 @@ fn check_settings(recorded: &v1::Scenario, asked: &v1::Scenario) -> anyhow::Resu
         }
     }
     Ok(())
+}
+
+/// Whether the one who was recorded is the one who was asked for. Only what was asked
+/// counts: a care task draws somebody where the plan names nobody, and adds what it
+/// needs of a person that the plan names.
+fn is_person(recorded: Option<&v1::Person>, asked: Option<&v1::Person>) -> bool {
+    let asked = asked.filter(|person| person.body != NOBODY);
+    let Some(asked) = asked else {
+        return true;
+    };
+    let recorded = recorded.filter(|person| person.body != NOBODY);
+    recorded.is_some_and(|recorded| {
+        let is = |asked: &str, recorded: &str| asked.is_empty() || asked == recorded;
+        is(&asked.body, &recorded.body)
+            && is(&asked.posture, &recorded.posture)
+            && (!asked.guard || recorded.guard)
+            && (!asked.mouth_open || recorded.mouth_open)
+            && asked.motion.is_none_or(|m| recorded.motion == Some(m))
+    })
 }
 
 /// Why the task was not done.
@@ -187,4 +205,33 @@ fn reason(summary: &Summary, report: &Report) -> String {
         parts.push("the operator was not content".to_owned());
     }
     parts.join("; ")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_a_care_task_adds_to_a_person_is_no_other_person() {
+        let read = |text: &str| v1::Person::from_text(text).unwrap();
+        let waits = read("any/hands_on_armrests,motion=0.3,mouth_open,guard");
+        let by_age = read("man_85/hands_on_armrests,motion=0.3,guard");
+        for (asked, recorded, same) in [
+            (None, None, true),
+            (None, Some(&waits), true),
+            (Some("none"), Some(&waits), true),
+            (Some("any"), Some(&waits), true),
+            (Some("any"), None, false),
+            (Some("any,motion=0.3,guard"), Some(&waits), true),
+            (Some("any,motion=1"), Some(&waits), false),
+            (Some("man_85"), Some(&by_age), true),
+            (Some("man_85,mouth_open"), Some(&by_age), false),
+            (Some("man_60"), Some(&by_age), false),
+            (Some("man_85/hands_in_lap"), Some(&by_age), false),
+        ] {
+            let asked = asked.map(read);
+            let found = is_person(recorded, asked.as_ref());
+            assert_eq!(found, same, "{asked:?} of {recorded:?}");
+        }
+    }
 }

@@ -23,6 +23,7 @@ mod loss;
 mod make;
 mod manifest;
 mod merge;
+mod names;
 mod plan;
 mod progress;
 mod resume;
@@ -38,6 +39,7 @@ use std::time::Duration;
 
 use anyhow::{Context, bail};
 use clap::Args;
+use wheelarm_proto::installed;
 
 use crate::choice::{named, patience};
 use crate::control::tasks_of_program;
@@ -149,7 +151,7 @@ pub fn run(args: &CollectArgs) -> anyhow::Result<ExitCode> {
     let fits = || host.workers(&plan).min(left.max(1));
     let workers = args.workers.map_or_else(fits, NonZeroUsize::get);
     host.check(workers)?;
-    let unknown = unknown_tasks(path, &plan, args.assets.as_deref())?;
+    let unknown = unknown(path, &plan, args.assets.as_deref())?;
     if args.dry_run {
         print!("{}", estimate.table(&plan, &out, workers));
         if let Some(problem) = unknown {
@@ -277,6 +279,16 @@ fn explain(tally: &Tally, attempts: u32) {
             "{} running episodes were thrown away; the same command resumes",
             tally.discarded
         );
+    }
+}
+
+/// Names the first thing of the plan that the assets do not hold.
+fn unknown(path: &Path, plan: &Plan, assets: Option<&Path>) -> anyhow::Result<Option<String>> {
+    let folder = assets.map(Path::to_owned).or_else(installed::assets);
+    let named = folder.and_then(|folder| names::unknown(path, plan, &folder));
+    match named {
+        Some(problem) => Ok(Some(problem)),
+        None => unknown_tasks(path, plan, assets),
     }
 }
 

@@ -253,6 +253,7 @@ fn work(
                 stopped: flight.stopped,
                 evaluation: flight.evaluation,
                 ticks: flight.rows * (60.0 / policy.spec().rate_hz).round() as u64,
+                source: None,
             }
         }
     })

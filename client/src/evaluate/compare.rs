@@ -1,11 +1,11 @@
 //! `wheelarm evaluate compare A B`: two evaluations of the same episodes, pair by
 //! pair.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context, ensure};
+use anyhow::{Context, bail, ensure};
 use clap::Args;
 
 use super::entry::Entry;
@@ -25,7 +25,8 @@ pub struct CompareArgs {
     pub out: Option<PathBuf>,
 }
 
-/// Task, seed and settings: what makes two episodes a pair.
+/// Task, seed and settings: what makes two episodes a pair. The policy is not in it, for
+/// a folder holds one alone.
 type Key = (String, u64, String);
 
 /// Prints what came of the pairs.
@@ -50,7 +51,7 @@ pub fn run(args: &CompareArgs) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// The results of a folder.
+/// The results of a folder, which are of one policy.
 fn read(folder: &Path) -> anyhow::Result<BTreeMap<Key, Entry>> {
     let path = folder.join("episodes.jsonl");
     let text = std::fs::read_to_string(&path).with_context(|| {
@@ -59,16 +60,42 @@ fn read(folder: &Path) -> anyhow::Result<BTreeMap<Key, Entry>> {
             path.display()
         )
     })?;
-    // Of an episode that was done again the last counts; a line that was cut does not.
+    // A line that was cut does not count.
     let entries = text
         .lines()
         .filter_map(|line| serde_json::from_str::<Entry>(line).ok());
-    Ok(entries
-        .map(|entry| {
-            let key = (entry.task.clone(), entry.seed, entry.settings.clone());
-            (key, entry)
-        })
-        .collect())
+    of_one_policy(entries).with_context(|| format!("reading {}", path.display()))
+}
+
+/// Entries by what makes them a pair; of an episode that was done again the last counts.
+///
+/// # Errors
+/// When they are of several policies.
+fn of_one_policy(entries: impl Iterator<Item = Entry>) -> anyhow::Result<BTreeMap<Key, Entry>> {
+    let mut all = BTreeMap::new();
+    let mut policies = BTreeSet::new();
+    for entry in entries {
+        policies.insert(name(&entry).to_owned());
+        let key = (entry.task.clone(), entry.seed, entry.settings.clone());
+        all.insert(key, entry);
+    }
+    if policies.len() > 1 {
+        let policies: Vec<String> = policies.into_iter().collect();
+        bail!(
+            "it holds episodes of {} policies ({}); evaluate each into a folder of its own with --out, and compare those",
+            policies.len(),
+            policies.join("; ")
+        );
+    }
+    Ok(all)
+}
+
+/// Who did an episode, in words.
+fn name(entry: &Entry) -> &str {
+    match entry.policy.as_str() {
+        "" => "the operator",
+        name => name,
+    }
 }
 
 /// What came of the pairs, by task and of all.
@@ -88,13 +115,8 @@ fn told(one: &BTreeMap<Key, Entry>, other: &BTreeMap<Key, Entry>) -> anyhow::Res
         pairs > 0,
         "they have no episode in common: evaluate both on the same tasks and seeds, with the same settings"
     );
-    let name = |entries: &BTreeMap<Key, Entry>| {
-        let policy = entries.values().next().map(|entry| entry.policy.clone());
-        policy
-            .filter(|name| !name.is_empty())
-            .unwrap_or("the operator".to_owned())
-    };
-    let mut text = format!("A  {}\nB  {}\n", name(one), name(other));
+    let [a, b] = [one, other].map(|all| all.values().next().map_or("", name));
+    let mut text = format!("A  {a}\nB  {b}\n");
     writeln!(
         text,
         "{:<20} {:>6} {:>6} {:>6} {:>6} {:>8} {:>8}  {:>9}",
@@ -205,6 +227,16 @@ mod tests {
             (key, entry)
         };
         successes.iter().enumerate().map(line).collect()
+    }
+
+    #[test]
+    fn a_folder_of_several_policies_is_refused() {
+        let mut all: Vec<Entry> = entries(&[true, false]).into_values().collect();
+        assert_eq!(of_one_policy(all.clone().into_iter()).unwrap().len(), 2);
+        all[1].policy = "act".to_owned();
+        let told = of_one_policy(all.into_iter()).unwrap_err().to_string();
+        assert!(told.contains("(act; the operator)"), "{told}");
+        assert!(told.contains("--out"), "{told}");
     }
 
     #[test]

@@ -24,7 +24,7 @@ impl Job {
     /// Label of its recording, where that is free.
     #[must_use]
     pub fn label(&self) -> String {
-        format!("{}-seed{}", self.task, self.seed)
+        label(&self.task, self.seed)
     }
 
     /// What its scenario says beside task and seed, as one line; empty for what
@@ -33,6 +33,10 @@ impl Job {
     pub fn settings(&self) -> String {
         self.variation.words(0).trim_start().to_owned()
     }
+}
+
+fn label(task: &str, seed: u64) -> String {
+    format!("{task}-seed{seed}")
 }
 
 /// One condition of the task at the end.
@@ -72,6 +76,10 @@ pub struct Entry {
     /// Name of the policy; empty for the scripted operator.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub policy: String,
+    /// Label of its recording; empty where it was not recorded, absent in lines from
+    /// before labels were written down.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub label: Option<String>,
     /// Operator and task agree that it is done.
     pub success: bool,
     /// Empty, or why not in words.
@@ -125,6 +133,15 @@ impl Entry {
     pub fn is_of(&self, job: &Job) -> bool {
         (&self.task, self.seed, &self.policy) == (&job.task, job.seed, &job.policy)
             && self.settings == job.settings()
+    }
+
+    /// Label of its recording; `None` where it was not recorded.
+    #[must_use]
+    pub fn recording(&self) -> Option<String> {
+        match &self.label {
+            None => Some(label(&self.task, self.seed)),
+            Some(label) => Some(label.clone()).filter(|label| !label.is_empty()),
+        }
     }
 
     /// Why it failed, in words that many episodes may share; `success` otherwise.

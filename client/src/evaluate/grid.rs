@@ -59,10 +59,10 @@ pub fn draw(
             height: large.height,
             rgb: large.rgb,
             title: task.task.clone(),
-            note: format!(
-                "{} of {}, {:.0} s",
-                task.successes, task.episodes, task.mean_seconds
-            ),
+            note: match task.successes {
+                0 => format!("0 of {}", task.episodes),
+                good => format!("{good} of {}, {:.0} s", task.episodes, task.mean_seconds),
+            },
             is_good: task.successes == task.episodes,
         });
     }

@@ -83,7 +83,10 @@ impl Ledger {
 
 /// Of an episode that was done again the newest word counts.
 fn take(entries: &mut Vec<Entry>, entry: Entry) {
-    let of = |e: &Entry| (e.task.clone(), e.seed, e.settings.clone());
+    let of = |e: &Entry| {
+        let job = (e.task.clone(), e.seed, e.settings.clone());
+        (job, e.policy.clone())
+    };
     let new = of(&entry);
     entries.retain(|known| of(known) != new);
     entries.push(entry);
@@ -102,6 +105,7 @@ mod tests {
             seed,
             settings: String::new(),
             policy: String::new(),
+            label: None,
             thinking: None,
             success: true,
             why: String::new(),
@@ -152,8 +156,17 @@ mod tests {
         };
         assert_eq!(
             with(&elsewhere),
-            [entry(2), broken, elsewhere],
+            [entry(2), broken.clone(), elsewhere.clone()],
             "other starts are another episode"
+        );
+        let policy = Entry {
+            policy: "act".to_owned(),
+            ..entry(2)
+        };
+        assert_eq!(
+            with(&policy),
+            [entry(2), broken, elsewhere, policy],
+            "another policy's is another episode"
         );
     }
 }

@@ -97,7 +97,11 @@ pub fn run(args: &EvaluateArgs) -> anyhow::Result<ExitCode> {
     };
     let (done, open): (Vec<Job>, Vec<Job>) = wanted.into_iter().partition(|job| is_done(job));
     if !done.is_empty() {
-        print!("{}", skipped(args, &done, done.len() + open.len()));
+        let entries = known
+            .iter()
+            .filter(|entry| done.iter().any(|job| entry.is_of(job)));
+        let entries: Vec<&Entry> = entries.collect();
+        print!("{}", skipped(args, &entries, done.len() + open.len()));
     }
     work(args, &driver, &open, &ledger)?;
     let entries: Vec<Entry> = ledger
@@ -136,7 +140,7 @@ fn conclude(
     let path = args.out.join("report.json");
     std::fs::write(&path, report.json()?).with_context(|| format!("writing {}", path.display()))?;
     println!("report      {}", path.display());
-    let redrawn = redraw::draw(args, scope, entries)?;
+    let redrawn = redraw::draw(args, entries)?;
     let path = page::write(&args.out, report, entries, &redrawn)?;
     println!("page        {}", path.display());
     // Drawn by doing episodes again, which the scripted operator does alike.
@@ -149,7 +153,7 @@ fn conclude(
 
 /// What is not done because it has been, and the cure where that means that it
 /// is not recorded.
-fn skipped(args: &EvaluateArgs, done: &[Job], wanted: usize) -> String {
+fn skipped(args: &EvaluateArgs, done: &[&Entry], wanted: usize) -> String {
     let mut text = format!(
         "{} of {wanted} episodes are in {} already\n",
         done.len(),
@@ -159,11 +163,11 @@ fn skipped(args: &EvaluateArgs, done: &[Job], wanted: usize) -> String {
         return text;
     }
     let mut seeds: BTreeMap<&str, Vec<String>> = BTreeMap::new();
-    for job in done {
-        let file = args.out.join(format!("{}.h5", job.label()));
-        if !file.is_file() {
-            let seeds = seeds.entry(job.task.as_str()).or_default();
-            seeds.push(job.seed.to_string());
+    for entry in done {
+        let file = |label| args.out.join(format!("{label}.h5"));
+        if !entry.recording().is_some_and(|label| file(label).is_file()) {
+            let seeds = seeds.entry(entry.task.as_str()).or_default();
+            seeds.push(entry.seed.to_string());
         }
     }
     if seeds.is_empty() {
@@ -197,7 +201,7 @@ fn tasks(args: &EvaluateArgs, layout: bool) -> anyhow::Result<Vec<String>> {
         return Ok(if layout { several } else { all });
     }
     let mut tasks = Vec::new();
-    for name in args.task.split(',') {
+    for name in each_once(&args.task)? {
         if !all.iter().any(|task| task == name) {
             bail!(
                 "there is no task {name:?}; the tasks are: {}",
@@ -213,6 +217,20 @@ fn tasks(args: &EvaluateArgs, layout: bool) -> anyhow::Result<Vec<String>> {
         tasks.push(name.to_owned());
     }
     Ok(tasks)
+}
+
+/// The names of a list with commas.
+///
+/// # Errors
+/// When one stands there twice: its episodes would count twice.
+fn each_once(list: &str) -> anyhow::Result<Vec<&str>> {
+    let names: Vec<&str> = list.split(',').collect();
+    for (i, name) in names.iter().enumerate() {
+        if names[..i].contains(name) {
+            bail!("--task names {name:?} twice; say it once");
+        }
+    }
+    Ok(names)
 }
 
 /// Does the open episodes with as many servers as asked.
@@ -268,7 +286,6 @@ fn one_after_another(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::variation::Variation;
     use clap::Parser;
 
     #[derive(Parser)]
@@ -282,13 +299,14 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let out = folder.path().to_str().unwrap();
         let args = |more: &[&str]| Cli::parse_from([&["evaluate", "--out", out], more].concat());
-        let job = |seed| Job {
-            task: "pick_bowl".to_owned(),
-            seed,
-            variation: Variation::default(),
-            policy: String::new(),
+        let entry = |seed: u64| {
+            let text = format!(
+                r#"{{"task":"pick_bowl","seed":{seed},"success":true,"why":"","conditions":[],"seconds":9.0,"factor":1.0,"hash":"","notes":[]}}"#
+            );
+            serde_json::from_str::<Entry>(&text).unwrap()
         };
-        let done = [job(0), job(1), job(2)];
+        let [zero, one, two] = [0, 1, 2].map(entry);
+        let done = [&zero, &one, &two];
         let plain = skipped(&args(&[]).args, &done, 4);
         assert_eq!(plain, format!("3 of 4 episodes are in {out} already\n"));
         std::fs::write(folder.path().join("pick_bowl-seed1.h5"), "").unwrap();
@@ -299,11 +317,20 @@ mod tests {
         );
         assert!(told.contains("name another folder with --out"), "{told}");
         std::fs::write(folder.path().join("pick_bowl-seed0.h5"), "").unwrap();
-        assert_eq!(
-            skipped(&args(&["--record"]).args, &[job(0), job(1)], 4)
-                .lines()
-                .count(),
-            1
-        );
+        let lines = |done: &[&Entry]| skipped(&args(&["--record"]).args, done, 4).lines().count();
+        assert_eq!(lines(&[&zero, &one]), 1);
+        // That file is another policy's.
+        let unrecorded = Entry {
+            label: Some(String::new()),
+            ..entry(0)
+        };
+        assert_eq!(lines(&[&unrecorded, &one]), 3);
+    }
+
+    #[test]
+    fn a_task_that_is_named_twice_is_refused() {
+        assert_eq!(each_once("b,a").unwrap(), ["b", "a"]);
+        let told = each_once("a,b,a").unwrap_err().to_string();
+        assert!(told.contains("\"a\" twice"), "{told}");
     }
 }

@@ -53,26 +53,36 @@ impl OneProcess {
     /// When something else than the simulation and the task fails.
     pub fn episode(&mut self, job: &Job) -> anyhow::Result<(Entry, bool)> {
         let (begun, pulse) = (Instant::now(), Pulse::default());
-        let mut ongoing = self.worker.begin(self.order(job)?)?;
+        let label = free_label(&self.args.out, &job.label());
+        let mut ongoing = self.worker.begin(self.order(job, &label)?)?;
         let came = self.follow(&mut ongoing, &pulse)?;
         let lives = !self.worker.is_worn() && self.worker.death(Duration::ZERO)?.is_none();
-        Ok(match came {
+        let (entry, lives) = match came {
             Came::Tried(tried) => (entry(job, *tried), lives),
             Came::Broke(broken, why) => {
                 let entry = broken_entry(job, broken, why, &pulse, begun.elapsed());
                 (entry, lives && broken == Broken::Scenario)
             }
-        })
+        };
+        let entry = Entry {
+            label: Some(if self.args.record {
+                label
+            } else {
+                String::new()
+            }),
+            ..entry
+        };
+        Ok((entry, lives))
     }
 
-    fn order(&self, job: &Job) -> anyhow::Result<Order> {
+    fn order(&self, job: &Job, label: &str) -> anyhow::Result<Order> {
         let args = &self.args;
         let cameras = Driver::Operator.cameras(args.cameras(), !args.camera.is_empty())?;
         let forced = job.variation.forced(job.seed);
         Ok(Order {
             number: 0,
             scenario: args.server(Some(job), cameras).scenario,
-            label: free_label(&args.out, &job.label()),
+            label: label.to_owned(),
             record: args.record.then(|| Recording {
                 out: args.out.clone(),
                 depth: args.depth.name().to_owned(),
@@ -81,6 +91,7 @@ impl OneProcess {
             log: None,
             profile_seed: None,
             forced: forced.map(|forced| forced.name().to_owned()),
+            shown: None,
         })
     }
 
@@ -161,6 +172,7 @@ fn entry(job: &Job, tried: Tried) -> Entry {
         seed: job.seed,
         settings: job.settings(),
         policy: job.policy.clone(),
+        label: None,
         success: report.succeeded(),
         end: match (report.succeeded(), broken) {
             (true, _) => "success".to_owned(),

@@ -10,8 +10,7 @@ use wheelarm_dataset::sheet::sheet;
 use wheelarm_proto::v1;
 
 use super::args::EvaluateArgs;
-use super::entry::{Entry, Job};
-use super::scope::Scope;
+use super::entry::Entry;
 use crate::replay::{self, ReplayArgs};
 
 /// Width and height, pixels.
@@ -38,30 +37,25 @@ pub struct Redrawn {
 ///
 /// # Errors
 /// When a program does not start or a file cannot be read or written.
-pub fn draw(args: &EvaluateArgs, scope: &Scope, entries: &[Entry]) -> anyhow::Result<Vec<Redrawn>> {
+pub fn draw(args: &EvaluateArgs, entries: &[Entry]) -> anyhow::Result<Vec<Redrawn>> {
     let Some(most) = args.redraw_failures else {
         return Ok(Vec::new());
     };
     let folder = args.out.join("redrawn");
     let mut out = Vec::new();
     for entry in chosen(entries, most as usize) {
-        let label = label(scope, entry);
-        let recording = args.out.join(format!("{label}.h5"));
-        if !recording.is_file() {
-            println!(
-                "not redrawn: {} seed {}: there is no {}; do it again in another --out",
-                entry.task,
-                entry.seed,
-                recording.display()
-            );
+        let Some((label, recording)) = recorded(&args.out, entry) else {
             continue;
-        }
+        };
         std::fs::create_dir_all(&folder)
             .with_context(|| format!("making the folder {}", folder.display()))?;
         let file = folder.join(format!("{label}-replay.h5"));
         let picture = folder.join(format!("{label}.png"));
         let about = || format!("drawing {} again", recording.display());
-        if !file.is_file() {
+        if !is_of(&file, &recording) {
+            if file.is_file() {
+                std::fs::remove_file(&file).with_context(about)?;
+            }
             println!("draws {} seed {} again", entry.task, entry.seed);
             again(args, &recording, &folder).with_context(about)?;
         }
@@ -97,15 +91,32 @@ fn chosen(entries: &[Entry], most: usize) -> Vec<&Entry> {
     turns.take(most).copied().collect()
 }
 
-/// Label of an episode's recording.
-fn label(scope: &Scope, entry: &Entry) -> String {
-    let job = Job {
-        task: entry.task.clone(),
-        seed: entry.seed,
-        variation: scope.variation.clone(),
-        policy: entry.policy.clone(),
-    };
-    job.label()
+/// Label and file of an episode's recording; where there is none, that is told with
+/// the cure.
+fn recorded(folder: &Path, entry: &Entry) -> Option<(String, PathBuf)> {
+    let label = entry.recording();
+    let file = label.as_ref().map(|l| folder.join(format!("{l}.h5")));
+    if let Some(found) = label.zip(file.clone().filter(|file| file.is_file())) {
+        return Some(found);
+    }
+    let why = file.map_or("it was not recorded".to_owned(), |file| {
+        format!("there is no {}", file.display())
+    });
+    println!(
+        "not redrawn: {} seed {}: {why}; do it again in another --out",
+        entry.task, entry.seed
+    );
+    None
+}
+
+/// Whether a replay is there and was drawn from this recording, not from one that was
+/// there before it under the same name.
+fn is_of(replay: &Path, recording: &Path) -> bool {
+    let written = |file: &Path| file.metadata().and_then(|file| file.modified());
+    match (written(replay), written(recording)) {
+        (Ok(drawn), Ok(recorded)) => drawn >= recorded,
+        _ => false,
+    }
 }
 
 /// Replays a recording with large pictures; its states must be the same.
@@ -165,5 +176,42 @@ mod tests {
         };
         assert_eq!(seeds(2), [0, 3]);
         assert_eq!(seeds(9), [0, 3, 1, 4]);
+    }
+
+    #[test]
+    fn the_recording_is_the_one_that_the_entry_names() {
+        let folder = tempfile::tempdir().unwrap();
+        let entry = |label: &str| {
+            let text = format!(
+                r#"{{"task":"pick_bowl","seed":0,{label}"success":false,"why":"","conditions":[],"seconds":9.0,"factor":1.0,"hash":"","notes":[]}}"#
+            );
+            serde_json::from_str::<Entry>(&text).unwrap()
+        };
+        for name in ["pick_bowl-seed0", "pick_bowl-seed0-2"] {
+            std::fs::write(folder.path().join(format!("{name}.h5")), "").unwrap();
+        }
+        let found = |label: &str| recorded(folder.path(), &entry(label)).map(|(label, _)| label);
+        let second = found(r#""label":"pick_bowl-seed0-2","#);
+        assert_eq!(second.as_deref(), Some("pick_bowl-seed0-2"));
+        assert_eq!(found("").as_deref(), Some("pick_bowl-seed0"), "an old line");
+        assert_eq!(found(r#""label":"","#), None, "it was not recorded");
+        assert_eq!(found(r#""label":"pick_bowl-seed0-3","#), None);
+    }
+
+    #[test]
+    fn a_replay_that_is_older_than_the_recording_is_of_another() {
+        let folder = tempfile::tempdir().unwrap();
+        let [recording, replay] = ["a.h5", "b.h5"].map(|name| folder.path().join(name));
+        let write = |path: &Path, at: u64| {
+            let file = std::fs::File::create(path).unwrap();
+            let at = std::time::UNIX_EPOCH + std::time::Duration::from_secs(at);
+            file.set_modified(at).unwrap();
+        };
+        write(&recording, 20);
+        assert!(!is_of(&replay, &recording));
+        write(&replay, 10);
+        assert!(!is_of(&replay, &recording));
+        write(&replay, 30);
+        assert!(is_of(&replay, &recording));
     }
 }

@@ -254,15 +254,18 @@ impl fmt::Display for Report {
             "task", "successes", "rate", "95 %", "mean", "speed"
         )?;
         for task in &self.tasks {
+            let mean = match task.successes {
+                0 => "-".to_owned(),
+                _ => format!("{:.1} s", task.mean_seconds),
+            };
             writeln!(
                 f,
-                "{:<20} {:>4}/{:<4} {:>4.0} % {:>13} {:>6.1} s {:>6.1}x",
+                "{:<20} {:>4}/{:<4} {:>4.0} % {:>13} {mean:>8} {:>6.1}x",
                 task.task,
                 task.successes,
                 task.episodes,
                 100.0 * task.rate,
                 percent(task.interval),
-                task.mean_seconds,
                 task.factor
             )?;
             if task.broken > 0 {
@@ -311,6 +314,7 @@ mod tests {
             seed,
             settings: String::new(),
             policy: String::new(),
+            label: None,
             thinking: None,
             success,
             why: if success { "" } else { "dropped" }.to_owned(),
@@ -379,8 +383,10 @@ mod tests {
         assert_eq!((&c.progress, c.seconds_quantiles), (&None, None));
         assert_eq!((c.interval, report.interval), ([0.0, 1.0], wilson(3, 4)));
         let text = report.to_string();
-        for words in ["3/4", "split develop, seeds for develop"] {
+        for words in ["3/4", " 11.0 s ", "split develop, seeds for develop"] {
             assert!(text.contains(words), "{text}");
         }
+        let none = text.lines().find(|line| line.starts_with("c ")).unwrap();
+        assert!(none.contains(" - ") && !none.contains(" s "), "{none}");
     }
 }

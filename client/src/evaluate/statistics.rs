@@ -67,7 +67,9 @@ pub fn quantiles<const N: usize>(values: &[f64], shares: [f64; N]) -> Option<[f6
 /// Mean; 0 without values.
 #[must_use]
 pub fn mean(values: &[f64]) -> f64 {
-    values.iter().sum::<f64>() / values.len().max(1) as f64
+    // The sum of no numbers is -0.
+    let sum = values.iter().sum::<f64>() + 0.0;
+    sum / values.len().max(1) as f64
 }
 
 /// Samples of a bootstrap.
@@ -166,6 +168,7 @@ mod tests {
             assert!((found - wanted).abs() < 1e-12, "{found} {wanted}");
         }
         assert_eq!(quantiles(&[], [0.5]), None);
+        assert!(mean(&[]).is_sign_positive());
         let values: Vec<f64> = (0..100).map(|i| f64::from(i % 5) * 20.0).collect();
         let [low, high] = bootstrap(&values);
         // The standard error is 28.28 / 10.

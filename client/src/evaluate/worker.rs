@@ -2,7 +2,7 @@
 //! breaks in it (the server dies or hangs, the physics breaks, the scenario is
 //! refused, the operator panics) is a result like any other.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -10,15 +10,15 @@ use anyhow::Context;
 use wheelarm_link::{Link, LinkError};
 use wheelarm_operate::operator::Outcome;
 use wheelarm_operate::run::{self as operate, OperateError, OperateOptions};
-use wheelarm_pilot::PolicyError;
 use wheelarm_pilot::fly::{self, Flight, FlyError, FlyOptions};
+use wheelarm_pilot::{Policy, PolicyError};
 use wheelarm_proto::v1;
 use wheelarm_rig::{Recorder, RecorderOptions, Server, Work, free_label, limits};
 
 use super::args::EvaluateArgs;
 use super::entry::{Condition, Entry, Job, failed};
 use super::progress::Course;
-use super::pulse::Pulse;
+use super::pulse::{Pulse, Thinker};
 use super::witness::Witness;
 use crate::broken::Broken;
 use crate::policy::Driver;
@@ -108,13 +108,7 @@ impl Worker {
             driver: driver.clone(),
             out: args.out.clone(),
             forgets: !args.record,
-            // A policy may think meanwhile, and be started again.
-            patience: match driver {
-                Driver::Operator => args.patience,
-                Driver::Policy(..) | Driver::Both(..) => {
-                    args.patience.max(3 * args.policy.policy_patience)
-                }
-            },
+            patience: args.patience,
         })
     }
 
@@ -128,9 +122,17 @@ impl Worker {
     pub fn episode(&mut self, job: &Job) -> anyhow::Result<(Entry, bool)> {
         let pulse = Arc::new(Pulse::default());
         let begun = Instant::now();
-        let work = self.begin(job, &pulse)?;
+        let label = free_label(&self.out, &job.label());
+        let recording = match &self.recorder {
+            Some(_) => label.clone(),
+            None => String::new(),
+        };
+        let work = self.begin(job, label, &pulse)?;
         let end = self.watch(&work, &pulse)?;
-        let broken = |broken, why| broken_entry(job, broken, why, &pulse, begun.elapsed());
+        let broken = |broken, why| Entry {
+            label: Some(recording.clone()),
+            ..broken_entry(job, broken, why, &pulse, begun.elapsed())
+        };
         // Only one whose server has ended can still be at it.
         if !work.is_over_within(NOTICE) {
             let why = format!(
@@ -165,12 +167,17 @@ impl Worker {
     }
 
     /// The operator begins the episode on a thread of its own.
-    fn begin(&self, job: &Job, pulse: &Arc<Pulse>) -> anyhow::Result<Work<Result<Done, Trouble>>> {
-        let (link, out, job) = (self.link.clone(), self.out.clone(), job.clone());
+    fn begin(
+        &self,
+        job: &Job,
+        label: String,
+        pulse: &Arc<Pulse>,
+    ) -> anyhow::Result<Work<Result<Done, Trouble>>> {
+        let (link, job) = (self.link.clone(), job.clone());
         let recorders = u32::from(self.recorder.is_some());
         let (pulse, driver) = (Arc::clone(pulse), self.driver.clone());
         Work::start("operator", move || {
-            attempt(&link, &out, (&job, &driver), recorders, &pulse)
+            attempt(&link, (&job, label), &driver, recorders, &pulse)
         })
     }
 
@@ -230,6 +237,11 @@ impl Worker {
                     .with_context(|| format!("removing {}", file.display()))?;
             }
         }
+        let is_kept = self.recorder.is_some() && !(self.forgets && done.success);
+        let label = match is_kept {
+            true => done.started.label.clone(),
+            false => String::new(),
+        };
         let seconds = done.seconds.max(pulse.seconds());
         let conditions = done.evaluation.conditions.iter();
         Ok(Entry {
@@ -237,6 +249,7 @@ impl Worker {
             seed: job.seed,
             settings: job.settings(),
             policy: job.policy.clone(),
+            label: Some(label),
             success: done.success,
             end: end(&done),
             course: done.course,
@@ -291,6 +304,7 @@ pub fn broken_entry(
         seed: job.seed,
         settings: job.settings(),
         policy: job.policy.clone(),
+        label: None,
         thinking: None,
         success: false,
         end: broken.words().to_owned(),
@@ -309,8 +323,8 @@ pub fn broken_entry(
 /// Sets the scenario up and lets the driver do it.
 fn attempt(
     link: &Link,
-    out: &Path,
-    (job, driver): (&Job, &Driver),
+    (job, label): (&Job, String),
+    driver: &Driver,
     recorders: u32,
     pulse: &Pulse,
 ) -> Result<Done, Trouble> {
@@ -327,7 +341,6 @@ fn attempt(
     };
     pulse.set_up(&scenario);
     let witness = Witness::start(link).map_err(Trouble::Work)?;
-    let label = free_label(out, &job.label());
     let limit = scenario.time_limit_seconds;
     let limit = limit.map(|limit| format!("0.00 s its time limit is {limit:.0} s"));
     let mut notes: Vec<String> = limit.into_iter().collect();
@@ -340,8 +353,7 @@ fn attempt(
                 require_recorders: recorders,
                 ..options.clone()
             };
-            let told = &mut |seconds| pulse.beat(seconds);
-            flown(fly::run(link, policy.as_ref(), &options, told)?)
+            flown(fly(link, policy.as_ref(), &options, pulse)?)
         }
         Driver::Both(policy, options, most) => {
             let options = FlyOptions {
@@ -350,8 +362,7 @@ fn attempt(
                 until_seconds: Some(most * share(job.seed)),
                 ..options.clone()
             };
-            let told = &mut |seconds| pulse.beat(seconds);
-            let flight = fly::run(link, policy.as_ref(), &options, told)?;
+            let flight = fly(link, policy.as_ref(), &options, pulse)?;
             match flight.stopped.is_some() {
                 // The task was over, or the policy broke, before.
                 true => flown(flight),
@@ -369,6 +380,17 @@ fn attempt(
         done.hash = seen.hash;
     }
     Ok(done)
+}
+
+/// A policy does it; the time that it takes itself is not the server's.
+fn fly(
+    link: &Link,
+    policy: &dyn Policy,
+    options: &FlyOptions,
+    pulse: &Pulse,
+) -> Result<Flight, FlyError> {
+    let thinker = Thinker { policy, pulse };
+    fly::run(link, &thinker, options, &mut |time| pulse.beat(time))
 }
 
 /// Which share of the longest time the policy drives: of the seed, 0 to 1.

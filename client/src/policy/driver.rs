@@ -45,8 +45,9 @@ impl Driver {
     /// Starts what `--policy` says.
     ///
     /// # Errors
-    /// When the policy does not start, does not fit, or was trained on seeds that are
-    /// to be evaluated.
+    /// When the policy does not start, does not fit, answers too few rows for what is
+    /// to be carried out, or was trained on seeds that are to be evaluated; when there
+    /// is none that the operator could take over from.
     pub fn start(args: &PolicyArgs, start: &Start<'_>) -> anyhow::Result<Self> {
         let patience = args.policy_patience;
         let most = start.alone.then_some(1);
@@ -56,7 +57,15 @@ impl Driver {
             Batched::start(start, most)
         };
         let policy: Arc<dyn Policy> = match &args.policy {
-            Choice::Operator => return Ok(Self::Operator),
+            Choice::Operator => {
+                if let Some(most) = start.takeover {
+                    bail!(
+                        "--takeover {}: there is no policy to take over from; name one with --policy",
+                        most.as_secs_f64()
+                    );
+                }
+                return Ok(Self::Operator);
+            }
             Choice::Hold => Arc::new(Hold::default()),
             Choice::Repeat => Arc::new(Repeat::default()),
             Choice::Replay(folder) => Arc::new(Nearest::of(folder)?),
@@ -103,9 +112,13 @@ impl Driver {
                 args.latency
             );
         }
+        let latency = args.latency / row;
+        if args.ensemble.is_none() {
+            enough(spec, args.execute, latency)?;
+        }
         let options = FlyOptions {
             execute: args.execute,
-            latency: args.latency / row,
+            latency,
             ensemble: args.ensemble,
             ..FlyOptions::default()
         };
@@ -118,7 +131,7 @@ impl Driver {
     /// What people are told of a policy before it begins.
     #[must_use]
     pub fn told(&self) -> Option<String> {
-        let (Self::Policy(policy, _) | Self::Both(policy, ..)) = self else {
+        let (Self::Policy(policy, options) | Self::Both(policy, options, _)) = self else {
             return None;
         };
         let spec = policy.spec();
@@ -137,7 +150,7 @@ impl Driver {
             },
             spec.chunk,
             spec.rate_hz,
-            spec.execute
+            options.execute.unwrap_or(spec.execute)
         ))
     }
 
@@ -224,6 +237,24 @@ fn name_map(path: &Path) -> anyhow::Result<NameMap> {
     NameMap::read(&text).map_err(|problem| anyhow::anyhow!("{}: {problem}", path.display()))
 }
 
+/// Refuses a policy whose answers have fewer rows than are to be carried out of them,
+/// `latency` rows late.
+fn enough(spec: &v1::PolicySpec, execute: Option<u32>, latency: u32) -> anyhow::Result<()> {
+    let chunk = spec.chunk;
+    if let Some(execute) = execute.filter(|execute| *execute > chunk) {
+        bail!("--execute {execute}: an answer of this policy has {chunk} rows; say 1 to {chunk}");
+    }
+    let execute = execute.unwrap_or(spec.execute);
+    // The answer before goes on until the one that is late is there.
+    let needed = execute + 2 * latency;
+    if needed > chunk {
+        bail!(
+            "an answer of this policy has {chunk} rows, and {execute} carried out {latency} rows late take {needed}; say a lower --latency or --execute"
+        );
+    }
+    Ok(())
+}
+
 /// Refuses seeds that a policy was trained on.
 fn apart(spec: &v1::PolicySpec, seeds: &Range<u64>) -> anyhow::Result<()> {
     let both = spec
@@ -243,6 +274,43 @@ fn apart(spec: &v1::PolicySpec, seeds: &Range<u64>) -> anyhow::Result<()> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn more_rows_than_an_answer_has_are_refused() {
+        let spec = v1::PolicySpec {
+            chunk: 20,
+            execute: 10,
+            ..Default::default()
+        };
+        for (execute, latency) in [(None, 0), (Some(20), 0), (None, 5), (Some(1), 9)] {
+            assert!(enough(&spec, execute, latency).is_ok());
+        }
+        for (execute, latency, words) in [
+            (Some(21), 0, "has 20 rows; say 1 to 20"),
+            (None, 6, "10 carried out 6 rows late take 22"),
+        ] {
+            let told = enough(&spec, execute, latency).unwrap_err().to_string();
+            assert!(told.contains(words), "{told}");
+        }
+    }
+
+    #[test]
+    fn an_operator_takes_over_from_a_policy_alone() {
+        #[derive(clap::Parser)]
+        struct Cli {
+            #[command(flatten)]
+            args: PolicyArgs,
+        }
+        let args = <Cli as clap::Parser>::parse_from(["evaluate"]).args;
+        let start = Start {
+            seeds: 0..1,
+            log: Path::new("."),
+            alone: false,
+            takeover: Some(Duration::from_secs(5)),
+        };
+        let told = Driver::start(&args, &start).err().unwrap().to_string();
+        assert!(told.contains("--policy"), "{told}");
+    }
 
     #[test]
     fn what_it_was_trained_on_is_not_evaluated() {

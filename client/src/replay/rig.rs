@@ -42,6 +42,7 @@ impl Rig {
                 pacing: v1::Pacing::LockStep.into(),
                 quality: quality.unwrap_or(scenario.quality),
                 look: scenario.look,
+                person: scenario.person.clone(),
                 cameras,
                 ..v1::Scenario::default()
             },

@@ -42,7 +42,7 @@ pub(super) fn known<'a>(what: &str, told: &'a str, names: &[&str]) -> Result<&'a
         false => Err(Place::file("scenario").key(what).wrong(
             format!("{:?}", wheelarm_proto::check::beginning(told)),
             format!("one of {}", names.join(", ")),
-            "name one of them, or none to have it drawn",
+            "name one of them, or leave it out to have it drawn (`any` for a body)",
         )),
     }
 }

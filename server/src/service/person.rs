@@ -17,7 +17,7 @@ pub(super) fn told(of: &PersonSetting) -> v1::Person {
         hair: of.hair.clone(),
         clothes: of.clothes.clone(),
         seed: of.seed,
-        motion: Some(of.motion),
+        motion: of.motion,
         mouth_open: of.mouth_open,
         guard: of.guard,
         drawn: of.drawn.as_ref().map(drawn),
@@ -67,7 +67,10 @@ pub(super) fn asked(of: &v1::Person) -> Result<Option<PersonSetting>, Invalid> {
         hair: of.hair.clone(),
         clothes: of.clothes.clone(),
         seed: of.seed,
-        motion: check::within("person.motion", of.motion.unwrap_or(1.0), 0.0, 1.0)?,
+        motion: of
+            .motion
+            .map(|motion| check::within("person.motion", motion, 0.0, 1.0))
+            .transpose()?,
         mouth_open: of.mouth_open,
         guard: of.guard,
         drawn: of.drawn.as_ref().map(|drawn| DrawnPerson {

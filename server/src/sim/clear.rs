@@ -65,7 +65,7 @@ mod tests {
             person: Some(PersonSetting {
                 body: "man_p50".to_owned(),
                 posture: "hands_in_lap".to_owned(),
-                motion: 0.0,
+                motion: Some(0.0),
                 guard,
                 ..PersonSetting::default()
             }),

@@ -118,6 +118,23 @@ pub enum SimError {
     },
 }
 
+impl SimError {
+    /// Whether another seed may do: what is wrong lies in one draw of the scenario, not
+    /// in what was asked for.
+    #[must_use]
+    pub fn is_of_one_draw(&self) -> bool {
+        matches!(
+            self,
+            Self::Broken(_)
+                | Self::Panicked(_)
+                | Self::NoStart { .. }
+                | Self::NoRoom { .. }
+                | Self::Unsaid { .. }
+                | Self::Overlap { .. }
+        )
+    }
+}
+
 /// Why a stored state cannot be continued.
 #[derive(Debug, thiserror::Error)]
 pub enum StateError {

@@ -29,8 +29,8 @@ pub use disturb::{Disturbance, Disturbances, MAX_STRENGTH, Pushed};
 pub use error::{SimError, StateError};
 pub use guard::{anomaly_words, fault_words};
 pub use scenario::{
-    ALL_CAMERAS, CameraPlace, CameraSetting, HOUSE, Lens, MAX_SIZE, Pacing, Quality, SOFT_MASS,
-    Scenario, ScenarioError, Schedules, SensorSetting, Starts,
+    ALL_CAMERAS, Asked, CameraPlace, CameraSetting, HOUSE, Lens, MAX_SIZE, Pacing, Quality,
+    SOFT_MASS, Scenario, ScenarioError, Schedules, SensorSetting, Starts,
 };
 pub use shown::{Recorded, RecordedSkin, Unfit};
 
@@ -163,9 +163,12 @@ impl Simulation {
         let control = RobotControl::at(&model, &arm, knuckle);
         let mut world =
             World::new_within(&model, &scene, &placements, &start, &arm, knuckle, late)?;
+        if scenario.person.as_ref().is_none_or(|p| p.drawn.is_none()) {
+            scenario.asked.person = scenario.person.clone();
+        }
         if let Some(care) = task.as_ref().filter(|task| task.is_care()) {
             // Somebody must be there; who cares is careful.
-            scenario.person.get_or_insert_with(|| care.cared_for());
+            scenario.person = Some(care.cared_for(scenario.person.take()));
         }
         let person = seated(assets, &mut scenario, &model)?;
         if let Some((person, motion)) = &person {
@@ -194,6 +197,7 @@ impl Simulation {
                 let floor = floor.unwrap_or_else(|| Floor::new(&model, &scene));
                 let expected = expected::seconds(about, &floor, &model, &scene, &scenario);
                 scenario.time_limit = Some((expected::ROOM * expected).ceil());
+                scenario.asked.open_limit = true;
             }
             evaluator.bend(scenario.time_limit, scenario.disturbances.is_some());
         }

@@ -233,7 +233,7 @@ pub(super) fn seated(
     let person = Person::load(assets, drawn)?;
     let motion = Motion {
         seed: setting.seed.unwrap_or(scenario.seed),
-        strength: setting.motion,
+        strength: *setting.motion.get_or_insert(1.0),
         mouth_open: setting.mouth_open,
         limits: person.limits,
     };

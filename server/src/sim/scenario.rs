@@ -120,6 +120,18 @@ pub struct Scenario {
     /// Simulated seconds after which the task has failed; `None`: as the task
     /// says; 0: to be set from the way and the style.
     pub time_limit: Option<f64>,
+    /// What was asked for where an answer of the simulation stands in its place. What is
+    /// drawn anew begins from here.
+    pub asked: Asked,
+}
+
+/// What was asked for, where a scenario tells what became of it.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Asked {
+    /// Who sits in the chair, before a task of care added what it needs.
+    pub person: Option<PersonSetting>,
+    /// The time limit was left to the way and the style.
+    pub open_limit: bool,
 }
 
 /// Name of a camera setting that stands for every camera of the robot that has
@@ -165,6 +177,7 @@ impl Default for Scenario {
             person: None,
             style: Style::Quick,
             time_limit: None,
+            asked: Asked::default(),
         }
     }
 }

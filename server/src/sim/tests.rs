@@ -8,6 +8,7 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 use super::*;
+use crate::people::PersonSetting;
 use crate::robot::control::{ArmIntent, BaseIntent};
 use crate::scene::Placement;
 use crate::tasks::Failure;
@@ -438,4 +439,35 @@ fn in_tasks_of_care_somebody_sits_in_the_chair_and_the_guard_is_on() {
     assert!(bodies.len() > 2, "{bodies:?}");
     let other = simulation(scenario("pick_mustard"));
     assert!(other.scenario().person.is_none() && other.person().is_none());
+    // Somebody who is named is cared for likewise.
+    let asked = |text: &str| {
+        let person = PersonSetting {
+            body: "woman_p5".to_owned(),
+            posture: text.to_owned(),
+            ..PersonSetting::default()
+        };
+        let sim = simulation(Scenario {
+            person: Some(person),
+            ..scenario("serve_spoonful")
+        });
+        sim.scenario().person.clone().expect("somebody")
+    };
+    let named = asked("");
+    assert!(named.guard && named.mouth_open && named.motion == Some(0.3));
+    let drawn = named.drawn.clone().expect("who it is");
+    assert_eq!(
+        (drawn.body.as_str(), drawn.posture.as_str()),
+        ("woman_p5", "hands_on_armrests")
+    );
+    assert_eq!(asked("leaning_left").posture, "leaning_left");
+    // Who was drawn stays as told, so that old episodes replay.
+    let told = PersonSetting {
+        guard: false,
+        ..named
+    };
+    let again = simulation(Scenario {
+        person: Some(told.clone()),
+        ..scenario("serve_spoonful")
+    });
+    assert_eq!(again.scenario().person, Some(told));
 }

@@ -32,9 +32,12 @@ pub struct TaskSpec {
     pub conditions: Vec<ConditionSpec>,
     /// When the target counts as lost.
     pub failure: FailureSpec,
-    /// How somebody sits there who is drawn because the scenario names nobody.
+    /// How somebody waits for it, where the scenario does not say.
     pub waits: WaitSpec,
 }
+
+/// Posture of somebody for whom a task is done, where the scenario names none.
+const FREE_LAP: &str = "hands_on_armrests";
 
 /// How somebody waits for what a task brings.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -98,14 +101,22 @@ impl TaskSpec {
         self.activity == CARE || matches!(self.goal, Goal::Give | Goal::Bring)
     }
 
-    /// Who is drawn where the task is done for somebody and the scenario names nobody.
+    /// Somebody for whom the task is done: who is `asked` for, and as the task needs it
+    /// where that says nothing. Hands leave the lap free, and the guard is on. Who was
+    /// drawn before stays as told.
     #[must_use]
-    pub fn cared_for(&self) -> PersonSetting {
-        PersonSetting {
-            motion: self.waits.motion,
-            mouth_open: self.waits.mouth_open,
-            ..PersonSetting::cared_for()
+    pub fn cared_for(&self, asked: Option<PersonSetting>) -> PersonSetting {
+        let mut person = asked.unwrap_or_default();
+        if person.drawn.is_some() {
+            return person;
         }
+        if person.posture.is_empty() {
+            person.posture = FREE_LAP.to_owned();
+        }
+        person.motion.get_or_insert(self.waits.motion);
+        person.mouth_open |= self.waits.mouth_open;
+        person.guard = true;
+        person
     }
 
     /// The furniture on which the task puts something, if it does.

@@ -13,6 +13,7 @@ use std::time::{Duration, Instant};
 use anyhow::Context;
 use tokio::sync::Notify;
 use wheelarm_link::Link;
+use wheelarm_operate::demonstration::Demonstrations;
 use wheelarm_operate::forced::ForcedError;
 use wheelarm_operate::log::Log;
 use wheelarm_operate::run::{self as operate, OperateError, OperateOptions};
@@ -20,11 +21,11 @@ use wheelarm_proto::settings::{Depth, Named};
 use wheelarm_proto::topic::Sample;
 use wheelarm_proto::{TopicId, v1};
 use wheelarm_record::{ExitSummary, RecordOptions};
-use wheelarm_rig::order::{Came, Order, Recording, Told, Tried};
+use wheelarm_rig::order::{Came, Order, Recording, ShownFile, Told, Tried};
 use wheelarm_rig::{Panicked, limits};
 use wheelarm_server::sensors::camera::Graphics;
 use wheelarm_server::service::startup;
-use wheelarm_server::sim::{SimError, Simulation};
+use wheelarm_server::sim::Simulation;
 use zenoh::Session;
 
 use super::serving::Serving;
@@ -115,7 +116,7 @@ fn attempt(room: &Room, order: &Order, stop: &Stop, voice: &OrderVoice) -> Resul
     let draws = !scenario.cameras.is_empty();
     let sim = match Simulation::new(&room.assets, scenario) {
         Ok(sim) => sim,
-        Err(problem @ (SimError::Broken(_) | SimError::Panicked(_))) => {
+        Err(problem) if problem.is_of_one_draw() => {
             voice.tell(Told::Scenario(problem.to_string()));
             return Ok(());
         }
@@ -195,6 +196,18 @@ fn tell_status(link: &Link, voice: &OrderVoice) -> std::io::Result<SyncSender<()
     Ok(end)
 }
 
+/// Reads the demonstrations of an order.
+fn shown(told: &ShownFile) -> anyhow::Result<Demonstrations> {
+    let path = told.file.display();
+    let text = std::fs::read_to_string(&told.file).with_context(|| format!("reading {path}"))?;
+    let list = serde_json::from_str(&text).with_context(|| format!("reading {path}"))?;
+    Ok(Demonstrations {
+        list,
+        seed: told.seed,
+        noise: told.noise,
+    })
+}
+
 /// What comes of an operator.
 type Outcome = Result<Result<Tried, OperateError>, Panicked>;
 
@@ -209,6 +222,10 @@ fn begin(link: &Link, order: &Order) -> anyhow::Result<Receiver<Outcome>> {
         require_recorders: u32::from(order.record.is_some()),
         forced: forced.transpose()?,
         profile_seed: order.profile_seed,
+        shown: order
+            .shown
+            .as_ref()
+            .map_or(Ok(Demonstrations::default()), shown)?,
         ..OperateOptions::default()
     };
     let log = order
@@ -260,6 +277,7 @@ fn work_at(
         stopped: report.stopped.unwrap_or_default(),
         evaluation: report.evaluation,
         ticks: report.ticks,
+        source: report.source,
         notes,
         hash,
         wall_seconds,

@@ -1,12 +1,12 @@
 //! A person in the chair: drawn by the seed, told, recorded with parts and forces, and
 //! replayed bit by bit; nothing of it where nobody sits there.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
 use wheelarm_dataset::read::Episode;
 use wheelarm_proto::v1;
-use wheelarm_tests::{printed, program, root};
+use wheelarm_tests::{PATIENCE, Server, printed, program, root, wait_until};
 
 fn wheelarm(args: &[&str]) -> Output {
     Command::new(program("wheelarm").expect("the client"))
@@ -59,10 +59,27 @@ fn a_person_is_drawn_recorded_by_parts_and_replayed_bit_by_bit() {
         assert!(parts.contains(&part), "{parts:?}");
     }
 
-    let replay = wheelarm(&["replay", &seated.path().to_string_lossy()]);
+    let again = folder.path().join("again");
+    let file = seated.path().to_string_lossy().into_owned();
+    let replay = wheelarm(&["replay", &file, "--out", &again.to_string_lossy()]);
     let text = printed(&replay);
     assert!(replay.status.success(), "{text}");
     assert!(text.contains("hashes equal"), "{text}");
+    // Whoever sits there is in the pictures, and the same one.
+    let drawn_again = Episode::open(&episode_in(&again)).expect("the replay's recording");
+    let person: Vec<u16> = names
+        .iter()
+        .filter(|i| i.kind() == v1::InstanceKind::Person)
+        .map(|i| i.id as u16)
+        .collect();
+    let pictures = |of: &Episode| -> Vec<Vec<u16>> {
+        let camera = of.camera("wheelchair").expect("the camera");
+        let all = 0..camera.stamps().len();
+        all.map(|i| camera.ids(of, i).expect("ids")).collect()
+    };
+    let first = pictures(&seated);
+    assert!(first.iter().flatten().any(|id| person.contains(id)));
+    assert!(first == pictures(&drawn_again), "other pictures");
 
     // The scene is drawn as without anybody; the chair moves otherwise.
     let (empty, _) = recorded(&folder.path().join("empty"), &[]);
@@ -72,6 +89,69 @@ fn a_person_is_drawn_recorded_by_parts_and_replayed_bit_by_bit() {
     assert!(none.is_empty(), "{none:?}");
     let last = |of: &Episode| of.state_hashes().expect("hashes").pop();
     assert_ne!(last(&empty), last(&seated));
+}
+
+fn episode_in(folder: &Path) -> PathBuf {
+    let files = std::fs::read_dir(folder).expect("a folder");
+    let mut files = files.map(|file| file.expect("a file").path());
+    let file = files.find(|file| file.extension().is_some_and(|end| end == "h5"));
+    file.expect("an episode")
+}
+
+/// A server goes from task to task and from person to person.
+#[test]
+fn somebody_is_drawn_and_seen_in_the_task_that_needs_them_and_in_no_other() {
+    let args = ["--camera", "wheelchair=64x48@10", "--quality", "fast"];
+    let server = Server::start("seats", &args).expect("a server");
+    let link = server.link();
+    let camera = link.camera("wheelchair", 2).expect("the camera");
+    let parts = || -> Vec<u32> {
+        let scene: v1::SceneReply = link.ask(&v1::SceneRequest {}).expect("the scene");
+        let instances = scene.instances.iter();
+        let parts = instances.filter(|i| i.kind() == v1::InstanceKind::Person);
+        parts.map(|i| i.id).collect()
+    };
+    let shows = |ids: &[u32]| {
+        let frame = camera.next(PATIENCE).expect("pictures");
+        let frame = frame.expect("a picture");
+        let mut pixels = (0..48).flat_map(|y| (0..64).map(move |x| (x, y)));
+        pixels.any(|(x, y)| frame.id(x, y).is_some_and(|id| ids.contains(&id.into())))
+    };
+    let reset = |task: &str, limit: Option<f64>, person: Option<&str>| {
+        let person = person.map(|text| v1::Person::from_text(text).expect("a person"));
+        let scenario = v1::Scenario {
+            task: Some(task.to_owned()),
+            seed: Some(3),
+            time_limit_seconds: limit,
+            person,
+            ..v1::Scenario::default()
+        };
+        let request = v1::ResetRequest {
+            scenario: Some(scenario),
+            ..v1::ResetRequest::default()
+        };
+        let reply: v1::ResetReply = link.ask(&request).expect("a reset");
+        reply.scenario.expect("the scenario")
+    };
+    // The same task, seed and objects, and somebody in the chair.
+    reset("pick_mustard", None, None);
+    assert!(parts().is_empty());
+    reset("pick_mustard", None, Some("man_p50"));
+    let ids = parts();
+    assert!(!ids.is_empty());
+    wait_until("the person is seen", || shows(&ids));
+    let alone = reset("pick_mustard", Some(0.0), Some("none"));
+    assert_eq!(alone.person, None);
+    wait_until("the chair is empty", || !shows(&ids));
+    // A task of care brings somebody, who leaves with it.
+    let drink = reset("serve_drink", None, None);
+    assert!(drink.person.is_some_and(|person| person.guard));
+    wait_until("somebody is seen", || shows(&ids));
+    // The limit that was left open goes by each task.
+    assert_ne!(drink.time_limit_seconds, alone.time_limit_seconds);
+    let after = reset("pick_mustard", None, None);
+    assert_eq!(after.person, None);
+    assert_eq!(after.time_limit_seconds, alone.time_limit_seconds);
 }
 
 #[test]

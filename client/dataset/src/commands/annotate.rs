@@ -3,6 +3,7 @@
 use std::fs::File;
 use std::path::Path;
 
+use anyhow::bail;
 use wheelarm_dataset::annotate::{self, Annotations, State};
 use wheelarm_dataset::convert::PendingFile;
 use wheelarm_dataset::convert::batch::{each, failures};
@@ -16,6 +17,12 @@ pub fn annotate(input: &Input, out: &Path) -> anyhow::Result<u8> {
     let (files, options) = (recordings(&input.files)?, options(input)?);
     let results = each(&files, jobs(&input.files), |_, file| {
         let episode = Episode::open(file)?;
+        if episode.is_labelled() {
+            bail!(
+                "{} has the group /labels already; name the recording that it is a copy of, LABEL.h5",
+                file.display()
+            );
+        }
         let summary = episode.summary()?;
         let start = summary.span_nanos.0;
         let found = label::segments(&episode)?;

@@ -1,5 +1,6 @@
 //! Which files are meant and where results go.
 
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 use anyhow::bail;
@@ -9,8 +10,12 @@ use wheelarm_dataset::label::Corrections;
 
 use super::arguments::{Files, Input};
 
+/// Ending of labelled copies.
+const LABELLED: &str = ".labels.h5";
+
 /// Recordings named directly or found in folders, in the order of their names;
-/// aligned files are no recordings.
+/// aligned files are no recordings, and a labelled copy counts only where its
+/// recording is not beside it.
 pub fn recordings(files: &Files) -> anyhow::Result<Vec<PathBuf>> {
     let mut out = Vec::new();
     for path in &files.files {
@@ -24,8 +29,9 @@ pub fn recordings(files: &Files) -> anyhow::Result<Vec<PathBuf>> {
                         && !name.starts_with('.')
                 })
                 .collect();
+            leave_copies_out(&mut inside);
             if inside.is_empty() {
-                bail!("{} holds no episode file (*.h5)", path.display());
+                bail!("{}", without_episodes(path));
             }
             inside.sort();
             out.extend(inside);
@@ -34,6 +40,32 @@ pub fn recordings(files: &Files) -> anyhow::Result<Vec<PathBuf>> {
         }
     }
     Ok(out)
+}
+
+/// Leaves out labelled copies of what is there itself.
+fn leave_copies_out(files: &mut Vec<PathBuf>) {
+    let all: BTreeSet<PathBuf> = files.iter().cloned().collect();
+    files.retain(|file| {
+        let name = file.to_string_lossy();
+        let recording = name.strip_suffix(LABELLED).map(|stem| format!("{stem}.h5"));
+        recording.is_none_or(|recording| !all.contains(Path::new(&recording)))
+    });
+}
+
+/// Why a folder gives nothing to work on, with the cure.
+fn without_episodes(folder: &Path) -> String {
+    let episodes = folder.join("episodes");
+    if episodes.is_dir() {
+        return format!(
+            "{} is the folder of a campaign; its episodes lie in {}: name that folder",
+            folder.display(),
+            episodes.display()
+        );
+    }
+    format!(
+        "{} holds no episode file (*.h5); name recordings, or a folder with some",
+        folder.display()
+    )
 }
 
 /// Files at once.
@@ -63,5 +95,42 @@ pub fn beside(file: &Path, out: Option<&Path>, ending: &str) -> PathBuf {
     match (out, name.file_name()) {
         (Some(folder), Some(name)) => folder.join(name),
         _ => name,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn found(folder: &Path) -> anyhow::Result<Vec<String>> {
+        let files = Files {
+            files: vec![folder.to_owned()],
+            jobs: None,
+        };
+        let names = recordings(&files)?.into_iter().map(|file| {
+            let name = file.file_name().unwrap_or_default();
+            name.to_string_lossy().into_owned()
+        });
+        Ok(names.collect())
+    }
+
+    #[test]
+    fn a_labelled_copy_beside_its_recording_is_no_second_episode() {
+        let folder = tempfile::tempdir().unwrap();
+        for name in ["a.h5", "a.labels.h5", "a.aligned.h5", "b.labels.h5"] {
+            std::fs::write(folder.path().join(name), "").unwrap();
+        }
+        assert_eq!(found(folder.path()).unwrap(), ["a.h5", "b.labels.h5"]);
+    }
+
+    #[test]
+    fn the_folder_of_a_campaign_names_that_of_its_episodes() {
+        let folder = tempfile::tempdir().unwrap();
+        let told = || found(folder.path()).unwrap_err().to_string();
+        assert!(told().contains("holds no episode file"), "{}", told());
+        let episodes = folder.path().join("episodes");
+        std::fs::create_dir(&episodes).unwrap();
+        let cure = format!("lie in {}: name that folder", episodes.display());
+        assert!(told().ends_with(&cure), "{}", told());
     }
 }

@@ -1,6 +1,8 @@
 //! Several files at once: one that cannot be read is reported and the rest
-//! goes on; long work shows how far it is.
+//! goes on, even where this program has a fault; long work shows how far it is.
 
+use std::any::Any;
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -26,7 +28,7 @@ pub fn each<T: Send>(
                 loop {
                     let index = next.fetch_add(1, Ordering::Relaxed);
                     let Some(file) = files.get(index) else { break };
-                    let result = work(index, file);
+                    let result = whole(|| work(index, file));
                     done.lock().push((index, result));
                 }
             });
@@ -58,7 +60,7 @@ pub fn parallel<T: Send>(
                     if index >= count {
                         break;
                     }
-                    let result = work(index);
+                    let result = whole(|| work(index));
                     done.lock().push((index, result));
                 }
             });
@@ -67,6 +69,20 @@ pub fn parallel<T: Send>(
     let mut done = done.into_inner();
     done.sort_by_key(|d| d.0);
     done.into_iter().map(|d| d.1).collect()
+}
+
+/// What `work` comes to; a panic in it is an error like others. What it shares with
+/// other files is locked for single steps alone.
+fn whole<T>(work: impl FnOnce() -> anyhow::Result<T>) -> anyhow::Result<T> {
+    let panicked = |cause: Box<dyn Any + Send>| {
+        let words = cause.downcast_ref::<String>().map(String::as_str);
+        let words = words.or_else(|| cause.downcast_ref::<&str>().copied());
+        Err(anyhow::anyhow!(
+            "the program has a fault that this file brings out ({}); leave the file out, and please report it",
+            words.unwrap_or("a panic without words")
+        ))
+    };
+    catch_unwind(AssertUnwindSafe(work)).unwrap_or_else(panicked)
 }
 
 /// Threads that this machine runs at once.
@@ -159,6 +175,24 @@ pub fn failures<T>(results: &Results<T>) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_file_that_brings_out_a_panic_is_reported_and_the_rest_goes_on() {
+        let files = ["a.h5", "b.h5", "c.h5"].map(PathBuf::from);
+        let results = each(&files, 2, |index, _| {
+            let row = [0, 1].get(index).copied().expect("a row");
+            parallel(2, 2, |i| Ok([7, 8][i] + row))
+        });
+        let fine: Vec<bool> = results.iter().map(|r| r.1.is_ok()).collect();
+        assert_eq!(fine, [true, true, false]);
+        let told = results[2].1.as_ref().unwrap_err().to_string();
+        assert!(
+            told.contains("a row") && told.contains("report it"),
+            "{told}"
+        );
+        let inner = parallel(3, 2, |i| Ok([7, 8].get(i).copied().expect("two")));
+        assert!(inner.unwrap_err().to_string().contains("two"));
+    }
 
     #[test]
     fn a_file_that_fails_does_not_stop_the_others_and_order_is_kept() {

@@ -20,15 +20,27 @@ impl Corrections {
     /// # Errors
     /// When a line is none, names no label, or times do not rise.
     pub fn read(path: &Path) -> anyhow::Result<Self> {
+        let text = std::fs::read_to_string(path)
+            .with_context(|| format!("{} cannot be read", path.display()))?;
+        // The lines that say something, with their numbers: the parser counts no others.
+        let (numbers, lines): (Vec<usize>, Vec<&str>) = (1..)
+            .zip(text.lines())
+            .filter(|(_, line)| !line.trim().is_empty() && !line.starts_with('#'))
+            .unzip();
+        let lines = lines.join("\n");
         let mut table = csv::ReaderBuilder::new()
-            .comment(Some(b'#'))
             .flexible(true)
             .trim(csv::Trim::All)
-            .from_path(path)
-            .with_context(|| format!("{} cannot be read", path.display()))?;
+            .from_reader(lines.as_bytes());
         let mut all: BTreeMap<String, Vec<Segment>> = BTreeMap::new();
-        for (number, line) in table.records().enumerate() {
-            let place = || format!("{}, line {}", path.display(), number + 2);
+        for (record, line) in table.records().enumerate() {
+            let begins = match &line {
+                Ok(line) => line.position().map(csv::Position::line),
+                Err(problem) => problem.position().map(csv::Position::line),
+            };
+            let begins = begins.map_or(record + 1, |line| (line as usize).saturating_sub(1));
+            let number = numbers.get(begins).copied().unwrap_or_default();
+            let place = || format!("{}, line {number}", path.display());
             let line = line.with_context(place)?;
             let cell = |i: usize| line.get(i).unwrap_or_default();
             let seconds: f64 = cell(1)
@@ -132,6 +144,10 @@ mod tests {
             ("episode,from_seconds,label\na,0,7\n", "line 2"),
             ("episode,from_seconds,label\na,2,0\na,1,1\n", "line 3"),
             ("episode,from_seconds,label\na,soon,0\n", "no time"),
+            (
+                "# by hand\nepisode,from_seconds,label\na,0,0\n\n# the second\n\"b\",1,9\n",
+                "line 6",
+            ),
         ] {
             std::fs::write(&path, text).unwrap();
             let problem = format!("{:#}", Corrections::read(&path).unwrap_err());

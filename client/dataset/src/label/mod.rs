@@ -86,7 +86,8 @@ pub struct Motion {
 /// Reads the signals of the rule.
 ///
 /// # Errors
-/// When the file has no joint states or poses.
+/// When the file has no joint states or poses, or one of them has another size than
+/// it must have.
 pub fn motion(episode: &Episode) -> Result<Motion, ReadError> {
     let stamps = episode.stamps("joint_state")?;
     let (robot, roles) = episode.roles()?;
@@ -112,6 +113,7 @@ pub fn motion(episode: &Episode) -> Result<Motion, ReadError> {
             let at = |t: &u64| nearest(&times, *t, REST).is_some_and(touches);
             stamps.iter().map(at).collect()
         }
+        Err(problem @ ReadError::Shape { .. }) => return Err(problem),
         Err(_) => vec![true; stamps.len()],
     };
     let drawn = if episode.has("furniture_joint") {

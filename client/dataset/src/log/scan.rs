@@ -136,6 +136,12 @@ fn read(path: &Path, payloads: Payloads) -> Result<Scan, LogError> {
         path: path.display().to_string(),
         reason: reason.to_owned(),
     };
+    // To open a pipe is to wait for whoever writes it.
+    if std::fs::metadata(path).is_ok_and(|m| !m.is_file() && !m.is_dir()) {
+        return Err(absent(
+            "it is a pipe, a socket or a device; name a regular file, LABEL.h5.wal",
+        ));
+    }
     let file = match File::open(path) {
         Err(e) if e.kind() == std::io::ErrorKind::NotFound => {
             return Err(absent("there is no such file"));

@@ -92,16 +92,46 @@ impl Episode {
     }
 }
 
+/// Refuses planes of a picture that do not cover each other: three bytes of colour,
+/// one depth, one id at every pixel of the same rows and columns.
+fn same_size(
+    episode: &Episode,
+    stream: &str,
+    planes: &[(&str, &Option<Dataset>)],
+) -> Result<(), ReadError> {
+    let mut first: Option<Vec<usize>> = None;
+    for (name, data) in planes {
+        let Some(data) = data else { continue };
+        let shape = data.shape();
+        let size = match (*name, shape.get(1..).unwrap_or_default()) {
+            ("rgb", [height, width, 3]) => vec![*height, *width],
+            ("depth" | "ids", [height, width]) => vec![*height, *width],
+            (_, other) => other.to_vec(),
+        };
+        let expected = match &first {
+            Some(first) => format!("{first:?} as the planes beside it"),
+            None => "rows and columns".to_owned(),
+        };
+        if size.len() != 2 || first.as_ref().is_some_and(|first| *first != size) {
+            let found = format!("pictures of {:?}", shape.get(1..).unwrap_or_default());
+            return Err(episode.shape(&place(stream, name), found, expected));
+        }
+        first.get_or_insert(size);
+    }
+    Ok(())
+}
+
 impl Camera {
     fn open(episode: &Episode, stream: String) -> Result<Self, ReadError> {
-        let column = |c: &str| episode.raw::<u64>(&place(&stream, c));
+        let column = |c: &str| episode.u64s(&stream, c);
         // A camera without a single frame has no pictures: their size is unknown.
-        let picture = |c: &str| {
-            let data = episode.column(&stream, c).ok();
-            match data.as_ref().map(|d| held(d)) {
-                Some(Err(e)) => Err(episode.hdf5(&place(&stream, c), e)),
-                _ => Ok(data),
-            }
+        let picture = |c: &str| -> Result<Option<Dataset>, ReadError> {
+            let Ok(data) = episode.column(&stream, c) else {
+                return Ok(None);
+            };
+            held(&data).map_err(|e| episode.hdf5(&place(&stream, c), e))?;
+            episode.check_shape(&stream, c, &data)?;
+            Ok(Some(data))
         };
         let depth = picture("depth")?;
         let millimetres = depth
@@ -109,6 +139,8 @@ impl Camera {
             .and_then(|d| d.dtype().and_then(|t| t.to_descriptor()).ok())
             == Some(TypeDescriptor::Unsigned(IntSize::U2));
         let (rgb, ids) = (picture("rgb")?, picture("ids")?);
+        let planes = [("rgb", &rgb), ("depth", &depth), ("ids", &ids)];
+        same_size(episode, &stream, &planes)?;
         let kind = ids.as_ref().and_then(|d| d.dtype().ok());
         let kind = kind.and_then(|t| t.to_descriptor().ok());
         let id_bytes = match kind {
@@ -122,8 +154,8 @@ impl Camera {
             stamps: column("stamp_nanos")?,
             sequences: column("sequence")?,
             ticks: column("tick")?,
-            intrinsics: episode.raw(&place(&stream, "intrinsics"))?,
-            poses: episode.raw(&place(&stream, "pose"))?,
+            intrinsics: episode.all(&stream, "intrinsics")?,
+            poses: episode.all(&stream, "pose")?,
             rgb,
             depth,
             ids,

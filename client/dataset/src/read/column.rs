@@ -114,17 +114,18 @@ impl Episode {
     /// Reads a whole column.
     ///
     /// # Errors
-    /// When it cannot be read or holds neither numbers, flags nor texts.
+    /// When it cannot be read, has another size than it must have, or holds neither
+    /// numbers, flags nor texts.
     pub fn values(&self, meta: &ColumnMeta) -> Result<Values, ReadError> {
-        let path = place(&meta.stream, &meta.name);
+        let (stream, name) = (&meta.stream, &meta.name);
         Ok(match meta.kind {
-            ElementKind::F64 => Values::F64(self.raw(&path)?),
-            ElementKind::U64 => Values::U64(self.raw(&path)?),
-            ElementKind::Flag => Values::Flag(self.raw(&path)?),
-            ElementKind::Text => Values::Text(self.texts_at(&path)?),
+            ElementKind::F64 => Values::F64(self.all(stream, name)?),
+            ElementKind::U64 => Values::U64(self.all(stream, name)?),
+            ElementKind::Flag => Values::Flag(self.all(stream, name)?),
+            ElementKind::Text => Values::Text(self.texts(stream, name)?),
             ElementKind::Other => {
                 return Err(self.hdf5(
-                    &path,
+                    &place(stream, name),
                     hdf5::Error::Internal("it holds no numbers, flags or texts".into()),
                 ));
             }
@@ -137,6 +138,12 @@ impl Episode {
     /// When there is no such stream.
     pub fn stamps(&self, stream: &str) -> Result<Vec<u64>, ReadError> {
         self.raw(&place(stream, "stamp_nanos"))
+    }
+
+    /// Whether it is a copy with labels in words and boxes, the group `/labels`.
+    #[must_use]
+    pub fn is_labelled(&self) -> bool {
+        self.file.link_exists("labels")
     }
 
     /// Whether the file has this stream.

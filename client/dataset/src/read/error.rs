@@ -41,6 +41,20 @@ pub enum ReadError {
         /// The reason.
         source: prost::DecodeError,
     },
+    /// A dataset has another size than it must have.
+    #[error(
+        "{path}: {dataset} has {found}, expected {expected}: the file was changed or is damaged; leave it out, or copy it again from where it was recorded"
+    )]
+    Shape {
+        /// The file.
+        path: PathBuf,
+        /// The dataset.
+        dataset: String,
+        /// The size that it has, in words.
+        found: String,
+        /// The size that it must have, in words.
+        expected: String,
+    },
     /// Stored values do not mean what they should.
     #[error("{path}: {what}: {reason}")]
     Content {

@@ -8,6 +8,7 @@ mod error;
 mod refusal;
 mod robot;
 mod samples;
+mod shape;
 mod states;
 mod summary;
 
@@ -20,6 +21,7 @@ pub use samples::Samples;
 pub use summary::Summary;
 
 use std::path::{Path, PathBuf};
+use std::sync::OnceLock;
 
 use hdf5::types::VarLenUnicode;
 use hdf5::{Container, Dataset, Group, H5Type, Location};
@@ -27,6 +29,7 @@ use ndarray::ArrayD;
 use prost::Message;
 use wheelarm_proto::{StreamId, v1};
 
+use crate::columns::Context;
 use crate::hdf::Blob;
 
 /// An open episode file.
@@ -34,6 +37,8 @@ use crate::hdf::Blob;
 pub struct Episode {
     file: hdf5::File,
     path: PathBuf,
+    /// Names of the robot's joints and frames, once they were asked for.
+    context: OnceLock<Context>,
 }
 
 impl Episode {
@@ -46,10 +51,12 @@ impl Episode {
             path: path.to_owned(),
             reason,
         };
+        refusal::check_regular(path)?;
         let file = hdf5::File::open(path).map_err(|e| refusal::refusal(path, &e))?;
         let episode = Self {
             file,
             path: path.to_owned(),
+            context: OnceLock::new(),
         };
         let format = text(&episode.file, "format").unwrap_or_default();
         let version = text(&episode.file, "schema_version").unwrap_or_default();
@@ -247,9 +254,10 @@ impl Episode {
     /// A column of 64-bit numbers, first axis = sample.
     ///
     /// # Errors
-    /// When it is absent.
+    /// When it is absent, or has another size than it must have.
     pub fn f64s(&self, stream: &str, column: &str) -> Result<ArrayD<f64>, ReadError> {
         let data = self.column(stream, column)?;
+        self.check_shape(stream, column, &data)?;
         held(&data)
             .and_then(|()| data.read_dyn())
             .map_err(|e| self.hdf5(&format!("{stream}/{column}"), e))
@@ -258,26 +266,27 @@ impl Episode {
     /// A column of unsigned integers with one value per sample.
     ///
     /// # Errors
-    /// When it is absent.
+    /// When it is absent, or has another size than it must have.
     pub fn u64s(&self, stream: &str, column: &str) -> Result<Vec<u64>, ReadError> {
-        self.raw(&place(stream, column))
+        self.all(stream, column)
     }
 
     /// A column of truth values, all axes in one list.
     ///
     /// # Errors
-    /// When it is absent.
+    /// When it is absent, or has another size than it must have.
     pub fn flags(&self, stream: &str, column: &str) -> Result<Vec<bool>, ReadError> {
-        let raw: Vec<u8> = self.raw(&place(stream, column))?;
+        let raw: Vec<u8> = self.all(stream, column)?;
         Ok(raw.into_iter().map(|b| b != 0).collect())
     }
 
     /// A column of texts.
     ///
     /// # Errors
-    /// When it is absent.
+    /// When it is absent, or has another size than it must have.
     pub fn texts(&self, stream: &str, column: &str) -> Result<Vec<String>, ReadError> {
-        self.texts_at(&place(stream, column))
+        let raw: Vec<VarLenUnicode> = self.all(stream, column)?;
+        Ok(raw.iter().map(|s| s.as_str().to_owned()).collect())
     }
 
     /// Entries of a column's named axis (attribute `names`).
@@ -294,11 +303,10 @@ impl Episode {
     /// # Errors
     /// When they cannot be read.
     pub fn encoded(&self, stream: &str) -> Result<Option<Vec<Vec<u8>>>, ReadError> {
-        let path = place(stream, "message");
-        if self.file.dataset(&path).is_err() {
+        if self.column(stream, "message").is_err() {
             return Ok(None);
         }
-        let raw: Vec<Blob> = self.raw(&path)?;
+        let raw: Vec<Blob> = self.all(stream, "message")?;
         Ok(Some(raw.iter().map(|b| b.as_slice().to_vec()).collect()))
     }
 
@@ -314,7 +322,7 @@ impl Episode {
 
     fn messages<M: Message + Default>(&self, stream: &str) -> Result<Vec<M>, ReadError> {
         let path = place(stream, "message");
-        let raw: Vec<Blob> = self.raw(&path)?;
+        let raw: Vec<Blob> = self.all(stream, "message")?;
         raw.iter()
             .map(|bytes| M::decode(bytes.as_slice()).map_err(|e| self.decode(&path, e)))
             .collect()
@@ -323,6 +331,12 @@ impl Episode {
     fn message<M: Message + Default>(&self, path: &str) -> Result<M, ReadError> {
         let raw: Vec<u8> = self.raw(path)?;
         M::decode(raw.as_slice()).map_err(|e| self.decode(path, e))
+    }
+
+    /// All elements of a column, whose size is checked.
+    fn all<T: H5Type>(&self, stream: &str, column: &str) -> Result<Vec<T>, ReadError> {
+        self.check_shape(stream, column, &self.column(stream, column)?)?;
+        self.raw(&place(stream, column))
     }
 
     fn raw<T: H5Type>(&self, path: &str) -> Result<Vec<T>, ReadError> {

@@ -25,6 +25,21 @@ pub(super) fn refusal(path: &Path, source: &hdf5::Error) -> ReadError {
     }
 }
 
+/// Refuses what is there and is neither file nor folder: a pipe would be waited for
+/// without end.
+///
+/// # Errors
+/// [`ReadError::Unreadable`].
+pub(super) fn check_regular(path: &Path) -> Result<(), ReadError> {
+    match std::fs::metadata(path) {
+        Ok(metadata) if !metadata.is_file() && !metadata.is_dir() => Err(ReadError::Unreadable {
+            path: path.to_owned(),
+            reason: "it is a pipe, a socket or a device; name a regular file, LABEL.h5".to_owned(),
+        }),
+        _ => Ok(()),
+    }
+}
+
 /// The log of a file, when it is there.
 fn log_beside(path: &Path) -> Option<PathBuf> {
     let log = path.with_added_extension("wal");
@@ -119,7 +134,13 @@ fn folder(path: &Path) -> String {
             first.display(),
             path.display()
         ),
-        None => "it is a folder without an episode file (*.h5)".to_owned(),
+        None => match path.join("episodes") {
+            episodes if episodes.is_dir() => format!(
+                "it is the folder of a campaign; its episodes lie in {}",
+                episodes.display()
+            ),
+            _ => "it is a folder without an episode file (*.h5)".to_owned(),
+        },
     }
 }
 

@@ -55,10 +55,17 @@ impl Episode {
     /// What the file says of itself.
     ///
     /// # Errors
-    /// When an attribute is absent.
+    /// When an attribute is absent, or the label could not name a file.
     pub fn summary(&self) -> Result<Summary, ReadError> {
         let at: &Location = &self.file;
         let told = |name: &str| text(at, name).map_err(|e| self.hdf5(name, e));
+        let label = told("label")?;
+        // It names files and folders of whoever exports this.
+        wheelarm_proto::check::label(&label).map_err(|problem| ReadError::Content {
+            path: self.path.clone(),
+            what: "the attribute `label`".to_owned(),
+            reason: format!("{problem}; leave the file out, or give it such a label"),
+        })?;
         let mut conditions = Vec::new();
         for name in at.attr_names().map_err(|e| self.hdf5("attributes", e))? {
             if let Some(condition) = name.strip_prefix("condition ")
@@ -97,7 +104,7 @@ impl Episode {
             span = (0, 0);
         }
         Ok(Summary {
-            label: told("label")?,
+            label,
             instruction: told("instruction")?,
             task: [told("task")?, told("activity")?, told("area")?],
             seed: number(at, "seed").map_err(|e| self.hdf5("seed", e))?,

@@ -1,11 +1,12 @@
 //! Every rule of safety, without a page and without a server.
 
 use nalgebra::Isometry3;
+use wheelarm_proto::geometry::{self, normalized};
 use wheelarm_proto::v1;
 use wheelarm_proto::v1::arm_command::Target;
 
 use super::*;
-use crate::protocol::Clutch;
+use crate::protocol::{Clutch, Part};
 use crate::watch::tests::described;
 
 /// A robot at rest at a tick, its hand 0.5 m ahead of the arm's base.
@@ -222,7 +223,7 @@ fn every_intent_is_taken_once_and_in_order() {
 #[test]
 fn the_speed_is_capped_by_the_age_of_the_picture() {
     let mut desk = Desk::new();
-    for (late, cap) in [(0, 0.63), (120, 0.424), (240, 0.284)] {
+    for (late, cap) in [(0, 0.63), (120, 0.424), (216, 0.310)] {
         desk.late = Some(late);
         let out = desk.say(1, Action::Drive(forward()));
         let base = commands(&out)[0].base.unwrap();

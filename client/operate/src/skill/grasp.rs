@@ -2,6 +2,7 @@
 
 use wheelarm_proto::v1::Phase;
 
+use super::play::{Play, Played};
 use super::{Act, Now, Skill, Step};
 
 /// A pad touches from this force, N.
@@ -22,6 +23,8 @@ pub struct Grasp {
     begun: Option<f64>,
     /// Where the knuckle was when it last moved, and when.
     still: Option<(f64, f64)>,
+    /// As it was shown.
+    play: Option<Play>,
 }
 
 impl Skill for Grasp {
@@ -29,10 +32,40 @@ impl Skill for Grasp {
         let seen = now.seen;
         let begun = *self.begun.get_or_insert(seen.time);
         let mut act = Act::named(Phase::Grasping, "closing");
-        // The cap on the force stops the fingers at the thing.
-        if seen.time - begun < 0.05 {
-            act.opening = Some(0.0);
+        if self.play.is_none()
+            && let Some((one, _)) = now.taken_as()
+            && let Some((frame, wander)) = now.memory.playing.clone()
+        {
+            let play = Play::new(now, &one.closing, &frame).off(wander);
+            self.play = Some(play);
         }
+        let shown = self.play.as_mut().map(|play| {
+            let played = play.step(now);
+            (played, play.time(now) < play.duration(), play.duration())
+        });
+        let begun = match shown {
+            Some((Played::Moving(tool, opening), true, _)) => {
+                return Step::Going(Act {
+                    tool,
+                    opening,
+                    ..act
+                });
+            }
+            // What is in the fingers may keep the hand a little off.
+            Some((played, _, seconds)) => {
+                if let Played::Moving(_, opening) = played {
+                    act.opening = opening;
+                }
+                begun + seconds
+            }
+            None => {
+                // The cap on the force stops the fingers at the thing.
+                if seen.time - begun < 0.05 {
+                    act.opening = Some(0.0);
+                }
+                begun
+            }
+        };
         let touching = seen.pad_force.iter().all(|force| *force > TOUCH);
         let (knuckle, since) = *self.still.get_or_insert((seen.knuckle, seen.time));
         let soft = now

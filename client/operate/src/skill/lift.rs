@@ -4,6 +4,7 @@ use nalgebra::{Isometry3, Translation3, Vector3};
 use wheelarm_proto::v1::Phase;
 
 use super::motion::{Motion, Progress};
+use super::play::{Play, Played};
 use super::{Act, Now, Skill, Step};
 use crate::clearance::held_balls;
 use crate::goal::Goal;
@@ -40,12 +41,32 @@ pub fn height(goal: &Goal, lift: f64) -> f64 {
 #[derive(Clone, Debug, Default)]
 pub struct Lift {
     motion: Option<Motion>,
+    /// As it was shown.
+    play: Option<Play>,
 }
 
 impl Skill for Lift {
     fn step(&mut self, now: &mut Now<'_>) -> Step {
         if let Some(why) = now.slipped() {
             return Step::Missed(why);
+        }
+        if self.motion.is_none()
+            && self.play.is_none()
+            && let Some((one, _)) = now.taken_as()
+            && let Some((frame, wander)) = now.memory.playing.clone()
+            && !one.lift.is_empty()
+        {
+            self.play = Some(Play::new(now, &one.lift, &frame).off(wander));
+        }
+        if let Some(play) = &mut self.play {
+            return match play.step(now) {
+                Played::Moving(tool, opening) => Step::Going(Act {
+                    tool,
+                    opening,
+                    ..Act::named(Phase::Retracting, "lifting")
+                }),
+                Played::Late(_) | Played::Arrived => Step::Done,
+            };
         }
         if self.motion.is_none() {
             let stops: Vec<_> = stops(now)

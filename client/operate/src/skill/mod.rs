@@ -10,6 +10,7 @@ pub mod lift;
 pub mod motion;
 pub mod navigate;
 pub mod place;
+pub mod play;
 pub mod pull;
 pub mod reach;
 pub mod release;
@@ -20,8 +21,9 @@ use nalgebra::Isometry3;
 use wheelarm_proto::v1::Phase;
 
 use super::base_placement::{self, ArmReachability};
+use super::demonstration::{Demonstration, Demonstrations, Wander, adapt};
 use super::goal::Goal;
-use super::grasp_candidate::GraspCandidate;
+use super::grasp_candidate::{self, GraspCandidate, Shown};
 use super::observation::Observation;
 use super::profile::OperatorProfile;
 use super::scene::SceneModel;
@@ -95,6 +97,8 @@ pub struct Now<'a> {
     pub poses: &'a [Isometry3<f64>],
     /// The arm's kinematics.
     pub reach: &'a mut dyn ArmReachability,
+    /// What somebody has shown.
+    pub shown: &'a Demonstrations,
     /// What skills leave for each other.
     pub memory: &'a mut Memory,
 }
@@ -120,6 +124,8 @@ pub struct Memory {
     pub hindered: bool,
     /// The next grasp closes beside the thing, on purpose.
     pub aside: bool,
+    /// Frame of the demonstration that is played, in `house`, and how the hand is off.
+    pub playing: Option<(Isometry3<f64>, Wander)>,
 }
 
 /// The thing has slipped when it moved this far in the hand, metres.
@@ -150,6 +156,26 @@ impl Now<'_> {
                 moved * 1e3
             )
         })
+    }
+
+    /// Candidates to take the goal's thing as it lies now that keep `margin` metres from
+    /// everything else: those that were shown, if any were, and no others.
+    #[must_use]
+    pub fn candidates(&self, margin: f64) -> Vec<GraspCandidate> {
+        match self.shown.list.is_empty() {
+            true => {
+                let standoff = self.profile.grasp.standoff;
+                grasp_candidate::candidates(self.scene, self.goal, self.poses, standoff, margin)
+            }
+            false => adapt::candidates(self.scene, self.goal, self.poses, self.shown, margin),
+        }
+    }
+
+    /// The demonstration as which the thing was taken, or is to be.
+    #[must_use]
+    pub fn taken_as(&self) -> Option<(&Demonstration, Shown)> {
+        let shown = self.memory.candidate.as_ref()?.shown?;
+        Some((self.shown.list.get(shown.index)?, shown))
     }
 
     /// Where the server wants the end effector to be, in `house`.

@@ -8,9 +8,10 @@ use wheelarm_proto::v1::Phase;
 
 use super::{Act, Now, Skill, Step};
 use crate::base_placement::{self, BasePlacement, PLACEMENT_MARGIN};
+use crate::demonstration::adapt;
 use crate::drive::Drive;
 use crate::goal::Goal;
-use crate::grasp_candidate::{self, GraspCandidate, MARGINS};
+use crate::grasp_candidate::{GraspCandidate, MARGINS};
 use wheelarm_route::footprint_check::{FootprintCheck, Pose2};
 use wheelarm_route::hybrid_a_star::{self, DrivePath, PathPreferences, Segment};
 
@@ -133,24 +134,30 @@ fn wanted(
     purpose: Purpose,
     house_from_base: &Isometry3<f64>,
 ) -> Wanted {
-    let approach = vec![candidate.pregrasp, candidate.grasp];
+    let mut approach = vec![candidate.pregrasp, candidate.grasp];
     if purpose == Purpose::Put {
         let then = vec![vec![Vec::new()]];
         return Wanted { approach, then };
     }
     let height = lift::height(now.goal, now.profile.grasp.lift);
-    let raised = lift::lift_paths(house_from_base, &candidate.grasp, height);
+    let mut raised = lift::lift_paths(house_from_base, &candidate.grasp, height);
+    if let Some(shown) = &candidate.shown {
+        approach = adapt::approach_stops(now.shown, shown, &now.thing());
+        let lift = adapt::lift_stops(now.shown, shown, &now.thing());
+        if !lift.is_empty() {
+            raised = vec![lift];
+        }
+    }
     let then = match now.goal {
         Goal::Lift { .. } => {
-            let back = Translation3::new(0.0, 0.0, height)
-                * candidate.grasp
-                * Translation3::new(0.0, 0.0, -now.profile.retract);
+            let up = raised[0].last().copied().unwrap_or(candidate.grasp);
+            let back = up * Translation3::new(0.0, 0.0, -now.profile.retract);
             let best = [&raised[0][..], &[back]].concat();
             vec![vec![best], raised]
         }
         Goal::Put { .. } => {
             let held = candidate.grasp.inv_mul(&now.thing());
-            let puts = place::candidates(now, &held, candidate.width);
+            let puts = place::candidates(now, &held, candidate);
             let both = |put: &GraspCandidate| {
                 let then = |up: &Vec<_>| [&up[..], &[put.pregrasp, put.grasp]].concat();
                 raised.iter().take(2).map(then).collect::<Vec<_>>()
@@ -264,14 +271,10 @@ fn find(now: &mut Now<'_>, purpose: Purpose) -> Result<Drive, String> {
 /// Candidates to take the thing, or to put down what is in the hand.
 fn candidates(now: &Now<'_>, purpose: Purpose, margin: f64) -> Vec<GraspCandidate> {
     match purpose {
-        Purpose::Take => {
-            let standoff = now.profile.grasp.standoff;
-            grasp_candidate::candidates(now.scene, now.goal, now.poses, standoff, margin)
-        }
+        Purpose::Take => now.candidates(margin),
         Purpose::Put => {
             let held = now.memory.held.unwrap_or_else(|| now.thing_in_hand());
-            let taken = now.memory.candidate;
-            place::candidates(now, &held, taken.map_or(0.03, |taken| taken.width))
+            place::candidates(now, &held, &place::taken(now, &held))
         }
     }
 }

@@ -5,8 +5,10 @@ use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
 use wheelarm_proto::v1::Phase;
 
 use super::motion::{Motion, Progress};
+use super::play::{Play, Played};
 use super::{Act, Now, Skill, Step};
 use crate::clearance::held_balls;
+use crate::demonstration::adapt;
 use crate::grasp_candidate::GraspCandidate;
 use crate::tool_path::distance;
 use wheelarm_route::obb::Obb;
@@ -51,8 +53,12 @@ enum State {
     Choose,
     Over(Motion, GraspCandidate),
     Lower(Motion, GraspCandidate),
-    Open { since: f64 },
+    Open {
+        since: f64,
+    },
     Retreat(Motion),
+    /// As it was shown.
+    Shown(Play),
 }
 
 /// See the module.
@@ -104,6 +110,11 @@ impl Skill for Place {
                 }),
                 Progress::Late(why) => Step::Missed(format!("carrying: {why}")),
                 Progress::Arrived => {
+                    if let Some(play) = playing(now, &candidate) {
+                        now.memory.held = None;
+                        self.state = State::Shown(play);
+                        return Step::Going(Act::named(Phase::Retracting, "placing"));
+                    }
                     let stop = (candidate.grasp, now.profile.approach_speed * 0.7);
                     self.state = State::Lower(Motion::new(now, &[stop]), candidate);
                     Step::Going(Act::named(Phase::Retracting, "placing"))
@@ -145,6 +156,18 @@ impl Skill for Place {
                 }
                 Step::Going(Act::named(Phase::Retracting, "letting go"))
             }
+            State::Shown(mut play) => {
+                let played = play.step(now);
+                self.state = State::Shown(play);
+                match played {
+                    Played::Moving(tool, opening) => Step::Going(Act {
+                        tool,
+                        opening,
+                        ..Act::named(Phase::Retracting, "placing")
+                    }),
+                    Played::Late(_) | Played::Arrived => Step::Done,
+                }
+            }
             State::Retreat(motion) => match motion.step(now) {
                 Progress::Moving(tool) => Step::Going(Act {
                     tool,
@@ -156,16 +179,59 @@ impl Skill for Place {
     }
 }
 
-/// Candidates to put down a thing that sits in the hand as `tool_from_item` says.
+/// The stretch that was shown for a candidate to put down what is in the hand.
+fn playing(now: &Now<'_>, candidate: &GraspCandidate) -> Option<Play> {
+    let shown = candidate.shown?;
+    let putting = now.shown.list.get(shown.index)?.putting.as_ref()?;
+    let held = now.memory.held?;
+    let after = adapt::correction(putting, &held, shown.turn);
+    let region = now.goal.region()?.pose;
+    Some(Play::new(now, &putting.track, &region).after(after))
+}
+
+/// As what is in the hand was taken; where nobody knows, as it is held.
+#[must_use]
+pub fn taken(now: &Now<'_>, tool_from_item: &Isometry3<f64>) -> GraspCandidate {
+    let at = now.thing() * tool_from_item.inverse();
+    now.memory.candidate.unwrap_or(GraspCandidate {
+        pregrasp: at,
+        grasp: at,
+        opening: 0.03,
+        width: 0.03,
+        force: None,
+        lean: 0.0,
+        backoff: 0.0,
+        cost: 0.0,
+        shown: None,
+    })
+}
+
+/// Candidates to put down a thing that sits in the hand as `tool_from_item` says and
+/// was `taken` so: as it was shown, then the operator's own.
 #[must_use]
 pub fn candidates(
     now: &Now<'_>,
     tool_from_item: &Isometry3<f64>,
-    width: f64,
+    taken: &GraspCandidate,
 ) -> Vec<GraspCandidate> {
     let Some(region) = now.goal.region() else {
         return Vec::new();
     };
+    let shown = taken.shown.iter();
+    let shown =
+        shown.flat_map(|as_shown| adapt::puttings(now.shown, now.goal, tool_from_item, as_shown));
+    shown
+        .chain(own(now, &region, tool_from_item, taken.width))
+        .collect()
+}
+
+/// The operator's own.
+fn own(
+    now: &Now<'_>,
+    region: &Obb,
+    tool_from_item: &Isometry3<f64>,
+    width: f64,
+) -> Vec<GraspCandidate> {
     let boxes = &now.scene.items[now.goal.item()].boxes;
     // As it lay before it was taken, or as it lies now.
     let lying = now.memory.rest.unwrap_or_else(|| now.thing()).rotation;
@@ -201,6 +267,7 @@ pub fn candidates(
                 lean: 0.0,
                 backoff: 0.0,
                 cost: (turn / 0.7).powi(2),
+                shown: None,
             }
         })
         .collect()
@@ -217,12 +284,10 @@ fn choose(now: &mut Now<'_>) -> Option<(GraspCandidate, Vec<Isometry3<f64>>)> {
         .is_some_and(|candidate| candidate.force.is_some());
     let held = now.memory.held.filter(|_| !soft);
     let held = held.unwrap_or_else(|| now.thing_in_hand());
-    let width = now
-        .memory
-        .candidate
-        .map_or(0.03, |candidate| candidate.width);
+    let taken = taken(now, &held);
+    let width = taken.width;
     let balls = held_balls(&slices(&now.scene.items[item].boxes), &held);
-    let candidates = candidates(now, &held, width);
+    let candidates = candidates(now, &held, &taken);
     let base = now.scene.house_from_base(now.seen).translation.vector;
     let towards = Vector3::new(
         base.x - start.translation.x,

@@ -6,7 +6,9 @@ use nalgebra::{Isometry3, Translation3};
 use wheelarm_proto::v1::Phase;
 
 use super::motion::{Motion, Progress};
+use super::play::{Play, Played};
 use super::{Act, Now, Skill, Step, bring, lift};
+use crate::demonstration::adapt;
 use crate::goal::Goal;
 use crate::grasp_candidate::{self, GraspCandidate, MARGINS};
 use crate::tool_path::distance;
@@ -40,6 +42,8 @@ enum State {
     Aim,
     ToPregrasp(Motion),
     Approach(Motion),
+    /// As it was shown.
+    Shown(Play),
 }
 
 /// See the module.
@@ -145,6 +149,10 @@ impl Reach {
             .collect();
         self.state = State::ToPregrasp(Motion::arched(now, &stops, now.profile.arch));
         now.memory.candidate = Some(candidate);
+        if let Some((one, _)) = now.taken_as() {
+            let note = format!("comes as in {}", one.source);
+            now.note(note);
+        }
         now.note(format!(
             "comes {}leaning {:.0}°, {:.0} mm shallower, open {:.0} mm",
             if candidate.heading().is_some() {
@@ -163,6 +171,52 @@ impl Reach {
     }
 }
 
+impl Reach {
+    /// Begins with the stretch that was shown, about the thing as it stood when the hand
+    /// was aimed at it.
+    fn begin_to_play(&mut self, now: &mut Now<'_>) {
+        let thing = self.aimed.unwrap_or_else(|| now.thing());
+        let Some((one, shown)) = now.taken_as() else {
+            return;
+        };
+        let frame = thing * adapt::turned(shown.turn);
+        let wander = now.shown.wander(one.approach.duration());
+        let play = Play::new(now, &one.approach, &frame).off(wander);
+        now.memory.playing = Some((frame, play.off_at_end()));
+        self.state = State::Shown(play);
+    }
+
+    fn play(&mut self, now: &mut Now<'_>) -> Step {
+        let State::Shown(play) = &mut self.state else {
+            return Step::Done;
+        };
+        let moved = self.aimed.map_or(0.0, |at| distance(&at, &now.thing()));
+        if now.memory.hindered && moved > MOVED {
+            return Step::Missed(format!("it was moved by {:.0} mm", moved * 1e3));
+        }
+        match play.step(now) {
+            Played::Moving(tool, opening) => Step::Going(Act {
+                tool,
+                opening,
+                ..Act::named(Phase::Reaching, "approaching")
+            }),
+            // The way into a thing may end at the thing.
+            Played::Late(off) if off > 2.0 * MOVED => {
+                now.refuse_candidate();
+                let problem = &now.seen.arm_problem;
+                Step::Missed(format!(
+                    "approaching: the hand stays {:.0} mm off {problem}",
+                    off * 1e3
+                ))
+            }
+            Played::Late(_) | Played::Arrived => {
+                now.memory.rest = Some(now.thing());
+                Step::Done
+            }
+        }
+    }
+}
+
 impl Default for Reach {
     fn default() -> Self {
         Self::new()
@@ -176,6 +230,7 @@ impl Skill for Reach {
             State::Aim => return self.aim(now),
             State::ToPregrasp(motion) => (motion, "reaching"),
             State::Approach(motion) => (motion, "approaching"),
+            State::Shown(_) => return self.play(now),
         };
         let moved = self.aimed.map_or(0.0, |at| distance(&at, &now.thing()));
         if now.memory.hindered && moved > MOVED {
@@ -191,6 +246,10 @@ impl Skill for Reach {
                 Step::Missed(format!("{name}: {why}"))
             }
             Progress::Arrived => match (&self.state, now.memory.candidate) {
+                (State::ToPregrasp(_), Some(_)) if !self.before && now.taken_as().is_some() => {
+                    self.begin_to_play(now);
+                    Step::Going(Act::named(Phase::Reaching, "approaching"))
+                }
                 (State::ToPregrasp(_), Some(candidate)) if !self.before => {
                     let stop = (candidate.grasp, now.profile.approach_speed);
                     self.state = State::Approach(Motion::new(now, &[stop]));
@@ -253,9 +312,7 @@ fn choose_for(
     let thing = now.thing();
     let start = now.scene.house_from_tool(now.seen);
     for margin in MARGINS {
-        let standoff = now.profile.grasp.standoff;
-        let mut candidates =
-            grasp_candidate::candidates(now.scene, now.goal, now.poses, standoff, margin);
+        let mut candidates = now.candidates(margin);
         candidates.retain(|candidate| {
             let at = thing.inv_mul(&candidate.grasp);
             !now.memory.refused.iter().any(|refused| {
@@ -323,6 +380,14 @@ fn choose_on_the_spot(now: &mut Now<'_>) -> Option<(GraspCandidate, Vec<Isometry
 /// Poses after the pregrasp: the grasp, and what comes then; several lists of
 /// which one will do.
 fn then_from_pregrasp(now: &Now<'_>, candidate: &GraspCandidate) -> Vec<Vec<Isometry3<f64>>> {
+    let mut approach = vec![candidate.grasp];
+    if let Some(shown) = &candidate.shown {
+        approach = adapt::approach_stops(now.shown, shown, &now.thing());
+        let lift = adapt::lift_stops(now.shown, shown, &now.thing());
+        if !lift.is_empty() {
+            return vec![[&approach[..], &lift[..]].concat()];
+        }
+    }
     let then = match now.goal {
         Goal::Lift { .. } | Goal::Put { .. } | Goal::Give { .. } | Goal::Bring { .. } => {
             let height = lift::height(now.goal, now.profile.grasp.lift);
@@ -344,7 +409,7 @@ fn then_from_pregrasp(now: &Now<'_>, candidate: &GraspCandidate) -> Vec<Vec<Isom
         }
     };
     then.into_iter()
-        .map(|then| [&[candidate.grasp], &then[..]].concat())
+        .map(|then| [&approach[..], &then[..]].concat())
         .collect()
 }
 

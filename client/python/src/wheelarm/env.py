@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from . import v1
 from ._contract import TASKS
+from ._lasting import lasting, taken_back
 from ._session import refuse_fork
 from .client import Client, camera_setting
 from .errors import Refused, WheelArmError
@@ -164,7 +165,10 @@ class WheelArmEnv(gymnasium.Env[dict[str, Any], Any]):
 
     Seeds: ``reset(seed=s)`` draws the scenario's seed from the environment's generator;
     ``reset(options={"scenario_seed": 7})`` takes this one, as ``wheelarm evaluate`` does.
-    ``options={"scenario": {...}}`` changes other fields of one episode.
+    ``options={"scenario": {...}}`` changes other fields of one episode; the next is as
+    the environment was made, in a new server where no reset can take a field back
+    (``language``, ``variant_share``, ``calibration_seed``). Of a server that was named by
+    `endpoint` those can be asked for by ``scenario`` alone.
     """
 
     metadata: ClassVar[dict[str, Any]] = {  # type: ignore[misc]
@@ -224,6 +228,9 @@ class WheelArmEnv(gymnasium.Env[dict[str, Any], Any]):
         self._server: Server | None = None
         self._client: Client | None = None
         self._lockstep: LockStep | None = None
+        #: What was in force before the first reset, and what episodes since have changed.
+        self._own = v1.Scenario()
+        self._changed: set[str] = set()
         self._sent = False
         self._episodes = 0
 
@@ -312,6 +319,33 @@ class WheelArmEnv(gymnasium.Env[dict[str, Any], Any]):
             )
             self._client = self._server.connect()
         self._owner = os.getpid()
+        self._changed = set()
+        self._own = self._client.status().scenario
+        if self._server is not None and not self._server_options.keys() & {"person", "scenario"}:
+            # Who sits there was asked for by the task, which does so again.
+            self._own.ClearField("person")
+
+    def _back(self, more: Mapping[str, Any]) -> dict[str, Any]:
+        """Fields that take back what former episodes alone asked for, beside `more`; in a
+        new server where no reset can."""
+        out = {}
+        for field in sorted(self._changed - more.keys()):
+            value = self._server_options.get(field) if self._endpoint is None else None
+            if value is None:
+                value = taken_back(field, self._own, self.task)
+            if value is not None:
+                out[field] = value
+            elif self._endpoint is None:
+                self._disconnect()
+                self.start()
+                return {}
+            else:
+                raise ValueError(
+                    f"the server at {self._endpoint} keeps the {field} of an earlier episode, "
+                    f"which no reset can take back: give {field} in every reset, or make the "
+                    f"environment with scenario={{{field!r}: ...}}"
+                )
+        return out
 
     def _fields(self, seed: int, more: Mapping[str, Any]) -> dict[str, Any]:
         cameras = [
@@ -346,10 +380,17 @@ class WheelArmEnv(gymnasium.Env[dict[str, Any], Any]):
         if drawn is None:
             drawn = self.np_random.integers(2**31)
         self._end_episode()
+        more = {**(options.get("scenario") or {})}
+        # What each reset says again is no other episode's.
+        always = {name for name, value in self._fields(0, {}).items() if value}
+        asked = lasting(more) - always
+        back = self._back(more)
+        self._changed |= asked
         client = self.client
-        fields = self._fields(int(drawn), options.get("scenario") or {})
+        fields = self._fields(int(drawn), {**back, **more})
         label = str(options.get("label") or f"{self.task}-seed{int(drawn)}")
         scenario = client.reset(**fields)
+        self._changed = asked
         scene = client.scene()
         self._scene_known(scene)
         topics = ["joint_state", "pose", "odometry", "evaluation"]
@@ -609,13 +650,16 @@ class WheelArmEnv(gymnasium.Env[dict[str, Any], Any]):
         # Also where the server has died.
         with contextlib.suppress(WheelArmError):
             self._end_episode()
+        self._disconnect()
+        super().close()
+
+    def _disconnect(self) -> None:
         client, self._client = self._client, None
         if client is not None:
             client.close()
         server, self._server = self._server, None
         if server is not None:
             server.close()
-        super().close()
 
 
 def _key(index: int) -> NDArray[np.float64]:

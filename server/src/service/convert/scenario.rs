@@ -9,6 +9,7 @@ use wheelarm_proto::v1;
 use wheelarm_sensors::model::MAX_STRENGTH;
 
 use crate::look::Look;
+use crate::people::PersonSetting;
 use crate::scene::{Placement, Resistance};
 use crate::service::{disturbance, language, person};
 use crate::sim::{
@@ -283,8 +284,9 @@ pub fn scenario_over(now: &Scenario, asked: &v1::Scenario) -> Result<Scenario, I
             language.template.clear();
             language.question.clear();
         }
-        if let Some(person) = &mut s.person {
-            person.drawn = None;
+        s.person.clone_from(&s.asked.person);
+        if s.asked.open_limit {
+            s.time_limit = Some(0.0);
         }
         s.target.clear();
         s.variant = None;
@@ -318,6 +320,10 @@ pub fn scenario_over(now: &Scenario, asked: &v1::Scenario) -> Result<Scenario, I
     }
     if let Some(asked) = &asked.person {
         s.person = person::asked(asked)?;
+        s.asked.person = s.person.clone().map(|person| PersonSetting {
+            drawn: None,
+            ..person
+        });
     }
     if let Some(style) = &asked.style {
         s.style = Style::from_name(style).map_err(|_| Invalid::Word {
@@ -328,6 +334,7 @@ pub fn scenario_over(now: &Scenario, asked: &v1::Scenario) -> Result<Scenario, I
     }
     if let Some(limit) = asked.time_limit_seconds {
         s.time_limit = Some(check::within("time_limit_seconds", limit, 0.0, 1e5)?);
+        s.asked.open_limit = false;
     }
     keep(&mut s.imu_noise, asked.imu_noise);
     keep(&mut s.state_rate_hz, asked.state_rate_hz);

@@ -186,6 +186,7 @@ impl Engine {
             objects.map(|o| o.name.clone()).collect()
         };
         let (new, old) = (sim.scenario(), self.sim.scenario());
+        let drawn = |of: &Scenario| of.person.as_ref().and_then(|person| person.drawn.clone());
         let drawing = self.render.as_ref().is_none_or(|r| r.failure().is_none());
         let same_cameras = drawing
             && new.cameras == old.cameras
@@ -196,6 +197,7 @@ impl Engine {
             && new.task == old.task
             && new.quality == old.quality
             && new.look == old.look
+            && drawn(new) == drawn(old)
             && names(&sim) == names(&self.sim);
         let before = std::mem::replace(&mut self.sim, sim);
         if !same_cameras && let Err(e) = self.start_cameras() {

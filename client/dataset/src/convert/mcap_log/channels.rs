@@ -9,7 +9,7 @@ use super::channel::Channel;
 use super::foxglove::{self, FrameTransforms, transform};
 use crate::convert::{Recording, links};
 use crate::pose::{self, Pose};
-use crate::read::Camera;
+use crate::read::{Camera, ReadError};
 use crate::urdf::{self, Robot};
 
 /// Every channel of a recording.
@@ -148,8 +148,12 @@ fn of_topic<'a>(
             ));
         }
         TopicId::Event => {
-            let texts = |column| episode.texts("event", column);
-            if let (Ok(kinds), Ok(texts)) = (texts("kind"), texts("text")) {
+            // Files without events have no such columns; damaged ones are refused.
+            let texts = |column| match episode.texts("event", column) {
+                Err(problem @ ReadError::Shape { .. }) => Err(problem),
+                read => Ok(read.ok()),
+            };
+            if let (Some(kinds), Some(texts)) = (texts("kind")?, texts("text")?) {
                 let stamps = episode.stamps("event")?;
                 out.push(Channel::foxglove("/events", &stamps, move |i, stamp| {
                     let text = texts.get(i).map_or("", String::as_str);

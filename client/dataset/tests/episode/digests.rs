@@ -1,0 +1,65 @@
+//! Digests tell what was changed after recording.
+
+use wheelarm_dataset::finish::finish;
+use wheelarm_dataset::log::{Closing, Received};
+use wheelarm_dataset::validate::validate;
+use wheelarm_dataset::writer::{EpisodeWriter, WriterOptions};
+use wheelarm_proto::digest;
+
+use crate::recording::{manifest, offer_all};
+use crate::synthetic;
+
+#[test]
+fn what_was_changed_after_recording_is_found_by_the_digest() {
+    let dir = tempfile::tempdir().unwrap();
+    let started = synthetic::started("digest");
+    let options = WriterOptions::default();
+    let mut writer =
+        EpisodeWriter::open(dir.path(), &started, &synthetic::snapshot(), &options).unwrap();
+    let offered = offer_all(&mut writer, 5, 20);
+    let received: Vec<Received> = offered
+        .iter()
+        .map(|(stream, payloads)| {
+            let all: Vec<_> = payloads
+                .iter()
+                .map(|p| digest::of_message([&p[..]]))
+                .collect();
+            Received {
+                stream: stream.clone(),
+                digest: digest::StreamDigest::of(&all).to_vec(),
+                doubtful: 0,
+            }
+        })
+        .collect();
+    let mut stopped = synthetic::stopped(600, &manifest(&offered));
+    for line in &mut stopped.manifest {
+        let same = received.iter().find(|r| r.stream == line.stream);
+        line.digest = same.map(|r| r.digest.clone()).unwrap_or_default();
+    }
+    let closing = Closing {
+        stopped: Some(stopped),
+        received,
+        ..Default::default()
+    };
+    let finished = finish(&writer.close(closing).unwrap(), None).unwrap();
+    assert!(
+        finished.account.complete(),
+        "{:?}",
+        finished.account.problems
+    );
+    let facts = validate(&finished.path, 1).unwrap().facts;
+    for stream in ["applied", "command", "camera/gen3", "camera/wheelchair"] {
+        let said = |f: &String| f.starts_with(&format!("{stream}: ")) && f.contains("digest");
+        assert!(facts.iter().any(said), "{stream}: {facts:?}");
+    }
+    // One stamp of one picture, one nanosecond.
+    let file = hdf5::File::open_rw(&finished.path).unwrap();
+    let data = file.dataset("streams/camera/gen3/stamp_nanos").unwrap();
+    let mut stamps: Vec<u64> = data.read_raw().unwrap();
+    stamps[1] += 1;
+    data.write_raw(&stamps).unwrap();
+    file.close().unwrap();
+    let problems = validate(&finished.path, 1).unwrap().problems;
+    let named = |p: &String| p.starts_with("camera/gen3: the messages in the file are not");
+    assert!(problems.iter().any(named), "{problems:?}");
+}

@@ -1,0 +1,14 @@
+//! Laws of episode files: every number survives bit for bit, a log that ends
+//! anywhere gives its valid prefix, a full disk loses nothing acknowledged,
+//! nothing is ever overwritten, and what was changed afterwards is found.
+
+#[path = "../../examples/synthetic/mod.rs"]
+mod synthetic;
+
+mod commands;
+mod digests;
+mod exact;
+mod losses;
+mod pictures;
+mod recording;
+mod refusals;
