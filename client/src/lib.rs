@@ -25,6 +25,8 @@ pub mod evaluate;
 pub mod interrupt;
 #[cfg(feature = "hdf5")]
 mod language;
+#[cfg(feature = "hdf5")]
+pub mod multiply;
 pub mod operate;
 #[cfg(feature = "hdf5")]
 pub mod policy;

@@ -26,6 +26,8 @@ use wheelarm_client::doctor::{self, DoctorArgs};
 use wheelarm_client::drive::{self, DriveArgs};
 #[cfg(feature = "hdf5")]
 use wheelarm_client::evaluate::{self, EvaluateArgs};
+#[cfg(feature = "hdf5")]
+use wheelarm_client::multiply::{self, MultiplyArgs};
 use wheelarm_client::operate::{self, OperateArgs};
 use wheelarm_client::preview::{self, PreviewArgs};
 #[cfg(feature = "hdf5")]
@@ -170,6 +172,15 @@ enum Command {
     #[cfg(feature = "hdf5")]
     #[command(after_long_help = manual::COLLECT)]
     Collect(CollectArgs),
+    /// Makes many episodes of a few, by adapting what the hand did to other scenes.
+    ///
+    /// Of each recorded episode of the task in DIR that succeeded, whoever did it, the
+    /// last of the reach, the grasp, the lift and the putting down are kept relative to
+    /// the thing; the way there is planned anew. Episodes that succeed are recorded
+    /// without cameras: `replay --camera` draws them.
+    #[cfg(feature = "hdf5")]
+    #[command(after_long_help = manual::MULTIPLY)]
+    Multiply(MultiplyArgs),
     /// Replays a recorded episode bit for bit, and can record it anew.
     #[cfg(feature = "hdf5")]
     #[command(after_long_help = manual::REPLAY)]
@@ -298,7 +309,7 @@ fn name_by_keys(cli: &mut Cli, connect: &Connect, matches: &ArgMatches) {
 
 /// Refuses the options that say which server, where a command starts its own.
 fn refuse_without_effect(matches: &ArgMatches) {
-    let own = ["demo", "evaluate", "collect", "replay"];
+    let own = ["demo", "evaluate", "collect", "multiply", "replay"];
     let Some((command, _)) = matches.subcommand().filter(|(name, _)| own.contains(name)) else {
         return;
     };
@@ -345,6 +356,8 @@ fn run(cli: Cli, connect: Connect) -> anyhow::Result<ExitCode> {
         Command::Evaluate(args) => return evaluate::run(args.as_ref()),
         #[cfg(feature = "hdf5")]
         Command::Collect(args) => return collect::run(args),
+        #[cfg(feature = "hdf5")]
+        Command::Multiply(args) => return multiply::run(args),
         #[cfg(feature = "hdf5")]
         Command::Replay(args) => return replay::run(args),
         Command::Operate(args) => return operate::run(&link()?, args),

@@ -179,7 +179,8 @@ fn seeds(text: &str) -> Result<std::ops::Range<u64>, String> {
         let (first, end) = text.split_once("..")?;
         Some(first.parse().ok()?..end.parse().ok()?)
     };
-    read().ok_or_else(|| format!("{text:?} is not A..B, for example 0..1000"))
+    let seeds = read().filter(|seeds: &std::ops::Range<u64>| !seeds.is_empty());
+    seeds.ok_or_else(|| format!("{text:?} is not A..B with A below B, for example 0..1000"))
 }
 
 /// Prints the draws of a task.

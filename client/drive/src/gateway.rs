@@ -206,10 +206,15 @@ impl Drop for Gateway {
 }
 
 /// How a browser is to name the page: by the first of its names where other machines
-/// come, else by its address.
+/// come, else by its address; by the name of this machine where that is every address.
 fn host(address: SocketAddr, names: &[String]) -> String {
-    match names.first().filter(|_| !address.ip().is_loopback()) {
-        Some(name) => format!("{name}:{}", address.port()),
+    let (ip, port) = (address.ip(), address.port());
+    match names.first().filter(|_| !ip.is_loopback()) {
+        Some(name) => format!("{name}:{port}"),
+        None if ip.is_unspecified() => {
+            let machine = rustix::system::uname();
+            format!("{}:{port}", machine.nodename().to_string_lossy())
+        }
         None => address.to_string(),
     }
 }
@@ -253,7 +258,11 @@ mod tests {
         let names = ["lab.example".to_owned()];
         let told = |ip: [u8; 4], names| host(SocketAddr::from((ip, 7460)), names);
         assert_eq!(told([0, 0, 0, 0], &names), "lab.example:7460");
-        assert_eq!(told([0, 0, 0, 0], &[]), "0.0.0.0:7460");
+        // A browser cannot open every address at once.
+        let machine = rustix::system::uname();
+        let machine = machine.nodename().to_string_lossy();
+        assert_eq!(told([0, 0, 0, 0], &[]), format!("{machine}:7460"));
+        assert_eq!(told([192, 0, 2, 1], &[]), "192.0.2.1:7460");
         assert_eq!(told([127, 0, 0, 1], &names), "127.0.0.1:7460");
     }
 }

@@ -4,6 +4,8 @@
 use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
 
 use super::base_placement::{self, ArmReachability, standing};
+use super::demonstration::Demonstrations;
+use super::demonstration::cut::{Course, cut};
 use super::goal::Goal;
 use super::grasp_candidate::GraspCandidate;
 use super::hand;
@@ -427,4 +429,56 @@ fn the_chair_stops_nearer_to_what_stands_on_the_floor() {
     };
     assert!((furthest(0.14) - 0.66).abs() < 0.02, "{}", furthest(0.14));
     assert!((furthest(0.9) - 0.88).abs() < 0.02, "{}", furthest(0.9));
+}
+
+/// What a demonstration holds is done again about a bottle that stands elsewhere, and
+/// nothing else: the hand passes the same poses to the bottle.
+#[test]
+fn what_was_shown_about_one_bottle_is_done_about_another() {
+    let grasped = |mut world: KinematicWorld, mut operator: Operator| {
+        let (mut seen, mut told, mut opening) = (Vec::new(), Vec::new(), Vec::new());
+        let mut closing = None;
+        loop {
+            let now = world.observe();
+            let (act, outcome) = operator.step(&now, &mut world.arm);
+            if act.name == "closing" {
+                closing.get_or_insert(world.objects[0].inv_mul(&world.house_from_tool()));
+            }
+            seen.push(now);
+            told.push(act.opening);
+            opening.push(world.opening);
+            if let Some(outcome) = outcome {
+                assert_eq!(outcome, Outcome::Success, "{:?}", operator.notes());
+                let source = operator.source().map(str::to_owned);
+                return (closing.unwrap(), source, seen, told, opening);
+            }
+            world.apply(&act);
+            assert!(world.time < 100.0);
+        }
+    };
+    let world = KinematicWorld::new([-8.80, 2.10], 0.0, [-8.85, 1.50], 0);
+    let operator = world.operator(4);
+    let (scene, goal) = (world.scene.clone(), Goal::Lift { item: 0 });
+    let (first, source, seen, told, opening) = grasped(world, operator);
+    assert_eq!(source, None);
+    let one = cut(&Course {
+        source: "one",
+        scene: &scene,
+        goal: &goal,
+        seen: &seen,
+        told: &told,
+        opening: &opening,
+    });
+    for (bottle, yaw, noise) in [([-8.74, 1.60], 0.3, 0.0), ([-8.85, 2.40], -0.2, 0.001)] {
+        let world = KinematicWorld::new(bottle, yaw, [-8.85, 1.2], 0);
+        let operator = world.operator(9).shown(Demonstrations {
+            list: vec![one.clone().unwrap()],
+            seed: 1,
+            noise,
+        });
+        let (second, source, ..) = grasped(world, operator);
+        assert_eq!(source.as_deref(), Some("one"));
+        let off = first.inv_mul(&second).translation.vector.norm();
+        assert!(off < 0.004 + 4.0 * noise, "{off}");
+    }
 }

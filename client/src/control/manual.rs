@@ -175,6 +175,20 @@ pub const EVALUATE: &str = manual!(
     "\n  WHEELARM_ASSETS   assets folder, as --assets"
 );
 
+/// `wheelarm multiply`.
+pub const MULTIPLY: &str = manual!(
+    "  wheelarm multiply data/mine --task pick_mustard --episodes 100 --out data/more --jobs 2
+  wheelarm multiply data/mine --task place_knife --episodes 20 --noise 0 --out data/exact
+  wheelarm replay data/more/FILE.h5 --out data/drawn --camera '*=640x360@10'   draws one
+",
+    "  0  as many episodes were kept as asked for
+  1  they were not, or nothing could be multiplied; the same command goes on
+",
+    "\n  WHEELARM_ASSETS   assets folder, as --assets
+\nFiles say of which episode they are by the attribute multiplied_from of their root; the
+folder's report.json counts what was tried, and how it failed."
+);
+
 /// `wheelarm replay`.
 pub const REPLAY: &str = manual!(
     "  wheelarm replay data/demo/pick_mustard-seed0.h5

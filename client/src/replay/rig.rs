@@ -1,6 +1,7 @@
 //! The rig of a replay: a server with the recording's scenario, and a
 //! recorder where it is recorded again.
 
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use wheelarm_link::Link;
@@ -9,6 +10,7 @@ use wheelarm_proto::v1;
 use wheelarm_rig::{Recorder, RecorderOptions, Server, ServerOptions};
 
 use super::args::ReplayArgs;
+use crate::multiply::mark;
 
 /// Name under which a replay commands and records.
 pub(super) const NAME: &str = "replay";
@@ -18,6 +20,8 @@ pub(super) struct Rig {
     pub server: Server,
     pub link: Link,
     recorder: Option<Recorder>,
+    /// What is replayed.
+    source: PathBuf,
 }
 
 impl Rig {
@@ -61,6 +65,7 @@ impl Rig {
             server,
             link,
             recorder,
+            source: args.file.clone(),
         })
     }
 
@@ -75,10 +80,12 @@ impl Rig {
     /// When the recording failed.
     pub fn recorded(&mut self, started: &v1::EpisodeStarted) -> anyhow::Result<Option<Recorded>> {
         let number = started.header.as_ref().map_or(0, |header| header.episode);
-        let recorder = self.recorder.as_mut();
-        recorder
-            .map(|recorder| recorder.finished(&self.link, number).map(Recorded))
-            .transpose()
+        let Some(recorder) = self.recorder.as_mut() else {
+            return Ok(None);
+        };
+        let recorded = Recorded(recorder.finished(&self.link, number)?);
+        mark::keep(&self.source, Path::new(&recorded.0.path))?;
+        Ok(Some(recorded))
     }
 
     /// Ends them.

@@ -18,6 +18,7 @@ mod forgery;
 mod gate;
 mod installed;
 mod looks;
+mod multiply;
 mod mutation;
 mod over_ticks;
 mod own_client;

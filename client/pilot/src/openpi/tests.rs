@@ -15,9 +15,9 @@ prompt = "prompt"
 [[pictures]]
 key = "observation/image"
 camera = "wheelchair"
-width = 16
-height = 8
-pad = [16, 16]
+width = 32
+height = 16
+pad = [32, 32]
 [[numbers]]
 key = "observation/joint_position"
 places = [0, 1, 2, 3, 4, 5]
@@ -86,9 +86,9 @@ fn observation() -> v1::PolicyObservation {
             state_values: (0..STATE).map(|i| i as f64).collect(),
             pictures: vec![v1::PolicyPicture {
                 camera: "wheelchair".to_owned(),
-                width: 16,
-                height: 8,
-                rgb: vec![7; 3 * 16 * 8].into(),
+                width: 32,
+                height: 16,
+                rgb: vec![7; 3 * 32 * 16].into(),
                 depth: Default::default(),
             }],
         }],
@@ -111,9 +111,9 @@ fn an_observation_goes_out_under_its_names_and_rows_come_back() {
     let wanted = floats(&[0.0, 1.0, 2.0, 3.0, 4.0, 5.0]);
     assert_eq!(joints, &wanted);
     let picture = at(&asked, "observation/image").unwrap();
-    let mut pixels = vec![0; 3 * 16 * 16];
-    pixels[3 * 16 * 4..3 * 16 * 12].fill(7);
-    assert_eq!(picture, &bytes(&[16, 16, 3], pixels));
+    let mut pixels = vec![0; 3 * 32 * 32];
+    pixels[3 * 32 * 8..3 * 32 * 24].fill(7);
+    assert_eq!(picture, &bytes(&[32, 32, 3], pixels));
     assert_eq!(at(&asked, "endpoint"), None);
 }
 
@@ -221,7 +221,7 @@ fn a_map_with_a_mistake_is_refused_in_words() {
             "there are next-pose and next-joints",
         ),
         ("[0, 1, 2, 3, 4, 5]", "[27]", "place 27"),
-        ("pad = [16, 16]", "pad = [8, 8]", "does not fit"),
+        ("pad = [32, 32]", "pad = [8, 8]", "does not fit"),
         ("prompt", "promt", "promt"),
         ("execute = 2", "execute = 2\ncolumns = [0]", "9 numbers"),
     ] {

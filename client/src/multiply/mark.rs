@@ -1,0 +1,72 @@
+//! How a file says that it was multiplied: attributes of its root, which is all that a
+//! recorder cannot know.
+
+use std::path::Path;
+
+use anyhow::Context;
+use hdf5::types::VarLenUnicode;
+
+/// Attribute that names the episode whose demonstration was adapted.
+pub const FROM: &str = "multiplied_from";
+/// Attribute of its task's seed and the noise, for people.
+pub const HOW: &str = "multiplied_how";
+
+/// Marks a file.
+///
+/// # Errors
+/// When it cannot be written.
+pub fn write(file: &Path, from: &str, how: &str) -> anyhow::Result<()> {
+    let context = || format!("marking {}", file.display());
+    let at = hdf5::File::open_rw(file).with_context(context)?;
+    for (name, words) in [(FROM, from), (HOW, how)] {
+        let words: VarLenUnicode = words.parse().with_context(context)?;
+        let attribute = at.new_attr::<VarLenUnicode>().create(name);
+        let written = attribute.and_then(|attribute| attribute.write_scalar(&words));
+        written.with_context(context)?;
+    }
+    at.close().with_context(context)
+}
+
+/// Marks a file as one of which it is another recording.
+///
+/// # Errors
+/// When it cannot be written.
+pub fn keep(of: &Path, file: &Path) -> anyhow::Result<()> {
+    match read(of) {
+        Some([from, how]) => write(file, &from, &how),
+        None => Ok(()),
+    }
+}
+
+/// The episode of which a file was multiplied, and how; `None` where it was recorded
+/// otherwise.
+#[must_use]
+pub fn read(file: &Path) -> Option<[String; 2]> {
+    let at = hdf5::File::open(file).ok()?;
+    let read = |name| {
+        let words: VarLenUnicode = at.attr(name).ok()?.read_scalar().ok()?;
+        Some(words.as_str().to_owned())
+    };
+    Some([read(FROM)?, read(HOW)?])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_mark_is_read_as_it_was_written_and_carried_on() {
+        let folder = tempfile::tempdir().unwrap();
+        let [one, other, plain] = ["one.h5", "other.h5", "plain.h5"].map(|name| {
+            let path = folder.path().join(name);
+            hdf5::File::create(&path).unwrap().close().unwrap();
+            path
+        });
+        write(&one, "pick_bowl-0003", "seed 0").unwrap();
+        keep(&one, &other).unwrap();
+        let told = ["pick_bowl-0003", "seed 0"].map(str::to_owned);
+        assert_eq!(read(&other), Some(told));
+        keep(&plain, &other).unwrap();
+        assert_eq!(read(&plain), None);
+    }
+}

@@ -1,0 +1,134 @@
+//! `wheelarm multiply`: of a few recorded episodes of a task it makes many new ones.
+//!
+//! What the hand did about the thing is cut out of each source and kept relative to the
+//! thing (`wheelarm_operate::demonstration`); the way there is planned anew in every new
+//! scene. Episodes run as those of `evaluate`, by workers in one process, without
+//! cameras; those in which the task succeeded are kept, marked with their source.
+
+mod args;
+mod ledger;
+pub mod mark;
+mod report;
+mod sources;
+mod station;
+
+use std::process::ExitCode;
+use std::time::{Duration, Instant};
+
+use anyhow::{Context, bail};
+use parking_lot::Mutex;
+
+pub use args::MultiplyArgs;
+use ledger::Ledger;
+use report::Report;
+use sources::Sources;
+use station::Station;
+
+/// Tries for each episode that is asked for where nothing says the seeds.
+const TRIES: u64 = 4;
+/// Between two looks whether another episode is to be begun.
+const WAIT: Duration = Duration::from_millis(50);
+
+/// How far it is.
+struct Course {
+    next: u64,
+    end: u64,
+    kept: u64,
+    running: u64,
+    problem: Option<anyhow::Error>,
+}
+
+/// Multiplies. Success when as many episodes were kept as asked for.
+///
+/// # Errors
+/// When there is no source, a program cannot be started, or the folder cannot be
+/// written.
+pub fn run(args: &MultiplyArgs) -> anyhow::Result<ExitCode> {
+    std::fs::create_dir_all(&args.out)
+        .with_context(|| format!("making the folder {}", args.out.display()))?;
+    let ledger = Ledger::open(&args.out)?;
+    let sources = Sources::read(args)?;
+    for (file, why) in &sources.left_out {
+        println!("left out    {file}: {why}");
+    }
+    if sources.list.is_empty() {
+        bail!(
+            "{} holds no episode of the task {:?} that can be multiplied",
+            args.dir.display(),
+            args.task
+        );
+    }
+    println!("sources     {}", sources.list.len());
+    let shown = sources.write(&args.out)?;
+    let (first, end) = args.seeds.unwrap_or_else(|| {
+        let most = args.episodes.get().saturating_mul(TRIES);
+        (args.first_seed(), args.first_seed().saturating_add(most))
+    });
+    let begun = Instant::now();
+    let course = Mutex::new(Course {
+        next: first,
+        end,
+        kept: ledger.kept(),
+        running: 0,
+        problem: None,
+    });
+    std::thread::scope(|scope| {
+        for index in 0..args.jobs.get() {
+            let (course, ledger, sources, shown) = (&course, &ledger, &sources, &shown);
+            scope.spawn(move || {
+                let mut station = Station::new(args, sources, shown, index);
+                while let Some(seed) = next(course, ledger, args) {
+                    let tried = station.episode(seed).and_then(|entry| {
+                        println!("{}", entry.line());
+                        ledger.add(&entry)?;
+                        Ok(entry)
+                    });
+                    let mut course = course.lock();
+                    course.running -= 1;
+                    match tried {
+                        Ok(entry) => course.kept += u64::from(entry.kept),
+                        Err(problem) => {
+                            course.problem.get_or_insert(problem);
+                        }
+                    }
+                }
+            });
+        }
+    });
+    let course = course.into_inner();
+    if let Some(problem) = course.problem {
+        return Err(problem);
+    }
+    let report = Report::new(args, &sources, ledger.entries(), begun.elapsed());
+    report.write(&args.out)?;
+    print!("{report}");
+    Ok(match report.kept >= args.episodes.get() {
+        true => ExitCode::SUCCESS,
+        false => ExitCode::FAILURE,
+    })
+}
+
+/// The seed to try next; `None` at the end. No more are begun than would be enough if
+/// all of them succeeded, so that the same are kept whatever the number of workers.
+fn next(course: &Mutex<Course>, ledger: &Ledger, args: &MultiplyArgs) -> Option<u64> {
+    loop {
+        let mut now = course.lock();
+        if now.problem.is_some() || now.kept >= args.episodes.get() {
+            return None;
+        }
+        while now.next < now.end && ledger.knows(now.next) {
+            now.next += 1;
+        }
+        if now.kept + now.running < args.episodes.get() {
+            if now.next >= now.end {
+                return None;
+            }
+            let seed = now.next;
+            now.next += 1;
+            now.running += 1;
+            return Some(seed);
+        }
+        drop(now);
+        std::thread::sleep(WAIT);
+    }
+}

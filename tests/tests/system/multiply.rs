@@ -1,0 +1,73 @@
+//! A few recorded episodes become others in other scenes, which say where they are from.
+
+use std::path::Path;
+use std::process::{Command, Output};
+
+use wheelarm_client::multiply::mark;
+use wheelarm_dataset::read::Episode;
+use wheelarm_tests::{printed, program, root};
+
+fn wheelarm(args: &[&str]) -> Output {
+    Command::new(program("wheelarm").expect("the client"))
+        .args(args)
+        .env("WHEELARM_ASSETS", root().join("assets"))
+        .output()
+        .expect("a process")
+}
+
+fn recordings(folder: &Path) -> Vec<std::path::PathBuf> {
+    let entries = std::fs::read_dir(folder).expect("a folder");
+    let paths = entries.map(|entry| entry.expect("a file").path());
+    let mut paths: Vec<_> = paths
+        .filter(|path| path.extension().is_some_and(|end| end == "h5"))
+        .collect();
+    paths.sort();
+    paths
+}
+
+#[test]
+fn two_sources_become_an_episode_of_another_scene_that_names_its_source() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let (sources, out) = (folder.path().join("sources"), folder.path().join("out"));
+    let [from, to] = [&sources, &out].map(|path| path.to_str().expect("a name"));
+    let task = ["--task", "pick_mustard"];
+    let small = ["--no-grid", "--record", "--camera", "wheelchair=32x24@1"];
+    let recorded = ["evaluate", "--seeds", "1..3", "--out", from];
+    let made = wheelarm(&[&recorded[..], &task, &small].concat());
+    assert!(made.status.success(), "{}", printed(&made));
+
+    let multiply = ["multiply", from, "--episodes", "2", "--seeds", "40..42"];
+    let multiplied = wheelarm(&[&multiply[..], &task, &["--out", to]].concat());
+    let text = printed(&multiplied);
+    assert!(text.contains("sources     2"), "{text}");
+    let kept = recordings(&out);
+    assert!(!kept.is_empty(), "{text}");
+    for file in &kept {
+        let [source, _] = mark::read(file).expect("a mark");
+        assert!(source.starts_with("pick_mustard-seed"), "{source}");
+        let episode = Episode::open(file).expect("a recording");
+        let summary = episode.summary().expect("a summary");
+        assert!(summary.success && summary.complete && (40..42).contains(&summary.seed));
+        assert!(episode.cameras().expect("cameras").is_empty());
+    }
+    let report = std::fs::read_to_string(out.join("report.json")).expect("a report");
+    let report: serde_json::Value = serde_json::from_str(&report).expect("JSON");
+    assert_eq!(report["kept"], kept.len());
+    assert_eq!(report["left_out"].as_array().map(Vec::len), Some(0));
+    assert!(!out.join("staging").exists());
+
+    // What is multiplied is replayed as any other, and the new file says the same.
+    let drawn = folder.path().join("drawn");
+    let again = ["replay", kept[0].to_str().expect("a name"), "--out"];
+    let camera = ["--camera", "wheelchair=32x24@1"];
+    let replay = wheelarm(&[&again[..], &[drawn.to_str().expect("a name")], &camera].concat());
+    let text = printed(&replay);
+    assert!(
+        replay.status.success() && text.contains("hashes equal"),
+        "{text}"
+    );
+    let file = &recordings(&drawn)[0];
+    assert_eq!(mark::read(file), mark::read(&kept[0]));
+    let pictures = Episode::open(file).expect("a recording").cameras();
+    assert_eq!(pictures.expect("cameras"), ["wheelchair"]);
+}
