@@ -23,7 +23,7 @@ use wheelarm_server::robot::RobotModel;
 use wheelarm_server::scene::Scene;
 use wheelarm_server::sensors::camera::{Graphics, Renderer};
 use wheelarm_server::service::session::Reach;
-use wheelarm_server::service::{self, Options, startup};
+use wheelarm_server::service::{self, OpenAhead, Options, startup};
 use wheelarm_server::sim::{Scenario, SimError, Simulation};
 use wheelarm_server::tasks::{self, Floor, TaskSpec, table};
 
@@ -404,6 +404,9 @@ async fn serve(args: Args) -> anyhow::Result<()> {
         scenario.cameras.clear();
     }
     let pacing = scenario.pacing;
+    let graphics = Graphics::on(args.adapter.as_deref());
+    let draws = !scenario.cameras.is_empty();
+    let _opening = draws.then(|| OpenAhead::begin(&graphics));
     let sim = Simulation::new(&assets, scenario)?;
     let mut sensors = args.sensor.iter().filter(|_| args.no_cameras);
     if let Some(sensor) = sensors.find(|sensor| !sensor.camera.is_empty()) {
@@ -426,7 +429,7 @@ async fn serve(args: Args) -> anyhow::Result<()> {
     let endpoint = reach.listen.first().cloned().unwrap_or_default();
     let options = Options {
         keys,
-        graphics: Graphics::on(args.adapter.as_deref()),
+        graphics,
         no_cameras: args.no_cameras,
         access,
     };

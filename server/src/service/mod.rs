@@ -45,6 +45,7 @@ mod wall;
 pub use self::assets::tasks;
 pub use self::engine::Options;
 pub use self::error::ServiceError;
+pub use self::render::OpenAhead;
 
 use std::future::Future;
 use std::sync::atomic::Ordering;

@@ -139,6 +139,34 @@ impl Setup {
     }
 }
 
+/// A device that is opened on a thread of its own while something else is made ready: a
+/// driver takes longer to start than a simulation. Waits for it when dropped, since no
+/// driver likes a process that ends while it starts.
+#[derive(Debug)]
+pub struct OpenAhead(Option<JoinHandle<()>>);
+
+impl OpenAhead {
+    /// Begins. Where there can be no thread, the renderer opens the device.
+    #[must_use]
+    pub fn begin(graphics: &Graphics) -> Self {
+        let graphics = graphics.clone();
+        let opening = move || {
+            // What the driver starts comes after commands and physics for good.
+            step_back();
+            graphics.open_ahead();
+        };
+        let thread = std::thread::Builder::new().name("graphics".to_owned());
+        Self(thread.spawn(opening).ok())
+    }
+}
+
+impl Drop for OpenAhead {
+    fn drop(&mut self) {
+        // One that panicked has opened nothing, which the renderer finds by itself.
+        let _ = self.0.take().map(JoinHandle::join);
+    }
+}
+
 impl RenderThread {
     /// Starts drawing for a simulation; waits until the renderer stands.
     ///

@@ -81,6 +81,11 @@ pub struct Demonstrations {
 const RADIANS: f64 = 10.0;
 /// The noise changes within this time, seconds.
 const KNOT: f64 = 0.5;
+/// Where the fingers close, its deviation is this share of the room that they leave
+/// about the thing at most: a smooth bottle that is held askew slips.
+const OF_ROOM: f64 = 1.0 / 16.0;
+/// It becomes so within this time, seconds.
+const FADE: f64 = 1.0;
 /// Of two demonstrations the next one in the order of liking costs this much more.
 const LIKING: f64 = 0.3;
 
@@ -98,17 +103,24 @@ impl Demonstrations {
         costs
     }
 
-    /// How the hand is off during `seconds`, in its own frame.
+    /// How the hand is off during `seconds`, in its own frame, on its way to a thing
+    /// about which its open fingers leave `room`, metres.
     #[must_use]
-    pub fn wander(&self, seconds: f64) -> Wander {
+    pub fn wander(&self, seconds: f64, room: f64) -> Wander {
         let mut rng = ChaCha8Rng::seed_from_u64(self.seed ^ 0x6f66_6620_6279);
         // Nearly normal: the sum of twelve even draws.
         let mut normal = || (0..12).map(|_| rng.random_range(-0.5..0.5)).sum::<f64>();
         let knots = (seconds.max(0.0) / KNOT).ceil() as usize + 1;
         let mut draw = |scale: f64| Vector3::from_fn(|_, _| normal() * scale);
+        let least = self.noise.min(OF_ROOM * room.max(0.0));
+        let deviation = |knot: usize| {
+            // The last two knots have the end between them.
+            let left = (seconds - KNOT * (knot + 1) as f64) / FADE;
+            least + (self.noise - least) * left.clamp(0.0, 1.0)
+        };
         Wander {
             knots: (0..knots)
-                .map(|_| [draw(self.noise), draw(RADIANS * self.noise)])
+                .map(|knot| [draw(deviation(knot)), draw(RADIANS * deviation(knot))])
                 .collect(),
         }
     }
@@ -269,9 +281,9 @@ mod tests {
             seed,
             noise: 0.002,
         };
-        let wander = shown(5).wander(3.0);
-        assert_eq!(wander, shown(5).wander(3.0));
-        assert_ne!(wander, shown(6).wander(3.0));
+        let wander = shown(5).wander(3.0, 0.05);
+        assert_eq!(wander, shown(5).wander(3.0, 0.05));
+        assert_ne!(wander, shown(6).wander(3.0, 0.05));
         let mut before = wander.at(0.0);
         for i in 0..180 {
             let now = wander.at(f64::from(i) / 60.0);
@@ -280,7 +292,25 @@ mod tests {
             assert!(step < 0.001, "{step}");
             before = now;
         }
-        let still = Demonstrations::default().wander(1.0);
+        let still = Demonstrations::default().wander(1.0, 0.05);
         assert_eq!(still.at(0.3), Isometry3::identity());
+    }
+
+    #[test]
+    fn fingers_that_leave_little_room_close_where_it_was_shown() {
+        let off = |room: f64, time: f64| {
+            let squares = (0..400).map(|seed| {
+                let shown = Demonstrations {
+                    list: Vec::new(),
+                    seed,
+                    noise: 0.002,
+                };
+                shown.wander(3.2, room).offset(time)[0].norm_squared()
+            });
+            (squares.sum::<f64>() / 1200.0).sqrt()
+        };
+        assert!((0.0018..0.0022).contains(&off(0.011, 1.0)));
+        assert!(off(0.011, 3.2) < 0.0007);
+        assert!(off(0.05, 3.2) > 0.0012);
     }
 }

@@ -180,7 +180,9 @@ impl Reach {
             return;
         };
         let frame = thing * adapt::turned(shown.turn);
-        let wander = now.shown.wander(one.approach.duration());
+        let wander = now
+            .shown
+            .wander(one.approach.duration(), one.opening - one.width);
         let play = Play::new(now, &one.approach, &frame).off(wander);
         now.memory.playing = Some((frame, play.off_at_end()));
         self.state = State::Shown(play);

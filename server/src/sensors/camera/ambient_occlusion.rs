@@ -8,6 +8,7 @@ use nalgebra::{Point3, Vector3};
 use parking_lot::Mutex;
 use wheelarm_proto::exact;
 
+use super::parallel;
 use super::scene::{Binding, RenderItem, RenderScene};
 
 /// Side of a cell, metres.
@@ -31,38 +32,48 @@ pub(super) struct Surroundings {
 impl Surroundings {
     pub(super) fn new(scene: &RenderScene) -> Self {
         // What shines of itself (a garden behind the windows) is no part of the house.
-        let fixed = || {
-            let dark = |i: &&RenderItem| i.binding == Binding::World && i.material.emission < 0.3;
-            scene.items.iter().filter(dark)
+        let dark = |i: &&RenderItem| i.binding == Binding::World && i.material.emission < 0.3;
+        let fixed = scene.items.iter().filter(dark);
+        let fixed: Vec<&RenderItem> = fixed.collect();
+        let placed = |item: &RenderItem| -> Vec<Point3<f64>> {
+            let place = |p: &[f32; 3]| item.body_from_mesh * Point3::from(p.map(f64::from));
+            item.coarse.positions.iter().map(place).collect()
         };
+        let corners = parallel::map(fixed.clone(), placed);
         let mut low = Point3::from([f64::INFINITY; 3]);
         let mut high = Point3::from([f64::NEG_INFINITY; 3]);
-        for item in fixed() {
-            for p in &item.coarse.positions {
-                let p = item.body_from_mesh * Point3::from(p.map(f64::from));
-                low = low.inf(&p);
-                high = high.sup(&p);
-            }
+        for p in corners.iter().flatten() {
+            low = low.inf(p);
+            high = high.sup(p);
         }
-        if fixed().next().is_none() {
+        if fixed.is_empty() {
             (low, high) = (Point3::origin(), Point3::origin());
         }
         let count = std::array::from_fn(|k| {
             (((high[k] - low[k]) / CELL).ceil() as usize + 1).clamp(1, MOST_CELLS)
         });
-        let mut built = Self {
+        let empty = || Self {
             low,
             count,
             filled: vec![false; count.iter().product()],
             directions: half_sphere(),
         };
-        for item in fixed() {
-            for t in item.coarse.indices.as_chunks::<3>().0 {
-                let corners = t.map(|i| {
-                    item.body_from_mesh
-                        * Point3::from(item.coarse.positions[i as usize].map(f64::from))
-                });
-                built.fill(corners);
+        // Every so many items to each thread, into cells of its own.
+        let threads = parallel::threads();
+        let filled = parallel::map((0..threads).collect(), |share: usize| {
+            let mut built = empty();
+            let items = fixed.iter().zip(&corners).skip(share).step_by(threads);
+            for (item, corners) in items {
+                for t in item.coarse.indices.as_chunks::<3>().0 {
+                    built.fill(t.map(|i| corners[i as usize]));
+                }
+            }
+            built.filled
+        });
+        let mut built = empty();
+        for share in filled {
+            for (cell, is_filled) in built.filled.iter_mut().zip(share) {
+                *cell |= is_filled;
             }
         }
         built
@@ -164,20 +175,26 @@ pub(super) struct Corner {
 /// Longer edges are cut in halves, so that light can change along them, metres.
 const LONGEST: f64 = 0.4;
 
-/// What was worked out so far, by the bits of place and normal: neighbours share
-/// their corners, and near and far detail of a board are the same triangles.
+/// What was worked out so far of one body, by the bits of place and normal: neighbours
+/// share their corners, and near and far detail of a board are the same triangles.
 pub(super) struct AmbientOcclusion<'a> {
     around: &'a Surroundings,
     known: Known,
 }
 
-/// Light of places by the bits of place and normal, of one home.
-type Known = BTreeMap<[u64; 6], f64>;
+/// Light of places by the bits of place and normal.
+pub(super) type Known = BTreeMap<[u64; 6], f64>;
+
+/// The light of a home, body by body, so that several can be worked out at one time.
+pub(super) struct HomeLight<'a> {
+    around: &'a Surroundings,
+    known: Vec<Known>,
+}
 
 /// What was worked out for the home that was drawn last: the next scene is most often
 /// another draw of the same one.
 #[derive(Default)]
-pub(super) struct LastHome(Mutex<Option<(Home, Known)>>);
+pub(super) struct LastHome(Mutex<Option<(Home, Vec<Known>)>>);
 
 /// Cells that hold something, by which homes are told apart.
 #[derive(PartialEq)]
@@ -189,21 +206,21 @@ struct Home {
 
 impl LastHome {
     /// Takes what is known of a home out.
-    pub(super) fn of<'a>(&self, around: &'a Surroundings) -> AmbientOcclusion<'a> {
+    pub(super) fn of<'a>(&self, around: &'a Surroundings) -> HomeLight<'a> {
         let known = self.0.lock().take();
         let same = |home: &Home| {
             (home.low, home.count) == (around.low, around.count) && home.filled == around.filled
         };
-        AmbientOcclusion {
+        HomeLight {
             around,
             known: known
                 .filter(|(home, _)| same(home))
-                .map_or_else(Known::new, |(_, known)| known),
+                .map_or_else(Vec::new, |(_, known)| known),
         }
     }
 
     /// Keeps it for the next scene.
-    pub(super) fn keep(&self, worked_out: AmbientOcclusion<'_>) {
+    pub(super) fn keep(&self, worked_out: HomeLight<'_>) {
         let Surroundings {
             low, count, filled, ..
         } = worked_out.around;
@@ -216,6 +233,27 @@ impl LastHome {
     }
 }
 
+impl<'a> HomeLight<'a> {
+    /// Takes out what is known of a body, by its number among those that never move.
+    pub(super) fn of_body(&mut self, fixed: usize) -> AmbientOcclusion<'a> {
+        AmbientOcclusion {
+            around: self.around,
+            known: self
+                .known
+                .get_mut(fixed)
+                .map_or_else(Known::new, std::mem::take),
+        }
+    }
+
+    /// Puts what is known of a body in its place.
+    pub(super) fn put_back(&mut self, fixed: usize, known: Known) {
+        if self.known.len() <= fixed {
+            self.known.resize_with(fixed + 1, Known::new);
+        }
+        self.known[fixed] = known;
+    }
+}
+
 impl AmbientOcclusion<'_> {
     /// Share of the light from all around that reaches a surface, 0 to 1.
     pub(super) fn of_surface(&mut self, p: &Point3<f64>, normal: &Vector3<f64>) -> f64 {
@@ -225,6 +263,11 @@ impl AmbientOcclusion<'_> {
             .known
             .entry(key)
             .or_insert_with(|| around.of_surface(p, normal))
+    }
+
+    /// All of it.
+    pub(super) fn into_known(self) -> Known {
+        self.known
     }
 
     /// Pieces of a triangle that never moves. Every edge is cut by its length
@@ -286,10 +329,12 @@ mod tests {
         let last = LastHome::default();
         let at = (Point3::new(0.3, 0.0, 0.0), Vector3::z());
         let light = |around: &Surroundings| {
-            let mut known = last.of(around);
-            let before = known.known.len();
-            let light = known.of_surface(&at.0, &at.1);
-            last.keep(known);
+            let mut home = last.of(around);
+            let mut body = home.of_body(3);
+            let before = body.known.len();
+            let light = body.of_surface(&at.0, &at.1);
+            home.put_back(3, body.into_known());
+            last.keep(home);
             (before, light)
         };
         let mut walled = empty();
@@ -335,7 +380,7 @@ mod tests {
             corner(1.5, 1.5),
             corner(-1.5, 1.5),
         ];
-        let mut ambient_occlusion = LastHome::default().of(&around);
+        let mut ambient_occlusion = LastHome::default().of(&around).of_body(0);
         let mut pieces = ambient_occlusion.cut([a, b, c]);
         pieces.extend(ambient_occlusion.cut([a, c, d]));
         assert!(pieces.len() > 20);

@@ -6,7 +6,8 @@ use std::ops::Range;
 use nalgebra::{Point3, Vector3};
 use wheelarm_proto::exact;
 
-use super::ambient_occlusion::{AmbientOcclusion, Corner};
+use super::ambient_occlusion::{AmbientOcclusion, Corner, HomeLight, Known};
+use super::parallel;
 use super::scene::{Binding, RenderItem, RenderScene, RenderedPerson};
 use super::tier::Tier;
 use crate::geometry::{Material, TriMesh, texture};
@@ -150,11 +151,7 @@ pub(super) struct Buffers {
 
 impl Buffers {
     /// What is drawn how is a matter of the tier.
-    pub(super) fn new(
-        scene: &RenderScene,
-        ambient_occlusion: &mut AmbientOcclusion<'_>,
-        tier: Tier,
-    ) -> Self {
+    pub(super) fn new(scene: &RenderScene, light: &mut HomeLight<'_>, tier: Tier) -> Self {
         let mut built = Self {
             vertices: Vec::new(),
             indices: Vec::new(),
@@ -168,11 +165,15 @@ impl Buffers {
             |a: &RenderItem, b: &RenderItem| a.instance == b.instance && a.binding == b.binding;
         let person = scene.person.iter().flat_map(|p| &p.parts);
         let person: Vec<u16> = person.map(|(instance, _)| *instance).collect();
-        for items in scene.items.chunk_by(same) {
-            let body = built.bodies.len();
-            let moves = person.contains(&items[0].instance);
-            let mut casters = Vec::new();
-            let body_start = built.vertices.len();
+        let sun = Vector3::from(scene.lighting.sun_direction);
+        let mut shares = Vec::new();
+        for (body, items) in scene.items.chunk_by(same).enumerate() {
+            let mut share = Share {
+                body,
+                sun,
+                moves: person.contains(&items[0].instance),
+                finished: Vec::new(),
+            };
             for finish in Finish::ALL {
                 let mut chosen: Vec<&RenderItem> = items
                     .iter()
@@ -180,64 +181,61 @@ impl Buffers {
                     .collect();
                 // Casters first, so that their part is one range.
                 chosen.sort_by_key(|i| !i.casts_shadow);
-                let materials: Vec<u32> = chosen
-                    .iter()
-                    .map(|item| built.material(&mut known, &item.material, finish))
-                    .collect();
-                let sun = Vector3::from(scene.lighting.sun_direction);
-                let belongs = |item: &RenderItem, normals: [Vector3<f32>; 3]| {
-                    let sunny =
-                        item.binding != Binding::World || normals.iter().any(|n| n.dot(&sun) > 0.0);
-                    sunny == finish.sunny
-                };
-                let first_vertex = built.vertices.len();
-                let start = built.indices.len() as u32;
-                for (item, &material) in chosen.iter().zip(&materials) {
-                    let packed = body as u32 | material << 20;
-                    built.append(item, &item.mesh, ambient_occlusion, packed, &belongs);
-                }
-                let middle = built.indices.len() as u32;
-                if middle == start {
-                    continue;
-                }
-                let (centre, mut radius) = ball(&built.vertices[first_vertex..]);
-                if moves {
-                    radius += RenderedPerson::REACH;
-                }
-                let mut caster_end = middle;
-                for (item, &material) in chosen.iter().zip(&materials) {
-                    let packed = body as u32 | material << 20;
-                    built.append(item, &item.coarse, ambient_occlusion, packed, &belongs);
-                    if item.casts_shadow {
-                        caster_end = built.indices.len() as u32;
-                    }
-                }
-                let end = built.indices.len() as u32;
-                // What looks away from the sun lies behind what looks at it.
-                if finish.sunny && caster_end > middle {
-                    casters.push(Caster {
-                        indices: middle..caster_end,
-                        centre,
-                        radius,
-                    });
-                }
-                built.batches.push(Batch {
-                    body,
-                    finish,
-                    full: start..middle,
-                    coarse: middle..end,
-                    centre,
-                    radius,
+                let chosen = chosen.into_iter().map(|item| {
+                    let material = built.material(&mut known, &item.material, finish);
+                    (item, material)
                 });
+                share.finished.push((finish, chosen.collect()));
             }
+            shares.push(share);
             built.bodies.push(Body {
                 binding: items[0].binding,
                 instance: items[0].instance,
-                centre: ball(&built.vertices[body_start..]).0,
-                casters,
+                centre: Point3::origin(),
+                casters: Vec::new(),
             });
         }
+        let mut fixed = 0..;
+        let mut number = |body: &Body| {
+            let is_fixed = body.binding == Binding::World;
+            is_fixed.then(|| fixed.next()).flatten()
+        };
+        let numbers: Vec<Option<usize>> = built.bodies.iter().map(&mut number).collect();
+        let shares = shares.into_iter().zip(&numbers).map(|(share, number)| {
+            // What moves has none.
+            (share, light.of_body(number.unwrap_or(usize::MAX)))
+        });
+        let parts = parallel::map(shares.collect(), |(share, light): (Share<'_>, _)| {
+            share.worked_out(light)
+        });
+        for (body, ((part, known), number)) in parts.into_iter().zip(numbers).enumerate() {
+            built.take(body, part);
+            if let Some(number) = number {
+                light.put_back(number, known);
+            }
+        }
         built
+    }
+
+    /// Takes the part of a body behind all others.
+    fn take(&mut self, body: usize, part: Part) {
+        let (vertices, indices) = (self.vertices.len() as u32, self.indices.len() as u32);
+        let moved = |range: Range<u32>| range.start + indices..range.end + indices;
+        let batches = part.batches.into_iter().map(|batch| Batch {
+            full: moved(batch.full),
+            coarse: moved(batch.coarse),
+            ..batch
+        });
+        self.batches.extend(batches);
+        let casters = part.casters.into_iter().map(|caster| Caster {
+            indices: moved(caster.indices),
+            ..caster
+        });
+        self.bodies[body].casters.extend(casters);
+        self.bodies[body].centre = ball(&part.vertices).0;
+        self.vertices.extend(part.vertices);
+        let shifted = part.indices.into_iter().map(|index| index + vertices);
+        self.indices.extend(shifted);
     }
 
     fn material(&mut self, known: &mut Vec<Material>, material: &Material, finish: Finish) -> u32 {
@@ -278,7 +276,93 @@ impl Buffers {
         });
         known.len() as u32 - 1
     }
+}
 
+/// What is to be worked out of a body.
+struct Share<'a> {
+    body: usize,
+    /// Towards it.
+    sun: Vector3<f32>,
+    /// Its vertices do, within the reach of a person.
+    moves: bool,
+    /// Items by their finish, with their materials.
+    finished: Vec<(Finish, Vec<(&'a RenderItem, u32)>)>,
+}
+
+/// The buffers of one body.
+#[derive(Default)]
+struct Part {
+    vertices: Vec<Vertex>,
+    indices: Vec<u32>,
+    batches: Vec<Batch>,
+    casters: Vec<Caster>,
+}
+
+impl Share<'_> {
+    fn worked_out(&self, mut ambient_occlusion: AmbientOcclusion<'_>) -> (Part, Known) {
+        let mut part = Part::default();
+        for (finish, chosen) in &self.finished {
+            self.append_finish(&mut part, *finish, chosen, &mut ambient_occlusion);
+        }
+        (part, ambient_occlusion.into_known())
+    }
+
+    fn append_finish(
+        &self,
+        part: &mut Part,
+        finish: Finish,
+        chosen: &[(&RenderItem, u32)],
+        ambient_occlusion: &mut AmbientOcclusion<'_>,
+    ) {
+        let belongs = |item: &RenderItem, normals: [Vector3<f32>; 3]| {
+            let sunny =
+                item.binding != Binding::World || normals.iter().any(|n| n.dot(&self.sun) > 0.0);
+            sunny == finish.sunny
+        };
+        let body = self.body;
+        let first_vertex = part.vertices.len();
+        let start = part.indices.len() as u32;
+        for (item, material) in chosen {
+            let packed = body as u32 | material << 20;
+            part.append(item, &item.mesh, ambient_occlusion, packed, &belongs);
+        }
+        let middle = part.indices.len() as u32;
+        if middle == start {
+            return;
+        }
+        let (centre, mut radius) = ball(&part.vertices[first_vertex..]);
+        if self.moves {
+            radius += RenderedPerson::REACH;
+        }
+        let mut caster_end = middle;
+        for (item, material) in chosen {
+            let packed = body as u32 | material << 20;
+            part.append(item, &item.coarse, ambient_occlusion, packed, &belongs);
+            if item.casts_shadow {
+                caster_end = part.indices.len() as u32;
+            }
+        }
+        let end = part.indices.len() as u32;
+        // What looks away from the sun lies behind what looks at it.
+        if finish.sunny && caster_end > middle {
+            part.casters.push(Caster {
+                indices: middle..caster_end,
+                centre,
+                radius,
+            });
+        }
+        part.batches.push(Batch {
+            body,
+            finish,
+            full: start..middle,
+            coarse: middle..end,
+            centre,
+            radius,
+        });
+    }
+}
+
+impl Part {
     /// Appends the triangles that belong, by the normals of their corners.
     fn append(
         &mut self,

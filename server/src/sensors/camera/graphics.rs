@@ -75,6 +75,15 @@ impl Graphics {
         }
     }
 
+    /// Opens the device for a renderer that comes later, which waits for it. What fails
+    /// is told to the renderer: it tries again.
+    pub fn open_ahead(&self) {
+        let mut kept = self.kept.lock();
+        if kept.opened.is_none() {
+            kept.opened = open(self.wanted.as_deref()).ok();
+        }
+    }
+
     /// The light of the home that was drawn last.
     pub(super) fn last_home(&self) -> &LastHome {
         &self.last_home

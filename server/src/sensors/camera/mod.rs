@@ -14,6 +14,7 @@ mod geometry;
 mod graphics;
 mod mapping;
 mod packing;
+mod parallel;
 mod patterns;
 mod person;
 mod pipelines;

@@ -540,7 +540,7 @@ impl Reading<'_> {
     }
 }
 
-fn joined<T>(job: std::thread::ScopedJoinHandle<'_, T>) -> T {
+pub(super) fn joined<T>(job: std::thread::ScopedJoinHandle<'_, T>) -> T {
     job.join()
         .unwrap_or_else(|panic| std::panic::resume_unwind(panic))
 }

@@ -1,6 +1,6 @@
 //! What is drawn: triangles, looks and what they move with. No GPU yet.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 use std::sync::Arc;
 
@@ -8,6 +8,7 @@ use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
 
 use super::RenderError;
 use super::decoration::parts;
+use super::parallel;
 use crate::geometry::mesh::{Detail, build_detail};
 use crate::geometry::plush::Skin;
 use crate::geometry::texture::{self, Picture};
@@ -215,14 +216,18 @@ impl RenderScene {
 
     /// Reads the pictures that the items name.
     fn load_textures(&mut self, assets: &Path) -> Result<(), RenderError> {
-        for item in &self.items {
-            let Some(texture) = &item.material.texture else {
-                continue;
-            };
-            if !self.textures.contains_key(&texture.pattern) {
-                let picture = texture::load(assets, &texture.pattern)?;
-                self.textures.insert(texture.pattern.clone(), picture);
-            }
+        let textures = self
+            .items
+            .iter()
+            .filter_map(|i| i.material.texture.as_ref());
+        let names: BTreeSet<&str> = textures.map(|texture| texture.pattern.as_str()).collect();
+        let names = names.into_iter().map(str::to_owned).collect();
+        let pictures = parallel::map(names, |name: String| {
+            let picture = texture::load(assets, &name);
+            (name, picture)
+        });
+        for (name, picture) in pictures {
+            self.textures.insert(name, picture?);
         }
         Ok(())
     }
