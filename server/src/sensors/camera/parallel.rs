@@ -31,12 +31,18 @@ pub(super) fn map<T: Send, R: Send>(things: Vec<T>, work: impl Fn(T) -> R + Sync
         let others: Vec<_> = others.map(|_| scope.spawn(some)).collect();
         let mut done = some();
         for other in others {
-            done.extend(super::renderer::joined(other));
+            done.extend(joined(other));
         }
         done
     });
     done.sort_by_key(|(index, _)| *index);
     done.into_iter().map(|(_, made)| made).collect()
+}
+
+/// What a thread made; panics as it did.
+pub(super) fn joined<T>(job: std::thread::ScopedJoinHandle<'_, T>) -> T {
+    job.join()
+        .unwrap_or_else(|panic| std::panic::resume_unwind(panic))
 }
 
 #[cfg(test)]

@@ -15,6 +15,7 @@ use super::buffers::Buffers;
 use super::geometry::{BodyRows, Geometry, Seen};
 use super::graphics::{Graphics, Opened};
 use super::packing::Packer;
+use super::parallel;
 use super::person::PersonMesh;
 use super::pipelines::Pipelines;
 use super::readback::ReadBack;
@@ -509,7 +510,7 @@ fn prepare(scene: &RenderScene, tier: Tier, graphics: &Graphics) -> Result<Prepa
             (surroundings, buffers)
         });
         let opened = graphics.open(tier);
-        let (surroundings, buffers) = joined(arranging);
+        let (surroundings, buffers) = parallel::joined(arranging);
         let (opened, pipelines, packer) = opened?;
         Ok(Prepared {
             opened,
@@ -538,11 +539,6 @@ impl Reading<'_> {
                 .unwrap_or_else(|_| Err("reading a picture failed".into())),
         }
     }
-}
-
-pub(super) fn joined<T>(job: std::thread::ScopedJoinHandle<'_, T>) -> T {
-    job.join()
-        .unwrap_or_else(|panic| std::panic::resume_unwind(panic))
 }
 
 fn world_from(binding: Binding, snapshot: &Snapshot) -> Isometry3<f64> {
