@@ -64,12 +64,12 @@ impl Ledger {
         let options = options.create(true).read(true).append(true);
         let mut file = options.open(&path).with_context(context)?;
         match file.try_lock() {
-            Ok(()) => {}
             Err(TryLockError::WouldBlock) => bail!(
-                "another `wheelarm multiply` is at work in {}",
+                "another `wheelarm multiply` is at work in {}; wait for its end, or take another --out",
                 folder.display()
             ),
-            Err(TryLockError::Error(problem)) => return Err(problem).with_context(context),
+            // Some network file systems know no locks.
+            Ok(()) | Err(TryLockError::Error(_)) => {}
         }
         let mut bytes = Vec::new();
         file.read_to_end(&mut bytes).with_context(context)?;

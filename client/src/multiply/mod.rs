@@ -9,6 +9,7 @@ mod args;
 mod ledger;
 pub mod mark;
 mod report;
+mod settings;
 mod sources;
 mod station;
 
@@ -17,10 +18,13 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Context, bail};
 use parking_lot::Mutex;
+use wheelarm_proto::seeds::Purpose;
+use wheelarm_proto::settings::Named;
 
 pub use args::MultiplyArgs;
 use ledger::Ledger;
 use report::Report;
+use settings::Settings;
 use sources::Sources;
 use station::Station;
 
@@ -44,6 +48,7 @@ struct Course {
 /// When there is no source, a program cannot be started, or the folder cannot be
 /// written.
 pub fn run(args: &MultiplyArgs) -> anyhow::Result<ExitCode> {
+    let (first, end) = seeds(args)?;
     std::fs::create_dir_all(&args.out)
         .with_context(|| format!("making the folder {}", args.out.display()))?;
     let ledger = Ledger::open(&args.out)?;
@@ -52,18 +57,20 @@ pub fn run(args: &MultiplyArgs) -> anyhow::Result<ExitCode> {
         println!("left out    {file}: {why}");
     }
     if sources.list.is_empty() {
+        let others: Vec<&str> = sources.other_tasks.iter().map(String::as_str).collect();
         bail!(
-            "{} holds no episode of the task {:?} that can be multiplied",
+            "{} holds no episode of the task {:?} that can be multiplied{}; record some that succeed",
             args.dir.display(),
-            args.task
+            args.task,
+            match others.is_empty() {
+                true => String::new(),
+                false => format!(" (it holds {})", others.join(", ")),
+            }
         );
     }
     println!("sources     {}", sources.list.len());
+    Settings::of(args, &sources)?.hold(&args.out)?;
     let shown = sources.write(&args.out)?;
-    let (first, end) = args.seeds.unwrap_or_else(|| {
-        let most = args.episodes.get().saturating_mul(TRIES);
-        (args.first_seed(), args.first_seed().saturating_add(most))
-    });
     let begun = Instant::now();
     let course = Mutex::new(Course {
         next: first,
@@ -106,6 +113,26 @@ pub fn run(args: &MultiplyArgs) -> anyhow::Result<ExitCode> {
         true => ExitCode::SUCCESS,
         false => ExitCode::FAILURE,
     })
+}
+
+/// The seeds to try: none with which anything is tested, for what is made is trained on.
+fn seeds(args: &MultiplyArgs) -> anyhow::Result<(u64, u64)> {
+    let (first, end) = args.seeds.unwrap_or_else(|| {
+        let most = args.episodes.get().saturating_mul(TRIES);
+        (args.first_seed(), args.first_seed().saturating_add(most))
+    });
+    let purpose = Purpose::of_all(first..end)?;
+    match purpose {
+        Purpose::Train | Purpose::Free | Purpose::Develop => Ok((first, end)),
+        Purpose::Checkpoint
+        | Purpose::PolicyClaim
+        | Purpose::Adversarial
+        | Purpose::OperatorClaim => bail!(
+            "seeds {first}..{end} are for {}, and what is multiplied is to train on; take some of {}",
+            purpose.name(),
+            Purpose::Train.seeds()
+        ),
+    }
 }
 
 /// The seed to try next; `None` at the end. No more are begun than would be enough if

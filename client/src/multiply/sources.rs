@@ -4,6 +4,7 @@
 //! A recording does not hold the region or the rest of a slide, nor the boxes of things:
 //! a server that stands in the recorded scenario tells them.
 
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, anyhow, bail};
@@ -26,6 +27,8 @@ pub struct Sources {
     pub list: Vec<Demonstration>,
     /// Files of the task that are none, and why.
     pub left_out: Vec<(String, String)>,
+    /// Tasks of the other files.
+    pub other_tasks: BTreeSet<String>,
     /// Scene and robot of all of them.
     pub scene: String,
     pub robot: String,
@@ -40,6 +43,7 @@ impl Sources {
         let mut sources = Self {
             list: Vec::new(),
             left_out: Vec::new(),
+            other_tasks: BTreeSet::new(),
             scene: String::new(),
             robot: String::new(),
         };
@@ -52,8 +56,11 @@ impl Sources {
             let name = path.file_stem().unwrap_or_default();
             let name = name.to_string_lossy().into_owned();
             let recording = match open(&path, &args.task) {
-                Ok(Some(recording)) => recording,
-                Ok(None) => continue,
+                Ok(Found::Source(recording)) => *recording,
+                Ok(Found::Other(task)) => {
+                    sources.other_tasks.insert(task);
+                    continue;
+                }
                 Err(why) => {
                     sources.left_out.push((name, format!("{why:#}")));
                     continue;
@@ -84,14 +91,22 @@ impl Sources {
         Ok(sources)
     }
 
+    /// The demonstrations as text.
+    ///
+    /// # Errors
+    /// When they cannot be written so.
+    pub fn text(&self) -> anyhow::Result<String> {
+        Ok(serde_json::to_string(&self.list)?)
+    }
+
     /// Writes the demonstrations for the workers, and says where.
     ///
     /// # Errors
     /// When the file cannot be written.
     pub fn write(&self, folder: &Path) -> anyhow::Result<PathBuf> {
         let path = folder.join("demonstrations.json");
-        let text = serde_json::to_string(&self.list)?;
-        std::fs::write(&path, text).with_context(|| format!("writing {}", path.display()))?;
+        std::fs::write(&path, self.text()?)
+            .with_context(|| format!("writing {}", path.display()))?;
         let whole = std::path::absolute(&path);
         whole.with_context(|| format!("finding {}", path.display()))
     }
@@ -116,17 +131,24 @@ fn files(folder: &Path) -> anyhow::Result<Vec<PathBuf>> {
     Ok(paths)
 }
 
+/// A recording that could be opened.
+enum Found {
+    Source(Box<Episode>),
+    /// Of another task.
+    Other(String),
+}
+
 /// The recording, where it is of the task; why it cannot be used, where it is and cannot.
-fn open(path: &Path, task: &str) -> anyhow::Result<Option<Episode>> {
+fn open(path: &Path, task: &str) -> anyhow::Result<Found> {
     let recording = Episode::open(path)?;
     let summary = recording.summary()?;
     if summary.task[0] != task {
-        return Ok(None);
+        return Ok(Found::Other(summary.task[0].to_string()));
     }
     if !summary.success {
         bail!("the task did not succeed in it");
     }
-    Ok(Some(recording))
+    Ok(Found::Source(Box::new(recording)))
 }
 
 /// A server that stands in a recorded scenario.

@@ -1,0 +1,119 @@
+//! With what a folder was begun. A run goes on with the same, for its report and its
+//! files say one thing of all of them.
+
+use std::path::Path;
+
+use anyhow::{Context, bail};
+use serde::{Deserialize, Serialize};
+use sha2::{Digest, Sha256};
+use wheelarm_proto::settings::Named;
+
+use super::args::MultiplyArgs;
+use super::sources::Sources;
+
+/// Name of the file in the folder.
+const FILE: &str = "settings.json";
+
+/// What may not change from run to run.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Settings {
+    /// Task.
+    task: String,
+    /// `near` or `anywhere`.
+    starts: String,
+    /// Seed of the choice among the sources and of the noise.
+    seed: u64,
+    /// Deviation of the hand, metres.
+    noise: f64,
+    /// SHA-256 of the demonstrations.
+    sources: String,
+}
+
+impl Settings {
+    /// Those of a run.
+    ///
+    /// # Errors
+    /// When the demonstrations cannot be written as text.
+    pub(super) fn of(args: &MultiplyArgs, sources: &Sources) -> anyhow::Result<Self> {
+        let digest = Sha256::digest(sources.text()?);
+        Ok(Self {
+            task: args.task.clone(),
+            starts: args.starts.name().to_owned(),
+            seed: args.seed,
+            noise: args.noise,
+            sources: digest.iter().map(|byte| format!("{byte:02x}")).collect(),
+        })
+    }
+
+    /// Holds them against those with which `folder` was begun, or begins it.
+    ///
+    /// # Errors
+    /// When they are others, with the names of what differs, or the file cannot be read
+    /// or written.
+    pub fn hold(&self, folder: &Path) -> anyhow::Result<()> {
+        let path = folder.join(FILE);
+        let text = match std::fs::read_to_string(&path) {
+            Ok(text) => text,
+            Err(e) if e.kind() == std::io::ErrorKind::NotFound => {
+                let text = serde_json::to_string_pretty(self)? + "\n";
+                return std::fs::write(&path, text)
+                    .with_context(|| format!("writing {}", path.display()));
+            }
+            Err(e) => return Err(e).with_context(|| format!("reading {}", path.display())),
+        };
+        let begun: Self = serde_json::from_str(&text).with_context(|| {
+            format!(
+                "{} is not what `wheelarm multiply` wrote; choose another --out",
+                path.display()
+            )
+        })?;
+        let others = [
+            (begun.task != self.task).then(|| format!("--task {}", begun.task)),
+            (begun.starts != self.starts).then(|| format!("--starts {}", begun.starts)),
+            (begun.seed != self.seed).then(|| format!("--seed {}", begun.seed)),
+            (begun.noise != self.noise).then(|| format!("--noise {}", begun.noise)),
+            (begun.sources != self.sources).then(|| "other sources".to_owned()),
+        ];
+        let others: Vec<String> = others.into_iter().flatten().collect();
+        if !others.is_empty() {
+            bail!(
+                "{} was begun with {}; go on with the same, or choose another --out",
+                folder.display(),
+                others.join(" and ")
+            );
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_folder_goes_on_with_what_it_was_begun_with() {
+        let folder = tempfile::tempdir().unwrap();
+        let first = Settings {
+            task: "pick_bowl".to_owned(),
+            starts: "near".to_owned(),
+            seed: 0,
+            noise: 0.002,
+            sources: "ab".to_owned(),
+        };
+        first.hold(folder.path()).unwrap();
+        first.hold(folder.path()).unwrap();
+        let other = Settings {
+            task: "pick_mustard".to_owned(),
+            noise: 0.03,
+            ..first.clone()
+        };
+        let told = other.hold(folder.path()).unwrap_err().to_string();
+        assert!(
+            told.contains("begun with --task pick_bowl and --noise 0.002;"),
+            "{told}"
+        );
+        std::fs::write(folder.path().join(FILE), "{").unwrap();
+        let told = first.hold(folder.path()).unwrap_err().to_string();
+        assert!(told.contains("choose another --out"), "{told}");
+    }
+}
