@@ -26,6 +26,8 @@ pub mod interrupt;
 #[cfg(feature = "hdf5")]
 mod language;
 #[cfg(feature = "hdf5")]
+mod ledger;
+#[cfg(feature = "hdf5")]
 pub mod multiply;
 pub mod operate;
 #[cfg(feature = "hdf5")]

@@ -13,7 +13,7 @@ pub mod rows;
 mod server;
 
 use std::path::{Path, PathBuf};
-use std::process::Output;
+use std::process::{Command, Output};
 use std::time::{Duration, Instant};
 
 use anyhow::{Context, bail};
@@ -85,6 +85,19 @@ pub fn program(name: &str) -> anyhow::Result<PathBuf> {
             path.display()
         )
     }
+}
+
+/// Runs `wheelarm` with these arguments and the workspace's assets, to its end.
+///
+/// # Panics
+/// When it was not built or does not start.
+#[must_use]
+pub fn wheelarm(args: &[&str]) -> Output {
+    Command::new(program("wheelarm").expect("the client"))
+        .args(args)
+        .env("WHEELARM_ASSETS", root().join("assets"))
+        .output()
+        .expect("a process")
 }
 
 /// What a program printed, for an assertion's message.

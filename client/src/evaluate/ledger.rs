@@ -1,95 +1,22 @@
-//! The results as they come, one JSON object per line. A line that was cut off
-//! by an interruption is left out, and its episode is done again.
-
-use std::fs::{File, OpenOptions, TryLockError};
-use std::io::{Read, Write};
-use std::path::{Path, PathBuf};
-
-use anyhow::{Context, bail};
-use parking_lot::Mutex;
+//! The results of `wheelarm evaluate` as they come (`crate::ledger`).
 
 use super::entry::Entry;
+use crate::ledger::Line;
 
 /// The file of results.
-pub struct Ledger {
-    path: PathBuf,
-    inner: Mutex<(File, Vec<Entry>)>,
-}
+pub type Ledger = crate::ledger::Ledger<Entry>;
 
-impl Ledger {
-    /// Opens the ledger of a folder, or makes it.
-    ///
-    /// # Errors
-    /// When the file cannot be read or written.
-    pub fn open(folder: &Path) -> anyhow::Result<Self> {
-        let path = folder.join("episodes.jsonl");
-        let context = || format!("opening {}", path.display());
-        let mut file = OpenOptions::new()
-            .create(true)
-            .read(true)
-            .append(true)
-            .open(&path)
-            .with_context(context)?;
-        match file.try_lock() {
-            Err(TryLockError::WouldBlock) => bail!(
-                "another `wheelarm evaluate` writes {}; wait for its end, or take another --out",
-                path.display()
-            ),
-            // Some network file systems know no locks.
-            Ok(()) | Err(TryLockError::Error(_)) => {}
-        }
-        let mut text = Vec::new();
-        file.read_to_end(&mut text).with_context(context)?;
-        let mut entries = Vec::new();
-        // A line that was cut may end in the middle of a character.
-        for entry in text
-            .split(|byte| *byte == b'\n')
-            .filter_map(|line| serde_json::from_slice(line).ok())
-        {
-            take(&mut entries, entry);
-        }
-        if !text.is_empty() && !text.ends_with(b"\n") {
-            file.write_all(b"\n").with_context(context)?;
-        }
-        Ok(Self {
-            path,
-            inner: Mutex::new((file, entries)),
-        })
+impl Line for Entry {
+    const COMMAND: &'static str = "evaluate";
+
+    /// The same episode of the same policy.
+    fn is_of_the_same(&self, known: &Self) -> bool {
+        let of = |e: &Self| {
+            let job = (e.task.clone(), e.seed, e.settings.clone());
+            (job, e.policy.clone())
+        };
+        of(self) == of(known)
     }
-
-    /// Everything that is in it.
-    #[must_use]
-    pub fn entries(&self) -> Vec<Entry> {
-        self.inner.lock().1.clone()
-    }
-
-    /// Appends one result.
-    ///
-    /// # Errors
-    /// When the file cannot be written.
-    pub fn add(&self, entry: &Entry) -> anyhow::Result<()> {
-        let mut line = serde_json::to_string(entry)?;
-        line.push('\n');
-        let mut inner = self.inner.lock();
-        // In one piece, so that two processes do not mix their lines.
-        inner
-            .0
-            .write_all(line.as_bytes())
-            .with_context(|| format!("writing {}", self.path.display()))?;
-        take(&mut inner.1, entry.clone());
-        Ok(())
-    }
-}
-
-/// Of an episode that was done again the newest word counts.
-fn take(entries: &mut Vec<Entry>, entry: Entry) {
-    let of = |e: &Entry| {
-        let job = (e.task.clone(), e.seed, e.settings.clone());
-        (job, e.policy.clone())
-    };
-    let new = of(&entry);
-    entries.retain(|known| of(known) != new);
-    entries.push(entry);
 }
 
 #[cfg(test)]

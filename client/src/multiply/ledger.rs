@@ -1,12 +1,10 @@
-//! What was tried, one JSON object per line, so that an interrupted run is resumed.
+//! What was tried, so that an interrupted run is resumed (`crate::ledger`).
 
-use std::fs::{File, OpenOptions, TryLockError};
-use std::io::{Read, Write};
-use std::path::{Path, PathBuf};
+use std::collections::BTreeSet;
 
-use anyhow::{Context, bail};
-use parking_lot::Mutex;
 use serde::{Deserialize, Serialize};
+
+use crate::ledger::Line;
 
 /// What came of one try.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -46,77 +44,29 @@ impl Entry {
     }
 }
 
-/// The file of results.
-pub struct Ledger {
-    path: PathBuf,
-    inner: Mutex<(File, Vec<Entry>)>,
+impl Line for Entry {
+    const COMMAND: &'static str = "multiply";
+
+    fn is_of_the_same(&self, known: &Self) -> bool {
+        self.seed == known.seed
+    }
 }
 
+/// The file of what was tried.
+pub type Ledger = crate::ledger::Ledger<Entry>;
+
 impl Ledger {
-    /// Opens the ledger of a folder, or makes it.
-    ///
-    /// # Errors
-    /// When the file cannot be read or written, or another run is at it.
-    pub fn open(folder: &Path) -> anyhow::Result<Self> {
-        let path = folder.join("episodes.jsonl");
-        let context = || format!("opening {}", path.display());
-        let mut options = OpenOptions::new();
-        let options = options.create(true).read(true).append(true);
-        let mut file = options.open(&path).with_context(context)?;
-        match file.try_lock() {
-            Err(TryLockError::WouldBlock) => bail!(
-                "another `wheelarm multiply` is at work in {}; wait for its end, or take another --out",
-                folder.display()
-            ),
-            // Some network file systems know no locks.
-            Ok(()) | Err(TryLockError::Error(_)) => {}
-        }
-        let mut bytes = Vec::new();
-        file.read_to_end(&mut bytes).with_context(context)?;
-        let text = String::from_utf8_lossy(&bytes);
-        let lines = text.lines();
-        let entries = lines.filter_map(|line| serde_json::from_str(line).ok());
-        let entries = entries.collect();
-        if !bytes.is_empty() && !bytes.ends_with(b"\n") {
-            file.write_all(b"\n").with_context(context)?;
-        }
-        Ok(Self {
-            path,
-            inner: Mutex::new((file, entries)),
-        })
-    }
-
-    /// Everything that is in it.
-    #[must_use]
-    pub fn entries(&self) -> Vec<Entry> {
-        self.inner.lock().1.clone()
-    }
-
     /// How many were kept.
     #[must_use]
     pub fn kept(&self) -> u64 {
-        let inner = self.inner.lock();
-        inner.1.iter().filter(|entry| entry.kept).count() as u64
+        let entries = self.entries();
+        entries.iter().filter(|entry| entry.kept).count() as u64
     }
 
-    /// Whether a seed was tried.
+    /// Seeds that were tried.
     #[must_use]
-    pub fn knows(&self, seed: u64) -> bool {
-        self.inner.lock().1.iter().any(|entry| entry.seed == seed)
-    }
-
-    /// Appends one result.
-    ///
-    /// # Errors
-    /// When the file cannot be written.
-    pub fn add(&self, entry: &Entry) -> anyhow::Result<()> {
-        let mut line = serde_json::to_string(entry)?;
-        line.push('\n');
-        let mut inner = self.inner.lock();
-        let written = inner.0.write_all(line.as_bytes());
-        written.with_context(|| format!("writing {}", self.path.display()))?;
-        inner.1.push(entry.clone());
-        Ok(())
+    pub fn seeds(&self) -> BTreeSet<u64> {
+        self.entries().iter().map(|entry| entry.seed).collect()
     }
 }
 
@@ -146,6 +96,6 @@ mod tests {
         drop(ledger);
         let again = Ledger::open(folder.path()).unwrap();
         assert_eq!(again.entries(), [entry(5, true), entry(6, false)]);
-        assert!(again.kept() == 1 && again.knows(6) && !again.knows(7));
+        assert_eq!((again.kept(), again.seeds()), (1, [5, 6].into()));
     }
 }

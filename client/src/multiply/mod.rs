@@ -13,6 +13,7 @@ mod settings;
 mod sources;
 mod station;
 
+use std::collections::BTreeSet;
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
 
@@ -79,12 +80,14 @@ pub fn run(args: &MultiplyArgs) -> anyhow::Result<ExitCode> {
         running: 0,
         problem: None,
     });
+    let tried = ledger.seeds();
     std::thread::scope(|scope| {
         for index in 0..args.jobs.get() {
-            let (course, ledger, sources, shown) = (&course, &ledger, &sources, &shown);
+            let (course, ledger, tried) = (&course, &ledger, &tried);
+            let (sources, shown) = (&sources, &shown);
             scope.spawn(move || {
                 let mut station = Station::new(args, sources, shown, index);
-                while let Some(seed) = next(course, ledger, args) {
+                while let Some(seed) = next(course, tried, args) {
                     let tried = station.episode(seed).and_then(|entry| {
                         println!("{}", entry.line());
                         ledger.add(&entry)?;
@@ -137,13 +140,13 @@ fn seeds(args: &MultiplyArgs) -> anyhow::Result<(u64, u64)> {
 
 /// The seed to try next; `None` at the end. No more are begun than would be enough if
 /// all of them succeeded, so that the same are kept whatever the number of workers.
-fn next(course: &Mutex<Course>, ledger: &Ledger, args: &MultiplyArgs) -> Option<u64> {
+fn next(course: &Mutex<Course>, tried: &BTreeSet<u64>, args: &MultiplyArgs) -> Option<u64> {
     loop {
         let mut now = course.lock();
         if now.problem.is_some() || now.kept >= args.episodes.get() {
             return None;
         }
-        while now.next < now.end && ledger.knows(now.next) {
+        while now.next < now.end && tried.contains(&now.next) {
             now.next += 1;
         }
         if now.kept + now.running < args.episodes.get() {

@@ -2,18 +2,9 @@
 //! replay from the scenario alone, and absent where nobody asks for them.
 
 use std::path::Path;
-use std::process::{Command, Output};
 
 use wheelarm_dataset::read::Episode;
-use wheelarm_tests::{printed, program, root};
-
-fn wheelarm(args: &[&str]) -> Output {
-    Command::new(program("wheelarm").expect("the client"))
-        .args(args)
-        .env("WHEELARM_ASSETS", root().join("assets"))
-        .output()
-        .expect("a process")
-}
+use wheelarm_tests::{printed, wheelarm};
 
 /// The recording of one episode, whether it was done or not.
 fn recorded(out: &Path, more: &[&str]) -> Episode {

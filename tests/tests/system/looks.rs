@@ -1,19 +1,11 @@
 //! One run under several looks: the same physics, other colours.
 
 use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
+use std::process::Command;
 
 use wheelarm_dataset::read::Episode;
 use wheelarm_proto::look::LookText;
-use wheelarm_tests::{printed, program, root};
-
-fn wheelarm(args: &[&str]) -> Output {
-    Command::new(program("wheelarm").expect("the client"))
-        .args(args)
-        .env("WHEELARM_ASSETS", root().join("assets"))
-        .output()
-        .expect("a process")
-}
+use wheelarm_tests::{printed, program, root, wheelarm};
 
 fn succeeds(args: &[&str]) -> String {
     let output = wheelarm(args);

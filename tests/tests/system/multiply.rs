@@ -1,19 +1,10 @@
 //! A few recorded episodes become others in other scenes, which say where they are from.
 
 use std::path::Path;
-use std::process::{Command, Output};
 
 use wheelarm_client::multiply::mark;
 use wheelarm_dataset::read::Episode;
-use wheelarm_tests::{printed, program, root};
-
-fn wheelarm(args: &[&str]) -> Output {
-    Command::new(program("wheelarm").expect("the client"))
-        .args(args)
-        .env("WHEELARM_ASSETS", root().join("assets"))
-        .output()
-        .expect("a process")
-}
+use wheelarm_tests::{printed, wheelarm};
 
 fn recordings(folder: &Path) -> Vec<std::path::PathBuf> {
     let entries = std::fs::read_dir(folder).expect("a folder");

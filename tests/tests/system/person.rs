@@ -2,19 +2,11 @@
 //! replayed bit by bit; nothing of it where nobody sits there.
 
 use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
+use std::process::Command;
 
 use wheelarm_dataset::read::Episode;
 use wheelarm_proto::v1;
-use wheelarm_tests::{PATIENCE, Server, printed, program, root, wait_until};
-
-fn wheelarm(args: &[&str]) -> Output {
-    Command::new(program("wheelarm").expect("the client"))
-        .args(args)
-        .env("WHEELARM_ASSETS", root().join("assets"))
-        .output()
-        .expect("a process")
-}
+use wheelarm_tests::{PATIENCE, Server, printed, program, root, wait_until, wheelarm};
 
 fn recorded(out: &Path, more: &[&str]) -> (Episode, String) {
     let folder = out.to_string_lossy();

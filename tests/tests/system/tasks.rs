@@ -1,7 +1,7 @@
 //! Every task of the library, done by the scripted operator.
 
 use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
+use std::process::Output;
 
 use nalgebra::{Isometry3, Point3, Rotation3, Vector3};
 use serde_json::Value;
@@ -9,18 +9,10 @@ use wheelarm_server::sensors::camera::{
     Binding, CameraSpec, Intrinsics, Quality, RenderScene, Renderer,
 };
 use wheelarm_server::sim::{Scenario, Simulation};
-use wheelarm_tests::{TASKS, printed, program, root};
+use wheelarm_tests::{TASKS, printed, root, wheelarm};
 
 /// The seed that is looked at.
 const SEED: &str = "1..2";
-
-fn wheelarm(args: &[&str]) -> Output {
-    Command::new(program("wheelarm").expect("the client"))
-        .args(args)
-        .env("WHEELARM_ASSETS", root().join("assets"))
-        .output()
-        .expect("a process")
-}
 
 fn evaluate(out: &Path, more: &[&str]) -> Output {
     let folder = out.to_string_lossy();
