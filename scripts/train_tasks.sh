@@ -5,10 +5,13 @@
 # training's split and in held-out ones, beside policies that know nothing. Processors
 # and GPU work at one time: while one policy trains, the one before it is corrected.
 #   scripts/train_tasks.sh OUT
+# Where there are two cards, policies are trained on the second while the first draws.
 # Every stage goes on where it was interrupted; run it again until it says that all is
 # done. The times of all stages stand in OUT/times.txt, the results in OUT/table.md.
 # Needs python3 with torch, numpy, safetensors, eclipse-zenoh and protobuf.
-#   PLAN      campaign of the episodes (assets/campaigns/all-near.toml)
+#   PLAN      campaign of the episodes (assets/campaigns/all-near.toml; rigid-near.toml
+#             leaves out the bear, which takes a processor as long as five other tasks)
+#   PARTS     pieces in which they are made; the first policy learns from half of them (4)
 #   TASKS     what is corrected and evaluated, comma separated (all of the plan)
 #   CORRECTED_TASKS  what is corrected (TASKS without place_teddy_bear, which is slow)
 #   INIT      policy that the first begins from (assets/policies/pick_mustard.safetensors)
@@ -23,7 +26,7 @@
 #   KNOWING   seeds of each task for `hold`, `repeat` and `replay` (SEEDS)
 #   LAST      seconds after the start of this call after which nothing goes on but the
 #             table of what is there (no end)
-#   COLLECTED_BY  seconds after the start of this call after which no further quarter of
+#   COLLECTED_BY  seconds after the start of this call after which no further part of
 #             the plan's episodes is begun; half of them are made in any case (no end)
 #   TENSORS   folder of the exported episodes, 30 GB for the plan (OUT/tensors); the
 #             corrections', as much again, are in OUT/tensors
@@ -34,6 +37,7 @@ set -euo pipefail
 cd "$(dirname "$0")/.."
 out=${1:?say a folder}
 plan=${PLAN:-assets/campaigns/all-near.toml}
+parts=${PARTS:-4}
 init=${INIT-assets/policies/pick_mustard.safetensors}
 jobs=${JOBS:-$(nproc)}
 read -ra training <<<"${TRAINING:-140 200 220 230}"
@@ -56,7 +60,14 @@ mkdir -p "$out" "$tensors"
 tasks=${TASKS:-$(sed -n '/^\[\[task\]\]/,/^name/s/^name = "\(.*\)"/\1/p' "$plan" | paste -sd,)}
 corrected_tasks=${CORRECTED_TASKS:-$(tr , '\n' <<<"$tasks" | grep -v '^place_teddy_bear$' | paste -sd,)}
 read -ra device <<<"${DEVICE_OPTIONS:---precision bf16 --store device}"
-read -ra network <<<"--width 48 --norm batch --batch 128 --lr 2e-4 --warm-up 200 --shift 4 --execute 10 --pause 2 --without-state *.velocity,odometry.* --share-sentences pick_*,place_* --balance-tasks --unknown-words 0.1 --validation 0.04 ${NETWORK:-}"
+read -ra network <<<"--width 48 --norm batch --batch 128 --lr 2e-4 --warm-up 200 --shift 4 --execute 10 --pause 2 --without-state *.velocity,odometry.* --share-sentences pick_*,place_* --balance-tasks --unknown-words 0.1 --validation 0.04 --aim-weight 0.5 ${NETWORK:-}"
+# PCI ids of the cards as --adapters takes them. What learns has the last one, as the
+# only one that it sees; what draws meanwhile the first.
+mapfile -t cards < <(nvidia-smi --query-gpu=pci.bus_id --format=csv,noheader 2>/dev/null | tr A-F a-f | sed 's/^0000//')
+draws_all=() draws_beside=()
+[ ${#cards[@]} -lt 2 ] || { draws_all=(--adapters all) draws_beside=(--adapters "${cards[0]}"); }
+export CUDA_DEVICE_ORDER=PCI_BUS_ID
+learns_on=$((${#cards[@]} > 1 ? ${#cards[@]} - 1 : 0))
 
 say() { printf '%4d s  %s  %s\n' "$SECONDS" "$(date -u +%H:%M:%S)" "$*" | tee -a "$out/times.txt"; }
 die() { say "failed: $*" && exit 1; }
@@ -92,24 +103,28 @@ export_rows() { # recordings, folder
     [ "$(find "$2" -name '*.safetensors' | wc -l)" -gt 0 ] || die "nothing was exported of $1"
     say "$(find "$2" -name '*.safetensors' | wc -l) episodes exported in $2, $(du -sh "$2" | cut -f1)"
 }
-# Two quarters of the plan's episodes: training begins with the first two, while the
-# processors make the others.
-collect() { # quarters
-    local part status
-    for part in "$@"; do
+# Parts of the plan's episodes: training begins with the first half, while the
+# processors make the others. A part is exported while the next is made.
+collect() { # first part, the one behind the last, options of collect
+    local part status exporting=() first=$1 end=$2
+    shift 2
+    for ((part = first; part < end; part++)); do
         done_before "data-$part" && continue
-        if [ "$part" -ge 2 ] && [ $SECONDS -gt "$collected_by" ]; then
-            say "quarter $part is left out: it is late"
+        if [ "$part" -ge "$half_of_parts" ] && [ $SECONDS -gt "$collected_by" ]; then
+            say "part $part is left out: it is late"
             continue
         fi
-        say "episodes by $plan, quarter $part"
+        say "episodes by $plan, part $part of $parts"
         status=0
-        wheelarm collect "$plan" --out "$out/data-$part" --shard "$part/4" --workers "$jobs" >"$out/collect-$part.log" 2>&1 || status=$?
+        wheelarm collect "$plan" --out "$out/data-$part" --shard "$part/$parts" --workers "$jobs" "$@" >"$out/collect-$part.log" 2>&1 || status=$?
         # 3: some episodes are missing.
-        [ $status -eq 0 ] || [ $status -eq 3 ] || die "quarter $part: $(tail -n 3 "$out/collect-$part.log")"
-        say "$(tail -n 1 "$out/collect-$part.log")"
-        export_rows "$out/data-$part/episodes" "$tensors/data-$part"
-        mark "data-$part"
+        [ $status -eq 0 ] || [ $status -eq 3 ] || die "part $part: $(tail -n 3 "$out/collect-$part.log")"
+        say "$(grep -h 'episodes,' "$out/collect-$part.log" | tail -n 1)"
+        { export_rows "$out/data-$part/episodes" "$tensors/data-$part" && mark "data-$part"; } &
+        exporting+=($!)
+    done
+    for part in "${exporting[@]}"; do
+        wait "$part" || die "a part was not exported"
     done
 }
 train() { # number, seconds, folders
@@ -119,7 +134,7 @@ train() { # number, seconds, folders
     say "training $name, $seconds s, on $*"
     local before=$out/policy-$((${name#policy-} - 1))/policy.safetensors status=0
     [ -e "$before" ] || before=$init
-    limited "$python" $learn/train.py "$@" --out "$out/$name" --name "tasks-$name" --steps 1000000 --within "$seconds" \
+    CUDA_VISIBLE_DEVICES=$learns_on limited "$python" $learn/train.py "$@" --out "$out/$name" --name "tasks-$name" --steps 1000000 --within "$seconds" \
         ${before:+--init "$before"} "${device[@]}" "${network[@]}" >"$out/$name.log" 2>&1 || status=$?
     [ $status -eq 0 ] || die "$name ended with $status: $(tail -n 3 "$out/$name.log")"
     grep -E 'parameters|^step' "$out/$name.log" | sed -n '1p;$p' | while read -r line; do say "$name: $line"; done
@@ -131,7 +146,7 @@ correct() { # round, number of the policy
     say "corrections, round $1, of policy-$2, seeds $first.."
     # Not all succeed, which is no failure of this stage.
     limited wheelarm evaluate --task "$corrected_tasks" --seeds "$first..$((first + corrections))" --jobs "$jobs" \
-        --language 0 --language-split train --takeover "$takeover" --record --depth none --no-grid \
+        --language 0 --language-split train "${draws_beside[@]}" --takeover "$takeover" --record --depth none --no-grid \
         --policy "exec:$python $learn/serve.py $out/policy-$2/policy.safetensors" \
         --out "$out/corrections-$1" >"$out/corrections-$1.log" 2>&1 || status=$?
     [ $status -le 3 ] || die "corrections $1 ended with $status: $(tail -n 3 "$out/corrections-$1.log")"
@@ -147,7 +162,7 @@ evaluate() { # name, jobs, seeds, policy, more arguments
     shift 4
     done_before "$name" && return
     say "evaluation $name: $policy"
-    local command=(wheelarm evaluate --task "$tasks" --jobs "$jobs" --no-grid --policy "$policy" --out "$out/$name" "$@")
+    local command=(wheelarm evaluate --task "$tasks" --jobs "$jobs" "${draws_all[@]}" --no-grid --policy "$policy" --out "$out/$name" "$@")
     limited "${command[@]}" --episodes "$count" >"$out/$name.log" 2>&1 </dev/null || status=$?
     [ -e "$out/$name/episodes.jsonl" ] || { say "evaluation $name: nothing: $(tail -n 2 "$out/$name.log" 2>&1)" && return; }
     whole=$("$python" scripts/tasks_table.py --whole "$out/$name" "$tasks")
@@ -163,7 +178,7 @@ evaluate() { # name, jobs, seeds, policy, more arguments
 # is reached for with that sentence is told by the other task.
 eyes_and_ears() {
     local task=pick_mustard pictures
-    pictures=$(find "$tensors/data-0" -name "$task-*.safetensors" | sort | paste -sd' ')
+    pictures=$(find "$tensors"/data-* -name "$task-*.safetensors" | sort | paste -sd' ')
     has() { [[ ,$tasks, == *,$1,* ]]; }
     if has $task && [ -n "$pictures" ]; then
         tasks=$task evaluate "blind-$task" "$jobs" "$seeds" "$served --pictures-of $pictures" --split "$seen_split"
@@ -184,15 +199,19 @@ table() { "$python" scripts/tasks_table.py "$out" "$tasks" >"$out/table.md" && c
 trap 'jobs -p | xargs -r kill 2>/dev/null || true' EXIT
 say "begin; tasks: $tasks"
 check
-collect 0 1
-collect 2 3 &
+half_of_parts=$(((parts + 1) / 2))
+collect 0 "$half_of_parts" "${draws_all[@]}"
+collect "$half_of_parts" "$parts" "${draws_beside[@]}" &
 second=$!
-train 0 "${training[0]}" "$tensors/data-0" "$tensors/data-1"
+folders=()
+for ((part = 0; part < half_of_parts; part++)); do
+    folders+=("$tensors/data-$part")
+done
+train 0 "${training[0]}" "${folders[@]}"
 wait $second || die "the second half of the episodes is missing"
 rounds=$((${#training[@]} - 1))
-folders=()
-for part in 0 1 2 3; do
-    [ ! -e "$tensors/data-$part" ] || folders+=("$tensors/data-$part")
+for ((; part < parts; part++)); do
+    [ ! -e "$out/data-$part.done" ] || folders+=("$tensors/data-$part")
 done
 for round in $(seq 1 $rounds); do
     if [ "$round" -lt "$rounds" ]; then
@@ -204,7 +223,7 @@ for round in $(seq 1 $rounds); do
         {
             last=$((SECONDS + ${training[$round]} + 20 < last ? SECONDS + ${training[$round]} + 20 : last))
             mkdir -p "$out/recordings"
-            for file in "$out"/data-[0-3]/episodes/*.h5; do ln -sf "$(realpath "$file")" "$out/recordings/"; done
+            for file in "$out"/data-*/episodes/*.h5; do ln -sf "$(realpath "$file")" "$out/recordings/"; done
             evaluate replay "$jobs" "$knowing" "replay:$out/recordings" --split "$seen_split"
         } &
         correcting=$!

@@ -6,6 +6,8 @@
 
 pub mod access;
 #[cfg(feature = "hdf5")]
+mod adapters;
+#[cfg(feature = "hdf5")]
 mod axis;
 #[cfg(feature = "hdf5")]
 mod broken;

@@ -71,6 +71,24 @@ pub fn turned([x, y, z, w]: [f64; 4], v: [f64; 3]) -> [f64; 3] {
     std::array::from_fn(|k| v[k] + w * t[k] + u[k])
 }
 
+/// Pixel of a point of the frame in which the camera's pose is told, by intrinsics
+/// width, height, fx, fy, cx, cy; `None` behind the camera.
+#[must_use]
+pub fn project(lens: &[f64; 6], camera: &Pose, point: [f64; 3]) -> Option<[f64; 2]> {
+    let [x, y, z, w] = orientation(camera);
+    let from = [0, 1, 2].map(|k| point[k] - camera[k]);
+    let [right, down, ahead] = turned([-x, -y, -z, w], from);
+    let [_, _, fx, fy, cx, cy] = *lens;
+    (ahead > 0.01).then(|| [cx + fx * right / ahead, cy + fy * down / ahead])
+}
+
+/// A point of a frame, seen from where the frame's pose is told.
+#[must_use]
+pub fn point(frame: &Pose, at: [f64; 3]) -> [f64; 3] {
+    let turned = turned(orientation(frame), at);
+    [0, 1, 2].map(|k| frame[k] + turned[k])
+}
+
 /// The turn `b`, then the turn `a`.
 #[must_use]
 pub fn product(a: [f64; 4], b: [f64; 4]) -> [f64; 4] {
@@ -176,5 +194,22 @@ mod tests {
         let pose = from_rpy([0.0; 3], [-2.094_395_102_393_195_7, 0.0, -FRAC_PI_2]);
         let forward = turned(orientation(&pose), [0.0, 0.0, 1.0]);
         near(&forward, &[3.0_f64.sqrt() / 2.0, 0.0, -0.5]);
+    }
+
+    #[test]
+    fn a_point_comes_back_through_the_inverse() {
+        let frame = from_rpy([1.0, 2.0, 3.0], [0.4, -1.1, 2.9]);
+        let there = point(&frame, [0.5, -0.2, 0.25]);
+        near(&point(&inverse(&frame), there), &[0.5, -0.2, 0.25]);
+    }
+
+    #[test]
+    fn a_point_ahead_is_seen_where_the_lens_says_and_none_behind() {
+        let lens = [640.0, 360.0, 500.0, 400.0, 320.0, 180.0];
+        let camera = from_rpy([0.0, 0.0, 1.0], [0.0, 0.0, FRAC_PI_2]);
+        // The camera looks along z, its x is along the frame's y.
+        let pixel = project(&lens, &camera, [0.0, 0.5, 3.0]);
+        near(&pixel.expect("ahead"), &[320.0 + 125.0, 180.0]);
+        assert_eq!(project(&lens, &camera, [0.0, 0.5, 0.5]), None);
     }
 }

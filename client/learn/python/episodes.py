@@ -123,7 +123,8 @@ def without_pauses(actions, names, longest):
 class Episodes:
     """All rows of all files, one behind the other, without what is too long of pauses."""
 
-    def __init__(self, files, cameras, device, store, say=lambda words: None, pause=None):
+    def __init__(self, files, cameras, device, store, say=lambda words: None, pause=None, aims=0):
+        """`aims`: numbers of a row that tell where things are; 0: they are not read."""
         start, self.files, self.cameras, self.device = time.monotonic(), files, cameras, device
 
         def stays(file):
@@ -149,6 +150,7 @@ class Episodes:
         actions = np.empty((total, files[0].shapes["actions"][1]), np.float32)
         incidents = np.empty(total, np.uint8)
         experts = np.ones(total, np.uint8)
+        told = np.full((total, aims), np.nan, np.float32)
 
         def load(number):
             at, rows = slice(int(starts[number]), int(ends[number])), kept[number]
@@ -160,6 +162,8 @@ class Episodes:
                 incidents[at] = file.get_tensor("incident").numpy()[rows]
                 if "expert" in files[number].shapes:
                     experts[at] = file.get_tensor("expert").numpy()[rows]
+                if aims and files[number].shapes.get("aims", [0, 0])[1] == aims:
+                    told[at] = file.get_tensor("aims").numpy()[rows]
 
         with ThreadPoolExecutor(8) as pool:
             for _ in pool.map(load, range(len(files))):
@@ -177,6 +181,7 @@ class Episodes:
         self.states, self.actions, self.total = states, actions, total
         self.state = torch.from_numpy(states).to(device)
         self.action = torch.from_numpy(actions).to(device)
+        self.aims = torch.from_numpy(told).to(device)
         self.limit = torch.from_numpy(limits).to(device)
         self.episode = torch.from_numpy(np.repeat(np.arange(len(files)), ends - starts)).to(device)
         self.starts, self.ends = starts, ends
@@ -237,8 +242,9 @@ class Episodes:
 
     def seen(self, rows, padded, shift):
         """Pictures [B, cameras, height, width, 3], bytes. Padded on all sides by the
-        edge to (height, width); each shifted by up to `shift` pixels either way."""
-        out = []
+        edge to (height, width); each shifted by up to `shift` pixels either way. And
+        the pixels by which what is in them has moved: [B, cameras, 2], x and y."""
+        out, moved = [], []
         for name, (height, width) in self.cameras:
             store = self.pictures[name]
             count, device = len(rows), store.device
@@ -249,8 +255,9 @@ class Episodes:
             y = (torch.arange(padded[0], device=device) - top + move[0]).clamp(0, height - 1)
             x = (torch.arange(padded[1], device=device) - left + move[1]).clamp(0, width - 1)
             at = rows.to(device)[:, None, None]
+            moved.append(torch.cat((left - move[1], top - move[0]), 1))
             out.append(store[at, y[:, :, None], x[:, None, :]].to(self.device, non_blocking=True))
-        return torch.stack(out, 1)
+        return torch.stack(out, 1), torch.stack(moved, 1).to(self.device)
 
 
 def statistics(episodes):

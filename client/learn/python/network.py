@@ -12,6 +12,8 @@ import torch
 import torch.nn.functional as F
 from torch import nn
 
+STATE_TOKEN = 1  # place of the robot's state among the encoder's tokens
+
 
 @dataclass
 class Shape:
@@ -296,18 +298,22 @@ class Act(nn.Module):
         x = torch.cat((torch.stack(tokens, 1), seen), 1)
         return self.encoder(x, places), places
 
+    def answer(self, memory, places):
+        """Actions [B, chunk, action] by the tokens of `remember`."""
+        query = memory.new_zeros(len(memory), self.shape.chunk, self.shape.dim)
+        place = self.decoder_pos_embed.weight[None]
+        return self.action_head(self.decoder(query, memory, place, places))
+
     def forward(self, pictures, state, language=None, actions=None, is_pad=None, noise=None):
-        """Actions, and mean and logarithm of the variance of the latent where
-        `actions` are told (in training)."""
+        """Actions; mean and logarithm of the variance of the latent where `actions`
+        are told (in training); the encoder's tokens [B, N, dim]."""
         mean = log_variance = None
         if actions is None:
             latent = state.new_zeros(len(state), self.shape.latent)
         else:
             mean, log_variance, latent = self.latent(state, actions, is_pad, noise)
         memory, places = self.remember(pictures, state, language, latent)
-        query = memory.new_zeros(len(state), self.shape.chunk, self.shape.dim)
-        place = self.decoder_pos_embed.weight[None]
-        return self.action_head(self.decoder(query, memory, place, places)), mean, log_variance
+        return self.answer(memory, places), mean, log_variance, memory
 
 
 class FlowBlock(nn.Module):
@@ -393,13 +399,14 @@ class Policy(nn.Module):
         return vectors.sum(1) / known.sum(1).clamp(min=1)
 
     def loss(self, pictures, state, words, actions, is_pad, kl_weight):
-        """The loss, and its parts by name. Padding counts as no error, as in LeRobot."""
+        """The loss, its parts by name, and the encoder's tokens. Padding counts as no
+        error, as in LeRobot."""
         language = self.language(words)
         if self.shape.kind == "act":
-            found, mean, log_variance = self.model(pictures, state, language, actions, is_pad)
+            found, mean, log_variance, memory = self.model(pictures, state, language, actions, is_pad)
             l1 = ((found - actions).abs() * ~is_pad[..., None]).mean()
             kl = (-0.5 * (1 + log_variance - mean**2 - log_variance.exp())).sum(-1).mean()
-            return l1 + kl_weight * kl, {"l1": l1, "kl": kl}
+            return l1 + kl_weight * kl, {"l1": l1, "kl": kl}, memory
         memory, key = self.memory(pictures, state, language)
         noise = torch.randn_like(actions)
         # Times near the noise are drawn more often, as in pi0 (Black et al. 2024).
@@ -407,7 +414,7 @@ class Policy(nn.Module):
         at = time[:, None, None]
         found = self.flow(at * actions + (1 - at) * noise, time, memory, key)
         square = ((found - (actions - noise)) ** 2 * ~is_pad[..., None]).mean()
-        return square, {"flow": square}
+        return square, {"flow": square}, memory
 
     def memory(self, pictures, state, language):
         latent = state.new_zeros(len(state), self.shape.latent)
@@ -417,9 +424,14 @@ class Policy(nn.Module):
     def forward(self, pictures, state, words=None, noise=None):
         """Actions [B, chunk, action], normalised. A flow starts from `noise` of that
         shape, which is drawn when it is not given."""
+        return self.found(pictures, state, words, noise)[0]
+
+    def found(self, pictures, state, words=None, noise=None):
+        """As `forward`, and the encoder's tokens [B, N, dim]."""
         language = self.language(words)
         if self.shape.kind == "act":
-            return self.model(pictures, state, language)[0]
+            actions, *_, memory = self.model(pictures, state, language)
+            return actions, memory
         memory, key = self.memory(pictures, state, language)
         if noise is None:
             noise = torch.randn(len(state), self.shape.chunk, self.shape.action, device=state.device)
@@ -427,4 +439,4 @@ class Policy(nn.Module):
         for step in range(steps):
             time = state.new_full((len(state),), step / steps)
             x = x + self.flow(x, time, memory, key) / steps
-        return x
+        return x, memory

@@ -16,7 +16,7 @@ from network import Policy, Shape
 FORMAT = "wheelarm-policy/1"
 SCALE = ".scale"
 LEAST_QUANTISED = 4096  # smaller tensors are too few bytes to lose precision for
-ONLY_IN_TRAINING = "model.vae_encoder"
+ONLY_IN_TRAINING = ("model.vae_encoder", "aims.")
 COUNTER = ".num_batches_tracked"  # of a batch norm, which needs it no more
 
 

@@ -25,6 +25,7 @@ from pathlib import Path
 import numpy as np
 import torch
 
+import aims
 import curves
 import policy_file
 from begin import begin_from
@@ -87,12 +88,15 @@ def arguments():
     add("--jitter", type=float, default=0.3, help="strength of changes of brightness, contrast, saturation")
     add("--gripper-weight", type=float, default=3.0, help="rows about a change of the gripper are drawn so often")
     add("--gripper-seconds", type=float, default=1.0, help="seconds before and behind that count as about it")
+    add("--aim-weight", type=float, default=0.0, help="weight of finding the task's thing and goal, where tensors tell "
+        "them (`aims`), beside the actions; learned, and not served")
     add("--ema", type=float, default=0.999, help="decay of the mean of the weights that is saved")
     add("--validation", type=float, default=0.05, help="share of the seeds that is held out")
     add("--pause", type=int, metavar="ROWS", help="rows that stay of a pause in which nothing moves; all without it")
     add("--keep-failed", action="store_true", help="also learns from episodes that failed")
     add("--init", type=Path, help="policy to start from")
     add("--precision", choices=["tf32", "bf16", "fp32"], default="tf32")
+    add("--compile", action="store_true", help="compiles the network (torch.compile): a minute at the beginning, faster steps")
     add("--no-graph", action="store_true", help="no CUDA graph of a training step")
     add("--store", choices=["auto", "device", "cpu"], default="auto", help="where pictures lie")
     add("--device", default="cuda" if torch.cuda.is_available() else "cpu")
@@ -135,8 +139,13 @@ def train(options, started):
     padded = tuple(-(-side // MULTIPLE) * MULTIPLE for side in cameras[0][1])
     learned, held = split(files, options.validation)
     store = place(options, device, files, names)
-    episodes = Episodes(learned, cameras, device, store, log.say, options.pause)
-    tests = Episodes(held, cameras, device, store, log.say, options.pause) if held else None
+    told = aims.width(len(cameras)) if options.aim_weight else 0
+    if told and names != sorted(available):
+        raise ValueError("--aim-weight needs all cameras of the episodes: leave --cameras out")
+    episodes = Episodes(learned, cameras, device, store, log.say, options.pause, told)
+    tests = Episodes(held, cameras, device, store, log.say, options.pause, told) if held else None
+    if told and not episodes.aims.isfinite().any():
+        raise NoData("no episode tells where things are (`aims`): export anew, or leave --aim-weight out")
     numbers = statistics(episodes)
     vocabulary = []
     if not options.no_language:
@@ -153,7 +162,10 @@ def train(options, started):
         decoder_layers=options.decoder_layers, vae_layers=options.vae_layers, latent=options.latent,
         dropout=options.dropout, flow_layers=options.flow_layers, flow_steps=options.flow_steps,
     )  # fmt: skip
-    network = Policy(shape).to(device)
+    network = Policy(shape)
+    if told:
+        network.aims = aims.Aims(shape, *aims.statistics(episodes.aims, len(cameras)))
+    network.to(device)
     if device.type == "cuda":
         network.model.backbone.to(memory_format=torch.channels_last)
     if options.backbone:
@@ -279,6 +291,8 @@ class Run:
         self.state_mean, self.state_std = map(tensor, numbers["state"])
         self.action_mean, self.action_std = map(tensor, numbers["action"])
         self.shown = ~tensor(hidden)
+        self.loss = torch.compile(network.loss) if options.compile else network.loss
+        self.sizes, self.grid = None, [side // MULTIPLE for side in padded]
         slow = [p for n, p in network.named_parameters() if n.startswith("model.backbone.")]
         fast = [p for n, p in network.named_parameters() if not n.startswith("model.backbone.")]
         rate = options.lr_backbone or options.lr
@@ -305,7 +319,7 @@ class Run:
         options = self.options
         state, actions, is_pad, words = source.numbers(rows, options.chunk, is_training)
         state = (state - self.state_mean) / self.state_std
-        pictures = source.seen(rows, self.padded, options.shift if is_training else 0)
+        pictures, moved = source.seen(rows, self.padded, options.shift if is_training else 0)
         pictures = policy_file.prepared(pictures, self.card) if not is_training else self.altered(pictures)
         if is_training and options.state_noise:
             state = state + options.state_noise * torch.randn_like(state)
@@ -313,7 +327,19 @@ class Run:
             hide = torch.rand(words.shape, device=words.device) < options.unknown_words
             words = torch.where(hide & (words >= 0), 0, words)
         state = state * self.shown
-        return pictures, state, words, (actions - self.action_mean) / self.action_std, is_pad
+        actions = (actions - self.action_mean) / self.action_std
+        return pictures, state, words, actions, is_pad, self.aimed(source, rows, moved)
+
+    def aimed(self, source, rows, moved):
+        """Places of thing and goal, metres, and their pixels in the padded pictures."""
+        if not self.options.aim_weight:
+            return None
+        places, shares = aims.split_row(source.aims[rows], len(source.cameras))
+        sizes = [[width, height] for _, (height, width) in source.cameras]
+        # What was copied to the device before is no part of a graph.
+        if self.sizes is None:
+            self.sizes = torch.tensor(sizes, dtype=torch.float32, device=self.device)
+        return places, shares * self.sizes[:, None] + moved[:, :, None]
 
     def altered(self, pictures):
         """Brightness, contrast and saturation of each picture changed, and prepared."""
@@ -406,10 +432,13 @@ class Run:
     def learn(self):
         """One step of the optimiser."""
         options = self.options
-        pictures, state, words, actions, is_pad = self.batch(self.drawn(), self.episodes, True)
+        pictures, state, words, actions, is_pad, aimed = self.batch(self.drawn(), self.episodes, True)
         bf16 = options.precision == "bf16"
         with torch.autocast(self.device.type, torch.bfloat16, enabled=bf16, cache_enabled=not self.is_graphed):
-            loss, parts = self.network.loss(pictures, state, words, actions, is_pad, options.kl)
+            loss, parts, memory = self.loss(pictures, state, words, actions, is_pad, options.kl)
+        if aimed is not None:
+            parts["aim"] = self.network.aims.loss(memory.float(), self.grid, *aimed)
+            loss = loss + options.aim_weight * parts["aim"]
         self.optimiser.zero_grad(set_to_none=True)
         loss.backward()
         torch.nn.utils.clip_grad_norm_(self.parameters, 10.0)
@@ -479,12 +508,16 @@ class Run:
         self.network.eval()
         noise = torch.Generator(device=self.device).manual_seed(0)
         error, held, count = 0.0, 0.0, 0.0
+        off = torch.zeros(2, device=self.device)
         by_task = torch.zeros(2, len(tests.tasks), device=self.device)
         for part in rows.split(options.batch):
-            pictures, state, words, actions, is_pad = self.batch(part, tests, False)
+            pictures, state, words, actions, is_pad, aimed = self.batch(part, tests, False)
             start = torch.randn(actions.shape, device=self.device, generator=noise)
             with torch.autocast(self.device.type, torch.bfloat16, enabled=options.precision == "bf16"):
-                found = self.network(pictures, state, words, start)
+                found, memory = self.network.found(pictures, state, words, start)
+            if aimed is not None:
+                far = (self.network.aims.places(memory.float()) - aimed[0]).norm(dim=-1)[:, 0]
+                off = off + torch.stack((far.nan_to_num().sum(), far.isfinite().sum()))
             kept = (~is_pad[..., None]).float()
             own_error = ((found.float() - actions).abs() * kept).mean(2)
             error = error + own_error.sum(0)
@@ -497,6 +530,7 @@ class Run:
         by_row = (error / count.clamp(min=1)).tolist()
         return {
             "validation": (error.sum() / count.sum()).item(),
+            **({"aim_metres": (off[0] / off[1]).item()} if off[1] else {}),
             "hold_first_row": (held.sum() / count.sum()).item(),
             "validation_by_row": [round(value, 5) for value in by_row],
             "validation_by_task": {
@@ -573,10 +607,12 @@ class Run:
 
 
 def line(entry, steps):
-    parts = " ".join(f"{key} {entry[key]:.4f}" for key in ("l1", "kl", "flow") if key in entry)
+    parts = " ".join(f"{key} {entry[key]:.4f}" for key in ("l1", "kl", "flow", "aim") if key in entry)
     words = f"step {entry['step']} of {steps}, {entry['seconds']:.0f} s: {parts}"
     if "validation" in entry:
         words += f", held out {entry['validation']:.4f} (first row held {entry['hold_first_row']:.4f})"
+    if "aim_metres" in entry:
+        words += f", thing missed by {entry['aim_metres']:.3f} m"
     return words + f", {entry['pictures_per_second']} pictures/s"
 
 

@@ -7,7 +7,6 @@
 //! the plan alone.
 
 mod activity;
-mod adapters;
 mod attempt;
 mod by_process;
 mod by_socket;
@@ -41,10 +40,10 @@ use anyhow::{Context, bail};
 use clap::Args;
 use wheelarm_proto::installed;
 
+use crate::adapters::AdapterArgs;
 use crate::choice::{named, patience};
 use crate::control::tasks_of_program;
 use crate::way::Way;
-use adapters::Adapters;
 use attempt::Setup;
 use capacity::Host;
 use episode::{Episode, Shard, episodes};
@@ -89,14 +88,8 @@ pub struct CollectArgs {
     /// Assets folder; the server looks for it when absent.
     #[arg(long, env = "WHEELARM_ASSETS")]
     pub assets: Option<PathBuf>,
-    /// Graphics adapter by its index, its PCI id or a part of its name
-    /// (`wheelarm-server --list-adapters`).
-    #[arg(long, value_name = "INDEX|PCI-ID|NAME", conflicts_with = "adapters")]
-    pub adapter: Option<String>,
-    /// Several graphics adapters, by index or PCI id, comma separated: the workers
-    /// take them in turn; `all` is every graphics card.
-    #[arg(long, value_name = "all|N,N,…")]
-    pub adapters: Option<Adapters>,
+    #[command(flatten)]
+    pub graphics: AdapterArgs,
     /// How a worker runs: `process` is server, recorder and operator in one process,
     /// `socket` each in its own.
     #[arg(long, value_parser = named::<Way>(), default_value = "process")]
@@ -169,10 +162,7 @@ pub fn run(args: &CollectArgs) -> anyhow::Result<ExitCode> {
         way: args.worker,
         patience: args.patience,
     };
-    let slots = match &args.adapters {
-        Some(adapters) => adapters.spread(workers, adapters::listed)?,
-        None => vec![args.adapter.clone(); workers],
-    };
+    let slots = args.graphics.of_workers(workers)?;
     let slots: Vec<Slot> = slots.into_iter().map(Slot::on).collect();
     collect(&setup, args.shard, mine, &estimate, &slots)
 }

@@ -14,6 +14,7 @@ use wheelarm_rig::{ServerOptions, all_cameras};
 use super::compare::CompareArgs;
 use super::entry::Job;
 use super::scope::{Scope, read_split};
+use crate::adapters::AdapterArgs;
 use crate::axis::{Axis, AxisAt};
 use crate::choice::{MOST_SEEDS, named, patience, seed_range};
 use crate::disturb::Disturb;
@@ -72,6 +73,8 @@ pub struct EvaluateArgs {
     /// Servers at work at one time.
     #[arg(long, default_value = "1", value_name = "J")]
     pub jobs: NonZeroUsize,
+    #[command(flatten)]
+    pub graphics: AdapterArgs,
     /// Folder for the results; an interrupted run in it is resumed.
     #[arg(long, default_value = "data/evaluate")]
     pub out: PathBuf,
@@ -258,6 +261,7 @@ impl EvaluateArgs {
                 ..v1::Scenario::default()
             },
             assets: self.assets.clone(),
+            adapter: self.graphics.adapter.clone(),
             ..ServerOptions::default()
         };
         if let Some(job) = job {

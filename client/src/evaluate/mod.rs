@@ -240,11 +240,14 @@ fn work(args: &EvaluateArgs, driver: &Driver, open: &[Job], ledger: &Ledger) -> 
     }
     let next = AtomicUsize::new(0);
     let trouble: Mutex<Option<anyhow::Error>> = Mutex::new(None);
+    let adapters = args.graphics.of_workers(args.jobs.get().min(open.len()))?;
     std::thread::scope(|scope| {
-        for index in 0..args.jobs.get().min(open.len()) {
+        for (index, adapter) in adapters.into_iter().enumerate() {
             let (trouble, next) = (&trouble, &next);
             scope.spawn(move || {
-                if let Err(error) = one_after_another((args, driver), index, open, next, ledger) {
+                let mut args = args.clone();
+                args.graphics.adapter = adapter;
+                if let Err(error) = one_after_another((&args, driver), index, open, next, ledger) {
                     // The others finish what they are at.
                     next.store(open.len(), Ordering::Relaxed);
                     trouble.lock().get_or_insert(error);

@@ -37,7 +37,7 @@ impl OneProcess {
     pub fn start(args: &EvaluateArgs, index: usize) -> anyhow::Result<Self> {
         let options = WorkerOptions {
             assets: args.assets.clone(),
-            adapter: None,
+            adapter: args.graphics.adapter.clone(),
             folder: Some(args.out.clone()),
         };
         Ok(Self {

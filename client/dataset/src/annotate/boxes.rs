@@ -10,8 +10,7 @@
 
 use super::shapes::{self, Part};
 use super::state::State;
-use super::trace::project;
-use crate::pose;
+use crate::pose::{self, project};
 use crate::read::{Episode, ReadError};
 
 /// Boxes in the pictures of one camera: picture by object.
@@ -106,10 +105,7 @@ fn silhouette(
 ) -> Option<([f64; 4], f64)> {
     let mut hulls = Vec::new();
     for part in parts {
-        let to_house = |p: &[f64; 3]| {
-            let turned = pose::turned(pose::orientation(own), *p);
-            project(lens, camera, [0, 1, 2].map(|k| own[k] + turned[k]))
-        };
+        let to_house = |p: &[f64; 3]| project(lens, camera, pose::point(own, *p));
         let points: Option<Vec<[f64; 2]>> = part.iter().map(to_house).collect();
         hulls.push(hull(points?));
     }

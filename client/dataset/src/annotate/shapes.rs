@@ -69,11 +69,7 @@ fn part(table: &toml::Table) -> Vec<Part> {
     };
     let moved = |at: [f64; 3]| {
         let own = pose::from_rpy(at, turn);
-        let to = |p: &[f64; 3]| {
-            let turned = pose::turned(pose::orientation(&own), *p);
-            [0, 1, 2].map(|k| own[k] + turned[k])
-        };
-        points.iter().map(to).collect()
+        points.iter().map(|p| pose::point(&own, *p)).collect()
     };
     places.into_iter().map(moved).collect()
 }

@@ -2,7 +2,7 @@
 //! pixels of the camera as it is now.
 
 use super::state::State;
-use crate::pose;
+use crate::pose::project;
 use crate::read::{Episode, ReadError};
 
 /// Steps ahead, the picture's own time first.
@@ -40,13 +40,4 @@ pub(super) fn traces(episode: &Episode, state: &State) -> Result<Vec<Trace>, Rea
         out.push(Trace { camera, pixels });
     }
     Ok(out)
-}
-
-/// Pixel of a point of `house`; `None` behind the camera.
-pub(super) fn project(lens: &[f64; 6], camera: &pose::Pose, point: [f64; 3]) -> Option<[f64; 2]> {
-    let [x, y, z, w] = pose::orientation(camera);
-    let from = [0, 1, 2].map(|k| point[k] - camera[k]);
-    let [right, down, ahead] = pose::turned([-x, -y, -z, w], from);
-    let [_, _, fx, fy, cx, cy] = *lens;
-    (ahead > 0.01).then(|| [cx + fx * right / ahead, cy + fy * down / ahead])
 }

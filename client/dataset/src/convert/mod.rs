@@ -2,6 +2,7 @@
 //! native file, aligned and labelled), one [`Format`] per target. Everything
 //! streams picture by picture; nothing half-made stands under a final name.
 
+pub mod aims;
 mod atomic;
 pub mod batch;
 pub mod csv_table;

@@ -11,9 +11,9 @@ use wheelarm_policy::{STATE, state_names, state_units};
 
 use super::batch::parallel;
 use super::csv_table::{State, state_columns};
-use super::intrinsics;
 use super::learning::{self, Learning, RowOptions};
 use super::{Format, PendingFile, Recording, Sees, Size, Written, scaled};
+use super::{aims, intrinsics};
 
 /// Version of the layout.
 pub const LAYOUT: &str = "wheelarm-tensors/1";
@@ -29,7 +29,7 @@ const TABLE: [&str; 3] = ["joint_state", "pose", "imu"];
 /// | `seconds` | N, f64 | simulation time |
 /// | `phase`, `incident`, `success` | N, u8 | label 0 to 3; error on purpose 0 to 3; the task holds |
 /// | `expert` | N, u8 | 0 where a policy commanded, whose deeds are no example |
-/// | `table` | N × 112, f32 | WheelArm-Sim's columns; only with an IMU in the recording |
+/// | `aims` | N × 14, f32 | where the task's thing and goal are ([`super::aims`]); only where objects are recorded |
 /// | `table` | N × 112, f32 | WheelArm-Sim's columns, not a number where there is no sample; only with an IMU in the recording |
 /// | `pictures.CAMERA` | N × height × width × 3, u8 | what the robot saw, sRGB |
 /// | `depth.CAMERA` | N × height × width, u16 | with [`Tensors::depth`]: millimetres, 0 where nothing is |
@@ -114,7 +114,19 @@ impl Format for Tensors {
                 tensors.push(self.depths(recording, camera, rows, *to)?);
             }
         }
-        let about = self.about(recording, rate, has_table).to_string();
+        let names: Vec<&str> = cameras.keys().map(String::as_str).collect();
+        let aims = aims::rows(recording, rows, &names);
+        let has_aims = aims.is_ok();
+        let mut notes = learning.notes;
+        match aims {
+            Ok(aims) => tensors.push(of_f32("aims", &aims, aims::names(names.into_iter()).len())),
+            Err(problem) => notes.push(format!("no places of things (aims): {problem}")),
+        }
+        let has = Has {
+            table: has_table,
+            aims: has_aims,
+        };
+        let about = self.about(recording, rate, has).to_string();
         let views = tensors.iter().map(|t| {
             let view = TensorView::new(t.dtype, t.shape.clone(), &t.bytes)?;
             Ok((t.name.as_str(), view))
@@ -125,7 +137,7 @@ impl Format for Tensors {
         Ok(Written {
             path: file.commit()?,
             samples: count,
-            notes: learning.notes,
+            notes,
         })
     }
 }
@@ -169,10 +181,13 @@ impl Tensors {
         })
     }
 
-    fn about(&self, recording: &Recording, rate: u32, has_table: bool) -> Value {
+    fn about(&self, recording: &Recording, rate: u32, has: Has) -> Value {
         let (summary, kind) = (&recording.summary, self.rows.action);
         let [task, activity, area] = &summary.task;
-        let table = has_table.then(|| state_columns(&recording.robot));
+        let table = has.table.then(|| state_columns(&recording.robot));
+        let cameras = learning::cameras(recording, self.size);
+        let cameras = cameras.keys().map(String::as_str);
+        let aims = has.aims.then(|| aims::names(cameras));
         json!({
             "layout": LAYOUT,
             "label": summary.label,
@@ -188,9 +203,16 @@ impl Tensors {
             "action_names": kind.names(&recording.robot),
             "action_units": kind.units().collect::<Vec<_>>(),
             "table_names": table,
+            "aim_names": aims,
             "calibration": intrinsics::cameras(recording, self.size),
         })
     }
+}
+
+/// Tensors that not every episode has.
+struct Has {
+    table: bool,
+    aims: bool,
 }
 
 struct Tensor {

@@ -1,10 +1,36 @@
-//! Several graphics adapters: which of them the workers of a campaign draw on.
+//! Graphics adapters: which of them several workers draw on.
 
 use std::process::Command;
 use std::str::FromStr;
 
 use anyhow::{Context, bail};
 use wheelarm_rig::required_program;
+
+/// On what is drawn.
+#[derive(clap::Args, Clone, Debug, Default)]
+pub struct AdapterArgs {
+    /// Graphics adapter by its index, its PCI id or a part of its name
+    /// (`wheelarm-server --list-adapters`).
+    #[arg(long, value_name = "INDEX|PCI-ID|NAME", conflicts_with = "adapters")]
+    pub adapter: Option<String>,
+    /// Several graphics adapters, by index or PCI id, comma separated: the workers
+    /// take them in turn; `all` is every graphics card.
+    #[arg(long, value_name = "all|N,N,…")]
+    pub adapters: Option<Adapters>,
+}
+
+impl AdapterArgs {
+    /// The adapter of each of `workers` workers; `None` for the server's choice.
+    ///
+    /// # Errors
+    /// When the host's adapters cannot be listed, or it has none.
+    pub fn of_workers(&self, workers: usize) -> anyhow::Result<Vec<Option<String>>> {
+        match &self.adapters {
+            Some(adapters) => adapters.spread(workers, listed),
+            None => Ok(vec![self.adapter.clone(); workers]),
+        }
+    }
+}
 
 /// What `--adapters` says.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -38,7 +64,7 @@ impl Adapters {
     ///
     /// # Errors
     /// When the host's adapters cannot be listed, or it has none.
-    pub fn spread(
+    fn spread(
         &self,
         workers: usize,
         listed: impl FnOnce() -> anyhow::Result<String>,
@@ -82,7 +108,7 @@ fn cards(listed: &str) -> Vec<String> {
 ///
 /// # Errors
 /// When it is not there or has nothing to list, with its words.
-pub fn listed() -> anyhow::Result<String> {
+fn listed() -> anyhow::Result<String> {
     let program = required_program("wheelarm-server")?;
     let output = Command::new(program).arg("--list-adapters").output();
     let output = output.context("starting wheelarm-server --list-adapters")?;
