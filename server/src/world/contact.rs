@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use nalgebra::Vector3;
-use rapier3d::prelude::{ContactManifold, PhysicsWorld};
+use rapier3d::prelude::{ContactManifold, ContactPair, PhysicsWorld};
 
 use super::convert::from_vector;
 use crate::snapshot::{BodyRef, Contact};
@@ -61,8 +61,17 @@ pub(super) fn contacts_where(
     physics: &PhysicsWorld,
     wanted: impl Fn(BodyRef, BodyRef) -> bool,
 ) -> Vec<Contact> {
+    contacts_among(physics, physics.narrow_phase.contact_pairs(), wanted)
+}
+
+/// As [`contacts_where`], among some pairs of the engine.
+pub(super) fn contacts_among<'a>(
+    physics: &PhysicsWorld,
+    pairs: impl Iterator<Item = &'a ContactPair>,
+    wanted: impl Fn(BodyRef, BodyRef) -> bool,
+) -> Vec<Contact> {
     let mut sums: BTreeMap<(BodyRef, BodyRef), Sum> = BTreeMap::new();
-    for pair in physics.narrow_phase.contact_pairs() {
+    for pair in pairs {
         let (Some(a), Some(b)) = (
             physics.colliders.get(pair.collider1),
             physics.colliders.get(pair.collider2),

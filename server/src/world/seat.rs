@@ -1,18 +1,21 @@
 //! Who sits in the chair: mass on the chair's body, capsules that everything but the
 //! chair touches, and what presses on them.
 //!
-//! The body is rigid with the chair but for head and jaw, whose capsules stand where
-//! the motion's track has them at every tick.
+//! The body is rigid with the chair but for head and jaw, whose capsules stand through a
+//! control tick where the motion's track has them at its end: the engine sums up the whole
+//! chair again whenever one of its shapes moves.
 
 use std::sync::Arc;
 
 use nalgebra::Isometry3;
 use rapier3d::math::Pose;
-use rapier3d::prelude::{ColliderBuilder, ColliderHandle, PhysicsWorld, RigidBodyHandle};
+use rapier3d::prelude::{
+    ColliderBuilder, ColliderHandle, ContactPair, PhysicsWorld, RigidBodyHandle,
+};
 use wheelarm_proto::TICKS_PER_CONTROL;
 
 use super::body::{RobotBody, person_groups};
-use super::contact::{body_of, contacts_where, tag};
+use super::contact::{body_of, contacts_among, tag};
 use super::convert::{mass_properties, pose};
 use super::mass::Mass;
 use super::shape;
@@ -28,6 +31,14 @@ const FLESH: f32 = 100.0;
 /// What touches the face this near to the mouth touches the mouth, metres.
 const MOUTH: f64 = 0.035;
 
+/// Whether things may lie on a part; nothing stays on a head, a shank or a foot.
+fn may_carry(part: BodyPart) -> bool {
+    match part {
+        BodyPart::Head | BodyPart::Face | BodyPart::Mouth | BodyPart::Legs => false,
+        BodyPart::Torso | BodyPart::Arms | BodyPart::Hands | BodyPart::Lap => true,
+    }
+}
+
 /// A person in the engine.
 #[derive(Clone, Debug)]
 pub(super) struct Seated {
@@ -35,9 +46,11 @@ pub(super) struct Seated {
     motion: Motion,
     body_from_chair: Isometry3<f64>,
     body: RigidBodyHandle,
+    /// All capsules.
+    colliders: Vec<ColliderHandle>,
     /// Capsules that move with the head: index, collider, and its pose at the joint.
     moving: Vec<(usize, ColliderHandle, Pose)>,
-    /// Objects that touch the person, while a tick runs.
+    /// Objects that touched the person at the end of the last tick.
     cushioned: Vec<RigidBodyHandle>,
     /// Now.
     state: PersonState,
@@ -65,11 +78,16 @@ impl Seated {
             .plus(&own.seen_from(&body_from_chair));
         physics.bodies[body].set_additional_mass_properties(mass_properties(&mass), true);
         let head = motion.at(0);
-        let mut moving = Vec::new();
+        let (mut colliders, mut moving) = (Vec::new(), Vec::new());
         for (index, capsule) in person.capsules.iter().enumerate() {
             let [a, b] = &capsule.ends;
             // What has no size was refused when the person was loaded.
-            let Ok((joint_from_shape, shape)) = shape::capsule(a, b, capsule.radius) else {
+            let solid = if may_carry(capsule.part) {
+                shape::capsule_to_lie_on(a, b, capsule.radius)
+            } else {
+                shape::capsule(a, b, capsule.radius)
+            };
+            let Ok((joint_from_shape, shape)) = solid else {
                 continue;
             };
             let chair_from_joint = person.skeleton.joint(capsule.joint, &head);
@@ -80,6 +98,7 @@ impl Seated {
                 .collision_groups(person_groups())
                 .user_data(tag(BodyRef::Person(index)));
             let handle = physics.insert_collider(collider, Some(body));
+            colliders.push(handle);
             if capsule.moves {
                 moving.push((index, handle, joint_from_shape));
             }
@@ -89,6 +108,7 @@ impl Seated {
             motion,
             body_from_chair,
             body,
+            colliders,
             moving,
             cushioned: Vec::new(),
             state: PersonState {
@@ -98,15 +118,17 @@ impl Seated {
         })
     }
 
-    /// Head and jaw go where they are at the end of the tick after `tick`.
+    /// At the begin of a control tick head and jaw go where they are at its end.
     pub(super) fn begin_tick(&mut self, physics: &mut PhysicsWorld, tick: u64) {
         if tick.is_multiple_of(TICKS_PER_CONTROL) {
             self.state.forces = [0.0; PARTS.len()];
             self.state.robot_force = 0.0;
+            self.move_head(physics, self.motion.at(tick + TICKS_PER_CONTROL));
         }
-        self.cushioned = objects_at_person(physics);
         self.damp(physics, FLESH);
-        let head = self.motion.at(tick + 1);
+    }
+
+    fn move_head(&mut self, physics: &mut PhysicsWorld, head: HeadPose) {
         if head == self.state.head {
             return;
         }
@@ -125,11 +147,12 @@ impl Seated {
     pub(super) fn end_tick(&mut self, physics: &mut PhysicsWorld) {
         // So that no saved state holds it.
         self.damp(physics, 0.0);
-        let is_person = |body| matches!(body, BodyRef::Person(_));
-        let contacts = contacts_where(physics, |a, b| is_person(a) || is_person(b));
-        if contacts.is_empty() {
+        let touching = touching(physics, &self.colliders);
+        self.cushioned = objects_in(physics, &touching);
+        if touching.is_empty() {
             return;
         }
+        let contacts = contacts_among(physics, touching.into_iter(), |_, _| true);
         let root = super::convert::from_pose(physics.bodies[self.body].position());
         let mouth = root * self.body_from_chair * self.person.mouth(&self.state.head);
         let mut forces = [0.0; PARTS.len()];
@@ -169,11 +192,12 @@ impl Seated {
         self.state
     }
 
-    /// Goes on from a saved state at a tick.
-    pub(super) fn restore(&mut self, state: PersonState, tick: u64) {
+    /// Goes on from a saved state at a tick, with the engine's own state.
+    pub(super) fn restore(&mut self, physics: &PhysicsWorld, state: PersonState, tick: u64) {
+        self.cushioned = objects_in(physics, &touching(physics, &self.colliders));
         self.state = PersonState {
             // The colliders stand in the engine's state; the track tells the rest.
-            head: self.motion.at(tick),
+            head: self.motion.at(tick.next_multiple_of(TICKS_PER_CONTROL)),
             ..state
         };
     }
@@ -204,20 +228,22 @@ impl Seated {
     }
 }
 
-/// The objects that touched the person at the end of the last tick.
-fn objects_at_person(physics: &PhysicsWorld) -> Vec<RigidBodyHandle> {
-    let pairs = physics.narrow_phase.contact_pairs();
-    pairs
-        .filter(|pair| pair.has_any_active_contact())
-        .filter_map(|pair| {
-            let [a, b] =
-                [pair.collider1, pair.collider2].map(|collider| physics.colliders.get(collider));
-            let (a, b) = (a?, b?);
-            match (body_of(a.user_data), body_of(b.user_data)) {
-                (BodyRef::Object(_), BodyRef::Person(_)) => a.parent(),
-                (BodyRef::Person(_), BodyRef::Object(_)) => b.parent(),
-                _ => None,
-            }
-        })
+/// The engine's pairs in which one of the person's colliders touches something.
+fn touching<'a>(physics: &'a PhysicsWorld, person: &[ColliderHandle]) -> Vec<&'a ContactPair> {
+    let mut touching = Vec::new();
+    for own in person {
+        let pairs = physics.narrow_phase.contact_pairs_with(*own);
+        touching.extend(pairs.filter(|pair| pair.has_any_active_contact()));
+    }
+    touching
+}
+
+/// The objects in such pairs.
+fn objects_in(physics: &PhysicsWorld, touching: &[&ContactPair]) -> Vec<RigidBodyHandle> {
+    let ends = touching.iter().flat_map(|p| [p.collider1, p.collider2]);
+    let colliders = ends.filter_map(|end| physics.colliders.get(end));
+    colliders
+        .filter(|collider| matches!(body_of(collider.user_data), BodyRef::Object(_)))
+        .filter_map(|collider| collider.parent())
         .collect()
 }

@@ -3,7 +3,7 @@
 //! Shapes with an axis have it along z; the engine's stand along y. Curved
 //! walls become polygons of equal cross section.
 
-use std::f64::consts::{FRAC_PI_2, PI, TAU};
+use std::f64::consts::{FRAC_PI_2, FRAC_PI_4, PI, TAU};
 
 use nalgebra::{Isometry3, Point3, UnitQuaternion, Vector3, center};
 use rapier3d::math::{Pose, Vector};
@@ -21,8 +21,15 @@ const CUP_SIDES: usize = 16;
 /// of the cup carries it, metres.
 const CUP_FOOT: f64 = 0.002;
 
-/// Sides of the polygon that stands for a capsule of a person.
-const CAPSULE_SIDES: usize = 16;
+/// Sides of the polygon that stands for a capsule of a person: the fewest with flats
+/// that lie inside the circle by no more than `CAPSULE_FLAT`, or the last. In every tick
+/// the engine turns every corner of every capsule, for its box.
+const CAPSULE_SIDES: [usize; 3] = [6, 8, 10];
+/// Metres. [choice: flesh gives way by more]
+const CAPSULE_FLAT: f64 = 0.002;
+/// Up to this radius of the core a round end has one ring between wall and pole, and two
+/// beyond, metres.
+const CAPSULE_PLAIN_END: f64 = 0.04;
 /// Its edges are round with this radius at most, metres.
 const CAPSULE_RIM: f64 = 0.01;
 
@@ -117,23 +124,51 @@ pub(super) fn solids(part: &Part, rim: f64) -> Result<Vec<Solid>, String> {
     }
 }
 
-/// A solid for a capsule with the axis from `a` to `b` in the body frame, metres: a
-/// polygon with rings towards the poles, of the same cross section.
+/// The engine's own capsule with the axis from `a` to `b` in the body frame, metres. A
+/// wall touches it in one or two points, and its box costs next to nothing.
+pub(super) fn capsule(a: &Point3<f64>, b: &Point3<f64>, radius: f64) -> Result<Solid, String> {
+    positive("radius", &[radius])?;
+    let (at, half) = along(a, b);
+    let shape = match half {
+        0.0 => SharedShape::ball(real(radius)),
+        _ => SharedShape::capsule_z(real(half), real(radius)),
+    };
+    Ok((pose(&at), shape))
+}
+
+/// A solid for a capsule on which things may lie: a polygon with rings towards the
+/// poles, of the same cross section.
 ///
 /// The engine's own capsule is round along its axis: what lies on two of them, a box for
 /// example, gets other contact points and normals at every tick, rocks for ever and
 /// wanders off.
-pub(super) fn capsule(a: &Point3<f64>, b: &Point3<f64>, radius: f64) -> Result<Solid, String> {
+pub(super) fn capsule_to_lie_on(
+    a: &Point3<f64>,
+    b: &Point3<f64>,
+    radius: f64,
+) -> Result<Solid, String> {
     positive("radius", &[radius])?;
-    let half = (b - a).norm() / 2.0;
+    let (at, half) = along(a, b);
     let rim = CAPSULE_RIM.min(0.4 * radius);
     let core = radius - rim;
+    let flat = |sides: usize| core - outer(sides, core) * exact::cos(PI / sides as f64);
+    let [.., most] = CAPSULE_SIDES;
+    let sides = CAPSULE_SIDES.into_iter();
+    let sides = sides
+        .clone()
+        .find(|s| flat(*s) <= CAPSULE_FLAT)
+        .unwrap_or(most);
+    let latitudes: &[f64] = if core <= CAPSULE_PLAIN_END {
+        &[0.0, FRAC_PI_4]
+    } else {
+        &[0.0, PI / 6.0, PI / 3.0]
+    };
     let mut points = Vec::new();
-    for latitude in [0.0, PI / 6.0, PI / 3.0] {
-        let (sin, cos) = (exact::sin(latitude), exact::cos(latitude));
+    for latitude in latitudes {
+        let (sin, cos) = exact::sin_cos(*latitude);
         for side in [-1.0, 1.0] {
             let height = side * (half + core * sin);
-            points.extend(ring(CAPSULE_SIDES, core * cos, height));
+            points.extend(ring(sides, core * cos, height));
         }
     }
     for side in [-1.0, 1.0] {
@@ -141,10 +176,15 @@ pub(super) fn capsule(a: &Point3<f64>, b: &Point3<f64>, radius: f64) -> Result<S
     }
     let shape = SharedShape::round_convex_hull(&points, real(rim));
     let shape = shape.ok_or("no convex hull of a capsule")?;
+    Ok((pose(&at), shape))
+}
+
+/// Middle of a way with z along it, and half its length.
+fn along(a: &Point3<f64>, b: &Point3<f64>) -> (Isometry3<f64>, f64) {
     let turn = UnitQuaternion::rotation_between(&Vector3::z(), &(b - a));
     let turn = turn.unwrap_or_else(|| UnitQuaternion::from_axis_angle(&Vector3::x_axis(), PI));
     let at = Isometry3::from_parts(center(a, b).into(), turn);
-    Ok((pose(&at), shape))
+    (at, (b - a).norm() / 2.0)
 }
 
 /// A convex solid through points in the body frame, metres.
@@ -193,10 +233,17 @@ fn cup(
     Ok(solids)
 }
 
+/// Distance of the corners from the middle of a regular polygon whose area is that of
+/// the circle.
+fn outer(sides: usize, radius: f64) -> f64 {
+    let step = TAU / sides as f64;
+    radius * (step / exact::sin(step)).sqrt()
+}
+
 /// Corners of a regular polygon whose area is that of the circle.
 fn ring(sides: usize, radius: f64, z: f64) -> Vec<Vector> {
     let step = TAU / sides as f64;
-    let corner = radius * (step / exact::sin(step)).sqrt();
+    let corner = outer(sides, radius);
     (0..sides)
         .map(|i| step * i as f64)
         .map(|a| {
@@ -218,5 +265,48 @@ fn positive(what: &str, values: &[f64]) -> Result<(), String> {
         Ok(())
     } else {
         Err(format!("{what} must be positive, got {values:?}"))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::convert::from_vector;
+    use super::*;
+
+    /// From a child's thumb to the widest chest: along the sides a capsule's solid is
+    /// the capsule within millimetres, its ends have its length.
+    #[test]
+    fn a_capsule_is_nearly_round() {
+        for radius in [0.0145, 0.025, 0.05, 0.0731, 0.1, 0.1337, 0.1744] {
+            let (a, b) = (Point3::new(0.1, 0.0, 0.3), Point3::new(0.1, 0.2, 0.3));
+            let (body_from_solid, solid) = capsule_to_lie_on(&a, &b, radius).expect("a solid");
+            let round = solid.as_round_convex_polyhedron().expect("a polygon");
+            let points = round.inner_shape.points();
+            // Fewer than half of what sixteen sides with three rings had, but for trunks.
+            assert!(points.len() <= if radius < 0.09 { 50 } else { 62 });
+            let reach = |towards: Vector3<f64>| {
+                let far = points.iter().map(|p| {
+                    let p = from_vector((body_from_solid * *p) - point(&a));
+                    p.dot(&towards)
+                });
+                far.fold(f64::MIN, f64::max) + f64::from(round.border_radius)
+            };
+            let beyond = |towards: Vector3<f64>| {
+                let ends = towards.dot(&(b - a)).max(0.0);
+                reach(towards) - ends - radius
+            };
+            for step in 0..360 {
+                let (sin, cos) = exact::sin_cos(f64::from(step) * PI / 180.0);
+                let side = beyond(Vector3::new(cos, 0.0, sin));
+                assert!((-0.003..0.006).contains(&side), "{radius} m: {side} m");
+                for other in [Vector3::new(cos, sin, 0.0), Vector3::new(0.0, sin, cos)] {
+                    let end = beyond(other);
+                    assert!((-0.009..0.006).contains(&end), "{radius} m: {end} m");
+                }
+            }
+            for along in [Vector3::y(), -Vector3::y()] {
+                assert!(beyond(along).abs() < 1e-6);
+            }
+        }
     }
 }

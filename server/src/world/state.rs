@@ -155,7 +155,7 @@ impl World {
         self.grip.restore(read.bristles);
         self.physics = read.physics;
         if let (Some(seated), Some(person)) = (&mut self.seated, read.person) {
-            seated.restore(person, read.tick);
+            seated.restore(&self.physics, person, read.tick);
         }
     }
 

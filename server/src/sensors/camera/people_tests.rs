@@ -92,6 +92,44 @@ impl Stage {
     }
 }
 
+/// The vertices that the head moves follow it there and back, drawn again or not.
+#[test]
+fn a_head_that_turns_is_drawn_where_it_is() {
+    let stage = Stage::new();
+    let setting = PersonSetting {
+        body: "man_p95".into(),
+        ..PersonSetting::default()
+    };
+    let drawn = setting.draw(&assets(), 4).expect("drawn");
+    let person = Arc::new(Person::load(&assets(), drawn).expect("a person"));
+    let (model, scene) = (&stage.model, &stage.scene);
+    let seen = RenderScene::with_person(model, scene, &assets(), None, Some(&person));
+    let seen = seen.expect("a scene");
+    let mut mounts = model.settings.cameras.iter();
+    let mount = mounts.find(|c| c.name == "wheelchair").expect("a camera");
+    let camera = CameraSpec::on_robot(model, mount, SIZE).expect("a camera");
+    let Ok(mut renderer) = Renderer::new(&seen, &[camera], Quality::Standard, None) else {
+        return;
+    };
+    let mut picture = |yaw: f64| {
+        let mut snapshot = stage.snapshot.clone();
+        snapshot.person = Some(PersonState {
+            head: HeadPose {
+                yaw,
+                pitch: yaw,
+                ..HeadPose::default()
+            },
+            ..PersonState::default()
+        });
+        let mut frames = renderer.render(&snapshot, &[0]).expect("a picture");
+        frames.remove(0).ids().to_vec()
+    };
+    let [ahead, again, turned, back] = [0.0, 0.0, 0.4, 0.0].map(&mut picture);
+    let others = |a: &[u16], b: &[u16]| a.iter().zip(b).filter(|(a, b)| a != b).count();
+    assert_eq!((others(&ahead, &again), others(&ahead, &back)), (0, 0));
+    assert!(others(&ahead, &turned) > 20, "{}", others(&ahead, &turned));
+}
+
 fn names() -> (Vec<String>, Vec<String>) {
     let folders = std::fs::read_dir(assets().join("people"))
         .expect("people")

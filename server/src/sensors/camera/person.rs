@@ -1,31 +1,37 @@
-//! The head of a person: vertices that head and jaw move are written anew for every
-//! picture; all else of the person rides on the chair as it was posed.
+//! The head of a person: vertices that head and jaw move are written anew whenever
+//! these have moved; all else of the person rides on the chair as it was posed.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use nalgebra::Point3;
-
 use super::buffers::{Buffers, Vertex, octahedral};
 use super::geometry::Geometry;
 use super::scene::RenderScene;
-use crate::people::Person;
+use crate::people::{HeadPose, Person};
 use crate::snapshot::Snapshot;
 
 /// The moving part of a person on the adapter.
 pub(super) struct PersonMesh {
     person: Arc<Person>,
+    /// Vertices of the mesh that move.
+    moving: Vec<usize>,
     /// Stretches of the vertex buffer.
     runs: Vec<Run>,
+    /// What the adapter holds; nothing is known of it before the first picture.
+    written: Option<HeadPose>,
 }
 
 /// Neighbouring vertices.
 struct Run {
     /// First in the buffer.
     first: usize,
-    /// As they were uploaded, with the vertex of the mesh that each is.
-    vertices: Vec<(Vertex, usize)>,
+    /// As they were uploaded, with the place in `moving` of those that move.
+    vertices: Vec<(Vertex, Option<usize>)>,
 }
+
+/// Vertices between two that move which are written along: a write costs as much as
+/// many of them.
+const BETWEEN: usize = 128;
 
 impl PersonMesh {
     /// Finds the vertices that move.
@@ -33,6 +39,8 @@ impl PersonMesh {
         let rendered = scene.person.as_ref()?;
         let person = Arc::clone(&rendered.person);
         let (mesh, skeleton) = (&person.mesh, &person.skeleton);
+        let mut moving = Vec::new();
+        let mut places: BTreeMap<usize, usize> = BTreeMap::new();
         let mut runs: Vec<Run> = Vec::new();
         for &(instance, part) in &rendered.parts {
             let mut known: BTreeMap<[u32; 3], usize> = BTreeMap::new();
@@ -55,44 +63,62 @@ impl PersonMesh {
                 let Some(&of) = known.get(&vertex.position.map(f32::to_bits)) else {
                     continue;
                 };
+                let of = *places.entry(of).or_insert_with(|| {
+                    moving.push(of);
+                    moving.len() - 1
+                });
                 match runs.last_mut() {
-                    Some(run) if run.first + run.vertices.len() == place => {
-                        run.vertices.push((*vertex, of));
+                    Some(run) if (run.end()..=run.end() + BETWEEN).contains(&place) => {
+                        let between = &buffers.vertices[run.end()..place];
+                        run.vertices.extend(between.iter().map(|v| (*v, None)));
+                        run.vertices.push((*vertex, Some(of)));
                     }
                     _ => runs.push(Run {
                         first: place,
-                        vertices: vec![(*vertex, of)],
+                        vertices: vec![(*vertex, Some(of))],
                     }),
                 }
             }
         }
-        Some(Self { person, runs })
+        Some(Self {
+            person,
+            moving,
+            runs,
+            written: None,
+        })
     }
 
     /// Gives the adapter the head of a snapshot. A snapshot without a person leaves
     /// it as it was.
-    pub(super) fn write(&self, queue: &wgpu::Queue, geometry: &Geometry, snapshot: &Snapshot) {
-        let Some(state) = &snapshot.person else {
+    pub(super) fn write(&mut self, queue: &wgpu::Queue, geometry: &Geometry, snapshot: &Snapshot) {
+        let head = snapshot.person.as_ref().map(|state| state.head);
+        let Some(head) = head.filter(|head| self.written != Some(*head)) else {
             return;
         };
         let (mesh, skeleton) = (&self.person.mesh, &self.person.skeleton);
+        let posed = mesh.posed(self.moving.iter().copied(), skeleton, &head);
+        let posed: Vec<([f32; 3], [i16; 2])> = posed
+            .map(|(at, normal)| (at.into(), octahedral(normal.into())))
+            .collect();
         for run in &self.runs {
-            let vertices = run.vertices.iter().map(|(_, vertex)| *vertex);
-            let posed = mesh.posed(vertices, skeleton, &state.head);
-            let moved: Vec<Vertex> = run
-                .vertices
-                .iter()
-                .zip(posed)
-                .map(|((vertex, _), (at, normal))| {
-                    let at: Point3<f32> = at;
-                    Vertex {
-                        position: at.into(),
-                        normal: octahedral(normal.into()),
-                        ..*vertex
-                    }
-                })
-                .collect();
+            let moved = run.vertices.iter().map(|(vertex, of)| match *of {
+                None => *vertex,
+                Some(of) => Vertex {
+                    position: posed[of].0,
+                    normal: posed[of].1,
+                    ..*vertex
+                },
+            });
+            let moved: Vec<Vertex> = moved.collect();
             geometry.write_vertices(queue, run.first, &moved);
         }
+        self.written = Some(head);
+    }
+}
+
+impl Run {
+    /// Behind its last vertex.
+    fn end(&self) -> usize {
+        self.first + self.vertices.len()
     }
 }

@@ -245,7 +245,7 @@ impl Renderer {
             self.queue.write_buffer(&self.geometry.body_rows, 0, rows);
         }
         self.soft.write(&self.queue, &self.geometry, snapshot);
-        if let Some(person) = &self.person {
+        if let Some(person) = &mut self.person {
             person.write(&self.queue, &self.geometry, snapshot);
         }
         let views: Vec<View> = cameras

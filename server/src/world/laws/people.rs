@@ -318,6 +318,39 @@ fn what_is_let_go_over_the_lap_comes_to_rest() {
     assert!(restless.is_empty(), "{restless:#?}");
 }
 
+/// What is told of the head is where its shapes are, in every tick, and at the end of a
+/// control tick where the motion has it then.
+#[test]
+fn the_head_is_told_where_it_is() {
+    let (mut world, ..) = robot_alone();
+    let person = person("woman_p50", "hands_in_lap");
+    let motion = motion(&person, 1.0);
+    world.seat(&person, motion);
+    let head = person.capsules.iter().position(|c| c.name == "head");
+    let head = head.expect("a head");
+    let tag = super::super::contact::tag(BodyRef::Person(head));
+    let mut poses = std::collections::BTreeSet::new();
+    for tick in 1..=480 {
+        world.step();
+        let snapshot = world.snapshot();
+        let told = snapshot.person.expect("a person").head;
+        if tick % 4 == 0 {
+            assert_eq!(told, motion.at(tick));
+        }
+        poses.insert([told.yaw, told.pitch, told.roll].map(f64::to_bits));
+        let mut colliders = world.physics.colliders.iter();
+        let (_, collider) = colliders
+            .find(|(_, c)| c.user_data == tag)
+            .expect("a shape");
+        let at = super::super::convert::from_pose(collider.position()).translation;
+        let [a, b] = person.ends(&person.capsules[head], &told);
+        let expected = snapshot.links[0].pose * nalgebra::center(&a, &b);
+        let off = (at.vector - expected.coords).norm();
+        assert!(off < 1e-4, "tick {tick}: {off} m");
+    }
+    assert!((50..=121).contains(&poses.len()), "{} poses", poses.len());
+}
+
 /// A head that moves under a load: the same bits again, and after a restore in the
 /// middle.
 #[test]
@@ -328,8 +361,7 @@ fn a_run_with_a_person_is_the_same_again_and_from_the_middle() {
         world.seat(&person, motion(&person, 1.0));
         (world, targets.arm_position)
     };
-    let run = |world: &mut World, home: [f64; 6], from: f64, to: f64| {
-        let (first, last) = ((from * 240.0) as u64, (to * 240.0) as u64);
+    let run = |world: &mut World, home: [f64; 6], first: u64, last: u64| {
         for tick in first..last {
             // Towards the chest and the face, until it is touched.
             let t = tick as f64 / 240.0;
@@ -342,18 +374,25 @@ fn a_run_with_a_person_is_the_same_again_and_from_the_middle() {
         world.hash()
     };
     let (mut first, home) = make("man_p50");
-    let end = run(&mut first, home, 0.0, 3.0);
+    let end = run(&mut first, home, 0, 720);
     let (mut second, _) = make("man_p50");
-    run(&mut second, home, 0.0, 1.5);
-    let saved = second.save();
-    assert_eq!(run(&mut second, home, 1.5, 3.0), end);
     let (mut third, _) = make("man_p50");
-    third.restore(&saved).expect("a state of this world");
-    assert_eq!(third.snapshot().person, {
-        second.restore(&saved).expect("its own state");
-        second.snapshot().person
-    });
-    assert_eq!(run(&mut third, home, 1.5, 3.0), end);
+    let mut saved = Vec::new();
+    // Between control ticks and in the middle of one.
+    for (from, middle) in [(0, 200), (200, 201), (201, 363), (363, 554), (554, 600)] {
+        run(&mut second, home, from, middle);
+        saved = second.save();
+        let hash = second.hash();
+        third.restore(&saved).expect("a state of this world");
+        assert_eq!(third.hash(), hash, "at tick {middle}");
+        assert_eq!(third.snapshot().person, second.snapshot().person);
+        assert_eq!(
+            run(&mut third, home, middle, 720),
+            end,
+            "from tick {middle}"
+        );
+    }
+    assert_eq!(run(&mut second, home, 600, 720), end);
     // Somebody else, or nobody, is another world.
     let (mut other, _) = make("woman_p5");
     assert!(other.restore(&saved).is_err());
