@@ -75,7 +75,7 @@ def main():
     torch.manual_seed(5)
     loss, parts = lerobot(batch)
     torch.manual_seed(5)
-    found, mean, log_variance = ours.model(pictures, state, told, actions, is_pad)
+    found, mean, log_variance, _ = ours.model(pictures, state, told, actions, is_pad)
     l1 = ((found - actions).abs() * ~is_pad[..., None]).mean().item()
     kl = (-0.5 * (1 + log_variance - mean**2 - log_variance.exp())).sum(-1).mean().item()
     print(f"training: L1 {l1:.6f} and {parts['l1_loss']:.6f}, divergence {kl:.6f} and {parts['kld_loss']:.6f}")

@@ -96,7 +96,6 @@ def arguments():
     add("--keep-failed", action="store_true", help="also learns from episodes that failed")
     add("--init", type=Path, help="policy to start from")
     add("--precision", choices=["tf32", "bf16", "fp32"], default="tf32")
-    add("--compile", action="store_true", help="compiles the network (torch.compile): a minute at the beginning, faster steps")
     add("--no-graph", action="store_true", help="no CUDA graph of a training step")
     add("--store", choices=["auto", "device", "cpu"], default="auto", help="where pictures lie")
     add("--device", default="cuda" if torch.cuda.is_available() else "cpu")
@@ -291,7 +290,6 @@ class Run:
         self.state_mean, self.state_std = map(tensor, numbers["state"])
         self.action_mean, self.action_std = map(tensor, numbers["action"])
         self.shown = ~tensor(hidden)
-        self.loss = torch.compile(network.loss) if options.compile else network.loss
         self.sizes, self.grid = None, [side // MULTIPLE for side in padded]
         slow = [p for n, p in network.named_parameters() if n.startswith("model.backbone.")]
         fast = [p for n, p in network.named_parameters() if not n.startswith("model.backbone.")]
@@ -435,7 +433,7 @@ class Run:
         pictures, state, words, actions, is_pad, aimed = self.batch(self.drawn(), self.episodes, True)
         bf16 = options.precision == "bf16"
         with torch.autocast(self.device.type, torch.bfloat16, enabled=bf16, cache_enabled=not self.is_graphed):
-            loss, parts, memory = self.loss(pictures, state, words, actions, is_pad, options.kl)
+            loss, parts, memory = self.network.loss(pictures, state, words, actions, is_pad, options.kl)
         if aimed is not None:
             parts["aim"] = self.network.aims.loss(memory.float(), self.grid, *aimed)
             loss = loss + options.aim_weight * parts["aim"]

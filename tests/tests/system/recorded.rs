@@ -5,6 +5,7 @@
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
+use serde_json::Value;
 use wheelarm_dataset::read::Episode;
 use wheelarm_tests::{printed, program, root};
 
@@ -78,6 +79,75 @@ fn a_recording_of_the_first_contract_is_read_validated_aligned_exported_and_show
             false => std::fs::metadata(&written).is_ok_and(|file| file.len() > 0),
         };
         assert!(something, "{format} wrote nothing");
+    }
+}
+
+/// Rows of a tensor of 32-bit numbers in a safetensors file, and what is told of it.
+fn tensor(file: &Path, name: &str) -> (Vec<Vec<f32>>, Value) {
+    let bytes = std::fs::read(file).expect("a file");
+    let (size, rest) = bytes.split_at(8);
+    let size = u64::from_le_bytes(size.try_into().expect("eight bytes")) as usize;
+    let (header, data) = rest.split_at(size);
+    let header: Value = serde_json::from_slice(header).expect("a header");
+    let about = header["__metadata__"]["wheelarm"].as_str().expect("a card");
+    let number = |value: &Value| value.as_u64().expect("a number") as usize;
+    let told = &header[name];
+    assert_eq!(told["dtype"], "F32", "{name}");
+    let [from, to] = [0, 1].map(|end| number(&told["data_offsets"][end]));
+    let numbers = data[from..to].chunks_exact(4);
+    let numbers: Vec<f32> = numbers
+        .map(|n| f32::from_le_bytes(n.try_into().expect("four bytes")))
+        .collect();
+    let rows = numbers.chunks_exact(number(&told["shape"][1]));
+    let about = serde_json::from_str(about).expect("JSON");
+    (rows.map(<[f32]>::to_vec).collect(), about)
+}
+
+#[test]
+fn tensors_tell_where_the_thing_of_the_task_is() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let here = folder.path();
+    unpacked(here);
+    let export = [
+        "dataset", "export", "old.h5", "--format", "tensors", "--out", ".",
+    ];
+    succeeds(here, &export);
+    let written = std::fs::read_dir(here).expect("a folder");
+    let files = written.map(|entry| entry.expect("an entry").path());
+    let file = files
+        .into_iter()
+        .find(|file| file.extension().is_some_and(|e| e == "safetensors"))
+        .expect("an episode");
+    let (aims, about) = tensor(&file, "aims");
+    let (states, _) = tensor(&file, "states");
+    assert_eq!(aims.len(), states.len());
+    let place = |names: &Value, name: &str| {
+        let names = names.as_array().expect("names");
+        let found = names.iter().position(|n| n == name);
+        found.unwrap_or_else(|| panic!("no {name} in {names:?}"))
+    };
+    let aim = |name: &str| place(&about["aim_names"], name);
+    let state = |name: &str| place(&about["state_names"], name);
+    let (first, last) = (aims.first().expect("rows"), aims.last().expect("rows"));
+    let hand = states.last().expect("rows");
+    let distance = |row: &[f32], hand: &[f32]| {
+        let off = ["x", "y", "z"]
+            .map(|axis| row[aim(&format!("thing.{axis}"))] - hand[state(&format!("hand.{axis}"))]);
+        off.iter().map(|d| d * d).sum::<f32>().sqrt()
+    };
+    // It is lifted in the end: in the hand, and to be seen from the chair.
+    assert_eq!(about["task"], "pick_mustard");
+    let (before, held) = (distance(first, &states[0]), distance(last, hand));
+    // The frame of the hand is that of the arm's end; fingers are in front of it.
+    assert!(before > 1.0 && held < 0.16, "{before} m, then {held} m");
+    for coordinate in ["u", "v"] {
+        let seen = last[aim(&format!("thing.wheelchair.{coordinate}"))];
+        assert!((0.0..1.0).contains(&seen), "{coordinate} {seen}");
+    }
+    // It is put nowhere.
+    for row in &aims {
+        assert!(row[aim("thing.x")].is_finite());
+        assert!(row[aim("goal.x")].is_nan() && row[aim("goal.gen3.u")].is_nan());
     }
 }
 
