@@ -22,6 +22,7 @@ pub use contacts::Interval;
 pub use grasps::ChosenGrasp;
 pub use labels::Annotations;
 pub use questions::{KINDS, Question};
+pub use shapes::middle;
 pub use state::State;
 pub use subtasks::Subtask;
 pub use table::{write_questions, write_subtasks};

@@ -56,6 +56,16 @@ pub(super) fn bounds(parts: &[Part]) -> Option<[[f64; 3]; 2]> {
     Some(out)
 }
 
+/// Middle of an object's parts in its frame, metres; its origin where its file is
+/// not recorded.
+#[must_use]
+pub fn middle(state: &State, object: &str) -> [f64; 3] {
+    let bounds = bounds(&parts(state, object));
+    bounds.map_or([0.0; 3], |[least, most]| {
+        [0, 1, 2].map(|k| (least[k] + most[k]) / 2.0)
+    })
+}
+
 fn part(table: &toml::Table) -> Vec<Part> {
     let points = points(table);
     if points.is_empty() {

@@ -4,7 +4,6 @@ use serde::Deserialize;
 use wheelarm_language::{Home, Role, Scene, kind_of};
 use wheelarm_proto::v1::{self, JointRole};
 
-use super::shapes;
 use crate::pose::{self, Pose};
 use crate::read::{Episode, ReadError};
 
@@ -157,16 +156,6 @@ impl State {
             );
         }
         scene
-    }
-
-    /// Middle of an object's parts in its frame, metres; its origin where its file is
-    /// not recorded.
-    #[must_use]
-    pub fn middle_of(&self, object: &str) -> [f64; 3] {
-        let bounds = shapes::bounds(&shapes::parts(self, object));
-        bounds.map_or([0.0; 3], |[least, most]| {
-            [0, 1, 2].map(|k| (least[k] + most[k]) / 2.0)
-        })
     }
 
     /// What a thing is called: its kind, with its number from the left or from the

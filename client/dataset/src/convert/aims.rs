@@ -5,7 +5,7 @@
 use wheelarm_proto::exact;
 
 use super::Recording;
-use crate::annotate::State;
+use crate::annotate::{self, State};
 use crate::pose;
 
 /// Points of a row: the thing of the task, and where it is to be put.
@@ -43,7 +43,7 @@ pub fn rows(
     let object = state.objects.iter().position(|name| *name == state.target);
     let slides = &state.home.slides;
     let slide = slides.iter().position(|slide| slide.name == state.target);
-    let middle = state.middle_of(&state.target);
+    let middle = annotate::middle(&state, &state.target);
     let goal = state.home.goals.iter().find(|goal| goal.0 == state.goal);
     let goal = goal.map(|(_, _, area, _)| {
         let (sin, cos) = exact::sin_cos(area.inwards);
