@@ -27,6 +27,7 @@ class Shape:
     words: int = 0  # size of the vocabulary with the unknown word; 0: no language
     word_width: int = 300
     width: int = 64  # channels of ResNet18's first stage
+    film: bool = False  # the words scale and shift what each stage of the ResNet gives
     norm: str = "group"  # group, frozen-bn, or in training batch, which is served as frozen-bn
     group_channels: int = 16  # channels that a group norm takes together
     dim: int = 256
@@ -117,9 +118,15 @@ class ResNet18(nn.Module):
             if isinstance(module, nn.Conv2d):
                 nn.init.kaiming_normal_(module.weight, mode="fan_out", nonlinearity="relu")
 
-    def forward(self, x):
+    def forward(self, x, film=None):
+        """`film`: for each stage [N, 2 channels], scales less 1 and shifts."""
         x = F.max_pool2d(F.relu(self.bn1(self.conv1(x))), 3, 2, 1)
-        return self.layer4(self.layer3(self.layer2(self.layer1(x))))
+        for number, stage in enumerate((self.layer1, self.layer2, self.layer3, self.layer4)):
+            x = stage(x)
+            if film is not None:
+                scale, shift = film[number][..., None, None].chunk(2, 1)
+                x = x * (1 + scale) + shift
+        return x
 
 
 class Attention(nn.Module):
@@ -254,6 +261,12 @@ class Act(nn.Module):
             places = sinusoids(2 + shape.chunk, dim)[None]
             self.register_buffer("vae_encoder_pos_enc", places)
         self.backbone = ResNet18(shape)
+        if shape.film:
+            # Feature-wise linear modulation (Perez et al. 2018), without effect at first.
+            self.film = nn.ModuleList(nn.Linear(shape.word_width, 2 * (shape.width << stage)) for stage in range(4))
+            for layer in self.film:
+                nn.init.zeros_(layer.weight)
+                nn.init.zeros_(layer.bias)
         self.encoder = Encoder(shape, shape.encoder_layers)
         self.encoder_robot_state_input_proj = nn.Linear(shape.state, dim)
         tokens = 2
@@ -284,13 +297,20 @@ class Act(nn.Module):
         noise = torch.randn_like(mean) if noise is None else noise
         return mean, log_variance, mean + (log_variance / 2).exp() * noise
 
+    def features(self, pictures, language):
+        """What the ResNet makes of pictures: [B * cameras, 8 width, H/32, W/32]."""
+        film = None
+        if self.shape.film:
+            film = [layer(language).repeat_interleave(self.shape.cameras, 0) for layer in self.film]
+        return self.backbone(pictures.flatten(0, 1), film)
+
     def remember(self, pictures, state, language, latent):
         """Tokens [B, N, dim] and their places [1, N, dim]."""
         shape, batch = self.shape, len(state)
         tokens = [self.encoder_latent_input_proj(latent), self.encoder_robot_state_input_proj(state)]
         if shape.words:
             tokens.append(self.encoder_env_state_input_proj(language))
-        features = self.encoder_img_feat_input_proj(self.backbone(pictures.flatten(0, 1)))
+        features = self.encoder_img_feat_input_proj(self.features(pictures, language))
         height, width = features.shape[-2:]
         seen = features.flatten(2).transpose(1, 2).reshape(batch, -1, shape.dim)
         place = picture_places(height, width, shape.dim, seen.device).to(seen.dtype)
@@ -381,6 +401,8 @@ class Policy(nn.Module):
 
     def __init__(self, shape):
         super().__init__()
+        if shape.film and not shape.words:
+            raise ValueError("there are no words for --film: leave --no-language out")
         self.shape = shape
         self.model = Act(shape)
         if shape.kind == "flow":

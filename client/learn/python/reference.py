@@ -23,6 +23,7 @@ CASES = {
     "act-frozen": dict(norm="frozen-bn", words=0, decoder_layers=2),
     "act-8bit": dict(bits=8, width=4),
     "act-16bit": dict(bits=16),
+    "act-film": dict(film=True),
     "flow": dict(kind="flow", flow_layers=2, flow_steps=4),
 }
 
@@ -43,6 +44,8 @@ def make(folder, name, bits=32, **options):
         # Norms that do nothing and heads of zeros would hide mistakes.
         if key.endswith("running_var"):
             tensor.uniform_(0.5, 2)
+        elif ".film." in key:
+            tensor.add_(torch.randn_like(tensor) * 0.3)
         elif tensor.dim() == 1 or key.startswith("flow."):
             tensor.add_(torch.randn_like(tensor) * 0.2)
     numbers = lambda count: random.normal(size=count).astype(np.float32)  # noqa: E731

@@ -62,6 +62,7 @@ def arguments():
     add("--width", type=int, default=shape.width, help="channels of the first stage of the ResNet")
     add("--norm", choices=["group", "batch", "frozen-bn"], default=shape.norm,
         help="frozen-bn with --backbone; batch is fastest on a GPU, and saved as frozen-bn")
+    add("--film", action="store_true", help="the words scale and shift what each stage of the ResNet gives (FiLM)")
     add("--group-channels", type=int, default=shape.group_channels)
     add("--backbone", type=Path, help="weights of torchvision's resnet18, .pth or .safetensors")
     add("--dim", type=int, default=shape.dim)
@@ -156,7 +157,7 @@ def train(options, started):
     shape = Shape(
         kind=options.kind, state=len(about["state_names"]), action=len(about["action_names"]),
         chunk=options.chunk, cameras=len(cameras), words=len(vocabulary), width=options.width,
-        norm=options.norm, group_channels=options.group_channels, dim=options.dim,
+        norm=options.norm, film=options.film, group_channels=options.group_channels, dim=options.dim,
         feedforward=options.feedforward, heads=options.heads, encoder_layers=options.encoder_layers,
         decoder_layers=options.decoder_layers, vae_layers=options.vae_layers, latent=options.latent,
         dropout=options.dropout, flow_layers=options.flow_layers, flow_steps=options.flow_steps,
@@ -477,9 +478,9 @@ class Run:
         devices = [self.device] if self.device.type == "cuda" else []
         with torch.random.fork_rng(devices):
             for _ in range(CALIBRATING):
-                pictures, *_ = self.batch(self.drawn(), self.episodes, True)
+                pictures, _, words, *_ = self.batch(self.drawn(), self.episodes, True)
                 with torch.autocast(self.device.type, torch.bfloat16, enabled=bf16):
-                    self.network.model.backbone(pictures.flatten(0, 1))
+                    self.network.model.features(pictures, self.network.language(words))
         for norm in norms:
             norm.momentum = 0.1
         for name, tensor in self.network.state_dict().items():

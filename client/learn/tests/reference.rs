@@ -80,7 +80,14 @@ fn apart(a: &[f32], b: &[f32]) -> f32 {
 /// Makes a moment one that does not fit.
 type Spoil = fn(&mut v1::PolicyMoment);
 
-const CASES: [&str; 5] = ["act", "act-frozen", "act-16bit", "act-8bit", "flow"];
+const CASES: [&str; 6] = [
+    "act",
+    "act-frozen",
+    "act-16bit",
+    "act-8bit",
+    "act-film",
+    "flow",
+];
 
 #[test]
 fn answers_are_those_of_pytorch() {

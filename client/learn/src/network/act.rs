@@ -19,6 +19,7 @@ pub struct Act {
     vae_encoder_action_input_proj: Option<Linear>,
     vae_encoder_latent_output_proj: Option<Linear>,
     backbone: ResNet18,
+    film: Option<Vec<Linear>>,
     encoder: Encoder,
     encoder_robot_state_input_proj: Linear,
     encoder_env_state_input_proj: Option<Linear>,
@@ -71,6 +72,12 @@ impl Act {
             vae_encoder_action_input_proj: learns.then(|| linear(shape.action, dim)),
             vae_encoder_latent_output_proj: learns.then(|| linear(dim, 2 * shape.latent)),
             backbone: ResNet18::new(shape, device),
+            film: (shape.film && language).then(|| {
+                let stages = (0..4).map(|stage| 2 * (shape.width << stage));
+                stages
+                    .map(|outputs| linear(shape.word_width, outputs))
+                    .collect()
+            }),
             encoder: Encoder::new(shape, shape.encoder_layers, device),
             encoder_robot_state_input_proj: linear(shape.state, dim),
             encoder_env_state_input_proj: language.then(|| linear(shape.word_width, dim)),
@@ -154,11 +161,21 @@ impl Act {
                 .forward(state)
                 .unsqueeze_dim(1),
         ];
+        const NEEDED: &str = "a sentence for a network with language";
         if let Some(project) = &self.encoder_env_state_input_proj {
-            let language = language.expect("a sentence for a network with language");
+            let language = language.clone().expect(NEEDED);
             tokens.push(project.forward(language).unsqueeze_dim(1));
         }
-        let features = self.backbone.forward(pictures);
+        let film = self.film.iter().flatten().map(|layer| {
+            let told = layer.forward(language.clone().expect(NEEDED));
+            let [_, numbers] = told.dims();
+            // A picture of each camera behind the other.
+            let each = told.unsqueeze_dim::<3>(1);
+            let each = each.expand([batch, self.cameras, numbers]);
+            each.reshape([batch * self.cameras, numbers])
+        });
+        let film: Vec<Tensor<2>> = film.collect();
+        let features = self.backbone.modulated(pictures, &film);
         let features = self.encoder_img_feat_input_proj.forward(features);
         let [_, dim, height, width] = features.dims();
         let seen = features

@@ -54,11 +54,30 @@ impl ResNet18 {
     /// The features of pictures.
     #[must_use]
     pub fn forward(&self, pictures: Tensor<4>) -> Tensor<4> {
+        self.modulated(pictures, &[])
+    }
+
+    /// The same where words say what is looked for: what each stage gives is scaled and
+    /// shifted, channel by channel (FiLM, Perez et al. 2018). `film` has for each stage
+    /// the scales less 1 and behind them the shifts, pictures × 2 channels; it may be
+    /// empty.
+    #[must_use]
+    pub fn modulated(&self, pictures: Tensor<4>, film: &[Tensor<2>]) -> Tensor<4> {
         let first = self.bn1.forward(self.conv1.forward(pictures));
-        let x = self.pool.forward(relu(first));
-        let blocks = [&self.layer1, &self.layer2, &self.layer3, &self.layer4];
-        let blocks = blocks.into_iter().flatten();
-        blocks.fold(x, |x, block| block.forward(x))
+        let mut x = self.pool.forward(relu(first));
+        let stages = [&self.layer1, &self.layer2, &self.layer3, &self.layer4];
+        for (number, stage) in stages.into_iter().enumerate() {
+            x = stage.iter().fold(x, |x, block| block.forward(x));
+            if let Some(film) = film.get(number) {
+                let [count, channels, ..] = x.dims();
+                let half = |from: usize| {
+                    let part = film.clone().slice([0..count, from..from + channels]);
+                    part.reshape([count, channels, 1, 1])
+                };
+                x = x * (half(0) + 1.0) + half(channels);
+            }
+        }
+        x
     }
 }
 

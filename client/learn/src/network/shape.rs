@@ -45,6 +45,8 @@ pub struct Shape {
     pub word_width: usize,
     /// Channels of the ResNet's first stage.
     pub width: usize,
+    /// The words scale and shift what each stage of the ResNet gives.
+    pub film: bool,
     /// Norms of the ResNet.
     pub norm: NormKind,
     /// Channels that a group norm takes together.
@@ -82,6 +84,7 @@ impl Default for Shape {
             words: 0,
             word_width: 300,
             width: 64,
+            film: false,
             norm: NormKind::Group,
             group_channels: 16,
             dim: 256,
@@ -151,6 +154,13 @@ impl Shape {
             if !value.is_multiple_of(by) {
                 return Err(ShapeError { what, value, rule });
             }
+        }
+        if self.film && self.words == 0 {
+            return Err(ShapeError {
+                what: "words",
+                value: self.words,
+                rule: "with film there must be words",
+            });
         }
         if self.norm == NormKind::Group && !self.width.is_multiple_of(self.group_channels) {
             return Err(ShapeError {
