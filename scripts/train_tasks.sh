@@ -62,12 +62,19 @@ corrected_tasks=${CORRECTED_TASKS:-$(tr , '\n' <<<"$tasks" | grep -v '^place_ted
 read -ra device <<<"${DEVICE_OPTIONS:---precision bf16 --store device}"
 read -ra network <<<"--width 48 --norm batch --batch 128 --lr 2e-4 --warm-up 200 --shift 4 --execute 10 --pause 2 --without-state *.velocity,odometry.* --share-sentences pick_*,place_* --balance-tasks --unknown-words 0.1 --validation 0.04 --aim-weight 0.5 ${NETWORK:-}"
 # PCI ids of the cards as --adapters takes them. What learns has the last one, as the
-# only one that it sees; what draws meanwhile the first.
-mapfile -t cards < <(nvidia-smi --query-gpu=pci.bus_id --format=csv,noheader 2>/dev/null | tr A-F a-f | sed 's/^0000//')
-draws_all=() draws_beside=()
-[ ${#cards[@]} -lt 2 ] || { draws_all=(--adapters all) draws_beside=(--adapters "${cards[0]}"); }
-export CUDA_DEVICE_ORDER=PCI_BUS_ID
-learns_on=$((${#cards[@]} > 1 ? ${#cards[@]} - 1 : 0))
+# only one that it sees; what draws meanwhile the others. Who gave this call cards or a
+# device of its own is left alone.
+cards=() draws_all=() draws_beside=() learns_on=()
+if [ -z "${CUDA_VISIBLE_DEVICES+x}${DEVICE_OPTIONS+x}" ]; then
+    mapfile -t cards < <(nvidia-smi --query-gpu=pci.bus_id --format=csv,noheader 2>/dev/null | tr A-F a-f |
+        grep -Ex '[0-9a-f]{8}:[0-9a-f]{2}:[0-9a-f]{2}\.[0-9a-f]' | sed 's/^0000//')
+fi
+if [ ${#cards[@]} -ge 2 ]; then
+    draws_all=(--adapters "$(IFS=, && echo "${cards[*]}")")
+    draws_beside=(--adapters "$(IFS=, && echo "${cards[*]:0:${#cards[@]}-1}")")
+    learns_on=(env "CUDA_VISIBLE_DEVICES=$((${#cards[@]} - 1))")
+    export CUDA_DEVICE_ORDER=PCI_BUS_ID
+fi
 
 say() { printf '%4d s  %s  %s\n' "$SECONDS" "$(date -u +%H:%M:%S)" "$*" | tee -a "$out/times.txt"; }
 die() { say "failed: $*" && exit 1; }
@@ -106,7 +113,7 @@ export_rows() { # recordings, folder
 # Parts of the plan's episodes: training begins with the first half, while the
 # processors make the others. A part is exported while the next is made.
 collect() { # first part, the one behind the last, options of collect
-    local part status exporting=() first=$1 end=$2
+    local part pid status exporting=() first=$1 end=$2
     shift 2
     for ((part = first; part < end; part++)); do
         done_before "data-$part" && continue
@@ -123,8 +130,8 @@ collect() { # first part, the one behind the last, options of collect
         { export_rows "$out/data-$part/episodes" "$tensors/data-$part" && mark "data-$part"; } &
         exporting+=($!)
     done
-    for part in "${exporting[@]}"; do
-        wait "$part" || die "a part was not exported"
+    for pid in "${exporting[@]}"; do
+        wait "$pid" || die "a part was not exported"
     done
 }
 train() { # number, seconds, folders
@@ -132,9 +139,9 @@ train() { # number, seconds, folders
     shift 2
     done_before "$name" && return
     say "training $name, $seconds s, on $*"
-    local before=$out/policy-$((${name#policy-} - 1))/policy.safetensors status=0
+    local before=$out/policy-$((${name#policy-} - 1))/training.safetensors status=0
     [ -e "$before" ] || before=$init
-    CUDA_VISIBLE_DEVICES=$learns_on limited "$python" $learn/train.py "$@" --out "$out/$name" --name "tasks-$name" --steps 1000000 --within "$seconds" \
+    limited "${learns_on[@]}" "$python" $learn/train.py "$@" --out "$out/$name" --name "tasks-$name" --steps 1000000 --within "$seconds" \
         ${before:+--init "$before"} "${device[@]}" "${network[@]}" >"$out/$name.log" 2>&1 || status=$?
     [ $status -eq 0 ] || die "$name ended with $status: $(tail -n 3 "$out/$name.log")"
     grep -E 'parameters|^step' "$out/$name.log" | sed -n '1p;$p' | while read -r line; do say "$name: $line"; done
@@ -198,6 +205,8 @@ table() { "$python" scripts/tasks_table.py "$out" "$tasks" >"$out/table.md" && c
 
 trap 'jobs -p | xargs -r kill 2>/dev/null || true' EXIT
 say "begin; tasks: $tasks"
+[ -e "$out/pieces.txt" ] || echo "$plan in $parts parts" >"$out/pieces.txt"
+[ "$(cat "$out/pieces.txt")" = "$plan in $parts parts" ] || die "$out was begun with $(cat "$out/pieces.txt"): name another folder, or PLAN and PARTS of then"
 check
 half_of_parts=$(((parts + 1) / 2))
 collect 0 "$half_of_parts" "${draws_all[@]}"
@@ -210,7 +219,7 @@ done
 train 0 "${training[0]}" "${folders[@]}"
 wait $second || die "the second half of the episodes is missing"
 rounds=$((${#training[@]} - 1))
-for ((; part < parts; part++)); do
+for ((part = half_of_parts; part < parts; part++)); do
     [ ! -e "$out/data-$part.done" ] || folders+=("$tensors/data-$part")
 done
 for round in $(seq 1 $rounds); do
@@ -221,6 +230,7 @@ for round in $(seq 1 $rounds); do
         # Nothing is left to correct: who knows nothing is measured meanwhile, and the
         # rest of it at the end.
         {
+            draws_all=("${draws_beside[@]}")
             last=$((SECONDS + ${training[$round]} + 20 < last ? SECONDS + ${training[$round]} + 20 : last))
             mkdir -p "$out/recordings"
             for file in "$out"/data-*/episodes/*.h5; do ln -sf "$(realpath "$file")" "$out/recordings/"; done

@@ -97,6 +97,7 @@ done
 unset PYTHONPATH
 echo "== ACT against LeRobot's"
 "$python" -W ignore "$root/tests/python/check_act.py" "$root/client/learn/python"
+"$python" -W ignore "$root/tests/python/check_aims.py"
 echo "== our trainer, in two pieces"
 wheelarm dataset export --format tensors data/session --size 64x36 --trim-idle 0.5 --out data/tensors >/dev/null
 train() {

@@ -95,7 +95,7 @@ def arguments():
     add("--validation", type=float, default=0.05, help="share of the seeds that is held out")
     add("--pause", type=int, metavar="ROWS", help="rows that stay of a pause in which nothing moves; all without it")
     add("--keep-failed", action="store_true", help="also learns from episodes that failed")
-    add("--init", type=Path, help="policy to start from")
+    add("--init", type=Path, help="policy to start from; training.safetensors beside it has all that was learned")
     add("--precision", choices=["tf32", "bf16", "fp32"], default="tf32")
     add("--no-graph", action="store_true", help="no CUDA graph of a training step")
     add("--store", choices=["auto", "device", "cpu"], default="auto", help="where pictures lie")
@@ -139,12 +139,12 @@ def train(options, started):
     padded = tuple(-(-side // MULTIPLE) * MULTIPLE for side in cameras[0][1])
     learned, held = split(files, options.validation)
     store = place(options, device, files, names)
-    told = aims.width(len(cameras)) if options.aim_weight else 0
-    if told and names != sorted(available):
+    aim_width = aims.width(len(cameras)) if options.aim_weight else 0
+    if aim_width and names != sorted(available):
         raise ValueError("--aim-weight needs all cameras of the episodes: leave --cameras out")
-    episodes = Episodes(learned, cameras, device, store, log.say, options.pause, told)
-    tests = Episodes(held, cameras, device, store, log.say, options.pause, told) if held else None
-    if told and not episodes.aims.isfinite().any():
+    episodes = Episodes(learned, cameras, device, store, log.say, options.pause, aim_width)
+    tests = Episodes(held, cameras, device, store, log.say, options.pause, aim_width) if held else None
+    if aim_width and not episodes.aims.isfinite().any():
         raise NoData("no episode tells where things are (`aims`): export anew, or leave --aim-weight out")
     numbers = statistics(episodes)
     vocabulary = []
@@ -163,7 +163,7 @@ def train(options, started):
         dropout=options.dropout, flow_layers=options.flow_layers, flow_steps=options.flow_steps,
     )  # fmt: skip
     network = Policy(shape)
-    if told:
+    if aim_width:
         network.aims = aims.Aims(shape, *aims.statistics(episodes.aims, len(cameras)))
     network.to(device)
     if device.type == "cuda":
@@ -556,6 +556,8 @@ class Run:
         reached = {"steps": self.step, "seconds": round(self.spent, 1), "last": last}
         card = {**self.card, "training": {**self.card["training"], **reached}}
         policy_file.write(self.options.out / "policy.safetensors", self.mean, card)
+        # With what only training needs, for --init of another.
+        policy_file.write(self.options.out / "training.safetensors", self.mean, card, training=True)
         if self.options.travel:
             self.pack(card)
         if len(entries) > 1:
@@ -575,13 +577,20 @@ class Run:
         for number, at in enumerate(range(0, len(data), PART_BYTES)):
             (folder / f"travel-{number:02}.part").write_bytes(data[at : at + PART_BYTES])
 
+    def same_aims(self, state, path):
+        has = any(name.startswith("aims.") for name in state)
+        if has != bool(self.options.aim_weight):
+            cure = "say --aim-weight as before" if has else "leave --aim-weight out"
+            raise ValueError(f"{path} was trained {'with' if has else 'without'} --aim-weight: {cure}, or choose another folder")
+
     def resume(self, log):
         options = self.options
         path = options.out / "checkpoint.pt"
         if path.exists():
             state = torch.load(path, map_location=self.device, weights_only=True)
-            if state["shape"] != self.network.shape.told():
+            if Shape(**state["shape"]) != self.network.shape:
                 raise ValueError(f"{path} is of a network of another shape: choose another --out, or the options of before")
+            self.same_aims(state["network"], path)
             self.network.load_state_dict(state["network"])
             self.mean = state["mean"]
             self.optimiser.load_state_dict(state["optimiser"])
@@ -594,8 +603,9 @@ class Run:
             whole.write_bytes(b"".join(part.read_bytes() for part in parts))
             state, card = policy_file.read(whole)
             whole.unlink()
-            if card["network"] != self.network.shape.served():
+            if Shape(**card["network"]).served() != self.network.shape.served():
                 raise ValueError(f"{options.travel} is of a network of another shape: choose another --travel")
+            self.same_aims(state, options.travel)
             self.network.load_state_dict(state, strict=self.network.shape.norm != "batch")
             self.mean = {n: t.detach().clone() for n, t in self.network.state_dict().items()}
             self.step, self.spent = card["training"]["steps"], card["training"]["seconds"]

@@ -11,10 +11,9 @@ impl Line for Entry {
 
     /// The same episode of the same policy.
     fn is_of_the_same(&self, known: &Self) -> bool {
-        let of = |e: &Self| {
-            let job = (e.task.clone(), e.seed, e.settings.clone());
-            (job, e.policy.clone())
-        };
+        fn of(e: &Entry) -> (u64, [&String; 3]) {
+            (e.seed, [&e.task, &e.settings, &e.policy])
+        }
         of(self) == of(known)
     }
 }

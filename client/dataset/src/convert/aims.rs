@@ -30,7 +30,8 @@ pub fn names<'a>(cameras: impl Iterator<Item = &'a str> + Clone) -> Vec<String> 
 
 /// The numbers of [`names`] in each row of the alignment that is given. NaN for a
 /// point that the task does not have, and for pixels of a point behind the camera;
-/// what is out of the picture or hidden in it has pixels like any other.
+/// what is out of the picture or hidden in it has pixels like any other. Places are
+/// those of the row, pixels those of the exposure that the row's picture shows.
 ///
 /// # Errors
 /// When the recording tells no state of objects, or a row has no picture.
@@ -60,20 +61,21 @@ pub fn rows(
         let slide = &slides[slide];
         Some([0, 1, 2].map(|k| slide.origin[k] + slide.axis[k] * open))
     };
+    let last = state.stamps.len().saturating_sub(1);
+    let sample = |stamp: u64| state.stamps.partition_point(|&t| t < stamp).min(last);
     let mut out = Vec::with_capacity(rows.len());
     for &row in rows {
-        let stamp = recording.aligned.stamps[row];
-        let last = state.stamps.len().saturating_sub(1);
-        let sample = state.stamps.partition_point(|&t| t < stamp).min(last);
-        let base = state.base.get(sample).copied();
+        let now = sample(recording.aligned.stamps[row]);
+        let base = state.base.get(now).copied();
         let mut numbers = Vec::new();
-        for found in [thing(sample), goal] {
-            let here = base.zip(found);
+        for place in [&thing as &dyn Fn(usize) -> Option<[f64; 3]>, &|_| goal] {
+            let here = base.zip(place(now));
             let here = here.map(|(base, found)| pose::point(&pose::inverse(&base), found));
             numbers.extend(here.unwrap_or([f64::NAN; 3]));
             for camera in cameras {
                 let shown = recording.shown(camera, row)?;
-                let pixel = shown.zip(found).and_then(|((camera, index), found)| {
+                let pixel = shown.and_then(|(camera, index)| {
+                    let found = place(sample(camera.stamps()[index]))?;
                     let (width, height) = camera.size()?;
                     let (lens, at) = (camera.intrinsics(index), camera.pose(index));
                     let [u, v] = pose::project(&lens, &at, found)?;

@@ -29,7 +29,7 @@ const TABLE: [&str; 3] = ["joint_state", "pose", "imu"];
 /// | `seconds` | N, f64 | simulation time |
 /// | `phase`, `incident`, `success` | N, u8 | label 0 to 3; error on purpose 0 to 3; the task holds |
 /// | `expert` | N, u8 | 0 where a policy commanded, whose deeds are no example |
-/// | `aims` | N × 14, f32 | where the task's thing and goal are ([`super::aims`]); only where objects are recorded |
+/// | `aims` | N × 2 (3 + 2 cameras), f32 | where the task's thing and goal are ([`super::aims`]); only where objects are recorded |
 /// | `table` | N × 112, f32 | WheelArm-Sim's columns, not a number where there is no sample; only with an IMU in the recording |
 /// | `pictures.CAMERA` | N × height × width × 3, u8 | what the robot saw, sRGB |
 /// | `depth.CAMERA` | N × height × width, u16 | with [`Tensors::depth`]: millimetres, 0 where nothing is |

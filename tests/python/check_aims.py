@@ -1,0 +1,94 @@
+"""Where things are, as `client/learn/python` learns it: pixels go with the pictures when
+these are shifted, the loss knows the cell, and nothing of it is served.
+
+    python tests/python/check_aims.py     # needs torch, numpy, safetensors
+"""
+
+import sys
+import tempfile
+from pathlib import Path
+
+import torch
+
+sys.path.insert(0, str(Path(__file__).parents[2] / "client/learn/python"))
+
+import aims
+import policy_file
+from episodes import Episodes
+from network import Policy, Shape
+
+HEIGHT, WIDTH, PADDED = 126, 224, (128, 224)
+
+
+def check_shift():
+    """A pixel that is painted stands where its share of the picture says, moved."""
+    source = Episodes.__new__(Episodes)
+    at = {"gen3": (40, 71), "wheelchair": (90, 20)}  # row and column
+    source.cameras = [(name, (HEIGHT, WIDTH)) for name in at]
+    source.device = torch.device("cpu")
+    source.pictures = {name: torch.zeros((1, HEIGHT, WIDTH, 3), dtype=torch.uint8) for name in at}
+    for name, (row, column) in at.items():
+        source.pictures[name][0, row, column] = 255
+    torch.manual_seed(1)
+    pictures, moved = source.seen(torch.zeros(64, dtype=torch.long), PADDED, 16)
+    assert moved.amin() < -8 and moved.amax() > 8
+    for number, (row, column) in enumerate(at.values()):
+        for picture, move in zip(pictures[:, number, ..., 0], moved[:, number]):
+            (found,) = picture.nonzero().tolist()
+            assert found == [row + move[1].item(), column + move[0].item()], (found, move)
+
+
+def check_loss():
+    """The loss is least where the tokens tell the right cell and place; what is not
+    there costs nothing and spoils no gradient."""
+    shape = Shape(dim=8, heads=2, cameras=2)
+    torch.manual_seed(2)
+    head = aims.Aims(shape, torch.zeros(2, 3), torch.ones(2, 3))
+    rows, columns = grid = (4, 7)
+    memory = torch.zeros(1, 3 + 2 * rows * columns, 8, requires_grad=True)
+    places = torch.tensor([[[-0.8, 0.1, 0.4], [float("nan")] * 3]])
+    # In the second camera in cell 2, 5, a quarter of a cell right of its middle.
+    pixels = torch.full((1, 2, 2, 2), float("nan"))
+    pixels[0, 1, 0] = torch.tensor([(5 + 0.75) * aims.CELL, (2 + 0.5) * aims.CELL])
+    pixels[0, 0, 0] = torch.tensor([-40.0, 10.0])  # out of the first
+    with torch.no_grad():
+        for layer in (head.space, head.cell, head.offset):
+            layer.weight.zero_()
+            layer.bias.zero_()
+        head.space.weight[:3, 0] = places[0, 0]
+        head.cell.weight[:, 1] = 1.0
+        head.cell.bias.fill_(-9.0)
+        head.offset.weight[0, 1] = 0.25 / 18
+
+        def told(row, column):
+            out = torch.zeros_like(memory)
+            out[0, 1, 0] = 1.0
+            out[0, 3 + rows * columns + row * columns + column, 1] = 18.0
+            return head.loss(out, grid, places, pixels).item()
+
+        right, wrong = told(2, 5), told(2, 4)
+    assert right < 0.01 < 1.0 < wrong, (right, wrong)
+    loss = head.loss(memory, grid, places, pixels)
+    loss.backward()
+    assert torch.isfinite(loss) and torch.isfinite(memory.grad).all()
+    nothing = head.loss(memory.detach(), grid, torch.full_like(places, float("nan")), pixels)
+    assert nothing.item() == 0.0, nothing
+
+
+def check_served():
+    """The policy that is written has nothing of it; what another begins from has."""
+    shape = Shape(state=3, action=2, chunk=4, dim=8, heads=2, feedforward=8, width=2, group_channels=1, vae_layers=1)
+    network = Policy(shape)
+    network.aims = aims.Aims(shape, torch.zeros(2, 3), torch.ones(2, 3))
+    with tempfile.TemporaryDirectory() as folder:
+        for training in (False, True):
+            path = Path(folder) / "one.safetensors"
+            policy_file.write(path, network.state_dict(), {"network": shape.told()}, training=training)
+            state, _ = policy_file.read(path)
+            assert any(name.startswith("aims.") for name in state) == training
+
+
+if __name__ == "__main__":
+    for check in (check_shift, check_loss, check_served):
+        check()
+        print(f"{check.__name__}: ok")
