@@ -241,7 +241,7 @@ for round in $(seq 1 $rounds); do
     # A process of its own: should it fail, the policy before it is what there is.
     train "$round" "${training[$round]}" "${folders[@]}" &
     wait $! || { say "policy-$round is left out" && rounds=$((round - 1)); }
-    wait "${correcting:-}" || say "what ran beside the training of policy-$round failed; it goes on without"
+    [ -z "${correcting:-}" ] || wait "$correcting" || say "what ran beside the training of policy-$round failed; it goes on without"
     [ "$rounds" -ge "$round" ] || break
     [ ! -e "$out/tensors/corrections-$round" ] || folders+=("$out/tensors/corrections-$round")
 done
