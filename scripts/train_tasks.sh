@@ -11,7 +11,8 @@
 # Needs python3 with torch, numpy, safetensors, eclipse-zenoh and protobuf.
 #   PLAN      campaign of the episodes (assets/campaigns/all-near.toml; rigid-near.toml
 #             leaves out the bear, which takes a processor as long as five other tasks)
-#   PARTS     pieces in which they are made; the first policy learns from half of them (4)
+#   PARTS     pieces in which they are made (4)
+#   BEFORE    of these that are made before the first policy begins to learn (half)
 #   TASKS     what is corrected and evaluated, comma separated (all of the plan)
 #   CORRECTED_TASKS  what is corrected (TASKS without place_teddy_bear, which is slow)
 #   INIT      policy that the first begins from (assets/policies/pick_mustard.safetensors)
@@ -27,7 +28,7 @@
 #   LAST      seconds after the start of this call after which nothing goes on but the
 #             table of what is there (no end)
 #   COLLECTED_BY  seconds after the start of this call after which no further part of
-#             the plan's episodes is begun; half of them are made in any case (no end)
+#             the plan's episodes is begun; those of BEFORE are made in any case (no end)
 #   TENSORS   folder of the exported episodes, 30 GB for the plan (OUT/tensors); the
 #             corrections', as much again, are in OUT/tensors
 #   PROGRAMS  folder of wheelarm and its programs (target/release)
@@ -117,7 +118,7 @@ collect() { # first part, the one behind the last, options of collect
     shift 2
     for ((part = first; part < end; part++)); do
         done_before "data-$part" && continue
-        if [ "$part" -ge "$half_of_parts" ] && [ $SECONDS -gt "$collected_by" ]; then
+        if [ "$part" -ge "$before" ] && [ $SECONDS -gt "$collected_by" ]; then
             say "part $part is left out: it is late"
             continue
         fi
@@ -139,10 +140,10 @@ train() { # number, seconds, folders
     shift 2
     done_before "$name" && return
     say "training $name, $seconds s, on $*"
-    local before=$out/policy-$((${name#policy-} - 1))/training.safetensors status=0
-    [ -e "$before" ] || before=$init
+    local from=$out/policy-$((${name#policy-} - 1))/training.safetensors status=0
+    [ -e "$from" ] || from=$init
     limited "${learns_on[@]}" "$python" $learn/train.py "$@" --out "$out/$name" --name "tasks-$name" --steps 1000000 --within "$seconds" \
-        ${before:+--init "$before"} "${device[@]}" "${network[@]}" >"$out/$name.log" 2>&1 || status=$?
+        ${from:+--init "$from"} "${device[@]}" "${network[@]}" >"$out/$name.log" 2>&1 || status=$?
     [ $status -eq 0 ] || die "$name ended with $status: $(tail -n 3 "$out/$name.log")"
     grep -E 'parameters|^step' "$out/$name.log" | sed -n '1p;$p' | while read -r line; do say "$name: $line"; done
     mark "$name"
@@ -208,18 +209,19 @@ say "begin; tasks: $tasks"
 [ -e "$out/pieces.txt" ] || echo "$plan in $parts parts" >"$out/pieces.txt"
 [ "$(cat "$out/pieces.txt")" = "$plan in $parts parts" ] || die "$out was begun with $(cat "$out/pieces.txt"): name another folder, or PLAN and PARTS of then"
 check
-half_of_parts=$(((parts + 1) / 2))
-collect 0 "$half_of_parts" "${draws_all[@]}"
-collect "$half_of_parts" "$parts" "${draws_beside[@]}" &
+before=${BEFORE:-$(((parts + 1) / 2))}
+[ "$before" -ge 1 ] && [ "$before" -le "$parts" ] || die "BEFORE=$before: say a number from 1 to PARTS, which is $parts"
+collect 0 "$before" "${draws_all[@]}"
+collect "$before" "$parts" "${draws_beside[@]}" &
 second=$!
 folders=()
-for ((part = 0; part < half_of_parts; part++)); do
+for ((part = 0; part < before; part++)); do
     folders+=("$tensors/data-$part")
 done
 train 0 "${training[0]}" "${folders[@]}"
 wait $second || die "the second half of the episodes is missing"
 rounds=$((${#training[@]} - 1))
-for ((part = half_of_parts; part < parts; part++)); do
+for ((part = before; part < parts; part++)); do
     [ ! -e "$out/data-$part.done" ] || folders+=("$tensors/data-$part")
 done
 for round in $(seq 1 $rounds); do

@@ -120,6 +120,28 @@ def without_pauses(actions, names, longest):
     return np.nonzero(since <= longest)[0]
 
 
+class Asked:
+    """What could be asked for in the scene of another task of the same area."""
+
+    def __init__(self, files, tasks):
+        self.tasks = tasks
+        about = {file.about["task"]: file.about for file in files if file.about.get("thing_names")}
+        self.thing = [about[task]["thing"] if task in about else None for task in tasks]
+        self.area = [about[task]["area"] if task in about else None for task in tasks]
+
+    def others(self, file):
+        """Numbers of the tasks that are about another thing of the file's area."""
+        area, names = file.about["area"], file.about.get("thing_names") or []
+        of = enumerate(zip(self.thing, self.area))
+        return [k for k, (thing, there) in of if there == area and thing in names and thing != file.about["thing"]]
+
+    def fill(self, out, file, things):
+        """Writes where the things of other tasks are: [rows, tasks, numbers]."""
+        things = things.reshape(len(things), len(file.about["thing_names"]), -1)
+        for task in self.others(file):
+            out[:, task] = things[:, file.about["thing_names"].index(self.thing[task])]
+
+
 class Episodes:
     """All rows of all files, one behind the other, without what is too long of pauses."""
 
@@ -151,6 +173,10 @@ class Episodes:
         incidents = np.empty(total, np.uint8)
         experts = np.ones(total, np.uint8)
         told = np.full((total, aims), np.nan, np.float32)
+        self.tasks = sorted({file.about["task"] for file in files})
+        self.kinds = np.array([self.tasks.index(file.about["task"]) for file in files])
+        of_tasks = Asked(files, self.tasks)
+        things = np.full((total, len(self.tasks), aims // 2), np.nan, np.float32)
 
         def load(number):
             at, rows = slice(int(starts[number]), int(ends[number])), kept[number]
@@ -164,6 +190,8 @@ class Episodes:
                     experts[at] = file.get_tensor("expert").numpy()[rows]
                 if aims and files[number].shapes.get("aims", [0, 0])[1] == aims:
                     told[at] = file.get_tensor("aims").numpy()[rows]
+                    if "things" in files[number].shapes:
+                        of_tasks.fill(things[at], files[number], file.get_tensor("things").numpy()[rows])
 
         with ThreadPoolExecutor(8) as pool:
             for _ in pool.map(load, range(len(files))):
@@ -182,11 +210,10 @@ class Episodes:
         self.state = torch.from_numpy(states).to(device)
         self.action = torch.from_numpy(actions).to(device)
         self.aims = torch.from_numpy(told).to(device)
+        self.things, self.of_tasks = torch.from_numpy(things).to(device), of_tasks
         self.limit = torch.from_numpy(limits).to(device)
         self.episode = torch.from_numpy(np.repeat(np.arange(len(files)), ends - starts)).to(device)
         self.starts, self.ends = starts, ends
-        self.tasks = sorted({file.about["task"] for file in files})
-        self.kinds = np.array([self.tasks.index(file.about["task"]) for file in files])
         self.task = torch.from_numpy(np.repeat(self.kinds, ends - starts)).to(device)
         whole = sum(file.rows for file in files)
         say(f"{len(files)} episodes, {total} of {whole} rows read in {time.monotonic() - start:.1f} s")
@@ -210,6 +237,14 @@ class Episodes:
                 first[own], count[own] = places[own].min(), own.sum()
         tensor = lambda values: torch.from_numpy(np.asarray(values, np.int64)).to(self.device)  # noqa: E731
         self.by_task, self.first_told, self.count_told = tensor(order), tensor(first), tensor(count)
+        is_shared = [any(fnmatch(task, pattern) for pattern in shared) for task in self.tasks]
+        others = [[o for o in self.of_tasks.others(file) if is_shared[o]] for file in self.files]
+        table = np.zeros((len(told), max(1, max(map(len, others)))), np.int64)
+        for row, tasks in zip(table, others):
+            row[: len(tasks)] = tasks
+        self.others, self.count_others = tensor(table), tensor([len(tasks) for tasks in others])
+        counts = np.bincount(self.kinds, minlength=len(self.tasks))
+        self.first_of_task, self.count_of_task = tensor(counts.cumsum() - counts), tensor(counts)
 
     def weights(self, knuckle, around, factor, balanced=False):
         """How often each row is drawn: `factor` within `around` rows of a change of
@@ -228,8 +263,18 @@ class Episodes:
             weights *= (weights.sum() / len(self.tasks) / np.maximum(sums, 1e-9))[tasks].astype(np.float32)
         return torch.from_numpy(weights).to(self.device)
 
-    def numbers(self, rows, chunk, is_training):
-        """State [B, S], actions [B, chunk, A], whether padding [B, chunk], words."""
+    def asked(self, rows, share):
+        """For a `share` of the rows the number of a task that asks for another thing of
+        the same area; -1 for those that are told their own: [B]."""
+        episode = self.episode[rows]
+        count = self.count_others[episode]
+        chance, place = torch.rand((2, len(rows)), device=rows.device)
+        other = self.others[episode, (place * count).long().minimum((count - 1).clamp(min=0))]
+        return torch.where((chance < share) & (count > 0), other, -1)
+
+    def numbers(self, rows, chunk, is_training, asked=None):
+        """State [B, S], actions [B, chunk, A], whether padding [B, chunk], words. Rows
+        that are `asked` for another thing have its words, and no actions."""
         at = rows[:, None] + torch.arange(chunk, device=rows.device)
         limit = self.limit[rows][:, None]
         actions = self.action[torch.minimum(at, (limit - 1).clamp(min=0))]
@@ -238,7 +283,23 @@ class Episodes:
             count = self.count_told[told]
             other = (torch.rand(len(rows), device=rows.device) * count).long().clamp(max=count - 1)
             told = self.by_task[self.first_told[told] + other]
-        return self.state[rows], actions, at >= limit, self.words[told]
+        is_pad = at >= limit
+        if asked is not None:
+            count = self.count_of_task[asked]
+            other = (torch.rand(len(rows), device=rows.device) * count).long().clamp(max=count - 1)
+            is_asked = asked >= 0
+            told = torch.where(is_asked, self.by_task[self.first_of_task[asked] + other], told)
+            is_pad = is_pad | is_asked[:, None]
+        return self.state[rows], actions, is_pad, self.words[told]
+
+    def places(self, rows, asked=None):
+        """Where thing and goal are, as rows of `aims`: [B, numbers]; of rows that are
+        `asked` for another thing where that is, and no goal."""
+        own = self.aims[rows]
+        if asked is None:
+            return own
+        other = self.things[rows, asked]
+        return torch.where((asked >= 0)[:, None], torch.cat((other, torch.full_like(other, torch.nan)), 1), own)
 
     def seen(self, rows, padded, shift):
         """Pictures [B, cameras, height, width, 3], bytes. Padded on all sides by the

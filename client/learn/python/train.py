@@ -40,6 +40,20 @@ CALIBRATING = 16  # batches that the statistics of batch norms are of
 MULTIPLE = 32  # what ResNet18 divides pictures by
 
 
+def weight(text):
+    value = float(text)
+    if not 0 <= value < math.inf:
+        raise argparse.ArgumentTypeError(f"{text} is no weight: say a number from 0 on")
+    return value
+
+
+def share(text):
+    value = weight(text)
+    if value >= 1:
+        raise argparse.ArgumentTypeError(f"{text} is no share: say a number from 0 to below 1")
+    return value
+
+
 def arguments():
     shape = Shape()
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -89,8 +103,10 @@ def arguments():
     add("--jitter", type=float, default=0.3, help="strength of changes of brightness, contrast, saturation")
     add("--gripper-weight", type=float, default=3.0, help="rows about a change of the gripper are drawn so often")
     add("--gripper-seconds", type=float, default=1.0, help="seconds before and behind that count as about it")
-    add("--aim-weight", type=float, default=0.0, help="weight of finding the task's thing and goal, where tensors tell "
+    add("--aim-weight", type=weight, default=0.0, help="weight of finding the task's thing and goal, where tensors tell "
         "them (`aims`), beside the actions; learned, and not served")
+    add("--ask-others", type=share, default=0.0, metavar="SHARE", help="share of the rows that are told to get another thing "
+        "of the area, by a sentence of --share-sentences, and learn only where that is; with --aim-weight")
     add("--ema", type=float, default=0.999, help="decay of the mean of the weights that is saved")
     add("--validation", type=float, default=0.05, help="share of the seeds that is held out")
     add("--pause", type=int, metavar="ROWS", help="rows that stay of a pause in which nothing moves; all without it")
@@ -146,6 +162,8 @@ def train(options, started):
     tests = Episodes(held, cameras, device, store, log.say, options.pause, aim_width) if held else None
     if aim_width and not episodes.aims.isfinite().any():
         raise NoData("no episode tells where things are (`aims`): export anew, or leave --aim-weight out")
+    if options.ask_others and not (aim_width and options.share_sentences and not options.no_language):
+        raise ValueError("--ask-others needs --aim-weight, --share-sentences and words")
     numbers = statistics(episodes)
     vocabulary = []
     if not options.no_language:
@@ -153,6 +171,8 @@ def train(options, started):
     for part in (episodes, tests):
         if part is not None:
             part.tell(vocabulary, [p for p in options.share_sentences.split(",") if p])
+    if options.ask_others and not episodes.count_others.any():
+        raise NoData("no scene has a thing of another task (`things`): export anew, or leave --ask-others out")
 
     shape = Shape(
         kind=options.kind, state=len(about["state_names"]), action=len(about["action_names"]),
@@ -314,9 +334,11 @@ class Run:
         self.sums = self.weights.double().cumsum(0)
 
     # What a step sees.
-    def batch(self, rows, source, is_training):
+    def batch(self, rows, source, is_training, ask=0.0):
+        """`ask`: share of the rows that are asked for another thing."""
         options = self.options
-        state, actions, is_pad, words = source.numbers(rows, options.chunk, is_training)
+        asked = source.asked(rows, ask) if ask else None
+        state, actions, is_pad, words = source.numbers(rows, options.chunk, is_training, asked)
         state = (state - self.state_mean) / self.state_std
         pictures, moved = source.seen(rows, self.padded, options.shift if is_training else 0)
         pictures = policy_file.prepared(pictures, self.card) if not is_training else self.altered(pictures)
@@ -327,13 +349,13 @@ class Run:
             words = torch.where(hide & (words >= 0), 0, words)
         state = state * self.shown
         actions = (actions - self.action_mean) / self.action_std
-        return pictures, state, words, actions, is_pad, self.aimed(source, rows, moved)
+        return pictures, state, words, actions, is_pad, self.aimed(source, rows, moved, asked)
 
-    def aimed(self, source, rows, moved):
+    def aimed(self, source, rows, moved, asked):
         """Places of thing and goal, metres, and their pixels in the padded pictures."""
         if not self.options.aim_weight:
             return None
-        places, shares = aims.split_row(source.aims[rows], len(source.cameras))
+        places, shares = aims.split_row(source.places(rows, asked), len(source.cameras))
         sizes = [[width, height] for _, (height, width) in source.cameras]
         # What was copied to the device before is no part of a graph.
         if self.sizes is None:
@@ -431,7 +453,7 @@ class Run:
     def learn(self):
         """One step of the optimiser."""
         options = self.options
-        pictures, state, words, actions, is_pad, aimed = self.batch(self.drawn(), self.episodes, True)
+        pictures, state, words, actions, is_pad, aimed = self.batch(self.drawn(), self.episodes, True, options.ask_others)
         bf16 = options.precision == "bf16"
         with torch.autocast(self.device.type, torch.bfloat16, enabled=bf16, cache_enabled=not self.is_graphed):
             loss, parts, memory = self.network.loss(pictures, state, words, actions, is_pad, options.kl)
@@ -507,7 +529,7 @@ class Run:
         self.network.eval()
         noise = torch.Generator(device=self.device).manual_seed(0)
         error, held, count = 0.0, 0.0, 0.0
-        off = torch.zeros(2, device=self.device)
+        off, asked_off = torch.zeros((2, 2), device=self.device)
         by_task = torch.zeros(2, len(tests.tasks), device=self.device)
         for part in rows.split(options.batch):
             pictures, state, words, actions, is_pad, aimed = self.batch(part, tests, False)
@@ -515,9 +537,10 @@ class Run:
             with torch.autocast(self.device.type, torch.bfloat16, enabled=options.precision == "bf16"):
                 found, memory = self.network.found(pictures, state, words, start)
             if aimed is not None:
-                far = (self.network.aims.places(memory.float()) - aimed[0]).norm(dim=-1)[:, 0]
-                off = off + torch.stack((far.nan_to_num().sum(), far.isfinite().sum()))
+                off = off + self.missed(memory, aimed)
             kept = (~is_pad[..., None]).float()
+            if options.ask_others:
+                asked_off = asked_off + self.asked(part)
             own_error = ((found.float() - actions).abs() * kept).mean(2)
             error = error + own_error.sum(0)
             by_task[0].index_add_(0, tests.task[part], own_error.sum(1))
@@ -530,12 +553,29 @@ class Run:
         return {
             "validation": (error.sum() / count.sum()).item(),
             **({"aim_metres": (off[0] / off[1]).item()} if off[1] else {}),
+            **({"asked_metres": (asked_off[0] / asked_off[1]).item()} if asked_off[1] else {}),
             "hold_first_row": (held.sum() / count.sum()).item(),
             "validation_by_row": [round(value, 5) for value in by_row],
             "validation_by_task": {
                 task: round(value, 5) for task, value in zip(tests.tasks, (by_task[0] / by_task[1].clamp(min=1)).tolist())
             },
         }
+
+    def missed(self, memory, aimed):
+        """By how much the thing is missed in all, metres, and of how many rows."""
+        far = (self.network.aims.places(memory.float()) - aimed[0]).norm(dim=-1)[:, 0]
+        return torch.stack((far.nan_to_num().sum(), far.isfinite().sum()))
+
+    def asked(self, rows):
+        """As `missed`, of the other things of held-out rows."""
+        devices = [self.device] if self.device.type == "cuda" else []
+        with torch.random.fork_rng(devices):
+            torch.manual_seed(0)
+            pictures, state, words, _, is_pad, aimed = self.batch(rows, self.tests, False, 1.0)
+        with torch.autocast(self.device.type, torch.bfloat16, enabled=self.options.precision == "bf16"):
+            _, memory = self.network.found(pictures, state, words)
+        places = torch.where(is_pad.all(1)[:, None, None], aimed[0], torch.nan)
+        return self.missed(memory, (places, aimed[1]))
 
     def save(self, log):
         own = {name: tensor.clone() for name, tensor in self.network.state_dict().items()}
@@ -622,6 +662,8 @@ def line(entry, steps):
         words += f", held out {entry['validation']:.4f} (first row held {entry['hold_first_row']:.4f})"
     if "aim_metres" in entry:
         words += f", thing missed by {entry['aim_metres']:.3f} m"
+    if "asked_metres" in entry:
+        words += f", others by {entry['asked_metres']:.3f} m"
     return words + f", {entry['pictures_per_second']} pictures/s"
 
 

@@ -46,25 +46,18 @@ struct Sum {
 /// The pairs that touch with force: the robot with anything but the floor,
 /// objects with objects and furniture. Sorted by pair.
 pub(super) fn contacts(physics: &PhysicsWorld) -> Vec<Contact> {
-    contacts_where(physics, |first, second| {
+    let are_told = |first, second| {
         !matches!(
             (first, second),
             (BodyRef::Link(_), BodyRef::Furniture(0))
                 | (BodyRef::Furniture(_), BodyRef::Furniture(_))
         )
-    })
+    };
+    contacts_among(physics, physics.narrow_phase.contact_pairs(), are_told)
 }
 
-/// The pairs of which `wanted(first, second)` says so, sorted by pair; the lesser
-/// body is the first.
-pub(super) fn contacts_where(
-    physics: &PhysicsWorld,
-    wanted: impl Fn(BodyRef, BodyRef) -> bool,
-) -> Vec<Contact> {
-    contacts_among(physics, physics.narrow_phase.contact_pairs(), wanted)
-}
-
-/// As [`contacts_where`], among some pairs of the engine.
+/// Those among the engine's pairs of which `wanted(first, second)` says so, sorted by
+/// pair; the lesser body is the first.
 pub(super) fn contacts_among<'a>(
     physics: &PhysicsWorld,
     pairs: impl Iterator<Item = &'a ContactPair>,

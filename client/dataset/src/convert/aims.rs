@@ -28,53 +28,54 @@ pub fn names<'a>(cameras: impl Iterator<Item = &'a str> + Clone) -> Vec<String> 
     POINTS.into_iter().flat_map(of_point).collect()
 }
 
-/// The numbers of [`names`] in each row of the alignment that is given. NaN for a
-/// point that the task does not have, and for pixels of a point behind the camera;
-/// what is out of the picture or hidden in it has pixels like any other. Places are
-/// those of the row, pixels those of the exposure that the row's picture shows.
+/// Where things are in the rows of an alignment.
+pub struct Aims {
+    /// Rows by the numbers of [`names`].
+    pub rows: Vec<Vec<f64>>,
+    /// What the task is about: one of `things`.
+    pub thing: String,
+    /// All that can be asked for, objects and what slides, in the order of their names.
+    pub things: Vec<String>,
+    /// Rows by thing, each x, y, z, then u and v of each camera as in [`names`].
+    pub of_things: Vec<Vec<f64>>,
+}
+
+/// The places in each row of the alignment that is given. NaN for a point that the
+/// task does not have, and for pixels of a point behind the camera; what is out of
+/// the picture or hidden in it has pixels like any other. Places are those of the
+/// row, pixels those of the exposure that the row's picture shows.
 ///
 /// # Errors
 /// When the recording tells no state of objects, or a row has no picture.
-pub fn rows(
-    recording: &Recording,
-    rows: &[usize],
-    cameras: &[&str],
-) -> anyhow::Result<Vec<Vec<f64>>> {
+pub fn read(recording: &Recording, rows: &[usize], cameras: &[&str]) -> anyhow::Result<Aims> {
     let state = State::read(&recording.episode)?;
-    let object = state.objects.iter().position(|name| *name == state.target);
-    let slides = &state.home.slides;
-    let slide = slides.iter().position(|slide| slide.name == state.target);
-    let middle = annotate::middle(&state, &state.target);
-    let goal = state.home.goals.iter().find(|goal| goal.0 == state.goal);
-    let goal = goal.map(|(_, _, area, _)| {
-        let (sin, cos) = exact::sin_cos(area.inwards);
-        let half = area.depth / 2.0;
-        let [x, y, z] = area.edge;
-        [x + cos * half, y + sin * half, z]
-    });
-    let thing = |sample: usize| -> Option<[f64; 3]> {
-        if let Some(object) = object {
-            return Some(pose::point(state.poses.get(sample)?.get(object)?, middle));
-        }
-        let slide = slide?;
-        let open = *state.slides.get(sample)?.get(slide)?;
-        let slide = &slides[slide];
-        Some([0, 1, 2].map(|k| slide.origin[k] + slide.axis[k] * open))
-    };
+    let slides = state.home.slides.iter().map(|slide| slide.name.as_str());
+    let things = state.objects.iter().map(String::as_str).chain(slides);
+    let things: std::collections::BTreeSet<&str> = things.collect();
+    let all: Vec<Point<'_>> = things.iter().map(|name| thing(&state, name)).collect();
+    let points = [thing(&state, &state.target), goal(&state)];
+
     let last = state.stamps.len().saturating_sub(1);
     let sample = |stamp: u64| state.stamps.partition_point(|&t| t < stamp).min(last);
-    let mut out = Vec::with_capacity(rows.len());
+    let mut out = Aims {
+        rows: Vec::with_capacity(rows.len()),
+        thing: state.target.clone(),
+        things: things.iter().map(ToString::to_string).collect(),
+        of_things: Vec::with_capacity(rows.len()),
+    };
     for &row in rows {
         let now = sample(recording.aligned.stamps[row]);
         let base = state.base.get(now).copied();
-        let mut numbers = Vec::new();
-        for place in [&thing as &dyn Fn(usize) -> Option<[f64; 3]>, &|_| goal] {
+        let mut views = Vec::new();
+        for camera in cameras {
+            views.push(recording.shown(camera, row)?);
+        }
+        let numbers = |place: &Point<'_>| {
             let here = base.zip(place(now));
             let here = here.map(|(base, found)| pose::point(&pose::inverse(&base), found));
-            numbers.extend(here.unwrap_or([f64::NAN; 3]));
-            for camera in cameras {
-                let shown = recording.shown(camera, row)?;
-                let pixel = shown.and_then(|(camera, index)| {
+            let mut numbers = here.unwrap_or([f64::NAN; 3]).to_vec();
+            for view in &views {
+                let pixel = view.and_then(|(camera, index)| {
                     let found = place(sample(camera.stamps()[index]))?;
                     let (width, height) = camera.size()?;
                     let (lens, at) = (camera.intrinsics(index), camera.pose(index));
@@ -83,10 +84,45 @@ pub fn rows(
                 });
                 numbers.extend(pixel.unwrap_or([f64::NAN; 2]));
             }
-        }
-        out.push(numbers);
+            numbers
+        };
+        out.rows.push(points.iter().flat_map(&numbers).collect());
+        out.of_things.push(all.iter().flat_map(&numbers).collect());
     }
     Ok(out)
+}
+
+/// A place in `house` by the sample of the state, metres; none where there is none.
+type Point<'a> = Box<dyn Fn(usize) -> Option<[f64; 3]> + 'a>;
+
+/// The middle of an object, or the handle's origin of what slides.
+fn thing<'a>(state: &'a State, name: &str) -> Point<'a> {
+    if let Some(object) = state.objects.iter().position(|object| object == name) {
+        let middle = annotate::middle(state, name);
+        return Box::new(move |sample| {
+            Some(pose::point(state.poses.get(sample)?.get(object)?, middle))
+        });
+    }
+    let slides = &state.home.slides;
+    let slide = slides.iter().position(|slide| slide.name == name);
+    Box::new(move |sample| {
+        let slide = slide?;
+        let open = *state.slides.get(sample)?.get(slide)?;
+        let slide = &slides[slide];
+        Some([0, 1, 2].map(|k| slide.origin[k] + slide.axis[k] * open))
+    })
+}
+
+/// The middle of the area where the thing is to be put.
+fn goal(state: &State) -> Point<'_> {
+    let goal = state.home.goals.iter().find(|goal| goal.0 == state.goal);
+    let goal = goal.map(|(_, _, area, _)| {
+        let (sin, cos) = exact::sin_cos(area.inwards);
+        let half = area.depth / 2.0;
+        let [x, y, z] = area.edge;
+        [x + cos * half, y + sin * half, z]
+    });
+    Box::new(move |_| goal)
 }
 
 #[cfg(test)]

@@ -30,6 +30,7 @@ const TABLE: [&str; 3] = ["joint_state", "pose", "imu"];
 /// | `phase`, `incident`, `success` | N, u8 | label 0 to 3; error on purpose 0 to 3; the task holds |
 /// | `expert` | N, u8 | 0 where a policy commanded, whose deeds are no example |
 /// | `aims` | N × 2 (3 + 2 cameras), f32 | where the task's thing and goal are ([`super::aims`]); only where objects are recorded |
+/// | `things` | N × things (3 + 2 cameras), f32 | where everything is that could be asked for; with `aims` |
 /// | `table` | N × 112, f32 | WheelArm-Sim's columns, not a number where there is no sample; only with an IMU in the recording |
 /// | `pictures.CAMERA` | N × height × width × 3, u8 | what the robot saw, sRGB |
 /// | `depth.CAMERA` | N × height × width, u16 | with [`Tensors::depth`]: millimetres, 0 where nothing is |
@@ -115,18 +116,21 @@ impl Format for Tensors {
             }
         }
         let names: Vec<&str> = cameras.keys().map(String::as_str).collect();
-        let aims = aims::rows(recording, rows, &names);
-        let has_aims = aims.is_ok();
         let mut notes = learning.notes;
-        match aims {
-            Ok(aims) => tensors.push(of_f32("aims", &aims, aims::names(names.into_iter()).len())),
-            Err(problem) => notes.push(format!("no places of things (aims): {problem}")),
+        let aims = aims::read(recording, rows, &names)
+            .inspect_err(|problem| notes.push(format!("no places of things (aims): {problem}")))
+            .ok();
+        if let Some(aims) = &aims {
+            let width = aims::names(names.iter().copied()).len();
+            tensors.push(of_f32("aims", &aims.rows, width));
+            let width = width / aims::POINTS.len() * aims.things.len();
+            tensors.push(of_f32("things", &aims.of_things, width));
         }
         let has = Has {
             table: has_table,
-            aims: has_aims,
+            aims,
         };
-        let about = self.about(recording, rate, has).to_string();
+        let about = self.about(recording, rate, &has).to_string();
         let views = tensors.iter().map(|t| {
             let view = TensorView::new(t.dtype, t.shape.clone(), &t.bytes)?;
             Ok((t.name.as_str(), view))
@@ -181,13 +185,13 @@ impl Tensors {
         })
     }
 
-    fn about(&self, recording: &Recording, rate: u32, has: Has) -> Value {
+    fn about(&self, recording: &Recording, rate: u32, has: &Has) -> Value {
         let (summary, kind) = (&recording.summary, self.rows.action);
         let [task, activity, area] = &summary.task;
         let table = has.table.then(|| state_columns(&recording.robot));
         let cameras = learning::cameras(recording, self.size);
         let cameras = cameras.keys().map(String::as_str);
-        let aims = has.aims.then(|| aims::names(cameras));
+        let names = has.aims.as_ref().map(|_| aims::names(cameras));
         json!({
             "layout": LAYOUT,
             "label": summary.label,
@@ -203,7 +207,9 @@ impl Tensors {
             "action_names": kind.names(&recording.robot),
             "action_units": kind.units().collect::<Vec<_>>(),
             "table_names": table,
-            "aim_names": aims,
+            "aim_names": names,
+            "thing": has.aims.as_ref().map(|aims| &aims.thing),
+            "thing_names": has.aims.as_ref().map(|aims| &aims.things),
             "calibration": intrinsics::cameras(recording, self.size),
         })
     }
@@ -212,7 +218,7 @@ impl Tensors {
 /// Tensors that not every episode has.
 struct Has {
     table: bool,
-    aims: bool,
+    aims: Option<aims::Aims>,
 }
 
 struct Tensor {

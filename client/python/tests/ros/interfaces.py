@@ -197,9 +197,9 @@ def mend_paths(prefix: Path) -> None:
     import numpy
 
     here = {
-        r"/opt/python/cp\d+-cp\d+/include/python3\.\d+": sysconfig.get_paths()["include"],
-        r"/opt/python/cp\d+-cp\d+/lib/python3\.\d+/site-packages/numpy/_?core/include": numpy.get_include(),
-        r"/opt/python/cp\d+-cp\d+": sys.base_prefix,
+        r"/[\w./-]*/cp\d+-cp\d+/include/python3\.\d+": sysconfig.get_paths()["include"],
+        r"/[\w./-]*/cp\d+-cp\d+/lib/python3\.\d+/site-packages/numpy/_?core/include": numpy.get_include(),
+        r"/[\w./-]*/cp\d+-cp\d+": sys.base_prefix,
     }
     for path in (prefix / "share").glob("*/cmake/*.cmake"):
         text = mended = path.read_text()

@@ -53,6 +53,42 @@ impl Stage {
         }
     }
 
+    /// The stage with a person drawn by a seed in the chair, and the chair's camera;
+    /// `None` without a graphics adapter.
+    fn seat(
+        &self,
+        setting: &PersonSetting,
+        seed: u64,
+        quality: Quality,
+    ) -> Option<(RenderScene, Renderer)> {
+        let drawn = setting.draw(&assets(), seed).expect("a person");
+        let person = Arc::new(Person::load(&assets(), drawn).expect("a person"));
+        let (model, scene) = (&self.model, &self.scene);
+        let seen = RenderScene::with_person(model, scene, &assets(), None, Some(&person));
+        let seen = seen.expect("a scene");
+        let mut mounts = model.settings.cameras.iter();
+        let mount = mounts.find(|c| c.name == "wheelchair").expect("a camera");
+        let camera = CameraSpec::on_robot(model, mount, SIZE).expect("a camera");
+        match Renderer::new(&seen, &[camera], quality, None) {
+            Ok(renderer) => Some((seen, renderer)),
+            Err(e) => {
+                eprintln!("no pictures here: {e}");
+                None
+            }
+        }
+    }
+
+    /// Ids of the chair camera's picture while the head stands so.
+    fn ids(&self, renderer: &mut Renderer, head: HeadPose) -> Vec<u16> {
+        let mut snapshot = self.snapshot.clone();
+        snapshot.person = Some(PersonState {
+            head,
+            ..PersonState::default()
+        });
+        let mut frames = renderer.render(&snapshot, &[0]).expect("a picture");
+        frames.remove(0).ids().to_vec()
+    }
+
     /// Part of the chair camera's picture that each part of the body takes; `None`
     /// without a graphics adapter.
     fn shares(&self, body: &str, posture: &str) -> Option<BTreeMap<BodyPart, f64>> {
@@ -61,31 +97,8 @@ impl Stage {
             posture: posture.into(),
             ..PersonSetting::default()
         };
-        let drawn = setting.draw(&assets(), 1).expect("a person");
-        let person = Arc::new(Person::load(&assets(), drawn).expect("a person"));
-        let (model, scene) = (&self.model, &self.scene);
-        let seen = RenderScene::with_person(model, scene, &assets(), None, Some(&person));
-        let seen = seen.expect("a scene");
-        let mut mounts = model.settings.cameras.iter();
-        let mount = mounts.find(|c| c.name == "wheelchair").expect("a camera");
-        let camera = CameraSpec::on_robot(model, mount, SIZE).expect("a camera");
-        let mut renderer = match Renderer::new(&seen, &[camera], Quality::Fast, None) {
-            Ok(renderer) => renderer,
-            Err(e) => {
-                eprintln!("no pictures here: {e}");
-                return None;
-            }
-        };
-        let mut snapshot = self.snapshot.clone();
-        snapshot.person = Some(PersonState {
-            head: HeadPose::default(),
-            ..PersonState::default()
-        });
-        let frame = renderer
-            .render(&snapshot, &[0])
-            .expect("a picture")
-            .remove(0);
-        let ids = frame.ids();
+        let (seen, mut renderer) = self.seat(&setting, 1, Quality::Fast)?;
+        let ids = self.ids(&mut renderer, HeadPose::default());
         let parts = seen.person.as_ref().expect("a person").parts.iter();
         let share = |id: u16| ids.iter().filter(|i| **i == id).count() as f64 / ids.len() as f64;
         Some(parts.map(|&(id, part)| (part, share(id))).collect())
@@ -100,29 +113,16 @@ fn a_head_that_turns_is_drawn_where_it_is() {
         body: "man_p95".into(),
         ..PersonSetting::default()
     };
-    let drawn = setting.draw(&assets(), 4).expect("drawn");
-    let person = Arc::new(Person::load(&assets(), drawn).expect("a person"));
-    let (model, scene) = (&stage.model, &stage.scene);
-    let seen = RenderScene::with_person(model, scene, &assets(), None, Some(&person));
-    let seen = seen.expect("a scene");
-    let mut mounts = model.settings.cameras.iter();
-    let mount = mounts.find(|c| c.name == "wheelchair").expect("a camera");
-    let camera = CameraSpec::on_robot(model, mount, SIZE).expect("a camera");
-    let Ok(mut renderer) = Renderer::new(&seen, &[camera], Quality::Standard, None) else {
+    let Some((_, mut renderer)) = stage.seat(&setting, 4, Quality::Standard) else {
         return;
     };
     let mut picture = |yaw: f64| {
-        let mut snapshot = stage.snapshot.clone();
-        snapshot.person = Some(PersonState {
-            head: HeadPose {
-                yaw,
-                pitch: yaw,
-                ..HeadPose::default()
-            },
-            ..PersonState::default()
-        });
-        let mut frames = renderer.render(&snapshot, &[0]).expect("a picture");
-        frames.remove(0).ids().to_vec()
+        let head = HeadPose {
+            yaw,
+            pitch: yaw,
+            ..HeadPose::default()
+        };
+        stage.ids(&mut renderer, head)
     };
     let [ahead, again, turned, back] = [0.0, 0.0, 0.4, 0.0].map(&mut picture);
     let others = |a: &[u16], b: &[u16]| a.iter().zip(b).filter(|(a, b)| a != b).count();

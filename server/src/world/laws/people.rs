@@ -3,7 +3,7 @@
 
 use std::sync::Arc;
 
-use super::super::contact::contacts_where;
+use super::super::contact::contacts_among;
 use super::*;
 use crate::people::{BodyPart, HeadPose, Motion, Person, PersonSetting};
 use crate::snapshot::BodyRef;
@@ -105,9 +105,11 @@ fn sits(body: &str, posture: &str) -> Option<String> {
 
 /// Loads of the four wheels on the floor, N.
 fn wheel_loads(world: &World) -> Vec<f64> {
-    let on_floor = contacts_where(&world.physics, |a, b| {
-        matches!((a, b), (BodyRef::Link(_), BodyRef::Furniture(0)))
-    });
+    let on_floor = contacts_among(
+        &world.physics,
+        world.physics.narrow_phase.contact_pairs(),
+        |a, b| matches!((a, b), (BodyRef::Link(_), BodyRef::Furniture(0))),
+    );
     on_floor.iter().map(|c| -c.force.z).collect()
 }
 
