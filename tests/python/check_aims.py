@@ -4,17 +4,20 @@ these are shifted, the loss knows the cell, and nothing of it is served.
     python tests/python/check_aims.py     # needs torch, numpy, safetensors
 """
 
+import json
 import sys
 import tempfile
 from pathlib import Path
 
+import numpy as np
 import torch
+from safetensors.numpy import save_file
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "client/learn/python"))
 
 import aims
 import policy_file
-from episodes import Episodes
+from episodes import LAYOUT, Episodes, find
 from network import Policy, Shape
 
 HEIGHT, WIDTH, PADDED = 126, 224, (128, 224)
@@ -88,7 +91,71 @@ def check_served():
             assert any(name.startswith("aims.") for name in state) == training
 
 
+def write_episode(path, task, area, thing, things, rows, expert=True):
+    """An episode of which every number of thing k in row r is 100 k + r."""
+    about = {
+        "layout": LAYOUT, "task": task, "area": area, "thing": thing, "thing_names": things, "success": True, "seed": 1,
+        "rate_hz": 10, "robot": "whill", "action": "next-pose", "action_names": ["hand.x", "knuckle.target"],
+        "state_names": ["hand.x"], "instruction": f"get the {thing}",
+    }  # fmt: skip
+    numbers = 100.0 * np.arange(len(things)).repeat(7) + np.arange(rows)[:, None]
+    own = things.index(thing) * 7
+    aims_of = np.full((rows, 14), np.nan)
+    aims_of[:, :7] = numbers[:, own : own + 7]
+    tensors = {
+        "states": np.zeros((rows, 1)), "actions": np.arange(rows * 2).reshape(rows, 2),
+        "aims": aims_of, "things": numbers.reshape(rows, 7 * len(things)),
+    }  # fmt: skip
+    tensors = {name: np.ascontiguousarray(array, np.float32) for name, array in tensors.items()}
+    tensors["incident"] = np.zeros(rows, np.uint8)
+    tensors["expert"] = np.full(rows, expert, np.uint8)
+    for camera in ("gen3", "wheelchair"):
+        tensors[f"pictures.{camera}"] = np.zeros((rows, 2, 4, 3), np.uint8)
+    save_file(tensors, path, {"wheelarm": json.dumps(about)})
+
+
+def check_asked():
+    """Who is asked for another thing of the area hears a sentence that asks for it, is
+    told where it is, and has no actions. Things of other areas are not asked for."""
+    with tempfile.TemporaryDirectory() as folder:
+        folder = Path(folder)
+        table = ["bowl", "cup", "tin"]
+        write_episode(folder / "a.safetensors", "pick_cup", "table", "cup", table, 5)
+        write_episode(folder / "b.safetensors", "pick_tin", "table", "tin", table, 4)
+        write_episode(folder / "c.safetensors", "pick_bowl", "sink", "bowl", table, 3)
+        write_episode(folder / "d.safetensors", "pick_tin", "table", "tin", table, 0)
+        write_episode(folder / "e.safetensors", "pick_tin", "table", "tin", table, 2, expert=False)
+        cameras = [("gen3", (2, 4)), ("wheelchair", (2, 4))]
+        cpu = torch.device("cpu")
+        episodes = Episodes(find([folder]), cameras, cpu, cpu, aims=14)
+    vocabulary = ["<unknown>", "get", "the", "bowl", "cup", "tin"]
+    episodes.tell(vocabulary, ["pick_*"])
+    rows = torch.arange(episodes.total).repeat(200)
+    torch.manual_seed(3)
+    asked = episodes.asked(rows, 0.5)
+    assert episodes.tasks == ["pick_bowl", "pick_cup", "pick_tin"]
+    by_row = [set(asked[rows == row].tolist()) for row in range(episodes.total)]
+    # The bowl is of another area, and nothing else is there.
+    assert by_row == [{-1, 2}] * 5 + [{-1, 1}] * 4 + [{-1}] * 3, by_row
+    share = (asked[rows < 9] >= 0).float().mean().item()
+    assert 0.45 < share < 0.55, share
+
+    _, _, is_pad, words = episodes.numbers(rows, 2, True, asked)
+    places = episodes.places(rows, asked)
+    for row, other, pads, said, place in zip(rows.tolist(), asked.tolist(), is_pad, words, places):
+        own = 1 if row < 5 else 2 if row < 9 else 0  # number of the task, and of its thing in all names
+        expected = own if other < 0 else other
+        assert vocabulary[said[2]] == table[expected], (row, other, said)
+        assert place[:7].tolist() == [100.0 * expected + row - (0, 5, 9)[(row >= 5) + (row >= 9)]] * 7
+        assert place[7:].isnan().all()
+        assert pads.all() == (other >= 0), (row, other, pads)
+    assert torch.equal(episodes.places(rows).nan_to_num(), episodes.aims[rows].nan_to_num())
+    # Whose sentences fit no other episode are not asked for.
+    episodes.tell(vocabulary, ["pick_cup"])
+    assert set(episodes.asked(rows, 0.9)[rows < 5].tolist()) == {-1}
+
+
 if __name__ == "__main__":
-    for check in (check_shift, check_loss, check_served):
+    for check in (check_shift, check_loss, check_served, check_asked):
         check()
         print(f"{check.__name__}: ok")

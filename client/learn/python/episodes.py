@@ -108,7 +108,7 @@ def without_pauses(actions, names, longest):
     move, `longest` rows stay. Who sees one row at a time cannot know how long a pause
     has lasted, and learns to stay in it."""
     change = np.abs(np.diff(actions, axis=0, prepend=actions[:1]))
-    change[0] = np.inf
+    change[:1] = np.inf
     moves = np.zeros(len(actions), bool)
     for column, name in enumerate(names):
         kind = name.split(".")[0]
@@ -137,9 +137,10 @@ class Asked:
 
     def fill(self, out, file, things):
         """Writes where the things of other tasks are: [rows, tasks, numbers]."""
-        things = things.reshape(len(things), len(file.about["thing_names"]), -1)
+        names, numbers = file.about["thing_names"], out.shape[2]
         for task in self.others(file):
-            out[:, task] = things[:, file.about["thing_names"].index(self.thing[task])]
+            at = names.index(self.thing[task]) * numbers
+            out[:, task] = things[:, at : at + numbers]
 
 
 class Episodes:
