@@ -32,7 +32,7 @@
 #   TENSORS   folder of the exported episodes, 30 GB for the plan (OUT/tensors); the
 #             corrections', as much again, are in OUT/tensors
 #   PROGRAMS  folder of wheelarm and its programs (target/release)
-#   NETWORK   more options of train.py
+#   NETWORK   more options of train.py (--ask-others 0 where no two tasks share an area)
 #   DEVICE_OPTIONS   of train.py for another device (--precision bf16 --store device)
 set -euo pipefail
 cd "$(dirname "$0")/.."
@@ -61,7 +61,7 @@ mkdir -p "$out" "$tensors"
 tasks=${TASKS:-$(sed -n '/^\[\[task\]\]/,/^name/s/^name = "\(.*\)"/\1/p' "$plan" | paste -sd,)}
 corrected_tasks=${CORRECTED_TASKS:-$(tr , '\n' <<<"$tasks" | grep -v '^place_teddy_bear$' | paste -sd,)}
 read -ra device <<<"${DEVICE_OPTIONS:---precision bf16 --store device}"
-read -ra network <<<"--width 48 --norm batch --batch 128 --lr 2e-4 --warm-up 200 --shift 4 --execute 10 --pause 2 --without-state *.velocity,odometry.* --share-sentences pick_*,place_* --balance-tasks --unknown-words 0.1 --validation 0.04 --aim-weight 0.5 ${NETWORK:-}"
+read -ra network <<<"--width 48 --norm batch --film --batch 160 --lr 2e-4 --warm-up 200 --shift 4 --execute 10 --pause 2 --without-state *.velocity,odometry.* --share-sentences pick_*,place_* --balance-tasks --unknown-words 0.1 --validation 0.04 --aim-weight 0.5 --ask-others 0.3 ${NETWORK:-}"
 # PCI ids of the cards as --adapters takes them. What learns has the last one, as the
 # only one that it sees; what draws meanwhile the others. Who gave this call cards or a
 # device of its own is left alone.

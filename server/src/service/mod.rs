@@ -19,6 +19,7 @@ mod engine;
 mod episode;
 mod errand;
 mod error;
+mod heap;
 pub mod inbox;
 mod lag;
 mod language;

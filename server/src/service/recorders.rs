@@ -28,7 +28,7 @@ pub(super) const AWAY: Duration = Duration::from_secs(5);
 
 /// Pictures that may be published beyond what the slowest recorder accepted.
 /// The transport's cache holds as many of each camera.
-pub(super) const CREDIT_WINDOW: u64 = 8;
+pub(super) const CREDIT_WINDOW: u64 = 6;
 
 /// How many recorders are remembered.
 const MAX_RECORDERS: usize = 64;

@@ -15,6 +15,7 @@ use wheelarm_sensors::Surface;
 
 use super::convert;
 use super::error::ServiceError;
+use super::heap;
 use super::outbox::Outbox;
 use super::person;
 use super::pick::Picked;
@@ -226,6 +227,7 @@ impl RenderThread {
                             return;
                         }
                     };
+                    let mut is_first = true;
                     let work = std::panic::AssertUnwindSafe(|| {
                         draw(&mut renderer, &queue, |frames, of| {
                             let (episode, tick) = (of.episode, of.snapshot.tick);
@@ -239,6 +241,10 @@ impl RenderThread {
                             }
                             waiting.fetch_sub(1, Ordering::AcqRel);
                             signal.raise();
+                            // Shaders are compiled when they first draw.
+                            if std::mem::take(&mut is_first) {
+                                heap::give_back();
+                            }
                         })
                     });
                     let failure = match std::panic::catch_unwind(work) {
