@@ -32,8 +32,9 @@
 # make test-adversarial   200 operators who mean harm, a minute each, sixty of them at the bear
 # make soak    300 short episodes one right after the other, every file checked
 # make test-original SCRIPTS=DIR   WheelArm-Sim's processing scripts on an episode of ours
-# make demo-policy   the policy that ships takes the mustard, seen through its own small
-#                    pictures (builds client/learn first, about nine minutes of one core)
+# make demo-policy   the policy that ships takes the mustard, or does POLICY_TASK=pick_blue_mug,
+#                    seen through its own small pictures (builds client/learn first, about
+#                    nine minutes of one core)
 # make train-mustard   episodes, policy, corrections, policy, evaluation, on a big GPU (RUN=data/mustard)
 # make train-tasks     one policy for all tasks, told in words, likewise (RUN=data/tasks)
 # make bench   step, kinematics, cameras and recording beside their references
@@ -44,6 +45,7 @@ SEED ?= 0
 STATIC ?= target/static
 RUN ?= data/mustard
 POLICY_SEED ?= 557
+POLICY_TASK ?= pick_mustard
 PLAN ?= assets/campaigns/small.toml
 # burn compiles for minutes: only `make test-learn` builds what learns.
 WITHOUT_LEARN := --exclude wheelarm-learn
@@ -166,7 +168,7 @@ test-original: build
 # The policy that ships at work: on the processor, without Python.
 demo-policy: build
 	$(CARGO) build --release -p wheelarm-learn
-	$(BUILT)/wheelarm demo --policy act:assets/policies/pick_mustard.safetensors --seed $(POLICY_SEED) --out data/demo-policy
+	$(BUILT)/wheelarm demo --task $(POLICY_TASK) --policy act:assets/policies/tasks.safetensors --seed $(POLICY_SEED) --out data/demo-policy
 
 train-mustard:
 	scripts/setup.sh

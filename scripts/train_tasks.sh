@@ -15,7 +15,8 @@
 #   BEFORE    of these that are made before the first policy begins to learn (half)
 #   TASKS     what is corrected and evaluated, comma separated (all of the plan)
 #   CORRECTED_TASKS  what is corrected (TASKS without place_teddy_bear, which is slow)
-#   INIT      policy that the first begins from (assets/policies/pick_mustard.safetensors)
+#   INIT      policy that the first begins from (assets/policies/tasks.safetensors); what it
+#             learned from stands in its card: a PLAN with another first_seed brings more
 #   JOBS      servers at work at one time (a processor each)
 #   TRAINING  seconds of training: of the first policy, which sees half of the episodes,
 #             of one on all of them, and of the one behind each round of corrections
@@ -39,7 +40,7 @@ cd "$(dirname "$0")/.."
 out=${1:?say a folder}
 plan=${PLAN:-assets/campaigns/all-near.toml}
 parts=${PARTS:-4}
-init=${INIT-assets/policies/pick_mustard.safetensors}
+init=${INIT-assets/policies/tasks.safetensors}
 jobs=${JOBS:-$(nproc)}
 read -ra training <<<"${TRAINING:-140 200 220 230}"
 corrections=${CORRECTIONS:-22}
