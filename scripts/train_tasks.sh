@@ -16,10 +16,11 @@
 #   TASKS     what is corrected and evaluated, comma separated (all of the plan)
 #   CORRECTED_TASKS  what is corrected (TASKS without place_teddy_bear, which is slow)
 #   INIT      policy that the first begins from (assets/policies/tasks.safetensors); what it
-#             learned from stands in its card: a PLAN with another first_seed brings more
+#             learned from stands in its card: say a PLAN with another first_seed and another
+#             CORRECTED_FROM, else its seeds are learned again, and its corrections refused
 #   JOBS      servers at work at one time (a processor each)
-#   TRAINING  seconds of training: of the first policy, which sees half of the episodes,
-#             of one on all of them, and of the one behind each round of corrections
+#   TRAINING  seconds of training: of the first policy, which sees the parts of BEFORE,
+#             of one on all episodes, and of the one behind each round of corrections
 #   CORRECTIONS      seeds of each task that are corrected in a round (22)
 #   CORRECTED_FROM   first of these (80000)
 #   TAKEOVER  seconds after which the operator takes over at the latest (20)
@@ -101,6 +102,15 @@ check() {
     done
     "$python" -c 'import google.protobuf, numpy, safetensors, torch, zenoh; from wheelarm import policy; print("torch", torch.__version__, "on", torch.cuda.get_device_name() if torch.cuda.is_available() else "cpu")' \
         || die "$python lacks a package"
+    [ -z "$init" ] || "$python" - "$init" "$corrected_from" $((corrected_from + corrections * (${#training[@]} - 2))) 2>"$out/init.txt" <<'PYTHON' || die "$(tail -n 1 "$out/init.txt")"
+import sys
+
+sys.path.insert(0, "client/learn/python")
+import policy_file
+
+known = set(policy_file.read(sys.argv[1])[1].get("training_seeds", [])) & set(range(int(sys.argv[2]), int(sys.argv[3])))
+sys.exit(f"{sys.argv[1]} has learned from {len(known)} seeds that are to be corrected: say another CORRECTED_FROM" if known else 0)
+PYTHON
     wheelarm collect "$plan" --dry-run >"$out/plan.txt" || die "the plan $plan is refused"
     wheelarm-server --list-adapters >"$out/adapters.txt" 2>&1 || die "wheelarm-server --list-adapters: $(tail -n 2 "$out/adapters.txt")"
     say "$(tail -n 1 "$out/adapters.txt"); $(df -h --output=avail "$out" "$tensors" | tail -n 2 | paste -sd' ') free in $out and $tensors"
@@ -112,7 +122,7 @@ export_rows() { # recordings, folder
     [ "$(find "$2" -name '*.safetensors' | wc -l)" -gt 0 ] || die "nothing was exported of $1"
     say "$(find "$2" -name '*.safetensors' | wc -l) episodes exported in $2, $(du -sh "$2" | cut -f1)"
 }
-# Parts of the plan's episodes: training begins with the first half, while the
+# Parts of the plan's episodes: training begins with those of BEFORE, while the
 # processors make the others. A part is exported while the next is made.
 collect() { # first part, the one behind the last, options of collect
     local part pid status exporting=() first=$1 end=$2
@@ -220,7 +230,7 @@ for ((part = 0; part < before; part++)); do
     folders+=("$tensors/data-$part")
 done
 train 0 "${training[0]}" "${folders[@]}"
-wait $second || die "the second half of the episodes is missing"
+wait $second || die "the other parts of the episodes are missing"
 rounds=$((${#training[@]} - 1))
 for ((part = before; part < parts; part++)); do
     [ ! -e "$out/data-$part.done" ] || folders+=("$tensors/data-$part")

@@ -124,29 +124,33 @@ def check_asked():
         write_episode(folder / "b.safetensors", "pick_tin", "table", "tin", table, 4)
         write_episode(folder / "c.safetensors", "pick_bowl", "sink", "bowl", table, 3)
         write_episode(folder / "d.safetensors", "pick_tin", "table", "tin", table, 0)
+        # Which of two it is about differs: no sentence of it fits another scene.
+        write_episode(folder / "f.safetensors", "pick_any", "table", "bowl", table, 1)
+        write_episode(folder / "g.safetensors", "pick_any", "table", "tin", table, 1)
         write_episode(folder / "e.safetensors", "pick_tin", "table", "tin", table, 2, expert=False)
         cameras = [("gen3", (2, 4)), ("wheelchair", (2, 4))]
         cpu = torch.device("cpu")
-        episodes = Episodes(find([folder]), cameras, cpu, cpu, aims=14)
+        episodes = Episodes(find([folder]), cameras, cpu, cpu, aims=14, things=True)
     vocabulary = ["<unknown>", "get", "the", "bowl", "cup", "tin"]
     episodes.tell(vocabulary, ["pick_*"])
     rows = torch.arange(episodes.total).repeat(200)
     torch.manual_seed(3)
     asked = episodes.asked(rows, 0.5)
-    assert episodes.tasks == ["pick_bowl", "pick_cup", "pick_tin"]
+    assert episodes.tasks == ["pick_any", "pick_bowl", "pick_cup", "pick_tin"]
     by_row = [set(asked[rows == row].tolist()) for row in range(episodes.total)]
     # The bowl is of another area, and nothing else is there.
-    assert by_row == [{-1, 2}] * 5 + [{-1, 1}] * 4 + [{-1}] * 3, by_row
+    assert by_row == [{-1, 3}] * 5 + [{-1, 2}] * 4 + [{-1}] * 3 + [{-1, 2, 3}, {-1, 2}], by_row
     share = (asked[rows < 9] >= 0).float().mean().item()
     assert 0.45 < share < 0.55, share
 
     _, _, is_pad, words = episodes.numbers(rows, 2, True, asked)
     places = episodes.places(rows, asked)
     for row, other, pads, said, place in zip(rows.tolist(), asked.tolist(), is_pad, words, places):
-        own = 1 if row < 5 else 2 if row < 9 else 0  # number of the task, and of its thing in all names
-        expected = own if other < 0 else other
-        assert vocabulary[said[2]] == table[expected], (row, other, said)
-        assert place[:7].tolist() == [100.0 * expected + row - (0, 5, 9)[(row >= 5) + (row >= 9)]] * 7
+        episode = sum(row >= first for first in (5, 9, 12, 13))
+        own, first = [(1, 0), (2, 5), (0, 9), (0, 12), (2, 13)][episode]  # thing in all names; first row
+        expected = own if other < 0 else other - 1
+        assert vocabulary[said[2]] == table[expected] or (episode > 2 and other < 0), (row, other, said)
+        assert place[:7].tolist() == [100.0 * expected + row - first] * 7
         assert place[7:].isnan().all()
         assert pads.all() == (other >= 0), (row, other, pads)
     assert torch.equal(episodes.places(rows).nan_to_num(), episodes.aims[rows].nan_to_num())

@@ -95,7 +95,7 @@ def find(folders, keep_failed=False):
 
 
 def split(files, share):
-    """Training and validation: whole seeds, the same whatever else is there."""
+    """Training and validation: whole seeds, chosen by their hashes."""
     seeds = sorted({file.about["seed"] for file in files})
     ranked = sorted(seeds, key=lambda s: hashlib.sha256(str(s).encode()).digest())
     count = 0 if share <= 0 or len(seeds) < 2 else max(1, round(share * len(seeds)))
@@ -120,34 +120,42 @@ def without_pauses(actions, names, longest):
     return np.nonzero(since <= longest)[0]
 
 
+def drawn(count):
+    """A number from 0 to below each of `count`; 0 where that is 0."""
+    return (torch.rand(count.shape, device=count.device) * count).long().minimum((count - 1).clamp(min=0))
+
+
 class Asked:
     """What could be asked for in the scene of another task of the same area."""
 
     def __init__(self, files, tasks):
-        self.tasks = tasks
-        about = {file.about["task"]: file.about for file in files if file.about.get("thing_names")}
-        self.thing = [about[task]["thing"] if task in about else None for task in tasks]
-        self.area = [about[task]["area"] if task in about else None for task in tasks]
+        about = {task: set() for task in tasks}
+        for file in files:
+            if file.about.get("thing_names"):
+                about[file.about["task"]].add((file.about["thing"], file.about["area"]))
+        # Whose thing is another in every scene is not asked for: the sentence does not fit.
+        self.of = [next(iter(about[task])) if len(about[task]) == 1 else (None, None) for task in tasks]
 
     def others(self, file):
         """Numbers of the tasks that are about another thing of the file's area."""
-        area, names = file.about["area"], file.about.get("thing_names") or []
-        of = enumerate(zip(self.thing, self.area))
-        return [k for k, (thing, there) in of if there == area and thing in names and thing != file.about["thing"]]
+        names = file.about.get("thing_names") or []
+        fits = lambda thing, area: area == file.about["area"] and thing in names and thing != file.about["thing"]  # noqa: E731
+        return [task for task, of in enumerate(self.of) if fits(*of)]
 
     def fill(self, out, file, things):
         """Writes where the things of other tasks are: [rows, tasks, numbers]."""
         names, numbers = file.about["thing_names"], out.shape[2]
         for task in self.others(file):
-            at = names.index(self.thing[task]) * numbers
+            at = names.index(self.of[task][0]) * numbers
             out[:, task] = things[:, at : at + numbers]
 
 
 class Episodes:
     """All rows of all files, one behind the other, without what is too long of pauses."""
 
-    def __init__(self, files, cameras, device, store, say=lambda words: None, pause=None, aims=0):
-        """`aims`: numbers of a row that tell where things are; 0: they are not read."""
+    def __init__(self, files, cameras, device, store, say=lambda words: None, pause=None, aims=0, things=False):
+        """`aims`: numbers of a row that tell where things are; 0: they are not read.
+        `things`: where those of other tasks are is read too."""
         start, self.files, self.cameras, self.device = time.monotonic(), files, cameras, device
 
         def stays(file):
@@ -177,7 +185,7 @@ class Episodes:
         self.tasks = sorted({file.about["task"] for file in files})
         self.kinds = np.array([self.tasks.index(file.about["task"]) for file in files])
         of_tasks = Asked(files, self.tasks)
-        things = np.full((total, len(self.tasks), aims // 2), np.nan, np.float32)
+        others = np.full((total, len(self.tasks) if things else 0, aims // 2), np.nan, np.float32)
 
         def load(number):
             at, rows = slice(int(starts[number]), int(ends[number])), kept[number]
@@ -191,8 +199,8 @@ class Episodes:
                     experts[at] = file.get_tensor("expert").numpy()[rows]
                 if aims and files[number].shapes.get("aims", [0, 0])[1] == aims:
                     told[at] = file.get_tensor("aims").numpy()[rows]
-                    if "things" in files[number].shapes:
-                        of_tasks.fill(things[at], files[number], file.get_tensor("things").numpy()[rows])
+                    if things and "things" in files[number].shapes:
+                        of_tasks.fill(others[at], files[number], file.get_tensor("things").numpy()[rows])
 
         with ThreadPoolExecutor(8) as pool:
             for _ in pool.map(load, range(len(files))):
@@ -211,7 +219,7 @@ class Episodes:
         self.state = torch.from_numpy(states).to(device)
         self.action = torch.from_numpy(actions).to(device)
         self.aims = torch.from_numpy(told).to(device)
-        self.things, self.of_tasks = torch.from_numpy(things).to(device), of_tasks
+        self.things, self.of_tasks = torch.from_numpy(others).to(device), of_tasks
         self.limit = torch.from_numpy(limits).to(device)
         self.episode = torch.from_numpy(np.repeat(np.arange(len(files)), ends - starts)).to(device)
         self.starts, self.ends = starts, ends
@@ -269,9 +277,8 @@ class Episodes:
         the same area; -1 for those that are told their own: [B]."""
         episode = self.episode[rows]
         count = self.count_others[episode]
-        chance, place = torch.rand((2, len(rows)), device=rows.device)
-        other = self.others[episode, (place * count).long().minimum((count - 1).clamp(min=0))]
-        return torch.where((chance < share) & (count > 0), other, -1)
+        other = self.others[episode, drawn(count)]
+        return torch.where((torch.rand(len(rows), device=rows.device) < share) & (count > 0), other, -1)
 
     def numbers(self, rows, chunk, is_training, asked=None):
         """State [B, S], actions [B, chunk, A], whether padding [B, chunk], words. Rows
@@ -281,15 +288,12 @@ class Episodes:
         actions = self.action[torch.minimum(at, (limit - 1).clamp(min=0))]
         told = self.episode[rows]
         if is_training:
-            count = self.count_told[told]
-            other = (torch.rand(len(rows), device=rows.device) * count).long().clamp(max=count - 1)
-            told = self.by_task[self.first_told[told] + other]
+            told = self.by_task[self.first_told[told] + drawn(self.count_told[told])]
         is_pad = at >= limit
         if asked is not None:
-            count = self.count_of_task[asked]
-            other = (torch.rand(len(rows), device=rows.device) * count).long().clamp(max=count - 1)
             is_asked = asked >= 0
-            told = torch.where(is_asked, self.by_task[self.first_of_task[asked] + other], told)
+            other = self.first_of_task[asked] + drawn(self.count_of_task[asked])
+            told = torch.where(is_asked, self.by_task[other], told)
             is_pad = is_pad | is_asked[:, None]
         return self.state[rows], actions, is_pad, self.words[told]
 

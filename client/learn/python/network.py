@@ -422,12 +422,14 @@ class Policy(nn.Module):
 
     def loss(self, pictures, state, words, actions, is_pad, kl_weight):
         """The loss, its parts by name, and the encoder's tokens. Padding counts as no
-        error, as in LeRobot."""
+        error, as in LeRobot; rows that are nothing but padding do not count."""
         language = self.language(words)
         if self.shape.kind == "act":
             found, mean, log_variance, memory = self.model(pictures, state, language, actions, is_pad)
-            l1 = ((found - actions).abs() * ~is_pad[..., None]).mean()
-            kl = (-0.5 * (1 + log_variance - mean**2 - log_variance.exp())).sum(-1).mean()
+            counts = (~is_pad.all(1)).float()
+            share = counts.mean().clamp(min=1 / len(counts))
+            l1 = ((found - actions).abs() * ~is_pad[..., None]).mean() / share
+            kl = ((-0.5 * (1 + log_variance - mean**2 - log_variance.exp())).sum(-1) * counts).mean() / share
             return l1 + kl_weight * kl, {"l1": l1, "kl": kl}, memory
         memory, key = self.memory(pictures, state, language)
         noise = torch.randn_like(actions)
@@ -435,7 +437,8 @@ class Policy(nn.Module):
         time = 1 - 0.999 * torch.rand(len(state), device=state.device) ** (1 / 1.5)
         at = time[:, None, None]
         found = self.flow(at * actions + (1 - at) * noise, time, memory, key)
-        square = ((found - (actions - noise)) ** 2 * ~is_pad[..., None]).mean()
+        share = (~is_pad.all(1)).float().mean().clamp(min=1 / len(is_pad))
+        square = ((found - (actions - noise)) ** 2 * ~is_pad[..., None]).mean() / share
         return square, {"flow": square}, memory
 
     def memory(self, pictures, state, language):

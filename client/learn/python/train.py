@@ -135,6 +135,8 @@ def main():
 
 
 def train(options, started):
+    if options.ask_others and (not options.aim_weight or not options.share_sentences or options.no_language):
+        raise ValueError("--ask-others needs --aim-weight, --share-sentences and words: say them, or leave it out")
     device = torch.device(options.device)
     tf32 = options.precision == "tf32"
     torch.backends.cuda.matmul.allow_tf32 = torch.backends.cudnn.allow_tf32 = tf32
@@ -154,16 +156,18 @@ def train(options, started):
         raise NoData(f"cameras differ in size ({cameras}): export them with --size")
     padded = tuple(-(-side // MULTIPLE) * MULTIPLE for side in cameras[0][1])
     learned, held = split(files, options.validation)
+    before = set(policy_file.read(options.init)[1].get("training_seeds", [])) if options.init else set()
+    if known := [file for file in held if file.about["seed"] in before]:
+        log.say(f"{len(known)} episodes are not held out: --init has learned from their seeds")
+        held = [file for file in held if file.about["seed"] not in before]
     store = place(options, device, files, names)
-    aim_width = aims.width(len(cameras)) if options.aim_weight else 0
+    aim_width, asks = aims.width(len(cameras)) if options.aim_weight else 0, options.ask_others > 0
     if aim_width and names != sorted(available):
         raise ValueError("--aim-weight needs all cameras of the episodes: leave --cameras out")
-    episodes = Episodes(learned, cameras, device, store, log.say, options.pause, aim_width)
-    tests = Episodes(held, cameras, device, store, log.say, options.pause, aim_width) if held else None
+    episodes = Episodes(learned, cameras, device, store, log.say, options.pause, aim_width, asks)
+    tests = Episodes(held, cameras, device, store, log.say, options.pause, aim_width, asks) if held else None
     if aim_width and not episodes.aims.isfinite().any():
         raise NoData("no episode tells where things are (`aims`): export anew, or leave --aim-weight out")
-    if options.ask_others and not (aim_width and options.share_sentences and not options.no_language):
-        raise ValueError("--ask-others needs --aim-weight, --share-sentences and words")
     numbers = statistics(episodes)
     vocabulary = []
     if not options.no_language:
@@ -172,7 +176,10 @@ def train(options, started):
         if part is not None:
             part.tell(vocabulary, [p for p in options.share_sentences.split(",") if p])
     if options.ask_others and not episodes.count_others.any():
-        raise NoData("no scene has a thing of another task (`things`): export anew, or leave --ask-others out")
+        raise NoData(
+            "nothing can be asked for by --ask-others: episodes of before tell no `things` (export anew), or no two tasks "
+            f"of one area, each about one thing, fit --share-sentences {options.share_sentences!r}; leave it out else"
+        )
 
     shape = Shape(
         kind=options.kind, state=len(about["state_names"]), action=len(about["action_names"]),
@@ -349,7 +356,7 @@ class Run:
             words = torch.where(hide & (words >= 0), 0, words)
         state = state * self.shown
         actions = (actions - self.action_mean) / self.action_std
-        return pictures, state, words, actions, is_pad, self.aimed(source, rows, moved, asked)
+        return pictures, state, words, actions, is_pad, self.aimed(source, rows, moved, asked), asked
 
     def aimed(self, source, rows, moved, asked):
         """Places of thing and goal, metres, and their pixels in the padded pictures."""
@@ -453,7 +460,7 @@ class Run:
     def learn(self):
         """One step of the optimiser."""
         options = self.options
-        pictures, state, words, actions, is_pad, aimed = self.batch(self.drawn(), self.episodes, True, options.ask_others)
+        pictures, state, words, actions, is_pad, aimed, _ = self.batch(self.drawn(), self.episodes, True, options.ask_others)
         bf16 = options.precision == "bf16"
         with torch.autocast(self.device.type, torch.bfloat16, enabled=bf16, cache_enabled=not self.is_graphed):
             loss, parts, memory = self.network.loss(pictures, state, words, actions, is_pad, options.kl)
@@ -532,7 +539,7 @@ class Run:
         off, asked_off = torch.zeros((2, 2), device=self.device)
         by_task = torch.zeros(2, len(tests.tasks), device=self.device)
         for part in rows.split(options.batch):
-            pictures, state, words, actions, is_pad, aimed = self.batch(part, tests, False)
+            pictures, state, words, actions, is_pad, aimed, _ = self.batch(part, tests, False)
             start = torch.randn(actions.shape, device=self.device, generator=noise)
             with torch.autocast(self.device.type, torch.bfloat16, enabled=options.precision == "bf16"):
                 found, memory = self.network.found(pictures, state, words, start)
@@ -540,7 +547,7 @@ class Run:
                 off = off + self.missed(memory, aimed)
             kept = (~is_pad[..., None]).float()
             if options.ask_others:
-                asked_off = asked_off + self.asked(part)
+                asked_off = asked_off + self.missed_others(part)
             own_error = ((found.float() - actions).abs() * kept).mean(2)
             error = error + own_error.sum(0)
             by_task[0].index_add_(0, tests.task[part], own_error.sum(1))
@@ -566,15 +573,15 @@ class Run:
         far = (self.network.aims.places(memory.float()) - aimed[0]).norm(dim=-1)[:, 0]
         return torch.stack((far.nan_to_num().sum(), far.isfinite().sum()))
 
-    def asked(self, rows):
-        """As `missed`, of the other things of held-out rows."""
+    def missed_others(self, rows):
+        """As `missed`, of held-out rows that are asked for another thing."""
         devices = [self.device] if self.device.type == "cuda" else []
         with torch.random.fork_rng(devices):
             torch.manual_seed(0)
-            pictures, state, words, _, is_pad, aimed = self.batch(rows, self.tests, False, 1.0)
+            pictures, state, words, _, _, aimed, asked = self.batch(rows, self.tests, False, 1.0)
         with torch.autocast(self.device.type, torch.bfloat16, enabled=self.options.precision == "bf16"):
             _, memory = self.network.found(pictures, state, words)
-        places = torch.where(is_pad.all(1)[:, None, None], aimed[0], torch.nan)
+        places = torch.where((asked >= 0)[:, None, None], aimed[0], torch.nan)
         return self.missed(memory, (places, aimed[1]))
 
     def save(self, log):

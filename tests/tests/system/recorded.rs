@@ -144,6 +144,22 @@ fn tensors_tell_where_the_thing_of_the_task_is() {
         let seen = last[aim(&format!("thing.wheelchair.{coordinate}"))];
         assert!((0.0..1.0).contains(&seen), "{coordinate} {seen}");
     }
+    // Everything else that is there is told too, in the order of the names.
+    let (things, _) = tensor(&file, "things");
+    let names = about["thing_names"].as_array().expect("names");
+    assert_eq!(things[0].len(), 7 * names.len());
+    let own = 7 * place(
+        &about["thing_names"],
+        about["thing"].as_str().expect("a thing"),
+    );
+    let other = 7 * place(&about["thing_names"], "crackers");
+    for (row, all) in aims.iter().zip(&things) {
+        let same = row[..7].iter().zip(&all[own..]);
+        assert!(same.clone().all(|(a, b)| a.to_bits() == b.to_bits()));
+        assert!(all[other..][..3].iter().all(|place| place.is_finite()));
+    }
+    let apart = [0, 1, 2].map(|k| (things[0][own + k] - things[0][other + k]).powi(2));
+    assert!(apart.iter().sum::<f32>().sqrt() > 0.05, "{apart:?}");
     // It is put nowhere.
     for row in &aims {
         assert!(row[aim("thing.x")].is_finite());

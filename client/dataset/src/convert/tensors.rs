@@ -30,13 +30,14 @@ const TABLE: [&str; 3] = ["joint_state", "pose", "imu"];
 /// | `phase`, `incident`, `success` | N, u8 | label 0 to 3; error on purpose 0 to 3; the task holds |
 /// | `expert` | N, u8 | 0 where a policy commanded, whose deeds are no example |
 /// | `aims` | N × 2 (3 + 2 cameras), f32 | where the task's thing and goal are ([`super::aims`]); only where objects are recorded |
-/// | `things` | N × things (3 + 2 cameras), f32 | where everything is that could be asked for; with `aims` |
+/// | `things` | N × things (3 + 2 cameras), f32 | where every object and slide of the home is, in the order of `thing_names`; with `aims` |
 /// | `table` | N × 112, f32 | WheelArm-Sim's columns, not a number where there is no sample; only with an IMU in the recording |
 /// | `pictures.CAMERA` | N × height × width × 3, u8 | what the robot saw, sRGB |
 /// | `depth.CAMERA` | N × height × width, u16 | with [`Tensors::depth`]: millimetres, 0 where nothing is |
 ///
 /// The metadata has one key, `wheelarm`, whose text is JSON: the layout, label,
-/// instruction, task, seed, success, rate, names and units, cameras.
+/// instruction, task, seed, success, rate, names and units, cameras; `thing` is that of
+/// `thing_names` that the task is about.
 #[derive(Clone, Debug)]
 pub struct Tensors {
     /// Folder of the files.
