@@ -57,6 +57,7 @@ export WHEELARM_PYTHON ?= $(CURDIR)/.venv/bin/python
 all: build
 
 build:
+	scripts/setup.sh room 3
 	scripts/setup.sh
 	$(CARGO) build --release --bins
 
@@ -78,6 +79,7 @@ demo: build
 	$(BUILT)/wheelarm demo --seed $(SEED) --out $(OUT)
 
 test:
+	scripts/setup.sh room 8
 	scripts/setup.sh chromium
 	scripts/setup.sh python numpy h5py pyarrow mcap protobuf:google.protobuf foxglove-schemas-protobuf:foxglove_schemas_protobuf \
 		rosbags==0.11.9:rosbags eclipse-zenoh==1.10.2:zenoh gymnasium pytest grpcio-tools:grpc_tools

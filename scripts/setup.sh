@@ -3,8 +3,24 @@
 #   scripts/setup.sh          system packages (HDF5, Vulkan loader and a CPU driver)
 #   scripts/setup.sh python   also strace, ffmpeg, and .venv with the Python packages named after it
 #   scripts/setup.sh chromium   also a browser for the test that opens a page, if apt has one
+#   scripts/setup.sh room GB    nothing but says whether the disk has room to compile
 set -euo pipefail
 cd "$(dirname "$0")/.."
+
+# A disk that fills up ends a compiler after a quarter of an hour, with words about
+# something else. What is compiled already counts as room.
+if [ "${1:-}" = room ]; then
+    target=${CARGO_TARGET_DIR:-target}
+    mkdir -p "$target"
+    free=$(df -Pk "$target" | awk 'NR == 2 { print $4 }')
+    used=$(du -sk "$target" | cut -f1)
+    if [ $(((free + used) / 1000000)) -lt "$2" ]; then
+        echo "$(df -Ph "$target" | awk 'NR == 2 { print $4 }') are free for $target, and compiling takes $2 GB:" >&2
+        echo "make room, or name a folder on another disk by CARGO_TARGET_DIR" >&2
+        exit 1
+    fi
+    exit
+fi
 
 missing=()
 need() { # package, test command

@@ -34,6 +34,8 @@
 #   TENSORS   folder of the exported episodes, 30 GB for the plan (OUT/tensors); the
 #             corrections', as much again, are in OUT/tensors
 #   PROGRAMS  folder of wheelarm and its programs (target/release)
+#   WORD_VECTORS   GloVe's or word2vec's text file: what comes of it is taught to read
+#             (text_encoder.py), and evaluated like that (not taught)
 #   NETWORK   more options of train.py (--ask-others 0 where no two tasks share an area)
 #   DEVICE_OPTIONS   of train.py for another device (--precision bf16 --store device)
 set -euo pipefail
@@ -260,6 +262,18 @@ for round in $(seq 1 $rounds); do
 done
 final=$out/tasks.safetensors
 [ -e "$final" ] || "$python" $learn/export.py "$out/policy-$rounds/policy.safetensors" --bits 8 --out "$final"
+if [ -n "${WORD_VECTORS:-}" ]; then
+    # Sentences of scenes that nothing is evaluated on; a scene is drawn in some 50 ms.
+    for task in ${tasks//,/ }; do
+        [ -e "$out/sentences-$task.jsonl" ] || { wheelarm-server --task "$task" --sentences 10000..10150 --each 4 >"$out/$task.part" \
+            && mv "$out/$task.part" "$out/sentences-$task.jsonl"; } &
+    done
+    wait
+    reads=$out/tasks-reads.safetensors
+    [ -e "$reads" ] || "$python" $learn/text_encoder.py "$final" --sentences "$out"/sentences-*.jsonl \
+        --word-vectors "$WORD_VECTORS" --out "$reads" | tee "$out/text_encoder.log"
+    final=$reads
+fi
 served="exec:$python $learn/serve.py $final"
 # Servers wait for answers, so that there are a few more than processors.
 half=$(((jobs * 5 + 7) / 8))

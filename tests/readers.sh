@@ -98,6 +98,7 @@ unset PYTHONPATH
 echo "== ACT against LeRobot's"
 "$python" -W ignore "$root/tests/python/check_act.py" "$root/client/learn/python"
 "$python" -W ignore "$root/tests/python/check_aims.py"
+"$python" -W ignore "$root/tests/python/check_text.py"
 echo "== our trainer, in two pieces"
 wheelarm dataset export --format tensors data/session --size 64x36 --trim-idle 0.5 --out data/tensors >/dev/null
 train() {

@@ -16,7 +16,7 @@ use wheelarm_proto::keys::{self, Keys};
 use wheelarm_proto::look::LookText;
 use wheelarm_proto::output::end_with_output;
 use wheelarm_proto::program::{EXIT_SCENARIO, Ready, tasks_to_json, told, version};
-use wheelarm_proto::settings::{Named, Pacing, Quality, Starts};
+use wheelarm_proto::settings::{LanguageSplit, Named, Pacing, Quality, Starts};
 use wheelarm_proto::v1;
 use wheelarm_server::environment;
 use wheelarm_server::robot::RobotModel;
@@ -151,6 +151,18 @@ struct Args {
     /// line of names, and ends.
     #[arg(long, value_name = "A..B", value_parser = seeds)]
     draws: Option<std::ops::Range<u64>>,
+    /// Prints with what sentences --task begins at these seeds and ends: one line of
+    /// JSON each, with task, target, seed and instruction. What teaches words needs no
+    /// episodes.
+    #[arg(long, value_name = "A..B", value_parser = seeds, conflicts_with = "draws")]
+    sentences: Option<std::ops::Range<u64>>,
+    /// With --sentences: templates and names that are said [default: as the scenario
+    /// says, else train].
+    #[arg(long, requires = "sentences", value_parser = named::<LanguageSplit>())]
+    language_split: Option<LanguageSplit>,
+    /// With --sentences: sentences of each scene.
+    #[arg(long, requires = "sentences", value_name = "N", default_value_t = 1)]
+    each: u64,
     /// Prints the graphics adapters and ends: index, name, driver and PCI id.
     #[arg(long)]
     list_adapters: bool,
@@ -210,6 +222,42 @@ fn print_draws(
         let draw = tasks::draw(&task, variant, scene, seed, floor);
         let row = table::row(&task.area, scene, &task.name, name, seed, &draw);
         writeln!(out, "{row}")?;
+    }
+    Ok(())
+}
+
+/// Prints the sentences of a task.
+fn print_sentences(
+    assets: &Path,
+    asked: &v1::Scenario,
+    seeds: std::ops::Range<u64>,
+    split: Option<LanguageSplit>,
+    each: u64,
+) -> anyhow::Result<()> {
+    let mut asked = asked.clone();
+    let mut language = asked.language.take().unwrap_or_default();
+    if asked.task() == "" {
+        bail!("--sentences needs a task: name one with --task (--list-tasks tells them)");
+    }
+    let split = split.or(LanguageSplit::told(language.split()));
+    language.set_split(split.unwrap_or(LanguageSplit::Train).code());
+    let first = language.seed;
+    let mut out = std::io::BufWriter::new(std::io::stdout().lock());
+    for seed in seeds {
+        for n in 0..each {
+            asked.seed = Some(seed);
+            language.seed = first.wrapping_add(n);
+            asked.language = Some(language.clone());
+            let mut scenario = startup::scenario(&asked)?;
+            scenario.cameras.clear();
+            let sim = Simulation::new(assets, scenario)?;
+            let told = sim.scenario();
+            let line = serde_json::json!({
+                "task": told.task, "target": told.target, "seed": seed,
+                "instruction": told.instruction,
+            });
+            writeln!(out, "{line}")?;
+        }
     }
     Ok(())
 }
@@ -399,6 +447,10 @@ async fn serve(args: Args) -> anyhow::Result<()> {
     let mut scenario = startup::scenario(&args.scenario()?)?;
     if let Some(seeds) = args.draws {
         return print_draws(&assets, &scenario, seeds);
+    }
+    if let Some(seeds) = args.sentences.clone() {
+        let asked = args.scenario()?;
+        return print_sentences(&assets, &asked, seeds, args.language_split, args.each);
     }
     if args.no_cameras {
         scenario.cameras.clear();

@@ -19,6 +19,11 @@ def begin_from(network, path, card):
     what it answered before. `card` tells the new ones. Gives the card of the policy,
     whose training seeds are those of this one too."""
     state, before = policy_file.read(path)
+    if before["network"].get("text_layers"):
+        raise ValueError(
+            f"{path} reads by a text encoder, and what is trained takes the mean of its words: "
+            "begin with the policy that it was taught from, and teach what comes of it (text_encoder.py)"
+        )
     own = network.state_dict()
     fits = {name: t for name, t in state.items() if name in own and own[name].shape == t.shape}
     fits |= words(state, own, before["vocabulary"], card["vocabulary"])

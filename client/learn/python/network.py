@@ -6,7 +6,7 @@ ways; what LeRobot does not have (word vectors, the flow head) has names of its 
 
 import functools
 import math
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 
 import torch
 import torch.nn.functional as F
@@ -25,7 +25,11 @@ class Shape:
     chunk: int = 20
     cameras: int = 2
     words: int = 0  # size of the vocabulary with the unknown word; 0: no language
-    word_width: int = 300
+    word_width: int = 300  # of what the words say together, and of a word's vector without text_layers
+    text_layers: int = 0  # of a transformer that reads the words in their order; 0: their mean
+    text_width: int = 100  # of a word's vector, with text_layers
+    text_dim: int = 96
+    text_heads: int = 4
     width: int = 64  # channels of ResNet18's first stage
     film: bool = False  # the words scale and shift what each stage of the ResNet gives
     norm: str = "group"  # group, frozen-bn, or in training batch, which is served as frozen-bn
@@ -396,6 +400,28 @@ class Flow(nn.Module):
         return self.action_out(self.norm(x))
 
 
+class TextEncoder(nn.Module):
+    """Reads words in their order: vectors [B, L, text_width] to [B, word_width]."""
+
+    def __init__(self, shape):
+        super().__init__()
+        dim = shape.text_dim
+        self.input = nn.Linear(shape.text_width, dim)
+        layers = replace(shape, dim=dim, heads=shape.text_heads, feedforward=4 * dim)
+        self.encoder = Encoder(layers, shape.text_layers)
+        self.output = nn.Linear(dim, shape.word_width)
+
+    def forward(self, vectors, known):
+        """`known`: [B, L], false behind the end of a sentence."""
+        x = self.input(vectors)
+        # A sentence without a word is one word that says nothing.
+        first = torch.arange(known.shape[1], device=known.device) == 0
+        known = known | (first & ~known.any(1, keepdim=True))
+        x = self.encoder(x, sinusoids(*x.shape[1:]).to(x)[None], known)
+        counts = known[..., None].to(x.dtype)
+        return self.output((x * counts).sum(1) / counts.sum(1))
+
+
 class Policy(nn.Module):
     """The whole network with its words: what is trained, saved and served."""
 
@@ -403,6 +429,8 @@ class Policy(nn.Module):
         super().__init__()
         if shape.film and not shape.words:
             raise ValueError("there are no words for --film: leave --no-language out")
+        if shape.text_layers and not shape.words:
+            raise ValueError("there are no words for text_layers")
         self.shape = shape
         self.model = Act(shape)
         if shape.kind == "flow":
@@ -410,14 +438,18 @@ class Policy(nn.Module):
         elif shape.kind != "act":
             raise ValueError(f"no network is called {shape.kind!r}; there are act and flow")
         if shape.words:
-            self.words = nn.Embedding(shape.words, shape.word_width)
+            self.words = nn.Embedding(shape.words, shape.text_width if shape.text_layers else shape.word_width)
+        if shape.text_layers:
+            self.text = TextEncoder(shape)
 
     def language(self, words):
-        """The mean of the vectors of the words: [B, L] indices, -1 for none."""
+        """What the words say, [B, word_width]: [B, L] indices, -1 for none."""
         if not self.shape.words:
             return None
         known = (words >= 0)[..., None]
         vectors = self.words(words.clamp(min=0)) * known
+        if self.shape.text_layers:
+            return self.text(vectors, known[..., 0])
         return vectors.sum(1) / known.sum(1).clamp(min=1)
 
     def loss(self, pictures, state, words, actions, is_pad, kl_weight):

@@ -24,6 +24,7 @@ CASES = {
     "act-8bit": dict(bits=8, width=4),
     "act-16bit": dict(bits=16),
     "act-film": dict(film=True),
+    "act-text": dict(film=True, text_layers=2, text_width=10, text_dim=8, text_heads=2),
     "flow": dict(kind="flow", flow_layers=2, flow_steps=4),
 }
 

@@ -37,6 +37,14 @@ impl Vocabulary {
         }
         shares
     }
+
+    /// Places of its words in their order, 0 for one that was never seen.
+    #[must_use]
+    pub fn in_order(&self, sentence: &str) -> Vec<i32> {
+        let words = words_of(sentence);
+        let place = |word: &String| self.places.get(word).copied().unwrap_or(0);
+        words.iter().map(|word| place(word) as i32).collect()
+    }
 }
 
 /// All words of sentences in order, the unknown one first.
@@ -73,6 +81,7 @@ mod tests {
         assert_eq!(all, [UNKNOWN, "can", "mug", "the"]);
         let all = Vocabulary::new(&all);
         assert_eq!(all.shares("The red mug, the mug"), [0.2, 0.0, 0.4, 0.4]);
+        assert_eq!(all.in_order("The red mug, the mug"), [3, 0, 2, 3, 2]);
         assert_eq!(all.shares(""), [0.0; 4]);
         assert!(Vocabulary::new(&[]).shares("the mug").is_empty());
     }

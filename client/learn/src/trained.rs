@@ -12,7 +12,7 @@ use wheelarm_proto::v1;
 
 use crate::card::Card;
 use crate::language::Vocabulary;
-use crate::network::{Inputs, Kind, Network};
+use crate::network::{Inputs, Kind, Network, Words};
 use crate::picture;
 use crate::serve::Policy;
 use crate::weights::WeightsFile;
@@ -155,12 +155,18 @@ impl Trained {
         let pictures: Vec<&[u8]> = pictures.map(|p| p.rgb.as_ref()).collect();
         let states = seen.iter().flat_map(|(_, moment)| self.state(moment));
         let states = TensorData::new(states.collect::<Vec<_>>(), [batch, shape.state]);
-        let words = (shape.words > 0).then(|| {
-            let shares = seen
-                .iter()
-                .flat_map(|(s, _)| self.vocabulary.shares(&s.instruction));
-            let shares = TensorData::new(shares.collect::<Vec<_>>(), [batch, shape.words]);
-            Tensor::from_data(shares, &self.device)
+        let sentences = seen.iter().map(|(s, _)| s.instruction.as_str());
+        let words = (shape.words > 0).then(|| match shape.text_layers {
+            0 => {
+                let shares = sentences.flat_map(|told| self.vocabulary.shares(told));
+                let shares = TensorData::new(shares.collect::<Vec<_>>(), [batch, shape.words]);
+                Words::Shares(Tensor::from_data(shares, &self.device))
+            }
+            _ => Words::InOrder(
+                sentences
+                    .map(|told| self.vocabulary.in_order(told))
+                    .collect(),
+            ),
         });
         let noise = (shape.kind == Kind::Flow).then(|| {
             let noise = seen.iter().flat_map(|(s, _)| noise(s.seed, s.tick));

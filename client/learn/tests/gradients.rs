@@ -6,7 +6,7 @@ use std::sync::OnceLock;
 use burn::module::{Module, ModuleMapper, ModuleVisitor, Param};
 use burn::prelude::*;
 use burn::tensor::{Distribution, FloatDType, Gradients, TensorData};
-use wheelarm_learn::network::{Inputs, Kind, Network, NormKind, Shape};
+use wheelarm_learn::network::{Inputs, Kind, Network, NormKind, Shape, Words};
 
 /// Step of the differences.
 const STEP: f64 = 1e-6;
@@ -119,7 +119,7 @@ fn check(shape: &Shape) {
         let inputs = Inputs {
             pictures: pictures.clone().reshape([2, 3, 32, 64]),
             state: state.clone(),
-            words: Some(words.clone()),
+            words: Some(Words::Shares(words.clone())),
         };
         let wanted = actions.clone().reshape([2, 3, 4]);
         if shape.kind == Kind::Flow {

@@ -80,12 +80,13 @@ fn apart(a: &[f32], b: &[f32]) -> f32 {
 /// Makes a moment one that does not fit.
 type Spoil = fn(&mut v1::PolicyMoment);
 
-const CASES: [&str; 6] = [
+const CASES: [&str; 7] = [
     "act",
     "act-frozen",
     "act-16bit",
     "act-8bit",
     "act-film",
+    "act-text",
     "flow",
 ];
 

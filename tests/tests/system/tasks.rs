@@ -5,11 +5,13 @@ use std::process::Output;
 
 use nalgebra::{Isometry3, Point3, Rotation3, Vector3};
 use serde_json::Value;
+use wheelarm_proto::settings::LanguageSplit;
 use wheelarm_server::sensors::camera::{
     Binding, CameraSpec, Intrinsics, Quality, RenderScene, Renderer,
 };
 use wheelarm_server::sim::{Scenario, Simulation};
-use wheelarm_tests::{TASKS, printed, root, wheelarm};
+use wheelarm_server::tasks::{Language, POLITENESS};
+use wheelarm_tests::{TASKS, printed, program, root, wheelarm};
 
 /// The seed that is looked at.
 const SEED: &str = "1..2";
@@ -125,5 +127,59 @@ fn tasks_of_an_area_begin_with_the_same_pictures() {
     assert!(
         mustard != pictures("pick_crackers", 9001),
         "the same for another seed"
+    );
+}
+
+/// `--sentences` says what an episode of the same seed begins with.
+#[test]
+fn sentences_are_printed_without_an_episode() {
+    let printed_by = |args: &[&str]| {
+        let mut command = std::process::Command::new(program("wheelarm-server").unwrap());
+        let assets = root().join("assets");
+        let output = command.args(args).arg("--assets").arg(assets).output();
+        output.expect("a process")
+    };
+    let told = |split: &str| -> Vec<Value> {
+        let task = ["--task", "select_coke", "--sentences", "500..502"];
+        let output = printed_by(&[&task[..], &["--each", "2", "--language-split", split]].concat());
+        assert!(output.status.success(), "{}", printed(&output));
+        let text = String::from_utf8(output.stdout).expect("text");
+        let lines = text.lines().map(serde_json::from_str);
+        lines.collect::<Result<_, _>>().expect("JSON")
+    };
+    let train = told("train");
+    assert_eq!(train.len(), 4);
+    for (place, line) in train.iter().enumerate() {
+        let (seed, sentence) = (500 + place as u64 / 2, place as u64 % 2);
+        let scenario = Scenario {
+            task: "select_coke".to_owned(),
+            seed,
+            cameras: Vec::new(),
+            language: Some(Language {
+                seed: sentence,
+                split: LanguageSplit::Train,
+                typo_share: 0.0,
+                politeness_share: POLITENESS,
+                ambiguous_share: 0.0,
+                template: String::new(),
+                question: String::new(),
+            }),
+            ..Scenario::default()
+        };
+        let sim = Simulation::new(&root().join("assets"), scenario).expect("a simulation");
+        assert_eq!(line["seed"], seed);
+        assert_eq!(line["target"], sim.scenario().target.as_str());
+        assert_eq!(line["instruction"], sim.scenario().instruction.as_str());
+    }
+    assert_ne!(train[0]["instruction"], train[1]["instruction"]);
+    let held_out = told("held_out");
+    assert_eq!(held_out[0]["target"], train[0]["target"]);
+    assert_ne!(held_out[0]["instruction"], train[0]["instruction"]);
+
+    let none = printed_by(&["--task", "", "--sentences", "0..1"]);
+    let words = String::from_utf8_lossy(&none.stderr).into_owned();
+    assert!(
+        !none.status.success() && words.contains("--task"),
+        "{words}"
     );
 }

@@ -10,6 +10,7 @@ mod layer;
 mod places;
 mod resnet;
 mod shape;
+mod text;
 mod transformer;
 
 pub use act::{Act, Latent};
@@ -17,6 +18,7 @@ pub use flow::Flow;
 pub use layer::{Embedding, Linear, PictureNorm};
 pub use resnet::ResNet18;
 pub use shape::{Kind, NormKind, Shape, ShapeError};
+pub use text::TextEncoder;
 
 use burn::prelude::*;
 
@@ -26,6 +28,17 @@ pub struct Network {
     model: Act,
     flow: Option<Flow>,
     words: Option<Embedding>,
+    text: Option<TextEncoder>,
+}
+
+/// Sentences, as a network takes them.
+#[derive(Clone, Debug)]
+pub enum Words {
+    /// Share of each word of the vocabulary: batch × words.
+    Shares(Tensor<2>),
+    /// Places in the vocabulary of each sentence's words, in their order: for a network
+    /// with a text encoder.
+    InOrder(Vec<Vec<i32>>),
 }
 
 /// What a network sees; all in the units that it was trained in.
@@ -35,8 +48,8 @@ pub struct Inputs {
     pub pictures: Tensor<4>,
     /// Batch × state.
     pub state: Tensor<2>,
-    /// Share of each word of the vocabulary in the sentence: batch × words.
-    pub words: Option<Tensor<2>>,
+    /// The sentence of each.
+    pub words: Option<Words>,
 }
 
 impl Network {
@@ -44,12 +57,17 @@ impl Network {
     #[must_use]
     pub fn new(shape: &Shape, device: &Device) -> Self {
         let flow = (shape.kind == Kind::Flow).then(|| Flow::new(shape, device));
-        let words =
-            (shape.words > 0).then(|| Embedding::new(shape.words, shape.word_width, 1.0, device));
+        let width = match shape.text_layers {
+            0 => shape.word_width,
+            _ => shape.text_width,
+        };
+        let words = (shape.words > 0).then(|| Embedding::new(shape.words, width, 1.0, device));
+        let reads = shape.words > 0 && shape.text_layers > 0;
         Self {
             model: Act::new(shape, device),
             flow,
             words,
+            text: reads.then(|| TextEncoder::new(shape, device)),
         }
     }
 
@@ -90,8 +108,29 @@ impl Network {
         (found, latent)
     }
 
-    fn language(&self, words: Option<Tensor<2>>) -> Option<Tensor<2>> {
-        let vectors = self.words.as_ref()?;
-        Some(words?.matmul(vectors.weight.val()))
+    /// What the sentences say: batch × word width.
+    fn language(&self, words: Option<Words>) -> Option<Tensor<2>> {
+        let vectors = self.words.as_ref()?.weight.val();
+        let rows = match words? {
+            Words::Shares(shares) => return Some(shares.matmul(vectors)),
+            Words::InOrder(rows) => rows,
+        };
+        let text = self
+            .text
+            .as_ref()
+            .expect("words in order for a text encoder");
+        let (device, [_, width]) = (vectors.device(), vectors.dims());
+        let read = rows.into_iter().map(|row| {
+            // A sentence without a word is one word that says nothing.
+            let told = match row.is_empty() {
+                true => Tensor::zeros([1, width], &device),
+                false => {
+                    let places = Tensor::<1, Int>::from_data(&row[..], &device);
+                    vectors.clone().select(0, places)
+                }
+            };
+            text.forward(told.unsqueeze_dim(0))
+        });
+        Some(Tensor::cat(read.collect(), 0))
     }
 }

@@ -41,8 +41,16 @@ pub struct Shape {
     pub cameras: usize,
     /// Words of the vocabulary with the unknown one; 0: no language.
     pub words: usize,
-    /// Numbers of a word's vector.
+    /// Numbers of what the words say together, and without text layers of a word's vector.
     pub word_width: usize,
+    /// Layers of a transformer that reads the words in their order; 0: their mean.
+    pub text_layers: usize,
+    /// With text layers: numbers of a word's vector.
+    pub text_width: usize,
+    /// Numbers of a token of the text's transformer.
+    pub text_dim: usize,
+    /// Heads of an attention of the text's transformer.
+    pub text_heads: usize,
     /// Channels of the ResNet's first stage.
     pub width: usize,
     /// The words scale and shift what each stage of the ResNet gives.
@@ -83,6 +91,10 @@ impl Default for Shape {
             cameras: 2,
             words: 0,
             word_width: 300,
+            text_layers: 0,
+            text_width: 100,
+            text_dim: 96,
+            text_heads: 4,
             width: 64,
             film: false,
             norm: NormKind::Group,
@@ -123,6 +135,10 @@ impl Shape {
             ("cameras", self.cameras, 1, 16),
             ("words", self.words, 0, 1 << 20),
             ("word_width", self.word_width, 1, 4096),
+            ("text_layers", self.text_layers, 0, 64),
+            ("text_width", self.text_width, 1, 4096),
+            ("text_dim", self.text_dim, 1, 4096),
+            ("text_heads", self.text_heads, 1, 256),
             ("width", self.width, 1, 512),
             ("group_channels", self.group_channels, 1, 4096),
             ("dim", self.dim, 4, 4096),
@@ -149,17 +165,23 @@ impl Shape {
                 "it must be a multiple of the heads",
             ),
             ("dim", self.dim, 4, "it must be a multiple of 4"),
+            (
+                "text_dim",
+                self.text_dim,
+                self.text_heads,
+                "it must be a multiple of the text's heads",
+            ),
         ];
         for (what, value, by, rule) in divides {
             if !value.is_multiple_of(by) {
                 return Err(ShapeError { what, value, rule });
             }
         }
-        if self.film && self.words == 0 {
+        if (self.film || self.text_layers > 0) && self.words == 0 {
             return Err(ShapeError {
                 what: "words",
                 value: self.words,
-                rule: "with film there must be words",
+                rule: "with film or text layers there must be words",
             });
         }
         if self.norm == NormKind::Group && !self.width.is_multiple_of(self.group_channels) {

@@ -12,7 +12,7 @@ use super::{Lesson, Told};
 use crate::card::{ActionCard, CameraCard, Card, FORMAT, PictureCard, StateCard};
 use crate::episodes::{Episode, statistics};
 use crate::language::{Vocabulary, vocabulary};
-use crate::network::{Inputs, Kind, Network, Shape};
+use crate::network::{Inputs, Kind, Network, Shape, Words};
 use crate::picture;
 use crate::trained::noise;
 use crate::weights::Weights;
@@ -146,7 +146,7 @@ impl ActLesson {
             inputs: Inputs {
                 pictures: picture::numbers(card, &pictures, shifts, device),
                 state: tensor2(states, shape.state),
-                words: (shape.words > 0).then(|| tensor2(words, shape.words)),
+                words: (shape.words > 0).then(|| Words::Shares(tensor2(words, shape.words))),
             },
             actions: Tensor::from_data(data, device),
             padding: counts.clone().lower_elem(0.5),

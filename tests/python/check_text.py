@@ -1,0 +1,105 @@
+"""A policy is taught to read by `client/learn/python/text_encoder.py`: what no training
+had is told by its vector, order counts, and what cannot be used is refused in words.
+
+    python tests/python/check_text.py     # needs torch, numpy, safetensors
+"""
+
+import itertools
+import json
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+import numpy as np
+import torch
+
+LEARN = Path(__file__).parents[2] / "client/learn/python"
+sys.path.insert(0, str(LEARN))
+
+import begin
+import policy_file
+from episodes import indices
+from network import Policy, Shape
+
+THINGS = ("mug", "bowl", "bottle")
+NEW = {"beaker": "mug", "basin": "bowl", "flask": "bottle"}  # whose vectors are near
+WIDTH = 12
+
+
+def make(folder):
+    """A policy with random weights that knows THINGS, sentences, and vectors of words."""
+    torch.manual_seed(3)
+    vocabulary = ["<unknown>", *sorted({"get", "take", "the", "left", "of", *THINGS})]
+    shape = Shape(words=len(vocabulary), word_width=16, width=2, group_channels=1, dim=16, feedforward=8, heads=2,
+        encoder_layers=1, vae_layers=1, film=True, state=3, action=2)  # fmt: skip
+    network = Policy(shape)
+    for layer in network.model.film:
+        torch.nn.init.normal_(layer.weight, std=0.3)
+    numbers = lambda count: {"mean": [0.0] * count, "std": [1.0] * count}  # noqa: E731
+    card = {
+        "name": "small", "network": shape.told(), "vocabulary": vocabulary, "training_seeds": [1],
+        "state": {"names": ["a", "b", "c"], "hidden": [], **numbers(3)}, "action": {"names": ["d", "e"], **numbers(2)},
+    }  # fmt: skip
+    policy_file.write(folder / "before.safetensors", network.state_dict(), card, 32)
+    lines = []
+    for verb, (thing, other) in itertools.product(("get", "take"), itertools.permutations(THINGS, 2)):
+        for told in (f"{verb} the {thing}", f"{verb} the {thing} left of the {other}"):
+            lines += [json.dumps({"task": f"pick_{thing}", "target": thing, "seed": 1, "instruction": told})] * 4
+    (folder / "sentences.jsonl").write_text("\n".join(lines))
+    random = np.random.default_rng(5)
+    vectors = {word: random.normal(size=WIDTH) for word in ("get", "take", "the", "left", "of", *THINGS)}
+    vectors |= {new: vectors[known] + 0.25 * random.normal(size=WIDTH) for new, known in NEW.items()}
+    rows = [word + " " + " ".join(f"{x:.4f}" for x in vector) for word, vector in vectors.items()]
+    (folder / "vectors.txt").write_text("\n".join([f"{len(rows)} {WIDTH}", *rows]))
+
+
+def run(folder, out, *more, policy="before.safetensors"):
+    command = [sys.executable, LEARN / "text_encoder.py", policy, "--sentences", "sentences.jsonl", "--word-vectors",
+        "vectors.txt", "--width", str(WIDTH), "--steps", "400", "--bits", "32", "--out", out, *more]  # fmt: skip
+    return subprocess.run(command, cwd=folder, capture_output=True, text=True)
+
+
+def nearest(folder):
+    """Who is asked for, by the language vector that is nearest to that of the plain sentence."""
+    network, card = policy_file.load(folder / "reads.safetensors")
+    ask = lambda told: network.language(torch.tensor([indices(told, card["vocabulary"]) or [-1]]))[0]  # noqa: E731
+    means = {thing: ask(f"get the {thing}") for thing in THINGS}
+    assert ask("").isfinite().all()
+    return lambda told: min(means, key=lambda thing: (ask(told) - means[thing]).norm().item())
+
+
+def main():
+    with tempfile.TemporaryDirectory() as name, torch.no_grad():
+        folder = Path(name)
+        make(folder)
+        told = run(folder, "reads.safetensors")
+        assert told.returncode == 0, told.stderr
+        asked = nearest(folder)
+        for thing, other in itertools.permutations(THINGS, 2):
+            assert asked(f"take the {thing} left of the {other}") == thing, (thing, other)
+        for new, known in NEW.items():
+            assert asked(f"get the {new}") == known, new
+        # The rest of the network is as it was.
+        before, after = (policy_file.read(folder / f"{name}.safetensors")[0] for name in ("before", "reads"))
+        for name in before:
+            if name != "words.weight":
+                assert torch.equal(before[name], after[name]), name
+        for wrong, words in [
+            (run(folder, "reads.safetensors"), "exists already"),
+            (run(folder, "x.safetensors", policy="reads.safetensors"), "has a text encoder already"),
+            (run(folder, "x.safetensors", "--width", "9"), "expected 9"),
+            (run(folder, "x.safetensors", "--sentences", "vectors.txt"), "--sentences` prints"),
+        ]:
+            assert wrong.returncode == 1 and words in wrong.stderr and "Traceback" not in wrong.stderr, wrong.stderr
+        try:
+            begin.begin_from(None, folder / "reads.safetensors", {})
+        except ValueError as problem:
+            assert "text_encoder.py" in str(problem)
+        else:
+            raise AssertionError("a training began from a policy with a text encoder")
+    print("text encoder: ok")
+
+
+if __name__ == "__main__":
+    main()
