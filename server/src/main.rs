@@ -161,7 +161,7 @@ struct Args {
     #[arg(long, requires = "sentences", value_parser = named::<LanguageSplit>())]
     language_split: Option<LanguageSplit>,
     /// With --sentences: sentences of each scene.
-    #[arg(long, requires = "sentences", value_name = "N", default_value_t = 1)]
+    #[arg(long, requires = "sentences", value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u64).range(1..=100_000))]
     each: u64,
     /// Prints the graphics adapters and ends: index, name, driver and PCI id.
     #[arg(long)]

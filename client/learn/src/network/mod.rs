@@ -32,6 +32,7 @@ pub struct Network {
 }
 
 /// Sentences, as a network takes them.
+#[expect(clippy::large_enum_variant, reason = "one stands for a whole batch")]
 #[derive(Clone, Debug)]
 pub enum Words {
     /// Share of each word of the vocabulary: batch × words.
