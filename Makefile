@@ -37,6 +37,8 @@
 #                    nine minutes of one core)
 # make train-mustard   episodes, policy, corrections, policy, evaluation, on a big GPU (RUN=data/mustard)
 # make train-tasks     one policy for all tasks, told in words, likewise (RUN=data/tasks)
+# make train-multiplied   the same training on ten episodes, on what they are multiplied
+#                    into and on as many of the operator, likewise (RUN=data/multiplied)
 # make bench   step, kinematics, cameras and recording beside their references
 
 CARGO ?= cargo
@@ -53,7 +55,7 @@ BUILT := $(or $(CARGO_TARGET_DIR),target)/release
 export WHEELARM_COMMIT ?= $(shell git rev-parse --short=12 HEAD 2>/dev/null)
 export WHEELARM_PYTHON ?= $(CURDIR)/.venv/bin/python
 
-.PHONY: all build static demo test test-learn contract test-cluster test-readers test-data test-original test-adversarial soak train-mustard train-tasks demo-policy bench test-rosbag2 dist test-dist contract-python test-python test-lerobot test-drive bench-drive test-ros people test-people clean
+.PHONY: all build static demo test test-learn contract test-cluster test-readers test-data test-original test-adversarial soak train-mustard train-tasks train-multiplied demo-policy bench test-rosbag2 dist test-dist contract-python test-python test-lerobot test-drive bench-drive test-ros people test-people clean
 all: build
 
 build:
@@ -182,6 +184,12 @@ train-tasks:
 	scripts/setup.sh
 	$(CARGO) build --release --bins
 	scripts/train_tasks.sh $(RUN)
+
+train-multiplied: RUN := data/multiplied
+train-multiplied:
+	scripts/setup.sh
+	$(CARGO) build --release --bins
+	scripts/train_multiplied.sh $(RUN)
 
 bench:
 	scripts/setup.sh python numpy h5py mujoco

@@ -74,6 +74,25 @@ fn uniform(seed: EpisodeSeed, draw: Draw) -> f64 {
 }
 
 impl Disturb {
+    /// As an option says it: one strength of noise, pushes and slips, or what a plan's
+    /// `[disturb]` says, comma separated (`noise=2,pushes=1,share=0.8`).
+    ///
+    /// # Errors
+    /// When it is neither, in words.
+    pub fn from_text(text: &str) -> Result<Self, String> {
+        const CURE: &str = "say a strength from 0 to 3, or noise, pushes and slips (0 to 3) and share (0 to 1) as noise=2,share=0.8";
+        if let Ok(strength) = text.trim().parse() {
+            let strength = Some(strength).filter(|s| *s <= MAX_STRENGTH);
+            let all = strength.map(|strength| Self::all(strength, 0.0));
+            return all.ok_or_else(|| format!("{text} is no strength; {CURE}"));
+        }
+        if text.trim().is_empty() {
+            return Err(CURE.to_owned());
+        }
+        let table = text.replace(',', "\n");
+        toml::from_str(&table).map_err(|e| format!("{}; {CURE}", e.message()))
+    }
+
     /// Every episode, with all kinds at one strength.
     #[must_use]
     pub fn all(strength: u32, error_share: f64) -> Self {
@@ -109,6 +128,15 @@ impl Disturb {
         (uniform(seed, Draw::Errs) < self.error_share).then(|| all[which as usize])
     }
 
+    /// As `from_text` reads it, but for errors on purpose.
+    #[must_use]
+    pub fn text(&self) -> String {
+        format!(
+            "noise={},pushes={},slips={},share={}",
+            self.noise, self.pushes, self.slips, self.share
+        )
+    }
+
     /// As one line.
     #[must_use]
     pub fn words(&self) -> String {
@@ -122,6 +150,19 @@ impl Disturb {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn an_option_is_a_strength_or_a_list() {
+        assert_eq!(Disturb::from_text("2"), Ok(Disturb::all(2, 0.0)));
+        let told = Disturb::from_text("noise=2,pushes=1,share=0.8").unwrap();
+        assert_eq!((told.noise, told.pushes, told.slips), (2, 1, 0));
+        assert_eq!(told.share, 0.8);
+        assert_eq!(Disturb::from_text(&told.text()), Ok(told));
+        for wrong in ["4", "-1", "noise", "noise=9", "share=2", "wind=1", ""] {
+            let told = Disturb::from_text(wrong);
+            assert!(told.is_err(), "{wrong}: {told:?}");
+        }
+    }
 
     #[test]
     fn shares_are_met_and_every_kind_of_error_comes() {

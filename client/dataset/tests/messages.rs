@@ -263,3 +263,53 @@ fn without_one_good_file_there_is_no_table_and_no_leftover() {
         "{table}"
     );
 }
+
+#[test]
+fn several_processes_export_what_one_does_and_say_what_failed() {
+    let _turn = alone();
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    for number in 0..10 {
+        episode(folder, &format!("a{number}"));
+    }
+    std::fs::write(folder.join("a4.h5"), "no episode").unwrap();
+    let export = |jobs: &str, out: &str| {
+        let told = run(
+            folder,
+            &[
+                "export", "--format", "csv", ".", "--out", out, "--jobs", jobs,
+            ],
+        );
+        assert_eq!(told.status.code(), Some(1));
+        let problems = String::from_utf8_lossy(&told.stderr).into_owned();
+        assert_eq!(problems.lines().count(), 1, "{problems}");
+        assert!(problems.contains("a4.h5"), "{problems}");
+        let said = String::from_utf8_lossy(&told.stdout).replace(out, "OUT");
+        let mut said: Vec<String> = said.lines().map(str::to_owned).collect();
+        said.sort();
+        said
+    };
+    // Four at once are two processes, which have every second file each.
+    assert_eq!(export("1", "one"), export("4", "four"));
+    let files = |out: &str| {
+        let mut files = Vec::new();
+        for number in (0..10).filter(|number| *number != 4) {
+            let file = folder.join(out).join(format!("a{number}/final_data.csv"));
+            files.push(std::fs::read_to_string(&file).unwrap());
+        }
+        files
+    };
+    // Their rows name the number of the recording among all.
+    assert!(files("one") == files("four"));
+    assert!(files("four")[0] != files("four")[1]);
+
+    let odd = Command::new(env!("CARGO_BIN_EXE_wheelarm-dataset"))
+        .args(["export", "--format", "csv", "a0.h5", "--out", "odd"])
+        .env("WHEELARM_EXPORT_PART", "3/2")
+        .current_dir(folder)
+        .output()
+        .unwrap();
+    let words = String::from_utf8_lossy(&odd.stderr).into_owned();
+    assert_eq!(odd.status.code(), Some(1));
+    assert!(words.contains("unset it"), "{words}");
+}

@@ -400,6 +400,11 @@ class Flow(nn.Module):
         return self.action_out(self.norm(x))
 
 
+# Words of a sentence that a text encoder reads: its work grows with their square, and an
+# instruction may be of any length.
+READ = 128
+
+
 class TextEncoder(nn.Module):
     """Reads words in their order: vectors [B, L, text_width] to [B, word_width]."""
 
@@ -446,6 +451,8 @@ class Policy(nn.Module):
         """What the words say, [B, word_width]: [B, L] indices, -1 for none."""
         if not self.shape.words:
             return None
+        if self.shape.text_layers:
+            words = words[:, :READ]
         known = (words >= 0)[..., None]
         vectors = self.words(words.clamp(min=0)) * known
         if self.shape.text_layers:

@@ -5,6 +5,10 @@ use std::collections::{BTreeSet, HashMap};
 /// Stands for all words that were never seen; the first of every vocabulary.
 pub const UNKNOWN: &str = "<unknown>";
 
+/// Words of a sentence that are read in their order, as in `network.py`: the work grows
+/// with their square, and an instruction may be of any length.
+const READ: usize = 128;
+
 /// Words with their places.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Vocabulary {
@@ -38,12 +42,14 @@ impl Vocabulary {
         shares
     }
 
-    /// Places of its words in their order, 0 for one that was never seen.
+    /// Places of its words in their order, 0 for one that was never seen; of a long
+    /// sentence those of the first 128.
     #[must_use]
     pub fn in_order(&self, sentence: &str) -> Vec<i32> {
         let words = words_of(sentence);
         let place = |word: &String| self.places.get(word).copied().unwrap_or(0);
-        words.iter().map(|word| place(word) as i32).collect()
+        let read = words.iter().take(READ);
+        read.map(|word| place(word) as i32).collect()
     }
 }
 
@@ -83,6 +89,9 @@ mod tests {
         assert_eq!(all.shares("The red mug, the mug"), [0.2, 0.0, 0.4, 0.4]);
         assert_eq!(all.in_order("The red mug, the mug"), [3, 0, 2, 3, 2]);
         assert_eq!(all.shares(""), [0.0; 4]);
+        let long = format!("mug {}", "the can ".repeat(30_000));
+        let told = all.in_order(&long);
+        assert_eq!((told.len(), &told[..3]), (READ, &[2, 3, 1][..]));
         assert!(Vocabulary::new(&[]).shares("the mug").is_empty());
     }
 }

@@ -144,6 +144,7 @@ fn again(args: &EvaluateArgs, recording: &Path, folder: &Path) -> anyhow::Result
         jobs: None,
         as_recorded: false,
         quality: None,
+        graphics: args.graphics.clone(),
         assets: args.assets.clone(),
     })?;
     if code != ExitCode::SUCCESS {

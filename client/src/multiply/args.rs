@@ -8,6 +8,7 @@ use clap::Args;
 use wheelarm_proto::settings::Starts;
 
 use crate::choice::{named, patience, seed_range};
+use crate::disturb::Disturb;
 
 /// First of the seeds that are tried where nothing says them: one of those to train on
 /// (`wheelarm_proto::seeds`).
@@ -47,6 +48,10 @@ pub struct MultiplyArgs {
     /// times as many radians about it): the deviation of smooth noise.
     #[arg(long, default_value = "0.002", value_name = "METRES", value_parser = noise)]
     pub noise: f64,
+    /// Hinders the robot: strength of noise on what is applied, pushes and slips, 1 to 3,
+    /// or each of them and the share of episodes, as noise=2,pushes=1,slips=1,share=0.8.
+    #[arg(long, value_name = "STRENGTH|KEY=N,…", value_parser = disturb)]
+    pub disturb: Option<Disturb>,
     /// Most sources that are used; all without it.
     #[arg(long, value_name = "N")]
     pub sources: Option<NonZeroUsize>,
@@ -66,6 +71,15 @@ impl MultiplyArgs {
     /// First seed where nothing says the seeds.
     pub(super) fn first_seed(&self) -> u64 {
         FIRST_SEED + STRIDE * (self.seed % RUNS)
+    }
+}
+
+/// What hinders the robot; the operator's errors on purpose are none of a demonstration.
+fn disturb(text: &str) -> Result<Disturb, String> {
+    let disturb = Disturb::from_text(text)?;
+    match disturb.error_share > 0.0 {
+        true => Err("a demonstration errs where it did; leave error_share out".to_owned()),
+        false => Ok(disturb),
     }
 }
 

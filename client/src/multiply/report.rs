@@ -31,6 +31,8 @@ pub struct Report {
     pub seed: u64,
     /// Deviation of the hand, metres.
     pub noise: f64,
+    /// What hinders the robot, as `--disturb`.
+    pub disturb: Option<String>,
     /// Wall seconds of this run.
     pub wall_seconds: f64,
     /// What was tried.
@@ -68,6 +70,7 @@ impl Report {
             left_out: sources.left_out.clone(),
             seed: args.seed,
             noise: args.noise,
+            disturb: args.disturb.map(|disturb| disturb.text()),
             wall_seconds: wall.as_secs_f64(),
             episodes: entries,
         }

@@ -25,6 +25,9 @@ pub struct Settings {
     seed: u64,
     /// Deviation of the hand, metres.
     noise: f64,
+    /// What hinders the robot; empty for nothing.
+    #[serde(default)]
+    disturb: String,
     /// SHA-256 of the demonstrations.
     sources: String,
 }
@@ -41,6 +44,7 @@ impl Settings {
             starts: args.starts.name().to_owned(),
             seed: args.seed,
             noise: args.noise,
+            disturb: args.disturb.map_or_else(String::new, |d| d.text()),
             sources: digest.iter().map(|byte| format!("{byte:02x}")).collect(),
         })
     }
@@ -72,6 +76,10 @@ impl Settings {
             (begun.starts != self.starts).then(|| format!("--starts {}", begun.starts)),
             (begun.seed != self.seed).then(|| format!("--seed {}", begun.seed)),
             (begun.noise != self.noise).then(|| format!("--noise {}", begun.noise)),
+            (begun.disturb != self.disturb).then(|| match begun.disturb.as_str() {
+                "" => "no --disturb".to_owned(),
+                told => format!("--disturb {told}"),
+            }),
             (begun.sources != self.sources).then(|| "other sources".to_owned()),
         ];
         let others: Vec<String> = others.into_iter().flatten().collect();
@@ -98,6 +106,7 @@ mod tests {
             starts: "near".to_owned(),
             seed: 0,
             noise: 0.002,
+            disturb: String::new(),
             sources: "ab".to_owned(),
         };
         first.hold(folder.path()).unwrap();
@@ -105,11 +114,12 @@ mod tests {
         let other = Settings {
             task: "pick_mustard".to_owned(),
             noise: 0.03,
+            disturb: "noise=2,pushes=0,slips=0,share=1".to_owned(),
             ..first.clone()
         };
         let told = other.hold(folder.path()).unwrap_err().to_string();
         assert!(
-            told.contains("begun with --task pick_bowl and --noise 0.002;"),
+            told.contains("begun with --task pick_bowl and --noise 0.002 and no --disturb;"),
             "{told}"
         );
         std::fs::write(folder.path().join(FILE), "{").unwrap();

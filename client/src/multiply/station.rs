@@ -127,7 +127,12 @@ impl<'a> Station<'a> {
             entry.why = summary.problems.join("; ");
             return Ok(entry);
         }
-        let how = format!("seed {}, noise {} m", self.args.seed, self.args.noise);
+        let hindered = self.args.disturb.map(|d| format!(", disturb {}", d.text()));
+        let hindered = hindered.unwrap_or_default();
+        let how = format!(
+            "seed {}, noise {} m{hindered}",
+            self.args.seed, self.args.noise
+        );
         mark::write(&file, &entry.source, &how)?;
         let target = self.args.out.join(format!("{label}.h5"));
         publish::file(&file, &target)
@@ -149,6 +154,7 @@ impl<'a> Station<'a> {
                 starts: args.starts.code().into(),
                 pacing: v1::Pacing::LockStep.into(),
                 quality: Quality::Standard.code().into(),
+                disturbances: args.disturb.map(|d| d.disturbances(seed.into())),
                 ..v1::Scenario::default()
             },
             label: label.to_owned(),

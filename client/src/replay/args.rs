@@ -7,6 +7,7 @@ use wheelarm_proto::look::LookText;
 use wheelarm_proto::settings::Quality;
 use wheelarm_proto::v1;
 
+use crate::adapters::AdapterArgs;
 use crate::choice::named;
 
 /// Options of `wheelarm replay`.
@@ -56,6 +57,9 @@ pub struct ReplayArgs {
     /// Work per picture; the recording's when absent.
     #[arg(long, requires = "out", value_parser = named::<Quality>())]
     pub quality: Option<Quality>,
+    /// On what it is drawn; several for --looks.
+    #[command(flatten)]
+    pub graphics: AdapterArgs,
     /// Assets folder; the server looks for it when absent.
     #[arg(long, env = "WHEELARM_ASSETS")]
     pub assets: Option<PathBuf>,

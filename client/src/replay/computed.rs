@@ -33,7 +33,8 @@ pub(super) fn run(args: &ReplayArgs, episode: &Episode) -> anyhow::Result<ExitCo
     let looks = args.asked_looks();
     if looks.is_empty() {
         let label = format!("{}-replay", script.label);
-        let (lines, code) = once(args, &script, None, &label)?;
+        let adapters = args.graphics.of_workers(1)?;
+        let (lines, code) = once(args, &script, None, &label, adapters[0].as_deref())?;
         lines.iter().for_each(|line| println!("{line}"));
         return Ok(code);
     }
@@ -45,13 +46,15 @@ pub(super) fn run(args: &ReplayArgs, episode: &Episode) -> anyhow::Result<ExitCo
 fn each(args: &ReplayArgs, script: &Script, looks: &[v1::Look]) -> anyhow::Result<ExitCode> {
     let cores = std::thread::available_parallelism().map_or(1, |n| n.get() / 2);
     let jobs = args.jobs.map_or(cores.max(1), |jobs| jobs as usize);
+    let jobs = jobs.min(looks.len());
+    let adapters = args.graphics.of_workers(jobs)?;
     let next = AtomicUsize::new(0);
     let worst = Mutex::new(ExitCode::SUCCESS);
     let failed: anyhow::Result<()> = std::thread::scope(|scope| {
-        let worker = || -> anyhow::Result<()> {
+        let worker = |adapter: Option<&str>| -> anyhow::Result<()> {
             while let Some(look) = looks.get(next.fetch_add(1, Ordering::Relaxed)) {
                 let label = format!("{}-look{}", script.label, look.seed);
-                let done = once(args, script, Some(*look), &label);
+                let done = once(args, script, Some(*look), &label, adapter);
                 let (lines, code) = done.with_context(|| format!("look {look}"))?;
                 let mut worst = worst.lock().unwrap_or_else(PoisonError::into_inner);
                 for line in lines {
@@ -63,8 +66,9 @@ fn each(args: &ReplayArgs, script: &Script, looks: &[v1::Look]) -> anyhow::Resul
             }
             Ok(())
         };
-        let workers: Vec<_> = (0..jobs.min(looks.len()))
-            .map(|_| scope.spawn(worker))
+        let workers: Vec<_> = adapters
+            .iter()
+            .map(|adapter| scope.spawn(move || worker(adapter.as_deref())))
             .collect();
         workers.into_iter().try_for_each(|worker| {
             let joined = worker.join();
@@ -83,6 +87,7 @@ fn once(
     script: &Script,
     look: Option<v1::Look>,
     label: &str,
+    adapter: Option<&str>,
 ) -> anyhow::Result<(Vec<String>, ExitCode)> {
     let mut scenario = script.scenario.clone();
     let mut cameras = match &args.out {
@@ -99,7 +104,7 @@ fn once(
             }
         }
     }
-    let mut rig = Rig::start(args, &scenario, cameras.clone(), script.depth)?;
+    let mut rig = Rig::start(args, &scenario, cameras.clone(), script.depth, adapter)?;
     reset(&rig.link, script, scenario, cameras)?;
     // Subscribed before the episode begins, so that its first state is seen.
     let mut turns = rig.link.turns(NAME, false, &[TopicId::StateHash])?;

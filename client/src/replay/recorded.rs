@@ -34,7 +34,15 @@ pub(super) fn run(args: &ReplayArgs, out: &Path, episode: &Episode) -> anyhow::R
     let mut cameras = script::cameras(&scenario, args.width, args.height, &args.camera);
     calibration::as_recorded(&mut cameras, episode)?;
     check_rates(&cameras, scenario.state_rate_hz())?;
-    let mut rig = Rig::start(args, &scenario, cameras.clone(), script::depth(episode)?)?;
+    let depth = script::depth(episode)?;
+    let adapters = args.graphics.of_workers(1)?;
+    let mut rig = Rig::start(
+        args,
+        &scenario,
+        cameras.clone(),
+        depth,
+        adapters[0].as_deref(),
+    )?;
     let request = v1::ResetRequest {
         scenario: Some(v1::Scenario {
             cameras,

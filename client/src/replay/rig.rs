@@ -25,8 +25,9 @@ pub(super) struct Rig {
 }
 
 impl Rig {
-    /// Starts them. Scene, task, robot, seed and, unless the options say
-    /// otherwise, quality are the recording's; so is the form of its depth.
+    /// Starts them; draws on `adapter`, the server's choice without one. Scene, task,
+    /// robot, seed and, unless the options say otherwise, quality are the recording's;
+    /// so is the form of its depth.
     ///
     /// # Errors
     /// When one of them does not start.
@@ -35,6 +36,7 @@ impl Rig {
         scenario: &v1::Scenario,
         cameras: Vec<v1::CameraSetting>,
         depth: Depth,
+        adapter: Option<&str>,
     ) -> anyhow::Result<Self> {
         let quality = args.quality.map(|quality| quality.code().into());
         let server = Server::start(&ServerOptions {
@@ -51,6 +53,7 @@ impl Rig {
                 ..v1::Scenario::default()
             },
             assets: args.assets.clone(),
+            adapter: adapter.map(str::to_owned),
             ..ServerOptions::default()
         })?;
         let link = server.link()?;

@@ -3,6 +3,7 @@
 mod annotate;
 mod arguments;
 mod files;
+mod parts;
 mod process;
 mod video;
 

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use wheelarm_dataset::align::{self, accuracy};
-use wheelarm_dataset::convert::batch::{self, each, failures, threads};
+use wheelarm_dataset::convert::batch::{self, Numbers, each, failures, threads};
 use wheelarm_dataset::convert::csv_table::CsvTable;
 use wheelarm_dataset::convert::learning::RowOptions;
 use wheelarm_dataset::convert::lerobot::{LeRobot, LeRobotOptions, PictureFormat};
@@ -20,6 +20,7 @@ use wheelarm_dataset::{composition, plot as plots, validate as check, view as pa
 
 use super::arguments::{FAILED, FINE, Files, FormatName, Input, PARTIAL};
 use super::files::{beside, jobs, options, recordings};
+use super::parts;
 
 /// Boundaries agree when they are this near, seconds.
 const NEAR: f64 = 0.5;
@@ -198,10 +199,17 @@ pub fn export(
     set: LeRobotOptions,
 ) -> anyhow::Result<u8> {
     let LeRobotOptions { size, rows, .. } = set;
-    let (files, options) = (recordings(&input.files)?, options(input)?);
-    let jobs = jobs(&input.files);
+    let part = parts::own()?;
+    let is_part = part.is_some();
+    let (files, numbers) = match part {
+        Some(part) => part,
+        None => (recordings(&input.files)?, Numbers::ALL),
+    };
+    let (options, jobs) = (options(input)?, jobs(&input.files));
+    let processes = parts::worth(files.len(), jobs);
     // Files at once times threads of one file: as many as there are processors.
-    let inner = (threads() / jobs.min(files.len().max(1))).max(1);
+    let jobs = (jobs / numbers.step).max(1);
+    let inner = (threads() / numbers.step / jobs.min(files.len().max(1))).max(1);
     let folder = out.to_owned();
     let scales = matches!(
         name,
@@ -261,7 +269,11 @@ pub fn export(
             threads: inner,
         }),
     };
-    Ok(code(&batch::export(&files, jobs, &options, format)))
+    if processes > 1 && !is_part && !format.collects() {
+        return parts::export(&files, processes);
+    }
+    let results = batch::export(&files, numbers, jobs, &options, format);
+    Ok(code(&results))
 }
 
 pub fn validate(input: &Files) -> anyhow::Result<u8> {

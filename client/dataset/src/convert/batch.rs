@@ -103,20 +103,39 @@ pub fn bar(unit: &str) -> ProgressBar {
     bar
 }
 
+/// Numbers of recordings, from 1 on where a process has all of them.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Numbers {
+    /// Of the first.
+    pub first: usize,
+    /// From each to the next.
+    pub step: usize,
+}
+
+impl Numbers {
+    /// Of all recordings.
+    pub const ALL: Self = Self { first: 1, step: 1 };
+}
+
 /// Exports files and returns what became of each; the last entry of a format
 /// that collects is the data set itself.
 pub fn export(
     files: &[PathBuf],
+    numbers: Numbers,
     jobs: usize,
     options: &ReadOptions,
     format: Box<dyn Format>,
 ) -> Results<Written> {
-    let bar = bar("rows");
+    // Who has a part only is one of many, and its bar would be too.
+    let bar = match numbers {
+        Numbers::ALL => bar("rows"),
+        _ => ProgressBar::hidden(),
+    };
     let jobs = if format.collects() { 1 } else { jobs };
     let mut results = each(files, jobs, |index, file| {
         let needs = format.needs_pictures();
         let mut recording = Recording::open_for(file, options, &|s| format.wants(s), needs)?;
-        recording.number = index + 1;
+        recording.number = numbers.first + index * numbers.step;
         bar.inc_length(recording.aligned.stamps.len() as u64);
         let written = format.add(&recording, &|| bar.inc(1))?;
         bar.suspend(|| say(file, &written));

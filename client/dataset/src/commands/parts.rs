@@ -1,0 +1,171 @@
+//! An export by several processes. In one, HDF5 reads for one thread at a time and the
+//! kernel gives memory to one at a time: 32 cores did the work of two and a half.
+
+use std::io::{BufRead, BufReader, Read, Write};
+use std::path::PathBuf;
+use std::process::{Child, Command, Stdio};
+
+use anyhow::{Context, bail};
+use wheelarm_dataset::convert::batch::{self, Numbers};
+
+use super::arguments::{FAILED, FINE};
+
+/// Tells a process of an export its part, as `INDEX/COUNT`; the files of all of them come
+/// by its standard input.
+const VARIABLE: &str = "WHEELARM_EXPORT_PART";
+/// Threads of a process.
+const THREADS: usize = 2;
+/// Files of a process at the least: to start one takes as long as a short file.
+const FILES: usize = 4;
+
+/// Processes that `files` files are worth with `jobs` of them at once; 1: this one alone.
+pub fn worth(files: usize, jobs: usize) -> usize {
+    (jobs / THREADS).min(files / FILES).max(1)
+}
+
+/// Which of all files this process exports, where it is one of several.
+///
+/// # Errors
+/// When what it was told is no part.
+pub fn own() -> anyhow::Result<Option<(Vec<PathBuf>, Numbers)>> {
+    let Some(told) = std::env::var_os(VARIABLE) else {
+        return Ok(None);
+    };
+    let told = told.to_string_lossy();
+    let part = told.split_once('/');
+    let part = part.and_then(|(index, count)| Some((index.parse().ok()?, count.parse().ok()?)));
+    let Some((index, count)) = part.filter(|(index, count): &(usize, usize)| index < count) else {
+        bail!("{VARIABLE} is {told:?}; it is set by an export for its own processes: unset it");
+    };
+    let mut list = Vec::new();
+    std::io::stdin().lock().read_to_end(&mut list)?;
+    let all = list
+        .split(|byte| *byte == 0)
+        .filter(|path| !path.is_empty());
+    let own = all.skip(index).step_by(count).map(path_of);
+    let numbers = Numbers {
+        first: index + 1,
+        step: count,
+    };
+    Ok(Some((own.collect(), numbers)))
+}
+
+/// Exports `files` by `count` processes like this one, and prints what they say.
+///
+/// # Errors
+/// When one cannot be started.
+pub fn export(files: &[PathBuf], count: usize) -> anyhow::Result<u8> {
+    let mut list = Vec::new();
+    for file in files {
+        list.extend_from_slice(file.as_os_str().as_encoded_bytes());
+        list.push(0);
+    }
+    let bar = batch::bar("files");
+    bar.set_length(files.len() as u64);
+    let mut children = Vec::new();
+    for index in 0..count {
+        children.push(Part(start(index, count)?));
+    }
+    let codes: Vec<anyhow::Result<u8>> = std::thread::scope(|scope| {
+        let followed = children.iter_mut().map(|child| {
+            let (list, bar) = (&list, &bar);
+            scope.spawn(move || {
+                // One that ended at once says why by its exit.
+                let _ = child.0.stdin.take().map(|mut to| to.write_all(list));
+                let said = child.0.stdout.take().context("its output is not here")?;
+                blocks(BufReader::new(said), |block| {
+                    bar.inc(1);
+                    bar.suspend(|| print!("{block}"));
+                })?;
+                let ended = child.0.wait()?;
+                if ended.code().is_none() {
+                    eprintln!(
+                        "a process of the export was ended ({ended}); what it had left is not there: \
+                         export those files again, with fewer --jobs where memory was short"
+                    );
+                }
+                Ok(if ended.success() { FINE } else { FAILED })
+            })
+        });
+        let followed: Vec<_> = followed.collect();
+        let joined = followed.into_iter().map(|thread| {
+            let joined = thread.join();
+            joined.unwrap_or_else(|panic| std::panic::resume_unwind(panic))
+        });
+        joined.collect()
+    });
+    bar.finish_and_clear();
+    let mut worst = FINE;
+    for code in codes {
+        worst = worst.max(code?);
+    }
+    Ok(worst)
+}
+
+/// A process that does not outlive this one's interest in it.
+struct Part(Child);
+
+impl Drop for Part {
+    fn drop(&mut self) {
+        // What has ended cannot be ended.
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
+}
+
+fn start(index: usize, count: usize) -> anyhow::Result<Child> {
+    let program = std::env::current_exe().context("finding this program")?;
+    let mut command = Command::new(program);
+    command
+        .args(std::env::args_os().skip(1))
+        .env(VARIABLE, format!("{index}/{count}"))
+        .stdin(Stdio::piped())
+        .stdout(Stdio::piped());
+    let started = command.spawn();
+    started.with_context(|| format!("starting process {} of {count} of the export", index + 1))
+}
+
+/// Calls `done` with each line and the indented ones below it.
+fn blocks(mut said: impl BufRead, mut done: impl FnMut(&str)) -> std::io::Result<()> {
+    let (mut block, mut line) = (String::new(), String::new());
+    loop {
+        line.clear();
+        let is_end = said.read_line(&mut line)? == 0;
+        if !block.is_empty() && (is_end || !line.starts_with(' ')) {
+            done(&block);
+            block.clear();
+        }
+        if is_end {
+            return Ok(());
+        }
+        block += &line;
+    }
+}
+
+fn path_of(bytes: &[u8]) -> PathBuf {
+    use std::ffi::OsStr;
+    use std::os::unix::ffi::OsStrExt;
+    OsStr::from_bytes(bytes).into()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn few_files_and_few_processors_are_worth_no_processes() {
+        assert_eq!(worth(1000, 32), 16);
+        assert_eq!(worth(9, 32), 2);
+        assert_eq!(worth(1000, 2), 1);
+        assert_eq!(worth(7, 32), 1);
+        assert_eq!(worth(0, 0), 1);
+    }
+
+    #[test]
+    fn notes_stay_below_their_file() {
+        let mut told = Vec::new();
+        let said = "a -> b\n  one\n  two\nc -> d\ne";
+        blocks(said.as_bytes(), |block| told.push(block.to_owned())).unwrap();
+        assert_eq!(told, ["a -> b\n  one\n  two\n", "c -> d\n", "e"]);
+    }
+}
