@@ -104,12 +104,21 @@ def main():
             (run(folder, "nowhere/x.safetensors"), "there is no folder"),
         ]:
             assert wrong.returncode == 1 and words in wrong.stderr and "Traceback" not in wrong.stderr, wrong.stderr
+        # A further training begins with what it was before, the mean of its words too.
+        network, card = policy_file.load(folder / "before.safetensors")
+        again = Policy(network.shape)
+        begin.begin_from(again, folder / "reads.safetensors", card)
+        for (name, tensor), (_, wanted) in zip(again.state_dict().items(), network.state_dict().items(), strict=True):
+            assert name.startswith(policy_file.ONLY_IN_TRAINING) or torch.allclose(tensor, wanted, atol=2e-2), name
+        state, card = policy_file.read(folder / "reads.safetensors")
+        del card["text"]["words"]
+        policy_file.write(folder / "old.safetensors", state, card, 32)
         try:
-            begin.begin_from(None, folder / "reads.safetensors", {})
+            begin.begin_from(again, folder / "old.safetensors", card)
         except ValueError as problem:
             assert "text_encoder.py" in str(problem)
         else:
-            raise AssertionError("a training began from a policy with a text encoder")
+            raise AssertionError("a training began from a policy that does not tell its words")
     print("text encoder: ok")
 
 

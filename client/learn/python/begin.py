@@ -1,5 +1,7 @@
 """Where a training begins: at the weights of another policy."""
 
+import base64
+
 import numpy as np
 import torch
 
@@ -20,10 +22,7 @@ def begin_from(network, path, card):
     whose training seeds are those of this one too."""
     state, before = policy_file.read(path)
     if before["network"].get("text_layers"):
-        raise ValueError(
-            f"{path} reads by a text encoder, and what is trained takes the mean of its words: "
-            "begin with the policy that it was taught from, and teach what comes of it (text_encoder.py)"
-        )
+        state, before = without_text_encoder(path, state, before)
     own = network.state_dict()
     fits = {name: t for name, t in state.items() if name in own and own[name].shape == t.shape}
     fits |= words(state, own, before["vocabulary"], card["vocabulary"])
@@ -36,6 +35,22 @@ def begin_from(network, path, card):
         write_action(fits, before["action"], card["action"])
     network.load_state_dict(fits, strict=False)
     return before
+
+
+def without_text_encoder(path, state, card):
+    """What it was before `text_encoder.py` taught it, which changed its words alone."""
+    told = card.get("text", {}).get("words")
+    if not told:
+        raise ValueError(
+            f"{path} reads by a text encoder, and what is trained takes the mean of its words: "
+            "begin with the policy that it was taught from, and teach what comes of it (text_encoder.py)"
+        )
+    vectors = np.frombuffer(base64.b64decode(told["vectors"]), np.int8).astype(np.float32)
+    vectors = vectors.reshape(len(told["vocabulary"]), -1) * np.float32(told["scales"])[:, None]
+    state = {name: tensor for name, tensor in state.items() if not name.startswith("text.")}
+    state[WORDS] = torch.from_numpy(vectors)
+    network = {**card["network"], "text_layers": 0, "words": len(told["vocabulary"])}
+    return state, {**card, "network": network, "vocabulary": told["vocabulary"]}
 
 
 def words(state, own, before, now):

@@ -13,6 +13,7 @@ as it is, and so does what it does with that answer.
 """
 
 import argparse
+import base64
 import collections
 import json
 import re
@@ -251,16 +252,29 @@ def encode(options):
     reads.words.weight.data = teach(reads, lesson, table, own, seeing, options, lambda line: print(line, flush=True))
     told = nearest(reads, lesson, seeing)
     print(f"now: {report(told)}", flush=True)
-    card["network"], card["vocabulary"] = shape.served(), all_words
+    before, card["network"], card["vocabulary"] = card["vocabulary"], shape.served(), all_words
     card["text"] = {
         "begun_from": policy_file.sha256(options.policy), "sentences": len(sentences), "asked_for": len(lesson.means),
         "word_vectors": options.word_vectors.name, "word_vectors_sha256": policy_file.sha256(options.word_vectors),
         "options": {name: getattr(options, name) for name in ("layers", "steps", "batch", "lr", "plain_words", "unknown_words", "noise", "seed")},
         "nearest": told[0],
+        # What a further training begins with, which takes the mean of its words.
+        "words": words_told(network, before),
     }  # fmt: skip
     policy_file.write(options.out, reads.state_dict(), card, options.bits)
     print(f"{options.out}: {len(all_words)} words, {options.out.stat().st_size / 1e6:.2f} MB")
     return 0
+
+
+def words_told(network, vocabulary):
+    """Words with their vectors as a card keeps them, as bytes times a scale for each word:
+    `begin.py` reads it."""
+    vectors = network.words.weight.detach().numpy()
+    scales = np.maximum(np.abs(vectors).max(1) / 127, 1e-12)
+    bytes_of = np.rint(vectors / scales[:, None]).astype(np.int8).tobytes()
+    return {
+        "vocabulary": vocabulary, "vectors": base64.b64encode(bytes_of).decode(), "scales": [float(f"{x:.6g}") for x in scales],
+    }  # fmt: skip
 
 
 def report(told):
