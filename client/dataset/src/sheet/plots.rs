@@ -245,10 +245,15 @@ fn curves(
         .y_desc(what)
         .draw()?;
     for (l, colour) in lines.iter().zip(colours()) {
-        // The corners of a wide line would stand out far beyond noise.
-        let width = if l.points.len() > DENSE { 1 } else { 3 };
-        let series = LineSeries::new(l.points.iter().copied(), colour.stroke_width(width));
-        chart.draw_series(series)?;
+        if l.points.len() > DENSE {
+            chart.draw_series(LineSeries::new(l.points.iter().copied(), colour))?;
+            continue;
+        }
+        // Piece by piece: the corner of a wide line would stand out far beyond a peak,
+        // and beyond the plot.
+        let pieces = l.points.windows(2);
+        let wide = colour.stroke_width(3);
+        chart.draw_series(pieces.map(|ends| PathElement::new(ends.to_vec(), wide)))?;
     }
     Ok(())
 }
