@@ -15,7 +15,11 @@
 #   INIT      policy that the first begins from; its seeds should be others
 #   TAKEOVER  seconds after which the operator takes over at the latest (30)
 #   NETWORK   more options of train.py
+#   STARTS    where the corrected episodes start, as the plan has it (near)
 #   SPLIT     what is evaluated (assets/splits/policy-claim.toml)
+#   SEEDS     so many of its seeds (all)
+#   ADAPTERS  graphics cards that draw, as --adapters takes them (the first)
+#   PROGRAMS  folder of wheelarm and its programs (target/release)
 set -euo pipefail
 cd "$(dirname "$0")/.."
 out=${1:?say a folder}
@@ -28,9 +32,11 @@ corrections=${CORRECTIONS:-250}
 corrected_from=${CORRECTED_FROM:-20000}
 init=(${INIT:+--init "$INIT"})
 takeover=${TAKEOVER:-30}
+starts=${STARTS:-near}
 split=${SPLIT:-assets/splits/policy-claim.toml}
+draws=(${ADAPTERS:+--adapters "$ADAPTERS"})
 python=${PYTHON:-python3}
-export PATH="$PWD/target/release:$PATH" PYTHONPATH="$PWD/client/python/src${PYTHONPATH:+:$PYTHONPATH}"
+export PATH="$(realpath "${PROGRAMS:-target/release}"):$PATH" PYTHONPATH="$PWD/client/python/src${PYTHONPATH:+:$PYTHONPATH}"
 learn=client/learn/python
 mkdir -p "$out"
 read -ra network <<<"--width 48 --norm batch --precision bf16 --batch 128 --lr 2e-4 --warm-up 300 --shift 4 --execute 10 --pause 2 --without-state *.velocity,odometry.* ${NETWORK:-}"
@@ -46,7 +52,7 @@ export_rows() { # recordings, name
 collect() { # shard
     done_before "data-$1" && return
     say "episodes by $plan, part $1 of 0 and 1"
-    wheelarm collect "$plan" --out "$out/data-$1" --shard "$1/2" --workers "$jobs" >"$out/collect-$1.log" || [ $? -eq 3 ]
+    wheelarm collect "$plan" --out "$out/data-$1" --shard "$1/2" --workers "$jobs" "${draws[@]}" >"$out/collect-$1.log" || [ $? -eq 3 ]
     tail -n 4 "$out/collect-$1.log"
     export_rows "$out/data-$1/episodes" "data-$1"
     mark "data-$1"
@@ -72,7 +78,7 @@ correct() { # round
     local first=$((corrected_from + ($1 - 1) * corrections))
     # Not all succeed, which is no failure of this stage.
     wheelarm evaluate --task "$task" --seeds $first..$((first + corrections)) --jobs "$jobs" \
-        --policy "exec:$python $learn/serve.py $out/policy-$(($1 - 1))/policy.safetensors" --takeover "$takeover" \
+        --starts "$starts" "${draws[@]}" --policy "exec:$python $learn/serve.py $out/policy-$(($1 - 1))/policy.safetensors" --takeover "$takeover" \
         --record --no-grid --out "$out/corrections-$1" >"$out/corrections-$1.log" 2>&1 || [ $? -le 3 ]
     tail -n 12 "$out/corrections-$1.log"
     export_rows "$out/corrections-$1" "corrections-$1"
@@ -94,7 +100,7 @@ done
 if ! done_before evaluation; then
     "$python" $learn/export.py "$out/policy-$rounds/policy.safetensors" --bits 8 --out "$out/$task.safetensors"
     say "evaluation on $split"
-    wheelarm evaluate --task "$task" --split "$split" --jobs "$jobs" --no-grid --out "$out/evaluation" \
+    wheelarm evaluate --task "$task" --split "$split" ${SEEDS:+--episodes "$SEEDS"} --jobs "$jobs" "${draws[@]}" --no-grid --out "$out/evaluation" \
         --policy "exec:$python $learn/serve.py $out/$task.safetensors" >"$out/evaluation.log" 2>&1 || [ $? -le 3 ]
     tail -n 30 "$out/evaluation.log"
     mark evaluation

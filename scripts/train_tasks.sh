@@ -65,7 +65,7 @@ mkdir -p "$out" "$tensors"
 tasks=${TASKS:-$(sed -n '/^\[\[task\]\]/,/^name/s/^name = "\(.*\)"/\1/p' "$plan" | paste -sd,)}
 corrected_tasks=${CORRECTED_TASKS:-$(tr , '\n' <<<"$tasks" | grep -v '^place_teddy_bear$' | paste -sd,)}
 read -ra device <<<"${DEVICE_OPTIONS:---precision bf16 --store device}"
-read -ra network <<<"--width 48 --norm batch --film --batch 160 --lr 2e-4 --warm-up 200 --shift 4 --execute 10 --pause 2 --without-state *.velocity,odometry.* --share-sentences pick_*,place_* --balance-tasks --unknown-words 0.1 --validation 0.04 --aim-weight 0.5 --ask-others 0.3 ${NETWORK:-}"
+read -ra network <<<"--width 48 --norm batch --film --batch 160 --lr 2e-4 --warm-up 200 --shift 4 --execute 10 --pause 2 --without-state *.velocity,odometry.* --share-sentences pick_*,place_*,select_* --balance-tasks --unknown-words 0.1 --validation 0.04 --aim-weight 0.5 --ask-others 0.3 ${NETWORK:-}"
 # PCI ids of the cards as --adapters takes them. What learns has the last one, as the
 # only one that it sees; what draws meanwhile the others. Who gave this call cards or a
 # device of its own is left alone.

@@ -124,7 +124,7 @@ def check_asked():
         write_episode(folder / "b.safetensors", "pick_tin", "table", "tin", table, 4)
         write_episode(folder / "c.safetensors", "pick_bowl", "sink", "bowl", table, 3)
         write_episode(folder / "d.safetensors", "pick_tin", "table", "tin", table, 0)
-        # Which of two it is about differs: no sentence of it fits another scene.
+        # Which of two it is about differs: they are told apart by their places.
         write_episode(folder / "f.safetensors", "pick_any", "table", "bowl", table, 1)
         write_episode(folder / "g.safetensors", "pick_any", "table", "tin", table, 1)
         write_episode(folder / "e.safetensors", "pick_tin", "table", "tin", table, 2, expert=False)
@@ -136,20 +136,23 @@ def check_asked():
     rows = torch.arange(episodes.total).repeat(200)
     torch.manual_seed(3)
     asked = episodes.asked(rows, 0.5)
-    assert episodes.tasks == ["pick_any", "pick_bowl", "pick_cup", "pick_tin"]
+    # The tin is to the left of the bowl.
+    assert episodes.tasks == ["pick_any: 1 of 2", "pick_any: 2 of 2", "pick_bowl", "pick_cup", "pick_tin"], episodes.tasks
     by_row = [set(asked[rows == row].tolist()) for row in range(episodes.total)]
-    # The bowl is of another area, and nothing else is there.
-    assert by_row == [{-1, 3}] * 5 + [{-1, 2}] * 4 + [{-1}] * 3 + [{-1, 2, 3}, {-1, 2}], by_row
+    # The bowl is of another area, and nothing else is there. Of two equal things the other
+    # is asked for by its place.
+    assert by_row == [{-1, 4}] * 5 + [{-1, 3}] * 4 + [{-1}] * 3 + [{-1, 0, 3}, {-1, 1, 3}], by_row
     share = (asked[rows < 9] >= 0).float().mean().item()
     assert 0.45 < share < 0.55, share
 
     _, _, is_pad, words = episodes.numbers(rows, 2, True, asked)
     places = episodes.places(rows, asked)
+    things = [2, 0, 0, 1, 2]  # of the tasks, in all names
     for row, other, pads, said, place in zip(rows.tolist(), asked.tolist(), is_pad, words, places):
         episode = sum(row >= first for first in (5, 9, 12, 13))
         own, first = [(1, 0), (2, 5), (0, 9), (0, 12), (2, 13)][episode]  # thing in all names; first row
-        expected = own if other < 0 else other - 1
-        assert vocabulary[said[2]] == table[expected] or (episode > 2 and other < 0), (row, other, said)
+        expected = own if other < 0 else things[other]
+        assert vocabulary[said[2]] == table[expected], (row, other, said)
         assert place[:7].tolist() == [100.0 * expected + row - first] * 7
         assert place[7:].isnan().all()
         assert pads.all() == (other >= 0), (row, other, pads)

@@ -44,6 +44,13 @@ class File:
     path: Path
     about: dict
     shapes: dict
+    #: What it is asked to do: its task and, where that is about one of several equal
+    #: things, which of them, counted from the left ([`count_equals`]).
+    asks: str = ""
+    #: Names of `things`, by which others are asked for; equal ones by their place too.
+    names: tuple = ()
+    #: What its task is about, one of `names`.
+    thing: str | None = None
 
     @staticmethod
     def open(path):
@@ -56,7 +63,8 @@ class File:
                 f"{path} has the layout {about.get('layout')!r}, expected {LAYOUT!r}: "
                 "write it anew by `wheelarm dataset export --format tensors`"
             )
-        return File(Path(path), about, shapes)
+        names = tuple(about.get("thing_names") or ())
+        return File(Path(path), about, shapes, about["task"], names, about.get("thing"))
 
     @property
     def rows(self):
@@ -91,7 +99,34 @@ def find(folders, keep_failed=False):
                 f"{file.path} has the pictures {file.cameras}, and {first.path} {first.cameras}: "
                 "export all with one --size"
             )
+    count_equals(files)
     return files
+
+
+def count_equals(files):
+    """Tells apart what a task asks for that is about another one of several things in
+    every scene, as four cans in a row: each by its place among them, counted from the
+    left, which is what sentences say of it. So the others of a scene can be asked for."""
+    about = {}
+    for file in files:
+        if file.thing in file.names and "things" in file.shapes:
+            about.setdefault(file.about["task"], set()).add(file.thing)
+    for file in files:
+        equals = [file.names.index(name) for name in about.get(file.about["task"], ()) if name in file.names]
+        if len(equals) < 2 or file.thing not in file.names or "things" not in file.shapes:
+            continue
+        with safe_open(file.path, "np") as opened:
+            row = opened.get_slice("things")[0]
+        x, y = row.reshape(len(file.names), -1)[equals, :2].astype(np.float64).T  # in the frame of the arm's base
+        middle = np.arctan2(y.mean(), x.mean())
+        aside = (np.arctan2(y, x) - middle + np.pi) % (2 * np.pi) - np.pi
+        if not np.isfinite(aside).all():
+            continue
+        names = list(file.names)
+        for place, at in enumerate(np.argsort(-aside), 1):
+            names[equals[at]] = f"{file.about['task']}: {place} of {len(equals)}"
+        file.asks = file.thing = names[file.names.index(file.thing)]
+        file.names = tuple(names)
 
 
 def split(files, share):
@@ -126,27 +161,27 @@ def drawn(count):
 
 
 class Asked:
-    """What could be asked for in the scene of another task of the same area."""
+    """What could be asked for in the scene of another task of the same area, or of one
+    that is about another of several equal things."""
 
     def __init__(self, files, tasks):
         about = {task: set() for task in tasks}
         for file in files:
-            if file.about.get("thing_names"):
-                about[file.about["task"]].add((file.about["thing"], file.about["area"]))
+            if file.names:
+                about[file.asks].add((file.thing, file.about["area"]))
         # Whose thing is another in every scene is not asked for: the sentence does not fit.
         self.of = [next(iter(about[task])) if len(about[task]) == 1 else (None, None) for task in tasks]
 
     def others(self, file):
         """Numbers of the tasks that are about another thing of the file's area."""
-        names = file.about.get("thing_names") or []
-        fits = lambda thing, area: area == file.about["area"] and thing in names and thing != file.about["thing"]  # noqa: E731
+        fits = lambda thing, area: area == file.about["area"] and thing in file.names and thing != file.thing  # noqa: E731
         return [task for task, of in enumerate(self.of) if fits(*of)]
 
     def fill(self, out, file, things):
         """Writes where the things of other tasks are: [rows, tasks, numbers]."""
-        names, numbers = file.about["thing_names"], out.shape[2]
+        numbers = out.shape[2]
         for task in self.others(file):
-            at = names.index(self.of[task][0]) * numbers
+            at = file.names.index(self.of[task][0]) * numbers
             out[:, task] = things[:, at : at + numbers]
 
 
@@ -182,8 +217,8 @@ class Episodes:
         incidents = np.empty(total, np.uint8)
         experts = np.ones(total, np.uint8)
         told = np.full((total, aims), np.nan, np.float32)
-        self.tasks = sorted({file.about["task"] for file in files})
-        self.kinds = np.array([self.tasks.index(file.about["task"]) for file in files])
+        self.tasks = sorted({file.asks for file in files})
+        self.kinds = np.array([self.tasks.index(file.asks) for file in files])
         of_tasks = Asked(files, self.tasks)
         others = np.full((total, len(self.tasks) if things else 0, aims // 2), np.nan, np.float32)
 
@@ -242,11 +277,11 @@ class Episodes:
         first, count = places.copy(), np.ones(len(told), np.int64)
         for kind, task in enumerate(self.tasks):
             own = self.kinds == kind
-            if own.any() and any(fnmatch(task, pattern) for pattern in shared):
+            if own.any() and any(fnmatch(task.split(":")[0], pattern) for pattern in shared):
                 first[own], count[own] = places[own].min(), own.sum()
         tensor = lambda values: torch.from_numpy(np.asarray(values, np.int64)).to(self.device)  # noqa: E731
         self.by_task, self.first_told, self.count_told = tensor(order), tensor(first), tensor(count)
-        is_shared = [any(fnmatch(task, pattern) for pattern in shared) for task in self.tasks]
+        is_shared = [any(fnmatch(task.split(":")[0], pattern) for pattern in shared) for task in self.tasks]
         others = [[o for o in self.of_tasks.others(file) if is_shared[o]] for file in self.files]
         table = np.zeros((len(told), max(1, max(map(len, others)))), np.int64)
         for row, tasks in zip(table, others):
@@ -267,9 +302,11 @@ class Episodes:
         limit = self.limit.cpu().numpy()
         weights[limit <= np.arange(self.total)] = 0
         if balanced:
-            tasks = np.repeat(self.kinds, self.ends - self.starts)
-            sums = np.bincount(tasks, weights, len(self.tasks))
-            weights *= (weights.sum() / len(self.tasks) / np.maximum(sums, 1e-9))[tasks].astype(np.float32)
+            names = sorted({file.about["task"] for file in self.files})
+            tasks = np.array([names.index(file.about["task"]) for file in self.files])
+            tasks = np.repeat(tasks, self.ends - self.starts)
+            sums = np.bincount(tasks, weights, len(names))
+            weights *= (weights.sum() / len(names) / np.maximum(sums, 1e-9))[tasks].astype(np.float32)
         return torch.from_numpy(weights).to(self.device)
 
     def asked(self, rows, share):
