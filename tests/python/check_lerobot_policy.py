@@ -4,7 +4,8 @@ own history; and nothing is fetched.
 
     PYTHONPATH=client/python/src python check_lerobot_policy.py [FOLDER]
 
-Leaves an ACT checkpoint in FOLDER/act and a diffusion policy in FOLDER/diffusion, for
+Leaves an ACT checkpoint in FOLDER/act and diffusion policies in FOLDER/diffusion and
+FOLDER/ddim, which answers about several episodes together, for
 `wheelarm evaluate --policy lerobot:FOLDER/act`.
 """
 
@@ -48,7 +49,8 @@ def configuration(kind):
         )  # fmt: skip
     return DiffusionConfig(
         n_obs_steps=2, horizon=8, n_action_steps=4, down_dims=(16, 32), n_groups=4, diffusion_step_embed_dim=16,
-        num_train_timesteps=4, num_inference_steps=2, spatial_softmax_num_keypoints=4, crop_shape=(48, 84), **common,
+        num_train_timesteps=4, num_inference_steps=2, spatial_softmax_num_keypoints=4, crop_shape=(48, 84),
+        noise_scheduler_type="DDIM" if kind == "ddim" else "DDPM", **common,
     )  # fmt: skip
 
 
@@ -66,7 +68,7 @@ def save(kind, folder):
         one = np.ones((3, 1, 1), np.float32)
         statistics[f"observation.images.{name}"] = {"mean": 0.5 * one, "std": 0.25 * one, "min": 0 * one, "max": one}
     statistics = {k: {s: torch.from_numpy(np.asarray(v)) for s, v in d.items()} for k, d in statistics.items()}
-    network = get_policy_class(kind)(config)
+    network = get_policy_class(config.type)(config)
     network.save_pretrained(folder)
     before, after = make_pre_post_processors(config, dataset_stats=statistics)
     before.save_pretrained(folder)
@@ -125,7 +127,8 @@ def check(kind, folder):
     own = save(kind, folder)
     served = Checkpoint(folder, 10.0, "cpu", 4)
     spec = served.spec()
-    history = 2 if kind == "diffusion" else 1
+    history = 1 if kind == "act" else 2
+    assert served.answers_together == (kind != "diffusion")
     assert (spec.history, spec.rate_hz, spec.action) == (history, 10.0, v1.POLICY_ACTION_NEXT_POSE), spec
     assert {c.name: (c.height, c.width) for c in spec.cameras} == CAMERAS, spec
     assert len(spec.weights_sha256) == 64 and 1 <= spec.execute <= spec.chunk
@@ -140,13 +143,17 @@ def check(kind, folder):
         assert off < 1e-5, (rows[:count], wanted)
     again = served.infer(seen[::-1])[::-1]
     for one, other in zip(both, again, strict=True):
+        assert np.abs(one - other).max() < 1e-5, "an answer depends on who was asked about before, or together"
+    alone = [served.infer([one])[0] for one in seen]
+    again = [served.infer([one])[0] for one in seen[::-1]][::-1]
+    for one, other in zip(alone, again, strict=True):
         assert np.array_equal(one, other), "an answer depends on who was asked about before"
 
 
 def main():
     with tempfile.TemporaryDirectory() as temporary:
         folder = Path(sys.argv[1]) if len(sys.argv) > 1 else Path(temporary)
-        for kind in ("act", "diffusion"):
+        for kind in ("act", "diffusion", "ddim"):
             check(kind, folder / kind)
 
 

@@ -21,6 +21,7 @@ LAYOUT = "wheelarm-tensors/1"
 STILL = {"hand": 1e-3, "knuckle": 5e-3, "chair": 1e-2}  # changes of a row below which nothing moves
 LEAST_DEVIATION = 0.01  # in a value's own unit: what hardly changes is not blown up
 UNKNOWN = 0  # the word that stands for all that were never seen
+LEAST_ASIDE = np.radians(0.5)  # between equal things that are told apart by their places
 WRONG_ON_PURPOSE = (1, 2)  # incidents that are no example: wrong grasp, wrong object
 
 
@@ -120,7 +121,8 @@ def count_equals(files):
         x, y = row.reshape(len(file.names), -1)[equals, :2].astype(np.float64).T  # in the frame of the arm's base
         middle = np.arctan2(y.mean(), x.mean())
         aside = (np.arctan2(y, x) - middle + np.pi) % (2 * np.pi) - np.pi
-        if not np.isfinite(aside).all():
+        # What lies behind or above another has no place from the left.
+        if not np.isfinite(aside).all() or np.diff(np.sort(aside)).min() < LEAST_ASIDE:
             continue
         names = list(file.names)
         for place, at in enumerate(np.argsort(-aside), 1):

@@ -104,23 +104,55 @@ class Checkpoint:
         """An episode begins."""
 
     def infer(self, observations: list[policy.Observation]) -> list[np.ndarray]:
-        """Chunks of rows, one after the other: each has its own seed."""
-        return [self.one(observation) for observation in observations]
+        """Chunks of rows, each by its own seed: together where the policy draws nothing but
+        the noise that it begins with, else one after the other."""
+        if len(observations) > 1 and self.answers_together:
+            return list(self.rows(observations))
+        return [self.rows([observation])[0] for observation in observations]
 
-    def one(self, observation: policy.Observation) -> np.ndarray:
+    @property
+    def answers_together(self) -> bool:
+        """DDPM draws noise in every step, so that rows of a batch would share a seed."""
+        kind = getattr(self.config, "noise_scheduler_type", None)
+        return self.config.type == "act" or (self.config.type == "diffusion" and kind == "DDIM")
+
+    def rows(self, observations: list[policy.Observation]) -> np.ndarray:
+        """[observations, rows, numbers]."""
         torch = self.torch
-        # From seed and tick alone, so that an episode is the same in any order.
-        torch.manual_seed((observation.seed * 1_000_003 + observation.tick) % 2**63)
         self.network.reset()
-        told = range(self.history)
-        steps = [self.before(self.item(observation, i)) for i in told]
-        # The processors tell an action that is not there.
-        steps = [{k: v for k, v in step.items() if v is not None} for step in steps]
+        together = len(observations) > 1
+        steps = [
+            collated([self.moment(observation, i) for observation in observations])
+            for i in range(self.history)
+        ]
         with torch.inference_mode():
             batch = self.together(steps)
-            rows = self.network.predict_action_chunk(batch)
+            drawn = {}
+            if together and self.config.type == "diffusion":
+                drawn["noise"] = torch.cat(
+                    [self.noise(observation) for observation in observations]
+                )
+            else:
+                self.seed(observations[0])
+            rows = self.network.predict_action_chunk(batch, **drawn)
             rows = torch.stack([self.after(rows[:, i]) for i in range(rows.shape[1])], dim=1)
-        return rows[0].float().cpu().numpy()
+        return rows.float().cpu().numpy()
+
+    def seed(self, observation: policy.Observation) -> None:
+        """From seed and tick alone, so that an episode is the same in any order."""
+        self.torch.manual_seed((observation.seed * 1_000_003 + observation.tick) % 2**63)
+
+    def noise(self, observation: policy.Observation) -> Any:
+        """What a diffusion policy begins with, as it would draw it itself."""
+        self.seed(observation)
+        parameter = next(self.network.parameters())
+        size = (1, self.config.horizon, self.action)
+        return self.torch.randn(size, dtype=parameter.dtype, device=parameter.device)
+
+    def moment(self, observation: policy.Observation, i: int) -> dict[str, Any]:
+        """A moment as the network takes it. The processors tell an action that is not there."""
+        told = self.before(self.item(observation, i))
+        return {k: v for k, v in told.items() if v is not None}
 
     def item(self, observation: policy.Observation, i: int) -> dict[str, Any]:
         """A moment as LeRobot's data sets tell it."""
@@ -139,7 +171,7 @@ class Checkpoint:
         torch = self.torch
         queues = getattr(self.network, "_queues", None)
         newest = steps[-1]
-        if not queues or self.history == 1 and STATE not in queues:
+        if not queues or (self.history == 1 and STATE not in queues):
             return newest
         from lerobot.policies.utils import populate_queues
         from lerobot.utils.constants import OBS_IMAGES
@@ -151,6 +183,24 @@ class Checkpoint:
                 known[OBS_IMAGES] = torch.stack(images, dim=-4)
             queues = populate_queues(queues, known)
         return {**newest, **({OBS_IMAGES: known[OBS_IMAGES]} if self.config.image_features else {})}
+
+
+def collated(items: list[dict[str, Any]]) -> dict[str, Any]:
+    """Items of one row each as one of all rows."""
+    if len(items) == 1:
+        return items[0]
+    import torch
+
+    out: dict[str, Any] = {}
+    for key, first in items[0].items():
+        values = [item[key] for item in items]
+        if torch.is_tensor(first):
+            out[key] = torch.cat(values) if first.dim() else first
+        else:
+            out[key] = (
+                [one for value in values for one in value] if isinstance(first, list) else first
+            )
+    return out
 
 
 def features(config: Any) -> tuple[dict[str, tuple[int, int]], int | None, int]:
@@ -177,8 +227,10 @@ def features(config: Any) -> tuple[dict[str, tuple[int, int]], int | None, int]:
 
 def sha256(path: Path) -> str:
     with path.open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest() if hasattr(hashlib, "file_digest") else (
-            hashlib.sha256(file.read()).hexdigest()
+        return (
+            hashlib.file_digest(file, "sha256").hexdigest()
+            if hasattr(hashlib, "file_digest")
+            else (hashlib.sha256(file.read()).hexdigest())
         )
 
 
