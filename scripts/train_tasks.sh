@@ -270,8 +270,12 @@ if [ -n "${WORD_VECTORS:-}" ]; then
     done
     wait
     reads=$out/tasks-reads.safetensors
+    # "First from the left" and "fourth from the right" are one: to the mean of words, from
+    # which it is taught, the second is nearer to another.
+    best_said=()
+    [[ ,$tasks, != *,select_coke,* ]] || best_said=(--best-said "select_coke=from the left")
     [ -e "$reads" ] || "$python" $learn/text_encoder.py "$final" --sentences "$out"/sentences-*.jsonl \
-        --word-vectors "$WORD_VECTORS" --out "$reads" | tee "$out/text_encoder.log"
+        --word-vectors "$WORD_VECTORS" "${best_said[@]}" --out "$reads" | tee "$out/text_encoder.log"
     final=$reads
 fi
 served="exec:$python $learn/serve.py $final"

@@ -19,6 +19,7 @@ sys.path.insert(0, str(LEARN))
 
 import begin
 import policy_file
+import text_encoder
 from episodes import indices
 from network import Policy, Shape
 
@@ -71,6 +72,22 @@ def nearest(folder):
     return lambda told: min(means, key=lambda thing: (ask(told) - means[thing]).norm().item())
 
 
+def check_best_said(folder):
+    """What is best said by certain words is answered as sentences with these are."""
+    network, card = policy_file.load(folder / "before.safetensors")
+    sentences = text_encoder.read_sentences([folder / "sentences.jsonl"])
+    plain, best = (
+        text_encoder.Lesson(network, card["vocabulary"], sentences, told) for told in (None, {"pick_mug": ["left", "of"]})
+    )
+    kinds = sorted({kind for kind, _ in sentences})
+    mug = kinds.index(("pick_mug", "mug"))
+    has = torch.tensor(["left" in words for _, words in sentences])
+    wanted = network.language(best.rows)[(best.kind == mug) & has].mean(0)
+    assert torch.allclose(best.means[mug], wanted, atol=1e-6) and not torch.allclose(plain.means[mug], wanted, atol=1e-3)
+    others = [number for number in range(len(kinds)) if number != mug]
+    assert torch.equal(best.means[others], plain.means[others])
+
+
 def main():
     with tempfile.TemporaryDirectory() as name, torch.no_grad():
         folder = Path(name)
@@ -102,8 +119,12 @@ def main():
             (run(folder, "x.safetensors", "--word-vectors", "cut.json"), "as wink's has"),
             (run(folder, "x.safetensors", "--layers", "0"), "--layers is 0"),
             (run(folder, "nowhere/x.safetensors"), "there is no folder"),
+            (run(folder, "x.safetensors", "--best-said", "pick_mug=zebra"), "pick_mug mug has the words 'zebra'"),
+            (run(folder, "x.safetensors", "--best-said", "zebra=left"), "names zebra"),
         ]:
             assert wrong.returncode == 1 and words in wrong.stderr and "Traceback" not in wrong.stderr, wrong.stderr
+        assert "is not TASK=WORDS" in run(folder, "x.safetensors", "--best-said", "zebra").stderr
+        check_best_said(folder)
         # A further training begins with what it was before, the mean of its words too.
         network, card = policy_file.load(folder / "before.safetensors")
         again = Policy(network.shape)

@@ -4,7 +4,7 @@
 mod synthetic;
 
 use std::path::Path;
-use std::process::{Command, Output};
+use std::process::{Command, Output, Stdio};
 
 use parking_lot::{Mutex, MutexGuard};
 use wheelarm_dataset::finish::finish;
@@ -303,13 +303,50 @@ fn several_processes_export_what_one_does_and_say_what_failed() {
     assert!(files("one") == files("four"));
     assert!(files("four")[0] != files("four")[1]);
 
-    let odd = Command::new(env!("CARGO_BIN_EXE_wheelarm-dataset"))
-        .args(["export", "--format", "csv", "a0.h5", "--out", "odd"])
-        .env("WHEELARM_EXPORT_PART", "3/2")
-        .current_dir(folder)
-        .output()
+    for (part, cure) in [("3/2/1", "unset it"), ("0/2/1", "run it again")] {
+        let odd = Command::new(env!("CARGO_BIN_EXE_wheelarm-dataset"))
+            .args(["export", "--format", "csv", "a0.h5", "--out", "odd"])
+            .env("WHEELARM_EXPORT_PART", part)
+            .current_dir(folder)
+            .output()
+            .unwrap();
+        let words = String::from_utf8_lossy(&odd.stderr).into_owned();
+        assert_eq!(odd.status.code(), Some(1));
+        assert!(words.contains(cure), "{words}");
+    }
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn a_process_of_an_export_ends_with_it() {
+    use std::io::{BufRead, BufReader};
+    let _turn = alone();
+    let folder = tempfile::tempdir().unwrap();
+    // A part that waits for its files, which never come; then who asks for it is killed.
+    let script = "exec 3<&0
+        WHEELARM_EXPORT_PART=0/1/$$ \"$0\" export --format csv . --out out <&3 &
+        echo $!
+        kill -9 $$";
+    let mut asks = Command::new("sh")
+        .args(["-c", script, env!("CARGO_BIN_EXE_wheelarm-dataset")])
+        .current_dir(folder.path())
+        .stdin(Stdio::piped())
+        .stdout(Stdio::piped())
+        .spawn()
         .unwrap();
-    let words = String::from_utf8_lossy(&odd.stderr).into_owned();
-    assert_eq!(odd.status.code(), Some(1));
-    assert!(words.contains("unset it"), "{words}");
+    let _held_open = asks.stdin.take();
+    let mut part = String::new();
+    let said = asks.stdout.take().unwrap();
+    BufReader::new(said).read_line(&mut part).unwrap();
+    asks.wait().unwrap();
+    let stat = format!("/proc/{}/stat", part.trim());
+    // What ended may wait for somebody to hear of it.
+    let is_there = || std::fs::read_to_string(&stat).is_ok_and(|told| !told.contains(") Z"));
+    for _ in 0..3000 {
+        if !is_there() {
+            return;
+        }
+        std::thread::sleep(std::time::Duration::from_millis(20));
+    }
+    panic!("it runs on: {stat}");
 }

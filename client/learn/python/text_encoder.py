@@ -117,18 +117,41 @@ def vocabulary(said, words, vectors, count):
     return ["<unknown>", *sorted({*said, *(words[place] for place in chosen)})]
 
 
+def contains(told, words):
+    return any(told[at : at + len(words)] == words for at in range(len(told) - len(words) + 1))
+
+
+def best_said(text):
+    """`TASK=WORDS` as task and words."""
+    task, equals, words = text.partition("=")
+    if not equals or not task or not words_of(words):
+        raise argparse.ArgumentTypeError(f"{text!r} is not TASK=WORDS, for example 'select_coke=from the left'")
+    return task, words_of(words)
+
+
 class Lesson:
     """Sentences with what is to be answered to them: what `network` answers on average
-    to all that ask for the same."""
+    to all that ask for the same, or to those of them that have certain words (`best_said`,
+    by task)."""
 
-    def __init__(self, network, vocabulary, sentences):
+    def __init__(self, network, vocabulary, sentences, best_said=None):
         self.sentences = sentences
         self.read_by(vocabulary)
         with torch.no_grad():
             before = torch.cat([network.language(part) for part in self.rows.split(512)])
         kinds = sorted({kind for kind, _ in sentences})
         self.kind = torch.tensor([kinds.index(kind) for kind, _ in sentences])
-        self.means = torch.stack([before[self.kind == number].mean(0) for number in range(len(kinds))])
+        means = []
+        for number, kind in enumerate(kinds):
+            of_kind = self.kind == number
+            words = (best_said or {}).get(kind[0])
+            if words:
+                is_best = torch.tensor([contains(told, words) for _, told in sentences]) & of_kind
+                if not is_best.any():
+                    raise NoText(f"no sentence that asks for {' '.join(kind)} has the words {' '.join(words)!r} of --best-said")
+                of_kind = is_best
+            means.append(before[of_kind].mean(0))
+        self.means = torch.stack(means)
 
     def read_by(self, vocabulary):
         """Places of the words in another vocabulary: [sentences, longest]."""
@@ -195,6 +218,9 @@ def main():
     parser.add_argument("--sentences", type=Path, nargs="+", required=True, help="lines of `wheelarm-server --sentences`")
     parser.add_argument("--word-vectors", type=Path, required=True, help="GloVe's or word2vec's text, or wink's JSON")
     parser.add_argument("--out", type=Path, required=True)
+    parser.add_argument("--best-said", type=best_said, action="append", default=[], metavar="TASK=WORDS",
+        help="what is asked for by a sentence of TASK is answered as what those with WORDS in them ask for, where the policy "
+        "understands these best: 'select_coke=from the left'")
     parser.add_argument("--words", type=int, default=25_000, help="of the file that are kept beside the sentences' own")
     parser.add_argument("--layers", type=int, default=2)
     parser.add_argument("--width", type=int, default=100, help="numbers of a word's vector in the file")
@@ -232,7 +258,10 @@ def encode(options):
     words, vectors = read_vectors(options.word_vectors, options.width)
     said = collections.Counter(word for _, told in sentences for word in set(told))
     often = {word for word, count in said.items() if count >= LEAST_SAID}
-    lesson = Lesson(network, card["vocabulary"], sentences)
+    known = {kind[0] for kind, _ in sentences}
+    if missing := [task for task, _ in options.best_said if task not in known]:
+        raise NoText(f"--best-said names {', '.join(missing)}, of which there are no sentences; there are {', '.join(sorted(known))}")
+    lesson = Lesson(network, card["vocabulary"], sentences, dict(options.best_said))
     seeing = effect(network)
     print(f"before: {report(nearest(network, lesson, seeing))}", flush=True)
 
@@ -257,6 +286,7 @@ def encode(options):
         "begun_from": policy_file.sha256(options.policy), "sentences": len(sentences), "asked_for": len(lesson.means),
         "word_vectors": options.word_vectors.name, "word_vectors_sha256": policy_file.sha256(options.word_vectors),
         "options": {name: getattr(options, name) for name in ("layers", "steps", "batch", "lr", "plain_words", "unknown_words", "noise", "seed")},
+        "best_said": {task: " ".join(words) for task, words in options.best_said},
         "nearest": told[0],
         # What a further training begins with, which takes the mean of its words.
         "words": words_told(network, before),

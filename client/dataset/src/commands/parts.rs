@@ -10,8 +10,8 @@ use wheelarm_dataset::convert::batch::{self, Numbers};
 
 use super::arguments::{FAILED, FINE};
 
-/// Tells a process of an export its part, as `INDEX/COUNT`; the files of all of them come
-/// by its standard input.
+/// Tells a process of an export its part, as `INDEX/COUNT/PARENT`, with the process that
+/// asks for it; the files of all of them come by its standard input.
 const VARIABLE: &str = "WHEELARM_EXPORT_PART";
 /// Threads of a process.
 const THREADS: usize = 2;
@@ -32,11 +32,14 @@ pub fn own() -> anyhow::Result<Option<(Vec<PathBuf>, Numbers)>> {
         return Ok(None);
     };
     let told = told.to_string_lossy();
-    let part = told.split_once('/');
-    let part = part.and_then(|(index, count)| Some((index.parse().ok()?, count.parse().ok()?)));
-    let Some((index, count)) = part.filter(|(index, count): &(usize, usize)| index < count) else {
-        bail!("{VARIABLE} is {told:?}; it is set by an export for its own processes: unset it");
+    let numbers: Vec<Option<usize>> = told.split('/').map(|n| n.parse().ok()).collect();
+    let (index, count, parent) = match numbers[..] {
+        [Some(index), Some(count), Some(parent)] if index < count => (index, count, parent),
+        _ => {
+            bail!("{VARIABLE} is {told:?}; it is set by an export for its own processes: unset it")
+        }
     };
+    end_with(parent)?;
     let mut list = Vec::new();
     std::io::stdin().lock().read_to_end(&mut list)?;
     let all = list
@@ -48,6 +51,21 @@ pub fn own() -> anyhow::Result<Option<(Vec<PathBuf>, Numbers)>> {
         step: count,
     };
     Ok(Some((own.collect(), numbers)))
+}
+
+/// Lets the kernel kill this process when `parent` is gone, however it went: files that it
+/// would still make are of an export that was ended.
+fn end_with(parent: usize) -> anyhow::Result<()> {
+    #[cfg(target_os = "linux")]
+    {
+        use rustix::process::{Signal, set_parent_process_death_signal};
+        set_parent_process_death_signal(Some(Signal::KILL))?;
+    }
+    // It may have gone before the kernel was asked.
+    if usize::try_from(std::os::unix::process::parent_id()).ok() != Some(parent) {
+        bail!("the export that this process is a part of is gone: run it again");
+    }
+    Ok(())
 }
 
 /// Exports `files` by `count` processes like this one, and prints what they say.
@@ -118,7 +136,7 @@ fn start(index: usize, count: usize) -> anyhow::Result<Child> {
     let mut command = Command::new(program);
     command
         .args(std::env::args_os().skip(1))
-        .env(VARIABLE, format!("{index}/{count}"))
+        .env(VARIABLE, format!("{index}/{count}/{}", std::process::id()))
         .stdin(Stdio::piped())
         .stdout(Stdio::piped());
     let started = command.spawn();

@@ -62,8 +62,7 @@ impl PendingFile {
     /// # Errors
     /// When the name was taken meanwhile.
     pub fn commit(mut self) -> anyhow::Result<PathBuf> {
-        publish::file(&self.temporary, &self.target)
-            .with_context(|| format!("{} cannot be put in place", self.target.display()))?;
+        publish::file(&self.temporary, &self.target).with_context(|| not_in_place(&self.target))?;
         self.done = true;
         Ok(self.target.clone())
     }
@@ -75,6 +74,14 @@ impl Drop for PendingFile {
             let _ = std::fs::remove_file(&self.temporary);
         }
     }
+}
+
+fn not_in_place(target: &Path) -> String {
+    let target = target.display();
+    format!(
+        "{target} cannot be put in place; where it exists, another recording of the same label, \
+         or another export, has written it meanwhile: say another --out for one of them"
+    )
 }
 
 /// A folder that is not there yet.
@@ -120,7 +127,7 @@ impl PendingFolder {
     /// When the name was taken meanwhile.
     pub fn commit(mut self) -> anyhow::Result<PathBuf> {
         publish::folder(&self.temporary, &self.target)
-            .with_context(|| format!("{} cannot be put in place", self.target.display()))?;
+            .with_context(|| not_in_place(&self.target))?;
         self.done = true;
         Ok(self.target.clone())
     }
