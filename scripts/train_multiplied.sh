@@ -53,10 +53,17 @@ mark() { touch "$out/$1.done" && say "done: $1"; }
 
 # By several processes: HDF5 lets one thread of each read at a time.
 export_rows() { # recordings, name
-    find "$1" -name '*.h5' -print0 | sort -z | xargs -0 -P $(((jobs + 1) / 2)) -n 25 sh -c \
-        'out=$0; exec wheelarm-dataset export --format tensors --trim-idle 0.5 "$@" --out "$out"' "$tensors/$2" >"$out/export-$2.log" 2>&1 ||
+    local recordings exported
+    # Put in place whole: an interrupted one is made anew.
+    rm -rf "$tensors/$2" "$tensors/.$2.part"
+    find "$1" -name '*.h5' -print0 | sort -z | xargs -0 -r -P $(((jobs + 1) / 2)) -n 25 sh -c \
+        'out=$0; exec wheelarm-dataset export --format tensors --trim-idle 0.5 "$@" --out "$out"' "$tensors/.$2.part" >"$out/export-$2.log" 2>&1 ||
         say "export of $2: $(tail -n 2 "$out/export-$2.log")"
-    say "$2: $(find "$tensors/$2" -name '*.safetensors' | wc -l) episodes, $(du -sh "$tensors/$2" | cut -f1)"
+    recordings=$(find "$1" -name '*.h5' | wc -l) exported=$(find "$tensors/.$2.part" -name '*.safetensors' 2>/dev/null | wc -l)
+    # A file that cannot be read is left out; a full disk leaves out more than one in twenty.
+    [ $((exported * 20)) -ge $((recordings * 19)) ] && [ "$exported" -gt 0 ] || die "$exported of $recordings episodes of $2 were exported"
+    mv "$tensors/.$2.part" "$tensors/$2"
+    say "$2: $exported episodes, $(du -sh "$tensors/$2" | cut -f1)"
 }
 collect() { # name, plan
     local status=0
@@ -83,7 +90,7 @@ make_multiplied() {
     say "multiplying $sources episodes into $episodes"
     wheelarm multiply "$out/ten" --task "$task" --episodes "$episodes" --out "$out/multiplied" --jobs "$jobs" \
         ${disturb:+--disturb "$disturb"} >"$out/multiply.log" 2>&1 || status=$?
-    [ $status -eq 0 ] || say "multiply: $(tail -n 2 "$out/multiply.log")"
+    [ $status -eq 0 ] || die "multiply: $(tail -n 2 "$out/multiply.log")"
     say "$(grep -h 'kept (' "$out/multiply.log" | tail -n 1)"
     while IFS='|' read -r name size rate; do
         cameras+=(--camera "$name=$size@$rate")
@@ -94,19 +101,28 @@ for c in tomllib.load(open(sys.argv[1], "rb"))["camera"]:
     draw() { # number, file, card, cameras
         local file=$1 card=$2
         shift 2
-        [ -e "$out/drawn/$(basename "$file" .h5)-replay.h5" ] ||
-            wheelarm replay "$file" --out "$out/drawn" ${card:+--adapter "$card"} "$@" >>"$out/draw.log" 2>&1 ||
+        local name
+        name=$(basename "$file" .h5)
+        [ ! -e "$out/drawn/$name-replay.h5" ] || return 0
+        # What an interrupted one leaves is not taken for a whole one.
+        rm -rf "$out/drawing/$name"
+        if wheelarm replay "$file" --out "$out/drawing/$name" ${card:+--adapter "$card"} "$@" >>"$out/draw.log" 2>&1; then
+            mv "$out/drawing/$name"/*-replay.h5 "$out/drawn/" && rm -rf "$out/drawing/$name"
+        else
             echo "not drawn: $file" >>"$out/draw.log"
+        fi
     }
     export -f draw
     export out
-    mkdir -p "$out/drawn"
+    mkdir -p "$out/drawn" "$out/drawing"
+    : >"$out/draw.log"
     # The cards in turn.
     local number=0 file
     for file in "$out"/multiplied/*.h5; do
+        [ -e "$file" ] || die "nothing was multiplied: $(tail -n 2 "$out/multiply.log")"
         printf '%s\0%s\0' "$file" "${cards[number % ${#cards[@]}]}"
         number=$((number + 1))
-    done | xargs -0 -n 2 -P "$jobs" bash -c 'draw "${@: -2:1}" "${@: -1:1}" "${@:1:$#-2}"' draw "${cameras[@]}"
+    done | xargs -0 -r -n 2 -P "$jobs" bash -c 'draw "${@: -2:1}" "${@: -1:1}" "${@:1:$#-2}"' draw "${cameras[@]}"
     say "drawn: $(find "$out/drawn" -name '*.h5' | wc -l); not drawn: $(grep -c '^not drawn' "$out/draw.log" || true)"
     export_rows "$out/drawn" multiplied
 }
@@ -122,7 +138,10 @@ evaluate() { # name
     wheelarm evaluate --task "$task" --split assets/splits/policy-claim.toml --episodes "$seeds" --jobs "$jobs" --no-grid \
         --adapters "$adapters" --policy "exec:$python $learn/serve.py $out/policy-$1/policy.safetensors" \
         --out "$out/evaluation-$1" >"$out/evaluate-$1.log" 2>&1 </dev/null || status=$?
-    [ $status -le 3 ] || die "evaluation of $1: $(tail -n 3 "$out/evaluate-$1.log")"
+    # It fails where not all seeds succeed; it is over when all are there.
+    local there
+    there=$(grep -c '"seed"' "$out/evaluation-$1/episodes.jsonl" 2>/dev/null || true)
+    [ "${there:-0}" -ge "$seeds" ] || die "evaluation of $1 ended with $status, ${there:-0} of $seeds seeds: $(tail -n 3 "$out/evaluate-$1.log")"
     say "$1: $(grep -c '"success":true' "$out/evaluation-$1/episodes.jsonl") of $(wc -l <"$out/evaluation-$1/episodes.jsonl")"
 }
 table() {
@@ -148,8 +167,14 @@ for program in wheelarm wheelarm-server wheelarm-worker wheelarm-dataset; do
     command -v "$program" >/dev/null || die "the program $program is not in PATH"
 done
 [ -e "$plan" ] || die "there is no $plan"
+need() { done_before "$1" || die "the stage $1 comes before $stage and is not done"; }
 for stage in "$@"; do
     if done_before "$stage"; then continue; fi
+    case $stage in
+    multiplied | train-ten) need sources ;;
+    train-*) need "${stage#train-}" ;;
+    evaluate-*) need "train-${stage#evaluate-}" ;;
+    esac
     case $stage in
     sources) make_sources ;;
     operator) make_operator ;;

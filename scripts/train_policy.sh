@@ -44,8 +44,20 @@ say() { printf '%s  %s\n' "$(date -u +%H:%M:%S)" "$*"; }
 # A stage is done when its mark is there.
 done_before() { [ -e "$out/$1.done" ]; }
 mark() { touch "$out/$1.done"; }
+# Put in place whole: an interrupted one is made anew.
 export_rows() { # recordings, name
-    wheelarm-dataset export --format tensors --trim-idle 0.5 "$1" --out "$out/tensors/$2" >"$out/export-$2.log"
+    rm -rf "$out/exporting-$2" "$out/tensors/$2"
+    wheelarm-dataset export --format tensors --trim-idle 0.5 "$1" --out "$out/exporting-$2" >"$out/export-$2.log" 2>&1 ||
+        say "export of $2: $(tail -n 2 "$out/export-$2.log")"
+    [ "$(find "$out/exporting-$2" -name '*.safetensors' | wc -l)" -gt 0 ] || { say "failed: nothing was exported of $1" && return 1; }
+    mkdir -p "$out/tensors"
+    mv "$out/exporting-$2" "$out/tensors/$2"
+}
+# An evaluation is over when all its seeds are there, whatever came of them.
+over() { # folder, seeds
+    local there
+    there=$(grep -c '"seed"' "$1/episodes.jsonl" 2>/dev/null || true)
+    [ "${there:-0}" -ge "$2" ] || { say "failed: ${there:-0} of $2 seeds are in $1: $(tail -n 2 "$1.log")" && return 1; }
 }
 # Half of the plan's episodes: training begins with the first half, while the processors
 # make the second.
@@ -68,8 +80,8 @@ train() { # name, seconds, more arguments
         --seconds "$piece" "${network[@]}" || status=$?
     case $status in
     0) mark "$name" ;;
-    4) say "run this again: steps are left" && exit 4 ;;
-    *) exit $status ;;
+    4) say "run this again: steps are left" && return 4 ;;
+    *) return $status ;;
     esac
 }
 correct() { # round
@@ -79,7 +91,8 @@ correct() { # round
     # Not all succeed, which is no failure of this stage.
     wheelarm evaluate --task "$task" --seeds $first..$((first + corrections)) --jobs "$jobs" \
         --starts "$starts" "${draws[@]}" --policy "exec:$python $learn/serve.py $out/policy-$(($1 - 1))/policy.safetensors" --takeover "$takeover" \
-        --record --no-grid --out "$out/corrections-$1" >"$out/corrections-$1.log" 2>&1 || [ $? -le 3 ]
+        --record --no-grid --out "$out/corrections-$1" >"$out/corrections-$1.log" 2>&1 || true
+    over "$out/corrections-$1" "$corrections"
     tail -n 12 "$out/corrections-$1.log"
     export_rows "$out/corrections-$1" "corrections-$1"
     mark "corrections-$1"
@@ -98,10 +111,11 @@ for round in $(seq 1 $rounds); do
     train "policy-$round" "${training[$round]}" "$out/tensors" --init "$out/policy-$((round - 1))/policy.safetensors"
 done
 if ! done_before evaluation; then
-    "$python" $learn/export.py "$out/policy-$rounds/policy.safetensors" --bits 8 --out "$out/$task.safetensors"
+    [ -e "$out/$task.safetensors" ] || "$python" $learn/export.py "$out/policy-$rounds/policy.safetensors" --bits 8 --out "$out/$task.safetensors"
     say "evaluation on $split"
     wheelarm evaluate --task "$task" --split "$split" ${SEEDS:+--episodes "$SEEDS"} --jobs "$jobs" "${draws[@]}" --no-grid --out "$out/evaluation" \
-        --policy "exec:$python $learn/serve.py $out/$task.safetensors" >"$out/evaluation.log" 2>&1 || [ $? -le 3 ]
+        --policy "exec:$python $learn/serve.py $out/$task.safetensors" >"$out/evaluation.log" 2>&1 || true
+    over "$out/evaluation" "${SEEDS:-1}"
     tail -n 30 "$out/evaluation.log"
     mark evaluation
 fi

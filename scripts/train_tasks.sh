@@ -63,7 +63,7 @@ seen_split=assets/splits/axes/language-1.toml
 held_split=assets/splits/policy-claim-sentences.toml
 mkdir -p "$out" "$tensors"
 tasks=${TASKS:-$(sed -n '/^\[\[task\]\]/,/^name/s/^name = "\(.*\)"/\1/p' "$plan" | paste -sd,)}
-corrected_tasks=${CORRECTED_TASKS:-$(tr , '\n' <<<"$tasks" | grep -v '^place_teddy_bear$' | paste -sd,)}
+corrected_tasks=${CORRECTED_TASKS:-$(tr , '\n' <<<"$tasks" | sed '/^place_teddy_bear$/d' | paste -sd,)}
 read -ra device <<<"${DEVICE_OPTIONS:---precision bf16 --store device}"
 read -ra network <<<"--width 48 --norm batch --film --batch 160 --lr 2e-4 --warm-up 200 --shift 4 --execute 10 --pause 2 --without-state *.velocity,odometry.* --share-sentences pick_*,place_*,select_* --balance-tasks --unknown-words 0.1 --validation 0.04 --aim-weight 0.5 --ask-others 0.3 ${NETWORK:-}"
 # PCI ids of the cards as --adapters takes them. What learns has the last one, as the
@@ -119,9 +119,16 @@ PYTHON
 }
 
 export_rows() { # recordings, folder
-    wheelarm-dataset export --format tensors --trim-idle 0.5 "$1" --out "$2" >"$out/export-${2##*/}.log" 2>&1 \
+    local recordings exported
+    # Put in place whole: an interrupted one is made anew.
+    rm -rf "$2.part" "$2"
+    wheelarm-dataset export --format tensors --trim-idle 0.5 "$1" --out "$2.part" >"$out/export-${2##*/}.log" 2>&1 \
         || say "export of $2: $(tail -n 2 "$out/export-${2##*/}.log")"
-    [ "$(find "$2" -name '*.safetensors' | wc -l)" -gt 0 ] || die "nothing was exported of $1"
+    recordings=$(find "$1" -name '*.h5' | wc -l) exported=$(find "$2.part" -name '*.safetensors' 2>/dev/null | wc -l)
+    # A file that cannot be read is left out; a full disk leaves out more than one in twenty.
+    [ $((exported * 20)) -ge $((recordings * 19)) ] && [ "$exported" -gt 0 ] \
+        || die "$exported of $recordings episodes of $1 were exported: $(tail -n 1 "$out/export-${2##*/}.log")"
+    mv "$2.part" "$2"
     say "$(find "$2" -name '*.safetensors' | wc -l) episodes exported in $2, $(du -sh "$2" | cut -f1)"
 }
 # Parts of the plan's episodes: training begins with those of BEFORE, while the
@@ -155,8 +162,15 @@ train() { # number, seconds, folders
     say "training $name, $seconds s, on $*"
     local from=$out/policy-$((${name#policy-} - 1))/training.safetensors status=0
     [ -e "$from" ] || from=$init
+    mkdir -p "$out/$name"
+    touch "$out/$name.begun"
     limited "${learns_on[@]}" "$python" $learn/train.py "$@" --out "$out/$name" --name "tasks-$name" --steps 1000000 --within "$seconds" \
         ${from:+--init "$from"} "${device[@]}" "${network[@]}" >"$out/$name.log" 2>&1 || status=$?
+    # LAST came: what train.py saved then is used, and another call goes on with it.
+    if [ $status -eq 124 ] && [ "$out/$name/policy.safetensors" -nt "$out/$name.begun" ]; then
+        say "$name is not trained to its end: $(tail -n 1 "$out/$name.log")"
+        return
+    fi
     [ $status -eq 0 ] || die "$name ended with $status: $(tail -n 3 "$out/$name.log")"
     grep -E 'parameters|^step' "$out/$name.log" | sed -n '1p;$p' | while read -r line; do say "$name: $line"; done
     mark "$name"
@@ -170,9 +184,12 @@ correct() { # round, number of the policy
         --language 0 --language-split train "${draws_beside[@]}" --takeover "$takeover" --record --depth none --no-grid \
         --policy "exec:$python $learn/serve.py $out/policy-$2/policy.safetensors" \
         --out "$out/corrections-$1" >"$out/corrections-$1.log" 2>&1 || status=$?
-    [ $status -le 3 ] || die "corrections $1 ended with $status: $(tail -n 3 "$out/corrections-$1.log")"
+    local there wanted=$((corrections * $(tr , '\n' <<<"$corrected_tasks" | wc -l)))
+    there=$(grep -c '"seed"' "$out/corrections-$1/episodes.jsonl" 2>/dev/null || true)
+    [ "${there:-0}" -ge "$wanted" ] \
+        || die "corrections $1 ended with $status, ${there:-0} of $wanted episodes: $(tail -n 3 "$out/corrections-$1.log")"
     say "corrections $1: $(grep -c '"success":true' "$out/corrections-$1/episodes.jsonl") of $(wc -l <"$out/corrections-$1/episodes.jsonl") succeed"
-    export_rows "$out/corrections-$1" "$out/tensors/corrections-$1"
+    export_rows "$out/corrections-$1" "$out/tensors/corrections-$1" || exit 1
     rm -f "$out/corrections-$1"/*.h5
     mark "corrections-$1"
 }
@@ -217,7 +234,8 @@ PAIRS
 }
 table() { "$python" scripts/tasks_table.py "$out" "$tasks" >"$out/table.md" && cat "$out/table.md"; }
 
-trap 'jobs -p | xargs -r kill 2>/dev/null || true' EXIT
+# Programs of the stages in the background too, not their shells alone.
+trap 'for stage in $(jobs -p); do pkill -TERM -P "$stage"; kill "$stage"; done 2>/dev/null || true' EXIT
 say "begin; tasks: $tasks"
 [ -e "$out/pieces.txt" ] || echo "$plan in $parts parts" >"$out/pieces.txt"
 [ "$(cat "$out/pieces.txt")" = "$plan in $parts parts" ] || die "$out was begun with $(cat "$out/pieces.txt"): name another folder, or PLAN and PARTS of then"
@@ -261,7 +279,16 @@ for round in $(seq 1 $rounds); do
     [ ! -e "$out/tensors/corrections-$round" ] || folders+=("$out/tensors/corrections-$round")
 done
 final=$out/tasks.safetensors
-[ -e "$final" ] || "$python" $learn/export.py "$out/policy-$rounds/policy.safetensors" --bits 8 --out "$final"
+# What was evaluated of a policy that was trained on since is not this one's.
+sum=$(sha256sum <"$out/policy-$rounds/policy.safetensors")
+[ ! -e "$final" ] || [ -e "$out/final.txt" ] || echo "$sum" >"$out/final.txt"
+if [ "$(cat "$out/final.txt" 2>/dev/null)" != "$sum" ]; then
+    for name in tasks.safetensors tasks-reads.safetensors {seen,held_out,blind-pick_mustard,told-pick_crackers,told-pick_blue_mug}{,.done}; do
+        [ ! -e "$out/$name" ] || { mkdir -p "$out/replaced-$$" && mv "$out/$name" "$out/replaced-$$/"; }
+    done
+    "$python" $learn/export.py "$out/policy-$rounds/policy.safetensors" --bits 8 --out "$final"
+    echo "$sum" >"$out/final.txt"
+fi
 if [ -n "${WORD_VECTORS:-}" ]; then
     # Sentences of scenes that nothing is evaluated on; a scene is drawn in some 50 ms.
     for task in ${tasks//,/ }; do
@@ -269,6 +296,9 @@ if [ -n "${WORD_VECTORS:-}" ]; then
             && mv "$out/$task.part" "$out/sentences-$task.jsonl"; } &
     done
     wait
+    for task in ${tasks//,/ }; do
+        [ -s "$out/sentences-$task.jsonl" ] || die "there are no sentences of $task: wheelarm-server --task $task --sentences 10000..10150"
+    done
     reads=$out/tasks-reads.safetensors
     # "First from the left" and "fourth from the right" are one: to the mean of words, from
     # which it is taught, the second is nearer to another.
@@ -294,4 +324,7 @@ if [ "$knowing" -gt 0 ]; then
     evaluate repeat "$jobs" "$knowing" repeat --split "$seen_split"
     table
 fi
+for ((round = 0; round <= ${#training[@]} - 1; round++)); do
+    done_before "policy-$round" || { say "not all is done, policy-$round is not trained to its end: run this again, with a later LAST" && exit 4; }
+done
 say "all is done: $final"

@@ -15,13 +15,14 @@ from pathlib import Path
 
 import numpy as np
 import torch
-from safetensors import safe_open
+from safetensors import SafetensorError, safe_open
 
 LAYOUT = "wheelarm-tensors/1"
 STILL = {"hand": 1e-3, "knuckle": 5e-3, "chair": 1e-2}  # changes of a row below which nothing moves
 LEAST_DEVIATION = 0.01  # in a value's own unit: what hardly changes is not blown up
 UNKNOWN = 0  # the word that stands for all that were never seen
-LEAST_ASIDE = np.radians(0.5)  # between equal things that are told apart by their places
+LEAST_ASIDE = 0.02  # metres between equal things that are told apart by their places
+UNTOLD = "told otherwise"  # of what is not told apart: nobody else is told its sentences
 WRONG_ON_PURPOSE = (1, 2)  # incidents that are no example: wrong grasp, wrong object
 
 
@@ -55,9 +56,12 @@ class File:
 
     @staticmethod
     def open(path):
-        with safe_open(path, "np") as file:
-            metadata = file.metadata() or {}
-            shapes = {name: file.get_slice(name).get_shape() for name in file.keys()}
+        try:
+            with safe_open(path, "np") as file:
+                metadata = file.metadata() or {}
+                shapes = {name: file.get_slice(name).get_shape() for name in file.keys()}
+        except SafetensorError as problem:
+            raise NoData(f"{path} is cut short or no safetensors file ({problem}): export it anew") from None
         about = json.loads(metadata.get("wheelarm", "{}"))
         if about.get("layout") != LAYOUT:
             raise NoData(
@@ -105,30 +109,53 @@ def find(folders, keep_failed=False):
 
 
 def count_equals(files):
-    """Tells apart what a task asks for that is about another one of several things in
-    every scene, as four cans in a row: each by its place among them, counted from the
-    left, which is what sentences say of it. So the others of a scene can be asked for."""
+    """Tells apart what a task asks for that is about another one of several equal things
+    in every scene, as four cans in a row: each by its place among them, counted from the
+    left, as most sentences say it. So the others of a scene can be asked for. Where their
+    places are not told, or the sentence says neither left nor right, an episode stays
+    alone with its sentence."""
     about = {}
     for file in files:
-        if file.thing in file.names and "things" in file.shapes:
+        if file.thing in file.names:
             about.setdefault(file.about["task"], set()).add(file.thing)
     for file in files:
-        equals = [file.names.index(name) for name in about.get(file.about["task"], ()) if name in file.names]
-        if len(equals) < 2 or file.thing not in file.names or "things" not in file.shapes:
+        task = file.about["task"]
+        if len(about.get(task, ())) < 2:
             continue
-        with safe_open(file.path, "np") as opened:
-            row = opened.get_slice("things")[0]
-        x, y = row.reshape(len(file.names), -1)[equals, :2].astype(np.float64).T  # in the frame of the arm's base
-        middle = np.arctan2(y.mean(), x.mean())
-        aside = (np.arctan2(y, x) - middle + np.pi) % (2 * np.pi) - np.pi
-        # What lies behind or above another has no place from the left.
-        if not np.isfinite(aside).all() or np.diff(np.sort(aside)).min() < LEAST_ASIDE:
-            continue
-        names = list(file.names)
-        for place, at in enumerate(np.argsort(-aside), 1):
-            names[equals[at]] = f"{file.about['task']}: {place} of {len(equals)}"
-        file.asks = file.thing = names[file.names.index(file.thing)]
-        file.names = tuple(names)
+        equals = [file.names.index(name) for name in sorted(about[task]) if name in file.names]
+        order = None
+        if len({re.sub(r"_?\d+$", "", name) for name in about[task]}) == 1 and file.thing in file.names:
+            order = from_left(file, equals)
+        if order is not None:
+            names = list(file.names)
+            for place, at in enumerate(order, 1):
+                names[equals[at]] = f"{task}: {place} of {len(equals)}"
+            file.asks = file.thing = names[file.names.index(file.thing)]
+            file.names = tuple(names)
+        if order is None or not re.search(r"\b(left|right)", file.about["instruction"].lower()):
+            file.asks = f"{task}: {UNTOLD}"
+
+
+def from_left(file, equals):
+    """Places among `equals` (numbers of names) from the left to the right of the robot,
+    where it sees them most side by side before any of them is lifted; None where it does
+    nowhere."""
+    if "things" not in file.shapes or not file.rows:
+        return None
+    with safe_open(file.path, "np") as opened:
+        things = opened.get_tensor("things")
+    rows = things.reshape(len(things), len(file.names), -1)[: max(1, file.rows // 2), equals, :2].astype(np.float64)
+    rows = rows[np.isfinite(rows).all((1, 2))]  # [rows, equals, x and y in the frame of the arm's base]
+    if not len(rows):
+        return None
+    ahead = rows.mean(1) / np.maximum(np.linalg.norm(rows.mean(1), axis=1, keepdims=True), 1e-9)
+    depth = np.einsum("rek,rk->re", rows, ahead)
+    aside = np.einsum("rek,rk->re", rows, np.stack((-ahead[:, 1], ahead[:, 0]), 1))
+    slant = np.ptp(depth, 1) / np.maximum(np.ptp(aside, 1), 1e-9)
+    best = slant.argmin()
+    if slant[best] > 0.5 or np.diff(np.sort(aside[best])).min() < LEAST_ASIDE:
+        return None
+    return np.argsort(-aside[best])
 
 
 def split(files, share):
@@ -277,13 +304,15 @@ class Episodes:
         order = np.argsort(self.kinds, kind="stable")
         places = np.argsort(order, kind="stable")
         first, count = places.copy(), np.ones(len(told), np.int64)
+        name = lambda kind: kind.split(":")[0]  # noqa: E731
+        fits = lambda kind: not kind.endswith(UNTOLD) and any(fnmatch(name(kind), pattern) for pattern in shared)  # noqa: E731
         for kind, task in enumerate(self.tasks):
             own = self.kinds == kind
-            if own.any() and any(fnmatch(task.split(":")[0], pattern) for pattern in shared):
+            if own.any() and fits(task):
                 first[own], count[own] = places[own].min(), own.sum()
         tensor = lambda values: torch.from_numpy(np.asarray(values, np.int64)).to(self.device)  # noqa: E731
         self.by_task, self.first_told, self.count_told = tensor(order), tensor(first), tensor(count)
-        is_shared = [any(fnmatch(task.split(":")[0], pattern) for pattern in shared) for task in self.tasks]
+        is_shared = [fits(task) for task in self.tasks]
         others = [[o for o in self.of_tasks.others(file) if is_shared[o]] for file in self.files]
         table = np.zeros((len(told), max(1, max(map(len, others)))), np.int64)
         for row, tasks in zip(table, others):

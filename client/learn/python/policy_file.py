@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import torch
-from safetensors import safe_open
+from safetensors import SafetensorError, safe_open
 from safetensors.torch import save
 
 from episodes import indices
@@ -73,11 +73,14 @@ def write(path, state, card, bits=16, training=False):
 
 def read(path):
     """State and card."""
-    with safe_open(path, "pt") as file:
-        text = (file.metadata() or {}).get("wheelarm")
-        if text is None:
-            raise ValueError(f"{path} has no model card: it was not written by train.py or `wheelarm-learn`")
-        tensors = {name: file.get_tensor(name) for name in file.keys()}
+    try:
+        with safe_open(path, "pt") as file:
+            text = (file.metadata() or {}).get("wheelarm")
+            tensors = {name: file.get_tensor(name) for name in file.keys()}
+    except SafetensorError as problem:
+        raise ValueError(f"{path} is cut short or no safetensors file ({problem}): fetch or train it anew") from None
+    if text is None:
+        raise ValueError(f"{path} has no model card: it was not written by train.py or `wheelarm-learn`")
     card = json.loads(text)
     if card.get("format") != FORMAT:
         raise ValueError(f"{path} has the format {card.get('format')!r}, expected {FORMAT!r}")
@@ -88,6 +91,7 @@ def load(path, device="cpu"):
     """The network, ready to be asked, and its card."""
     state, card = read(path)
     network = Policy(Shape(**card["network"]))
+    state = {name: tensor for name, tensor in state.items() if not name.startswith(ONLY_IN_TRAINING)}
     missing, unknown = network.load_state_dict(state, strict=False)
     missing = [name for name in missing if not name.startswith(ONLY_IN_TRAINING)]
     if missing or unknown:

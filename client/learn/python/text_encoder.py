@@ -59,7 +59,7 @@ def read_vectors(path, width):
             if len(numbers) == 1 and not words:
                 continue  # word2vec's first line: how many, how long
             if len(numbers) != width:
-                raise NoText(f"{path}: {word!r} has {len(numbers)} numbers, expected {width}")
+                raise NoText(f"{path}: {word!r} has {len(numbers)} numbers, expected {width}: say --width {len(numbers)}")
             if re.fullmatch(r"[a-z0-9']+", word):
                 try:
                     row = np.array(numbers, np.float32)

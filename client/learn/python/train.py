@@ -12,6 +12,7 @@ command goes on from the last checkpoint, until all steps are done: exit code 0 
 """
 
 import argparse
+import fcntl
 import json
 import math
 import os
@@ -129,9 +130,19 @@ def main():
     started = time.monotonic()
     try:
         return train(options, started)
-    except (NoData, ValueError) as problem:
+    except (NoData, ValueError, OSError) as problem:
         print(f"train.py: {problem}", file=sys.stderr)
         return 1
+
+
+def locked(folder):
+    """The lock of a folder, as long as what is returned is open."""
+    lock = open(folder / "lock", "w")
+    try:
+        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        raise ValueError(f"another train.py writes into {folder}: wait for its end, or say another --out") from None
+    return lock
 
 
 def train(options, started):
@@ -143,6 +154,7 @@ def train(options, started):
     torch.backends.cudnn.benchmark = True
     torch.manual_seed(options.seed)
     options.out.mkdir(parents=True, exist_ok=True)
+    lock = locked(options.out)  # noqa: F841, held until the end
     log = Log(options.out)
 
     files = find(options.data, options.keep_failed)
@@ -296,7 +308,13 @@ class Log:
 
     def entries(self):
         lines = self.path.read_text().splitlines() if self.path.exists() else []
-        return [json.loads(line) for line in lines]
+        out = []
+        for line in lines:
+            try:
+                out.append(json.loads(line))
+            except ValueError:  # cut by an interruption
+                continue
+        return out
 
     def add(self, entry):
         with open(self.path, "a") as file:
@@ -305,7 +323,9 @@ class Log:
     def cut(self, step):
         """Forgets what came behind the checkpoint."""
         kept = [entry for entry in self.entries() if entry["step"] <= step]
-        self.path.write_text("".join(json.dumps(entry) + "\n" for entry in kept))
+        part = self.path.with_suffix(".part")
+        part.write_text("".join(json.dumps(entry) + "\n" for entry in kept))
+        part.replace(self.path)
 
 
 class Run:
@@ -592,7 +612,7 @@ class Run:
             "step": self.step, "spent": self.spent, "network": self.network.state_dict(), "mean": self.mean,
             "optimiser": self.optimiser.state_dict(), "random": torch.get_rng_state(),
             "random_device": torch.cuda.get_rng_state(self.device) if self.device.type == "cuda" else None,
-            "shape": self.network.shape.told(),
+            "shape": self.network.shape.told(), "data": self.card["data"]["sha256"],
         }  # fmt: skip
         path = self.options.out / "checkpoint.pt"
         part = path.with_suffix(".part")
@@ -637,6 +657,11 @@ class Run:
             state = torch.load(path, map_location=self.device, weights_only=True)
             if Shape(**state["shape"]) != self.network.shape:
                 raise ValueError(f"{path} is of a network of another shape: choose another --out, or the options of before")
+            if state.get("data", self.card["data"]["sha256"]) != self.card["data"]["sha256"]:
+                raise ValueError(
+                    f"{path} was trained on other episodes: name the folders of before, or say another --out with "
+                    f"--init {options.out / 'training.safetensors'}"
+                )
             self.same_aims(state["network"], path)
             self.network.load_state_dict(state["network"])
             self.mean = state["mean"]

@@ -78,10 +78,9 @@ class Checkpoint:
             config, pretrained_path=str(folder), preprocessor_overrides=moves,
         )  # fmt: skip
         self.history = max(1, int(getattr(config, "n_obs_steps", 1)))
-        self.takes_state = state is not None
         self.rate, self.batch, self.action = rate_hz, batch, action
         # Diffusion answers as many rows as it carries out, from a horizon.
-        self.execute = int(config.n_action_steps)
+        self.execute = int(getattr(config, "n_action_steps", getattr(config, "action_chunk_size", 1)))
         self.chunk = int(getattr(config, "chunk_size", self.execute))
         self.name = f"lerobot {config.type}"
         self.hash = sha256(folder / "model.safetensors")
@@ -158,8 +157,8 @@ class Checkpoint:
         """A moment as LeRobot's data sets tell it."""
         torch = self.torch
         item: dict[str, Any] = {"task": observation.instruction}
-        if self.takes_state:
-            item[STATE] = torch.from_numpy(observation.states[i].astype(np.float32))
+        # ACT looks at it for its device even where it does not take it.
+        item[STATE] = torch.from_numpy(observation.states[i].astype(np.float32))
         for name in self.cameras:
             picture = np.ascontiguousarray(observation.pictures[i][name].transpose(2, 0, 1))
             item[IMAGES + name] = torch.from_numpy(picture).float() / 255
