@@ -316,6 +316,27 @@ fn several_processes_export_what_one_does_and_say_what_failed() {
     }
 }
 
+#[test]
+fn a_picture_does_not_take_the_place_of_a_recording() {
+    let _turn = alone();
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    episode(folder, "a");
+    let before = std::fs::read(folder.join("a.h5")).unwrap();
+    let words = "a.h5: a picture is written as PNG: name it *.png";
+    assert_eq!(refused(folder, &["sheet", "--out", "a.h5", "a.h5"]), words);
+    assert_eq!(refused(folder, &["stats", "--plot", "a.h5", "a.h5"]), words);
+    assert!(std::fs::read(folder.join("a.h5")).unwrap() == before);
+    assert!(run(folder, &["sheet", "a.h5"]).status.success());
+    let mut left: Vec<_> = std::fs::read_dir(folder)
+        .unwrap()
+        .map(|entry| entry.unwrap().file_name())
+        .filter(|name| name.to_string_lossy().contains("png"))
+        .collect();
+    left.sort();
+    assert_eq!(left, ["a.png"]);
+}
+
 #[cfg(target_os = "linux")]
 #[test]
 fn a_process_of_an_export_ends_with_it() {

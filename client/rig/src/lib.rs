@@ -20,7 +20,7 @@ mod work;
 mod worker;
 
 pub use label::free_label;
-pub use process::{Input, Launch, Process, Program};
+pub use process::{Input, Launch, Process, Program, end_with_parent};
 pub use program::{find_program, required_program};
 pub use recorder::{Recorder, RecorderOptions};
 pub use server::{Server, ServerOptions, StartError, all_cameras};

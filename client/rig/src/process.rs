@@ -262,7 +262,7 @@ impl Drop for Process {
     unsafe_code,
     reason = "a hook between fork and exec; it makes two system calls and nothing else"
 )]
-fn end_with_parent(command: &mut Command) {
+pub fn end_with_parent(command: &mut Command) {
     let parent = std::process::id();
     let hook = move || {
         rustix::process::set_parent_process_death_signal(Some(Signal::KILL))?;
@@ -281,7 +281,7 @@ fn end_with_parent(command: &mut Command) {
 }
 
 #[cfg(not(target_os = "linux"))]
-fn end_with_parent(_command: &mut Command) {}
+pub fn end_with_parent(_command: &mut Command) {}
 
 /// The place and words of the first panic in a program's messages, else its last
 /// error.

@@ -4,7 +4,7 @@ use std::ffi::OsString;
 use std::process::{Command, ExitCode};
 
 use anyhow::{Context, bail};
-use wheelarm_rig::find_program;
+use wheelarm_rig::{end_with_parent, find_program};
 
 /// The feature of a command that this build lacks.
 fn left_out(name: &str) -> Option<&'static str> {
@@ -35,8 +35,11 @@ pub fn run_external(words: &[OsString]) -> anyhow::Result<ExitCode> {
             "`wheelarm {name}` is not built in, and no `{program}` lies beside this program or on PATH; see `wheelarm --help`"
         );
     };
-    let status = Command::new(&path)
-        .args(arguments)
+    let mut command = Command::new(&path);
+    command.args(arguments);
+    // Who ends this program means that one.
+    end_with_parent(&mut command);
+    let status = command
         .status()
         .with_context(|| format!("starting {}", path.display()))?;
     #[cfg(unix)]

@@ -42,6 +42,21 @@ pub fn recordings(files: &Files) -> anyhow::Result<Vec<PathBuf>> {
     Ok(out)
 }
 
+/// Refuses a place for a picture that is named as something else: a picture replaces what
+/// is there, and a recording would be lost by a slip.
+pub fn is_picture(out: &Path) -> anyhow::Result<()> {
+    let is_png = out
+        .extension()
+        .is_some_and(|ending| ending.eq_ignore_ascii_case("png"));
+    if !is_png {
+        bail!(
+            "{}: a picture is written as PNG: name it *.png",
+            out.display()
+        );
+    }
+    Ok(())
+}
+
 /// Leaves out labelled copies of what is there itself.
 fn leave_copies_out(files: &mut Vec<PathBuf>) {
     let all: BTreeSet<PathBuf> = files.iter().cloned().collect();

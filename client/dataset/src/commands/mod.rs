@@ -167,6 +167,7 @@ pub fn run(cli: Cli) -> anyhow::Result<u8> {
         Command::Recover { log, out } => recover(&log, out.as_deref()),
         Command::Sheet { file, out } => {
             let out = out.unwrap_or_else(|| file.with_extension("png"));
+            files::is_picture(&out)?;
             sheet::sheet(&Episode::open(&file)?, &out)?;
             println!("{}", out.display());
             Ok(FINE)

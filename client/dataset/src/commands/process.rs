@@ -19,7 +19,7 @@ use wheelarm_dataset::read::Episode;
 use wheelarm_dataset::{composition, plot as plots, validate as check, view as pages};
 
 use super::arguments::{FAILED, FINE, Files, FormatName, Input, PARTIAL};
-use super::files::{beside, jobs, options, recordings};
+use super::files::{beside, is_picture, jobs, options, recordings};
 use super::parts;
 
 /// Boundaries agree when they are this near, seconds.
@@ -316,6 +316,7 @@ pub fn validate(input: &Files) -> anyhow::Result<u8> {
 }
 
 pub fn stats(input: &Files, plot: Option<&Path>, csv: Option<&Path>) -> anyhow::Result<u8> {
+    plot.map_or(Ok(()), is_picture)?;
     let files = recordings(input)?;
     let results = each(&files, jobs(input), |_, file| composition::figures(file));
     let figures: Vec<_> = results

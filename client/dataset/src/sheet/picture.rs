@@ -32,8 +32,20 @@ impl Canvas {
         }
     }
 
-    /// Writes it as a PNG file; one that is there is replaced.
+    /// Writes it as a PNG file; one that is there is replaced, by a whole one.
     pub fn write(&self, out: &Path) -> Result<(), png::EncodingError> {
+        let mut part = out.as_os_str().to_owned();
+        part.push(".part");
+        let part = Path::new(&part);
+        let written = self.encode(part);
+        let placed = written.and_then(|()| Ok(std::fs::rename(part, out)?));
+        if placed.is_err() {
+            let _ = std::fs::remove_file(part);
+        }
+        placed
+    }
+
+    fn encode(&self, out: &Path) -> Result<(), png::EncodingError> {
         let file = std::io::BufWriter::new(std::fs::File::create(out)?);
         let mut encoder = png::Encoder::new(file, self.width as u32, self.height as u32);
         encoder.set_color(png::ColorType::Rgb);
