@@ -213,7 +213,7 @@ mod tests {
             scenario: scenario.clone(),
             label: "pick_bowl-0001".into(),
             record: None,
-            log: Some("/tmp/a \"b\"\n.log".into()),
+            log: Some("logs/a \"b\"\n.log".into()),
             profile_seed: Some(7),
             forced: None,
             shown: None,
