@@ -11,7 +11,7 @@ use clap::Parser;
 
 fn main() -> ExitCode {
     wheelarm_proto::output::end_with_output();
-    match commands::run(commands::Cli::parse()) {
+    match commands::main(commands::Cli::parse()) {
         Ok(code) => ExitCode::from(code),
         Err(problem) => {
             eprintln!("{}", wheelarm_proto::program::told(problem.as_ref()));

@@ -1,6 +1,7 @@
 //! Whether a recording is fit for use: counts, order, gaps, numbers that are
 //! none, quaternions, pictures, calibration, hashes. Reads every byte.
 
+use std::collections::BTreeSet;
 use std::fmt;
 use std::io::Read;
 use std::path::Path;
@@ -277,6 +278,8 @@ struct Figures {
     contrast: f64,
     hit: f64,
     bad_depth: usize,
+    /// The first id that is no instance's.
+    stranger: Option<u16>,
 }
 
 fn pictures(
@@ -295,8 +298,20 @@ fn pictures(
             .push(format!("{stream}: there are no pictures"));
         return Ok(());
     }
+    let instances = episode.snapshot()?.instances;
+    let known: BTreeSet<u32> = instances.iter().map(|instance| instance.id).collect();
+    let stranger = |ids: Vec<u16>| {
+        let mut seen = ids;
+        seen.dedup();
+        let mut strangers = seen.into_iter().filter(|&id| id != 0);
+        strangers.find(|&id| !known.contains(&u32::from(id)))
+    };
     let all = parallel(camera.len(), threads, |i| {
         let rgb = camera.rgb(episode, i)?;
+        let ids = match camera.has_ids() {
+            true => camera.ids(episode, i)?,
+            false => Vec::new(),
+        };
         let depth = match camera.has_depth() {
             true => camera.depth(episode, i)?,
             false => Vec::new(),
@@ -314,6 +329,7 @@ fn pictures(
             contrast: variance.sqrt(),
             hit,
             bad_depth: depth.iter().filter(|d| d.is_nan() || **d < 0.0).count(),
+            stranger: stranger(ids),
         })
     })?;
     let mut wrong = |words: String| found.problems.push(format!("{stream}: {words}"));
@@ -324,6 +340,10 @@ fn pictures(
     let bad: usize = all.iter().map(|f| f.bad_depth).sum();
     if bad > 0 {
         wrong(format!("{bad} depths are NaN or negative"));
+    }
+    let strangers: BTreeSet<u16> = all.iter().filter_map(|f| f.stranger).collect();
+    if !strangers.is_empty() {
+        wrong(format!("ids of no instance: {strangers:?}"));
     }
     let empty = all.iter().filter(|f| f.hit == 0.0).count();
     if empty > 0 && camera.has_depth() {

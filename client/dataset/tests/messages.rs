@@ -316,6 +316,119 @@ fn several_processes_export_what_one_does_and_say_what_failed() {
     }
 }
 
+/// Places of the heaps that hold a file's texts and messages.
+fn heaps(file: &[u8]) -> Vec<usize> {
+    let begin = b"GCOL\x01\0\0\0";
+    let places = file.windows(begin.len()).enumerate();
+    let places = places.filter(|(_, bytes)| bytes == begin);
+    places.map(|(place, _)| place).collect()
+}
+
+#[test]
+fn a_file_that_crashes_or_holds_up_its_library_is_named_and_the_rest_goes_on() {
+    let _turn = alone();
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    for number in 0..10 {
+        episode(folder, &format!("a{number}"));
+    }
+    // A thing in a heap that is larger than memory, and one that takes no room, so that the
+    // next is the same again.
+    for (name, value) in [("a3.h5", (1_i64 << 32) + 16), ("a7.h5", -16)] {
+        let path = folder.join(name);
+        let mut bytes = std::fs::read(&path).unwrap();
+        let heaps = heaps(&bytes);
+        assert!(!heaps.is_empty());
+        for heap in heaps {
+            bytes[heap + 24..heap + 32].copy_from_slice(&value.to_le_bytes());
+        }
+        std::fs::write(path, bytes).unwrap();
+    }
+    let run = |arguments: &[&str]| {
+        let output = Command::new(env!("CARGO_BIN_EXE_wheelarm-dataset"))
+            .args(arguments)
+            .env("WHEELARM_DATASET_PATIENCE", "5")
+            .current_dir(folder)
+            .output()
+            .unwrap();
+        assert_eq!(output.status.code(), Some(1), "{arguments:?}: {output:?}");
+        let words = String::from_utf8_lossy(&output.stderr).into_owned();
+        for name in ["a3.h5", "a7.h5"] {
+            assert!(words.contains(name), "{arguments:?}: {words}");
+        }
+        assert!(!words.contains("a1.h5"), "{arguments:?}: {words}");
+        words
+    };
+    for jobs in ["1", "4"] {
+        let words = run(&[
+            "export", "--format", "csv", "--out", jobs, "--jobs", jobs, ".",
+        ]);
+        assert!(words.contains("came to no end within 5 s"), "{words}");
+        let mut there: Vec<_> = std::fs::read_dir(folder.join(jobs))
+            .unwrap()
+            .map(|entry| entry.unwrap().file_name().into_string().unwrap())
+            .collect();
+        there.sort();
+        // Nothing hidden stays of the processes that broke.
+        assert_eq!(there, ["a0", "a1", "a2", "a4", "a5", "a6", "a8", "a9"]);
+    }
+    run(&["stats", "."]);
+}
+
+#[test]
+fn an_interrupted_export_goes_on_and_a_label_is_not_taken_twice() {
+    let _turn = alone();
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    for label in ["a", "b"] {
+        episode(folder, label);
+    }
+    let export = ["export", "--format", "csv", "--out", "out", "."];
+    assert!(run(folder, &export).status.success());
+    let table = |name: &str| {
+        std::fs::metadata(folder.join(name))
+            .unwrap()
+            .modified()
+            .unwrap()
+    };
+    let first = table("out/a");
+    std::fs::remove_dir_all(folder.join("out/b")).unwrap();
+    let again = run(folder, &export);
+    let words = String::from_utf8_lossy(&again.stderr).into_owned();
+    assert!(again.status.success(), "{words}");
+    assert!(words.contains("1 of 2 exist already"), "{words}");
+    assert_eq!(table("out/a"), first);
+    table("out/b");
+    // One file alone is asked for as it is: what is there may be of other options.
+    let alone = refused(
+        folder,
+        &["export", "--format", "csv", "--out", "out", "a.h5"],
+    );
+    assert!(alone.contains("never overwritten"), "{alone}");
+
+    std::fs::create_dir(folder.join("more")).unwrap();
+    std::fs::copy(folder.join("a.h5"), folder.join("more/a.h5")).unwrap();
+    let twice = ["export", "--format", "csv", "--out", "new", "a.h5", "more"];
+    let words = refused(folder, &twice);
+    assert!(
+        words.contains("another recording of the same label"),
+        "{words}"
+    );
+    for asked in [
+        "export --format csv --out x --jobs 0 .",
+        "align --max-age imo=0.1 a.h5 b.h5",
+    ] {
+        let asked: Vec<&str> = asked.split(' ').collect();
+        let output = run(folder, &asked);
+        let words = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert!(!output.status.success(), "{words}");
+        assert!(
+            words.contains("1 or more") || words.contains("no stream \"imo\""),
+            "{words}"
+        );
+    }
+}
+
 #[test]
 fn a_picture_does_not_take_the_place_of_a_recording() {
     let _turn = alone();

@@ -22,10 +22,10 @@ def main():
         return 1
     try:
         state, card = policy_file.read(options.policy)
-    except ValueError as problem:
+        policy_file.write(options.out, state, card, options.bits)
+    except (ValueError, OSError) as problem:
         print(f"export.py: {problem}", file=sys.stderr)
         return 1
-    policy_file.write(options.out, state, card, options.bits)
     print(f"{options.out}: {options.out.stat().st_size / 1e6:.2f} MB, {options.bits} bits")
     return 0
 

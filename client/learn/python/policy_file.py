@@ -62,6 +62,8 @@ def write(path, state, card, bits=16, training=False):
     path = Path(path)
     state = {n: t for n, t in state.items() if training or not n.startswith(ONLY_IN_TRAINING)}
     state = {n: t for n, t in state.items() if not n.endswith(COUNTER)}
+    if broken := [n for n, t in state.items() if not t.isfinite().all()]:
+        raise ValueError(f"{broken[0]} is not finite: the training has diverged; go back to a checkpoint, with a smaller --lr")
     card = {"format": FORMAT, **card, "bits": bits}
     text = json.dumps(card, indent=1)
     part = path.with_name(path.name + ".part")

@@ -17,7 +17,14 @@ from pathlib import Path
 import numpy as np
 import torch
 from safetensors import safe_open
-from wheelarm import policy, v1
+
+try:
+    from wheelarm import policy, v1
+except ImportError as problem:
+    raise SystemExit(
+        f"error: this Python cannot serve a policy ({problem}): pip install client/python of the repository, or "
+        "name its folder client/python/src by PYTHONPATH"
+    ) from None
 
 import policy_file
 from episodes import indices

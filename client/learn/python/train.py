@@ -12,8 +12,6 @@ command goes on from the last checkpoint, until all steps are done: exit code 0 
 """
 
 import argparse
-import fcntl
-import json
 import math
 import os
 import signal
@@ -32,6 +30,7 @@ import policy_file
 from begin import begin_from
 from episodes import Episodes, NoData, digest, find, split, statistics, words_of
 from network import Policy, Shape
+from progress import Log, line, locked
 
 UNFINISHED = 4
 PART_BYTES = 15_000_000  # a part of a checkpoint that travels
@@ -135,20 +134,20 @@ def main():
         return 1
 
 
-def locked(folder):
-    """The lock of a folder, as long as what is returned is open."""
-    lock = open(folder / "lock", "w")
+def device_of(name):
+    """The device of that name, where it is there."""
     try:
-        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError:
-        raise ValueError(f"another train.py writes into {folder}: wait for its end, or say another --out") from None
-    return lock
+        torch.empty(1, device=name)
+    except (RuntimeError, AssertionError) as problem:
+        words = str(problem).splitlines()[0]
+        raise ValueError(f"--device {name} cannot be used ({words}): leave --device out, or say cpu") from None
+    return torch.device(name)
 
 
 def train(options, started):
     if options.ask_others and (not options.aim_weight or not options.share_sentences or options.no_language):
         raise ValueError("--ask-others needs --aim-weight, --share-sentences and words: say them, or leave it out")
-    device = torch.device(options.device)
+    device = device_of(options.device)
     tf32 = options.precision == "tf32"
     torch.backends.cuda.matmul.allow_tf32 = torch.backends.cudnn.allow_tf32 = tf32
     torch.backends.cudnn.benchmark = True
@@ -290,42 +289,6 @@ def card(options, shape, about, cameras, numbers, vocabulary, hidden, learned, h
             "backbone": policy_file.sha256(options.backbone) if options.backbone else None,
         },
     }  # fmt: skip
-
-
-class Log:
-    """Lines for people on standard output, and for programs in log.jsonl."""
-
-    def __init__(self, folder):
-        self.path, self.is_terminal = folder / "log.jsonl", sys.stdout.isatty()
-
-    def say(self, words):
-        print(("\r\033[K" if self.is_terminal else "") + words, flush=True)
-
-    def bar(self, step, steps, rate):
-        if self.is_terminal:
-            done = 30 * step // steps
-            print(f"\r{'#' * done}{'.' * (30 - done)} {step} of {steps}, {rate:.0f} pictures/s", end="", flush=True)
-
-    def entries(self):
-        lines = self.path.read_text().splitlines() if self.path.exists() else []
-        out = []
-        for line in lines:
-            try:
-                out.append(json.loads(line))
-            except ValueError:  # cut by an interruption
-                continue
-        return out
-
-    def add(self, entry):
-        with open(self.path, "a") as file:
-            file.write(json.dumps(entry) + "\n")
-
-    def cut(self, step):
-        """Forgets what came behind the checkpoint."""
-        kept = [entry for entry in self.entries() if entry["step"] <= step]
-        part = self.path.with_suffix(".part")
-        part.write_text("".join(json.dumps(entry) + "\n" for entry in kept))
-        part.replace(self.path)
 
 
 class Run:
@@ -685,18 +648,6 @@ class Run:
         log.cut(self.step)
         if self.step:
             log.say(f"goes on from step {self.step}")
-
-
-def line(entry, steps):
-    parts = " ".join(f"{key} {entry[key]:.4f}" for key in ("l1", "kl", "flow", "aim") if key in entry)
-    words = f"step {entry['step']} of {steps}, {entry['seconds']:.0f} s: {parts}"
-    if "validation" in entry:
-        words += f", held out {entry['validation']:.4f} (first row held {entry['hold_first_row']:.4f})"
-    if "aim_metres" in entry:
-        words += f", thing missed by {entry['aim_metres']:.3f} m"
-    if "asked_metres" in entry:
-        words += f", others by {entry['asked_metres']:.3f} m"
-    return words + f", {entry['pictures_per_second']} pictures/s"
 
 
 if __name__ == "__main__":

@@ -27,10 +27,11 @@ import io
 import json
 import logging
 import math
+import mmap
+import multiprocessing
 import os
 import sys
 import time
-from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 BEGAN = time.monotonic()
@@ -94,7 +95,7 @@ class Memory:
         for key, feature in data.meta.features.items():
             if key in self.pictures:
                 height, width, _ = feature["shape"]
-                pictures = torch.empty((len(table), 3, height, width), dtype=torch.uint8)
+                pictures = shared((len(table), 3, height, width))
                 fill(pictures, table[key])
                 self.columns[key] = pictures
             elif feature["dtype"] not in ("string", "video"):
@@ -102,24 +103,40 @@ class Memory:
                 self.columns[key] = torch.from_numpy(np.array(table[key].to_pylist(), dtype=kind))
 
 
-def fill(pictures, column) -> None:
-    """Decodes a column of PNG files."""
-    import numpy as np
+def shared(size: tuple[int, ...]):
+    """Bytes of that size which processes that come of this one share."""
     import torch
+
+    return torch.frombuffer(mmap.mmap(-1, math.prod(size)), dtype=torch.uint8).view(size)
+
+
+def fill(pictures, column) -> None:
+    """Decodes a column of PNG files, by a process on each processor."""
+    blocks, at = [], 0
+    for chunk in column.chunks:
+        files = chunk.field("bytes")
+        for begin in range(0, len(files), 256):
+            blocks.append((at + begin, files.slice(begin, 256)))
+        at += len(files)
+    count = max(1, min(os.cpu_count() or 1, len(blocks)))
+    fork = multiprocessing.get_context("fork")
+    parts = [fork.Process(target=decode, args=(pictures, blocks[i::count])) for i in range(count)]
+    for part in parts:
+        part.start()
+    for part in parts:
+        part.join()
+    if any(part.exitcode != 0 for part in parts):
+        raise SystemExit("a process that decodes pictures has ended: its error stands above; without one, memory was short")
+
+
+def decode(pictures, blocks) -> None:
+    import numpy as np
     from PIL import Image
 
-    def decode(at: int, png: bytes) -> None:
-        picture = np.array(Image.open(io.BytesIO(png)).convert("RGB"))
-        pictures[at] = torch.from_numpy(picture).permute(2, 0, 1)
-
-    at = 0
-    with ThreadPoolExecutor(os.cpu_count()) as pool:
-        for chunk in column.chunks:
-            files = chunk.field("bytes")
-            for begin in range(0, len(files), 1024):
-                some = files.slice(begin, 1024).to_pylist()
-                list(pool.map(decode, range(at, at + len(some)), some))
-                at += len(some)
+    into = pictures.numpy()
+    for first, files in blocks:
+        for at, png in enumerate(files.to_pylist(), first):
+            into[at] = np.array(Image.open(io.BytesIO(png)).convert("RGB")).transpose(2, 0, 1)
 
 
 def from_memory(data) -> None:

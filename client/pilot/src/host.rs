@@ -16,7 +16,7 @@ use crate::remote::{Remote, listen};
 pub const POLICY_VARIABLE: &str = "WHEELARM_POLICY_ENDPOINT";
 /// Environment variable that tells a policy its name in the keys.
 pub const NAME_VARIABLE: &str = "WHEELARM_POLICY_NAME";
-/// For a policy to start: large networks are read, libraries are imported.
+/// For a policy to start, at the least: large networks are read, libraries are imported.
 const START: Duration = Duration::from_secs(180);
 /// How a shell ends that finds no such command.
 const NOT_FOUND: i32 = 127;
@@ -210,7 +210,7 @@ impl Start {
         })
         .map_err(failed)?;
         let is_shell = matches!(self.program, Program::Shell(_));
-        remote.wait(START, &mut || match process.ended() {
+        remote.wait(START.max(self.patience), &mut || match process.ended() {
             Ok(None) => Ok(()),
             Ok(Some(status)) => {
                 let cure = match is_shell && status.code() == Some(NOT_FOUND) {

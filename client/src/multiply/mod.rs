@@ -14,6 +14,7 @@ mod sources;
 mod station;
 
 use std::collections::BTreeSet;
+use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
 
@@ -52,6 +53,14 @@ pub fn run(args: &MultiplyArgs) -> anyhow::Result<ExitCode> {
     let (first, end) = seeds(args)?;
     std::fs::create_dir_all(&args.out)
         .with_context(|| format!("making the folder {}", args.out.display()))?;
+    let kept = std::fs::canonicalize(&args.out)?;
+    let is_kept = |dir: PathBuf| std::fs::canonicalize(dir).is_ok_and(|dir| dir == kept);
+    if is_kept(args.dir.clone()) || is_kept(args.dir.join("episodes")) {
+        bail!(
+            "--out {} is the folder of the sources, which would then be others when this goes on: choose another --out",
+            args.out.display()
+        );
+    }
     let ledger = Ledger::open(&args.out)?;
     let sources = Sources::read(args)?;
     for (file, why) in &sources.left_out {

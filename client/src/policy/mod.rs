@@ -52,7 +52,8 @@ pub struct PolicyArgs {
     /// Lets it do seeds that it was trained on all the same.
     #[arg(long)]
     pub training_seeds: bool,
-    /// Wall seconds that the policy has for an answer.
+    /// Wall seconds that the policy has for an answer; to start it has 180, or so many
+    /// where these are more.
     #[arg(long, default_value = "30", value_parser = patience::<1>, value_name = "SECONDS")]
     pub policy_patience: Duration,
 }

@@ -1,6 +1,7 @@
 //! The commands of the guide, run as they stand there, and what they wrote read
 //! by other people's libraries.
 
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
 use std::time::{Duration, Instant};
@@ -411,6 +412,31 @@ fn problems(folder: &Path, all: &[PathBuf]) {
     child.kill().expect("a kill");
     child.wait().expect("an end");
     assert!(!folder.join("data/killed/pick_mustard-seed0.hdf5").exists());
+
+    // Interrupted and begun again, the tables of labels tell of all episodes.
+    let line = format!("wheelarm dataset annotate {first} {first} --out data/labels");
+    let output = shell(folder, &line);
+    assert_eq!(output.status.code(), Some(1), "{}", printed(&output));
+    assert!(
+        printed(&output).contains("of the same label"),
+        "{}",
+        printed(&output)
+    );
+    let labels = folder.join("data/labels");
+    let table = std::fs::read_to_string(labels.join("subtasks.csv")).expect("a table");
+    for name in ["subtasks.csv", "questions.csv"] {
+        std::fs::remove_file(labels.join(name)).expect("a table");
+    }
+    let line = format!("wheelarm dataset annotate {first} --out data/labels");
+    let output = shell(folder, &line);
+    assert!(
+        printed(&output).contains("never overwritten"),
+        "{}",
+        printed(&output)
+    );
+    let again = std::fs::read_to_string(labels.join("subtasks.csv")).expect("a table");
+    let rows = |table: &str| table.lines().map(str::to_owned).collect::<BTreeSet<_>>();
+    assert_eq!(rows(&again), rows(&table));
 
     let Some(python) = python("h5py, numpy") else {
         return;

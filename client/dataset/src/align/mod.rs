@@ -175,6 +175,16 @@ pub enum AlignError {
         /// Cameras in the file.
         there: Vec<String>,
     },
+    /// A limit of nothing.
+    #[error("{file} has no stream {stream:?} that --max-age could limit; it has {}", there.join(", "))]
+    NoStream {
+        /// The file.
+        file: String,
+        /// The stream that the limit is for.
+        stream: String,
+        /// Streams in the file.
+        there: Vec<String>,
+    },
     /// Interpolation needs rising stamps.
     #[error(
         "{file}: the stamps of {stream} do not rise at sample {sample}; `wheelarm dataset validate` says more"
@@ -209,8 +219,8 @@ pub enum AlignError {
 /// offered) and every camera.
 ///
 /// # Errors
-/// When the reference camera has no pictures, a column cannot be read, or
-/// stamps do not rise.
+/// When the reference camera has no pictures, a column cannot be read, stamps do not
+/// rise, or there is a limit for a stream that no episode has.
 pub fn align(
     episode: &Episode,
     options: &AlignOptions,
@@ -246,7 +256,18 @@ pub fn align(
         frames: BTreeMap::new(),
         sensors: BTreeMap::new(),
     };
-    for stream in episode.streams()? {
+    let streams = episode.streams()?;
+    // A state stream may be in other episodes only.
+    let unknown =
+        |s: &&String| !streams.contains(s) && !matches!(StreamId::parse(s), StreamId::State(_));
+    if let Some(stream) = options.limits.keys().find(unknown) {
+        return Err(AlignError::NoStream {
+            file: episode.path().display().to_string(),
+            stream: stream.clone(),
+            there: streams,
+        });
+    }
+    for stream in streams {
         let own = options.limits.get(&stream).copied();
         let id = StreamId::parse(&stream);
         if let Some(camera) = id.camera_name() {

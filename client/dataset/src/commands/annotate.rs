@@ -1,12 +1,11 @@
 //! Labels in words and boxes: copies of recordings with the group `/labels`.
 
-use std::fs::File;
 use std::path::Path;
 
 use anyhow::bail;
 use wheelarm_dataset::annotate::{self, Annotations, State};
 use wheelarm_dataset::convert::PendingFile;
-use wheelarm_dataset::convert::batch::{each, failures};
+use wheelarm_dataset::convert::batch::{self, each, failures};
 use wheelarm_dataset::label;
 use wheelarm_dataset::read::Episode;
 
@@ -30,7 +29,12 @@ pub fn annotate(input: &Input, out: &Path) -> anyhow::Result<u8> {
         let state = State::read(&episode)?;
         let labels = annotate::annotate(&episode, &state, &phases)?;
         let boxes = annotate::boxes(&episode, &state)?;
-        let pending = PendingFile::new(&beside(file, Some(out), "labels.h5"))?;
+        let told = (summary.label, start, labels.clone());
+        let pending = match PendingFile::new(&beside(file, Some(out), "labels.h5")) {
+            Ok(pending) => pending,
+            // The tables tell of it all the same.
+            Err(problem) => return Ok((told, Err(problem))),
+        };
         std::fs::copy(file, pending.path())?;
         annotate::write(pending.path(), &state, &labels, &boxes)?;
         let path = pending.commit()?;
@@ -43,21 +47,42 @@ pub fn annotate(input: &Input, out: &Path) -> anyhow::Result<u8> {
             labels.grasps.len(),
             boxes.len()
         );
-        Ok((summary.label, start, labels))
+        Ok((told, Ok(())))
     });
     let mut table: Vec<(String, u64, Annotations)> = Vec::new();
-    table.extend(
-        results
-            .iter()
-            .filter_map(|(_, result)| result.as_ref().ok().cloned()),
-    );
-    if !table.is_empty() {
-        let subtasks = PendingFile::new(&out.join("subtasks.csv"))?;
-        annotate::write_subtasks(File::create_new(subtasks.path())?, &table)?;
-        subtasks.commit()?;
-        let questions = PendingFile::new(&out.join("questions.csv"))?;
-        annotate::write_questions(File::create_new(questions.path())?, &table)?;
-        questions.commit()?;
+    let mut written = batch::Results::new();
+    for (file, result) in results {
+        let (told, result) = match result {
+            Ok((told, result)) => (Some(told), result),
+            Err(problem) => (None, Err(problem)),
+        };
+        table.extend(told);
+        written.push((file, result));
     }
-    Ok(if failures(&results) { FAILED } else { FINE })
+    let several = written.len() > 1;
+    let mut failed = failures(&written, several);
+    if !table.is_empty() {
+        let mut subtasks = Vec::new();
+        annotate::write_subtasks(&mut subtasks, &table)?;
+        let mut questions = Vec::new();
+        annotate::write_questions(&mut questions, &table)?;
+        for (name, text) in [("subtasks.csv", subtasks), ("questions.csv", questions)] {
+            if let Err(problem) = hold(&out.join(name), &text) {
+                eprintln!("{problem:#}");
+                failed = true;
+            }
+        }
+    }
+    Ok(if failed { FAILED } else { FINE })
+}
+
+/// Writes a table, which may be there as it is to be.
+fn hold(path: &Path, text: &[u8]) -> anyhow::Result<()> {
+    if std::fs::read(path).is_ok_and(|there| there == text) {
+        return Ok(());
+    }
+    let pending = PendingFile::new(path)?;
+    std::fs::write(pending.path(), text)?;
+    pending.commit()?;
+    Ok(())
 }

@@ -9,6 +9,8 @@ use wheelarm_dataset::align::Interpolation;
 pub const FINE: u8 = 0;
 /// A file could not be read or written.
 pub const FAILED: u8 = 1;
+/// A process of it crashed; who supervises finds out why.
+pub const BROKEN: u8 = 134;
 /// Readable, but partial or with problems.
 pub const PARTIAL: u8 = 3;
 
@@ -19,8 +21,11 @@ pub struct Files {
     #[arg(required = true, value_name = "FILE")]
     pub files: Vec<PathBuf>,
     /// Files at once; as many as there are processors without it.
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = jobs)]
     pub jobs: Option<usize>,
+    /// Damaged ones among them.
+    #[arg(skip)]
+    pub left_out: Vec<PathBuf>,
 }
 
 /// Recordings and how they are aligned and labelled.
@@ -60,6 +65,12 @@ pub enum FormatName {
     Mcap,
     /// Bag for ROS 2, Jazzy and later: the folder LABEL with LABEL_0.mcap.
     Rosbag2,
+}
+
+/// Parses how many at once.
+fn jobs(text: &str) -> Result<usize, String> {
+    let count = text.parse().ok().filter(|count| *count > 0);
+    count.ok_or_else(|| format!("{text:?} is no number of files at once; write it as 4, 1 or more"))
 }
 
 /// Parses `STREAM=SECONDS`.

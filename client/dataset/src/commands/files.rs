@@ -39,6 +39,7 @@ pub fn recordings(files: &Files) -> anyhow::Result<Vec<PathBuf>> {
             out.push(path.clone());
         }
     }
+    out.retain(|file| !files.left_out.contains(file));
     Ok(out)
 }
 
@@ -85,7 +86,7 @@ fn without_episodes(folder: &Path) -> String {
 
 /// Files at once.
 pub fn jobs(files: &Files) -> usize {
-    files.jobs.unwrap_or_else(batch::threads).max(1)
+    files.jobs.unwrap_or_else(batch::threads)
 }
 
 /// How the recordings are read.
@@ -121,6 +122,7 @@ mod tests {
         let files = Files {
             files: vec![folder.to_owned()],
             jobs: None,
+            left_out: Vec::new(),
         };
         let names = recordings(&files)?.into_iter().map(|file| {
             let name = file.file_name().unwrap_or_default();

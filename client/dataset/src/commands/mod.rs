@@ -5,6 +5,7 @@ mod arguments;
 mod files;
 mod parts;
 mod process;
+mod supervise;
 mod video;
 
 use std::path::{Path, PathBuf};
@@ -153,11 +154,58 @@ enum Command {
     Video(video::Video),
 }
 
-/// Runs a command and returns the exit code.
+/// Has a command done and returns the exit code.
 ///
 /// # Errors
 /// What stops the whole command; a single file's problem does not.
-pub fn run(cli: Cli) -> anyhow::Result<u8> {
+pub fn main(mut cli: Cli) -> anyhow::Result<u8> {
+    wheelarm_dataset::convert::begin();
+    // It reads no HDF5, and may write for long.
+    let reads = !matches!(cli.command, Command::Recover { .. });
+    if reads && !parts::is_one() {
+        let Some(damaged) = supervise::left_out()? else {
+            return supervise::supervised(|| cli.recordings());
+        };
+        if let Some(files) = cli.files() {
+            files.left_out = damaged;
+        }
+    }
+    if reads {
+        supervise::end_when_stuck()?;
+    }
+    run(cli)
+}
+
+impl Cli {
+    /// The recordings that a command takes several of.
+    fn files(&mut self) -> Option<&mut Files> {
+        match &mut self.command {
+            Command::Info { .. } | Command::Recover { .. } | Command::Sheet { .. } => None,
+            Command::Video(_) => None,
+            Command::Validate { input } | Command::Stats { input, .. } => Some(input),
+            Command::Align { input, .. }
+            | Command::Label { input, .. }
+            | Command::Annotate { input, .. }
+            | Command::Export { input, .. }
+            | Command::Plot { input, .. }
+            | Command::View { input, .. } => Some(&mut input.files),
+        }
+    }
+
+    /// All that it reads.
+    fn recordings(&mut self) -> anyhow::Result<Vec<PathBuf>> {
+        if let Some(files) = self.files() {
+            return files::recordings(files);
+        }
+        Ok(match &self.command {
+            Command::Info { file } | Command::Sheet { file, .. } => vec![file.clone()],
+            Command::Video(asked) => vec![asked.file.clone()],
+            _ => Vec::new(),
+        })
+    }
+}
+
+fn run(cli: Cli) -> anyhow::Result<u8> {
     match cli.command {
         Command::Info { file } => {
             let episode = Episode::open(&file)?;

@@ -2,13 +2,14 @@
 //! kernel gives memory to one at a time: 32 cores did the work of two and a half.
 
 use std::io::{BufRead, BufReader, Read, Write};
+use std::os::unix::process::ExitStatusExt;
 use std::path::PathBuf;
 use std::process::{Child, Command, Stdio};
 
 use anyhow::{Context, bail};
 use wheelarm_dataset::convert::batch::{self, Numbers};
 
-use super::arguments::{FAILED, FINE};
+use super::arguments::{BROKEN, FAILED, FINE};
 
 /// Tells a process of an export its part, as `INDEX/COUNT/PARENT`, with the process that
 /// asks for it; the files of all of them come by its standard input.
@@ -21,6 +22,11 @@ const FILES: usize = 4;
 /// Processes that `files` files are worth with `jobs` of them at once; 1: this one alone.
 pub fn worth(files: usize, jobs: usize) -> usize {
     (jobs / THREADS).min(files / FILES).max(1)
+}
+
+/// Whether this process is one of several of an export.
+pub fn is_one() -> bool {
+    std::env::var_os(VARIABLE).is_some()
 }
 
 /// Which of all files this process exports, where it is one of several.
@@ -42,10 +48,7 @@ pub fn own() -> anyhow::Result<Option<(Vec<PathBuf>, Numbers)>> {
     end_with(parent)?;
     let mut list = Vec::new();
     std::io::stdin().lock().read_to_end(&mut list)?;
-    let all = list
-        .split(|byte| *byte == 0)
-        .filter(|path| !path.is_empty());
-    let own = all.skip(index).step_by(count).map(path_of);
+    let own = paths(&list).skip(index).step_by(count);
     let numbers = Numbers {
         first: index + 1,
         step: count,
@@ -53,9 +56,28 @@ pub fn own() -> anyhow::Result<Option<(Vec<PathBuf>, Numbers)>> {
     Ok(Some((own.collect(), numbers)))
 }
 
+/// Paths one behind the other, as a process gets them by its standard input.
+pub fn list<'a>(files: impl Iterator<Item = &'a PathBuf>) -> Vec<u8> {
+    let mut list = Vec::new();
+    for file in files {
+        list.extend_from_slice(file.as_os_str().as_encoded_bytes());
+        list.push(0);
+    }
+    list
+}
+
+/// The paths of a [`list`].
+pub fn paths(list: &[u8]) -> impl Iterator<Item = PathBuf> {
+    let all = list.split(|byte| *byte == 0);
+    all.filter(|path| !path.is_empty()).map(path_of)
+}
+
 /// Lets the kernel kill this process when `parent` is gone, however it went: files that it
-/// would still make are of an export that was ended.
-fn end_with(parent: usize) -> anyhow::Result<()> {
+/// would still make are of a command that was ended.
+///
+/// # Errors
+/// When it is gone already.
+pub fn end_with(parent: usize) -> anyhow::Result<()> {
     #[cfg(target_os = "linux")]
     {
         use rustix::process::{Signal, set_parent_process_death_signal};
@@ -63,7 +85,7 @@ fn end_with(parent: usize) -> anyhow::Result<()> {
     }
     // It may have gone before the kernel was asked.
     if usize::try_from(std::os::unix::process::parent_id()).ok() != Some(parent) {
-        bail!("the export that this process is a part of is gone: run it again");
+        bail!("the command that this process is a part of is gone: run it again");
     }
     Ok(())
 }
@@ -73,11 +95,7 @@ fn end_with(parent: usize) -> anyhow::Result<()> {
 /// # Errors
 /// When one cannot be started.
 pub fn export(files: &[PathBuf], count: usize) -> anyhow::Result<u8> {
-    let mut list = Vec::new();
-    for file in files {
-        list.extend_from_slice(file.as_os_str().as_encoded_bytes());
-        list.push(0);
-    }
+    let list = list(files.iter());
     let bar = batch::bar("files");
     bar.set_length(files.len() as u64);
     let mut children = Vec::new();
@@ -96,13 +114,18 @@ pub fn export(files: &[PathBuf], count: usize) -> anyhow::Result<u8> {
                     bar.suspend(|| print!("{block}"));
                 })?;
                 let ended = child.0.wait()?;
-                if ended.code().is_none() {
+                if ended.signal() == Some(rustix::process::Signal::KILL.as_raw()) {
                     eprintln!(
-                        "a process of the export was ended ({ended}); what it had left is not there: \
-                         export those files again, with fewer --jobs where memory was short"
+                        "a process of the export was killed; what it had left is not there: \
+                         export again, with fewer --jobs where memory was short"
                     );
+                    return Ok(FAILED);
                 }
-                Ok(if ended.success() { FINE } else { FAILED })
+                Ok(match ended.code() {
+                    Some(0) => FINE,
+                    Some(_) => FAILED,
+                    None => BROKEN,
+                })
             })
         });
         let followed: Vec<_> = followed.collect();

@@ -26,7 +26,15 @@ use super::parts;
 const NEAR: f64 = 0.5;
 
 fn code<T>(results: &batch::Results<T>) -> u8 {
-    if failures(results) { FAILED } else { FINE }
+    code_of(results, results.len() > 1)
+}
+
+fn code_of<T>(results: &batch::Results<T>, several: bool) -> u8 {
+    if failures(results, several) {
+        FAILED
+    } else {
+        FINE
+    }
 }
 
 pub fn align(input: &Input, out: Option<&Path>, pictures: bool) -> anyhow::Result<u8> {
@@ -272,8 +280,9 @@ pub fn export(
     if processes > 1 && !is_part && !format.collects() {
         return parts::export(&files, processes);
     }
+    let several = is_part || files.len() > 1;
     let results = batch::export(&files, numbers, jobs, &options, format);
-    Ok(code(&results))
+    Ok(code_of(&results, several))
 }
 
 pub fn validate(input: &Files) -> anyhow::Result<u8> {
@@ -308,7 +317,7 @@ pub fn validate(input: &Files) -> anyhow::Result<u8> {
             .count(),
         results.len()
     );
-    Ok(match (failures(&results), problems) {
+    Ok(match (failures(&results, true), problems) {
         (true, _) => FAILED,
         (false, 0) => FINE,
         (false, _) => PARTIAL,

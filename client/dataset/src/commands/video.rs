@@ -13,7 +13,7 @@ use super::arguments::FINE;
 #[derive(Args)]
 pub struct Video {
     /// The episode file.
-    file: PathBuf,
+    pub file: PathBuf,
     /// The video, ending in .mp4 or .gif; FILE with the ending .mp4 without it.
     #[arg(long, value_name = "PATH")]
     out: Option<PathBuf>,

@@ -1,31 +1,112 @@
 //! Files and folders that are made under another name and renamed when they
 //! are whole; an existing one is never replaced.
 
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
+use std::sync::LazyLock;
 use std::sync::atomic::{AtomicU64, Ordering};
+use std::time::SystemTime;
 
 use anyhow::{Context, bail};
+use parking_lot::Mutex;
 
 use crate::publish;
 
 /// Counts what was made under another name.
 static MADE: AtomicU64 = AtomicU64::new(0);
 
+/// What is to be written is there already.
+#[derive(Debug, thiserror::Error)]
+pub enum AlreadyThere {
+    /// From before.
+    #[error(
+        "{} exists already and is never overwritten: move it away or choose another place with --out", .0.display()
+    )]
+    Before(PathBuf),
+    /// Since this program began.
+    #[error(
+        "{} was written meanwhile by another recording of the same label, or by another export: say another --out for one of them", .0.display()
+    )]
+    Meanwhile(PathBuf),
+}
+
+/// When this program began to work.
+static BEGAN: LazyLock<SystemTime> = LazyLock::new(SystemTime::now);
+
+/// Marks the time from which on a file was written meanwhile.
+pub fn begin() {
+    LazyLock::force(&BEGAN);
+}
+
 fn beside(target: &Path) -> anyhow::Result<PathBuf> {
-    if target.symlink_metadata().is_ok() {
-        bail!(
-            "{} exists already and is never overwritten: move it away or choose another place with --out",
-            target.display()
-        );
+    if let Ok(there) = target.symlink_metadata() {
+        let is_new = there.modified().is_ok_and(|written| written > *BEGAN);
+        let kind = [AlreadyThere::Before, AlreadyThere::Meanwhile][usize::from(is_new)];
+        return Err(kind(target.to_owned()).into());
     }
     let folder = target.parent().filter(|p| !p.as_os_str().is_empty());
     let folder = folder.unwrap_or(Path::new("."));
-    std::fs::create_dir_all(folder)
-        .with_context(|| format!("{} cannot be made", folder.display()))?;
+    make_folder(folder)?;
+    remove_left_behind(folder);
     let name = target.file_name().unwrap_or_default().to_string_lossy();
     // Two inputs may lead to one name at the same time: the first keeps it.
     let (process, count) = (std::process::id(), MADE.fetch_add(1, Ordering::Relaxed));
-    Ok(folder.join(format!(".{name}.{process}-{count}.part")))
+    Ok(folder.join(format!(".{name}.{}-{process}-{count}.part", *HOST)))
+}
+
+fn make_folder(folder: &Path) -> anyhow::Result<()> {
+    let made = std::fs::create_dir_all(folder);
+    let in_the_way = folder.ancestors().find(|path| path.is_file());
+    match (made, in_the_way) {
+        (Err(_), Some(file)) => bail!(
+            "{} cannot be made: {} is a file; choose another place with --out",
+            folder.display(),
+            file.display()
+        ),
+        (made, _) => made.with_context(|| format!("{} cannot be made", folder.display())),
+    }
+}
+
+/// Tells where process numbers mean the same: on this machine, outside of other containers.
+static HOST: LazyLock<String> = LazyLock::new(|| {
+    let own = std::fs::read_link("/proc/self/ns/pid").unwrap_or_default();
+    let name = rustix::system::uname();
+    let told = format!("{} {}", name.nodename().to_string_lossy(), own.display());
+    format!("{:08x}", crc32fast::hash(told.as_bytes()))
+});
+
+/// Removes what processes of this machine began in a folder that are no more.
+fn remove_left_behind(folder: &Path) {
+    static SEEN: Mutex<BTreeSet<PathBuf>> = Mutex::new(BTreeSet::new());
+    if !SEEN.lock().insert(folder.to_owned()) {
+        return;
+    }
+    for entry in std::fs::read_dir(folder).into_iter().flatten().flatten() {
+        if process_of(&entry.file_name().to_string_lossy()).is_some_and(is_gone) {
+            // What cannot be removed does no harm.
+            let _ = std::fs::remove_file(entry.path());
+            let _ = std::fs::remove_dir_all(entry.path());
+        }
+    }
+}
+
+/// Process of this machine that began what has this name.
+fn process_of(name: &str) -> Option<i32> {
+    let (_, told) = name
+        .strip_prefix('.')?
+        .strip_suffix(".part")?
+        .rsplit_once('.')?;
+    let (process, _count) = told
+        .strip_prefix(&*HOST)?
+        .strip_prefix('-')?
+        .split_once('-')?;
+    process.parse().ok()
+}
+
+fn is_gone(process: i32) -> bool {
+    use rustix::{io::Errno, process::Pid};
+    let process = Pid::from_raw(process);
+    process.is_some_and(|id| rustix::process::test_kill_process(id) == Err(Errno::SRCH))
 }
 
 /// A file that is not there yet.
@@ -62,7 +143,7 @@ impl PendingFile {
     /// # Errors
     /// When the name was taken meanwhile.
     pub fn commit(mut self) -> anyhow::Result<PathBuf> {
-        publish::file(&self.temporary, &self.target).with_context(|| not_in_place(&self.target))?;
+        placed(publish::file(&self.temporary, &self.target), &self.target)?;
         self.done = true;
         Ok(self.target.clone())
     }
@@ -76,12 +157,14 @@ impl Drop for PendingFile {
     }
 }
 
-fn not_in_place(target: &Path) -> String {
-    let target = target.display();
-    format!(
-        "{target} cannot be put in place; where it exists, another recording of the same label, \
-         or another export, has written it meanwhile: say another --out for one of them"
-    )
+/// What came of giving it its name.
+fn placed(named: std::io::Result<()>, target: &Path) -> anyhow::Result<()> {
+    match named {
+        Err(e) if e.kind() == std::io::ErrorKind::AlreadyExists => {
+            Err(AlreadyThere::Meanwhile(target.to_owned()).into())
+        }
+        named => named.with_context(|| format!("{} cannot be put in place", target.display())),
+    }
 }
 
 /// A folder that is not there yet.
@@ -126,8 +209,7 @@ impl PendingFolder {
     /// # Errors
     /// When the name was taken meanwhile.
     pub fn commit(mut self) -> anyhow::Result<PathBuf> {
-        publish::folder(&self.temporary, &self.target)
-            .with_context(|| not_in_place(&self.target))?;
+        placed(publish::folder(&self.temporary, &self.target), &self.target)?;
         self.done = true;
         Ok(self.target.clone())
     }
@@ -138,5 +220,65 @@ impl Drop for PendingFolder {
         if !self.done {
             let _ = std::fs::remove_dir_all(&self.temporary);
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_a_process_left_behind_that_is_no_more_is_removed_and_nothing_else() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut child = std::process::Command::new("true").spawn().unwrap();
+        let gone = child.id();
+        child.wait().unwrap();
+        let own = std::process::id();
+        let names = [
+            format!(".a.csv.{}-{gone}-0.part", *HOST),
+            format!(".b.{}-{gone}-1.part", *HOST),
+            format!(".c.csv.{}-{own}-0.part", *HOST),
+            format!(".d.csv.00000000-{gone}-0.part"),
+            ".e.part".to_owned(),
+        ];
+        for name in &names {
+            std::fs::write(folder.path().join(name), "").unwrap();
+        }
+        std::fs::remove_file(folder.path().join(&names[1])).unwrap();
+        std::fs::create_dir_all(folder.path().join(&names[1]).join("x")).unwrap();
+        let pending = PendingFile::new(&folder.path().join("f.csv")).unwrap();
+        let there = names.map(|name| folder.path().join(name).exists());
+        assert_eq!(there, [false, false, true, true, true]);
+        drop(pending);
+    }
+
+    #[test]
+    fn a_file_in_the_way_of_a_folder_is_named() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("file");
+        std::fs::write(&file, "").unwrap();
+        let told = PendingFile::new(&file.join("inner/a.csv")).unwrap_err();
+        let told = format!("{told:#}");
+        assert!(
+            told.contains(&format!("{} is a file", file.display())),
+            "{told}"
+        );
+    }
+
+    #[test]
+    fn what_was_there_before_is_told_from_what_came_meanwhile() {
+        let folder = tempfile::tempdir().unwrap();
+        let old = folder.path().join("old");
+        std::fs::write(&old, "").unwrap();
+        let hour = std::time::Duration::from_secs(3600);
+        let file = std::fs::File::options().write(true).open(&old).unwrap();
+        file.set_modified(SystemTime::now() - hour).unwrap();
+        let kind = |path: &Path| {
+            let problem = PendingFile::new(path).unwrap_err();
+            matches!(problem.downcast_ref(), Some(AlreadyThere::Before(_)))
+        };
+        assert!(kind(&old));
+        file.set_modified(SystemTime::now() + hour).unwrap();
+        assert!(!kind(&old));
     }
 }

@@ -9,7 +9,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use indicatif::{ProgressBar, ProgressStyle};
 use parking_lot::Mutex;
 
-use super::{Format, ReadOptions, Recording, Written};
+use super::{AlreadyThere, Format, ReadOptions, Recording, Written};
 
 /// The result for every file, in the order of the files.
 pub type Results<T> = Vec<(PathBuf, anyhow::Result<T>)>;
@@ -137,7 +137,13 @@ pub fn export(
         let mut recording = Recording::open_for(file, options, &|s| format.wants(s), needs)?;
         recording.number = numbers.first + index * numbers.step;
         bar.inc_length(recording.aligned.stamps.len() as u64);
-        let written = format.add(&recording, &|| bar.inc(1))?;
+        let mut written = format.add(&recording, &|| bar.inc(1))?;
+        if !recording.summary.complete {
+            let problems = recording.summary.problems.join("; ");
+            written
+                .notes
+                .push(format!("the recording is partial: {problems}"));
+        }
         bar.suspend(|| say(file, &written));
         Ok(written)
     });
@@ -179,14 +185,25 @@ fn named(file: &Path, problem: &str) -> String {
     }
 }
 
-/// Prints the failures and says whether there were any.
-pub fn failures<T>(results: &Results<T>) -> bool {
-    let mut any = false;
+/// Prints the failures and says whether there were any. Of several files, what was written
+/// before is none: an interrupted command goes on when it is started again.
+pub fn failures<T>(results: &Results<T>, several: bool) -> bool {
+    let (mut any, mut there) = (false, 0);
     for (file, result) in results {
-        if let Err(problem) = result {
-            any = true;
-            eprintln!("{}", named(file, &format!("{problem:#}")));
+        let Err(problem) = result else { continue };
+        let before = matches!(problem.downcast_ref(), Some(AlreadyThere::Before(_)));
+        if several && before {
+            there += 1;
+            continue;
         }
+        any = true;
+        eprintln!("{}", named(file, &format!("{problem:#}")));
+    }
+    if there > 0 {
+        eprintln!(
+            "{there} of {} exist already; what exists is never overwritten: made with other options it needs another --out",
+            results.len()
+        );
     }
     any
 }
@@ -226,7 +243,7 @@ mod tests {
             assert_eq!(file, &files[i]);
             assert_eq!(result.is_err(), i == 7);
         }
-        assert!(failures(&results));
+        assert!(failures(&results, true));
         assert_eq!(named(Path::new("a.h5"), "a.h5 is empty"), "a.h5 is empty");
         assert_eq!(named(Path::new("a.h5"), "no rows"), "a.h5: no rows");
         assert!(

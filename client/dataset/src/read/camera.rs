@@ -211,6 +211,12 @@ impl Camera {
         self.depth.is_some()
     }
 
+    /// Whether there are instance ids.
+    #[must_use]
+    pub fn has_ids(&self) -> bool {
+        self.ids.is_some()
+    }
+
     /// Of a sensor: the camera whose exact pictures it was made from.
     #[must_use]
     pub fn made_from(&self) -> Option<&str> {

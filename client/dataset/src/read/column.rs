@@ -80,8 +80,10 @@ impl Episode {
             if matches!(name.as_str(), "stamp_nanos" | "sequence" | "tick") {
                 continue;
             }
-            let Ok(data) = group.dataset(&name) else {
-                continue;
+            let data = match group.dataset(&name) {
+                Ok(data) => data,
+                Err(_) if group.group(&name).is_ok() => continue,
+                Err(problem) => return Err(self.hdf5(&place(stream, &name), problem)),
             };
             let shape = data.shape();
             let descriptor = data
