@@ -1,7 +1,7 @@
 //! The `wheelarm-dataset` program; `wheelarm dataset …` runs it.
 //!
 //! Exit codes: 0 ok and complete, 1 failed or unreadable, 2 wrong usage,
-//! 3 readable but partial or with problems.
+//! 3 readable but partial or with problems, 128 and the number of the signal that ended it.
 
 mod commands;
 

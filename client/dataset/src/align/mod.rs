@@ -220,7 +220,7 @@ pub enum AlignError {
 ///
 /// # Errors
 /// When the reference camera has no pictures, a column cannot be read, stamps do not
-/// rise, or there is a limit for a stream that no episode has.
+/// rise, or there is a limit for a stream of no known kind.
 pub fn align(
     episode: &Episode,
     options: &AlignOptions,
@@ -257,9 +257,9 @@ pub fn align(
         sensors: BTreeMap::new(),
     };
     let streams = episode.streams()?;
-    // A state stream may be in other episodes only.
+    // What has a known kind may be in other episodes only.
     let unknown =
-        |s: &&String| !streams.contains(s) && !matches!(StreamId::parse(s), StreamId::State(_));
+        |s: &&String| !streams.contains(s) && matches!(StreamId::parse(s), StreamId::Other(_));
     if let Some(stream) = options.limits.keys().find(unknown) {
         return Err(AlignError::NoStream {
             file: episode.path().display().to_string(),

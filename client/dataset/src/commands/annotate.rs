@@ -4,8 +4,8 @@ use std::path::Path;
 
 use anyhow::bail;
 use wheelarm_dataset::annotate::{self, Annotations, State};
-use wheelarm_dataset::convert::PendingFile;
 use wheelarm_dataset::convert::batch::{self, each, failures};
+use wheelarm_dataset::convert::{AlreadyThere, PendingFile, hold};
 use wheelarm_dataset::label;
 use wheelarm_dataset::read::Episode;
 
@@ -32,8 +32,18 @@ pub fn annotate(input: &Input, out: &Path) -> anyhow::Result<u8> {
         let told = (summary.label, start, labels.clone());
         let pending = match PendingFile::new(&beside(file, Some(out), "labels.h5")) {
             Ok(pending) => pending,
-            // The tables tell of it all the same.
-            Err(problem) => return Ok((told, Err(problem))),
+            Err(problem) => {
+                let there = matches!(
+                    problem.downcast_ref(),
+                    Some(AlreadyThere::Before(_) | AlreadyThere::Again(_))
+                );
+                // The tables tell of it all the same.
+                return if there {
+                    Ok((told, Err(problem)))
+                } else {
+                    Err(problem)
+                };
+            }
         };
         std::fs::copy(file, pending.path())?;
         annotate::write(pending.path(), &state, &labels, &boxes)?;
@@ -59,7 +69,7 @@ pub fn annotate(input: &Input, out: &Path) -> anyhow::Result<u8> {
         table.extend(told);
         written.push((file, result));
     }
-    let several = written.len() > 1;
+    let several = written.len() + input.files.left_out.len() > 1;
     let mut failed = failures(&written, several);
     if !table.is_empty() {
         let mut subtasks = Vec::new();
@@ -74,15 +84,4 @@ pub fn annotate(input: &Input, out: &Path) -> anyhow::Result<u8> {
         }
     }
     Ok(if failed { FAILED } else { FINE })
-}
-
-/// Writes a table, which may be there as it is to be.
-fn hold(path: &Path, text: &[u8]) -> anyhow::Result<()> {
-    if std::fs::read(path).is_ok_and(|there| there == text) {
-        return Ok(());
-    }
-    let pending = PendingFile::new(path)?;
-    std::fs::write(pending.path(), text)?;
-    pending.commit()?;
-    Ok(())
 }

@@ -2,6 +2,7 @@
 
 mod annotate;
 mod arguments;
+mod children;
 mod files;
 mod parts;
 mod process;
@@ -159,16 +160,19 @@ enum Command {
 /// # Errors
 /// What stops the whole command; a single file's problem does not.
 pub fn main(mut cli: Cli) -> anyhow::Result<u8> {
-    wheelarm_dataset::convert::begin();
     // It reads no HDF5, and may write for long.
     let reads = !matches!(cli.command, Command::Recover { .. });
     if reads && !parts::is_one() {
-        let Some(damaged) = supervise::left_out()? else {
+        let Some(asked) = supervise::told()? else {
             return supervise::supervised(|| cli.recordings());
         };
         if let Some(files) = cli.files() {
-            files.left_out = damaged;
+            files.left_out = asked.left_out;
+            files.jobs = if asked.alone { Some(1) } else { files.jobs };
         }
+    }
+    if parts::is_one() {
+        supervise::keep_the_journal_of_parts();
     }
     if reads {
         supervise::end_when_stuck()?;

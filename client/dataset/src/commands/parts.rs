@@ -4,12 +4,13 @@
 use std::io::{BufRead, BufReader, Read, Write};
 use std::os::unix::process::ExitStatusExt;
 use std::path::PathBuf;
-use std::process::{Child, Command, Stdio};
+use std::process::{Child, Stdio};
 
 use anyhow::{Context, bail};
 use wheelarm_dataset::convert::batch::{self, Numbers};
 
 use super::arguments::{BROKEN, FAILED, FINE};
+use super::children::{end_with, list, paths, this_program};
 
 /// Tells a process of an export its part, as `INDEX/COUNT/PARENT`, with the process that
 /// asks for it; the files of all of them come by its standard input.
@@ -54,40 +55,6 @@ pub fn own() -> anyhow::Result<Option<(Vec<PathBuf>, Numbers)>> {
         step: count,
     };
     Ok(Some((own.collect(), numbers)))
-}
-
-/// Paths one behind the other, as a process gets them by its standard input.
-pub fn list<'a>(files: impl Iterator<Item = &'a PathBuf>) -> Vec<u8> {
-    let mut list = Vec::new();
-    for file in files {
-        list.extend_from_slice(file.as_os_str().as_encoded_bytes());
-        list.push(0);
-    }
-    list
-}
-
-/// The paths of a [`list`].
-pub fn paths(list: &[u8]) -> impl Iterator<Item = PathBuf> {
-    let all = list.split(|byte| *byte == 0);
-    all.filter(|path| !path.is_empty()).map(path_of)
-}
-
-/// Lets the kernel kill this process when `parent` is gone, however it went: files that it
-/// would still make are of a command that was ended.
-///
-/// # Errors
-/// When it is gone already.
-pub fn end_with(parent: usize) -> anyhow::Result<()> {
-    #[cfg(target_os = "linux")]
-    {
-        use rustix::process::{Signal, set_parent_process_death_signal};
-        set_parent_process_death_signal(Some(Signal::KILL))?;
-    }
-    // It may have gone before the kernel was asked.
-    if usize::try_from(std::os::unix::process::parent_id()).ok() != Some(parent) {
-        bail!("the command that this process is a part of is gone: run it again");
-    }
-    Ok(())
 }
 
 /// Exports `files` by `count` processes like this one, and prints what they say.
@@ -155,8 +122,7 @@ impl Drop for Part {
 }
 
 fn start(index: usize, count: usize) -> anyhow::Result<Child> {
-    let program = std::env::current_exe().context("finding this program")?;
-    let mut command = Command::new(program);
+    let mut command = this_program()?;
     command
         .args(std::env::args_os().skip(1))
         .env(VARIABLE, format!("{index}/{count}/{}", std::process::id()))
@@ -181,12 +147,6 @@ fn blocks(mut said: impl BufRead, mut done: impl FnMut(&str)) -> std::io::Result
         }
         block += &line;
     }
-}
-
-fn path_of(bytes: &[u8]) -> PathBuf {
-    use std::ffi::OsStr;
-    use std::os::unix::ffi::OsStrExt;
-    OsStr::from_bytes(bytes).into()
 }
 
 #[cfg(test)]

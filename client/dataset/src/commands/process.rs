@@ -1,7 +1,7 @@
 //! The commands that take many recordings.
 
 use std::collections::BTreeMap;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use wheelarm_dataset::align::{self, accuracy};
 use wheelarm_dataset::convert::batch::{self, Numbers, each, failures, threads};
@@ -278,11 +278,38 @@ pub fn export(
         }),
     };
     if processes > 1 && !is_part && !format.collects() {
-        return parts::export(&files, processes);
+        let (files, twice) = once_each(files);
+        return Ok(parts::export(&files, processes)?.max(if twice { FAILED } else { FINE }));
     }
-    let several = is_part || files.len() > 1;
+    let several = is_part || files.len() + input.files.left_out.len() > 1;
     let results = batch::export(&files, numbers, jobs, &options, format);
     Ok(code_of(&results, several))
+}
+
+/// Files without those whose label another one has, which are told: processes that work
+/// side by side would not know of each other's.
+fn once_each(files: Vec<PathBuf>) -> (Vec<PathBuf>, bool) {
+    let mut seen: BTreeMap<String, PathBuf> = BTreeMap::new();
+    let (mut once, mut twice) = (Vec::new(), false);
+    for file in files {
+        // What cannot be read is told by who exports it.
+        let label = Episode::open(&file).and_then(|episode| episode.label());
+        match label
+            .ok()
+            .and_then(|label| seen.insert(label, file.clone()))
+        {
+            None => once.push(file),
+            Some(other) => {
+                twice = true;
+                eprintln!(
+                    "{} and {} are recordings of the same label: say another --out for one of them",
+                    other.display(),
+                    file.display()
+                );
+            }
+        }
+    }
+    (once, twice)
 }
 
 pub fn validate(input: &Files) -> anyhow::Result<u8> {
@@ -315,7 +342,7 @@ pub fn validate(input: &Files) -> anyhow::Result<u8> {
             .iter()
             .filter(|r| r.1.as_ref().is_ok_and(|f| f.problems.is_empty()))
             .count(),
-        results.len()
+        results.len() + input.left_out.len()
     );
     Ok(match (failures(&results, true), problems) {
         (true, _) => FAILED,

@@ -3,50 +3,85 @@
 //! process finds out which file did it, names it, and has the work done without it.
 
 use std::collections::BTreeSet;
+use std::ffi::OsStr;
+use std::fs::File;
 use std::io::{Read, Write};
+use std::os::unix::ffi::OsStrExt;
 use std::os::unix::process::ExitStatusExt;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::{Command, ExitStatus, Stdio};
 use std::sync::atomic::{AtomicU64, Ordering};
-use std::time::Duration;
+use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
 use anyhow::{Context, bail};
-use rustix::process::Signal;
-use wheelarm_dataset::convert::batch;
+use rustix::process::{Signal, getpid, kill_process};
+use wheelarm_dataset::convert::{batch, begin};
 
-use super::arguments::{BROKEN, FAILED};
-use super::parts::{end_with, list, paths};
+use super::arguments::{BROKEN, FAILED, FINE, PARTIAL};
+use super::children::{self, end_with, list, paths};
 
-/// Tells a process that it is to do the work, as `PARENT/COUNT`: the process that asks for
-/// it, and how many files it leaves out, which come by its standard input.
+/// Tells a process that it is to do the work, as `PARENT/BEGAN/COUNT/ALONE/JOURNAL`: the
+/// process that asks for it; when the command began, microseconds of Unix time; how many
+/// files it leaves out, which come by its standard input; 1 where it reads one file at a
+/// time; and where it tells which ones it reads.
 const VARIABLE: &str = "WHEELARM_DATASET_WORK";
 /// A call of HDF5 that lasts longer has no end, seconds: the longest write a few MB. Where a
 /// drive can be silent for longer, this variable gives it more.
 const PATIENCE_VARIABLE: &str = "WHEELARM_DATASET_PATIENCE";
 const PATIENCE: u32 = 60;
+/// Ends a process that waits for HDF5 without end; nobody else sends it.
+const STUCK: Signal = Signal::ALARM;
 
-/// The files that this process was told to leave out, and `None` where it is the one that
-/// supervises.
+/// What a process is asked for that does the work.
+pub struct Asked {
+    /// Files that it leaves out.
+    pub left_out: Vec<PathBuf>,
+    /// It reads one file at a time.
+    pub alone: bool,
+}
+
+/// What this process is asked for, and `None` where it is the one that supervises.
 ///
 /// # Errors
 /// When what it was told cannot be read.
-pub fn left_out() -> anyhow::Result<Option<Vec<PathBuf>>> {
+pub fn told() -> anyhow::Result<Option<Asked>> {
     let Some(told) = std::env::var_os(VARIABLE) else {
         return Ok(None);
     };
     let told = told.to_string_lossy();
-    let numbers = told
-        .split_once('/')
-        .map(|(a, b)| (a.parse(), b.parse::<usize>()));
-    let Some((Ok(parent), Ok(count))) = numbers else {
+    let parts: Vec<&str> = told.splitn(5, '/').collect();
+    let [Ok(parent), Ok(began), Ok(count), Ok(alone)] = [0, 1, 2, 3].map(|i| {
+        let number = parts.get(i).copied().unwrap_or_default().parse::<u64>();
+        number.map_err(drop)
+    }) else {
         bail!("{VARIABLE} is {told:?}; it is set by this program for its own processes: unset it")
     };
-    end_with(parent)?;
+    end_with(usize::try_from(parent)?)?;
+    begin(UNIX_EPOCH + Duration::from_micros(began));
+    keep_the_journal(&parts);
     let mut bytes = Vec::new();
     if count > 0 {
         std::io::stdin().lock().read_to_end(&mut bytes)?;
     }
-    Ok(Some(paths(&bytes).collect()))
+    Ok(Some(Asked {
+        left_out: paths(&bytes).collect(),
+        alone: alone == 1,
+    }))
+}
+
+/// Tells which files are read, in this process as in those that it starts.
+pub fn keep_the_journal_of_parts() {
+    if let Some(told) = std::env::var_os(VARIABLE) {
+        keep_the_journal(&told.to_string_lossy().splitn(5, '/').collect::<Vec<_>>());
+    }
+}
+
+fn keep_the_journal(parts: &[&str]) {
+    let journal = parts.get(4).filter(|path| !path.is_empty());
+    let opened = journal.and_then(|path| File::options().append(true).open(path).ok());
+    if let Some(journal) = opened {
+        batch::keep_journal(journal);
+    }
 }
 
 /// Seconds that a call of HDF5 may last.
@@ -85,7 +120,8 @@ pub fn end_when_stuck() -> anyhow::Result<()> {
             unchanged = if now == seen { unchanged + 1 } else { 0 };
             seen = now;
         }
-        std::process::abort();
+        // Nothing of the library can be waited for.
+        let _ = kill_process(getpid(), STUCK);
     });
     Ok(())
 }
@@ -96,99 +132,171 @@ pub fn end_when_stuck() -> anyhow::Result<()> {
 /// # Errors
 /// When the work breaks, and no file by itself is the cause.
 pub fn supervised(mut files: impl FnMut() -> anyhow::Result<Vec<PathBuf>>) -> anyhow::Result<u8> {
-    let mut damaged: BTreeSet<PathBuf> = BTreeSet::new();
+    let mut asks = Asks {
+        began: SystemTime::now(),
+        damaged: BTreeSet::new(),
+        journal: Journal::new(),
+        alone: false,
+    };
     loop {
-        let arguments: Vec<_> = std::env::args_os().skip(1).collect();
-        let status = work(&arguments, &damaged)?;
+        let status = asks.work()?;
         let Some(how) = broke(status) else {
             let code = exit_code(status);
-            return Ok(if damaged.is_empty() {
-                code
-            } else {
-                code.max(FAILED)
-            });
+            let only_some = !asks.damaged.is_empty() && matches!(code, FINE | PARTIAL);
+            return Ok(if only_some { FAILED } else { code });
         };
         let mut left = files()?;
-        left.retain(|file| !damaged.contains(file));
-        let found = probe(&left)?;
-        anyhow::ensure!(
-            !found.is_empty(),
-            "the work {how}, which no file brings out alone: run it again, with fewer --jobs where memory is short, and please report it"
-        );
+        left.retain(|file| !asks.damaged.contains(file));
+        let mut suspects = asks.journal.being_read();
+        if suspects.is_empty() {
+            suspects.clone_from(&left);
+        }
+        let found = match &suspects[..] {
+            [one] => vec![(one.clone(), how)],
+            several => {
+                let found = probe(several)?;
+                if found.is_empty() && !asks.alone {
+                    eprintln!(
+                        "the work {how}; begun again with one file at a time to find out which does it"
+                    );
+                    asks.alone = true;
+                    continue;
+                }
+                anyhow::ensure!(
+                    !found.is_empty(),
+                    "the work {how}, which no file brings out alone: run it again, and please report it"
+                );
+                found
+            }
+        };
         for (file, how) in &found {
             eprintln!(
                 "{}: reading it {how}: the file is damaged; leave it out, or copy it again from where it was recorded",
                 file.display()
             );
         }
-        let is_over = found.len() == left.len();
-        damaged.extend(found.into_iter().map(|(file, _)| file));
+        let is_over = found.len() >= left.len();
+        asks.damaged.extend(found.into_iter().map(|(file, _)| file));
         if is_over {
             return Ok(FAILED);
         }
-        eprintln!("begun again without {} damaged", damaged.len());
+        eprintln!(
+            "begun again without what is damaged: {} so far",
+            asks.damaged.len()
+        );
     }
 }
 
-/// Runs this program with `arguments` until it ends.
-fn work(
-    arguments: &[std::ffi::OsString],
-    damaged: &BTreeSet<PathBuf>,
-) -> anyhow::Result<ExitStatus> {
-    let mut command = this_program(damaged.len())?;
-    command.args(arguments);
-    if damaged.is_empty() {
-        return command.status().context("starting the work");
+/// What is asked of the process that does the work.
+struct Asks {
+    began: SystemTime,
+    damaged: BTreeSet<PathBuf>,
+    journal: Journal,
+    alone: bool,
+}
+
+impl Asks {
+    /// Runs this program until it ends.
+    fn work(&self) -> anyhow::Result<ExitStatus> {
+        self.journal.empty();
+        let began = self.began.duration_since(UNIX_EPOCH).unwrap_or_default();
+        let mut command = asked(began, self.damaged.len(), self.alone, &self.journal.path)?;
+        command.args(std::env::args_os().skip(1));
+        if self.damaged.is_empty() {
+            return command.status().context("starting this program");
+        }
+        let child = command.stdin(Stdio::piped()).spawn();
+        let mut child = child.context("starting this program")?;
+        // One that ended at once says why by its exit.
+        let all = list(self.damaged.iter());
+        let _ = child.stdin.take().map(|mut to| to.write_all(&all));
+        child.wait().context("waiting for the work")
     }
-    let mut child = command
-        .stdin(Stdio::piped())
-        .spawn()
-        .context("starting the work")?;
-    // One that ended at once says why by its exit.
-    let _ = child
-        .stdin
-        .take()
-        .map(|mut to| to.write_all(&list(damaged.iter())));
-    child.wait().context("waiting for the work")
+}
+
+/// A file in which the work tells what it reads.
+struct Journal {
+    path: PathBuf,
+}
+
+impl Journal {
+    fn new() -> Self {
+        let name = format!("wheelarm-dataset-{}.reads", std::process::id());
+        Self {
+            path: std::env::temp_dir().join(name),
+        }
+    }
+
+    fn empty(&self) {
+        // Without it more files are looked at when one breaks the program.
+        let _ = std::fs::write(&self.path, "");
+    }
+
+    /// Files whose reading has begun and not ended.
+    fn being_read(&self) -> Vec<PathBuf> {
+        let mut open: Vec<PathBuf> = Vec::new();
+        for line in paths(&std::fs::read(&self.path).unwrap_or_default()) {
+            let line = line.as_os_str().as_bytes();
+            let (what, file) = line.split_at(1);
+            let file = PathBuf::from(OsStr::from_bytes(file));
+            match what {
+                b"+" => open.push(file),
+                _ => open.retain(|one| *one != file),
+            }
+        }
+        open
+    }
+}
+
+impl Drop for Journal {
+    fn drop(&mut self) {
+        let _ = std::fs::remove_file(&self.path);
+    }
 }
 
 /// Files that break who reads them, each read by a process of its own.
 fn probe(files: &[PathBuf]) -> anyhow::Result<Vec<(PathBuf, String)>> {
     let ended = batch::parallel(files.len(), batch::threads(), |index| {
-        let mut command = this_program(0)?;
+        let mut command = asked(Duration::ZERO, 0, true, Path::new(""))?;
         let (input, output, errors) = (Stdio::null(), Stdio::null(), Stdio::null());
         command
             .args(["validate", "--jobs", "1", "--"])
             .arg(&files[index]);
         let status = command.stdin(input).stdout(output).stderr(errors).status();
-        let status = status.with_context(|| format!("reading {}", files[index].display()))?;
-        Ok(broke(status))
+        Ok(broke(status.context("starting this program")?))
     })?;
     let found = files.iter().cloned().zip(ended);
     Ok(found.filter_map(|(file, how)| Some((file, how?))).collect())
 }
 
-fn this_program(without: usize) -> anyhow::Result<Command> {
-    let program = std::env::current_exe().context("finding this program")?;
-    let mut command = Command::new(program);
-    command.env(VARIABLE, format!("{}/{without}", std::process::id()));
+fn asked(began: Duration, without: usize, alone: bool, journal: &Path) -> anyhow::Result<Command> {
+    let mut command = children::this_program()?;
+    let (own, began, alone) = (std::process::id(), began.as_micros(), u8::from(alone));
+    let told = format!("{own}/{began}/{without}/{alone}/{}", journal.display());
+    command.env(VARIABLE, told);
     Ok(command)
 }
 
 /// How a process broke; `None` when it ended by itself or by another's will.
 fn broke(status: ExitStatus) -> Option<String> {
-    const CRASHES: [Signal; 4] = [Signal::SEGV, Signal::BUS, Signal::FPE, Signal::ILL];
+    const CRASHES: [Signal; 5] = [
+        Signal::SEGV,
+        Signal::BUS,
+        Signal::FPE,
+        Signal::ILL,
+        Signal::ABORT,
+    ];
     match status.signal() {
         None => (status.code() == Some(i32::from(BROKEN)))
-            .then(|| "crashed a process of the export".to_owned()),
-        Some(signal) if signal == Signal::ABORT.as_raw() => Some(format!(
-            "came to no end within {} s, or a library gave it up",
+            .then(|| "broke a process of the export".to_owned()),
+        Some(signal) if signal == STUCK.as_raw() => Some(format!(
+            "came to no end within {} s ({PATIENCE_VARIABLE} gives a slow drive more)",
             patience().unwrap_or(PATIENCE)
         )),
         Some(signal) => CRASHES
             .map(Signal::as_raw)
             .contains(&signal)
-            .then(|| format!("crashed the HDF5 library (signal {signal})")),
+            .then(|| format!("crashed the program (signal {signal})")),
     }
 }
 

@@ -2,9 +2,10 @@
 //! are whole; an existing one is never replaced.
 
 use std::collections::BTreeSet;
+use std::fs::Metadata;
 use std::path::{Path, PathBuf};
-use std::sync::LazyLock;
 use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{LazyLock, OnceLock};
 use std::time::SystemTime;
 
 use anyhow::{Context, bail};
@@ -23,26 +24,43 @@ pub enum AlreadyThere {
         "{} exists already and is never overwritten: move it away or choose another place with --out", .0.display()
     )]
     Before(PathBuf),
-    /// Since this program began.
+    /// By the same command, which began again since.
+    #[error("{} was written before this command began again", .0.display())]
+    Again(PathBuf),
+    /// For another input, or by another program.
     #[error(
         "{} was written meanwhile by another recording of the same label, or by another export: say another --out for one of them", .0.display()
     )]
     Meanwhile(PathBuf),
 }
 
-/// When this program began to work.
-static BEGAN: LazyLock<SystemTime> = LazyLock::new(SystemTime::now);
+/// When the command began, and when this process began to work on it.
+static BEGAN: OnceLock<[SystemTime; 2]> = OnceLock::new();
 
-/// Marks the time from which on a file was written meanwhile.
-pub fn begin() {
-    LazyLock::force(&BEGAN);
+/// Tells when the command began that this process works on from now.
+pub fn begin(command: SystemTime) {
+    // The first to say so is right.
+    let _ = BEGAN.set([command, SystemTime::now()]);
+}
+
+/// Who wrote what is there.
+fn written_by(target: &Path, there: &Metadata) -> AlreadyThere {
+    /// What this process was asked for already.
+    static ASKED: Mutex<BTreeSet<PathBuf>> = Mutex::new(BTreeSet::new());
+    let target = target.to_owned();
+    let is_asked_twice = !ASKED.lock().insert(target.clone());
+    let written = there.modified().unwrap_or(SystemTime::UNIX_EPOCH);
+    match BEGAN.get() {
+        _ if is_asked_twice => AlreadyThere::Meanwhile(target),
+        Some([_, work]) if written > *work => AlreadyThere::Meanwhile(target),
+        Some([command, _]) if written > *command => AlreadyThere::Again(target),
+        _ => AlreadyThere::Before(target),
+    }
 }
 
 fn beside(target: &Path) -> anyhow::Result<PathBuf> {
     if let Ok(there) = target.symlink_metadata() {
-        let is_new = there.modified().is_ok_and(|written| written > *BEGAN);
-        let kind = [AlreadyThere::Before, AlreadyThere::Meanwhile][usize::from(is_new)];
-        return Err(kind(target.to_owned()).into());
+        return Err(written_by(target, &there).into());
     }
     let folder = target.parent().filter(|p| !p.as_os_str().is_empty());
     let folder = folder.unwrap_or(Path::new("."));
@@ -71,7 +89,12 @@ fn make_folder(folder: &Path) -> anyhow::Result<()> {
 static HOST: LazyLock<String> = LazyLock::new(|| {
     let own = std::fs::read_link("/proc/self/ns/pid").unwrap_or_default();
     let name = rustix::system::uname();
-    let told = format!("{} {}", name.nodename().to_string_lossy(), own.display());
+    let machine = std::fs::read_to_string("/etc/machine-id").unwrap_or_default();
+    let told = format!(
+        "{machine} {} {}",
+        name.nodename().to_string_lossy(),
+        own.display()
+    );
     format!("{:08x}", crc32fast::hash(told.as_bytes()))
 });
 
@@ -165,6 +188,20 @@ fn placed(named: std::io::Result<()>, target: &Path) -> anyhow::Result<()> {
         }
         named => named.with_context(|| format!("{} cannot be put in place", target.display())),
     }
+}
+
+/// Writes a file, which may be there as it is to be.
+///
+/// # Errors
+/// When there is another one, or it cannot be written.
+pub fn hold(path: &Path, bytes: &[u8]) -> anyhow::Result<()> {
+    if std::fs::read(path).is_ok_and(|there| there == bytes) {
+        return Ok(());
+    }
+    let pending = PendingFile::new(path)?;
+    std::fs::write(pending.path(), bytes)?;
+    pending.commit()?;
+    Ok(())
 }
 
 /// A folder that is not there yet.
@@ -268,17 +305,16 @@ mod tests {
     #[test]
     fn what_was_there_before_is_told_from_what_came_meanwhile() {
         let folder = tempfile::tempdir().unwrap();
-        let old = folder.path().join("old");
-        std::fs::write(&old, "").unwrap();
-        let hour = std::time::Duration::from_secs(3600);
-        let file = std::fs::File::options().write(true).open(&old).unwrap();
-        file.set_modified(SystemTime::now() - hour).unwrap();
+        let (first, second) = (folder.path().join("first"), folder.path().join("second"));
         let kind = |path: &Path| {
             let problem = PendingFile::new(path).unwrap_err();
             matches!(problem.downcast_ref(), Some(AlreadyThere::Before(_)))
         };
-        assert!(kind(&old));
-        file.set_modified(SystemTime::now() + hour).unwrap();
-        assert!(!kind(&old));
+        for path in [&first, &second] {
+            std::fs::write(path, "").unwrap();
+        }
+        assert!(kind(&first) && kind(&second));
+        // Two inputs lead to it.
+        assert!(!kind(&first));
     }
 }

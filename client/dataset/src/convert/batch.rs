@@ -2,8 +2,11 @@
 //! goes on, even where this program has a fault; long work shows how far it is.
 
 use std::any::Any;
+use std::fs::File;
+use std::io::Write;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
+use std::sync::OnceLock;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use indicatif::{ProgressBar, ProgressStyle};
@@ -13,6 +16,26 @@ use super::{AlreadyThere, Format, ReadOptions, Recording, Written};
 
 /// The result for every file, in the order of the files.
 pub type Results<T> = Vec<(PathBuf, anyhow::Result<T>)>;
+
+/// Where it is told which files are read.
+static JOURNAL: OnceLock<Mutex<File>> = OnceLock::new();
+
+/// Has it written into `file` when the reading of a recording begins and ends: `+` or `-`,
+/// its path, and a zero byte.
+pub fn keep_journal(file: File) {
+    // The first to say so is right.
+    let _ = JOURNAL.set(Mutex::new(file));
+}
+
+fn note(what: char, file: &Path) {
+    if let Some(journal) = JOURNAL.get() {
+        let mut line = vec![what as u8];
+        line.extend_from_slice(file.as_os_str().as_encoded_bytes());
+        line.push(0);
+        // Without it more files are looked at when one breaks the program.
+        let _ = journal.lock().write_all(&line);
+    }
+}
 
 /// Does `work` for every file, with its number from 0, in up to `jobs` threads.
 pub fn each<T: Send>(
@@ -28,7 +51,9 @@ pub fn each<T: Send>(
                 loop {
                     let index = next.fetch_add(1, Ordering::Relaxed);
                     let Some(file) = files.get(index) else { break };
+                    note('+', file);
                     let result = whole(|| work(index, file));
+                    note('-', file);
                     done.lock().push((index, result));
                 }
             });
@@ -191,10 +216,13 @@ pub fn failures<T>(results: &Results<T>, several: bool) -> bool {
     let (mut any, mut there) = (false, 0);
     for (file, result) in results {
         let Err(problem) = result else { continue };
-        let before = matches!(problem.downcast_ref(), Some(AlreadyThere::Before(_)));
-        if several && before {
-            there += 1;
-            continue;
+        match problem.downcast_ref() {
+            Some(AlreadyThere::Again(_)) => continue,
+            Some(AlreadyThere::Before(_)) if several => {
+                there += 1;
+                continue;
+            }
+            _ => {}
         }
         any = true;
         eprintln!("{}", named(file, &format!("{problem:#}")));

@@ -138,10 +138,8 @@ impl Format for WheelarmSim {
         }
         // WheelArm-Sim's layout has no place for a calibration.
         let beside = format!("{}.cameras.json", recording.summary.label);
-        let calibration = PendingFile::new(&self.out.join(beside))?;
         let cameras = super::intrinsics::cameras(recording, None);
-        std::fs::write(calibration.path(), format!("{cameras:#}\n"))?;
-        calibration.commit()?;
+        super::hold(&self.out.join(beside), format!("{cameras:#}\n").as_bytes())?;
         Ok(Written {
             path: pending.commit()?,
             samples,

@@ -52,6 +52,14 @@ pub struct Summary {
 }
 
 impl Episode {
+    /// Label of the episode, as it stands there.
+    ///
+    /// # Errors
+    /// When the attribute is absent.
+    pub fn label(&self) -> Result<String, ReadError> {
+        text(&self.file, "label").map_err(|e| self.hdf5("label", e))
+    }
+
     /// What the file says of itself.
     ///
     /// # Errors
