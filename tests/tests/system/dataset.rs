@@ -413,7 +413,7 @@ fn problems(folder: &Path, all: &[PathBuf]) {
     assert!(!folder.join("data/killed/pick_mustard-seed0.hdf5").exists());
 
     // Interrupted and begun again, the tables of labels tell of all episodes.
-    let line = format!("wheelarm dataset annotate {first} {first} --out data/labels");
+    let line = format!("wheelarm dataset annotate {first} {first} --out data/notes");
     let output = shell(folder, &line);
     assert_eq!(output.status.code(), Some(1), "{}", printed(&output));
     assert!(
@@ -421,12 +421,12 @@ fn problems(folder: &Path, all: &[PathBuf]) {
         "{}",
         printed(&output)
     );
-    let labels = folder.join("data/labels");
+    let labels = folder.join("data/notes");
     let table = std::fs::read_to_string(labels.join("subtasks.csv")).expect("a table");
     for name in ["subtasks.csv", "questions.csv"] {
         std::fs::remove_file(labels.join(name)).expect("a table");
     }
-    let line = format!("wheelarm dataset annotate {first} --out data/labels");
+    let line = format!("wheelarm dataset annotate {first} --out data/notes");
     let output = shell(folder, &line);
     assert!(
         printed(&output).contains("never overwritten"),

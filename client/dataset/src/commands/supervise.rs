@@ -16,6 +16,7 @@ use std::time::{Duration, SystemTime, UNIX_EPOCH};
 use anyhow::{Context, bail};
 use rustix::process::{Signal, getpid, kill_process};
 use wheelarm_dataset::convert::{batch, begin};
+use wheelarm_dataset::read;
 
 use super::arguments::{BROKEN, FAILED, FINE, PARTIAL};
 use super::children::{self, end_with, list, paths};
@@ -106,8 +107,7 @@ pub fn end_when_stuck() -> anyhow::Result<()> {
     static CALLS: AtomicU64 = AtomicU64::new(0);
     std::thread::spawn(|| {
         loop {
-            // HDF5 does one call at a time, so that this one waits for another's end.
-            hdf5::sync::sync(|| ());
+            read::wait_for_library();
             CALLS.fetch_add(1, Ordering::Relaxed);
             std::thread::sleep(Duration::from_millis(500));
         }

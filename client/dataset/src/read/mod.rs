@@ -395,6 +395,11 @@ fn whole(mut scenario: v1::Scenario) -> v1::Scenario {
     scenario
 }
 
+/// Waits until HDF5 is in no call: it does one at a time.
+pub fn wait_for_library() {
+    hdf5::sync::sync(|| ());
+}
+
 fn group_path(stream: &str) -> String {
     if StreamId::parse(stream) == StreamId::EVENTS {
         "events".to_owned()
