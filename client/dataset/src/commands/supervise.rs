@@ -7,6 +7,7 @@ use std::ffi::OsStr;
 use std::fs::File;
 use std::io::{Read, Write};
 use std::os::unix::ffi::OsStrExt;
+use std::os::unix::fs::OpenOptionsExt;
 use std::os::unix::process::ExitStatusExt;
 use std::path::{Path, PathBuf};
 use std::process::{Command, ExitStatus, Stdio};
@@ -220,16 +221,25 @@ struct Journal {
 }
 
 impl Journal {
+    /// Made anew, and for this user alone: others may write beside it, and what they put
+    /// there under its name is neither followed nor used.
     fn new() -> Self {
         let name = format!("wheelarm-dataset-{}.reads", std::process::id());
+        let path = std::env::temp_dir().join(name);
+        let _ = std::fs::remove_file(&path);
+        let made = File::options()
+            .write(true)
+            .create_new(true)
+            .mode(0o600)
+            .open(&path);
+        // Without it more files are looked at when one breaks the program.
         Self {
-            path: std::env::temp_dir().join(name),
+            path: made.map_or_else(|_| PathBuf::new(), |_| path),
         }
     }
 
     fn empty(&self) {
-        // Without it more files are looked at when one breaks the program.
-        let _ = std::fs::write(&self.path, "");
+        let _ = File::options().write(true).truncate(true).open(&self.path);
     }
 
     /// Files whose reading has begun and not ended.
