@@ -435,6 +435,60 @@ fn an_interrupted_export_goes_on_and_a_label_is_not_taken_twice() {
 }
 
 #[test]
+fn what_is_partial_is_told_by_an_export_too() {
+    let _turn = alone();
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    // As a killed recorder leaves it: the log ends in the middle of a record.
+    let log = synthetic::smooth::record(folder, "cut", 2, (32, 18)).unwrap();
+    let all = std::fs::read(&log).unwrap();
+    std::fs::write(&log, &all[..all.len() * 3 / 4]).unwrap();
+    run(folder, &["recover", "cut.h5.wal"]);
+    episode(folder, "whole");
+    let export = ["export", "--format", "csv", "--out", "out", "."];
+    let words = String::from_utf8_lossy(&run(folder, &export).stdout).into_owned();
+    let (cut, whole) = words.split_once("whole.h5 ->").unwrap_or_else(|| panic!("{words}"));
+    assert!(cut.contains("the recording is partial: "), "{words}");
+    assert!(!whole.contains("partial"), "{words}");
+}
+
+#[test]
+fn ids_of_no_instance_and_columns_that_cannot_be_opened_are_found() {
+    let _turn = alone();
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    episode(folder, "whole");
+    let said = |name: &str| {
+        let output = run(folder, &["validate", name]);
+        let both = [output.stdout, output.stderr].concat();
+        String::from_utf8_lossy(&both).into_owned()
+    };
+    let words = said("whole.h5");
+    assert!(!words.contains("ids of no instance"), "{words}");
+
+    let path = "streams/camera/gen3/ids";
+    let file = hdf5::File::open_rw(folder.join("whole.h5")).unwrap();
+    let shape = file.dataset(path).unwrap().shape();
+    file.unlink(path).unwrap();
+    let data = file.new_dataset::<u8>().shape(shape.clone());
+    let mut ids = vec![0_u8; shape.iter().product()];
+    ids[7] = 251;
+    data.create(path).unwrap().write_raw(&ids).unwrap();
+    drop(file);
+    let words = said("whole.h5");
+    assert!(words.contains("camera/gen3: ids of no instance: {251}"), "{words}");
+
+    // A link to nothing in the place of a column.
+    let path = "streams/joint_state/position";
+    let file = hdf5::File::open_rw(folder.join("whole.h5")).unwrap();
+    file.unlink(path).unwrap();
+    file.link_soft("/nowhere", path).unwrap();
+    drop(file);
+    let words = said("whole.h5");
+    assert!(words.contains(path), "{words}");
+}
+
+#[test]
 fn a_picture_does_not_take_the_place_of_a_recording() {
     let _turn = alone();
     let folder = tempfile::tempdir().unwrap();

@@ -28,6 +28,12 @@ fn two_sources_become_an_episode_of_another_scene_that_names_its_source() {
     assert!(made.status.success(), "{}", printed(&made));
 
     let multiply = ["multiply", from, "--episodes", "2", "--seeds", "40..42"];
+    // What is made would be among the sources when it goes on.
+    let mixed = wheelarm(&[&multiply[..], &task, &["--out", from]].concat());
+    let text = printed(&mixed);
+    assert!(!mixed.status.success(), "{text}");
+    assert!(text.contains("is the folder of the sources"), "{text}");
+    assert_eq!(recordings(&sources).len(), 2);
     let multiplied = wheelarm(&[&multiply[..], &task, &["--out", to]].concat());
     let text = printed(&multiplied);
     assert!(text.contains("sources     2"), "{text}");

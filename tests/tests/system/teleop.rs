@@ -138,14 +138,15 @@ fn a_signal_leaves_the_terminal_as_it_was() {
     let kill = Command::new("kill").args(["-TERM", &process]).status();
     assert!(kill.is_ok_and(|s| s.success()));
     person.end();
-    person.waits("the terminal's own screen", |_| {
-        let written = person.written();
-        let entered = written.rfind("\x1b[?1049h");
-        entered.is_some() && written.rfind("\x1b[?1049l") > entered
+    // What it says last is read here some time after its end.
+    person.waits("why it ended", |_| {
+        person.written().contains("ended by SIGTERM")
     });
     let written = person.written();
+    let entered = written.rfind("\x1b[?1049h");
+    let left = written.rfind("\x1b[?1049l");
+    assert!(entered.is_some() && left > entered, "{written}");
     assert!(written.rfind("\x1b[?25h") > written.rfind("\x1b[?25l"));
-    assert!(written.contains("ended by SIGTERM"), "{written}");
 }
 
 #[test]
