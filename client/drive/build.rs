@@ -16,8 +16,12 @@ fn main() -> Result<(), Box<dyn Error>> {
     let mut table = String::from("pub static FILES: &[(&str, &[u8])] = &[\n");
     for path in found {
         let name = path.strip_prefix(&page)?.to_string_lossy().into_owned();
-        let whole = path.to_string_lossy().into_owned();
-        writeln!(table, "    ({name:?}, include_bytes!({whole:?})),")?;
+        // A checkout that was moved is still found.
+        let inside = format!("/page/{name}");
+        writeln!(
+            table,
+            "    ({name:?}, include_bytes!(concat!(env!(\"CARGO_MANIFEST_DIR\"), {inside:?}))),"
+        )?;
     }
     table.push_str("];\n");
     let out = PathBuf::from(std::env::var("OUT_DIR")?);

@@ -46,7 +46,7 @@ pub fn command(bytes: &[u8]) {
         };
         inbox.listen(listening, 0);
         let _ = inbox.accept(bytes, 0.0);
-        let _ = inbox.take(0, 0.0);
+        let _ = inbox.take(0, 0.0, 0.0);
     }
 }
 

@@ -105,6 +105,10 @@ fn a_page_drives_and_stops_and_nothing_moves_after_a_freeze_or_a_cut() {
     gets_going(&mut page, Held::forward());
     let epoch = page.epoch();
     page.cut();
+    // The gateway hears nothing, not even an end.
+    let watching = Page::open(&gateway, "w0", false);
+    rests(&watching);
+    drop(watching);
     drop(page);
     let mut again = Page::open(&gateway, "a1", true);
     again.goes_on_from(epoch);

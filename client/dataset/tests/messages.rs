@@ -447,7 +447,9 @@ fn what_is_partial_is_told_by_an_export_too() {
     episode(folder, "whole");
     let export = ["export", "--format", "csv", "--out", "out", "."];
     let words = String::from_utf8_lossy(&run(folder, &export).stdout).into_owned();
-    let (cut, whole) = words.split_once("whole.h5 ->").unwrap_or_else(|| panic!("{words}"));
+    let (cut, whole) = words
+        .split_once("whole.h5 ->")
+        .unwrap_or_else(|| panic!("{words}"));
     assert!(cut.contains("the recording is partial: "), "{words}");
     assert!(!whole.contains("partial"), "{words}");
 }
@@ -476,7 +478,10 @@ fn ids_of_no_instance_and_columns_that_cannot_be_opened_are_found() {
     data.create(path).unwrap().write_raw(&ids).unwrap();
     drop(file);
     let words = said("whole.h5");
-    assert!(words.contains("camera/gen3: ids of no instance: {251}"), "{words}");
+    assert!(
+        words.contains("camera/gen3: ids of no instance: {251}"),
+        "{words}"
+    );
 
     // A link to nothing in the place of a column.
     let path = "streams/joint_state/position";

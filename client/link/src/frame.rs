@@ -175,7 +175,8 @@ fn length(
     intrinsics: &v1::Intrinsics,
 ) -> Result<(), BadFrame> {
     let (width, height) = (intrinsics.width, intrinsics.height);
-    let expected = u64::from(width) * u64::from(height) * wide;
+    let pixels = u64::from(width) * u64::from(height);
+    let expected = pixels.saturating_mul(wide);
     if bytes.len() as u64 == expected {
         return Ok(());
     }

@@ -98,6 +98,9 @@ fn name(entry: &Entry) -> &str {
     }
 }
 
+/// Of fewer pairs a bootstrap tells their spread, not where the mean lies.
+const LEAST_FOR_BOOTSTRAP: usize = 10;
+
 /// What came of the pairs, by task and of all.
 fn told(one: &BTreeMap<Key, Entry>, other: &BTreeMap<Key, Entry>) -> anyhow::Result<String> {
     let mut tables: BTreeMap<&str, [usize; 4]> = BTreeMap::new();
@@ -138,12 +141,17 @@ fn told(one: &BTreeMap<Key, Entry>, other: &BTreeMap<Key, Entry>) -> anyhow::Res
     )?;
     let differences = differences(one, other);
     if !differences.is_empty() {
-        let [low, high] = bootstrap(&differences);
+        let pairs = differences.len();
+        let interval = if pairs < LEAST_FOR_BOOTSTRAP {
+            format!("no interval of fewer than {LEAST_FOR_BOOTSTRAP}")
+        } else {
+            let [low, high] = bootstrap(&differences);
+            format!("95 % {low:+.1}..{high:+.1} (bootstrap)")
+        };
         writeln!(
             text,
-            "progress: B - A {:+.1} points on average of {} pairs, 95 % {low:+.1}..{high:+.1} (bootstrap)",
-            mean(&differences),
-            differences.len()
+            "progress: B - A {:+.1} points on average of {pairs} pairs, {interval}",
+            mean(&differences)
         )?;
     }
     let left = one.len() + other.len() - 2 * pairs;

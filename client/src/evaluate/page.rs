@@ -247,7 +247,13 @@ fn table(out: &mut String, report: &Report) -> anyhow::Result<()> {
             100.0 * task.rate,
             percent(task.interval),
             percent(task.exact_interval),
-            number(progress.map(|p| p.mean)),
+            match progress {
+                // Those that broke have none.
+                Some(p) if p.episodes < task.episodes => {
+                    format!("{:.1} of {}", p.mean, p.episodes)
+                }
+                _ => number(progress.map(|p| p.mean)),
+            },
             number(progress.map(|p| p.quantiles[2])),
             number(done.map(|_| task.mean_seconds)),
             number(done.map(|q| q[2])),

@@ -238,7 +238,13 @@ impl Follower {
                     | Role::InnerKnuckleRight
             )
         });
-        hand.extend(fingers.map(|joint| joint.child_link.clone()));
+        hand.extend(fingers.flat_map(|joint| {
+            use v1::JointRole as Role;
+            // What a finger's tip hangs on is fixed to its knuckle.
+            let tip = matches!(joint.role(), Role::FingerTipLeft | Role::FingerTipRight);
+            let bar = tip.then(|| joint.parent_link.clone());
+            bar.into_iter().chain([joint.child_link.clone()])
+        }));
         let last = robot
             .joints
             .iter()
@@ -380,7 +386,9 @@ impl Follower {
             let off = (target * grasp).coords - base.translation.vector;
             off.xy().norm() <= self.sought.range
         });
-        let rested = self.since.is_some_and(|since| stamp - since >= REST);
+        let rested = self
+            .since
+            .is_some_and(|since| stamp.saturating_sub(since) >= REST);
         let gripped = self.touching && self.pads.iter().all(|force| *force > PRESSES);
         let lifted = gripped && self.sought.slide.is_none() && height - began > LIFTED;
         let over = self.sought.region.is_some_and(|(pose, half)| {
@@ -400,7 +408,8 @@ impl Follower {
             (Milestone::Moved, slides && way > MOVED),
             (Milestone::HalfWay, slides && way > whole.abs() / 2.0),
         ] {
-            if holds && !self.has(step) {
+            let is_on_the_way = || self.sought.way.steps().iter().any(|(on, _)| *on == step);
+            if holds && !self.has(step) && is_on_the_way() {
                 self.reached.push((step, seconds));
             }
         }
@@ -421,6 +430,7 @@ mod tests {
             role: role.into(),
             arm_index: index,
             child_link: link.to_owned(),
+            parent_link: format!("below {link}"),
             ..Default::default()
         };
         let mut joints: Vec<_> = (0..6).map(|i| joint(JointRole::Arm, i, "arm")).collect();
@@ -572,6 +582,10 @@ mod tests {
         assert_eq!(percent(&[stands(), stands()]), (20, Some(M::Touched)));
         assert_eq!(percent(&[stands(), by_chair()]).0, 20);
         assert_eq!(percent(&[stands(), by_finger()]), (40, Some(M::Gripped)));
+        let by_bar = || Moment(1.5, 0.0, MUG, 0.0, [0.0; 2], Some(["below tip", "mug"]));
+        assert_eq!(percent(&[stands(), by_bar()]), (40, Some(M::Gripped)));
+        let by_arm = || Moment(1.5, 0.0, MUG, 0.0, [0.0; 2], Some(["below knuckle", "mug"]));
+        assert_eq!(percent(&[stands(), by_arm()]).0, 20);
         assert_eq!(percent(&[stands(), gripped(0.5)]).0, 60);
         assert_eq!(percent(&[stands(), gripped(0.53)]), (80, Some(M::Done)));
         // It counts how far it came, not where it ended.
@@ -581,6 +595,26 @@ mod tests {
         assert_eq!((done.percent, done.missing), (100, None));
         let times: Vec<f64> = done.reached.iter().map(|(_, seconds)| *seconds).collect();
         assert!(times.is_sorted() && times.last() == Some(&9.0), "{times:?}");
+    }
+
+    #[test]
+    fn steps_of_other_ways_are_not_reached() {
+        // A handle is gripped, a thing to be handed over passes the place: neither is a
+        // step there.
+        let handle = [2.0, 0.0, 0.4];
+        let pulls = |slide| Moment(1.5, 0.0, handle, slide, [3.0; 2], Some(["tip", "drawer"]));
+        let opened = follow(v1::GoalKind::Open, &[pulls(0.0), pulls(0.15)]).course(false, 9.0);
+        let given =
+            |x: f64, z: f64| Moment(1.5, 0.0, [x, 0.0, z], 0.0, [3.0; 2], Some(["tip", "mug"]));
+        let moments = [given(2.0, 0.5), given(2.0, 0.6), given(2.5, 0.6)];
+        let given = follow(v1::GoalKind::Give, &moments).course(false, 9.0);
+        for course in [opened, given] {
+            assert!(course.percent > 60, "{course:?}");
+            for (step, _) in &course.reached {
+                let on = course.way.steps().iter().any(|(known, _)| known == step);
+                assert!(on, "{course:?}");
+            }
+        }
     }
 
     #[test]

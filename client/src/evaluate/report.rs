@@ -67,6 +67,8 @@ pub const SHARES: [f64; 5] = [0.1, 0.25, 0.5, 0.75, 0.9];
 /// How far episodes came, percent of the way.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct ProgressReport {
+    /// Episodes that a course is known of: not those that broke.
+    pub episodes: usize,
     /// Mean, percent.
     pub mean: f64,
     /// Quantiles of [`SHARES`], percent.
@@ -219,6 +221,7 @@ fn progress(own: &[&Entry]) -> Option<ProgressReport> {
         as_far as f64 / courses.len() as f64
     };
     Some(ProgressReport {
+        episodes: courses.len(),
         mean: mean(&percents),
         quantiles: quantiles(&percents, SHARES)?,
         furthest: [(0, "nothing")]
@@ -303,6 +306,7 @@ impl fmt::Display for Report {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::broken::Broken;
     use crate::evaluate::entry::Condition;
     use crate::evaluate::progress::{Course, Milestone, Way};
     use crate::variation::Variation;
@@ -373,6 +377,12 @@ mod tests {
         assert_eq!((c.episodes, c.rate), (0, 0.0));
         let far = a.progress.clone().unwrap();
         assert!((far.mean - 80.0).abs() < 1e-12, "{far:?}");
+        // One that broke has no course: the mean says of how many it is.
+        let mut broken = entry("a", 3, false);
+        (broken.course, broken.broken) = (None, Some(Broken::Server));
+        let with = Report::new(&names, &[&entries[..], &[broken]].concat(), &scope);
+        let with = with.tasks[0].progress.clone().unwrap();
+        assert_eq!((far.episodes, with.episodes, with.mean), (3, 3, far.mean));
         assert_eq!(far.quantiles[2], 100.0);
         let shares: Vec<f64> = far.furthest.iter().map(|(_, share)| *share).collect();
         assert_eq!(shares, [0.0, 0.0, 1.0 / 3.0, 0.0, 0.0, 2.0 / 3.0]);

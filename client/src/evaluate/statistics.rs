@@ -46,8 +46,9 @@ pub fn clopper_pearson(successes: usize, trials: usize) -> [f64; 2] {
 /// only the one, only the other succeeded.
 #[must_use]
 pub fn mcnemar(one: usize, other: usize) -> f64 {
-    let (all, fewer) = (one + other, one.min(other));
-    (2.0 * (1.0 - at_least(fewer + 1, all, 0.5))).min(1.0)
+    // As likely as the fewer or less, and without a difference that cancels.
+    let (all, more) = (one + other, one.max(other));
+    (2.0 * at_least(more, all, 0.5)).min(1.0)
 }
 
 /// Quantiles at `shares`, 0 to 1, between neighbours in proportion (as numpy's usual
@@ -154,10 +155,14 @@ mod tests {
             };
             counts[which] += 1;
             for (found, wanted) in found.into_iter().zip([real(3), real(4)]) {
-                assert!((found - wanted).abs() < 1e-9, "{line}: {found}");
+                let near = 1e-9 * wanted.max(1e-3);
+                assert!((found - wanted).abs() < near, "{line}: {found}");
             }
         }
         assert_eq!(counts, [100, 100, 196]);
+        // 2 * 0.5^60, where a difference from 1 would be 0.
+        assert!((mcnemar(60, 0) / 0.5_f64.powi(59) - 1.0).abs() < 1e-9);
+        assert!((mcnemar(2, 55) / 2.295_386_1e-14 - 1.0).abs() < 1e-7);
     }
 
     #[test]

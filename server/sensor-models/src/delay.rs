@@ -111,6 +111,11 @@ impl<T> DelayLine<T> {
         }
     }
 
+    /// What is on its way, in its order.
+    pub fn waiting(&mut self) -> impl Iterator<Item = &mut T> {
+        self.waiting.iter_mut().map(|(_, thing)| thing)
+    }
+
     /// Whether nothing is on its way.
     #[must_use]
     pub fn is_empty(&self) -> bool {

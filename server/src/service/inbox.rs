@@ -5,6 +5,7 @@
 //! Age is wall time in real-time pacing and simulation time otherwise; the
 //! caller passes it in seconds, so that this file knows no clock.
 
+mod admit;
 mod goals;
 mod lease;
 mod rate;
@@ -13,10 +14,9 @@ mod span;
 use std::collections::BTreeMap;
 use std::time::Instant;
 
-use wheelarm_proto::schema::OtherVersion;
-use wheelarm_proto::v1::RefusalCode;
-use wheelarm_proto::{Message, PHYSICS_HZ, TICKS_PER_CONTROL, check, seal, v1};
+use wheelarm_proto::v1;
 
+pub use self::admit::{MAX_BYTES, Refused};
 use self::goals::Goals;
 pub use self::lease::{Asked, Granted, Lease, Life};
 pub use self::rate::Bucket;
@@ -33,20 +33,6 @@ pub const STALE_SECS: f64 = 0.25;
 /// control ticks of a second can use. Not in lock-step, which asks for each.
 const RATE: (f64, f64) = (400.0, 200.0);
 
-/// How far ahead of the simulation a lock-step commander may answer, control ticks.
-const MAX_AHEAD: u64 = 8;
-
-/// Age of the state that a command answers beyond which it comes too late to
-/// make sense, ticks: 1 s. A link that was frozen delivers what it held back.
-const MAX_AGE: u64 = 240;
-
-/// Largest command message, bytes: several times the largest that makes sense.
-pub const MAX_BYTES: usize = 4096;
-
-/// How far a sequence number may jump. Commands get lost, but not a million: a
-/// number far ahead would lock out whoever counts on.
-const MAX_JUMP: u64 = 1_000_000;
-
 /// A chair that is braked.
 const REST: BaseIntent = BaseIntent {
     linear: 0.0,
@@ -60,25 +46,26 @@ pub struct Taken {
     pub input: ControlInput,
     /// Accepted commands since the last tick, oldest first.
     pub commands: Vec<v1::Command>,
-    /// The gate braked.
-    pub stale: bool,
+    /// What the gate stopped.
+    pub stopped: Stopped,
 }
 
-/// Why a command was not taken.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Refused {
-    /// The commander, empty when it could not be read.
-    pub commander: String,
-    /// Sequence number of the command.
-    pub sequence: u64,
-    /// What is wrong, for programs.
-    pub code: RefusalCode,
-    /// What is wrong and what would be right.
-    pub reason: String,
+/// Groups that are stopped, or to be stopped, by the gate.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Stopped {
+    /// The chair brakes.
+    pub base: bool,
+    /// The arm holds.
+    pub arm: bool,
 }
 
-/// A code for programs, words for people.
-type Why = (RefusalCode, String);
+impl Stopped {
+    /// Whether the gate stopped anything.
+    #[must_use]
+    pub fn any(self) -> bool {
+        self.base || self.arm
+    }
+}
 
 /// Whom the gate listens to.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -91,11 +78,10 @@ pub struct Listening {
     pub replay: bool,
 }
 
-/// Groups that are to be stopped at the next control tick.
-#[derive(Clone, Copy, Debug, Default)]
-struct Brake {
-    base: bool,
-    arm: bool,
+/// When what is in force for each group came, by the age clock, s.
+struct Since {
+    base: f64,
+    arm: f64,
 }
 
 /// Activity of a group that goes stale.
@@ -112,8 +98,10 @@ pub struct Inbox {
     listening: Listening,
     lease: Lease,
     rate: Bucket,
-    brake: Brake,
-    pending: Vec<v1::Command>,
+    /// What is to be stopped at the next control tick.
+    brake: Stopped,
+    /// With the wall time at which each came, seconds.
+    pending: Vec<(f64, v1::Command)>,
     /// Lock-step: commands by the tick they answer.
     answers: BTreeMap<u64, v1::Command>,
     /// Lock-step: the command that answers for several control ticks.
@@ -139,7 +127,7 @@ impl Inbox {
             listening: Listening::default(),
             lease: Lease::default(),
             rate: Bucket::new(RATE.0, RATE.1),
-            brake: Brake::default(),
+            brake: Stopped::default(),
             pending: Vec::new(),
             answers: BTreeMap::new(),
             span: None,
@@ -183,7 +171,7 @@ impl Inbox {
     /// As [`Inbox::listen`] for another robot, which stands still.
     pub fn renew(&mut self, listening: Listening, next_tick: u64) {
         self.listen(listening, next_tick);
-        self.brake = Brake::default();
+        self.brake = Stopped::default();
         self.closed.clear();
     }
 
@@ -234,7 +222,7 @@ impl Inbox {
         self.base = Active::default();
         self.twist = Active::default();
         self.goals.clear();
-        self.brake = Brake {
+        self.brake = Stopped {
             base: true,
             arm: true,
         };
@@ -252,254 +240,6 @@ impl Inbox {
         (self.phase.0, &self.phase.1)
     }
 
-    /// Refuses a message by its length, before it is copied or read.
-    pub fn refuse_long(&mut self, bytes: usize) -> Refused {
-        self.refused += 1;
-        too_long(bytes)
-    }
-
-    /// Refuses a message of another version of the contract, unread.
-    pub fn refuse_version(&mut self, from: &str, other: &OtherVersion) -> Refused {
-        self.refused += 1;
-        Refused {
-            commander: from.chars().take(64).collect(),
-            ..nobody(RefusalCode::Version, other.to_string())
-        }
-    }
-
-    /// Takes a message at `now`, wall time in seconds, that came under the key of
-    /// the commander `from`: nobody speaks for another.
-    ///
-    /// # Errors
-    /// [`Refused`] with the reason; the state is as if it had never come.
-    pub fn accept_from(&mut self, from: &str, bytes: &[u8], now: f64) -> Result<(), Refused> {
-        self.count(|inbox| inbox.try_accept(Some(from), bytes, now))
-    }
-
-    /// As [`Inbox::accept_from`] of whomever the message names.
-    ///
-    /// # Errors
-    /// As [`Inbox::accept_from`].
-    pub fn accept(&mut self, bytes: &[u8], now: f64) -> Result<(), Refused> {
-        self.count(|inbox| inbox.try_accept(None, bytes, now))
-    }
-
-    fn count(
-        &mut self,
-        taken: impl FnOnce(&mut Self) -> Result<(), Refused>,
-    ) -> Result<(), Refused> {
-        let result = taken(self);
-        if result.is_err() {
-            self.refused += 1;
-        }
-        result
-    }
-
-    fn try_accept(&mut self, from: Option<&str>, bytes: &[u8], now: f64) -> Result<(), Refused> {
-        if bytes.len() > MAX_BYTES {
-            return Err(too_long(bytes.len()));
-        }
-        let command = v1::Command::decode(bytes).map_err(|e| {
-            let words = format!("not a wheelarm.v1.Command: {e}");
-            nobody(RefusalCode::Invalid, words)
-        })?;
-        let header = command.header.clone().unwrap_or_default();
-        let refuse = |(code, reason): Why| Refused {
-            commander: command.commander.chars().take(64).collect(),
-            sequence: header.sequence,
-            code,
-            reason,
-        };
-        wheelarm_proto::keys::check_name(&command.commander).map_err(|_| {
-            let words = "commander must be 1 to 64 letters, digits, `-` or `_`";
-            refuse((RefusalCode::Invalid, words.to_owned()))
-        })?;
-        if let Some(from) = from.filter(|from| *from != command.commander) {
-            let words = format!(
-                "the command names {:?} and came under the key of {:?}; send under \
-                 `command/NAME` with your own name",
-                command.commander,
-                check::beginning(from)
-            );
-            return Err(refuse((RefusalCode::Foreign, words)));
-        }
-        if !self.closed.is_empty() {
-            return Err(refuse((RefusalCode::Closed, self.closed.clone())));
-        }
-        self.check_control(&command.commander, &header.run_id, bytes)
-            .map_err(refuse)?;
-        if !self.listening.lock_step && !self.rate.take(now) {
-            let words = format!("more than {} commands per second; 60 are of use", RATE.0);
-            return Err(refuse((RefusalCode::Rate, words)));
-        }
-        check::command(&command)
-            .and_then(|()| convert::control_input(&command, &self.gripper))
-            .map_err(|e| refuse((RefusalCode::Invalid, e.to_string())))?;
-        if header.episode != self.listening.episode {
-            let words = format!(
-                "command is for episode {}, running is {} (0 is none)",
-                header.episode, self.listening.episode
-            );
-            return Err(refuse((RefusalCode::Episode, words)));
-        }
-        if self.listening.lock_step {
-            let tick = command.answers_tick.ok_or_else(|| {
-                let words = "in lock-step every command says which state it answers: set \
-                             answers_tick to header.tick of the newest `clock`";
-                refuse((RefusalCode::NoTick, words.to_owned()))
-            })?;
-            if !tick.is_multiple_of(TICKS_PER_CONTROL) {
-                let words = format!(
-                    "command answers tick {tick}, which is no control tick: set answers_tick to \
-                     header.tick of the newest `clock`, a multiple of {TICKS_PER_CONTROL}"
-                );
-                return Err(refuse((RefusalCode::NoTick, words)));
-            }
-            if tick < self.next_tick {
-                let words = format!(
-                    "command answers tick {tick}, the simulation is at {}",
-                    self.next_tick
-                );
-                return Err(refuse((RefusalCode::TooOld, words)));
-            }
-            let ahead = (tick - self.next_tick) / TICKS_PER_CONTROL;
-            if self.answers.contains_key(&tick) {
-                let words = format!("tick {tick} has been answered already");
-                return Err(refuse((RefusalCode::Answered, words)));
-            }
-            if ahead >= MAX_AHEAD {
-                let words = format!("more than {MAX_AHEAD} commands ahead");
-                return Err(refuse((RefusalCode::Ahead, words)));
-            }
-        }
-        if !self.listening.lock_step {
-            if command.over_ticks > 1 {
-                let words = "over_ticks is for lock-step, where time waits for answers; send a \
-                             command per control tick, or start a server with --pacing lock-step";
-                return Err(refuse((RefusalCode::Invalid, words.to_owned())));
-            }
-            self.check_age(&command).map_err(refuse)?;
-        }
-        self.check_sequence(header.sequence).map_err(refuse)?;
-        if self.listening.lock_step {
-            self.answers.insert(command.answers_tick(), command);
-        } else {
-            // Between two control ticks only the newest of each group counts,
-            // so a flood costs no memory.
-            if self.pending.len() >= 256 {
-                self.pending.remove(0);
-            }
-            self.pending.push(command);
-        }
-        Ok(())
-    }
-
-    fn check_control(&self, name: &str, run_id: &str, bytes: &[u8]) -> Result<(), Why> {
-        let Some(holder) = self.lease.holder() else {
-            return Err((
-                RefusalCode::NoControl,
-                "nobody holds control; ask for control first (query `lease`)".to_owned(),
-            ));
-        };
-        let life = &holder.life;
-        if life.name != name {
-            return Err((
-                RefusalCode::ControlHeld,
-                format!(
-                    "control is held by {:?}; take it over with the query `lease`",
-                    life.name
-                ),
-            ));
-        }
-        if life.run_id != run_id {
-            return Err((
-                RefusalCode::ControlHeld,
-                format!("control is held by another process that is named {name:?} too"),
-            ));
-        }
-        if holder.sealed && !seal::holds(bytes, &holder.secret) {
-            return Err((
-                RefusalCode::Seal,
-                format!(
-                    "{name:?} seals its commands, and this one has no seal or a wrong one: somebody \
-                 else sends in its name"
-                ),
-            ));
-        }
-        Ok(())
-    }
-
-    /// Refuses what comes too late to make sense. What only stops is taken at
-    /// any age; what drives must say which state it answers.
-    fn check_age(&self, command: &v1::Command) -> Result<(), Why> {
-        if check::stops(command) {
-            return Ok(());
-        }
-        let Some(tick) = command.answers_tick else {
-            if check::drives(command) {
-                return Err((
-                    RefusalCode::NoTick,
-                    "answers_tick is missing: a command that drives the chair or gives the arm a \
-                     twist says which state it answers; set it to header.tick of the newest `clock`"
-                        .to_owned(),
-                ));
-            }
-            return Ok(());
-        };
-        // The newest state that anybody can have seen.
-        let newest = self.next_tick.saturating_add(TICKS_PER_CONTROL);
-        if tick > newest {
-            return Err((
-                RefusalCode::Ahead,
-                format!(
-                    "command answers tick {tick}, which the simulation has not reached (it is at {})",
-                    self.next_tick
-                ),
-            ));
-        }
-        let age = self.next_tick.saturating_sub(tick);
-        if age > MAX_AGE {
-            return Err((
-                RefusalCode::TooOld,
-                format!(
-                    "command answers a state that is {:.2} s old, at most 1 s is taken",
-                    age as f64 / PHYSICS_HZ as f64
-                ),
-            ));
-        }
-        Ok(())
-    }
-
-    fn check_sequence(&mut self, sequence: u64) -> Result<(), Why> {
-        let Some(holder) = self.lease.holder_mut() else {
-            return Ok(());
-        };
-        if let Some(last) = holder.last_sequence
-            && sequence <= last
-        {
-            return Err((
-                RefusalCode::Sequence,
-                format!(
-                    "sequence number {sequence} is not newer than {last} (old, repeated or reordered); \
-                 asking for control again starts the numbers anew"
-                ),
-            ));
-        }
-        if let Some(last) = holder.last_sequence
-            && sequence - last > MAX_JUMP
-        {
-            return Err((
-                RefusalCode::Sequence,
-                format!(
-                    "sequence number {sequence} jumps by more than {MAX_JUMP} from {last}; count up \
-                 by one per command"
-                ),
-            ));
-        }
-        holder.last_sequence = Some(sequence);
-        Ok(())
-    }
-
     /// Whether the lock-step commander has answered `tick`.
     #[must_use]
     pub fn answered(&self, tick: u64) -> bool {
@@ -510,7 +250,7 @@ impl Inbox {
     /// Whether a command or a brake waits for the next control tick.
     #[must_use]
     pub fn has_pending(&self) -> bool {
-        !self.pending.is_empty() || self.brake.base || self.brake.arm
+        !self.pending.is_empty() || self.brake.any()
     }
 
     /// Tells what is in force before the next control tick, from which a command
@@ -519,18 +259,32 @@ impl Inbox {
         self.standing = Some(standing);
     }
 
-    /// Takes what is to be applied at `tick`; `now` is the age clock in seconds.
-    pub fn take(&mut self, tick: u64, now: f64) -> Taken {
-        let commands = if self.listening.lock_step {
-            self.answers.remove(&tick).into_iter().collect()
+    /// Takes what is to be applied at `tick`; `now` is the age clock and `wall` the
+    /// clock of [`Inbox::accept`], both in seconds.
+    pub fn take(&mut self, tick: u64, now: f64, wall: f64) -> Taken {
+        let commands: Vec<_> = if self.listening.lock_step {
+            self.answers
+                .remove(&tick)
+                .map(|c| (now, c))
+                .into_iter()
+                .collect()
         } else {
+            // Time may have stood since one came: what moves is as old as it is.
+            let came = |(at, command): (f64, v1::Command)| (now - (wall - at).max(0.0), command);
             std::mem::take(&mut self.pending)
+                .into_iter()
+                .map(came)
+                .collect()
+        };
+        let mut since = Since {
+            base: now,
+            arm: now,
         };
         self.next_tick = tick + 1;
         let mut taken = self.stopped();
         // In lock-step time waits, so nothing is late.
         let even = !self.listening.lock_step && !self.listening.replay;
-        for command in &commands {
+        for (came, command) in &commands {
             if command.phase != 0 {
                 let name = command.phase_name.chars().take(64).collect();
                 self.phase = (command.phase, name);
@@ -549,6 +303,12 @@ impl Inbox {
                 Some(arm) if even => self.goals.came(tick, command.answers_tick(), arm),
                 arm => arm,
             };
+            if arm.is_some() {
+                since.arm = *came;
+            }
+            if input.base.is_some() {
+                since.base = *came;
+            }
             taken.input.arm = arm.or(taken.input.arm);
             taken.input.base = input.base.or(taken.input.base);
             taken.input.gripper = input.gripper.or(taken.input.gripper);
@@ -566,8 +326,8 @@ impl Inbox {
                 gripper: input.gripper.or(taken.input.gripper),
             };
         }
-        taken.commands = commands;
-        self.apply_age(&mut taken, now);
+        taken.commands = commands.into_iter().map(|(_, command)| command).collect();
+        self.apply_age(&mut taken, &since, now);
         taken
     }
 
@@ -575,7 +335,7 @@ impl Inbox {
     fn stopped(&mut self) -> Taken {
         let brake = std::mem::take(&mut self.brake);
         let mut taken = Taken {
-            stale: brake.base || brake.arm,
+            stopped: brake,
             ..Taken::default()
         };
         taken.input.base = brake.base.then_some(REST);
@@ -583,13 +343,13 @@ impl Inbox {
         taken
     }
 
-    fn apply_age(&mut self, taken: &mut Taken, now: f64) {
+    fn apply_age(&mut self, taken: &mut Taken, came: &Since, now: f64) {
         if let Some(base) = taken.input.base {
             let moves = base.linear != 0.0 || base.angular != 0.0;
-            self.base.since = moves.then_some(now);
+            self.base.since = moves.then_some(came.base);
         }
         match taken.input.arm {
-            Some(ArmIntent::Twist { .. }) => self.twist.since = Some(now),
+            Some(ArmIntent::Twist { .. }) => self.twist.since = Some(came.arm),
             Some(_) => self.twist.since = None,
             None => {}
         }
@@ -600,28 +360,14 @@ impl Inbox {
         if stale(&self.base) {
             self.base.since = None;
             taken.input.base = Some(REST);
-            taken.stale = true;
+            taken.stopped.base = true;
         }
         if stale(&self.twist) {
             self.twist.since = None;
             taken.input.arm = Some(ArmIntent::Hold);
-            taken.stale = true;
+            taken.stopped.arm = true;
         }
     }
-}
-
-fn nobody(code: RefusalCode, reason: String) -> Refused {
-    Refused {
-        commander: String::new(),
-        sequence: 0,
-        code,
-        reason,
-    }
-}
-
-fn too_long(bytes: usize) -> Refused {
-    let words = format!("command has {bytes} bytes, at most {MAX_BYTES} are taken");
-    nobody(RefusalCode::TooLong, words)
 }
 
 #[cfg(test)]

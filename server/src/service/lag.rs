@@ -7,6 +7,7 @@
 use wheelarm_sensors::delay::{Delay, DelayLine};
 use wheelarm_sensors::noise::{Random, key_of};
 
+use super::inbox::Stopped;
 use crate::robot::control::ControlInput;
 use crate::sensors::models::Device;
 
@@ -38,12 +39,23 @@ impl Lag {
     }
 
     /// What reaches the control at a control tick at which the gate lets `input`
-    /// through; `stops` when the gate stops the robot by it.
-    pub fn pass(&mut self, tick: u64, input: ControlInput, stops: bool) -> ControlInput {
-        if stops {
-            // What was asked before the stop must not come after it.
-            self.on_way.clear();
-            return input;
+    /// through; what the gate `stopped` by it is not delayed, all other groups are.
+    pub fn pass(&mut self, tick: u64, mut input: ControlInput, stopped: Stopped) -> ControlInput {
+        let mut at_once = ControlInput::default();
+        if stopped.base {
+            at_once.base = input.base.take();
+        }
+        if stopped.arm {
+            at_once.arm = input.arm.take();
+        }
+        // What was asked before the stop must not come after it.
+        for waiting in self.on_way.waiting() {
+            if stopped.base {
+                waiting.base = None;
+            }
+            if stopped.arm {
+                waiting.arm = None;
+            }
         }
         if input != ControlInput::default() {
             let mut random = Random::new(self.seed, [tick, 4]);
@@ -58,15 +70,28 @@ impl Lag {
                 gripper: input.gripper.or(taken.gripper),
             };
         }
-        taken
+        ControlInput {
+            arm: at_once.arm.or(taken.arm),
+            base: at_once.base.or(taken.base),
+            gripper: taken.gripper,
+        }
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::robot::control::ArmIntent;
+    use crate::robot::control::{ArmIntent, GripperIntent};
     use wheelarm_sensors::Model;
+
+    const NONE: Stopped = Stopped {
+        base: false,
+        arm: false,
+    };
+    const ARM: Stopped = Stopped {
+        base: false,
+        arm: true,
+    };
 
     fn lag(seed: u64, strength: f64) -> Option<Lag> {
         let command = Delay {
@@ -107,7 +132,7 @@ mod tests {
             let mut lag = lag(seed, 1.0).unwrap();
             let ticks = (0..400).map(|k| 4 * k);
             ticks
-                .map(|tick| value(&lag.pass(tick, asked(tick as f64), false)))
+                .map(|tick| value(&lag.pass(tick, asked(tick as f64), NONE)))
                 .collect::<Vec<_>>()
         };
         let all = run(1);
@@ -132,15 +157,43 @@ mod tests {
     #[test]
     fn a_stop_is_at_once_and_nothing_comes_after_it() {
         let mut lag = lag(1, 1.0).unwrap();
-        lag.pass(0, asked(1.0), false);
+        lag.pass(0, asked(1.0), NONE);
         let stop = ControlInput {
             arm: Some(ArmIntent::Hold),
             ..ControlInput::default()
         };
-        assert_eq!(lag.pass(4, stop.clone(), true), stop);
+        assert_eq!(lag.pass(4, stop.clone(), ARM), stop);
         for tick in (8..200).step_by(4) {
             let none = ControlInput::default();
-            assert_eq!(lag.pass(tick, none.clone(), false), none);
+            assert_eq!(lag.pass(tick, none.clone(), NONE), none);
         }
+    }
+
+    #[test]
+    fn a_stop_of_the_arm_lets_the_gripper_close() {
+        let mut lag = lag(1, 1.0).unwrap();
+        let close = ControlInput {
+            gripper: Some(GripperIntent {
+                knuckle: 0.8,
+                max_force: None,
+            }),
+            ..asked(1.0)
+        };
+        lag.pass(0, close, NONE);
+        let stop = ControlInput {
+            arm: Some(ArmIntent::Hold),
+            ..ControlInput::default()
+        };
+        let mut told = vec![lag.pass(4, stop, ARM)];
+        told.extend(
+            (8..200)
+                .step_by(4)
+                .map(|tick| lag.pass(tick, ControlInput::default(), NONE)),
+        );
+        assert_eq!(
+            told.iter().filter(|input| input.gripper.is_some()).count(),
+            1
+        );
+        assert!(told[1..].iter().all(|input| input.arm.is_none()));
     }
 }

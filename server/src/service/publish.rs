@@ -40,7 +40,7 @@ pub fn applied(
             wheel_velocities: targets.wheel_velocity.to_vec(),
             knuckle: targets.knuckle_position,
             desired_pose: Some(convert::pose(&control.desired_pose())),
-            stale: taken.stale,
+            stale: taken.stopped.any(),
             arm_problem: control.arm_problem().unwrap_or_default().to_owned(),
             arm_problem_code: convert::arm_problem(control.arm_problem_kind()).into(),
         },

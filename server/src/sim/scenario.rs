@@ -354,7 +354,10 @@ mod tests {
                 .map_err(|e| e.to_string())
         };
         let told = set_up(&bear, true).unwrap_err();
-        assert!(told.contains("do not come to rest"), "{told}");
+        assert!(
+            told.contains("takes longer than this server allows"),
+            "{told}"
+        );
         let mut drawn = set_up(&bear, false).unwrap();
         let soft = |(name, _): &(String, Placement)| name.contains("teddy");
         let bear = drawn.objects.iter().position(soft).unwrap();

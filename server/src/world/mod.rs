@@ -119,10 +119,10 @@ pub enum WorldError {
         /// Version in the state.
         found: u32,
     },
-    /// Soft objects found no rest.
+    /// Letting soft objects sink took too long.
     #[error(
-        "soft objects do not come to rest where the scenario puts them; give them another place, \
-         mass or friction"
+        "letting soft objects sink takes longer than this server allows a reset; start a server with \
+         this scenario (it has no limit then), on a less loaded host and as a release build"
     )]
     Settling,
     /// A saved state belongs to another world.

@@ -469,12 +469,10 @@ impl Page {
         self.known.lock().frozen = frozen;
     }
 
-    /// The line is cut: nothing more goes, and nobody is told.
-    pub fn cut(&mut self) {
+    /// The line is cut: nothing more goes, and nobody is told. The sockets stay open
+    /// until the page is dropped.
+    pub fn cut(&self) {
         self.ended.store(true, Ordering::Release);
-        for stream in &self.streams {
-            let _ = stream.shutdown(Shutdown::Both);
-        }
     }
 
     /// Whether a picture was painted.
@@ -531,8 +529,15 @@ impl Page {
 impl Drop for Page {
     fn drop(&mut self) {
         self.cut();
+        for stream in &self.streams {
+            let _ = stream.shutdown(Shutdown::Both);
+        }
         for thread in self.threads.drain(..) {
-            let _ = thread.join();
+            // What it found wrong is wrong, unless something else failed before.
+            assert!(
+                thread.join().is_ok() || std::thread::panicking(),
+                "a socket's thread failed"
+            );
         }
     }
 }

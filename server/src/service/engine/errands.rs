@@ -48,8 +48,13 @@ impl Engine {
         );
         let thread = std::thread::Builder::new().name("loading".to_owned());
         let thread = thread.spawn(move || {
-            let since = on_processor();
-            let late = move || on_processor().saturating_sub(since) > SETTLING;
+            // Counted from when it is first asked, before the first tick of settling:
+            // assets and the way of a start take time of their own.
+            let since = std::cell::OnceCell::new();
+            let late = || {
+                let since = *since.get_or_init(on_processor);
+                on_processor().saturating_sub(since) > SETTLING
+            };
             let load = || {
                 let mut sim =
                     Simulation::new_within(&folder, scenario, &late).map_err(Denied::scenario)?;

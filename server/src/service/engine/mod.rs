@@ -313,12 +313,12 @@ impl Engine {
         let mut taken = {
             let mut inbox = self.shared.inbox.lock();
             inbox.stands(self.standing());
-            inbox.take(tick, now)
+            inbox.take(tick, now, self.shared.now())
         };
         let replayed = self.episode.as_ref().is_some_and(|e| e.replayed);
         if let Some(lag) = self.lag.as_mut().filter(|_| !replayed) {
             let input = std::mem::take(&mut taken.input);
-            taken.input = lag.pass(tick, input, taken.stale);
+            taken.input = lag.pass(tick, input, taken.stopped);
         }
         let episode = self.episode_number();
         let outbox = Arc::clone(&self.shared.outbox);

@@ -1,6 +1,10 @@
 //! The gate by hand: who gets through, and what becomes of the rest.
 
+use super::admit::MAX_PENDING;
 use super::*;
+use wheelarm_proto::schema::OtherVersion;
+use wheelarm_proto::v1::RefusalCode;
+use wheelarm_proto::{Message, seal};
 
 use std::time::Instant;
 
@@ -58,11 +62,11 @@ fn accept(inbox: &mut Inbox, command: &v1::Command) -> Result<(), Refused> {
 fn a_chair_command_brakes_when_it_is_a_quarter_of_a_second_old() {
     let mut inbox = inbox();
     accept(&mut inbox, &drive(1, 0.4)).unwrap();
-    assert_eq!(inbox.take(0, 0.0).input.base.unwrap().linear, 0.4);
-    assert!(inbox.take(4, 0.24).input.base.is_none());
-    let stale = inbox.take(8, 0.25);
-    assert!(stale.stale && stale.input.base.unwrap().linear == 0.0);
-    assert!(!inbox.take(12, 0.5).stale, "braked twice");
+    assert_eq!(inbox.take(0, 0.0, 0.0).input.base.unwrap().linear, 0.4);
+    assert!(inbox.take(4, 0.24, 0.0).input.base.is_none());
+    let stale = inbox.take(8, 0.25, 0.0);
+    assert!(stale.stopped.any() && stale.input.base.unwrap().linear == 0.0);
+    assert!(!inbox.take(12, 0.5, 0.0).stopped.any(), "braked twice");
 }
 
 #[test]
@@ -88,7 +92,7 @@ fn old_repeated_and_foreign_commands_are_refused_with_a_reason() {
     assert!(inbox.accept(&[0xff; 7], 0.0).is_err());
     assert!(inbox.accept(&vec![0; MAX_BYTES + 1], 0.0).is_err());
     assert_eq!(inbox.refused(), 7);
-    assert_eq!(inbox.take(0, 0.0).input.base.unwrap().linear, 0.1);
+    assert_eq!(inbox.take(0, 0.0, 0.0).input.base.unwrap().linear, 0.1);
 }
 
 #[test]
@@ -135,7 +139,7 @@ fn lock_step_waits_for_the_answer_to_its_own_tick() {
     )
     .unwrap();
     assert!(inbox.answered(100));
-    assert_eq!(inbox.take(100, 0.0).commands.len(), 1);
+    assert_eq!(inbox.take(100, 0.0, 0.0).commands.len(), 1);
     assert!(!inbox.answered(104));
 }
 
@@ -143,21 +147,24 @@ fn lock_step_waits_for_the_answer_to_its_own_tick() {
 fn only_the_holder_of_control_is_heard_and_its_end_stops_the_robot() {
     let mut inbox = inbox();
     accept(&mut inbox, &drive(1000, 0.4)).unwrap();
-    assert_eq!(inbox.take(0, 0.0).input.base.unwrap().linear, 0.4);
+    assert_eq!(inbox.take(0, 0.0, 0.0).input.base.unwrap().linear, 0.4);
     // The same name in another process is somebody else.
     let mut again = drive(0, 0.2);
     again.header.as_mut().unwrap().run_id = "new".into();
     let told = accept(&mut inbox, &again).unwrap_err().reason;
     assert!(told.contains("another process"), "{told}");
     take_control(&mut inbox, "me", "new");
-    let stopped = inbox.take(4, 0.02);
-    assert!(stopped.stale && stopped.input.base == Some(REST));
+    let stopped = inbox.take(4, 0.02, 0.0);
+    assert!(stopped.stopped.any() && stopped.input.base == Some(REST));
     assert_eq!(stopped.input.arm, Some(ArmIntent::Hold));
     // The new holder counts from 0, the former is told who holds control.
     accept(&mut inbox, &again).unwrap();
-    assert!(!inbox.take(8, 0.04).stale, "stopped once is enough");
+    assert!(
+        !inbox.take(8, 0.04, 0.0).stopped.any(),
+        "stopped once is enough"
+    );
     assert!(inbox.vanished(&life("me", "new")));
-    assert!(inbox.take(12, 0.06).stale);
+    assert!(inbox.take(12, 0.06, 0.0).stopped.any());
     let told = accept(&mut inbox, &again).unwrap_err().reason;
     assert!(told.contains("ask for control first"), "{told}");
 }
@@ -166,21 +173,24 @@ fn only_the_holder_of_control_is_heard_and_its_end_stops_the_robot() {
 fn what_moves_when_an_episode_begins_or_ends_is_stopped() {
     let mut inbox = inbox();
     accept(&mut inbox, &drive(1, 0.4)).unwrap();
-    inbox.take(0, 0.0);
+    inbox.take(0, 0.0, 0.0);
     inbox.listen(Listening::default(), 4);
-    assert_eq!(inbox.take(4, 0.02).input.base, Some(REST));
+    assert_eq!(inbox.take(4, 0.02, 0.0).input.base, Some(REST));
     inbox.listen(Listening::default(), 8);
-    assert!(!inbox.take(8, 0.04).stale, "it stands already");
+    assert!(!inbox.take(8, 0.04, 0.0).stopped.any(), "it stands already");
     accept(&mut inbox, &drive(2, 0.4)).unwrap();
-    inbox.take(12, 0.06);
+    inbox.take(12, 0.06, 0.0);
     inbox.renew(Listening::default(), 0);
-    assert!(!inbox.take(0, 0.08).stale, "another robot stands");
+    assert!(
+        !inbox.take(0, 0.08, 0.0).stopped.any(),
+        "another robot stands"
+    );
 }
 
 #[test]
 fn what_a_frozen_link_held_back_comes_too_late() {
     let mut inbox = inbox();
-    inbox.take(1000, 0.0);
+    inbox.take(1000, 0.0, 0.0);
     let answering = |sequence, answers_tick| v1::Command {
         answers_tick: Some(answers_tick),
         ..drive(sequence, 0.1)
@@ -195,7 +205,7 @@ fn a_stall_of_the_link_lets_nothing_old_drive_the_chair() {
     for stall in [1.4, 6.0] {
         let mut inbox = inbox();
         let (begun, ticks) = (4000, (stall * 240.0) as u64);
-        inbox.take(begun + ticks, 0.0);
+        inbox.take(begun + ticks, 0.0, 0.0);
         // Sent at 60 Hz all the while, each answering the last clock that came.
         for sequence in 1..=(stall * 60.0) as u64 {
             let held_back = v1::Command {
@@ -212,7 +222,7 @@ fn a_stall_of_the_link_lets_nothing_old_drive_the_chair() {
 fn what_drives_says_which_state_it_answers_and_what_stops_is_always_taken() {
     use v1::arm_command::Target;
     let mut inbox = inbox();
-    inbox.take(1000, 0.0);
+    inbox.take(1000, 0.0, 0.0);
     let mut send = |command: &v1::Command| inbox.accept(&command.encode_to_vec(), 0.0);
     let told = send(&drive(1, 0.3)).unwrap_err().reason;
     assert!(
@@ -333,6 +343,53 @@ fn a_flood_costs_no_memory_and_is_cut_to_its_rate() {
     assert!(inbox.pending.len() <= 256);
     assert!((590..=610).contains(&passed), "{passed} passed in 1 s");
     assert_eq!(inbox.refused(), 9_999 - u64::from(passed));
+}
+
+#[test]
+fn a_flood_of_one_group_costs_no_other_its_command() {
+    let mut inbox = inbox();
+    let close = v1::Command {
+        base: None,
+        gripper: Some(v1::GripperCommand {
+            target: Some(v1::gripper_command::Target::Opening(0.0)),
+            max_force: None,
+        }),
+        ..drive(1, 0.0)
+    };
+    accept(&mut inbox, &close).unwrap();
+    for sequence in 2..600 {
+        let bytes = v1::Command {
+            answers_tick: Some(0),
+            ..drive(sequence, 0.1)
+        };
+        inbox
+            .accept(&bytes.encode_to_vec(), sequence as f64 * 0.01)
+            .unwrap();
+    }
+    assert_eq!(inbox.pending.len(), MAX_PENDING);
+    let taken = inbox.take(0, 6.0, 6.0);
+    assert!(taken.input.gripper.is_some());
+    assert_eq!(taken.commands.first().unwrap().gripper, close.gripper);
+    assert_eq!(taken.input.base.unwrap().linear, 0.1);
+}
+
+#[test]
+fn what_was_sent_while_time_stood_is_as_old_as_it_is() {
+    let mut inbox = inbox();
+    // Paused for ten minutes behind it.
+    accept(&mut inbox, &drive(1, 0.4)).unwrap();
+    let late = inbox.take(0, 1000.0, 600.0);
+    assert_eq!(late.input.base, Some(REST));
+    assert!(late.stopped.base && !late.stopped.arm);
+    // Sent 0.1 s before time went on, it drives for what is left of 0.25 s.
+    let bytes = v1::Command {
+        answers_tick: Some(inbox.next_tick),
+        ..drive(2, 0.3)
+    };
+    inbox.accept(&bytes.encode_to_vec(), 599.9).unwrap();
+    assert_eq!(inbox.take(4, 1000.0, 600.0).input.base.unwrap().linear, 0.3);
+    assert!(!inbox.take(8, 1000.1, 600.1).stopped.any());
+    assert!(inbox.take(12, 1000.2, 600.2).stopped.base);
 }
 
 #[test]
