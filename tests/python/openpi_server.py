@@ -4,6 +4,7 @@ checks what it is sent and holds the robot. Ends after an episode of so many que
     python openpi_server.py PORT_FILE QUESTIONS [roboarena]
 """
 
+import os
 import sys
 from pathlib import Path
 
@@ -59,7 +60,9 @@ def main():
     port_file.write_text(str(server.socket.getsockname()[1]))
     server.serve_forever()
     assert len(asked) == questions + 1 and bool(resets) == roboarena, (len(asked), resets)
-    print(f"{questions} observations were read by openpi-client's own code, {len(resets)} resets")
+    print(f"{questions} observations were read by openpi-client's own code, {len(resets)} resets", flush=True)
+    # Threads of websockets 17 that wait for the other end would hold the program up.
+    os._exit(0)
 
 
 main()
