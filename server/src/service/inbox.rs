@@ -2,8 +2,9 @@
 //! commander that holds control and lets nothing else through. Everything
 //! refused is counted and gets its reason.
 //!
-//! Age is wall time in real-time pacing and simulation time otherwise; the
-//! caller passes it in seconds, so that this file knows no clock.
+//! Age is wall time in real-time pacing and simulation time otherwise, and what a
+//! command waits for its tick is wall time but in lock-step; the caller passes both
+//! in seconds, so that this file knows no clock.
 
 mod admit;
 mod goals;
@@ -34,7 +35,7 @@ pub const STALE_SECS: f64 = 0.25;
 const RATE: (f64, f64) = (400.0, 200.0);
 
 /// A chair that is braked.
-const REST: BaseIntent = BaseIntent {
+pub(super) const REST: BaseIntent = BaseIntent {
     linear: 0.0,
     angular: 0.0,
 };
@@ -57,6 +58,8 @@ pub struct Stopped {
     pub base: bool,
     /// The arm holds.
     pub arm: bool,
+    /// Control has ended: nothing of who had it comes any more.
+    pub control: bool,
 }
 
 impl Stopped {
@@ -225,6 +228,7 @@ impl Inbox {
         self.brake = Stopped {
             base: true,
             arm: true,
+            control: true,
         };
     }
 

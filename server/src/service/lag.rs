@@ -7,8 +7,8 @@
 use wheelarm_sensors::delay::{Delay, DelayLine};
 use wheelarm_sensors::noise::{Random, key_of};
 
-use super::inbox::Stopped;
-use crate::robot::control::ControlInput;
+use super::inbox::{REST, Stopped};
+use crate::robot::control::{ArmIntent, ControlInput};
 use crate::sensors::models::Device;
 
 /// Inputs on their way.
@@ -42,11 +42,14 @@ impl Lag {
     /// through; what the gate `stopped` by it is not delayed, all other groups are.
     pub fn pass(&mut self, tick: u64, mut input: ControlInput, stopped: Stopped) -> ControlInput {
         let mut at_once = ControlInput::default();
+        // A new command may have taken the place of the stop: that one comes later.
         if stopped.base {
-            at_once.base = input.base.take();
+            at_once.base = Some(REST);
+            input.base.take_if(|base| *base == REST);
         }
         if stopped.arm {
-            at_once.arm = input.arm.take();
+            at_once.arm = Some(ArmIntent::Hold);
+            input.arm.take_if(|arm| *arm == ArmIntent::Hold);
         }
         // What was asked before the stop must not come after it.
         for waiting in self.on_way.waiting() {
@@ -55,6 +58,9 @@ impl Lag {
             }
             if stopped.arm {
                 waiting.arm = None;
+            }
+            if stopped.control {
+                waiting.gripper = None;
             }
         }
         if input != ControlInput::default() {
@@ -81,16 +87,23 @@ impl Lag {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::robot::control::{ArmIntent, GripperIntent};
+    use crate::robot::control::{BaseIntent, GripperIntent};
     use wheelarm_sensors::Model;
 
     const NONE: Stopped = Stopped {
         base: false,
         arm: false,
+        control: false,
     };
     const ARM: Stopped = Stopped {
         base: false,
         arm: true,
+        control: false,
+    };
+    const ALL: Stopped = Stopped {
+        base: true,
+        arm: true,
+        control: true,
     };
 
     fn lag(seed: u64, strength: f64) -> Option<Lag> {
@@ -167,6 +180,36 @@ mod tests {
             let none = ControlInput::default();
             assert_eq!(lag.pass(tick, none.clone(), NONE), none);
         }
+    }
+
+    #[test]
+    fn behind_the_end_of_control_nothing_of_the_former_holder_comes() {
+        let mut lag = lag(1, 1.0).unwrap();
+        let close = ControlInput {
+            gripper: Some(GripperIntent {
+                knuckle: 0.8,
+                max_force: None,
+            }),
+            ..asked(1.0)
+        };
+        lag.pass(0, close, NONE);
+        // In the same tick the new holder drives: the chair stops, and drives later.
+        let drives = ControlInput {
+            base: Some(BaseIntent {
+                linear: 0.3,
+                angular: 0.0,
+            }),
+            arm: Some(ArmIntent::Hold),
+            ..ControlInput::default()
+        };
+        let told = lag.pass(4, drives.clone(), ALL);
+        assert_eq!((told.base, &told.arm), (Some(REST), &drives.arm));
+        let later: Vec<_> = (8..200)
+            .step_by(4)
+            .map(|tick| lag.pass(tick, ControlInput::default(), NONE))
+            .collect();
+        assert!(later.iter().all(|input| input.gripper.is_none()));
+        assert_eq!(later.iter().filter(|input| input.base.is_some()).count(), 1);
     }
 
     #[test]

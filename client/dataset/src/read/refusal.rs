@@ -10,17 +10,23 @@ use super::error::ReadError;
 const HEAD: u64 = 48;
 
 /// What HDF5 says of a file that somebody else writes.
-const LOCKED: &str = "unable to lock file";
+const LOCKED: [&str; 2] = ["unable to lock file", "Resource temporarily unavailable"];
 
 /// What to say of a file that HDF5 has refused with `source`.
 pub(super) fn refusal(path: &Path, source: &hdf5::Error) -> ReadError {
     let path_of = || path.to_owned();
     match look(path) {
         Ok(Some(known)) => known,
-        Ok(None) if source.to_string().contains(LOCKED) => ReadError::Unreadable {
-            path: path_of(),
-            reason: "another program has it open for writing: close it there".to_owned(),
-        },
+        Ok(None)
+            if LOCKED
+                .iter()
+                .all(|words| source.to_string().contains(words)) =>
+        {
+            ReadError::Unreadable {
+                path: path_of(),
+                reason: "another program has it open for writing: close it there".to_owned(),
+            }
+        }
         Ok(None) => ReadError::Unreadable {
             path: path_of(),
             reason: format!("the file is damaged; {} ({source})", cure(path)),
