@@ -11,6 +11,9 @@ use super::person::Person;
 /// Where the chair stands for the grasp, from the bottle: behind it along the
 /// way it looks, and to its right, m.
 const STAND: [f64; 2] = [1.19, 0.36];
+/// Where the chair looks at last, rad: the bottle stands turned, and a hand that
+/// comes more than 0.04 rad from the other side pushes it with one finger.
+const LOOKS: f64 = PI - 0.05;
 /// Straight way at the end, m.
 const STRAIGHT: f64 = 0.55;
 /// The chair stands well enough, m and rad.
@@ -200,9 +203,21 @@ impl Person {
         });
     }
 
+    /// What a failed run is judged by.
+    fn tells(&self, phase: &str) {
+        eprintln!(
+            "{phase}: chair {:?}, bottle {:?}, from the pads {:?}, hand {:?}",
+            self.chair(),
+            self.bottle(),
+            self.away(),
+            self.numbers("hand     forward")
+        );
+    }
+
     /// Drives to the table.
     pub fn goes_to_the_bottle(&mut self) {
         let [bx, by, _] = until("the bottle", || self.bottle());
+        self.tells("begins");
         let goal = [bx + STAND[0], by + STAND[1]];
         let before = [goal[0] + STRAIGHT, goal[1]];
         // Turns slower than WheelArm-Sim's 1 rad/s: twice, by ten per cent a press.
@@ -210,8 +225,9 @@ impl Person {
         let [x, y, _] = until("the chair", || self.chair());
         self.turns_to((before[1] - y).atan2(before[0] - x));
         self.drives_to(before[0], before[1]);
-        self.turns_to(PI);
+        self.turns_to(LOOKS);
         self.drives_to(goal[0], goal[1]);
+        self.tells("stands at the table");
     }
 
     /// Takes the bottle and lifts it.
@@ -219,10 +235,13 @@ impl Person {
         // Nearer, because the elbow cannot bend so far; down beside it, with
         // fine steps sideways; forward.
         self.steps(0, ["v", "n"], 0.17, 0.025);
+        self.tells("near");
         self.steps(2, ["g", "b"], 0.0, 0.025);
+        self.tells("beside it");
         self.sets_step("-----", 8.2);
         self.steps(1, ["h", "f"], 0.0, 0.008);
         self.sets_step("=====", 25.0);
+        self.tells("before it");
         self.steps(0, ["v", "n"], 0.036, 0.025);
         // Far beyond the first touch: a light grip loses the bottle.
         for _ in 0..14 {
