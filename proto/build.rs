@@ -36,8 +36,9 @@ const FILES: [&str; 16] = [
 const PACKAGE: &str = "wheelarm.v1";
 
 /// Fields of pictures and of saved states are shared, not copied.
-const SHARED_BYTES: [&str; 6] = [
+const SHARED_BYTES: [&str; 7] = [
     ".wheelarm.v1.CameraFrame",
+    ".wheelarm.v1.CompressedCameraFrame",
     ".wheelarm.v1.SensorFrame",
     ".wheelarm.v1.PreviewFrame",
     ".wheelarm.v1.PolicyPicture",

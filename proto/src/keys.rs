@@ -9,6 +9,7 @@
 //! | `wheelarm/{sim}/refusal` | `Refusal` | server → commanders |
 //! | `wheelarm/{sim}/stream/{name}` | see [`TOPICS`](crate::topic::TOPICS) | server → all |
 //! | `wheelarm/{sim}/camera/{name}` | `CameraFrame` | server → all |
+//! | `wheelarm/{sim}/compressed/{camera}` | `CompressedCameraFrame` | server → recorders |
 //! | `wheelarm/{sim}/sensor/{name}` | `SensorFrame` | server → all |
 //! | `wheelarm/{sim}/preview/{camera}/{level}` | `PreviewFrame` | server → viewers |
 //! | `wheelarm/{sim}/commander/{name}/{run_id}/alive` | liveliness token | commander |
@@ -135,6 +136,7 @@ impl Keys {
             "refusal/**",
             "stream/**",
             "camera/**",
+            "compressed/**",
             "sensor/**",
             "preview/**",
             "episode/**",
@@ -159,6 +161,7 @@ impl Keys {
         match stream {
             StreamId::State(topic) => self.topic(*topic),
             StreamId::Camera(name) => self.key(&format!("camera/{name}")),
+            StreamId::Compressed(name) => self.key(&format!("compressed/{name}")),
             StreamId::Sensor(name) => self.key(&format!("sensor/{name}")),
             StreamId::Other(name) => self.key(&format!("stream/{name}")),
         }
@@ -177,6 +180,7 @@ impl Keys {
         let rest = rest.strip_prefix(self.sim.as_str())?.strip_prefix('/')?;
         match rest.split_once('/')? {
             ("camera", name) => Some(StreamId::camera(name)),
+            ("compressed", name) => Some(StreamId::compressed(name)),
             ("sensor", name) => Some(StreamId::sensor(name)),
             ("stream", name) => Some(StreamId::parse(name)),
             _ => None,
@@ -193,6 +197,12 @@ impl Keys {
     #[must_use]
     pub fn camera(&self, name: &str) -> String {
         self.stream(&StreamId::camera(name))
+    }
+
+    /// One camera, compressed.
+    #[must_use]
+    pub fn compressed(&self, camera: &str) -> String {
+        self.stream(&StreamId::compressed(camera))
     }
 
     /// Pictures of one sensor model.

@@ -122,10 +122,14 @@ impl fmt::Display for TopicId {
 /// What stands before the name of a camera.
 const CAMERA: &str = "camera/";
 
+/// What stands before the name of a camera whose pictures come compressed.
+const COMPRESSED: &str = "compressed/";
+
 /// What stands before the name of a sensor.
 const SENSOR: &str = "sensor/";
 
-/// A stream that is counted, recorded and listed in manifests: `joint_state`,
+/// A stream. But for compressed pictures, which are those of their camera in another
+/// form, each is counted, recorded and listed in manifests: `joint_state`,
 /// `event`, `camera/gen3`, `sensor/gen3_depth`. It is read and written as that text here alone.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum StreamId {
@@ -133,6 +137,8 @@ pub enum StreamId {
     State(TopicId),
     /// The exact pictures of one camera, by its name.
     Camera(String),
+    /// The same pictures compressed, by the camera's name.
+    Compressed(String),
     /// The pictures that a sensor model makes, by the sensor's name.
     Sensor(String),
     /// A stream that this version does not know.
@@ -147,6 +153,12 @@ impl StreamId {
     #[must_use]
     pub fn camera(name: impl Into<String>) -> Self {
         Self::Camera(name.into())
+    }
+
+    /// The compressed pictures of a camera.
+    #[must_use]
+    pub fn compressed(name: impl Into<String>) -> Self {
+        Self::Compressed(name.into())
     }
 
     /// The pictures of a sensor model.
@@ -174,6 +186,9 @@ impl StreamId {
         if let Some(sensor) = text.strip_prefix(SENSOR) {
             return Self::sensor(sensor);
         }
+        if let Some(camera) = text.strip_prefix(COMPRESSED) {
+            return Self::compressed(camera);
+        }
         match text.strip_prefix(CAMERA) {
             Some(camera) => Self::camera(camera),
             None => match known().filter(|t| t.info().key.starts_with("stream/")) {
@@ -188,7 +203,16 @@ impl StreamId {
     pub fn camera_name(&self) -> Option<&str> {
         match self {
             Self::Camera(name) => Some(name),
-            Self::State(_) | Self::Sensor(_) | Self::Other(_) => None,
+            Self::State(_) | Self::Compressed(_) | Self::Sensor(_) | Self::Other(_) => None,
+        }
+    }
+
+    /// The stream that these pictures are of, where they are compressed.
+    #[must_use]
+    pub fn of_compressed(&self) -> Option<Self> {
+        match self {
+            Self::Compressed(name) => Some(Self::camera(name)),
+            Self::State(_) | Self::Camera(_) | Self::Sensor(_) | Self::Other(_) => None,
         }
     }
 
@@ -197,7 +221,7 @@ impl StreamId {
     pub fn sensor_name(&self) -> Option<&str> {
         match self {
             Self::Sensor(name) => Some(name),
-            Self::State(_) | Self::Camera(_) | Self::Other(_) => None,
+            Self::State(_) | Self::Camera(_) | Self::Compressed(_) | Self::Other(_) => None,
         }
     }
 
@@ -207,6 +231,7 @@ impl StreamId {
         match self {
             Self::State(topic) => Some(*topic),
             Self::Camera(_) => Some(TopicId::Camera),
+            Self::Compressed(_) => Some(TopicId::CompressedCamera),
             Self::Sensor(_) => Some(TopicId::Sensor),
             Self::Other(_) => None,
         }
@@ -218,10 +243,13 @@ impl StreamId {
         matches!(self, Self::Camera(_))
     }
 
-    /// Whether these are pictures: of a camera, or of a sensor model.
+    /// Whether these are pictures: of a camera, compressed or not, or of a sensor model.
     #[must_use]
     pub fn is_pictures(&self) -> bool {
-        matches!(self, Self::Camera(_) | Self::Sensor(_))
+        matches!(
+            self,
+            Self::Camera(_) | Self::Compressed(_) | Self::Sensor(_)
+        )
     }
 }
 
@@ -230,6 +258,7 @@ impl fmt::Display for StreamId {
         match self {
             Self::State(topic) => f.write_str(topic.name()),
             Self::Camera(name) => write!(f, "{CAMERA}{name}"),
+            Self::Compressed(name) => write!(f, "{COMPRESSED}{name}"),
             Self::Sensor(name) => write!(f, "{SENSOR}{name}"),
             Self::Other(name) => f.write_str(name),
         }
@@ -264,6 +293,10 @@ mod tests {
         let other = StreamId::parse("whistle");
         assert_eq!(other, StreamId::Other("whistle".to_owned()));
         assert_eq!(StreamId::parse("camera/gen3").camera_name(), Some("gen3"));
+        let compressed = StreamId::parse("compressed/gen3");
+        assert_eq!(compressed.to_string(), "compressed/gen3");
+        assert_eq!(compressed.of_compressed(), Some(StreamId::camera("gen3")));
+        assert!(compressed.is_pictures() && !compressed.is_camera());
         let sensor = StreamId::parse("sensor/gen3_depth");
         assert_eq!(sensor.sensor_name(), Some("gen3_depth"));
         assert!(sensor.is_pictures() && !sensor.is_camera());

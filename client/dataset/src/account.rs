@@ -173,11 +173,15 @@ fn of_stream(
         .iter()
         .all(|d| !d.is_empty());
     let whole = account.missed == 0 && account.received == there;
+    let compressed = received.map_or(&[][..], |r| &r.compressed);
+    let told_compressed = listed.flatten().map_or(&[][..], |c| &c.compressed_digest);
+    let other_compressed = ![compressed, told_compressed].iter().any(|d| d.is_empty())
+        && compressed != told_compressed;
     if doubtful > 0 {
         problems.push(format!(
             "{name}: {doubtful} samples came with two contents: somebody else writes into this stream"
         ));
-    } else if told && whole && account.digest != account.published {
+    } else if told && whole && (account.digest != account.published || other_compressed) {
         problems.push(format!(
             "{name}: it is not what the server published (their digests differ): somebody else wrote into this stream"
         ));

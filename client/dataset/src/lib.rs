@@ -14,7 +14,6 @@ pub mod annotate;
 pub mod calibration;
 pub mod columns;
 pub mod composition;
-pub mod compress;
 pub mod convert;
 pub mod coverage;
 pub mod depth;
@@ -36,3 +35,5 @@ pub mod validate;
 pub mod video;
 pub mod view;
 pub mod writer;
+
+pub use wheelarm_compress as compress;

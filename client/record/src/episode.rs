@@ -1,7 +1,7 @@
 //! One episode while it is recorded, with its writer and which samples are
 //! there, and afterwards, until it is in its file.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
@@ -10,7 +10,7 @@ use wheelarm_dataset::coverage::Coverage;
 use wheelarm_dataset::finish::{FinishError, finish};
 use wheelarm_dataset::log::{Closing, Received, Recovered};
 use wheelarm_dataset::writer::{EpisodeWriter, Taken, WriteError, WriterOptions};
-use wheelarm_proto::{StreamId, digest, v1};
+use wheelarm_proto::{Message, StreamId, digest, v1};
 
 use super::digests::Digests;
 use super::gaps::{Gaps, Missing};
@@ -53,7 +53,43 @@ pub(super) struct Recording {
     writer: EpisodeWriter,
     seen: BTreeMap<String, Coverage>,
     digests: BTreeMap<String, Digests>,
+    /// Of cameras whose pictures came compressed.
+    compressed: BTreeMap<String, Digests>,
+    /// Cameras of which a picture came as it is.
+    exact: BTreeSet<String>,
     gaps: Gaps,
+}
+
+/// A sample in the form in which it came.
+enum Sample {
+    Exact(Bytes),
+    /// A compressed picture and the digest of the exact one.
+    Compressed(Box<v1::CompressedCameraFrame>, digest::Digest),
+}
+
+/// Reads a compressed picture of the stream `camera`.
+fn compressed(camera: &str, sequence: u64, payload: Bytes) -> Result<Sample, Accepted> {
+    let frame = match v1::CompressedCameraFrame::decode(payload) {
+        Ok(frame) => frame,
+        Err(problem) => {
+            tracing::warn!("compressed picture {sequence} of {camera} cannot be read: {problem}");
+            return Err(Accepted::Not);
+        }
+    };
+    if frame.rgb.is_empty() && frame.depth.is_empty() && frame.ids.is_empty() {
+        return Err(Accepted::Exact(Missing {
+            stream: camera.to_owned(),
+            first: sequence,
+            last: sequence,
+        }));
+    }
+    match digest::Digest::try_from(&frame.digest[..]) {
+        Ok(digest) => Ok(Sample::Compressed(Box::new(frame), digest)),
+        Err(_) => {
+            tracing::warn!("compressed picture {sequence} of {camera} has no digest of 32 bytes");
+            Err(Accepted::Not)
+        }
+    }
 }
 
 /// What became of an offered sample.
@@ -62,6 +98,8 @@ pub(super) enum Accepted {
     State,
     /// It is there already, or it was refused and is missing from now on.
     Not,
+    /// Nobody compressed it: it is to be had as it is.
+    Exact(Missing),
 }
 
 impl Recording {
@@ -70,6 +108,7 @@ impl Recording {
         started: v1::EpisodeStarted,
         snapshot: &v1::SnapshotReply,
         options: &WriterOptions,
+        hears_compressed: bool,
     ) -> Result<Self, WriteError> {
         let writer = EpisodeWriter::open(dir, &started, snapshot, options)?;
         Ok(Self {
@@ -80,7 +119,9 @@ impl Recording {
             writer,
             seen: BTreeMap::new(),
             digests: BTreeMap::new(),
-            gaps: Gaps::default(),
+            compressed: BTreeMap::new(),
+            exact: BTreeSet::new(),
+            gaps: Gaps::new(hears_compressed),
         })
     }
 
@@ -94,27 +135,60 @@ impl Recording {
         sequence: u64,
         payload: Bytes,
     ) -> Result<Accepted, String> {
-        let seen = self.seen.entry(stream.to_owned()).or_default();
-        let digests = self.digests.entry(stream.to_owned()).or_default();
-        let digest = digest::of_message([&payload[..]]);
+        let of_message = digest::of_message([&payload[..]]);
+        let (stream, sample) = match StreamId::parse(stream).of_compressed() {
+            Some(camera) => {
+                let camera = camera.to_string();
+                match compressed(&camera, sequence, payload) {
+                    Ok(sample) => (camera, sample),
+                    Err(accepted) => return Ok(accepted),
+                }
+            }
+            None => (stream.to_owned(), Sample::Exact(payload)),
+        };
+        let is_camera = StreamId::parse(&stream).is_camera();
+        let digest = match &sample {
+            Sample::Exact(_) => of_message,
+            Sample::Compressed(_, exact) => *exact,
+        };
+        let seen = self.seen.entry(stream.clone()).or_default();
+        let digests = self.digests.entry(stream.clone()).or_default();
+        let mut in_this_form = match &sample {
+            Sample::Exact(_) => None,
+            Sample::Compressed(..) => Some(self.compressed.entry(stream.clone()).or_default()),
+        };
         // Recovery and history may deliver a sample twice.
         if seen.within(sequence, sequence) > 0 {
             digests.again(sequence, &digest);
+            if let Some(compressed) = &mut in_this_form {
+                compressed.again(sequence, &of_message);
+            }
             return Ok(Accepted::Not);
         }
         if digests.is_late(sequence) {
             tracing::warn!("sample {sequence} of {stream} comes far too late and is left out");
             return Ok(Accepted::Not);
         }
-        match self.writer.offer(stream, payload) {
+        let taken = match sample {
+            Sample::Exact(payload) => self.writer.offer(&stream, payload),
+            Sample::Compressed(frame, _) => self.writer.offer_compressed(&stream, *frame),
+        };
+        match taken {
             Ok(taken) => {
                 seen.insert(sequence);
                 digests.add(sequence, digest);
+                match in_this_form {
+                    Some(compressed) => compressed.add(sequence, of_message),
+                    None if is_camera => {
+                        self.exact.insert(stream);
+                    }
+                    None => {}
+                }
                 self.newest = Some(match self.newest {
                     Some(newest) if newest.tick > taken.tick => newest,
                     _ => taken,
                 });
-                if StreamId::parse(stream).is_camera() {
+                if is_camera {
                     self.accepted += 1;
                     return Ok(Accepted::Frame);
                 }
@@ -163,10 +237,17 @@ impl Recording {
                 count: seen.late(),
             })
             .collect();
-        let received = self.digests.iter().map(|(stream, digests)| Received {
-            stream: stream.clone(),
-            digest: digests.value().to_vec(),
-            doubtful: digests.doubtful(),
+        let received = self.digests.iter().map(|(stream, digests)| {
+            let compressed = self.compressed.get(stream);
+            let all = compressed.filter(|_| !self.exact.contains(stream));
+            Received {
+                stream: stream.clone(),
+                digest: digests.value().to_vec(),
+                doubtful: digests
+                    .doubtful()
+                    .max(compressed.map_or(0, Digests::doubtful)),
+                compressed: all.map_or_else(Vec::new, |c| c.value().to_vec()),
+            }
         });
         Finishing {
             of: id(self.started.header.as_ref()),

@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
 
 use wheelarm_dataset::coverage::Coverage;
-use wheelarm_proto::v1;
+use wheelarm_proto::{StreamId, v1};
 
 /// Pause before the same samples are asked for again.
 const PAUSE: Duration = Duration::from_secs(1);
@@ -28,9 +28,19 @@ pub struct Missing {
 #[derive(Debug, Default)]
 pub(super) struct Gaps {
     asked: BTreeMap<(String, u64), (u32, Instant)>,
+    /// Cameras' pictures are heard in their compressed form.
+    compressed: bool,
 }
 
 impl Gaps {
+    /// Nothing is missing yet; whether the cameras' pictures are heard `compressed`.
+    pub(super) fn new(compressed: bool) -> Self {
+        Self {
+            compressed,
+            ..Self::default()
+        }
+    }
+
     /// What to ask for at `now`: gaps between the samples that came, and with
     /// the manifest those at both ends.
     pub(super) fn wanted(
@@ -49,7 +59,14 @@ impl Gaps {
                 let due = *tries == 0 || now.saturating_duration_since(*at) >= PAUSE;
                 if due && *tries < TRIES {
                     (*tries, *at) = (*tries + 1, now);
-                    let stream = stream.to_owned();
+                    // What is smaller first; one that is kept in no other form as it is.
+                    let id = StreamId::parse(stream);
+                    let stream = match id.camera_name() {
+                        Some(camera) if self.compressed && *tries == 1 => {
+                            StreamId::compressed(camera).to_string()
+                        }
+                        _ => stream.to_owned(),
+                    };
                     wanted.push(Missing {
                         stream,
                         first,

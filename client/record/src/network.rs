@@ -7,6 +7,7 @@ use std::time::{Duration, Instant};
 use anyhow::{Context, bail};
 use bytes::Bytes;
 use tokio::sync::mpsc;
+use wheelarm_dataset::depth::Depth;
 use wheelarm_dataset::writer::WriterOptions;
 use wheelarm_link::{Link, session_of};
 use wheelarm_proto::keys::check_name;
@@ -69,7 +70,12 @@ pub async fn run(
         recorder: options.name.clone(),
         ..Default::default()
     };
-    let recorder = Recorder::new(options.out.clone(), writer).with_limit(options.episodes);
+    // Within one process pictures are handed over where they lie, and whoever stores
+    // depth in another way compresses it anew.
+    let compressed = options.depth == Depth::Metres && !link.is_within();
+    let recorder = Recorder::new(options.out.clone(), writer)
+        .with_limit(options.episodes)
+        .with_compressed(compressed);
     let first = recorder.status().clone();
     let (entrance, exit) = queue();
     let (outputs, mut told) = mpsc::unbounded_channel();
@@ -78,7 +84,7 @@ pub async fn run(
         std::thread::spawn(move || work(recorder, &exit, &entrance, &outputs))
     };
 
-    let _subscribers = subscribe(link, &entrance).await?;
+    let held = subscribe(link, &entrance, compressed).await?;
     let _token = session
         .liveliness()
         .declare_token(keys.recorder_alive(&options.name))
@@ -89,6 +95,7 @@ pub async fn run(
     let mut desk = Desk {
         link,
         entrance,
+        held,
         publisher,
         statuses: VecDeque::from([first]),
         summary: ExitSummary::default(),
@@ -126,6 +133,7 @@ pub async fn run(
 struct Desk<'a> {
     link: &'a Link,
     entrance: Entrance<Raw>,
+    held: Held,
     publisher: Publisher<'static>,
     /// Newest status of each of the last episodes, newest last.
     statuses: VecDeque<v1::RecorderStatus>,
@@ -146,6 +154,13 @@ impl Desk<'_> {
             Output::AskState => ask_state(self.link, &self.entrance),
             Output::AskSamples(missing) => {
                 ask_samples(self.link, &self.entrance, &missing).await;
+            }
+            Output::HearExact => {
+                let key = self.link.keys().topic(TopicId::Camera);
+                match hear(self.link, &self.entrance, key).await {
+                    Ok(samples) => self.held.push(samples),
+                    Err(problem) => tracing::error!("the cameras are not heard: {problem}"),
+                }
             }
             Output::Status(status) => {
                 put(&self.publisher, &status).await;
@@ -285,36 +300,53 @@ fn decode(raw: Raw) -> Option<Input> {
 /// Keeps the subscribers alive.
 type Held = Vec<Box<dyn std::any::Any + Send>>;
 
-async fn subscribe(link: &Link, entrance: &Entrance<Raw>) -> anyhow::Result<Held> {
+/// Listens to the samples below `key`.
+async fn hear(
+    link: &Link,
+    entrance: &Entrance<Raw>,
+    key: String,
+) -> anyhow::Result<Box<dyn std::any::Any + Send>> {
+    let (to, server, keys) = (entrance.clone(), link.server().clone(), link.keys().clone());
+    let samples = link
+        .session()
+        .declare_subscriber(key)
+        .callback(move |sample: Sample| {
+            if !server.sent(&sample) {
+                return;
+            }
+            let Some(stream) = keys.stream_of(sample.key_expr().as_str()) else {
+                return;
+            };
+            let (payload, pictures) = (sample.payload().clone(), stream.is_pictures());
+            let bytes = payload.len();
+            to.sample(Raw::Sample(stream, payload), bytes, pictures);
+        })
+        // The cache holds samples that were published before this subscription
+        // was known: of a running episode they are wanted, others are left out.
+        .history(HistoryConfig::default().detect_late_publishers())
+        .recovery(RecoveryConfig::default().heartbeat())
+        .await
+        .map_err(transport("subscribing to the streams"))?;
+    Ok(Box::new(samples))
+}
+
+async fn subscribe(
+    link: &Link,
+    entrance: &Entrance<Raw>,
+    compressed: bool,
+) -> anyhow::Result<Held> {
     let (session, keys) = (link.session(), link.keys());
     let from = || link.server().clone();
     let mut held: Held = Vec::new();
-    // The cache holds samples that were published before this subscription
-    // was known: of a running episode they are wanted, others are left out.
-    let history = || HistoryConfig::default().detect_late_publishers();
     let recovery = || RecoveryConfig::default().heartbeat();
 
-    let pictures = [TopicId::Camera, TopicId::Sensor].map(|topic| keys.topic(topic));
+    let cameras = match compressed {
+        true => TopicId::CompressedCamera,
+        false => TopicId::Camera,
+    };
+    let pictures = [cameras, TopicId::Sensor].map(|topic| keys.topic(topic));
     for key in [keys.streams()].into_iter().chain(pictures) {
-        let (to, server, keys) = (entrance.clone(), from(), keys.clone());
-        let samples = session
-            .declare_subscriber(key)
-            .callback(move |sample: Sample| {
-                if !server.sent(&sample) {
-                    return;
-                }
-                let Some(stream) = keys.stream_of(sample.key_expr().as_str()) else {
-                    return;
-                };
-                let (payload, pictures) = (sample.payload().clone(), stream.is_pictures());
-                let bytes = payload.len();
-                to.sample(Raw::Sample(stream, payload), bytes, pictures);
-            })
-            .history(history())
-            .recovery(recovery())
-            .await
-            .map_err(transport("subscribing to the streams"))?;
-        held.push(Box::new(samples));
+        held.push(hear(link, entrance, key).await?);
     }
 
     for key in [TopicId::EpisodeStart, TopicId::EpisodeStop].map(|t| keys.topic(t)) {

@@ -55,6 +55,8 @@ pub struct Recorder {
     /// Episodes to record, and how many are recorded, lost or under way.
     limit: Option<u64>,
     counted: u64,
+    /// The cameras' pictures are heard in their compressed form.
+    hears_compressed: bool,
     out: Vec<Output>,
 }
 
@@ -119,8 +121,17 @@ impl Recorder {
             finishing: Vec::new(),
             limit: None,
             counted: 0,
+            hears_compressed: false,
             out: Vec::new(),
         }
+    }
+
+    /// Hears the cameras' pictures in the form that the server compresses once for
+    /// all recorders. A server that does not is heard by [`Output::HearExact`].
+    #[must_use]
+    pub fn with_compressed(mut self, compressed: bool) -> Self {
+        self.hears_compressed = compressed;
+        self
     }
 
     /// Records at most `limit` episodes; discarded ones do not count.
@@ -237,6 +248,10 @@ impl Recorder {
             state: v1::RecorderState::Idle.into(),
             ..Default::default()
         };
+        if self.hears_compressed && !started.compressed_cameras {
+            self.hears_compressed = false;
+            self.out.push(Output::HearExact);
+        }
         let file = file_path(&self.dir, &started.label);
         self.stage = Stage::Opening {
             started: Box::new(started),
@@ -280,7 +295,8 @@ impl Recorder {
             return;
         };
         let label = started.label.clone();
-        match Recording::open(&self.dir, *started, &reply, &self.options) {
+        let compressed = self.hears_compressed;
+        match Recording::open(&self.dir, *started, &reply, &self.options, compressed) {
             Ok(recording) => {
                 self.status.state = v1::RecorderState::Ready.into();
                 self.stage = Stage::Recording(Box::new(recording));
@@ -337,6 +353,7 @@ impl Recorder {
                 self.publish();
             }
             Ok(Accepted::State | Accepted::Not) => {}
+            Ok(Accepted::Exact(missing)) => self.out.push(Output::AskSamples(missing)),
             Err(words) => {
                 let log = recording.log().display().to_string();
                 self.fail(format!("{words}; the log is {log}"));

@@ -222,7 +222,7 @@ impl Table {
     }
 
     fn pictures(&mut self) {
-        self.listen(&["camera/*", "sensor/*"]);
+        self.listen(&["camera/*", "compressed/*", "sensor/*"]);
     }
 
     fn recorder(&mut self, me: &str) {

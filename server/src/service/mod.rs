@@ -10,6 +10,7 @@
 )]
 
 mod assets;
+mod compressed;
 pub mod convert;
 mod denied;
 pub mod describe;

@@ -9,7 +9,7 @@ use std::time::Duration;
 use bytes::Bytes;
 use parking_lot::Mutex;
 use prost::encoding::{self, WireType};
-use wheelarm_proto::digest::{self, StreamDigest};
+use wheelarm_proto::digest::{self, Digest, StreamDigest};
 use wheelarm_proto::keys::Keys;
 use wheelarm_proto::topic::{Record, Role, TOPICS, TopicInfo};
 use wheelarm_proto::{Message, StreamId, Topic, TopicId, schema, stamp_nanos, v1};
@@ -218,6 +218,8 @@ impl Outbox {
     pub fn declare(&self, cameras: &[String], sensors: &[String]) -> zenoh::Result<()> {
         for name in cameras {
             self.watch(&StreamId::camera(name), TopicId::Camera)?;
+            let compressed = TopicId::CompressedCamera.info();
+            self.stream(&self.keys.compressed(name), compressed)?;
         }
         for name in sensors {
             self.watch(&StreamId::sensor(name), TopicId::Sensor)?;
@@ -270,10 +272,43 @@ impl Outbox {
         self.publish(&key, episode, tick, message, payload);
     }
 
-    /// Publishes a picture.
-    pub fn camera(&self, name: &str, episode: u64, tick: u64, message: v1::CameraFrame) {
+    /// Publishes a picture and returns the digest of its message, which is made in
+    /// episodes alone.
+    pub fn camera(
+        &self,
+        name: &str,
+        episode: u64,
+        tick: u64,
+        message: v1::CameraFrame,
+    ) -> Option<Digest> {
         let key = self.keys.camera(name);
-        self.publish(&key, episode, tick, message, picture_payload);
+        self.publish(&key, episode, tick, message, picture_payload)
+    }
+
+    /// Publishes the compressed form of a picture. Every picture has one, in the
+    /// same order, so that both have the same sequence numbers.
+    pub fn compressed(
+        &self,
+        name: &str,
+        episode: u64,
+        tick: u64,
+        message: v1::CompressedCameraFrame,
+    ) {
+        let key = self.keys.compressed(name);
+        self.publish(&key, episode, tick, message, payload);
+    }
+
+    /// Whether anybody receives the compressed pictures of a camera. Asked of the
+    /// transport itself: a recorder that has just said that it is ready counts.
+    #[must_use]
+    pub fn wants_compressed(&self, name: &str) -> bool {
+        let key = self.keys.compressed(name);
+        let stream = self.streams.lock().get(&key).map(Arc::clone);
+        let matching = |stream: Arc<Mutex<Stream>>| {
+            let status = stream.lock().publisher.matching_status().wait();
+            status.is_ok_and(|status| status.matching())
+        };
+        stream.is_some_and(matching)
     }
 
     /// Publishes a sensor's picture that arrives at `tick`.
@@ -289,12 +324,12 @@ impl Outbox {
         tick: u64,
         mut message: M,
         encode: fn(M) -> ZBytes,
-    ) {
+    ) -> Option<Digest> {
         let stream = match self.stream(key, M::TOPIC.info()) {
             Ok(stream) => stream,
             Err(e) => {
                 tracing::error!("cannot publish {key}: {e}");
-                return;
+                return None;
             }
         };
         let mut stream = stream.lock();
@@ -320,12 +355,14 @@ impl Outbox {
             ..self.header(episode, tick)
         });
         let payload = encode(message);
-        if episode > 0 {
-            digest.add(&digest::of_message(payload.slices()));
+        let of_message = (episode > 0).then(|| digest::of_message(payload.slices()));
+        if let Some(of_message) = &of_message {
+            digest.add(of_message);
         }
         if let Err(e) = publisher.put(payload).wait() {
             tracing::error!("cannot publish {key}: {e}");
         }
+        of_message
     }
 
     /// What every stream published in `episode`, streams without samples included.
@@ -342,10 +379,22 @@ impl Outbox {
             sensors.iter().map(String::as_str),
         )
         .map(|stream| {
-            let key = self.keys.stream(&stream);
-            let (counter, digest) = streams.get(&key).map_or_else(Default::default, |s| {
-                let stream = s.lock();
-                (stream.counter, stream.digest.clone())
+            let of = |key: &str| {
+                streams.get(key).map_or_else(Default::default, |s| {
+                    let stream = s.lock();
+                    (stream.counter, stream.digest.clone())
+                })
+            };
+            let (counter, digest) = of(&self.keys.stream(&stream));
+            let compressed = stream.camera_name().map(|camera| {
+                let (counter, digest) = of(&self.keys.compressed(camera));
+                let none = counter.episode != episode;
+                (if none {
+                    StreamDigest::default()
+                } else {
+                    digest
+                })
+                .value()
             });
             let (counter, digest) = if counter.episode == episode {
                 (counter, digest)
@@ -363,6 +412,7 @@ impl Outbox {
                 last: counter.next.saturating_sub(1),
                 count: counter.count,
                 digest: digest.value().to_vec(),
+                compressed_digest: compressed.map_or_else(Vec::new, Vec::from),
             }
         })
         .collect()

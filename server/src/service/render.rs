@@ -8,11 +8,13 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::mpsc::{self, Receiver, SyncSender};
 use std::thread::JoinHandle;
+use std::time::Duration;
 
 use parking_lot::Mutex;
 use wheelarm_proto::{StreamId, v1};
 use wheelarm_sensors::Surface;
 
+use super::compressed::{Compressed, Exact};
 use super::convert;
 use super::error::ServiceError;
 use super::heap;
@@ -57,6 +59,7 @@ pub struct RenderThread {
     previews: Arc<Previews>,
     picked: Arc<Picked>,
     sensed: Arc<Sensed>,
+    compressed: Arc<Compressed>,
     names: Vec<String>,
     /// Graphics adapter, driver and type.
     pub adapter: String,
@@ -201,6 +204,7 @@ impl RenderThread {
         };
         let sensed = Sensed::start(sim.devices(), &drawn(&setup), surfaces, &outbox, &signal)?;
         let sensed = Arc::new(sensed);
+        let compressed = Arc::new(Compressed::start(&names, &outbox, &signal)?);
         let (jobs, queue) = mpsc::sync_channel(QUEUE);
         let (ready, standing) = mpsc::sync_channel(1);
         let pending = Arc::new(AtomicUsize::new(0));
@@ -210,6 +214,7 @@ impl RenderThread {
             let (outbox, previews) = (Arc::clone(&outbox), Arc::clone(&previews));
             let picked = Arc::clone(&picked);
             let sensed = Arc::clone(&sensed);
+            let compressed = Arc::clone(&compressed);
             let names = names.clone();
             std::thread::Builder::new()
                 .name("render".to_owned())
@@ -237,7 +242,15 @@ impl RenderThread {
                                     picked.keep(&frame, tick);
                                 }
                                 sensed.offer(&frame, episode, tick);
-                                outbox.camera(name, episode, tick, message(name, frame));
+                                let (camera, frame) = (frame.camera, message(name, frame));
+                                let digest = outbox.camera(name, episode, tick, frame.clone());
+                                let picture = Exact {
+                                    frame,
+                                    digest,
+                                    episode,
+                                    tick,
+                                };
+                                compressed.offer(camera, picture);
                             }
                             waiting.fetch_sub(1, Ordering::AcqRel);
                             signal.raise();
@@ -269,6 +282,7 @@ impl RenderThread {
             previews,
             picked,
             sensed,
+            compressed,
             names,
             adapter,
             instances,
@@ -284,6 +298,7 @@ impl RenderThread {
         name.is_some_and(|name| {
             self.previews.is_watched(camera)
                 || watched(StreamId::camera(name))
+                || self.outbox.wants_compressed(name)
                 || self.sensed.on(camera).iter().any(sensed)
         })
     }
@@ -310,7 +325,7 @@ impl RenderThread {
     #[must_use]
     pub fn is_idle(&self) -> bool {
         let drawn = self.pending.load(Ordering::Acquire) == 0;
-        drawn && self.sensed.is_idle() || self.failure().is_some()
+        drawn && self.sensed.is_idle() && self.compressed.is_idle() || self.failure().is_some()
     }
 
     /// Queues pictures; waits while the queue is full.
@@ -332,6 +347,9 @@ impl RenderThread {
             && jobs.send(Job::Drain(done)).is_ok()
         {
             let _ = wait.recv();
+        }
+        while !self.compressed.is_idle() {
+            std::thread::sleep(Duration::from_millis(1));
         }
     }
 

@@ -4,6 +4,7 @@
 use std::path::Path;
 use std::time::{Duration, Instant};
 
+use wheelarm_proto::{Message, v1};
 use wheelarm_tests::{PATIENCE, Recorder, Server, printed, program};
 
 /// Small pictures that fall due often.
@@ -162,4 +163,76 @@ fn a_server_that_is_told_to_end_while_recording_leaves_a_complete_file() {
     command(&server, &["shutdown"]);
     let text = recorder.finish();
     assert!(text.contains("last.h5: complete"), "{text}");
+}
+
+#[test]
+fn pictures_are_compressed_once_and_are_what_every_recorder_writes() {
+    use wheelarm_proto::digest::of_message;
+    let server = Server::start("once", &CAMERA).expect("a server");
+    let folder = tempfile::tempdir().expect("a folder");
+    let out = |name: &str| folder.path().join(name);
+    let small = Recorder::start(&server, "small", &out("small"), &["--episodes", "1"]);
+    // Who stores depth in another way takes the pictures as they are.
+    let exact = [&["--episodes", "1"][..], &["--depth", "u16"]].concat();
+    let exact = Recorder::start(&server, "exact", &out("exact"), &exact);
+    for name in ["small", "exact"] {
+        wait_for_status(&server, name);
+    }
+    let link = server.link();
+    let heard = |key: String| {
+        let (sender, receiver) = std::sync::mpsc::channel();
+        let subscriber = link.subscribe(&key, move |sample| {
+            let _ = sender.send(sample.payload().to_bytes().into_owned());
+        });
+        (subscriber.expect("a subscriber"), receiver)
+    };
+    let (_cameras, cameras) = heard(link.keys().camera("gen3"));
+    let (_compressed, compressed) = heard(link.keys().compressed("gen3"));
+    start(&server, "one", "2");
+    std::thread::sleep(Duration::from_secs(1));
+    command(&server, &["episode", "stop"]);
+    for (recorder, name) in [(small, "small"), (exact, "exact")] {
+        let text = recorder.finish();
+        assert!(text.contains("one.h5: complete"), "{name}: {text}");
+        let file = out(name).join("one.h5");
+        let file = file.to_string_lossy();
+        let valid = server.client(&["dataset", "validate", &file]);
+        let valid = valid.expect("a client");
+        let text = printed(&valid);
+        assert!(valid.status.success(), "{name}: {text}");
+        let told = text.contains("camera/gen3") && text.contains("as they came, by their digest");
+        assert!(told || name == "exact", "{text}");
+    }
+    let exact: Vec<_> = cameras
+        .try_iter()
+        .map(|bytes| {
+            let frame = v1::CameraFrame::decode(&bytes[..]).expect("a picture");
+            (frame, of_message([&bytes[..]]))
+        })
+        .filter(|(frame, _)| frame.header.as_ref().is_some_and(|h| h.episode > 0))
+        .collect();
+    let mut pairs = 0;
+    for bytes in compressed.try_iter() {
+        let small = v1::CompressedCameraFrame::decode(&bytes[..]).expect("a picture");
+        let Some((frame, digest)) = exact.iter().find(|(f, _)| f.header == small.header) else {
+            continue;
+        };
+        assert_eq!((&small.digest[..], small.pose), (&digest[..], frame.pose));
+        let planes = [
+            (&small.rgb, &frame.rgb, 1),
+            (&small.depth, &frame.depth, 4),
+            (&small.ids, &frame.ids, 2),
+        ];
+        for (small, plane, element) in planes {
+            let mut shuffled = vec![0; plane.len()];
+            libdeflater::Decompressor::new()
+                .zlib_decompress(small, &mut shuffled)
+                .expect("a zlib stream");
+            let count = plane.len() / element;
+            let byte = |i: usize| shuffled[i % element * count + i / element];
+            assert!((0..plane.len()).all(|i| byte(i) == plane[i]));
+        }
+        pairs += 1;
+    }
+    assert!(pairs > 10 && pairs == exact.len(), "{pairs}");
 }

@@ -323,6 +323,7 @@ pub fn started(label: &str) -> v1::EpisodeStarted {
     };
     v1::EpisodeStarted {
         as_recorded: false,
+        compressed_cameras: false,
         sensors: Vec::new(),
         physics_version: wheelarm_proto::PHYSICS_VERSION,
         header: Some(header(0, 0)),

@@ -76,6 +76,10 @@ pub struct Received {
     /// Sequence numbers that came with two contents.
     #[prost(uint64, tag = "3")]
     pub doubtful: u64,
+    /// Digest of the compressed messages, where every sample came as one; empty
+    /// otherwise.
+    #[prost(bytes = "vec", tag = "4")]
+    pub compressed: Vec<u8>,
 }
 
 /// Last record of a log that was closed in order.

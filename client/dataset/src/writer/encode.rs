@@ -78,6 +78,30 @@ impl Encoder {
         out
     }
 
+    /// Record of a camera frame whose planes are compressed already.
+    pub fn compressed(&self, header: &RecordHeader, frame: v1::CompressedCameraFrame) -> Vec<u8> {
+        let meta = v1::CameraFrame {
+            header: frame.header,
+            camera: frame.camera,
+            intrinsics: frame.intrinsics,
+            pose: frame.pose,
+            rgb_format: frame.rgb_format,
+            depth_format: frame.depth_format,
+            ids_format: frame.ids_format,
+            ..Default::default()
+        };
+        let meta = meta.encode_to_vec();
+        let parts = [&meta[..], &frame.rgb, &frame.depth, &frame.ids];
+        let spare = self.spare.try_recv().unwrap_or_default();
+        let length: usize = parts.iter().map(|part| part.len() + 4).sum();
+        let mut out = begin_record_in(spare, length);
+        for bytes in parts {
+            part(&mut out, |out| out.extend_from_slice(bytes));
+        }
+        finish_record(&mut out, header);
+        out
+    }
+
     /// Record of a sensor's picture, as [`Encoder::camera`]: what the sensor does
     /// not give is empty.
     pub fn sensor(&mut self, header: &RecordHeader, mut frame: v1::SensorFrame) -> Vec<u8> {

@@ -104,6 +104,7 @@ pub struct Taken {
 pub struct EpisodeWriter {
     log: PathBuf,
     file: PathBuf,
+    depth: Depth,
     streams: BTreeMap<String, Slot>,
     next: u64,
     queue: Option<Sender<Job>>,
@@ -254,6 +255,7 @@ impl EpisodeWriter {
             sync
         });
         Ok(Self {
+            depth: options.depth,
             log,
             file,
             streams,
@@ -307,11 +309,39 @@ impl EpisodeWriter {
             (header, Work::State(record, payload))
         };
         self.send(bytes, work);
-        Ok(Taken {
-            sequence: header.sequence,
-            stamp_nanos: header.stamp_nanos,
-            tick: header.tick,
-        })
+        Ok(taken(&header))
+    }
+
+    /// Takes one picture of the camera's stream `stream` whose planes are compressed
+    /// already. Waits as [`EpisodeWriter::offer`] does.
+    ///
+    /// # Errors
+    /// As [`EpisodeWriter::offer`]; malformed is what has other planes than the
+    /// episode stores.
+    pub fn offer_compressed(
+        &mut self,
+        stream: &str,
+        frame: v1::CompressedCameraFrame,
+    ) -> Result<Taken, WriteError> {
+        if let Some(failure) = self.progress.failure() {
+            return Err(WriteError::Failed(failure));
+        }
+        let malformed = |reason: String| WriteError::Malformed {
+            stream: stream.to_owned(),
+            reason,
+        };
+        let depth = self.depth;
+        let slot = self.streams.get_mut(stream);
+        let slot = slot
+            .filter(|slot| slot.id.is_camera())
+            .ok_or_else(|| malformed("the episode does not announce this camera".into()))?;
+        let size = check_compressed(&frame, slot.size, depth).map_err(malformed)?;
+        slot.size = Some(size);
+        let header = frame.header.clone().unwrap_or_default();
+        let record = record_header(Kind::Camera, slot.number, &header);
+        let bytes = frame.rgb.len() + frame.depth.len() + frame.ids.len();
+        self.send(bytes, Work::Compressed(record, Box::new(frame)));
+        Ok(taken(&header))
     }
 
     fn send(&mut self, bytes: usize, work: Work) {
@@ -429,6 +459,14 @@ fn stream_names(started: &v1::EpisodeStarted) -> Vec<String> {
     out
 }
 
+fn taken(header: &v1::Header) -> Taken {
+    Taken {
+        sequence: header.sequence,
+        stamp_nanos: header.stamp_nanos,
+        tick: header.tick,
+    }
+}
+
 fn record_header(kind: Kind, stream: u16, header: &v1::Header) -> RecordHeader {
     RecordHeader {
         kind,
@@ -475,6 +513,44 @@ fn check_sensor(frame: &v1::SensorFrame, first: Option<(u32, u32)>) -> Result<(u
         3 * pixels,
         2 * pixels
     ))
+}
+
+/// A picture whose planes are zlib streams of what an episode with float32 depth
+/// stores; what is in them stands under the digest of the stream.
+fn check_compressed(
+    frame: &v1::CompressedCameraFrame,
+    first: Option<(u32, u32)>,
+    depth: Depth,
+) -> Result<(u32, u32), String> {
+    let size = check_size(frame.intrinsics, first)?;
+    if depth != Depth::Metres {
+        return Err("its depth is compressed in metres, which this episode does not store".into());
+    }
+    let formats = (frame.rgb_format(), frame.depth_format(), frame.ids_format());
+    let expected = (
+        v1::PixelFormat::Rgb8,
+        v1::PixelFormat::DepthMetresF32,
+        v1::PixelFormat::IdU16,
+    );
+    if formats != expected {
+        return Err(format!("its planes are {formats:?}, expected {expected:?}"));
+    }
+    let pixels = size.0 as usize * size.1 as usize;
+    for (what, plane, bytes) in [
+        ("rgb", &frame.rgb, 3 * pixels),
+        ("depth", &frame.depth, 4 * pixels),
+        ("ids", &frame.ids, 2 * pixels),
+    ] {
+        // Deflate stores what does not shrink: 5 bytes for each block of it.
+        let most = bytes + bytes / 1024 + 1024;
+        if plane.is_empty() || plane.len() > most {
+            return Err(format!(
+                "{what} has {} compressed bytes, expected 1 to {most}",
+                plane.len()
+            ));
+        }
+    }
+    Ok(size)
 }
 
 fn check_frame(frame: &v1::CameraFrame, first: Option<(u32, u32)>) -> Result<(u32, u32), String> {

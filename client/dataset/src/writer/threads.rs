@@ -37,6 +37,7 @@ pub(super) struct Job {
 pub(super) enum Work {
     State(RecordHeader, Bytes),
     Camera(RecordHeader, Box<v1::CameraFrame>),
+    Compressed(RecordHeader, Box<v1::CompressedCameraFrame>),
     Sensor(RecordHeader, Box<v1::SensorFrame>),
     Closing(Box<Closing>),
 }
@@ -80,6 +81,7 @@ pub(super) fn compress(jobs: &Receiver<Job>, records: &Sender<Record>, mut encod
         let data = match job.work {
             Work::State(header, payload) => encoder.state(&header, &payload),
             Work::Camera(header, frame) => encoder.camera(&header, &frame),
+            Work::Compressed(header, frame) => encoder.compressed(&header, *frame),
             Work::Sensor(header, frame) => encoder.sensor(&header, *frame),
             Work::Closing(message) => encode::closing(&message),
         };

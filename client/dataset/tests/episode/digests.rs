@@ -28,6 +28,7 @@ fn what_was_changed_after_recording_is_found_by_the_digest() {
                 stream: stream.clone(),
                 digest: digest::StreamDigest::of(&all).to_vec(),
                 doubtful: 0,
+                compressed: Vec::new(),
             }
         })
         .collect();

@@ -26,6 +26,7 @@ QUERIES = [
 # Name, key below `wheelarm/{sim}/`, message, rate, units, frame, who publishes it.
 TOPICS = [
     ("camera", "camera/{camera}", "CameraFrame", "camera", "pixels, m", "house", "server"),
+    ("compressed_camera", "compressed/{camera}", "CompressedCameraFrame", "camera", "pixels, m", "house", "server"),
     ("sensor", "sensor/{sensor}", "SensorFrame", "camera", "pixels, mm", "house", "server"),
     ("preview", "preview/{camera}/{level}", "PreviewFrame", "camera", "pixels", "", "server"),
     ("sent_command", "command/{commander}", "Command", "event", "", "", "commander"),

@@ -987,6 +987,55 @@ class CameraFrame(_Message):
         ids_format: PixelFormat | str | int | None = ...,
     ) -> None: ...
 
+class CompressedCameraFrame(_Message):
+    """A CameraFrame of the same camera and sequence number whose planes are compressed, once for
+    all who record: what a recorder writes as it comes. A plane is one zlib stream (RFC 1950). A
+    picture that nobody waited for in this form has its stamp alone: its planes are empty.
+    """
+    header: Header
+    """Stamp of the exposure."""
+    camera: str
+    """Camera name (no unit)."""
+    intrinsics: Intrinsics
+    """Intrinsics of this picture, pixels."""
+    pose: Pose
+    """Pose of the optical frame in `house`, metres."""
+    rgb: bytes
+    """Colour in `rgb_format`, deflated (bytes)."""
+    depth: bytes
+    """Depth in `depth_format`, the bytes of its 32-bit elements shuffled as HDF5's filter does,
+    then deflated (bytes).
+    """
+    ids: bytes
+    """Instance ids in `ids_format`, the bytes of their 16-bit elements shuffled, then deflated
+    (bytes).
+    """
+    rgb_format: PixelFormat
+    """Format of `rgb` (no unit)."""
+    depth_format: PixelFormat
+    """Format of `depth` (no unit)."""
+    ids_format: PixelFormat
+    """Format of `ids` (no unit)."""
+    digest: bytes
+    """BLAKE3 hash of the encoded CameraFrame, of which the manifest's digest of `camera/NAME` is
+    made (32 bytes).
+    """
+    def __init__(
+        self,
+        *,
+        header: Header | _Mapping[str, _Any] | None = ...,
+        camera: str | None = ...,
+        intrinsics: Intrinsics | _Mapping[str, _Any] | None = ...,
+        pose: Pose | _Mapping[str, _Any] | None = ...,
+        rgb: bytes | None = ...,
+        depth: bytes | None = ...,
+        ids: bytes | None = ...,
+        rgb_format: PixelFormat | str | int | None = ...,
+        depth_format: PixelFormat | str | int | None = ...,
+        ids_format: PixelFormat | str | int | None = ...,
+        digest: bytes | None = ...,
+    ) -> None: ...
+
 class SensorFrame(_Message):
     """One picture as a real camera would give it, made from the exact picture of a camera by a
     sensor model: through a lens of its own, with noise, late. Colour or depth.
@@ -2749,6 +2798,8 @@ class EpisodeStarted(_Message):
     """
     sensors: _Scalars[str]
     """Picture sensors that will be published (no unit)."""
+    compressed_cameras: bool
+    """The cameras' pictures come compressed as well, see CompressedCameraFrame (no unit)."""
     def __init__(
         self,
         *,
@@ -2768,6 +2819,7 @@ class EpisodeStarted(_Message):
         robot: RobotDescription | _Mapping[str, _Any] | None = ...,
         as_recorded: bool | None = ...,
         sensors: _Iterable[str] | None = ...,
+        compressed_cameras: bool | None = ...,
     ) -> None: ...
 
 class SnapshotRequest(_Message):
@@ -2841,6 +2893,8 @@ class StreamCount(_Message):
     """What was published, to the last bit: BLAKE3 over the BLAKE3 hashes of the encoded messages
     in the order of their sequence numbers (32 bytes).
     """
+    compressed_digest: bytes
+    """Of a camera the same of its CompressedCameraFrames (32 bytes)."""
     def __init__(
         self,
         *,
@@ -2849,6 +2903,7 @@ class StreamCount(_Message):
         last: int | None = ...,
         count: int | None = ...,
         digest: bytes | None = ...,
+        compressed_digest: bytes | None = ...,
     ) -> None: ...
 
 class EpisodeRequest(_Message):

@@ -19,7 +19,8 @@ pub enum Input {
     State(Result<v1::EpisodeState, String>),
     /// The answer to [`Output::AskSnapshot`].
     Snapshot(Result<v1::SnapshotReply, String>),
-    /// A sample of a stream (`camera/NAME` for a camera).
+    /// A sample of a stream (`camera/NAME` for a camera, `compressed/NAME` where its
+    /// pictures come compressed).
     Sample {
         /// Stream name.
         stream: String,
@@ -43,6 +44,9 @@ pub enum Output {
     AskState,
     /// Ask the server's cache for samples that did not come.
     AskSamples(Missing),
+    /// Listen to the cameras' pictures as they are from now on: this server does not
+    /// compress them.
+    HearExact,
     /// Publish this status now, and again from time to time; each speaks of the
     /// episode in its header.
     Status(v1::RecorderStatus),

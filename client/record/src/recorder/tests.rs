@@ -6,6 +6,8 @@ use super::*;
 use wheelarm_dataset::read::Episode;
 use wheelarm_proto::{Message, stamp_nanos};
 
+mod compressed;
+
 fn header(episode: u64, sequence: u64, tick: u64) -> v1::Header {
     v1::Header {
         run_id: "run".into(),

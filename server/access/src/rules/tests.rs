@@ -110,6 +110,8 @@ const ROWS: &[Row] = &[
     (In, Kind::DeclareSubscriber, "camera/gen3", "pra"),
     (In, Kind::DeclareSubscriber, "camera/*", "pra"),
     (Out, Kind::Put, "camera/gen3", "pra"),
+    (In, Kind::DeclareSubscriber, "compressed/*", "pra"),
+    (Out, Kind::Put, "compressed/gen3", "pra"),
     (In, Kind::DeclareSubscriber, "sensor/depth", "pra"),
     (In, Kind::DeclareSubscriber, "command/*", "a"),
     (Out, Kind::Put, "command/me", "a"),

@@ -161,6 +161,7 @@ impl Engine {
                 false => wheelarm_proto::PHYSICS_VERSION,
             },
             as_recorded: shown,
+            compressed_cameras: true,
         }
     }
 

@@ -160,7 +160,10 @@ fn nobody_names_the_worker() {
 const CLIENTS: [(&str, &[&str]); 10] = [
     ("client/link", &["proto"]),
     ("client/policy", &["proto"]),
-    ("client/dataset", &["language", "policy", "proto"]),
+    (
+        "client/dataset",
+        &["compress", "language", "policy", "proto"],
+    ),
     (
         "client/drive",
         &["access", "link", "operate", "proto", "route"],
@@ -194,7 +197,12 @@ fn access_opens_no_connection() {
 /// names neither, no message, no transport and no renderer.
 #[test]
 fn the_pure_packages_stand_below_server_and_clients() {
-    for folder in ["server/route", "server/language", "server/sensor-models"] {
+    for folder in [
+        "server/compress",
+        "server/route",
+        "server/language",
+        "server/sensor-models",
+    ] {
         for name in dependencies(folder) {
             let ours = name.strip_prefix("wheelarm-");
             let foreign = ["zenoh", "wgpu", "tokio"].contains(&name.as_str());

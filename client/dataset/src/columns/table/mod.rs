@@ -43,6 +43,7 @@ pub fn of(stream: &StreamId) -> Option<&'static dyn Stream> {
         TopicId::SensedImu => &SENSED_IMU,
         TopicId::Event
         | TopicId::Camera
+        | TopicId::CompressedCamera
         | TopicId::Sensor
         | TopicId::Preview
         | TopicId::EpisodeStart

@@ -180,6 +180,7 @@ fn of_topic<'a>(
         | TopicId::StateHash
         | TopicId::Deformable
         | TopicId::Camera
+        | TopicId::CompressedCamera
         | TopicId::Sensor
         | TopicId::Preview
         | TopicId::SentCommand

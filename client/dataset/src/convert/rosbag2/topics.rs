@@ -387,6 +387,7 @@ fn of_topic<'a>(
         // recorded.
         TopicId::Clock
         | TopicId::Camera
+        | TopicId::CompressedCamera
         | TopicId::Sensor
         | TopicId::Preview
         | TopicId::SentCommand

@@ -4,6 +4,8 @@
 //! has assembly, otherwise by libdeflate. Both write plain deflate: every reader
 //! takes either, and no file says which it was.
 
+#![warn(missing_docs)]
+
 mod igzip;
 mod noise;
 mod shuffle;

@@ -1,0 +1,213 @@
+//! Pictures that the server compressed.
+
+use super::*;
+use wheelarm_dataset::compress::Deflate;
+use wheelarm_proto::digest::{Digest, StreamDigest, of_message};
+
+/// A picture as it is, with other colours in each.
+fn exact(sequence: u64) -> v1::CameraFrame {
+    v1::CameraFrame {
+        header: Some(header(1, sequence, 24 * sequence)),
+        camera: "gen3".into(),
+        intrinsics: Some(v1::Intrinsics {
+            width: 4,
+            height: 2,
+            ..Default::default()
+        }),
+        pose: Some(v1::Pose {
+            position: Some(v1::Vector3 {
+                x: 0.25,
+                ..Default::default()
+            }),
+            orientation: Some(v1::Quaternion {
+                w: 1.0,
+                ..Default::default()
+            }),
+        }),
+        rgb: (0..24).map(|i| i * 3 + sequence as u8).collect(),
+        depth: (0..32).collect(),
+        ids: (0..16).collect(),
+        rgb_format: v1::PixelFormat::Rgb8.into(),
+        depth_format: v1::PixelFormat::DepthMetresF32.into(),
+        ids_format: v1::PixelFormat::IdU16.into(),
+    }
+}
+
+fn exact_digest(sequence: u64) -> Digest {
+    of_message([&exact(sequence).encode_to_vec()[..]])
+}
+
+fn compressed(sequence: u64) -> v1::CompressedCameraFrame {
+    let frame = exact(sequence);
+    let plane = |bytes: &[u8], element| {
+        let mut out = Vec::new();
+        Deflate::default().append(bytes, element, &mut out);
+        Bytes::from(out)
+    };
+    v1::CompressedCameraFrame {
+        header: frame.header,
+        camera: frame.camera,
+        intrinsics: frame.intrinsics,
+        pose: frame.pose,
+        rgb: plane(&frame.rgb, 1),
+        depth: plane(&frame.depth, 4),
+        ids: plane(&frame.ids, 2),
+        rgb_format: frame.rgb_format,
+        depth_format: frame.depth_format,
+        ids_format: frame.ids_format,
+        digest: exact_digest(sequence).to_vec().into(),
+    }
+}
+
+fn sample(stream: &str, message: &impl Message) -> Input {
+    Input::Sample {
+        stream: stream.into(),
+        payload: message.encode_to_vec().into(),
+    }
+}
+
+fn begins(label: &str, compressed_cameras: bool) -> v1::EpisodeStarted {
+    v1::EpisodeStarted {
+        compressed_cameras,
+        ..started(1, label)
+    }
+}
+
+/// A recorder that hears compressed pictures, in episode 1.
+fn bench() -> Bench {
+    let mut b = Bench::new();
+    let dir = b.dir.path().to_owned();
+    b.recorder = Recorder::new(dir, WriterOptions::default()).with_compressed(true);
+    let out = b.feed(runs(begins("small", true)));
+    assert!(matches!(out[..], [Output::AskSnapshot]), "{out:?}");
+    b.feed(snapshot(1));
+    b
+}
+
+/// The end of an episode of three pictures, with their digests.
+fn told() -> v1::EpisodeStopped {
+    let mut told = stopped(1, 0, 3);
+    let all: Vec<_> = (0..3).map(exact_digest).collect();
+    told.manifest[1].digest = StreamDigest::of(&all).to_vec();
+    let all: Vec<_> = (0..3)
+        .map(|i| of_message([&compressed(i).encode_to_vec()[..]]))
+        .collect();
+    told.manifest[1].compressed_digest = StreamDigest::of(&all).to_vec();
+    told
+}
+
+/// The pictures of a file as the messages that they were.
+fn pictures(path: &Path) -> Vec<Vec<u8>> {
+    let episode = Episode::open(path).unwrap();
+    let camera = episode.camera("gen3").unwrap();
+    (0..3)
+        .map(|i| camera.encoded(&episode, i).unwrap().unwrap())
+        .collect()
+}
+
+#[test]
+fn compressed_pictures_are_in_the_file_as_they_were_and_count_as_credit() {
+    let mut b = bench();
+    for i in 0..3 {
+        let out = b.feed(sample("compressed/gen3", &compressed(i)));
+        assert!(matches!(out[..], [Output::Status(_)]), "{out:?}");
+    }
+    assert_eq!(b.recorder.status().accepted_frames, 3);
+    // Once more, in either form: a double is no credit and no doubt.
+    assert!(b.feed(sample("compressed/gen3", &compressed(1))).is_empty());
+    assert!(b.feed(sample("camera/gen3", &exact(1))).is_empty());
+    let out = b.feed(ended(told()));
+    let done = report(&out);
+    assert!(done.complete, "{:?}", done.problems);
+    let expected: Vec<_> = (0..3).map(|i| exact(i).encode_to_vec()).collect();
+    assert_eq!(pictures(&done.path), expected);
+}
+
+#[test]
+fn a_picture_that_nobody_compressed_or_that_was_lost_is_asked_for_as_it_is() {
+    let mut b = bench();
+    b.feed(sample("compressed/gen3", &compressed(0)));
+    let empty = v1::CompressedCameraFrame {
+        header: exact(1).header,
+        ..Default::default()
+    };
+    let asked = |out: Vec<Output>| match &out[..] {
+        [Output::AskSamples(m)] => (m.stream.clone(), m.first, m.last),
+        other => panic!("{other:?}"),
+    };
+    let out = b.feed(sample("compressed/gen3", &empty));
+    assert_eq!(asked(out), ("camera/gen3".to_owned(), 1, 1));
+    b.feed(sample("camera/gen3", &exact(1)));
+    // The last one is lost: first what is small is asked for.
+    b.feed(ended(told()));
+    let out = b.wait(Duration::from_millis(50));
+    assert_eq!(asked(out), ("compressed/gen3".to_owned(), 2, 2));
+    let out = b.wait(Duration::from_secs(1));
+    assert_eq!(asked(out), ("camera/gen3".to_owned(), 2, 2));
+    let out = b.feed(sample("camera/gen3", &exact(2)));
+    let done = report(&out);
+    assert!(done.complete, "{:?}", done.problems);
+    let expected: Vec<_> = (0..3).map(|i| exact(i).encode_to_vec()).collect();
+    assert_eq!(pictures(&done.path), expected);
+}
+
+#[test]
+fn a_server_that_does_not_compress_is_heard_as_it_is() {
+    let mut b = Bench::new();
+    let dir = b.dir.path().to_owned();
+    b.recorder = Recorder::new(dir, WriterOptions::default()).with_compressed(true);
+    let out = b.feed(runs(begins("old", false)));
+    assert!(
+        matches!(out[..], [Output::HearExact, Output::AskSnapshot]),
+        "{out:?}"
+    );
+    b.feed(snapshot(1));
+    for i in 0..3 {
+        b.feed(sample("camera/gen3", &exact(i)));
+    }
+    let mut told = told();
+    told.manifest[1].compressed_digest.clear();
+    assert!(report(&b.feed(ended(told))).complete);
+}
+
+#[test]
+fn forged_compressed_pictures_are_found_and_malformed_ones_are_missing() {
+    // With the true digest of the exact picture and other planes.
+    let forged = v1::CompressedCameraFrame {
+        rgb: compressed(1).depth,
+        ..compressed(2)
+    };
+    for (third, more, words) in [
+        (forged.clone(), None, "digests differ"),
+        (forged, Some(compressed(2)), "two contents"),
+        (
+            v1::CompressedCameraFrame {
+                digest: Bytes::from_static(b"short"),
+                ..compressed(2)
+            },
+            None,
+            "1 of 3 samples are missing",
+        ),
+        (
+            v1::CompressedCameraFrame {
+                ids_format: v1::PixelFormat::IdU8.into(),
+                ..compressed(2)
+            },
+            None,
+            "1 of 3 samples are missing",
+        ),
+    ] {
+        let mut b = bench();
+        for i in 0..2 {
+            b.feed(sample("compressed/gen3", &compressed(i)));
+        }
+        b.feed(sample("compressed/gen3", &third));
+        if let Some(more) = more {
+            b.feed(sample("compressed/gen3", &more));
+        }
+        let mut out = b.feed(ended(told()));
+        out.extend(b.wait(MANIFEST_PATIENCE));
+        let problems = &report(&out).problems;
+        assert!(problems.iter().any(|p| p.contains(words)), "{problems:?}");
+    }
+}
