@@ -103,7 +103,7 @@ fn print(output: &Output) {
         Output::AskSnapshot
         | Output::AskState
         | Output::AskSamples(_)
-        | Output::HearExact
+        | Output::Hear { .. }
         | Output::Status(_)
         | Output::Finish(_) => {}
     }

@@ -1,7 +1,7 @@
 //! One episode while it is recorded, with its writer and which samples are
 //! there, and afterwards, until it is in its file.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
@@ -10,8 +10,9 @@ use wheelarm_dataset::coverage::Coverage;
 use wheelarm_dataset::finish::{FinishError, finish};
 use wheelarm_dataset::log::{Closing, Received, Recovered};
 use wheelarm_dataset::writer::{EpisodeWriter, Taken, WriteError, WriterOptions};
-use wheelarm_proto::{Message, StreamId, digest, v1};
+use wheelarm_proto::{StreamId, digest, v1};
 
+use super::compressed::{Compressed, Picture};
 use super::digests::Digests;
 use super::gaps::{Gaps, Missing};
 
@@ -54,42 +55,8 @@ pub(super) struct Recording {
     seen: BTreeMap<String, Coverage>,
     digests: BTreeMap<String, Digests>,
     /// Of cameras whose pictures came compressed.
-    compressed: BTreeMap<String, Digests>,
-    /// Cameras of which a picture came as it is.
-    exact: BTreeSet<String>,
+    compressed: BTreeMap<String, Compressed>,
     gaps: Gaps,
-}
-
-/// A sample in the form in which it came.
-enum Sample {
-    Exact(Bytes),
-    /// A compressed picture and the digest of the exact one.
-    Compressed(Box<v1::CompressedCameraFrame>, digest::Digest),
-}
-
-/// Reads a compressed picture of the stream `camera`.
-fn compressed(camera: &str, sequence: u64, payload: Bytes) -> Result<Sample, Accepted> {
-    let frame = match v1::CompressedCameraFrame::decode(payload) {
-        Ok(frame) => frame,
-        Err(problem) => {
-            tracing::warn!("compressed picture {sequence} of {camera} cannot be read: {problem}");
-            return Err(Accepted::Not);
-        }
-    };
-    if frame.rgb.is_empty() && frame.depth.is_empty() && frame.ids.is_empty() {
-        return Err(Accepted::Exact(Missing {
-            stream: camera.to_owned(),
-            first: sequence,
-            last: sequence,
-        }));
-    }
-    match digest::Digest::try_from(&frame.digest[..]) {
-        Ok(digest) => Ok(Sample::Compressed(Box::new(frame), digest)),
-        Err(_) => {
-            tracing::warn!("compressed picture {sequence} of {camera} has no digest of 32 bytes");
-            Err(Accepted::Not)
-        }
-    }
 }
 
 /// What became of an offered sample.
@@ -98,8 +65,6 @@ pub(super) enum Accepted {
     State,
     /// It is there already, or it was refused and is missing from now on.
     Not,
-    /// Nobody compressed it: it is to be had as it is.
-    Exact(Missing),
 }
 
 impl Recording {
@@ -108,7 +73,6 @@ impl Recording {
         started: v1::EpisodeStarted,
         snapshot: &v1::SnapshotReply,
         options: &WriterOptions,
-        hears_compressed: bool,
     ) -> Result<Self, WriteError> {
         let writer = EpisodeWriter::open(dir, &started, snapshot, options)?;
         Ok(Self {
@@ -120,8 +84,7 @@ impl Recording {
             seen: BTreeMap::new(),
             digests: BTreeMap::new(),
             compressed: BTreeMap::new(),
-            exact: BTreeSet::new(),
-            gaps: Gaps::new(hears_compressed),
+            gaps: Gaps::default(),
         })
     }
 
@@ -136,59 +99,58 @@ impl Recording {
         payload: Bytes,
     ) -> Result<Accepted, String> {
         let of_message = digest::of_message([&payload[..]]);
-        let (stream, sample) = match StreamId::parse(stream).of_compressed() {
-            Some(camera) => {
-                let camera = camera.to_string();
-                match compressed(&camera, sequence, payload) {
-                    Ok(sample) => (camera, sample),
-                    Err(accepted) => return Ok(accepted),
-                }
-            }
-            None => (stream.to_owned(), Sample::Exact(payload)),
+        let Some(camera) = StreamId::parse(stream).of_compressed() else {
+            let offer = |writer: &mut EpisodeWriter| writer.offer(stream, payload);
+            return self.keep(stream, sequence, of_message, offer);
         };
-        let is_camera = StreamId::parse(&stream).is_camera();
-        let digest = match &sample {
-            Sample::Exact(_) => of_message,
-            Sample::Compressed(_, exact) => *exact,
+        let camera = camera.to_string();
+        let compressed = self.compressed.entry(camera.clone()).or_default();
+        let Some(Picture { frame, exact }) = compressed.take(sequence, payload, &of_message) else {
+            return Ok(Accepted::Not);
         };
-        let seen = self.seen.entry(stream.clone()).or_default();
-        let digests = self.digests.entry(stream.clone()).or_default();
-        let mut in_this_form = match &sample {
-            Sample::Exact(_) => None,
-            Sample::Compressed(..) => Some(self.compressed.entry(stream.clone()).or_default()),
-        };
+        let offer = |writer: &mut EpisodeWriter| writer.offer_compressed(&camera, *frame);
+        let kept = self.keep(&camera, sequence, exact, offer)?;
+        let there = |seen: &Coverage| seen.within(sequence, sequence) > 0;
+        if !self.seen.get(&camera).is_some_and(there) {
+            self.compressed.entry(camera).or_default().refuse(sequence);
+        }
+        Ok(kept)
+    }
+
+    /// Whether anything came in compressed form.
+    pub fn has_compressed(&self) -> bool {
+        !self.compressed.is_empty()
+    }
+
+    /// Writes what is new by `offer`; `digest` is that of the exact message.
+    fn keep(
+        &mut self,
+        stream: &str,
+        sequence: u64,
+        digest: digest::Digest,
+        offer: impl FnOnce(&mut EpisodeWriter) -> Result<Taken, WriteError>,
+    ) -> Result<Accepted, String> {
+        let seen = self.seen.entry(stream.to_owned()).or_default();
+        let digests = self.digests.entry(stream.to_owned()).or_default();
         // Recovery and history may deliver a sample twice.
         if seen.within(sequence, sequence) > 0 {
             digests.again(sequence, &digest);
-            if let Some(compressed) = &mut in_this_form {
-                compressed.again(sequence, &of_message);
-            }
             return Ok(Accepted::Not);
         }
         if digests.is_late(sequence) {
             tracing::warn!("sample {sequence} of {stream} comes far too late and is left out");
             return Ok(Accepted::Not);
         }
-        let taken = match sample {
-            Sample::Exact(payload) => self.writer.offer(&stream, payload),
-            Sample::Compressed(frame, _) => self.writer.offer_compressed(&stream, *frame),
-        };
+        let taken = offer(&mut self.writer);
         match taken {
             Ok(taken) => {
                 seen.insert(sequence);
                 digests.add(sequence, digest);
-                match in_this_form {
-                    Some(compressed) => compressed.add(sequence, of_message),
-                    None if is_camera => {
-                        self.exact.insert(stream);
-                    }
-                    None => {}
-                }
                 self.newest = Some(match self.newest {
                     Some(newest) if newest.tick > taken.tick => newest,
                     _ => taken,
                 });
-                if is_camera {
+                if StreamId::parse(stream).is_camera() {
                     self.accepted += 1;
                     return Ok(Accepted::Frame);
                 }
@@ -202,14 +164,30 @@ impl Recording {
         }
     }
 
-    /// Samples missing between those that came.
+    /// Samples missing between those that came, and pictures that came in no form
+    /// that can be taken.
     pub fn missed(&self) -> u64 {
-        self.seen.values().map(Coverage::gaps).sum()
+        let between: u64 = self.seen.values().map(Coverage::gaps).sum();
+        let beyond = self.compressed.iter().map(|(camera, compressed)| {
+            let unusable = compressed.unusable();
+            let (Some((first, last)), seen) = (unusable.span(), self.seen.get(camera)) else {
+                return 0;
+            };
+            // Those between are counted already.
+            match seen.and_then(Coverage::span) {
+                None => unusable.within(first, last),
+                Some((begin, end)) => {
+                    let inside = unusable.within(begin, end);
+                    unusable.received() - inside
+                }
+            }
+        });
+        between + beyond.sum::<u64>()
     }
 
     /// Samples to ask for again at `now`.
     pub fn wanted(&mut self, stopped: Option<&v1::EpisodeStopped>, now: Instant) -> Vec<Missing> {
-        self.gaps.wanted(&self.seen, stopped, now)
+        self.gaps.wanted(&self.seen, &self.compressed, stopped, now)
     }
 
     /// Whether everything that the manifest lists has come.
@@ -239,16 +217,18 @@ impl Recording {
             .collect();
         let received = self.digests.iter().map(|(stream, digests)| {
             let compressed = self.compressed.get(stream);
-            let all = compressed.filter(|_| !self.exact.contains(stream));
+            let manifest = stopped.iter().flat_map(|stopped| &stopped.manifest);
+            let listed = manifest.into_iter().find(|count| count.stream == *stream);
             Received {
                 stream: stream.clone(),
                 digest: digests.value().to_vec(),
                 doubtful: digests
                     .doubtful()
-                    .max(compressed.map_or(0, Digests::doubtful)),
-                compressed: all.map_or_else(Vec::new, |c| c.value().to_vec()),
+                    .max(compressed.map_or(0, Compressed::doubtful)),
+                compressed: compressed.map_or_else(Vec::new, |c| c.digest(listed)),
             }
         });
+        let received = received.collect();
         Finishing {
             of: id(self.started.header.as_ref()),
             label: self.started.label,
@@ -257,7 +237,7 @@ impl Recording {
                 stopped,
                 reason,
                 recovered,
-                received: received.collect(),
+                received,
             },
         }
     }

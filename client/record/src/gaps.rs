@@ -2,11 +2,13 @@
 //! gives up on what gets lost while it repairs: on a host that cannot keep up,
 //! that is where samples would go missing. The server's cache still has them.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::time::{Duration, Instant};
 
 use wheelarm_dataset::coverage::Coverage;
 use wheelarm_proto::{StreamId, v1};
+
+use super::compressed::Compressed;
 
 /// Pause before the same samples are asked for again.
 const PAUSE: Duration = Duration::from_secs(1);
@@ -28,24 +30,17 @@ pub struct Missing {
 #[derive(Debug, Default)]
 pub(super) struct Gaps {
     asked: BTreeMap<(String, u64), (u32, Instant)>,
-    /// Cameras' pictures are heard in their compressed form.
-    compressed: bool,
 }
 
 impl Gaps {
-    /// Nothing is missing yet; whether the cameras' pictures are heard `compressed`.
-    pub(super) fn new(compressed: bool) -> Self {
-        Self {
-            compressed,
-            ..Self::default()
-        }
-    }
-
     /// What to ask for at `now`: gaps between the samples that came, and with
-    /// the manifest those at both ends.
+    /// the manifest those at both ends. A lost picture of a camera that is heard
+    /// `compressed` is asked for so first, later as it is; one that has no compressed
+    /// form at once as it is.
     pub(super) fn wanted(
         &mut self,
         seen: &BTreeMap<String, Coverage>,
+        compressed: &BTreeMap<String, Compressed>,
         stopped: Option<&v1::EpisodeStopped>,
         now: Instant,
     ) -> Vec<Missing> {
@@ -59,10 +54,10 @@ impl Gaps {
                 let due = *tries == 0 || now.saturating_duration_since(*at) >= PAUSE;
                 if due && *tries < TRIES {
                     (*tries, *at) = (*tries + 1, now);
-                    // What is smaller first; one that is kept in no other form as it is.
-                    let id = StreamId::parse(stream);
-                    let stream = match id.camera_name() {
-                        Some(camera) if self.compressed && *tries == 1 => {
+                    let of_camera = compressed.get(stream);
+                    let small = of_camera.is_some_and(|c| c.unusable().within(first, last) == 0);
+                    let stream = match StreamId::parse(stream).camera_name() {
+                        Some(camera) if small && *tries == 1 => {
                             StreamId::compressed(camera).to_string()
                         }
                         _ => stream.to_owned(),
@@ -84,8 +79,15 @@ impl Gaps {
                 }
             }
             None => {
-                for (stream, coverage) in seen {
-                    if let Some((first, last)) = coverage.span() {
+                let none = Coverage::default();
+                let streams: BTreeSet<&String> = seen.keys().chain(compressed.keys()).collect();
+                for stream in streams {
+                    let coverage = seen.get(stream).unwrap_or(&none);
+                    let unusable = compressed.get(stream).and_then(|c| c.unusable().span());
+                    let spans = [coverage.span(), unusable];
+                    let first = spans.iter().flatten().map(|(first, _)| *first).min();
+                    let last = spans.iter().flatten().map(|(_, last)| *last).max();
+                    if let (Some(first), Some(last)) = (first, last) {
                         look(stream, coverage, first, last);
                     }
                 }
@@ -115,12 +117,12 @@ mod tests {
             coverage.insert(sequence);
         }
         let mut seen = BTreeMap::from([("imu".to_owned(), coverage)]);
-        let mut gaps = Gaps::default();
+        let (mut gaps, none) = (Gaps::default(), BTreeMap::new());
         let first = [missing("imu", 6, 7), missing("imu", 10, 10)];
-        assert_eq!(gaps.wanted(&seen, None, start), first);
-        assert_eq!(gaps.wanted(&seen, None, start + PAUSE / 2), []);
+        assert_eq!(gaps.wanted(&seen, &none, None, start), first);
+        assert_eq!(gaps.wanted(&seen, &none, None, start + PAUSE / 2), []);
         seen.get_mut("imu").unwrap().insert(10);
-        let again = gaps.wanted(&seen, None, start + PAUSE);
+        let again = gaps.wanted(&seen, &none, None, start + PAUSE);
         assert_eq!(again, [missing("imu", 6, 7)]);
         let count = |stream: &str, first, last| v1::StreamCount {
             stream: stream.into(),
@@ -133,7 +135,7 @@ mod tests {
             manifest: vec![count("imu", 3, 12), count("clock", 0, 1)],
             ..Default::default()
         };
-        let ends = gaps.wanted(&seen, Some(&stopped), start + PAUSE);
+        let ends = gaps.wanted(&seen, &none, Some(&stopped), start + PAUSE);
         let expected = [
             missing("imu", 3, 3),
             missing("imu", 12, 12),
@@ -141,8 +143,11 @@ mod tests {
         ];
         assert_eq!(ends, expected);
         for second in 2..20 {
-            gaps.wanted(&seen, Some(&stopped), start + second * PAUSE);
+            gaps.wanted(&seen, &none, Some(&stopped), start + second * PAUSE);
         }
-        assert_eq!(gaps.wanted(&seen, Some(&stopped), start + 20 * PAUSE), []);
+        assert_eq!(
+            gaps.wanted(&seen, &none, Some(&stopped), start + 20 * PAUSE),
+            []
+        );
     }
 }

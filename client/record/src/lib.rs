@@ -9,6 +9,7 @@
 
 #![warn(missing_docs)]
 
+mod compressed;
 mod digests;
 mod episode;
 mod gaps;

@@ -84,7 +84,8 @@ pub async fn run(
         std::thread::spawn(move || work(recorder, &exit, &entrance, &outputs))
     };
 
-    let held = subscribe(link, &entrance, compressed).await?;
+    let _subscribers = subscribe(link, &entrance).await?;
+    let cameras = hear_cameras(link, &entrance, compressed).await?;
     let _token = session
         .liveliness()
         .declare_token(keys.recorder_alive(&options.name))
@@ -95,7 +96,7 @@ pub async fn run(
     let mut desk = Desk {
         link,
         entrance,
-        held,
+        cameras,
         publisher,
         statuses: VecDeque::from([first]),
         summary: ExitSummary::default(),
@@ -133,7 +134,8 @@ pub async fn run(
 struct Desk<'a> {
     link: &'a Link,
     entrance: Entrance<Raw>,
-    held: Held,
+    /// Keeps the subscriber to the cameras alive.
+    cameras: Subscription,
     publisher: Publisher<'static>,
     /// Newest status of each of the last episodes, newest last.
     statuses: VecDeque<v1::RecorderStatus>,
@@ -155,11 +157,14 @@ impl Desk<'_> {
             Output::AskSamples(missing) => {
                 ask_samples(self.link, &self.entrance, &missing).await;
             }
-            Output::HearExact => {
-                let key = self.link.keys().topic(TopicId::Camera);
-                match hear(self.link, &self.entrance, key).await {
-                    Ok(samples) => self.held.push(samples),
-                    Err(problem) => tracing::error!("the cameras are not heard: {problem}"),
+            Output::Hear { compressed } => {
+                match hear_cameras(self.link, &self.entrance, compressed).await {
+                    Ok(cameras) => self.cameras = cameras,
+                    Err(problem) => {
+                        let words = format!("the cameras are not heard: {problem}");
+                        self.summary.failed.push(words);
+                        self.end();
+                    }
                 }
             }
             Output::Status(status) => {
@@ -260,7 +265,7 @@ fn work(
         }
         if exit.dropped() != dropped {
             tracing::warn!(
-                "{} samples were dropped: this host cannot compress and write fast enough; use --depth u16, fewer pictures, or lock-step pacing",
+                "{} samples were dropped: this host cannot write fast enough; use fewer or smaller pictures, or lock-step pacing",
                 exit.dropped() - dropped
             );
             dropped = exit.dropped();
@@ -297,15 +302,12 @@ fn decode(raw: Raw) -> Option<Input> {
     }
 }
 
-/// Keeps the subscribers alive.
-type Held = Vec<Box<dyn std::any::Any + Send>>;
+/// Keeps a subscriber alive.
+type Subscription = Box<dyn std::any::Any + Send>;
+type Held = Vec<Subscription>;
 
 /// Listens to the samples below `key`.
-async fn hear(
-    link: &Link,
-    entrance: &Entrance<Raw>,
-    key: String,
-) -> anyhow::Result<Box<dyn std::any::Any + Send>> {
+async fn hear(link: &Link, entrance: &Entrance<Raw>, key: String) -> anyhow::Result<Subscription> {
     let (to, server, keys) = (entrance.clone(), link.server().clone(), link.keys().clone());
     let samples = link
         .session()
@@ -330,22 +332,26 @@ async fn hear(
     Ok(Box::new(samples))
 }
 
-async fn subscribe(
+/// Listens to the cameras, compressed or as they are.
+async fn hear_cameras(
     link: &Link,
     entrance: &Entrance<Raw>,
     compressed: bool,
-) -> anyhow::Result<Held> {
+) -> anyhow::Result<Subscription> {
+    let topic = match compressed {
+        true => TopicId::CompressedCamera,
+        false => TopicId::Camera,
+    };
+    hear(link, entrance, link.keys().topic(topic)).await
+}
+
+async fn subscribe(link: &Link, entrance: &Entrance<Raw>) -> anyhow::Result<Held> {
     let (session, keys) = (link.session(), link.keys());
     let from = || link.server().clone();
     let mut held: Held = Vec::new();
     let recovery = || RecoveryConfig::default().heartbeat();
 
-    let cameras = match compressed {
-        true => TopicId::CompressedCamera,
-        false => TopicId::Camera,
-    };
-    let pictures = [cameras, TopicId::Sensor].map(|topic| keys.topic(topic));
-    for key in [keys.streams()].into_iter().chain(pictures) {
+    for key in [keys.streams(), keys.topic(TopicId::Sensor)] {
         held.push(hear(link, entrance, key).await?);
     }
 

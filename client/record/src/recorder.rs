@@ -24,6 +24,8 @@ pub const MANIFEST_PATIENCE: Duration = Duration::from_secs(10);
 pub const AWAY_PATIENCE: Duration = Duration::from_secs(60);
 /// Longest wait for what a server that was replaced had sent.
 const FAREWELL_PATIENCE: Duration = Duration::from_secs(2);
+/// Longest wait for the first compressed picture of an episode.
+const COMPRESSED_PATIENCE: Duration = Duration::from_secs(5);
 /// Pause before the snapshot is asked for again.
 const SNAPSHOT_RETRY: Duration = Duration::from_secs(2);
 /// Longest wait for the snapshot.
@@ -55,8 +57,12 @@ pub struct Recorder {
     /// Episodes to record, and how many are recorded, lost or under way.
     limit: Option<u64>,
     counted: u64,
-    /// The cameras' pictures are heard in their compressed form.
+    /// The cameras' pictures are wanted in their compressed form.
+    wants_compressed: bool,
+    /// They are heard in it now.
     hears_compressed: bool,
+    /// Since when an episode is recorded of which nothing came compressed.
+    deaf_since: Option<Instant>,
     out: Vec<Output>,
 }
 
@@ -121,16 +127,18 @@ impl Recorder {
             finishing: Vec::new(),
             limit: None,
             counted: 0,
+            wants_compressed: false,
             hears_compressed: false,
+            deaf_since: None,
             out: Vec::new(),
         }
     }
 
     /// Hears the cameras' pictures in the form that the server compresses once for
-    /// all recorders. A server that does not is heard by [`Output::HearExact`].
+    /// all recorders; [`Output::Hear`] says where they come as they are.
     #[must_use]
     pub fn with_compressed(mut self, compressed: bool) -> Self {
-        self.hears_compressed = compressed;
+        (self.wants_compressed, self.hears_compressed) = (compressed, compressed);
         self
     }
 
@@ -188,6 +196,7 @@ impl Recorder {
                 self.out.push(Output::AskSnapshot);
             }
         }
+        self.listen(now);
         let wanted = match &mut self.stage {
             Stage::Recording(recording) if recording.away.is_some() => Vec::new(),
             Stage::Recording(recording) => recording.wanted(None, now),
@@ -199,6 +208,41 @@ impl Recorder {
         self.out.extend(wanted.into_iter().map(Output::AskSamples));
         self.settle(now);
         std::mem::take(&mut self.out)
+    }
+
+    /// Hears the cameras' pictures compressed or as they are from now on.
+    fn hear(&mut self, compressed: bool) {
+        self.deaf_since = None;
+        if self.hears_compressed != compressed {
+            self.hears_compressed = compressed;
+            self.out.push(Output::Hear { compressed });
+        }
+    }
+
+    /// Where nothing comes compressed, whatever the reason, pictures are heard as
+    /// they are: a router may let through what it was told of alone.
+    fn listen(&mut self, now: Instant) {
+        let Stage::Recording(recording) = &self.stage else {
+            return;
+        };
+        let has_cameras = !recording.started.cameras.is_empty();
+        if !self.hears_compressed || recording.has_compressed() || !has_cameras {
+            self.deaf_since = None;
+            return;
+        }
+        // Nothing may be published yet: it may wait for other recorders.
+        if recording.away.is_some() || recording.newest.is_none() {
+            return;
+        }
+        let since = *self.deaf_since.get_or_insert(now);
+        if now.saturating_duration_since(since) > COMPRESSED_PATIENCE {
+            tracing::warn!(
+                "no compressed picture came in {} s; they are taken as they are",
+                COMPRESSED_PATIENCE.as_secs()
+            );
+            self.wants_compressed = false;
+            self.hear(false);
+        }
     }
 
     /// Run and number of the episode at hand.
@@ -248,10 +292,7 @@ impl Recorder {
             state: v1::RecorderState::Idle.into(),
             ..Default::default()
         };
-        if self.hears_compressed && !started.compressed_cameras {
-            self.hears_compressed = false;
-            self.out.push(Output::HearExact);
-        }
+        self.hear(self.wants_compressed && started.compressed_cameras);
         let file = file_path(&self.dir, &started.label);
         self.stage = Stage::Opening {
             started: Box::new(started),
@@ -295,8 +336,7 @@ impl Recorder {
             return;
         };
         let label = started.label.clone();
-        let compressed = self.hears_compressed;
-        match Recording::open(&self.dir, *started, &reply, &self.options, compressed) {
+        match Recording::open(&self.dir, *started, &reply, &self.options) {
             Ok(recording) => {
                 self.status.state = v1::RecorderState::Ready.into();
                 self.stage = Stage::Recording(Box::new(recording));
@@ -353,7 +393,6 @@ impl Recorder {
                 self.publish();
             }
             Ok(Accepted::State | Accepted::Not) => {}
-            Ok(Accepted::Exact(missing)) => self.out.push(Output::AskSamples(missing)),
             Err(words) => {
                 let log = recording.log().display().to_string();
                 self.fail(format!("{words}; the log is {log}"));

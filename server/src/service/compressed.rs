@@ -9,12 +9,13 @@ use std::sync::mpsc::{self, Receiver, SyncSender};
 use std::thread::JoinHandle;
 
 use bytes::Bytes;
+use parking_lot::Mutex;
 use wheelarm_compress::Deflate;
 use wheelarm_proto::digest::Digest;
 use wheelarm_proto::v1;
 
 use super::error::ServiceError;
-use super::outbox::Outbox;
+use super::outbox::{Outbox, Published};
 use super::priority::step_back;
 use super::signal::Signal;
 
@@ -30,8 +31,8 @@ const IDS: usize = 2;
 pub struct Exact {
     /// Its message, without a header.
     pub frame: v1::CameraFrame,
-    /// Digest of its message; none outside of episodes.
-    pub digest: Option<Digest>,
+    /// Number and digest of its message.
+    pub published: Published,
     /// Its episode, 0 for none.
     pub episode: u64,
     /// Its tick.
@@ -40,12 +41,25 @@ pub struct Exact {
 
 /// Handle of the threads; they end with it.
 pub struct Compressed {
-    cameras: Vec<(SyncSender<Exact>, JoinHandle<()>)>,
+    cameras: Vec<Camera>,
+}
+
+struct Camera {
+    jobs: SyncSender<Exact>,
     waiting: Arc<AtomicUsize>,
+    thread: JoinHandle<()>,
+}
+
+impl Camera {
+    /// Whether all its pictures are published, or never will be.
+    fn is_idle(&self) -> bool {
+        self.waiting.load(Ordering::Acquire) == 0 || self.thread.is_finished()
+    }
 }
 
 impl Compressed {
-    /// Starts a thread for each camera, names in the scenario's order.
+    /// Starts a thread for each camera, names in the scenario's order. What makes one
+    /// end early is told in `failed`.
     ///
     /// # Errors
     /// When a thread cannot start.
@@ -53,52 +67,63 @@ impl Compressed {
         names: &[String],
         outbox: &Arc<Outbox>,
         signal: &Arc<Signal>,
+        failed: &Arc<Mutex<Option<String>>>,
     ) -> Result<Self, ServiceError> {
-        let waiting = Arc::new(AtomicUsize::new(0));
         let mut cameras = Vec::new();
         for name in names {
             let (jobs, queue) = mpsc::sync_channel(QUEUE);
             let (name, outbox) = (name.clone(), Arc::clone(outbox));
-            let (waiting, signal) = (Arc::clone(&waiting), Arc::clone(signal));
+            let waiting = Arc::new(AtomicUsize::new(0));
+            let (left, signal, failed) =
+                (Arc::clone(&waiting), Arc::clone(signal), Arc::clone(failed));
             let thread = std::thread::Builder::new()
                 .name("compress".to_owned())
                 .spawn(move || {
                     step_back();
-                    publish(&name, &queue, &outbox, || {
-                        waiting.fetch_sub(1, Ordering::AcqRel);
-                        signal.raise();
+                    let work = std::panic::AssertUnwindSafe(|| {
+                        publish(&name, &queue, &outbox, || {
+                            left.fetch_sub(1, Ordering::AcqRel);
+                            signal.raise();
+                        });
                     });
+                    if std::panic::catch_unwind(work).is_err() {
+                        let words = "compressing a picture panicked; please report it";
+                        failed.lock().get_or_insert_with(|| words.to_owned());
+                        signal.raise();
+                    }
                 });
-            let failed = |e| ServiceError::Thread(format!("for compression cannot start: {e}"));
-            cameras.push((jobs, thread.map_err(failed)?));
+            let problem = |e| ServiceError::Thread(format!("for compression cannot start: {e}"));
+            cameras.push(Camera {
+                jobs,
+                waiting,
+                thread: thread.map_err(problem)?,
+            });
         }
-        Ok(Self { cameras, waiting })
+        Ok(Self { cameras })
     }
 
     /// Hands over the next picture of a camera, by its index in the scenario; waits
     /// while others wait.
     pub fn offer(&self, camera: usize, picture: Exact) {
-        let Some((jobs, _)) = self.cameras.get(camera) else {
-            return;
-        };
-        self.waiting.fetch_add(1, Ordering::AcqRel);
-        if jobs.send(picture).is_err() {
-            self.waiting.fetch_sub(1, Ordering::AcqRel);
+        if let Some(camera) = self.cameras.get(camera) {
+            camera.waiting.fetch_add(1, Ordering::AcqRel);
+            // One that ended early has told why.
+            let _ = camera.jobs.send(picture);
         }
     }
 
     /// Whether every picture that was handed over is published, or never will be.
     #[must_use]
     pub fn is_idle(&self) -> bool {
-        let ended = |(_, thread): &(_, JoinHandle<()>)| thread.is_finished();
-        self.waiting.load(Ordering::Acquire) == 0 || self.cameras.iter().any(ended)
+        self.cameras.iter().all(Camera::is_idle)
     }
 }
 
 impl Drop for Compressed {
     fn drop(&mut self) {
-        for (jobs, thread) in std::mem::take(&mut self.cameras) {
-            drop(jobs);
+        let cameras = std::mem::take(&mut self.cameras);
+        let threads: Vec<_> = cameras.into_iter().map(|camera| camera.thread).collect();
+        for thread in threads {
             let _ = thread.join();
         }
     }
@@ -109,13 +134,14 @@ fn publish(name: &str, queue: &Receiver<Exact>, outbox: &Outbox, published: impl
     let mut deflate = Deflate::default();
     for picture in queue {
         let (episode, tick) = (picture.episode, picture.tick);
-        let message = match picture.digest {
+        let Published { sequence, digest } = picture.published;
+        let message = match digest {
             Some(digest) if outbox.wants_compressed(name) => {
                 compress(&mut deflate, &picture.frame, &digest)
             }
             _ => v1::CompressedCameraFrame::default(),
         };
-        outbox.compressed(name, episode, tick, message);
+        outbox.compressed(name, sequence, episode, tick, message);
         published();
     }
 }

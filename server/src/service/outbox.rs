@@ -121,6 +121,15 @@ struct Stream {
     digest: StreamDigest,
 }
 
+/// What became of a message.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Published {
+    /// Its sequence number.
+    pub sequence: u64,
+    /// Its digest, which is made in episodes alone.
+    pub digest: Option<Digest>,
+}
+
 /// The way out.
 pub struct Outbox {
     session: Session,
@@ -272,30 +281,42 @@ impl Outbox {
         self.publish(&key, episode, tick, message, payload);
     }
 
-    /// Publishes a picture and returns the digest of its message, which is made in
-    /// episodes alone.
+    /// Publishes a picture.
     pub fn camera(
         &self,
         name: &str,
         episode: u64,
         tick: u64,
         message: v1::CameraFrame,
-    ) -> Option<Digest> {
+    ) -> Published {
         let key = self.keys.camera(name);
         self.publish(&key, episode, tick, message, picture_payload)
     }
 
-    /// Publishes the compressed form of a picture. Every picture has one, in the
-    /// same order, so that both have the same sequence numbers.
+    /// Publishes the compressed form of the picture `sequence` under its number. Every
+    /// picture has one, in the same order; for those that got none, because a thread
+    /// had died, a stamp alone takes their number.
     pub fn compressed(
         &self,
         name: &str,
+        sequence: u64,
         episode: u64,
         tick: u64,
         message: v1::CompressedCameraFrame,
     ) {
         let key = self.keys.compressed(name);
+        let stamp = v1::CompressedCameraFrame::default;
+        while self.next(&key).is_some_and(|next| next < sequence) {
+            self.publish(&key, 0, tick, stamp(), payload);
+        }
         self.publish(&key, episode, tick, message, payload);
+    }
+
+    /// Number of the next message of a stream that was declared.
+    fn next(&self, key: &str) -> Option<u64> {
+        let stream = self.streams.lock().get(key).map(Arc::clone)?;
+        let next = stream.lock().counter.next;
+        Some(next)
     }
 
     /// Whether anybody receives the compressed pictures of a camera. Asked of the
@@ -324,12 +345,12 @@ impl Outbox {
         tick: u64,
         mut message: M,
         encode: fn(M) -> ZBytes,
-    ) -> Option<Digest> {
+    ) -> Published {
         let stream = match self.stream(key, M::TOPIC.info()) {
             Ok(stream) => stream,
             Err(e) => {
                 tracing::error!("cannot publish {key}: {e}");
-                return None;
+                return Published::default();
             }
         };
         let mut stream = stream.lock();
@@ -355,14 +376,17 @@ impl Outbox {
             ..self.header(episode, tick)
         });
         let payload = encode(message);
-        let of_message = (episode > 0).then(|| digest::of_message(payload.slices()));
-        if let Some(of_message) = &of_message {
+        let digest_of_it = (episode > 0).then(|| digest::of_message(payload.slices()));
+        if let Some(of_message) = &digest_of_it {
             digest.add(of_message);
         }
         if let Err(e) = publisher.put(payload).wait() {
             tracing::error!("cannot publish {key}: {e}");
         }
-        of_message
+        Published {
+            sequence,
+            digest: digest_of_it,
+        }
     }
 
     /// What every stream published in `episode`, streams without samples included.
@@ -380,25 +404,13 @@ impl Outbox {
         )
         .map(|stream| {
             let of = |key: &str| {
-                streams.get(key).map_or_else(Default::default, |s| {
+                let (counter, digest) = streams.get(key).map_or_else(Default::default, |s| {
                     let stream = s.lock();
                     (stream.counter, stream.digest.clone())
-                })
-            };
-            let (counter, digest) = of(&self.keys.stream(&stream));
-            let compressed = stream.camera_name().map(|camera| {
-                let (counter, digest) = of(&self.keys.compressed(camera));
-                let none = counter.episode != episode;
-                (if none {
-                    StreamDigest::default()
-                } else {
-                    digest
-                })
-                .value()
-            });
-            let (counter, digest) = if counter.episode == episode {
-                (counter, digest)
-            } else {
+                });
+                if counter.episode == episode {
+                    return (counter, digest);
+                }
                 let none = Counter {
                     first: counter.next,
                     next: counter.next,
@@ -406,13 +418,15 @@ impl Outbox {
                 };
                 (none, StreamDigest::default())
             };
+            let (counter, digest) = of(&self.keys.stream(&stream));
+            let compressed = stream.camera_name().map(|c| of(&self.keys.compressed(c)).1);
             v1::StreamCount {
                 stream: stream.to_string(),
                 first: counter.first,
                 last: counter.next.saturating_sub(1),
                 count: counter.count,
                 digest: digest.value().to_vec(),
-                compressed_digest: compressed.map_or_else(Vec::new, Vec::from),
+                compressed_digest: compressed.map_or_else(Vec::new, |c| c.value().to_vec()),
             }
         })
         .collect()

@@ -204,11 +204,11 @@ impl RenderThread {
         };
         let sensed = Sensed::start(sim.devices(), &drawn(&setup), surfaces, &outbox, &signal)?;
         let sensed = Arc::new(sensed);
-        let compressed = Arc::new(Compressed::start(&names, &outbox, &signal)?);
+        let failed = Arc::new(Mutex::new(None));
+        let compressed = Arc::new(Compressed::start(&names, &outbox, &signal, &failed)?);
         let (jobs, queue) = mpsc::sync_channel(QUEUE);
         let (ready, standing) = mpsc::sync_channel(1);
         let pending = Arc::new(AtomicUsize::new(0));
-        let failed = Arc::new(Mutex::new(None));
         let thread = {
             let (failed, waiting) = (Arc::clone(&failed), Arc::clone(&pending));
             let (outbox, previews) = (Arc::clone(&outbox), Arc::clone(&previews));
@@ -243,10 +243,10 @@ impl RenderThread {
                                 }
                                 sensed.offer(&frame, episode, tick);
                                 let (camera, frame) = (frame.camera, message(name, frame));
-                                let digest = outbox.camera(name, episode, tick, frame.clone());
+                                let published = outbox.camera(name, episode, tick, frame.clone());
                                 let picture = Exact {
                                     frame,
-                                    digest,
+                                    published,
                                     episode,
                                     tick,
                                 };
@@ -298,7 +298,6 @@ impl RenderThread {
         name.is_some_and(|name| {
             self.previews.is_watched(camera)
                 || watched(StreamId::camera(name))
-                || self.outbox.wants_compressed(name)
                 || self.sensed.on(camera).iter().any(sensed)
         })
     }
@@ -321,11 +320,19 @@ impl RenderThread {
         self.pending.load(Ordering::Acquire) > QUEUE
     }
 
-    /// Whether everything queued has been published, or nothing more will be.
+    /// Whether everything queued has been drawn and made into what sensors give, or
+    /// nothing more will be.
+    #[must_use]
+    pub fn is_drawn(&self) -> bool {
+        let drawn = self.pending.load(Ordering::Acquire) == 0;
+        drawn && self.sensed.is_idle() || self.failure().is_some()
+    }
+
+    /// Whether everything queued has been published in every form, or nothing more
+    /// will be.
     #[must_use]
     pub fn is_idle(&self) -> bool {
-        let drawn = self.pending.load(Ordering::Acquire) == 0;
-        drawn && self.sensed.is_idle() && self.compressed.is_idle() || self.failure().is_some()
+        self.is_drawn() && self.compressed.is_idle()
     }
 
     /// Queues pictures; waits while the queue is full.

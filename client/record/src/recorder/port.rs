@@ -44,9 +44,11 @@ pub enum Output {
     AskState,
     /// Ask the server's cache for samples that did not come.
     AskSamples(Missing),
-    /// Listen to the cameras' pictures as they are from now on: this server does not
-    /// compress them.
-    HearExact,
+    /// Listen to the cameras' pictures in this form from now on, and not in the other.
+    Hear {
+        /// Compressed by the server, or as they are.
+        compressed: bool,
+    },
     /// Publish this status now, and again from time to time; each speaks of the
     /// episode in its header.
     Status(v1::RecorderStatus),

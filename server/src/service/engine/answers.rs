@@ -207,7 +207,7 @@ impl Engine {
         let (episode, sensed) = (self.episode_number(), render.sensed());
         let deadline = Instant::now() + DRAWN_WITHIN;
         let waits = self.sim.scenario().pacing == Pacing::LockStep && !sensed.kinds().is_empty();
-        while waits && !render.is_idle() && Instant::now() < deadline {
+        while waits && !render.is_drawn() && Instant::now() < deadline {
             std::thread::sleep(Duration::from_micros(100));
         }
         sensed.stands(episode, self.sim.snapshot().tick);

@@ -131,17 +131,25 @@ fn a_picture_that_nobody_compressed_or_that_was_lost_is_asked_for_as_it_is() {
         header: exact(1).header,
         ..Default::default()
     };
+    // It counts as missed at once, so that nobody waits for it, and is asked for.
+    b.feed(sample("compressed/gen3", &empty));
+    assert_eq!(b.recorder.status().missed, 1);
     let asked = |out: Vec<Output>| match &out[..] {
         [Output::AskSamples(m)] => (m.stream.clone(), m.first, m.last),
         other => panic!("{other:?}"),
     };
-    let out = b.feed(sample("compressed/gen3", &empty));
-    assert_eq!(asked(out), ("camera/gen3".to_owned(), 1, 1));
+    let moment = Duration::from_millis(50);
+    let exact_one = || ("camera/gen3".to_owned(), 1, 1);
+    assert_eq!(asked(b.wait(moment)), exact_one());
+    // What is asked for is not asked for again at once, whatever comes.
+    b.feed(sample("compressed/gen3", &empty));
+    assert!(b.wait(moment).is_empty());
+    assert_eq!(asked(b.wait(Duration::from_secs(1))), exact_one());
     b.feed(sample("camera/gen3", &exact(1)));
+    assert_eq!(b.recorder.status().missed, 0);
     // The last one is lost: first what is small is asked for.
     b.feed(ended(told()));
-    let out = b.wait(Duration::from_millis(50));
-    assert_eq!(asked(out), ("compressed/gen3".to_owned(), 2, 2));
+    assert_eq!(asked(b.wait(moment)), ("compressed/gen3".to_owned(), 2, 2));
     let out = b.wait(Duration::from_secs(1));
     assert_eq!(asked(out), ("camera/gen3".to_owned(), 2, 2));
     let out = b.feed(sample("camera/gen3", &exact(2)));
@@ -152,13 +160,36 @@ fn a_picture_that_nobody_compressed_or_that_was_lost_is_asked_for_as_it_is() {
 }
 
 #[test]
+fn where_nothing_comes_compressed_pictures_are_heard_as_they_are() {
+    let mut b = bench();
+    // It waits for others: nothing is published yet.
+    assert!(b.wait(2 * COMPRESSED_PATIENCE).is_empty());
+    b.feed(hash(1, 0));
+    assert!(b.wait(Duration::from_millis(50)).is_empty());
+    let out = b.wait(2 * COMPRESSED_PATIENCE);
+    assert!(
+        matches!(out[..], [Output::Hear { compressed: false }]),
+        "{out:?}"
+    );
+    for i in 0..3 {
+        b.feed(sample("camera/gen3", &exact(i)));
+    }
+    let mut told = told();
+    told.manifest[0] = stopped(1, 1, 0).manifest[0].clone();
+    assert!(report(&b.feed(ended(told))).complete);
+}
+
+#[test]
 fn a_server_that_does_not_compress_is_heard_as_it_is() {
     let mut b = Bench::new();
     let dir = b.dir.path().to_owned();
     b.recorder = Recorder::new(dir, WriterOptions::default()).with_compressed(true);
     let out = b.feed(runs(begins("old", false)));
     assert!(
-        matches!(out[..], [Output::HearExact, Output::AskSnapshot]),
+        matches!(
+            out[..],
+            [Output::Hear { compressed: false }, Output::AskSnapshot]
+        ),
         "{out:?}"
     );
     b.feed(snapshot(1));
@@ -168,6 +199,19 @@ fn a_server_that_does_not_compress_is_heard_as_it_is() {
     let mut told = told();
     told.manifest[1].compressed_digest.clear();
     assert!(report(&b.feed(ended(told))).complete);
+    // Its successor does.
+    let next = v1::EpisodeStarted {
+        compressed_cameras: true,
+        ..started(2, "new")
+    };
+    let out = b.feed(runs(next));
+    assert!(
+        matches!(
+            out[..],
+            [Output::Hear { compressed: true }, Output::AskSnapshot]
+        ),
+        "{out:?}"
+    );
 }
 
 #[test]

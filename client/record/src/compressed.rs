@@ -1,0 +1,84 @@
+//! What came of one camera in compressed form.
+
+use bytes::Bytes;
+use wheelarm_dataset::coverage::Coverage;
+use wheelarm_proto::digest::Digest;
+use wheelarm_proto::{Message, v1};
+
+use super::digests::Digests;
+
+/// A picture whose planes are compressed, and the digest of the exact one's message.
+pub(super) struct Picture {
+    pub frame: Box<v1::CompressedCameraFrame>,
+    pub exact: Digest,
+}
+
+/// The compressed messages of one camera.
+#[derive(Debug, Default)]
+pub(super) struct Compressed {
+    seen: Coverage,
+    digests: Digests,
+    /// Numbers whose message holds no picture that can be taken: it is to be had as
+    /// it is.
+    unusable: Coverage,
+}
+
+impl Compressed {
+    /// Takes account of a message; whether it came before or not, its picture may
+    /// still be wanted. Nothing where it holds none that can be taken.
+    pub fn take(&mut self, sequence: u64, payload: Bytes, digest: &Digest) -> Option<Picture> {
+        if self.seen.within(sequence, sequence) > 0 {
+            self.digests.again(sequence, digest);
+        } else if !self.digests.is_late(sequence) {
+            self.seen.insert(sequence);
+            self.digests.add(sequence, *digest);
+        }
+        let picture = read(payload);
+        if let Err(problem) = &picture {
+            if let Some(problem) = problem {
+                tracing::warn!("compressed picture {sequence} is left out: {problem}");
+            }
+            self.unusable.insert(sequence);
+        }
+        picture.ok()
+    }
+
+    /// The picture of a number was refused.
+    pub fn refuse(&mut self, sequence: u64) {
+        self.unusable.insert(sequence);
+    }
+
+    /// Numbers whose picture is to be had as it is.
+    pub fn unusable(&self) -> &Coverage {
+        &self.unusable
+    }
+
+    /// Digest of all messages, where as many came as the manifest lists; empty
+    /// otherwise.
+    pub fn digest(&self, listed: Option<&v1::StreamCount>) -> Vec<u8> {
+        let all = listed.is_some_and(|c| self.seen.within(c.first, c.last) >= c.count);
+        match all {
+            true => self.digests.value().to_vec(),
+            false => Vec::new(),
+        }
+    }
+
+    /// Numbers that came with two contents.
+    pub fn doubtful(&self) -> u64 {
+        self.digests.doubtful()
+    }
+}
+
+/// Reads a message; without words where nobody compressed the picture.
+fn read(payload: Bytes) -> Result<Picture, Option<String>> {
+    let frame = v1::CompressedCameraFrame::decode(payload).map_err(|e| Some(e.to_string()))?;
+    if frame.rgb.is_empty() && frame.depth.is_empty() && frame.ids.is_empty() {
+        return Err(None);
+    }
+    let exact = Digest::try_from(&frame.digest[..])
+        .map_err(|_| Some("it has no digest of 32 bytes".to_owned()))?;
+    Ok(Picture {
+        frame: Box::new(frame),
+        exact,
+    })
+}
