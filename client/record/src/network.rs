@@ -7,7 +7,6 @@ use std::time::{Duration, Instant};
 use anyhow::{Context, bail};
 use bytes::Bytes;
 use tokio::sync::mpsc;
-use wheelarm_dataset::depth::Depth;
 use wheelarm_dataset::writer::WriterOptions;
 use wheelarm_link::{Link, session_of};
 use wheelarm_proto::keys::check_name;
@@ -70,9 +69,8 @@ pub async fn run(
         recorder: options.name.clone(),
         ..Default::default()
     };
-    // Within one process pictures are handed over where they lie, and whoever stores
-    // depth in another way compresses it anew.
-    let compressed = options.depth == Depth::Metres && !link.is_within();
+    // Within one process pictures are handed over where they lie.
+    let compressed = !link.is_within();
     let recorder = Recorder::new(options.out.clone(), writer)
         .with_limit(options.episodes)
         .with_compressed(compressed);

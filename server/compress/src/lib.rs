@@ -1,4 +1,4 @@
-//! Deflate and byte shuffle as HDF5's built-in filters expect them.
+//! Deflate and byte shuffle as HDF5's built-in filters expect them, and back.
 //!
 //! At [`LEVEL`] chunks are deflated by ISA-L's igzip on processors for which it
 //! has assembly, otherwise by libdeflate. Both write plain deflate: every reader
@@ -10,11 +10,11 @@ mod igzip;
 mod noise;
 mod shuffle;
 
-use libdeflater::{CompressionLvl, Compressor};
+use libdeflater::{CompressionLvl, Compressor, Decompressor};
 
 use igzip::Igzip;
 use noise::Run;
-use shuffle::shuffle;
+use shuffle::{shuffle, unshuffle};
 
 /// Level of every chunk: measured as the best trade of speed and size.
 pub const LEVEL: u8 = 1;
@@ -93,6 +93,40 @@ impl Deflate {
         }
         out.extend(libdeflater::adler32(source).to_be_bytes());
         out.len() - begin
+    }
+}
+
+/// A stream that is not what it should be.
+#[derive(Debug, thiserror::Error)]
+pub enum InflateError {
+    /// It cannot be inflated, or holds more.
+    #[error("{0}")]
+    Stream(#[from] libdeflater::DecompressionError),
+    /// It holds less.
+    #[error("it has {got} bytes, expected {expected}")]
+    Length {
+        /// Bytes that it holds.
+        got: usize,
+        /// Bytes that it should hold.
+        expected: usize,
+    },
+}
+
+/// The `length` bytes whose elements of `element` bytes were shuffled (1: they were
+/// not) and deflated into the zlib stream `stream`.
+///
+/// # Errors
+/// [`InflateError`].
+pub fn inflate(stream: &[u8], element: usize, length: usize) -> Result<Vec<u8>, InflateError> {
+    let mut out = vec![0; length];
+    let got = Decompressor::new().zlib_decompress(stream, &mut out)?;
+    match got {
+        _ if got != length => Err(InflateError::Length {
+            got,
+            expected: length,
+        }),
+        _ if element > 1 => Ok(unshuffle(&out, element)),
+        _ => Ok(out),
     }
 }
 
@@ -293,6 +327,10 @@ mod tests {
                 let mut out = Vec::new();
                 deflate.append(bytes, element, &mut out);
                 assert_eq!(inflated(&out, bytes.len()), expected);
+                let back = inflate(&out, element, bytes.len());
+                assert!(back.is_ok_and(|back| back == bytes));
+                assert!(inflate(&out, element, bytes.len() + 1).is_err());
+                assert!(inflate(&out[..out.len() - 1], element, bytes.len()).is_err());
             }
         }
     }

@@ -61,3 +61,30 @@ fn blocks_of_four(elements: &[u8], planes: &mut [u8]) -> usize {
     }
     blocks.len() * BLOCK
 }
+
+/// Undoes [`shuffle`].
+pub(super) fn unshuffle(bytes: &[u8], element: usize) -> Vec<u8> {
+    let mut out = vec![0; bytes.len()];
+    match element {
+        2 => gather::<2>(bytes, &mut out),
+        4 => gather::<4>(bytes, &mut out),
+        8 => gather::<8>(bytes, &mut out),
+        _ => {
+            let count = bytes.len() / element.max(1);
+            for (k, plane) in bytes.chunks_exact(count.max(1)).take(element).enumerate() {
+                for (to, &from) in out.chunks_exact_mut(element).zip(plane) {
+                    to[k] = from;
+                }
+            }
+        }
+    }
+    out
+}
+
+fn gather<const N: usize>(bytes: &[u8], out: &mut [u8]) {
+    let count = bytes.len() / N;
+    let planes: [&[u8]; N] = std::array::from_fn(|k| &bytes[k * count..(k + 1) * count]);
+    for (i, to) in out.as_chunks_mut::<N>().0.iter_mut().enumerate() {
+        *to = std::array::from_fn(|k| planes[k][i]);
+    }
+}

@@ -8,7 +8,8 @@ use std::sync::Arc;
 
 use hdf5::Dataset;
 use hdf5::filters::Filter;
-use libdeflater::Decompressor;
+
+use crate::compress;
 
 /// Where the chunks of a dataset lie, one sample in each.
 #[derive(Clone, Debug)]
@@ -81,47 +82,8 @@ impl ChunkMap {
     /// The bytes of a sample, little-endian elements.
     pub fn sample(&self, index: usize) -> std::io::Result<Vec<u8>> {
         let raw = self.raw(index)?;
-        let mut out = vec![0; self.bytes];
-        let length = Decompressor::new()
-            .zlib_decompress(&raw, &mut out)
-            .map_err(|e| std::io::Error::other(format!("sample {index}: {e}")))?;
-        if length != self.bytes {
-            return Err(std::io::Error::other(format!(
-                "sample {index} has {length} bytes, expected {}",
-                self.bytes
-            )));
-        }
-        Ok(if self.shuffled {
-            unshuffle(&out, self.element)
-        } else {
-            out
-        })
-    }
-}
-
-/// Undoes HDF5's shuffle.
-fn unshuffle(bytes: &[u8], element: usize) -> Vec<u8> {
-    let mut out = vec![0; bytes.len()];
-    match element {
-        2 => gather::<2>(bytes, &mut out),
-        4 => gather::<4>(bytes, &mut out),
-        8 => gather::<8>(bytes, &mut out),
-        _ => {
-            let count = bytes.len() / element.max(1);
-            for (k, plane) in bytes.chunks_exact(count.max(1)).take(element).enumerate() {
-                for (to, &from) in out.chunks_exact_mut(element).zip(plane) {
-                    to[k] = from;
-                }
-            }
-        }
-    }
-    out
-}
-
-fn gather<const N: usize>(bytes: &[u8], out: &mut [u8]) {
-    let count = bytes.len() / N;
-    let planes: [&[u8]; N] = std::array::from_fn(|k| &bytes[k * count..(k + 1) * count]);
-    for (i, to) in out.as_chunks_mut::<N>().0.iter_mut().enumerate() {
-        *to = std::array::from_fn(|k| planes[k][i]);
+        let element = if self.shuffled { self.element } else { 1 };
+        compress::inflate(&raw, element, self.bytes)
+            .map_err(|e| std::io::Error::other(format!("sample {index}: {e}")))
     }
 }

@@ -1,10 +1,11 @@
 //! From a message to a record: what the compression workers do.
 
+use bytes::Bytes;
 use crossbeam_channel::Receiver;
 use prost::Message;
 use wheelarm_proto::v1;
 
-use crate::compress::Deflate;
+use crate::compress::{self, Deflate};
 use crate::depth::{Depth, to_millimetres};
 use crate::ids;
 use crate::log::{Kind, RecordHeader, begin_record, begin_record_in, finish_record};
@@ -78,8 +79,21 @@ impl Encoder {
         out
     }
 
-    /// Record of a camera frame whose planes are compressed already.
-    pub fn compressed(&self, header: &RecordHeader, frame: v1::CompressedCameraFrame) -> Vec<u8> {
+    /// Record of a camera frame whose planes are compressed already; depth that is
+    /// stored in another way is made of what they hold.
+    ///
+    /// # Errors
+    /// When it cannot be made.
+    pub fn compressed(
+        &mut self,
+        header: &RecordHeader,
+        frame: v1::CompressedCameraFrame,
+    ) -> Result<Vec<u8>, String> {
+        let depth = match self.depth {
+            Depth::Metres => frame.depth,
+            Depth::Millimetres => self.millimetres_of(&frame)?.into(),
+            Depth::Nothing => Bytes::new(),
+        };
         let meta = v1::CameraFrame {
             header: frame.header,
             camera: frame.camera,
@@ -91,7 +105,7 @@ impl Encoder {
             ..Default::default()
         };
         let meta = meta.encode_to_vec();
-        let parts = [&meta[..], &frame.rgb, &frame.depth, &frame.ids];
+        let parts = [&meta[..], &frame.rgb, &depth, &frame.ids];
         let spare = self.spare.try_recv().unwrap_or_default();
         let length: usize = parts.iter().map(|part| part.len() + 4).sum();
         let mut out = begin_record_in(spare, length);
@@ -99,7 +113,19 @@ impl Encoder {
             part(&mut out, |out| out.extend_from_slice(bytes));
         }
         finish_record(&mut out, header);
-        out
+        Ok(out)
+    }
+
+    /// Compressed millimetres of compressed metres.
+    fn millimetres_of(&mut self, frame: &v1::CompressedCameraFrame) -> Result<Vec<u8>, String> {
+        let size = frame.intrinsics.unwrap_or_default();
+        let bytes = 4 * size.width as usize * size.height as usize;
+        let metres = compress::inflate(&frame.depth, 4, bytes)
+            .map_err(|e| format!("the depth of {:?} cannot be inflated: {e}", frame.camera))?;
+        to_millimetres(&metres, &mut self.millimetres);
+        let mut out = Vec::with_capacity(frame.depth.len());
+        self.deflate.append(&self.millimetres, 2, &mut out);
+        Ok(out)
     }
 
     /// Record of a sensor's picture, as [`Encoder::camera`]: what the sensor does

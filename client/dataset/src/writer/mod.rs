@@ -104,7 +104,6 @@ pub struct Taken {
 pub struct EpisodeWriter {
     log: PathBuf,
     file: PathBuf,
-    depth: Depth,
     streams: BTreeMap<String, Slot>,
     next: u64,
     queue: Option<Sender<Job>>,
@@ -237,8 +236,9 @@ impl EpisodeWriter {
         for _ in 0..options.workers.max(1) {
             let (jobs, to_log) = (jobs.clone(), to_log.clone());
             let encoder = Encoder::new(options.depth, spare.clone());
+            let told = progress.clone();
             handles.push(std::thread::spawn(move || {
-                threads::compress(&jobs, &to_log, encoder);
+                threads::compress(&jobs, &to_log, encoder, &told);
             }));
         }
         drop(to_log);
@@ -255,7 +255,6 @@ impl EpisodeWriter {
             sync
         });
         Ok(Self {
-            depth: options.depth,
             log,
             file,
             streams,
@@ -316,8 +315,7 @@ impl EpisodeWriter {
     /// already. Waits as [`EpisodeWriter::offer`] does.
     ///
     /// # Errors
-    /// As [`EpisodeWriter::offer`]; malformed is what has other planes than the
-    /// episode stores.
+    /// As [`EpisodeWriter::offer`].
     pub fn offer_compressed(
         &mut self,
         stream: &str,
@@ -330,12 +328,11 @@ impl EpisodeWriter {
             stream: stream.to_owned(),
             reason,
         };
-        let depth = self.depth;
         let slot = self.streams.get_mut(stream);
         let slot = slot
             .filter(|slot| slot.id.is_camera())
             .ok_or_else(|| malformed("the episode does not announce this camera".into()))?;
-        let size = check_compressed(&frame, slot.size, depth).map_err(malformed)?;
+        let size = check_compressed(&frame, slot.size).map_err(malformed)?;
         slot.size = Some(size);
         let header = frame.header.clone().unwrap_or_default();
         let record = record_header(Kind::Camera, slot.number, &header);
@@ -515,17 +512,13 @@ fn check_sensor(frame: &v1::SensorFrame, first: Option<(u32, u32)>) -> Result<(u
     ))
 }
 
-/// A picture whose planes are zlib streams of what an episode with float32 depth
-/// stores; what is in them stands under the digest of the stream.
+/// A picture whose planes are zlib streams; what is in them stands under the digest of
+/// the stream.
 fn check_compressed(
     frame: &v1::CompressedCameraFrame,
     first: Option<(u32, u32)>,
-    depth: Depth,
 ) -> Result<(u32, u32), String> {
     let size = check_size(frame.intrinsics, first)?;
-    if depth != Depth::Metres {
-        return Err("its depth is compressed in metres, which this episode does not store".into());
-    }
     let formats = (frame.rgb_format(), frame.depth_format(), frame.ids_format());
     let expected = (
         v1::PixelFormat::Rgb8,

@@ -76,12 +76,23 @@ impl Progress {
 }
 
 /// Compresses until the queue is closed.
-pub(super) fn compress(jobs: &Receiver<Job>, records: &Sender<Record>, mut encoder: Encoder) {
+pub(super) fn compress(
+    jobs: &Receiver<Job>,
+    records: &Sender<Record>,
+    mut encoder: Encoder,
+    progress: &Progress,
+) {
     for job in jobs {
         let data = match job.work {
             Work::State(header, payload) => encoder.state(&header, &payload),
             Work::Camera(header, frame) => encoder.camera(&header, &frame),
-            Work::Compressed(header, frame) => encoder.compressed(&header, *frame),
+            Work::Compressed(header, frame) => match encoder.compressed(&header, *frame) {
+                Ok(data) => data,
+                Err(words) => {
+                    progress.fail(words);
+                    return;
+                }
+            },
             Work::Sensor(header, frame) => encoder.sensor(&header, *frame),
             Work::Closing(message) => encode::closing(&message),
         };

@@ -2,6 +2,7 @@
 
 use super::*;
 use wheelarm_dataset::compress::Deflate;
+use wheelarm_dataset::depth::Depth;
 use wheelarm_proto::digest::{Digest, StreamDigest, of_message};
 
 /// A picture as it is, with other colours in each.
@@ -25,7 +26,9 @@ fn exact(sequence: u64) -> v1::CameraFrame {
             }),
         }),
         rgb: (0..24).map(|i| i * 3 + sequence as u8).collect(),
-        depth: (0..32).collect(),
+        depth: (0..8_u8)
+            .flat_map(|i| (0.25 * f32::from(i)).to_le_bytes())
+            .collect(),
         ids: (0..16).collect(),
         rgb_format: v1::PixelFormat::Rgb8.into(),
         depth_format: v1::PixelFormat::DepthMetresF32.into(),
@@ -75,9 +78,17 @@ fn begins(label: &str, compressed_cameras: bool) -> v1::EpisodeStarted {
 
 /// A recorder that hears compressed pictures, in episode 1.
 fn bench() -> Bench {
+    bench_with(Depth::Metres)
+}
+
+/// The same that stores depth in a way of its own.
+fn bench_with(depth: Depth) -> Bench {
     let mut b = Bench::new();
-    let dir = b.dir.path().to_owned();
-    b.recorder = Recorder::new(dir, WriterOptions::default()).with_compressed(true);
+    let options = WriterOptions {
+        depth,
+        ..WriterOptions::default()
+    };
+    b.recorder = Recorder::new(b.dir.path().to_owned(), options).with_compressed(true);
     let out = b.feed(runs(begins("small", true)));
     assert!(matches!(out[..], [Output::AskSnapshot]), "{out:?}");
     b.feed(snapshot(1));
@@ -157,6 +168,42 @@ fn a_picture_that_nobody_compressed_or_that_was_lost_is_asked_for_as_it_is() {
     assert!(done.complete, "{:?}", done.problems);
     let expected: Vec<_> = (0..3).map(|i| exact(i).encode_to_vec()).collect();
     assert_eq!(pictures(&done.path), expected);
+}
+
+#[test]
+fn depth_that_is_stored_in_another_way_is_made_of_compressed_depth() {
+    for depth in [Depth::Metres, Depth::Millimetres, Depth::Nothing] {
+        let stored = |is_compressed: bool| {
+            let mut b = bench_with(depth);
+            for i in 0..3 {
+                b.feed(match is_compressed {
+                    true => sample("compressed/gen3", &compressed(i)),
+                    false => sample("camera/gen3", &exact(i)),
+                });
+            }
+            let out = b.feed(ended(told()));
+            let done = report(&out);
+            assert!(done.complete, "{:?}", done.problems);
+            let episode = Episode::open(&done.path).unwrap();
+            let camera = episode.camera("gen3").unwrap();
+            let frames = (0..3).map(|i| camera.frame(&episode, i).unwrap());
+            frames.map(|frame| format!("{frame:?}")).collect::<Vec<_>>()
+        };
+        let exact = stored(false);
+        assert_eq!(stored(true), exact, "{depth:?}");
+        assert_eq!(exact[0].contains("1.75"), depth != Depth::Nothing);
+    }
+    // What cannot be inflated fails the log with words and takes nobody else along.
+    let mut b = bench_with(Depth::Millimetres);
+    let broken = v1::CompressedCameraFrame {
+        depth: Bytes::from_static(b"no stream"),
+        ..compressed(0)
+    };
+    let mut out = b.feed(sample("compressed/gen3", &broken));
+    out.extend(b.feed(ended(told())));
+    out.extend(b.wait(MANIFEST_PATIENCE));
+    let told = |o: &Output| matches!(o, Output::Failed(words) if words.contains("inflated"));
+    assert!(out.iter().any(told), "{out:?}");
 }
 
 #[test]
