@@ -1,11 +1,15 @@
 //! What came of one camera in compressed form.
 
+use std::collections::BTreeMap;
+use std::time::Instant;
+
 use bytes::Bytes;
 use wheelarm_dataset::coverage::Coverage;
 use wheelarm_proto::digest::Digest;
 use wheelarm_proto::{Message, v1};
 
 use super::digests::Digests;
+use super::gaps::{PAUSE, TRIES};
 
 /// A picture whose planes are compressed, and the digest of the exact one's message.
 pub(super) struct Picture {
@@ -19,8 +23,8 @@ pub(super) struct Compressed {
     seen: Coverage,
     digests: Digests,
     /// Numbers whose message holds no picture that can be taken: it is to be had as
-    /// it is.
-    unusable: Coverage,
+    /// it is. How often it was asked for, and when the last time.
+    unusable: BTreeMap<u64, (u32, Option<Instant>)>,
 }
 
 impl Compressed {
@@ -38,19 +42,45 @@ impl Compressed {
             if let Some(problem) = problem {
                 tracing::warn!("compressed picture {sequence} is left out: {problem}");
             }
-            self.unusable.insert(sequence);
+            self.refuse(sequence);
         }
         picture.ok()
     }
 
-    /// The picture of a number was refused.
+    /// The picture of a number cannot be taken.
     pub fn refuse(&mut self, sequence: u64) {
-        self.unusable.insert(sequence);
+        self.unusable.entry(sequence).or_default();
     }
 
-    /// Numbers whose picture is to be had as it is.
-    pub fn unusable(&self) -> &Coverage {
-        &self.unusable
+    /// The picture of a number is there.
+    pub fn has(&mut self, sequence: u64) {
+        self.unusable.remove(&sequence);
+    }
+
+    /// Ranges of numbers whose picture is to be asked for as it is at `now`.
+    pub fn due(&mut self, now: Instant) -> Vec<(u64, u64)> {
+        let mut due: Vec<(u64, u64)> = Vec::new();
+        for (&number, (tries, at)) in &mut self.unusable {
+            let rests = at.is_some_and(|at| now.saturating_duration_since(at) < PAUSE);
+            if rests || *tries >= TRIES {
+                continue;
+            }
+            (*tries, *at) = (*tries + 1, Some(now));
+            match due.last_mut() {
+                Some((_, last)) if *last + 1 == number => *last = number,
+                _ => due.push((number, number)),
+            }
+        }
+        due
+    }
+
+    /// Numbers beyond `seen` whose picture was asked for so often that it will not
+    /// come.
+    pub fn given_up(&self, seen: Option<(u64, u64)>) -> u64 {
+        let beyond = |n: u64| seen.is_none_or(|(first, last)| n < first || n > last);
+        let all = self.unusable.iter();
+        let lost = all.filter(|(number, (tries, _))| *tries >= TRIES && beyond(**number));
+        lost.count() as u64
     }
 
     /// Digest of all messages, where as many came as the manifest lists; empty

@@ -117,9 +117,11 @@ impl Recording {
         Ok(kept)
     }
 
-    /// Whether anything came in compressed form.
-    pub fn has_compressed(&self) -> bool {
-        !self.compressed.is_empty()
+    /// Cameras of which nothing came in compressed form.
+    pub fn silent(&self) -> impl Iterator<Item = String> {
+        let cameras = self.started.cameras.iter();
+        let streams = cameras.map(|camera| StreamId::camera(camera).to_string());
+        streams.filter(|stream| !self.compressed.contains_key(stream))
     }
 
     /// Writes what is new by `offer`; `digest` is that of the exact message.
@@ -146,6 +148,9 @@ impl Recording {
             Ok(taken) => {
                 seen.insert(sequence);
                 digests.add(sequence, digest);
+                if let Some(compressed) = self.compressed.get_mut(stream) {
+                    compressed.has(sequence);
+                }
                 self.newest = Some(match self.newest {
                     Some(newest) if newest.tick > taken.tick => newest,
                     _ => taken,
@@ -164,30 +169,20 @@ impl Recording {
         }
     }
 
-    /// Samples missing between those that came, and pictures that came in no form
-    /// that can be taken.
+    /// Samples missing between those that came, and pictures beyond them that were
+    /// asked for in vain.
     pub fn missed(&self) -> u64 {
         let between: u64 = self.seen.values().map(Coverage::gaps).sum();
         let beyond = self.compressed.iter().map(|(camera, compressed)| {
-            let unusable = compressed.unusable();
-            let (Some((first, last)), seen) = (unusable.span(), self.seen.get(camera)) else {
-                return 0;
-            };
-            // Those between are counted already.
-            match seen.and_then(Coverage::span) {
-                None => unusable.within(first, last),
-                Some((begin, end)) => {
-                    let inside = unusable.within(begin, end);
-                    unusable.received() - inside
-                }
-            }
+            compressed.given_up(self.seen.get(camera).and_then(Coverage::span))
         });
         between + beyond.sum::<u64>()
     }
 
     /// Samples to ask for again at `now`.
     pub fn wanted(&mut self, stopped: Option<&v1::EpisodeStopped>, now: Instant) -> Vec<Missing> {
-        self.gaps.wanted(&self.seen, &self.compressed, stopped, now)
+        self.gaps
+            .wanted(&self.seen, &mut self.compressed, stopped, now)
     }
 
     /// Whether everything that the manifest lists has come.

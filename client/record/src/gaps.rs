@@ -2,7 +2,7 @@
 //! gives up on what gets lost while it repairs: on a host that cannot keep up,
 //! that is where samples would go missing. The server's cache still has them.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
 
 use wheelarm_dataset::coverage::Coverage;
@@ -11,9 +11,9 @@ use wheelarm_proto::{StreamId, v1};
 use super::compressed::Compressed;
 
 /// Pause before the same samples are asked for again.
-const PAUSE: Duration = Duration::from_secs(1);
+pub(super) const PAUSE: Duration = Duration::from_secs(1);
 /// After so many times they are not in the cache any more.
-const TRIES: u32 = 5;
+pub(super) const TRIES: u32 = 5;
 
 /// Samples of one stream that did not come.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -40,7 +40,7 @@ impl Gaps {
     pub(super) fn wanted(
         &mut self,
         seen: &BTreeMap<String, Coverage>,
-        compressed: &BTreeMap<String, Compressed>,
+        compressed: &mut BTreeMap<String, Compressed>,
         stopped: Option<&v1::EpisodeStopped>,
         now: Instant,
     ) -> Vec<Missing> {
@@ -54,10 +54,9 @@ impl Gaps {
                 let due = *tries == 0 || now.saturating_duration_since(*at) >= PAUSE;
                 if due && *tries < TRIES {
                     (*tries, *at) = (*tries + 1, now);
-                    let of_camera = compressed.get(stream);
-                    let small = of_camera.is_some_and(|c| c.unusable().within(first, last) == 0);
+                    let heard = compressed.contains_key(stream);
                     let stream = match StreamId::parse(stream).camera_name() {
-                        Some(camera) if small && *tries == 1 => {
+                        Some(camera) if heard && *tries == 1 => {
                             StreamId::compressed(camera).to_string()
                         }
                         _ => stream.to_owned(),
@@ -79,19 +78,20 @@ impl Gaps {
                 }
             }
             None => {
-                let none = Coverage::default();
-                let streams: BTreeSet<&String> = seen.keys().chain(compressed.keys()).collect();
-                for stream in streams {
-                    let coverage = seen.get(stream).unwrap_or(&none);
-                    let unusable = compressed.get(stream).and_then(|c| c.unusable().span());
-                    let spans = [coverage.span(), unusable];
-                    let first = spans.iter().flatten().map(|(first, _)| *first).min();
-                    let last = spans.iter().flatten().map(|(_, last)| *last).max();
-                    if let (Some(first), Some(last)) = (first, last) {
+                for (stream, coverage) in seen {
+                    if let Some((first, last)) = coverage.span() {
                         look(stream, coverage, first, last);
                     }
                 }
             }
+        }
+        for (camera, compressed) in compressed {
+            let due = compressed.due(now).into_iter();
+            wanted.extend(due.map(|(first, last)| Missing {
+                stream: camera.clone(),
+                first,
+                last,
+            }));
         }
         wanted
     }
@@ -117,12 +117,12 @@ mod tests {
             coverage.insert(sequence);
         }
         let mut seen = BTreeMap::from([("imu".to_owned(), coverage)]);
-        let (mut gaps, none) = (Gaps::default(), BTreeMap::new());
+        let (mut gaps, mut none) = (Gaps::default(), BTreeMap::new());
         let first = [missing("imu", 6, 7), missing("imu", 10, 10)];
-        assert_eq!(gaps.wanted(&seen, &none, None, start), first);
-        assert_eq!(gaps.wanted(&seen, &none, None, start + PAUSE / 2), []);
+        assert_eq!(gaps.wanted(&seen, &mut none, None, start), first);
+        assert_eq!(gaps.wanted(&seen, &mut none, None, start + PAUSE / 2), []);
         seen.get_mut("imu").unwrap().insert(10);
-        let again = gaps.wanted(&seen, &none, None, start + PAUSE);
+        let again = gaps.wanted(&seen, &mut none, None, start + PAUSE);
         assert_eq!(again, [missing("imu", 6, 7)]);
         let count = |stream: &str, first, last| v1::StreamCount {
             stream: stream.into(),
@@ -135,7 +135,7 @@ mod tests {
             manifest: vec![count("imu", 3, 12), count("clock", 0, 1)],
             ..Default::default()
         };
-        let ends = gaps.wanted(&seen, &none, Some(&stopped), start + PAUSE);
+        let ends = gaps.wanted(&seen, &mut none, Some(&stopped), start + PAUSE);
         let expected = [
             missing("imu", 3, 3),
             missing("imu", 12, 12),
@@ -143,10 +143,10 @@ mod tests {
         ];
         assert_eq!(ends, expected);
         for second in 2..20 {
-            gaps.wanted(&seen, &none, Some(&stopped), start + second * PAUSE);
+            gaps.wanted(&seen, &mut none, Some(&stopped), start + second * PAUSE);
         }
         assert_eq!(
-            gaps.wanted(&seen, &none, Some(&stopped), start + 20 * PAUSE),
+            gaps.wanted(&seen, &mut none, Some(&stopped), start + 20 * PAUSE),
             []
         );
     }

@@ -12,6 +12,7 @@ use wheelarm_proto::v1;
 use self::early::Early;
 pub use self::port::{Input, Output};
 use super::episode::{Accepted, EpisodeId, Made, Recording, Report, id};
+use super::gaps::Missing;
 
 mod early;
 mod port;
@@ -24,8 +25,8 @@ pub const MANIFEST_PATIENCE: Duration = Duration::from_secs(10);
 pub const AWAY_PATIENCE: Duration = Duration::from_secs(60);
 /// Longest wait for what a server that was replaced had sent.
 const FAREWELL_PATIENCE: Duration = Duration::from_secs(2);
-/// Longest wait for the first compressed picture of an episode.
-const COMPRESSED_PATIENCE: Duration = Duration::from_secs(5);
+/// How often is looked for cameras of which nothing came compressed.
+const PROBE_PERIOD: Duration = Duration::from_secs(5);
 /// Pause before the snapshot is asked for again.
 const SNAPSHOT_RETRY: Duration = Duration::from_secs(2);
 /// Longest wait for the snapshot.
@@ -61,8 +62,8 @@ pub struct Recorder {
     wants_compressed: bool,
     /// They are heard in it now.
     hears_compressed: bool,
-    /// Since when an episode is recorded of which nothing came compressed.
-    deaf_since: Option<Instant>,
+    /// When was looked last for cameras that do not come compressed.
+    probed: Option<Instant>,
     out: Vec<Output>,
 }
 
@@ -129,7 +130,7 @@ impl Recorder {
             counted: 0,
             wants_compressed: false,
             hears_compressed: false,
-            deaf_since: None,
+            probed: None,
             out: Vec::new(),
         }
     }
@@ -196,7 +197,8 @@ impl Recorder {
                 self.out.push(Output::AskSnapshot);
             }
         }
-        self.listen(now);
+        self.probe(now);
+        let before = self.missed();
         let wanted = match &mut self.stage {
             Stage::Recording(recording) if recording.away.is_some() => Vec::new(),
             Stage::Recording(recording) => recording.wanted(None, now),
@@ -206,42 +208,67 @@ impl Recorder {
             _ => Vec::new(),
         };
         self.out.extend(wanted.into_iter().map(Output::AskSamples));
+        // What is given up holds nobody up any more.
+        if self.missed() != before {
+            self.publish();
+        }
         self.settle(now);
         std::mem::take(&mut self.out)
     }
 
     /// Hears the cameras' pictures compressed or as they are from now on.
     fn hear(&mut self, compressed: bool) {
-        self.deaf_since = None;
+        self.probed = None;
         if self.hears_compressed != compressed {
             self.hears_compressed = compressed;
             self.out.push(Output::Hear { compressed });
         }
     }
 
-    /// Where nothing comes compressed, whatever the reason, pictures are heard as
-    /// they are: a router may let through what it was told of alone.
-    fn listen(&mut self, now: Instant) {
+    /// Asks for pictures of cameras of which nothing came compressed as they are: one
+    /// that comes shows that a router, say, lets no compressed ones through.
+    fn probe(&mut self, now: Instant) {
         let Stage::Recording(recording) = &self.stage else {
             return;
         };
-        let has_cameras = !recording.started.cameras.is_empty();
-        if !self.hears_compressed || recording.has_compressed() || !has_cameras {
-            self.deaf_since = None;
-            return;
-        }
         // Nothing may be published yet: it may wait for other recorders.
-        if recording.away.is_some() || recording.newest.is_none() {
+        if !self.hears_compressed || recording.away.is_some() || recording.newest.is_none() {
+            self.probed = None;
             return;
         }
-        let since = *self.deaf_since.get_or_insert(now);
-        if now.saturating_duration_since(since) > COMPRESSED_PATIENCE {
-            tracing::warn!(
-                "no compressed picture came in {} s; they are taken as they are",
-                COMPRESSED_PATIENCE.as_secs()
-            );
+        let since = *self.probed.get_or_insert(now);
+        if now.saturating_duration_since(since) < PROBE_PERIOD {
+            return;
+        }
+        self.probed = Some(now);
+        let ask = |stream| {
+            Output::AskSamples(Missing {
+                stream,
+                first: 0,
+                last: u64::from(u32::MAX),
+            })
+        };
+        self.out.extend(recording.silent().map(ask));
+    }
+
+    /// A picture came as it is: of a camera of which nothing came compressed all are
+    /// heard so from now on.
+    fn came_exact(&mut self, stream: &str) {
+        let Stage::Recording(recording) = &self.stage else {
+            return;
+        };
+        if self.hears_compressed && recording.silent().any(|silent| silent == stream) {
+            tracing::warn!("pictures do not come compressed; they are taken as they are");
             self.wants_compressed = false;
             self.hear(false);
+        }
+    }
+
+    /// Samples of the episode at hand that are missing.
+    fn missed(&self) -> u64 {
+        match &self.stage {
+            Stage::Recording(recording) | Stage::Stopping { recording, .. } => recording.missed(),
+            Stage::Idle | Stage::Opening { .. } => 0,
         }
     }
 
@@ -391,6 +418,7 @@ impl Recorder {
             Ok(Accepted::Frame) => {
                 self.status.accepted_frames = recording.accepted;
                 self.publish();
+                self.came_exact(stream);
             }
             Ok(Accepted::State | Accepted::Not) => {}
             Err(words) => {

@@ -42,6 +42,7 @@ pub struct Exact {
 /// Handle of the threads; they end with it.
 pub struct Compressed {
     cameras: Vec<Camera>,
+    failed: Arc<Mutex<Option<String>>>,
 }
 
 struct Camera {
@@ -58,8 +59,7 @@ impl Camera {
 }
 
 impl Compressed {
-    /// Starts a thread for each camera, names in the scenario's order. What makes one
-    /// end early is told in `failed`.
+    /// Starts a thread for each camera, names in the scenario's order.
     ///
     /// # Errors
     /// When a thread cannot start.
@@ -67,15 +67,18 @@ impl Compressed {
         names: &[String],
         outbox: &Arc<Outbox>,
         signal: &Arc<Signal>,
-        failed: &Arc<Mutex<Option<String>>>,
     ) -> Result<Self, ServiceError> {
+        let failed = Arc::new(Mutex::new(None));
         let mut cameras = Vec::new();
         for name in names {
             let (jobs, queue) = mpsc::sync_channel(QUEUE);
             let (name, outbox) = (name.clone(), Arc::clone(outbox));
             let waiting = Arc::new(AtomicUsize::new(0));
-            let (left, signal, failed) =
-                (Arc::clone(&waiting), Arc::clone(signal), Arc::clone(failed));
+            let (left, signal, told) = (
+                Arc::clone(&waiting),
+                Arc::clone(signal),
+                Arc::clone(&failed),
+            );
             let thread = std::thread::Builder::new()
                 .name("compress".to_owned())
                 .spawn(move || {
@@ -88,7 +91,7 @@ impl Compressed {
                     });
                     if std::panic::catch_unwind(work).is_err() {
                         let words = "compressing a picture panicked; please report it";
-                        failed.lock().get_or_insert_with(|| words.to_owned());
+                        *told.lock() = Some(words.to_owned());
                         signal.raise();
                     }
                 });
@@ -99,7 +102,7 @@ impl Compressed {
                 thread: thread.map_err(problem)?,
             });
         }
-        Ok(Self { cameras })
+        Ok(Self { cameras, failed })
     }
 
     /// Hands over the next picture of a camera, by its index in the scenario; waits
@@ -110,6 +113,12 @@ impl Compressed {
             // One that ended early has told why.
             let _ = camera.jobs.send(picture);
         }
+    }
+
+    /// Why a thread ended early, if one did.
+    #[must_use]
+    pub fn failure(&self) -> Option<String> {
+        self.failed.lock().clone()
     }
 
     /// Whether every picture that was handed over is published, or never will be.

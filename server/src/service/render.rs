@@ -204,11 +204,11 @@ impl RenderThread {
         };
         let sensed = Sensed::start(sim.devices(), &drawn(&setup), surfaces, &outbox, &signal)?;
         let sensed = Arc::new(sensed);
-        let failed = Arc::new(Mutex::new(None));
-        let compressed = Arc::new(Compressed::start(&names, &outbox, &signal, &failed)?);
+        let compressed = Arc::new(Compressed::start(&names, &outbox, &signal)?);
         let (jobs, queue) = mpsc::sync_channel(QUEUE);
         let (ready, standing) = mpsc::sync_channel(1);
         let pending = Arc::new(AtomicUsize::new(0));
+        let failed = Arc::new(Mutex::new(None));
         let thread = {
             let (failed, waiting) = (Arc::clone(&failed), Arc::clone(&pending));
             let (outbox, previews) = (Arc::clone(&outbox), Arc::clone(&previews));
@@ -325,7 +325,7 @@ impl RenderThread {
     #[must_use]
     pub fn is_drawn(&self) -> bool {
         let drawn = self.pending.load(Ordering::Acquire) == 0;
-        drawn && self.sensed.is_idle() || self.failure().is_some()
+        drawn && self.sensed.is_idle() || self.failed.lock().is_some()
     }
 
     /// Whether everything queued has been published in every form, or nothing more
@@ -360,10 +360,11 @@ impl RenderThread {
         }
     }
 
-    /// Why the thread stopped drawing, if it did.
+    /// Why the thread stopped drawing, or another one compressing, if one did.
     #[must_use]
     pub fn failure(&self) -> Option<String> {
-        self.failed.lock().clone()
+        let drawing = self.failed.lock().clone();
+        drawing.or_else(|| self.compressed.failure())
     }
 }
 

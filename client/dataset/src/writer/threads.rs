@@ -89,8 +89,10 @@ pub(super) fn compress(
             Work::Compressed(header, frame) => match encoder.compressed(&header, *frame) {
                 Ok(data) => data,
                 Err(words) => {
+                    // Nothing of it is written; those behind it are, and its bytes
+                    // are given back.
                     progress.fail(words);
-                    return;
+                    Vec::new()
                 }
             },
             Work::Sensor(header, frame) => encoder.sensor(&header, *frame),

@@ -142,9 +142,7 @@ fn a_picture_that_nobody_compressed_or_that_was_lost_is_asked_for_as_it_is() {
         header: exact(1).header,
         ..Default::default()
     };
-    // It counts as missed at once, so that nobody waits for it, and is asked for.
-    b.feed(sample("compressed/gen3", &empty));
-    assert_eq!(b.recorder.status().missed, 1);
+    assert!(b.feed(sample("compressed/gen3", &empty)).is_empty());
     let asked = |out: Vec<Output>| match &out[..] {
         [Output::AskSamples(m)] => (m.stream.clone(), m.first, m.last),
         other => panic!("{other:?}"),
@@ -157,7 +155,7 @@ fn a_picture_that_nobody_compressed_or_that_was_lost_is_asked_for_as_it_is() {
     assert!(b.wait(moment).is_empty());
     assert_eq!(asked(b.wait(Duration::from_secs(1))), exact_one());
     b.feed(sample("camera/gen3", &exact(1)));
-    assert_eq!(b.recorder.status().missed, 0);
+    assert!(b.wait(Duration::from_secs(1)).is_empty());
     // The last one is lost: first what is small is asked for.
     b.feed(ended(told()));
     assert_eq!(asked(b.wait(moment)), ("compressed/gen3".to_owned(), 2, 2));
@@ -207,18 +205,58 @@ fn depth_that_is_stored_in_another_way_is_made_of_compressed_depth() {
 }
 
 #[test]
+fn what_is_asked_for_in_vain_holds_nobody_up() {
+    let mut b = bench();
+    b.feed(sample("compressed/gen3", &compressed(0)));
+    for sequence in 1..3 {
+        let empty = v1::CompressedCameraFrame {
+            header: exact(sequence).header,
+            ..Default::default()
+        };
+        b.feed(sample("compressed/gen3", &empty));
+    }
+    let mut asked = 0;
+    for _ in 0..20 {
+        for output in b.wait(Duration::from_secs(1)) {
+            match output {
+                Output::AskSamples(m) => {
+                    assert_eq!((m.stream.as_str(), m.first, m.last), ("camera/gen3", 1, 2));
+                    asked += 1;
+                }
+                Output::Status(status) => assert_eq!((status.missed, asked), (2, 5)),
+                other => panic!("{other:?}"),
+            }
+        }
+    }
+    assert_eq!((asked, b.recorder.status().missed), (5, 2));
+    // It comes after all.
+    b.feed(sample("camera/gen3", &exact(2)));
+    assert_eq!(b.recorder.status().missed, 1);
+}
+
+#[test]
 fn where_nothing_comes_compressed_pictures_are_heard_as_they_are() {
     let mut b = bench();
     // It waits for others: nothing is published yet.
-    assert!(b.wait(2 * COMPRESSED_PATIENCE).is_empty());
+    assert!(b.wait(2 * PROBE_PERIOD).is_empty());
     b.feed(hash(1, 0));
     assert!(b.wait(Duration::from_millis(50)).is_empty());
-    let out = b.wait(2 * COMPRESSED_PATIENCE);
+    let out = b.wait(2 * PROBE_PERIOD);
     assert!(
-        matches!(out[..], [Output::Hear { compressed: false }]),
+        matches!(&out[..], [Output::AskSamples(m)] if m.stream == "camera/gen3"),
         "{out:?}"
     );
-    for i in 0..3 {
+    // None is published yet; then one is.
+    assert!(b.wait(Duration::from_millis(50)).is_empty());
+    let out = b.feed(sample("camera/gen3", &exact(0)));
+    assert!(
+        matches!(
+            out[..],
+            [Output::Status(_), Output::Hear { compressed: false }]
+        ),
+        "{out:?}"
+    );
+    for i in 1..3 {
         b.feed(sample("camera/gen3", &exact(i)));
     }
     let mut told = told();
