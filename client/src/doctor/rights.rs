@@ -87,12 +87,10 @@ pub fn look(connect: &Connect, link: &Link, status: &v1::Status, tell: &mut dyn 
         tries.note(Kind::DeclareSubscriber, &key, &|_| {
             comes(link, &key, moving)
         });
-        for form in ["camera", "compressed"] {
-            let key = format!("{form}/{}", camera.name);
-            tries.note(Kind::DeclareSubscriber, &key, &|_| {
-                comes(link, &key, moving)
-            });
-        }
+        let key = format!("camera/{}", camera.name);
+        tries.note(Kind::DeclareSubscriber, &key, &|_| {
+            comes(link, &key, moving)
+        });
     }
     if user.role.commands() {
         let key = format!("command/{}", user.name);
