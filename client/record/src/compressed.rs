@@ -1,7 +1,7 @@
 //! What came of one camera in compressed form.
 
 use std::collections::BTreeMap;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use bytes::Bytes;
 use wheelarm_dataset::coverage::Coverage;
@@ -9,7 +9,11 @@ use wheelarm_proto::digest::Digest;
 use wheelarm_proto::{Message, v1};
 
 use super::digests::Digests;
-use super::gaps::{PAUSE, TRIES};
+
+/// Pause before the same samples are asked for again.
+pub(super) const PAUSE: Duration = Duration::from_secs(1);
+/// After so many times they are not in the cache any more.
+pub(super) const TRIES: u32 = 5;
 
 /// A picture whose planes are compressed, and the digest of the exact one's message.
 pub(super) struct Picture {

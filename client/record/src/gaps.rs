@@ -3,17 +3,12 @@
 //! that is where samples would go missing. The server's cache still has them.
 
 use std::collections::BTreeMap;
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 use wheelarm_dataset::coverage::Coverage;
 use wheelarm_proto::{StreamId, v1};
 
-use super::compressed::Compressed;
-
-/// Pause before the same samples are asked for again.
-pub(super) const PAUSE: Duration = Duration::from_secs(1);
-/// After so many times they are not in the cache any more.
-pub(super) const TRIES: u32 = 5;
+use super::compressed::{Compressed, PAUSE, TRIES};
 
 /// Samples of one stream that did not come.
 #[derive(Clone, Debug, PartialEq, Eq)]
