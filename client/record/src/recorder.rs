@@ -245,7 +245,8 @@ impl Recorder {
             Output::AskSamples(Missing {
                 stream,
                 first: 0,
-                last: u64::from(u32::MAX),
+                // The transport's numbers wrap: half of them is all that lie ahead.
+                last: u64::from(u32::MAX / 2),
             })
         };
         self.out.extend(recording.silent().map(ask));
