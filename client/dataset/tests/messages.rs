@@ -5,6 +5,8 @@ mod synthetic;
 
 use std::path::Path;
 use std::process::{Command, Output, Stdio};
+use std::sync::mpsc::TryRecvError;
+use std::time::Duration;
 
 use parking_lot::{Mutex, MutexGuard};
 use wheelarm_dataset::finish::finish;
@@ -180,6 +182,7 @@ fn a_label_that_leads_out_of_the_folder_is_refused() {
 
 #[test]
 fn what_is_no_regular_file_is_refused_and_not_waited_for() {
+    let _turn = alone();
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     std::os::unix::net::UnixListener::bind(folder.join("pipe.h5")).unwrap();
@@ -262,6 +265,43 @@ fn without_one_good_file_there_is_no_table_and_no_leftover() {
         table.lines().count() > 1 && table.contains("whole"),
         "{table}"
     );
+}
+
+/// HDF5's files are inherited by every program that is started while they are
+/// open: servers, policies, encoders.
+#[test]
+fn a_program_that_starts_while_a_file_is_made_keeps_nobody_from_opening_it() {
+    let _turn = alone();
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let (done, ended) = std::sync::mpsc::channel::<()>();
+    let starts = std::thread::spawn(move || {
+        let mut started = Vec::new();
+        while started.len() < 200 && ended.try_recv() != Err(TryRecvError::Disconnected) {
+            let mut program = Command::new("sleep");
+            program
+                .arg("20")
+                .stdout(Stdio::null())
+                .stderr(Stdio::null());
+            started.push(program.spawn().unwrap());
+            std::thread::sleep(Duration::from_millis(1));
+        }
+        started
+    });
+    for number in 0..3 {
+        episode(folder, &format!("busy{number}"));
+    }
+    drop(done);
+    let started = starts.join().unwrap();
+    let opened = [0, 1, 2].map(|number| {
+        let file = folder.join(format!("busy{number}.h5"));
+        hdf5::File::open_rw(file).map(drop)
+    });
+    for mut program in started {
+        program.kill().unwrap();
+        program.wait().unwrap();
+    }
+    assert!(opened.iter().all(Result::is_ok), "{opened:?}");
 }
 
 #[test]
@@ -555,7 +595,7 @@ fn a_process_of_an_export_ends_with_it() {
         if !is_there() {
             return;
         }
-        std::thread::sleep(std::time::Duration::from_millis(20));
+        std::thread::sleep(Duration::from_millis(20));
     }
     panic!("it runs on: {stat}");
 }

@@ -10,11 +10,12 @@ use wheelarm_dataset::writer::{WriterOptions, file_path};
 use wheelarm_proto::v1;
 
 use self::early::Early;
+use self::hearing::Hearing;
 pub use self::port::{Input, Output};
 use super::episode::{Accepted, EpisodeId, Made, Recording, Report, id};
-use super::gaps::Missing;
 
 mod early;
+mod hearing;
 mod port;
 mod protocol;
 
@@ -25,8 +26,6 @@ pub const MANIFEST_PATIENCE: Duration = Duration::from_secs(10);
 pub const AWAY_PATIENCE: Duration = Duration::from_secs(60);
 /// Longest wait for what a server that was replaced had sent.
 const FAREWELL_PATIENCE: Duration = Duration::from_secs(2);
-/// How often is looked for cameras of which nothing came compressed.
-const PROBE_PERIOD: Duration = Duration::from_secs(5);
 /// Pause before the snapshot is asked for again.
 const SNAPSHOT_RETRY: Duration = Duration::from_secs(2);
 /// Longest wait for the snapshot.
@@ -58,12 +57,7 @@ pub struct Recorder {
     /// Episodes to record, and how many are recorded, lost or under way.
     limit: Option<u64>,
     counted: u64,
-    /// The cameras' pictures are wanted in their compressed form.
-    wants_compressed: bool,
-    /// They are heard in it now.
-    hears_compressed: bool,
-    /// When was looked last for cameras that do not come compressed.
-    probed: Option<Instant>,
+    hearing: Hearing,
     out: Vec<Output>,
 }
 
@@ -128,9 +122,7 @@ impl Recorder {
             finishing: Vec::new(),
             limit: None,
             counted: 0,
-            wants_compressed: false,
-            hears_compressed: false,
-            probed: None,
+            hearing: Hearing::default(),
             out: Vec::new(),
         }
     }
@@ -139,7 +131,7 @@ impl Recorder {
     /// all recorders; [`Output::Hear`] says where they come as they are.
     #[must_use]
     pub fn with_compressed(mut self, compressed: bool) -> Self {
-        (self.wants_compressed, self.hears_compressed) = (compressed, compressed);
+        self.hearing = Hearing::new(compressed);
         self
     }
 
@@ -197,7 +189,9 @@ impl Recorder {
                 self.out.push(Output::AskSnapshot);
             }
         }
-        self.probe(now);
+        if let Stage::Recording(recording) = &self.stage {
+            self.out.extend(self.hearing.probe(recording, now));
+        }
         let before = self.missed();
         let wanted = match &mut self.stage {
             Stage::Recording(recording) if recording.away.is_some() => Vec::new(),
@@ -214,55 +208,6 @@ impl Recorder {
         }
         self.settle(now);
         std::mem::take(&mut self.out)
-    }
-
-    /// Hears the cameras' pictures compressed or as they are from now on.
-    fn hear(&mut self, compressed: bool) {
-        self.probed = None;
-        if self.hears_compressed != compressed {
-            self.hears_compressed = compressed;
-            self.out.push(Output::Hear { compressed });
-        }
-    }
-
-    /// Asks for pictures of cameras of which nothing came compressed as they are: one
-    /// that comes shows that a router, say, lets no compressed ones through.
-    fn probe(&mut self, now: Instant) {
-        let Stage::Recording(recording) = &self.stage else {
-            return;
-        };
-        // Nothing may be published yet: it may wait for other recorders.
-        if !self.hears_compressed || recording.away.is_some() || recording.newest.is_none() {
-            self.probed = None;
-            return;
-        }
-        let since = *self.probed.get_or_insert(now);
-        if now.saturating_duration_since(since) < PROBE_PERIOD {
-            return;
-        }
-        self.probed = Some(now);
-        let ask = |stream| {
-            Output::AskSamples(Missing {
-                stream,
-                first: 0,
-                // The transport's numbers wrap: half of them is all that lie ahead.
-                last: u64::from(u32::MAX / 2),
-            })
-        };
-        self.out.extend(recording.silent().map(ask));
-    }
-
-    /// A picture came as it is: of a camera of which nothing came compressed all are
-    /// heard so from now on.
-    fn came_exact(&mut self, stream: &str) {
-        let Stage::Recording(recording) = &self.stage else {
-            return;
-        };
-        if self.hears_compressed && recording.silent().any(|silent| silent == stream) {
-            tracing::warn!("pictures do not come compressed; they are taken as they are");
-            self.wants_compressed = false;
-            self.hear(false);
-        }
     }
 
     /// Samples of the episode at hand that are missing.
@@ -320,7 +265,8 @@ impl Recorder {
             state: v1::RecorderState::Idle.into(),
             ..Default::default()
         };
-        self.hear(self.wants_compressed && started.compressed_cameras);
+        self.out
+            .extend(self.hearing.begin(started.compressed_cameras));
         let file = file_path(&self.dir, &started.label);
         self.stage = Stage::Opening {
             started: Box::new(started),
@@ -419,7 +365,9 @@ impl Recorder {
             Ok(Accepted::Frame) => {
                 self.status.accepted_frames = recording.accepted;
                 self.publish();
-                self.came_exact(stream);
+                if let Stage::Recording(recording) = &self.stage {
+                    self.out.extend(self.hearing.came_exact(recording, stream));
+                }
             }
             Ok(Accepted::State | Accepted::Not) => {}
             Err(words) => {

@@ -17,7 +17,10 @@ pub const HOW: &str = "multiplied_how";
 /// When it cannot be written.
 pub fn write(file: &Path, from: &str, how: &str) -> anyhow::Result<()> {
     let context = || format!("marking {}", file.display());
-    let at = hdf5::File::open_rw(file).with_context(context)?;
+    // Without HDF5's lock, which a program started meanwhile would inherit.
+    let mut opening = hdf5::File::with_options();
+    opening.with_fapl(|access| access.file_locking(false));
+    let at = opening.open_rw(file).with_context(context)?;
     for (name, words) in [(FROM, from), (HOW, how)] {
         let words: VarLenUnicode = words.parse().with_context(context)?;
         let attribute = at.new_attr::<VarLenUnicode>().create(name);

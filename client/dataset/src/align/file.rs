@@ -23,7 +23,7 @@ pub fn write(
     pictures: bool,
     tick: &dyn Fn(),
 ) -> anyhow::Result<()> {
-    let file = hdf5::File::create_excl(path)?;
+    let file = crate::hdf::unlocked().create_excl(path)?;
     let summary = episode.summary()?;
     root(&file, episode, aligned, &summary)?;
     let rows = aligned.stamps.len();

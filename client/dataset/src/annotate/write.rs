@@ -28,7 +28,7 @@ pub fn write(
     labels: &Annotations,
     boxes: &[CameraBoxes],
 ) -> hdf5::Result<()> {
-    let file = hdf5::File::open_rw(path)?;
+    let file = crate::hdf::unlocked().open_rw(path)?;
     let group = file.create_group("labels")?;
     Attributes::of(&group)
         .set("version", VERSION)?

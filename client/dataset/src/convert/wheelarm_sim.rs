@@ -186,7 +186,7 @@ fn write(
             "{name} was recorded without depth, which this format has; record with --depth u16"
         );
     }
-    let file = hdf5::File::create_excl(path)?;
+    let file = crate::hdf::unlocked().create_excl(path)?;
     let data = file.create_group("data")?;
     let stamps = &recording.aligned.stamps;
     let whole = |row: &usize| {

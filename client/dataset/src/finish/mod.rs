@@ -19,7 +19,7 @@ use wheelarm_proto::{StreamId, TopicId, v1};
 
 use crate::account::Account;
 use crate::columns::{self, Context};
-use crate::hdf::Attributes;
+use crate::hdf::{self, Attributes};
 use crate::log::{LogError, Scan, outline, read_ahead, scan};
 use crate::publish;
 use crate::read::first_robot;
@@ -144,7 +144,7 @@ fn write(path: &Path, scan: &Scan, account: &Account) -> Result<(), FinishError>
         log: scan.path().to_owned(),
         source,
     };
-    let file = hdf5::File::create(path)?;
+    let file = hdf::unlocked().create(path)?;
     let syncing = File::open(path).map_err(io)?;
     let (done, ended) = crossbeam_channel::bounded(0);
     std::thread::scope(|scope| {
@@ -278,7 +278,7 @@ fn ended(scan: &Scan) -> Option<Row> {
 
 /// Opens the written file again and compares every dataset's length.
 fn verify(path: &Path, counts: &BTreeMap<String, usize>) -> Result<(), FinishError> {
-    let file = hdf5::File::open(path)?;
+    let file = hdf::unlocked().open(path)?;
     for (name, &expected) in counts {
         for data in file.group(name)?.datasets()? {
             let samples = data.shape().first().copied().unwrap_or(0);

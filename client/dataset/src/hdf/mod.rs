@@ -20,6 +20,16 @@ pub const CHUNK_ROWS: usize = 1024;
 /// Greatest chunk of a state stream, bytes.
 const CHUNK_BYTES: usize = 1 << 20;
 
+/// Opens and creates files without HDF5's lock, for those that this program alone
+/// knows: a program that is started meanwhile inherits the open file, and the
+/// lock would then stay on the finished file for as long as that program lives.
+#[must_use]
+pub fn unlocked() -> hdf5::FileBuilder {
+    let mut builder = hdf5::File::with_options();
+    builder.with_fapl(|access| access.file_locking(false));
+    builder
+}
+
 /// UTF-8 of variable length; NUL, which HDF5 takes for the end, becomes U+FFFD.
 #[must_use]
 pub fn unicode(text: &str) -> VarLenUnicode {

@@ -98,7 +98,7 @@ impl Robomimic {
         threads: usize,
     ) -> anyhow::Result<Self> {
         let pending = PendingFile::new(out)?;
-        let file = hdf5::File::create_excl(pending.path())?;
+        let file = crate::hdf::unlocked().create_excl(pending.path())?;
         file.create_group("data")?;
         Ok(Self {
             size,

@@ -1,5 +1,6 @@
 //! Pictures that the server compressed.
 
+use super::super::hearing::PROBE_PERIOD;
 use super::*;
 use wheelarm_dataset::compress::Deflate;
 use wheelarm_dataset::depth::Depth;
