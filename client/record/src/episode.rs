@@ -117,6 +117,11 @@ impl Recording {
         Ok(kept)
     }
 
+    /// Hands the samples that wait for others to the log.
+    pub fn flush(&mut self) {
+        self.writer.flush();
+    }
+
     /// Cameras of which nothing came in compressed form.
     pub fn silent(&self) -> impl Iterator<Item = String> {
         let cameras = self.started.cameras.iter();

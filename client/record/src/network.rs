@@ -79,7 +79,7 @@ pub async fn run(
     let (outputs, mut told) = mpsc::unbounded_channel();
     let thread = {
         let entrance = entrance.clone();
-        std::thread::spawn(move || work(recorder, &exit, &entrance, &outputs))
+        std::thread::spawn(move || work(recorder, exit, &entrance, &outputs))
     };
 
     let _subscribers = subscribe(link, &entrance).await?;
@@ -245,7 +245,7 @@ async fn status_publisher(link: &Link, name: &str) -> anyhow::Result<Publisher<'
 /// The recorder's thread: decodes and feeds the recorder until it is shut down.
 fn work(
     mut recorder: Recorder,
-    exit: &Exit<Raw>,
+    mut exit: Exit<Raw>,
     entrance: &Entrance<Raw>,
     outputs: &mpsc::UnboundedSender<Output>,
 ) {
@@ -253,14 +253,21 @@ fn work(
     let mut ending = false;
     loop {
         let mut out = recorder.tick(Instant::now());
-        let Ok(item) = exit.next(CORE_PERIOD) else {
+        if exit.wait(CORE_PERIOD).is_err() {
             return;
-        };
-        let input = item.and_then(decode);
-        ending |= matches!(input, Some(Input::Shutdown));
-        if let Some(input) = input {
-            out.extend(recorder.handle(input, Instant::now()));
         }
+        let begun = Instant::now();
+        while let Some(raw) = exit.take() {
+            let input = decode(raw);
+            ending |= matches!(input, Input::Shutdown);
+            out.extend(recorder.handle(input, Instant::now()));
+            // Deadlines are looked at, however much comes.
+            if begun.elapsed() >= CORE_PERIOD {
+                break;
+            }
+        }
+        recorder.flush();
+        newest_status(&mut out);
         if exit.dropped() != dropped {
             tracing::warn!(
                 "{} samples were dropped: this host cannot write fast enough; use fewer or smaller pictures, or lock-step pacing",
@@ -289,14 +296,36 @@ fn work(
     }
 }
 
-fn decode(raw: Raw) -> Option<Input> {
-    let owned = |payload: ZBytes| Bytes::from(payload.to_bytes().into_owned());
+/// Leaves out statuses that another one of the same kind follows at once.
+fn newest_status(out: &mut Vec<Output>) {
+    let of = |status: &v1::RecorderStatus| {
+        let header = status.header.as_ref();
+        let episode = header.map(|h| (h.run_id.clone(), h.episode));
+        (episode, status.state)
+    };
+    let mut following = None;
+    let mut kept: Vec<_> = std::mem::take(out);
+    kept.reverse();
+    kept.retain(|output| {
+        let this = match output {
+            Output::Status(status) => Some(of(status)),
+            _ => None,
+        };
+        let is_newest = this.is_none() || this != following;
+        following = this;
+        is_newest
+    });
+    kept.reverse();
+    *out = kept;
+}
+
+fn decode(raw: Raw) -> Input {
     match raw {
-        Raw::Ready(input) => Some(input),
-        Raw::Sample(stream, payload) => Some(Input::Sample {
+        Raw::Ready(input) => input,
+        Raw::Sample(stream, payload) => Input::Sample {
             stream: stream.to_string(),
-            payload: owned(payload),
-        }),
+            payload: Bytes::from(payload.to_bytes().into_owned()),
+        },
     }
 }
 
@@ -347,6 +376,11 @@ async fn subscribe(link: &Link, entrance: &Entrance<Raw>) -> anyhow::Result<Held
     let (session, keys) = (link.session(), link.keys());
     let from = || link.server().clone();
     let mut held: Held = Vec::new();
+    // Where a key is declared, who gets its samples is not looked up for each.
+    for topic in TopicId::STATES {
+        let key = session.declare_keyexpr(keys.topic(topic)).await;
+        held.push(Box::new(key.map_err(transport("declaring a stream"))?));
+    }
     let recovery = || RecoveryConfig::default().heartbeat();
 
     for key in [keys.streams(), keys.topic(TopicId::Sensor)] {

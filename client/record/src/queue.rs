@@ -1,54 +1,95 @@
 //! The way from the transport's callbacks to the recorder's thread: bounded in
 //! bytes, never waiting. What does not fit is dropped and shows as a gap.
 
+use std::collections::VecDeque;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
-use crossbeam_channel::{Receiver, RecvTimeoutError, Sender};
+use parking_lot::{Condvar, Mutex};
 
 /// Bytes of pictures that may wait: about 20 pairs at 1280x720.
 const PICTURE_BYTES: usize = 256 << 20;
 /// Bytes that state samples may use beyond that, so that pictures cannot
 /// push them out.
 const STATE_BYTES: usize = 64 << 20;
+/// A state sample waits so long for others: to wake a thread costs more than to take
+/// what it is woken for. Pictures, which a lock-step server waits for, never wait.
+const LINGER: Duration = Duration::from_millis(5);
+/// Samples that wait no longer.
+const MANY: usize = 1024;
 
-#[derive(Default)]
-struct Count {
+struct Shared<T> {
+    waiting: Mutex<Waiting<T>>,
+    changed: Condvar,
+    /// Bytes of all that were not taken out yet.
     bytes: AtomicUsize,
     dropped: AtomicU64,
 }
 
-/// The end for callbacks.
-pub(super) struct Entrance<T> {
-    sender: Sender<(T, usize)>,
-    count: Arc<Count>,
+struct Waiting<T> {
+    items: VecDeque<(T, usize)>,
+    /// When the first of them came.
+    since: Option<Instant>,
+    /// One of them does not wait for others.
+    is_urgent: bool,
+    /// Ends for callbacks.
+    entrances: usize,
+    /// Nobody takes anything out any more.
+    is_closed: bool,
 }
+
+/// The end for callbacks.
+pub(super) struct Entrance<T>(Arc<Shared<T>>);
 
 impl<T> Clone for Entrance<T> {
     fn clone(&self) -> Self {
-        Self {
-            sender: self.sender.clone(),
-            count: Arc::clone(&self.count),
-        }
+        self.0.waiting.lock().entrances += 1;
+        Self(Arc::clone(&self.0))
+    }
+}
+
+impl<T> Drop for Entrance<T> {
+    fn drop(&mut self) {
+        self.0.waiting.lock().entrances -= 1;
+        self.0.changed.notify_one();
     }
 }
 
 /// The end for the recorder's thread.
 pub(super) struct Exit<T> {
-    receiver: Receiver<(T, usize)>,
-    count: Arc<Count>,
+    shared: Arc<Shared<T>>,
+    /// What was taken out together.
+    batch: VecDeque<(T, usize)>,
+}
+
+impl<T> Drop for Exit<T> {
+    fn drop(&mut self) {
+        let mut waiting = self.shared.waiting.lock();
+        waiting.is_closed = true;
+        waiting.items.clear();
+    }
 }
 
 /// A queue.
 pub(super) fn queue<T>() -> (Entrance<T>, Exit<T>) {
-    let (sender, receiver) = crossbeam_channel::unbounded();
-    let count = Arc::new(Count::default());
-    let entrance = Entrance {
-        sender,
-        count: Arc::clone(&count),
+    let shared = Arc::new(Shared {
+        waiting: Mutex::new(Waiting {
+            items: VecDeque::new(),
+            since: None,
+            is_urgent: false,
+            entrances: 1,
+            is_closed: false,
+        }),
+        changed: Condvar::new(),
+        bytes: AtomicUsize::new(0),
+        dropped: AtomicU64::new(0),
+    });
+    let exit = Exit {
+        shared: Arc::clone(&shared),
+        batch: VecDeque::new(),
     };
-    (entrance, Exit { receiver, count })
+    (Entrance(shared), exit)
 }
 
 impl<T> Entrance<T> {
@@ -59,62 +100,142 @@ impl<T> Entrance<T> {
         } else {
             PICTURE_BYTES + STATE_BYTES
         };
-        if self.count.bytes.fetch_add(bytes, Ordering::AcqRel) + bytes > limit {
-            self.count.bytes.fetch_sub(bytes, Ordering::AcqRel);
-            self.count.dropped.fetch_add(1, Ordering::Relaxed);
+        let shared = &self.0;
+        if shared.bytes.fetch_add(bytes, Ordering::AcqRel) + bytes > limit {
+            shared.bytes.fetch_sub(bytes, Ordering::AcqRel);
+            shared.dropped.fetch_add(1, Ordering::Relaxed);
             return;
         }
-        // A closed queue means that the recorder has ended.
-        let _ = self.sender.send((item, bytes));
+        self.add(item, bytes, picture);
     }
 
     /// Adds a message of the protocol; it always fits.
     pub fn control(&self, item: T) {
-        let _ = self.sender.send((item, 0));
+        self.add(item, 0, true);
+    }
+
+    fn add(&self, item: T, bytes: usize, is_urgent: bool) {
+        let mut waiting = self.0.waiting.lock();
+        // The recorder has ended.
+        if waiting.is_closed {
+            return;
+        }
+        waiting.items.push_back((item, bytes));
+        waiting.since.get_or_insert_with(Instant::now);
+        let first = waiting.items.len() == 1;
+        let urgent = is_urgent && !waiting.is_urgent;
+        let many = waiting.items.len() == MANY;
+        waiting.is_urgent |= is_urgent;
+        drop(waiting);
+        if first || urgent || many {
+            self.0.changed.notify_one();
+        }
     }
 }
 
 impl<T> Exit<T> {
-    /// The next item; `None` after `patience`.
-    pub fn next(&self, patience: Duration) -> Result<Option<T>, Closed> {
-        match self.receiver.recv_timeout(patience) {
-            Ok((item, bytes)) => {
-                self.count.bytes.fetch_sub(bytes, Ordering::AcqRel);
-                Ok(Some(item))
-            }
-            Err(RecvTimeoutError::Timeout) => Ok(None),
-            Err(RecvTimeoutError::Disconnected) => Err(Closed),
+    /// Waits for items, `patience` at most.
+    ///
+    /// # Errors
+    /// When all were taken and nobody can add any.
+    pub fn wait(&mut self, patience: Duration) -> Result<(), Closed> {
+        if !self.batch.is_empty() {
+            return Ok(());
         }
+        let end = Instant::now() + patience;
+        let mut waiting = self.shared.waiting.lock();
+        loop {
+            let now = Instant::now();
+            let until = match waiting.since {
+                Some(since) => since + LINGER,
+                None if waiting.entrances == 0 => return Err(Closed),
+                None => end,
+            };
+            let due = waiting.is_urgent || waiting.items.len() >= MANY || waiting.entrances == 0;
+            if due || now >= until {
+                std::mem::swap(&mut self.batch, &mut waiting.items);
+                waiting.since = None;
+                waiting.is_urgent = false;
+                return Ok(());
+            }
+            self.shared.changed.wait_until(&mut waiting, until);
+        }
+    }
+
+    /// The next of the items that were waited for.
+    pub fn take(&mut self) -> Option<T> {
+        let (item, bytes) = self.batch.pop_front()?;
+        self.shared.bytes.fetch_sub(bytes, Ordering::AcqRel);
+        Some(item)
     }
 
     /// Samples dropped so far because the queue was full.
     pub fn dropped(&self) -> u64 {
-        self.count.dropped.load(Ordering::Relaxed)
+        self.shared.dropped.load(Ordering::Relaxed)
     }
 }
 
 /// Nobody can add anything any more.
+#[derive(Debug, PartialEq, Eq)]
 pub(super) struct Closed;
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
+    /// Everything that is there.
+    fn all(exit: &mut Exit<i32>) -> Vec<i32> {
+        exit.wait(Duration::ZERO).unwrap();
+        std::iter::from_fn(|| exit.take()).collect()
+    }
+
     #[test]
     fn pictures_cannot_push_state_samples_out() {
-        let (entrance, exit) = queue();
+        let (entrance, mut exit) = queue();
         for i in 0..5 {
             entrance.sample(i, PICTURE_BYTES / 4, true);
         }
         entrance.sample(100, 1000, false);
         entrance.control(101);
-        let mut got = Vec::new();
-        while let Ok(Some(i)) = exit.next(Duration::ZERO) {
-            got.push(i);
+        // What was taken out together still counts until it is dealt with.
+        exit.wait(Duration::ZERO).unwrap();
+        entrance.sample(6, 1, true);
+        assert_eq!(exit.dropped(), 2);
+        assert_eq!(all(&mut exit), [0, 1, 2, 3, 100, 101]);
+        entrance.sample(7, PICTURE_BYTES, true);
+        assert_eq!(all(&mut exit), [7]);
+    }
+
+    #[test]
+    fn state_samples_wait_for_others_and_nothing_waits_for_ever() {
+        let (entrance, mut exit) = queue();
+        assert!(all(&mut exit).is_empty());
+        entrance.sample(1, 10, false);
+        entrance.sample(2, 10, false);
+        assert_eq!(all(&mut exit), [1, 2]);
+        for i in 0..MANY {
+            entrance.sample(i32::try_from(i).unwrap(), 10, false);
         }
-        assert_eq!(got, [0, 1, 2, 3, 100, 101]);
-        assert_eq!(exit.dropped(), 1);
-        entrance.sample(6, PICTURE_BYTES, true);
-        assert!(matches!(exit.next(Duration::ZERO), Ok(Some(6))));
+        assert_eq!(all(&mut exit).len(), MANY);
+        let other = entrance.clone();
+        let thread = std::thread::spawn(move || {
+            other.sample(3, 10, false);
+            other.control(4);
+        });
+        thread.join().unwrap();
+        assert_eq!(all(&mut exit), [3, 4]);
+        entrance.sample(5, 10, false);
+        drop(entrance);
+        assert_eq!(all(&mut exit), [5]);
+        assert_eq!(exit.wait(Duration::MAX / 4), Err(Closed));
+    }
+
+    #[test]
+    fn what_is_added_after_the_end_is_let_go() {
+        let (entrance, exit) = queue();
+        drop(exit);
+        let item = Arc::new(());
+        entrance.control(Arc::clone(&item));
+        assert_eq!(Arc::strong_count(&item), 1);
     }
 }

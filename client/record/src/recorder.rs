@@ -169,6 +169,13 @@ impl Recorder {
         std::mem::take(&mut self.out)
     }
 
+    /// Hands what came to the log, after inputs that came together.
+    pub fn flush(&mut self) {
+        if let Stage::Recording(recording) | Stage::Stopping { recording, .. } = &mut self.stage {
+            recording.flush();
+        }
+    }
+
     /// Lets time pass: deadlines and repeated questions.
     pub fn tick(&mut self, now: Instant) -> Vec<Output> {
         if matches!(self.asking, Asking::At(time) if now >= time) {

@@ -106,6 +106,14 @@ impl Class {
     }
 }
 
+/// Whether a state stream is sent at once, with what waits before it. The others of a
+/// tick travel with the clock, which comes last.
+fn is_express(topic: &TopicInfo) -> bool {
+    [TopicId::Applied, TopicId::Clock, TopicId::Event]
+        .iter()
+        .any(|express| express.info() == topic)
+}
+
 #[derive(Clone, Copy, Debug, Default)]
 struct Counter {
     next: u64,
@@ -249,7 +257,7 @@ impl Outbox {
             return Ok(Arc::clone(stream));
         }
         let (priority, express, cache) = match Class::of(topic) {
-            Class::State => (Priority::InteractiveHigh, true, 1200),
+            Class::State => (Priority::InteractiveHigh, is_express(topic), 1200),
             Class::Camera => (Priority::DataLow, false, CREDIT_WINDOW as usize),
             Class::Protocol => (Priority::InteractiveHigh, true, 8),
         };

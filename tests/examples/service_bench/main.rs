@@ -89,60 +89,79 @@ fn start() -> anyhow::Result<()> {
     Ok(())
 }
 
-/// What each further recorder costs, in lock-step: nothing may be missed.
+/// What 1, 2 and 4 recorders cost in lock-step, over the runs without any right before
+/// and after: medians of the rounds. Nothing may be missed.
 fn recorders() -> anyhow::Result<()> {
-    const SECONDS: u64 = 4;
-    let args = [&CAMERAS[..], &["--pacing", "lock-step"]].concat();
-    let mut alone = 0.0;
-    for count in [0, 1, 2, 4] {
-        let server = Server::start("cost", &args)?;
-        let link = server.link();
-        let folder = tempfile::tempdir()?;
-        let recorders: Vec<_> = (0..count)
-            .map(|i| {
-                let name = format!("r{i}");
-                let out = folder.path().join(&name);
-                Recorder::start(&server, &name, &out, &["--episodes", "1"])
-            })
-            .collect();
-        wait_until("the recorders are there", || {
-            let status = link.ask(&v1::StatusRequest {});
-            status.is_ok_and(|s| s.recorders.len() == count)
-        });
-        let idle = IdleCommander::start(&server.link());
-        let request = v1::EpisodeStartRequest {
-            label: "cost".into(),
-            require_recorders: u32::try_from(count)?,
-            ..Default::default()
-        };
-        let _: v1::EpisodeStarted = link.ask(&request)?;
-        let from = tick(&link)?;
-        wait_until("time passes", || tick(&link).is_ok_and(|t| t > from + 60));
-        let (from, begun, cpu) = (tick(&link)?, Instant::now(), processor(&server)?);
-        wait_until("time passes", || {
-            tick(&link).is_ok_and(|t| t > from + SECONDS * 240)
-        });
-        let simulated = (tick(&link)? - from) as f64 / 240.0;
-        let wall = begun.elapsed().as_secs_f64() / simulated;
-        let cpu = (processor(&server)? - cpu) / simulated;
-        let request = v1::EpisodeStopRequest::default();
-        let _: v1::EpisodeStopped = link.ask(&request)?;
-        drop(idle);
-        for recorder in recorders {
-            let text = recorder.finish();
-            if !text.contains("complete") {
-                bail!("a recording is not complete: {text}");
-            }
+    const ROUNDS: usize = 5;
+    const COUNTS: [usize; 3] = [1, 2, 4];
+    let mut costs: [Vec<[f64; 3]>; COUNTS.len()] = Default::default();
+    for _ in 0..ROUNDS {
+        let mut before = cost_with(0)?;
+        for (count, costs) in COUNTS.into_iter().zip(&mut costs) {
+            let with = cost_with(count)?;
+            let after = cost_with(0)?;
+            let none = (before[0] + after[0]) / 2.0;
+            costs.push([with[0] / none, with[0], with[1]]);
+            before = after;
         }
-        if count == 0 {
-            alone = wall;
-        }
+    }
+    for (count, mut costs) in COUNTS.into_iter().zip(costs) {
+        costs.sort_by(|a, b| a[0].total_cmp(&b[0]));
+        let [ratio, wall, cpu] = costs[ROUNDS / 2];
         println!(
-            "recorders {count}: wall {wall:.3} s per simulated s, server {cpu:.3} s of processor time, {:.2} of none",
-            wall / alone
+            "recorders {count}: {ratio:.3} of none ({:.3} to {:.3}), wall {wall:.3} s per simulated s, server {cpu:.3} s of processor time",
+            costs[0][0],
+            costs[ROUNDS - 1][0]
         );
     }
     Ok(())
+}
+
+/// Wall time and the server's processor time for a simulated second with `count`
+/// recorders, s.
+fn cost_with(count: usize) -> anyhow::Result<[f64; 2]> {
+    const SECONDS: u64 = 4;
+    let args = [&CAMERAS[..], &["--pacing", "lock-step"]].concat();
+    let server = Server::start("cost", &args)?;
+    let link = server.link();
+    let folder = tempfile::tempdir()?;
+    let recorders: Vec<_> = (0..count)
+        .map(|i| {
+            let name = format!("r{i}");
+            let out = folder.path().join(&name);
+            Recorder::start(&server, &name, &out, &["--episodes", "1"])
+        })
+        .collect();
+    wait_until("the recorders are there", || {
+        let status = link.ask(&v1::StatusRequest {});
+        status.is_ok_and(|s| s.recorders.len() == count)
+    });
+    let idle = IdleCommander::start(&server.link());
+    let request = v1::EpisodeStartRequest {
+        label: "cost".into(),
+        require_recorders: u32::try_from(count)?,
+        ..Default::default()
+    };
+    let _: v1::EpisodeStarted = link.ask(&request)?;
+    let from = tick(&link)?;
+    wait_until("time passes", || tick(&link).is_ok_and(|t| t > from + 60));
+    let (from, begun, cpu) = (tick(&link)?, Instant::now(), processor(&server)?);
+    wait_until("time passes", || {
+        tick(&link).is_ok_and(|t| t > from + SECONDS * 240)
+    });
+    let simulated = (tick(&link)? - from) as f64 / 240.0;
+    let wall = begun.elapsed().as_secs_f64() / simulated;
+    let cpu = (processor(&server)? - cpu) / simulated;
+    let request = v1::EpisodeStopRequest::default();
+    let _: v1::EpisodeStopped = link.ask(&request)?;
+    drop(idle);
+    for recorder in recorders {
+        let text = recorder.finish();
+        if !text.contains("complete") {
+            bail!("a recording is not complete: {text}");
+        }
+    }
+    Ok([wall, cpu])
 }
 
 /// Rate of recording both cameras with the models of both robot sensors, over that
@@ -181,7 +200,7 @@ fn sensors() -> anyhow::Result<()> {
 
 /// Simulated seconds per second of a recorded episode in lock-step.
 fn recorded_rate(args: &[&str]) -> anyhow::Result<f64> {
-    const SECONDS: u64 = 4;
+    const SECONDS: u64 = 8;
     let server = Server::start("sensors", args)?;
     let link = server.link();
     let folder = tempfile::tempdir()?;

@@ -33,14 +33,6 @@ impl Encoder {
         }
     }
 
-    /// Record of a state sample: the message as it came.
-    pub fn state(&self, header: &RecordHeader, payload: &[u8]) -> Vec<u8> {
-        let mut out = begin_record(payload.len());
-        out.extend_from_slice(payload);
-        finish_record(&mut out, header);
-        out
-    }
-
     /// Record of a camera frame: three compressed pictures.
     pub fn camera(&mut self, header: &RecordHeader, frame: &v1::CameraFrame) -> Vec<u8> {
         let meta = v1::CameraFrame {

@@ -1,11 +1,13 @@
 //! [`EpisodeWriter`]: samples in, acknowledged records in a log out.
 //!
 //! A queue bounded in bytes, two compression workers, one log writer. Records
-//! are appended in the order in which the samples were offered. Nothing in
-//! here knows the transport or HDF5.
+//! are appended in the order in which the samples were offered. State samples, which
+//! are small and many, go to the log writer in groups. Nothing in here knows the
+//! transport or HDF5.
 
 mod budget;
 mod encode;
+mod group;
 mod memory;
 mod threads;
 
@@ -27,7 +29,8 @@ use crate::log::{Appender, Closing, Kind, LogError, LogFile, Preamble, RecordHea
 
 use budget::Budget;
 use encode::Encoder;
-use threads::{Job, Progress, Work};
+use group::Group;
+use threads::{Job, Progress, Record, Work};
 
 /// How an episode is written.
 #[derive(Clone, Debug)]
@@ -106,7 +109,10 @@ pub struct EpisodeWriter {
     file: PathBuf,
     streams: BTreeMap<String, Slot>,
     next: u64,
+    /// State samples that wait for others.
+    group: Group,
     queue: Option<Sender<Job>>,
+    records: Option<Sender<Record>>,
     sync: Option<Sender<()>>,
     budget: Arc<Budget>,
     progress: Arc<Progress>,
@@ -241,7 +247,6 @@ impl EpisodeWriter {
                 threads::compress(&jobs, &to_log, encoder, &told);
             }));
         }
-        drop(to_log);
         let (shared, told) = (budget.clone(), progress.clone());
         handles.push(std::thread::spawn(move || {
             threads::append(&records, &used, appender, &shared, &told);
@@ -259,7 +264,9 @@ impl EpisodeWriter {
             file,
             streams,
             next: 0,
+            group: Group::default(),
             queue: Some(queue),
+            records: Some(to_log),
             sync,
             budget,
             progress,
@@ -269,7 +276,8 @@ impl EpisodeWriter {
 
     /// Takes one sample of `stream` (`camera/NAME` for a camera, `sensor/NAME` for
     /// what a sensor model makes). Waits while
-    /// the queue is full; that wait is what holds a lock-step server back.
+    /// the queue is full; that wait is what holds a lock-step server back. A state
+    /// sample may wait for others until [`EpisodeWriter::flush`].
     ///
     /// # Errors
     /// [`WriteError::Malformed`] refuses this sample alone;
@@ -305,7 +313,10 @@ impl EpisodeWriter {
             columns::check(stream, &payload).map_err(|e| malformed(e.to_string()))?;
             let header = columns::header_of(&payload).map_err(|e| malformed(e.to_string()))?;
             let record = record_header(Kind::State, slot.number, &header);
-            (header, Work::State(record, payload))
+            if self.group.add(&record, &payload) {
+                self.flush();
+            }
+            return Ok(taken(&header));
         };
         self.send(bytes, work);
         Ok(taken(&header))
@@ -341,20 +352,47 @@ impl EpisodeWriter {
         Ok(taken(&header))
     }
 
+    /// Hands the state samples that wait for others to the log.
+    pub fn flush(&mut self) {
+        let Some((count, data)) = self.group.take() else {
+            return;
+        };
+        let bytes = data.len();
+        self.budget.take(bytes);
+        let record = Record {
+            ticket: self.ticket(),
+            count,
+            bytes,
+            data,
+        };
+        if let Some(records) = &self.records
+            && records.send(record).is_err()
+        {
+            self.progress.fail("the log's thread is gone".into());
+        }
+    }
+
     fn send(&mut self, bytes: usize, work: Work) {
+        self.flush();
         self.budget.take(bytes);
         let job = Job {
-            ticket: self.next,
+            ticket: self.ticket(),
             bytes,
             work,
         };
-        self.next += 1;
         if let Some(queue) = &self.queue
             && queue.send(job).is_err()
         {
             self.progress
                 .fail("the compression threads are gone".into());
         }
+    }
+
+    /// Place of the next record or group in the log.
+    fn ticket(&mut self) -> u64 {
+        let ticket = self.next;
+        self.next += 1;
+        ticket
     }
 
     /// Samples that are in the log by now.
@@ -411,7 +449,9 @@ impl EpisodeWriter {
     }
 
     fn end(&mut self) {
+        self.flush();
         self.queue = None;
+        self.records = None;
         // Workers and log writer first: the last sync must come after them.
         let sync = self.sync.take();
         let last = if sync.is_some() {

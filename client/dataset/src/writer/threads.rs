@@ -7,7 +7,6 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
-use bytes::Bytes;
 use crossbeam_channel::{Receiver, Sender};
 use parking_lot::Mutex;
 use wheelarm_proto::v1;
@@ -23,7 +22,7 @@ const SYNC_BYTES: u64 = 16 << 20;
 /// How often is looked whether there are as many.
 const SYNC_LOOK: Duration = Duration::from_millis(20);
 /// Small records are written together up to this size, bytes.
-const GROUP: usize = 1 << 16;
+pub(super) const GROUP: usize = 1 << 16;
 /// Memory of so many written records is kept for the next ones.
 pub(super) const SPARE: usize = 4;
 
@@ -35,16 +34,18 @@ pub(super) struct Job {
 }
 
 pub(super) enum Work {
-    State(RecordHeader, Bytes),
     Camera(RecordHeader, Box<v1::CameraFrame>),
     Compressed(RecordHeader, Box<v1::CompressedCameraFrame>),
     Sensor(RecordHeader, Box<v1::SensorFrame>),
     Closing(Box<Closing>),
 }
 
-/// A record that is ready to be appended.
+/// A record, or a group of them, that is ready to be appended.
 pub(super) struct Record {
     pub ticket: u64,
+    /// How many they are.
+    pub count: u64,
+    /// What they took of the budget.
     pub bytes: usize,
     pub data: Vec<u8>,
 }
@@ -84,7 +85,6 @@ pub(super) fn compress(
 ) {
     for job in jobs {
         let data = match job.work {
-            Work::State(header, payload) => encoder.state(&header, &payload),
             Work::Camera(header, frame) => encoder.camera(&header, &frame),
             Work::Compressed(header, frame) => match encoder.compressed(&header, *frame) {
                 Ok(data) => data,
@@ -100,6 +100,7 @@ pub(super) fn compress(
         };
         let record = Record {
             ticket: job.ticket,
+            count: 1,
             bytes: job.bytes,
             data,
         };
@@ -129,7 +130,7 @@ pub(super) fn append<F: LogFile>(
         }
         while let Some(record) = waiting.remove(&next) {
             next += 1;
-            grouped.0 += 1;
+            grouped.0 += record.count;
             grouped.1 += record.bytes;
             if group.is_empty() && record.data.len() >= GROUP {
                 let before = std::mem::replace(&mut group, record.data);

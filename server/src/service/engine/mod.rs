@@ -325,6 +325,11 @@ impl Engine {
         publish::disturbance(&outbox, episode, &self.sim);
         let step = self.sim.step_telling(&taken.input, |targets, control| {
             publish::applied(&outbox, episode, tick, &taken, targets, control);
+            if !taken.commands.is_empty() {
+                // Who sends it may have been woken on this processor, and the step
+                // that follows is longer than all of its work.
+                std::thread::yield_now();
+            }
         });
         self.pace.tick(Instant::now());
         if self.sim.broken().is_some() {
