@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 
 use super::super::episode::Recording;
 use super::super::gaps::Missing;
-use super::Output;
+use super::port::Output;
 
 /// How often is looked for cameras of which nothing came compressed.
 pub const PROBE_PERIOD: Duration = Duration::from_secs(5);
