@@ -129,6 +129,12 @@ impl Recording {
         streams.filter(|stream| !self.compressed.contains_key(stream))
     }
 
+    /// Number behind the last sample of a stream that is there; `None` without any.
+    pub fn next(&self, stream: &str) -> Option<u64> {
+        let span = self.seen.get(stream).and_then(Coverage::span);
+        span.map(|(_, last)| last + 1)
+    }
+
     /// Writes what is new by `offer`; `digest` is that of the exact message.
     fn keep(
         &mut self,

@@ -372,9 +372,6 @@ impl Recorder {
             Ok(Accepted::Frame) => {
                 self.status.accepted_frames = recording.accepted;
                 self.publish();
-                if let Stage::Recording(recording) = &self.stage {
-                    self.out.extend(self.hearing.came_exact(recording, stream));
-                }
             }
             Ok(Accepted::State | Accepted::Not) => {}
             Err(words) => {

@@ -7,8 +7,14 @@ use super::super::episode::Recording;
 use super::super::gaps::Missing;
 use super::port::Output;
 
-/// How often is looked for cameras of which nothing came compressed.
+/// How often is looked at first for cameras of which nothing came compressed: the
+/// server's cache holds few pictures.
+pub const LOOK: Duration = Duration::from_millis(100);
+/// So long it is looked so often, afterwards as often as this.
 pub const PROBE_PERIOD: Duration = Duration::from_secs(5);
+/// A camera whose pictures were there as they are for so long and not compressed does
+/// not come compressed: a server that is slow for once does not count.
+pub const PATIENCE: Duration = Duration::from_secs(2);
 
 /// What is wanted, and what is heard now.
 #[derive(Debug, Default)]
@@ -17,8 +23,18 @@ pub struct Hearing {
     wants: bool,
     /// They are heard in it now.
     hears: bool,
-    /// When was looked last for cameras that do not come compressed.
-    probed: Option<Instant>,
+    /// There are cameras of which nothing came compressed.
+    silence: Option<Silence>,
+}
+
+/// Cameras that are not heard.
+#[derive(Debug)]
+struct Silence {
+    since: Instant,
+    /// When was looked last.
+    looked: Instant,
+    /// Since when one of them has pictures as they are.
+    exact: Option<Instant>,
 }
 
 impl Hearing {
@@ -28,7 +44,7 @@ impl Hearing {
         Self {
             wants: compressed,
             hears: compressed,
-            probed: None,
+            silence: None,
         }
     }
 
@@ -39,44 +55,54 @@ impl Hearing {
     }
 
     fn change(&mut self, compressed: bool) -> Option<Output> {
-        self.probed = None;
+        self.silence = None;
         let changes = self.hears != compressed;
         self.hears = compressed;
         changes.then_some(Output::Hear { compressed })
     }
 
-    /// Asks for pictures of cameras of which nothing came compressed as they are: one
-    /// that comes shows that a router, say, lets no compressed ones through.
+    /// Asks for the new pictures of cameras of which nothing came compressed as they
+    /// are. Where they come so and not compressed, a router, say, lets no compressed
+    /// ones through, and all are heard as they are from now on.
     pub fn probe(&mut self, recording: &Recording, now: Instant) -> Vec<Output> {
         // Nothing may be published yet: it may wait for other recorders.
-        if !self.hears || recording.away.is_some() || recording.newest.is_none() {
-            self.probed = None;
+        let waits = recording.away.is_some() || recording.newest.is_none();
+        let silent: Vec<String> = match self.hears && !waits {
+            true => recording.silent().collect(),
+            false => Vec::new(),
+        };
+        if silent.is_empty() {
+            self.silence = None;
             return Vec::new();
         }
-        let since = *self.probed.get_or_insert(now);
-        if now.saturating_duration_since(since) < PROBE_PERIOD {
+        let silence = self.silence.get_or_insert(Silence {
+            since: now,
+            looked: now,
+            exact: None,
+        });
+        let next = |stream: &String| recording.next(stream);
+        if silent.iter().any(|stream| next(stream).is_some()) {
+            let since = *silence.exact.get_or_insert(now);
+            if now.saturating_duration_since(since) >= PATIENCE {
+                tracing::warn!("pictures do not come compressed; they are taken as they are");
+                self.wants = false;
+                return self.change(false).into_iter().collect();
+            }
+        }
+        let is_young = now.saturating_duration_since(silence.since) < PROBE_PERIOD;
+        let pause = if is_young { LOOK } else { PROBE_PERIOD };
+        if now.saturating_duration_since(silence.looked) < pause {
             return Vec::new();
         }
-        self.probed = Some(now);
-        let ask = |stream| {
+        silence.looked = now;
+        let ask = |stream: String| {
             Output::AskSamples(Missing {
+                first: next(&stream).unwrap_or(0),
                 stream,
-                first: 0,
                 // The transport's numbers wrap: half of them is all that lie ahead.
                 last: u64::from(u32::MAX / 2),
             })
         };
-        recording.silent().map(ask).collect()
-    }
-
-    /// A picture came as it is: of a camera of which nothing came compressed all are
-    /// heard so from now on.
-    pub fn came_exact(&mut self, recording: &Recording, stream: &str) -> Option<Output> {
-        if !self.hears || recording.silent().all(|silent| silent != stream) {
-            return None;
-        }
-        tracing::warn!("pictures do not come compressed; they are taken as they are");
-        self.wants = false;
-        self.change(false)
+        silent.into_iter().map(ask).collect()
     }
 }

@@ -1,6 +1,6 @@
 //! Pictures that the server compressed.
 
-use super::super::hearing::PROBE_PERIOD;
+use super::super::hearing::{LOOK, PATIENCE, PROBE_PERIOD};
 use super::*;
 use wheelarm_dataset::compress::Deflate;
 use wheelarm_dataset::depth::Depth;
@@ -241,25 +241,41 @@ fn where_nothing_comes_compressed_pictures_are_heard_as_they_are() {
     // It waits for others: nothing is published yet.
     assert!(b.wait(2 * PROBE_PERIOD).is_empty());
     b.feed(hash(1, 0));
-    assert!(b.wait(Duration::from_millis(50)).is_empty());
-    let out = b.wait(2 * PROBE_PERIOD);
-    assert!(
-        matches!(&out[..], [Output::AskSamples(m)] if m.stream == "camera/gen3"),
-        "{out:?}"
-    );
+    assert!(b.wait(LOOK / 2).is_empty());
+    let asks = |out: &[Output], from| matches!(out, [Output::AskSamples(m)] if (m.stream.as_str(), m.first) == ("camera/gen3", from));
+    let out = b.wait(LOOK);
+    assert!(asks(&out, 0), "{out:?}");
     // None is published yet; then one is.
-    assert!(b.wait(Duration::from_millis(50)).is_empty());
-    let out = b.feed(sample("camera/gen3", &exact(0)));
+    assert!(b.wait(LOOK / 2).is_empty());
+    b.feed(sample("camera/gen3", &exact(0)));
+    // A server that is slow for once is waited for.
+    let out = b.wait(LOOK);
+    assert!(asks(&out, 1), "{out:?}");
+    b.feed(sample("camera/gen3", &exact(1)));
+    let out = b.wait(PATIENCE);
     assert!(
-        matches!(
-            out[..],
-            [Output::Status(_), Output::Hear { compressed: false }]
-        ),
+        matches!(out[..], [Output::Hear { compressed: false }]),
         "{out:?}"
     );
-    for i in 1..3 {
-        b.feed(sample("camera/gen3", &exact(i)));
+    b.feed(sample("camera/gen3", &exact(2)));
+    assert!(b.wait(LOOK).is_empty());
+    let mut told = told();
+    told.manifest[0] = stopped(1, 1, 0).manifest[0].clone();
+    assert!(report(&b.feed(ended(told))).complete);
+}
+
+#[test]
+fn a_server_that_compresses_late_is_heard_on() {
+    let mut b = bench();
+    b.feed(hash(1, 0));
+    b.wait(Duration::ZERO);
+    b.wait(LOOK);
+    b.feed(sample("camera/gen3", &exact(0)));
+    b.wait(PATIENCE / 2);
+    for i in 0..3 {
+        b.feed(sample("compressed/gen3", &compressed(i)));
     }
+    assert!(b.wait(2 * PATIENCE).is_empty());
     let mut told = told();
     told.manifest[0] = stopped(1, 1, 0).manifest[0].clone();
     assert!(report(&b.feed(ended(told))).complete);
