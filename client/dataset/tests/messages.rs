@@ -305,6 +305,35 @@ fn a_program_that_starts_while_a_file_is_made_keeps_nobody_from_opening_it() {
 }
 
 #[test]
+fn a_log_and_the_name_of_its_file_are_for_one_program_at_a_time() {
+    let _turn = alone();
+    let folder = tempfile::tempdir().unwrap();
+    let [one, other, out] = ["one", "other", "out"].map(|name| folder.path().join(name));
+    for folder in [&one, &other, &out] {
+        std::fs::create_dir_all(folder).unwrap();
+    }
+    let record = |folder| synthetic::smooth::record(folder, "same", 2, (32, 18)).unwrap();
+    let (first, second) = (record(&one), record(&other));
+    // A log that somebody holds.
+    let held = wheelarm_dataset::log::hold(&first).unwrap();
+    let told = finish(&first, Some(&out)).unwrap_err().to_string();
+    assert!(told.contains("is being written by a recorder"), "{told}");
+    drop(held);
+    // The name that somebody makes a file under.
+    let making = std::fs::File::create(out.join("same.h5.tmp")).unwrap();
+    making.try_lock().unwrap();
+    let told = finish(&second, Some(&out)).unwrap_err().to_string();
+    assert!(told.contains("another program is making it"), "{told}");
+    assert!(told.contains("wheelarm dataset recover"), "{told}");
+    assert!(second.exists() && out.join("same.h5.tmp").exists());
+    drop(making);
+    finish(&first, Some(&out)).unwrap();
+    let told = finish(&second, Some(&out)).unwrap_err().to_string();
+    assert!(told.contains("exists already"), "{told}");
+    assert!(second.exists() && !first.exists());
+}
+
+#[test]
 fn several_processes_export_what_one_does_and_say_what_failed() {
     let _turn = alone();
     let folder = tempfile::tempdir().unwrap();

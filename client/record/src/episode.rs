@@ -10,7 +10,7 @@ use wheelarm_dataset::coverage::Coverage;
 use wheelarm_dataset::finish::{FinishError, finish};
 use wheelarm_dataset::log::{Closing, Received, Recovered};
 use wheelarm_dataset::writer::{EpisodeWriter, Taken, WriteError, WriterOptions};
-use wheelarm_proto::{StreamId, digest, v1};
+use wheelarm_proto::{StreamId, TopicId, digest, v1};
 
 use super::compressed::{Compressed, Picture};
 use super::digests::Digests;
@@ -127,6 +127,11 @@ impl Recording {
         let cameras = self.started.cameras.iter();
         let streams = cameras.map(|camera| StreamId::camera(camera).to_string());
         streams.filter(|stream| !self.compressed.contains_key(stream))
+    }
+
+    /// Whether time has passed in the episode.
+    pub fn is_under_way(&self) -> bool {
+        self.seen.contains_key(TopicId::Clock.name())
     }
 
     /// Number behind the last sample of a stream that is there; `None` without any.

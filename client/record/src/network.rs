@@ -36,6 +36,8 @@ const AWAY_PATIENCE: Duration = Duration::from_secs(5);
 const KEPT_STATUSES: usize = 3;
 /// How often the recorder looks at its deadlines.
 const CORE_PERIOD: Duration = Duration::from_millis(50);
+/// Longest time for what came together.
+const BATCH_TIME: Duration = Duration::from_millis(5);
 /// Longest wait for the state; a question that was lost on the way is repeated.
 const STATE_TIMEOUT: Duration = Duration::from_secs(3);
 /// Longest wait for the answer to another query.
@@ -256,13 +258,17 @@ fn work(
         if exit.wait(CORE_PERIOD).is_err() {
             return;
         }
+        // Whoever carries the outputs out has failed.
+        if outputs.is_closed() {
+            return;
+        }
         let begun = Instant::now();
         while let Some(raw) = exit.take() {
             let input = decode(raw);
             ending |= matches!(input, Input::Shutdown);
             out.extend(recorder.handle(input, Instant::now()));
-            // Deadlines are looked at, however much comes.
-            if begun.elapsed() >= CORE_PERIOD {
+            // A lock-step server waits for the status, and deadlines are looked at.
+            if begun.elapsed() >= BATCH_TIME {
                 break;
             }
         }
@@ -561,4 +567,48 @@ fn ask_state(link: &Link, entrance: &Entrance<Raw>) {
 
 fn transport(operation: &'static str) -> impl Fn(zenoh::Error) -> anyhow::Error {
     move |cause| anyhow::anyhow!("{operation}: {cause}")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn of_statuses_that_follow_each_other_the_newest_is_told() {
+        let status = |episode, state: v1::RecorderState, frames| {
+            Output::Status(v1::RecorderStatus {
+                header: Some(v1::Header {
+                    episode,
+                    ..Default::default()
+                }),
+                state: state.into(),
+                accepted_frames: frames,
+                ..Default::default()
+            })
+        };
+        let ready = |frames| status(1, v1::RecorderState::Ready, frames);
+        let finishing = || status(1, v1::RecorderState::Finishing, 4);
+        let other = || status(2, v1::RecorderState::Finishing, 0);
+        let mut out = vec![
+            ready(1),
+            ready(2),
+            Output::AskState,
+            ready(3),
+            ready(4),
+            finishing(),
+            other(),
+        ];
+        newest_status(&mut out);
+        let told: Vec<_> = out
+            .iter()
+            .map(|output| match output {
+                Output::Status(s) => (
+                    s.header.as_ref().map_or(0, |h| h.episode),
+                    s.accepted_frames,
+                ),
+                _ => (0, 0),
+            })
+            .collect();
+        assert_eq!(told, [(1, 2), (0, 0), (1, 4), (1, 4), (2, 0)]);
+    }
 }

@@ -20,6 +20,7 @@ const LINGER: Duration = Duration::from_millis(5);
 const MANY: usize = 1024;
 
 struct Shared<T> {
+    linger: Duration,
     waiting: Mutex<Waiting<T>>,
     changed: Condvar,
     /// Bytes of all that were not taken out yet.
@@ -73,7 +74,12 @@ impl<T> Drop for Exit<T> {
 
 /// A queue.
 pub(super) fn queue<T>() -> (Entrance<T>, Exit<T>) {
+    lingering(LINGER)
+}
+
+fn lingering<T>(linger: Duration) -> (Entrance<T>, Exit<T>) {
     let shared = Arc::new(Shared {
+        linger,
         waiting: Mutex::new(Waiting {
             items: VecDeque::new(),
             since: None,
@@ -134,7 +140,8 @@ impl<T> Entrance<T> {
 }
 
 impl<T> Exit<T> {
-    /// Waits for items, `patience` at most.
+    /// Waits for items: `patience` at most for the first one, and then until it waited
+    /// long enough for others.
     ///
     /// # Errors
     /// When all were taken and nobody can add any.
@@ -147,7 +154,7 @@ impl<T> Exit<T> {
         loop {
             let now = Instant::now();
             let until = match waiting.since {
-                Some(since) => since + LINGER,
+                Some(since) => since + self.shared.linger,
                 None if waiting.entrances == 0 => return Err(Closed),
                 None => end,
             };
@@ -228,6 +235,44 @@ mod tests {
         drop(entrance);
         assert_eq!(all(&mut exit), [5]);
         assert_eq!(exit.wait(Duration::MAX / 4), Err(Closed));
+    }
+
+    /// What another thread got out, which waits for as long as nothing ends its wait.
+    fn taken(of: impl FnOnce(&Entrance<i32>)) -> Vec<i32> {
+        const HOUR: Duration = Duration::from_secs(3600);
+        let (entrance, mut exit) = lingering(HOUR);
+        let (told, tells) = std::sync::mpsc::channel();
+        std::thread::spawn(move || {
+            exit.wait(HOUR).unwrap();
+            told.send(std::iter::from_fn(|| exit.take()).collect())
+        });
+        of(&entrance);
+        drop(entrance);
+        tells.recv_timeout(Duration::from_secs(60)).unwrap()
+    }
+
+    #[test]
+    fn what_is_urgent_or_much_ends_the_wait_and_a_state_sample_does_not() {
+        let pause = || std::thread::sleep(Duration::from_millis(50));
+        let mut kept = None;
+        let mut with = |last: &dyn Fn(&Entrance<i32>)| {
+            taken(|entrance| {
+                pause();
+                entrance.sample(1, 10, false);
+                pause();
+                last(entrance);
+                // So that not its end ends the wait.
+                kept = Some(entrance.clone());
+            })
+        };
+        assert_eq!(with(&|entrance| entrance.control(2)), [1, 2]);
+        assert_eq!(with(&|entrance| entrance.sample(2, 10, true)), [1, 2]);
+        let many = |entrance: &Entrance<i32>| {
+            (1..MANY).for_each(|_| entrance.sample(2, 10, false));
+        };
+        assert_eq!(with(&many).len(), MANY);
+        // The last who could add anything goes.
+        assert_eq!(taken(|entrance| entrance.sample(1, 10, false)), [1]);
     }
 
     #[test]

@@ -58,6 +58,8 @@ pub struct Recorder {
     limit: Option<u64>,
     counted: u64,
     hearing: Hearing,
+    /// It was told to end.
+    is_ending: bool,
     out: Vec<Output>,
 }
 
@@ -123,6 +125,7 @@ impl Recorder {
             limit: None,
             counted: 0,
             hearing: Hearing::default(),
+            is_ending: false,
             out: Vec::new(),
         }
     }
@@ -163,7 +166,7 @@ impl Recorder {
             Input::Sample { stream, payload } => self.sample(stream, payload),
             Input::ServerLost => self.server_lost(now),
             Input::Done(Made { of, result }) => self.done(&of, result, now),
-            Input::Shutdown => self.end("the recorder was stopped before the episode ended"),
+            Input::Shutdown => self.shut_down(),
         }
         self.settle(now);
         std::mem::take(&mut self.out)
@@ -261,7 +264,7 @@ impl Recorder {
             }
             return;
         }
-        if self.limit.is_some_and(|limit| self.counted >= limit) {
+        if self.is_ending || self.limit.is_some_and(|limit| self.counted >= limit) {
             return;
         }
         self.give_up_opening();
@@ -352,6 +355,8 @@ impl Recorder {
             Stage::Recording(_) | Stage::Stopping { .. } if self.current() == Some(of.clone()) => {
                 self.take(&header, &stream, payload);
             }
+            // What a cache still has of an earlier episode of this server.
+            _ if self.current().is_some_and(|c| c.0 == of.0 && c.1 > of.1) => {}
             // Streams have different priorities: samples may overtake the
             // message that opens their episode.
             _ if self.last.as_ref() != Some(&of) => self.early.keep(header, stream, payload),
@@ -468,6 +473,19 @@ impl Recorder {
         if let Some(next) = self.next.take() {
             self.started(*next, now);
         }
+    }
+
+    /// Closes whatever is open; nothing is begun any more.
+    fn shut_down(&mut self) {
+        self.is_ending = true;
+        if let Some(next) = self.next.take() {
+            self.early.forget(Some(&id(next.header.as_ref())));
+            self.out.push(Output::Failed(format!(
+                "episode {:?} is not recorded: the recorder was stopped while an earlier one was being made into its file",
+                next.label
+            )));
+        }
+        self.end("the recorder was stopped before the episode ended");
     }
 
     /// Closes whatever is open, early.

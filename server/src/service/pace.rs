@@ -73,6 +73,12 @@ impl Pace {
         }
     }
 
+    /// Whether time passes as on the wall.
+    #[must_use]
+    pub fn is_real_time(&self) -> bool {
+        self.pacing == Pacing::RealTime
+    }
+
     /// Simulated seconds per wall second over the last second.
     #[must_use]
     pub fn factor(&self) -> f64 {

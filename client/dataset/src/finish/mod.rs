@@ -20,7 +20,7 @@ use wheelarm_proto::{StreamId, TopicId, v1};
 use crate::account::Account;
 use crate::columns::{self, Context};
 use crate::hdf::{self, Attributes};
-use crate::log::{LogError, Scan, outline, read_ahead, scan};
+use crate::log::{LogError, Scan, hold, is_at, outline, read_ahead, scan};
 use crate::publish;
 use crate::read::first_robot;
 use crate::writer::file_path;
@@ -30,6 +30,9 @@ use events::{Phases, Row};
 /// Pause between two syncs of a file in the making, so that the last one finds
 /// little to do.
 const SYNC_PERIOD: Duration = Duration::from_millis(40);
+
+/// How often a name is claimed that somebody else gives up meanwhile.
+const CLAIMS: usize = 8;
 
 /// A finished file.
 #[derive(Clone, Debug)]
@@ -49,6 +52,9 @@ pub struct Finished {
 /// # Errors
 /// [`FinishError`]; the log stays and nothing half-written is left behind.
 pub fn finish(log: &Path, out: Option<&Path>) -> Result<Finished, FinishError> {
+    // Before it is read: what a recorder appends meanwhile would be left out, and go
+    // with the log.
+    let _held = hold(log)?;
     // A log that was closed in order is read once: whether a record is damaged
     // shows when it is copied, and then the whole log is looked at first.
     if let Some(outline) = outline(log)? {
@@ -62,7 +68,6 @@ pub fn finish(log: &Path, out: Option<&Path>) -> Result<Finished, FinishError> {
 
 /// Makes the file of what `scan` found in the log.
 fn make(log: &Path, out: Option<&Path>, scan: Scan) -> Result<Finished, FinishError> {
-    scan.lock()?;
     let label = scan.preamble.started.as_ref().map_or("", |s| &s.label);
     if let Err(invalid) = wheelarm_proto::check::label(label) {
         return Err(LogError::NoLog {
@@ -89,6 +94,7 @@ fn make(log: &Path, out: Option<&Path>, scan: Scan) -> Result<Finished, FinishEr
     }
 
     let temporary = target.with_extension("h5.tmp");
+    let _claimed = claim(&temporary).map_err(io(&temporary))?;
     let account = Account::of(&scan);
     let written = write(&temporary, &scan, &account);
     if let Err(problem) = written {
@@ -126,6 +132,28 @@ fn make(log: &Path, out: Option<&Path>, scan: Scan) -> Result<Finished, FinishEr
         account,
         notes,
     })
+}
+
+/// Locks the name under which a file is made: a log of the same name may be made into
+/// a file of the same folder at the same time. Unlike HDF5's own lock this one does not
+/// go over to programs that are started.
+fn claim(temporary: &Path) -> std::io::Result<File> {
+    for _ in 0..CLAIMS {
+        let mut opening = File::options();
+        let file = opening.create(true).truncate(false).write(true);
+        let file = file.open(temporary)?;
+        if matches!(file.try_lock(), Err(std::fs::TryLockError::WouldBlock)) {
+            break;
+        }
+        // Whoever had it may have given it another name just now.
+        if is_at(&file, temporary) {
+            return Ok(file);
+        }
+    }
+    Err(std::io::Error::new(
+        std::io::ErrorKind::ResourceBusy,
+        "another program is making it just now",
+    ))
 }
 
 /// Whether `target` is an empty file that a recorder left beside its own log:

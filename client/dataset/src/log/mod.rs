@@ -22,7 +22,8 @@ pub use format::{
     CameraParts, Closing, Kind, MAX_PAYLOAD, Preamble, RECORD_HEADER, Received, RecordHeader,
     Recovered, begin_record, begin_record_in, finish_record,
 };
-pub use scan::{Entry, Scan, outline, scan};
+pub(crate) use scan::is_at;
+pub use scan::{Entry, Scan, hold, outline, scan};
 
 /// What is wrong with a log.
 #[derive(Debug, thiserror::Error)]

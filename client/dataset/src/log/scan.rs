@@ -73,26 +73,40 @@ impl Scan {
         }
     }
 
-    /// Takes the log for this process alone; another recorder or a second
-    /// `recover` is refused.
-    ///
-    /// # Errors
-    /// [`LogError::InUse`].
-    pub fn lock(&self) -> Result<(), LogError> {
-        match self.file.try_lock() {
-            Err(std::fs::TryLockError::WouldBlock) => {
-                Err(LogError::InUse(self.path.display().to_string()))
-            }
-            // File systems without locks: nothing to hold.
-            Err(std::fs::TryLockError::Error(_)) | Ok(()) => Ok(()),
-        }
-    }
-
     /// Path of the log.
     #[must_use]
     pub fn path(&self) -> &Path {
         &self.path
     }
+}
+
+/// Locks a log for as long as the file that it gives lives, so that no recorder writes
+/// it and nobody else makes a file of it. `None` where there is nothing that could be
+/// locked; reading it tells why.
+///
+/// # Errors
+/// [`LogError::InUse`].
+pub fn hold(path: &Path) -> Result<Option<File>, LogError> {
+    if !std::fs::metadata(path).is_ok_and(|m| m.is_file()) {
+        return Ok(None);
+    }
+    let Ok(file) = File::open(path) else {
+        return Ok(None);
+    };
+    // File systems without locks: nothing to hold.
+    let is_locked = matches!(file.try_lock(), Err(std::fs::TryLockError::WouldBlock));
+    if is_locked || (path.exists() && !is_at(&file, path)) {
+        return Err(LogError::InUse(path.display().to_string()));
+    }
+    Ok(Some(file))
+}
+
+/// Whether an open file is the one at `path`.
+pub(crate) fn is_at(file: &File, path: &Path) -> bool {
+    use std::os::unix::fs::MetadataExt;
+    let of = |metadata: std::fs::Metadata| (metadata.dev(), metadata.ino());
+    let there = path.metadata().map(of);
+    file.metadata().map(of).ok() == there.ok()
 }
 
 /// Reads the index of a log and checks every record.

@@ -1,17 +1,21 @@
 //! In which form the cameras' pictures are heard: compressed once by the server for
 //! all recorders, or as they are.
 
+use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
 
 use super::super::episode::Recording;
 use super::super::gaps::Missing;
 use super::port::Output;
 
-/// How often is looked at first for cameras of which nothing came compressed: the
+/// A camera is looked for after this time of the episode without anything of it: the
 /// server's cache holds few pictures.
-pub const LOOK: Duration = Duration::from_millis(100);
-/// So long it is looked so often, afterwards as often as this.
-pub const PROBE_PERIOD: Duration = Duration::from_secs(5);
+pub const LOOK: Duration = Duration::from_millis(300);
+/// Pause after a look that brought pictures; after one that brought none the pause
+/// doubles.
+const AGAIN: Duration = Duration::from_millis(100);
+/// Longest pause.
+pub const LONGEST: Duration = Duration::from_secs(5);
 /// A camera whose pictures were there as they are for so long and not compressed does
 /// not come compressed: a server that is slow for once does not count.
 pub const PATIENCE: Duration = Duration::from_secs(2);
@@ -23,17 +27,19 @@ pub struct Hearing {
     wants: bool,
     /// They are heard in it now.
     hears: bool,
-    /// There are cameras of which nothing came compressed.
-    silence: Option<Silence>,
+    /// Cameras of which nothing came compressed in this episode, by stream.
+    silent: BTreeMap<String, Silence>,
 }
 
-/// Cameras that are not heard.
+/// A camera that is not heard.
 #[derive(Debug)]
 struct Silence {
-    since: Instant,
     /// When was looked last.
     looked: Instant,
-    /// Since when one of them has pictures as they are.
+    pause: Duration,
+    /// Number that was asked for first then.
+    first: u64,
+    /// Since when pictures as they are are there.
     exact: Option<Instant>,
 }
 
@@ -44,7 +50,7 @@ impl Hearing {
         Self {
             wants: compressed,
             hears: compressed,
-            silence: None,
+            silent: BTreeMap::new(),
         }
     }
 
@@ -55,7 +61,7 @@ impl Hearing {
     }
 
     fn change(&mut self, compressed: bool) -> Option<Output> {
-        self.silence = None;
+        self.silent.clear();
         let changes = self.hears != compressed;
         self.hears = compressed;
         changes.then_some(Output::Hear { compressed })
@@ -65,44 +71,50 @@ impl Hearing {
     /// are. Where they come so and not compressed, a router, say, lets no compressed
     /// ones through, and all are heard as they are from now on.
     pub fn probe(&mut self, recording: &Recording, now: Instant) -> Vec<Output> {
-        // Nothing may be published yet: it may wait for other recorders.
-        let waits = recording.away.is_some() || recording.newest.is_none();
-        let silent: Vec<String> = match self.hears && !waits {
-            true => recording.silent().collect(),
-            false => Vec::new(),
-        };
-        if silent.is_empty() {
-            self.silence = None;
+        // Nothing is published yet: it may wait for other recorders.
+        if !self.hears || recording.away.is_some() || !recording.is_under_way() {
+            self.silent.clear();
             return Vec::new();
         }
-        let silence = self.silence.get_or_insert(Silence {
-            since: now,
-            looked: now,
-            exact: None,
-        });
-        let next = |stream: &String| recording.next(stream);
-        if silent.iter().any(|stream| next(stream).is_some()) {
-            let since = *silence.exact.get_or_insert(now);
-            if now.saturating_duration_since(since) >= PATIENCE {
-                tracing::warn!("pictures do not come compressed; they are taken as they are");
-                self.wants = false;
-                return self.change(false).into_iter().collect();
+        let still: Vec<String> = recording.silent().collect();
+        self.silent.retain(|stream, _| still.contains(stream));
+        let mut out = Vec::new();
+        for stream in still {
+            let next = recording.next(&stream);
+            let silence = self.silent.entry(stream.clone()).or_insert(Silence {
+                looked: now,
+                pause: LOOK,
+                first: 0,
+                exact: None,
+            });
+            if next.is_some() {
+                let since = *silence.exact.get_or_insert(now);
+                if now.saturating_duration_since(since) >= PATIENCE {
+                    tracing::warn!("pictures do not come compressed; they are taken as they are");
+                    self.wants = false;
+                    return self.change(false).into_iter().collect();
+                }
             }
-        }
-        let is_young = now.saturating_duration_since(silence.since) < PROBE_PERIOD;
-        let pause = if is_young { LOOK } else { PROBE_PERIOD };
-        if now.saturating_duration_since(silence.looked) < pause {
-            return Vec::new();
-        }
-        silence.looked = now;
-        let ask = |stream: String| {
-            Output::AskSamples(Missing {
-                first: next(&stream).unwrap_or(0),
+            let first = next.unwrap_or(0);
+            if first > silence.first {
+                silence.pause = AGAIN;
+            }
+            if now.saturating_duration_since(silence.looked) < silence.pause {
+                continue;
+            }
+            *silence = Silence {
+                looked: now,
+                pause: (2 * silence.pause).min(LONGEST),
+                first,
+                exact: silence.exact,
+            };
+            out.push(Output::AskSamples(Missing {
                 stream,
+                first,
                 // The transport's numbers wrap: half of them is all that lie ahead.
                 last: u64::from(u32::MAX / 2),
-            })
-        };
-        silent.into_iter().map(ask).collect()
+            }));
+        }
+        out
     }
 }

@@ -22,7 +22,7 @@ fn started(episode: u64, label: &str) -> v1::EpisodeStarted {
     v1::EpisodeStarted {
         header: Some(header(episode, 0, 0)),
         label: label.into(),
-        streams: vec!["imu".into(), "state_hash".into()],
+        streams: vec!["imu".into(), "state_hash".into(), "clock".into()],
         cameras: vec!["gen3".into()],
         ..Default::default()
     }

@@ -323,11 +323,13 @@ impl Engine {
         let episode = self.episode_number();
         let outbox = Arc::clone(&self.shared.outbox);
         publish::disturbance(&outbox, episode, &self.sim);
+        let yields = self.pace.is_real_time() && !taken.commands.is_empty();
         let step = self.sim.step_telling(&taken.input, |targets, control| {
             publish::applied(&outbox, episode, tick, &taken, targets, control);
-            if !taken.commands.is_empty() {
+            if yields {
                 // Who sends it may have been woken on this processor, and the step
-                // that follows is longer than all of its work.
+                // that follows is longer than all of its work. Where time is what the
+                // host gives, drawing threads would take the time of the step.
                 std::thread::yield_now();
             }
         });
