@@ -5,7 +5,6 @@ mod synthetic;
 
 use std::path::Path;
 use std::process::{Command, Output, Stdio};
-use std::sync::mpsc::TryRecvError;
 use std::time::Duration;
 
 use parking_lot::{Mutex, MutexGuard};
@@ -265,72 +264,6 @@ fn without_one_good_file_there_is_no_table_and_no_leftover() {
         table.lines().count() > 1 && table.contains("whole"),
         "{table}"
     );
-}
-
-/// HDF5's files are inherited by every program that is started while they are
-/// open: servers, policies, encoders.
-#[test]
-fn a_program_that_starts_while_a_file_is_made_keeps_nobody_from_opening_it() {
-    let _turn = alone();
-    let folder = tempfile::tempdir().unwrap();
-    let folder = folder.path();
-    let (done, ended) = std::sync::mpsc::channel::<()>();
-    let starts = std::thread::spawn(move || {
-        let mut started = Vec::new();
-        while started.len() < 200 && ended.try_recv() != Err(TryRecvError::Disconnected) {
-            let mut program = Command::new("sleep");
-            program
-                .arg("20")
-                .stdout(Stdio::null())
-                .stderr(Stdio::null());
-            started.push(program.spawn().unwrap());
-            std::thread::sleep(Duration::from_millis(1));
-        }
-        started
-    });
-    for number in 0..3 {
-        episode(folder, &format!("busy{number}"));
-    }
-    drop(done);
-    let started = starts.join().unwrap();
-    let opened = [0, 1, 2].map(|number| {
-        let file = folder.join(format!("busy{number}.h5"));
-        hdf5::File::open_rw(file).map(drop)
-    });
-    for mut program in started {
-        program.kill().unwrap();
-        program.wait().unwrap();
-    }
-    assert!(opened.iter().all(Result::is_ok), "{opened:?}");
-}
-
-#[test]
-fn a_log_and_the_name_of_its_file_are_for_one_program_at_a_time() {
-    let _turn = alone();
-    let folder = tempfile::tempdir().unwrap();
-    let [one, other, out] = ["one", "other", "out"].map(|name| folder.path().join(name));
-    for folder in [&one, &other, &out] {
-        std::fs::create_dir_all(folder).unwrap();
-    }
-    let record = |folder| synthetic::smooth::record(folder, "same", 2, (32, 18)).unwrap();
-    let (first, second) = (record(&one), record(&other));
-    // A log that somebody holds.
-    let held = wheelarm_dataset::log::hold(&first).unwrap();
-    let told = finish(&first, Some(&out)).unwrap_err().to_string();
-    assert!(told.contains("is being written by a recorder"), "{told}");
-    drop(held);
-    // The name that somebody makes a file under.
-    let making = std::fs::File::create(out.join("same.h5.tmp")).unwrap();
-    making.try_lock().unwrap();
-    let told = finish(&second, Some(&out)).unwrap_err().to_string();
-    assert!(told.contains("another program is making it"), "{told}");
-    assert!(told.contains("wheelarm dataset recover"), "{told}");
-    assert!(second.exists() && out.join("same.h5.tmp").exists());
-    drop(making);
-    finish(&first, Some(&out)).unwrap();
-    let told = finish(&second, Some(&out)).unwrap_err().to_string();
-    assert!(told.contains("exists already"), "{told}");
-    assert!(second.exists() && !first.exists());
 }
 
 #[test]
