@@ -190,6 +190,14 @@ fn hashes(path: &Path) -> Vec<(u64, u64)> {
 }
 
 #[test]
+fn a_recorder_that_was_told_to_end_begins_nothing() {
+    let mut b = Bench::new();
+    assert!(b.feed(Input::Shutdown).is_empty());
+    let out = b.feed(runs(started(1, "a")));
+    assert!(out.is_empty(), "{out:?}");
+}
+
+#[test]
 fn samples_that_overtake_the_start_are_kept_and_credit_counts_pictures() {
     let mut b = Bench::new();
     b.feed(hash(1, 0));
