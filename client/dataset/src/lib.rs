@@ -36,4 +36,5 @@ pub mod video;
 pub mod view;
 pub mod writer;
 
+pub use hdf::unlocked;
 pub use wheelarm_compress as compress;

@@ -42,10 +42,23 @@ pub struct Report {
     pub notes: Vec<String>,
 }
 
+/// A status is due after so much time of the simulation, a tenth of what a server in
+/// lock-step allows.
+pub(super) const STATUS_TICKS: u64 = 48;
+
+/// How far the server may take it that everything is here.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Credit {
+    /// Camera frames that were accepted or given up.
+    pub frames: u64,
+    /// Tick of the newest state sample.
+    pub tick: u64,
+}
+
 /// An episode that is being recorded.
 pub(super) struct Recording {
     pub started: v1::EpisodeStarted,
-    /// Camera frames accepted: the credit.
+    /// Camera frames accepted.
     pub accepted: u64,
     /// Newest sample accepted.
     pub newest: Option<Taken>,
@@ -57,6 +70,11 @@ pub(super) struct Recording {
     /// Of cameras whose pictures came compressed.
     compressed: BTreeMap<String, Compressed>,
     gaps: Gaps,
+    /// Tick of the newest sample of a state stream.
+    newest_state: u64,
+    credit: Credit,
+    /// The credit stands still, for a sample is missing that may still come.
+    held: bool,
 }
 
 /// What became of an offered sample.
@@ -75,6 +93,7 @@ impl Recording {
         options: &WriterOptions,
     ) -> Result<Self, WriteError> {
         let writer = EpisodeWriter::open(dir, &started, snapshot, options)?;
+        let tick = started.header.as_ref().map_or(0, |header| header.tick);
         Ok(Self {
             started,
             accepted: 0,
@@ -85,6 +104,9 @@ impl Recording {
             digests: BTreeMap::new(),
             compressed: BTreeMap::new(),
             gaps: Gaps::default(),
+            newest_state: tick,
+            credit: Credit { frames: 0, tick },
+            held: false,
         })
     }
 
@@ -175,6 +197,7 @@ impl Recording {
                     self.accepted += 1;
                     return Ok(Accepted::Frame);
                 }
+                self.newest_state = self.newest_state.max(taken.tick);
                 Ok(Accepted::State)
             }
             Err(WriteError::Failed(words)) => Err(words),
@@ -189,10 +212,44 @@ impl Recording {
     /// asked for in vain.
     pub fn missed(&self) -> u64 {
         let between: u64 = self.seen.values().map(Coverage::gaps).sum();
+        between + self.given_up_beyond()
+    }
+
+    /// Pictures beyond those that came that were asked for in vain.
+    fn given_up_beyond(&self) -> u64 {
         let beyond = self.compressed.iter().map(|(camera, compressed)| {
             compressed.given_up(self.seen.get(camera).and_then(Coverage::span))
         });
-        between + beyond.sum::<u64>()
+        beyond.sum()
+    }
+
+    /// The credit, brought up to what is here unless something is missing that may
+    /// still come.
+    pub fn credit(&mut self) -> Credit {
+        let mut given_up = 0;
+        self.held = false;
+        for (stream, seen) in self.seen.iter().filter(|(_, seen)| seen.gaps() > 0) {
+            let (first, last) = seen.span().unwrap_or_default();
+            for (first, last) in seen.missing(first, last) {
+                if !self.gaps.gave_up(stream, last) {
+                    self.held = true;
+                    return self.credit;
+                }
+                if StreamId::parse(stream).is_camera() {
+                    given_up += last - first + 1;
+                }
+            }
+        }
+        self.credit = Credit {
+            frames: self.accepted + given_up + self.given_up_beyond(),
+            tick: self.newest_state,
+        };
+        self.credit
+    }
+
+    /// Whether the credit may have grown enough since it was last asked for to be told.
+    pub fn may_tell_credit(&self) -> bool {
+        self.held || self.newest_state >= self.credit.tick + STATUS_TICKS
     }
 
     /// Samples to ask for again at `now`.

@@ -28,6 +28,12 @@ pub(super) struct Gaps {
 }
 
 impl Gaps {
+    /// Whether a gap that ends with `last` was asked for so often that it stays.
+    pub(super) fn gave_up(&self, stream: &str, last: u64) -> bool {
+        let asked = self.asked.get(&(stream.to_owned(), last));
+        asked.is_some_and(|(tries, _)| *tries >= TRIES)
+    }
+
     /// What to ask for at `now`: gaps between the samples that came, and with
     /// the manifest those at both ends. A lost picture of a camera that is heard
     /// `compressed` is asked for so first, later as it is; one that has no compressed

@@ -12,7 +12,7 @@ use wheelarm_proto::v1;
 use self::early::Early;
 use self::hearing::Hearing;
 pub use self::port::{Input, Output};
-use super::episode::{Accepted, EpisodeId, Made, Recording, Report, id};
+use super::episode::{Accepted, EpisodeId, Made, Recording, Report, STATUS_TICKS, id};
 
 mod early;
 mod hearing;
@@ -213,7 +213,7 @@ impl Recorder {
         };
         self.out.extend(wanted.into_iter().map(Output::AskSamples));
         // What is given up holds nobody up any more.
-        if self.missed() != before {
+        if self.missed() != before || self.has_new_credit() {
             self.publish();
         }
         self.settle(now);
@@ -378,7 +378,12 @@ impl Recorder {
                 self.status.accepted_frames = recording.accepted;
                 self.publish();
             }
-            Ok(Accepted::State | Accepted::Not) => {}
+            Ok(Accepted::State) => {
+                if self.has_new_credit() {
+                    self.publish();
+                }
+            }
+            Ok(Accepted::Not) => {}
             Err(words) => {
                 let log = recording.log().display().to_string();
                 self.fail(format!("{words}; the log is {log}"));
@@ -588,9 +593,25 @@ impl Recorder {
         self.out.push(Output::Failed(words));
     }
 
+    /// Whether a server in lock-step is to be told how far everything is here.
+    fn has_new_credit(&mut self) -> bool {
+        let Stage::Recording(recording) = &mut self.stage else {
+            return false;
+        };
+        if !recording.may_tell_credit() {
+            return false;
+        }
+        let credit = recording.credit();
+        self.status.credit_frames != Some(credit.frames)
+            || credit.tick >= self.status.credit_tick.unwrap_or(0) + STATUS_TICKS
+    }
+
     /// Publishes readiness and credit.
     fn publish(&mut self) {
-        if let Stage::Recording(recording) | Stage::Stopping { recording, .. } = &self.stage {
+        if let Stage::Recording(recording) | Stage::Stopping { recording, .. } = &mut self.stage {
+            let credit = recording.credit();
+            self.status.credit_frames = Some(credit.frames);
+            self.status.credit_tick = Some(credit.tick);
             self.status.missed = recording.missed();
             if let (Some(header), Some(newest)) = (&mut self.status.header, recording.newest) {
                 header.sequence = newest.sequence;

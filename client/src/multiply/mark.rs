@@ -5,22 +5,21 @@ use std::path::Path;
 
 use anyhow::Context;
 use hdf5::types::VarLenUnicode;
+use wheelarm_dataset::publish;
 
 /// Attribute that names the episode whose demonstration was adapted.
 pub const FROM: &str = "multiplied_from";
 /// Attribute of its task's seed and the noise, for people.
 pub const HOW: &str = "multiplied_how";
 
-/// Marks a file.
+/// Marks a file that has not got its final name yet.
 ///
 /// # Errors
 /// When it cannot be written.
 pub fn write(file: &Path, from: &str, how: &str) -> anyhow::Result<()> {
     let context = || format!("marking {}", file.display());
-    // Without HDF5's lock, which a program started meanwhile would inherit.
-    let mut opening = hdf5::File::with_options();
-    opening.with_fapl(|access| access.file_locking(false));
-    let at = opening.open_rw(file).with_context(context)?;
+    let at = wheelarm_dataset::unlocked().open_rw(file);
+    let at = at.with_context(context)?;
     for (name, words) in [(FROM, from), (HOW, how)] {
         let words: VarLenUnicode = words.parse().with_context(context)?;
         let attribute = at.new_attr::<VarLenUnicode>().create(name);
@@ -30,13 +29,13 @@ pub fn write(file: &Path, from: &str, how: &str) -> anyhow::Result<()> {
     at.close().with_context(context)
 }
 
-/// Marks a file as one of which it is another recording.
+/// Marks a finished file as one of which it is another recording.
 ///
 /// # Errors
-/// When it cannot be written.
+/// When it cannot be written; the file is as it was then.
 pub fn keep(of: &Path, file: &Path) -> anyhow::Result<()> {
     match read(of) {
-        Some([from, how]) => write(file, &from, &how),
+        Some([from, how]) => publish::change(file, |copy| write(copy, &from, &how)),
         None => Ok(()),
     }
 }

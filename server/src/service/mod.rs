@@ -22,6 +22,7 @@ mod errand;
 mod error;
 mod heap;
 pub mod inbox;
+mod kept;
 mod lag;
 mod language;
 mod leases;

@@ -16,9 +16,10 @@ use wheelarm_proto::{Message, StreamId, Topic, TopicId, schema, stamp_nanos, v1}
 use zenoh::bytes::ZBytes;
 use zenoh::qos::{CongestionControl, Priority};
 use zenoh::{Session, Wait};
-use zenoh_ext::{AdvancedPublisher, AdvancedPublisherBuilderExt, CacheConfig, MissDetectionConfig};
+use zenoh_ext::{AdvancedPublisher, AdvancedPublisherBuilderExt, MissDetectionConfig};
 
-use super::recorders::CREDIT_WINDOW;
+use super::kept::Kept;
+use super::recorders::{CREDIT_WINDOW, STATE_CACHE};
 
 /// An encoded message.
 fn payload(message: impl Message) -> ZBytes {
@@ -124,6 +125,7 @@ struct Counter {
 
 struct Stream {
     publisher: AdvancedPublisher<'static>,
+    kept: Kept,
     counter: Counter,
     /// What was published in the counter's episode, to the last bit.
     digest: StreamDigest,
@@ -257,8 +259,8 @@ impl Outbox {
             return Ok(Arc::clone(stream));
         }
         let (priority, express, cache) = match Class::of(topic) {
-            Class::State => (Priority::InteractiveHigh, is_express(topic), 1200),
-            Class::Camera => (Priority::DataLow, false, CREDIT_WINDOW as usize),
+            Class::State => (Priority::InteractiveHigh, is_express(topic), STATE_CACHE),
+            Class::Camera => (Priority::DataLow, false, CREDIT_WINDOW),
             Class::Protocol => (Priority::InteractiveHigh, true, 8),
         };
         let publisher = self
@@ -268,14 +270,17 @@ impl Outbox {
             .congestion_control(CongestionControl::Drop)
             .priority(priority)
             .express(express)
-            .cache(CacheConfig::default().max_samples(cache))
             .sample_miss_detection(
                 MissDetectionConfig::default().heartbeat(Duration::from_millis(500)),
             )
             .publisher_detection()
             .wait()?;
+        let encoding = schema::encoding(topic.message);
+        let source = publisher.id();
+        let kept = Kept::declare(&self.session, key, source, cache as usize, &encoding)?;
         let stream = Arc::new(Mutex::new(Stream {
             publisher,
+            kept,
             counter: Counter::default(),
             digest: StreamDigest::default(),
         }));
@@ -364,6 +369,7 @@ impl Outbox {
         let mut stream = stream.lock();
         let Stream {
             publisher,
+            kept,
             counter,
             digest,
         } = &mut *stream;
@@ -388,7 +394,10 @@ impl Outbox {
         if let Some(of_message) = &digest_of_it {
             digest.add(of_message);
         }
-        if let Err(e) = publisher.put(payload).wait() {
+        // The transport counts the messages of a stream as their headers do.
+        let stamp = self.session.new_timestamp();
+        kept.add(sequence as u32, stamp, payload.clone());
+        if let Err(e) = publisher.put(payload).timestamp(stamp).wait() {
             tracing::error!("cannot publish {key}: {e}");
         }
         Published {

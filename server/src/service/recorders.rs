@@ -30,6 +30,18 @@ pub(super) const AWAY: Duration = Duration::from_secs(5);
 /// The transport's cache holds as many of each camera.
 pub(super) const CREDIT_WINDOW: u64 = 6;
 
+/// Samples of each state stream that the transport's cache holds: five seconds of one
+/// that has a sample at every tick.
+pub(super) const STATE_CACHE: u64 = 1200;
+
+/// Ticks that time may be ahead of the newest state sample up to which the slowest
+/// recorder has everything.
+pub(super) const TICK_WINDOW: u64 = 480;
+const _: () = assert!(
+    2 * TICK_WINDOW <= STATE_CACHE,
+    "the cache still has all of it"
+);
+
 /// How many recorders are remembered.
 const MAX_RECORDERS: usize = 64;
 
@@ -196,26 +208,48 @@ impl Recorders {
             .collect()
     }
 
-    /// The participant that has accepted fewest pictures, with its count.
-    /// Participants that are gone or failed are not waited for.
-    #[must_use]
-    pub fn slowest(
+    /// Participants that record the episode; those that are gone or failed are not
+    /// waited for.
+    fn at_work(
         &self,
         run_id: &str,
         episode: u64,
         participants: &[String],
-    ) -> Option<(String, u64)> {
+    ) -> impl Iterator<Item = &v1::RecorderStatus> {
         self.of_episode(run_id, episode)
             .filter(|s| s.state == v1::RecorderState::Ready as i32)
             .filter(|s| participants.contains(&s.recorder) && !self.gone.contains(&s.recorder))
-            // A lost picture will never be accepted: it must not stop time.
+    }
+
+    /// Whether a participant has not got the whole episode yet.
+    #[must_use]
+    pub fn records(&self, run_id: &str, episode: u64, participants: &[String]) -> bool {
+        self.at_work(run_id, episode, participants).next().is_some()
+    }
+
+    /// The participant that is too far behind `pictures` that were published and the
+    /// present `tick`; of several the one with fewest pictures.
+    #[must_use]
+    pub fn without_credit(
+        &self,
+        run_id: &str,
+        episode: u64,
+        participants: &[String],
+        pictures: u64,
+        tick: u64,
+    ) -> Option<String> {
+        self.at_work(run_id, episode, participants)
             .map(|s| {
-                (
-                    s.recorder.clone(),
-                    s.accepted_frames.saturating_add(s.missed),
-                )
+                let told = s.credit_frames;
+                let frames = told.unwrap_or(s.accepted_frames.saturating_add(s.missed));
+                (s, frames.min(pictures))
             })
-            .min_by_key(|(_, accepted)| *accepted)
+            .filter(|(s, frames)| {
+                let at = s.credit_tick.unwrap_or(tick);
+                pictures - frames >= CREDIT_WINDOW || tick.saturating_sub(at) >= TICK_WINDOW
+            })
+            .min_by_key(|(_, frames)| *frames)
+            .map(|(s, _)| s.recorder.clone())
     }
 }
 
@@ -252,16 +286,18 @@ mod tests {
         late.state = v1::RecorderState::Finished as i32;
         recorders.update(late);
         let participants = ["a".to_owned(), "b".to_owned(), "old".to_owned()];
-        assert_eq!(
-            recorders.slowest("r", 2, &participants),
-            Some(("b".into(), 7))
-        );
+        let waits = |recorders: &Recorders, pictures| {
+            recorders.without_credit("r", 2, &participants, pictures, 0)
+        };
+        assert_eq!(waits(&recorders, 12), None);
+        assert_eq!(waits(&recorders, 13).as_deref(), Some("b"));
         let now = Instant::now();
         recorders.left("b", now);
         recorders.expire(now + AWAY);
+        let still = waits(&recorders, 13);
         assert_eq!(
-            recorders.slowest("r", 2, &participants),
-            Some(("b".into(), 7)),
+            still.as_deref(),
+            Some("b"),
             "one that is away may come back"
         );
         recorders.came("b");
@@ -270,12 +306,41 @@ mod tests {
         recorders.left("b", now);
         recorders.expire(now + 2 * AWAY);
         assert_eq!(recorders.lost_of(&participants), ["b"]);
-        assert_eq!(
-            recorders.slowest("r", 2, &participants),
-            Some(("a".into(), 10))
-        );
+        assert_eq!(waits(&recorders, 15), None);
+        assert_eq!(waits(&recorders, 16).as_deref(), Some("a"));
+        assert!(recorders.records("r", 2, &participants));
         assert_eq!(recorders.ready("r", 1), ["old"]);
         assert!(recorders.ready("other run", 2).is_empty());
+    }
+
+    #[test]
+    fn time_does_not_run_away_from_a_recorder_that_has_not_got_its_samples() {
+        let mut recorders = Recorders::default();
+        recorders.came("a");
+        let told = |frames, tick| v1::RecorderStatus {
+            // What was accepted behind a gap does not count.
+            credit_frames: Some(frames),
+            credit_tick: Some(tick),
+            missed: 3,
+            ..status("a", 1, 9)
+        };
+        recorders.update(told(4, 100));
+        let participants = ["a".to_owned()];
+        let waits = |recorders: &Recorders, pictures, tick| {
+            let name = recorders.without_credit("r", 1, &participants, pictures, tick);
+            name.is_some()
+        };
+        assert!(!waits(&recorders, 9, 100 + TICK_WINDOW - 1));
+        assert!(waits(&recorders, 10, 100), "pictures");
+        assert!(waits(&recorders, 0, 100 + TICK_WINDOW), "time");
+        assert!(
+            !waits(&recorders, 0, 3),
+            "states may be shown from anywhere"
+        );
+        // A recorder of before tells neither.
+        recorders.update(status("a", 1, 4));
+        assert!(!waits(&recorders, 9, 9 * TICK_WINDOW));
+        assert!(waits(&recorders, 10, 0));
     }
 
     #[test]

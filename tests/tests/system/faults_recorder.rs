@@ -366,6 +366,34 @@ fn lock_step_waits_for_a_stopped_recorder_and_says_for_whom() {
     }
 }
 
+#[test]
+fn lock_step_waits_for_a_stopped_recorder_without_cameras_too() {
+    let args = ["--no-cameras", "--pacing", "lock-step"];
+    let server = Server::start("dark", &args).expect("a server");
+    let link = server.link();
+    let folder = tempfile::tempdir().expect("a folder");
+    let recorder = Recorder::start(&server, "one", folder.path(), &["--episodes", "1"]);
+    wait_for_recorders(&link, 1);
+    let idle = IdleCommander::start(&server.link());
+    start_lock_step(&link, "dark");
+    pass(&link, 1.0);
+    recorder.signal("STOP");
+    wait_until("the server says for whom it waits", || {
+        status(&link).waiting_for.contains("recorder one")
+    });
+    let before = tick(&link);
+    assert!(status(&link).waiting_for.contains("recorder one"));
+    assert_eq!(tick(&link), before, "time passed");
+    recorder.signal("CONT");
+    // More than the server's caches hold of a sample at every tick.
+    pass(&link, 6.0);
+    stop(&link);
+    drop(idle);
+    let text = recorder.finish();
+    let whole = text.contains("dark.h5: complete") && text.contains(" 0 missed");
+    assert!(whole, "{text}");
+}
+
 fn start_lock_step(link: &Link, label: &str) {
     let request = v1::EpisodeStartRequest {
         label: label.into(),

@@ -9,6 +9,7 @@ mod control;
 mod dataset;
 mod disturb;
 mod episode;
+mod faults_cache;
 mod faults_disk;
 mod faults_hostile;
 mod faults_link;

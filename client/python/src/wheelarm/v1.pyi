@@ -2970,7 +2970,7 @@ class RecorderStatus(_Message):
     state: RecorderState
     """What it does (no unit)."""
     accepted_frames: int
-    """Camera frames accepted into its queue in this episode: the credit (count)."""
+    """Camera frames accepted into its queue in this episode (count)."""
     missed: int
     """Samples lost so far in this episode (count)."""
     path: str
@@ -2979,6 +2979,16 @@ class RecorderStatus(_Message):
     """The file holds everything that was published (no unit)."""
     message: str
     """Problem in words (no unit)."""
+    credit_frames: int
+    """The credit in pictures: camera frames of this episode that were accepted, and those that
+    were asked for in vain, as of the last moment at which no sample was missing that may still
+    come (count). Absent from older recorders: `accepted_frames` and `missed` stand for it.
+    Optional.
+    """
+    credit_tick: int
+    """The credit in time: tick of the newest sample of a state stream at that moment (ticks).
+    Absent from older recorders, which time does not wait for without cameras. Optional.
+    """
     def __init__(
         self,
         *,
@@ -2990,6 +3000,8 @@ class RecorderStatus(_Message):
         path: str | None = ...,
         complete: bool | None = ...,
         message: str | None = ...,
+        credit_frames: int | None = ...,
+        credit_tick: int | None = ...,
     ) -> None: ...
 
 class Clock(_Message):

@@ -229,6 +229,50 @@ fn samples_that_overtake_the_start_are_kept_and_credit_counts_pictures() {
     assert_eq!(b.files(), ["a.h5"]);
 }
 
+/// The newest credit, frames and tick, that outputs tell.
+fn credit(out: &[Output]) -> Option<(u64, u64)> {
+    out.iter().rev().find_map(|o| match o {
+        Output::Status(s) => Some((s.credit_frames?, s.credit_tick?)),
+        _ => None,
+    })
+}
+
+#[test]
+fn credit_is_told_without_pictures_too() {
+    let mut b = Bench::new();
+    b.open(1, "dark");
+    let told: Vec<_> = (0..150)
+        .filter_map(|n| credit(&b.feed(hash(1, n))))
+        .collect();
+    assert_eq!(told, [(0, 48), (0, 96), (0, 144)]);
+}
+
+#[test]
+fn credit_stands_still_while_something_is_missing_that_may_come() {
+    let mut b = Bench::new();
+    b.open(1, "held");
+    b.feed(hash(1, 0));
+    assert_eq!(credit(&b.feed(picture(1, 0))), Some((1, 0)));
+    b.feed(hash(1, 2));
+    assert_eq!(credit(&b.feed(picture(1, 1))), Some((1, 0)));
+    assert_eq!(credit(&b.feed(hash(1, 200))), None);
+    b.feed(hash(1, 1));
+    assert_eq!(b.recorder.status().credit_tick, Some(0));
+    for n in 3..199 {
+        b.feed(hash(1, n));
+    }
+    assert_eq!(credit(&b.feed(hash(1, 199))), Some((2, 200)), "all is here");
+    // A picture that does not come is given up, and holds nobody up any more.
+    assert_eq!(credit(&b.feed(picture(1, 3))), Some((2, 200)));
+    b.feed(hash(1, 201));
+    let mut told = Vec::new();
+    for _ in 0..12 {
+        told.extend(credit(&b.wait(Duration::from_secs(1))));
+    }
+    assert_eq!(told, [(4, 201)]);
+    assert_eq!(b.recorder.status().missed, 1);
+}
+
 #[test]
 fn what_never_comes_is_waited_for_a_while_and_then_counted() {
     let mut b = Bench::new();

@@ -11,7 +11,6 @@ use super::{Engine, NAP, Next, Waits};
 use crate::service::denied::Denied;
 use crate::service::episode::{Episode, Stage};
 use crate::service::inbox::Listening;
-use crate::service::recorders::CREDIT_WINDOW;
 use crate::service::{convert, describe};
 use crate::sim::Pacing;
 
@@ -313,18 +312,18 @@ impl Engine {
         }
     }
 
-    /// Whom the cameras have left too far behind.
+    /// Whom the cameras, or time, have left too far behind.
     pub(super) fn recorder_without_credit(&self) -> Option<String> {
         let episode = self.episode.as_ref()?;
         // Those that are still being drawn as well: the cache holds no more.
-        let published = episode.pictures.values().sum::<u64>();
-        let recorders = self.shared.recorders.lock();
-        let (name, accepted) = recorders.slowest(
+        let pictures = episode.pictures.values().sum::<u64>();
+        self.shared.recorders.lock().without_credit(
             self.shared.outbox.run_id(),
             episode.number,
             &episode.participants,
-        )?;
-        (published >= accepted.min(published).saturating_add(CREDIT_WINDOW)).then_some(name)
+            pictures,
+            self.sim.snapshot().tick,
+        )
     }
 
     /// Keeps the session open until the recorders have got the rest.
@@ -337,9 +336,9 @@ impl Engine {
             }
             let mut recorders = self.shared.recorders.lock();
             recorders.expire(Instant::now());
-            let waiting = recorders.slowest(self.shared.outbox.run_id(), episode, participants);
+            let waiting = recorders.records(self.shared.outbox.run_id(), episode, participants);
             drop(recorders);
-            if waiting.is_none() {
+            if !waiting {
                 return;
             }
             self.shared.signal.wait(NAP);
