@@ -3,7 +3,7 @@
 //! messages.
 //! Prints one line per figure; `tests/bench/compare.py` puts them in its table.
 //!
-//! `service_bench start|latency|recorders|sensors|flood`
+//! `service_bench start|latency|recorders [COUNT]|sensors|flood`
 
 mod latency;
 
@@ -89,24 +89,27 @@ fn start() -> anyhow::Result<()> {
     Ok(())
 }
 
-/// What 1, 2 and 4 recorders cost in lock-step, over the runs without any right before
+/// What 1, 2 and 4 recorders, or as many as are asked for, cost in lock-step, over the runs without any right before
 /// and after: medians of the rounds. Nothing may be missed.
 fn recorders() -> anyhow::Result<()> {
     const ROUNDS: usize = 5;
-    const COUNTS: [usize; 3] = [1, 2, 4];
-    let mut costs: [Vec<[f64; 3]>; COUNTS.len()] = Default::default();
+    let counts = match std::env::args().nth(2) {
+        Some(count) => vec![count.parse().context("COUNT")?],
+        None => vec![1, 2, 4],
+    };
+    let mut costs = vec![Vec::new(); counts.len()];
     for _ in 0..ROUNDS {
         let mut before = cost_with(0)?;
-        for (count, costs) in COUNTS.into_iter().zip(&mut costs) {
-            let with = cost_with(count)?;
+        for (count, costs) in counts.iter().zip(&mut costs) {
+            let with = cost_with(*count)?;
             let after = cost_with(0)?;
             let none = (before[0] + after[0]) / 2.0;
             costs.push([with[0] / none, with[0], with[1]]);
             before = after;
         }
     }
-    for (count, mut costs) in COUNTS.into_iter().zip(costs) {
-        costs.sort_by(|a, b| a[0].total_cmp(&b[0]));
+    for (count, mut costs) in counts.into_iter().zip(costs) {
+        costs.sort_by(|a: &[f64; 3], b| a[0].total_cmp(&b[0]));
         let [ratio, wall, cpu] = costs[ROUNDS / 2];
         println!(
             "recorders {count}: {ratio:.3} of none ({:.3} to {:.3}), wall {wall:.3} s per simulated s, server {cpu:.3} s of processor time",
@@ -120,7 +123,7 @@ fn recorders() -> anyhow::Result<()> {
 /// Wall time and the server's processor time for a simulated second with `count`
 /// recorders, s.
 fn cost_with(count: usize) -> anyhow::Result<[f64; 2]> {
-    const SECONDS: u64 = 4;
+    const SECONDS: u64 = 12;
     let args = [&CAMERAS[..], &["--pacing", "lock-step"]].concat();
     let server = Server::start("cost", &args)?;
     let link = server.link();
