@@ -32,7 +32,9 @@ mod time;
 pub mod topic;
 mod words;
 
-pub use time::{CONTROL_HZ, PHYSICS_HZ, TICKS_PER_CONTROL, stamp_nanos};
+pub use time::{
+    CONTROL_HZ, CREDIT_STATUS_TICKS, CREDIT_TICKS, PHYSICS_HZ, TICKS_PER_CONTROL, stamp_nanos,
+};
 
 /// Messages of package `wheelarm.v1`.
 #[expect(clippy::doc_markdown, reason = "generated from the .proto files")]

@@ -7,6 +7,13 @@ pub const CONTROL_HZ: u64 = 60;
 /// Physics ticks per control tick.
 pub const TICKS_PER_CONTROL: u64 = PHYSICS_HZ / CONTROL_HZ;
 
+/// In lock-step time stands still so many ticks beyond a recorder's
+/// [`RecorderStatus.credit_tick`](crate::v1::RecorderStatus).
+pub const CREDIT_TICKS: u64 = 480;
+
+/// A recorder tells its credit at least once in so many ticks.
+pub const CREDIT_STATUS_TICKS: u64 = CREDIT_TICKS / 10;
+
 /// Simulation time of a physics tick in nanoseconds: `tick · 10⁹ / 240`, rounded.
 #[must_use]
 pub fn stamp_nanos(tick: u64) -> u64 {

@@ -12,7 +12,7 @@ pub fn complete() {
     let wanted = [
         ("XDG_RUNTIME_DIR", runtime_folder()),
         ("LP_NUM_THREADS", drawing_threads()),
-        (TRANSPORT_THREADS, Some(THREADS.into())),
+        (TRANSPORT_THREADS, Some(SENDING_THREADS.into())),
     ];
     let known = wanted
         .into_iter()
@@ -24,10 +24,8 @@ pub fn complete() {
 /// of a connection whose peer does not read keeps one busy for as long as
 /// somebody waits to send to it, and with one alone nobody would hear anything.
 /// Over TLS too, although the transport is not safe from several there: a server
-/// with one thread for both directions stalls. And threads with which it hears them,
-/// two unless said: one waits for as long as its peer does not read what it asked for
-/// again.
-const THREADS: &str = "(tx: (worker_threads: 4), rx: (worker_threads: 6))";
+/// with one thread for both directions stalls.
+const SENDING_THREADS: &str = "(tx: (worker_threads: 4))";
 
 /// A private folder: without one, as in containers and batch jobs, drivers
 /// complain on stderr.

@@ -268,9 +268,9 @@ SERVICE = {
         answer_99=r"lock-step, command to applied: .* p99 # ms",
     ),
     "recorders": dict(
-        one=r"recorders 1: .* # of none",
-        two=r"recorders 2: .* # of none",
-        four=r"recorders 4: .* # of none",
+        one=r"recorders 1: # of none",
+        two=r"recorders 2: # of none",
+        four=r"recorders 4: # of none",
         cpu_none=r"recorders 0: .* server # s",
         cpu_four=r"recorders 4: .* server # s",
     ),

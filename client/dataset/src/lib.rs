@@ -4,7 +4,7 @@
 //!
 //! No transport in here: a recorder hands over messages as bytes. A file is
 //! either complete and says so, or says what it lacks; an existing file is
-//! never overwritten. All calls into HDF5 take one lock, inside `hdf5`.
+//! never overwritten, but for [`convert::change`]. All calls into HDF5 take one lock, inside `hdf5`.
 
 #![warn(missing_docs)]
 
@@ -36,5 +36,5 @@ pub mod video;
 pub mod view;
 pub mod writer;
 
-pub use hdf::unlocked;
+pub use hdf::add_texts;
 pub use wheelarm_compress as compress;

@@ -44,31 +44,6 @@ pub fn folder(temporary: &Path, target: &Path) -> io::Result<()> {
     sync_folder(target)
 }
 
-/// Changes a file that has its final name already: `change` gets a copy, which takes
-/// the file's place, durably and in one step. Whoever is killed meanwhile leaves the
-/// file as it was, and a hidden copy that the next change of it replaces.
-///
-/// # Errors
-/// Those of `change`, and what the disk says; the file is as it was then.
-pub fn change<E: From<io::Error>>(
-    file: &Path,
-    change: impl FnOnce(&Path) -> Result<(), E>,
-) -> Result<(), E> {
-    let name = file.file_name().unwrap_or_default().to_string_lossy();
-    let copy = file.with_file_name(format!(".{name}.changed"));
-    let made = || -> Result<(), E> {
-        std::fs::copy(file, &copy)?;
-        change(&copy)?;
-        File::open(&copy)?.sync_all()?;
-        std::fs::rename(&copy, file)?;
-        Ok(())
-    };
-    made().inspect_err(|_| {
-        let _ = std::fs::remove_file(&copy);
-    })?;
-    Ok(sync_folder(file)?)
-}
-
 fn rename(temporary: &Path, target: &Path) -> Result<(), Errno> {
     renameat_with(CWD, temporary, CWD, target, RenameFlags::NOREPLACE)
 }
@@ -202,33 +177,6 @@ mod tests {
                 }
             }
         }
-    }
-
-    #[test]
-    fn a_file_is_changed_whole_or_not_at_all() {
-        let place = tempfile::tempdir().unwrap();
-        let target = place.path().join("f.h5");
-        make(&target, "old", false);
-        // What one that was killed left.
-        make(
-            &place.path().join(".f.h5.changed"),
-            "half of something longer",
-            false,
-        );
-        let refused: io::Result<()> = change(&target, |copy| {
-            std::fs::write(copy, "half")?;
-            Err(io::Error::other("no room"))
-        });
-        assert_eq!(refused.unwrap_err().to_string(), "no room");
-        assert_eq!(words(&target), "old");
-        let done: io::Result<()> = change(&target, |copy| {
-            assert_eq!(words(copy), "old");
-            assert_eq!(words(&target), "old");
-            std::fs::write(copy, "new")
-        });
-        done.unwrap();
-        assert_eq!(words(&target), "new");
-        assert_eq!(std::fs::read_dir(place.path()).unwrap().count(), 1);
     }
 
     #[test]

@@ -10,10 +10,18 @@ use wheelarm_proto::{Message, v1};
 
 use super::digests::Digests;
 
-/// Pause before the same samples are asked for again.
+/// Pause before the same samples are asked for a second time; it doubles, up to
+/// [`LONGEST`].
 pub(super) const PAUSE: Duration = Duration::from_secs(1);
-/// After so many times they are not in the cache any more.
+const LONGEST: Duration = Duration::from_secs(4);
+/// Asked for so many times without an answer, a sample is given up: a server in
+/// lock-step waits as long.
 pub(super) const TRIES: u32 = 5;
+
+/// Pause after so many questions.
+pub(super) fn pause_after(tries: u32) -> Duration {
+    (PAUSE * 2_u32.saturating_pow(tries.saturating_sub(1))).min(LONGEST)
+}
 
 /// A picture whose planes are compressed, and the digest of the exact one's message.
 pub(super) struct Picture {
@@ -27,7 +35,8 @@ pub(super) struct Compressed {
     seen: Coverage,
     digests: Digests,
     /// Numbers whose message holds no picture that can be taken: it is to be had as
-    /// it is. How often it was asked for, and when the last time.
+    /// it is. How often it was asked for, and when the last time; once more than that it
+    /// is given up.
     unusable: BTreeMap<u64, (u32, Option<Instant>)>,
 }
 
@@ -65,11 +74,15 @@ impl Compressed {
     pub fn due(&mut self, now: Instant) -> Vec<(u64, u64)> {
         let mut due: Vec<(u64, u64)> = Vec::new();
         for (&number, (tries, at)) in &mut self.unusable {
-            let rests = at.is_some_and(|at| now.saturating_duration_since(at) < PAUSE);
-            if rests || *tries >= TRIES {
+            let rests =
+                at.is_some_and(|at| now.saturating_duration_since(at) < pause_after(*tries));
+            if rests || *tries > TRIES {
                 continue;
             }
             (*tries, *at) = (*tries + 1, Some(now));
+            if *tries > TRIES {
+                continue;
+            }
             match due.last_mut() {
                 Some((_, last)) if *last + 1 == number => *last = number,
                 _ => due.push((number, number)),
@@ -83,7 +96,7 @@ impl Compressed {
     pub fn given_up(&self, seen: Option<(u64, u64)>) -> u64 {
         let beyond = |n: u64| seen.is_none_or(|(first, last)| n < first || n > last);
         let all = self.unusable.iter();
-        let lost = all.filter(|(number, (tries, _))| *tries >= TRIES && beyond(**number));
+        let lost = all.filter(|(number, (tries, _))| *tries > TRIES && beyond(**number));
         lost.count() as u64
     }
 

@@ -3,13 +3,14 @@
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use bytes::Bytes;
 use wheelarm_dataset::coverage::Coverage;
 use wheelarm_dataset::finish::{FinishError, finish};
 use wheelarm_dataset::log::{Closing, Received, Recovered};
 use wheelarm_dataset::writer::{EpisodeWriter, Taken, WriteError, WriterOptions};
+use wheelarm_proto::topic::Rate;
 use wheelarm_proto::{StreamId, TopicId, digest, v1};
 
 use super::compressed::{Compressed, Picture};
@@ -42,16 +43,25 @@ pub struct Report {
     pub notes: Vec<String>,
 }
 
-/// A status is due after so much time of the simulation, a tenth of what a server in
-/// lock-step allows.
-pub(super) const STATUS_TICKS: u64 = 48;
+/// A stream of a fixed rate that is silent for so long has ended; one of which a sample
+/// was lost is held back by the transport for ten seconds at most.
+pub(super) const SILENCE: Duration = Duration::from_secs(12);
+
+/// The newest sample of a stream of a fixed rate.
+#[derive(Debug, Default)]
+struct Newest {
+    tick: u64,
+    /// What it was at the last look, since when, and whether that is too long ago.
+    looked: Option<(u64, Instant)>,
+    is_silent: bool,
+}
 
 /// How far the server may take it that everything is here.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Credit {
     /// Camera frames that were accepted or given up.
     pub frames: u64,
-    /// Tick of the newest state sample.
+    /// Tick up to which every state stream of a fixed rate is here.
     pub tick: u64,
 }
 
@@ -72,9 +82,8 @@ pub(super) struct Recording {
     gaps: Gaps,
     /// Tick of the newest sample of a state stream.
     newest_state: u64,
-    credit: Credit,
-    /// The credit stands still, for a sample is missing that may still come.
-    held: bool,
+    /// The newest samples of streams of a fixed rate, by stream.
+    regular: BTreeMap<String, Newest>,
 }
 
 /// What became of an offered sample.
@@ -105,8 +114,7 @@ impl Recording {
             compressed: BTreeMap::new(),
             gaps: Gaps::default(),
             newest_state: tick,
-            credit: Credit { frames: 0, tick },
-            held: false,
+            regular: BTreeMap::new(),
         })
     }
 
@@ -193,11 +201,19 @@ impl Recording {
                     Some(newest) if newest.tick > taken.tick => newest,
                     _ => taken,
                 });
-                if StreamId::parse(stream).is_camera() {
+                let id = StreamId::parse(stream);
+                if id.is_camera() {
                     self.accepted += 1;
                     return Ok(Accepted::Frame);
                 }
-                self.newest_state = self.newest_state.max(taken.tick);
+                if let StreamId::State(topic) = id {
+                    self.newest_state = self.newest_state.max(taken.tick);
+                    if !matches!(topic.info().rate, Rate::Event | Rate::Second) {
+                        let newest = self.regular.entry(stream.to_owned()).or_default();
+                        newest.tick = newest.tick.max(taken.tick);
+                        newest.is_silent = false;
+                    }
+                }
                 Ok(Accepted::State)
             }
             Err(WriteError::Failed(words)) => Err(words),
@@ -223,37 +239,40 @@ impl Recording {
         beyond.sum()
     }
 
-    /// The credit, brought up to what is here unless something is missing that may
-    /// still come.
-    pub fn credit(&mut self) -> Credit {
-        let mut given_up = 0;
-        self.held = false;
+    /// Up to where everything is here or given up; `None` while a sample is missing that
+    /// may still come.
+    pub fn credit(&self) -> Option<Credit> {
+        let mut given_up = self.given_up_beyond();
         for (stream, seen) in self.seen.iter().filter(|(_, seen)| seen.gaps() > 0) {
-            let (first, last) = seen.span().unwrap_or_default();
+            let (first, last) = seen.span()?;
             for (first, last) in seen.missing(first, last) {
                 if !self.gaps.gave_up(stream, last) {
-                    self.held = true;
-                    return self.credit;
+                    return None;
                 }
                 if StreamId::parse(stream).is_camera() {
                     given_up += last - first + 1;
                 }
             }
         }
-        self.credit = Credit {
-            frames: self.accepted + given_up + self.given_up_beyond(),
-            tick: self.newest_state,
-        };
-        self.credit
-    }
-
-    /// Whether the credit may have grown enough since it was last asked for to be told.
-    pub fn may_tell_credit(&self) -> bool {
-        self.held || self.newest_state >= self.credit.tick + STATUS_TICKS
+        // What the transport holds back is no gap yet, while other streams go on.
+        let regular = self.regular.values().filter(|newest| !newest.is_silent);
+        let least = regular.map(|newest| newest.tick).min();
+        Some(Credit {
+            frames: self.accepted + given_up,
+            tick: least.unwrap_or(self.newest_state),
+        })
     }
 
     /// Samples to ask for again at `now`.
     pub fn wanted(&mut self, stopped: Option<&v1::EpisodeStopped>, now: Instant) -> Vec<Missing> {
+        for newest in self.regular.values_mut() {
+            let (tick, since) = *newest.looked.get_or_insert((newest.tick, now));
+            if tick != newest.tick {
+                newest.looked = Some((newest.tick, now));
+            }
+            let silent = now.saturating_duration_since(since) > SILENCE;
+            newest.is_silent = silent && tick == newest.tick;
+        }
         self.gaps
             .wanted(&self.seen, &mut self.compressed, stopped, now)
     }

@@ -8,7 +8,7 @@ use std::time::Instant;
 use wheelarm_dataset::coverage::Coverage;
 use wheelarm_proto::{StreamId, v1};
 
-use super::compressed::{Compressed, PAUSE, TRIES};
+use super::compressed::{Compressed, TRIES, pause_after};
 
 /// Samples of one stream that did not come.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -21,17 +21,19 @@ pub struct Missing {
     pub last: u64,
 }
 
-/// What was asked for, how often, and when the last time.
+/// What was asked for, how often, and when the last time; once more than it is asked
+/// for is given up.
 #[derive(Debug, Default)]
 pub(super) struct Gaps {
-    asked: BTreeMap<(String, u64), (u32, Instant)>,
+    /// By stream and last number of the gap.
+    asked: BTreeMap<String, BTreeMap<u64, (u32, Instant)>>,
 }
 
 impl Gaps {
-    /// Whether a gap that ends with `last` was asked for so often that it stays.
+    /// Whether a gap that ends with `last` was asked for in vain.
     pub(super) fn gave_up(&self, stream: &str, last: u64) -> bool {
-        let asked = self.asked.get(&(stream.to_owned(), last));
-        asked.is_some_and(|(tries, _)| *tries >= TRIES)
+        let asked = self.asked.get(stream).and_then(|gaps| gaps.get(&last));
+        asked.is_some_and(|(tries, _)| *tries > TRIES)
     }
 
     /// What to ask for at `now`: gaps between the samples that came, and with
@@ -47,14 +49,19 @@ impl Gaps {
     ) -> Vec<Missing> {
         let mut wanted = Vec::new();
         let mut look = |stream: &str, coverage: &Coverage, first, last| {
-            for (first, last) in coverage.missing(first, last) {
-                let (tries, at) = self
-                    .asked
-                    .entry((stream.to_owned(), last))
-                    .or_insert((0, now));
-                let due = *tries == 0 || now.saturating_duration_since(*at) >= PAUSE;
-                if due && *tries < TRIES {
-                    (*tries, *at) = (*tries + 1, now);
+            let missing = coverage.missing(first, last);
+            if missing.is_empty() {
+                return;
+            }
+            let asked = self.asked.entry(stream.to_owned()).or_default();
+            for (first, last) in missing {
+                let (tries, at) = asked.entry(last).or_insert((0, now));
+                let due = *tries == 0 || now.saturating_duration_since(*at) >= pause_after(*tries);
+                if !due || *tries > TRIES {
+                    continue;
+                }
+                (*tries, *at) = (*tries + 1, now);
+                if *tries <= TRIES {
                     let heard = compressed.contains_key(stream);
                     let stream = match StreamId::parse(stream).camera_name() {
                         Some(camera) if heard && *tries == 1 => {
@@ -100,6 +107,7 @@ impl Gaps {
 
 #[cfg(test)]
 mod tests {
+    use super::super::compressed::PAUSE;
     use super::*;
 
     fn missing(stream: &str, first: u64, last: u64) -> Missing {

@@ -272,7 +272,7 @@ fn work(
                 break;
             }
         }
-        recorder.flush();
+        out.extend(recorder.flush());
         newest_status(&mut out);
         if exit.dropped() != dropped {
             tracing::warn!(

@@ -7,12 +7,12 @@ use std::time::{Duration, Instant};
 use bytes::Bytes;
 use wheelarm_dataset::columns::header_of;
 use wheelarm_dataset::writer::{WriterOptions, file_path};
-use wheelarm_proto::v1;
+use wheelarm_proto::{CREDIT_STATUS_TICKS, v1};
 
 use self::early::Early;
 use self::hearing::Hearing;
 pub use self::port::{Input, Output};
-use super::episode::{Accepted, EpisodeId, Made, Recording, Report, STATUS_TICKS, id};
+use super::episode::{Accepted, EpisodeId, Made, Recording, Report, id};
 
 mod early;
 mod hearing;
@@ -172,11 +172,15 @@ impl Recorder {
         std::mem::take(&mut self.out)
     }
 
-    /// Hands what came to the log, after inputs that came together.
-    pub fn flush(&mut self) {
+    /// After inputs that came together: hands them to the log, and tells the credit.
+    pub fn flush(&mut self) -> Vec<Output> {
         if let Stage::Recording(recording) | Stage::Stopping { recording, .. } = &mut self.stage {
             recording.flush();
         }
+        if self.has_new_credit() {
+            self.publish();
+        }
+        std::mem::take(&mut self.out)
     }
 
     /// Lets time pass: deadlines and repeated questions.
@@ -202,7 +206,6 @@ impl Recorder {
         if let Stage::Recording(recording) = &self.stage {
             self.out.extend(self.hearing.probe(recording, now));
         }
-        let before = self.missed();
         let wanted = match &mut self.stage {
             Stage::Recording(recording) if recording.away.is_some() => Vec::new(),
             Stage::Recording(recording) => recording.wanted(None, now),
@@ -213,19 +216,11 @@ impl Recorder {
         };
         self.out.extend(wanted.into_iter().map(Output::AskSamples));
         // What is given up holds nobody up any more.
-        if self.missed() != before || self.has_new_credit() {
+        if self.has_new_credit() {
             self.publish();
         }
         self.settle(now);
         std::mem::take(&mut self.out)
-    }
-
-    /// Samples of the episode at hand that are missing.
-    fn missed(&self) -> u64 {
-        match &self.stage {
-            Stage::Recording(recording) | Stage::Stopping { recording, .. } => recording.missed(),
-            Stage::Idle | Stage::Opening { .. } => 0,
-        }
     }
 
     /// Run and number of the episode at hand.
@@ -374,16 +369,8 @@ impl Recorder {
             return;
         };
         match recording.take(stream, header.sequence, payload) {
-            Ok(Accepted::Frame) => {
-                self.status.accepted_frames = recording.accepted;
-                self.publish();
-            }
-            Ok(Accepted::State) => {
-                if self.has_new_credit() {
-                    self.publish();
-                }
-            }
-            Ok(Accepted::Not) => {}
+            Ok(Accepted::Frame) => self.publish(),
+            Ok(Accepted::State | Accepted::Not) => {}
             Err(words) => {
                 let log = recording.log().display().to_string();
                 self.fail(format!("{words}; the log is {log}"));
@@ -520,7 +507,7 @@ impl Recorder {
     ) {
         self.last = Some(id(recording.started.header.as_ref()));
         self.early.forget(self.last.as_ref());
-        self.follow(&recording);
+        follow(&mut self.status, &recording);
         self.counted += 1;
         self.status.state = v1::RecorderState::Finishing.into();
         self.finishing.push(self.status.clone());
@@ -565,7 +552,7 @@ impl Recorder {
     fn discard(&mut self, recording: Recording) {
         self.last = Some(id(recording.started.header.as_ref()));
         self.early.forget(self.last.as_ref());
-        self.follow(&recording);
+        follow(&mut self.status, &recording);
         let label = recording.started.label.clone();
         let message = match recording.discard() {
             Ok(()) => "discarded".to_owned(),
@@ -594,43 +581,38 @@ impl Recorder {
     }
 
     /// Whether a server in lock-step is to be told how far everything is here.
-    fn has_new_credit(&mut self) -> bool {
-        let Stage::Recording(recording) = &mut self.stage else {
+    fn has_new_credit(&self) -> bool {
+        let Stage::Recording(recording) = &self.stage else {
             return false;
         };
-        if !recording.may_tell_credit() {
-            return false;
-        }
-        let credit = recording.credit();
-        self.status.credit_frames != Some(credit.frames)
-            || credit.tick >= self.status.credit_tick.unwrap_or(0) + STATUS_TICKS
+        recording.credit().is_some_and(|credit| {
+            self.status.credit_frames != Some(credit.frames)
+                || credit.tick >= self.status.credit_tick.unwrap_or(0) + CREDIT_STATUS_TICKS
+        })
     }
 
     /// Publishes readiness and credit.
     fn publish(&mut self) {
-        if let Stage::Recording(recording) | Stage::Stopping { recording, .. } = &mut self.stage {
-            let credit = recording.credit();
-            self.status.credit_frames = Some(credit.frames);
-            self.status.credit_tick = Some(credit.tick);
-            self.status.missed = recording.missed();
-            if let (Some(header), Some(newest)) = (&mut self.status.header, recording.newest) {
-                header.sequence = newest.sequence;
-                header.stamp_nanos = newest.stamp_nanos;
-                header.tick = newest.tick;
-            }
+        if let Stage::Recording(recording) | Stage::Stopping { recording, .. } = &self.stage {
+            follow(&mut self.status, recording);
         }
         self.out.push(Output::Status(self.status.clone()));
     }
+}
 
-    /// Brings the status up to the newest sample.
-    fn follow(&mut self, recording: &Recording) {
-        self.status.accepted_frames = recording.accepted;
-        self.status.missed = recording.missed();
-        if let (Some(header), Some(newest)) = (&mut self.status.header, recording.newest) {
-            header.sequence = newest.sequence;
-            header.stamp_nanos = newest.stamp_nanos;
-            header.tick = newest.tick;
-        }
+/// Brings a status up to what has come; the credit stays while something is missing
+/// that may still come.
+fn follow(status: &mut v1::RecorderStatus, recording: &Recording) {
+    status.accepted_frames = recording.accepted;
+    status.missed = recording.missed();
+    if let Some(credit) = recording.credit() {
+        status.credit_frames = Some(credit.frames);
+        status.credit_tick = Some(credit.tick);
+    }
+    if let (Some(header), Some(newest)) = (&mut status.header, recording.newest) {
+        header.sequence = newest.sequence;
+        header.stamp_nanos = newest.stamp_nanos;
+        header.tick = newest.tick;
     }
 }
 

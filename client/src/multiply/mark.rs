@@ -5,7 +5,7 @@ use std::path::Path;
 
 use anyhow::Context;
 use hdf5::types::VarLenUnicode;
-use wheelarm_dataset::publish;
+use wheelarm_dataset::convert;
 
 /// Attribute that names the episode whose demonstration was adapted.
 pub const FROM: &str = "multiplied_from";
@@ -17,16 +17,8 @@ pub const HOW: &str = "multiplied_how";
 /// # Errors
 /// When it cannot be written.
 pub fn write(file: &Path, from: &str, how: &str) -> anyhow::Result<()> {
-    let context = || format!("marking {}", file.display());
-    let at = wheelarm_dataset::unlocked().open_rw(file);
-    let at = at.with_context(context)?;
-    for (name, words) in [(FROM, from), (HOW, how)] {
-        let words: VarLenUnicode = words.parse().with_context(context)?;
-        let attribute = at.new_attr::<VarLenUnicode>().create(name);
-        let written = attribute.and_then(|attribute| attribute.write_scalar(&words));
-        written.with_context(context)?;
-    }
-    at.close().with_context(context)
+    let added = wheelarm_dataset::add_texts(file, &[(FROM, from), (HOW, how)]);
+    added.with_context(|| format!("marking {}", file.display()))
 }
 
 /// Marks a finished file as one of which it is another recording.
@@ -35,7 +27,7 @@ pub fn write(file: &Path, from: &str, how: &str) -> anyhow::Result<()> {
 /// When it cannot be written; the file is as it was then.
 pub fn keep(of: &Path, file: &Path) -> anyhow::Result<()> {
     match read(of) {
-        Some([from, how]) => publish::change(file, |copy| write(copy, &from, &how)),
+        Some([from, how]) => convert::change(file, |copy| write(copy, &from, &how)),
         None => Ok(()),
     }
 }

@@ -10,6 +10,7 @@
 )]
 
 mod assets;
+mod cache;
 mod compressed;
 pub mod convert;
 mod denied;
@@ -22,7 +23,6 @@ mod errand;
 mod error;
 mod heap;
 pub mod inbox;
-mod kept;
 mod lag;
 mod language;
 mod leases;

@@ -12,14 +12,14 @@ use prost::encoding::{self, WireType};
 use wheelarm_proto::digest::{self, Digest, StreamDigest};
 use wheelarm_proto::keys::Keys;
 use wheelarm_proto::topic::{Record, Role, TOPICS, TopicInfo};
-use wheelarm_proto::{Message, StreamId, Topic, TopicId, schema, stamp_nanos, v1};
+use wheelarm_proto::{CREDIT_TICKS, Message, StreamId, Topic, TopicId, schema, stamp_nanos, v1};
 use zenoh::bytes::ZBytes;
 use zenoh::qos::{CongestionControl, Priority};
 use zenoh::{Session, Wait};
 use zenoh_ext::{AdvancedPublisher, AdvancedPublisherBuilderExt, MissDetectionConfig};
 
-use super::kept::Kept;
-use super::recorders::{CREDIT_WINDOW, STATE_CACHE};
+use super::cache::{Answers, Cache};
+use super::recorders::CREDIT_WINDOW;
 
 /// An encoded message.
 fn payload(message: impl Message) -> ZBytes {
@@ -105,7 +105,22 @@ impl Class {
             Record::Unspecified => Self::Protocol,
         }
     }
+
+    /// Messages of each stream that the cache keeps: of states five seconds of one that
+    /// has a sample at every tick.
+    const fn cached(self) -> usize {
+        match self {
+            Self::State => 1200,
+            Self::Camera => CREDIT_WINDOW as usize,
+            Self::Protocol => 8,
+        }
+    }
 }
+
+const _: () = assert!(
+    2 * CREDIT_TICKS as usize <= Class::State.cached(),
+    "what a recorder asks for within its credit is still there"
+);
 
 /// Whether a state stream is sent at once, with what waits before it. The others of a
 /// tick travel with the clock, which comes last.
@@ -124,8 +139,10 @@ struct Counter {
 }
 
 struct Stream {
+    /// Put to by [`Outbox::publish`] alone: the transport's numbers are then those of
+    /// the headers.
     publisher: AdvancedPublisher<'static>,
-    kept: Kept,
+    cache: Cache,
     counter: Counter,
     /// What was published in the counter's episode, to the last bit.
     digest: StreamDigest,
@@ -145,6 +162,7 @@ pub struct Outbox {
     session: Session,
     keys: Keys,
     run_id: String,
+    answers: Answers,
     /// By key.
     streams: Mutex<BTreeMap<String, Arc<Mutex<Stream>>>>,
     /// Whether the pictures of a camera or a sensor are received, by key.
@@ -159,6 +177,7 @@ impl Outbox {
             session,
             keys,
             run_id,
+            answers: Answers::start(),
             streams: Mutex::default(),
             watched: Mutex::default(),
         }
@@ -258,10 +277,11 @@ impl Outbox {
         if let Some(stream) = streams.get(key) {
             return Ok(Arc::clone(stream));
         }
-        let (priority, express, cache) = match Class::of(topic) {
-            Class::State => (Priority::InteractiveHigh, is_express(topic), STATE_CACHE),
-            Class::Camera => (Priority::DataLow, false, CREDIT_WINDOW),
-            Class::Protocol => (Priority::InteractiveHigh, true, 8),
+        let class = Class::of(topic);
+        let (priority, express) = match class {
+            Class::State => (Priority::InteractiveHigh, is_express(topic)),
+            Class::Camera => (Priority::DataLow, false),
+            Class::Protocol => (Priority::InteractiveHigh, true),
         };
         let publisher = self
             .session
@@ -275,12 +295,17 @@ impl Outbox {
             )
             .publisher_detection()
             .wait()?;
-        let encoding = schema::encoding(topic.message);
-        let source = publisher.id();
-        let kept = Kept::declare(&self.session, key, source, cache as usize, &encoding)?;
+        let cache = Cache::declare(
+            &self.session,
+            &self.answers,
+            key,
+            publisher.id(),
+            class.cached(),
+            schema::encoding(topic.message),
+        )?;
         let stream = Arc::new(Mutex::new(Stream {
             publisher,
-            kept,
+            cache,
             counter: Counter::default(),
             digest: StreamDigest::default(),
         }));
@@ -369,7 +394,7 @@ impl Outbox {
         let mut stream = stream.lock();
         let Stream {
             publisher,
-            kept,
+            cache,
             counter,
             digest,
         } = &mut *stream;
@@ -394,9 +419,8 @@ impl Outbox {
         if let Some(of_message) = &digest_of_it {
             digest.add(of_message);
         }
-        // The transport counts the messages of a stream as their headers do.
         let stamp = self.session.new_timestamp();
-        kept.add(sequence as u32, stamp, payload.clone());
+        cache.add(sequence as u32, stamp, payload.clone());
         if let Err(e) = publisher.put(payload).timestamp(stamp).wait() {
             tracing::error!("cannot publish {key}: {e}");
         }

@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::time::{Duration, Instant};
 
 use wheelarm_proto::schema::OtherVersion;
-use wheelarm_proto::{keys, v1};
+use wheelarm_proto::{CREDIT_TICKS, keys, v1};
 
 /// Recorders by name.
 #[derive(Debug, Default)]
@@ -26,21 +26,9 @@ pub struct Recorders {
 /// comes back with a new connection at once; one that was killed does not.
 pub(super) const AWAY: Duration = Duration::from_secs(5);
 
-/// Pictures that may be published beyond what the slowest recorder accepted.
-/// The transport's cache holds as many of each camera.
+/// Pictures that may be published beyond the slowest recorder's credit. The cache
+/// holds as many of each camera.
 pub(super) const CREDIT_WINDOW: u64 = 6;
-
-/// Samples of each state stream that the transport's cache holds: five seconds of one
-/// that has a sample at every tick.
-pub(super) const STATE_CACHE: u64 = 1200;
-
-/// Ticks that time may be ahead of the newest state sample up to which the slowest
-/// recorder has everything.
-pub(super) const TICK_WINDOW: u64 = 480;
-const _: () = assert!(
-    2 * TICK_WINDOW <= STATE_CACHE,
-    "the cache still has all of it"
-);
 
 /// How many recorders are remembered.
 const MAX_RECORDERS: usize = 64;
@@ -223,33 +211,48 @@ impl Recorders {
 
     /// Whether a participant has not got the whole episode yet.
     #[must_use]
-    pub fn records(&self, run_id: &str, episode: u64, participants: &[String]) -> bool {
+    pub fn is_anyone_recording(&self, run_id: &str, episode: u64, participants: &[String]) -> bool {
         self.at_work(run_id, episode, participants).next().is_some()
     }
 
-    /// The participant that is too far behind `pictures` that were published and the
-    /// present `tick`; of several the one with fewest pictures.
+    /// The participant that what was `published` has left farthest behind, if it is too
+    /// far.
     #[must_use]
     pub fn without_credit(
         &self,
         run_id: &str,
         episode: u64,
         participants: &[String],
-        pictures: u64,
-        tick: u64,
+        published: Progress,
     ) -> Option<String> {
         self.at_work(run_id, episode, participants)
-            .map(|s| {
-                let told = s.credit_frames;
-                let frames = told.unwrap_or(s.accepted_frames.saturating_add(s.missed));
-                (s, frames.min(pictures))
-            })
-            .filter(|(s, frames)| {
-                let at = s.credit_tick.unwrap_or(tick);
-                pictures - frames >= CREDIT_WINDOW || tick.saturating_sub(at) >= TICK_WINDOW
-            })
-            .min_by_key(|(_, frames)| *frames)
-            .map(|(s, _)| s.recorder.clone())
+            .map(|status| (status, published.beyond(status)))
+            .filter(|(_, share)| *share >= 1.0)
+            .max_by(|(_, a), (_, b)| a.total_cmp(b))
+            .map(|(status, _)| status.recorder.clone())
+    }
+}
+
+/// How far an episode is.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Progress {
+    /// Pictures of all cameras, also those that are still being drawn.
+    pub pictures: u64,
+    /// The present tick.
+    pub tick: u64,
+}
+
+impl Progress {
+    /// How far this is beyond the credit of a recorder: 1 where time has to wait. Older
+    /// recorders tell no credit; theirs are pictures alone, and every missing sample
+    /// counts as one.
+    fn beyond(self, status: &v1::RecorderStatus) -> f64 {
+        let older = status.accepted_frames.saturating_add(status.missed);
+        let frames = status.credit_frames.unwrap_or(older);
+        let tick = status.credit_tick.unwrap_or(self.tick);
+        let pictures = self.pictures.saturating_sub(frames) as f64 / CREDIT_WINDOW as f64;
+        let ticks = self.tick.saturating_sub(tick) as f64 / CREDIT_TICKS as f64;
+        pictures.max(ticks)
     }
 }
 
@@ -287,7 +290,8 @@ mod tests {
         recorders.update(late);
         let participants = ["a".to_owned(), "b".to_owned(), "old".to_owned()];
         let waits = |recorders: &Recorders, pictures| {
-            recorders.without_credit("r", 2, &participants, pictures, 0)
+            let published = Progress { pictures, tick: 0 };
+            recorders.without_credit("r", 2, &participants, published)
         };
         assert_eq!(waits(&recorders, 12), None);
         assert_eq!(waits(&recorders, 13).as_deref(), Some("b"));
@@ -308,7 +312,7 @@ mod tests {
         assert_eq!(recorders.lost_of(&participants), ["b"]);
         assert_eq!(waits(&recorders, 15), None);
         assert_eq!(waits(&recorders, 16).as_deref(), Some("a"));
-        assert!(recorders.records("r", 2, &participants));
+        assert!(recorders.is_anyone_recording("r", 2, &participants));
         assert_eq!(recorders.ready("r", 1), ["old"]);
         assert!(recorders.ready("other run", 2).is_empty());
     }
@@ -327,19 +331,33 @@ mod tests {
         recorders.update(told(4, 100));
         let participants = ["a".to_owned()];
         let waits = |recorders: &Recorders, pictures, tick| {
-            let name = recorders.without_credit("r", 1, &participants, pictures, tick);
+            let published = Progress { pictures, tick };
+            let name = recorders.without_credit("r", 1, &participants, published);
             name.is_some()
         };
-        assert!(!waits(&recorders, 9, 100 + TICK_WINDOW - 1));
+        assert!(!waits(&recorders, 9, 100 + CREDIT_TICKS - 1));
         assert!(waits(&recorders, 10, 100), "pictures");
-        assert!(waits(&recorders, 0, 100 + TICK_WINDOW), "time");
+        assert!(waits(&recorders, 0, 100 + CREDIT_TICKS), "time");
         assert!(
             !waits(&recorders, 0, 3),
             "states may be shown from anywhere"
         );
+        let both = ["a".to_owned(), "b".to_owned()];
+        recorders.came("b");
+        let behind = v1::RecorderStatus {
+            recorder: "b".into(),
+            ..told(9, 50)
+        };
+        recorders.update(behind);
+        let published = Progress {
+            pictures: 9,
+            tick: 100 + CREDIT_TICKS,
+        };
+        let farthest = recorders.without_credit("r", 1, &both, published);
+        assert_eq!(farthest.as_deref(), Some("b"));
         // A recorder of before tells neither.
         recorders.update(status("a", 1, 4));
-        assert!(!waits(&recorders, 9, 9 * TICK_WINDOW));
+        assert!(!waits(&recorders, 9, 9 * CREDIT_TICKS));
         assert!(waits(&recorders, 10, 0));
     }
 

@@ -1,6 +1,7 @@
 //! The Zenoh session of a server.
 
 use wheelarm_access::Folder;
+use wheelarm_proto::TopicId;
 use wheelarm_proto::endpoint;
 use wheelarm_proto::keys::Keys;
 use wheelarm_proto::v1::Access;
@@ -117,6 +118,7 @@ pub fn open(keys: &Keys, reach: &Reach, pacing: Pacing) -> Result<Session, Servi
             set("adminspace/enabled", "false".to_owned())?;
         }
     }
+    set("qos/network", ranks_of_answers(keys))?;
     // A camera message waits for room instead of being dropped after 1 ms. In
     // lock-step the simulation waits anyway, so it may wait long; a receiver
     // that stands still costs this once, for then it counts as congested.
@@ -160,6 +162,22 @@ pub fn within() -> Result<Session, ServiceError> {
             .map_err(|e| ServiceError::Zenoh(format!("setting {key} to {value}: {e}")))?;
     }
     Ok(zenoh::open(config).wait()?)
+}
+
+/// Priorities of answers, which are those of their questions: askers would choose them.
+/// A link sends what has one priority in one line, and an answer may stand there until a
+/// slow peer has read what is before it. What is published has the others, and is
+/// never behind an answer; pictures that are sent again come last.
+fn ranks_of_answers(keys: &Keys) -> String {
+    let pictures = [TopicId::Camera, TopicId::CompressedCamera, TopicId::Sensor];
+    let caches = pictures.map(|topic| format!("{:?}", format!("{}/@adv/**", keys.topic(topic))));
+    format!(
+        r#"[{{ messages: ["query"], flows: ["ingress"],
+              overwrite: {{ priority: "data_high", congestion_control: "block" }} }},
+            {{ messages: ["query"], flows: ["ingress"], key_exprs: [{}],
+              overwrite: {{ priority: "background", congestion_control: "block" }} }}]"#,
+        caches.join(",")
+    )
 }
 
 /// Access control of the router that the server is: its own keys are closed to

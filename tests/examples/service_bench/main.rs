@@ -89,8 +89,8 @@ fn start() -> anyhow::Result<()> {
     Ok(())
 }
 
-/// What 1, 2 and 4 recorders, or as many as are asked for, cost in lock-step, over the runs without any right before
-/// and after: medians of the rounds. Nothing may be missed.
+/// What recorders cost in lock-step (1, 2 and 4 of them, or COUNT) over the runs without
+/// any right before and after: medians of the rounds. Nothing may be missed.
 fn recorders() -> anyhow::Result<()> {
     const ROUNDS: usize = 5;
     let counts = match std::env::args().nth(2) {
@@ -98,6 +98,7 @@ fn recorders() -> anyhow::Result<()> {
         None => vec![1, 2, 4],
     };
     let mut costs = vec![Vec::new(); counts.len()];
+    let mut alone = Vec::new();
     for _ in 0..ROUNDS {
         let mut before = cost_with(0)?;
         for (count, costs) in counts.iter().zip(&mut costs) {
@@ -105,9 +106,13 @@ fn recorders() -> anyhow::Result<()> {
             let after = cost_with(0)?;
             let none = (before[0] + after[0]) / 2.0;
             costs.push([with[0] / none, with[0], with[1]]);
+            alone.push(after);
             before = after;
         }
     }
+    alone.sort_by(|a, b| a[0].total_cmp(&b[0]));
+    let [wall, cpu] = alone[alone.len() / 2];
+    println!("recorders 0: wall {wall:.3} s per simulated s, server {cpu:.3} s of processor time");
     for (count, mut costs) in counts.into_iter().zip(costs) {
         costs.sort_by(|a: &[f64; 3], b| a[0].total_cmp(&b[0]));
         let [ratio, wall, cpu] = costs[ROUNDS / 2];
@@ -123,7 +128,7 @@ fn recorders() -> anyhow::Result<()> {
 /// Wall time and the server's processor time for a simulated second with `count`
 /// recorders, s.
 fn cost_with(count: usize) -> anyhow::Result<[f64; 2]> {
-    const SECONDS: u64 = 12;
+    const SECONDS: u64 = 8;
     let args = [&CAMERAS[..], &["--pacing", "lock-step"]].concat();
     let server = Server::start("cost", &args)?;
     let link = server.link();

@@ -1,5 +1,6 @@
 //! Files and folders that are made under another name and renamed when they
-//! are whole; an existing one is never replaced.
+//! are whole; an existing one is never replaced, but by [`change`], which puts a
+//! changed copy of it in its place.
 
 use std::collections::BTreeSet;
 use std::fs::Metadata;
@@ -66,10 +67,41 @@ fn beside(target: &Path) -> anyhow::Result<PathBuf> {
     let folder = folder.unwrap_or(Path::new("."));
     make_folder(folder)?;
     remove_left_behind(folder);
-    let name = target.file_name().unwrap_or_default().to_string_lossy();
     // Two inputs may lead to one name at the same time: the first keeps it.
+    Ok(hidden(target))
+}
+
+/// A name in the target's folder that nobody else takes, and by which it is found what
+/// processes that are no more left behind.
+fn hidden(target: &Path) -> PathBuf {
+    let name = target.file_name().unwrap_or_default().to_string_lossy();
     let (process, count) = (std::process::id(), MADE.fetch_add(1, Ordering::Relaxed));
-    Ok(folder.join(format!(".{name}.{}-{process}-{count}.part", *HOST)))
+    target.with_file_name(format!(".{name}.{}-{process}-{count}.part", *HOST))
+}
+
+/// Changes a file that has its final name already: `edit` gets a copy of it, which
+/// takes its place, durably and in one step. Whoever is killed meanwhile leaves the file
+/// as it was. For recordings that is a copy of gigabytes.
+///
+/// # Errors
+/// Those of `edit`, and what the disk says: the file is as it was then, unless it is
+/// the folder that cannot be synced.
+pub fn change(file: &Path, edit: impl FnOnce(&Path) -> anyhow::Result<()>) -> anyhow::Result<()> {
+    // Behind a link lies the file itself.
+    let file = &file.canonicalize()?;
+    let copy = hidden(file);
+    let changed = || {
+        std::fs::copy(file, &copy)
+            .with_context(|| format!("copying {} beside itself", file.display()))?;
+        edit(&copy)?;
+        std::fs::File::open(&copy)?.sync_all()?;
+        Ok(std::fs::rename(&copy, file)?)
+    };
+    let changed: anyhow::Result<()> = changed();
+    changed.inspect_err(|_| {
+        let _ = std::fs::remove_file(&copy);
+    })?;
+    Ok(publish::sync_folder(file)?)
 }
 
 fn make_folder(folder: &Path) -> anyhow::Result<()> {
@@ -263,6 +295,29 @@ impl Drop for PendingFolder {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_file_is_changed_whole_or_not_at_all() {
+        let place = tempfile::tempdir().unwrap();
+        let file = place.path().join("f.h5");
+        let words = |path: &Path| std::fs::read_to_string(path).unwrap();
+        std::fs::write(&file, "old").unwrap();
+        let refused = change(&file, |copy| {
+            std::fs::write(copy, "half")?;
+            bail!("no room")
+        });
+        assert_eq!(refused.unwrap_err().to_string(), "no room");
+        assert_eq!(words(&file), "old");
+        let done = change(&file, |copy| {
+            assert_eq!(words(copy), "old");
+            std::fs::write(copy, "new")?;
+            assert_eq!(words(&file), "old");
+            Ok(())
+        });
+        done.unwrap();
+        assert_eq!(words(&file), "new");
+        assert_eq!(std::fs::read_dir(place.path()).unwrap().count(), 1);
+    }
 
     #[test]
     fn what_a_process_left_behind_that_is_no_more_is_removed_and_nothing_else() {

@@ -21,7 +21,7 @@ mod series;
 pub mod tensors;
 pub mod wheelarm_sim;
 
-pub use atomic::{AlreadyThere, PendingFile, PendingFolder, begin, hold};
+pub use atomic::{AlreadyThere, PendingFile, PendingFolder, begin, change, hold};
 pub use image::{Size, png_depth, png_grey, png_rgb, scaled};
 
 use std::collections::BTreeMap;

@@ -24,10 +24,24 @@ const CHUNK_BYTES: usize = 1 << 20;
 /// knows: a program that is started meanwhile inherits the open file, and the
 /// lock would then stay on the finished file for as long as that program lives.
 #[must_use]
-pub fn unlocked() -> hdf5::FileBuilder {
+pub(crate) fn unlocked() -> hdf5::FileBuilder {
     let mut builder = hdf5::File::with_options();
     builder.with_fapl(|access| access.file_locking(false));
     builder
+}
+
+/// Adds texts, by name, as attributes of the root of a file that this program alone
+/// knows.
+///
+/// # Errors
+/// Those of HDF5, also where an attribute is there already.
+pub fn add_texts(file: &std::path::Path, texts: &[(&str, &str)]) -> hdf5::Result<()> {
+    let file = unlocked().open_rw(file)?;
+    let attributes = Attributes::of(&file);
+    for (name, text) in texts {
+        attributes.text(name, text)?;
+    }
+    file.close()
 }
 
 /// UTF-8 of variable length; NUL, which HDF5 takes for the end, becomes U+FFFD.

@@ -2970,9 +2970,11 @@ class RecorderStatus(_Message):
     state: RecorderState
     """What it does (no unit)."""
     accepted_frames: int
-    """Camera frames accepted into its queue in this episode (count)."""
+    """Camera frames accepted into its queue in this episode (count). Servers that do not know
+    `credit_frames` take this and `missed` together for the credit.
+    """
     missed: int
-    """Samples lost so far in this episode (count)."""
+    """Samples missing so far in this episode, also those that may still come (count)."""
     path: str
     """Path of the finished file (no unit)."""
     complete: bool
@@ -2986,8 +2988,10 @@ class RecorderStatus(_Message):
     Optional.
     """
     credit_tick: int
-    """The credit in time: tick of the newest sample of a state stream at that moment (ticks).
-    Absent from older recorders, which time does not wait for without cameras. Optional.
+    """The credit in time: tick up to which every state stream of a fixed rate was there at that
+    moment (ticks). In lock-step time stands still 480 ticks beyond it, so a recorder tells it
+    at least every 48 ticks. Absent from older recorders, for which time waits only with
+    cameras. Optional.
     """
     def __init__(
         self,

@@ -11,6 +11,7 @@ use super::{Engine, NAP, Next, Waits};
 use crate::service::denied::Denied;
 use crate::service::episode::{Episode, Stage};
 use crate::service::inbox::Listening;
+use crate::service::recorders::Progress;
 use crate::service::{convert, describe};
 use crate::sim::Pacing;
 
@@ -315,14 +316,16 @@ impl Engine {
     /// Whom the cameras, or time, have left too far behind.
     pub(super) fn recorder_without_credit(&self) -> Option<String> {
         let episode = self.episode.as_ref()?;
-        // Those that are still being drawn as well: the cache holds no more.
-        let pictures = episode.pictures.values().sum::<u64>();
+        let published = Progress {
+            // Those that are still being drawn as well: the cache holds no more.
+            pictures: episode.pictures.values().sum(),
+            tick: self.sim.snapshot().tick,
+        };
         self.shared.recorders.lock().without_credit(
             self.shared.outbox.run_id(),
             episode.number,
             &episode.participants,
-            pictures,
-            self.sim.snapshot().tick,
+            published,
         )
     }
 
@@ -336,7 +339,8 @@ impl Engine {
             }
             let mut recorders = self.shared.recorders.lock();
             recorders.expire(Instant::now());
-            let waiting = recorders.records(self.shared.outbox.run_id(), episode, participants);
+            let waiting =
+                recorders.is_anyone_recording(self.shared.outbox.run_id(), episode, participants);
             drop(recorders);
             if !waiting {
                 return;
