@@ -20,7 +20,7 @@ use wheelarm_proto::{StreamId, TopicId, v1};
 use crate::account::Account;
 use crate::columns::{self, Context};
 use crate::hdf::{self, Attributes};
-use crate::log::{LogError, Scan, hold, is_at, outline, read_ahead, scan};
+use crate::log::{Locked, LogError, Scan, hold, is_at, outline, read_ahead, scan};
 use crate::publish;
 use crate::read::first_robot;
 use crate::writer::file_path;
@@ -137,14 +137,14 @@ fn make(log: &Path, out: Option<&Path>, scan: Scan) -> Result<Finished, FinishEr
 /// Locks the name under which a file is made: a log of the same name may be made into
 /// a file of the same folder at the same time. Unlike HDF5's own lock this one does not
 /// go over to programs that are started.
-fn claim(temporary: &Path) -> std::io::Result<File> {
+fn claim(temporary: &Path) -> std::io::Result<Locked> {
     for _ in 0..CLAIMS {
         let mut opening = File::options();
         let file = opening.create(true).truncate(false).write(true);
         let file = file.open(temporary)?;
-        if matches!(file.try_lock(), Err(std::fs::TryLockError::WouldBlock)) {
+        let Ok(file) = Locked::lock(file) else {
             break;
-        }
+        };
         // Whoever had it may have given it another name just now.
         if is_at(&file, temporary) {
             return Ok(file);

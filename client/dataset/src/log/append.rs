@@ -7,6 +7,7 @@ use std::path::Path;
 use prost::Message;
 
 use super::format::{FILE_MAGIC, Preamble};
+use super::locked::Locked;
 use super::{LogError, MAX_PAYLOAD};
 
 /// A file to which a log is appended. Tests put a full disk here.
@@ -23,6 +24,16 @@ pub trait LogFile: Send {
     fn truncate(&mut self, length: u64) -> io::Result<()>;
 }
 
+impl LogFile for Locked {
+    fn append(&mut self, bytes: &[u8]) -> io::Result<()> {
+        (**self).append(bytes)
+    }
+
+    fn truncate(&mut self, length: u64) -> io::Result<()> {
+        (**self).truncate(length)
+    }
+}
+
 impl LogFile for File {
     fn append(&mut self, bytes: &[u8]) -> io::Result<()> {
         self.write_all(bytes)
@@ -37,7 +48,7 @@ impl LogFile for File {
 ///
 /// # Errors
 /// [`LogError::Io`].
-pub(crate) fn create_file(path: &Path) -> Result<File, LogError> {
+pub(crate) fn create_file(path: &Path) -> Result<Locked, LogError> {
     let io = |source| LogError::Io {
         path: path.display().to_string(),
         source,
@@ -47,12 +58,8 @@ pub(crate) fn create_file(path: &Path) -> Result<File, LogError> {
         .create_new(true)
         .open(path)
         .map_err(io)?;
-    // File systems without locks still record; two recorders cannot meet here,
-    // because `create_new` lets only one of them in.
-    if let Err(problem) = file.try_lock() {
-        tracing::debug!(path = %path.display(), %problem, "the log cannot be locked");
-    }
-    Ok(file)
+    // Nobody else has it: `create_new` lets only one in.
+    Locked::lock(file).map_err(|_| LogError::InUse(path.display().to_string()))
 }
 
 /// Appends records and keeps the log valid when an append fails.

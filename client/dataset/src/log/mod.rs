@@ -12,6 +12,7 @@
 mod ahead;
 mod append;
 mod format;
+mod locked;
 mod scan;
 
 pub use ahead::{Ahead, read_ahead};
@@ -22,6 +23,7 @@ pub use format::{
     CameraParts, Closing, Kind, MAX_PAYLOAD, Preamble, RECORD_HEADER, Received, RecordHeader,
     Recovered, begin_record, begin_record_in, finish_record,
 };
+pub use locked::Locked;
 pub(crate) use scan::is_at;
 pub use scan::{Entry, Scan, hold, outline, scan};
 

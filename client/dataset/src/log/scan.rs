@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 use prost::Message;
 
 use super::format::{FILE_MAGIC, parse_header};
-use super::{Closing, Kind, LogError, MAX_PAYLOAD, Preamble, RECORD_HEADER, RecordHeader};
+use super::{Closing, Kind, Locked, LogError, MAX_PAYLOAD, Preamble, RECORD_HEADER, RecordHeader};
 
 /// One record of a log.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -86,19 +86,17 @@ impl Scan {
 ///
 /// # Errors
 /// [`LogError::InUse`].
-pub fn hold(path: &Path) -> Result<Option<File>, LogError> {
+pub fn hold(path: &Path) -> Result<Option<Locked>, LogError> {
     if !std::fs::metadata(path).is_ok_and(|m| m.is_file()) {
         return Ok(None);
     }
     let Ok(file) = File::open(path) else {
         return Ok(None);
     };
-    // File systems without locks: nothing to hold.
-    let is_locked = matches!(file.try_lock(), Err(std::fs::TryLockError::WouldBlock));
-    if is_locked || (path.exists() && !is_at(&file, path)) {
-        return Err(LogError::InUse(path.display().to_string()));
+    match Locked::lock(file) {
+        Ok(file) if !path.exists() || is_at(&file, path) => Ok(Some(file)),
+        Ok(_) | Err(_) => Err(LogError::InUse(path.display().to_string())),
     }
-    Ok(Some(file))
 }
 
 /// Whether an open file is the one at `path`.
