@@ -7,17 +7,19 @@ use std::time::{Duration, Instant};
 use bytes::Bytes;
 use wheelarm_dataset::columns::header_of;
 use wheelarm_dataset::writer::{WriterOptions, file_path};
-use wheelarm_proto::{CREDIT_STATUS_TICKS, v1};
+use wheelarm_proto::v1;
 
 use self::early::Early;
 use self::hearing::Hearing;
 pub use self::port::{Input, Output};
-use super::episode::{Accepted, EpisodeId, Made, Recording, Report, id};
+use super::episode::{Accepted, Made, Recording, id};
 
 mod early;
+mod ending;
 mod hearing;
 mod port;
 mod protocol;
+mod telling;
 
 /// Longest wait for samples that the manifest lists.
 pub const MANIFEST_PATIENCE: Duration = Duration::from_secs(10);
@@ -385,234 +387,6 @@ impl Recorder {
             "episode {:?} ended while {MAX_FINISHING} earlier ones were still being made into files; it is not recorded",
             started.label
         )));
-    }
-
-    /// The server's own word that an episode is over; it is told again with
-    /// every answer for a while.
-    fn stopped(&mut self, stopped: &v1::EpisodeStopped, now: Instant) {
-        let of = id(stopped.header.as_ref());
-        if let Some(next) = self.next.take_if(|n| id(n.header.as_ref()) == of) {
-            self.last = Some(of);
-            if !stopped.discard {
-                self.too_busy(&next);
-            }
-            return;
-        }
-        if self.current() != Some(of) {
-            return;
-        }
-        if let Stage::Opening { stopped, .. } | Stage::Stopping { stopped, .. } = &self.stage
-            && stopped.is_some()
-        {
-            return;
-        }
-        let boxed = Box::new(stopped.clone());
-        match std::mem::replace(&mut self.stage, Stage::Idle) {
-            Stage::Idle => {}
-            Stage::Opening {
-                started,
-                since,
-                asked,
-                ..
-            } => {
-                self.stage = Stage::Opening {
-                    started,
-                    since,
-                    asked,
-                    stopped: Some(boxed),
-                };
-            }
-            Stage::Recording(recording) | Stage::Stopping { recording, .. } => {
-                if stopped.discard {
-                    self.discard(*recording);
-                    return;
-                }
-                self.stage = Stage::Stopping {
-                    recording,
-                    stopped: Some(boxed),
-                    deadline: now + MANIFEST_PATIENCE,
-                    reason: "",
-                };
-            }
-        }
-    }
-
-    /// Finishes an episode whose samples are all there or overdue.
-    fn settle(&mut self, now: Instant) {
-        let Stage::Stopping {
-            recording,
-            stopped,
-            deadline,
-            ..
-        } = &self.stage
-        else {
-            return;
-        };
-        let all = stopped.as_ref().is_some_and(|s| recording.satisfies(s));
-        if !all && now < *deadline {
-            return;
-        }
-        let Stage::Stopping {
-            recording,
-            stopped,
-            reason,
-            ..
-        } = std::mem::replace(&mut self.stage, Stage::Idle)
-        else {
-            return;
-        };
-        self.finish(*recording, stopped.map(|s| *s), reason.to_owned());
-        if let Some(next) = self.next.take() {
-            self.started(*next, now);
-        }
-    }
-
-    /// Closes whatever is open; nothing is begun any more.
-    fn shut_down(&mut self) {
-        self.is_ending = true;
-        if let Some(next) = self.next.take() {
-            self.early.forget(Some(&id(next.header.as_ref())));
-            self.out.push(Output::Failed(format!(
-                "episode {:?} is not recorded: the recorder was stopped while an earlier one was being made into its file",
-                next.label
-            )));
-        }
-        self.end("the recorder was stopped before the episode ended");
-    }
-
-    /// Closes whatever is open, early.
-    fn end(&mut self, reason: &str) {
-        match std::mem::replace(&mut self.stage, Stage::Idle) {
-            Stage::Idle => {}
-            Stage::Opening { started, .. } => {
-                self.last = Some(id(started.header.as_ref()));
-                self.fail_with(format!("episode {:?}: {reason}", started.label));
-            }
-            Stage::Recording(recording) => self.finish(*recording, None, reason.to_owned()),
-            Stage::Stopping {
-                recording, stopped, ..
-            } => {
-                // The manifest is here: it says itself whether anything lacks.
-                let reason = if stopped.is_some() { "" } else { reason };
-                self.finish(*recording, stopped.map(|s| *s), reason.to_owned());
-            }
-        }
-    }
-
-    fn finish(
-        &mut self,
-        recording: Recording,
-        stopped: Option<v1::EpisodeStopped>,
-        reason: String,
-    ) {
-        self.last = Some(id(recording.started.header.as_ref()));
-        self.early.forget(self.last.as_ref());
-        follow(&mut self.status, &recording);
-        self.counted += 1;
-        self.status.state = v1::RecorderState::Finishing.into();
-        self.finishing.push(self.status.clone());
-        self.out.push(Output::Status(self.status.clone()));
-        let finishing = recording.finish(stopped, reason);
-        self.out.push(Output::Finish(Box::new(finishing)));
-    }
-
-    /// An episode is in its file, or will not be.
-    fn done(&mut self, of: &EpisodeId, result: Result<Report, String>, now: Instant) {
-        let place = |s: &v1::RecorderStatus| id(s.header.as_ref()) == *of;
-        let Some(place) = self.finishing.iter().position(place) else {
-            return;
-        };
-        let mut status = self.finishing.remove(place);
-        match &result {
-            Ok(report) => {
-                status.state = v1::RecorderState::Finished.into();
-                status.path = report.path.display().to_string();
-                status.complete = report.complete;
-                status.missed = report.missed;
-                status.message = report.problems.join("; ");
-            }
-            Err(words) => {
-                status.state = v1::RecorderState::Failed.into();
-                status.message.clone_from(words);
-            }
-        }
-        if id(self.status.header.as_ref()) == *of {
-            self.status = status.clone();
-        }
-        self.out.push(Output::Status(status));
-        self.out.push(match result {
-            Ok(report) => Output::Finished(report),
-            Err(words) => Output::Failed(words),
-        });
-        if let Some(next) = self.next.take() {
-            self.started(*next, now);
-        }
-    }
-
-    fn discard(&mut self, recording: Recording) {
-        self.last = Some(id(recording.started.header.as_ref()));
-        self.early.forget(self.last.as_ref());
-        follow(&mut self.status, &recording);
-        let label = recording.started.label.clone();
-        let message = match recording.discard() {
-            Ok(()) => "discarded".to_owned(),
-            Err(problem) => format!("discarded, but its log cannot be deleted: {problem}"),
-        };
-        self.status.state = v1::RecorderState::Finished.into();
-        self.status.message = message;
-        self.out.push(Output::Status(self.status.clone()));
-        self.out.push(Output::Discarded(label));
-    }
-
-    /// Gives up the episode at hand. Dropping the writer keeps its log.
-    fn fail(&mut self, words: String) {
-        self.last = self.current();
-        self.stage = Stage::Idle;
-        self.fail_with(words);
-    }
-
-    fn fail_with(&mut self, words: String) {
-        self.counted += 1;
-        self.early.forget(self.last.as_ref());
-        self.status.state = v1::RecorderState::Failed.into();
-        self.status.message.clone_from(&words);
-        self.out.push(Output::Status(self.status.clone()));
-        self.out.push(Output::Failed(words));
-    }
-
-    /// Whether a server in lock-step is to be told how far everything is here.
-    fn has_new_credit(&self) -> bool {
-        let Stage::Recording(recording) = &self.stage else {
-            return false;
-        };
-        recording.credit().is_some_and(|credit| {
-            self.status.credit_frames != Some(credit.frames)
-                || credit.tick >= self.status.credit_tick.unwrap_or(0) + CREDIT_STATUS_TICKS
-        })
-    }
-
-    /// Publishes readiness and credit.
-    fn publish(&mut self) {
-        if let Stage::Recording(recording) | Stage::Stopping { recording, .. } = &self.stage {
-            follow(&mut self.status, recording);
-        }
-        self.out.push(Output::Status(self.status.clone()));
-    }
-}
-
-/// Brings a status up to what has come; the credit stays while something is missing
-/// that may still come.
-fn follow(status: &mut v1::RecorderStatus, recording: &Recording) {
-    status.accepted_frames = recording.accepted;
-    status.missed = recording.missed();
-    if let Some(credit) = recording.credit() {
-        status.credit_frames = Some(credit.frames);
-        status.credit_tick = Some(credit.tick);
-    }
-    if let (Some(header), Some(newest)) = (&mut status.header, recording.newest) {
-        header.sequence = newest.sequence;
-        header.stamp_nanos = newest.stamp_nanos;
-        header.tick = newest.tick;
     }
 }
 

@@ -2,12 +2,13 @@
 
 use std::path::Path;
 
-use super::super::episode::SILENCE;
+use super::super::episode::Report;
 use super::*;
 use wheelarm_dataset::read::Episode;
 use wheelarm_proto::{Message, stamp_nanos};
 
 mod compressed;
+mod credit;
 
 fn header(episode: u64, sequence: u64, tick: u64) -> v1::Header {
     v1::Header {
@@ -229,122 +230,6 @@ fn samples_that_overtake_the_start_are_kept_and_credit_counts_pictures() {
     assert_eq!(b.recorder.status().accepted_frames, 2);
     assert!(b.recorder.status().complete);
     assert_eq!(b.files(), ["a.h5"]);
-}
-
-/// The newest credit, frames and tick, that outputs tell.
-fn credit(out: &[Output]) -> Option<(u64, u64)> {
-    out.iter().rev().find_map(|o| match o {
-        Output::Status(s) => Some((s.credit_frames?, s.credit_tick?)),
-        _ => None,
-    })
-}
-
-#[test]
-fn credit_is_told_without_pictures_too() {
-    let mut b = Bench::new();
-    b.open(1, "dark");
-    let told: Vec<_> = (0..150)
-        .filter_map(|n| credit(&b.feed(hash(1, n))))
-        .collect();
-    assert_eq!(told, [(0, 48), (0, 96), (0, 144)]);
-}
-
-#[test]
-fn credit_stands_still_while_something_is_missing_that_may_come() {
-    let mut b = Bench::new();
-    b.open(1, "held");
-    b.feed(hash(1, 0));
-    assert_eq!(credit(&b.feed(picture(1, 0))), Some((1, 0)));
-    b.feed(hash(1, 2));
-    assert_eq!(credit(&b.feed(picture(1, 1))), Some((1, 0)));
-    assert_eq!(credit(&b.feed(hash(1, 200))), None);
-    b.feed(hash(1, 1));
-    assert_eq!(b.recorder.status().credit_tick, Some(0));
-    for n in 3..199 {
-        b.feed(hash(1, n));
-    }
-    assert_eq!(credit(&b.feed(hash(1, 199))), Some((2, 200)), "all is here");
-    // A picture that does not come is given up, and holds nobody up any more.
-    assert_eq!(credit(&b.feed(picture(1, 3))), Some((2, 200)));
-    b.feed(hash(1, 201));
-    let mut told = Vec::new();
-    for _ in 0..20 {
-        told.extend(credit(&b.wait(Duration::from_secs(1))));
-    }
-    assert_eq!(told, [(4, 201)]);
-    assert_eq!(b.recorder.status().missed, 1);
-    b.feed(ended(stopped(1, 202, 4)));
-    b.wait(MANIFEST_PATIENCE);
-    let told = b.recorder.status();
-    assert_eq!((told.credit_frames, told.credit_tick), (Some(4), Some(201)));
-}
-
-fn state_sample(stream: &str, message: impl Message) -> Input {
-    Input::Sample {
-        stream: stream.into(),
-        payload: message.encode_to_vec().into(),
-    }
-}
-
-fn clock(tick: u64) -> Input {
-    let message = v1::Clock {
-        header: Some(header(1, tick, tick)),
-        ..Default::default()
-    };
-    state_sample("clock", message)
-}
-
-fn imu(tick: u64) -> Input {
-    let message = v1::Imu {
-        header: Some(header(1, tick, tick)),
-        ..Default::default()
-    };
-    state_sample("imu", message)
-}
-
-#[test]
-fn a_stream_that_is_held_back_holds_the_credit_and_one_that_ended_does_not() {
-    let mut b = Bench::new();
-    b.open(1, "behind");
-    b.wait(Duration::ZERO);
-    for n in 0..=100 {
-        b.feed(imu(n));
-        b.feed(clock(n));
-    }
-    b.wait(Duration::ZERO);
-    assert_eq!(b.recorder.status().credit_tick, Some(96));
-    for n in 101..=400 {
-        assert_eq!(credit(&b.feed(clock(n))), None);
-    }
-    assert_eq!(credit(&b.wait(SILENCE / 2)), None);
-    assert_eq!(credit(&b.wait(2 * SILENCE)), Some((0, 400)));
-    // It goes on.
-    b.feed(clock(401));
-    for n in 101..=500 {
-        b.feed(imu(n));
-    }
-    assert_eq!(b.recorder.status().credit_tick, Some(400));
-}
-
-#[test]
-fn the_answer_to_the_last_question_is_waited_for_before_credit_is_told() {
-    let mut b = Bench::new();
-    b.open(1, "late");
-    for n in [0, 100] {
-        b.feed(hash(1, n));
-    }
-    let mut asked = 0;
-    while asked < 5 {
-        let out = b.wait(Duration::from_millis(500));
-        assert_eq!(credit(&out), None);
-        let questions = out.iter().filter(|o| matches!(o, Output::AskSamples(_)));
-        asked += questions.count();
-    }
-    for n in 1..99 {
-        b.feed(hash(1, n));
-    }
-    assert_eq!(credit(&b.feed(hash(1, 99))), Some((0, 100)));
-    assert_eq!(b.recorder.status().missed, 0);
 }
 
 #[test]

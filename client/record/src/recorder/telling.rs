@@ -1,0 +1,59 @@
+//! What a recorder tells: its status, with the credit of a server in lock-step.
+
+use wheelarm_proto::{CREDIT_STATUS_TICKS, v1};
+
+use super::super::episode::Recording;
+use super::{Output, Recorder, Stage};
+
+impl Recorder {
+    /// Gives up the episode at hand. Dropping the writer keeps its log.
+    pub(super) fn fail(&mut self, words: String) {
+        self.last = self.current();
+        self.stage = Stage::Idle;
+        self.fail_with(words);
+    }
+
+    pub(super) fn fail_with(&mut self, words: String) {
+        self.counted += 1;
+        self.early.forget(self.last.as_ref());
+        self.status.state = v1::RecorderState::Failed.into();
+        self.status.message.clone_from(&words);
+        self.out.push(Output::Status(self.status.clone()));
+        self.out.push(Output::Failed(words));
+    }
+
+    /// Whether a server in lock-step is to be told how far everything is here.
+    pub(super) fn has_new_credit(&self) -> bool {
+        let Stage::Recording(recording) = &self.stage else {
+            return false;
+        };
+        recording.credit().is_some_and(|credit| {
+            self.status.credit_frames != Some(credit.frames)
+                || credit.tick >= self.status.credit_tick.unwrap_or(0) + CREDIT_STATUS_TICKS
+        })
+    }
+
+    /// Publishes readiness and credit.
+    pub(super) fn publish(&mut self) {
+        if let Stage::Recording(recording) | Stage::Stopping { recording, .. } = &self.stage {
+            follow(&mut self.status, recording);
+        }
+        self.out.push(Output::Status(self.status.clone()));
+    }
+}
+
+/// Brings a status up to what has come; the credit stays while something is missing
+/// that may still come.
+pub(super) fn follow(status: &mut v1::RecorderStatus, recording: &Recording) {
+    status.accepted_frames = recording.accepted;
+    status.missed = recording.missed();
+    if let Some(credit) = recording.credit() {
+        status.credit_frames = Some(credit.frames);
+        status.credit_tick = Some(credit.tick);
+    }
+    if let (Some(header), Some(newest)) = (&mut status.header, recording.newest) {
+        header.sequence = newest.sequence;
+        header.stamp_nanos = newest.stamp_nanos;
+        header.tick = newest.tick;
+    }
+}
