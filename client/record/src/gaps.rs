@@ -21,6 +21,10 @@ pub struct Missing {
     pub last: u64,
 }
 
+/// So often a picture that is heard compressed is asked for so: as it is it takes five
+/// times as long on a slow line, which may be all that is wrong.
+const COMPRESSED_TRIES: u32 = 2;
+
 /// What was asked for, how often, and when the last time; once more than it is asked
 /// for is given up.
 #[derive(Debug, Default)]
@@ -64,7 +68,7 @@ impl Gaps {
                 if *tries <= TRIES {
                     let heard = compressed.contains_key(stream);
                     let stream = match StreamId::parse(stream).camera_name() {
-                        Some(camera) if heard && *tries == 1 => {
+                        Some(camera) if heard && *tries <= COMPRESSED_TRIES => {
                             StreamId::compressed(camera).to_string()
                         }
                         _ => stream.to_owned(),

@@ -4,6 +4,8 @@
 use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
 
+use wheelarm_proto::v1;
+
 use super::super::episode::Recording;
 use super::super::gaps::Missing;
 use super::port::Output;
@@ -41,6 +43,17 @@ struct Silence {
     first: u64,
     /// Since when pictures as they are are there.
     exact: Option<Instant>,
+}
+
+/// Pause before the first look. In lock-step time waits and nothing is forgotten: a
+/// picture that is under way on a slow line has all the time it needs, while one that is
+/// asked for as it is, five times as long, would keep that line.
+fn first_pause(recording: &Recording) -> Duration {
+    let scenario = recording.started.scenario.as_ref();
+    match scenario.is_some_and(|s| s.pacing() == v1::Pacing::LockStep) {
+        true => LONGEST,
+        false => LOOK,
+    }
 }
 
 impl Hearing {
@@ -83,7 +96,7 @@ impl Hearing {
             let next = recording.next(&stream);
             let silence = self.silent.entry(stream.clone()).or_insert(Silence {
                 looked: now,
-                pause: LOOK,
+                pause: first_pause(recording),
                 first: 0,
                 exact: None,
             });
