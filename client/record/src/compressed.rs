@@ -1,7 +1,7 @@
 //! What came of one camera in compressed form.
 
 use std::collections::BTreeMap;
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 use bytes::Bytes;
 use wheelarm_dataset::coverage::Coverage;
@@ -9,19 +9,7 @@ use wheelarm_proto::digest::Digest;
 use wheelarm_proto::{Message, v1};
 
 use super::digests::Digests;
-
-/// Pause before the same samples are asked for a second time; it doubles, up to
-/// [`LONGEST`].
-pub(super) const PAUSE: Duration = Duration::from_secs(1);
-const LONGEST: Duration = Duration::from_secs(4);
-/// Asked for so many times without an answer, a sample is given up: a server in
-/// lock-step waits as long.
-pub(super) const TRIES: u32 = 5;
-
-/// Pause after so many questions.
-pub(super) fn pause_after(tries: u32) -> Duration {
-    (PAUSE * 2_u32.saturating_pow(tries.saturating_sub(1))).min(LONGEST)
-}
+use super::question::Question;
 
 /// A picture whose planes are compressed, and the digest of the exact one's message.
 pub(super) struct Picture {
@@ -35,9 +23,8 @@ pub(super) struct Compressed {
     seen: Coverage,
     digests: Digests,
     /// Numbers whose message holds no picture that can be taken: it is to be had as
-    /// it is. How often it was asked for, and when the last time; once more than that it
-    /// is given up.
-    unusable: BTreeMap<u64, (u32, Option<Instant>)>,
+    /// it is.
+    unusable: BTreeMap<u64, Question>,
 }
 
 impl Compressed {
@@ -73,14 +60,8 @@ impl Compressed {
     /// Ranges of numbers whose picture is to be asked for as it is at `now`.
     pub fn due(&mut self, now: Instant) -> Vec<(u64, u64)> {
         let mut due: Vec<(u64, u64)> = Vec::new();
-        for (&number, (tries, at)) in &mut self.unusable {
-            let rests =
-                at.is_some_and(|at| now.saturating_duration_since(at) < pause_after(*tries));
-            if rests || *tries > TRIES {
-                continue;
-            }
-            (*tries, *at) = (*tries + 1, Some(now));
-            if *tries > TRIES {
+        for (&number, question) in &mut self.unusable {
+            if !question.ask(now) {
                 continue;
             }
             match due.last_mut() {
@@ -91,12 +72,31 @@ impl Compressed {
         due
     }
 
+    /// A question for `first` to `last` as they are was answered.
+    pub fn answered(&mut self, first: u64, last: u64, in_time: bool, now: Instant) {
+        for (_, question) in self.unusable.range_mut(first..=last.max(first)) {
+            question.answered(in_time, now);
+        }
+    }
+
+    /// Whether all messages of `first` to `last` hold no picture that can be taken.
+    pub fn are_unusable(&self, first: u64, last: u64) -> bool {
+        let there = self.unusable.range(first..=last).count() as u64;
+        there == last - first + 1
+    }
+
+    /// Whether all pictures of `first` to `last` were asked for as they are in vain.
+    pub fn gave_up(&self, first: u64, last: u64) -> bool {
+        let mut there = self.unusable.range(first..=last);
+        self.are_unusable(first, last) && there.all(|(_, question)| question.is_given_up())
+    }
+
     /// Numbers beyond `seen` whose picture was asked for so often that it will not
     /// come.
     pub fn given_up(&self, seen: Option<(u64, u64)>) -> u64 {
         let beyond = |n: u64| seen.is_none_or(|(first, last)| n < first || n > last);
         let all = self.unusable.iter();
-        let lost = all.filter(|(number, (tries, _))| *tries > TRIES && beyond(**number));
+        let lost = all.filter(|(number, question)| question.is_given_up() && beyond(**number));
         lost.count() as u64
     }
 

@@ -16,6 +16,7 @@ use wheelarm_proto::{StreamId, TopicId, digest, v1};
 use super::compressed::{Compressed, Picture};
 use super::digests::Digests;
 use super::gaps::{Gaps, Missing};
+use super::latest::Latest;
 
 /// What became of one episode.
 #[derive(Clone, Debug, PartialEq)]
@@ -80,8 +81,11 @@ pub(super) struct Recording {
     /// Of cameras whose pictures came compressed.
     compressed: BTreeMap<String, Compressed>,
     gaps: Gaps,
-    /// Tick of the newest sample of a state stream.
-    newest_state: u64,
+    latest: Latest,
+    /// Samples accepted.
+    samples: u64,
+    /// Tick of the beginning.
+    begun: u64,
     /// The newest samples of streams of a fixed rate, by stream.
     regular: BTreeMap<String, Newest>,
 }
@@ -113,7 +117,9 @@ impl Recording {
             digests: BTreeMap::new(),
             compressed: BTreeMap::new(),
             gaps: Gaps::default(),
-            newest_state: tick,
+            latest: Latest::default(),
+            samples: 0,
+            begun: tick,
             regular: BTreeMap::new(),
         })
     }
@@ -145,6 +151,11 @@ impl Recording {
             self.compressed.entry(camera).or_default().refuse(sequence);
         }
         Ok(kept)
+    }
+
+    /// Samples that were accepted.
+    pub fn samples(&self) -> u64 {
+        self.samples
     }
 
     /// Hands the samples that wait for others to the log.
@@ -192,6 +203,7 @@ impl Recording {
         let taken = offer(&mut self.writer);
         match taken {
             Ok(taken) => {
+                self.samples += 1;
                 seen.insert(sequence);
                 digests.add(sequence, digest);
                 if let Some(compressed) = self.compressed.get_mut(stream) {
@@ -207,7 +219,6 @@ impl Recording {
                     return Ok(Accepted::Frame);
                 }
                 if let StreamId::State(topic) = id {
-                    self.newest_state = self.newest_state.max(taken.tick);
                     if !matches!(topic.info().rate, Rate::Event | Rate::Second) {
                         let newest = self.regular.entry(stream.to_owned()).or_default();
                         newest.tick = newest.tick.max(taken.tick);
@@ -246,7 +257,10 @@ impl Recording {
         for (stream, seen) in self.seen.iter().filter(|(_, seen)| seen.gaps() > 0) {
             let (first, last) = seen.span()?;
             for (first, last) in seen.missing(first, last) {
-                if !self.gaps.gave_up(stream, last) {
+                let compressed = self.compressed.get(stream);
+                let in_vain = self.gaps.gave_up(stream, last)
+                    || compressed.is_some_and(|c| c.gave_up(first, last));
+                if !in_vain {
                     return None;
                 }
                 if StreamId::parse(stream).is_camera() {
@@ -257,9 +271,11 @@ impl Recording {
         // What the transport holds back is no gap yet, while other streams go on.
         let regular = self.regular.values().filter(|newest| !newest.is_silent);
         let least = regular.map(|newest| newest.tick).min();
+        // Where a router lets no state through, pictures tell the time.
+        let newest = self.newest.map_or(self.begun, |newest| newest.tick);
         Some(Credit {
             frames: self.accepted + given_up,
-            tick: least.unwrap_or(self.newest_state),
+            tick: least.unwrap_or(newest),
         })
     }
 
@@ -273,8 +289,57 @@ impl Recording {
             let silent = now.saturating_duration_since(since) > SILENCE;
             newest.is_silent = silent && tick == newest.tick;
         }
-        self.gaps
-            .wanted(&self.seen, &mut self.compressed, stopped, now)
+        let mut wanted = self
+            .gaps
+            .wanted(&self.seen, &mut self.compressed, stopped, now);
+        // Events may come while time stands still.
+        let news = (self.accepted, self.newest.map_or(self.begun, |n| n.tick));
+        if self.latest.is_due(news, now) && self.is_under_way() && stopped.is_none() {
+            let latest = self.newer_pictures();
+            self.latest.asked(latest.len(), now);
+            wanted.extend(latest);
+        }
+        wanted
+    }
+
+    /// The connection is back.
+    pub fn look_again(&mut self) {
+        self.latest.hurry();
+    }
+
+    /// What may have been published behind the last pictures that came.
+    fn newer_pictures(&self) -> Vec<Missing> {
+        let cameras = self.started.cameras.iter().map(|c| StreamId::camera(c));
+        let sensors = self.started.sensors.iter().map(|s| StreamId::sensor(s));
+        let newer = |id: StreamId| {
+            let first = self.next(&id.to_string())?;
+            let stream = match id.camera_name() {
+                Some(camera) if self.compressed.contains_key(&id.to_string()) => {
+                    StreamId::compressed(camera).to_string()
+                }
+                _ => id.to_string(),
+            };
+            Some(Missing::behind(stream, first))
+        };
+        cameras.chain(sensors).filter_map(newer).collect()
+    }
+
+    /// A question for `missing` was answered: all that is sent for it has come.
+    pub fn answered(&mut self, missing: &Missing, in_time: bool, now: Instant) {
+        let Missing { first, last, .. } = *missing;
+        if missing.is_open() {
+            self.latest.answered(now);
+            return;
+        }
+        let id = StreamId::parse(&missing.stream);
+        let stream = match id.of_compressed() {
+            Some(camera) => camera.to_string(),
+            None => missing.stream.clone(),
+        };
+        self.gaps.answered(&stream, last, in_time, now);
+        if let Some(compressed) = self.compressed.get_mut(&stream) {
+            compressed.answered(first, last, in_time, now);
+        }
     }
 
     /// Whether everything that the manifest lists has come.

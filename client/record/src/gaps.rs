@@ -8,7 +8,8 @@ use std::time::Instant;
 use wheelarm_dataset::coverage::Coverage;
 use wheelarm_proto::{StreamId, v1};
 
-use super::compressed::{Compressed, TRIES, pause_after};
+use super::compressed::Compressed;
+use super::question::Question;
 
 /// Samples of one stream that did not come.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -21,23 +22,52 @@ pub struct Missing {
     pub last: u64,
 }
 
+/// The transport's numbers wrap: half of them is all that lie ahead.
+const AHEAD: u64 = (u32::MAX / 2) as u64;
+
+impl Missing {
+    /// Whatever of a stream there is from `first` on.
+    pub(super) fn behind(stream: String, first: u64) -> Self {
+        Self {
+            stream,
+            first,
+            last: first + AHEAD,
+        }
+    }
+
+    /// Whether nobody knows how much of it there is.
+    pub(super) fn is_open(&self) -> bool {
+        self.last - self.first >= AHEAD
+    }
+}
+
 /// So often a picture that is heard compressed is asked for so: as it is it takes five
 /// times as long on a slow line, which may be all that is wrong.
 const COMPRESSED_TRIES: u32 = 2;
 
-/// What was asked for, how often, and when the last time; once more than it is asked
-/// for is given up.
+/// What was asked for.
 #[derive(Debug, Default)]
 pub(super) struct Gaps {
     /// By stream and last number of the gap.
-    asked: BTreeMap<String, BTreeMap<u64, (u32, Instant)>>,
+    asked: BTreeMap<String, BTreeMap<u64, Question>>,
 }
 
 impl Gaps {
     /// Whether a gap that ends with `last` was asked for in vain.
     pub(super) fn gave_up(&self, stream: &str, last: u64) -> bool {
         let asked = self.asked.get(stream).and_then(|gaps| gaps.get(&last));
-        asked.is_some_and(|(tries, _)| *tries > TRIES)
+        asked.is_some_and(Question::is_given_up)
+    }
+
+    /// A question for a gap of `stream` that ends with `last` was answered.
+    pub(super) fn answered(&mut self, stream: &str, last: u64, in_time: bool, now: Instant) {
+        let asked = self
+            .asked
+            .get_mut(stream)
+            .and_then(|gaps| gaps.get_mut(&last));
+        if let Some(question) = asked {
+            question.answered(in_time, now);
+        }
     }
 
     /// What to ask for at `now`: gaps between the samples that came, and with
@@ -59,26 +89,27 @@ impl Gaps {
             }
             let asked = self.asked.entry(stream.to_owned()).or_default();
             for (first, last) in missing {
-                let (tries, at) = asked.entry(last).or_insert((0, now));
-                let due = *tries == 0 || now.saturating_duration_since(*at) >= pause_after(*tries);
-                if !due || *tries > TRIES {
+                // These are asked for as they are, below.
+                let heard = compressed.get(stream);
+                if heard.is_some_and(|heard| heard.are_unusable(first, last)) {
                     continue;
                 }
-                (*tries, *at) = (*tries + 1, now);
-                if *tries <= TRIES {
-                    let heard = compressed.contains_key(stream);
-                    let stream = match StreamId::parse(stream).camera_name() {
-                        Some(camera) if heard && *tries <= COMPRESSED_TRIES => {
-                            StreamId::compressed(camera).to_string()
-                        }
-                        _ => stream.to_owned(),
-                    };
-                    wanted.push(Missing {
-                        stream,
-                        first,
-                        last,
-                    });
+                let question = asked.entry(last).or_default();
+                if !question.ask(now) {
+                    continue;
                 }
+                let is_heard = heard.is_some();
+                let stream = match StreamId::parse(stream).camera_name() {
+                    Some(camera) if is_heard && question.tries() <= COMPRESSED_TRIES => {
+                        StreamId::compressed(camera).to_string()
+                    }
+                    _ => stream.to_owned(),
+                };
+                wanted.push(Missing {
+                    stream,
+                    first,
+                    last,
+                });
             }
         };
         match stopped {
@@ -111,7 +142,7 @@ impl Gaps {
 
 #[cfg(test)]
 mod tests {
-    use super::super::compressed::PAUSE;
+    use super::super::question::PAUSE;
     use super::*;
 
     fn missing(stream: &str, first: u64, last: u64) -> Missing {
@@ -133,6 +164,9 @@ mod tests {
         let (mut gaps, mut none) = (Gaps::default(), BTreeMap::new());
         let first = [missing("imu", 6, 7), missing("imu", 10, 10)];
         assert_eq!(gaps.wanted(&seen, &mut none, None, start), first);
+        assert_eq!(gaps.wanted(&seen, &mut none, None, start + PAUSE), []);
+        gaps.answered("imu", 7, true, start);
+        gaps.answered("imu", 8, true, start);
         assert_eq!(gaps.wanted(&seen, &mut none, None, start + PAUSE / 2), []);
         seen.get_mut("imu").unwrap().insert(10);
         let again = gaps.wanted(&seen, &mut none, None, start + PAUSE);
@@ -156,7 +190,10 @@ mod tests {
         ];
         assert_eq!(ends, expected);
         for second in 2..20 {
-            gaps.wanted(&seen, &mut none, Some(&stopped), start + second * PAUSE);
+            let now = start + second * PAUSE;
+            for missing in gaps.wanted(&seen, &mut none, Some(&stopped), now) {
+                gaps.answered(&missing.stream, missing.last, true, now);
+            }
         }
         assert_eq!(
             gaps.wanted(&seen, &mut none, Some(&stopped), start + 20 * PAUSE),

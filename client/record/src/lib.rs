@@ -13,8 +13,10 @@ mod compressed;
 mod digests;
 mod episode;
 mod gaps;
+mod latest;
 mod many;
 mod network;
+mod question;
 mod queue;
 mod recorder;
 

@@ -15,13 +15,15 @@ use wheelarm_proto::{Message, StreamId, TopicId, v1};
 use zenoh::bytes::ZBytes;
 use zenoh::pubsub::Publisher;
 use zenoh::qos::{CongestionControl, Priority};
-use zenoh::query::{ConsolidationMode, QueryTarget, ReplyKeyExpr};
 use zenoh::sample::{Sample, SampleKind};
 use zenoh_ext::{AdvancedSubscriberBuilderExt, HistoryConfig, RecoveryConfig};
 
 use super::queue::{Entrance, Exit, queue};
 use super::recorder::{Input, Output, Recorder};
-use super::{ExitSummary, Missing, RecordOptions};
+use super::{ExitSummary, RecordOptions};
+use asking::{aside, ask_samples, ask_snapshot, ask_state};
+
+mod asking;
 
 /// The newest status is published again after this time: a lost one holds
 /// nobody up for longer.
@@ -38,10 +40,6 @@ const KEPT_STATUSES: usize = 3;
 const CORE_PERIOD: Duration = Duration::from_millis(50);
 /// Longest time for what came together.
 const BATCH_TIME: Duration = Duration::from_millis(5);
-/// Longest wait for the state; a question that was lost on the way is repeated.
-const STATE_TIMEOUT: Duration = Duration::from_secs(3);
-/// Longest wait for the answer to another query.
-const QUERY_TIMEOUT: Duration = Duration::from_secs(10);
 
 /// What callbacks put into the queue: undecoded.
 #[expect(
@@ -155,7 +153,7 @@ impl Desk<'_> {
             }
             Output::AskState => ask_state(self.link, &self.entrance),
             Output::AskSamples(missing) => {
-                ask_samples(self.link, &self.entrance, &missing).await;
+                ask_samples(self.link, &self.entrance, missing).await;
             }
             Output::Hear { compressed } => {
                 match hear_cameras(self.link, &self.entrance, compressed).await {
@@ -339,29 +337,51 @@ fn decode(raw: Raw) -> Input {
 type Subscription = Box<dyn std::any::Any + Send>;
 type Held = Vec<Subscription>;
 
-/// Listens to the samples below `key`.
-async fn hear(link: &Link, entrance: &Entrance<Raw>, key: String) -> anyhow::Result<Subscription> {
+/// Puts the samples of the server's streams into the queue.
+fn to_queue(link: &Link, entrance: &Entrance<Raw>) -> impl Fn(Sample) + Send + Sync + use<> {
     let (to, server, keys) = (entrance.clone(), link.server().clone(), link.keys().clone());
+    move |sample: Sample| {
+        if !server.sent(&sample) {
+            return;
+        }
+        let Some(stream) = keys.stream_of(sample.key_expr().as_str()) else {
+            return;
+        };
+        let (payload, pictures) = (sample.payload().clone(), stream.is_pictures());
+        let bytes = payload.len();
+        to.sample(Raw::Sample(stream, payload), bytes, pictures);
+    }
+}
+
+/// Listens to the states.
+async fn hear_states(link: &Link, entrance: &Entrance<Raw>) -> anyhow::Result<Subscription> {
     let samples = link
         .session()
-        .declare_subscriber(key)
-        .callback(move |sample: Sample| {
-            if !server.sent(&sample) {
-                return;
-            }
-            let Some(stream) = keys.stream_of(sample.key_expr().as_str()) else {
-                return;
-            };
-            let (payload, pictures) = (sample.payload().clone(), stream.is_pictures());
-            let bytes = payload.len();
-            to.sample(Raw::Sample(stream, payload), bytes, pictures);
-        })
+        .declare_subscriber(link.keys().streams())
+        .callback(to_queue(link, entrance))
         // The cache holds samples that were published before this subscription
         // was known: of a running episode they are wanted, others are left out.
         .history(HistoryConfig::default().detect_late_publishers())
         .recovery(RecoveryConfig::default().heartbeat())
         .await
         .map_err(transport("subscribing to the streams"))?;
+    Ok(Box::new(samples))
+}
+
+/// Listens to the pictures below `key`. What lacks is asked for by the recorder alone: the
+/// transport would ask for what is still under way on a slow line, and for pictures of
+/// the time before the episode.
+async fn hear_pictures(
+    link: &Link,
+    entrance: &Entrance<Raw>,
+    key: String,
+) -> anyhow::Result<Subscription> {
+    let samples = link
+        .session()
+        .declare_subscriber(key)
+        .callback(to_queue(link, entrance))
+        .await
+        .map_err(transport("subscribing to the pictures"))?;
     Ok(Box::new(samples))
 }
 
@@ -375,7 +395,7 @@ async fn hear_cameras(
         true => TopicId::CompressedCamera,
         false => TopicId::Camera,
     };
-    hear(link, entrance, link.keys().topic(topic)).await
+    hear_pictures(link, entrance, link.keys().topic(topic)).await
 }
 
 async fn subscribe(link: &Link, entrance: &Entrance<Raw>) -> anyhow::Result<Held> {
@@ -389,9 +409,8 @@ async fn subscribe(link: &Link, entrance: &Entrance<Raw>) -> anyhow::Result<Held
     }
     let recovery = || RecoveryConfig::default().heartbeat();
 
-    for key in [keys.streams(), keys.topic(TopicId::Sensor)] {
-        held.push(hear(link, entrance, key).await?);
-    }
+    held.push(hear_states(link, entrance).await?);
+    held.push(hear_pictures(link, entrance, keys.topic(TopicId::Sensor)).await?);
 
     for key in [TopicId::EpisodeStart, TopicId::EpisodeStop].map(|t| keys.topic(t)) {
         let (to, server) = (entrance.clone(), from());
@@ -499,70 +518,6 @@ async fn put(publisher: &Publisher<'_>, status: &v1::RecorderStatus) {
     if let Err(problem) = publisher.put(status.encode_to_vec()).await {
         tracing::warn!("the recorder's status cannot be published: {problem}");
     }
-}
-
-/// Does `work`, which waits for the server, on a thread for waiting.
-fn aside<T: Send + 'static>(
-    link: &Link,
-    work: impl FnOnce(&Link) -> T + Send + 'static,
-) -> tokio::task::JoinHandle<T> {
-    let link = link.clone();
-    tokio::task::spawn_blocking(move || work(&link))
-}
-
-fn ask_snapshot(link: &Link, entrance: &Entrance<Raw>) {
-    let entrance = entrance.clone();
-    aside(link, move |link| {
-        let reply = link.ask_within(&v1::SnapshotRequest {}, QUERY_TIMEOUT);
-        entrance.control(Raw::Ready(Input::Snapshot(
-            reply.map_err(|e| e.to_string()),
-        )));
-    });
-}
-
-/// Asks the cache of a stream's publisher for what did not come. The transport
-/// numbers the samples of a stream as their headers do.
-async fn ask_samples(link: &Link, entrance: &Entrance<Raw>, missing: &Missing) {
-    let (session, keys, server) = (link.session(), link.keys(), link.server().clone());
-    let Missing {
-        stream,
-        first,
-        last,
-    } = missing;
-    let id = StreamId::parse(stream);
-    let key = keys.stream(&id);
-    tracing::debug!("asking for {stream} {first} to {last} again");
-    let to = entrance.clone();
-    let asked = session
-        .get(format!("{key}/@adv/**?_sn={first}..{last}"))
-        .callback(move |reply| {
-            let Ok(sample) = reply.into_result() else {
-                return;
-            };
-            if sample.key_expr().as_str() != key || !server.sent(&sample) {
-                return;
-            }
-            let payload = sample.payload().clone();
-            let bytes = payload.len();
-            to.sample(Raw::Sample(id.clone(), payload), bytes, id.is_pictures());
-        })
-        .consolidation(ConsolidationMode::None)
-        .accept_replies(ReplyKeyExpr::Any)
-        .target(QueryTarget::All)
-        .timeout(QUERY_TIMEOUT)
-        .await;
-    if let Err(problem) = asked {
-        tracing::debug!("samples cannot be asked for: {problem}");
-    }
-}
-
-/// Asks what runs and what has ended.
-fn ask_state(link: &Link, entrance: &Entrance<Raw>) {
-    let entrance = entrance.clone();
-    aside(link, move |link| {
-        let reply = link.ask_within(&v1::EpisodeRequest {}, STATE_TIMEOUT);
-        entrance.control(Raw::Ready(Input::State(reply.map_err(|e| e.to_string()))));
-    });
 }
 
 fn transport(operation: &'static str) -> impl Fn(zenoh::Error) -> anyhow::Error {

@@ -13,6 +13,7 @@ use self::early::Early;
 use self::hearing::Hearing;
 pub use self::port::{Input, Output};
 use super::episode::{Accepted, Made, Recording, id};
+use super::gaps::Missing;
 
 mod early;
 mod ending;
@@ -21,7 +22,7 @@ mod port;
 mod protocol;
 mod telling;
 
-/// Longest wait for samples that the manifest lists.
+/// Longest wait for the next of the samples that the manifest lists.
 pub const MANIFEST_PATIENCE: Duration = Duration::from_secs(10);
 /// A server that is away may come back with the same episode: one that stood
 /// still, or one behind a link that broke. Afterwards it is taken for gone.
@@ -93,6 +94,8 @@ enum Stage {
         recording: Box<Recording>,
         stopped: Option<Box<v1::EpisodeStopped>>,
         deadline: Instant,
+        /// Samples at the last look.
+        samples: u64,
         /// Why it ends without a manifest.
         reason: &'static str,
     },
@@ -166,6 +169,7 @@ impl Recorder {
             Input::State(reply) => self.told(reply, now),
             Input::Snapshot(reply) => self.snapshot(reply, now),
             Input::Sample { stream, payload } => self.sample(stream, payload),
+            Input::Answered { missing, in_time } => self.answered(&missing, in_time, now),
             Input::ServerLost => self.server_lost(now),
             Input::Done(Made { of, result }) => self.done(&of, result, now),
             Input::Shutdown => self.shut_down(),
@@ -377,6 +381,14 @@ impl Recorder {
                 let log = recording.log().display().to_string();
                 self.fail(format!("{words}; the log is {log}"));
             }
+        }
+    }
+
+    /// A question for samples is answered.
+    fn answered(&mut self, missing: &Missing, in_time: bool, now: Instant) {
+        self.hearing.answered(missing, now);
+        if let Stage::Recording(recording) | Stage::Stopping { recording, .. } = &mut self.stage {
+            recording.answered(missing, in_time, now);
         }
     }
 

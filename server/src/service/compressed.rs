@@ -1,7 +1,7 @@
 //! Pictures compressed once for all who record: each camera has a thread that
 //! takes its exact pictures in their order and publishes them as
-//! `CompressedCameraFrame`, with planes where a recorder listens and without where
-//! none does.
+//! `CompressedCameraFrame`, with planes where a recorder listens, or did in this
+//! episode, and without where none does.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -141,13 +141,17 @@ impl Drop for Compressed {
 /// Publishes the pictures of one camera until the queue is closed.
 fn publish(name: &str, queue: &Receiver<Exact>, outbox: &Outbox, published: impl Fn()) {
     let mut deflate = Deflate::default();
+    // A recorder that was there in this episode and lost its connection comes back for
+    // what it missed.
+    let mut wanted_in = 0;
     for picture in queue {
         let (episode, tick) = (picture.episode, picture.tick);
         let Published { sequence, digest } = picture.published;
+        if outbox.wants_compressed(name) {
+            wanted_in = episode;
+        }
         let message = match digest {
-            Some(digest) if outbox.wants_compressed(name) => {
-                compress(&mut deflate, &picture.frame, &digest)
-            }
+            Some(digest) if wanted_in == episode => compress(&mut deflate, &picture.frame, &digest),
             _ => v1::CompressedCameraFrame::default(),
         };
         outbox.compressed(name, sequence, episode, tick, message);

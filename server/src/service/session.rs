@@ -120,10 +120,11 @@ pub fn open(keys: &Keys, reach: &Reach, pacing: Pacing) -> Result<Session, Servi
     }
     set("qos/network", ranks_of_answers(keys))?;
     // A camera message waits for room instead of being dropped after 1 ms. In
-    // lock-step the simulation waits anyway, so it may wait long; a receiver
-    // that stands still costs this once, for then it counts as congested.
+    // lock-step the simulation waits anyway, so it may wait as long as a slow line
+    // needs for several; a receiver that stands still costs this once, for then it
+    // counts as congested.
     let wait_micros = if pacing == Pacing::LockStep {
-        1_000_000
+        10_000_000
     } else {
         50_000
     };
@@ -167,7 +168,9 @@ pub fn within() -> Result<Session, ServiceError> {
 /// Priorities of answers, which are those of their questions: askers would choose them.
 /// A link sends what has one priority in one line, and an answer may stand there until a
 /// slow peer has read what is before it. What is published has the others, and is
-/// never behind an answer; pictures that are sent again come last.
+/// never behind an answer. Pictures that are sent again come last: while a line is busy
+/// with others they wait no longer than those, for what may never be dropped would end the
+/// connection.
 fn ranks_of_answers(keys: &Keys) -> String {
     let pictures = [TopicId::Camera, TopicId::CompressedCamera, TopicId::Sensor];
     let caches = pictures.map(|topic| format!("{:?}", format!("{}/@adv/**", keys.topic(topic))));
@@ -175,7 +178,7 @@ fn ranks_of_answers(keys: &Keys) -> String {
         r#"[{{ messages: ["query"], flows: ["ingress"],
               overwrite: {{ priority: "data_high", congestion_control: "block" }} }},
             {{ messages: ["query"], flows: ["ingress"], key_exprs: [{}],
-              overwrite: {{ priority: "background", congestion_control: "block" }} }}]"#,
+              overwrite: {{ priority: "background", congestion_control: "drop" }} }}]"#,
         caches.join(",")
     )
 }

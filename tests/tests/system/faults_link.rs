@@ -1,5 +1,7 @@
 //! An operator far away, whose link is slow, freezes and breaks.
 
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
 use wheelarm_dataset::read::Episode;
@@ -8,11 +10,14 @@ use wheelarm_link::{Commander, Link, Streams};
 use wheelarm_proto::preview::PreviewLevel;
 use wheelarm_proto::topic::Sample;
 use wheelarm_proto::{TopicId, v1};
-use wheelarm_tests::{Line, PATIENCE, Proxy, Recorder, Server, wait_until};
+use wheelarm_tests::{IdleCommander, Line, PATIENCE, Proxy, Recorder, Server, wait_until};
+use zenoh::sample::SampleKind;
 
 /// The link of the issue: 150 ms each way, 5 Mbit/s.
 const DELAY: Duration = Duration::from_millis(150);
 const BITS_PER_SECOND: f64 = 5e6;
+/// Ticks between pictures at 10 Hz.
+const TICKS_PER_PICTURE: u64 = 24;
 /// Simulation time passes no faster than wall time, so these bounds hold on
 /// any machine: 0.7 s, and some control ticks between stamps.
 const REST_SECS: f64 = 0.8;
@@ -224,6 +229,65 @@ fn a_recording_goes_on_after_cuts_and_tells_what_is_missing() {
         format!("{account:?}").contains(&lost.to_string()),
         "{account:?}"
     );
+}
+
+#[test]
+fn in_lock_step_a_recorder_on_a_slow_line_gets_every_picture() {
+    let cameras = ["gen3=640x360@10", "wheelchair=640x360@10"];
+    let cameras = ["--camera", cameras[0], "--camera", cameras[1]];
+    let rest = ["--quality", "fast", "--pacing", "lock-step"];
+    let server = Server::start("crawl", &[&cameras[..], &rest].concat()).expect("a server");
+    let near = server.link();
+    let status = || near.ask(&v1::StatusRequest {}).expect("a status");
+    let tick = || status().header.unwrap_or_default().tick;
+    // A picture takes a second, and 4 s as it is: longer than the transport waits for room
+    // where it may not wait for ever.
+    let proxy = Proxy::start(&server.endpoint, Duration::ZERO, 4e6).expect("a proxy");
+    let folder = tempfile::tempdir().expect("a folder");
+    let through = proxy.endpoint();
+    let mut recorder =
+        Recorder::start_through(&through, &server, folder.path(), &["--episodes", "1"]);
+    wait_until("the recorder is there", || !status().recorders.is_empty());
+    let losses = Arc::new(AtomicU64::new(0));
+    let count = Arc::clone(&losses);
+    let alive = near
+        .session()
+        .liveliness()
+        .declare_subscriber(near.keys().recorder_alive("*"))
+        .callback(move |token| {
+            let is_lost = token.kind() == SampleKind::Delete;
+            count.fetch_add(u64::from(is_lost), Ordering::Relaxed);
+        });
+    let _alive = zenoh::Wait::wait(alive).expect("the recorders' tokens");
+    let idle = IdleCommander::start(&server.link());
+    let request = v1::EpisodeStartRequest {
+        label: "crawl".into(),
+        commander: IdleCommander::NAME.into(),
+        require_recorders: 1,
+        ..Default::default()
+    };
+    let _: v1::EpisodeStarted = near.ask(&request).expect("a start");
+    let begun = tick();
+    wait_until("pictures come", || tick() >= begun + 4 * TICKS_PER_PICTURE);
+    // What is under way is lost, and nothing follows it: time waits.
+    proxy.set(Line::Cut);
+    std::thread::sleep(Duration::from_millis(500));
+    proxy.set(Line::Open);
+    let cut = tick();
+    wait_until("pictures come again", || {
+        tick() >= cut + 3 * TICKS_PER_PICTURE
+    });
+    // The cut alone: what is asked for again ends no connection.
+    assert_eq!(losses.load(Ordering::Relaxed), 1);
+    let request = v1::EpisodeStopRequest::default();
+    let stopped: v1::EpisodeStopped = near.ask(&request).expect("an end");
+    drop(idle);
+    let pictures = stopped.manifest.iter().find(|c| c.stream == "camera/gen3");
+    let pictures = pictures.expect("its count").count;
+    assert!(pictures >= 7, "{pictures} pictures");
+    let (ended, text) = recorder.end();
+    let whole = text.contains("crawl.h5: complete") && text.contains(" 0 missed");
+    assert!(whole && ended.success(), "{text}");
 }
 
 #[test]

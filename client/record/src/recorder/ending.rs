@@ -51,6 +51,7 @@ impl Recorder {
                     return;
                 }
                 self.stage = Stage::Stopping {
+                    samples: recording.samples(),
                     recording,
                     stopped: Some(boxed),
                     deadline: now + MANIFEST_PATIENCE,
@@ -60,17 +61,23 @@ impl Recorder {
         }
     }
 
-    /// Finishes an episode whose samples are all there or overdue.
+    /// Finishes an episode whose samples are all there or overdue. On a slow line they
+    /// come one by one.
     pub(super) fn settle(&mut self, now: Instant) {
         let Stage::Stopping {
             recording,
             stopped,
             deadline,
+            samples,
             ..
-        } = &self.stage
+        } = &mut self.stage
         else {
             return;
         };
+        if stopped.is_some() && *samples != recording.samples() {
+            *samples = recording.samples();
+            *deadline = (*deadline).max(now + MANIFEST_PATIENCE);
+        }
         let all = stopped.as_ref().is_some_and(|s| recording.satisfies(s));
         if !all && now < *deadline {
             return;

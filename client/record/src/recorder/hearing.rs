@@ -4,7 +4,7 @@
 use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
 
-use wheelarm_proto::v1;
+use wheelarm_proto::{StreamId, v1};
 
 use super::super::episode::Recording;
 use super::super::gaps::Missing;
@@ -41,6 +41,10 @@ struct Silence {
     pause: Duration,
     /// Number that was asked for first then.
     first: u64,
+    /// The answer is awaited.
+    is_asked: bool,
+    /// It was looked for in its compressed form, or need not be.
+    is_small_asked: bool,
     /// Since when pictures as they are are there.
     exact: Option<Instant>,
 }
@@ -49,11 +53,15 @@ struct Silence {
 /// picture that is under way on a slow line has all the time it needs, while one that is
 /// asked for as it is, five times as long, would keep that line.
 fn first_pause(recording: &Recording) -> Duration {
-    let scenario = recording.started.scenario.as_ref();
-    match scenario.is_some_and(|s| s.pacing() == v1::Pacing::LockStep) {
+    match is_lock_step(recording) {
         true => LONGEST,
         false => LOOK,
     }
+}
+
+fn is_lock_step(recording: &Recording) -> bool {
+    let scenario = recording.started.scenario.as_ref();
+    scenario.is_some_and(|s| s.pacing() == v1::Pacing::LockStep)
 }
 
 impl Hearing {
@@ -98,6 +106,8 @@ impl Hearing {
                 looked: now,
                 pause: first_pause(recording),
                 first: 0,
+                is_asked: false,
+                is_small_asked: !is_lock_step(recording),
                 exact: None,
             });
             if next.is_some() {
@@ -112,22 +122,37 @@ impl Hearing {
             if first > silence.first {
                 silence.pause = AGAIN;
             }
-            if now.saturating_duration_since(silence.looked) < silence.pause {
+            let rests = now.saturating_duration_since(silence.looked) < silence.pause;
+            if silence.is_asked || rests {
                 continue;
             }
+            let small = StreamId::parse(&stream)
+                .camera_name()
+                .map(StreamId::compressed);
+            let asked = match small.filter(|_| !silence.is_small_asked) {
+                Some(small) => small.to_string(),
+                None => stream,
+            };
             *silence = Silence {
                 looked: now,
                 pause: (2 * silence.pause).min(LONGEST),
                 first,
+                is_asked: true,
+                is_small_asked: true,
                 exact: silence.exact,
             };
-            out.push(Output::AskSamples(Missing {
-                stream,
-                first,
-                // The transport's numbers wrap: half of them is all that lie ahead.
-                last: u64::from(u32::MAX / 2),
-            }));
+            out.push(Output::AskSamples(Missing::behind(asked, first)));
         }
         out
+    }
+
+    /// A question was answered.
+    pub fn answered(&mut self, missing: &Missing, now: Instant) {
+        let id = StreamId::parse(&missing.stream);
+        let stream = id.of_compressed().map(|camera| camera.to_string());
+        let stream = stream.unwrap_or_else(|| missing.stream.clone());
+        if let Some(silence) = self.silent.get_mut(&stream) {
+            (silence.is_asked, silence.looked) = (false, now);
+        }
     }
 }

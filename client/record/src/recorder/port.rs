@@ -27,6 +27,13 @@ pub enum Input {
         /// The encoded message.
         payload: Bytes,
     },
+    /// All that the server sends for an [`Output::AskSamples`] has come.
+    Answered {
+        /// What was asked for.
+        missing: Missing,
+        /// The server said so; otherwise the question may be lost.
+        in_time: bool,
+    },
     /// The server's liveliness token is gone, or the way to it.
     ServerLost,
     /// What came of [`Output::Finish`].
@@ -42,7 +49,8 @@ pub enum Output {
     AskSnapshot,
     /// Ask the server what it runs and what has ended.
     AskState,
-    /// Ask the server's cache for samples that did not come.
+    /// Ask the server's cache for samples that did not come; [`Input::Answered`] tells
+    /// when all that it sends is here.
     AskSamples(Missing),
     /// Listen to the cameras' pictures in this form from now on, and not in the other.
     Hear {

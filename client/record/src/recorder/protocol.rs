@@ -86,6 +86,7 @@ impl Recorder {
         if let Stage::Recording(recording) = &mut self.stage
             && let Some(since) = recording.away.take()
         {
+            recording.look_again();
             tracing::warn!(
                 "the server is back after {:.1} s and runs episode {:?} on",
                 now.duration_since(since).as_secs_f64(),
@@ -111,6 +112,7 @@ impl Recorder {
         match std::mem::replace(&mut self.stage, Stage::Idle) {
             Stage::Recording(recording) => {
                 self.stage = Stage::Stopping {
+                    samples: recording.samples(),
                     recording,
                     stopped: None,
                     deadline: end,
@@ -121,11 +123,13 @@ impl Recorder {
                 recording,
                 stopped,
                 deadline,
+                samples,
                 reason,
             } => {
                 self.stage = Stage::Stopping {
                     recording,
                     stopped,
+                    samples,
                     deadline: deadline.min(end),
                     reason,
                 };

@@ -116,6 +116,8 @@ struct Bench {
     recorder: Recorder,
     dir: tempfile::TempDir,
     now: Instant,
+    /// Questions without an answer.
+    asked: Vec<Missing>,
 }
 
 impl Bench {
@@ -129,6 +131,7 @@ impl Bench {
             recorder: Recorder::new(dir.path().to_owned(), options),
             dir,
             now: Instant::now(),
+            asked: Vec::new(),
         }
     }
 
@@ -138,9 +141,23 @@ impl Bench {
         self.make_files(out)
     }
 
+    /// The server has nothing of what it was asked for; then time passes.
     fn wait(&mut self, time: Duration) -> Vec<Output> {
+        let mut out = Vec::new();
+        for missing in std::mem::take(&mut self.asked) {
+            let answered = Input::Answered {
+                missing,
+                in_time: true,
+            };
+            out.extend(self.recorder.handle(answered, self.now));
+        }
         self.now += time;
-        let out = self.recorder.tick(self.now);
+        out.extend(self.recorder.tick(self.now));
+        let asked = out.iter().filter_map(|output| match output {
+            Output::AskSamples(missing) => Some(missing.clone()),
+            _ => None,
+        });
+        self.asked.extend(asked);
         self.make_files(out)
     }
 

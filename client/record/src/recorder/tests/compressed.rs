@@ -1,5 +1,6 @@
 //! Pictures that the server compressed.
 
+use super::super::super::latest;
 use super::super::hearing::{LONGEST, LOOK, PATIENCE};
 use super::*;
 use wheelarm_dataset::compress::Deflate;
@@ -293,6 +294,84 @@ fn where_nothing_comes_compressed_pictures_are_heard_as_they_are() {
     told.manifest[0] = stopped(1, 1, 0).manifest[0].clone();
     told.manifest.push(clocks(1));
     assert!(report(&b.feed(ended(told))).complete);
+}
+
+fn event(sequence: u64) -> v1::Event {
+    v1::Event {
+        header: Some(header(1, sequence, 0)),
+        ..Default::default()
+    }
+}
+
+/// What was asked for, in order: stream, first and last number.
+fn questions(out: &[Output]) -> Vec<(&str, u64, bool)> {
+    let asked = out.iter().filter_map(|output| match output {
+        Output::AskSamples(m) => Some((m.stream.as_str(), m.first, m.last > 1 << 30)),
+        _ => None,
+    });
+    asked.collect()
+}
+
+#[test]
+fn pictures_that_are_lost_behind_the_last_are_looked_for_when_nothing_comes() {
+    let mut b = bench();
+    b.feed(clock(0));
+    b.feed(sample("compressed/gen3", &compressed(0)));
+    assert!(b.wait(Duration::ZERO).is_empty());
+    // Whoever sends commands that are refused is told of in events.
+    b.wait(latest::LOOK / 2);
+    b.feed(sample("event", &event(0)));
+    let out = b.wait(latest::LOOK / 2);
+    assert_eq!(questions(&out), [("compressed/gen3", 1, true)]);
+    // Not again before the answer.
+    b.asked.clear();
+    assert_eq!(questions(&b.wait(100 * latest::LOOK)), []);
+    b.feed(sample("compressed/gen3", &compressed(1)));
+    b.feed(sample("compressed/gen3", &compressed(2)));
+    let done = b.feed(ended(told()));
+    assert_eq!(report(&done).frames, 3);
+}
+
+#[test]
+fn in_lock_step_a_silent_camera_is_looked_for_in_its_small_form_first() {
+    let mut b = Bench::new();
+    let dir = b.dir.path().to_owned();
+    b.recorder = Recorder::new(dir, WriterOptions::default()).with_compressed(true);
+    let mut begun = begins("still", true);
+    begun.scenario = Some(v1::Scenario {
+        pacing: v1::Pacing::LockStep.into(),
+        ..Default::default()
+    });
+    b.feed(runs(begun));
+    b.feed(snapshot(1));
+    b.feed(clock(0));
+    assert!(b.wait(Duration::ZERO).is_empty());
+    assert_eq!(
+        questions(&b.wait(LONGEST)),
+        [("compressed/gen3", 0, true)],
+        "what is small"
+    );
+    let asked = std::mem::take(&mut b.asked);
+    assert_eq!(
+        questions(&b.wait(LONGEST)),
+        [],
+        "the answer may be under way"
+    );
+    b.asked = asked;
+    assert_eq!(questions(&b.wait(LONGEST)), [("camera/gen3", 0, true)]);
+}
+
+#[test]
+fn what_comes_one_by_one_after_the_end_is_waited_for() {
+    let mut b = bench();
+    b.feed(ended(told()));
+    for i in 0..3 {
+        b.wait(MANIFEST_PATIENCE * 9 / 10);
+        let out = b.feed(sample("compressed/gen3", &compressed(i)));
+        if i == 2 {
+            assert!(report(&out).complete);
+        }
+    }
 }
 
 #[test]

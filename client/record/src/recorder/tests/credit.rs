@@ -118,3 +118,15 @@ fn the_answer_to_the_last_question_is_waited_for_before_credit_is_told() {
     assert_eq!(credit(&b.feed(hash(1, 99))), Some((0, 100)));
     assert_eq!(b.recorder.status().missed, 0);
 }
+
+#[test]
+fn where_no_state_comes_through_pictures_tell_the_time() {
+    let mut b = Bench::new();
+    b.open(1, "pictures");
+    assert_eq!(credit(&b.feed(picture(1, 0))), Some((1, 0)));
+    let tick = credit(&b.feed(picture(1, 1))).expect("a credit").1;
+    assert!(tick > 0 && credit(&b.feed(picture(1, 2))) == Some((3, 2 * tick)));
+    // Where states come they do.
+    b.feed(clock(1));
+    assert_eq!(credit(&b.feed(picture(1, 3))), Some((4, 1)));
+}

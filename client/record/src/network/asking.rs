@@ -1,0 +1,107 @@
+//! What a recorder asks the server.
+
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
+
+use wheelarm_link::Link;
+use wheelarm_proto::{StreamId, v1};
+use zenoh::query::{ConsolidationMode, QueryTarget, ReplyKeyExpr};
+
+use super::super::Missing;
+use super::super::question::ANSWER_PATIENCE;
+use super::super::queue::Entrance;
+use super::super::recorder::Input;
+use super::Raw;
+
+/// Longest wait for the state; a question that was lost on the way is repeated. On a
+/// slow line its answer comes behind pictures that are on their way already.
+const STATE_TIMEOUT: Duration = Duration::from_secs(15);
+/// Longest wait for the snapshot.
+const SNAPSHOT_TIMEOUT: Duration = Duration::from_secs(10);
+
+/// Does `work`, which waits for the server, on a thread for waiting.
+pub(super) fn aside<T: Send + 'static>(
+    link: &Link,
+    work: impl FnOnce(&Link) -> T + Send + 'static,
+) -> tokio::task::JoinHandle<T> {
+    let link = link.clone();
+    tokio::task::spawn_blocking(move || work(&link))
+}
+
+pub(super) fn ask_snapshot(link: &Link, entrance: &Entrance<Raw>) {
+    let entrance = entrance.clone();
+    aside(link, move |link| {
+        let reply = link.ask_within(&v1::SnapshotRequest {}, SNAPSHOT_TIMEOUT);
+        entrance.control(Raw::Ready(Input::Snapshot(
+            reply.map_err(|e| e.to_string()),
+        )));
+    });
+}
+
+/// A question for samples that is not answered yet; tells when it is.
+struct Unanswered {
+    to: Entrance<Raw>,
+    missing: Missing,
+    is_late: AtomicBool,
+}
+
+impl Drop for Unanswered {
+    fn drop(&mut self) {
+        self.to.control(Raw::Ready(Input::Answered {
+            missing: self.missing.clone(),
+            in_time: !self.is_late.load(Ordering::Relaxed),
+        }));
+    }
+}
+
+/// Asks the cache of a stream's publisher for what did not come. The transport
+/// numbers the samples of a stream as their headers do.
+pub(super) async fn ask_samples(link: &Link, entrance: &Entrance<Raw>, missing: Missing) {
+    let (session, keys, server) = (link.session(), link.keys(), link.server().clone());
+    let id = StreamId::parse(&missing.stream);
+    let key = keys.stream(&id);
+    let first = missing.first;
+    let last = match missing.is_open() {
+        true => String::new(),
+        false => missing.last.to_string(),
+    };
+    tracing::debug!("asking for {} {first}..{last} again", missing.stream);
+    let unanswered = Unanswered {
+        to: entrance.clone(),
+        missing,
+        is_late: AtomicBool::new(false),
+    };
+    let asked = session
+        .get(format!("{key}/@adv/**?_sn={first}..{last}"))
+        .callback(move |reply| {
+            let Ok(sample) = reply.into_result() else {
+                // The transport's own word: nobody answered in time.
+                unanswered.is_late.store(true, Ordering::Relaxed);
+                return;
+            };
+            if sample.key_expr().as_str() != key || !server.sent(&sample) {
+                return;
+            }
+            let payload = sample.payload().clone();
+            let bytes = payload.len();
+            let raw = Raw::Sample(id.clone(), payload);
+            unanswered.to.sample(raw, bytes, id.is_pictures());
+        })
+        .consolidation(ConsolidationMode::None)
+        .accept_replies(ReplyKeyExpr::Any)
+        .target(QueryTarget::All)
+        .timeout(ANSWER_PATIENCE)
+        .await;
+    if let Err(problem) = asked {
+        tracing::debug!("samples cannot be asked for: {problem}");
+    }
+}
+
+/// Asks what runs and what has ended.
+pub(super) fn ask_state(link: &Link, entrance: &Entrance<Raw>) {
+    let entrance = entrance.clone();
+    aside(link, move |link| {
+        let reply = link.ask_within(&v1::EpisodeRequest {}, STATE_TIMEOUT);
+        entrance.control(Raw::Ready(Input::State(reply.map_err(|e| e.to_string()))));
+    });
+}

@@ -1,0 +1,106 @@
+//! What is asked of the server's cache until it comes or is given up.
+
+use std::time::{Duration, Instant};
+
+/// Pause between an answer without what is wanted and the next question; it doubles, up
+/// to [`LONGEST`].
+pub(super) const PAUSE: Duration = Duration::from_secs(1);
+const LONGEST: Duration = Duration::from_secs(4);
+/// Answered so many times in vain, a sample is given up: a server in lock-step waits as
+/// long.
+pub(super) const TRIES: u32 = 5;
+/// Longest wait for an answer. One picture takes seconds on a slow line.
+pub(super) const ANSWER_PATIENCE: Duration = Duration::from_secs(30);
+
+/// One question.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Question {
+    /// How often it was asked; once more than [`TRIES`] is given up.
+    tries: u32,
+    stage: Stage,
+}
+
+#[derive(Clone, Copy, Debug, Default)]
+enum Stage {
+    #[default]
+    New,
+    /// Asked then; what is wanted may be under way.
+    Asked(Instant),
+    /// Answered then.
+    Answered(Instant),
+}
+
+impl Question {
+    /// Whether to ask at `now`.
+    pub fn ask(&mut self, now: Instant) -> bool {
+        let due = match self.stage {
+            Stage::New => true,
+            // Its answer will not be told any more.
+            Stage::Asked(at) => now.saturating_duration_since(at) >= 2 * ANSWER_PATIENCE,
+            Stage::Answered(at) => now.saturating_duration_since(at) >= self.pause(),
+        };
+        if !due || self.is_given_up() {
+            return false;
+        }
+        self.tries += 1;
+        self.stage = Stage::Asked(now);
+        !self.is_given_up()
+    }
+
+    fn pause(&self) -> Duration {
+        (PAUSE * 2_u32.saturating_pow(self.tries.saturating_sub(1))).min(LONGEST)
+    }
+
+    /// All that the server sends for it has come at `now`. What was not answered in time
+    /// counts for nothing: the line may have been cut.
+    pub fn answered(&mut self, in_time: bool, now: Instant) {
+        if let Stage::Asked(_) = self.stage {
+            self.tries -= u32::from(!in_time);
+            self.stage = Stage::Answered(now);
+        }
+    }
+
+    /// How often it was asked.
+    pub fn tries(&self) -> u32 {
+        self.tries
+    }
+
+    /// Whether it was answered in vain so often that it is asked no more.
+    pub fn is_given_up(&self) -> bool {
+        self.tries > TRIES
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_question_is_repeated_after_its_answer_and_a_lost_answer_counts_for_nothing() {
+        let start = Instant::now();
+        let at = |seconds: u32| start + seconds * PAUSE;
+        let mut question = Question::default();
+        assert!(question.ask(start));
+        assert!(!question.ask(at(20)), "the answer may be under way");
+        question.answered(false, at(20));
+        assert!(!question.ask(at(20)));
+        assert!(question.ask(at(21)), "the line was cut");
+        assert_eq!(question.tries(), 1);
+        question.answered(true, at(21));
+        question.answered(true, at(30));
+        assert!(question.ask(at(22)));
+        let mut seconds = 22;
+        while !question.is_given_up() {
+            question.answered(true, at(seconds));
+            seconds += 1;
+            question.ask(at(seconds));
+            assert!(seconds < 60, "{question:?}");
+        }
+        // After pauses of 2, 4, 4 and 4 s.
+        assert_eq!(seconds, 36);
+        assert!(!question.ask(at(1000)));
+        let mut forgotten = Question::default();
+        assert!(forgotten.ask(start));
+        assert!(forgotten.ask(start + 2 * ANSWER_PATIENCE));
+    }
+}
