@@ -18,6 +18,7 @@ mod many;
 mod network;
 mod question;
 mod queue;
+mod raw;
 mod recorder;
 
 pub use self::episode::{Finishing, Made, Report};

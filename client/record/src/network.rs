@@ -5,20 +5,19 @@ use std::future::Future;
 use std::time::{Duration, Instant};
 
 use anyhow::{Context, bail};
-use bytes::Bytes;
 use tokio::sync::mpsc;
 use wheelarm_dataset::writer::WriterOptions;
 use wheelarm_link::{Link, session_of};
 use wheelarm_proto::keys::check_name;
 use wheelarm_proto::schema;
-use wheelarm_proto::{Message, StreamId, TopicId, v1};
-use zenoh::bytes::ZBytes;
+use wheelarm_proto::{Message, TopicId, v1};
 use zenoh::pubsub::Publisher;
 use zenoh::qos::{CongestionControl, Priority};
 use zenoh::sample::{Sample, SampleKind};
 use zenoh_ext::{AdvancedSubscriberBuilderExt, HistoryConfig, RecoveryConfig};
 
 use super::queue::{Entrance, Exit, queue};
+use super::raw::Raw;
 use super::recorder::{Input, Output, Recorder};
 use super::{ExitSummary, RecordOptions};
 use asking::{aside, ask_samples, ask_snapshot, ask_state};
@@ -40,16 +39,6 @@ const KEPT_STATUSES: usize = 3;
 const CORE_PERIOD: Duration = Duration::from_millis(50);
 /// Longest time for what came together.
 const BATCH_TIME: Duration = Duration::from_millis(5);
-
-/// What callbacks put into the queue: undecoded.
-#[expect(
-    clippy::large_enum_variant,
-    reason = "one such message per episode; samples are the small ones"
-)]
-enum Raw {
-    Sample(StreamId, ZBytes),
-    Ready(Input),
-}
 
 /// Records until `options.episodes` are done or `shutdown` completes; every
 /// output is told to `tell`.
@@ -262,7 +251,7 @@ fn work(
         }
         let begun = Instant::now();
         while let Some(raw) = exit.take() {
-            let input = decode(raw);
+            let input = raw.decode();
             ending |= matches!(input, Input::Shutdown);
             out.extend(recorder.handle(input, Instant::now()));
             // A lock-step server waits for the status, and deadlines are looked at.
@@ -321,16 +310,6 @@ fn newest_status(out: &mut Vec<Output>) {
     });
     kept.reverse();
     *out = kept;
-}
-
-fn decode(raw: Raw) -> Input {
-    match raw {
-        Raw::Ready(input) => input,
-        Raw::Sample(stream, payload) => Input::Sample {
-            stream: stream.to_string(),
-            payload: Bytes::from(payload.to_bytes().into_owned()),
-        },
-    }
 }
 
 /// Keeps a subscriber alive.

@@ -10,8 +10,8 @@ use zenoh::query::{ConsolidationMode, QueryTarget, ReplyKeyExpr};
 use super::super::Missing;
 use super::super::question::ANSWER_PATIENCE;
 use super::super::queue::Entrance;
+use super::super::raw::Raw;
 use super::super::recorder::Input;
-use super::Raw;
 
 /// Longest wait for the state; a question that was lost on the way is repeated. On a
 /// slow line its answer comes behind pictures that are on their way already.
