@@ -90,8 +90,9 @@ class Dropper(threading.Thread):
             for name in self.journal() - self.dropped:
                 path = self.folder / name
                 size = path.stat().st_size
-                os.truncate(path, 0)
-                os.truncate(path, size)
+                # At no moment shorter: the campaign looks whether its files are whole.
+                words = ["fallocate", "--punch-hole", "--offset", "0", "--length", str(size), path]
+                subprocess.run(words, check=True)
                 self.dropped.add(name)
 
 

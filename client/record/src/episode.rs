@@ -218,12 +218,12 @@ impl Recording {
                     self.accepted += 1;
                     return Ok(Accepted::Frame);
                 }
-                if let StreamId::State(topic) = id {
-                    if !matches!(topic.info().rate, Rate::Event | Rate::Second) {
-                        let newest = self.regular.entry(stream.to_owned()).or_default();
-                        newest.tick = newest.tick.max(taken.tick);
-                        newest.is_silent = false;
-                    }
+                if let StreamId::State(topic) = id
+                    && !matches!(topic.info().rate, Rate::Event | Rate::Second)
+                {
+                    let newest = self.regular.entry(stream.to_owned()).or_default();
+                    newest.tick = newest.tick.max(taken.tick);
+                    newest.is_silent = false;
                 }
                 Ok(Accepted::State)
             }
@@ -309,8 +309,8 @@ impl Recording {
 
     /// What may have been published behind the last pictures that came.
     fn newer_pictures(&self) -> Vec<Missing> {
-        let cameras = self.started.cameras.iter().map(|c| StreamId::camera(c));
-        let sensors = self.started.sensors.iter().map(|s| StreamId::sensor(s));
+        let cameras = self.started.cameras.iter().map(StreamId::camera);
+        let sensors = self.started.sensors.iter().map(StreamId::sensor);
         let newer = |id: StreamId| {
             let first = self.next(&id.to_string())?;
             let stream = match id.camera_name() {
