@@ -102,7 +102,7 @@ fn print(output: &Output) {
         Output::Discarded(label) => println!("{label}: discarded"),
         Output::AskSnapshot
         | Output::AskState
-        | Output::AskSamples(_)
+        | Output::AskSamples { .. }
         | Output::Hear { .. }
         | Output::Status(_)
         | Output::Finish(_) => {}

@@ -73,10 +73,15 @@ impl Compressed {
     }
 
     /// A question for `first` to `last` as they are was answered.
-    pub fn answered(&mut self, first: u64, last: u64, in_time: bool, now: Instant) {
+    pub fn answered(&mut self, first: u64, last: u64, now: Instant) {
         for (_, question) in self.unusable.range_mut(first..=last.max(first)) {
-            question.answered(in_time, now);
+            question.answered(now);
         }
+    }
+
+    /// The connection was lost.
+    pub fn begin_again(&mut self) {
+        self.unusable.values_mut().for_each(Question::begin_again);
     }
 
     /// Whether all messages of `first` to `last` hold no picture that can be taken.

@@ -17,6 +17,7 @@ use super::compressed::{Compressed, Picture};
 use super::digests::Digests;
 use super::gaps::{Gaps, Missing};
 use super::latest::Latest;
+use super::question::{LOCK_STEP_PATIENCE, REAL_TIME_PATIENCE};
 
 /// What became of one episode.
 #[derive(Clone, Debug, PartialEq)]
@@ -172,7 +173,21 @@ impl Recording {
 
     /// Whether time has passed in the episode.
     pub fn is_under_way(&self) -> bool {
-        self.seen.contains_key(TopicId::Clock.name())
+        self.accepted > 0 || self.seen.contains_key(TopicId::Clock.name())
+    }
+
+    /// Whether time waits for recorders.
+    pub fn is_lock_step(&self) -> bool {
+        let scenario = self.started.scenario.as_ref();
+        scenario.is_some_and(|s| s.pacing() == v1::Pacing::LockStep)
+    }
+
+    /// Longest wait for the answer to a question for samples.
+    pub fn patience(&self) -> Duration {
+        match self.is_lock_step() {
+            true => LOCK_STEP_PATIENCE,
+            false => REAL_TIME_PATIENCE,
+        }
     }
 
     /// Number behind the last sample of a stream that is there; `None` without any.
@@ -279,8 +294,14 @@ impl Recording {
         })
     }
 
-    /// Samples to ask for again at `now`.
-    pub fn wanted(&mut self, stopped: Option<&v1::EpisodeStopped>, now: Instant) -> Vec<Missing> {
+    /// Samples to ask for again at `now`. In lock-step what the manifest lists may be under
+    /// way on a slow line as long as something comes.
+    pub fn wanted(
+        &mut self,
+        stopped: Option<&v1::EpisodeStopped>,
+        hears_compressed: bool,
+        now: Instant,
+    ) -> Vec<Missing> {
         for newest in self.regular.values_mut() {
             let (tick, since) = *newest.looked.get_or_insert((newest.tick, now));
             if tick != newest.tick {
@@ -289,35 +310,42 @@ impl Recording {
             let silent = now.saturating_duration_since(since) > SILENCE;
             newest.is_silent = silent && tick == newest.tick;
         }
-        let mut wanted = self
-            .gaps
-            .wanted(&self.seen, &mut self.compressed, stopped, now);
         // Events may come while time stands still.
         let news = (self.accepted, self.newest.map_or(self.begun, |n| n.tick));
-        if self.latest.is_due(news, now) && self.is_under_way() && stopped.is_none() {
-            let latest = self.newer_pictures();
+        let is_due = self.latest.is_due(news, now);
+        let told = stopped.filter(|_| !self.is_lock_step() || self.latest.is_quiet(news, now));
+        let (seen, compressed) = (&self.seen, &mut self.compressed);
+        let mut wanted = self.gaps.wanted(seen, compressed, told, now);
+        if is_due && self.is_under_way() && stopped.is_none() {
+            let latest = self.newer_pictures(hears_compressed);
             self.latest.asked(latest.len(), now);
             wanted.extend(latest);
         }
         wanted
     }
 
-    /// The connection is back.
+    /// The connection is back; what was under way is lost.
     pub fn look_again(&mut self) {
         self.latest.hurry();
+        self.gaps.begin_again();
+        let compressed = self.compressed.values_mut();
+        compressed.for_each(Compressed::begin_again);
     }
 
-    /// What may have been published behind the last pictures that came.
-    fn newer_pictures(&self) -> Vec<Missing> {
+    /// What may have been published behind the last pictures that came; a camera of which
+    /// nothing came compressed while that is heard is looked for in another way.
+    fn newer_pictures(&self, hears_compressed: bool) -> Vec<Missing> {
         let cameras = self.started.cameras.iter().map(StreamId::camera);
         let sensors = self.started.sensors.iter().map(StreamId::sensor);
         let newer = |id: StreamId| {
-            let first = self.next(&id.to_string())?;
+            let stream = id.to_string();
+            let first = self.next(&stream).unwrap_or(0);
             let stream = match id.camera_name() {
-                Some(camera) if self.compressed.contains_key(&id.to_string()) => {
+                Some(camera) if self.compressed.contains_key(&stream) => {
                     StreamId::compressed(camera).to_string()
                 }
-                _ => id.to_string(),
+                Some(_) if hears_compressed => return None,
+                _ => stream,
             };
             Some(Missing::behind(stream, first))
         };
@@ -325,20 +353,20 @@ impl Recording {
     }
 
     /// A question for `missing` was answered: all that is sent for it has come.
-    pub fn answered(&mut self, missing: &Missing, in_time: bool, now: Instant) {
+    pub fn answered(&mut self, missing: &Missing, now: Instant) {
         let Missing { first, last, .. } = *missing;
         if missing.is_open() {
             self.latest.answered(now);
             return;
         }
         let id = StreamId::parse(&missing.stream);
-        let stream = match id.of_compressed() {
-            Some(camera) => camera.to_string(),
-            None => missing.stream.clone(),
-        };
-        self.gaps.answered(&stream, last, in_time, now);
-        if let Some(compressed) = self.compressed.get_mut(&stream) {
-            compressed.answered(first, last, in_time, now);
+        if let Some(camera) = id.of_compressed() {
+            self.gaps.answered(&camera.to_string(), last, now);
+            return;
+        }
+        self.gaps.answered(&missing.stream, last, now);
+        if let Some(compressed) = self.compressed.get_mut(&missing.stream) {
+            compressed.answered(first, last, now);
         }
     }
 

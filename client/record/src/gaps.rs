@@ -1,6 +1,7 @@
-//! Which samples to ask for again. The transport repairs losses by itself, but
-//! gives up on what gets lost while it repairs: on a host that cannot keep up,
-//! that is where samples would go missing. The server's cache still has them.
+//! Which samples to ask for again. The transport repairs losses of states by itself,
+//! but gives up on what gets lost while it repairs: on a host that cannot keep up, that
+//! is where samples would go missing. Pictures nobody else asks for. The server's cache
+//! still has them.
 
 use std::collections::BTreeMap;
 use std::time::Instant;
@@ -18,7 +19,7 @@ pub struct Missing {
     pub stream: String,
     /// First sequence number.
     pub first: u64,
-    /// Last sequence number.
+    /// Last sequence number; 2^31 and more behind the first: whatever there is.
     pub last: u64,
 }
 
@@ -60,14 +61,20 @@ impl Gaps {
     }
 
     /// A question for a gap of `stream` that ends with `last` was answered.
-    pub(super) fn answered(&mut self, stream: &str, last: u64, in_time: bool, now: Instant) {
+    pub(super) fn answered(&mut self, stream: &str, last: u64, now: Instant) {
         let asked = self
             .asked
             .get_mut(stream)
             .and_then(|gaps| gaps.get_mut(&last));
         if let Some(question) = asked {
-            question.answered(in_time, now);
+            question.answered(now);
         }
+    }
+
+    /// The connection was lost.
+    pub(super) fn begin_again(&mut self) {
+        let all = self.asked.values_mut().flat_map(BTreeMap::values_mut);
+        all.for_each(Question::begin_again);
     }
 
     /// What to ask for at `now`: gaps between the samples that came, and with
@@ -142,7 +149,7 @@ impl Gaps {
 
 #[cfg(test)]
 mod tests {
-    use super::super::question::PAUSE;
+    use super::super::question::{PAUSE, TRIES};
     use super::*;
 
     fn missing(stream: &str, first: u64, last: u64) -> Missing {
@@ -165,12 +172,13 @@ mod tests {
         let first = [missing("imu", 6, 7), missing("imu", 10, 10)];
         assert_eq!(gaps.wanted(&seen, &mut none, None, start), first);
         assert_eq!(gaps.wanted(&seen, &mut none, None, start + PAUSE), []);
-        gaps.answered("imu", 7, true, start);
-        gaps.answered("imu", 8, true, start);
+        gaps.answered("imu", 7, start);
+        gaps.answered("imu", 10, start);
         assert_eq!(gaps.wanted(&seen, &mut none, None, start + PAUSE / 2), []);
         seen.get_mut("imu").unwrap().insert(10);
         let again = gaps.wanted(&seen, &mut none, None, start + PAUSE);
         assert_eq!(again, [missing("imu", 6, 7)]);
+        gaps.answered("imu", 7, start + PAUSE);
         let count = |stream: &str, first, last| v1::StreamCount {
             stream: stream.into(),
             first,
@@ -189,15 +197,18 @@ mod tests {
             missing("clock", 0, 1),
         ];
         assert_eq!(ends, expected);
-        for second in 2..20 {
+        let mut asked = ends;
+        for second in 2..60 {
             let now = start + second * PAUSE;
-            for missing in gaps.wanted(&seen, &mut none, Some(&stopped), now) {
-                gaps.answered(&missing.stream, missing.last, true, now);
+            asked.extend(gaps.wanted(&seen, &mut none, Some(&stopped), now));
+            for missing in &asked {
+                gaps.answered(&missing.stream, missing.last, now);
             }
         }
-        assert_eq!(
-            gaps.wanted(&seen, &mut none, Some(&stopped), start + 20 * PAUSE),
-            []
-        );
+        let times = |of: &Missing| asked.iter().filter(|missing| *missing == of).count();
+        for missing in &expected {
+            assert_eq!(times(missing), TRIES as usize, "{missing:?}");
+            assert!(gaps.gave_up(&missing.stream, missing.last));
+        }
     }
 }

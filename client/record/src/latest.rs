@@ -34,10 +34,18 @@ impl Latest {
         }
     }
 
+    /// Whether nothing has come for a while.
+    pub fn is_quiet(&self, news: (u64, u64), now: Instant) -> bool {
+        self.since.is_some_and(|(before, since)| {
+            before == news && now.saturating_duration_since(since) >= LOOK
+        })
+    }
+
     /// The connection was lost, and with it what was under way: the next look need not
     /// wait.
     pub fn hurry(&mut self) {
         self.pause = Duration::ZERO;
+        self.asked = 0;
     }
 
     /// So many streams were asked for at `now`.

@@ -141,8 +141,8 @@ impl Desk<'_> {
                 ask_snapshot(self.link, &self.entrance);
             }
             Output::AskState => ask_state(self.link, &self.entrance),
-            Output::AskSamples(missing) => {
-                ask_samples(self.link, &self.entrance, missing).await;
+            Output::AskSamples { missing, patience } => {
+                ask_samples(self.link, &self.entrance, missing, patience).await;
             }
             Output::Hear { compressed } => {
                 match hear_cameras(self.link, &self.entrance, compressed).await {

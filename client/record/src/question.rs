@@ -9,8 +9,12 @@ const LONGEST: Duration = Duration::from_secs(4);
 /// Answered so many times in vain, a sample is given up: a server in lock-step waits as
 /// long.
 pub(super) const TRIES: u32 = 5;
-/// Longest wait for an answer. One picture takes seconds on a slow line.
-pub(super) const ANSWER_PATIENCE: Duration = Duration::from_secs(30);
+/// Longest wait for an answer of a server in lock-step, which waits too: a picture takes
+/// seconds on a slow line.
+pub(super) const LOCK_STEP_PATIENCE: Duration = Duration::from_secs(60);
+/// Longest wait for an answer of one in real time, whose cache soon forgets what is
+/// wanted.
+pub(super) const REAL_TIME_PATIENCE: Duration = Duration::from_secs(3);
 
 /// One question.
 #[derive(Clone, Copy, Debug, Default)]
@@ -36,7 +40,7 @@ impl Question {
         let due = match self.stage {
             Stage::New => true,
             // Its answer will not be told any more.
-            Stage::Asked(at) => now.saturating_duration_since(at) >= 2 * ANSWER_PATIENCE,
+            Stage::Asked(at) => now.saturating_duration_since(at) >= 2 * LOCK_STEP_PATIENCE,
             Stage::Answered(at) => now.saturating_duration_since(at) >= self.pause(),
         };
         if !due || self.is_given_up() {
@@ -51,12 +55,18 @@ impl Question {
         (PAUSE * 2_u32.saturating_pow(self.tries.saturating_sub(1))).min(LONGEST)
     }
 
-    /// All that the server sends for it has come at `now`. What was not answered in time
-    /// counts for nothing: the line may have been cut.
-    pub fn answered(&mut self, in_time: bool, now: Instant) {
+    /// All that the server sends for it has come at `now`, or too late.
+    pub fn answered(&mut self, now: Instant) {
         if let Stage::Asked(_) = self.stage {
-            self.tries -= u32::from(!in_time);
             self.stage = Stage::Answered(now);
+        }
+    }
+
+    /// The connection was lost, and with it what was under way: what was not given up is
+    /// asked as if for the first time.
+    pub fn begin_again(&mut self) {
+        if !self.is_given_up() {
+            *self = Self::default();
         }
     }
 
@@ -76,31 +86,32 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_question_is_repeated_after_its_answer_and_a_lost_answer_counts_for_nothing() {
+    fn a_question_is_repeated_after_its_answer_and_given_up_after_five() {
         let start = Instant::now();
         let at = |seconds: u32| start + seconds * PAUSE;
         let mut question = Question::default();
         assert!(question.ask(start));
         assert!(!question.ask(at(20)), "the answer may be under way");
-        question.answered(false, at(20));
-        assert!(!question.ask(at(20)));
-        assert!(question.ask(at(21)), "the line was cut");
+        question.begin_again();
+        assert!(question.ask(at(20)), "the connection was lost");
         assert_eq!(question.tries(), 1);
-        question.answered(true, at(21));
-        question.answered(true, at(30));
-        assert!(question.ask(at(22)));
-        let mut seconds = 22;
+        let (mut asked, mut seconds) = (1, 20);
         while !question.is_given_up() {
-            question.answered(true, at(seconds));
-            seconds += 1;
-            question.ask(at(seconds));
-            assert!(seconds < 60, "{question:?}");
+            question.answered(at(seconds));
+            // One that comes twice counts once.
+            question.answered(at(seconds + 9));
+            while !question.is_given_up() && !question.ask(at(seconds)) {
+                seconds += 1;
+                assert!(seconds < 60, "{question:?}");
+            }
+            asked += u32::from(!question.is_given_up());
         }
-        // After pauses of 2, 4, 4 and 4 s.
-        assert_eq!(seconds, 36);
+        // Pauses of 1, 2, 4, 4 and 4 s, and the step that shows the last is over.
+        assert_eq!((asked, seconds), (TRIES, 36));
+        question.begin_again();
         assert!(!question.ask(at(1000)));
         let mut forgotten = Question::default();
         assert!(forgotten.ask(start));
-        assert!(forgotten.ask(start + 2 * ANSWER_PATIENCE));
+        assert!(forgotten.ask(start + 2 * LOCK_STEP_PATIENCE));
     }
 }

@@ -169,7 +169,7 @@ impl Recorder {
             Input::State(reply) => self.told(reply, now),
             Input::Snapshot(reply) => self.snapshot(reply, now),
             Input::Sample { stream, payload } => self.sample(stream, payload),
-            Input::Answered { missing, in_time } => self.answered(&missing, in_time, now),
+            Input::Answered(missing) => self.answered(&missing, now),
             Input::ServerLost => self.server_lost(now),
             Input::Done(Made { of, result }) => self.done(&of, result, now),
             Input::Shutdown => self.shut_down(),
@@ -212,15 +212,20 @@ impl Recorder {
         if let Stage::Recording(recording) = &self.stage {
             self.out.extend(self.hearing.probe(recording, now));
         }
-        let wanted = match &mut self.stage {
-            Stage::Recording(recording) if recording.away.is_some() => Vec::new(),
-            Stage::Recording(recording) => recording.wanted(None, now),
+        let hears_compressed = self.hearing.hears_compressed();
+        let (recording, stopped) = match &mut self.stage {
+            Stage::Recording(recording) if recording.away.is_none() => (Some(recording), None),
             Stage::Stopping {
                 recording, stopped, ..
-            } => recording.wanted(stopped.as_deref(), now),
-            _ => Vec::new(),
+            } => (Some(recording), stopped.as_deref()),
+            _ => (None, None),
         };
-        self.out.extend(wanted.into_iter().map(Output::AskSamples));
+        if let Some(recording) = recording {
+            let patience = recording.patience();
+            let wanted = recording.wanted(stopped, hears_compressed, now).into_iter();
+            let asked = wanted.map(|missing| Output::AskSamples { missing, patience });
+            self.out.extend(asked);
+        }
         // What is given up holds nobody up any more.
         if self.has_new_credit() {
             self.publish();
@@ -385,10 +390,12 @@ impl Recorder {
     }
 
     /// A question for samples is answered.
-    fn answered(&mut self, missing: &Missing, in_time: bool, now: Instant) {
-        self.hearing.answered(missing, now);
+    fn answered(&mut self, missing: &Missing, now: Instant) {
+        if self.hearing.answered(missing, now) {
+            return;
+        }
         if let Stage::Recording(recording) | Stage::Stopping { recording, .. } = &mut self.stage {
-            recording.answered(missing, in_time, now);
+            recording.answered(missing, now);
         }
     }
 

@@ -28,8 +28,8 @@ const THREADS: usize = 8;
 /// no room asks again.
 const ROOM: usize = 1024;
 
-/// So long an answer is sent: then the transport takes nothing of it for its asker any
-/// more, and those who read too slowly do not keep a thread for longer.
+/// So long messages of an answer are sent: those who read too slowly do not keep a thread
+/// for longer, and ask for the rest again.
 const PATIENCE: Duration = Duration::from_secs(10);
 
 /// One message.
@@ -46,7 +46,6 @@ type Samples = VecDeque<Cached>;
 /// A question on its way to a thread.
 struct Question {
     asked: Query,
-    came: Instant,
     stream: Arc<Stream>,
 }
 
@@ -61,11 +60,12 @@ struct Stream {
 impl Stream {
     /// Sends what is asked for, one message at a time: no more is held than the one
     /// that waits for its link. What has left the cache meanwhile is left out.
-    fn answer(&self, asked: &Query, came: Instant) {
+    fn answer(&self, asked: &Query) {
+        let begun = Instant::now();
         let wanted = Wanted::read(asked);
         let numbers = wanted.of(&self.samples.lock());
         for number in numbers {
-            if came.elapsed() > PATIENCE {
+            if begun.elapsed() > PATIENCE {
                 return;
             }
             let Some(sample) = find(&self.samples.lock(), number) else {
@@ -116,7 +116,7 @@ fn work(questions: &Mutex<Receiver<Question>>) {
         let Ok(question) = question else {
             return;
         };
-        question.stream.answer(&question.asked, question.came);
+        question.stream.answer(&question.asked);
     }
 }
 
@@ -154,7 +154,6 @@ impl Cache {
         let queryable = session.declare_queryable(asked_at).callback(move |query| {
             let question = Question {
                 asked: query,
-                came: Instant::now(),
                 stream: Arc::clone(&asked),
             };
             if queue.try_send(question).is_err() {

@@ -1,6 +1,5 @@
 //! What a recorder asks the server.
 
-use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use wheelarm_link::Link;
@@ -8,7 +7,6 @@ use wheelarm_proto::{StreamId, v1};
 use zenoh::query::{ConsolidationMode, QueryTarget, ReplyKeyExpr};
 
 use super::super::Missing;
-use super::super::question::ANSWER_PATIENCE;
 use super::super::queue::Entrance;
 use super::super::raw::Raw;
 use super::super::recorder::Input;
@@ -42,21 +40,23 @@ pub(super) fn ask_snapshot(link: &Link, entrance: &Entrance<Raw>) {
 struct Unanswered {
     to: Entrance<Raw>,
     missing: Missing,
-    is_late: AtomicBool,
 }
 
 impl Drop for Unanswered {
     fn drop(&mut self) {
-        self.to.control(Raw::Ready(Input::Answered {
-            missing: self.missing.clone(),
-            in_time: !self.is_late.load(Ordering::Relaxed),
-        }));
+        let answered = Input::Answered(self.missing.clone());
+        self.to.control(Raw::Ready(answered));
     }
 }
 
-/// Asks the cache of a stream's publisher for what did not come. The transport
-/// numbers the samples of a stream as their headers do.
-pub(super) async fn ask_samples(link: &Link, entrance: &Entrance<Raw>, missing: Missing) {
+/// Asks the cache of a stream's publisher for what did not come, and waits no longer than
+/// `patience`. The transport numbers the samples of a stream as their headers do.
+pub(super) async fn ask_samples(
+    link: &Link,
+    entrance: &Entrance<Raw>,
+    missing: Missing,
+    patience: Duration,
+) {
     let (session, keys, server) = (link.session(), link.keys(), link.server().clone());
     let id = StreamId::parse(&missing.stream);
     let key = keys.stream(&id);
@@ -69,14 +69,11 @@ pub(super) async fn ask_samples(link: &Link, entrance: &Entrance<Raw>, missing: 
     let unanswered = Unanswered {
         to: entrance.clone(),
         missing,
-        is_late: AtomicBool::new(false),
     };
     let asked = session
         .get(format!("{key}/@adv/**?_sn={first}..{last}"))
         .callback(move |reply| {
             let Ok(sample) = reply.into_result() else {
-                // The transport's own word: nobody answered in time.
-                unanswered.is_late.store(true, Ordering::Relaxed);
                 return;
             };
             if sample.key_expr().as_str() != key || !server.sent(&sample) {
@@ -90,7 +87,7 @@ pub(super) async fn ask_samples(link: &Link, entrance: &Entrance<Raw>, missing: 
         .consolidation(ConsolidationMode::None)
         .accept_replies(ReplyKeyExpr::Any)
         .target(QueryTarget::All)
-        .timeout(ANSWER_PATIENCE)
+        .timeout(patience)
         .await;
     if let Err(problem) = asked {
         tracing::debug!("samples cannot be asked for: {problem}");

@@ -4,7 +4,7 @@
 use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
 
-use wheelarm_proto::{StreamId, v1};
+use wheelarm_proto::StreamId;
 
 use super::super::episode::Recording;
 use super::super::gaps::Missing;
@@ -21,6 +21,8 @@ pub const LONGEST: Duration = Duration::from_secs(5);
 /// A camera whose pictures were there as they are for so long and not compressed does
 /// not come compressed: a server that is slow for once does not count.
 pub const PATIENCE: Duration = Duration::from_secs(2);
+/// The same in lock-step: a compressed one may still be under way on a slow line.
+const LOCK_STEP_PATIENCE: Duration = Duration::from_secs(10);
 
 /// What is wanted, and what is heard now.
 #[derive(Debug, Default)]
@@ -53,15 +55,10 @@ struct Silence {
 /// picture that is under way on a slow line has all the time it needs, while one that is
 /// asked for as it is, five times as long, would keep that line.
 fn first_pause(recording: &Recording) -> Duration {
-    match is_lock_step(recording) {
+    match recording.is_lock_step() {
         true => LONGEST,
         false => LOOK,
     }
-}
-
-fn is_lock_step(recording: &Recording) -> bool {
-    let scenario = recording.started.scenario.as_ref();
-    scenario.is_some_and(|s| s.pacing() == v1::Pacing::LockStep)
 }
 
 impl Hearing {
@@ -107,12 +104,16 @@ impl Hearing {
                 pause: first_pause(recording),
                 first: 0,
                 is_asked: false,
-                is_small_asked: !is_lock_step(recording),
+                is_small_asked: !recording.is_lock_step(),
                 exact: None,
             });
             if next.is_some() {
                 let since = *silence.exact.get_or_insert(now);
-                if now.saturating_duration_since(since) >= PATIENCE {
+                let patience = match recording.is_lock_step() {
+                    true => LOCK_STEP_PATIENCE,
+                    false => PATIENCE,
+                };
+                if now.saturating_duration_since(since) >= patience {
                     tracing::warn!("pictures do not come compressed; they are taken as they are");
                     self.wants = false;
                     return self.change(false).into_iter().collect();
@@ -141,18 +142,30 @@ impl Hearing {
                 is_small_asked: true,
                 exact: silence.exact,
             };
-            out.push(Output::AskSamples(Missing::behind(asked, first)));
+            out.push(Output::AskSamples {
+                missing: Missing::behind(asked, first),
+                patience: recording.patience(),
+            });
         }
         out
     }
 
-    /// A question was answered.
-    pub fn answered(&mut self, missing: &Missing, now: Instant) {
+    /// Whether the cameras are heard in their compressed form.
+    #[must_use]
+    pub fn hears_compressed(&self) -> bool {
+        self.hears
+    }
+
+    /// A question was answered; whether it was one of these.
+    pub fn answered(&mut self, missing: &Missing, now: Instant) -> bool {
         let id = StreamId::parse(&missing.stream);
         let stream = id.of_compressed().map(|camera| camera.to_string());
         let stream = stream.unwrap_or_else(|| missing.stream.clone());
-        if let Some(silence) = self.silent.get_mut(&stream) {
-            (silence.is_asked, silence.looked) = (false, now);
-        }
+        let silence = self.silent.get_mut(&stream);
+        let Some(silence) = silence.filter(|s| s.is_asked && missing.is_open()) else {
+            return false;
+        };
+        (silence.is_asked, silence.looked) = (false, now);
+        true
     }
 }

@@ -1,5 +1,7 @@
 //! What goes into a recorder and what comes out.
 
+use std::time::Duration;
+
 use bytes::Bytes;
 use wheelarm_proto::v1;
 
@@ -27,13 +29,9 @@ pub enum Input {
         /// The encoded message.
         payload: Bytes,
     },
-    /// All that the server sends for an [`Output::AskSamples`] has come.
-    Answered {
-        /// What was asked for.
-        missing: Missing,
-        /// The server said so; otherwise the question may be lost.
-        in_time: bool,
-    },
+    /// All that the server sends for an [`Output::AskSamples`] has come, or nothing came
+    /// in time.
+    Answered(Missing),
     /// The server's liveliness token is gone, or the way to it.
     ServerLost,
     /// What came of [`Output::Finish`].
@@ -51,7 +49,12 @@ pub enum Output {
     AskState,
     /// Ask the server's cache for samples that did not come; [`Input::Answered`] tells
     /// when all that it sends is here.
-    AskSamples(Missing),
+    AskSamples {
+        /// Which.
+        missing: Missing,
+        /// Longest wait for the answer.
+        patience: Duration,
+    },
     /// Listen to the cameras' pictures in this form from now on, and not in the other.
     Hear {
         /// Compressed by the server, or as they are.

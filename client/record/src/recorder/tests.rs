@@ -145,16 +145,13 @@ impl Bench {
     fn wait(&mut self, time: Duration) -> Vec<Output> {
         let mut out = Vec::new();
         for missing in std::mem::take(&mut self.asked) {
-            let answered = Input::Answered {
-                missing,
-                in_time: true,
-            };
+            let answered = Input::Answered(missing);
             out.extend(self.recorder.handle(answered, self.now));
         }
         self.now += time;
         out.extend(self.recorder.tick(self.now));
         let asked = out.iter().filter_map(|output| match output {
-            Output::AskSamples(missing) => Some(missing.clone()),
+            Output::AskSamples { missing, .. } => Some(missing.clone()),
             _ => None,
         });
         self.asked.extend(asked);
@@ -262,7 +259,7 @@ fn what_never_comes_is_waited_for_a_while_and_then_counted() {
         .wait(MANIFEST_PATIENCE / 2)
         .into_iter()
         .map(|output| match output {
-            Output::AskSamples(m) => (m.stream, m.first, m.last),
+            Output::AskSamples { missing: m, .. } => (m.stream, m.first, m.last),
             other => panic!("{other:?}"),
         })
         .collect();

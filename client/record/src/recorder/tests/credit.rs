@@ -109,7 +109,9 @@ fn the_answer_to_the_last_question_is_waited_for_before_credit_is_told() {
     while asked < 5 {
         let out = b.wait(Duration::from_millis(500));
         assert_eq!(credit(&out), None);
-        let questions = out.iter().filter(|o| matches!(o, Output::AskSamples(_)));
+        let questions = out
+            .iter()
+            .filter(|o| matches!(o, Output::AskSamples { .. }));
         asked += questions.count();
     }
     for n in 1..99 {
