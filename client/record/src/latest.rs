@@ -15,6 +15,8 @@ pub(super) struct Latest {
     /// Pictures and tick at the last look, and since when they are the same.
     since: Option<((u64, u64), Instant)>,
     pause: Duration,
+    /// The next look need not wait.
+    hurries: bool,
     /// Questions without an answer.
     asked: usize,
 }
@@ -24,7 +26,8 @@ impl Latest {
     pub fn is_due(&mut self, news: (u64, u64), now: Instant) -> bool {
         match self.since {
             Some((before, since)) if before == news => {
-                self.asked == 0 && now.saturating_duration_since(since) >= self.pause
+                let rested = now.saturating_duration_since(since) >= self.pause;
+                self.asked == 0 && (self.hurries || rested)
             }
             _ => {
                 self.since = Some((news, now));
@@ -44,15 +47,16 @@ impl Latest {
     /// The connection was lost, and with it what was under way: the next look need not
     /// wait.
     pub fn hurry(&mut self) {
-        self.pause = Duration::ZERO;
+        self.hurries = true;
         self.asked = 0;
     }
 
     /// So many streams were asked for at `now`.
     pub fn asked(&mut self, streams: usize, now: Instant) {
         self.asked = streams;
+        self.hurries = false;
         self.again(now);
-        self.pause = (2 * self.pause).clamp(LOOK, LONGEST);
+        self.pause = (2 * self.pause).min(LONGEST);
     }
 
     /// A question was answered.
@@ -90,9 +94,10 @@ mod tests {
         }
         assert_eq!(looks, [8, 19, 40, 65, 76, 97]);
         latest.hurry();
-        assert!(latest.is_due((1, 1), at(100)));
+        assert!(!latest.is_due((1, 2), at(100)), "something comes");
+        assert!(latest.is_due((1, 2), at(100)));
         latest.asked(0, at(100));
-        assert!(!latest.is_due((1, 1), at(101)));
-        assert!(latest.is_due((1, 1), at(105)));
+        assert!(!latest.is_due((1, 2), at(109)));
+        assert!(latest.is_due((1, 2), at(110)));
     }
 }

@@ -11,7 +11,7 @@ const LONGEST: Duration = Duration::from_secs(4);
 pub(super) const TRIES: u32 = 5;
 /// Longest wait for an answer of a server in lock-step, which waits too: a picture takes
 /// seconds on a slow line.
-pub(super) const LOCK_STEP_PATIENCE: Duration = Duration::from_secs(60);
+pub(super) const LOCK_STEP_PATIENCE: Duration = Duration::from_secs(15);
 /// Longest wait for an answer of one in real time, whose cache soon forgets what is
 /// wanted.
 pub(super) const REAL_TIME_PATIENCE: Duration = Duration::from_secs(3);

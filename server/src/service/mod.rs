@@ -85,8 +85,7 @@ pub async fn run(
     if taken(&session, &keys)? {
         return Err(ServiceError::NameTaken(keys.sim().to_owned()));
     }
-    let pacing = sim.scenario().pacing;
-    let outbox = Outbox::new(session.clone(), keys.clone(), keys::run_id(), pacing);
+    let outbox = Outbox::new(session.clone(), keys.clone(), keys::run_id());
     let shared = Arc::new(Shared::new(outbox, GripperMap::new(sim.model())));
     let engine = Engine::new(sim, Arc::clone(&shared), options)?;
     let _commands = {

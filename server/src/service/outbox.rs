@@ -20,7 +20,6 @@ use zenoh_ext::{AdvancedPublisher, AdvancedPublisherBuilderExt, MissDetectionCon
 
 use super::cache::{Answers, Cache};
 use super::recorders::CREDIT_WINDOW;
-use crate::sim::Pacing;
 
 /// An encoded message.
 fn payload(message: impl Message) -> ZBytes {
@@ -163,7 +162,6 @@ pub struct Outbox {
     session: Session,
     keys: Keys,
     run_id: String,
-    pacing: Pacing,
     answers: Answers,
     /// By key.
     streams: Mutex<BTreeMap<String, Arc<Mutex<Stream>>>>,
@@ -174,12 +172,11 @@ pub struct Outbox {
 impl Outbox {
     /// An outbox for one run of one server.
     #[must_use]
-    pub fn new(session: Session, keys: Keys, run_id: String, pacing: Pacing) -> Self {
+    pub fn new(session: Session, keys: Keys, run_id: String) -> Self {
         Self {
             session,
             keys,
             run_id,
-            pacing,
             answers: Answers::start(),
             streams: Mutex::default(),
             watched: Mutex::default(),
@@ -286,17 +283,11 @@ impl Outbox {
             Class::Camera => (Priority::DataLow, false),
             Class::Protocol => (Priority::InteractiveHigh, true),
         };
-        // Recorders alone hear compressed pictures, and in lock-step time waits for them.
-        let is_compressed = TopicId::CompressedCamera.info() == topic;
-        let control = match self.pacing == Pacing::LockStep && is_compressed {
-            true => CongestionControl::Block,
-            false => CongestionControl::Drop,
-        };
         let publisher = self
             .session
             .declare_publisher(key.to_owned())
             .encoding(schema::encoding(topic.message))
-            .congestion_control(control)
+            .congestion_control(CongestionControl::Drop)
             .priority(priority)
             .express(express)
             .sample_miss_detection(

@@ -1,7 +1,5 @@
 //! The Zenoh session of a server.
 
-use std::time::Duration;
-
 use wheelarm_access::Folder;
 use wheelarm_proto::TopicId;
 use wheelarm_proto::endpoint;
@@ -15,10 +13,6 @@ use crate::sim::Pacing;
 /// Largest message that is put together: a picture of 4096 x 4096 pixels with
 /// colour, depth and ids, and room for the rest, bytes.
 const MAX_MESSAGE: usize = 4096 * 4096 * 8 + (1 << 20);
-
-/// Longest time that a message takes that is not dropped in lock-step; then its link is
-/// closed. A picture of 1280x720 as it is, on a line of 1.2 Mbit/s.
-const SLOW_LINE: Duration = Duration::from_secs(60);
 
 /// How a server is reached.
 #[derive(Clone, Debug, Default)]
@@ -124,27 +118,23 @@ pub fn open(keys: &Keys, reach: &Reach, pacing: Pacing) -> Result<Session, Servi
             set("adminspace/enabled", "false".to_owned())?;
         }
     }
-    set("qos/network", ranks_of_answers(keys, pacing))?;
+    set("qos/network", ranks_of_answers(keys))?;
     // A camera message waits for room instead of being dropped after 1 ms. In
     // lock-step the simulation waits anyway, so it may wait long; a receiver
-    // that stands still costs this once, for then it counts as congested.
+    // that stands still costs this once, for then it counts as congested. Not
+    // longer: a connection that breaks is not given up before who waits for it, and a
+    // peer that is back sooner would not be told what the keys of its samples are.
     let wait_micros = if pacing == Pacing::LockStep {
         1_000_000
     } else {
         50_000
     };
-    let control = "transport/link/tx/queue/congestion_control";
-    let drop = format!("{control}/drop");
+    let drop = "transport/link/tx/queue/congestion_control/drop";
     set(&format!("{drop}/wait_before_drop"), wait_micros.to_string())?;
     set(
         &format!("{drop}/max_wait_before_drop_fragments"),
         wait_micros.to_string(),
     )?;
-    if pacing == Pacing::LockStep {
-        // A picture for recorders is never dropped: a slow line has this time for it.
-        let close = format!("{control}/block/wait_before_close");
-        set(&close, SLOW_LINE.as_micros().to_string())?;
-    }
     // The file of a local socket is the user's own, whom the rules call admin.
     let before = rustix::process::umask(rustix::fs::Mode::from_raw_mode(0o177));
     let opened = zenoh::open(config).wait();
@@ -179,21 +169,17 @@ pub fn within() -> Result<Session, ServiceError> {
 /// Priorities of answers, which are those of their questions: askers would choose them.
 /// A link sends what has one priority in one line, and an answer may stand there until a
 /// slow peer has read what is before it. What is published has the others, and is
-/// never behind an answer. Pictures that are sent again come last. In real time they are
+/// never behind an answer. Pictures that are sent again come last, and are
 /// dropped where a line is busy with new ones: what may never be dropped would end the
 /// connection.
-fn ranks_of_answers(keys: &Keys, pacing: Pacing) -> String {
-    let control = match pacing {
-        Pacing::LockStep => "block",
-        _ => "drop",
-    };
+fn ranks_of_answers(keys: &Keys) -> String {
     let pictures = [TopicId::Camera, TopicId::CompressedCamera, TopicId::Sensor];
     let caches = pictures.map(|topic| format!("{:?}", format!("{}/@adv/**", keys.topic(topic))));
     format!(
         r#"[{{ messages: ["query"], flows: ["ingress"],
               overwrite: {{ priority: "data_high", congestion_control: "block" }} }},
             {{ messages: ["query"], flows: ["ingress"], key_exprs: [{}],
-              overwrite: {{ priority: "background", congestion_control: "{control}" }} }}]"#,
+              overwrite: {{ priority: "background", congestion_control: "drop" }} }}]"#,
         caches.join(",")
     )
 }
