@@ -216,6 +216,13 @@ impl StreamId {
         }
     }
 
+    /// The stream whose messages are counted and recorded: for compressed pictures that
+    /// of their camera, for any other itself.
+    #[must_use]
+    pub fn exact(self) -> Self {
+        self.of_compressed().unwrap_or(self)
+    }
+
     /// Name of the sensor, of a sensor model's pictures.
     #[must_use]
     pub fn sensor_name(&self) -> Option<&str> {
@@ -296,6 +303,8 @@ mod tests {
         let compressed = StreamId::parse("compressed/gen3");
         assert_eq!(compressed.to_string(), "compressed/gen3");
         assert_eq!(compressed.of_compressed(), Some(StreamId::camera("gen3")));
+        assert_eq!(compressed.clone().exact(), StreamId::camera("gen3"));
+        assert_eq!(StreamId::EVENTS.exact(), StreamId::EVENTS);
         assert!(compressed.is_pictures() && !compressed.is_camera());
         let sensor = StreamId::parse("sensor/gen3_depth");
         assert_eq!(sensor.sensor_name(), Some("gen3_depth"));

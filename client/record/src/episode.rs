@@ -17,6 +17,7 @@ use super::compressed::{Compressed, Picture};
 use super::digests::Digests;
 use super::gaps::{Gaps, Missing};
 use super::latest::Latest;
+use super::opening::Openings;
 use super::question::{LOCK_STEP_PATIENCE, REAL_TIME_PATIENCE};
 
 /// What became of one episode.
@@ -82,6 +83,7 @@ pub(super) struct Recording {
     /// Of cameras whose pictures came compressed.
     compressed: BTreeMap<String, Compressed>,
     gaps: Gaps,
+    openings: Openings,
     latest: Latest,
     /// Samples accepted.
     samples: u64,
@@ -118,6 +120,7 @@ impl Recording {
             digests: BTreeMap::new(),
             compressed: BTreeMap::new(),
             gaps: Gaps::default(),
+            openings: Openings::default(),
             latest: Latest::default(),
             samples: 0,
             begun: tick,
@@ -136,7 +139,13 @@ impl Recording {
         payload: Bytes,
     ) -> Result<Accepted, String> {
         let of_message = digest::of_message([&payload[..]]);
-        let Some(camera) = StreamId::parse(stream).of_compressed() else {
+        let id = StreamId::parse(stream);
+        let exact = id.clone().exact().to_string();
+        if id.is_pictures() && !self.seen.contains_key(&exact) {
+            self.openings
+                .begin(&exact, sequence, &payload, &self.started);
+        }
+        let Some(camera) = id.of_compressed() else {
             let offer = |writer: &mut EpisodeWriter| writer.offer(stream, payload);
             return self.keep(stream, sequence, of_message, offer);
         };
@@ -152,6 +161,11 @@ impl Recording {
             self.compressed.entry(camera).or_default().refuse(sequence);
         }
         Ok(kept)
+    }
+
+    /// The sample `sequence` of a stream came, and is of an earlier episode.
+    pub fn is_older(&mut self, stream: &str, sequence: u64) {
+        self.openings.is_older(stream, sequence);
     }
 
     /// Samples that were accepted.
@@ -315,7 +329,8 @@ impl Recording {
         let is_due = self.latest.is_due(news, now);
         let told = stopped.filter(|_| !self.is_lock_step() || self.latest.is_quiet(news, now));
         let (seen, compressed) = (&self.seen, &mut self.compressed);
-        let mut wanted = self.gaps.wanted(seen, compressed, told, now);
+        let openings = &self.openings;
+        let mut wanted = self.gaps.wanted(seen, openings, compressed, told, now);
         if is_due && self.is_under_way() && stopped.is_none() {
             let latest = self.newer_pictures(hears_compressed);
             self.latest.asked(latest.len(), now);
@@ -355,17 +370,16 @@ impl Recording {
     /// A question for `missing` was answered: all that is sent for it has come.
     pub fn answered(&mut self, missing: &Missing, now: Instant) {
         let Missing { first, last, .. } = *missing;
-        if missing.is_open() {
+        let Some(last) = last else {
             self.latest.answered(now);
             return;
-        }
-        let id = StreamId::parse(&missing.stream);
-        if let Some(camera) = id.of_compressed() {
-            self.gaps.answered(&camera.to_string(), last, now);
-            return;
-        }
-        self.gaps.answered(&missing.stream, last, now);
-        if let Some(compressed) = self.compressed.get_mut(&missing.stream) {
+        };
+        let exact = StreamId::parse(&missing.stream).exact().to_string();
+        self.gaps.answered(&exact, last, now);
+        // Asked for as they are.
+        if exact == missing.stream
+            && let Some(compressed) = self.compressed.get_mut(&exact)
+        {
             compressed.answered(first, last, now);
         }
     }

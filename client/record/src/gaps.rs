@@ -10,6 +10,7 @@ use wheelarm_dataset::coverage::Coverage;
 use wheelarm_proto::{StreamId, v1};
 
 use super::compressed::Compressed;
+use super::opening::Openings;
 use super::question::Question;
 
 /// Samples of one stream that did not come.
@@ -19,12 +20,9 @@ pub struct Missing {
     pub stream: String,
     /// First sequence number.
     pub first: u64,
-    /// Last sequence number; 2^31 and more behind the first: whatever there is.
-    pub last: u64,
+    /// Last sequence number; `None`: whatever there is.
+    pub last: Option<u64>,
 }
-
-/// The transport's numbers wrap: half of them is all that lie ahead.
-const AHEAD: u64 = (u32::MAX / 2) as u64;
 
 impl Missing {
     /// Whatever of a stream there is from `first` on.
@@ -32,13 +30,8 @@ impl Missing {
         Self {
             stream,
             first,
-            last: first + AHEAD,
+            last: None,
         }
-    }
-
-    /// Whether nobody knows how much of it there is.
-    pub(super) fn is_open(&self) -> bool {
-        self.last - self.first >= AHEAD
     }
 }
 
@@ -77,13 +70,14 @@ impl Gaps {
         all.for_each(Question::begin_again);
     }
 
-    /// What to ask for at `now`: gaps between the samples that came, and with
-    /// the manifest those at both ends. A lost picture of a camera that is heard
+    /// What to ask for at `now`: gaps between the samples that came and before the
+    /// first pictures, and with the manifest those at both ends. A lost picture of a camera that is heard
     /// `compressed` is asked for so first, later as it is; one that has no compressed
     /// form at once as it is.
     pub(super) fn wanted(
         &mut self,
         seen: &BTreeMap<String, Coverage>,
+        openings: &Openings,
         compressed: &mut BTreeMap<String, Compressed>,
         stopped: Option<&v1::EpisodeStopped>,
         now: Instant,
@@ -115,7 +109,7 @@ impl Gaps {
                 wanted.push(Missing {
                     stream,
                     first,
-                    last,
+                    last: Some(last),
                 });
             }
         };
@@ -130,7 +124,7 @@ impl Gaps {
             None => {
                 for (stream, coverage) in seen {
                     if let Some((first, last)) = coverage.span() {
-                        look(stream, coverage, first, last);
+                        look(stream, coverage, openings.first(stream, first), last);
                     }
                 }
             }
@@ -140,7 +134,7 @@ impl Gaps {
             wanted.extend(due.map(|(first, last)| Missing {
                 stream: camera.clone(),
                 first,
-                last,
+                last: Some(last),
             }));
         }
         wanted
@@ -156,7 +150,7 @@ mod tests {
         Missing {
             stream: stream.into(),
             first,
-            last,
+            last: Some(last),
         }
     }
 
@@ -169,14 +163,21 @@ mod tests {
         }
         let mut seen = BTreeMap::from([("imu".to_owned(), coverage)]);
         let (mut gaps, mut none) = (Gaps::default(), BTreeMap::new());
+        let begun = Openings::default();
         let first = [missing("imu", 6, 7), missing("imu", 10, 10)];
-        assert_eq!(gaps.wanted(&seen, &mut none, None, start), first);
-        assert_eq!(gaps.wanted(&seen, &mut none, None, start + PAUSE), []);
+        assert_eq!(gaps.wanted(&seen, &begun, &mut none, None, start), first);
+        assert_eq!(
+            gaps.wanted(&seen, &begun, &mut none, None, start + PAUSE),
+            []
+        );
         gaps.answered("imu", 7, start);
         gaps.answered("imu", 10, start);
-        assert_eq!(gaps.wanted(&seen, &mut none, None, start + PAUSE / 2), []);
+        assert_eq!(
+            gaps.wanted(&seen, &begun, &mut none, None, start + PAUSE / 2),
+            []
+        );
         seen.get_mut("imu").unwrap().insert(10);
-        let again = gaps.wanted(&seen, &mut none, None, start + PAUSE);
+        let again = gaps.wanted(&seen, &begun, &mut none, None, start + PAUSE);
         assert_eq!(again, [missing("imu", 6, 7)]);
         gaps.answered("imu", 7, start + PAUSE);
         let count = |stream: &str, first, last| v1::StreamCount {
@@ -190,7 +191,7 @@ mod tests {
             manifest: vec![count("imu", 3, 12), count("clock", 0, 1)],
             ..Default::default()
         };
-        let ends = gaps.wanted(&seen, &mut none, Some(&stopped), start + PAUSE);
+        let ends = gaps.wanted(&seen, &begun, &mut none, Some(&stopped), start + PAUSE);
         let expected = [
             missing("imu", 3, 3),
             missing("imu", 12, 12),
@@ -200,15 +201,15 @@ mod tests {
         let mut asked = ends;
         for second in 2..60 {
             let now = start + second * PAUSE;
-            asked.extend(gaps.wanted(&seen, &mut none, Some(&stopped), now));
+            asked.extend(gaps.wanted(&seen, &begun, &mut none, Some(&stopped), now));
             for missing in &asked {
-                gaps.answered(&missing.stream, missing.last, now);
+                gaps.answered(&missing.stream, missing.last.unwrap(), now);
             }
         }
         let times = |of: &Missing| asked.iter().filter(|missing| *missing == of).count();
         for missing in &expected {
             assert_eq!(times(missing), TRIES as usize, "{missing:?}");
-            assert!(gaps.gave_up(&missing.stream, missing.last));
+            assert!(gaps.gave_up(&missing.stream, missing.last.unwrap()));
         }
     }
 }

@@ -16,6 +16,7 @@ mod gaps;
 mod latest;
 mod many;
 mod network;
+mod opening;
 mod question;
 mod queue;
 mod raw;

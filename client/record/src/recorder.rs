@@ -353,10 +353,16 @@ impl Recorder {
                 return;
             }
         };
+        let of = (header.run_id.clone(), header.episode);
+        if let Stage::Recording(recording) = &mut self.stage {
+            let current = id(recording.started.header.as_ref());
+            if current.0 == of.0 && current.1 > of.1 {
+                recording.is_older(&stream, header.sequence);
+            }
+        }
         if header.episode == 0 {
             return;
         }
-        let of = (header.run_id.clone(), header.episode);
         match &self.stage {
             Stage::Recording(_) | Stage::Stopping { .. } if self.current() == Some(of.clone()) => {
                 self.take(&header, &stream, payload);

@@ -220,18 +220,28 @@ impl Ear {
         self.heard.lock().iter().any(|(_, heard)| heard == bytes)
     }
 
-    /// Sequence numbers of refused commands of `name`.
-    pub fn refused_of(&self, name: &str) -> Vec<u64> {
+    /// What was refused of `name`.
+    pub fn refusals_of(&self, name: &str) -> Vec<v1::Refusal> {
         let heard = self.heard.lock();
         let refusals = heard.iter().filter(|(key, _)| key.ends_with("/refusal"));
         let refusals = refusals.filter_map(|(_, bytes)| v1::Refusal::decode(&**bytes).ok());
-        let of_name = refusals.filter(|refusal| refusal.commander == name);
-        of_name.map(|refusal| refusal.sequence).collect()
+        refusals
+            .filter(|refusal| refusal.commander == name)
+            .collect()
+    }
+
+    /// Sequence numbers of refused commands of `name`.
+    pub fn refused_of(&self, name: &str) -> Vec<u64> {
+        let refusals = self.refusals_of(name).into_iter();
+        refusals.map(|refusal| refusal.sequence).collect()
     }
 }
 
+/// A commander here has sent fewer commands when it is done.
+pub const FIRST_MARK: u64 = 1_000_000;
+
 /// Numbers of the commands that mark an instant.
-static MARKS: AtomicU64 = AtomicU64::new(1000);
+static MARKS: AtomicU64 = AtomicU64::new(FIRST_MARK);
 
 /// Sends commands under the own key of `name` until the gate tells that it refused
 /// one of them: what was sent on this session before has been through by then.

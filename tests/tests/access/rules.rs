@@ -12,7 +12,8 @@ use zenoh::Wait;
 use zenoh_ext::{AdvancedSubscriberBuilderExt, HistoryConfig};
 
 use super::lab::{
-    Ear, Lab, REFUSED, SIM, USERS, gets_through, put, refused_command, shared, status, until_heard,
+    Ear, FIRST_MARK, Lab, REFUSED, SIM, USERS, gets_through, put, refused_command, shared, status,
+    until_heard,
 };
 
 #[test]
@@ -87,13 +88,16 @@ fn an_operator_drives_under_its_own_name_and_no_other() {
     let clock = anna.samples::<v1::Clock>().expect("the clock");
     let mut commander = anna.commander("anna", false).expect("control");
     assert_eq!(status(&veit).holder, "anna");
-    let before = status(&veit).refused;
     let poses = veit.samples::<v1::Odometry>().expect("odometry");
     let mut driven = false;
     // To and fro: other tests may have left it in front of something.
     let mut ways = [0.3; 120].into_iter().chain([-0.3; 120]).cycle();
     wait_until("the chair moves", || {
-        let tick = clock.next(PATIENCE).expect("a clock").expect("in time");
+        // Of the clocks that wait, the newest: an answer to one of a second ago is refused.
+        let mut tick = clock.next(PATIENCE).expect("a clock").expect("in time");
+        while let Some(newer) = clock.next(Duration::ZERO).expect("a clock") {
+            tick = newer;
+        }
         let forward = v1::Command {
             base: Some(v1::BaseCommand {
                 linear: ways.next().unwrap_or_default(),
@@ -109,7 +113,11 @@ fn an_operator_drives_under_its_own_name_and_no_other() {
         }
         driven
     });
-    assert_eq!(status(&veit).refused, before, "nothing of hers was refused");
+    for refusal in ear.refusals_of("anna") {
+        // A command may be late on a busy machine.
+        let late = refusal.code() == v1::RefusalCode::TooOld;
+        assert!(refusal.sequence >= FIRST_MARK || late, "{refusal:?}");
+    }
 
     // Bert cannot speak as Anna: neither under her key nor with her name under his.
     let speaks = refused_command("anna", 7);

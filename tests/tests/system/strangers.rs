@@ -108,6 +108,8 @@ fn nobody_drives_releases_or_locks_out_in_the_name_of_who_is_in_control() {
             Some(Sample::Odometry(sample)) => {
                 speed = sample.twist.and_then(|t| t.linear).map_or(0.0, |l| l.x);
             }
+            // A command may be late on a busy machine.
+            Some(Sample::Refusal(refusal)) if refusal.code() == v1::RefusalCode::TooOld => {}
             Some(Sample::Refusal(refusal)) => panic!("refused: {}", refusal.reason),
             _ => panic!("nothing came"),
         }

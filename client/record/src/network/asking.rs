@@ -61,10 +61,9 @@ pub(super) async fn ask_samples(
     let id = StreamId::parse(&missing.stream);
     let key = keys.stream(&id);
     let first = missing.first;
-    let last = match missing.is_open() {
-        true => String::new(),
-        false => missing.last.to_string(),
-    };
+    let last = missing
+        .last
+        .map_or_else(String::new, |last| last.to_string());
     tracing::debug!("asking for {} {first}..{last} again", missing.stream);
     let unanswered = Unanswered {
         to: entrance.clone(),

@@ -158,11 +158,9 @@ impl Hearing {
 
     /// A question was answered; whether it was one of these.
     pub fn answered(&mut self, missing: &Missing, now: Instant) -> bool {
-        let id = StreamId::parse(&missing.stream);
-        let stream = id.of_compressed().map(|camera| camera.to_string());
-        let stream = stream.unwrap_or_else(|| missing.stream.clone());
+        let stream = StreamId::parse(&missing.stream).exact().to_string();
         let silence = self.silent.get_mut(&stream);
-        let Some(silence) = silence.filter(|s| s.is_asked && missing.is_open()) else {
+        let Some(silence) = silence.filter(|s| s.is_asked && missing.last.is_none()) else {
             return false;
         };
         (silence.is_asked, silence.looked) = (false, now);

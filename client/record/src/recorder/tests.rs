@@ -9,6 +9,7 @@ use wheelarm_proto::{Message, stamp_nanos};
 
 mod compressed;
 mod credit;
+mod opening;
 
 fn header(episode: u64, sequence: u64, tick: u64) -> v1::Header {
     v1::Header {
@@ -263,7 +264,7 @@ fn what_never_comes_is_waited_for_a_while_and_then_counted() {
             other => panic!("{other:?}"),
         })
         .collect();
-    let gap = |first, last| ("state_hash".to_owned(), first, last);
+    let gap = |first, last| ("state_hash".to_owned(), first, Some(last));
     assert_eq!(asked, [gap(1, 2), gap(4, 4)]);
     let out = b.wait(MANIFEST_PATIENCE);
     assert_eq!((report(&out).complete, report(&out).missed), (false, 3));
