@@ -140,8 +140,8 @@ impl Recording {
     ) -> Result<Accepted, String> {
         let of_message = digest::of_message([&payload[..]]);
         let id = StreamId::parse(stream);
-        let exact = id.clone().exact().to_string();
-        if id.is_pictures() && !self.seen.contains_key(&exact) {
+        let exact = id.clone().exact();
+        if exact.is_camera() && !self.seen.contains_key(&exact.to_string()) {
             self.openings
                 .begin(&exact, sequence, &payload, &self.started);
         }
@@ -207,7 +207,7 @@ impl Recording {
     /// Number behind the last sample of a stream that is there; `None` without any.
     pub fn next(&self, stream: &str) -> Option<u64> {
         let span = self.seen.get(stream).and_then(Coverage::span);
-        span.map(|(_, last)| last + 1)
+        span.map(|(_, last)| last.saturating_add(1))
     }
 
     /// Writes what is new by `offer`; `digest` is that of the exact message.
@@ -264,18 +264,28 @@ impl Recording {
         }
     }
 
-    /// Samples missing between those that came, and pictures beyond them that were
-    /// asked for in vain.
+    /// First and last number of a stream that are known to be of the episode, those of
+    /// pictures before the first that came included; `None` without a sample.
+    fn span(&self, stream: &str) -> Option<(u64, u64)> {
+        let (first, last) = self.seen.get(stream)?.span()?;
+        Some((self.openings.first(stream, first), last))
+    }
+
+    /// Samples missing between those that came, pictures before them, and pictures
+    /// beyond that were asked for in vain.
     pub fn missed(&self) -> u64 {
-        let between: u64 = self.seen.values().map(Coverage::gaps).sum();
+        let lacks = |(stream, seen): (&String, &Coverage)| {
+            let (first, last) = self.span(stream)?;
+            Some((last - first).saturating_add(1) - seen.received())
+        };
+        let between: u64 = self.seen.iter().filter_map(lacks).sum();
         between + self.given_up_beyond()
     }
 
     /// Pictures beyond those that came that were asked for in vain.
     fn given_up_beyond(&self) -> u64 {
-        let beyond = self.compressed.iter().map(|(camera, compressed)| {
-            compressed.given_up(self.seen.get(camera).and_then(Coverage::span))
-        });
+        let all = self.compressed.iter();
+        let beyond = all.map(|(camera, compressed)| compressed.given_up(self.span(camera)));
         beyond.sum()
     }
 
@@ -283,8 +293,10 @@ impl Recording {
     /// may still come.
     pub fn credit(&self) -> Option<Credit> {
         let mut given_up = self.given_up_beyond();
-        for (stream, seen) in self.seen.iter().filter(|(_, seen)| seen.gaps() > 0) {
-            let (first, last) = seen.span()?;
+        for (stream, seen) in &self.seen {
+            let Some((first, last)) = self.span(stream) else {
+                continue;
+            };
             for (first, last) in seen.missing(first, last) {
                 let compressed = self.compressed.get(stream);
                 let in_vain = self.gaps.gave_up(stream, last)

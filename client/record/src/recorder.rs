@@ -354,7 +354,7 @@ impl Recorder {
             }
         };
         let of = (header.run_id.clone(), header.episode);
-        if let Stage::Recording(recording) = &mut self.stage {
+        if let Stage::Recording(recording) | Stage::Stopping { recording, .. } = &mut self.stage {
             let current = id(recording.started.header.as_ref());
             if current.0 == of.0 && current.1 > of.1 {
                 recording.is_older(&stream, header.sequence);

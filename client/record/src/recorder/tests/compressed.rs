@@ -42,7 +42,7 @@ fn exact_digest(sequence: u64) -> Digest {
     of_message([&exact(sequence).encode_to_vec()[..]])
 }
 
-fn compressed(sequence: u64) -> v1::CompressedCameraFrame {
+pub(super) fn compressed(sequence: u64) -> v1::CompressedCameraFrame {
     let frame = exact(sequence);
     let plane = |bytes: &[u8], element| {
         let mut out = Vec::new();
@@ -64,7 +64,7 @@ fn compressed(sequence: u64) -> v1::CompressedCameraFrame {
     }
 }
 
-fn sample(stream: &str, message: &impl Message) -> Input {
+pub(super) fn sample(stream: &str, message: &impl Message) -> Input {
     Input::Sample {
         stream: stream.into(),
         payload: message.encode_to_vec().into(),

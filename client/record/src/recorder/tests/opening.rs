@@ -1,62 +1,73 @@
 //! Pictures that were lost before the first that came.
 
-use super::super::super::question::PAUSE;
+use super::super::super::question::{PAUSE, TRIES};
+use super::compressed::{compressed, sample};
 use super::*;
 
-/// An episode that begins at tick 2400, with a camera of 10 Hz.
-fn at_tick_2400(episode: u64) -> v1::EpisodeStarted {
+/// An episode that begins at tick 2410; its camera of 10 Hz draws number 101 first.
+fn at_tick_2410() -> v1::EpisodeStarted {
     let camera = v1::CameraSetting {
         name: "gen3".into(),
         rate_hz: Some(10.0),
         ..Default::default()
     };
     v1::EpisodeStarted {
-        header: Some(header(episode, 0, 2400)),
+        header: Some(header(3, 0, 2410)),
         scenario: Some(v1::Scenario {
             cameras: vec![camera],
             ..Default::default()
         }),
-        ..started(episode, "late")
+        compressed_cameras: true,
+        ..started(3, "late")
     }
 }
 
-fn begun() -> Bench {
+fn begun(started: v1::EpisodeStarted, hears_compressed: bool) -> Bench {
     let mut b = Bench::new();
-    b.feed(runs(at_tick_2400(3)));
+    let recorder = Recorder::new(b.dir.path().to_owned(), WriterOptions::default());
+    b.recorder = recorder.with_compressed(hears_compressed);
+    b.feed(runs(started));
     b.feed(snapshot(3));
     b
 }
 
-fn asked(b: &mut Bench) -> Vec<(u64, u64)> {
+fn asked(b: &mut Bench) -> Vec<(String, u64, u64)> {
     let out = b.wait(4 * PAUSE).into_iter();
     out.filter_map(|output| match output {
-        Output::AskSamples { missing: m, .. } if m.stream == "camera/gen3" => {
-            m.last.map(|last| (m.first, last))
-        }
+        Output::AskSamples { missing: m, .. } => m.last.map(|last| (m.stream, m.first, last)),
         _ => None,
     })
     .collect()
 }
 
+fn pictures(first: u64, last: u64) -> Vec<(String, u64, u64)> {
+    vec![("camera/gen3".to_owned(), first, last)]
+}
+
+fn credit_frames(b: &Bench) -> u64 {
+    b.recorder.status().credit_frames.unwrap()
+}
+
 #[test]
-fn pictures_before_the_first_that_came_are_asked_for_at_once() {
-    let mut b = begun();
-    // Two are lost: tick 2400 is that of number 100.
+fn pictures_before_the_first_that_came_are_asked_for_at_once_and_hold_the_credit() {
+    let mut b = begun(at_tick_2410(), false);
+    b.feed(picture(3, 103));
+    assert_eq!((credit_frames(&b), b.recorder.status().missed), (0, 2));
+    assert_eq!(asked(&mut b), pictures(101, 102));
     b.feed(picture(3, 102));
-    assert_eq!(asked(&mut b), [(100, 101)]);
+    assert_eq!(asked(&mut b), pictures(101, 101));
     b.feed(picture(3, 101));
-    assert_eq!(asked(&mut b), [(100, 100)]);
-    b.feed(picture(3, 100));
+    assert_eq!((credit_frames(&b), b.recorder.status().missed), (3, 0));
     assert_eq!(asked(&mut b), []);
     let count = v1::StreamCount {
         stream: "camera/gen3".into(),
-        first: 100,
-        last: 102,
+        first: 101,
+        last: 103,
         count: 3,
         ..Default::default()
     };
     let out = b.feed(ended(v1::EpisodeStopped {
-        header: Some(header(3, 0, 2448)),
+        header: Some(header(3, 0, 2472)),
         manifest: vec![count],
         ..Default::default()
     }));
@@ -64,22 +75,52 @@ fn pictures_before_the_first_that_came_are_asked_for_at_once() {
 }
 
 #[test]
-fn what_was_not_drawn_in_the_episode_is_not_asked_for_twice() {
-    let mut b = begun();
+fn what_does_not_come_is_given_up_and_holds_nobody_up() {
+    let mut b = begun(at_tick_2410(), false);
     b.feed(picture(3, 102));
-    assert_eq!(asked(&mut b), [(100, 101)]);
-    // Nobody watched, and nothing was drawn: these numbers are of before.
-    b.feed(picture(0, 100));
-    assert_eq!(asked(&mut b), [(101, 101)]);
-    b.feed(picture(2, 101));
+    for _ in 0..TRIES {
+        assert_eq!(credit_frames(&b), 0);
+        assert_eq!(asked(&mut b), pictures(101, 101));
+    }
     assert_eq!(asked(&mut b), []);
+    assert_eq!((credit_frames(&b), b.recorder.status().missed), (2, 1));
+}
+
+#[test]
+fn compressed_ones_are_asked_for_so() {
+    let mut b = begun(at_tick_2410(), true);
+    let picture = |sequence| {
+        let mut frame = compressed(sequence);
+        frame.header = Some(header(3, sequence, 24 * sequence));
+        sample("compressed/gen3", &frame)
+    };
+    b.feed(picture(102));
+    assert_eq!(asked(&mut b), [("compressed/gen3".to_owned(), 101, 101)]);
+    b.feed(picture(101));
+    assert_eq!((asked(&mut b), credit_frames(&b)), (vec![], 2));
+}
+
+#[test]
+fn pictures_of_before_the_episode_are_not_asked_for_again() {
+    let mut b = begun(at_tick_2410(), false);
+    b.feed(picture(3, 103));
+    assert_eq!(asked(&mut b), pictures(101, 102));
+    b.feed(picture(0, 101));
+    assert_eq!(asked(&mut b), pictures(102, 102));
+    b.feed(picture(2, 102));
+    assert_eq!((asked(&mut b), credit_frames(&b)), (vec![], 1));
     assert_eq!(b.recorder.status().missed, 0);
 }
 
 #[test]
-fn who_is_there_from_the_first_picture_on_asks_for_nothing() {
-    let mut b = begun();
-    b.feed(picture(3, 100));
-    b.feed(picture(3, 101));
-    assert_eq!(asked(&mut b), []);
+fn nothing_is_asked_for_by_who_saw_the_beginning_came_late_or_is_shown_a_recording() {
+    let shown = v1::EpisodeStarted {
+        as_recorded: true,
+        ..at_tick_2410()
+    };
+    for (started, first) in [(at_tick_2410(), 101), (at_tick_2410(), 107), (shown, 102)] {
+        let mut b = begun(started, false);
+        b.feed(picture(3, first));
+        assert_eq!((asked(&mut b), credit_frames(&b)), (vec![], 1), "{first}");
+    }
 }
