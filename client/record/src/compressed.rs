@@ -84,16 +84,27 @@ impl Compressed {
         self.unusable.values_mut().for_each(Question::begin_again);
     }
 
-    /// Whether all messages of `first` to `last` hold no picture that can be taken.
-    pub fn are_unusable(&self, first: u64, last: u64) -> bool {
-        let there = self.unusable.range(first..=last).count() as u64;
-        there == last - first + 1
+    /// Ranges of `first` to `last` without the numbers whose message holds no picture
+    /// that can be taken; those are asked for as they are (`due`).
+    pub fn usable(&self, first: u64, last: u64) -> Vec<(u64, u64)> {
+        let mut usable = Vec::new();
+        let mut from = Some(first);
+        for &number in self.unusable.range(first..=last).map(|(number, _)| number) {
+            usable.extend(
+                from.filter(|from| *from < number)
+                    .map(|from| (from, number - 1)),
+            );
+            from = number.checked_add(1);
+        }
+        usable.extend(from.filter(|from| *from <= last).map(|from| (from, last)));
+        usable
     }
 
-    /// Whether all pictures of `first` to `last` were asked for as they are in vain.
+    /// Whether all pictures of `first` to `last` that can be had only as they are were
+    /// asked for in vain.
     pub fn gave_up(&self, first: u64, last: u64) -> bool {
         let mut there = self.unusable.range(first..=last);
-        self.are_unusable(first, last) && there.all(|(_, question)| question.is_given_up())
+        there.all(|(_, question)| question.is_given_up())
     }
 
     /// Numbers beyond `seen` whose picture was asked for so often that it will not

@@ -298,9 +298,14 @@ impl Recording {
                 continue;
             };
             for (first, last) in seen.missing(first, last) {
-                let compressed = self.compressed.get(stream);
-                let in_vain = self.gaps.gave_up(stream, last)
-                    || compressed.is_some_and(|c| c.gave_up(first, last));
+                let in_vain = match self.compressed.get(stream) {
+                    Some(heard) => {
+                        let mut usable = heard.usable(first, last).into_iter();
+                        usable.all(|(_, last)| self.gaps.gave_up(stream, last))
+                            && heard.gave_up(first, last)
+                    }
+                    None => self.gaps.gave_up(stream, last),
+                };
                 if !in_vain {
                     return None;
                 }

@@ -89,12 +89,13 @@ impl Gaps {
                 return;
             }
             let asked = self.asked.entry(stream.to_owned()).or_default();
-            for (first, last) in missing {
-                // These are asked for as they are, below.
-                let heard = compressed.get(stream);
-                if heard.is_some_and(|heard| heard.are_unusable(first, last)) {
-                    continue;
-                }
+            let heard = compressed.get(stream);
+            // The others are asked for as they are, below.
+            let usable = |(first, last)| match heard {
+                Some(heard) => heard.usable(first, last),
+                None => vec![(first, last)],
+            };
+            for (first, last) in missing.into_iter().flat_map(usable) {
                 let question = asked.entry(last).or_default();
                 if !question.ask(now) {
                     continue;

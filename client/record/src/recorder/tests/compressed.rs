@@ -199,6 +199,42 @@ fn a_picture_that_nobody_compressed_or_that_was_lost_is_asked_for_as_it_is() {
 }
 
 #[test]
+fn in_a_gap_each_picture_is_asked_for_in_the_form_in_which_it_can_be_had() {
+    let mut b = bench();
+    b.feed(sample("compressed/gen3", &compressed(0)));
+    let empty = v1::CompressedCameraFrame {
+        header: exact(2).header,
+        ..Default::default()
+    };
+    b.feed(sample("compressed/gen3", &empty));
+    b.feed(sample("compressed/gen3", &compressed(4)));
+    let mut asked: Vec<(String, u64, u64)> = Vec::new();
+    let (small, full) = ("compressed/gen3", "camera/gen3");
+    for _ in 0..10 {
+        let out = b.wait(Duration::from_secs(4)).into_iter();
+        asked.extend(out.filter_map(|output| match output {
+            Output::AskSamples { missing: m, .. } => Some((m.stream, m.first, m.last?)),
+            _ => None,
+        }));
+    }
+    let times = |stream: &str, first, last| {
+        let asked = asked.iter();
+        let same = asked.filter(|asked| **asked == (stream.to_owned(), first, last));
+        same.count()
+    };
+    for number in [1, 3] {
+        assert_eq!(
+            (times(small, number, number), times(full, number, number)),
+            (2, 3)
+        );
+    }
+    assert_eq!(times(full, 2, 2), 5);
+    assert_eq!(asked.len(), 15, "{asked:?}");
+    // All three are given up, and hold nobody up any more.
+    assert_eq!(b.recorder.status().credit_frames, Some(5));
+}
+
+#[test]
 fn depth_that_is_stored_in_another_way_is_made_of_compressed_depth() {
     for depth in [Depth::Metres, Depth::Millimetres, Depth::Nothing] {
         let stored = |is_compressed: bool| {
