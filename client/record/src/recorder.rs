@@ -354,21 +354,22 @@ impl Recorder {
             }
         };
         let of = (header.run_id.clone(), header.episode);
-        if let Stage::Recording(recording) | Stage::Stopping { recording, .. } = &mut self.stage {
-            let current = id(recording.started.header.as_ref());
-            if current.0 == of.0 && current.1 > of.1 {
+        let current = self.current();
+        // What a cache still has of an earlier episode of this server.
+        if current.as_ref().is_some_and(|c| c.0 == of.0 && c.1 > of.1) {
+            if let Stage::Recording(recording) | Stage::Stopping { recording, .. } = &mut self.stage
+            {
                 recording.is_older(&stream, header.sequence);
             }
+            return;
         }
         if header.episode == 0 {
             return;
         }
         match &self.stage {
-            Stage::Recording(_) | Stage::Stopping { .. } if self.current() == Some(of.clone()) => {
+            Stage::Recording(_) | Stage::Stopping { .. } if current.as_ref() == Some(&of) => {
                 self.take(&header, &stream, payload);
             }
-            // What a cache still has of an earlier episode of this server.
-            _ if self.current().is_some_and(|c| c.0 == of.0 && c.1 > of.1) => {}
             // Streams have different priorities: samples may overtake the
             // message that opens their episode.
             _ if self.last.as_ref() != Some(&of) => self.early.keep(header, stream, payload),
