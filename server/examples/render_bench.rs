@@ -9,6 +9,9 @@
 //!
 //! `--packing` says who packs the pictures; else it is as the server has it. With
 //! `--compare-packing` both do, one pair by turns, and must give the same bytes.
+//!
+//! With `--deflate` the adapter compresses the pictures as well, after the run
+//! without; their size stands beside.
 
 #![expect(clippy::disallowed_methods, reason = "it measures wall time")]
 
@@ -59,6 +62,9 @@ struct Options {
     /// Both, one pair by turns.
     #[arg(long)]
     compare_packing: bool,
+    /// Also compressed by the adapter.
+    #[arg(long)]
+    deflate: bool,
 }
 
 impl Options {
@@ -154,7 +160,13 @@ fn main() -> Result<()> {
         1e3 / median
     );
 
-    ahead(&mut renderer, &robot, &scene, options.pairs)
+    ahead(&mut renderer, &robot, &scene, options.pairs)?;
+    if options.deflate {
+        renderer.deflate(0, true);
+        renderer.deflate(1, true);
+        ahead(&mut renderer, &robot, &scene, options.pairs)?;
+    }
+    Ok(())
 }
 
 /// As the server draws when it is behind: the next pair is begun before this one
@@ -166,11 +178,23 @@ fn ahead(renderer: &mut Renderer, robot: &RobotModel, scene: &Scene, pairs: usiz
     renderer.submit(&snapshots[0], &[0, 1])?;
     let before = Instant::now();
     let mut submitting = 0.0;
+    let (mut exact, mut deflated, mut left) = ([0; 3], [0; 3], 0);
     for snapshot in &snapshots[1..] {
         let start = Instant::now();
         renderer.submit(snapshot, &[0, 1])?;
         submitting += start.elapsed().as_secs_f64();
-        renderer.collect()?;
+        for frame in renderer.collect()? {
+            let planes = [&frame.rgb, &frame.depth, &frame.ids];
+            for (i, plane) in planes.into_iter().enumerate() {
+                match &frame.deflated[i] {
+                    Some(stream) => {
+                        exact[i] += plane.len();
+                        deflated[i] += stream.len();
+                    }
+                    None => left += 1,
+                }
+            }
+        }
     }
     let seconds = before.elapsed().as_secs_f64();
     renderer.collect()?;
@@ -183,6 +207,16 @@ fn ahead(renderer: &mut Renderer, robot: &RobotModel, scene: &Scene, pairs: usiz
         submitting * each,
         (seconds - submitting) * each
     );
+    if exact.iter().all(|&bytes| bytes > 0) {
+        let share = |i: usize| deflated[i] as f64 / exact[i] as f64;
+        println!(
+            "compressed by the adapter: colour to {:.4}, depth to {:.4}, ids to {:.4}; {left} \
+             planes are left to the processor",
+            share(0),
+            share(1),
+            share(2)
+        );
+    }
     Ok(())
 }
 

@@ -59,7 +59,7 @@ pub async fn run(
         ..Default::default()
     };
     // Within one process pictures are handed over where they lie.
-    let compressed = !link.is_within();
+    let compressed = !link.is_within() || options.takes_compressed;
     let recorder = Recorder::new(options.out.clone(), writer)
         .with_limit(options.episodes)
         .with_compressed(compressed);

@@ -6,6 +6,7 @@
 
 #![warn(missing_docs)]
 
+pub mod huffman;
 mod igzip;
 mod noise;
 mod shuffle;

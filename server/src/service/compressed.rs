@@ -18,6 +18,7 @@ use super::error::ServiceError;
 use super::outbox::{Outbox, Published};
 use super::priority::step_back;
 use super::signal::Signal;
+use crate::sensors::camera::Deflated;
 
 /// Pictures of a camera that may wait; more hold the cameras up.
 const QUEUE: usize = 2;
@@ -31,6 +32,8 @@ const IDS: usize = 2;
 pub struct Exact {
     /// Its message, without a header.
     pub frame: v1::CameraFrame,
+    /// Its planes, as far as the adapter has compressed them.
+    pub deflated: Deflated,
     /// Number and digest of its message.
     pub published: Published,
     /// Its episode, 0 for none.
@@ -151,7 +154,7 @@ fn publish(name: &str, queue: &Receiver<Exact>, outbox: &Outbox, published: impl
             wanted_in = episode;
         }
         let message = match digest {
-            Some(digest) if wanted_in == episode => compress(&mut deflate, &picture.frame, &digest),
+            Some(digest) if wanted_in == episode => compress(&mut deflate, picture, &digest),
             _ => v1::CompressedCameraFrame::default(),
         };
         outbox.compressed(name, sequence, episode, tick, message);
@@ -162,10 +165,16 @@ fn publish(name: &str, queue: &Receiver<Exact>, outbox: &Outbox, published: impl
 /// The compressed form of a picture, without its header.
 fn compress(
     deflate: &mut Deflate,
-    frame: &v1::CameraFrame,
+    Exact {
+        frame, deflated, ..
+    }: Exact,
     digest: &Digest,
 ) -> v1::CompressedCameraFrame {
-    let mut plane = |bytes: &Bytes, element: usize| {
+    let [rgb, depth, ids] = deflated;
+    let mut plane = |bytes: &Bytes, element: usize, deflated: Option<Bytes>| {
+        if let Some(deflated) = deflated {
+            return deflated;
+        }
         // A guess: depth shrinks to a fifth and more, the rest to less.
         let mut out = Vec::with_capacity(bytes.len() / 4);
         deflate.append(bytes, element, &mut out);
@@ -173,12 +182,12 @@ fn compress(
     };
     v1::CompressedCameraFrame {
         header: None,
-        camera: frame.camera.clone(),
+        camera: frame.camera,
         intrinsics: frame.intrinsics,
         pose: frame.pose,
-        rgb: plane(&frame.rgb, RGB),
-        depth: plane(&frame.depth, DEPTH),
-        ids: plane(&frame.ids, IDS),
+        rgb: plane(&frame.rgb, RGB, rgb),
+        depth: plane(&frame.depth, DEPTH, depth),
+        ids: plane(&frame.ids, IDS, ids),
         rgb_format: frame.rgb_format,
         depth_format: frame.depth_format,
         ids_format: frame.ids_format,

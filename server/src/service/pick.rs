@@ -267,6 +267,7 @@ mod tests {
             rgb: Vec::new().into(),
             depth: depth.into(),
             ids: ids.into(),
+            deflated: Default::default(),
         }
     }
 

@@ -216,6 +216,9 @@ impl RenderThread {
             let sensed = Arc::clone(&sensed);
             let compressed = Arc::clone(&compressed);
             let names = names.clone();
+            let cameras = setup.scenario.cameras.iter();
+            let sizes: Vec<[u32; 2]> = cameras.map(|camera| camera.size).collect();
+            let graphics = graphics.clone();
             std::thread::Builder::new()
                 .name("render".to_owned())
                 .spawn(move || {
@@ -234,18 +237,24 @@ impl RenderThread {
                     };
                     let mut is_first = true;
                     let work = std::panic::AssertUnwindSafe(|| {
-                        draw(&mut renderer, &queue, |frames, of| {
+                        let wanted = |camera: usize| {
+                            graphics.compresses(sizes[camera])
+                                && outbox.wants_compressed(&names[camera])
+                        };
+                        draw(&mut renderer, &queue, wanted, |frames, of| {
                             let (episode, tick) = (of.episode, of.snapshot.tick);
-                            for frame in frames {
+                            for mut frame in frames {
                                 let name = &names[frame.camera];
                                 if previews.offer(&frame, episode, tick) {
                                     picked.keep(&frame, tick);
                                 }
                                 sensed.offer(&frame, episode, tick);
+                                let deflated = std::mem::take(&mut frame.deflated);
                                 let (camera, frame) = (frame.camera, message(name, frame));
                                 let published = outbox.camera(name, episode, tick, frame.clone());
                                 let picture = Exact {
                                     frame,
+                                    deflated,
                                     published,
                                     episode,
                                     tick,
@@ -404,6 +413,7 @@ struct Flying {
 fn draw(
     renderer: &mut Renderer,
     queue: &Receiver<Job>,
+    is_deflated: impl Fn(usize) -> bool,
     mut publish: impl FnMut(Vec<Frame>, Flying),
 ) -> Result<(), RenderError> {
     let mut flying: VecDeque<Flying> = VecDeque::new();
@@ -422,6 +432,9 @@ fn draw(
                 cameras,
                 episode,
             }) => {
+                for &camera in &cameras {
+                    renderer.deflate(camera, is_deflated(camera));
+                }
                 renderer.submit(&snapshot, &cameras)?;
                 flying.push_back(Flying { snapshot, episode });
                 continue;

@@ -35,7 +35,7 @@ const LOOK: Duration = Duration::from_millis(2);
 
 enum Job {
     Make {
-        frame: Frame,
+        frame: Box<Frame>,
         episode: u64,
         tick: u64,
     },
@@ -198,7 +198,7 @@ impl Sensed {
         for sensor in self.sensors.iter().filter(|s| s.camera == frame.camera) {
             self.making.fetch_add(1, Ordering::AcqRel);
             let job = Job::Make {
-                frame: frame.clone(),
+                frame: Box::new(frame.clone()),
                 episode,
                 tick,
             };

@@ -32,6 +32,10 @@ struct Kept {
     packer: Option<Arc<Packer>>,
 }
 
+/// Pixels from which on the adapter compresses a picture in less time than the
+/// processor needs to ask for that.
+const WORTH_IT: u64 = 1 << 16;
+
 /// What a renderer is opened with.
 type Parts = (Opened, Arc<Pipelines>, Option<Arc<Packer>>);
 
@@ -84,6 +88,25 @@ impl Graphics {
         }
     }
 
+    /// Whether the device that is open compresses pictures of so many pixels by so many
+    /// when it is asked to: a small one costs the processor less than the asking.
+    #[must_use]
+    pub fn compresses(&self, [width, height]: [u32; 2]) -> bool {
+        if u64::from(width) * u64::from(height) < WORTH_IT {
+            return false;
+        }
+        let kept = self.kept.lock();
+        let opened = kept.opened.as_ref();
+        opened.is_some_and(|opened| self.packing_on(opened.info.kind) == Packing::Adapter)
+    }
+
+    fn packing_on(&self, kind: AdapterKind) -> Packing {
+        self.packing.unwrap_or(match kind {
+            AdapterKind::Cpu => Packing::Processor,
+            _ => Packing::Adapter,
+        })
+    }
+
     /// The light of the home that was drawn last.
     pub(super) fn last_home(&self) -> &LastHome {
         &self.last_home
@@ -109,11 +132,8 @@ impl Graphics {
                 pipelines
             }
         };
-        let packing = self.packing.unwrap_or(match opened.info.kind {
-            AdapterKind::Cpu => Packing::Processor,
-            _ => Packing::Adapter,
-        });
-        let packer = (packing == Packing::Adapter).then(|| {
+        let packs = self.packing_on(opened.info.kind) == Packing::Adapter;
+        let packer = packs.then(|| {
             let new = || Arc::new(Packer::new(&opened.device));
             Arc::clone(kept.packer.get_or_insert_with(new))
         });
@@ -126,6 +146,7 @@ fn open(adapter: Option<&str>) -> Result<Opened, RenderError> {
     let (device, queue) = pollster::block_on(chosen.request_device(&wgpu::DeviceDescriptor {
         required_limits: wgpu::Limits {
             max_buffer_size: chosen.limits().max_buffer_size,
+            max_compute_workgroup_storage_size: chosen.limits().max_compute_workgroup_storage_size,
             ..Default::default()
         },
         ..Default::default()

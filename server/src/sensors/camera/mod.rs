@@ -9,6 +9,7 @@ mod adapter;
 mod ambient_occlusion;
 mod buffers;
 mod decoration;
+mod deflate;
 mod error;
 mod geometry;
 mod graphics;
@@ -34,6 +35,7 @@ use bytes::Bytes;
 use nalgebra::Isometry3;
 
 pub use adapter::{AdapterInfo, AdapterKind};
+pub use deflate::Deflated;
 pub use error::RenderError;
 pub use graphics::Graphics;
 pub use packing::Packing;
@@ -63,6 +65,8 @@ pub struct Frame {
     pub depth: Bytes,
     /// Instance ids, height x width little-endian u16; 0 where nothing is hit.
     pub ids: Bytes,
+    /// The planes deflated, where that was asked for and the adapter can.
+    pub deflated: Deflated,
 }
 
 impl Frame {
@@ -74,6 +78,8 @@ impl Frame {
     }
 }
 
+#[cfg(test)]
+mod deflate_tests;
 #[cfg(test)]
 mod packing_tests;
 #[cfg(test)]

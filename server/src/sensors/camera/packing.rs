@@ -1,9 +1,11 @@
 //! Pictures packed on the adapter: what is read back is what is handed out.
 
 use std::ops::Range;
+use std::sync::{Arc, OnceLock};
 
 use wgpu::util::DeviceExt;
 
+use super::deflate::{CameraDeflater, Deflater};
 use super::target::Target;
 
 /// Where pictures are packed: colour without alpha, depth in metres, ids of 16
@@ -30,6 +32,11 @@ impl Planes {
             width: lens.width,
             pixels: lens.width as usize * lens.height as usize,
         }
+    }
+
+    /// Pixels of a row.
+    pub(super) fn width(self) -> u32 {
+        self.width
     }
 
     /// Pixels, four by four.
@@ -76,6 +83,8 @@ pub(super) struct Packer {
     narrow: wgpu::ComputePipeline,
     /// Ids in a texture of their own.
     wide: wgpu::ComputePipeline,
+    /// There once somebody wants deflated pictures.
+    deflater: OnceLock<Option<Deflater>>,
 }
 
 impl Packer {
@@ -97,13 +106,14 @@ impl Packer {
         Self {
             narrow: pipeline("pack"),
             wide: pipeline("pack_wide"),
+            deflater: OnceLock::new(),
         }
     }
 
     /// What packs the pictures of a camera; `None` where they are larger than what
     /// a shader of this adapter can write.
     pub(super) fn for_camera(
-        &self,
+        self: &Arc<Self>,
         device: &wgpu::Device,
         target: &Target,
     ) -> Option<CameraPacker> {
@@ -162,6 +172,8 @@ impl Packer {
             group,
             groups: [across as u32, groups.div_ceil(across) as u32],
             packed,
+            packer: Arc::clone(self),
+            deflater: OnceLock::new(),
         })
     }
 }
@@ -173,6 +185,8 @@ pub(super) struct CameraPacker {
     group: wgpu::BindGroup,
     groups: [u32; 2],
     packed: wgpu::Buffer,
+    packer: Arc<Packer>,
+    deflater: OnceLock<Option<CameraDeflater>>,
 }
 
 impl CameraPacker {
@@ -185,5 +199,21 @@ impl CameraPacker {
         pass.dispatch_workgroups(x, y, 1);
         drop(pass);
         encoder.copy_buffer_to_buffer(&self.packed, 0, read, 0, self.planes.bytes());
+    }
+
+    /// What deflates what was packed, if that can be; made when it is first asked for.
+    pub(super) fn deflater(&self, device: &wgpu::Device) -> Option<&CameraDeflater> {
+        let new = || {
+            let deflater = self.packer.deflater.get_or_init(|| Deflater::new(device));
+            let deflater = deflater.as_ref()?;
+            deflater.for_camera(device, self.planes, &self.packed)
+        };
+        let deflater = self.deflater.get_or_init(new).as_ref();
+        deflater.filter(|deflater| deflater.works())
+    }
+
+    /// What deflated before, if it was asked for.
+    pub(super) fn known_deflater(&self) -> Option<&CameraDeflater> {
+        self.deflater.get().and_then(Option::as_ref)
     }
 }

@@ -6,7 +6,11 @@ use crate::geometry::Shape;
 
 /// The same renderer twice; `None`, with the reason printed, only where there is
 /// no Vulkan driver.
-fn both(scene: &RenderScene, cameras: &[CameraSpec], quality: Quality) -> Option<[Renderer; 2]> {
+pub(super) fn both(
+    scene: &RenderScene,
+    cameras: &[CameraSpec],
+    quality: Quality,
+) -> Option<[Renderer; 2]> {
     let made = [Packing::Adapter, Packing::Processor].map(|packing| {
         let graphics = Graphics::on(None).packing(packing);
         match Renderer::over(&graphics, scene, cameras, quality) {
@@ -25,9 +29,9 @@ fn both(scene: &RenderScene, cameras: &[CameraSpec], quality: Quality) -> Option
 }
 
 /// Odd and even sizes, rows that are padded in copies and one that is not, the least.
-const SIZES: [[u32; 2]; 6] = [[225, 127], [64, 48], [97, 61], [3, 5], [2, 1], [1, 1]];
+pub(super) const SIZES: [[u32; 2]; 6] = [[225, 127], [64, 48], [97, 61], [3, 5], [2, 1], [1, 1]];
 
-fn sizes() -> Vec<CameraSpec> {
+pub(super) fn sizes() -> Vec<CameraSpec> {
     let ranges = [[0.05, 20.0], [0.0123, 2.9], [0.3, f64::INFINITY]];
     let sizes = SIZES.iter().zip(ranges.iter().cycle());
     sizes

@@ -1,9 +1,12 @@
 //! From textures to bytes: packed on the adapter and handed out as they are, or
 //! copied with padded rows and packed by the processor.
 
+use std::sync::Arc;
+
 use bytes::{Bytes, BytesMut};
 use parking_lot::Mutex;
 
+use super::deflate::{Deflated, Results};
 use super::geometry::Order;
 use super::packing::{CameraPacker, Packer};
 use super::ring::Ring;
@@ -15,17 +18,41 @@ pub(super) struct ReadBack {
     way: Way,
 }
 
+/// What a picture is read through.
+#[derive(Clone)]
+pub(super) struct Buffers {
+    planes: wgpu::Buffer,
+    deflated: Option<Results>,
+}
+
+impl Buffers {
+    /// Asks for them to be mapped when they are written.
+    pub(super) fn map(&self) {
+        let results = self.deflated.iter().map(|results| &results.buffer);
+        for buffer in results.chain([&self.planes]) {
+            buffer.map_async(wgpu::MapMode::Read, .., |_| {});
+        }
+    }
+}
+
+/// Colour, depth and ids, as they are and deflated.
+pub(super) type Picture = ([Bytes; 3], Deflated);
+
 enum Way {
-    Packed(CameraPacker),
+    Packed(Box<CameraPacker>),
     Unpacked(Layout, [f64; 2], Mutex<Memory>),
 }
 
 impl ReadBack {
     /// By `packer`, where there is one and it can.
-    pub(super) fn new(device: &wgpu::Device, target: &Target, packer: Option<&Packer>) -> Self {
+    pub(super) fn new(
+        device: &wgpu::Device,
+        target: &Target,
+        packer: Option<&Arc<Packer>>,
+    ) -> Self {
         let packed = packer.and_then(|packer| packer.for_camera(device, target));
         let way = match packed {
-            Some(packed) => Way::Packed(packed),
+            Some(packed) => Way::Packed(Box::new(packed)),
             None => Way::Unpacked(Layout::of(target), target.spec.range, Mutex::default()),
         };
         let bytes = match &way {
@@ -51,34 +78,51 @@ impl ReadBack {
         matches!(self.way, Way::Packed(_))
     }
 
-    /// Appends what brings the picture that was drawn into a buffer, and names it.
+    /// Appends what brings the picture that was drawn into buffers, and names them;
+    /// also `deflated`, where that is asked for and can be.
     pub(super) fn copy(
         &self,
-        device: &wgpu::Device,
+        (device, queue): (&wgpu::Device, &wgpu::Queue),
         encoder: &mut wgpu::CommandEncoder,
         target: &Target,
-    ) -> wgpu::Buffer {
-        let buffer = self.ring.take(device);
+        deflated: bool,
+    ) -> Buffers {
+        let planes = self.ring.take(device);
+        let mut buffers = Buffers {
+            planes,
+            deflated: None,
+        };
         match &self.way {
-            Way::Packed(packed) => packed.pack(encoder, &buffer),
-            Way::Unpacked(layout, ..) => layout.copy(encoder, target, &buffer),
+            Way::Packed(packed) => {
+                packed.pack(encoder, &buffers.planes);
+                if deflated && let Some(deflater) = packed.deflater(device) {
+                    buffers.deflated = Some(deflater.deflate((device, queue), encoder));
+                }
+            }
+            Way::Unpacked(layout, ..) => layout.copy(encoder, target, &buffers.planes),
         }
-        buffer
+        buffers
     }
 
-    /// Colour, depth and ids of a buffer that is mapped.
-    pub(super) fn planes(&self, buffer: wgpu::Buffer) -> Result<[Bytes; 3], String> {
+    /// The picture in buffers that are mapped.
+    pub(super) fn picture(&self, buffers: Buffers) -> Result<Picture, String> {
+        let buffer = buffers.planes;
         match &self.way {
             Way::Packed(packed) => {
                 let all = self.ring.lend(buffer)?;
-                Ok(packed.planes.ranges().map(|range| all.slice(range)))
+                let planes = packed.planes.ranges().map(|range| all.slice(range));
+                let deflated = match (buffers.deflated, packed.known_deflater()) {
+                    (Some(read), Some(deflater)) => deflater.streams(read, &planes)?,
+                    _ => Deflated::default(),
+                };
+                Ok((planes, deflated))
             }
             Way::Unpacked(layout, range, memory) => {
                 let mapped = buffer.get_mapped_range(..).map_err(|e| e.to_string())?;
                 let planes = layout.unpack(&mapped, *range, &mut memory.lock());
                 drop(mapped);
                 self.ring.give_back(buffer);
-                Ok(planes)
+                Ok((planes, Deflated::default()))
             }
         }
     }

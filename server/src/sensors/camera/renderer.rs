@@ -4,7 +4,6 @@ use std::collections::VecDeque;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use bytes::Bytes;
 use nalgebra::Isometry3;
 use parking_lot::Mutex;
 use wgpu::util::DeviceExt;
@@ -18,7 +17,7 @@ use super::packing::Packer;
 use super::parallel;
 use super::person::PersonMesh;
 use super::pipelines::Pipelines;
-use super::readback::ReadBack;
+use super::readback::{Buffers as ReadBuffers, Picture, ReadBack};
 use super::scene::{Binding, RenderScene, Surrounding};
 use super::shadow::{ShadowMap, SunView};
 use super::soft::SoftMeshes;
@@ -55,6 +54,8 @@ pub struct Renderer {
     expected: [usize; 3],
     /// One for each camera.
     read_back: Vec<ReadBack>,
+    /// Whose pictures are deflated.
+    deflated: Vec<bool>,
     /// Batches in flight, oldest first: pictures that were asked for together.
     pending: VecDeque<Vec<Pending>>,
 }
@@ -72,7 +73,7 @@ struct Pending {
     camera: usize,
     world_from_optical: Isometry3<f64>,
     /// What it is read through.
-    buffer: wgpu::Buffer,
+    buffers: ReadBuffers,
 }
 
 impl Renderer {
@@ -164,7 +165,7 @@ impl Renderer {
                 wgpu::BindingResource::Sampler(&comparing),
             ],
         );
-        let read_back = |target: &Target| ReadBack::new(&device, target, packer.as_deref());
+        let read_back = |target: &Target| ReadBack::new(&device, target, packer.as_ref());
         let read_back = targets.iter().map(read_back).collect();
         let renderer = Self {
             shadow,
@@ -186,6 +187,7 @@ impl Renderer {
             targets,
             scene_groups,
             shadow_group,
+            deflated: vec![false; cameras.len()],
             read_back,
             pending: VecDeque::new(),
         };
@@ -202,6 +204,14 @@ impl Renderer {
     /// The cameras, as given.
     pub fn cameras(&self) -> impl ExactSizeIterator<Item = &CameraSpec> {
         self.targets.iter().map(|t| &t.spec)
+    }
+
+    /// Whether the pictures of a camera are to be deflated from the next on, where the
+    /// adapter can; by its index.
+    pub fn deflate(&mut self, camera: usize, wanted: bool) {
+        if let Some(deflated) = self.deflated.get_mut(camera) {
+            *deflated = wanted;
+        }
     }
 
     /// Draws some of the cameras and waits for the pictures, in the order asked for.
@@ -286,17 +296,19 @@ impl Renderer {
         let mut buffers = Vec::with_capacity(cameras.len());
         for &c in cameras {
             let (read_back, target) = (&self.read_back[c], &self.targets[c]);
-            buffers.push(read_back.copy(&self.device, &mut encoder, target));
+            let deflated = self.deflated[c];
+            let on = (&self.device, &self.queue);
+            buffers.push(read_back.copy(on, &mut encoder, target, deflated));
         }
         let submission = self.queue.submit([encoder.finish()]);
         let mut pictures = Vec::with_capacity(cameras.len());
-        for ((&camera, view), buffer) in cameras.iter().zip(&views).zip(buffers) {
-            buffer.map_async(wgpu::MapMode::Read, .., |_| {});
+        for ((&camera, view), buffers) in cameras.iter().zip(&views).zip(buffers) {
+            buffers.map();
             pictures.push(Pending {
                 submission: submission.clone(),
                 camera,
                 world_from_optical: view.world_from_optical,
-                buffer,
+                buffers,
             });
         }
         self.pending.push_back(pictures);
@@ -312,7 +324,7 @@ impl Renderer {
         let Some(pictures) = self.pending.pop_front() else {
             return Ok(Vec::new());
         };
-        let planes = std::thread::scope(|scope| -> Result<Vec<_>, RenderError> {
+        let read = std::thread::scope(|scope| -> Result<Vec<_>, RenderError> {
             let mut jobs = Vec::with_capacity(pictures.len());
             for p in &pictures {
                 self.device
@@ -320,10 +332,14 @@ impl Renderer {
                         submission_index: Some(p.submission.clone()),
                         timeout: None,
                     })
-                    .map_err(|e| self.failed(e.to_string()))?;
+                    .map_err(|e| {
+                        // What the adapter said first says more.
+                        let first = self.failure.lock().take();
+                        self.failed(first.unwrap_or_else(|| e.to_string()))
+                    })?;
                 self.check_failure()?;
-                let (read_back, buffer) = (&self.read_back[p.camera], p.buffer.clone());
-                let read = move || read_back.planes(buffer);
+                let (read_back, buffers) = (&self.read_back[p.camera], p.buffers.clone());
+                let read = move || read_back.picture(buffers);
                 jobs.push(match read_back.is_packed() {
                     true => Reading::Done(read()),
                     false => Reading::UnderWay(scope.spawn(read)),
@@ -331,9 +347,9 @@ impl Renderer {
             }
             Ok(jobs.into_iter().map(Reading::wait).collect())
         })?;
-        let mut frames = Vec::with_capacity(planes.len());
-        for (p, planes) in pictures.iter().zip(planes) {
-            let [rgb, depth, ids] = planes.map_err(|reason| self.failed(reason))?;
+        let mut frames = Vec::with_capacity(read.len());
+        for (p, picture) in pictures.iter().zip(read) {
+            let ([rgb, depth, ids], deflated) = picture.map_err(|reason| self.failed(reason))?;
             frames.push(Frame {
                 camera: p.camera,
                 intrinsics: self.targets[p.camera].spec.intrinsics,
@@ -341,6 +357,7 @@ impl Renderer {
                 rgb,
                 depth,
                 ids,
+                deflated,
             });
         }
         Ok(frames)
@@ -522,18 +539,18 @@ fn prepare(scene: &RenderScene, tier: Tier, graphics: &Graphics) -> Result<Prepa
     })
 }
 
-/// The planes of a picture, read or being read.
+/// A picture, read or being read.
 enum Reading<'scope> {
-    Done(Planes),
-    UnderWay(std::thread::ScopedJoinHandle<'scope, Planes>),
+    Done(Read),
+    UnderWay(std::thread::ScopedJoinHandle<'scope, Read>),
 }
 
-type Planes = Result<[Bytes; 3], String>;
+type Read = Result<Picture, String>;
 
 impl Reading<'_> {
-    fn wait(self) -> Planes {
+    fn wait(self) -> Read {
         match self {
-            Self::Done(planes) => planes,
+            Self::Done(read) => read,
             Self::UnderWay(job) => job
                 .join()
                 .unwrap_or_else(|_| Err("reading a picture failed".into())),

@@ -1,0 +1,513 @@
+// Deflates the planes of a packed picture (RFC 1951). Above this stands HASH_BITS.
+//
+// Each plane is a stream of its own: segments, of which a workgroup each takes care,
+// and pieces, of which an invocation each makes symbols. Nothing a piece refers to
+// lies behind it, so all are made at once. The codes are known beforehand, by what the
+// picture before was made of; what this one is made of is counted for the next.
+//
+//   arrange   bytes in the order in which they are deflated
+//   parse     pieces to bits, each into a slot of its own
+//   sum       where the bits of each segment begin
+//   place     bits from their slots to the stream
+
+const STREAMS = 3u;
+const SEGMENT = 8192u;
+const PIECE = 64u;
+const PIECES = 128u;
+// Most words of a piece: no code has more than 12 bits.
+const SLOT = 24u;
+const WINDOW = 32768u;
+// Bytes that a reference to earlier ones is worth.
+const LEAST = 4u;
+const MOST = 258u;
+const CANDIDATES = 6u;
+// Where so many bytes are alike, nothing longer is looked for.
+const ENOUGH = 32u;
+const LITERALS = 286u;
+const SYMBOLS = 316u;
+const END_OF_BLOCK = 256u;
+const HEADER = 73u;
+// Words of a block's codes and header, and where they stand.
+const BLOCK = 390u;
+const HEADER_BITS = 316u;
+const HEADER_AT = 317u;
+// The sums of Adler-32 (RFC 1950).
+const ADLER = 65521u;
+// A zlib stream's first two bytes: deflate, 32 KiB, fastest.
+const ZLIB = 0x0178u;
+const TABLE = 1u << HASH_BITS;
+const TEXT = SEGMENT / 4u + 2u;
+const SAME = CANDIDATES * SEGMENT / 32u;
+
+struct Stream {
+    // First word of its bytes in `source`, and their number.
+    source: u32,
+    bytes: u32,
+    // Segments and blocks: the first, and how many.
+    segment: u32,
+    segments: u32,
+    block: u32,
+    blocks: u32,
+    // First word of the result, and how many there is room for.
+    result: u32,
+    room: u32,
+    // How far back the same is likely to lie, and how many of those there are.
+    candidates: array<vec4<u32>, 2>,
+    known: vec4<u32>,
+}
+
+struct Params {
+    // Pixels; first words of depth and ids in `packed`.
+    pixels: u32,
+    depth: u32,
+    ids: u32,
+    segments: u32,
+    streams: array<Stream, STREAMS>,
+}
+
+@group(0) @binding(0) var<uniform> params: Params;
+@group(0) @binding(1) var<storage, read> packed: array<u32>;
+@group(0) @binding(2) var<storage, read_write> source: array<u32>;
+@group(0) @binding(3) var<storage, read_write> slots: array<u32>;
+// Bits of each piece, then of each segment, later where that begins.
+@group(0) @binding(4) var<storage, read_write> lengths: array<u32>;
+@group(0) @binding(5) var<storage, read> codes: array<u32>;
+// Bits of each stream, two sums of each segment's bytes, symbols of each block.
+@group(0) @binding(6) var<storage, read_write> told: array<atomic<u32>>;
+@group(0) @binding(7) var<storage, read_write> result: array<atomic<u32>>;
+
+fn sums_at(segment: u32) -> u32 {
+    return 4u + 2u * segment;
+}
+
+fn counts_at(block: u32) -> u32 {
+    return 4u + 2u * params.segments + block * SYMBOLS;
+}
+
+fn stream_of(segment: u32) -> u32 {
+    return u32(segment >= params.streams[1].segment) + u32(segment >= params.streams[2].segment);
+}
+
+// The block of a stream's segment, counted from its first.
+fn block_of(s: u32, segment: u32) -> u32 {
+    return segment * params.streams[s].blocks / params.streams[s].segments;
+}
+
+fn begins_block(s: u32, segment: u32) -> bool {
+    return segment == 0u || block_of(s, segment - 1u) != block_of(s, segment);
+}
+
+fn ends_block(s: u32, segment: u32) -> bool {
+    return segment + 1u == params.streams[s].segments
+        || block_of(s, segment + 1u) != block_of(s, segment);
+}
+
+// Byte `at` of depth or ids as HDF5 shuffles them: first the first byte of all.
+fn shuffled(first: u32, size: u32, at: u32) -> u32 {
+    let byte = at % params.pixels * size + at / params.pixels;
+    return (packed[first + byte / 4u] >> (byte % 4u * 8u)) & 0xffu;
+}
+
+@compute @workgroup_size(256) fn arrange(
+    @builtin(workgroup_id) group: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
+    @builtin(local_invocation_index) local: u32,
+) {
+    let word = (group.y * groups.x + group.x) * 256u + local;
+    if word >= arrayLength(&source) {
+        return;
+    }
+    let s = u32(word >= params.streams[1].source) + u32(word >= params.streams[2].source);
+    let at = (word - params.streams[s].source) * 4u;
+    let bytes = params.streams[s].bytes;
+    var all = 0u;
+    for (var i = 0u; i < 4u; i++) {
+        if at + i >= bytes {
+            break;
+        }
+        var byte = 0u;
+        switch s {
+            case 0u: { byte = (packed[at / 4u] >> (i * 8u)) & 0xffu; }
+            case 1u: { byte = shuffled(params.depth, 4u, at + i); }
+            default: { byte = shuffled(params.ids, 2u, at + i); }
+        }
+        all |= byte << (i * 8u);
+    }
+    source[word] = all;
+}
+
+// Four bytes from anywhere.
+fn load(at: u32) -> u32 {
+    let word = at / 4u;
+    let shift = at % 4u * 8u;
+    if shift == 0u {
+        return source[word];
+    }
+    return (source[word] >> shift) | (source[word + 1u] << (32u - shift));
+}
+
+// Of five bytes, the last in the lowest byte of `fifth`.
+fn hash(four: u32, fifth: u32) -> u32 {
+    return ((four ^ ((fifth & 0xffu) * 0x85ebca6bu)) * 0x9e3779b1u) >> (32u - HASH_BITS);
+}
+
+// The four bytes from byte `i` of the first word on.
+fn four_of(low: u32, high: u32, i: u32) -> u32 {
+    if i == 0u {
+        return low;
+    }
+    return (low >> (i * 8u)) | (high << (32u - i * 8u));
+}
+
+// A bit for each byte that is 0.
+fn zeros(word: u32) -> u32 {
+    var any = word | (word >> 4u);
+    any |= any >> 2u;
+    any |= any >> 1u;
+    let none = ~any & 0x01010101u;
+    return (none | (none >> 7u) | (none >> 14u) | (none >> 21u)) & 15u;
+}
+
+// Bytes from `at` on that are those from `before` on, `most` at most; the first four
+// are.
+fn alike(at: u32, before: u32, most: u32) -> u32 {
+    var count = 4u;
+    while count < most {
+        let differ = load(at + count) ^ load(before + count);
+        if differ != 0u {
+            count += countTrailingZeros(differ) / 8u;
+            break;
+        }
+        count += 4u;
+    }
+    return min(count, most);
+}
+
+// Of each hash the last place before the segment, counted from one.
+var<workgroup> last: array<atomic<u32>, TABLE>;
+// The segment's bytes, and some behind it.
+var<workgroup> text: array<u32, TEXT>;
+// For each candidate a bit for each byte of the segment: is it that byte before?
+var<workgroup> same: array<u32, SAME>;
+var<workgroup> counts: array<atomic<u32>, SYMBOLS>;
+var<workgroup> piece_bits: array<u32, PIECES>;
+var<workgroup> sums: array<atomic<u32>, 2>;
+
+// The candidate's bit where so many bytes from `at` of the segment on are its own that a
+// reference may be worth it.
+fn worth(candidate: u32, at: u32) -> u32 {
+    let differ = ~same[candidate * (SEGMENT / 32u) + at / 32u] >> (at % 32u);
+    return u32((differ & 15u) == 0u) << candidate;
+}
+
+// How many bytes from `at` of the segment on are those of a candidate.
+fn repeats(candidate: u32, at: u32, most: u32) -> u32 {
+    var word = candidate * (SEGMENT / 32u) + at / 32u;
+    var differ = ~same[word] >> (at % 32u);
+    if differ != 0u {
+        return min(countTrailingZeros(differ), most);
+    }
+    var count = 32u - at % 32u;
+    while count < most {
+        word += 1u;
+        differ = ~same[word];
+        if differ != 0u {
+            count += countTrailingZeros(differ);
+            break;
+        }
+        count += 32u;
+    }
+    return min(count, most);
+}
+
+// Bits on their way to a slot.
+struct Bits {
+    slot: u32,
+    words: u32,
+    waiting: u32,
+    count: u32,
+}
+
+// Less than 32 of them.
+fn put(bits: ptr<function, Bits>, value: u32, count: u32) {
+    (*bits).waiting |= value << (*bits).count;
+    (*bits).count += count;
+    if (*bits).count >= 32u {
+        slots[(*bits).slot + (*bits).words * PIECES] = (*bits).waiting;
+        (*bits).words += 1u;
+        (*bits).count -= 32u;
+        (*bits).waiting = value >> (count - (*bits).count);
+    }
+}
+
+// A symbol, and further bits behind it.
+fn put_symbol(bits: ptr<function, Bits>, block: u32, symbol: u32, value: u32, more: u32) {
+    atomicAdd(&counts[symbol], 1u);
+    let code = codes[block * BLOCK + symbol];
+    let count = code >> 16u;
+    put(bits, (code & 0xffffu) | (value << count), count + more);
+}
+
+@compute @workgroup_size(256) fn parse(
+    @builtin(workgroup_id) group: vec3<u32>,
+    @builtin(local_invocation_index) local: u32,
+) {
+    let s = stream_of(group.x);
+    let segment = group.x - params.streams[s].segment;
+    let first = params.streams[s].source * 4u;
+    let begin = segment * SEGMENT;
+    let end = min(begin + SEGMENT, params.streams[s].bytes);
+    let block = params.streams[s].block + block_of(s, segment);
+    let words = params.streams[s].source + begin / 4u;
+    let candidates = params.streams[s].known.x;
+    for (var i = local; i < TABLE; i += 256u) {
+        atomicStore(&last[i], 0u);
+    }
+    for (var i = local; i < SYMBOLS; i += 256u) {
+        atomicStore(&counts[i], 0u);
+    }
+    for (var i = local; i < TEXT; i += 256u) {
+        // The last segment of all may reach beyond.
+        text[i] = source[min(words + i, arrayLength(&source) - 1u)];
+    }
+    if local < 2u {
+        atomicStore(&sums[local], 0u);
+    }
+    workgroupBarrier();
+
+    // What lies before the segment, as far back as a reference reaches: four bytes at a
+    // time, and of a run of hashes the last, which is the one that counts.
+    let start = max(begin + SEGMENT, WINDOW) - WINDOW;
+    for (var word = start / 4u + local; word < begin / 4u; word += 256u) {
+        let low = source[params.streams[s].source + word];
+        let high = source[params.streams[s].source + word + 1u];
+        let place = word * 4u + 1u;
+        let a = hash(low, high);
+        let b = hash(four_of(low, high, 1u), high >> 8u);
+        let c = hash(four_of(low, high, 2u), high >> 16u);
+        let d = hash(four_of(low, high, 3u), high >> 24u);
+        if a != b {
+            atomicMax(&last[a], place);
+        }
+        if b != c {
+            atomicMax(&last[b], place + 1u);
+        }
+        if c != d {
+            atomicMax(&last[c], place + 2u);
+        }
+        atomicMax(&last[d], place + 3u);
+    }
+
+    // 32 bytes each: their sums, and where they are those of a candidate.
+    let own = begin + local * 32u;
+    var sum = 0u;
+    var weighted = 0u;
+    for (var i = 0u; i < 32u && own + i < end; i++) {
+        let value = (text[local * 8u + i / 4u] >> (i % 4u * 8u)) & 0xffu;
+        sum += value;
+        weighted += value * (end - own - i);
+    }
+    atomicAdd(&sums[0], sum);
+    atomicAdd(&sums[1], weighted % ADLER);
+    for (var candidate = 0u; candidate < CANDIDATES; candidate++) {
+        let far = params.streams[s].candidates[candidate / 4u][candidate % 4u];
+        var bits = 0u;
+        if candidate < candidates && own >= far && own < end {
+            let before = first + own - far;
+            var low = source[before / 4u];
+            for (var i = 0u; i < 8u; i++) {
+                let high = source[before / 4u + i + 1u];
+                let differ = text[local * 8u + i] ^ four_of(low, high, before % 4u);
+                bits |= zeros(differ) << (i * 4u);
+                low = high;
+            }
+        }
+        same[candidate * (SEGMENT / 32u) + local] = bits;
+    }
+    workgroupBarrier();
+
+    if local < PIECES {
+        var bits = Bits(group.x * SLOT * PIECES + local, 0u, 0u, 0u);
+        var at = local * PIECE;
+        let behind = min(at + PIECE, end - begin);
+        while at < behind {
+            let most = min(behind - at, MOST);
+            let low = text[at / 4u];
+            let high = text[at / 4u + 1u];
+            var length = 0u;
+            var distance = 0u;
+            // Looked at together, for each waits for memory.
+            var any = (worth(0u, at) | worth(1u, at)) | (worth(2u, at) | worth(3u, at))
+                | (worth(4u, at) | worth(5u, at));
+            while any != 0u {
+                let i = countTrailingZeros(any);
+                any &= any - 1u;
+                let found = repeats(i, at, most);
+                if found > length {
+                    length = found;
+                    distance = params.streams[s].candidates[i / 4u][i % 4u];
+                }
+            }
+            if length < ENOUGH && most >= LEAST {
+                let four = four_of(low, high, at % 4u);
+                let known = atomicLoad(&last[hash(four, high >> (at % 4u * 8u))]);
+                if known > 0u && load(first + known - 1u) == four {
+                    let found = alike(first + begin + at, first + known - 1u, most);
+                    // It mostly lies farther away.
+                    if found > length + u32(length >= LEAST) {
+                        length = found;
+                        distance = begin + at + 1u - known;
+                    }
+                }
+            }
+            // A literal, or a length and a distance.
+            var symbol = (low >> (at % 4u * 8u)) & 0xffu;
+            var more = 0u;
+            let refers = length >= LEAST;
+            length = select(1u, length, refers);
+            let long = length - 3u;
+            if refers {
+                more = max(firstLeadingBit(long | 1u), 2u) - 2u;
+                symbol = 257u + more * 4u + (long >> more);
+                if length == MOST {
+                    more = 0u;
+                    symbol = 285u;
+                }
+            }
+            put_symbol(&bits, block, symbol, long & ((1u << more) - 1u), more);
+            if refers {
+                let far = distance - 1u;
+                let more = max(firstLeadingBit(far | 1u), 1u) - 1u;
+                let symbol = LITERALS + more * 2u + (far >> more);
+                put_symbol(&bits, block, symbol, far & ((1u << more) - 1u), more);
+            }
+            at += length;
+        }
+        if bits.count > 0u {
+            slots[bits.slot + bits.words * PIECES] = bits.waiting;
+        }
+        piece_bits[local] = bits.words * 32u + bits.count;
+        lengths[group.x * PIECES + local] = bits.words * 32u + bits.count;
+    }
+    workgroupBarrier();
+    if local == 0u {
+        var bits = 0u;
+        for (var i = 0u; i < PIECES; i++) {
+            bits += piece_bits[i];
+        }
+        if begins_block(s, segment) {
+            bits += codes[block * BLOCK + HEADER_BITS];
+        }
+        if ends_block(s, segment) {
+            bits += codes[block * BLOCK + END_OF_BLOCK] >> 16u;
+        }
+        lengths[params.segments * PIECES + group.x] = bits;
+        atomicStore(&told[sums_at(group.x)], atomicLoad(&sums[0]) % ADLER);
+        atomicStore(&told[sums_at(group.x) + 1u], atomicLoad(&sums[1]) % ADLER);
+    }
+    for (var i = local; i < SYMBOLS; i += 256u) {
+        let count = atomicLoad(&counts[i]);
+        if count > 0u {
+            atomicAdd(&told[counts_at(block) + i], count);
+        }
+    }
+}
+
+var<workgroup> parts: array<u32, 256>;
+
+@compute @workgroup_size(256) fn sum(
+    @builtin(workgroup_id) group: vec3<u32>,
+    @builtin(local_invocation_index) local: u32,
+) {
+    let s = group.x;
+    let segments = params.streams[s].segments;
+    let each = (segments + 255u) / 256u;
+    let start = min(local * each, segments);
+    let behind = min(start + each, segments);
+    let first = params.segments * PIECES + params.streams[s].segment;
+    var bits = 0u;
+    for (var i = start; i < behind; i++) {
+        bits += lengths[first + i];
+    }
+    parts[local] = bits;
+    workgroupBarrier();
+    if local == 0u {
+        // Behind the first bytes of zlib.
+        var all = 16u;
+        for (var i = 0u; i < 256u; i++) {
+            let part = parts[i];
+            parts[i] = all;
+            all += part;
+        }
+        atomicStore(&told[s], all);
+    }
+    workgroupBarrier();
+    var at = parts[local];
+    for (var i = start; i < behind; i++) {
+        let length = lengths[first + i];
+        lengths[first + i] = at;
+        at += length;
+    }
+}
+
+var<workgroup> begins: array<u32, PIECES>;
+
+// Adds a word to the stream `s`, of which bits beyond `count` are 0.
+fn lay(s: u32, at: u32, value: u32, count: u32) {
+    let room = params.streams[s].room;
+    let word = at / 32u;
+    let shift = at % 32u;
+    let first = params.streams[s].result + word;
+    if word < room {
+        atomicOr(&result[first], value << shift);
+    }
+    if shift + count > 32u && word + 1u < room {
+        atomicOr(&result[first + 1u], value >> (32u - shift));
+    }
+}
+
+@compute @workgroup_size(256) fn place(
+    @builtin(workgroup_id) group: vec3<u32>,
+    @builtin(local_invocation_index) local: u32,
+) {
+    let s = stream_of(group.x);
+    let segment = group.x - params.streams[s].segment;
+    let block = (params.streams[s].block + block_of(s, segment)) * BLOCK;
+    if local == 0u {
+        var at = lengths[params.segments * PIECES + group.x];
+        if segment == 0u {
+            lay(s, 0u, ZLIB, 16u);
+        }
+        if begins_block(s, segment) {
+            at += codes[block + HEADER_BITS];
+        }
+        for (var i = 0u; i < PIECES; i++) {
+            begins[i] = at;
+            at += lengths[group.x * PIECES + i];
+        }
+        if ends_block(s, segment) {
+            let code = codes[block + END_OF_BLOCK];
+            lay(s, at, code & 0xffffu, code >> 16u);
+        }
+    }
+    workgroupBarrier();
+    if local < PIECES {
+        var at = begins[local];
+        var rest = lengths[group.x * PIECES + local];
+        var slot = group.x * SLOT * PIECES + local;
+        while rest > 0u {
+            let count = min(rest, 32u);
+            lay(s, at, slots[slot], count);
+            slot += PIECES;
+            at += count;
+            rest -= count;
+        }
+    } else if begins_block(s, segment) {
+        // The other half of the workgroup, a word of the header at a time.
+        let bits = codes[block + HEADER_BITS];
+        let at = lengths[params.segments * PIECES + group.x];
+        for (var i = local - PIECES; i * 32u < bits; i += PIECES) {
+            lay(s, at + i * 32u, codes[block + HEADER_AT + i], min(bits - i * 32u, 32u));
+        }
+    }
+}

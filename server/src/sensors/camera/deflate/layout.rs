@@ -1,0 +1,216 @@
+//! Where what is deflated lies, and how it is cut.
+
+use std::ops::Range;
+
+use super::super::packing::Planes;
+use wheelarm_compress::huffman::{HEADER_WORDS, SYMBOLS};
+
+/// Colour, depth, ids.
+pub(super) const STREAMS: usize = 3;
+/// Bytes of the elements of each.
+pub(super) const ELEMENTS: [usize; STREAMS] = [1, 4, 2];
+/// Blocks of each: what is alike shares its codes. Depth and ids have their bytes of
+/// one kind one behind the other.
+const BLOCKS: [usize; STREAMS] = [4, 8, 2];
+/// All blocks.
+pub(super) const ALL_BLOCKS: usize = BLOCKS[0] + BLOCKS[1] + BLOCKS[2];
+/// Words of a block's codes, bits of its header, and header.
+pub(super) const BLOCK: usize = SYMBOLS + 1 + HEADER_WORDS;
+
+const SEGMENT: usize = 8192;
+const PIECES: usize = 128;
+const SLOT: usize = 24;
+/// How far a reference reaches back.
+const WINDOW: usize = 32_768;
+/// Most workgroups along an axis.
+const MOST_GROUPS: usize = 65_535;
+
+/// `Stream` in the shader.
+#[repr(C)]
+#[derive(Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
+struct Stream {
+    source: u32,
+    bytes: u32,
+    segment: u32,
+    segments: u32,
+    block: u32,
+    blocks: u32,
+    result: u32,
+    room: u32,
+    candidates: [u32; 8],
+    known: [u32; 4],
+}
+
+/// `Params` in the shader.
+#[repr(C)]
+#[derive(Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
+pub(super) struct Params {
+    pixels: u32,
+    depth: u32,
+    ids: u32,
+    segments: u32,
+    streams: [Stream; STREAMS],
+}
+
+/// The layout of a picture.
+#[derive(Clone, Copy)]
+pub(super) struct Layout {
+    pub params: Params,
+    source: usize,
+    result: usize,
+}
+
+impl Layout {
+    /// Of the planes of a packed picture; `None` where there are too many pixels, or
+    /// none.
+    pub fn of(planes: Planes) -> Option<Self> {
+        let ranges = planes.ranges();
+        let [_, depth, ids] = ranges.clone().map(|range| (range.start / 4) as u32);
+        let width = planes.width() as usize;
+        // A row, its neighbours, the pixel before; what lies too far is left out.
+        let [pixel, row] = [3, 3 * width];
+        let near: [&[usize]; STREAMS] = [
+            &[
+                pixel,
+                row,
+                row + pixel,
+                row.saturating_sub(pixel),
+                2 * pixel,
+                2 * row,
+            ],
+            &[1, width, width + 1, width - 1],
+            &[1, width, width + 1, width - 1],
+        ];
+        let (mut segments, mut blocks, mut source, mut result) = (0, 0, 0, 0);
+        let mut streams = [bytemuck::Zeroable::zeroed(); STREAMS];
+        for (i, stream) in streams.iter_mut().enumerate() {
+            let bytes = ranges[i].len();
+            if bytes == 0 {
+                return None;
+            }
+            let own = bytes.div_ceil(SEGMENT);
+            // Room for what shrinks as it should; the rest is left to the processor.
+            let room = match i {
+                0 => bytes / 2,
+                1 => bytes / 8 * 5,
+                _ => bytes / 4,
+            };
+            let room = (room + 4096) / 4;
+            let (mut candidates, mut known) = ([0; 8], 0);
+            for &far in near[i].iter().filter(|far| (1..=WINDOW).contains(*far)) {
+                candidates[known] = far as u32;
+                known += 1;
+            }
+            *stream = Stream {
+                source: source as u32,
+                bytes: u32::try_from(bytes).ok()?,
+                segment: segments as u32,
+                segments: own as u32,
+                block: blocks as u32,
+                // None is empty.
+                blocks: BLOCKS[i].min(own) as u32,
+                result: result as u32,
+                room: room as u32,
+                candidates,
+                known: [known as u32, 0, 0, 0],
+            };
+            // A few bytes beyond the last are read.
+            source += bytes.div_ceil(4) + 2;
+            segments += own;
+            blocks += BLOCKS[i];
+            result += room;
+        }
+        if segments > MOST_GROUPS {
+            return None;
+        }
+        Some(Self {
+            params: Params {
+                pixels: (ranges[2].len() / 2) as u32,
+                depth,
+                ids,
+                segments: segments as u32,
+                streams,
+            },
+            source,
+            result,
+        })
+    }
+
+    pub fn segments(&self) -> usize {
+        self.params.segments as usize
+    }
+
+    /// Workgroups that arrange the bytes.
+    pub fn arranging(&self) -> [u32; 2] {
+        let groups = self.source.div_ceil(256);
+        let across = groups.min(MOST_GROUPS);
+        [across as u32, groups.div_ceil(across) as u32]
+    }
+
+    /// Bytes of `source`, `slots`, `lengths`, `told`, `result`.
+    pub fn buffers(&self) -> [u64; 5] {
+        let segments = self.segments();
+        [
+            self.source,
+            segments * SLOT * PIECES,
+            segments * (PIECES + 1),
+            self.told(),
+            self.result,
+        ]
+        .map(|words| words as u64 * 4)
+    }
+
+    /// Words of `told`.
+    fn told(&self) -> usize {
+        4 + 2 * self.segments() + ALL_BLOCKS * SYMBOLS
+    }
+
+    /// In what is read: where what is told ends and the results begin, bytes.
+    pub fn results(&self) -> usize {
+        self.told() * 4
+    }
+
+    /// Bytes that are read.
+    pub fn bytes(&self) -> usize {
+        self.results() + self.result * 4
+    }
+
+    /// Whether a block is the last of its stream.
+    pub fn is_last(&self, block: usize) -> bool {
+        let mut streams = self.params.streams.iter();
+        streams.any(|stream| (stream.block + stream.blocks) as usize == block + 1)
+    }
+
+    /// Words of what is told: the bits of a stream, by its index.
+    pub fn bits(stream: usize) -> usize {
+        stream
+    }
+
+    /// Bytes of a stream of so many bits.
+    pub fn length(bits: u32) -> usize {
+        (bits as usize).div_ceil(8)
+    }
+
+    /// The sums of a stream's segments: two each, and the bytes of the segment.
+    pub fn sums(&self, stream: usize) -> impl Iterator<Item = (usize, usize)> {
+        let stream = &self.params.streams[stream];
+        let (first, bytes) = (stream.segment as usize, stream.bytes as usize);
+        (0..stream.segments as usize).map(move |i| {
+            let length = (bytes - i * SEGMENT).min(SEGMENT);
+            (4 + 2 * (first + i), length)
+        })
+    }
+
+    /// Counted symbols of a block.
+    pub fn counts(&self, block: usize) -> Range<usize> {
+        let from = 4 + 2 * self.segments() + block * SYMBOLS;
+        from..from + SYMBOLS
+    }
+
+    /// Where the result of a stream lies in what is read, bytes, all its room.
+    pub fn result(&self, stream: usize) -> Range<usize> {
+        let stream = &self.params.streams[stream];
+        let from = self.results() + stream.result as usize * 4;
+        from..from + stream.room as usize * 4
+    }
+}

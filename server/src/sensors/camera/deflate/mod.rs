@@ -1,0 +1,352 @@
+//! Pictures deflated on the adapter that drew them, as HDF5 keeps them: what takes a
+//! processor's core ten milliseconds for a picture of 1280x720 takes a graphics card a
+//! fraction of one.
+//!
+//! The streams are plain zlib, of the bytes that the exact picture has. Which bytes
+//! they are is nobody's contract: adapters and versions may find other references.
+
+mod layout;
+
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use bytes::Bytes;
+use parking_lot::Mutex;
+use wgpu::util::DeviceExt;
+use wheelarm_compress::huffman::{Block, SYMBOLS};
+
+use super::packing::Planes;
+use super::ring::Ring;
+use layout::{ALL_BLOCKS, BLOCK, ELEMENTS, Layout, Params, STREAMS};
+
+/// Colour, depth and ids as zlib streams of their shuffled bytes; nothing where the
+/// adapter did not deflate one, or there was no room for what came of it.
+pub type Deflated = [Option<Bytes>; STREAMS];
+
+/// Bits of a hash for which a workgroup has memory, and that memory, bytes.
+const HASHES: [(u32, u32); 3] = [(13, 48_896), (12, 32_512), (11, 24_320)];
+/// Pictures after which the codes follow what they are made of.
+const CODES_LAST: u64 = 4;
+/// Bytes by which a stream may be longer than the last, besides a quarter.
+const SPARE: usize = 16 << 10;
+/// One of so many pictures is inflated again and compared: a driver may have faults.
+const LOOK: u64 = 512;
+
+/// The pipelines that deflate.
+pub(super) struct Deflater {
+    layout: wgpu::BindGroupLayout,
+    arrange: wgpu::ComputePipeline,
+    parse: wgpu::ComputePipeline,
+    sum: wgpu::ComputePipeline,
+    place: wgpu::ComputePipeline,
+}
+
+impl Deflater {
+    /// `None` where a workgroup has too little memory.
+    pub(super) fn new(device: &wgpu::Device) -> Option<Self> {
+        let most = device.limits().max_compute_workgroup_storage_size;
+        let (bits, _) = HASHES.into_iter().find(|(_, bytes)| *bytes <= most)?;
+        let source = format!(
+            "const HASH_BITS = {bits}u;\n{}",
+            include_str!("deflate.wgsl")
+        );
+        let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
+            label: Some("deflate.wgsl"),
+            source: wgpu::ShaderSource::Wgsl(source.into()),
+        });
+        let storage = |read_only| wgpu::BufferBindingType::Storage { read_only };
+        let kinds = [
+            wgpu::BufferBindingType::Uniform,
+            storage(true),
+            storage(false),
+            storage(false),
+            storage(false),
+            storage(true),
+            storage(false),
+            storage(false),
+        ];
+        let entries: Vec<_> = (0..)
+            .zip(kinds)
+            .map(|(binding, ty)| wgpu::BindGroupLayoutEntry {
+                binding,
+                visibility: wgpu::ShaderStages::COMPUTE,
+                ty: wgpu::BindingType::Buffer {
+                    ty,
+                    has_dynamic_offset: false,
+                    min_binding_size: None,
+                },
+                count: None,
+            })
+            .collect();
+        let layout = device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
+            label: Some("deflate"),
+            entries: &entries,
+        });
+        let whole = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
+            label: Some("deflate"),
+            bind_group_layouts: &[Some(&layout)],
+            ..Default::default()
+        });
+        let pipeline = |entry| {
+            device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+                label: Some(entry),
+                layout: Some(&whole),
+                module: &module,
+                entry_point: Some(entry),
+                compilation_options: wgpu::PipelineCompilationOptions {
+                    // What is used is set before.
+                    zero_initialize_workgroup_memory: false,
+                    ..Default::default()
+                },
+                cache: None,
+            })
+        };
+        Some(Self {
+            arrange: pipeline("arrange"),
+            parse: pipeline("parse"),
+            sum: pipeline("sum"),
+            place: pipeline("place"),
+            layout,
+        })
+    }
+
+    /// What deflates the pictures of a camera that lie packed in `packed`; `None` where
+    /// they are too large for this adapter.
+    pub(super) fn for_camera(
+        &self,
+        device: &wgpu::Device,
+        planes: Planes,
+        packed: &wgpu::Buffer,
+    ) -> Option<CameraDeflater> {
+        let layout = Layout::of(planes)?;
+        let most = device.limits().max_storage_buffer_binding_size;
+        if layout.buffers().iter().any(|&bytes| bytes > most) {
+            return None;
+        }
+        let params = device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
+            label: Some("deflate"),
+            contents: bytemuck::bytes_of::<Params>(&layout.params),
+            usage: wgpu::BufferUsages::UNIFORM,
+        });
+        let buffer = |size, further| {
+            device.create_buffer(&wgpu::BufferDescriptor {
+                label: Some("deflate"),
+                size,
+                usage: wgpu::BufferUsages::STORAGE | further,
+                mapped_at_creation: false,
+            })
+        };
+        let inside = wgpu::BufferUsages::empty();
+        let read = wgpu::BufferUsages::COPY_SRC | wgpu::BufferUsages::COPY_DST;
+        let [source, slots, lengths, told, result] = layout.buffers();
+        let [source, slots, lengths] = [source, slots, lengths].map(|size| buffer(size, inside));
+        let [told, result] = [told, result].map(|size| buffer(size, read));
+        let codes = buffer(
+            (ALL_BLOCKS * BLOCK * 4) as u64,
+            wgpu::BufferUsages::COPY_DST,
+        );
+        let all = [
+            &params, packed, &source, &slots, &lengths, &codes, &told, &result,
+        ];
+        let entries: Vec<_> = (0..)
+            .zip(all)
+            .map(|(binding, buffer)| wgpu::BindGroupEntry {
+                binding,
+                resource: buffer.as_entire_binding(),
+            })
+            .collect();
+        let group = device.create_bind_group(&wgpu::BindGroupDescriptor {
+            label: Some("deflate"),
+            layout: &self.layout,
+            entries: &entries,
+        });
+        let [across, down] = layout.arranging();
+        let segments = layout.segments() as u32;
+        Some(CameraDeflater {
+            steps: [
+                (self.arrange.clone(), [across, down]),
+                (self.parse.clone(), [segments, 1]),
+                (self.sum.clone(), [STREAMS as u32, 1]),
+                (self.place.clone(), [segments, 1]),
+            ],
+            ring: Ring::new("deflated", layout.bytes() as u64),
+            layout,
+            group,
+            codes,
+            told,
+            result,
+            learnt: Mutex::default(),
+            is_wrong: AtomicBool::new(false),
+        })
+    }
+}
+
+/// What deflates the pictures of one camera.
+pub(super) struct CameraDeflater {
+    layout: Layout,
+    /// What is read.
+    ring: Ring,
+    steps: [(wgpu::ComputePipeline, [u32; 2]); 4],
+    group: wgpu::BindGroup,
+    codes: wgpu::Buffer,
+    told: wgpu::Buffer,
+    result: wgpu::Buffer,
+    learnt: Mutex<Learnt>,
+    /// It made something else of a picture than the picture.
+    is_wrong: AtomicBool,
+}
+
+/// Where the streams of a picture are read.
+#[derive(Clone)]
+pub(super) struct Results {
+    pub(super) buffer: wgpu::Buffer,
+    /// Bytes of each that are copied there.
+    copied: [usize; STREAMS],
+}
+
+/// What pictures were made of.
+#[derive(Default)]
+struct Learnt {
+    pictures: u64,
+    /// New codes that the adapter does not know yet.
+    codes: Option<Vec<u32>>,
+    /// It knows some.
+    is_told: bool,
+    /// Bytes of the streams of the last picture.
+    bytes: [Option<usize>; STREAMS],
+}
+
+impl CameraDeflater {
+    /// Whether its results can be used.
+    pub(super) fn works(&self) -> bool {
+        !self.is_wrong.load(Ordering::Relaxed)
+    }
+
+    /// Appends what deflates the picture that is packed and copies the result to a
+    /// buffer, and names that.
+    pub(super) fn deflate(
+        &self,
+        (device, queue): (&wgpu::Device, &wgpu::Queue),
+        encoder: &mut wgpu::CommandEncoder,
+    ) -> Results {
+        let mut learnt = self.learnt.lock();
+        let codes = learnt.codes.take();
+        let codes = match learnt.is_told {
+            true => codes,
+            false => Some(codes.unwrap_or_else(|| self.codes(|_| [0; SYMBOLS]))),
+        };
+        if let Some(codes) = codes {
+            queue.write_buffer(&self.codes, 0, bytemuck::cast_slice(&codes));
+            learnt.is_told = true;
+        }
+        let copied = std::array::from_fn(|i| {
+            let room = self.layout.result(i).len();
+            let likely = |bytes: usize| (bytes / 4 * 5 + SPARE).next_multiple_of(4);
+            learnt.bytes[i].map_or(room, |bytes| room.min(likely(bytes)))
+        });
+        drop(learnt);
+        encoder.clear_buffer(&self.told, 0, None);
+        encoder.clear_buffer(&self.result, 0, None);
+        let mut pass = encoder.begin_compute_pass(&Default::default());
+        pass.set_bind_group(0, &self.group, &[]);
+        for (pipeline, [x, y]) in &self.steps {
+            pass.set_pipeline(pipeline);
+            pass.dispatch_workgroups(*x, *y, 1);
+        }
+        drop(pass);
+        let results = self.layout.results() as u64;
+        let buffer = self.ring.take(device);
+        encoder.copy_buffer_to_buffer(&self.told, 0, &buffer, 0, results);
+        for (i, bytes) in copied.iter().enumerate() {
+            let at = self.layout.result(i).start as u64;
+            let size = Some(*bytes as u64);
+            encoder.copy_buffer_to_buffer(&self.result, at - results, &buffer, at, size);
+        }
+        Results { buffer, copied }
+    }
+
+    /// The streams of a picture in a buffer that is mapped; `exact` are its planes.
+    pub(super) fn streams(
+        &self,
+        Results { buffer, copied }: Results,
+        exact: &[Bytes; STREAMS],
+    ) -> Result<Deflated, String> {
+        let mapped = buffer.get_mapped_range(..).map_err(|e| e.to_string())?;
+        let streams = self.read(&mapped, copied, exact);
+        drop(mapped);
+        self.ring.give_back(buffer);
+        Ok(streams)
+    }
+
+    fn read(&self, read: &[u8], copied: [usize; STREAMS], exact: &[Bytes; STREAMS]) -> Deflated {
+        let told = |word: usize| {
+            let bytes = read.get(word * 4..word * 4 + 4).unwrap_or_default();
+            bytes.try_into().map_or(0, u32::from_le_bytes)
+        };
+        let number = self.learn(told);
+        if !self.works() {
+            return Deflated::default();
+        }
+        let streams: Deflated = std::array::from_fn(|i| {
+            let length = Layout::length(told(Layout::bits(i)));
+            let room = read.get(self.layout.result(i))?.get(..copied[i])?;
+            let mut stream = Vec::with_capacity(length + 4);
+            stream.extend_from_slice(room.get(..length)?);
+            stream.extend(self.adler(i, told).to_be_bytes());
+            Some(Bytes::from(stream))
+        });
+        if number % LOOK < 2 {
+            for (i, stream) in streams.iter().enumerate() {
+                let Some(stream) = stream else { continue };
+                let again = wheelarm_compress::inflate(stream, ELEMENTS[i], exact[i].len());
+                if again.as_ref().ok().map(Vec::as_slice) != Some(&exact[i][..]) {
+                    tracing::warn!(
+                        "the graphics adapter deflates pictures wrongly; the processor does it \
+                         from now on"
+                    );
+                    self.is_wrong.store(true, Ordering::Relaxed);
+                    return Deflated::default();
+                }
+            }
+        }
+        streams
+    }
+
+    /// Takes account of the symbols of a picture; its number from zero.
+    fn learn(&self, told: impl Fn(usize) -> u32) -> u64 {
+        let mut learnt = self.learnt.lock();
+        let number = learnt.pictures;
+        learnt.pictures += 1;
+        learnt.bytes = std::array::from_fn(|i| Some(Layout::length(told(Layout::bits(i)))));
+        if number.is_multiple_of(CODES_LAST) {
+            let counts = |block: usize| {
+                let mut words = self.layout.counts(block);
+                std::array::from_fn(|_| words.next().map_or(0, &told))
+            };
+            learnt.codes = Some(self.codes(counts));
+        }
+        number
+    }
+
+    /// Codes and headers of all blocks as the shader reads them.
+    fn codes(&self, counts: impl Fn(usize) -> [u32; SYMBOLS]) -> Vec<u32> {
+        let mut words = Vec::with_capacity(ALL_BLOCKS * BLOCK);
+        for i in 0..ALL_BLOCKS {
+            let block = Block::of(&counts(i), self.layout.is_last(i));
+            words.extend(block.codes);
+            words.push(block.header_bits);
+            words.extend(block.header);
+        }
+        words
+    }
+
+    /// Adler-32 of a stream's bytes from the sums of its segments.
+    fn adler(&self, stream: usize, told: impl Fn(usize) -> u32) -> u32 {
+        const BASE: u64 = 65_521;
+        let (mut a, mut b) = (1, 0);
+        for (at, bytes) in self.layout.sums(stream) {
+            b = (b + a * bytes as u64 + u64::from(told(at + 1))) % BASE;
+            a = (a + u64::from(told(at))) % BASE;
+        }
+        (b << 16 | a) as u32
+    }
+}
