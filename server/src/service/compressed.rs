@@ -194,3 +194,40 @@ fn compress(
         digest: digest.to_vec().into(),
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_the_adapter_compressed_is_taken_and_the_rest_is_compressed_here() {
+        let plane = |byte: u8, bytes: usize| Bytes::from(vec![byte; bytes]);
+        let frame = v1::CameraFrame {
+            camera: "gen3".into(),
+            rgb: plane(1, 300),
+            depth: plane(2, 400),
+            ids: plane(3, 200),
+            ..v1::CameraFrame::default()
+        };
+        let picture = Exact {
+            frame: frame.clone(),
+            deflated: [Some(Bytes::from_static(b"by the adapter")), None, None],
+            published: Published::default(),
+            episode: 1,
+            tick: 8,
+        };
+        let message = compress(&mut Deflate::default(), picture, &[7; 32]);
+        assert_eq!(&message.rgb[..], b"by the adapter");
+        for (stream, exact, element) in [
+            (&message.depth, &frame.depth, DEPTH),
+            (&message.ids, &frame.ids, IDS),
+        ] {
+            let again = wheelarm_compress::inflate(stream, element, exact.len());
+            assert_eq!(again.ok().as_deref(), Some(&exact[..]));
+        }
+        assert_eq!(
+            (&message.camera[..], &message.digest[..]),
+            ("gen3", &[7; 32][..])
+        );
+    }
+}

@@ -19,6 +19,7 @@ mod parallel;
 mod patterns;
 mod person;
 mod pipelines;
+mod planes;
 mod readback;
 mod renderer;
 mod ring;

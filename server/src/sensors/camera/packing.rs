@@ -1,11 +1,11 @@
 //! Pictures packed on the adapter: what is read back is what is handed out.
 
-use std::ops::Range;
 use std::sync::{Arc, OnceLock};
 
 use wgpu::util::DeviceExt;
 
 use super::deflate::{CameraDeflater, Deflater};
+use super::planes::Planes;
 use super::target::Target;
 
 /// Where pictures are packed: colour without alpha, depth in metres, ids of 16
@@ -16,48 +16,6 @@ pub enum Packing {
     Adapter,
     /// By the processor, which reads what the adapter drew.
     Processor,
-}
-
-/// Where the planes of a packed picture lie, bytes. Each begins at a whole word.
-#[derive(Clone, Copy)]
-pub(super) struct Planes {
-    width: u32,
-    pixels: usize,
-}
-
-impl Planes {
-    pub(super) fn of(target: &Target) -> Self {
-        let lens = &target.spec.intrinsics;
-        Self {
-            width: lens.width,
-            pixels: lens.width as usize * lens.height as usize,
-        }
-    }
-
-    /// Pixels of a row.
-    pub(super) fn width(self) -> u32 {
-        self.width
-    }
-
-    /// Pixels, four by four.
-    fn fours(self) -> usize {
-        self.pixels.div_ceil(4)
-    }
-
-    /// Colour, depth, ids.
-    pub(super) fn ranges(self) -> [Range<usize>; 3] {
-        let (depth, ids) = (self.fours() * 12, self.fours() * 28);
-        [
-            0..self.pixels * 3,
-            depth..depth + self.pixels * 4,
-            ids..ids + self.pixels * 2,
-        ]
-    }
-
-    /// All of it.
-    pub(super) fn bytes(self) -> u64 {
-        self.fours() as u64 * 36
-    }
 }
 
 /// `Planes` in the shader.

@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use super::super::packing::Planes;
+use super::super::planes::Planes;
 use wheelarm_compress::huffman::{HEADER_WORDS, SYMBOLS};
 
 /// Colour, depth, ids.
@@ -66,7 +66,7 @@ impl Layout {
     pub fn of(planes: Planes) -> Option<Self> {
         let ranges = planes.ranges();
         let [_, depth, ids] = ranges.clone().map(|range| (range.start / 4) as u32);
-        let width = planes.width() as usize;
+        let width = planes.width as usize;
         // A row, its neighbours, the pixel before; what lies too far is left out.
         let [pixel, row] = [3, 3 * width];
         let near: [&[usize]; STREAMS] = [
@@ -125,7 +125,7 @@ impl Layout {
         }
         Some(Self {
             params: Params {
-                pixels: (ranges[2].len() / 2) as u32,
+                pixels: planes.pixels as u32,
                 depth,
                 ids,
                 segments: segments as u32,

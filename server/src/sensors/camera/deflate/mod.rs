@@ -14,7 +14,7 @@ use parking_lot::Mutex;
 use wgpu::util::DeviceExt;
 use wheelarm_compress::huffman::{Block, SYMBOLS};
 
-use super::packing::Planes;
+use super::planes::Planes;
 use super::ring::Ring;
 use layout::{ALL_BLOCKS, BLOCK, ELEMENTS, Layout, Params, STREAMS};
 
