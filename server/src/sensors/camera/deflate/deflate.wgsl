@@ -26,7 +26,6 @@ const ENOUGH = 32u;
 const LITERALS = 286u;
 const SYMBOLS = 316u;
 const END_OF_BLOCK = 256u;
-const HEADER = 73u;
 // Words of a block's codes and header, and where they stand.
 const BLOCK = 390u;
 const HEADER_BITS = 316u;
