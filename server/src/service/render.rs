@@ -244,12 +244,12 @@ impl RenderThread {
                         draw(&mut renderer, &queue, wanted, |frames, of| {
                             let (episode, tick) = (of.episode, of.snapshot.tick);
                             for mut frame in frames {
+                                let deflated = std::mem::take(&mut frame.deflated);
                                 let name = &names[frame.camera];
                                 if previews.offer(&frame, episode, tick) {
                                     picked.keep(&frame, tick);
                                 }
                                 sensed.offer(&frame, episode, tick);
-                                let deflated = std::mem::take(&mut frame.deflated);
                                 let (camera, frame) = (frame.camera, message(name, frame));
                                 let published = outbox.camera(name, episode, tick, frame.clone());
                                 let picture = Exact {

@@ -78,8 +78,8 @@ impl Layout {
                 2 * pixel,
                 2 * row,
             ],
-            &[1, width, width + 1, width - 1],
-            &[1, width, width + 1, width - 1],
+            &[1, width, width + 1, width.saturating_sub(1)],
+            &[1, width, width + 1, width.saturating_sub(1)],
         ];
         let (mut segments, mut blocks, mut source, mut result) = (0, 0, 0, 0);
         let mut streams = [bytemuck::Zeroable::zeroed(); STREAMS];
@@ -115,7 +115,7 @@ impl Layout {
                 known: [known as u32, 0, 0, 0],
             };
             // A few bytes beyond the last are read.
-            source += bytes.div_ceil(4) + 2;
+            source += bytes.div_ceil(4) + 10;
             segments += own;
             blocks += BLOCKS[i];
             result += room;

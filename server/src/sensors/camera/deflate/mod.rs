@@ -30,6 +30,9 @@ const CODES_LAST: u64 = 4;
 const SPARE: usize = 16 << 10;
 /// One of so many pictures is inflated again and compared: a driver may have faults.
 const LOOK: u64 = 512;
+/// The first so many are looked at: codes that were learnt reach the third at the
+/// latest, for two are under way at a time.
+const FIRST_LOOKS: u32 = 4;
 
 /// The pipelines that deflate.
 pub(super) struct Deflater {
@@ -211,6 +214,8 @@ struct Learnt {
     codes: Option<Vec<u32>>,
     /// It knows some.
     is_told: bool,
+    /// First pictures that were looked at.
+    looks: u32,
     /// Bytes of the streams of the last picture.
     bytes: [Option<usize>; STREAMS],
 }
@@ -289,12 +294,14 @@ impl CameraDeflater {
         let streams: Deflated = std::array::from_fn(|i| {
             let length = Layout::length(told(Layout::bits(i)));
             let room = read.get(self.layout.result(i))?.get(..copied[i])?;
+            let bytes = room.get(..length)?;
             let mut stream = Vec::with_capacity(length + 4);
-            stream.extend_from_slice(room.get(..length)?);
+            stream.extend_from_slice(bytes);
             stream.extend(self.adler(i, told).to_be_bytes());
             Some(Bytes::from(stream))
         });
-        if number % LOOK < 2 {
+        let is_whole = streams.iter().all(Option::is_some);
+        if self.is_due(number, is_whole) {
             for (i, stream) in streams.iter().enumerate() {
                 let Some(stream) = stream else { continue };
                 let again = wheelarm_compress::inflate(stream, ELEMENTS[i], exact[i].len());
@@ -309,6 +316,15 @@ impl CameraDeflater {
             }
         }
         streams
+    }
+
+    /// Whether a picture is to be looked at: the first of which all was deflated, by
+    /// codes that were learnt too, and some of the later ones.
+    fn is_due(&self, number: u64, is_whole: bool) -> bool {
+        let mut learnt = self.learnt.lock();
+        let first = is_whole && learnt.looks < FIRST_LOOKS;
+        learnt.looks += u32::from(first);
+        first || number.is_multiple_of(LOOK)
     }
 
     /// Takes account of the symbols of a picture; its number from zero.
