@@ -107,6 +107,12 @@ impl Graphics {
         })
     }
 
+    /// A device of its own for a test.
+    #[cfg(test)]
+    pub(super) fn device(&self) -> Result<Opened, RenderError> {
+        open(self.wanted.as_deref())
+    }
+
     /// The light of the home that was drawn last.
     pub(super) fn last_home(&self) -> &LastHome {
         &self.last_home

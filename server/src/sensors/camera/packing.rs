@@ -136,6 +136,29 @@ impl Packer {
     }
 }
 
+/// What `make` makes, if the adapter takes it: the processor can do the same, so that a
+/// refusal or too little memory ends nothing.
+fn tried<T>(device: &wgpu::Device, make: impl FnOnce() -> Option<T>) -> Option<T> {
+    let filters = [
+        wgpu::ErrorFilter::Internal,
+        wgpu::ErrorFilter::OutOfMemory,
+        wgpu::ErrorFilter::Validation,
+    ];
+    let scopes = filters.map(|filter| device.push_error_scope(filter));
+    let made = make();
+    let mut refused = false;
+    // The last that was opened is closed first.
+    for scope in scopes.into_iter().rev() {
+        if let Some(error) = pollster::block_on(scope.pop()) {
+            tracing::warn!(
+                "the processor compresses pictures, the graphics adapter cannot: {error}"
+            );
+            refused = true;
+        }
+    }
+    made.filter(|_| !refused)
+}
+
 /// What packs the pictures of one camera.
 pub(super) struct CameraPacker {
     pub(super) planes: Planes,
@@ -162,9 +185,10 @@ impl CameraPacker {
     /// What deflates what was packed, if that can be; made when it is first asked for.
     pub(super) fn deflater(&self, device: &wgpu::Device) -> Option<&CameraDeflater> {
         let new = || {
-            let deflater = self.packer.deflater.get_or_init(|| Deflater::new(device));
-            let deflater = deflater.as_ref()?;
-            deflater.for_camera(device, self.planes, &self.packed)
+            let make = || tried(device, || Deflater::new(device));
+            let deflater = self.packer.deflater.get_or_init(make).as_ref()?;
+            let for_camera = || deflater.for_camera(device, self.planes, &self.packed);
+            tried(device, for_camera)
         };
         let deflater = self.deflater.get_or_init(new).as_ref();
         deflater.filter(|deflater| deflater.works())
@@ -173,5 +197,40 @@ impl CameraPacker {
     /// What deflated before, if it was asked for.
     pub(super) fn known_deflater(&self) -> Option<&CameraDeflater> {
         self.deflater.get().and_then(Option::as_ref)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sensors::camera::RenderError;
+
+    #[test]
+    fn what_the_adapter_refuses_is_not_made_and_ends_nothing() {
+        let graphics = crate::sensors::camera::Graphics::on(None);
+        let opened = match graphics.device() {
+            Ok(opened) => opened,
+            Err(reason @ RenderError::NoDriver) => {
+                eprintln!("skipped: {reason}");
+                return;
+            }
+            Err(other) => panic!("{other}"),
+        };
+        let shader = |text: &str| {
+            let text = text.to_owned();
+            tried(&opened.device, || {
+                Some(
+                    opened
+                        .device
+                        .create_shader_module(wgpu::ShaderModuleDescriptor {
+                            label: None,
+                            source: wgpu::ShaderSource::Wgsl(text.into()),
+                        }),
+                )
+            })
+        };
+        assert!(shader("no shader at all").is_none());
+        assert_eq!(*opened.failure.lock(), None);
+        assert!(shader("@compute @workgroup_size(1) fn f() {}").is_some());
     }
 }
