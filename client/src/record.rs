@@ -47,7 +47,6 @@ pub fn run(connect: &Connect, args: &RecordArgs) -> anyhow::Result<ExitCode> {
         out: args.out.clone(),
         name: args.name.clone(),
         depth: args.depth,
-        takes_compressed: true,
         end_with_stdin: args.end_with_stdin,
         episodes: args.episodes,
     };

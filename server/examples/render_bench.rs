@@ -10,8 +10,8 @@
 //! `--packing` says who packs the pictures; else it is as the server has it. With
 //! `--compare-packing` both do, one pair by turns, and must give the same bytes.
 //!
-//! With `--deflate` the adapter compresses the pictures as well, after the run
-//! without; their size stands beside.
+//! With `--deflate [f32|u16|none]`, which says how depth is kept, the adapter compresses
+//! the pictures as well, after the run without; their size stands beside.
 
 #![expect(clippy::disallowed_methods, reason = "it measures wall time")]
 
@@ -22,6 +22,7 @@ use std::time::Instant;
 
 use anyhow::{Result, bail};
 use clap::Parser;
+use wheelarm_proto::settings::{Depth, Named};
 use wheelarm_server::look::{Drawn, Look};
 use wheelarm_server::robot::RobotModel;
 use wheelarm_server::scene::Scene;
@@ -62,9 +63,10 @@ struct Options {
     /// Both, one pair by turns.
     #[arg(long)]
     compare_packing: bool,
-    /// Also compressed by the adapter.
-    #[arg(long)]
-    deflate: bool,
+    /// Also compressed by the adapter, depth kept as f32, u16 or none.
+    #[arg(long, value_name = "DEPTH", num_args = 0..=1, default_missing_value = "f32",
+          value_parser = |name: &str| Depth::from_name(name).map_err(|e| e.to_string()))]
+    deflate: Option<Depth>,
 }
 
 impl Options {
@@ -161,9 +163,9 @@ fn main() -> Result<()> {
     );
 
     ahead(&mut renderer, &robot, &scene, options.pairs)?;
-    if options.deflate {
-        renderer.deflate(0, true);
-        renderer.deflate(1, true);
+    if options.deflate.is_some() {
+        renderer.deflate(0, options.deflate);
+        renderer.deflate(1, options.deflate);
         ahead(&mut renderer, &robot, &scene, options.pairs)?;
     }
     Ok(())
@@ -207,8 +209,8 @@ fn ahead(renderer: &mut Renderer, robot: &RobotModel, scene: &Scene, pairs: usiz
         submitting * each,
         (seconds - submitting) * each
     );
-    if exact.iter().all(|&bytes| bytes > 0) {
-        let share = |i: usize| deflated[i] as f64 / exact[i] as f64;
+    if exact[0] > 0 {
+        let share = |i: usize| deflated[i] as f64 / exact[i].max(1) as f64;
         println!(
             "compressed by the adapter: colour to {:.4}, depth to {:.4}, ids to {:.4}; {left} \
              planes are left to the processor",

@@ -16,7 +16,7 @@ use wheelarm_proto::keys::{self, Keys};
 use wheelarm_proto::look::LookText;
 use wheelarm_proto::output::end_with_output;
 use wheelarm_proto::program::{EXIT_SCENARIO, Ready, tasks_to_json, told, version};
-use wheelarm_proto::settings::{LanguageSplit, Named, Pacing, Quality, Starts};
+use wheelarm_proto::settings::{Depth, LanguageSplit, Named, Pacing, Quality, Starts};
 use wheelarm_proto::v1;
 use wheelarm_server::environment;
 use wheelarm_server::robot::RobotModel;
@@ -483,6 +483,7 @@ async fn serve(args: Args) -> anyhow::Result<()> {
         keys,
         graphics,
         no_cameras: args.no_cameras,
+        depth: Depth::Metres,
         access,
     };
     let (name, end_with_stdin) = (args.sim, args.end_with_stdin);

@@ -41,9 +41,6 @@ pub struct RecordOptions {
     pub name: String,
     /// How depth is stored.
     pub depth: Depth,
-    /// Takes the compressed pictures also of a service in its own process, as it does of
-    /// any other: of use where a graphics card compresses, or all of a picture is kept.
-    pub takes_compressed: bool,
     /// Ends when standard input is closed: with the program that started it.
     pub end_with_stdin: bool,
     /// Ends after this many episodes; runs until it is shut down without it.

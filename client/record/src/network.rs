@@ -58,11 +58,9 @@ pub async fn run(
         recorder: options.name.clone(),
         ..Default::default()
     };
-    // Within one process pictures are handed over where they lie.
-    let compressed = !link.is_within() || options.takes_compressed;
     let recorder = Recorder::new(options.out.clone(), writer)
         .with_limit(options.episodes)
-        .with_compressed(compressed);
+        .with_compressed(true);
     let first = recorder.status().clone();
     let (entrance, exit) = queue();
     let (outputs, mut told) = mpsc::unbounded_channel();
@@ -72,7 +70,7 @@ pub async fn run(
     };
 
     let _subscribers = subscribe(link, &entrance).await?;
-    let cameras = hear_cameras(link, &entrance, compressed).await?;
+    let cameras = hear_cameras(link, &entrance, true).await?;
     let _token = session
         .liveliness()
         .declare_token(keys.recorder_alive(&options.name))

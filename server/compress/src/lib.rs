@@ -1,4 +1,5 @@
-//! Deflate and byte shuffle as HDF5's built-in filters expect them, and back.
+//! Deflate and byte shuffle as HDF5's built-in filters expect them, and back; depth as
+//! recordings keep it.
 //!
 //! At [`LEVEL`] chunks are deflated by ISA-L's igzip on processors for which it
 //! has assembly, otherwise by libdeflate. Both write plain deflate: every reader
@@ -6,6 +7,7 @@
 
 #![warn(missing_docs)]
 
+pub mod depth;
 pub mod huffman;
 mod igzip;
 mod noise;

@@ -11,7 +11,9 @@ use std::thread::JoinHandle;
 use bytes::Bytes;
 use parking_lot::Mutex;
 use wheelarm_compress::Deflate;
+use wheelarm_compress::depth::to_millimetres;
 use wheelarm_proto::digest::Digest;
+use wheelarm_proto::settings::Depth;
 use wheelarm_proto::v1;
 
 use super::error::ServiceError;
@@ -25,14 +27,15 @@ const QUEUE: usize = 2;
 
 /// Bytes of the elements of each plane, by which HDF5's shuffle takes them apart.
 const RGB: usize = 1;
-const DEPTH: usize = 4;
+const METRES: usize = 4;
+const MILLIMETRES: usize = 2;
 const IDS: usize = 2;
 
 /// A picture that was published as it is.
 pub struct Exact {
     /// Its message, without a header.
     pub frame: v1::CameraFrame,
-    /// Its planes, as far as the adapter has compressed them.
+    /// Its planes, depth as it is kept, as far as the adapter has compressed them.
     pub deflated: Deflated,
     /// Number and digest of its message.
     pub published: Published,
@@ -62,12 +65,14 @@ impl Camera {
 }
 
 impl Compressed {
-    /// Starts a thread for each camera, names in the scenario's order.
+    /// Starts a thread for each camera, names in the scenario's order; recorders keep
+    /// depth as `depth` says.
     ///
     /// # Errors
     /// When a thread cannot start.
     pub fn start(
         names: &[String],
+        depth: Depth,
         outbox: &Arc<Outbox>,
         signal: &Arc<Signal>,
     ) -> Result<Self, ServiceError> {
@@ -87,7 +92,7 @@ impl Compressed {
                 .spawn(move || {
                     step_back();
                     let work = std::panic::AssertUnwindSafe(|| {
-                        publish(&name, &queue, &outbox, || {
+                        publish(&name, depth, &queue, &outbox, || {
                             left.fetch_sub(1, Ordering::AcqRel);
                             signal.raise();
                         });
@@ -142,8 +147,14 @@ impl Drop for Compressed {
 }
 
 /// Publishes the pictures of one camera until the queue is closed.
-fn publish(name: &str, queue: &Receiver<Exact>, outbox: &Outbox, published: impl Fn()) {
-    let mut deflate = Deflate::default();
+fn publish(
+    name: &str,
+    depth: Depth,
+    queue: &Receiver<Exact>,
+    outbox: &Outbox,
+    published: impl Fn(),
+) {
+    let mut compressor = Compressor::new(depth);
     // A recorder that was there in this episode and lost its connection comes back for
     // what it missed.
     let mut wanted_in = 0;
@@ -154,7 +165,7 @@ fn publish(name: &str, queue: &Receiver<Exact>, outbox: &Outbox, published: impl
             wanted_in = episode;
         }
         let message = match digest {
-            Some(digest) if wanted_in == episode => compress(&mut deflate, picture, &digest),
+            Some(digest) if wanted_in == episode => compressor.compress(picture, &digest),
             _ => v1::CompressedCameraFrame::default(),
         };
         outbox.compressed(name, sequence, episode, tick, message);
@@ -162,72 +173,139 @@ fn publish(name: &str, queue: &Receiver<Exact>, outbox: &Outbox, published: impl
     }
 }
 
-/// The compressed form of a picture, without its header.
-fn compress(
-    deflate: &mut Deflate,
-    Exact {
-        frame, deflated, ..
-    }: Exact,
-    digest: &Digest,
-) -> v1::CompressedCameraFrame {
-    let [rgb, depth, ids] = deflated;
-    let mut plane = |bytes: &Bytes, element: usize, deflated: Option<Bytes>| {
-        if let Some(deflated) = deflated {
-            return deflated;
+/// Makes the compressed form of pictures.
+struct Compressor {
+    depth: Depth,
+    deflate: Deflate,
+    millimetres: Vec<u8>,
+}
+
+impl Compressor {
+    fn new(depth: Depth) -> Self {
+        Self {
+            depth,
+            deflate: Deflate::default(),
+            millimetres: Vec::new(),
         }
-        // A guess: depth shrinks to a fifth and more, the rest to less.
-        let mut out = Vec::with_capacity(bytes.len() / 4);
-        deflate.append(bytes, element, &mut out);
-        Bytes::from(out)
-    };
-    v1::CompressedCameraFrame {
-        header: None,
-        camera: frame.camera,
-        intrinsics: frame.intrinsics,
-        pose: frame.pose,
-        rgb: plane(&frame.rgb, RGB, rgb),
-        depth: plane(&frame.depth, DEPTH, depth),
-        ids: plane(&frame.ids, IDS, ids),
-        rgb_format: frame.rgb_format,
-        depth_format: frame.depth_format,
-        ids_format: frame.ids_format,
-        digest: digest.to_vec().into(),
     }
+
+    /// The compressed form of a picture, without its header.
+    fn compress(
+        &mut self,
+        Exact {
+            frame, deflated, ..
+        }: Exact,
+        digest: &Digest,
+    ) -> v1::CompressedCameraFrame {
+        let [rgb, depth, ids] = deflated;
+        let depth = depth.unwrap_or_else(|| self.depth_of(&frame.depth));
+        let mut plane = |bytes: &Bytes, element, deflated: Option<Bytes>| {
+            deflated.unwrap_or_else(|| deflate(&mut self.deflate, bytes, element))
+        };
+        let depth_format = match self.depth {
+            Depth::Millimetres => v1::PixelFormat::DepthMillimetresU16.into(),
+            Depth::Metres | Depth::Nothing => frame.depth_format,
+        };
+        v1::CompressedCameraFrame {
+            header: None,
+            camera: frame.camera,
+            intrinsics: frame.intrinsics,
+            pose: frame.pose,
+            rgb: plane(&frame.rgb, RGB, rgb),
+            depth,
+            ids: plane(&frame.ids, IDS, ids),
+            rgb_format: frame.rgb_format,
+            depth_format,
+            ids_format: frame.ids_format,
+            digest: digest.to_vec().into(),
+        }
+    }
+
+    /// Metres as they are kept, deflated.
+    fn depth_of(&mut self, metres: &Bytes) -> Bytes {
+        match self.depth {
+            Depth::Metres => deflate(&mut self.deflate, metres, METRES),
+            Depth::Millimetres => {
+                to_millimetres(metres, &mut self.millimetres);
+                deflate(&mut self.deflate, &self.millimetres, MILLIMETRES)
+            }
+            Depth::Nothing => Bytes::new(),
+        }
+    }
+}
+
+/// A plane deflated.
+fn deflate(deflate: &mut Deflate, bytes: &[u8], element: usize) -> Bytes {
+    // A guess: depth shrinks to a fifth and more, the rest to less.
+    let mut out = Vec::with_capacity(bytes.len() / 4);
+    deflate.append(bytes, element, &mut out);
+    Bytes::from(out)
 }
 
 #[cfg(test)]
 mod tests {
+    use wheelarm_compress::inflate;
+
     use super::*;
 
-    #[test]
-    fn what_the_adapter_compressed_is_taken_and_the_rest_is_compressed_here() {
-        let plane = |byte: u8, bytes: usize| Bytes::from(vec![byte; bytes]);
-        let frame = v1::CameraFrame {
+    fn plane(byte: u8, bytes: usize) -> Bytes {
+        Bytes::from(vec![byte; bytes])
+    }
+
+    fn frame() -> v1::CameraFrame {
+        let metres = (0..100).flat_map(|i| (0.25 * i as f32).to_le_bytes());
+        v1::CameraFrame {
             camera: "gen3".into(),
             rgb: plane(1, 300),
-            depth: plane(2, 400),
+            depth: metres.collect::<Vec<_>>().into(),
             ids: plane(3, 200),
+            depth_format: v1::PixelFormat::DepthMetresF32.into(),
             ..v1::CameraFrame::default()
-        };
+        }
+    }
+
+    fn compressed(depth: Depth, deflated: Deflated) -> v1::CompressedCameraFrame {
         let picture = Exact {
-            frame: frame.clone(),
-            deflated: [Some(Bytes::from_static(b"by the adapter")), None, None],
+            frame: frame(),
+            deflated,
             published: Published::default(),
             episode: 1,
             tick: 8,
         };
-        let message = compress(&mut Deflate::default(), picture, &[7; 32]);
+        Compressor::new(depth).compress(picture, &[7; 32])
+    }
+
+    #[test]
+    fn what_the_adapter_compressed_is_taken_and_the_rest_is_compressed_here() {
+        let by_adapter = [Some(Bytes::from_static(b"by the adapter")), None, None];
+        let message = compressed(Depth::Metres, by_adapter);
         assert_eq!(&message.rgb[..], b"by the adapter");
+        let exact = frame();
         for (stream, exact, element) in [
-            (&message.depth, &frame.depth, DEPTH),
-            (&message.ids, &frame.ids, IDS),
+            (&message.depth, &exact.depth, METRES),
+            (&message.ids, &exact.ids, IDS),
         ] {
-            let again = wheelarm_compress::inflate(stream, element, exact.len());
+            let again = inflate(stream, element, exact.len());
             assert_eq!(again.ok().as_deref(), Some(&exact[..]));
         }
         assert_eq!(
             (&message.camera[..], &message.digest[..]),
             ("gen3", &[7; 32][..])
         );
+        assert_eq!(message.depth_format(), v1::PixelFormat::DepthMetresF32);
+    }
+
+    #[test]
+    fn depth_is_compressed_as_it_is_kept() {
+        let message = compressed(Depth::Millimetres, Deflated::default());
+        let format = v1::PixelFormat::DepthMillimetresU16;
+        assert_eq!(message.depth_format(), format);
+        let again = inflate(&message.depth, MILLIMETRES, 200).unwrap();
+        let expected: Vec<u8> = (0..100)
+            .flat_map(|i| (250 * i as u16).to_le_bytes())
+            .collect();
+        assert_eq!(again, expected);
+        let none = compressed(Depth::Nothing, Deflated::default());
+        assert!(none.depth.is_empty() && !none.ids.is_empty());
     }
 }

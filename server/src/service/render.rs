@@ -11,6 +11,7 @@ use std::thread::JoinHandle;
 use std::time::Duration;
 
 use parking_lot::Mutex;
+use wheelarm_proto::settings::Depth;
 use wheelarm_proto::{StreamId, v1};
 use wheelarm_sensors::Surface;
 
@@ -179,6 +180,7 @@ impl RenderThread {
     pub fn start(
         sim: &Simulation,
         graphics: &Graphics,
+        depth: Depth,
         outbox: Arc<Outbox>,
         signal: Arc<Signal>,
     ) -> Result<Self, ServiceError> {
@@ -204,7 +206,7 @@ impl RenderThread {
         };
         let sensed = Sensed::start(sim.devices(), &drawn(&setup), surfaces, &outbox, &signal)?;
         let sensed = Arc::new(sensed);
-        let compressed = Arc::new(Compressed::start(&names, &outbox, &signal)?);
+        let compressed = Arc::new(Compressed::start(&names, depth, &outbox, &signal)?);
         let (jobs, queue) = mpsc::sync_channel(QUEUE);
         let (ready, standing) = mpsc::sync_channel(1);
         let pending = Arc::new(AtomicUsize::new(0));
@@ -216,9 +218,6 @@ impl RenderThread {
             let sensed = Arc::clone(&sensed);
             let compressed = Arc::clone(&compressed);
             let names = names.clone();
-            let cameras = setup.scenario.cameras.iter();
-            let sizes: Vec<[u32; 2]> = cameras.map(|camera| camera.size).collect();
-            let graphics = graphics.clone();
             std::thread::Builder::new()
                 .name("render".to_owned())
                 .spawn(move || {
@@ -238,8 +237,8 @@ impl RenderThread {
                     let mut is_first = true;
                     let work = std::panic::AssertUnwindSafe(|| {
                         let wanted = |camera: usize| {
-                            graphics.compresses(sizes[camera])
-                                && outbox.wants_compressed(&names[camera])
+                            let wanted = outbox.wants_compressed(&names[camera]);
+                            wanted.then_some(depth)
                         };
                         draw(&mut renderer, &queue, wanted, |frames, of| {
                             let (episode, tick) = (of.episode, of.snapshot.tick);
@@ -413,7 +412,7 @@ struct Flying {
 fn draw(
     renderer: &mut Renderer,
     queue: &Receiver<Job>,
-    is_deflated: impl Fn(usize) -> bool,
+    wanted: impl Fn(usize) -> Option<Depth>,
     mut publish: impl FnMut(Vec<Frame>, Flying),
 ) -> Result<(), RenderError> {
     let mut flying: VecDeque<Flying> = VecDeque::new();
@@ -433,7 +432,8 @@ fn draw(
                 episode,
             }) => {
                 for &camera in &cameras {
-                    renderer.deflate(camera, is_deflated(camera));
+                    let wanted = wanted(camera).filter(|_| renderer.deflates(camera));
+                    renderer.deflate(camera, wanted);
                 }
                 renderer.submit(&snapshot, &cameras)?;
                 flying.push_back(Flying { snapshot, episode });

@@ -25,7 +25,7 @@ use wheelarm_rig::order::{Came, Order, Recording, ShownFile, Told, Tried};
 use wheelarm_rig::{Panicked, limits};
 use wheelarm_server::sensors::camera::Graphics;
 use wheelarm_server::service::startup;
-use wheelarm_server::sim::{CameraSetting, Simulation};
+use wheelarm_server::sim::Simulation;
 use zenoh::Session;
 
 use super::serving::Serving;
@@ -48,15 +48,6 @@ pub struct Room {
     pub graphics: Graphics,
     /// For services and recorders.
     pub runtime: tokio::runtime::Handle,
-}
-
-impl Room {
-    /// Whether the pictures of all these cameras are compressed by what draws them; known
-    /// once something was drawn.
-    fn compresses(&self, cameras: &[CameraSetting]) -> bool {
-        let mut sizes = cameras.iter().map(|camera| camera.size);
-        sizes.all(|size| self.graphics.compresses(size))
-    }
 }
 
 /// That an episode is to end before its time.
@@ -122,8 +113,8 @@ fn attempt(room: &Room, order: &Order, stop: &Stop, voice: &OrderVoice) -> Resul
         // Absent, they would be those of the default scenario.
         scenario.cameras.clear();
     }
-    let cameras = scenario.cameras.clone();
-    let draws = !cameras.is_empty();
+    let draws = !scenario.cameras.is_empty();
+    let depth = order.record.as_ref().map(depth_of).transpose()?;
     let sim = match Simulation::new(&room.assets, scenario) {
         Ok(sim) => sim,
         Err(problem) if problem.is_of_one_draw() => {
@@ -133,9 +124,9 @@ fn attempt(room: &Room, order: &Order, stop: &Stop, voice: &OrderVoice) -> Resul
         Err(problem) => return Err(problem.into()),
     };
     let name = format!("worker-{}-{}", std::process::id(), order.number);
-    let mut serving = Serving::start(room, sim, &name, draws, stop)?;
+    let mut serving = Serving::start(room, sim, &name, draws, depth.unwrap_or_default(), stop)?;
     let recorder = order.record.as_ref();
-    let start = |how| Recorder::start(room, &cameras, serving.link(), how, stop);
+    let start = |how| Recorder::start(room, serving.link(), how, stop);
     let recorder = recorder.map(start);
     let recorder = recorder.transpose()?;
     let status = tell_status(serving.link(), voice)?;
@@ -295,25 +286,22 @@ fn work_at(
     })
 }
 
+/// How a recording stores depth.
+fn depth_of(how: &Recording) -> anyhow::Result<Depth> {
+    Depth::from_name(&how.depth).map_err(|unknown| anyhow::anyhow!("{unknown}"))
+}
+
 /// The recorder of an episode, on a thread of its own.
 struct Recorder {
     thread: JoinHandle<anyhow::Result<ExitSummary>>,
 }
 
 impl Recorder {
-    fn start(
-        room: &Room,
-        cameras: &[CameraSetting],
-        link: &Link,
-        how: &Recording,
-        stop: &Stop,
-    ) -> anyhow::Result<Self> {
-        let depth = Depth::from_name(&how.depth).map_err(|unknown| anyhow::anyhow!("{unknown}"))?;
+    fn start(room: &Room, link: &Link, how: &Recording, stop: &Stop) -> anyhow::Result<Self> {
         let options = RecordOptions {
             out: how.out.clone(),
             name: how.name.clone(),
-            depth,
-            takes_compressed: depth == Depth::Metres || room.compresses(cameras),
+            depth: depth_of(how)?,
             end_with_stdin: false,
             episodes: Some(1),
         };

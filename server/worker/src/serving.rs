@@ -9,6 +9,7 @@ use anyhow::Context;
 use tokio::sync::oneshot;
 use wheelarm_link::Link;
 use wheelarm_proto::keys::Keys;
+use wheelarm_proto::settings::Depth;
 use wheelarm_proto::v1;
 use wheelarm_rig::{Panicked, limits};
 use wheelarm_server::service::{self, Options};
@@ -33,12 +34,14 @@ impl Serving {
         sim: Simulation,
         name: &str,
         draws: bool,
+        depth: Depth,
         stop: &Stop,
     ) -> anyhow::Result<Self> {
         let options = Options {
             keys: Keys::new(name)?,
             graphics: room.graphics.clone(),
             no_cameras: !draws,
+            depth,
             access: v1::Access::Local,
         };
         let (end, ended) = oneshot::channel::<()>();

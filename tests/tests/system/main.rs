@@ -5,6 +5,7 @@ mod adversarial;
 mod broken;
 mod collect;
 mod collect_many;
+mod compressed;
 mod control;
 mod dataset;
 mod disturb;

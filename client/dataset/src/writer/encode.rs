@@ -81,9 +81,10 @@ impl Encoder {
         header: &RecordHeader,
         frame: v1::CompressedCameraFrame,
     ) -> Result<Vec<u8>, String> {
+        let is_metres = frame.depth_format() == v1::PixelFormat::DepthMetresF32;
         let depth = match self.depth {
-            Depth::Metres => frame.depth,
-            Depth::Millimetres => self.millimetres_of(&frame)?.into(),
+            Depth::Millimetres if is_metres => self.millimetres_of(&frame)?.into(),
+            Depth::Metres | Depth::Millimetres => frame.depth,
             Depth::Nothing => Bytes::new(),
         };
         let meta = v1::CameraFrame {
@@ -92,7 +93,8 @@ impl Encoder {
             intrinsics: frame.intrinsics,
             pose: frame.pose,
             rgb_format: frame.rgb_format,
-            depth_format: frame.depth_format,
+            // Of the exact picture.
+            depth_format: v1::PixelFormat::DepthMetresF32.into(),
             ids_format: frame.ids_format,
             ..Default::default()
         };

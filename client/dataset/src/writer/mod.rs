@@ -21,6 +21,7 @@ use std::thread::JoinHandle;
 use bytes::Bytes;
 use crossbeam_channel::Sender;
 use prost::Message;
+use wheelarm_proto::settings::Named;
 use wheelarm_proto::{StreamId, v1};
 
 use crate::columns;
@@ -108,6 +109,7 @@ pub struct EpisodeWriter {
     log: PathBuf,
     file: PathBuf,
     streams: BTreeMap<String, Slot>,
+    depth: Depth,
     next: u64,
     /// State samples that wait for others.
     group: Group,
@@ -263,6 +265,7 @@ impl EpisodeWriter {
             log,
             file,
             streams,
+            depth: options.depth,
             next: 0,
             group: Group::default(),
             queue: Some(queue),
@@ -343,7 +346,7 @@ impl EpisodeWriter {
         let slot = slot
             .filter(|slot| slot.id.is_camera())
             .ok_or_else(|| malformed("the episode does not announce this camera".into()))?;
-        let size = check_compressed(&frame, slot.size).map_err(malformed)?;
+        let size = check_compressed(&frame, slot.size, self.depth).map_err(malformed)?;
         slot.size = Some(size);
         let header = frame.header.clone().unwrap_or_default();
         let record = record_header(Kind::Camera, slot.number, &header);
@@ -557,23 +560,32 @@ fn check_sensor(frame: &v1::SensorFrame, first: Option<(u32, u32)>) -> Result<(u
 fn check_compressed(
     frame: &v1::CompressedCameraFrame,
     first: Option<(u32, u32)>,
+    depth: Depth,
 ) -> Result<(u32, u32), String> {
     let size = check_size(frame.intrinsics, first)?;
-    let formats = (frame.rgb_format(), frame.depth_format(), frame.ids_format());
-    let expected = (
-        v1::PixelFormat::Rgb8,
-        v1::PixelFormat::DepthMetresF32,
-        v1::PixelFormat::IdU16,
-    );
+    let formats = (frame.rgb_format(), frame.ids_format());
+    let expected = (v1::PixelFormat::Rgb8, v1::PixelFormat::IdU16);
     if formats != expected {
         return Err(format!("its planes are {formats:?}, expected {expected:?}"));
     }
     let pixels = size.0 as usize * size.1 as usize;
+    let depth_bytes = match (depth, frame.depth_format()) {
+        (Depth::Nothing, _) => None,
+        (_, v1::PixelFormat::DepthMetresF32) => Some(4 * pixels),
+        (Depth::Millimetres, v1::PixelFormat::DepthMillimetresU16) => Some(2 * pixels),
+        (_, other) => {
+            return Err(format!(
+                "its depth is {other:?}, which holds no {}",
+                depth.name()
+            ));
+        }
+    };
     for (what, plane, bytes) in [
-        ("rgb", &frame.rgb, 3 * pixels),
-        ("depth", &frame.depth, 4 * pixels),
-        ("ids", &frame.ids, 2 * pixels),
+        ("rgb", &frame.rgb, Some(3 * pixels)),
+        ("depth", &frame.depth, depth_bytes),
+        ("ids", &frame.ids, Some(2 * pixels)),
     ] {
+        let Some(bytes) = bytes else { continue };
         // Deflate stores what does not shrink: 5 bytes for each block of it.
         let most = bytes + bytes / 1024 + 1024;
         if plane.is_empty() || plane.len() > most {

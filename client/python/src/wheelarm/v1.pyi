@@ -1003,8 +1003,9 @@ class CompressedCameraFrame(_Message):
     rgb: bytes
     """Colour in `rgb_format`, deflated (bytes)."""
     depth: bytes
-    """Depth in `depth_format`, the bytes of its 32-bit elements shuffled as HDF5's filter does,
-    then deflated (bytes).
+    """Depth in `depth_format`, metres, or millimetres as all who record keep it: the bytes of its
+    elements shuffled as HDF5's filter does, then deflated (bytes); empty where nobody keeps
+    depth.
     """
     ids: bytes
     """Instance ids in `ids_format`, the bytes of their 16-bit elements shuffled, then deflated

@@ -32,10 +32,6 @@ struct Kept {
     packer: Option<Arc<Packer>>,
 }
 
-/// Pixels from which on the adapter compresses a picture in less time than the
-/// processor needs to ask for that.
-const WORTH_IT: u64 = 1 << 16;
-
 /// What a renderer is opened with.
 type Parts = (Opened, Arc<Pipelines>, Option<Arc<Packer>>);
 
@@ -86,18 +82,6 @@ impl Graphics {
         if kept.opened.is_none() {
             kept.opened = open(self.wanted.as_deref()).ok();
         }
-    }
-
-    /// Whether the device that is open compresses pictures of so many pixels by so many
-    /// when it is asked to: a small one costs the processor less than the asking.
-    #[must_use]
-    pub fn compresses(&self, [width, height]: [u32; 2]) -> bool {
-        if u64::from(width) * u64::from(height) < WORTH_IT {
-            return false;
-        }
-        let kept = self.kept.lock();
-        let opened = kept.opened.as_ref();
-        opened.is_some_and(|opened| self.packing_on(opened.info.kind) == Packing::Adapter)
     }
 
     fn packing_on(&self, kind: AdapterKind) -> Packing {
@@ -152,6 +136,8 @@ fn open(adapter: Option<&str>) -> Result<Opened, RenderError> {
     let (device, queue) = pollster::block_on(chosen.request_device(&wgpu::DeviceDescriptor {
         required_limits: wgpu::Limits {
             max_buffer_size: chosen.limits().max_buffer_size,
+            // Pictures beyond ten million pixels are packed through larger ones.
+            max_storage_buffer_binding_size: chosen.limits().max_storage_buffer_binding_size,
             max_compute_workgroup_storage_size: chosen.limits().max_compute_workgroup_storage_size,
             ..Default::default()
         },

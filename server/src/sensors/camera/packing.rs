@@ -3,6 +3,7 @@
 use std::sync::{Arc, OnceLock};
 
 use wgpu::util::DeviceExt;
+use wheelarm_proto::settings::{Depth, Named};
 
 use super::deflate::{CameraDeflater, Deflater};
 use super::planes::Planes;
@@ -131,7 +132,7 @@ impl Packer {
             groups: [across as u32, groups.div_ceil(across) as u32],
             packed,
             packer: Arc::clone(self),
-            deflater: OnceLock::new(),
+            deflaters: Default::default(),
         })
     }
 }
@@ -167,7 +168,8 @@ pub(super) struct CameraPacker {
     groups: [u32; 2],
     packed: wgpu::Buffer,
     packer: Arc<Packer>,
-    deflater: OnceLock<Option<CameraDeflater>>,
+    /// By the form of depth, made when it is first asked for.
+    deflaters: [OnceLock<Option<Arc<CameraDeflater>>>; Depth::ALL.len()],
 }
 
 impl CameraPacker {
@@ -182,21 +184,27 @@ impl CameraPacker {
         encoder.copy_buffer_to_buffer(&self.packed, 0, read, 0, self.planes.bytes());
     }
 
-    /// What deflates what was packed, if that can be; made when it is first asked for.
-    pub(super) fn deflater(&self, device: &wgpu::Device) -> Option<&CameraDeflater> {
+    /// What deflates what was packed, depth in that form, if that can be; made when it is
+    /// first asked for.
+    pub(super) fn deflater(
+        &self,
+        device: &wgpu::Device,
+        depth: Depth,
+    ) -> Option<Arc<CameraDeflater>> {
         let new = || {
             let make = || tried(device, || Deflater::new(device));
             let deflater = self.packer.deflater.get_or_init(make).as_ref()?;
-            let for_camera = || deflater.for_camera(device, self.planes, &self.packed);
-            tried(device, for_camera)
+            let for_camera = || deflater.for_camera(device, self.planes, depth, &self.packed);
+            tried(device, for_camera).map(Arc::new)
         };
-        let deflater = self.deflater.get_or_init(new).as_ref();
-        deflater.filter(|deflater| deflater.works())
+        let deflater = self.deflaters[depth as usize].get_or_init(new);
+        deflater.clone().filter(|deflater| deflater.works())
     }
 
-    /// What deflated before, if it was asked for.
-    pub(super) fn known_deflater(&self) -> Option<&CameraDeflater> {
-        self.deflater.get().and_then(Option::as_ref)
+    /// Whether nothing is known that would keep it from deflating.
+    pub(super) fn may_deflate(&self) -> bool {
+        let mut known = self.deflaters.iter().filter_map(OnceLock::get);
+        known.all(|deflater| deflater.as_ref().is_some_and(|deflater| deflater.works()))
     }
 }
 

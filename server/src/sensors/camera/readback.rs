@@ -5,6 +5,7 @@ use std::sync::Arc;
 
 use bytes::{Bytes, BytesMut};
 use parking_lot::Mutex;
+use wheelarm_proto::settings::Depth;
 
 use super::deflate::{Deflated, Results};
 use super::geometry::Order;
@@ -78,14 +79,22 @@ impl ReadBack {
         matches!(self.way, Way::Packed(_))
     }
 
+    /// Whether the adapter deflates pictures when it is asked to, as far as is known.
+    pub(super) fn deflates(&self) -> bool {
+        match &self.way {
+            Way::Packed(packed) => packed.may_deflate(),
+            Way::Unpacked(..) => false,
+        }
+    }
+
     /// Appends what brings the picture that was drawn into buffers, and names them;
-    /// also `deflated`, where that is asked for and can be.
+    /// also `deflated`, depth in that form, where that is asked for and can be.
     pub(super) fn copy(
         &self,
         (device, queue): (&wgpu::Device, &wgpu::Queue),
         encoder: &mut wgpu::CommandEncoder,
         target: &Target,
-        deflated: bool,
+        deflated: Option<Depth>,
     ) -> Buffers {
         let planes = self.ring.take(device);
         let mut buffers = Buffers {
@@ -95,9 +104,9 @@ impl ReadBack {
         match &self.way {
             Way::Packed(packed) => {
                 packed.pack(encoder, &buffers.planes);
-                if deflated && let Some(deflater) = packed.deflater(device) {
-                    buffers.deflated = Some(deflater.deflate((device, queue), encoder));
-                }
+                let deflater = deflated.and_then(|depth| packed.deflater(device, depth));
+                buffers.deflated =
+                    deflater.map(|deflater| deflater.deflate((device, queue), encoder));
             }
             Way::Unpacked(layout, ..) => layout.copy(encoder, target, &buffers.planes),
         }
@@ -111,11 +120,8 @@ impl ReadBack {
             Way::Packed(packed) => {
                 let all = self.ring.lend(buffer)?;
                 let planes = packed.planes.ranges().map(|range| all.slice(range));
-                let deflated = match (buffers.deflated, packed.known_deflater()) {
-                    (Some(read), Some(deflater)) => deflater.streams(read, &planes)?,
-                    _ => Deflated::default(),
-                };
-                Ok((planes, deflated))
+                let deflated = buffers.deflated.map(|results| results.streams(&planes));
+                Ok((planes, deflated.unwrap_or_default()))
             }
             Way::Unpacked(layout, range, memory) => {
                 let mapped = buffer.get_mapped_range(..).map_err(|e| e.to_string())?;

@@ -7,6 +7,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use nalgebra::Isometry3;
 use parking_lot::Mutex;
 use wgpu::util::DeviceExt;
+use wheelarm_proto::settings::Depth;
 
 use super::adapter::{self, AdapterInfo};
 use super::ambient_occlusion::Surroundings;
@@ -54,8 +55,8 @@ pub struct Renderer {
     expected: [usize; 3],
     /// One for each camera.
     read_back: Vec<ReadBack>,
-    /// Whose pictures are deflated.
-    deflated: Vec<bool>,
+    /// Whose pictures are deflated, with depth in which form.
+    deflated: Vec<Option<Depth>>,
     /// Batches in flight, oldest first: pictures that were asked for together.
     pending: VecDeque<Vec<Pending>>,
 }
@@ -63,6 +64,10 @@ pub struct Renderer {
 /// Batches that can be drawn before the first one is read: the adapter goes on
 /// with the second while the first is unpacked and sent.
 pub const IN_FLIGHT: usize = 2;
+
+/// Pixels from which on the adapter deflates a picture in less time than the
+/// processor needs to ask for that.
+const WORTH_IT: u64 = 65_536;
 
 /// Reversed depth where nothing is hit.
 const FARTHEST: wgpu::LoadOp<f32> = wgpu::LoadOp::Clear(0.0);
@@ -187,7 +192,7 @@ impl Renderer {
             targets,
             scene_groups,
             shadow_group,
-            deflated: vec![false; cameras.len()],
+            deflated: vec![None; cameras.len()],
             read_back,
             pending: VecDeque::new(),
         };
@@ -206,9 +211,20 @@ impl Renderer {
         self.targets.iter().map(|t| &t.spec)
     }
 
+    /// Whether the adapter deflates the pictures of a camera in less time than the
+    /// processor, if it is asked to; by its index.
+    #[must_use]
+    pub fn deflates(&self, camera: usize) -> bool {
+        let worth = |target: &Target| {
+            let lens = &target.spec.intrinsics;
+            u64::from(lens.width) * u64::from(lens.height) >= WORTH_IT
+        };
+        self.targets.get(camera).is_some_and(worth) && self.read_back[camera].deflates()
+    }
+
     /// Whether the pictures of a camera are to be deflated from the next on, where the
-    /// adapter can; by its index.
-    pub fn deflate(&mut self, camera: usize, wanted: bool) {
+    /// adapter can, and how depth is kept; by its index.
+    pub fn deflate(&mut self, camera: usize, wanted: Option<Depth>) {
         if let Some(deflated) = self.deflated.get_mut(camera) {
             *deflated = wanted;
         }

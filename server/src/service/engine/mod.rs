@@ -18,6 +18,7 @@ use std::time::{Duration, Instant};
 use bytes::Bytes;
 use nalgebra::Isometry3;
 use wheelarm_proto::keys::Keys;
+use wheelarm_proto::settings::Depth;
 use wheelarm_proto::v1;
 use wheelarm_proto::v1::WaitingFor;
 
@@ -53,6 +54,8 @@ pub struct Options {
     pub graphics: Graphics,
     /// Physics only: no pictures, no driver needed.
     pub no_cameras: bool,
+    /// How depth is kept by those who record: compressed pictures hold it so.
+    pub depth: Depth,
     /// Who may connect, for who asks.
     pub access: v1::Access,
 }
@@ -143,6 +146,7 @@ impl Engine {
             let render = RenderThread::start(
                 &self.sim,
                 &self.options.graphics,
+                self.options.depth,
                 Arc::clone(&self.shared.outbox),
                 Arc::clone(&self.shared.signal),
             )?;

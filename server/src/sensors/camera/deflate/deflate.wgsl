@@ -1,9 +1,10 @@
-// Deflates the planes of a packed picture (RFC 1951). Above this stands HASH_BITS.
+// Deflates the planes of a packed picture (RFC 1951). Above this stand HASH_BITS and
+// what `layout.rs` says of segments, pieces and blocks.
 //
 // Each plane is a stream of its own: segments, of which a workgroup each takes care,
 // and pieces, of which an invocation each makes symbols. Nothing a piece refers to
-// lies behind it, so all are made at once. The codes are known beforehand, by what the
-// picture before was made of; what this one is made of is counted for the next.
+// lies behind it, so all are made at once. The codes are known beforehand, by what a
+// picture before was made of; what this one is made of is counted for later ones.
 //
 //   arrange   bytes in the order in which they are deflated
 //   parse     pieces to bits, each into a slot of its own
@@ -11,25 +12,17 @@
 //   place     bits from their slots to the stream
 
 const STREAMS = 3u;
-const SEGMENT = 8192u;
-const PIECE = 64u;
-const PIECES = 128u;
-// Most words of a piece: no code has more than 12 bits.
-const SLOT = 24u;
-const WINDOW = 32768u;
+const PIECE = SEGMENT / PIECES;
 // Bytes that a reference to earlier ones is worth.
 const LEAST = 4u;
-const MOST = 258u;
 const CANDIDATES = 6u;
 // Where so many bytes are alike, nothing longer is looked for.
 const ENOUGH = 32u;
 const LITERALS = 286u;
-const SYMBOLS = 316u;
 const END_OF_BLOCK = 256u;
-// Words of a block's codes and header, and where they stand.
-const BLOCK = 390u;
-const HEADER_BITS = 316u;
-const HEADER_AT = 317u;
+// Where the bits of a block's header and the header stand behind its codes.
+const HEADER_BITS = SYMBOLS;
+const HEADER_AT = SYMBOLS + 1u;
 // The sums of Adler-32 (RFC 1950).
 const ADLER = 65521u;
 // A zlib stream's first two bytes: deflate, 32 KiB, fastest.
@@ -52,7 +45,9 @@ struct Stream {
     room: u32,
     // How far back the same is likely to lie, and how many of those there are.
     candidates: array<vec4<u32>, 2>,
-    known: vec4<u32>,
+    known: u32,
+    // Bytes of an element.
+    element: u32,
 }
 
 struct Params {
@@ -107,6 +102,32 @@ fn shuffled(first: u32, size: u32, at: u32) -> u32 {
     return (packed[first + byte / 4u] >> (byte % 4u * 8u)) & 0xffu;
 }
 
+// Metres, by their bits, as 16-bit millimetres, rounded to the nearest: 0 where nothing
+// was hit or it is too far, at least 1 where something was. As `wheelarm-compress` has
+// it; compared, not subtracted, for a product and a difference may be fused.
+fn millimetres(metres: u32) -> u32 {
+    // Nothing, not a number, negative; or infinite.
+    if metres == 0u || metres >= 0x7f800000u {
+        return 0u;
+    }
+    let exact = bitcast<f32>(metres) * 1000.0;
+    if !(exact < 65535.5) {
+        return 0u;
+    }
+    let whole = u32(exact);
+    let nearest = whole + u32(exact >= f32(whole) + 0.5);
+    return max(nearest, 1u);
+}
+
+// Byte `at` of depth as it is kept, shuffled.
+fn depth_byte(at: u32) -> u32 {
+    if params.streams[1].element == 4u {
+        return shuffled(params.depth, 4u, at);
+    }
+    let value = millimetres(packed[params.depth + at % params.pixels]);
+    return (value >> (at / params.pixels * 8u)) & 0xffu;
+}
+
 @compute @workgroup_size(256) fn arrange(
     @builtin(workgroup_id) group: vec3<u32>,
     @builtin(num_workgroups) groups: vec3<u32>,
@@ -127,7 +148,7 @@ fn shuffled(first: u32, size: u32, at: u32) -> u32 {
         var byte = 0u;
         switch s {
             case 0u: { byte = (packed[at / 4u] >> (i * 8u)) & 0xffu; }
-            case 1u: { byte = shuffled(params.depth, 4u, at + i); }
+            case 1u: { byte = depth_byte(at + i); }
             default: { byte = shuffled(params.ids, 2u, at + i); }
         }
         all |= byte << (i * 8u);
@@ -258,7 +279,7 @@ fn put_symbol(bits: ptr<function, Bits>, block: u32, symbol: u32, value: u32, mo
     let end = min(begin + SEGMENT, params.streams[s].bytes);
     let block = params.streams[s].block + block_of(s, segment);
     let words = params.streams[s].source + begin / 4u;
-    let candidates = params.streams[s].known.x;
+    let candidates = params.streams[s].known;
     for (var i = local; i < TABLE; i += 256u) {
         atomicStore(&last[i], 0u);
     }
@@ -330,7 +351,7 @@ fn put_symbol(bits: ptr<function, Bits>, block: u32, symbol: u32, value: u32, mo
         var at = local * PIECE;
         let behind = min(at + PIECE, end - begin);
         while at < behind {
-            let most = min(behind - at, MOST);
+            let most = behind - at;
             let low = text[at / 4u];
             let high = text[at / 4u + 1u];
             var length = 0u;
@@ -368,10 +389,6 @@ fn put_symbol(bits: ptr<function, Bits>, block: u32, symbol: u32, value: u32, mo
             if refers {
                 more = max(firstLeadingBit(long | 1u), 2u) - 2u;
                 symbol = 257u + more * 4u + (long >> more);
-                if length == MOST {
-                    more = 0u;
-                    symbol = 285u;
-                }
             }
             put_symbol(&bits, block, symbol, long & ((1u << more) - 1u), more);
             if refers {

@@ -4,11 +4,12 @@ use std::ops::Range;
 
 use super::super::planes::Planes;
 use wheelarm_compress::huffman::{HEADER_WORDS, SYMBOLS};
+use wheelarm_proto::settings::Depth;
 
 /// Colour, depth, ids.
 pub(super) const STREAMS: usize = 3;
-/// Bytes of the elements of each.
-pub(super) const ELEMENTS: [usize; STREAMS] = [1, 4, 2];
+/// Index of depth.
+pub(super) const DEPTH: usize = 1;
 /// Blocks of each: what is alike shares its codes. Depth and ids have their bytes of
 /// one kind one behind the other.
 const BLOCKS: [usize; STREAMS] = [4, 8, 2];
@@ -17,11 +18,14 @@ pub(super) const ALL_BLOCKS: usize = BLOCKS[0] + BLOCKS[1] + BLOCKS[2];
 /// Words of a block's codes, bits of its header, and header.
 pub(super) const BLOCK: usize = SYMBOLS + 1 + HEADER_WORDS;
 
-const SEGMENT: usize = 8192;
-const PIECES: usize = 128;
-const SLOT: usize = 24;
+/// Bytes of a segment, of which a workgroup takes care.
+pub(super) const SEGMENT: usize = 8192;
+/// Pieces of a segment.
+pub(super) const PIECES: usize = 128;
+/// Most words of a piece: no code has more than 12 bits.
+pub(super) const SLOT: usize = 24;
 /// How far a reference reaches back.
-const WINDOW: usize = 32_768;
+pub(super) const WINDOW: usize = 32_768;
 /// Most workgroups along an axis.
 const MOST_GROUPS: usize = 65_535;
 
@@ -38,7 +42,9 @@ struct Stream {
     result: u32,
     room: u32,
     candidates: [u32; 8],
-    known: [u32; 4],
+    known: u32,
+    element: u32,
+    unused: [u32; 2],
 }
 
 /// `Params` in the shader.
@@ -61,10 +67,21 @@ pub(super) struct Layout {
 }
 
 impl Layout {
-    /// Of the planes of a packed picture; `None` where there are too many pixels, or
-    /// none.
-    pub fn of(planes: Planes) -> Option<Self> {
+    /// Of the planes of a packed picture, depth as it is kept; `None` where there are too
+    /// many pixels, or none.
+    pub fn of(planes: Planes, depth: Depth) -> Option<Self> {
+        if planes.pixels == 0 {
+            return None;
+        }
         let ranges = planes.ranges();
+        let kept = match depth {
+            Depth::Metres => 4,
+            Depth::Millimetres => 2,
+            Depth::Nothing => 0,
+        };
+        // Of the elements; colour is no row of them.
+        let elements = [1, kept, 2];
+        let lengths = [3, kept, 2].map(|bytes| bytes * planes.pixels);
         let [_, depth, ids] = ranges.clone().map(|range| (range.start / 4) as u32);
         let width = planes.width as usize;
         // A row, its neighbours, the pixel before; what lies too far is left out.
@@ -84,10 +101,7 @@ impl Layout {
         let (mut segments, mut blocks, mut source, mut result) = (0, 0, 0, 0);
         let mut streams = [bytemuck::Zeroable::zeroed(); STREAMS];
         for (i, stream) in streams.iter_mut().enumerate() {
-            let bytes = ranges[i].len();
-            if bytes == 0 {
-                return None;
-            }
+            let bytes = lengths[i];
             let own = bytes.div_ceil(SEGMENT);
             // Room for what shrinks as it should; the rest is left to the processor.
             let room = match i {
@@ -112,7 +126,9 @@ impl Layout {
                 result: result as u32,
                 room: room as u32,
                 candidates,
-                known: [known as u32, 0, 0, 0],
+                known: known as u32,
+                element: elements[i] as u32,
+                unused: [0; 2],
             };
             // A few bytes beyond the last are read.
             source += bytes.div_ceil(4) + 10;
@@ -181,9 +197,14 @@ impl Layout {
         streams.any(|stream| (stream.block + stream.blocks) as usize == block + 1)
     }
 
-    /// Words of what is told: the bits of a stream, by its index.
-    pub fn bits(stream: usize) -> usize {
-        stream
+    /// Whether there is anything to deflate.
+    pub fn has(&self, stream: usize) -> bool {
+        self.params.streams[stream].bytes > 0
+    }
+
+    /// Bytes of an element of a stream.
+    pub fn element(&self, stream: usize) -> usize {
+        self.params.streams[stream].element as usize
     }
 
     /// Bytes of a stream of so many bits.

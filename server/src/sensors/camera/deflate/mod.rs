@@ -2,24 +2,28 @@
 //! processor's core ten milliseconds for a picture of 1280x720 takes a graphics card a
 //! fraction of one.
 //!
-//! The streams are plain zlib, of the bytes that the exact picture has. Which bytes
-//! they are is nobody's contract: adapters and versions may find other references.
+//! The streams are plain zlib, of the bytes that the exact picture has, or of its depth
+//! in millimetres. Which bytes they are is nobody's contract: adapters and versions may
+//! find other references.
 
 mod layout;
 
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use bytes::Bytes;
 use parking_lot::Mutex;
 use wgpu::util::DeviceExt;
+use wheelarm_compress::depth::to_millimetres;
 use wheelarm_compress::huffman::{Block, SYMBOLS};
+use wheelarm_proto::settings::Depth;
 
 use super::planes::Planes;
 use super::ring::Ring;
-use layout::{ALL_BLOCKS, BLOCK, ELEMENTS, Layout, Params, STREAMS};
+use layout::{ALL_BLOCKS, BLOCK, DEPTH, Layout, PIECES, Params, SEGMENT, SLOT, STREAMS, WINDOW};
 
-/// Colour, depth and ids as zlib streams of their shuffled bytes; nothing where the
-/// adapter did not deflate one, or there was no room for what came of it.
+/// Colour, depth as it is kept and ids as zlib streams of their shuffled bytes; nothing
+/// where the adapter did not deflate one, or there was no room for what came of it.
 pub type Deflated = [Option<Bytes>; STREAMS];
 
 /// Bits of a hash for which a workgroup has memory, and that memory, bytes.
@@ -49,7 +53,9 @@ impl Deflater {
         let most = device.limits().max_compute_workgroup_storage_size;
         let (bits, _) = HASHES.into_iter().find(|(_, bytes)| *bytes <= most)?;
         let source = format!(
-            "const HASH_BITS = {bits}u;\n{}",
+            "const HASH_BITS = {bits}u;\nconst SEGMENT = {SEGMENT}u;\nconst PIECES = {PIECES}u;\n\
+             const SLOT = {SLOT}u;\nconst WINDOW = {WINDOW}u;\nconst BLOCK = {BLOCK}u;\n\
+             const SYMBOLS = {SYMBOLS}u;\n{}",
             include_str!("deflate.wgsl")
         );
         let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
@@ -112,15 +118,16 @@ impl Deflater {
         })
     }
 
-    /// What deflates the pictures of a camera that lie packed in `packed`; `None` where
-    /// they are too large for this adapter.
+    /// What deflates the pictures of a camera that lie packed in `packed`, depth in that
+    /// form; `None` where they are too large for this adapter.
     pub(super) fn for_camera(
         &self,
         device: &wgpu::Device,
         planes: Planes,
+        depth: Depth,
         packed: &wgpu::Buffer,
     ) -> Option<CameraDeflater> {
-        let layout = Layout::of(planes)?;
+        let layout = Layout::of(planes, depth)?;
         let most = device.limits().max_storage_buffer_binding_size;
         if layout.buffers().iter().any(|&bytes| bytes > most) {
             return None;
@@ -165,6 +172,7 @@ impl Deflater {
         let [across, down] = layout.arranging();
         let segments = layout.segments() as u32;
         Some(CameraDeflater {
+            depth,
             steps: [
                 (self.arrange.clone(), [across, down]),
                 (self.parse.clone(), [segments, 1]),
@@ -185,6 +193,7 @@ impl Deflater {
 
 /// What deflates the pictures of one camera.
 pub(super) struct CameraDeflater {
+    depth: Depth,
     layout: Layout,
     /// What is read.
     ring: Ring,
@@ -201,9 +210,29 @@ pub(super) struct CameraDeflater {
 /// Where the streams of a picture are read.
 #[derive(Clone)]
 pub(super) struct Results {
+    by: Arc<CameraDeflater>,
     pub(super) buffer: wgpu::Buffer,
     /// Bytes of each that are copied there.
     copied: [usize; STREAMS],
+}
+
+impl Results {
+    /// The streams of a picture, from a buffer that is mapped; `exact` are its planes.
+    /// None where they cannot be read: the picture is there without them.
+    pub(super) fn streams(self, exact: &[Bytes; STREAMS]) -> Deflated {
+        let Self { by, buffer, copied } = self;
+        let mapped = match buffer.get_mapped_range(..) {
+            Ok(mapped) => mapped,
+            Err(problem) => {
+                tracing::warn!("what the graphics adapter deflated cannot be read: {problem}");
+                return Deflated::default();
+            }
+        };
+        let streams = by.read(&mapped, copied, exact);
+        drop(mapped);
+        by.ring.give_back(buffer);
+        streams
+    }
 }
 
 /// What pictures were made of.
@@ -229,7 +258,7 @@ impl CameraDeflater {
     /// Appends what deflates the picture that is packed and copies the result to a
     /// buffer, and names that.
     pub(super) fn deflate(
-        &self,
+        self: &Arc<Self>,
         (device, queue): (&wgpu::Device, &wgpu::Queue),
         encoder: &mut wgpu::CommandEncoder,
     ) -> Results {
@@ -266,20 +295,11 @@ impl CameraDeflater {
             let size = Some(*bytes as u64);
             encoder.copy_buffer_to_buffer(&self.result, at - results, &buffer, at, size);
         }
-        Results { buffer, copied }
-    }
-
-    /// The streams of a picture in a buffer that is mapped; `exact` are its planes.
-    pub(super) fn streams(
-        &self,
-        Results { buffer, copied }: Results,
-        exact: &[Bytes; STREAMS],
-    ) -> Result<Deflated, String> {
-        let mapped = buffer.get_mapped_range(..).map_err(|e| e.to_string())?;
-        let streams = self.read(&mapped, copied, exact);
-        drop(mapped);
-        self.ring.give_back(buffer);
-        Ok(streams)
+        Results {
+            by: Arc::clone(self),
+            buffer,
+            copied,
+        }
     }
 
     fn read(&self, read: &[u8], copied: [usize; STREAMS], exact: &[Bytes; STREAMS]) -> Deflated {
@@ -292,7 +312,10 @@ impl CameraDeflater {
             return Deflated::default();
         }
         let streams: Deflated = std::array::from_fn(|i| {
-            let length = Layout::length(told(Layout::bits(i)));
+            if !self.layout.has(i) {
+                return None;
+            }
+            let length = Layout::length(told(i));
             let room = read.get(self.layout.result(i))?.get(..copied[i])?;
             let bytes = room.get(..length)?;
             let mut stream = Vec::with_capacity(length + 4);
@@ -300,22 +323,36 @@ impl CameraDeflater {
             stream.extend(self.adler(i, told).to_be_bytes());
             Some(Bytes::from(stream))
         });
-        let is_whole = streams.iter().all(Option::is_some);
+        let is_whole = (0..STREAMS).all(|i| streams[i].is_some() || !self.layout.has(i));
         if self.is_due(number, is_whole) {
-            for (i, stream) in streams.iter().enumerate() {
-                let Some(stream) = stream else { continue };
-                let again = wheelarm_compress::inflate(stream, ELEMENTS[i], exact[i].len());
-                if again.as_ref().ok().map(Vec::as_slice) != Some(&exact[i][..]) {
-                    tracing::warn!(
-                        "the graphics adapter deflates pictures wrongly; the processor does it \
-                         from now on"
-                    );
-                    self.is_wrong.store(true, Ordering::Relaxed);
-                    return Deflated::default();
-                }
+            let wrong = (0..STREAMS).any(|i| {
+                let stream = streams[i].as_ref();
+                stream.is_some_and(|stream| !self.is_right(i, stream, &exact[i]))
+            });
+            if wrong {
+                tracing::warn!(
+                    "the graphics adapter deflates pictures wrongly; the processor does it \
+                     from now on"
+                );
+                self.is_wrong.store(true, Ordering::Relaxed);
+                return Deflated::default();
             }
         }
         streams
+    }
+
+    /// Whether a stream holds what it should; `exact` is its plane.
+    fn is_right(&self, i: usize, stream: &Bytes, exact: &Bytes) -> bool {
+        let mut millimetres = Vec::new();
+        let expected = match i == DEPTH && self.depth == Depth::Millimetres {
+            true => {
+                to_millimetres(exact, &mut millimetres);
+                &millimetres
+            }
+            false => &exact[..],
+        };
+        let again = wheelarm_compress::inflate(stream, self.layout.element(i), expected.len());
+        again.is_ok_and(|again| again == expected)
     }
 
     /// Whether a picture is to be looked at: the first of which all was deflated, by
@@ -332,7 +369,7 @@ impl CameraDeflater {
         let mut learnt = self.learnt.lock();
         let number = learnt.pictures;
         learnt.pictures += 1;
-        learnt.bytes = std::array::from_fn(|i| Some(Layout::length(told(Layout::bits(i)))));
+        learnt.bytes = std::array::from_fn(|i| Some(Layout::length(told(i))));
         if number.is_multiple_of(CODES_LAST) {
             let counts = |block: usize| {
                 let mut words = self.layout.counts(block);

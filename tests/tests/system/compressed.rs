@@ -1,0 +1,178 @@
+//! A service whose graphics adapter compresses the pictures, recorded within one process,
+//! as a campaign's worker does it.
+
+use std::path::{Path, PathBuf};
+use std::sync::mpsc;
+use std::time::Duration;
+
+use tokio::runtime::Runtime;
+use tokio::sync::oneshot;
+use wheelarm_dataset::compress::Deflate;
+use wheelarm_dataset::compress::depth::to_millimetres;
+use wheelarm_dataset::read::{Camera, Episode};
+use wheelarm_dataset::validate::validate;
+use wheelarm_link::Link;
+use wheelarm_proto::keys::Keys;
+use wheelarm_proto::settings::{Depth, Named, Pacing, Quality};
+use wheelarm_proto::v1;
+use wheelarm_record::RecordOptions;
+use wheelarm_server::sensors::camera::{Graphics, Packing};
+use wheelarm_server::service::{self, Options};
+use wheelarm_server::sim::{CameraSetting, Scenario, Simulation};
+use wheelarm_tests::{IdleCommander, PATIENCE, root, wait_until};
+
+const CAMERA: &str = "gen3";
+/// Large enough that an adapter is asked to compress it.
+const SIZE: [u32; 2] = [320, 240];
+/// Ticks of an episode: ten pictures.
+const TICKS: u64 = 240;
+
+/// Records an episode whose depth is kept as `depth` says; its file.
+fn recorded(depth: Depth, out: &Path) -> PathBuf {
+    let camera = CameraSetting {
+        name: CAMERA.to_owned(),
+        size: SIZE,
+        rate_hz: 10.0,
+        lens: None,
+        place: None,
+    };
+    let scenario = Scenario {
+        seed: 7,
+        cameras: vec![camera],
+        pacing: Pacing::LockStep,
+        quality: Quality::Fast,
+        ..Scenario::default()
+    };
+    let sim = Simulation::new(&root().join("assets"), scenario).expect("a simulation");
+    let name = format!("compressed-{}", depth.name());
+    let options = Options {
+        keys: Keys::new(&name).expect("a name"),
+        graphics: Graphics::on(None).packing(Packing::Adapter),
+        no_cameras: false,
+        depth,
+        access: v1::Access::Local,
+    };
+    let runtime = Runtime::new().expect("a runtime");
+    let session = service::session::within().expect("a session");
+    let (end, ended) = oneshot::channel::<()>();
+    let (ready, serves) = mpsc::sync_channel(1);
+    let service = runtime.spawn(service::run(
+        session.clone(),
+        sim,
+        options,
+        move || ready.send(()).expect("somebody who waits"),
+        async {
+            let _ = ended.await;
+        },
+    ));
+    serves.recv_timeout(PATIENCE).expect("a service");
+    let link = Link::within(session, &name).expect("a link");
+    let recorder = std::thread::spawn({
+        let (link, runtime, out) = (link.clone(), runtime.handle().clone(), out.to_owned());
+        move || {
+            let options = RecordOptions {
+                out,
+                name: "recorder".to_owned(),
+                depth,
+                end_with_stdin: false,
+                episodes: Some(1),
+            };
+            let never = std::future::pending();
+            runtime.block_on(wheelarm_record::run(&link, options, never, |_| {}))
+        }
+    });
+    let idle = IdleCommander::start(&link);
+    let request = v1::EpisodeStartRequest {
+        label: depth.name().to_owned(),
+        require_recorders: 1,
+        ..v1::EpisodeStartRequest::default()
+    };
+    let mut started = None;
+    wait_until("the episode began", || {
+        started = link.ask(&request).ok();
+        started.is_some()
+    });
+    let started = started.expect("an episode");
+    let first = started.header.as_ref().map_or(0, |header| header.tick);
+    wait_until("the episode is over", || {
+        let status = link.ask(&v1::StatusRequest {}).expect("a status");
+        status.header.is_some_and(|now| now.tick >= first + TICKS)
+    });
+    link.stop_episode_of(&started, false).expect("an end");
+    let summary = recorder.join().expect("a recorder").expect("recordings");
+    drop(idle);
+    assert_eq!(summary.exit_code(), 0, "{:?}", summary.failed);
+    drop(end);
+    let served = runtime.block_on(service).expect("a service");
+    served.expect("a service that ends as asked");
+    runtime.shutdown_timeout(Duration::from_secs(1));
+    out.join(format!("{}.h5", depth.name()))
+}
+
+/// Bytes of the colour of all pictures as the file has it, and as the processor
+/// compresses it.
+fn colour(file: &Path, episode: &Episode, camera: &Camera) -> [usize; 2] {
+    let open = hdf5::File::open(file).expect("a file");
+    let stored = open
+        .dataset(&format!("streams/camera/{CAMERA}/rgb"))
+        .expect("pictures");
+    let mut out = Vec::new();
+    let mut deflate = Deflate::default();
+    for i in 0..camera.len() {
+        let rgb = camera.rgb(episode, i).expect("a picture");
+        deflate.append(&rgb, 1, &mut out);
+    }
+    [stored.storage_size() as usize, out.len()]
+}
+
+#[test]
+fn what_the_adapter_compresses_is_recorded_whatever_the_form_of_depth() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let files = Depth::ALL
+        .iter()
+        .map(|&depth| recorded(depth, folder.path()));
+    let [metres, millimetres, nothing] = &files.collect::<Vec<_>>()[..] else {
+        panic!("three forms of depth")
+    };
+    for file in [metres, millimetres, nothing] {
+        let found = validate(file, 1).expect("a look at the file");
+        assert!(found.problems.is_empty(), "{found:?}");
+    }
+    let [exact, kept, without] = [metres, millimetres, nothing].map(|file| {
+        let episode = Episode::open(file).expect("a recording");
+        let camera = episode.camera(CAMERA).expect("a camera");
+        (episode, camera)
+    });
+    for (file, (episode, camera)) in [metres, millimetres, nothing]
+        .into_iter()
+        .zip([&exact, &kept, &without])
+    {
+        let [stored, by_processor] = colour(file, episode, camera);
+        assert_ne!(stored, by_processor, "the adapter compressed none");
+    }
+    let pictures = [&exact, &kept, &without].map(|(_, camera)| camera.len());
+    assert!(
+        pictures.iter().all(|&pictures| pictures >= 10),
+        "{pictures:?}"
+    );
+    for i in 0..10 {
+        let [exact, kept, without] =
+            [&exact, &kept, &without].map(|(e, camera)| camera.frame(e, i).expect("a picture"));
+        assert_eq!(exact.rgb, kept.rgb);
+        assert_eq!(exact.ids, kept.ids);
+        assert_eq!((&exact.rgb, &exact.ids), (&without.rgb, &without.ids));
+        let bytes: Vec<u8> = exact.depth.iter().flat_map(|m| m.to_le_bytes()).collect();
+        let mut expected = Vec::new();
+        to_millimetres(&bytes, &mut expected);
+        let millimetres = kept.depth.iter().map(|m| (m * 1000.0).round());
+        let told = expected
+            .chunks(2)
+            .map(|b| f32::from(u16::from_le_bytes([b[0], b[1]])));
+        assert!(
+            millimetres
+                .zip(told)
+                .all(|(a, b)| a == b || (a.is_infinite() && b == 0.0))
+        );
+        assert!(without.depth.is_empty());
+    }
+}
