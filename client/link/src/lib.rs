@@ -111,6 +111,9 @@ impl Default for Connect {
     }
 }
 
+/// How long a server's token may be away before a question is asked all the same.
+const TOKEN_COMES_BACK: Duration = Duration::from_millis(500);
+
 /// How long the end of a server's token may come after that of a query, both
 /// told by the same transport.
 const TOKEN_ENDS: Duration = Duration::from_millis(500);
@@ -384,7 +387,7 @@ impl Link {
         request: Vec<u8>,
         patience: Duration,
     ) -> Result<R, LinkError> {
-        self.server.look(&self.session);
+        self.find_server(patience.min(TOKEN_COMES_BACK));
         let asked = Instant::now();
         let replies = self
             .session
@@ -424,6 +427,20 @@ impl Link {
                 // The transport itself reports a timeout as an error reply.
                 _ => Err(silent()),
             },
+        }
+    }
+
+    /// Looks who the server is. Where its token is away, it may come back at once: routers
+    /// that find their ways anew forget it for a moment, and a question asked in that
+    /// moment reaches nobody.
+    fn find_server(&self, patience: Duration) {
+        let since = Instant::now();
+        loop {
+            self.server.look(&self.session);
+            if self.server.is_there() || since.elapsed() >= patience {
+                return;
+            }
+            std::thread::sleep(Duration::from_millis(10));
         }
     }
 

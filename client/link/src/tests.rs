@@ -90,6 +90,46 @@ fn a_query_without_an_answer_says_how_it_ended() {
 }
 
 #[test]
+fn a_question_waits_a_moment_for_a_server_that_routers_lost_sight_of() {
+    let endpoint = free_endpoint();
+    let server = listen(&endpoint);
+    let keys = Keys::new("a").unwrap();
+    let serve = || {
+        let token = server
+            .liveliness()
+            .declare_token(keys.alive(&server.zid().to_string()));
+        let queries = server
+            .declare_queryable(format!("{}/a/query/*", keys::PREFIX))
+            .callback(|query| {
+                query
+                    .reply(
+                        query.key_expr().clone(),
+                        v1::Status::default().encode_to_vec(),
+                    )
+                    .encoding(told("Status"))
+                    .wait()
+                    .unwrap();
+            });
+        (queries.wait().unwrap(), token.wait().unwrap())
+    };
+    let before = serve();
+    let link = Link::open(&args(&endpoint, "a")).unwrap();
+    drop(before);
+    while link.server().is_there() {
+        std::thread::sleep(Duration::from_millis(1));
+    }
+    std::thread::scope(|scope| {
+        let again = scope.spawn(|| {
+            std::thread::sleep(Duration::from_millis(50));
+            serve()
+        });
+        let status = link.ask(&v1::StatusRequest {});
+        assert!(status.is_ok(), "{status:?}");
+        drop(again.join().unwrap());
+    });
+}
+
+#[test]
 fn replies_failures_names_and_order_get_through() {
     let endpoint = free_endpoint();
     let server = listen(&endpoint);
