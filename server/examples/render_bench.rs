@@ -162,18 +162,31 @@ fn main() -> Result<()> {
         1e3 / median
     );
 
-    ahead(&mut renderer, &robot, &scene, options.pairs)?;
+    ahead(&mut renderer, &robot, &scene, options.pairs, None)?;
     if options.deflate.is_some() {
         renderer.deflate(0, options.deflate);
         renderer.deflate(1, options.deflate);
-        ahead(&mut renderer, &robot, &scene, options.pairs)?;
+        ahead(
+            &mut renderer,
+            &robot,
+            &scene,
+            options.pairs,
+            options.deflate,
+        )?;
     }
     Ok(())
 }
 
 /// As the server draws when it is behind: the next pair is begun before this one
-/// is read. Prints the rate, and where the time of this thread goes.
-fn ahead(renderer: &mut Renderer, robot: &RobotModel, scene: &Scene, pairs: usize) -> Result<()> {
+/// is read. Prints the rate, and where the time of this thread goes; `depth` is the form
+/// in which the adapter compresses it, if it does.
+fn ahead(
+    renderer: &mut Renderer,
+    robot: &RobotModel,
+    scene: &Scene,
+    pairs: usize,
+    depth: Option<Depth>,
+) -> Result<()> {
     let snapshots: Vec<Snapshot> = (0..=pairs)
         .map(|pair| motion::moving(robot, scene, pair as f64 * 0.1))
         .collect();
@@ -181,6 +194,12 @@ fn ahead(renderer: &mut Renderer, robot: &RobotModel, scene: &Scene, pairs: usiz
     let before = Instant::now();
     let mut submitting = 0.0;
     let (mut exact, mut deflated, mut left) = ([0; 3], [0; 3], 0);
+    // Of four bytes of depth.
+    let kept = match depth {
+        Some(Depth::Millimetres) => 2,
+        Some(Depth::Nothing) => 0,
+        Some(Depth::Metres) | None => 4,
+    };
     for snapshot in &snapshots[1..] {
         let start = Instant::now();
         renderer.submit(snapshot, &[0, 1])?;
@@ -190,10 +209,10 @@ fn ahead(renderer: &mut Renderer, robot: &RobotModel, scene: &Scene, pairs: usiz
             for (i, plane) in planes.into_iter().enumerate() {
                 match &frame.deflated[i] {
                     Some(stream) => {
-                        exact[i] += plane.len();
+                        exact[i] += plane.len() / 4 * if i == 1 { kept } else { 4 };
                         deflated[i] += stream.len();
                     }
-                    None => left += 1,
+                    None => left += u32::from(i != 1 || kept > 0),
                 }
             }
         }
@@ -267,7 +286,7 @@ fn compare_packing(
             least / own_least,
             median / own_median
         );
-        ahead(renderer, robot, scene, options.pairs)?;
+        ahead(renderer, robot, scene, options.pairs, None)?;
     }
     println!("the same bytes in {} pairs", options.pairs + 5);
     Ok(())
@@ -346,7 +365,7 @@ fn compare(
             least / own_least,
             median / own_median
         );
-        ahead(renderer, robot, scene, options.pairs)?;
+        ahead(renderer, robot, scene, options.pairs, None)?;
     }
     Ok(())
 }

@@ -35,7 +35,7 @@ use wheelarm_proto::{Message, Query, Rpc, TopicId, v1};
 use zenoh::bytes::ZBytes;
 use zenoh::pubsub::Subscriber;
 use zenoh::qos::Priority;
-use zenoh::query::{ConsolidationMode, QueryTarget};
+use zenoh::query::{ConsolidationMode, QueryTarget, Reply};
 use zenoh::sample::{Sample, SourceInfo};
 use zenoh::{Config, Session, Wait};
 
@@ -357,7 +357,9 @@ impl Link {
         Ok(replies.into_iter().any(|reply| reply.result().is_ok()))
     }
 
-    /// Asks a query, which its request names, and waits for the reply.
+    /// Asks a query, which its request names, and waits for the reply. A server whose
+    /// token is away is waited for, up to half a second of the patience; what only looks
+    /// is asked twice where nobody was reached.
     ///
     /// # Errors
     /// [`LinkError::Refused`] with the server's words. Without an answer
@@ -387,8 +389,37 @@ impl Link {
         request: Vec<u8>,
         patience: Duration,
     ) -> Result<R, LinkError> {
-        self.find_server(patience.min(TOKEN_COMES_BACK));
         let asked = Instant::now();
+        let away = (patience / 2).min(TOKEN_COMES_BACK);
+        // What changes something may have reached the server all the same.
+        let mut again = query.only_looks();
+        self.find_server(away);
+        loop {
+            let left = patience.saturating_sub(asked.elapsed());
+            if let Some(reply) = self.reply(query, &key, &request, left)? {
+                return self.read(query, &reply, || {
+                    self.unanswered(query, asked.elapsed(), patience)
+                });
+            }
+            let error = self.unanswered(query, asked.elapsed(), patience);
+            if !std::mem::take(&mut again) || matches!(error, LinkError::Silent { .. }) {
+                return Err(error);
+            }
+            self.find_server(away);
+            if !self.server.is_there() {
+                return Err(error);
+            }
+        }
+    }
+
+    /// The server's reply to a query; nothing where it ended without.
+    fn reply(
+        &self,
+        query: Query,
+        key: &str,
+        request: &[u8],
+        patience: Duration,
+    ) -> Result<Option<Reply>, LinkError> {
         let replies = self
             .session
             .get(key)
@@ -405,13 +436,16 @@ impl Link {
             .timeout(patience)
             .wait()
             .map_err(transport("sending a query"))?;
-        let silent = || self.unanswered(query, asked.elapsed(), patience);
-        let reply = loop {
-            let reply = replies.recv().map_err(|_| silent())?;
-            if self.server.answered(&reply) {
-                break reply;
-            }
-        };
+        Ok(replies.iter().find(|reply| self.server.answered(reply)))
+    }
+
+    /// What a reply says.
+    fn read<R: Message + Default>(
+        &self,
+        query: Query,
+        reply: &Reply,
+        silent: impl Fn() -> LinkError,
+    ) -> Result<R, LinkError> {
         match reply.result() {
             Ok(sample) => {
                 schema::check(&sample.encoding().to_string())?;
@@ -430,9 +464,9 @@ impl Link {
         }
     }
 
-    /// Looks who the server is. Where its token is away, it may come back at once: routers
-    /// that find their ways anew forget it for a moment, and a question asked in that
-    /// moment reaches nobody.
+    /// Looks who the server is. Where its token is away, it may come back at once: a
+    /// connection that broke is made anew within milliseconds, and a question asked
+    /// meanwhile reaches nobody.
     fn find_server(&self, patience: Duration) {
         let since = Instant::now();
         loop {

@@ -35,7 +35,8 @@ const IDS: usize = 2;
 pub struct Exact {
     /// Its message, without a header.
     pub frame: v1::CameraFrame,
-    /// Its planes, depth as it is kept, as far as the adapter has compressed them.
+    /// Its planes, depth in the form that is wanted, as far as the adapter has compressed
+    /// them.
     pub deflated: Deflated,
     /// Number and digest of its message.
     pub published: Published,
@@ -65,8 +66,8 @@ impl Camera {
 }
 
 impl Compressed {
-    /// Starts a thread for each camera, names in the scenario's order; recorders keep
-    /// depth as `depth` says.
+    /// Starts a thread for each camera, names in the scenario's order; depth is
+    /// compressed in the form `depth`.
     ///
     /// # Errors
     /// When a thread cannot start.

@@ -109,20 +109,37 @@ fn recorded(depth: Depth, out: &Path) -> PathBuf {
     out.join(format!("{}.h5", depth.name()))
 }
 
-/// Bytes of the colour of all pictures as the file has it, and as the processor
-/// compresses it.
-fn colour(file: &Path, episode: &Episode, camera: &Camera) -> [usize; 2] {
+/// Metres as bytes.
+fn bytes(metres: &[f32]) -> Vec<u8> {
+    metres.iter().flat_map(|m| m.to_le_bytes()).collect()
+}
+
+/// Bytes of colour and depth of all pictures as the file has them, and as the processor
+/// compresses them.
+fn sizes(file: &Path, depth: Depth, episode: &Episode, camera: &Camera) -> [[usize; 2]; 2] {
     let open = hdf5::File::open(file).expect("a file");
-    let stored = open
-        .dataset(&format!("streams/camera/{CAMERA}/rgb"))
-        .expect("pictures");
-    let mut out = Vec::new();
+    let stored = |plane: &str| {
+        let set = open.dataset(&format!("streams/camera/{CAMERA}/{plane}"));
+        set.map_or(0, |set| set.storage_size() as usize)
+    };
+    let mut out = [Vec::new(), Vec::new()];
     let mut deflate = Deflate::default();
     for i in 0..camera.len() {
-        let rgb = camera.rgb(episode, i).expect("a picture");
-        deflate.append(&rgb, 1, &mut out);
+        let picture = camera.frame(episode, i).expect("a picture");
+        deflate.append(&picture.rgb, 1, &mut out[0]);
+        let metres = bytes(&picture.depth);
+        match depth {
+            Depth::Metres => _ = deflate.append(&metres, 4, &mut out[1]),
+            Depth::Millimetres => {
+                let mut millimetres = Vec::new();
+                to_millimetres(&metres, &mut millimetres);
+                deflate.append(&millimetres, 2, &mut out[1]);
+            }
+            Depth::Nothing => {}
+        }
     }
-    [stored.storage_size() as usize, out.len()]
+    let by_processor = out.map(|plane| plane.len());
+    [["rgb", "depth"].map(stored), by_processor]
 }
 
 #[test]
@@ -143,12 +160,22 @@ fn what_the_adapter_compresses_is_recorded_whatever_the_form_of_depth() {
         let camera = episode.camera(CAMERA).expect("a camera");
         (episode, camera)
     });
-    for (file, (episode, camera)) in [metres, millimetres, nothing]
+    for ((file, &depth), (episode, camera)) in [metres, millimetres, nothing]
         .into_iter()
+        .zip(Depth::ALL)
         .zip([&exact, &kept, &without])
     {
-        let [stored, by_processor] = colour(file, episode, camera);
-        assert_ne!(stored, by_processor, "the adapter compressed none");
+        let [stored, by_processor] = sizes(file, depth, episode, camera);
+        assert_ne!(
+            stored[0], by_processor[0],
+            "the adapter compressed no colour"
+        );
+        let made = depth != Depth::Nothing;
+        assert_eq!(
+            stored[1] != by_processor[1],
+            made,
+            "{depth:?} by the adapter"
+        );
     }
     let pictures = [&exact, &kept, &without].map(|(_, camera)| camera.len());
     assert!(
@@ -161,9 +188,8 @@ fn what_the_adapter_compresses_is_recorded_whatever_the_form_of_depth() {
         assert_eq!(exact.rgb, kept.rgb);
         assert_eq!(exact.ids, kept.ids);
         assert_eq!((&exact.rgb, &exact.ids), (&without.rgb, &without.ids));
-        let bytes: Vec<u8> = exact.depth.iter().flat_map(|m| m.to_le_bytes()).collect();
         let mut expected = Vec::new();
-        to_millimetres(&bytes, &mut expected);
+        to_millimetres(&bytes(&exact.depth), &mut expected);
         let millimetres = kept.depth.iter().map(|m| (m * 1000.0).round());
         let told = expected
             .chunks(2)

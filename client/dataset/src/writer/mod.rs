@@ -574,9 +574,9 @@ fn check_compressed(
         (_, v1::PixelFormat::DepthMetresF32) => Some(4 * pixels),
         (Depth::Millimetres, v1::PixelFormat::DepthMillimetresU16) => Some(2 * pixels),
         (_, other) => {
+            let kept = depth.name();
             return Err(format!(
-                "its depth is {other:?}, which holds no {}",
-                depth.name()
+                "its depth is {other:?}, of which no {kept} can be made"
             ));
         }
     };

@@ -990,7 +990,7 @@ class CameraFrame(_Message):
 class CompressedCameraFrame(_Message):
     """A CameraFrame of the same camera and sequence number whose planes are compressed, once for
     all who record: what a recorder writes as it comes. A plane is one zlib stream (RFC 1950). A
-    picture that nobody waited for in this form has its stamp alone: its planes are empty.
+    picture that nobody waited for in this form has its stamp alone: all its planes are empty.
     """
     header: Header
     """Stamp of the exposure."""

@@ -200,12 +200,6 @@ impl CameraPacker {
         let deflater = self.deflaters[depth as usize].get_or_init(new);
         deflater.clone().filter(|deflater| deflater.works())
     }
-
-    /// Whether nothing is known that would keep it from deflating.
-    pub(super) fn may_deflate(&self) -> bool {
-        let mut known = self.deflaters.iter().filter_map(OnceLock::get);
-        known.all(|deflater| deflater.as_ref().is_some_and(|deflater| deflater.works()))
-    }
 }
 
 #[cfg(test)]

@@ -79,14 +79,6 @@ impl ReadBack {
         matches!(self.way, Way::Packed(_))
     }
 
-    /// Whether the adapter deflates pictures when it is asked to, as far as is known.
-    pub(super) fn deflates(&self) -> bool {
-        match &self.way {
-            Way::Packed(packed) => packed.may_deflate(),
-            Way::Unpacked(..) => false,
-        }
-    }
-
     /// Appends what brings the picture that was drawn into buffers, and names them;
     /// also `deflated`, depth in that form, where that is asked for and can be.
     pub(super) fn copy(

@@ -219,7 +219,7 @@ impl Renderer {
             let lens = &target.spec.intrinsics;
             u64::from(lens.width) * u64::from(lens.height) >= WORTH_IT
         };
-        self.targets.get(camera).is_some_and(worth) && self.read_back[camera].deflates()
+        self.targets.get(camera).is_some_and(worth) && self.read_back[camera].is_packed()
     }
 
     /// Whether the pictures of a camera are to be deflated from the next on, where the

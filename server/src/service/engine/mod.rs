@@ -54,7 +54,8 @@ pub struct Options {
     pub graphics: Graphics,
     /// Physics only: no pictures, no driver needed.
     pub no_cameras: bool,
-    /// How depth is kept by those who record: compressed pictures hold it so.
+    /// Form of depth in compressed pictures: metres, unless all who record keep it in
+    /// another, as the one recorder of a campaign's worker may.
     pub depth: Depth,
     /// Who may connect, for who asks.
     pub access: v1::Access,

@@ -4,6 +4,7 @@ use super::super::super::latest;
 use super::super::hearing::{LONGEST, LOOK, PATIENCE};
 use super::*;
 use wheelarm_dataset::compress::Deflate;
+use wheelarm_dataset::compress::depth::to_millimetres;
 use wheelarm_dataset::depth::Depth;
 use wheelarm_proto::digest::{Digest, StreamDigest, of_message};
 
@@ -256,6 +257,61 @@ fn depth_that_is_stored_in_another_way_is_made_of_compressed_depth() {
         let exact = stored(false);
         assert_eq!(stored(true), exact, "{depth:?}");
         assert_eq!(exact[0].contains("1.75"), depth != Depth::Nothing);
+    }
+    // Depth that comes as it is kept is taken as it is, any other as the exact picture.
+    let mut millimetres = Vec::new();
+    to_millimetres(&exact(0).depth, &mut millimetres);
+    let mut kept = Vec::new();
+    Deflate::default().append(&millimetres, 2, &mut kept);
+    let kept = Bytes::from(kept);
+    let [in_metres, in_millimetres] = [
+        v1::PixelFormat::DepthMetresF32,
+        v1::PixelFormat::DepthMillimetresU16,
+    ];
+    for (stored, format, depth, is_taken) in [
+        (Depth::Millimetres, in_millimetres, kept.clone(), true),
+        (Depth::Metres, in_millimetres, kept, false),
+        (Depth::Nothing, in_metres, Bytes::new(), true),
+        (Depth::Metres, in_metres, Bytes::new(), false),
+    ] {
+        let mut b = bench_with(stored);
+        let frame = v1::CompressedCameraFrame {
+            depth,
+            depth_format: format.into(),
+            ..compressed(0)
+        };
+        let mut out = b.feed(sample("compressed/gen3", &frame));
+        out.extend(b.wait(Duration::from_secs(1)));
+        let asks = |o: &Output| {
+            matches!(o, Output::AskSamples { missing: m, .. }
+                if m.stream == "camera/gen3" && m.first == 0)
+        };
+        assert_eq!(
+            !out.iter().any(asks),
+            is_taken,
+            "{stored:?} {format:?}: {out:?}"
+        );
+        if !is_taken {
+            continue;
+        }
+        for i in 1..3 {
+            b.feed(sample("camera/gen3", &exact(i)));
+        }
+        let out = b.feed(ended(told()));
+        let episode = Episode::open(&report(&out).path).unwrap();
+        let camera = episode.camera("gen3").unwrap();
+        let read = camera.frame(&episode, 0).unwrap().depth;
+        match stored {
+            Depth::Nothing => assert!(read.is_empty()),
+            // Zero is nothing in millimetres.
+            _ => {
+                let whole: Vec<f32> = read.iter().map(|m| (m * 1000.0).round()).collect();
+                assert_eq!(
+                    whole[1..],
+                    [250.0, 500.0, 750.0, 1000.0, 1250.0, 1500.0, 1750.0]
+                );
+            }
+        }
     }
     // What cannot be inflated fails the log with words and takes nobody else along.
     let mut b = bench_with(Depth::Millimetres);

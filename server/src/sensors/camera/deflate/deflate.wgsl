@@ -103,20 +103,32 @@ fn shuffled(first: u32, size: u32, at: u32) -> u32 {
 }
 
 // Metres, by their bits, as 16-bit millimetres, rounded to the nearest: 0 where nothing
-// was hit or it is too far, at least 1 where something was. As `wheelarm-compress` has
-// it; compared, not subtracted, for a product and a difference may be fused.
+// was hit or it is too far, at least 1 where something was. By whole numbers, as
+// `wheelarm-compress` does it by IEEE 754: a graphics card may round a product otherwise.
 fn millimetres(metres: u32) -> u32 {
-    // Nothing, not a number, negative; or infinite.
+    // Nothing, or infinite, not a number, negative.
     if metres == 0u || metres >= 0x7f800000u {
         return 0u;
     }
-    let exact = bitcast<f32>(metres) * 1000.0;
-    if !(exact < 65535.5) {
+    // A thousand times 24 bits: 33 bits or 34, of which the upper 24 stay.
+    let mantissa = (metres & 0x7fffffu) | 0x800000u;
+    let low = (mantissa & 0xfffu) * 1000u;
+    let high = (mantissa >> 12u) * 1000u + (low >> 12u);
+    let less = 9u + u32(high >= 0x200000u);
+    let rest = low & ((1u << less) - 1u);
+    let half = 1u << (less - 1u);
+    var product = (high << (12u - less)) | ((low & 0xfffu) >> less);
+    product += u32(rest > half || (rest == half && (product & 1u) == 1u));
+    // Less than half a millimetre; more than 65 535 of them.
+    let exponent = (metres >> 23u) + less;
+    if exponent < 125u {
+        return 1u;
+    }
+    if exponent > 142u || (exponent == 142u && product >= 131071u * 128u) {
         return 0u;
     }
-    let whole = u32(exact);
-    let nearest = whole + u32(exact >= f32(whole) + 0.5);
-    return max(nearest, 1u);
+    let shift = 150u - exponent;
+    return max((product + (1u << (shift - 1u))) >> shift, 1u);
 }
 
 // Byte `at` of depth as it is kept, shuffled.

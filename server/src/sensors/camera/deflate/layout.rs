@@ -24,6 +24,9 @@ pub(super) const SEGMENT: usize = 8192;
 pub(super) const PIECES: usize = 128;
 /// Most words of a piece: no code has more than 12 bits.
 pub(super) const SLOT: usize = 24;
+// A piece of nothing but the longest codes has room, and no reference is longer than a
+// length can say.
+const _: () = assert!(SEGMENT / PIECES * 12 <= SLOT * 32 && SEGMENT / PIECES < 258);
 /// How far a reference reaches back.
 pub(super) const WINDOW: usize = 32_768;
 /// Most workgroups along an axis.
@@ -109,7 +112,7 @@ impl Layout {
                 1 => bytes / 8 * 5,
                 _ => bytes / 4,
             };
-            let room = (room + 4096) / 4;
+            let room = if bytes > 0 { (room + 4096) / 4 } else { 1 };
             let (mut candidates, mut known) = ([0; 8], 0);
             for &far in near[i].iter().filter(|far| (1..=WINDOW).contains(*far)) {
                 candidates[known] = far as u32;

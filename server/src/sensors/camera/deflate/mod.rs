@@ -224,7 +224,11 @@ impl Results {
         let mapped = match buffer.get_mapped_range(..) {
             Ok(mapped) => mapped,
             Err(problem) => {
-                tracing::warn!("what the graphics adapter deflated cannot be read: {problem}");
+                tracing::warn!(
+                    "what the graphics adapter deflated cannot be read, the processor does it \
+                     from now on: {problem}"
+                );
+                by.is_wrong.store(true, Ordering::Relaxed);
                 return Deflated::default();
             }
         };
