@@ -478,6 +478,14 @@ impl Link {
         }
     }
 
+    /// Whether the server is away for longer than a connection that broke takes to be made
+    /// anew; waits so long.
+    #[must_use]
+    pub fn is_gone(&self) -> bool {
+        self.find_server(TOKEN_COMES_BACK);
+        !self.server.is_there()
+    }
+
     /// Why a query ended without an answer.
     fn unanswered(&self, query: Query, after: Duration, patience: Duration) -> LinkError {
         let (sim, query) = (self.keys.sim().to_owned(), query.name());

@@ -3,6 +3,7 @@
 //! tokens of others, so no number of them keeps a commander out.
 
 use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::mpsc::Receiver;
 use std::time::{Duration, Instant};
 
@@ -15,11 +16,15 @@ use zenoh::sample::SampleKind;
 use zenoh::{Session, Wait};
 
 use super::denied::Denied;
-use super::inbox::{Asked, Granted, Life};
+use super::inbox::{Asked, Granted, Life, STALE_SECS};
 use super::shared::Shared;
 
 /// Longest wait for the transport's word on a token; it knows it itself.
 const WORD: Duration = Duration::from_secs(1);
+
+/// A token that is back by then never vanished: a connection that broke is made anew
+/// within milliseconds, and whoever sends no command for so long is braked anyway.
+const COMES_BACK: Duration = Duration::from_millis((STALE_SECS * 1e3) as u64);
 
 /// The thread's own: it ends when nobody can ask any more.
 pub struct Leases {
@@ -175,14 +180,31 @@ impl Leases {
         asked.is_ok_and(|replies| replies.iter().any(|reply| reply.result().is_ok()))
     }
 
+    /// Hears when the token vanishes; control ends where it does not come back.
     fn watch(&self, life: &Life) -> Result<Subscriber<()>, Denied> {
         let (shared, name) = (Arc::clone(&self.shared), life.name.clone());
         let life = life.clone();
+        let came = Arc::new(AtomicU64::new(0));
         self.session
             .liveliness()
             .declare_subscriber(self.token(&life))
             .callback(move |sample| {
-                if sample.kind() == SampleKind::Delete {
+                if sample.kind() == SampleKind::Put {
+                    came.fetch_add(1, Ordering::AcqRel);
+                    return;
+                }
+                let before = came.load(Ordering::Acquire);
+                let look = {
+                    let (came, shared, life) = (came.clone(), shared.clone(), life.clone());
+                    move || {
+                        std::thread::sleep(COMES_BACK);
+                        if came.load(Ordering::Acquire) == before {
+                            shared.gone(&life);
+                        }
+                    }
+                };
+                let thread = std::thread::Builder::new().name("lease".to_owned());
+                if thread.spawn(look).is_err() {
                     shared.gone(&life);
                 }
             })

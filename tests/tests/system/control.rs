@@ -6,6 +6,7 @@ use std::time::Duration;
 use wheelarm_proto::preview::PreviewLevel;
 use wheelarm_proto::v1;
 use wheelarm_tests::{IdleCommander, PATIENCE, Server, printed, program, root, wait_until};
+use zenoh::Wait;
 
 fn holder(link: &wheelarm_link::Link) -> String {
     let status: v1::Status = link.ask(&v1::StatusRequest {}).expect("a status");
@@ -40,6 +41,37 @@ fn a_second_operator_is_told_who_is_in_control_and_takes_it_only_explicitly() {
     std::mem::forget(carl);
     gone.close().expect("the end of the session");
     wait_until("control is free again", || holder(&first).is_empty());
+
+    // A token that vanishes and is back at once is that of a connection that broke.
+    let (name, run_id) = ("dora".to_owned(), "0".to_owned());
+    let token = || {
+        let key = first.keys().commander_alive(&name, &run_id);
+        let token = first.session().liveliness().declare_token(key);
+        token.wait().expect("a token")
+    };
+    let before = token();
+    let asked = v1::LeaseRequest {
+        header: Some(v1::Header {
+            run_id: run_id.clone(),
+            ..v1::Header::default()
+        }),
+        commander: name.clone(),
+        ..v1::LeaseRequest::default()
+    };
+    wait_until("dora is in control", || {
+        first.ask(&asked).is_ok_and(|held| held.holder == name)
+    });
+    drop(before);
+    let again = token();
+    let tick = || {
+        let status: v1::Status = second.ask(&v1::StatusRequest {}).expect("a status");
+        status.header.expect("a header").tick
+    };
+    let until = tick() + 240;
+    wait_until("a second went by", || tick() >= until);
+    assert_eq!(holder(&second), name);
+    drop(again);
+    wait_until("control is free again", || holder(&second).is_empty());
 }
 
 #[test]

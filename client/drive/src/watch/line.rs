@@ -143,7 +143,7 @@ fn stay(
             if ended.load(Ordering::Acquire) {
                 break None;
             }
-            if !link.server().is_there() {
+            if link.is_gone() {
                 break Some("the server has gone".to_owned());
             }
             let asked = Instant::now();
