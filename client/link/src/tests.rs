@@ -1,8 +1,8 @@
 //! The link against a peer that listens, as a server does.
 
 use super::*;
-use wheelarm_proto::TopicId;
 use wheelarm_proto::topic::Sample;
+use wheelarm_proto::{Query, TopicId};
 use zenoh::sample::SourceInfo;
 use zenoh::session::EntityGlobalId;
 

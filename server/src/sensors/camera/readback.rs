@@ -13,6 +13,10 @@ use super::packing::{CameraPacker, Packer};
 use super::ring::Ring;
 use super::target::Target;
 
+/// Pixels from which on the adapter deflates a picture in less time than the
+/// processor needs to ask for that.
+const WORTH_IT: usize = 65_536;
+
 /// How the pictures of one camera reach the processor.
 pub(super) struct ReadBack {
     ring: Ring,
@@ -77,6 +81,14 @@ impl ReadBack {
     /// Whether nothing is left to do for the processor.
     pub(super) fn is_packed(&self) -> bool {
         matches!(self.way, Way::Packed(_))
+    }
+
+    /// Whether the adapter deflates pictures in less time than the processor.
+    pub(super) fn deflates(&self) -> bool {
+        match &self.way {
+            Way::Packed(packed) => packed.planes.pixels >= WORTH_IT,
+            Way::Unpacked(..) => false,
+        }
     }
 
     /// Appends what brings the picture that was drawn into buffers, and names them;

@@ -65,10 +65,6 @@ pub struct Renderer {
 /// with the second while the first is unpacked and sent.
 pub const IN_FLIGHT: usize = 2;
 
-/// Pixels from which on the adapter deflates a picture in less time than the
-/// processor needs to ask for that.
-const WORTH_IT: u64 = 65_536;
-
 /// Reversed depth where nothing is hit.
 const FARTHEST: wgpu::LoadOp<f32> = wgpu::LoadOp::Clear(0.0);
 
@@ -215,11 +211,7 @@ impl Renderer {
     /// processor, if it is asked to; by its index.
     #[must_use]
     pub fn deflates(&self, camera: usize) -> bool {
-        let worth = |target: &Target| {
-            let lens = &target.spec.intrinsics;
-            u64::from(lens.width) * u64::from(lens.height) >= WORTH_IT
-        };
-        self.targets.get(camera).is_some_and(worth) && self.read_back[camera].is_packed()
+        self.read_back.get(camera).is_some_and(ReadBack::deflates)
     }
 
     /// Whether the pictures of a camera are to be deflated from the next on, where the
