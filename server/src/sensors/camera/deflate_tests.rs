@@ -113,3 +113,40 @@ fn a_large_picture_shrinks_as_the_processor_makes_it_shrink() {
         }
     }
 }
+
+/// Renderers of one device, each in a thread of its own, make their shaders and streams at
+/// the same time.
+#[test]
+fn several_renderers_of_one_device_deflate_at_once() {
+    let scene = floor_and_box();
+    let cameras = sizes();
+    let graphics = Graphics::on(None).packing(Packing::Adapter);
+    let mut renderers = Vec::new();
+    for _ in 0..3 {
+        match Renderer::over(&graphics, &scene, &cameras, Quality::Fast) {
+            Ok(renderer) => renderers.push(renderer),
+            Err(reason @ RenderError::NoDriver) => {
+                eprintln!("skipped: {reason}");
+                return;
+            }
+            Err(other) => panic!("{other}"),
+        }
+    }
+    let together = std::sync::Barrier::new(renderers.len());
+    std::thread::scope(|threads| {
+        for mut renderer in renderers {
+            let together = &together;
+            threads.spawn(move || {
+                renderer.deflate(0, Some(Depth::Metres));
+                together.wait();
+                let mut count = 0;
+                for i in 0..6 {
+                    let now = snapshot(&[[0.2 - 0.1 * f64::from(i), 0.1, 0.6]]);
+                    let frames = renderer.render(&now, &[0]).unwrap();
+                    count += check(&frames[0], Depth::Metres);
+                }
+                assert!(count >= 15, "{count}");
+            });
+        }
+    });
+}

@@ -13,6 +13,7 @@ use super::ambient_occlusion::LastHome;
 use super::packing::{Packer, Packing};
 use super::pipelines::Pipelines;
 use super::tier::Tier;
+use super::timing;
 
 /// An adapter that renderers share, opened with the first of them. A device that
 /// failed is not handed out again.
@@ -21,6 +22,8 @@ pub struct Graphics {
     wanted: Option<String>,
     /// `None`: as suits the adapter.
     packing: Option<Packing>,
+    /// For [`Renderer::spent`](super::Renderer::spent).
+    timed: bool,
     kept: Arc<Mutex<Kept>>,
     last_home: Arc<LastHome>,
 }
@@ -75,12 +78,22 @@ impl Graphics {
         }
     }
 
+    /// The same with the time of each part of a picture taken, where the adapter can:
+    /// for benches.
+    #[must_use]
+    pub fn timed(self) -> Self {
+        Self {
+            timed: true,
+            ..self
+        }
+    }
+
     /// Opens the device for a renderer that comes later, which waits for it. What fails
     /// is told to the renderer: it tries again.
     pub fn open_ahead(&self) {
         let mut kept = self.kept.lock();
         if kept.opened.is_none() {
-            kept.opened = open(self.wanted.as_deref()).ok();
+            kept.opened = self.open_device().ok();
         }
     }
 
@@ -94,7 +107,7 @@ impl Graphics {
     /// A device of its own for a test.
     #[cfg(test)]
     pub(super) fn device(&self) -> Result<Opened, RenderError> {
-        open(self.wanted.as_deref())
+        self.open_device()
     }
 
     /// The light of the home that was drawn last.
@@ -111,7 +124,7 @@ impl Graphics {
         }
         let opened = match &kept.opened {
             Some(opened) => opened.clone(),
-            None => kept.opened.insert(open(self.wanted.as_deref())?).clone(),
+            None => kept.opened.insert(self.open_device()?).clone(),
         };
         let known = kept.pipelines.iter().find(|(of, _)| *of == tier);
         let pipelines = match known {
@@ -129,11 +142,20 @@ impl Graphics {
         });
         Ok((opened, pipelines, packer))
     }
+
+    fn open_device(&self) -> Result<Opened, RenderError> {
+        open(self.wanted.as_deref(), self.timed)
+    }
 }
 
-fn open(adapter: Option<&str>) -> Result<Opened, RenderError> {
+fn open(adapter: Option<&str>, timed: bool) -> Result<Opened, RenderError> {
     let (info, chosen) = adapter::choose(adapter)?;
+    let features = match timed {
+        true => timing::FEATURES & chosen.features(),
+        false => wgpu::Features::empty(),
+    };
     let (device, queue) = pollster::block_on(chosen.request_device(&wgpu::DeviceDescriptor {
+        required_features: features,
         required_limits: wgpu::Limits {
             max_buffer_size: chosen.limits().max_buffer_size,
             // Pictures beyond ten million pixels are packed through larger ones.

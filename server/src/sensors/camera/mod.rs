@@ -20,6 +20,7 @@ mod patterns;
 mod person;
 mod pipelines;
 mod planes;
+mod prepare;
 mod readback;
 mod renderer;
 mod ring;
@@ -29,6 +30,7 @@ mod soft;
 pub mod spec;
 mod target;
 mod tier;
+mod timing;
 mod uniform;
 mod view;
 

@@ -12,6 +12,8 @@ struct Planes {
     // Bits of the nearest and the farthest depth, float32 metres.
     near: u32,
     far: u32,
+    // Colour where nothing is hit, its alpha byte 0; another where that is drawn.
+    background: u32,
 }
 
 @group(0) @binding(0) var<uniform> planes: Planes;
@@ -59,8 +61,10 @@ fn pack_four(four: u32) -> array<u32, 4> {
     var shown: array<u32, 4>;
     for (var i = 0u; i < 4u; i++) {
         let at = place(four * 4u + i);
-        shown[i] = pack4x8unorm(textureLoad(color, at, 0));
-        packed[planes.depth + four * 4u + i] = metres(bitcast<u32>(textureLoad(depth, at, 0)));
+        let reversed = bitcast<u32>(textureLoad(depth, at, 0));
+        let drawn = reversed != 0u || (planes.background >> 24u) != 0u;
+        shown[i] = select(planes.background, pack4x8unorm(textureLoad(color, at, 0)), drawn);
+        packed[planes.depth + four * 4u + i] = metres(reversed);
     }
     let rgb = four * 3u;
     packed[rgb] = (shown[0] & 0xffffffu) | (shown[1] << 24u);

@@ -8,6 +8,7 @@ use wheelarm_proto::settings::{Depth, Named};
 use super::deflate::{CameraDeflater, Deflater};
 use super::planes::Planes;
 use super::target::Target;
+use super::timing::Timing;
 
 /// Where pictures are packed: colour without alpha, depth in metres, ids of 16
 /// bits. The bytes are the same.
@@ -29,6 +30,7 @@ struct PlanesUniform {
     ids: u32,
     near: u32,
     far: u32,
+    background: u32,
 }
 
 /// Pixels of one workgroup.
@@ -69,12 +71,13 @@ impl Packer {
         }
     }
 
-    /// What packs the pictures of a camera; `None` where they are larger than what
+    /// What packs the pictures of a camera, `background` where nothing is hit; `None` where they are larger than what
     /// a shader of this adapter can write.
     pub(super) fn for_camera(
         self: &Arc<Self>,
         device: &wgpu::Device,
         target: &Target,
+        background: wgpu::Color,
     ) -> Option<CameraPacker> {
         let planes = Planes::of(target);
         let [near, far] = target.spec.range.map(|metres| metres as f32);
@@ -90,6 +93,10 @@ impl Packer {
             ids: (ids.start / 4) as u32,
             near: near.to_bits(),
             far: far.to_bits(),
+            background: match target.is_averaged() {
+                true => u32::MAX,
+                false => rgb_bytes(background),
+            },
         };
         let uniform = device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
             label: Some("planes"),
@@ -137,6 +144,12 @@ impl Packer {
     }
 }
 
+/// As a picture's bytes, from the lowest on.
+fn rgb_bytes(color: wgpu::Color) -> u32 {
+    let byte = |c: f64| (c as f32).clamp(0.0, 1.0).mul_add(255.0, 0.5) as u32;
+    byte(color.r) | byte(color.g) << 8 | byte(color.b) << 16
+}
+
 /// What `make` makes, if the adapter takes it: the processor can do the same, so that a
 /// refusal or too little memory ends nothing.
 fn tried<T>(device: &wgpu::Device, make: impl FnOnce() -> Option<T>) -> Option<T> {
@@ -174,13 +187,20 @@ pub(super) struct CameraPacker {
 
 impl CameraPacker {
     /// Appends what packs the picture that was drawn and copies it to `read`.
-    pub(super) fn pack(&self, encoder: &mut wgpu::CommandEncoder, read: &wgpu::Buffer) {
+    pub(super) fn pack(
+        &self,
+        encoder: &mut wgpu::CommandEncoder,
+        read: &wgpu::Buffer,
+        timing: &Timing,
+    ) {
+        timing.begins(encoder, "pack");
         let mut pass = encoder.begin_compute_pass(&Default::default());
         pass.set_pipeline(&self.pipeline);
         pass.set_bind_group(0, &self.group, &[]);
         let [x, y] = self.groups;
         pass.dispatch_workgroups(x, y, 1);
         drop(pass);
+        timing.begins(encoder, "copy");
         encoder.copy_buffer_to_buffer(&self.packed, 0, read, 0, self.planes.bytes());
     }
 

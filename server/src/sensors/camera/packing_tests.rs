@@ -3,6 +3,7 @@
 use super::tests::{camera, floor_and_box, item, looking, scene, snapshot};
 use super::*;
 use crate::geometry::Shape;
+use crate::look::{Irradiance, Reflection};
 
 /// The same renderer twice; `None`, with the reason printed, only where there is
 /// no Vulkan driver.
@@ -137,4 +138,64 @@ fn pictures_that_are_kept_stay_and_their_memory_comes_back() {
     drop(adapter);
     let again = processor.render(&place(3), &[0]).unwrap();
     assert_eq!(last[0].rgb, again[0].rgb);
+}
+
+/// Light of the same strength from everywhere, in which glass is transparent.
+fn even_light() -> Surrounding {
+    let levels = std::iter::successors(Some(Reflection::SIDE), |side| Some(side / 2));
+    let levels = levels.take(5).map(|side| vec![120; side * side * 4]);
+    Surrounding {
+        irradiance: Irradiance([nalgebra::Matrix4::identity(); 3]),
+        reflection: Reflection {
+            levels: levels.collect(),
+        },
+        lamps: Vec::new(),
+    }
+}
+
+/// Where nothing is hit, pictures show the same sky, whatever was drawn there before and
+/// through a pane of glass.
+#[test]
+fn both_show_the_sky_where_nothing_is_hit() {
+    let ball = Shape::Sphere { radius: 0.2 };
+    let pane = Shape::Cuboid {
+        half: [0.01, 0.4, 0.4],
+    };
+    let own = |shape, i, id| item(shape, [0.5, 0.3, 0.2], Binding::Object(i), [0.0; 3], id);
+    let mut glass = own(&pane, 1, 2);
+    glass.material.transmission = 0.8;
+    let mut all = scene(vec![own(&ball, 0, 1), glass], 2);
+    all.lighting.sky = [0.31, 0.47, 0.9];
+    let eye = camera(
+        looking([0.0; 3], [1.0, 0.0, 0.0]),
+        Intrinsics::centred([123, 67], 1.2),
+    );
+    let away = [-3.0, 0.0, 0.0];
+    for lit in [false, true] {
+        all.surrounding = lit.then(even_light);
+        for quality in [Quality::Fast, Quality::Standard, Quality::High] {
+            let Some([mut adapter, mut processor]) =
+                both(&all, std::slice::from_ref(&eye), quality)
+            else {
+                return;
+            };
+            for objects in [
+                [[2.0, 0.5, 0.0], away],
+                [[2.0, -0.5, 0.0], away],
+                [[3.0, 0.1, 0.0], [1.5, 0.0, 0.0]],
+                [away, [1.5, 0.3, 0.1]],
+                [away, away],
+            ] {
+                let now = snapshot(&objects);
+                let one = adapter.render(&now, &[0]).unwrap();
+                let two = processor.render(&now, &[0]).unwrap();
+                assert!(one[0].rgb == two[0].rgb, "{lit} {quality:?} {objects:?}");
+                assert_eq!((&one[0].depth, &one[0].ids), (&two[0].depth, &two[0].ids));
+                let nothing = one[0].ids().iter().filter(|id| **id == 0).count();
+                let is_empty = objects == [away, away];
+                assert_eq!(nothing == 123 * 67, is_empty, "{objects:?}");
+                assert!(nothing > 0);
+            }
+        }
+    }
 }

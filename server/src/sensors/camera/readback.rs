@@ -12,6 +12,7 @@ use super::geometry::Order;
 use super::packing::{CameraPacker, Packer};
 use super::ring::Ring;
 use super::target::Target;
+use super::timing::Timing;
 
 /// Pixels from which on the adapter deflates a picture in less time than the
 /// processor needs to ask for that.
@@ -49,13 +50,15 @@ enum Way {
 }
 
 impl ReadBack {
-    /// By `packer`, where there is one and it can.
+    /// By `packer`, where there is one and it can; `background` is where nothing is hit.
     pub(super) fn new(
         device: &wgpu::Device,
         target: &Target,
         packer: Option<&Arc<Packer>>,
+        background: wgpu::Color,
     ) -> Self {
-        let packed = packer.and_then(|packer| packer.for_camera(device, target));
+        let for_camera = |packer: &Arc<Packer>| packer.for_camera(device, target, background);
+        let packed = packer.and_then(for_camera);
         let way = match packed {
             Some(packed) => Way::Packed(Box::new(packed)),
             None => Way::Unpacked(Layout::of(target), target.spec.range, Mutex::default()),
@@ -76,6 +79,11 @@ impl ReadBack {
             true => Order::Finish,
             false => Order::Depth,
         }
+    }
+
+    /// Whether it shows the background where nothing was drawn.
+    pub(super) fn has_background(&self, target: &Target) -> bool {
+        self.is_packed() && !target.is_averaged()
     }
 
     /// Whether nothing is left to do for the processor.
@@ -99,6 +107,7 @@ impl ReadBack {
         encoder: &mut wgpu::CommandEncoder,
         target: &Target,
         deflated: Option<Depth>,
+        timing: &Timing,
     ) -> Buffers {
         let planes = self.ring.take(device);
         let mut buffers = Buffers {
@@ -107,12 +116,15 @@ impl ReadBack {
         };
         match &self.way {
             Way::Packed(packed) => {
-                packed.pack(encoder, &buffers.planes);
+                packed.pack(encoder, &buffers.planes, timing);
                 let deflater = deflated.and_then(|depth| packed.deflater(device, depth));
-                buffers.deflated =
-                    deflater.map(|deflater| deflater.deflate((device, queue), encoder));
+                let on = (device, queue);
+                buffers.deflated = deflater.map(|deflater| deflater.deflate(on, encoder, timing));
             }
-            Way::Unpacked(layout, ..) => layout.copy(encoder, target, &buffers.planes),
+            Way::Unpacked(layout, ..) => {
+                timing.begins(encoder, "copy");
+                layout.copy(encoder, target, &buffers.planes);
+            }
         }
         buffers
     }

@@ -3,6 +3,7 @@
 use std::collections::VecDeque;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
 
 use nalgebra::Isometry3;
 use parking_lot::Mutex;
@@ -11,13 +12,12 @@ use wheelarm_proto::settings::Depth;
 
 use super::adapter::{self, AdapterInfo};
 use super::ambient_occlusion::Surroundings;
-use super::buffers::Buffers;
+use super::buffers::Shine;
 use super::geometry::{BodyRows, Geometry, Seen};
 use super::graphics::{Graphics, Opened};
-use super::packing::Packer;
-use super::parallel;
 use super::person::PersonMesh;
 use super::pipelines::Pipelines;
+use super::prepare::{Prepared, check_cameras, prepare};
 use super::readback::{Buffers as ReadBuffers, Picture, ReadBack};
 use super::scene::{Binding, RenderScene, Surrounding};
 use super::shadow::{ShadowMap, SunView};
@@ -25,6 +25,7 @@ use super::soft::SoftMeshes;
 use super::spec::CameraSpec;
 use super::target::{Target, depth_attachment};
 use super::tier::Tier;
+use super::timing::Timing;
 use super::uniform::CameraUniform;
 use super::view::View;
 use super::{Frame, Quality, RenderError, patterns};
@@ -38,6 +39,7 @@ pub struct Renderer {
     queue: wgpu::Queue,
     failure: Arc<Mutex<Option<String>>>,
     broken: Arc<AtomicBool>,
+    timing: Timing,
     tier: Tier,
     pipelines: Arc<Pipelines>,
     geometry: Geometry,
@@ -166,7 +168,8 @@ impl Renderer {
                 wgpu::BindingResource::Sampler(&comparing),
             ],
         );
-        let read_back = |target: &Target| ReadBack::new(&device, target, packer.as_ref());
+        let sky = background(&scene.lighting);
+        let read_back = |target: &Target| ReadBack::new(&device, target, packer.as_ref(), sky);
         let read_back = targets.iter().map(read_back).collect();
         let renderer = Self {
             shadow,
@@ -175,6 +178,7 @@ impl Renderer {
             surroundings,
             expected: [scene.links, scene.objects, scene.sliding],
             info,
+            timing: Timing::new(&device, &queue),
             device,
             queue,
             failure,
@@ -289,11 +293,13 @@ impl Renderer {
             self.queue
                 .write_buffer(uniform, 0, bytemuck::bytes_of(&block));
         }
+        self.timing.begins(&mut encoder, "shadow");
         if let (true, Some(&first)) = (self.tier.has_shadows(), cameras.first()) {
             let group = &self.scene_groups[first];
             self.shadow
                 .draw(&mut encoder, &self.pipelines, group, &self.geometry, &poses);
         }
+        self.timing.begins(&mut encoder, "draw");
         // All are drawn before the first is copied: a copy waits for what it copies, and
         // a CPU adapter draws nothing meanwhile.
         for (&c, view) in cameras.iter().zip(&views) {
@@ -306,8 +312,10 @@ impl Renderer {
             let (read_back, target) = (&self.read_back[c], &self.targets[c]);
             let deflated = self.deflated[c];
             let on = (&self.device, &self.queue);
-            buffers.push(read_back.copy(on, &mut encoder, target, deflated));
+            let (encoder, timing) = (&mut encoder, &self.timing);
+            buffers.push(read_back.copy(on, encoder, target, deflated, timing));
         }
+        self.timing.ends(&self.device, &mut encoder);
         let submission = self.queue.submit([encoder.finish()]);
         let mut pictures = Vec::with_capacity(cameras.len());
         for ((&camera, view), buffers) in cameras.iter().zip(&views).zip(buffers) {
@@ -355,6 +363,7 @@ impl Renderer {
             }
             Ok(jobs.into_iter().map(Reading::wait).collect())
         })?;
+        self.timing.read(&self.device);
         let mut frames = Vec::with_capacity(read.len());
         for (p, picture) in pictures.iter().zip(read) {
             let ([rgb, depth, ids], deflated) = picture.map_err(|reason| self.failed(reason))?;
@@ -369,6 +378,12 @@ impl Renderer {
             });
         }
         Ok(frames)
+    }
+
+    /// Time that the adapter took for each part of the pictures since this was asked
+    /// last; empty but on a device that is [`Graphics::timed`].
+    pub fn spent(&self) -> Vec<(&'static str, Duration)> {
+        self.timing.spent()
     }
 
     #[cfg(test)]
@@ -430,6 +445,10 @@ impl Renderer {
             None => (&target.color.view, None, &target.depth.view),
             Some([color, depth]) => (color, Some(&target.color.view), depth),
         };
+        // A clear takes a graphics card an eighth of the time that a picture does. Glass is
+        // mixed with what is behind it.
+        let glass = seen.iter().any(|s| s.finish.shine == Shine::Glass);
+        let clears = glass || !self.read_back[camera].has_background(target);
         let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
             label: Some(&target.spec.name),
             color_attachments: &[Some(wgpu::RenderPassColorAttachment {
@@ -437,7 +456,10 @@ impl Renderer {
                 depth_slice: None,
                 resolve_target: resolve,
                 ops: wgpu::Operations {
-                    load: wgpu::LoadOp::Clear(background(&self.lighting)),
+                    load: match clears {
+                        true => wgpu::LoadOp::Clear(background(&self.lighting)),
+                        false => wgpu::LoadOp::Load,
+                    },
                     store: if resolve.is_some() {
                         wgpu::StoreOp::Discard
                     } else {
@@ -492,59 +514,6 @@ impl Renderer {
             }
         }
     }
-}
-
-fn check_cameras(scene: &RenderScene, cameras: &[CameraSpec]) -> Result<(), RenderError> {
-    for camera in cameras {
-        camera.check()?;
-        let count = match camera.binding {
-            Binding::World => usize::MAX,
-            Binding::Link(_) => scene.links,
-            Binding::Object(_) => scene.objects,
-            Binding::Sliding(_) => scene.sliding,
-        };
-        if let Binding::Link(i) | Binding::Object(i) | Binding::Sliding(i) = camera.binding
-            && i >= count
-        {
-            return Err(RenderError::BadCamera {
-                camera: camera.name.clone(),
-                reason: format!("it sits on body {i}, there are {count}"),
-            });
-        }
-    }
-    Ok(())
-}
-
-/// What a renderer is made of before anything is uploaded.
-struct Prepared {
-    opened: Opened,
-    pipelines: Arc<Pipelines>,
-    packer: Option<Arc<Packer>>,
-    surroundings: Surroundings,
-    buffers: Buffers,
-}
-
-/// Works out what needs no adapter while the driver starts and compiles.
-fn prepare(scene: &RenderScene, tier: Tier, graphics: &Graphics) -> Result<Prepared, RenderError> {
-    std::thread::scope(|scope| {
-        let arranging = scope.spawn(|| {
-            let surroundings = Surroundings::new(scene);
-            let mut light = graphics.last_home().of(&surroundings);
-            let buffers = Buffers::new(scene, &mut light, tier);
-            graphics.last_home().keep(light);
-            (surroundings, buffers)
-        });
-        let opened = graphics.open(tier);
-        let (surroundings, buffers) = parallel::joined(arranging);
-        let (opened, pipelines, packer) = opened?;
-        Ok(Prepared {
-            opened,
-            pipelines,
-            packer,
-            surroundings,
-            buffers,
-        })
-    })
 }
 
 /// A picture, read or being read.

@@ -48,6 +48,11 @@ impl Target {
             spec,
         }
     }
+
+    /// Whether several samples are averaged for a pixel.
+    pub(super) fn is_averaged(&self) -> bool {
+        self.samples.is_some()
+    }
 }
 
 pub(super) fn picture(

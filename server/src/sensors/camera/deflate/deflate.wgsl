@@ -27,8 +27,10 @@ const HEADER_AT = SYMBOLS + 1u;
 const ADLER = 65521u;
 // A zlib stream's first two bytes: deflate, 32 KiB, fastest.
 const ZLIB = 0x0178u;
-const TABLE = 1u << HASH_BITS;
-const TEXT = SEGMENT / 4u + 2u;
+// Two rows in a word.
+const TABLE = 1u << (HASH_BITS - 1u);
+// A place has 15 bits: no segment looks farther back than WINDOW - SEGMENT.
+const TAG_BITS = 1u;
 const SAME = CANDIDATES * SEGMENT / 32u;
 
 struct Stream {
@@ -168,19 +170,19 @@ fn depth_byte(at: u32) -> u32 {
     source[word] = all;
 }
 
-// Four bytes from anywhere.
-fn load(at: u32) -> u32 {
-    let word = at / 4u;
-    let shift = at % 4u * 8u;
-    if shift == 0u {
-        return source[word];
-    }
-    return (source[word] >> shift) | (source[word + 1u] << (32u - shift));
-}
-
 // Of five bytes, the last in the lowest byte of `fifth`.
 fn hash(four: u32, fifth: u32) -> u32 {
-    return ((four ^ ((fifth & 0xffu) * 0x85ebca6bu)) * 0x9e3779b1u) >> (32u - HASH_BITS);
+    return (four ^ ((fifth & 0xffu) * 0x85ebca6bu)) * 0x9e3779b1u;
+}
+
+// Where in the table a hash has its place, and by what it is told from others there:
+// few are looked up in memory in vain.
+fn row(hash: u32) -> u32 {
+    return hash >> (32u - HASH_BITS);
+}
+
+fn tag(hash: u32) -> u32 {
+    return (hash >> (32u - HASH_BITS - TAG_BITS)) & ((1u << TAG_BITS) - 1u);
 }
 
 // The four bytes from byte `i` of the first word on.
@@ -200,30 +202,69 @@ fn zeros(word: u32) -> u32 {
     return (none | (none >> 7u) | (none >> 14u) | (none >> 21u)) & 15u;
 }
 
-// Bytes from `at` on that are those from `before` on, `most` at most; the first four
-// are.
+// Of each row the last place before the segment, counted from one and from as far back as
+// is looked, and its tag: 16 bits. Small, so that several workgroups fit in a processor at
+// a time: all wait for memory.
+var<workgroup> last: array<atomic<u32>, TABLE>;
+// For each candidate a bit for each byte of the segment: is it that byte before?
+var<workgroup> same: array<u32, SAME>;
+// Of each symbol its code, 12 bits, the code's length, 4 bits, and how many there are.
+var<workgroup> symbols: array<atomic<u32>, SYMBOLS>;
+// Two sums of the segment's bytes; its bits.
+var<workgroup> sums: array<atomic<u32>, 3>;
+
+// How many bytes from `at` on are those from `before` on, `most` at most. Sixteen at a time: each look at them waits for memory.
 fn alike(at: u32, before: u32, most: u32) -> u32 {
-    var count = 4u;
+    var count = 0u;
     while count < most {
-        let differ = load(at + count) ^ load(before + count);
-        if differ != 0u {
-            count += countTrailingZeros(differ) / 8u;
+        let there = (before + count) / 4u;
+        let here = (at + count) / 4u;
+        let a = vec4(source[there], source[there + 1u], source[there + 2u], source[there + 3u]);
+        let b = vec4(source[here], source[here + 1u], source[here + 2u], source[here + 3u]);
+        var differ = shifted(a, source[there + 4u], before % 4u)
+            ^ shifted(b, source[here + 4u], at % 4u);
+        if any(differ != vec4(0u)) {
+            var i = 0u;
+            while differ[i] == 0u {
+                i++;
+            }
+            count += i * 4u + countTrailingZeros(differ[i]) / 8u;
             break;
         }
-        count += 4u;
+        count += 16u;
     }
     return min(count, most);
 }
 
-// Of each hash the last place before the segment, counted from one.
-var<workgroup> last: array<atomic<u32>, TABLE>;
-// The segment's bytes, and some behind it.
-var<workgroup> text: array<u32, TEXT>;
-// For each candidate a bit for each byte of the segment: is it that byte before?
-var<workgroup> same: array<u32, SAME>;
-var<workgroup> counts: array<atomic<u32>, SYMBOLS>;
-var<workgroup> piece_bits: array<u32, PIECES>;
-var<workgroup> sums: array<atomic<u32>, 2>;
+// The sixteen bytes from byte `i` of `words` on; `next` follows them.
+fn shifted(words: vec4<u32>, next: u32, i: u32) -> vec4<u32> {
+    if i == 0u {
+        return words;
+    }
+    return (words >> vec4(i * 8u)) | (vec4(words.yzw, next) << vec4(32u - i * 8u));
+}
+
+// Notes a place with its hash, if its row is the first of two or the second. The first
+// are noted before the second: the greatest word is then that of the last place.
+fn note(half: u32, hash: u32, place: u32) {
+    let at = row(hash);
+    if (at & 1u) != half {
+        return;
+    }
+    let entry = (place << TAG_BITS) | tag(hash);
+    if half == 0u {
+        atomicMax(&last[at / 2u], entry);
+    } else {
+        atomicMax(&last[at / 2u], (entry << 16u) | (atomicLoad(&last[at / 2u]) & 0xffffu));
+    }
+}
+
+// What was noted last with a hash: a place, or 0.
+fn noted(hash: u32) -> u32 {
+    let at = row(hash);
+    let entry = (atomicLoad(&last[at / 2u]) >> ((at & 1u) * 16u)) & 0xffffu;
+    return select(0u, entry >> TAG_BITS, (entry & ((1u << TAG_BITS) - 1u)) == tag(hash));
+}
 
 // The candidate's bit where so many bytes from `at` of the segment on are its own that a
 // reference may be worth it.
@@ -273,11 +314,10 @@ fn put(bits: ptr<function, Bits>, value: u32, count: u32) {
 }
 
 // A symbol, and further bits behind it.
-fn put_symbol(bits: ptr<function, Bits>, block: u32, symbol: u32, value: u32, more: u32) {
-    atomicAdd(&counts[symbol], 1u);
-    let code = codes[block * BLOCK + symbol];
-    let count = code >> 16u;
-    put(bits, (code & 0xffffu) | (value << count), count + more);
+fn put_symbol(bits: ptr<function, Bits>, symbol: u32, value: u32, more: u32) {
+    let code = atomicAdd(&symbols[symbol], 1u << 16u);
+    let count = (code >> 12u) & 15u;
+    put(bits, (code & 0xfffu) | (value << count), count + more);
 }
 
 @compute @workgroup_size(256) fn parse(
@@ -296,13 +336,10 @@ fn put_symbol(bits: ptr<function, Bits>, block: u32, symbol: u32, value: u32, mo
         atomicStore(&last[i], 0u);
     }
     for (var i = local; i < SYMBOLS; i += 256u) {
-        atomicStore(&counts[i], 0u);
+        let code = codes[block * BLOCK + i];
+        atomicStore(&symbols[i], (code & 0xfffu) | ((code >> 16u) << 12u));
     }
-    for (var i = local; i < TEXT; i += 256u) {
-        // The last segment of all may reach beyond.
-        text[i] = source[min(words + i, arrayLength(&source) - 1u)];
-    }
-    if local < 2u {
+    if local < 3u {
         atomicStore(&sums[local], 0u);
     }
     workgroupBarrier();
@@ -310,24 +347,27 @@ fn put_symbol(bits: ptr<function, Bits>, block: u32, symbol: u32, value: u32, mo
     // What lies before the segment, as far back as a reference reaches: four bytes at a
     // time, and of a run of hashes the last, which is the one that counts.
     let start = max(begin + SEGMENT, WINDOW) - WINDOW;
-    for (var word = start / 4u + local; word < begin / 4u; word += 256u) {
-        let low = source[params.streams[s].source + word];
-        let high = source[params.streams[s].source + word + 1u];
-        let place = word * 4u + 1u;
-        let a = hash(low, high);
-        let b = hash(four_of(low, high, 1u), high >> 8u);
-        let c = hash(four_of(low, high, 2u), high >> 16u);
-        let d = hash(four_of(low, high, 3u), high >> 24u);
-        if a != b {
-            atomicMax(&last[a], place);
+    for (var half = 0u; half < 2u; half++) {
+        for (var word = start / 4u + local; word < begin / 4u; word += 256u) {
+            let low = source[params.streams[s].source + word];
+            let high = source[params.streams[s].source + word + 1u];
+            let place = word * 4u - start + 1u;
+            let b = hash(four_of(low, high, 1u), high >> 8u);
+            let d = hash(four_of(low, high, 3u), high >> 24u);
+            let a = hash(low, high);
+            let c = hash(four_of(low, high, 2u), high >> 16u);
+            if a != b {
+                note(half, a, place);
+            }
+            if b != c {
+                note(half, b, place + 1u);
+            }
+            if c != d {
+                note(half, c, place + 2u);
+            }
+            note(half, d, place + 3u);
         }
-        if b != c {
-            atomicMax(&last[b], place + 1u);
-        }
-        if c != d {
-            atomicMax(&last[c], place + 2u);
-        }
-        atomicMax(&last[d], place + 3u);
+        workgroupBarrier();
     }
 
     // 32 bytes each: their sums, and where they are those of a candidate.
@@ -335,7 +375,7 @@ fn put_symbol(bits: ptr<function, Bits>, block: u32, symbol: u32, value: u32, mo
     var sum = 0u;
     var weighted = 0u;
     for (var i = 0u; i < 32u && own + i < end; i++) {
-        let value = (text[local * 8u + i / 4u] >> (i % 4u * 8u)) & 0xffu;
+        let value = (source[words + local * 8u + i / 4u] >> (i % 4u * 8u)) & 0xffu;
         sum += value;
         weighted += value * (end - own - i);
     }
@@ -349,7 +389,7 @@ fn put_symbol(bits: ptr<function, Bits>, block: u32, symbol: u32, value: u32, mo
             var low = source[before / 4u];
             for (var i = 0u; i < 8u; i++) {
                 let high = source[before / 4u + i + 1u];
-                let differ = text[local * 8u + i] ^ four_of(low, high, before % 4u);
+                let differ = source[words + local * 8u + i] ^ four_of(low, high, before % 4u);
                 bits |= zeros(differ) << (i * 4u);
                 low = high;
             }
@@ -364,8 +404,8 @@ fn put_symbol(bits: ptr<function, Bits>, block: u32, symbol: u32, value: u32, mo
         let behind = min(at + PIECE, end - begin);
         while at < behind {
             let most = behind - at;
-            let low = text[at / 4u];
-            let high = text[at / 4u + 1u];
+            let low = source[words + at / 4u];
+            let high = source[words + at / 4u + 1u];
             var length = 0u;
             var distance = 0u;
             // Looked at together, for each waits for memory.
@@ -381,14 +421,15 @@ fn put_symbol(bits: ptr<function, Bits>, block: u32, symbol: u32, value: u32, mo
                 }
             }
             if length < ENOUGH && most >= LEAST {
-                let four = four_of(low, high, at % 4u);
-                let known = atomicLoad(&last[hash(four, high >> (at % 4u * 8u))]);
-                if known > 0u && load(first + known - 1u) == four {
-                    let found = alike(first + begin + at, first + known - 1u, most);
+                let own = hash(four_of(low, high, at % 4u), high >> (at % 4u * 8u));
+                let place = noted(own);
+                if place > 0u {
+                    let before = start + place - 1u;
+                    let found = alike(first + begin + at, first + before, most);
                     // It mostly lies farther away.
-                    if found > length + u32(length >= LEAST) {
+                    if found >= LEAST && found > length + u32(length >= LEAST) {
                         length = found;
-                        distance = begin + at + 1u - known;
+                        distance = begin + at - before;
                     }
                 }
             }
@@ -402,27 +443,24 @@ fn put_symbol(bits: ptr<function, Bits>, block: u32, symbol: u32, value: u32, mo
                 more = max(firstLeadingBit(long | 1u), 2u) - 2u;
                 symbol = 257u + more * 4u + (long >> more);
             }
-            put_symbol(&bits, block, symbol, long & ((1u << more) - 1u), more);
+            put_symbol(&bits, symbol, long & ((1u << more) - 1u), more);
             if refers {
                 let far = distance - 1u;
                 let more = max(firstLeadingBit(far | 1u), 1u) - 1u;
                 let symbol = LITERALS + more * 2u + (far >> more);
-                put_symbol(&bits, block, symbol, far & ((1u << more) - 1u), more);
+                put_symbol(&bits, symbol, far & ((1u << more) - 1u), more);
             }
             at += length;
         }
         if bits.count > 0u {
             slots[bits.slot + bits.words * PIECES] = bits.waiting;
         }
-        piece_bits[local] = bits.words * 32u + bits.count;
         lengths[group.x * PIECES + local] = bits.words * 32u + bits.count;
+        atomicAdd(&sums[2], bits.words * 32u + bits.count);
     }
     workgroupBarrier();
     if local == 0u {
-        var bits = 0u;
-        for (var i = 0u; i < PIECES; i++) {
-            bits += piece_bits[i];
-        }
+        var bits = atomicLoad(&sums[2]);
         if begins_block(s, segment) {
             bits += codes[block * BLOCK + HEADER_BITS];
         }
@@ -434,7 +472,7 @@ fn put_symbol(bits: ptr<function, Bits>, block: u32, symbol: u32, value: u32, mo
         atomicStore(&told[sums_at(group.x) + 1u], atomicLoad(&sums[1]) % ADLER);
     }
     for (var i = local; i < SYMBOLS; i += 256u) {
-        let count = atomicLoad(&counts[i]);
+        let count = atomicLoad(&symbols[i]) >> 16u;
         if count > 0u {
             atomicAdd(&told[counts_at(block) + i], count);
         }
@@ -442,6 +480,22 @@ fn put_symbol(bits: ptr<function, Bits>, block: u32, symbol: u32, value: u32, mo
 }
 
 var<workgroup> parts: array<u32, 256>;
+
+// The sum of the values of all invocations up to this one.
+fn up_to(local: u32, value: u32) -> u32 {
+    parts[local] = value;
+    workgroupBarrier();
+    for (var far = 1u; far < 256u; far *= 2u) {
+        var before = 0u;
+        if local >= far {
+            before = parts[local - far];
+        }
+        workgroupBarrier();
+        parts[local] += before;
+        workgroupBarrier();
+    }
+    return parts[local];
+}
 
 @compute @workgroup_size(256) fn sum(
     @builtin(workgroup_id) group: vec3<u32>,
@@ -457,28 +511,18 @@ var<workgroup> parts: array<u32, 256>;
     for (var i = start; i < behind; i++) {
         bits += lengths[first + i];
     }
-    parts[local] = bits;
-    workgroupBarrier();
-    if local == 0u {
-        // Behind the first bytes of zlib.
-        var all = 16u;
-        for (var i = 0u; i < 256u; i++) {
-            let part = parts[i];
-            parts[i] = all;
-            all += part;
-        }
+    // Behind the first bytes of zlib.
+    let all = 16u + up_to(local, bits);
+    if local == 255u {
         atomicStore(&told[s], all);
     }
-    workgroupBarrier();
-    var at = parts[local];
+    var at = all - bits;
     for (var i = start; i < behind; i++) {
         let length = lengths[first + i];
         lengths[first + i] = at;
         at += length;
     }
 }
-
-var<workgroup> begins: array<u32, PIECES>;
 
 // Adds a word to the stream `s`, of which bits beyond `count` are 0.
 fn lay(s: u32, at: u32, value: u32, count: u32) {
@@ -501,27 +545,21 @@ fn lay(s: u32, at: u32, value: u32, count: u32) {
     let s = stream_of(group.x);
     let segment = group.x - params.streams[s].segment;
     let block = (params.streams[s].block + block_of(s, segment)) * BLOCK;
-    if local == 0u {
-        var at = lengths[params.segments * PIECES + group.x];
-        if segment == 0u {
-            lay(s, 0u, ZLIB, 16u);
-        }
-        if begins_block(s, segment) {
-            at += codes[block + HEADER_BITS];
-        }
-        for (var i = 0u; i < PIECES; i++) {
-            begins[i] = at;
-            at += lengths[group.x * PIECES + i];
-        }
-        if ends_block(s, segment) {
-            let code = codes[block + END_OF_BLOCK];
-            lay(s, at, code & 0xffffu, code >> 16u);
-        }
-    }
-    workgroupBarrier();
+    let begin = lengths[params.segments * PIECES + group.x];
+    let header = select(0u, codes[block + HEADER_BITS], begins_block(s, segment));
+    var rest = 0u;
     if local < PIECES {
-        var at = begins[local];
-        var rest = lengths[group.x * PIECES + local];
+        rest = lengths[group.x * PIECES + local];
+    }
+    var at = begin + header + up_to(local, rest) - rest;
+    if local == 0u && segment == 0u {
+        lay(s, 0u, ZLIB, 16u);
+    }
+    if local == 255u && ends_block(s, segment) {
+        let code = codes[block + END_OF_BLOCK];
+        lay(s, at, code & 0xffffu, code >> 16u);
+    }
+    if local < PIECES {
         var slot = group.x * SLOT * PIECES + local;
         while rest > 0u {
             let count = min(rest, 32u);
@@ -532,10 +570,8 @@ fn lay(s: u32, at: u32, value: u32, count: u32) {
         }
     } else if begins_block(s, segment) {
         // The other half of the workgroup, a word of the header at a time.
-        let bits = codes[block + HEADER_BITS];
-        let at = lengths[params.segments * PIECES + group.x];
-        for (var i = local - PIECES; i * 32u < bits; i += PIECES) {
-            lay(s, at + i * 32u, codes[block + HEADER_AT + i], min(bits - i * 32u, 32u));
+        for (var i = local - PIECES; i * 32u < header; i += PIECES) {
+            lay(s, begin + i * 32u, codes[block + HEADER_AT + i], min(header - i * 32u, 32u));
         }
     }
 }

@@ -20,6 +20,7 @@ use wheelarm_proto::settings::Depth;
 
 use super::planes::Planes;
 use super::ring::Ring;
+use super::timing::Timing;
 use layout::{ALL_BLOCKS, BLOCK, DEPTH, Layout, PIECES, Params, SEGMENT, SLOT, STREAMS, WINDOW};
 
 /// Colour, depth as it is kept and ids as zlib streams of their shuffled bytes; nothing
@@ -27,7 +28,7 @@ use layout::{ALL_BLOCKS, BLOCK, DEPTH, Layout, PIECES, Params, SEGMENT, SLOT, ST
 pub type Deflated = [Option<Bytes>; STREAMS];
 
 /// Bits of a hash for which a workgroup has memory, and that memory, bytes.
-const HASHES: [(u32, u32); 3] = [(13, 48_896), (12, 32_512), (11, 24_320)];
+const HASHES: [(u32, u32); 3] = [(13, 23_804), (12, 15_612), (11, 11_516)];
 /// Pictures after which the codes follow what they are made of.
 const CODES_LAST: u64 = 4;
 /// Bytes by which a stream may be longer than the last, besides a quarter.
@@ -174,10 +175,10 @@ impl Deflater {
         Some(CameraDeflater {
             depth,
             steps: [
-                (self.arrange.clone(), [across, down]),
-                (self.parse.clone(), [segments, 1]),
-                (self.sum.clone(), [STREAMS as u32, 1]),
-                (self.place.clone(), [segments, 1]),
+                ("arrange", self.arrange.clone(), [across, down]),
+                ("parse", self.parse.clone(), [segments, 1]),
+                ("sum", self.sum.clone(), [STREAMS as u32, 1]),
+                ("place", self.place.clone(), [segments, 1]),
             ],
             ring: Ring::new("deflated", layout.bytes() as u64),
             layout,
@@ -197,7 +198,7 @@ pub(super) struct CameraDeflater {
     layout: Layout,
     /// What is read.
     ring: Ring,
-    steps: [(wgpu::ComputePipeline, [u32; 2]); 4],
+    steps: [(&'static str, wgpu::ComputePipeline, [u32; 2]); 4],
     group: wgpu::BindGroup,
     codes: wgpu::Buffer,
     told: wgpu::Buffer,
@@ -265,6 +266,7 @@ impl CameraDeflater {
         self: &Arc<Self>,
         (device, queue): (&wgpu::Device, &wgpu::Queue),
         encoder: &mut wgpu::CommandEncoder,
+        timing: &Timing,
     ) -> Results {
         let mut learnt = self.learnt.lock();
         let codes = learnt.codes.take();
@@ -282,15 +284,17 @@ impl CameraDeflater {
             learnt.bytes[i].map_or(room, |bytes| room.min(likely(bytes)))
         });
         drop(learnt);
+        timing.begins(encoder, "clear");
         encoder.clear_buffer(&self.told, 0, None);
         encoder.clear_buffer(&self.result, 0, None);
-        let mut pass = encoder.begin_compute_pass(&Default::default());
-        pass.set_bind_group(0, &self.group, &[]);
-        for (pipeline, [x, y]) in &self.steps {
+        for (name, pipeline, [x, y]) in &self.steps {
+            timing.begins(encoder, name);
+            let mut pass = encoder.begin_compute_pass(&Default::default());
+            pass.set_bind_group(0, &self.group, &[]);
             pass.set_pipeline(pipeline);
             pass.dispatch_workgroups(*x, *y, 1);
         }
-        drop(pass);
+        timing.begins(encoder, "copy deflated");
         let results = self.layout.results() as u64;
         let buffer = self.ring.take(device);
         encoder.copy_buffer_to_buffer(&self.told, 0, &buffer, 0, results);

@@ -1,0 +1,75 @@
+//! What a renderer needs before anything is uploaded.
+
+use std::sync::Arc;
+
+use super::RenderError;
+use super::ambient_occlusion::Surroundings;
+use super::buffers::Buffers;
+use super::graphics::{Graphics, Opened};
+use super::packing::Packer;
+use super::parallel;
+use super::pipelines::Pipelines;
+use super::scene::{Binding, RenderScene};
+use super::spec::CameraSpec;
+use super::tier::Tier;
+
+/// That they can be, on what the scene has.
+pub(super) fn check_cameras(
+    scene: &RenderScene,
+    cameras: &[CameraSpec],
+) -> Result<(), RenderError> {
+    for camera in cameras {
+        camera.check()?;
+        let count = match camera.binding {
+            Binding::World => usize::MAX,
+            Binding::Link(_) => scene.links,
+            Binding::Object(_) => scene.objects,
+            Binding::Sliding(_) => scene.sliding,
+        };
+        if let Binding::Link(i) | Binding::Object(i) | Binding::Sliding(i) = camera.binding
+            && i >= count
+        {
+            return Err(RenderError::BadCamera {
+                camera: camera.name.clone(),
+                reason: format!("it sits on body {i}, there are {count}"),
+            });
+        }
+    }
+    Ok(())
+}
+
+/// What a renderer is made of before anything is uploaded.
+pub(super) struct Prepared {
+    pub(super) opened: Opened,
+    pub(super) pipelines: Arc<Pipelines>,
+    pub(super) packer: Option<Arc<Packer>>,
+    pub(super) surroundings: Surroundings,
+    pub(super) buffers: Buffers,
+}
+
+/// Works out what needs no adapter while the driver starts and compiles.
+pub(super) fn prepare(
+    scene: &RenderScene,
+    tier: Tier,
+    graphics: &Graphics,
+) -> Result<Prepared, RenderError> {
+    std::thread::scope(|scope| {
+        let arranging = scope.spawn(|| {
+            let surroundings = Surroundings::new(scene);
+            let mut light = graphics.last_home().of(&surroundings);
+            let buffers = Buffers::new(scene, &mut light, tier);
+            graphics.last_home().keep(light);
+            (surroundings, buffers)
+        });
+        let opened = graphics.open(tier);
+        let (surroundings, buffers) = parallel::joined(arranging);
+        let (opened, pipelines, packer) = opened?;
+        Ok(Prepared {
+            opened,
+            pipelines,
+            packer,
+            surroundings,
+            buffers,
+        })
+    })
+}
